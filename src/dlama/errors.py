@@ -1,0 +1,53 @@
+"""What can go wrong, as one small tree; a message says what came, what was wanted, and which file or field.
+
+    DlamaError
+    ├── InputError          what the user gave cannot be used (the command line ends with exit code 2)
+    │   ├── FileError       a file is missing, unreadable, truncated or of the wrong kind
+    │   ├── ShapeError      sizes or dtypes that do not fit together
+    │   ├── DepthError      depth that cannot be metres: empty, negative, wrong scale
+    │   ├── CameraError     intrinsics or a pose that no camera has
+    │   └── MaskError       a mask that is empty, full, grey, or of the wrong size
+    ├── OutputError         a result cannot be written where it was asked for
+    └── MissingExtraError   an optional dependency is not installed; the message carries the pip line
+"""
+
+from __future__ import annotations
+
+
+class DlamaError(Exception):
+    """Root of everything dlama raises on purpose."""
+
+
+class InputError(DlamaError, ValueError):
+    """What the user gave cannot be used; the message names the field or file, what came and what was wanted."""
+
+
+class FileError(InputError):
+    """A file is missing, unreadable, truncated or of the wrong kind."""
+
+
+class ShapeError(InputError):
+    """Array sizes or dtypes that do not fit together."""
+
+
+class DepthError(InputError):
+    """Depth that cannot be metres: all empty, negative, or on the wrong scale."""
+
+
+class CameraError(InputError):
+    """Intrinsics that no camera has, or a pose that is not a rigid motion."""
+
+
+class MaskError(InputError):
+    """A mask that is empty, full, grey where it must not be, or of the wrong size."""
+
+
+class OutputError(DlamaError, OSError):
+    """A result cannot be written where it was asked for."""
+
+
+class MissingExtraError(DlamaError, ImportError):
+    """An optional dependency is not installed."""
+
+    def __init__(self, what: str, package: str, extra: str) -> None:
+        super().__init__(f"{what} needs the package '{package}': pip install 'dlama[{extra}]'")

@@ -1,0 +1,1 @@
+"""Nouns (camera, rgbd, cloud, view, scene) and the pure functions on them; no files, no learning, no state."""

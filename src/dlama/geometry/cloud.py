@@ -1,0 +1,57 @@
+"""PointCloud: unordered coloured points in the world, each with origin and confidence."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Sequence
+
+import numpy as np
+
+from dlama.errors import ShapeError
+from dlama.geometry.camera import Float64Array
+from dlama.geometry.rgbd import Float32Array, UInt8Array, frozen
+
+
+@dataclass(frozen=True, eq=False)
+class PointCloud:
+    """N points. Raises ShapeError when the fields do not have the same length, or dtypes are off."""
+
+    points: Float64Array
+    """N x 3, world coordinates in metres (float64, so that geo-referenced scenes keep their millimetres)."""
+    color: UInt8Array
+    """N x 3, RGB."""
+    origin: UInt8Array
+    """N, Origin codes (`dlama.geometry.view.Origin`)."""
+    confidence: Float32Array
+    """N, in 0..1."""
+
+    def __post_init__(self) -> None:
+        count = len(self.points)
+        fields: dict[str, tuple[tuple[int, ...], type]] = {
+            "points": ((count, 3), np.float64),
+            "color": ((count, 3), np.uint8),
+            "origin": ((count,), np.uint8),
+            "confidence": ((count,), np.float32),
+        }
+        for name, (shape, dtype) in fields.items():
+            array = getattr(self, name)
+            if array.shape != shape or array.dtype != dtype:
+                raise ShapeError(f"cloud.{name} is {array.dtype} {array.shape}; {np.dtype(dtype)} {shape} is wanted")
+            object.__setattr__(self, name, frozen(array))
+
+    def __len__(self) -> int:
+        return len(self.points)
+
+
+def concatenated(clouds: Sequence[PointCloud]) -> PointCloud:
+    """One cloud of all points, in order; no clouds give an empty one."""
+    if not clouds:
+        return PointCloud(
+            np.zeros((0, 3)), np.zeros((0, 3), np.uint8), np.zeros(0, np.uint8), np.zeros(0, np.float32)
+        )
+    return PointCloud(
+        np.concatenate([c.points for c in clouds]),
+        np.concatenate([c.color for c in clouds]),
+        np.concatenate([c.origin for c in clouds]),
+        np.concatenate([c.confidence for c in clouds]),
+    )

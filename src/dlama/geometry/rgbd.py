@@ -1,0 +1,76 @@
+"""RGBD: one colour picture and its depth map from one camera, checked once."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dlama.errors import DepthError, ShapeError
+from dlama.geometry.camera import Camera
+
+UInt8Array = NDArray[np.uint8]
+Float32Array = NDArray[np.float32]
+BoolArray = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class RGBD:
+    """A colour picture with metric depth.
+
+    Every depth pixel is in one of three states: *valid* (finite, > 0), *far* (+inf: sky, or beyond the stated limit)
+    or *missing* (0; NaN is taken as 0). Raises ShapeError or DepthError.
+    """
+
+    color: UInt8Array
+    """H x W x 3, RGB, sRGB-encoded."""
+    depth: Float32Array
+    """H x W, planar z in metres; 0 = missing, +inf = far."""
+    camera: Camera
+    """The camera that took both."""
+
+    def __post_init__(self) -> None:
+        color, depth = np.asarray(self.color), np.asarray(self.depth)
+        if color.dtype != np.uint8 or color.ndim != 3 or color.shape[2] != 3:
+            raise ShapeError(f"colour is {color.dtype} {color.shape}; uint8 H x W x 3 is wanted")
+        if depth.shape != color.shape[:2]:
+            raise ShapeError(
+                f"depth is {depth.shape[1]}x{depth.shape[0]} and the picture {color.shape[1]}x{color.shape[0]}; "
+                "both must have the same size"
+                if depth.ndim == 2
+                else f"depth has shape {depth.shape}; H x W is wanted"
+            )
+        if self.camera.hw != depth.shape:
+            raise ShapeError(
+                f"the camera is {self.camera.width}x{self.camera.height} and the picture "
+                f"{depth.shape[1]}x{depth.shape[0]}; both must have the same size"
+            )
+        depth = np.array(depth, np.float32)
+        depth[np.isnan(depth)] = 0
+        if (depth < 0).any():
+            raise DepthError(f"depth holds negative values (smallest {depth.min():.6g}); metres >= 0 are wanted")
+        object.__setattr__(self, "color", frozen(color))
+        object.__setattr__(self, "depth", frozen(depth))
+
+    @property
+    def valid(self) -> BoolArray:
+        """H x W, True where depth was measured: finite and > 0."""
+        return (self.depth > 0) & (self.depth < np.inf)
+
+    @property
+    def far(self) -> BoolArray:
+        """H x W, True where the scene is known to be far (sky)."""
+        return np.isposinf(self.depth)
+
+    @property
+    def missing(self) -> BoolArray:
+        """H x W, True where the sensor said nothing."""
+        return self.depth == 0
+
+
+def frozen(array: np.ndarray) -> np.ndarray:
+    """A C-contiguous, read-only view of an array (a copy only where it is not contiguous)."""
+    view = np.ascontiguousarray(array).view()
+    view.flags.writeable = False
+    return view

@@ -1,0 +1,26 @@
+"""Scene: layers of views that together are everything known and filled; renders and lifts as one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from dlama.errors import ShapeError
+from dlama.geometry.view import View
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """What is known of a scene: measured layers first, then what was filled, in the order it was fused.
+
+    Each layer is a View whose holes contribute nothing. Earlier layers win where two lie on one surface.
+    `objects` are layers that were taken out: they belong to c+ (eq. 10), not to c- (eq. 11).
+    """
+
+    layers: tuple[View, ...]
+    """Background layers, the most trusted first; at least one."""
+    objects: tuple[View, ...] = ()
+    """Removed objects, as views from which all but the object is a hole."""
+
+    def __post_init__(self) -> None:
+        if not self.layers:
+            raise ShapeError("a scene has no layers; at least one is wanted")

@@ -1,0 +1,128 @@
+"""View: what is known of the scene from one camera, pixel by pixel, and what is not.
+
+The codes below are fixed (docs/conventions.md); every output format carries them.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+
+from dlama.errors import ShapeError
+from dlama.geometry.camera import Camera
+from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array, frozen
+
+
+class Origin(IntEnum):
+    """Where the value of a pixel or point comes from."""
+
+    UNKNOWN = 0
+    MEASURED = 1
+    REPROJECTED = 2
+    DEPTH_FILLED = 3
+    """Colour measured, depth filled (a sensor hole)."""
+    FILLED = 4
+
+
+class HoleType(IntEnum):
+    """Why a pixel was not covered."""
+
+    NONE = 0
+    CRACK = 1
+    """Between two samples of one surface (rounding)."""
+    DISOCCLUDED = 2
+    """Hidden behind something in the source view."""
+    FLYING = 3
+    """Only a rejected flying pixel (a mix of two depths) lay here."""
+    OUT_OF_VIEW = 4
+    """Outside the source camera's picture."""
+    SENSOR = 5
+    """The sensor gave colour but no depth."""
+    OBJECT = 6
+    """Covered by the object that was taken out."""
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """A picture of the scene from `camera`, with depth, provenance, and the unknown as a bool field.
+
+    In a hole colour, depth, origin and confidence are 0 (a sensor hole keeps its measured colour). After filling `hole`
+    is False there and `hole_type` still says why it had been empty. Raises ShapeError.
+    """
+
+    camera: Camera
+    color: UInt8Array
+    """H x W x 3, RGB."""
+    depth: Float32Array
+    """H x W, planar z in metres; +inf = far, 0 only inside holes."""
+    hole: BoolArray
+    """H x W, True = nothing is known here, to be filled."""
+    hole_type: UInt8Array
+    """H x W, HoleType codes; non-zero where the pixel is, or was before filling, a hole."""
+    origin: UInt8Array
+    """H x W, Origin codes."""
+    confidence: Float32Array
+    """H x W in 0..1; 1 = measured."""
+
+    def __post_init__(self) -> None:
+        hw = self.camera.hw
+        fields: dict[str, tuple[tuple[int, ...], type]] = {
+            "color": ((*hw, 3), np.uint8),
+            "depth": (hw, np.float32),
+            "hole": (hw, np.bool_),
+            "hole_type": (hw, np.uint8),
+            "origin": (hw, np.uint8),
+            "confidence": (hw, np.float32),
+        }
+        for name, (shape, dtype) in fields.items():
+            array = getattr(self, name)
+            if array.shape != shape or array.dtype != dtype:
+                raise ShapeError(
+                    f"view.{name} is {array.dtype} {array.shape}; {np.dtype(dtype)} {shape} is wanted for this camera"
+                )
+            object.__setattr__(self, name, frozen(array))
+
+    @classmethod
+    def from_rgbd(cls, rgbd: RGBD) -> View:
+        """The source view: all measured, sensor holes (no depth, known colour) marked as such."""
+        missing = rgbd.missing
+        return cls(
+            camera=rgbd.camera,
+            color=rgbd.color,
+            depth=rgbd.depth,
+            hole=missing,
+            hole_type=np.where(missing, HoleType.SENSOR, HoleType.NONE).astype(np.uint8),
+            origin=np.where(missing, Origin.UNKNOWN, Origin.MEASURED).astype(np.uint8),
+            confidence=(~missing).astype(np.float32),
+        )
+
+    @property
+    def valid(self) -> BoolArray:
+        """H x W, True where there is a surface: known, finite depth > 0."""
+        return ~self.hole & (self.depth > 0) & (self.depth < np.inf)
+
+    @property
+    def far(self) -> BoolArray:
+        """H x W, True where the view is known (or filled) to be far."""
+        return ~self.hole & np.isposinf(self.depth)
+
+    @property
+    def filled(self) -> BoolArray:
+        """H x W, True where a filler wrote colour and depth."""
+        return self.origin == Origin.FILLED
+
+    def without(self, where: BoolArray, hole_type: HoleType) -> View:
+        """The same view with the pixels of `where` (H x W bool) turned into holes of one type."""
+        keep = ~where
+        return dataclasses.replace(
+            self,
+            color=self.color * keep[..., None],
+            depth=np.where(keep, self.depth, np.float32(0)),
+            hole=self.hole | where,
+            hole_type=np.where(where, np.uint8(hole_type), self.hole_type),
+            origin=self.origin * keep,
+            confidence=self.confidence * keep,
+        )
