@@ -1,0 +1,327 @@
+"""Numba kernels of rendering: source pixel grid in, z-buffers over target pixels out. Loaded only when something renders.
+
+A source picture is a grid of vertices, one per pixel centre. `w` is inverse depth (1/m): it is affine in pixels on a
+plane, both in the source and in the target, so all interpolation is done on it. Bands of target rows are independent,
+which makes every kernel parallel and its result independent of the number of threads.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit, prange
+
+RIGHT = 1
+DOWN = 2
+BAND = 32
+"""Target rows per parallel task."""
+
+
+@njit(cache=True)
+def slope_goes_on(w0, w1, behind, behind2, ahead, ahead2):
+    """True if the steep step w0 -> w1 continues a slope: an inclined plane is affine in inverse depth, an edge is not.
+
+    One neighbouring slope is not enough (a single mixed pixel makes two equal steps), two on one side or one on each are.
+    """
+    step = w1 - w0
+    tolerance = 0.2 * abs(step)
+    before = behind > 0 and abs(w0 - behind - step) <= tolerance
+    after = ahead > 0 and abs(ahead - w1 - step) <= tolerance
+    if before and after:
+        return True
+    if before and behind2 > 0 and abs(behind - behind2 - step) <= tolerance:
+        return True
+    return after and ahead2 > 0 and abs(ahead2 - ahead - step) <= tolerance
+
+
+@njit(cache=True)
+def at(w, row, column):
+    """w at a pixel, 0 (no vertex) outside the picture."""
+    if 0 <= row < w.shape[0] and 0 <= column < w.shape[1]:
+        return w[row, column]
+    return np.float32(0)
+
+
+@njit(cache=True)
+def is_joined(w, row, column, dr, dc, ratio):
+    """True if the vertices (row, column) and (row + dr, column + dc) lie on one surface."""
+    w0, w1 = w[row, column], w[row + dr, column + dc]
+    if w0 <= 0 or w1 <= 0:
+        return False
+    if abs(w1 - w0) <= ratio * max(w0, w1):
+        return True
+    return slope_goes_on(
+        w0,
+        w1,
+        at(w, row - dr, column - dc),
+        at(w, row - 2 * dr, column - 2 * dc),
+        at(w, row + 2 * dr, column + 2 * dc),
+        at(w, row + 3 * dr, column + 3 * dc),
+    )
+
+
+@njit(cache=True, parallel=True)
+def joints(w, ratio):
+    """uint8 H x W: bit RIGHT / DOWN set where a vertex is joined to its right / lower neighbour. w: 0 = no vertex."""
+    height, width = w.shape
+    out = np.zeros((height, width), np.uint8)
+    for row in prange(height):
+        for column in range(width):
+            if w[row, column] <= 0:
+                continue
+            flags = 0
+            if column + 1 < width and is_joined(w, row, column, 0, 1, ratio):
+                flags |= RIGHT
+            if row + 1 < height and is_joined(w, row, column, 1, 0, ratio):
+                flags |= DOWN
+            out[row, column] = flags
+    return out
+
+
+@njit(cache=True, parallel=True)
+def flying_pixels(w, joined, ratio):
+    """bool H x W: vertices strictly between two surfaces along a row or a column, joined to neither."""
+    height, width = w.shape
+    out = np.zeros((height, width), np.bool_)
+    for row in prange(height):
+        for column in range(width):
+            here = w[row, column]
+            if here <= 0:
+                continue
+            if 0 < column < width - 1 and not (joined[row, column - 1] | joined[row, column]) & RIGHT:
+                out[row, column] |= lies_between(here, w[row, column - 1], w[row, column + 1], ratio)
+            if 0 < row < height - 1 and not (joined[row - 1, column] | joined[row, column]) & DOWN:
+                out[row, column] |= lies_between(here, w[row - 1, column], w[row + 1, column], ratio)
+    return out
+
+
+@njit(cache=True)
+def lies_between(here, one, other, ratio):
+    """True if `here` is clear of both neighbours and between them."""
+    low, high = min(one, other), max(one, other)
+    return low > 0 and low * (1 + ratio) < here < high * (1 - ratio)
+
+
+@njit(cache=True, parallel=True)
+def transform(depth, matrix, offset, out_x, out_y, out_z):
+    """Vertices (pixel centres at their depth) into target pixels and planar z; z = 0 where there is no vertex.
+
+    matrix: 3x3, K_target R K_source^-1; offset: K_target t. (eq. 1 of the paper, with both projections folded in)
+    """
+    height, width = depth.shape
+    for row in prange(height):
+        v = row + 0.5
+        a = matrix[0, 1] * v + matrix[0, 2]
+        b = matrix[1, 1] * v + matrix[1, 2]
+        c = matrix[2, 1] * v + matrix[2, 2]
+        for column in range(width):
+            z = depth[row, column]
+            if not 0 < z < np.inf:
+                out_z[row, column] = 0
+                continue
+            u = column + 0.5
+            ahead = z * (matrix[2, 0] * u + c) + offset[2]
+            inverse = 1.0 / ahead if ahead > 0 else 0.0
+            out_x[row, column] = (z * (matrix[0, 0] * u + a) + offset[0]) * inverse
+            out_y[row, column] = (z * (matrix[1, 0] * u + b) + offset[1]) * inverse
+            out_z[row, column] = ahead
+
+
+@njit(cache=True, parallel=True)
+def row_spans(y, z, near):
+    """Per source row, the smallest and largest target y of its vertices (empty: inf, -inf)."""
+    height, width = y.shape
+    spans = np.empty((height, 2), np.float32)
+    for row in prange(height):
+        low, high = np.float32(np.inf), np.float32(-np.inf)
+        for column in range(width):
+            if z[row, column] > near:
+                low = min(low, y[row, column])
+                high = max(high, y[row, column])
+        spans[row, 0], spans[row, 1] = low, high
+    return spans
+
+
+@njit(cache=True)
+def fill_triangle(x0, y0, w0, x1, y1, w1, x2, y2, w2, corners, row, column, top, bottom, wbuf, where):
+    """Front-facing triangle into the z-buffer rows [top, bottom): inverse depth, and the source position it shows.
+
+    corners: the quad corners (bit 0: right, bit 1: lower) of the three vertices, packed two bits each.
+    """
+    area = (x1 - x0) * (y2 - y0) - (x2 - x0) * (y1 - y0)
+    if area <= 1e-9:
+        return
+    width = wbuf.shape[1]
+    left = max(0, int(math.ceil(min(x0, x1, x2) - 0.5)))
+    right = min(width - 1, int(math.floor(max(x0, x1, x2) - 0.5)))
+    upper = max(top, int(math.ceil(min(y0, y1, y2) - 0.5)))
+    lower = min(bottom - 1, int(math.floor(max(y0, y1, y2) - 0.5)))
+    if left > right or upper > lower:
+        return
+    scale = 1.0 / area
+    r0, d0 = corners & 1, (corners >> 1) & 1
+    r1, d1 = (corners >> 2) & 1, (corners >> 3) & 1
+    r2, d2 = (corners >> 4) & 1, (corners >> 5) & 1
+    for ty in range(upper, lower + 1):
+        py = ty + 0.5
+        for tx in range(left, right + 1):
+            px = tx + 0.5
+            b1 = ((px - x0) * (y2 - y0) - (x2 - x0) * (py - y0)) * scale
+            b2 = ((x1 - x0) * (py - y0) - (px - x0) * (y1 - y0)) * scale
+            b0 = 1.0 - b1 - b2
+            if b0 < -1e-4 or b1 < -1e-4 or b2 < -1e-4:
+                continue
+            v0, v1, v2 = b0 * w0, b1 * w1, b2 * w2
+            w = v0 + v1 + v2
+            if w > wbuf[ty, tx]:
+                wbuf[ty, tx] = w
+                where[ty, tx, 0] = column + (v0 * r0 + v1 * r1 + v2 * r2) / w
+                where[ty, tx, 1] = row + (v0 * d0 + v1 * d1 + v2 * d2) / w
+
+
+A, B, C, D = 0, 1, 2, 3  # corners of a quad: upper left, upper right, lower left, lower right
+ABC = A | B << 2 | C << 4
+BDC = B | D << 2 | C << 4
+ABD = A | B << 2 | D << 4
+ADC = A | D << 2 | C << 4
+
+
+@njit(cache=True)
+def quad_sides(joined, row, column):
+    """The four sides of the quad at (row, column), as bits: 1 top, 2 left, 4 right, 8 bottom."""
+    here = joined[row, column]
+    sides = (here & RIGHT) | (here & DOWN)
+    sides |= (joined[row, column + 1] & DOWN) << 1
+    sides |= (joined[row + 1, column] & RIGHT) << 3
+    return sides
+
+
+@njit(cache=True, parallel=True)
+def draw_surface(x, y, z, joined, near, wbuf, where):
+    """The joined quads of the grid, z-buffered. wbuf: H x W float32 zeros; where: H x W x 2 source column, row."""
+    height, width = x.shape
+    rows = wbuf.shape[0]
+    spans = row_spans(y, z, near)
+    for band in prange((rows + BAND - 1) // BAND):
+        top, bottom = band * BAND, min(rows, (band + 1) * BAND)
+        for row in range(height - 1):
+            if max(spans[row, 1], spans[row + 1, 1]) < top or min(spans[row, 0], spans[row + 1, 0]) > bottom:
+                continue
+            for column in range(width - 1):
+                sides = quad_sides(joined, row, column)
+                if sides == 0:
+                    continue
+                draw_quad(x, y, z, row, column, sides, near, top, bottom, wbuf, where)
+
+
+@njit(cache=True)
+def draw_quad(x, y, z, row, column, sides, near, top, bottom, wbuf, where):
+    """One quad: two triangles where all four sides are joined, else the triangle of the corner whose two sides are."""
+    ya, yb, yc, yd = y[row, column], y[row, column + 1], y[row + 1, column], y[row + 1, column + 1]
+    if max(max(ya, yb), max(yc, yd)) < top or min(min(ya, yb), min(yc, yd)) > bottom:
+        return
+    xa, xb, xc, xd = x[row, column], x[row, column + 1], x[row + 1, column], x[row + 1, column + 1]
+    za, zb, zc, zd = z[row, column], z[row, column + 1], z[row + 1, column], z[row + 1, column + 1]
+    wa = 1 / za if za > near else 0.0
+    wb = 1 / zb if zb > near else 0.0
+    wc = 1 / zc if zc > near else 0.0
+    wd = 1 / zd if zd > near else 0.0
+    full = sides == 15
+    along_bc = abs(wb - wc) <= abs(wa - wd)
+    if (full and along_bc) or (not full and sides & 3 == 3):
+        if wa > 0 and wb > 0 and wc > 0:
+            fill_triangle(xa, ya, wa, xb, yb, wb, xc, yc, wc, ABC, row, column, top, bottom, wbuf, where)
+    if (full and along_bc) or (not full and sides & 12 == 12):
+        if wb > 0 and wd > 0 and wc > 0:
+            fill_triangle(xb, yb, wb, xd, yd, wd, xc, yc, wc, BDC, row, column, top, bottom, wbuf, where)
+    if (full and not along_bc) or (not full and sides & 5 == 5):
+        if wa > 0 and wb > 0 and wd > 0:
+            fill_triangle(xa, ya, wa, xb, yb, wb, xd, yd, wd, ABD, row, column, top, bottom, wbuf, where)
+    if (full and not along_bc) or (not full and sides & 10 == 10):
+        if wa > 0 and wd > 0 and wc > 0:
+            fill_triangle(xa, ya, wa, xd, yd, wd, xc, yc, wc, ADC, row, column, top, bottom, wbuf, where)
+
+
+@njit(cache=True)
+def is_rim(joined, z, row, column):
+    """True if some quad round a vertex is not wholly joined: there the mesh ends half a pixel short of the pixel."""
+    height, width = joined.shape
+    if row == 0 or column == 0 or row == height - 1 or column == width - 1:
+        return True
+    return (
+        quad_sides(joined, row - 1, column - 1) != 15
+        or quad_sides(joined, row - 1, column) != 15
+        or quad_sides(joined, row, column - 1) != 15
+        or quad_sides(joined, row, column) != 15
+    )
+
+
+@njit(cache=True, parallel=True)
+def draw_rim(x, y, z, joined, near, depth, zoom, wbuf, where):
+    """One-pixel footprints of the vertices at the rim of the mesh (wires, poles, silhouettes, isolated pixels).
+
+    depth: source z; zoom: target focal length / source focal length. A footprint is the source pixel's own size, at least
+    one target pixel and at most 32. It only covers what is empty or clearly behind.
+    """
+    height, width = x.shape
+    rows, columns = wbuf.shape
+    meshed = wbuf.copy()
+    spans = row_spans(y, z, near)
+    for band in prange((rows + BAND - 1) // BAND):
+        top, bottom = band * BAND, min(rows, (band + 1) * BAND)
+        for row in range(height):
+            if spans[row, 1] < top - 16 or spans[row, 0] > bottom + 16:
+                continue
+            for column in range(width):
+                ahead = z[row, column]
+                if ahead <= near or not is_rim(joined, z, row, column):
+                    continue
+                half = min(16.0, 0.5 * zoom * depth[row, column] / ahead)
+                if half <= 0.5:
+                    left = right = int(math.floor(x[row, column]))
+                    upper = lower = int(math.floor(y[row, column]))
+                else:
+                    left = int(math.ceil(x[row, column] - half - 0.5))
+                    right = int(math.ceil(x[row, column] + half - 0.5)) - 1
+                    upper = int(math.ceil(y[row, column] - half - 0.5))
+                    lower = int(math.ceil(y[row, column] + half - 0.5)) - 1
+                w = 1.0 / ahead
+                for ty in range(max(top, upper), min(bottom - 1, lower) + 1):
+                    for tx in range(max(0, left), min(columns - 1, right) + 1):
+                        if w > wbuf[ty, tx] and w > meshed[ty, tx] * 1.02:
+                            wbuf[ty, tx] = w
+                            where[ty, tx, 0] = column
+                            where[ty, tx, 1] = row
+
+
+@njit(cache=True)
+def draw_points(depth, matrix, offset, near, zbuf, index):
+    """Nearest-pixel projection with a z-buffer (the paper's P', eq. 2): depth and source index of the nearest point.
+
+    One pass, one thread: neighbouring source pixels write neighbouring target pixels, so the caches do the work.
+    """
+    height, width = depth.shape
+    rows, columns = zbuf.shape
+    for row in range(height):
+        v = row + 0.5
+        a = matrix[0, 1] * v + matrix[0, 2]
+        b = matrix[1, 1] * v + matrix[1, 2]
+        c = matrix[2, 1] * v + matrix[2, 2]
+        for column in range(width):
+            z = depth[row, column]
+            if not 0 < z < np.inf:
+                continue
+            u = column + 0.5
+            ahead = z * (matrix[2, 0] * u + c) + offset[2]
+            if ahead <= near:
+                continue
+            inverse = 1.0 / ahead
+            px = (z * (matrix[0, 0] * u + a) + offset[0]) * inverse
+            py = (z * (matrix[1, 0] * u + b) + offset[1]) * inverse
+            if not (0 <= px < columns and 0 <= py < rows):
+                continue
+            tx, ty = int(px), int(py)
+            if np.float32(ahead) < zbuf[ty, tx]:
+                zbuf[ty, tx] = ahead
+                index[ty, tx] = row * width + column
