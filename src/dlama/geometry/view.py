@@ -49,7 +49,8 @@ class HoleType(IntEnum):
 class View:
     """A picture of the scene from `camera`, with depth, provenance, and the unknown as a bool field.
 
-    In a hole colour, depth, origin and confidence are 0 (a sensor hole keeps its measured colour). After filling `hole`
+    In a hole colour, depth, origin and confidence are 0. A sensor hole of a source view keeps its measured colour and says so
+    by its origin, DEPTH_FILLED: only its depth is to be filled. After filling `hole`
     is False there and `hole_type` still says why it had been empty. Raises ShapeError.
     """
 
@@ -95,7 +96,7 @@ class View:
             depth=rgbd.depth,
             hole=missing,
             hole_type=np.where(missing, HoleType.SENSOR, HoleType.NONE).astype(np.uint8),
-            origin=np.where(missing, Origin.UNKNOWN, Origin.MEASURED).astype(np.uint8),
+            origin=np.where(missing, Origin.DEPTH_FILLED, Origin.MEASURED).astype(np.uint8),
             confidence=(~missing).astype(np.float32),
         )
 

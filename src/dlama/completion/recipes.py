@@ -1,0 +1,59 @@
+"""Recipes: named settings of the whole method. `dlama` is ours, `paper` is D-LaMa as published."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+
+from dlama.errors import InputError
+from dlama.geometry.rendering import MODES, Mode
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """How a scene is completed. Contradictions raise InputError."""
+
+    name: str
+    """`dlama` or `paper`; further changes are listed beside it in meta.json."""
+    mode: Mode = "surface"
+    """How clouds are rendered: a cut triangle mesh, or nearest pixels."""
+    dilate: int = 3
+    """Radius in px by which an object mask grows before its pixels leave the cloud (disc kernel)."""
+    dilate_holes: int = 0
+    """Radius in px by which the holes of the new view grow (disc kernel)."""
+    clip_m: float | None = None
+    """Everything at or beyond this many metres, sky too, is put at it (the paper: 10 m); None: nothing is clipped."""
+    eight_bit_depth: bool = False
+    """Filled depth in 8-bit steps of clip_m / 255, as the paper's depth pictures."""
+    footprint: bool = False
+    """Add the projected footprint of the object mask to the hole of the new view (fig. 5, the union)."""
+    source_first: bool = True
+    """Fill sensor holes and removed objects in the source view, then move; else move first, as the paper does."""
+
+    def __post_init__(self) -> None:
+        if self.mode not in MODES:
+            raise InputError(f"mode is {self.mode!r}; one of {', '.join(MODES)} is wanted")
+        for name in ("dilate", "dilate_holes"):
+            if getattr(self, name) < 0:
+                raise InputError(f"{name} is {getattr(self, name)} px; 0 or more is wanted")
+        if self.clip_m is not None and not self.clip_m > 0:
+            raise InputError(f"clip_m is {self.clip_m} m; more than 0 is wanted")
+        if self.eight_bit_depth and self.clip_m is None:
+            raise InputError("8-bit depth needs clip_m, the depth of level 255")
+
+
+RECIPES: dict[str, Recipe] = {
+    "dlama": Recipe("dlama"),
+    "paper": Recipe("paper", mode="points", clip_m=10.0, eight_bit_depth=True, footprint=True, source_first=False),
+}
+
+
+def recipe(name: str | Recipe, **changes: object) -> Recipe:
+    """The recipe of that name with the changes that are not None; an unknown name lists the known ones (InputError)."""
+    if isinstance(name, Recipe):
+        chosen = name
+    elif name in RECIPES:
+        chosen = RECIPES[name]
+    else:
+        raise InputError(f"recipe is {name!r}; one of {', '.join(RECIPES)} is wanted")
+    return dataclasses.replace(chosen, **{key: value for key, value in changes.items() if value is not None})  # type: ignore[arg-type]

@@ -1,0 +1,283 @@
+"""The method on one screen: RGB-D and cameras in; completed views and a completed scene out (paper, fig. 2).
+
+reposition (eq. 1) -> render, mask (eq. 2-4) -> fill (sec. 3.3) -> fuse (eq. 10, 11)
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+import numpy as np
+
+from dlama.completion.recipes import Recipe, recipe
+from dlama.errors import InputError
+from dlama.geometry.camera import Camera
+from dlama.geometry.cloud import PointCloud
+from dlama.geometry.fusion import fuse, scene_cloud, scene_mesh
+from dlama.geometry.holes import checked_mask, dilated, grown, hole_shares
+from dlama.geometry.mesh import Mesh
+from dlama.geometry.rendering import flying, render
+from dlama.geometry.rgbd import RGBD, BoolArray
+from dlama.geometry.scene import Scene
+from dlama.geometry.trajectories import dolly as dollied
+from dlama.geometry.trajectories import median_pivot, orbit
+from dlama.geometry.view import HoleType, Origin, View
+from dlama.geometry.visibility import Law
+from dlama.inpainters import inpainter as named_inpainter
+from dlama.inpainters.diffusion import eight_bit
+from dlama.inpainters.filling import FillReport, Inpainter, inpaint
+
+PAPER_PIVOT = 2.5
+"""Metres from the camera to the centre of the orbit (the paper's centroid, sec. 4)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Completion:
+    """What a completion gives back. Views are in the order of the cameras; `view` is the last."""
+
+    views: tuple[View, ...]
+    """Completed views, no holes (unless nothing at all was visible: meta says so)."""
+    warped: tuple[View, ...]
+    """The same views before filling, holes typed."""
+    scene: Scene
+    """Everything known and filled."""
+    source: View
+    """The source view as given."""
+    meta: dict[str, Any]
+    """Recipe, filler, hole shares, law moves and violations, seconds per stage."""
+
+    @property
+    def view(self) -> View:
+        """The (last) completed view."""
+        return self.views[-1]
+
+    @property
+    def completed(self) -> PointCloud:
+        """c+ (eq. 10): everything, removed objects too, plus what was filled."""
+        return scene_cloud(self.scene)
+
+    @property
+    def background(self) -> PointCloud:
+        """c- (eq. 11): removed objects hidden, the background restored."""
+        return scene_cloud(self.scene, objects=False)
+
+    @property
+    def mesh(self) -> Mesh:
+        """The completed scene, without removed objects, as triangles."""
+        return scene_mesh(self.scene, objects=False)
+
+
+@dataclass
+class Work:
+    """One completion under way: what is known so far, and the notes for meta."""
+
+    recipe: Recipe
+    inpainter: Inpainter
+    seed: int
+    scene: Scene
+    law: Law
+    seconds: dict[str, float] = field(default_factory=dict)
+    reports: list[FillReport] = field(default_factory=list)
+
+    @contextmanager
+    def stage(self, name: str) -> Iterator[None]:
+        started = time.perf_counter()
+        yield
+        self.seconds[name] = round(self.seconds.get(name, 0.0) + time.perf_counter() - started, 4)
+
+    def fill(self, view: View) -> View:
+        with self.stage("fill"):
+            filled, report = inpaint(view, self.inpainter, self.law, self.seed)
+        self.reports.append(report)
+        return filled
+
+
+def complete(
+    rgbd: RGBD,
+    cameras: Sequence[Camera],
+    *,
+    mask: BoolArray | None = None,
+    filler: str | Inpainter = "layered",
+    recipe: str | Recipe = "dlama",
+    seed: int = 0,
+    **changes: Any,
+) -> Completion:
+    """Complete the scene of one RGB-D picture from several cameras, one after the other, into one Scene.
+
+    Each camera sees what the earlier ones filled, so views re-rendered from the Scene agree. mask (H x W bool, True = remove)
+    takes an object out everywhere. `changes` override single fields of the recipe (mode, dilate, dilate_holes, clip_m).
+    Raises InputError and its kin.
+    """
+    chosen = find_recipe(recipe, changes)
+    source = View.from_rgbd(clipped(rgbd, chosen.clip_m))
+    work = start(source, mask, filler, chosen, seed)
+    measured = work.scene
+    views, warped = [], []
+    for camera in cameras:
+        before = warp(work, measured, camera, mask)
+        view = complete_view(work, before, camera)
+        warped.append(before)
+        views.append(view)
+    meta = report(work, source, warped, filler)
+    return Completion(tuple(views), tuple(warped), work.scene, source, meta)
+
+
+def find_recipe(name: str | Recipe, changes: dict[str, Any]) -> Recipe:
+    """The named recipe with changes; an unknown change names the known ones."""
+    known = [field.name for field in dataclasses.fields(Recipe)]
+    for key in changes:
+        if key not in known:
+            raise InputError(f"{key!r} is no setting of a recipe; one of {', '.join(known)} is wanted")
+    return recipe(name, **changes)
+
+
+def clipped(rgbd: RGBD, clip_m: float | None) -> RGBD:
+    """The paper's 10 m clip: everything at or beyond it, sky too, stands at it."""
+    if clip_m is None:
+        return rgbd
+    return RGBD(rgbd.color, np.minimum(rgbd.depth, np.float32(clip_m)), rgbd.camera)
+
+
+def start(source: View, mask: BoolArray | None, filler: str | Inpainter, chosen: Recipe, seed: int) -> Work:
+    """The scene before any camera moves: object out, sensor holes and (source first) the object's background filled."""
+    fill = named_inpainter(filler) if isinstance(filler, str) else filler
+    if chosen.eight_bit_depth and chosen.clip_m is not None:
+        fill = eight_bit(fill, chosen.clip_m)
+    scene = Scene((source,))
+    if mask is not None:
+        taken = dilated(checked_mask(mask, source.camera.hw), chosen.dilate)
+        checked_mask(taken, source.camera.hw)
+        taken_out = source.without(~taken, HoleType.NONE)
+        scene = Scene((source.without(taken, HoleType.OBJECT),), (taken_out,))
+    work = Work(chosen, fill, seed, scene, Law.of(scene))
+    if chosen.source_first and scene.layers[0].hole.any():
+        filled = work.fill(scene.layers[0])
+        background = filled.without(filled.filled, HoleType.OBJECT)
+        work.scene = fuse(dataclasses.replace(scene, layers=(background,)), filled)
+    return work
+
+
+def warp(work: Work, measured: Scene, camera: Camera, mask: BoolArray | None) -> View:
+    """What the measurements alone show from `camera`: I', lambda' and M (eq. 2-4)."""
+    first = work.scene.layers[0]
+    with work.stage("render"):
+        known = Scene((first,), measured.objects)
+        view = render(known, camera, work.recipe.mode)
+        if work.recipe.footprint and mask is not None:
+            object_seen = render(Scene(measured.objects), camera, work.recipe.mode, types=False)
+            view = view.without(~object_seen.hole & ~view.hole, HoleType.OBJECT)
+        return grown(view, work.recipe.dilate_holes)
+
+
+def complete_view(work: Work, before: View, camera: Camera) -> View:
+    """Fill what the measurements leave open: first from what was filled earlier, then anew, and fuse that."""
+    view = before
+    if len(work.scene.layers) > 1 and before.hole.any():
+        with work.stage("render"):
+            earlier = render(work.scene, camera, work.recipe.mode, types=False)
+        view = adopt(before, earlier)
+    filled = work.fill(view)
+    with work.stage("fuse"):
+        new = filled.without(~view.hole & filled.filled, HoleType.NONE) if view is not before else filled
+        work.scene = fuse(work.scene, new)
+    return filled
+
+
+def adopt(view: View, earlier: View) -> View:
+    """The holes of a view closed with another rendering of the same camera, where that knows more."""
+    better = view.hole & ~earlier.hole
+    return dataclasses.replace(
+        view,
+        color=np.where(better[..., None], earlier.color, view.color),
+        depth=np.where(better, earlier.depth, view.depth),
+        hole=view.hole & ~better,
+        origin=np.where(
+            better, np.where(earlier.origin == Origin.REPROJECTED, np.uint8(Origin.FILLED), earlier.origin), view.origin
+        ),
+        confidence=np.where(better, earlier.confidence, view.confidence),
+    )
+
+
+def report(work: Work, source: View, warped: Sequence[View], filler: str | Inpainter) -> dict[str, Any]:
+    """The meta data of a completion, JSON-ready."""
+    moved = any(not view.camera.same_view_as(source.camera) for view in warped)
+    notes: dict[str, Any] = {}
+    for one in work.reports:
+        notes.update(one.notes)
+    return {
+        "recipe": dataclasses.asdict(work.recipe),
+        "filler": filler if isinstance(filler, str) else getattr(filler, "__name__", type(filler).__name__),
+        "seed": work.seed,
+        "hole_share": [round(float((view.hole_type > 0).mean()), 6) for view in warped],
+        "hole_share_by_type": [hole_shares(view) for view in warped],
+        "flying_pixels_rejected": int(flying(source).sum()) if moved else 0,
+        "filled_pixels": sum(one.hole_pixels for one in work.reports),
+        "law_moves": sum(one.law_moves for one in work.reports),
+        "law_violations": sum(one.law_violations for one in work.reports),
+        "nothing_visible": any(one.notes.get("nothing_visible") for one in work.reports),
+        "seconds": work.seconds,
+        "notes": notes,
+    }
+
+
+def target_camera(
+    rgbd: RGBD,
+    camera: Camera | None = None,
+    *,
+    yaw: float = 0.0,
+    pitch: float = 0.0,
+    pivot: float | Literal["auto"] = PAPER_PIVOT,
+    dolly: float = 0.0,
+) -> Camera:
+    """The camera to go to: `camera` itself, or the source camera orbited (degrees) about `pivot` (m) and dollied (m).
+
+    Positive yaw moves the camera to its right around the pivot, positive pitch up; a positive dolly moves it forward.
+    """
+    if camera is not None:
+        if yaw or pitch or dolly:
+            raise InputError("a target camera and an orbit or dolly were both given; one of them is wanted")
+        return camera
+    distance = median_pivot(rgbd.depth) if pivot == "auto" else float(pivot)
+    return dollied(orbit(rgbd.camera, yaw, pitch, distance), dolly)
+
+
+def view(
+    rgbd: RGBD,
+    camera: Camera | None = None,
+    *,
+    yaw: float = 0.0,
+    pitch: float = 0.0,
+    pivot: float | Literal["auto"] = PAPER_PIVOT,
+    dolly: float = 0.0,
+    filler: str | Inpainter = "layered",
+    recipe: str | Recipe = "dlama",
+    seed: int = 0,
+    **changes: Any,
+) -> Completion:
+    """The scene from another viewpoint, holes filled in colour and depth. Arguments as `target_camera` and `complete`."""
+    target = target_camera(rgbd, camera, yaw=yaw, pitch=pitch, pivot=pivot, dolly=dolly)
+    return complete(rgbd, [target], filler=filler, recipe=recipe, seed=seed, **changes)
+
+
+def remove(
+    rgbd: RGBD,
+    mask: BoolArray,
+    camera: Camera | None = None,
+    *,
+    yaw: float = 0.0,
+    pitch: float = 0.0,
+    pivot: float | Literal["auto"] = PAPER_PIVOT,
+    dolly: float = 0.0,
+    filler: str | Inpainter = "layered",
+    recipe: str | Recipe = "dlama",
+    seed: int = 0,
+    **changes: Any,
+) -> Completion:
+    """The scene without the object under `mask` (H x W bool), from the source camera or from elsewhere."""
+    target = target_camera(rgbd, camera, yaw=yaw, pitch=pitch, pivot=pivot, dolly=dolly)
+    return complete(rgbd, [target], mask=mask, filler=filler, recipe=recipe, seed=seed, **changes)

@@ -1,0 +1,87 @@
+"""Fusion: a scene and a filled view in; the scene that knows both out, and a scene as one cloud or one mesh (eq. 10, 11)."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from dlama.geometry.cloud import PointCloud, concatenated
+from dlama.geometry.lifting import lift, rays
+from dlama.geometry.mesh import Mesh
+from dlama.geometry.rendering import mesh_grid
+from dlama.geometry.rgbd import BoolArray
+from dlama.geometry.scene import Scene
+from dlama.geometry.view import HoleType, Origin, View
+
+
+def fuse(scene: Scene, view: View) -> Scene:
+    """The scene with what was filled in `view` as one more layer; nothing filled gives the scene back.
+
+    The layer keeps one pixel of known neighbours (origin REPROJECTED) so that its mesh joins the surfaces it continues;
+    they are no points of the cloud.
+    """
+    import cv2
+
+    filled = view.filled
+    if not filled.any():
+        return scene
+    ring = cv2.dilate(filled.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
+    layer = view.without(~ring, HoleType.NONE)
+    ring_origin = np.where(filled | layer.hole, layer.origin, np.uint8(Origin.REPROJECTED))
+    return dataclasses.replace(scene, layers=(*scene.layers, dataclasses.replace(layer, origin=ring_origin)))
+
+
+def contribution(layer: View) -> BoolArray:
+    """H x W, True at the pixels a layer adds to the scene's cloud: measured or filled here, not seen again."""
+    return layer.valid & (layer.origin != Origin.REPROJECTED)
+
+
+def scene_cloud(scene: Scene, objects: bool = True) -> PointCloud:
+    """c+ (eq. 10: everything and what was filled) or, without the removed objects, c- (eq. 11)."""
+    layers = (*scene.layers, *scene.objects) if objects else scene.layers
+    return concatenated([lift(layer.without(~contribution(layer), HoleType.NONE)) for layer in layers])
+
+
+def scene_mesh(scene: Scene, objects: bool = True) -> Mesh:
+    """The scene's surfaces as one triangle mesh, cut where rendering cuts it. Far pixels have no vertices."""
+    layers = (*scene.layers, *scene.objects) if objects else scene.layers
+    parts = [layer_mesh(layer) for layer in layers]
+    starts = np.cumsum([0] + [len(part.vertices) for part in parts])
+    return Mesh(
+        np.concatenate([part.vertices for part in parts]),
+        np.concatenate([part.triangles + start for part, start in zip(parts, starts)]).astype(np.int32),
+        np.concatenate([part.color for part in parts]),
+        np.concatenate([part.origin for part in parts]),
+        np.concatenate([part.confidence for part in parts]),
+    )
+
+
+def layer_mesh(layer: View) -> Mesh:
+    """One layer's joined quads; vertices are its valid, non-flying pixels."""
+    from dlama.geometry.raster import DOWN, RIGHT
+
+    depth, joined = mesh_grid(layer)
+    chosen = (depth > 0) & (depth < np.inf)
+    number = np.cumsum(chosen).reshape(chosen.shape) - 1
+    right, down = (joined & RIGHT) > 0, (joined & DOWN) > 0
+    top, left = right[:-1, :-1], down[:-1, :-1]
+    bottom, side = right[1:, :-1], down[:-1, 1:]
+    a, b, c, d = number[:-1, :-1], number[:-1, 1:], number[1:, :-1], number[1:, 1:]
+    full = top & left & bottom & side
+    corners = [
+        (top & left, a, b, c),
+        (full | (bottom & side & ~(top & left)), b, d, c),
+        (top & side & ~left & ~bottom, a, b, d),
+        (left & bottom & ~top & ~side, a, d, c),
+    ]
+    triangles = np.concatenate([np.stack([p[ok], q[ok], r[ok]], 1) for ok, p, q, r in corners]).astype(np.int32)
+    in_camera = rays(layer.camera)[chosen] * depth[chosen][:, None]
+    pose = layer.camera.world_from_cam
+    return Mesh(
+        in_camera @ pose[:3, :3].T + pose[:3, 3],
+        triangles,
+        layer.color[chosen],
+        layer.origin[chosen],
+        layer.confidence[chosen],
+    )

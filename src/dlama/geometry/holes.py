@@ -1,0 +1,69 @@
+"""Masks and holes: bool pictures in, bool pictures out. True = to be filled."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dlama.errors import InputError, MaskError
+from dlama.geometry.rgbd import BoolArray
+from dlama.geometry.view import HoleType, View
+
+
+def disc(radius: int) -> np.ndarray:
+    """Kernel of dilation and erosion: all pixels within `radius` of the centre, (2 radius + 1) square, uint8."""
+    if radius < 0:
+        raise InputError(f"dilation is {radius} px; 0 or more is wanted")
+    reach = np.arange(-radius, radius + 1)
+    return (reach[:, None] ** 2 + reach**2 <= (radius + 0.5) ** 2).astype(np.uint8)
+
+
+def dilated(mask: BoolArray, radius: int) -> BoolArray:
+    """The mask grown by `radius` pixels (disc)."""
+    import cv2
+
+    return mask.copy() if radius == 0 else cv2.dilate(mask.astype(np.uint8), disc(radius)) > 0
+
+
+def eroded(mask: BoolArray, radius: int) -> BoolArray:
+    """The mask shrunk by `radius` pixels (disc); beyond the picture counts as mask."""
+    import cv2
+
+    return mask.copy() if radius == 0 else cv2.erode(mask.astype(np.uint8), disc(radius)) > 0
+
+
+def checked_mask(mask: np.ndarray, hw: tuple[int, int]) -> BoolArray:
+    """The mask, if it is a bool picture of the right size that removes something and leaves something; else MaskError."""
+    if mask.dtype != np.bool_ or mask.ndim != 2:
+        raise MaskError(f"mask is {mask.dtype} with shape {mask.shape}; bool H x W is wanted, True = remove")
+    if mask.shape != hw:
+        raise MaskError(
+            f"mask is {mask.shape[1]}x{mask.shape[0]} and the picture {hw[1]}x{hw[0]}; both must have the same size"
+        )
+    if not mask.any():
+        raise MaskError("mask is empty: it marks nothing to remove (is its polarity 'known'?)")
+    if mask.all():
+        raise MaskError("mask is full: it leaves nothing to fill from (is its polarity 'known'?)")
+    return mask
+
+
+def hole_shares(view: View) -> dict[str, float]:
+    """Share of the picture (0..1) by hole type, holes filled or not."""
+    counts = np.bincount(view.hole_type.ravel(), minlength=len(HoleType))
+    return {kind.name.lower(): float(counts[kind]) / view.hole_type.size for kind in HoleType if kind}
+
+
+def grown(view: View, radius: int) -> View:
+    """The view with its holes dilated by `radius` px; a pixel given up takes the type of the nearest hole pixel."""
+    import cv2
+
+    given_up = dilated(view.hole, radius) & ~view.hole
+    if not given_up.any():
+        return view
+    _, labels = cv2.distanceTransformWithLabels(
+        (~view.hole).astype(np.uint8), cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL
+    )
+    of_label = np.zeros(labels.max() + 1, np.uint8)
+    of_label[labels[view.hole]] = view.hole_type[view.hole]
+    larger = view.without(given_up, HoleType.DISOCCLUDED)
+    types = np.where(given_up, of_label[labels], view.hole_type)
+    return View(view.camera, larger.color, larger.depth, larger.hole, types, larger.origin, larger.confidence)

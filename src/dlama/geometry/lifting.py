@@ -1,0 +1,119 @@
+"""Lifting: depth or disparity and a camera in, world points out; and the way back (paper, sec. 3.1: P(I, lambda)).
+
+Pixel centres, axes and units are those of `dlama.geometry.camera`. Pure numpy.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from dlama.errors import CameraError, DepthError, ShapeError
+from dlama.geometry.camera import Camera, Float64Array
+from dlama.geometry.cloud import PointCloud
+from dlama.geometry.rgbd import RGBD, Float32Array
+from dlama.geometry.view import Origin, View
+
+SMALLEST_DISPARITY = np.float32(1e-6)
+"""Pixels; stands in for a measured disparity of exactly 0, because 0 means missing."""
+
+
+def depth_from_disparity(disparity: ArrayLike, *, fx: float, baseline_m: float, doffs: float = 0.0) -> Float32Array:
+    """Planar depth in metres, float32 of the same shape: Z = fx * baseline / (disparity + doffs).
+
+    `disparity` in pixels, left x minus right x, any float or integer dtype; `doffs` is the right camera's cx minus the
+    left one's (Middlebury). A disparity of 0, NaN or infinity is missing and gives 0. Other disparities are numbers,
+    negative ones too: d = -doffs is a point at infinity and gives +inf (far); d < -doffs lies behind the cameras, no
+    point can do that, and gives 0 (missing). Raises CameraError when fx or baseline_m is not positive.
+    """
+    _check_rig(fx, baseline_m, doffs)
+    measured = np.asarray(disparity, np.float32)
+    known = np.isfinite(measured) & (measured != 0)
+    # Compared in float32, so that what disparity_from_depth wrote for "far" is recognised whatever digits doffs has.
+    far = known & (measured == np.float32(-doffs))
+    shift = measured.astype(np.float64) + doffs
+    front = known & ~far & (shift > 0)
+    depth = np.zeros(measured.shape, np.float32)
+    with np.errstate(over="ignore"):  # too far for float32: inf, which is what far is called
+        depth[front] = fx * baseline_m / shift[front]
+    depth[far] = np.inf
+    return depth
+
+
+def disparity_from_depth(depth: ArrayLike, *, fx: float, baseline_m: float, doffs: float = 0.0) -> Float32Array:
+    """Disparity in pixels, float32 of the same shape: d = fx * baseline / Z - doffs; 0 = missing.
+
+    Missing depth (0 or NaN) gives 0. Far depth (+inf) gives -doffs; with doffs = 0 that is 0, so far and missing cannot
+    be told apart in such a disparity map. A valid depth that falls exactly on d = 0 is written as 1e-6 px, or it would
+    be lost. Raises DepthError on negative depth, CameraError when fx or baseline_m is not positive.
+    """
+    _check_rig(fx, baseline_m, doffs)
+    metres = np.asarray(depth, np.float32).astype(np.float64)
+    if (metres < 0).any():
+        raise DepthError(f"depth holds negative values (smallest {np.nanmin(metres):.6g}); metres >= 0 are wanted")
+    known = metres > 0
+    disparity = np.zeros(metres.shape, np.float32)
+    with np.errstate(over="ignore"):
+        disparity[known] = fx * baseline_m / metres[known] - doffs
+    disparity[known & np.isfinite(metres) & (disparity == 0)] = SMALLEST_DISPARITY
+    return disparity
+
+
+def _check_rig(fx: float, baseline_m: float, doffs: float) -> None:
+    if not (math.isfinite(fx) and fx > 0):
+        raise CameraError(f"stereo fx is {fx}; a focal length > 0 in pixels is wanted")
+    if not (math.isfinite(baseline_m) and baseline_m > 0):
+        raise CameraError(f"stereo baseline_m is {baseline_m}; a distance > 0 in metres is wanted")
+    if not math.isfinite(doffs):
+        raise CameraError(f"stereo doffs is {doffs}; a finite number of pixels is wanted")
+
+
+def rays(camera: Camera) -> Float64Array:
+    """H x W x 3, the direction through each pixel's centre in camera axes, with z = 1: ray * depth is a point."""
+    directions = np.ones((*camera.hw, 3))
+    directions[..., 0] = (np.arange(camera.width) + 0.5 - camera.cx) / camera.fx
+    directions[..., 1] = ((np.arange(camera.height) + 0.5 - camera.cy) / camera.fy)[:, None]
+    return directions
+
+
+def lift(source: RGBD | View) -> PointCloud:
+    """The cloud of all valid pixels (finite depth, no hole), row by row, in world coordinates.
+
+    Far and missing pixels have no point. An RGBD's points are MEASURED with confidence 1; a View's carry its own.
+    """
+    valid = source.valid
+    rows, columns = np.nonzero(valid)
+    camera = source.camera
+    z = source.depth[valid].astype(np.float64)
+    in_camera = np.empty((len(z), 3))
+    in_camera[:, 0] = (columns + 0.5 - camera.cx) / camera.fx * z
+    in_camera[:, 1] = (rows + 0.5 - camera.cy) / camera.fy * z
+    in_camera[:, 2] = z
+    pose = camera.world_from_cam
+    points = in_camera @ pose[:3, :3].T + pose[:3, 3]
+    if isinstance(source, View):
+        return PointCloud(points, source.color[valid], source.origin[valid], source.confidence[valid])
+    measured = np.full(len(z), Origin.MEASURED, np.uint8)
+    return PointCloud(points, source.color[valid], measured, np.ones(len(z), np.float32))
+
+
+def project(points: Float64Array, camera: Camera) -> tuple[Float64Array, Float64Array]:
+    """Where world points (N x 3, metres) land in a camera: (N x 2 pixel coordinates x, y; N planar z in metres).
+
+    A point on a pixel's centre has coordinates ending in .5; floor gives its pixel. Coordinates may lie outside the
+    picture. A point at z <= 0 is not in front of the camera: its coordinates are NaN, its z is returned as it is.
+    Raises ShapeError when `points` is not N x 3.
+    """
+    points = np.asarray(points, np.float64)
+    if points.ndim != 2 or points.shape[1] != 3:
+        raise ShapeError(f"points have shape {points.shape}; N x 3 is wanted")
+    pose = camera.world_from_cam
+    # R^T (p - t), not R^T p - R^T t: far from the world's origin the difference keeps its digits.
+    in_camera = (points - pose[:3, 3]) @ pose[:3, :3]
+    z = in_camera[:, 2]
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        pixels = in_camera[:, :2] / z[:, None] * (camera.fx, camera.fy) + (camera.cx, camera.cy)
+    pixels[~(z > 0)] = np.nan
+    return pixels, z

@@ -1,0 +1,75 @@
+"""Trajectories: a camera and a wish in (orbit, dolly), the moved camera out (paper, eq. 1). Same lens, new pose."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from dlama.errors import DepthError, InputError
+from dlama.geometry.camera import Camera, Float64Array
+
+PIVOT_M = 2.5
+"""Metres ahead on the optical axis; the centroid the paper orbits about."""
+
+
+def orbit(camera: Camera, yaw_deg: float, pitch_deg: float = 0.0, pivot_m: float = PIVOT_M) -> Camera:
+    """The camera turned about the point `pivot_m` metres ahead on its optical axis; it keeps looking at that point.
+
+    Positive yaw: the camera moves to its right around the pivot and turns left. Positive pitch: it moves up and looks
+    down. The yaw goes first, about the source camera's y axis; then the pitch, about the x axis of the camera that the
+    yaw has turned (both axes shifted into the pivot). Seen from a fixed camera the scene turns the other way:
+    p' = C + R_x(pitch) R_y(yaw) (p - C) with C = (0, 0, pivot_m).
+    With pivot_m = 0 the camera turns in place. Raises InputError on angles that are not finite or pivot_m < 0.
+    """
+    for name, value in (("yaw_deg", yaw_deg), ("pitch_deg", pitch_deg)):
+        if not math.isfinite(value):
+            raise InputError(f"orbit {name} is {value}; a finite angle in degrees is wanted")
+    if not (math.isfinite(pivot_m) and pivot_m >= 0):
+        raise InputError(f"orbit pivot_m is {pivot_m}; a distance >= 0 in metres, ahead of the camera, is wanted")
+    pivot = np.array([0.0, 0.0, pivot_m])
+    turned_from_source = _rotation_x(pitch_deg) @ _rotation_y(yaw_deg)
+    source_from_turned = np.eye(4)
+    source_from_turned[:3, :3] = turned_from_source.T
+    source_from_turned[:3, 3] = pivot - turned_from_source.T @ pivot
+    return camera.at(camera.world_from_cam @ source_from_turned)
+
+
+def dolly(camera: Camera, metres: float) -> Camera:
+    """The camera moved along its optical axis: positive forward, negative back (the paper's zoom-out).
+
+    Raises InputError when `metres` is not finite.
+    """
+    if not math.isfinite(metres):
+        raise InputError(f"dolly is {metres}; a finite distance in metres is wanted")
+    pose = camera.world_from_cam.copy()
+    pose[:3, 3] += metres * pose[:3, 2]
+    return camera.at(pose)
+
+
+def median_pivot(depth: ArrayLike) -> float:
+    """The median in metres of the valid depths (finite, > 0) of an H x W map: the pivot for `--pivot auto`.
+
+    Raises DepthError when no depth is valid.
+    """
+    metres = np.asarray(depth)
+    valid = metres[np.isfinite(metres) & (metres > 0)]
+    if not len(valid):
+        raise DepthError("depth has no valid value (finite, > 0), so a median pivot cannot be taken; give it in metres")
+    return float(np.median(valid))
+
+
+def _rotation_x(degrees: float) -> Float64Array:
+    c, s = _cos_sin(degrees)
+    return np.array([[1, 0, 0], [0, c, -s], [0, s, c]])
+
+
+def _rotation_y(degrees: float) -> Float64Array:
+    c, s = _cos_sin(degrees)
+    return np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]])
+
+
+def _cos_sin(degrees: float) -> tuple[float, float]:
+    radians = math.radians(degrees)
+    return math.cos(radians), math.sin(radians)

@@ -1,0 +1,77 @@
+"""The visibility law: what was filled never hides what was measured. Depth in; violations, or lawful depth, out.
+
+Seen from a source camera, filled depth is never in front of what was measured there (tolerance: the larger of 1 mm and
+0.1 %), and covers no far pixel. A removed object's own depth counts as measured: its background lies behind it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dlama.geometry.camera import Camera
+from dlama.geometry.rendering import px_from_px
+from dlama.geometry.rgbd import BoolArray, Float32Array
+from dlama.geometry.scene import Scene
+from dlama.geometry.view import Origin, View
+
+MOST_ROUNDS = 8
+
+
+@dataclass(frozen=True, eq=False)
+class Law:
+    """What the source cameras measured: for each, H x W depth in metres, 0 = nothing measured, +inf = far."""
+
+    measured: tuple[tuple[Camera, Float32Array], ...]
+
+    @classmethod
+    def of(cls, scene: Scene) -> Law:
+        """The law that a scene's measured layers and removed objects lay down."""
+        measured: list[tuple[Camera, Float32Array]] = []
+        for layer in (*scene.layers, *scene.objects):
+            if not (layer.origin == Origin.MEASURED).any():
+                continue
+            depth = np.where(layer.origin == Origin.MEASURED, layer.depth, np.float32(0))
+            for number, (camera, known) in enumerate(measured):
+                if camera.same_view_as(layer.camera):
+                    measured[number] = camera, np.where(known > 0, known, depth)
+                    break
+            else:
+                measured.append((layer.camera, depth))
+        return cls(tuple(measured))
+
+    def violations(self, camera: Camera, depth: Float32Array, where: BoolArray) -> BoolArray:
+        """H x W, True at pixels of `where` whose depth (seen from `camera`) breaks the law."""
+        from dlama.geometry import law
+
+        broken = np.zeros(depth.shape, np.bool_)
+        for source, measured in self.measured:
+            broken |= law.violations(depth, where, *px_from_px(source, camera), measured)
+        return broken
+
+    def project(self, camera: Camera, depth: Float32Array, where: BoolArray) -> tuple[Float32Array, BoolArray]:
+        """Depth with the pixels of `where` moved outwards on their rays to the nearest lawful place, and which moved.
+
+        A ray that never becomes lawful at a finite depth ends in the far layer (+inf), which is always lawful.
+        """
+        from dlama.geometry import law
+
+        out = np.array(depth, np.float32)
+        moved = np.zeros(depth.shape, np.bool_)
+        for number in range(MOST_ROUNDS):
+            broken = self.violations(camera, out, where)
+            if not broken.any():
+                return out, moved
+            moved |= broken
+            if number:  # rounding to float32, or another source's law, brought it back over a border
+                out[broken] *= np.float32(1 + 1e-5 * 4**number)
+            for source, measured in self.measured:
+                law.push_back(out, broken, *px_from_px(source, camera), measured)
+        out[self.violations(camera, out, where)] = np.inf
+        return out, moved
+
+
+def violations(view: View, law: Law) -> BoolArray:
+    """H x W, True at the filled pixels of a view that break the law."""
+    return law.violations(view.camera, view.depth, view.filled)
