@@ -1,0 +1,190 @@
+"""Depth to points and back: laws, round trips and closed forms."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from dlama.errors import CameraError, DepthError, ShapeError
+from dlama.geometry.camera import Camera
+from dlama.geometry.lifting import (
+    SMALLEST_DISPARITY,
+    depth_from_disparity,
+    disparity_from_depth,
+    lift,
+    project,
+    rays,
+)
+from dlama.geometry.rgbd import RGBD
+from dlama.geometry.view import HoleType, Origin, View
+
+
+def pose_from(axis_angle: np.ndarray, translation: np.ndarray) -> np.ndarray:
+    """4x4 rigid motion from a rotation vector (Rodrigues' formula) and a translation."""
+    pose = np.eye(4)
+    angle = float(np.linalg.norm(axis_angle))
+    if angle > 0:
+        x, y, z = axis_angle / angle
+        cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+        pose[:3, :3] = np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross
+    pose[:3, 3] = translation
+    return pose
+
+
+@st.composite
+def frames(draw: st.DrawFn) -> RGBD:
+    """An RGBD of any small size, lens and pose, with valid, far and missing pixels."""
+    rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
+    height, width = draw(st.integers(1, 9)), draw(st.integers(1, 9))
+    fx, fy = draw(st.floats(1, 2000)), draw(st.floats(1, 2000))
+    cx, cy = draw(st.floats(-20, 20)), draw(st.floats(-20, 20))
+    pose = pose_from(rng.normal(size=3) * draw(st.floats(0, 3)), rng.uniform(-10, 10, 3))
+    depth = np.exp(rng.uniform(np.log(0.1), np.log(500), (height, width))).astype(np.float32)
+    state = rng.integers(0, 6, (height, width))
+    depth[state == 0], depth[state == 1] = 0, np.inf
+    color = rng.integers(0, 256, (height, width, 3), np.uint8)
+    return RGBD(color, depth, Camera(width, height, fx, fy, cx, cy, pose))
+
+
+@settings(max_examples=150, deadline=None)
+@given(frames())
+def test_project_undoes_lift(rgbd: RGBD) -> None:
+    """Law: every valid pixel's point lands on that pixel's centre (1e-9 px), its z is the depth, to the float32 bit."""
+    cloud = lift(rgbd)
+    pixels, z = project(cloud.points, rgbd.camera)
+    rows, columns = np.nonzero(rgbd.valid)
+    np.testing.assert_allclose(pixels, np.stack([columns, rows], 1) + 0.5, rtol=0, atol=1e-9)
+    np.testing.assert_array_equal(z.astype(np.float32), rgbd.depth[rgbd.valid])
+    np.testing.assert_array_equal(cloud.color, rgbd.color[rgbd.valid])
+
+
+@settings(max_examples=50, deadline=None)
+@given(frames())
+def test_lift_is_ray_times_depth_in_the_world(rgbd: RGBD) -> None:
+    """Oracle: the definition, written per pixel with 4x4 homogeneous coordinates."""
+    directions = rays(rgbd.camera)
+    wanted = [
+        (rgbd.camera.world_from_cam @ [*(directions[row, column] * rgbd.depth[row, column]), 1])[:3]
+        for row, column in np.argwhere(rgbd.valid)
+    ]
+    np.testing.assert_allclose(lift(rgbd).points, np.reshape(wanted, (-1, 3)), rtol=1e-12, atol=1e-11)
+
+
+def test_rays_of_a_square_90_degree_camera() -> None:
+    """Closed form: at 90 degrees a 2x2 picture's centres lie at x, y = -1/2 and 1/2 of z."""
+    wanted = [[[-0.5, -0.5, 1], [0.5, -0.5, 1]], [[-0.5, 0.5, 1], [0.5, 0.5, 1]]]
+    np.testing.assert_allclose(rays(Camera.from_fov(2, 2, 90)), wanted, atol=1e-15)
+
+
+def test_provenance_of_points() -> None:
+    """Law: an RGBD's points are measured with confidence 1; a view's points keep what the view says."""
+    camera = Camera.from_fov(3, 1, 90)
+    color = np.arange(9, dtype=np.uint8).reshape(1, 3, 3)
+    rgbd = RGBD(color, np.array([[1, 2, 0]], np.float32), camera)
+    cloud = lift(rgbd)
+    assert cloud.origin.tolist() == [Origin.MEASURED] * 2 and cloud.confidence.tolist() == [1, 1]
+    view = View(
+        camera,
+        color,
+        np.array([[1, 2, 3]], np.float32),
+        hole=np.array([[False, True, False]]),
+        hole_type=np.array([[HoleType.NONE, HoleType.SENSOR, HoleType.CRACK]], np.uint8),
+        origin=np.array([[Origin.MEASURED, Origin.UNKNOWN, Origin.FILLED]], np.uint8),
+        confidence=np.array([[1, 0, 0.25]], np.float32),
+    )
+    cloud = lift(view)
+    assert cloud.origin.tolist() == [Origin.MEASURED, Origin.FILLED]
+    assert cloud.confidence.tolist() == [1, 0.25]
+    assert cloud.color.tolist() == [[0, 1, 2], [6, 7, 8]]
+
+
+def test_nothing_valid_lifts_to_an_empty_cloud() -> None:
+    """Law: far and missing pixels have no point."""
+    depth = np.array([[0, np.inf]], np.float32)
+    rgbd = RGBD(np.zeros((1, 2, 3), np.uint8), depth, Camera.from_fov(2, 1, 60))
+    cloud = lift(rgbd)
+    pixels, z = project(cloud.points, rgbd.camera)
+    assert len(cloud) == 0 and pixels.shape == (0, 2) and z.shape == (0,)
+
+
+def test_points_beside_or_behind_the_camera_have_no_pixel() -> None:
+    """Closed form: only z > 0 has coordinates; z is told in any case."""
+    camera = Camera.from_fov(4, 4, 90)
+    pixels, z = project(np.array([[0.0, 0, 1], [1, 0, 0], [0, 0, 0], [0, 0, -2]]), camera)
+    np.testing.assert_array_equal(pixels[0], [2, 2])
+    assert np.isnan(pixels[1:]).all()
+    np.testing.assert_array_equal(z, [1, 0, 0, -2])
+
+
+def test_project_refuses_what_are_no_points() -> None:
+    """Oracle: the message names the shape that came."""
+    with pytest.raises(ShapeError, match=r"\(3,\)"):
+        project(np.zeros(3), Camera.from_fov(2, 2, 90))
+
+
+RIG = {"fx": 994.978, "baseline_m": 0.193001}
+
+
+@settings(max_examples=100, deadline=None)
+@given(
+    st.lists(st.floats(0.0625, 5000, width=32), min_size=1, max_size=20),
+    st.floats(-50, 50),
+    st.floats(50, 3000),
+    st.floats(0.01, 2),
+)
+def test_depth_disparity_round_trip(metres: list[float], doffs: float, fx: float, baseline_m: float) -> None:
+    """There and back: depth survives as far as one float32 step of the disparity allows."""
+    depth = np.array(metres, np.float32)
+    rig = {"fx": fx, "baseline_m": baseline_m, "doffs": doffs}
+    disparity = disparity_from_depth(depth, **rig)
+    step = np.spacing(np.maximum(np.abs(disparity), 1)) + SMALLEST_DISPARITY
+    allowed = depth.astype(float) ** 2 / (fx * baseline_m) * step * 2 + 1e-6 * depth
+    clear = allowed < depth / 4  # farther, one step of disparity is a good part of the depth: nothing to test
+    np.testing.assert_array_less(np.abs(depth_from_disparity(disparity, **rig) - depth)[clear], allowed[clear])
+
+
+@pytest.mark.parametrize("doffs", [31.086, -0.1, 7.0])
+def test_far_and_missing_there_and_back(doffs: float) -> None:
+    """Round trip of the two states without a number: with doffs, far is -doffs and comes back as far."""
+    depth = np.array([0, np.nan, np.inf, 3], np.float32)
+    disparity = disparity_from_depth(depth, doffs=doffs, **RIG)
+    assert disparity[0] == disparity[1] == 0
+    assert disparity[2] == np.float32(-doffs)
+    np.testing.assert_allclose(depth_from_disparity(disparity, doffs=doffs, **RIG), [0, 0, np.inf, 3], rtol=1e-6)
+
+
+def test_without_doffs_far_is_missing() -> None:
+    """Closed form: at infinity d = 0, and 0 says missing."""
+    assert disparity_from_depth(np.array([np.inf], np.float32), **RIG).tolist() == [0]
+
+
+def test_disparities_without_a_point_are_missing() -> None:
+    """Oracle: 0, NaN and both infinities are missing, d < -doffs lies behind the cameras; above that d counts."""
+    disparity = np.array([0, np.nan, np.inf, -np.inf, -32, -30], np.float32)
+    depth = depth_from_disparity(disparity, doffs=31.086, **RIG)
+    assert depth[:5].tolist() == [0] * 5
+    np.testing.assert_allclose(depth[5], RIG["fx"] * RIG["baseline_m"] / 1.086, rtol=1e-6)
+    assert depth_from_disparity(np.array([-1.0]), **RIG).tolist() == [0]
+
+
+def test_a_valid_depth_on_zero_disparity_is_not_lost() -> None:
+    """Law: valid depth never turns into 'missing', also where the rig puts it on d = 0 exactly."""
+    rig = {"fx": 1000.0, "baseline_m": 0.5, "doffs": 100.0}
+    disparity = disparity_from_depth(np.array([5.0]), **rig)
+    assert 0 < disparity[0] <= SMALLEST_DISPARITY
+    np.testing.assert_allclose(depth_from_disparity(disparity, **rig), 5, rtol=1e-6)
+
+
+def test_bad_rigs_and_depths_are_refused() -> None:
+    """Oracle: the message names the field and what came."""
+    one = np.ones((1, 1))
+    with pytest.raises(CameraError, match=r"fx is -1"):
+        depth_from_disparity(one, fx=-1, baseline_m=1)
+    with pytest.raises(CameraError, match=r"baseline_m is 0"):
+        disparity_from_depth(one, fx=1, baseline_m=0)
+    with pytest.raises(CameraError, match=r"doffs is nan"):
+        depth_from_disparity(one, fx=1, baseline_m=1, doffs=np.nan)
+    with pytest.raises(DepthError, match=r"negative .*-2"):
+        disparity_from_depth(-2 * one, fx=1, baseline_m=1)
