@@ -1,0 +1,45 @@
+"""Mesh: coloured triangles in the world, each vertex with origin and confidence."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dlama.errors import ShapeError
+from dlama.geometry.camera import Float64Array
+from dlama.geometry.rgbd import Float32Array, UInt8Array, frozen
+
+
+@dataclass(frozen=True, eq=False)
+class Mesh:
+    """N vertices and M triangles. Raises ShapeError when lengths, dtypes or vertex numbers do not fit."""
+
+    vertices: Float64Array
+    """N x 3, world coordinates in metres, OpenCV axes."""
+    triangles: NDArray[np.int32]
+    """M x 3, vertex numbers; clockwise in the picture they were seen in (y down)."""
+    color: UInt8Array
+    """N x 3, RGB, sRGB-encoded."""
+    origin: UInt8Array
+    """N, Origin codes."""
+    confidence: Float32Array
+    """N, in 0..1."""
+
+    def __post_init__(self) -> None:
+        count, faces = len(self.vertices), len(self.triangles)
+        fields: dict[str, tuple[tuple[int, ...], type]] = {
+            "vertices": ((count, 3), np.float64),
+            "triangles": ((faces, 3), np.int32),
+            "color": ((count, 3), np.uint8),
+            "origin": ((count,), np.uint8),
+            "confidence": ((count,), np.float32),
+        }
+        for name, (shape, dtype) in fields.items():
+            array = getattr(self, name)
+            if array.shape != shape or array.dtype != dtype:
+                raise ShapeError(f"mesh.{name} is {array.dtype} {array.shape}; {np.dtype(dtype)} {shape} is wanted")
+            object.__setattr__(self, name, frozen(array))
+        if faces and not 0 <= int(self.triangles.min()) <= int(self.triangles.max()) < count:
+            raise ShapeError(f"mesh.triangles name vertices outside 0..{count - 1}")

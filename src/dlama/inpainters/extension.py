@@ -1,0 +1,199 @@
+"""Extension: a view's known surfaces in; inverse depth and a surface label for every hole pixel out.
+
+Ground and walls go on as the planes they are, the sky goes on as sky, what is neither is interpolated from the far side of
+the hole. Which surface goes on where is a labelling problem on a coarse grid: surfaces reach out from where they were last
+seen, meet where their planes intersect, may be hidden by what is known but not hide it (the visibility law).
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dlama.geometry.camera import Camera
+from dlama.geometry.rendering import inverse_depth
+from dlama.geometry.rgbd import BoolArray, Float32Array
+from dlama.geometry.view import View
+from dlama.geometry.visibility import Law
+from dlama.inpainters.planes import SMOOTH, find_planes, label_known, plane_values
+
+GRID = 96
+"""Longer side of the coarse grid."""
+ROUNDS = 6
+"""Sweeps of belief propagation; more change less than 0.5 % of the labels."""
+SMOOTH_PENALTY = 0.5
+REACH = 0.12
+"""Share of the picture's longer side at which a surface last seen that much farther off costs one full jump."""
+LEAST_INVERSE_DEPTH = 1e-3
+"""Planes are not continued beyond 1 km: there they are horizon."""
+
+
+@dataclass(frozen=True, eq=False)
+class Surfaces:
+    """Inverse depth and surface label of every pixel of a view, known and filled."""
+
+    inverse_depth: Float32Array
+    """H x W, 1/m; 0 = far."""
+    label: NDArray[np.int32]
+    """H x W; -1 = no plane, 0 = sky, k = k-th plane."""
+    planes: NDArray[np.float64]
+    """K x 3, w = a u + b v + c in pixels of the view."""
+
+
+def extend(view: View, law: Law, seed: int = 0) -> Surfaces:
+    """Continue the known surfaces of a view into its holes."""
+    w = inverse_depth(np.where(view.hole, np.float32(0), view.depth))
+    planes = find_planes(w, view.valid, seed)
+    label = label_known(w, view.valid, view.far, planes)
+    step = max(1.0, max(w.shape) / GRID)
+    coarse = Coarse.of(view, w, label, planes, step)
+    belief = coarse.beliefs(law)
+    return fine_surfaces(view, w, label, planes, coarse, belief)
+
+
+@dataclass(frozen=True, eq=False)
+class Coarse:
+    """The view on a grid of at most GRID cells: one sample of each cell."""
+
+    camera: Camera
+    hole: BoolArray
+    w: Float32Array
+    label: NDArray[np.int32]
+    values: Float32Array
+    """L x h x w inverse depth that each label would give: no plane, sky, planes."""
+    step: float
+
+    @classmethod
+    def of(cls, view: View, w: Float32Array, label: NDArray[np.int32], planes: NDArray[np.float64], step: float) -> Coarse:
+        from dlama.inpainters import extension_kernels
+
+        camera = shrunk(view.camera, step)
+        rows, columns = (
+            np.minimum(((np.arange(n) + 0.5) * step).astype(np.int64), size - 1) for n, size in zip(camera.hw, w.shape)
+        )
+        pick = np.ix_(rows, columns)
+        hole = view.hole[pick]
+        smooth = extension_kernels.far_side(w[pick], hole)
+        values = np.concatenate([smooth[None], np.zeros_like(smooth)[None], plane_values(planes, camera.hw, step)])
+        return cls(camera, hole, w[pick], label[pick], values.astype(np.float32), step)
+
+    def beliefs(self, law: Law) -> Float32Array:
+        """h x w x L cost of each label after belief propagation (lower is better)."""
+        from dlama.inpainters import extension_kernels
+
+        penalty = np.zeros(len(self.values), np.float32)
+        penalty[0] = SMOOTH_PENALTY
+        unary = extension_kernels.unary_costs(
+            self.values, self.allowed(law), self.distances(), self.hole, self.w, self.label, REACH * GRID, penalty
+        )
+        return extension_kernels.beliefs(unary, self.values, self.hole, ROUNDS)
+
+    def allowed(self, law: Law) -> BoolArray:
+        """L x h x w, False where a label is impossible: behind the camera, never seen, or against the law by over 3 %."""
+        out = np.ones(self.values.shape, np.bool_)
+        known = ~self.hole
+        for number, value in enumerate(self.values):
+            seen = (self.label[known] == number - 1).any() or number == 0
+            possible = value > LEAST_INVERSE_DEPTH if number > 1 else value >= 0
+            if number == 0:
+                possible = value > 0
+            out[number] = possible & seen
+            if number != 1:
+                depth = np.where(possible, 1.03 / np.maximum(value, 1e-6), np.inf).astype(np.float32)
+                out[number] &= ~law.violations(self.camera, depth, self.hole & possible)
+        return out
+
+    def distances(self) -> Float32Array:
+        """L x h x w, cells to the nearest known cell of each label (a large number if there is none)."""
+        import cv2
+
+        out = np.full(self.values.shape, 1e3, np.float32)
+        for number in range(len(self.values)):
+            there = ~self.hole & (self.label == number - 1)
+            if there.any():
+                out[number] = cv2.distanceTransform((~there).astype(np.uint8), cv2.DIST_L2, 5)
+        return out
+
+
+def shrunk(camera: Camera, step: float) -> Camera:
+    """The camera with pixels `step` times as large."""
+    width, height = max(1, round(camera.width / step)), max(1, round(camera.height / step))
+    return dataclasses.replace(
+        camera, width=width, height=height, fx=camera.fx / step, fy=camera.fy / step, cx=camera.cx / step, cy=camera.cy / step
+    )
+
+
+def fine_surfaces(
+    view: View,
+    w: Float32Array,
+    label: NDArray[np.int32],
+    planes: NDArray[np.float64],
+    coarse: Coarse,
+    belief: Float32Array,
+) -> Surfaces:
+    """Coarse beliefs interpolated to every hole pixel; each takes the label of least cost and its inverse depth."""
+    import cv2
+
+    height, width = w.shape
+    size = (round(coarse.camera.width * coarse.step), round(coarse.camera.height * coarse.step))
+    spread = spread_into_known(belief, coarse.hole)
+    best = np.full(w.shape, np.inf, np.float32)
+    chosen = np.full(w.shape, SMOOTH, np.int32)
+    for number in range(belief.shape[2]):
+        cost = enlarged(spread[..., number], (width, height), size)
+        better = cost < best
+        best[better] = cost[better]
+        chosen[better] = number - 1
+    filled = np.where(view.hole, chosen, label)
+    out = w.copy()
+    smooth_known = coarse.hole & (coarse.values[0] > 0)
+    smooth = enlarged(spread_into_known(np.where(coarse.hole, coarse.values[0], coarse.w), smooth_known | ~coarse.hole), (width, height), size)
+    out[view.hole] = np.where(filled == SMOOTH, smooth, 0)[view.hole]
+    for number in range(len(planes)):
+        where = view.hole & (filled == number + 1)
+        if where.any():
+            rows, columns = np.nonzero(where)
+            a, b, c = planes[number]
+            value = a * (columns + 0.5) + b * (rows + 0.5) + c
+            out[where] = np.maximum(value, 0) + anchored(w, label == number + 1, where, planes[number])
+    np.maximum(out, 0, out=out)
+    del cv2
+    return Surfaces(out, filled, planes)
+
+
+def enlarged(values: Float32Array, wh: tuple[int, int], covered: tuple[int, int]) -> Float32Array:
+    """A coarse picture bilinearly enlarged to the view."""
+    import cv2
+
+    del covered
+    return cv2.resize(np.ascontiguousarray(values, np.float32), wh, interpolation=cv2.INTER_LINEAR)
+
+
+def spread_into_known(values: np.ndarray, there: BoolArray) -> np.ndarray:
+    """Values with the cells outside `there` replaced by the nearest one inside, so that enlarging does not mix them in."""
+    import cv2
+
+    if there.all() or not there.any():
+        return values
+    _, labels = cv2.distanceTransformWithLabels((~there).astype(np.uint8), cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL)
+    source = np.zeros(labels.max() + 1, np.int64)
+    source[labels[there]] = np.flatnonzero(there)
+    return values.reshape(-1, *values.shape[2:])[source[labels]]
+
+
+def anchored(w: Float32Array, known: BoolArray, where: BoolArray, plane: NDArray[np.float64]) -> Float32Array:
+    """What the plane misses of its nearest known pixel, fading out within 16 px: no step at the rim."""
+    import cv2
+
+    if not known.any():
+        return np.zeros(int(where.sum()), np.float32)
+    distance, labels = cv2.distanceTransformWithLabels(
+        (~known).astype(np.uint8), cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL
+    )
+    rows, columns = np.nonzero(known)
+    residual = np.zeros(labels.max() + 1, np.float32)
+    residual[labels[known]] = w[known] - (plane[0] * (columns + 0.5) + plane[1] * (rows + 0.5) + plane[2])
+    return (residual[labels] * np.exp(-distance / 16))[where]

@@ -1,0 +1,33 @@
+"""The default filler: surfaces first, then their texture. Depth from the far side of each hole, colour from that surface."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dlama.geometry.rendering import inverse_depth
+from dlama.geometry.rgbd import Float32Array
+from dlama.geometry.view import Origin, View
+from dlama.geometry.visibility import Law
+from dlama.inpainters.extension import extend
+from dlama.inpainters.filling import Fill
+from dlama.inpainters.texture import synthesize
+
+
+def layered(view: View, law: Law, seed: int = 0) -> Fill:
+    """Continue planes, sky and smooth surfaces into the holes, put them behind what was measured, then paint them."""
+    surfaces = extend(view, law, seed)
+    depth, moved = law.project(view.camera, depth_of(surfaces.inverse_depth), view.hole)
+    color_hole = view.hole & (view.origin != Origin.DEPTH_FILLED)
+    color = view.color
+    if color_hole.any():
+        w = inverse_depth(depth)
+        color = synthesize(view.color, color_hole, w, surfaces.label, view.camera, seed=seed)
+    notes = {"planes": len(surfaces.planes)}
+    return Fill(color, depth, int(moved.sum()), notes)
+
+
+def depth_of(w: Float32Array) -> Float32Array:
+    """Metres from inverse depth; 0 is far (+inf)."""
+    out = np.full(w.shape, np.inf, np.float32)
+    np.divide(1, w, out=out, where=w > 0)
+    return out
