@@ -20,13 +20,21 @@ from dlama.geometry.view import View
 from dlama.geometry.visibility import Law
 from dlama.inpainters.planes import SMOOTH, find_planes, label_known, plane_values
 
-GRID = 96
+GRID = 256
 """Longer side of the coarse grid."""
-ROUNDS = 6
+ROUNDS = 4
 """Sweeps of belief propagation; more change less than 0.5 % of the labels."""
-SMOOTH_PENALTY = 0.5
-REACH = 0.12
+SMOOTH_PENALTY = 0.25
+POTTS = 0.1
+"""Cost of a border between two surfaces that meet; one that jumps costs 1 more."""
+RIM = (0.05, 0.3, 1.0, 3.0)
+"""Cost at the rim of the hole of a surface that meets the known one, is hidden by it, is hidden sky, stands before it."""
+REACH = 0.05
 """Share of the picture's longer side at which a surface last seen that much farther off costs one full jump."""
+LEEWAY = 1.03
+"""Relative depth by which a plane may break the visibility law and still be meant."""
+RANGE_COST = 6.0
+"""Cost of a plane e times nearer or farther than anything known."""
 LEAST_INVERSE_DEPTH = 1e-3
 """Planes are not continued beyond 1 km: there they are horizon."""
 
@@ -67,7 +75,9 @@ class Coarse:
     step: float
 
     @classmethod
-    def of(cls, view: View, w: Float32Array, label: NDArray[np.int32], planes: NDArray[np.float64], step: float) -> Coarse:
+    def of(
+        cls, view: View, w: Float32Array, label: NDArray[np.int32], planes: NDArray[np.float64], step: float
+    ) -> Coarse:
         from dlama.inpainters import extension_kernels
 
         camera = shrunk(view.camera, step)
@@ -75,7 +85,7 @@ class Coarse:
             np.minimum(((np.arange(n) + 0.5) * step).astype(np.int64), size - 1) for n, size in zip(camera.hw, w.shape)
         )
         pick = np.ix_(rows, columns)
-        hole = view.hole[pick]
+        hole = touched(view.hole, camera.wh)
         smooth = extension_kernels.far_side(w[pick], hole)
         values = np.concatenate([smooth[None], np.zeros_like(smooth)[None], plane_values(planes, camera.hw, step)])
         return cls(camera, hole, w[pick], label[pick], values.astype(np.float32), step)
@@ -84,12 +94,20 @@ class Coarse:
         """h x w x L cost of each label after belief propagation (lower is better)."""
         from dlama.inpainters import extension_kernels
 
-        penalty = np.zeros(len(self.values), np.float32)
-        penalty[0] = SMOOTH_PENALTY
+        penalty = self.beyond_range()
+        penalty[0] += SMOOTH_PENALTY
         unary = extension_kernels.unary_costs(
-            self.values, self.allowed(law), self.distances(), self.hole, self.w, self.label, REACH * GRID, penalty
+            self.values,
+            self.allowed(law),
+            self.distances(),
+            self.hole,
+            self.w,
+            self.label,
+            REACH * GRID,
+            penalty,
+            np.array(RIM),
         )
-        return extension_kernels.beliefs(unary, self.values, self.hole, ROUNDS)
+        return extension_kernels.beliefs(unary, self.values, self.hole, POTTS, ROUNDS)
 
     def allowed(self, law: Law) -> BoolArray:
         """L x h x w, False where a label is impossible: behind the camera, never seen, or against the law by over 3 %."""
@@ -102,9 +120,19 @@ class Coarse:
                 possible = value > 0
             out[number] = possible & seen
             if number != 1:
-                depth = np.where(possible, 1.03 / np.maximum(value, 1e-6), np.inf).astype(np.float32)
+                depth = np.where(possible, LEEWAY / np.maximum(value, 1e-6), np.inf).astype(np.float32)
                 out[number] &= ~law.violations(self.camera, depth, self.hole & possible)
         return out
+
+    def beyond_range(self) -> Float32Array:
+        """L x h x w cost of planes nearer or farther than all that is known: extrapolation is less sure the farther it goes."""
+        cost = np.zeros(self.values.shape, np.float32)
+        finite = self.w[~self.hole & (self.w > 0)]
+        if finite.size:
+            farthest, nearest = np.quantile(finite, (0.02, 0.98))
+            planes = np.maximum(self.values[2:], LEAST_INVERSE_DEPTH)
+            cost[2:] = RANGE_COST * np.maximum(0, np.maximum(np.log(planes / nearest), np.log(farthest / planes)))
+        return cost
 
     def distances(self) -> Float32Array:
         """L x h x w, cells to the nearest known cell of each label (a large number if there is none)."""
@@ -118,11 +146,24 @@ class Coarse:
         return out
 
 
+def touched(hole: BoolArray, wh: tuple[int, int]) -> BoolArray:
+    """Coarse cells that hold a hole pixel, so that a hole one pixel wide is not missed."""
+    import cv2
+
+    return cv2.resize(hole.astype(np.float32), wh, interpolation=cv2.INTER_AREA) > 0
+
+
 def shrunk(camera: Camera, step: float) -> Camera:
     """The camera with pixels `step` times as large."""
     width, height = max(1, round(camera.width / step)), max(1, round(camera.height / step))
     return dataclasses.replace(
-        camera, width=width, height=height, fx=camera.fx / step, fy=camera.fy / step, cx=camera.cx / step, cy=camera.cy / step
+        camera,
+        width=width,
+        height=height,
+        fx=camera.fx / step,
+        fy=camera.fy / step,
+        cx=camera.cx / step,
+        cy=camera.cy / step,
     )
 
 
@@ -135,65 +176,63 @@ def fine_surfaces(
     belief: Float32Array,
 ) -> Surfaces:
     """Coarse beliefs interpolated to every hole pixel; each takes the label of least cost and its inverse depth."""
-    import cv2
-
-    height, width = w.shape
-    size = (round(coarse.camera.width * coarse.step), round(coarse.camera.height * coarse.step))
-    spread = spread_into_known(belief, coarse.hole)
+    spread = spread_into(belief, coarse.hole)
     best = np.full(w.shape, np.inf, np.float32)
     chosen = np.full(w.shape, SMOOTH, np.int32)
     for number in range(belief.shape[2]):
-        cost = enlarged(spread[..., number], (width, height), size)
+        cost = enlarged(spread[..., number], view.camera.wh)
         better = cost < best
         best[better] = cost[better]
         chosen[better] = number - 1
-    filled = np.where(view.hole, chosen, label)
-    out = w.copy()
-    smooth_known = coarse.hole & (coarse.values[0] > 0)
-    smooth = enlarged(spread_into_known(np.where(coarse.hole, coarse.values[0], coarse.w), smooth_known | ~coarse.hole), (width, height), size)
-    out[view.hole] = np.where(filled == SMOOTH, smooth, 0)[view.hole]
-    for number in range(len(planes)):
-        where = view.hole & (filled == number + 1)
-        if where.any():
-            rows, columns = np.nonzero(where)
-            a, b, c = planes[number]
-            value = a * (columns + 0.5) + b * (rows + 0.5) + c
-            out[where] = np.maximum(value, 0) + anchored(w, label == number + 1, where, planes[number])
-    np.maximum(out, 0, out=out)
-    del cv2
+    rows, columns = np.nonzero(view.hole)
+    labels = chosen[rows, columns]
+    smooth = enlarged(spread_into(coarse.values[0], coarse.hole & (coarse.values[0] > 0)), view.camera.wh)
+    of_label = np.concatenate([np.zeros((1, 3)), planes])[np.maximum(labels, 0)]
+    on_plane = of_label[:, 0] * (columns + 0.5) + of_label[:, 1] * (rows + 0.5) + of_label[:, 2]
+    on_plane = np.maximum(0, on_plane + anchor(view.hole, w, label, planes, labels))
+    out, filled = w.copy(), label.copy()
+    out[rows, columns] = np.where(labels == SMOOTH, smooth[rows, columns], np.where(labels > 0, on_plane, 0))
+    filled[rows, columns] = labels
     return Surfaces(out, filled, planes)
 
 
-def enlarged(values: Float32Array, wh: tuple[int, int], covered: tuple[int, int]) -> Float32Array:
+def enlarged(values: Float32Array, wh: tuple[int, int]) -> Float32Array:
     """A coarse picture bilinearly enlarged to the view."""
     import cv2
 
-    del covered
     return cv2.resize(np.ascontiguousarray(values, np.float32), wh, interpolation=cv2.INTER_LINEAR)
 
 
-def spread_into_known(values: np.ndarray, there: BoolArray) -> np.ndarray:
-    """Values with the cells outside `there` replaced by the nearest one inside, so that enlarging does not mix them in."""
+def nearest_inside(there: BoolArray) -> tuple[Float32Array, NDArray[np.int64]]:
+    """H x W distance to, and flat index of, the nearest pixel of `there` (which must not be empty)."""
     import cv2
 
-    if there.all() or not there.any():
-        return values
-    _, labels = cv2.distanceTransformWithLabels((~there).astype(np.uint8), cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL)
+    distance, labels = cv2.distanceTransformWithLabels(
+        (~there).astype(np.uint8), cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL
+    )
     source = np.zeros(labels.max() + 1, np.int64)
     source[labels[there]] = np.flatnonzero(there)
-    return values.reshape(-1, *values.shape[2:])[source[labels]]
+    return distance, source[labels]
 
 
-def anchored(w: Float32Array, known: BoolArray, where: BoolArray, plane: NDArray[np.float64]) -> Float32Array:
-    """What the plane misses of its nearest known pixel, fading out within 16 px: no step at the rim."""
-    import cv2
+def spread_into(values: np.ndarray, there: BoolArray) -> np.ndarray:
+    """Values with the cells outside `there` replaced by the nearest one inside, so that enlarging does not mix them in."""
+    if there.all() or not there.any():
+        return values
+    return values.reshape(-1, *values.shape[2:])[nearest_inside(there)[1]]
 
-    if not known.any():
-        return np.zeros(int(where.sum()), np.float32)
-    distance, labels = cv2.distanceTransformWithLabels(
-        (~known).astype(np.uint8), cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL
-    )
-    rows, columns = np.nonzero(known)
-    residual = np.zeros(labels.max() + 1, np.float32)
-    residual[labels[known]] = w[known] - (plane[0] * (columns + 0.5) + plane[1] * (rows + 0.5) + plane[2])
-    return (residual[labels] * np.exp(-distance / 16))[where]
+
+def anchor(
+    hole: BoolArray, w: Float32Array, label: NDArray[np.int32], planes: NDArray[np.float64], labels: NDArray[np.int32]
+) -> NDArray[np.float64]:
+    """What a plane misses of its nearest known pixel, fading out over 16 px, for each hole pixel: no step at the rim.
+
+    labels: the label of each hole pixel, in row-major order; only a known pixel of the same plane anchors.
+    """
+    distance, source = nearest_inside(~hole)
+    source = source[hole]
+    rows, columns = np.divmod(source, hole.shape[1])
+    same = (label.ravel()[source] == labels) & (labels > 0)
+    of_label = np.concatenate([np.zeros((1, 3)), planes])[np.maximum(labels, 0)]
+    fitted = of_label[:, 0] * (columns + 0.5) + of_label[:, 1] * (rows + 0.5) + of_label[:, 2]
+    return np.where(same, (w.ravel()[source] - fitted) * np.exp(-distance[hole] / 16), 0)

@@ -8,13 +8,7 @@ import numpy as np
 from numba import njit, prange
 
 DIRECTIONS = 16
-FREE = 0.0
-POTTS = 0.25
-JUMP = 1.0
-OCCLUDED = 0.15
-IN_FRONT = 2.0
-SAME = 0.05
-"""Costs of a label against its neighbours, in units of a full depth jump between two hole pixels (JUMP)."""
+SKY_LABEL = 0
 
 
 @njit(cache=True)
@@ -81,24 +75,24 @@ def far_mean(values, weights):
 
 
 @njit(cache=True)
-def rim_cost(value, label, known, known_label):
+def rim_cost(value, label, known, known_label, rim):
     """Cost of filling `value` (inverse depth) with `label` next to a known pixel: going on is free, to be hidden by the
-    known pixel is cheap, to stand before it is dear."""
+    known pixel is cheap (less so for the sky), to stand before it is dear. rim: (meets, hidden, sky hidden, in front)."""
     if label == known_label and label >= 0:
-        return FREE
+        return 0.0
     if value > known * 1.03:
-        return IN_FRONT
+        return rim[3]
     if known > value * 1.03:
-        return OCCLUDED
-    return SAME
+        return rim[2] if label == SKY_LABEL else rim[1]
+    return rim[0]
 
 
 @njit(cache=True, parallel=True)
-def unary_costs(values, allowed, distance, hole, w, label, scale, penalty):
+def unary_costs(values, allowed, distance, hole, w, label, scale, penalty, rim):
     """H x W x L cost of each label at each hole pixel: how far away the surface was last seen, and the rim.
 
     values: L x H x W inverse depth; allowed: L x H x W bool; distance: L x H x W px to the nearest known pixel of a label;
-    scale: px of distance that cost as much as one full jump; penalty: L constants. Label l is `l - 1` in `label`.
+    scale: px of distance that cost as much as one full jump; penalty: L x H x W further cost. Label l is `l - 1` in `label`.
     """
     count, height, width = values.shape
     out = np.zeros((height, width, count), np.float32)
@@ -110,26 +104,27 @@ def unary_costs(values, allowed, distance, hole, w, label, scale, penalty):
             for k in range(count):
                 nearest = min(nearest, distance[k, row, column])
             for k in range(count):
-                cost = penalty[k] + (distance[k, row, column] - nearest) / scale
+                cost = penalty[k, row, column] + (distance[k, row, column] - nearest) / scale
                 if not allowed[k, row, column]:
                     cost += 50.0
                 for dr, dc in ((0, 1), (1, 0), (0, -1), (-1, 0)):
                     r, c = row + dr, column + dc
                     if 0 <= r < height and 0 <= c < width and not hole[r, c]:
-                        cost += rim_cost(values[k, row, column], k - 1, w[r, c], label[r, c])
+                        cost += rim_cost(values[k, row, column], k - 1, w[r, c], label[r, c], rim)
                 out[row, column, k] = cost
     return out
 
 
 @njit(cache=True)
-def pair_cost(value, other):
-    """Cost between two different labels of neighbouring hole pixels: small where their surfaces meet."""
+def pair_cost(value, other, potts):
+    """Cost between two different labels of neighbouring hole pixels: `potts` where their surfaces meet, 1 more at a jump
+    of 10 % and above."""
     gap = abs(value - other) / max(max(value, other), 1e-9)
-    return POTTS + JUMP * min(1.0, gap / 0.1)
+    return potts + min(1.0, gap / 0.1)
 
 
 @njit(cache=True)
-def send(unary, messages, values, hole, row, column, to_row, to_column, incoming, outgoing):
+def send(unary, messages, values, hole, potts, row, column, to_row, to_column, incoming, outgoing):
     """One min-sum message from a hole pixel to its neighbour; `incoming` is the direction it must not echo."""
     count = unary.shape[2]
     if not (hole[row, column] and hole[to_row, to_column]):
@@ -144,8 +139,8 @@ def send(unary, messages, values, hole, row, column, to_row, to_column, incoming
     for k in range(count):
         best = belief[k]
         for other in range(count):
-            if other != k and belief[other] < best + 1.5:
-                cost = belief[other] + pair_cost(values[other, row, column], values[k, to_row, to_column])
+            if other != k and belief[other] < best:
+                cost = belief[other] + pair_cost(values[other, row, column], values[k, to_row, to_column], potts)
                 best = min(best, cost)
         messages[outgoing, to_row, to_column, k] = best
         smallest = min(smallest, best)
@@ -154,31 +149,31 @@ def send(unary, messages, values, hole, row, column, to_row, to_column, incoming
 
 
 @njit(cache=True, parallel=True)
-def sweep_rows(unary, messages, values, hole):
+def sweep_rows(unary, messages, values, hole, potts):
     """Messages to the right and to the left along every row (directions 0 from left, 1 from right)."""
     height, width = hole.shape
     for row in prange(height):
         for column in range(width - 1):
-            send(unary, messages, values, hole, row, column, row, column + 1, 1, 0)
+            send(unary, messages, values, hole, potts, row, column, row, column + 1, 1, 0)
         for column in range(width - 1, 0, -1):
-            send(unary, messages, values, hole, row, column, row, column - 1, 0, 1)
+            send(unary, messages, values, hole, potts, row, column, row, column - 1, 0, 1)
 
 
 @njit(cache=True, parallel=True)
-def sweep_columns(unary, messages, values, hole):
+def sweep_columns(unary, messages, values, hole, potts):
     """Messages down and up along every column (directions 2 from above, 3 from below)."""
     height, width = hole.shape
     for column in prange(width):
         for row in range(height - 1):
-            send(unary, messages, values, hole, row, column, row + 1, column, 3, 2)
+            send(unary, messages, values, hole, potts, row, column, row + 1, column, 3, 2)
         for row in range(height - 1, 0, -1):
-            send(unary, messages, values, hole, row, column, row - 1, column, 2, 3)
+            send(unary, messages, values, hole, potts, row, column, row - 1, column, 2, 3)
 
 
-def beliefs(unary, values, hole, rounds):
+def beliefs(unary, values, hole, potts, rounds):
     """H x W x L min-marginals by loopy belief propagation (sequential sweeps along rows and columns)."""
     messages = np.zeros((4, *unary.shape), np.float32)
     for _ in range(rounds):
-        sweep_rows(unary, messages, values, hole)
-        sweep_columns(unary, messages, values, hole)
+        sweep_rows(unary, messages, values, hole, potts)
+        sweep_columns(unary, messages, values, hole, potts)
     return unary + messages.sum(0)

@@ -10,6 +10,7 @@ from dlama.geometry.view import Origin, View
 from dlama.geometry.visibility import Law
 from dlama.inpainters.extension import extend
 from dlama.inpainters.filling import Fill
+from dlama.inpainters.planes import SKY, SMOOTH
 from dlama.inpainters.texture import synthesize
 
 
@@ -21,7 +22,9 @@ def layered(view: View, law: Law, seed: int = 0) -> Fill:
     color = view.color
     if color_hole.any():
         w = inverse_depth(depth)
-        color = synthesize(view.color, color_hole, w, surfaces.label, view.camera, seed=seed)
+        label = np.where(np.abs(w - surfaces.inverse_depth) > 0.05 * w, np.int32(SMOOTH), surfaces.label)
+        label = np.where(view.hole & (w == 0), np.int32(SKY), label)
+        color = synthesize(view.color, color_hole, w, label.astype(np.int32), view.camera, seed=seed)
     notes = {"planes": len(surfaces.planes)}
     return Fill(color, depth, int(moved.sum()), notes)
 
