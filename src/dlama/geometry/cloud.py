@@ -46,9 +46,7 @@ class PointCloud:
 def concatenated(clouds: Sequence[PointCloud]) -> PointCloud:
     """One cloud of all points, in order; no clouds give an empty one."""
     if not clouds:
-        return PointCloud(
-            np.zeros((0, 3)), np.zeros((0, 3), np.uint8), np.zeros(0, np.uint8), np.zeros(0, np.float32)
-        )
+        return PointCloud(np.zeros((0, 3)), np.zeros((0, 3), np.uint8), np.zeros(0, np.uint8), np.zeros(0, np.float32))
     return PointCloud(
         np.concatenate([c.points for c in clouds]),
         np.concatenate([c.color for c in clouds]),

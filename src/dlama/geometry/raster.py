@@ -16,6 +16,8 @@ RIGHT = 1
 DOWN = 2
 BAND = 32
 """Target rows per parallel task."""
+CHUNK = 64
+"""Source columns that are skipped together where they do not touch a band."""
 
 
 @njit(cache=True)
@@ -44,13 +46,11 @@ def at(w, row, column):
 
 
 @njit(cache=True)
-def is_joined(w, row, column, dr, dc, ratio):
-    """True if the vertices (row, column) and (row + dr, column + dc) lie on one surface."""
+def is_slope(w, row, column, dr, dc):
+    """True if the steep step from (row, column) to (row + dr, column + dc) continues a slope."""
     w0, w1 = w[row, column], w[row + dr, column + dc]
     if w0 <= 0 or w1 <= 0:
         return False
-    if abs(w1 - w0) <= ratio * max(w0, w1):
-        return True
     return slope_goes_on(
         w0,
         w1,
@@ -70,11 +70,16 @@ def joints(w, ratio):
         for column in range(width):
             if w[row, column] <= 0:
                 continue
+            here = w[row, column]
             flags = 0
-            if column + 1 < width and is_joined(w, row, column, 0, 1, ratio):
-                flags |= RIGHT
-            if row + 1 < height and is_joined(w, row, column, 1, 0, ratio):
-                flags |= DOWN
+            if column + 1 < width:
+                other = w[row, column + 1]
+                if abs(other - here) <= ratio * max(other, here) or is_slope(w, row, column, 0, 1):
+                    flags |= RIGHT
+            if row + 1 < height:
+                other = w[row + 1, column]
+                if abs(other - here) <= ratio * max(other, here) or is_slope(w, row, column, 1, 0):
+                    flags |= DOWN
             out[row, column] = flags
     return out
 
@@ -104,8 +109,8 @@ def lies_between(here, one, other, ratio):
 
 
 @njit(cache=True, parallel=True)
-def transform(depth, matrix, offset, out_x, out_y, out_z):
-    """Vertices (pixel centres at their depth) into target pixels and planar z; z = 0 where there is no vertex.
+def transform(depth, matrix, offset, near, out_x, out_y, out_w):
+    """Vertices (pixel centres at their depth) into target pixels and inverse z; 0 where there is none, or none in front.
 
     matrix: 3x3, K_target R K_source^-1; offset: K_target t. (eq. 1 of the paper, with both projections folded in)
     """
@@ -117,55 +122,51 @@ def transform(depth, matrix, offset, out_x, out_y, out_z):
         c = matrix[2, 1] * v + matrix[2, 2]
         for column in range(width):
             z = depth[row, column]
+            out_w[row, column] = 0
             if not 0 < z < np.inf:
-                out_z[row, column] = 0
                 continue
             u = column + 0.5
             ahead = z * (matrix[2, 0] * u + c) + offset[2]
-            inverse = 1.0 / ahead if ahead > 0 else 0.0
+            if ahead <= near:
+                continue
+            inverse = 1.0 / ahead
             out_x[row, column] = (z * (matrix[0, 0] * u + a) + offset[0]) * inverse
             out_y[row, column] = (z * (matrix[1, 0] * u + b) + offset[1]) * inverse
-            out_z[row, column] = ahead
+            out_w[row, column] = inverse
 
 
 @njit(cache=True, parallel=True)
-def row_spans(y, z, near):
-    """Per source row, the smallest and largest target y of its vertices (empty: inf, -inf)."""
+def quad_spans(y, w):
+    """Smallest and largest target y of each row of quads, CHUNK quads at a time (empty: inf, -inf)."""
     height, width = y.shape
-    spans = np.empty((height, 2), np.float32)
+    chunks = (width + CHUNK - 1) // CHUNK
+    spans = np.empty((height, chunks, 2), np.float32)
     for row in prange(height):
-        low, high = np.float32(np.inf), np.float32(-np.inf)
-        for column in range(width):
-            if z[row, column] > near:
-                low = min(low, y[row, column])
-                high = max(high, y[row, column])
-        spans[row, 0], spans[row, 1] = low, high
+        for chunk in range(chunks):
+            low, high = np.float32(np.inf), np.float32(-np.inf)
+            for r in range(row, min(height, row + 2)):
+                for column in range(chunk * CHUNK, min(width, (chunk + 1) * CHUNK + 1)):
+                    if w[r, column] > 0:
+                        low = min(low, y[r, column])
+                        high = max(high, y[r, column])
+            spans[row, chunk, 0], spans[row, chunk, 1] = low, high
     return spans
 
 
 @njit(cache=True)
-def fill_triangle(x0, y0, w0, x1, y1, w1, x2, y2, w2, corners, row, column, top, bottom, wbuf, where):
-    """Front-facing triangle into the z-buffer rows [top, bottom): inverse depth, and the source position it shows.
+def fill_triangle(x0, y0, w0, x1, y1, w1, x2, y2, w2, corners, row, column, box, wbuf, where):
+    """Front-facing triangle into the z-buffer: inverse depth, and the source position that is seen.
 
-    corners: the quad corners (bit 0: right, bit 1: lower) of the three vertices, packed two bits each.
+    corners: the quad corners (bit 0: right, bit 1: lower) of the three vertices, packed two bits each; box: the target
+    pixels to look at (left, right, upper, lower, inclusive).
     """
     area = (x1 - x0) * (y2 - y0) - (x2 - x0) * (y1 - y0)
-    if area <= 1e-9:
-        return
-    width = wbuf.shape[1]
-    left = max(0, int(math.ceil(min(x0, x1, x2) - 0.5)))
-    right = min(width - 1, int(math.floor(max(x0, x1, x2) - 0.5)))
-    upper = max(top, int(math.ceil(min(y0, y1, y2) - 0.5)))
-    lower = min(bottom - 1, int(math.floor(max(y0, y1, y2) - 0.5)))
-    if left > right or upper > lower:
+    if area <= 1e-9 or w0 <= 0 or w1 <= 0 or w2 <= 0:
         return
     scale = 1.0 / area
-    r0, d0 = corners & 1, (corners >> 1) & 1
-    r1, d1 = (corners >> 2) & 1, (corners >> 3) & 1
-    r2, d2 = (corners >> 4) & 1, (corners >> 5) & 1
-    for ty in range(upper, lower + 1):
+    for ty in range(box[2], box[3] + 1):
         py = ty + 0.5
-        for tx in range(left, right + 1):
+        for tx in range(box[0], box[1] + 1):
             px = tx + 0.5
             b1 = ((px - x0) * (y2 - y0) - (x2 - x0) * (py - y0)) * scale
             b2 = ((x1 - x0) * (py - y0) - (px - x0) * (y1 - y0)) * scale
@@ -176,8 +177,22 @@ def fill_triangle(x0, y0, w0, x1, y1, w1, x2, y2, w2, corners, row, column, top,
             w = v0 + v1 + v2
             if w > wbuf[ty, tx]:
                 wbuf[ty, tx] = w
-                where[ty, tx, 0] = column + (v0 * r0 + v1 * r1 + v2 * r2) / w
-                where[ty, tx, 1] = row + (v0 * d0 + v1 * d1 + v2 * d2) / w
+                right = v0 * (corners & 1) + v1 * (corners >> 2 & 1) + v2 * (corners >> 4 & 1)
+                lower = v0 * (corners >> 1 & 1) + v1 * (corners >> 3 & 1) + v2 * (corners >> 5 & 1)
+                where[ty, tx, 0] = column + right / w
+                where[ty, tx, 1] = row + lower / w
+
+
+@njit(cache=True)
+def quad_box(x, y, row, column, top, bottom, columns):
+    """Target pixels whose centres a quad may cover, cut to rows [top, bottom): left, right, upper, lower, inclusive."""
+    xa, xb, xc, xd = x[row, column], x[row, column + 1], x[row + 1, column], x[row + 1, column + 1]
+    ya, yb, yc, yd = y[row, column], y[row, column + 1], y[row + 1, column], y[row + 1, column + 1]
+    left = math.ceil(max(0.5, min(min(xa, xb), min(xc, xd))) - 0.5001)
+    right = math.floor(min(columns - 0.5, max(max(xa, xb), max(xc, xd))) - 0.4999)
+    upper = math.ceil(max(top + 0.5, min(min(ya, yb), min(yc, yd))) - 0.5001)
+    lower = math.floor(min(bottom - 0.5, max(max(ya, yb), max(yc, yd))) - 0.4999)
+    return int(left), int(right), int(upper), int(lower)
 
 
 A, B, C, D = 0, 1, 2, 3  # corners of a quad: upper left, upper right, lower left, lower right
@@ -198,101 +213,72 @@ def quad_sides(joined, row, column):
 
 
 @njit(cache=True, parallel=True)
-def draw_surface(x, y, z, joined, near, wbuf, where):
+def draw_surface(x, y, w, joined, wbuf, where):
     """The joined quads of the grid, z-buffered. wbuf: H x W float32 zeros; where: H x W x 2 source column, row."""
     height, width = x.shape
-    rows = wbuf.shape[0]
-    spans = row_spans(y, z, near)
+    rows, columns = wbuf.shape
+    spans = quad_spans(y, w)
     for band in prange((rows + BAND - 1) // BAND):
         top, bottom = band * BAND, min(rows, (band + 1) * BAND)
         for row in range(height - 1):
-            if max(spans[row, 1], spans[row + 1, 1]) < top or min(spans[row, 0], spans[row + 1, 0]) > bottom:
-                continue
-            for column in range(width - 1):
-                sides = quad_sides(joined, row, column)
-                if sides == 0:
+            for chunk in range(spans.shape[1]):
+                if spans[row, chunk, 1] < top or spans[row, chunk, 0] > bottom:
                     continue
-                draw_quad(x, y, z, row, column, sides, near, top, bottom, wbuf, where)
+                for column in range(chunk * CHUNK, min(width - 1, (chunk + 1) * CHUNK)):
+                    sides = quad_sides(joined, row, column)
+                    if sides == 0:
+                        continue
+                    box = quad_box(x, y, row, column, top, bottom, columns)
+                    if box[0] <= box[1] and box[2] <= box[3]:
+                        draw_quad(x, y, w, row, column, sides, box, wbuf, where)
 
 
 @njit(cache=True)
-def draw_quad(x, y, z, row, column, sides, near, top, bottom, wbuf, where):
+def draw_quad(x, y, w, row, column, sides, box, wbuf, where):
     """One quad: two triangles where all four sides are joined, else the triangle of the corner whose two sides are."""
-    ya, yb, yc, yd = y[row, column], y[row, column + 1], y[row + 1, column], y[row + 1, column + 1]
-    if max(max(ya, yb), max(yc, yd)) < top or min(min(ya, yb), min(yc, yd)) > bottom:
-        return
     xa, xb, xc, xd = x[row, column], x[row, column + 1], x[row + 1, column], x[row + 1, column + 1]
-    za, zb, zc, zd = z[row, column], z[row, column + 1], z[row + 1, column], z[row + 1, column + 1]
-    wa = 1 / za if za > near else 0.0
-    wb = 1 / zb if zb > near else 0.0
-    wc = 1 / zc if zc > near else 0.0
-    wd = 1 / zd if zd > near else 0.0
+    ya, yb, yc, yd = y[row, column], y[row, column + 1], y[row + 1, column], y[row + 1, column + 1]
+    wa, wb, wc, wd = w[row, column], w[row, column + 1], w[row + 1, column], w[row + 1, column + 1]
     full = sides == 15
     along_bc = abs(wb - wc) <= abs(wa - wd)
     if (full and along_bc) or (not full and sides & 3 == 3):
-        if wa > 0 and wb > 0 and wc > 0:
-            fill_triangle(xa, ya, wa, xb, yb, wb, xc, yc, wc, ABC, row, column, top, bottom, wbuf, where)
+        fill_triangle(xa, ya, wa, xb, yb, wb, xc, yc, wc, ABC, row, column, box, wbuf, where)
     if (full and along_bc) or (not full and sides & 12 == 12):
-        if wb > 0 and wd > 0 and wc > 0:
-            fill_triangle(xb, yb, wb, xd, yd, wd, xc, yc, wc, BDC, row, column, top, bottom, wbuf, where)
+        fill_triangle(xb, yb, wb, xd, yd, wd, xc, yc, wc, BDC, row, column, box, wbuf, where)
     if (full and not along_bc) or (not full and sides & 5 == 5):
-        if wa > 0 and wb > 0 and wd > 0:
-            fill_triangle(xa, ya, wa, xb, yb, wb, xd, yd, wd, ABD, row, column, top, bottom, wbuf, where)
+        fill_triangle(xa, ya, wa, xb, yb, wb, xd, yd, wd, ABD, row, column, box, wbuf, where)
     if (full and not along_bc) or (not full and sides & 10 == 10):
-        if wa > 0 and wd > 0 and wc > 0:
-            fill_triangle(xa, ya, wa, xd, yd, wd, xc, yc, wc, ADC, row, column, top, bottom, wbuf, where)
+        fill_triangle(xa, ya, wa, xd, yd, wd, xc, yc, wc, ADC, row, column, box, wbuf, where)
 
 
 @njit(cache=True)
-def is_rim(joined, z, row, column):
-    """True if some quad round a vertex is not wholly joined: there the mesh ends half a pixel short of the pixel."""
-    height, width = joined.shape
-    if row == 0 or column == 0 or row == height - 1 or column == width - 1:
-        return True
-    return (
-        quad_sides(joined, row - 1, column - 1) != 15
-        or quad_sides(joined, row - 1, column) != 15
-        or quad_sides(joined, row, column - 1) != 15
-        or quad_sides(joined, row, column) != 15
-    )
-
-
-@njit(cache=True, parallel=True)
-def draw_rim(x, y, z, joined, near, depth, zoom, wbuf, where):
+def draw_rim(x, y, w, rim, depth, zoom, wbuf, where):
     """One-pixel footprints of the vertices at the rim of the mesh (wires, poles, silhouettes, isolated pixels).
 
-    depth: source z; zoom: target focal length / source focal length. A footprint is the source pixel's own size, at least
-    one target pixel and at most 32. It only covers what is empty or clearly behind.
+    rim: N flat source indices; depth: source z; zoom: target focal length / source focal length. A footprint is the source
+    pixel's own size, at least one target pixel and at most 32. It only covers what is empty or clearly behind.
     """
-    height, width = x.shape
+    width = x.shape[1]
     rows, columns = wbuf.shape
     meshed = wbuf.copy()
-    spans = row_spans(y, z, near)
-    for band in prange((rows + BAND - 1) // BAND):
-        top, bottom = band * BAND, min(rows, (band + 1) * BAND)
-        for row in range(height):
-            if spans[row, 1] < top - 16 or spans[row, 0] > bottom + 16:
-                continue
-            for column in range(width):
-                ahead = z[row, column]
-                if ahead <= near or not is_rim(joined, z, row, column):
-                    continue
-                half = min(16.0, 0.5 * zoom * depth[row, column] / ahead)
-                if half <= 0.5:
-                    left = right = int(math.floor(x[row, column]))
-                    upper = lower = int(math.floor(y[row, column]))
-                else:
-                    left = int(math.ceil(x[row, column] - half - 0.5))
-                    right = int(math.ceil(x[row, column] + half - 0.5)) - 1
-                    upper = int(math.ceil(y[row, column] - half - 0.5))
-                    lower = int(math.ceil(y[row, column] + half - 0.5)) - 1
-                w = 1.0 / ahead
-                for ty in range(max(top, upper), min(bottom - 1, lower) + 1):
-                    for tx in range(max(0, left), min(columns - 1, right) + 1):
-                        if w > wbuf[ty, tx] and w > meshed[ty, tx] * 1.02:
-                            wbuf[ty, tx] = w
-                            where[ty, tx, 0] = column
-                            where[ty, tx, 1] = row
+    for vertex in rim:
+        row, column = vertex // width, vertex % width
+        inverse, px, py = w[row, column], x[row, column], y[row, column]
+        half = min(16.0, 0.5 * zoom * depth[row, column] * inverse)
+        if not (inverse > 0 and -half - 1 < px < columns + half + 1 and -half - 1 < py < rows + half + 1):
+            continue
+        if half <= 0.5:
+            left = right = int(math.floor(px))
+            upper = lower = int(math.floor(py))
+        else:
+            left, right = int(math.ceil(px - half - 0.5)), int(math.ceil(px + half - 0.5)) - 1
+            upper, lower = int(math.ceil(py - half - 0.5)), int(math.ceil(py + half - 0.5)) - 1
+        for ty in range(max(0, upper), min(rows - 1, lower) + 1):
+            for tx in range(max(0, left), min(columns - 1, right) + 1):
+                if inverse > wbuf[ty, tx] and inverse > meshed[ty, tx] * 1.02:
+                    wbuf[ty, tx] = inverse
+                    where[ty, tx, 0] = column
+                    where[ty, tx, 1] = row
 
 
 @njit(cache=True)

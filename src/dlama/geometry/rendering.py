@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dlama.errors import InputError
 from dlama.geometry.camera import Camera, Float64Array
@@ -24,6 +25,14 @@ MODES: tuple[Mode, ...] = ("surface", "points")
 
 NEAR = 1e-3
 """Metres in front of the camera at which rendering begins."""
+
+
+TYPE_OF_RANK = np.array(
+    [HoleType.OUT_OF_VIEW, HoleType.DISOCCLUDED, HoleType.CRACK, HoleType.FLYING, HoleType.SENSOR, HoleType.OBJECT],
+    np.uint8,
+)
+"""Hole types in rising precedence where several apply (ranks of `dlama.geometry.sheet`)."""
+RANK_OF_TYPE = np.array([0, 2, 1, 3, 0, 4, 5], np.uint8)
 
 
 def edge_ratio(camera: Camera) -> float:
@@ -66,14 +75,14 @@ class Canvas:
             np.zeros((*hw, 3), np.uint8), np.zeros(hw, np.float32), np.zeros(hw, np.uint8), np.zeros(hw, np.float32)
         )
 
-    def buffers(self) -> tuple[np.ndarray, ...]:
+    def buffers(self) -> tuple[UInt8Array, Float32Array, UInt8Array, Float32Array]:
         return self.color, self.depth, self.origin, self.confidence
 
     def put(self, other: Canvas, tolerance: float) -> None:
         """Draw another canvas over this one where this is empty or clearly behind (relative tolerance)."""
         wins = (other.depth > 0) & ((self.depth == 0) | (other.depth < self.depth * (1 - tolerance)))
-        for mine, theirs in zip(self.buffers(), other.buffers()):
-            mine[wins] = theirs[wins]
+        self.color[wins], self.depth[wins] = other.color[wins], other.depth[wins]
+        self.origin[wins], self.confidence[wins] = other.origin[wins], other.confidence[wins]
 
 
 def render(
@@ -90,11 +99,13 @@ def render(
     if isinstance(source, PointCloud):
         return render_cloud(source, camera, mode)
     scene = as_scene(source)
+    grids = [Grid.of(layer, camera, mode) for layer in scene.layers]
     canvas = Canvas.empty(camera)
-    for number, layer in enumerate(scene.layers):
-        drawn = draw(layer, camera, mode) if number else draw(layer, camera, mode, canvas)
+    for number, grid in enumerate(grids):
         if number:
-            canvas.put(drawn, tolerance=0.005)
+            canvas.put(draw(grid, camera, Canvas.empty(camera)), tolerance=0.005)
+        else:
+            draw(grid, camera, canvas)
     for layer in scene.layers:
         draw_far(layer, camera, canvas)
     hole = canvas.depth == 0
@@ -103,7 +114,7 @@ def render(
         color=canvas.color,
         depth=canvas.depth,
         hole=hole,
-        hole_type=hole_types(scene, camera, mode, hole) if types else hole * np.uint8(HoleType.OUT_OF_VIEW),
+        hole_type=hole_types(grids, scene.objects, camera, hole) if types else hole * np.uint8(HoleType.OUT_OF_VIEW),
         origin=canvas.origin,
         confidence=canvas.confidence,
     )
@@ -116,52 +127,89 @@ def as_scene(source: RGBD | View | Scene) -> Scene:
     return Scene((source,)) if isinstance(source, View) else source
 
 
-def draw(layer: View, camera: Camera, mode: Mode, canvas: Canvas | None = None) -> Canvas:
+@dataclass(frozen=True, eq=False)
+class Grid:
+    """A layer made ready for drawing into one camera."""
+
+    layer: View
+    mode: Mode
+    still: bool
+    """The camera is the layer's own: pixels are copied, nothing is rejected."""
+    depth: Float32Array
+    """Depth without holes and flying pixels (0)."""
+    flying: BoolArray
+    joined: UInt8Array
+    """Which neighbours are one surface, `raster.joints`."""
+    matrix: Float64Array
+    offset: Float64Array
+    """Layer pixels to target pixels, `px_from_px`."""
+
+    @classmethod
+    def of(cls, layer: View, camera: Camera, mode: Mode) -> Grid:
+        from dlama.geometry import raster
+
+        ratio = edge_ratio(layer.camera)
+        depth = np.where(layer.hole, np.float32(0), layer.depth)
+        w = inverse_depth(depth)
+        joined = raster.joints(w, ratio)
+        mixed = raster.flying_pixels(w, joined, ratio)
+        if mixed.any():
+            depth[mixed] = w[mixed] = 0
+            if mode == "surface":
+                joined = raster.joints(w, ratio)
+        still = layer.camera.same_view_as(camera)
+        return cls(layer, mode, still, depth, mixed, joined, *px_from_px(camera, layer.camera))
+
+    def rim(self) -> NDArray[np.int64]:
+        """Flat indices of vertices round which some quad is not whole: there the mesh ends short of the pixel's edge."""
+        joined = self.joined
+        whole = np.zeros((joined.shape[0] + 1, joined.shape[1] + 1), np.bool_)
+        whole[1:-1, 1:-1] = (joined[:-1, :-1] == 3) & (joined[:-1, 1:] >= 2) & ((joined[1:, :-1] & 1) > 0)
+        inner = whole[:-1, :-1] & whole[:-1, 1:] & whole[1:, :-1] & whole[1:, 1:]
+        return np.flatnonzero(~inner & (self.depth > 0))
+
+
+def draw(grid: Grid, camera: Camera, canvas: Canvas) -> Canvas:
     """One layer's finite surfaces, drawn onto an empty canvas."""
     from dlama.geometry import raster, shading
 
-    canvas = canvas or Canvas.empty(camera)
-    if layer.camera.same_view_as(camera):
+    layer = grid.layer
+    if grid.still:
         copy_onto(canvas, layer)
         return canvas
-    matrix, offset = px_from_px(camera, layer.camera)
     pixels = layer.color, layer.origin, layer.confidence
-    if mode == "points":
+    if grid.mode == "points":
         zbuf = np.full(camera.hw, np.inf, np.float32)
         index = np.full(camera.hw, -1, np.int32)
-        raster.draw_points(without_flying(layer), matrix, offset, NEAR, zbuf, index)
+        raster.draw_points(grid.depth, grid.matrix, grid.offset, NEAR, zbuf, index)
         shading.shade_points(zbuf, index, *pixels, *canvas.buffers())
         return canvas
-    depth, joined = mesh_grid(layer)
-    x, y, z = transformed(depth, matrix, offset)
+    x, y, w = transformed(grid.depth, grid.matrix, grid.offset)
     wbuf = np.zeros(camera.hw, np.float32)
-    where = np.zeros((*camera.hw, 2), np.float32)
-    raster.draw_surface(x, y, z, joined, NEAR, wbuf, where)
-    raster.draw_rim(x, y, z, joined, NEAR, depth, camera.fx / layer.camera.fx, wbuf, where)
-    shading.shade_surface(wbuf, where, joined, *pixels, *canvas.buffers())
+    where = np.empty((*camera.hw, 2), np.float32)
+    raster.draw_surface(x, y, w, grid.joined, wbuf, where)
+    raster.draw_rim(x, y, w, grid.rim(), grid.depth, camera.fx / layer.camera.fx, wbuf, where)
+    shading.shade_surface(wbuf, where, grid.joined, *pixels, *canvas.buffers())
     return canvas
-
-
-def without_flying(layer: View) -> Float32Array:
-    """Depth of a layer with its flying pixels and holes at 0."""
-    depth = np.where(layer.hole, np.float32(0), layer.depth)
-    depth[flying(layer)] = 0
-    return depth
 
 
 def mesh_grid(layer: View) -> tuple[Float32Array, UInt8Array]:
     """Depth without flying pixels, and which neighbours are joined into one surface."""
-    from dlama.geometry import raster
-
-    depth = without_flying(layer)
-    return depth, raster.joints(inverse_depth(depth), edge_ratio(layer.camera))
+    grid = Grid.of(layer, layer.camera, "surface")
+    return grid.depth, grid.joined
 
 
 def copy_onto(canvas: Canvas, layer: View) -> None:
     """The layer seen from its own camera: every finite pixel as it is."""
-    known = layer.valid
-    for mine, theirs in zip(canvas.buffers(), (layer.color, layer.depth, layer.origin, layer.confidence)):
-        np.copyto(mine, theirs, where=known[..., None] if theirs.ndim == 3 else known)
+    copy_where(canvas, layer, layer.valid)
+
+
+def copy_where(canvas: Canvas, layer: View, where: BoolArray) -> None:
+    """The chosen pixels of a layer onto the canvas, as they are."""
+    np.copyto(canvas.color, layer.color, where=where[..., None])
+    np.copyto(canvas.depth, layer.depth, where=where)
+    np.copyto(canvas.origin, layer.origin, where=where)
+    np.copyto(canvas.confidence, layer.confidence, where=where)
 
 
 def draw_far(layer: View, camera: Camera, canvas: Canvas) -> None:
@@ -172,9 +220,7 @@ def draw_far(layer: View, camera: Camera, canvas: Canvas) -> None:
     if not far.any():
         return
     if layer.camera.same_view_as(camera):
-        shown = far & (canvas.depth == 0)
-        for mine, theirs in zip(canvas.buffers(), (layer.color, layer.depth, layer.origin, layer.confidence)):
-            np.copyto(mine, theirs, where=shown[..., None] if theirs.ndim == 3 else shown)
+        copy_where(canvas, layer, far & (canvas.depth == 0))
         return
     turn = layer.camera.cam_from_world[:3, :3] @ camera.world_from_cam[:3, :3]
     matrix = layer.camera.K @ turn @ np.linalg.inv(camera.K)
@@ -189,38 +235,32 @@ def px_from_px(target: Camera, source: Camera) -> tuple[Float64Array, Float64Arr
 
 
 def transformed(depth: Float32Array, matrix: Float64Array, offset: Float64Array) -> tuple[Float32Array, ...]:
-    """Target x, y (pixels) and z (metres) of every source pixel, float32 H x W each."""
+    """Target x, y (pixels) and inverse z (1/m, 0 = not in front) of every source pixel, float32 H x W each."""
     from dlama.geometry import raster
 
-    x, y, z = (np.empty_like(depth) for _ in range(3))
-    raster.transform(depth, matrix, offset, x, y, z)
-    return x, y, z
+    x, y, w = (np.empty_like(depth) for _ in range(3))
+    raster.transform(depth, matrix, offset, NEAR, x, y, w)
+    return x, y, w
 
 
-def hole_types(scene: Scene, camera: Camera, mode: Mode, hole: BoolArray) -> UInt8Array:
-    """H x W HoleType codes of the empty pixels of `scene` seen from `camera`."""
+def hole_types(grids: list[Grid], objects: tuple[View, ...], camera: Camera, hole: BoolArray) -> UInt8Array:
+    """H x W HoleType codes of the empty pixels of a scene (its grids, its removed objects) seen from `camera`."""
     from dlama.geometry import sheet
 
-    codes = np.array(
-        [HoleType.OUT_OF_VIEW, HoleType.DISOCCLUDED, HoleType.CRACK, HoleType.FLYING, HoleType.SENSOR, HoleType.OBJECT],
-        np.uint8,
-    )
     ranks = np.zeros(hole.shape, np.uint8)
-    crack_rank = sheet.CRACK_RANK if mode == "points" else sheet.DISOCCLUDED_RANK
-    for layer in scene.layers:
+    for grid in grids:
+        layer = grid.layer
         if not hole.any():
             break
-        if layer.camera.same_view_as(camera):
-            own = np.array([0, 2, 1, 3, 0, 4, 5], np.uint8)[layer.hole_type]
-            np.maximum(ranks, own, out=ranks, where=hole)
+        if grid.still:
+            np.maximum(ranks, RANK_OF_TYPE[layer.hole_type], out=ranks, where=hole)
         elif (layer.origin == Origin.MEASURED).any():
-            depth, grid_rank = closed_grid(layer, scene.objects)
-            x, y, z = transformed(depth, *px_from_px(camera, layer.camera))
-            mesh_depth, joined = mesh_grid(layer)
-            sheet.mark_sheet(x, y, z, joined, grid_rank, NEAR, crack_rank, hole, ranks)
-            mixed = (mesh_depth == 0) & layer.valid
-            sheet.mark_points(x, y, z, mixed, NEAR, sheet.FLYING_RANK, hole, ranks)
-    return np.where(hole, codes[ranks], np.uint8(0)).astype(np.uint8)
+            depth, grid_rank = closed_grid(layer, objects)
+            x, y, w = transformed(depth, grid.matrix, grid.offset)
+            crack_rank = sheet.CRACK_RANK if grid.mode == "points" else sheet.DISOCCLUDED_RANK
+            sheet.mark_sheet(x, y, w, grid.joined, grid_rank, crack_rank, hole, ranks)
+            sheet.mark_points(x, y, w, grid.flying, sheet.FLYING_RANK, hole, ranks)
+    return np.where(hole, TYPE_OF_RANK[ranks], np.uint8(0)).astype(np.uint8)
 
 
 def closed_grid(layer: View, objects: tuple[View, ...]) -> tuple[Float32Array, UInt8Array]:
