@@ -1,0 +1,180 @@
+"""The method for stereo: a rectified pair and its rig in; depth, both views completed alike, disparities out (paper: SII).
+
+The left view is completed and rendered into the right one, and only what is still unknown there is filled, so both agree by
+construction. The paper fills each view alone and matches afterwards: that is `recipe="paper"`.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from dlama.completion.recipes import Recipe
+from dlama.completion.scenes import Completion, Work, adopt, clipped, find_recipe, report, start
+from dlama.errors import InputError, ShapeError
+from dlama.geometry.fusion import fuse
+from dlama.geometry.holes import checked_mask, dilated
+from dlama.geometry.lifting import depth_from_disparity, disparity_from_depth
+from dlama.geometry.rendering import render
+from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
+from dlama.geometry.rig import StereoRig
+from dlama.geometry.scene import Scene
+from dlama.geometry.view import HoleType, Origin, View
+from dlama.geometry.visibility import Law
+from dlama.inpainters.filling import Inpainter
+from dlama.perception.stereo import StereoConsistency, carry_mask, consistency, disparity_pair
+
+
+@dataclass(frozen=True, eq=False)
+class StereoCompletion(Completion):
+    """A completion whose two views are the left and the right of a pair."""
+
+    disparity_left: Float32Array
+    """H x W px of the completed left view, 0 = far."""
+    disparity_right: Float32Array
+    """H x W px of the completed right view, 0 = far."""
+    agreement: StereoConsistency
+    """How well the two completed views agree, over the whole picture."""
+
+
+def stereo(
+    left: UInt8Array,
+    right: UInt8Array,
+    rig: StereoRig,
+    *,
+    mask: BoolArray | None = None,
+    mask_right: BoolArray | None = None,
+    max_disparity: float | None = None,
+    filler: str | Inpainter = "layered",
+    recipe: str | Recipe = "dlama",
+    seed: int = 0,
+    **changes: Any,
+) -> StereoCompletion:
+    """Depth from a rectified pair; with `mask` (left view, bool, True = remove) the object is taken out of both views.
+
+    left, right: uint8 H x W x 3. Without a mask the right view is synthesised from the left. `mask_right` defaults to the left
+    mask carried over by disparity. Raises InputError and its kin.
+    """
+    for name, picture in (("left", left), ("right", right)):
+        if picture.shape[:2] != rig.left.hw:
+            raise ShapeError(
+                f"the {name} picture is {picture.shape[1]}x{picture.shape[0]} and the calibration "
+                f"{rig.left.width}x{rig.left.height}; both must have the same size"
+            )
+    if mask is None and mask_right is not None:
+        raise InputError("mask_right was given without mask; the mask of the left view is wanted too")
+    chosen = find_recipe(recipe, changes)
+    at_left, at_right = disparity_pair(left, right, max_disparity=max_disparity)
+    if mask is not None:
+        checked_mask(mask, rig.left.hw)
+        mask_right = carry_mask(mask, at_left) if mask_right is None else checked_mask(mask_right, rig.right.hw)
+    if mask is not None and mask_right is not None and not chosen.source_first:
+        return apart(
+            left, right, rig, dilated(mask, chosen.dilate), dilated(mask_right, chosen.dilate), chosen, filler, seed
+        )
+    source = rgbd_of(left, at_left, rig)
+    work = start(View.from_rgbd(clipped(source, chosen.clip_m)), mask, filler, chosen, seed)
+    left_before, left_view = completed_left(work, source, rig)
+    if mask_right is None:
+        right_before = synthesised_right(work, rig)
+    else:
+        taken = dilated(mask_right, chosen.dilate)
+        right_before = View.from_rgbd(rgbd_of(right, at_right, rig, right=True)).without(taken, HoleType.OBJECT)
+        work.law = Law.of(Scene((*work.scene.layers, right_before), work.scene.objects))
+    right_view = completed_right(work, right_before, rig)
+    return finished(work, source, (left_before, right_before), (left_view, right_view), rig, filler)
+
+
+def rgbd_of(color: UInt8Array, disparity: Float32Array, rig: StereoRig, right: bool = False) -> RGBD:
+    """One picture of the pair with the depth of its own disparity."""
+    depth = depth_from_disparity(disparity, fx=rig.left.fx, baseline_m=rig.baseline_m, doffs=rig.doffs)
+    return RGBD(color, depth, rig.right if right else rig.left)
+
+
+def completed_left(work: Work, source: RGBD, rig: StereoRig) -> tuple[View, View]:
+    """The left view before filling (sensor holes and the object open) and after, from the scene that `start` made."""
+    base = work.scene.layers[0]
+    before = View.from_rgbd(source)
+    if base.hole.any():
+        before = before.without(base.hole & (base.hole_type == HoleType.OBJECT), HoleType.OBJECT)
+    view = render(work.scene, rig.left, work.recipe.mode)
+    hole = before.hole_type > 0
+    filled = work.fill(view) if view.hole.any() else view
+    return before, dataclasses.replace(filled, hole_type=np.where(hole, before.hole_type, filled.hole_type))
+
+
+def synthesised_right(work: Work, rig: StereoRig) -> View:
+    """The right view as the left one's scene shows it."""
+    with work.stage("render"):
+        return render(work.scene, rig.right, work.recipe.mode)
+
+
+def completed_right(work: Work, before: View, rig: StereoRig) -> View:
+    """The right view: first what the completed left scene shows in its holes, then what is still unknown, filled."""
+    with work.stage("render"):
+        shown = render(work.scene, rig.right, work.recipe.mode, types=False)
+    depth_only = before.hole & (before.origin == Origin.DEPTH_FILLED)
+    view = adopt(before, dataclasses.replace(shown, color=np.where(depth_only[..., None], before.color, shown.color)))
+    view = dataclasses.replace(view, origin=np.where(depth_only, np.uint8(Origin.DEPTH_FILLED), view.origin))
+    filled = work.fill(view)
+    with work.stage("fuse"):
+        work.scene = fuse(work.scene, filled.without(~view.hole & filled.filled, HoleType.NONE))
+    return filled
+
+
+def finished(
+    work: Work,
+    source: RGBD,
+    before: tuple[View, View],
+    views: tuple[View, View],
+    rig: StereoRig,
+    filler: str | Inpainter,
+) -> StereoCompletion:
+    """Disparities, their agreement, and the meta data."""
+    lens = {"fx": rig.left.fx, "baseline_m": rig.baseline_m, "doffs": rig.doffs}
+    at_left, at_right = (disparity_from_depth(view.depth, **lens) for view in views)
+    agreement = consistency(views[0].color, views[1].color, at_left, at_right)
+    given = View.from_rgbd(source)
+    meta = report(work, given, before, filler)
+    meta["stereo"] = {**lens, "consistency": dataclasses.asdict(agreement)}
+    return StereoCompletion(views, before, work.scene, given, meta, at_left, at_right, agreement)
+
+
+def apart(
+    left: UInt8Array,
+    right: UInt8Array,
+    rig: StereoRig,
+    taken: BoolArray,
+    taken_right: BoolArray,
+    chosen: Recipe,
+    filler: str | Inpainter,
+    seed: int,
+) -> StereoCompletion:
+    """The paper's way: colour of each view filled alone, then matched; depth is what the matching finds."""
+    flat = [
+        RGBD(color, np.ones(color.shape[:2], np.float32), camera)
+        for color, camera in ((left, rig.left), (right, rig.right))
+    ]
+    works = [start(View.from_rgbd(one), None, filler, chosen, seed) for one in flat]
+    holes = [View.from_rgbd(one).without(where, HoleType.OBJECT) for one, where in zip(flat, (taken, taken_right))]
+    colors = [work.fill(view) for work, view in zip(works, holes)]
+    matched = disparity_pair(colors[0].color, colors[1].color)
+    views = []
+    for view, disparity, is_right in zip(colors, matched, (False, True)):
+        found = View.from_rgbd(clipped(rgbd_of(view.color, disparity, rig, is_right), chosen.clip_m))
+        views.append(marked(found, view))
+    works[0].reports += works[1].reports
+    works[0].scene = Scene((views[0],))
+    return finished(works[0], rgbd_of(left, matched[0], rig), (holes[0], holes[1]), (views[0], views[1]), rig, filler)
+
+
+def marked(found: View, filled: View) -> View:
+    """A matched view with the provenance of its filled colours."""
+    return dataclasses.replace(
+        found,
+        origin=np.where(filled.filled, np.uint8(Origin.FILLED), found.origin),
+        hole_type=np.where(filled.hole_type > 0, filled.hole_type, found.hole_type),
+    )
