@@ -101,13 +101,11 @@ class Camera:
         """True if size and intrinsics are equal (within 1e-9 px)."""
         mine = (self.fx, self.fy, self.cx, self.cy)
         theirs = (other.fx, other.fy, other.cx, other.cy)
-        return self.hw == other.hw and bool(np.allclose(mine, theirs, rtol=0, atol=1e-9))
+        return self.hw == other.hw and all(abs(a - b) <= 1e-9 for a, b in zip(mine, theirs))
 
     def same_view_as(self, other: Camera) -> bool:
         """True if a picture of one is a picture of the other: same lens, same pose (within 1e-9)."""
-        return self.same_lens_as(other) and bool(
-            np.allclose(self.world_from_cam, other.world_from_cam, rtol=0, atol=1e-9)
-        )
+        return self.same_lens_as(other) and float(np.abs(self.world_from_cam - other.world_from_cam).max()) <= 1e-9
 
 
 def inverse_pose(b_from_a: Float64Array) -> Float64Array:

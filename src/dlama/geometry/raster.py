@@ -282,32 +282,19 @@ def draw_rim(x, y, w, rim, depth, zoom, wbuf, where):
 
 
 @njit(cache=True)
-def draw_points(depth, matrix, offset, near, zbuf, index):
-    """Nearest-pixel projection with a z-buffer (the paper's P', eq. 2): depth and source index of the nearest point.
+def draw_points(x, y, w, wbuf, index):
+    """Nearest-pixel projection with a z-buffer (the paper's P', eq. 2): inverse depth and source index of what is nearest.
 
-    One pass, one thread: neighbouring source pixels write neighbouring target pixels, so the caches do the work.
+    One thread: neighbouring source pixels write neighbouring target pixels, so the caches do the work.
     """
-    height, width = depth.shape
-    rows, columns = zbuf.shape
+    height, width = x.shape
+    rows, columns = wbuf.shape
     for row in range(height):
-        v = row + 0.5
-        a = matrix[0, 1] * v + matrix[0, 2]
-        b = matrix[1, 1] * v + matrix[1, 2]
-        c = matrix[2, 1] * v + matrix[2, 2]
         for column in range(width):
-            z = depth[row, column]
-            if not 0 < z < np.inf:
-                continue
-            u = column + 0.5
-            ahead = z * (matrix[2, 0] * u + c) + offset[2]
-            if ahead <= near:
-                continue
-            inverse = 1.0 / ahead
-            px = (z * (matrix[0, 0] * u + a) + offset[0]) * inverse
-            py = (z * (matrix[1, 0] * u + b) + offset[1]) * inverse
-            if not (0 <= px < columns and 0 <= py < rows):
-                continue
-            tx, ty = int(px), int(py)
-            if np.float32(ahead) < zbuf[ty, tx]:
-                zbuf[ty, tx] = ahead
-                index[ty, tx] = row * width + column
+            inverse = w[row, column]
+            px, py = x[row, column], y[row, column]
+            if inverse > 0 and px >= 0 and py >= 0 and px < columns and py < rows:
+                tx, ty = int(px), int(py)
+                if inverse > wbuf[ty, tx]:
+                    wbuf[ty, tx] = inverse
+                    index[ty, tx] = row * width + column

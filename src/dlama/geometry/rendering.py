@@ -178,14 +178,13 @@ def draw(grid: Grid, camera: Camera, canvas: Canvas) -> Canvas:
         copy_onto(canvas, layer)
         return canvas
     pixels = layer.color, layer.origin, layer.confidence
-    if grid.mode == "points":
-        zbuf = np.full(camera.hw, np.inf, np.float32)
-        index = np.full(camera.hw, -1, np.int32)
-        raster.draw_points(grid.depth, grid.matrix, grid.offset, NEAR, zbuf, index)
-        shading.shade_points(zbuf, index, *pixels, *canvas.buffers())
-        return canvas
     x, y, w = transformed(grid.depth, grid.matrix, grid.offset)
     wbuf = np.zeros(camera.hw, np.float32)
+    if grid.mode == "points":
+        index = np.full(camera.hw, -1, np.int32)
+        raster.draw_points(x, y, w, wbuf, index)
+        shading.shade_points(wbuf, index, *pixels, *canvas.buffers())
+        return canvas
     where = np.empty((*camera.hw, 2), np.float32)
     raster.draw_surface(x, y, w, grid.joined, wbuf, where)
     raster.draw_rim(x, y, w, grid.rim(), grid.depth, camera.fx / layer.camera.fx, wbuf, where)

@@ -71,9 +71,9 @@ def corner_weights(sides, fu, fv, weights):
 
 
 @njit(cache=True, parallel=True)
-def shade_points(zbuf, index, color, origin, confidence, out_color, out_depth, out_origin, out_confidence):
+def shade_points(wbuf, index, color, origin, confidence, out_color, out_depth, out_origin, out_confidence):
     """Colours of a points drawing: each pixel shows its nearest point as it is. index: -1 = empty."""
-    rows, columns = zbuf.shape
+    rows, columns = wbuf.shape
     width = color.shape[1]
     for ty in prange(rows):
         for tx in range(columns):
@@ -81,7 +81,7 @@ def shade_points(zbuf, index, color, origin, confidence, out_color, out_depth, o
             if source < 0:
                 continue
             row, column = source // width, source % width
-            out_depth[ty, tx] = zbuf[ty, tx]
+            out_depth[ty, tx] = 1.0 / wbuf[ty, tx]
             out_color[ty, tx, 0] = color[row, column, 0]
             out_color[ty, tx, 1] = color[row, column, 1]
             out_color[ty, tx, 2] = color[row, column, 2]
