@@ -85,7 +85,7 @@ def joints(w, ratio):
 
 
 @njit(cache=True, parallel=True)
-def flying_pixels(w, joined, ratio):
+def flying_pixels(w, ratio):
     """bool H x W: vertices strictly between two surfaces along a row or a column, joined to neither."""
     height, width = w.shape
     out = np.zeros((height, width), np.bool_)
@@ -94,18 +94,18 @@ def flying_pixels(w, joined, ratio):
             here = w[row, column]
             if here <= 0:
                 continue
-            if 0 < column < width - 1 and not (joined[row, column - 1] | joined[row, column]) & RIGHT:
-                out[row, column] |= lies_between(here, w[row, column - 1], w[row, column + 1], ratio)
-            if 0 < row < height - 1 and not (joined[row - 1, column] | joined[row, column]) & DOWN:
-                out[row, column] |= lies_between(here, w[row - 1, column], w[row + 1, column], ratio)
+            if 0 < column < width - 1 and lies_between(here, w[row, column - 1], w[row, column + 1], ratio):
+                out[row, column] = not (is_slope(w, row, column - 1, 0, 1) or is_slope(w, row, column, 0, 1))
+            if 0 < row < height - 1 and lies_between(here, w[row - 1, column], w[row + 1, column], ratio):
+                out[row, column] |= not (is_slope(w, row - 1, column, 1, 0) or is_slope(w, row, column, 1, 0))
     return out
 
 
 @njit(cache=True)
 def lies_between(here, one, other, ratio):
-    """True if `here` is clear of both neighbours and between them."""
+    """True if `here` is between both neighbours, and further from each than surfaces are joined over."""
     low, high = min(one, other), max(one, other)
-    return low > 0 and low * (1 + ratio) < here < high * (1 - ratio)
+    return 0 < low < here * (1 - ratio) and here < high * (1 - ratio)
 
 
 @njit(cache=True, parallel=True)

@@ -54,9 +54,7 @@ def flying(view: View) -> BoolArray:
     """H x W, True at flying pixels: depth strictly between two surfaces that are neighbours there, joined to neither."""
     from dlama.geometry import raster
 
-    ratio = edge_ratio(view.camera)
-    w = inverse_depth(view.depth)
-    return raster.flying_pixels(w, raster.joints(w, ratio), ratio)
+    return raster.flying_pixels(inverse_depth(view.depth), edge_ratio(view.camera))
 
 
 @dataclass
@@ -132,14 +130,13 @@ class Grid:
     """A layer made ready for drawing into one camera."""
 
     layer: View
-    mode: Mode
     still: bool
     """The camera is the layer's own: pixels are copied, nothing is rejected."""
     depth: Float32Array
     """Depth without holes and flying pixels (0)."""
     flying: BoolArray
-    joined: UInt8Array
-    """Which neighbours are one surface, `raster.joints`."""
+    joined: UInt8Array | None
+    """Which neighbours are one surface, `raster.joints`; None: draw points."""
     matrix: Float64Array
     offset: Float64Array
     """Layer pixels to target pixels, `px_from_px`."""
@@ -151,22 +148,19 @@ class Grid:
         ratio = edge_ratio(layer.camera)
         depth = np.where(layer.hole, np.float32(0), layer.depth)
         w = inverse_depth(depth)
-        joined = raster.joints(w, ratio)
-        mixed = raster.flying_pixels(w, joined, ratio)
-        if mixed.any():
-            depth[mixed] = w[mixed] = 0
-            if mode == "surface":
-                joined = raster.joints(w, ratio)
+        mixed = raster.flying_pixels(w, ratio)
+        depth[mixed] = w[mixed] = 0
+        joined = raster.joints(w, ratio) if mode == "surface" else None
         still = layer.camera.same_view_as(camera)
-        return cls(layer, mode, still, depth, mixed, joined, *px_from_px(camera, layer.camera))
+        return cls(layer, still, depth, mixed, joined, *px_from_px(camera, layer.camera))
 
-    def rim(self) -> NDArray[np.int64]:
-        """Flat indices of vertices round which some quad is not whole: there the mesh ends short of the pixel's edge."""
-        joined = self.joined
-        whole = np.zeros((joined.shape[0] + 1, joined.shape[1] + 1), np.bool_)
-        whole[1:-1, 1:-1] = (joined[:-1, :-1] == 3) & (joined[:-1, 1:] >= 2) & ((joined[1:, :-1] & 1) > 0)
-        inner = whole[:-1, :-1] & whole[:-1, 1:] & whole[1:, :-1] & whole[1:, 1:]
-        return np.flatnonzero(~inner & (self.depth > 0))
+
+def rim(joined: UInt8Array, depth: Float32Array) -> NDArray[np.int64]:
+    """Flat indices of vertices round which some quad is not whole: there the mesh ends short of the pixel's edge."""
+    whole = np.zeros((joined.shape[0] + 1, joined.shape[1] + 1), np.bool_)
+    whole[1:-1, 1:-1] = (joined[:-1, :-1] == 3) & (joined[:-1, 1:] >= 2) & ((joined[1:, :-1] & 1) > 0)
+    inner = whole[:-1, :-1] & whole[:-1, 1:] & whole[1:, :-1] & whole[1:, 1:]
+    return np.flatnonzero(~inner & (depth > 0))
 
 
 def draw(grid: Grid, camera: Camera, canvas: Canvas) -> Canvas:
@@ -180,22 +174,24 @@ def draw(grid: Grid, camera: Camera, canvas: Canvas) -> Canvas:
     pixels = layer.color, layer.origin, layer.confidence
     x, y, w = transformed(grid.depth, grid.matrix, grid.offset)
     wbuf = np.zeros(camera.hw, np.float32)
-    if grid.mode == "points":
+    if grid.joined is None:
         index = np.full(camera.hw, -1, np.int32)
         raster.draw_points(x, y, w, wbuf, index)
         shading.shade_points(wbuf, index, *pixels, *canvas.buffers())
         return canvas
     where = np.empty((*camera.hw, 2), np.float32)
     raster.draw_surface(x, y, w, grid.joined, wbuf, where)
-    raster.draw_rim(x, y, w, grid.rim(), grid.depth, camera.fx / layer.camera.fx, wbuf, where)
+    raster.draw_rim(x, y, w, rim(grid.joined, grid.depth), grid.depth, camera.fx / layer.camera.fx, wbuf, where)
     shading.shade_surface(wbuf, where, grid.joined, *pixels, *canvas.buffers())
     return canvas
 
 
 def mesh_grid(layer: View) -> tuple[Float32Array, UInt8Array]:
     """Depth without flying pixels, and which neighbours are joined into one surface."""
-    grid = Grid.of(layer, layer.camera, "surface")
-    return grid.depth, grid.joined
+    from dlama.geometry import raster
+
+    depth = Grid.of(layer, layer.camera, "points").depth
+    return depth, raster.joints(inverse_depth(depth), edge_ratio(layer.camera))
 
 
 def copy_onto(canvas: Canvas, layer: View) -> None:
@@ -256,8 +252,10 @@ def hole_types(grids: list[Grid], objects: tuple[View, ...], camera: Camera, hol
         elif (layer.origin == Origin.MEASURED).any():
             depth, grid_rank = closed_grid(layer, objects)
             x, y, w = transformed(depth, grid.matrix, grid.offset)
-            crack_rank = sheet.CRACK_RANK if grid.mode == "points" else sheet.DISOCCLUDED_RANK
-            sheet.mark_sheet(x, y, w, grid.joined, grid_rank, crack_rank, hole, ranks)
+            joined, crack_rank = grid.joined, sheet.DISOCCLUDED_RANK
+            if joined is None:
+                joined, crack_rank = mesh_grid(layer)[1], sheet.CRACK_RANK
+            sheet.mark_sheet(x, y, w, joined, grid_rank, crack_rank, hole, ranks)
             sheet.mark_points(x, y, w, grid.flying, sheet.FLYING_RANK, hole, ranks)
     return np.where(hole, TYPE_OF_RANK[ranks], np.uint8(0)).astype(np.uint8)
 
