@@ -41,6 +41,11 @@ class Law:
                 measured.append((layer.camera, depth))
         return cls(tuple(measured))
 
+    @property
+    def knows_far(self) -> bool:
+        """True if a source camera saw far pixels (sky)."""
+        return any(bool(np.isposinf(measured).any()) for _, measured in self.measured)
+
     def violations(self, camera: Camera, depth: Float32Array, where: BoolArray) -> BoolArray:
         """H x W, True at pixels of `where` whose depth (seen from `camera`) breaks the law."""
         from dlama.geometry import law

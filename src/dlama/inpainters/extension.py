@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dlama.geometry.camera import Camera
+from dlama.geometry.lifting import rays
 from dlama.geometry.rendering import inverse_depth
 from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.geometry.view import View
@@ -31,6 +32,8 @@ RIM = (0.05, 0.3, 1.0, 3.0)
 """Cost at the rim of the hole of a surface that meets the known one, is hidden by it, is hidden sky, stands before it."""
 REACH = 0.05
 """Share of the picture's longer side at which a surface last seen that much farther off costs one full jump."""
+FAR_SAMPLES = 256
+"""Far directions that stand for all of a source camera's."""
 LEEWAY = 1.03
 """Relative depth by which a plane may break the visibility law and still be meant."""
 RANGE_COST = 6.0
@@ -99,7 +102,7 @@ class Coarse:
         unary = extension_kernels.unary_costs(
             self.values,
             self.allowed(law),
-            self.distances(),
+            self.distances(law),
             self.hole,
             self.w,
             self.label,
@@ -114,7 +117,7 @@ class Coarse:
         out = np.ones(self.values.shape, np.bool_)
         known = ~self.hole
         for number, value in enumerate(self.values):
-            seen = (self.label[known] == number - 1).any() or number == 0
+            seen = number == 0 or (self.label[known] == number - 1).any() or (number == 1 and law.knows_far)
             possible = value > LEAST_INVERSE_DEPTH if number > 1 else value >= 0
             if number == 0:
                 possible = value > 0
@@ -134,8 +137,11 @@ class Coarse:
             cost[2:] = RANGE_COST * np.maximum(0, np.maximum(np.log(planes / nearest), np.log(farthest / planes)))
         return cost
 
-    def distances(self) -> Float32Array:
-        """L x h x w, cells to the nearest known cell of each label (a large number if there is none)."""
+    def distances(self, law: Law) -> Float32Array:
+        """L x h x w, cells to the nearest known cell of each label (a large number if there is none).
+
+        For the sky also the angle to where a source camera saw it, which may be outside this view.
+        """
         import cv2
 
         out = np.full(self.values.shape, 1e3, np.float32)
@@ -143,7 +149,25 @@ class Coarse:
             there = ~self.hole & (self.label == number - 1)
             if there.any():
                 out[number] = cv2.distanceTransform((~there).astype(np.uint8), cv2.DIST_L2, 5)
+        if law.knows_far:
+            angle = angle_to_far(shrunk(self.camera, 4), law)  # smooth: a quarter of the cells is enough
+            out[1] = np.minimum(out[1], self.camera.fx * enlarged(angle, self.camera.wh))
         return out
+
+
+def angle_to_far(camera: Camera, law: Law) -> Float32Array:
+    """H x W radians between each pixel's direction and the nearest direction in which a source camera saw far pixels."""
+    directions = rays(camera) @ camera.world_from_cam[:3, :3].T
+    directions /= np.linalg.norm(directions, axis=2, keepdims=True)
+    nearest = np.full(camera.hw, -1.0)
+    for source, measured in law.measured:
+        rows, columns = np.nonzero(np.isposinf(measured))
+        some = slice(None, None, max(1, len(rows) // FAR_SAMPLES))
+        far = rays(source)[rows[some], columns[some]] @ source.world_from_cam[:3, :3].T
+        far /= np.linalg.norm(far, axis=1, keepdims=True)
+        for block in range(0, len(far), 32):
+            np.maximum(nearest, (directions @ far[block : block + 32].T).max(2), out=nearest)
+    return np.arccos(np.clip(nearest, -1, 1)).astype(np.float32)
 
 
 def touched(hole: BoolArray, wh: tuple[int, int]) -> BoolArray:
