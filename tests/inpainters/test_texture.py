@@ -1,0 +1,156 @@
+"""Texture: what a filled hole must look like where the answer is known, and what must never get into it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from dlama.errors import ShapeError
+from dlama.geometry.camera import Camera
+from dlama.inpainters.texture import GREY, SKY, synthesize
+
+
+def slanted_plane(size: int, tilt_deg: float):
+    """Camera, inverse depth and two metric coordinates in a plane 3 m ahead, turned by `tilt_deg` about the vertical."""
+    camera = Camera.from_fov(size, size, 80)
+    v, u = np.mgrid[:size, :size] + 0.5
+    ray = np.stack([(u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy, np.ones_like(u)], -1)
+    normal = np.array([np.sin(np.radians(tilt_deg)), 0.15, np.cos(np.radians(tilt_deg))])
+    normal /= np.linalg.norm(normal)
+    w = ray @ normal / 3
+    first = np.cross(normal, [0, 1, 0])
+    first /= np.linalg.norm(first)
+    points = ray / w[..., None]
+    return camera, w.astype(np.float32), points @ first, points @ np.cross(normal, first)
+
+
+def waves(s: np.ndarray, t: np.ndarray, period: float) -> np.ndarray:
+    """A coloured pattern of two waves with that period (metres) one way and 0.7 of it the other."""
+    grey = 0.5 + 0.25 * np.sin(2 * np.pi * s / period) + 0.25 * np.sin(2 * np.pi * t / (0.7 * period) + 1)
+    return np.round(np.stack([60 + 140 * grey, 90 + 80 * grey, 200 - 120 * grey], -1)).astype(np.uint8)
+
+
+def border_and_gap(size: int) -> np.ndarray:
+    """A hole: the right 38 % of the picture, and a gap further left."""
+    hole = np.zeros((size, size), bool)
+    hole[:, int(0.62 * size) :] = True
+    hole[int(0.4 * size) : int(0.55 * size), int(0.1 * size) : int(0.3 * size)] = True
+    return hole
+
+
+@pytest.mark.parametrize(("tilt_deg", "period"), [(0, 0.35), (15, 0.6), (30, 0.6)])
+def test_a_period_goes_on_in_perspective(tilt_deg, period):
+    """Closed form: waves on a plane. The fill must be right to 36 dB; their mean colour alone reaches 19 dB."""
+    camera, w, s, t = slanted_plane(256, tilt_deg)
+    truth, hole = waves(s, t, period), border_and_gap(256)
+    color = np.where(hole[..., None], np.uint8(0), truth)
+    filled = synthesize(color, hole, w, np.ones(hole.shape, np.int32), camera)
+    error = np.mean((filled[hole].astype(float) - truth[hole]) ** 2)
+    assert 10 * np.log10(255**2 / error) > 36
+
+
+@pytest.mark.parametrize("kind", [-1, 0, 1])
+def test_constant_colour_stays_constant(kind):
+    """Law: a surface of one colour is filled with exactly that colour."""
+    camera, w, _, _ = slanted_plane(160, 20)
+    hole = border_and_gap(160)
+    color = np.where(hole[..., None], np.uint8(255), np.array([37, 141, 203], np.uint8))
+    w = np.zeros_like(w) if kind == 0 else w
+    filled = synthesize(color, hole, w, np.full(hole.shape, kind, np.int32), camera)
+    assert (filled == [37, 141, 203]).all()
+
+
+def occluded_scene(label_behind: int):
+    """A red post 1.5 m ahead with anti-aliased edges, a blue-green wall behind it, and a hole on both sides of the post."""
+    camera, w, s, t = slanted_plane(192, 10)
+    color = waves(s, t, 0.5)
+    color[..., 0] = 0
+    label = np.full(w.shape, label_behind, np.int32)
+    w, hole = w.copy(), np.zeros(w.shape, bool)
+    post, edge = np.s_[40:160, 80:100], np.s_[40:160, 79:101]
+    color[edge], color[post] = (128, 60, 60), (255, 0, 0)
+    w[post], label[post] = 1 / 1.5, 2
+    hole[30:165, 101:125] = hole[60:120, 68:77] = True
+    return np.where(hole[..., None], np.uint8(255), color), hole, w, label, camera
+
+
+@pytest.mark.parametrize("label_behind", [-1, 1])
+def test_the_occluder_never_bleeds_in(label_behind):
+    """Law: of a red post before a wall without red, and of its anti-aliased fringe, nothing enters the fill of the wall."""
+    color, hole, w, label, camera = occluded_scene(label_behind)
+    filled = synthesize(color, hole, w, label, camera)
+    assert filled[hole][:, 0].max() == 0
+    assert filled[hole][:, 1].min() > 60
+
+
+def test_a_rough_surface_takes_nothing_nearer_even_if_labels_agree():
+    """Law: without planes (all labels -1) depth alone keeps a near red half out of a far blue hole."""
+    w = np.full((96, 128), 0.2, np.float32)
+    w[:, :64] = 0.5
+    color = np.zeros((96, 128, 3), np.uint8)
+    color[w > 0.3], color[w < 0.3] = (255, 0, 0), (0, 0, 200)
+    hole = np.zeros(w.shape, bool)
+    hole[:, 64:90] = True
+    filled = synthesize(color, hole, w, np.full(w.shape, -1, np.int32), Camera.from_fov(128, 96, 60))
+    assert (filled[hole] == (0, 0, 200)).all()
+
+
+def random_scene(rng: np.random.Generator, shape: tuple[int, int]):
+    """Anything of that size: noise, random holes, labels and depths."""
+    label = rng.integers(-1, 3, shape).astype(np.int32)
+    w = np.where(label == 0, 0, rng.uniform(0.01, 1, shape)).astype(np.float32)
+    color = rng.integers(0, 256, (*shape, 3), dtype=np.uint8)
+    return color, rng.random(shape) < 0.5, w, label, Camera.from_fov(shape[1], shape[0], 70)
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (1, 2), (1, 300), (300, 1), (2, 2), (5, 400), (60, 90)])
+def test_any_size_keeps_what_is_known(shape):
+    """Law: known pixels come back bit-identical, twice the same, the input untouched, at every size."""
+    color, hole, w, label, camera = random_scene(np.random.default_rng(3), shape)
+    before = color.copy()
+    filled = synthesize(color, hole, w, label, camera, seed=5)
+    assert (color == before).all()
+    assert (filled[~hole] == color[~hole]).all()
+    np.testing.assert_array_equal(filled, synthesize(color, hole, w, label, camera, seed=5))
+
+
+def test_the_hole_s_content_does_not_matter():
+    """Law: what stands in the hole before filling changes nothing (the textured case, with search)."""
+    camera, w, s, t = slanted_plane(160, 20)
+    hole, label = border_and_gap(160), np.ones((160, 160), np.int32)
+    rng = np.random.default_rng(1)
+    truth = waves(s, t, 0.4)
+    noise = np.where(hole[..., None], rng.integers(0, 256, truth.shape, dtype=np.uint8), truth)
+    np.testing.assert_array_equal(synthesize(truth, hole, w, label, camera), synthesize(noise, hole, w, label, camera))
+
+
+def test_nothing_known_is_grey_and_an_unseen_sky_is_pale():
+    """Definition: GREY where nothing is known; SKY where only sky is missing; grey where all that is known is nearer."""
+    camera = Camera.from_fov(20, 20, 60)
+    color, w = np.zeros((20, 20, 3), np.uint8), np.ones((20, 20), np.float32)
+    label, hole = np.full((20, 20), -1, np.int32), np.ones((20, 20), bool)
+    assert (synthesize(color, hole, w, label, camera) == GREY).all()
+    hole[10:] = False
+    w[:10] = 0.2
+    assert (synthesize(color, hole, w, label, camera)[:10] == GREY).all()
+    w[:10], label[:10] = 0, 0
+    assert (synthesize(color, hole, w, label, camera)[:10] == SKY).all()
+
+
+def test_a_plane_that_is_nowhere_seen_takes_what_lies_at_its_depth():
+    """Definition: a hole labelled with a plane that has no known pixel is coloured by the known at like depth."""
+    w, label = np.full((64, 64), 0.25, np.float32), np.ones((64, 64), np.int32)
+    hole = np.zeros((64, 64), bool)
+    hole[:, 40:] = True
+    label[hole] = 9
+    color = np.full((64, 64, 3), (10, 90, 30), np.uint8)
+    assert (synthesize(color, hole, w, label, Camera.from_fov(64, 64, 60)) == (10, 90, 30)).all()
+
+
+def test_arrays_of_another_picture_are_refused():
+    """Law: one line that names the field, what came and what was wanted."""
+    color, hole, w, label, camera = random_scene(np.random.default_rng(3), (8, 9))
+    with pytest.raises(ShapeError, match=r"label has shape \(8, 8\); \(8, 9\) is wanted"):
+        synthesize(color, hole, w, label[:, :8], camera)
+    with pytest.raises(ShapeError, match="uint8 and bool"):
+        synthesize(color, hole.astype(np.uint8), w, label, camera)

@@ -1,0 +1,235 @@
+"""Slow literal twin of the texture kernels: grids in; trusted sources, bases, scores, choices and painted pixels out."""
+
+from __future__ import annotations
+
+import itertools
+import math
+
+import numpy as np
+
+NEIGHBOURS = ((1, 0), (-1, 0), (0, 1), (0, -1))
+
+
+def trusted_sources(hole, inverse_depth, label, reach):
+    """True where neither a hole nor a nearer surface lies in the (2 reach + 1)^2 window."""
+    out = ~hole
+    for y, x in zip(*np.nonzero(~hole)):
+        window = np.s_[max(0, y - reach) : y + reach + 1, max(0, x - reach) : x + reach + 1]
+        w, other = inverse_depth[window], label[window] != label[y, x]
+        nearer = other & (w > inverse_depth[y, x] * np.float32(1.04) + 1e-6)
+        if label[y, x] < 0:
+            nearer |= ~other & (w > inverse_depth[y, x] * np.float32(1.2) + 1e-6)
+        out[y, x] = not (hole[window] | nearer).any()
+    return out
+
+
+def shrink(color, inverse_depth, source, factor):
+    """Block means over trusted pixels; a block counts if at least half are trusted, all with one label."""
+    rows, cols = (math.ceil(n / factor) for n in source.shape)
+    colors, depths = np.zeros((rows, cols, 3)), np.zeros((rows, cols))
+    sources = np.full((rows, cols), -2)
+    for r, c in itertools.product(range(rows), range(cols)):
+        block = np.s_[r * factor : (r + 1) * factor, c * factor : (c + 1) * factor]
+        good = source[block] != -2
+        if good.any() and len(np.unique(source[block][good])) == 1 and 2 * good.sum() >= good.size:
+            colors[r, c] = color[block][good].mean(0)
+            depths[r, c] = inverse_depth[block][good].mean()
+            sources[r, c] = source[block][good][0]
+    return colors, depths, sources
+
+
+def pull(sums, weights):
+    """Sums over 2 x 2 blocks of a zero-padded grid."""
+    pad = [(0, n % 2) for n in weights.shape]
+    sums, weights = np.pad(sums, [*pad, (0, 0)]), np.pad(weights, pad)
+    return (sum(a[i::2, j::2] for i in (0, 1) for j in (0, 1)) for a in (sums, weights))
+
+
+def bilinear(grid, x, y):
+    """All channels of a grid at cell coordinates: the weighted mean of the four nearest cell centres, edges repeated."""
+    value = 0.0
+    for j, i in itertools.product(range(grid.shape[0]), range(grid.shape[1])):
+        px, py = np.clip(x, 0.5, grid.shape[1] - 0.5), np.clip(y, 0.5, grid.shape[0] - 0.5)
+        share = max(0.0, 1 - abs(px - i - 0.5)) * max(0.0, 1 - abs(py - j - 0.5))
+        value = value + share * grid[j, i].astype(float)
+    return value
+
+
+def push(sums, weights, coarser, enough):
+    """Own mean where there is enough weight, the coarser grid's value where there is none, a mix between."""
+    out = np.zeros(sums.shape)
+    for y, x in itertools.product(*map(range, weights.shape)):
+        own = min(1.0, weights[y, x] / enough)
+        mean = sums[y, x] / weights[y, x] if weights[y, x] else 0
+        out[y, x] = own * mean + (1 - own) * bilinear(coarser, (x + 0.5) / 2, (y + 0.5) / 2)
+    return out
+
+
+def neighbours(y, x, shape):
+    """The up to four cells beside (y, x)."""
+    return [(y + j, x + i) for j, i in NEIGHBOURS if 0 <= y + j < shape[0] and 0 <= x + i < shape[1]]
+
+
+def relax(base, usable, cells, mean, screen, sweeps):
+    """Gauss-Seidel with over-relaxation 1.6, forwards and backwards in turn."""
+    base = base.astype(float)
+    for sweep in range(sweeps):
+        for cell in cells if sweep % 2 == 0 else cells[::-1]:
+            y, x = divmod(int(cell), usable.shape[1])
+            beside = [base[q] for q in neighbours(y, x, usable.shape) if usable[q]]
+            goal = (sum(beside) + screen * mean) / (len(beside) + screen)
+            base[y, x] += 1.6 * (goal - base[y, x])
+    return base
+
+
+def farthest(colors, depths, sources):
+    """Mean over the known cells of each 2 x 2 block that lie within 10 % of its farthest."""
+    rows, cols = (math.ceil(n / 2) for n in depths.shape)
+    out, far = np.zeros((rows, cols, 3)), np.full((rows, cols), -1.0)
+    for r, c in itertools.product(range(rows), range(cols)):
+        block = np.s_[2 * r : 2 * r + 2, 2 * c : 2 * c + 2]
+        known = sources[block] != -2
+        if known.any():
+            near = known & (depths[block] <= 1.1 * depths[block][known].min())
+            out[r, c], far[r, c] = colors[block][near].mean(0), depths[block][near].mean()
+    return out, far
+
+
+def even_out(colors, far, radius):
+    """Mean over the window's known cells within 8 % of the centre's inverse depth."""
+    out = np.zeros(colors.shape)
+    for y, x in zip(*np.nonzero(far >= 0)):
+        window = np.s_[max(0, y - radius) : y + radius + 1, max(0, x - radius) : x + radius + 1]
+        like = (far[window] >= 0) & (np.abs(far[window] - far[y, x]) <= 0.08 * far[y, x])
+        out[y, x] = colors[window][like].mean(0)
+    return out
+
+
+def spread(base, depth, reached, cells, mean, screen, sweeps):
+    """Weighted means of reached neighbours that are not nearer, in order, forwards and backwards in turn."""
+    base, reached = base.astype(float), reached.copy()
+    for sweep in range(sweeps):
+        for p in range(len(cells)) if sweep % 2 == 0 else reversed(range(len(cells))):
+            y, x = divmod(int(cells[p]), depth.shape[1])
+            own, total, colour = depth[y, x] + 1e-6, screen[p], screen[p] * mean[p]
+            for q in neighbours(y, x, depth.shape):
+                other = depth[q] + 1e-6
+                if reached[q] and depth[q] >= 0 and other <= 1.1 * own:
+                    share = max(0.02, min(other / own, own / other) ** 4)
+                    total, colour = total + share, colour + share * base[q]
+            base[y, x] = colour / total if total else base[y, x]
+            reached[y, x] |= total > screen[p]
+    return base
+
+
+def skirt(base, depth, inside):
+    """Cells beside the inside that are unknown or nearer than it become the mean of their inside neighbours."""
+    out = base.astype(float)
+    for y, x in zip(*np.nonzero(~inside)):
+        window = np.s_[max(0, y - 1) : y + 2, max(0, x - 1) : x + 2]
+        within = inside[window]
+        if within.any() and (depth[y, x] < 0 or depth[y, x] > 1.1 * depth[window][within].min()):
+            out[y, x] = base[window][within].mean(0)
+    return out
+
+
+def moved(u, v, w, shift, axes):
+    """Homogeneous pixel plus w (s1 E1 + s2 E2): (u', v', z'), or None behind the camera."""
+    x, y, z = np.array([u, v, 1.0]) + w * (np.asarray(shift) @ axes)
+    return (x / z, y / z, z) if z > 1e-3 else None
+
+
+def source_of(point, shift, factor, depths, sources, kind, axes):
+    """(u', v', z') if the shift takes the point (u, v, w) to a trusted cell of its surface at the right depth, else None."""
+    u, v, w = point
+    there = moved(u, v, w, shift, axes)
+    if there is None:
+        return None
+    x, y = math.floor(there[0] / factor), math.floor(there[1] / factor)
+    if not (0 <= x < sources.shape[1] and 0 <= y < sources.shape[0]) or sources[y, x] != kind:
+        return None
+    expected = w / there[2]
+    fits = np.float32(0.9) * expected - 1e-6 <= depths[y, x] <= np.float32(1.04) * expected + 1e-6
+    return there if fits else None
+
+
+def correlate(shifts, points, detail, factor, depths, sources, kind, axes, need):
+    """Normalised correlation over the points whose shifted place is known, times n / (n + 12)."""
+    out = np.zeros(len(shifts))
+    for i, shift in enumerate(shifts):
+        pairs = []
+        for point in points:
+            there = source_of(point, shift, factor, depths, sources, kind, axes)
+            if there is not None:
+                here = bilinear(detail, point[0] / factor, point[1] / factor)
+                pairs.append((here, bilinear(detail, there[0] / factor, there[1] / factor)))
+        if len(pairs) >= need:
+            a, b = np.array(pairs).transpose(1, 0, 2)
+            norm = math.sqrt(((a * a).sum() + 1e-3) * ((b * b).sum() + 1e-3))
+            out[i] = (a * b).sum() / norm * len(pairs) / (len(pairs) + 12)
+    return out
+
+
+def change_of_scale(shifts, cells, factor, depths, sources, kind, axes):
+    """|log2 z'|, and 0.3 of it more where the source is farther (blurrier); -1 where it is not known."""
+    out = np.full((len(shifts), len(cells)), -1.0)
+    for (i, shift), (p, cell) in itertools.product(enumerate(shifts), enumerate(cells)):
+        there = source_of(cell, shift, factor, depths, sources, kind, axes)
+        if there is not None:
+            octaves = math.log2(there[2])
+            out[i, p] = abs(octaves) + 0.3 * max(0.0, octaves)
+    return out
+
+
+def assign(index, cost, brought, order, seam, sweeps):
+    """Iterated conditional modes: each cell in turn takes the shift that is cheapest given its neighbours'."""
+    chosen = np.full(len(cost), -1)
+
+    def beside(p, q, i):
+        j = chosen[q]
+        if j < 0 or j == i:
+            return 0.0
+        if cost[q, i] >= 1e6 or cost[p, j] >= 1e6:
+            return 0.15 + 0.3
+        return 0.15 + seam * (np.abs(brought[p, i] - brought[p, j]) + np.abs(brought[q, i] - brought[q, j])).sum()
+
+    for sweep in range(sweeps):
+        for cell in order if sweep % 2 == 0 else order[::-1]:
+            y, x = divmod(int(cell), index.shape[1])
+            p = index[y, x]
+            around = [index[q] for q in neighbours(y, x, index.shape) if index[q] >= 0]
+            totals = [cost[p, i] + sum(beside(p, q, i) for q in around) for i in range(cost.shape[1])]
+            best = int(np.argmin(totals))
+            chosen[p] = best if totals[best] < 1e6 else -1
+    return chosen
+
+
+def paint(out, color, pixels, inverse_depth, source, kind, axes, bases, cell, pick, gains, shifts):
+    """Base plus believed detail, feathered bilinearly between the shifts of the four nearest cells."""
+    out = out.copy()
+    fine, smooth = bases
+    for pixel in pixels:
+        y, x = divmod(int(pixel), out.shape[1])
+        u, v, w = x + 0.5, y + 0.5, inverse_depth[y, x]
+        here = bilinear(fine, u / cell, v / cell)
+        added, total = np.zeros(3), 0.0
+        for cy, cx in itertools.product(*map(range, pick.shape)):
+            share = max(0.0, 1 - abs(u / cell - cx - 0.5)) * max(0.0, 1 - abs(v / cell - cy - 0.5))
+            if share == 0 or pick[cy, cx] < 0:
+                continue
+            shift = shifts[pick[cy, cx]]
+            there = source_of((u, v, w), shift, 1, inverse_depth, source, kind, axes)
+            if there is None:
+                continue
+            copied = bilinear(color, there[0], there[1])
+            low = bilinear(fine, there[0] / cell, there[1] / cell)
+            middle = (low - bilinear(smooth, there[0] / cell, there[1] / cell)) - (
+                here - bilinear(smooth, u / cell, v / cell)
+            )
+            high_gain, middle_gain, plain_gain = gains[cy, cx]
+            banded = high_gain * (copied - low) + middle_gain * middle
+            added += share * (banded + plain_gain * (copied - here - banded))
+            total += share
+        value = here + (added / total if total else 0)
+        out[y, x] = np.clip(value + 0.5, 0, 255).astype(np.uint8)
+    return out
