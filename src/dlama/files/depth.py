@@ -1,0 +1,215 @@
+"""Depth and disparity files in, float32 arrays in metres and pixels out, and back; units are converted here.
+
+Depth in the package: metres, planar z, 0 = missing, +inf = far. Disparity: pixels, 0 = missing.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dlama.errors import DepthError, FileError
+from dlama.files.decoding import SUFFIXES, existing, read_stored
+from dlama.files.float_files import read_array, read_exr, read_pfm, write_exr, write_pfm
+from dlama.files.pictures import save_picture
+from dlama.files.placement import PathLike
+from dlama.geometry.rgbd import Float32Array
+
+__all__ = [
+    "read_depth", "read_disparity", "read_pfm", "write_depth_exr", "write_depth_png", "write_disparity_pfm", "write_pfm",
+]  # fmt: skip
+
+FAR_CODE = 65535
+"""In 16-bit depth pictures: far, at or beyond what the file can say."""
+MILLIMETRES = 1000.0
+FAR_METRES = 1e6
+"""A stored depth beyond this is a renderer's word for infinity (Blender writes 1e10 behind everything)."""
+PLAUSIBLE = (0.05, 500.0)
+"""Metres; a median outside means that the scale is wrong."""
+KITTI_SCALE = 256.0
+
+
+def read_depth(
+    path: PathLike,
+    *,
+    depth_scale: float | None = None,
+    depth_range: float | None = None,
+    channel: str | None = None,
+    far: float | None = None,
+) -> Float32Array:
+    """A depth file as float32 H x W: metres, 0 = missing, +inf = far.
+
+    16-bit PNG or TIFF and integer arrays: metres = value / depth_scale (default 1000; TUM 5000, KITTI 256), 65535 = far.
+    EXR, PFM, float TIFF, NPY, NPZ (key `depth`): metres, unless `depth_scale` divides them or `depth_range` (EasySynth)
+    multiplies values normalised to 0..1, where 1 is far. NaN is missing; infinity, and depth >= `far` metres, is far.
+    Raises FileError, or DepthError: 8-bit, colour, negative, nothing valid, or a median outside 0.05..500 m.
+    """
+    _check_positive(depth_scale=depth_scale, depth_range=depth_range, far=far)
+    if depth_scale is not None and depth_range is not None:
+        raise DepthError("--depth-scale and --depth-range contradict each other; give one")
+    values = _numbers(path, "depth", channel)
+    _check_not_negative(path, values, "depth")
+    if values.dtype.kind == "f":
+        depth = _metres_from_floats(path, values, depth_scale, depth_range)
+        scale = depth_scale or 1.0
+    else:
+        if depth_range is not None:
+            raise DepthError(f"{path}: holds whole numbers; --depth-range is for depth normalised to 0..1 (EXR)")
+        scale = depth_scale or MILLIMETRES
+        depth = (values / scale).astype(np.float32)
+        if values.dtype == np.uint16:
+            depth[values == FAR_CODE] = np.inf
+    depth[np.isnan(depth)] = 0
+    depth[depth > FAR_METRES] = np.inf
+    _check_plausible(path, depth, scale, depth_range)
+    if far is not None:
+        depth[depth >= far] = np.inf
+        if not _valid(depth).any():
+            raise DepthError(f"{path}: no depth is nearer than --far {far:g} m")
+    return depth
+
+
+def read_disparity(path: PathLike, *, scale: float | None = None, channel: str | None = None) -> Float32Array:
+    """A disparity file as float32 H x W: pixels, 0 = missing (0, NaN or infinity in the file).
+
+    PFM, EXR, NPY, NPZ (key `disparity`): pixels, divided by `scale` where given. 16-bit PNG: value / scale (default 256,
+    KITTI); 8-bit PNG: `scale` must be given. Raises FileError or DepthError.
+    """
+    _check_positive(disparity_scale=scale)
+    values = _numbers(path, "disparity", channel, eight_bit=scale is not None)
+    if values.dtype.kind == "f":
+        values = np.where(np.isfinite(values) | (values < 0), values, 0)
+    elif scale is None:
+        scale = KITTI_SCALE
+    _check_not_negative(path, values, "disparity")
+    disparity = (values / (scale or 1.0)).astype(np.float32)
+    if not disparity.any():
+        raise DepthError(f"{path}: every disparity is missing (0, NaN or infinite)")
+    return disparity
+
+
+def write_depth_png(path: PathLike, depth: Float32Array) -> int:
+    """Write metres as 16-bit millimetres: missing 0, far 65535; returns how many pixels were too deep and got 65534.
+
+    Raises OutputError.
+    """
+    from PIL import Image
+
+    depth = np.nan_to_num(np.asarray(depth, np.float64), nan=0, posinf=np.inf)
+    valid = _valid(depth)
+    millimetres = np.rint(np.where(valid, depth, 0) * MILLIMETRES)
+    clipped = int((millimetres >= FAR_CODE).sum())
+    codes = np.where(valid, np.clip(millimetres, 1, FAR_CODE - 1), 0)  # at least 1: valid must not read as missing
+    codes[np.isposinf(depth)] = FAR_CODE
+    save_picture(path, Image.fromarray(codes.astype(np.uint16)))
+    return clipped
+
+
+def write_depth_exr(path: PathLike, depth: Float32Array) -> None:
+    """Write metres as float32 channel Z of an OpenEXR file: far is infinity, missing 0. Raises OutputError."""
+    write_exr(path, "Z", np.nan_to_num(np.asarray(depth, np.float32), nan=0, posinf=np.inf))
+
+
+def write_disparity_pfm(path: PathLike, disparity: Float32Array) -> None:
+    """Write pixels as PFM, unknown (0, NaN) as infinity, as Middlebury does. Raises OutputError."""
+    known = np.isfinite(disparity) & (disparity != 0)
+    write_pfm(path, np.where(known, disparity, np.inf).astype(np.float32))
+
+
+def _numbers(path: PathLike, what: str, channel: str | None, eight_bit: bool = False) -> np.ndarray:
+    """The numbers of any depth or disparity file, H x W, as stored."""
+    suffix = existing(path).suffix.lower()
+    if channel is not None and suffix != ".exr":
+        raise FileError(f"{path}: has no named channels; --channel is for EXR files")
+    if suffix == ".exr":
+        return read_exr(path, channel)
+    if suffix == ".pfm":
+        return read_pfm(path)
+    if suffix in (".npy", ".npz"):
+        values = read_array(path, what)
+    elif suffix in SUFFIXES:
+        values = _one_channel(path, read_stored(path).values, what)
+    else:
+        raise FileError(f"{path}: {what} comes as 16-bit PNG or TIFF, EXR, PFM, NPY or NPZ, not as '{suffix}'")
+    if values.dtype.itemsize == 1 and not eight_bit:
+        raise DepthError(f"{path}: {_eight_bit_advice(what)}")
+    return values
+
+
+def _one_channel(path: PathLike, values: np.ndarray, what: str) -> np.ndarray:
+    if values.ndim == 2:
+        return values
+    if values.dtype == np.uint8:
+        raise DepthError(
+            f"{path}: is an 8-bit colour picture; {what} in one channel of 16-bit or float numbers is wanted "
+            "(are the picture and the depth given in the wrong order?)"
+        )
+    colours = values[..., :3] if values.shape[2] >= 3 else values[..., :1]
+    if (colours != colours[..., :1]).any():
+        raise DepthError(f"{path}: has three channels that differ; {what} in one channel is wanted")
+    return np.ascontiguousarray(colours[..., 0])
+
+
+def _eight_bit_advice(what: str) -> str:
+    if what == "disparity":
+        return "holds 8-bit numbers; say how many of them make a pixel (--disparity-scale, Middlebury 2003: 4)"
+    return (
+        "holds 8-bit numbers, too coarse for depth (256 steps) and often gamma-encoded or only a picture of depth; "
+        "save depth as 16-bit PNG in millimetres, or as EXR"
+    )
+
+
+def _metres_from_floats(
+    path: PathLike, values: np.ndarray, depth_scale: float | None, depth_range: float | None
+) -> Float32Array:
+    if depth_range is not None:
+        return np.where(values >= 1, np.inf, values * np.float32(depth_range)).astype(np.float32)
+    if depth_scale is not None:
+        return (values / depth_scale).astype(np.float32)
+    at_one = np.count_nonzero(values == 1)
+    if at_one > 1 and np.nanmax(values) == 1:
+        raise DepthError(
+            f"{path}: looks normalised to 0..1 ({at_one} pixels are exactly 1, none is larger): give --depth-range "
+            "METRES (EasySynth), or --depth-scale 1 if these are metres"
+        )
+    return values.astype(np.float32)
+
+
+def _check_plausible(path: PathLike, depth: Float32Array, scale: float, depth_range: float | None) -> None:
+    valid = depth[_valid(depth)]
+    if not valid.size:
+        far = int(np.isposinf(depth).sum())
+        raise DepthError(f"{path}: no pixel has a depth ({depth.size - far} of {depth.size} missing, {far} far)")
+    median = float(np.median(valid))
+    if PLAUSIBLE[0] <= median <= PLAUSIBLE[1]:
+        return
+    raise DepthError(f"{path}: the median depth is {median:.4g} m, {_scale_advice(median, scale, depth_range)}")
+
+
+def _scale_advice(median: float, scale: float, depth_range: float | None) -> str:
+    """What the scale probably is, in words that can be typed."""
+    if depth_range is not None:
+        return f"which no room or street has; is --depth-range {depth_range:g} in metres?"
+    if PLAUSIBLE[0] <= median / 1000 <= PLAUSIBLE[1]:
+        return f"it looks like millimetres read as metres: --depth-scale {scale * 1000:g}"
+    if PLAUSIBLE[0] <= median * 1000 <= PLAUSIBLE[1]:
+        return f"it looks like metres read as millimetres: --depth-scale {scale / 1000:g}"
+    return f"{PLAUSIBLE[0]:g} to {PLAUSIBLE[1]:g} m is wanted; --depth-scale says how many units make a metre"
+
+
+def _check_not_negative(path: PathLike, values: np.ndarray, what: str) -> None:
+    negative = values < 0
+    if negative.any():
+        raise DepthError(
+            f"{path}: {int(negative.sum())} of {values.size} {what} values are negative (smallest {values.min():.6g}); "
+            "values >= 0 are wanted, 0 = missing"
+        )
+
+
+def _check_positive(**options: float | None) -> None:
+    for name, value in options.items():
+        if value is not None and not (value > 0 and np.isfinite(value)):
+            raise DepthError(f"--{name.replace('_', '-')} is {value}; a number > 0 is wanted")
+
+
+def _valid(depth: np.ndarray) -> np.ndarray:
+    return (depth > 0) & (depth < np.inf)

@@ -1,0 +1,204 @@
+"""EXR, PFM, NPY and NPZ files in; one H x W array of numbers out, as stored; and PFM and EXR back. No units here."""
+
+from __future__ import annotations
+
+import math
+import re
+import struct
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dlama.errors import FileError, ShapeError
+from dlama.files.decoding import existing
+from dlama.files.placement import PathLike, new_file
+from dlama.geometry.rgbd import Float32Array
+
+PFM_HEADER = re.compile(rb"(P[Ff])\s+(\d+)\s+(\d+)\s+([-+]?[\d.]+(?:[eE][-+]?\d+)?)(?:\r\n|\s)")
+HALF_MAX = 65504.0
+"""The largest half float; where a writer clamps, this is what infinity becomes."""
+CHANNEL_ORDER = ("z", "depth", "*.z", "*depth*", "r", "y")
+"""Which channel of an EXR is depth: the first of these that is there (without regard to case), else the only one."""
+
+
+def read_pfm(path: PathLike) -> Float32Array:
+    """A one-channel PFM as float32 H x W, first row on top, numbers as stored.
+
+    Rows lie bottom-up in the file; the sign of its scale is the byte order, its size is not applied (writers use it for
+    display only, as Middlebury does). Raises FileError.
+    """
+    file = existing(path)
+    data = file.read_bytes()
+    head = PFM_HEADER.match(data)
+    if head is None:
+        raise FileError(f"{file}: is no PFM picture (header 'Pf', width, height, scale is wanted)")
+    kind, width, height, scale = head[1], int(head[2]), int(head[3]), float(head[4])
+    if kind == b"PF":
+        raise FileError(f"{file}: is a colour PFM (PF); one channel (Pf) is wanted")
+    if width < 1 or height < 1 or scale == 0 or not math.isfinite(scale):
+        raise FileError(f"{file}: says {width}x{height}, scale {scale}; positive sizes and a scale are wanted")
+    held, wanted = len(data) - head.end(), 4 * width * height
+    if held != wanted:
+        raise FileError(f"{file}: is damaged or truncated ({held} bytes of numbers, {width}x{height} wants {wanted})")
+    rows = np.frombuffer(data, "<f4" if scale < 0 else ">f4", offset=head.end()).reshape(height, width)
+    return rows[::-1].astype(np.float32)
+
+
+def write_pfm(path: PathLike, values: Float32Array) -> None:
+    """Write float H x W as a little-endian one-channel PFM (bottom-up rows, scale -1). Raises OutputError."""
+    if values.ndim != 2:
+        raise ShapeError(f"{path}: values have shape {values.shape}; H x W is wanted")
+    head = f"Pf\n{values.shape[1]} {values.shape[0]}\n-1.0\n".encode()
+    with new_file(path) as draft:
+        draft.write_bytes(head + np.ascontiguousarray(values[::-1], "<f4").tobytes())
+
+
+def read_array(path: PathLike, key: str) -> np.ndarray:
+    """The H x W array of an NPY, or of an NPZ: the one called `key`, else the only one. Raises FileError."""
+    file = existing(path)
+    try:
+        loaded = np.load(file, allow_pickle=False)
+        if isinstance(loaded, np.ndarray):
+            return _plane(file, loaded)
+        with loaded:
+            names = list(loaded.files)
+            if key not in names and len(names) != 1:
+                raise FileError(f"{file}: holds {', '.join(names) or 'nothing'}; an array called '{key}' is wanted")
+            return _plane(file, loaded[key if key in names else names[0]])
+    except FileError:
+        raise
+    except Exception as error:  # ValueError, EOFError, BadZipFile, zlib.error, ...
+        raise FileError(f"{file}: is no whole NPY or NPZ file ({str(error) or type(error).__name__})") from error
+
+
+def _plane(file: Path, array: np.ndarray) -> np.ndarray:
+    if array.dtype.kind not in "uif":
+        raise FileError(f"{file}: holds {array.dtype} values; numbers are wanted")
+    if array.ndim == 3 and 1 in (array.shape[0], array.shape[2]):
+        array = array[0] if array.shape[0] == 1 else array[..., 0]
+    if array.ndim != 2 or array.size == 0:
+        raise FileError(f"{file}: holds an array of shape {array.shape}; H x W is wanted")
+    return np.ascontiguousarray(array.astype(array.dtype.newbyteorder("="), copy=False))
+
+
+def read_exr(path: PathLike, channel: str | None = None) -> Float32Array:
+    """One channel of an OpenEXR file as float32 H x W; half infinity (or a half clamped at its largest) is +inf.
+
+    `channel` is the exact name; None looks for depth (CHANNEL_ORDER). Raises FileError.
+    """
+    file = existing(path)
+    check_exr_is_whole(file)
+    import OpenEXR
+
+    try:
+        with OpenEXR.File(str(file), separate_channels=True) as exr:
+            channels: dict[str, np.ndarray] = {}
+            for part in exr.parts:
+                channels.update({name: each.pixels for name, each in part.channels.items() if name not in channels})
+            header: dict[str, Any] = exr.parts[0].header
+            _check_windows(file, header)
+            values = np.array(channels[_depth_channel(file, channels, channel)])
+    except FileError:
+        raise
+    except Exception as error:
+        raise FileError(f"{file}: is damaged or no OpenEXR file ({str(error).splitlines()[0]})") from error
+    result = _plane(file, values).astype(np.float32)
+    if values.dtype == np.float16:
+        result[result >= HALF_MAX] = np.inf
+    return result
+
+
+def write_exr(path: PathLike, channel: str, values: Float32Array) -> None:
+    """Write float32 H x W as an OpenEXR file with one channel, ZIP-compressed. Raises OutputError."""
+    import OpenEXR
+
+    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+    with new_file(path) as draft:
+        try:
+            OpenEXR.File(header, {channel: np.ascontiguousarray(values, np.float32)}).write(str(draft))
+        except RuntimeError as error:  # how OpenEXR reports a full disk
+            raise OSError(str(error)) from error
+
+
+def _check_windows(file: Path, header: dict[str, Any]) -> None:
+    data, display = (np.asarray(header[name]).ravel().tolist() for name in ("dataWindow", "displayWindow"))
+    if data != display:
+        raise FileError(f"{file}: is cropped or has overscan (data {data}, display {display}); save it without")
+
+
+def _depth_channel(file: Path, channels: dict[str, np.ndarray], wanted: str | None) -> str:
+    """Which channel holds depth; refuses a colour picture."""
+    known = ", ".join(sorted(channels))
+    if wanted is not None:
+        if wanted not in channels:
+            raise FileError(f"{file}: has no channel '{wanted}'; it has {known}")
+        return wanted
+    for rule in CHANNEL_ORDER:
+        fits = [name for name in channels if _fits(name.lower(), rule)]
+        if len(fits) > 1:
+            raise FileError(f"{file}: depth may be any of {', '.join(fits)}; choose one with --channel")
+        if fits:
+            _check_grey(file, channels, fits[0])
+            return fits[0]
+    if len(channels) != 1:
+        raise FileError(f"{file}: has the channels {known}, none of which is plainly depth; choose one with --channel")
+    return next(iter(channels))
+
+
+def _fits(name: str, rule: str) -> bool:
+    if rule.startswith("*"):
+        return name.endswith(rule[1:]) if not rule.endswith("*") else rule.strip("*") in name
+    return name == rule
+
+
+def _check_grey(file: Path, channels: dict[str, np.ndarray], chosen: str) -> None:
+    """R stands for depth only where G and B say the same (EasySynth writes all three)."""
+    for other in {"R": "GB", "r": "gb"}.get(chosen, ""):
+        if other in channels and not np.array_equal(channels[chosen], channels[other], equal_nan=True):
+            raise FileError(f"{file}: is a colour picture (R and {other} differ); depth in one channel is wanted")
+
+
+def check_exr_is_whole(file: Path) -> None:
+    """Raise FileError for a file that ends early; the library itself complains on the terminal before it raises.
+
+    Only what is simple is checked here, one scan-line part (format: openexr.com, "OpenEXR File Layout"): behind the
+    header lies a table of chunk offsets, at each offset a line number, a size and that many bytes.
+    """
+    data = file.read_bytes()
+    if data[:4] != b"\x76\x2f\x31\x01":
+        raise FileError(f"{file}: is no OpenEXR file")
+    try:
+        flags = struct.unpack_from("<I", data, 4)[0]
+        if flags & 0x1A00:  # tiled, deep or of several parts: left to the library
+            return
+        table, chunks = _chunk_table(data)
+        offsets = struct.unpack_from(f"<{chunks}Q", data, table)
+        ends = [at + 8 + struct.unpack_from("<i", data, at + 4)[0] for at in offsets]
+        whole = min(offsets) > table and max(ends) <= len(data)
+    except (struct.error, ValueError, KeyError, OverflowError):
+        whole = False
+    if not whole:
+        raise FileError(f"{file}: is damaged or truncated")
+
+
+LINES_PER_CHUNK = {0: 1, 1: 1, 2: 1, 3: 16, 4: 32, 5: 16, 6: 32, 7: 32, 8: 32, 9: 256}
+"""By compression: none, RLE, ZIPS, ZIP, PIZ, PXR24, B44, B44A, DWAA, DWAB."""
+
+
+def _chunk_table(data: bytes) -> tuple[int, int]:
+    """(where the table of chunk offsets begins, how many there are) of a scan-line EXR."""
+    at, found = 8, {}
+    while data[at] if at < len(data) else _ends_early():
+        name_end = data.index(b"\0", at)
+        type_end = data.index(b"\0", name_end + 1)
+        size = struct.unpack_from("<i", data, type_end + 1)[0]
+        found[data[at:name_end]] = data[type_end + 5 : type_end + 5 + size]
+        at = type_end + 5 + size
+    _, top, _, bottom = struct.unpack("<4i", found[b"dataWindow"])
+    lines = LINES_PER_CHUNK[found[b"compression"][0]]
+    return at + 1, -(-(bottom - top + 1) // lines)
+
+
+def _ends_early() -> int:
+    raise ValueError("the header ends early")
