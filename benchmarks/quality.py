@@ -98,7 +98,9 @@ def regions(pair: Pair) -> dict[str, np.ndarray]:
     column, row = pixels[inside].astype(int).T
     there = np.where(source.far, np.float32(far_to), source.depth)[row, column]
     # the source saw this point, or something farther (a sensor hole is 0 and says nothing)
-    seen[inside] = (np.abs(there - z[inside]) < 0.02 * z[inside]) | ((there > 0.5 * far_to) & (z[inside] > 0.5 * far_to))
+    seen[inside] = (np.abs(there - z[inside]) < 0.02 * z[inside]) | (
+        (there > 0.5 * far_to) & (z[inside] > 0.5 * far_to)
+    )
     hidden = np.zeros(len(z), bool)
     hidden[inside] = (there > 0) & (there < 0.98 * z[inside])
     valid = target.depth > 0
@@ -158,12 +160,26 @@ def evaluate(pairs: Iterator[Pair], methods: dict[str, dict], undo_gain: bool, s
             rows[pair.group, name].append(result | {"s": seconds})
             if sheet:
                 sheet.mkdir(parents=True, exist_ok=True)
-                panel = np.hstack([done.warped[0].color, done.view.color, pair.target.color, shown(done.view.depth), shown(pair.target.depth)])
+                panel = np.hstack(
+                    [
+                        done.warped[0].color,
+                        done.view.color,
+                        pair.target.color,
+                        shown(done.view.depth),
+                        shown(pair.target.depth),
+                    ]
+                )
                 cv2.imwrite(str(sheet / f"{number:02d}_{pair.group.replace(' ', '')}_{name}.jpg"), panel[..., ::-1])
-    keys = ["hole %", "SSIM", "PSNR", "seen>5%"] + [f"{r} {m}" for r in ("uns", "dis", "oov") for m in ("SSIM", "MSE", "dMAE")] + ["s"]
+    keys = (
+        ["hole %", "SSIM", "PSNR", "seen>5%"]
+        + [f"{r} {m}" for r in ("uns", "dis", "oov") for m in ("SSIM", "MSE", "dMAE")]
+        + ["s"]
+    )
     print(f"{'group':8} {'method':18} " + " ".join(f"{key:>8}" for key in keys))
     for (group, name), results in sorted(rows.items(), key=lambda item: (item[0][0], list(methods).index(item[0][1]))):
-        means = [np.mean([r[key] for r in results if key in r]) if any(key in r for r in results) else np.nan for key in keys]
+        means = [
+            np.mean([r[key] for r in results if key in r]) if any(key in r for r in results) else np.nan for key in keys
+        ]
         print(f"{group:8} {name:18} " + " ".join(f"{value:8.4g}" for value in means))
 
 
@@ -181,7 +197,9 @@ def main() -> None:
     parser.add_argument("--methods", nargs="+", default=list(METHODS))
     parser.add_argument("--sheet", type=Path, help="write a picture of every result into this folder")
     args = parser.parse_args()
-    pairs = street_pairs(args.folder, args.scenes, args.yaws) if args.dataset == "street" else kitchen_pairs(args.folder)
+    pairs = (
+        street_pairs(args.folder, args.scenes, args.yaws) if args.dataset == "street" else kitchen_pairs(args.folder)
+    )
     evaluate(pairs, {name: METHODS[name] for name in args.methods}, args.dataset == "kitchen", args.sheet)
 
 

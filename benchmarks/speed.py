@@ -73,7 +73,9 @@ def open3d_projection(rgbd: RGBD, camera: Camera) -> Callable[[], object]:
 
     def project() -> object:
         cloud = o3d.t.geometry.PointCloud.create_from_rgbd_image(picture, intrinsics, depth_scale=1.0, depth_max=1000.0)
-        return cloud.project_to_rgbd_image(camera.width, camera.height, intrinsics, extrinsics, depth_scale=1.0, depth_max=1000.0)
+        return cloud.project_to_rgbd_image(
+            camera.width, camera.height, intrinsics, extrinsics, depth_scale=1.0, depth_max=1000.0
+        )
 
     return project
 
@@ -131,7 +133,9 @@ def print_4k(rgbd: RGBD, per_pixel: float) -> None:
     taken = time.perf_counter() - started
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
     print(f"\n3840x2160, layered: {taken:.1f} s, {1e6 * taken / large.depth.size:.2f} us/pixel")
-    print(f"  time per pixel against {rgbd.depth.shape[1]}x{rgbd.depth.shape[0]}: {taken / large.depth.size / per_pixel:.2f}x")
+    print(
+        f"  time per pixel against {rgbd.depth.shape[1]}x{rgbd.depth.shape[0]}: {taken / large.depth.size / per_pixel:.2f}x"
+    )
     print(f"  peak memory of this process: {peak:.2f} GiB")
 
 

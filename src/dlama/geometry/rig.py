@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from dlama.errors import CameraError
-from dlama.geometry.camera import Camera
+from dlama.geometry.camera import Camera, Float64Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,7 +35,7 @@ class StereoRig:
             )
 
     @property
-    def _offset(self):  # type: ignore[no-untyped-def]
+    def _offset(self) -> Float64Array:
         return (self.left.cam_from_world @ self.right.world_from_cam)[:3, 3]
 
     @property

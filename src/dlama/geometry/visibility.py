@@ -12,7 +12,7 @@ import numpy as np
 
 from dlama.geometry.camera import Camera
 from dlama.geometry.rendering import px_from_px
-from dlama.geometry.rgbd import BoolArray, Float32Array
+from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import Origin, View
 
@@ -24,11 +24,14 @@ class Law:
     """What the source cameras measured: for each, H x W depth in metres, 0 = nothing measured, +inf = far."""
 
     measured: tuple[tuple[Camera, Float32Array], ...]
+    far_color: UInt8Array | None = None
+    """Mean RGB of the far pixels (sky) that were measured, for views that show none of them; None: there were none."""
 
     @classmethod
     def of(cls, scene: Scene) -> Law:
         """The law that a scene's measured layers and removed objects lay down."""
         measured: list[tuple[Camera, Float32Array]] = []
+        sky = [layer.color[layer.far & (layer.origin == Origin.MEASURED)] for layer in scene.layers]
         for layer in (*scene.layers, *scene.objects):
             if not (layer.origin == Origin.MEASURED).any():
                 continue
@@ -39,12 +42,13 @@ class Law:
                     break
             else:
                 measured.append((layer.camera, depth))
-        return cls(tuple(measured))
+        far = np.concatenate(sky)
+        return cls(tuple(measured), far.mean(0).astype(np.uint8) if len(far) else None)
 
     @property
     def knows_far(self) -> bool:
         """True if a source camera saw far pixels (sky)."""
-        return any(bool(np.isposinf(measured).any()) for _, measured in self.measured)
+        return self.far_color is not None
 
     def violations(self, camera: Camera, depth: Float32Array, where: BoolArray) -> BoolArray:
         """H x W, True at pixels of `where` whose depth (seen from `camera`) breaks the law."""

@@ -26,7 +26,7 @@ def diffuse(view: View, law: Law, seed: int, *, method: str) -> Fill:
 
     flag = {"telea": cv2.INPAINT_TELEA, "navier-stokes": cv2.INPAINT_NS}[method]
     mask = view.hole.astype(np.uint8)
-    color = cv2.inpaint(view.color, mask, RADIUS, flag)
+    color = np.asarray(cv2.inpaint(view.color, mask, RADIUS, flag), np.uint8)
     w = inverse_depth(np.where(view.hole, np.float32(0), view.depth))
     scale = float(w.max()) / 65535 or 1.0
     levels = cv2.inpaint(np.round(w / scale).astype(np.uint16), mask, RADIUS, flag)

@@ -224,7 +224,9 @@ def enlarged(values: Float32Array, wh: tuple[int, int]) -> Float32Array:
     """A coarse picture bilinearly enlarged to the view."""
     import cv2
 
-    return cv2.resize(np.ascontiguousarray(values, np.float32), wh, interpolation=cv2.INTER_LINEAR)
+    return np.asarray(
+        cv2.resize(np.ascontiguousarray(values, np.float32), wh, interpolation=cv2.INTER_LINEAR), np.float32
+    )
 
 
 def nearest_inside(there: BoolArray) -> tuple[Float32Array, NDArray[np.int64]]:
@@ -236,7 +238,7 @@ def nearest_inside(there: BoolArray) -> tuple[Float32Array, NDArray[np.int64]]:
     )
     source = np.zeros(labels.max() + 1, np.int64)
     source[labels[there]] = np.flatnonzero(there)
-    return distance, source[labels]
+    return np.asarray(distance, np.float32), source[labels]
 
 
 def spread_into(values: np.ndarray, there: BoolArray) -> np.ndarray:

@@ -10,6 +10,7 @@ from dlama.geometry.view import Origin, View
 from dlama.geometry.visibility import Law
 from dlama.inpainters.extension import extend
 from dlama.inpainters.filling import Fill
+from dlama.inpainters.hedging import hedged
 from dlama.inpainters.planes import SKY, SMOOTH
 from dlama.inpainters.texture import synthesize
 
@@ -24,7 +25,8 @@ def layered(view: View, law: Law, seed: int = 0) -> Fill:
         w = inverse_depth(depth)
         label = np.where(np.abs(w - surfaces.inverse_depth) > 0.05 * w, np.int32(SMOOTH), surfaces.label)
         label = np.where(view.hole & (w == 0), np.int32(SKY), label)
-        color = synthesize(view.color, color_hole, w, label.astype(np.int32), view.camera, seed=seed)
+        color = synthesize(view.color, color_hole, w, label.astype(np.int32), view.camera, seed=seed, sky=law.far_color)
+        color = hedged(view, color, color_hole, w)
     notes = {"planes": len(surfaces.planes)}
     return Fill(color, depth, int(moved.sum()), notes)
 

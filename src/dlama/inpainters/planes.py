@@ -61,7 +61,7 @@ def fitted(u: np.ndarray, v: np.ndarray, w: np.ndarray) -> NDArray[np.float64]:
     """Least squares plane, residuals relative to w (so that far and near count alike)."""
     weight = 1 / w
     design = np.stack([u, v, np.ones_like(u)], 1) * weight[:, None]
-    return np.linalg.lstsq(design, w * weight, rcond=None)[0]
+    return np.asarray(np.linalg.lstsq(design, w * weight, rcond=None)[0], np.float64)
 
 
 def plane_values(planes: NDArray[np.float64], hw: tuple[int, int], step: float = 1.0) -> Float32Array:

@@ -89,12 +89,14 @@ def synthesize(
     camera: Camera,
     *,
     seed: int = 0,
+    sky: UInt8Array | None = None,
 ) -> UInt8Array:
     """Colour for the hole, from known pixels of the same surface; known pixels come back bit-identical.
 
     color: H x W x 3 uint8 (RGB; ignored in the hole). hole: H x W bool, True = to be filled. inverse_depth: H x W
     float32, 1/m, 0 = sky, filled everywhere. label: H x W int32, -1 = non-planar, 0 = sky, k >= 1 = the k-th plane,
-    filled everywhere. camera gives K. The same seed gives the same bits. Raises ShapeError.
+    filled everywhere. camera gives K. sky: RGB of a sky of which this picture shows nothing. The same seed gives the
+    same bits. Raises ShapeError.
     """
     from dlama.inpainters.texture_shifts import detail_for
 
@@ -111,7 +113,7 @@ def synthesize(
     )
     out[hole] = GREY
     if not hole.all():
-        out[hole & (canvas.label == 0)] = SKY
+        out[hole & (canvas.label == 0)] = SKY if sky is None else sky
     rng = np.random.default_rng(seed)
     for surface in surfaces(canvas):
         if not surface.sources.any():

@@ -23,7 +23,7 @@ SAMPLES = 320
 """Known places at which a shift is scored."""
 KEPT = 28
 """Shifts a surface may use."""
-GRAIN_NEAR, GRAIN_FAR = 0.6, 0.3
+GRAIN_NEAR, GRAIN_FAR = 0.3, 0.15
 """Share of fine detail that is kept though it does not correlate: beside known texture, and far from it."""
 GRAIN_REACH = 12.0
 """Cells over which the first falls to the second."""
