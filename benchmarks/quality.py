@@ -5,7 +5,8 @@
 
 The region is the same for all: target pixels that the source camera does not see, from the true depths (2 % tolerance),
 typed by whether they project into the source picture (disoccluded) or not (out of view). Depth errors are absolute, in
-metres, with both depths cut at 10 m so that sky has a value; colour errors are 8 bit. A method's own hole counts only as its ratio.
+metres, with both depths cut at 10 m so that sky has a value; colour errors are 8 bit. A method's own
+hole counts only as its ratio.
 """
 
 from __future__ import annotations

@@ -1,14 +1,14 @@
 """What can go wrong, as one small tree; a message says what came, what was wanted, and which file or field.
 
-    DlamaError
-    ├── InputError          what the user gave cannot be used (the command line ends with exit code 2)
-    │   ├── FileError       a file is missing, unreadable, truncated or of the wrong kind
-    │   ├── ShapeError      sizes or dtypes that do not fit together
-    │   ├── DepthError      depth that cannot be metres: empty, negative, wrong scale
-    │   ├── CameraError     intrinsics or a pose that no camera has
-    │   └── MaskError       a mask that is empty, full, grey, or of the wrong size
-    ├── OutputError         a result cannot be written where it was asked for
-    └── MissingExtraError   an optional dependency is not installed; the message carries the pip line
+DlamaError
+├── InputError          what the user gave cannot be used (the command line ends with exit code 2)
+│   ├── FileError       a file is missing, unreadable, truncated or of the wrong kind
+│   ├── ShapeError      sizes or dtypes that do not fit together
+│   ├── DepthError      depth that cannot be metres: empty, negative, wrong scale
+│   ├── CameraError     intrinsics or a pose that no camera has
+│   └── MaskError       a mask that is empty, full, grey, or of the wrong size
+├── OutputError         a result cannot be written where it was asked for
+└── MissingExtraError   an optional dependency is not installed; the message carries the pip line
 """
 
 from __future__ import annotations

@@ -27,6 +27,9 @@ from dlama.geometry.visibility import Law
 from dlama.inpainters.filling import Inpainter
 from dlama.perception.stereo import StereoConsistency, carry_mask, consistency, disparity_pair
 
+FAR_PX = 0.5
+"""Disparity (with doffs) below which depth is no more than a guess: such pixels are far."""
+
 
 @dataclass(frozen=True, eq=False)
 class StereoCompletion(Completion):
@@ -48,6 +51,7 @@ def stereo(
     mask: BoolArray | None = None,
     mask_right: BoolArray | None = None,
     max_disparity: float | None = None,
+    far: float | None = None,
     filler: str | Inpainter = "layered",
     recipe: str | Recipe = "dlama",
     seed: int = 0,
@@ -56,8 +60,12 @@ def stereo(
     """Depth from a rectified pair; with `mask` (left view, bool, True = remove) the object is taken out of both views.
 
     left, right: uint8 H x W x 3. Without a mask the right view is synthesised from the left. `mask_right` defaults to the left
-    mask carried over by disparity. Raises InputError and its kin.
+    mask carried over by disparity. `far` (metres): what is measured at or beyond it counts as far (sky); by default what
+    half a pixel of disparity cannot tell from infinity. Raises InputError and its kin.
     """
+    far = rig.left.fx * rig.baseline_m / FAR_PX if far is None else far
+    if not far > 0:
+        raise InputError(f"far is {far} m; more than 0 is wanted")
     for name, picture in (("left", left), ("right", right)):
         if picture.shape[:2] != rig.left.hw:
             raise ShapeError(
@@ -73,24 +81,33 @@ def stereo(
         mask_right = carry_mask(mask, at_left) if mask_right is None else checked_mask(mask_right, rig.right.hw)
     if mask is not None and mask_right is not None and not chosen.source_first:
         return apart(
-            left, right, rig, dilated(mask, chosen.dilate), dilated(mask_right, chosen.dilate), chosen, filler, seed
+            left,
+            right,
+            rig,
+            dilated(mask, chosen.dilate),
+            dilated(mask_right, chosen.dilate),
+            chosen,
+            filler,
+            seed,
+            far,
         )
-    source = rgbd_of(left, at_left, rig)
+    source = rgbd_of(left, at_left, rig, far)
     work = start(View.from_rgbd(clipped(source, chosen.clip_m)), mask, filler, chosen, seed)
     left_before, left_view = completed_left(work, source, rig)
     if mask_right is None:
         right_before = synthesised_right(work, rig)
     else:
         taken = dilated(mask_right, chosen.dilate)
-        right_before = View.from_rgbd(rgbd_of(right, at_right, rig, right=True)).without(taken, HoleType.OBJECT)
+        right_before = View.from_rgbd(rgbd_of(right, at_right, rig, far, right=True)).without(taken, HoleType.OBJECT)
         work.law = Law.of(Scene((*work.scene.layers, right_before), work.scene.objects))
     right_view = completed_right(work, right_before, rig)
     return finished(work, source, (left_before, right_before), (left_view, right_view), rig, filler)
 
 
-def rgbd_of(color: UInt8Array, disparity: Float32Array, rig: StereoRig, right: bool = False) -> RGBD:
-    """One picture of the pair with the depth of its own disparity."""
+def rgbd_of(color: UInt8Array, disparity: Float32Array, rig: StereoRig, far: float, right: bool = False) -> RGBD:
+    """One picture of the pair with the depth of its own disparity; at or beyond `far` metres it is far."""
     depth = depth_from_disparity(disparity, fx=rig.left.fx, baseline_m=rig.baseline_m, doffs=rig.doffs)
+    depth = np.where(depth >= far, np.float32(np.inf), depth)
     return RGBD(color, depth, rig.right if right else rig.left)
 
 
@@ -152,6 +169,7 @@ def apart(
     chosen: Recipe,
     filler: str | Inpainter,
     seed: int,
+    far: float,
 ) -> StereoCompletion:
     """The paper's way: colour of each view filled alone, then matched; depth is what the matching finds."""
     flat = [
@@ -164,11 +182,13 @@ def apart(
     matched = disparity_pair(colors[0].color, colors[1].color)
     views = []
     for view, disparity, is_right in zip(colors, matched, (False, True)):
-        found = View.from_rgbd(clipped(rgbd_of(view.color, disparity, rig, is_right), chosen.clip_m))
+        found = View.from_rgbd(clipped(rgbd_of(view.color, disparity, rig, far, is_right), chosen.clip_m))
         views.append(marked(found, view))
     works[0].reports += works[1].reports
     works[0].scene = Scene((views[0],))
-    return finished(works[0], rgbd_of(left, matched[0], rig), (holes[0], holes[1]), (views[0], views[1]), rig, filler)
+    return finished(
+        works[0], rgbd_of(left, matched[0], rig, far), (holes[0], holes[1]), (views[0], views[1]), rig, filler
+    )
 
 
 def marked(found: View, filled: View) -> View:

@@ -80,11 +80,10 @@ def rim_cost(value, label, known, known_label, rim):
     known pixel is cheap (less so for the sky), to stand before it is dear. rim: (meets, hidden, sky hidden, in front)."""
     if label == known_label and label >= 0:
         return 0.0
-    if value > known * 1.03:
-        return rim[3]
-    if known > value * 1.03:
-        return rim[2] if label == SKY_LABEL else rim[1]
-    return rim[0]
+    if value > known:  # noise of a few per cent is no step
+        return rim[0] + rim[3] * min(1.0, max(0.0, value / max(known, 1e-9) - 1.03) / 0.1)
+    hidden = rim[2] if label == SKY_LABEL else rim[1]
+    return rim[0] + hidden * min(1.0, max(0.0, known / max(value, 1e-9) - 1.03) / 0.1)
 
 
 @njit(cache=True, parallel=True)
