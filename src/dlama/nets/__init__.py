@@ -1,0 +1,9 @@
+"""Networks, tensors only: architecture and files need numpy alone, modules need torch, export needs onnx.
+
+architecture   settings <-> names and shapes, no torch
+ffc, generator, discriminator   the torch modules (extra `train`)
+tensor_files, torch_archive   weights on disk -> named arrays, no foreign code run
+checkpoints    a file of anybody's -> checked weights of one network
+surgery        more input and output planes for trained weights
+export, onnx_graph   checked weights -> an ONNX file with its contract
+"""

@@ -1,0 +1,83 @@
+"""Stacked planes B x C x H x W in -> filled planes out: the FFC ResNet generator with the published module names.
+
+Suvorov et al. 2022. The input is colour (and depth), already zeroed in the hole, then the mask (1 = fill) as the
+last plane; values 0..1.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+
+from dlama.errors import ShapeError
+from dlama.nets.architecture import GeneratorSettings as GeneratorSettings
+from dlama.nets.architecture import settings_from_state as settings_from_state
+from dlama.nets.ffc import FFC_BN_ACT, FFCResnetBlock
+
+
+class Generator(nn.Module):
+    """The whole network; `model.<i>` are the published indices."""
+
+    def __init__(self, settings: GeneratorSettings | None = None) -> None:
+        super().__init__()
+        self.settings = s = settings or GeneratorSettings()
+        layers: list[nn.Module] = [_Enter(), FFC_BN_ACT((s.in_channels, 0), (s.width, 0), kernel=7)]
+        for level in range(s.downsamplings):
+            last = level == s.downsamplings - 1
+            split = (s.local_channels, s.global_channels) if last else (s.channels_at(level + 1), 0)
+            layers.append(FFC_BN_ACT((s.channels_at(level), 0), split, kernel=3, stride=2, padding=1))
+        layers += [FFCResnetBlock((s.local_channels, s.global_channels)) for _ in range(s.blocks)]
+        layers.append(_Join())
+        for level in reversed(range(s.downsamplings)):
+            wide, narrow = s.channels_at(level + 1), s.channels_at(level)
+            up = nn.ConvTranspose2d(wide, narrow, 3, stride=2, padding=1, output_padding=1)
+            layers += [up, nn.BatchNorm2d(narrow), nn.ReLU(inplace=True)]
+        layers += [nn.ReflectionPad2d(3), nn.Conv2d(s.width, s.out_channels, 7)]
+        layers += [layer() for name, layer in (("sigmoid", nn.Sigmoid), ("tanh", nn.Tanh)) if name == s.activation]
+        self.model = nn.Sequential(*layers)
+
+    def forward(self, x: Tensor) -> Tensor:
+        """B x in_channels x H x W -> B x out_channels x H x W; H and W multiples of `settings.multiple`.
+
+        Raises ShapeError for other channel counts and for sizes off the multiple or below the minimum.
+        """
+        if not torch.jit.is_tracing():  # a trace would keep this one picture's answer
+            refuse_size(self.settings, tuple(x.shape))
+        return self.model(x)
+
+
+class _Enter(nn.Module):
+    """The published reflection by 3 pixels, and the entry into the two branches: the global one is empty still."""
+
+    def forward(self, x: Tensor) -> tuple[Tensor, None]:
+        return nn.functional.pad(x, (3, 3, 3, 3), mode="reflect"), None
+
+
+class _Join(nn.Module):
+    """The published ConcatTupleLayer: local channels first, then global."""
+
+    def forward(self, pair: tuple[Tensor, Tensor]) -> Tensor:
+        return torch.cat(pair, dim=1)
+
+
+def generator_from_state(state: Mapping[str, np.ndarray], activation: str = "sigmoid") -> Generator:
+    """A generator in eval mode that holds those float32 arrays, loaded strictly.
+
+    Raises ShapeError where the names or shapes are not those of one generator.
+    """
+    settings = settings_from_state({name: array.shape for name, array in state.items()}, activation)
+    net = Generator(settings)
+    net.load_state_dict({name: torch.from_numpy(np.array(array)) for name, array in state.items()}, strict=True)
+    return net.eval()
+
+
+def refuse_size(settings: GeneratorSettings, shape: tuple[int, ...]) -> None:
+    """Raise ShapeError unless that B x C x H x W is one the network takes."""
+    if len(shape) != 4 or shape[1] != settings.in_channels:
+        raise ShapeError(f"generator: input is {shape}, wanted B x {settings.in_channels} x H x W")
+    if any(side % settings.multiple or side < settings.minimum for side in shape[2:]):
+        wanted = f"multiples of {settings.multiple}, {settings.minimum} or more"
+        raise ShapeError(f"generator: height and width are {shape[2]} and {shape[3]}, wanted {wanted}")
