@@ -1,0 +1,226 @@
+"""Anybody's weight file in -> the checked tensors of one network out; numpy alone, and no code of the file is run.
+
+Read are the official Lightning checkpoint (`state_dict`, names under `generator.`), the TorchScript archive (names
+under `model.generator.`), a plain state dict saved by torch, and safetensors. Loading is strict: the tensors make
+up exactly one network, or the file is refused with the first names that differ.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from dlama.errors import FileError, ShapeError
+from dlama.nets.architecture import (
+    STEM,
+    DiscriminatorSettings,
+    GeneratorSettings,
+    Shapes,
+    discriminator_settings_from_state,
+    discriminator_shapes,
+    generator_shapes,
+    settings_from_state,
+)
+from dlama.nets.safetensors_file import looks_like_safetensors, read_safetensors
+from dlama.nets.torch_file import TorchFile
+
+COUNTER = ".num_batches_tracked"
+DISCRIMINATOR_STEM = "model0.0.weight"
+
+
+@dataclass(frozen=True)
+class GeneratorWeights:
+    """The tensors of one generator, complete and finite, and where they come from."""
+
+    settings: GeneratorSettings
+    """Read from the tensors' shapes; the activation is the file's metadata or the caller's word."""
+    state: dict[str, np.ndarray]
+    """Published name -> float32 array (int64 scalars for the batch norms' counters)."""
+    source: Path
+    """The file."""
+    source_sha256: str
+    """64 hexadecimal digits of the whole file."""
+    kind: str
+    """lightning, torchscript, torch or safetensors."""
+    notes: tuple[str, ...]
+    """What a user should be told: what else the file holds and was left, what was converted."""
+
+
+@dataclass(frozen=True)
+class DiscriminatorWeights:
+    """The tensors of one discriminator, complete and finite, and where they come from."""
+
+    settings: DiscriminatorSettings
+    """Read from the tensors' shapes."""
+    state: dict[str, np.ndarray]
+    """Published name -> float32 array (int64 scalars for the batch norms' counters)."""
+    source: Path
+    """The file."""
+    notes: tuple[str, ...]
+    """What else the file holds and was left, what was converted."""
+
+
+def read_generator(path: Path | str, activation: str | None = None) -> GeneratorWeights:
+    """The generator in that file.
+
+    Args:
+        path: .ckpt, .pth, .pt (TorchScript or a state dict) or .safetensors; told by content, not by name.
+        activation: the last layer; default is what the file's metadata says, else sigmoid as published.
+    Raises:
+        FileError: no such file, truncated, no archive, no generator in it, half of one, NaN in it.
+    """
+    file = _open(Path(path))
+    prefix = _prefix(file, STEM)
+    shapes = _under(file.shapes, prefix)
+    chosen = activation or file.metadata.get("activation", "sigmoid")
+    try:
+        settings = settings_from_state(_with_counters(shapes), chosen)
+    except ShapeError as error:
+        raise FileError(f"{path}: {_named_under(prefix)}{error}") from error
+    state, notes = _read(file, prefix, generator_shapes(settings))
+    left = (*_left(file, prefix), *notes)
+    return GeneratorWeights(settings, state, file.path, sha256_of(file.path), file.kind, left)
+
+
+def read_discriminator(path: Path | str) -> DiscriminatorWeights:
+    """The discriminator in that file, for training to go on; FileError as `read_generator`."""
+    file = _open(Path(path))
+    prefix = _prefix(file, DISCRIMINATOR_STEM)
+    try:
+        settings = discriminator_settings_from_state(_with_counters(_under(file.shapes, prefix)))
+    except ShapeError as error:
+        raise FileError(f"{path}: {_named_under(prefix)}{error}") from error
+    state, notes = _read(file, prefix, discriminator_shapes(settings))
+    return DiscriminatorWeights(settings, state, file.path, (*_left(file, prefix), *notes))
+
+
+def read_tensors(path: Path | str) -> dict[str, np.ndarray]:
+    """Every tensor of such a file under its own name, as stored (bfloat16 widened): for networks that are not ours."""
+    file = _open(Path(path))
+    return {name: array for name, (array, _) in file.load(list(file.shapes)).items()}
+
+
+def sha256_of(path: Path) -> str:
+    """64 hexadecimal digits; the file is read in pieces."""
+    digest = hashlib.sha256()
+    with path.open("rb") as file:
+        for piece in iter(lambda: file.read(1 << 20), b""):
+            digest.update(piece)
+    return digest.hexdigest()
+
+
+@dataclass(frozen=True)
+class _File:
+    path: Path
+    kind: str
+    shapes: dict[str, tuple[int, ...]]
+    metadata: dict[str, str]
+    others: tuple[str, ...]
+    load: Callable[[list[str]], dict[str, tuple[np.ndarray, str]]]
+
+
+def _open(path: Path) -> _File:
+    """Told apart by the first bytes, since all of these are found under all of the suffixes."""
+    try:
+        with path.open("rb") as file:
+            head = file.read(16)
+    except OSError as error:
+        raise FileError(f"{path}: cannot be read ({error})") from error
+    if head.startswith(b"PK"):
+        archive = TorchFile(path)
+        shapes = {name: tensor.shape for name, tensor in archive.tensors.items()}
+        return _File(path, archive.kind, shapes, {}, archive.others, archive.read)
+    if looks_like_safetensors(head):
+        arrays, codes, metadata = read_safetensors(path)
+        shapes = {name: array.shape for name, array in arrays.items()}
+        return _File(
+            path,
+            "safetensors",
+            shapes,
+            metadata,
+            (),
+            lambda names: {name: (arrays[name], codes[name]) for name in names},
+        )
+    if head[:1] == b"\x80":
+        raise FileError(
+            f"{path}: a bare pickle (torch before 1.6), which is not read; save it again with a newer torch"
+        )
+    raise FileError(f"{path}: neither a torch archive nor safetensors (it begins with {head[:9]!r})")
+
+
+def _prefix(file: _File, stem: str) -> str:
+    """What stands before the published names; where several networks have them, the one called generator is meant."""
+    found = [name[: -len(stem)] for name in file.shapes if name == stem or name.endswith("." + stem)]
+    if len(found) > 1:
+        wanted = "discriminator." if stem == DISCRIMINATOR_STEM else "generator."
+        found = [prefix for prefix in found if prefix in (wanted, f"model.{wanted}")] or found
+    if len(found) != 1:
+        what = f"{len(found)} networks have" if found else "no tensor is called"
+        raise FileError(
+            f"{file.path}: {what} {stem}; the first of {len(file.shapes)} names: {_some(list(file.shapes))}"
+        )
+    return found[0]
+
+
+def _under(shapes: Shapes, prefix: str) -> dict[str, tuple[int, ...]]:
+    return {name[len(prefix) :]: shape for name, shape in shapes.items() if name.startswith(prefix)}
+
+
+def _read(file: _File, prefix: str, wanted: Shapes) -> tuple[dict[str, np.ndarray], tuple[str, ...]]:
+    """Arrays in the published order, float32 and finite; and what had to be done for that."""
+    present = [name for name in wanted if prefix + name in file.shapes]
+    loaded = file.load([prefix + name for name in present])
+    state: dict[str, np.ndarray] = {}
+    converted: dict[str, int] = {}
+    for name in wanted:
+        if name.endswith(COUNTER):  # how many batches were seen: of no use to the network's output
+            counted = loaded[prefix + name][0] if prefix + name in loaded else 0
+            state[name] = np.asarray(counted, np.int64).reshape(())
+            continue
+        array, code = loaded[prefix + name]
+        if array.dtype.kind != "f":
+            raise FileError(f"{file.path}: {prefix}{name} holds {code}, wanted floating point numbers")
+        if code != "F32":
+            converted[code] = converted.get(code, 0) + 1
+        state[name] = _finite(file.path, prefix + name, array)
+    notes = [f"{number} tensors of {code} were converted to float32" for code, number in converted.items()]
+    absent = len(wanted) - len(present)
+    return state, (*notes, *([f"{absent} batch-norm counters are absent and were set to 0"] if absent else []))
+
+
+def _finite(path: Path, name: str, array: np.ndarray) -> np.ndarray:
+    with np.errstate(over="ignore"):
+        array = np.ascontiguousarray(array, np.float32)
+    if not np.isfinite(array).all():
+        raise FileError(f"{path}: {name} holds {int((~np.isfinite(array)).sum())} numbers that are NaN or infinite")
+    if name.endswith(".running_var") and (array < 0).any():
+        raise FileError(f"{path}: {name} holds negative variances")
+    return array
+
+
+def _left(file: _File, prefix: str) -> tuple[str, ...]:
+    """One line about the rest of the file, by the first word of its names."""
+    groups: dict[str, int] = {}
+    for name in file.shapes:
+        if not name.startswith(prefix):
+            groups[name.split(".")[0]] = groups.get(name.split(".")[0], 0) + 1
+    parts = [f"{number} tensors of {group}" for group, number in groups.items()] + list(file.others)
+    return (f"left in the file: {_some(parts, 8)}",) if parts else ()
+
+
+def _with_counters(shapes: Shapes) -> dict[str, tuple[int, ...]]:
+    """Counters that some writers strip are taken as present; they are the only names that may be absent."""
+    norms = [name[: -len(".running_var")] for name in shapes if name.endswith(".running_var")]
+    return {norm + COUNTER: () for norm in norms} | dict(shapes)
+
+
+def _named_under(prefix: str) -> str:
+    return f"under {prefix!r} " if prefix else ""
+
+
+def _some(names: list[str], show: int = 3) -> str:
+    return ", ".join(names[:show]) + (f", ... ({len(names) - show} more)" if len(names) > show else "") or "none"

@@ -1,0 +1,94 @@
+"""safetensors: our reader and writer against the format's own library, and files that are broken."""
+
+from __future__ import annotations
+
+import json
+import struct
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dlama.errors import FileError, OutputError
+from dlama.nets.safetensors_file import read_safetensors, widen_bfloat16, write_safetensors
+
+TENSORS = {
+    "a": np.arange(6, dtype=np.float32).reshape(2, 3),
+    "half": np.array([1.5, -2], np.float16),
+    "scalar": np.array(7, np.int64),
+    "none": np.zeros((0, 3), np.float32),
+}
+
+
+def test_round_trip(tmp_path):
+    """Oracle: round trip, dtypes and metadata included."""
+    write_safetensors(tmp_path / "w.safetensors", TENSORS, {"activation": "tanh"})
+    arrays, codes, about = read_safetensors(tmp_path / "w.safetensors")
+    assert list(arrays) == list(TENSORS) and about == {"activation": "tanh"}
+    assert list(codes.values()) == ["F32", "F16", "I64", "F32"]
+    for name, array in TENSORS.items():
+        assert arrays[name].dtype == array.dtype
+        np.testing.assert_array_equal(arrays[name], array)
+    assert [path.name for path in tmp_path.iterdir()] == ["w.safetensors"]
+
+
+def test_the_formats_own_library_agrees(tmp_path):
+    """Oracle: the package safetensors, both ways."""
+    theirs = pytest.importorskip("safetensors.numpy", reason="the comparison needs the package safetensors")
+    write_safetensors(tmp_path / "ours.safetensors", TENSORS)
+    loaded = theirs.load_file(tmp_path / "ours.safetensors")
+    theirs.save_file(TENSORS, tmp_path / "theirs.safetensors")
+    arrays, _, _ = read_safetensors(tmp_path / "theirs.safetensors")
+    for name, array in TENSORS.items():
+        np.testing.assert_array_equal(loaded[name], array)
+        np.testing.assert_array_equal(arrays[name], array)
+
+
+def test_bfloat16_is_the_upper_half_of_float32():
+    """Oracle: closed form."""
+    np.testing.assert_array_equal(widen_bfloat16(np.array([0x3F80, 0xC040, 0x0000], np.uint16)), [1.0, -3.0, 0.0])
+
+
+def _file(folder: Path, header: object, data: bytes) -> Path:
+    text = header if isinstance(header, bytes) else json.dumps(header).encode()
+    (folder / "bad.safetensors").write_bytes(struct.pack("<Q", len(text)) + text + data)
+    return folder / "bad.safetensors"
+
+
+def _entry(dtype: str = "F32", shape: object = (2,), offsets: object = (0, 8)) -> dict[str, object]:
+    return {"t": {"dtype": dtype, "shape": shape, "data_offsets": offsets}}
+
+
+@pytest.mark.parametrize(
+    ("header", "message"),
+    [
+        (_entry(offsets=[0, 800], shape=[200]), "truncated at t: .* bytes wanted, the file has"),
+        (_entry(shape=[3]), "t: 8 bytes for shape .3,., wanted 12"),
+        (_entry(shape=[-2], offsets=[8, 0]), "t: -8 bytes for shape"),
+        (_entry(dtype="F8_E4M3"), "t: header entry .* has no known dtype"),
+        ({"t": 3}, "t: header entry 3 has no known dtype"),
+        ({"__metadata__": {"a": 1}}, "not a table of strings"),
+        (b"{not json", "is no JSON"),
+        (b"{}x", "is no JSON"),
+    ],
+)
+def test_broken_files_are_refused(tmp_path, header, message):
+    """Oracle: the break itself."""
+    with pytest.raises(FileError, match=message):
+        read_safetensors(_file(tmp_path, header, b"\0" * 8))
+
+
+@pytest.mark.parametrize("length", [0, 5, 40, 5000])
+def test_every_truncation_is_seen(tmp_path, vector_file, length):
+    """Oracle: a whole file, cut."""
+    (tmp_path / "cut.safetensors").write_bytes(vector_file.read_bytes()[:length])
+    with pytest.raises(FileError, match=r"truncated|no safetensors"):
+        read_safetensors(tmp_path / "cut.safetensors")
+
+
+def test_what_cannot_be_written_is_refused(tmp_path):
+    """Oracle: the format's list of dtypes; a folder that is not there."""
+    with pytest.raises(OutputError, match="c is complex64, which safetensors does not hold"):
+        write_safetensors(tmp_path / "w.safetensors", {"c": np.zeros(1, np.complex64)})
+    with pytest.raises(OutputError, match="cannot be written"):
+        write_safetensors(tmp_path / "missing" / "w.safetensors", TENSORS)
