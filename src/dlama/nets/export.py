@@ -1,0 +1,195 @@
+"""Checked weights of a generator in -> an ONNX file that carries its contract out; needs numpy and onnx, no torch.
+
+The graph is the network and nothing more: one input, the stacked planes B x C x H x W, already masked; one output,
+the network's own; B, H and W free. Batch norms are folded into the convolutions before them (in float64), and
+the two convolutions that share the local input are one.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import asdict
+from pathlib import Path
+
+import numpy as np
+
+from dlama.errors import OutputError, ShapeError
+from dlama.nets.architecture import STEM, GeneratorSettings, generator_shapes, refuse_differences
+from dlama.nets.checkpoints import GeneratorWeights
+from dlama.nets.onnx_graph import Graph, PlaneTransform, plane_transform
+
+EPSILON = 1e-5  # of torch's batch norms, which the published network leaves as they are
+CONTRACT_KEY = "dlama.contract"
+CONTRACT_VERSION = 1
+PLANES = {
+    1: ("depth",),
+    3: ("red", "green", "blue"),
+    4: ("red", "green", "blue", "depth"),
+    6: ("red", "green", "blue", "other red", "other green", "other blue"),
+}
+
+
+def contract(settings: GeneratorSettings, licence: str, source: str, source_sha256: str) -> dict[str, object]:
+    """What whoever runs the file must know, as it is written (JSON) under the metadata key `dlama.contract`.
+
+    version; network; in_planes and out_planes (names, the mask last); in_range and out_range; mask ("1 = fill"); hole
+    ("zero": known planes are multiplied by 1 - mask before they are stacked); multiple and minimum (of H and W, in
+    pixels); licence; source (file name) and source_sha256; architecture (all settings).
+    """
+    return {
+        "version": CONTRACT_VERSION,
+        "network": "lama",
+        "in_planes": [*_plane_names(settings.in_channels - 1), "mask"],
+        "out_planes": _plane_names(settings.out_channels),
+        "in_range": [0, 1],
+        "out_range": {"sigmoid": [0, 1], "tanh": [-1, 1], "none": None}[settings.activation],
+        "mask": "1 = fill",
+        "hole": "zero",
+        "multiple": settings.multiple,
+        "minimum": settings.minimum,
+        "licence": licence,
+        "source": source,
+        "source_sha256": source_sha256,
+        "architecture": asdict(settings),
+    }
+
+
+def export_onnx(weights: GeneratorWeights, path: Path | str, licence: str) -> Path:
+    """Write the network and its contract; beside and moved, so that no half file is ever left.
+
+    Args:
+        weights: from `checkpoints.read_generator`.
+        path: where the file goes.
+        licence: of the weights, an SPDX name or a sentence; "unknown" where nobody knows.
+    Raises:
+        OutputError: the file cannot be written.
+        MissingExtraError: onnx is not installed.
+    """
+    target = Path(path)
+    about = contract(weights.settings, licence, weights.source.name, weights.source_sha256)
+    data = onnx_bytes(weights.settings, weights.state, about)
+    beside = target.with_name(target.name + ".part")
+    try:
+        beside.write_bytes(data)
+        beside.replace(target)
+    except OSError as error:
+        raise OutputError(f"{target}: cannot be written ({error})") from error
+    return target
+
+
+def onnx_bytes(settings: GeneratorSettings, state: Mapping[str, np.ndarray], about: Mapping[str, object]) -> bytes:
+    """The ONNX model; `state` is published name -> float32 array, ShapeError unless it is that generator's."""
+    if settings.in_channels < 2:
+        raise ShapeError(f"export: the network takes {settings.in_channels} plane, wanted a picture and the mask")
+    refuse_differences({name: a.shape for name, a in state.items()}, generator_shapes(settings), "generator")
+    g = Graph()
+    output = _generator(g, settings, state, "planes")
+    ends = [(name, ["batch", planes, "height", "width"]) for name, planes in
+            (("planes", settings.in_channels), (output, settings.out_channels))]  # fmt: skip
+    model = g.model(ends[0], ends[1], {CONTRACT_KEY: json.dumps(about)})
+    return bytes(model.SerializeToString())
+
+
+def _plane_names(count: int) -> list[str]:
+    return list(PLANES.get(count, [f"plane {i}" for i in range(count)]))
+
+
+def _generator(g: Graph, s: GeneratorSettings, state: Mapping[str, np.ndarray], x: str) -> str:
+    x = g.add("Relu", g.conv(g.reflect(x, 3), *_folded(state, STEM, "model.1.bn_l")))
+    for level in range(s.downsamplings - 1):
+        prefix = f"model.{2 + level}"
+        weight, bias = _folded(state, f"{prefix}.ffc.convl2l.weight", f"{prefix}.bn_l")
+        x = g.add("Relu", g.conv(g.reflect(x, 1), weight, bias, stride=2))
+    local, wide = _split(g, s, state, x)
+    transform = plane_transform(g, wide, s.global_channels // 2)
+    for block in range(s.blocks):
+        before = local, wide
+        for conv in ("conv1", "conv2"):
+            local, wide = _ffc(g, s, state, f"model.{2 + s.downsamplings + block}.{conv}", (local, wide), transform)
+        local, wide = (g.add("Add", old, new) for old, new in zip(before, (local, wide)))
+    x = g.add("Concat", local, wide, axis=1)
+    for level in range(s.downsamplings):
+        x = _up(g, state, f"model.{s.concat_index + 1 + 3 * level}", f"model.{s.concat_index + 2 + 3 * level}", x)
+    head = f"model.{s.head_index}"
+    x = _head(g, state[f"{head}.weight"], state[f"{head}.bias"], x)
+    last = {"sigmoid": "Sigmoid", "tanh": "Tanh", "none": "Identity"}[s.activation]
+    return g.add_named("filled", last, x)
+
+
+def _split(g: Graph, s: GeneratorSettings, state: Mapping[str, np.ndarray], x: str) -> tuple[str, str]:
+    """The last down-sampling: one convolution makes both branches."""
+    prefix = f"model.{1 + s.downsamplings}"
+    parts = [_folded(state, f"{prefix}.ffc.convl2{to}.weight", f"{prefix}.bn_{to}") for to in "lg"]
+    weight, bias = (np.concatenate(pair) for pair in zip(*parts))
+    both = g.add("Relu", g.conv(g.reflect(x, 1), weight, bias, stride=2))
+    local, wide = g.add("Split", both, g.ints(s.local_channels, s.global_channels), outputs=2, axis=1)
+    return local, wide
+
+
+def _ffc(
+    g: Graph, s: GeneratorSettings, state: Mapping[str, np.ndarray], at: str, pair: tuple[str, str], t: PlaneTransform
+) -> tuple[str, str]:
+    """One FFC layer with its norms folded: what leaves the local branch for both is one convolution."""
+    local, wide = pair
+    from_local = [_folded(state, f"{at}.ffc.convl2{to}.weight", f"{at}.bn_{to}") for to in "lg"]
+    weight, bias = (np.concatenate(parts) for parts in zip(*from_local))
+    both = g.conv(g.reflect(local, 1), weight, bias)
+    to_local, to_global = g.add("Split", both, g.ints(s.local_channels, s.global_channels), outputs=2, axis=1)
+    g2l, _ = _folded(state, f"{at}.ffc.convg2l.weight", f"{at}.bn_l")
+    to_local = g.add("Add", to_local, g.conv(g.reflect(wide, 1), g2l))
+    spectral = f"{at}.ffc.convg2g"
+    x = g.add("Relu", g.conv(wide, *_folded(state, f"{spectral}.conv1.0.weight", f"{spectral}.conv1.1")))
+    mixed = g.conv(t.forward(g, x), *_folded(state, f"{spectral}.fu.conv_layer.weight", f"{spectral}.fu.bn"))
+    x = g.add("Add", x, t.inverse(g, g.add("Relu", mixed)))
+    g2g, _ = _folded(state, f"{spectral}.conv2.weight", f"{at}.bn_g")
+    to_global = g.add("Add", to_global, g.conv(x, g2g))
+    return g.add("Relu", to_local), g.add("Relu", to_global)
+
+
+def _up(g: Graph, state: Mapping[str, np.ndarray], conv: str, norm: str, x: str) -> str:
+    """Transposed convolution, kernel 3, stride 2: twice the height and width.
+
+    Output row 2i sees the input row i through tap 1, row 2i + 1 sees rows i and i + 1 through taps 2 and 0; so it is
+    four small convolutions, one for each parity of row and column, and an interleaving. The same products, in
+    convolutions that run at full speed where runtimes' transposed ones do not.
+    """
+    scale, shift = _affine(state, norm)
+    weight = (state[f"{conv}.weight"] * scale[:, None, None]).astype(np.float32).swapaxes(0, 1)
+    bias = (state[f"{conv}.bias"] * scale + shift).astype(np.float32)
+    taps = ([1], [2, 0])
+    parts = [
+        g.conv(x, weight[:, :, taps[row]][:, :, :, taps[column]], bias, pads=[0, 0, row, column])
+        for row in (0, 1)
+        for column in (0, 1)
+    ]
+    return str(g.add("DepthToSpace", g.add("Relu", g.add("Concat", *parts, axis=1)), blocksize=2))
+
+
+def _head(g: Graph, weight: np.ndarray, bias: np.ndarray, x: str) -> str:
+    """The last convolution, four output pixels at a time: 3 output channels leave most of a vector unit idle, 12 do not.
+
+    Convolution with stride 2 by a kernel one tap larger, its four copies shifted by a row, a column, or both; interleaved.
+    """
+    size = weight.shape[2] + 1
+    shifted = np.zeros((2, 2, *weight.shape[:2], size, size), np.float32)
+    for row in (0, 1):
+        for column in (0, 1):
+            shifted[row, column, :, :, row : size - 1 + row, column : size - 1 + column] = weight
+    x = g.conv(g.reflect(x, 3), shifted.reshape(-1, *shifted.shape[3:]), np.tile(bias, 4), stride=2)
+    return str(g.add("DepthToSpace", x, blocksize=2))
+
+
+def _folded(state: Mapping[str, np.ndarray], weight: str, norm: str) -> tuple[np.ndarray, np.ndarray]:
+    """Weight and bias of a convolution without bias and the batch norm after it (or after a sum it is part of)."""
+    scale, shift = _affine(state, norm)
+    return (state[weight] * scale[:, None, None, None]).astype(np.float32), shift.astype(np.float32)
+
+
+def _affine(state: Mapping[str, np.ndarray], norm: str) -> tuple[np.ndarray, np.ndarray]:
+    """A batch norm in eval mode as x * scale + shift, float64."""
+    weight, bias, mean, variance = (
+        state[f"{norm}.{name}"].astype(np.float64) for name in ("weight", "bias", "running_mean", "running_var")
+    )
+    scale = weight / np.sqrt(variance + EPSILON)
+    return scale, bias - mean * scale

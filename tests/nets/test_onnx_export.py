@@ -1,0 +1,116 @@
+"""The ONNX file is the same network, at any size it takes, and says what it is."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+onnx = pytest.importorskip("onnx", reason="writing an ONNX file needs onnx: pip install 'dlama[onnx]'")
+onnxruntime = pytest.importorskip(
+    "onnxruntime", reason="running an ONNX file needs onnxruntime: pip install 'dlama[onnx]'"
+)
+
+from dlama.errors import OutputError, ShapeError  # noqa: E402
+from dlama.nets.architecture import GeneratorSettings  # noqa: E402
+from dlama.nets.checkpoints import read_generator  # noqa: E402
+from dlama.nets.export import CONTRACT_KEY, contract, export_onnx, onnx_bytes  # noqa: E402
+from dlama.nets.onnx_graph import Graph, plane_transform  # noqa: E402
+
+SIZES = [(16, 16), (16, 200), (40, 72), (88, 64), (104, 136), (264, 24)]
+
+
+def _session(model: bytes):
+    options = onnxruntime.SessionOptions()
+    options.intra_op_num_threads = 1
+    options.log_severity_level = 3
+    return onnxruntime.InferenceSession(model, options, providers=["CPUExecutionProvider"])
+
+
+def test_the_exported_network_agrees_with_the_published_code(tmp_path, vector_file, generator_vector):
+    """Oracle: frozen vector, no torch in between."""
+    path = export_onnx(read_generator(vector_file), tmp_path / "small.onnx", "Apache-2.0")
+    onnx.checker.check_model(str(path), full_check=True)
+    output = _session(path.read_bytes()).run(None, {"planes": generator_vector[1]["input"]})[0]
+    np.testing.assert_allclose(output, generator_vector[1]["output"], rtol=0, atol=1e-6)
+    assert [file.name for file in tmp_path.iterdir()] == ["small.onnx"]
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [
+        GeneratorSettings(4, 3, 16, 3, 3),
+        GeneratorSettings(5, 4, 8, 3, 2, 0.5),
+        GeneratorSettings(7, 6, 8, 2, 2, 0.75, "tanh"),
+    ],
+)
+def test_parity_with_torch_at_every_size(random_state, settings):
+    """Oracle: the torch modules in float64; sizes not square, no powers of two, and below the receptive field."""
+    torch = pytest.importorskip("torch", reason="the networks need torch: pip install 'dlama[train]'")
+    from dlama.nets.generator import generator_from_state
+
+    state = random_state(settings)
+    net = generator_from_state(state, settings.activation)
+    session = _session(onnx_bytes(settings, state, {}))
+    rng = np.random.default_rng(0)
+    for height, width in SIZES:
+        planes = rng.random((2, settings.in_channels, height, width), dtype=np.float32)
+        with torch.inference_mode():
+            wanted = net(torch.from_numpy(planes)).numpy()
+        output = session.run(None, {"planes": planes})[0]
+        assert wanted.std() > 0.1
+        np.testing.assert_allclose(output, wanted, rtol=0, atol=1e-5)
+
+
+@pytest.mark.parametrize(("height", "width"), [(2, 2), (3, 5), (5, 8), (16, 9), (63, 64), (130, 96), (257, 300)])
+def test_the_transform_is_the_fourier_transform(height, width):
+    """Oracle: numpy's rfft2 and irfft2, the inverse on a spectrum that no real picture has."""
+    g = Graph()
+    transform = plane_transform(g, "x", 3)
+    spectrum = g.add_named("spectrum", "Identity", transform.forward(g, "x"))
+    g.add_named("back", "Identity", transform.inverse(g, g.add("Relu", spectrum)))
+    helper, kind = onnx.helper, onnx.TensorProto.FLOAT
+    model = g.model(("x", ["b", 3, "h", "w"]), ("spectrum", ["b", 6, "h", "m"]), {})
+    model.graph.output.append(helper.make_tensor_value_info("back", kind, ["b", 3, "h", "w"]))
+    x = np.random.default_rng(1).normal(size=(2, 3, height, width)).astype(np.float32)
+    came, back = _session(model.SerializeToString()).run(None, {"x": x})
+    wanted = np.fft.rfft2(x.astype(np.float64), norm="ortho")
+    np.testing.assert_allclose(came[:, 0::2], wanted.real, rtol=0, atol=5e-6)
+    np.testing.assert_allclose(came[:, 1::2], wanted.imag, rtol=0, atol=5e-6)
+    positive = np.maximum(wanted.real, 0) + 1j * np.maximum(wanted.imag, 0)
+    again = np.fft.irfft2(positive, s=(height, width), norm="ortho")
+    np.testing.assert_allclose(back, again, rtol=0, atol=1e-6 * max(np.abs(again).max(), 1))
+
+
+def test_the_file_carries_its_contract(tmp_path, vector_file):
+    """Oracle: the settings and the file's own digest; one input, one output, sizes free."""
+    weights = read_generator(vector_file)
+    session = _session(export_onnx(weights, tmp_path / "small.onnx", "Apache-2.0").read_bytes())
+    said = json.loads(session.get_modelmeta().custom_metadata_map[CONTRACT_KEY])
+    assert said == contract(weights.settings, "Apache-2.0", vector_file.name, weights.source_sha256)
+    assert said["in_planes"] == ["red", "green", "blue", "mask"] and said["out_planes"] == ["red", "green", "blue"]
+    assert (said["mask"], said["hole"], said["multiple"], said["minimum"]) == ("1 = fill", "zero", 8, 16)
+    assert [(end.name, end.shape) for end in (*session.get_inputs(), *session.get_outputs())] == [
+        ("planes", ["batch", 4, "height", "width"]),
+        ("filled", ["batch", 3, "height", "width"]),
+    ]
+
+
+def test_planes_of_depth_and_stereo_have_names():
+    """Oracle: the house's order: colour, depth, then the mask last."""
+    depth, stereo = (contract(GeneratorSettings(*planes), "", "", "") for planes in ((5, 4), (7, 6)))
+    assert depth["in_planes"] == ["red", "green", "blue", "depth", "mask"]
+    assert stereo["in_planes"][-1] == "mask" and len(stereo["in_planes"]) == 7 and len(stereo["out_planes"]) == 6
+
+
+def test_what_cannot_be_exported_is_refused(tmp_path, vector_file, random_state):
+    """Oracle: the documentation."""
+    weights = read_generator(vector_file)
+    with pytest.raises(OutputError, match="cannot be written"):
+        export_onnx(weights, tmp_path / "missing" / "small.onnx", "Apache-2.0")
+    with pytest.raises(ShapeError, match="do not make up a generator"):
+        onnx_bytes(GeneratorSettings(), weights.state, {})
+    mask_only = GeneratorSettings(in_channels=1, width=8, blocks=1)
+    with pytest.raises(ShapeError, match="wanted a picture and the mask"):
+        onnx_bytes(mask_only, random_state(mask_only), {})
