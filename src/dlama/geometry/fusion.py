@@ -9,7 +9,7 @@ import numpy as np
 from dlama.geometry.cloud import PointCloud, concatenated
 from dlama.geometry.lifting import lift, rays
 from dlama.geometry.mesh import Mesh
-from dlama.geometry.rendering import mesh_grid
+from dlama.geometry.rendering import inverse_depth, mesh_grid
 from dlama.geometry.rgbd import BoolArray
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import HoleType, Origin, View
@@ -68,12 +68,14 @@ def layer_mesh(layer: View) -> Mesh:
     top, left = right[:-1, :-1], down[:-1, :-1]
     bottom, side = right[1:, :-1], down[:-1, 1:]
     a, b, c, d = number[:-1, :-1], number[:-1, 1:], number[1:, :-1], number[1:, 1:]
+    w = inverse_depth(depth)
+    along_bc = np.abs(w[:-1, 1:] - w[1:, :-1]) <= np.abs(w[:-1, :-1] - w[1:, 1:])
     full = top & left & bottom & side
     corners = [
-        (top & left, a, b, c),
-        (full | (bottom & side & ~(top & left)), b, d, c),
-        (top & side & ~left & ~bottom, a, b, d),
-        (left & bottom & ~top & ~side, a, d, c),
+        ((full & along_bc) | (~full & top & left), a, b, c),
+        ((full & along_bc) | (~full & bottom & side), b, d, c),
+        ((full & ~along_bc) | (~full & top & side), a, b, d),
+        ((full & ~along_bc) | (~full & left & bottom), a, d, c),
     ]
     triangles = np.concatenate([np.stack([p[ok], q[ok], r[ok]], 1) for ok, p, q, r in corners]).astype(np.int32)
     in_camera = rays(layer.camera)[chosen] * depth[chosen][:, None]

@@ -252,11 +252,34 @@ def draw_quad(x, y, w, row, column, sides, box, wbuf, where):
 
 
 @njit(cache=True)
-def draw_rim(x, y, w, rim, depth, zoom, wbuf, where):
+def lean(x, y, w, joined, row, column):
+    """How steep the surface round a vertex is (relative step in w to a joined neighbour), -1 if it is seen from behind."""
+    height, width = joined.shape
+    steepest, facing = 0.0, 0.0
+    here = w[row, column]
+    for dr, dc, side in ((0, 1, RIGHT), (1, 0, DOWN), (0, -1, RIGHT), (-1, 0, DOWN)):
+        r, c = row + dr, column + dc
+        if not (0 <= r < height and 0 <= c < width) or w[r, c] <= 0:
+            continue
+        if not joined[min(row, r), min(column, c)] & side:
+            continue
+        steepest = max(steepest, abs(w[r, c] / here - 1))
+        # the neighbour a quarter turn on: right -> down -> left -> up
+        r2, c2 = row + dc, column - dr
+        if 0 <= r2 < height and 0 <= c2 < width and w[r2, c2] > 0:
+            if joined[min(row, r2), min(column, c2)] & (DOWN if side == RIGHT else RIGHT):
+                facing += (x[r, c] - x[row, column]) * (y[r2, c2] - y[row, column])
+                facing -= (x[r2, c2] - x[row, column]) * (y[r, c] - y[row, column])
+    return -1.0 if facing < 0 else steepest
+
+
+@njit(cache=True)
+def draw_rim(x, y, w, joined, rim, depth, zoom, wbuf, where):
     """One-pixel footprints of the vertices at the rim of the mesh (wires, poles, silhouettes, isolated pixels).
 
     rim: N flat source indices; depth: source z; zoom: target focal length / source focal length. A footprint is the source
-    pixel's own size, at least one target pixel and at most 32. It only covers what is empty or clearly behind.
+    pixel's own size, at least one target pixel and at most 32. It only covers what is empty, or behind the surface it
+    belongs to.
     """
     width = x.shape[1]
     rows, columns = wbuf.shape
@@ -267,6 +290,9 @@ def draw_rim(x, y, w, rim, depth, zoom, wbuf, where):
         half = min(16.0, 0.5 * zoom * depth[row, column] * inverse)
         if not (inverse > 0 and -half - 1 < px < columns + half + 1 and -half - 1 < py < rows + half + 1):
             continue
+        steepest = lean(x, y, w, joined, row, column)
+        if steepest < 0:
+            continue
         if half <= 0.5:
             left = right = int(math.floor(px))
             upper = lower = int(math.floor(py))
@@ -275,7 +301,7 @@ def draw_rim(x, y, w, rim, depth, zoom, wbuf, where):
             upper, lower = int(math.ceil(py - half - 0.5)), int(math.ceil(py + half - 0.5)) - 1
         for ty in range(max(0, upper), min(rows - 1, lower) + 1):
             for tx in range(max(0, left), min(columns - 1, right) + 1):
-                if inverse > wbuf[ty, tx] and inverse > meshed[ty, tx] * 1.02:
+                if inverse > wbuf[ty, tx] and inverse > meshed[ty, tx] * (1.02 + 2 * steepest):
                     wbuf[ty, tx] = inverse
                     where[ty, tx, 0] = column
                     where[ty, tx, 1] = row

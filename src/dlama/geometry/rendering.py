@@ -181,7 +181,9 @@ def draw(grid: Grid, camera: Camera, canvas: Canvas) -> Canvas:
         return canvas
     where = np.empty((*camera.hw, 2), np.float32)
     raster.draw_surface(x, y, w, grid.joined, wbuf, where)
-    raster.draw_rim(x, y, w, rim(grid.joined, grid.depth), grid.depth, camera.fx / layer.camera.fx, wbuf, where)
+    raster.draw_rim(
+        x, y, w, grid.joined, rim(grid.joined, grid.depth), grid.depth, camera.fx / layer.camera.fx, wbuf, where
+    )
     shading.shade_surface(wbuf, where, grid.joined, *pixels, *canvas.buffers())
     return canvas
 
@@ -195,8 +197,11 @@ def mesh_grid(layer: View) -> tuple[Float32Array, UInt8Array]:
 
 
 def copy_onto(canvas: Canvas, layer: View) -> None:
-    """The layer seen from its own camera: every finite pixel as it is."""
+    """The layer seen from its own camera: every finite pixel as it is; a sensor hole its colour, but no depth."""
     copy_where(canvas, layer, layer.valid)
+    color_only = layer.hole & (layer.origin == Origin.DEPTH_FILLED)
+    np.copyto(canvas.color, layer.color, where=color_only[..., None])
+    np.copyto(canvas.origin, layer.origin, where=color_only)
 
 
 def copy_where(canvas: Canvas, layer: View, where: BoolArray) -> None:
