@@ -255,7 +255,11 @@ def anchor(
 
     labels: the label of each hole pixel, in row-major order; only a known pixel of the same plane anchors.
     """
-    distance, source = nearest_inside(~hole)
+    import cv2
+
+    # the pixel at the very rim is a footprint half a pixel off its surface: anchor on the one behind it
+    inner = cv2.erode((~hole).astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
+    distance, source = nearest_inside(inner if inner.any() else ~hole)
     source = source[hole]
     rows, columns = np.divmod(source, hole.shape[1])
     same = (label.ravel()[source] == labels) & (labels > 0)
