@@ -62,22 +62,3 @@ def best_plane(u, v, w, free, triples, tolerance):
         support[number] = inliers
     best = np.argmax(support)
     return planes[best], support[best]
-
-
-@njit(cache=True, parallel=True)
-def nearest_plane(w, surface, planes, tolerance):
-    """int32 H x W: 1 + index of the best fitting plane within the tolerance, -1 where none fits."""
-    height, width = w.shape
-    out = np.full((height, width), -1, np.int32)
-    for row in prange(height):
-        for column in range(width):
-            if not surface[row, column]:
-                continue
-            value = w[row, column]
-            best = tolerance * value
-            for k in range(len(planes)):
-                residual = abs(planes[k, 0] * (column + 0.5) + planes[k, 1] * (row + 0.5) + planes[k, 2] - value)
-                if residual < best:
-                    best = residual
-                    out[row, column] = k + 1
-    return out

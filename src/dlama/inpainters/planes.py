@@ -16,6 +16,8 @@ SKY = 0
 """Label of far pixels; planes count from 1."""
 TOLERANCE = 0.012
 """Largest relative residual in inverse depth of a pixel that lies on a plane."""
+NEIGHBOURHOOD = 9
+"""Width in px of the window in which planes compete for a pixel."""
 MOST_PLANES = 12
 SMALLEST_SHARE = 0.01
 """Share of the known pixels that a plane must hold."""
@@ -72,10 +74,25 @@ def plane_values(planes: NDArray[np.float64], hw: tuple[int, int], step: float =
     return (a * u + b * v[:, None] + c).astype(np.float32)
 
 
-def label_known(w: Float32Array, surface: BoolArray, far: BoolArray, planes: NDArray[np.float64]) -> NDArray[np.int32]:
-    """H x W int32: SKY at far pixels, k >= 1 on the k-th plane, SMOOTH elsewhere (holes too)."""
-    from dlama.inpainters import plane_kernels
+def label_known(
+    w: Float32Array, surface: BoolArray, far: BoolArray, planes: NDArray[np.float64]
+) -> NDArray[np.int32]:
+    """H x W int32: SKY at far pixels, k >= 1 on the k-th plane, SMOOTH elsewhere (holes too).
 
-    label = plane_kernels.nearest_plane(w, surface, planes, TOLERANCE)
+    Of the planes that fit a pixel it belongs to the one that fits most of its neighbourhood: a plane that merely cuts through
+    a surface leaves no stripe on it.
+    """
+    import cv2
+
+    window = (NEIGHBOURHOOD, NEIGHBOURHOOD)
+    there = surface.astype(np.float32)
+    most = 0.3 * cv2.boxFilter(there, -1, window, normalize=False)
+    label = np.full(w.shape, SMOOTH, np.int32)
+    for number, value in enumerate(planes):
+        fits = surface & (np.abs(plane_values(value[None], w.shape)[0] - w) < TOLERANCE * w)
+        count = cv2.boxFilter(fits.astype(np.float32), -1, window, normalize=False)
+        better = fits & (count > most)
+        most[better] = count[better]
+        label[better] = number + 1
     label[far] = SKY
     return label
