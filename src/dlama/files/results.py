@@ -1,0 +1,198 @@
+"""A Completion in, a directory of files out: pictures, depth, scene and meta.json; whole, or not at all."""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dlama import __version__
+from dlama.completion.pairs import StereoCompletion
+from dlama.completion.scenes import Completion
+from dlama.files.placement import PathLike, new_directory
+from dlama.geometry.view import HoleType, Origin, View
+
+LOG = logging.getLogger("dlama")
+
+Job = Callable[[], Any]
+
+
+def write(
+    completion: Completion,
+    directory: PathLike,
+    *,
+    inputs: Mapping[str, PathLike] | None = None,
+    intrinsics_from: str = "given in Python",
+    seconds: Mapping[str, float] | None = None,
+) -> Path:
+    """Write everything about a completion to a directory (made if need be) and return it.
+
+    One view: its pictures lie at the top. A stereo pair: the left view at the top, the right one in `right/`. Several views:
+    `view-01/`, `view-02/`, ... . `inputs` (role -> file) are hashed into meta.json,
+    which also takes the `seconds` of stages before the completion, such as reading. If anything fails nothing is left behind.
+    Raises OutputError, FileError.
+    """
+    from dlama.files.sheets import write_sheet
+
+    target, started = Path(directory), time.perf_counter()
+    meta = {**described(completion, intrinsics_from), "inputs": hashed(inputs or {})}
+    with new_directory(target) as folder:
+        jobs: dict[str, Job] = {}
+        for place, view in places(completion).items():
+            (folder / place).mkdir(exist_ok=True)
+            jobs |= view_jobs(folder / place, view, place)
+        jobs |= scene_jobs(folder, completion)
+        jobs["preview.png"] = lambda: write_sheet(folder / "preview.png", completion)
+        results = run(jobs)
+        clipped = {place: results[f"{place}depth.png"] for place in places(completion)}
+        meta["depth_png_clipped_pixels"] = clipped if len(clipped) > 1 else clipped[""]
+        took = {**(seconds or {}), **meta["seconds"], "write": time.perf_counter() - started}
+        meta["seconds"] = {stage: round(value, 4) for stage, value in took.items()}
+        (folder / "meta.json").write_text(as_json(meta), encoding="utf-8")
+    return target
+
+
+def places(completion: Completion) -> dict[str, View]:
+    """Sub-folder ("" = the top) -> the completed view that is written there."""
+    views = completion.views
+    if isinstance(completion, StereoCompletion):
+        return {"": views[0], "right/": views[1]}
+    if len(views) == 1:
+        return {"": views[0]}
+    return {"": views[-1], **{f"view-{number:02d}/": view for number, view in enumerate(views, 1)}}
+
+
+def main_view(completion: Completion) -> View:
+    """The view at the top of the directory: the left one of a pair, else the last."""
+    return places(completion)[""]
+
+
+def view_jobs(folder: Path, view: View, place: str) -> dict[str, Job]:
+    """The pictures of one view."""
+    from dlama.files import depth, pictures
+    from dlama.files.preview import HOLE_PALETTE, ORIGIN_PALETTE
+
+    jobs: dict[str, Job] = {
+        "image.png": lambda: pictures.write_color(folder / "image.png", view.color),
+        "depth.png": lambda: depth.write_depth_png(folder / "depth.png", view.depth),
+        "depth.exr": lambda: depth.write_depth_exr(folder / "depth.exr", view.depth),
+        "hole.png": lambda: pictures.write_mask(folder / "hole.png", view.hole_type > 0),
+        "hole_type.png": lambda: pictures.write_codes(folder / "hole_type.png", view.hole_type, HOLE_PALETTE),
+        "origin.png": lambda: pictures.write_codes(folder / "origin.png", view.origin, ORIGIN_PALETTE),
+        "confidence.png": lambda: pictures.write_grey(folder / "confidence.png", view.confidence),
+    }
+    return {f"{place}{name}": job for name, job in jobs.items()}
+
+
+def scene_jobs(folder: Path, completion: Completion) -> dict[str, Job]:
+    """The scene as arrays, points and triangles, and a pair's disparities."""
+    from dlama.files import clouds, depth, meshes, scenes
+
+    jobs: dict[str, Job] = {
+        "scene.glb": lambda: meshes.write_glb(folder / "scene.glb", completion.mesh),
+        "scene.npz": lambda: scenes.write_npz(folder / "scene.npz", main_view(completion), completion.scene),
+        "scene.ply": lambda: clouds.write_ply(folder / "scene.ply", completion.background),
+    }
+    if completion.scene.objects:
+        jobs["background.ply"] = lambda: clouds.write_ply(folder / "background.ply", completion.background)
+        jobs["completed.ply"] = lambda: clouds.write_ply(folder / "completed.ply", completion.completed)
+    if isinstance(completion, StereoCompletion):
+        jobs["disparity_left.pfm"] = lambda: depth.write_disparity_pfm(
+            folder / "disparity_left.pfm", completion.disparity_left
+        )
+        jobs["disparity_right.pfm"] = lambda: depth.write_disparity_pfm(
+            folder / "disparity_right.pfm", completion.disparity_right
+        )
+    return jobs
+
+
+def run(jobs: Mapping[str, Job]) -> dict[str, Any]:
+    """What each job returns, two at a time (encoders let go of the interpreter); the first error is raised."""
+    from concurrent.futures import ThreadPoolExecutor
+
+    def one(item: tuple[str, Job]) -> tuple[str, Any]:
+        LOG.info("write %s", item[0])
+        return item[0], item[1]()
+
+    with ThreadPoolExecutor(2) as pool:
+        return dict(pool.map(one, jobs.items()))
+
+
+def described(completion: Completion, intrinsics_from: str) -> dict[str, Any]:
+    """The head of meta.json: where the views stand, what their codes mean, which versions made them."""
+    from dlama.files.cameras import camera_as_json
+
+    return {
+        "dlama": __version__,
+        "source_camera": {**camera_as_json(completion.source.camera), "intrinsics_from": intrinsics_from},
+        "cameras": [camera_as_json(view.camera) for view in completion.views],
+        **completion.meta,
+        "legends": legends(),
+        "versions": versions(),
+    }
+
+
+def legends() -> dict[str, dict[str, Any]]:
+    """What the codes of the code pictures mean and how they are coloured."""
+    from dlama.files.preview import HOLE_PALETTE, ORIGIN_PALETTE
+
+    return {
+        "hole_type.png": {str(int(code)): [code.name.lower(), list(HOLE_PALETTE[code])] for code in HoleType},
+        "origin.png": {str(int(code)): [code.name.lower(), list(ORIGIN_PALETTE[code])] for code in Origin},
+        "hole.png": {"0": "known", "255": "unknown before filling, after dilation: every pixel that was written"},
+        "depth.png": {"0": "missing", "1..65534": "millimetres", "65535": "far (sky)"},
+        "depth.exr": {"0": "missing", "inf": "far (sky)", "else": "metres"},
+    }
+
+
+def versions() -> dict[str, str]:
+    """Versions of what computes the result; a package that is not installed is left out."""
+    import platform
+    from importlib import metadata
+
+    found = {"dlama": __version__, "python": platform.python_version()}
+    for name in ("numpy", "numba", "opencv-python-headless", "opencv-python", "pillow", "OpenEXR"):
+        try:
+            found[name.split("-python")[0]] = metadata.version(name)
+        except metadata.PackageNotFoundError:
+            continue
+    return found
+
+
+def hashed(inputs: Mapping[str, PathLike]) -> dict[str, dict[str, str]]:
+    """Role -> path and SHA-256 of each input file."""
+    import hashlib
+
+    return {
+        role: {"path": str(path), "sha256": hashlib.sha256(Path(path).read_bytes()).hexdigest()}
+        for role, path in inputs.items()
+    }
+
+
+def as_json(meta: Mapping[str, Any]) -> str:
+    """Indented JSON with rows of numbers on one line each."""
+    import json
+    import re
+
+    text = json.dumps(json_ready(dict(meta)), indent=2, allow_nan=False)
+    rows = re.compile(r"\[\n\s+([^\[\]{}]*?)\n\s+\]")
+    return rows.sub(lambda row: "[" + re.sub(r"\s*\n\s*", " ", row[1]) + "]", text) + "\n"
+
+
+def json_ready(value: Any) -> Any:
+    """NumPy numbers and arrays, and not-a-numbers, as JSON can hold them."""
+    if isinstance(value, dict):
+        return {str(key): json_ready(one) for key, one in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [json_ready(one) for one in value]
+    if isinstance(value, np.ndarray):
+        return json_ready(value.tolist())
+    if isinstance(value, np.generic):
+        return json_ready(value.item())
+    if isinstance(value, float) and not np.isfinite(value):
+        return None
+    return value

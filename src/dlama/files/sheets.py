@@ -1,0 +1,140 @@
+"""A completion in; title, captioned panels and legend of its preview out. `preview` draws them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from dlama.completion.pairs import StereoCompletion
+from dlama.completion.scenes import Completion
+from dlama.files.placement import PathLike
+from dlama.files.preview import (
+    HOLE_PALETTE,
+    RGB,
+    Panel,
+    depth_limits,
+    depth_picture,
+    hole_legend,
+    hole_picture,
+    percent,
+    write_preview,
+)
+from dlama.geometry.rgbd import UInt8Array
+from dlama.geometry.view import HoleType, View
+
+MARK: RGB = (255, 60, 60)
+"""What is to be removed, in the source picture."""
+MOST_VIEWS = 5
+"""A sheet shows as many of several views; the others have pictures of their own."""
+
+
+def write_sheet(path: PathLike, completion: Completion) -> None:
+    """The preview of one completion: what was known, what was missing and why, what was filled; colour and depth."""
+    types = np.concatenate([before.hole_type.ravel() for before in completion.warped])
+    write_preview(path, title(completion), panels(completion), hole_legend(types))
+
+
+def title(completion: Completion) -> str:
+    """What was done, in a line."""
+    meta = completion.meta
+    share = percent(float(np.mean(meta["hole_share"])))
+    return f"{job_done(completion)}: {share} was unknown, filled by '{meta['filler']}'"
+
+
+def job_done(completion: Completion) -> str:
+    """The job, told from what came out."""
+    removed = bool(completion.scene.objects)
+    if isinstance(completion, StereoCompletion):
+        return "Object removed from both pictures" if removed else "Depth from a stereo pair"
+    several = f" ({len(completion.views)} views)" if len(completion.views) > 1 else ""
+    if at_home(completion):
+        return "Object removed" if removed else "Sensor holes filled"
+    return ("Object removed, seen from elsewhere" if removed else "Seen from elsewhere") + several
+
+
+def at_home(completion: Completion) -> bool:
+    """True where every view is the source camera's own."""
+    return all(view.camera.same_view_as(completion.source.camera) for view in completion.views)
+
+
+def panels(completion: Completion) -> list[Panel]:
+    """The panels of a sheet, row by row."""
+    if isinstance(completion, StereoCompletion):
+        return [
+            panel
+            for side, before, view in zip(("left", "right"), completion.warped, completion.views)
+            for panel in (*color_panels(side, before, view), depth_panels(side, before, view, completion)[1])
+        ]
+    if len(completion.views) > 1:
+        pairs = list(zip(completion.warped, completion.views))[:MOST_VIEWS]
+        several = [color_panels(f"view {number}", *pair) for number, pair in enumerate(pairs, 1)]
+        return [source_panel(completion), *(panel for both in several for panel in both)]
+    before, view = completion.warped[0], completion.views[0]
+    source = completion.source
+    lo, hi = limits(completion)
+    return [
+        source_panel(completion),
+        *color_panels("", before, view),
+        ("depth of the source", depth_picture(source.depth, source.hole, lo, hi)),
+        *depth_panels("", before, view, completion),
+    ]
+
+
+def demo_panels(name: str, completion: Completion) -> list[Panel]:
+    """Four panels of one job for the joint sheet: source, what is missing, colour and depth completed."""
+    before, view = completion.warped[-1], completion.views[-1]
+    return [
+        (f"{name}: source picture", source_panel(completion)[1]),
+        *color_panels("right view" if isinstance(completion, StereoCompletion) else "", before, view),
+        depth_panels("", before, view, completion)[1],
+    ]
+
+
+def demo_legend(completions: Sequence[Completion]) -> list[tuple[str, RGB]]:
+    """Names and colours of the hole types that occur in any of the jobs."""
+    found = {int(code) for done in completions for view in done.warped for code in np.unique(view.hole_type)}
+    return [(code.name.lower().replace("_", " "), HOLE_PALETTE[code]) for code in HoleType if code and code in found]
+
+
+def source_panel(completion: Completion) -> Panel:
+    """The source picture; what is to be removed is tinted and outlined."""
+    if not completion.scene.objects:
+        return "source", completion.source.color
+    taken = completion.scene.layers[0].hole_type == HoleType.OBJECT
+    return "source, marked: to be removed", marked(completion.source.color, taken)
+
+
+def marked(color: UInt8Array, where: np.ndarray) -> UInt8Array:
+    """uint8 H x W x 3: half red where `where` (H x W bool) is True, red at its rim."""
+    import cv2
+
+    inner = cv2.erode(where.astype(np.uint8), np.ones((5, 5), np.uint8)) > 0
+    tint = np.array(MARK, np.uint8)
+    half = (color // 2 + tint // 2).astype(np.uint8)
+    return np.where((where & ~inner)[..., None], tint, np.where(where[..., None], half, color))
+
+
+def color_panels(name: str, before: View, view: View) -> tuple[Panel, Panel]:
+    """What is known and why the rest is not; completed."""
+    start = f"{name}: " if name else ""
+    return (f"{start}known, holes by type", hole_picture(before.color, before.hole_type)), (
+        f"{start}completed",
+        view.color,
+    )
+
+
+def depth_panels(name: str, before: View, view: View, completion: Completion) -> tuple[Panel, Panel]:
+    """Depth known; depth completed; in the same colours all over the sheet."""
+    start = f"{name}: " if name else ""
+    lo, hi = limits(completion)
+    scale = f"{lo:.2g} to {hi:.2g} m"
+    return (f"{start}depth known", depth_picture(before.depth, before.hole, lo, hi)), (
+        f"{start}depth completed, {scale}",
+        depth_picture(view.depth, view.hole, lo, hi),
+    )
+
+
+def limits(completion: Completion) -> tuple[float, float]:
+    """The nearest and the farthest depth of all panels' colours."""
+    return depth_limits(completion.source.depth, *(view.depth for view in completion.views))
