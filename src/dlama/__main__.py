@@ -1,0 +1,5 @@
+"""`python -m dlama` is `dlama`."""
+
+from dlama.apps.cli import main
+
+main()

@@ -1,0 +1,173 @@
+"""The command line: one verb = one public function of the same name. Each reads, calls and writes, no more."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Annotated, Any
+
+import tyro
+from tyro.conf import FlagCreatePairsOff, OmitArgPrefixes, Positional
+
+from dlama.apps.jobs import STAGES, job
+from dlama.apps.options import Depth, Image, Lens, Mask, Masking, Method, Metres, Move, Output, Reading, told
+from dlama.apps.terminal import plain_words, stages
+from dlama.completion import pairs, scenes
+
+DESCRIPTION = (
+    "Completes what a camera could not see: the scene from another viewpoint, without an object, or as a stereo pair, "
+    "filled in colour and in depth. `dlama demo` shows all three; `dlama VERB --help` explains each."
+)
+
+
+def view(
+    image: Positional[Image],
+    depth: Positional[Depth],
+    /,
+    output: Output,
+    move: Move,
+    lens: Lens,
+    reading: Reading,
+    method: Method,
+) -> None:
+    """The scene from another viewpoint, with what was hidden filled in.
+
+    Args:
+        image: The colour picture: PNG, JPEG or TIFF.
+        depth: Its depth, same size: 16-bit PNG or TIFF (millimetres), EXR, PFM, NPY or NPZ.
+        output: Directory for the results.
+    """
+    with job("view") as run:
+        goal = move.required().settings()
+        rgbd = run.rgbd(image, depth, lens, reading)
+        run.write(scenes.view(rgbd, **goal, **method.settings()), output)
+
+
+def remove(
+    image: Positional[Image],
+    depth: Positional[Depth],
+    mask: Positional[Mask],
+    /,
+    output: Output,
+    move: Move,
+    lens: Lens,
+    reading: Reading,
+    masking: Masking,
+    method: Method,
+) -> None:
+    """The scene without an object: what it hid is restored, seen from the same place or from elsewhere.
+
+    Args:
+        image: The colour picture: PNG, JPEG or TIFF.
+        depth: Its depth, same size: 16-bit PNG or TIFF (millimetres), EXR, PFM, NPY or NPZ.
+        mask: The object in the picture: black and white, 255 = remove.
+        output: Directory for the results.
+    """
+    with job("remove") as run:
+        goal = move.settings()
+        rgbd = run.rgbd(image, depth, lens, reading)
+        taken = run.required_mask(mask, masking)
+        run.write(scenes.remove(rgbd, taken, **goal, **method.settings()), output)
+
+
+def stereo(
+    left: Positional[Annotated[Path, told("LEFT")]],
+    right: Positional[Annotated[Path, told("RIGHT")]],
+    /,
+    calib: Annotated[Path, told("CALIB", "(required)")],
+    output: Output,
+    masking: Masking,
+    method: Method,
+    mask: Annotated[Path | None, told("MASK")] = None,
+    mask_right: Annotated[Path | None, told("MASK", "(default: --mask carried over by disparity)")] = None,
+    max_disparity: Annotated[float | None, told("PX", "(default: found)")] = None,
+    far: Metres = None,
+) -> None:
+    """Depth from a rectified stereo pair, and with --mask both pictures without an object, so that they agree.
+
+    Args:
+        left: The left picture.
+        right: The right picture, rectified: same size, same rows.
+        calib: Middlebury calib.txt, or JSON with left_K, right_K, baseline_m, doffs, pixel_center.
+        output: Directory for the results: the left view at the top, the right one in right/.
+        mask: The object in the left picture: black and white, 255 = remove.
+        mask_right: The object in the right picture.
+        max_disparity: The largest disparity looked for.
+        far: What is measured at or beyond this is far (sky).
+    """
+    with job("stereo") as run:
+        pair = run.pair(left, right, calib)
+        masks = run.mask(mask, masking), run.mask(mask_right, masking, "mask_right")
+        how = {"max_disparity": max_disparity, "far": far, **method.settings()}
+        run.write(pairs.stereo(*pair, mask=masks[0], mask_right=masks[1], **how), output)
+
+
+def demo(output: Output = Path("dlama-demo"), method: Method = Method()) -> None:  # noqa: B008  (frozen)
+    """All three jobs on the street scene that comes with dlama: another view, an object removed, a stereo pair.
+
+    Args:
+        output: Directory for the results: view/, remove/, stereo/ and a joint preview.png.
+    """
+    from dlama.apps.demo import demo
+
+    with stages("demo", 3 * STAGES):
+        lines = demo(output, method)
+    print("\n".join(lines))
+
+
+def version() -> None:
+    """The versions of dlama and of what it computes with."""
+    from dlama.files.results import versions
+
+    print("\n".join(f"{name} {number}" for name, number in versions().items()))
+
+
+VERBS: dict[str, Callable[..., Any]] = {
+    "view": view,
+    "remove": remove,
+    "stereo": stereo,
+    "demo": demo,
+    "version": version,
+}
+
+
+EXAMPLES: dict[str, tuple[str, ...]] = {
+    "view": (
+        "dlama view photo.jpg depth.png --fov 65 --yaw 20 -o out",
+        "dlama view photo.jpg depth.exr --camera cam.json --yaw -10 --pitch 5 --pivot auto -o out",
+        "dlama view photo.jpg depth.png --camera cam.json --to target.json -o out",
+    ),
+    "remove": (
+        "dlama remove photo.jpg depth.png mask.png --fov 65 -o out",
+        "dlama remove photo.jpg depth.png mask.png --fov 65 --yaw 20 -o out",
+        "dlama remove color.jpeg depth.exr semantic.png --mask-class barrel --fov 90 --depth-range 10 -o out",
+    ),
+    "stereo": (
+        "dlama stereo left.png right.png --calib calib.txt -o out",
+        "dlama stereo left.png right.png --calib calib.json --mask left_mask.png -o out",
+    ),
+    "demo": (
+        "dlama demo",
+        "dlama demo -o /tmp/demo",
+    ),
+    "version": ("dlama version",),
+}
+"""What `dlama VERB --help` shows below its first line."""
+
+
+def main(args: Sequence[str] | None = None) -> None:
+    """The entry point `dlama`; `args` default to the command line's."""
+    words = list(sys.argv[1:] if args is None else args)
+    config = (OmitArgPrefixes, FlagCreatePairsOff)
+    with plain_words():
+        if words and words[0] in VERBS:
+            verb = VERBS[words[0]]
+            help_text = "\n".join(
+                [str(verb.__doc__).splitlines()[0], "", *(f"$ {line}" for line in EXAMPLES[words[0]])]
+            )
+            tyro.cli(verb, prog=f"dlama {words[0]}", description=help_text, args=words[1:], config=config)
+        else:
+            tyro.extras.subcommand_cli_from_dict(
+                VERBS, prog="dlama", description=DESCRIPTION, args=words, config=config
+            )

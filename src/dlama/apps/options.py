@@ -1,0 +1,162 @@
+"""What the command line can be told, as dataclasses with a docstring per field: the options of every verb are made of these."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from tyro.conf import arg
+
+from dlama.completion.recipes import RECIPES
+from dlama.completion.scenes import PAPER_PIVOT
+from dlama.errors import InputError
+from dlama.geometry.camera import Camera
+from dlama.inpainters import INPAINTERS
+
+
+def told(metavar: str, hint: str = "", **names: Any) -> Any:
+    """How one option is shown: what stands for its value, and what stands for its default."""
+    return arg(metavar=metavar, help_behavior_hint=hint, **names)
+
+
+Degrees = Annotated[float | None, told("DEG")]
+Metres = Annotated[float | None, told("METRES")]
+Pixels = Annotated[float | None, told("PX")]
+Radius = Annotated[int | None, told("PX", "(default: the recipe's)")]
+Json = Annotated[Path | None, told("FILE.json")]
+Image = Annotated[Path, told("IMAGE")]
+Depth = Annotated[Path, told("DEPTH")]
+Mask = Annotated[Path, told("MASK")]
+Output = Annotated[Path, told("DIR", "(made if need be; files of the same names are replaced)", aliases=["-o"])]
+
+
+@dataclass(frozen=True)
+class Move:
+    """Where the new camera stands: an orbit and a dolly from the source camera, or a camera file."""
+
+    yaw: Degrees = None
+    """Degrees about the vertical axis through the pivot. Positive: the camera moves to its right and turns left."""
+    pitch: Degrees = None
+    """Degrees about the horizontal axis through the pivot. Positive: the camera moves up and looks down."""
+    pivot: Annotated[float | Literal["auto"], told("METRES|auto", f"(default: {PAPER_PIVOT})")] = PAPER_PIVOT
+    """What the orbit turns about: a point this far ahead on the optical axis; auto: at the scene's median depth."""
+    dolly: Metres = None
+    """Metres along the optical axis, after the orbit. Positive: forward; negative: back, which closes rounding cracks."""
+    to: Annotated[Path | None, told("TARGET.json")] = None
+    """The target camera, instead of an orbit; its world_from_cam is in the world of the source camera."""
+
+    def required(self) -> Move:
+        """The move, if there is one; raises InputError."""
+        if self.to is self.yaw is self.pitch is self.dolly is None:
+            raise InputError(
+                "nothing says where the new camera stands: give --yaw DEG (positive: to the right), --pitch, --dolly, "
+                "or --to TARGET.json"
+            )
+        return self
+
+    def settings(self) -> dict[str, Any]:
+        """As keyword arguments of the verbs in Python; raises InputError when --to and an orbit were both given."""
+        orbit = {"--yaw": self.yaw, "--pitch": self.pitch, "--dolly": self.dolly}
+        given = [name for name, value in orbit.items() if value is not None]
+        if self.to is not None and given:
+            raise InputError(f"--to and {given[0]} contradict each other; give one of them")
+        return {
+            "camera": self.target(),
+            "yaw": self.yaw or 0.0,
+            "pitch": self.pitch or 0.0,
+            "pivot": self.pivot,
+            "dolly": self.dolly or 0.0,
+        }
+
+    def target(self) -> Camera | None:
+        """The camera of --to."""
+        from dlama.files.cameras import read_camera
+
+        return None if self.to is None else read_camera(self.to)
+
+
+@dataclass(frozen=True)
+class Lens:
+    """The camera that took the picture: one of --camera, --fx, --fov, or the EXIF focal length of a JPEG."""
+
+    camera: Json = None
+    """width, height, fx, fy, cx, cy, pixel_center and (optional) world_from_cam; or a Middlebury calib.txt."""
+    fx: Pixels = None
+    """Horizontal focal length in pixels."""
+    fy: Pixels = None
+    """Vertical focal length in pixels; default: as --fx."""
+    cx: Pixels = None
+    """Principal point, x, in pixels; default: the middle."""
+    cy: Pixels = None
+    """Principal point, y, in pixels; default: the middle."""
+    fov: Degrees = None
+    """Horizontal field of view in degrees: phone main camera about 65, Kinect 57 to 63, EasySynth 90."""
+    pixel_center: Annotated[float, told("0.5|0.0", "(default: 0.5)")] = 0.5
+    """Where --cx and --cy put the centre of the first pixel: 0.5 (COLMAP) or 0.0 (OpenCV, TUM, Open3D, Middlebury)."""
+
+    def settings(self) -> dict[str, Any]:
+        """As keyword arguments of read_rgbd."""
+        return dataclasses.asdict(self)
+
+
+@dataclass(frozen=True)
+class Reading:
+    """How the depth file is to be understood: 16-bit PNG or TIFF, EXR, PFM, NPY or NPZ."""
+
+    depth_scale: Annotated[float | None, told("UNITS", "(default: 1000 for 16-bit files, 1 for float files)")] = None
+    """Units per metre: 1000 = millimetres, TUM 5000, KITTI 256."""
+    depth_range: Metres = None
+    """Metres that 1.0 stands for in depth normalised to 0..1 (EasySynth); 1.0 itself is far."""
+    channel: Annotated[str | None, told("NAME")] = None
+    """Which channel of an EXR file holds depth; default: Z, R or Y."""
+    far: Metres = None
+    """Depth at or beyond this is far (sky): it turns with the camera but never comes nearer."""
+    resize_depth: Annotated[Literal["nearest"] | None, told("nearest")] = None
+    """Bring a depth map of another size to the picture's, each pixel from the nearest one."""
+
+    def settings(self) -> dict[str, Any]:
+        """As keyword arguments of read_rgbd."""
+        return dataclasses.asdict(self)
+
+
+@dataclass(frozen=True)
+class Masking:
+    """How a mask file is to be understood: black and white, 255 = remove."""
+
+    mask_polarity: Annotated[Literal["fill", "known"], told("fill|known", "(default: fill)")] = "fill"
+    """What white means: fill = remove it, known = keep it."""
+    soft_mask: Annotated[bool, told("", "")] = False
+    """Take a grey mask; values above 127 count as white."""
+    mask_class: Annotated[str | None, told("NAME|R,G,B")] = None
+    """The mask is an EasySynth semantic picture: remove this class. Names stand in SemanticClasses.csv beside it."""
+
+    def settings(self) -> dict[str, Any]:
+        """As keyword arguments of read_mask."""
+        return {"polarity": self.mask_polarity, "soft": self.soft_mask, "mask_class": self.mask_class}
+
+
+@dataclass(frozen=True)
+class Method:
+    """How the scene is completed."""
+
+    filler: Annotated[str, told("|".join(INPAINTERS), "(default: layered)")] = "layered"
+    """Who fills the holes: layered continues planes and sky from behind, telea and navier-stokes diffuse."""
+    recipe: Annotated[str, told("|".join(RECIPES), "(default: dlama)")] = "dlama"
+    """dlama: surfaces, metric depth; paper: as published (points, 10 m clip, 8-bit depth, 3 px dilation)."""
+    mode: Annotated[Literal["surface", "points"] | None, told("surface|points", "(default: the recipe's)")] = None
+    """Draw the pixel grid as a surface cut at depth edges, or project each pixel to the nearest one."""
+    dilate: Radius = None
+    """Grow the mask by this many pixels before the object leaves (both recipes: 3)."""
+    dilate_holes: Radius = None
+    """Grow the holes of the new view by this many pixels (both recipes: 0)."""
+    clip: Annotated[float | None, told("METRES", "(default: the recipe's)")] = None
+    """Put everything at or beyond this depth, sky too, at this depth (paper: 10)."""
+    seed: Annotated[int, told("N", "(default: 0)")] = 0
+    """Fillers draw their random numbers from this; the same seed gives the same pixels."""
+
+    def settings(self) -> dict[str, Any]:
+        """As keyword arguments of the verbs in Python."""
+        changes = {"mode": self.mode, "dilate": self.dilate, "dilate_holes": self.dilate_holes, "clip_m": self.clip}
+        return {"filler": self.filler, "recipe": self.recipe, "seed": self.seed, **changes}
