@@ -28,11 +28,12 @@ NEAR = 1e-3
 
 
 TYPE_OF_RANK = np.array(
-    [HoleType.OUT_OF_VIEW, HoleType.DISOCCLUDED, HoleType.CRACK, HoleType.FLYING, HoleType.SENSOR, HoleType.OBJECT],
+    [HoleType.OUT_OF_VIEW, HoleType.DISOCCLUDED, HoleType.SENSOR, HoleType.FLYING, HoleType.OBJECT, HoleType.CRACK],
     np.uint8,
 )
 """Hole types in rising precedence where several apply (ranks of `dlama.geometry.sheet`)."""
-RANK_OF_TYPE = np.array([0, 2, 1, 3, 0, 4, 5], np.uint8)
+RANK_OF_TYPE = np.array([0, 5, 1, 3, 0, 2, 4], np.uint8)
+"""Rank of each HoleType."""
 
 
 def edge_ratio(camera: Camera) -> float:

@@ -12,10 +12,10 @@ from numba import njit, prange
 from dlama.geometry.raster import BAND, CHUNK, quad_box, quad_sides, quad_spans
 
 DISOCCLUDED_RANK = 1
-CRACK_RANK = 2
+SENSOR_RANK = 2
 FLYING_RANK = 3
-SENSOR_RANK = 4
-OBJECT_RANK = 5
+OBJECT_RANK = 4
+CRACK_RANK = 5
 
 
 @njit(cache=True)
