@@ -1,0 +1,89 @@
+"""What README and docs say is so (oracles: their own code, the files they name, the command line's parser)."""
+
+from __future__ import annotations
+
+import re
+import shlex
+import shutil
+from pathlib import Path
+
+import pytest
+
+from dlama.apps.cli import EXAMPLES, VERBS, main
+
+ROOT = Path(__file__).parent.parent
+DEMO = ROOT / "src" / "dlama" / "assets" / "demo"
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+
+
+def blocks(language: str) -> list[str]:
+    """The fenced blocks of one language in README.md."""
+    return re.findall(rf"```{language}\n(.*?)```", (ROOT / "README.md").read_text("utf-8"), re.DOTALL)
+
+
+def test_python_lines_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The six lines, as they stand, beside the demo's files."""
+    (code,) = blocks("python")
+    assert len([line for line in code.splitlines() if line.strip()]) <= 6
+    shutil.copytree(DEMO, tmp_path, dirs_exist_ok=True)
+    monkeypatch.chdir(tmp_path)
+    space: dict[str, object] = {}
+    exec(compile(code, "README.md", "exec"), space)
+    assert (tmp_path / "out" / "meta.json").is_file()
+    assert (tmp_path / "out" / "background.ply").is_file()
+
+
+def test_first_command_is_the_demo_and_second_the_tests() -> None:
+    """CI and newcomers rely on the order."""
+    first, second = blocks("sh")[:2]
+    assert first.strip() == "pip install . && dlama demo"
+    assert second.strip() == "pip install -e '.[test]' && python -m pytest"
+
+
+SHOWN = [
+    line.split("#")[0].strip() for block in blocks("sh") for line in block.splitlines() if line.startswith("dlama ")
+]
+HELPED = [line for lines in EXAMPLES.values() for line in lines]
+
+
+@pytest.mark.parametrize("line", [*SHOWN, *HELPED])
+def test_shown_commands_are_understood(line: str, capsys: pytest.CaptureFixture[str], monkeypatch) -> None:
+    """Every command in README and --help gets past the parser (it then misses its files, or is not run at all)."""
+    words = shlex.split(line)[1:]
+    assert words[0] in VERBS
+    if words[0] in ("demo", "version"):
+        return
+    with pytest.raises(SystemExit) as stop:
+        main(words)
+    assert stop.value.code == 2
+    assert "no such file" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda path: path.name)
+def test_named_files_exist(page: Path) -> None:
+    """Links and `src/...` paths lead somewhere."""
+    text = page.read_text("utf-8")
+    links = [link for link in re.findall(r"\]\(([^)#]+)\)", text) if "://" not in link]
+    missing = [link for link in links if not (page.parent / link).exists()]
+    paths = re.findall(r"`(src/[\w/.]+)`", text)
+    assert missing + [path for path in paths if not (ROOT / path).exists()] == []
+    assert links
+
+
+def test_figure_names_files_that_exist() -> None:
+    """The monospaced words of method.svg are files of the package."""
+    words = re.findall(r">([\w/]+\.py|[\w]+/)[ …]*<", (ROOT / "docs" / "method.svg").read_text("utf-8"))
+    names = [word for word in words if word.endswith(".py")]
+    assert len(names) >= 8
+    everything = {path.name for path in (ROOT / "src" / "dlama").rglob("*.py")}
+    assert [name for name in names if name.split("/")[-1] not in everything] == []
+
+
+def test_codes_in_conventions_are_those_of_the_code() -> None:
+    """The tables of hole types and origins (oracle: the enums)."""
+    from dlama.geometry.view import HoleType, Origin
+
+    text = (ROOT / "docs" / "conventions.md").read_text("utf-8")
+    rows = re.findall(r"^\| (\d) \| (\w+) \|", text, re.MULTILINE)
+    wanted = [(str(int(code)), code.name.lower()) for kind in (HoleType, Origin) for code in kind]
+    assert rows == wanted
