@@ -1,0 +1,212 @@
+"""Camera files, flags and EXIF in, a Camera out, and back; pixel centres are converted here."""
+
+from __future__ import annotations
+
+import json
+import math
+import warnings
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from dlama.errors import CameraError, FileError
+from dlama.files.calibrations import FileFields, Intrinsics, read_calib_txt, read_json_fields
+from dlama.files.decoding import read_stored
+from dlama.files.placement import PathLike, new_file
+from dlama.geometry.camera import Camera
+from dlama.geometry.rig import StereoRig
+
+FILM_DIAGONAL_MM = math.hypot(36, 24)
+"""35 mm film; "focal length in 35 mm film" compares diagonals (CIPA DCG-001)."""
+NO_INTRINSICS = (
+    "nothing says how wide the camera sees: give --fov DEGREES, its horizontal field of view (phone main camera about 65, "
+    "webcam 60, Kinect 57 to 63, EasySynth 90), or --camera FILE.json, or --fx --fy --cx --cy in pixels"
+)
+CAMERA_FIELDS = ("width", "height", "fx", "fy", "cx", "cy", "pixel_center", "world_from_cam", "comment")
+STEREO_FIELDS = ("left_K", "right_K", "baseline_m", "doffs", "pixel_center", "width", "height", "comment")
+DOFFS_TOLERANCE = 0.01
+"""Pixels by which doffs may differ from the principal points (published calibrations are rounded)."""
+
+
+def read_camera(path: PathLike, *, hw: tuple[int, int] | None = None) -> Camera:
+    """A camera from our JSON, or the left one of a Middlebury calib.txt.
+
+    JSON: `width, height, fx, fy, cx, cy` in pixels, optional `pixel_center` (where the file puts the first pixel's
+    centre: 0.5, the default, or 0.0), optional `world_from_cam` (4x4). `hw` is the size the picture has; another size
+    in the file is an error. Raises FileError, CameraError; warns of a principal point outside the picture.
+    """
+    if _is_calib_txt(path):
+        fields = read_calib_txt(path)
+        return checked_camera(path, fields.size(hw), fields.intrinsics("cam0"), 0.0)
+    fields = read_json_fields(path, CAMERA_FIELDS)
+    intrinsics = [fields.number(name) for name in ("fx", "fy", "cx", "cy")]
+    pose = fields.matrix("world_from_cam", (4, 4)) if "world_from_cam" in fields else None
+    return checked_camera(path, fields.size(hw, needed=True), intrinsics, fields.pixel_center(0.5), pose)
+
+
+def read_stereo_calib(path: PathLike, *, hw: tuple[int, int] | None = None) -> StereoRig:
+    """A rectified pair from a Middlebury calib.txt or from JSON; the left camera is the world.
+
+    calib.txt: `cam0`, `cam1`, `baseline` in mm, `doffs`; first pixel's centre at 0.0. JSON: `left_K`, `right_K`,
+    `baseline_m`, `doffs`, `pixel_center` (default 0.5), `width`, `height`. Of the right K and doffs (px, cx of the right
+    minus cx of the left) one may be left out; where both are given they must agree within 0.01 px. A file without a size
+    takes `hw`. Raises FileError, CameraError; warns of a principal point outside the picture.
+    """
+    if _is_calib_txt(path):
+        fields, left_K, right_K, center = read_calib_txt(path), "cam0", "cam1", 0.0
+        baseline = fields.number("baseline") / 1000
+    else:
+        fields, left_K, right_K = read_json_fields(path, STEREO_FIELDS), "left_K", "right_K"
+        baseline, center = fields.number("baseline_m"), fields.pixel_center(0.5)
+    if baseline <= 0:
+        raise CameraError(f"{path}: the baseline is {baseline:g} m; a distance > 0 is wanted")
+    left, right = _left_and_right(fields, left_K, right_K)
+    pose = np.eye(4)
+    pose[0, 3] = baseline
+    size = fields.size(hw)
+    try:
+        return StereoRig(checked_camera(path, size, left, center), checked_camera(path, size, right, center, pose))
+    except CameraError as error:
+        if str(error).startswith(str(path)):
+            raise
+        raise CameraError(f"{path}: {error}") from error
+
+
+def write_camera(path: PathLike, camera: Camera) -> None:
+    """Write our JSON, pixel_center 0.5; numbers survive exactly. Raises OutputError."""
+    with new_file(path) as draft:
+        draft.write_text(json.dumps(camera_as_json(camera), indent=1) + "\n", encoding="utf-8")
+
+
+def camera_as_json(camera: Camera) -> dict[str, Any]:
+    """What `write_camera` writes, as plain numbers and lists."""
+    numbers = {name: float(getattr(camera, name)) for name in ("fx", "fy", "cx", "cy")}
+    return {
+        "width": int(camera.width),
+        "height": int(camera.height),
+        **numbers,
+        "pixel_center": 0.5,
+        "world_from_cam": camera.world_from_cam.tolist(),
+    }
+
+
+def camera_for(
+    hw: tuple[int, int],
+    *,
+    camera: PathLike | None = None,
+    fx: float | None = None,
+    fy: float | None = None,
+    cx: float | None = None,
+    cy: float | None = None,
+    fov: float | None = None,
+    image: PathLike | None = None,
+    world_from_cam: ArrayLike | None = None,
+    pixel_center: float = 0.5,
+) -> tuple[Camera, str]:
+    """The camera of a picture of size `hw`, and in words where its intrinsics came from.
+
+    Exactly one source: a `camera` file; `fx` (and `fy`, default fx) in pixels; `fov`, horizontal, degrees; or the EXIF
+    focal length of `image`. `cx`, `cy` default to the centre; `pixel_center` says where they put the first pixel's
+    centre. `world_from_cam` replaces the file's pose. Raises CameraError: two sources, or none (it teaches --fov).
+    """
+    if pixel_center not in (0.0, 0.5):
+        raise CameraError(f"--pixel-center is {pixel_center}; 0.5 or 0.0 is wanted")
+    numbers = {"--fx": fx, "--fy": fy, "--cx": cx, "--cy": cy}
+    flags = [name for name, value in numbers.items() if value is not None]
+    _check_one_source(camera, flags, fov)
+    if camera is not None:
+        read = read_camera(camera, hw=hw)
+        return (read if world_from_cam is None else read.at(world_from_cam)), f"--camera {Path(camera).name}"
+    focal_x, focal_y, source = _focal_lengths(hw, fx, fy, fov, image)
+    border = 0.5 - pixel_center
+    center = (hw[1] / 2 if cx is None else cx + border, hw[0] / 2 if cy is None else cy + border)
+    made = checked_camera("camera options", hw, (focal_x, focal_y, *center), 0.5, world_from_cam)
+    return made, source
+
+
+def checked_camera(
+    source: PathLike,
+    hw: tuple[int, int],
+    intrinsics: Sequence[float],
+    pixel_center: float,
+    world_from_cam: ArrayLike | None = None,
+) -> Camera:
+    """A Camera from fx, fy, cx, cy as `source` counts pixels; errors name the source.
+
+    Raises CameraError; warns of a principal point outside the picture (crops have it).
+    """
+    fx, fy, cx, cy = intrinsics
+    border = 0.5 - pixel_center
+    pose = np.eye(4) if world_from_cam is None else np.asarray(world_from_cam, np.float64)
+    try:
+        camera = Camera(hw[1], hw[0], fx, fy, cx + border, cy + border, pose)
+    except CameraError as error:
+        raise CameraError(f"{source}: {error}") from error
+    if not (0 <= camera.cx <= camera.width and 0 <= camera.cy <= camera.height):
+        warnings.warn(
+            f"{source}: the principal point ({camera.cx:g}, {camera.cy:g}) lies outside the {hw[1]}x{hw[0]} picture; "
+            "right for a crop, else check cx and cy",
+            UserWarning,
+            stacklevel=2,
+        )
+    return camera
+
+
+def _is_calib_txt(path: PathLike) -> bool:
+    return Path(path).suffix.lower() == ".txt"
+
+
+def _left_and_right(fields: FileFields, left_K: str, right_K: str) -> tuple[Intrinsics, Intrinsics]:
+    """fx, fy, cx, cy of both cameras, the right one's cx held against doffs."""
+    left = fields.intrinsics(left_K)
+    doffs = fields.number("doffs") if "doffs" in fields else None
+    if right_K in fields:
+        right = fields.intrinsics(right_K)
+        found = right[2] - left[2]
+        if doffs is not None and abs(doffs - found) > DOFFS_TOLERANCE:
+            raise CameraError(
+                f"{fields.path}: doffs is {doffs:g}, but cx of {right_K} minus cx of {left_K} is {found:g}; "
+                f"they must agree within {DOFFS_TOLERANCE} px"
+            )
+        return left, right
+    if doffs is None:
+        raise CameraError(f"{fields.path}: has neither {right_K} nor doffs; one of them is wanted")
+    return left, (left[0], left[1], left[2] + doffs, left[3])
+
+
+def _check_one_source(camera: PathLike | None, flags: list[str], fov: float | None) -> None:
+    if camera is not None and (flags or fov is not None):
+        other = flags[0] if flags else "--fov"
+        raise CameraError(f"--camera and {other} contradict each other; give one of them")
+    if fov is not None and {"--fx", "--fy"} & set(flags):
+        raise CameraError(f"--fov and {flags[0]} contradict each other; give one of them")
+    if "--fy" in flags and "--fx" not in flags:
+        raise CameraError("--fy is given without --fx; give --fx (and --fy only where it differs)")
+
+
+def _focal_lengths(
+    hw: tuple[int, int], fx: float | None, fy: float | None, fov: float | None, image: PathLike | None
+) -> tuple[float, float, str]:
+    if fx is not None:
+        return fx, fx if fy is None else fy, "--fx"
+    if fov is not None:
+        focal = Camera.from_fov(hw[1], hw[0], fov).fx
+        return focal, focal, "--fov"
+    film = _exif_focal(image)
+    if film is not None:
+        focal = film / FILM_DIAGONAL_MM * math.hypot(*hw)
+        return focal, focal, f"EXIF FocalLengthIn35mmFilm ({film:g} mm)"
+    raise CameraError(NO_INTRINSICS)
+
+
+def _exif_focal(image: PathLike | None) -> float | None:
+    """EXIF focal length in 35 mm terms; None without a picture, or where its file says nothing."""
+    if image is None:
+        return None
+    try:
+        return read_stored(image).focal_35mm
+    except FileError as error:
+        raise CameraError(f"{NO_INTRINSICS} ({error})") from error

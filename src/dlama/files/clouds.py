@@ -1,0 +1,73 @@
+"""A point cloud in, a PLY file out, and back; GLB (`write_glb`) comes from `dlama.files.meshes`."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from dlama.errors import FileError
+from dlama.files.decoding import existing
+from dlama.files.meshes import write_glb as write_glb
+from dlama.files.placement import PathLike, new_file
+from dlama.geometry.cloud import PointCloud
+from dlama.geometry.view import Origin
+
+FLOAT32_REACH = 1e4
+"""Metres; beyond, float32 is coarser than 1 mm and coordinates are written as double."""
+COLORS = ("red", "green", "blue")
+
+
+def write_ply(path: PathLike, cloud: PointCloud) -> None:
+    """Write a binary little-endian PLY: x y z, red green blue, origin, confidence, all properties of `vertex`.
+
+    Coordinates are world metres in OpenCV axes, float (double where any exceeds 10 km). Raises OutputError.
+    """
+    from plyfile import PlyData, PlyElement
+
+    reach = float(np.abs(cloud.points).max()) if len(cloud) else 0.0
+    real = "<f8" if reach > FLOAT32_REACH else "<f4"
+    layout = [(axis, real) for axis in "xyz"] + [(name, "u1") for name in (*COLORS, "origin")] + [("confidence", "<f4")]
+    vertex = np.empty(len(cloud), layout)
+    for i, (axis, name) in enumerate(zip("xyz", COLORS)):
+        vertex[axis], vertex[name] = cloud.points[:, i], cloud.color[:, i]
+    vertex["origin"], vertex["confidence"] = cloud.origin, cloud.confidence
+    words = [
+        "dlama: metres, x right, y down, z forward; origin " + ", ".join(f"{o.value} {o.name.lower()}" for o in Origin)
+    ]
+    with new_file(path) as draft:
+        PlyData([PlyElement.describe(vertex, "vertex")], byte_order="<", comments=words).write(str(draft))
+
+
+def read_ply(path: PathLike) -> PointCloud:
+    """The vertices of a PLY file with x y z and 8-bit red green blue.
+
+    Files of other programs have no `origin` (taken as measured) and no `confidence` (taken as 1). Raises FileError.
+    """
+    from plyfile import PlyData
+
+    file = existing(path)
+    try:
+        data = PlyData.read(str(file))
+        vertex = data["vertex"].data if "vertex" in data else None
+    except Exception as error:  # PlyParseError, UnicodeDecodeError, ValueError, ...
+        raise FileError(f"{file}: is damaged, truncated or no PLY file ({error})") from error
+    if vertex is None:
+        raise FileError(f"{file}: has no element 'vertex'")
+    points = np.stack([_property(file, vertex, axis) for axis in "xyz"], axis=1).astype(np.float64)
+    color = np.stack([_property(file, vertex, name) for name in COLORS], axis=1)
+    if color.dtype != np.uint8:
+        raise FileError(f"{file}: red green blue are {color.dtype}; uchar (0..255) is wanted")
+    if not np.isfinite(points).all():
+        raise FileError(f"{file}: {int((~np.isfinite(points)).any(axis=1).sum())} points are not finite")
+    names = vertex.dtype.names
+    origin = vertex["origin"] if "origin" in names else np.full(len(vertex), Origin.MEASURED)
+    confidence = vertex["confidence"] if "confidence" in names else np.ones(len(vertex))
+    return PointCloud(points, color, np.asarray(origin, np.uint8), np.asarray(confidence, np.float32))
+
+
+def _property(file: PathLike, vertex: Any, name: str) -> np.ndarray:
+    if name not in (vertex.dtype.names or ()):
+        known = " ".join(vertex.dtype.names or ())
+        raise FileError(f"{file}: vertices have no '{name}'; they have {known}")
+    return np.asarray(vertex[name])

@@ -1,0 +1,109 @@
+"""A mesh in, a GLB file (binary glTF 2.0) out: axes, triangle order and colour encoding are converted here."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from dlama.files.placement import PathLike, new_file
+from dlama.geometry.mesh import Mesh
+from dlama.geometry.rgbd import UInt8Array
+
+if TYPE_CHECKING:
+    from pygltflib import GLTF2
+
+GLTF_FROM_OPENCV = np.array([1.0, -1.0, -1.0])
+"""glTF: x right, y up, looking along -z. A half turn about x, so nothing is mirrored."""
+ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER = 34962, 34963
+UNSIGNED_BYTE, UNSIGNED_SHORT, UNSIGNED_INT, FLOAT = 5121, 5123, 5125, 5126
+POINTS, TRIANGLES = 0, 4
+
+
+def write_glb(path: PathLike, mesh: Mesh) -> None:
+    """Write one unlit, double-sided mesh: POSITION, COLOR_0 (linear light), _ORIGIN, _CONFIDENCE.
+
+    Positions are relative to a node that is moved to the middle of the mesh, so that float32 keeps its precision far
+    from the world's origin. Vertices without any triangle become points; an empty mesh an empty scene. Raises
+    OutputError.
+    """
+    document = _document(mesh)
+    with new_file(path) as draft:
+        draft.write_bytes(b"".join(document.save_to_bytes()))
+
+
+def linear_light(color: UInt8Array) -> np.ndarray:
+    """uint8 N x 3 sRGB to uint16 N x 4 linear RGBA, opaque (IEC 61966-2-1; glTF 2.0 sec. 3.7.2.1)."""
+    level = np.arange(256) / 255
+    linear = np.where(level <= 0.04045, level / 12.92, ((level + 0.055) / 1.055) ** 2.4)
+    table = np.rint(linear * 65535).astype(np.uint16)
+    return np.concatenate([table[color], np.full((len(color), 1), 65535, np.uint16)], axis=1)
+
+
+class _Blob:
+    """Collects arrays into one binary chunk; each becomes a view and an accessor of the document."""
+
+    def __init__(self, document: GLTF2) -> None:
+        self.document = document
+        self.bytes = bytearray()
+
+    def add(self, array: np.ndarray, kind: str, component: int, target: int, normalized: bool = False) -> int:
+        """The accessor's number. Rows are padded to 4 bytes (glTF 2.0 sec. 3.6.2.4)."""
+        from pygltflib import Accessor, BufferView
+
+        rows = np.ascontiguousarray(array).reshape(len(array), -1)
+        raw = rows.view(np.uint8).reshape(len(rows), -1)
+        stride = -(-raw.shape[1] // 4) * 4
+        if stride != raw.shape[1]:
+            raw = np.pad(raw, ((0, 0), (0, stride - raw.shape[1])))
+        view = BufferView(buffer=0, byteOffset=len(self.bytes), byteLength=raw.size, target=target)
+        if target == ARRAY_BUFFER:
+            view.byteStride = stride
+        accessor = Accessor(
+            bufferView=len(self.document.bufferViews),
+            byteOffset=0,
+            componentType=component,
+            count=array.size if target == ELEMENT_ARRAY_BUFFER else len(rows),
+            type=kind,
+            normalized=normalized,
+        )
+        if kind == "VEC3":  # positions must say where they end
+            accessor.min, accessor.max = rows.min(axis=0).tolist(), rows.max(axis=0).tolist()
+        self.bytes += raw.tobytes()
+        self.document.bufferViews.append(view)
+        self.document.accessors.append(accessor)
+        return len(self.document.accessors) - 1
+
+
+def _document(mesh: Mesh) -> GLTF2:
+    from pygltflib import GLTF2, Asset, Attributes, Buffer, Material, Node, PbrMetallicRoughness, Primitive, Scene
+    from pygltflib import Mesh as GltfMesh
+
+    document = GLTF2(asset=Asset(generator="dlama"), scene=0, scenes=[Scene(nodes=[])])
+    if not len(mesh.vertices):
+        return document
+    blob = _Blob(document)
+    vertices = mesh.vertices * GLTF_FROM_OPENCV
+    middle = (vertices.min(axis=0) + vertices.max(axis=0)) / 2
+    attributes = Attributes(
+        POSITION=blob.add((vertices - middle).astype("<f4"), "VEC3", FLOAT, ARRAY_BUFFER),
+        COLOR_0=blob.add(linear_light(mesh.color), "VEC4", UNSIGNED_SHORT, ARRAY_BUFFER, normalized=True),
+        _ORIGIN=blob.add(mesh.origin, "SCALAR", UNSIGNED_BYTE, ARRAY_BUFFER),
+        _CONFIDENCE=blob.add(mesh.confidence.astype("<f4"), "SCALAR", FLOAT, ARRAY_BUFFER),
+    )
+    primitive = Primitive(attributes=attributes, material=0, mode=POINTS)
+    if len(mesh.triangles):
+        # ours run clockwise as seen, glTF's fronts counter-clockwise
+        corners = mesh.triangles[:, ::-1].astype("<u4")
+        primitive.indices = blob.add(corners.reshape(-1), "SCALAR", UNSIGNED_INT, ELEMENT_ARRAY_BUFFER)
+        primitive.mode = TRIANGLES
+    unlit: dict[str, dict[str, object]] = {"KHR_materials_unlit": {}}
+    surface = PbrMetallicRoughness(baseColorFactor=[1, 1, 1, 1], metallicFactor=0, roughnessFactor=1)
+    document.materials = [Material(pbrMetallicRoughness=surface, doubleSided=True, extensions=unlit, alphaCutoff=None)]
+    document.extensionsUsed = ["KHR_materials_unlit"]
+    document.meshes = [GltfMesh(primitives=[primitive])]
+    document.nodes = [Node(name="scene", mesh=0, translation=middle.tolist())]
+    document.scenes[0].nodes = [0]
+    document.buffers = [Buffer(byteLength=len(blob.bytes))]
+    document.set_binary_blob(bytes(blob.bytes))
+    return document

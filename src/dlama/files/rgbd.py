@@ -1,0 +1,66 @@
+"""A picture file, a depth file and a camera in; an RGBD out."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+
+from dlama.errors import ShapeError
+from dlama.files.cameras import camera_for
+from dlama.files.depth import read_depth
+from dlama.files.pictures import read_color
+from dlama.files.placement import PathLike
+from dlama.geometry.rgbd import RGBD, Float32Array
+
+SAME_PROPORTIONS = 0.02
+"""Relative difference of width / height up to which depth of another size is of the same field of view."""
+
+
+def read_rgbd(
+    image: PathLike,
+    depth: PathLike,
+    *,
+    camera: PathLike | None = None,
+    fx: float | None = None,
+    fy: float | None = None,
+    cx: float | None = None,
+    cy: float | None = None,
+    fov: float | None = None,
+    pixel_center: float = 0.5,
+    depth_scale: float | None = None,
+    depth_range: float | None = None,
+    channel: str | None = None,
+    far: float | None = None,
+    resize_depth: Literal["nearest"] | None = None,
+) -> RGBD:
+    """Colour and metric depth of one camera.
+
+    The camera is told as in `camera_for`, the depth's units as in `read_depth`. `resize_depth="nearest"` brings depth
+    of another size to the picture's. Raises FileError, DepthError, CameraError, ShapeError.
+    """
+    color = read_color(image)
+    hw = color.shape[:2]
+    metres = read_depth(depth, depth_scale=depth_scale, depth_range=depth_range, channel=channel, far=far)
+    if metres.shape != hw:
+        metres = _resized(image, depth, metres, hw, resize_depth)
+    lens, _ = camera_for(hw, camera=camera, fx=fx, fy=fy, cx=cx, cy=cy, fov=fov, pixel_center=pixel_center, image=image)
+    return RGBD(color, metres, lens)
+
+
+def _resized(
+    image: PathLike, depth: PathLike, metres: Float32Array, hw: tuple[int, int], how: str | None
+) -> Float32Array:
+    """Nearest pixel; depths are never mixed, a mean of two surfaces lies on neither."""
+    sizes = f"{depth} is {metres.shape[1]}x{metres.shape[0]} and {image} {hw[1]}x{hw[0]}"
+    if how is None:
+        raise ShapeError(f"{sizes}; both must have the same size, or give --resize-depth nearest")
+    if how != "nearest":
+        raise ShapeError(f"--resize-depth is {how!r}; 'nearest' is wanted")
+    proportions = metres.shape[1] / metres.shape[0] * hw[0] / hw[1]
+    if abs(proportions - 1) > SAME_PROPORTIONS:
+        raise ShapeError(
+            f"{sizes}; they do not show the same field of view, so depth cannot simply be resized: crop first"
+        )
+    rows, columns = (((np.arange(n) + 0.5) * old / n).astype(np.intp) for n, old in zip(hw, metres.shape))
+    return np.ascontiguousarray(metres[rows[:, None], columns])

@@ -1,0 +1,86 @@
+"""A view and its scene in, one lossless NPZ file out, and back.
+
+Keys (FIELD.md's interchange, extended): `rgb depth valid K world_from_cam origin confidence hole hole_type` of the view,
+and the same with the prefixes `layer0_ layer1_ ...` and `object0_ ...` of the scene's layers.
+"""
+
+from __future__ import annotations
+
+import zipfile
+from collections.abc import Mapping
+
+import numpy as np
+
+from dlama.errors import DlamaError, FileError
+from dlama.files.decoding import existing
+from dlama.files.placement import PathLike, new_file
+from dlama.geometry.camera import Camera
+from dlama.geometry.scene import Scene
+from dlama.geometry.view import View
+
+ZIP_LEVEL = 1
+"""As small as 6 within a few percent on depth, and five times as fast."""
+
+
+def write_npz(path: PathLike, view: View, scene: Scene) -> None:
+    """Write everything that is known, without loss; `numpy.load` opens it. Raises OutputError."""
+    arrays = _arrays("", view)
+    for name, layers in (("layer", scene.layers), ("object", scene.objects)):
+        for number, layer in enumerate(layers):
+            arrays |= _arrays(f"{name}{number}_", layer)
+    with (
+        new_file(path) as draft,
+        zipfile.ZipFile(draft, "w", zipfile.ZIP_DEFLATED, compresslevel=ZIP_LEVEL) as archive,
+    ):
+        for key, array in arrays.items():
+            with archive.open(f"{key}.npy", "w", force_zip64=True) as entry:
+                np.lib.format.write_array(entry, np.asanyarray(array), allow_pickle=False)
+
+
+def read_npz(path: PathLike) -> tuple[View, Scene]:
+    """What `write_npz` wrote. Raises FileError."""
+    file = existing(path)
+    try:
+        with np.load(file, allow_pickle=False) as loaded:
+            arrays = {key: loaded[key] for key in loaded.files}
+        layers, objects = (
+            [_view(prefix, arrays) for prefix in _prefixes(name, arrays)] for name in ("layer", "object")
+        )
+        return _view("", arrays), Scene(tuple(layers), tuple(objects))
+    except KeyError as error:
+        raise FileError(f"{file}: has no array called {error}; a scene.npz of dlama is wanted") from error
+    except DlamaError as error:
+        raise FileError(f"{file}: {error}") from error
+    except Exception as error:  # BadZipFile, zlib.error, EOFError, ValueError, ...
+        raise FileError(f"{file}: is damaged, truncated or no NPZ file ({error})") from error
+
+
+def _arrays(prefix: str, view: View) -> dict[str, np.ndarray]:
+    fields: dict[str, np.ndarray] = {
+        "rgb": view.color,
+        "depth": view.depth,
+        "valid": view.valid,
+        "K": view.camera.K,
+        "world_from_cam": view.camera.world_from_cam,
+        "origin": view.origin,
+        "confidence": view.confidence,
+        "hole": view.hole,
+        "hole_type": view.hole_type,
+    }
+    return {prefix + name: array for name, array in fields.items()}
+
+
+def _view(prefix: str, arrays: Mapping[str, np.ndarray]) -> View:
+    color, K = arrays[f"{prefix}rgb"], arrays[f"{prefix}K"]
+    fx, fy, cx, cy = (float(K[at]) for at in ((0, 0), (1, 1), (0, 2), (1, 2)))
+    camera = Camera(color.shape[1], color.shape[0], fx, fy, cx, cy, arrays[f"{prefix}world_from_cam"])
+    names = ("depth", "hole", "hole_type", "origin", "confidence")
+    return View(camera, color, *(arrays[prefix + name] for name in names))
+
+
+def _prefixes(name: str, arrays: Mapping[str, np.ndarray]) -> list[str]:
+    """layer0_, layer1_, ... as far as they go."""
+    found: list[str] = []
+    while f"{name}{len(found)}_rgb" in arrays:
+        found.append(f"{name}{len(found)}_")
+    return found
