@@ -1,0 +1,30 @@
+"""`import dlama` stays light (oracle: sys.modules of a fresh interpreter)."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+HEAVY = ("numba", "cv2", "PIL", "torch", "OpenEXR", "plyfile", "pygltflib", "rich", "tyro")
+
+
+def loaded_by(code: str) -> list[str]:
+    """Which heavy packages a fresh interpreter has loaded after running `code`."""
+    probe = f"{code}\nimport sys\nprint(' '.join(name for name in {HEAVY!r} if name in sys.modules))"
+    done = subprocess.run([sys.executable, "-c", probe], capture_output=True, text=True, check=True, timeout=60)
+    return done.stdout.split()
+
+
+def test_import_dlama_loads_nothing_heavy() -> None:
+    """None of them, though most are installed; they load when they are needed."""
+    assert loaded_by("import dlama") == []
+
+
+def test_nouns_load_nothing_heavy() -> None:
+    """Cameras, frames, views and scenes are numpy alone."""
+    assert loaded_by("import dlama.errors, dlama.geometry.rgbd, dlama.geometry.cloud, dlama.geometry.scene") == []
+
+
+def test_this_guard_can_fail() -> None:
+    """A module that is loaded is seen."""
+    assert loaded_by("import dlama, cv2") == ["cv2"]
