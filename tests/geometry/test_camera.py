@@ -1,0 +1,166 @@
+"""Camera: there and back of every transform, closed forms of the lens, and what is refused."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from dlama.errors import CameraError
+from dlama.geometry.camera import Camera, checked_pose, inverse_pose
+from dlama.geometry.rendering import px_from_px
+from worlds import pixels_of, points_of, rotation
+
+
+def pose_of(vector: tuple[float, float, float], shift: tuple[float, float, float]) -> np.ndarray:
+    """4x4 motion from a rotation vector in radians and a translation in metres."""
+    pose = np.eye(4)
+    pose[:3, :3], pose[:3, 3] = rotation(np.array(vector)), shift
+    return pose
+
+
+numbers = st.floats(-4, 4)
+poses = st.builds(pose_of, st.tuples(numbers, numbers, numbers), st.tuples(*[st.floats(-1000, 1000)] * 3))
+cameras = st.builds(
+    Camera,
+    st.integers(1, 50),
+    st.integers(1, 50),
+    st.floats(1, 3000),
+    st.floats(1, 3000),
+    st.floats(-50, 100),
+    st.floats(-50, 100),
+    poses,
+)
+
+
+@settings(max_examples=60, deadline=None)
+@given(poses)
+def test_pose_there_and_back(pose: np.ndarray) -> None:
+    """Law: a motion after its inverse is no motion (1e-9 m over a kilometre), and its inverse's inverse is itself."""
+    np.testing.assert_allclose(inverse_pose(pose) @ pose, np.eye(4), rtol=0, atol=1e-9)
+    np.testing.assert_allclose(inverse_pose(inverse_pose(pose)), pose, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(inverse_pose(pose), np.linalg.inv(pose), rtol=0, atol=1e-9)
+
+
+@settings(max_examples=60, deadline=None)
+@given(cameras, st.floats(0.1, 100))
+def test_pixel_to_point_and_back(camera: Camera, depth: float) -> None:
+    """There and back: K and cam_from_world take a pixel's world point back to the pixel's centre, at its depth."""
+    points = points_of(camera, np.full(camera.hw, depth))
+    local = points @ camera.cam_from_world[:3, :3].T + camera.cam_from_world[:3, 3]
+    pixels = local @ camera.K.T
+    np.testing.assert_allclose(pixels[..., 2], depth, rtol=1e-9, atol=1e-9)
+    columns, rows = np.meshgrid(np.arange(camera.width) + 0.5, np.arange(camera.height) + 0.5)
+    # a micrometre of rounding at a kilometre's distance from the world's origin is f / depth * 1e-12 pixels and more
+    atol = 1e-10 * max(camera.fx, camera.fy) / depth + 1e-8
+    np.testing.assert_allclose(pixels[..., 0] / pixels[..., 2], columns, rtol=0, atol=atol)
+    np.testing.assert_allclose(pixels[..., 1] / pixels[..., 2], rows, rtol=0, atol=atol)
+
+
+@settings(max_examples=60, deadline=None)
+@given(cameras, cameras, st.floats(0.1, 100))
+def test_px_from_px_is_the_way_through_the_world(source: Camera, target: Camera, depth: float) -> None:
+    """Twin: z * matrix @ (u, v, 1) + offset equals lifting to the world and projecting, written out step by step."""
+    matrix, offset = px_from_px(target, source)
+    x, y, z = pixels_of(target, points_of(source, np.full(source.hw, depth)))
+    u, v = np.meshgrid(np.arange(source.width) + 0.5, np.arange(source.height) + 0.5)
+    carried = depth * np.stack([u, v, np.ones_like(u)], -1) @ matrix.T + offset
+    ahead = z > 0
+    scale = 1e-9 * (1 + np.abs(carried).max())
+    np.testing.assert_allclose(carried[..., 2], z, rtol=0, atol=scale)
+    np.testing.assert_allclose(carried[ahead][:, 0], (x * z)[ahead], rtol=0, atol=scale)
+    np.testing.assert_allclose(carried[ahead][:, 1], (y * z)[ahead], rtol=0, atol=scale)
+
+
+@settings(max_examples=60, deadline=None)
+@given(cameras, cameras)
+def test_px_from_px_there_and_back(one: Camera, other: Camera) -> None:
+    """Law: the way back undoes the way there."""
+    there, shift = px_from_px(other, one)
+    back, shift_back = px_from_px(one, other)
+    lens = one.K, other.K, np.linalg.inv(one.K), np.linalg.inv(other.K)
+    worst = float(np.prod([np.linalg.norm(matrix) for matrix in lens]))  # condition of the product of both ways
+    np.testing.assert_allclose(back @ there, np.eye(3), rtol=0, atol=1e-14 * worst + 1e-12)
+    np.testing.assert_allclose(back @ shift + shift_back, 0, rtol=0, atol=1e-11 * worst + 1e-9)
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.floats(1, 179), st.integers(1, 4000), st.integers(1, 4000))
+def test_field_of_view_there_and_back(fov_deg: float, width: int, height: int) -> None:
+    """There and back; and square pixels with the principal point in the middle of the picture, not of a pixel."""
+    camera = Camera.from_fov(width, height, fov_deg)
+    assert camera.fov_deg == pytest.approx(fov_deg, abs=1e-9)
+    assert camera.fx == camera.fy
+    assert (camera.cx, camera.cy) == (width / 2, height / 2)
+
+
+def test_ninety_degrees_is_half_the_width() -> None:
+    """Closed form: f = (width / 2) / tan 45; sizes and K as they are written."""
+    camera = Camera.from_fov(512, 300, 90)
+    assert camera.fx == pytest.approx(256)
+    assert camera.hw == (300, 512) and camera.wh == (512, 300)
+    np.testing.assert_allclose(camera.K, [[256, 0, 256], [0, 256, 150], [0, 0, 1]])
+
+
+GOOD: dict[str, Any] = {"width": 8, "height": 6, "fx": 5.0, "fy": 5.0, "cx": 4.0, "cy": 3.0}
+BAD = [
+    ({"width": 0}, "0x6"),
+    ({"height": -1}, "8x-1"),
+    ({"fx": 0.0}, "fx is 0.0"),
+    ({"fy": -2.0}, "fy is -2.0"),
+    ({"fx": np.nan}, "fx is nan"),
+    ({"cy": np.inf}, "cy is inf"),
+    ({"world_from_cam": np.eye(3)}, r"\(3, 3\)"),
+    ({"world_from_cam": np.full((4, 4), np.nan)}, "NaN"),
+    ({"world_from_cam": np.diag([1, 1, -1, 1])}, "mirroring"),
+    ({"world_from_cam": np.diag([2, 2, 2, 1])}, "orthonormal"),
+    ({"world_from_cam": np.ones((4, 4))}, "0 0 0 1"),
+]
+
+
+@pytest.mark.parametrize(("change", "said"), BAD)
+def test_what_no_camera_has_is_refused(change: dict[str, Any], said: str) -> None:
+    """Oracle: a CameraError that names the field and what came."""
+    with pytest.raises(CameraError, match=said):
+        Camera(**{**GOOD, **change})
+
+
+@pytest.mark.parametrize("fov_deg", [0, 180, -5, np.nan])
+def test_impossible_field_of_view_is_refused(fov_deg: float) -> None:
+    """Oracle: the message says what came."""
+    with pytest.raises(CameraError, match="field of view"):
+        Camera.from_fov(4, 4, fov_deg)
+
+
+def test_a_rounded_rotation_becomes_an_exact_one() -> None:
+    """Law: a published pose of four digits is taken, and comes out orthonormal to 1e-12, no farther off than it was."""
+    exact = pose_of((0.3, -1.1, 0.7), (1, 2, 3))
+    taken = checked_pose(exact.round(4))
+    np.testing.assert_allclose(taken[:3, :3].T @ taken[:3, :3], np.eye(3), rtol=0, atol=1e-12)
+    np.testing.assert_allclose(taken, exact, rtol=0, atol=2e-4)
+
+
+def test_a_camera_is_frozen_and_keeps_its_own_pose() -> None:
+    """Law: neither its fields nor its pose can change, also not through the array it was made from."""
+    pose = np.eye(4)
+    camera = Camera(**GOOD, world_from_cam=pose)
+    pose[0, 3] = 7
+    assert camera.world_from_cam[0, 3] == 0
+    with pytest.raises(ValueError, match="read-only"):
+        camera.world_from_cam[0, 3] = 1
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        camera.fx = 3.0  # type: ignore[misc]
+
+
+def test_same_view_means_same_lens_and_same_pose() -> None:
+    """Law: a shift of a nanometre is the same view, of a micrometre is not; another lens is not."""
+    camera = Camera(**GOOD)
+    assert camera.same_view_as(camera.at(pose_of((0, 0, 0), (5e-10, 0, 0))))
+    assert not camera.same_view_as(camera.at(pose_of((0, 0, 0), (1e-6, 0, 0))))
+    assert camera.same_lens_as(camera.at(pose_of((0, 1, 0), (1, 0, 0))))
+    assert not camera.same_lens_as(dataclasses.replace(camera, fx=5.1))
+    assert not camera.same_view_as(dataclasses.replace(camera, width=9))

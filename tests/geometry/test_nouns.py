@@ -1,0 +1,177 @@
+"""RGBD, View, PointCloud and Scene: checked once, frozen, and what they derive (oracle: the field docstrings)."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+import pytest
+
+from dlama.errors import DepthError, InputError, ShapeError
+from dlama.geometry.camera import Camera
+from dlama.geometry.cloud import PointCloud, concatenated
+from dlama.geometry.rgbd import RGBD
+from dlama.geometry.scene import Scene
+from dlama.geometry.view import HoleType, Origin, View
+
+CAMERA = Camera(3, 2, 2.0, 2.0, 1.5, 1.0)
+COLOR = np.arange(18, dtype=np.uint8).reshape(2, 3, 3) + 1
+DEPTH = np.array([[1, np.inf, 0], [2, np.nan, 3]], np.float32)
+
+
+def view_fields() -> dict[str, Any]:
+    """A view's fields, all measured."""
+    return {
+        "camera": CAMERA,
+        "color": COLOR,
+        "depth": np.ones((2, 3), np.float32),
+        "hole": np.zeros((2, 3), np.bool_),
+        "hole_type": np.zeros((2, 3), np.uint8),
+        "origin": np.ones((2, 3), np.uint8),
+        "confidence": np.ones((2, 3), np.float32),
+    }
+
+
+def cloud_of(count: int, start: float = 0) -> PointCloud:
+    """Points on a line."""
+    return PointCloud(
+        np.arange(3 * count, dtype=np.float64).reshape(count, 3) + start,
+        np.zeros((count, 3), np.uint8),
+        np.ones(count, np.uint8),
+        np.ones(count, np.float32),
+    )
+
+
+def test_three_states_of_depth() -> None:
+    """Closed form: every pixel is valid, far or missing, never two; NaN becomes missing."""
+    rgbd = RGBD(COLOR, DEPTH, CAMERA)
+    np.testing.assert_array_equal(rgbd.valid, [[1, 0, 0], [1, 0, 1]])
+    np.testing.assert_array_equal(rgbd.far, [[0, 1, 0], [0, 0, 0]])
+    np.testing.assert_array_equal(rgbd.missing, [[0, 0, 1], [0, 1, 0]])
+    assert rgbd.depth[1, 1] == 0 and rgbd.depth.dtype == np.float32
+
+
+def test_depth_of_another_dtype_becomes_float32() -> None:
+    """Closed form: float64 metres come in, float32 stand there; what was handed in is left alone."""
+    given = np.full((2, 3), 0.1)
+    given[0, 0] = np.nan
+    rgbd = RGBD(COLOR, given, CAMERA)  # type: ignore[arg-type]
+    assert rgbd.depth.dtype == np.float32 and np.isnan(given[0, 0])
+    assert rgbd.depth[1, 1] == np.float32(0.1)
+
+
+REFUSED = [
+    ({"color": COLOR.astype(np.float32)}, ShapeError, "float32"),
+    ({"color": COLOR[..., :2]}, ShapeError, r"\(2, 3, 2\)"),
+    ({"color": COLOR[..., 0]}, ShapeError, r"\(2, 3\)"),
+    ({"depth": np.ones((3, 2), np.float32)}, ShapeError, "2x3 and the picture 3x2"),
+    ({"depth": np.ones((2, 3, 1), np.float32)}, ShapeError, r"\(2, 3, 1\)"),
+    ({"camera": Camera(4, 2, 2.0, 2.0, 1.5, 1.0)}, ShapeError, "camera is 4x2 and the picture 3x2"),
+    ({"depth": np.full((2, 3), -0.5, np.float32)}, DepthError, "-0.5"),
+    ({"depth": np.full((2, 3), -np.inf, np.float32)}, DepthError, "-inf"),
+]
+
+
+@pytest.mark.parametrize(("change", "error", "said"), REFUSED)
+def test_rgbd_refuses(change: dict[str, Any], error: type[InputError], said: str) -> None:
+    """Oracle: the error of the tree, whose message says what came."""
+    fields: dict[str, Any] = {"color": COLOR, "depth": DEPTH, "camera": CAMERA, **change}
+    with pytest.raises(error, match=said):
+        RGBD(**fields)
+
+
+def test_arrays_are_read_only() -> None:
+    """Law: no field of a noun can be written to, and no field can be replaced in place."""
+    rgbd, view, cloud = RGBD(COLOR, DEPTH, CAMERA), View(**view_fields()), cloud_of(2)
+    for array in (rgbd.color, rgbd.depth, view.color, view.depth, view.hole, view.origin, cloud.points, cloud.color):
+        with pytest.raises(ValueError, match="read-only"):
+            array[0] = 0
+    for noun, name in ((rgbd, "depth"), (view, "hole"), (cloud, "points"), (Scene((view,)), "layers")):
+        with pytest.raises(dataclasses.FrozenInstanceError):
+            setattr(noun, name, None)
+
+
+@pytest.mark.parametrize("name", ["color", "depth", "hole", "hole_type", "origin", "confidence"])
+def test_view_refuses_a_field_of_wrong_shape_or_dtype(name: str) -> None:
+    """Oracle: a ShapeError that names the field; each field is tried with another size and with another dtype."""
+    fields = view_fields()
+    with pytest.raises(ShapeError, match=f"view.{name} "):
+        View(**{**fields, name: fields[name][:, :2]})
+    with pytest.raises(ShapeError, match=f"view.{name} is complex64"):
+        View(**{**fields, name: fields[name].astype(np.complex64)})
+
+
+def test_view_from_rgbd_marks_sensor_holes() -> None:
+    """Closed form: missing pixels are SENSOR holes that keep their colour and wait for depth; the rest is MEASURED."""
+    view = View.from_rgbd(RGBD(COLOR, DEPTH, CAMERA))
+    missing = np.array([[0, 0, 1], [0, 1, 0]], np.bool_)
+    np.testing.assert_array_equal(view.hole, missing)
+    np.testing.assert_array_equal(view.hole_type, missing * HoleType.SENSOR)
+    np.testing.assert_array_equal(view.origin, np.where(missing, Origin.DEPTH_FILLED, Origin.MEASURED))
+    np.testing.assert_array_equal(view.confidence, ~missing)
+    np.testing.assert_array_equal(view.color, COLOR)
+    np.testing.assert_array_equal(view.valid, [[1, 0, 0], [1, 0, 1]])
+    np.testing.assert_array_equal(view.far, [[0, 1, 0], [0, 0, 0]])
+
+
+def test_view_without_leaves_typed_holes() -> None:
+    """Closed form: what is taken out is 0 in every field and carries the type; every other pixel is as it was."""
+    where = np.array([[1, 0, 0], [0, 0, 1]], np.bool_)
+    view = View(**view_fields())
+    less = view.without(where, HoleType.OBJECT)
+    np.testing.assert_array_equal(less.hole, where)
+    np.testing.assert_array_equal(less.hole_type, where * HoleType.OBJECT)
+    for name in ("color", "depth", "origin", "confidence"):
+        assert not getattr(less, name)[where].any()
+        np.testing.assert_array_equal(getattr(less, name)[~where], getattr(view, name)[~where])
+        assert getattr(less, name).dtype == getattr(view, name).dtype
+
+
+def test_filled_is_what_a_filler_wrote() -> None:
+    """Closed form: origin FILLED, and only that."""
+    origin = np.array([list(Origin)[:3], list(Origin)[2:]], np.uint8)
+    np.testing.assert_array_equal(View(**{**view_fields(), "origin": origin}).filled, [[0, 0, 0], [0, 0, 1]])
+
+
+def test_codes_are_fixed() -> None:
+    """Frozen vector: these numbers stand in files that are already written."""
+    assert {kind.name: int(kind) for kind in Origin} == {
+        "UNKNOWN": 0,
+        "MEASURED": 1,
+        "REPROJECTED": 2,
+        "DEPTH_FILLED": 3,
+        "FILLED": 4,
+    }
+    assert {kind.name: int(kind) for kind in HoleType} == {
+        "NONE": 0,
+        "CRACK": 1,
+        "DISOCCLUDED": 2,
+        "FLYING": 3,
+        "OUT_OF_VIEW": 4,
+        "SENSOR": 5,
+        "OBJECT": 6,
+    }
+
+
+@pytest.mark.parametrize("name", ["points", "color", "origin", "confidence"])
+def test_cloud_refuses_a_field_of_wrong_length_or_dtype(name: str) -> None:
+    """Oracle: a ShapeError that names a field."""
+    fields = {field.name: getattr(cloud_of(3), field.name) for field in dataclasses.fields(PointCloud)}
+    with pytest.raises(ShapeError, match=r"cloud\."):
+        PointCloud(**{**fields, name: fields[name][:2]})
+    with pytest.raises(ShapeError, match=rf"cloud\.{name} is int64"):
+        PointCloud(**{**fields, name: fields[name].astype(np.int64)})
+
+
+def test_concatenated_keeps_order_and_takes_nothing() -> None:
+    """Closed form: points one after the other; no clouds give an empty one."""
+    both = concatenated([cloud_of(2), cloud_of(0), cloud_of(1, start=100)])
+    np.testing.assert_array_equal(both.points[:, 0], [0, 3, 100])
+    assert len(both) == 3 and len(concatenated([])) == 0
+
+
+def test_a_scene_without_layers_is_refused() -> None:
+    """Oracle: the error of the tree."""
+    with pytest.raises(ShapeError, match="no layers"):
+        Scene(())
