@@ -1,0 +1,58 @@
+"""Slow literal twin of the edge kernels: inverse depth in; joined neighbours and flying pixels out, line by line."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+
+
+def joined_along(line: list[float], ratio: float) -> list[bool]:
+    """For each neighbouring pair of a line of inverse depths (0 = nothing there): do both lie on one surface?
+
+    Yes if the step between them is small, or if it goes on like a slope: equal (to 20 %) to the steps on both sides of it,
+    to the two before it, or to the two after it.
+    """
+    steps = [b - a if a > 0 and b > 0 else None for a, b in itertools.pairwise(line)]
+
+    def like(number: int, step: float) -> bool:
+        other = steps[number] if 0 <= number < len(steps) else None
+        return other is not None and abs(other - step) <= 0.2 * abs(step)
+
+    answers = []
+    for n, step in enumerate(steps):
+        if step is None:
+            answers.append(False)
+            continue
+        small = abs(step) <= ratio * max(line[n], line[n + 1])
+        both_sides = like(n - 1, step) and like(n + 1, step)
+        before = like(n - 1, step) and like(n - 2, step)
+        after = like(n + 1, step) and like(n + 2, step)
+        answers.append(small or both_sides or before or after)
+    return answers
+
+
+def joints(w: np.ndarray, ratio: float) -> tuple[np.ndarray, np.ndarray]:
+    """Right joints (H x W-1) and lower joints (H-1 x W) of a grid of inverse depths."""
+    height, width = w.shape
+    right = np.array([joined_along(row.tolist(), ratio) for row in w], np.bool_).reshape(height, width - 1)
+    down = np.array([joined_along(column.tolist(), ratio) for column in w.T], np.bool_).reshape(width, height - 1).T
+    return right, down
+
+
+def flying_along(line: list[float], joined: list[bool], ratio: float) -> list[bool]:
+    """Pixels of a line that hang between two surfaces: joined to neither neighbour, clearly between both in depth."""
+    answers = [False] * len(line)
+    for n in range(1, len(line) - 1):
+        low, high = sorted((line[n - 1], line[n + 1]))
+        alone = not joined[n - 1] and not joined[n]
+        answers[n] = alone and low > 0 and low * (1 + ratio) < line[n] < high * (1 - ratio)
+    return answers
+
+
+def flying(w: np.ndarray, ratio: float) -> np.ndarray:
+    """bool H x W: flying along its row or along its column."""
+    right, down = joints(w, ratio)
+    rows = [flying_along(line.tolist(), joined.tolist(), ratio) for line, joined in zip(w, right)]
+    columns = [flying_along(line.tolist(), joined.tolist(), ratio) for line, joined in zip(w.T, down.T)]
+    return np.array(rows, np.bool_) | np.array(columns, np.bool_).T
