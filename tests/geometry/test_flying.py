@@ -1,0 +1,115 @@
+"""Flying pixels: found where a mixture of two depths lies, nowhere else; kept in place, rejected when the camera moves."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from dlama.geometry.camera import Camera
+from dlama.geometry.rendering import MODES, Mode, flying, render
+from dlama.geometry.rgbd import RGBD
+from dlama.geometry.view import HoleType, View
+from worlds import Box, Plane, Sphere, World, moved, pixels_of, points_of
+
+SOURCE = Camera.from_fov(80, 60, 60)
+BOX = Box((-0.5, -0.6, 3), (0.5, 0.6, 4))
+WALL = Plane((0, 0, 6), (0, 0, -1))
+modes = pytest.mark.parametrize("mode", MODES)
+
+
+def steep(angle_deg: float) -> Plane:
+    """A plane 4 m ahead, turned from the view's axis by an angle."""
+    angle = np.radians(angle_deg)
+    return Plane((0, 0, 4), (np.sin(angle), 0, -np.cos(angle)))
+
+
+def with_mixed_rim(share: float) -> tuple[RGBD, np.ndarray]:
+    """Box before wall; the wall's pixels next to the box (by row or column, not at corners) mix both inverse depths."""
+    frame = World((BOX, WALL)).rgbd(SOURCE)
+    box = frame.depth < 5
+    mixed = np.zeros_like(box)
+    mixed[:, 1:] |= box[:, :-1]
+    mixed[:, :-1] |= box[:, 1:]
+    mixed[1:] |= box[:-1]
+    mixed[:-1] |= box[1:]
+    mixed &= ~box
+    depth = np.where(mixed, 1 / (share / 3 + (1 - share) / 6), frame.depth).astype(np.float32)
+    return RGBD(frame.color, depth, SOURCE), mixed
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.floats(0.15, 0.85))
+def test_mixed_pixels_are_found_and_nothing_else(share: float) -> None:
+    """Closed form: of all pixels exactly those that mix the box's and the wall's depth, at any proportion, on all sides."""
+    frame, mixed = with_mixed_rim(share)
+    assert mixed.sum() > 80
+    np.testing.assert_array_equal(flying(View.from_rgbd(frame)), mixed)
+
+
+@pytest.mark.parametrize("share", [0.3, 0.5])
+@modes
+def test_mixed_pixels_stay_at_home_and_vanish_when_the_camera_moves(share: float, mode: Mode) -> None:
+    """Law: at home bit-exact; elsewhere no depth but the box's and the wall's is drawn, and the mixture's place is open."""
+    frame, mixed = with_mixed_rim(share)
+    np.testing.assert_array_equal(render(frame, SOURCE, mode).depth, frame.depth)
+    target = moved(SOURCE, shift=(0.4, 0.1, 0))  # no turn: depth stays 3 and 6 where the source sees
+    view = render(frame, target, mode)
+    known = view.depth[~view.hole]
+    assert np.minimum(abs(known - 3), abs(known - 6)).max() < 1e-4
+    x, y, _ = pixels_of(target, points_of(SOURCE, frame.depth.astype(np.float64))[mixed])
+    inside = (x >= 0) & (y >= 0) & (x < 80) & (y < 60)
+    lands = np.zeros(view.hole.shape, np.bool_)
+    lands[y[inside].astype(int), x[inside].astype(int)] = True
+    assert (lands & view.hole).sum() > 20
+    np.testing.assert_array_equal(view.hole_type == HoleType.FLYING, lands & view.hole)
+
+
+@pytest.mark.parametrize("angle_deg", [0, 30, 60, 75, 80, 85])
+def test_planes_do_not_fly(angle_deg: float) -> None:
+    """Law: no pixel of a plane hangs between two surfaces, however steep, with 0.1 % of noise, in front of a wall or not."""
+    rng = np.random.default_rng(3)
+    for world in (World((steep(angle_deg),)), World((steep(angle_deg), Plane((0, 0, 40), (0, 0, -1))))):
+        frame = world.rgbd(SOURCE)
+        assert not flying(View.from_rgbd(frame)).any()
+        noisy = frame.depth * (1 + 0.001 * rng.standard_normal(frame.depth.shape).astype(np.float32))
+        assert flying(View.from_rgbd(RGBD(frame.color, noisy, SOURCE))).mean() < 0.002
+
+
+def test_edges_poles_and_stairs_do_not_fly() -> None:
+    """Law: a sharp edge, a pole nearer than all, a gap farther than all, stairs with treads of two pixels, sky, missing."""
+    pole = Box((-0.4, -10, 2), (-0.39, 10, 2.01))
+    for shapes in ((BOX, WALL), (pole, WALL), (pole, BOX, WALL), (BOX, Plane((0, 1.2, 0), (0, -1, 0)))):
+        assert not flying(View.from_rgbd(World(shapes).rgbd(SOURCE))).any()
+    flat = np.full((12, 12), 3, np.float32)
+    gap, stairs, sky = flat.copy(), flat.copy(), flat.copy()
+    gap[:, 5] = 6
+    for step in range(6):
+        stairs[:, 2 * step : 2 * step + 2] = 2 + step
+    sky[:, :5], sky[:, 7:] = np.inf, 0  # 3 m next to sky, then to missing: there are no two surfaces to mix
+    camera = Camera.from_fov(12, 12, 60)
+    for depth in (gap, stairs, sky):
+        assert not flying(View.from_rgbd(RGBD(np.zeros((12, 12, 3), np.uint8), depth, camera))).any()
+
+
+def test_of_a_sphere_only_the_outermost_ring_may_fly() -> None:
+    """Closed form: a sphere falls off so fast in its last pixel that this one looks mixed; two pixels in, it does not."""
+    world = World((Sphere((0, 0, 3.5), 0.8), WALL))
+    found = flying(View.from_rgbd(world.rgbd(SOURCE)))
+    _, number = world.trace(SOURCE)
+    padded = np.pad(number, 2, mode="edge")
+    ring = np.zeros_like(found)
+    for shift in (1, 3):
+        ring |= (padded[shift : shift + 60, 2:-2] == 1) | (padded[2:-2, shift : shift + 80] == 1)
+    assert not (found & ~(ring & (number == 0))).any()
+
+
+def test_a_frame_without_flying_pixels_loses_none() -> None:
+    """Law: every pixel of a clean frame is drawn from another camera: as many points as there are pixels inside."""
+    frame = World((WALL,)).rgbd(SOURCE)
+    target = moved(SOURCE, shift=(0, 0, -6 * 0.5))  # half the size: each pixel of the middle takes four points
+    view = render(frame, target, "points")
+    back = render(View.from_rgbd(frame).without(flying(View.from_rgbd(frame)), HoleType.FLYING), target, "points")
+    np.testing.assert_array_equal(view.depth, back.depth)
+    assert (~view.hole).sum() >= 53 * 40

@@ -1,0 +1,257 @@
+"""Rendering against closed-form worlds: true depth, no cracks, nothing shines through, nothing between two surfaces."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import pytest
+
+from dlama.geometry.camera import Camera
+from dlama.geometry.rendering import render
+from dlama.geometry.rgbd import RGBD
+from dlama.geometry.trajectories import orbit
+from dlama.geometry.view import View
+from worlds import Box, Plane, Sphere, World, moved, pixels_of, points_of, rays_of, shape_shown
+
+SOURCE = Camera.from_fov(160, 120, 60, [[0, 0, 1, 3], [1, 0, 0, -2], [0, 1, 0, 5], [0, 0, 0, 1]])
+HOME = SOURCE.at(np.eye(4))
+WALL = Plane((0, 0, 6), (0, 0, -1))
+FLOOR = Plane((0, 1.2, 0), (0, -1, 0))
+BOX = Box((-0.5, -0.6, 3), (0.5, 0.6, 4))
+SPHERE = Sphere((0, 0, 3.5), 0.8)
+POLE = Box((-0.4, -10, 2), (-0.39, 10, 2.01))  # at 2 m a pixel is 14.4 mm wide: one column of the source sees it
+
+PLANES = {
+    "wall": World((WALL,)),
+    "slanted": World((Plane((0, 0, 5), (0.6, 0.3, -1)),)),
+    "floor": World((FLOOR,)),
+    "at 80 degrees": World((Plane((0, 0, 4), (np.sin(np.radians(80)), 0, -np.cos(np.radians(80)))),)),
+}
+EDGES = {
+    "box": World((BOX, WALL)),
+    "sphere": World((SPHERE, WALL)),
+    "sphere on a floor under the sky": World((SPHERE, FLOOR)),
+    "pole": World((POLE, WALL)),
+}
+TARGETS = {
+    "yaw 15": orbit(HOME, 15),
+    "yaw -35 pitch 10": orbit(HOME, -35, 10),
+    "from above": orbit(HOME, 0, 30, 4),
+    "nearer, rolled": moved(HOME, (0, 0, 25), (0.2, 0.1, 1.2)),
+    "back": moved(HOME, (1, 2, 0), (0.3, 0, -2)),
+}
+targets = pytest.mark.parametrize("target", TARGETS.values(), ids=TARGETS.keys())
+
+
+def within_mesh(world: World, source: Camera, target: Camera, margin: int = 1) -> np.ndarray:
+    """H x W of the target, True where it sees what the source sees, `margin` source pixels round it on the same shape.
+
+    At 0 the four source pixels round it are the mesh's last; further in, no footprint of the mesh's rim reaches.
+    """
+    depth, number = world.trace(target)
+    x, y, _ = pixels_of(source, points_of(target, np.where(np.isfinite(depth), depth, 1.0)))
+    seen = world.seen_by(source, target)
+    left, upper = (np.floor(np.where(seen, value, -9) - 0.5).astype(int) + 9 for value in (x, y))
+    of_source = np.pad(world.trace(source)[1], 9, constant_values=-9)
+    inside = seen
+    for row in range(-margin, 2 + margin):
+        for column in range(-margin, 2 + margin):
+            inside = inside & (of_source[upper + row, left + column] == number)
+    return inside
+
+
+@targets
+@pytest.mark.parametrize("name", PLANES)
+def test_planes_are_exact(name: str, target: Camera) -> None:
+    """Closed form: inverse depth is affine on a plane, so what is left of interpolation is float32 rounding (1e-4)."""
+    world = PLANES[name]
+    inside = within_mesh(world, HOME, target, margin=2)
+    if name == "at 80 degrees" and target is TARGETS["yaw -35 pitch 10"]:
+        assert not inside.any()  # from there the plane shows its back, of which the source knows nothing
+    else:
+        assert inside.mean() > 0.02
+    view = render(world.rgbd(HOME), target)
+    true, _ = world.trace(target)
+    assert not view.hole[inside].any()
+    np.testing.assert_allclose(view.depth[inside], true[inside], rtol=1e-4)
+
+
+@targets
+@pytest.mark.parametrize("name", PLANES)
+def test_planes_in_points_mode_are_within_half_a_pixel(name: str, target: Camera) -> None:
+    """Closed form: a point lies up to half a pixel from the centre it is drawn at, so inverse depth is off by that slope."""
+    world = PLANES[name]
+    view = render(world.rgbd(HOME), target, "points")
+    true, _ = world.trace(target)
+    known = view.valid & np.isfinite(true)
+    assert known.mean() > 0.02
+    normal = np.array(world.shapes[0].normal) @ target.world_from_cam[:3, :3]  # type: ignore[union-attr]
+    offset = abs(normal @ (target.cam_from_world @ [*world.shapes[0].point, 1])[:3])  # type: ignore[union-attr]
+    slope = 0.5 * (abs(normal[0]) / target.fx + abs(normal[1]) / target.fy) / offset
+    off = np.abs(1 / view.depth[known] - 1 / true[known])
+    assert off.max() <= slope + 1e-5
+
+
+@pytest.mark.parametrize("distance", [0.02, 0.1, 0.5, 1, 3, 5.9, 12, 60])
+def test_no_crack_at_any_distance(distance: float) -> None:
+    """Law: a wall seen from anywhere is closed, from 0.3 % of the distance it was taken from up to ten times as far."""
+    world = PLANES["wall"]
+    target = moved(HOME, (3, -4, 10), (0.01, 0.01, 6 - distance))
+    view = render(world.rgbd(HOME), target)
+    inside = within_mesh(world, HOME, target)
+    assert inside.sum() > 50
+    assert not view.hole[inside].any()
+
+
+@pytest.mark.parametrize("source_angle", [0, 40, 70, 80])
+@pytest.mark.parametrize("target_angle", [-80, -60, 30, 75, 80])
+def test_no_crack_at_any_angle(source_angle: float, target_angle: float) -> None:
+    """Law: a wall taken at up to 80 degrees from its normal, and seen at up to 80, is closed and true."""
+    world = World((WALL,))
+    source, target = (orbit(HOME, angle, pivot_m=6) for angle in (source_angle, target_angle))
+    view = render(world.rgbd(source), target)
+    inside = within_mesh(world, source, target)
+    assert inside.sum() > 50
+    assert not view.hole[inside].any()
+    np.testing.assert_allclose(view.depth[inside], world.trace(target)[0][inside], rtol=1e-3)
+
+
+@pytest.mark.parametrize("name", ["box", "sphere"])
+@pytest.mark.parametrize("forward", [0.8, 1.6, 2.4])
+def test_nothing_shines_through_a_magnified_foreground(name: str, forward: float) -> None:
+    """Law: up to five times nearer, each pixel within the foreground shows the foreground, in its colours."""
+    world = EDGES[name]
+    target = moved(HOME, (2, -3, 0), (0.1, 0.05, forward))
+    view = render(world.rgbd(HOME), target)
+    _, number = world.trace(target)
+    inside = within_mesh(world, HOME, target) & (number == 0)  # margin: the outermost ring is taken for flying
+    assert inside.mean() > 0.05
+    assert not view.hole[inside].any()
+    np.testing.assert_array_equal(shape_shown(view.color)[inside], 0)
+
+
+@targets
+@pytest.mark.parametrize("name", EDGES)
+def test_nothing_is_drawn_between_two_surfaces(name: str, target: Camera) -> None:
+    """Law: every drawn point lies on a true surface.
+
+    A footprint is drawn at its vertex's depth up to half a source pixel (and half a target pixel) beside it in x and y, so a
+    point may be off by 0.71 pixels of each; the gaps between the surfaces are twenty times as wide.
+    """
+    world = EDGES[name]
+    view = render(world.rgbd(HOME), target)
+    points = points_of(target, np.where(view.valid, view.depth, 1).astype(np.float64))
+    _, _, z_source = pixels_of(HOME, points)
+    allowed = 0.75 * (z_source / HOME.fx + view.depth / target.fx)
+    assert view.valid.mean() > 0.1
+    off = world.distance(points)[view.valid] / allowed[view.valid]
+    assert off.max() < 1
+
+
+@targets
+def test_spheres_are_true_to_their_sag(target: Camera) -> None:
+    """Closed form: a chord of length s sags s^2 / 8R below a sphere; s is a quad's diagonal, both views not too oblique."""
+    world = EDGES["sphere"]
+    view = render(world.rgbd(HOME), target)
+    true, number = world.trace(target)
+    points = points_of(target, np.where(np.isfinite(true), true, 1.0))
+    normal = (points - SPHERE.centre) / SPHERE.radius
+    cosines = []
+    for camera in (HOME, target):
+        toward = camera.world_from_cam[:3, 3] - points
+        cosines.append((normal * toward).sum(-1) / np.linalg.norm(toward, axis=-1))
+    inside = within_mesh(world, HOME, target) & (number == 0) & (cosines[0] > 0.4) & (cosines[1] > 0.4)
+    assert inside.sum() > 50
+    spacing = np.sqrt(2) * SPHERE.centre[2] / HOME.fx / cosines[0][inside]
+    sag = spacing**2 / (8 * SPHERE.radius) / cosines[1][inside]
+    ray = np.linalg.norm(rays_of(target), axis=-1)[inside]
+    off = np.abs(view.depth[inside] - true[inside]) * ray
+    assert (off <= 1.5 * sag + 1e-4).all()
+
+
+@targets
+@pytest.mark.parametrize("name", ["box", "sphere"])
+def test_holes_are_what_the_source_does_not_see(name: str, target: Camera) -> None:
+    """Closed form: hole = unseen, but for 1.5 px at its rim, and for places within 1.5 px of an edge in the source.
+
+    Through a side of the foreground that the source does not know, it may know the wall behind: only the wall must be open.
+    """
+    world = EDGES[name]
+    view = render(world.rgbd(HOME), target)
+    unseen = ~world.seen_by(HOME, target)
+    assert unseen.any()
+    must = cv2.erode((unseen & (world.trace(target)[1] == 1)).astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
+    may = cv2.dilate(unseen.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
+    assert must.any() and not (must & ~view.hole).any()
+    assert not (view.hole & ~may & ~beside_an_edge(world, target)).any()
+
+
+def beside_an_edge(world: World, target: Camera) -> np.ndarray:
+    """H x W of the target, True where the source pixel of what it sees is within 1.5 px of another shape, or of the border."""
+    _, of_source = world.trace(HOME)
+    padded = np.pad(of_source, 2, constant_values=-2).astype(np.float32)
+    kernel = np.ones((3, 3), np.uint8)
+    near_edge = cv2.dilate(padded, kernel) != cv2.erode(padded, kernel)
+    depth, _ = world.trace(target)
+    x, y, z = pixels_of(HOME, points_of(target, depth))
+    inside = (z > 0) & (x >= 0) & (x < HOME.width) & (y >= 0) & (y < HOME.height)
+    return near_edge[np.where(inside, y, 0).astype(int) + 2, np.where(inside, x, 0).astype(int) + 2]
+
+
+@targets
+def test_every_pixel_of_a_pole_keeps_its_footprint(target: Camera) -> None:
+    """Law: the target pixel into which a pole's pixel falls shows the pole; from a level camera it has no gap and is thin."""
+    world = EDGES["pole"]
+    frame = world.rgbd(HOME)
+    on_pole = world.trace(HOME)[1] == 0
+    assert (on_pole.sum(1) == 1).all()
+    x, y, z = pixels_of(target, points_of(HOME, frame.depth.astype(np.float64))[on_pole])
+    inside = (z > 0) & (x >= 0) & (y >= 0) & (x < target.width) & (y < target.height)
+    rows, columns = y[inside].astype(int), x[inside].astype(int)
+    view = render(frame, target)
+    np.testing.assert_allclose(view.depth[rows, columns], z[inside], rtol=0.02)
+    np.testing.assert_array_equal(shape_shown(view.color)[rows, columns], 0)
+    shown = view.valid & (POLE.distance(points_of(target, view.depth.astype(np.float64))) < 0.05)
+    if target in (TARGETS["yaw 15"], TARGETS["back"]):
+        width = shown[rows.min() : rows.max() + 1].sum(1)
+        assert len(width) > 50 and width.min() >= 1 and width.max() <= 2
+
+
+def test_the_sky_turns_with_the_camera_and_does_not_shift() -> None:
+    """Closed form: 100 m aside the sky is the same picture; rolled by 180 degrees it is upside down; no pixel is a hole."""
+    rng = np.random.default_rng(0)
+    color = rng.integers(0, 256, (*SOURCE.hw, 3), np.uint8)
+    sky = RGBD(color, np.full(SOURCE.hw, np.inf, np.float32), SOURCE)
+    aside, rolled = render(sky, moved(SOURCE, shift=(100, -30, 55))), render(sky, moved(SOURCE, (0, 0, 180)))
+    for view, expected in ((aside, color), (rolled, color[::-1, ::-1])):
+        assert view.far.all() and not view.hole.any()
+        np.testing.assert_array_equal(view.color, expected)
+
+
+@targets
+@pytest.mark.parametrize("mode", ["surface", "points"])
+def test_the_sky_is_no_hole(target: Camera, mode: str) -> None:
+    """Law: where the source looked into the sky in the same direction, the target shows something, and never a hole."""
+    world = EDGES["sphere on a floor under the sky"]
+    view: View = render(world.rgbd(HOME), target, mode)  # type: ignore[arg-type]
+    directions = HOME.world_from_cam[:3, 3] + rays_of(target)
+    x, y, z = pixels_of(HOME, directions)
+    inside = (z > 0) & (x >= 0) & (x < HOME.width) & (y >= 0) & (y < HOME.height)
+    sky_there = world.cast(HOME.world_from_cam[:3, 3], rays_of(HOME))[1] == -1
+    known = inside & sky_there[np.where(inside, y, 0).astype(int), np.where(inside, x, 0).astype(int)]
+    assert not view.hole[known].any()
+    np.testing.assert_array_equal(view.color[view.far], np.broadcast_to([90, 150, 250], (view.far.sum(), 3)))
+
+
+def test_a_surface_seen_from_behind_leaves_no_outline() -> None:
+    """Law: the source knows nothing of a wall's back, so from there nothing of it shows, the rim of its mesh included."""
+    target = moved(HOME, (0, 180, 0), (0, 0, 12))
+    assert render(PLANES["wall"].rgbd(HOME), target).hole.all()
+
+
+def test_footprints_do_not_cover_their_own_surface() -> None:
+    """Law: where the floor's mesh reaches, its depth is exact up to the border of the source picture."""
+    world, target = PLANES["floor"], TARGETS["back"]
+    inside = within_mesh(world, HOME, target, margin=0)
+    view = render(world.rgbd(HOME), target)
+    np.testing.assert_allclose(view.depth[inside], world.trace(target)[0][inside], rtol=1e-4)
