@@ -1,0 +1,107 @@
+"""A model's name in -> its file on this disk out; and the hashes that were pinned when a file was first used.
+
+Files lie flat in one directory: the user's cache directory, or the one that the environment variable DLAMA_MODELS names.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+
+import platformdirs
+
+from dlama.errors import FileError, OutputError
+from dlama.models.records import Record, record
+
+VARIABLE = "DLAMA_MODELS"
+PINS = "pins.json"
+
+
+def directory() -> Path:
+    """Where model files lie; need not exist yet."""
+    told = os.environ.get(VARIABLE)
+    return Path(told).expanduser() if told else Path(platformdirs.user_cache_dir("dlama", appauthor=False)) / "models"
+
+
+def place(wanted: Record) -> Path:
+    """Where that model's file lies, or would."""
+    return directory() / wanted.file
+
+
+def by_hand(wanted: Record) -> str:
+    """What to do where the network does not help, as one sentence."""
+    part = f", unpack it and put {wanted.member} from it at" if wanted.member else " and put it at"
+    return (
+        f"By hand: download {' or '.join(wanted.urls)}{part} {place(wanted)}, then `dlama models verify {wanted.name}`"
+    )
+
+
+def locate(name: str) -> Path:
+    """The file of that model.
+
+    Its size is compared with what is known, its content is not read: `verify` does that.
+
+    Raises:
+        InputError: no such name in the catalogue.
+        FileError: the file is not there, or it has another size.
+    """
+    wanted = record(name)
+    path = place(wanted)
+    if not path.is_file():
+        raise FileError(
+            f"{path}: the model {name} is not there; get it with `dlama models pull {name}`. {by_hand(wanted)}"
+        )
+    size = expected_size(wanted)
+    if size is not None and path.stat().st_size != size:
+        raise FileError(
+            f"{path}: {path.stat().st_size} bytes, the model {name} has {size}; "
+            f"replace it with `dlama models pull {name}`. {by_hand(wanted)}"
+        )
+    return path
+
+
+def expected_sha256(wanted: Record) -> str | None:
+    """Of the file as it lies on the disk: the record's, else the one pinned on first use, else None."""
+    if wanted.sha256 is not None and not wanted.member:
+        return wanted.sha256
+    pinned = _pinned(wanted, "sha256")
+    return pinned if isinstance(pinned, str) else None
+
+
+def expected_size(wanted: Record) -> int | None:
+    """Of the file as it lies on the disk, in bytes; None where nobody knows."""
+    if wanted.bytes is not None and not wanted.member:
+        return wanted.bytes
+    pinned = _pinned(wanted, "bytes")
+    return pinned if isinstance(pinned, int) else None
+
+
+def pin(wanted: Record, sha256: str, size: int) -> None:
+    """Remember what a file was when it was first used; OutputError where that cannot be written down."""
+    path = directory() / PINS
+    text = json.dumps(read_pins() | {wanted.file: {"sha256": sha256, "bytes": size}}, indent=1, sort_keys=True)
+    beside = path.with_name(PINS + ".part")
+    try:
+        beside.write_text(text + "\n", "utf-8")
+        beside.replace(path)
+    except OSError as error:
+        raise OutputError(f"{path}: cannot be written ({error})") from error
+
+
+def read_pins() -> dict[str, dict[str, object]]:
+    """File name -> sha256 and bytes, of every file that was pinned; FileError where the list is damaged."""
+    path = directory() / PINS
+    try:
+        pins = json.loads(path.read_text("utf-8"))
+    except FileNotFoundError:
+        return {}
+    except (OSError, ValueError) as error:
+        raise FileError(f"{path}: cannot be read ({error}); remove it to pin every file anew") from error
+    if not isinstance(pins, dict) or not all(isinstance(entry, dict) for entry in pins.values()):
+        raise FileError(f"{path}: wanted a table of file names; remove it to pin every file anew")
+    return pins
+
+
+def _pinned(wanted: Record, key: str) -> object:
+    return read_pins().get(wanted.file, {}).get(key)

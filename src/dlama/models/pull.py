@@ -1,0 +1,113 @@
+"""A record in -> its file, downloaded, checked and moved into place, out.
+
+What has arrived lies in a .part file beside the target, so that a pull that broke off goes on from there. The file
+itself appears under its name only when it is whole and its hash is right.
+"""
+
+from __future__ import annotations
+
+import shutil
+import zipfile
+import zlib
+from pathlib import Path
+
+from dlama.errors import FileError, OutputError
+from dlama.models.cache import PINS, by_hand, expected_sha256, expected_size, pin, place
+from dlama.models.download import Moved, Offline, Progress, Unusable, download
+from dlama.models.records import Record
+from dlama.models.verify import complaint_about, size_and_sha256, verify
+
+LONGEST = 4 << 30
+
+
+def pull(wanted: Record, progress: Progress | None = None, timeout: float = 30.0) -> Path:
+    """The model's file, from the first mirror that has it; a good one that is there already is left alone.
+
+    Args:
+        wanted: which model.
+        progress: called with the bytes that have arrived and the bytes in all (None: unknown).
+        timeout: seconds a server may be silent.
+    Raises:
+        FileError: no mirror gave the right file; says what each did and the way by hand.
+        OutputError: the cache directory cannot be written.
+    """
+    target = place(wanted)
+    if target.is_file() and verify(wanted).state in ("verified", "pinned"):
+        return target
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise OutputError(f"{target.parent}: cannot be made ({error}); DLAMA_MODELS names another directory") from error
+    failures: list[tuple[str, Unusable]] = []
+    for url in wanted.urls:
+        try:
+            return _from(url, wanted, target, progress, timeout)
+        except Unusable as error:
+            failures.append((url, error))
+    raise FileError(_told(wanted, failures))
+
+
+def _from(url: str, wanted: Record, target: Path, progress: Progress | None, timeout: float) -> Path:
+    """From one mirror; a wrong hash after a resumed download is given one more try from the start."""
+    part = target.with_name(target.name + (".zip.part" if wanted.member else ".part"))
+    while True:
+        resumed = download(url, part, wanted.bytes, progress, timeout)
+        size, digest = size_and_sha256(part)
+        complaint = complaint_about(size, digest, wanted.bytes, wanted.sha256)
+        if not complaint:
+            break
+        part.unlink()
+        if not resumed:
+            raise Unusable(complaint)
+    try:
+        return _settle(_unpacked(part, wanted, target) if wanted.member else part, wanted, target)
+    finally:
+        part.unlink(missing_ok=True)
+
+
+def _settle(part: Path, wanted: Record, target: Path) -> Path:
+    """Compare with what was pinned, move into place, pin what was not."""
+    size, digest = size_and_sha256(part)
+    known = expected_sha256(wanted)
+    complaint = complaint_about(size, digest, expected_size(wanted), known)
+    if complaint:
+        part.unlink()
+        raise Unusable(f"{complaint} (pinned when it was first used; remove its entry in {PINS} to take the new one)")
+    try:
+        part.replace(target)
+    except OSError as error:
+        raise OutputError(f"{target}: cannot be written ({error})") from error
+    if known is None:
+        pin(wanted, digest, size)
+    return target
+
+
+def _unpacked(archive: Path, wanted: Record, target: Path) -> Path:
+    """The one entry of the ZIP that is kept, beside the target; its checksum is compared by the reader."""
+    part = target.with_name(target.name + ".part")
+    try:
+        with zipfile.ZipFile(archive) as opened:
+            found = [info for info in opened.infolist() if info.filename.endswith(str(wanted.member))]
+            if len(found) != 1 or found[0].file_size > LONGEST:
+                raise Unusable(f"a ZIP with {len(found)} entries */{wanted.member}, wanted one of at most 4 GB")
+            with opened.open(found[0]) as source, part.open("wb") as sink:
+                shutil.copyfileobj(source, sink, 1 << 20)
+    except (zipfile.BadZipFile, zlib.error, NotImplementedError, EOFError, RuntimeError) as error:
+        part.unlink(missing_ok=True)
+        raise Unusable(f"no ZIP archive that can be read ({error})") from error
+    except OSError as error:
+        part.unlink(missing_ok=True)
+        raise OutputError(f"{part}: cannot be written ({error})") from error
+    return part
+
+
+def _told(wanted: Record, failures: list[tuple[str, Unusable]]) -> str:
+    if not failures:
+        return f"{wanted.name}: nobody serves this file. {by_hand(wanted)}"
+    if all(isinstance(error, Offline) for _, error in failures):
+        begin = f"{wanted.name}: no connection; is this machine online?"
+    elif all(isinstance(error, Moved) for _, error in failures):
+        begin = f"{wanted.name}: the file has moved away from every known address"
+    else:
+        begin = f"{wanted.name}: no mirror gave the right file"
+    return f"{begin} [{'; '.join(f'{url}: {error}' for url, error in failures)}]. {by_hand(wanted)}"

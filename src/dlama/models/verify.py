@@ -1,0 +1,70 @@
+"""A record in -> whether the file on this disk is the one it means, with the reason, out."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from dlama.errors import FileError
+from dlama.models.cache import by_hand, expected_sha256, expected_size, pin, place
+from dlama.models.records import Record
+
+PIECE = 1 << 20
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What was found."""
+
+    path: Path
+    """Where the file lies, or would."""
+    state: Literal["missing", "wrong", "verified", "pinned"]
+    """pinned: its hash is published nowhere, so it was written down now and is compared from now on."""
+    detail: str
+    """What came and what was wanted, in words."""
+
+
+def verify(wanted: Record) -> Verdict:
+    """Compare size and sha256 with the record's, or with those pinned on first use; the first use pins.
+
+    Raises:
+        FileError: the file cannot be read.
+        OutputError: the hash cannot be written down.
+    """
+    path = place(wanted)
+    if not path.is_file():
+        return Verdict(path, "missing", f"not there; `dlama models pull {wanted.name}`. {by_hand(wanted)}")
+    size, digest = size_and_sha256(path)
+    complaint = complaint_about(size, digest, expected_size(wanted), expected_sha256(wanted))
+    if complaint:
+        return Verdict(
+            path, "wrong", f"{complaint}; remove it and `dlama models pull {wanted.name}`. {by_hand(wanted)}"
+        )
+    if expected_sha256(wanted) is not None:
+        return Verdict(path, "verified", f"sha256 {digest}")
+    pin(wanted, digest, size)
+    return Verdict(path, "pinned", f"sha256 {digest}, published nowhere: pinned now, compared from now on")
+
+
+def complaint_about(size: int, digest: str, wanted_size: int | None, wanted_digest: str | None) -> str | None:
+    """What is wrong with a file of that size (bytes) and sha256; None where nothing is."""
+    if wanted_size is not None and size != wanted_size:
+        return f"{'cut short' if size < wanted_size else 'too long'}: {size} bytes, wanted {wanted_size}"
+    if wanted_digest is not None and digest != wanted_digest:
+        return f"corrupted or replaced: sha256 is {digest}, wanted {wanted_digest}"
+    return None
+
+
+def size_and_sha256(path: Path) -> tuple[int, str]:
+    """Bytes and 64 hexadecimal digits, read in pieces; FileError where it cannot be read."""
+    digest, size = hashlib.sha256(), 0
+    try:
+        with path.open("rb") as file:
+            while piece := file.read(PIECE):
+                digest.update(piece)
+                size += len(piece)
+    except OSError as error:
+        raise FileError(f"{path}: cannot be read ({error})") from error
+    return size, digest.hexdigest()

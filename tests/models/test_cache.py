@@ -1,0 +1,128 @@
+"""Where model files lie, which messages their absence gives, and what verifying says of them."""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import os
+import re
+from pathlib import Path
+
+import pytest
+
+from dlama.errors import FileError, InputError, OutputError
+from dlama.models import cache, records
+from dlama.models.cache import directory, locate
+from dlama.models.records import CATALOGUE, Record, record
+from dlama.models.verify import verify
+
+TOY = Record(
+    "toy", "a toy", ("http://a/b",), hashlib.sha256(b"toy").hexdigest(), 3, "MIT", "migan-pipeline", "toy.onnx"
+)
+
+
+@pytest.fixture
+def toy(monkeypatch: pytest.MonkeyPatch, cache_dir: Path) -> Path:
+    """A catalogue that also knows `toy`; the path of its file."""
+    monkeypatch.setitem(records.CATALOGUE, "toy", TOY)
+    cache_dir.mkdir()
+    return cache_dir / "toy.onnx"
+
+
+def test_records_are_whole() -> None:
+    """Form of every record: https, 64 digits, one file name each; where nothing was seen that is marked."""
+    assert len({entry.file for entry in CATALOGUE.values()}) == len(CATALOGUE)
+    for name, entry in CATALOGUE.items():
+        assert name == entry.name and entry.urls and all(url.startswith("https://") for url in entry.urls)
+        assert entry.sha256 is None or re.fullmatch("[0-9a-f]{64}", entry.sha256)
+        assert entry.sha256 is not None or not entry.seen
+        assert Path(entry.file).name == entry.file and "\n" not in entry.what + entry.note
+
+
+def test_an_unknown_name_lists_the_known() -> None:
+    """So that a typing error is seen at once."""
+    with pytest.raises(
+        InputError, match=r"no model is called 'big-lame'; known: big-lama, big-lama-official, migan-512"
+    ):
+        record("big-lame")
+
+
+def test_the_directory(monkeypatch: pytest.MonkeyPatch, cache_dir: Path) -> None:
+    """DLAMA_MODELS names it, with ~; else it is the user's cache directory."""
+    assert directory() == cache_dir
+    monkeypatch.setenv("DLAMA_MODELS", "~/m")
+    assert directory() == Path.home() / "m"
+    monkeypatch.delenv("DLAMA_MODELS")
+    assert directory().parts[-2:] == ("dlama", "models") and directory().is_absolute()
+
+
+def test_locate(toy: Path) -> None:
+    """The file; a missing one names the command and the way by hand; one of another size is refused."""
+    with pytest.raises(
+        FileError, match=r"`dlama models pull toy`.*By hand: download http://a/b and put it at .*toy\.onnx"
+    ):
+        locate("toy")
+    toy.write_bytes(b"to")
+    with pytest.raises(FileError, match="2 bytes, the model toy has 3; replace it with `dlama models pull toy`"):
+        locate("toy")
+    toy.write_bytes(b"toy")
+    assert locate("toy") == toy
+
+
+def test_an_archive_is_unpacked_by_hand() -> None:
+    """The way by hand names the entry of the archive."""
+    with pytest.raises(FileError, match=r"unpack it and put models/best\.ckpt from it at .*big-lama-official\.ckpt"):
+        locate("big-lama-official")
+
+
+def test_verify(toy: Path) -> None:
+    """Each state in words; a known hash is not pinned."""
+    assert verify(TOY).state == "missing" and "dlama models pull toy" in verify(TOY).detail
+    for data, words in (
+        (b"to", "cut short: 2 bytes"),
+        (b"toys", "too long: 4 bytes"),
+        (b"tow", "corrupted or replaced"),
+    ):
+        toy.write_bytes(data)
+        assert verify(TOY).state == "wrong" and verify(TOY).detail.startswith(words)
+    toy.write_bytes(b"toy")
+    assert verify(TOY).state == "verified"
+    assert not (toy.parent / "pins.json").exists()
+
+
+def test_verify_pins_once(toy: Path) -> None:
+    """A hash that nobody published is written down, then compared; `locate` then knows the size too."""
+    unknown = dataclasses.replace(TOY, sha256=None, bytes=None)
+    toy.write_bytes(b"first")
+    assert [verify(unknown).state, verify(unknown).state] == ["pinned", "verified"]
+    toy.write_bytes(b"other")
+    assert verify(unknown).state == "wrong"
+    assert cache.expected_size(unknown) == 5
+
+
+def test_damaged_pins(toy: Path) -> None:
+    """Said, with the remedy; never overwritten silently."""
+    unknown = dataclasses.replace(TOY, sha256=None, bytes=None)
+    toy.write_bytes(b"first")
+    for text in ("{", "[]", '{"toy.onnx": 1}'):
+        (toy.parent / "pins.json").write_text(text)
+        with pytest.raises(FileError, match=r"pins\.json: .*remove it to pin every file anew"):
+            verify(unknown)
+
+
+@pytest.mark.skipif(os.name != "posix", reason="a directory in the place of the list is another error elsewhere")
+def test_pins_that_cannot_be_written(toy: Path) -> None:
+    """An OutputError that names the list."""
+    (toy.parent / "pins.json.part").mkdir()
+    toy.write_bytes(b"first")
+    with pytest.raises(OutputError, match=r"pins\.json: cannot be written"):
+        verify(dataclasses.replace(TOY, sha256=None, bytes=None))
+
+
+def test_migan_as_it_came(data_dir: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The real file under its published hash."""
+    monkeypatch.setenv("DLAMA_MODELS", str(data_dir / "weights"))
+    if not (data_dir / "weights").is_dir():
+        pytest.skip("no weights/ among the real data")
+    assert verify(record("migan-512")).state == "verified"
+    assert locate("migan-512").name == "migan_pipeline_v2.onnx"

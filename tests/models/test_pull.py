@@ -1,0 +1,230 @@
+"""Pulling from servers that behave, break off, lie, move and serve something else (oracle: the bytes that were served)."""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import json
+import re
+import socket
+import zipfile
+from pathlib import Path
+
+import pytest
+from toy_server import Server, Site
+
+from dlama.errors import FileError, OutputError
+from dlama.models.pull import pull
+from dlama.models.records import Record
+
+BODY = bytes(range(256)) * 4000
+WRONG = BODY[:-1] + b"!"
+
+
+def a_record(*urls: str, known: bool = True, body: bytes = BODY, member: str | None = None) -> Record:
+    """A record of BODY at those addresses."""
+    sha256 = hashlib.sha256(body).hexdigest() if known else None
+    return Record(
+        "toy", "a toy", urls, sha256, len(body) if known else None, "MIT", "lama-weights", "toy.pt", True, member
+    )
+
+
+def refused(wanted: Record) -> str:
+    """The message with which it is refused, after checking that it says the way by hand and nothing was put in place."""
+    with pytest.raises(FileError) as caught:
+        pull(wanted, timeout=5)
+    message = str(caught.value)
+    assert "\n" not in message
+    assert "By hand: download" in message and "toy.pt, then `dlama models verify toy`" in message
+    return message
+
+
+def leftovers(cache_dir: Path) -> list[str]:
+    """What lies in the cache directory."""
+    return sorted(path.name for path in cache_dir.iterdir())
+
+
+def test_a_good_server(server: Server, cache_dir: Path) -> None:
+    """The bytes arrive, progress ends at the whole, nothing else is left, and a second pull asks nobody."""
+    seen: list[tuple[int, int | None]] = []
+    wanted = a_record(server.add("/a", Site(BODY)))
+    path = pull(wanted, lambda done, total: seen.append((done, total)))
+    assert path == cache_dir / "toy.pt" and path.read_bytes() == BODY
+    assert seen[-1] == (len(BODY), len(BODY)) and seen == sorted(seen)
+    assert leftovers(cache_dir) == ["toy.pt"]
+    pull(wanted)
+    assert len(server.asked) == 1
+
+
+def test_redirects_are_followed(server: Server) -> None:
+    """As release pages and hubs do."""
+    there = server.add("/there", Site(BODY))
+    assert pull(a_record(server.add("/here", Site(status=302, to=there)))).read_bytes() == BODY
+
+
+def test_goes_on_where_it_broke_off(server: Server) -> None:
+    """Within one pull: the second request asks for the rest only."""
+    pulled = pull(a_record(server.add("/a", Site(BODY, stops_after=[300_000, 400_000]))))
+    assert pulled.read_bytes() == BODY
+    assert [asked for _, asked in server.asked] == [None, "bytes=300000-", "bytes=700000-"]
+
+
+def test_a_later_pull_goes_on(server: Server, cache_dir: Path) -> None:
+    """Even after giving up: the .part file is kept, and used by the next pull."""
+    url = server.add("/a", Site(BODY, stops_after=[100_000, 0]))
+    assert "broke off after 100000 of 1024000 bytes; pulling again goes on from there" in refused(a_record(url))
+    assert (cache_dir / "toy.pt.part").read_bytes() == BODY[:100_000]
+    assert pull(a_record(url)).read_bytes() == BODY
+    assert server.asked[-1][1] == "bytes=100000-"
+    assert leftovers(cache_dir) == ["toy.pt"]
+
+
+def test_a_server_without_ranges_sends_all_again(server: Server) -> None:
+    """Nothing of the first reply is left in the file."""
+    url = server.add("/a", Site(BODY, stops_after=[300_000], ranges=False))
+    assert pull(a_record(url)).read_bytes() == BODY
+    assert len(server.asked) == 2
+
+
+def test_a_file_that_changed_meanwhile_is_not_glued(server: Server) -> None:
+    """Hash unknown, so only the ETag can tell: the old half is not continued with the new one."""
+    url = server.add("/a", Site(b"x" * len(BODY), stops_after=[100_000, 0]))
+    refused(a_record(url, known=False))
+    server.sites["/a"] = Site(BODY, etag='"2"')
+    assert pull(a_record(url, known=False)).read_bytes() == BODY
+
+
+def test_a_damaged_part_file_is_given_up(server: Server, cache_dir: Path) -> None:
+    """A resumed file with the wrong hash is pulled once more, from its start."""
+    url = server.add("/a", Site(BODY, stops_after=[100_000, 0]))
+    refused(a_record(url))
+    (cache_dir / "toy.pt.part").write_bytes(b"?" * 100_000)
+    assert pull(a_record(url)).read_bytes() == BODY
+
+
+@pytest.mark.parametrize("extra", [0, 9])
+def test_a_part_file_that_is_whole_or_too_long(server: Server, cache_dir: Path, extra: int) -> None:
+    """The server answers 416; it is pulled again."""
+    url = server.add("/a", Site(BODY, stops_after=[100_000, 0]))
+    refused(a_record(url))
+    (cache_dir / "toy.pt.part").write_bytes(BODY + b"?" * extra)
+    assert pull(a_record(url)).read_bytes() == BODY
+
+
+def test_a_server_that_answers_another_range(server: Server) -> None:
+    """It is not believed."""
+    url = server.add("/a", Site(BODY, stops_after=[100_000, 0]))
+    refused(a_record(url))
+    server.sites["/a"].wrong_range = True
+    assert "asked for the bytes from 100000 on, it sends bytes 100001-1023999/1024000" in refused(a_record(url))
+
+
+@pytest.mark.parametrize(
+    ("site", "message"),
+    [
+        (Site(status=404), r"has moved away from every known address.*moved or gone \(HTTP 404\)"),
+        (Site(status=410), r"has moved away.*gone \(HTTP 410\)"),
+        (Site(b"<html>log in</html>", kind="text/html"), r"has moved away.*a web page came instead of the file"),
+        (Site(b"\n<!DOCTYPE html><html>", announced=-1), r"has moved away.*a web page came instead of the file"),
+        (Site(status=403), r"access refused \(HTTP 403\)"),
+        (Site(status=500), r"the server fails \(HTTP 500\)"),
+        (Site(WRONG), r"corrupted or replaced: sha256 is [0-9a-f]{64}, wanted [0-9a-f]{64}"),
+        (Site(BODY[:-9]), r"cut short: 1023991 bytes are announced, wanted 1024000"),
+        (Site(BODY + b"?"), r"too long: 1024001 bytes are announced, wanted 1024000"),
+        (Site(BODY, announced=len(BODY) - 1), r"cut short: 1023999 bytes are announced"),
+        (Site(BODY, announced=len(BODY) + 7), r"too long: 1024007 bytes are announced"),
+        (Site(BODY[:-9], announced=-1), r"cut short: 1023991 bytes came, wanted 1024000"),
+        (Site(BODY + b"?", announced=-1), r"too long: more than 1024000 bytes came"),
+        (Site(BODY, chunked=True, stops_after=[500_000] * 4, etag=""), r"broke off; the server had not said how long"),
+        (Site(BODY[:-9], announced=len(BODY), etag=""), r"broke off after 1023991 of 1024000 bytes"),
+    ],
+)
+def test_servers_that_do_not_give_the_file(server: Server, cache_dir: Path, site: Site, message: str) -> None:
+    """Each has its own words; nothing is put in place."""
+    told = refused(a_record(server.add("/a", site)))
+    assert re.search(message, told), told
+    assert not (cache_dir / "toy.pt").exists()
+
+
+def test_chunked_replies_arrive(server: Server) -> None:
+    """No length is announced, as some hubs do."""
+    assert pull(a_record(server.add("/a", Site(BODY, chunked=True)))).read_bytes() == BODY
+
+
+def test_offline() -> None:
+    """Nobody listens there."""
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        url = f"http://127.0.0.1:{free.getsockname()[1]}/a"
+    assert "no connection; is this machine online?" in refused(a_record(url, url))
+
+
+def test_mirrors_in_order(server: Server) -> None:
+    """The first that gives the right file wins; when none does, each is named with what it did."""
+    gone, wrong = server.add("/gone", Site(status=404)), server.add("/wrong", Site(WRONG))
+    good, unused = server.add("/good", Site(BODY)), server.add("/unused", Site(BODY))
+    assert pull(a_record(gone, wrong, good, unused)).read_bytes() == BODY
+    assert [path for path, _ in server.asked] == ["/gone", "/wrong", "/good"]
+    (pull(a_record(good))).unlink()
+    told = refused(a_record(gone, wrong))
+    assert "no mirror gave the right file" in told and told.index("/gone: moved") < told.index("/wrong: corrupted")
+
+
+def test_a_bad_file_in_the_cache_is_replaced(server: Server, cache_dir: Path) -> None:
+    """Only by a good one: with a bad server it stays, with a good one it goes."""
+    cache_dir.mkdir()
+    (cache_dir / "toy.pt").write_bytes(b"old")
+    wanted = a_record(server.add("/a", Site(WRONG)))
+    refused(wanted)
+    assert (cache_dir / "toy.pt").read_bytes() == b"old"
+    server.sites["/a"] = Site(BODY)
+    assert pull(wanted).read_bytes() == BODY
+
+
+def test_an_unknown_hash_is_pinned(server: Server, cache_dir: Path) -> None:
+    """The first pull writes it down; another file under that address is refused from then on."""
+    wanted = a_record(server.add("/a", Site(BODY)), known=False)
+    path = pull(wanted)
+    pins = json.loads((cache_dir / "pins.json").read_text())
+    assert pins == {"toy.pt": {"sha256": hashlib.sha256(BODY).hexdigest(), "bytes": len(BODY)}}
+    path.unlink()
+    server.sites["/a"] = Site(WRONG)
+    assert "pinned when it was first used; remove its entry in pins.json" in refused(wanted)
+    assert not path.exists()
+
+
+def a_zip(**entries: bytes) -> bytes:
+    """An archive with those entries, dots and slashes in the names written as D and S."""
+    held = io.BytesIO()
+    with zipfile.ZipFile(held, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, data in entries.items():
+            archive.writestr(name.replace("S", "/").replace("D", "."), data)
+    return held.getvalue()
+
+
+def test_one_entry_of_a_zip_is_kept(server: Server, cache_dir: Path) -> None:
+    """The checkpoint, wherever in the archive it is; the archive itself goes."""
+    url = server.add("/a", Site(a_zip(bigSmodelsSbestDckpt=BODY, bigSconfigDyaml=b"x")))
+    wanted = a_record(url, known=False, member="models/best.ckpt")
+    assert pull(wanted).read_bytes() == BODY
+    assert leftovers(cache_dir) == ["pins.json", "toy.pt"]
+
+
+def test_zips_that_do_not_hold_it(server: Server, cache_dir: Path) -> None:
+    """No such entry; no archive; an archive whose entry is damaged."""
+    damaged = bytearray(a_zip(mSmodelsSbestDckpt=BODY))
+    damaged[200:240] = bytes(40)
+    cases = ((a_zip(other=b"x"), "a ZIP with 0 entries"), (BODY, "no ZIP archive"), (bytes(damaged), "no ZIP archive"))
+    for body, words in cases:
+        wanted = a_record(server.add("/a", Site(body)), known=False, member="models/best.ckpt")
+        with pytest.raises(FileError, match=words):
+            pull(wanted)
+        assert leftovers(cache_dir) == []
+
+
+def test_a_cache_directory_that_cannot_be_written(server: Server, cache_dir: Path) -> None:
+    """Not a fault of the mirror: said at once, naming the directory and the variable."""
+    cache_dir.write_text("a file")
+    with pytest.raises(OutputError, match="DLAMA_MODELS names another directory"):
+        pull(a_record(server.add("/a", Site(BODY))))
+    assert server.asked == []
