@@ -1,0 +1,46 @@
+"""LaMa: a view with holes and any 4 -> 3 network file in; colour, and depth as a grey picture, out."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dlama.geometry.view import View
+from dlama.geometry.visibility import Law
+from dlama.inpainters.contract import Contract, demand
+from dlama.inpainters.engine import Engine, engine
+from dlama.inpainters.filling import Fill, Inpainter
+from dlama.inpainters.planes_of_views import DepthPlane, color_hole, color_planes, eight_bits
+
+BATCHED: tuple[str, ...] = ()
+"""Providers on which colour and depth in one pass were measured to be faster than one after the other (CPU: no)."""
+
+
+def lama_filler(model: str | Path, contract: Contract | None = None, **options: Any) -> Inpainter:
+    """A filler of a network file; `options` as of Engine (provider, threads, budget). FileError where there is no file.
+
+    Depth goes in as three equal planes of inverse depth on the scale of the view's nearest pixel, 0 = infinity, and
+    comes back as their mean: float all the way.
+    """
+    network = engine(model, contract, **options)
+
+    def lama(view: View, law: Law, seed: int) -> Fill:
+        demand(network.contract, 3, str(network.path), "lama")
+        return filled_apart(view, network)
+
+    return lama
+
+
+def filled_apart(view: View, network: Engine) -> Fill:
+    """Colour where it is not known, depth in the whole hole."""
+    depth, open_color = DepthPlane.of(view), color_hole(view)
+    color = color_planes(view)
+    grey = np.repeat(depth.values[None], 3, 0)
+    if network.running_on in BATCHED and (open_color == view.hole).all():
+        color, grey = network.fill(np.stack([color, grey]), view.hole)
+    else:
+        color = network.fill(color[None], open_color)[0]
+        grey = network.fill(grey[None], view.hole)[0]
+    return Fill(eight_bits(color), depth.metres(grey.mean(0)), notes=network.notes)
