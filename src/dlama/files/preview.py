@@ -44,6 +44,7 @@ INK: RGB = (236, 238, 240)
 QUIET_INK: RGB = (168, 174, 181)
 PANEL_WIDTH = 420
 GAP = 20
+CAPTION_GAP = 4
 TITLE_SIZE, CAPTION_SIZE, LEGEND_SIZE = 26, 16, 15
 LINE = 1.35
 """Line height over font size."""
@@ -131,6 +132,7 @@ def percent(share: float) -> str:
 def write_preview(path: PathLike, title: str, panels: Sequence[Panel], legend: Sequence[tuple[str, RGB]] = ()) -> None:
     """Write a contact sheet: a title, captioned panels (uint8 H x W x 3, any sizes) in balanced rows, and a legend.
 
+    Texts in Latin letters: the font that ships with Pillow has no Greek.
     Raises ShapeError (no panel, or one that is no picture), OutputError.
     """
     from PIL import Image, ImageDraw
@@ -146,7 +148,9 @@ def write_preview(path: PathLike, title: str, panels: Sequence[Panel], legend: S
     heading = wrapped(title, width - 2 * GAP, font(TITLE_SIZE))
     entries = legend_rows(legend, width - 2 * GAP)
     row_heights = [
-        max(line_height(CAPTION_SIZE) * len(captions[i]) for i in row) + max(pictures[i].height for i in row)
+        max(line_height(CAPTION_SIZE) * len(captions[i]) for i in row)
+        + CAPTION_GAP
+        + max(pictures[i].height for i in row)
         for row in rows
     ]
     top = GAP + line_height(TITLE_SIZE) * len(heading) + GAP // 2
@@ -159,7 +163,7 @@ def write_preview(path: PathLike, title: str, panels: Sequence[Panel], legend: S
         for column, i in enumerate(row):
             left = GAP + column * (cell + GAP)
             draw_lines(draw, (left, top), captions[i], CAPTION_SIZE, QUIET_INK)
-            sheet.paste(pictures[i], (left, top + text_height))
+            sheet.paste(pictures[i], (left, top + text_height + CAPTION_GAP))
         top += height + GAP
     draw_legend(draw, entries, top)
     save_picture(path, sheet)

@@ -1,0 +1,212 @@
+"""Colour pictures and masks: what Pillow, OpenCV and imageio write is read with its plain meaning, all else is refused."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import imageio.v3 as imageio
+import numpy as np
+import pytest
+from PIL import Image
+
+from dlama.errors import FileError, MaskError, ShapeError
+from dlama.files.pictures import read_color, read_mask, write_codes, write_color, write_grey, write_mask
+
+COLOR = np.random.default_rng(0).integers(0, 256, (14, 19, 3)).astype(np.uint8)
+SMOOTH = np.clip(np.add.outer(np.arange(90), np.arange(130))[..., None] + [0, 20, 36], 0, 255).astype(np.uint8)
+
+
+@pytest.mark.parametrize("suffix", [".png", ".tif"])
+def test_color_there_and_back(tmp_path: Path, suffix: str) -> None:
+    """Oracles: the round trip, and imageio reading our file."""
+    path = tmp_path / f"c{suffix}"
+    write_color(path, COLOR)
+    assert np.array_equal(read_color(path), COLOR)
+    assert np.array_equal(imageio.imread(path), COLOR)
+
+
+def test_color_of_other_writers(tmp_path: Path) -> None:
+    """Oracle: what was given to imageio (RGB) and OpenCV (BGR)."""
+    imageio.imwrite(tmp_path / "a.png", COLOR)
+    cv2.imwrite(str(tmp_path / "b.tif"), COLOR)
+    imageio.imwrite(tmp_path / "c.jpg", SMOOTH, quality=95)
+    assert np.array_equal(read_color(tmp_path / "a.png"), COLOR)
+    assert np.array_equal(read_color(tmp_path / "b.tif"), COLOR[..., ::-1])
+    assert np.abs(read_color(tmp_path / "c.jpg").astype(int) - SMOOTH).mean() < 3
+
+
+@pytest.mark.parametrize("suffix", [".png", ".tif"])
+@pytest.mark.parametrize("channels", [1, 3, 4])
+def test_16_bit_keeps_the_high_byte(tmp_path: Path, suffix: str, channels: int) -> None:
+    """Oracle: numpy's shift of what OpenCV wrote; grey is repeated, alpha dropped."""
+    values = np.random.default_rng(channels).integers(0, 65536, (9, 11, channels)).astype(np.uint16)
+    cv2.imwrite(str(tmp_path / f"c{suffix}"), values)
+    wanted = (values >> 8).astype(np.uint8)
+    wanted = np.repeat(wanted, 3, axis=2) if channels == 1 else wanted[..., 2::-1]
+    assert np.array_equal(read_color(tmp_path / f"c{suffix}"), wanted)
+
+
+@pytest.mark.parametrize("mode", ["L", "LA", "RGBA", "P", "1"])
+def test_plain_modes_are_accepted(tmp_path: Path, mode: str) -> None:
+    """Oracle: Pillow's own conversion to RGB."""
+    picture = Image.fromarray(COLOR).convert(mode)
+    picture.save(tmp_path / "c.png")
+    assert np.array_equal(read_color(tmp_path / "c.png"), np.array(picture.convert("RGB")))
+
+
+@pytest.mark.parametrize("hw", [(1, 1), (1, 7), (7, 1)])
+def test_thin_pictures(tmp_path: Path, hw: tuple[int, int]) -> None:
+    write_color(tmp_path / "c.png", COLOR[: hw[0], : hw[1]])
+    assert read_color(tmp_path / "c.png").shape == (*hw, 3)
+
+
+def test_exif_rotation_is_refused_with_advice(tmp_path: Path) -> None:
+    exif = Image.Exif()
+    exif[0x0112] = 6
+    Image.fromarray(SMOOTH).save(tmp_path / "turned.jpg", exif=exif)
+    with pytest.raises(FileError, match=r"turned\.jpg: EXIF.*orientation 6.*exiftool"):
+        read_color(tmp_path / "turned.jpg")
+    exif[0x0112] = 1
+    Image.fromarray(SMOOTH).save(tmp_path / "straight.jpg", exif=exif)
+    assert read_color(tmp_path / "straight.jpg").shape == SMOOTH.shape
+
+
+def test_missing_and_wrong_files(tmp_path: Path) -> None:
+    (tmp_path / "empty.png").touch()
+    (tmp_path / "text.png").write_text("no picture")
+    Image.fromarray(COLOR[..., 0].astype(np.float32)).save(tmp_path / "float.tif")
+    pages = [Image.fromarray(COLOR), Image.fromarray(COLOR)]
+    pages[0].save(tmp_path / "pages.tif", save_all=True, append_images=pages[1:])
+    wanted = {"none": "no such file", "empty": "0 bytes", "text": "no readable", "float": "float32", "pages": "one page"}
+    for name, words in wanted.items():
+        path = tmp_path / f"{name}{'.tif' if name in ('float', 'pages') else '.png'}"
+        with pytest.raises(FileError, match=words) as caught:
+            read_color(path)
+        assert str(path) in str(caught.value)
+    with pytest.raises(FileError, match="directory"):
+        read_color(tmp_path)
+
+
+@pytest.mark.parametrize("name", ["a.png", "a16.png", "a.jpg", "a.tif", "lzw.tif", "a16.tif"])
+def test_truncated_pictures_raise_or_are_whole(tmp_path: Path, name: str) -> None:
+    """Oracle: the whole picture; cut anywhere, a file gives that (only an end mark is gone) or an error, never half."""
+    path = tmp_path / name
+    if "16" in name:
+        cv2.imwrite(str(path), SMOOTH.astype(np.uint16) * 257)
+    else:
+        Image.fromarray(SMOOTH).save(path, **({"compression": "tiff_lzw"} if "lzw" in name else {}))
+    data, whole = path.read_bytes(), read_color(path)
+    refused = 0
+    for kept in [*np.linspace(1, len(data) - 40, 30).astype(int), *range(len(data) - 30, len(data), 5)]:
+        path.write_bytes(data[:kept])
+        try:
+            assert np.array_equal(read_color(path), whole), f"{name} cut to {kept} of {len(data)} bytes"
+        except FileError as error:
+            refused += 1
+            assert str(path) in str(error)
+    assert refused >= 30
+
+
+def mask_of(path: Path, values: list[list[int]]) -> Path:
+    Image.fromarray(np.array(values, np.uint8)).save(path)
+    return path
+
+
+def test_mask_polarity_and_tolerance(tmp_path: Path) -> None:
+    """Oracle: the rule in HOUSE.md, <= 8 is black, >= 247 is white."""
+    path = mask_of(tmp_path / "m.png", [[0, 8, 247, 255]])
+    assert read_mask(path).tolist() == [[False, False, True, True]]
+    assert read_mask(path, polarity="known").tolist() == [[True, True, False, False]]
+
+
+def test_grey_mask_is_refused_unless_soft(tmp_path: Path) -> None:
+    path = mask_of(tmp_path / "m.png", [[0, 9, 127, 128, 246, 255]])
+    with pytest.raises(MaskError, match=r"4 of 6 pixels.*values 9, 127, 128, 246.*--soft-mask"):
+        read_mask(path)
+    assert read_mask(path, soft=True).tolist() == [[False, False, False, True, True, True]]
+
+
+@pytest.mark.parametrize(
+    ("values", "words"),
+    [([[0, 0]], "is empty"), ([[255, 255]], "is full"), ([[0, 1]], r"is empty.*largest value is 1")],
+)
+def test_empty_and_full_masks_are_refused(tmp_path: Path, values: list[list[int]], words: str) -> None:
+    with pytest.raises(MaskError, match=words):
+        read_mask(mask_of(tmp_path / "m.png", values))
+
+
+def test_masks_of_other_kinds(tmp_path: Path) -> None:
+    """Bilevel, 16-bit, grey RGB and opaque RGBA mean what they show; colour and transparency do not."""
+    wanted = np.zeros((6, 8), bool)
+    wanted[2:4, 3:6] = True
+    grey = wanted.astype(np.uint8) * 255
+    Image.fromarray(grey).convert("1").save(tmp_path / "1.png")
+    cv2.imwrite(str(tmp_path / "16.png"), grey.astype(np.uint16) * 257)
+    for mode in ("RGB", "RGBA", "P"):
+        Image.fromarray(grey).convert(mode).save(tmp_path / f"{mode}.png")
+    for name in ("1", "16", "RGB", "RGBA", "P"):
+        assert np.array_equal(read_mask(tmp_path / f"{name}.png"), wanted), name
+    Image.fromarray(np.dstack([grey] * 4)).save(tmp_path / "clear.png")
+    with pytest.raises(MaskError, match="transparent"):
+        read_mask(tmp_path / "clear.png")
+    Image.fromarray(COLOR).save(tmp_path / "color.png")
+    with pytest.raises(MaskError, match="--mask-class"):
+        read_mask(tmp_path / "color.png")
+    with pytest.raises(MaskError, match="polarity"):
+        read_mask(tmp_path / "1.png", polarity="white")  # type: ignore[arg-type]
+
+
+def test_mask_class_by_name_and_by_color(tmp_path: Path) -> None:
+    semantic = np.zeros((4, 5, 3), np.uint8)
+    semantic[1, 2:4] = (255, 0, 0)
+    folder = tmp_path / "with" / "Camera" / "SemanticImage"
+    folder.mkdir(parents=True)
+    write_color(folder / "s.png", semantic)
+    with pytest.raises(MaskError, match=r"no SemanticClasses\.csv"):
+        read_mask(folder / "s.png", mask_class="object")
+    (tmp_path / "with" / "SemanticClasses.csv").write_text("background,0,0,0\nobject,255,0,0\nsky,70,130,180\n")
+    wanted = (semantic == (255, 0, 0)).all(axis=2)
+    assert np.array_equal(read_mask(folder / "s.png", mask_class="object"), wanted)
+    assert np.array_equal(read_mask(folder / "s.png", mask_class="255, 0,0"), wanted)
+    with pytest.raises(MaskError, match="known: background, object, sky"):
+        read_mask(folder / "s.png", mask_class="car")
+    with pytest.raises(MaskError, match=r"no pixel shows class sky \(70,130,180\); found: 0,0,0 255,0,0"):
+        read_mask(folder / "s.png", mask_class="sky")
+    (tmp_path / "table.csv").write_text("thing,255,0\n")
+    with pytest.raises(FileError, match="name,R,G,B"):
+        read_mask(folder / "s.png", mask_class="thing", classes_csv=tmp_path / "table.csv")
+
+
+def test_real_semantic_picture(data_dir: Path) -> None:
+    """Oracle: the README's object share of s08 at yaw 0, 8.9 %."""
+    (path,) = sorted((data_dir / "street/s08/with/CameraComponent/SemanticImage").glob("*.png"))[:1]
+    assert read_mask(path, mask_class="object").mean() == pytest.approx(0.089, abs=0.0006)
+
+
+def test_written_masks_codes_and_greys(tmp_path: Path) -> None:
+    """Oracle: Pillow reading the file back."""
+    mask = COLOR[..., 0] > 128
+    write_mask(tmp_path / "m.png", mask)
+    assert np.array_equal(np.array(Image.open(tmp_path / "m.png")), np.where(mask, 255, 0))
+    assert np.array_equal(read_mask(tmp_path / "m.png"), mask)
+    codes = (COLOR[..., 0] % 3).astype(np.uint8)
+    palette = ((0, 0, 0), (10, 20, 30), (200, 100, 50))
+    write_codes(tmp_path / "c.png", codes, palette)
+    with Image.open(tmp_path / "c.png") as picture:
+        assert picture.mode == "P" and np.array_equal(np.array(picture), codes)
+        assert np.array_equal(np.array(picture.convert("RGB")), np.array(palette)[codes])
+    write_grey(tmp_path / "g.png", np.array([[0, 0.5, 1, 2, np.nan]], np.float32))
+    assert np.array(Image.open(tmp_path / "g.png")).tolist() == [[0, 128, 255, 255, 0]]
+
+
+def test_writers_refuse_other_arrays(tmp_path: Path) -> None:
+    for write in (
+        lambda: write_color(tmp_path / "x.png", COLOR.astype(np.float32)),  # type: ignore[arg-type]
+        lambda: write_mask(tmp_path / "x.png", COLOR[..., 0]),  # type: ignore[arg-type]
+        lambda: write_codes(tmp_path / "x.png", COLOR[..., 0], ((0, 0, 0),)),
+        lambda: write_grey(tmp_path / "x.png", COLOR),  # type: ignore[arg-type]
+    ):
+        with pytest.raises(ShapeError):
+            write()
+    assert not any(tmp_path.iterdir())
