@@ -1,0 +1,71 @@
+"""What a user calls a model (a file of anybody's, or a name of the catalogue) in -> the ONNX file that runs out.
+
+Weights are converted once; the ONNX file lies in the cache directory under the sha256 of what it was made from.
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+from dlama import __version__
+from dlama.errors import FileError, OutputError
+from dlama.models.cache import directory, locate
+from dlama.models.records import CATALOGUE
+from dlama.models.verify import size_and_sha256
+from dlama.nets.checkpoints import read_generator
+from dlama.nets.export import export_onnx
+
+UNKNOWN = "unknown"
+
+
+def model_for(model: Path | str) -> Path:
+    """The ONNX file of that model.
+
+    Args:
+        model: an .onnx file, taken as it is; a .ckpt, .pt, .pth or .safetensors file, converted on its first use; or
+            a name of the catalogue, whose file must have been pulled.
+    Raises:
+        InputError: no such file or name; no generator in it; the file damaged.
+        OutputError: the cache directory cannot be written.
+        MissingExtraError: it has to be converted, and onnx is not installed.
+    """
+    path = source_of(model)
+    if path.suffix.lower() == ".onnx":
+        return path
+    size, sha256 = size_and_sha256(path)
+    target = directory() / "converted" / f"{path.stem}-{sha256[:16]}-dlama{__version__}.onnx"
+    if target.is_file():
+        return target
+    for note in convert(path, target, licence_of(size, sha256)):
+        print(f"note: {note}", file=sys.stderr)
+    return target
+
+
+def source_of(model: Path | str) -> Path:
+    """The file itself; a name of the catalogue stands for the file that was pulled, unless a file is called so."""
+    path = Path(model).expanduser()
+    if path.is_file():
+        return path
+    if str(model) in CATALOGUE:
+        return locate(str(model))
+    raise FileError(f"{model}: no such file, and no model of the catalogue is called so ({', '.join(CATALOGUE)})")
+
+
+def convert(source: Path, target: Path, licence: str) -> list[str]:
+    """Write the ONNX file of the generator in that file; what a user should be told of it."""
+    weights = read_generator(source)
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise OutputError(f"{target.parent}: cannot be made ({error})") from error
+    export_onnx(weights, target, licence)
+    planes = f"{weights.settings.in_channels} -> {weights.settings.out_channels} planes"
+    said = f"{source}: {weights.kind}, {planes}, {weights.settings.blocks} blocks, licence {licence}, converted to {target}"
+    return [said, *(f"{source}: {note}" for note in weights.notes)]
+
+
+def licence_of(size: int, sha256: str) -> str:
+    """What the catalogue says of a file with those bytes; `unknown` where it does not know them."""
+    known = [record for record in CATALOGUE.values() if record.sha256 == sha256 and record.bytes in (size, None)]
+    return known[0].licence if known else UNKNOWN

@@ -1,0 +1,161 @@
+"""`dlama models ...`: which networks there are, their files pulled, checked and converted."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+from tyro.conf import Positional, subcommand
+
+from dlama.apps.model_files import UNKNOWN, convert, licence_of, source_of
+from dlama.apps.options import told
+from dlama.errors import FileError, OutputError
+from dlama.models import pull as pulling
+from dlama.models.cache import directory, expected_sha256, place
+from dlama.models.download import Progress
+from dlama.models.records import CATALOGUE, Record, record
+from dlama.models.verify import size_and_sha256, verify
+
+Name = Positional[Annotated[str, told("NAME", f"({', '.join(CATALOGUE)})")]]
+
+
+@dataclass(frozen=True)
+class ListModels:
+    """The models that can be named, and which of them are here."""
+
+    def run(self) -> None:
+        """Print the table."""
+        from rich.console import Console
+        from rich.table import Table
+
+        table = Table("name", "here", "MB", "licence", "what", box=None, header_style="bold")
+        for entry in CATALOGUE.values():
+            table.add_row(entry.name, _here(entry), _megabytes(entry.bytes), entry.licence, entry.what)
+        Console().print(table)
+        print(f"files lie in {directory()} (DLAMA_MODELS names another directory)")
+
+
+@dataclass(frozen=True)
+class Info:
+    """All that is known of one model."""
+
+    name: Name
+    """Which model."""
+
+    def run(self) -> None:
+        """Print it, a line each."""
+        entry = record(self.name)
+        lines = {
+            "name": entry.name,
+            "what": entry.what,
+            "from": "\n          ".join(entry.urls),
+            "sha256": entry.sha256 or "unknown, pinned on first use",
+            "pinned": expected_sha256(entry) if entry.sha256 is None or entry.member else None,
+            "bytes": "unknown" if entry.bytes is None else str(entry.bytes),
+            "licence": entry.licence,
+            "contract": entry.contract,
+            "note": entry.note,
+            "caution": None if entry.seen else "dlama's authors never had this file in hand",
+            "file": f"{place(entry)} ({_here(entry)})",
+        }
+        print("\n".join(f"{key:9} {value}" for key, value in lines.items() if value))
+
+
+@dataclass(frozen=True)
+class Pull:
+    """Download one model into the cache directory; goes on where an earlier pull broke off, and checks what came."""
+
+    name: Name
+    """Which model."""
+
+    def run(self) -> None:
+        """Pull it under a bar, and print where it lies."""
+        entry = record(self.name)
+        with _bar(entry.name) as progress:
+            path = pulling.pull(entry, progress)
+        print(f"{path}: {verify(entry).detail}, licence {entry.licence}")
+
+
+@dataclass(frozen=True)
+class Convert:
+    """Weights of a LaMa generator (official checkpoint, TorchScript, safetensors) to an ONNX file that runs anywhere."""
+
+    weights: Positional[Annotated[Path, told("CKPT")]]
+    """A .ckpt, .pt, .pth or .safetensors file, or a name of the catalogue."""
+    output: Annotated[Path, told("FILE.onnx", "(required)", aliases=["-o"])]
+    """The file that is written."""
+    licence: Annotated[str | None, told("SPDX", "(default: the catalogue's, else unknown)")] = None
+    """Of the weights; written into the file."""
+
+    def run(self) -> None:
+        """Convert, and print what a user should know."""
+        if self.output.suffix.lower() != ".onnx":
+            raise OutputError(f"--output is {self.output}, wanted a name that ends in .onnx")
+        source = source_of(self.weights)
+        licence = self.licence or licence_of(*size_and_sha256(source))
+        print("\n".join(convert(source, self.output, licence)))
+        if licence == UNKNOWN:
+            print("note: the licence of these weights is not known; --licence SPDX writes it into the file")
+
+
+@dataclass(frozen=True)
+class Verify:
+    """Compare files with their published hashes, or with what they were when they were first used."""
+
+    name: Positional[Annotated[str | None, told("NAME", "(default: every file that is here)")]] = None
+    """Which model."""
+
+    def run(self) -> None:
+        """Print a line each; what is wrong ends with an error."""
+        chosen = [record(self.name)] if self.name else [entry for entry in CATALOGUE.values() if place(entry).is_file()]
+        verdicts = [verify(entry) for entry in chosen]
+        bad = [verdict for verdict in verdicts if verdict.state in ("wrong", "missing")]
+        for verdict in verdicts:
+            if verdict not in bad:
+                print(f"{verdict.path}: {verdict.state}, {verdict.detail}")
+        if bad:
+            raise FileError("; ".join(f"{verdict.path}: {verdict.detail}" for verdict in bad))
+        if not chosen:
+            print(f"no model is in {directory()}")
+
+
+def models(
+    task: Annotated[ListModels, subcommand("list", prefix_name=False)]
+    | Annotated[Info, subcommand("info", prefix_name=False)]
+    | Annotated[Pull, subcommand("pull", prefix_name=False)]
+    | Annotated[Convert, subcommand("convert", prefix_name=False)]
+    | Annotated[Verify, subcommand("verify", prefix_name=False)],
+) -> None:
+    """The networks: list, info, pull, convert, verify.
+
+    Args:
+        task: What to do with them.
+    """
+    task.run()
+
+
+def _here(entry: Record) -> str:
+    return "yes" if place(entry).is_file() else "no"
+
+
+def _megabytes(size: int | None) -> str:
+    return "?" if size is None else f"{size / 1e6:.1g}" if size < 1e6 else f"{size / 1e6:.0f}"
+
+
+@contextmanager
+def _bar(title: str) -> Iterator[Progress | None]:
+    """A progress bar on standard error, on a terminal."""
+    if not sys.stderr.isatty():
+        yield None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, DownloadColumn, Progress, TimeRemainingColumn, TransferSpeedColumn
+
+    columns = ("{task.description}", BarColumn(), DownloadColumn(), TransferSpeedColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        row = bar.add_task(title, total=None)
+        yield lambda done, total: bar.update(row, completed=done, total=total)

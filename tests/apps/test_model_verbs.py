@@ -1,0 +1,145 @@
+"""`dlama models` as a user meets it (oracle: files whose content the test itself made, and the exit code)."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import warnings
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dlama.apps import cli
+from dlama.apps.model_files import model_for
+from dlama.apps.model_verbs import models
+from dlama.errors import FileError, InputError
+from dlama.models.records import CATALOGUE
+from dlama.nets.architecture import GeneratorSettings, generator_shapes
+
+SMALL = GeneratorSettings(width=4, blocks=1, downsamplings=2)
+CODES = {"f4": "F32", "f2": "F16", "i8": "I64"}
+
+
+def write_weights(path: Path, half: bool = False) -> Path:
+    """A small generator of random weights as safetensors, written by hand."""
+    rng = np.random.default_rng(0)
+    header, body = {}, b""
+    for name, shape in generator_shapes(SMALL).items():
+        kind = "i8" if name.endswith("num_batches_tracked") else "f2" if half and name.endswith(".bias") else "f4"
+        data = np.asarray(rng.uniform(0.5, 1.0, shape), kind).tobytes()
+        header[name] = {"dtype": CODES[kind], "shape": shape, "data_offsets": (len(body), len(body) + len(data))}
+        body += data
+    text = json.dumps(header).encode()
+    path.write_bytes(len(text).to_bytes(8, "little") + text + body)
+    return path
+
+
+@pytest.fixture(autouse=True)
+def cache_dir(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """An empty cache directory, and a command line that knows `models`."""
+    monkeypatch.setenv("DLAMA_MODELS", str(tmp_path / "cache"))
+    monkeypatch.setitem(cli.VERBS, "models", models)
+    monkeypatch.setitem(cli.EXAMPLES, "models", ("dlama models list",))
+    return tmp_path / "cache"
+
+
+def refused(capsys: pytest.CaptureFixture[str], *words: str) -> str:
+    """The one line of an error that ends with exit code 2."""
+    with pytest.raises(SystemExit) as ended:
+        cli.main(["models", *words])
+    told = capsys.readouterr().err
+    assert ended.value.code == 2 and told.startswith("error: ") and told.count("\n") == 1
+    return told
+
+
+def test_list_and_info(capsys: pytest.CaptureFixture[str], cache_dir: Path) -> None:
+    """Every name stands in the table; info says where a file belongs and that an unseen one is unseen."""
+    cli.main(["models", "list"])
+    told = capsys.readouterr().out
+    assert all(name in told for name in CATALOGUE) and str(cache_dir) in told
+    cli.main(["models", "info", "big-lama-official"])
+    told = capsys.readouterr().out
+    assert "unknown, pinned on first use" in told and "never had this file" in told
+    assert f"{cache_dir / 'big-lama-official.ckpt'} (no)" in told
+
+
+def test_errors_are_one_line(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    """Unknown name, missing file, damaged file, a target that is no ONNX file, a file that is no weights."""
+    assert "known: big-lama" in refused(capsys, "info", "lama")
+    assert "`dlama models pull migan-512`" in refused(capsys, "verify", "migan-512")
+    (tmp_path / "cache").mkdir()
+    (tmp_path / "cache" / "migan_pipeline_v2.onnx").write_bytes(b"short")
+    assert "cut short: 5 bytes, wanted 28079181" in refused(capsys, "verify")
+    assert "ends in .onnx" in refused(capsys, "convert", "a.ckpt", "-o", str(tmp_path / "a.pt"))
+    assert "no such file, and no model" in refused(capsys, "convert", "a.ckpt", "-o", str(tmp_path / "a.onnx"))
+    (tmp_path / "b.ckpt").write_bytes(b"nonsense")
+    assert "b.ckpt: neither a torch archive" in refused(
+        capsys, "convert", str(tmp_path / "b.ckpt"), "-o", str(tmp_path / "b.onnx")
+    )
+    assert not (tmp_path / "b.onnx").exists()
+
+
+def test_pull_of_what_is_here(
+    capsys: pytest.CaptureFixture[str], cache_dir: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Nobody is asked, the file is checked, and its hash pinned when none is published."""
+    toy = dataclasses.replace(CATALOGUE["migan-512"], name="toy", file="toy.onnx", sha256=None, bytes=None, urls=())
+    monkeypatch.setitem(CATALOGUE, "toy", toy)
+    assert "nobody serves this file" in refused(capsys, "pull", "toy")
+    (cache_dir / "toy.onnx").write_bytes(b"toy")
+    cli.main(["models", "pull", "toy"])
+    assert capsys.readouterr().out.startswith(f"{cache_dir / 'toy.onnx'}: sha256 ")
+    cli.main(["models", "verify"])
+    assert "toy.onnx: verified, sha256" in capsys.readouterr().out
+
+
+def test_convert(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    """The file carries the licence that was told; conversions of numbers are said; nothing half is left."""
+    onnx = pytest.importorskip("onnx")
+    source, target = write_weights(tmp_path / "w.safetensors", half=True), tmp_path / "new" / "w.onnx"
+    cli.main(["models", "convert", str(source), "-o", str(target), "--licence", "MIT"])
+    told = capsys.readouterr().out
+    assert "4 -> 3 planes, 1 blocks, licence MIT" in told and "F16 were converted to float32" in told
+    contract = json.loads(next(p.value for p in onnx.load(target).metadata_props if p.key == "dlama.contract"))
+    assert contract["licence"] == "MIT" and contract["source"] == "w.safetensors"
+    assert [path.name for path in target.parent.iterdir()] == ["w.onnx"]
+    cli.main(["models", "convert", str(source), "-o", str(target)])
+    assert "licence of these weights is not known" in capsys.readouterr().out
+
+
+def test_model_for_converts_once(capsys: pytest.CaptureFixture[str], tmp_path: Path, cache_dir: Path) -> None:
+    """The second call returns the same file untouched; other bytes under the same name give another file."""
+    pytest.importorskip("onnx")
+    source = write_weights(tmp_path / "w.safetensors")
+    first = model_for(source)
+    assert first.parent == cache_dir / "converted" and "converted to" in capsys.readouterr().err
+    stamp = first.stat().st_mtime_ns
+    assert model_for(str(source)) == first and first.stat().st_mtime_ns == stamp
+    assert capsys.readouterr().err == ""
+    write_weights(source, half=True)
+    assert model_for(source) != first
+
+
+def test_model_for_other_words(tmp_path: Path, cache_dir: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """An ONNX file is taken as it is; a name of the catalogue must have been pulled; anything else lists the names."""
+    (tmp_path / "a.onnx").write_bytes(b"")
+    assert model_for(tmp_path / "a.onnx") == tmp_path / "a.onnx"
+    with pytest.raises(FileError, match="`dlama models pull migan-512`"):
+        model_for("migan-512")
+    monkeypatch.setitem(CATALOGUE, "toy", dataclasses.replace(CATALOGUE["migan-512"], file="toy.onnx", bytes=3))
+    cache_dir.mkdir()
+    (cache_dir / "toy.onnx").write_bytes(b"toy")
+    assert model_for("toy") == model_for(Path("toy")) == cache_dir / "toy.onnx"
+    with pytest.raises(InputError, match=r"nope: no such file, and no model of the catalogue is called so \(big-lama"):
+        model_for("nope")
+
+
+def test_help_has_no_warnings(capsys: pytest.CaptureFixture[str]) -> None:
+    """Options are called as the documentation says, without prefixes."""
+    with warnings.catch_warnings(), pytest.raises(SystemExit):
+        warnings.simplefilter("error")
+        cli.main(["models", "convert", "--help"])
+    shown = capsys.readouterr()
+    assert "--output FILE.onnx" in shown.out and "--licence SPDX" in shown.out
+    assert "task" not in shown.out and "warning" not in shown.err
