@@ -79,9 +79,10 @@ def say(kind: str, message: str) -> None:
 def summary(completion: Completion, place: object, seconds: float) -> str:
     """One line: where it lies, what share was unknown and why, who filled it, how long it took."""
     meta = completion.meta
-    kinds = meta["hole_share_by_type"][-1]
+    views = meta["hole_share_by_type"]
+    kinds = {name: sum(view[name] for view in views) / len(views) for name in views[0]}
     shares = [f"{name.replace('_', ' ')} {share:.1%}" for name, share in kinds.items() if share >= 5e-4]
     why = f" ({', '.join(shares)})" if shares else ""
     if meta["nothing_visible"]:
         why = "; nothing of the scene is visible from there, so nothing could be filled"
-    return f"{place}: {meta['hole_share'][-1]:.1%} was unknown{why}, filler {meta['filler']}, {seconds:.1f} s"
+    return f"{place}: {sum(kinds.values()):.1%} was unknown{why}, filler {meta['filler']}, {seconds:.1f} s"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import shutil
 import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -41,11 +42,10 @@ def write(
     target, started = Path(directory), time.perf_counter()
     meta = {**described(completion, intrinsics_from), "inputs": hashed(inputs or {})}
     with new_directory(target) as folder:
-        jobs: dict[str, Job] = {}
+        jobs = scene_jobs(folder, completion)  # the longest first, so that both threads end together
         for place, view in places(completion).items():
             (folder / place).mkdir(exist_ok=True)
             jobs |= view_jobs(folder / place, view, place)
-        jobs |= scene_jobs(folder, completion)
         jobs["preview.png"] = lambda: write_sheet(folder / "preview.png", completion)
         results = run(jobs)
         clipped = {place: results[f"{place}depth.png"] for place in places(completion)}
@@ -89,16 +89,20 @@ def view_jobs(folder: Path, view: View, place: str) -> dict[str, Job]:
 
 
 def scene_jobs(folder: Path, completion: Completion) -> dict[str, Job]:
-    """The scene as arrays, points and triangles, and a pair's disparities."""
+    """The scene as arrays, points (without removed objects, and with them) and triangles, and a pair's disparities."""
     from dlama.files import clouds, depth, meshes, scenes
+
+    def points() -> None:
+        clouds.write_ply(folder / "scene.ply", completion.background)
+        if completion.scene.objects:
+            shutil.copyfile(folder / "scene.ply", folder / "background.ply")
 
     jobs: dict[str, Job] = {
         "scene.glb": lambda: meshes.write_glb(folder / "scene.glb", completion.mesh),
+        "scene.ply": points,
         "scene.npz": lambda: scenes.write_npz(folder / "scene.npz", main_view(completion), completion.scene),
-        "scene.ply": lambda: clouds.write_ply(folder / "scene.ply", completion.background),
     }
     if completion.scene.objects:
-        jobs["background.ply"] = lambda: clouds.write_ply(folder / "background.ply", completion.background)
         jobs["completed.ply"] = lambda: clouds.write_ply(folder / "completed.ply", completion.completed)
     if isinstance(completion, StereoCompletion):
         jobs["disparity_left.pfm"] = lambda: depth.write_disparity_pfm(

@@ -1,0 +1,97 @@
+"""The demo and the stereo verb on the bundled scene (oracles: its answer without the barrel, its rendered depth)."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from dlama.apps.cli import main
+from dlama.apps.demo import ASSETS
+from dlama.files.depth import read_depth, read_disparity
+
+
+@pytest.fixture(scope="module")
+def demo(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """`dlama demo`, run once."""
+    folder = tmp_path_factory.mktemp("demo") / "out"
+    main(["demo", "-o", str(folder)])
+    return folder
+
+
+def pixels(path: Path) -> np.ndarray:
+    """A picture's numbers."""
+    with Image.open(path) as picture:
+        return np.array(picture)
+
+
+def test_three_jobs_and_a_joint_sheet(demo: Path) -> None:
+    """Nothing else lies at the top."""
+    assert sorted(path.name for path in demo.iterdir()) == ["preview.png", "remove", "stereo", "view"]
+    assert all((demo / job / "preview.png").is_file() for job in ("remove", "stereo", "view"))
+    assert pixels(demo / "preview.png").shape[1] >= 1200
+
+
+def test_removal_comes_near_the_answer(demo: Path) -> None:
+    """Inside the mask: nearer to the street without the barrel than the picture with it (oracle: the rendered answer)."""
+    mask = pixels(ASSETS / "mask.png") == 255
+    answer, before = pixels(ASSETS / "without.jpg").astype(float), pixels(ASSETS / "street.jpg")
+    after = pixels(demo / "remove" / "image.png")
+    error = {name: np.abs(picture - answer)[mask].mean() for name, picture in (("before", before), ("after", after))}
+    assert error["after"] < 0.5 * error["before"]
+    truth = read_depth(ASSETS / "depth_without.png")
+    off = np.abs(read_depth(demo / "remove" / "depth.exr")[mask] - truth[mask]) / truth[mask]
+    assert np.median(off) < 0.02
+
+
+def test_stereo_depth_is_the_rendered_depth(demo: Path) -> None:
+    """Left disparity against fx * baseline / depth, away from the barrel (oracle: the renderer)."""
+    truth = read_depth(ASSETS / "depth_without.png")
+    measured = pixels(demo / "stereo" / "hole_type.png") == 0
+    near = measured & (truth < 12)
+    disparity = read_disparity(demo / "stereo" / "disparity_left.pfm")
+    assert np.median(np.abs(disparity - 256 * 0.12 / np.where(near, truth, 1))[near]) < 0.25
+
+
+def test_stereo_files(demo: Path) -> None:
+    """Both views, both disparities, and how well they agree."""
+    names = {path.relative_to(demo / "stereo").as_posix() for path in (demo / "stereo").rglob("*.p*")}
+    assert {"image.png", "right/image.png", "disparity_left.pfm", "disparity_right.pfm", "background.ply"} <= names
+    meta = json.loads((demo / "stereo" / "meta.json").read_text())
+    assert 0.5 < meta["stereo"]["consistency"]["left_right_within_1px"] <= 1
+    assert set(meta["inputs"]) == {"left", "right", "calib", "mask"}
+
+
+def test_inputs_are_named_with_their_hashes(demo: Path) -> None:
+    """The demo says what it read, as any job does."""
+    assert set(json.loads((demo / "remove" / "meta.json").read_text())["inputs"]) == {
+        "image",
+        "depth",
+        "camera",
+        "mask",
+    }
+
+
+def test_stereo_refuses_a_bad_calibration(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A field is missing: the line names file and field, and nothing is left."""
+    (tmp_path / "calib.json").write_text('{"left_K": [[256, 0, 256], [0, 256, 256], [0, 0, 1]], "baseline_m": 0.12}')
+    with pytest.raises(SystemExit) as stop:
+        pair = str(ASSETS / "street.jpg"), str(ASSETS / "right.jpg")
+        main(["stereo", *pair, "--calib", str(tmp_path / "calib.json"), "-o", str(tmp_path / "out")])
+    assert stop.value.code == 2
+    line = capsys.readouterr().err
+    assert "calib.json" in line
+    assert line.count("\n") == 1
+    assert not (tmp_path / "out").exists()
+
+
+def test_mask_class_of_a_semantic_picture(tmp_path: Path) -> None:
+    """--mask-class R,G,B takes that class (oracle: its pixel count)."""
+    files = [str(ASSETS / name) for name in ("street.jpg", "depth.png", "semantic.png")]
+    options = ["--fov", "90", "--mask-class", "255,0,0", "--dilate", "0", "--filler", "telea"]
+    main(["remove", *files, *options, "-o", str(tmp_path / "out")])
+    barrel = (pixels(ASSETS / "semantic.png") == (255, 0, 0)).all(-1)
+    assert ((pixels(tmp_path / "out" / "hole.png") == 255) == barrel).all()

@@ -1,0 +1,66 @@
+"""What the command prints, and what it loads (oracles: a pseudo terminal, sys.modules of a fresh interpreter)."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from dlama.apps.demo import ASSETS
+
+WORDS = [
+    *("view", str(ASSETS / "street.jpg"), str(ASSETS / "depth.png"), "--fov", "90", "--yaw", "5"),
+    *("--filler", "telea", "-o", "out"),
+]
+
+
+def on_a_terminal(words: list[str], folder: Path) -> str:
+    """What a pseudo terminal shows of `python -m dlama WORDS`."""
+    pty = pytest.importorskip("pty")
+    ours, theirs = pty.openpty()
+    process = subprocess.Popen(
+        [sys.executable, "-m", "dlama", *words], cwd=folder, stdin=theirs, stdout=theirs, stderr=theirs
+    )
+    os.close(theirs)
+    shown = b""
+    try:
+        while chunk := os.read(ours, 65536):
+            shown += chunk
+    except OSError:  # Linux: the other end was closed
+        pass
+    os.close(ours)
+    assert process.wait(timeout=60) == 0, shown
+    return shown.decode()
+
+
+def test_a_terminal_sees_stages(tmp_path: Path) -> None:
+    """The bar names what is read and written; the summary is the last line."""
+    shown = re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", on_a_terminal(WORDS, tmp_path))
+    assert "view: " in shown
+    assert "write" in shown
+    assert shown.rstrip().splitlines()[-1].startswith("out: ")
+
+
+def test_a_pipe_sees_one_line(tmp_path: Path) -> None:
+    """No bar, no colours: one summary line on standard output, nothing on standard error."""
+    done = subprocess.run(
+        [sys.executable, "-m", "dlama", *WORDS], cwd=tmp_path, capture_output=True, text=True, timeout=60, check=True
+    )
+    assert done.stderr == ""
+    assert done.stdout.count("\n") == 1
+    assert "\x1b" not in done.stdout
+
+
+def test_help_loads_nothing_heavy() -> None:
+    """Compilers and codecs are not needed to explain options, so --help is quick."""
+    probe = (
+        "import sys\nfrom dlama.apps.cli import main\n"
+        "try:\n    main(['view', '--help'])\nexcept SystemExit:\n    pass\n"
+        "print([name for name in ('numba', 'cv2', 'PIL', 'OpenEXR', 'scipy', 'torch') if name in sys.modules])"
+    )
+    done = subprocess.run([sys.executable, "-c", probe], capture_output=True, text=True, timeout=60, check=True)
+    assert done.stdout.splitlines()[-1] == "[]"

@@ -1,0 +1,125 @@
+"""A completion's directory (oracles: the nouns that went in, read back by readers of other libraries, and the layout)."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+from plyfile import PlyData
+
+from dlama.completion.scenes import Completion, complete, remove
+from dlama.errors import OutputError
+from dlama.files import meshes
+from dlama.files.depth import read_depth
+from dlama.files.results import write
+from dlama.files.scenes import read_npz
+from dlama.geometry.camera import Camera
+from dlama.geometry.trajectories import orbit
+from dlama.geometry.view import HoleType, Origin
+from worlds import Box, Plane, World
+
+CAMERA = Camera.from_fov(56, 40, 60)
+WORLD = World((Plane((0, 0, 4), (0, 0, 1)), Box((-0.5, -0.4, 2.0), (0.4, 0.5, 2.4))))
+
+
+def pixels(path: Path) -> np.ndarray:
+    """A picture's numbers; codes for a palette picture."""
+    with Image.open(path) as picture:
+        return np.array(picture)
+
+
+@pytest.fixture(scope="module")
+def removal() -> Completion:
+    """The box taken out, seen from 10 degrees to the right."""
+    _, shown = WORLD.trace(CAMERA)
+    return remove(WORLD.rgbd(CAMERA), shown == 1, yaw=10, filler="telea", dilate=1)
+
+
+@pytest.fixture(scope="module")
+def folder(removal: Completion, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Where it was written."""
+    return write(removal, tmp_path_factory.mktemp("results") / "a" / "b")
+
+
+def test_pictures_are_the_view(removal: Completion, folder: Path) -> None:
+    """Oracle: the view, bit for bit where the format is lossless."""
+    view = removal.view
+    assert (pixels(folder / "image.png") == view.color).all()
+    assert (read_depth(folder / "depth.exr") == view.depth).all()
+    assert np.abs(read_depth(folder / "depth.png") - view.depth).max() <= 0.0005 + 1e-6
+    assert (pixels(folder / "hole_type.png") == view.hole_type).all()
+    assert (pixels(folder / "origin.png") == view.origin).all()
+    assert np.abs(pixels(folder / "confidence.png") / 255 - view.confidence).max() <= 0.5 / 255 + 1e-6
+
+
+def test_hole_is_what_was_written(removal: Completion, folder: Path) -> None:
+    """255 exactly where the view before filling was a hole."""
+    assert ((pixels(folder / "hole.png") == 255) == removal.warped[0].hole).all()
+
+
+def test_npz_is_everything(removal: Completion, folder: Path) -> None:
+    """Lossless: view and layers come back bit for bit."""
+    view, scene = read_npz(folder / "scene.npz")
+    assert (view.depth == removal.view.depth).all()
+    assert (view.confidence == removal.view.confidence).all()
+    assert len(scene.layers) == len(removal.scene.layers)
+    assert (scene.objects[0].color == removal.scene.objects[0].color).all()
+
+
+def test_clouds(removal: Completion, folder: Path) -> None:
+    """scene = background = c-, completed = c+ (oracle: plyfile, and the clouds)."""
+    counts = {
+        name: len(PlyData.read(str(folder / f"{name}.ply"))["vertex"]) for name in ("scene", "background", "completed")
+    }
+    assert counts == {
+        "scene": len(removal.background),
+        "background": len(removal.background),
+        "completed": len(removal.completed),
+    }
+    assert counts["completed"] > counts["background"]
+    origins = PlyData.read(str(folder / "background.ply"))["vertex"]["origin"]
+    assert set(np.unique(origins)) <= {Origin.MEASURED, Origin.DEPTH_FILLED, Origin.FILLED}
+
+
+def test_legend_covers_every_code(folder: Path) -> None:
+    """Oracle: the enums."""
+    legends = json.loads((folder / "meta.json").read_text())["legends"]
+    assert [entry[0] for entry in legends["hole_type.png"].values()] == [code.name.lower() for code in HoleType]
+    assert [entry[0] for entry in legends["origin.png"].values()] == [code.name.lower() for code in Origin]
+
+
+def test_several_views(tmp_path: Path) -> None:
+    """Each view gets a folder; the last one and the scene lie at the top."""
+    cameras = [orbit(CAMERA, yaw) for yaw in (-8, 8)]
+    done = complete(WORLD.rgbd(CAMERA), cameras, filler="telea")
+    write(done, tmp_path / "out")
+    for number, view in enumerate(done.views, 1):
+        assert (pixels(tmp_path / "out" / f"view-0{number}" / "image.png") == view.color).all()
+    assert (pixels(tmp_path / "out" / "image.png") == done.views[1].color).all()
+    meta = json.loads((tmp_path / "out" / "meta.json").read_text())
+    assert len(meta["cameras"]) == len(meta["hole_share_by_type"]) == 2
+    assert set(meta["depth_png_clipped_pixels"]) == {"", "view-01/", "view-02/"}
+
+
+def test_a_failure_leaves_nothing(removal: Completion, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A full disk half-way: the directory is not there, nor is anything beside it."""
+
+    def full(*_: object) -> None:
+        raise OutputError("scene.glb: cannot be written: no space left on device")
+
+    monkeypatch.setattr(meshes, "write_glb", full)
+    with pytest.raises(OutputError, match="no space"):
+        write(removal, tmp_path / "deep" / "out")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_meta_is_json_that_anybody_reads(folder: Path) -> None:
+    """No NaN, no Infinity (oracle: a strict parser)."""
+
+    def refuse(word: str) -> None:
+        raise AssertionError(word)
+
+    json.loads((folder / "meta.json").read_text(), parse_constant=refuse)
