@@ -134,11 +134,15 @@ def completed_right(work: Work, before: View, rig: StereoRig) -> View:
     with work.stage("render"):
         shown = render(work.scene, rig.right, work.recipe.mode, types=False)
     depth_only = before.hole & (before.origin == Origin.DEPTH_FILLED)
-    view = adopt(before, dataclasses.replace(shown, color=np.where(depth_only[..., None], before.color, shown.color)))
+    view = adopt(
+        work, before, dataclasses.replace(shown, color=np.where(depth_only[..., None], before.color, shown.color))
+    )
     view = dataclasses.replace(view, origin=np.where(depth_only, np.uint8(Origin.DEPTH_FILLED), view.origin))
     filled = work.fill(view)
     with work.stage("fuse"):
-        work.scene = fuse(work.scene, filled.without(~view.hole & filled.filled, HoleType.NONE))
+        # the right picture's own pixels stay out of the left one's scene
+        adopted = (before.hole & ~view.hole) | (filled.origin == Origin.DEPTH_FILLED)
+        work.scene = fuse(work.scene, filled.without(adopted, HoleType.NONE))
     return filled
 
 

@@ -180,21 +180,25 @@ def complete_view(work: Work, before: View, camera: Camera) -> View:
     if len(work.scene.layers) > 1 and before.hole.any():
         with work.stage("render"):
             earlier = render(work.scene, camera, work.recipe.mode, types=False)
-        view = adopt(before, earlier)
+        view = adopt(work, before, earlier)
     filled = work.fill(view)
     with work.stage("fuse"):
-        new = filled.without(~view.hole & filled.filled, HoleType.NONE) if view is not before else filled
-        work.scene = fuse(work.scene, new)
+        work.scene = fuse(work.scene, filled.without(before.hole & ~view.hole, HoleType.NONE))
     return filled
 
 
-def adopt(view: View, earlier: View) -> View:
-    """The holes of a view closed with another rendering of the same camera, where that knows more."""
+def adopt(work: Work, view: View, earlier: View) -> View:
+    """The holes of a view closed with another rendering of the same camera, where that knows more.
+
+    Surfaces are drawn between lawful pixel centres, so what is adopted is put to the law once more.
+    """
     better = view.hole & ~earlier.hole
+    depth, moved = work.law.project(view.camera, np.where(better, earlier.depth, view.depth), better)
+    work.reports.append(FillReport(0, int(moved.sum()), 0, {}))
     return dataclasses.replace(
         view,
         color=np.where(better[..., None], earlier.color, view.color),
-        depth=np.where(better, earlier.depth, view.depth),
+        depth=depth,
         hole=view.hole & ~better,
         origin=np.where(
             better, np.where(earlier.origin == Origin.REPROJECTED, np.uint8(Origin.FILLED), earlier.origin), view.origin

@@ -23,7 +23,11 @@ def fuse(scene: Scene, view: View) -> Scene:
     """
     import cv2
 
-    filled = view.filled
+    depth_only = (view.origin == Origin.DEPTH_FILLED) & (view.hole_type == HoleType.SENSOR)
+    for layer in scene.layers:
+        if layer.camera.same_view_as(view.camera):
+            depth_only = depth_only & ~layer.valid & ~layer.far
+    filled = view.filled | depth_only
     if not filled.any():
         return scene
     ring = cv2.dilate(filled.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0

@@ -184,14 +184,24 @@ def fill_triangle(x0, y0, w0, x1, y1, w1, x2, y2, w2, corners, row, column, box,
 
 
 @njit(cache=True)
-def quad_box(x, y, row, column, top, bottom, columns):
-    """Target pixels whose centres a quad may cover, cut to rows [top, bottom): left, right, upper, lower, inclusive."""
-    xa, xb, xc, xd = x[row, column], x[row, column + 1], x[row + 1, column], x[row + 1, column + 1]
-    ya, yb, yc, yd = y[row, column], y[row, column + 1], y[row + 1, column], y[row + 1, column + 1]
-    left = math.ceil(max(0.5, min(min(xa, xb), min(xc, xd))) - 0.5001)
-    right = math.floor(min(columns - 0.5, max(max(xa, xb), max(xc, xd))) - 0.4999)
-    upper = math.ceil(max(top + 0.5, min(min(ya, yb), min(yc, yd))) - 0.5001)
-    lower = math.floor(min(bottom - 0.5, max(max(ya, yb), max(yc, yd))) - 0.4999)
+def quad_box(x, y, w, row, column, top, bottom, columns):
+    """Target pixels whose centres a quad may cover, cut to rows [top, bottom): left, right, upper, lower, inclusive.
+
+    Vertices that are not there (w = 0) have no position and do not count.
+    """
+    low_x, low_y, high_x, high_y = np.inf, np.inf, -np.inf, -np.inf
+    for r in range(row, row + 2):
+        for c in range(column, column + 2):
+            if w[r, c] > 0:
+                px, py = x[r, c], y[r, c]
+                low_x, high_x = min(low_x, px), max(high_x, px)
+                low_y, high_y = min(low_y, py), max(high_y, py)
+    if not low_x <= high_x:
+        return 0, -1, 0, -1
+    left = math.ceil(max(0.5, low_x) - 0.5001)
+    right = math.floor(min(columns - 0.5, high_x) - 0.4999)
+    upper = math.ceil(max(top + 0.5, low_y) - 0.5001)
+    lower = math.floor(min(bottom - 0.5, high_y) - 0.4999)
     return int(left), int(right), int(upper), int(lower)
 
 
@@ -228,7 +238,7 @@ def draw_surface(x, y, w, joined, wbuf, where):
                     sides = quad_sides(joined, row, column)
                     if sides == 0:
                         continue
-                    box = quad_box(x, y, row, column, top, bottom, columns)
+                    box = quad_box(x, y, w, row, column, top, bottom, columns)
                     if box[0] <= box[1] and box[2] <= box[3]:
                         draw_quad(x, y, w, row, column, sides, box, wbuf, where)
 

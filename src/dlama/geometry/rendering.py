@@ -78,8 +78,12 @@ class Canvas:
         return self.color, self.depth, self.origin, self.confidence
 
     def put(self, other: Canvas, tolerance: float) -> None:
-        """Draw another canvas over this one where this is empty or clearly behind (relative tolerance)."""
+        """Draw another canvas over this one where this is empty or clearly behind (relative tolerance).
+
+        Nothing covers a measured pixel in its own camera.
+        """
         wins = (other.depth > 0) & ((self.depth == 0) | (other.depth < self.depth * (1 - tolerance)))
+        wins &= self.origin != Origin.MEASURED
         self.color[wins], self.depth[wins] = other.color[wins], other.depth[wins]
         self.origin[wins], self.confidence[wins] = other.origin[wins], other.confidence[wins]
 
@@ -105,6 +109,8 @@ def render(
             canvas.put(draw(grid, camera, Canvas.empty(camera)), tolerance=0.005)
         else:
             draw(grid, camera, canvas)
+            if grid.still:
+                draw_far(grid.layer, camera, canvas)
     for layer in scene.layers:
         draw_far(layer, camera, canvas)
     hole = canvas.depth == 0

@@ -60,7 +60,7 @@ def mark_sheet(x, y, w, joined, grid_rank, crack_rank, hole, ranks):
                 if spans[row, chunk, 1] < top or spans[row, chunk, 0] > bottom:
                     continue
                 for column in range(chunk * CHUNK, min(width - 1, (chunk + 1) * CHUNK)):
-                    box = quad_box(x, y, row, column, top, bottom, columns)
+                    box = quad_box(x, y, w, row, column, top, bottom, columns)
                     if box[0] <= box[1] and box[2] <= box[3]:
                         mark_quad(x, y, w, joined, grid_rank, row, column, crack_rank, box, hole, ranks)
 
