@@ -194,7 +194,7 @@ def blended(
             seen = np.where(earlier, total[inside] / np.maximum(weight[inside], 1e-9), seen)
             open_ = open_ & ~earlier
         share = np.minimum.outer(ramp(tile[1] - tile[0]), ramp(tile[3] - tile[2]))
-        filled = padded_call(seen, open_, network, layout) if open_.any() else seen
+        filled = np.where(open_, padded_call(seen, open_, network, layout), seen) if open_.any() else seen
         total[inside] += share * filled
         weight[inside] += share
     return np.asarray(total / np.maximum(weight, 1e-9), np.float32)

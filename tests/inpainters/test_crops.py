@@ -1,0 +1,141 @@
+"""Crops and tiles: sizes exact, known pixels untouched, every hole pixel filled once, cheap where holes are small."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from dlama.inpainters import crops
+from dlama.inpainters.crops import Layout, fill_crops
+
+SMALL = Layout(multiple=8, minimum=16, budget=40 * 40)
+
+
+def pointwise(planes: np.ndarray, hole: np.ndarray) -> np.ndarray:
+    """A network that looks at one pixel only."""
+    return (2 * planes + 3).astype(np.float32)
+
+
+class Probe:
+    """A pointwise network that keeps the sizes it was called with."""
+
+    def __init__(self) -> None:
+        self.sizes: list[tuple[int, ...]] = []
+
+    def __call__(self, planes: np.ndarray, hole: np.ndarray) -> np.ndarray:
+        self.sizes.append(planes.shape)
+        assert planes.shape[2:] == hole.shape and hole.any()
+        return pointwise(planes, hole)
+
+    @property
+    def pixels(self) -> int:
+        return sum(height * width for *_, height, width in self.sizes)
+
+
+@pytest.mark.parametrize("layout", [SMALL, Layout()], ids=["tiled", "whole"])
+@pytest.mark.parametrize("transposed", [False, True])
+def test_every_size_from_1_to_70(layout: Layout, transposed: bool) -> None:
+    """Closed form for all sizes: the hole holds the network's answer, the rest its own bits; the network saw multiples."""
+    rng = np.random.default_rng(0)
+    for size in range(1, 71):
+        planes = rng.random((1, 2, size, 71 - size), np.float32)
+        hole = rng.random(planes.shape[2:]) < rng.choice([0.02, 0.5, 1])
+        if transposed:
+            planes, hole = planes.swapaxes(2, 3), hole.T
+        probe = Probe()
+        out = fill_crops(planes, hole, probe, layout)
+        np.testing.assert_array_equal(out[..., ~hole], planes[..., ~hole])
+        np.testing.assert_allclose(out[..., hole], 2 * planes[..., hole] + 3, rtol=1e-6)
+        assert all(h % 8 == 0 and w % 8 == 0 and min(h, w) >= 16 for *_, h, w in probe.sizes)
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.integers(0, 2**32 - 1), st.integers(1, 300), st.integers(1, 300))
+def test_tiles_equal_the_whole(seed: int, height: int, width: int) -> None:
+    """Law for a pointwise network: any holes, tiled or not, with the same result; no call above the budget and padding."""
+    rng = np.random.default_rng(seed)
+    planes = rng.random((2, 1, height, width), np.float32)
+    hole = np.zeros((height, width), bool)
+    for _ in range(rng.integers(1, 6)):
+        y, x = rng.integers(0, height), rng.integers(0, width)
+        hole[y : y + rng.integers(1, 200), x : x + rng.integers(1, 200)] = True
+    probe = Probe()
+    tiled = fill_crops(planes, hole, probe, SMALL)
+    np.testing.assert_allclose(tiled, np.where(hole, 2 * planes + 3, planes), rtol=1e-6)
+    np.testing.assert_array_equal(tiled[..., ~hole], planes[..., ~hole])
+    assert all(h * w <= 48 * 48 * 3 for *_, h, w in probe.sizes)
+
+
+def test_seams_are_blended() -> None:
+    """Closed form: a network that gives another constant at each call leaves no step between tiles above a few per cent."""
+    calls = iter(range(1000))
+
+    def drifting(planes: np.ndarray, hole: np.ndarray) -> np.ndarray:
+        return np.full_like(planes, next(calls) % 2)
+
+    hole = np.ones((400, 400), bool)
+    hole[::5, ::5] = False  # 4 % known, so no tile leans on another
+    out = fill_crops(np.zeros((1, 1, 400, 400), np.float32), hole, drifting, Layout(budget=160**2))[0, 0]
+    assert np.ptp(out[hole]) > 0.9
+    assert abs(np.diff(out[1::5], axis=1)).max() < 0.08  # a ramp of 40 px: 1/40, steeper at corners
+    assert abs(np.diff(out[:, 1::5], axis=0)).max() < 0.08
+
+
+def test_a_tile_of_nothing_goes_on_from_its_neighbours() -> None:
+    """Law: in a hole far larger than a tile, every call sees something known; the first of them the true rim."""
+    shares: list[float] = []
+
+    def looking(planes: np.ndarray, hole: np.ndarray) -> np.ndarray:
+        shares.append(float((~hole).mean()))
+        return np.full_like(planes, planes[..., ~hole].mean())
+
+    hole = np.zeros((480, 480), bool)
+    hole[40:440, 40:440] = True
+    out = fill_crops(np.where(hole, 0, 7).astype(np.float32)[None, None], hole, looking, Layout(budget=128**2))
+    assert min(shares) > 0.02
+    np.testing.assert_allclose(out, 7, rtol=1e-5)
+
+
+def test_a_small_hole_costs_little() -> None:
+    """Closed form: one compact hole of 5 % costs a quarter of the picture at most; two far apart cost two crops."""
+    hole = np.zeros((512, 512), bool)
+    hole[200:314, 180:294] = True
+    probe = Probe()
+    fill_crops(np.zeros((1, 1, 512, 512), np.float32), hole, probe, Layout())
+    assert len(probe.sizes) == 1 and probe.pixels <= 512 * 512 / 4
+    yy, xx = np.mgrid[:512, :512]
+    probe = Probe()
+    disc = (yy - 250) ** 2 + (xx - 260) ** 2 < 65**2
+    fill_crops(np.zeros((1, 1, 512, 512), np.float32), disc, probe, Layout())
+    assert len(probe.sizes) == 1 and probe.pixels <= 512 * 512 / 4
+    hole[:] = False
+    hole[5, 5] = hole[500, 500] = True
+    probe = Probe()
+    fill_crops(np.zeros((1, 1, 512, 512), np.float32), hole, probe, Layout())
+    assert len(probe.sizes) == 2 and probe.pixels < 512 * 512 / 20
+
+
+def test_scattered_holes_cost_no_more_than_the_picture() -> None:
+    """Law: salt everywhere is one call of the whole picture."""
+    hole = np.random.default_rng(1).random((512, 512)) < 0.01
+    probe = Probe()
+    fill_crops(np.zeros((1, 1, 512, 512), np.float32), hole, probe, Layout())
+    assert probe.sizes == [(1, 1, 512, 512)]
+
+
+def test_groups_share_out_the_hole() -> None:
+    """Law: every hole pixel is in exactly one group, and in its box with context where the picture has room."""
+    hole = np.zeros((900, 1200), bool)
+    rng = np.random.default_rng(2)
+    for y, x in rng.integers(0, 880, (25, 2)):
+        hole[y : y + 20, x : x + 20] = True
+    count = np.zeros(hole.shape, int)
+    for (top, bottom, left, right), group in crops.crops(hole, Layout()):
+        count += group
+        rows, columns = np.nonzero(group)
+        assert top <= max(0, rows.min() - crops.CONTEXT) and bottom >= min(900, rows.max() + 1 + crops.CONTEXT)
+        assert left <= max(0, columns.min() - crops.CONTEXT) and right >= min(1200, columns.max() + 1 + crops.CONTEXT)
+    np.testing.assert_array_equal(count, hole)
+    assert list(crops.crops(np.zeros((5, 5), bool), Layout())) == []

@@ -1,0 +1,216 @@
+"""The engine and the fillers on it: tiny networks whose answer is known in closed form, and MI-GAN where it lies."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dlama.errors import FileError, InputError
+from dlama.geometry.camera import Camera
+from dlama.geometry.rgbd import RGBD
+from dlama.geometry.view import HoleType, Origin, View
+from dlama.geometry.visibility import Law
+from dlama.inpainters import MODEL_INPAINTERS, inpaint, inpainter
+from dlama.inpainters.contract import of_planes
+from dlama.inpainters.engine import PROVIDERS, Engine, engine
+from dlama.inpainters.migan import cracks, painted, stepless
+from networks import constant, contract, echo_mask, written
+
+pytest.importorskip("onnxruntime")
+NOTHING = Law(())
+
+
+def holed(hw: tuple[int, int] = (50, 61), far: bool = False) -> View:
+    """Random colours and depths between 1 and 5 m, with a hole of taken-out pixels and one sensor hole."""
+    rng = np.random.default_rng(3)
+    depth = rng.uniform(1, 5, hw).astype(np.float32)
+    depth[0, 0], depth[30:34, 40:50] = 1, 0
+    if far:
+        depth[:4, 1:] = np.inf
+    frame = RGBD(rng.integers(0, 256, (*hw, 3), np.uint8), depth, Camera.from_fov(hw[1], hw[0], 60))
+    taken = np.zeros(hw, bool)
+    taken[10:25, 12:33] = True
+    return View.from_rgbd(frame).without(taken, HoleType.OBJECT)
+
+
+def unchanged(before: View, after: View) -> None:
+    """Known pixels bit for bit, and measured colour in sensor holes too."""
+    known = ~before.hole
+    for name in ("color", "depth", "origin", "confidence"):
+        np.testing.assert_array_equal(getattr(after, name)[known], getattr(before, name)[known], err_msg=name)
+    sensor = before.origin == Origin.DEPTH_FILLED
+    np.testing.assert_array_equal(after.color[sensor], before.color[sensor])
+    assert not after.hole.any() and (after.depth > 0).all()
+
+
+def test_lama_fills_with_what_the_network_gives(tmp_path: Path) -> None:
+    """Closed form: constant 0.2, 0.4, 0.6 is colour 51, 102, 153, and as grey 0.4 of the nearest inverse depth: 2.5 m."""
+    view = holed()
+    after, report = inpaint(view, inpainter("lama", constant(tmp_path / "c.onnx", 3, 0.2, 0.4, 0.6)), NOTHING)
+    unchanged(view, after)
+    np.testing.assert_array_equal(after.color[after.filled], np.broadcast_to([51, 102, 153], (15 * 21, 3)))
+    np.testing.assert_allclose(after.depth[view.hole], 2.5, rtol=1e-5)
+    assert report.notes["model"] == "c.onnx" and len(report.notes["model_sha256"]) == 64
+    assert report.notes["provider"] in PROVIDERS and report.notes["threads"] >= 1
+
+
+def test_joint_fills_colour_and_depth_in_one_pass(tmp_path: Path) -> None:
+    """Closed form: four constants; depth 0.123 of the nearest inverse depth comes back without 8-bit steps."""
+    view = holed()
+    after, _ = inpaint(view, inpainter("joint", constant(tmp_path / "j.onnx", 4, 0, 1, 0.2, 0.123)), NOTHING)
+    unchanged(view, after)
+    np.testing.assert_array_equal(after.color[after.filled], np.broadcast_to([0, 255, 51], (15 * 21, 3)))
+    np.testing.assert_allclose(after.depth[view.hole], 1 / 0.123, rtol=1e-5)
+
+
+def test_far_is_level_zero(tmp_path: Path) -> None:
+    """Closed form: nearly 0 in a view with sky is sky, in a view without it is as far as it says."""
+    model = constant(tmp_path / "z.onnx", 3, 0.01, 0.01, 0.01)
+    sky, no_sky = (inpaint(holed(far=far), inpainter("lama", model), NOTHING)[0] for far in (True, False))
+    assert np.isposinf(sky.depth[15, 15]) and abs(no_sky.depth[15, 15] - 100) < 1e-2
+
+
+@pytest.mark.parametrize(("mask", "shown"), [("1 = fill", 1.0), ("0 = fill", 0.0)])
+def test_the_network_sees_the_hole_zeroed_and_its_mask(tmp_path: Path, mask: str, shown: float) -> None:
+    """Probe: in the hole only the mask's own half comes back, in its polarity, though colour lay there."""
+    network = Engine(echo_mask(tmp_path / "m.onnx", 3, mask=mask))
+    hole = np.zeros((40, 40), bool)
+    hole[5:9, 5:9] = True
+    planes = np.ones((1, 3, 40, 40), np.float32)
+    np.testing.assert_allclose(network.call(planes, hole)[0, 0][hole], 0.5 * shown)
+    np.testing.assert_allclose(network.call(planes, hole)[0, 0][~hole], 0.25 + 0.5 * (1 - shown))
+    np.testing.assert_array_equal(network.fill(planes, hole)[..., ~hole], 1)
+
+
+def test_ranges_are_kept(tmp_path: Path) -> None:
+    """Closed form: an identity that takes -1..1 and gives -1..1; the zeroed hole (0) is the middle, 0.5."""
+    model = written(tmp_path / "r.onnx", 3, np.eye(3, 4), in_range=[-1, 1], out_range=[-1, 1])
+    hole = np.zeros((20, 20), bool)
+    hole[8:12, 8:12] = True
+    out = Engine(model).call(np.full((1, 3, 20, 20), 0.3, np.float32), hole)
+    np.testing.assert_allclose(out[..., hole], 0.5, atol=1e-6)
+    np.testing.assert_allclose(out[..., ~hole], 0.3, atol=1e-6)
+
+
+def test_a_file_without_a_contract_needs_one_by_hand(tmp_path: Path) -> None:
+    """Law: refused with the way out; with the contract by hand it runs."""
+    bare = written(tmp_path / "bare.onnx", 3, np.zeros((3, 4)), 0.4, about={})
+    with pytest.raises(InputError, match=r"bare\.onnx: carries no contract .*by hand"):
+        inpaint(holed(), inpainter("lama", bare), NOTHING)
+    after, _ = inpaint(holed(), MODEL_INPAINTERS["lama"](bare, of_planes(3)), NOTHING)  # type: ignore[call-arg]
+    assert (after.color[after.filled] == 102).all()
+
+
+def test_bad_files_are_refused(tmp_path: Path) -> None:
+    """Law: no file, no ONNX, other channels, a contract that lies, values that are not finite; each names the file."""
+    (tmp_path / "text.onnx").write_text("no network")
+    three = constant(tmp_path / "three.onnx", 3, 0.1, 0.1, 0.1)
+    lying = written(tmp_path / "lying.onnx", 3, np.zeros((3, 4)), about=contract(4))
+    nan = constant(tmp_path / "nan.onnx", 3, np.nan, 0, 0)
+    with pytest.raises(FileError, match=r"none\.onnx: no such model file"):
+        inpainter("lama", tmp_path / "none.onnx")
+    for name, path, told in (
+        ("lama", tmp_path / "text.onnx", "text.onnx: cannot be opened .*dlama models convert"),
+        ("joint", three, "three.onnx: takes 4 planes .*'lama' runs it"),
+        ("migan", three, "three.onnx: inputs are .*MI-GAN"),
+        ("joint", lying, "lying.onnx: the graph has 4 planes"),
+        ("lama", nan, "nan.onnx: the network gave values that are not finite"),
+    ):
+        with pytest.raises(InputError, match=told):
+            inpaint(holed(), inpainter(name, path), NOTHING)
+    with pytest.raises(InputError, match="provider is 'tpu'; one of cuda"):
+        Engine(three, provider="tpu")
+    with pytest.raises(InputError, match="threads is 0"):
+        Engine(three, threads=0)
+
+
+def test_names_and_models_belong_together() -> None:
+    """Law: a network filler without a file says --model, one that needs none refuses it, unknown names list all."""
+    for name in MODEL_INPAINTERS:
+        with pytest.raises(InputError, match=f"{name}.*--model FILE.*dlama models pull"):
+            inpainter(name)
+    with pytest.raises(InputError, match="'telea' runs no network"):
+        inpainter("telea", "x.onnx")
+    with pytest.raises(InputError, match="layered, telea, navier-stokes, lama, migan, joint"):
+        inpainter("lama-xl")
+
+
+def test_one_engine_stays_open(tmp_path: Path) -> None:
+    """Law: the same file is opened once; a changed file anew."""
+    model = constant(tmp_path / "c.onnx", 3, 0.2, 0.2, 0.2)
+    first = engine(model)
+    assert engine(str(model)) is first and engine(model, threads=1) is not first
+    again = engine(model)
+    constant(model, 3, 0.1, 0.1, 0.1, network="longer than before")
+    assert engine(model) is not again
+
+
+def test_cracks_are_thin() -> None:
+    """Closed form: lines one and two pixels wide are cracks, a 3 x 3 square is none, nor a strip at the border."""
+    hole = np.zeros((30, 30), bool)
+    hole[3], hole[10:12, 5:20], hole[20:23, 20:23], hole[15:25, 0] = True, True, True, True
+    found = cracks(hole)
+    assert found[3].all() and found[10:12, 5:20].all()
+    assert not found[20:23, 20:23].any()
+    assert not (found & ~hole).any()
+
+
+def test_steps_become_slopes_within_half_a_step() -> None:
+    """Closed form: a staircase of levels comes back closer to its ramp; a high edge stays where it was; 0 stays 0."""
+    ramp = np.tile(np.linspace(10, 20, 100, dtype=np.float32), (20, 1))
+    levels = np.round(ramp)
+    smooth = stepless(levels)
+    assert abs(smooth - ramp)[:, 10:-10].mean() < 0.5 * abs(levels - ramp).mean()
+    edge = np.where(np.arange(100) < 50, np.float32(0), np.float32(200)) * np.ones((20, 1), np.float32)
+    assert abs(stepless(edge) - edge).max() <= 0.5 and (stepless(edge)[:, :50] == 0).all()
+
+
+class Pipeline:
+    """Stands for the MI-GAN session: records what it was fed, and paints 77 where the mask says 0."""
+
+    budget = 1 << 20
+
+    def run(self, feed: dict[str, np.ndarray]) -> np.ndarray:
+        self.image, self.mask = feed["image"], feed["mask"]
+        return np.where(self.mask == 0, np.uint8(77), self.image)
+
+
+def test_migan_is_fed_what_it_can_bear() -> None:
+    """Probe: mask 255 = keep, grown by 3 px, cracks not in it; the hole pre-filled; known pixels and cracks unchanged."""
+    known = np.full((60, 60, 3), 200, np.uint8)
+    hole = np.zeros((60, 60), bool)
+    hole[20:30, 20:30] = hole[50, 40:58] = True
+    known[hole] = 0
+    session = Pipeline()
+    out = painted(known, np.full_like(known, 120), hole, session)  # type: ignore[arg-type]
+    assert session.image.dtype == session.mask.dtype == np.uint8 and set(np.unique(session.mask)) == {0, 255}
+    assert (out[20:30, 20:30] == 77).all() and (out[50, 40:58] == 120).all() and (out[~hole] == 200).all()
+    rows, columns = np.nonzero(session.mask[0, 0] == 0)
+    assert rows.max() - rows.min() == 10 + 6 - 1 == columns.max() - columns.min()
+    assert set(np.unique(session.image)) == {120, 200}, "no black was shown"
+
+
+@pytest.fixture(scope="module")
+def migan(data_dir: Path) -> Path:
+    path = data_dir / "weights" / "migan_pipeline_v2.onnx"
+    if not path.is_file():
+        pytest.skip(f"{path} is not there")
+    return path
+
+
+def test_migan_continues_a_plane(migan: Path) -> None:
+    """Closed form, loosely: a grey wall at 2 m goes on grey and at about 2 m; known pixels bit for bit."""
+    color = np.random.default_rng(0).integers(118, 138, (256, 256, 3), np.uint8)
+    frame = RGBD(color, np.full((256, 256), 2, np.float32), Camera.from_fov(256, 256, 60))
+    taken = np.zeros((256, 256), bool)
+    taken[90:150, 100:170] = True
+    view = View.from_rgbd(frame).without(taken, HoleType.OBJECT)
+    after, report = inpaint(view, inpainter("migan", migan), NOTHING)
+    unchanged(view, after)
+    assert abs(after.color[taken].astype(float) - 128).mean() < 15
+    assert abs(after.depth[taken] - 2).mean() < 0.1
+    assert report.notes["model"] == migan.name and report.notes["model_sha256"].startswith("6f1f3530a1a2")
+    assert dataclasses.asdict(report)["law_violations"] == 0
