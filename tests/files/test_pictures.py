@@ -78,7 +78,13 @@ def test_missing_and_wrong_files(tmp_path: Path) -> None:
     Image.fromarray(COLOR[..., 0].astype(np.float32)).save(tmp_path / "float.tif")
     pages = [Image.fromarray(COLOR), Image.fromarray(COLOR)]
     pages[0].save(tmp_path / "pages.tif", save_all=True, append_images=pages[1:])
-    wanted = {"none": "no such file", "empty": "0 bytes", "text": "no readable", "float": "float32", "pages": "one page"}
+    wanted = {
+        "none": "no such file",
+        "empty": "0 bytes",
+        "text": "no readable",
+        "float": "float32",
+        "pages": "one page",
+    }
     for name, words in wanted.items():
         path = tmp_path / f"{name}{'.tif' if name in ('float', 'pages') else '.png'}"
         with pytest.raises(FileError, match=words) as caught:

@@ -166,9 +166,9 @@ def _metres_from_floats(
     if depth_scale is not None:
         return (values / depth_scale).astype(np.float32)
     at_one = np.count_nonzero(values == 1)
-    if at_one > 1 and np.nanmax(values) == 1:
+    if at_one and np.nanmax(values) == 1 and ((values > 0) & (values < 1)).any():
         raise DepthError(
-            f"{path}: looks normalised to 0..1 ({at_one} pixels are exactly 1, none is larger): give --depth-range "
+            f"{path}: looks normalised to 0..1 ({at_one} values are exactly 1, none is larger): give --depth-range "
             "METRES (EasySynth), or --depth-scale 1 if these are metres"
         )
     return values.astype(np.float32)

@@ -58,10 +58,10 @@ def read_array(path: PathLike, key: str) -> np.ndarray:
     """The H x W array of an NPY, or of an NPZ: the one called `key`, else the only one. Raises FileError."""
     file = existing(path)
     try:
-        loaded = np.load(file, allow_pickle=False)
-        if isinstance(loaded, np.ndarray):
-            return _plane(file, loaded)
-        with loaded:
+        with file.open("rb") as stream:  # given a path, numpy leaves damaged NPZ files open
+            loaded = np.load(stream, allow_pickle=False)
+            if isinstance(loaded, np.ndarray):
+                return _plane(file, loaded)
             names = list(loaded.files)
             if key not in names and len(names) != 1:
                 raise FileError(f"{file}: holds {', '.join(names) or 'nothing'}; an array called '{key}' is wanted")

@@ -41,7 +41,7 @@ def read_npz(path: PathLike) -> tuple[View, Scene]:
     """What `write_npz` wrote. Raises FileError."""
     file = existing(path)
     try:
-        with np.load(file, allow_pickle=False) as loaded:
+        with file.open("rb") as stream, np.load(stream, allow_pickle=False) as loaded:
             arrays = {key: loaded[key] for key in loaded.files}
         layers, objects = (
             [_view(prefix, arrays) for prefix in _prefixes(name, arrays)] for name in ("layer", "object")

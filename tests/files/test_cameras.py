@@ -1,0 +1,238 @@
+"""Camera files: there and back, pixel centres, Middlebury calibrations, EXIF, and errors that name file and field."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from PIL import Image
+
+from dlama.errors import CameraError, FileError, InputError
+from dlama.files.cameras import camera_as_json, camera_for, read_camera, read_stereo_calib, write_camera
+from dlama.geometry.camera import Camera
+
+TURN = np.array([[0, 0, 1, 0.1], [0, 1, 0, -2], [-1, 0, 0, 1e6 + 0.123456789], [0, 0, 0, 1.0]])
+PLAIN: dict[str, Any] = {"width": 640, "height": 480, "fx": 500, "fy": 510, "cx": 319.5, "cy": 239.5}
+CALIB = """cam0=[994.978 0 311.193; 0 994.978 254.877; 0 0 1]
+cam1=[994.978 0 342.279; 0 994.978 254.877; 0 0 1]
+doffs=31.086
+baseline=193.001
+width=741
+height=500
+ndisp=70
+isint=0
+"""
+STEREO: dict[str, Any] = {
+    "left_K": [[300, 0, 160], [0, 300, 120], [0, 0, 1]],
+    "right_K": [[300, 0, 164], [0, 300, 120], [0, 0, 1]],
+    "baseline_m": 0.12,
+    "doffs": 4,
+}
+
+
+def saved(path: Path, values: object) -> Path:
+    path.write_text(values if isinstance(values, str) else json.dumps(values), encoding="utf-8")
+    return path
+
+
+number = st.floats(1e-3, 1e5)
+
+
+@settings(max_examples=40, deadline=None)
+@given(f=st.tuples(number, number), c=st.tuples(st.floats(0, 640), st.floats(0, 480)))
+def test_there_and_back_exactly(tmp_path_factory: pytest.TempPathFactory, f: tuple, c: tuple) -> None:
+    path = tmp_path_factory.mktemp("c") / "camera.json"
+    camera = Camera(640, 480, *f, *c, TURN)
+    write_camera(path, camera)
+    back = read_camera(path, hw=(480, 640))
+    assert camera_as_json(back) == camera_as_json(camera) == json.loads(path.read_text())
+    assert np.array_equal(back.world_from_cam, TURN)
+
+
+def test_pixel_center_moves_the_principal_point(tmp_path: Path) -> None:
+    """Oracle: HOUSE.md: 0.0 files say 319.5 for the middle of 640 pixels, we say 320."""
+    zero = read_camera(saved(tmp_path / "z.json", {**PLAIN, "pixel_center": 0.0}))
+    half = read_camera(saved(tmp_path / "h.json", {**PLAIN, "pixel_center": 0.5}))
+    none = read_camera(saved(tmp_path / "n.json", PLAIN))
+    assert (zero.cx, zero.cy) == (320, 240) and (half.cx, half.cy) == (none.cx, none.cy) == (319.5, 239.5)
+    assert (zero.fx, zero.fy) == (500, 510) and np.array_equal(zero.world_from_cam, np.eye(4))
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"fx": None}, "fx is null"),
+        ({"fy": "500"}, 'fy is "500"'),
+        ({"fx": 0}, "fx is 0.*singular"),
+        ({"fy": -5}, "fy is -5.*negative"),
+        ({"cx": math.nan}, "cx is nan"),
+        ({"width": 0}, "width is 0"),
+        ({"width": 640.5}, "width is 640.5"),
+        ({"height": True}, "height is true"),
+        ({"pixel_center": 1}, "pixel_center is 1"),
+        ({"world_from_cam": np.zeros((3, 4)).tolist()}, "world_from_cam is .*4x4"),
+        ({"world_from_cam": np.diag([1, 1, 2, 1]).tolist()}, "not a rigid motion"),
+        ({"world_from_cam": np.diag([1, 1, -1, 1]).tolist()}, "mirroring"),
+        ({"world_from_cam": "identity"}, "world_from_cam is .*4x4"),
+        ({"world_from_cma": np.eye(4).tolist()}, "'world_from_cma' is not known"),
+    ],
+)
+def test_bad_fields_are_named(tmp_path: Path, change: dict[str, Any], words: str) -> None:
+    path = saved(tmp_path / "bad.json", {**PLAIN, **change})
+    with pytest.raises(CameraError, match=words) as caught:
+        read_camera(path)
+    assert str(caught.value).startswith(str(path)) and "\n" not in str(caught.value)
+
+
+def test_bad_files(tmp_path: Path) -> None:
+    with pytest.raises(CameraError, match=r"'cy' is missing; it has width, height"):
+        read_camera(saved(tmp_path / "a.json", {k: v for k, v in PLAIN.items() if k != "cy"}))
+    for text in ("{", "[1, 2]", "\0"):
+        with pytest.raises(FileError, match=r"b\.json"):
+            read_camera(saved(tmp_path / "b.json", text))
+    (tmp_path / "c.json").write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(FileError, match=r"c\.json"):
+        read_camera(tmp_path / "c.json")
+    with pytest.raises(FileError, match="no such file"):
+        read_camera(tmp_path / "none.json")
+    with pytest.raises(CameraError, match="camera is 640x480 and the picture 320x240"):
+        read_camera(saved(tmp_path / "d.json", PLAIN), hw=(240, 320))
+
+
+def test_principal_point_outside_is_warned_of(tmp_path: Path) -> None:
+    path = saved(tmp_path / "crop.json", {**PLAIN, "cx": -20})
+    with pytest.warns(UserWarning, match=r"crop\.json: the principal point \(-20, 239.5\) lies outside"):
+        assert read_camera(path).cx == -20
+
+
+def test_calib_txt(tmp_path: Path) -> None:
+    """Oracle: the Middlebury format's text: baseline in mm, first pixel's centre at 0, doffs = cx1 - cx0."""
+    path = saved(tmp_path / "calib.txt", CALIB)
+    rig = read_stereo_calib(path, hw=(500, 741))
+    assert (rig.left.fx, rig.left.cx, rig.left.cy) == (994.978, 311.693, 255.377)
+    assert rig.baseline_m == pytest.approx(0.193001, abs=1e-12) and rig.doffs == pytest.approx(31.086, abs=1e-9)
+    assert rig.right.cx == pytest.approx(342.779) and rig.left.wh == rig.right.wh == (741, 500)
+    assert rig.right.world_from_cam[:3, 3].tolist() == [rig.baseline_m, 0, 0]
+    assert camera_as_json(read_camera(path)) == camera_as_json(rig.left)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("doffs=31.086", "doffs=31.2", "doffs is 31.2, but cx of cam1 minus cx of cam0 is 31.086"),
+        ("baseline=193.001", "baseline=-1", "baseline is -0.001 m"),
+        ("baseline=193.001\n", "", "'baseline' is missing"),
+        ("0 994.978 254.877; 0 0 1]\ncam1", "0.3 994.978 254.877; 0 0 1]\ncam1", "cam0 is .*no skew"),
+        ("cam0=[994.978", "cam0=[0", "cam0 is singular"),
+        ("width=741", "width=740", "camera is 740x500 and the picture 741x500"),
+        ("width=741\n", "", "'width' is missing"),
+        ("doffs=31.086", "doffs", "no Middlebury calib.txt"),
+        ("; 0 0 1]\ndoffs", "; 0 0]\ndoffs", "cam1 is .*3x3"),
+    ],
+)
+def test_bad_calib_txt(tmp_path: Path, old: str, new: str, words: str) -> None:
+    assert old in CALIB
+    with pytest.raises(InputError, match=words) as caught:
+        read_stereo_calib(saved(tmp_path / "calib.txt", CALIB.replace(old, new)), hw=(500, 741))
+    assert str(tmp_path / "calib.txt") in str(caught.value)
+
+
+def without(*names: str) -> dict[str, Any]:
+    return {key: value for key, value in STEREO.items() if key not in names}
+
+
+@pytest.mark.parametrize("missing", [(), ("doffs",), ("right_K",)])
+def test_stereo_json_completes_itself(tmp_path: Path, missing: tuple[str, ...]) -> None:
+    rig = read_stereo_calib(saved(tmp_path / "s.json", without(*missing)), hw=(240, 320))
+    assert (rig.left.cx, rig.right.cx, rig.doffs, rig.baseline_m) == (160, 164, 4, 0.12)
+    zero = read_stereo_calib(saved(tmp_path / "z.json", {**without(*missing), "pixel_center": 0.0}), hw=(240, 320))
+    assert (zero.left.cx, zero.right.cx, zero.left.cy, zero.doffs) == (160.5, 164.5, 120.5, 4)
+
+
+@pytest.mark.parametrize(
+    ("values", "words"),
+    [
+        ({**STEREO, "doffs": 4.02}, "doffs is 4.02, but cx of right_K minus cx of left_K is 4"),
+        (without("doffs", "right_K"), "neither right_K nor doffs"),
+        ({**STEREO, "baseline_m": 0}, "baseline is 0 m"),
+        ({**STEREO, "right_K": [[301, 0, 164], [0, 301, 120], [0, 0, 1]]}, "fx is 300.0 left and 301.0 right"),
+        ({**STEREO, "baseline": 1}, "'baseline' is not known"),
+    ],
+)
+def test_bad_stereo_json(tmp_path: Path, values: dict[str, Any], words: str) -> None:
+    with pytest.raises(CameraError, match=words) as caught:
+        read_stereo_calib(saved(tmp_path / "s.json", values), hw=(240, 320))
+    assert str(caught.value).startswith(str(tmp_path / "s.json"))
+
+
+def test_stereo_json_without_any_size(tmp_path: Path) -> None:
+    with pytest.raises(CameraError, match="'height' is missing"):
+        read_stereo_calib(saved(tmp_path / "s.json", STEREO))
+
+
+def test_camera_from_flags() -> None:
+    """Oracle: f = w / 2 / tan(fov / 2); EasySynth's 512 pixels at 90 degrees have f = 256."""
+    camera, source = camera_for((512, 512), fov=90)
+    assert (camera.fx, camera.fy, camera.cx, camera.cy) == pytest.approx((256, 256, 256, 256)) and source == "--fov"
+    camera, source = camera_for((480, 640), fx=500)
+    assert (camera.fx, camera.fy, camera.cx, camera.cy, source) == (500, 500, 320, 240, "--fx")
+    camera, _ = camera_for((480, 640), fx=500, fy=505, cx=319.5, cy=238, pixel_center=0.0, world_from_cam=TURN)
+    assert (camera.fy, camera.cx, camera.cy) == (505, 320, 238.5) and np.array_equal(camera.world_from_cam, TURN)
+
+
+def test_camera_from_a_file(tmp_path: Path) -> None:
+    path = saved(tmp_path / "c.json", {**PLAIN, "world_from_cam": TURN.tolist()})
+    camera, source = camera_for((480, 640), camera=path)
+    assert np.array_equal(camera.world_from_cam, TURN) and source == "--camera c.json"
+    assert np.array_equal(camera_for((480, 640), camera=path, world_from_cam=np.eye(4))[0].world_from_cam, np.eye(4))
+
+
+def test_camera_from_exif(tmp_path: Path) -> None:
+    """Oracle: 26 mm on film of 43.27 mm diagonal see atan(21.63 / 26) to the corner; so must the picture's corner."""
+    exif = Image.Exif()
+    exif.get_ifd(0x8769)[0xA405] = 26
+    Image.new("RGB", (400, 300)).save(tmp_path / "phone.jpg", exif=exif)
+    camera, source = camera_for((300, 400), image=tmp_path / "phone.jpg")
+    assert math.atan(250 / camera.fx) == pytest.approx(math.atan(math.hypot(18, 12) / 26))
+    assert source == "EXIF FocalLengthIn35mmFilm (26 mm)"
+    assert camera_for((300, 400), image=tmp_path / "phone.jpg", fov=90)[1] == "--fov"
+
+
+def test_no_intrinsics_teach_fov(tmp_path: Path) -> None:
+    Image.new("RGB", (8, 6)).save(tmp_path / "plain.jpg")
+    for image in (None, tmp_path / "plain.jpg"):
+        with pytest.raises(CameraError, match=r"--fov DEGREES.*phone.*65.*--camera"):
+            camera_for((6, 8), image=image)
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"camera": "c.json", "fov": 60}, "--camera and --fov contradict"),
+        ({"camera": "c.json", "cx": 3}, "--camera and --cx contradict"),
+        ({"fov": 60, "fx": 500}, "--fov and --fx contradict"),
+        ({"fov": 60, "fy": 500}, "--fov and --fy contradict"),
+        ({"fy": 500}, "--fy is given without --fx"),
+        ({"fov": 180}, "field of view is 180"),
+        ({"fx": -500}, "camera options: camera fx is -500"),
+        ({"fx": 500, "pixel_center": 1}, "--pixel-center is 1"),
+    ],
+)
+def test_contradicting_flags(options: dict[str, Any], words: str) -> None:
+    with pytest.raises(CameraError, match=words):
+        camera_for((480, 640), **options)
+
+
+def test_shipped_calibration_reads() -> None:
+    """The demo's own files (oracle: street's README: f 256, centre 256, pair 0.12 m apart)."""
+    folder = Path(__file__).parents[2] / "src/dlama/assets/demo"
+    rig = read_stereo_calib(folder / "calib.txt", hw=(512, 512))
+    camera = read_camera(folder / "camera.json", hw=(512, 512))
+    assert camera.same_view_as(rig.left) and (camera.fx, camera.cx, camera.cy) == (256, 256, 256)
+    assert rig.baseline_m == 0.12 and rig.doffs == 0

@@ -1,0 +1,347 @@
+"""Depth and disparity files: units, far and missing, there and back, against other libraries' files; the bad ones refused."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import imageio.v3 as imageio
+import numpy as np
+import OpenEXR
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+from PIL import Image
+
+from dlama.errors import DepthError, FileError
+from dlama.files.depth import (
+    read_depth,
+    read_disparity,
+    read_pfm,
+    write_depth_exr,
+    write_depth_png,
+    write_disparity_pfm,
+    write_pfm,
+)
+
+METRES = np.random.default_rng(3).uniform(0.4, 60, (21, 17)).astype(np.float32)
+METRES[0, :3] = (0, np.inf, 1.5)
+
+
+def exr(path: Path, kind: int | None = None, **channels: np.ndarray) -> Path:
+    """An EXR written by the OpenEXR library alone."""
+    header = {"compression": OpenEXR.ZIP_COMPRESSION if kind is None else kind, "type": OpenEXR.scanlineimage}
+    OpenEXR.File(header, {name.replace("__", "."): values for name, values in channels.items()}).write(str(path))
+    return path
+
+
+def tiff(path: Path, values: np.ndarray) -> Path:
+    Image.fromarray(values).save(path)
+    return path
+
+
+def test_png_there_and_back(tmp_path: Path) -> None:
+    """Oracle: half a millimetre, and the two codes; imageio sees the millimetres."""
+    assert write_depth_png(tmp_path / "d.png", METRES) == 0
+    back = read_depth(tmp_path / "d.png")
+    finite = np.isfinite(METRES)
+    assert np.array_equal(np.isposinf(back), ~finite) and back[0, 0] == 0
+    assert np.abs(back[finite] - METRES[finite]).max() <= 0.0005 + 1e-5
+    assert np.array_equal(imageio.imread(tmp_path / "d.png")[1:], np.rint(METRES[1:].astype(np.float64) * 1000))
+
+
+def test_png_clips_and_counts(tmp_path: Path) -> None:
+    """What is too deep for 16 bits is 65534, not sky; what is nearer than half a millimetre is not missing."""
+    depth = np.array([[65.534, 65.5346, 70, 1000, np.inf, 0, np.nan, 0.0001, 2]], np.float32)
+    assert write_depth_png(tmp_path / "d.png", depth) == 3
+    assert imageio.imread(tmp_path / "d.png").tolist() == [[65534, 65534, 65534, 65534, 65535, 0, 0, 1, 2000]]
+
+
+@settings(max_examples=30, deadline=None)
+@given(
+    depth=hnp.arrays(
+        np.float32,
+        hnp.array_shapes(min_dims=2, max_dims=2, max_side=9),
+        elements=st.sampled_from([0, np.inf, 0.5, 3.25, 99]),
+    )
+)
+def test_exr_and_npy_there_and_back_exactly(tmp_path_factory: pytest.TempPathFactory, depth: np.ndarray) -> None:
+    depth[0, 0] = 2
+    folder = tmp_path_factory.mktemp("d")
+    write_depth_exr(folder / "d.exr", depth)
+    np.save(folder / "d.npy", depth)
+    assert np.array_equal(read_depth(folder / "d.exr"), depth)
+    assert np.array_equal(read_depth(folder / "d.npy"), depth)
+    with OpenEXR.File(str(folder / "d.exr"), separate_channels=True) as file:
+        assert list(file.channels()) == ["Z"] and np.array_equal(file.channels()["Z"].pixels, depth)
+
+
+@pytest.mark.parametrize(("scale", "name"), [(1000, "default"), (5000, "TUM"), (256, "KITTI"), (10000, "tenths")])
+@pytest.mark.parametrize("suffix", [".png", ".tif", ".npy"])
+def test_depth_scale(tmp_path: Path, scale: float, name: str, suffix: str) -> None:
+    """Oracle: metres = value / scale, written by OpenCV and numpy."""
+    values = np.array([[0, scale, 2.5 * scale, 65535]], np.uint16)
+    path = tmp_path / f"{name}{suffix}"
+    np.save(path, values) if suffix == ".npy" else cv2.imwrite(str(path), values)
+    assert read_depth(path, depth_scale=None if scale == 1000 else scale).tolist() == [[0, 1, 2.5, np.inf]]
+
+
+@pytest.mark.parametrize("dtype", [np.float16, np.float32])
+@pytest.mark.parametrize("channel", ["Z", "R", "Y", "depth", "ViewLayer__Depth__Z", "View__Z", "V"])
+def test_exr_channels(tmp_path: Path, dtype: type, channel: str) -> None:
+    values = np.array([[1, 2.5, np.inf, np.nan]], dtype)
+    assert read_depth(exr(tmp_path / "d.exr", **{channel: values})).tolist() == [[1, 2.5, np.inf, 0]]
+
+
+def test_exr_channel_choice(tmp_path: Path) -> None:
+    """Z before colour; R only where it is grey; a name chooses; what is unclear is asked."""
+    one, two = np.full((2, 3), 1, np.float32), np.full((2, 3), 2, np.float32)
+    both = exr(tmp_path / "zr.exr", R=one, G=two, B=one, Z=two)
+    assert read_depth(both).max() == 2 and read_depth(both, channel="R").max() == 1
+    grey = exr(tmp_path / "grey.exr", R=two, G=two, B=two, A=one)
+    assert read_depth(grey).max() == 2
+    with pytest.raises(FileError, match="colour picture"):
+        read_depth(exr(tmp_path / "c.exr", R=one, G=two, B=one))
+    with pytest.raises(FileError, match=r"any of A\.Z, B\.Z"):
+        read_depth(exr(tmp_path / "two.exr", A__Z=one, B__Z=two))
+    with pytest.raises(FileError, match=r"channels U, V.*--channel"):
+        read_depth(exr(tmp_path / "uv.exr", U=one, V=two))
+    with pytest.raises(FileError, match="no channel 'Q'; it has Z"):
+        read_depth(exr(tmp_path / "z.exr", Z=one), channel="Q")
+
+
+def test_exr_far(tmp_path: Path) -> None:
+    """Blender's 1e10, half's largest number and EasySynth's 1.0 are far."""
+    assert read_depth(exr(tmp_path / "b.exr", Z=np.array([[3, 1e10]], np.float32))).tolist() == [[3, np.inf]]
+    assert read_depth(exr(tmp_path / "h.exr", Z=np.array([[3, 65504]], np.float16))).tolist() == [[3, np.inf]]
+    easy = exr(tmp_path / "e.exr", R=np.array([[0, 0.25, 0.5, 1, 1]], np.float16))
+    assert read_depth(easy, depth_range=10).tolist() == [[0, 2.5, 5, np.inf, np.inf]]
+    with pytest.raises(DepthError, match=r"looks normalised.*--depth-range"):
+        read_depth(easy)
+    assert read_depth(easy, depth_scale=1).tolist() == [[0, 0.25, 0.5, 1, 1]]
+
+
+def test_far_limit(tmp_path: Path) -> None:
+    path = tmp_path / "d.npy"
+    np.save(path, np.array([[0, 3, 10, 12]], np.float32))
+    assert read_depth(path, far=10).tolist() == [[0, 3, np.inf, np.inf]]
+    with pytest.raises(DepthError, match="nearer than --far 2 m"):
+        read_depth(path, far=2)
+
+
+def test_npz_keys(tmp_path: Path) -> None:
+    np.savez(tmp_path / "a.npz", depth=METRES, rgb=METRES[..., None])
+    np.savez(tmp_path / "b.npz", anything=(np.nan_to_num(METRES[..., None], posinf=9) * 10).astype(np.uint16))
+    np.savez(tmp_path / "c.npz", a=METRES, b=METRES)
+    assert np.array_equal(read_depth(tmp_path / "a.npz"), METRES)
+    assert read_depth(tmp_path / "b.npz", depth_scale=10)[0, 2] == 1.5
+    with pytest.raises(FileError, match="holds a, b; an array called 'depth'"):
+        read_depth(tmp_path / "c.npz")
+
+
+@settings(max_examples=30, deadline=None)
+@given(
+    values=hnp.arrays(np.float32, hnp.array_shapes(min_dims=2, max_dims=2, max_side=8), elements=st.floats(width=32)),
+    order=st.sampled_from("<>"),
+)
+def test_pfm_there_and_back(tmp_path_factory: pytest.TempPathFactory, values: np.ndarray, order: str) -> None:
+    """Oracles: the round trip, a file made by hand from the format's text in both byte orders."""
+    path = tmp_path_factory.mktemp("p") / "d.pfm"
+    write_pfm(path, values)
+    assert np.array_equal(read_pfm(path), values, equal_nan=True)
+    by_hand = f"Pf\n{values.shape[1]} {values.shape[0]}\n{'-' if order == '<' else ''}1.0\n".encode()
+    path.write_bytes(by_hand + np.flipud(values).astype(f"{order}f4").tobytes())
+    assert np.array_equal(read_pfm(path), values, equal_nan=True)
+
+
+def test_pfm_against_opencv(tmp_path: Path) -> None:
+    """Oracle: OpenCV's PFM codec in both directions."""
+    write_pfm(tmp_path / "ours.pfm", METRES)
+    assert np.array_equal(cv2.imread(str(tmp_path / "ours.pfm"), cv2.IMREAD_UNCHANGED), METRES)
+    cv2.imwrite(str(tmp_path / "theirs.pfm"), METRES)
+    assert np.array_equal(read_depth(tmp_path / "theirs.pfm"), METRES)
+
+
+def test_float_tiff(tmp_path: Path) -> None:
+    imageio.imwrite(tmp_path / "d.tiff", METRES)
+    assert np.array_equal(read_depth(tmp_path / "d.tiff"), METRES)
+    assert np.allclose(read_depth(tiff(tmp_path / "mm.tif", METRES * 1000), depth_scale=1000), METRES)
+
+
+@pytest.mark.parametrize(
+    ("values", "words"),
+    [
+        (np.zeros((3, 4), np.float32), r"no pixel has a depth \(12 of 12 missing, 0 far"),
+        (np.full((3, 4), np.nan, np.float32), "no pixel has a depth"),
+        (np.full((3, 4), np.inf, np.float32), r"no pixel has a depth \(0 of 12 missing, 12 far"),
+        (np.array([[1, -2, -0.5]], np.float32), r"2 of 3 depth values are negative \(smallest -2\)"),
+        (np.array([[1, -np.inf]], np.float32), "negative"),
+        (np.array([[5, -2]], np.int16), "negative"),
+        (np.full((3, 4), 1520, np.float32), "1520 m.*millimetres read as metres: --depth-scale 1000"),
+        (np.full((3, 4), 3, np.uint16), "0.003 m.*metres read as millimetres: --depth-scale 1$"),
+        (np.full((3, 4), 0.002, np.float32), "--depth-scale 0.001"),
+        (np.full((3, 4), 9e5, np.float32), "millimetres read as metres|0.05 to 500 m is wanted"),
+        (np.full((3, 4), 200, np.uint8), "8-bit numbers, too coarse"),
+    ],
+)
+def test_bad_depth_is_refused(tmp_path: Path, values: np.ndarray, words: str) -> None:
+    np.save(tmp_path / "d.npy", values)
+    with pytest.raises(DepthError, match=words) as caught:
+        read_depth(tmp_path / "d.npy")
+    assert str(caught.value).startswith(str(tmp_path / "d.npy")) and "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("scale", [1000.0, 5000.0])
+def test_the_advised_scale_is_right(tmp_path: Path, scale: float) -> None:
+    """Oracle: following the advice gives the depth that was meant."""
+    np.save(tmp_path / "d.npy", np.full((2, 2), 20_000_000, np.int32))
+    with pytest.raises(DepthError) as caught:
+        read_depth(tmp_path / "d.npy", depth_scale=scale)
+    advised = float(str(caught.value).rsplit(" ", 1)[1])
+    assert read_depth(tmp_path / "d.npy", depth_scale=advised)[0, 0] == pytest.approx(2e7 / scale / 1000)
+
+
+def test_pictures_given_as_depth(tmp_path: Path) -> None:
+    color = np.random.default_rng(0).integers(0, 256, (5, 6, 3)).astype(np.uint8)
+    Image.fromarray(color).save(tmp_path / "c.png")
+    Image.fromarray(color[..., 0]).save(tmp_path / "g.png")
+    cv2.imwrite(str(tmp_path / "c16.png"), color.astype(np.uint16) * 9)
+    cv2.imwrite(str(tmp_path / "g16.png"), np.repeat(color[..., :1].astype(np.uint16) * 9, 3, axis=2))
+    with pytest.raises(DepthError, match=r"8-bit colour picture.*wrong order"):
+        read_depth(tmp_path / "c.png")
+    with pytest.raises(DepthError, match="8-bit numbers, too coarse"):
+        read_depth(tmp_path / "g.png")
+    with pytest.raises(DepthError, match="three channels that differ"):
+        read_depth(tmp_path / "c16.png")
+    assert np.allclose(read_depth(tmp_path / "g16.png"), color[..., 0] * 0.009)
+
+
+def test_contradictions_and_wrong_options(tmp_path: Path) -> None:
+    np.save(tmp_path / "d.npy", METRES)
+    np.save(tmp_path / "i.npy", np.full((2, 2), 2000, np.uint16))
+    for options, words in (
+        ({"depth_scale": 1.0, "depth_range": 1.0}, "contradict"),
+        ({"depth_scale": 0.0}, "--depth-scale is 0"),
+        ({"depth_range": -3.0}, "--depth-range is -3"),
+        ({"far": float("nan")}, "--far is nan"),
+    ):
+        with pytest.raises(DepthError, match=words):
+            read_depth(tmp_path / "d.npy", **options)
+    with pytest.raises(DepthError, match="whole numbers"):
+        read_depth(tmp_path / "i.npy", depth_range=10)
+    with pytest.raises(FileError, match="--channel is for EXR"):
+        read_depth(tmp_path / "d.npy", channel="Z")
+
+
+def test_damaged_files(tmp_path: Path) -> None:
+    np.savez(tmp_path / "text.npz", a=np.array(["x"]))
+    np.save(tmp_path / "cube.npy", np.ones((3, 3, 3)))
+    np.save(tmp_path / "pickle.npy", np.array([{}], object), allow_pickle=True)
+    (tmp_path / "a.pfm").write_bytes(b"PF\n1 1\n-1\n" + b"\0" * 12)
+    (tmp_path / "b.pfm").write_bytes(b"P5\n1 1\n255\n\0")
+    (tmp_path / "a.exr").write_bytes(b"not an exr")
+    (tmp_path / "a.xyz").write_bytes(b"0 0 0")
+    for name in ("text.npz", "cube.npy", "pickle.npy", "a.pfm", "b.pfm", "a.exr", "a.xyz", "none.exr", "none.pfm"):
+        with pytest.raises(FileError) as caught:
+            read_depth(tmp_path / name)
+        assert str(tmp_path / name) in str(caught.value) and "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("name", ["d.png", "d.exr", "piz.exr", "raw.exr", "d.pfm", "d.npy", "d.npz", "d.tif", "f.tif"])
+def test_truncated_depth_raises_or_is_whole(tmp_path: Path, name: str, capfd: pytest.CaptureFixture[str]) -> None:
+    """Oracle: the whole file; and nothing but our own words reaches the terminal."""
+    path, depth = tmp_path / name, np.random.default_rng(0).uniform(1, 9, (70, 50)).astype(np.float32)
+    writers = {
+        "d.png": lambda: write_depth_png(path, depth),
+        "d.exr": lambda: write_depth_exr(path, depth),
+        "piz.exr": lambda: exr(path, OpenEXR.PIZ_COMPRESSION, Z=depth),
+        "raw.exr": lambda: exr(path, OpenEXR.NO_COMPRESSION, R=depth, G=depth, B=depth),
+        "d.pfm": lambda: write_pfm(path, depth),
+        "d.npy": lambda: np.save(path, depth),
+        "d.npz": lambda: np.savez_compressed(path, depth=depth),
+        "d.tif": lambda: tiff(path, (depth * 1000).astype(np.uint16)),
+        "f.tif": lambda: tiff(path, depth),
+    }
+    writers[name]()
+    data, whole = path.read_bytes(), read_depth(path)
+    for kept in [*np.linspace(1, len(data) - 40, 25).astype(int), *range(len(data) - 20, len(data), 4)]:
+        path.write_bytes(data[:kept])
+        try:
+            assert np.array_equal(read_depth(path), whole), f"{name} cut to {kept} of {len(data)} bytes"
+        except FileError as error:
+            assert str(path) in str(error) and "\n" not in str(error)
+            continue
+        assert kept > len(data) - 40
+    if not name.endswith(".tif"):  # libtiff's own remarks
+        assert capfd.readouterr() == ("", "")
+
+
+@pytest.mark.parametrize("name", ["NO", "RLE", "ZIPS", "ZIP", "PIZ", "PXR24", "B44", "B44A", "DWAA", "DWAB"])
+def test_every_exr_compression_is_seen_as_whole(tmp_path: Path, name: str) -> None:
+    """The check for cut files knows how many lines each compression packs together (oracle: OpenEXR's own files)."""
+    depth = np.full((301, 5), 2, np.float32)
+    path = exr(tmp_path / "d.exr", getattr(OpenEXR, f"{name}_COMPRESSION"), Z=depth)
+    assert read_depth(path).shape == depth.shape
+    path.write_bytes(path.read_bytes()[:-1])
+    with pytest.raises(FileError, match="truncated"):
+        read_depth(path)
+
+
+def test_exr_with_another_window_is_refused(tmp_path: Path) -> None:
+    corner = (np.array([0, 0], np.int32), np.array([7, 7], np.int32))
+    header = {"type": OpenEXR.scanlineimage, "compression": OpenEXR.ZIP_COMPRESSION, "displayWindow": corner}
+    OpenEXR.File(header, {"Z": np.ones((4, 4), np.float32)}).write(str(tmp_path / "d.exr"))
+    with pytest.raises(FileError, match="cropped"):
+        read_depth(tmp_path / "d.exr")
+
+
+def test_disparity_there_and_back(tmp_path: Path) -> None:
+    disparity = np.array([[0, 1.25, 63.5], [np.nan, 7, np.inf]], np.float32)
+    write_disparity_pfm(tmp_path / "d.pfm", disparity)
+    assert np.array_equal(np.isinf(cv2.imread(str(tmp_path / "d.pfm"), -1)), [[1, 0, 0], [1, 0, 1]])
+    assert read_disparity(tmp_path / "d.pfm").tolist() == [[0, 1.25, 63.5], [0, 7, 0]]
+
+
+def test_disparity_of_other_kinds(tmp_path: Path) -> None:
+    """Oracle: KITTI's value / 256, Middlebury 2003's value / 4."""
+    cv2.imwrite(str(tmp_path / "kitti.png"), np.array([[0, 256, 640]], np.uint16))
+    cv2.imwrite(str(tmp_path / "cones.png"), np.array([[0, 4, 10]], np.uint8))
+    np.savez(tmp_path / "d.npz", disparity=np.array([[np.inf, 1, 2.5]], np.float32), other=np.zeros(1))
+    assert read_disparity(tmp_path / "kitti.png").tolist() == [[0, 1, 2.5]]
+    assert read_disparity(tmp_path / "cones.png", scale=4).tolist() == [[0, 1, 2.5]]
+    assert read_disparity(tmp_path / "d.npz").tolist() == [[0, 1, 2.5]]
+    with pytest.raises(DepthError, match=r"8-bit numbers.*--disparity-scale"):
+        read_disparity(tmp_path / "cones.png")
+    np.save(tmp_path / "n.npy", np.array([[-1.0, 2]]))
+    np.save(tmp_path / "z.npy", np.array([[np.inf, 0]]))
+    with pytest.raises(DepthError, match="1 of 2 disparity values are negative"):
+        read_disparity(tmp_path / "n.npy")
+    with pytest.raises(DepthError, match="every disparity is missing"):
+        read_disparity(tmp_path / "z.npy")
+
+
+def test_street_exr_is_the_street_png(data_dir: Path) -> None:
+    """Oracle: the same depths as 16-bit millimetres; README: EXR against DepthMM at most 6.4e-4 of the 10 m range."""
+    folder = data_dir / "street/s03/with/CameraComponent"
+    half = read_depth(folder / "DepthImage/s03_with.0000.exr", depth_range=10)
+    full = read_depth(folder / "DepthMM/s03_with.0000.png", far=10)
+    both = np.isfinite(half) & np.isfinite(full)
+    assert both.mean() > 0.5 and np.abs(half[both] - full[both]).max() <= 6.4e-3
+    assert (np.isfinite(half) != np.isfinite(full)).mean() < 1e-3
+    with pytest.raises(DepthError, match="--depth-range"):
+        read_depth(folder / "DepthImage/s03_with.0000.exr")
+
+
+def test_motorcycle_disparity(data_dir: Path) -> None:
+    """Oracle: DATA.md: 7.3 % unknown, depth 2.11 to 5.02 m."""
+    disparity = read_disparity(data_dir / "data/motorcycle/disparity.npz")
+    assert (disparity == 0).mean() == pytest.approx(0.073, abs=0.001)
+    depth = 994.978 * 0.193001 / (disparity[disparity > 0] + 31.086)
+    assert depth.min() == pytest.approx(2.11, abs=0.01) and depth.max() == pytest.approx(5.02, abs=0.01)
+
+
+def test_bin_depth(data_dir: Path) -> None:
+    """Oracle: metres = value * 1e-4 (camera.json of the set), read by OpenCV."""
+    path = data_dir / "data/bin_removal/with.depth.png"
+    assert np.allclose(read_depth(path, depth_scale=10000), cv2.imread(str(path), -1) * 1e-4)

@@ -1,0 +1,58 @@
+"""Picture and depth together: sizes must agree, or depth is brought to the picture's size on request."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dlama.errors import CameraError, ShapeError
+from dlama.files.depth import write_depth_png
+from dlama.files.pictures import read_color, read_mask, write_color
+from dlama.files.rgbd import read_rgbd
+
+COLOR = np.random.default_rng(0).integers(0, 256, (6, 8, 3)).astype(np.uint8)
+
+
+def pair(folder: Path, depth: np.ndarray) -> tuple[Path, Path]:
+    write_color(folder / "c.png", COLOR)
+    write_depth_png(folder / "d.png", depth.astype(np.float32))
+    return folder / "c.png", folder / "d.png"
+
+
+def test_read_rgbd(tmp_path: Path) -> None:
+    depth = np.full((6, 8), 2.0)
+    depth[0, :2] = (0, np.inf)
+    rgbd = read_rgbd(*pair(tmp_path, depth), fov=90)
+    assert (
+        np.array_equal(rgbd.color, COLOR) and np.array_equal(rgbd.depth, depth) and rgbd.camera.fx == pytest.approx(4)
+    )
+    with pytest.raises(CameraError, match="--fov"):
+        read_rgbd(tmp_path / "c.png", tmp_path / "d.png")
+
+
+def test_other_sizes(tmp_path: Path) -> None:
+    """Oracle: every depth pixel of a half-size map covers 2 x 2 pixels."""
+    depth = np.arange(1, 13).reshape(3, 4)
+    paths = pair(tmp_path, depth)
+    with pytest.raises(ShapeError, match=r"d\.png is 4x3 and .*c\.png 8x6.*--resize-depth nearest"):
+        read_rgbd(*paths, fov=60)
+    resized = read_rgbd(*paths, fov=60, resize_depth="nearest")
+    assert np.array_equal(resized.depth, np.kron(depth, np.ones((2, 2))))
+    with pytest.raises(ShapeError, match="'linear'"):
+        read_rgbd(*paths, fov=60, resize_depth="linear")  # type: ignore[arg-type]
+    with pytest.raises(ShapeError, match=r"d\.png is 4x4 and .*crop first"):
+        read_rgbd(*pair(tmp_path, np.ones((4, 4))), fov=60, resize_depth="nearest")
+
+
+def test_bin_reads(data_dir: Path) -> None:
+    """A real removal pair (oracle: its camera.json, which gives K and the share of missing depth inside the bin)."""
+    folder = data_dir / "data/bin_removal"
+    lens = {"fx": 619.871277, "fy": 619.871338, "cx": 314.241211, "cy": 238.906021, "pixel_center": 0.0}
+    rgbd = read_rgbd(folder / "with.color.png", folder / "with.depth.png", depth_scale=10000, **lens)
+    inside = read_mask(folder / "compare_region.png")
+    assert rgbd.camera.cx == pytest.approx(314.741211)
+    assert rgbd.missing[inside].mean() == pytest.approx(0.07946, abs=1e-5)
+    assert 0.5 < np.median(rgbd.depth[rgbd.valid]) < 2
+    assert np.array_equal(rgbd.color, read_color(folder / "with.color.png"))

@@ -1,0 +1,78 @@
+"""scene.npz: everything, without loss (oracle: the arrays that were written), and readable by numpy alone."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dlama.errors import FileError
+from dlama.files.depth import read_depth
+from dlama.files.scenes import read_npz, write_npz
+from dlama.geometry.camera import Camera
+from dlama.geometry.scene import Scene
+from dlama.geometry.view import HoleType, View
+
+
+def view_of(seed: int, hw: tuple[int, int] = (5, 7)) -> View:
+    rng = np.random.default_rng(seed)
+    pose = np.eye(4)
+    pose[:3, 3] = rng.normal(size=3)
+    camera = Camera(hw[1], hw[0], 4.1, 4.2, 3.3, 2.4, pose)
+    full = View(
+        camera,
+        rng.integers(0, 256, (*hw, 3)).astype(np.uint8),
+        rng.uniform(1, 9, hw).astype(np.float32),
+        np.zeros(hw, bool),
+        np.zeros(hw, np.uint8),
+        rng.integers(1, 5, hw).astype(np.uint8),
+        rng.random(hw).astype(np.float32),
+    )
+    depth = np.where(rng.random(hw) < 0.2, np.float32(np.inf), full.depth)
+    return dataclasses.replace(full, depth=depth).without(rng.random(hw) < 0.3, HoleType.OBJECT)
+
+
+def assert_same(a: View, b: View) -> None:
+    assert a.camera.same_view_as(b.camera) and np.array_equal(a.camera.K, b.camera.K)
+    for name in ("color", "depth", "hole", "hole_type", "origin", "confidence"):
+        assert np.array_equal(getattr(a, name), getattr(b, name)), name
+
+
+@pytest.mark.parametrize("hw", [(5, 7), (1, 1), (1, 9)])
+def test_there_and_back(tmp_path: Path, hw: tuple[int, int]) -> None:
+    view, scene = view_of(0, hw), Scene((view_of(1, hw), view_of(2)), (view_of(3, hw),))
+    write_npz(tmp_path / "scene.npz", view, scene)
+    back, back_scene = read_npz(tmp_path / "scene.npz")
+    assert_same(back, view)
+    assert len(back_scene.layers) == 2 and len(back_scene.objects) == 1
+    for mine, theirs in zip((*back_scene.layers, *back_scene.objects), (*scene.layers, *scene.objects)):
+        assert_same(mine, theirs)
+
+
+def test_numpy_alone_reads_it(tmp_path: Path) -> None:
+    view = view_of(0)
+    write_npz(tmp_path / "scene.npz", view, Scene((view_of(1),)))
+    with np.load(tmp_path / "scene.npz") as arrays:
+        assert {"rgb", "depth", "valid", "K", "world_from_cam", "origin", "confidence"} <= set(arrays.files)
+        assert np.array_equal(arrays["valid"], view.valid) and np.array_equal(arrays["layer0_rgb"], view_of(1).color)
+    assert np.array_equal(read_depth(tmp_path / "scene.npz"), view.depth)
+
+
+def test_the_same_scene_is_the_same_file(tmp_path: Path) -> None:
+    for name in ("a.npz", "b.npz"):
+        write_npz(tmp_path / name, view_of(0), Scene((view_of(1),)))
+    assert (tmp_path / "a.npz").read_bytes() == (tmp_path / "b.npz").read_bytes()
+
+
+def test_bad_files(tmp_path: Path) -> None:
+    write_npz(tmp_path / "a.npz", view_of(0), Scene((view_of(1),)))
+    data = (tmp_path / "a.npz").read_bytes()
+    for kept in (0, 10, len(data) // 2, len(data) - 1):
+        (tmp_path / "cut.npz").write_bytes(data[:kept])
+        with pytest.raises(FileError, match=r"cut\.npz"):
+            read_npz(tmp_path / "cut.npz")
+    np.savez(tmp_path / "other.npz", depth=np.ones((2, 2)))
+    with pytest.raises(FileError, match=r"other\.npz: has no array called 'rgb'"):
+        read_npz(tmp_path / "other.npz")
