@@ -193,7 +193,7 @@ def blended(
             earlier = open_ & (weight[inside] > 0)
             seen = np.where(earlier, total[inside] / np.maximum(weight[inside], 1e-9), seen)
             open_ = open_ & ~earlier
-        share = np.minimum.outer(ramp(tile[1] - tile[0]), ramp(tile[3] - tile[2]))
+        share = np.multiply.outer(ramp(tile[1] - tile[0]), ramp(tile[3] - tile[2]))
         filled = np.where(open_, padded_call(seen, open_, network, layout), seen) if open_.any() else seen
         total[inside] += share * filled
         weight[inside] += share
