@@ -37,7 +37,7 @@ def test_first_command_is_the_demo_and_second_the_tests() -> None:
     """CI and newcomers rely on the order."""
     first, second = blocks("sh")[:2]
     assert first.strip() == "pip install . && dlama demo"
-    assert second.strip() == "pip install -e '.[test]' && python -m pytest"
+    assert second.strip() == "pip install torch==2.13.0 && pip install -e '.[test]' && python -m pytest"
 
 
 SHOWN = [

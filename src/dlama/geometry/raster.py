@@ -276,10 +276,11 @@ def lean(x, y, w, joined, row, column):
         steepest = max(steepest, abs(w[r, c] / here - 1))
         # the neighbour a quarter turn on: right -> down -> left -> up
         r2, c2 = row + dc, column - dr
-        if 0 <= r2 < height and 0 <= c2 < width and w[r2, c2] > 0:
-            if joined[min(row, r2), min(column, c2)] & (DOWN if side == RIGHT else RIGHT):
-                facing += (x[r, c] - x[row, column]) * (y[r2, c2] - y[row, column])
-                facing -= (x[r2, c2] - x[row, column]) * (y[r, c] - y[row, column])
+        if not (0 <= r2 < height and 0 <= c2 < width) or w[r2, c2] <= 0:
+            continue
+        if joined[min(row, r2), min(column, c2)] & (DOWN if side == RIGHT else RIGHT):
+            facing += (x[r, c] - x[row, column]) * (y[r2, c2] - y[row, column])
+            facing -= (x[r2, c2] - x[row, column]) * (y[r, c] - y[row, column])
     return -1.0 if facing < 0 else steepest
 
 

@@ -74,9 +74,7 @@ def plane_values(planes: NDArray[np.float64], hw: tuple[int, int], step: float =
     return (a * u + b * v[:, None] + c).astype(np.float32)
 
 
-def label_known(
-    w: Float32Array, surface: BoolArray, far: BoolArray, planes: NDArray[np.float64]
-) -> NDArray[np.int32]:
+def label_known(w: Float32Array, surface: BoolArray, far: BoolArray, planes: NDArray[np.float64]) -> NDArray[np.int32]:
     """H x W int32: SKY at far pixels, k >= 1 on the k-th plane, SMOOTH elsewhere (holes too).
 
     Of the planes that fit a pixel it belongs to the one that fits most of its neighbourhood: a plane that merely cuts through

@@ -1,0 +1,103 @@
+"""Objects taken out of a closed-form scene: the background behind them, the clouds with and without, the masks refused."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from small_street import BALL, MASK, completed, counts, fillers, recipes, recipes_of_clouds, street
+
+from dlama.completion.recipes import RECIPES
+from dlama.completion.scenes import complete, remove
+from dlama.errors import MaskError
+from dlama.geometry.holes import dilated
+from dlama.geometry.lifting import lift
+from dlama.geometry.rendering import render
+from dlama.geometry.scene import Scene
+from dlama.geometry.view import HoleType, Origin
+from dlama.geometry.visibility import Law, violations
+
+
+@fillers
+@recipes
+def test_the_background_lies_behind_what_was_removed(recipe: str, filler: str) -> None:
+    """Law: at every pixel of the grown mask depth is not before the object's, and what was a hole says OBJECT."""
+    done, frame = completed(recipe, filler, True, 0.0), street()
+    taken = dilated(MASK, 3)
+    np.testing.assert_array_equal(done.warped[0].hole_type[taken], HoleType.OBJECT)
+    np.testing.assert_array_equal(done.view.filled & ~frame.missing, taken & ~frame.missing)
+    object_depth = np.minimum(frame.depth, RECIPES[recipe].clip_m or np.inf)
+    assert (done.view.depth[taken] >= object_depth[taken] * (1 - 1.1e-3)).all()
+    if filler == "layered":
+        assert (done.view.depth[MASK] > 1.3 * frame.depth[MASK]).mean() > 0.98
+
+
+@fillers
+@recipes_of_clouds
+def test_clouds_with_and_without_the_object(recipe: str, filler: str) -> None:
+    """Closed form (eq. 10, 11): c+ holds every measured point and the finite filled ones; c- all but the grown object's."""
+    done = completed(recipe, filler, True, 0.0)
+    plus, minus = done.completed, done.background
+    taken, valid = dilated(MASK, 3), done.source.valid
+    assert counts(plus.origin)[Origin.MEASURED] == valid.sum()
+    assert counts(minus.origin)[Origin.MEASURED] == (valid & ~taken).sum()
+    for kind in (Origin.FILLED, Origin.DEPTH_FILLED):
+        finite = (done.view.origin == kind) & np.isfinite(done.view.depth)
+        assert counts(plus.origin)[kind] == counts(minus.origin)[kind] == finite.sum()
+    assert counts(plus.origin)[Origin.UNKNOWN] == counts(plus.origin)[Origin.REPROJECTED] == 0
+    of_source = lift(done.source)
+    kept = set(map(tuple, plus.points[plus.origin == Origin.MEASURED]))
+    assert kept == set(map(tuple, of_source.points))
+    assert (BALL.distance(plus.points) < 1e-3).sum() >= MASK.sum()
+    assert not (BALL.distance(minus.points[minus.origin == Origin.MEASURED]) < 1e-3).any()
+
+
+def test_the_mesh_is_the_background() -> None:
+    """Law: the completion's mesh has no vertex on the removed ball and as many as the layers of c- have pixels (rims too)."""
+    done = completed("dlama", "layered", True, 0.0)
+    assert not (BALL.distance(done.mesh.vertices[done.mesh.origin == Origin.MEASURED]) < 1e-3).any()
+    assert len(done.mesh.vertices) <= sum(int(layer.valid.sum()) for layer in done.scene.layers)
+    assert len(done.mesh.triangles) > 10000
+
+
+def test_no_camera_at_all_still_takes_the_object_out() -> None:
+    """Law: with no cameras there are no views, and the scene is the source with the object's place filled."""
+    done = complete(street(), [], mask=MASK, filler="telea")
+    assert done.views == () and done.warped == () and len(done.scene.layers) == 2
+    assert counts(done.background.origin)[Origin.FILLED] > 100
+
+
+@fillers
+def test_what_was_filled_earlier_keeps_the_law_too(filler: str) -> None:
+    """Law over all filled pixels of a view from aside, those filled in the source view and adopted from there included."""
+    done = completed("dlama", filler, True, -14.0)
+    assert not violations(done.view, Law.of(Scene((done.source,)))).any()
+
+
+@fillers
+@recipes
+def test_what_is_filled_anew_beside_what_was_filled_earlier_keeps_the_law(recipe: str, filler: str) -> None:
+    """What holds of it: every pixel filled anew is lawful; of those adopted at most 6 % are not."""
+    done = completed(recipe, filler, True, -14.0)
+    earlier = render(complete(street(), [], mask=MASK, filler=filler, recipe=recipe).scene, done.view.camera, "surface")
+    wrong = violations(done.view, Law.of(Scene((done.source,))))
+    adopted = done.view.filled & ~earlier.hole if recipe == "dlama" else np.zeros_like(wrong)
+    assert not (wrong & ~adopted).any() and (done.view.filled & ~adopted).sum() > 1000
+    assert recipe == "paper" or wrong[adopted].mean() < 0.06
+
+
+@recipes
+@pytest.mark.parametrize(
+    ("mask", "message"),
+    [
+        (np.zeros((96, 128), bool), "empty"),
+        (np.ones((96, 128), bool), "full"),
+        (np.ones((128, 96), bool), "96x128 and the picture 128x96"),
+        (MASK.astype(np.uint8) * 255, "uint8"),
+        (~np.pad(np.ones((4, 4), bool), ((46, 46), (62, 62))), "full"),
+    ],
+    ids=["empty", "full", "size", "dtype", "full once dilated"],
+)
+def test_masks_that_are_refused(recipe: str, mask: np.ndarray, message: str) -> None:
+    """Message: says which of the ways a mask is wrong; the last is full only once it has grown by 3 px."""
+    with pytest.raises(MaskError, match=message):
+        remove(street(), mask, filler="telea", recipe=recipe)

@@ -1,0 +1,244 @@
+"""Views of a closed-form scene: what was measured stays, settings do what they say, odd input does not crash."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from small_street import CAMERA, MASK, completed, counts, fillers, recipes, recipes_of_clouds, street
+
+from dlama.completion.recipes import RECIPES
+from dlama.completion.scenes import complete, remove, target_camera, view
+from dlama.errors import DepthError, InputError, MaskError
+from dlama.geometry.camera import Camera
+from dlama.geometry.holes import dilated
+from dlama.geometry.rgbd import RGBD
+from dlama.geometry.scene import Scene
+from dlama.geometry.trajectories import dolly, orbit
+from dlama.geometry.view import HoleType, Origin, View
+from dlama.geometry.visibility import Law, violations
+from dlama.inpainters import INPAINTERS, Fill
+from reference import law as twin
+from worlds import moved, pixels_of, points_of
+
+
+@fillers
+@recipes
+def test_own_view_keeps_every_measured_pixel(recipe: str, filler: str) -> None:
+    """Law: at yaw 0 every measured pixel, sky too, is the source's bit for bit; only the sensor holes were filled."""
+    done = completed(recipe, filler, False, 0.0)
+    frame, clip = street(), RECIPES[recipe].clip_m or np.inf
+    measured = ~frame.missing
+    np.testing.assert_array_equal(done.view.color[measured], frame.color[measured])
+    np.testing.assert_array_equal(done.view.depth[measured], np.minimum(frame.depth, np.float32(clip))[measured])
+    np.testing.assert_array_equal(done.view.origin[measured], Origin.MEASURED)
+    np.testing.assert_array_equal(done.warped[0].hole, frame.missing if recipe == "paper" else False)
+    np.testing.assert_array_equal(done.view.confidence == 1, measured)
+    assert not done.view.hole.any() and (done.view.depth > 0).all()
+
+
+@fillers
+@recipes
+def test_own_view_fills_only_the_depth_of_sensor_holes(recipe: str, filler: str) -> None:
+    """Law: a sensor hole's colour was measured: untouched; its origin says DEPTH_FILLED."""
+    done, frame = completed(recipe, filler, False, 0.0), street()
+    np.testing.assert_array_equal(done.view.color, frame.color)
+    np.testing.assert_array_equal(done.view.origin[frame.missing], Origin.DEPTH_FILLED)
+
+
+@fillers
+@recipes_of_clouds
+def test_the_cloud_of_the_own_view_counts_by_origin(recipe: str, filler: str) -> None:
+    """Closed form: measured are the valid pixels, depth-filled the sensor holes less the sky among them; nothing else."""
+    done = completed(recipe, filler, False, 0.0)
+    finite = street().missing & np.isfinite(done.view.depth)
+    expected = dict.fromkeys(Origin, 0) | {
+        Origin.MEASURED: int(done.source.valid.sum()),
+        Origin.DEPTH_FILLED: int(finite.sum()),
+    }
+    assert counts(done.completed.origin) == expected == counts(done.background.origin)
+
+
+@fillers
+@recipes
+@pytest.mark.parametrize(("removing", "yaw"), [(True, 0.0), (False, 14.0), (True, -14.0)])
+def test_outside_the_hole_nothing_changes(recipe: str, filler: str, removing: bool, yaw: float) -> None:
+    """Law: pixels outside the hole of the warped view are the completed view's, bit for bit; inside all are filled, typed,
+    and less sure than measured."""
+    done = completed(recipe, filler, removing, yaw)
+    before, after = done.warped[0], done.view
+    known = ~before.hole
+    for name in ("color", "depth", "origin", "confidence"):
+        np.testing.assert_array_equal(getattr(after, name)[known], getattr(before, name)[known], err_msg=name)
+    np.testing.assert_array_equal(after.hole_type, before.hole_type)
+    assert before.hole.any() and not after.hole.any() and (after.depth > 0).all()
+    assert np.isin(after.origin[before.hole], (Origin.FILLED, Origin.DEPTH_FILLED)).all()
+    assert (after.confidence[before.hole] < 1).all()
+
+
+@fillers
+@recipes
+@pytest.mark.parametrize(("removing", "yaw"), [(True, 0.0), (False, 14.0)])
+def test_what_is_filled_keeps_the_law(recipe: str, filler: str, removing: bool, yaw: float) -> None:
+    """Law, by the checker and by its twin, over all filled pixels; the meta says so too."""
+    done = completed(recipe, filler, removing, yaw)
+    law = Law.of(Scene((done.source,)))
+    assert done.meta["law_violations"] == 0
+    assert done.view.filled.any() and not violations(done.view, law).any()
+    wrong, unsure = twin.broken(done.view.camera, done.view.depth, done.view.filled, CAMERA, law.measured[0][1])
+    assert not (wrong & ~unsure).any()
+
+
+@fillers
+def test_nothing_filled_covers_the_sky_of_the_source(filler: str) -> None:
+    """Law: filled points, carried into the source picture, never land in a far pixel (a pixel's very edge left out)."""
+    done = completed("dlama", filler, True, -14.0)
+    finite = done.view.filled & np.isfinite(done.view.depth)
+    points = points_of(done.view.camera, np.where(finite, done.view.depth, 1.0))[finite]
+    x, y, z = pixels_of(CAMERA, points)
+    on_edge = np.minimum(abs(x - np.round(x)), abs(y - np.round(y))) < 1e-4
+    inside = (z > 0) & (x >= 0) & (x < 128) & (y >= 0) & (y < 96) & ~on_edge
+    assert inside.sum() > 200
+    assert not street().far[y[inside].astype(int), x[inside].astype(int)].any()
+
+
+@fillers
+@recipes
+def test_the_same_seed_gives_the_same_bits(recipe: str, filler: str) -> None:
+    """Law: a removal seen from aside, again, bit for bit; meta data too but for the clock."""
+    first = completed(recipe, filler, True, -14.0)
+    again = remove(street(), MASK, yaw=-14.0, filler=filler, recipe=recipe)
+    for name in ("color", "depth", "origin", "confidence", "hole_type"):
+        np.testing.assert_array_equal(getattr(again.view, name), getattr(first.view, name))
+    assert {**again.meta, "seconds": 0} == {**first.meta, "seconds": 0}
+
+
+@fillers
+@recipes
+def test_meta_is_json_and_adds_up(recipe: str, filler: str) -> None:
+    """Round trip through JSON without NaN; shares by type add up to the hole share; names and stages are there."""
+    done = completed(recipe, filler, True, -14.0)
+    meta = json.loads(json.dumps(done.meta, allow_nan=False))
+    assert meta == done.meta
+    assert meta["recipe"]["name"] == recipe and meta["filler"] == filler and meta["seed"] == 0
+    assert sum(meta["hole_share_by_type"][0].values()) == pytest.approx(meta["hole_share"][0], abs=1e-5)
+    assert meta["hole_share"][0] == pytest.approx((done.warped[0].hole_type > 0).mean(), abs=1e-5)
+    assert meta["filled_pixels"] >= done.warped[0].hole.mean() and meta["law_violations"] == 0
+    assert set(meta["seconds"]) == {"render", "fill", "fuse"} and min(meta["seconds"].values()) >= 0
+    assert meta["nothing_visible"] is False
+
+
+def test_flying_pixels_are_counted_only_when_the_camera_moves() -> None:
+    """Closed form: one row of mixed depths between two walls; 12 of them, none at the source's own camera."""
+    depth = np.full((12, 16), 2, np.float32)
+    depth[:, 8:], depth[:, 8] = 4, 2.8
+    frame = RGBD(np.zeros((12, 16, 3), np.uint8), depth, Camera.from_fov(16, 12, 60))
+    assert view(frame, yaw=5, filler="telea").meta["flying_pixels_rejected"] == 12
+    assert view(frame, filler="telea").meta["flying_pixels_rejected"] == 0
+
+
+@recipes
+def test_a_target_that_sees_nothing_says_so(recipe: str) -> None:
+    """Law: no crash; the view stays a hole, the meta says nothing_visible, the cloud is what was measured."""
+    away = moved(CAMERA, (0, 180, 0), (0, 0, -1))
+    frame = street(sensor_holes=False)
+    done = view(frame, away, recipe=recipe, filler="telea")
+    assert done.meta["nothing_visible"] is True and done.meta["filled_pixels"] == 0
+    assert done.view.hole.all() and (done.view.hole_type == HoleType.OUT_OF_VIEW).all()
+    assert len(done.scene.layers) == 1 and len(done.completed) == done.source.valid.sum()
+    json.dumps(done.meta, allow_nan=False)
+    both = complete(frame, [away, orbit(CAMERA, 10)], recipe=recipe, filler="telea")
+    assert both.views[0].hole.all() and not both.views[1].hole.any()
+
+
+@fillers
+@recipes
+@pytest.mark.parametrize("metres", [0, np.inf])
+def test_pictures_of_nothing_and_of_sky_only(recipe: str, filler: str, metres: float) -> None:
+    """Law: without any depth nothing is visible; with nothing but sky (10 m to the paper) the rest is filled."""
+    frame = RGBD(np.full((12, 16, 3), 99, np.uint8), np.full((12, 16), metres, np.float32), Camera.from_fov(16, 12, 60))
+    done = view(frame, yaw=20, filler=filler, recipe=recipe)
+    assert done.meta["nothing_visible"] is (metres == 0)
+    assert done.view.hole.all() == (metres == 0)
+    if metres:
+        assert done.view.far.all() if recipe == "dlama" else (done.view.depth < 30).all()
+
+
+@fillers
+@recipes
+@pytest.mark.parametrize("wh", [(1, 1), (1, 9), (9, 1), (2, 1)])
+def test_pictures_one_pixel_wide_or_high(recipe: str, filler: str, wh: tuple[int, int]) -> None:
+    """Law: a step back and aside leaves no hole; the object of one pixel goes where there is another to fill from."""
+    color = np.random.default_rng(0).integers(0, 256, (wh[1], wh[0], 3), np.uint8)
+    frame = RGBD(color, np.full((wh[1], wh[0]), 2, np.float32), Camera(*wh, 9, 9, wh[0] / 2, wh[1] / 2))
+    for target in (frame.camera, moved(frame.camera, shift=(0, 0, -0.5))):
+        done = view(frame, target, filler=filler, recipe=recipe)
+        assert not done.view.hole.any()
+    np.testing.assert_array_equal(view(frame, filler=filler, recipe=recipe).view.color, color)
+    mask = np.zeros((wh[1], wh[0]), bool)
+    mask.flat[0] = True
+    if wh == (1, 1):
+        with pytest.raises(MaskError, match="full"):
+            remove(frame, mask, filler=filler, recipe=recipe, dilate=0)
+        return
+    done = remove(frame, mask, filler=filler, recipe=recipe, dilate=0)
+    np.testing.assert_array_equal(done.view.filled, mask)
+    assert done.view.depth.flat[0] >= 2 * (1 - 1.1e-3)
+
+
+def test_unknown_names_list_the_known_ones() -> None:
+    """Message: filler, recipe, setting, mode."""
+    for wrong, known in (
+        ({"filler": "magic"}, INPAINTERS),
+        ({"recipe": "lama"}, RECIPES),
+        ({"dilation": 3}, ["mode", "dilate", "dilate_holes", "clip_m"]),
+        ({"mode": "voxels"}, ["surface", "points"]),
+    ):
+        with pytest.raises(InputError) as error:
+            view(street(), yaw=5, **wrong)  # type: ignore[arg-type]
+        assert all(name in str(error.value) for name in known)
+
+
+def test_settings_change_what_they_say() -> None:
+    """Closed form: dilate_holes grows the warped hole by so many px, dilate the mask, clip_m cuts, mode draws points."""
+    plain = completed("dlama", "telea", False, 14.0).warped[0]
+    wider = view(street(), yaw=14.0, filler="telea", dilate_holes=2)
+    np.testing.assert_array_equal(wider.warped[0].hole, dilated(plain.hole, 2))
+    assert not wider.warped[0].depth[wider.warped[0].hole].any()
+    exact = remove(street(), MASK, filler="telea", dilate=0)
+    np.testing.assert_array_equal(exact.view.filled, MASK)
+    assert view(street(sensor_holes=False), filler="telea", clip_m=4.0).view.depth.max() == 4
+    by_points = view(street(), yaw=14.0, filler="telea", mode="points")
+    assert (by_points.warped[0].hole_type == HoleType.CRACK).any() and not (plain.hole_type == HoleType.CRACK).any()
+    assert by_points.meta["recipe"]["mode"] == "points"
+
+
+def test_a_filler_of_ones_own() -> None:
+    """Law: any callable (view, law, seed) -> Fill; it gets the seed, its notes are in the meta, and its name."""
+    seeds = []
+
+    def seven(view: View, law: Law, seed: int) -> Fill:
+        seeds.append(seed)
+        return Fill(np.full_like(view.color, 7), np.full_like(view.depth, 50), notes={"sevens": 7})
+
+    done = view(street(sensor_holes=False), yaw=14.0, filler=seven, seed=11)
+    assert seeds == [11] and done.meta["filler"] == "seven" and done.meta["notes"] == {"sevens": 7}
+    assert (done.view.color[done.view.filled] == 7).all()
+
+
+def test_target_cameras() -> None:
+    """Closed form: orbit about 2.5 m, then dolly; `auto` takes the median depth; a camera and an orbit contradict."""
+    frame = street()
+    camera = target_camera(frame, yaw=10, pitch=-5, dolly=0.3)
+    assert camera.same_view_as(dolly(orbit(CAMERA, 10, -5, 2.5), 0.3))
+    median = float(np.median(frame.depth[frame.valid]))
+    assert target_camera(frame, yaw=10, pivot="auto").same_view_as(orbit(CAMERA, 10, 0, median))
+    assert target_camera(frame).same_view_as(CAMERA)
+    assert target_camera(frame, camera) is camera
+    for given in ({"yaw": 1.0}, {"pitch": 1.0}, {"dolly": 0.1}):
+        with pytest.raises(InputError, match="both given"):
+            target_camera(frame, camera, **given)
+    nothing = RGBD(frame.color, np.zeros_like(frame.depth), CAMERA)
+    with pytest.raises(DepthError, match="no valid value"):
+        target_camera(nothing, yaw=10, pivot="auto")

@@ -1,0 +1,127 @@
+"""Masks and holes: growing and shrinking by brute force, masks refused with a reason, hole types carried outwards."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from dlama.errors import InputError, MaskError
+from dlama.geometry.camera import Camera
+from dlama.geometry.holes import checked_mask, dilated, disc, eroded, grown, hole_shares
+from dlama.geometry.rgbd import RGBD
+from dlama.geometry.view import HoleType, Origin, View
+
+
+def random_mask(seed: int, height: int = 14, width: int = 17) -> np.ndarray:
+    """A few lone pixels."""
+    return np.random.default_rng(seed).random((height, width)) < 0.05
+
+
+def grown_by_hand(mask: np.ndarray, radius: int) -> np.ndarray:
+    """Every pixel within radius + 0.5 of a pixel of the mask."""
+    rows, columns = np.nonzero(mask)
+    y, x = np.indices(mask.shape)
+    if not len(rows):
+        return mask.copy()
+    return (np.hypot(y[..., None] - rows, x[..., None] - columns) <= radius + 0.5).any(-1)
+
+
+@pytest.mark.parametrize(("radius", "area"), [(0, 1), (1, 9), (2, 21), (3, 37)])
+def test_the_kernel_is_a_disc(radius: int, area: int) -> None:
+    """Closed form: pixels whose centre lies within radius + 0.5; the area by counting on squared paper."""
+    kernel = disc(radius)
+    assert kernel.shape == (2 * radius + 1,) * 2 and kernel.dtype == np.uint8
+    assert kernel.sum() == area
+    np.testing.assert_array_equal(kernel, kernel.T)
+    np.testing.assert_array_equal(kernel, kernel[::-1])
+
+
+def test_a_negative_radius_is_refused() -> None:
+    """Message: says what came and what was wanted."""
+    with pytest.raises(InputError, match="dilation is -1 px; 0 or more"):
+        disc(-1)
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.integers(0, 10**6), st.integers(0, 4))
+def test_dilation_and_erosion_by_brute_force(seed: int, radius: int) -> None:
+    """Brute force; erosion is dilation of what is outside, and beyond the picture counts as mask."""
+    mask = random_mask(seed)
+    np.testing.assert_array_equal(dilated(mask, radius), grown_by_hand(mask, radius))
+    np.testing.assert_array_equal(eroded(~mask, radius), ~grown_by_hand(mask, radius))
+    for out in (dilated(mask, radius), eroded(mask, radius)):
+        assert out.dtype == np.bool_ and out is not mask
+
+
+@pytest.mark.parametrize(
+    ("mask", "message"),
+    [
+        (np.zeros((4, 6), bool), "empty"),
+        (np.ones((4, 6), bool), "full"),
+        (np.eye(6, dtype=bool), "6x6 and the picture 6x4"),
+        (np.eye(4, 6, dtype=np.uint8) * 255, r"uint8 with shape \(4, 6\)"),
+        (np.zeros((4, 6, 3), bool), r"bool with shape \(4, 6, 3\)"),
+        (np.zeros((4, 6)), "float64"),
+    ],
+)
+def test_masks_that_are_refused(mask: np.ndarray, message: str) -> None:
+    """Message: empty, full, of the wrong size, grey, coloured: each says what came."""
+    with pytest.raises(MaskError, match=message):
+        checked_mask(mask, (4, 6))
+
+
+def test_a_good_mask_comes_back_itself() -> None:
+    """Law: one pixel to remove and one to keep is enough."""
+    mask = np.eye(4, 6, dtype=bool)
+    assert checked_mask(mask, (4, 6)) is mask
+
+
+def a_view(hole_type: np.ndarray) -> View:
+    """A measured view with holes of the given types."""
+    rng = np.random.default_rng(0)
+    height, width = hole_type.shape
+    color = rng.integers(1, 256, (height, width, 3), np.uint8)
+    view = View.from_rgbd(RGBD(color, np.full((height, width), 2, np.float32), Camera.from_fov(width, height, 60)))
+    for kind in HoleType:
+        view = view.without((hole_type == kind) & (hole_type > 0), kind)
+    return view
+
+
+def test_shares_by_type() -> None:
+    """Closed form: 3 of 12 pixels out of view, 1 an object, and NONE is not listed."""
+    view = a_view(np.array([[4, 4, 4, 0], [0, 6, 0, 0], [0, 0, 0, 0]], np.uint8))
+    shares = hole_shares(view)
+    assert shares.pop("out_of_view") == 0.25 and shares.pop("object") == 1 / 12
+    assert set(shares) == {"crack", "disoccluded", "flying", "sensor"} and not any(shares.values())
+
+
+@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("radius", [1, 3])
+def test_grown_holes_take_the_type_of_the_nearest(seed: int, radius: int) -> None:
+    """Brute force (distances within the 3 % of OpenCV's 5 x 5 mask); given-up pixels are empty, all others untouched."""
+    rng = np.random.default_rng(seed)
+    types = np.where(random_mask(seed), rng.integers(1, len(HoleType), (14, 17)), 0).astype(np.uint8)
+    view = a_view(types)
+    out = grown(view, radius)
+    np.testing.assert_array_equal(out.hole, grown_by_hand(view.hole, radius))
+    given_up = out.hole & ~view.hole
+    for name in ("color", "depth", "origin", "confidence"):
+        np.testing.assert_array_equal(getattr(out, name)[~given_up], getattr(view, name)[~given_up])
+        assert not getattr(out, name)[given_up].any()
+    np.testing.assert_array_equal(out.hole_type[~given_up], view.hole_type[~given_up])
+    rows, columns = np.nonzero(view.hole)
+    for row, column in zip(*np.nonzero(given_up)):
+        away = np.hypot(rows - row, columns - column)
+        nearest = types[rows, columns][away <= 1.03 * away.min()]
+        assert out.hole_type[row, column] in nearest
+
+
+def test_nothing_grows_by_nothing() -> None:
+    """Law: no hole, or radius 0, gives the view back itself."""
+    whole = a_view(np.zeros((5, 6), np.uint8))
+    holed = a_view(np.eye(5, 6, dtype=np.uint8))
+    assert grown(whole, 3) is whole
+    assert grown(holed, 0) is holed
+    assert (holed.origin[~holed.hole] == Origin.MEASURED).all()

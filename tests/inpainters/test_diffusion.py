@@ -1,0 +1,111 @@
+"""OpenCV's two fillers on depth: closed forms that hold to 16-bit steps of inverse depth; the paper's 8-bit steps."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from dlama.geometry.camera import Camera
+from dlama.geometry.rgbd import RGBD
+from dlama.geometry.view import HoleType, View
+from dlama.geometry.visibility import Law
+from dlama.inpainters.diffusion import depth_of_levels, eight_bit, navier_stokes, telea
+from dlama.inpainters.filling import Fill, Inpainter, inpaint
+from worlds import Plane, World
+
+both = pytest.mark.parametrize("filler", [telea, navier_stokes], ids=["telea", "navier-stokes"])
+NOTHING = Law(())
+
+
+def with_hole(depth: np.ndarray, hole: np.ndarray, color: np.ndarray | None = None) -> View:
+    """A view of the given depth, one colour, with a hole."""
+    color = np.full((*depth.shape, 3), (200, 30, 90), np.uint8) if color is None else color
+    camera = Camera.from_fov(depth.shape[1], depth.shape[0], 60)
+    return View.from_rgbd(RGBD(color, depth.astype(np.float32), camera)).without(hole, HoleType.OBJECT)
+
+
+def block(height: int = 40, width: int = 60) -> np.ndarray:
+    """A hole in the middle."""
+    hole = np.zeros((height, width), bool)
+    hole[12:28, 20:45] = True
+    return hole
+
+
+STEPS = 3
+"""16-bit (colour: 8-bit) steps by which OpenCV's Telea drifts on a constant plane this size; Navier-Stokes does not."""
+
+
+@both
+@pytest.mark.parametrize("metres", [0.05, 1.37, 499.0])
+@pytest.mark.parametrize("nearest", [1.0, 0.4])
+def test_a_constant_plane_goes_on_at_its_depth(filler: Inpainter, metres: float, nearest: float) -> None:
+    """Closed form: within a few 16-bit steps, whose full scale is the nearest pixel (here the plane itself, or a pixel at
+    0.4 times its depth in a corner, which plays no part in the hole). Colour likewise, in steps of 8 bits."""
+    depth = np.full((40, 60), metres)
+    depth[0, 0] *= nearest
+    filled, _ = inpaint(with_hole(depth, block()), filler, NOTHING)
+    step = 1 / (metres * nearest) / 65535
+    assert abs(1 / filled.depth[block()].astype(float) - 1 / metres).max() < (STEPS + 0.5) * step
+    assert abs(filled.color.astype(int) - (200, 30, 90)).max() <= STEPS
+
+
+@both
+def test_a_slanted_plane_is_bridged(filler: Inpainter) -> None:
+    """Closed form: across a hole 4 px wide depth is off by less than the plane changes across it."""
+    depth = World((Plane((0, 0, 3), (0.4, 0.1, 1)),)).trace(Camera.from_fov(60, 40, 60))[0]
+    hole = np.zeros(depth.shape, bool)
+    hole[:, 28:32] = True
+    filled, _ = inpaint(with_hole(depth, hole), filler, NOTHING)
+    change = abs(depth[:, 32] - depth[:, 27])
+    assert (abs(filled.depth - depth).max(1) < change)[5:-5].all()
+
+
+@both
+def test_filled_depth_stays_between_what_is_known(filler: Inpainter) -> None:
+    """Law: diffusion makes nothing nearer than the nearest known pixel, and no NaN; with sky about, far is allowed."""
+    rng = np.random.default_rng(0)
+    depth = rng.uniform(1, 4, (40, 60))
+    depth[:14] = np.inf
+    filled, _ = inpaint(with_hole(depth, block()), filler, NOTHING)
+    assert (filled.depth >= depth.min() * (1 - 1e-4)).all()
+
+
+@both
+def test_sky_goes_on_as_sky(filler: Inpainter) -> None:
+    """Closed form: inverse depth 0 all round stays 0, which is far."""
+    depth = np.full((40, 60), np.inf)
+    depth[35:] = 2
+    hole = np.zeros(depth.shape, bool)
+    hole[5:15, 20:40] = True
+    filled, _ = inpaint(with_hole(depth, hole), filler, NOTHING)
+    assert filled.far[hole].all()
+
+
+def test_levels_are_inverse_depth() -> None:
+    """Closed form: level k is 1 / (k * scale) metres, level 0 far."""
+    got = depth_of_levels(np.array([[0, 1, 10, 65535]], np.uint16), 1e-3)
+    np.testing.assert_allclose(got, [[np.inf, 1000, 100, 1 / 65.535]], rtol=1e-6)
+    assert got.dtype == np.float32
+
+
+def test_eight_bit_depth_has_the_papers_steps() -> None:
+    """Closed form: cut at 10 m, rounded to 10 m / 255, never 0; colour, moves and notes go through."""
+    proposed = np.array([[1e-4, 0.03, 0.06, 1.37, 9.99, 12, np.inf]], np.float32)
+    view = with_hole(np.ones((1, 7)), np.zeros((1, 7), bool))
+
+    def inner(view: View, law: Law, seed: int) -> Fill:
+        return Fill(view.color, proposed, seed, {"who": "inner"})
+
+    fill = eight_bit(inner, 10.0)(view, NOTHING, 4)
+    np.testing.assert_allclose(fill.depth / (10 / 255), [[1, 1, 2, 35, 255, 255, 255]], rtol=1e-6)
+    assert fill.depth.dtype == np.float32
+    assert fill.law_moves == 4 and fill.notes == {"who": "inner"} and fill.color is view.color
+
+
+def test_what_sixteen_bits_rely_on() -> None:
+    """Somebody else's code: OpenCV's Telea keeps a constant uint16 plane to a few levels of 65535."""
+    import cv2
+
+    levels = np.where(block(), 0, 41234).astype(np.uint16)
+    out = cv2.inpaint(levels, block().astype(np.uint8), 3, cv2.INPAINT_TELEA)
+    assert abs(out.astype(int) - 41234).max() <= STEPS

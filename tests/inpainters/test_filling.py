@@ -1,0 +1,208 @@
+"""What `inpaint` promises for every filler: known pixels untouched, the law kept, all holes filled, the same bits again."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from dlama.errors import InputError
+from dlama.geometry.camera import Camera
+from dlama.geometry.rendering import render
+from dlama.geometry.rgbd import RGBD
+from dlama.geometry.scene import Scene
+from dlama.geometry.view import HoleType, Origin, View
+from dlama.geometry.visibility import Law, violations
+from dlama.inpainters import INPAINTERS, Fill, inpaint, inpainter
+from dlama.inpainters.filling import fill_confidence
+from worlds import Box, Plane, Sphere, World, moved
+
+fillers = pytest.mark.parametrize("name", INPAINTERS)
+NOTHING = Law(())
+
+
+def random_view(seed: int, height: int, width: int) -> View:
+    """Any mixture of surface, sky, sensor holes and taken-out pixels; what is known may be nothing."""
+    rng = np.random.default_rng(seed)
+    depth = np.exp(rng.uniform(-1, 3, (height, width))).astype(np.float32)
+    state = rng.random((height, width))
+    depth[state < 0.1] = np.inf
+    depth[state > 0.9] = 0
+    color = rng.integers(0, 256, (height, width, 3), np.uint8)
+    view = View.from_rgbd(RGBD(color, depth, Camera.from_fov(width, height, 70)))
+    taken = rng.random((height, width)) < rng.choice([0.1, 0.5, 1.0])
+    return view.without(taken, HoleType.OBJECT)
+
+
+def moved_view() -> tuple[View, Law]:
+    """A street-like world (floor, wall, sky, ball; a sensor hole) seen from 60 cm aside: every kind of hole."""
+    world = World((Plane((0, 1, 0), (0, 1, 0)), Box((-9, -0.5, 6), (9, 1, 7)), Sphere((0, 0.3, 3), 0.4)))
+    frame = world.rgbd(Camera.from_fov(96, 72, 70))
+    depth = frame.depth.copy()
+    depth[60:66, 20:30] = 0
+    source = View.from_rgbd(RGBD(frame.color, depth, frame.camera))
+    return render(source, moved(frame.camera, (0, -8, 0), (0.6, 0, 0))), Law.of(Scene((source,)))
+
+
+def same_bits(one: View, other: View) -> None:
+    """Every field of two views is equal."""
+    for name in ("color", "depth", "hole", "hole_type", "origin", "confidence"):
+        np.testing.assert_array_equal(getattr(one, name), getattr(other, name), err_msg=name)
+
+
+@fillers
+def test_known_pixels_stay_and_holes_are_filled(name: str) -> None:
+    """Law on a rendered view with every hole type: outside the hole all fields bit for bit, inside all filled and lawful."""
+    view, law = moved_view()
+    assert {HoleType.DISOCCLUDED, HoleType.OUT_OF_VIEW, HoleType.SENSOR} <= set(np.unique(view.hole_type).tolist())
+    filled, report = inpaint(view, INPAINTERS[name], law)
+    known = ~view.hole
+    for field in ("color", "depth", "origin", "confidence", "hole_type"):
+        np.testing.assert_array_equal(getattr(filled, field)[known], getattr(view, field)[known], err_msg=field)
+    np.testing.assert_array_equal(filled.hole_type, view.hole_type)
+    assert not filled.hole.any() and (filled.depth > 0).all()
+    np.testing.assert_array_equal(filled.origin[view.hole], Origin.FILLED)
+    assert report.hole_pixels == view.hole.sum() and report.law_violations == 0
+    assert not violations(filled, law).any()
+    assert filled.camera is view.camera
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.integers(0, 2**32 - 1), st.sampled_from(sorted(INPAINTERS)), st.integers(1, 9), st.integers(1, 9))
+def test_any_small_view_is_filled(seed: int, name: str, height: int, width: int) -> None:
+    """Law, also for 1x1, 1xN and Nx1: known pixels bit for bit, measured colour kept, depth > 0, confidence in 0..1."""
+    view = random_view(seed, height, width)
+    filled, report = inpaint(view, INPAINTERS[name], NOTHING, seed % 7)
+    if view.hole.all():
+        assert filled is view and report.notes["nothing_visible"] and report.hole_pixels == 0
+        return
+    known, sensor = ~view.hole, view.hole & (view.origin == Origin.DEPTH_FILLED)
+    np.testing.assert_array_equal(filled.color[known | sensor], view.color[known | sensor])
+    np.testing.assert_array_equal(filled.depth[known], view.depth[known])
+    assert not filled.hole.any() and (filled.depth > 0).all()
+    np.testing.assert_array_equal(filled.filled, view.hole & ~sensor)
+    np.testing.assert_array_equal(filled.origin == Origin.DEPTH_FILLED, sensor)
+    assert (filled.confidence >= 0).all() and (filled.confidence <= 1).all()
+    assert report.hole_pixels == view.hole.sum()
+
+
+@fillers
+@pytest.mark.parametrize("hw", [(1, 2), (2, 1), (1, 40), (40, 1), (1, 600), (600, 1)])
+def test_pictures_one_pixel_wide_or_high(name: str, hw: tuple[int, int]) -> None:
+    """Closed form: a constant picture 1xN or Nx1 with a hole goes on as that constant (16-bit steps of inverse depth).
+    OpenCV's Telea drifts by up to a level of colour a pixel on such pictures, so its colour is not asked for."""
+    color = np.full((*hw, 3), (10, 200, 90), np.uint8)
+    view = View.from_rgbd(
+        RGBD(color, np.full(hw, 1.37, np.float32), Camera(hw[1], hw[0], 50, 50, hw[1] / 2, hw[0] / 2))
+    )
+    taken = np.zeros(hw, bool)
+    taken.flat[1 : max(2, taken.size // 2)] = True
+    filled, _ = inpaint(view.without(taken, HoleType.OBJECT), INPAINTERS[name], NOTHING)
+    np.testing.assert_allclose(filled.depth, 1.37, rtol=2e-5)
+    assert name == "telea" or abs(filled.color.astype(int) - color).max() <= 1
+
+
+@fillers
+def test_sensor_holes_get_depth_only(name: str) -> None:
+    """Law: the measured colour stays bit for bit, origin says DEPTH_FILLED, confidence is at most 0.75, below the measured 1."""
+    frame = World((Plane((0, 0, 3), (0.2, 0.1, 1)),)).rgbd(Camera.from_fov(64, 48, 60))
+    depth = frame.depth.copy()
+    depth[10:20, 30:45] = 0
+    view = View.from_rgbd(RGBD(frame.color, depth, frame.camera))
+    filled, _ = inpaint(view, INPAINTERS[name], Law.of(Scene((view,))))
+    np.testing.assert_array_equal(filled.color, frame.color)
+    np.testing.assert_array_equal(filled.origin, np.where(view.hole, Origin.DEPTH_FILLED, Origin.MEASURED))
+    np.testing.assert_array_equal(filled.hole_type, np.where(view.hole, HoleType.SENSOR, HoleType.NONE))
+    assert not filled.filled.any()
+    assert filled.confidence[view.hole].max() < 0.75 and (filled.confidence[~view.hole] == 1).all()
+    np.testing.assert_allclose(filled.depth, frame.depth, rtol=0.05)
+
+
+@fillers
+def test_the_same_seed_gives_the_same_bits(name: str) -> None:
+    """Law: twice with one seed, and with one thread and two."""
+    import numba
+
+    view, law = moved_view()
+    threads = numba.get_num_threads()
+    first, _ = inpaint(view, INPAINTERS[name], law, seed=5)
+    same_bits(inpaint(view, INPAINTERS[name], law, seed=5)[0], first)
+    try:
+        for number in {1, min(2, numba.config.NUMBA_NUM_THREADS)}:
+            numba.set_num_threads(number)
+            same_bits(inpaint(view, INPAINTERS[name], law, seed=5)[0], first)
+    finally:
+        numba.set_num_threads(threads)
+
+
+@fillers
+def test_only_the_sky_is_known(name: str) -> None:
+    """Closed form: where nothing but sky is in sight, sky goes on."""
+    color = np.full((12, 16, 3), (90, 150, 250), np.uint8)
+    view = View.from_rgbd(RGBD(color, np.full((12, 16), np.inf, np.float32), Camera.from_fov(16, 12, 60)))
+    taken = np.zeros((12, 16), bool)
+    taken[3:8, 4:12] = True
+    filled, _ = inpaint(view.without(taken, HoleType.OBJECT), INPAINTERS[name], Law.of(Scene((view,))))
+    assert filled.far.all()
+    assert abs(filled.color.astype(int) - color).max() <= 2
+
+
+def test_a_view_without_holes_comes_back_itself() -> None:
+    """Law: the same object; the filler is not called."""
+    view = View.from_rgbd(RGBD(np.zeros((2, 3, 3), np.uint8), np.ones((2, 3), np.float32), Camera.from_fov(3, 2, 60)))
+    filled, report = inpaint(view, never, NOTHING)
+    assert filled is view and report.hole_pixels == 0 and report.notes == {}
+
+
+def never(view: View, law: Law, seed: int) -> Fill:
+    """A filler that must not be called."""
+    raise AssertionError("called though there is nothing to fill, or nothing to fill from")
+
+
+def test_a_view_of_nothing_says_so() -> None:
+    """Law: no crash, the view as it was, and the note `nothing_visible`."""
+    view = View.from_rgbd(RGBD(np.zeros((2, 3, 3), np.uint8), np.zeros((2, 3), np.float32), Camera.from_fov(3, 2, 60)))
+    filled, report = inpaint(view, never, NOTHING)
+    assert filled is view and report.notes == {"nothing_visible": True}
+
+
+def careless(view: View, law: Law, seed: int) -> Fill:
+    """A filler that writes everywhere, and 1 m before everything."""
+    return Fill(np.full_like(view.color, 7), np.ones_like(view.depth), law_moves=3, notes={"careless": True})
+
+
+def test_a_careless_filler_is_held_to_the_promises() -> None:
+    """Guard: it overwrites known pixels and breaks the law everywhere; neither gets through, and the moves are counted."""
+    view, law = moved_view()
+    filled, report = inpaint(view, careless, law)
+    np.testing.assert_array_equal(filled.color[~view.hole], view.color[~view.hole])
+    np.testing.assert_array_equal(filled.depth[~view.hole], view.depth[~view.hole])
+    assert (filled.color[view.hole] == 7).all() and (filled.depth[view.hole] >= 1).all()
+    broken = law.violations(view.camera, np.ones_like(view.depth), view.hole)
+    assert broken.sum() > 100
+    assert report.law_moves == 3 + broken.sum() and report.law_violations == 0
+    assert report.notes == {"careless": True}
+    assert (filled.depth[view.hole & ~broken] == 1).all() and (filled.depth[broken] > 1).all()
+
+
+def test_confidence_halves_every_twentieth_of_the_diagonal() -> None:
+    """Closed form: 0.5 (0.75 with measured colour) times 2^-(d / (0.05 * diagonal)), d px from the rim (5 % of slack)."""
+    hole = np.zeros((60, 80), bool)
+    hole[:, 40:] = True  # diagonal 100: half-life 5 px
+    colorless = hole.copy()
+    colorless[:30] = False
+    got = fill_confidence(hole, colorless)
+    exact = np.exp2(-np.arange(1, 41) / 5)
+    np.testing.assert_allclose(got[45, 40:], 0.5 * exact, rtol=0.05)
+    np.testing.assert_allclose(got[15, 40:], 0.75 * exact, rtol=0.05)
+    assert got.dtype == np.float32
+
+
+def test_names_are_a_closed_set() -> None:
+    """Law: the dict's names give the dict's fillers; another name lists them all."""
+    assert next(iter(INPAINTERS)) == "layered", "the default comes first"
+    assert all(inpainter(name) is filler for name, filler in INPAINTERS.items())
+    with pytest.raises(InputError, match="filler is 'lama-xl'; one of layered, telea, navier-stokes") as error:
+        inpainter("lama-xl")
+    assert all(name in str(error.value) for name in INPAINTERS)

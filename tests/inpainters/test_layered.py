@@ -1,0 +1,163 @@
+"""The default filler against closed-form worlds: planes and sky go on as they are, the occluder never does."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from dlama.geometry.camera import Camera
+from dlama.geometry.holes import dilated
+from dlama.geometry.rendering import render
+from dlama.geometry.scene import Scene
+from dlama.geometry.view import HoleType, View
+from dlama.geometry.visibility import Law
+from dlama.inpainters import inpaint
+from dlama.inpainters.layered import depth_of, layered
+from worlds import Box, Plane, Shape, Sphere, World, moved, shape_shown
+
+CAMERA = Camera.from_fov(160, 120, 60)
+FLOOR, WALL = Plane((0, 1, 0), (0, 1, 0)), Plane((0, 0, 4), (0, 0, 1))
+DOWN = moved(CAMERA, turn=(-35, 0, 0))
+
+
+def seen_from(world: World, source: Camera, target: Camera) -> tuple[View, View]:
+    """The world's frame at `source`, rendered into `target`; before and after filling."""
+    scene = Scene((View.from_rgbd(world.rgbd(source)),))
+    before = render(scene, target)
+    return before, inpaint(before, layered, Law.of(scene))[0]
+
+
+def taken_out(background: tuple[Shape, ...], thing: Shape, camera: Camera = CAMERA) -> tuple[View, View, np.ndarray]:
+    """The source view without a thing, before and after filling, and the true depth behind it."""
+    world = World((*background, thing))
+    source = View.from_rgbd(world.rgbd(camera))
+    taken = world.trace(camera)[1] == len(background)
+    before = source.without(taken, HoleType.OBJECT)
+    law = Law.of(Scene((before,), (source.without(~taken, HoleType.NONE),)))
+    return before, inpaint(before, layered, law)[0], World(background).trace(camera)[0]
+
+
+def relative_error(view: View, truth: np.ndarray) -> np.ndarray:
+    """|depth - truth| / truth; 0 where both are far, inf where one is."""
+    both_far = view.far & np.isposinf(truth)
+    with np.errstate(invalid="ignore"):
+        return np.where(both_far, 0, np.nan_to_num(abs(view.depth - truth) / truth, nan=np.inf, posinf=np.inf))
+
+
+def test_a_floor_goes_on_out_of_view_beside() -> None:
+    """Closed form: the plane itself, to 1e-3, in a third of the picture that the source never saw."""
+    world = World((FLOOR,))
+    target = moved(DOWN, shift=(0.6, 0, 0))
+    before, filled = seen_from(world, DOWN, target)
+    assert before.hole.mean() > 0.25
+    assert relative_error(filled, world.trace(target)[0])[before.hole].max() < 1e-3
+
+
+def test_a_floor_goes_on_all_round() -> None:
+    """Closed form: half a metre back, the floor all round what the source saw is the same plane, to 1e-3."""
+    world = World((FLOOR,))
+    target = moved(DOWN, shift=(0, 0, -0.5))
+    before, filled = seen_from(world, DOWN, target)
+    assert before.hole.mean() > 0.25
+    assert relative_error(filled, world.trace(target)[0])[before.hole].max() < 1e-3
+
+
+@pytest.mark.parametrize("box", [Box((-0.4, -0.4, 2), (0.4, 0.4, 2.4)), Box((-0.9, -0.3, 1.5), (0.1, 0.6, 1.8))])
+def test_the_wall_behind_a_removed_box(box: Box) -> None:
+    """Closed form: the wall, to 1e-3, and its colour family in every pixel."""
+    before, filled, truth = taken_out((WALL,), box)
+    assert before.hole.sum() > 2000
+    assert relative_error(filled, truth)[before.hole].max() < 1e-3
+    assert (shape_shown(filled.color)[before.hole] == 0).all()
+
+
+@pytest.mark.parametrize("box", [Box((-0.4, 0.2, 2.5), (0.4, 1, 3)), Box((-0.6, 0.1, 2.5), (0.2, 1, 3.2))])
+def test_floor_and_wall_meet_behind_a_removed_box(box: Box) -> None:
+    """Closed form: both planes to 1e-3, and their crease where it is: only the pixel row at it may take the other plane."""
+    before, filled, truth = taken_out((FLOOR, WALL), box)
+    error = relative_error(filled, truth)
+    crease = np.flatnonzero(np.diff(World((FLOOR, WALL)).trace(CAMERA)[1][:, 0]))[0]
+    away = before.hole.copy()
+    away[crease : crease + 2] = False
+    assert before.hole[crease].any() and before.hole[:crease].any() and before.hole[crease + 2 :].any()
+    assert error[away].max() < 1e-3
+    assert error[before.hole].max() < 0.01
+    wrong = shape_shown(filled.color) != World((FLOOR, WALL)).trace(CAMERA)[1]
+    assert wrong[away].mean() < 0.02
+
+
+def hidden_background(world: World, before: View) -> np.ndarray:
+    """Disoccluded pixels that truly show something else than the last shape, not beside that shape: at its silhouette a
+    pixel may be either, because the source's pixels are as wide."""
+    number = world.trace(before.camera)[1]
+    thing = dilated(number == len(world.shapes) - 1, 1)
+    return before.hole & (before.hole_type == HoleType.DISOCCLUDED) & ~thing
+
+
+@pytest.mark.parametrize("side", [-1, 1])
+def test_a_wall_is_disoccluded_as_the_wall(side: int) -> None:
+    """Closed form: what a box hid of a wall is the wall to 1e-3."""
+    world = World((WALL, Box((-0.4, -0.5, 1.8), (0.4, 0.5, 2))))
+    target = moved(CAMERA, turn=(0, -10.0 * side, 0), shift=(0.5 * side, 0, 0))
+    before, filled = seen_from(world, CAMERA, target)
+    hidden = hidden_background(world, before)
+    assert hidden.sum() > 500
+    assert relative_error(filled, world.trace(target)[0])[hidden].max() < 1e-3
+
+
+def test_sky_and_wall_go_on_behind_a_removed_pole() -> None:
+    """Closed form: sky is inf to the pixel, below it the wall and the floor to 1e-3."""
+    background = (FLOOR, Box((-9, -0.6, 6), (9, 1, 7)))
+    before, filled, truth = taken_out(background, Box((-0.3, -1.5, 2.5), (0.3, 1, 2.8)))
+    sky = np.isposinf(truth)
+    assert (before.hole & sky).sum() > 500 and (before.hole & ~sky).sum() > 500
+    np.testing.assert_array_equal(filled.far, sky)
+    assert relative_error(filled, truth)[before.hole].max() < 1e-3
+    assert (abs(filled.color.astype(int) - (90, 150, 250))[before.hole & sky].max(-1) <= 12).all()
+
+
+def test_sky_beside_the_picture_is_sky() -> None:
+    """Closed form: a camera turned aside sees sky above the horizon where the source saw nothing; floor is never put there.
+    Below the horizon, sky may droop into a few per cent of what is floor (nothing seen says where the floor ends)."""
+    world = World((FLOOR,))
+    target = moved(CAMERA, turn=(0, 20, 0))
+    before, filled = seen_from(world, CAMERA, target)
+    truth = world.trace(target)[0]
+    sky, floor = (before.hole & (np.isposinf(truth) == far) for far in (True, False))
+    assert sky.sum() > 1000 and floor.sum() > 1000
+    assert filled.far[sky].all()
+    assert filled.far[floor].mean() < 0.1
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_occluders_depth_never_enters(seed: int) -> None:
+    """Law: before a bumpy background at 4.5..6 m stands a ball at 1.8 m; aside, no filled pixel that was hidden is nearer
+    than the background can be (2 % of slack), whatever the ball's place."""
+    rng = np.random.default_rng(seed)
+    bumps = tuple(Sphere((*rng.uniform(-2, 2, 2), 6.0), rng.uniform(0.5, 1.5)) for _ in range(6))
+    ball = Sphere((*rng.uniform(-0.3, 0.3, 2), 1.8), 0.3)
+    world = World((Plane((0, 0, 6), (0, 0, 1)), *bumps, ball))
+    target = moved(CAMERA, shift=(0.3 * (-1) ** seed, 0.1, 0))
+    before, filled = seen_from(world, CAMERA, target)
+    hidden = hidden_background(world, before)
+    assert hidden.sum() > 200
+    assert filled.depth[hidden].min() > 0.98 * 4.5
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_removed_things_depth_never_enters(seed: int) -> None:
+    """Law: behind a removed ball the background is nowhere nearer than the nearest background there is (2 % of slack)."""
+    rng = np.random.default_rng(seed)
+    bumps = tuple(Sphere((*rng.uniform(-2, 2, 2), 6.0), rng.uniform(0.5, 1.5)) for _ in range(6))
+    background = (Plane((0, 0, 6), (0, 0, 1)), *bumps)
+    before, filled, truth = taken_out(background, Sphere((*rng.uniform(-0.3, 0.3, 2), 1.8), 0.3))
+    assert before.hole.sum() > 500
+    assert filled.depth[before.hole].min() > 0.98 * truth.min()
+    assert np.median(relative_error(filled, truth)[before.hole]) < 0.1
+
+
+def test_planes_are_noted_and_depth_of_zero_is_far() -> None:
+    """Closed form: two planes are in the notes of a corner; inverse depth 0 is inf, 0.25 is 4 m."""
+    before, _, _ = taken_out((FLOOR, WALL), Box((-0.4, 0.2, 2.5), (0.4, 1, 3)))
+    assert layered(before, Law(())).notes == {"planes": 2}
+    np.testing.assert_array_equal(depth_of(np.array([[0, 0.25]], np.float32)), [[np.inf, 4]])

@@ -1,0 +1,191 @@
+"""Planes found and labelled: closed forms, and the kernels against their twins."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from dlama.geometry.camera import Camera
+from dlama.geometry.rendering import inverse_depth
+from dlama.inpainters import plane_kernels
+from dlama.inpainters.planes import (
+    MOST_PLANES,
+    NEIGHBOURHOOD,
+    SKY,
+    SMOOTH,
+    TOLERANCE,
+    find_planes,
+    fitted,
+    label_known,
+    plane_values,
+)
+from reference import planes as twin
+from worlds import Box, Plane, World
+
+SEEDS = range(8)
+FLOOR, WALL = Plane((0, 1.2, 0), (0, 1, 0)), Plane((0, 0, 5), (0.3, 0, -1))
+
+
+def closed_form(plane: Plane, camera: Camera) -> np.ndarray:
+    """(a, b, c) of inverse depth over pixels for a camera at the origin: n . K^-1 (u, v, 1) / n . p."""
+    normal = np.array(plane.normal)
+    return np.linalg.inv(camera.K).T @ normal / (normal @ plane.point)
+
+
+def samples(seed: int, count: int = 60) -> tuple[np.ndarray, ...]:
+    """u, v, w of random samples on two planes, a third of them off both."""
+    rng = np.random.default_rng(seed)
+    u, v = rng.integers(0, 40, (2, count)) + 0.5
+    w = np.where(rng.random(count) < 0.5, 0.2 + 0.002 * u + 0.001 * v, 0.6 - 0.003 * v)
+    return u, v, np.where(rng.random(count) < 0.3, rng.uniform(0.1, 1, count), w), rng.random(count) < 0.8
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_plane_through_three_samples(seed: int) -> None:
+    """Twin: a 3x3 system. Three samples on (nearly) one line give no plane."""
+    u, v, w, _ = samples(seed)
+    rng = np.random.default_rng(seed)
+    for _ in range(20):
+        three = rng.choice(len(u), 3, replace=False)
+        area = np.linalg.det(np.stack([u[three], v[three], np.ones(3)], 1))
+        got = plane_kernels.plane_through(u, v, w, *three)
+        if abs(area) <= 4:
+            np.testing.assert_array_equal(got, 0)
+        else:
+            np.testing.assert_allclose(got, twin.through(u, v, w, three), rtol=1e-9, atol=1e-9)
+    u[:3], v[:3] = (1.5, 5.5, 9.5), (2.5, 6.5, 10.5)
+    np.testing.assert_array_equal(plane_kernels.plane_through(u, v, w, 0, 1, 2), 0)
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_best_plane_is_the_one_with_most_support(seed: int) -> None:
+    """Twin: every hypothesis counted sample by sample; failed triples and lines have no support; the first wins a tie."""
+    u, v, w, free = samples(seed)
+    rng = np.random.default_rng(seed)
+    triples = np.stack([rng.choice(len(u), 3, replace=False) for _ in range(40)])
+    triples[rng.random(40) < 0.2, 2] = -1
+    triples = np.concatenate([triples, triples])
+    plane, support = plane_kernels.best_plane(u, v, w, free, triples, TOLERANCE)
+    counts = []
+    for three in triples:
+        line = three[2] < 0 or abs(np.linalg.det(np.stack([u[three], v[three], np.ones(3)], 1))) <= 4
+        counts.append((0, 0) if line else twin.support(twin.through(u, v, w, three), u, v, w, free, TOLERANCE))
+    assert max(sure for sure, _ in counts) <= support <= max(most for _, most in counts)
+    first = triples[[most for _, most in counts].index(support)]
+    np.testing.assert_allclose(plane, twin.through(u, v, w, first), rtol=1e-9, atol=1e-9)
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_labels_equal_their_twin(seed: int) -> None:
+    """Twin: pixel by pixel, plane by plane, over its neighbourhood; planes, sky, noise and pixels that are no surface mixed."""
+    rng = np.random.default_rng(seed)
+    planes = np.array([(0.002, 0.001, 0.2), (0, -0.003, 0.6), (0.0021, 0.001, 0.2)])
+    which = np.kron(rng.integers(0, 3, (3, 4)), np.ones((6, 6), int))
+    w = np.take_along_axis(plane_values(planes, which.shape), which[None], 0)[0]
+    w = (w * rng.uniform(1 - 1.5 * TOLERANCE, 1 + 1.5 * TOLERANCE, w.shape)).astype(np.float32)
+    surface = rng.random(w.shape) < 0.9
+    far = ~surface & (rng.random(w.shape) < 0.5)
+    got = label_known(w, surface, far, planes)
+    expected = twin.labels(w, surface, planes, TOLERANCE, NEIGHBOURHOOD)
+    np.testing.assert_array_equal(got, np.where(far, SKY, expected))
+    assert {-1, 1, 2} <= set(np.unique(got).tolist())
+    assert label_known(w, surface, far, planes[:0])[surface].max() == SMOOTH
+
+
+def test_a_plane_that_cuts_through_leaves_no_stripe() -> None:
+    """Closed form: on a wall, a second plane fits a line of pixels only; all of the wall stays the wall's, and vice versa."""
+    planes = np.array([(0.0, 0.0, 0.3), (0.004, 0.0, 0.18)])  # they cross in column 30
+    both = plane_values(planes, (40, 60))
+    everywhere = np.ones((40, 60), bool)
+    for order in (planes, planes[::-1]):
+        for number, value in enumerate(plane_values(order, (40, 60))):
+            np.testing.assert_array_equal(label_known(value, everywhere, ~everywhere, order), number + 1)
+    assert (abs(both[0] - both[1]) < TOLERANCE * both[0]).any(), "else there is nothing to compete for"
+
+
+def test_local_triples_are_free_near_and_repeatable() -> None:
+    """Law: every triple names free samples within reach of its first; a lonely sample finds no partners; same seed, same."""
+    u, v, _, free = samples(0, 400)
+    u[0], v[0] = 1000.5, 1000.5
+    free[0] = True
+    triples = plane_kernels.local_triples(u, v, free, 8.0, 300, 7)
+    np.testing.assert_array_equal(triples, plane_kernels.local_triples(u, v, free, 8.0, 300, 7))
+    found = triples[triples[:, 2] >= 0]
+    assert len(found) > 200 and free[found].all()
+    assert (found[:, 1:] != found[:, :1]).all()
+    for axis in (u, v):
+        assert abs(axis[found] - axis[found[:, :1]]).max() <= 8
+    assert (triples[triples[:, 0] == 0, 2] == -1).all()
+    lonely = np.zeros_like(free)
+    lonely[0] = True
+    assert (plane_kernels.local_triples(u, v, lonely, 8.0, 3, 1) == (0, -1, -1)).all()
+
+
+def test_floor_and_wall_are_found_as_what_they_are() -> None:
+    """Closed form: inverse depth n . K^-1 (u, v, 1) / n . p, to 1e-4 of the largest value in the picture."""
+    camera = Camera.from_fov(120, 90, 70)
+    depth, number = World((FLOOR, WALL)).trace(camera)
+    w = inverse_depth(depth.astype(np.float32))
+    planes = find_planes(w, np.isfinite(depth), seed=3)
+    assert len(planes) == 2
+    label = label_known(w, np.isfinite(depth), np.isposinf(depth), planes)
+    for index, plane in enumerate((FLOOR, WALL)):
+        mine = label[number == index]
+        k = np.bincount(mine[mine > 0]).argmax()
+        assert (mine == k).mean() > 0.97, "at the crease a pixel may lie on both"
+        exact, got = (plane_values(p[None], camera.hw)[0] for p in (closed_form(plane, camera), planes[k - 1]))
+        assert abs(exact - got)[number == index].max() < 1e-4 * w.max()
+
+
+def test_labels_of_sky_holes_and_things_on_no_plane() -> None:
+    """Closed form: sky is SKY, what is no surface SMOOTH, a bump off the plane SMOOTH, the rest 1."""
+    w = plane_values(np.array([[0.001, 0.002, 0.3]]), (20, 30))[0]
+    surface, far = np.ones(w.shape, bool), np.zeros(w.shape, bool)
+    far[:4], surface[:4], surface[5] = True, False, False
+    bumpy = w.copy()
+    bumpy[8:10, 3:7] *= 1.1
+    label = label_known(bumpy, surface, far, np.array([[0.001, 0.002, 0.3]]))
+    expected = np.ones(w.shape)
+    expected[:4], expected[5], expected[8:10, 3:7] = SKY, SMOOTH, SMOOTH
+    np.testing.assert_array_equal(label, expected)
+
+
+def test_no_plane_where_there_is_none_and_never_too_many() -> None:
+    """Law: noise over three decades has no plane (a band of 2.4 % holds 0.35 % of it); a staircase of 16 risers gives
+    at most MOST_PLANES; under 50 pixels none is looked for."""
+    rng = np.random.default_rng(0)
+    noise = np.exp(rng.uniform(-7, 0, (60, 80))).astype(np.float32)
+    everywhere = np.ones(noise.shape, bool)
+    assert len(find_planes(noise, everywhere, 0)) == 0
+    stairs = np.repeat(np.linspace(0.1, 1, 16, dtype=np.float32), 5)[None].repeat(60, 0)
+    assert 10 <= len(find_planes(np.ascontiguousarray(stairs), everywhere, 0)) <= MOST_PLANES
+    few = np.zeros(noise.shape, bool)
+    few[0, :49] = True
+    assert find_planes(noise, few, 0).shape == (0, 3)
+
+
+def test_least_squares_weigh_by_relative_residual() -> None:
+    """Closed form: of two values on one spot, the fit minimises relative error: w = sum(1/w) / sum(1/w^2)."""
+    u, v = np.tile([0.5, 9.5, 0.5, 9.5], 2), np.tile([0.5, 0.5, 9.5, 9.5], 2)
+    w = np.repeat([1.0, 2.0], 4)
+    np.testing.assert_allclose(fitted(u, v, w), (0, 0, 1.5 / 1.25), atol=1e-12)
+
+
+def test_plane_values_are_affine_at_pixel_centres() -> None:
+    """Closed form, also on a grid with pixels three times as large."""
+    plane = np.array([[0.01, -0.02, 0.5]])
+    assert plane_values(plane, (4, 5))[0, 2, 3] == pytest.approx(0.035 - 0.05 + 0.5)
+    assert plane_values(plane, (4, 5), step=3.0)[0, 2, 3] == pytest.approx(0.105 - 0.15 + 0.5)
+    assert plane_values(plane[:0], (4, 5)).shape == (0, 4, 5)
+
+
+def test_the_box_in_front_is_not_mixed_into_the_wall() -> None:
+    """Closed form: a wall with a box before it is fitted as if the box were not there."""
+    camera = Camera.from_fov(120, 90, 70)
+    depth, number = World((WALL, Box((-1, -1, 2), (0.5, 1, 2.5)))).trace(camera)
+    w = inverse_depth(depth.astype(np.float32))
+    planes = find_planes(w, depth > 0, seed=0)
+    label = label_known(w, depth > 0, depth < 0, planes)
+    k = np.bincount(label[number == 0]).argmax()
+    np.testing.assert_allclose(planes[k - 1], closed_form(WALL, camera), rtol=1e-4, atol=1e-6)
+    assert not (label[number == 1] == k).any()
