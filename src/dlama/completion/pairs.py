@@ -8,12 +8,13 @@ from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from dlama.completion.recipes import Recipe
-from dlama.completion.scenes import Completion, Work, adopt, clipped, find_recipe, report, start
+from dlama.completion.scenes import Completion, Work, adopt, clipped, filled_by, find_recipe, report, start
 from dlama.errors import InputError, ShapeError
 from dlama.geometry.fusion import fuse
 from dlama.geometry.holes import checked_mask, dilated
@@ -53,6 +54,7 @@ def stereo(
     max_disparity: float | None = None,
     far: float | None = None,
     filler: str | Inpainter = "layered",
+    model: str | Path | None = None,
     recipe: str | Recipe = "dlama",
     seed: int = 0,
     **changes: Any,
@@ -74,7 +76,7 @@ def stereo(
             )
     if mask is None and mask_right is not None:
         raise InputError("mask_right was given without mask; the mask of the left view is wanted too")
-    chosen = find_recipe(recipe, changes)
+    chosen, fill = find_recipe(recipe, changes), filled_by(filler, model)
     at_left, at_right = disparity_pair(left, right, max_disparity=max_disparity)
     if mask is not None:
         checked_mask(mask, rig.left.hw)
@@ -90,9 +92,10 @@ def stereo(
             filler,
             seed,
             far,
+            fill,
         )
     source = rgbd_of(left, at_left, rig, far)
-    work = start(View.from_rgbd(clipped(source, chosen.clip_m)), mask, filler, chosen, seed)
+    work = start(View.from_rgbd(clipped(source, chosen.clip_m)), mask, fill, chosen, seed)
     left_before, left_view = completed_left(work, source, rig)
     if mask_right is None:
         right_before = synthesised_right(work, rig)
@@ -174,13 +177,14 @@ def apart(
     filler: str | Inpainter,
     seed: int,
     far: float,
+    fill: Inpainter,
 ) -> StereoCompletion:
     """The paper's way: colour of each view filled alone, then matched; depth is what the matching finds."""
     flat = [
         RGBD(color, np.ones(color.shape[:2], np.float32), camera)
         for color, camera in ((left, rig.left), (right, rig.right))
     ]
-    works = [start(View.from_rgbd(one), None, filler, chosen, seed) for one in flat]
+    works = [start(View.from_rgbd(one), None, fill, chosen, seed) for one in flat]
     holes = [View.from_rgbd(one).without(where, HoleType.OBJECT) for one, where in zip(flat, (taken, taken_right))]
     colors = [work.fill(view) for work, view in zip(works, holes)]
     matched = disparity_pair(colors[0].color, colors[1].color)

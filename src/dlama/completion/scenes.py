@@ -10,6 +10,7 @@ import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
@@ -103,6 +104,7 @@ def complete(
     *,
     mask: BoolArray | None = None,
     filler: str | Inpainter = "layered",
+    model: str | Path | None = None,
     recipe: str | Recipe = "dlama",
     seed: int = 0,
     **changes: Any,
@@ -110,12 +112,12 @@ def complete(
     """Complete the scene of one RGB-D picture from several cameras, one after the other, into one Scene.
 
     Each camera sees what the earlier ones filled, so views re-rendered from the Scene agree. mask (H x W bool, True = remove)
-    takes an object out everywhere. `changes` override single fields of the recipe (mode, dilate, dilate_holes, clip_m).
-    Raises InputError and its kin.
+    takes an object out everywhere. `model` is the network file of fillers that run one. `changes` override single fields of
+    the recipe (mode, dilate, dilate_holes, clip_m). Raises InputError and its kin.
     """
     chosen = find_recipe(recipe, changes)
     source = View.from_rgbd(clipped(rgbd, chosen.clip_m))
-    work = start(source, mask, filler, chosen, seed)
+    work = start(source, mask, filled_by(filler, model), chosen, seed)
     measured = work.scene
     views, warped = [], []
     for camera in cameras:
@@ -143,9 +145,18 @@ def clipped(rgbd: RGBD, clip_m: float | None) -> RGBD:
     return RGBD(rgbd.color, np.minimum(rgbd.depth, np.float32(clip_m)), rgbd.camera)
 
 
+def filled_by(filler: str | Inpainter, model: str | Path | None = None) -> Inpainter:
+    """The filler itself, or the one of that name with its network file."""
+    if isinstance(filler, str):
+        return named_inpainter(filler, model)
+    if model is not None:
+        raise InputError(f"model is {model} and the filler a function; a model goes with a filler's name")
+    return filler
+
+
 def start(source: View, mask: BoolArray | None, filler: str | Inpainter, chosen: Recipe, seed: int) -> Work:
     """The scene before any camera moves: object out, sensor holes and (source first) the object's background filled."""
-    fill = named_inpainter(filler) if isinstance(filler, str) else filler
+    fill = filled_by(filler)
     if chosen.eight_bit_depth and chosen.clip_m is not None:
         fill = eight_bit(fill, chosen.clip_m)
     scene = Scene((source,))
@@ -259,13 +270,14 @@ def view(
     pivot: float | Literal["auto"] = PAPER_PIVOT,
     dolly: float = 0.0,
     filler: str | Inpainter = "layered",
+    model: str | Path | None = None,
     recipe: str | Recipe = "dlama",
     seed: int = 0,
     **changes: Any,
 ) -> Completion:
     """The scene from another viewpoint, holes filled in colour and depth. Arguments as `target_camera` and `complete`."""
     target = target_camera(rgbd, camera, yaw=yaw, pitch=pitch, pivot=pivot, dolly=dolly)
-    return complete(rgbd, [target], filler=filler, recipe=recipe, seed=seed, **changes)
+    return complete(rgbd, [target], filler=filler, model=model, recipe=recipe, seed=seed, **changes)
 
 
 def remove(
@@ -278,10 +290,11 @@ def remove(
     pivot: float | Literal["auto"] = PAPER_PIVOT,
     dolly: float = 0.0,
     filler: str | Inpainter = "layered",
+    model: str | Path | None = None,
     recipe: str | Recipe = "dlama",
     seed: int = 0,
     **changes: Any,
 ) -> Completion:
     """The scene without the object under `mask` (H x W bool), from the source camera or from elsewhere."""
     target = target_camera(rgbd, camera, yaw=yaw, pitch=pitch, pivot=pivot, dolly=dolly)
-    return complete(rgbd, [target], mask=mask, filler=filler, recipe=recipe, seed=seed, **changes)
+    return complete(rgbd, [target], mask=mask, filler=filler, model=model, recipe=recipe, seed=seed, **changes)
