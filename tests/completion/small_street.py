@@ -24,8 +24,6 @@ MASK = WORLD.trace(CAMERA)[1] == 3
 fillers = pytest.mark.parametrize("filler", INPAINTERS)
 recipes = pytest.mark.parametrize("recipe", RECIPES)
 
-recipes_of_clouds = pytest.mark.parametrize("recipe", RECIPES)
-
 
 def street(camera: Camera = CAMERA, sensor_holes: bool = True) -> RGBD:
     """Floor, wall, box, ball and sky; two sensor holes, one of them in the sky."""

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from small_street import BALL, MASK, completed, counts, fillers, recipes, recipes_of_clouds, street
+from small_street import BALL, MASK, completed, counts, fillers, recipes, street
 
 from dlama.completion.recipes import RECIPES
 from dlama.completion.scenes import complete, remove
 from dlama.errors import MaskError
 from dlama.geometry.holes import dilated
 from dlama.geometry.lifting import lift
-from dlama.geometry.rendering import render
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import HoleType, Origin
 from dlama.geometry.visibility import Law, violations
+from reference import law as twin
 
 
 @fillers
@@ -32,7 +32,7 @@ def test_the_background_lies_behind_what_was_removed(recipe: str, filler: str) -
 
 
 @fillers
-@recipes_of_clouds
+@recipes
 def test_clouds_with_and_without_the_object(recipe: str, filler: str) -> None:
     """Closed form (eq. 10, 11): c+ holds every measured point and the finite filled ones; c- all but the grown object's."""
     done = completed(recipe, filler, True, 0.0)
@@ -67,22 +67,17 @@ def test_no_camera_at_all_still_takes_the_object_out() -> None:
 
 
 @fillers
-def test_what_was_filled_earlier_keeps_the_law_too(filler: str) -> None:
-    """Law over all filled pixels of a view from aside, those filled in the source view and adopted from there included."""
-    done = completed("dlama", filler, True, -14.0)
-    assert not violations(done.view, Law.of(Scene((done.source,)))).any()
-
-
-@fillers
 @recipes
-def test_what_is_filled_anew_beside_what_was_filled_earlier_keeps_the_law(recipe: str, filler: str) -> None:
-    """What holds of it: every pixel filled anew is lawful; of those adopted at most 6 % are not."""
+def test_what_was_filled_earlier_keeps_the_law_too(recipe: str, filler: str) -> None:
+    """Law over all filled pixels of a view from aside, those filled in the source view and adopted from there included
+    (surfaces are drawn between lawful pixel centres, so they need not be lawful of themselves); by checker and twin."""
     done = completed(recipe, filler, True, -14.0)
-    earlier = render(complete(street(), [], mask=MASK, filler=filler, recipe=recipe).scene, done.view.camera, "surface")
-    wrong = violations(done.view, Law.of(Scene((done.source,))))
-    adopted = done.view.filled & ~earlier.hole if recipe == "dlama" else np.zeros_like(wrong)
-    assert not (wrong & ~adopted).any() and (done.view.filled & ~adopted).sum() > 1000
-    assert recipe == "paper" or wrong[adopted].mean() < 0.06
+    law = Law.of(Scene((done.source,)))
+    assert not violations(done.view, law).any()
+    wrong, unsure = twin.broken(
+        done.view.camera, done.view.depth, done.view.filled, done.source.camera, law.measured[0][1]
+    )
+    assert not (wrong & ~unsure).any()
 
 
 @recipes

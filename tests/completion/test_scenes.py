@@ -6,7 +6,7 @@ import json
 
 import numpy as np
 import pytest
-from small_street import CAMERA, MASK, completed, counts, fillers, recipes, recipes_of_clouds, street
+from small_street import CAMERA, MASK, completed, counts, fillers, recipes, street
 
 from dlama.completion.recipes import RECIPES
 from dlama.completion.scenes import complete, remove, target_camera, view
@@ -48,7 +48,7 @@ def test_own_view_fills_only_the_depth_of_sensor_holes(recipe: str, filler: str)
 
 
 @fillers
-@recipes_of_clouds
+@recipes
 def test_the_cloud_of_the_own_view_counts_by_origin(recipe: str, filler: str) -> None:
     """Closed form: measured are the valid pixels, depth-filled the sensor holes less the sky among them; nothing else."""
     done = completed(recipe, filler, False, 0.0)

@@ -14,7 +14,7 @@ from dlama.geometry.rgbd import RGBD
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import HoleType, Origin, View
 from dlama.geometry.visibility import Law, violations
-from dlama.inpainters import INPAINTERS, Fill, inpaint, inpainter
+from dlama.inpainters import INPAINTERS, MODEL_INPAINTERS, Fill, inpaint, inpainter
 from dlama.inpainters.filling import fill_confidence
 from worlds import Box, Plane, Sphere, World, moved
 
@@ -205,4 +205,13 @@ def test_names_are_a_closed_set() -> None:
     assert all(inpainter(name) is filler for name, filler in INPAINTERS.items())
     with pytest.raises(InputError, match="filler is 'lama-xl'; one of layered, telea, navier-stokes") as error:
         inpainter("lama-xl")
-    assert all(name in str(error.value) for name in INPAINTERS)
+    assert all(name in str(error.value) for name in [*INPAINTERS, *MODEL_INPAINTERS])
+
+
+def test_network_fillers_want_their_file_and_the_others_none() -> None:
+    """Message: a network without a file, and a file that has no use."""
+    for name in MODEL_INPAINTERS:
+        with pytest.raises(InputError, match=f"filler '{name}' runs a network"):
+            inpainter(name)
+    with pytest.raises(InputError, match=r"filler 'telea' runs no network.*weights\.onnx"):
+        inpainter("telea", "weights.onnx")
