@@ -15,7 +15,7 @@ from dlama.inpainters.filling import Fill, Inpainter
 from dlama.inpainters.planes_of_views import DepthPlane, color_hole, color_planes, eight_bits
 
 BATCHED: tuple[str, ...] = ()
-"""Providers on which colour and depth in one pass were measured to be faster than one after the other (CPU: no)."""
+"""Providers on which one pass for colour and depth was measured to be faster than two (benchmarks/engine.py); none so far."""
 
 
 def lama_filler(model: str | Path, contract: Contract | None = None, **options: Any) -> Inpainter:
