@@ -11,6 +11,7 @@ import tyro
 from tyro.conf import FlagCreatePairsOff, OmitArgPrefixes, Positional
 
 from dlama.apps.jobs import STAGES, job
+from dlama.apps.model_verbs import models
 from dlama.apps.options import Depth, Image, Lens, Mask, Masking, Method, Metres, Move, Output, Reading, told
 from dlama.apps.terminal import plain_words, stages
 from dlama.completion import pairs, scenes
@@ -129,6 +130,7 @@ VERBS: dict[str, Callable[..., Any]] = {
     "stereo": stereo,
     "demo": demo,
     "version": version,
+    "models": models,
 }
 
 
@@ -146,6 +148,11 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
     "stereo": (
         "dlama stereo left.png right.png --calib calib.txt -o out",
         "dlama stereo left.png right.png --calib calib.json --mask left_mask.png -o out",
+    ),
+    "models": (
+        "dlama models list",
+        "dlama models pull big-lama",
+        "dlama models convert big-lama.pt -o big-lama.onnx",
     ),
     "demo": (
         "dlama demo",

@@ -13,7 +13,7 @@ from dlama.completion.recipes import RECIPES
 from dlama.completion.scenes import PAPER_PIVOT
 from dlama.errors import InputError
 from dlama.geometry.camera import Camera
-from dlama.inpainters import INPAINTERS
+from dlama.inpainters import INPAINTERS, MODEL_INPAINTERS
 
 
 def told(metavar: str, hint: str = "", **names: Any) -> Any:
@@ -141,8 +141,11 @@ class Masking:
 class Method:
     """How the scene is completed."""
 
-    filler: Annotated[str, told("|".join(INPAINTERS), "(default: layered)")] = "layered"
-    """Who fills the holes: layered continues planes and sky from behind, telea and navier-stokes diffuse."""
+    filler: Annotated[str, told("|".join([*INPAINTERS, *MODEL_INPAINTERS]), "(default: layered)")] = "layered"
+    """Who fills the holes: layered continues planes and sky from behind, telea and navier-stokes diffuse; lama, migan and
+    joint run a network (--model)."""
+    model: Annotated[str | None, told("FILE|NAME")] = None
+    """Network of --filler lama, migan or joint: an ONNX file, a LaMa checkpoint, or a name of `dlama models list`."""
     recipe: Annotated[str, told("|".join(RECIPES), "(default: dlama)")] = "dlama"
     """dlama: surfaces, metric depth; paper: as published (points, 10 m clip, 8-bit depth, 3 px dilation)."""
     mode: Annotated[Literal["surface", "points"] | None, told("surface|points", "(default: the recipe's)")] = None
@@ -159,4 +162,10 @@ class Method:
     def settings(self) -> dict[str, Any]:
         """As keyword arguments of the verbs in Python."""
         changes = {"mode": self.mode, "dilate": self.dilate, "dilate_holes": self.dilate_holes, "clip_m": self.clip}
-        return {"filler": self.filler, "recipe": self.recipe, "seed": self.seed, **changes}
+        return {"filler": self.filler, "model": self.network(), "recipe": self.recipe, "seed": self.seed, **changes}
+
+    def network(self) -> Path | None:
+        """The ONNX file of --model; a checkpoint is converted once, into the cache."""
+        from dlama.apps.model_files import model_for
+
+        return None if self.model is None else model_for(self.model)
