@@ -7,60 +7,17 @@ import json
 import re
 from pathlib import Path
 
-import cv2
 import numpy as np
 import pytest
-from PIL import Image
+from small_frame import CAMERA, FAST, WORLD, pixels, run
 
 from dlama.apps.cli import main
 from dlama.files.depth import write_depth_exr
-from dlama.geometry.camera import Camera
-from worlds import Box, Plane, World
 
-CAMERA = Camera.from_fov(64, 48, 60)
-WORLD = World((Plane((0, 0, 4), (0, 0, 1)), Box((-0.5, -0.4, 2.0), (0.4, 0.5, 2.4))))
-FAST = ["--filler", "telea"]
 RESULT_FILES = {
     "image.png", "depth.png", "depth.exr", "hole.png", "hole_type.png", "origin.png", "confidence.png",
     "scene.npz", "scene.ply", "scene.glb", "preview.png", "meta.json",
 }  # fmt: skip
-
-
-@pytest.fixture
-def frame(tmp_path: Path) -> Path:
-    """A folder with image.png, depth.png (mm), mask.png (the box) of a box before a wall."""
-    rgbd = WORLD.rgbd(CAMERA)
-    _, shown = WORLD.trace(CAMERA)
-    Image.fromarray(rgbd.color).save(tmp_path / "image.png")
-    Image.fromarray((rgbd.depth * 1000).round().astype(np.uint16)).save(tmp_path / "depth.png")
-    Image.fromarray(((shown == 1) * 255).astype(np.uint8)).save(tmp_path / "mask.png")
-    return tmp_path
-
-
-def pixels(path: Path) -> np.ndarray:
-    """A picture's numbers; codes for a palette picture."""
-    with Image.open(path) as picture:
-        return np.array(picture)
-
-
-def run(folder: Path, *words: object) -> Path:
-    """`dlama WORDS -o folder/out` with files named relative to the folder; returns the output directory."""
-    known = [str(folder / str(word)) if (folder / str(word)).is_file() else str(word) for word in words]
-    main([*known, "-o", str(folder / "out")])
-    return folder / "out"
-
-
-def refused(capsys: pytest.CaptureFixture[str], folder: Path, *words: object) -> str:
-    """The one line that the command prints on bad input; it exits with 2 and leaves nothing behind."""
-    before = sorted(folder.rglob("*"))
-    with pytest.raises(SystemExit) as stop:
-        run(folder, *words)
-    captured = capsys.readouterr()
-    assert stop.value.code == 2
-    assert captured.out == ""
-    assert re.fullmatch(r"error: [^\n]+\n", captured.err), captured.err
-    assert sorted(folder.rglob("*")) == before
-    return captured.err
 
 
 def test_help_names_every_option_of_the_issue(capsys: pytest.CaptureFixture[str]) -> None:
@@ -217,97 +174,6 @@ def test_older_results_are_replaced_and_other_files_stay(frame: Path) -> None:
     run(frame, *words, "--yaw", 15)
     assert (out / "image.png").read_bytes() != first
     assert (out / "notes.txt").read_text() == "mine"
-
-
-def test_nothing_says_where_to_go(frame: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """`view` without a move teaches --yaw; with two, both are named."""
-    words = ("view", "image.png", "depth.png", "--fov", 60)
-    assert "--yaw" in refused(capsys, frame, *words)
-    assert "--to" in refused(capsys, frame, *words, "--yaw", 3, "--to", "target.json")
-
-
-def test_no_intrinsics_teaches_fov(frame: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """A PNG has no EXIF focal length."""
-    assert "--fov" in refused(capsys, frame, "view", "image.png", "depth.png", "--yaw", 5)
-
-
-def spoiled(frame: Path, what: str) -> None:
-    """Spoil one file of a frame."""
-    depth = cv2.imread(str(frame / "depth.png"), cv2.IMREAD_UNCHANGED)
-    mask = cv2.imread(str(frame / "mask.png"), cv2.IMREAD_UNCHANGED)
-    image = frame / "image.png"
-    {
-        "image missing": lambda: image.unlink(),
-        "image truncated": lambda: image.write_bytes(image.read_bytes()[: image.stat().st_size // 2]),
-        "image is text": lambda: image.write_text("hello"),
-        "depth smaller": lambda: cv2.imwrite(str(frame / "depth.png"), depth[:24, :32]),
-        "depth all zero": lambda: cv2.imwrite(str(frame / "depth.png"), depth * 0),
-        "depth in metres": lambda: cv2.imwrite(str(frame / "depth.png"), depth // 1000),
-        "depth 8-bit colour": lambda: (frame / "depth.png").write_bytes(image.read_bytes()),
-        "mask empty": lambda: cv2.imwrite(str(frame / "mask.png"), mask * 0),
-        "mask full": lambda: cv2.imwrite(str(frame / "mask.png"), mask * 0 + 255),
-        "mask smaller": lambda: cv2.imwrite(str(frame / "mask.png"), mask[:40]),
-        "mask grey": lambda: cv2.imwrite(str(frame / "mask.png"), mask // 2 + 20),
-    }[what]()
-
-
-@pytest.mark.parametrize(
-    ("what", "words"),
-    [
-        ("image missing", ["image.png", "no such file"]),
-        ("image truncated", ["image.png", "truncated"]),
-        ("image is text", ["image.png"]),
-        ("depth smaller", ["32x24", "64x48", "--resize-depth nearest"]),
-        ("depth all zero", ["depth.png"]),
-        ("depth in metres", ["--depth-scale 1"]),
-        ("depth 8-bit colour", ["8-bit colour"]),
-        ("mask empty", ["mask", "empty"]),
-        ("mask full", ["mask", "full"]),
-        ("mask smaller", ["64x40", "64x48"]),
-        ("mask grey", ["--soft-mask"]),
-    ],
-)
-def test_bad_files(frame: Path, capsys: pytest.CaptureFixture[str], what: str, words: list[str]) -> None:
-    """Each gets exit code 2 and one line with these words, and leaves nothing behind."""
-    spoiled(frame, what)
-    line = refused(capsys, frame, "remove", frame / "image.png", "depth.png", "mask.png", "--fov", 60, *FAST)
-    assert [word for word in words if word not in line] == [], line
-
-
-@pytest.mark.parametrize(
-    ("options", "words"),
-    [
-        (["--fx", "-3"], ["-3", "> 0"]),
-        (["--fov", "190"], ["190"]),
-        (["--fov", "60", "--fx", "3"], ["--fov", "--fx"]),
-        (["--fov", "60", "--filler", "magic"], ["magic", "layered", "telea"]),
-        (["--fov", "60", "--recipe", "soup"], ["soup", "dlama", "paper"]),
-        (["--fov", "60", "--dilate", "-1"], ["dilate", "-1"]),
-        (["--fov", "60", "--far", "0.5"], ["--far"]),
-        (["--fov", "60", "--pivot", "-2"], ["-2"]),
-    ],
-)
-def test_bad_options(frame: Path, capsys: pytest.CaptureFixture[str], options: list[str], words: list[str]) -> None:
-    """Each gets exit code 2 and one line that names what came and what is wanted."""
-    line = refused(capsys, frame, "view", "image.png", "depth.png", "--yaw", 5, *options)
-    assert [word for word in words if word not in line] == [], line
-
-
-@pytest.mark.parametrize(("name", "value"), [("world_from_cam", np.diag([2.0, 1, 1, 1]).tolist()), ("fx", 0.0)])
-def test_bad_camera_file(frame: Path, capsys: pytest.CaptureFixture[str], name: str, value: object) -> None:
-    """A pose that is no rotation, a K that is singular: the file is named."""
-    fields = {"width": 64, "height": 48, "fx": 55.4, "fy": 55.4, "cx": 32.0, "cy": 24.0, name: value}
-    (frame / "camera.json").write_text(json.dumps(fields))
-    line = refused(capsys, frame, "view", "image.png", "depth.png", "--camera", "camera.json", "--yaw", 5)
-    assert "camera.json" in line
-
-
-def test_output_that_cannot_be_written(frame: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """A file is where the directory should be."""
-    (frame / "out").write_text("in the way")
-    line = refused(capsys, frame, "view", "image.png", "depth.png", "--fov", 60, "--yaw", 5, *FAST)
-    assert "cannot be written" in line
-    assert (frame / "out").read_text() == "in the way"
 
 
 def test_misspelt_option_exits_with_2(capsys: pytest.CaptureFixture[str]) -> None:
