@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit, prange
+from numba import njit
 
 
 @njit(cache=True)
@@ -32,12 +32,12 @@ def breaks_law(ax, ay, az, offset, depth, measured):
     return limit == np.inf or z < limit - tolerance(limit)
 
 
-@njit(cache=True, parallel=True)
+@njit(cache=True)
 def violations(depth, where, matrix, offset, measured):
     """bool H x W: pixels of `where` whose depth breaks the law of one source. matrix, offset: source px from target px."""
     rows, columns = depth.shape
     out = np.zeros((rows, columns), np.bool_)
-    for row in prange(rows):
+    for row in range(rows):
         y = row + 0.5
         for column in range(columns):
             if not where[row, column] or depth[row, column] <= 0:
@@ -94,11 +94,11 @@ def lawful_depth(ax, ay, az, offset, depth, measured):
     return np.inf
 
 
-@njit(cache=True, parallel=True)
+@njit(cache=True)
 def push_back(depth, where, matrix, offset, measured):
     """Move the pixels of `where` (float32 depth, in place) outwards until they keep the law of one source."""
     rows, columns = depth.shape
-    for row in prange(rows):
+    for row in range(rows):
         y = row + 0.5
         for column in range(columns):
             if not where[row, column]:

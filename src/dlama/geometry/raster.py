@@ -61,12 +61,12 @@ def is_slope(w, row, column, dr, dc):
     )
 
 
-@njit(cache=True, parallel=True)
+@njit(cache=True)
 def joints(w, ratio):
     """uint8 H x W: bit RIGHT / DOWN set where a vertex is joined to its right / lower neighbour. w: 0 = no vertex."""
     height, width = w.shape
     out = np.zeros((height, width), np.uint8)
-    for row in prange(height):
+    for row in range(height):
         for column in range(width):
             if w[row, column] <= 0:
                 continue
@@ -84,12 +84,12 @@ def joints(w, ratio):
     return out
 
 
-@njit(cache=True, parallel=True)
+@njit(cache=True)
 def flying_pixels(w, ratio):
     """bool H x W: vertices strictly between two surfaces along a row or a column, joined to neither."""
     height, width = w.shape
     out = np.zeros((height, width), np.bool_)
-    for row in prange(height):
+    for row in range(height):
         for column in range(width):
             here = w[row, column]
             if here <= 0:
@@ -135,13 +135,13 @@ def transform(depth, matrix, offset, near, out_x, out_y, out_w):
             out_w[row, column] = inverse
 
 
-@njit(cache=True, parallel=True)
+@njit(cache=True)
 def quad_spans(y, w):
     """Smallest and largest target y of each row of quads, CHUNK quads at a time (empty: inf, -inf)."""
     height, width = y.shape
     chunks = (width + CHUNK - 1) // CHUNK
     spans = np.empty((height, chunks, 2), np.float32)
-    for row in prange(height):
+    for row in range(height):
         for chunk in range(chunks):
             low, high = np.float32(np.inf), np.float32(-np.inf)
             for r in range(row, min(height, row + 2)):

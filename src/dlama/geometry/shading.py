@@ -89,7 +89,7 @@ def shade_points(wbuf, index, color, origin, confidence, out_color, out_depth, o
             out_confidence[ty, tx] = confidence[row, column]
 
 
-@njit(cache=True, parallel=True)
+@njit(cache=True)
 def shade_far(matrix, far, color, origin, confidence, out_color, out_depth, out_origin, out_confidence):
     """The far layer behind everything: empty target pixels (depth 0) whose direction is far in the source.
 
@@ -98,7 +98,7 @@ def shade_far(matrix, far, color, origin, confidence, out_color, out_depth, out_
     """
     rows, columns = out_depth.shape
     height, width = far.shape
-    for ty in prange(rows):
+    for ty in range(rows):
         y = ty + 0.5
         for tx in range(columns):
             if out_depth[ty, tx] != 0:

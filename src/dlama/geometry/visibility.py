@@ -55,6 +55,8 @@ class Law:
         from dlama.geometry import law
 
         broken = np.zeros(depth.shape, np.bool_)
+        # one signature, one compilation: numba tells read-only arrays from others
+        depth, where = np.require(depth, requirements="W"), np.require(where, requirements="W")
         for source, measured in self.measured:
             broken |= law.violations(depth, where, *px_from_px(source, camera), measured)
         return broken

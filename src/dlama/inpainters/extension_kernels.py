@@ -86,7 +86,7 @@ def rim_cost(value, label, known, known_label, rim):
     return rim[0] + hidden * min(1.0, max(0.0, known / max(value, 1e-9) - 1.03) / 0.1)
 
 
-@njit(cache=True, parallel=True)
+@njit(cache=True)
 def unary_costs(values, allowed, distance, hole, w, label, scale, penalty, rim):
     """H x W x L cost of each label at each hole pixel: how far away the surface was last seen, and the rim.
 
@@ -95,7 +95,7 @@ def unary_costs(values, allowed, distance, hole, w, label, scale, penalty, rim):
     """
     count, height, width = values.shape
     out = np.zeros((height, width, count), np.float32)
-    for row in prange(height):
+    for row in range(height):
         for column in range(width):
             if not hole[row, column]:
                 continue
@@ -147,22 +147,22 @@ def send(unary, messages, values, hole, potts, row, column, to_row, to_column, i
         messages[outgoing, to_row, to_column, k] -= smallest
 
 
-@njit(cache=True, parallel=True)
+@njit(cache=True)
 def sweep_rows(unary, messages, values, hole, potts):
     """Messages to the right and to the left along every row (directions 0 from left, 1 from right)."""
     height, width = hole.shape
-    for row in prange(height):
+    for row in range(height):
         for column in range(width - 1):
             send(unary, messages, values, hole, potts, row, column, row, column + 1, 1, 0)
         for column in range(width - 1, 0, -1):
             send(unary, messages, values, hole, potts, row, column, row, column - 1, 0, 1)
 
 
-@njit(cache=True, parallel=True)
+@njit(cache=True)
 def sweep_columns(unary, messages, values, hole, potts):
     """Messages down and up along every column (directions 2 from above, 3 from below)."""
     height, width = hole.shape
-    for column in prange(width):
+    for column in range(width):
         for row in range(height - 1):
             send(unary, messages, values, hole, potts, row, column, row + 1, column, 3, 2)
         for row in range(height - 1, 0, -1):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit, prange
+from numba import njit
 
 
 @njit(cache=True)
@@ -41,13 +41,13 @@ def plane_through(u, v, w, i, j, k):
     return plane
 
 
-@njit(cache=True, parallel=True)
+@njit(cache=True)
 def best_plane(u, v, w, free, triples, tolerance):
     """The hypothesis with most inliers among the free samples, and how many; the first one wins a tie."""
     count = len(triples)
     support = np.zeros(count, np.int64)
     planes = np.zeros((count, 3))
-    for number in prange(count):
+    for number in range(count):
         if triples[number, 2] < 0:
             continue
         plane = plane_through(u, v, w, triples[number, 0], triples[number, 1], triples[number, 2])

@@ -17,12 +17,12 @@ FARTHER = np.float32(0.9)
 """And this much farther."""
 
 
-@njit(cache=True, parallel=True)
+@njit(cache=True)
 def trusted_sources(hole, inverse_depth, label, reach):
     """Known pixels whose colour is their surface's own: no hole and no nearer surface within `reach` px."""
     height, width = hole.shape
     out = np.zeros((height, width), np.bool_)
-    for y in prange(height):
+    for y in range(height):
         for x in range(width):
             if hole[y, x]:
                 continue
@@ -40,7 +40,7 @@ def trusted_sources(hole, inverse_depth, label, reach):
     return out
 
 
-@njit(cache=True, parallel=True)
+@njit(cache=True)
 def shrink(color, inverse_depth, source, factor):
     """Blocks of factor x factor pixels: mean colour and inverse depth of the trusted pixels, and their label.
 
@@ -51,7 +51,7 @@ def shrink(color, inverse_depth, source, factor):
     colors = np.zeros((rows, cols, 3), np.float32)
     depths = np.zeros((rows, cols), np.float32)
     sources = np.full((rows, cols), -2, np.int32)
-    for r in prange(rows):
+    for r in range(rows):
         for c in range(cols):
             y1, x1 = min(height, (r + 1) * factor), min(width, (c + 1) * factor)
             red, green, blue, w, n, kind = 0.0, 0.0, 0.0, 0.0, 0, -2
@@ -151,11 +151,11 @@ def correlate(shifts, points, detail, factor, depths, sources, kind, axes, need)
     return out
 
 
-@njit(cache=True, parallel=True)
+@njit(cache=True)
 def change_of_scale(shifts, cells, factor, depths, sources, kind, axes):
     """For each shift and hole cell (u, v, w): -1 if its source is not known, else |log2| of the change of scale."""
     out = np.full((len(shifts), len(cells)), -1, np.float32)
-    for i in prange(len(shifts)):
+    for i in range(len(shifts)):
         for p in range(len(cells)):
             u, v, w = cells[p, 0], cells[p, 1], cells[p, 2]
             x, y, z = moved(u, v, w, shifts[i, 0], shifts[i, 1], axes)
