@@ -33,7 +33,7 @@ def test_own_view_keeps_every_measured_pixel(recipe: str, filler: str) -> None:
     np.testing.assert_array_equal(done.view.color[measured], frame.color[measured])
     np.testing.assert_array_equal(done.view.depth[measured], np.minimum(frame.depth, np.float32(clip))[measured])
     np.testing.assert_array_equal(done.view.origin[measured], Origin.MEASURED)
-    np.testing.assert_array_equal(done.warped[0].hole, frame.missing if recipe == "paper" else False)
+    np.testing.assert_array_equal(done.warped[0].hole, frame.missing)
     np.testing.assert_array_equal(done.view.confidence == 1, measured)
     assert not done.view.hole.any() and (done.view.depth > 0).all()
 

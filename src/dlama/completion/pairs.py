@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from dlama.completion.recipes import Recipe
-from dlama.completion.scenes import Completion, Work, adopt, clipped, filled_by, find_recipe, report, start
+from dlama.completion.recipes import Recipe, find_recipe
+from dlama.completion.scenes import Completion, Work, adopt, clipped, filled_by, report, start
 from dlama.errors import InputError, ShapeError
 from dlama.geometry.fusion import fuse
 from dlama.geometry.holes import checked_mask, dilated

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass
+from typing import Any
 
 from dlama.errors import InputError
 from dlama.geometry.rendering import MODES, Mode
@@ -57,3 +58,12 @@ def recipe(name: str | Recipe, **changes: object) -> Recipe:
     else:
         raise InputError(f"recipe is {name!r}; one of {', '.join(RECIPES)} is wanted")
     return dataclasses.replace(chosen, **{key: value for key, value in changes.items() if value is not None})  # type: ignore[arg-type]
+
+
+def find_recipe(name: str | Recipe, changes: dict[str, Any]) -> Recipe:
+    """The named recipe with changes; an unknown change names the known ones."""
+    known = [field.name for field in dataclasses.fields(Recipe)]
+    for key in changes:
+        if key not in known:
+            raise InputError(f"{key!r} is no setting of a recipe; one of {', '.join(known)} is wanted")
+    return recipe(name, **changes)

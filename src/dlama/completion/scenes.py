@@ -6,6 +6,7 @@ reposition (eq. 1) -> render, mask (eq. 2-4) -> fill (sec. 3.3) -> fuse (eq. 10,
 from __future__ import annotations
 
 import dataclasses
+import logging
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -15,7 +16,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from dlama.completion.recipes import Recipe, recipe
+from dlama.completion.recipes import Recipe, find_recipe
 from dlama.errors import InputError
 from dlama.geometry.camera import Camera
 from dlama.geometry.cloud import PointCloud
@@ -33,6 +34,7 @@ from dlama.inpainters import inpainter as named_inpainter
 from dlama.inpainters.diffusion import eight_bit
 from dlama.inpainters.filling import FillReport, Inpainter, inpaint
 
+LOG = logging.getLogger("dlama")
 PAPER_PIVOT = 2.5
 """Metres from the camera to the centre of the orbit (the paper's centroid, sec. 4)."""
 
@@ -82,11 +84,18 @@ class Work:
     seed: int
     scene: Scene
     law: Law
+    given: Scene
+    """The scene as measured, before anything was filled."""
+    mask_pixels: tuple[int, int] = (0, 0)
+    """Pixels of the object mask as given, and known pixels given up to its dilation."""
+    hole_pixels: list[tuple[int, int]] = field(default_factory=list)
+    """For each view, pixels of its holes before dilation, and known pixels given up to it."""
     seconds: dict[str, float] = field(default_factory=dict)
     reports: list[FillReport] = field(default_factory=list)
 
     @contextmanager
     def stage(self, name: str) -> Iterator[None]:
+        LOG.info("%s", name)
         started = time.perf_counter()
         yield
         self.seconds[name] = round(self.seconds.get(name, 0.0) + time.perf_counter() - started, 4)
@@ -118,24 +127,14 @@ def complete(
     chosen = find_recipe(recipe, changes)
     source = View.from_rgbd(clipped(rgbd, chosen.clip_m))
     work = start(source, mask, filled_by(filler, model), chosen, seed)
-    measured = work.scene
     views, warped = [], []
     for camera in cameras:
-        before = warp(work, measured, camera, mask)
+        before = warp(work, camera)
         view = complete_view(work, before, camera)
         warped.append(before)
         views.append(view)
     meta = report(work, source, warped, filler)
     return Completion(tuple(views), tuple(warped), work.scene, source, meta)
-
-
-def find_recipe(name: str | Recipe, changes: dict[str, Any]) -> Recipe:
-    """The named recipe with changes; an unknown change names the known ones."""
-    known = [field.name for field in dataclasses.fields(Recipe)]
-    for key in changes:
-        if key not in known:
-            raise InputError(f"{key!r} is no setting of a recipe; one of {', '.join(known)} is wanted")
-    return recipe(name, **changes)
 
 
 def clipped(rgbd: RGBD, clip_m: float | None) -> RGBD:
@@ -159,13 +158,14 @@ def start(source: View, mask: BoolArray | None, filler: str | Inpainter, chosen:
     fill = filled_by(filler)
     if chosen.eight_bit_depth and chosen.clip_m is not None:
         fill = eight_bit(fill, chosen.clip_m)
-    scene = Scene((source,))
+    scene, mask_pixels = Scene((source,)), (0, 0)
     if mask is not None:
         taken = dilated(checked_mask(mask, source.camera.hw), chosen.dilate)
         checked_mask(taken, source.camera.hw)
+        mask_pixels = int(mask.sum()), int(taken.sum()) - int(mask.sum())
         taken_out = source.without(~taken, HoleType.NONE)
         scene = Scene((source.without(taken, HoleType.OBJECT),), (taken_out,))
-    work = Work(chosen, fill, seed, scene, Law.of(scene))
+    work = Work(chosen, fill, seed, scene, Law.of(scene), scene, mask_pixels)
     if chosen.source_first and scene.layers[0].hole.any():
         filled = work.fill(scene.layers[0])
         background = filled.without(filled.filled, HoleType.OBJECT)
@@ -173,22 +173,25 @@ def start(source: View, mask: BoolArray | None, filler: str | Inpainter, chosen:
     return work
 
 
-def warp(work: Work, measured: Scene, camera: Camera, mask: BoolArray | None) -> View:
-    """What the measurements alone show from `camera`: I', lambda' and M (eq. 2-4)."""
-    first = work.scene.layers[0]
+def warp(work: Work, camera: Camera) -> View:
+    """What the measurements alone show from `camera`: I', lambda' and M (eq. 2-4). Away from the source camera the depth of
+    sensor holes, filled there, counts as measured."""
+    home = camera.same_view_as(work.given.layers[0].camera)
+    first = work.given.layers[0] if home else work.scene.layers[0]
     with work.stage("render"):
-        known = Scene((first,), measured.objects)
-        view = render(known, camera, work.recipe.mode)
-        if work.recipe.footprint and mask is not None:
-            object_seen = render(Scene(measured.objects), camera, work.recipe.mode, types=False)
+        view = render(Scene((first,), work.given.objects), camera, work.recipe.mode)
+        if work.recipe.footprint and work.given.objects:
+            object_seen = render(Scene(work.given.objects), camera, work.recipe.mode, types=False)
             view = view.without(~object_seen.hole & ~view.hole, HoleType.OBJECT)
-        return grown(view, work.recipe.dilate_holes)
+        larger = grown(view, work.recipe.dilate_holes)
+    work.hole_pixels.append((int(view.hole.sum()), int((larger.hole & ~view.hole).sum())))
+    return larger
 
 
 def complete_view(work: Work, before: View, camera: Camera) -> View:
     """Fill what the measurements leave open: first from what was filled earlier, then anew, and fuse that."""
     view = before
-    if len(work.scene.layers) > 1 and before.hole.any():
+    if work.scene is not work.given and before.hole.any():
         with work.stage("render"):
             earlier = render(work.scene, camera, work.recipe.mode, types=False)
         view = adopt(work, before, earlier)
@@ -230,6 +233,13 @@ def report(work: Work, source: View, warped: Sequence[View], filler: str | Inpai
         "seed": work.seed,
         "hole_share": [round(float((view.hole_type > 0).mean()), 6) for view in warped],
         "hole_share_by_type": [hole_shares(view) for view in warped],
+        "dilation": {
+            "kernel": "disc of the radius given in the recipe",
+            "mask_pixels": work.mask_pixels[0],
+            "mask_known_pixels_given_up": work.mask_pixels[1],
+            "hole_pixels_before": [before for before, _ in work.hole_pixels],
+            "hole_known_pixels_given_up": [lost for _, lost in work.hole_pixels],
+        },
         "flying_pixels_rejected": int(flying(source).sum()) if moved else 0,
         "filled_pixels": sum(one.hole_pixels for one in work.reports),
         "law_moves": sum(one.law_moves for one in work.reports),
