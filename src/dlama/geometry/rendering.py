@@ -77,13 +77,14 @@ class Canvas:
     def buffers(self) -> tuple[UInt8Array, Float32Array, UInt8Array, Float32Array]:
         return self.color, self.depth, self.origin, self.confidence
 
-    def put(self, other: Canvas, tolerance: float) -> None:
+    def put(self, other: Canvas, tolerance: float, over_measured: bool) -> None:
         """Draw another canvas over this one where this is empty or clearly behind (relative tolerance).
 
-        Nothing covers a measured pixel in its own camera.
+        over_measured: False keeps measured pixels in their own camera (nothing filled covers them).
         """
         wins = (other.depth > 0) & ((self.depth == 0) | (other.depth < self.depth * (1 - tolerance)))
-        wins &= self.origin != Origin.MEASURED
+        if not over_measured:
+            wins &= self.origin != Origin.MEASURED
         self.color[wins], self.depth[wins] = other.color[wins], other.depth[wins]
         self.origin[wins], self.confidence[wins] = other.origin[wins], other.confidence[wins]
 
@@ -106,7 +107,8 @@ def render(
     canvas = Canvas.empty(camera)
     for number, grid in enumerate(grids):
         if number:
-            canvas.put(draw(grid, camera, Canvas.empty(camera)), tolerance=0.005)
+            measured = bool((grid.layer.origin == Origin.MEASURED).any())
+            canvas.put(draw(grid, camera, Canvas.empty(camera)), tolerance=0.005, over_measured=measured)
         else:
             draw(grid, camera, canvas)
             if grid.still:
