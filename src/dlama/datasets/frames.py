@@ -1,0 +1,121 @@
+"""The nouns of data sets: frames with ground truth, and the cases an evaluation puts to the method.
+
+A reader turns a folder into a `Dataset`: its frames, and its cases of each protocol. Both are descriptions; pictures are
+read when `load` is called, so a long listing costs nothing and a case can travel to another process.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
+from dlama.geometry.rig import StereoRig
+
+Protocol = Literal["vpi", "ori", "sii"]
+
+
+@dataclass(frozen=True)
+class Frame:
+    """One posed picture with depth, not yet read."""
+
+    scene: str
+    name: str
+    load: Callable[[], RGBD]
+    """Reads it; picklable (functools.partial of a module's function)."""
+    yaw_deg: float | None = None
+    """Degrees of orbit from the scene's first frame, where the data set has an orbit."""
+
+
+@dataclass(frozen=True, eq=False)
+class ViewTruth:
+    """VPI: a source frame, and the true frame where the method has to go."""
+
+    source: RGBD
+    target: RGBD
+    """Its camera is the goal; everything in it is the truth."""
+    object_mask: BoolArray | None = None
+    """H x W in the source, True = the object of the paper's second experiment."""
+    target_without: RGBD | None = None
+    """The true frame at the goal without that object."""
+    exposure_varies: bool = False
+    """The frames differ in exposure: one gain per channel is undone before colours are compared."""
+
+
+@dataclass(frozen=True, eq=False)
+class RemovalTruth:
+    """ORI: a frame with an object, and the same camera's frame without it."""
+
+    source: RGBD
+    without: RGBD
+    mask: BoolArray
+    """H x W, True = remove."""
+    compare: BoolArray | None = None
+    """H x W, True = the two frames show the same background here; None: everywhere."""
+    shadow: BoolArray | None = None
+    """H x W, True = the object's cast shadow (never part of the mask); None: not known."""
+    exposure_varies: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class StereoTruth:
+    """SII: a rectified pair with truth. With masks an object is removed in both views; without, the right view is synthesised."""
+
+    left: UInt8Array
+    """H x W x 3."""
+    right: UInt8Array
+    rig: StereoRig
+    disparity_left: Float32Array
+    """H x W px of the pair as given, 0 = unknown, in the left view: right column = left column - disparity."""
+    disparity_right: Float32Array | None = None
+    """H x W px in the right view: left column = right column + disparity."""
+    mask_left: BoolArray | None = None
+    """H x W, True = remove; both masks or neither."""
+    mask_right: BoolArray | None = None
+    without_left: RGBD | None = None
+    """The true left frame without the object, where there are masks."""
+    without_right: RGBD | None = None
+    metric: bool = True
+    """The rig's focal length and baseline are true; False: nominal, so depth in metres means nothing."""
+
+
+Truth = ViewTruth | RemovalTruth | StereoTruth
+
+
+@dataclass(frozen=True)
+class Case:
+    """One question to the method, with its answer, not yet read."""
+
+    protocol: Protocol
+    dataset: str
+    scene: str
+    frame: str
+    """Unique within the scene and the protocol."""
+    load: Callable[[], Truth]
+    """Reads it; picklable (functools.partial of a module's function)."""
+    yaw_deg: float | None = None
+    """Signed degrees of orbit (VPI), or the angle between the two frames of a posed pair."""
+
+    @property
+    def key(self) -> str:
+        """What tells this case from every other of a data set; safe as a file name."""
+        return "__".join((self.protocol, self.dataset, self.scene, self.frame))
+
+
+@dataclass(frozen=True)
+class Dataset:
+    """A data set as a listing: nothing is read yet."""
+
+    name: str
+    layout: str
+    """The key in `LAYOUTS` of the reader that listed it."""
+    root: Path | None
+    """Its folder; None for generated worlds."""
+    frames: tuple[Frame, ...]
+    cases: tuple[Case, ...]
+
+    def of(self, protocol: Protocol) -> tuple[Case, ...]:
+        """The cases of one protocol, in the data set's order."""
+        return tuple(case for case in self.cases if case.protocol == protocol)

@@ -1,0 +1,1 @@
+"""Evaluation: metrics (pure), regions and protocols (which views, which pixels), runs, and the report."""

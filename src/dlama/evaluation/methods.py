@@ -1,0 +1,74 @@
+"""What is evaluated (a recipe with a filler) and what comes out of it: measures and the pictures to look at."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
+
+NO_FILL = "none"
+"""The filler of the baseline that fills nothing: holes stay black and without depth."""
+
+
+@dataclass(frozen=True)
+class Method:
+    """One column of a table: a recipe, a filler and the filler's network file."""
+
+    recipe: str
+    filler: str
+    """A name of `dlama.inpainters`, or NO_FILL."""
+    model: Path | None = None
+    changes: Mapping[str, Any] = field(default_factory=dict)
+    """Fields of the recipe that differ from it."""
+    seed: int = 0
+
+    @property
+    def label(self) -> str:
+        """`recipe/filler`, as tables name it."""
+        return f"{self.recipe}/{self.filler}"
+
+
+class Measure(NamedTuple):
+    """One number of results.csv, without the columns that the case and the method give."""
+
+    region: str
+    """whole, seen, unseen, disoccluded, out-of-view, object, mask, ring, outside, shadow."""
+    modality: str
+    """rgb, depth (8 bit, as the paper shows it), depth_m, cloud, disparity, time, memory."""
+    metric: str
+    """Lower case: ssim, lpips, mse, psnr, mae, absrel, delta1.05, ..."""
+    value: float
+
+
+@dataclass(frozen=True, eq=False)
+class Panel:
+    """The pictures of one case and method that the report shows, one row colour, one row depth."""
+
+    source: UInt8Array
+    """H x W x 3, the input."""
+    warped: UInt8Array
+    filled: UInt8Array
+    truth: UInt8Array
+    hole: BoolArray
+    """H x W, True = was unknown before filling."""
+    depth_source: Float32Array
+    """H x W metres, 0 = missing, inf = far; so are the next three."""
+    depth_warped: Float32Array
+    depth_filled: Float32Array
+    depth_truth: Float32Array
+
+
+@dataclass(frozen=True, eq=False)
+class Scored:
+    """One run of a method on a case, measured."""
+
+    measures: tuple[Measure, ...]
+    variant: str = ""
+    """What differs from the method as named (`object,dilate=3`, `mask+3`); empty for the run itself. Joined to the recipe
+    with a `+` in results.csv."""
+    panel: Panel | None = None
+    meta: Mapping[str, Any] = field(default_factory=dict)
+    """The completion's own meta data."""

@@ -1,0 +1,1 @@
+"""Training: settings, samples, losses and the loop (extra `train`)."""
