@@ -5,7 +5,24 @@ from __future__ import annotations
 import subprocess
 import sys
 
-HEAVY = ("numba", "cv2", "PIL", "torch", "OpenEXR", "plyfile", "pygltflib", "rich", "tyro")
+HEAVY = (
+    "numba",
+    "cv2",
+    "PIL",
+    "torch",
+    "OpenEXR",
+    "plyfile",
+    "pygltflib",
+    "rich",
+    "tyro",
+    "onnxruntime",
+    "onnx",
+    "scipy",
+    "skimage",
+    "matplotlib",
+    "pytorch_lightning",
+    "tensorboard",
+)
 
 
 def loaded_by(code: str) -> list[str]:

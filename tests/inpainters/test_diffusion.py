@@ -9,8 +9,8 @@ from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.view import HoleType, View
 from dlama.geometry.visibility import Law
-from dlama.inpainters.diffusion import depth_of_levels, eight_bit, navier_stokes, telea
-from dlama.inpainters.filling import Fill, Inpainter, inpaint
+from dlama.inpainters.diffusion import depth_of_levels, navier_stokes, telea
+from dlama.inpainters.filling import Inpainter, inpaint
 from worlds import Plane, World
 
 both = pytest.mark.parametrize("filler", [telea, navier_stokes], ids=["telea", "navier-stokes"])
@@ -86,20 +86,6 @@ def test_levels_are_inverse_depth() -> None:
     got = depth_of_levels(np.array([[0, 1, 10, 65535]], np.uint16), 1e-3)
     np.testing.assert_allclose(got, [[np.inf, 1000, 100, 1 / 65.535]], rtol=1e-6)
     assert got.dtype == np.float32
-
-
-def test_eight_bit_depth_has_the_papers_steps() -> None:
-    """Closed form: cut at 10 m, rounded to 10 m / 255, never 0; colour, moves and notes go through."""
-    proposed = np.array([[1e-4, 0.03, 0.06, 1.37, 9.99, 12, np.inf]], np.float32)
-    view = with_hole(np.ones((1, 7)), np.zeros((1, 7), bool))
-
-    def inner(view: View, law: Law, seed: int) -> Fill:
-        return Fill(view.color, proposed, seed, {"who": "inner"})
-
-    fill = eight_bit(inner, 10.0)(view, NOTHING, 4)
-    np.testing.assert_allclose(fill.depth / (10 / 255), [[1, 1, 2, 35, 255, 255, 255]], rtol=1e-6)
-    assert fill.depth.dtype == np.float32
-    assert fill.law_moves == 4 and fill.notes == {"who": "inner"} and fill.color is view.color
 
 
 def test_what_sixteen_bits_rely_on() -> None:

@@ -46,7 +46,7 @@ def test_the_exported_network_agrees_with_the_published_code(tmp_path, vector_fi
     ],
 )
 def test_parity_with_torch_at_every_size(random_state, settings):
-    """Oracle: the torch modules in float64; sizes not square, no powers of two, and below the receptive field."""
+    """Oracle: the torch modules in float32; sizes not square, no powers of two, and below the receptive field."""
     torch = pytest.importorskip("torch", reason="the networks need torch: pip install 'dlama[train]'")
     from dlama.nets.generator import generator_from_state
 

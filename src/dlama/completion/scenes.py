@@ -31,8 +31,8 @@ from dlama.geometry.trajectories import median_pivot, orbit
 from dlama.geometry.view import HoleType, Origin, View
 from dlama.geometry.visibility import Law
 from dlama.inpainters import inpainter as named_inpainter
-from dlama.inpainters.diffusion import eight_bit
 from dlama.inpainters.filling import FillReport, Inpainter, inpaint
+from dlama.inpainters.painting import eight_bit
 
 LOG = logging.getLogger("dlama")
 PAPER_PIVOT = 2.5

@@ -11,10 +11,11 @@ import functools
 import numpy as np
 
 from dlama.geometry.rendering import inverse_depth
-from dlama.geometry.rgbd import Float32Array
+from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.geometry.view import View
 from dlama.geometry.visibility import Law
-from dlama.inpainters.filling import Fill, Inpainter
+from dlama.inpainters.filling import Fill
+from dlama.inpainters.painting import Painter
 
 RADIUS = 3
 """Neighbourhood of cv2.inpaint in pixels."""
@@ -22,15 +23,18 @@ RADIUS = 3
 
 def diffuse(view: View, law: Law, seed: int, *, method: str) -> Fill:
     """Fill colour (8 bit) and inverse depth (16 bit, full scale = the nearest pixel) by cv2.inpaint."""
+    w = inverse_depth(np.where(view.hole, np.float32(0), view.depth))
+    scale = float(w.max()) / 65535 or 1.0
+    levels = paint(np.round(w / scale).astype(np.uint16), view.hole, method=method)
+    return Fill(paint(view.color, view.hole, method=method), depth_of_levels(levels, scale))
+
+
+def paint(picture: np.ndarray, hole: BoolArray, *, method: str) -> np.ndarray:
+    """A picture (uint8 H x W x 3, or uint16 H x W) with the hole filled by cv2.inpaint."""
     import cv2
 
     flag = {"telea": cv2.INPAINT_TELEA, "navier-stokes": cv2.INPAINT_NS}[method]
-    mask = view.hole.astype(np.uint8)
-    color = np.asarray(cv2.inpaint(view.color, mask, RADIUS, flag), np.uint8)
-    w = inverse_depth(np.where(view.hole, np.float32(0), view.depth))
-    scale = float(w.max()) / 65535 or 1.0
-    levels = cv2.inpaint(np.round(w / scale).astype(np.uint16), mask, RADIUS, flag)
-    return Fill(color, depth_of_levels(levels, scale))
+    return np.asarray(cv2.inpaint(picture, hole.astype(np.uint8), RADIUS, flag), picture.dtype)
 
 
 def depth_of_levels(levels: np.ndarray, scale: float) -> Float32Array:
@@ -40,17 +44,10 @@ def depth_of_levels(levels: np.ndarray, scale: float) -> Float32Array:
     return out
 
 
-telea: Inpainter = functools.partial(diffuse, method="telea")
-navier_stokes: Inpainter = functools.partial(diffuse, method="navier-stokes")
+def painter(method: str) -> Painter:
+    """The filler of that name, for views and for pictures."""
+    return Painter(functools.partial(diffuse, method=method), functools.partial(paint, method=method))
 
 
-def eight_bit(inpainter: Inpainter, clip_m: float) -> Inpainter:
-    """The paper's way with depth: a filler's depth cut at `clip_m` and rounded to 8-bit steps of clip_m / 255."""
-
-    def fill(view: View, law: Law, seed: int) -> Fill:
-        proposal = inpainter(view, law, seed)
-        step = clip_m / 255
-        levels = np.clip(np.round(np.minimum(proposal.depth, clip_m) / step), 1, 255)
-        return Fill(proposal.color, (levels * step).astype(np.float32), proposal.law_moves, proposal.notes)
-
-    return fill
+telea = painter("telea")
+navier_stokes = painter("navier-stokes")

@@ -26,7 +26,7 @@ def joint_filler(model: str | Path, contract: Contract | None = None, **options:
     def joint(view: View, law: Law, seed: int) -> Fill:
         demand(network.contract, 4, str(network.path), "joint")
         depth = DepthPlane.of(view)
-        filled = network.fill(np.concatenate([color_planes(view), depth.values[None]])[None], view.hole)[0]
+        filled = network.fill(np.concatenate([color_planes(view.color), depth.values[None]])[None], view.hole)[0]
         return Fill(eight_bits(filled[:3]), depth.metres(filled[3]), notes=network.notes)
 
     return joint

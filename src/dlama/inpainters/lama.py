@@ -7,12 +7,14 @@ from typing import Any
 
 import numpy as np
 
+from dlama.geometry.rgbd import BoolArray, UInt8Array
 from dlama.geometry.view import View
 from dlama.geometry.visibility import Law
 from dlama.inpainters.contract import Contract, demand
 from dlama.inpainters.engine import Engine, engine
 from dlama.inpainters.filling import Fill, Inpainter
-from dlama.inpainters.planes_of_views import DepthPlane, color_hole, color_planes, eight_bits
+from dlama.inpainters.painting import Painter, channel_spread, color_hole
+from dlama.inpainters.planes_of_views import DepthPlane, color_planes, eight_bits
 
 BATCHED: tuple[str, ...] = ()
 """Providers on which one pass for colour and depth was measured to be faster than two (benchmarks/engine.py); none so far."""
@@ -30,17 +32,22 @@ def lama_filler(model: str | Path, contract: Contract | None = None, **options: 
         demand(network.contract, 3, str(network.path), "lama")
         return filled_apart(view, network)
 
-    return lama
+    def paint(picture: UInt8Array, hole: BoolArray) -> UInt8Array:
+        demand(network.contract, 3, str(network.path), "lama")
+        return eight_bits(network.fill(color_planes(picture)[None], hole)[0])
+
+    return Painter(lama, paint, lambda: network.notes)
 
 
 def filled_apart(view: View, network: Engine) -> Fill:
     """Colour where it is not known, depth in the whole hole."""
     depth, open_color = DepthPlane.of(view), color_hole(view)
-    color = color_planes(view)
+    color = color_planes(view.color)
     grey = np.repeat(depth.values[None], 3, 0)
     if network.running_on in BATCHED and (open_color == view.hole).all():
         color, grey = network.fill(np.stack([color, grey]), view.hole)
     else:
         color = network.fill(color[None], open_color)[0]
         grey = network.fill(grey[None], view.hole)[0]
-    return Fill(eight_bits(color), depth.metres(grey.mean(0)), notes=network.notes)
+    spread = channel_spread(grey.transpose(1, 2, 0) * 255, view.hole)
+    return Fill(eight_bits(color), depth.metres(grey.mean(0)), notes=network.notes | {"depth_channel_spread": spread})

@@ -23,7 +23,8 @@ from dlama.inpainters.crops import Layout, fill_crops
 from dlama.inpainters.diffusion import telea
 from dlama.inpainters.engine import Engine, engine
 from dlama.inpainters.filling import Fill, Inpainter
-from dlama.inpainters.planes_of_views import DepthPlane, color_hole
+from dlama.inpainters.painting import Painter, color_hole
+from dlama.inpainters.planes_of_views import DepthPlane
 
 GROW = 3
 """Pixels by which the hole grows for the network only: from 3 on, nothing in the hole leaks (WEIGHTS.md)."""
@@ -47,7 +48,11 @@ def migan_filler(model: str | Path, **options: Any) -> Inpainter:
         color = painted(view.color, diffused.color, color_hole(view), network)
         return Fill(color, painted_depth(view, diffused.depth, network), notes=network.notes)
 
-    return migan
+    def paint(picture: UInt8Array, hole: BoolArray) -> UInt8Array:
+        demand_pipeline(network)
+        return painted(picture, telea.paint(picture, hole), hole, network)
+
+    return Painter(migan, paint, lambda: network.notes)
 
 
 def demand_pipeline(network: Engine) -> None:

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from dlama.geometry.rendering import inverse_depth
-from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
-from dlama.geometry.view import Origin, View
+from dlama.geometry.rgbd import Float32Array, UInt8Array
+from dlama.geometry.view import View
 
 FARTHER = 0.5
 """Filled inverse depth below this share of the smallest known one is far, in a view that shows far pixels."""
@@ -42,14 +42,9 @@ class DepthPlane:
         return out
 
 
-def color_hole(view: View) -> BoolArray:
-    """Hole pixels whose colour is not known either."""
-    return view.hole & (view.origin != Origin.DEPTH_FILLED)
-
-
-def color_planes(view: View) -> Float32Array:
-    """3 x H x W in 0..1."""
-    return (view.color.transpose(2, 0, 1) / np.float32(255)).astype(np.float32)
+def color_planes(picture: UInt8Array) -> Float32Array:
+    """3 x H x W in 0..1 of H x W x 3."""
+    return (picture.transpose(2, 0, 1) / np.float32(255)).astype(np.float32)
 
 
 def eight_bits(planes: Float32Array) -> UInt8Array:
