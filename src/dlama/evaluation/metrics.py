@@ -1,0 +1,200 @@
+"""Two pictures of one place in -> SSIM and squared-error maps, means over regions, and the gain between exposures out.
+
+SSIM is scikit-image's (Wang et al. 2004). Every setting of every metric stands in `MetricSettings`; its hash stands beside
+every table. Pictures are uint8, H x W x 3 or H x W (depth as `depth_8bit` makes it), both of the same shape; sums run
+in float64, so the same input gives the same numbers on every run.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from dlama.errors import MissingExtraError, ShapeError
+from dlama.geometry.camera import Float64Array
+from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
+
+
+@dataclass(frozen=True)
+class MetricSettings:
+    """Every number and choice that a metric's value depends on."""
+
+    data_range: float = 255.0
+    """Of SSIM and PSNR: pictures are 0..255."""
+    ssim_window: int = 7
+    """Pixels, the side of SSIM's square window."""
+    ssim_gaussian: bool = False
+    """False: all pixels of the window weigh the same."""
+    ssim_sample_covariance: bool = True
+    """True: variances are divided by n - 1."""
+    ssim_k1: float = 0.01
+    ssim_k2: float = 0.03
+    ssim_channels: str = "mean"
+    """Of a colour picture: each channel by itself, then their mean (scikit-image's channel_axis)."""
+    ssim_border_whole: str = "cropped"
+    """The score of a whole picture leaves the outer (window - 1) / 2 pixels out, as scikit-image does."""
+    ssim_border_region: str = "kept"
+    """The score of a region keeps them; there the window sees the picture mirrored at its border."""
+    lpips_net: str = "alex"
+    lpips_version: str = "0.1"
+    lpips_low: float = -1.0
+    """What level 0 is for the network; `lpips_high` is level 255."""
+    lpips_high: float = 1.0
+    lpips_weights: str = "float16, computed in float32"
+    lpips_region: str = "mean of the spatial map, truth pasted outside"
+    depth_clip_m: float = 10.0
+    """Metres: 8-bit depth is 255 from here on (the paper's clip), and `mae` and `rmse` of depth are cut here."""
+    depth_levels: int = 255
+    depth_deltas: tuple[float, ...] = (1.05, 1.25)
+    cloud_thresholds_m: tuple[float, ...] = (0.02, 0.05, 0.10)
+    disparity_bad_px: tuple[float, ...] = (1.0, 2.0)
+    gain: str = "ratio of means per channel, levels 5..250, residuals up to twice their median"
+
+    def settings_hash(self) -> str:
+        """The first 12 hexadecimal digits of the sha256 of all fields as JSON, names sorted."""
+        return hashlib.sha256(json.dumps(asdict(self), sort_keys=True).encode()).hexdigest()[:12]
+
+
+SETTINGS = MetricSettings()
+"""What the package measures with."""
+
+GAIN_PIXELS = 100
+"""Fewer usable pixels than this say nothing about exposure."""
+
+
+def ssim_map(truth: UInt8Array, mine: UInt8Array, settings: MetricSettings = SETTINGS) -> Float64Array:
+    """SSIM of every pixel, the mean over channels; the SSIM of a region is the mean of this map over it.
+
+    Up to the border, where scikit-image's filter mirrors the picture: a region there is scored like any other. Only
+    the score of a whole picture (`whole_ssim`) leaves the border out.
+
+    Returns:
+        H x W, in -1..1.
+    Raises:
+        ShapeError: shapes differ, or a side is shorter than the window.
+        MissingExtraError: scikit-image is not installed.
+    """
+    return ssim_whole_and_map(truth, mine, settings)[1]
+
+
+def whole_ssim(truth: UInt8Array, mine: UInt8Array, settings: MetricSettings = SETTINGS) -> float:
+    """SSIM of the whole picture: the very number that scikit-image's `structural_similarity` gives (border cropped).
+
+    Raises:
+        ShapeError, MissingExtraError: as `ssim_map`.
+    """
+    return ssim_whole_and_map(truth, mine, settings)[0]
+
+
+def ssim_whole_and_map(
+    truth: UInt8Array, mine: UInt8Array, settings: MetricSettings = SETTINGS
+) -> tuple[float, Float64Array]:
+    """`whole_ssim` and `ssim_map` for the price of one."""
+    whole, full = _structural_similarity(truth, mine, settings)
+    return whole, full.mean(2) if full.ndim == 3 else full
+
+
+def mse_map(truth: UInt8Array, mine: UInt8Array) -> Float64Array:
+    """Squared difference of every pixel, the mean over channels: H x W, in 0..65025 (levels squared).
+
+    Its mean over a region is the MSE there; over the whole picture it is scikit-image's `mean_squared_error`.
+
+    Raises:
+        ShapeError: the shapes differ, or are no picture's.
+    """
+    _refuse_differences(truth, mine)
+    squared = (truth.astype(np.float64) - mine.astype(np.float64)) ** 2
+    return squared.mean(2) if squared.ndim == 3 else squared
+
+
+def psnr(mse: float, data_range: float = SETTINGS.data_range) -> float:
+    """Peak signal to noise ratio in dB of a mean squared error: inf for 0, nan for nan."""
+    return math.inf if mse == 0 else 10 * math.log10(data_range**2 / mse)
+
+
+def region_mean(values: Float64Array, region: BoolArray | None = None) -> float:
+    """Mean of an H x W map over a region (None = everywhere); nan where the region is empty."""
+    if region is None:
+        return float(values.mean())
+    if region.shape != values.shape or region.dtype != np.bool_:
+        raise ShapeError(f"the region is {region.dtype} {region.shape}; bool {values.shape} is wanted")
+    return float(values[region].mean()) if region.any() else math.nan
+
+
+def depth_8bit(depth: Float32Array, clip_m: float = SETTINGS.depth_clip_m) -> UInt8Array:
+    """Depth as the paper shows it: 0..255 for 0..clip_m metres, rounded; far and anything beyond is 255, missing is 0.
+
+    Args:
+        depth: H x W metres; 0 or NaN = missing, inf = far.
+    """
+    metres = np.where(np.isnan(depth), 0.0, depth).astype(np.float64)
+    return np.rint(np.clip(metres, 0.0, clip_m) * (SETTINGS.depth_levels / clip_m)).astype(np.uint8)
+
+
+def channel_gain(mine: UInt8Array, truth: UInt8Array, region: BoolArray) -> tuple[float, float, float]:
+    """The factor per channel that brings `mine` to the exposure of `truth`, fitted on a region that both show.
+
+    Starts from the ratio of medians; then, three times, the ratio of means over the pixels that fit best (residual
+    up to twice the median residual), so that what moved or does not match has no say. Neither side is taken for
+    exact, so noise does not pull the factor down as least squares would. Pixels near black or white are left out.
+
+    Returns:
+        Three factors; 1 for a channel with fewer than 100 usable pixels.
+    """
+    _refuse_differences(truth, mine)
+    gains = [_gain(mine[..., c][region].astype(float), truth[..., c][region].astype(float)) for c in range(3)]
+    return gains[0], gains[1], gains[2]
+
+
+def with_gain(picture: UInt8Array, gain: tuple[float, float, float]) -> UInt8Array:
+    """A colour picture, H x W x 3, with each channel multiplied, rounded and cut to 0..255."""
+    return np.rint(np.clip(picture * np.asarray(gain, np.float64), 0, 255)).astype(np.uint8)
+
+
+def _gain(mine: Float64Array, truth: Float64Array) -> float:
+    usable = (np.minimum(mine, truth) >= 5) & (np.maximum(mine, truth) <= 250)
+    if usable.sum() < GAIN_PIXELS:
+        return 1.0
+    mine, truth = mine[usable], truth[usable]
+    gain = float(np.median(truth) / np.median(mine))
+    for _ in range(3):
+        residual = np.abs(truth - gain * mine)
+        fits = residual <= max(2 * float(np.median(residual)), 1.0)
+        gain = float(truth[fits].sum() / mine[fits].sum())
+    return gain
+
+
+def _structural_similarity(truth: UInt8Array, mine: UInt8Array, settings: MetricSettings) -> tuple[float, Any]:
+    """The score of the whole and the map, H x W or H x W x 3."""
+    _refuse_differences(truth, mine)
+    if min(truth.shape[:2]) < settings.ssim_window:
+        raise ShapeError(
+            f"pictures are {truth.shape[1]}x{truth.shape[0]}; SSIM wants {settings.ssim_window} pixels or more a side"
+        )
+    try:
+        from skimage.metrics import structural_similarity
+    except ImportError as error:
+        raise MissingExtraError("SSIM", "scikit-image", "evaluate") from error
+    score, full = structural_similarity(
+        truth.astype(np.float64),
+        mine.astype(np.float64),
+        win_size=settings.ssim_window,
+        gaussian_weights=settings.ssim_gaussian,
+        use_sample_covariance=settings.ssim_sample_covariance,
+        K1=settings.ssim_k1,
+        K2=settings.ssim_k2,
+        data_range=settings.data_range,
+        channel_axis=2 if truth.ndim == 3 else None,
+        full=True,
+    )
+    return float(score), full
+
+
+def _refuse_differences(truth: UInt8Array, mine: UInt8Array) -> None:
+    if truth.shape != mine.shape or truth.ndim not in (2, 3) or (truth.ndim == 3 and truth.shape[2] != 3):
+        raise ShapeError(f"truth is {truth.shape} and mine {mine.shape}; twice H x W or H x W x 3 is wanted")
