@@ -46,7 +46,7 @@ def cloud_scores(
     for threshold in thresholds:
         precision, recall = _share(there, threshold), _share(back, threshold)
         both = precision + recall
-        fscore = math.nan if len(there) + len(back) == 0 else 2 * precision * recall / both if both > 0 else 0.0
+        fscore = 2 * precision * recall / both if both > 0 else 0.0
         name = f"{threshold:.2f}" if round(threshold, 2) == threshold else f"{threshold:g}"
         scores |= {f"precision_{name}": precision, f"recall_{name}": recall, f"fscore_{name}": fscore}
     if len(estimate) + len(truth) == 0:

@@ -1,0 +1,157 @@
+"""LPIPS by the shipped network (oracle: the published recipe in torch on full-precision weights, and its frozen values).
+
+FROZEN was printed by `python tests/reference/lpips_twin.py` (torch 2.13, CPU, the weights in DLAMA_DATA/weights), which
+holds the recipe and makes the pictures.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dlama.errors import ShapeError
+from dlama.evaluation.lpips import NETWORK, Lpips
+from reference.lpips_twin import PICTURES, blurred, gradient, lpips, noise, pair, street_pair, weights_of
+
+FROZEN = {
+    "noise": 0.096263,
+    "noise on a gradient": 0.798521,
+    "gradients": 0.703764,
+    "box blur": 0.656605,
+    "grey depth": 0.197950,
+    "smallest": 0.687518,
+    "demo removal": 0.063619,
+}
+FROZEN_STREET = {"s03 turned": 0.453799, "s05 blurred": 0.338952}
+MEASURE = Lpips()
+
+
+@pytest.fixture(scope="session")
+def weights_dir(data_dir: Path) -> Path:
+    """The folder of the full-precision weights."""
+    if not (data_dir / "weights" / "lpips_alex_lin.safetensors").is_file():
+        pytest.skip(f"{data_dir} has no weights/lpips_alex_lin.safetensors")
+    return data_dir / "weights"
+
+
+@pytest.mark.parametrize("name", PICTURES)
+def test_frozen_values(name: str) -> None:
+    """Noise, gradients, blur, grey depth, the smallest size, a photo: within 1e-3 of full precision."""
+    mine, truth = pair(name)
+    assert MEASURE.region(mine, truth) == pytest.approx(FROZEN[name], abs=1e-3)
+
+
+@pytest.mark.parametrize("name", FROZEN_STREET)
+def test_frozen_values_on_real_frames(name: str, data_dir: Path) -> None:
+    """Two frames 10 degrees apart, and a frame against itself blurred."""
+    mine, truth = street_pair(data_dir, name)
+    assert MEASURE.region(mine, truth) == pytest.approx(FROZEN_STREET[name], abs=1e-3)
+
+
+@pytest.mark.parametrize("name", ["gradients", "box blur", "grey depth", "smallest", "demo removal"])
+def test_distance_and_map_agree_with_the_twin(name: str, weights_dir: Path) -> None:
+    """The twin, live: the number, the map, and the mean of the map."""
+    pytest.importorskip("torch", reason="the twin needs torch: pip install 'dlama[train]'")
+    a, b = pair(name)
+    wanted, wanted_map = lpips(weights_of(weights_dir), a, b)
+    assert FROZEN[name] == pytest.approx(wanted, abs=2e-5)
+    one, other = MEASURE.features(a), MEASURE.features(b)
+    assert MEASURE.distance(one, other) == pytest.approx(wanted, abs=1e-3)
+    got = MEASURE.distance_map(one, other, (a.shape[0], a.shape[1]))
+    np.testing.assert_allclose(got, wanted_map, atol=3e-3)
+    assert got.mean() == pytest.approx(wanted_map.mean(), abs=1e-3)
+
+
+def test_a_region_is_the_mean_of_the_map_with_the_truth_pasted_outside(weights_dir: Path) -> None:
+    """The twin on pictures pasted by hand; and what lies outside has no say."""
+    pytest.importorskip("torch", reason="the twin needs torch: pip install 'dlama[train]'")
+    truth, mine = gradient(90, 110), noise((90, 110, 3), 7)
+    region = np.zeros((90, 110), np.bool_)
+    region[20:60, 30:70] = True
+    pasted = truth.copy()
+    pasted[20:60, 30:70] = mine[20:60, 30:70]
+    wanted = lpips(weights_of(weights_dir), pasted, truth)[1][20:60, 30:70].mean()
+    assert MEASURE.region(mine, truth, region) == pytest.approx(wanted, abs=1e-3)
+    assert MEASURE.region(pasted, truth, region) == MEASURE.region(mine, truth, region)
+
+
+def test_regions_of_grey_depth_and_empty_ones() -> None:
+    """Depth equals its three-channel picture; an empty region is nan."""
+    mine, truth = pair("grey depth")
+    region = np.zeros(truth.shape, np.bool_)
+    region[10:50, 80:120] = True
+    colour = [np.stack([plane] * 3, axis=2) for plane in (mine, truth)]
+    assert MEASURE.region(mine, truth, region) == MEASURE.region(colour[0], colour[1], region) > 0
+    assert np.isnan(MEASURE.region(mine, truth, ~truth.astype(np.bool_)))
+
+
+def test_laws() -> None:
+    """Nothing for equal pictures, the same both ways, more for more blur."""
+    sharp, soft = pair("box blur")
+    assert MEASURE.region(sharp, sharp) == 0
+    assert MEASURE.region(sharp, soft) == MEASURE.region(soft, sharp)
+    assert MEASURE.region(blurred(soft), sharp) > MEASURE.region(soft, sharp)
+
+
+def test_the_same_on_every_run_and_with_more_threads() -> None:
+    """To the last bit, computed anew (no remembered features)."""
+    mine, truth = pair("demo removal")
+    first = Lpips().region(mine, truth)
+    assert Lpips().region(mine, truth) == first
+    assert Lpips(threads=2).region(mine, truth) == pytest.approx(first, abs=1e-6)
+
+
+def test_features_are_remembered_by_content() -> None:
+    """A picture changed in place is a new picture, and memory stays bounded."""
+    measure, picture = Lpips(), noise((40, 40, 3), 8)
+    before = measure.features(picture)
+    assert measure.features(picture.copy()) is before
+    picture[0, 0] ^= 255
+    assert not np.array_equal(measure.features(picture)[0], before[0])
+    for seed in range(6):
+        measure.features(noise((40, 40, 3), 100 + seed))
+    assert len(measure._remembered) == 4
+
+
+def test_wrong_pictures_are_refused() -> None:
+    """Too small, of other sizes, no uint8: what came and what was wanted."""
+    small, large = np.zeros((30, 64, 3), np.uint8), np.zeros((64, 64, 3), np.uint8)
+    with pytest.raises(ShapeError, match="64x30; 31x31 or more is wanted"):
+        MEASURE.region(small, small)
+    with pytest.raises(ShapeError, match="one size is wanted"):
+        MEASURE.region(small, large)
+    with pytest.raises(ShapeError, match="float64"):
+        MEASURE.features(large / 255)
+    with pytest.raises(ShapeError, match="two sizes"):
+        MEASURE.distance(MEASURE.features(large), MEASURE.features(large[:50, :50]))
+
+
+def test_the_shipped_file_is_small_and_carries_its_notices() -> None:
+    """At most 5.5 MB; both licences beside it."""
+    assert NETWORK.stat().st_size <= 5_500_000
+    notices = (NETWORK.parent / "LICENSES.txt").read_text("utf-8")
+    assert "Soumith Chintala 2016" in notices and "Richard Zhang" in notices
+
+
+def test_the_shipped_file_is_what_the_export_makes(weights_dir: Path, tmp_path: Path) -> None:
+    """Round trip: the same nodes and constants from the weights as they lie in DLAMA_DATA."""
+    onnx = pytest.importorskip("onnx", reason="writing an ONNX file needs onnx: pip install 'dlama[onnx]'")
+    from dlama.nets.lpips_export import export_lpips
+
+    files = [weights_dir / name for name in ("alexnet_features.safetensors", "lpips_alex_lin.safetensors")]
+    made = onnx.load(export_lpips(files[0], files[1], tmp_path / "alex.onnx"))
+    shipped = onnx.load(NETWORK)
+    assert made.graph.SerializeToString(deterministic=True) == shipped.graph.SerializeToString(deterministic=True)
+
+
+def test_other_weights_are_refused(weights_dir: Path, tmp_path: Path) -> None:
+    """Trunk and heads exchanged: the file and the first missing tensor are named."""
+    from dlama.errors import FileError
+    from dlama.nets.lpips_export import export_lpips
+
+    files = [weights_dir / name for name in ("alexnet_features.safetensors", "lpips_alex_lin.safetensors")]
+    with pytest.raises(FileError, match=r"lpips_alex_lin.*features\.0\.weight is nothing"):
+        export_lpips(files[1], files[0], tmp_path / "alex.onnx")
+    assert not (tmp_path / "alex.onnx").exists()

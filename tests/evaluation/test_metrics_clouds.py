@@ -1,0 +1,88 @@
+"""Cloud scores (oracle: all pairs compared one by one; grids whose distances are known)."""
+
+from __future__ import annotations
+
+import math
+import sys
+
+import numpy as np
+import pytest
+
+from dlama.errors import MissingExtraError, ShapeError
+from dlama.evaluation.cloud_metrics import cloud_scores, nearest_distances
+from reference.metrics_twin import nearest
+
+NONE = np.zeros((0, 3))
+
+
+def test_scores_are_those_of_all_pairs_compared() -> None:
+    """Twin: brute force on two random clouds."""
+    rng = np.random.default_rng(1)
+    estimate, truth = rng.uniform(0, 0.5, (120, 3)), rng.uniform(0, 0.5, (170, 3))
+    there, back = nearest(estimate, truth), nearest(truth, estimate)
+    np.testing.assert_allclose(nearest_distances(estimate, truth), there, atol=1e-12)
+    got = cloud_scores(estimate, truth)
+    assert got["accuracy"] == pytest.approx(there.mean())
+    assert got["accuracy_median"] == pytest.approx(np.median(there))
+    assert got["completeness"] == pytest.approx(back.mean())
+    assert got["completeness_median"] == pytest.approx(np.median(back))
+    for name, limit in (("0.02", 0.02), ("0.05", 0.05), ("0.10", 0.1)):
+        precision, recall = (there < limit).mean(), (back < limit).mean()
+        assert got[f"precision_{name}"] == pytest.approx(precision)
+        assert got[f"recall_{name}"] == pytest.approx(recall)
+        wanted = 2 * precision * recall / (precision + recall) if precision + recall else 0
+        assert got[f"fscore_{name}"] == pytest.approx(wanted)
+    assert 0 < got["fscore_0.05"] < got["fscore_0.10"] < 1
+
+
+def test_half_a_wall_lifted_by_3_cm() -> None:
+    """Closed form: a metre grid at 10 cm; the estimate has its left half only, 3 cm before it."""
+    grid = np.stack([*np.mgrid[:10, :10] / 10, np.zeros((10, 10))], axis=-1).reshape(-1, 3)
+    estimate = grid[grid[:, 0] < 0.45] + [0, 0, 0.03]
+    got = cloud_scores(estimate, grid)
+    assert got["accuracy"] == pytest.approx(0.03)
+    # true points of the right half reach back 10, 20, .. 50 cm and 3 cm across
+    across = [math.hypot(step / 10, 0.03) for step in (1, 2, 3, 4, 5)]
+    assert got["completeness"] == pytest.approx((5 * 0.03 + sum(across)) / 10)
+    assert (got["precision_0.02"], got["precision_0.05"]) == (0, 1)
+    assert got["recall_0.05"] == 0.5
+    assert got["fscore_0.02"] == 0
+    assert got["fscore_0.05"] == pytest.approx(2 / 3)
+
+
+def test_the_threshold_itself_is_not_within() -> None:
+    """Knapitsch et al. 2017: distance < threshold."""
+    got = cloud_scores(np.array([[0.0, 0, 0.5]]), np.zeros((1, 3)), thresholds=(0.5, 0.625))
+    assert (got["fscore_0.50"], got["fscore_0.625"]) == (0, 1)
+
+
+def test_empty_clouds() -> None:
+    """Nothing estimated, or nothing there to estimate: no distance, no share right; both: nothing to score."""
+    one = np.zeros((1, 3))
+    for got in (cloud_scores(NONE, one), cloud_scores(one, NONE)):
+        assert all(math.isnan(got[name]) for name in ("accuracy", "completeness", "accuracy_median"))
+        assert got["fscore_0.05"] == got["precision_0.05"] == got["recall_0.05"] == 0
+    assert all(math.isnan(value) for value in cloud_scores(NONE, NONE).values())
+
+
+def test_a_perfect_cloud() -> None:
+    """Law: distances 0, all shares 1."""
+    points = np.random.default_rng(2).normal(size=(50, 3))
+    got = cloud_scores(points, points[::-1])
+    assert got["accuracy"] == got["completeness"] == 0
+    assert got["fscore_0.02"] == 1
+
+
+def test_bad_clouds_are_refused() -> None:
+    """No N x 3, and points that are nowhere."""
+    with pytest.raises(ShapeError, match=r"the estimate is \(4, 2\)"):
+        cloud_scores(np.zeros((4, 2)), NONE)
+    with pytest.raises(ShapeError, match="finite"):
+        cloud_scores(NONE, np.full((1, 3), np.nan))
+
+
+def test_a_missing_scipy_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The pip line is in the message."""
+    monkeypatch.setitem(sys.modules, "scipy.spatial", None)
+    with pytest.raises(MissingExtraError, match=r"pip install 'dlama\[evaluate\]'"):
+        cloud_scores(np.zeros((1, 3)), np.zeros((1, 3)))

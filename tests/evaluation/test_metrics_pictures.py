@@ -1,0 +1,169 @@
+"""SSIM, MSE, PSNR, region means, 8-bit depth, gain and the settings' hash (oracles: literal twin, scikit-image, hand)."""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import json
+import math
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from dlama.errors import MissingExtraError, ShapeError
+from dlama.evaluation.metrics import (
+    SETTINGS,
+    MetricSettings,
+    channel_gain,
+    depth_8bit,
+    mse_map,
+    psnr,
+    region_mean,
+    ssim_map,
+    ssim_whole_and_map,
+    whole_ssim,
+    with_gain,
+)
+from reference.metrics_twin import ssim_planes
+
+RNG = np.random.default_rng(3)
+TRUTH = RNG.integers(0, 256, (20, 31, 3), np.uint8)
+MINE = np.clip(TRUTH + RNG.normal(0, 30, TRUTH.shape), 0, 255).astype(np.uint8)
+
+
+def test_ssim_map_of_a_plane_is_the_formula_on_every_window() -> None:
+    """Twin: Wang et al.'s eq. 13, window by window, up to the border."""
+    whole, values = ssim_planes(TRUTH[..., 0], MINE[..., 0])
+    np.testing.assert_allclose(ssim_map(TRUTH[..., 0], MINE[..., 0]), values, atol=1e-10)
+    assert whole_ssim(TRUTH[..., 0], MINE[..., 0]) == pytest.approx(whole, abs=1e-10)
+    assert 0.2 < whole < 0.98
+
+
+def test_ssim_of_colour_is_the_mean_of_its_channels() -> None:
+    """Twin, channel by channel."""
+    planes = [ssim_planes(TRUTH[..., c], MINE[..., c]) for c in range(3)]
+    whole, values = ssim_whole_and_map(TRUTH, MINE)
+    assert whole == whole_ssim(TRUTH, MINE) == pytest.approx(np.mean([p[0] for p in planes]), abs=1e-10)
+    np.testing.assert_allclose(values, np.mean([p[1] for p in planes], axis=0), atol=1e-10)
+    np.testing.assert_array_equal(values, ssim_map(TRUTH, MINE))
+
+
+def test_whole_ssim_is_scikit_images_own_number() -> None:
+    """Somebody else's code, called as everybody calls it: uint8, its defaults, data_range and channel_axis."""
+    skimage = pytest.importorskip("skimage.metrics", reason="the comparison needs scikit-image")
+    theirs = skimage.structural_similarity(TRUTH, MINE, data_range=255, channel_axis=2)
+    assert whole_ssim(TRUTH, MINE) == theirs
+    assert whole_ssim(TRUTH[..., 1], MINE[..., 1]) == skimage.structural_similarity(
+        TRUTH[..., 1], MINE[..., 1], data_range=255
+    )
+
+
+def test_mse_and_psnr_are_scikit_images() -> None:
+    """Somebody else's code; and 100 levels of one channel of three, by hand."""
+    skimage = pytest.importorskip("skimage.metrics", reason="the comparison needs scikit-image")
+    mse = region_mean(mse_map(TRUTH, MINE))
+    assert mse == pytest.approx(skimage.mean_squared_error(TRUTH, MINE), rel=1e-12)
+    assert psnr(mse) == pytest.approx(skimage.peak_signal_noise_ratio(TRUTH, MINE), rel=1e-12)
+    black, red = np.zeros((2, 2, 3), np.uint8), np.zeros((2, 2, 3), np.uint8)
+    red[0, 0, 0] = 100
+    np.testing.assert_allclose(mse_map(black, red), [[10000 / 3, 0], [0, 0]])
+
+
+def test_psnr_by_hand() -> None:
+    """The peak itself as error is 0 dB, a hundredth of it 40 dB; none at all is inf, nothing measured is nan."""
+    assert psnr(255.0**2) == 0
+    assert psnr(2.55**2) == pytest.approx(40)
+    assert psnr(0.0) == math.inf
+    assert math.isnan(psnr(math.nan))
+
+
+def test_identical_pictures_are_perfect() -> None:
+    """Law: SSIM 1 everywhere and MSE 0."""
+    np.testing.assert_allclose(ssim_map(TRUTH, TRUTH), 1, atol=1e-12)
+    assert mse_map(TRUTH, TRUTH).max() == 0
+
+
+def test_region_mean_by_hand() -> None:
+    """Only the region counts; an empty one is nan; None is everywhere."""
+    values = np.array([[1.0, 2.0], [3.0, 10.0]])
+    assert region_mean(values, np.array([[True, False], [True, False]])) == 2
+    assert region_mean(values) == 4
+    assert math.isnan(region_mean(values, np.zeros((2, 2), np.bool_)))
+    with pytest.raises(ShapeError, match="region is uint8"):
+        region_mean(values, np.ones((2, 2), np.uint8))  # type: ignore[arg-type]
+
+
+def test_depth_8bit_by_hand() -> None:
+    """0..10 m are 0..255, rounded; far and beyond are 255, missing is 0."""
+    depth = np.array([[0, np.nan, 0.02, 0.0197, 5.0, 9.99, 10.0, 80.0, np.inf]], np.float32)
+    # 0.02 m is 0.51 levels, 0.0197 m is 0.502, 5 m is 127.5 (ties to the even), 9.99 m is 254.745
+    np.testing.assert_array_equal(depth_8bit(depth), [[0, 0, 1, 1, 128, 255, 255, 255, 255]])
+    np.testing.assert_array_equal(depth_8bit(depth, 100.0), [[0, 0, 0, 0, 13, 25, 26, 204, 255]])
+    assert depth_8bit(depth).dtype == np.uint8
+
+
+def test_gain_is_found_though_a_third_of_the_pixels_do_not_match() -> None:
+    """Closed form: exposure 1.25, 0.8, 1 with noise on both sides; a third of the frame shows something else."""
+    scene = RNG.uniform(40, 180, (60, 80, 3))
+    mine = np.clip(scene + RNG.normal(0, 6, scene.shape), 0, 255)
+    truth = np.clip(scene * [1.25, 0.8, 1.0] + RNG.normal(0, 6, scene.shape), 0, 255)
+    truth[:20] = RNG.uniform(0, 255, (20, 80, 3))
+    everywhere = np.ones((60, 80), np.bool_)
+    found = channel_gain(mine.astype(np.uint8), truth.astype(np.uint8), everywhere)
+    np.testing.assert_allclose(found, [1.25, 0.8, 1.0], rtol=0.02)
+    assert not np.allclose(truth.mean((0, 1)) / mine.mean((0, 1)), [1.25, 0.8, 1.0], rtol=0.02)
+
+
+def test_gain_of_equal_pictures_is_one_and_so_is_that_of_too_few_pixels() -> None:
+    """Law; and 99 pixels, or none between black and white, say nothing."""
+    everywhere = np.ones(TRUTH.shape[:2], np.bool_)
+    assert channel_gain(TRUTH, TRUTH, everywhere) == (1.0, 1.0, 1.0)
+    few = np.zeros(TRUTH.shape[:2], np.bool_)
+    few.ravel()[:99] = True
+    assert channel_gain(TRUTH, MINE, few) == (1.0, 1.0, 1.0)
+    white = np.full_like(TRUTH, 255)
+    assert channel_gain(white, TRUTH, everywhere) == (1.0, 1.0, 1.0)
+
+
+def test_with_gain_by_hand() -> None:
+    """Rounded, and cut at white."""
+    picture = np.array([[[10, 100, 200]]], np.uint8)
+    np.testing.assert_array_equal(with_gain(picture, (1.26, 0.5, 2.0)), [[[13, 50, 255]]])
+
+
+def test_wrong_shapes_are_refused() -> None:
+    """What came and what was wanted."""
+    with pytest.raises(ShapeError, match=r"truth is \(20, 31, 3\) and mine \(20, 30, 3\)"):
+        mse_map(TRUTH, MINE[:, :30])
+    with pytest.raises(ShapeError, match="31x6; SSIM wants 7 pixels or more"):
+        ssim_map(TRUTH[:6], MINE[:6])
+
+
+def test_a_missing_scikit_image_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The pip line is in the message."""
+    monkeypatch.setitem(sys.modules, "skimage.metrics", None)
+    with pytest.raises(MissingExtraError, match=r"pip install 'dlama\[evaluate\]'"):
+        ssim_map(TRUTH, MINE)
+
+
+def test_the_hash_is_of_every_field() -> None:
+    """Its definition, by hand; and any field that changes, changes it."""
+    text = json.dumps(dataclasses.asdict(SETTINGS), sort_keys=True)
+    assert SETTINGS.settings_hash() == hashlib.sha256(text.encode()).hexdigest()[:12]
+    assert MetricSettings().settings_hash() == SETTINGS.settings_hash()
+    changed = {
+        dataclasses.replace(SETTINGS, **{field.name: "other"}).settings_hash() for field in dataclasses.fields(SETTINGS)
+    }
+    assert len(changed | {SETTINGS.settings_hash()}) == len(dataclasses.fields(SETTINGS)) + 1
+
+
+def test_importing_the_metrics_loads_nothing_heavy() -> None:
+    """Oracle: sys.modules of a fresh interpreter."""
+    code = (
+        "import sys, dlama.evaluation.metrics, dlama.evaluation.depth_metrics, dlama.evaluation.cloud_metrics,"
+        " dlama.evaluation.disparity_metrics, dlama.evaluation.lpips;"
+        "print([m for m in ('skimage', 'scipy', 'onnxruntime', 'torch', 'cv2', 'PIL') if m in sys.modules])"
+    )
+    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "[]\n"
