@@ -1,0 +1,159 @@
+"""A folder, or the word `worlds`, in; the Dataset it holds out. The closed set of layouts, and how one is recognised."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from dlama.datasets.frames import Dataset
+from dlama.datasets.lenses import CameraOption
+from dlama.datasets.listings import LEVELS, check_scenes, folders_in
+from dlama.datasets.nerfstudio import looks_like_nerfstudio, nerfstudio
+from dlama.datasets.pairs_json import looks_like_pairs, pairs_json
+from dlama.datasets.removal_folder import looks_like_removal, removal_folder
+from dlama.datasets.scannet import looks_like_scannet, scannet
+from dlama.datasets.seven_scenes import looks_like_seven_scenes, seven_scenes
+from dlama.datasets.stereo_folder import looks_like_stereo, stereo_folder
+from dlama.datasets.trajectory_log import looks_like_trajectory_log, trajectory_log
+from dlama.datasets.tsdf_fusion import looks_like_tsdf_fusion, tsdf_fusion
+from dlama.datasets.tum import looks_like_tum, tum
+from dlama.errors import FileError, InputError
+
+WORLDS = "worlds"
+DEFAULT_WORLDS = 4
+"""How many worlds `worlds` generates."""
+
+
+@dataclass(frozen=True)
+class Layout:
+    """One way in which a data set lies on disk."""
+
+    looked_for: str
+    """What tells it from the others, in words."""
+    looks_like: Callable[[Path], bool]
+    """Looks at names only."""
+    read: Callable[..., Dataset]
+    """`read(root, **options)`; reads listings, no pictures but the depth that pairs are chosen by."""
+    options: frozenset[str] = frozenset()
+    """Which of `depth_range`, `camera`, `scenes`, `limit` it takes; the last two are applied afterwards where not."""
+
+
+def _is_easysynth(root: Path) -> bool:
+    from dlama.datasets.easysynth import looks_like_easysynth
+
+    return looks_like_easysynth(root)
+
+
+def _easysynth(root: Path, **options: Any) -> Dataset:
+    from dlama.datasets.easysynth import easysynth
+
+    return easysynth(root, **options)
+
+
+_FOLDERS = frozenset({"scenes"})
+_POSED = frozenset({"scenes", "limit"})
+_POSED_BARE = _POSED | {"camera"}
+
+LAYOUTS: dict[str, Layout] = {
+    "easysynth": Layout(
+        "CameraPoses.csv, or scenes that hold one", _is_easysynth, _easysynth, frozenset({"depth_range"})
+    ),
+    "pairs": Layout("pairs.json", looks_like_pairs, pairs_json, _FOLDERS),
+    "removal": Layout("with.color.png and without.color.png", looks_like_removal, removal_folder, _FOLDERS),
+    "stereo": Layout("im0.png and im1.png, or left.png and right.png", looks_like_stereo, stereo_folder, _FOLDERS),
+    "tum": Layout("rgb.txt, depth.txt and groundtruth.txt", looks_like_tum, tum, _POSED_BARE),
+    "7-scenes": Layout("frame-*.pose.txt and frame-*.depth.png", looks_like_seven_scenes, seven_scenes, _POSED_BARE),
+    "scannet": Layout("folders color, depth and pose", looks_like_scannet, scannet, _POSED_BARE),
+    "tsdf-fusion": Layout(
+        "camera-intrinsics.txt and frame-*.pose.txt", looks_like_tsdf_fusion, tsdf_fusion, _POSED_BARE
+    ),
+    "redwood": Layout("trajectory.log and a folder depth", looks_like_trajectory_log, trajectory_log, _POSED_BARE),
+    "nerfstudio": Layout("transforms.json", looks_like_nerfstudio, nerfstudio, _POSED),
+}
+"""Every layout by the name that `--layout` takes."""
+
+
+def open_dataset(
+    path: Path | str,
+    layout: str | None = None,
+    *,
+    depth_range: float | None = None,
+    camera: CameraOption = None,
+    limit: int | None = None,
+    scenes: Sequence[str] | None = None,
+) -> Dataset:
+    """The data set in a folder; its layout is recognised unless told.
+
+    `worlds`, `worlds:COUNT` or `worlds:COUNT:SEED` generates one instead (write `./worlds` for a folder of that name).
+    `depth_range` in metres (easysynth) and `camera`, a camera file (tum, 7-scenes, scannet, tsdf-fusion, redwood), are
+    refused where a layout has no use for them. `scenes` keeps these only, `limit` at most so many cases of each protocol,
+    the first ones. Raises InputError (unknown or ambiguous layout, option or scene), FileError, CameraError.
+    """
+    if limit is not None and limit < 1:
+        raise InputError(f"limit is {limit}; a whole number >= 1 is wanted")
+    if isinstance(path, str) and (path == WORLDS or path.startswith(f"{WORLDS}:")):
+        _refuse(WORLDS, frozenset(), depth_range=depth_range, camera=camera)
+        if layout is not None:
+            raise InputError(f"'{path}' is generated and has no layout; --layout {layout} is for folders")
+        return _narrowed(_worlds(path), scenes, limit)
+    root = Path(path)
+    if layout is not None and layout not in LAYOUTS:
+        raise InputError(f"layout '{layout}' is not known; known are {', '.join(LAYOUTS)}")
+    if not root.is_dir():
+        raise FileError(f"{root}: no such folder; the folder of a data set, or '{WORLDS}', is wanted")
+    name = layout if layout is not None else detect(root)
+    chosen = LAYOUTS[name]
+    _refuse(name, chosen.options, depth_range=depth_range, camera=camera)
+    given = {"depth_range": depth_range, "camera": camera, "scenes": scenes, "limit": limit}
+    options = {key: value for key, value in given.items() if value is not None and key in chosen.options}
+    return _narrowed(chosen.read(root, **options), scenes, limit)
+
+
+def detect(root: Path) -> str:
+    """The name of the layout a folder has; raises InputError that lists what was looked for, or what fits."""
+    level = [root]
+    for _ in range(LEVELS):
+        found = [name for name, each in LAYOUTS.items() if any(each.looks_like(folder) for folder in level)]
+        if len(found) > 1:
+            raise InputError(f"{root}: may be {' or '.join(found)}; say which with --layout")
+        if found:
+            return found[0]
+        level = [each for folder in level for each in folders_in(folder)]
+    looked_for = "; ".join(f"{name}: {each.looked_for}" for name, each in LAYOUTS.items())
+    raise InputError(f"{root}: is no data set of a known layout, nor are the folders below. Looked for {looked_for}")
+
+
+def _refuse(name: str, known: frozenset[str], **options: object) -> None:
+    for option, value in options.items():
+        if value is not None and option not in known:
+            takers = [each for each, layout in LAYOUTS.items() if option in layout.options]
+            flag = f"--{option.replace('_', '-')}"
+            raise InputError(f"{flag} says nothing to a data set of layout {name}; it is for {', '.join(takers)}")
+
+
+def _worlds(text: str) -> Dataset:
+    """`worlds`, with a count and a seed behind colons."""
+    _, *numbers = text.split(":")
+    if len(numbers) > 2 or not all(number.isdecimal() for number in numbers) or numbers[:1] == ["0"]:
+        raise InputError(
+            f"'{text}' is no name of generated worlds; worlds, worlds:COUNT or worlds:COUNT:SEED is wanted"
+        )
+    from dlama.datasets.worlds import worlds
+
+    count = int(numbers[0]) if numbers else DEFAULT_WORLDS
+    return worlds(count, seed=int(numbers[1]) if len(numbers) > 1 else 0)
+
+
+def _narrowed(dataset: Dataset, scenes: Sequence[str] | None, limit: int | None) -> Dataset:
+    """The frames and cases of these scenes, and of those cases the first `limit` of each protocol."""
+    names = [*(each.scene for each in dataset.frames), *(each.scene for each in dataset.cases)]
+    check_scenes(list(dict.fromkeys(names)), scenes)
+    frames = [each for each in dataset.frames if scenes is None or each.scene in scenes]
+    cases, counts = [], dict.fromkeys(("vpi", "ori", "sii"), 0)
+    for case in dataset.cases:
+        if (scenes is None or case.scene in scenes) and (limit is None or counts[case.protocol] < limit):
+            counts[case.protocol] += 1
+            cases.append(case)
+    return replace(dataset, frames=tuple(frames), cases=tuple(cases))

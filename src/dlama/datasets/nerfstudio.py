@@ -1,0 +1,117 @@
+"""nerfstudio folders in (transforms.json with depth_file_path); posed frames and the cases between them out.
+
+`transform_matrix` is camera to world with OpenGL axes (x right, y up, z back). `fl_x fl_y cx cy w h`, for all frames or for
+each; first pixel's centre at 0.5. Depth times `depth_unit_scale_factor` (default 0.001, for NPY too) is metres; 0 is
+missing, 65535 in 16 bits far as in our own files. Distortion is refused where it shows.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from dlama.datasets.frames import Dataset
+from dlama.datasets.listings import chosen_scenes, part_of, pose_at, read_json, sequences, text_of
+from dlama.datasets.posed import LOG, FrameFiles, Lens, PosedFrame, posed_dataset, posed_frame
+from dlama.errors import CameraError, FileError
+from dlama.files.calibrations import FileFields, Intrinsics
+from dlama.geometry.camera import Float64Array
+
+NAME = "transforms.json"
+CV_FROM_GL = np.diag([1.0, -1.0, -1.0, 1.0])
+"""Camera axes: y and z turn round; the same matrix both ways."""
+UNIT = "depth_unit_scale_factor"
+DEPTH_UNIT = 0.001
+PINHOLES = ("PINHOLE", "SIMPLE_PINHOLE", "OPENCV", "PERSPECTIVE")
+DISTORTION = ("k1", "k2", "k3", "p1", "p2")
+SHOWS_PX = 0.5
+"""Distortion that moves a corner by no more than this is left alone."""
+
+
+def looks_like_nerfstudio(root: Path) -> bool:
+    return (root / NAME).is_file()
+
+
+def nerfstudio(root: Path, *, scenes: Sequence[str] | None = None, limit: int | None = None) -> Dataset:
+    """The scenes of a folder (itself one, or holding several). Raises FileError, CameraError, naming the field."""
+    frames: list[PosedFrame] = []
+    for scene, folder in chosen_scenes(sequences(root, looks_like_nerfstudio, NAME), scenes).items():
+        frames += _frames(scene, folder)
+    return posed_dataset("nerfstudio", root, frames, limit)
+
+
+def _frames(scene: str, folder: Path) -> list[PosedFrame]:
+    fields = read_json(folder / NAME)
+    listed = fields.values.get("frames")
+    if not isinstance(listed, list) or not listed:
+        raise FileError(f"{fields.path}: frames is {str(listed)[:40]}; a list of frames is wanted")
+    unit = fields.number(UNIT) if UNIT in fields else DEPTH_UNIT
+    if unit <= 0:
+        raise FileError(f"{fields.path}: {UNIT} is {unit:g}; metres per unit > 0 are wanted")
+    frames = []
+    for number, each in enumerate(listed):
+        frame = part_of(fields, f"frames[{number}]", each)
+        if "depth_file_path" in frame:
+            frames.append(_frame(scene, folder, frame, fields, 1 / unit))
+    if not frames:
+        raise FileError(f"{fields.path}: no frame has a depth_file_path; posed frames with depth are wanted")
+    if len(frames) < len(listed):
+        LOG.warning(
+            "%s: %d of %d frames have no depth and are left out", folder, len(listed) - len(frames), len(listed)
+        )
+    _check_names(fields, frames)
+    return frames
+
+
+def _frame(scene: str, folder: Path, frame: FileFields, shared: FileFields, units_per_metre: float) -> PosedFrame:
+    color, depth = (Path(text_of(frame, name)) for name in ("file_path", "depth_file_path"))
+    pose = pose_at(f"{frame.path}: transform_matrix", frame.matrix("transform_matrix", (4, 4)) @ CV_FROM_GL)
+    lens = lens_of(FileFields(frame.path, {**shared.values, **frame.values}))
+    files = FrameFiles(folder / color, folder / depth, lens, pose, units_per_metre, far_code=True)
+    return posed_frame(scene, color.stem, files)
+
+
+def lens_of(fields: FileFields) -> Lens:
+    """The lens of one frame, its own fields before the shared ones; raises CameraError."""
+    model = fields.values.get("camera_model", "OPENCV")
+    if model not in PINHOLES:
+        raise CameraError(
+            f"{fields.path}: camera_model is {model}; one of {', '.join(PINHOLES)} is wanted, undistort first"
+        )
+    fx, fy, cx, cy = (fields.number(name) for name in ("fl_x", "fl_y", "cx", "cy"))
+    for name in ("k4", "k5", "k6"):
+        if name in fields and fields.number(name) != 0:
+            raise CameraError(
+                f"{fields.path}: {name} is not 0; a pinhole camera is wanted, undistort the pictures first"
+            )
+    height, width = fields.count("h"), fields.count("w")
+    moved = _distortion_px((fx, fy, cx, cy), (height, width), fields)
+    if moved > SHOWS_PX:
+        raise CameraError(
+            f"{fields.path}: k1 ... p2 move the picture's corners by {moved:.1f} px; a pinhole camera is wanted, undistort "
+            "the pictures first"
+        )
+    return Lens(str(fields.path), (fx, fy, cx, cy), 0.5, (height, width))
+
+
+def _distortion_px(intrinsics: Intrinsics, hw: tuple[int, int], fields: FileFields) -> float:
+    """How far OpenCV's radial and tangential distortion moves the worst corner."""
+    k1, k2, k3, p1, p2 = (fields.number(name) if name in fields else 0.0 for name in DISTORTION)
+    fx, fy, cx, cy = intrinsics
+    x, y = np.meshgrid(np.array([-cx, hw[1] - cx]) / fx, np.array([-cy, hw[0] - cy]) / fy)
+    square: Float64Array = x * x + y * y
+    radial = square * (k1 + square * (k2 + square * k3))
+    across = x * radial + 2 * p1 * x * y + p2 * (square + 2 * x * x)
+    down = y * radial + p1 * (square + 2 * y * y) + 2 * p2 * x * y
+    return float(np.hypot(fx * across, fy * down).max())
+
+
+def _check_names(fields: FileFields, frames: Sequence[PosedFrame]) -> None:
+    """Frames are told apart by the name of their picture alone."""
+    seen: set[str] = set()
+    for frame in frames:
+        if frame.name in seen:
+            raise FileError(f"{fields.path}: two frames have pictures called {frame.name}; different names are wanted")
+        seen.add(frame.name)

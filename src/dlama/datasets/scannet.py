@@ -1,0 +1,66 @@
+"""ScanNet scenes in (color/N.jpg, depth/N.png, pose/N.txt, intrinsic/intrinsic_color.txt); posed frames and cases out.
+
+Depth in millimetres, 0 missing; poses camera to world, -inf where tracking was lost (left out, and counted in a warning).
+Colour (1296x968) is bigger than depth (640x480): it is brought to the depth's size by area means and its K with it.
+The first pixel's centre is at 0.0.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from dlama.datasets.frames import Dataset
+from dlama.datasets.lenses import CameraOption, lens_for, text_lens
+from dlama.datasets.listings import chosen_scenes, files_in, pose_at, read_matrix, sequences
+from dlama.datasets.posed import LOG, FrameFiles, Lens, PosedFrame, posed_dataset, posed_frame
+from dlama.errors import CameraError, FileError
+
+FOLDERS = ("color", "depth", "pose")
+INTRINSICS = "intrinsic/intrinsic_color.txt"
+MILLIMETRES = 1000.0
+
+
+def looks_like_scannet(root: Path) -> bool:
+    return all((root / name).is_dir() for name in FOLDERS)
+
+
+def scannet(
+    root: Path, *, camera: CameraOption = None, scenes: Sequence[str] | None = None, limit: int | None = None
+) -> Dataset:
+    """The scenes of a folder (itself one, or holding several). Raises FileError, CameraError."""
+    frames: list[PosedFrame] = []
+    for scene, folder in chosen_scenes(sequences(root, looks_like_scannet, "color/, depth/ and pose/"), scenes).items():
+        frames += _frames(scene, folder, _lens(folder, root, camera))
+    return posed_dataset("scannet", root, frames, limit)
+
+
+def _lens(folder: Path, root: Path, camera: CameraOption) -> Lens:
+    if camera is not None:
+        return lens_for(folder, root, camera, (), "")
+    if not (folder / INTRINSICS).is_file():
+        raise CameraError(f"{folder / INTRINSICS}: no such file; it, or a camera (--camera FILE.json), is wanted")
+    return text_lens(folder / INTRINSICS, (4, 4))
+
+
+def _frames(scene: str, folder: Path, lens: Lens) -> list[PosedFrame]:
+    colors = {path.stem: path for path in files_in(folder / "color", (".jpg", ".jpeg", ".png"))}
+    poses = files_in(folder / "pose", (".txt",))
+    frames, lost = [], 0
+    for path in poses:
+        if path.stem not in colors:
+            raise FileError(f"{folder / 'color' / path.stem}.jpg: no such file, but {path} is there")
+        pose = read_matrix(path, (4, 4), finite=False)
+        if not np.isfinite(pose).all():
+            lost += 1
+            continue
+        depth = folder / "depth" / f"{path.stem}.png"
+        files = FrameFiles(colors[path.stem], depth, lens, pose_at(f"{path}:1:1", pose), MILLIMETRES)
+        frames.append(posed_frame(scene, path.stem, files))
+    if lost:
+        LOG.warning("%s: %d of %d frames have no pose (tracking was lost) and are left out", folder, lost, len(poses))
+    if not frames:
+        raise FileError(f"{folder / 'pose'}: none of its {len(poses)} files holds a pose")
+    return frames

@@ -1,0 +1,128 @@
+"""Stereo folders in (Middlebury 2014, or left.png, right.png and calib.json); one SII case each out: the right view from
+the left.
+
+Middlebury: `im0.png, im1.png, calib.txt, disp0.pfm` (or `disp0GT.pfm`), optional `disp1.pfm`. Ours: `left.png, right.png`,
+`calib.json`, and `disparity.npz` or `disp_left.png` with optional `disp_right.png`. calib.json: `width, height`, `K,
+baseline_m, doffs` where the set is metric, `disparity_scale` of 8-bit disparity. Without K the rig is nominal.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from dlama.datasets.frames import Case, Dataset, StereoTruth
+from dlama.datasets.listings import chosen_scenes, read_json, sequences
+from dlama.errors import CameraError, FileError, ShapeError
+from dlama.files.calibrations import FileFields
+from dlama.files.cameras import checked_camera, read_stereo_calib
+from dlama.files.depth import read_disparity
+from dlama.files.pictures import read_color
+from dlama.geometry.rgbd import Float32Array
+from dlama.geometry.rig import StereoRig
+
+NOMINAL_BASELINE_M = 0.16
+"""Of a rig whose numbers are not known; its focal length is the picture's width, px. Middlebury's own is 0.16 m."""
+LOOKED_FOR = "im0.png and im1.png, or left.png and right.png"
+
+
+@dataclass(frozen=True)
+class StereoFiles:
+    """What `load_stereo` reads."""
+
+    left: Path
+    right: Path
+    calib: Path
+    disparity_left: Path
+    disparity_right: Path | None
+
+
+def looks_like_stereo(root: Path) -> bool:
+    return any((root / left).is_file() and (root / right).is_file() for left, right in _PICTURES)
+
+
+_PICTURES = (("im0.png", "im1.png"), ("left.png", "right.png"))
+_LEFT_DISPARITY = {"im0.png": ("disp0.pfm", "disp0GT.pfm"), "left.png": ("disparity.npz", "disp_left.png")}
+_RIGHT_DISPARITY = {"im0.png": ("disp1.pfm", "disp1GT.pfm"), "left.png": ("disp_right.png",)}
+
+
+def stereo_folder(root: Path, *, scenes: list[str] | None = None) -> Dataset:
+    """One case per pair; `root` is a pair's folder or holds several. No frames: most sets have no metric depth.
+
+    Raises FileError.
+    """
+    name = root.resolve().name
+    folders = chosen_scenes(sequences(root, looks_like_stereo, LOOKED_FOR), scenes)
+    cases = tuple(
+        Case("sii", name, scene, "left_to_right", partial(load_stereo, _files(folder)))
+        for scene, folder in folders.items()
+    )
+    return Dataset(name, "stereo", root, (), cases)
+
+
+def _files(folder: Path) -> StereoFiles:
+    left, right = next(names for names in _PICTURES if (folder / names[0]).is_file())
+    calib = folder / ("calib.txt" if left == "im0.png" else "calib.json")
+    if not calib.is_file():
+        raise FileError(f"{calib}: no such file; a stereo folder needs it beside {left}")
+    truth = _first(folder, _LEFT_DISPARITY[left])
+    if truth is None:
+        raise FileError(f"{folder}: has no true disparity; {' or '.join(_LEFT_DISPARITY[left])} is wanted")
+    return StereoFiles(folder / left, folder / right, calib, truth, _first(folder, _RIGHT_DISPARITY[left]))
+
+
+def _first(folder: Path, names: tuple[str, ...]) -> Path | None:
+    return next((folder / name for name in names if (folder / name).is_file()), None)
+
+
+def load_stereo(files: StereoFiles) -> StereoTruth:
+    """Read a pair and its truth; raises FileError, DepthError, CameraError, ShapeError."""
+    left, right = read_color(files.left), read_color(files.right)
+    hw = left.shape[0], left.shape[1]
+    _same_size(files.right, right.shape, hw)
+    if files.calib.suffix == ".txt":
+        rig, scale, metric = read_stereo_calib(files.calib, hw=hw), None, True
+    else:
+        fields = read_json(files.calib)
+        rig, metric = _rig(fields, hw)
+        scale = fields.number("disparity_scale") if "disparity_scale" in fields else None
+    disparities: list[Float32Array | None] = []
+    for path in (files.disparity_left, files.disparity_right):
+        disparities.append(None if path is None else _disparity(path, scale, hw))
+    assert disparities[0] is not None
+    return StereoTruth(left, right, rig, disparities[0], disparities[1], metric=metric)
+
+
+def _disparity(path: Path, scale: float | None, hw: tuple[int, int]) -> Float32Array:
+    disparity = read_disparity(path, scale=scale)
+    _same_size(path, disparity.shape, hw)
+    return disparity
+
+
+def _rig(fields: FileFields, hw: tuple[int, int]) -> tuple[StereoRig, bool]:
+    """The rig of a calib.json, and whether it is metric; first pixel's centre at 0.0 unless the file says otherwise."""
+    size = fields.size(hw)
+    if "K" not in fields:
+        focal, baseline, doffs = float(hw[1]), NOMINAL_BASELINE_M, 0.0
+        intrinsics, center = (focal, focal, hw[1] / 2, hw[0] / 2), 0.5
+    else:
+        intrinsics, center = fields.intrinsics("K"), fields.pixel_center(0.0)
+        baseline, doffs = fields.number("baseline_m"), fields.number("doffs") if "doffs" in fields else 0.0
+    if not (baseline > 0 and math.isfinite(baseline)):
+        raise CameraError(f"{fields.path}: baseline_m is {baseline:g}; a distance > 0 is wanted")
+    across = np.eye(4)
+    across[0, 3] = baseline
+    fx, fy, cx, cy = intrinsics
+    left = checked_camera(fields.path, size, intrinsics, center)
+    return StereoRig(left, checked_camera(fields.path, size, (fx, fy, cx + doffs, cy), center, across)), "K" in fields
+
+
+def _same_size(path: Path, shape: tuple[int, ...], hw: tuple[int, int]) -> None:
+    if tuple(shape[:2]) != hw:
+        raise ShapeError(
+            f"{path}: is {shape[1]}x{shape[0]} and the left picture {hw[1]}x{hw[0]}; both must have the same size"
+        )

@@ -1,0 +1,74 @@
+"""Redwood / Open3D folders in (trajectory.log, depth/, image|rgb|color/, camera_intrinsic.json); posed frames and cases out.
+
+Each pose is five lines: three whole numbers, the first of them the frame's place (from 0) among the pictures in the order of
+their names, and a 4x4 matrix, camera to world. Depth in millimetres, 0 missing. Open3D's K puts the first pixel's centre
+at 0.0.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from dlama.datasets.frames import Dataset
+from dlama.datasets.lenses import CameraOption, lens_for
+from dlama.datasets.listings import chosen_scenes, files_in, matrix_of, pose_at, read_rows, sequences
+from dlama.datasets.posed import FrameFiles, Lens, PosedFrame, posed_dataset, posed_frame
+from dlama.errors import FileError
+from dlama.geometry.camera import Float64Array
+
+LOGS = ("trajectory.log", "scene/trajectory.log")
+"""Where the poses lie; Open3D's reconstruction writes the second."""
+COLOR_FOLDERS = ("image", "rgb", "color")
+CAMERA_NAMES = ("camera_intrinsic.json", "intrinsic.json", "camera.json")
+MILLIMETRES = 1000.0
+LINES = 5
+
+
+def looks_like_trajectory_log(root: Path) -> bool:
+    return any((root / name).is_file() for name in LOGS) and (root / "depth").is_dir()
+
+
+def trajectory_log(
+    root: Path, *, camera: CameraOption = None, scenes: Sequence[str] | None = None, limit: int | None = None
+) -> Dataset:
+    """The scenes of a folder (itself one, or holding several). Raises FileError, CameraError."""
+    frames: list[PosedFrame] = []
+    looked_for = "trajectory.log, depth/ and image/, rgb/ or color/"
+    for scene, folder in chosen_scenes(sequences(root, looks_like_trajectory_log, looked_for), scenes).items():
+        advice = "the log says nothing of intrinsics (Open3D's own default for PrimeSense is 525 525 319.5 239.5)"
+        frames += _frames(scene, folder, lens_for(folder, root, camera, CAMERA_NAMES, advice))
+    return posed_dataset("redwood", root, frames, limit)
+
+
+def _frames(scene: str, folder: Path, lens: Lens) -> list[PosedFrame]:
+    colors = next((folder / name for name in COLOR_FOLDERS if (folder / name).is_dir()), None)
+    if colors is None:
+        raise FileError(f"{folder}: has no folder {', '.join(COLOR_FOLDERS)} with the colour pictures")
+    color, depth = files_in(colors, (".jpg", ".jpeg", ".png")), files_in(folder / "depth", (".png",))
+    if len(color) != len(depth):
+        raise FileError(
+            f"{folder}: {colors.name}/ holds {len(color)} pictures and depth/ {len(depth)}; as many are wanted"
+        )
+    log = next(folder / name for name in LOGS if (folder / name).is_file())
+    return [
+        posed_frame(scene, color[place].stem, FrameFiles(color[place], depth[place], lens, pose, MILLIMETRES))
+        for place, pose in sorted(read_log(log, len(color)).items())
+    ]
+
+
+def read_log(path: Path, pictures: int) -> dict[int, Float64Array]:
+    """World-from-camera poses by the frame's place; raises FileError and CameraError with line and column."""
+    rows = read_rows(path)
+    if not rows or len(rows) % LINES:
+        raise FileError(f"{path}: holds {len(rows)} lines; {LINES} for each pose are wanted")
+    poses: dict[int, Float64Array] = {}
+    for start in range(0, len(rows), LINES):
+        head, matrix = rows[start], rows[start + 1 : start + LINES]
+        place = head.numbers("the frame's place and two more whole numbers", 3)[0]
+        if place != int(place) or not 0 <= place < pictures:
+            raise FileError(f"{head.at(0)}: the frame's place is {head.words[0]}; 0 to {pictures - 1} is wanted")
+        if place in poses:
+            raise FileError(f"{head.at(0)}: frame {head.words[0]} comes a second time")
+        poses[int(place)] = pose_at(matrix[0].at(0), matrix_of(matrix, (4, 4)))
+    return poses

@@ -1,0 +1,116 @@
+"""TUM RGB-D sequences in (rgb.txt, depth.txt, groundtruth.txt); posed frames and the cases between them out.
+
+Lines `time file` and `time tx ty tz qx qy qz qw` (camera to world, OpenCV axes, metres); # begins a remark. To each colour
+picture belong the depth picture and the pose nearest in time, at most 0.02 s away. Depth: 16-bit PNG, 5000 units a metre.
+The intrinsics are in no file of the set: give `camera`, or put a camera.json into the folder.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from dlama.datasets.frames import Dataset
+from dlama.datasets.lenses import CameraOption, lens_for
+from dlama.datasets.listings import Row, chosen_scenes, pose_at, read_rows, sequences
+from dlama.datasets.posed import LOG, FrameFiles, Lens, PosedFrame, posed_dataset, posed_frame
+from dlama.errors import FileError
+from dlama.geometry.camera import Float64Array
+
+LISTINGS = ("rgb.txt", "depth.txt", "groundtruth.txt")
+NEAREST_S = 0.02
+"""Seconds up to which a time stamp belongs to another (TUM's own associate.py has the same)."""
+UNITS_PER_METRE = 5000.0
+UNIT_TOLERANCE = 1e-3
+"""By how much the length of a quaternion may differ from 1."""
+ADVICE = (
+    "TUM's intrinsics are in no file of the set; its page names fx fy cx cy of freiburg1 as 517.3 516.5 318.6 255.3, "
+    "freiburg2 520.9 521.0 325.1 249.7, freiburg3 535.4 539.2 320.1 247.6 with pixel_center 0.0"
+)
+
+
+def looks_like_tum(root: Path) -> bool:
+    return all((root / name).is_file() for name in LISTINGS)
+
+
+def tum(
+    root: Path, *, camera: CameraOption = None, scenes: Sequence[str] | None = None, limit: int | None = None
+) -> Dataset:
+    """The sequences of a folder (itself one, or holding several). Raises FileError, CameraError."""
+    frames: list[PosedFrame] = []
+    for scene, folder in chosen_scenes(sequences(root, looks_like_tum, ", ".join(LISTINGS)), scenes).items():
+        frames += _frames(scene, folder, lens_for(folder, root, camera, ("camera.json",), ADVICE))
+    return posed_dataset("tum", root, frames, limit)
+
+
+def _frames(scene: str, folder: Path, lens: Lens) -> list[PosedFrame]:
+    color, depth, poses = (Timeline.read(folder / name, count) for name, count in zip(LISTINGS, (2, 2, 8)))
+    frames = []
+    for time, row in zip(color.times.tolist(), color.rows):
+        depth_row, pose_row = depth.nearest(time), poses.nearest(time)
+        if depth_row is not None and pose_row is not None:
+            files = FrameFiles(
+                folder / row.words[1], folder / depth_row.words[1], lens, _pose(pose_row), UNITS_PER_METRE
+            )
+            frames.append(posed_frame(scene, Path(row.words[1]).stem, files))
+    if not frames:
+        raise FileError(f"{folder}: no colour picture has a depth picture and a pose within {NEAREST_S:g} s")
+    if len(frames) < len(color.rows):
+        LOG.warning(
+            "%s: %d of %d colour pictures have no depth or no pose within %g s and are left out",
+            folder, len(color.rows) - len(frames), len(color.rows), NEAREST_S,
+        )  # fmt: skip
+    return frames
+
+
+@dataclass(frozen=True, eq=False)
+class Timeline:
+    """The lines of a listing in order of time."""
+
+    times: Float64Array
+    """Seconds, ascending."""
+    rows: tuple[Row, ...]
+
+    @classmethod
+    def read(cls, path: Path, count: int) -> Timeline:
+        """A listing of lines with `count` values, the time first; raises FileError."""
+        rows: dict[float, Row] = {}
+        for row in read_rows(path):
+            row.need(count, "time and file name" if count == 2 else "time tx ty tz qx qy qz qw")
+            time = row.number(0)
+            if time in rows:
+                raise FileError(f"{row.at(0)}: the time {row.words[0]} stands in line {rows[time].line} too")
+            rows[time] = row
+        times = sorted(rows)
+        return cls(np.array(times, np.float64), tuple(rows[time] for time in times))
+
+    def nearest(self, time: float) -> Row | None:
+        """The line nearest in time, the earlier of two as near; None if it is farther than NEAREST_S."""
+        after = int(np.searchsorted(self.times, time))
+        near = [i for i in (after - 1, after) if 0 <= i < len(self.times)]
+        best = min(near, key=lambda i: abs(self.times[i] - time), default=None)
+        # stamps are printed to a microsecond: what lies just on the border must not fall to rounding
+        return None if best is None or abs(self.times[best] - time) > NEAREST_S + 5e-7 else self.rows[best]
+
+
+def _pose(row: Row) -> Float64Array:
+    _, *shift_and_turn = row.numbers("time tx ty tz qx qy qz qw", 8)
+    turn = np.array(shift_and_turn[3:])
+    length = math.hypot(*turn)
+    if abs(length - 1) > UNIT_TOLERANCE:
+        raise FileError(f"{row.at(4)}: the quaternion has length {length:.6g}; a unit quaternion qx qy qz qw is wanted")
+    pose = np.eye(4)
+    pose[:3, :3] = rotation_of_xyzw(turn / length)
+    pose[:3, 3] = shift_and_turn[:3]
+    return pose_at(row.at(1), pose)
+
+
+def rotation_of_xyzw(quaternion: Float64Array) -> Float64Array:
+    """3x3 rotation of a unit quaternion x, y, z, w: R = I + 2 w [v]x + 2 [v]x [v]x."""
+    x, y, z, w = quaternion
+    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    return np.eye(3) + 2 * w * cross + 2 * cross @ cross
