@@ -127,6 +127,28 @@ def test_bad_files_are_refused(tmp_path: Path) -> None:
         Engine(three, threads=0)
 
 
+def test_openvino_gives_what_onnxruntime_gives(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Somebody else's code: the same network by both, to float32 rounding; the contract is read, the notes name who ran."""
+    pytest.importorskip("openvino")
+    rng = np.random.default_rng(1)
+    model = written(tmp_path / "any.onnx", 3, rng.normal(size=(3, 4)), 0.1)
+    planes, hole = rng.random((2, 3, 40, 51), np.float32), rng.random((40, 51)) > 0.6
+    ours, theirs = Engine(model, provider="cpu"), Engine(model, provider="openvino")
+    assert theirs.contract == ours.contract and theirs.running_on == "openvino"
+    np.testing.assert_allclose(theirs.fill(planes, hole), ours.fill(planes, hole), rtol=1e-5, atol=1e-6)
+    first = theirs.fill(planes, hole)
+    theirs.fill(1 - planes, hole)
+    np.testing.assert_array_equal(first, theirs.fill(planes, hole))
+    monkeypatch.setenv("DLAMA_PROVIDER", "openvino")
+    view = holed()
+    after, report = inpaint(view, inpainter("lama", constant(tmp_path / "c.onnx", 3, 0.2, 0.4, 0.6)), NOTHING)
+    unchanged(view, after)
+    assert report.notes["provider"] == "openvino"
+    (tmp_path / "text.onnx").write_text("no network")
+    with pytest.raises(FileError, match=r"text\.onnx: cannot be opened"):
+        _ = Engine(tmp_path / "text.onnx", provider="openvino").session
+
+
 def test_names_and_models_belong_together() -> None:
     """Law: a network filler without a file says --model, one that needs none refuses it, unknown names list all."""
     for name in MODEL_INPAINTERS:

@@ -1,7 +1,7 @@
 """A model file in -> a network that fills planes of any size out: ONNX Runtime, no torch.
 
-Sessions are opened when first needed, on the first of CUDA, CoreML, DirectML and CPU that is installed; which one, the
-notes say.
+Sessions are opened when first needed, on the first of CUDA, CoreML, DirectML and CPU that is installed, or on the one
+that is asked for (OpenVINO only so); which one ran, the notes say.
 """
 
 from __future__ import annotations
@@ -16,10 +16,11 @@ from typing import Any
 
 import numpy as np
 
-from dlama.errors import FileError, InputError, MissingExtraError
+from dlama.errors import DlamaError, FileError, InputError, MissingExtraError
 from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.inpainters.contract import Contract, from_metadata
 from dlama.inpainters.crops import Layout, fill_crops
+from dlama.inpainters.openvino_session import OpenVinoSession
 
 PROVIDERS = {
     "cuda": "CUDAExecutionProvider",
@@ -27,7 +28,11 @@ PROVIDERS = {
     "directml": "DmlExecutionProvider",
     "cpu": "CPUExecutionProvider",
 }
-"""In the order of preference."""
+"""ONNX Runtime's, in the order of preference."""
+OPENVINO = "openvino"
+"""Not a part of ONNX Runtime: its own package, used when asked for."""
+ASKED = "DLAMA_PROVIDER"
+"""Environment variable that names the provider where the code does not."""
 BUDGET = 640 * 640
 """Pixels of the largest crop that goes through a network at once: it bounds the memory."""
 
@@ -53,35 +58,42 @@ class Engine:
     path: Path
     given: Contract | None = None
     """The contract by hand, for a file that has none; a file's own goes first."""
-    provider: str | None = None
-    """cuda, coreml, directml, cpu; None: the first that is installed."""
+    provider: str | None = field(default_factory=lambda: os.environ.get(ASKED) or None)
+    """cuda, coreml, directml, openvino, cpu; None: the first of ONNX Runtime's that is installed. Default: DLAMA_PROVIDER."""
     threads: int = field(default_factory=cores)
     budget: int = BUDGET
 
     def __post_init__(self) -> None:
         if not self.path.is_file():
             raise FileError(f"{self.path}: no such model file")
-        if self.provider is not None and self.provider not in PROVIDERS:
-            raise InputError(f"provider is {self.provider!r}; one of {', '.join(PROVIDERS)} is wanted")
+        if self.provider is not None and self.provider not in (*PROVIDERS, OPENVINO):
+            raise InputError(f"provider is {self.provider!r}; one of {', '.join([*PROVIDERS, OPENVINO])} is wanted")
         if self.threads < 1:
             raise InputError(f"threads is {self.threads}; 1 or more is wanted")
 
     @cached_property
     def session(self) -> Any:
-        """The onnxruntime session. FileError where the file is no ONNX network."""
+        """The onnxruntime (or OpenVINO) session. FileError where the file is no ONNX network."""
+        try:
+            return (
+                OpenVinoSession(self.path, self.threads) if self.provider == OPENVINO else self._onnxruntime_session()
+            )
+        except DlamaError:
+            raise
+        except Exception as error:  # their errors share no base class of their own
+            raise FileError(
+                f"{self.path}: cannot be opened as an ONNX network ({str(error).splitlines()[0]}); "
+                "`dlama models convert FILE -o FILE.onnx` makes one of a checkpoint"
+            ) from error
+
+    def _onnxruntime_session(self) -> Any:
         ort = _onnxruntime()
         options = ort.SessionOptions()
         options.intra_op_num_threads = self.threads
         options.log_severity_level = 3
         options.enable_cpu_mem_arena = False  # the arena keeps the largest crop's memory and that of every other size
         options.enable_mem_pattern = False
-        try:
-            return ort.InferenceSession(str(self.path), options, providers=self._wanted(ort.get_available_providers()))
-        except Exception as error:  # its errors share no base class of their own
-            raise FileError(
-                f"{self.path}: cannot be opened as an ONNX network ({str(error).splitlines()[0]}); "
-                "`dlama models convert FILE -o FILE.onnx` makes one of a checkpoint"
-            ) from error
+        return ort.InferenceSession(str(self.path), options, providers=self._wanted(ort.get_available_providers()))
 
     def _wanted(self, installed: list[str]) -> list[str]:
         if self.provider is not None and PROVIDERS[self.provider] not in installed:
@@ -176,6 +188,7 @@ def engine(model: str | Path, contract: Contract | None = None, **options: Any) 
     if not path.is_file():
         raise FileError(f"{path}: no such model file")
     stat = path.stat()
+    options.setdefault("provider", os.environ.get(ASKED) or None)
     return _kept(path, (stat.st_mtime_ns, stat.st_size), contract, tuple(sorted(options.items())))
 
 
