@@ -1,0 +1,289 @@
+"""EasySynth's layout read: against poses.json of the street benchmark, closed forms, and files with one thing wrong."""
+
+from __future__ import annotations
+
+import json
+import pickle
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from dlama.datasets.easysynth import easysynth, looks_like_easysynth, orbit_yaw
+from dlama.datasets.easysynth_files import opencv_pose, quaternion_of, read_poses, rotation_of, unreal_pose
+from dlama.datasets.easysynth_writer import SequenceFrame, write_scene, write_sequence
+from dlama.datasets.frames import RemovalTruth, StereoTruth, ViewTruth
+from dlama.errors import CameraError, DepthError, FileError
+from dlama.geometry.camera import Camera
+from dlama.geometry.rgbd import RGBD
+from dlama.geometry.trajectories import dolly, orbit
+from worlds import moved, rotation
+
+SCENES = ("s03", "s05", "s06", "s08")
+CLASSES = {"background": (0, 0, 0), "object": (255, 0, 0)}
+CAMERA = Camera.from_fov(16, 12, 80)
+
+
+def frame(camera: Camera = CAMERA, shows: bool = True, depth: float = 2.0) -> SequenceFrame:
+    """A plain wall, and the object's class in a corner of it."""
+    semantic = np.zeros(camera.hw, np.uint8)
+    semantic[:4, :5] = shows
+    color = np.full((*camera.hw, 3), 120, np.uint8)
+    return SequenceFrame(RGBD(color, np.full(camera.hw, depth, np.float32), camera), semantic)
+
+
+def edit_json(path: Path, rename: str | None = None, **changes: object) -> None:
+    cameras = json.loads(path.read_text())["cameras"]
+    name, values = cameras.popitem()
+    path.write_text(json.dumps({"cameras": {name if rename is None else rename: {**values, **changes}}}))
+
+
+@pytest.fixture
+def sequence(tmp_path: Path) -> Path:
+    """Three frames of one camera, at 0, 10 and -10 degrees."""
+    frames = [frame(orbit(CAMERA, yaw)) for yaw in (0, 10, -10)]
+    write_sequence(tmp_path / "seq", "seq", frames, depth_range=10, classes=CLASSES)
+    return tmp_path / "seq"
+
+
+@pytest.fixture(scope="module")
+def street(data_dir: Path) -> Path:
+    return data_dir / "street"
+
+
+# The street benchmark
+
+
+def test_street_poses_agree_with_poses_json(street: Path) -> None:
+    """Oracle: poses.json, written beside the CSV in OpenCV axes: 5e-7 m, rotations to the CSV's digits, yaws, lens."""
+    frames = {(each.scene, each.name): each for each in easysynth(street).frames}
+    assert len(frames) == 4 * (13 + 13 + 2 + 2)
+    for scene in SCENES:
+        told = json.loads((street / scene / "poses.json").read_text())
+        for number, entry in enumerate(told["sequences"]["with"]["frames"]):
+            found = frames[scene, f"with-{number:04d}"]
+            files = found.load.args[0]  # type: ignore[attr-defined]
+            wanted = np.array(entry["world_from_cam"])
+            np.testing.assert_allclose(files.world_from_cam[:3, 3], wanted[:3, 3], atol=5e-7 + 1e-12)
+            np.testing.assert_allclose(files.world_from_cam[:3, :3], wanted[:3, :3], atol=2e-6)
+            assert found.yaw_deg == entry["yaw_deg"] and files.kind == "millimetres"
+            np.testing.assert_array_equal(files.lens.camera((512, 512), wanted).K, told["K"])
+
+
+def test_street_cases(street: Path) -> None:
+    """12 yaws, 13 removals and a pair per scene, names unique, everything picklable, the truths those of the README."""
+    data = pickle.loads(pickle.dumps(easysynth(street)))
+    assert (data.name, data.layout) == ("street", "easysynth")
+    assert [len(data.of(protocol)) for protocol in ("vpi", "ori", "sii")] == [4 * 12, 4 * 13, 4]
+    assert len({case.key for case in data.cases}) == len(data.cases)
+    assert [case.yaw_deg for case in data.of("vpi")[:4]] == [10, -10, 20, -20]
+    view = data.of("vpi")[0].load()
+    assert isinstance(view, ViewTruth) and view.object_mask is not None and view.target_without is not None
+    assert view.object_mask.mean() == pytest.approx(0.021, abs=0.001)  # README: 2.1 %
+    assert not np.array_equal(view.target.color, view.target_without.color)
+    assert view.target.camera.same_view_as(view.target_without.camera)
+
+
+def test_street_exr_agrees_with_millimetres(street: Path, tmp_path: Path) -> None:
+    """Oracle: the same depth stored twice; README: within 6.4e-4 of the range; 1.0 is far, also beyond 10 m."""
+    shutil.copytree(street / "s03" / "with", tmp_path / "with", ignore=shutil.ignore_patterns("DepthMM"))
+    exr = easysynth(tmp_path / "with", depth_range=10).frames[3].load()
+    millimetres = easysynth(street / "s03" / "with").frames[3].load()
+    near = millimetres.depth < 9.99
+    assert np.abs(exr.depth[near] - millimetres.depth[near]).max() <= 10 * 6.4e-4
+    assert exr.far[millimetres.depth > 10.01].all() and not exr.far[near].any()
+
+
+def test_street_stereo_matches_by_its_disparity(street: Path) -> None:
+    """Law: the right picture at x - d shows what the left shows at x (outside occlusions), at x + d it does not."""
+    truth = easysynth(street / "s06").of("sii")[0].load()
+    assert isinstance(truth, StereoTruth) and truth.mask_left is not None and truth.without_left is not None
+    assert truth.rig.baseline_m == pytest.approx(0.12, abs=1e-9)
+    rows, columns = np.indices(truth.disparity_left.shape)
+
+    def difference(sign: int) -> float:
+        at = np.rint(columns + sign * truth.disparity_left).astype(int)
+        inside = (truth.disparity_left > 2) & (at >= 0) & (at < 512)
+        there = truth.right[rows[inside], at[inside]].astype(float)
+        return float(np.median(np.abs(there - truth.left[inside])))
+
+    assert difference(-1) < 3 < 3 * difference(-1) < difference(1)
+
+
+def test_street_shadows(street: Path) -> None:
+    """Looked at: the barrel's sun shadow lies to its right on the asphalt, beside the mask, 0.2 to 0.8 % of the picture."""
+    truth = easysynth(street / "s03").of("ori")[0].load()
+    assert isinstance(truth, RemovalTruth) and truth.shadow is not None
+    assert not (truth.shadow & truth.mask).any() and 0.002 < truth.shadow.mean() < 0.008
+    middle_of = [np.argwhere(each).mean(axis=0) for each in (truth.mask, truth.shadow)]
+    assert middle_of[1][1] > middle_of[0][1] + 20 and middle_of[1][0] > middle_of[0][0]
+    luma = [each.color[truth.shadow].mean() for each in (truth.source, truth.without)]
+    assert luma[0] < luma[1] - 10
+
+
+# Poses
+
+
+def test_unreal_axes_by_hand() -> None:
+    """Closed form: X is forward, Y right, Z up, cm; an Unreal yaw of +90 turns to the right, a pitch of +90 looks up."""
+    half = np.sqrt(0.5)
+    np.testing.assert_allclose(
+        opencv_pose((100, 200, 300), (0, 0, 0, 1))[:3], [[1, 0, 0, 2], [0, 1, 0, -3], [0, 0, 1, 1]]
+    )
+    right = opencv_pose((0, 0, 0), (0, 0, half, half))[:3, :3]  # FRotator(0, 90, 0).Quaternion()
+    np.testing.assert_allclose(right @ (0, 0, 1), (1, 0, 0), atol=1e-15)
+    np.testing.assert_allclose(right @ (0, 1, 0), (0, 1, 0), atol=1e-15)
+    up = opencv_pose((0, 0, 0), (0, -half, 0, half))[:3, :3]  # FRotator(90, 0, 0).Quaternion()
+    np.testing.assert_allclose(up @ (0, 0, 1), (0, -1, 0), atol=1e-15)
+
+
+@pytest.mark.parametrize("turn", [(0, 0, 0), (10, -20, 30), (180, 0, 0), (0, 0, 179.999), (0, 180, 0), (100, 100, 100)])
+def test_poses_there_and_back(turn: tuple[float, float, float]) -> None:
+    """Round trip at any angle, also about 180 degrees, where w of the quaternion vanishes; rotations from Rodrigues."""
+    pose = moved(CAMERA, turn=turn, shift=(1, -2, 3)).world_from_cam
+    translation, quaternion = unreal_pose(pose)
+    np.testing.assert_allclose(opencv_pose(translation, quaternion), pose, atol=1e-12)
+    assert quaternion[3] >= 0 and np.linalg.norm(quaternion) == pytest.approx(1)
+    turned = rotation(np.radians(turn))
+    np.testing.assert_allclose(rotation_of(quaternion_of(turned)), turned, atol=1e-12)
+
+
+def test_the_metric_dialect_means_the_same(sequence: Path) -> None:
+    """Oracle: EasySynth 1.0's exporter, which wrote (Y, -Z, X) / 100 and (w, -y, z, -x) of Unreal's pose."""
+    table = sequence / "CameraComponent" / "CameraPoses.csv"
+    wanted = {identity: pose.world_from_cam for identity, pose in read_poses(table).items()}
+    lines = ["id,tx,ty,tz,qw,qx,qy,qz,fx,fy,cx,cy"]
+    for line in table.read_text().splitlines()[1:]:
+        number, tx, ty, tz, qx, qy, qz, qw, _ = map(float, line.split(","))
+        values = (ty / 100, -tz / 100, tx / 100, qw, -qy, qz, -qx, 9.5, 9.5, 8, 6)
+        lines.append(f"{number:.0f}," + ",".join(f"{value:.9f}" for value in values))
+    table.write_text("\r\n".join(lines) + "\r\n")
+    (sequence / "CameraRig.json").unlink()
+    for number, found in enumerate(easysynth(sequence).frames):
+        camera = found.load().camera
+        np.testing.assert_allclose(camera.world_from_cam, wanted[number], atol=1e-8)
+        assert (camera.fx, camera.cx, camera.cy) == (9.5, 8, 6)
+
+
+def test_orbit_yaw_is_signed_and_knows_what_is_none() -> None:
+    """Oracle: `orbit` itself, also of a camera that looks down and orbits about the vertical; dollies and pans are none."""
+    start = moved(CAMERA, turn=(0, 30, 0), shift=(1, 2, 3))
+    for yaw in (-60, -0.5, 10, 45):
+        assert orbit_yaw(start.world_from_cam, orbit(start, yaw).world_from_cam) == pytest.approx(yaw, abs=1e-3)
+    down = orbit(CAMERA, 0, 25)
+    assert orbit_yaw(down.world_from_cam, orbit(CAMERA, 20, 25).world_from_cam) is not None
+    for other in (start, dolly(start, 1), moved(start, turn=(0, 10, 0)), moved(orbit(start, 20), shift=(0, 0.2, 0))):
+        assert orbit_yaw(start.world_from_cam, other.world_from_cam) is None
+
+
+def test_a_rig_without_the_cameras_own_poses(sequence: Path) -> None:
+    """Closed form: the rig's pose, then 10 cm along the rig's own Y (right)."""
+    (sequence / "CameraComponent" / "CameraPoses.csv").unlink()
+    edit_json(sequence / "CameraRig.json", translation=[0, 10, 0])
+    for found, yaw in zip(easysynth(sequence).frames, (0, 10, -10)):
+        wanted = moved(orbit(CAMERA, yaw), shift=(0.1, 0, 0)).world_from_cam
+        np.testing.assert_allclose(found.load().camera.world_from_cam, wanted, atol=1e-8)
+
+
+# Lenses and depth
+
+
+def test_intrinsics_scale_with_the_sensor(sequence: Path) -> None:
+    """Closed form: a sensor of twice the picture's size halves fx, fy, cx, cy; other proportions are refused."""
+    edit_json(sequence / "CameraRig.json", sensor_size=[32, 24], intrinsics=[30, 0, 16, 0, 28, 12, 0, 0, 1])
+    camera = easysynth(sequence).frames[0].load().camera
+    assert (camera.fx, camera.fy, camera.cx, camera.cy) == (15, 14, 8, 6)
+    edit_json(sequence / "CameraRig.json", sensor_size=[36, 24])
+    with pytest.raises(CameraError, match=r"CameraRig.json: the sensor is 36x24 and the picture 16x12"):
+        easysynth(sequence).frames[0].load()
+
+
+def test_normalised_depth_needs_its_range(sequence: Path) -> None:
+    """Guard: without DepthMM nothing says what 1.0 means."""
+    shutil.rmtree(sequence / "CameraComponent" / "DepthMM")
+    with pytest.raises(DepthError, match=r"DepthImage: .*give --depth-range METRES"):
+        easysynth(sequence)
+    np.testing.assert_allclose(easysynth(sequence, depth_range=10).frames[0].load().depth, 2, rtol=2**-11)
+
+
+def test_png_depth_must_say_its_encoding(sequence: Path) -> None:
+    """Closed form: level 188 is 0.5029 of linear light (IEC 61966-2-1), 188 / 255 as it stands; 255 is far, 0 missing."""
+    place = sequence / "CameraComponent"
+    shutil.rmtree(place / "DepthMM")
+    for path in (place / "DepthImage").iterdir():
+        levels = np.full(CAMERA.hw, 188, np.uint8)
+        levels[0, 0], levels[0, 1] = 255, 0
+        Image.fromarray(np.repeat(levels[..., None], 3, axis=2)).save(path.with_suffix(".png"))
+        path.unlink()
+    with pytest.raises(DepthError, match=r"gamma-encoded.*--gamma .*--no-gamma"):
+        easysynth(sequence, depth_range=10)
+    for gamma, share in ((True, 0.502886), (False, 188 / 255)):
+        depth = easysynth(sequence, depth_range=10, gamma=gamma).frames[0].load().depth
+        assert depth[5, 5] == pytest.approx(10 * share, abs=1e-4) and depth[0, 0] == np.inf and depth[0, 1] == 0
+
+
+# Layouts
+
+
+def test_scenes_of_other_names_and_of_a_single_camera_folder(tmp_path: Path, sequence: Path) -> None:
+    """A folder of plain sequences is a scene; the first versions put pictures beside CameraPoses.csv; both have VPI cases."""
+    for name in ("a", "b"):
+        shutil.copytree(sequence, tmp_path / "set" / name)
+    flat = tmp_path / "set" / "b"
+    for each in (flat / "CameraComponent").iterdir():
+        each.replace(flat / each.name)
+    edit_json(flat / "CameraRig.json", rename="")
+    data = easysynth(tmp_path / "set")
+    assert [case.key for case in data.cases] == [
+        f"vpi__set__set__{name}-{number:04d}" for name in ("a", "b") for number in (1, 2)
+    ]
+    assert all(isinstance(case.load(), ViewTruth) for case in data.cases)
+
+
+def test_frames_that_do_not_show_the_object_are_no_removals(tmp_path: Path) -> None:
+    """Of three frames the second does not show the object: two ORI cases, and VPI from the first as ever."""
+    cameras = [orbit(CAMERA, yaw) for yaw in (0, 10, -10)]
+    shown = [frame(camera, shows) for camera, shows in zip(cameras, (True, False, True))]
+    hidden = [frame(camera, False) for camera in cameras]
+    write_scene(tmp_path, "w", {"with": shown, "without": hidden}, depth_range=10, classes=CLASSES)
+    data = easysynth(tmp_path / "w")
+    assert [case.frame for case in data.of("ori")] == ["with-0000", "with-0002"]
+    assert [case.frame for case in data.of("vpi")] == ["with-0001", "with-0002"]
+    named = easysynth(tmp_path / "w", removal_object="255,0,0").of("ori")[0].load()
+    assert isinstance(named, RemovalTruth) and named.mask.sum() == 20 and named.shadow is None
+    with pytest.raises(FileError, match=r"SemanticClasses.csv: no class is called 'car'; known: background, object"):
+        easysynth(tmp_path / "w", removal_object="car")
+
+
+def test_pairs_must_stand_at_the_same_pose(tmp_path: Path) -> None:
+    """Guard: a `without` from elsewhere is no truth."""
+    sequences = {"with": [frame()], "without": [frame(moved(CAMERA, shift=(0.01, 0, 0)))]}
+    write_scene(tmp_path, "w", sequences, depth_range=10, classes=CLASSES)  # type: ignore[arg-type]
+    with pytest.raises(FileError, match=r"CameraPoses.csv: the pose of frame 0 differs by 0.01"):
+        easysynth(tmp_path / "w")
+
+
+def test_layout_is_known_by_its_names(tmp_path: Path, sequence: Path) -> None:
+    """True for a sequence, a scene and a folder of scenes; False for anything else, also for nothing."""
+    shutil.copytree(sequence, tmp_path / "all" / "scene" / "with")
+    for root in (sequence, tmp_path / "all", tmp_path / "all" / "scene"):
+        assert looks_like_easysynth(root)
+    (tmp_path / "other" / "color").mkdir(parents=True)
+    for root in (tmp_path / "other", tmp_path / "nowhere", sequence / "CameraRig.json"):
+        assert not looks_like_easysynth(root)
+        with pytest.raises(FileError, match=root.name):
+            easysynth(root)
+
+
+def test_numbering_that_begins_elsewhere(sequence: Path) -> None:
+    """Pictures 7, 8, 9 of poses 0, 1, 2 are matched in step; a missing one is an error of that frame alone, by name."""
+    for kind in (sequence / "CameraComponent").glob("*/"):
+        for path in sorted(kind.iterdir(), reverse=True):
+            number = int(path.stem.split(".")[1])
+            path.rename(path.with_name(f"seq.{number + 7:04d}{path.suffix}"))
+    assert easysynth(sequence).frames[1].load.args[0].color.name == "seq.0008.png"  # type: ignore[attr-defined]
+    (sequence / "CameraComponent" / "ColorImage" / "seq.0008.png").unlink()
+    with pytest.raises(FileError, match=r"ColorImage/seq.0001.png: no such file"):
+        easysynth(sequence).frames[1].load()

@@ -1,0 +1,119 @@
+"""EasySynth's text files with one thing wrong: every error names file, line and column (or field), and what was wanted."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dlama.datasets.easysynth import easysynth
+from dlama.datasets.easysynth_writer import SequenceFrame, write_scene, write_sequence
+from dlama.errors import DlamaError, FileError
+from dlama.geometry.camera import Camera
+from dlama.geometry.rgbd import RGBD
+from dlama.geometry.trajectories import orbit
+
+CLASSES = {"background": (0, 0, 0), "object": (255, 0, 0)}
+CAMERA = Camera.from_fov(16, 12, 80)
+
+
+def frame(camera: Camera = CAMERA, shows: bool = True, depth: float = 2.0) -> SequenceFrame:
+    """A plain wall, and the object's class in a corner of it."""
+    semantic = np.zeros(camera.hw, np.uint8)
+    semantic[:4, :5] = shows
+    color = np.full((*camera.hw, 3), 120, np.uint8)
+    return SequenceFrame(RGBD(color, np.full(camera.hw, depth, np.float32), camera), semantic)
+
+
+@pytest.fixture
+def sequence(tmp_path: Path) -> Path:
+    """Three frames of one camera, at 0, 10 and -10 degrees."""
+    frames = [frame(orbit(CAMERA, yaw)) for yaw in (0, 10, -10)]
+    write_sequence(tmp_path / "seq", "seq", frames, depth_range=10, classes=CLASSES)
+    return tmp_path / "seq"
+
+
+def edit_json(path: Path, rename: str | None = None, **changes: object) -> None:
+    cameras = json.loads(path.read_text())["cameras"]
+    name, values = cameras.popitem()
+    path.write_text(json.dumps({"cameras": {name if rename is None else rename: {**values, **changes}}}))
+
+
+def replaced(line: int, old: str, new: str) -> Callable[[Path], None]:
+    """An edit of one line (counted from 1) of a file."""
+
+    def edit(path: Path) -> None:
+        lines = path.read_text().splitlines()
+        assert old in lines[line - 1]
+        lines[line - 1] = lines[line - 1].replace(old, new, 1)
+        path.write_text("\n".join(lines))
+
+    return edit
+
+
+POSES = "CameraComponent/CameraPoses.csv"
+BAD = [
+    (POSES, replaced(3, "1,", "1,abc"), r"CameraPoses.csv:3:3: tx is 'abc.*'; a number is wanted"),
+    (POSES, replaced(2, "0,0.000000000,", "0, nan,"), r":2:4: tx is 'nan'; a finite number"),
+    (POSES, replaced(4, "2,", "1,"), r":4:1: id is 1 for the second time"),
+    (POSES, replaced(4, "2,", "-2,"), r":4:1: id is '-2'; a whole number >= 0"),
+    (POSES, replaced(2, ",1.000000000,", ",0.5,"), r":2:39: qx begins a quaternion of length 0.5"),
+    (POSES, replaced(2, ",1.000000000", ""), r":2:\d+: the line has 8 values; 9 are wanted \(id,tx"),
+    (POSES, replaced(1, "id,tx", "nr,tx"), r":1:1: the header is 'nr,tx.*EasySynth 1.2"),
+    (POSES, lambda path: path.write_text("id,tx,ty,tz,qx,qy,qz,qw,t\n"), r":2:1: there is no pose"),
+    (POSES, lambda path: path.write_bytes(b"id,tx\n\xff\xfa"), r":2:1: is no utf-8-sig text"),
+    (POSES, lambda path: path.write_text(""), r"CameraPoses.csv: is empty"),
+    ("CameraRig.json", replaced(3, "{", "{,"), r"CameraRig.json:3:\d+: is no JSON"),
+    ("CameraRig.json", lambda path: path.write_text("[]"), r"CameraRig.json: field 'cameras'"),
+    ("CameraRig.json", lambda path: edit_json(path, rotation=[0, 0, 1]), r"cameras.CameraComponent: rotation"),
+    (
+        "CameraRig.json",
+        lambda path: edit_json(path, rotation=[0, 0, 0, 2]),
+        r"CameraComponent.rotation is .*of length 1",
+    ),
+    ("CameraRig.json", lambda path: edit_json(path, sensor_size=[0, 4]), r"CameraComponent.sensor_size is \[0, 4\]"),
+    (
+        "CameraRig.json",
+        lambda path: edit_json(path, intrinsics=[1, 2, 3, 0, 1, 2, 0, 0, 0]),
+        r"intrinsics is .*fx 0 cx",
+    ),
+    ("CameraRig.json", lambda path: edit_json(path, rename="c7"), r"c7/ColorImage: no such folder"),
+    ("CameraRig.json", Path.unlink, r"CameraRig.json: no such file, or no camera 'CameraComponent'"),
+    ("CameraComponent/ColorImage", shutil.rmtree, r"holds no EasySynth sequence"),
+    (
+        "CameraComponent/DepthImage/seq.0001.exr",
+        lambda path: shutil.copy(path, path.with_name("x.0001.exr")),
+        r"second",
+    ),
+]
+
+
+@pytest.mark.parametrize(("name", "edit", "message"), BAD, ids=[str(number) for number in range(len(BAD))])
+def test_bad_files_are_named(sequence: Path, name: str, edit: Callable[[Path], None], message: str) -> None:
+    """One thing wrong in one file: the error names the file, the line and column or the field, what came, what was wanted."""
+    if name.endswith(".exr"):
+        shutil.rmtree(sequence / "CameraComponent" / "DepthMM")
+    edit(sequence / name)
+    with pytest.raises(DlamaError, match=message):
+        easysynth(sequence, depth_range=10)
+
+
+@pytest.mark.parametrize(
+    ("line", "message"),
+    [
+        ("object,255,0", r":2:1: the line is"),
+        ("a,b,300,1,2", r":2:5: R is '300'; a whole number 0..255"),
+        ("x,0,0,0", "twice"),
+    ],
+)
+def test_bad_classes_are_named(tmp_path: Path, line: str, message: str) -> None:
+    """SemanticClasses.csv of a scene, its second line wrong, or its first line there for the second time."""
+    write_scene(tmp_path, "w", {"with": [frame()], "without": [frame()]}, depth_range=10, classes=CLASSES)
+    lines = ["x,0,0,0", line]
+    (tmp_path / "w" / "with" / "SemanticClasses.csv").write_text("\n".join(lines))
+    with pytest.raises(FileError, match=message.replace("twice", r":2:1: class 'x' is there for the second time")):
+        easysynth(tmp_path / "w")
