@@ -165,7 +165,7 @@ def _sii(sequence: Sequence, pair: CameraPair, without: Sequence | None, color: 
                 continue
             answer = truth[0][identity], truth[1][identity]
         load = partial(load_stereo, left[identity], right[identity], answer, color)
-        yield "sii", f"{sequence.folder.name}-{identity:04d}", load, None
+        yield "sii", f"{sequence.folder.resolve().name}-{identity:04d}", load, None
 
 
 def _same_poses(sequence: Sequence, without: Sequence, camera: str) -> dict[int, FrameFiles]:

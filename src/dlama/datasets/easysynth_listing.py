@@ -37,7 +37,7 @@ class Sequence:
 
     def name_of(self, camera: str, identity: int) -> str:
         """Unique within a scene: sequence, camera where there are several, id."""
-        parts = [self.folder.name, *([camera] if len(self.cameras) > 1 else []), f"{identity:04d}"]
+        parts = [self.folder.resolve().name, *([camera] if len(self.cameras) > 1 else []), f"{identity:04d}"]
         return "-".join(parts)
 
     def pair(self) -> CameraPair | None:
