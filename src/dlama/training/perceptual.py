@@ -1,0 +1,57 @@
+"""Pictures B x 3 x H x W in 0..1, output and truth, in -> the high receptive field perceptual loss (equation 5) out."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import torch
+from torch import Tensor, nn
+from torch.nn.functional import mse_loss
+
+from dlama.errors import FileError
+from dlama.training.settings import LossSettings
+from dlama.training.trunks import IMAGENET_MEAN, IMAGENET_STD, LPIPS_TRUNKS, random_trunk, read_trunk
+
+
+class PerceptualLoss(nn.Module):
+    """Frozen trunk, always in eval mode; its weights are no part of a checkpoint (they are read again)."""
+
+    mean: Tensor
+    std: Tensor
+
+    def __init__(self, trunk: nn.Module, name: str) -> None:
+        super().__init__()
+        self.trunk, self.name = trunk.eval().requires_grad_(False), name
+        self.register_buffer("mean", torch.tensor(IMAGENET_MEAN).view(1, 3, 1, 1), persistent=False)
+        self.register_buffer("std", torch.tensor(IMAGENET_STD).view(1, 3, 1, 1), persistent=False)
+
+    def forward(self, output: Tensor, truth: Tensor) -> Tensor:
+        """The mean over layers of the mean squared difference of activations; `truth` gets no gradient."""
+        with torch.no_grad():
+            wanted = self.trunk((truth - self.mean) / self.std)
+        found = self.trunk((output - self.mean) / self.std)
+        return torch.stack([mse_loss(one.float(), other.float()) for one, other in zip(found, wanted)]).mean()
+
+    def train(self, mode: bool = True) -> PerceptualLoss:
+        """Stays in eval mode: its batch norms, where it has any, keep their statistics."""
+        return super().train(False)
+
+    @property
+    def note(self) -> str:
+        """For the log and the model card."""
+        if self.name in LPIPS_TRUNKS:
+            return f"perceptual trunk {self.name}; LPIPS compares with that trunk too, so LPIPS flatters this network"
+        if self.name == "random":
+            return "perceptual trunk random: frozen, drawn from a fixed seed, never trained on pictures"
+        return f"perceptual trunk {self.name}"
+
+
+def perceptual_loss(settings: LossSettings) -> PerceptualLoss:
+    """As the settings say; FileError where their weight file is not there or is no such trunk."""
+    if settings.trunk_weights is None:
+        return PerceptualLoss(random_trunk(settings.trunk_width), "random")
+    path = Path(settings.trunk_weights).expanduser()
+    if not path.is_file():
+        raise FileError(f"{path}: no such file (loss.trunk_weights)")
+    name, trunk = read_trunk(settings.trunk, path)
+    return PerceptualLoss(trunk, name)

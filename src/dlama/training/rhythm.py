@@ -1,0 +1,203 @@
+"""What happens between two steps: rows, sheets, checkpoints, and the question whether to stop. A Lightning callback."""
+
+from __future__ import annotations
+
+import logging
+import signal
+import threading
+import time
+from pathlib import Path
+from typing import Any
+
+import pytorch_lightning as pl
+import torch
+
+from dlama.errors import OutputError
+from dlama.training.batches import Batch
+from dlama.training.checkpointing import LAST, checkpoint_of, random_state, set_random_state, write_checkpoint
+from dlama.training.module import TrainingModule, rate_factor
+from dlama.training.run_files import RunFiles
+from dlama.training.sample_sheets import write_sheet
+from dlama.training.settings import TrainSettings
+from dlama.training.validation import hole_metrics, metric_names
+
+LOG = logging.getLogger("dlama")
+SPEED = ("learning_rate", "samples_per_second", "waiting")
+"""Columns of metrics.csv: the generator's rate; samples of all devices per second, and the share of time that the training
+waited for them, both since the row before."""
+
+
+class Rhythm(pl.Callback):
+    """Counts by the module's own step, so that a resumed run has the same rhythm.
+
+    Args:
+        deadline: when to stop, on the clock of `time.monotonic`.
+        held_out: the fixed samples; None in all processes but the first.
+        random_states: to go on with, by rank; None in a new run.
+    """
+
+    def __init__(
+        self,
+        settings: TrainSettings,
+        run: Path,
+        deadline: float,
+        held_out: Batch | None,
+        random_states: list[dict[str, Any]] | None,
+        seconds: float,
+    ) -> None:
+        self.settings, self.run, self.deadline, self.held_out = settings, run, deadline, held_out
+        self.random_states, self.seconds_before = random_states, seconds
+        self.files: RunFiles | None = None
+        self.ended = "all steps done"
+        self.checkpointed = -1
+        self._started = self._row_began = self._batch_ended = time.monotonic()
+        self._waited, self._row_samples = 0.0, 0
+        self._told_to_stop = False
+        self._old_handler: Any = None
+
+    @property
+    def seconds(self) -> float:
+        """Trained so far, over all parts of the run."""
+        return self.seconds_before + time.monotonic() - self._started
+
+    def on_train_start(self, trainer: pl.Trainer, module: pl.LightningModule) -> None:
+        """Files are opened, and SIGTERM becomes a request to stop after the step."""
+        assert isinstance(module, TrainingModule)
+        if trainer.is_global_zero:
+            held_out = [f"held_out_{name}" for name in metric_names(self.settings.network)]
+            self.files = RunFiles(self.run, [*SPEED, *_term_names(self.settings), *held_out], module.step)
+            LOG.info("%s", module.perceptual.note if module.perceptual else "no perceptual term")
+        if threading.current_thread() is threading.main_thread():
+            self._old_handler = signal.signal(signal.SIGTERM, self._hear)
+        self._started = self._row_began = self._batch_ended = time.monotonic()
+        self._row_samples = module.samples
+
+    def on_train_batch_start(self, trainer: pl.Trainer, module: pl.LightningModule, batch: Any, batch_idx: int) -> None:
+        """The wait for the batch is over; the first batch of a resumed run gets the random numbers it would have had."""
+        self._waited += time.monotonic() - self._batch_ended
+        if self.random_states is not None:
+            set_random_state(self.random_states[trainer.global_rank])
+            self.random_states = None
+
+    def on_train_batch_end(
+        self, trainer: pl.Trainer, module: pl.LightningModule, outputs: Any, batch: Any, batch_idx: int
+    ) -> None:
+        """Whatever is due after this step."""
+        assert isinstance(module, TrainingModule)
+        loop, step = self.settings.loop, module.step
+        kept = random_state()
+        scores = self._look(module) if step % loop.validate_every == 0 else {}
+        if step % loop.sheet_every == 0:
+            self._sheet(module)
+        if scores or step % loop.log_every == 0:
+            self._row(module, scores)
+        if step % loop.checkpoint_every == 0:
+            self._checkpoint(trainer, module, must=False)
+        if self._should_stop(trainer):
+            trainer.should_stop = True
+        set_random_state(kept)  # looking on must not change what comes after
+        self._batch_ended = time.monotonic()
+
+    def on_train_end(self, trainer: pl.Trainer, module: pl.LightningModule) -> None:
+        """The last checkpoint, which must succeed."""
+        assert isinstance(module, TrainingModule)
+        if self.checkpointed != module.step:
+            self._checkpoint(trainer, module, must=True)
+        self._give_back()
+
+    def on_exception(self, trainer: pl.Trainer, module: pl.LightningModule, exception: BaseException) -> None:
+        """Nothing is saved: the last checkpoint was of a state that was good."""
+        self._give_back()
+        self.close()
+
+    def close(self) -> None:
+        """The files, once."""
+        if self.files is not None:
+            self.files.close()
+            self.files = None
+
+    def _look(self, module: TrainingModule) -> dict[str, float]:
+        return {} if self.held_out is None else scores_of(module.average, self.held_out, self.settings, module.device)
+
+    def _sheet(self, module: TrainingModule) -> None:
+        if self.files is None or self.held_out is None:
+            return
+        output = outputs_of(module.average, self.held_out, self.settings, module.device)
+        write_sheet(self.files.sheet_path(module.step), output, self.held_out, self.settings.network)
+
+    def _row(self, module: TrainingModule, scores: dict[str, float]) -> None:
+        if self.files is None:
+            return
+        now = time.monotonic()
+        took = max(now - self._row_began, 1e-9)
+        speed = (
+            self.settings.optimiser.generator_rate * rate_factor(self.settings, max(module.step - 1, 0)),
+            (module.samples - self._row_samples) / took,
+            self._waited / took,
+        )
+        about = {"step": module.step, "samples": module.samples, "seconds": self.seconds, **dict(zip(SPEED, speed))}
+        terms = {name: float(value) for name, value in module.latest.items()}
+        self.files.row(about | terms | {f"held_out_{name}": value for name, value in scores.items()})
+        words = " ".join(f"{name} {value:.4f}" for name, value in (scores or terms).items())
+        LOG.info("step %d, %.0f s, %.2f samples/s: %s", module.step, self.seconds, speed[1], words)
+        self._row_began, self._waited, self._row_samples = now, 0.0, module.samples
+
+    def _checkpoint(self, trainer: pl.Trainer, module: TrainingModule, must: bool) -> None:
+        """Every process sends its random numbers, the first writes; a full disk ends the run only where it must."""
+        states: list[Any] = [random_state()]
+        if trainer.world_size > 1:
+            states = [None] * trainer.world_size
+            torch.distributed.all_gather_object(states, random_state())
+        if trainer.is_global_zero:
+            try:
+                write_checkpoint(self.run / LAST, checkpoint_of(module, self.seconds, states))
+            except OutputError as error:
+                if must:
+                    raise
+                LOG.warning("step %d: %s; the run goes on", module.step, error)
+                return
+        module.guard.keep(module)
+        self.checkpointed = module.step
+
+    def _should_stop(self, trainer: pl.Trainer) -> bool:
+        """The same answer in every process."""
+        reasons = [self._told_to_stop, time.monotonic() >= self.deadline]
+        if trainer.world_size > 1:
+            asked = torch.tensor(reasons, dtype=torch.int32, device=trainer.strategy.root_device)
+            torch.distributed.all_reduce(asked, torch.distributed.ReduceOp.MAX)
+            reasons = [bool(each) for each in asked]
+        if any(reasons):
+            self.ended = "SIGTERM" if reasons[0] else "time is up"
+        return any(reasons)
+
+    def _hear(self, number: int, frame: Any) -> None:
+        self._told_to_stop = True
+
+    def _give_back(self) -> None:
+        if self._old_handler is not None:
+            signal.signal(signal.SIGTERM, self._old_handler)
+            self._old_handler = None
+
+
+@torch.no_grad()
+def outputs_of(network: torch.nn.Module, batch: Batch, settings: TrainSettings, device: torch.device) -> torch.Tensor:
+    """The network's outputs on the CPU, made in batches as large as the run's."""
+    parts = [network(part.to(device)).float().cpu() for part in batch["input"].split(settings.loop.batch)]
+    return torch.cat(parts)
+
+
+def scores_of(
+    network: torch.nn.Module, batch: Batch, settings: TrainSettings, device: torch.device
+) -> dict[str, float]:
+    """`hole_metrics` of a network in eval mode."""
+    return hole_metrics(outputs_of(network, batch, settings, device), batch, settings.network)
+
+
+def _term_names(settings: TrainSettings) -> list[str]:
+    """Columns of the loss terms that this run has."""
+    loss, depth = settings.loss, settings.network.has_depth
+    names = ["l1_known", "l1_hole", "perceptual", "adversarial", "feature_matching"]
+    names += ["depth_l1", "depth_gradient", "depth_normal", "depth_law"] if depth else []
+    used = [name for name in names if getattr(loss, name)]
+    judge = ["discriminator", *(["gradient_penalty"] if loss.gradient_penalty else []), "discriminator_norm"]
+    return [*used, "gradient_norm", *(judge if loss.judged else [])]

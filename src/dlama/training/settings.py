@@ -1,0 +1,270 @@
+"""Numbers in -> everything a training run is told, checked, out; needs no torch.
+
+Defaults are those of Suvorov et al. 2022 where the paper has them (equations 5 to 9). Contradictions raise InputError.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from typing import Any, Literal
+
+from dlama.errors import InputError
+from dlama.nets.architecture import DiscriminatorSettings, GeneratorSettings
+
+Planes = Literal["rgb", "rgbd", "stereo", "stereo-two-masks"]
+
+CHANNELS: dict[str, tuple[int, int]] = {"rgb": (4, 3), "rgbd": (5, 4), "stereo": (7, 6), "stereo-two-masks": (8, 6)}
+"""Planes in (masks counted) and out."""
+TRUNKS = ("auto", "resnet50-dilated", "vgg16", "alexnet", "random")
+SAMPLE_KINDS = ("sketch", "photo", "warped-photo", "world", "frame", "removal", "stereo")
+PAIR_KINDS = {"sketch", "stereo"}
+"""Those that give a pair of pictures."""
+
+
+@dataclass(frozen=True)
+class NetworkSettings:
+    """The generator and the discriminator that judges it."""
+
+    planes: Planes = "rgbd"
+    """rgb: 4 -> 3; rgbd: 5 -> 4 (colour, depth, mask last); stereo: 7 -> 6 (left, right, one mask, the union of both);
+    stereo-two-masks: 8 -> 6 (left, right, left mask, right mask)."""
+    width: int = 32
+    """Generator's channels after the stem (ngf)."""
+    blocks: int = 6
+    """Its FFC residual blocks."""
+    downsamplings: int = 3
+    """Its halvings of height and width."""
+    global_ratio: float = 0.75
+    """Share of its blocks' channels that travel the Fourier branch."""
+    discriminator_width: int = 64
+    """Discriminator's channels after the first layer (ndf)."""
+    discriminator_layers: int = 4
+    """Its layers with stride 2."""
+    start: str | None = None
+    """A LaMa checkpoint or safetensors file to go on from: planes it lacks are added with zero weights, so that at step
+    0 colour is filled as before. Width, blocks and the rest must be its own."""
+    frozen_norms: bool = False
+    """Batch norms keep their statistics (fine-tuning with small batches), only their scales and shifts learn."""
+
+    def __post_init__(self) -> None:
+        one_of("network.planes", self.planes, CHANNELS)
+        _ = self.generator, self.discriminator  # which refuse numbers that no network has
+
+    @property
+    def generator(self) -> GeneratorSettings:
+        """As `dlama.nets` wants them."""
+        planes_in, planes_out = CHANNELS[self.planes]
+        return GeneratorSettings(planes_in, planes_out, self.width, self.downsamplings, self.blocks, self.global_ratio)
+
+    @property
+    def discriminator(self) -> DiscriminatorSettings:
+        """As `dlama.nets` wants them; it judges all planes of the output together."""
+        return DiscriminatorSettings(CHANNELS[self.planes][1], self.discriminator_width, self.discriminator_layers)
+
+    @property
+    def views(self) -> int:
+        """Pictures per sample: 2 for a stereo pair."""
+        return 2 if self.planes.startswith("stereo") else 1
+
+    @property
+    def masks(self) -> int:
+        """Mask planes at the end of the input."""
+        return 2 if self.planes == "stereo-two-masks" else 1
+
+    @property
+    def has_depth(self) -> bool:
+        """Whether the last plane of the output is inverse depth."""
+        return self.planes == "rgbd"
+
+
+@dataclass(frozen=True)
+class LossSettings:
+    """Weights of the terms; a term of weight 0 is not computed."""
+
+    adversarial: float = 10.0
+    """Kappa of equation 9: softplus(-D(output)), equation 7."""
+    perceptual: float = 30.0
+    """Alpha of equation 9: equation 5, the mean over layers of mean squared differences of the trunk's activations. (The
+    published code adds its four layers up instead: its 30 would be 120 here.)"""
+    feature_matching: float = 100.0
+    """Beta of equation 9: the same of the discriminator's activations."""
+    gradient_penalty: float = 0.001
+    """Gamma of equation 9: R1, the squared norm of D's gradient at real pictures."""
+    penalty_every: int = 1
+    """R1 on every n-th step only, n times as strong: it costs a second backward pass."""
+    l1_known: float = 10.0
+    """Absolute difference of colour where it was known."""
+    l1_hole: float = 0.0
+    """Absolute difference of colour in the hole; the published recipe leaves it to the other terms."""
+    depth_l1: float = 10.0
+    """Absolute difference of normalised inverse depth, hole and known alike."""
+    depth_gradient: float = 5.0
+    """Absolute difference of its gradients on four scales."""
+    depth_normal: float = 1.0
+    """1 - cosine between normals: planes are flat in inverse depth too."""
+    depth_law: float = 10.0
+    """By how much filled depth is nearer than the visibility law allows."""
+    trunk: str = "auto"
+    """Of the perceptual term: resnet50-dilated, vgg16, alexnet, random (frozen, of our own, no file); auto: what the file's
+    names say, random without a file."""
+    trunk_weights: str | None = None
+    """Its weight file: .safetensors or .pth."""
+    trunk_width: int = 32
+    """First layer's channels of the random trunk."""
+
+    def __post_init__(self) -> None:
+        one_of("loss.trunk", self.trunk, TRUNKS)
+        for each in fields(self):
+            value = getattr(self, each.name)
+            if isinstance(value, float) and not 0 <= value < float("inf"):
+                raise InputError(f"loss.{each.name} is {value}; 0 or more is wanted")
+        _at_least("loss", self, 1, "penalty_every", "trunk_width")
+        if self.trunk == "random" and self.trunk_weights:
+            raise InputError("loss.trunk is 'random', which has no weights, but loss.trunk_weights names a file")
+        if self.trunk not in ("auto", "random") and not self.trunk_weights:
+            raise InputError(f"loss.trunk is {self.trunk!r}; loss.trunk_weights must name its weight file")
+
+    @property
+    def judged(self) -> bool:
+        """Whether a discriminator takes part."""
+        return self.adversarial > 0 or self.feature_matching > 0
+
+
+@dataclass(frozen=True)
+class OptimiserSettings:
+    """Adam for both networks."""
+
+    generator_rate: float = 1e-3
+    """Learning rate of the generator."""
+    discriminator_rate: float = 1e-4
+    """Learning rate of the discriminator."""
+    beta1: float = 0.9
+    """Memory of the mean gradient."""
+    beta2: float = 0.999
+    """Memory of the mean squared gradient."""
+    warm_up: int = 0
+    """Steps over which both rates rise from 0."""
+    decay: Literal["none", "cosine"] = "none"
+    """cosine: both rates fall to a hundredth by the last step."""
+    clip: float = 100.0
+    """Gradients of a larger norm are shortened to it; 0: never."""
+    average: float = 0.999
+    """Memory of the moving average of the generator's weights, which is what is exported; shorter in the first steps."""
+
+    def __post_init__(self) -> None:
+        one_of("optimiser.decay", self.decay, ("none", "cosine"))
+        for name in ("generator_rate", "discriminator_rate"):
+            if not 0 < getattr(self, name) < 1:
+                raise InputError(f"optimiser.{name} is {getattr(self, name)}; a number between 0 and 1 is wanted")
+        for name in ("beta1", "beta2", "average"):
+            if not 0 <= getattr(self, name) < 1:
+                raise InputError(f"optimiser.{name} is {getattr(self, name)}; 0 or more and below 1 is wanted")
+        _at_least("optimiser", self, 0, "warm_up", "clip")
+
+
+@dataclass(frozen=True)
+class DataSettings:
+    """Which samples are drawn; where their files lie is said on the command line (--data)."""
+
+    size: int = 256
+    """Height and width of a sample in pixels."""
+    mixture: Mapping[str, float] = field(default_factory=lambda: {"world": 1.0})
+    """Kind of sample -> its share: sketch, photo, warped-photo, world, frame, removal, stereo."""
+    held_out: int = 16
+    """Fixed samples, of worlds or files that are never trained on, which the learning curve is measured on."""
+    workers: int | None = None
+    """Processes that make samples; None: one per core less one, 0: none beside the training itself."""
+
+    def __post_init__(self) -> None:
+        _at_least("data", self, 1, "size", "held_out")
+        if self.workers is not None:
+            _at_least("data", self, 0, "workers")
+        for kind, share in self.mixture.items():
+            one_of("data.mixture", kind, SAMPLE_KINDS)
+            if not 0 < share < float("inf"):
+                raise InputError(f"data.mixture gives {kind!r} the share {share}; more than 0 is wanted")
+        if not self.mixture:
+            raise InputError("data.mixture is empty; one kind of sample or more is wanted")
+
+
+@dataclass(frozen=True)
+class LoopSettings:
+    """How long, how wide, and what is written when."""
+
+    steps: int = 100_000
+    """Batches until the end."""
+    batch: int = 16
+    """Samples of a batch, on each device."""
+    precision: Literal["bf16", "fp32"] = "fp32"
+    """bf16: matrix products in bfloat16; FFT, losses and weights stay float32."""
+    devices: int = 1
+    """GPUs (or processes, on a CPU) per node."""
+    nodes: int = 1
+    """Computers."""
+    accelerator: Literal["auto", "cpu", "gpu"] = "auto"
+    """auto: a GPU where there is one."""
+    channels_last: bool = False
+    """Tensors in the memory order B x H x W x C."""
+    compiled: bool = False
+    """The generator through torch.compile."""
+    seed: int = 0
+    """Of the first weights and of every sample."""
+    log_every: int = 10
+    """Steps between two rows of metrics.csv."""
+    validate_every: int = 500
+    """Steps between two looks at the held-out samples."""
+    sheet_every: int = 1000
+    """Steps between two sample sheets."""
+    checkpoint_every: int = 1000
+    """Steps between two checkpoints."""
+    guard_every: int = 50
+    """Steps between two states in memory that the run goes back to when a number is no number any more."""
+
+    def __post_init__(self) -> None:
+        one_of("loop.precision", self.precision, ("bf16", "fp32"))
+        one_of("loop.accelerator", self.accelerator, ("auto", "cpu", "gpu"))
+        counts = [each.name for each in fields(self) if each.type == "int" and each.name != "seed"]
+        _at_least("loop", self, 1, *counts)
+        _at_least("loop", self, 0, "seed")
+
+
+@dataclass(frozen=True)
+class TrainSettings:
+    """One training run."""
+
+    name: str = "unnamed"
+    """Goes into file names and the model card."""
+    licence: str = "unknown"
+    """Of the trained weights; written into the exported files."""
+    network: NetworkSettings = field(default_factory=NetworkSettings)
+    loss: LossSettings = field(default_factory=LossSettings)
+    optimiser: OptimiserSettings = field(default_factory=OptimiserSettings)
+    data: DataSettings = field(default_factory=DataSettings)
+    loop: LoopSettings = field(default_factory=LoopSettings)
+
+    def __post_init__(self) -> None:
+        net = self.network.generator
+        if self.data.size % net.multiple or self.data.size < net.minimum:
+            wanted = f"a multiple of {net.multiple}, {net.minimum} or more"
+            raise InputError(f"data.size is {self.data.size}; {wanted} is wanted by {net.downsamplings} halvings")
+        if not self.name or not all(letter.isalnum() or letter in "-_." for letter in self.name):
+            raise InputError(f"name is {self.name!r}; letters, digits, '-', '_' and '.' are wanted")
+        strangers = set(self.data.mixture) - (PAIR_KINDS if self.network.views == 2 else set(SAMPLE_KINDS) - {"stereo"})
+        if strangers:
+            raise InputError(
+                f"data.mixture has {sorted(strangers)}, which planes {self.network.planes!r} do not learn from"
+            )
+
+
+def one_of(name: str, value: Any, known: Any) -> None:
+    """InputError unless the value is one of the known ones."""
+    if value not in known:
+        raise InputError(f"{name} is {value!r}; one of {', '.join(map(str, known))} is wanted")
+
+
+def _at_least(room: str, settings: Any, least: int, *names: str) -> None:
+    for name in names:
+        value = getattr(settings, name)
+        if not value >= least:
+            raise InputError(f"{room}.{name} is {value}; {least} or more is wanted")
