@@ -1,6 +1,7 @@
-"""big-lama's geometry with random weights at one size -> a table of seconds: eager torch, frozen TorchScript, ONNX Runtime.
+"""big-lama's geometry with random weights at one size -> a table of seconds: eager torch, frozen TorchScript, ONNX Runtime,
+OpenVINO where it is installed; and with --where, what ONNX Runtime spends its time on, by operator.
 
-    python benchmarks/lama_network.py [--size 512] [--runs 5] [--threads 2]
+    python benchmarks/lama_network.py [--size 512] [--runs 5] [--threads 2] [--where]
 
 One run, engines interleaved, so that the ratios hold on a machine that others use too. The roofline is the time this
 machine's fastest matrix product (torch, 2048 x 2048) needs for the network's multiplications. Needs torch and onnx.
@@ -9,15 +10,21 @@ machine's fastest matrix product (torch, 2048 x 2048) needs for the network's mu
 from __future__ import annotations
 
 import argparse
+import importlib.util
+import json
 import os
+import tempfile
 import time
+from collections import Counter
 from collections.abc import Callable
+from pathlib import Path
 from statistics import median
 
 import numpy as np
 import onnxruntime
 import torch
 
+from dlama.inpainters.openvino_session import OpenVinoSession
 from dlama.nets.architecture import GeneratorSettings, generator_shapes
 from dlama.nets.export import contract, onnx_bytes
 from dlama.nets.generator import generator_from_state
@@ -75,11 +82,38 @@ def engines(settings: GeneratorSettings, size: int, threads: int) -> dict[str, C
     options.intra_op_num_threads = threads
     model = onnx_bytes(settings, state, contract(settings, "none", "random", "0" * 64))
     session = onnxruntime.InferenceSession(model, options, providers=["CPUExecutionProvider"])
-    return {
+    calls = {
         "eager torch": lambda: net(tensor).numpy(),
         "frozen TorchScript": lambda: script(tensor).numpy(),
         "ONNX Runtime": lambda: session.run(None, {"planes": planes})[0],
     }
+    if importlib.util.find_spec("openvino"):
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / "random.onnx"
+            path.write_bytes(model)
+            vino = OpenVinoSession(path, threads)
+        calls["OpenVINO"] = lambda: vino.run(None, {"planes": planes})[0]
+    return calls
+
+
+def where(settings: GeneratorSettings, size: int, threads: int) -> None:
+    """Print the share of each operator in one run of ONNX Runtime, by its own profiler."""
+    options = onnxruntime.SessionOptions()
+    options.intra_op_num_threads, options.enable_profiling = threads, True
+    with tempfile.TemporaryDirectory() as folder:
+        options.profile_file_prefix = str(Path(folder) / "profile")
+        model = onnx_bytes(settings, random_state(settings), contract(settings, "none", "random", "0" * 64))
+        session = onnxruntime.InferenceSession(model, options, providers=["CPUExecutionProvider"])
+        planes = np.random.default_rng(1).random((1, settings.in_channels, size, size), dtype=np.float32)
+        for _ in range(3):
+            session.run(None, {"planes": planes})
+        events = json.loads(Path(session.end_profiling()).read_text())
+    took: Counter[str] = Counter()
+    for event in events:
+        if event.get("cat") == "Node" and event["name"].endswith("_kernel_time"):
+            took[event["args"]["op_name"]] += event["dur"]
+    for name, micros in took.most_common(8):
+        print(f"{name:24} {micros / sum(took.values()):6.1%}")
 
 
 def main() -> None:
@@ -88,7 +122,11 @@ def main() -> None:
     parser.add_argument("--size", type=int, default=512)
     parser.add_argument("--runs", type=int, default=5)
     parser.add_argument("--threads", type=int, default=os.cpu_count())
+    parser.add_argument("--where", action="store_true")
     arguments = parser.parse_args()
+    if arguments.where:
+        where(GeneratorSettings(), arguments.size, arguments.threads)
+        return
     torch.set_num_threads(arguments.threads)
     settings = GeneratorSettings()
     with torch.inference_mode():
