@@ -22,7 +22,7 @@ PALETTE = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#9
 LINES = ("-", "--", ":", "-.")
 """One a recipe."""
 MARKS = ("o", "s", "^", "D")
-SETTINGS = {
+SETTINGS: Any = {
     "svg.fonttype": "none",
     "svg.hashsalt": "dlama",
     "font.family": "sans-serif",

@@ -13,7 +13,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from dlama.datasets.frames import Case
+from dlama.datasets.frames import Case, Protocol
 from dlama.errors import InputError, OutputError
 from dlama.evaluation.fingerprints import case_fingerprint, code_fingerprint, fingerprint, method_fingerprint
 from dlama.evaluation.methods import Method, ProtocolSettings
@@ -40,7 +40,7 @@ class Run:
 def run(
     cases: Sequence[Case],
     methods: Sequence[Method],
-    protocols: Mapping[str, ProtocolFunction],
+    protocols: Mapping[Protocol, ProtocolFunction],
     settings: ProtocolSettings,
     folder: Path,
     *,
@@ -117,7 +117,7 @@ def _make(folder: Path) -> None:
 def _planned(
     cases: Sequence[Case],
     methods: Sequence[Method],
-    protocols: Mapping[str, ProtocolFunction],
+    protocols: Mapping[Protocol, ProtocolFunction],
     settings: ProtocolSettings,
     folder: Path,
 ) -> tuple[list[Task], int]:

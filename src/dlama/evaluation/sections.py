@@ -17,7 +17,7 @@ PROTOCOLS = {
     "ori": "Object removal (ORI)",
     "sii": "Stereo (SII)",
 }
-HIDDEN = ("unseen", "disoccluded", "out-of-view", "object", "mask", "occluded")
+HIDDEN = ("unseen", "disoccluded", "out-of-view", "object", "mask", "mask-right")
 """Regions that the source camera did not see, by the truth: what a filler is for."""
 KNOWN = ("seen", "ring", "outside", "shadow", "whole")
 INTEREST = tuple(
@@ -35,6 +35,7 @@ INTEREST = tuple(
 CURVES: tuple[tuple[str, str], ...] = (
     ("rgb", "ssim"), ("rgb", "lpips"), ("rgb", "psnr"), ("depth", "lpips"), ("depth", "mse"), ("depth_m", "mae"),
 )  # fmt: skip
+BESIDE: tuple[Which, ...] = (("whole", "rgb", "psnr"), ("whole", "depth_m", "mae"), MASK_RATIO)
 PER_YAW_HIDDEN: tuple[Which, ...] = (
     ("unseen", "rgb", "lpips"),
     ("unseen", "rgb", "psnr"),
@@ -78,7 +79,7 @@ def sections(summary: Summary, timings: Sequence[Row], with_figures: bool = True
 def _protocol_sections(summary: Summary, protocol: str, dataset: str, with_figures: bool) -> Iterator[Section]:
     name = f"{PROTOCOLS.get(protocol, protocol)} on {dataset}"
     place = _Place(summary, protocol, dataset, with_figures)
-    if place.has_yaws:
+    if protocol == "vpi" and place.has_yaws:
         yield Section(f"{protocol}-whole", name, _WHOLE_TEXT, place.whole_figures(), place.whole_tables())
         text = (
             "Only pixels that the source camera could not see, by the true depth: the same pixels for every method, "
@@ -125,8 +126,8 @@ class _Place:
         return list(dict.fromkeys((key.region, key.modality, key.metric) for key in keys))
 
     def whole_figures(self) -> tuple[tuple[str, str], ...]:
-        """The paper's six numbers and the mask ratio over yaw."""
-        return self._curves((*PAPER_SHAPE, MASK_RATIO), "Whole pictures over yaw")
+        """The paper's six numbers and mask ratio, and two in other units, over yaw."""
+        return self._curves((*PAPER_SHAPE, *BESIDE), "Whole pictures over yaw")
 
     def hidden_figures(self) -> tuple[tuple[str, str], ...]:
         """The unseen pixels over yaw."""

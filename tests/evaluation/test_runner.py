@@ -1,0 +1,270 @@
+"""Runs on made-up cases (oracles: the runs a protocol has logged, the bytes of files, tables written by hand)."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import json
+import os
+from pathlib import Path
+
+import made_up
+import numpy as np
+import pytest
+from made_up import METHODS, made_up_dataset
+
+from dlama.datasets.frames import Dataset
+from dlama.errors import FileError, InputError, OutputError
+from dlama.evaluation import runner, worker
+from dlama.evaluation.fingerprints import case_fingerprint, fingerprint, method_fingerprint
+from dlama.evaluation.methods import Method, ProtocolSettings
+from dlama.evaluation.results_file import HEADER, read_rows, result_rows, timing_rows, write_rows
+from dlama.evaluation.runner import Run, run
+from dlama.evaluation.stored import read_stored, stem
+
+SETTINGS = ProtocolSettings()
+
+
+def evaluated(dataset: Dataset, folder: Path, *methods: Method, jobs: int = 1, settings: object = SETTINGS) -> Run:
+    """A run with the made-up protocol for everything."""
+    protocols = dict.fromkeys(("vpi", "ori", "sii"), made_up.protocol)
+    return run(dataset.cases, methods or METHODS, protocols, settings, folder, jobs=jobs)  # type: ignore[arg-type]
+
+
+@pytest.fixture
+def log(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A file with a line (method, process, threads) for every run of the protocol."""
+    monkeypatch.setenv(made_up.LOG, str(tmp_path / "log.txt"))
+    (tmp_path / "log.txt").touch()
+    return tmp_path / "log.txt"
+
+
+def lines(log: Path) -> int:
+    """How often the protocol ran since the last time."""
+    count = len(log.read_text().splitlines())
+    log.write_text("")
+    return count
+
+
+def written(folder: Path, done: Run) -> bytes:
+    """results.csv of a run."""
+    write_rows(folder / "results.csv", result_rows(done.stored))
+    return (folder / "results.csv").read_bytes()
+
+
+def test_every_case_meets_every_method_in_order(tmp_path: Path) -> None:
+    """Oracle: the product of cases and methods, two runs each (the second a variant)."""
+    dataset = made_up_dataset()
+    done = evaluated(dataset, tmp_path)
+    met = [(one.scene, one.frame, f"{one.recipe}/{one.filler}") for one in done.stored]
+    assert met == [(case.scene, case.frame, method.label) for case in dataset.cases for method in METHODS]
+    assert {tuple(one.variant for one in stored.runs) for stored in done.stored} == {("", "object,dilate=3")}
+    assert done.failures == () and done.reused == 0
+
+
+def test_csv_has_the_header_and_every_digit(tmp_path: Path) -> None:
+    """Oracles: the issue's header; the protocol's own numbers, read back equal; variants joined with a +."""
+    done = evaluated(made_up_dataset(1, (10.0, None)), tmp_path, Method("dlama", "telea"))
+    text = written(tmp_path, done).decode()
+    assert (
+        text.splitlines()[0] == "protocol,dataset,scene,frame,yaw,recipe,filler,region,modality,metric,value" == HEADER
+    )
+    assert ",10,dlama,telea,whole,rgb,ssim," in text and ",,dlama,telea,whole,rgb,ssim," in text
+    assert ',"dlama+object,dilate=3",telea,' in text
+    assert "outside,rgb,psnr,inf" in text
+    assert "time" not in text and "memory" not in text
+    scored = made_up.protocol(made_up.truth(0), Method("dlama", "telea"), SETTINGS)
+    wanted = [measure for one in scored for measure in one.measures if measure.modality != "time"]
+    rows = read_rows(tmp_path / "results.csv")
+    assert [row[7:] for row in rows if row.yaw == 10] == [tuple(one) for one in wanted]
+    assert rows == result_rows(done.stored)
+
+
+def test_timings_stand_apart(tmp_path: Path) -> None:
+    """Oracle: the protocol's own 0.25 s go first; memory is that of a process that has loaded numpy."""
+    done = evaluated(made_up_dataset(1, (10.0,)), tmp_path, Method("dlama", "telea"))
+    values = {(row.modality, row.metric): row.value for row in timing_rows(done.stored)}
+    assert values["time", "seconds"] == 0.25
+    assert 0 < values["time", "seconds_scored"] < 5
+    assert 10 < values["memory", "peak_mib"] < 16_000
+
+
+def test_memory_is_of_the_case_and_not_of_the_past() -> None:
+    """Oracle: 200 MB that were there and went; where the kernel can count anew, they are seen only before that."""
+    if not worker.reset_peak():
+        pytest.skip("/proc/self/clear_refs cannot be written here")
+    before = worker.peak_mib(True)
+    block = np.ones(25_000_000)
+    with_block = worker.peak_mib(True)
+    del block
+    worker.reset_peak()
+    after = worker.peak_mib(True)
+    assert before and with_block and after
+    assert with_block > before + 180 and after < with_block - 150
+
+
+def test_a_second_run_does_nothing_and_gives_the_same_bytes(tmp_path: Path, log: Path) -> None:
+    """Oracles: the log is empty; results.csv equal."""
+    dataset = made_up_dataset()
+    first = written(tmp_path, evaluated(dataset, tmp_path / "a"))
+    assert lines(log) == 12 * 6
+    again = evaluated(dataset, tmp_path / "a")
+    assert lines(log) == 0 and again.reused == 72
+    assert written(tmp_path, again) == first
+    assert written(tmp_path, evaluated(dataset, tmp_path / "b")) == first
+
+
+def test_only_what_is_missing_or_stale_is_done(tmp_path: Path, log: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Oracle: the number of runs after each change."""
+    dataset, method = made_up_dataset(), Method("dlama", "telea")
+    evaluated(dataset, tmp_path, method)
+    assert lines(log) == 12
+    names = [stem(case, method) for case in dataset.cases]
+    (tmp_path / "cases" / f"{names[0]}.json").unlink()
+    (tmp_path / "cases" / f"{names[1]}.json").write_text('{"fingerprint": "half of a fi')
+    (tmp_path / "panels" / f"{names[2]}--0.jpg").unlink()
+    evaluated(dataset, tmp_path, method)
+    assert lines(log) == 3
+    evaluated(dataset, tmp_path, method, Method("dlama", "layered"))
+    assert lines(log) == 12
+    evaluated(dataset, tmp_path, dataclasses.replace(method, seed=1))
+    assert lines(log) == 12
+    evaluated(dataset, tmp_path, method, settings=ProtocolSettings(ring_px=3))
+    assert lines(log) == 12
+    monkeypatch.setattr(runner, "code_fingerprint", lambda: "another version")
+    evaluated(dataset, tmp_path, method)
+    assert lines(log) == 12
+
+
+def test_fingerprints_see_what_matters(tmp_path: Path) -> None:
+    """A changed file, another argument, other network bytes: each gives another hash; the same gives the same."""
+    case = made_up_dataset(1).cases[0]
+    picture, network = tmp_path / "a.png", tmp_path / "net.onnx"
+    picture.write_bytes(b"1")
+    network.write_bytes(b"1")
+    with_file = dataclasses.replace(case, load=functools.partial(made_up.truth, picture))
+    first = case_fingerprint(with_file)
+    assert first == case_fingerprint(dataclasses.replace(case, load=functools.partial(made_up.truth, picture)))
+    os.utime(picture, (1, 1))
+    other = Method("dlama", "lama", network)
+    marks = [case_fingerprint(case), first, case_fingerprint(with_file)]
+    marks += [method_fingerprint(other), method_fingerprint(dataclasses.replace(other, changes={"dilate": 3}))]
+    marks += [
+        fingerprint(np.zeros(3)),
+        fingerprint(np.zeros(3, np.float32)),
+        fingerprint(np.ones(3)),
+        fingerprint({1: 2}),
+    ]
+    assert len(set(marks)) == len(marks)
+
+
+def test_one_bad_frame_does_not_stop_the_rest(tmp_path: Path) -> None:
+    """Oracles: the errors by hand; everything else is there; mended, only the bad ones run, and no error is left."""
+    whole = made_up_dataset(1)
+    bad = dataclasses.replace(whole.cases[1], load=functools.partial(made_up.bad_truth, 7))
+    broken = dataclasses.replace(whole, cases=(whole.cases[0], bad, *whole.cases[2:]))
+    done = evaluated(broken, tmp_path, Method("dlama", "telea"), Method("paper", "bad"))
+    assert len(done.stored) == 5 and len(done.failures) == 7
+    entries = json.loads((tmp_path / "errors.json").read_text())
+    assert entries[1] | {"traceback": ""} == {
+        "protocol": "vpi",
+        "scene": "s0",
+        "frame": "-10",
+        "method": "dlama/telea",
+        "error": "ValueError: frame 7 is broken, so it is",
+        "traceback": "",
+    }
+    assert "in bad_truth" in (tmp_path / entries[1]["traceback"]).read_text()
+    assert entries[0]["error"] == "RuntimeError: no such luck with paper"
+    mended = evaluated(whole, tmp_path, Method("dlama", "telea"))
+    assert mended.reused == 5 and mended.failures == ()
+    assert not (tmp_path / "errors.json").exists() and not (tmp_path / "errors").exists()
+
+
+def test_two_processes_give_the_same_bytes(tmp_path: Path, log: Path) -> None:
+    """Oracles: one process's results; the log says that others did it, each with one thread; failures travel back."""
+    dataset = made_up_dataset(2, (10.0, -10.0))
+    methods = (Method("dlama", "telea"), Method("dlama", "bad"))
+    single = evaluated(dataset, tmp_path / "a", *methods)
+    log.write_text("")
+    double = evaluated(dataset, tmp_path / "b", *methods, jobs=2)
+    told = [line.split() for line in log.read_text().splitlines()]
+    assert len(told) == 8 and str(os.getpid()) not in {process for _, process, _ in told}
+    assert {threads for _, _, threads in told} == {"1"}
+    assert written(tmp_path, double) == written(tmp_path, single)
+    assert [one.error for one in double.failures] == [one.error for one in single.failures]
+    assert "in protocol" in double.failures[0].trace
+
+
+def test_a_process_that_dies_takes_only_its_case(tmp_path: Path) -> None:
+    """Oracle: one case kills its process; it fails, at most one other with it, and the rest is done."""
+    whole = made_up_dataset(1)
+    deadly = dataclasses.replace(whole.cases[0], load=functools.partial(os._exit, 3))
+    done = evaluated(
+        dataclasses.replace(whole, cases=(deadly, *whole.cases[1:])), tmp_path, Method("dlama", "telea"), jobs=2
+    )
+    assert done.failures[0].case.frame == "+10" and "process died" in str(done.failures[0].error)
+    assert len(done.failures) <= 2 and len(done.stored) + len(done.failures) == 6
+
+
+def test_an_interrupted_run_keeps_what_is_done(tmp_path: Path, log: Path) -> None:
+    """Oracle: Ctrl-C after five results; the next run does the other seven."""
+    dataset = made_up_dataset()
+
+    def stop(outcome: object, done: int, total: int) -> None:
+        if done == 5:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        run(dataset.cases, METHODS[:1], {"vpi": made_up.protocol}, SETTINGS, tmp_path, progress=stop)
+    assert lines(log) == 5
+    assert evaluated(dataset, tmp_path, METHODS[0]).reused == 5
+    assert lines(log) == 7
+    assert not list(tmp_path.rglob(".*"))
+
+
+def test_what_cannot_be_run_is_refused(tmp_path: Path) -> None:
+    """Two cases or methods of one name, nothing at all, no processes, a file where the folder should be."""
+    dataset = made_up_dataset(1)
+    twice = dataclasses.replace(dataset, cases=(*dataset.cases, dataset.cases[0]))
+    with pytest.raises(InputError, match="two cases are called vpi__toy__s0"):
+        evaluated(twice, tmp_path)
+    with pytest.raises(InputError, match="two methods are called dlama/telea"):
+        evaluated(dataset, tmp_path, Method("dlama", "telea"), Method("dlama", "telea", seed=1))
+    with pytest.raises(InputError, match="0 cases"):
+        evaluated(dataclasses.replace(dataset, cases=()), tmp_path)
+    with pytest.raises(InputError, match="jobs is 0"):
+        evaluated(dataset, tmp_path, jobs=0)
+    (tmp_path / "file").touch()
+    with pytest.raises(OutputError, match="file: cannot be written"):
+        evaluated(dataset, tmp_path / "file")
+
+
+def test_names_are_safe_and_short() -> None:
+    """Oracle: 255 bytes with a suffix, no separator; different cases keep different names."""
+    case = made_up_dataset(1).cases[0]
+    long = [dataclasses.replace(case, frame=f"{'x' * 300}{tail}") for tail in "ab"]
+    method = Method("dlama", "telea", changes={"dilate": 1})
+    names = [stem(one, method) for one in (*long, case, dataclasses.replace(case, scene="a/b:c"))]
+    assert len(set(names)) == 4
+    assert all(len(name) < 200 and "/" not in name and ":" not in name for name in names)
+    assert stem(case, method) != stem(case, Method("dlama", "telea"))
+
+
+def test_damaged_tables_are_named(tmp_path: Path) -> None:
+    """Oracle: the line number, counted by hand."""
+    path = tmp_path / "results.csv"
+    path.write_text(f"{HEADER}\nvpi,a,b,c,10,r,f,whole,rgb,ssim,0.5\nvpi,a,b,c,10,r,f,whole,rgb,ssim,half\n")
+    with pytest.raises(FileError, match=r"results\.csv: line 3 .* could not convert string to float: 'half'"):
+        read_rows(path)
+    path.write_text("protocol,value\n")
+    with pytest.raises(FileError, match="line 1 is protocol,value"):
+        read_rows(path)
+
+
+def test_a_damaged_store_counts_as_absent(tmp_path: Path) -> None:
+    """Whatever a crash may leave."""
+    for text in ("", "[]", "{}", '{"runs": 3}', "\x00"):
+        (tmp_path / "a.json").write_text(text)
+        assert read_stored(tmp_path / "a.json") is None
+    assert read_stored(tmp_path / "no.json") is None

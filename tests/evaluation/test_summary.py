@@ -1,0 +1,243 @@
+"""Means, intervals and tables (oracles: numbers worked out by hand, closed forms of the bootstrap)."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dlama.evaluation.metric_names import PAPER_SHAPE, better, shown, titled
+from dlama.evaluation.paper_columns import COLOR, DEPTH, MASK_RATIO, paper_value
+from dlama.evaluation.results_file import Row
+from dlama.evaluation.summary import (
+    RESAMPLES,
+    Key,
+    Mean,
+    Summary,
+    draws,
+    intervals,
+    summarise,
+    write_summary,
+    yaw_order,
+)
+from dlama.evaluation.tables import markdown, paper_shaped, per_yaw, runtimes, side_by_side, variant_of, variants
+
+
+def row(
+    scene: str, yaw: float | None, value: float, metric: str = "mse", method: str = "dlama/telea", **other: str
+) -> Row:
+    """A row of results.csv."""
+    recipe, filler = method.split("/")
+    region, modality = other.get("region", "whole"), other.get("modality", "rgb")
+    return Row(
+        other.get("protocol", "vpi"), "toy", scene, f"{yaw}", yaw, recipe, filler, region, modality, metric, value
+    )
+
+
+def mean(summary: Summary, yaw: str, metric: str = "mse", method: str = "dlama/telea") -> Mean:
+    """One mean of colour over the whole picture."""
+    return summary.means[Key("vpi", "toy", yaw, method, "whole", "rgb", metric)]
+
+
+def test_means_by_hand() -> None:
+    """± over both signs, each sign by itself, all over everything; frames and scenes counted; nan does not count."""
+    rows = [row("a", 10, 1), row("a", -10, 3), row("b", 10, 5), row("b", -10, 11), row("b", 20, 100)]
+    found = summarise([*rows, row("c", 10, math.nan)])
+    assert {key.yaw for key in found.means} == {"all", "±10", "+10", "-10", "±20", "+20"}
+    assert mean(found, "±10")[0] == 5 and mean(found, "±10")[3:] == (4, 2)
+    assert mean(found, "+10")[0] == 3 and mean(found, "-10")[0] == 7
+    assert mean(found, "all")[0] == 24 and mean(found, "all").frames == 5
+    assert found.values("yaw") == ["±10", "+10", "-10", "±20", "+20", "all"]
+
+
+def test_pairs_are_binned_by_their_angle() -> None:
+    """Real pairs about 10, 20 and 30 degrees apart."""
+    found = summarise([row("a", 9.5, 1), row("a", 10.4, 3), row("a", 20.7, 5), row("a", 29.4, 7)])
+    assert found.values("yaw") == ["≈10", "≈20", "≈30", "all"]
+    assert mean(found, "≈10").value == 2
+
+
+def test_rows_without_yaw_have_one_mean() -> None:
+    """Removal and stereo."""
+    found = summarise([row("a", None, 1), row("b", None, 2)])
+    assert [key.yaw for key in found.means] == ["all"]
+
+
+def test_one_scene_has_no_interval_and_equal_scenes_a_point() -> None:
+    """Closed form: nothing to resample; all resamples alike."""
+    assert mean(summarise([row("a", 10, 1), row("a", -10, 3)]), "all")[:3] == (2, None, None)
+    alike = mean(summarise([row(scene, 10, 0.3) for scene in "abcd"]), "all")
+    assert alike[:3] == pytest.approx((0.3, 0.3, 0.3))
+
+
+def test_two_scenes_span_the_interval() -> None:
+    """Closed form: a quarter of the resamples is twice scene a, a quarter twice scene b."""
+    assert mean(summarise([row("a", 10, 1), row("b", 10, 5)]), "all")[:3] == (3, 1, 5)
+
+
+def test_scenes_are_resampled_and_not_frames() -> None:
+    """Closed form: a scene's frames come together, so two constant scenes of many frames still span all between them."""
+    rows = [row("a", yaw, 0) for yaw in range(1, 30)] + [row("b", yaw, 1) for yaw in range(1, 30)]
+    assert mean(summarise(rows), "all")[:3] == (0.5, 0, 1)
+
+
+def test_a_scene_counts_by_its_frames() -> None:
+    """Closed form: three frames of 0 and one of 4; resamples are aa (0), ab (1), bb (4)."""
+    found = mean(summarise([row("a", yaw, 0) for yaw in (1, 2, 3)] + [row("b", 1, 4)]), "all")
+    assert found[:3] == (1, 0, 4)
+
+
+def test_interval_of_many_scenes_is_the_normal_one() -> None:
+    """Closed form: the bootstrap's standard error is the deviation (divided by n) over the root of n."""
+    values = np.random.default_rng(1).normal(10, 2, 400)
+    found = mean(summarise([row(f"s{n}", 10, value) for n, value in enumerate(values)]), "all")
+    half = 1.96 * values.std() / 20
+    assert found.low is not None and found.high is not None
+    assert (found.value - found.low, found.high - found.value) == pytest.approx((half, half), rel=0.12)
+
+
+def test_draws_are_draws_with_replacement() -> None:
+    """Oracles: every resample has n scenes; the mean count is 1; one seed gives one table."""
+    times = draws(7, 3)
+    assert times.shape == (RESAMPLES, 7) and (times.sum(axis=1) == 7).all()
+    assert times.mean(axis=0) == pytest.approx(np.ones(7), abs=0.15)
+    assert (draws(7, 3) == times).all() and (draws(7, 4) != times).any()
+    low, high = intervals(np.array([[2.0, 6.0]]), np.array([[2, 2]]), np.array([[2.0, 0.0], [0.0, 2.0]]))
+    assert (low[0], high[0]) == pytest.approx((1.05, 2.95))
+
+
+def test_infinite_values_have_no_interval() -> None:
+    """The PSNR of equal pictures."""
+    assert mean(summarise([row("a", 10, math.inf, "psnr"), row("b", 10, 30, "psnr")]), "all", "psnr")[:3] == (
+        math.inf,
+        None,
+        None,
+    )
+
+
+def test_variants_come_last_and_are_told_apart() -> None:
+    """`dlama+mask+3/telea` is a variant of dlama/telea."""
+    names = ("dlama+object,dilate=0", "dlama", "paper")
+    found = summarise([row("a", 10, 1, method=f"{name}/telea") for name in names])
+    assert found.methods == ("dlama/telea", "paper/telea", "dlama+object,dilate=0/telea")
+    assert variant_of("dlama+mask+3/telea") == ("dlama/telea", "mask+3")
+    assert variant_of("dlama/navier-stokes") == ("dlama/navier-stokes", "")
+    table = variants(found, "vpi", "toy", PAPER_SHAPE, "Variants")
+    assert table and [tuple(cell.text for cell in line) for line in table.rows] == [
+        ("dlama/telea", "as named", "1.00"),
+        ("dlama/telea", "object,dilate=0", "1.00"),
+        ("paper/telea", "as named", "1.00"),
+    ]
+
+
+def test_summary_file(tmp_path: Path) -> None:
+    """Oracle: json reads what was meant; the same rows give the same bytes."""
+    rows = [row("a", 10, 1 / 3), row("b", 10, 2 / 3), row("a", 10, math.inf, "psnr")]
+    for name in ("a.json", "b.json"):
+        write_summary(tmp_path / name, summarise(rows, about={"settings_hash": "abc", "settings": {"x": [1]}}))
+    content = json.loads((tmp_path / "a.json").read_text())
+    assert content["settings_hash"] == "abc" and content["settings"] == {"x": [1]}
+    lines = [dict(zip(content["columns"], line)) for line in content["means"]]
+    whole = {
+        "protocol": "vpi",
+        "dataset": "toy",
+        "yaw": "all",
+        "method": "dlama/telea",
+        "region": "whole",
+        "modality": "rgb",
+    }
+    numbers = {"metric": "mse", "mean": 0.5, "low": 0.3333333333, "high": 0.6666666667, "frames": 2, "scenes": 2}
+    assert lines[0] == whole | numbers
+    assert lines[-1]["mean"] == "inf"
+    assert (tmp_path / "a.json").read_bytes() == (tmp_path / "b.json").read_bytes()
+
+
+def paper_rows() -> list[Row]:
+    """Two methods, two yaws, two scenes; telea is better in mse and worse in ssim."""
+    return [
+        row(scene, yaw, value * factor, metric, method, modality=modality)
+        for scene, factor in (("a", 1.0), ("b", 1.1))
+        for yaw in (10.0, -10.0, 20.0, -20.0)
+        for method, good in (("dlama/telea", 0), ("dlama/layered", 1))
+        for modality in ("rgb", "depth")
+        for metric, value in {"mse": 300 + 50 * good, "ssim": 0.5 + 0.1 * good, "lpips": 0.2}.items()
+    ] + [row("a", 10, 33.333, "mask_ratio")]
+
+
+def test_side_by_side_marks_the_best() -> None:
+    """By hand: less MSE is better, more SSIM is; alike is nobody's win; the paper's column is in italics."""
+    found, both = summarise(paper_rows()), ("dlama/telea", "dlama/layered")
+    mse = per_yaw(found, "vpi", "toy", ("whole", "rgb", "mse"), both)
+    assert mse and markdown(mse).splitlines()[2:5] == [
+        "| yaw | dlama/telea | dlama/layered | paper, other data |",
+        "| --- | --- | --- | --- |",
+        "| ±10 | **315.00** | 367.50 | *522.05* |",
+    ]
+    ssim = per_yaw(found, "vpi", "toy", ("whole", "rgb", "ssim"), both, signs=True)
+    assert ssim and [line[0].text for line in ssim.rows] == ["±10", "+10", "-10", "±20", "+20", "-20"]
+    assert "| ±20 | 0.5250 | **0.6300** | *0.6593* |" in markdown(ssim)
+    assert "| +20 | 0.5250 | **0.6300** | – |" in markdown(ssim)
+    lpips = side_by_side(found, "vpi", "toy", [("whole", "rgb", "lpips"), ("mask", "rgb", "ssim")], both, "All")
+    assert lpips and markdown(lpips).splitlines()[4:] == ["| whole | colour LPIPS | 0.2100 | 0.2100 |"]
+    assert per_yaw(found, "vpi", "toy", ("seen", "rgb", "mse"), both) is None
+
+
+def test_the_paper_shape() -> None:
+    """By hand: a row a yaw with the seven columns of tables 1 and 2, the paper's own below."""
+    table = paper_shaped(summarise(paper_rows()), "vpi", "toy", "dlama/telea")
+    assert table and table.head[:3] == ("yaw", "mask %", "colour SSIM") and len(table.head) == 8
+    lines = markdown(table, with_intervals=True).splitlines()
+    assert lines[4].startswith(
+        "| ±10 | 33.33 | 0.5250 (0.5000 to 0.5500) | 0.2100 (0.2000 to 0.2200) | 315.00 (300.00 to"
+    )
+    assert lines[5].startswith("| *±10 paper, other data* | *27.19* | *0.7617* | *0.1859* | *522.05* | *0.9016* |")
+
+
+def test_runtimes_by_hand() -> None:
+    """Median and longest seconds, largest memory."""
+    rows = [row("a", yaw, value, "seconds", modality="time") for yaw, value in ((1, 1), (2, 2), (3, 9))]
+    rows += [row("a", 1, 500, "peak_mib", modality="memory"), row("a", 2, 700, "peak_mib", modality="memory")]
+    table = runtimes(rows, ["dlama/telea", "dlama/layered"])
+    assert table and [cell.text for cell in table.rows[0]] == ["vpi", "dlama/telea", "2.00", "9.00", "2.00", "700"]
+    assert len(table.rows) == 1
+
+
+def test_the_papers_numbers_are_its_own(data_dir: Path) -> None:
+    """Oracle: the text of the paper, tables 1 and 2, read again here."""
+    text = (data_dir / "PAPER.md").read_text()
+    for marker, table in (("Table 1", COLOR), ("Table 2", DEPTH)):
+        before = text[: text.index(f"{marker}:")].rstrip().splitlines()[-6:]
+        for line in before:
+            yaw, ratio, ssim, lpips, mse = line.split()
+            assert MASK_RATIO[yaw] == float(ratio)
+            assert [table[name][yaw] for name in ("ssim", "lpips", "mse")] == [float(ssim), float(lpips), float(mse)]
+    assert paper_value("±10", "whole", "rgb", "mse") == 522.05
+    assert paper_value("±10", "unseen", "rgb", "mse") is None and paper_value("+10", "whole", "rgb", "mse") is None
+
+
+def test_names_and_sides() -> None:
+    """Which side is good, as the metrics' definitions say."""
+    for metric in ("ssim", "psnr", "delta1.05", "fscore_0.02", "precision_0.05", "recall_0.10", "coverage"):
+        assert better(metric) == 1, metric
+    for metric in (
+        "lpips",
+        "mse",
+        "mae_uncut",
+        "absrel",
+        "accuracy_median",
+        "bad-1",
+        "epe",
+        "leaks",
+        "law_broken",
+        "edge_offset",
+    ):
+        assert better(metric) == -1, metric
+    assert better("mask_ratio") == better("share") == 0
+    assert (
+        titled("whole", "depth_m", "mae") == "depth MAE, m" and titled("whole", "depth", "mae") == "depth (8 bit) MAE"
+    )
+    assert shown(math.inf, "psnr") == "∞" and shown(0.12345, "ssim") == "0.1235" and shown(12.345, "mse") == "12.35"
+    assert sorted(["all", "-10", "±20", "±10", "+10"], key=yaw_order) == ["±10", "+10", "-10", "±20", "all"]
