@@ -58,7 +58,7 @@ _POSED_BARE = _POSED | {"camera"}
 
 LAYOUTS: dict[str, Layout] = {
     "easysynth": Layout(
-        "CameraPoses.csv, or scenes that hold one", _is_easysynth, _easysynth, frozenset({"depth_range"})
+        "CameraPoses.csv or CameraRig.json, and ColorImage", _is_easysynth, _easysynth, frozenset({"depth_range"})
     ),
     "pairs": Layout("pairs.json", looks_like_pairs, pairs_json, _FOLDERS),
     "removal": Layout("with.color.png and without.color.png", looks_like_removal, removal_folder, _FOLDERS),

@@ -81,7 +81,9 @@ class Timeline:
         rows: dict[float, Row] = {}
         for row in read_rows(path):
             row.need(count, "time and file name" if count == 2 else "time tx ty tz qx qy qz qw")
-            time = row.number(0)
+            time, *_ = [
+                row.number(index) for index in range(count if count == 8 else 1)
+            ]  # unused lines are checked too
             if time in rows:
                 raise FileError(f"{row.at(0)}: the time {row.words[0]} stands in line {rows[time].line} too")
             rows[time] = row

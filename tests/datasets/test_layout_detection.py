@@ -1,0 +1,176 @@
+"""open_dataset: every layout is recognised, what is none or several is refused with what was looked for, options too."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from dlama.datasets.layouts import LAYOUTS, detect, open_dataset
+from dlama.datasets.posed import posed_dataset, view_pairs
+from dlama.datasets.seven_scenes import numbered_frames
+from dlama.datasets.tsdf_fusion import tsdf_fusion
+from dlama.errors import FileError, InputError
+from posed_folders import LENS, text_K, text_matrix, truth, write_codes16, write_picture
+
+MARKS = {
+    "easysynth": ("CameraRig.json", "CameraPoses.csv", "Camera/ColorImage/"),
+    "pairs": ("pairs.json",),
+    "removal": ("with.color.png", "without.color.png"),
+    "stereo": ("im0.png", "im1.png"),
+    "tum": ("rgb.txt", "depth.txt", "groundtruth.txt", "rgb/", "depth/"),
+    "7-scenes": ("frame-000000.color.png", "frame-000000.depth.png", "frame-000000.pose.txt"),
+    "scannet": ("color/", "depth/", "pose/", "intrinsic/"),
+    "tsdf-fusion": ("camera-intrinsics.txt", "frame-000000.depth.png", "frame-000000.pose.txt"),
+    "redwood": ("trajectory.log", "depth/", "image/"),
+    "nerfstudio": ("transforms.json", "images/"),
+}
+"""Names that make a folder look like a layout; a folder ends with /."""
+
+
+def marked(root: Path, *layouts: str) -> Path:
+    for mark in (mark for layout in layouts for mark in MARKS[layout]):
+        path = root / mark
+        (path if mark.endswith("/") else path.parent).mkdir(parents=True, exist_ok=True)
+        if not mark.endswith("/"):
+            path.touch()
+    return root
+
+
+@pytest.mark.parametrize("layout", LAYOUTS)
+def test_each_layout_is_told_from_all_others(tmp_path: Path, layout: str) -> None:
+    """Oracle: the names each layout's own description gives; at the root and one folder below."""
+    assert detect(marked(tmp_path / "set", layout)) == layout
+    assert detect(tmp_path) == layout
+
+
+def test_several_or_none(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"may be pairs or tum; say which with --layout"):
+        detect(marked(tmp_path / "both", "tum", "pairs"))
+    (tmp_path / "none").mkdir()
+    with pytest.raises(InputError, match=r"is no data set of a known layout") as caught:
+        open_dataset(tmp_path / "none")
+    for name, layout in LAYOUTS.items():
+        assert f"{name}: {layout.looked_for}" in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (
+            {"layout": "kitti"},
+            r"layout 'kitti' is not known; known are easysynth, pairs, removal, stereo, tum, 7-scenes",
+        ),
+        (
+            {"layout": "pairs", "depth_range": 10.0},
+            r"--depth-range says nothing to a data set of layout pairs; it is for eas",
+        ),
+        ({"layout": "stereo", "camera": LENS}, r"--camera says nothing to .* stereo; it is for tum, 7-scenes, scannet"),
+        ({"limit": 0}, r"limit is 0; a whole number >= 1"),
+        ({"path": "worlds", "camera": LENS}, r"--camera says nothing to a data set of layout worlds"),
+        ({"path": "worlds:3", "layout": "tum"}, r"'worlds:3' is generated and has no layout"),
+        ({"path": "worlds:x"}, r"'worlds:x' is no name of generated worlds; worlds, worlds:COUNT"),
+        ({"path": "worlds:0"}, r"'worlds:0' is no name of generated worlds"),
+        ({"path": "worlds:1:2:3"}, r"'worlds:1:2:3' is no name of generated worlds"),
+    ],
+)
+def test_options_that_say_nothing_are_refused(tmp_path: Path, arguments: dict[str, Any], message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        open_dataset(**{"path": tmp_path, **arguments})
+
+
+def test_no_such_folder(tmp_path: Path) -> None:
+    with pytest.raises(FileError, match=r"nix: no such folder; the folder of a data set, or 'worlds', is wanted"):
+        open_dataset(tmp_path / "nix")
+
+
+def test_listing_reads_no_heavy_module(tmp_path: Path) -> None:
+    """Oracle: sys.modules of a fresh interpreter after the import of the layouts."""
+    heavy = ["numba", "cv2", "PIL", "OpenEXR", "scipy", "torch", "matplotlib"]
+    code = f"import sys, dlama.datasets.layouts; print([m for m in {heavy!r} if m in sys.modules])"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
+
+
+def scene(root: Path) -> Path:
+    for number, frame in enumerate(truth()):
+        write_picture(root / f"frame-{number:06d}.color.png", frame.color)
+        write_codes16(root / f"frame-{number:06d}.depth.png", frame.depth)
+        (root / f"frame-{number:06d}.pose.txt").write_text(text_matrix(frame.camera.world_from_cam))
+    (root / "camera-intrinsics.txt").write_text(text_K(LENS))
+    return root
+
+
+def test_scenes_and_limit(tmp_path: Path) -> None:
+    """Oracle: by hand; the first cases stay, scene after scene."""
+    for name in ("a", "b", "c"):
+        scene(tmp_path / name)
+    whole = open_dataset(tmp_path)
+    assert len(whole.frames) == 12 and {case.scene for case in whole.cases} == {"a", "b", "c"}
+    some = open_dataset(tmp_path, scenes=["c", "a"], limit=len(whole.cases) // 3 + 1)
+    assert {frame.scene for frame in some.frames} == {"a", "c"}
+    wanted = [case.key for case in whole.cases if case.scene != "b"]
+    assert [case.key for case in some.cases] == wanted[: len(whole.cases) // 3 + 1]
+    with pytest.raises(InputError, match=r"scene 'd' is not in this data set; it has a, b, c"):
+        open_dataset(tmp_path, scenes=["d"])
+
+
+def test_pairs_of_views_turn_as_wanted_and_overlap(tmp_path: Path) -> None:
+    """Oracle: the turns 0, 10, 21, 29 degrees about one axis: of every frame those about 10, 20 and 30 degrees away.
+
+    Frame 2 to 1 (11 degrees) is nearer to 10 than 2 to 3 (8), which counts where there is no better.
+    """
+    dataset = tsdf_fusion(scene(tmp_path))
+    found = [(case.frame[10:12] + case.frame[-2:], case.yaw_deg) for case in dataset.cases]
+    assert found == [
+        ("0001", 10.0), ("0002", 21.0), ("0003", 29.0),
+        ("0100", 10.0), ("0103", 19.0),
+        ("0201", 11.0), ("0200", 21.0),
+        ("0302", 8.0), ("0301", 19.0), ("0300", 29.0),
+    ]  # fmt: skip
+
+
+def test_strides_sources_and_overlap(tmp_path: Path) -> None:
+    """Oracle: by hand."""
+    from dlama.datasets.lenses import lens_for
+    from dlama.datasets.posed import Overlaps, posed_frame
+
+    root = scene(tmp_path)
+    lens = lens_for(root, root, LENS, (), "")
+    frames = numbered_frames("s", root, lens, posed_frame)
+
+    def pairs(**options: Any) -> list[str]:
+        cases = view_pairs(frames, dataset="d", **options)
+        return [f"{case.frame[11:12]}{case.frame[-1]}" for case in cases]
+
+    assert [each[-2:] for each in pairs(stride=1)] == ["01", "12", "23"]
+    assert pairs(stride=1, every=2) == ["01", "23"]
+    assert pairs(every=4, degrees=[20.0]) == ["02"]
+    assert pairs(every=4, limit=2) == ["01", "02"]
+    assert pairs(every=1, min_overlap=1.0) == []
+    overlap = Overlaps(frames)
+    assert overlap.share(0, 0) == pytest.approx(1.0)
+    assert pairs(every=4, degrees=[30.0], min_overlap=overlap.share(0, 3) - 0.01) == ["03"]
+    assert pairs(every=4, degrees=[30.0], min_overlap=overlap.share(0, 3) + 0.01) == []
+    assert view_pairs([], dataset="d") == ()
+    with pytest.raises(InputError, match=r"stride is 0; a whole number >= 1"):
+        pairs(stride=0)
+
+
+def test_poses_in_another_unit_than_depth_are_told(tmp_path: Path) -> None:
+    """Poses in millimetres beside depth in metres: nothing overlaps, and the message asks the right question."""
+    root = scene(tmp_path)
+    for path, frame in zip(sorted(root.glob("*.pose.txt")), truth()):
+        pose = np.array(frame.camera.world_from_cam)
+        pose[:3, 3] *= 1000
+        path.write_text(text_matrix(pose))
+    with pytest.raises(
+        FileError, match=r"no two of its 4 frames overlap by 10% .*are depth and poses in the same unit"
+    ):
+        open_dataset(root)
+    with pytest.raises(FileError, match=r"no two of its 0 frames"):
+        posed_dataset("tum", root, [])

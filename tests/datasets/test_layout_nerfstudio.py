@@ -1,0 +1,152 @@
+"""nerfstudio folders written from a closed-form world: OpenGL axes, units, lenses of each frame, distortion, bad fields."""
+
+from __future__ import annotations
+
+import json
+import logging
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from dlama.datasets.layouts import open_dataset
+from dlama.datasets.listings import FileFields
+from dlama.datasets.nerfstudio import lens_of
+from dlama.errors import CameraError, FileError, InputError
+from posed_folders import check_frames, truth, write_codes16, write_picture
+
+LENS_FIELDS: dict[str, Any] = {"fl_x": 90.5, "fl_y": 92.25, "cx": 46.25, "cy": 37.75, "w": 96, "h": 72}
+
+
+def written(root: Path, per_frame: bool = False, unit: float | None = None) -> Path:
+    """Lens for all or for each; OpenGL axes by their definition: the columns y and z of the pose turned round."""
+    frames = []
+    for number, frame in enumerate(truth()):
+        write_picture(root / f"images/f{number}.png", frame.color)
+        write_codes16(root / f"depths/f{number}.png", frame.depth, 1000 if unit is None else 1 / unit)
+        pose = np.array(frame.camera.world_from_cam)
+        pose[:, 1:3] *= -1
+        frames.append(
+            {
+                "file_path": f"images/f{number}.png",
+                "depth_file_path": f"depths/f{number}.png",
+                "transform_matrix": pose.tolist(),
+                **(LENS_FIELDS if per_frame else {}),
+            }
+        )
+    top = dict.fromkeys(("fl_x", "fl_y"), 1.0) if per_frame else LENS_FIELDS
+    listing = {"camera_model": "OPENCV", "k1": 0.0, **top, "applied_scale": 1.0, "frames": frames}
+    if unit is not None:
+        listing["depth_unit_scale_factor"] = unit
+    save(root, listing)
+    return root
+
+
+def save(root: Path, listing: object) -> None:
+    (root / "transforms.json").write_text(json.dumps(listing, indent=1))
+
+
+def stored(root: Path) -> dict[str, Any]:
+    return json.loads((root / "transforms.json").read_text())
+
+
+def test_frames_of_a_closed_form_world(tmp_path: Path) -> None:
+    """Oracle: the world; millimetres by default, 65535 is far as in our own files."""
+    dataset = open_dataset(written(tmp_path))
+    assert dataset.layout == "nerfstudio"
+    check_frames(dataset, far=True)
+
+
+def test_a_lens_of_each_frame_and_another_unit(tmp_path: Path) -> None:
+    """Oracle: the world; a frame's own fields go before the shared ones."""
+    check_frames(open_dataset(written(tmp_path, per_frame=True, unit=0.0002)), half_unit_m=0.000101, far=True)
+
+
+def test_float_depth_has_the_same_unit(tmp_path: Path) -> None:
+    """Oracle: the world; nerfstudio multiplies NPY depth too."""
+    root = written(tmp_path)
+    listing = stored(root)
+    for number, (frame, true) in enumerate(zip(listing["frames"], truth())):
+        depth = true.depth.astype(np.float32) * 1000
+        depth[0, :2] = 0, np.inf
+        np.save(root / f"depths/f{number}.npy", depth)
+        frame["depth_file_path"] = f"depths/f{number}.npy"
+    save(root, listing)
+    check_frames(open_dataset(root), half_unit_m=1e-5, far=True)
+
+
+def test_frames_without_depth_are_left_out_and_counted(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    root = written(tmp_path)
+    listing = stored(root)
+    del listing["frames"][0]["depth_file_path"]
+    save(root, listing)
+    with caplog.at_level(logging.WARNING, logger="dlama"):
+        assert [frame.name for frame in open_dataset(root).frames] == ["f1", "f2", "f3"]
+    assert "1 of 4 frames have no depth" in caplog.text
+
+
+def test_distortion_is_refused_where_it_shows() -> None:
+    """Oracle: by hand: with k1 alone the corner at radius r (in focal lengths) moves by f k1 r^3."""
+    lens = {"fl_x": 100.0, "fl_y": 100.0, "cx": 50.0, "cy": 50.0, "w": 100, "h": 100}
+    moves = 100 * math.hypot(0.5, 0.5) ** 3
+    for pixels, fine in ((0.49, True), (0.51, False), (-0.51, False)):
+        fields = FileFields("t.json", {**lens, "k1": pixels / moves})
+        if fine:
+            assert lens_of(fields).hw == (100, 100)
+        else:
+            with pytest.raises(CameraError, match=r"t\.json: k1 \.\.\. p2 move the picture's corners by 0\.5 px"):
+                lens_of(fields)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"frames": []}, r"transforms\.json: frames is \[\]; a list of frames is wanted"),
+        ({"frames": [3]}, r"transforms\.json: frames\[0\] is 3; an object with named fields is wanted"),
+        ({"camera_model": "OPENCV_FISHEYE"}, r"frames\[0\]: camera_model is OPENCV_FISHEYE; one of PINHOLE"),
+        ({"k4": 0.1}, r"frames\[0\]: k4 is not 0; a pinhole camera is wanted"),
+        ({"fl_x": "wide"}, r'frames\[0\]: fl_x is "wide"; a finite number is wanted'),
+        ({"h": 71.5}, r"frames\[0\]: h is 71\.5; a whole number of pixels"),
+        ({"depth_unit_scale_factor": -1}, r"depth_unit_scale_factor is -1; metres per unit > 0 are wanted"),
+        ({"depth_unit_scale_factor": 1.0}, r"depths/f0\.png: the median depth is 3\d\d\d m, it looks like millimetres"),
+        ({"w": 640, "h": 480}, r"images/f0\.png: is 96x72, and .*transforms\.json: frames\[0\] is for 640x480"),
+    ],
+)
+def test_bad_fields_are_named(tmp_path: Path, change: dict[str, Any], message: str) -> None:
+    root = written(tmp_path)
+    save(root, {**stored(root), **change})
+    with pytest.raises(InputError, match=message):
+        open_dataset(root)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"transform_matrix": [[1, 0], [0, 1]]}, r"frames\[1\]: transform_matrix is .*a 4x4 matrix"),
+        ({"transform_matrix": np.diag([1, 1, -1, 1]).tolist()}, r"frames\[1\]: transform_matrix: .*a mirroring"),
+        ({"depth_file_path": 3}, r"frames\[1\]: depth_file_path is 3; a text is wanted"),
+        ({"file_path": "images/f0.png"}, r"two frames have pictures called f0; different names are wanted"),
+    ],
+)
+def test_bad_frames_are_named(tmp_path: Path, change: dict[str, Any], message: str) -> None:
+    root = written(tmp_path)
+    listing = stored(root)
+    listing["frames"][1].update(change)
+    save(root, listing)
+    with pytest.raises((FileError, CameraError), match=message):
+        open_dataset(root)
+
+
+def test_no_depth_at_all(tmp_path: Path) -> None:
+    root = written(tmp_path)
+    listing = stored(root)
+    for frame in listing["frames"]:
+        del frame["depth_file_path"]
+    save(root, listing)
+    with pytest.raises(FileError, match=r"transforms\.json: no frame has a depth_file_path"):
+        open_dataset(root)
+    (root / "transforms.json").write_text("[1]")
+    with pytest.raises(FileError, match=r"transforms\.json:1:1: holds a JSON list"):
+        open_dataset(root)

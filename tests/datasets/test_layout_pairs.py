@@ -1,0 +1,127 @@
+"""pairs.json: the real kitchen pairs agree as their listing says; made ones there and back; bad listings by field."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from dlama.datasets.frames import ViewTruth
+from dlama.datasets.layouts import open_dataset
+from dlama.errors import DlamaError, FileError
+from dlama.geometry.lifting import lift, project
+from posed_folders import LENS, TURNS, check_frames, truth, write_codes16, write_picture
+
+
+def test_kitchen_depths_agree_as_listed(data_dir: Path) -> None:
+    """Oracle: overlap and share within 5 % of each pair's depths, measured by others' code (pairs.json, DATA.md).
+
+    Another pixel centre, pose, order or depth scale changes these shares in the third digit or more.
+    """
+    dataset = open_dataset(data_dir / "data/kitchen_vpi")
+    listed = json.loads((data_dir / "data/kitchen_vpi/pairs.json").read_text())["pairs"]
+    assert (dataset.layout, len(dataset.frames), len(dataset.cases)) == ("pairs", 16, len(listed))
+    for case, pair in list(zip(dataset.cases, listed))[::2]:
+        assert case.frame == f"{pair['a']}_to_{pair['b']}"
+        assert case.yaw_deg == pytest.approx(pair["rotation_deg"], abs=0.1)  # theirs: poses as rounded, off by 4e-4
+        truth = case.load()
+        assert isinstance(truth, ViewTruth) and truth.exposure_varies
+        within, landed = depths_agree(truth)
+        assert within / landed == pytest.approx(pair["measured"]["depth_within_5pct"], abs=3e-4)
+        assert within / truth.source.depth.size == pytest.approx(pair["measured"]["overlap"], abs=3e-4)
+
+
+def depths_agree(truth: ViewTruth) -> tuple[int, int]:
+    """How many of the source's points land on a reading of the target; and how many of them within 5 % of it."""
+    pixels, z = project(lift(truth.source).points, truth.target.camera)
+    inside = (z > 0) & (pixels >= 0).all(1) & (pixels[:, 0] < 640) & (pixels[:, 1] < 480)
+    column, row = pixels[inside].astype(int).T
+    there = truth.target.depth[row, column]
+    close = np.abs(there - z[inside]) <= 0.05 * there
+    return int(close[there > 0].sum()), int((there > 0).sum())
+
+
+def test_kitchen_gain_is_as_listed(data_dir: Path) -> None:
+    """Oracle: DATA.md's gain of each channel, b over a, of the pair whose exposure differs most: colours are RGB."""
+    case = open_dataset(data_dir / "data/kitchen_vpi").cases[-1]
+    truth = case.load()
+    assert isinstance(truth, ViewTruth)
+    cloud = lift(truth.source)
+    pixels, z = project(cloud.points, truth.target.camera)
+    inside = (z > 0) & (pixels >= 0).all(1) & (pixels[:, 0] < 640) & (pixels[:, 1] < 480)
+    column, row = pixels[inside].astype(int).T
+    there = truth.target.depth[row, column]
+    close = np.abs(there - z[inside]) <= 0.05 * there
+    mine, theirs = cloud.color[inside][close].astype(float), truth.target.color[row, column][close].astype(float)
+    assert np.median(theirs, 0) / np.median(mine, 0) == pytest.approx([1.69, 1.57, 1.99], rel=0.06)
+
+
+def written(root: Path, **changes: Any) -> Path:
+    frames = {}
+    for number, frame in enumerate(truth()):
+        write_picture(root / f"{number}.png", frame.color)
+        write_codes16(root / f"{number}.depth.png", frame.depth, 2000)
+        frames[f"f{number}"] = {
+            "color": f"{number}.png",
+            "depth": f"{number}.depth.png",
+            "world_from_cam": frame.camera.world_from_cam.tolist(),
+        }
+    K = LENS.K
+    K[:2, 2] -= 0.5
+    listing = {
+        **{"width": 96, "height": 72, "K": K.tolist(), "depth_scale": 0.0005, "frames": frames},
+        "pairs": [{"a": "f0", "b": f"f{number}"} for number in (1, 2, 3)],
+        **changes,
+    }
+    (root / "pairs.json").write_text(json.dumps(listing, indent=1))
+    return root
+
+
+def test_a_closed_form_world_there_and_back(tmp_path: Path) -> None:
+    """Oracle: the world; angles are those it was turned by."""
+    dataset = open_dataset(written(tmp_path))
+    check_frames(dataset, half_unit_m=0.00026)
+    assert [case.yaw_deg for case in dataset.cases] == list(TURNS[1:])
+
+
+def test_the_pixel_centre_may_be_told(tmp_path: Path) -> None:
+    """Oracle: K as the package counts, with pixel_center 0.5."""
+    check_frames(open_dataset(written(tmp_path, K=LENS.K.tolist(), pixel_center=0.5)), half_unit_m=0.00026)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"K": [[1, 0], [0, 1]]}, r"pairs\.json: K is .*a 3x3 matrix"),
+        ({"width": "wide"}, r'pairs\.json: width is "wide"; a finite number is wanted'),
+        ({"depth_scale": 0}, r"pairs\.json: depth_scale is 0; metres per unit > 0"),
+        ({"frames": []}, r"pairs\.json: frames is \[\]; an object with named fields is wanted"),
+        ({"frames": {"f0": {}}}, r"pairs\.json: frames\.f0: field 'world_from_cam' is missing"),
+        ({"pairs": []}, r"pairs\.json: pairs is \[\]; a list of \{a, b\} is wanted"),
+        ({"pairs": [7]}, r"pairs\.json: pairs\[0\] is 7; an object"),
+        ({"pairs": [{"a": "f0"}]}, r"pairs\.json: pairs\[0\]: b is null; a text is wanted"),
+        ({"pairs": [{"a": "f0", "b": "f9"}]}, r"pairs\.json: pairs\[0\]: b is 'f9', which is not among the frames"),
+    ],
+)
+def test_bad_listings_are_named(tmp_path: Path, changes: dict[str, Any], message: str) -> None:
+    with pytest.raises(DlamaError, match=message):
+        open_dataset(written(tmp_path, **changes))
+
+
+def test_broken_json_by_line_and_column(tmp_path: Path) -> None:
+    (tmp_path / "pairs.json").write_text('{\n "K": [1, 2,\n}')
+    with pytest.raises(FileError, match=r"pairs\.json:3:1: is no JSON"):
+        open_dataset(tmp_path)
+
+
+def test_listings_cost_no_picture(tmp_path: Path) -> None:
+    """Pictures are read by `load`: a missing one is no error before."""
+    root = written(tmp_path)
+    (root / "1.png").unlink()
+    cases = open_dataset(root).cases
+    with pytest.raises(FileError, match=r"1\.png: no such file"):
+        cases[0].load()
+    cases[1].load()

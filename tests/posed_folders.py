@@ -1,0 +1,104 @@
+"""A closed-form world and cameras that turn in it, as files: what the tests of posed layouts write and hold readers against."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+from PIL import Image
+
+from dlama.datasets.frames import Dataset, ViewTruth
+from dlama.geometry.camera import Camera
+from dlama.geometry.rgbd import RGBD
+from worlds import Plane, Sphere, World, moved
+
+WORLD = World((Plane((0, 0, 3.2), (0.25, -0.1, -1)), Sphere((0.4, 0.2, 2.2), 0.45)))
+LENS = Camera(96, 72, 90.5, 92.25, 46.25, 37.75)
+"""First pixel's centre at 0.5, as the package counts."""
+TURNS = (0.0, 10.0, 21.0, 29.0)
+"""Degrees of the four frames about an axis that is none of the camera's."""
+AXIS = np.array([0.3, 0.9, -0.2]) / np.linalg.norm([0.3, 0.9, -0.2])
+
+
+def cameras() -> list[Camera]:
+    """Four cameras that turn and move."""
+    return [
+        moved(LENS, turn=tuple(turn * AXIS), shift=(-0.02 * turn, 0.004 * turn, 0.01 * turn))  # type: ignore[arg-type]
+        for turn in TURNS
+    ]
+
+
+def truth() -> list[RGBD]:
+    """What they see."""
+    return [WORLD.rgbd(camera) for camera in cameras()]
+
+
+def write_codes16(path: Path, metres: np.ndarray, units_per_metre: float = 1000.0) -> None:
+    """16-bit PNG; the first pixel gets 0 (missing) and the second 65535."""
+    codes = np.rint(metres.astype(np.float64) * units_per_metre).astype(np.uint16)
+    codes[0, :2] = 0, 65535
+    path.parent.mkdir(parents=True, exist_ok=True)
+    Image.fromarray(codes).save(path)
+
+
+def write_picture(path: Path, color: np.ndarray) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    Image.fromarray(color).save(path)
+
+
+def text_matrix(matrix: np.ndarray, digits: int = 9) -> str:
+    """As sensors' tools print it."""
+    return "".join(" ".join(f"{value: .{digits}e}" for value in row) + "\n" for row in matrix)
+
+
+def text_K(camera: Camera, size: int = 3) -> str:
+    """K with the first pixel's centre at 0.0, as text, in the corner of an identity."""
+    K = np.eye(size)
+    K[:3, :3] = camera.K
+    K[:2, 2] -= 0.5
+    return text_matrix(K)
+
+
+def check_frames(dataset: Dataset, *, half_unit_m: float = 0.00051, far: bool = False) -> None:
+    """Frames hold the true cameras, colours and depths, and lie on the world's surfaces; cases go between them.
+
+    Oracle: the world's closed form. A wrong axis, pose, pixel centre, unit or order of frames fails here.
+    """
+    assert len(dataset.frames) == len(TURNS)
+    for frame, camera, true in zip(dataset.frames, cameras(), truth()):
+        read = frame.load()
+        assert np.abs(read.camera.world_from_cam - camera.world_from_cam).max() < 1e-6
+        assert np.allclose(read.camera.K, camera.K, atol=1e-6)
+        assert np.array_equal(read.color, true.color)
+        known = np.ones(camera.hw, bool)
+        known[0, :2] = False
+        assert np.abs(read.depth - true.depth)[known].max() <= half_unit_m
+        assert read.depth[0, :2].tolist() == [0, np.inf if far else 0]
+        check_on_surfaces(read, 2 * half_unit_m)
+    assert [case.yaw_deg for case in dataset.cases[:2]] == [10.0, 21.0]
+    for case in dataset.cases:
+        check_pair(case.load())
+
+
+def check_on_surfaces(frame: RGBD, within_m: float) -> None:
+    """Lifted points lie on the world."""
+    camera = frame.camera
+    row, column = np.nonzero(frame.valid)
+    local = np.stack(
+        [(column + 0.5 - camera.cx) / camera.fx, (row + 0.5 - camera.cy) / camera.fy, np.ones(len(row))], 1
+    )
+    points = (local * frame.depth[frame.valid][:, None]) @ camera.world_from_cam[:3, :3].T + camera.world_from_cam[
+        :3, 3
+    ]
+    assert WORLD.distance(points).max() < within_m
+
+
+def check_pair(pair: object) -> None:
+    """Source and target are different frames of the world, of cameras that turned by what stands in TURNS."""
+    assert isinstance(pair, ViewTruth) and pair.exposure_varies
+    assert np.abs(pair.source.camera.world_from_cam - pair.target.camera.world_from_cam).max() > 0.01
+
+
+def without_pose(camera: Camera) -> Camera:
+    return dataclasses.replace(camera, world_from_cam=np.eye(4))
