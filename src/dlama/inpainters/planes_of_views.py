@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,25 +15,41 @@ FARTHER = 0.5
 """Filled inverse depth below this share of the smallest known one is far, in a view that shows far pixels."""
 
 
+USUAL, SHARE = 0.75, 0.99
+"""What a trained network calls the inverse depth that this share of the known pixels does not exceed: above it there is
+room for what is nearer, such as ground before the picture's lower edge."""
+
+
+def nearest_scale(w: Float32Array) -> float:
+    """The inverse depth (1/m) that is called 1: the nearest pixel's; w: inverse depths, 0 = far or unknown."""
+    return float(w.max(initial=0)) or 1.0
+
+
+def robust_scale(w: Float32Array) -> float:
+    """The inverse depth (1/m) that is called 1, with room above: a few flying pixels do not change it. As nearest_scale."""
+    known = w[w > 0]
+    return float(np.quantile(known, SHARE)) / USUAL if known.size else 1.0
+
+
 @dataclass(frozen=True, eq=False)
 class DepthPlane:
-    """Inverse depth of a view on the scale of its nearest pixel."""
+    """Inverse depth of a view on a scale of its own, so that the scene's scale never matters; 0 = infinity."""
 
     values: Float32Array
-    """H x W in 0..1, 1 = nearest, 0 = infinity and in holes."""
+    """H x W in 0..1, 0 = infinity and in holes. Known pixels beyond the scale stand at 1."""
     scale: float
     """1/m at 1."""
     far_below: float
     """Filled values below this are far (0: only what is not above 0)."""
 
     @classmethod
-    def of(cls, view: View) -> DepthPlane:
+    def of(cls, view: View, scale: Callable[[Float32Array], float] = nearest_scale) -> DepthPlane:
         w = inverse_depth(np.where(view.hole, np.float32(0), view.depth))
-        scale = float(w.max()) or 1.0
-        values = (w / np.float32(scale)).astype(np.float32)
+        one = scale(w)
+        values = np.minimum(w / np.float32(one), np.float32(1)).astype(np.float32)
         known = values[view.valid]
         below = FARTHER * float(known.min()) if known.size and view.far.any() else 0.0
-        return cls(values, scale, below)
+        return cls(values, one, below)
 
     def metres(self, values: Float32Array) -> Float32Array:
         """H x W metres of filled values; far is +inf."""

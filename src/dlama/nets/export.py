@@ -22,6 +22,7 @@ from dlama.nets.onnx_graph import Graph, PlaneTransform, plane_transform
 EPSILON = 1e-5  # of torch's batch norms, which the published network leaves as they are
 CONTRACT_KEY = "dlama.contract"
 CONTRACT_VERSION = 1
+DEPTH_PLANE = "inverse depth, 0 = infinity, 0.75 = what 99 % of the known pixels do not exceed"
 PLANES = {
     1: ("depth",),
     3: ("red", "green", "blue"),
@@ -35,9 +36,10 @@ def contract(settings: GeneratorSettings, licence: str, source: str, source_sha2
 
     version; network; in_planes and out_planes (names, the mask last); in_range and out_range; mask ("1 = fill"); hole
     ("zero": known planes are multiplied by 1 - mask before they are stacked); multiple and minimum (of H and W, in
-    pixels); licence; source (file name) and source_sha256; architecture (all settings).
+    pixels); licence; source (file name) and source_sha256; architecture (all settings); depth, where there is such a plane.
     """
-    return {
+    about: dict[str, object] = {} if "depth" not in _plane_names(settings.out_channels) else {"depth": DEPTH_PLANE}
+    return about | {
         "version": CONTRACT_VERSION,
         "network": "lama",
         "in_planes": [*_plane_names(settings.in_channels - 1), "mask"],
