@@ -1,4 +1,4 @@
-"""What is evaluated (a recipe with a filler) and what comes out of it: measures and the pictures to look at."""
+"""What is evaluated (a recipe with a filler), how, and what comes out of it: measures and the pictures to look at."""
 
 from __future__ import annotations
 
@@ -31,11 +31,34 @@ class Method:
         return f"{self.recipe}/{self.filler}"
 
 
+@dataclass(frozen=True)
+class ProtocolSettings:
+    """How much of a protocol is run, and what decides about its numbers beside the metrics' own settings."""
+
+    object_dilations: tuple[int, ...] = (0, 3, 9)
+    """VPI, the paper's second experiment: the object mask's dilations in px, one run each; empty: it is left out."""
+    mask_changes: tuple[int, ...] = (-9, -6, -3, 3, 6, 9)
+    """ORI: px by which the mask is dilated (or eroded, below 0) to see what that does, one run each; empty: left out."""
+    ring_px: int = 16
+    """ORI: width of the ring round the mask; beyond it nothing may change."""
+    matched_stereo: bool = True
+    """SII without masks: one more run in which the method has to find the disparity itself."""
+    seen_tolerance: float = 0.02
+    """Relative difference in inverse depth up to which source and target show one surface."""
+    clip_m: float = 10.0
+    """Metres at which 8-bit depth is white, and `mae` and `rmse` are cut (the paper's clip)."""
+    smallest_region: int = 50
+    """Pixels; a smaller region gets no row."""
+    lpips: bool = True
+    """Measure LPIPS, by far the most expensive metric."""
+
+
 class Measure(NamedTuple):
     """One number of results.csv, without the columns that the case and the method give."""
 
     region: str
-    """whole, seen, unseen, disoccluded, out-of-view, object, mask, ring, outside, shadow."""
+    """whole, seen, unseen, disoccluded, out-of-view, object, mask, ring, outside, shadow; with `-right` in a pair's
+    right view."""
     modality: str
     """rgb, depth (8 bit, as the paper shows it), depth_m, cloud, disparity, time, memory."""
     metric: str

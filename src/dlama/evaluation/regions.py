@@ -1,0 +1,213 @@
+"""The truth of a case in; the regions in which every recipe and filler is scored alike out (bool pictures, True = in it).
+
+Target pixels of a new view are sorted by what the *source camera* sees of them, from the two true depth maps alone:
+
+- `seen`: nothing the source measured lies in front of it. One of the four source pixels round its projection, or their
+  bilinear mean, has its depth (within `SEEN_TOLERANCE`, relative, so that neither grazing ground nor rounding at a depth
+  edge makes a seen pixel unseen), or the source pixel it falls into measured something farther.
+- `out-of-view`: it projects beside the source picture, or behind the source camera.
+- `object`: it is hidden by the object of the source's object mask.
+- `disoccluded`: it is hidden by anything else.
+- `unseen`: the three above together.
+
+Pixels at infinity go by their direction. A target pixel without true depth, or one that falls on a sensor hole of the
+source with no neighbour that has its depth, is *unknown*: in none of these regions, but in `whole`.
+A surface as thin as paper counts as seen from both sides, and so does what lies closer than the tolerance behind another.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dlama.errors import ShapeError
+from dlama.geometry.camera import Float64Array
+from dlama.geometry.holes import dilated
+from dlama.geometry.rendering import inverse_depth, px_from_px
+from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
+
+SEEN_TOLERANCE = 0.02
+"""Relative difference in inverse depth up to which two frames show one surface."""
+SAME_DISPARITY_PX = 1.0
+"""The same for a rectified pair, in pixels of disparity."""
+
+Regions = dict[str, BoolArray]
+
+
+@dataclass(frozen=True, eq=False)
+class Sight:
+    """What a source camera sees of a target picture, H x W of the target each; all False = unknown."""
+
+    seen: BoolArray
+    disoccluded: BoolArray
+    out_of_view: BoolArray
+    hidden_by_object: BoolArray
+    column: np.ndarray
+    """H x W integers: the source pixel into which the target pixel falls, clipped to the picture."""
+    row: np.ndarray
+
+    @property
+    def unseen(self) -> BoolArray:
+        """H x W."""
+        return self.disoccluded | self.out_of_view | self.hidden_by_object
+
+    def regions(self, with_object: bool = False) -> Regions:
+        """By the names of results.csv; `object` only where asked for."""
+        found = {
+            "seen": self.seen,
+            "unseen": self.unseen,
+            "disoccluded": self.disoccluded,
+            "out-of-view": self.out_of_view,
+        }
+        return found | {"object": self.hidden_by_object} if with_object else found
+
+    def carried(self, color: UInt8Array) -> UInt8Array:
+        """H x W x 3: a source picture carried into the target by the true depth, nearest pixel; 0 where not seen."""
+        return color[self.row, self.column] * self.seen[..., None]
+
+
+def sight(source: RGBD, target: RGBD, object_mask: BoolArray | None = None, tolerance: float = SEEN_TOLERANCE) -> Sight:
+    """Sorts the target's pixels by what the source sees of them; the rules stand at the top of the file.
+
+    Args:
+        object_mask: H x W of the source, True = the object; what it hides is a type of its own.
+        tolerance: relative, in inverse depth.
+    Raises:
+        ShapeError: the mask is not of the source's size.
+    """
+    if object_mask is not None and object_mask.shape != source.camera.hw:
+        raise ShapeError(f"the object mask is {object_mask.shape}; {source.camera.hw} of the source is wanted")
+    x, y, w, inside = projected(source, target)
+    column, row = (clipped_index(np.floor(at), size) for at, size in zip((x, y), source.camera.wh))
+    there = np.where(source.missing, np.nan, inverse_depth(source.depth)).astype(np.float64)
+    with np.errstate(invalid="ignore"):
+        matches = matches_neighbour(there, x, y, w, tolerance)
+        nearer = there[row, column] > w * (1 + tolerance)
+    known = ~np.isnan(there[row, column])
+    given = ~target.missing
+    seen = given & inside & (matches | (known & ~nearer))
+    hidden = given & inside & known & nearer & ~matches
+    by_object = hidden & object_mask[row, column] if object_mask is not None else np.zeros_like(hidden)
+    return Sight(seen, hidden & ~by_object, given & ~inside, by_object, column, row)
+
+
+def projected(source: RGBD, target: RGBD) -> tuple[Float64Array, Float64Array, Float64Array, BoolArray]:
+    """Source pixel x and y and inverse depth there (1/m, 0 = far) of every target pixel; True where it is in the picture.
+
+    Target pixels without depth are projected as if far.
+    """
+    matrix, offset = px_from_px(source.camera, target.camera)
+    w = inverse_depth(target.depth).astype(np.float64)
+    rows, columns = np.mgrid[: target.camera.height, : target.camera.width] + 0.5
+    at = np.stack([columns, rows, np.ones_like(rows)], -1) @ matrix.T + w[..., None] * offset
+    front = at[..., 2] > 0
+    z = np.where(front, at[..., 2], 1.0)
+    x, y = at[..., 0] / z, at[..., 1] / z
+    inside = front & (x >= 0) & (y >= 0) & (x < source.camera.width) & (y < source.camera.height)
+    return x, y, w / z, inside
+
+
+def matches_neighbour(
+    there: Float64Array, x: Float64Array, y: Float64Array, w: Float64Array, tolerance: float
+) -> BoolArray:
+    """True where one of the four pixels round (x, y), or their bilinear mean, has the inverse depth w; nan = no reading.
+
+    On a plane inverse depth is affine in pixels, so the mean is exact however grazing the view.
+    """
+    height, width = there.shape
+    left, top = np.floor(x - 0.5), np.floor(y - 0.5)
+    across, down = np.clip(x - 0.5 - left, 0, 1), np.clip(y - 0.5 - top, 0, 1)
+    mean = np.zeros_like(w)
+    matches = np.zeros(w.shape, np.bool_)
+    for dy, weight_y in ((0, 1 - down), (1, down)):
+        for dx, weight_x in ((0, 1 - across), (1, across)):
+            found = there[clipped_index(top + dy, height), clipped_index(left + dx, width)]
+            matches |= np.abs(found - w) <= tolerance * np.maximum(found, w)
+            mean += weight_x * weight_y * found
+    return matches | (np.abs(mean - w) <= tolerance * np.maximum(mean, w))
+
+
+def clipped_index(at: Float64Array, size: int) -> np.ndarray:
+    """Whole-numbered coordinates as indices into an axis of that size."""
+    return np.clip(at, 0, size - 1).astype(np.int64)
+
+
+def removal_regions(mask: BoolArray, shadow: BoolArray | None, ring_px: int) -> Regions:
+    """The mask, the ring of that many pixels round it, everything beyond the ring, and the object's shadow."""
+    grown = dilated(mask, ring_px)
+    found = {"mask": mask, "ring": grown & ~mask, "outside": ~grown}
+    return found | {"shadow": shadow & ~mask} if shadow is not None else found
+
+
+def stereo_regions(disparity_left: Float32Array, disparity_right: Float32Array | None = None) -> Regions:
+    """What the left camera sees of the right picture: seen, unseen, disoccluded, out-of-view, H x W of the right one.
+
+    With the right disparity each right pixel is looked up in the left one: another disparity there (by more than
+    `SAME_DISPARITY_PX`) hides it. Without, left pixels are carried over row by row: a gap between two neighbours that
+    part is disoccluded, what lies right of the last one is out of view, and a gap that left pixels without disparity
+    may fill is unknown. 0, NaN and inf = no disparity.
+    """
+    if disparity_right is None:
+        disoccluded, outside, known = carried_gaps(disparity_left)
+    else:
+        disoccluded, outside, known = looked_up(disparity_left, disparity_right)
+    return {
+        "seen": known & ~disoccluded & ~outside,
+        "unseen": disoccluded | outside,
+        "disoccluded": disoccluded,
+        "out-of-view": outside,
+    }
+
+
+def looked_up(left: Float32Array, right: Float32Array) -> tuple[BoolArray, BoolArray, BoolArray]:
+    """Right pixels that are disoccluded, out of view, and of which anything is known, from both disparities."""
+    width = left.shape[1]
+    has = is_known(right)
+    at = np.arange(width) + 0.5 + np.where(has, right, 0)
+    outside = has & (at >= width)
+    beside = [np.take_along_axis(left, clipped_index(np.floor(at + shift), width), 1) for shift in (-0.5, 0, 0.5)]
+    readings = np.stack([np.where(is_known(one), one, np.nan) for one in beside])
+    with np.errstate(invalid="ignore"):
+        matches = (np.abs(readings - right) <= SAME_DISPARITY_PX).any(0)
+        nearer = readings[1] > right + SAME_DISPARITY_PX
+    hidden = has & ~outside & nearer & ~matches
+    return hidden, outside, has & (outside | matches | ~np.isnan(readings[1]))
+
+
+def carried_gaps(left: Float32Array) -> tuple[BoolArray, BoolArray, BoolArray]:
+    """As `looked_up`, from the left disparity alone."""
+    hidden, outside, known = (np.zeros(left.shape, np.bool_) for _ in range(3))
+    for row, disparity in enumerate(left):
+        columns = np.flatnonzero(is_known(disparity))
+        if len(columns):
+            carry_row(columns, disparity[columns].astype(np.float64), hidden[row], outside[row], known[row])
+    return hidden, outside, known
+
+
+def carry_row(
+    columns: np.ndarray, disparity: Float64Array, hidden: BoolArray, outside: BoolArray, known: BoolArray
+) -> None:
+    """One row of left pixels with disparity, carried into the right picture's row (bool W each, written).
+
+    n left pixels without disparity between two with one may fill the n right pixels at either end of the gap.
+    """
+    width = len(known)
+    landing = columns + 0.5 - disparity
+    reached = np.floor(landing).astype(np.int64)
+    known[reached[(reached >= 0) & (reached < width)]] = True
+    furthest = np.maximum.accumulate(landing)
+    for one in np.flatnonzero(landing[1:] - furthest[:-1] > 1):
+        unsure = columns[one + 1] - columns[one] - 1
+        first = max(int(np.floor(furthest[one])) + 1 + unsure, 0)
+        last = min(max(int(reached[one + 1]) - unsure, first), width)
+        known[first:last] = True
+        # up to one pixel more is how a slanted surface stretches; beyond that two surfaces part
+        hidden[first:last] = landing[one + 1] - furthest[one] > 1 + SAME_DISPARITY_PX
+    border = max(int(np.floor(furthest[-1])) + 1 + width - 1 - int(columns[-1]), 0)
+    outside[border:] = known[border:] = True
+
+
+def is_known(disparity: Float32Array) -> BoolArray:
+    """H x W, True where a disparity was given."""
+    return np.isfinite(disparity) & (disparity != 0)
