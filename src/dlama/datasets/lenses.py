@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from dlama.datasets.listings import read_json, read_matrix
-from dlama.datasets.posed import Lens
+from dlama.datasets.posed_files import Lens
 from dlama.errors import CameraError
 from dlama.files.calibrations import FileFields
 from dlama.files.cameras import read_camera

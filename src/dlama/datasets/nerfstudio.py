@@ -14,7 +14,8 @@ import numpy as np
 
 from dlama.datasets.frames import Dataset
 from dlama.datasets.listings import chosen_scenes, part_of, pose_at, read_json, sequences, text_of
-from dlama.datasets.posed import LOG, FrameFiles, Lens, PosedFrame, posed_dataset, posed_frame
+from dlama.datasets.posed import LOG, PosedFrame, posed_dataset, posed_frame
+from dlama.datasets.posed_files import FrameFiles, Lens
 from dlama.errors import CameraError, FileError
 from dlama.files.calibrations import FileFields, Intrinsics
 from dlama.geometry.camera import Float64Array

@@ -14,7 +14,8 @@ import numpy as np
 
 from dlama.datasets.frames import Case, Dataset
 from dlama.datasets.listings import chosen_scenes, part_of, pose_at, read_json, sequences, text_of
-from dlama.datasets.posed import FrameFiles, Lens, PosedFrame, load_view, posed_frame, rotation_deg
+from dlama.datasets.posed import PosedFrame, load_view, posed_frame, rotation_deg
+from dlama.datasets.posed_files import FrameFiles, Lens
 from dlama.errors import FileError
 from dlama.files.calibrations import FileFields
 

@@ -1,7 +1,4 @@
-"""Posed RGB-D frames in; cases out that go from one frame to another which turned away by 10 to 60 degrees.
-
-What the layouts of posed folders share: how the two files of a frame become an RGBD, and which pairs are worth asking.
-"""
+"""Posed RGB-D frames in; cases out that go from one frame to another which turned away by 10 to 60 degrees."""
 
 from __future__ import annotations
 
@@ -16,14 +13,10 @@ from pathlib import Path
 import numpy as np
 
 from dlama.datasets.frames import Case, Dataset, Frame, ViewTruth
-from dlama.errors import FileError, InputError, ShapeError
-from dlama.files.calibrations import Intrinsics
-from dlama.files.cameras import checked_camera
-from dlama.files.decoding import picture_hw
-from dlama.files.depth import read_depth
-from dlama.files.pictures import read_color
+from dlama.datasets.posed_files import FrameFiles, load_depth, load_rgbd
+from dlama.errors import FileError, InputError
 from dlama.geometry.camera import Camera, Float64Array
-from dlama.geometry.rgbd import RGBD, Float32Array, UInt8Array
+from dlama.geometry.rgbd import RGBD, Float32Array
 
 LOG = logging.getLogger("dlama")
 
@@ -40,36 +33,6 @@ TRIED = 6
 """Candidates per source and angle whose depth is looked at."""
 EVERY_PIXEL = 8
 """Overlap is measured on every eighth row and column."""
-SAME_PROPORTIONS = 0.02
-"""Relative difference of width / height up to which colour and depth of two sizes show the same field of view."""
-
-
-@dataclass(frozen=True)
-class Lens:
-    """Intrinsics as a file says them, before any picture was opened."""
-
-    source: str
-    """The file or option they come from, for messages."""
-    intrinsics: Intrinsics
-    """fx, fy, cx, cy of the colour picture, px."""
-    pixel_center: float
-    """Where they put the first pixel's centre: 0.5 or 0.0."""
-    hw: tuple[int, int] | None = None
-    """The picture size they are for; None: whatever the picture has."""
-
-
-@dataclass(frozen=True, eq=False)
-class FrameFiles:
-    """Colour and depth of one pinhole camera, not yet read."""
-
-    color: Path
-    depth: Path
-    lens: Lens
-    world_from_cam: Float64Array
-    depth_scale: float = 1000.0
-    """Units per metre."""
-    far_code: bool = False
-    """True: 65535 in 16-bit depth, and infinity, is far, as in our own files; False: missing, as sensors mean it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,23 +55,6 @@ class PosedFrame:
 def posed_frame(scene: str, name: str, files: FrameFiles) -> PosedFrame:
     """A frame of two files of one camera."""
     return PosedFrame(scene, name, files.world_from_cam, partial(load_rgbd, files), partial(load_depth, files))
-
-
-def load_rgbd(files: FrameFiles) -> RGBD:
-    """Read both. Colour bigger than depth is brought to depth's size by area means, and the camera with it.
-
-    Raises FileError, DepthError, CameraError, ShapeError.
-    """
-    depth = _metres(files)
-    color = read_color(files.color)
-    camera = _camera(files, color.shape[:2], depth.shape)
-    return RGBD(_shrunk(color, depth.shape), depth, camera)
-
-
-def load_depth(files: FrameFiles) -> tuple[Float32Array, Camera]:
-    """The depth of `load_rgbd` and its camera; of the colour only the size is read."""
-    depth = _metres(files)
-    return depth, _camera(files, picture_hw(files.color), depth.shape)
 
 
 def load_view(source: Callable[[], RGBD], target: Callable[[], RGBD], exposure_varies: bool) -> ViewTruth:
@@ -149,9 +95,9 @@ def view_pairs(
     """VPI cases between frames of one scene: of every k-th frame, to frames that turned away by about each of `degrees`.
 
     `every` None takes SOURCES sources evenly. Of the frames within DEGREES_OFF of an angle the nearest to it with enough
-    overlap is taken, each target once per source; with `stride` instead the frame so many places on. Overlap
-    is the share of the source's pixels that land in the target within 5 % of its depth: depth files of candidates are
-    read for it. `yaw_deg` is the angle of rotation. Deterministic. Raises InputError.
+    overlap is taken (of frames in a row the best is tried), each target once per source; with `stride` instead the
+    frame so many places on. Overlap is the share of the source's pixels that land in the target within 5 % of its depth:
+    depth files of candidates are read for it. `yaw_deg` is the angle of rotation. Deterministic. Raises InputError.
     """
     if not frames:
         return ()
@@ -234,16 +180,24 @@ def _targets(
         if target < len(angles) and overlaps.share(source, target) >= min_overlap:
             yield target, float(angles[target])
         return
-    used = {source}
+    used = [source]
     for wanted in degrees:
-        off = np.abs(angles - wanted)
-        for target in np.argsort(off, kind="stable")[: TRIED + len(used)].tolist():
-            if target in used or off[target] > DEGREES_OFF:
-                continue
+        for target in _candidates(np.abs(angles - wanted), used):
             if overlaps.share(source, target) >= min_overlap:
-                used.add(target)
+                used.append(target)
                 yield target, float(angles[target])
                 break
+
+
+def _candidates(off: Float64Array, used: list[int]) -> list[int]:
+    """Frames at most DEGREES_OFF from the wanted angle, nearest first; of neighbours in a row, which see much the same,
+    only the best."""
+    near = off <= DEGREES_OFF
+    near[used] = False
+    places = np.nonzero(near)[0]
+    rows = np.split(places, np.nonzero(np.diff(places) > 1)[0] + 1) if len(places) else []
+    best = [int(row[np.argmin(off[row])]) for row in rows]
+    return sorted(best, key=lambda place: float(off[place]))[:TRIED]
 
 
 def rotation_deg(rotations: Float64Array, other: Float64Array) -> Float64Array:
@@ -255,39 +209,3 @@ def rotation_deg(rotations: Float64Array, other: Float64Array) -> Float64Array:
 def _case(dataset: str, source: PosedFrame, target: PosedFrame, angle: float) -> Case:
     load = partial(load_view, source.load, target.load, True)
     return Case("vpi", dataset, source.scene, f"{source.name}_to_{target.name}", load, round(angle, 3))
-
-
-def _metres(files: FrameFiles) -> Float32Array:
-    depth = read_depth(files.depth, depth_scale=files.depth_scale)
-    if not files.far_code:
-        depth[np.isposinf(depth)] = 0
-    return depth
-
-
-def _camera(files: FrameFiles, color_hw: tuple[int, ...], depth_hw: tuple[int, ...]) -> Camera:
-    """The camera at the depth's size; refuses sizes that cannot belong together."""
-    lens = files.lens
-    if lens.hw is not None and lens.hw != tuple(color_hw):
-        raise ShapeError(
-            f"{files.color}: is {color_hw[1]}x{color_hw[0]}, and {lens.source} is for {lens.hw[1]}x{lens.hw[0]}; "
-            "both must be the same"
-        )
-    proportions = color_hw[1] / color_hw[0] * depth_hw[0] / depth_hw[1]
-    if color_hw[0] < depth_hw[0] or color_hw[1] < depth_hw[1] or abs(proportions - 1) > SAME_PROPORTIONS:
-        raise ShapeError(
-            f"{files.color}: is {color_hw[1]}x{color_hw[0]} and {files.depth} {depth_hw[1]}x{depth_hw[0]}; colour of the "
-            "same size, or bigger with the same proportions, is wanted"
-        )
-    across, down = depth_hw[1] / color_hw[1], depth_hw[0] / color_hw[0]
-    border = 0.5 - lens.pixel_center  # scaling is about the picture's corner, where centres at 0.5 count from
-    fx, fy, cx, cy = lens.intrinsics
-    scaled = (fx * across, fy * down, (cx + border) * across, (cy + border) * down)
-    return checked_camera(lens.source, (depth_hw[0], depth_hw[1]), scaled, 0.5, files.world_from_cam)
-
-
-def _shrunk(color: UInt8Array, hw: tuple[int, ...]) -> UInt8Array:
-    if color.shape[:2] == tuple(hw):
-        return color
-    import cv2
-
-    return np.asarray(cv2.resize(color, (hw[1], hw[0]), interpolation=cv2.INTER_AREA), np.uint8)

@@ -16,8 +16,8 @@ import numpy as np
 
 from dlama.datasets.frames import Case, Dataset, RemovalTruth
 from dlama.datasets.listings import chosen_scenes, read_json, sequences
-from dlama.datasets.posed import FrameFiles, Lens, load_rgbd
-from dlama.datasets.posed import posed_frame as frame_of
+from dlama.datasets.posed import posed_frame
+from dlama.datasets.posed_files import FrameFiles, Lens, load_rgbd
 from dlama.errors import FileError, ShapeError
 from dlama.files.pictures import read_mask
 from dlama.geometry.rgbd import BoolArray
@@ -55,7 +55,7 @@ def removal_folder(root: Path, *, scenes: list[str] | None = None) -> Dataset:
     frames, cases = [], []
     for scene, folder in folders.items():
         files = _files(folder)
-        frames += [frame_of(scene, each, getattr(files, field)).frame for each, field in _FRAMES.items()]
+        frames += [posed_frame(scene, each, getattr(files, field)).frame for each, field in _FRAMES.items()]
         cases.append(Case("ori", name, scene, "with", partial(load_removal, files)))
     return Dataset(name, "removal", root, tuple(frames), tuple(cases))
 

@@ -17,7 +17,8 @@ import numpy as np
 from dlama.datasets.frames import Dataset
 from dlama.datasets.lenses import CameraOption, lens_for
 from dlama.datasets.listings import chosen_scenes, files_in, read_pose, sequences
-from dlama.datasets.posed import FrameFiles, Lens, PosedFrame, load_depth, posed_dataset, posed_frame
+from dlama.datasets.posed import PosedFrame, posed_dataset, posed_frame
+from dlama.datasets.posed_files import FrameFiles, Lens, load_depth
 from dlama.errors import FileError, ShapeError
 from dlama.files.cameras import checked_camera
 from dlama.files.pictures import read_color
