@@ -11,6 +11,8 @@ import torch
 from torch import Tensor
 from torch.nn.functional import interpolate, mse_loss, softplus
 
+from dlama.training.precision import precise
+
 
 def discriminator_loss(real: Tensor, fake: Tensor, mask: Tensor) -> Tensor:
     """Equation 6: real patches are real, patches of the hole are fake, known patches of an output are real.
@@ -38,9 +40,9 @@ def gradient_penalty(real_scores: Tensor, real: Tensor) -> Tensor:
         real: B x P x H x W, requires_grad.
     """
     (gradient,) = torch.autograd.grad(real_scores.sum(), real, create_graph=True)
-    return gradient.float().square().flatten(1).sum(1).mean()
+    return precise(gradient).square().flatten(1).sum(1).mean()
 
 
 def feature_matching(fake: Sequence[Tensor], real: Sequence[Tensor]) -> Tensor:
     """Mean over layers of mean squared differences of the discriminator's activations; `real` gets no gradient."""
-    return torch.stack([mse_loss(one.float(), other.detach().float()) for one, other in zip(fake, real)]).mean()
+    return torch.stack([mse_loss(precise(one), precise(other.detach())) for one, other in zip(fake, real)]).mean()

@@ -21,7 +21,7 @@ from dlama.training.card import Story, model_card
 from dlama.training.checkpointing import LAST, read_checkpoint, restore
 from dlama.training.export import export
 from dlama.training.module import TrainingModule
-from dlama.training.rhythm import Rhythm, scores_of
+from dlama.training.rhythm import ALL_STEPS, TIME_IS_UP, Rhythm, scores_of
 from dlama.training.run_files import prepare
 from dlama.training.settings import TrainSettings
 from dlama.training.sources import SampleSource, source_for
@@ -46,9 +46,9 @@ class Trained:
     run: Path
     step: int
     ended: str
-    """`all steps done`, `time is up` or `SIGTERM`."""
+    """`all steps done`, `time is up`, `SIGTERM` or `SIGINT`."""
     network: Path | None
-    """The ONNX file; None after SIGTERM, which leaves time for a checkpoint only."""
+    """The ONNX file; None after a signal, which leaves time for a checkpoint only."""
 
 
 def train(
@@ -93,7 +93,7 @@ def train(
         if not first:
             return Trained(run, module.step, rhythm.ended, None)
         about = "procedural" if not data else ", ".join(str(path) for path in data)
-        network = None if rhythm.ended == "SIGTERM" else _finish(module, rhythm, settings, about)
+        network = None if rhythm.ended not in (ALL_STEPS, TIME_IS_UP) else _finish(module, rhythm, settings, about)
     finally:
         rhythm.close()
     return Trained(run, module.step, rhythm.ended, network)

@@ -17,6 +17,7 @@ from dlama.training import adversarial
 from dlama.training.batches import Batch, any_hole, hole_planes, pictures
 from dlama.training.depth_losses import depth_l1, gradient_matching, law_penalty, normal_consistency
 from dlama.training.perceptual import PerceptualLoss
+from dlama.training.precision import precise
 from dlama.training.settings import LossSettings, NetworkSettings
 
 Terms = dict[str, Tensor]
@@ -40,7 +41,7 @@ def pixel_terms(output: Tensor, batch: Batch, weights: LossSettings, network: Ne
         batch: see `batches.Batch`.
     """
     with torch.autocast(output.device.type, enabled=False):
-        output = output.float() if output.dtype != torch.float64 else output
+        output = precise(output)
         colors = 3 * network.views
         mine, true = output[:, :colors], batch["target"][:, :colors]
         hole = hole_planes(batch["mask"], colors)
@@ -88,7 +89,7 @@ def judged_terms(judge: Discriminator, output: Tensor, batch: Batch, weights: Lo
             _, real_features = judge(judged_planes(batch["target"], batch))
     scores, features = judge(judged_planes(output, batch))
     if weights.adversarial:
-        terms["adversarial"] = weights.adversarial * adversarial.generator_loss(scores.float())
+        terms["adversarial"] = weights.adversarial * adversarial.generator_loss(precise(scores))
     if weights.feature_matching:
         terms["feature_matching"] = weights.feature_matching * adversarial.feature_matching(features, real_features)
     return terms
@@ -107,7 +108,7 @@ def discriminator_terms(
     real_scores, _ = judge(real)
     fake_scores, _ = judge(judged_planes(output.detach(), batch))
     hole = any_hole(batch["mask"])
-    terms = {"discriminator": adversarial.discriminator_loss(real_scores.float(), fake_scores.float(), hole)}
+    terms = {"discriminator": adversarial.discriminator_loss(precise(real_scores), precise(fake_scores), hole)}
     if strength:
         terms["gradient_penalty"] = strength * adversarial.gradient_penalty(real_scores, real)
     return terms

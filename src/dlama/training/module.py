@@ -23,6 +23,7 @@ from dlama.training.losses import (
     pixel_terms,
 )
 from dlama.training.perceptual import PerceptualLoss, perceptual_loss
+from dlama.training.precision import precise
 from dlama.training.settings import TrainSettings
 from dlama.training.start import started
 
@@ -132,7 +133,7 @@ class TrainingModule(pl.LightningModule):
     def _descend(self, optimiser: torch.optim.Optimizer, network: nn.Module, terms: Terms) -> Tensor:
         """Gradients of the sum of terms, clipped; their norm before that. It is the same on all devices."""
         optimiser.zero_grad(set_to_none=True)
-        self.manual_backward(torch.stack([term.float() for term in terms.values()]).sum())
+        self.manual_backward(torch.stack([precise(term) for term in terms.values()]).sum())
         return nn.utils.clip_grad_norm_(network.parameters(), self.settings.optimiser.clip or math.inf)
 
     def _take_step(self, which: int) -> None:

@@ -9,6 +9,7 @@ from torch import Tensor, nn
 from torch.nn.functional import mse_loss
 
 from dlama.errors import FileError
+from dlama.training.precision import precise
 from dlama.training.settings import LossSettings
 from dlama.training.trunks import IMAGENET_MEAN, IMAGENET_STD, LPIPS_TRUNKS, random_trunk, read_trunk
 
@@ -30,7 +31,7 @@ class PerceptualLoss(nn.Module):
         with torch.no_grad():
             wanted = self.trunk((truth - self.mean) / self.std)
         found = self.trunk((output - self.mean) / self.std)
-        return torch.stack([mse_loss(one.float(), other.float()) for one, other in zip(found, wanted)]).mean()
+        return torch.stack([mse_loss(precise(one), precise(other)) for one, other in zip(found, wanted)]).mean()
 
     def train(self, mode: bool = True) -> PerceptualLoss:
         """Stays in eval mode: its batch norms, where it has any, keep their statistics."""

@@ -22,6 +22,7 @@ from dlama.training.settings import TrainSettings
 from dlama.training.validation import hole_metrics, metric_names
 
 LOG = logging.getLogger("dlama")
+ALL_STEPS, TIME_IS_UP = "all steps done", "time is up"
 SPEED = ("learning_rate", "samples_per_second", "waiting")
 """Columns of metrics.csv: the generator's rate; samples of all devices per second, and the share of time that the training
 waited for them, both since the row before."""
@@ -48,12 +49,12 @@ class Rhythm(pl.Callback):
         self.settings, self.run, self.deadline, self.held_out = settings, run, deadline, held_out
         self.random_states, self.seconds_before = random_states, seconds
         self.files: RunFiles | None = None
-        self.ended = "all steps done"
+        self.ended = ALL_STEPS
         self.checkpointed = -1
         self._started = self._row_began = self._batch_ended = time.monotonic()
         self._waited, self._row_samples = 0.0, 0
-        self._told_to_stop = False
-        self._old_handler: Any = None
+        self._heard: int = 0
+        self._old_handlers: dict[int, Any] = {}
 
     @property
     def seconds(self) -> float:
@@ -61,14 +62,14 @@ class Rhythm(pl.Callback):
         return self.seconds_before + time.monotonic() - self._started
 
     def on_train_start(self, trainer: pl.Trainer, module: pl.LightningModule) -> None:
-        """Files are opened, and SIGTERM becomes a request to stop after the step."""
+        """Files are opened; SIGTERM, and Ctrl-C for once, become requests to stop after the step."""
         assert isinstance(module, TrainingModule)
         if trainer.is_global_zero:
             held_out = [f"held_out_{name}" for name in metric_names(self.settings.network)]
             self.files = RunFiles(self.run, [*SPEED, *_term_names(self.settings), *held_out], module.step)
             LOG.info("%s", module.perceptual.note if module.perceptual else "no perceptual term")
         if threading.current_thread() is threading.main_thread():
-            self._old_handler = signal.signal(signal.SIGTERM, self._hear)
+            self._old_handlers = {each: signal.signal(each, self._hear) for each in (signal.SIGTERM, signal.SIGINT)}
         self._started = self._row_began = self._batch_ended = time.monotonic()
         self._row_samples = module.samples
 
@@ -161,22 +162,23 @@ class Rhythm(pl.Callback):
 
     def _should_stop(self, trainer: pl.Trainer) -> bool:
         """The same answer in every process."""
-        reasons = [self._told_to_stop, time.monotonic() >= self.deadline]
+        reasons = [self._heard, time.monotonic() >= self.deadline]
         if trainer.world_size > 1:
             asked = torch.tensor(reasons, dtype=torch.int32, device=trainer.strategy.root_device)
             torch.distributed.all_reduce(asked, torch.distributed.ReduceOp.MAX)
-            reasons = [bool(each) for each in asked]
+            reasons = [int(each) for each in asked]
         if any(reasons):
-            self.ended = "SIGTERM" if reasons[0] else "time is up"
+            self.ended = signal.Signals(reasons[0]).name if reasons[0] else TIME_IS_UP
         return any(reasons)
 
     def _hear(self, number: int, frame: Any) -> None:
-        self._told_to_stop = True
+        self._heard = number
+        signal.signal(signal.SIGINT, signal.default_int_handler)  # who presses twice means it
 
     def _give_back(self) -> None:
-        if self._old_handler is not None:
-            signal.signal(signal.SIGTERM, self._old_handler)
-            self._old_handler = None
+        for number, handler in self._old_handlers.items():
+            signal.signal(number, handler)
+        self._old_handlers = {}
 
 
 @torch.no_grad()

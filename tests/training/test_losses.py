@@ -1,0 +1,307 @@
+"""The losses agree with the published code's numbers, and with closed forms."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+torch = pytest.importorskip("torch", reason="training needs torch: pip install 'dlama[train]'")
+
+from dlama.errors import FileError, ShapeError  # noqa: E402
+from dlama.nets.discriminator import discriminator_from_state  # noqa: E402
+from dlama.nets.safetensors_file import read_safetensors  # noqa: E402
+from dlama.training import adversarial, depth_losses, losses, trunks  # noqa: E402
+from dlama.training.batches import check_sample, composited, hole_planes, pictures  # noqa: E402
+from dlama.training.perceptual import PerceptualLoss, perceptual_loss  # noqa: E402
+from dlama.training.settings import CHANNELS, LossSettings, NetworkSettings  # noqa: E402
+from dlama.training.sketches import Sketches  # noqa: E402
+from dlama.training.validation import hole_metrics, metric_names, ssim_map, telea  # noqa: E402
+
+VECTORS = Path(__file__).parents[1] / "data" / "lama_vectors" / "discriminator_ndf8_n3.safetensors"
+RGB = NetworkSettings("rgb")
+PUBLISHED = LossSettings()
+
+
+def number(value):
+    """A scalar tensor, off the graph."""
+    return float(value.detach() if isinstance(value, torch.Tensor) else value)
+
+
+@pytest.fixture
+def vector():
+    """A fresh discriminator in train mode, the batch of it, and the published values."""
+    arrays, _, _ = read_safetensors(VECTORS)
+    judge = discriminator_from_state({k.removeprefix("state."): v for k, v in arrays.items() if k.startswith("state.")})
+    ends = {k: torch.from_numpy(np.array(v)) for k, v in arrays.items() if not k.startswith("state.")}
+    return judge.train(), {"target": ends["real"], "mask": ends["mask"]}, ends
+
+
+def test_generator_terms_agree_with_the_published_code(vector):
+    """Oracle: frozen vector, to 1e-4 relative."""
+    judge, batch, ends = vector
+    terms = losses.judged_terms(judge, ends["fake"], batch, PUBLISHED)
+    assert number(terms["adversarial"]) == pytest.approx(number(ends["generator_adversarial"]), rel=1e-4)
+    assert number(terms["feature_matching"]) == pytest.approx(number(ends["feature_matching"]), rel=1e-4)
+
+
+def test_discriminator_terms_agree_with_the_published_code(vector):
+    """Oracle: frozen vector, to 1e-4 relative: equation 6 with R1."""
+    judge, batch, ends = vector
+    terms = losses.discriminator_terms(judge, ends["fake"], batch, PUBLISHED)
+    assert number(terms["gradient_penalty"]) == pytest.approx(number(ends["gradient_penalty"]), rel=1e-4)
+    total = terms["discriminator"] + terms["gradient_penalty"]
+    assert number(total) == pytest.approx(number(ends["discriminator_total"]), rel=1e-4)
+
+
+def test_known_pixels_agree_with_the_published_code(vector):
+    """Oracle: frozen vector, to 1e-4 relative."""
+    _, batch, ends = vector
+    terms = losses.pixel_terms(ends["fake"], batch, PUBLISHED, RGB)
+    assert list(terms) == ["l1_known"]
+    assert number(terms["l1_known"]) == pytest.approx(number(ends["l1_known"]), rel=1e-4)
+
+
+def test_a_mask_the_wrong_way_round_is_seen(vector):
+    """The guards above can fail: with the mask flipped, equation 6 and the known pixels are other numbers."""
+    judge, batch, ends = vector
+    flipped = batch | {"mask": 1 - batch["mask"]}
+    terms = losses.discriminator_terms(judge, ends["fake"], flipped, PUBLISHED)
+    total = terms["discriminator"] + terms["gradient_penalty"]
+    assert number(total) != pytest.approx(number(ends["discriminator_total"]), rel=1e-3)
+    known = losses.pixel_terms(ends["fake"], flipped, PUBLISHED, RGB)["l1_known"]
+    assert number(known) != pytest.approx(number(ends["l1_known"]), rel=1e-3)
+
+
+def test_only_the_hole_counts_as_fake():
+    """Oracle: closed form; scores of 0 cost log 2 each, and a known patch that looks real costs nothing."""
+    zeros, mask = torch.zeros(1, 1, 4, 4), torch.zeros(1, 1, 8, 8)
+    assert number(adversarial.discriminator_loss(zeros, zeros, mask)) == pytest.approx(2 * math.log(2))
+    sure, mask[..., :4] = torch.full((1, 1, 4, 4), 50.0), 1
+    assert number(adversarial.discriminator_loss(sure, sure, mask)) == pytest.approx(25.0)
+    assert number(adversarial.generator_loss(zeros)) == pytest.approx(math.log(2))
+
+
+def test_gradient_penalty_of_a_linear_judge():
+    """Oracle: closed form; the gradient of 3 x sum is 3 everywhere, so its squared norm is 9 per number."""
+    real = torch.rand(2, 3, 4, 5, requires_grad=True)
+    assert number(adversarial.gradient_penalty(3 * real.sum(1, keepdim=True), real)) == pytest.approx(9 * 3 * 4 * 5)
+
+
+def test_perceptual_loss_is_a_mean_of_means():
+    """Oracle: closed form of equation 5 for a trunk of two layers of different sizes."""
+
+    class Two(torch.nn.Module):
+        def forward(self, x):
+            return [x, x[:, :1, ::2, ::2] * 2]
+
+    loss = PerceptualLoss(Two(), "two")
+    truth = torch.rand(2, 3, 8, 8)
+    std = torch.tensor(trunks.IMAGENET_STD)
+    first, second = (0.1 / std).square().mean(), (0.2 / std[0]).square()
+    assert number(loss(truth + 0.1, truth)) == pytest.approx(number(first + second) / 2, rel=1e-5)
+
+
+def test_stereo_pairs_are_two_pictures():
+    """Oracle: closed form; both views go through the trunk, left ones first."""
+    planes = torch.arange(2 * 6.0).view(2, 6, 1, 1)
+    assert pictures(planes, NetworkSettings("stereo"))[:, :, 0, 0].tolist() == [
+        [0, 1, 2], [6, 7, 8], [3, 4, 5], [9, 10, 11],
+    ]  # fmt: skip
+    masks = torch.tensor([[[[0.0]], [[1.0]]]])
+    assert hole_planes(masks, 6)[0, :, 0, 0].tolist() == [0, 0, 0, 1, 1, 1]
+
+
+def plane(a: float, b: float, c: float, size: int = 16):
+    """Inverse depth of a plane: affine in the picture."""
+    v, u = torch.meshgrid(torch.linspace(0, 1, size), torch.linspace(0, 1, size), indexing="ij")
+    return (a * u + b * v + c)[None, None]
+
+
+def test_depth_terms_of_planes():
+    """Oracle: closed forms; an offset costs L1 alone, a tilt costs its gradient, and equal planes cost nothing."""
+    truth, known = plane(0.2, 0.1, 0.3), torch.ones(1, 1, 16, 16)
+    moved, tilted = truth + 0.25, truth + plane(0.3, 0, 0)
+    assert number(depth_losses.depth_l1(moved, truth, known)) == pytest.approx(0.25)
+    assert number(depth_losses.gradient_matching(moved, truth, known)) == pytest.approx(0, abs=1e-6)
+    assert number(depth_losses.normal_consistency(moved, truth, known)) == pytest.approx(0, abs=1e-6)
+    step = 0.3 / 15  # per pixel; each scale doubles it
+    assert number(depth_losses.gradient_matching(tilted, truth, known)) == pytest.approx(
+        step * (1 + 2 + 4 + 8) / 4, rel=1e-4
+    )
+    slopes = [np.array([-a * 16 / 15, -0.1 * 16 / 15, 1.0]) for a in (0.2, 0.5)]
+    cosine = number(slopes[0] @ slopes[1] / np.prod([np.linalg.norm(s) for s in slopes]))
+    assert number(depth_losses.normal_consistency(tilted, truth, known)) == pytest.approx(1 - cosine, rel=1e-3)
+
+
+def test_unknown_depth_counts_nowhere():
+    """Oracle: law; nonsense where no truth is known changes no term, though it has neighbours."""
+    truth, known = plane(0.2, 0.1, 0.3), torch.ones(1, 1, 16, 16)
+    known[..., 4:9, 5:11] = 0
+    output = truth + plane(0.1, 0.2, 0.05)
+    for term in losses.DEPTH_TERMS.values():
+        before = term(output, truth, known)
+        other = torch.where(known > 0, truth, torch.full_like(truth, 0.9))
+        assert number(before) > 0
+        assert number(term(output, other, known)) == pytest.approx(number(before), rel=1e-5)
+
+
+def test_the_law_is_one_sided_and_counts_the_hole():
+    """Oracle: closed form; nearer than allowed costs the excess, farther costs nothing, infinity allows anything."""
+    hole = torch.zeros(1, 1, 4, 4)
+    hole[..., :2] = 1
+    limit = torch.full((1, 1, 4, 4), 0.5)
+    allowed = 0.5 * (1 + depth_losses.TOLERANCE)
+    assert number(depth_losses.law_penalty(torch.full_like(limit, 0.8), limit, hole)) == pytest.approx(0.8 - allowed)
+    assert number(depth_losses.law_penalty(torch.full_like(limit, 0.4), limit, hole)) == 0
+    output = torch.full_like(limit, 0.8).requires_grad_()
+    free = depth_losses.law_penalty(output, torch.full_like(limit, math.inf), hole)
+    free.backward()
+    assert number(free) == 0 and output.grad is not None and not output.grad.any()
+
+
+def test_terms_of_halves_are_those_of_the_whole():
+    """Oracle: law; the mean over two half batches is the mean over the batch, whatever their holes and unknown pixels."""
+    network = NetworkSettings("rgbd")
+    source = Sketches(network, 32, "train")
+    samples = [source.sample(i, np.random.default_rng(i)) for i in range(4)]
+    batch = {key: torch.stack([torch.from_numpy(sample[key]) for sample in samples]) for key in samples[0]}
+    batch["known_depth"][1, :, :9] = 0
+    output = torch.rand(4, 4, 32, 32, generator=torch.Generator().manual_seed(0))
+    whole = losses.pixel_terms(output, batch, LossSettings(l1_hole=1.0), network)
+    halves = [
+        losses.pixel_terms(
+            output[i : i + 2], {k: v[i : i + 2] for k, v in batch.items()}, LossSettings(l1_hole=1.0), network
+        )
+        for i in (0, 2)
+    ]
+    assert set(whole) == {"l1_known", "l1_hole", "depth_l1", "depth_gradient", "depth_normal", "depth_law"}
+    for name, value in whole.items():
+        assert number(value) == pytest.approx(number(halves[0][name] + halves[1][name]) / 2, rel=1e-5)
+
+
+def test_the_judge_sees_no_depth_that_has_no_truth():
+    """Oracle: law; real and fake are equal there."""
+    batch = {"known_depth": torch.zeros(1, 1, 4, 4)}
+    assert not losses.judged_planes(torch.rand(1, 4, 4, 4), batch)[:, -1].any()
+    assert losses.judged_planes(torch.ones(1, 6, 4, 4), {}).all()
+
+
+@pytest.mark.parametrize("name", ["resnet50-dilated", "vgg16", "alexnet"])
+@pytest.mark.parametrize("suffix", [".safetensors", ".pth"])
+def test_trunks_are_read_strictly_and_told_by_their_names(name, suffix, tmp_path):
+    """Oracle: round trip with random weights of the published structure; half a file is refused by name."""
+    from safetensors.torch import save_file
+
+    trunk = trunks.TRUNKS[name]().eval()
+    state = trunk.state_dict() | {"fc.weight" if name.startswith("res") else "classifier.1.weight": torch.zeros(3)}
+    path = tmp_path / f"trunk{suffix}"
+    save = {".safetensors": save_file, ".pth": torch.save}[suffix]
+    save(state, path)
+    loss = perceptual_loss(LossSettings(trunk_weights=str(path)))
+    assert loss.name == name and not loss.trunk.training
+    assert ("flatters" in loss.note) == (name in ("alexnet", "vgg16"))
+    picture = torch.rand(1, 3, 64, 64)
+    with torch.no_grad():
+        for mine, wanted in zip(loss.trunk(picture), trunk(picture)):
+            torch.testing.assert_close(mine, wanted)
+    missing = next(
+        key for key in state if key.endswith("conv3.weight") or key == "features.3.weight" or key == "features.5.weight"
+    )
+    save({key: tensor for key, tensor in state.items() if key != missing}, path)
+    with pytest.raises(FileError, match=missing):
+        perceptual_loss(LossSettings(trunk=name, trunk_weights=str(path)))
+
+
+def test_the_dilated_trunk_sees_far():
+    """Oracle: closed form; its last stages halve nothing, and it has the parameters of ResNet-50 with a deep stem."""
+    trunk = trunks.DilatedResnet50().eval()
+    with torch.no_grad():
+        sizes = [tuple(x.shape[1:]) for x in trunk(torch.rand(1, 3, 64, 64))]
+    assert sizes == [(256, 16, 16), (512, 8, 8), (1024, 8, 8), (2048, 8, 8)]
+    stem = 3 * 64 * 9 + 64 * 64 * 9 + 64 * 128 * 9 + 2 * (64 + 64 + 128)
+    plain_stem, plain = (
+        3 * 64 * 49 + 2 * 64,
+        25_557_032 - 2048 * 1000 - 1000,
+    )  # torchvision's resnet50 without its classifier
+    wider_first_block = 64 * (64 + 256)  # 128 planes come in, not 64
+    assert sum(p.numel() for p in trunk.parameters()) == plain - plain_stem + stem + wider_first_block
+
+
+def test_alexnet_weights_of_the_lpips_trunk(data_dir):
+    """Oracle: the real file loads strictly, and equal pictures are at distance 0."""
+    loss = perceptual_loss(LossSettings(trunk_weights=str(data_dir / "weights" / "alexnet_features.safetensors")))
+    picture = torch.rand(1, 3, 64, 64)
+    assert loss.name == "alexnet" and number(loss(picture, picture)) == 0 < number(loss(picture, picture.flip(3)))
+
+
+def test_the_random_trunk_is_always_the_same():
+    """Oracle: round trip; drawing random numbers before or after changes nothing, and nothing else is drawn."""
+    state = torch.get_rng_state()
+    first = trunks.random_trunk(4).state_dict()
+    torch.rand(3)
+    second = trunks.random_trunk(4).state_dict()
+    assert all(torch.equal(first[key], second[key]) for key in first)
+    torch.set_rng_state(state)
+
+
+@pytest.mark.parametrize("planes", CHANNELS)
+@pytest.mark.parametrize("split", ["train", "held_out"])
+def test_sketches_keep_the_contract(planes, split):
+    """Oracle: the contract's own check; the same index and random numbers give the same sample."""
+    network = NetworkSettings(planes)
+    source = Sketches(network, 32, split)
+    for index in range(20):
+        sample = source.sample(index, np.random.default_rng(index))
+        check_sample(sample, network, 32)
+        again = source.sample(index, np.random.default_rng(index))
+        assert all(np.array_equal(sample[key], again[key]) for key in sample)
+        if network.has_depth:
+            assert (sample["target"][-1] <= sample["limit"][0] + 1e-6).all()
+
+
+@pytest.mark.parametrize(
+    ("key", "change"),
+    [
+        ("mask", lambda x: x * 0),
+        ("mask", lambda x: x * 0.5),
+        ("input", lambda x: x + 0.1),
+        ("target", lambda x: x * np.float32(np.nan)),
+        ("target", lambda x: x[:, :-1]),
+        ("known_depth", lambda x: x.astype(np.float64)),
+    ],
+)
+def test_samples_off_the_contract_are_refused(key, change):
+    """Oracle: law; the message names the key."""
+    network = NetworkSettings("rgbd")
+    sample = Sketches(network, 32, "train").sample(0, np.random.default_rng(0))
+    with pytest.raises(ShapeError, match=key):
+        check_sample(sample | {key: change(sample[key])}, network, 32)
+
+
+def test_metrics_of_the_truth_and_of_telea():
+    """Oracle: closed form; the truth is perfect, a grey hole has the truth's distance from grey, Telea is in between."""
+    network = NetworkSettings("rgbd")
+    source = Sketches(network, 64, "held_out")
+    samples = [source.sample(i, np.random.default_rng(i)) for i in range(4)]
+    batch = {key: torch.stack([torch.from_numpy(sample[key]) for sample in samples]) for key in samples[0]}
+    perfect = hole_metrics(batch["target"], batch, network)
+    assert list(perfect) == metric_names(network)
+    assert perfect["color_l1"] == perfect["depth_l1"] == perfect["law_broken"] == 0
+    assert perfect["color_ssim"] == pytest.approx(1) and perfect["color_psnr"] == pytest.approx(100)
+    grey = hole_metrics(torch.full_like(batch["target"], 0.5), batch, network)
+    diffused = telea(batch)
+    torch.testing.assert_close(composited(diffused, batch), diffused, rtol=0, atol=0.5 / 255 + 1e-6)
+    assert 0 < hole_metrics(diffused, batch, network)["color_l1"] < grey["color_l1"]
+
+
+def test_ssim_agrees_with_scikit_image():
+    """Oracle: somebody else's code, away from the border."""
+    metrics = pytest.importorskip("skimage.metrics", reason="needs scikit-image: pip install 'dlama[evaluate]'")
+    rng = np.random.default_rng(0)
+    a, b = rng.random((2, 32, 40), dtype=np.float32)
+    wanted = metrics.structural_similarity(a, b, win_size=7, data_range=1, full=True, use_sample_covariance=False)[1]
+    mine = ssim_map(torch.from_numpy(a)[None, None], torch.from_numpy(b)[None, None])[0, 0]
+    np.testing.assert_allclose(mine[3:-3, 3:-3], wanted[3:-3, 3:-3], atol=1e-5)

@@ -1,0 +1,157 @@
+"""Settings refuse contradictions, and come back from JSON as they went."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from dataclasses import fields, is_dataclass, replace
+
+import pytest
+
+from dlama.errors import FileError, InputError, ShapeError
+from dlama.training.budget import budget, discriminator_flop, generator_flop, parameters
+from dlama.training.presets import PRESETS
+from dlama.training.settings import DataSettings, LoopSettings, LossSettings, NetworkSettings, TrainSettings
+from dlama.training.settings_files import from_json, settings_of, to_json
+
+
+@pytest.mark.parametrize("name", PRESETS)
+def test_presets_travel_through_json(name, tmp_path):
+    """Oracle: round trip, by name and by file."""
+    settings = settings_of(name)
+    path = tmp_path / "settings.json"
+    path.write_text(to_json(settings))
+    assert settings_of(path) == settings and settings.name == name
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        ({"nam": "x"}, "nam is no setting"),
+        ({"network": {"widht": 3}}, "network.widht is no setting"),
+        ({"network": {"width": "3"}}, "network.width is '3'; int is wanted"),
+        ({"network": {"width": 3.5}}, "network.width is 3.5; int is wanted"),
+        ({"network": {"planes": "rgbx"}}, "network.planes is 'rgbx'"),
+        ({"loop": {"steps": True}}, "loop.steps is True; int is wanted"),
+        ({"loss": []}, "loss is \\[\\]; a table is wanted"),
+        ({"data": {"mixture": {"world": "much"}}}, "data.mixture.world is 'much'"),
+        ({"data": {"mixture": 3}}, "data.mixture"),
+    ],
+)
+def test_json_is_read_strictly(change, says):
+    """Oracle: law; the message names the field."""
+    with pytest.raises(FileError, match=says):
+        from_json(json.dumps(change))
+
+
+@pytest.mark.parametrize("text", ["", "[]", "{", "3"])
+def test_json_that_is_no_settings_file(text):
+    """Oracle: law."""
+    with pytest.raises(FileError, match=r"my\.json"):
+        from_json(text, "my.json")
+
+
+def test_what_a_file_leaves_out_keeps_its_default():
+    """Oracle: the defaults; a whole number is a number."""
+    assert from_json('{"loss": {"perceptual": 3}}') == TrainSettings(loss=LossSettings(perceptual=3.0))
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda: LossSettings(adversarial=-1.0),
+        lambda: LossSettings(perceptual=float("nan")),
+        lambda: LossSettings(trunk="vgg16"),
+        lambda: LossSettings(trunk="random", trunk_weights="x.pth"),
+        lambda: LoopSettings(batch=0),
+        lambda: LoopSettings(precision="fp16"),
+        lambda: DataSettings(mixture={}),
+        lambda: DataSettings(mixture={"world": 0.0}),
+        lambda: DataSettings(mixture={"wrold": 1.0}),
+        lambda: TrainSettings(data=DataSettings(size=100)),
+        lambda: TrainSettings(name="a/b"),
+        lambda: TrainSettings(network=NetworkSettings("stereo")),
+        lambda: TrainSettings(data=DataSettings(mixture={"stereo": 1.0, "world": 1.0})),
+    ],
+)
+def test_contradictions_are_refused(make):
+    """Oracle: law."""
+    with pytest.raises(InputError):
+        make()
+
+
+def test_networks_that_no_generator_is():
+    """Oracle: the architecture's own checks."""
+    with pytest.raises(ShapeError):
+        NetworkSettings(blocks=0)
+
+
+def test_an_unknown_name_lists_the_presets():
+    """Oracle: law."""
+    with pytest.raises(InputError, match="mini-stereo"):
+        settings_of("medium-rgbd")
+
+
+def test_every_field_is_explained():
+    """Oracle: the source; each field of the settings has a docstring after it."""
+    import inspect
+
+    import dlama.training.settings as room
+
+    text = inspect.getsource(room)
+    for kind in (TrainSettings, NetworkSettings, LossSettings, DataSettings, LoopSettings):
+        for each in fields(kind):
+            if not is_dataclass(each.default_factory):
+                after = text.split(f"\n    {each.name}: ")[1].split("\n", 1)[1]
+                assert after.lstrip().startswith('"""'), each.name
+
+
+def test_settings_load_no_torch():
+    """Oracle: sys.modules of a fresh interpreter; the command line's help must be quick."""
+    code = "import sys, dlama.training.settings_files, dlama.training.budget, dlama.apps.train; print('torch' in sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "False"
+
+
+def test_budgets_of_the_presets():
+    """Oracle: the sizes the presets were asked to have, and torch's own count of parameters."""
+    torch = pytest.importorskip("torch", reason="the networks need torch: pip install 'dlama[train]'")
+    from dlama.nets.generator import Generator
+
+    small = budget(PRESETS["small-rgbd"].settings, 512)
+    assert 4.5e6 < small.parameters < 5.5e6 and 45e9 < small.flop < 55e9
+    assert all(budget(PRESETS[name].settings).parameters < 1e6 for name in ("tiny", "mini-rgbd", "mini-stereo"))
+    assert 50e6 < budget(PRESETS["big-rgbd"].settings).parameters < 52e6
+    with torch.device("meta"):
+        net = Generator(PRESETS["small-rgbd"].settings.network.generator)
+    assert small.parameters == sum(parameter.numel() for parameter in net.parameters())
+    assert parameters({"a.weight": (2, 3), "a.running_mean": (7,)}) == 6
+
+
+def test_flop_agree_with_a_profiler():
+    """Oracle: torch's FLOP counter, which counts the convolutions (not the transforms)."""
+    torch = pytest.importorskip("torch", reason="the networks need torch: pip install 'dlama[train]'")
+    from torch.utils.flop_counter import FlopCounterMode
+
+    from dlama.nets.discriminator import Discriminator
+    from dlama.nets.generator import Generator
+
+    network = PRESETS["mini-rgbd"].settings.network
+    for net, counted, planes in (
+        (Generator(network.generator), generator_flop(network.generator, 64, 64), 5),
+        (Discriminator(network.discriminator), discriminator_flop(network.discriminator, 64, 64), 4),
+    ):
+        with FlopCounterMode(display=False) as counter, torch.no_grad():
+            net(torch.rand(1, planes, 64, 64))
+        assert counted == pytest.approx(counter.get_total_flops(), rel=0.03)
+
+
+def test_resuming_with_other_settings_is_refused():
+    """Oracle: law; the loop's rhythm may change, the loss may not."""
+    from dlama.training.run_files import refuse_changes
+
+    had = TrainSettings()
+    refuse_changes(had, replace(had, loop=replace(had.loop, steps=7, log_every=1)))
+    with pytest.raises(InputError, match=r"loss.perceptual is 1.0, the run to resume has 30.0"):
+        refuse_changes(had, replace(had, loss=LossSettings(perceptual=1.0)))

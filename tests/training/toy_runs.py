@@ -1,0 +1,72 @@
+"""Runs that take a second or two: settings, a source of four samples, and a source that spoils one batch."""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import replace
+
+import numpy as np
+
+from dlama.training.settings import (
+    DataSettings,
+    LoopSettings,
+    LossSettings,
+    NetworkSettings,
+    OptimiserSettings,
+    TrainSettings,
+)
+from dlama.training.sketches import Sketches
+
+
+def toy(planes: str = "rgbd", size: int = 32, **loop: object) -> TrainSettings:
+    """The smallest network of those planes; `loop` changes the loop's settings."""
+    network = NetworkSettings(planes, width=8, blocks=1, downsamplings=2, discriminator_width=8, discriminator_layers=2)
+    quiet = LoopSettings(
+        steps=4, batch=2, accelerator="cpu", log_every=1, validate_every=2, sheet_every=100, checkpoint_every=100
+    )
+    return TrainSettings(
+        "toy",
+        network=network,
+        loss=LossSettings(trunk="random", trunk_width=4),
+        optimiser=OptimiserSettings(average=0.9),
+        data=DataSettings(size=size, mixture={"sketch": 1.0}, held_out=2, workers=0),
+        loop=replace(quiet, **loop),
+    )
+
+
+class Four:
+    """The same four sketches again and again; whatever is held out, it is these."""
+
+    def __init__(self, network: NetworkSettings, size: int) -> None:
+        sketches = Sketches(network, size, "train")
+        self.made = [sketches.sample(i, np.random.default_rng(i)) for i in range(4)]
+
+    def __len__(self) -> int:
+        return len(self.made)
+
+    def sample(self, index: int, rng: np.random.Generator) -> dict[str, np.ndarray]:
+        """One of them."""
+        return self.made[index]
+
+
+class Spoiled(Sketches):
+    """Sketches whose target is NaN in some calls."""
+
+    def __init__(self, settings: TrainSettings, calls: set[int]) -> None:
+        super().__init__(settings.network, settings.data.size, "train")
+        self.calls, self.count = calls, 0
+
+    def sample(self, index: int, rng: np.random.Generator) -> dict[str, np.ndarray]:
+        """Counts its calls, which `dlama.training` never promises: for a run without workers only."""
+        made = super().sample(index, rng)
+        if self.count in self.calls:
+            made["target"] = made["target"] * np.float32(np.nan)
+        self.count += 1
+        return made
+
+
+def no_tensorboard() -> None:
+    """Some of its imports warn of Python's own changes; that is nobody's fault here."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        import torch.utils.tensorboard  # noqa: F401
