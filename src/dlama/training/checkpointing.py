@@ -26,6 +26,13 @@ VERSION = 1
 LAST = "last.ckpt"
 
 
+def seed_everything(seed: int) -> None:
+    """Python's, numpy's and torch's random numbers begin here."""
+    random.seed(seed)
+    np.random.seed(seed % (1 << 32))  # noqa: NPY002
+    torch.manual_seed(seed)
+
+
 def random_state() -> dict[str, Any]:
     """Of Python, numpy and torch, in types that a checkpoint can hold."""
     kind, keys, position, has_gauss, gauss = np.random.get_state()  # noqa: NPY002  (other people's code may draw from it)

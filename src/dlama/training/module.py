@@ -14,6 +14,7 @@ from dlama.nets.discriminator import Discriminator
 from dlama.nets.generator import Generator
 from dlama.training.average import average_of, follow
 from dlama.training.batches import Batch
+from dlama.training.checkpointing import seed_everything
 from dlama.training.guard import Guard
 from dlama.training.losses import (
     Terms,
@@ -38,7 +39,7 @@ class TrainingModule(pl.LightningModule):
         super().__init__()
         self.automatic_optimization = False
         self.settings = settings
-        torch.manual_seed(settings.loop.seed)
+        seed_everything(settings.loop.seed)
         self.generator: Generator = started(settings.network)
         self.discriminator = Discriminator(settings.network.discriminator) if settings.loss.judged else None
         self.average = average_of(self.generator)

@@ -125,7 +125,7 @@ def random_trunk(width: int) -> Tapped:
     layers: list[nn.Module] = []
     generator = torch.Generator().manual_seed(SEED)
     for (before, after), (stride, dilation) in zip(itertools.pairwise(widths), steps, strict=True):
-        convolution = nn.Conv2d(before, after, 3, stride, dilation, dilation, padding_mode="reflect")
+        convolution = nn.Conv2d(before, after, 3, stride, dilation, dilation)
         nn.init.orthogonal_(convolution.weight, 2**0.5, generator)
         nn.init.zeros_(convolution.bias)  # type: ignore[arg-type]
         layers += [convolution, nn.LeakyReLU(0.2)]

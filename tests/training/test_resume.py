@@ -1,0 +1,178 @@
+"""A run that was stopped and resumed ends with the same numbers, bit for bit, as one that was not."""
+
+from __future__ import annotations
+
+import os
+import random
+import signal
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+torch = pytest.importorskip("torch", reason="training needs torch: pip install 'dlama[train]'")
+pytest.importorskip("pytorch_lightning", reason="the loop needs Lightning: pip install 'dlama[train]'")
+
+from toy_runs import no_tensorboard, toy  # noqa: E402
+
+from dlama.errors import FileError, InputError, OutputError  # noqa: E402
+from dlama.training import rhythm  # noqa: E402
+from dlama.training.checkpointing import LAST, random_state, read_checkpoint, set_random_state  # noqa: E402
+from dlama.training.loop import train  # noqa: E402
+from dlama.training.module import TrainingModule  # noqa: E402
+from dlama.training.run_files import read_metrics  # noqa: E402
+from dlama.training.sketches import Sketches  # noqa: E402
+from dlama.training.stream import Numbered, Positions, loader  # noqa: E402
+
+no_tensorboard()
+
+
+class Restless(TrainingModule):
+    """Draws from the random numbers of torch, numpy and Python in every step, to see whether those are restored."""
+
+    def training_step(self, batch, batch_index):
+        noise = torch.rand(batch["target"].shape) + np.random.rand() + random.random()  # noqa: NPY002
+        super().training_step(batch | {"target": (batch["target"] + 0.01 * noise).clamp(0, 1)}, batch_index)
+
+
+def everything(run):
+    """Every tensor of a checkpoint, by its path."""
+    found = {}
+
+    def walk(at, node):
+        if isinstance(node, torch.Tensor):
+            found[at] = node
+        elif isinstance(node, dict):
+            for key, value in node.items():
+                walk(f"{at}/{key}", value)
+        elif isinstance(node, (list, tuple)):
+            for key, value in enumerate(node):
+                walk(f"{at}/{key}", value)
+        elif not at.endswith(("/seconds", "/settings")):
+            found[at] = node
+
+    walk("", read_checkpoint(run / LAST))
+    return found
+
+
+def assert_same(a, b):
+    """Equal in every bit, and of the same names."""
+    assert set(a) == set(b)
+    for name, value in a.items():
+        same = torch.equal(value, b[name]) if isinstance(value, torch.Tensor) else value == b[name]
+        assert same, name
+
+
+@pytest.mark.parametrize("planes", ["rgbd", "stereo"])
+def test_resumed_is_bit_exact(planes, tmp_path, monkeypatch):
+    """Oracle: the run that was never stopped: networks, average, optimisers, random numbers and position.
+
+    Learning rates that change, a penalty on every third step, and steps that draw random numbers.
+    """
+    settings = toy(planes, steps=7)
+    settings = replace(settings, optimiser=replace(settings.optimiser, warm_up=3, decay="cosine"))
+    settings = replace(settings, loss=replace(settings.loss, penalty_every=3))
+    monkeypatch.setattr("dlama.training.loop.TrainingModule", Restless)
+    whole = train(settings, tmp_path / "whole")
+
+    class Stop(rhythm.Rhythm):
+        def _should_stop(self, trainer):
+            if self.seconds_before == 0 and trainer.lightning_module.step == 3:
+                os.kill(os.getpid(), signal.SIGTERM)
+            return super()._should_stop(trainer)
+
+    with monkeypatch.context() as patch:
+        patch.setattr("dlama.training.loop.Rhythm", Stop)
+        part = train(settings, tmp_path / "parts")
+    assert (part.ended, part.step, part.network) == ("SIGTERM", 3, None)
+    torch.rand(7)  # whatever happens in between
+    rest = train(settings, tmp_path / "parts", resume=True)
+    assert rest.step == whole.step == 7
+    assert_same(everything(whole.run), everything(rest.run))
+    assert rest.network.read_bytes() == whole.network.read_bytes()
+    assert [row["step"] for row in read_metrics(rest.run)] == [1, 2, 3, 4, 5, 6, 7]
+    assert signal.getsignal(signal.SIGTERM) in (signal.SIG_DFL, None)
+
+
+def test_another_seed_is_seen(tmp_path):
+    """The guard above can fail."""
+    runs = [train(toy(steps=1, seed=seed), tmp_path / str(seed)).run for seed in (0, 1)]
+    with pytest.raises(AssertionError):
+        assert_same(*map(everything, runs))
+
+
+def test_rows_after_the_checkpoint_are_done_again(tmp_path):
+    """Oracle: law; a run that was killed between two checkpoints has rows that never happened."""
+    run = train(toy(steps=2), tmp_path / "run").run
+    with (run / "metrics.csv").open("a") as stream:
+        stream.write("3,12,99" + "\n")
+    train(toy(steps=4), run, resume=True)
+    rows = read_metrics(run)
+    assert [row["step"] for row in rows] == [1, 2, 3, 4] and rows[2]["seconds"] < 99
+    assert "held_out_color_l1" in rows[3] and "held_out_color_l1" not in rows[2]
+
+
+def test_a_finished_run_is_exported_again(tmp_path):
+    """Oracle: the files of the first time."""
+    run = train(toy(steps=2), tmp_path / "run").run
+    before = (run / "toy.onnx").read_bytes()
+    (run / "toy.onnx").unlink()
+    assert train(toy(steps=2), run, resume=True).network.read_bytes() == before
+
+
+def test_what_cannot_be_resumed(tmp_path):
+    """Oracle: law; each message names what is wrong."""
+    with pytest.raises(FileError, match="no run to resume"):
+        train(toy(), tmp_path / "none", resume=True)
+    run = train(toy(steps=1), tmp_path / "run").run
+    with pytest.raises(OutputError, match="--resume continues it"):
+        train(toy(), run)
+    with pytest.raises(InputError, match=r"loop.batch is 3, the run to resume has 2"):
+        train(toy(batch=3), run, resume=True)
+    (run / LAST).write_bytes((run / LAST).read_bytes()[:1000])
+    with pytest.raises(FileError, match=r"last\.ckpt: cannot be read"):
+        train(toy(), run, resume=True)
+    (run / LAST).unlink()
+    with pytest.raises(FileError, match="no such checkpoint"):
+        train(toy(), run, resume=True)
+
+
+def test_random_numbers_come_back():
+    """Oracle: round trip through a checkpoint's types."""
+    kept = random_state()
+    drawn = random.random(), np.random.rand(), float(torch.rand(()))  # noqa: NPY002
+    set_random_state(kept)
+    assert drawn == (random.random(), np.random.rand(), float(torch.rand(())))  # noqa: NPY002
+
+
+def test_batches_are_a_function_of_the_position():
+    """Oracle: law; two processes together take what one takes with the doubled batch, also from the middle on."""
+    whole = [number for batch in Positions(0, 6, 4) for number in batch]
+    assert whole == list(range(24)) and len(Positions(0, 6, 4)) == 6
+    halves = [list(Positions(8, 4, 2, rank, 2)) for rank in (0, 1)]
+    assert [a + b for a, b in zip(*halves)] == list(Positions(8, 4, 4))
+
+
+def test_every_index_comes_once_per_epoch():
+    """Oracle: law; a shuffling, another one in the next epoch, and the same one every time."""
+
+    class Ten:
+        def __len__(self):
+            return 10
+
+    numbered = Numbered(Ten(), seed=3)
+    rng = np.random.default_rng(0)
+    epochs = [[numbered.index(number, rng) for number in range(start, start + 10)] for start in (0, 10)]
+    assert sorted(epochs[0]) == sorted(epochs[1]) == list(range(10)) and epochs[0] != epochs[1]
+    assert [Numbered(Ten(), 3).index(number, rng) for number in range(10)] == epochs[0]
+
+
+def test_workers_give_the_same_batches():
+    """Oracle: the batches made without workers."""
+    settings = toy()
+    source = Sketches(settings.network, 32, "train")
+    made = [
+        list(loader(source, replace(settings, data=replace(settings.data, workers=workers)), Positions(4, 2, 2)))
+        for workers in (0, 1)
+    ]
+    assert all(torch.equal(a[key], b[key]) for a, b in zip(*made) for key in a)
