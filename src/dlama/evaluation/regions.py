@@ -29,6 +29,7 @@ from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
 
 SEEN_TOLERANCE = 0.02
 """Relative difference in inverse depth up to which two frames show one surface."""
+SMALLEST_WEIGHT = 1e-6
 SAME_DISPARITY_PX = 1.0
 """The same for a rectified pair, in pixels of disparity."""
 
@@ -113,6 +114,8 @@ def matches_neighbour(
 ) -> BoolArray:
     """True where one of the four pixels round (x, y), or their bilinear mean, has the inverse depth w; nan = no reading.
 
+    A pixel without bilinear weight does not count: a point on a pixel's centre has one pixel round it.
+
     On a plane inverse depth is affine in pixels, so the mean is exact however grazing the view.
     """
     height, width = there.shape
@@ -123,8 +126,9 @@ def matches_neighbour(
     for dy, weight_y in ((0, 1 - down), (1, down)):
         for dx, weight_x in ((0, 1 - across), (1, across)):
             found = there[clipped_index(top + dy, height), clipped_index(left + dx, width)]
-            matches |= np.abs(found - w) <= tolerance * np.maximum(found, w)
-            mean += weight_x * weight_y * found
+            weight = weight_x * weight_y
+            matches |= (weight > SMALLEST_WEIGHT) & (np.abs(found - w) <= tolerance * np.maximum(found, w))
+            mean += weight * found
     return matches | (np.abs(mean - w) <= tolerance * np.maximum(mean, w))
 
 
@@ -166,7 +170,8 @@ def looked_up(left: Float32Array, right: Float32Array) -> tuple[BoolArray, BoolA
     has = is_known(right)
     at = np.arange(width) + 0.5 + np.where(has, right, 0)
     outside = has & (at >= width)
-    beside = [np.take_along_axis(left, clipped_index(np.floor(at + shift), width), 1) for shift in (-0.5, 0, 0.5)]
+    columns = np.floor(at - 0.5), np.floor(at), np.ceil(at - 0.5)
+    beside = [np.take_along_axis(left, clipped_index(column, width), 1) for column in columns]
     readings = np.stack([np.where(is_known(one), one, np.nan) for one in beside])
     with np.errstate(invalid="ignore"):
         matches = (np.abs(readings - right) <= SAME_DISPARITY_PX).any(0)
