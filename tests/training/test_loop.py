@@ -1,0 +1,274 @@
+"""The loop trains, exports what the filler `joint` runs, survives bad batches and full disks, and stops when told."""
+
+from __future__ import annotations
+
+import errno
+import math
+import time
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+torch = pytest.importorskip("torch", reason="training needs torch: pip install 'dlama[train]'")
+pytest.importorskip("pytorch_lightning", reason="the loop needs Lightning: pip install 'dlama[train]'")
+
+from toy_runs import Four, Spoiled, no_tensorboard, toy  # noqa: E402
+
+from dlama.errors import DlamaError, InputError, OutputError  # noqa: E402
+from dlama.inpainters.contract import demand  # noqa: E402
+from dlama.inpainters.engine import Engine  # noqa: E402
+from dlama.nets.checkpoints import read_generator  # noqa: E402
+from dlama.nets.generator import Generator, generator_from_state  # noqa: E402
+from dlama.nets.safetensors_file import write_safetensors  # noqa: E402
+from dlama.training import checkpointing, module, settings, stream  # noqa: E402
+from dlama.training.average import average_of, follow  # noqa: E402
+from dlama.training.checkpointing import LAST, read_checkpoint  # noqa: E402
+from dlama.training.loop import train  # noqa: E402
+from dlama.training.presets import PRESETS  # noqa: E402
+from dlama.training.run_files import read_metrics  # noqa: E402
+from dlama.training.sketches import Sketches  # noqa: E402
+from dlama.training.start import started  # noqa: E402
+from dlama.training.validation import hole_metrics, telea  # noqa: E402
+
+no_tensorboard()
+
+
+@pytest.fixture(scope="module")
+def tiny_run(tmp_path_factory):
+    """The preset `tiny`, trained as a user would."""
+    return train(PRESETS["tiny"].settings, tmp_path_factory.mktemp("tiny") / "run")
+
+
+def test_tiny_leaves_everything_a_user_needs(tiny_run):
+    """Oracle: the list of a run directory, and the card's words."""
+    names = {path.relative_to(tiny_run.run).as_posix() for path in tiny_run.run.rglob("*.*")}
+    assert {
+        "settings.json",
+        "metrics.csv",
+        "log.txt",
+        "last.ckpt",
+        "tiny.onnx",
+        "tiny.safetensors",
+        "README.md",
+    } <= names
+    assert {"sheets/step-0000020.png", "sheets/step-0000040.png"} <= names
+    assert any(name.startswith("tensorboard/events") for name in names)
+    card = (tiny_run.run / "README.md").read_text()
+    assert "Perceptual trunk random" in card and "40 steps, 160 samples" in card and "| Telea |" in card
+    assert "perceptual trunk random" in (tiny_run.run / "log.txt").read_text()
+
+
+def test_tiny_learns_on_held_out_samples(tiny_run):
+    """Oracle: its own learning curve; and every column of the metrics was written."""
+    rows = read_metrics(tiny_run.run)
+    looks = [row for row in rows if "held_out_color_l1" in row]
+    assert [row["step"] for row in looks] == [20, 40] and rows[-1]["samples"] == 160
+    assert looks[1]["held_out_color_l1"] < looks[0]["held_out_color_l1"]
+    assert looks[1]["held_out_depth_l1"] < looks[0]["held_out_depth_l1"]
+    assert rows[0].keys() | looks[0].keys() == set(
+        (tiny_run.run / "metrics.csv").read_text().splitlines()[0].split(",")
+    )
+
+
+def test_the_exported_network_is_the_moving_average(tiny_run):
+    """Oracle: torch on the checkpoint's average, against onnxruntime on the exported file."""
+    engine = Engine(tiny_run.network, threads=1)
+    demand(engine.contract, 4, "tiny.onnx", "joint")
+    sample = Sketches(PRESETS["tiny"].settings.network, 64, "held_out").sample(0, np.random.default_rng(0))
+    given = read_checkpoint(tiny_run.run / LAST)["state_dict"]
+    average = {
+        key.removeprefix("average."): value.numpy() for key, value in given.items() if key.startswith("average.")
+    }
+    with torch.no_grad():
+        wanted = generator_from_state(average)(torch.from_numpy(sample["input"])[None]).numpy()
+    got = engine.call(sample["target"][None], sample["mask"][0] > 0)
+    np.testing.assert_allclose(got, wanted, atol=1e-5)
+    assert wanted.std() > 0.05
+
+
+def test_the_checkpoint_is_a_lama_checkpoint(tiny_run):
+    """Oracle: the reader of anybody's checkpoints finds the generator in it; fine-tuning can start from it."""
+    weights = read_generator(tiny_run.run / LAST)
+    assert weights.settings == PRESETS["tiny"].settings.network.generator
+    again = started(replace(PRESETS["tiny"].settings.network, start=str(tiny_run.run / "tiny.safetensors")))
+    assert sum(p.numel() for p in again.parameters()) == sum(
+        v.size for k, v in weights.state.items() if "running" not in k and "num" not in k
+    )
+
+
+def test_a_tiny_network_overfits_four_samples_and_beats_telea(tmp_path):
+    """Oracle: OpenCV's Telea on the same four holes, in colour and in depth."""
+    told = toy(size=64, steps=150, batch=4, validate_every=150, log_every=50)
+    network = replace(told.network, width=12, blocks=2)
+    loss = replace(told.loss, adversarial=1.0, feature_matching=10.0, l1_hole=30.0, depth_l1=30.0)
+    told = replace(told, network=network, loss=loss, data=replace(told.data, held_out=4))
+    told = replace(told, optimiser=replace(told.optimiser, generator_rate=3e-3, average=0.95, decay="cosine"))
+    four = Four(network, 64)
+    began = time.monotonic()
+    run = train(told, tmp_path / "run", source=four, held_out=four).run
+    assert time.monotonic() - began < 120
+    batch = stream.held_out_batch(four, told)
+    beaten = hole_metrics(telea(batch), batch, network)
+    reached = read_metrics(run)[-1]
+    for name in ("color_l1", "depth_l1"):
+        assert reached[f"held_out_{name}"] < 0.8 * beaten[name], name
+    assert reached["held_out_color_psnr"] > beaten["color_psnr"] + 1
+
+
+@pytest.mark.parametrize("planes", ["rgb", "stereo", "stereo-two-masks"])
+def test_other_planes_train_and_export(planes, tmp_path):
+    """Oracle: the exported file's own planes; no column of depth."""
+    done = train(toy(planes, steps=2), tmp_path / "run")
+    weights = read_generator(done.run / "toy.safetensors")
+    assert (weights.settings.in_channels, weights.settings.out_channels) == settings.CHANNELS[planes]
+    assert not any("depth" in name for row in read_metrics(done.run) for name in row)
+    assert done.network.is_file() and (done.run / "README.md").is_file()
+
+
+def test_a_bad_batch_does_not_kill_the_run(tmp_path):
+    """Oracle: law; the weights after the bad step are those of the last state that was kept, and the run goes on."""
+    told = toy(steps=5, guard_every=2)
+    seen = {}
+
+    class Watched(module.TrainingModule):
+        def training_step(self, batch, index):
+            super().training_step(batch, index)
+            seen[self.step] = {key: value.clone() for key, value in self.generator.state_dict().items()}
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("dlama.training.loop.TrainingModule", Watched)
+        # the first call is the check before the run; calls 7 and 8 are the fourth batch
+        done = train(
+            told, tmp_path / "run", source=Spoiled(told, {7, 8}), held_out=Sketches(told.network, 32, "held_out")
+        )
+    assert done.step == 5 and read_checkpoint(done.run / LAST)["restored"] == 1
+    assert all(torch.equal(seen[2][key], seen[4][key]) for key in seen[2])
+    assert any(not torch.equal(seen[3][key], seen[4][key]) for key in seen[2])
+    assert all(value.isfinite().all() for value in seen[5].values())
+    rows = read_metrics(done.run)
+    assert math.isnan(rows[3]["gradient_norm"]) and math.isfinite(rows[4]["gradient_norm"])
+
+
+def test_nothing_but_bad_batches_ends_the_run(tmp_path):
+    """Oracle: law; the message says so, and the last checkpoint is of a good state."""
+    told = toy(steps=60, checkpoint_every=2)
+    with pytest.raises(DlamaError, match="20 batches in a row"):
+        train(told, tmp_path / "run", source=Spoiled(told, set(range(7, 200))))
+    kept = read_checkpoint(tmp_path / "run" / LAST)
+    assert all(value.isfinite().all() for value in kept["state_dict"].values())
+
+
+def test_a_full_disk_leaves_the_old_checkpoint_whole(tmp_path, monkeypatch):
+    """Oracle: the bytes of the file before; nothing else is left behind, in both ways that torch fails."""
+    path = tmp_path / "last.ckpt"
+    checkpointing.write_checkpoint(path, {"version": 1, "weights": torch.ones(3)})
+    before = path.read_bytes()
+
+    def full(kind):
+        def save(thing, stream):
+            stream.write(b"half of it")
+            raise (
+                kind(errno.ENOSPC, "No space left on device") if kind is OSError else kind("PytorchStreamWriter failed")
+            )
+
+        return save
+
+    for kind in (OSError, RuntimeError):
+        monkeypatch.setattr(torch, "save", full(kind))
+        with pytest.raises(OutputError, match="what was there is whole"):
+            checkpointing.write_checkpoint(path, {"version": 1})
+        assert path.read_bytes() == before and list(tmp_path.iterdir()) == [path]
+
+
+def test_the_run_goes_on_when_a_checkpoint_fails_but_not_without_the_last(tmp_path, monkeypatch):
+    """Oracle: law; a checkpoint on the way may fail, which the log says, the last one may not."""
+    failing = {1}
+
+    def write(path, checkpoint):
+        if checkpoint["step"] in failing:
+            raise OutputError("the disk is full")
+        real(path, checkpoint)
+
+    real = checkpointing.write_checkpoint
+    monkeypatch.setattr("dlama.training.rhythm.write_checkpoint", write)
+    run = train(toy(steps=2, checkpoint_every=1), tmp_path / "run").run
+    assert "step 1: the disk is full; the run goes on" in (run / "log.txt").read_text()
+    failing.add(3)
+    with pytest.raises(OutputError, match="the disk is full"):
+        train(toy(steps=3), run, resume=True)
+    assert read_checkpoint(run / LAST)["step"] == 2
+
+
+def test_time_is_up(tmp_path):
+    """Oracle: law; one step at least, a checkpoint, and the network as it is then."""
+    done = train(toy(steps=10_000), tmp_path / "run", max_minutes=0.01)
+    assert done.ended == "time is up" and 1 <= done.step < 10_000
+    assert done.network is not None and read_checkpoint(done.run / LAST)["step"] == done.step
+
+
+def test_bfloat16_trains(tmp_path):
+    """Oracle: law; losses are finite and weights stay float32."""
+    done = train(toy(steps=2, precision="bf16", channels_last=True), tmp_path / "run")
+    state = read_checkpoint(done.run / LAST)["state_dict"]
+    assert {value.dtype for value in state.values()} == {torch.float32, torch.int64}
+    assert all(math.isfinite(value) for row in read_metrics(done.run) for value in row.values())
+
+
+def test_terms_of_weight_0_are_not_there(tmp_path):
+    """Oracle: law; without a judge there is no discriminator to keep."""
+    told = toy(steps=2)
+    loss = replace(told.loss, adversarial=0.0, feature_matching=0.0, perceptual=0.0, depth_normal=0.0)
+    done = train(replace(told, loss=loss), tmp_path / "run")
+    kept = read_checkpoint(done.run / LAST)
+    assert (
+        not any(name.startswith("discriminator") for name in kept["state_dict"]) and len(kept["optimizer_states"]) == 1
+    )
+    assert {"l1_known", "depth_l1", "depth_gradient", "depth_law", "gradient_norm"} < set(read_metrics(done.run)[0])
+    assert "no perceptual term" in (done.run / "README.md").read_text().lower()
+
+
+def test_fine_tuning_starts_where_lama_ended(tmp_path):
+    """Oracle: the network before surgery: at step 0 colour is filled as before, with two more planes around it."""
+    lama = Generator(settings.NetworkSettings("rgb", width=8, blocks=1, downsamplings=2).generator).eval()
+    path = tmp_path / "lama.safetensors"
+    write_safetensors(path, {key: np.array(value.numpy()) for key, value in lama.state_dict().items()})
+    network = settings.NetworkSettings("rgbd", width=8, blocks=1, downsamplings=2, start=str(path))
+    picture = torch.rand(1, 5, 16, 16)
+    with torch.no_grad():
+        got = started(network).eval()(picture)[:, :3]
+        torch.testing.assert_close(got, lama(picture[:, [0, 1, 2, 4]]), rtol=0, atol=1e-6)
+    with pytest.raises(InputError, match="the settings say"):
+        started(replace(network, blocks=2))
+
+
+def test_frozen_norms_keep_their_statistics(tmp_path):
+    """Oracle: law; scales learn, statistics stay."""
+    told = toy(steps=2)
+    done = train(replace(told, network=replace(told.network, frozen_norms=True)), tmp_path / "run")
+    state = read_checkpoint(done.run / LAST)["state_dict"]
+    assert all((value == 0).all() for key, value in state.items() if key.endswith("running_mean"))
+    assert any((value != 1).any() for key, value in state.items() if key.endswith("bn_l.weight"))
+
+
+def test_the_moving_average():
+    """Oracle: closed form; the memory is short at first, and an average of equal numbers is that number."""
+    network = torch.nn.Linear(1, 1, bias=False)
+    average = average_of(network)
+    torch.nn.init.constant_(average.weight, 0.0)
+    torch.nn.init.constant_(network.weight, 1.0)
+    follow(average, network, 0.9, step=0)
+    assert float(average.weight) == pytest.approx(0.9)
+    follow(average, network, 0.9, step=1000)
+    assert float(average.weight) == pytest.approx(0.9 * 0.9 + 0.1)
+
+
+def test_learning_rates():
+    """Oracle: closed forms; a straight rise, then half a cosine down to a hundredth."""
+    told = toy(steps=100)
+    told = replace(told, optimiser=replace(told.optimiser, warm_up=4, decay="cosine"))
+    rates = [module.rate_factor(told, step) for step in range(101)]
+    assert rates[0] == pytest.approx(0.2, rel=1e-2) and rates[100] == pytest.approx(0.01)
+    assert rates[50] == pytest.approx(0.505) and max(rates) == rates[4]
+    flat = replace(told, optimiser=replace(told.optimiser, decay="none"))
+    assert [module.rate_factor(flat, step) for step in (0, 1, 4, 99)] == [0.2, 0.4, 1, 1]
