@@ -1,0 +1,206 @@
+"""Ray geometry (numba): rows of shapes and a ray in, the first hit and its place on the texture out.
+
+A shape is one row of numbers (columns below) with a frame of its own: local = R (p - centre), y down as everywhere.
+Rays have camera z = 1, so the parameter along them *is* planar depth. Light is squared texel value (gamma 2), which
+makes decoding one multiplication. Every pixel is computed alone: the result does not depend on the number of threads.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+KIND, CENTRE, TURN, HALF, LAYER, TILE, MODE, TINT, STAIN, GROUP, CASTS, CUT, OFFSET, CONTACT, COLUMNS = (
+    0, 1, 4, 13, 16, 17, 19, 20, 23, 24, 25, 26, 27, 29, 30,
+)  # fmt: skip
+"""First column of each field; TURN has nine, CENTRE, HALF and TINT three, TILE and OFFSET two."""
+PANEL, BOX, BALL, TUBE = 0, 1, 2, 3
+"""Kinds: rectangle in local x, z; box; ellipsoid; frustum about local y. HALF of a TUBE: radius below, half height,
+radius above."""
+WRAP, MIRROR, FIT = 0, 1, 2
+"""Texture modes: TILE metres a repeat, the same mirrored (photos do not tile), or TILE repeats over the face."""
+TO_LIGHT, SUN, AMBIENT_SKY, AMBIENT_GROUND, HORIZON, ZENITH, CLOUD, COVER, HAZE, SHADOWS, GRID_X, GRID_Y, GRID, LIGHTS = (
+    0, 3, 6, 9, 12, 15, 18, 21, 26, 27, 28, 31, 34, 38,
+)  # fmt: skip
+"""The light's numbers; COVER: cloud cover, softness, scale, offset u, v; GRID: first x, first y, cells per metre, cells a
+side of the grid across the light, which lists what may stand in its way."""
+SIDE = 256
+"""Texels along a layer of the finest level; layer 0 is grey noise (stains), layer 1 the clouds."""
+LEVELS = 9
+TILE_PX = 16
+NEAR = 1e-9
+LIFT = 1e-4
+"""Metres off the surface at which a ray towards the light starts."""
+UNLIT, LIT, BLOCKED = 0, 1, 2
+"""Light at a pixel's centre: the surface faces away (or is sky), it is lit, something stands before the light."""
+
+
+@njit(cache=True, error_model="numpy")
+def texture_place(s, face, x, y, z):
+    """Texture u, v in repeats, and repeats per metre along the two tangents, at a local point of a face."""
+    kind, fit = int(s[KIND]), s[MODE] == FIT
+    if kind <= BOX:
+        axis = face // 2
+        a, b = (z, y) if axis == 0 else ((x, z) if axis == 1 else (x, y))
+        ha, hb = (
+            (s[HALF + 2], s[HALF + 1])
+            if axis == 0
+            else ((s[HALF], s[HALF + 2]) if axis == 1 else (s[HALF], s[HALF + 1]))
+        )
+        if fit:
+            su, sv = 0.5 * s[TILE] / max(ha, 1e-9), 0.5 * s[TILE + 1] / max(hb, 1e-9)
+            return (a + ha) * su, (b + hb) * sv, su, sv
+        su, sv = 1 / s[TILE], 1 / s[TILE + 1]
+        return a * su + s[OFFSET], b * sv + s[OFFSET + 1], su, sv
+    if kind == TUBE and face >= 7:
+        su, sv = (
+            (1 / s[TILE], 1 / s[TILE + 1])
+            if not fit
+            else (0.5 / max(s[HALF], s[HALF + 2]), 0.5 / max(s[HALF], s[HALF + 2]))
+        )
+        return x * su + 0.5, z * sv + 0.5, su, sv
+    turn = math.atan2(z, x) / (2 * math.pi) + 0.5
+    radius = s[HALF] if kind == BALL else max(s[HALF], s[HALF + 2])
+    around = s[TILE] if fit else max(1.0, np.floor(2 * math.pi * radius / s[TILE] + 0.5))
+    su = around / (2 * math.pi * radius)
+    if kind == TUBE:
+        sv = 0.5 * s[TILE + 1] / s[HALF + 1] if fit else 1 / s[TILE + 1]
+        return turn * around + s[OFFSET], (y + s[HALF + 1]) * sv + s[OFFSET + 1], su, sv
+    down = s[TILE + 1] if fit else max(1.0, np.floor(math.pi * s[HALF + 1] / s[TILE + 1] + 0.5))
+    polar = math.acos(max(-1.0, min(1.0, -y / s[HALF + 1]))) / math.pi
+    return turn * around + s[OFFSET], polar * down + s[OFFSET + 1], su, down / (math.pi * s[HALF + 1])
+
+
+@njit(cache=True, error_model="numpy")
+def solid_at(s, texels, face, x, y, z):
+    """False where the texture's alpha cuts a hole into the surface (nearest texel of the finest level)."""
+    if s[CUT] == 0:
+        return True
+    u, v, _, _ = texture_place(s, face, x, y, z)
+    column = int(math.floor(u * SIDE)) % SIDE
+    row = int(math.floor(v * SIDE)) % SIDE
+    return texels[int(s[LAYER]), row * SIDE + column, 3] >= 128
+
+
+@njit(cache=True, error_model="numpy")
+def hit_box(s, texels, ox, oy, oz, dx, dy, dz):
+    """Slabs: where the ray enters (or, from inside, leaves) and through which face (2 axis + 1 for the positive one)."""
+    enter, leave, first, last = -np.inf, np.inf, 0, 0
+    for axis in range(3):
+        o, d = (ox, dx) if axis == 0 else ((oy, dy) if axis == 1 else (oz, dz))
+        h = s[HALF + axis]
+        if d == 0:
+            if abs(o) > h:
+                return np.inf, 0
+            continue
+        one, two = (-h - o) / d, (h - o) / d
+        positive = 0
+        if one > two:
+            one, two, positive = two, one, 1
+        if one > enter:
+            enter, first = one, 2 * axis + positive
+        if two < leave:
+            leave, last = two, 2 * axis + 1 - positive
+    if enter > leave or leave <= NEAR:
+        return np.inf, 0
+    t, face = (enter, first) if enter > NEAR else (leave, last)
+    if not solid_at(s, texels, face, ox + t * dx, oy + t * dy, oz + t * dz):
+        return np.inf, 0
+    return t, face
+
+
+@njit(cache=True, error_model="numpy")
+def hit_round(s, texels, ox, oy, oz, dx, dy, dz):
+    """Ellipsoid (faces 6 outside, 9 inside) and frustum (6 side, 7 upper cap, 8 lower cap, 9 side from inside)."""
+    ball = s[KIND] == BALL
+    hy = s[HALF + 1]
+    if ball:
+        sx, sy, sz = 1 / s[HALF], 1 / hy, 1 / s[HALF + 2]
+        ax, ay, az, bx, by, bz = ox * sx, oy * sy, oz * sz, dx * sx, dy * sy, dz * sz
+        a, b, c = bx * bx + by * by + bz * bz, ax * bx + ay * by + az * bz, ax * ax + ay * ay + az * az - 1
+    else:
+        k, middle = (s[HALF] - s[HALF + 2]) / (2 * hy), 0.5 * (s[HALF] + s[HALF + 2])
+        r = middle + k * oy
+        a, b, c = dx * dx + dz * dz - k * k * dy * dy, ox * dx + oz * dz - k * r * dy, ox * ox + oz * oz - r * r
+    best, face = np.inf, 0
+    square = b * b - a * c
+    if square >= 0 and a != 0:
+        root = math.sqrt(square)
+        for side in range(2):
+            t = (-b - root) / a if side == 0 else (-b + root) / a
+            y = oy + t * dy
+            if t <= NEAR or t >= best or (not ball and (abs(y) > hy or middle + k * y < 0)):
+                continue
+            x, z = ox + t * dx, oz + t * dz
+            if solid_at(s, texels, 6, x, y, z):
+                outside = c > 0 if ball else x * dx + z * dz - k * (middle + k * y) * dy < 0
+                best, face = t, 6 if outside and (side == 0 or not ball) else 9
+    if not ball and dy != 0:
+        for cap in range(2):
+            t = ((-hy if cap == 0 else hy) - oy) / dy
+            x, z = ox + t * dx, oz + t * dz
+            limit = s[HALF + 2] if cap == 0 else s[HALF]
+            if t > NEAR and t < best and x * x + z * z <= limit * limit and s[CUT] == 0:
+                best, face = t, 7 + cap
+    return best, face
+
+
+@njit(cache=True, error_model="numpy")
+def hit(s, texels, px, py, pz, dx, dy, dz):
+    """The nearest t > 0 at which p + t d meets a shape, and the face; inf where it does not."""
+    x, y, z = px - s[CENTRE], py - s[CENTRE + 1], pz - s[CENTRE + 2]
+    oy = s[TURN + 3] * x + s[TURN + 4] * y + s[TURN + 5] * z
+    ly = s[TURN + 3] * dx + s[TURN + 4] * dy + s[TURN + 5] * dz
+    if s[KIND] == PANEL and (ly == 0 or -oy / ly <= NEAR):
+        return np.inf, 0
+    ox = s[TURN] * x + s[TURN + 1] * y + s[TURN + 2] * z
+    oz = s[TURN + 6] * x + s[TURN + 7] * y + s[TURN + 8] * z
+    lx = s[TURN] * dx + s[TURN + 1] * dy + s[TURN + 2] * dz
+    lz = s[TURN + 6] * dx + s[TURN + 7] * dy + s[TURN + 8] * dz
+    if s[KIND] == BOX:
+        return hit_box(s, texels, ox, oy, oz, lx, ly, lz)
+    if s[KIND] != PANEL:
+        return hit_round(s, texels, ox, oy, oz, lx, ly, lz)
+    t = -oy / ly
+    x, z = ox + t * lx, oz + t * lz
+    face = 2 if ly > 0 else 3
+    if abs(x) > s[HALF] or abs(z) > s[HALF + 2] or not solid_at(s, texels, face, x, 0.0, z):
+        return np.inf, 0
+    return t, face
+
+
+@njit(cache=True, error_model="numpy")
+def nearest(shapes, texels, listed, count, near_z, skip, px, py, pz, dx, dy, dz):
+    """First hit of a ray among the listed shapes (nearest possible first), leaving out one group: t, shape, face."""
+    best, which, face = np.inf, -1, 0
+    for j in range(count):
+        i = listed[j]
+        if near_z[j] >= best:
+            break
+        if shapes[i, GROUP] == skip:
+            continue
+        t, f = hit(shapes[i], texels, px, py, pz, dx, dy, dz)
+        if t < best:
+            best, which, face = t, i, f
+    return best, which, face
+
+
+@njit(cache=True, error_model="numpy")
+def in_shadow(shapes, texels, light, starts, items, gone, px, py, pz):
+    """True if a shape stands between the point and the light; only the shapes of the point's cell can."""
+    side = int(light[GRID + 3])
+    a = px * light[GRID_X] + py * light[GRID_X + 1] + pz * light[GRID_X + 2]
+    b = px * light[GRID_Y] + py * light[GRID_Y + 1] + pz * light[GRID_Y + 2]
+    column, row = math.floor((a - light[GRID]) * light[GRID + 2]), math.floor((b - light[GRID + 1]) * light[GRID + 2])
+    if column < 0 or row < 0 or column >= side or row >= side:
+        return False
+    cell = int(row) * side + int(column)
+    for j in range(starts[cell], starts[cell + 1]):
+        s = shapes[items[j]]
+        if s[GROUP] != gone:
+            t, _ = hit(s, texels, px, py, pz, light[TO_LIGHT], light[TO_LIGHT + 1], light[TO_LIGHT + 2])
+            if t < np.inf:
+                return True
+    return False
