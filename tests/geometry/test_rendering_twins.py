@@ -8,17 +8,16 @@ import numpy as np
 import pytest
 
 from dlama.geometry.camera import Camera
-from dlama.geometry.rendering import (
+from dlama.geometry.drawing import (
     NEAR,
-    closed_grid,
     edge_ratio,
     flying,
     inverse_depth,
     mesh_grid,
     px_from_px,
-    render,
     transformed,
 )
+from dlama.geometry.rendering import closed_grid, render
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import HoleType, Origin, View

@@ -80,7 +80,7 @@ def test_push_back_finds_the_first_lawful_depth(seed: int) -> None:
     """Twin: a march in steps of 1e-4. The answer keeps the law, and nothing before it does, but for the tolerance."""
     frame, law, target, depth, where = setup(seed)
     out = depth.copy()
-    kernels.push_back(out, where, *px_from_px(frame.camera, target), frame.depth)
+    kernels.push_back(0, len(out), out, where, *px_from_px(frame.camera, target), frame.depth)
     np.testing.assert_array_equal(out[~where], depth[~where])
     still, unsure = twin.broken(target, out, where, frame.camera, frame.depth)
     assert not (still & ~unsure).any()

@@ -7,9 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dlama.errors import ShapeError
 from dlama.geometry.camera import Float64Array
-from dlama.geometry.rgbd import Float32Array, UInt8Array, frozen
+from dlama.geometry.rgbd import Float32Array, UInt8Array, checked_fields
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,11 +32,7 @@ class PointCloud:
             "origin": ((count,), np.uint8),
             "confidence": ((count,), np.float32),
         }
-        for name, (shape, dtype) in fields.items():
-            array = getattr(self, name)
-            if array.shape != shape or array.dtype != dtype:
-                raise ShapeError(f"cloud.{name} is {array.dtype} {array.shape}; {np.dtype(dtype)} {shape} is wanted")
-            object.__setattr__(self, name, frozen(array))
+        checked_fields(self, "cloud", fields)
 
     def __len__(self) -> int:
         return len(self.points)

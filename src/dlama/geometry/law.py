@@ -3,16 +3,28 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from dlama.geometry.compiling import kernel, piece
 
 
-@njit(cache=True)
+@piece
 def tolerance(depth):
     """The larger of 1 mm and 0.1 %."""
     return max(1e-3, 1e-3 * depth)
 
 
-@njit(cache=True)
+@piece
+def ray(matrix, row, column):
+    """Where a target pixel's ray points, in homogeneous source pixels."""
+    x, y = column + 0.5, row + 0.5
+    return (
+        matrix[0, 0] * x + matrix[0, 1] * y + matrix[0, 2],
+        matrix[1, 0] * x + matrix[1, 1] * y + matrix[1, 2],
+        matrix[2, 0] * x + matrix[2, 1] * y + matrix[2, 2],
+    )
+
+
+@piece
 def breaks_law(ax, ay, az, offset, depth, measured):
     """True if the point at `depth` on the ray is, seen from the source, in front of what was measured there.
 
@@ -32,25 +44,21 @@ def breaks_law(ax, ay, az, offset, depth, measured):
     return limit == np.inf or z < limit - tolerance(limit)
 
 
-@njit(cache=True)
-def violations(depth, where, matrix, offset, measured):
-    """bool H x W: pixels of `where` whose depth breaks the law of one source. matrix, offset: source px from target px."""
-    rows, columns = depth.shape
-    out = np.zeros((rows, columns), np.bool_)
-    for row in range(rows):
-        y = row + 0.5
-        for column in range(columns):
-            if not where[row, column] or depth[row, column] <= 0:
-                continue
-            x = column + 0.5
-            ax = matrix[0, 0] * x + matrix[0, 1] * y + matrix[0, 2]
-            ay = matrix[1, 0] * x + matrix[1, 1] * y + matrix[1, 2]
-            az = matrix[2, 0] * x + matrix[2, 1] * y + matrix[2, 2]
-            out[row, column] = breaks_law(ax, ay, az, offset, np.float64(depth[row, column]), measured)
-    return out
+@kernel
+def violations(first, last, depth, where, matrix, offset, measured, out):
+    """Mark, in `out` (bool H x W), the pixels of `where` whose depth breaks the law of one source.
+
+    matrix, offset: source px from target px.
+    """
+    for row in range(first, last):
+        for column in range(depth.shape[1]):
+            if where[row, column] and depth[row, column] > 0:
+                ax, ay, az = ray(matrix, row, column)
+                if breaks_law(ax, ay, az, offset, np.float64(depth[row, column]), measured):
+                    out[row, column] = True
 
 
-@njit(cache=True)
+@piece
 def crossing(a, b, offset_a, offset_b, border):
     """Depth at which (a d + offset_a) / (b d + offset_b) equals `border`; inf if never."""
     slope = border * b - a
@@ -59,7 +67,7 @@ def crossing(a, b, offset_a, offset_b, border):
     return (offset_a - border * offset_b) / slope
 
 
-@njit(cache=True)
+@piece
 def next_crossing(ax, ay, az, offset, depth, x, y):
     """The depth > `depth` at which the ray enters another source pixel; inf if it stays in this one for ever."""
     nearest = np.inf
@@ -74,7 +82,7 @@ def next_crossing(ax, ay, az, offset, depth, x, y):
     return nearest
 
 
-@njit(cache=True)
+@piece
 def lawful_depth(ax, ay, az, offset, depth, measured):
     """The smallest depth >= `depth` on the ray that keeps the law: a walk from source pixel to source pixel, outwards."""
     for _ in range(4 * (measured.shape[0] + measured.shape[1])):
@@ -94,17 +102,11 @@ def lawful_depth(ax, ay, az, offset, depth, measured):
     return np.inf
 
 
-@njit(cache=True)
-def push_back(depth, where, matrix, offset, measured):
+@kernel
+def push_back(first, last, depth, where, matrix, offset, measured):
     """Move the pixels of `where` (float32 depth, in place) outwards until they keep the law of one source."""
-    rows, columns = depth.shape
-    for row in range(rows):
-        y = row + 0.5
-        for column in range(columns):
-            if not where[row, column]:
-                continue
-            x = column + 0.5
-            ax = matrix[0, 0] * x + matrix[0, 1] * y + matrix[0, 2]
-            ay = matrix[1, 0] * x + matrix[1, 1] * y + matrix[1, 2]
-            az = matrix[2, 0] * x + matrix[2, 1] * y + matrix[2, 2]
-            depth[row, column] = lawful_depth(ax, ay, az, offset, np.float64(depth[row, column]), measured)
+    for row in range(first, last):
+        for column in range(depth.shape[1]):
+            if where[row, column]:
+                ax, ay, az = ray(matrix, row, column)
+                depth[row, column] = lawful_depth(ax, ay, az, offset, np.float64(depth[row, column]), measured)

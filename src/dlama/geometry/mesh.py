@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from dlama.errors import ShapeError
 from dlama.geometry.camera import Float64Array
-from dlama.geometry.rgbd import Float32Array, UInt8Array, frozen
+from dlama.geometry.rgbd import Float32Array, UInt8Array, checked_fields
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,10 +36,6 @@ class Mesh:
             "origin": ((count,), np.uint8),
             "confidence": ((count,), np.float32),
         }
-        for name, (shape, dtype) in fields.items():
-            array = getattr(self, name)
-            if array.shape != shape or array.dtype != dtype:
-                raise ShapeError(f"mesh.{name} is {array.dtype} {array.shape}; {np.dtype(dtype)} {shape} is wanted")
-            object.__setattr__(self, name, frozen(array))
+        checked_fields(self, "mesh", fields)
         if faces and not 0 <= int(self.triangles.min()) <= int(self.triangles.max()) < count:
             raise ShapeError(f"mesh.triangles name vertices outside 0..{count - 1}")

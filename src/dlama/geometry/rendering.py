@@ -6,26 +6,21 @@ depth discontinuities, so that surfaces have no cracks and nothing shines throug
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Literal
-
 import numpy as np
-from numpy.typing import NDArray
 
 from dlama.errors import InputError
-from dlama.geometry.camera import Camera, Float64Array
+from dlama.geometry.camera import Camera
 from dlama.geometry.cloud import PointCloud
+from dlama.geometry.drawing import MODES as MODES
+from dlama.geometry.drawing import NEAR, Canvas, Grid, draw, draw_far, spans, transformed
+from dlama.geometry.drawing import Mode as Mode
+from dlama.geometry.drawing import flying as flying
+from dlama.geometry.drawing import inverse_depth as inverse_depth
+from dlama.geometry.drawing import px_from_px as px_from_px
 from dlama.geometry.lifting import project
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import HoleType, Origin, View
-
-Mode = Literal["surface", "points"]
-MODES: tuple[Mode, ...] = ("surface", "points")
-
-NEAR = 1e-3
-"""Metres in front of the camera at which rendering begins."""
-
 
 TYPE_OF_RANK = np.array(
     [HoleType.OUT_OF_VIEW, HoleType.DISOCCLUDED, HoleType.SENSOR, HoleType.FLYING, HoleType.OBJECT, HoleType.CRACK],
@@ -34,59 +29,6 @@ TYPE_OF_RANK = np.array(
 """Hole types in rising precedence where several apply (ranks of `dlama.geometry.sheet`)."""
 RANK_OF_TYPE = np.array([0, 5, 1, 3, 0, 2, 4], np.uint8)
 """Rank of each HoleType."""
-
-
-def edge_ratio(camera: Camera) -> float:
-    """Relative step in inverse depth between neighbouring pixels above which they need a slope to be one surface.
-
-    A surface seen at 80 degrees changes by 5.7 / f per pixel; the floor of 1 % is a depth sensor's noise.
-    """
-    return float(np.clip(6.0 / camera.fx, 0.01, 0.03))
-
-
-def inverse_depth(depth: Float32Array) -> Float32Array:
-    """1 / depth in 1/m; 0 where depth is missing or far."""
-    out = np.zeros_like(depth)
-    np.divide(1, depth, out=out, where=depth > 0)
-    return out
-
-
-def flying(view: View) -> BoolArray:
-    """H x W, True at flying pixels: depth strictly between two surfaces that are neighbours there, joined to neither."""
-    from dlama.geometry import raster
-
-    return raster.flying_pixels(inverse_depth(view.depth), edge_ratio(view.camera))
-
-
-@dataclass
-class Canvas:
-    """What has been drawn so far; depth 0 = empty."""
-
-    color: UInt8Array
-    depth: Float32Array
-    origin: UInt8Array
-    confidence: Float32Array
-
-    @classmethod
-    def empty(cls, camera: Camera) -> Canvas:
-        hw = camera.hw
-        return cls(
-            np.zeros((*hw, 3), np.uint8), np.zeros(hw, np.float32), np.zeros(hw, np.uint8), np.zeros(hw, np.float32)
-        )
-
-    def buffers(self) -> tuple[UInt8Array, Float32Array, UInt8Array, Float32Array]:
-        return self.color, self.depth, self.origin, self.confidence
-
-    def put(self, other: Canvas, tolerance: float, over_measured: bool) -> None:
-        """Draw another canvas over this one where this is empty or clearly behind (relative tolerance).
-
-        over_measured: False keeps measured pixels in their own camera (nothing filled covers them).
-        """
-        wins = (other.depth > 0) & ((self.depth == 0) | (other.depth < self.depth * (1 - tolerance)))
-        if not over_measured:
-            wins &= self.origin != Origin.MEASURED
-        self.color[wins], self.depth[wins] = other.color[wins], other.depth[wins]
-        self.origin[wins], self.confidence[wins] = other.origin[wins], other.confidence[wins]
 
 
 def render(
@@ -134,128 +76,14 @@ def as_scene(source: RGBD | View | Scene) -> Scene:
     return Scene((source,)) if isinstance(source, View) else source
 
 
-@dataclass(frozen=True, eq=False)
-class Grid:
-    """A layer made ready for drawing into one camera."""
-
-    layer: View
-    still: bool
-    """The camera is the layer's own: pixels are copied, nothing is rejected."""
-    depth: Float32Array
-    """Depth without holes and flying pixels (0)."""
-    flying: BoolArray
-    joined: UInt8Array | None
-    """Which neighbours are one surface, `raster.joints`; None: draw points."""
-    matrix: Float64Array
-    offset: Float64Array
-    """Layer pixels to target pixels, `px_from_px`."""
-
-    @classmethod
-    def of(cls, layer: View, camera: Camera, mode: Mode) -> Grid:
-        from dlama.geometry import raster
-
-        ratio = edge_ratio(layer.camera)
-        depth = np.where(layer.hole, np.float32(0), layer.depth)
-        w = inverse_depth(depth)
-        mixed = raster.flying_pixels(w, ratio)
-        depth[mixed] = w[mixed] = 0
-        joined = raster.joints(w, ratio) if mode == "surface" else None
-        still = layer.camera.same_view_as(camera)
-        return cls(layer, still, depth, mixed, joined, *px_from_px(camera, layer.camera))
-
-
-def rim(joined: UInt8Array, depth: Float32Array) -> NDArray[np.int64]:
-    """Flat indices of vertices round which some quad is not whole: there the mesh ends short of the pixel's edge."""
-    whole = np.zeros((joined.shape[0] + 1, joined.shape[1] + 1), np.bool_)
-    whole[1:-1, 1:-1] = (joined[:-1, :-1] == 3) & (joined[:-1, 1:] >= 2) & ((joined[1:, :-1] & 1) > 0)
-    inner = whole[:-1, :-1] & whole[:-1, 1:] & whole[1:, :-1] & whole[1:, 1:]
-    return np.flatnonzero(~inner & (depth > 0))
-
-
-def draw(grid: Grid, camera: Camera, canvas: Canvas) -> Canvas:
-    """One layer's finite surfaces, drawn onto an empty canvas."""
-    from dlama.geometry import raster, shading
-
-    layer = grid.layer
-    if grid.still:
-        copy_onto(canvas, layer)
-        return canvas
-    pixels = layer.color, layer.origin, layer.confidence
-    x, y, w = transformed(grid.depth, grid.matrix, grid.offset)
-    wbuf = np.zeros(camera.hw, np.float32)
-    if grid.joined is None:
-        index = np.full(camera.hw, -1, np.int32)
-        raster.draw_points(x, y, w, wbuf, index)
-        shading.shade_points(wbuf, index, *pixels, *canvas.buffers())
-        return canvas
-    where = np.empty((*camera.hw, 2), np.float32)
-    raster.draw_surface(x, y, w, grid.joined, wbuf, where)
-    raster.draw_rim(
-        x, y, w, grid.joined, rim(grid.joined, grid.depth), grid.depth, camera.fx / layer.camera.fx, wbuf, where
-    )
-    shading.shade_surface(wbuf, where, grid.joined, *pixels, *canvas.buffers())
-    return canvas
-
-
-def mesh_grid(layer: View) -> tuple[Float32Array, UInt8Array]:
-    """Depth without flying pixels, and which neighbours are joined into one surface."""
-    from dlama.geometry import raster
-
-    depth = Grid.of(layer, layer.camera, "points").depth
-    return depth, raster.joints(inverse_depth(depth), edge_ratio(layer.camera))
-
-
-def copy_onto(canvas: Canvas, layer: View) -> None:
-    """The layer seen from its own camera: every finite pixel as it is; a sensor hole its colour, but no depth."""
-    copy_where(canvas, layer, layer.valid)
-    color_only = layer.hole & (layer.origin == Origin.DEPTH_FILLED)
-    np.copyto(canvas.color, layer.color, where=color_only[..., None])
-    np.copyto(canvas.origin, layer.origin, where=color_only)
-
-
-def copy_where(canvas: Canvas, layer: View, where: BoolArray) -> None:
-    """The chosen pixels of a layer onto the canvas, as they are."""
-    np.copyto(canvas.color, layer.color, where=where[..., None])
-    np.copyto(canvas.depth, layer.depth, where=where)
-    np.copyto(canvas.origin, layer.origin, where=where)
-    np.copyto(canvas.confidence, layer.confidence, where=where)
-
-
-def draw_far(layer: View, camera: Camera, canvas: Canvas) -> None:
-    """The layer's far pixels (sky) behind everything drawn so far."""
-    from dlama.geometry import shading
-
-    far = layer.far
-    if not far.any():
-        return
-    if layer.camera.same_view_as(camera):
-        copy_where(canvas, layer, far & (canvas.depth == 0))
-        return
-    turn = layer.camera.cam_from_world[:3, :3] @ camera.world_from_cam[:3, :3]
-    matrix = layer.camera.K @ turn @ np.linalg.inv(camera.K)
-    shading.shade_far(matrix, far, layer.color, layer.origin, layer.confidence, *canvas.buffers())
-
-
-def px_from_px(target: Camera, source: Camera) -> tuple[Float64Array, Float64Array]:
-    """The 3x3 matrix and 3-vector that take a source pixel (u, v, 1) at depth z to z * matrix @ (u, v, 1) + offset."""
-    target_from_source = target.cam_from_world @ source.world_from_cam
-    matrix = target.K @ target_from_source[:3, :3] @ np.linalg.inv(source.K)
-    return matrix, target.K @ target_from_source[:3, 3]
-
-
-def transformed(depth: Float32Array, matrix: Float64Array, offset: Float64Array) -> tuple[Float32Array, ...]:
-    """Target x, y (pixels) and inverse z (1/m, 0 = not in front) of every source pixel, float32 H x W each."""
-    from dlama.geometry import raster
-
-    x, y, w = (np.empty_like(depth) for _ in range(3))
-    raster.transform(depth, matrix, offset, NEAR, x, y, w)
-    return x, y, w
-
-
 def hole_types(grids: list[Grid], objects: tuple[View, ...], camera: Camera, hole: BoolArray) -> UInt8Array:
     """H x W HoleType codes of the empty pixels of a scene (its grids, its removed objects) seen from `camera`."""
-    from dlama.geometry import sheet
+    import cv2
 
+    from dlama.geometry import sheet
+    from dlama.geometry.compiling import in_bands
+
+    count = cv2.integral(hole.view(np.uint8))
     ranks = np.zeros(hole.shape, np.uint8)
     for grid in grids:
         layer = grid.layer
@@ -266,10 +94,9 @@ def hole_types(grids: list[Grid], objects: tuple[View, ...], camera: Camera, hol
         elif (layer.origin == Origin.MEASURED).any():
             depth, grid_rank = closed_grid(layer, objects)
             x, y, w = transformed(depth, grid.matrix, grid.offset)
-            joined, crack_rank = grid.joined, sheet.DISOCCLUDED_RANK
-            if joined is None:
-                joined, crack_rank = mesh_grid(layer)[1], sheet.CRACK_RANK
-            sheet.mark_sheet(x, y, w, joined, grid_rank, crack_rank, hole, ranks)
+            crack_rank = sheet.CRACK_RANK if grid.joined is None else sheet.DISOCCLUDED_RANK
+            marks = grid_rank, crack_rank, hole, count, ranks
+            in_bands(sheet.mark_sheet, len(hole), x, y, w, spans(y, w), grid.mesh, *marks)
             sheet.mark_points(x, y, w, grid.flying, sheet.FLYING_RANK, hole, ranks)
     return np.where(hole, TYPE_OF_RANK[ranks], np.uint8(0)).astype(np.uint8)
 

@@ -74,3 +74,16 @@ def frozen(array: np.ndarray) -> np.ndarray:
     view = np.ascontiguousarray(array).view()
     view.flags.writeable = False
     return view
+
+
+def checked_fields(
+    noun: object, called: str, fields: dict[str, tuple[tuple[int, ...], type]], wanted: str = ""
+) -> None:
+    """Freeze a noun's array fields, each of which must have its shape and dtype; else ShapeError (`wanted`: for what)."""
+    for name, (shape, dtype) in fields.items():
+        array = getattr(noun, name)
+        if array.shape != shape or array.dtype != dtype:
+            raise ShapeError(
+                f"{called}.{name} is {array.dtype} {array.shape}; {np.dtype(dtype)} {shape} is wanted{wanted}"
+            )
+        object.__setattr__(noun, name, frozen(array))

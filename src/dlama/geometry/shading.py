@@ -5,31 +5,31 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit, prange
 
+from dlama.geometry.compiling import kernel, piece
 from dlama.geometry.raster import quad_sides
 
 REPROJECTED = 2
 MEASURED = 1
 
 
-@njit(cache=True)
+@piece
 def passed_on(origin):
     """The origin of a pixel seen in another view: measured becomes reprojected, everything else stays what it is."""
     return REPROJECTED if origin == MEASURED else origin
 
 
-@njit(cache=True, parallel=True)
-def shade_surface(wbuf, where, joined, color, origin, confidence, out_color, out_depth, out_origin, out_confidence):
+@kernel
+def shade_surface(
+    first, last, wbuf, where, joined, color, origin, confidence, out_color, out_depth, out_origin, out_confidence
+):
     """Colours of a surface drawing: bilinear between joined source pixels, never across an edge.
 
     wbuf: H x W inverse depth, 0 = empty; where: H x W x 2 source column, row (vertex positions, so 0 is the first pixel).
     """
-    rows, columns = wbuf.shape
     height, width = joined.shape
-    for ty in prange(rows):
-        weights = np.empty(4, np.float64)
-        for tx in range(columns):
+    for ty in range(first, last):
+        for tx in range(wbuf.shape[1]):
             w = wbuf[ty, tx]
             if w <= 0:
                 continue
@@ -37,70 +37,73 @@ def shade_surface(wbuf, where, joined, color, origin, confidence, out_color, out
             su, sv = where[ty, tx, 0], where[ty, tx, 1]
             left, upper = int(su), int(sv)
             fu, fv = su - left, sv - upper
-            nearest_row, nearest_column = upper + (fv > 0.5), left + (fu > 0.5)
+            right, lower = fu > 0.5, fv > 0.5
+            nearest_row, nearest_column = upper + lower, left + right
             out_origin[ty, tx] = passed_on(origin[nearest_row, nearest_column])
             out_confidence[ty, tx] = confidence[nearest_row, nearest_column]
             if (fu < 1e-3 and fv < 1e-3) or left >= width - 1 or upper >= height - 1:
                 for channel in range(3):
                     out_color[ty, tx, channel] = color[nearest_row, nearest_column, channel]
                 continue
-            corner_weights(quad_sides(joined, upper, left), fu, fv, weights)
+            # bilinear weights; a corner that is cut off (two sides unjoined) counts nothing
+            sides = quad_sides(joined, upper, left)
+            a = (1 - fu) * (1 - fv) if sides & 3 else 0.0
+            b = fu * (1 - fv) if sides & 5 else 0.0
+            c = (1 - fu) * fv if sides & 10 else 0.0
+            d = fu * fv if sides & 12 else 0.0
+            total = a + b + c + d
+            if total <= 1e-6:
+                a, b, c, d = 0.0, 0.0, 0.0, 0.0
+                if lower:
+                    c, d, total = 1.0 - right, 1.0 * right, 1.0
+                else:
+                    a, b, total = 1.0 - right, 1.0 * right, 1.0
+            a, b, c, d = a / total, b / total, c / total, d / total
             for channel in range(3):
                 value = (
-                    weights[0] * color[upper, left, channel]
-                    + weights[1] * color[upper, left + 1, channel]
-                    + weights[2] * color[upper + 1, left, channel]
-                    + weights[3] * color[upper + 1, left + 1, channel]
+                    a * color[upper, left, channel]
+                    + b * color[upper, left + 1, channel]
+                    + c * color[upper + 1, left, channel]
+                    + d * color[upper + 1, left + 1, channel]
                 )
                 out_color[ty, tx, channel] = np.uint8(value + 0.5)
 
 
-@njit(cache=True)
-def corner_weights(sides, fu, fv, weights):
-    """Bilinear weights of a quad's corners; a corner that is cut off (two sides unjoined) counts nothing."""
-    weights[0] = (1 - fu) * (1 - fv) if sides & 3 else 0.0
-    weights[1] = fu * (1 - fv) if sides & 5 else 0.0
-    weights[2] = (1 - fu) * fv if sides & 10 else 0.0
-    weights[3] = fu * fv if sides & 12 else 0.0
-    total = weights[0] + weights[1] + weights[2] + weights[3]
-    if total <= 1e-6:
-        weights[:] = 0
-        weights[2 * int(fv > 0.5) + int(fu > 0.5)] = 1
-        return
-    weights /= total
+@kernel
+def shade_points(first, last, wbuf, index, color, origin, confidence, out_color, out_depth, out_origin, out_confidence):
+    """Colours of a points drawing: each pixel shows its nearest point as it is.
 
-
-@njit(cache=True, parallel=True)
-def shade_points(wbuf, index, color, origin, confidence, out_color, out_depth, out_origin, out_confidence):
-    """Colours of a points drawing: each pixel shows its nearest point as it is. index: -1 = empty."""
-    rows, columns = wbuf.shape
-    width = color.shape[1]
-    for ty in prange(rows):
+    wbuf, index: N x H x W, parts of one drawing; of two equally near the earlier part's is seen. color: pixels x 3, origin,
+    confidence: pixels, as `index` counts them.
+    """
+    parts, _, columns = wbuf.shape
+    for ty in range(first, last):
         for tx in range(columns):
-            source = index[ty, tx]
-            if source < 0:
+            w, source = wbuf[0, ty, tx], index[0, ty, tx]
+            for part in range(1, parts):
+                if wbuf[part, ty, tx] > w:
+                    w, source = wbuf[part, ty, tx], index[part, ty, tx]
+            if w <= 0:
                 continue
-            row, column = source // width, source % width
-            out_depth[ty, tx] = 1.0 / wbuf[ty, tx]
-            out_color[ty, tx, 0] = color[row, column, 0]
-            out_color[ty, tx, 1] = color[row, column, 1]
-            out_color[ty, tx, 2] = color[row, column, 2]
-            out_origin[ty, tx] = passed_on(origin[row, column])
-            out_confidence[ty, tx] = confidence[row, column]
+            out_depth[ty, tx] = 1.0 / w
+            out_color[ty, tx, 0] = color[source, 0]
+            out_color[ty, tx, 1] = color[source, 1]
+            out_color[ty, tx, 2] = color[source, 2]
+            out_origin[ty, tx] = passed_on(origin[source])
+            out_confidence[ty, tx] = confidence[source]
 
 
-@njit(cache=True)
-def shade_far(matrix, far, color, origin, confidence, out_color, out_depth, out_origin, out_confidence):
+@kernel
+def shade_far(first, last, matrix, far, color, origin, confidence, out_color, out_depth, out_origin, out_confidence):
     """The far layer behind everything: empty target pixels (depth 0) whose direction is far in the source.
 
     matrix: 3x3, K_source R K_target^-1 (rotation alone: what is far does not shift when the camera moves).
     Bilinear where all four source pixels are far, the nearest pixel else.
     """
-    rows, columns = out_depth.shape
     height, width = far.shape
-    for ty in range(rows):
+    for ty in range(first, last):
         y = ty + 0.5
-        for tx in range(columns):
+        for tx in range(out_depth.shape[1]):
             if out_depth[ty, tx] != 0:
                 continue
             x = tx + 0.5

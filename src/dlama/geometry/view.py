@@ -11,9 +11,8 @@ from enum import IntEnum
 
 import numpy as np
 
-from dlama.errors import ShapeError
 from dlama.geometry.camera import Camera
-from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array, frozen
+from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array, checked_fields
 
 
 class Origin(IntEnum):
@@ -78,13 +77,7 @@ class View:
             "origin": (hw, np.uint8),
             "confidence": (hw, np.float32),
         }
-        for name, (shape, dtype) in fields.items():
-            array = getattr(self, name)
-            if array.shape != shape or array.dtype != dtype:
-                raise ShapeError(
-                    f"view.{name} is {array.dtype} {array.shape}; {np.dtype(dtype)} {shape} is wanted for this camera"
-                )
-            object.__setattr__(self, name, frozen(array))
+        checked_fields(self, "view", fields, " for this camera")
 
     @classmethod
     def from_rgbd(cls, rgbd: RGBD) -> View:

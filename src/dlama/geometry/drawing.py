@@ -1,0 +1,231 @@
+"""Drawing: one layer and a camera in; its surfaces, or its points, and its sky on a canvas out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from dlama.geometry.camera import Camera, Float64Array
+from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
+from dlama.geometry.view import Origin, View
+
+Mode = Literal["surface", "points"]
+MODES: tuple[Mode, ...] = ("surface", "points")
+
+NEAR = 1e-3
+"""Metres in front of the camera at which rendering begins."""
+MOST_PARTS = 4
+"""Threads that draw points at once, each into a z-buffer of its own."""
+
+
+def edge_ratio(camera: Camera) -> float:
+    """Relative step in inverse depth between neighbouring pixels above which they need a slope to be one surface.
+
+    A surface seen at 80 degrees changes by 5.7 / f per pixel; the floor of 1 % is a depth sensor's noise.
+    """
+    return float(np.clip(6.0 / camera.fx, 0.01, 0.03))
+
+
+def inverse_depth(depth: Float32Array) -> Float32Array:
+    """1 / depth in 1/m; 0 where depth is missing or far."""
+    out = np.zeros_like(depth)
+    np.divide(1, depth, out=out, where=depth > 0)
+    return out
+
+
+def flying(view: View) -> BoolArray:
+    """H x W, True at flying pixels: depth strictly between two surfaces that are neighbours there, joined to neither."""
+    return without_flying(view)[1]
+
+
+def without_flying(layer: View) -> tuple[Float32Array, BoolArray, Float32Array]:
+    """Depth without holes and flying pixels (0), which pixels fly, and inverse depth as `edges` wants it (with a margin)."""
+    from dlama.geometry import edges
+    from dlama.geometry.compiling import in_bands
+
+    (height, width), margin = layer.camera.hw, 2 * edges.PAD
+    w = np.zeros((height + margin, width + margin), np.float32)
+    depth, flies = np.empty_like(layer.depth), np.empty_like(layer.hole)
+    in_bands(edges.invert, height, layer.depth, layer.hole, w)
+    in_bands(edges.reject_flying, height, w, layer.depth, layer.hole, edge_ratio(layer.camera), depth, flies)
+    w[edges.PAD : -edges.PAD, edges.PAD : -edges.PAD][flies] = 0
+    return depth, flies, w
+
+
+def joints(w: Float32Array, camera: Camera) -> UInt8Array:
+    """H x W bits RIGHT (1), DOWN (2): is a pixel joined to its right, its lower neighbour? w: as of `without_flying`."""
+    from dlama.geometry import edges
+    from dlama.geometry.compiling import in_bands
+
+    joined = np.empty(camera.hw, np.uint8)
+    in_bands(edges.join, len(joined), w, edge_ratio(camera), joined)
+    return joined
+
+
+@dataclass
+class Canvas:
+    """What has been drawn so far; depth 0 = empty."""
+
+    color: UInt8Array
+    depth: Float32Array
+    origin: UInt8Array
+    confidence: Float32Array
+
+    @classmethod
+    def empty(cls, camera: Camera) -> Canvas:
+        hw = camera.hw
+        return cls(
+            np.zeros((*hw, 3), np.uint8), np.zeros(hw, np.float32), np.zeros(hw, np.uint8), np.zeros(hw, np.float32)
+        )
+
+    def buffers(self) -> tuple[UInt8Array, Float32Array, UInt8Array, Float32Array]:
+        return self.color, self.depth, self.origin, self.confidence
+
+    def put(self, other: Canvas, tolerance: float, over_measured: bool) -> None:
+        """Draw another canvas over this one where this is empty or clearly behind (relative tolerance).
+
+        over_measured: False keeps measured pixels in their own camera (nothing filled covers them).
+        """
+        wins = (other.depth > 0) & ((self.depth == 0) | (other.depth < self.depth * (1 - tolerance)))
+        if not over_measured:
+            wins &= self.origin != Origin.MEASURED
+        self.color[wins], self.depth[wins] = other.color[wins], other.depth[wins]
+        self.origin[wins], self.confidence[wins] = other.origin[wins], other.confidence[wins]
+
+
+@dataclass(frozen=True, eq=False)
+class Grid:
+    """A layer made ready for drawing into one camera."""
+
+    layer: View
+    still: bool
+    """The camera is the layer's own: pixels are copied, nothing is rejected."""
+    depth: Float32Array
+    """Depth without holes and flying pixels (0)."""
+    flying: BoolArray
+    joined: UInt8Array | None
+    """Which neighbours are one surface, `joints`; None: draw points."""
+    matrix: Float64Array
+    offset: Float64Array
+    """Layer pixels to target pixels, `px_from_px`."""
+
+    @classmethod
+    def of(cls, layer: View, camera: Camera, mode: Mode) -> Grid:
+        depth, flies, w = without_flying(layer)
+        joined = joints(w, layer.camera) if mode == "surface" else None
+        still = layer.camera.same_view_as(camera)
+        return cls(layer, still, depth, flies, joined, *px_from_px(camera, layer.camera))
+
+    @property
+    def mesh(self) -> UInt8Array:
+        """`joined`, in points mode too."""
+        return self.joined if self.joined is not None else mesh_grid(self.layer)[1]
+
+
+def mesh_grid(layer: View) -> tuple[Float32Array, UInt8Array]:
+    """Depth without flying pixels, and which neighbours are joined into one surface."""
+    depth, _, w = without_flying(layer)
+    return depth, joints(w, layer.camera)
+
+
+def draw(grid: Grid, camera: Camera, canvas: Canvas) -> Canvas:
+    """One layer's finite surfaces, drawn onto an empty canvas."""
+    if grid.still:
+        copy_onto(canvas, grid.layer)
+    elif grid.joined is None:
+        draw_as_points(grid, canvas)
+    else:
+        draw_as_surface(grid, grid.joined, camera, canvas)
+    return canvas
+
+
+def draw_as_points(grid: Grid, canvas: Canvas) -> None:
+    """Each pixel of the layer onto the target pixel it falls on."""
+    from dlama.geometry import raster, shading
+    from dlama.geometry.compiling import in_bands, threads
+
+    layer, hw = grid.layer, canvas.depth.shape
+    parts = min(threads(), MOST_PARTS)
+    wbuf, index = np.empty((parts, *hw), np.float32), np.empty((parts, *hw), np.int32)
+    room = np.empty((3, parts, layer.camera.width), np.float32)
+    in_bands(raster.draw_points, parts, grid.depth, grid.matrix, grid.offset, NEAR, *room, wbuf, index, band=1)
+    pixels = layer.color.reshape(-1, 3), layer.origin.ravel(), layer.confidence.ravel()
+    in_bands(shading.shade_points, hw[0], wbuf, index, *pixels, *canvas.buffers())
+
+
+def draw_as_surface(grid: Grid, joined: UInt8Array, camera: Camera, canvas: Canvas) -> None:
+    """The layer's mesh, and footprints at its rim."""
+    from dlama.geometry import raster, shading
+    from dlama.geometry.compiling import in_bands
+    from dlama.geometry.rim import draw_rim, rim
+
+    layer, rows = grid.layer, camera.height
+    x, y, w = transformed(grid.depth, grid.matrix, grid.offset)
+    wbuf, where = np.zeros(camera.hw, np.float32), np.empty((*camera.hw, 2), np.float32)
+    in_bands(raster.draw_surface, rows, x, y, w, joined, spans(y, w), wbuf, where)
+    zoom = camera.fx / layer.camera.fx
+    draw_rim(x, y, w, joined, rim(joined, grid.depth), grid.depth, zoom, wbuf.copy(), wbuf, where)
+    pixels = layer.color, layer.origin, layer.confidence
+    in_bands(shading.shade_surface, rows, wbuf, where, joined, *pixels, *canvas.buffers())
+
+
+def copy_onto(canvas: Canvas, layer: View) -> None:
+    """The layer seen from its own camera: every finite pixel as it is; a sensor hole its colour, but no depth."""
+    copy_where(canvas, layer, layer.valid)
+    color_only = layer.hole & (layer.origin == Origin.DEPTH_FILLED)
+    np.copyto(canvas.color, layer.color, where=color_only[..., None])
+    np.copyto(canvas.origin, layer.origin, where=color_only)
+
+
+def copy_where(canvas: Canvas, layer: View, where: BoolArray) -> None:
+    """The chosen pixels of a layer onto the canvas, as they are."""
+    np.copyto(canvas.color, layer.color, where=where[..., None])
+    np.copyto(canvas.depth, layer.depth, where=where)
+    np.copyto(canvas.origin, layer.origin, where=where)
+    np.copyto(canvas.confidence, layer.confidence, where=where)
+
+
+def draw_far(layer: View, camera: Camera, canvas: Canvas) -> None:
+    """The layer's far pixels (sky) behind everything drawn so far."""
+    from dlama.geometry import shading
+    from dlama.geometry.compiling import in_bands
+
+    far = layer.far
+    if not far.any():
+        return
+    if layer.camera.same_view_as(camera):
+        copy_where(canvas, layer, far & (canvas.depth == 0))
+        return
+    turn = layer.camera.cam_from_world[:3, :3] @ camera.world_from_cam[:3, :3]
+    matrix = layer.camera.K @ turn @ np.linalg.inv(camera.K)
+    pixels = layer.color, layer.origin, layer.confidence
+    in_bands(shading.shade_far, camera.height, matrix, far, *pixels, *canvas.buffers())
+
+
+def px_from_px(target: Camera, source: Camera) -> tuple[Float64Array, Float64Array]:
+    """The 3x3 matrix and 3-vector that take a source pixel (u, v, 1) at depth z to z * matrix @ (u, v, 1) + offset."""
+    target_from_source = target.cam_from_world @ source.world_from_cam
+    matrix = target.K @ target_from_source[:3, :3] @ np.linalg.inv(source.K)
+    return matrix, target.K @ target_from_source[:3, 3]
+
+
+def transformed(depth: Float32Array, matrix: Float64Array, offset: Float64Array) -> tuple[Float32Array, ...]:
+    """Target x, y (pixels) and inverse z (1/m, 0 = not in front) of every source pixel, float32 H x W each."""
+    from dlama.geometry import raster
+    from dlama.geometry.compiling import in_bands
+
+    x, y, w = (np.empty_like(depth) for _ in range(3))
+    in_bands(raster.transform, len(depth), depth, matrix, offset, NEAR, x, y, w)
+    return x, y, w
+
+
+def spans(y: Float32Array, w: Float32Array) -> Float32Array:
+    """H x N x 2: smallest and largest target row of each row of quads, N chunks of columns (see `raster.quad_spans`)."""
+    from dlama.geometry import raster
+    from dlama.geometry.compiling import in_bands
+
+    out = np.empty((*y.shape[:1], -(-y.shape[1] // raster.CHUNK), 2), np.float32)
+    in_bands(raster.quad_spans, len(y), y, w, out)
+    return out
