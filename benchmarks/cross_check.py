@@ -52,7 +52,7 @@ def frames(folder: Path, scene: str) -> dict[int, RGBD]:
     base, found = folder / scene / "with" / "CameraComponent", {}
     for number, frame in enumerate(listing):
         name = f"{scene}_with.{number:04d}"
-        color = cv2.imread(str(base / "ColorImage" / f"{name}.jpeg"))[..., ::-1]
+        color = np.asarray(cv2.imread(str(base / "ColorImage" / f"{name}.jpeg")))[..., ::-1]
         depth = np.asarray(cv2.imread(str(base / "DepthMM" / f"{name}.png"), cv2.IMREAD_UNCHANGED))
         metres = np.where(depth == 65535, np.inf, depth / 1000).astype(np.float32)
         camera = Camera.from_fov(512, 512, 90, frame["world_from_cam"])
