@@ -25,8 +25,8 @@ def law_limit(law: Law, camera: Camera, truth: Float32Array, where: BoolArray) -
     from dlama.training import limit_kernels
 
     found = np.full(truth.shape, np.inf)
-    truth, where = np.require(truth, np.float32, "CW"), np.require(where, np.bool_, "CW")  # one signature
+    truth, where = np.require(truth, np.float32, ["C", "W"]), np.require(where, np.bool_, ["C", "W"])  # one signature
     for source, measured in law.measured:
-        measured = np.require(measured, np.float32, "CW")
+        measured = np.require(measured, np.float32, ["C", "W"])
         in_bands(limit_kernels.limits, len(truth), truth, where, *px_from_px(source, camera), measured, found)
     return found.astype(np.float32)

@@ -2,20 +2,33 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import logging
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal, Protocol
+from typing import TYPE_CHECKING, Literal, Protocol
 
 import numpy as np
 
-from dlama.errors import InputError
+from dlama.errors import FileError, InputError
 from dlama.training.settings import TrainSettings
 
+if TYPE_CHECKING:
+    from dlama.training.frame_samples import Pair
+    from dlama.training.photos import Photo
+
+LOG = logging.getLogger("dlama")
 Split = Literal["train", "held_out"]
+PHOTO_KINDS = {"photo", "warped-photo"}
+USES_PHOTOS = {"photo", "warped-photo", "world", "removal", "stereo"}
+USES_PAIRS = {"frame", "warped-photo"}
 
 
 class SampleSource(Protocol):
-    """Makes samples. Picklable, since it travels to worker processes; holds no state that a sample changes."""
+    """Makes samples. Picklable, since it travels to worker processes; holds no state that a sample changes.
+
+    May say `run`: so many indices that follow each other (n run ... n run + run - 1) share what is costly to make.
+    """
 
     def __len__(self) -> int:
         """How many different indices there are (worlds, photos, frames)."""
@@ -24,16 +37,159 @@ class SampleSource(Protocol):
         """One sample, see `batches.Batch`: the same for the same index and the same state of `rng`, on any day."""
 
 
+@dataclass(frozen=True)
+class Found:
+    """What lies behind --data, not yet read."""
+
+    photos: tuple[Photo, ...] = ()
+    pairs: tuple[Pair, ...] = ()
+
+
 def source_for(settings: TrainSettings, data: Sequence[Path], split: Split) -> SampleSource:
     """The source of a run's samples; the held-out ones share no world, photo or frame with the trained ones.
 
     Raises:
-        InputError: `data` names nothing that can be read, or the mixture needs files and there are none.
+        InputError: `data` names nothing that can be read or is of use, or the mixture needs files and there are none.
     """
-    if set(settings.data.mixture) == {"sketch"}:
-        from dlama.training.sketches import Sketches
+    kinds = set(settings.data.mixture)
+    found = gathered(data)
+    _check_use(kinds, data, found)
+    ours = _split(found, kinds, split)
+    if data:
+        LOG.info("%s: %d photos, %d pairs of posed frames", split, len(ours.photos), len(ours.pairs))
+    made = {kind: (MAKERS[kind](settings, ours, split), share) for kind, share in settings.data.mixture.items()}
+    if len(made) == 1:
+        return next(iter(made.values()))[0]
+    from dlama.training.mixture import Mixture
 
-        if data:
-            raise InputError(f"data.mixture is only sketches, which need no files, but --data names {data[0]}")
-        return Sketches(settings.network, settings.data.size, split)
-    raise InputError(f"data.mixture {dict(settings.data.mixture)}: only sketches can be drawn yet")
+    return Mixture(made)
+
+
+def gathered(data: Sequence[Path]) -> Found:
+    """The photos and pairs of frames of folders of pictures, data sets and packs. InputError, FileError."""
+    if not data:
+        return Found()
+    photos: list[Photo] = []
+    pairs: list[Pair] = []
+    for path in map(Path, data):
+        more_photos, more_pairs = _of_file(path) if path.is_file() else _of_folder(path)
+        photos += more_photos
+        pairs += more_pairs
+    return Found(tuple(photos), tuple(pairs))
+
+
+def _of_file(path: Path) -> tuple[Sequence[Photo], Sequence[Pair]]:
+    from dlama.training.pack_reader import read_pack
+
+    return read_pack(path)
+
+
+def _of_folder(path: Path) -> tuple[Sequence[Photo], Sequence[Pair]]:
+    """A data set of a known layout, or else a folder of pictures."""
+    from dlama.datasets.layouts import LAYOUTS, detect, open_dataset
+    from dlama.training.frame_samples import pairs_of
+    from dlama.training.photos import folder_photos
+
+    if not path.is_dir():
+        raise FileError(f"{path}: no such file or folder; pictures, a data set or a pack is wanted")
+    try:
+        layout = detect(path)
+    except InputError as error:
+        if " may be " in str(error):
+            raise
+        return folder_photos(path), ()
+    pairs = pairs_of(open_dataset(path, layout))
+    if not pairs:
+        raise InputError(
+            f"{path}: has no two frames of one scene with depth and poses ({LAYOUTS[layout].looked_for}), "
+            "which kind 'frame' learns from; for its pictures alone, name the folder that holds nothing else"
+        )
+    return (), pairs
+
+
+def _check_use(kinds: set[str], data: Sequence[Path], found: Found) -> None:
+    """Refuse kinds without their files, and files without a kind."""
+    named = ", ".join(map(str, data)) or "no file"
+    for kind in sorted(kinds & PHOTO_KINDS):
+        if not found.photos:
+            raise InputError(f"data.mixture has {kind!r}, which needs photos, but --data names {named}")
+    if "frame" in kinds and not found.pairs:
+        raise InputError(f"data.mixture has 'frame', which needs a posed data set, but --data names {named}")
+    if data and not (found.photos and kinds & USES_PHOTOS) and not (found.pairs and kinds & USES_PAIRS):
+        raise InputError(f"data.mixture is {', '.join(sorted(kinds))}, which has no use for --data {named}")
+
+
+def _split(found: Found, kinds: set[str], split: Split) -> Found:
+    """The photos and pairs of one split that these kinds use."""
+    from dlama.training.frame_samples import split_pairs
+    from dlama.training.photos import split_photos
+
+    photos = split_photos(found.photos, split) if found.photos and kinds & USES_PHOTOS else ()
+    pairs = split_pairs(found.pairs, split) if found.pairs and kinds & USES_PAIRS else ()
+    return Found(photos, pairs)
+
+
+def _sketches(settings: TrainSettings, found: Found, split: Split) -> SampleSource:
+    from dlama.training.sketches import Sketches
+
+    return Sketches(settings.network, settings.data.size, split)
+
+
+def _photos(settings: TrainSettings, found: Found, split: Split) -> SampleSource:
+    from dlama.training.photo_samples import PhotoSamples
+
+    return PhotoSamples(found.photos, settings.network, settings.data.size)
+
+
+def _warped_photos(settings: TrainSettings, found: Found, split: Split) -> SampleSource:
+    """Holes of the data set's depth where there is one, else of worlds'."""
+    from dlama.training.frame_samples import FrameSamples
+    from dlama.training.galleries import Galleries
+    from dlama.training.photo_samples import WarpedPhotoSamples
+    from dlama.training.world_samples import WorldSamples
+
+    size = settings.data.size
+    if found.pairs:
+        move = FrameSamples(found.pairs, settings.network, size).move
+    else:
+        move = WorldSamples(Galleries(split, size), settings.network).move
+    return WarpedPhotoSamples(found.photos, settings.network, size, move)
+
+
+def _worlds(settings: TrainSettings, found: Found, split: Split) -> SampleSource:
+    from dlama.training.galleries import Galleries
+    from dlama.training.world_samples import WorldSamples
+
+    return WorldSamples(Galleries(split, settings.data.size, found.photos), settings.network)
+
+
+def _removals(settings: TrainSettings, found: Found, split: Split) -> SampleSource:
+    from dlama.training.galleries import Galleries
+    from dlama.training.world_samples import RemovalSamples
+
+    return RemovalSamples(Galleries(split, settings.data.size, found.photos), settings.network)
+
+
+def _stereo(settings: TrainSettings, found: Found, split: Split) -> SampleSource:
+    from dlama.training.galleries import Galleries
+    from dlama.training.world_samples import StereoSamples
+
+    return StereoSamples(Galleries(split, settings.data.size, found.photos), settings.network)
+
+
+def _frames(settings: TrainSettings, found: Found, split: Split) -> SampleSource:
+    from dlama.training.frame_samples import FrameSamples
+
+    return FrameSamples(found.pairs, settings.network, settings.data.size)
+
+
+MAKERS: dict[str, Callable[[TrainSettings, Found, Split], SampleSource]] = {
+    "sketch": _sketches,
+    "photo": _photos,
+    "warped-photo": _warped_photos,
+    "world": _worlds,
+    "frame": _frames,
+    "removal": _removals,
+    "stereo": _stereo,
+}
+"""Every kind of `settings.SAMPLE_KINDS`."""
