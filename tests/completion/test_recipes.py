@@ -22,6 +22,7 @@ def test_the_two_recipes_are_what_the_docs_say() -> None:
         "dilate_holes": 0,
         "clip_m": None,
         "eight_bit_depth": False,
+        "depth_by": "surfaces",
         "footprint": False,
         "source_first": True,
     }
@@ -32,6 +33,7 @@ def test_the_two_recipes_are_what_the_docs_say() -> None:
         "dilate_holes": 0,
         "clip_m": 10.0,
         "eight_bit_depth": True,
+        "depth_by": "filler",
         "footprint": True,
         "source_first": False,
     }
@@ -56,6 +58,8 @@ def test_changes_replace_and_none_does_not() -> None:
         ({"clip_m": 0.0}, "clip_m is 0.0 m; more than 0"),
         ({"clip_m": float("nan")}, "clip_m is nan m; more than 0"),
         ({"eight_bit_depth": True}, "8-bit depth needs clip_m"),
+        ({"eight_bit_depth": True, "clip_m": 10.0}, "8-bit depth is the filler's; depth_by 'filler'"),
+        ({"depth_by": "luck"}, "depth_by is 'luck'; surfaces or filler"),
     ],
 )
 def test_contradictions_are_refused(changes: dict, message: str) -> None:

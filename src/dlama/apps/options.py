@@ -156,12 +156,16 @@ class Method:
     """Grow the holes of the new view by this many pixels (both recipes: 0)."""
     clip: Annotated[float | None, told("METRES", "(default: the recipe's)")] = None
     """Put everything at or beyond this depth, sky too, at this depth (paper: 10)."""
+    depth_by: Annotated[Literal["surfaces", "filler"] | None, told("surfaces|filler", "(default: the recipe's)")] = None
+    """Who fills depth beside telea, navier-stokes, lama and migan: surfaces continued behind the hole (dlama), or the filler
+    itself (paper)."""
     seed: Annotated[int, told("N", "(default: 0)")] = 0
     """Fillers draw their random numbers from this; the same seed gives the same pixels."""
 
     def settings(self) -> dict[str, Any]:
         """As keyword arguments of the verbs in Python."""
-        changes = {"mode": self.mode, "dilate": self.dilate, "dilate_holes": self.dilate_holes, "clip_m": self.clip}
+        changes: dict[str, Any] = {"mode": self.mode, "dilate": self.dilate, "dilate_holes": self.dilate_holes}
+        changes |= {"clip_m": self.clip, "depth_by": self.depth_by}
         return {"filler": self.filler, "model": self.network(), "recipe": self.recipe, "seed": self.seed, **changes}
 
     def network(self) -> Path | None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 from dlama.errors import InputError
 from dlama.geometry.rendering import MODES, Mode
@@ -26,6 +26,9 @@ class Recipe:
     """Everything at or beyond this many metres, sky too, is put at it (the paper: 10 m); None: nothing is clipped."""
     eight_bit_depth: bool = False
     """Filled depth in 8-bit steps of clip_m / 255, as the paper's depth pictures."""
+    depth_by: Literal["surfaces", "filler"] = "surfaces"
+    """Who fills depth where the filler is one of pictures (telea, lama, migan): surfaces continued behind the hole, or the
+    filler's own way. Fillers of colour and depth (layered, joint) always go their own."""
     footprint: bool = False
     """Add the projected footprint of the object mask to the hole of the new view (fig. 5, the union)."""
     source_first: bool = True
@@ -41,11 +44,23 @@ class Recipe:
             raise InputError(f"clip_m is {self.clip_m} m; more than 0 is wanted")
         if self.eight_bit_depth and self.clip_m is None:
             raise InputError("8-bit depth needs clip_m, the depth of level 255")
+        if self.depth_by not in ("surfaces", "filler"):
+            raise InputError(f"depth_by is {self.depth_by!r}; surfaces or filler is wanted")
+        if self.eight_bit_depth and self.depth_by != "filler":
+            raise InputError("8-bit depth is the filler's; depth_by 'filler' is wanted with it")
 
 
 RECIPES: dict[str, Recipe] = {
     "dlama": Recipe("dlama"),
-    "paper": Recipe("paper", mode="points", clip_m=10.0, eight_bit_depth=True, footprint=True, source_first=False),
+    "paper": Recipe(
+        "paper",
+        mode="points",
+        clip_m=10.0,
+        eight_bit_depth=True,
+        depth_by="filler",
+        footprint=True,
+        source_first=False,
+    ),
 }
 
 

@@ -31,6 +31,7 @@ from dlama.geometry.trajectories import median_pivot, orbit
 from dlama.geometry.view import HoleType, Origin, View
 from dlama.geometry.visibility import Law
 from dlama.inpainters import inpainter as named_inpainter
+from dlama.inpainters.depth_first import depth_first
 from dlama.inpainters.filling import FillReport, Inpainter, inpaint
 from dlama.inpainters.painting import eight_bit
 
@@ -156,7 +157,9 @@ def filled_by(filler: str | Inpainter, model: str | Path | None = None) -> Inpai
 def start(source: View, mask: BoolArray | None, filler: str | Inpainter, chosen: Recipe, seed: int) -> Work:
     """The scene before any camera moves: object out, sensor holes and (source first) the object's background filled."""
     fill = filled_by(filler)
-    if chosen.eight_bit_depth and chosen.clip_m is not None:
+    if chosen.depth_by == "surfaces":
+        fill = depth_first(fill)
+    elif chosen.eight_bit_depth and chosen.clip_m is not None:
         fill = eight_bit(fill, chosen.clip_m)
     scene, mask_pixels = Scene((source,)), (0, 0)
     if mask is not None:

@@ -6,29 +6,36 @@ import numpy as np
 
 from dlama.geometry.rendering import inverse_depth
 from dlama.geometry.rgbd import Float32Array
-from dlama.geometry.view import Origin, View
+from dlama.geometry.view import View
 from dlama.geometry.visibility import Law
-from dlama.inpainters.extension import extend
+from dlama.inpainters.extension import Surfaces, extend
 from dlama.inpainters.filling import Fill
 from dlama.inpainters.hedging import hedged
+from dlama.inpainters.painting import color_hole
 from dlama.inpainters.planes import SKY, SMOOTH
 from dlama.inpainters.texture import synthesize
 
 
 def layered(view: View, law: Law, seed: int = 0) -> Fill:
     """Continue planes, sky and smooth surfaces into the holes, put them behind what was measured, then paint them."""
-    surfaces = extend(view, law, seed)
-    depth, moved = law.project(view.camera, depth_of(surfaces.inverse_depth), view.hole)
-    color_hole = view.hole & (view.origin != Origin.DEPTH_FILLED)
+    surfaces, depth, moved = surfaces_behind(view, law, seed)
+    open_color = color_hole(view)
     color = view.color
-    if color_hole.any():
+    if open_color.any():
         w = inverse_depth(depth)
         label = np.where(np.abs(w - surfaces.inverse_depth) > 0.05 * w, np.int32(SMOOTH), surfaces.label)
         label = np.where(view.hole & (w == 0), np.int32(SKY), label)
-        color = synthesize(view.color, color_hole, w, label.astype(np.int32), view.camera, seed=seed, sky=law.far_color)
-        color = hedged(view, color, color_hole, w)
+        color = synthesize(view.color, open_color, w, label.astype(np.int32), view.camera, seed=seed, sky=law.far_color)
+        color = hedged(view, color, open_color, w)
     notes = {"planes": len(surfaces.planes)}
-    return Fill(color, depth, int(moved.sum()), notes)
+    return Fill(color, depth, moved, notes)
+
+
+def surfaces_behind(view: View, law: Law, seed: int) -> tuple[Surfaces, Float32Array, int]:
+    """The surfaces continued into the holes, their depth put behind what was measured, and how many pixels that moved."""
+    surfaces = extend(view, law, seed)
+    depth, moved = law.project(view.camera, depth_of(surfaces.inverse_depth), view.hole)
+    return surfaces, depth, int(moved.sum())
 
 
 def depth_of(w: Float32Array) -> Float32Array:

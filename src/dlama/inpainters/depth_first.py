@@ -1,0 +1,50 @@
+"""Depth first: surfaces are continued into the holes, and a filler of pictures then paints them from background context."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dlama.geometry.rgbd import BoolArray, Float32Array
+from dlama.geometry.view import HoleType, View
+from dlama.geometry.visibility import Law
+from dlama.inpainters.filling import Fill, Inpainter
+from dlama.inpainters.layered import surfaces_behind
+from dlama.inpainters.painting import Painter, color_hole
+
+BAND = 24
+"""Pixels round a hole in which an occluder is kept from the filler."""
+NEARER = 0.9
+"""A known pixel nearer than this share of the depth filled beside it is an occluder."""
+
+
+def depth_first(inpainter: Inpainter) -> Inpainter:
+    """Depth as `layered` continues it, colour by the filler. One that fills no pictures keeps its own way with both."""
+
+    def fill(view: View, law: Law, seed: int) -> Fill:
+        if not isinstance(inpainter, Painter):
+            return inpainter(view, law, seed)
+        surfaces, depth, moved = surfaces_behind(view, law, seed)
+        notes = inpainter.notes() | {"depth_as": "surfaces continued", "planes": len(surfaces.planes)}
+        open_color = color_hole(view)
+        if not open_color.any():
+            return Fill(view.color, depth, moved, notes)
+        return Fill(inpainter.paint(view.color, open_color | occluders(view, depth)), depth, moved, notes)
+
+    return fill
+
+
+def occluders(view: View, depth: Float32Array) -> BoolArray:
+    """H x W, True in known pixels near a hole that stand before what was filled into it: their colours do not belong there.
+
+    Not at the picture's old border: what lies beyond it is hidden by nothing.
+    """
+    import cv2
+
+    distance, nearest = cv2.distanceTransformWithLabels(
+        (~view.hole).astype(np.uint8), cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL
+    )
+    inner = view.hole & (view.hole_type != HoleType.OUT_OF_VIEW)
+    filled = np.zeros(int(nearest.max()) + 1, np.float32)
+    filled[nearest[inner]] = depth[inner]
+    band = ~view.hole & (distance <= BAND) & view.valid
+    return band & (view.depth < np.float32(NEARER) * filled[nearest])

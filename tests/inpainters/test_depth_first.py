@@ -1,0 +1,93 @@
+"""Depth first: depth is the continued surfaces', colour the painter's, which never sees an occluder beside a dis-occlusion."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from dlama.geometry.camera import Camera
+from dlama.geometry.rendering import render
+from dlama.geometry.rgbd import RGBD
+from dlama.geometry.scene import Scene
+from dlama.geometry.view import HoleType, Origin, View
+from dlama.geometry.visibility import Law
+from dlama.inpainters.depth_first import BAND, depth_first, occluders
+from dlama.inpainters.filling import Fill
+from dlama.inpainters.layered import layered
+from dlama.inpainters.painting import Painter
+
+NOTHING = Law(())
+
+
+def step(kind: HoleType = HoleType.DISOCCLUDED) -> View:
+    """An occluder at 1 m on the left, a wall at 3 m on the right, a hole of 8 columns between them."""
+    depth = np.full((40, 80), 3, np.float32)
+    depth[:, :36] = 1
+    color = np.where(depth[..., None] == 1, np.uint8(250), np.uint8(40)).repeat(3, 2)
+    hole = np.zeros(depth.shape, bool)
+    hole[:, 36:44] = True
+    return View.from_rgbd(RGBD(color, depth, Camera.from_fov(80, 40, 60))).without(hole, kind)
+
+
+def recording(shown: list[np.ndarray]) -> Painter:
+    """Paints 99; remembers which pixels it was told to fill."""
+
+    def paint(picture: np.ndarray, hole: np.ndarray) -> np.ndarray:
+        shown.append(hole)
+        return np.full_like(picture, 99)
+
+    def unused(view: View, law: Law, seed: int) -> Fill:
+        raise AssertionError("its own way with a view is not asked")
+
+    return Painter(unused, paint, lambda: {"model": "m"})
+
+
+def test_depth_is_the_continued_surfaces_and_colour_the_painters() -> None:
+    """Twin: the depth that `layered` gives, bit for bit, on a real dis-occlusion; its holes show the wall behind, so in
+    closed form their points lie on the wall (z = 3 m at home), and the painter was never told to keep the occluder."""
+    home = step().camera
+    source = View.from_rgbd(
+        RGBD(step().color, np.where(np.arange(80) < 36, 1, 3) + np.zeros((40, 1), np.float32), home)
+    )
+    scene, shown = Scene((source,)), []
+    camera = dataclasses.replace(
+        home, world_from_cam=np.array([[1, 0, 0, 0.1], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1.0]])
+    )
+    view, law = render(scene, camera), Law.of(scene)
+    fill = depth_first(recording(shown))(view, law, 0)
+    np.testing.assert_array_equal(fill.depth[view.hole], layered(view, law, 0).depth[view.hole])
+    hidden = view.hole & (view.hole_type == HoleType.DISOCCLUDED)
+    assert hidden.sum() > 100 and (abs(fill.depth[hidden] - 3) < 0.01).mean() > 0.95
+    assert (fill.color[view.hole] == 99).all() and fill.notes["model"] == "m" and "surfaces" in fill.notes["depth_as"]
+    assert shown[0][view.hole].all() and shown[0][~view.hole & (view.depth < 2)].any()
+    assert not shown[0][~view.hole & (view.depth > 2)].any()
+
+
+def test_occluders_beside_a_disocclusion_are_known_by_their_depth() -> None:
+    """Closed form: the columns of the occluder that lie within BAND of the hole, and nothing of the wall."""
+    view = step()
+    columns = np.flatnonzero(occluders(view, np.full(view.depth.shape, 3, np.float32)).all(0))
+    np.testing.assert_array_equal(columns, np.arange(36 - BAND, 36))
+
+
+def test_what_lies_beyond_the_picture_is_hidden_by_nothing() -> None:
+    """Law: beside a hole that is out of view no known pixel is taken from the painter."""
+    view = step(HoleType.OUT_OF_VIEW)
+    assert not occluders(view, np.full(view.depth.shape, 3, np.float32)).any()
+
+
+def test_a_sensor_hole_keeps_its_colour() -> None:
+    """Law: where only depth is missing no painter is asked."""
+    view = step(HoleType.SENSOR)
+    view = dataclasses.replace(view, origin=np.where(view.hole, np.uint8(Origin.DEPTH_FILLED), view.origin))
+    shown: list[np.ndarray] = []
+    fill = depth_first(recording(shown))(view, NOTHING, 0)
+    assert not shown and fill.color is view.color
+
+
+def test_other_fillers_go_their_own_way() -> None:
+    """Law: one that fills no pictures is called as it is."""
+    view = step()
+    own = Fill(view.color, np.ones_like(view.depth), 7, {"who": "own"})
+    assert depth_first(lambda view, law, seed: own)(view, NOTHING, 0) is own
