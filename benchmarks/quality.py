@@ -31,8 +31,8 @@ from dlama.geometry.view import View
 
 CLIP_M = 10.0
 METHODS = {
-    "points+telea": {"filler": "telea", "mode": "points"},
-    "surface+telea": {"filler": "telea"},
+    "points+telea": {"filler": "telea", "mode": "points", "depth_by": "filler"},
+    "surface+telea": {"filler": "telea", "depth_by": "filler"},
     "surface+layered": {"filler": "layered"},
 }
 
