@@ -10,6 +10,7 @@ from typing import Annotated, Any
 import tyro
 from tyro.conf import FlagCreatePairsOff, OmitArgPrefixes, Positional
 
+from dlama.apps.evaluate import evaluate, worlds
 from dlama.apps.jobs import STAGES, job
 from dlama.apps.model_verbs import models
 from dlama.apps.options import Depth, Image, Lens, Mask, Masking, Method, Metres, Move, Output, Reading, told
@@ -131,6 +132,8 @@ VERBS: dict[str, Callable[..., Any]] = {
     "demo": demo,
     "version": version,
     "models": models,
+    "evaluate": evaluate,
+    "worlds": worlds,
 }
 
 
@@ -153,6 +156,15 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
         "dlama models list",
         "dlama models pull big-lama",
         "dlama models convert big-lama.pt -o big-lama.onnx",
+    ),
+    "evaluate": (
+        "dlama evaluate worlds -o dlama-report",
+        "dlama evaluate street --protocol vpi --fillers layered telea migan --model migan=migan.onnx --jobs 2 -o out",
+        "dlama evaluate room --layout tum --camera cam.json --limit 20 --no-variants -o out",
+    ),
+    "worlds": (
+        "dlama worlds",
+        "dlama worlds --count 8 --kind street --seed 1 -o worlds",
     ),
     "demo": (
         "dlama demo",

@@ -30,8 +30,8 @@ SETTINGS: Any = {
     "axes.spines.top": False,
     "axes.spines.right": False,
     "axes.grid": True,
-    "grid.alpha": 0.2,
-    "grid.color": INK,
+    "grid.alpha": 0.25,
+    "grid.color": OTHER,
     **dict.fromkeys(("text.color", "axes.labelcolor", "axes.edgecolor", "xtick.color", "ytick.color"), INK),
 }
 COLUMNS = 3

@@ -44,7 +44,7 @@ def depth_error(panel: Panel) -> Float32Array:
     filled, truth = np.nan_to_num(panel.depth_filled, nan=0, posinf=np.inf), panel.depth_truth
     valid = (truth > 0) & (truth < np.inf) & (filled < np.inf)
     gap = np.where(np.isinf(filled) & np.isinf(truth), 0.0, 1.0)
-    np.divide(np.abs(filled - truth, where=valid, out=np.zeros_like(truth)), truth * DEPTH_FULL, out=gap, where=valid)
+    gap[valid] = np.abs(filled[valid] - truth[valid]) / (DEPTH_FULL * truth[valid])
     return np.where(truth > 0, np.minimum(gap, 1), np.nan).astype(np.float32)
 
 

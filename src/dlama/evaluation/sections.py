@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from dlama.evaluation.charts import curves, dots
+from dlama.evaluation.methods import NO_FILL
 from dlama.evaluation.metric_names import MASK_RATIO, PAPER_SHAPE, Which
 from dlama.evaluation.paper_columns import SOURCE
 from dlama.evaluation.results_file import Row
@@ -63,7 +64,7 @@ class Section:
 def sections(summary: Summary, timings: Sequence[Row], with_figures: bool = True) -> list[Section]:
     """Everything the report shows but the panels, in order."""
     found: list[Section] = []
-    for protocol in summary.values("protocol"):
+    for protocol in sorted(summary.values("protocol"), key=list(PROTOCOLS).index):
         for dataset in summary.values("dataset", protocol=protocol):
             found += _protocol_sections(summary, protocol, dataset, with_figures)
     clock = runtimes(timings, list(dict.fromkeys(row.method for row in timings)))
@@ -120,6 +121,11 @@ class _Place:
         return [one for one in self.summary.methods if one in own and not variant_of(one)[1]]
 
     @property
+    def drawn(self) -> list[str]:
+        """Those in figures: black holes are so far off that nothing else could be told apart; they stand in the tables."""
+        return [one for one in self.methods if not one.endswith(f"/{NO_FILL}")] or self.methods
+
+    @property
     def every(self) -> list[Which]:
         """What was measured of the methods as named."""
         keys = self.summary.of(protocol=self.protocol, dataset=self.dataset, yaw="all")
@@ -140,7 +146,7 @@ class _Place:
         if not self.with_figures:
             return ()
         title = f"{(hidden or ['whole'])[0]}: mean and 95 % interval"
-        figure = dots(self.summary, self.protocol, self.dataset, chosen, self.methods, title)
+        figure = dots(self.summary, self.protocol, self.dataset, chosen, self.drawn, title)
         return ((title, figure),) if figure else ()
 
     def whole_tables(self) -> tuple[Table, ...]:
@@ -182,7 +188,7 @@ class _Place:
     def _curves(self, chosen: Sequence[Which], title: str) -> tuple[tuple[str, str], ...]:
         if not self.with_figures:
             return ()
-        figure = curves(self.summary, self.protocol, self.dataset, chosen, self.methods, title)
+        figure = curves(self.summary, self.protocol, self.dataset, chosen, self.drawn, title)
         return ((title, figure),) if figure else ()
 
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from statistics import median
 from typing import NamedTuple
 
+from dlama.evaluation.methods import NO_FILL
 from dlama.evaluation.metric_names import MASK_RATIO, PAPER_SHAPE, better, shown, titled
 from dlama.evaluation.paper_columns import MASK_RATIO as PAPER_MASK_RATIO
 from dlama.evaluation.paper_columns import PAPER, paper_value
@@ -70,7 +71,9 @@ def per_yaw(
     """One metric of one region: a row a yaw (with `signs` each sign by itself, too), a column a method; best bold."""
     rows = []
     for yaw in _yaws(summary, protocol, dataset, signs):
-        cells = _marked([_cell(summary, Key(protocol, dataset, yaw, one, *which)) for one in methods], which[2])
+        cells = _marked(
+            [_cell(summary, Key(protocol, dataset, yaw, one, *which)) for one in methods], which[2], methods
+        )
         if any(cell is not EMPTY for cell in cells):
             rows.append((Cell(yaw), *cells, _other(paper_value(yaw, *which), which[2])))
     if not rows:
@@ -93,7 +96,9 @@ def side_by_side(
     """Many metrics over all frames (or those of a yaw): a row a region and metric, a column a method; best bold."""
     rows = []
     for which in chosen:
-        cells = _marked([_cell(summary, Key(protocol, dataset, yaw, one, *which)) for one in methods], which[2])
+        cells = _marked(
+            [_cell(summary, Key(protocol, dataset, yaw, one, *which)) for one in methods], which[2], methods
+        )
         if any(cell is not EMPTY for cell in cells):
             rows.append((Cell(which[0]), Cell(titled(*which)), *cells))
     return Table(title, ("region", "metric", *methods), tuple(rows)) if rows else None
@@ -203,11 +208,15 @@ def _other(value: float | None, metric: str) -> Cell:
     return EMPTY if value is None else Cell(shown(value, metric), value, other=True)
 
 
-def _marked(cells: list[Cell], metric: str) -> list[Cell]:
-    """The best of a row marked: all that look the same as it; none where the metric has no good side or all are alike."""
-    known = [cell for cell in cells if cell.value is not None]
+def _marked(cells: list[Cell], metric: str, methods: Sequence[str]) -> list[Cell]:
+    """The best of a row marked: all that look the same as it; none where the metric has no good side or all are alike.
+
+    No fill is out of it: its depth is measured only where it has any.
+    """
+    fills = [not one.endswith(f"/{NO_FILL}") for one in methods]
+    known = [cell for cell, does in zip(cells, fills) if does and cell.value is not None]
     side = better(metric)
     if side == 0 or len({cell.text for cell in known}) < 2:
         return cells
     best = max(known, key=lambda cell: side * (cell.value or 0.0)).text
-    return [cell._replace(best=True) if cell.text == best else cell for cell in cells]
+    return [cell._replace(best=True) if does and cell.text == best else cell for cell, does in zip(cells, fills)]

@@ -32,13 +32,19 @@ for (const field of document.querySelectorAll("input[data-table]")) {
     }
   });
 }
-// Panels: shown are those that every choice above them agrees with.
+// Panels: shown are those that every choice above them agrees with; a choice offers what the ones before it leave.
 for (const pick of document.querySelectorAll(".pick[data-panels]")) {
   const panels = document.getElementById(pick.dataset.panels).querySelectorAll(".panel");
   const choices = Array.from(pick.querySelectorAll("select"));
+  const agrees = (panel, some) => some.every((one) => one.value === "" || panel.dataset[one.name] === one.value);
   const show = () => {
-    for (const panel of panels)
-      panel.hidden = choices.some((one) => one.value !== "" && panel.dataset[one.name] !== one.value);
+    choices.forEach((choice, number) => {
+      const left = Array.from(panels).filter((panel) => agrees(panel, choices.slice(0, number)));
+      for (const option of choice.options)
+        option.disabled = option.value !== "" && !left.some((panel) => panel.dataset[choice.name] === option.value);
+      if (choice.selectedOptions[0].disabled) choice.value = Array.from(choice.options).find((one) => !one.disabled).value;
+    });
+    for (const panel of panels) panel.hidden = !agrees(panel, choices);
   };
   for (const one of choices) one.addEventListener("change", show);
   show();

@@ -1,0 +1,290 @@
+"""`dlama evaluate` and `dlama worlds`: a data set and methods in, tables and a report out; worlds to try it with."""
+
+from __future__ import annotations
+
+import dataclasses
+import shlex
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+from tyro.conf import Positional
+
+from dlama.apps.options import Json, Metres, Output, told
+from dlama.apps.terminal import say
+from dlama.completion.recipes import RECIPES, recipe
+from dlama.datasets.frames import Case, Dataset, Protocol
+from dlama.errors import InputError, MissingExtraError
+from dlama.evaluation.methods import NO_FILL, Method, ProtocolSettings
+from dlama.inpainters import INPAINTERS, MODEL_INPAINTERS
+
+if TYPE_CHECKING:
+    from dlama.evaluation.runner import Progress, Run
+
+FAILED = 1
+"""Exit code where some cases could not be run."""
+INTERRUPTED = 130
+FILLERS = [NO_FILL, *INPAINTERS, *MODEL_INPAINTERS]
+NEEDED = {"scikit-image": "skimage", "scipy": "scipy", "matplotlib": "matplotlib"}
+YAW_NEAR = 0.5
+"""Degrees by which a pair's yaw may differ from the one asked for."""
+PROTOCOL_NAMES: tuple[Protocol, ...] = ("vpi", "ori", "sii")
+
+
+@dataclass(frozen=True)
+class Scope:
+    """Which cases of the data set are run."""
+
+    protocol: Annotated[tuple[Protocol, ...], told("vpi|ori|sii ...", "(default: all that the data set has)")] = ()
+    """View change, object removal, stereo."""
+    scenes: Annotated[tuple[str, ...], told("SCENE ...", "(default: all)")] = ()
+    """Only these scenes."""
+    yaws: Annotated[tuple[float, ...], told("DEG ...", "(default: all)")] = ()
+    """Only cases about so many degrees round, to either side."""
+    limit: Annotated[int | None, told("N", "(default: all)")] = None
+    """At most so many cases of each protocol, the first ones."""
+    layout: Annotated[str | None, told("NAME", "(default: recognised)")] = None
+    """How the data set lies on disk: easysynth, pairs, removal, stereo, tum, 7-scenes, scannet, ..."""
+    depth_range: Metres = None
+    """EasySynth: metres that 1.0 stands for in its depth files."""
+    camera: Json = None
+    """The camera file of a layout that has none of its own (tum, 7-scenes, redwood)."""
+
+    def open(self, path: str) -> Dataset:
+        """The data set with those cases only. InputError where none is left, and what `open_dataset` raises."""
+        from dlama.datasets.layouts import open_dataset
+
+        found = open_dataset(
+            path if path.split(":")[0] == "worlds" else Path(path),
+            self.layout,
+            depth_range=self.depth_range,
+            camera=self.camera,
+            limit=None if self.yaws else self.limit,
+            scenes=self.scenes or None,
+        )
+        return dataclasses.replace(found, cases=self.chosen(found))
+
+    def chosen(self, dataset: Dataset) -> tuple[Case, ...]:
+        """The cases asked for, protocol by protocol."""
+        has = [name for name in PROTOCOL_NAMES if dataset.of(name)]
+        missing = [name for name in self.protocol if name not in has]
+        if missing:
+            raise InputError(f"{dataset.name} has no cases of {missing[0]}; it has {', '.join(has) or 'none at all'}")
+        cases: list[Case] = []
+        for name in self.protocol or has:
+            cases += [case for case in dataset.of(name) if self.has_yaw(case)][: self.limit]
+        if not cases:
+            known = sorted({abs(case.yaw_deg) for case in dataset.cases if case.yaw_deg is not None})
+            raise InputError(
+                f"no case is left of {dataset.name}; its yaws are {', '.join(f'±{one:g}' for one in known)}"
+            )
+        return tuple(cases)
+
+    def has_yaw(self, case: Case) -> bool:
+        """Whether --yaws lets the case through; those without a yaw it does not concern."""
+        if not self.yaws or case.yaw_deg is None:
+            return True
+        return any(abs(abs(case.yaw_deg) - abs(yaw)) <= YAW_NEAR for yaw in self.yaws)
+
+
+@dataclass(frozen=True)
+class Contest:
+    """Which methods are put to them: every recipe with every filler."""
+
+    recipes: Annotated[tuple[str, ...], told(f"{'|'.join(RECIPES)} ...", "(default: dlama paper)")] = ("dlama", "paper")
+    """Whole methods, ours and the paper's as published."""
+    fillers: Annotated[tuple[str, ...], told("FILLER ...", "(default: layered telea none)")] = (
+        "layered",
+        "telea",
+        NO_FILL,
+    )
+    """Of none, layered, telea, navier-stokes, lama, migan, joint; none leaves the holes as they are."""
+    model: Annotated[tuple[str, ...], told("FILLER=FILE|NAME ...")] = ()
+    """The network of a filler that runs one: an ONNX file, a LaMa checkpoint, or a name of `dlama models list`."""
+    seed: Annotated[int, told("N", "(default: 0)")] = 0
+    """Fillers and the bootstrap draw from this; the same seed gives the same numbers."""
+    variants: Annotated[bool, told("")] = True
+    """Leave out the runs with other masks and dilations, and the stereo pairs matched by the method itself."""
+
+    def methods(self) -> list[Method]:
+        """Every recipe with every filler. InputError: an unknown name, a network missing or of no use."""
+        for name in self.recipes:
+            recipe(name)
+        models = self.models()
+        for filler in self.fillers:
+            if filler not in FILLERS:
+                raise InputError(f"filler is {filler!r}; one of {', '.join(FILLERS)} is wanted")
+            if filler in MODEL_INPAINTERS and filler not in models:
+                raise InputError(f"filler {filler!r} runs a network: --model {filler}=FILE is wanted")
+        fillers, recipes = dict.fromkeys(self.fillers), dict.fromkeys(self.recipes)
+        return [Method(name, filler, models.get(filler), seed=self.seed) for name in recipes for filler in fillers]
+
+    def models(self) -> dict[str, Path]:
+        """Filler -> its ONNX file; a checkpoint is converted once, into the cache."""
+        from dlama.apps.model_files import model_for
+
+        found: dict[str, Path] = {}
+        for word in self.model:
+            filler, equals, file = word.partition("=")
+            if not equals or not file or filler not in MODEL_INPAINTERS:
+                raise InputError(
+                    f"--model is {word!r}; FILLER=FILE is wanted, FILLER one of {', '.join(MODEL_INPAINTERS)}"
+                )
+            if filler not in self.fillers:
+                raise InputError(f"--model {word} has no use: {filler} is not among --fillers {' '.join(self.fillers)}")
+            found[filler] = model_for(file)
+        return found
+
+    def settings(self) -> ProtocolSettings:
+        """Of the protocols."""
+        if self.variants:
+            return ProtocolSettings()
+        return ProtocolSettings(object_dilations=(), mask_changes=(), matched_stereo=False)
+
+
+def evaluate(
+    dataset: Positional[Annotated[str, told("DATASET")]],
+    /,
+    output: Output,
+    scope: Scope = Scope(),
+    contest: Contest = Contest(),
+    jobs: Annotated[int, told("N", "(default: 1)")] = 1,
+) -> None:
+    """Methods measured on frames with ground truth: the paper's tables, and a report. Goes on where it was interrupted.
+
+    Args:
+        dataset: The folder of a data set, or worlds[:COUNT[:SEED]] for generated ones.
+        output: Directory for report.html, summary.md, summary.json, results.csv, timings.csv, and what a later run takes over.
+        jobs: Processes; each computes on one core.
+    """
+    needs_extra()
+    from dlama.evaluation.protocols import PROTOCOLS
+    from dlama.evaluation.report import write_report
+    from dlama.evaluation.runner import run
+
+    methods, settings, found = contest.methods(), contest.settings(), scope.open(dataset)
+    with shown_progress(found.name) as progress:
+        done = run(found.cases, methods, PROTOCOLS, settings, output, jobs=jobs, progress=progress)
+    write_report(
+        output, found, done, settings, seed=contest.seed, command=command_line(dataset, output, scope, contest)
+    )
+    print(told_result(done, output))
+    if done.failures:
+        raise SystemExit(FAILED)
+
+
+def worlds(
+    output: Output = Path("dlama-worlds"),
+    count: Annotated[int, told("N", "(default: 4)")] = 4,
+    seed: Annotated[int, told("N", "(default: 0)")] = 0,
+    size: Annotated[int, told("PX", "(default: 512)")] = 512,
+    kind: Annotated[Literal["room", "street"] | None, told("room|street", "(default: both in turn)")] = None,
+    shadows: Annotated[bool, told("")] = True,
+    antialias: Annotated[bool, told("")] = True,
+    textures: Annotated[Path | None, told("DIR", "(default: procedural)")] = None,
+) -> None:
+    """Made-up scenes with exact ground truth, in EasySynth's layout: all that `dlama evaluate` needs, with no data at all.
+
+    Args:
+        output: Directory for the scenes.
+        count: How many scenes.
+        seed: The same seed gives the same scenes.
+        size: Side of the square pictures.
+        kind: Rooms or streets.
+        shadows: Objects cast none (a trouble that the paper names).
+        antialias: Colour edges are hard, exactly where depth changes.
+        textures: A folder of photos to paint surfaces with.
+    """
+    from dlama.datasets.worlds import write_worlds
+
+    with shown_count("worlds") as progress:
+        scenes = write_worlds(
+            output,
+            count=count,
+            seed=seed,
+            size=size,
+            kind=kind,
+            shadows=shadows,
+            antialias=antialias,
+            textures=textures,
+            progress=progress,
+        )
+    print(f"{output}: {len(scenes)} scenes. Next: dlama evaluate {shlex.quote(str(output))} -o dlama-report")
+
+
+def needs_extra() -> None:
+    """MissingExtraError before anything is computed, where the report could not be written in the end."""
+    from importlib.util import find_spec
+
+    for package, module in NEEDED.items():
+        if find_spec(module) is None:
+            raise MissingExtraError("dlama evaluate", package, "evaluate")
+
+
+def command_line(dataset: str, output: Path, scope: Scope, contest: Contest) -> str:
+    """The command that gives these results again; what is as by default is left out."""
+    words = ["dlama", "evaluate", dataset]
+    for options in (scope, contest):
+        for field in dataclasses.fields(options):
+            value = getattr(options, field.name)
+            if value != field.default:
+                words += (
+                    [f"--no-{field.name}"] if value is False else [f"--{field.name.replace('_', '-')}", *_words(value)]
+                )
+    return shlex.join([*words, "-o", str(output)])
+
+
+def told_result(done: Run, output: Path) -> str:
+    """One line: how much was done, how much of it had been there, what failed, where the report lies."""
+    counts = f"{len(done.stored)} results" + (f" ({done.reused} from an earlier run)" if done.reused else "")
+    failed = f", {len(done.failures)} failed ({output / 'errors.json'})" if done.failures else ""
+    return f"{output / 'report.html'}: {counts}{failed}"
+
+
+@contextmanager
+def shown_progress(title: str) -> Iterator[Progress]:
+    """A bar on a terminal; failures as a line each, at once. Ctrl-C says that nothing is lost."""
+    from dlama.evaluation.report import failure_line
+
+    try:
+        with _bar(title) as bar:
+
+            def progress(outcome: Any, done: int, total: int) -> None:
+                if outcome is not None and outcome.error:
+                    say("error", failure_line(outcome))
+                if bar is not None:
+                    words = f"{title}: {outcome.case.scene} {outcome.case.frame}" if outcome else title
+                    bar.update(bar.task_ids[0], completed=done, total=total, description=words)
+
+            yield progress
+    except KeyboardInterrupt:
+        say("error", "interrupted; what is done is kept, and the same command goes on from there")
+        raise SystemExit(INTERRUPTED) from None
+
+
+@contextmanager
+def shown_count(title: str) -> Iterator[Any]:
+    """A bar on a terminal that is told (done, total); None elsewhere."""
+    with _bar(title) as bar:
+        yield None if bar is None else lambda done, total: bar.update(bar.task_ids[0], completed=done, total=total)
+
+
+@contextmanager
+def _bar(title: str) -> Iterator[Any]:
+    if not sys.stderr.isatty():
+        yield None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TimeElapsedColumn, TimeRemainingColumn
+
+    columns = ("{task.description}", BarColumn(24), MofNCompleteColumn(), TimeElapsedColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        bar.add_task(title, total=None)
+        yield bar
+
+
+def _words(value: Any) -> Sequence[str]:
+    return [str(one) for one in value] if isinstance(value, tuple) else [str(value)]

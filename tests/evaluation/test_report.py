@@ -1,0 +1,252 @@
+"""The report of made-up results (oracles: parsers of others, pictures' pixels, numbers by hand)."""
+
+from __future__ import annotations
+
+import base64
+import dataclasses
+import json
+import re
+import subprocess
+import xml.etree.ElementTree as ET
+from html.parser import HTMLParser
+from pathlib import Path
+from shutil import which
+
+import cv2
+import made_up
+import numpy as np
+import pytest
+from made_up import METHODS, made_up_dataset
+
+from dlama.datasets.frames import Dataset
+from dlama.evaluation import panel_choice
+from dlama.evaluation.charts import curves
+from dlama.evaluation.methods import Method, ProtocolSettings
+from dlama.evaluation.panel_choice import as_data_urls, choose
+from dlama.evaluation.panels import CELL, GAP, color_error, depth_error, heat, jpeg, rescaled_jpeg, small, strip
+from dlama.evaluation.report import FILES, settings_hash, write_report
+from dlama.evaluation.results_file import result_rows
+from dlama.evaluation.runner import Run, run
+from dlama.evaluation.summary import summarise
+
+SETTINGS = ProtocolSettings()
+VOID = {"meta", "link", "img", "input", "br", "hr", "path", "use", "rect"}
+
+
+def mixed() -> Dataset:
+    """View changes of four scenes, and one removal each."""
+    views, removals = made_up_dataset(4), made_up_dataset(4, [None], "ori")
+    return dataclasses.replace(views, cases=views.cases + removals.cases)
+
+
+def evaluated(folder: Path, dataset: Dataset, methods: tuple[Method, ...] = METHODS) -> Run:
+    """All of it run with the made-up protocol."""
+    return run(dataset.cases, methods, {"vpi": made_up.protocol, "ori": made_up.protocol}, SETTINGS, folder)
+
+
+@pytest.fixture(scope="module")
+def report(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of a finished report."""
+    folder, dataset = tmp_path_factory.mktemp("report"), mixed()
+    write_report(folder, dataset, evaluated(folder, dataset), SETTINGS, command="dlama evaluate toy -o out")
+    return folder
+
+
+class Outline(HTMLParser):
+    """Tags opened and closed, what would be loaded, ids and links inside the page."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.loads: list[str] = []
+        self.ids: list[str] = []
+        self.links: list[str] = []
+        self.tags: list[str] = []
+        self.feed(text)
+        self.close()
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        """Remember it."""
+        known = dict(attrs)
+        self.tags.append(tag)
+        self.ids += [str(known["id"])] if "id" in known else []
+        self.loads += [str(known[name]) for name in ("src", "srcset", "data", "action", "poster") if name in known]
+        (self.links if tag in ("a", "use") else self.loads).extend(str(known[n]) for n in ("href",) if n in known)
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        """Closes itself."""
+        self.handle_starttag(tag, attrs)
+        if tag not in VOID:
+            self.open.pop()
+
+    def handle_endtag(self, tag: str) -> None:
+        """The innermost one must be it."""
+        if tag not in VOID:
+            assert self.open.pop() == tag
+
+
+def test_all_files_are_there_and_small(report: Path) -> None:
+    """The issue's list; below 20 MB."""
+    assert set(FILES) | {"cases", "panels"} == {path.name for path in report.iterdir()}
+    assert (report / "report.html").stat().st_size < 20e6
+
+
+def test_the_page_is_well_formed_and_needs_nothing_else(report: Path) -> None:
+    """Oracles: every tag closes in order, ids are unique, links lead somewhere, nothing is loaded but data: URLs."""
+    text = (report / "report.html").read_text("utf-8")
+    page = Outline(text)
+    assert page.open == []
+    assert len(page.ids) == len(set(page.ids)) > 10
+    assert {link[1:] for link in page.links} <= set(page.ids) and all(link.startswith("#") for link in page.links)
+    assert page.loads and all(one.startswith("data:image/jpeg;base64,") for one in page.loads)
+    assert not re.search(r"@import|https?://|url\((?!#)|src=\"(?!data:)", text)
+    assert page.tags.count("svg") == 3 and page.tags.count("script") == 1
+
+
+def test_the_guard_sees_what_is_loaded() -> None:
+    """It can fail: a picture from elsewhere, a tag left open."""
+    assert Outline('<p><img src="a.png"></p>').loads == ["a.png"]
+    with pytest.raises(AssertionError):
+        Outline("<p><b></p></b>")
+
+
+def test_the_script_is_a_script() -> None:
+    """Oracle: node's parser, where there is one."""
+    if not which("node"):
+        pytest.skip("node is not installed; it parses the page's script")
+    script = Path(panel_choice.__file__).parent.parent / "assets" / "report" / "script.js"
+    assert subprocess.run(["node", "--check", str(script)], timeout=60).returncode == 0
+
+
+def test_the_page_shows_the_numbers(report: Path) -> None:
+    """Oracles: summary.json's own mean in a sortable cell; settings and paper beside it; panels for best and worst."""
+    text = (report / "report.html").read_text("utf-8")
+    content = json.loads((report / "summary.json").read_text("utf-8"))
+    key = ["vpi", "toy", "±10", "dlama/layered", "whole", "rgb", "ssim"]
+    mean = next(line[7] for line in content["means"] if line[:7] == key)
+    assert f'data-value="{mean:.10g}">{mean:.4f}<small>' in text
+    assert text.count(settings_hash(SETTINGS)) > text.count("<table") - 1
+    assert "paper, other data" in text and "522.05" in text and "window" in text
+    assert "best: dlama/telea, ±10° scene" in text and "worst: dlama/telea, ±10° scene" in text
+    assert "View change (VPI) on toy" in text and "Object removal (ORI) on toy" in text
+
+
+def test_markdown_has_the_tables(report: Path) -> None:
+    """Oracle: every table has rows as wide as its head; hash beside each; all of the sections."""
+    text = (report / "summary.md").read_text("utf-8")
+    blocks = re.findall(r"(?:^\|.*\|\n)+", text, re.MULTILINE)
+    assert len(blocks) > 15
+    for block in blocks:
+        assert len({len(re.findall(r"(?<!\\)\|", line)) for line in block.splitlines()}) == 1
+    assert text.count(f"Settings `{settings_hash(SETTINGS)}`") == len(blocks)
+    for wanted in ("| ±60 |", "**colour SSIM, whole**", "Hidden regions", "object,dilate=3", "Runtime and memory", "dlama evaluate toy"):
+        assert wanted in text
+
+
+def test_the_same_results_give_the_same_report(tmp_path: Path) -> None:
+    """Oracle: bytes, in two folders; runtimes left out by one fixed number of the protocol's own."""
+    dataset = made_up_dataset(2, (10.0, 20.0))
+    for name in "ab":
+        done = evaluated(tmp_path / name, dataset)
+        fixed = tuple(dataclasses.replace(one, timings=()) for one in done.stored)
+        write_report(tmp_path / name, dataset, Run(fixed, (), 0), SETTINGS)
+    for name in FILES:
+        assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes(), name
+
+
+def test_failures_are_told(tmp_path: Path) -> None:
+    """On the page, in markdown, and in the first line."""
+    dataset = made_up_dataset(1, (10.0,))
+    methods = (Method("dlama", "telea"), Method("paper", "bad"))
+    write_report(tmp_path, dataset, evaluated(tmp_path, dataset, methods), SETTINGS)
+    for name in ("report.html", "summary.md"):
+        text = (tmp_path / name).read_text("utf-8")
+        assert "vpi s0 +10, paper/bad: RuntimeError: no such luck with paper" in text
+        assert "1 failed and count nowhere" in text
+
+
+def test_curves_are_svg_with_the_methods_and_the_paper() -> None:
+    """Oracles: an XML parser; the drawn points of a line, counted."""
+    cases = mixed().cases
+    rows = [
+        dataclasses_row(case, method, value)
+        for case in cases
+        if case.protocol == "vpi"
+        for method, value in (("dlama/telea", 0.5), ("paper/telea", 0.7))
+    ]
+    svg = curves(summarise(rows), "vpi", "toy", [("whole", "rgb", "ssim")], ["dlama/telea", "paper/telea"], "Whole")
+    assert svg
+    root = ET.fromstring(svg.replace("xlink:", ""))
+    words = "".join(root.itertext())
+    assert all(one in words for one in ("dlama/telea", "paper/telea", "paper, other data", "±60", "colour SSIM"))
+    assert root.attrib["aria-label"] == "Whole" and "currentColor" in svg and "#0a0b0c" not in svg
+    assert curves(summarise(rows[:2]), "vpi", "toy", [("whole", "rgb", "ssim")], ["dlama/telea"], "Whole") is None
+
+
+def dataclasses_row(case, method: str, value: float):  # type: ignore[no-untyped-def]
+    """A row of results.csv of a case."""
+    from dlama.evaluation.results_file import Row
+
+    recipe, filler = method.split("/")
+    return Row("vpi", "toy", case.scene, case.frame, case.yaw_deg, recipe, filler, "whole", "rgb", "ssim", value)
+
+
+def test_best_median_and_worst_by_hand(tmp_path: Path) -> None:
+    """Oracle: the unseen LPIPS of each frame, sorted here."""
+    dataset = made_up_dataset(5, (10.0, -10.0))
+    done = evaluated(tmp_path, dataset, (Method("dlama", "telea"),))
+    scores = sorted(
+        (row.value, row.scene, row.frame)
+        for row in result_rows(done.stored)
+        if (row.region, row.modality, row.metric, row.recipe) == ("unseen", "rgb", "lpips", "dlama")
+    )
+    chosen = choose(done.stored)
+    assert [one.rank for one in chosen] == ["best", "median", "worst"]
+    assert [(one.score, one.scene, one.frame) for one in chosen] == [scores[0], scores[4], scores[-1]]
+    assert {(one.yaw, one.ranked_by) for one in chosen} == {("±10", "unseen lpips")}
+
+
+def test_panels_are_made_to_fit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Oracle: the length of all URLs against a small budget; each still a picture; beyond the last rung some go."""
+    done = evaluated(tmp_path, made_up_dataset(3))
+    chosen = choose(done.stored)
+    free = as_data_urls(tmp_path / "panels", chosen)
+    assert len(free) == len(chosen)
+    small_budget = sum(len(url) for _, url in free) // 2
+    monkeypatch.setattr(panel_choice, "BUDGET", small_budget)
+    urls = [url for _, url in as_data_urls(tmp_path / "panels", chosen)]
+    assert sum(map(len, urls)) <= small_budget + 40 * len(urls) and urls
+    for url in urls[:3]:
+        data = np.frombuffer(base64.b64decode(url.partition(",")[2]), np.uint8)
+        assert cv2.imdecode(data, cv2.IMREAD_COLOR) is not None
+
+
+def test_errors_in_panels_by_hand() -> None:
+    """Colour: mean over channels of 64 levels is full. Depth: a quarter off is full, a tenth 0.4; far for near is full."""
+    plain = made_up.panel(made_up.truth(0, 24), 50)
+    filled = plain.truth.astype(int)
+    filled[0, 0] = filled[0, 0] + np.where(filled[0, 0] > 127, -96, 96)
+    filled[0, 1] = np.where(filled[0, 1] > 127, filled[0, 1] - 32, filled[0, 1] + 32)
+    depth, truth = plain.depth_truth.copy(), plain.depth_truth.copy()
+    depth[0, :5] = (2.2, 2.5, 3.0, np.inf, np.inf)
+    truth[0, 3:6] = (2.0, np.inf, 0)
+    shown = dataclasses.replace(plain, filled=filled.astype(np.uint8), depth_filled=depth, depth_truth=truth)
+    assert color_error(shown)[0, :3] == pytest.approx([1, 0.5, 0])
+    assert depth_error(shown)[0, :5] == pytest.approx([0.4, 1, 1, 1, 0]) and np.isnan(depth_error(shown)[0, 5])
+    black, bright = heat(np.array([[0, 1]], np.float32))[0]
+    assert black.max() < 10 and bright.min() > 150
+
+
+def test_a_strip_is_two_rows_of_five() -> None:
+    """Oracles: the input's own pixels at the top left, the truth's in the fourth column; large pictures shrink."""
+    panel = made_up.panel(made_up.truth(0, 24), 50)
+    sheet = strip(panel)
+    assert sheet.shape == (2 * 24 + GAP, 5 * 24 + 4 * GAP, 3)
+    assert (sheet[:24, :24] == panel.source).all() and (sheet[:24, 3 * (24 + GAP) :][:, :24] == panel.truth).all()
+    assert (sheet[24 : 24 + GAP] == 0).all()
+    assert small(np.zeros((300, 600, 3), np.uint8)).shape == (CELL // 2, CELL, 3)
+    data = jpeg(np.zeros((40, 80, 3), np.uint8))
+    again = cv2.imdecode(np.frombuffer(rescaled_jpeg(data, 20, 50), np.uint8), cv2.IMREAD_COLOR)
+    assert again is not None and again.shape == (10, 20, 3)
