@@ -53,6 +53,14 @@ def test_scores_by_hand(constant_filler: str) -> None:
     assert plain.panel is not None and not any(np.isnan(value) for value in found.values())
 
 
+def test_holes_of_colour_and_of_depth(constant_filler: str) -> None:
+    """Closed form: a sensor hole opens depth and no colour."""
+    holed = RGBD(TRUTH.source.color, TRUTH.source.depth * ~rectangle((0, 8), (0, 8)), SOURCE)
+    found = values(scored(constant_filler, RemovalTruth(holed, TRUTH.without, TRUTH.mask), dilate=0)[0].measures)
+    assert found["whole", "rgb", "mask_ratio"] == 25
+    assert found["whole", "depth", "mask_ratio"] == pytest.approx(25 + 100 * 64 / SIZE**2)
+
+
 def test_the_background_as_a_cloud(constant_filler: str) -> None:
     """Closed form: a wall put 0.51 m behind its place has nothing within 10 cm; left to a filler that continues it, all."""
     found = values(scored(constant_filler)[0].measures)

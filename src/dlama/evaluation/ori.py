@@ -69,7 +69,7 @@ def removal_measures(run: Run, answer: Answer, truth: RemovalTruth) -> list[Meas
     view = run.view()
     inside = answer.within(truth.mask)
     return [
-        run.hole_share(),
+        *run.hole_shares(),
         *answer.color_measures(view.color),
         *answer.depth_measures(view.depth),
         *answer.metre_measures(view.depth, run.open()),

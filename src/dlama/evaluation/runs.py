@@ -14,7 +14,7 @@ from dlama.evaluation.answers import Answer
 from dlama.evaluation.methods import NO_FILL, Measure, Method, Panel
 from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import RGBD, BoolArray
-from dlama.geometry.view import View
+from dlama.geometry.view import Origin, View
 from dlama.geometry.visibility import Law
 from dlama.inpainters.filling import Fill
 
@@ -54,10 +54,14 @@ class Run:
         """Wall-clock seconds of the completion."""
         return Measure("whole", "time", "seconds", self.seconds)
 
-    def hole_share(self, number: int = -1, suffix: str = "") -> Measure:
-        """The method's own hole, in % of the picture."""
-        share = 100 * float(self.completion.warped[number].hole.mean())
-        return Measure("whole" + suffix, "rgb", "mask_ratio", share)
+    def hole_shares(self, number: int = -1, suffix: str = "") -> list[Measure]:
+        """The method's own holes in % of the picture: of colour, and of depth (a sensor hole lacks depth only)."""
+        warped = self.completion.warped[number]
+        open_color = warped.hole & (warped.origin != Origin.DEPTH_FILLED)
+        return [
+            Measure("whole" + suffix, modality, "mask_ratio", 100 * float(hole.mean()))
+            for modality, hole in (("rgb", open_color), ("depth", warped.hole))
+        ]
 
 
 def run_method(method: Method, source: RGBD, camera: Camera, mask: BoolArray | None = None, **changes: Any) -> Run:

@@ -77,8 +77,8 @@ def score_removal(truth: StereoTruth, method: Method, settings: ProtocolSettings
     left, right = removal_answers(truth, settings)
     run = run_stereo(truth, method)
     measures = [
-        run.hole_share(0),
-        run.hole_share(1, RIGHT),
+        *run.hole_shares(0),
+        *run.hole_shares(1, RIGHT),
         *left.color_measures(run.view(0).color),
         *right.color_measures(run.view(1).color),
         *left.shares(),
@@ -135,7 +135,7 @@ def score_right(truth: StereoTruth, run: Run, source: RGBD, settings: ProtocolSe
     answer = right_answer(truth, settings)
     view, depth = run.view(), right_depth(truth)
     target = RGBD(truth.right, depth, truth.rig.right)
-    measures = [run.hole_share(), *answer.color_measures(view.color), *answer.shares(), run.timing()]
+    measures = [*run.hole_shares(), *answer.color_measures(view.color), *answer.shares(), run.timing()]
     if depth.any():
         if truth.metric:
             measures += [*answer.depth_measures(view.depth), *answer.metre_measures(view.depth, run.open())]

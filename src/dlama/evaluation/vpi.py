@@ -58,7 +58,7 @@ def view_measures(run: Run, answer: Answer, truth: ViewTruth, target: RGBD) -> l
     """All numbers of one run."""
     view = run.view()
     return [
-        run.hole_share(),
+        *run.hole_shares(),
         *answer.color_measures(view.color),
         *answer.depth_measures(view.depth),
         *answer.metre_measures(view.depth, run.open()),
