@@ -46,17 +46,20 @@ Made = tuple[float, np.ndarray, np.ndarray]
 """Hole in %, colour, metres."""
 
 
-def frames(folder: Path, scene: str) -> dict[int, RGBD]:
-    """Yaw -> frame, of the sequence with the object (street/README.md)."""
+def frames(folder: Path, scene: str, yaws: set[int]) -> dict[int, RGBD]:
+    """Yaw (0 and + and - each of `yaws`) -> frame, of the sequence with the object (street/README.md)."""
     listing = json.loads((folder / scene / "poses.json").read_text())["sequences"]["with"]["frames"]
     base, found = folder / scene / "with" / "CameraComponent", {}
     for number, frame in enumerate(listing):
+        yaw = round(frame["yaw_deg"])
+        if abs(yaw) not in yaws | {0}:
+            continue
         name = f"{scene}_with.{number:04d}"
         color = np.asarray(cv2.imread(str(base / "ColorImage" / f"{name}.jpeg")))[..., ::-1]
         depth = np.asarray(cv2.imread(str(base / "DepthMM" / f"{name}.png"), cv2.IMREAD_UNCHANGED))
         metres = np.where(depth == 65535, np.inf, depth / 1000).astype(np.float32)
         camera = Camera.from_fov(512, 512, 90, frame["world_from_cam"])
-        found[round(frame["yaw_deg"])] = RGBD(np.ascontiguousarray(color), metres, camera)
+        found[yaw] = RGBD(np.ascontiguousarray(color), metres, camera)
     return found
 
 
@@ -137,7 +140,7 @@ def main() -> None:
     parser.add_argument("--yaws", nargs="+", type=int, default=list(REFERENCE))
     parser.add_argument("--ways", nargs="+", choices=list(WAYS), default=list(WAYS))
     args = parser.parse_args()
-    street = {scene: frames(args.folder, scene) for scene in SCENES}
+    street = {scene: frames(args.folder, scene, set(args.yaws)) for scene in SCENES}
     for way in args.ways:
         print(f"{way}\n{'yaw':>5} " + " ".join(f"{name:>16}" for name in COLUMNS))
         worst = 0.0
