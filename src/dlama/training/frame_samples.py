@@ -17,11 +17,12 @@ from dlama.geometry.camera import Camera
 from dlama.geometry.drawing import inverse_depth
 from dlama.geometry.holes import eroded
 from dlama.geometry.rendering import render
-from dlama.geometry.rgbd import RGBD
+from dlama.geometry.rgbd import RGBD, BoolArray
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
 from dlama.geometry.visibility import Law
 from dlama.training.masks import random_mask
+from dlama.training.photo_samples import there_and_back
 from dlama.training.photos import held_out_of
 from dlama.training.settings import NetworkSettings
 from dlama.training.view_samples import Question, fits
@@ -105,11 +106,11 @@ class FrameSamples:
             return Question(view, truth, Law.of(Scene((View.from_rgbd(source),))))
         return masked(target, random_mask(rng, target.camera.hw))
 
-    def move(self, index: int, rng: np.random.Generator) -> tuple[RGBD, Camera]:
-        """As `world_samples.WorldSamples.move`."""
-        pair = self.pairs[index % len(self.pairs)].load()
-        source = random_square(pair.source, self.size, rng)
-        return source, random_square(pair.target, self.size, rng).camera
+    def shape(self, rng: np.random.Generator, size: int) -> BoolArray:
+        """What is lost of one frame of a random pair between its camera and the other's: for kind `warped-photo`."""
+        pair = self.pairs[int(rng.integers(len(self.pairs)))].load()
+        source = random_square(pair.source, size, rng)
+        return there_and_back(source, random_square(pair.target, size, rng).camera)
 
 
 def random_square(rgbd: RGBD, size: int, rng: np.random.Generator) -> RGBD:

@@ -18,11 +18,11 @@ from dlama.geometry.rgbd import RGBD, UInt8Array
 from dlama.geometry.trajectories import dolly, orbit
 from dlama.training.photos import Photo
 
-RUN = 16
+RUN = 8
 """Samples of one world, where indices follow each other."""
-VIEWS = 6
+VIEWS = 4
 KEPT = 4
-"""Galleries in memory: 256 px take 4 MB and the world 10."""
+"""Galleries in memory: at 256 px 3 MB and the world's 10."""
 WORLDS = 200_000
 FIRST_SEED = {"train": 1_000_000_000, "held_out": 2_000_000_000}
 """Worlds of the evaluation have small seeds."""
@@ -80,6 +80,10 @@ class Galleries:
         """The gallery of a sample's index."""
         return _gallery(FIRST_SEED[self.split] + index // self.run, self.size, self.photos)
 
+    def single(self, number: int) -> Gallery:
+        """The gallery of world `number`, whatever the run."""
+        return _gallery(FIRST_SEED[self.split] + number, self.size, self.photos)
+
     def rig(self, index: int) -> Gallery:
         """A gallery of stereo pairs: cameras 2n and 2n + 1 are left and right."""
         return _gallery(FIRST_SEED[self.split] + index // self.run, self.size, self.photos, paired=True)
@@ -103,26 +107,22 @@ def _gallery(seed: int, size: int, photos: tuple[Photo, ...], paired: bool = Fal
 
 
 def _yaws(rng: np.random.Generator) -> list[float]:
-    """Half of the cameras spread over the orbit, the others where the first one stands (they are moved by other means)."""
+    """Anywhere on the orbit; the last camera stands where the first one does (and is moved by other means)."""
     first = float(rng.uniform(-LARGEST_YAW, LARGEST_YAW))
-    turned = [float(rng.uniform(-LARGEST_YAW, LARGEST_YAW)) for _ in range(VIEWS // 2 - 1)]
+    turned = [float(rng.uniform(-LARGEST_YAW, LARGEST_YAW)) for _ in range(VIEWS - 2)]
     turned = [yaw if abs(yaw - first) > SMALLEST_TURN else first + SMALLEST_TURN for yaw in turned]
-    return [first, *turned, *[first] * (VIEWS - VIEWS // 2)]
+    return [first, *turned, first]
 
 
 def _moved(rng: np.random.Generator, cameras: list[Camera]) -> tuple[Camera, ...]:
-    """The later half: beside the first camera as in a stereo pair, dollied, pitched and turned a little."""
-    half = VIEWS // 2
-    moved = []
-    for number, camera in enumerate(cameras[half:]):
-        if number % 3 == 0:
-            moved.append(beside(camera, float(rng.choice((-1, 1)) * rng.uniform(*SHIFT_M))))
-        elif number % 3 == 1:
-            moved.append(dolly(camera, float(rng.uniform(*DOLLY_M))))
-        else:
-            turn = float(rng.choice((-1, 1)) * rng.uniform(SMALLEST_TURN, 15))
-            moved.append(orbit(camera, turn, float(rng.uniform(*PITCH_DEG))))
-    return (*cameras[:half], *moved)
+    """The last one moved: beside the first as in a stereo pair, dollied, or turned and pitched a little."""
+    last, sign = cameras[-1], float(rng.choice((-1, 1)))
+    moved = (
+        beside(last, sign * float(rng.uniform(*SHIFT_M))),
+        dolly(last, float(rng.uniform(*DOLLY_M))),
+        orbit(last, sign * float(rng.uniform(SMALLEST_TURN, 15)), float(rng.uniform(*PITCH_DEG))),
+    )
+    return (*cameras[:-1], moved[int(rng.integers(len(moved)))])
 
 
 def _rigs(rng: np.random.Generator, cameras: list[Camera]) -> tuple[Camera, ...]:

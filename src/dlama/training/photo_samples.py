@@ -6,6 +6,7 @@ Photos have no depth: networks of colour and depth learn from them as textures o
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable
 
 import numpy as np
@@ -19,13 +20,16 @@ from dlama.training.augment import mirrored, relit
 from dlama.training.masks import random_mask
 from dlama.training.photos import Photo, square_crop
 from dlama.training.settings import NetworkSettings
+from dlama.training.view_samples import fits
 
 SHARES = {"wide": 0.5, "medium": 0.3, "narrow": 0.2}
 """How often each set of masks is drawn."""
 MOST_DRAWS = 8
+BANK_WORLDS = 256
+"""Worlds that the shapes of holes are taken from, a dozen each; each shape takes 8 kB at 256 px."""
 
-Move = Callable[[int, np.random.Generator], tuple[RGBD, Camera]]
-"""Index and random numbers -> a frame whose depth counts, and a camera to go to; size x size both."""
+Shapes = Callable[[np.random.Generator, int], BoolArray]
+"""Random numbers and a size -> a hole, size x size; picklable."""
 
 
 class PhotoSamples:
@@ -45,11 +49,11 @@ class PhotoSamples:
     def sample(self, index: int, rng: np.random.Generator) -> dict[str, np.ndarray]:
         """A random square of photo `index` under a random mask."""
         target = color_planes(square_crop(self.photos[index].load(), self.size, rng))
-        mask = self.hole(index, rng)[None].astype(np.float32)
+        mask = self.hole(rng)[None].astype(np.float32)
         made = {"input": np.concatenate([target * (1 - mask), mask]), "target": target, "mask": mask}
         return mirrored(relit(made, rng, 3), rng, 1)
 
-    def hole(self, index: int, rng: np.random.Generator) -> BoolArray:
+    def hole(self, rng: np.random.Generator) -> BoolArray:
         """size x size, True = hole."""
         kind = str(rng.choice(list(SHARES), p=list(SHARES.values())))
         return random_mask(rng, (self.size, self.size), kind)
@@ -58,19 +62,33 @@ class PhotoSamples:
 class WarpedPhotoSamples(PhotoSamples):
     """Kind `warped-photo`: the hole is what a camera that moves there and back loses of some depth map."""
 
-    def __init__(self, photos: tuple[Photo, ...], network: NetworkSettings, size: int, move: Move) -> None:
+    def __init__(self, photos: tuple[Photo, ...], network: NetworkSettings, size: int, shapes: Shapes) -> None:
         super().__init__(photos, network, size)
-        self.move = move
+        self.shapes = shapes
 
-    def hole(self, index: int, rng: np.random.Generator) -> BoolArray:
-        """As there_and_back; holes too small or too large are drawn again, then a random mask is taken."""
-        from dlama.training.view_samples import fits
-
+    def hole(self, rng: np.random.Generator) -> BoolArray:
+        """A shape; next to nothing or everything is drawn again, then a random mask is taken."""
         for _ in range(MOST_DRAWS):
-            lost = there_and_back(*self.move(index, rng))
+            lost = self.shapes(rng, self.size)
             if fits(lost):
                 return lost
-        return super().hole(index, rng)
+        return super().hole(rng)
+
+
+def world_shapes(rng: np.random.Generator, size: int, split: str) -> BoolArray:
+    """A shape from the depth of a world: one of BANK_WORLDS worlds' pairs of cameras. A process keeps what it has made."""
+    bits = _bank(split, int(rng.integers(BANK_WORLDS)), size)
+    return np.unpackbits(bits[int(rng.integers(len(bits)))], count=size * size).reshape(size, size).view(np.bool_)
+
+
+@functools.lru_cache(maxsize=BANK_WORLDS)
+def _bank(split: str, number: int, size: int) -> np.ndarray:
+    """What is lost between any two cameras of one world, as bits: made together, since the world costs most."""
+    from dlama.training.galleries import Galleries
+
+    gallery = Galleries(split, size).single(number)
+    lost = [there_and_back(gallery.frame(i), gallery.cameras[j]) for i, j in gallery.pairs]
+    return np.packbits(np.array(lost).reshape(len(lost), -1), axis=1)
 
 
 def there_and_back(rgbd: RGBD, camera: Camera) -> BoolArray:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import logging
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -15,6 +16,7 @@ from dlama.training.settings import TrainSettings
 
 if TYPE_CHECKING:
     from dlama.training.frame_samples import Pair
+    from dlama.training.photo_samples import Shapes
     from dlama.training.photos import Photo
 
 LOG = logging.getLogger("dlama")
@@ -144,16 +146,13 @@ def _photos(settings: TrainSettings, found: Found, split: Split) -> SampleSource
 def _warped_photos(settings: TrainSettings, found: Found, split: Split) -> SampleSource:
     """Holes of the data set's depth where there is one, else of worlds'."""
     from dlama.training.frame_samples import FrameSamples
-    from dlama.training.galleries import Galleries
-    from dlama.training.photo_samples import WarpedPhotoSamples
-    from dlama.training.world_samples import WorldSamples
+    from dlama.training.photo_samples import WarpedPhotoSamples, world_shapes
 
     size = settings.data.size
+    shapes: Shapes = functools.partial(world_shapes, split=split)
     if found.pairs:
-        move = FrameSamples(found.pairs, settings.network, size).move
-    else:
-        move = WorldSamples(Galleries(split, size), settings.network).move
-    return WarpedPhotoSamples(found.photos, settings.network, size, move)
+        shapes = FrameSamples(found.pairs, settings.network, size).shape
+    return WarpedPhotoSamples(found.photos, settings.network, size, shapes)
 
 
 def _worlds(settings: TrainSettings, found: Found, split: Split) -> SampleSource:

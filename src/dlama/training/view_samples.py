@@ -26,6 +26,8 @@ from dlama.training.settings import NetworkSettings
 DEPTH_AGREES, COLOR_AGREES = 0.03, 25
 """Relative, and levels of 255 in every channel."""
 MOST = 0.8
+LOOKED_AT = np.s_[1::3, 1::3]
+"""Of which pixels."""
 SMALLEST, LARGEST = 0.004, 0.6
 """Share of the picture that a hole has at least and at most; other views are drawn again."""
 
@@ -84,15 +86,11 @@ def closed(plane: Float32Array, known: BoolArray) -> Float32Array:
 def agrees(question: Question) -> bool:
     """Whether the truth shows, at most known pixels, what the view shows."""
     view, truth = question.view, question.truth
-    both = ~view.hole & (truth.depth > 0)
+    shown, true = view.depth[LOOKED_AT], truth.depth[LOOKED_AT]
+    both = ~view.hole[LOOKED_AT] & (true > 0)
     if not both.any():
         return False
-    w, true = inverse_depth(view.depth)[both], inverse_depth(truth.depth)[both]
-    close = np.abs(w - true) <= DEPTH_AGREES * np.maximum(w, true)
-    levels = np.abs(view.color[both].astype(np.int16) - truth.color[both])
+    w, true_w = inverse_depth(shown[both]), inverse_depth(true[both])
+    close = np.abs(w - true_w) <= DEPTH_AGREES * np.maximum(w, true_w)
+    levels = np.abs(view.color[LOOKED_AT][both].astype(np.int16) - truth.color[LOOKED_AT][both])
     return float((close & (levels.max(1) <= COLOR_AGREES)).mean()) >= MOST
-
-
-def without_law(view: View, truth: RGBD) -> Question:
-    """A question to which any depth is an answer."""
-    return Question(view, truth, Law(()))

@@ -62,12 +62,6 @@ class WorldSamples:
                 return Question(view, gallery.frame(target), Law.of(Scene((View.from_rgbd(rgbd),))))
         return masked(gallery.frame(0), random_mask(rng, gallery.cameras[0].hw))
 
-    def move(self, index: int, rng: np.random.Generator) -> tuple[RGBD, Camera]:
-        """A frame and another camera: what `photo_samples.WarpedPhotoSamples` takes the shape of a hole from."""
-        gallery = self.galleries.gallery(index % len(self))
-        source, target = gallery.pairs[int(rng.integers(len(gallery.pairs)))]
-        return gallery.frame(source), gallery.cameras[target]
-
 
 class RemovalSamples(WorldSamples):
     """Kind `removal`: the source view with a thing masked and gone."""
@@ -142,11 +136,12 @@ def masked(source: RGBD, taken: BoolArray, truth: RGBD | None = None) -> Questio
 
 
 def removable(gallery: Gallery, number: int, rng: np.random.Generator) -> int | None:
-    """The group of a thing that camera `number` sees whole enough and not too large; None if there is none."""
+    """The group of a thing that camera `number` sees whole (but for its foot) and not too large; None if there is none."""
     group = gallery.seen(number).group
     groups, counts = np.unique(group[group > 0], return_counts=True)
     low, high = (share * group.size for share in OBJECT_SHARE)
-    found = groups[(counts >= low) & (counts <= high)]
+    cut_off = np.concatenate([group[0], group[:, 0], group[:, -1]])  # such as the walls of a room
+    found = np.setdiff1d(groups[(counts >= low) & (counts <= high)], cut_off)
     if not len(found):
         return None
     preferred, chosen = gallery.world.object_index, int(found[rng.integers(len(found))])
