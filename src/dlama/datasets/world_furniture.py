@@ -181,7 +181,7 @@ def picture(stage: Stage, palette: Palette, rng: Generator) -> None:
     stage.box((0, up, 0), (w, h, 0.07), palette("poster"))
 
 
-def mirror_board(stage: Stage, palette: Palette, rng: Generator) -> None:
+def folding_screen(stage: Stage, palette: Palette, rng: Generator) -> None:
     """A folding screen of two wings."""
     cloth = palette("cloth", "wood", "poster")
     for side in (-1, 1):
@@ -197,15 +197,21 @@ def suitcase(stage: Stage, palette: Palette, rng: Generator) -> None:
     stage.box((0, 1.04, 0.08), (0.28, 0.03, 0.04), palette.paint(value=(0.1, 0.2)))
 
 
+def divider(stage: Stage, palette: Palette, rng: Generator) -> None:
+    """A shelf or a chest that stands free in the room."""
+    with stage.at(0, 0.2):
+        (shelf if rng.random() < 0.5 else cupboard)(stage, palette, rng)
+
+
 ROOM_PROPS: dict[str, tuple[Prop, float]] = {
     "table": (table, 0.85), "chair": (chair, 0.36), "stool": (stool, 0.32), "floor_lamp": (floor_lamp, 0.28),
     "basket": (basket, 0.25), "ball": (ball, 0.3), "toy": (toy, 0.3), "planter": (planter, 0.5),
-    "folding_screen": (mirror_board, 0.65), "suitcase": (suitcase, 0.3),
+    "folding_screen": (folding_screen, 0.65), "suitcase": (suitcase, 0.3), "divider": (divider, 0.75),
 }  # fmt: skip
 """Name -> what stands free, and the radius in metres of the circle it needs."""
 WALL_PROPS: dict[str, tuple[Prop, float]] = {
     "sofa": (sofa, 2.5), "shelf": (shelf, 1.4), "cupboard": (cupboard, 1.9), "bed": (bed, 1.8), "screen": (screen, 1.6),
 }  # fmt: skip
 """Name -> what stands against a wall, and the length of wall it needs."""
-ROOM_OBJECTS: tuple[Prop, ...] = (table, chair, stool, floor_lamp, basket, toy, planter, suitcase, ball, mirror_board)
+ROOM_OBJECTS: tuple[Prop, ...] = (table, chair, stool, floor_lamp, basket, toy, planter, suitcase, ball, folding_screen)
 """What may stand before the camera as the object of interest."""

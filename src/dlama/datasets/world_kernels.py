@@ -37,60 +37,67 @@ UNLIT, LIT, BLOCKED = 0, 1, 2
 """Light at a pixel's centre: the surface faces away (or is sky), it is lit, something stands before the light."""
 
 
-@njit(cache=True, error_model="numpy")
-def texture_place(s, face, x, y, z):
+@njit(cache=True, error_model="numpy", forceinline=True)
+def texture_place(shapes, i, face, x, y, z):
     """Texture u, v in repeats, and repeats per metre along the two tangents, at a local point of a face."""
-    kind, fit = int(s[KIND]), s[MODE] == FIT
+    kind, fit = int(shapes[i, KIND]), shapes[i, MODE] == FIT
     if kind <= BOX:
         axis = face // 2
         a, b = (z, y) if axis == 0 else ((x, z) if axis == 1 else (x, y))
         ha, hb = (
-            (s[HALF + 2], s[HALF + 1])
+            (shapes[i, HALF + 2], shapes[i, HALF + 1])
             if axis == 0
-            else ((s[HALF], s[HALF + 2]) if axis == 1 else (s[HALF], s[HALF + 1]))
+            else ((shapes[i, HALF], shapes[i, HALF + 2]) if axis == 1 else (shapes[i, HALF], shapes[i, HALF + 1]))
         )
+        if face == 0 or face == 5:  # seen from outside u runs to the right on every side, or writing would be mirrored
+            a = -a
         if fit:
-            su, sv = 0.5 * s[TILE] / max(ha, 1e-9), 0.5 * s[TILE + 1] / max(hb, 1e-9)
+            su, sv = 0.5 * shapes[i, TILE] / max(ha, 1e-9), 0.5 * shapes[i, TILE + 1] / max(hb, 1e-9)
             return (a + ha) * su, (b + hb) * sv, su, sv
-        su, sv = 1 / s[TILE], 1 / s[TILE + 1]
-        return a * su + s[OFFSET], b * sv + s[OFFSET + 1], su, sv
+        su, sv = 1 / shapes[i, TILE], 1 / shapes[i, TILE + 1]
+        return a * su + shapes[i, OFFSET], b * sv + shapes[i, OFFSET + 1], su, sv
     if kind == TUBE and face >= 7:
         su, sv = (
-            (1 / s[TILE], 1 / s[TILE + 1])
+            (1 / shapes[i, TILE], 1 / shapes[i, TILE + 1])
             if not fit
-            else (0.5 / max(s[HALF], s[HALF + 2]), 0.5 / max(s[HALF], s[HALF + 2]))
+            else (0.5 / max(shapes[i, HALF], shapes[i, HALF + 2]), 0.5 / max(shapes[i, HALF], shapes[i, HALF + 2]))
         )
         return x * su + 0.5, z * sv + 0.5, su, sv
     turn = math.atan2(z, x) / (2 * math.pi) + 0.5
-    radius = s[HALF] if kind == BALL else max(s[HALF], s[HALF + 2])
-    around = s[TILE] if fit else max(1.0, np.floor(2 * math.pi * radius / s[TILE] + 0.5))
+    radius = shapes[i, HALF] if kind == BALL else max(shapes[i, HALF], shapes[i, HALF + 2])
+    around = shapes[i, TILE] if fit else max(1.0, np.floor(2 * math.pi * radius / shapes[i, TILE] + 0.5))
     su = around / (2 * math.pi * radius)
     if kind == TUBE:
-        sv = 0.5 * s[TILE + 1] / s[HALF + 1] if fit else 1 / s[TILE + 1]
-        return turn * around + s[OFFSET], (y + s[HALF + 1]) * sv + s[OFFSET + 1], su, sv
-    down = s[TILE + 1] if fit else max(1.0, np.floor(math.pi * s[HALF + 1] / s[TILE + 1] + 0.5))
-    polar = math.acos(max(-1.0, min(1.0, -y / s[HALF + 1]))) / math.pi
-    return turn * around + s[OFFSET], polar * down + s[OFFSET + 1], su, down / (math.pi * s[HALF + 1])
+        sv = 0.5 * shapes[i, TILE + 1] / shapes[i, HALF + 1] if fit else 1 / shapes[i, TILE + 1]
+        return turn * around + shapes[i, OFFSET], (y + shapes[i, HALF + 1]) * sv + shapes[i, OFFSET + 1], su, sv
+    down = shapes[i, TILE + 1] if fit else max(1.0, np.floor(math.pi * shapes[i, HALF + 1] / shapes[i, TILE + 1] + 0.5))
+    polar = math.acos(max(-1.0, min(1.0, -y / shapes[i, HALF + 1]))) / math.pi
+    return (
+        turn * around + shapes[i, OFFSET],
+        polar * down + shapes[i, OFFSET + 1],
+        su,
+        down / (math.pi * shapes[i, HALF + 1]),
+    )
 
 
-@njit(cache=True, error_model="numpy")
-def solid_at(s, texels, face, x, y, z):
+@njit(cache=True, error_model="numpy", forceinline=True)
+def solid_at(shapes, i, texels, face, x, y, z):
     """False where the texture's alpha cuts a hole into the surface (nearest texel of the finest level)."""
-    if s[CUT] == 0:
+    if shapes[i, CUT] == 0:
         return True
-    u, v, _, _ = texture_place(s, face, x, y, z)
+    u, v, _, _ = texture_place(shapes, i, face, x, y, z)
     column = int(math.floor(u * SIDE)) % SIDE
     row = int(math.floor(v * SIDE)) % SIDE
-    return texels[int(s[LAYER]), row * SIDE + column, 3] >= 128
+    return texels[int(shapes[i, LAYER]), row * SIDE + column, 3] >= 128
 
 
-@njit(cache=True, error_model="numpy")
-def hit_box(s, texels, ox, oy, oz, dx, dy, dz):
+@njit(cache=True, error_model="numpy", forceinline=True)
+def hit_box(shapes, i, texels, ox, oy, oz, dx, dy, dz):
     """Slabs: where the ray enters (or, from inside, leaves) and through which face (2 axis + 1 for the positive one)."""
     enter, leave, first, last = -np.inf, np.inf, 0, 0
     for axis in range(3):
         o, d = (ox, dx) if axis == 0 else ((oy, dy) if axis == 1 else (oz, dz))
-        h = s[HALF + axis]
+        h = shapes[i, HALF + axis]
         if d == 0:
             if abs(o) > h:
                 return np.inf, 0
@@ -106,22 +113,22 @@ def hit_box(s, texels, ox, oy, oz, dx, dy, dz):
     if enter > leave or leave <= NEAR:
         return np.inf, 0
     t, face = (enter, first) if enter > NEAR else (leave, last)
-    if not solid_at(s, texels, face, ox + t * dx, oy + t * dy, oz + t * dz):
+    if not solid_at(shapes, i, texels, face, ox + t * dx, oy + t * dy, oz + t * dz):
         return np.inf, 0
     return t, face
 
 
-@njit(cache=True, error_model="numpy")
-def hit_round(s, texels, ox, oy, oz, dx, dy, dz):
+@njit(cache=True, error_model="numpy", forceinline=True)
+def hit_round(shapes, i, texels, ox, oy, oz, dx, dy, dz):
     """Ellipsoid (faces 6 outside, 9 inside) and frustum (6 side, 7 upper cap, 8 lower cap, 9 side from inside)."""
-    ball = s[KIND] == BALL
-    hy = s[HALF + 1]
+    ball = shapes[i, KIND] == BALL
+    hy = shapes[i, HALF + 1]
     if ball:
-        sx, sy, sz = 1 / s[HALF], 1 / hy, 1 / s[HALF + 2]
+        sx, sy, sz = 1 / shapes[i, HALF], 1 / hy, 1 / shapes[i, HALF + 2]
         ax, ay, az, bx, by, bz = ox * sx, oy * sy, oz * sz, dx * sx, dy * sy, dz * sz
         a, b, c = bx * bx + by * by + bz * bz, ax * bx + ay * by + az * bz, ax * ax + ay * ay + az * az - 1
     else:
-        k, middle = (s[HALF] - s[HALF + 2]) / (2 * hy), 0.5 * (s[HALF] + s[HALF + 2])
+        k, middle = (shapes[i, HALF] - shapes[i, HALF + 2]) / (2 * hy), 0.5 * (shapes[i, HALF] + shapes[i, HALF + 2])
         r = middle + k * oy
         a, b, c = dx * dx + dz * dz - k * k * dy * dy, ox * dx + oz * dz - k * r * dy, ox * ox + oz * oz - r * r
     best, face = np.inf, 0
@@ -134,44 +141,44 @@ def hit_round(s, texels, ox, oy, oz, dx, dy, dz):
             if t <= NEAR or t >= best or (not ball and (abs(y) > hy or middle + k * y < 0)):
                 continue
             x, z = ox + t * dx, oz + t * dz
-            if solid_at(s, texels, 6, x, y, z):
+            if solid_at(shapes, i, texels, 6, x, y, z):
                 outside = c > 0 if ball else x * dx + z * dz - k * (middle + k * y) * dy < 0
                 best, face = t, 6 if outside and (side == 0 or not ball) else 9
     if not ball and dy != 0:
         for cap in range(2):
             t = ((-hy if cap == 0 else hy) - oy) / dy
             x, z = ox + t * dx, oz + t * dz
-            limit = s[HALF + 2] if cap == 0 else s[HALF]
-            if t > NEAR and t < best and x * x + z * z <= limit * limit and s[CUT] == 0:
+            limit = shapes[i, HALF + 2] if cap == 0 else shapes[i, HALF]
+            if t > NEAR and t < best and x * x + z * z <= limit * limit and shapes[i, CUT] == 0:
                 best, face = t, 7 + cap
     return best, face
 
 
-@njit(cache=True, error_model="numpy")
-def hit(s, texels, px, py, pz, dx, dy, dz):
+@njit(cache=True, error_model="numpy", forceinline=True)
+def hit(shapes, i, texels, px, py, pz, dx, dy, dz):
     """The nearest t > 0 at which p + t d meets a shape, and the face; inf where it does not."""
-    x, y, z = px - s[CENTRE], py - s[CENTRE + 1], pz - s[CENTRE + 2]
-    oy = s[TURN + 3] * x + s[TURN + 4] * y + s[TURN + 5] * z
-    ly = s[TURN + 3] * dx + s[TURN + 4] * dy + s[TURN + 5] * dz
-    if s[KIND] == PANEL and (ly == 0 or -oy / ly <= NEAR):
+    x, y, z = px - shapes[i, CENTRE], py - shapes[i, CENTRE + 1], pz - shapes[i, CENTRE + 2]
+    oy = shapes[i, TURN + 3] * x + shapes[i, TURN + 4] * y + shapes[i, TURN + 5] * z
+    ly = shapes[i, TURN + 3] * dx + shapes[i, TURN + 4] * dy + shapes[i, TURN + 5] * dz
+    if shapes[i, KIND] == PANEL and (ly == 0 or -oy / ly <= NEAR):
         return np.inf, 0
-    ox = s[TURN] * x + s[TURN + 1] * y + s[TURN + 2] * z
-    oz = s[TURN + 6] * x + s[TURN + 7] * y + s[TURN + 8] * z
-    lx = s[TURN] * dx + s[TURN + 1] * dy + s[TURN + 2] * dz
-    lz = s[TURN + 6] * dx + s[TURN + 7] * dy + s[TURN + 8] * dz
-    if s[KIND] == BOX:
-        return hit_box(s, texels, ox, oy, oz, lx, ly, lz)
-    if s[KIND] != PANEL:
-        return hit_round(s, texels, ox, oy, oz, lx, ly, lz)
+    ox = shapes[i, TURN] * x + shapes[i, TURN + 1] * y + shapes[i, TURN + 2] * z
+    oz = shapes[i, TURN + 6] * x + shapes[i, TURN + 7] * y + shapes[i, TURN + 8] * z
+    lx = shapes[i, TURN] * dx + shapes[i, TURN + 1] * dy + shapes[i, TURN + 2] * dz
+    lz = shapes[i, TURN + 6] * dx + shapes[i, TURN + 7] * dy + shapes[i, TURN + 8] * dz
+    if shapes[i, KIND] == BOX:
+        return hit_box(shapes, i, texels, ox, oy, oz, lx, ly, lz)
+    if shapes[i, KIND] != PANEL:
+        return hit_round(shapes, i, texels, ox, oy, oz, lx, ly, lz)
     t = -oy / ly
     x, z = ox + t * lx, oz + t * lz
     face = 2 if ly > 0 else 3
-    if abs(x) > s[HALF] or abs(z) > s[HALF + 2] or not solid_at(s, texels, face, x, 0.0, z):
+    if abs(x) > shapes[i, HALF] or abs(z) > shapes[i, HALF + 2] or not solid_at(shapes, i, texels, face, x, 0.0, z):
         return np.inf, 0
     return t, face
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", forceinline=True)
 def nearest(shapes, texels, listed, count, near_z, skip, px, py, pz, dx, dy, dz):
     """First hit of a ray among the listed shapes (nearest possible first), leaving out one group: t, shape, face."""
     best, which, face = np.inf, -1, 0
@@ -181,13 +188,13 @@ def nearest(shapes, texels, listed, count, near_z, skip, px, py, pz, dx, dy, dz)
             break
         if shapes[i, GROUP] == skip:
             continue
-        t, f = hit(shapes[i], texels, px, py, pz, dx, dy, dz)
+        t, f = hit(shapes, i, texels, px, py, pz, dx, dy, dz)
         if t < best:
             best, which, face = t, i, f
     return best, which, face
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", forceinline=True)
 def in_shadow(shapes, texels, light, starts, items, gone, px, py, pz):
     """True if a shape stands between the point and the light; only the shapes of the point's cell can."""
     side = int(light[GRID + 3])
@@ -198,9 +205,9 @@ def in_shadow(shapes, texels, light, starts, items, gone, px, py, pz):
         return False
     cell = int(row) * side + int(column)
     for j in range(starts[cell], starts[cell + 1]):
-        s = shapes[items[j]]
-        if s[GROUP] != gone:
-            t, _ = hit(s, texels, px, py, pz, light[TO_LIGHT], light[TO_LIGHT + 1], light[TO_LIGHT + 2])
+        i = items[j]
+        if shapes[i, GROUP] != gone:
+            t, _ = hit(shapes, i, texels, px, py, pz, light[TO_LIGHT], light[TO_LIGHT + 1], light[TO_LIGHT + 2])
             if t < np.inf:
                 return True
     return False

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -13,7 +14,12 @@ from dlama.datasets import world_textures as textures
 from dlama.datasets.world_kernels import FIT, MIRROR, WRAP
 from dlama.datasets.world_shapes import Material, Stage
 from dlama.datasets.world_textures import Range
+from dlama.errors import ShapeError
+from dlama.files.pictures import read_color
 from dlama.geometry.rgbd import UInt8Array
+
+Photo = UInt8Array | Path
+"""H x W x 3, RGB, or a file that holds it, read only when it is used."""
 
 
 class Recipe(NamedTuple):
@@ -33,12 +39,12 @@ class Recipe(NamedTuple):
 
 
 def _plain(rng: Generator) -> UInt8Array:
-    return textures.rough(rng, (225, 225, 225), 0.12, 0.12)
+    return textures.rough(rng, (225, 225, 225), 0.1, 0.06)
 
 
 def _plaster(rng: Generator) -> UInt8Array:
     base = textures.color(rng, (0.0, 0.17), (0.02, 0.4), (0.65, 0.92))
-    return textures.rough(rng, base, float(rng.uniform(0.06, 0.2)), float(rng.uniform(0.1, 0.3)))
+    return textures.rough(rng, base, float(rng.uniform(0.04, 0.16)), float(rng.uniform(0.02, 0.12)))
 
 
 def _concrete(rng: Generator) -> UInt8Array:
@@ -47,19 +53,19 @@ def _concrete(rng: Generator) -> UInt8Array:
 
 RECIPES: dict[str, Recipe] = {
     "plain": Recipe(_plain, 1, 1.5),
-    "bricks": Recipe(textures.bricks, 2, 2.0, stain=0.3, photo=0.6, metres=(2.5, 5)),
-    "stones": Recipe(textures.stones, 1, 2.4, stain=0.3, photo=0.6, metres=(2.5, 5)),
-    "plaster": Recipe(_plaster, 2, 2.2, stain=0.25, photo=0.6, metres=(2.5, 5)),
-    "concrete": Recipe(_concrete, 1, 2.0, stain=0.4, photo=0.5, metres=(2, 4)),
-    "asphalt": Recipe(textures.asphalt, 1, 1.6, stain=0.3, photo=0.5, metres=(2, 5)),
-    "paving": Recipe(textures.paving, 2, 2.0, stain=0.25, photo=0.5, metres=(2, 5)),
-    "gravel": Recipe(textures.gravel, 1, 1.4, stain=0.3, photo=0.5, metres=(2, 5)),
-    "grass": Recipe(textures.grass, 1, 1.5, stain=0.4, photo=0.4, metres=(2, 5)),
-    "tiles": Recipe(textures.tiles, 1, 1.6, stain=0.1, photo=0.5, metres=(1.5, 4)),
-    "planks": Recipe(textures.planks, 1, 1.4, stain=0.15, photo=0.4, metres=(1.5, 4)),
-    "wood": Recipe(textures.wood, 2, 1.1, photo=0.4, metres=(1, 2)),
-    "metal": Recipe(textures.metal, 1, 1.4, stain=0.2, photo=0.3, metres=(1, 3)),
-    "cloth": Recipe(textures.cloth, 3, 0.9, photo=0.5, metres=(1, 2.5)),
+    "bricks": Recipe(textures.bricks, 2, 2.0, stain=0.3, photo=0.7, metres=(2.5, 5)),
+    "stones": Recipe(textures.stones, 1, 2.4, stain=0.3, photo=0.7, metres=(2.5, 5)),
+    "plaster": Recipe(_plaster, 2, 2.2, stain=0.12, photo=0.7, metres=(2.5, 5)),
+    "concrete": Recipe(_concrete, 1, 2.0, stain=0.4, photo=0.6, metres=(2, 4)),
+    "asphalt": Recipe(textures.asphalt, 1, 1.6, stain=0.3, photo=0.6, metres=(2, 5)),
+    "paving": Recipe(textures.paving, 2, 2.0, stain=0.25, photo=0.6, metres=(2, 5)),
+    "gravel": Recipe(textures.gravel, 1, 1.4, stain=0.3, photo=0.6, metres=(2, 5)),
+    "grass": Recipe(textures.grass, 1, 1.5, stain=0.4, photo=0.5, metres=(2, 5)),
+    "tiles": Recipe(textures.tiles, 1, 1.6, stain=0.1, photo=0.6, metres=(1.5, 4)),
+    "planks": Recipe(textures.planks, 1, 1.4, stain=0.15, photo=0.6, metres=(1.5, 4)),
+    "wood": Recipe(textures.wood, 2, 1.1, photo=0.6, metres=(1, 2)),
+    "metal": Recipe(textures.metal, 1, 1.4, stain=0.2, photo=0.4, metres=(1, 3)),
+    "cloth": Recipe(textures.cloth, 3, 0.9, photo=0.7, metres=(1, 2.5)),
     "leaves": Recipe(lambda rng: textures.leaves(rng, gaps=True), 1, 1.3, cut=True),
     "hedge": Recipe(lambda rng: textures.leaves(rng, gaps=False), 1, 1.1, stain=0.2),
     "fence": Recipe(textures.fence, 1, 1.3, cut=True),
@@ -78,9 +84,9 @@ RECIPES: dict[str, Recipe] = {
 
 
 class Palette:
-    """Hands out materials by kind. `photos`: pictures (H x W x 3 RGB) that stand in for some of them."""
+    """Hands out materials by kind. `photos`: pictures that stand in for some of them."""
 
-    def __init__(self, stage: Stage, rng: Generator, photos: Sequence[UInt8Array] = ()) -> None:
+    def __init__(self, stage: Stage, rng: Generator, photos: Sequence[Photo] = ()) -> None:
         self._stage, self._rng, self._photos = stage, rng, photos
         self._baked: dict[str, list[Material]] = {}
 
@@ -103,10 +109,19 @@ class Palette:
     def _bake(self, recipe: Recipe) -> Material:
         rng = self._rng
         if len(self._photos) and rng.random() < recipe.photo:
-            layer = self._stage.layer(panels.photo(self._photos[int(rng.integers(len(self._photos)))]))
+            layer = self._stage.layer(panels.photo(read(self._photos[int(rng.integers(len(self._photos)))])))
             if recipe.mode == FIT:
                 return Material(layer, mode=FIT)
             metres = float(rng.uniform(*recipe.metres))
             return Material(layer, (metres, metres), MIRROR)
         layer = self._stage.layer(recipe.draw(rng))
         return Material(layer, (recipe.tile, recipe.tile), recipe.mode, stain=recipe.stain, cut=recipe.cut)
+
+
+def read(photo: Photo) -> UInt8Array:
+    """The picture; raises FileError where the file is none, ShapeError where the array is none."""
+    if isinstance(photo, Path):
+        return read_color(photo)
+    if photo.dtype != np.uint8 or photo.ndim != 3 or photo.shape[2] != 3 or not photo.size:
+        raise ShapeError(f"a texture is {photo.dtype} {photo.shape}; uint8 H x W x 3 is wanted")
+    return photo

@@ -75,7 +75,7 @@ def ceiling(plot: Plot, left: float, right: float, far: float, height: float) ->
     stage, palette, rng = plot.stage, plot.palette, plot.rng
     middle, width = (left + right) / 2, right - left
     with stage.group(casts=False):
-        stage.panel((middle, height, far / 2 - 1), (width, far + 2), palette("plaster", "planks", "plain"))
+        stage.panel((middle, height, far / 2 - 1), (width, far + 2), _bright(plot))
         if rng.random() < 0.35:
             beam = palette("wood")
             for n in range(int(far) + 1):
@@ -99,7 +99,7 @@ def outside(plot: Plot, far: float) -> None:
 def room(plot: Plot) -> None:
     """Four walls, a floor, furniture along the walls and things between, with the object of interest."""
     stage, palette, rng = plot.stage, plot.palette, plot.rng
-    spans = ((3.0, 4.8), (3.0, 4.8), (4.8, 8.5), (2.45, 3.3))
+    spans = ((2.9, 4.3), (2.9, 4.3), (4.4, 7.5), (2.45, 3.1))
     left, right, far, height = (float(rng.uniform(*span)) for span in spans)
     left, near = -left, -1.3
     middle, width, depth = (left + right) / 2, right - left, far - near
@@ -129,9 +129,17 @@ def room(plot: Plot) -> None:
         if plot.free(x, z, 0.3):
             with stage.group():
                 stage.tube((x, 0, z), height, 0.17, palette("plaster", "stones", "wood"))
-    plot.scatter(ROOM_PROPS, list(ROOM_PROPS), int(rng.integers(3, 9)), (left + 0.5, right - 0.5), (2.6, far - 0.9))
-    plot.place_object(ROOM_OBJECTS)
+    names = [*ROOM_PROPS, "table", "chair", "chair", "divider"]
+    plot.scatter(ROOM_PROPS, names, int(rng.integers(5, 12)), (left + 0.4, right - 0.4), (2.4, far - 0.7))
+    plot.place_object(ROOM_OBJECTS, (1.0, 1.6))
 
 
 def _rug(plot: Plot) -> tuple[float, float]:
     return float(plot.rng.uniform(1.5, 2.6)), 0.012
+
+
+def _bright(plot: Plot) -> Material:
+    """What ceilings are made of: mostly white."""
+    if plot.rng.random() < 0.2:
+        return plot.palette("planks")
+    return plot.palette.paint(saturation=(0, 0.08), value=(0.85, 1.0))

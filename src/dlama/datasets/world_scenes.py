@@ -9,18 +9,17 @@ import numpy as np
 from numpy.random import Generator
 
 from dlama.datasets.world_frames import Kind, Light, Rgb, Sky, World
-from dlama.datasets.world_palette import Palette
+from dlama.datasets.world_palette import Palette, Photo
 from dlama.datasets.world_rooms import room
 from dlama.datasets.world_shapes import Stage
 from dlama.datasets.world_streets import Plot, street
 from dlama.datasets.world_textures import CLOUDY, SOFT, noise, rgba, shaded
-from dlama.geometry.rgbd import UInt8Array
 
 WHITE = (255.0, 255.0, 255.0)
 
 
-def build(seed: int, kind: Kind | None, photos: Sequence[UInt8Array], *, shadows: bool, antialias: bool) -> World:
-    """The world of a seed; `photos` (H x W x 3 RGB) take the place of some textures. A street in 60 % without a kind."""
+def build(seed: int, kind: Kind | None, photos: Sequence[Photo], *, shadows: bool, antialias: bool) -> World:
+    """The world of a seed; `photos` take the place of some textures. A street in 60 % without a kind."""
     rng = np.random.default_rng(seed)
     is_street = rng.random() < 0.6
     is_street = kind == "street" if kind is not None else is_street
@@ -61,12 +60,12 @@ def daylight(rng: Generator, shadows: bool) -> Light:
 def lamplight(rng: Generator, shadows: bool) -> Light:
     """A steep, soft light in a room; the walls do not stop it."""
     bright, warm = float(rng.uniform(0.8, 1.1)), float(rng.uniform(-0.05, 0.12))
-    sun, rest = bright * float(rng.uniform(0.35, 0.6)), bright * float(rng.uniform(0.5, 0.65))
+    sun, rest = bright * float(rng.uniform(0.3, 0.55)), bright * float(rng.uniform(0.62, 0.85))
     return Light(
         towards(float(rng.uniform(0, 360)), float(rng.uniform(48, 78))),
         (sun * (1 + warm), sun, sun * (1 - warm)),
         (rest * (1 + warm), rest, rest * (1 - warm)),
-        (0.75 * rest * (1 + warm), 0.75 * rest, 0.75 * rest * (1 - warm)),
+        (0.85 * rest * (1 + warm), 0.85 * rest, 0.85 * rest * (1 - warm)),
         shadows,
     )
 

@@ -1,7 +1,7 @@
 """Ray caster (numba): shapes, texels, a light and a camera in; colour, planar depth and what was hit out.
 
-Light is squared texel value (gamma 2), which makes decoding one multiplication. Every pixel is computed alone: the
-result does not depend on the number of threads.
+Every pixel is computed alone: the result does not depend on the number of threads. The parts are inlined: as calls, with
+all their arrays as arguments, they would take twice as long.
 """
 
 from __future__ import annotations
@@ -17,21 +17,16 @@ from dlama.datasets.world_kernels import (
     BALL,
     BLOCKED,
     CENTRE,
-    CLOUD,
     CONTACT,
-    COVER,
     HALF,
     HAZE,
     HORIZON,
     KIND,
     LAYER,
-    LEVELS,
     LIFT,
     LIT,
-    MIRROR,
     MODE,
     SHADOWS,
-    SIDE,
     STAIN,
     SUN,
     TILE_PX,
@@ -40,133 +35,60 @@ from dlama.datasets.world_kernels import (
     TURN,
     UNLIT,
     WRAP,
-    ZENITH,
     in_shadow,
     nearest,
     texture_place,
 )
+from dlama.datasets.world_texture_kernels import filtered, sky
 
 STAINS_PER_M = 0.19
 """Repeats per metre of the grey noise that keeps a repeated texture from looking repeated."""
 
 
-@njit(cache=True, error_model="numpy")
-def texel(texels, layer, level, u, v):
-    """Bilinear colour 0..1 of one level, repeated."""
-    size = SIDE >> level
-    base = (4 * SIDE * SIDE - 4 * size * size) // 3
-    x, y = u * size - 0.5, v * size - 0.5
-    fx, fy = math.floor(x), math.floor(y)
-    wx, wy = np.float32(x - fx), np.float32(y - fy)
-    x0, y0 = int(fx) & (size - 1), int(fy) & (size - 1)
-    x1, y1 = (x0 + 1) & (size - 1), (y0 + 1) & (size - 1)
-    one = np.float32(1)
-    w00, w01, w10, w11 = (one - wx) * (one - wy), wx * (one - wy), (one - wx) * wy, wx * wy
-    p, q, r, s = (
-        texels[layer, base + y0 * size + x0],
-        texels[layer, base + y0 * size + x1],
-        texels[layer, base + y1 * size + x0],
-        texels[layer, base + y1 * size + x1],
-    )
-    k = np.float32(1 / 255)
-    red = k * (w00 * p[0] + w01 * q[0] + w10 * r[0] + w11 * s[0])
-    green = k * (w00 * p[1] + w01 * q[1] + w10 * r[1] + w11 * s[1])
-    return red, green, k * (w00 * p[2] + w01 * q[2] + w10 * r[2] + w11 * s[2])
-
-
-@njit(cache=True, error_model="numpy")
-def filtered(texels, layer, mode, u, v, ax, ay, bx, by):
-    """Texture over the pixel's footprint, whose sides are (ax, ay) and (bx, by) repeats: up to four trilinear probes."""
-    la, lb = math.sqrt(ax * ax + ay * ay), math.sqrt(bx * bx + by * by)
-    if la < lb:
-        la, lb, ax, ay = lb, la, bx, by
-    probes = int(min(4.0, math.ceil(la / max(lb, 1e-12) - 0.2)))
-    probes = max(probes, 1)
-    lod = max(0.0, min(LEVELS - 1.001, math.log2(max(la / probes * SIDE, 1e-6))))
-    level = int(lod)
-    share = np.float32(lod - level)
-    red, green, blue = np.float32(0), np.float32(0), np.float32(0)
-    for k in range(probes):
-        at = (k + 0.5) / probes - 0.5
-        uu, vv = u + at * ax, v + at * ay
-        if mode == MIRROR:
-            uu, vv = abs(uu - 2 * math.floor(0.5 * uu) - 1), abs(vv - 2 * math.floor(0.5 * vv) - 1)
-        r, g, b = texel(texels, layer, level, uu, vv)
-        if share > 0:
-            r2, g2, b2 = texel(texels, layer, level + 1, uu, vv)
-            r, g, b = r + share * (r2 - r), g + share * (g2 - g), b + share * (b2 - b)
-        red, green, blue = red + r, green + g, blue + b
-    return red / probes, green / probes, blue / probes
-
-
-@njit(cache=True, error_model="numpy")
-def tangents(s, face, x, y, z):
+@njit(cache=True, error_model="numpy", forceinline=True)
+def tangents(shapes, i, face, x, y, z):
     """Local unit vectors at a point of a face: outward normal, and the directions in which u and v grow."""
     if face < 6:
         axis, sign = face // 2, 1.0 if face % 2 else -1.0
         if axis == 0:
-            return sign, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 1.0, 0.0
+            return sign, 0.0, 0.0, 0.0, 0.0, sign, 0.0, 1.0, 0.0
         if axis == 1:
             return 0.0, sign, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0
-        return 0.0, 0.0, sign, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0
+        return 0.0, 0.0, sign, -sign, 0.0, 0.0, 0.0, 1.0, 0.0
     if face == 7 or face == 8:
         return 0.0, -1.0 if face == 7 else 1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0
     flat = math.sqrt(x * x + z * z) + 1e-12
-    if s[KIND] == BALL:
-        nx, ny, nz = x / s[HALF] ** 2, y / s[HALF + 1] ** 2, z / s[HALF + 2] ** 2
+    if shapes[i, KIND] == BALL:
+        nx, ny, nz = x / shapes[i, HALF] ** 2, y / shapes[i, HALF + 1] ** 2, z / shapes[i, HALF + 2] ** 2
     else:
-        nx, ny, nz = x / flat, -(s[HALF] - s[HALF + 2]) / (2 * s[HALF + 1]), z / flat
+        nx, ny, nz = x / flat, -(shapes[i, HALF] - shapes[i, HALF + 2]) / (2 * shapes[i, HALF + 1]), z / flat
     n = math.sqrt(nx * nx + ny * ny + nz * nz)
     nx, ny, nz = nx / n, ny / n, nz / n
     down = math.sqrt(max(1 - ny * ny, 1e-12))
     return nx, ny, nz, -z / flat, 0.0, x / flat, -ny * nx / down, (1 - ny * ny) / down, -ny * nz / down
 
 
-@njit(cache=True, error_model="numpy")
-def sky(texels, light, dx, dy, dz, pixel):
-    """Linear colour of the sky in a direction: horizon to zenith, with a layer of clouds that thins at the horizon."""
-    n = math.sqrt(dx * dx + dy * dy + dz * dz)
-    up = max(-dy / n, 0.0)
-    share = 1 - (1 - up) ** 3
-    cloud = 0.0
-    if up > 0.01:
-        far = light[COVER + 2] / (up + 0.12)
-        u, v = dx / n * far + light[COVER + 3], dz / n * far + light[COVER + 4]
-        spread = pixel * far
-        value, _, _ = filtered(texels, 1, WRAP, u, v, spread, 0.0, 0.0, spread / (up + 0.12))
-        cloud = max(0.0, min(1.0, (value - light[COVER]) / light[COVER + 1]))
-        cloud = cloud * cloud * (3 - 2 * cloud) * min(1.0, 5 * up)
-    r = light[HORIZON] + share * (light[ZENITH] - light[HORIZON])
-    g = light[HORIZON + 1] + share * (light[ZENITH + 1] - light[HORIZON + 1])
-    b = light[HORIZON + 2] + share * (light[ZENITH + 2] - light[HORIZON + 2])
-    return (
-        r + cloud * (light[CLOUD] - r),
-        g + cloud * (light[CLOUD + 1] - g),
-        b + cloud * (light[CLOUD + 2] - b),
-    )
-
-
-@njit(cache=True, error_model="numpy")
-def to_local(s, x, y, z):
+@njit(cache=True, error_model="numpy", forceinline=True)
+def to_local(shapes, i, x, y, z):
     """A world direction in a shape's frame."""
     return (
-        s[TURN] * x + s[TURN + 1] * y + s[TURN + 2] * z,
-        s[TURN + 3] * x + s[TURN + 4] * y + s[TURN + 5] * z,
-        s[TURN + 6] * x + s[TURN + 7] * y + s[TURN + 8] * z,
+        shapes[i, TURN] * x + shapes[i, TURN + 1] * y + shapes[i, TURN + 2] * z,
+        shapes[i, TURN + 3] * x + shapes[i, TURN + 4] * y + shapes[i, TURN + 5] * z,
+        shapes[i, TURN + 6] * x + shapes[i, TURN + 7] * y + shapes[i, TURN + 8] * z,
     )
 
 
-@njit(cache=True, error_model="numpy")
-def to_world(s, x, y, z):
+@njit(cache=True, error_model="numpy", forceinline=True)
+def to_world(shapes, i, x, y, z):
     """A direction of a shape's frame in the world."""
     return (
-        s[TURN] * x + s[TURN + 3] * y + s[TURN + 6] * z,
-        s[TURN + 1] * x + s[TURN + 4] * y + s[TURN + 7] * z,
-        s[TURN + 2] * x + s[TURN + 5] * y + s[TURN + 8] * z,
+        shapes[i, TURN] * x + shapes[i, TURN + 3] * y + shapes[i, TURN + 6] * z,
+        shapes[i, TURN + 1] * x + shapes[i, TURN + 4] * y + shapes[i, TURN + 7] * z,
+        shapes[i, TURN + 2] * x + shapes[i, TURN + 5] * y + shapes[i, TURN + 8] * z,
     )
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", forceinline=True)
 def step(t, dx, dy, dz, ex, ey, ez, nx, ny, nz):
     """From the hit t d to where the neighbouring ray (d + e) meets the tangent plane; tamed at grazing rays."""
     facing, other = dx * nx + dy * ny + dz * nz, (dx + ex) * nx + (dy + ey) * ny + (dz + ez) * nz
@@ -177,32 +99,39 @@ def step(t, dx, dy, dz, ex, ey, ez, nx, ny, nz):
     return t2 * (dx + ex) - t * dx, t2 * (dy + ey) - t * dy, t2 * (dz + ez) - t * dz
 
 
-@njit(cache=True, error_model="numpy")
-def surface(s, texels, face, t, px, py, pz, dx, dy, dz, camera, width):
+@njit(cache=True, error_model="numpy", forceinline=True)
+def surface(shapes, i, texels, face, t, px, py, pz, dx, dy, dz, camera, width):
     """Linear colour of the surface at a hit over a footprint `width` pixels wide, and its normal towards the viewer."""
-    x, y, z = to_local(s, px - s[CENTRE], py - s[CENTRE + 1], pz - s[CENTRE + 2])
-    nx, ny, nz, ux, uy, uz, vx, vy, vz = tangents(s, face, x, y, z)
-    nx, ny, nz = to_world(s, nx, ny, nz)
+    x, y, z = to_local(shapes, i, px - shapes[i, CENTRE], py - shapes[i, CENTRE + 1], pz - shapes[i, CENTRE + 2])
+    nx, ny, nz, ux, uy, uz, vx, vy, vz = tangents(shapes, i, face, x, y, z)
+    nx, ny, nz = to_world(shapes, i, nx, ny, nz)
     if nx * dx + ny * dy + nz * dz > 0:
         nx, ny, nz = -nx, -ny, -nz
     e, f = width / camera[12], width / camera[13]
     ax, ay, az = step(t, dx, dy, dz, e * camera[3], e * camera[6], e * camera[9], nx, ny, nz)
     bx, by, bz = step(t, dx, dy, dz, f * camera[4], f * camera[7], f * camera[10], nx, ny, nz)
-    ax, ay, az = to_local(s, ax, ay, az)
-    bx, by, bz = to_local(s, bx, by, bz)
-    u, v, su, sv = texture_place(s, face, x, y, z)
+    ax, ay, az = to_local(shapes, i, ax, ay, az)
+    bx, by, bz = to_local(shapes, i, bx, by, bz)
+    u, v, su, sv = texture_place(shapes, i, face, x, y, z)
     ua, va = su * (ax * ux + ay * uy + az * uz), sv * (ax * vx + ay * vy + az * vz)
     ub, vb = su * (bx * ux + by * uy + bz * uz), sv * (bx * vx + by * vy + bz * vz)
-    r, g, b = filtered(texels, int(s[LAYER]), int(s[MODE]), u, v, ua, va, ub, vb)
+    r, g, b = filtered(texels, int(shapes[i, LAYER]), int(shapes[i, MODE]), u, v, ua, va, ub, vb)
     stain = 1.0
-    if s[STAIN] > 0:
+    if shapes[i, STAIN] > 0:
         k, m = STAINS_PER_M / su, STAINS_PER_M / sv
         grey, _, _ = filtered(texels, 0, WRAP, u * k, v * m, ua * k, va * m, ub * k, vb * m)
-        stain = 1 + s[STAIN] * (2 * grey - 1)
-    return r * r * s[TINT] * stain, g * g * s[TINT + 1] * stain, b * b * s[TINT + 2] * stain, nx, ny, nz
+        stain = 1 + shapes[i, STAIN] * (2 * grey - 1)
+    return (
+        r * r * shapes[i, TINT] * stain,
+        g * g * shapes[i, TINT + 1] * stain,
+        b * b * shapes[i, TINT + 2] * stain,
+        nx,
+        ny,
+        nz,
+    )
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", forceinline=True)
 def ray(shapes, texels, listed, count, near_z, skip, gone, camera, light, starts, items, column, row, width):
     """One ray through picture point (column, row): linear r, g, b, planar depth (inf: sky), key of the hit, light state.
 
@@ -216,9 +145,8 @@ def ray(shapes, texels, listed, count, near_z, skip, gone, camera, light, starts
     if which < 0:
         r, g, b = sky(texels, light, dx, dy, dz, width / camera[12])
         return r, g, b, np.inf, -1, UNLIT
-    s = shapes[which]
     px, py, pz = camera[0] + t * dx, camera[1] + t * dy, camera[2] + t * dz
-    r, g, b, nx, ny, nz = surface(s, texels, face, t, px, py, pz, dx, dy, dz, camera, width)
+    r, g, b, nx, ny, nz = surface(shapes, which, texels, face, t, px, py, pz, dx, dy, dz, camera, width)
     facing = nx * light[TO_LIGHT] + ny * light[TO_LIGHT + 1] + nz * light[TO_LIGHT + 2]
     state = LIT if facing > 0 else UNLIT
     if state == LIT and light[SHADOWS] > 0:
@@ -228,8 +156,8 @@ def ray(shapes, texels, listed, count, near_z, skip, gone, camera, light, starts
     sun = facing if state == LIT else 0.0
     up = 0.5 - 0.5 * ny
     near_floor = 1.0
-    if s[CONTACT] > 0:
-        near_floor = 1 - s[CONTACT] * math.exp(min(0.0, 4 * py))
+    if shapes[which, CONTACT] > 0:
+        near_floor = 1 - shapes[which, CONTACT] * math.exp(min(0.0, 4 * py))
     haze = 1 - math.exp(-light[HAZE] * t)
     a, h = AMBIENT_SKY, AMBIENT_GROUND
     r *= sun * light[SUN] + near_floor * (up * light[a] + (1 - up) * light[h])
@@ -241,7 +169,7 @@ def ray(shapes, texels, listed, count, near_z, skip, gone, camera, light, starts
     return r, g, b, t, 16 * which + face, state
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", forceinline=True)
 def list_tile(boxes, order, camera, x0, y0, x1, y1, listed, near_z):
     """Shapes whose bounding box may meet the rays of a tile, in the given order (nearest first); returns how many."""
     left, right = (x0 - camera[14]) / camera[12], (x1 - camera[14]) / camera[12]
@@ -260,7 +188,7 @@ def list_tile(boxes, order, camera, x0, y0, x1, y1, listed, near_z):
     return count
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", forceinline=True)
 def reach(b, nx, ny, nz):
     """The largest n . p over a box given in camera axes as its centre and three half edges."""
     total = nx * b[0] + ny * b[1] + nz * b[2]
@@ -269,13 +197,13 @@ def reach(b, nx, ny, nz):
     return total
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", forceinline=True)
 def to_byte(value):
     """Linear light 0..1 as 8 bit."""
     return np.uint8(255 * math.sqrt(max(0.0, min(1.0, value))) + 0.5)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", forceinline=True)
 def is_edge(keys, lights, row, column):
     """True where one of the 8 neighbours shows another surface or stands in another light."""
     rows, columns = keys.shape
@@ -302,8 +230,9 @@ def cast(shapes, texels, boxes, order, camera, light, starts, items, skip, gone,
         for tile in prange(across * down):
             y0, x0 = tile // across * TILE_PX, tile % across * TILE_PX
             y1, x1 = min(y0 + TILE_PX, rows), min(x0 + TILE_PX, columns)
+            listed, near_z = lists[tile], nears[tile]
             if phase == 0:
-                counts[tile] = list_tile(boxes, order, camera, x0, y0, x1, y1, lists[tile], nears[tile])
+                counts[tile] = list_tile(boxes, order, camera, x0, y0, x1, y1, listed, near_z)
             for row in range(y0, y1):
                 for column in range(x0, x1):
                     if phase == 1 and not is_edge(keys, lights, row, column):
@@ -317,7 +246,7 @@ def cast(shapes, texels, boxes, order, camera, light, starts, items, skip, gone,
                             + (0.125 * (3 - 2 * (k // 2)) * (2 * ((k + k // 2) % 2) - 1) if phase == 1 else 0.0)
                         )
                         r, g, b, z, key, state = ray(
-                            shapes, texels, lists[tile], counts[tile], nears[tile], skip[row, column], gone,
+                            shapes, texels, listed, counts[tile], near_z, skip[row, column], gone,
                             camera, light, starts, items, x, y, 1.0 - 0.5 * phase,
                         )  # fmt: skip
                         red, green, blue = red + r, green + g, blue + b

@@ -56,6 +56,7 @@ class Stage:
         self._casts = True
         self._origin = np.zeros(3)
         self._turn = np.eye(3)
+        self._scale = 1.0
 
     def layer(self, picture: UInt8Array) -> int:
         """Adds a 256 x 256 x 4 texture; returns its number."""
@@ -63,13 +64,13 @@ class Stage:
         return len(self.layers) - 1
 
     @contextmanager
-    def at(self, x: float, z: float, yaw_deg: float = 0.0, up: float = 0.0) -> Iterator[None]:
-        """Shapes are placed from here: x right, z forward, `up` metres above the ground, turned about the vertical."""
-        before = self._origin, self._turn
-        self._origin = self._origin + self._turn @ np.array((x, -up, z))
-        self._turn = self._turn @ turned((yaw_deg, 0, 0))
+    def at(self, x: float, z: float, yaw_deg: float = 0.0, up: float = 0.0, scale: float = 1.0) -> Iterator[None]:
+        """Shapes are placed from here: x right, z forward, `up` metres above, turned about the vertical, enlarged."""
+        before = self._origin, self._turn, self._scale
+        self._origin = self._origin + self._scale * (self._turn @ np.array((x, -up, z)))
+        self._turn, self._scale = self._turn @ turned((yaw_deg, 0, 0)), self._scale * scale
         yield
-        self._origin, self._turn = before
+        self._origin, self._turn, self._scale = before
 
     @contextmanager
     def group(self, number: int | None = None, *, casts: bool = True) -> Iterator[int]:
@@ -107,8 +108,9 @@ class Stage:
         self._add(k.PANEL, at, (size[0] / 2, 0.0, size[1] / 2), material, turn)
 
     def _add(self, kind: int, at: Triple, half: Triple, m: Material, turn: Triple) -> None:
-        centre = self._origin + self._turn @ np.array((at[0], -at[1], at[2]))
-        world_from_local = self._turn @ turned(turn)
+        centre = self._origin + self._scale * (self._turn @ np.array((at[0], -at[1], at[2])))
+        half = (self._scale * half[0], self._scale * half[1], self._scale * half[2])
+        world_from_local = self._turn @ turned(turn) if any(turn) else self._turn
         across, down = (
             (0.0, 0.0) if m.mode == k.FIT else (at[0] / m.tile[0], -at[1] / m.tile[1])
         )  # pieces of a wall match

@@ -76,14 +76,12 @@ class Plot:
                         prop(self.stage, self.palette, rng)
                     break
 
-    def place_object(self, objects: tuple[Prop, ...], turn: float = 180.0) -> None:
+    def place_object(self, objects: tuple[Prop, ...], scale: tuple[float, float]) -> None:
         """The object of interest, near the point about which the cameras turn."""
         rng = self.rng
-        x, z = float(rng.uniform(-0.3, 0.3)), PIVOT_M + float(rng.uniform(-0.2, 0.5))
-        with (
-            self.stage.at(x, z, float(rng.uniform(-turn, turn)), self.floor(x, z)),
-            self.stage.group(OBJECT_GROUP),
-        ):
+        x, z = float(rng.uniform(-0.3, 0.3)), PIVOT_M + float(rng.uniform(-0.4, 0.4))
+        place = self.stage.at(x, z, float(rng.uniform(-180, 180)), self.floor(x, z), float(rng.uniform(*scale)))
+        with place, self.stage.group(OBJECT_GROUP):
             objects[int(rng.integers(len(objects)))](self.stage, self.palette, rng)
 
 
@@ -250,4 +248,4 @@ LAYOUTS: tuple[Callable[[Plot], None], ...] = (square, square, canyon, park, yar
 def street(plot: Plot) -> None:
     """One of the layouts, with the object of interest."""
     LAYOUTS[int(plot.rng.integers(len(LAYOUTS)))](plot)
-    plot.place_object(STREET_OBJECTS)
+    plot.place_object(STREET_OBJECTS, (0.95, 1.35))

@@ -57,17 +57,21 @@ def color(rng: Generator, hue: Range, saturation: Range, value: Range) -> Rgb:
 
 def rgba(picture: NDArray[np.floating], alpha: NDArray | None = None) -> UInt8Array:
     """An H x W x 3 picture of 0..255 and an alpha of 0..255 (255 without) as uint8 H x W x 4."""
-    out = np.full((*picture.shape[:2], 4), 255, np.uint8)
-    np.clip(picture, 0, 255, out=picture)
-    out[..., :3] = picture
+    out = cv2.cvtColor(cv2.convertScaleAbs(picture), cv2.COLOR_RGB2RGBA)
     if alpha is not None:
         out[..., 3] = alpha
-    return out
+    return np.asarray(out, np.uint8)
 
 
-def shaded(base: Rgb, value: Float32Array) -> NDArray[np.float32]:
+def shaded(base: Rgb, value: Float32Array) -> Float32Array:
     """One colour, brighter and darker by a field round 1."""
-    return value[..., None] * np.array(base, np.float32)
+    value = np.ascontiguousarray(np.broadcast_to(value, (SIDE, SIDE)), np.float32)
+    return np.asarray(cv2.merge([value * np.float32(part) for part in base]))
+
+
+def mixed(one: Float32Array, two: Float32Array, share: Float32Array) -> Float32Array:
+    """H x W x 3: the second picture's share (H x W, 0..1) over the first."""
+    return np.asarray(cv2.blendLinear(one, two, 1 - share, share))
 
 
 def rough(rng: Generator, base: Rgb, fine: float = 0.2, broad: float = 0.2, kind: int = FINE) -> UInt8Array:
@@ -87,20 +91,18 @@ def asphalt(rng: Generator) -> UInt8Array:
 
 def grass(rng: Generator) -> UInt8Array:
     """Blades of several greens, some dry."""
-    green, dry = color(rng, (0.2, 0.32), (0.4, 0.7), (0.35, 0.6)), color(rng, (0.11, 0.16), (0.3, 0.5), (0.5, 0.7))
-    share = np.clip(1.6 * noise(rng, ROUGH) - 0.5, 0, 1)[..., None] * rng.uniform(0.2, 0.9)
-    picture = np.array(green, np.float32) * (1 - share) + np.array(dry, np.float32) * share
-    return rgba(picture * (0.45 + 1.1 * noise(rng, FINE))[..., None])
+    green, dry = color(rng, (0.19, 0.29), (0.3, 0.55), (0.3, 0.5)), color(rng, (0.11, 0.16), (0.25, 0.45), (0.45, 0.6))
+    share = np.clip(1.6 * noise(rng, ROUGH) - 0.5, 0, 1) * np.float32(rng.uniform(0.2, 0.9))
+    blades = 0.45 + 1.1 * noise(rng, FINE)
+    return rgba(mixed(shaded(green, blades), shaded(dry, blades), share))
 
 
 def gravel(rng: Generator) -> UInt8Array:
     """Small stones: bright and dark spots of two colours."""
     one, two = color(rng, (0.04, 0.14), (0.1, 0.4), (0.5, 0.8)), color(rng, (0.0, 0.6), (0.0, 0.15), (0.3, 0.7))
-    share = (noise(rng, ROUGH) > 0.5)[..., None]
-    return rgba(
-        np.where(share, np.array(one, np.float32), np.array(two, np.float32))
-        * (0.6 + 0.8 * noise(rng, FINE))[..., None]
-    )
+    share = (noise(rng, FINE) > 0.55).astype(np.float32)
+    grain = 0.6 + 0.8 * noise(rng, FINE)
+    return rgba(mixed(shaded(one, grain), shaded(two, grain), share))
 
 
 def courses(
@@ -121,21 +123,24 @@ def courses(
     `joint`: share of a row's height; `bond`: shift of every other row in pieces; `spread`: how much pieces differ;
     `wobble`: how uneven the joints are.
     """
-    v, u = np.meshgrid(*(2 * [(np.arange(SIDE, dtype=np.float32) + 0.5) / SIDE]), indexing="ij")
+    u = v = (np.arange(SIDE, dtype=np.float32) + np.float32(0.5)) / SIDE
+    v = v[:, None]
     if wobble:
         u, v = u + wobble * (noise(rng, CLOUDY) - 0.5), v + wobble * (noise(rng, CLOUDY) - 0.5)
     v = v * rows
-    row = np.floor(v).astype(int)
-    u = u * columns + bond * (row % 2)
-    column = np.floor(u).astype(int)
-    edge = np.minimum(np.abs(u - column - 0.5) * (rows / columns) - 0.5 * (rows / columns), np.float32(0))
-    edge = np.maximum(np.abs(v - row - 0.5) - 0.5, edge)
-    pieces = rng.normal(1, spread, (rows, columns, 1)) + rng.normal(0, 0.3 * spread, (rows, columns, 3))
-    piece = pieces[row % rows, column % columns].astype(np.float32)
-    share = np.clip((edge + joint) / 0.06 + 0.5, 0, 1)[..., None]
-    picture = np.array(base, np.float32) * piece * (0.72 + 0.56 * noise(rng, grain))[..., None]
-    ground = shaded(mortar, 0.8 + 0.4 * noise(rng, FINE))
-    return rgba(picture + share * (ground - picture))
+    row = np.floor(v).astype(np.int32)
+    u = u * columns + bond * (row % 2).astype(np.float32)
+    column = np.floor(u).astype(np.int32)
+    edge = (np.abs(u - column - 0.5) - 0.5) * (rows / columns)
+    edge = np.maximum(edge, np.abs(v - row - 0.5) - 0.5)
+    pieces = (rng.normal(1, spread, (rows, columns, 1)) + rng.normal(0, 0.3 * spread, (rows, columns, 3))).astype(
+        np.float32
+    )
+    index = row % rows * columns + column % columns
+    share = np.clip((edge + joint) / 0.06 + 0.5, 0, 1).astype(np.float32)
+    value = 0.72 + 0.56 * noise(rng, grain)
+    picture = cv2.merge([(base[n] * pieces[..., n].ravel())[index] * value for n in range(3)])
+    return rgba(mixed(np.asarray(picture, np.float32), shaded(mortar, 0.8 + 0.4 * noise(rng, FINE)), share))
 
 
 def bricks(rng: Generator) -> UInt8Array:
@@ -203,9 +208,8 @@ def metal(rng: Generator) -> UInt8Array:
         value = value * (1 + 0.22 * np.sin(2 * np.pi * int(rng.choice((8, 12, 16))) * np.arange(SIDE) / SIDE)).astype(
             np.float32
         )
-    rust = np.clip(5 * (noise(rng, CLOUDY) - rng.uniform(0.6, 1.0)), 0, 1)[..., None]
-    picture = shaded(base, value) * (1 - rust) + rust * shaded((120, 72, 42), 0.6 + 0.8 * noise(rng, FINE))
-    return rgba(picture)
+    rust = np.clip(5 * (noise(rng, CLOUDY) - np.float32(rng.uniform(0.6, 1.0))), 0, 1)
+    return rgba(mixed(shaded(base, value), shaded((120, 72, 42), 0.6 + 0.8 * noise(rng, FINE)), rust))
 
 
 def cloth(rng: Generator) -> UInt8Array:
@@ -218,9 +222,9 @@ def cloth(rng: Generator) -> UInt8Array:
         (wave > 0)[:, None] * 0.5 + (wave > 0) * 0.5,
         wave[:, None] * wave + 0.4 * wave[:, None] > rng.uniform(0.3, 0.8),
     ][int(rng.integers(4))]
-    share = pattern.astype(np.float32)[..., None]
-    picture = np.array(one, np.float32) * (1 - share) + np.array(two, np.float32) * share
-    return rgba(picture * (0.8 + 0.2 * noise(rng, FINE) + 0.2 * noise(rng, SOFT))[..., None])
+    share = np.ascontiguousarray(pattern, np.float32)
+    weave = 0.8 + 0.2 * noise(rng, FINE) + 0.2 * noise(rng, SOFT)
+    return rgba(mixed(shaded(one, weave), shaded(two, weave), share))
 
 
 def leaves(rng: Generator, *, gaps: bool) -> UInt8Array:

@@ -25,7 +25,7 @@ from dlama.datasets.world_frames import (
     World,
     yaw_order,
 )
-from dlama.errors import FileError, InputError, ShapeError
+from dlama.errors import FileError, InputError
 from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import RGBD, Float32Array
 
@@ -69,14 +69,9 @@ def _built(
     seed: int, kind: Kind | None, pictures: Sequence[np.ndarray | Path], shadows: bool, antialias: bool
 ) -> World:
     from dlama.datasets.world_scenes import build
-    from dlama.files.pictures import read_color
 
     chosen = np.random.default_rng((seed, 1)).permutation(len(pictures))[:PHOTOS]
-    photos = [read_color(each) if isinstance(each, Path) else each for each in (pictures[int(n)] for n in chosen)]
-    for photo in photos:
-        if photo.dtype != np.uint8 or photo.ndim != 3 or photo.shape[2] != 3 or not photo.size:
-            raise ShapeError(f"a texture is {photo.dtype} {photo.shape}; uint8 H x W x 3 is wanted")
-    return build(seed, kind, photos, shadows=shadows, antialias=antialias)
+    return build(seed, kind, [pictures[int(n)] for n in chosen], shadows=shadows, antialias=antialias)
 
 
 @lru_cache(maxsize=4)
