@@ -28,7 +28,6 @@ from dlama.geometry.camera import Camera
 from dlama.geometry.lifting import lift
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.view import View
-from dlama.geometry.visibility import Law
 
 SCENES = ("s03", "s05", "s06", "s08")
 REFERENCE = {
@@ -85,11 +84,9 @@ def to_the_letter(source: RGBD, target: Camera) -> Made:
 
 def paper_work(source: RGBD) -> scenes.Work:
     """The paper's recipe with Telea, about to move; nothing holds its depth to a law."""
-    chosen = find_recipe("paper", {})
+    chosen = find_recipe("paper", {"law": False})
     view = View.from_rgbd(scenes.clipped(source, chosen.clip_m))
-    work = scenes.start(view, None, scenes.filled_by("telea"), chosen, 0)
-    work.law = Law(())
-    return work
+    return scenes.start(view, None, scenes.filled_by("telea"), chosen, 0)
 
 
 def made(warped: View, filled: View) -> Made:

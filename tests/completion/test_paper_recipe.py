@@ -11,6 +11,7 @@ from dlama.geometry.rendering import render
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import HoleType
+from dlama.geometry.visibility import Law
 
 
 def test_the_paper_draws_points_and_clips_at_ten_metres() -> None:
@@ -50,3 +51,15 @@ def test_the_papers_hole_is_the_union_with_the_footprint() -> None:
     assert shining.sum() > 20
     np.testing.assert_array_equal(union.warped[0].hole, reduced.warped[0].hole | footprint)
     np.testing.assert_array_equal(union.warped[0].hole_type[shining], HoleType.OBJECT)
+
+
+def test_without_its_law_the_papers_depth_stands_as_the_filler_gave_it() -> None:
+    """Law, and that it can fail: with `law` off nothing is moved, every depth is one of the 8-bit steps, and the law, asked
+    afterwards, finds pixels that break it; with it on there are none."""
+    loose = remove(street(), MASK, yaw=-14.0, filler="telea", recipe="paper", law=False)
+    steps = loose.view.depth[loose.warped[0].hole] / (10 / 255)
+    assert abs(steps - np.round(steps)).max() < 1e-3 and loose.meta["law_moves"] == 0
+    held = completed("paper", "telea", True, -14.0)
+    law = Law.of(Scene((held.source.without(dilated(MASK, 3), HoleType.OBJECT),)))
+    broken = [law.violations(one.view.camera, one.view.depth, one.warped[0].hole).sum() for one in (loose, held)]
+    assert broken[0] > 20 and broken[1] == 0

@@ -23,6 +23,7 @@ def test_the_two_recipes_are_what_the_docs_say() -> None:
         "clip_m": None,
         "eight_bit_depth": False,
         "depth_by": "surfaces",
+        "law": True,
         "footprint": False,
         "source_first": True,
     }
@@ -34,6 +35,7 @@ def test_the_two_recipes_are_what_the_docs_say() -> None:
         "clip_m": 10.0,
         "eight_bit_depth": True,
         "depth_by": "filler",
+        "law": True,
         "footprint": True,
         "source_first": False,
     }

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from dlama.completion.recipes import Recipe, find_recipe
-from dlama.completion.scenes import Completion, Work, adopt, clipped, filled_by, report, start
+from dlama.completion.scenes import Completion, Work, adopt, clipped, filled_by, law_of, report, start
 from dlama.errors import InputError, ShapeError
 from dlama.geometry.fusion import fuse
 from dlama.geometry.holes import checked_mask, dilated
@@ -24,7 +24,6 @@ from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
 from dlama.geometry.rig import StereoRig
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import HoleType, Origin, View
-from dlama.geometry.visibility import Law
 from dlama.inpainters.filling import Inpainter
 from dlama.perception.stereo import StereoConsistency, carry_mask, consistency, disparity_pair
 
@@ -102,7 +101,7 @@ def stereo(
     else:
         taken = dilated(mask_right, chosen.dilate)
         right_before = View.from_rgbd(rgbd_of(right, at_right, rig, far, right=True)).without(taken, HoleType.OBJECT)
-        work.law = Law.of(Scene((*work.scene.layers, right_before), work.scene.objects))
+        work.law = law_of(Scene((*work.scene.layers, right_before), work.scene.objects), chosen)
     right_view = completed_right(work, right_before, rig)
     return finished(work, source, (left_before, right_before), (left_view, right_view), rig, filler)
 

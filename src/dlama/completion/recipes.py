@@ -29,6 +29,9 @@ class Recipe:
     depth_by: Literal["surfaces", "filler"] = "surfaces"
     """Who fills depth where the filler is one of pictures (telea, lama, migan): surfaces continued behind the hole, or the
     filler's own way. Fillers of colour and depth (layered, joint) always go their own."""
+    law: bool = True
+    """Put filled depth behind what was measured (the visibility law). False: the method as published, which has no such law;
+    for comparisons."""
     footprint: bool = False
     """Add the projected footprint of the object mask to the hole of the new view (fig. 5, the union)."""
     source_first: bool = True

@@ -168,12 +168,17 @@ def start(source: View, mask: BoolArray | None, filler: str | Inpainter, chosen:
         mask_pixels = int(mask.sum()), int(taken.sum()) - int(mask.sum())
         taken_out = source.without(~taken, HoleType.NONE)
         scene = Scene((source.without(taken, HoleType.OBJECT),), (taken_out,))
-    work = Work(chosen, fill, seed, scene, Law.of(scene), scene, mask_pixels)
+    work = Work(chosen, fill, seed, scene, law_of(scene, chosen), scene, mask_pixels)
     if chosen.source_first and scene.layers[0].hole.any():
         filled = work.fill(scene.layers[0])
         background = filled.without(filled.filled, HoleType.OBJECT)
         work.scene = fuse(dataclasses.replace(scene, layers=(background,)), filled)
     return work
+
+
+def law_of(scene: Scene, chosen: Recipe) -> Law:
+    """What the measurements forbid; nothing, where the recipe knows no law."""
+    return Law.of(scene) if chosen.law else Law(())
 
 
 def warp(work: Work, camera: Camera) -> View:
