@@ -141,7 +141,14 @@ def test_markdown_has_the_tables(report: Path) -> None:
     for block in blocks:
         assert len({len(re.findall(r"(?<!\\)\|", line)) for line in block.splitlines()}) == 1
     assert text.count(f"Settings `{settings_hash(SETTINGS)}`") == len(blocks)
-    for wanted in ("| ±60 |", "**colour SSIM, whole**", "Hidden regions", "object,dilate=3", "Runtime and memory", "dlama evaluate toy"):
+    for wanted in (
+        "| ±60 |",
+        "**colour SSIM, whole**",
+        "Hidden regions",
+        "object,dilate=3",
+        "Runtime and memory",
+        "dlama evaluate toy",
+    ):
         assert wanted in text
 
 

@@ -181,7 +181,7 @@ def worlds(
     count: Annotated[int, told("N", "(default: 4)")] = 4,
     seed: Annotated[int, told("N", "(default: 0)")] = 0,
     size: Annotated[int, told("PX", "(default: 512)")] = 512,
-    kind: Annotated[Literal["room", "street"] | None, told("room|street", "(default: both in turn)")] = None,
+    kind: Annotated[Literal["room", "street"] | None, told("room|street", "(default: drawn by the seed)")] = None,
     shadows: Annotated[bool, told("")] = True,
     antialias: Annotated[bool, told("")] = True,
     textures: Annotated[Path | None, told("DIR", "(default: procedural)")] = None,
@@ -239,7 +239,10 @@ def command_line(dataset: str, output: Path, scope: Scope, contest: Contest) -> 
 
 def told_result(done: Run, output: Path) -> str:
     """One line: how much was done, how much of it had been there, what failed, where the report lies."""
-    counts = f"{len(done.stored)} results" + (f" ({done.reused} from an earlier run)" if done.reused else "")
+    kept = f"{done.reused} from an earlier run" if done.reused else ""
+    stale = f"{done.stale} done again, as settings, data or dlama had changed" if done.stale else ""
+    how = ", ".join(filter(None, (kept, stale)))
+    counts = f"{len(done.stored)} results" + (f" ({how})" if how else "")
     failed = f", {len(done.failures)} failed ({output / 'errors.json'})" if done.failures else ""
     return f"{output / 'report.html'}: {counts}{failed}"
 
@@ -287,4 +290,6 @@ def _bar(title: str) -> Iterator[Any]:
 
 
 def _words(value: Any) -> Sequence[str]:
-    return [str(one) for one in value] if isinstance(value, tuple) else [str(value)]
+    return [
+        f"{one:g}" if isinstance(one, float) else str(one) for one in (value if isinstance(value, tuple) else [value])
+    ]

@@ -35,6 +35,8 @@ class Run:
     failures: tuple[Outcome, ...]
     reused: int
     """How many of them an earlier run had left."""
+    stale: int = 0
+    """How many it had left that were done again: settings, data, network or dlama had changed."""
 
 
 def run(
@@ -60,7 +62,7 @@ def run(
     """
     _check(cases, methods, jobs)
     _make(folder)
-    tasks, reused = _planned(cases, methods, protocols, settings, folder)
+    tasks, reused, stale = _planned(cases, methods, protocols, settings, folder)
     told = progress or (lambda *_: None)
     total, done = len(cases) * len(methods), reused
     told(None, done, total)
@@ -75,7 +77,7 @@ def run(
     failed = {stem(one.case, one.method) for one in failures}
     names = [name for case in cases for method in methods if (name := stem(case, method)) not in failed]
     stored = [read_stored(folder / "cases" / f"{name}.json") for name in names]
-    return Run(tuple(one for one in stored if one is not None), tuple(failures), reused)
+    return Run(tuple(one for one in stored if one is not None), tuple(failures), reused, stale)
 
 
 def write_errors(folder: Path, failures: Sequence[Outcome]) -> None:
@@ -120,10 +122,10 @@ def _planned(
     protocols: Mapping[Protocol, ProtocolFunction],
     settings: ProtocolSettings,
     folder: Path,
-) -> tuple[list[Task], int]:
-    """What is still to be done, and how much is there already."""
+) -> tuple[list[Task], int, int]:
+    """What is still to be done, how much is there already, and how much is there but of something else."""
     made_by = {method.label: method_fingerprint(method) for method in methods}
-    tasks, reused = [], 0
+    tasks, reused, stale = [], 0, 0
     for case in cases:
         asked = case_fingerprint(case)
         todo = []
@@ -137,19 +139,18 @@ def _planned(
                 protocols[case.protocol],
             ]
             mark = fingerprint(parts)
-            if _is_there(folder, stem(case, method), mark):
+            found = read_stored(folder / "cases" / f"{stem(case, method)}.json")
+            if found is not None and found.fingerprint == mark and _has_panels(folder, found):
                 reused += 1
             else:
                 todo.append((method, mark))
+                stale += found is not None and found.fingerprint != mark
         if todo:
             tasks.append(Task(case, tuple(todo), protocols[case.protocol], settings, folder))
-    return tasks, reused
+    return tasks, reused, stale
 
 
-def _is_there(folder: Path, name: str, mark: str) -> bool:
-    found = read_stored(folder / "cases" / f"{name}.json")
-    if found is None or found.fingerprint != mark:
-        return False
+def _has_panels(folder: Path, found: Stored) -> bool:
     return all(one.panel is None or (folder / "panels" / one.panel).is_file() for one in found.runs)
 
 

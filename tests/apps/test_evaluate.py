@@ -1,0 +1,221 @@
+"""`dlama evaluate` and `dlama worlds`, run in this process on a world of 64 px (oracles: the issue's lists, CSV read by csv)."""
+
+from __future__ import annotations
+
+import csv
+import json
+import re
+from pathlib import Path
+
+import pytest
+
+from dlama.apps import evaluate as verb
+from dlama.apps.cli import main
+from dlama.apps.evaluate import Contest, Scope, command_line, needs_extra
+from dlama.errors import InputError, MissingExtraError
+from dlama.evaluation import protocols
+from dlama.evaluation.methods import Method, ProtocolSettings, Scored
+from dlama.evaluation.report import FILES
+
+HEADER = "protocol,dataset,scene,frame,yaw,recipe,filler,region,modality,metric,value"
+
+
+@pytest.fixture(scope="module")
+def small_worlds(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """`dlama worlds` with one scene of 64 px."""
+    folder = tmp_path_factory.mktemp("worlds") / "made"
+    main(
+        [
+            "worlds",
+            "-o",
+            str(folder),
+            "--count",
+            "1",
+            "--size",
+            "64",
+            "--kind",
+            "street",
+            "--seed",
+            "3",
+            "--no-antialias",
+        ]
+    )
+    return folder
+
+
+def evaluated(folder: Path, out: Path, *words: str) -> list[dict[str, str]]:
+    """`dlama evaluate FOLDER WORDS -o OUT`; the rows of results.csv."""
+    main(["evaluate", str(folder), *words, "-o", str(out)])
+    with (out / "results.csv").open(newline="") as stream:
+        return list(csv.DictReader(stream))
+
+
+def refused(capsys: pytest.CaptureFixture[str], *words: str) -> str:
+    """The one line that the command prints on bad input; it exits with 2."""
+    capsys.readouterr()
+    with pytest.raises(SystemExit) as stop:
+        main(["evaluate", *words])
+    told = capsys.readouterr()
+    assert stop.value.code == 2 and told.out == ""
+    assert re.fullmatch(r"error: [^\n]+\n", told.err), told.err
+    return told.err
+
+
+def test_worlds_say_what_to_do_next(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Oracle: the command that is printed, run as it stands."""
+    main(["worlds", "-o", str(tmp_path / "made"), "--count", "1", "--size", "48", "--no-shadows"])
+    place, _, command = capsys.readouterr().out.strip().partition(": 1 scenes. Next: ")
+    assert place == str(tmp_path / "made") and command.startswith(f"dlama evaluate {place} ")
+    words = command.split()[1:-1]
+    main([*words, str(tmp_path / "out"), "--protocol", "sii", "--fillers", "none", "--recipes", "paper"])
+    assert (tmp_path / "out" / "report.html").is_file()
+
+
+def test_evaluate_end_to_end(small_worlds: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Oracles: the issue's header, regions and modalities; every recipe with every filler; a second run does nothing."""
+    words = (
+        "--yaws",
+        "20",
+        "--protocol",
+        "vpi",
+        "ori",
+        "sii",
+        "--limit",
+        "2",
+        "--fillers",
+        "telea",
+        "none",
+        "--no-variants",
+    )
+    rows = evaluated(small_worlds, tmp_path / "out", *words)
+    assert {path.name for path in (tmp_path / "out").iterdir()} == {*FILES, "cases", "panels"}
+    first = (tmp_path / "out" / "results.csv").read_bytes()
+    assert first.splitlines()[0].decode() == HEADER
+    assert {(row["recipe"], row["filler"]) for row in rows} == {
+        (r, f) for r in ("dlama", "paper") for f in ("telea", "none")
+    }
+    assert {row["yaw"] for row in rows if row["protocol"] == "vpi"} == {"20", "-20"}
+    assert {row["protocol"] for row in rows} == {"vpi", "ori", "sii"}
+    assert {"whole", "seen", "unseen", "mask", "outside"} <= {row["region"] for row in rows}
+    assert {"rgb", "depth", "depth_m"} <= {row["modality"] for row in rows}
+    assert not {"time", "memory"} & {row["modality"] for row in rows}
+    assert "results" in capsys.readouterr().out
+    evaluated(small_worlds, tmp_path / "out", *words)
+    assert re.search(r"report\.html: (\d+) results \(\1 from an earlier run\)\n", capsys.readouterr().out)
+    assert (tmp_path / "out" / "results.csv").read_bytes() == first
+
+
+def test_no_fill_is_worse_than_telea(small_worlds: Path, tmp_path: Path) -> None:
+    """Oracle: black holes are further from the truth than their surroundings carried on, under both recipes."""
+    rows = evaluated(
+        small_worlds, tmp_path, "--yaws", "20", "--protocol", "vpi", "--fillers", "telea", "none", "--no-variants"
+    )
+    wanted = ("unseen", "rgb", "mse")
+    mse = {
+        (row["recipe"], row["filler"], row["yaw"]): float(row["value"])
+        for row in rows
+        if (row["region"], row["modality"], row["metric"]) == wanted
+    }
+    assert len(mse) == 8
+    for recipe in ("dlama", "paper"):
+        for yaw in ("20", "-20"):
+            assert mse[recipe, "none", yaw] > mse[recipe, "telea", yaw]
+
+
+def test_a_failure_is_told_and_exits_with_1(
+    small_worlds: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """One filler fails on every case; the other's results are all there; one line each, and errors.json."""
+
+    def sometimes(truth: object, method: Method, settings: ProtocolSettings) -> list[Scored]:
+        if method.filler == "telea":
+            raise ZeroDivisionError("on purpose")
+        return [Scored(())]
+
+    monkeypatch.setitem(protocols.PROTOCOLS, "vpi", sometimes)
+    words = ["--protocol", "vpi", "--yaws", "30", "--recipes", "dlama", "--fillers", "none", "telea"]
+    with pytest.raises(SystemExit) as stop:
+        main(["evaluate", str(small_worlds), *words, "-o", str(tmp_path)])
+    told = capsys.readouterr()
+    assert stop.value.code == 1
+    assert re.fullmatch(r"(error: vpi \S+ \S+, dlama/telea: ZeroDivisionError: on purpose\n){2}", told.err)
+    assert "2 results, 2 failed" in told.out and "errors.json" in told.out
+    assert len(json.loads((tmp_path / "errors.json").read_text())) == 2
+
+
+def test_ctrl_c_says_that_nothing_is_lost(
+    small_worlds: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Exit code 130, as shells have it."""
+
+    def stopped(*_: object) -> list[Scored]:
+        raise KeyboardInterrupt
+
+    monkeypatch.setitem(protocols.PROTOCOLS, "vpi", stopped)
+    with pytest.raises(SystemExit) as stop:
+        main(["evaluate", str(small_worlds), "--protocol", "vpi", "-o", str(tmp_path)])
+    assert stop.value.code == 130
+    assert "what is done is kept" in capsys.readouterr().err
+
+
+def test_bad_words_are_refused_before_anything_runs(
+    small_worlds: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Each names the option and what is wanted; nothing is written."""
+    out, place = str(tmp_path / "out"), str(small_worlds)
+    wanted = {
+        ("--fillers", "lama"): "filler 'lama' runs a network: --model lama=FILE is wanted",
+        ("--fillers", "best"): "filler is 'best'; one of none, layered",
+        ("--recipes", "best"): "recipe is 'best'; one of dlama, paper",
+        ("--model", "lama"): "--model is 'lama'; FILLER=FILE is wanted",
+        ("--model", "telea=a.onnx"): "FILLER one of lama, migan, joint",
+        ("--model", "lama=a.onnx"): "lama is not among --fillers",
+        ("--fillers", "lama", "--model", "lama=no.onnx"): "no.onnx: no such file",
+        ("--protocol", "vpi", "--yaws", "15"): "no case is left of made; its yaws are ±10, ±20",
+        ("--scenes", "nowhere"): "'nowhere' is not in this data set",
+        ("--jobs", "0"): "jobs is 0",
+    }
+    for words, line in wanted.items():
+        assert line in refused(capsys, place, *words, "-o", out), words
+    assert "no such folder" in refused(capsys, str(tmp_path / "no"), "-o", out)
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_data_set_without_a_protocol_says_so() -> None:
+    """Removal asked of view changes."""
+    from dlama.datasets.frames import Case, Dataset
+
+    cases = (Case("vpi", "toy", "s", "f", lambda: None, 10.0),)  # type: ignore[arg-type,return-value]
+    with pytest.raises(InputError, match="toy has no cases of ori; it has vpi"):
+        Scope(protocol=("ori",)).chosen(Dataset("toy", "made-up", None, (), cases))
+
+
+def test_the_command_is_repeatable() -> None:
+    """What differs from the defaults, as it was typed."""
+    scope, contest = Scope(("vpi",), yaws=(10.0, 20.0), depth_range=10.0), Contest(fillers=("telea",), variants=False)
+    assert command_line("a b", Path("out"), Scope(), Contest()) == "dlama evaluate 'a b' -o out"
+    assert command_line("street", Path("out"), scope, contest) == (
+        "dlama evaluate street --protocol vpi --yaws 10 20 --depth-range 10 --fillers telea --no-variants -o out"
+    )
+
+
+def test_a_missing_extra_is_named_first(monkeypatch: pytest.MonkeyPatch) -> None:
+    """With the pip line."""
+    monkeypatch.setattr(verb, "NEEDED", {"matplotlib": "no_such_module"})
+    with pytest.raises(MissingExtraError, match=r"needs the package 'matplotlib': pip install 'dlama\[evaluate\]'"):
+        needs_extra()
+
+
+def test_help_names_every_option(capsys: pytest.CaptureFixture[str]) -> None:
+    """Oracle: the issue's list of options."""
+    wanted = {
+        "evaluate": "--protocol --recipes --fillers --model --scenes --yaws --limit --layout --depth-range --jobs --seed "
+        "--no-variants --output",
+        "worlds": "--output --count --seed --size --kind --no-shadows --no-antialias --textures",
+    }
+    for name, options in wanted.items():
+        with pytest.raises(SystemExit):
+            main([name, "--help"])
+        shown = capsys.readouterr().out
+        assert [option for option in options.split() if option not in shown] == []
+        assert f"$ dlama {name}" in shown
