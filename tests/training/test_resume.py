@@ -153,18 +153,37 @@ def test_batches_are_a_function_of_the_position():
     assert [a + b for a, b in zip(*halves)] == list(Positions(8, 4, 4))
 
 
-def test_every_index_comes_once_per_epoch():
+@pytest.mark.parametrize("run", [1, 2])
+def test_every_index_comes_once_per_epoch(run):
     """Oracle: law; a shuffling, another one in the next epoch, and the same one every time."""
 
-    class Ten:
-        def __len__(self):
-            return 10
+    class Forty:
+        def __init__(self):
+            self.run = run
 
-    numbered = Numbered(Ten(), seed=3)
-    rng = np.random.default_rng(0)
-    epochs = [[numbered.index(number, rng) for number in range(start, start + 10)] for start in (0, 10)]
-    assert sorted(epochs[0]) == sorted(epochs[1]) == list(range(10)) and epochs[0] != epochs[1]
-    assert [Numbered(Ten(), 3).index(number, rng) for number in range(10)] == epochs[0]
+        def __len__(self):
+            return 40
+
+    numbered = Numbered(Forty(), seed=3)
+    epochs = [[numbered.index(number) for number in range(start, start + 40)] for start in (0, 40)]
+    assert sorted(epochs[0]) == sorted(epochs[1]) == list(range(40)) and epochs[0] != epochs[1]
+    assert [Numbered(Forty(), 3).index(number) for number in range(40)] == epochs[0]
+    if run > 1:  # eight samples of four worlds: each world twice, in turn
+        worlds = [index // run for index in epochs[0][:8]]
+        assert worlds[:4] == worlds[4:] and len(set(worlds)) == 4
+        assert [index % run for index in epochs[0][:8]] == [0, 0, 0, 0, 1, 1, 1, 1]
+
+
+def test_sources_too_large_to_shuffle():
+    """Oracle: law; any index may come, and number n is the same one every time."""
+
+    class Endless:
+        def __len__(self):
+            return 1 << 40
+
+    drawn = [Numbered(Endless(), 3).index(number) for number in range(50)]
+    assert drawn == [Numbered(Endless(), 3).index(number) for number in range(50)]
+    assert len(set(drawn)) == 50 and max(drawn) > 1 << 38
 
 
 def test_workers_give_the_same_batches():

@@ -6,7 +6,6 @@ A plane in the world is affine in inverse depth, whatever the camera: so its gra
 
 from __future__ import annotations
 
-import torch
 from torch import Tensor
 from torch.nn.functional import avg_pool2d
 
@@ -39,10 +38,11 @@ def gradient_matching(output: Tensor, truth: Tensor, known: Tensor, scales: int 
 
 def normal_consistency(output: Tensor, truth: Tensor, known: Tensor) -> Tensor:
     """1 - cosine between the normals of both as surfaces over the picture, which is one unit wide and high."""
-    height, width = output.shape[-2:]
-    mine, true = _normals(output, height, width), _normals(truth, height, width)
+    (along, down), (true_along, true_down) = _slopes(output), _slopes(truth)
+    dot = along * true_along + down * true_down + 1
+    lengths = (along.square() + down.square() + 1) * (true_along.square() + true_down.square() + 1)
     counted = _both(known, -1)[..., :-1, :] * _both(known, -2)[..., :, :-1]
-    return _mean(1 - (mine * true).sum(1, keepdim=True), counted)
+    return _mean(1 - dot / lengths.sqrt(), counted)
 
 
 def law_penalty(output: Tensor, limit: Tensor, hole: Tensor) -> Tensor:
@@ -63,9 +63,7 @@ def _both(known: Tensor, axis: int) -> Tensor:
     return known.narrow(axis, 0, size - 1) * known.narrow(axis, 1, size - 1)
 
 
-def _normals(depth: Tensor, height: int, width: int) -> Tensor:
-    """B x 1 x H x W -> B x 3 x (H - 1) x (W - 1) unit vectors."""
-    along = depth.diff(dim=-1)[..., :-1, :] * width
-    down = depth.diff(dim=-2)[..., :, :-1] * height
-    normals = torch.cat([-along, -down, torch.ones_like(along)], 1)
-    return normals / normals.norm(dim=1, keepdim=True)
+def _slopes(depth: Tensor) -> tuple[Tensor, Tensor]:
+    """B x 1 x H x W -> the two slopes, per picture's width and height, where both exist; the normal is (-a, -b, 1)."""
+    height, width = depth.shape[-2:]
+    return depth.diff(dim=-1)[..., :-1, :] * width, depth.diff(dim=-2)[..., :, :-1] * height

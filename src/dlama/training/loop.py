@@ -109,6 +109,8 @@ def trainer_of(settings: TrainSettings, rhythm: Rhythm) -> pl.Trainer:
         num_nodes=loop.nodes,
         strategy="ddp_find_unused_parameters_true" if several else "auto",
         sync_batchnorm=several and loop.accelerator != "cpu" and torch.cuda.is_available(),
+        deterministic="warn" if loop.exact else None,
+        benchmark=not loop.exact and torch.cuda.is_available(),
         precision="bf16-mixed" if loop.precision == "bf16" else "32-true",
         max_epochs=1,
         callbacks=[rhythm],
@@ -131,6 +133,8 @@ def _fit(module: TrainingModule, rhythm: Rhythm, source: SampleSource, settings:
     with warnings.catch_warnings():
         for text in EXPECTED_WARNINGS:
             warnings.filterwarnings("ignore", text)
+        if torch.cuda.is_available():
+            torch.set_float32_matmul_precision("highest" if settings.loop.exact else "high")
         trainer = trainer_of(settings, rhythm)
         at = Positions(module.samples, left, settings.loop.batch, trainer.global_rank, trainer.world_size)
         trainer.fit(module, loader(source, settings, at))
@@ -138,16 +142,28 @@ def _fit(module: TrainingModule, rhythm: Rhythm, source: SampleSource, settings:
 
 def _finish(module: TrainingModule, rhythm: Rhythm, settings: TrainSettings, data: str) -> Path:
     """The exported network and its card."""
-    _, network = export(module.average, rhythm.run, settings.name, settings.licence)  # type: ignore[arg-type]
+    network = export(module.average, rhythm.run, settings.name, settings.licence)[1]  # type: ignore[arg-type]
     assert rhythm.held_out is not None
-    scores = scores_of(module.average, rhythm.held_out, settings, module.device)
+    average = module.average.to(rhythm.device)  # Lightning has put everything back on the CPU
+    scores = scores_of(average, rhythm.held_out, settings, rhythm.device)
     reference = hole_metrics(telea(rhythm.held_out), rhythm.held_out, settings.network)
     trunk = module.perceptual.note if module.perceptual else "no perceptual term"
-    device = torch.cuda.get_device_name(module.device) if module.device.type == "cuda" else "a CPU"
     story = Story(
-        module.step, module.samples, rhythm.seconds, rhythm.ended, trunk, data, device, module.restored
-    )  # fmt: skip
+        step=module.step,
+        samples=module.samples,
+        seconds=rhythm.seconds,
+        ended=rhythm.ended,
+        trunk=trunk,
+        data=data,
+        device=device_name(rhythm.device),
+        restored=module.restored,
+    )
     with new_file(rhythm.run / "README.md") as draft:
         draft.write_text(model_card(settings, story, scores, reference), "utf-8")
     LOG.info("%s: %s after %d steps", network, rhythm.ended, module.step)
     return network
+
+
+def device_name(device: torch.device) -> str:
+    """For the card."""
+    return torch.cuda.get_device_name(device) if device.type == "cuda" else "a CPU"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import signal
+import sys
 import threading
 import time
 from pathlib import Path
@@ -14,6 +15,7 @@ import torch
 
 from dlama.errors import OutputError
 from dlama.training.batches import Batch
+from dlama.training.budget import budget
 from dlama.training.checkpointing import LAST, checkpoint_of, random_state, set_random_state, write_checkpoint
 from dlama.training.module import TrainingModule, rate_factor
 from dlama.training.run_files import RunFiles
@@ -23,9 +25,10 @@ from dlama.training.validation import hole_metrics, metric_names
 
 LOG = logging.getLogger("dlama")
 ALL_STEPS, TIME_IS_UP = "all steps done", "time is up"
-SPEED = ("learning_rate", "samples_per_second", "waiting")
-"""Columns of metrics.csv: the generator's rate; samples of all devices per second, and the share of time that the training
-waited for them, both since the row before."""
+SPEED = ("learning_rate", "samples_per_second", "waiting", "tflop_per_second", "memory_gb")
+"""Columns of metrics.csv: the generator's rate; samples of all devices per second, the share of time that the training
+waited for them, and TFLOP/s of both networks (see `budget`; the trunk is not counted), all three since the row before;
+the first device's memory at its peak (the process's, on a CPU)."""
 
 
 class Rhythm(pl.Callback):
@@ -49,6 +52,7 @@ class Rhythm(pl.Callback):
         self.settings, self.run, self.deadline, self.held_out = settings, run, deadline, held_out
         self.random_states, self.seconds_before = random_states, seconds
         self.files: RunFiles | None = None
+        self.device = torch.device("cpu")
         self.ended = ALL_STEPS
         self.checkpointed = -1
         self._started = self._row_began = self._batch_ended = time.monotonic()
@@ -64,6 +68,7 @@ class Rhythm(pl.Callback):
     def on_train_start(self, trainer: pl.Trainer, module: pl.LightningModule) -> None:
         """Files are opened; SIGTERM, and Ctrl-C for once, become requests to stop after the step."""
         assert isinstance(module, TrainingModule)
+        self.device = module.device
         if trainer.is_global_zero:
             held_out = [f"held_out_{name}" for name in metric_names(self.settings.network)]
             self.files = RunFiles(self.run, [*SPEED, *_term_names(self.settings), *held_out], module.step)
@@ -131,16 +136,19 @@ class Rhythm(pl.Callback):
             return
         now = time.monotonic()
         took = max(now - self._row_began, 1e-9)
+        rate = (module.samples - self._row_samples) / took
         speed = (
             self.settings.optimiser.generator_rate * rate_factor(self.settings, max(module.step - 1, 0)),
-            (module.samples - self._row_samples) / took,
+            rate,
             self._waited / took,
+            rate * budget(self.settings).flop_per_sample / 1e12,
+            peak_memory(module.device) / 1e9,
         )
         about = {"step": module.step, "samples": module.samples, "seconds": self.seconds, **dict(zip(SPEED, speed))}
         terms = {name: float(value) for name, value in module.latest.items()}
         self.files.row(about | terms | {f"held_out_{name}": value for name, value in scores.items()})
         words = " ".join(f"{name} {value:.4f}" for name, value in (scores or terms).items())
-        LOG.info("step %d, %.0f s, %.2f samples/s: %s", module.step, self.seconds, speed[1], words)
+        LOG.info("step %d, %.0f s, %.2f samples/s: %s", module.step, self.seconds, rate, words)
         self._row_began, self._waited, self._row_samples = now, 0.0, module.samples
 
     def _checkpoint(self, trainer: pl.Trainer, module: TrainingModule, must: bool) -> None:
@@ -179,6 +187,18 @@ class Rhythm(pl.Callback):
         for number, handler in self._old_handlers.items():
             signal.signal(number, handler)
         self._old_handlers = {}
+
+
+def peak_memory(device: torch.device) -> int:
+    """Bytes, since the process began."""
+    if device.type == "cuda":
+        return torch.cuda.max_memory_allocated(device)
+    try:
+        import resource
+    except ImportError:  # Windows has no such count
+        return 0
+    unit = 1 if sys.platform == "darwin" else 1024
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit
 
 
 @torch.no_grad()

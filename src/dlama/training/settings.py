@@ -208,6 +208,9 @@ class LoopSettings:
     """Tensors in the memory order B x H x W x C."""
     compiled: bool = False
     """The generator through torch.compile."""
+    exact: bool = False
+    """On a GPU: deterministic algorithms where torch has them, no TF32 and no search for the fastest convolution, so that
+    resuming is as exact as on a CPU (where it always is). Slower."""
     seed: int = 0
     """Of the first weights and of every sample."""
     log_every: int = 10

@@ -20,7 +20,9 @@ from dlama.training.settings import TrainSettings
 from dlama.training.sources import SampleSource
 
 LARGEST_SHUFFLE = 1 << 22
-"""Sources with more indices are drawn from with replacement."""
+"""Sources with more indices (or runs of them) are drawn from with replacement."""
+LANES = 4
+"""Runs that are taken in turn, so that a small batch is not of one world only; a worker keeps as many worlds."""
 TRAIN, HELD_OUT, SHUFFLE = 0, 1, 2
 
 
@@ -32,14 +34,22 @@ class Numbered(Dataset[dict[str, np.ndarray]]):
 
     def __getitem__(self, number: int) -> dict[str, np.ndarray]:
         rng = np.random.default_rng([self.seed, TRAIN, number])
-        return self.source.sample(self.index(number, rng), rng)
+        return self.source.sample(self.index(number), rng)
 
-    def index(self, number: int, rng: np.random.Generator) -> int:
-        """Which index of the source it is."""
-        size = len(self.source)
-        if size > LARGEST_SHUFFLE:
-            return int(rng.integers(size))
-        return int(_shuffled(size, self.seed, number // size)[number % size])
+    def index(self, number: int) -> int:
+        """Which index of the source it is: runs that share a world are taken four at a time, in turn."""
+        run = int(getattr(self.source, "run", 1))
+        blocks = len(self.source) // run
+        lanes = LANES if run > 1 and blocks >= LANES else 1
+        group, within = divmod(number, lanes * run)
+        offset, lane = divmod(within, lanes)
+        drawn = group * lanes + lane
+        if blocks > LARGEST_SHUFFLE:
+            block = int(np.random.default_rng([self.seed, SHUFFLE, drawn]).integers(blocks))
+        else:
+            epoch, place = divmod(drawn, blocks // lanes * lanes)
+            block = int(_shuffled(blocks, self.seed, epoch)[place])
+        return block * run + offset
 
 
 class Positions(Sampler[list[int]]):
