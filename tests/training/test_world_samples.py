@@ -1,0 +1,249 @@
+"""Samples of procedural worlds: what goes in is what the method meets at run time, what should come out is true."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from dlama.geometry.drawing import inverse_depth
+from dlama.geometry.rendering import render
+from dlama.geometry.scene import Scene
+from dlama.geometry.view import View
+from dlama.geometry.visibility import Law
+from dlama.inpainters.contract import of_planes
+from dlama.training import galleries, view_samples, world_samples
+from dlama.training.batches import check_sample
+from dlama.training.galleries import Galleries
+from dlama.training.settings import DataSettings, NetworkSettings, TrainSettings
+from dlama.training.sources import source_for
+from dlama.training.view_samples import Question, view_sample
+from dlama.training.world_samples import RemovalSamples, StereoSamples, WorldSamples
+from worlds import pixels_of, points_of
+
+RGBD_NET = NetworkSettings("rgbd")
+SIZE = 64
+KINDS = {"world": "rgbd", "removal": "rgbd", "stereo": "stereo", "sketch": "stereo-two-masks"}
+
+
+def settings(planes: str, **mixture: float) -> TrainSettings:
+    """Samples of 64 px."""
+    return TrainSettings("t", network=NetworkSettings(planes), data=DataSettings(size=SIZE, mixture=mixture))
+
+
+@pytest.fixture(scope="module")
+def clean() -> list[Question]:
+    """Questions of four pairs of cameras in one world, without faults of a sensor."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(world_samples, "with_faults", lambda rgbd, rng, sensor_holes=False: rgbd)
+        patch.setattr(world_samples, "SENSOR_SHARE", 0.0)
+        source = WorldSamples(Galleries("train", 128), RGBD_NET)
+        return [source.question(index, np.random.default_rng(index)) for index in range(4)]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("split", ["train", "held_out"])
+def test_every_kind_makes_samples(kind: str, split: Any) -> None:
+    """check_sample agrees; the same index and state of the generator give the same bytes, another state others."""
+    chosen = settings(KINDS[kind], **{kind: 1.0})
+    source = source_for(chosen, [], split)
+    for index in (0, 1, 2):
+        made, same, other = (source.sample(index, np.random.default_rng([seed, index])) for seed in (1, 1, 2))
+        check_sample(made, chosen.network, SIZE)
+        assert all(np.array_equal(made[key], same[key]) for key in made)
+        assert not np.array_equal(made["input"], other["input"])
+
+
+def test_input_is_what_joint_would_feed(monkeypatch: pytest.MonkeyPatch, clean: list[Question]) -> None:
+    """Oracle: the filler `joint` itself, with an engine that keeps the planes it is given; sensor holes as well."""
+    from dlama.inpainters import joint
+
+    fed: list[np.ndarray] = []
+
+    class Engine:
+        contract, path, notes = of_planes(4), "none", {}
+
+        def fill(self, planes: np.ndarray, hole: np.ndarray) -> np.ndarray:
+            fed.append(np.concatenate([planes[0] * ~hole, hole[None]]).astype(np.float32))
+            return planes
+
+    monkeypatch.setattr(joint, "engine", lambda *args, **options: Engine())
+    fill = joint.joint_filler("none.onnx")
+    frame = galleries.Galleries("train", SIZE).gallery(0).frame(0)
+    removals = RemovalSamples(Galleries("train", SIZE), RGBD_NET)
+    for question in (
+        *clean,
+        world_samples.still(frame, np.random.default_rng(0)),
+        removals.question(1, np.random.default_rng(1)),
+    ):
+        fill(question.view, question.law, 0)
+        assert np.array_equal(view_sample(question, RGBD_NET)["input"], fed[-1])
+
+
+def test_holes_are_those_of_rendering(clean: list[Question]) -> None:
+    """The hole is the one that `render` leaves of the gallery's own frames and cameras, and known colours are its."""
+    gallery = Galleries("train", 128).gallery(0)
+    views = [render(gallery.frame(i), gallery.cameras[j]) for i, j in gallery.pairs]
+    for question in clean:
+        view = next(view for view in views if view.camera.same_view_as(question.view.camera) and
+                    np.array_equal(view.hole, question.view.hole))  # fmt: skip
+        made = view_sample(question, RGBD_NET)
+        known = ~view.hole
+        assert np.array_equal(made["mask"][0] > 0, view.hole)
+        levels = np.rint(made["input"][:3] * 255).astype(np.uint8).transpose(1, 2, 0)
+        assert np.array_equal(levels[known], view.color[known])
+
+
+def test_what_is_to_be_filled_was_hidden(clean: list[Question]) -> None:
+    """Oracle: the camera model. True points of the hole lie outside the source's picture or behind what it measured there,
+    true points of known pixels do not."""
+    hidden, shown = [], []
+    for question in clean:
+        (camera, measured), *_ = question.law.measured
+        points = points_of(question.view.camera, np.minimum(question.truth.depth, np.float32(1e4)))
+        x, y, z = pixels_of(camera, points)
+        inside = (z > 0) & (x >= 0) & (x < camera.width) & (y >= 0) & (y < camera.height)
+        at = (np.where(inside, value, 0).astype(int) for value in (y, x))
+        unseen = ~inside | (z > 1.02 * measured[tuple(at)])
+        hidden.append(unseen[question.view.hole].mean())
+        shown.append(unseen[~question.view.hole].mean())
+    assert min(hidden) > 0.7 and np.mean(hidden) > 0.85 and max(shown) < 0.1
+
+
+def test_target_is_the_true_frame_where_both_agree(clean: list[Question]) -> None:
+    """The world's own frame, and its inverse depth over the scale that the view's known pixels set, cut at 1."""
+    for question in clean:
+        made = view_sample(question, RGBD_NET)
+        assert view_samples.agrees(question)
+        assert np.array_equal(np.rint(made["target"][:3] * 255).transpose(1, 2, 0), question.truth.color)
+        w = inverse_depth(np.where(question.view.hole, 0, question.view.depth))
+        scale = np.quantile(w[w > 0], 0.99) / 0.75
+        true = np.minimum(inverse_depth(question.truth.depth) / scale, 1)
+        assert np.allclose(made["target"][3], true, atol=1e-5) and (made["known_depth"] == 1).all()
+
+
+def test_other_light_keeps_the_views_own_pixels(clean: list[Question]) -> None:
+    """Where the truth does not show what the view shows, known pixels of the target are the input's."""
+    question = clean[0]
+    dark = type(question.truth)(question.truth.color // 3, question.truth.depth, question.truth.camera)
+    made = view_sample(Question(question.view, dark, question.law), RGBD_NET)
+    known = np.broadcast_to(~question.view.hole, (4, *question.view.hole.shape))
+    assert np.array_equal(made["target"][known], made["input"][:4][known])
+    in_hole = np.rint(made["target"][:3] * 255).transpose(1, 2, 0)[question.view.hole]
+    assert np.array_equal(in_hole, dark.color[question.view.hole])
+
+
+def test_the_limit_is_the_laws(clean: list[Question]) -> None:
+    """Metres at the limit keep the law, a little nearer they break it (oracle: Law.violations); the truth never exceeds it."""
+    for question in clean:
+        made = view_sample(question, RGBD_NET)
+        limit, hole = made["limit"][0], question.view.hole
+        assert (made["target"][3] <= limit * (1 + 1e-6))[hole].all() and np.isinf(limit[~hole]).all()
+        w = inverse_depth(np.where(hole, 0, question.view.depth))
+        scale = np.quantile(w[w > 0], 0.99) / 0.75
+        true = inverse_depth(question.truth.depth) / scale
+        inner = hole & np.isfinite(limit) & (limit > true * 1.001) & (limit > 1e-3)
+        assert inner.sum() > 50
+        for share, breaks in ((1 - 1e-4, False), (1 + 1e-4, True)):
+            depth = np.where(inner, 1 / np.where(inner, limit.astype(np.float64) * scale * share, 1), 1).astype(
+                np.float32
+            )
+            found = question.law.violations(question.view.camera, depth, inner)[inner]
+            assert found.mean() > 0.98 if breaks else found.mean() < 0.02
+
+
+def test_removed_things_leave_true_background() -> None:
+    """Outside the mask the truth is the frame; inside it is nowhere nearer than what was there (up to the law), and over the
+    middle of the object of interest it is the frame of the world without that object, but for its shadow's colour."""
+    source = RemovalSamples(Galleries("train", SIZE), RGBD_NET)
+    checked = 0
+    for index in range(6):
+        gallery = source.galleries.gallery(index)
+        number = index % len(gallery.cameras)
+        group = gallery.seen(number).group
+        thing = gallery.world.object_index
+        where = group == thing
+        if not where.any():
+            continue
+        truth, frame = world_samples.seen_through(gallery, number, thing, where), gallery.frame(number)
+        without = gallery.world.frame(frame.camera, object=False)
+        assert np.array_equal(truth.color[~where], frame.color[~where])
+        assert np.array_equal(truth.depth[where], without.depth[where])
+        assert (truth.depth[where] > frame.depth[where]).all()
+        made = source.sample(index, np.random.default_rng(index))
+        assert (made["target"][3] <= made["limit"][0] * (1 + 1e-6)).all()
+        checked += 1
+    assert checked >= 3
+
+
+def test_pairs_agree_by_disparity() -> None:
+    """Oracle: the camera model. A right picture's true pixels have the colours of the left one, moved by fx b / z."""
+    source = StereoSamples(Galleries("train", 128), NetworkSettings("stereo-two-masks"))
+    made, gallery = source.pair(0, np.random.default_rng(0)), source.galleries.rig(0)
+    left, right = gallery.pairs[0]
+    camera, other = gallery.cameras[left], gallery.cameras[right]
+    depth = gallery.seen(left).depth
+    x, y, _ = pixels_of(other, points_of(camera, np.minimum(depth, np.float32(1e5))))
+    shift = x - (np.arange(128) + 0.5)
+    assert np.abs(y - (np.arange(128) + 0.5)[:, None]).max() < 1e-6 and shift.max() <= 1e-3
+    known = (made["mask"][0] == 0) & (x > 1) & (x < 127)
+    moved = made["target"][3:][:, np.nonzero(known)[0], x[known].astype(int)]
+    difference = np.abs(moved - made["target"][:3][:, known]).max(0)
+    assert np.median(difference) < 0.04
+    still = np.abs(made["target"][3:] - made["target"][:3])[:, known].max(0)
+    assert difference.mean() < 0.8 * still.mean()
+
+
+def test_held_out_worlds_are_others() -> None:
+    """No seed is shared; held-out indices each have a world of their own, trained ones come in runs."""
+    train, held = Galleries("train", SIZE), Galleries("held_out", SIZE)
+    names = [{each.gallery(index).world.name for index in range(0, 3 * each.run, each.run)} for each in (train, held)]
+    assert not names[0] & names[1] and all(len(found) == 3 for found in names)
+    first, last = galleries.FIRST_SEED["train"], galleries.FIRST_SEED["train"] + len(train) // train.run
+    assert not first <= galleries.FIRST_SEED["held_out"] < last
+    assert train.gallery(0).world is train.gallery(train.run - 1).world is not train.gallery(train.run).world
+
+
+def test_a_mixture_of_kinds() -> None:
+    """World, removal and sketch in one source: check_sample agrees for all of them."""
+    source = source_for(settings("rgbd", world=1.0, removal=1.0, sketch=2.0), [], "train")
+    for index in range(8):
+        check_sample(source.sample(index, np.random.default_rng(index)), RGBD_NET, SIZE)
+
+
+def digest() -> str:
+    """Of one sample of each kind."""
+    bytes_ = hashlib.sha256()
+    for kind, planes in KINDS.items():
+        made = source_for(settings(planes, **{kind: 1.0}), [], "train").sample(5, np.random.default_rng(9))
+        for key in sorted(made):
+            bytes_.update(made[key].tobytes())
+    return bytes_.hexdigest()
+
+
+def test_same_bytes_in_another_process() -> None:
+    """With another hash seed and another number of threads."""
+    code = "import sys; sys.path[:0] = sys.argv[1:]; import test_world_samples as t; print(t.digest())"
+    here = Path(__file__).parent
+    environment = {**os.environ, "PYTHONHASHSEED": "7", "NUMBA_NUM_THREADS": "2"}
+    command = [sys.executable, "-c", code, str(here), str(here.parent)]
+    done = subprocess.run(command, capture_output=True, text=True, env=environment, check=True)
+    assert done.stdout.split()[-1] == digest()
+
+
+def test_law_of_a_masked_frame_keeps_the_object() -> None:
+    """A removed thing's own depth still limits what is filled; a random mask's does not."""
+    frame = Galleries("train", SIZE).gallery(0).frame(0)
+    taken = np.zeros(frame.camera.hw, bool)
+    taken[20:30, 20:30] = True
+    thing, none = world_samples.masked(frame, taken, frame), world_samples.masked(frame, taken)
+    assert (thing.law.measured[0][1][taken] > 0).all() and not none.law.measured[0][1][taken].any()
+    assert np.array_equal(
+        thing.law.measured[0][1][taken], Law.of(Scene((View.from_rgbd(frame),))).measured[0][1][taken]
+    )
