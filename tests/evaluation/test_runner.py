@@ -127,8 +127,8 @@ def test_only_what_is_missing_or_stale_is_done(tmp_path: Path, log: Path, monkey
     assert lines(log) == 3
     evaluated(dataset, tmp_path, method, Method("dlama", "layered"))
     assert lines(log) == 12
-    evaluated(dataset, tmp_path, dataclasses.replace(method, seed=1))
-    assert lines(log) == 12
+    again = evaluated(dataset, tmp_path, dataclasses.replace(method, seed=1))
+    assert lines(log) == 12 and (again.reused, again.stale) == (0, 12)
     evaluated(dataset, tmp_path, method, settings=ProtocolSettings(ring_px=3))
     assert lines(log) == 12
     monkeypatch.setattr(runner, "code_fingerprint", lambda: "another version")

@@ -75,6 +75,9 @@ def dots(
         axes.set_title(_heading(which), fontsize=9)
         axes.set_yticks(range(len(methods)), methods if number % COLUMNS == 0 else [""] * len(methods))
         axes.set_ylim(len(methods) - 0.5, -0.5)
+        axes.margins(x=0.08)
+        axes.locator_params(axis="x", nbins=4)
+        axes.ticklabel_format(axis="x", useOffset=False)
     return _as_svg(figure, places, len(drawn), title, legend=False)
 
 

@@ -20,7 +20,7 @@ from dlama.evaluation.methods import Method
 ROOMS = ("geometry", "models", "perception", "inpainters", "completion", "files", "datasets", "evaluation")
 """The rooms whose code decides about numbers."""
 SHOWING = {
-    *("runner", "stored", "results_file", "summary", "tables", "metric_names", "sections", "charts"),
+    *("runner", "stored", "results_file", "summary", "tables", "metric_names", "sections", "charts", "duels"),
     *("panel_choice", "report_page", "report", "paper_columns"),
 }
 """Files of evaluation/ that only show numbers: a change there makes no result stale."""

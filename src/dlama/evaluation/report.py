@@ -42,7 +42,7 @@ def write_report(
     write_rows(folder / "timings.csv", timings)
     summary = summarise(rows, seed=seed, about=about(dataset, run, settings, seed, command))
     write_summary(folder / "summary.json", summary)
-    parts = sections(summary, timings)
+    parts = sections(summary, rows, timings)
     failed = [failure_line(one) for one in run.failures]
     _write(folder / "summary.md", "\n".join(summary_lines(dataset, summary, parts, failed)))
     panels = as_data_urls(folder / "panels", choose(run.stored))
@@ -55,7 +55,9 @@ def about(dataset: Dataset, run: Run, settings: ProtocolSettings, seed: int, com
     """What the numbers rest on."""
     cases = {(one.protocol, one.scene, one.frame) for one in run.stored}
     scenes = list(dict.fromkeys(one.scene for one in run.stored))
-    lead = f"{len(cases)} cases of {len(scenes)} scenes, {len({(s.recipe, s.filler) for s in run.stored})} methods."
+    methods = {(one.recipe, one.filler) for one in run.stored}
+    counted = (_counted(len(cases), "case"), _counted(len(scenes), "scene"), _counted(len(methods), "method"))
+    lead = "{} of {}, {}.".format(*counted)
     failed = f" {len(run.failures)} failed and count nowhere." if run.failures else ""
     warned = sorted({line for one in run.stored for line in one.warnings})
     return {
@@ -70,6 +72,10 @@ def about(dataset: Dataset, run: Run, settings: ProtocolSettings, seed: int, com
         "versions": versions(),
         **({"warnings": warned} if warned else {}),
     }
+
+
+def _counted(number: int, what: str) -> str:
+    return f"{number} {what}{'s' if number != 1 else ''}"
 
 
 def settings_hash(settings: ProtocolSettings) -> str:
@@ -108,7 +114,7 @@ def summary_lines(dataset: Dataset, summary: Summary, parts: Sequence[Section], 
         if part.text:
             yield from (part.text, "")
         for table in part.tables:
-            with_intervals = table.head[1] == "mask %" or table.head[:2] == ("region", "metric")
+            with_intervals = table.head[1] == "mask %" or table.head[:2] in (("region", "metric"), ("filler", "yaw"))
             text = f"{markdown(table, with_intervals)}\nSettings `{facts['settings_hash']}`.\n"
             yield f"<details><summary>{table.title}</summary>\n\n{text}\n</details>\n" if table.minor else text
     yield from ("## Settings and versions", "")

@@ -6,8 +6,10 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from dlama.evaluation.charts import curves, dots
+from dlama.evaluation.duels import duel
 from dlama.evaluation.methods import NO_FILL
 from dlama.evaluation.metric_names import MASK_RATIO, PAPER_SHAPE, Which
+from dlama.evaluation.paper_columns import MASK_RATIO as MASK_RATIOS
 from dlama.evaluation.paper_columns import SOURCE
 from dlama.evaluation.results_file import Row
 from dlama.evaluation.summary import Summary
@@ -42,6 +44,13 @@ PER_YAW_HIDDEN: tuple[Which, ...] = (
     ("unseen", "rgb", "psnr"),
     ("unseen", "depth_m", "mae"),
 )
+REMOVAL: tuple[Which, ...] = tuple(
+    ("mask", modality, metric)
+    for modality, metric in (
+        *(("rgb", "ssim"), ("rgb", "lpips"), ("rgb", "mse"), ("depth_m", "mae")),
+        *(("cloud", "fscore_0.05"), ("disparity", "bad-1")),
+    )
+)
 VARIANT_METRICS: tuple[Which, ...] = tuple(
     (region, modality, metric)
     for region in ("whole", "unseen", "mask")
@@ -61,12 +70,12 @@ class Section:
     tables: tuple[Table, ...] = ()
 
 
-def sections(summary: Summary, timings: Sequence[Row], with_figures: bool = True) -> list[Section]:
+def sections(summary: Summary, rows: Sequence[Row], timings: Sequence[Row]) -> list[Section]:
     """Everything the report shows but the panels, in order."""
     found: list[Section] = []
     for protocol in sorted(summary.values("protocol"), key=list(PROTOCOLS).index):
         for dataset in summary.values("dataset", protocol=protocol):
-            found += _protocol_sections(summary, protocol, dataset, with_figures)
+            found += _protocol_sections(summary, rows, protocol, dataset)
     clock = runtimes(timings, list(dict.fromkeys(row.method for row in timings)))
     if clock:
         text = (
@@ -77,18 +86,18 @@ def sections(summary: Summary, timings: Sequence[Row], with_figures: bool = True
     return found
 
 
-def _protocol_sections(summary: Summary, protocol: str, dataset: str, with_figures: bool) -> Iterator[Section]:
+def _protocol_sections(summary: Summary, rows: Sequence[Row], protocol: str, dataset: str) -> Iterator[Section]:
     name = f"{PROTOCOLS.get(protocol, protocol)} on {dataset}"
-    place = _Place(summary, protocol, dataset, with_figures)
+    place = _Place(summary, rows, protocol, dataset)
     if protocol == "vpi" and place.has_yaws:
-        yield Section(f"{protocol}-whole", name, _WHOLE_TEXT, place.whole_figures(), place.whole_tables())
+        yield Section(f"{protocol}-whole", name, place.whole_text(), place.whole_figures(), place.whole_tables())
         text = (
             "Only pixels that the source camera could not see, by the true depth: the same pixels for every method, "
             "so recipes cannot win by leaving less to fill."
         )
         yield Section(f"{protocol}-unseen", f"{name}: unseen", text, place.hidden_figures(), place.hidden_tables())
     else:
-        yield Section(f"{protocol}-regions", name, _REGION_TEXT, place.region_figures(), place.region_tables())
+        yield Section(f"{protocol}-regions", name, _REGION_TEXT, place.region_figures(), place.removal_tables())
     more = place.more_tables()
     if more:
         yield Section(f"{protocol}-more", f"{name}: troubles and variants", "", tables=more)
@@ -96,7 +105,7 @@ def _protocol_sections(summary: Summary, protocol: str, dataset: str, with_figur
 
 _WHOLE_TEXT = (
     "Whole pictures, as in the paper: colour 0..255, depth clipped at 10 m and shown as 0..255. Mean over frames; the "
-    f"interval is a 95 % bootstrap over scenes. The column of the paper: {SOURCE}"
+    "interval is a 95 % bootstrap over scenes (none where there is one scene)."
 )
 _REGION_TEXT = "Means over frames; the interval is a 95 % bootstrap over scenes (none where there is one scene)."
 
@@ -106,9 +115,9 @@ class _Place:
     """One protocol on one data set."""
 
     summary: Summary
+    rows: Sequence[Row]
     protocol: str
     dataset: str
-    with_figures: bool
 
     @property
     def has_yaws(self) -> bool:
@@ -131,6 +140,12 @@ class _Place:
         keys = self.summary.of(protocol=self.protocol, dataset=self.dataset, yaw="all")
         return list(dict.fromkeys((key.region, key.modality, key.metric) for key in keys))
 
+    def whole_text(self) -> str:
+        """With the source of the paper's numbers, where they stand beside ours."""
+        yaws = self.summary.values("yaw", protocol=self.protocol, dataset=self.dataset)
+        beside = f" The column of the paper: {SOURCE}" if any(yaw in MASK_RATIOS for yaw in yaws) else ""
+        return _WHOLE_TEXT + beside
+
     def whole_figures(self) -> tuple[tuple[str, str], ...]:
         """The paper's six numbers and mask ratio, and two in other units, over yaw."""
         return self._curves((*PAPER_SHAPE, *BESIDE), "Whole pictures over yaw")
@@ -143,8 +158,6 @@ class _Place:
         """The hidden region's metrics, a dot a method."""
         hidden = [region for region in HIDDEN if any(which[0] == region for which in self.every)][:1]
         chosen = self._interesting(hidden or ["whole"])[:12]
-        if not self.with_figures:
-            return ()
         title = f"{(hidden or ['whole'])[0]}: mean and 95 % interval"
         figure = dots(self.summary, self.protocol, self.dataset, chosen, self.drawn, title)
         return ((title, figure),) if figure else ()
@@ -155,17 +168,27 @@ class _Place:
         beside = [per_yaw(*place, which, self.methods) for which in PAPER_SHAPE]
         single = [per_yaw(*place, which, self.methods, signs=True) for which in PAPER_SHAPE]
         own = [paper_shaped(*place, method) for method in self.methods]
-        return (*_there(beside), *_there(own), *_minor(_there(single), "each sign by itself"))
+        against = duel(self.rows, self.protocol, self.dataset, PAPER_SHAPE)
+        return (*_there([against, *beside]), *_there(own), *_minor(_there(single), "each sign by itself"))
 
     def hidden_tables(self) -> tuple[Table, ...]:
         """By yaw, and all regions over all yaws."""
         place = self.summary, self.protocol, self.dataset
-        return (*_there([per_yaw(*place, which, self.methods) for which in PER_YAW_HIDDEN]), *self.region_tables())
+        against = duel(self.rows, self.protocol, self.dataset, PER_YAW_HIDDEN)
+        by_yaw = [per_yaw(*place, which, self.methods) for which in PER_YAW_HIDDEN]
+        return (*_there([against, *by_yaw]), *self.region_tables())
+
+    def removal_tables(self) -> tuple[Table, ...]:
+        """The recipes against each other in the mask, then all regions."""
+        found = {which[0] for which in self.every}
+        chosen = REMOVAL if "mask" in found else tuple(("unseen", *which[1:]) for which in REMOVAL)
+        return (*_there([duel(self.rows, self.protocol, self.dataset, chosen)]), *self.region_tables())
 
     def region_tables(self) -> tuple[Table, ...]:
         """Regions that were hidden, and those that were not; all yaws together."""
         titles = {"Hidden regions": HIDDEN, "Known regions": KNOWN}
-        return _there([self._side_by_side(self._interesting(regions), title) for title, regions in titles.items()])
+        tables = [self._side_by_side(self._interesting(regions), title) for title, regions in titles.items()]
+        return _there(tables)
 
     def more_tables(self) -> tuple[Table, ...]:
         """What is neither of a common metric nor of the method as named."""
@@ -186,8 +209,6 @@ class _Place:
         return side_by_side(self.summary, self.protocol, self.dataset, chosen, self.methods, title)
 
     def _curves(self, chosen: Sequence[Which], title: str) -> tuple[tuple[str, str], ...]:
-        if not self.with_figures:
-            return ()
         figure = curves(self.summary, self.protocol, self.dataset, chosen, self.drawn, title)
         return ((title, figure),) if figure else ()
 
