@@ -7,6 +7,7 @@ belong to world n, and the last few galleries are kept. Whoever shuffles indices
 from __future__ import annotations
 
 import functools
+import zlib
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -60,13 +61,25 @@ class Gallery:
         return RGBD(cast.color, cast.depth, self.cameras[number])
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Galleries:
     """The worlds of one split, with or without photos on their surfaces; indices in, galleries out."""
 
     split: str
     size: int
     photos: tuple[Photo, ...] = ()
+    key: tuple[str, int, int] = field(init=False)
+    """Tells galleries apart, so that several sources of one run share what is kept."""
+
+    def __post_init__(self) -> None:
+        names = "\n".join(photo.name for photo in self.photos)
+        object.__setattr__(self, "key", (self.split, self.size, zlib.crc32(names.encode())))
+
+    def __hash__(self) -> int:
+        return hash(self.key)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Galleries) and self.key == other.key
 
     @property
     def run(self) -> int:
@@ -78,21 +91,22 @@ class Galleries:
 
     def gallery(self, index: int) -> Gallery:
         """The gallery of a sample's index."""
-        return _gallery(FIRST_SEED[self.split] + index // self.run, self.size, self.photos)
+        return _gallery(self, index // self.run)
 
     def single(self, number: int) -> Gallery:
         """The gallery of world `number`, whatever the run."""
-        return _gallery(FIRST_SEED[self.split] + number, self.size, self.photos)
+        return _gallery(self, number)
 
     def rig(self, index: int) -> Gallery:
         """A gallery of stereo pairs: cameras 2n and 2n + 1 are left and right."""
-        return _gallery(FIRST_SEED[self.split] + index // self.run, self.size, self.photos, paired=True)
+        return _gallery(self, index // self.run, paired=True)
 
 
 @functools.lru_cache(maxsize=KEPT)
-def _gallery(seed: int, size: int, photos: tuple[Photo, ...], paired: bool = False) -> Gallery:
+def _gallery(galleries: Galleries, number: int, paired: bool = False) -> Gallery:
     from dlama.datasets.worlds import world
 
+    seed, size, photos = FIRST_SEED[galleries.split] + number, galleries.size, galleries.photos
     rng = np.random.default_rng([seed, VIEWS])
     made = world(seed, textures=[_texture(photos[i], rng) for i in _some(rng, len(photos))])
     fov = float(rng.uniform(*FOV_DEG))
