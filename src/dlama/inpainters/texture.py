@@ -57,7 +57,7 @@ class Canvas:
     def __init__(
         self, color: UInt8Array, hole: BoolArray, inverse_depth: Float32Array, label: Int32Array, camera: Camera
     ) -> None:
-        from dlama.inpainters import texture_kernels
+        from dlama.inpainters import texture_cell_kernels, texture_kernels
 
         self.kernels: ModuleType = texture_kernels
         self.color, self.hole, self.inverse_depth, self.label = color, hole, inverse_depth, label
@@ -65,17 +65,21 @@ class Canvas:
         self.factor = max(1, -(-max(hole.shape) // WORK_SIZE))
         self.cell = 2 * self.factor
         self.source = self._trusted()
-        self.colors, self.depths, self.sources = texture_kernels.shrink(color, inverse_depth, self.source, self.factor)
+        self.colors, self.depths, self.sources = texture_cell_kernels.shrink(
+            color, inverse_depth, self.source, self.factor
+        )
 
     def _trusted(self) -> Int32Array:
         """Label of every pixel that may be copied, -2 elsewhere; surfaces with hardly any such pixel get a closer look."""
+        from dlama.inpainters.texture_cell_kernels import trusted_sources
+
         args = (self.hole, self.inverse_depth, self.label)
-        source = np.where(self.kernels.trusted_sources(*args, 2), self.label, -2).astype(np.int32)
+        source = np.where(trusted_sources(*args, 2), self.label, -2).astype(np.int32)
         wanted, known = np.unique(self.label[self.hole]), np.unique(source)
         for reach in (1, 0):
             poor = np.setdiff1d(wanted, known)
             if len(poor):
-                near = np.isin(self.label, poor) & self.kernels.trusted_sources(*args, reach)
+                near = np.isin(self.label, poor) & trusted_sources(*args, reach)
                 source[near] = self.label[near]
                 known = np.unique(source)
         return source
@@ -231,14 +235,13 @@ def surface_bases(canvas: Canvas, surface: Surface) -> Bases:
     grids = []
     for sigma in (2.0, 7.0):
         blurred, share = (cv2.GaussianBlur(a, (0, 0), sigma, borderType=cv2.BORDER_CONSTANT) for a in (sums, weights))
-        grids.append(_continued(blurred, share, usable, cells))
+        grids.append(_continued(np.asarray(blurred, np.float32), np.asarray(share, np.float32), usable, cells))
     return grids[0], grids[1]
 
 
 def _continued(sums: Float32Array, weights: Float32Array, usable: BoolArray, cells: NDArray[np.int64]) -> Float32Array:
     """Weighted sums to values everywhere: pull to one cell, push back, then relax the unknown cells."""
-    from dlama.inpainters.texture_base_kernels import pull, relax
-    from dlama.inpainters.texture_kernels import push
+    from dlama.inpainters.texture_base_kernels import pull, push, relax
 
     weights[weights < 1e-3] = 0
     sums[weights == 0] = 0
@@ -249,6 +252,6 @@ def _continued(sums: Float32Array, weights: Float32Array, usable: BoolArray, cel
     value = (top / np.maximum(top_weight, np.float32(1e-9))[..., None]).astype(np.float32)
     mean = value[0, 0].astype(np.float64)
     for level in reversed(ladder):
-        value = push(*level, value, np.float32(1.0))
+        value = push(*level, value, 1.0)
     relax(value, usable, cells, mean, SCREEN, 40)
     return value

@@ -6,26 +6,47 @@ Grids of inverse depth say < 0 where a cell plays no part.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+from numpy.typing import NDArray
+
+from dlama.geometry.compiling import in_bands, kernel
+from dlama.geometry.rgbd import BoolArray, Float32Array
+from dlama.inpainters.texture_cell_kernels import between, blend
 
 
-@njit(cache=True)
-def pull(sums, weights):
+def pull(sums: Float32Array, weights: Float32Array) -> tuple[Float32Array, Float32Array]:
     """The next coarser grid: sums over 2 x 2 cells."""
-    rows, cols = weights.shape
-    up, upw = (
-        np.zeros(((rows + 1) // 2, (cols + 1) // 2, 3), np.float32),
-        np.zeros(((rows + 1) // 2, (cols + 1) // 2), np.float32),
-    )
-    for y in range(rows):
-        for x in range(cols):
-            upw[y // 2, x // 2] += weights[y, x]
-            for k in range(3):
-                up[y // 2, x // 2, k] += sums[y, x, k]
+    odd = tuple((0, size % 2) for size in weights.shape)
+    sums, weights = np.pad(sums, (*odd, (0, 0))), np.pad(weights, odd)
+    up, upw = (a[0::2, 0::2] + a[0::2, 1::2] + a[1::2, 0::2] + a[1::2, 1::2] for a in (sums, weights))
     return up, upw
 
 
-@njit(cache=True)
+@kernel
+def push_rows(first, last, sums, weights, coarser, enough, out):
+    """Rows of `push`."""
+    for y in range(first, last):
+        along = between((y + 0.5) / 2, coarser.shape[0])
+        for x in range(weights.shape[1]):
+            share = np.float64(weights[y, x] / enough)
+            own = share if share < 1 else 1.0
+            across = between((x + 0.5) / 2, coarser.shape[1])
+            for k in range(3):
+                value = 0.0
+                if own < 1:
+                    value = (1 - own) * blend(coarser, across, along, k)
+                if own > 0:
+                    value += own * sums[y, x, k] / weights[y, x]
+                out[y, x, k] = value
+
+
+def push(sums: Float32Array, weights: Float32Array, coarser: Float32Array, enough: float) -> Float32Array:
+    """Cells with little weight take the coarser grid's value (bilinear), the others their own mean."""
+    out = np.empty((*weights.shape, 3), np.float32)
+    in_bands(push_rows, len(weights), sums, weights, coarser, np.float32(enough), out, band=64)
+    return out
+
+
+@kernel
 def relax(base, usable, cells, mean, screen, sweeps):
     """Over-relaxed Gauss-Seidel on (n + screen) u = sum of n usable neighbours + screen mean at `cells`, in place."""
     rows, cols = usable.shape
@@ -44,20 +65,17 @@ def relax(base, usable, cells, mean, screen, sweeps):
                 base[y, x, k] += 1.6 * (total / n - base[y, x, k])
 
 
-@njit(cache=True)
-def farthest(colors, depths, sources):
-    """Cells of 2 x 2 blocks: mean colour and inverse depth of the blocks within 10 % of the farthest known; depth -1: none."""
-    rows, cols = (depths.shape[0] + 1) // 2, (depths.shape[1] + 1) // 2
-    out = np.zeros((rows, cols, 3), np.float32)
-    far = np.full((rows, cols), -1, np.float32)
-    for r in range(rows):
-        for c in range(cols):
+@kernel
+def farthest_rows(first, last, colors, depths, sources, out, far):
+    """Rows of `farthest`."""
+    for r in range(first, last):
+        for c in range(far.shape[1]):
             y1, x1 = min(depths.shape[0], 2 * r + 2), min(depths.shape[1], 2 * c + 2)
             least = np.inf
             for y in range(2 * r, y1):
                 for x in range(2 * c, x1):
-                    if sources[y, x] != -2:
-                        least = min(least, depths[y, x])
+                    if sources[y, x] != -2 and depths[y, x] < least:
+                        least = np.float64(depths[y, x])
             n, w = 0, 0.0
             for y in range(2 * r, y1):
                 for x in range(2 * c, x1):
@@ -70,15 +88,23 @@ def farthest(colors, depths, sources):
                 far[r, c] = w / n
                 for k in range(3):
                     out[r, c, k] /= n
+
+
+def farthest(
+    colors: Float32Array, depths: Float32Array, sources: NDArray[np.int32]
+) -> tuple[Float32Array, Float32Array]:
+    """Cells of 2 x 2 blocks: mean colour and inverse depth of the blocks within 10 % of the farthest known; depth -1: none."""
+    grid = tuple((size + 1) // 2 for size in depths.shape)
+    out, far = np.zeros((*grid, 3), np.float32), np.full(grid, -1, np.float32)
+    in_bands(farthest_rows, grid[0], colors, depths, sources, out, far)
     return out, far
 
 
-@njit(cache=True)
-def even_out(colors, far, radius):
-    """Known cells (far >= 0) blurred over a window, over cells within 8 % of their own inverse depth only."""
+@kernel
+def even_rows(first, last, colors, far, radius, out):
+    """Rows of `even_out`."""
     rows, cols = far.shape
-    out = np.zeros((rows, cols, 3), np.float32)
-    for y in range(rows):
+    for y in range(first, last):
         for x in range(cols):
             if far[y, x] < 0:
                 continue
@@ -91,10 +117,16 @@ def even_out(colors, far, radius):
                             out[y, x, k] += colors[j, i, k]
             for k in range(3):
                 out[y, x, k] /= n
+
+
+def even_out(colors: Float32Array, far: Float32Array, radius: int) -> Float32Array:
+    """Known cells (far >= 0) blurred over a window, over cells within 8 % of their own inverse depth only."""
+    out = np.zeros(colors.shape, np.float32)
+    in_bands(even_rows, len(far), colors, far, radius, out)
     return out
 
 
-@njit(cache=True)
+@kernel
 def spread(base, depth, reached, cells, mean, screen, sweeps):
     """Colour flows into `cells` (flat, rim first) from neighbours of like depth, never from nearer ones; in place.
 
@@ -119,7 +151,9 @@ def spread(base, depth, reached, cells, mean, screen, sweeps):
                 other = depth[yy, xx] + 1e-6
                 if depth[yy, xx] < 0 or other > 1.1 * own:
                     continue
-                share = max(0.02, min(other / own, own / other) ** 4)
+                ratio = other / own if other < own else own / other
+                share = ratio**4
+                share = share if share > 0.02 else 0.02
                 total += share
                 red += share * base[yy, xx, 0]
                 green += share * base[yy, xx, 1]
@@ -129,27 +163,32 @@ def spread(base, depth, reached, cells, mean, screen, sweeps):
             reached[y, x] = reached[y, x] or total > hold
 
 
-@njit(cache=True)
-def skirt(base, depth, inside):
-    """A base for sampling inside only: cells beside it that are unknown or nearer take the mean of their inside neighbours.
-
-    depth: inverse depth, < 0 where unknown. Without this, bilinear sampling at the rim would mix the occluder in.
-    """
+@kernel
+def skirt_rows(first, last, base, depth, inside, out):
+    """Rows of `skirt`; out: a copy of base."""
     rows, cols = depth.shape
-    out = base.copy()
-    for y in range(rows):
+    for y in range(first, last):
         for x in range(cols):
             if inside[y, x]:
                 continue
-            n, least, total = 0, np.inf, np.zeros(3)
+            n, least, red, green, blue = 0, np.inf, 0.0, 0.0, 0.0
             for j in range(max(0, y - 1), min(rows, y + 2)):
                 for i in range(max(0, x - 1), min(cols, x + 2)):
                     if inside[j, i]:
                         n += 1
-                        least = min(least, depth[j, i])
-                        for k in range(3):
-                            total[k] += base[j, i, k]
+                        least = depth[j, i] if depth[j, i] < least else least
+                        red += base[j, i, 0]
+                        green += base[j, i, 1]
+                        blue += base[j, i, 2]
             if n > 0 and (depth[y, x] < 0 or depth[y, x] > 1.1 * least):
-                for k in range(3):
-                    out[y, x, k] = total[k] / n
+                out[y, x, 0], out[y, x, 1], out[y, x, 2] = red / n, green / n, blue / n
+
+
+def skirt(base: Float32Array, depth: Float32Array, inside: BoolArray) -> Float32Array:
+    """A base for sampling inside only: cells beside it that are unknown or nearer take the mean of their inside neighbours.
+
+    depth: inverse depth, < 0 where unknown. Without this, bilinear sampling at the rim would mix the occluder in.
+    """
+    out = base.copy()
+    in_bands(skirt_rows, len(depth), base, depth, inside, out)
     return out
