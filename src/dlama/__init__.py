@@ -9,8 +9,8 @@ __version__ = "0.1.0"
 from dlama.completion.pairs import stereo as stereo
 from dlama.completion.scenes import Completion as Completion
 from dlama.completion.scenes import complete as complete
-from dlama.completion.scenes import remove as remove
-from dlama.completion.scenes import view as view
+from dlama.completion.verbs import remove as remove
+from dlama.completion.verbs import view as view
 from dlama.errors import DlamaError as DlamaError
 from dlama.files.cameras import read_camera as read_camera
 from dlama.files.cameras import read_stereo_calib as read_stereo_calib

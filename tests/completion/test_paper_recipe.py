@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from small_street import CAMERA, MASK, completed, fillers, street
 
-from dlama.completion.scenes import remove, target_camera
+from dlama.completion.verbs import remove, target_camera
 from dlama.geometry.holes import dilated
 from dlama.geometry.rendering import render
 from dlama.geometry.rgbd import RGBD

@@ -7,7 +7,8 @@ import pytest
 from small_street import BALL, MASK, completed, counts, fillers, recipes, street
 
 from dlama.completion.recipes import RECIPES
-from dlama.completion.scenes import complete, remove
+from dlama.completion.scenes import complete
+from dlama.completion.verbs import remove
 from dlama.errors import MaskError
 from dlama.geometry.holes import dilated
 from dlama.geometry.lifting import lift

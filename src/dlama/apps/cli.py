@@ -15,7 +15,7 @@ from dlama.apps.jobs import STAGES, job
 from dlama.apps.model_verbs import models
 from dlama.apps.options import Depth, Image, Lens, Mask, Masking, Method, Metres, Move, Output, Reading, told
 from dlama.apps.terminal import plain_words, stages
-from dlama.completion import pairs, scenes
+from dlama.completion import pairs, verbs
 
 DESCRIPTION = (
     "Completes what a camera could not see: the scene from another viewpoint, without an object, or as a stereo pair, "
@@ -43,7 +43,7 @@ def view(
     with job("view") as run:
         goal = move.required().settings()
         rgbd = run.rgbd(image, depth, lens, reading)
-        run.write(scenes.view(rgbd, **goal, **method.settings()), output)
+        run.write(verbs.view(rgbd, **goal, **method.settings()), output)
 
 
 def remove(
@@ -70,7 +70,7 @@ def remove(
         goal = move.settings()
         rgbd = run.rgbd(image, depth, lens, reading)
         taken = run.required_mask(mask, masking)
-        run.write(scenes.remove(rgbd, taken, **goal, **method.settings()), output)
+        run.write(verbs.remove(rgbd, taken, **goal, **method.settings()), output)
 
 
 def stereo(

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from dlama.apps.jobs import Job
 from dlama.apps.options import Lens, Masking, Method, Reading
-from dlama.completion import pairs, scenes
+from dlama.completion import pairs, verbs
 from dlama.completion.scenes import Completion
 
 ASSETS = Path(__file__).parent.parent / "assets" / "demo"
@@ -18,13 +18,13 @@ YAW = 20.0
 def demo_view(run: Job, method: Method) -> Completion:
     """The street from 20 degrees further right."""
     rgbd = run.rgbd(ASSETS / "street.jpg", ASSETS / "depth.png", Lens(camera=ASSETS / "camera.json"), Reading())
-    return scenes.view(rgbd, yaw=YAW, **method.settings())
+    return verbs.view(rgbd, yaw=YAW, **method.settings())
 
 
 def demo_remove(run: Job, method: Method) -> Completion:
     """The street without the barrel and its shadow."""
     rgbd = run.rgbd(ASSETS / "street.jpg", ASSETS / "depth.png", Lens(camera=ASSETS / "camera.json"), Reading())
-    return scenes.remove(rgbd, run.required_mask(ASSETS / "mask.png", Masking()), **method.settings())
+    return verbs.remove(rgbd, run.required_mask(ASSETS / "mask.png", Masking()), **method.settings())
 
 
 def demo_stereo(run: Job, method: Method) -> Completion:

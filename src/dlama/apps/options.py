@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal
 from tyro.conf import arg
 
 from dlama.completion.recipes import RECIPES
-from dlama.completion.scenes import PAPER_PIVOT
+from dlama.completion.verbs import PAPER_PIVOT
 from dlama.errors import InputError
 from dlama.geometry.camera import Camera
 from dlama.inpainters import INPAINTERS, MODEL_INPAINTERS

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import contextlib
 import os
-import secrets
 import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -27,7 +26,7 @@ def new_file(path: PathLike) -> Iterator[Path]:
     Folders on the way are not made. Raises OutputError when the place cannot be written.
     """
     target = Path(path)
-    draft = target.with_name(f".{target.stem[:80]}-{secrets.token_hex(4)}{target.suffix}")
+    draft = target.with_name(f".{target.stem[:80]}-{os.urandom(4).hex()}{target.suffix}")
     try:
         if target.is_dir():
             raise IsADirectoryError(f"{target} is a directory")
@@ -74,13 +73,13 @@ def _draft_directory(target: Path, made: list[Path]) -> Path:
     if target.exists() and not target.is_dir():
         raise NotADirectoryError("it is a file, a directory is wanted")
     if target.is_dir():  # inside, not beside: it may be a mount point, or its parent may be closed to us
-        draft = target / f".unfinished-{secrets.token_hex(4)}"
+        draft = target / f".unfinished-{os.urandom(4).hex()}"
     else:
         for folder in [*reversed(target.parent.parents), target.parent]:
             if not folder.exists():
                 folder.mkdir()
                 made.append(folder)
-        draft = target.parent / f".{target.name}-{secrets.token_hex(4)}"
+        draft = target.parent / f".{target.name}-{os.urandom(4).hex()}"
     draft.mkdir()  # not tempfile: the result gets the rights any new directory gets
     return draft
 
