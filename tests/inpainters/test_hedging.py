@@ -1,0 +1,93 @@
+"""Colours of guesses drawn towards what is known (oracles: closed forms on pictures of one colour, and what must not change)."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import cv2
+import numpy as np
+import pytest
+
+from dlama.geometry.camera import Camera
+from dlama.geometry.rgbd import RGBD
+from dlama.geometry.view import HoleType, View
+from dlama.inpainters.hedging import REACH, STRENGTH, blind_guess, blind_mean, hedged
+
+HW = (40, 60)
+DRIFT = 4
+"""Grey levels by which OpenCV's Telea leaves a constant picture: it rounds each pixel from those before it."""
+KNOWN, PAINTED = np.array([200, 100, 50], np.uint8), np.array([20, 220, 120], np.uint8)
+
+
+def view_of(kind: HoleType = HoleType.OUT_OF_VIEW) -> View:
+    """One colour at 4 m; the right third is a hole."""
+    hole = np.zeros(HW, bool)
+    hole[:, 40:] = True
+    frame = RGBD(np.tile(KNOWN, (*HW, 1)), np.full(HW, 4, np.float32), Camera.from_fov(60, 40, 60))
+    return View.from_rgbd(frame).without(hole, kind)
+
+
+def painted(view: View) -> np.ndarray:
+    """Another colour in the hole."""
+    return np.where(view.hole[..., None], PAINTED, view.color).astype(np.uint8)
+
+
+@pytest.mark.parametrize("nearness", [0.0, 0.6, 0.8])
+def test_a_guess_leans_on_the_known_colour_by_distance(nearness: float) -> None:
+    """Closed form: of what is known in one colour, the share grows as 1 - exp(-distance / reach), and fades with nearness:
+    full at half the median inverse depth and less, nothing at the median."""
+    view = view_of()
+    w = np.where(view.hole, np.float32(0.25 * nearness), np.float32(0.25))
+    out = hedged(view, painted(view), view.hole, w)
+    distance = cv2.distanceTransform(view.hole.astype(np.uint8), cv2.DIST_L2, 5)[view.hole]
+    share = STRENGTH * (1 - np.exp(-distance / (REACH * 60))) * np.clip(2 * (1 - nearness), 0, 1)
+    wanted = PAINTED * (1 - share[:, None]) + KNOWN * share[:, None]
+    assert share.max() > 0.2
+    assert np.abs(out[view.hole] - wanted).max() <= DRIFT
+    np.testing.assert_array_equal(out[~view.hole], view.color[~view.hole])
+
+
+def test_near_planes_are_sure_to_go_on() -> None:
+    """At the median distance and nearer nothing changes, however far from what was seen."""
+    view = view_of()
+    for w in (0.25, 0.5):
+        color = painted(view)
+        np.testing.assert_array_equal(hedged(view, color, view.hole, np.full(HW, w, np.float32)), color)
+
+
+@pytest.mark.parametrize("kind", [HoleType.DISOCCLUDED, HoleType.OBJECT, HoleType.CRACK])
+def test_only_what_is_out_of_view_is_a_guess(kind: HoleType) -> None:
+    """Holes of other types keep their painted colours; so do pixels whose colour was not painted."""
+    view, far = view_of(kind), np.zeros(HW, np.float32)
+    color = painted(view)
+    np.testing.assert_array_equal(hedged(view, color, view.hole, far), color)
+    beyond = view_of()
+    np.testing.assert_array_equal(hedged(beyond, color, np.zeros(HW, bool), far), color)
+
+
+def test_nothing_known_leaves_the_colours() -> None:
+    """A view that is one hole has nothing to lean on."""
+    view = view_of()
+    all_hole = view.without(~view.hole, HoleType.OUT_OF_VIEW)
+    color = np.tile(PAINTED, (*HW, 1))
+    np.testing.assert_array_equal(hedged(all_hole, color, all_hole.hole, np.zeros(HW, np.float32)), color)
+
+
+def test_blind_guesses_of_one_colour_are_that_colour() -> None:
+    """Closed form: whatever the shape of the hole, spread or carried, one colour stays itself."""
+    rng = np.random.default_rng(1)
+    view = view_of()
+    view = view.without(rng.random(HW) < 0.3, HoleType.OUT_OF_VIEW)
+    np.testing.assert_allclose(blind_mean(view), np.tile(KNOWN, (*HW, 1)), atol=1e-3)
+    np.testing.assert_allclose(blind_guess(view), np.tile(KNOWN, (*HW, 1)), atol=DRIFT)
+
+
+def test_the_blind_mean_keeps_what_is_known_and_stays_between() -> None:
+    """Known pixels come back; no guess lies outside the range of what is known."""
+    rng = np.random.default_rng(2)
+    view = view_of()
+    color = np.where(view.hole[..., None], 0, rng.integers(90, 160, (*HW, 3))).astype(np.uint8)
+    view = dataclasses.replace(view, color=color)
+    mean = blind_mean(view)
+    np.testing.assert_allclose(mean[~view.hole], color[~view.hole], atol=1e-3)
+    assert mean.min() >= 89.9 and mean.max() <= 159.1
