@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from dlama.geometry.rendering import inverse_depth
 from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.geometry.view import HoleType, View
 from dlama.geometry.visibility import Law
 from dlama.inpainters.filling import Fill, Inpainter
+from dlama.inpainters.hedging import hedged
 from dlama.inpainters.layered import surfaces_behind
 from dlama.inpainters.painting import Painter, color_hole
 
@@ -18,17 +20,27 @@ NEARER = 0.9
 
 
 def depth_first(inpainter: Inpainter) -> Inpainter:
-    """Depth as `layered` continues it, colour by the filler. One that fills no pictures keeps its own way with both."""
+    """Depth as `layered` continues it, colour by the filler. One that fills no pictures keeps its own way with both.
+
+    Out of view, where a network has an opinion of the depth, the farther of the two stands: what only one of them
+    expects there hides what the other one sees. Colours are hedged there as those of `layered` are.
+    """
 
     def fill(view: View, law: Law, seed: int) -> Fill:
         if not isinstance(inpainter, Painter):
             return inpainter(view, law, seed)
         surfaces, depth, moved = surfaces_behind(view, law, seed)
         notes = inpainter.notes() | {"depth_as": "surfaces continued", "planes": len(surfaces.planes)}
+        beyond = view.hole & (view.hole_type == HoleType.OUT_OF_VIEW)
+        if inpainter.opinion is not None and beyond.any():
+            depth = np.where(beyond, np.maximum(depth, inpainter.opinion(view)), depth)
+            notes["depth_as"] += "; out of view no nearer than the network's own"
         open_color = color_hole(view)
         if not open_color.any():
             return Fill(view.color, depth, moved, notes)
-        return Fill(inpainter.paint(view.color, open_color | occluders(view, depth)), depth, moved, notes)
+        color = inpainter.paint(view.color, open_color | occluders(view, depth))
+        w = inverse_depth(np.where(view.hole, depth, view.depth))
+        return Fill(hedged(view, color, open_color, w), depth, moved, notes)
 
     return fill
 

@@ -52,7 +52,11 @@ def migan_filler(model: str | Path, **options: Any) -> Inpainter:
         demand_pipeline(network)
         return painted(picture, telea.paint(picture, hole), hole, network)
 
-    return Painter(migan, paint, lambda: network.notes)
+    def opinion(view: View) -> Float32Array:
+        demand_pipeline(network)
+        return painted_depth(view, telea(view, Law(()), 0).depth, network)
+
+    return Painter(migan, paint, lambda: network.notes, opinion)
 
 
 def demand_pipeline(network: Engine) -> None:
