@@ -157,6 +157,16 @@ def test_frames_of_a_pair(posed: Path) -> None:
         check_sample(source.sample(index, np.random.default_rng(index)), NetworkSettings("rgbd"), 64)
 
 
+def test_photos_under_holes_of_real_depth(photos: Path, posed: Path) -> None:
+    """Where a data set lies beside the photos, its depth and cameras shape the holes; check_sample agrees."""
+    from dlama.training.photo_samples import WarpedPhotoSamples
+
+    source = source_for(settings("rgb", warped_photo=1), [photos, posed], "train")
+    assert isinstance(source, WarpedPhotoSamples) and isinstance(source.shapes.__self__, FrameSamples)  # type: ignore
+    for index in range(3):
+        check_sample(source.sample(index, np.random.default_rng(index)), NetworkSettings("rgb"), 64)
+
+
 def test_scaling_keeps_points_in_place() -> None:
     """A point in the world falls on the same share of the picture before and after (oracle: the camera model)."""
     rgbd = truth()[1]

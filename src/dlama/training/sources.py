@@ -97,7 +97,7 @@ def _of_folder(path: Path) -> tuple[Sequence[Photo], Sequence[Pair]]:
     try:
         layout = detect(path)
     except InputError as error:
-        if " may be " in str(error):
+        if " may be " in str(error):  # a data set, but of two layouts: no folder of pictures
             raise
         return folder_photos(path), ()
     pairs = pairs_of(open_dataset(path, layout))

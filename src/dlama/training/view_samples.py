@@ -62,6 +62,7 @@ def view_sample(question: Question, network: NetworkSettings) -> dict[str, np.nd
         is_known = question.truth.depth > 0 if not own else np.where(hole, question.truth.depth > 0, True)
         limit = law_limit(question.law, view.camera, true, hole) / np.float32(depth.scale)
         made["known_depth"] = is_known[None].astype(np.float32)
+        limit = np.maximum(limit, max(depth.far_below, 1e-7))  # what is not above that is far, which is always lawful
         limit = np.where(question.truth.depth > 0, np.maximum(limit, plane), np.float32(np.inf))
         made["limit"] = np.where(hole, limit, np.float32(np.inf))[None].astype(np.float32)
     made["input"] = np.concatenate([known * (1 - mask), mask])
