@@ -25,8 +25,9 @@ from dlama.training.view_samples import fits
 SHARES = {"wide": 0.5, "medium": 0.3, "narrow": 0.2}
 """How often each set of masks is drawn."""
 MOST_DRAWS = 8
-BANK_WORLDS = 256
-"""Worlds that the shapes of holes are taken from, a dozen each; each shape takes 8 kB at 256 px."""
+BANK_WORLDS = 96
+"""Worlds that the shapes of holes are taken from, a dozen each. A world's shapes are made the first time (0.4 s at 256 px, in
+each worker), then kept (8 kB each): a worker makes 3 samples a second at first, 300 in the end."""
 
 Shapes = Callable[[np.random.Generator, int], BoolArray]
 """Random numbers and a size -> a hole, size x size; picklable."""
