@@ -3,7 +3,8 @@
     python benchmarks/samples.py [--size 256] [--count 32] [--photos FOLDER] [--frames FOLDER]
 
 `in runs`: indices in order, as a training that shuffles whole runs of them asks; `shuffled`: every sample of another world.
-`warped-photo` is slow until each worker has made its bank of shapes, which the first column is half of. Seconds are those of the process, one thread: other work on the machine hardly counts.
+`warped-photo` is slow until a process has made its bank of shapes: its first column is of a new process, its second of one
+that has begun. Seconds are those of the process, one thread: other work on the machine hardly counts.
 """
 
 from __future__ import annotations
