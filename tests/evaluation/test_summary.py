@@ -200,6 +200,9 @@ def test_a_duel_by_hand() -> None:
     worse = [one._replace(value=-one.value) if one.method == "paper/telea" else one for one in rows]
     lost = duel(worse, "vpi", "toy", [("whole", "rgb", "mse")])
     assert lost and lost.rows[0][2].text == "–"
+    equal = [row("a", 10, 7.0, method=f"{name}/telea") for name in ("dlama", "paper")]
+    tied = duel(equal, "vpi", "toy", [("whole", "rgb", "mse")])
+    assert tied and tied.rows[0][2].text == "the same" and not tied.rows[0][2].best
     swapped = [one._replace(recipe={"dlama": "paper", "paper": "dlama"}[one.recipe]) for one in rows]
     beaten = duel(swapped, "vpi", "toy", [("whole", "rgb", "mse")])
     assert beaten and beaten.rows[0][2].text == "+66.7 % (0/2)" and not beaten.rows[0][2].best

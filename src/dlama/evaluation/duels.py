@@ -60,6 +60,8 @@ def _cell(pairs: Pairs | None, metric: str, seed: int) -> Cell:
     every = [pair for scene in pairs.values() for pair in scene]
     wins = sum(side * (ours - theirs) > 0 for ours, theirs in every)
     sums = np.array([[math.fsum(pair[which] for pair in scene) for scene in pairs.values()] for which in (0, 1)])
+    if all(ours == theirs for ours, theirs in every):
+        return Cell("the same", 0.0)
     if not (sums[1] > 0).all():
         return EMPTY
     change = 100 * (float(sums[0].sum() / sums[1].sum()) - 1)

@@ -64,14 +64,14 @@ def table_html(table: Table, hash_line: str, name: str = "") -> str:
         for text, word in zip(table.head, words)
     )
     rows = "\n".join(f"<tr>{''.join(_field(cell, word) for cell, word in zip(row, words))}</tr>" for row in table.rows)
-    note = f" {escape(table.note)}" if table.note else ""
-    caption = f"<caption><b>{escape(table.title)}</b> · {escape(hash_line)}{note}</caption>"
+    note = f'<p class="quiet">{escape(table.note)}</p>' if table.note else ""
+    caption = f"<caption><b>{escape(table.title)}</b> · {escape(hash_line)}</caption>"
     mark = f' id="{name}"' if name else ""
     whole = (
         f'<table class="sorts"{mark}>\n{caption}\n<thead><tr>{head}</tr></thead>\n<tbody>\n{rows}\n</tbody>\n</table>'
     )
     tall = " tall" if len(table.rows) > 40 else ""
-    return f'<div class="scroll{tall}">{whole}</div>'
+    return f'<div class="scroll{tall}">{whole}</div>{note}'
 
 
 def _field(cell: Cell, word: bool) -> str:
