@@ -148,7 +148,7 @@ def draw_as_points(grid: Grid, canvas: Canvas) -> None:
 
     layer, hw = grid.layer, canvas.depth.shape
     parts = min(threads(), MOST_PARTS)
-    wbuf, index = np.empty((parts, *hw), np.float32), np.empty((parts, *hw), np.int32)
+    wbuf, index = np.empty((parts, *hw), np.float32), np.empty((parts, *hw), np.uint32)
     room = np.empty((3, parts, layer.camera.width), np.float32)
     in_bands(raster.draw_points, parts, grid.depth, grid.matrix, grid.offset, NEAR, *room, wbuf, index, band=1)
     pixels = layer.color.reshape(-1, 3), layer.origin.ravel(), layer.confidence.ravel()
@@ -193,7 +193,8 @@ def draw_far(layer: View, camera: Camera, canvas: Canvas) -> None:
     from dlama.geometry.compiling import in_bands
 
     far = layer.far
-    if not far.any():
+    rows = np.flatnonzero(far.any(1))
+    if not len(rows):
         return
     if layer.camera.same_view_as(camera):
         copy_where(canvas, layer, far & (canvas.depth == 0))
@@ -201,7 +202,9 @@ def draw_far(layer: View, camera: Camera, canvas: Canvas) -> None:
     turn = layer.camera.cam_from_world[:3, :3] @ camera.world_from_cam[:3, :3]
     matrix = layer.camera.K @ turn @ np.linalg.inv(camera.K)
     pixels = layer.color, layer.origin, layer.confidence
-    in_bands(shading.shade_far, camera.height, matrix, far, *pixels, *canvas.buffers())
+    columns = np.flatnonzero(far[rows[0] : rows[-1] + 1].any(0))
+    box = np.array([columns[0], columns[-1], rows[0], rows[-1]])
+    in_bands(shading.shade_far, camera.height, matrix, far, box, *pixels, *canvas.buffers())
 
 
 def px_from_px(target: Camera, source: Camera) -> tuple[Float64Array, Float64Array]:

@@ -73,34 +73,41 @@ def shade_surface(
 def shade_points(first, last, wbuf, index, color, origin, confidence, out_color, out_depth, out_origin, out_confidence):
     """Colours of a points drawing: each pixel shows its nearest point as it is.
 
-    wbuf, index: N x H x W, parts of one drawing; of two equally near the earlier part's is seen. color: pixels x 3, origin,
-    confidence: pixels, as `index` counts them.
+    wbuf, index: N x H x W, parts of one drawing, which are merged into the first; of two equally near the earlier part's is
+    seen. index: uint32. color: pixels x 3, origin, confidence: pixels, as `index` counts them.
     """
     parts, _, columns = wbuf.shape
     for ty in range(first, last):
+        for part in range(1, parts):
+            for tx in range(columns):
+                nearer = wbuf[part, ty, tx] > wbuf[0, ty, tx]
+                index[0, ty, tx] = index[part, ty, tx] if nearer else index[0, ty, tx]
+                wbuf[0, ty, tx] = wbuf[part, ty, tx] if nearer else wbuf[0, ty, tx]
         for tx in range(columns):
-            w, source = wbuf[0, ty, tx], index[0, ty, tx]
-            for part in range(1, parts):
-                if wbuf[part, ty, tx] > w:
-                    w, source = wbuf[part, ty, tx], index[part, ty, tx]
-            if w <= 0:
-                continue
-            out_depth[ty, tx] = 1.0 / w
-            out_color[ty, tx, 0] = color[source, 0]
-            out_color[ty, tx, 1] = color[source, 1]
-            out_color[ty, tx, 2] = color[source, 2]
-            out_origin[ty, tx] = passed_on(origin[source])
-            out_confidence[ty, tx] = confidence[source]
+            w = wbuf[0, ty, tx]
+            out_depth[ty, tx] = np.float32(1) / w if w > 0 else np.float32(0)
+        for tx in range(columns):
+            if wbuf[0, ty, tx] > 0:
+                source = index[0, ty, tx]
+                out_color[ty, tx, 0] = color[source, 0]
+                out_color[ty, tx, 1] = color[source, 1]
+                out_color[ty, tx, 2] = color[source, 2]
+                out_origin[ty, tx] = passed_on(origin[source])
+                out_confidence[ty, tx] = confidence[source]
 
 
 @kernel
-def shade_far(first, last, matrix, far, color, origin, confidence, out_color, out_depth, out_origin, out_confidence):
+def shade_far(
+    first, last, matrix, far, box, color, origin, confidence, out_color, out_depth, out_origin, out_confidence
+):
     """The far layer behind everything: empty target pixels (depth 0) whose direction is far in the source.
 
     matrix: 3x3, K_source R K_target^-1 (rotation alone: what is far does not shift when the camera moves).
+    far: H x W bool; box: left, right, upper, lower (inclusive) of its True pixels, to tell most others without a division.
     Bilinear where all four source pixels are far, the nearest pixel else.
     """
     height, width = far.shape
+    left_end, right_end, upper_end, lower_end = box[0] - 1.0, box[1] + 2.0, box[2] - 1.0, box[3] + 2.0
     for ty in range(first, last):
         y = ty + 0.5
         for tx in range(out_depth.shape[1]):
@@ -110,8 +117,11 @@ def shade_far(first, last, matrix, far, color, origin, confidence, out_color, ou
             ahead = matrix[2, 0] * x + matrix[2, 1] * y + matrix[2, 2]
             if ahead <= 1e-9:
                 continue
-            su = (matrix[0, 0] * x + matrix[0, 1] * y + matrix[0, 2]) / ahead
-            sv = (matrix[1, 0] * x + matrix[1, 1] * y + matrix[1, 2]) / ahead
+            across = matrix[0, 0] * x + matrix[0, 1] * y + matrix[0, 2]
+            along = matrix[1, 0] * x + matrix[1, 1] * y + matrix[1, 2]
+            if not (left_end * ahead < across < right_end * ahead and upper_end * ahead < along < lower_end * ahead):
+                continue
+            su, sv = across / ahead, along / ahead
             if not (0 <= su < width and 0 <= sv < height):
                 continue
             column, row = int(su), int(sv)
