@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import os
 from pathlib import Path
 
 import numpy as np
@@ -149,6 +150,16 @@ def test_openvino_gives_what_onnxruntime_gives(tmp_path: Path, monkeypatch: pyte
     (tmp_path / "text.onnx").write_text("no network")
     with pytest.raises(FileError, match=r"text\.onnx: cannot be opened"):
         _ = Engine(tmp_path / "text.onnx", provider="openvino").session
+
+
+def test_omp_num_threads_is_obeyed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Law: as other libraries do; nonsense is not, and a number in the code goes first."""
+    model = constant(tmp_path / "c.onnx", 3, 0.2, 0.2, 0.2)
+    monkeypatch.setenv("OMP_NUM_THREADS", "3")
+    assert Engine(model).threads == 3 and Engine(model, threads=1).threads == 1
+    for nonsense in ("", "0", "many"):
+        monkeypatch.setenv("OMP_NUM_THREADS", nonsense)
+        assert Engine(model).threads == len(os.sched_getaffinity(0))
 
 
 def test_names_and_models_belong_together() -> None:

@@ -38,7 +38,10 @@ BUDGET = 640 * 640
 
 
 def cores() -> int:
-    """Cores this process may use."""
+    """Cores this process may use; OMP_NUM_THREADS says fewer, as it does to every other library."""
+    asked = os.environ.get("OMP_NUM_THREADS", "")
+    if asked.isdigit() and int(asked) > 0:
+        return int(asked)
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
