@@ -15,7 +15,7 @@ from dlama.nets.discriminator import discriminator_from_state  # noqa: E402
 from dlama.nets.safetensors_file import read_safetensors  # noqa: E402
 from dlama.training import adversarial, depth_losses, losses, trunks  # noqa: E402
 from dlama.training.batches import check_sample, composited, hole_planes, pictures  # noqa: E402
-from dlama.training.perceptual import PerceptualLoss, perceptual_loss  # noqa: E402
+from dlama.training.perceptual import PerceptualLoss, perceptual_loss, reference_picture  # noqa: E402
 from dlama.training.settings import CHANNELS, LossSettings, NetworkSettings  # noqa: E402
 from dlama.training.sketches import Sketches  # noqa: E402
 from dlama.training.validation import hole_metrics, metric_names, ssim_map, telea  # noqa: E402
@@ -102,6 +102,20 @@ def test_perceptual_loss_is_a_mean_of_means():
     std = torch.tensor(trunks.IMAGENET_STD)
     first, second = (0.1 / std).square().mean(), (0.2 / std[0]).square()
     assert number(loss(truth + 0.1, truth)) == pytest.approx(number(first + second) / 2, rel=1e-5)
+
+
+@pytest.mark.parametrize("trunk", ["random", "alexnet"])
+def test_trunks_are_on_one_scale(trunk, tmp_path):
+    """Oracle: closed form; against a trunk that sees nothing, each layer of the reference picture counts 1."""
+    path = tmp_path / "alexnet.pth"
+    torch.save(trunks.alexnet().state_dict(), path)
+    loss = perceptual_loss(LossSettings(trunk_weights=None if trunk == "random" else str(path)))
+    picture = reference_picture()
+    layers = loss.trunk((picture - loss.mean) / loss.std)
+    assert [number(layer.square().mean() * scale) for layer, scale in zip(layers, loss.scales)] == pytest.approx(
+        [1.0] * len(layers)
+    )
+    assert 0.2 < number(picture.std()) < 0.26 and torch.equal(picture, reference_picture())
 
 
 def test_stereo_pairs_are_two_pictures():

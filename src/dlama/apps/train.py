@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any, Literal
 
 from tyro.conf import Positional
 
@@ -46,6 +46,8 @@ def train(
     start: Weights = None,
     trunk: Weights = None,
     steps: Number = None,
+    batch: Number = None,
+    precision: Annotated[Literal["bf16", "fp32"] | None, told("bf16|fp32", "(default: the settings')")] = None,
     devices: Number = None,
 ) -> None:
     """Train a network that fills colour and depth, or both pictures of a stereo pair, together.
@@ -59,6 +61,8 @@ def train(
         start: A LaMa checkpoint to start from; planes it lacks are added.
         trunk: Weights of the perceptual trunk: dilated ResNet-50, VGG-16 or AlexNet (.safetensors, .pth).
         steps: Batches until the end.
+        batch: Samples of a batch, on each device.
+        precision: bf16 is faster on GPUs, and on CPUs that have it (lscpu says avx512_bf16 or amx_bf16).
         devices: GPUs, or processes on a CPU.
     """
     if settings == LIST:
@@ -68,7 +72,7 @@ def train(
         raise InputError("nothing says where the run goes: give -o DIR")
     if max_minutes is not None and not max_minutes > 0:
         raise InputError(f"--max-minutes is {max_minutes}; more than 0 is wanted")
-    chosen = chosen_settings(settings, start, trunk, steps, devices)
+    chosen = chosen_settings(settings, start, trunk, steps=steps, batch=batch, precision=precision, devices=devices)
     require_training()
     from dlama.training import loop
 
@@ -98,9 +102,7 @@ def pack(
     print("\n".join(packing.pack(data, output, megabytes=megabytes, size=size, seed=seed)))
 
 
-def chosen_settings(
-    name: str, start: Path | None, trunk: Path | None, steps: int | None, devices: int | None
-) -> TrainSettings:
+def chosen_settings(name: str, start: Path | None, trunk: Path | None, **loop: Any) -> TrainSettings:
     """A file's or a preset's settings with what the command line says put in; InputError."""
     from dlama.training.settings_files import settings_of
 
@@ -109,9 +111,8 @@ def chosen_settings(
         found = replace(found, network=replace(found.network, start=str(start)))
     if trunk is not None:
         found = replace(found, loss=replace(found.loss, trunk="auto", trunk_weights=str(trunk)))
-    loop = found.loop
-    loop = replace(loop, steps=loop.steps if steps is None else steps)
-    return replace(found, loop=replace(loop, devices=loop.devices if devices is None else devices))
+    changes = {key: value for key, value in loop.items() if value is not None}
+    return replace(found, loop=replace(found.loop, **changes))
 
 
 def preset_lines() -> list[str]:

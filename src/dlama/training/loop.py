@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import math
+import multiprocessing
 import time
 import warnings
 from collections.abc import Sequence
@@ -15,6 +16,7 @@ import pytorch_lightning as pl
 import torch
 from pytorch_lightning.utilities.rank_zero import rank_zero_only
 
+from dlama.errors import InputError
 from dlama.files.placement import new_file
 from dlama.training.batches import check_sample
 from dlama.training.card import Story, model_card
@@ -75,6 +77,7 @@ def train(
         DlamaError: too many batches in a row gave no finite gradient.
     """
     began = time.monotonic()
+    _refuse_import()
     first = getattr(rank_zero_only, "rank", 0) == 0
     if first:
         prepare(run, settings, resume)
@@ -97,6 +100,14 @@ def train(
     finally:
         rhythm.close()
     return Trained(run, module.step, rhythm.ended, network)
+
+
+def _refuse_import() -> None:
+    """A worker that makes samples imports the script that was started: a bare call of `train` there would train again."""
+    if getattr(multiprocessing.current_process(), "_inheriting", False):
+        raise InputError(
+            'train() is called while a script is imported: put the call under `if __name__ == "__main__":`'
+        )
 
 
 def trainer_of(settings: TrainSettings, rhythm: Rhythm) -> pl.Trainer:

@@ -1,4 +1,8 @@
-"""Pictures B x 3 x H x W in 0..1, output and truth, in -> the high receptive field perceptual loss (equation 5) out."""
+"""Pictures B x 3 x H x W in 0..1, output and truth, in -> the high receptive field perceptual loss (equation 5) out.
+
+The paper's weight (30) was found for the published trunk, whose batch norms keep activations near 1. Those of other trunks
+are up to a hundred times larger, and would drown every other term; so their layers are scaled to mean square 1 on one picture.
+"""
 
 from __future__ import annotations
 
@@ -20,18 +24,28 @@ class PerceptualLoss(nn.Module):
     mean: Tensor
     std: Tensor
 
-    def __init__(self, trunk: nn.Module, name: str) -> None:
+    scales: Tensor
+
+    def __init__(self, trunk: nn.Module, name: str, scaled: bool = False) -> None:
         super().__init__()
         self.trunk, self.name = trunk.eval().requires_grad_(False), name
         self.register_buffer("mean", torch.tensor(IMAGENET_MEAN).view(1, 3, 1, 1), persistent=False)
         self.register_buffer("std", torch.tensor(IMAGENET_STD).view(1, 3, 1, 1), persistent=False)
+        self.register_buffer("scales", self._scales() if scaled else torch.ones(()), persistent=False)
 
     def forward(self, output: Tensor, truth: Tensor) -> Tensor:
         """The mean over layers of the mean squared difference of activations; `truth` gets no gradient."""
         with torch.no_grad():
             wanted = self.trunk((truth - self.mean) / self.std)
         found = self.trunk((output - self.mean) / self.std)
-        return torch.stack([mse_loss(precise(one), precise(other)) for one, other in zip(found, wanted)]).mean()
+        layers = torch.stack([mse_loss(precise(one), precise(other)) for one, other in zip(found, wanted)])
+        return (layers * self.scales).mean()
+
+    @torch.no_grad()
+    def _scales(self) -> Tensor:
+        """One over the mean square of each layer's activations."""
+        found = self.trunk((reference_picture() - self.mean) / self.std)
+        return 1 / torch.stack([layer.square().mean() for layer in found])
 
     def train(self, mode: bool = True) -> PerceptualLoss:
         """Stays in eval mode: its batch norms, where it has any, keep their statistics."""
@@ -47,12 +61,22 @@ class PerceptualLoss(nn.Module):
         return f"perceptual trunk {self.name}"
 
 
+def reference_picture(size: int = 128) -> Tensor:
+    """1 x 3 x size x size: noise with the spectrum of photographs (amplitude 1 / frequency), always the same."""
+    generator = torch.Generator().manual_seed(0)
+    spectrum = torch.fft.rfft2(torch.randn(1, 3, size, size, generator=generator))
+    rows, columns = torch.fft.fftfreq(size)[:, None], torch.fft.rfftfreq(size)[None]
+    frequency = (rows.square() + columns.square()).sqrt().clamp(min=1 / size)
+    noise = torch.fft.irfft2(spectrum / frequency, s=(size, size))
+    return (0.45 + 0.25 * (noise - noise.mean()) / noise.std()).clamp(0, 1)
+
+
 def perceptual_loss(settings: LossSettings) -> PerceptualLoss:
     """As the settings say; FileError where their weight file is not there or is no such trunk."""
     if settings.trunk_weights is None:
-        return PerceptualLoss(random_trunk(settings.trunk_width), "random")
+        return PerceptualLoss(random_trunk(settings.trunk_width), "random", scaled=True)
     path = Path(settings.trunk_weights).expanduser()
     if not path.is_file():
         raise FileError(f"{path}: no such file (loss.trunk_weights)")
     name, trunk = read_trunk(settings.trunk, path)
-    return PerceptualLoss(trunk, name)
+    return PerceptualLoss(trunk, name, scaled=name != "resnet50-dilated")

@@ -56,7 +56,7 @@ class Rhythm(pl.Callback):
         self.ended = ALL_STEPS
         self.checkpointed = -1
         self._started = self._row_began = self._batch_ended = time.monotonic()
-        self._waited, self._row_samples = 0.0, 0
+        self._waited, self._row_samples, self._row_step = 0.0, 0, -1
         self._heard: int = 0
         self._old_handlers: dict[int, Any] = {}
 
@@ -105,8 +105,13 @@ class Rhythm(pl.Callback):
         self._batch_ended = time.monotonic()
 
     def on_train_end(self, trainer: pl.Trainer, module: pl.LightningModule) -> None:
-        """The last checkpoint, which must succeed."""
+        """The last row and sheet, unless somebody is waiting, and the last checkpoint, which must succeed."""
         assert isinstance(module, TrainingModule)
+        if self.ended in (ALL_STEPS, TIME_IS_UP):
+            if self._row_step != module.step:
+                self._row(module, self._look(module))
+            if module.step % self.settings.loop.sheet_every:
+                self._sheet(module)
         if self.checkpointed != module.step:
             self._checkpoint(trainer, module, must=True)
         self._give_back()
@@ -149,7 +154,8 @@ class Rhythm(pl.Callback):
         self.files.row(about | terms | {f"held_out_{name}": value for name, value in scores.items()})
         words = " ".join(f"{name} {value:.4f}" for name, value in (scores or terms).items())
         LOG.info("step %d, %.0f s, %.2f samples/s: %s", module.step, self.seconds, rate, words)
-        self._row_began, self._waited, self._row_samples = now, 0.0, module.samples
+        self._row_began, self._waited = now, 0.0
+        self._row_samples, self._row_step = module.samples, module.step
 
     def _checkpoint(self, trainer: pl.Trainer, module: TrainingModule, must: bool) -> None:
         """Every process sends its random numbers, the first writes; a full disk ends the run only where it must."""

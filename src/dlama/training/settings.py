@@ -97,13 +97,13 @@ class LossSettings:
     """Absolute difference of colour where it was known."""
     l1_hole: float = 0.0
     """Absolute difference of colour in the hole; the published recipe leaves it to the other terms."""
-    depth_l1: float = 10.0
+    depth_l1: float = 30.0
     """Absolute difference of normalised inverse depth, hole and known alike."""
-    depth_gradient: float = 5.0
+    depth_gradient: float = 10.0
     """Absolute difference of its gradients on four scales."""
-    depth_normal: float = 1.0
+    depth_normal: float = 2.0
     """1 - cosine between normals: planes are flat in inverse depth too."""
-    depth_law: float = 10.0
+    depth_law: float = 30.0
     """By how much filled depth is nearer than the visibility law allows."""
     trunk: str = "auto"
     """Of the perceptual term: resnet50-dilated, vgg16, alexnet, random (frozen, of our own, no file); auto: what the file's
