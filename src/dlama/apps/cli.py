@@ -15,6 +15,8 @@ from dlama.apps.jobs import STAGES, job
 from dlama.apps.model_verbs import models
 from dlama.apps.options import Depth, Image, Lens, Mask, Masking, Method, Metres, Move, Output, Reading, told
 from dlama.apps.terminal import plain_words, stages
+from dlama.apps.train import EXAMPLES as TRAINING_EXAMPLES
+from dlama.apps.train import pack, train
 from dlama.completion import pairs, verbs
 
 DESCRIPTION = (
@@ -134,6 +136,8 @@ VERBS: dict[str, Callable[..., Any]] = {
     "models": models,
     "evaluate": evaluate,
     "worlds": worlds,
+    "train": train,
+    "pack": pack,
 }
 
 
@@ -166,6 +170,7 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
         "dlama worlds",
         "dlama worlds --count 8 --kind street --seed 1 -o worlds",
     ),
+    **TRAINING_EXAMPLES,
     "demo": (
         "dlama demo",
         "dlama demo -o /tmp/demo",
