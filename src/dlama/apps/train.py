@@ -78,7 +78,8 @@ def train(
 
     with spoken():
         done = loop.train(chosen, output, data=data, max_minutes=max_minutes, resume=resume)
-    print(f"{done.run}: step {done.step}, {done.ended}; {done.network or 'no network yet, --resume goes on'}")
+    if done.first:
+        print(f"{done.run}: step {done.step}, {done.ended}; {done.network or 'no network yet, --resume goes on'}")
 
 
 def pack(

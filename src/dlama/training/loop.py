@@ -51,6 +51,8 @@ class Trained:
     """`all steps done`, `time is up`, `SIGTERM` or `SIGINT`."""
     network: Path | None
     """The ONNX file; None after a signal, which leaves time for a checkpoint only."""
+    first: bool = True
+    """False in all processes of a run but the first, which write nothing."""
 
 
 def train(
@@ -94,7 +96,7 @@ def train(
     try:
         _fit(module, rhythm, source, settings)
         if not first:
-            return Trained(run, module.step, rhythm.ended, None)
+            return Trained(run, module.step, rhythm.ended, None, first=False)
         about = "procedural" if not data else ", ".join(str(path) for path in data)
         network = None if rhythm.ended not in (ALL_STEPS, TIME_IS_UP) else _finish(module, rhythm, settings, about)
     finally:
