@@ -32,12 +32,14 @@ def threads() -> int:
 def in_bands(job: Callable[..., None], rows: int, *arguments: Any, band: int = BAND) -> None:
     """job(first, last, *arguments) for bands of rows that together are range(rows), in any order, on all cores.
 
-    Bands must not depend on each other, so that the result does not depend on the number of threads.
+    Bands must not depend on each other, so that the result does not depend on the number of threads; an empty one, which comes
+    first, must do nothing.
     """
     count = min(threads(), -(-rows // band))
     if count < 2:
         job(0, rows, *arguments)
         return
+    job(0, 0, *arguments)  # compiled, or loaded, before threads call it: numba's dispatcher does not stand two at once
     starts = iter(range(0, rows, band))  # shared: each thread takes the next one
 
     def work() -> None:

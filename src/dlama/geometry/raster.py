@@ -15,6 +15,7 @@ from numba import njit
 from dlama.geometry.compiling import kernel, piece
 from dlama.geometry.edges import DOWN, RIGHT
 
+NOWHERE = np.float32(np.inf)
 CHUNK = 64
 """Source columns that are skipped together where they do not touch a band."""
 
@@ -92,15 +93,21 @@ def quad_box(x, y, w, row, column, top, bottom, columns):
 
     Vertices that are not there (w = 0) have no position and do not count.
     """
-    low_x, low_y, high_x, high_y = np.inf, np.inf, -np.inf, -np.inf
-    for r in range(row, row + 2):
-        for c in range(column, column + 2):
+    wa, wb, wc, wd = w[row, column], w[row, column + 1], w[row + 1, column], w[row + 1, column + 1]
+    xa, xb, xc, xd = x[row, column], x[row, column + 1], x[row + 1, column], x[row + 1, column + 1]
+    ya, yb, yc, yd = y[row, column], y[row, column + 1], y[row + 1, column], y[row + 1, column + 1]
+    if (wa > 0) & (wb > 0) & (wc > 0) & (wd > 0):
+        low_x, high_x = min(min(xa, xb), min(xc, xd)), max(max(xa, xb), max(xc, xd))
+        low_y, high_y = min(min(ya, yb), min(yc, yd)), max(max(ya, yb), max(yc, yd))
+    else:
+        low_x, low_y, high_x, high_y = NOWHERE, NOWHERE, -NOWHERE, -NOWHERE
+        for corner in range(4):
+            r, c = row + (corner >> 1), column + (corner & 1)
             if w[r, c] > 0:
-                px, py = x[r, c], y[r, c]
-                low_x, high_x = min(low_x, px), max(high_x, px)
-                low_y, high_y = min(low_y, py), max(high_y, py)
-    if not low_x <= high_x:
-        return 0, -1, 0, -1
+                low_x, high_x = min(low_x, x[r, c]), max(high_x, x[r, c])
+                low_y, high_y = min(low_y, y[r, c]), max(high_y, y[r, c])
+        if not low_x <= high_x:
+            return 0, -1, 0, -1
     left = math.ceil(max(0.5, low_x) - 0.5001)
     right = math.floor(min(columns - 0.5, high_x) - 0.4999)
     upper = math.ceil(max(top + 0.5, low_y) - 0.5001)
@@ -145,20 +152,22 @@ def draw_surface(first, last, x, y, w, joined, spans, wbuf, where):
 def draw_quad(x, y, w, row, column, sides, box, wbuf, where):
     """One quad: two triangles where all four sides are joined, else the triangle of the corner whose two sides are.
 
-    box: the target pixels to look at (left, right, upper, lower, inclusive). Corners are numbered by bits: 1 right, 2 lower.
+    box: the target pixels to look at (left, right, upper, lower, inclusive).
     """
-    along_bc = abs(w[row, column + 1] - w[row + 1, column]) <= abs(w[row, column] - w[row + 1, column + 1])
+    wa, wb, wc, wd = w[row, column], w[row, column + 1], w[row + 1, column], w[row + 1, column + 1]
+    xa, xb, xc, xd = x[row, column], x[row, column + 1], x[row + 1, column], x[row + 1, column + 1]
+    ya, yb, yc, yd = y[row, column], y[row, column + 1], y[row + 1, column], y[row + 1, column + 1]
+    along_bc = abs(wb - wc) <= abs(wa - wd)
     for number in range(4):
-        # upper left, lower right (cut along bc), upper right, lower left (along ad): the corners clockwise, the sides they need
-        p, q, r = 1 if number == 1 else 0, 3 if number & 1 else 1, 3 if number == 2 else 2
+        # upper left, lower right (cut along bc), upper right, lower left (along ad), and the sides they need: the triangles
+        # abc, bdc, abd, adc
         needed = (3 if number == 0 else 12) if number < 2 else (5 if number == 2 else 10)
         if sides & needed != needed or (sides == 15 and along_bc != (number < 2)):
             continue
-        rp, rq, rr = row + (p >> 1), row + (q >> 1), row + (r >> 1)
-        cp, cq, cr = column + (p & 1), column + (q & 1), column + (r & 1)
-        w0, w1, w2 = w[rp, cp], w[rq, cq], w[rr, cr]
-        x0, x1, x2 = x[rp, cp], x[rq, cq], x[rr, cr]
-        y0, y1, y2 = y[rp, cp], y[rq, cq], y[rr, cr]
+        from_b, over_d, to_d = number == 1, number & 1, number == 2
+        x0, y0, w0 = (xb, yb, wb) if from_b else (xa, ya, wa)
+        x1, y1, w1 = (xd, yd, wd) if over_d else (xb, yb, wb)
+        x2, y2, w2 = (xd, yd, wd) if to_d else (xc, yc, wc)
         area = (x1 - x0) * (y2 - y0) - (x2 - x0) * (y1 - y0)
         if area <= 1e-9 or w0 <= 0 or w1 <= 0 or w2 <= 0:  # seen from behind, or not all there
             continue
@@ -176,7 +185,7 @@ def draw_quad(x, y, w, row, column, sides, box, wbuf, where):
                 inverse = v0 + v1 + v2
                 if inverse > wbuf[ty, tx]:
                     wbuf[ty, tx] = inverse
-                    right = v0 * (p & 1) + v1 * (q & 1) + v2 * (r & 1)
-                    lower = v0 * (p >> 1) + v1 * (q >> 1) + v2 * (r >> 1)
+                    right = (v0 if from_b else 0.0) + v1 + (v2 if to_d else 0.0)
+                    lower = (v1 if over_d else 0.0) + v2
                     where[ty, tx, 0] = column + right / inverse
                     where[ty, tx, 1] = row + lower / inverse

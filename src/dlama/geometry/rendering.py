@@ -98,7 +98,7 @@ def hole_types(grids: list[Grid], objects: tuple[View, ...], camera: Camera, hol
             marks = grid_rank, crack_rank, hole, count, ranks
             in_bands(sheet.mark_sheet, len(hole), x, y, w, spans(y, w), grid.mesh, *marks)
             sheet.mark_points(x, y, w, grid.flying, sheet.FLYING_RANK, hole, ranks)
-    return np.where(hole, TYPE_OF_RANK[ranks], np.uint8(0)).astype(np.uint8)
+    return np.asarray(TYPE_OF_RANK.take(ranks) * hole, np.uint8)
 
 
 def closed_grid(layer: View, objects: tuple[View, ...]) -> tuple[Float32Array, UInt8Array]:
