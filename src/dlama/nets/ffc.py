@@ -26,8 +26,9 @@ class FourierUnit(nn.Module):
         Half-precision FFTs exist only for powers of two and lose the picture's mean: so this part stays float32.
         """
         batch, channels, height, width = x.shape
+        wide = x.float() if x.dtype in (torch.float16, torch.bfloat16) else x
         with torch.autocast(x.device.type, enabled=False):
-            spectrum = torch.view_as_real(torch.fft.rfft2(x.float(), norm="ortho"))
+            spectrum = torch.view_as_real(torch.fft.rfft2(wide, norm="ortho"))
             planes = spectrum.permute(0, 1, 4, 2, 3).reshape(batch, 2 * channels, height, width // 2 + 1)
             planes = self.relu(self.bn(self.conv_layer(planes)))
             pairs = planes.reshape(batch, channels, 2, height, width // 2 + 1).permute(0, 1, 3, 4, 2).contiguous()

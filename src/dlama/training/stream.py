@@ -110,6 +110,8 @@ def _shuffled(size: int, seed: int, epoch: int) -> np.ndarray:
 def _calm(worker: int) -> None:
     """One thread per worker, or they get in each other's way."""
     import cv2
+    import numba
 
     cv2.setNumThreads(1)
     torch.set_num_threads(1)
+    numba.set_num_threads(1)
