@@ -128,7 +128,7 @@ def square(plot: Plot) -> None:
         facade(plot, -left, 0, 90, -7, far - float(rng.choice((0, 4))), 0)
     if sides[1]:
         facade(plot, right, 0, -90, -far + float(rng.choice((0, 4))), 7, 0)
-    markings(plot, float(rng.uniform(3.5, far - walk - 0.5)))
+    markings(plot, float(rng.uniform(3.5, max(3.6, far - walk - 0.5))))
     names = [*STREET_PROPS, "tree", "lamp", "planter", "bench", "bin", "bollard"]
     plot.scatter(STREET_PROPS, names, int(rng.integers(6, 14)), (-min(left, 9) + 0.5, min(right, 9) - 0.5), (3.2, far))
 
