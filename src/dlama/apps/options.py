@@ -142,10 +142,10 @@ class Method:
     """How the scene is completed."""
 
     filler: Annotated[str, told("|".join([*INPAINTERS, *MODEL_INPAINTERS]), "(default: layered)")] = "layered"
-    """Who fills the holes: layered continues planes and sky from behind, telea and navier-stokes diffuse; lama, migan and
-    joint run a network (--model)."""
+    """Who fills the holes: layered continues planes and sky from behind, telea and navier-stokes diffuse; lama, migan,
+    joint and pair (stereo only) run a network (--model)."""
     model: Annotated[str | None, told("FILE|NAME")] = None
-    """Network of --filler lama, migan or joint: an ONNX file, a LaMa checkpoint, or a name of `dlama models list`."""
+    """Network of --filler lama, migan, joint or pair: an ONNX file, a LaMa checkpoint, or a name of `dlama models list`."""
     recipe: Annotated[str, told("|".join(RECIPES), "(default: dlama)")] = "dlama"
     """dlama: surfaces, metric depth; paper: as published (points, 10 m clip, 8-bit depth, 3 px dilation)."""
     mode: Annotated[Literal["surface", "points"] | None, told("surface|points", "(default: the recipe's)")] = None

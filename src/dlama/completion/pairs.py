@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from dlama.completion.recipes import Recipe, find_recipe
-from dlama.completion.scenes import Completion, Work, adopt, clipped, filled_by, law_of, report, start
+from dlama.completion.scenes import Completion, Work, adopt, as_recipe, clipped, filled_by, law_of, report, start
 from dlama.errors import InputError, ShapeError
 from dlama.geometry.fusion import fuse
 from dlama.geometry.holes import checked_mask, dilated
@@ -25,6 +25,7 @@ from dlama.geometry.rig import StereoRig
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import HoleType, Origin, View
 from dlama.inpainters.filling import Inpainter
+from dlama.inpainters.pair import PairFiller
 from dlama.perception.stereo import StereoConsistency, carry_mask, consistency, disparity_pair
 
 FAR_PX = 0.5
@@ -76,6 +77,11 @@ def stereo(
     if mask is None and mask_right is not None:
         raise InputError("mask_right was given without mask; the mask of the left view is wanted too")
     chosen, fill = find_recipe(recipe, changes), filled_by(filler, model)
+    pair = fill if isinstance(fill, PairFiller) else None
+    if pair is not None and chosen.depth_by != "surfaces":
+        raise InputError(
+            f"depth_by is {chosen.depth_by!r} and the filler 'pair', which fills no depth; surfaces is wanted"
+        )
     at_left, at_right = disparity_pair(left, right, max_disparity=max_disparity)
     if mask is not None:
         checked_mask(mask, rig.left.hw)
@@ -94,6 +100,9 @@ def stereo(
             fill,
         )
     source = rgbd_of(left, at_left, rig, far)
+    if pair is not None:
+        unknown = np.zeros(rig.right.hw, bool) if mask_right is None else dilated(mask_right, chosen.dilate)
+        fill = pair.painter(right, unknown, left=True)
     work = start(View.from_rgbd(clipped(source, chosen.clip_m)), mask, fill, chosen, seed)
     left_before, left_view = completed_left(work, source, rig)
     if mask_right is None:
@@ -102,6 +111,9 @@ def stereo(
         taken = dilated(mask_right, chosen.dilate)
         right_before = View.from_rgbd(rgbd_of(right, at_right, rig, far, right=True)).without(taken, HoleType.OBJECT)
         work.law = law_of(Scene((*work.scene.layers, right_before), work.scene.objects), chosen)
+    if pair is not None:
+        seen = pair.painter(left_view.color, np.zeros(rig.left.hw, bool), left=False)
+        work.inpainter = as_recipe(seen, chosen)
     right_view = completed_right(work, right_before, rig)
     return finished(work, source, (left_before, right_before), (left_view, right_view), rig, filler)
 

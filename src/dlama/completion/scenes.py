@@ -150,13 +150,16 @@ def filled_by(filler: str | Inpainter, model: str | Path | None = None) -> Inpai
     return filler
 
 
+def as_recipe(fill: Inpainter, chosen: Recipe) -> Inpainter:
+    """The filler with the recipe's way with depth."""
+    if chosen.depth_by == "surfaces":
+        return depth_first(fill)
+    return fill if chosen.clip_m is None or not chosen.eight_bit_depth else eight_bit(fill, chosen.clip_m)
+
+
 def start(source: View, mask: BoolArray | None, filler: str | Inpainter, chosen: Recipe, seed: int) -> Work:
     """The scene before any camera moves: object out, sensor holes and (source first) the object's background filled."""
-    fill = filled_by(filler)
-    if chosen.depth_by == "surfaces":
-        fill = depth_first(fill)
-    elif chosen.eight_bit_depth and chosen.clip_m is not None:
-        fill = eight_bit(fill, chosen.clip_m)
+    fill = as_recipe(filled_by(filler), chosen)
     scene, mask_pixels = Scene((source,)), (0, 0)
     if mask is not None:
         taken = dilated(checked_mask(mask, source.camera.hw), chosen.dilate)

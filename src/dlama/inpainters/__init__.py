@@ -12,6 +12,7 @@ from dlama.inpainters.joint import joint_filler
 from dlama.inpainters.lama import lama_filler
 from dlama.inpainters.layered import layered
 from dlama.inpainters.migan import migan_filler
+from dlama.inpainters.pair import pair_filler
 
 __all__ = ["INPAINTERS", "MODEL_INPAINTERS", "Fill", "FillReport", "Inpainter", "inpaint", "inpainter"]
 
@@ -25,6 +26,7 @@ MODEL_INPAINTERS: dict[str, Callable[[str | Path], Inpainter]] = {
     "lama": lama_filler,
     "migan": migan_filler,
     "joint": joint_filler,
+    "pair": pair_filler,
 }
 """Fillers that run a network file: file -> filler."""
 

@@ -97,7 +97,7 @@ def from_metadata(metadata: Mapping[str, str], file: str) -> Contract | None:
 def demand(contract: Contract, planes: int, file: str, filler: str) -> None:
     """InputError unless the network fills that many planes."""
     if len(contract.out_planes) != planes:
-        other = {3: "lama", 4: "joint"}.get(len(contract.out_planes))
+        other = {3: "lama", 4: "joint", 6: "pair"}.get(len(contract.out_planes))
         hint = f"; the filler {other!r} runs it" if other else ""
         raise InputError(
             f"{file}: takes {len(contract.in_planes)} planes and gives {len(contract.out_planes)}; "
