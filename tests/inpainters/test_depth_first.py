@@ -94,19 +94,6 @@ def test_other_fillers_go_their_own_way() -> None:
     assert depth_first(lambda view, law, seed: own)(view, NOTHING, 0) is own
 
 
-def test_out_of_view_the_farther_of_two_opinions_stands() -> None:
-    """Closed form: a network that expects 3.5 m everywhere moves nothing nearer, nothing in a dis-occlusion, and out of view
-    just what was nearer than that."""
-    for kind in (HoleType.OUT_OF_VIEW, HoleType.DISOCCLUDED):
-        view = step(kind)
-        alone = depth_first(recording([]))(view, NOTHING, 0)
-        asked = dataclasses.replace(recording([]), opinion=lambda view: np.full(view.depth.shape, 3.5, np.float32))
-        both = depth_first(asked)(view, NOTHING, 0)
-        wanted = np.maximum(alone.depth, 3.5) if kind == HoleType.OUT_OF_VIEW else alone.depth
-        np.testing.assert_array_equal(both.depth[view.hole], wanted[view.hole])
-        assert ("network" in both.notes["depth_as"]) == (kind == HoleType.OUT_OF_VIEW)
-
-
 def test_unsure_colours_out_of_view_are_hedged() -> None:
     """Twin: the painter's colours through `hedged`, which changes some; in a dis-occlusion they stay as painted."""
     view = step(HoleType.OUT_OF_VIEW)

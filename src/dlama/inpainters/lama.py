@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
+from dlama.geometry.rgbd import BoolArray, UInt8Array
 from dlama.geometry.view import View
 from dlama.geometry.visibility import Law
 from dlama.inpainters.contract import Contract, demand
@@ -38,23 +38,14 @@ def lama_filler(model: str | Path, contract: Contract | None = None, **options: 
     def paint(picture: UInt8Array, hole: BoolArray) -> UInt8Array:
         return eight_bits(checked().fill(color_planes(picture)[None], hole)[0])
 
-    def opinion(view: View) -> Float32Array:
-        depth = DepthPlane.of(view)
-        return depth.metres(checked().fill(grey_planes(depth)[None], view.hole)[0].mean(0))
-
-    return Painter(lama, paint, lambda: network.notes, opinion)
-
-
-def grey_planes(depth: DepthPlane) -> Float32Array:
-    """3 x H x W: inverse depth as a grey picture."""
-    return np.repeat(depth.values[None], 3, 0)
+    return Painter(lama, paint, lambda: network.notes)
 
 
 def filled_apart(view: View, network: Engine) -> Fill:
     """Colour where it is not known, depth in the whole hole."""
     depth, open_color = DepthPlane.of(view), color_hole(view)
     color = color_planes(view.color)
-    grey = grey_planes(depth)
+    grey = np.repeat(depth.values[None], 3, 0)
     if network.running_on in BATCHED and (open_color == view.hole).all():
         color, grey = network.fill(np.stack([color, grey]), view.hole)
     else:

@@ -52,11 +52,7 @@ def migan_filler(model: str | Path, **options: Any) -> Inpainter:
         demand_pipeline(network)
         return painted(picture, telea.paint(picture, hole), hole, network)
 
-    def opinion(view: View) -> Float32Array:
-        demand_pipeline(network)
-        return painted_depth(view, telea(view, Law(()), 0).depth, network)
-
-    return Painter(migan, paint, lambda: network.notes, opinion)
+    return Painter(migan, paint, lambda: network.notes)
 
 
 def demand_pipeline(network: Engine) -> None:

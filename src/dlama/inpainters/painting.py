@@ -27,8 +27,6 @@ class Painter:
     paint: Paint
     notes: Callable[[], dict[str, Any]] = field(default=dict)
     """What ran, for meta.json."""
-    opinion: Callable[[View], Float32Array] | None = None
-    """H x W metres in the holes as a network guesses them from pictures it has seen; None: it knows nothing of scenes."""
 
     def __call__(self, view: View, law: Law, seed: int) -> Fill:
         return self.fill(view, law, seed)
