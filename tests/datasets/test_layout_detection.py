@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import subprocess
 import sys
 from pathlib import Path
@@ -10,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from dlama.datasets.frames import Dataset
 from dlama.datasets.layouts import LAYOUTS, detect, open_dataset
 from dlama.datasets.posed import posed_dataset, view_pairs
 from dlama.datasets.seven_scenes import numbered_frames
@@ -174,3 +176,20 @@ def test_poses_in_another_unit_than_depth_are_told(tmp_path: Path) -> None:
         open_dataset(root)
     with pytest.raises(FileError, match=r"no two of its 0 frames"):
         posed_dataset("tum", root, [])
+
+
+def test_easysynths_own_options_reach_its_reader(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Law: what was asked comes to the reader, what was not does not; other layouts refuse it by its flag."""
+    got: list[dict[str, object]] = []
+
+    def read(root: Path, **options: object) -> Dataset:
+        got.append(options)
+        return Dataset("d", "easysynth", root, (), ())
+
+    monkeypatch.setitem(LAYOUTS, "easysynth", dataclasses.replace(LAYOUTS["easysynth"], read=read))
+    open_dataset(tmp_path, "easysynth", gamma=False, removal_object="barrel")
+    open_dataset(tmp_path, "easysynth")
+    assert got == [{"gamma": False, "removal_object": "barrel"}, {}]
+    for option, flag in (({"gamma": True}, "--gamma"), ({"removal_object": "x"}, "--removal-object")):
+        with pytest.raises(InputError, match=f"{flag} says nothing .* it is for easysynth"):
+            open_dataset(tmp_path, "tum", **option)

@@ -50,6 +50,10 @@ class Scope:
     """How the data set lies on disk: easysynth, pairs, removal, stereo, tum, 7-scenes, scannet, ..."""
     depth_range: Metres = None
     """EasySynth: metres that 1.0 stands for in its depth files."""
+    gamma: Annotated[Literal["srgb", "linear"] | None, told("srgb|linear")] = None
+    """EasySynth: how its 8-bit PNG depth is encoded, where there is no better."""
+    removal_object: Annotated[str | None, told("NAME|R,G,B", "(default: object)")] = None
+    """EasySynth: the semantic class that is taken out."""
     camera: Json = None
     """The camera file of a layout that has none of its own (tum, 7-scenes, redwood)."""
 
@@ -61,6 +65,8 @@ class Scope:
             path if path.split(":")[0] == "worlds" else Path(path),
             self.layout,
             depth_range=self.depth_range,
+            gamma=None if self.gamma is None else self.gamma == "srgb",
+            removal_object=self.removal_object,
             camera=self.camera,
             limit=None if self.yaws else self.limit,
             scenes=self.scenes or None,

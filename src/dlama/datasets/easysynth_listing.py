@@ -141,7 +141,7 @@ def _depth_pictures(place: Path, identities: list[int], options: Options) -> tup
     if options.gamma is None:
         raise DepthError(
             f"{first}: depth as PNG has 256 steps and is usually gamma-encoded by Unreal; render it as EXR, or say how it is "
-            "encoded: --gamma (sRGB, to be undone) or --no-gamma (linear)"
+            "encoded: --gamma srgb (to be undone) or --gamma linear"
         )
     return "png", pictures
 

@@ -37,7 +37,8 @@ class Layout:
     read: Callable[..., Dataset]
     """`read(root, **options)`; reads listings, no pictures but the depth that pairs are chosen by."""
     options: frozenset[str] = frozenset()
-    """Which of `depth_range`, `camera`, `scenes`, `limit` it takes; the last two are applied afterwards where not."""
+    """Which of `depth_range`, `gamma`, `removal_object`, `camera`, `scenes`, `limit` it takes; the last two are applied
+    afterwards where not."""
 
 
 def _is_easysynth(root: Path) -> bool:
@@ -58,7 +59,10 @@ _POSED_BARE = _POSED | {"camera"}
 
 LAYOUTS: dict[str, Layout] = {
     "easysynth": Layout(
-        "CameraPoses.csv or CameraRig.json, and ColorImage", _is_easysynth, _easysynth, frozenset({"depth_range"})
+        "CameraPoses.csv or CameraRig.json, and ColorImage",
+        _is_easysynth,
+        _easysynth,
+        frozenset({"depth_range", "gamma", "removal_object"}),
     ),
     "pairs": Layout("pairs.json", looks_like_pairs, pairs_json, _FOLDERS),
     "removal": Layout("with.color.png and without.color.png", looks_like_removal, removal_folder, _FOLDERS),
@@ -83,18 +87,22 @@ def open_dataset(
     camera: CameraOption = None,
     limit: int | None = None,
     scenes: Sequence[str] | None = None,
+    gamma: bool | None = None,
+    removal_object: str | None = None,
 ) -> Dataset:
     """The data set in a folder; its layout is recognised unless told.
 
     `worlds`, `worlds:COUNT` or `worlds:COUNT:SEED` generates one instead (write `./worlds` for a folder of that name).
-    `depth_range` in metres (easysynth) and `camera`, a camera file (tum, 7-scenes, scannet, tsdf-fusion, redwood), are
-    refused where a layout has no use for them. `scenes` keeps these only, `limit` at most so many cases of each protocol,
-    the first ones. Raises InputError (unknown or ambiguous layout, option or scene), FileError, CameraError.
+    `depth_range` in metres, `gamma` (8-bit depth is sRGB-encoded) and `removal_object`, a semantic class (easysynth), and
+    `camera`, a camera file (tum, 7-scenes, scannet, tsdf-fusion, redwood), are refused where a layout has no use for them.
+    `scenes` keeps these only, `limit` at most so many cases of each protocol, the first ones. Raises InputError (unknown or
+    ambiguous layout, option or scene), FileError, CameraError.
     """
     if limit is not None and limit < 1:
         raise InputError(f"limit is {limit}; a whole number >= 1 is wanted")
+    asked = {"depth_range": depth_range, "gamma": gamma, "removal_object": removal_object, "camera": camera}
     if isinstance(path, str) and (path == WORLDS or path.startswith(f"{WORLDS}:")):
-        _refuse(WORLDS, frozenset(), depth_range=depth_range, camera=camera)
+        _refuse(WORLDS, frozenset(), **asked)
         if layout is not None:
             raise InputError(f"'{path}' is generated and has no layout; --layout {layout} is for folders")
         return _narrowed(_worlds(path), scenes, limit)
@@ -105,8 +113,8 @@ def open_dataset(
         raise FileError(f"{root}: no such folder; the folder of a data set, or '{WORLDS}', is wanted")
     name = layout if layout is not None else detect(root)
     chosen = LAYOUTS[name]
-    _refuse(name, chosen.options, depth_range=depth_range, camera=camera)
-    given = {"depth_range": depth_range, "camera": camera, "scenes": scenes, "limit": limit}
+    _refuse(name, chosen.options, **asked)
+    given = asked | {"scenes": scenes, "limit": limit}
     options = {key: value for key, value in given.items() if value is not None and key in chosen.options}
     return _narrowed(chosen.read(root, **options), scenes, limit)
 
