@@ -1,7 +1,7 @@
 """big-lama's geometry with random weights at one size -> a table of seconds: eager torch, frozen TorchScript, ONNX Runtime,
 OpenVINO where it is installed; and with --where, what ONNX Runtime spends its time on, by operator.
 
-    python benchmarks/lama_network.py [--size 512] [--runs 5] [--threads 2] [--where]
+    python benchmarks/lama_network.py [--size 512] [--runs 5] [--threads 2] [--where] [--skip-openvino]
 
 One run, engines interleaved, so that the ratios hold on a machine that others use too. The roofline is the time this
 machine's fastest matrix product (torch, 2048 x 2048) needs for the network's multiplications. Needs torch and onnx.
@@ -72,7 +72,9 @@ def product_rate(clock: Callable[[], float]) -> float:
     return 3 * 2 * 2048**3 / (clock() - start)
 
 
-def engines(settings: GeneratorSettings, size: int, threads: int) -> dict[str, Callable[[], np.ndarray]]:
+def engines(
+    settings: GeneratorSettings, size: int, threads: int, with_openvino: bool
+) -> dict[str, Callable[[], np.ndarray]]:
     """Name -> a call that runs the same picture through the same weights."""
     state = random_state(settings)
     planes = np.random.default_rng(1).random((1, settings.in_channels, size, size), dtype=np.float32)
@@ -87,7 +89,7 @@ def engines(settings: GeneratorSettings, size: int, threads: int) -> dict[str, C
         "frozen TorchScript": lambda: script(tensor).numpy(),
         "ONNX Runtime": lambda: session.run(None, {"planes": planes})[0],
     }
-    if importlib.util.find_spec("openvino"):
+    if with_openvino and importlib.util.find_spec("openvino"):
         with tempfile.TemporaryDirectory() as folder:
             path = Path(folder) / "random.onnx"
             path.write_bytes(model)
@@ -123,6 +125,7 @@ def main() -> None:
     parser.add_argument("--runs", type=int, default=5)
     parser.add_argument("--threads", type=int, default=os.cpu_count())
     parser.add_argument("--where", action="store_true")
+    parser.add_argument("--skip-openvino", action="store_true", help="its waiting threads slow the others down")
     arguments = parser.parse_args()
     if arguments.where:
         where(GeneratorSettings(), arguments.size, arguments.threads)
@@ -130,7 +133,7 @@ def main() -> None:
     torch.set_num_threads(arguments.threads)
     settings = GeneratorSettings()
     with torch.inference_mode():
-        calls = engines(settings, arguments.size, arguments.threads)
+        calls = engines(settings, arguments.size, arguments.threads, not arguments.skip_openvino)
         outputs = {name: call() for name, call in calls.items()}  # also the warm-up; TorchScript wants a second
         calls["frozen TorchScript"]()
         seconds: dict[str, list[float]] = {name: [] for name in calls}
