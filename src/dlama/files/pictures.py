@@ -41,7 +41,11 @@ def read_color(path: PathLike) -> UInt8Array:
             f"{path}: EXIF says the picture is turned (orientation {stored.orientation}), its depth would not fit; "
             "turn both pixels and depth first, or clear the tag (exiftool -Orientation= FILE)"
         )
-    values = stored.values
+    return eight_bit_rgb(stored.values, path)
+
+
+def eight_bit_rgb(values: np.ndarray, path: PathLike) -> UInt8Array:
+    """Stored values of a picture as uint8 H x W x 3: 16 bit keep their high byte, grey is repeated, alpha dropped. FileError."""
     if values.dtype == np.uint16:
         values = (values >> 8).astype(np.uint8)
     if values.dtype != np.uint8:

@@ -14,6 +14,7 @@ import numpy as np
 
 from dlama.errors import FileError, InputError
 from dlama.files.decoding import SUFFIXES, read_stored
+from dlama.files.pictures import eight_bit_rgb
 from dlama.geometry.rgbd import UInt8Array
 
 HELD_OUT_ONE_IN = 16
@@ -49,16 +50,7 @@ def read_photo(path: Path) -> UInt8Array:
 
     A picture that EXIF calls turned stays as it is stored: a texture has no upright side.
     """
-    values = read_stored(path).values
-    if values.dtype == np.uint16:
-        values = (values >> 8).astype(np.uint8)
-    if values.dtype != np.uint8:
-        raise FileError(f"{path}: holds {values.dtype} numbers; a picture with 8 or 16 bits per channel is wanted")
-    if values.ndim == 3 and values.shape[2] < 3:  # grey and alpha
-        values = values[..., 0]
-    if values.ndim == 2:
-        values = np.repeat(values[..., None], 3, axis=2)
-    return np.ascontiguousarray(values[..., :3])
+    return eight_bit_rgb(read_stored(path).values, path)
 
 
 def split_photos(photos: Sequence[Photo], split: str) -> tuple[Photo, ...]:
