@@ -15,12 +15,12 @@ NAMES = ("red", "green", "blue", "depth")
 def written(
     path: Path, planes: int, matrix: np.ndarray, bias: float | np.ndarray = 0.0, about: dict | None = None, **changes
 ) -> Path:
-    """A pointwise network: every output pixel is matrix (planes x planes + 1) times its input planes, plus bias."""
+    """A pointwise network: every output pixel is matrix (planes x inputs, planes + masks) times its inputs, plus bias."""
     weight = np.asarray(matrix, np.float32)[:, :, None, None]
     offset = np.broadcast_to(np.float32(bias), (planes,)).astype(np.float32)
     ends = [
         helper.make_tensor_value_info(name, TensorProto.FLOAT, ["b", count, "h", "w"])
-        for name, count in (("planes", planes + 1), ("filled", planes))
+        for name, count in (("planes", weight.shape[1]), ("filled", planes))
     ]
     node = helper.make_node("Conv", ["planes", "weight", "bias"], ["filled"])
     constants = [numpy_helper.from_array(weight, "weight"), numpy_helper.from_array(offset, "bias")]

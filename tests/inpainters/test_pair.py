@@ -8,15 +8,18 @@ import numpy as np
 import pytest
 
 import dlama
-from dlama.errors import InputError
+from dlama.errors import FileError, InputError
 from dlama.geometry.view import Origin
 from dlama.inpainters import inpainter
-from dlama.inpainters.pair import PairFiller
-from networks import constant, echo_mask
+from dlama.inpainters.contract import of_planes
+from dlama.inpainters.engine import Engine
+from dlama.inpainters.pair import PairFiller, filled_pair, pair_filler
+from networks import constant, echo_mask, written
 
 DEMO = Path(dlama.__file__).parent / "assets" / "demo"
 PLANES = ["red", "green", "blue", "other red", "other green", "other blue"]
 SIX = {"in_planes": [*PLANES, "mask"], "out_planes": PLANES}
+EIGHT = {"in_planes": [*PLANES, "left mask", "right mask"], "out_planes": PLANES}
 
 
 def filler(path: Path) -> PairFiller:
@@ -48,6 +51,119 @@ def test_left_and_right_come_from_their_own_planes(tmp_path: Path) -> None:
     for left, wanted in ((True, (51, 102, 153)), (False, (255, 0, 204))):
         painted = filler(model).painter(picture, np.zeros_like(hole), left=left).paint(picture, hole)
         np.testing.assert_array_equal(painted[hole], np.broadcast_to(wanted, (20 * 24, 3)))
+
+
+def two_mask_probe(path: Path, gain: float = 1.0) -> Path:
+    """8 -> 6, each picture: red 0.8 of its own mask; green, of the left 0.4 of the right mask, of the right 0.6 of the left
+    mask; blue what the other picture shows, times `gain`."""
+    matrix = np.zeros((6, 8))
+    matrix[0, 6], matrix[1, 7], matrix[2, 5] = 0.8, 0.4, gain
+    matrix[3, 7], matrix[4, 6], matrix[5, 2] = 0.8, 0.6, gain
+    return written(path, 6, matrix, **EIGHT)
+
+
+@pytest.mark.parametrize("left", [True, False])
+@pytest.mark.parametrize(("hw", "budget"), [((40, 48), 640 * 640), ((200, 240), 64 * 64)])
+def test_two_masks_are_each_pictures_own(tmp_path: Path, left: bool, hw: tuple[int, int], budget: int) -> None:
+    """Closed form: in the own hole red tells that the own mask is there, green whether the other one is, and blue is the
+    other picture's where that is known, 0 where it is not; whole and in tiles, one of them with nothing known in it."""
+    rng = np.random.default_rng(0)
+    mine, other = rng.integers(0, 256, (2, *hw, 3), np.uint8)
+    hole, other_hole = np.zeros((2, *hw), bool)
+    high, wide = hw
+    hole[4 : high - 8, : wide // 2], other_hole[high // 2 :, wide // 4 : wide - 4] = True, True
+    painter = pair_filler(two_mask_probe(tmp_path / "p.onnx"), budget=budget).painter(other, other_hole, left=left)
+    painted = painter.paint(mine, hole)
+    np.testing.assert_array_equal(painted[~hole], mine[~hole])
+    np.testing.assert_array_equal(painted[hole][:, 0], 204)
+    np.testing.assert_array_equal(painted[hole][:, 1], (102 if left else 153) * other_hole[hole])
+    np.testing.assert_array_equal(painted[hole][:, 2], (other[..., 2] * ~other_hole)[hole])
+    assert (hole & other_hole).any() and (hole & ~other_hole).any()
+
+
+class Listener:
+    """Stands for the engine of a two-mask network: records what it is fed, and gives 0.5."""
+
+    path, budget, contract, ends = Path("none.onnx"), 64 * 64, of_planes(6, 2), ("planes",)
+
+    def __init__(self) -> None:
+        self.fed: list[np.ndarray] = []
+
+    def run(self, feed: dict[str, np.ndarray]) -> np.ndarray:
+        self.fed.append(feed["planes"][0])
+        return np.full_like(feed["planes"][:, :6], 0.5)
+
+
+def test_a_tile_in_the_hole_goes_on_from_what_was_filled() -> None:
+    """Probe: what a tile is shown without a mask is the picture where it was known and the answer (0.5) where an earlier tile
+    filled it, never the answer in a picture that was known, and never a mask on what is shown."""
+    planes, holes = np.full((6, 200, 200), 0.9, np.float32), np.zeros((2, 200, 200), bool)
+    holes[0, 10:190, 10:150], holes[1, 10:190, 100:190] = True, True
+    planes[0], planes[3] = 0.625 + 0.125 * holes[0], 0.625 + 0.125 * holes[1]  # 0.75 is hidden: no tile may see it
+    listener = Listener()
+    filled = filled_pair(listener, planes, holes)  # type: ignore[arg-type]
+    shown = np.repeat(holes, 3, 0)
+    np.testing.assert_allclose(filled, np.where(shown, np.float32(0.5), planes), atol=1e-6)
+    went_on = 0
+    for fed in listener.fed:
+        for first, mask in ((0, fed[6] == 1), (3, fed[7] == 1)):
+            assert (fed[first][mask] == 0).all()
+            assert set(np.round(fed[first][~mask] * 8, 4).tolist()) <= {5, 4}
+            went_on += int((fed[first] == 0.5).sum())
+    assert went_on
+
+
+def test_the_notes_say_which_masks_it_got(tmp_path: Path) -> None:
+    """Law: nothing is guessed silently: the contract decides, and meta.json says what it decided."""
+    nothing = np.zeros((24, 24), bool)
+    one, two = (constant(tmp_path / "one.onnx", 6, 0, 0, 0, 0, 0, 0, **SIX), two_mask_probe(tmp_path / "two.onnx"))
+    for model, told in ((one, "one: the union"), (two, "two: the left")):
+        notes = filler(model).painter(np.zeros((24, 24, 3), np.uint8), nothing, left=True).notes()
+        assert notes["model"] == model.name and notes["masks"].startswith(told)
+
+
+def test_two_masks_by_hand_and_what_is_wrong_with_a_file(tmp_path: Path) -> None:
+    """Law: a file without a contract runs with one by hand and is refused without; so are a contract of other planes than the
+    graph's and values that are not finite, by the file's name."""
+    bare = written(tmp_path / "bare.onnx", 6, np.full((6, 8), 0.2) * (np.arange(8) == 7), about={})
+    picture, hole = np.zeros((24, 24, 3), np.uint8), np.zeros((24, 24), bool)
+    hole[8:16, 8:16] = True
+    painted = pair_filler(bare, of_planes(6, 2)).painter(picture, hole, left=True).paint(picture, hole)
+    np.testing.assert_array_equal(painted[hole], 51)
+    lying = written(tmp_path / "lying.onnx", 6, np.zeros((6, 7)), **EIGHT)
+    nan = two_mask_probe(tmp_path / "nan.onnx", np.nan)
+    for model, error, told in (
+        (bare, InputError, r"bare\.onnx: carries no contract"),
+        (lying, FileError, r"lying\.onnx: the graph has 7 planes .*right mask"),
+        (nan, FileError, r"nan\.onnx: the network gave values that are not finite"),
+    ):
+        with pytest.raises(error, match=told):
+            pair_filler(model).painter(picture, hole, left=True).paint(picture, hole)
+
+
+@pytest.mark.parametrize("left", [True, False])
+def test_a_trained_and_exported_network_of_two_masks_runs(tmp_path: Path, left: bool) -> None:
+    """Round trip: a generator of 8 -> 6 planes (the trained kind, random weights), exported, through the filler, is the
+    exported graph itself fed by hand: each picture zeroed in its own hole, left mask before right mask."""
+    torch = pytest.importorskip("torch", reason="the networks need torch: pip install 'dlama[train]'")
+    from dlama.nets.generator import Generator
+    from dlama.training.export import export
+    from dlama.training.settings import NetworkSettings
+
+    torch.manual_seed(0)
+    network = NetworkSettings("stereo-two-masks", width=8, blocks=1)
+    model = export(Generator(network.generator).eval(), tmp_path, "tiny", "none")[1]
+    rng = np.random.default_rng(0)
+    pictures, holes = rng.integers(0, 256, (2, 48, 48, 3), np.uint8), np.zeros((2, 48, 48), bool)
+    holes[0, 8:20, 8:30], holes[1, 14:32, 4:20] = True, True
+    shown = np.where(holes[..., None], 0, pictures).transpose(0, 3, 1, 2).reshape(6, 48, 48) / np.float32(255)
+    fed = np.concatenate([shown, holes]).astype(np.float32)[None]
+    wanted = Engine(model).run({"planes": fed})[0].reshape(2, 3, 48, 48).transpose(0, 2, 3, 1) * 255
+    assert wanted.std() > 0.1, "an answer that tells pictures apart"
+    mine, theirs = (0, 1) if left else (1, 0)
+    painted = pair_filler(model).painter(pictures[theirs], holes[theirs], left=left).paint(pictures[mine], holes[mine])
+    np.testing.assert_allclose(painted[holes[mine]], wanted[mine][holes[mine]], atol=0.5001)
+    np.testing.assert_array_equal(painted[~holes[mine]], pictures[mine][~holes[mine]])
 
 
 def test_a_pair_without_its_object(tmp_path: Path) -> None:

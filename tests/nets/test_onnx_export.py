@@ -98,10 +98,12 @@ def test_the_file_carries_its_contract(tmp_path, vector_file):
 
 
 def test_planes_of_depth_and_stereo_have_names():
-    """Oracle: the house's order: colour, depth, then the mask last."""
-    depth, stereo = (contract(GeneratorSettings(*planes), "", "", "") for planes in ((5, 4), (7, 6)))
+    """Oracle: the house's order: colour, depth, then the mask last; of a pair left first, of its masks too."""
+    depth, stereo, two = (contract(GeneratorSettings(*planes), "", "", "") for planes in ((5, 4), (7, 6), (8, 6)))
     assert depth["in_planes"] == ["red", "green", "blue", "depth", "mask"]
-    assert stereo["in_planes"][-1] == "mask" and len(stereo["in_planes"]) == 7 and len(stereo["out_planes"]) == 6
+    pair = ["red", "green", "blue", "other red", "other green", "other blue"]
+    assert stereo["out_planes"] == two["out_planes"] == pair
+    assert stereo["in_planes"] == [*pair, "mask"] and two["in_planes"] == [*pair, "left mask", "right mask"]
 
 
 def test_what_cannot_be_exported_is_refused(tmp_path, vector_file, random_state):

@@ -7,12 +7,19 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from dlama.errors import FileError, InputError
+from dlama.geometry.rgbd import BoolArray, Float32Array
 
 CONTRACT_KEY = "dlama.contract"
 """Key of the ONNX metadata under which the contract stands, as JSON (`dlama models convert` writes it)."""
 FIELDS = ("in_planes", "out_planes", "in_range", "out_range", "mask", "hole", "multiple", "minimum")
 COLOR = ("red", "green", "blue")
+PAIR = (*COLOR, *(f"other {name}" for name in COLOR))
+"""Of a stereo pair: the left picture's planes, then the right one's."""
+MASKS = {1: ("mask",), 2: ("left mask", "right mask")}
+"""How many masks -> what they are called. Two are those of a pair, each of its own picture; one is of all planes alike."""
 
 
 @dataclass(frozen=True)
@@ -20,15 +27,15 @@ class Contract:
     """What whoever runs a network must know. Contradictions and what the engine cannot serve raise InputError."""
 
     in_planes: tuple[str, ...]
-    """Names of the planes the network takes, the mask last."""
+    """Names of the planes the network takes, the mask (or the left and the right mask) last."""
     out_planes: tuple[str, ...]
-    """Names of the planes it gives: the known planes again, without the mask."""
+    """Names of the planes it gives: the known planes again, without the masks."""
     in_range: tuple[float, float] = (0.0, 1.0)
     """What 0 and full scale are called in its input."""
     out_range: tuple[float, float] | None = (0.0, 1.0)
     """The same of its output; None: as the input, but nothing bounds it."""
     mask: str = "1 = fill"
-    """Polarity of the mask plane: `1 = fill` or `0 = fill`."""
+    """Polarity of the mask planes: `1 = fill` or `0 = fill`."""
     hole: str = "zero"
     """What stands in the hole of the known planes: `zero`."""
     multiple: int = 8
@@ -39,11 +46,14 @@ class Contract:
     """`lama`, `migan` ..."""
 
     def __post_init__(self) -> None:
-        if self.in_planes[-1:] != ("mask",) or self.in_planes[:-1] != self.out_planes or not self.out_planes:
+        known, masks = self.in_planes[: len(self.out_planes)], self.in_planes[len(self.out_planes) :]
+        if masks not in MASKS.values() or known != self.out_planes or not known:
             raise InputError(
-                f"contract: planes in {list(self.in_planes)} and out {list(self.out_planes)}; "
-                "wanted the same planes in and out, and a mask last in"
+                f"contract: planes in {list(self.in_planes)} and out {list(self.out_planes)}; wanted the same planes "
+                "in and out, and a mask last in ('mask', or of a pair 'left mask' and 'right mask')"
             )
+        if self.masks > 1 and len(known) != len(PAIR):
+            raise InputError(f"contract: a left and a right mask with {len(known)} planes; a pair has {len(PAIR)}")
         if self.mask not in ("1 = fill", "0 = fill"):
             raise InputError(f"contract: mask is {self.mask!r}; '1 = fill' or '0 = fill' is wanted")
         if self.hole != "zero":
@@ -55,13 +65,38 @@ class Contract:
         if self.multiple < 1 or self.minimum < 1:
             raise InputError(f"contract: multiple {self.multiple} and minimum {self.minimum}; 1 or more is wanted")
 
+    @property
+    def masks(self) -> int:
+        """Mask planes: 2 for a pair whose pictures have one each, else 1."""
+        return len(self.in_planes) - len(self.out_planes)
 
-def of_planes(count: int, **changes: Any) -> Contract:
-    """The contract of a LaMa of 3 (colour) or 4 (colour and depth) planes, given by hand for a file without one."""
-    names = (*COLOR, "depth")
-    if count not in (3, 4):
-        raise InputError(f"contract: {count} planes; 3 (colour) or 4 (colour and depth) are wanted")
-    return Contract((*names[:count], "mask"), names[:count], **changes)
+    def own_holes(self, holes: BoolArray) -> BoolArray:
+        """Planes x H x W of holes (masks x H x W): each plane with the hole of its picture."""
+        return np.repeat(holes, len(self.out_planes) // self.masks, 0)
+
+    def stacked(self, planes: Float32Array, holes: BoolArray) -> Float32Array:
+        """What the network takes (B x C x H x W) for planes in 0..1 and holes (masks x H x W): each picture zeroed in its
+        own hole, the masks last."""
+        low, high = self.in_range
+        known = (low + planes * np.float32(high - low)) * ~self.own_holes(holes)
+        masks = (holes if self.mask == "1 = fill" else ~holes).astype(np.float32)
+        return np.concatenate([known.astype(np.float32), np.broadcast_to(masks, (len(planes), *masks.shape))], 1)
+
+    def values(self, out: Float32Array) -> Float32Array:
+        """What the network gave, on the scale 0..1."""
+        low, high = self.out_range or self.in_range
+        return np.asarray((out - np.float32(low)) / np.float32(high - low), np.float32)
+
+
+def of_planes(count: int, masks: int = 1, **changes: Any) -> Contract:
+    """The contract of a LaMa, given by hand for a file without one; count: planes it gives, 3 (colour), 4 (colour and depth)
+    or 6 (a pair); masks: those it takes, of a pair 1 (the union of both holes) or 2 (left, right). Else InputError."""
+    names = {3: COLOR, 4: (*COLOR, "depth"), 6: PAIR}.get(count)
+    if names is None:
+        raise InputError(f"contract: {count} planes; 3 (colour), 4 (colour and depth) or 6 (a pair) are wanted")
+    if masks not in MASKS:
+        raise InputError(f"contract: {masks} masks; 1, or 2 of a pair, are wanted")
+    return Contract((*names, *MASKS[masks]), names, **changes)
 
 
 def from_metadata(metadata: Mapping[str, str], file: str) -> Contract | None:
@@ -99,7 +134,8 @@ def demand(contract: Contract, planes: int, file: str, filler: str) -> None:
     if len(contract.out_planes) != planes:
         other = {3: "lama", 4: "joint", 6: "pair"}.get(len(contract.out_planes))
         hint = f"; the filler {other!r} runs it" if other else ""
+        wanted = f"{planes + 1} or {planes + 2}" if planes == len(PAIR) else planes + 1
         raise InputError(
             f"{file}: takes {len(contract.in_planes)} planes and gives {len(contract.out_planes)}; "
-            f"the filler {filler!r} wants {planes + 1} in and {planes} out{hint}"
+            f"the filler {filler!r} wants {wanted} in and {planes} out{hint}"
         )

@@ -1,7 +1,8 @@
-"""Pair: both pictures of a stereo pair with holes and a 7 -> 6 network file in; each picture painted in sight of the other, out.
+"""Pair: both pictures of a stereo pair with holes and a network file in; each picture painted in sight of the other, out.
 
-The network takes left and right colours and one mask, the union of both pictures' holes, and gives both. Depth is not its
-business: surfaces are continued, as `depth_first` does.
+The network takes left and right colours, then one mask (7 -> 6: the union of both pictures' holes) or two (8 -> 6: the left
+picture's hole, the right one's), and gives both; which of the two it is, its contract says. Depth is not its business:
+surfaces are continued, as `depth_first` does.
 """
 
 from __future__ import annotations
@@ -12,15 +13,19 @@ from typing import Any
 
 import numpy as np
 
-from dlama.errors import InputError
-from dlama.geometry.rgbd import BoolArray, UInt8Array
+from dlama.errors import FileError, InputError
+from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.geometry.view import View
 from dlama.geometry.visibility import Law
 from dlama.inpainters.contract import Contract, demand
+from dlama.inpainters.crops import Layout, Network, fill_crops
 from dlama.inpainters.engine import Engine, engine
 from dlama.inpainters.filling import Fill
 from dlama.inpainters.painting import Painter
 from dlama.inpainters.planes_of_views import color_planes, eight_bits
+
+FED = {1: "one: the union of both pictures' holes", 2: "two: the left picture's hole, the right one's"}
+"""Masks a network takes -> what stands in meta.json."""
 
 
 @dataclass(frozen=True)
@@ -40,13 +45,44 @@ class PairFiller:
 
         def paint(picture: UInt8Array, hole: BoolArray) -> UInt8Array:
             demand(self.network.contract, 6, str(self.network.path), "pair")
-            mine, theirs = color_planes(picture), color_planes(other)
-            planes = np.concatenate([mine, theirs] if left else [theirs, mine])
-            filled = self.network.fill(planes[None], hole | other_hole)[0]
+            order = slice(None) if left else slice(None, None, -1)
+            planes = np.concatenate([color_planes(picture), color_planes(other)][order])
+            filled = filled_pair(self.network, planes, np.stack([hole, other_hole][order]))
             own = eight_bits(filled[:3] if left else filled[3:])
             return np.where(hole[..., None], own, picture)
 
-        return Painter(self, paint, lambda: self.network.notes)
+        return Painter(self, paint, lambda: self.network.notes | {"masks": FED[self.network.contract.masks]})
+
+
+def filled_pair(network: Engine, planes: Float32Array, holes: BoolArray) -> Float32Array:
+    """6 x H x W planes in 0..1 (left, right) of such planes with their holes (2 x H x W: left, right) filled.
+
+    With one mask the network sees neither picture where either has its hole, and gives both there. With two, each picture is
+    hidden and filled in its own hole only.
+    """
+    about, union = network.contract, holes[0] | holes[1]
+    if about.masks == 1:
+        return network.fill(planes[None], union)[0]
+    both = np.concatenate([planes, holes.astype(np.float32)])[None]
+    layout = Layout(about.multiple, about.minimum, network.budget)
+    return fill_crops(both, union, _with_two_masks(network), layout)[0, :6]
+
+
+def _with_two_masks(network: Engine) -> Network:
+    """The network on 8 planes, the masks last, that travel through crops and tiles together; a filled pixel's masks are 0."""
+    about = network.contract
+
+    def call(both: Float32Array, union: BoolArray) -> Float32Array:
+        planes, holes = both[:, :6], both[0, 6:] > 0
+        out = network.run({next(iter(network.ends)): about.stacked(planes, holes)})
+        if out.shape != planes.shape:
+            raise FileError(f"{network.path}: gave {out.shape} for {both.shape}; {planes.shape} is wanted")
+        if not np.isfinite(out).all():
+            raise FileError(f"{network.path}: the network gave values that are not finite")
+        filled = np.where(about.own_holes(holes), about.values(out), planes)
+        return np.concatenate([filled, np.zeros_like(both[:, 6:])], 1)
+
+    return call
 
 
 def pair_filler(model: str | Path, contract: Contract | None = None, **options: Any) -> PairFiller:

@@ -29,20 +29,22 @@ PLANES = {
     4: ("red", "green", "blue", "depth"),
     6: ("red", "green", "blue", "other red", "other green", "other blue"),
 }
+PAIR_MASKS = ("left mask", "right mask")
+"""Of a network for pairs that takes 8 planes: each picture's own hole. One mask (7 planes) is the union of both."""
 
 
 def contract(settings: GeneratorSettings, licence: str, source: str, source_sha256: str) -> dict[str, object]:
     """What whoever runs the file must know, as it is written (JSON) under the metadata key `dlama.contract`.
 
-    version; network; in_planes and out_planes (names, the mask last); in_range and out_range; mask ("1 = fill"); hole
-    ("zero": known planes are multiplied by 1 - mask before they are stacked); multiple and minimum (of H and W, in
-    pixels); licence; source (file name) and source_sha256; architecture (all settings); depth, where there is such a plane.
+    version; network; in_planes and out_planes (names, the mask or PAIR_MASKS last); in_range and out_range; mask ("1 = fill");
+    hole ("zero": known planes are multiplied by 1 - their mask before they are stacked); multiple and minimum (of H and W,
+    in pixels); licence; source (file name) and source_sha256; architecture (all settings); depth, where there is such a plane.
     """
     about: dict[str, object] = {} if "depth" not in _plane_names(settings.out_channels) else {"depth": DEPTH_PLANE}
     return about | {
         "version": CONTRACT_VERSION,
         "network": "lama",
-        "in_planes": [*_plane_names(settings.in_channels - 1), "mask"],
+        "in_planes": _in_plane_names(settings),
         "out_planes": _plane_names(settings.out_channels),
         "in_range": [0, 1],
         "out_range": {"sigmoid": [0, 1], "tanh": [-1, 1], "none": None}[settings.activation],
@@ -95,6 +97,12 @@ def onnx_bytes(settings: GeneratorSettings, state: Mapping[str, np.ndarray], abo
 
 def _plane_names(count: int) -> list[str]:
     return list(PLANES.get(count, [f"plane {i}" for i in range(count)]))
+
+
+def _in_plane_names(settings: GeneratorSettings) -> list[str]:
+    if (settings.in_channels, settings.out_channels) == (8, 6):
+        return [*PLANES[6], *PAIR_MASKS]
+    return [*_plane_names(settings.in_channels - 1), "mask"]
 
 
 def _generator(g: Graph, s: GeneratorSettings, state: Mapping[str, np.ndarray], x: str) -> str:
