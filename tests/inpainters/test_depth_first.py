@@ -12,13 +12,20 @@ from dlama.geometry.rgbd import RGBD
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import HoleType, Origin, View
 from dlama.geometry.visibility import Law
-from dlama.inpainters.depth_first import BAND, depth_first, occluders
+from dlama.inpainters.depth_first import BAND, NEARER, depth_first, occluders
+from dlama.inpainters.extension import Surfaces
 from dlama.inpainters.filling import Fill
 from dlama.inpainters.hedging import hedged
-from dlama.inpainters.layered import layered
+from dlama.inpainters.layered import layered, surfaces_behind
 from dlama.inpainters.painting import Painter
 
 NOTHING = Law(())
+
+
+def flat(view: View, metres: float) -> tuple[Surfaces, np.ndarray]:
+    """Surfaces without planes, so many metres away everywhere, and that depth."""
+    w = np.full(view.depth.shape, 1 / metres, np.float32)
+    return Surfaces(w, np.full(w.shape, -1, np.int32), np.zeros((0, 3))), 1 / w
 
 
 def step(kind: HoleType = HoleType.DISOCCLUDED) -> View:
@@ -68,14 +75,39 @@ def test_depth_is_the_continued_surfaces_and_colour_the_painters() -> None:
 def test_occluders_beside_a_disocclusion_are_known_by_their_depth() -> None:
     """Closed form: the columns of the occluder that lie within BAND of the hole, and nothing of the wall."""
     view = step()
-    columns = np.flatnonzero(occluders(view, np.full(view.depth.shape, 3, np.float32)).all(0))
+    columns = np.flatnonzero(occluders(view, *flat(view, 3)).all(0))
     np.testing.assert_array_equal(columns, np.arange(36 - BAND, 36))
 
 
 def test_what_lies_beyond_the_picture_is_hidden_by_nothing() -> None:
     """Law: beside a hole that is out of view no known pixel is taken from the painter."""
     view = step(HoleType.OUT_OF_VIEW)
-    assert not occluders(view, np.full(view.depth.shape, 3, np.float32)).any()
+    assert not occluders(view, *flat(view, 3)).any()
+
+
+def test_ground_that_comes_towards_the_camera_hides_nothing() -> None:
+    """Closed form: ground 1.5 m below the camera, a hole in it, and in front of that, in the same columns, a box at 1 m.
+    BAND px below the hole the ground is less than NEARER times as far off, but it is the hole's own surface; the box is not."""
+    camera = Camera.from_fov(160, 120, 90)
+    rows = np.arange(120) + 0.5
+    ground = np.where(rows > 70, 1.5 * camera.fy / np.maximum(rows - camera.cy, 1), 9).astype(np.float32)
+    depth = np.repeat(ground[:, None], 160, 1)
+    hole = np.zeros(depth.shape, bool)
+    hole[75:85, 40:120] = True
+    depth[85:95, 100:110] = 1
+    view = View.from_rgbd(RGBD(np.zeros((*depth.shape, 3), np.uint8), depth, camera)).without(hole, HoleType.OBJECT)
+    surfaces, filled, _ = surfaces_behind(view, NOTHING, 0)
+    assert (surfaces.label[hole] > 0).all() and ground[85 + BAND - 1] < NEARER * ground[84]
+    box = np.zeros_like(hole)
+    box[85:95, 100:110] = True
+    np.testing.assert_array_equal(occluders(view, surfaces, filled), box)
+
+
+def test_beside_a_hole_that_lacks_depth_alone_nothing_is_hidden() -> None:
+    """Law: what is painted are colours; a sensor hole has its own, so nothing near it is an occluder."""
+    view = step(HoleType.SENSOR)
+    view = dataclasses.replace(view, origin=np.where(view.hole, np.uint8(Origin.DEPTH_FILLED), view.origin))
+    assert not occluders(view, *flat(view, 3)).any()
 
 
 def test_a_sensor_hole_keeps_its_colour() -> None:

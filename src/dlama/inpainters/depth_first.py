@@ -8,6 +8,7 @@ from dlama.geometry.rendering import inverse_depth
 from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.geometry.view import HoleType, View
 from dlama.geometry.visibility import Law
+from dlama.inpainters.extension import Surfaces, nearest_inside
 from dlama.inpainters.filling import Fill, Inpainter
 from dlama.inpainters.hedging import hedged
 from dlama.inpainters.layered import surfaces_behind
@@ -34,25 +35,28 @@ def depth_first(inpainter: Inpainter) -> Inpainter:
         open_color = color_hole(view)
         if not open_color.any():
             return Fill(view.color, depth, moved, notes)
-        color = inpainter.paint(view.color, open_color | occluders(view, depth))
+        color = inpainter.paint(view.color, open_color | occluders(view, surfaces, depth))
         w = inverse_depth(np.where(view.hole, depth, view.depth))
         return Fill(hedged(view, color, open_color, w), depth, moved, notes)
 
     return fill
 
 
-def occluders(view: View, depth: Float32Array) -> BoolArray:
+def occluders(view: View, surfaces: Surfaces, depth: Float32Array) -> BoolArray:
     """H x W, True in known pixels near a hole that stand before what was filled into it: their colours do not belong there.
 
-    Not at the picture's old border: what lies beyond it is hidden by nothing.
+    A known pixel is held against the surface of the nearest hole pixel as that surface goes on to it: ground that comes towards
+    the camera hides nothing. Not at the picture's old border: what lies beyond it is hidden by nothing. Nor at a hole that
+    lacks depth alone: its colours are known.
     """
-    import cv2
-
-    distance, nearest = cv2.distanceTransformWithLabels(
-        (~view.hole).astype(np.uint8), cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL
-    )
-    inner = view.hole & (view.hole_type != HoleType.OUT_OF_VIEW)
-    filled = np.zeros(int(nearest.max()) + 1, np.float32)
-    filled[nearest[inner]] = depth[inner]
-    band = ~view.hole & (distance <= BAND) & view.valid
-    return band & (view.depth < np.float32(NEARER) * filled[nearest])
+    open_color = color_hole(view)
+    distance, nearest = nearest_inside(open_color)
+    rows, columns = np.nonzero((distance <= BAND) & view.valid)
+    hole_pixel = nearest[rows, columns]
+    filled = inverse_depth(depth).ravel()[hole_pixel]
+    of_label = np.concatenate([np.zeros((1, 3)), surfaces.planes])[np.maximum(surfaces.label.ravel()[hole_pixel], 0)]
+    continued = of_label[:, 0] * (columns + 0.5) + of_label[:, 1] * (rows + 0.5) + of_label[:, 2]
+    before = NEARER / view.depth[rows, columns] > np.maximum(continued, filled)
+    out = np.zeros(view.hole.shape, np.bool_)
+    out[rows, columns] = before & (view.hole_type.ravel()[hole_pixel] != HoleType.OUT_OF_VIEW)
+    return out
