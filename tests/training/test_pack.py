@@ -13,12 +13,14 @@ from PIL import Image
 from dlama.datasets.frames import ViewTruth
 from dlama.errors import FileError, InputError, OutputError
 from dlama.training.batches import check_sample
-from dlama.training.frame_samples import FrameSamples, Pair, resized, split_pairs
+from dlama.training.frame_samples import FrameSamples
 from dlama.training.mixture import Mixture
 from dlama.training.pack import pack
 from dlama.training.pack_reader import read_pack
 from dlama.training.settings import DataSettings, NetworkSettings, TrainSettings
-from dlama.training.sources import source_for
+from dlama.training.sources import gathered, source_for
+from dlama.training.takes import Take, split_takes
+from dlama.training.windows import resized
 from posed_folders import truth
 
 
@@ -75,22 +77,20 @@ def write_scannet(folder: Path) -> Path:
 
 def test_photos_and_pairs_come_back(photos: Path, posed: Path, tmp_path: Path) -> None:
     """Photos within what WebP loses, depth within half a millimetre, cameras and names to the digit."""
-    from dlama.training.sources import gathered
-
     lines = pack([photos, posed], tmp_path / "a.pack", megabytes=5, size=64)
     read_photos, read_pairs = read_pack(tmp_path / "a.pack")
     given = gathered([photos, posed])
-    assert len(read_photos) == 40 and len(read_pairs) == len(given.pairs) > 2 and "40 of 40" in lines[1]
+    assert len(read_photos) == 40 and len(read_pairs) == len(given.takes) > 2 and "40 of 40" in lines[1]
     originals = {photo.name: photo.load() for photo in given.photos}
     for photo in read_photos[:5]:
         shrunk = originals[photo.name].reshape(96, 120, 3)[::3, ::3]
         back = photo.load()
         assert back.shape == (64, 80, 3)
         assert np.abs(back[::2, ::2].astype(float) - shrunk).mean() < 8
-    named = {pair.name + pair.scene: pair for pair in given.pairs}
+    named = {pair.name + pair.scene: pair for pair in given.takes}
     for pair in read_pairs:
         was, now = named[pair.name + pair.scene].load(), pair.load()
-        assert pair.frames == named[pair.name + pair.scene].frames
+        assert pair.frames == named[pair.name + pair.scene].frames and pair.kind == "frame"
         for end in ("source", "target"):
             small = resized(getattr(was, end), 64 / 72)
             back = getattr(now, end)
@@ -180,16 +180,16 @@ def test_scaling_keeps_points_in_place() -> None:
 def test_pairs_are_split_by_scene_or_by_frame() -> None:
     """No frame is on both sides, in several scenes or in one; a chain of frames that all hang together is refused."""
 
-    def pair(scene: str, one: int, two: int) -> Pair:
+    def pair(scene: str, one: int, two: int) -> Take:
         load = functools.partial(two_views, 0, 1)
-        return Pair(scene, f"{one}_to_{two}", frozenset({str(one), str(two)}), load)
+        return Take("frame", scene, f"{one}_to_{two}", frozenset({str(one), str(two)}), load)
 
     for pairs in ([pair(f"s{i // 4}", i, i + 1) for i in range(40)], [pair("s", i, i + 1) for i in range(0, 40, 2)]):
-        train, held = split_pairs(pairs, "train"), split_pairs(pairs, "held_out")
+        train, held = split_takes(pairs, "train"), split_takes(pairs, "held_out")
         seen = [{(each.scene, frame) for each in part for frame in each.frames} for part in (train, held)]
         assert train and held and not seen[0] & seen[1]
     with pytest.raises(InputError, match="share frames"):
-        split_pairs([pair("s", 0, i) for i in range(1, 6)], "train")
+        split_takes([pair("s", 0, i) for i in range(1, 6)], "train")
 
 
 def test_mixtures_draw_by_share() -> None:

@@ -1,8 +1,8 @@
 """Pictures and data sets in -> one file of a stated size that trains anywhere with no other file, out; and back.
 
-A pack is an uncompressed ZIP: `index.json` first, then photos as WebP, pairs of posed frames as WebP and 16-bit PNG
-(millimetres, 0 = missing, 65535 = far), each with the smaller side brought to the pack's size. The same input gives the same
-bytes.
+A pack is an uncompressed ZIP: `index.json` first, then photos as WebP and the takes of data sets (pairs of posed frames,
+removals, stereo pairs) as `pack_takes` has them, each with the smaller side brought to the pack's size. The same input gives
+the same bytes.
 """
 
 from __future__ import annotations
@@ -18,19 +18,17 @@ import numpy as np
 
 from dlama.errors import InputError
 from dlama.files.placement import new_file
-from dlama.geometry.camera import Camera
-from dlama.geometry.rgbd import RGBD, Float32Array, UInt8Array
-from dlama.training.frame_samples import Pair, resized
+from dlama.geometry.rgbd import UInt8Array
+from dlama.training.pack_takes import packed, webp
 from dlama.training.photos import Photo
+from dlama.training.takes import WORDS, Take
 
-FORMAT, VERSION, INDEX = "dlama pack", 1, "index.json"
-QUALITY = 88
-"""Of WebP; the pictures of a pair are to agree with their depth, photos are usually JPEG already."""
+FORMAT, VERSION, INDEX = "dlama pack", 2, "index.json"
+"""Version 1 held photos and pairs of posed frames only, under other names; it is still read."""
 LONGEST = 1.5
 """A photo's longer side is cut (about its centre) to so many times the smaller one."""
-PAIR_SHARE = 0.5
-"""Of the file, where there are photos as well as pairs; what one does not need the other gets."""
-MILLIMETRES, FAR_CODE = 1000.0, 65535
+TAKE_SHARE = 0.5
+"""Of the file, where there are photos as well as takes; what one does not need the other gets."""
 EPOCH = (1980, 1, 1, 0, 0, 0)
 PART_BYTES, END_BYTES = 30 + 46, 22
 """What ZIP adds for each part (plus twice its name) and at the end."""
@@ -43,7 +41,7 @@ class Draft:
     room: float
     """Bytes left."""
     parts: list[tuple[str, bytes]] = field(default_factory=list)
-    listed: dict[str, list[dict[str, Any]]] = field(default_factory=lambda: {"photos": [], "pairs": []})
+    listed: dict[str, list[dict[str, Any]]] = field(default_factory=lambda: {"photos": [], "takes": []})
 
     def add(self, kind: str, entry: dict[str, Any], parts: Sequence[tuple[str, bytes]], least: float) -> bool:
         """Take an entry and its parts in, if at least `least` bytes stay free."""
@@ -70,19 +68,20 @@ def pack(data: Sequence[Path], output: Path, megabytes: float = 45.0, size: int 
         raise InputError(f"size is {size} px; 16 or more is wanted")
     found, rng = gathered(data), np.random.default_rng(seed)
     draft = Draft(megabytes * 1e6 - END_BYTES - 2 * len(INDEX) - PART_BYTES - 200)
-    spare = draft.room * (1 - PAIR_SHARE) if found.photos else 0.0
-    pairs, photos = _shuffled(found.pairs, rng), _shuffled(found.photos, rng)
-    _fill(draft, "pairs", (_packed_pair(pair, n, size) for n, pair in enumerate(pairs)), spare)
+    spare = draft.room * (1 - TAKE_SHARE) if found.photos else 0.0
+    takes, photos = _shuffled(found.takes, rng), _shuffled(found.photos, rng)
+    _fill(draft, "takes", (_packed_take(take, n, size) for n, take in enumerate(takes)), spare)
     _fill(draft, "photos", (_packed_photo(photo, n, size) for n, photo in enumerate(photos)), 0.0)
     if not draft.parts:
         raise InputError(f"{megabytes:g} MB hold not one picture; more is wanted")
     index = {"format": FORMAT, "version": VERSION, "size": size, **draft.listed}
     written = _write(output, json.dumps(index).encode(), draft.parts)
-    return [
-        f"{output}: {written / 1e6:.2f} MB, sides of {size} px",
-        f"    {len(draft.listed['photos'])} of {len(photos)} photos",
-        f"    {len(draft.listed['pairs'])} of {len(pairs)} pairs of posed frames",
-    ]
+    lines = [f"{output}: {written / 1e6:.2f} MB, sides of {size} px"]
+    counts = {"photos": (len(draft.listed["photos"]), len(photos))}
+    for kind, words in WORDS.items():
+        taken = sum(entry["kind"] == kind for entry in draft.listed["takes"])
+        counts[words] = taken, sum(take.kind == kind for take in takes)
+    return lines + [f"    {taken} of {given} {words}" for words, (taken, given) in counts.items() if given]
 
 
 def _fill(
@@ -99,32 +98,15 @@ def _packed_photo(photo: Photo, number: int, size: int) -> tuple[dict[str, Any],
     return {"name": photo.name, "file": name}, [(name, webp(smaller(photo.load(), size)))]
 
 
-def _packed_pair(pair: Pair, number: int, size: int) -> tuple[dict[str, Any], list[tuple[str, bytes]]]:
-    truth = pair.load()
-    entry: dict[str, Any] = {
-        "scene": pair.scene,
-        "name": pair.name,
-        "frames": sorted(pair.frames),
-        "exposure_varies": truth.exposure_varies,
-    }
-    parts = []
-    for end, rgbd in (("source", truth.source), ("target", truth.target)):
-        small = resized(rgbd, min(1.0, size / min(rgbd.camera.hw)))
-        names = f"pairs/{number:06d}.{end}.webp", f"pairs/{number:06d}.{end}.png"
-        parts += [(names[0], webp(small.color)), (names[1], png(small.depth))]
-        entry[end] = {"color": names[0], "depth": names[1], "camera": _camera_entry(small)}
-    return entry, parts
+def _packed_take(take: Take, number: int, size: int) -> tuple[dict[str, Any], list[tuple[str, bytes]]]:
+    about, parts = packed(take.kind, take.load(), size)
+    names = {role: f"takes/{number:06d}.{role}.{_suffix(data)}" for role, data in parts.items()}
+    entry = {"kind": take.kind, "scene": take.scene, "name": take.name, "frames": sorted(take.frames), **about}
+    return entry | {"parts": names}, [(names[role], data) for role, data in parts.items()]
 
 
-def _camera_entry(rgbd: RGBD) -> dict[str, Any]:
-    camera = rgbd.camera
-    numbers = {name: getattr(camera, name) for name in ("width", "height", "fx", "fy", "cx", "cy")}
-    return numbers | {"world_from_cam": camera.world_from_cam.tolist()}
-
-
-def camera_of(entry: dict[str, Any]) -> Camera:
-    """The camera that a pack's index tells of."""
-    return Camera(**{**entry, "world_from_cam": np.array(entry["world_from_cam"])})
+def _suffix(data: bytes) -> str:
+    return "png" if data.startswith(b"\x89PNG") else "webp"
 
 
 def smaller(picture: UInt8Array, size: int) -> UInt8Array:
@@ -139,24 +121,6 @@ def smaller(picture: UInt8Array, size: int) -> UInt8Array:
         return np.ascontiguousarray(part)
     wh = round(part.shape[1] * size / least), round(part.shape[0] * size / least)
     return np.asarray(cv2.resize(part, wh, interpolation=cv2.INTER_AREA), np.uint8)
-
-
-def webp(color: UInt8Array) -> bytes:
-    """H x W x 3 RGB as a WebP file."""
-    import cv2
-
-    bgr = np.ascontiguousarray(color[..., ::-1])
-    return bytes(cv2.imencode(".webp", bgr, [cv2.IMWRITE_WEBP_QUALITY, QUALITY])[1])
-
-
-def png(depth: Float32Array) -> bytes:
-    """H x W metres as a 16-bit PNG file of millimetres."""
-    import cv2
-
-    valid = (depth > 0) & (depth < np.inf)
-    codes = np.clip(np.rint(np.where(valid, depth, 0) * MILLIMETRES), 1, FAR_CODE - 1)
-    codes = np.where(valid, codes, np.where(np.isposinf(depth), FAR_CODE, 0)).astype(np.uint16)
-    return bytes(cv2.imencode(".png", codes, [cv2.IMWRITE_PNG_COMPRESSION, 9])[1])
 
 
 def _shuffled(things: Sequence[Any], rng: np.random.Generator) -> list[Any]:

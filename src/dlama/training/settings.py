@@ -171,6 +171,9 @@ class DataSettings:
     """Height and width of a sample in pixels."""
     mixture: Mapping[str, float] = field(default_factory=lambda: {"world": 1.0})
     """Kind of sample -> its share: sketch, photo, warped-photo, world, frame, removal, stereo."""
+    cases: float = 0.5
+    """Of the samples of kinds removal and stereo: the share that is made of the frames with and without a thing, and of the
+    stereo pairs, that --data has; the rest, and all where it has none, are of worlds. (Kind frame is of --data alone.)"""
     held_out: int = 16
     """Fixed samples, of worlds or files that are never trained on, which the learning curve is measured on."""
     workers: int | None = None
@@ -184,6 +187,8 @@ class DataSettings:
             one_of("data.mixture", kind, SAMPLE_KINDS)
             if not 0 < share < float("inf"):
                 raise InputError(f"data.mixture gives {kind!r} the share {share}; more than 0 is wanted")
+        if not 0 < self.cases <= 1:
+            raise InputError(f"data.cases is {self.cases}; more than 0 and 1 at most is wanted")
         if not self.mixture:
             raise InputError("data.mixture is empty; one kind of sample or more is wanted")
 

@@ -15,15 +15,16 @@ from dlama.errors import FileError, InputError
 from dlama.training.settings import TrainSettings
 
 if TYPE_CHECKING:
-    from dlama.training.frame_samples import Pair
     from dlama.training.photo_samples import Shapes
     from dlama.training.photos import Photo
+    from dlama.training.takes import Take
 
 LOG = logging.getLogger("dlama")
 Split = Literal["train", "held_out"]
 PHOTO_KINDS = {"photo", "warped-photo"}
 USES_PHOTOS = {"photo", "warped-photo", "world", "removal", "stereo"}
-USES_PAIRS = {"frame", "warped-photo"}
+USES_TAKES = {"frame": "frame", "warped-photo": "frame", "removal": "removal", "stereo": "stereo"}
+"""Kind of sample -> kind of take that it can be made of."""
 
 
 class SampleSource(Protocol):
@@ -44,7 +45,11 @@ class Found:
     """What lies behind --data, not yet read."""
 
     photos: tuple[Photo, ...] = ()
-    pairs: tuple[Pair, ...] = ()
+    takes: tuple[Take, ...] = ()
+
+    def of(self, kind: str) -> tuple[Take, ...]:
+        """The takes of one kind: frame, removal, stereo."""
+        return tuple(take for take in self.takes if take.kind == kind)
 
 
 def source_for(settings: TrainSettings, data: Sequence[Path], split: Split) -> SampleSource:
@@ -58,7 +63,7 @@ def source_for(settings: TrainSettings, data: Sequence[Path], split: Split) -> S
     _check_use(kinds, data, found)
     ours = _split(found, kinds, split)
     if data:
-        LOG.info("%s: %d photos, %d pairs of posed frames", split, len(ours.photos), len(ours.pairs))
+        LOG.info("%s: %s", split, told(ours, settings))
     made = {kind: (MAKERS[kind](settings, ours, split), share) for kind, share in settings.data.mixture.items()}
     if len(made) == 1:
         return next(iter(made.values()))[0]
@@ -67,30 +72,41 @@ def source_for(settings: TrainSettings, data: Sequence[Path], split: Split) -> S
     return Mixture(made)
 
 
+def told(found: Found, settings: TrainSettings) -> str:
+    """What of --data is used, and what feeds the kinds that worlds can feed too."""
+    from dlama.training.takes import WORDS
+
+    parts = [f"{len(found.photos)} photos", *(f"{len(found.of(kind))} {words}" for kind, words in WORDS.items())]
+    for kind in sorted({"removal", "stereo"} & set(settings.data.mixture)):
+        share = settings.data.cases if found.of(kind) else 0.0
+        parts.append(f"kind {kind!r} is {share:.0%} {WORDS[kind]} of the data, {1 - share:.0%} worlds")
+    return ", ".join(parts)
+
+
 def gathered(data: Sequence[Path]) -> Found:
-    """The photos and pairs of frames of folders of pictures, data sets and packs. InputError, FileError."""
+    """The photos and takes of folders of pictures, data sets and packs. InputError, FileError."""
     if not data:
         return Found()
     photos: list[Photo] = []
-    pairs: list[Pair] = []
+    takes: list[Take] = []
     for path in map(Path, data):
-        more_photos, more_pairs = _of_file(path) if path.is_file() else _of_folder(path)
+        more_photos, more_takes = _of_file(path) if path.is_file() else _of_folder(path)
         photos += more_photos
-        pairs += more_pairs
-    return Found(tuple(photos), tuple(pairs))
+        takes += more_takes
+    return Found(tuple(photos), tuple(takes))
 
 
-def _of_file(path: Path) -> tuple[Sequence[Photo], Sequence[Pair]]:
+def _of_file(path: Path) -> tuple[Sequence[Photo], Sequence[Take]]:
     from dlama.training.pack_reader import read_pack
 
     return read_pack(path)
 
 
-def _of_folder(path: Path) -> tuple[Sequence[Photo], Sequence[Pair]]:
+def _of_folder(path: Path) -> tuple[Sequence[Photo], Sequence[Take]]:
     """A data set of a known layout, or else a folder of pictures."""
     from dlama.datasets.layouts import LAYOUTS, detect, open_dataset
-    from dlama.training.frame_samples import pairs_of
     from dlama.training.photos import folder_photos
+    from dlama.training.takes import takes_of
 
     if not path.is_dir():
         raise FileError(f"{path}: no such file or folder; pictures, a data set or a pack is wanted")
@@ -100,13 +116,13 @@ def _of_folder(path: Path) -> tuple[Sequence[Photo], Sequence[Pair]]:
         if " may be " in str(error):  # a data set, but of two layouts: no folder of pictures
             raise
         return folder_photos(path), ()
-    pairs = pairs_of(open_dataset(path, layout))
-    if not pairs:
+    takes = takes_of(open_dataset(path, layout))
+    if not takes:
         raise InputError(
-            f"{path}: has no two frames of one scene with depth and poses ({LAYOUTS[layout].looked_for}), "
-            "which kind 'frame' learns from; for its pictures alone, name the folder that holds nothing else"
+            f"{path}: has no two frames of one scene with depth and poses ({LAYOUTS[layout].looked_for}), no frame with and "
+            "without a thing and no stereo pair; for its pictures alone, name the folder that holds nothing else"
         )
-    return (), pairs
+    return (), takes
 
 
 def _check_use(kinds: set[str], data: Sequence[Path], found: Found) -> None:
@@ -115,20 +131,26 @@ def _check_use(kinds: set[str], data: Sequence[Path], found: Found) -> None:
     for kind in sorted(kinds & PHOTO_KINDS):
         if not found.photos:
             raise InputError(f"data.mixture has {kind!r}, which needs photos, but --data names {named}")
-    if "frame" in kinds and not found.pairs:
+    if "frame" in kinds and not found.of("frame"):
         raise InputError(f"data.mixture has 'frame', which needs a posed data set, but --data names {named}")
-    if data and not (found.photos and kinds & USES_PHOTOS) and not (found.pairs and kinds & USES_PAIRS):
+    if data and not (found.photos and kinds & USES_PHOTOS) and not _used(found, kinds):
         raise InputError(f"data.mixture is {', '.join(sorted(kinds))}, which has no use for --data {named}")
 
 
+def _used(found: Found, kinds: set[str]) -> tuple[Take, ...]:
+    """The takes that these kinds of samples are made of."""
+    wanted = {USES_TAKES[kind] for kind in kinds & set(USES_TAKES)}
+    return tuple(take for take in found.takes if take.kind in wanted)
+
+
 def _split(found: Found, kinds: set[str], split: Split) -> Found:
-    """The photos and pairs of one split that these kinds use."""
-    from dlama.training.frame_samples import split_pairs
+    """The photos and takes of one split that these kinds use."""
     from dlama.training.photos import split_photos
+    from dlama.training.takes import split_takes
 
     photos = split_photos(found.photos, split) if found.photos and kinds & USES_PHOTOS else ()
-    pairs = split_pairs(found.pairs, split) if found.pairs and kinds & USES_PAIRS else ()
-    return Found(photos, pairs)
+    used = _used(found, kinds)
+    return Found(photos, split_takes(used, split) if used else ())
 
 
 def _sketches(settings: TrainSettings, found: Found, split: Split) -> SampleSource:
@@ -150,8 +172,8 @@ def _warped_photos(settings: TrainSettings, found: Found, split: Split) -> Sampl
 
     size = settings.data.size
     shapes: Shapes = functools.partial(world_shapes, split=split)
-    if found.pairs:
-        shapes = FrameSamples(found.pairs, settings.network, size).shape
+    if found.of("frame"):
+        shapes = FrameSamples(found.of("frame"), settings.network, size).shape
     return WarpedPhotoSamples(found.photos, settings.network, size, shapes)
 
 
@@ -163,23 +185,37 @@ def _worlds(settings: TrainSettings, found: Found, split: Split) -> SampleSource
 
 
 def _removals(settings: TrainSettings, found: Found, split: Split) -> SampleSource:
+    from dlama.training.case_samples import CaseRemovals
     from dlama.training.galleries import Galleries
     from dlama.training.world_samples import RemovalSamples
 
-    return RemovalSamples(Galleries(split, settings.data.size, found.photos), settings.network)
+    worlds = RemovalSamples(Galleries(split, settings.data.size, found.photos), settings.network)
+    takes = found.of("removal")
+    return _shared(settings, CaseRemovals(takes, settings.network, settings.data.size), worlds) if takes else worlds
 
 
 def _stereo(settings: TrainSettings, found: Found, split: Split) -> SampleSource:
+    from dlama.training.case_samples import CasePairs
     from dlama.training.galleries import Galleries
     from dlama.training.world_samples import StereoSamples
 
-    return StereoSamples(Galleries(split, settings.data.size, found.photos), settings.network)
+    worlds = StereoSamples(Galleries(split, settings.data.size, found.photos), settings.network)
+    takes = found.of("stereo")
+    return _shared(settings, CasePairs(takes, settings.network, settings.data.size), worlds) if takes else worlds
+
+
+def _shared(settings: TrainSettings, cases: SampleSource, worlds: SampleSource) -> SampleSource:
+    """One kind, made of a data set's cases and of worlds."""
+    from dlama.training.mixture import Mixture
+
+    share = settings.data.cases
+    return Mixture({"cases": (cases, share), "worlds": (worlds, 1 - share)}) if share < 1 else cases
 
 
 def _frames(settings: TrainSettings, found: Found, split: Split) -> SampleSource:
     from dlama.training.frame_samples import FrameSamples
 
-    return FrameSamples(found.pairs, settings.network, settings.data.size)
+    return FrameSamples(found.of("frame"), settings.network, settings.data.size)
 
 
 MAKERS: dict[str, Callable[[TrainSettings, Found, Split], SampleSource]] = {

@@ -1,4 +1,5 @@
-"""A view with holes and its truth in -> a sample, exactly as the filler `joint` would be fed that view, out.
+"""A view with holes and its truth in -> a sample, exactly as the filler `joint` would be fed that view, out; a pair of pictures
+in -> a sample as the filler `pair` would be fed it, out.
 
 Two things are decided here. **What is known of the target**: the view shows warped colours, blurred by resampling and, after
 noise, wrong at edges; the truth is the frame that a camera there would take. Where both agree at most known pixels (depth
@@ -11,12 +12,13 @@ the view knows, and the truth is clipped at 1 as the input is.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from dlama.geometry.drawing import inverse_depth
-from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array
+from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
 from dlama.geometry.view import View
 from dlama.geometry.visibility import Law
 from dlama.inpainters.planes_of_views import DepthPlane, color_planes, robust_scale
@@ -68,6 +70,18 @@ def view_sample(question: Question, network: NetworkSettings) -> dict[str, np.nd
     made["input"] = np.concatenate([known * (1 - mask), mask])
     made["target"] = np.where(hole, target, known) if own else target
     return made
+
+
+def pair_sample(
+    shown: Sequence[UInt8Array], true: Sequence[UInt8Array], holes: Sequence[BoolArray], network: NetworkSettings
+) -> dict[str, np.ndarray]:
+    """Left and right pictures (H x W x 3), what they should be, and the hole of each (H x W), as a sample of planes stereo
+    or stereo-two-masks: one mask is the union of both holes."""
+    each = np.stack(holes).astype(np.float32)
+    mask = each if network.masks == 2 else each.max(0, keepdims=True)
+    pictures, target = (np.concatenate([color_planes(color) for color in colors]) for colors in (shown, true))
+    known = pictures * (1 - mask.repeat(6 // len(mask), 0))
+    return {"input": np.concatenate([known, mask]), "target": target, "mask": mask}
 
 
 def closed(plane: Float32Array, known: BoolArray) -> Float32Array:

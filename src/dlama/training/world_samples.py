@@ -20,12 +20,11 @@ from dlama.geometry.rgbd import RGBD, BoolArray
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import HoleType, View
 from dlama.geometry.visibility import Law
-from dlama.inpainters.planes_of_views import color_planes
 from dlama.training.augment import mirrored, relit, with_faults
 from dlama.training.galleries import Galleries, Gallery
 from dlama.training.masks import random_mask
 from dlama.training.settings import NetworkSettings
-from dlama.training.view_samples import Question, fits, view_sample
+from dlama.training.view_samples import Question, fits, pair_sample, view_sample
 
 SENSOR_SHARE = 0.08
 """How often the question is a frame's own sensor holes."""
@@ -102,15 +101,10 @@ class StereoSamples:
         for number in ends:
             frame = gallery.frame(number)
             hole = drawn if drawn is not None else dilated(gallery.seen(number).group == thing, radius)
-            shown.append(color_planes(frame.color))
-            true.append(
-                color_planes(seen_through(gallery, number, thing, hole).color) if thing is not None else shown[-1]
-            )
+            shown.append(frame.color)
+            true.append(seen_through(gallery, number, thing, hole).color if thing is not None else frame.color)
             holes.append(hole)
-        each = np.stack(holes).astype(np.float32)
-        mask = each if self.network.masks == 2 else each.max(0, keepdims=True)
-        known = np.concatenate(shown) * (1 - mask.repeat(6 // len(mask), 0))
-        return {"input": np.concatenate([known, mask]), "target": np.concatenate(true), "mask": mask}
+        return pair_sample(shown, true, holes, self.network)
 
 
 def finished(question: Question, network: NetworkSettings, rng: np.random.Generator) -> dict[str, np.ndarray]:

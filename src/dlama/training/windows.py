@@ -1,0 +1,109 @@
+"""A frame in -> a square part of it, brought to a sample's size, out: the same part of colour, depth, mask and disparity.
+
+Colour is averaged over areas; depth and disparity are the nearest pixel's, since a mean of two surfaces lies on neither; a mask
+has every pixel that it touches, so that nothing of what it hides is left outside.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dlama.geometry.camera import Camera
+from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
+
+SMALLEST_CROP = 0.7
+"""Of the smaller side: how much of a frame a sample shows at least."""
+
+
+@dataclass(frozen=True)
+class Window:
+    """`side` x `side` pixels of a frame, which become `size` x `size`."""
+
+    top: int
+    left: int
+    side: int
+    size: int
+
+    def rgbd(self, rgbd: RGBD) -> RGBD:
+        """The part of a frame, with the camera that sees it."""
+        c, part = rgbd.camera, self._part
+        camera = Camera(self.side, self.side, c.fx, c.fy, c.cx - self.left, c.cy - self.top, c.world_from_cam)
+        return resized(RGBD(rgbd.color[part], rgbd.depth[part], camera), self.size / self.side)
+
+    def color(self, color: UInt8Array) -> UInt8Array:
+        """Of H x W x 3."""
+        return resized_color(color[self._part], (self.size, self.size))
+
+    def mask(self, mask: BoolArray) -> BoolArray:
+        """Of H x W."""
+        return resized_mask(mask[self._part], (self.size, self.size))
+
+    def disparity(self, disparity: Float32Array) -> Float32Array:
+        """Of H x W px, 0 = unknown; in pixels of the sample."""
+        return resized_disparity(disparity[self._part], (self.size, self.size))
+
+    @property
+    def _part(self) -> tuple[slice, slice]:
+        return np.s_[self.top : self.top + self.side, self.left : self.left + self.side]
+
+
+def drawn(hw: tuple[int, int], size: int, rng: np.random.Generator, around: BoolArray | None = None) -> Window:
+    """A random square of a frame of height and width `hw`; with `around` (H x W) one that shows one of its pixels."""
+    height, width = hw
+    side = round(min(hw) * rng.uniform(SMALLEST_CROP, 1))
+    lowest, highest = (0, 0), (height - side, width - side)
+    if around is not None and around.any():
+        rows, columns = np.nonzero(around)
+        chosen = int(rng.integers(len(rows)))
+        at = int(rows[chosen]), int(columns[chosen])
+        lowest = max(at[0] - side + 1, 0), max(at[1] - side + 1, 0)
+        highest = min(at[0], highest[0]), min(at[1], highest[1])
+    top, left = (int(rng.integers(low, high + 1)) for low, high in zip(lowest, highest))
+    return Window(top, left, side, size)
+
+
+def resized(rgbd: RGBD, factor: float) -> RGBD:
+    """A frame with `factor` times as many pixels a side (rounded)."""
+    camera = rgbd.camera
+    hw = scaled(camera.hw, factor)
+    across, down = hw[1] / camera.width, hw[0] / camera.height
+    numbers = camera.fx * across, camera.fy * down, camera.cx * across, camera.cy * down
+    depth = rgbd.depth[nearest(camera.hw, hw)]
+    return RGBD(resized_color(rgbd.color, hw), depth, Camera(hw[1], hw[0], *numbers, camera.world_from_cam))
+
+
+def scaled(hw: tuple[int, int], factor: float) -> tuple[int, int]:
+    """Height and width times a factor, rounded, 1 or more."""
+    return max(1, round(hw[0] * factor)), max(1, round(hw[1] * factor))
+
+
+def resized_color(color: UInt8Array, hw: tuple[int, int]) -> UInt8Array:
+    """H x W x 3 at another height and width: area means, or linear where it grows."""
+    import cv2
+
+    how = cv2.INTER_AREA if hw[0] < color.shape[0] else cv2.INTER_LINEAR
+    return np.asarray(cv2.resize(color, hw[::-1], interpolation=how), np.uint8)
+
+
+def resized_mask(mask: BoolArray, hw: tuple[int, int]) -> BoolArray:
+    """H x W bool at another height and width, True wherever any of it was."""
+    import cv2
+
+    if hw[0] >= mask.shape[0]:
+        return mask[nearest((mask.shape[0], mask.shape[1]), hw)]
+    return np.asarray(cv2.resize(mask.astype(np.float32), hw[::-1], interpolation=cv2.INTER_AREA) > 1e-6)
+
+
+def resized_disparity(disparity: Float32Array, hw: tuple[int, int]) -> Float32Array:
+    """H x W px at another height and width, in pixels of that width."""
+    before = (disparity.shape[0], disparity.shape[1])
+    return (disparity[nearest(before, hw)] * np.float32(hw[1] / before[1])).astype(np.float32)
+
+
+def nearest(before: tuple[int, int], after: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
+    """Indices of the pixels in which the centres of the resized picture's pixels lie."""
+    rows = ((np.arange(after[0]) + 0.5) * (before[0] / after[0])).astype(np.intp)
+    columns = ((np.arange(after[1]) + 0.5) * (before[1] / after[1])).astype(np.intp)
+    return rows[:, None], columns[None]

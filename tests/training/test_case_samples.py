@@ -1,0 +1,345 @@
+"""Frames with and without a thing, and stereo pairs, from folders and packs: what goes in is what the files show."""
+
+from __future__ import annotations
+
+import json
+import logging
+import zipfile
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dlama.datasets.frames import RemovalTruth
+from dlama.datasets.layouts import open_dataset
+from dlama.datasets.worlds import write_worlds
+from dlama.errors import FileError, InputError
+from dlama.geometry.camera import Camera
+from dlama.geometry.holes import dilated
+from dlama.geometry.rgbd import RGBD
+from dlama.training import windows
+from dlama.training.batches import check_sample
+from dlama.training.case_samples import CasePairs, CaseRemovals
+from dlama.training.mixture import Mixture
+from dlama.training.pack import pack
+from dlama.training.pack_reader import read_pack
+from dlama.training.settings import DataSettings, NetworkSettings, TrainSettings
+from dlama.training.sources import gathered, source_for
+from dlama.training.takes import StereoPair, Take, split_takes
+from dlama.training.view_samples import view_sample
+
+SIZE = 64
+GREY, RED = 120, (200, 30, 30)
+
+
+def settings(planes: str, size: int = SIZE, cases: float = 1.0, **mixture: float) -> TrainSettings:
+    """Made of the data set's cases alone unless told."""
+    data = DataSettings(size=size, mixture=mixture, cases=cases)
+    return TrainSettings("t", network=NetworkSettings(planes), data=data)  # type: ignore[arg-type]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Three scenes in EasySynth's layout, with and without their object, each with a stereo pair."""
+    root = tmp_path_factory.mktemp("cases") / "made"
+    write_worlds(root, count=3, size=SIZE)
+    return root
+
+
+@pytest.fixture
+def whole(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Samples show whole frames, pixel by pixel."""
+    monkeypatch.setattr(windows, "SMALLEST_CROP", 1.0)
+
+
+def levels(planes: np.ndarray) -> np.ndarray:
+    """3 x H x W of 0..1 as H x W x 3 of 0..255."""
+    return np.rint(planes * 255).astype(np.uint8).transpose(1, 2, 0)
+
+
+@pytest.mark.usefixtures("whole")
+def test_removals_show_what_the_files_show(folder: Path) -> None:
+    """Oracle: the data set's own cases. The hole is the mask grown by 1 to 4 px; in it the truth is the frame without the
+    object, in colour and depth; elsewhere input and truth are the frame with it."""
+    source = source_for(settings("rgbd", removal=1), [folder], "train")
+    assert isinstance(source, CaseRemovals)
+    cases = {f"made/{case.scene}/{case.frame}": case for case in open_dataset(folder).of("ori")}
+    shown = 0
+    for index, take in enumerate(source.takes):
+        truth = cases[f"{take.scene}/{take.name}"].load()
+        assert isinstance(truth, RemovalTruth)
+        question = source.question(index, np.random.default_rng(index))
+        hole = question.view.hole
+        if not any(np.array_equal(hole, dilated(truth.mask, radius)) for radius in (1, 2, 3, 4)):
+            continue  # too small a thing: a random mask instead
+        shown += 1
+        made = view_sample(question, source.network)
+        assert np.array_equal(levels(made["target"][:3])[hole], truth.without.color[hole])
+        assert np.array_equal(question.truth.depth[hole], truth.without.depth[hole])
+        assert np.array_equal(levels(made["input"][:3])[~hole], truth.source.color[~hole])
+        assert np.array_equal(levels(made["target"][:3])[~hole], truth.source.color[~hole])
+        assert np.array_equal(question.truth.depth[~hole], truth.source.depth[~hole])
+        assert np.array_equal(made["mask"][0] > 0, hole) and not made["input"][:4, hole].any()
+        there = truth.source.depth[truth.mask]
+        assert np.array_equal(question.law.measured[0][1][truth.mask], there)  # what was taken out still limits
+    assert shown > 0.8 * len(source)
+
+
+@pytest.mark.usefixtures("whole")
+@pytest.mark.parametrize("planes", ["stereo", "stereo-two-masks"])
+def test_pairs_show_what_the_files_show(folder: Path, planes: str) -> None:
+    """Oracle: the data set's own cases, as for removals; one radius for both masks; one mask plane is their union."""
+    source = source_for(settings(planes, stereo=1), [folder], "train")
+    assert isinstance(source, CasePairs)
+    cases = {f"made/{case.scene}": case for case in open_dataset(folder).of("sii")}
+    for index, take in enumerate(source.takes):
+        truth = cases[take.scene].load()
+        made = source.pair(index, np.random.default_rng(index))
+        grown = [np.stack([dilated(mask, r) for mask in (truth.mask_left, truth.mask_right)]) for r in (1, 2, 3, 4)]
+        found = [holes for holes in grown if np.array_equal(made["mask"] > 0, holes if "two" in planes else
+                                                            holes.any(0, keepdims=True))]  # fmt: skip
+        assert len(found) == 1
+        ends = (truth.left, truth.without_left.color), (truth.right, truth.without_right.color)
+        for side, (shown, without) in enumerate(ends):
+            true, given = levels(made["target"][3 * side :][:3]), levels(made["input"][3 * side :][:3])
+            own = found[0][side]
+            assert np.array_equal(true[own], without[own]) and np.array_equal(true[~own], shown[~own])
+            known = made["mask"][side if "two" in planes else 0] == 0
+            assert np.array_equal(given[known], shown[known]) and not given[~known].any()
+
+
+@pytest.mark.parametrize(("planes", "kind"), [("rgb", "removal"), ("rgbd", "removal"), ("stereo", "stereo")])
+def test_squares_of_frames_make_samples(folder: Path, planes: str, kind: str) -> None:
+    """check_sample agrees at another size, and the same state of the generator gives the same bytes."""
+    source = source_for(settings(planes, 32, **{kind: 1.0}), [folder], "held_out")
+    for index in range(len(source)):
+        made, same = (source.sample(index, np.random.default_rng([3, index])) for _ in range(2))
+        check_sample(made, NetworkSettings(planes), 32)  # type: ignore[arg-type]
+        assert all(np.array_equal(made[key], same[key]) for key in made)
+
+
+def box_before_a_wall(**more: object) -> RemovalTruth:
+    """A red box, 1 m away, before a grey wall at 3 m; the mask is the box to the pixel."""
+    camera = Camera(120, 90, 80.0, 80.0, 60.0, 45.0)
+    mask = np.zeros(camera.hw, bool)
+    mask[30:52, 41:67] = True
+    wall = np.full((*camera.hw, 3), GREY, np.uint8)
+    color, depth = wall.copy(), np.full(camera.hw, 3.0, np.float32)
+    color[mask] = RED
+    depth[mask] = 1.0
+    without = RGBD(wall, np.full(camera.hw, 3.0, np.float32), camera)
+    return RemovalTruth(RGBD(color, depth, camera), without, mask, **more)  # type: ignore[arg-type]
+
+
+def removal_of(truth: RemovalTruth, size: int) -> CaseRemovals:
+    """A source of this case alone."""
+    take = Take("removal", "s", "with", frozenset({"with"}), lambda: truth)
+    return CaseRemovals((take,), NetworkSettings("rgbd"), size)
+
+
+@pytest.mark.parametrize("size", [32, 48, 96])
+def test_nothing_of_the_thing_is_left_at_any_scale(size: int) -> None:
+    """Closed form: a grey wall is all there is to see and to learn, however the square is drawn, shrunk or enlarged."""
+    source = removal_of(box_before_a_wall(), size)
+    for seed in range(12):
+        question = source.question(0, np.random.default_rng(seed))
+        assert (question.view.color[~question.view.hole] == GREY).all() and question.view.hole.any()
+        assert (question.truth.color == GREY).all() and np.allclose(question.truth.depth, 3)
+        assert question.truth.camera.fx == pytest.approx(80.0 * size / side_of(question.truth.camera, size))
+
+
+def side_of(camera: Camera, size: int) -> float:
+    """The side of the square that became `size` px, from where the frame's principal ray went (oracle: fx = 80, side
+    between 70 % and 100 % of 90 px)."""
+    side = 80.0 * size / camera.fx
+    assert 62.9 <= side <= 90.1 and abs(side - round(side)) < 1e-6
+    return round(side)
+
+
+def test_other_light_without_the_thing_is_brought_back() -> None:
+    """Closed form: the frame without the thing at half the exposure; its wall is as bright as that of the frame with it."""
+    truth = box_before_a_wall(exposure_varies=True)
+    dark = replace(truth.without, color=(truth.without.color // 2).astype(np.uint8))
+    question = removal_of(replace(truth, without=dark), 48).question(0, np.random.default_rng(0))
+    assert np.abs(question.truth.color.astype(int) - GREY).max() <= 1
+
+
+def test_no_hole_where_the_background_is_not_the_same() -> None:
+    """Law: the hole stays in `compare`, whatever the mask says."""
+    truth = box_before_a_wall()
+    compare = np.zeros_like(truth.mask)
+    compare[:, :54] = True  # half of the box
+    source = removal_of(
+        replace(truth, compare=compare, without=replace(truth.without, color=_marked(truth, compare))), 48
+    )
+    for seed in range(8):
+        question = source.question(0, np.random.default_rng(seed))
+        assert not (question.truth.color == (1, 2, 3)).all(-1).any()
+
+
+def _marked(truth: RemovalTruth, compare: np.ndarray) -> np.ndarray:
+    """The frame without the thing, with other things where it cannot be compared."""
+    return np.where(compare[..., None], truth.without.color, np.uint8([1, 2, 3]))
+
+
+def test_pairs_without_a_thing_get_one_hole_on_one_surface() -> None:
+    """Closed form: a wall whose disparity is 8 px; the right hole is the left one moved, and the truth is the pictures."""
+    rng = np.random.default_rng(0)
+    wall = rng.integers(0, 255, (80, 100, 3), np.uint8)
+    pair = StereoPair(wall, np.roll(wall, -8, 1), np.full((80, 100), 8, np.float32))
+    source = CasePairs(
+        (Take("stereo", "s", "p", frozenset({"p"}), lambda: pair),), NetworkSettings("stereo-two-masks"), 80
+    )
+    for seed in range(6):
+        made = source.pair(0, np.random.default_rng(seed))
+        side = 80 / windows.drawn((80, 100), 80, np.random.default_rng(seed)).side  # the same square again
+        left, right = made["mask"] > 0
+        moved = np.zeros_like(left)
+        moved[:, : -round(8 * side)] = left[:, round(8 * side) :]
+        assert (moved != right).mean() < 0.03 and left.any()
+        known = np.broadcast_to(made["mask"].repeat(3, 0) == 0, made["target"].shape)
+        assert np.array_equal(made["input"][:6][known], made["target"][known])
+        assert made["target"][:, left].std() > 0.1  # the surface itself is the truth
+
+
+def test_stereo_folders_and_removal_folders_are_read(data_dir: Path) -> None:
+    """Real ones, in both layouts that are no EasySynth: check_sample agrees."""
+    pairs = gathered([data_dir / "data" / "stereo"]).takes
+    assert len(pairs) == 2 and {take.kind for take in pairs} == {"stereo"}
+    check_sample(
+        CasePairs(pairs, NetworkSettings("stereo"), 64).sample(0, np.random.default_rng(0)),
+        NetworkSettings("stereo"),
+        64,
+    )
+    removals = gathered([data_dir / "data" / "bin_removal"]).takes
+    made = CaseRemovals(removals, NetworkSettings("rgbd"), 64).sample(0, np.random.default_rng(0))
+    check_sample(made, NetworkSettings("rgbd"), 64)
+
+
+def test_worlds_take_their_share(folder: Path, caplog: pytest.LogCaptureFixture) -> None:
+    """Half of a kind's samples are the data's unless `data.cases` says otherwise, and the log says so; without cases all
+    are of worlds."""
+    assert DataSettings().cases == 0.5
+    for kind, planes in (("removal", "rgbd"), ("stereo", "stereo")):
+        with caplog.at_level(logging.INFO, "dlama"):
+            source = source_for(settings(planes, cases=0.25, **{kind: 1.0}), [folder], "train")
+        assert isinstance(source, Mixture) and source.kinds == ("cases", "worlds")
+        assert source.until.tolist() == [0.25, 1.0]
+        assert f"kind '{kind}' is 25% " in caplog.text and "75% worlds" in caplog.text
+        assert not isinstance(source_for(settings(planes, cases=0.25, **{kind: 1.0}), [], "train"), Mixture)
+        for index in range(4):
+            check_sample(source.sample(index, np.random.default_rng(index)), NetworkSettings(planes), SIZE)  # type: ignore
+    with pytest.raises(InputError, match="cases is 0"):
+        DataSettings(cases=0)
+
+
+def test_a_scene_is_held_out_of_all_kinds_at_once(folder: Path) -> None:
+    """No scene is on both sides, whichever kinds its cases are of, and each kind is on both."""
+    found = gathered([folder])
+    takes = {split: split_takes(found.takes, split) for split in ("train", "held_out")}
+    scenes = {split: {take.scene for take in own} for split, own in takes.items()}
+    assert not scenes["train"] & scenes["held_out"] and len(found.takes) == sum(map(len, takes.values()))
+    for own in takes.values():
+        assert {take.kind for take in own} == {"frame", "removal", "stereo"}
+    alone = [
+        take for take in found.takes if take.kind == "frame" or (take.kind, take.scene) == ("removal", "made/w000")
+    ]
+    with pytest.raises(InputError, match="scenes with removals: two or more"):
+        split_takes(alone, "train")
+
+
+def test_one_scene_is_split_by_frames(folder: Path) -> None:
+    """A frame that is held out as a removal is trained on as nothing else."""
+    takes = gathered([folder / "w000"]).takes
+    takes = tuple(take for take in takes if take.kind != "stereo")
+    train, held = split_takes(takes, "train"), split_takes(takes, "held_out")
+    frames = [{frame for take in own for frame in take.frames} for own in (train, held)]
+    assert not frames[0] & frames[1] and {take.kind for take in held} == {"frame", "removal"}
+
+
+def test_packs_hold_removals_and_pairs(folder: Path, tmp_path: Path) -> None:
+    """Round trip: masks, cameras and names to the digit, depth within half a millimetre, disparity within 1/128 px, colours
+    within what WebP loses; sources of a pack make samples of both kinds."""
+    lines = pack([folder], tmp_path / "a.pack", megabytes=5, size=SIZE)
+    assert [line.strip() for line in lines[1:]] == [
+        "36 of 36 pairs of posed frames", "39 of 39 removals", "3 of 3 stereo pairs",
+    ]  # fmt: skip
+    given = {(take.kind, take.scene, take.name): take for take in gathered([folder]).takes}
+    photos, back = read_pack(tmp_path / "a.pack")
+    assert not photos and {(take.kind, take.scene, take.name) for take in back} == set(given)
+    for take in back:
+        was, now = given[take.kind, take.scene, take.name].load(), take.load()
+        if take.kind == "removal":
+            _same_removal(was, now)
+        if take.kind == "stereo":
+            assert all(np.array_equal(one, other) for one, other in zip(was.masks, now.masks))
+            assert np.abs(was.disparity - now.disparity).max() <= 1 / 128 + 1e-6
+            for one, other in ((was.left, now.left), (was.right, now.right), *zip(was.without, now.without)):
+                assert np.abs(one.astype(float) - other).mean() < 5
+    for kind, planes in (("removal", "rgbd"), ("stereo", "stereo-two-masks")):
+        source = source_for(settings(planes, 32, **{kind: 1.0}), [tmp_path / "a.pack"], "train")
+        check_sample(source.sample(0, np.random.default_rng(0)), NetworkSettings(planes), 32)  # type: ignore[arg-type]
+
+
+def _same_removal(was: RemovalTruth, now: RemovalTruth) -> None:
+    assert np.array_equal(was.mask, now.mask) and (was.compare is None) == (now.compare is None)
+    for one, other in ((was.source, now.source), (was.without, now.without)):
+        assert np.array_equal(one.camera.world_from_cam, other.camera.world_from_cam)
+        assert one.camera.same_lens_as(other.camera) and np.array_equal(one.missing, other.missing)
+        finite = one.valid & (one.depth < 65)
+        assert np.abs(one.depth[finite] - other.depth[finite]).max() <= 0.00051
+        assert np.abs(one.color.astype(float) - other.color).mean() < 5
+
+
+def test_packs_keep_where_frames_can_be_compared() -> None:
+    """Round trip of one removal's parts, shrunk: `compare` loses what is not wholly in it, the mask nothing (oracle: area)."""
+    import cv2
+
+    from dlama.training.pack_takes import packed, unpacked
+
+    truth = box_before_a_wall(exposure_varies=True)
+    compare = np.zeros_like(truth.mask)
+    compare[3:80, 5:101] = True
+    about, parts = packed("removal", replace(truth, compare=compare), 30)
+    pictures = {role: cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED) for role, data in parts.items()}
+    back = unpacked("removal", about, frozenset(parts), lambda role: np.ascontiguousarray(pictures[role]))
+    assert back.exposure_varies and back.source.camera.hw == back.mask.shape == back.compare.shape == (30, 40)
+    blocks = [each.reshape(30, 3, 40, 3).swapaxes(1, 2).reshape(30, 40, 9) for each in (truth.mask, compare)]
+    assert np.array_equal(back.mask, blocks[0].any(-1)) and np.array_equal(back.compare, blocks[1].all(-1))
+
+
+def test_packs_of_version_1_are_read(folder: Path, tmp_path: Path) -> None:
+    """The same pairs under the names that version 1 had: equal frames; a version and a kind nobody knows are refused."""
+    pack([folder], tmp_path / "2.pack", megabytes=5, size=SIZE)
+    with zipfile.ZipFile(tmp_path / "2.pack") as archive:
+        parts = {name: archive.read(name) for name in archive.namelist()}
+    index = json.loads(parts.pop("index.json"))
+
+    def written(name: str, **changes: object) -> Path:
+        with zipfile.ZipFile(tmp_path / name, "w", zipfile.ZIP_STORED) as archive:
+            archive.writestr("index.json", json.dumps(index | changes))
+            for part, data in parts.items():
+                archive.writestr(part, data)
+        return tmp_path / name
+
+    old = [_as_version_1(entry) for entry in index["takes"] if entry["kind"] == "frame"]
+    _, now = read_pack(tmp_path / "2.pack")
+    frames = [take for take in now if take.kind == "frame"]
+    _, was = read_pack(written("1.pack", version=1, pairs=old, takes=None))
+    assert len(was) == len(frames) > 10 and {take.kind for take in was} == {"frame"}
+    for one, other in zip(was[:3], frames):
+        assert np.array_equal(one.load().target.depth, other.load().target.depth) and one.frames == other.frames
+    with pytest.raises(FileError, match="version 1 or 2"):
+        read_pack(written("3.pack", version=3))
+    with pytest.raises(FileError, match="of kind 'film'"):
+        read_pack(written("4.pack", takes=[index["takes"][0] | {"kind": "film"}]))
+
+
+def _as_version_1(entry: dict[str, object]) -> dict[str, object]:
+    parts, cameras = entry["parts"], entry["cameras"]
+    ends = {
+        end: {"color": parts[f"{end}.color"], "depth": parts[f"{end}.depth"], "camera": cameras[end]}  # type: ignore
+        for end in ("source", "target")
+    }
+    return {name: entry[name] for name in ("scene", "name", "frames", "exposure_varies")} | ends
