@@ -226,12 +226,29 @@ def test_worlds_take_their_share(folder: Path, caplog: pytest.LogCaptureFixture)
             source = source_for(settings(planes, cases=0.25, **{kind: 1.0}), [folder], "train")
         assert isinstance(source, Mixture) and source.kinds == ("cases", "worlds")
         assert source.until.tolist() == [0.25, 1.0]
-        assert f"kind '{kind}' is 25% " in caplog.text and "75% worlds" in caplog.text
+        assert f"25% of kind '{kind}' are made of them, 75% of worlds" in caplog.text
         assert not isinstance(source_for(settings(planes, cases=0.25, **{kind: 1.0}), [], "train"), Mixture)
         for index in range(4):
             check_sample(source.sample(index, np.random.default_rng(index)), NetworkSettings(planes), SIZE)  # type: ignore
     with pytest.raises(InputError, match="cases is 0"):
         DataSettings(cases=0)
+
+
+def test_a_run_says_what_it_learns_from(folder: Path, tmp_path: Path) -> None:
+    """Oracle: law; a run on removals alone trains, and its log begins with what was found."""
+    pytest.importorskip("pytorch_lightning", reason="the loop needs Lightning: pip install 'dlama[train]'")
+    from toy_runs import no_tensorboard, toy
+
+    from dlama.training.loop import train
+
+    no_tensorboard()
+    told = toy(steps=2)
+    told = replace(told, data=replace(told.data, mixture={"removal": 1.0}, cases=1.0))
+    done = train(told, tmp_path / "run", data=[folder])
+    first, *_ = (done.run / "log.txt").read_text().splitlines()
+    assert done.step == 2 and first.endswith(
+        "train: 26 removals; 100% of kind 'removal' are made of them, 0% of worlds"
+    )
 
 
 def test_a_scene_is_held_out_of_all_kinds_at_once(folder: Path) -> None:

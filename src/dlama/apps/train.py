@@ -25,9 +25,9 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
         "dlama train tiny -o run",
         "dlama train small-rgbd --data pack.dlama --max-minutes 40 -o run",
         "dlama train small-rgbd --resume -o run",
-        "dlama train my-settings.json --start big-lama.ckpt --data photos/ street/ -o run",
+        "dlama train my-settings.json --start big-lama.ckpt --data photos/ rooms/ -o run",
     ),
-    "pack": ("dlama pack photos/ street/ -o pack.dlama --megabytes 45",),
+    "pack": ("dlama pack photos/ rooms/ -o pack.dlama --megabytes 45",),
 }
 """For `dlama VERB --help`."""
 
@@ -55,7 +55,8 @@ def train(
     Args:
         settings: A settings file or a preset; `presets` lists them.
         output: Directory of the run: settings, metrics, sheets, checkpoint, and at the end the network.
-        data: Folders of pictures, data sets or packs that samples are made of.
+        data: Folders of pictures, data sets (posed pairs, frames with and without a thing, stereo pairs) or packs that
+            samples are made of.
         max_minutes: Stop after so long, with a checkpoint and the network as it is then.
         resume: Go on with the run in this directory, exactly as if it had never stopped.
         start: A LaMa checkpoint to start from; planes it lacks are added.

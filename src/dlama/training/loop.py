@@ -8,6 +8,7 @@ import multiprocessing
 import time
 import warnings
 from collections.abc import Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -24,7 +25,7 @@ from dlama.training.checkpointing import LAST, read_checkpoint, restore
 from dlama.training.export import export
 from dlama.training.module import TrainingModule
 from dlama.training.rhythm import ALL_STEPS, TIME_IS_UP, Rhythm, scores_of
-from dlama.training.run_files import prepare
+from dlama.training.run_files import logged, prepare
 from dlama.training.settings import TrainSettings
 from dlama.training.sources import SampleSource, source_for
 from dlama.training.stream import Numbered, Positions, held_out_batch, loader
@@ -83,6 +84,22 @@ def train(
     first = getattr(rank_zero_only, "rank", 0) == 0
     if first:
         prepare(run, settings, resume)
+    deadline = math.inf if max_minutes is None else began + 60 * max_minutes
+    with logged(run) if first else nullcontext():
+        return _train(settings, run, data, deadline, resume, first, source, held_out)
+
+
+def _train(
+    settings: TrainSettings,
+    run: Path,
+    data: Sequence[Path],
+    deadline: float,
+    resume: bool,
+    first: bool,
+    source: SampleSource | None,
+    held_out: SampleSource | None,
+) -> Trained:
+    """As `train`, in a directory that is there; `deadline` on the clock of `time.monotonic`."""
     source = source or source_for(settings, data, "train")
     check_sample(Numbered(source, settings.loop.seed)[0], settings.network, settings.data.size)
     fixed = held_out_batch(held_out or source_for(settings, data, "held_out"), settings) if first else None
@@ -90,7 +107,6 @@ def train(
     checkpoint: dict[str, Any] = read_checkpoint(run / LAST) if resume else {}
     if checkpoint:
         restore(module, checkpoint, processes)
-    deadline = math.inf if max_minutes is None else began + 60 * max_minutes
     before = checkpoint.get("seconds", 0.0)
     rhythm = Rhythm(settings, run, deadline, fixed, checkpoint.get("random_states"), before)
     try:

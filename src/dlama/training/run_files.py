@@ -8,7 +8,8 @@ from __future__ import annotations
 import csv
 import io
 import logging
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -49,6 +50,21 @@ def prepare(run: Path, settings: TrainSettings, resume: bool) -> None:
         draft.write_text(to_json(settings), "utf-8")
 
 
+@contextmanager
+def logged(run: Path) -> Iterator[None]:
+    """What the training logs, from the choice of samples to the last step, goes into the run's log.txt as well."""
+    handler, level = logging.FileHandler(run / LOG_FILE, encoding="utf-8"), LOG.level
+    handler.setFormatter(logging.Formatter("%(asctime)s %(message)s", "%Y-%m-%d %H:%M:%S"))
+    LOG.addHandler(handler)
+    LOG.setLevel(min(LOG.getEffectiveLevel(), logging.INFO))
+    try:
+        yield
+    finally:
+        LOG.removeHandler(handler)
+        LOG.setLevel(level)
+        handler.close()
+
+
 def refuse_changes(had: TrainSettings, now: TrainSettings) -> None:
     """InputError naming the first setting that would make it another run."""
     for room in ("network", "loss", "optimiser", "data", "loop"):
@@ -65,11 +81,6 @@ class RunFiles:
         self.run = run
         self.columns = ["step", "samples", "seconds", *columns]
         self._cut(step)
-        self._handler = logging.FileHandler(run / LOG_FILE, encoding="utf-8")
-        self._handler.setFormatter(logging.Formatter("%(asctime)s %(message)s", "%Y-%m-%d %H:%M:%S"))
-        self._level = LOG.level
-        LOG.addHandler(self._handler)
-        LOG.setLevel(min(LOG.getEffectiveLevel(), logging.INFO))
         self.board = _board(run, step)
 
     def row(self, values: Mapping[str, Any]) -> None:
@@ -88,10 +99,7 @@ class RunFiles:
         return self.run / SHEETS / f"step-{step:07d}.png"
 
     def close(self) -> None:
-        """Flush everything; the log goes on without this run's file."""
-        LOG.removeHandler(self._handler)
-        LOG.setLevel(self._level)
-        self._handler.close()
+        """Flush everything."""
         if self.board is not None:
             self.board.close()
 

@@ -76,11 +76,12 @@ def told(found: Found, settings: TrainSettings) -> str:
     """What of --data is used, and what feeds the kinds that worlds can feed too."""
     from dlama.training.takes import WORDS
 
-    parts = [f"{len(found.photos)} photos", *(f"{len(found.of(kind))} {words}" for kind, words in WORDS.items())]
+    counts = {"photos": len(found.photos)} | {words: len(found.of(kind)) for kind, words in WORDS.items()}
+    parts = [", ".join(f"{count} {words}" for words, count in counts.items() if count)]
     for kind in sorted({"removal", "stereo"} & set(settings.data.mixture)):
         share = settings.data.cases if found.of(kind) else 0.0
-        parts.append(f"kind {kind!r} is {share:.0%} {WORDS[kind]} of the data, {1 - share:.0%} worlds")
-    return ", ".join(parts)
+        parts.append(f"{share:.0%} of kind '{kind}' are made of them, {1 - share:.0%} of worlds")
+    return "; ".join(parts)
 
 
 def gathered(data: Sequence[Path]) -> Found:
