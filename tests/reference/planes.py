@@ -11,14 +11,14 @@ def through(u: np.ndarray, v: np.ndarray, w: np.ndarray, three: np.ndarray) -> n
 
 
 def support(
-    plane: np.ndarray, u: np.ndarray, v: np.ndarray, w: np.ndarray, free: np.ndarray, tolerance: float
+    plane: np.ndarray, u: np.ndarray, v: np.ndarray, w: np.ndarray, free: np.ndarray, near: np.ndarray
 ) -> tuple[int, int]:
-    """How many free samples lie on a plane (relative residual below the tolerance): surely, and at most."""
+    """How many free samples lie on a plane (residual below its own of `near`): surely, and at most."""
     sure = most = 0
     for i in np.flatnonzero(free):
-        residual = abs(plane @ (u[i], v[i], 1) - w[i]) / w[i]
-        sure += residual < tolerance * (1 - 1e-9)
-        most += residual < tolerance * (1 + 1e-9)
+        residual = abs(plane @ (u[i], v[i], 1) - w[i])
+        sure += residual < near[i] * (1 - 1e-9)
+        most += residual < near[i] * (1 + 1e-9)
     return sure, most
 
 

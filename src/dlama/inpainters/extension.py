@@ -19,7 +19,7 @@ from dlama.geometry.rendering import inverse_depth
 from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.geometry.view import View
 from dlama.geometry.visibility import Law
-from dlama.inpainters.planes import SMOOTH, find_planes, label_known, plane_values
+from dlama.inpainters.planes import SMOOTH, find_planes, label_known, noise_of, plane_values, steadied
 
 GRID = 256
 """Longer side of the coarse grid."""
@@ -47,7 +47,7 @@ class Surfaces:
     """Inverse depth and surface label of every pixel of a view, known and filled."""
 
     inverse_depth: Float32Array
-    """H x W, 1/m; 0 = far."""
+    """H x W, 1/m; 0 = far. Known pixels on planes are freed of the noise that was measured."""
     label: NDArray[np.int32]
     """H x W; -1 = no plane, 0 = sky, k = k-th plane."""
     planes: NDArray[np.float64]
@@ -57,8 +57,10 @@ class Surfaces:
 def extend(view: View, law: Law, seed: int = 0) -> Surfaces:
     """Continue the known surfaces of a view into its holes."""
     w = inverse_depth(np.where(view.hole, np.float32(0), view.depth))
-    planes = find_planes(w, view.valid, seed)
-    label = label_known(w, view.valid, view.far, planes)
+    noise = noise_of(w, view.valid)
+    planes = find_planes(w, view.valid, seed, noise)
+    label = label_known(w, view.valid, view.far, planes, noise)
+    w = steadied(w, label, planes, noise)
     step = max(1.0, max(w.shape) / GRID)
     coarse = Coarse.of(view, w, label, planes, step)
     belief = coarse.beliefs(law)

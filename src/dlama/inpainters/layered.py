@@ -22,7 +22,7 @@ def layered(view: View, law: Law, seed: int = 0) -> Fill:
     open_color = color_hole(view)
     color = view.color
     if open_color.any():
-        w = inverse_depth(depth)
+        w = np.where(view.hole, inverse_depth(depth), surfaces.inverse_depth)
         label = np.where(np.abs(w - surfaces.inverse_depth) > 0.05 * w, np.int32(SMOOTH), surfaces.label)
         label = np.where(view.hole & (w == 0), np.int32(SKY), label)
         color = synthesize(view.color, open_color, w, label.astype(np.int32), view.camera, seed=seed, sky=law.far_color)

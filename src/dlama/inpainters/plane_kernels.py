@@ -49,7 +49,7 @@ def plane_through(u, v, w, i, j, k):
 
 
 @kernel
-def score_planes(first, last, u, v, w, free, triples, tolerance, planes, support):
+def score_planes(first, last, u, v, w, free, triples, near, planes, support):
     """The planes through triples first..last, and how many free samples lie on each."""
     for number in range(first, last):
         if triples[number, 2] < 0:
@@ -62,7 +62,7 @@ def score_planes(first, last, u, v, w, free, triples, tolerance, planes, support
         for sample in range(len(u)):
             if free[sample]:
                 residual = a * u[sample] + b * v[sample] + c - w[sample]
-                inliers += abs(residual) < tolerance * w[sample]
+                inliers += abs(residual) < near[sample]
         support[number] = inliers
 
 
@@ -72,10 +72,13 @@ def best_plane(
     w: np.ndarray,
     free: NDArray[np.bool_],
     triples: NDArray[np.int64],
-    tolerance: float,
+    near: np.ndarray,
 ) -> tuple[NDArray[np.float64], int]:
-    """The hypothesis (a, b, c) with most inliers among the free samples, and how many; the first one wins a tie."""
+    """The hypothesis (a, b, c) with most inliers among the free samples, and how many; the first one wins a tie.
+
+    near: for each sample, the residual below which it lies on a plane.
+    """
     planes, support = np.zeros((len(triples), 3)), np.zeros(len(triples), np.int64)
-    in_bands(score_planes, len(triples), u, v, w, free, triples, tolerance, planes, support)
+    in_bands(score_planes, len(triples), u, v, w, free, triples, near, planes, support)
     best = int(np.argmax(support))
     return planes[best], int(support[best])

@@ -16,6 +16,10 @@ SKY = 0
 """Label of far pixels; planes count from 1."""
 TOLERANCE = 0.012
 """Largest relative residual in inverse depth of a pixel that lies on a plane."""
+NOISY = 2.5
+"""And its largest residual in units of the noise of the inverse depth (stereo matching, structured light), where that is more."""
+NOISE_REACH = 4
+"""Pixels over which noise is looked at: that of neighbouring pixels is much alike."""
 NEIGHBOURHOOD = 9
 """Width in px of the window in which planes compete for a pixel."""
 MOST_PLANES = 12
@@ -26,11 +30,29 @@ SAMPLES = 9000
 """Known pixels that hypotheses are scored on."""
 
 
-def find_planes(w: Float32Array, surface: BoolArray, seed: int) -> NDArray[np.float64]:
+def noise_of(w: Float32Array, surface: BoolArray) -> float:
+    """Standard deviation (1/m) of the noise of measured inverse depth; 0 where it is exact, for planes are straight in it.
+
+    From the median second difference over NOISE_REACH px: of a straight line it is 0, and most of a picture is straight.
+    """
+    k, found = NOISE_REACH, []
+    for a, there in ((w, surface), (w.T, surface.T)):
+        known = there[:, : -2 * k] & there[:, k:-k] & there[:, 2 * k :]
+        found.append(np.abs(a[:, k:-k] - (a[:, : -2 * k] + a[:, 2 * k :]) / 2)[known])
+    bends = np.concatenate(found)
+    return float(np.median(bends)) / (0.6745 * np.sqrt(1.5)) if bends.size else 0.0
+
+
+def slack(w: np.ndarray, noise: float) -> np.ndarray:
+    """Largest residual in inverse depth of a pixel that lies on a plane, for each w."""
+    return np.maximum(w.dtype.type(TOLERANCE) * w, w.dtype.type(NOISY * noise))
+
+
+def find_planes(w: Float32Array, surface: BoolArray, seed: int, noise: float = 0.0) -> NDArray[np.float64]:
     """K x 3 planes (a, b, c), most supported first, K <= MOST_PLANES.
 
     Greedy RANSAC (Fischler & Bolles 1981) with local triples, each plane refined by least squares on its inliers.
-    w: H x W inverse depth; surface: H x W, True where it is finite and known.
+    w: H x W inverse depth; surface: H x W, True where it is finite and known; noise: as `noise_of` gives it.
     """
     from dlama.inpainters import plane_kernels
 
@@ -41,27 +63,28 @@ def find_planes(w: Float32Array, surface: BoolArray, seed: int) -> NDArray[np.fl
     chosen = np.sort(rng.choice(len(rows), min(SAMPLES, len(rows)), replace=False))
     u, v = columns[chosen] + 0.5, rows[chosen] + 0.5
     z = w[rows[chosen], columns[chosen]].astype(np.float64)
+    near = slack(z, noise)
     free = np.ones(len(chosen), np.bool_)
     planes: list[np.ndarray] = []
     reach = 0.06 * max(w.shape)
     while len(planes) < MOST_PLANES and free.sum() > SMALLEST_SHARE * len(chosen):
         triples = plane_kernels.local_triples(u, v, free, reach, HYPOTHESES, int(rng.integers(2**31)))
-        plane, support = plane_kernels.best_plane(u, v, z, free, triples, TOLERANCE)
+        plane, support = plane_kernels.best_plane(u, v, z, free, triples, near)
         if support < SMALLEST_SHARE * len(chosen):
             break
         for _ in range(3):
-            inliers = free & (np.abs(plane[0] * u + plane[1] * v + plane[2] - z) < TOLERANCE * z)
+            inliers = free & (np.abs(plane[0] * u + plane[1] * v + plane[2] - z) < near)
             if inliers.sum() < 12:
                 break
-            plane = fitted(u[inliers], v[inliers], z[inliers])
-        free &= ~(np.abs(plane[0] * u + plane[1] * v + plane[2] - z) < 2 * TOLERANCE * z)
+            plane = fitted(u[inliers], v[inliers], z[inliers], near[inliers])
+        free &= ~(np.abs(plane[0] * u + plane[1] * v + plane[2] - z) < 2 * near)
         planes.append(plane)
     return np.array(planes).reshape(-1, 3)
 
 
-def fitted(u: np.ndarray, v: np.ndarray, w: np.ndarray) -> NDArray[np.float64]:
-    """Least squares plane, residuals relative to w (so that far and near count alike)."""
-    weight = 1 / w
+def fitted(u: np.ndarray, v: np.ndarray, w: np.ndarray, near: np.ndarray) -> NDArray[np.float64]:
+    """Least squares plane, residuals relative to `near`, how far off a pixel may be (so that far and near count alike)."""
+    weight = TOLERANCE / near
     design = np.stack([u, v, np.ones_like(u)], 1) * weight[:, None]
     return np.asarray(np.linalg.lstsq(design, w * weight, rcond=None)[0], np.float64)
 
@@ -74,7 +97,9 @@ def plane_values(planes: NDArray[np.float64], hw: tuple[int, int], step: float =
     return (a * u + b * v[:, None] + c).astype(np.float32)
 
 
-def label_known(w: Float32Array, surface: BoolArray, far: BoolArray, planes: NDArray[np.float64]) -> NDArray[np.int32]:
+def label_known(
+    w: Float32Array, surface: BoolArray, far: BoolArray, planes: NDArray[np.float64], noise: float = 0.0
+) -> NDArray[np.int32]:
     """H x W int32: SKY at far pixels, k >= 1 on the k-th plane, SMOOTH elsewhere (holes too).
 
     Of the planes that fit a pixel it belongs to the one that fits most of its neighbourhood: a plane that merely cuts through
@@ -86,11 +111,25 @@ def label_known(w: Float32Array, surface: BoolArray, far: BoolArray, planes: NDA
     there = surface.astype(np.float32)
     most = 0.3 * cv2.boxFilter(there, -1, window, normalize=False)
     label = np.full(w.shape, SMOOTH, np.int32)
+    near = slack(w, noise)
     for number, value in enumerate(planes):
-        fits = surface & (np.abs(plane_values(value[None], w.shape)[0] - w) < TOLERANCE * w)
+        fits = surface & (np.abs(plane_values(value[None], w.shape)[0] - w) < near)
         count = cv2.boxFilter(fits.astype(np.float32), -1, window, normalize=False)
         better = fits & (count > most)
         most[better] = count[better]
         label[better] = number + 1
     label[far] = SKY
     return label
+
+
+def steadied(w: Float32Array, label: NDArray[np.int32], planes: NDArray[np.float64], noise: float) -> Float32Array:
+    """Inverse depth with the noise on planes taken off: what a pixel's residual has beyond the slack of noise is kept."""
+    if not noise or not len(planes):
+        return w
+    out = w.copy()
+    for number, value in enumerate(planes):
+        rows, columns = np.nonzero(label == number + 1)
+        fitted_w = value[0] * (columns + 0.5) + value[1] * (rows + 0.5) + value[2]
+        residual = w[rows, columns] - fitted_w
+        out[rows, columns] = fitted_w + np.sign(residual) * np.maximum(np.abs(residual) - NOISY * noise, 0)
+    return out
