@@ -14,7 +14,18 @@ from typing import Any
 import numpy as np
 
 from dlama.completion.recipes import Recipe, find_recipe
-from dlama.completion.scenes import Completion, Work, adopt, as_recipe, clipped, filled_by, law_of, report, start
+from dlama.completion.scenes import (
+    Completion,
+    Work,
+    adopt,
+    as_recipe,
+    clipped,
+    filled_by,
+    law_of,
+    measured_as,
+    report,
+    start,
+)
 from dlama.errors import InputError, ShapeError
 from dlama.geometry.fusion import fuse
 from dlama.geometry.holes import checked_mask, dilated
@@ -30,6 +41,12 @@ from dlama.perception.stereo import StereoConsistency, carry_mask, consistency, 
 
 FAR_PX = 0.5
 """Disparity (with doffs) below which depth is no more than a guess: such pixels are far."""
+
+EASED = 8
+"""Pixels from which a removed object's nearest depth is taken, where the law asks how near it is."""
+
+LENT = 0.85
+"""Share of a removed object's disparity from which a pixel beside it counts as the object's."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,14 +120,18 @@ def stereo(
     if pair is not None:
         unknown = np.zeros(rig.right.hw, bool) if mask_right is None else dilated(mask_right, chosen.dilate)
         fill = pair.painter(right, unknown, left=True)
-    work = start(View.from_rgbd(clipped(source, chosen.clip_m)), mask, fill, chosen, seed)
+    eased = None
+    if mask is not None and mask_right is not None:
+        nearest = at_surest(at_left, mask)
+        eased = rgbd_of(left, nearest, rig, far).depth
+        source = rgbd_of(left, freed(at_left, nearest, mask, rig.doffs), rig, far)
+        at_right = freed(at_right, at_surest(at_right, mask_right), mask_right, rig.doffs)
+    work = start(View.from_rgbd(clipped(source, chosen.clip_m)), mask, fill, chosen, seed, eased)
     left_before, left_view = completed_left(work, source, rig)
     if mask_right is None:
         right_before = synthesised_right(work, rig)
     else:
-        taken = dilated(mask_right, chosen.dilate)
-        right_before = View.from_rgbd(rgbd_of(right, at_right, rig, far, right=True)).without(taken, HoleType.OBJECT)
-        work.law = law_of(Scene((*work.scene.layers, right_before), work.scene.objects), chosen)
+        right_before = known_right(work, rgbd_of(right, at_right, rig, far, right=True), mask_right, eased)
     if pair is not None:
         seen = pair.painter(left_view.color, np.zeros(rig.left.hw, bool), left=False)
         work.inpainter = as_recipe(seen, chosen)
@@ -123,6 +144,27 @@ def rgbd_of(color: UInt8Array, disparity: Float32Array, rig: StereoRig, far: flo
     depth = depth_from_disparity(disparity, fx=rig.left.fx, baseline_m=rig.baseline_m, doffs=rig.doffs)
     depth = np.where(depth >= far, np.float32(np.inf), depth)
     return RGBD(color, depth, rig.right if right else rig.left)
+
+
+def at_surest(disparity: Float32Array, mask: BoolArray) -> Float32Array:
+    """H x W px: the largest disparity of the object (mask, H x W bool) within EASED px, everywhere; 0 where there is none.
+
+    What is hidden lies behind the object; how far behind, a matched object's own noise must not decide.
+    """
+    import cv2
+
+    there = np.where(mask, disparity, np.float32(0))
+    return np.asarray(cv2.dilate(there, cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * EASED + 1,) * 2)))
+
+
+def freed(disparity: Float32Array, nearest: Float32Array, mask: BoolArray, doffs: float) -> Float32Array:
+    """Disparity without what the object (mask) lent to its surroundings: 0 within EASED px of it where it is as near.
+
+    nearest: as `at_surest` gives it. Matching lets a nearer thing bleed over its edge; ground on which the object stands is
+    taken for it too, and comes back with the surface it belongs to.
+    """
+    as_near = disparity + doffs >= np.float32(LENT) * (nearest + np.float32(doffs))
+    return np.where(~mask & as_near & (nearest > 0), np.float32(0), disparity)
 
 
 def completed_left(work: Work, source: RGBD, rig: StereoRig) -> tuple[View, View]:
@@ -141,6 +183,14 @@ def synthesised_right(work: Work, rig: StereoRig) -> View:
     """The right view as the left one's scene shows it."""
     with work.stage("render"):
         return render(work.scene, rig.right, work.recipe.mode)
+
+
+def known_right(work: Work, frame: RGBD, mask: BoolArray, law_depth: Float32Array | None) -> View:
+    """The right picture with the object open; from now on what it measured counts for the law too. law_depth: as `start`."""
+    before = View.from_rgbd(frame).without(dilated(mask, work.recipe.dilate), HoleType.OBJECT)
+    scene = Scene((*work.scene.layers, before), work.scene.objects)
+    work.law = law_of(scene if law_depth is None else measured_as(scene, law_depth), work.recipe)
+    return before
 
 
 def completed_right(work: Work, before: View, rig: StereoRig) -> View:

@@ -24,7 +24,7 @@ from dlama.geometry.fusion import fuse, scene_cloud, scene_mesh
 from dlama.geometry.holes import checked_mask, dilated, grown, hole_shares
 from dlama.geometry.mesh import Mesh
 from dlama.geometry.rendering import flying, render
-from dlama.geometry.rgbd import RGBD, BoolArray
+from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import HoleType, Origin, View
 from dlama.geometry.visibility import Law
@@ -157,8 +157,18 @@ def as_recipe(fill: Inpainter, chosen: Recipe) -> Inpainter:
     return fill if chosen.clip_m is None or not chosen.eight_bit_depth else eight_bit(fill, chosen.clip_m)
 
 
-def start(source: View, mask: BoolArray | None, filler: str | Inpainter, chosen: Recipe, seed: int) -> Work:
-    """The scene before any camera moves: object out, sensor holes and (source first) the object's background filled."""
+def start(
+    source: View,
+    mask: BoolArray | None,
+    filler: str | Inpainter,
+    chosen: Recipe,
+    seed: int,
+    law_depth: Float32Array | None = None,
+) -> Work:
+    """The scene before any camera moves: object out, sensor holes and (source first) the object's background filled.
+
+    law_depth: H x W, the object's depth as the visibility law is to see it; None: as measured.
+    """
     fill = as_recipe(filled_by(filler), chosen)
     scene, mask_pixels = Scene((source,)), (0, 0)
     if mask is not None:
@@ -167,12 +177,19 @@ def start(source: View, mask: BoolArray | None, filler: str | Inpainter, chosen:
         mask_pixels = int(mask.sum()), int(taken.sum()) - int(mask.sum())
         taken_out = source.without(~taken, HoleType.NONE)
         scene = Scene((source.without(taken, HoleType.OBJECT),), (taken_out,))
-    work = Work(chosen, fill, seed, scene, law_of(scene, chosen), scene, mask_pixels)
+    law = law_of(scene, chosen) if law_depth is None else law_of(measured_as(scene, law_depth), chosen)
+    work = Work(chosen, fill, seed, scene, law, scene, mask_pixels)
     if chosen.source_first and scene.layers[0].hole.any():
         filled = work.fill(scene.layers[0])
         background = filled.without(filled.filled, HoleType.OBJECT)
         work.scene = fuse(dataclasses.replace(scene, layers=(background,)), filled)
     return work
+
+
+def measured_as(scene: Scene, depth: Float32Array) -> Scene:
+    """The scene with another depth (H x W, metres) for the pixels of its removed object, as the law is to see them."""
+    eased = tuple(dataclasses.replace(one, depth=np.where(one.hole, one.depth, depth)) for one in scene.objects)
+    return dataclasses.replace(scene, objects=eased)
 
 
 def law_of(scene: Scene, chosen: Recipe) -> Law:
