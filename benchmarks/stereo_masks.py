@@ -1,0 +1,229 @@
+"""Networks for pairs that take one mask and that take two in -> how good they are where the other picture helps, out.
+
+    python benchmarks/stereo_masks.py --one RUN_A/*.onnx --two RUN_B/*.onnx --data pack.dlama [--count 96]
+
+Several files of a kind (runs of other seeds) are averaged. All fill the same held-out pairs through the filler `pair`, and only
+the pixels of each picture's own hole are judged, whichever others a network also gave. Where a pixel's truth stands in the other
+picture is known from the world's depth, so holes are split by what a network could have seen there:
+
+* `in one hole`, `in both`: whether the other picture has its hole at the same pixel;
+* `shown to both`: the other picture shows the very point, outside the union of the holes;
+* `shown to two`: it shows the point, but within the union, so a network of one mask is not shown it;
+* `shown to none`: the point is in the other picture's hole, hidden by what is there, or out of it.
+
+`blind` is the network of two masks with the other picture hidden in the union while it paints one: it keeps its own picture's
+surroundings, and loses what the other picture shows of the holes.
+
+Means over each pair's pixels, then over the pairs that have at least LEAST of the kind. Differences with 95 % intervals of
+the pairs drawn anew; pairs are all they speak of, not what another first state of the weights would have given.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+import torch
+
+from dlama.inpainters.engine import Engine
+from dlama.inpainters.pair import filled_pair
+from dlama.training.settings import DataSettings, NetworkSettings, TrainSettings
+from dlama.training.sources import source_for
+from dlama.training.stream import HELD_OUT
+from dlama.training.validation import TELEA_RADIUS, ssim_map
+from dlama.training.world_samples import StereoSamples, removable, seen_through
+
+REGIONS = ("all", "in one hole", "in both", "shown to both", "shown to two", "shown to none")
+LEAST = 20
+"""Pixels of a kind that a pair must have to count in its mean."""
+SAME_POINT = 0.03
+"""Relative difference of depth up to which two pictures show one surface."""
+DRAWS = 2000
+
+
+@dataclass(frozen=True, eq=False)
+class Question:
+    """A held-out pair, left and right, in its own light."""
+
+    target: np.ndarray
+    """6 x H x W float32, 0..1: both pictures without the thing."""
+    holes: np.ndarray
+    """2 x H x W bool."""
+    regions: dict[str, np.ndarray]
+    """Name -> 2 x H x W bool, parts of the holes."""
+
+
+def question(source: StereoSamples, number: int, seed: int) -> Question:
+    """Held-out pair `number`: that of a training of this seed, neither mirrored nor relit."""
+    sample = source.pair(number, np.random.default_rng([seed, HELD_OUT, number]))
+    holes = sample["mask"] > 0
+    gallery = source.galleries.rig(number)
+    ends = gallery.pairs[number % len(gallery.pairs)]
+    thing = removable(gallery, ends[0], np.random.default_rng([seed, HELD_OUT, number]))
+    frames = [gallery.frame(end) for end in ends]
+    truth = frames if thing is None else [seen_through(gallery, e, thing, h) for e, h in zip(ends, holes)]
+    for planes, frame in zip(np.split(sample["target"], 2), truth):  # the same thing was drawn
+        assert np.array_equal(np.rint(planes * 255), frame.color.transpose(2, 0, 1))
+    cameras = [gallery.cameras[end] for end in ends]
+    baseline = float(np.linalg.norm(cameras[1].world_from_cam[:3, 3] - cameras[0].world_from_cam[:3, 3]))
+    regions = {name: np.zeros_like(holes) for name in REGIONS}
+    for view, towards in ((0, -1), (1, 1)):
+        shift = towards * cameras[view].fx * baseline / truth[view].depth
+        parts = split(holes[view], holes[1 - view], shift, truth[view].depth, frames[1 - view].depth)
+        for name, part in parts.items():
+            regions[name][view] = part
+    return Question(sample["target"], holes, regions)
+
+
+def split(
+    hole: np.ndarray, other_hole: np.ndarray, shift: np.ndarray, depth: np.ndarray, other_depth: np.ndarray
+) -> dict[str, np.ndarray]:
+    """One picture's hole by REGIONS; shift: pixels to the right at which the other picture has each point; H x W all."""
+    rows, columns = np.indices(hole.shape)
+    there = np.floor(columns + 0.5 + np.where(np.isfinite(shift), shift, 0)).astype(int)
+    inside = (there >= 0) & (there < hole.shape[1])
+    at = rows, np.clip(there, 0, hole.shape[1] - 1)
+    far = np.isinf(depth) & np.isinf(other_depth[at])
+    with np.errstate(invalid="ignore"):
+        same = far | (np.abs(other_depth[at] - depth) <= SAME_POINT * depth)
+    shown = hole & inside & ~other_hole[at] & same
+    hidden = hole[at]  # the union hides the other picture there, too
+    return {
+        "all": hole,
+        "in one hole": hole & ~other_hole,
+        "in both": hole & other_hole,
+        "shown to both": shown & ~hidden,
+        "shown to two": shown & hidden,
+        "shown to none": hole & ~shown,
+    }
+
+
+def telea(ask: Question) -> np.ndarray:
+    """6 x H x W: each picture alone by OpenCV's Telea."""
+    made = []
+    for planes, hole in zip(np.split(ask.target, 2), ask.holes):
+        shown = np.where(hole[..., None], 0, np.rint(planes.transpose(1, 2, 0) * 255)).astype(np.uint8)
+        made.append(cv2.inpaint(shown, hole.astype(np.uint8), TELEA_RADIUS, cv2.INPAINT_TELEA).transpose(2, 0, 1))
+    return np.concatenate(made).astype(np.float32) / np.float32(255)
+
+
+def scores(filled: np.ndarray, ask: Question) -> np.ndarray:
+    """len(REGIONS) x 3: colour L1, PSNR (dB) and SSIM; NaN where there are too few pixels."""
+    own = np.repeat(ask.holes, 3, 0)
+    mine = np.where(own, np.clip(filled, 0, 1), ask.target).astype(np.float32)
+    ssim = ssim_map(torch.from_numpy(mine[None]), torch.from_numpy(ask.target[None]))[0].numpy()
+    found = np.full((len(REGIONS), 3), np.nan)
+    for row, name in enumerate(REGIONS):
+        part = np.repeat(ask.regions[name], 3, 0)
+        if part.sum() >= 3 * LEAST:
+            wrong = (mine - ask.target)[part]
+            found[row] = np.abs(wrong).mean(), -10 * np.log10(max(float((wrong**2).mean()), 1e-10)), ssim[part].mean()
+    return found
+
+
+def filled_by(network: Engine, ask: Question) -> np.ndarray:
+    """6 x H x W: both pictures as the filler `pair` paints them; what is hidden is not handed over."""
+    return filled_pair(network, np.where(np.repeat(ask.holes, 3, 0), 0, ask.target), ask.holes)
+
+
+def filled_half_blind(network: Engine, ask: Question) -> np.ndarray:
+    """The same by a network of two masks, but while it paints one picture the other is hidden in the union of the holes, as it
+    is from a network of one mask: what is then missing is what the other picture's mask of its own gave."""
+    made, union = [], ask.holes[0] | ask.holes[1]
+    for view in (0, 1):
+        holes = np.stack([ask.holes[each] if each == view else union for each in (0, 1)])
+        filled = filled_pair(network, np.where(np.repeat(holes, 3, 0), 0, ask.target), holes)
+        made.append(filled[3 * view : 3 * view + 3])
+    return np.concatenate(made)
+
+
+def measured(
+    fill: Callable[[Engine, Question], np.ndarray], group: Sequence[Engine], asked: Sequence[Question]
+) -> np.ndarray:
+    """Networks x pairs x regions x 3."""
+    return np.array([[scores(fill(network, ask), ask) for ask in asked] for network in group])
+
+
+def interval(differences: np.ndarray) -> tuple[float, float]:
+    """95 % of the means of the pairs (1-D, no NaN) drawn anew."""
+    drawn = np.random.default_rng(0).integers(len(differences), size=(DRAWS, len(differences)))
+    low, high = np.percentile(differences[drawn].mean(1), [2.5, 97.5])
+    return float(low), float(high)
+
+
+def print_table(
+    one: np.ndarray, two: np.ndarray, blind: np.ndarray, reference: np.ndarray, asked: Sequence[Question]
+) -> None:
+    """One row for each measure and region."""
+    pixels = {name: sum(int(ask.regions[name].sum()) for ask in asked) for name in REGIONS}
+    for measure, name in enumerate(("colour L1 (0..1)", "colour PSNR, dB", "colour SSIM")):
+        digits = 2 if measure == 1 else 4
+        heads = "".join(f"{head:>9}" for head in ("Telea", "one", "two", "blind"))
+        print(f"\n{name:<18}{'pairs':>6}{'pixels':>8}{heads}   {'two - one':<31}two - blind")
+        for row, region in enumerate(REGIONS):
+            columns = [reference[:, row, measure], *(each[..., row, measure].mean(0) for each in (one, two, blind))]
+            there = ~np.isnan(columns[0])
+            if there.sum() < 2:
+                continue
+            shown = [column[there] for column in columns]
+            print(
+                f"{region:<18}{there.sum():>6}{pixels[region] / pixels['all']:>8.1%}"
+                + "".join(f"{values.mean():>9.{digits}f}" for values in shown)
+                + "".join(f"   {gain(shown[2] - shown[base], digits):<28}" for base in (1, 3)).rstrip()
+            )
+
+
+def gain(differences: np.ndarray, digits: int) -> str:
+    """Mean and interval."""
+    low, high = interval(differences)
+    return f"{differences.mean():+.{digits}f} ({low:+.{digits}f} to {high:+.{digits}f})"
+
+
+def print_runs(one: np.ndarray, two: np.ndarray, files: Sequence[Path]) -> None:
+    """One row for each network: PSNR by region."""
+    print(f"\n{'PSNR of each file':<40}" + "".join(f"{name:>15}" for name in REGIONS))
+    for path, values in zip(files, [*one, *two]):
+        means = np.nanmean(values[..., 1], 0)
+        print(f"{'/'.join(path.parts[-2:]):<40}" + "".join(f"{value:>15.2f}" for value in means))
+
+
+def main() -> None:
+    """Print the tables."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--one", nargs="+", type=Path, required=True, help="ONNX files of one mask (7 -> 6)")
+    parser.add_argument("--two", nargs="+", type=Path, required=True, help="ONNX files of two masks (8 -> 6)")
+    parser.add_argument("--data", nargs="*", type=Path, default=[], help="photos or packs for the worlds' surfaces")
+    parser.add_argument("--count", type=int, default=96)
+    parser.add_argument("--size", type=int, default=128)
+    parser.add_argument("--seed", type=int, default=0)
+    told = parser.parse_args()
+    engines = [[Engine(path) for path in paths] for paths in (told.one, told.two)]
+    for masks, group in enumerate(engines, 1):
+        for network in group:
+            if network.contract.masks != masks or len(network.contract.out_planes) != 6:
+                parser.error(
+                    f"{network.path}: takes {list(network.contract.in_planes)}; a pair and {masks} mask(s) wanted"
+                )
+    data = DataSettings(size=told.size, mixture={"stereo": 1.0})
+    source = source_for(
+        TrainSettings("masks", network=NetworkSettings("stereo-two-masks"), data=data), told.data, "held_out"
+    )
+    assert isinstance(source, StereoSamples)
+    asked = [question(source, number, told.seed) for number in range(told.count)]
+    one, two = (measured(filled_by, group, asked) for group in engines)
+    blind = measured(filled_half_blind, engines[1], asked)
+    reference = np.array([scores(telea(ask), ask) for ask in asked])
+    print(
+        f"{told.count} held-out pairs of {told.size} px; {len(told.one)} networks of one mask, {len(told.two)} of two"
+    )
+    print_table(one, two, blind, reference, asked)
+    if len(told.one) + len(told.two) > 2:
+        print_runs(one, two, [*told.one, *told.two])
+
+
+if __name__ == "__main__":
+    main()
