@@ -240,7 +240,8 @@ def test_the_sky_is_no_hole(target: Camera, mode: str) -> None:
     sky_there = world.cast(HOME.world_from_cam[:3, 3], rays_of(HOME))[1] == -1
     known = inside & sky_there[np.where(inside, y, 0).astype(int), np.where(inside, x, 0).astype(int)]
     assert not view.hole[known].any()
-    np.testing.assert_array_equal(view.color[view.far], np.broadcast_to([90, 150, 250], (view.far.sum(), 3)))
+    off = np.abs(view.color[view.far].astype(int) - [90, 150, 250])
+    assert off.max(initial=0) <= 1  # a spline's coefficients know the edge three pixels away
 
 
 def test_a_surface_seen_from_behind_leaves_no_outline() -> None:

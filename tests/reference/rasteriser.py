@@ -180,18 +180,91 @@ def near_border(centre: tuple[float, float], columns: np.ndarray, rows: np.ndarr
 def shade(drawing: Drawing, right: np.ndarray, down: np.ndarray, color: np.ndarray) -> np.ndarray:
     """Colour (float H x W x 3) of every drawn pixel: bilinear in its quad, without the corners that nothing joins."""
     out = np.zeros((*drawing.depth.shape, 3))
-    height, width = color.shape[:2]
     for row, column in zip(*np.nonzero(drawing.depth)):
-        u, v = drawing.where[row, column]
-        left, upper = min(int(u), max(width - 2, 0)), min(int(v), max(height - 2, 0))
-        if abs(u - round(u)) < 1e-6 and abs(v - round(v)) < 1e-6:
-            out[row, column] = color[round(v), round(u)]
-            continue
-        fu, fv = u - left, v - upper
-        top, west, east, bottom = sides_of(right, down, upper, left)
-        weights = [(1 - fu) * (1 - fv), fu * (1 - fv), (1 - fu) * fv, fu * fv]
-        kept = [top or west, top or east, west or bottom, east or bottom]
-        corners = [color[upper, left], color[upper, left + 1], color[upper + 1, left], color[upper + 1, left + 1]]
-        total = sum(weight for weight, keep in zip(weights, kept) if keep)
-        out[row, column] = sum(w / total * c.astype(float) for w, keep, c in zip(weights, kept, corners) if keep)
+        out[row, column] = bilinear(*drawing.where[row, column], right, down, color)
     return out
+
+
+def bilinear(u: float, v: float, right: np.ndarray, down: np.ndarray, color: np.ndarray) -> np.ndarray:
+    """Colour at source column u, row v: of a pixel as it is, else the mean of its quad's corners that something joins."""
+    height, width = color.shape[:2]
+    left, upper = min(int(u), max(width - 2, 0)), min(int(v), max(height - 2, 0))
+    if abs(u - round(u)) < 1e-6 and abs(v - round(v)) < 1e-6:
+        return color[round(v), round(u)].astype(float)
+    fu, fv = u - left, v - upper
+    top, west, east, bottom = sides_of(right, down, upper, left)
+    weights = [(1 - fu) * (1 - fv), fu * (1 - fv), (1 - fu) * fv, fu * fv]
+    kept = [top or west, top or east, west or bottom, east or bottom]
+    corners = [color[upper, left], color[upper, left + 1], color[upper + 1, left], color[upper + 1, left + 1]]
+    total = sum(weight for weight, keep in zip(weights, kept) if keep)
+    return np.sum([w / total * c.astype(float) for w, keep, c in zip(weights, kept, corners) if keep], 0)
+
+
+def shade_finely(
+    drawing: Drawing, right: np.ndarray, down: np.ndarray, color: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Colour (float) of every drawn pixel, how many places of the source it is the mean of, and where rounding decides.
+
+    Inside a surface (8 x 8 pixels joined) scipy's cubic spline, else `bilinear`. As many places along the row as the next
+    pixel is source pixels on, rounded up, if more than 1.2 and at most 4 columns and rows; along the column likewise; one
+    alone where a place lies in a quad that is not joined all round.
+    """
+    from scipy.ndimage import map_coordinates
+
+    out, counts = np.zeros((*drawing.depth.shape, 3)), np.zeros(drawing.depth.shape, int)
+    unsure = drawing.unsure.copy()
+    for row, column in zip(*np.nonzero(drawing.depth)):
+        steps = [step_to(drawing, row, column, *after) for after in ((row, column + 1), (row + 1, column))]
+        lengths = [float(np.hypot(*step)) for step in steps]
+        unsure[row, column] |= any(near_threshold(drawing, row, column, step) for step in steps)
+        wide, high = (int(np.ceil(length)) if length > 1.2 else 1 for length in lengths)
+        wide, high = min(wide, 4), min(high, 4)
+        shifts = [
+            ((x + 0.5) / wide - 0.5) * steps[0] + ((y + 0.5) / high - 0.5) * steps[1]
+            for y in range(high)
+            for x in range(wide)
+        ]
+        places = [drawing.where[row, column] + shift for shift in shifts]
+        unsure[row, column] |= any(np.abs(place - np.round(place)).min() < 1e-3 for place in places)  # which quad?
+        if not all(in_whole_quad(right, down, *place) for place in places):
+            places = [drawing.where[row, column]]
+        counts[row, column] = len(places)
+        for u, v in places:
+            if is_inside(right, down, int(v), int(u)):
+                planes = color.astype(float).transpose(2, 0, 1)
+                found = np.array([map_coordinates(plane, [[v], [u]], order=3, mode="mirror")[0] for plane in planes])
+            else:
+                found = bilinear(u, v, right, down, color)
+            out[row, column] += found / len(places)
+    return np.clip(out, 0, 255), counts, unsure
+
+
+def step_to(drawing: Drawing, row: int, column: int, next_row: int, next_column: int) -> np.ndarray:
+    """Source columns and rows on to the next target pixel; none where it is empty, outside or on another surface."""
+    height, width = drawing.depth.shape
+    if next_row >= height or next_column >= width or drawing.depth[next_row, next_column] == 0:
+        return np.zeros(2)
+    step = drawing.where[next_row, next_column] - drawing.where[row, column]
+    return step if np.abs(step).max() <= 4 else np.zeros(2)
+
+
+def near_threshold(drawing: Drawing, row: int, column: int, step: np.ndarray) -> bool:
+    """May rounding, or a neighbour that is unsure, change how many places a step asks for?"""
+    length = float(np.hypot(*step))
+    around = drawing.unsure[row : row + 2, column : column + 2].any()
+    edges = np.array([1.2, 2, 3, 4])
+    return bool(around or np.abs(edges - length).min() < 1e-3 or np.abs(np.abs(step) - 4).min() < 1e-3)
+
+
+def is_inside(right: np.ndarray, down: np.ndarray, upper: int, left: int) -> bool:
+    """Are the 8 x 8 pixels round a quad there and all joined?"""
+    height, width = right.shape[0], down.shape[1]
+    if upper < 3 or left < 3 or upper + 4 >= height or left + 4 >= width:
+        return False
+    return all(all(sides_of(right, down, upper + y, left + x)) for y in range(-3, 4) for x in range(-3, 4))
+
+
+def in_whole_quad(right: np.ndarray, down: np.ndarray, u: float, v: float) -> bool:
+    """Does source column u, row v lie in a quad joined all round?"""
+    height, width = right.shape[0], down.shape[1]
+    return 0 <= u < width - 1 and 0 <= v < height - 1 and all(sides_of(right, down, int(v), int(u)))

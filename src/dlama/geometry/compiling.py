@@ -19,6 +19,8 @@ kernel = njit(cache=True, nogil=True, error_model="numpy")
 """Decorator of what is called from Python: compiled at its first call, then kept on disk."""
 piece = njit(error_model="numpy")
 """Decorator of what kernels are made of: stored as a part of them, not by itself."""
+inlined = njit(error_model="numpy", forceinline=True)
+"""As `piece`, for what is handed several arrays for every pixel: the call would cost more than the work."""
 
 BAND = 32
 """Rows per task: enough of them that threads finish together, not so many that handing them out costs."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -110,13 +111,22 @@ class Grid:
     matrix: Float64Array
     offset: Float64Array
     """Layer pixels to target pixels, `px_from_px`."""
+    fine: bool
+    """Colours by cubic B-spline; False: bilinear."""
 
     @classmethod
-    def of(cls, layer: View, camera: Camera, mode: Mode) -> Grid:
+    def of(cls, layer: View, camera: Camera, mode: Mode, fine: bool) -> Grid:
         depth, flies, w = without_flying(layer)
         joined = joints(w, layer.camera) if mode == "surface" else None
         still = layer.camera.same_view_as(camera)
-        return cls(layer, still, depth, flies, joined, *px_from_px(camera, layer.camera))
+        return cls(layer, still, depth, flies, joined, *px_from_px(camera, layer.camera), fine)
+
+    @cached_property
+    def knots(self) -> Float32Array:
+        """Of the colours' splines (`sampling.spline`); none where not fine."""
+        from dlama.geometry.sampling import spline
+
+        return spline(self.layer.color) if self.fine else np.empty(0, np.float32)
 
     @property
     def mesh(self) -> UInt8Array:
@@ -160,6 +170,7 @@ def draw_as_surface(grid: Grid, joined: UInt8Array, camera: Camera, canvas: Canv
     from dlama.geometry import raster, shading
     from dlama.geometry.compiling import in_bands
     from dlama.geometry.rim import draw_rim, rim
+    from dlama.geometry.sampling import smooth_quads
 
     layer, rows = grid.layer, camera.height
     x, y, w = transformed(grid.depth, grid.matrix, grid.offset)
@@ -167,8 +178,11 @@ def draw_as_surface(grid: Grid, joined: UInt8Array, camera: Camera, canvas: Canv
     in_bands(raster.draw_surface, rows, x, y, w, joined, spans(y, w), wbuf, where)
     zoom = camera.fx / layer.camera.fx
     draw_rim(x, y, w, joined, rim(joined, grid.depth), grid.depth, zoom, wbuf.copy(), wbuf, where)
-    pixels = layer.color, layer.origin, layer.confidence
-    in_bands(shading.shade_surface, rows, wbuf, where, joined, *pixels, *canvas.buffers())
+    smooth = smooth_quads(joined) if grid.fine else np.zeros_like(joined)
+    found = wbuf, where, joined, smooth, layer.color, grid.knots
+    in_bands(shading.shade_surface, rows, *found, layer.origin, layer.confidence, *canvas.buffers())
+    if grid.fine:
+        in_bands(shading.average_shrunk, rows, *found, canvas.color)
 
 
 def copy_onto(canvas: Canvas, layer: View) -> None:
@@ -187,12 +201,13 @@ def copy_where(canvas: Canvas, layer: View, where: BoolArray) -> None:
     np.copyto(canvas.confidence, layer.confidence, where=where)
 
 
-def draw_far(layer: View, camera: Camera, canvas: Canvas) -> None:
+def draw_far(grid: Grid, camera: Camera, canvas: Canvas) -> None:
     """The layer's far pixels (sky) behind everything drawn so far."""
     from dlama.geometry import shading
     from dlama.geometry.compiling import in_bands
+    from dlama.geometry.sampling import far_blocks
 
-    far = layer.far
+    layer, far = grid.layer, grid.layer.far
     rows = np.flatnonzero(far.any(1))
     if not len(rows):
         return
@@ -201,10 +216,11 @@ def draw_far(layer: View, camera: Camera, canvas: Canvas) -> None:
         return
     turn = layer.camera.cam_from_world[:3, :3] @ camera.world_from_cam[:3, :3]
     matrix = layer.camera.K @ turn @ np.linalg.inv(camera.K)
-    pixels = layer.color, layer.origin, layer.confidence
+    pixels = layer.color, grid.knots, layer.origin, layer.confidence
     columns = np.flatnonzero(far[rows[0] : rows[-1] + 1].any(0))
     box = np.array([columns[0], columns[-1], rows[0], rows[-1]])
-    in_bands(shading.shade_far, camera.height, matrix, far, box, *pixels, *canvas.buffers())
+    sky = far, box, far_blocks(far, grid.fine)
+    in_bands(shading.shade_far, camera.height, matrix, *sky, *pixels, *canvas.buffers())
 
 
 def px_from_px(target: Camera, source: Camera) -> tuple[Float64Array, Float64Array]:

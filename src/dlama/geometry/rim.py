@@ -13,12 +13,13 @@ from numpy.typing import NDArray
 from dlama.geometry.compiling import kernel, piece
 from dlama.geometry.edges import DOWN, RIGHT
 from dlama.geometry.rgbd import Float32Array, UInt8Array
+from dlama.geometry.sampling import whole_quads
 
 
 def rim(joined: UInt8Array, depth: Float32Array) -> NDArray[np.int64]:
     """Flat indices of vertices round which some quad is not whole."""
     whole = np.zeros((joined.shape[0] + 1, joined.shape[1] + 1), np.bool_)
-    whole[1:-1, 1:-1] = (joined[:-1, :-1] == 3) & (joined[:-1, 1:] >= 2) & ((joined[1:, :-1] & 1) > 0)
+    whole[1:-1, 1:-1] = whole_quads(joined)
     inner = whole[:-1, :-1] & whole[:-1, 1:] & whole[1:, :-1] & whole[1:, 1:]
     return np.flatnonzero(~inner & (depth > 0))
 
