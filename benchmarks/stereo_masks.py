@@ -12,7 +12,8 @@ picture is known from the world's depth, so holes are split by what a network co
 * `shown to none`: the point is in the other picture's hole, hidden by what is there, or out of it.
 
 `blind` is the network of two masks with the other picture hidden in the union while it paints one: it keeps its own picture's
-surroundings, and loses what the other picture shows of the holes.
+surroundings, and loses what the other picture shows of the holes. `other` is the other picture's own pixel where the point is
+in truth: what could be copied, where it is shown.
 
 Means over each pair's pixels, then over the pairs that have at least LEAST of the kind. Differences with 95 % intervals of
 the pairs drawn anew; pairs are all they speak of, not what another first state of the weights would have given.
@@ -53,6 +54,8 @@ class Question:
     """6 x H x W float32, 0..1: both pictures without the thing."""
     holes: np.ndarray
     """2 x H x W bool."""
+    other: np.ndarray
+    """6 x H x W float32: at each pixel what the other picture has at the place of the point that is there in truth."""
     regions: dict[str, np.ndarray]
     """Name -> 2 x H x W bool, parts of the holes."""
 
@@ -71,34 +74,43 @@ def question(source: StereoSamples, number: int, seed: int) -> Question:
     cameras = [gallery.cameras[end] for end in ends]
     baseline = float(np.linalg.norm(cameras[1].world_from_cam[:3, 3] - cameras[0].world_from_cam[:3, 3]))
     regions = {name: np.zeros_like(holes) for name in REGIONS}
+    other = np.empty_like(sample["target"])
     for view, towards in ((0, -1), (1, 1)):
-        shift = towards * cameras[view].fx * baseline / truth[view].depth
-        parts = split(holes[view], holes[1 - view], shift, truth[view].depth, frames[1 - view].depth)
-        for name, part in parts.items():
+        at, inside = places(towards * cameras[view].fx * baseline / truth[view].depth)
+        shown = inside & same_depth(frames[1 - view].depth[at], truth[view].depth)
+        for name, part in split(holes[view], holes[1 - view], at, shown).items():
             regions[name][view] = part
-    return Question(sample["target"], holes, regions)
+        other[3 * view : 3 * view + 3] = frames[1 - view].color[at].transpose(2, 0, 1) / np.float32(255)
+    return Question(sample["target"], holes, other, regions)
+
+
+def places(shift: np.ndarray) -> tuple[tuple[np.ndarray, np.ndarray], np.ndarray]:
+    """Rows and columns of the pixels so many to the right (H x W, inf: none), and whether they are in the picture."""
+    rows, columns = np.indices(shift.shape)
+    there = np.floor(columns + 0.5 + np.where(np.isfinite(shift), shift, 0)).astype(int)
+    kept = np.asarray(np.clip(there, 0, shift.shape[1] - 1))
+    return (np.asarray(rows), kept), np.asarray(there == kept)
+
+
+def same_depth(found: np.ndarray, wanted: np.ndarray) -> np.ndarray:
+    """Whether two depths (metres, inf = far) are those of one surface."""
+    with np.errstate(invalid="ignore"):
+        return (np.isinf(found) & np.isinf(wanted)) | (np.abs(found - wanted) <= SAME_POINT * wanted)
 
 
 def split(
-    hole: np.ndarray, other_hole: np.ndarray, shift: np.ndarray, depth: np.ndarray, other_depth: np.ndarray
+    hole: np.ndarray, other_hole: np.ndarray, at: tuple[np.ndarray, ...], shown: np.ndarray
 ) -> dict[str, np.ndarray]:
-    """One picture's hole by REGIONS; shift: pixels to the right at which the other picture has each point; H x W all."""
-    rows, columns = np.indices(hole.shape)
-    there = np.floor(columns + 0.5 + np.where(np.isfinite(shift), shift, 0)).astype(int)
-    inside = (there >= 0) & (there < hole.shape[1])
-    at = rows, np.clip(there, 0, hole.shape[1] - 1)
-    far = np.isinf(depth) & np.isinf(other_depth[at])
-    with np.errstate(invalid="ignore"):
-        same = far | (np.abs(other_depth[at] - depth) <= SAME_POINT * depth)
-    shown = hole & inside & ~other_hole[at] & same
+    """One picture's hole by REGIONS; at: where in the other picture each point is; shown: there it is in sight, H x W all."""
+    seen = hole & shown & ~other_hole[at]
     hidden = hole[at]  # the union hides the other picture there, too
     return {
         "all": hole,
         "in one hole": hole & ~other_hole,
         "in both": hole & other_hole,
-        "shown to both": shown & ~hidden,
-        "shown to two": shown & hidden,
-        "shown to none": hole & ~shown,
+        "shown to both": seen & ~hidden,
+        "shown to two": seen & hidden,
+        "shown to none": hole & ~seen,
     }
 
 
@@ -155,25 +167,23 @@ def interval(differences: np.ndarray) -> tuple[float, float]:
     return float(low), float(high)
 
 
-def print_table(
-    one: np.ndarray, two: np.ndarray, blind: np.ndarray, reference: np.ndarray, asked: Sequence[Question]
-) -> None:
-    """One row for each measure and region."""
+def print_table(columns: dict[str, np.ndarray], asked: Sequence[Question]) -> None:
+    """One row for each measure and region; columns: head -> networks x pairs x regions x 3."""
     pixels = {name: sum(int(ask.regions[name].sum()) for ask in asked) for name in REGIONS}
+    heads = "".join(f"{head:>9}" for head in columns)
     for measure, name in enumerate(("colour L1 (0..1)", "colour PSNR, dB", "colour SSIM")):
         digits = 2 if measure == 1 else 4
-        heads = "".join(f"{head:>9}" for head in ("Telea", "one", "two", "blind"))
         print(f"\n{name:<18}{'pairs':>6}{'pixels':>8}{heads}   {'two - one':<31}two - blind")
         for row, region in enumerate(REGIONS):
-            columns = [reference[:, row, measure], *(each[..., row, measure].mean(0) for each in (one, two, blind))]
-            there = ~np.isnan(columns[0])
+            found = {head: values[..., row, measure].mean(0) for head, values in columns.items()}
+            there = ~np.isnan(found["two"])
             if there.sum() < 2:
                 continue
-            shown = [column[there] for column in columns]
+            gains = [gain((found["two"] - found[base])[there], digits) for base in ("one", "blind")]
             print(
                 f"{region:<18}{there.sum():>6}{pixels[region] / pixels['all']:>8.1%}"
-                + "".join(f"{values.mean():>9.{digits}f}" for values in shown)
-                + "".join(f"   {gain(shown[2] - shown[base], digits):<28}" for base in (1, 3)).rstrip()
+                + "".join(f"{values[there].mean():>9.{digits}f}" for values in found.values())
+                + f"   {gains[0]:<28}   {gains[1]}"
             )
 
 
@@ -216,11 +226,11 @@ def main() -> None:
     asked = [question(source, number, told.seed) for number in range(told.count)]
     one, two = (measured(filled_by, group, asked) for group in engines)
     blind = measured(filled_half_blind, engines[1], asked)
-    reference = np.array([scores(telea(ask), ask) for ask in asked])
+    alone, other = (np.array([[scores(make(ask), ask) for ask in asked]]) for make in (telea, lambda ask: ask.other))
     print(
         f"{told.count} held-out pairs of {told.size} px; {len(told.one)} networks of one mask, {len(told.two)} of two"
     )
-    print_table(one, two, blind, reference, asked)
+    print_table({"Telea": alone, "one": one, "two": two, "blind": blind, "other": other}, asked)
     if len(told.one) + len(told.two) > 2:
         print_runs(one, two, [*told.one, *told.two])
 
