@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import json
+import runpy
 import subprocess
 import sys
 from dataclasses import fields, is_dataclass, replace
+from pathlib import Path
 
 import pytest
 
@@ -145,6 +147,39 @@ def test_flop_agree_with_a_profiler():
         with FlopCounterMode(display=False) as counter, torch.no_grad():
             net(torch.rand(1, planes, 64, 64))
         assert counted == pytest.approx(counter.get_total_flops(), rel=0.03)
+
+
+@pytest.mark.parametrize("name", ["mini-rgbd", "mini-stereo"])
+def test_flop_of_a_step_agree_with_torch(name):
+    """Oracle: torch's formulas, applied to every operation of a real step: both networks, the trunk and R1. (The closed form
+    counts the first layers' gradients towards their input, which nobody asks for: less than 7 % of so small a network.)"""
+    pytest.importorskip("pytorch_lightning", reason="the loop needs Lightning: pip install 'dlama[train]'")
+    from dlama.training.estimate import fourier_flop, step_flop
+
+    step_cost = runpy.run_path(str(Path(__file__).parents[2] / "benchmarks" / "step_cost.py"))["step_cost"]
+    settings = PRESETS[name].settings
+    settings = replace(settings, data=replace(settings.data, size=64))
+    counted = sum(flop for flop, _ in step_cost(settings).values()) + fourier_flop(settings)
+    assert step_flop(settings) == pytest.approx(counted, rel=0.07)
+
+
+def test_estimates_say_so_and_are_their_formula():
+    """Oracle: the formula by hand: a share of the nominal rate over the FLOP of a step, or what 15 cores make of samples."""
+    from dlama.training.estimate import Estimate, estimate, step_flop
+
+    settings = PRESETS["small-rgbd"].settings
+    found = estimate(settings)
+    assert found.slow == pytest.approx(0.1 * 990e12 / step_flop(settings)) and found.fast == pytest.approx(
+        2 * found.slow
+    )
+    assert found.made == 15 * 17 and found.reached == (255, 255)
+    assert Estimate(1e12, 99.0, 198.0, 150.0).reached == (99, 150)
+    for name in ("small-rgbd", "small-stereo", "big-rgbd"):
+        assert "ESTIMATE, not measured" in PRESETS[name].samples_per_second
+    large = estimate(replace(settings, data=replace(settings.data, size=512)))
+    assert large.made == pytest.approx(found.made / 4)
+    with pytest.raises(InputError, match="sketch"):
+        estimate(PRESETS["tiny"].settings)
 
 
 def test_resuming_with_other_settings_is_refused():

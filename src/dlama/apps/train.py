@@ -127,8 +127,10 @@ def preset_lines() -> list[str]:
         s = preset.settings
         lines += [f"{name}: {preset.what}"]
         lines += [f"    {budget(s, 512)}"]
-        lines += [f"    {s.loop.steps} steps of {s.loop.batch} samples of {s.data.size} x {s.data.size} pixels, "
-                  f"{s.loop.precision}; samples/s: {preset.samples_per_second}"]  # fmt: skip
+        lines += [
+            f"    {s.loop.steps} steps of {s.loop.batch} samples of {s.data.size} x {s.data.size} pixels, {s.loop.precision}",
+            f"    samples/s: {preset.samples_per_second}",
+        ]
     return lines
 
 
