@@ -97,11 +97,12 @@ def print_rendering(rgbd: RGBD, skip_open3d: bool) -> None:
     other = None if skip_open3d else seconds(open3d_projection(rgbd, camera))
     if other is not None:
         print(f"  Open3D create_from_rgbd_image + project_to_rgbd_image {1000 * other:8.2f}")
-    for mode in ("points", "surface"):
+    for mode, fine in (("points", False), ("surface", False), ("surface", True)):
         for types in (False, True):
-            taken = seconds(lambda mode=mode, types=types: render(source, camera, mode, types))
+            taken = seconds(lambda mode=mode, types=types, fine=fine: render(source, camera, mode, types, fine))
             ratio = f"   Open3D / dlama {other / taken:5.1f}x" if other else ""
-            print(f"  dlama {mode:8} {'with hole types' if types else '':16} {1000 * taken:8.2f}{ratio}")
+            name = mode + (", bilinear" if mode == "surface" and not fine else "")
+            print(f"  dlama {name:18} {'with hole types' if types else '':16} {1000 * taken:8.2f}{ratio}")
 
 
 def print_view(rgbd: RGBD) -> float:
