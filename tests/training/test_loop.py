@@ -234,6 +234,13 @@ def test_the_run_goes_on_when_a_checkpoint_fails_but_not_without_the_last(tmp_pa
     assert read_checkpoint(run / LAST)["step"] == 2
 
 
+def test_what_is_refused_leaves_no_run(tmp_path):
+    """Oracle: law; after a wrong --data the same directory takes the right command."""
+    with pytest.raises(InputError, match="no such file or folder"):
+        train(toy(steps=1), tmp_path / "run", data=[tmp_path / "gone"])
+    assert train(toy(steps=1), tmp_path / "run").step == 1
+
+
 def test_time_is_up(tmp_path):
     """Oracle: law; one step at least, a checkpoint, and the network as it is then."""
     done = train(toy(steps=10_000), tmp_path / "run", max_minutes=0.01)

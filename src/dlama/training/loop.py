@@ -25,7 +25,7 @@ from dlama.training.checkpointing import LAST, read_checkpoint, restore
 from dlama.training.export import export
 from dlama.training.module import TrainingModule
 from dlama.training.rhythm import ALL_STEPS, TIME_IS_UP, Rhythm, scores_of
-from dlama.training.run_files import logged, prepare
+from dlama.training.run_files import keep_settings, logged, prepare
 from dlama.training.settings import TrainSettings
 from dlama.training.sources import SampleSource, source_for
 from dlama.training.stream import Numbered, Positions, held_out_batch, loader
@@ -104,6 +104,8 @@ def _train(
     check_sample(Numbered(source, settings.loop.seed)[0], settings.network, settings.data.size)
     fixed = held_out_batch(held_out or source_for(settings, data, "held_out"), settings) if first else None
     module, processes = TrainingModule(settings), settings.loop.devices * settings.loop.nodes
+    if first:
+        keep_settings(run, settings)  # only now: what was refused above leaves no run that the next attempt would meet
     checkpoint: dict[str, Any] = read_checkpoint(run / LAST) if resume else {}
     if checkpoint:
         restore(module, checkpoint, processes)

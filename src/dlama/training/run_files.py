@@ -46,7 +46,11 @@ def prepare(run: Path, settings: TrainSettings, resume: bool) -> None:
         run.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise OutputError(f"{run}: cannot be made ({error})") from error
-    with new_file(path) as draft:
+
+
+def keep_settings(run: Path, settings: TrainSettings) -> None:
+    """From now on the directory holds a run. OutputError."""
+    with new_file(run / SETTINGS) as draft:
         draft.write_text(to_json(settings), "utf-8")
 
 
