@@ -1,6 +1,6 @@
 """Settings of each kind of sample in -> samples per second and core out: what a training's workers make.
 
-    python benchmarks/samples.py [--size 256] [--count 32] [--photos FOLDER] [--frames FOLDER]
+    python benchmarks/samples.py [--size 256] [--count 32] [--photos FOLDER] [--frames FOLDER] [--cases FOLDER]
 
 `in runs`: indices in order, as a training that shuffles whole runs of them asks; `shuffled`: every sample of another world.
 `warped-photo` is slow until a process has made its bank of shapes: its first column is of a new process, its second of one
@@ -33,6 +33,8 @@ KINDS = {
     "removal": ("rgbd", ""),
     "stereo": ("stereo", ""),
     "frame": ("rgbd", "frames"),
+    "removal, of cases": ("rgbd", "cases"),
+    "stereo, of cases": ("stereo", "cases"),
 }
 JUMP = 1009
 """From one index to the next where they are shuffled."""
@@ -55,6 +57,9 @@ def main() -> None:
     parser.add_argument("--count", type=int, default=32)
     parser.add_argument("--photos", type=Path)
     parser.add_argument("--frames", type=Path)
+    parser.add_argument(
+        "--cases", type=Path, help="a data set with and without things, and with stereo pairs, or a pack of it"
+    )
     told = parser.parse_args()
     cv2.setNumThreads(1)
     print(f"{'kind':<22}{'planes':<10}{'in runs':>10}{'shuffled':>10}   samples/s per core, {told.size} px")
@@ -63,7 +68,7 @@ def main() -> None:
         if needs and folder is None:
             print(f"{kind:<22}{planes:<10}   needs --{needs}")
             continue
-        data = DataSettings(size=told.size, mixture={kind.split(",")[0]: 1.0})
+        data = DataSettings(size=told.size, mixture={kind.split(",")[0]: 1.0}, cases=1.0)
         settings = TrainSettings("benchmark", network=NetworkSettings(planes), data=data)  # type: ignore[arg-type]
         source = source_for(settings, [folder] if folder else [], "train")
         ordered = per_second(source, range(JUMP, JUMP + told.count))
