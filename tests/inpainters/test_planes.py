@@ -12,6 +12,7 @@ from dlama.inpainters.planes import (
     MOST_PLANES,
     NEIGHBOURHOOD,
     NOISY,
+    OUTLYING,
     SKY,
     SMOOTH,
     TOLERANCE,
@@ -211,18 +212,32 @@ def test_planes_under_the_noise_of_a_matched_pair() -> None:
     assert (untold[surface] > 0).mean() < 0.8 < (label[surface] > 0).mean() - 0.15
 
 
+def test_a_small_outlying_patch_is_its_planes_and_a_large_one_is_not() -> None:
+    """Closed form: pixels 1.5 times the slack of noise off a plane belong to it amid its pixels, not where they are the most;
+    beyond OUTLYING times, or without noise, never."""
+    plane, noise = np.array([(0.0, 0.0, 0.1)]), 0.002
+    w = plane_values(plane, (40, 60))[0].copy()
+    for columns, off in ((slice(5, 8), 1.5), (slice(20, 36), 1.5), (slice(50, 53), 1.1 * OUTLYING)):
+        w[10 : 13 if columns.start != 20 else 26, columns] += np.float32(off * NOISY * noise)
+    everywhere = np.ones(w.shape, bool)
+    label = label_known(w, everywhere, ~everywhere, plane, noise)
+    assert (label[10:13, 5:8] == 1).all()
+    assert (label[15:21, 25:31] == SMOOTH).all() and (label[10:13, 50:53] == SMOOTH).all()
+    assert (label_known(w, everywhere, ~everywhere, plane)[10:13, 5:8] == SMOOTH).all()
+
+
 def test_noise_is_taken_off_planes_and_nothing_else() -> None:
-    """Closed form: what lies within NOISY times the noise of its plane is put on it, the rest that much nearer to it; pixels on
-    no plane, and all where there is no noise, stay."""
+    """Closed form: what lies within OUTLYING NOISY times the noise of its plane is put on it, the rest that much nearer to it;
+    pixels on no plane, and all where there is no noise, stay."""
     plane = np.array([(0.001, 0.002, 0.3)])
     flat = plane_values(plane, (3, 4))[0]
     off = np.array([0, 0.01, -0.02, 0.04] * 3, np.float32).reshape(3, 4)
     label = np.ones((3, 4), np.int32)
     label[2] = SMOOTH
-    got = steadied(flat + off, label, plane, 0.004)
+    got = steadied(flat + off, label, plane, 0.002)
     kept = np.where(label == SMOOTH, off, np.array([0, 0, -0.01, 0.03], np.float32))
     np.testing.assert_allclose(got, flat + kept, atol=1e-6)
-    assert NOISY * 0.004 == 0.01
+    assert OUTLYING * NOISY * 0.002 == 0.01
     np.testing.assert_array_equal(steadied(flat + off, label, plane, 0.0), flat + off)
 
 

@@ -17,7 +17,7 @@ from dlama.geometry.camera import Camera
 from dlama.geometry.lifting import rays
 from dlama.geometry.rendering import inverse_depth
 from dlama.geometry.rgbd import BoolArray, Float32Array
-from dlama.geometry.view import View
+from dlama.geometry.view import HoleType, View
 from dlama.geometry.visibility import Law
 from dlama.inpainters.planes import SMOOTH, find_planes, label_known, noise_of, plane_values, steadied
 
@@ -38,6 +38,14 @@ LEEWAY = 1.03
 """Relative depth by which a plane may break the visibility law and still be meant."""
 RANGE_COST = 6.0
 """Cost of a plane e times nearer or farther than anything known."""
+ORDER_COST = 3.0
+"""Cost of a surface behind a plane that it is nowhere seen behind."""
+OUT_OF_ORDER = 0.02
+"""Share of a surface's known cells up to which it counts as nowhere seen behind a plane: noise, bad labels."""
+BEFORE = 1.05
+"""Relative inverse depth from which one plane stands before another."""
+FEW = 50
+"""Fewer known cells say nothing about the order of surfaces."""
 LEAST_INVERSE_DEPTH = 1e-3
 """Planes are not continued beyond 1 km: there they are horizon."""
 
@@ -73,6 +81,8 @@ class Coarse:
 
     camera: Camera
     hole: BoolArray
+    inner: BoolArray
+    """The part of the hole that is inside the source's view."""
     w: Float32Array
     label: NDArray[np.int32]
     values: Float32Array
@@ -93,7 +103,8 @@ class Coarse:
         hole = touched(view.hole, camera.wh)
         smooth = extension_kernels.far_side(w[pick], hole)
         values = np.concatenate([smooth[None], np.zeros_like(smooth)[None], plane_values(planes, camera.hw, step)])
-        return cls(camera, hole, w[pick], label[pick], values.astype(np.float32), step)
+        inner = hole & touched(view.hole & (view.hole_type != HoleType.OUT_OF_VIEW), camera.wh)
+        return cls(camera, hole, inner, w[pick], label[pick], values.astype(np.float32), step)
 
     def beliefs(self, law: Law) -> Float32Array:
         """h x w x L cost of each label after belief propagation (lower is better)."""
@@ -101,6 +112,7 @@ class Coarse:
 
         penalty = self.beyond_range()
         penalty[0] += SMOOTH_PENALTY
+        penalty[1:] += ORDER_COST * self.out_of_order()
         unary = extension_kernels.unary_costs(
             self.values,
             self.allowed(law),
@@ -138,6 +150,23 @@ class Coarse:
             planes = np.maximum(self.values[2:], LEAST_INVERSE_DEPTH)
             cost[2:] = RANGE_COST * np.maximum(0, np.maximum(np.log(planes / nearest), np.log(farthest / planes)))
         return cost
+
+    def out_of_order(self) -> BoolArray:
+        """(L - 1) x h x w, True where sky or a plane would stand behind a plane that it is nowhere seen behind.
+
+        A wall that meets the ground shows only above it, though its plane goes on below; that of a box goes on above the box, and
+        the wall behind is seen there all the same. Which of the two it is, the known pixels say. Out of view they say nothing.
+        """
+        out = np.zeros((len(self.values) - 1, *self.hole.shape), np.bool_)
+        for back in range(len(out)):
+            seen = ~self.hole & (self.label == back)
+            if seen.sum() < FEW:
+                continue
+            for front in range(1, len(out)):
+                before = self.values[front + 1] > BEFORE * self.values[back + 1] + LEAST_INVERSE_DEPTH
+                if front != back and before[seen].mean() < OUT_OF_ORDER:
+                    out[back] |= before
+        return out & self.inner
 
     def distances(self, law: Law) -> Float32Array:
         """L x h x w, cells to the nearest known cell of each label (a large number if there is none).

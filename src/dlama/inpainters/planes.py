@@ -18,6 +18,8 @@ TOLERANCE = 0.012
 """Largest relative residual in inverse depth of a pixel that lies on a plane."""
 NOISY = 2.5
 """And its largest residual in units of the noise of the inverse depth (stereo matching, structured light), where that is more."""
+OUTLYING = 2.0
+"""Times that slack up to which a pixel amid a plane's pixels still lies on it: matching errs in patches, not by a Gaussian."""
 NOISE_REACH = 4
 """Pixels over which noise is looked at: that of neighbouring pixels is much alike."""
 NEIGHBOURHOOD = 9
@@ -111,10 +113,12 @@ def label_known(
     there = surface.astype(np.float32)
     most = 0.3 * cv2.boxFilter(there, -1, window, normalize=False)
     label = np.full(w.shape, SMOOTH, np.int32)
-    near = slack(w, noise)
+    near, half = slack(w, noise), 0.5 * cv2.boxFilter(there, -1, window, normalize=False)
     for number, value in enumerate(planes):
-        fits = surface & (np.abs(plane_values(value[None], w.shape)[0] - w) < near)
+        residual = np.abs(plane_values(value[None], w.shape)[0] - w)
+        fits = surface & (residual < near)
         count = cv2.boxFilter(fits.astype(np.float32), -1, window, normalize=False)
+        fits |= surface & (residual < OUTLYING * NOISY * noise) & (count > half)
         better = fits & (count > most)
         most[better] = count[better]
         label[better] = number + 1
@@ -131,5 +135,5 @@ def steadied(w: Float32Array, label: NDArray[np.int32], planes: NDArray[np.float
         rows, columns = np.nonzero(label == number + 1)
         fitted_w = value[0] * (columns + 0.5) + value[1] * (rows + 0.5) + value[2]
         residual = w[rows, columns] - fitted_w
-        out[rows, columns] = fitted_w + np.sign(residual) * np.maximum(np.abs(residual) - NOISY * noise, 0)
+        out[rows, columns] = fitted_w + np.sign(residual) * np.maximum(np.abs(residual) - OUTLYING * NOISY * noise, 0)
     return out
