@@ -10,13 +10,14 @@ from typing import Annotated, Any
 import tyro
 from tyro.conf import FlagCreatePairsOff, OmitArgPrefixes, Positional
 
-from dlama.apps.evaluate import evaluate, worlds
+from dlama.apps.evaluate import evaluate
 from dlama.apps.jobs import STAGES, job
 from dlama.apps.model_verbs import models
 from dlama.apps.options import Depth, Image, Lens, Mask, Masking, Method, Metres, Move, Output, Reading, told
 from dlama.apps.terminal import plain_words, stages
 from dlama.apps.train import EXAMPLES as TRAINING_EXAMPLES
 from dlama.apps.train import pack, train
+from dlama.apps.worlds import worlds
 from dlama.completion import pairs, verbs
 
 DESCRIPTION = (

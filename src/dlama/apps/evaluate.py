@@ -1,10 +1,9 @@
-"""`dlama evaluate` and `dlama worlds`: a data set and methods in, tables and a report out; worlds to try it with."""
+"""`dlama evaluate`: a data set and methods in, tables and a report out."""
 
 from __future__ import annotations
 
 import dataclasses
 import shlex
-import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -14,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from tyro.conf import Positional
 
 from dlama.apps.options import Json, Metres, Output, told
-from dlama.apps.terminal import say
+from dlama.apps.terminal import say, shown_bar
 from dlama.completion.recipes import RECIPES, recipe
 from dlama.datasets.frames import Case, Dataset, Protocol
 from dlama.errors import InputError, MissingExtraError
@@ -43,7 +42,7 @@ class Scope:
     scenes: Annotated[tuple[str, ...], told("SCENE ...", "(default: all)")] = ()
     """Only these scenes."""
     yaws: Annotated[tuple[float, ...], told("DEG ...", "(default: all)")] = ()
-    """Only cases about so many degrees round, to either side."""
+    """Only cases about so many degrees round, to either side; of removal and stereo, which turn nothing, all."""
     limit: Annotated[int | None, told("N", "(default: all)")] = None
     """At most so many cases of each protocol, the first ones."""
     layout: Annotated[str | None, told("NAME", "(default: recognised)")] = None
@@ -182,45 +181,6 @@ def evaluate(
         raise SystemExit(FAILED)
 
 
-def worlds(
-    output: Output = Path("dlama-worlds"),
-    count: Annotated[int, told("N", "(default: 4)")] = 4,
-    seed: Annotated[int, told("N", "(default: 0)")] = 0,
-    size: Annotated[int, told("PX", "(default: 512)")] = 512,
-    kind: Annotated[Literal["room", "street"] | None, told("room|street", "(default: drawn by the seed)")] = None,
-    shadows: Annotated[bool, told("")] = True,
-    antialias: Annotated[bool, told("")] = True,
-    textures: Annotated[Path | None, told("DIR", "(default: procedural)")] = None,
-) -> None:
-    """Made-up scenes with exact ground truth, in EasySynth's layout: all that `dlama evaluate` needs, with no data at all.
-
-    Args:
-        output: Directory for the scenes.
-        count: How many scenes.
-        seed: The same seed gives the same scenes.
-        size: Side of the square pictures.
-        kind: Rooms or streets.
-        shadows: Objects cast none (a trouble that the paper names).
-        antialias: Colour edges are hard, exactly where depth changes.
-        textures: A folder of photos to paint surfaces with.
-    """
-    from dlama.datasets.worlds import write_worlds
-
-    with shown_count("worlds") as progress:
-        scenes = write_worlds(
-            output,
-            count=count,
-            seed=seed,
-            size=size,
-            kind=kind,
-            shadows=shadows,
-            antialias=antialias,
-            textures=textures,
-            progress=progress,
-        )
-    print(f"{output}: {len(scenes)} scenes. Next: dlama evaluate {shlex.quote(str(output))} -o dlama-report")
-
-
 def needs_extra() -> None:
     """MissingExtraError before anything is computed, where the report could not be written in the end."""
     from importlib.util import find_spec
@@ -259,7 +219,7 @@ def shown_progress(title: str) -> Iterator[Progress]:
     from dlama.evaluation.report import failure_line
 
     try:
-        with _bar(title) as bar:
+        with shown_bar(title) as bar:
 
             def progress(outcome: Any, done: int, total: int) -> None:
                 if outcome is not None and outcome.error:
@@ -272,27 +232,6 @@ def shown_progress(title: str) -> Iterator[Progress]:
     except KeyboardInterrupt:
         say("error", "interrupted; what is done is kept, and the same command goes on from there")
         raise SystemExit(INTERRUPTED) from None
-
-
-@contextmanager
-def shown_count(title: str) -> Iterator[Any]:
-    """A bar on a terminal that is told (done, total); None elsewhere."""
-    with _bar(title) as bar:
-        yield None if bar is None else lambda done, total: bar.update(bar.task_ids[0], completed=done, total=total)
-
-
-@contextmanager
-def _bar(title: str) -> Iterator[Any]:
-    if not sys.stderr.isatty():
-        yield None
-        return
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TimeElapsedColumn, TimeRemainingColumn
-
-    columns = ("{task.description}", BarColumn(24), MofNCompleteColumn(), TimeElapsedColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        bar.add_task(title, total=None)
-        yield bar
 
 
 def _words(value: Any) -> Sequence[str]:

@@ -8,6 +8,7 @@ import sys
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import Any
 
 from dlama.completion.scenes import Completion
 from dlama.errors import DlamaError
@@ -86,3 +87,25 @@ def summary(completion: Completion, place: object, seconds: float) -> str:
     if meta["nothing_visible"]:
         why = "; nothing of the scene is visible from there, so nothing could be filled"
     return f"{place}: {sum(kinds.values()):.1%} was unknown{why}, filler {meta['filler']}, {seconds:.1f} s"
+
+
+@contextmanager
+def shown_count(title: str) -> Iterator[Any]:
+    """A bar on a terminal that is told (done, total); None elsewhere."""
+    with shown_bar(title) as bar:
+        yield None if bar is None else lambda done, total: bar.update(bar.task_ids[0], completed=done, total=total)
+
+
+@contextmanager
+def shown_bar(title: str) -> Iterator[Any]:
+    """A bar on a terminal, removed when it is done; None elsewhere."""
+    if not sys.stderr.isatty():
+        yield None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TimeElapsedColumn, TimeRemainingColumn
+
+    columns = ("{task.description}", BarColumn(24), MofNCompleteColumn(), TimeElapsedColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        bar.add_task(title, total=None)
+        yield bar
