@@ -89,6 +89,8 @@ class Listener:
     def __init__(self) -> None:
         self.fed: list[np.ndarray] = []
 
+    call = Engine.call
+
     def run(self, feed: dict[str, np.ndarray]) -> np.ndarray:
         self.fed.append(feed["planes"][0])
         return np.full_like(feed["planes"][:, :6], 0.5)

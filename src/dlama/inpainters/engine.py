@@ -156,20 +156,16 @@ class Engine:
         return fill_crops(np.asarray(planes, np.float32), hole, self.call, layout)
 
     def call(self, planes: Float32Array, hole: BoolArray) -> Float32Array:
-        """The network itself on planes in 0..1, of a size it takes; the hole is zeroed, the mask stacked last."""
+        """The network itself on planes in 0..1, of a size it takes; the hole (H x W, or one for each of its masks: masks x H x W)
+        is zeroed, the masks stacked last."""
         about = self.contract
-        low, high = about.in_range
-        known = (low + planes * np.float32(high - low)) * ~hole
-        mask = hole if about.mask == "1 = fill" else ~hole
-        mask_plane = np.broadcast_to(mask.astype(np.float32), (len(planes), 1, *hole.shape))
-        stacked = np.concatenate([known.astype(np.float32), mask_plane], 1)
+        stacked = about.stacked(planes, hole.reshape(-1, *hole.shape[-2:]))
         out = self.run({next(iter(self.ends)): stacked})
         if out.shape != planes.shape:
             raise FileError(f"{self.path}: gave {out.shape} for {stacked.shape}; {planes.shape} is wanted")
         if not np.isfinite(out).all():
             raise FileError(f"{self.path}: the network gave values that are not finite")
-        low, high = about.out_range or about.in_range
-        return np.asarray((out - np.float32(low)) / np.float32(high - low), np.float32)
+        return about.values(out)
 
     def run(self, feed: dict[str, np.ndarray]) -> np.ndarray:
         """The first output for these inputs; FileError with the file's name where the runtime refuses them."""

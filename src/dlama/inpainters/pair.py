@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from dlama.errors import FileError, InputError
+from dlama.errors import InputError
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.geometry.view import View
 from dlama.geometry.visibility import Law
@@ -74,12 +74,7 @@ def _with_two_masks(network: Engine) -> Network:
 
     def call(both: Float32Array, union: BoolArray) -> Float32Array:
         planes, holes = both[:, :6], both[0, 6:] > 0
-        out = network.run({next(iter(network.ends)): about.stacked(planes, holes)})
-        if out.shape != planes.shape:
-            raise FileError(f"{network.path}: gave {out.shape} for {both.shape}; {planes.shape} is wanted")
-        if not np.isfinite(out).all():
-            raise FileError(f"{network.path}: the network gave values that are not finite")
-        filled = np.where(about.own_holes(holes), about.values(out), planes)
+        filled = np.where(about.own_holes(holes), network.call(planes, holes), planes)
         return np.concatenate([filled, np.zeros_like(both[:, 6:])], 1)
 
     return call
