@@ -35,14 +35,16 @@ SAMPLES = 9000
 def noise_of(w: Float32Array, surface: BoolArray) -> float:
     """Standard deviation (1/m) of the noise of measured inverse depth; 0 where it is exact, for planes are straight in it.
 
-    From the median second difference over NOISE_REACH px: of a straight line it is 0, and most of a picture is straight.
+    From the median second difference over NOISE_REACH px: of a straight line it is 0, and most of a picture is straight. Noise
+    that the slack at a usual distance covers anyhow is none.
     """
     k, found = NOISE_REACH, []
     for a, there in ((w, surface), (w.T, surface.T)):
         known = there[:, : -2 * k] & there[:, k:-k] & there[:, 2 * k :]
         found.append(np.abs(a[:, k:-k] - (a[:, : -2 * k] + a[:, 2 * k :]) / 2)[known])
     bends = np.concatenate(found)
-    return float(np.median(bends)) / (0.6745 * np.sqrt(1.5)) if bends.size else 0.0
+    noise = float(np.median(bends)) / (0.6745 * np.sqrt(1.5)) if bends.size else 0.0
+    return noise if noise and NOISY * noise > TOLERANCE * float(np.median(w[surface])) else 0.0
 
 
 def slack(w: np.ndarray, noise: float) -> np.ndarray:
