@@ -89,7 +89,7 @@ class Listener:
     def __init__(self) -> None:
         self.fed: list[np.ndarray] = []
 
-    call = Engine.call
+    call, layout = Engine.call, Engine.layout
 
     def run(self, feed: dict[str, np.ndarray]) -> np.ndarray:
         self.fed.append(feed["planes"][0])

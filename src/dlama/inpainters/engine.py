@@ -152,8 +152,12 @@ class Engine:
 
     def fill(self, planes: Float32Array, hole: BoolArray) -> Float32Array:
         """B x C x H x W planes in 0..1 with the hole (H x W) filled; what was known comes back bit for bit."""
-        layout = Layout(self.contract.multiple, self.contract.minimum, self.budget)
-        return fill_crops(np.asarray(planes, np.float32), hole, self.call, layout)
+        return fill_crops(np.asarray(planes, np.float32), hole, self.call, self.layout)
+
+    @property
+    def layout(self) -> Layout:
+        """How pictures are cut for this network."""
+        return Layout(self.contract.multiple, self.contract.minimum, self.budget)
 
     def call(self, planes: Float32Array, hole: BoolArray) -> Float32Array:
         """The network itself on planes in 0..1, of a size it takes; the hole (H x W, or one for each of its masks: masks x H x W)

@@ -18,7 +18,7 @@ from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.geometry.view import View
 from dlama.geometry.visibility import Law
 from dlama.inpainters.contract import Contract, demand
-from dlama.inpainters.crops import Layout, Network, fill_crops
+from dlama.inpainters.crops import Network, fill_crops
 from dlama.inpainters.engine import Engine, engine
 from dlama.inpainters.filling import Fill
 from dlama.inpainters.painting import Painter
@@ -60,12 +60,11 @@ def filled_pair(network: Engine, planes: Float32Array, holes: BoolArray) -> Floa
     With one mask the network sees neither picture where either has its hole, and gives both there. With two, each picture is
     hidden and filled in its own hole only.
     """
-    about, union = network.contract, holes[0] | holes[1]
-    if about.masks == 1:
+    union = holes[0] | holes[1]
+    if network.contract.masks == 1:
         return network.fill(planes[None], union)[0]
     both = np.concatenate([planes, holes.astype(np.float32)])[None]
-    layout = Layout(about.multiple, about.minimum, network.budget)
-    return fill_crops(both, union, _with_two_masks(network), layout)[0, :6]
+    return fill_crops(both, union, _with_two_masks(network), network.layout)[0, :6]
 
 
 def _with_two_masks(network: Engine) -> Network:

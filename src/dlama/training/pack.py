@@ -22,6 +22,7 @@ from dlama.geometry.rgbd import UInt8Array
 from dlama.training.pack_takes import packed, webp
 from dlama.training.photos import Photo
 from dlama.training.takes import WORDS, Take
+from dlama.training.windows import resized_color
 
 FORMAT, VERSION, INDEX = "dlama pack", 2, "index.json"
 """Version 1 held photos and pairs of posed frames only, under other names; it is still read."""
@@ -111,16 +112,13 @@ def _suffix(data: bytes) -> str:
 
 def smaller(picture: UInt8Array, size: int) -> UInt8Array:
     """A photo with its smaller side brought down to `size` px and its longer one cut to LONGEST times that."""
-    import cv2
-
     least = min(picture.shape[:2])
     reach = int(LONGEST * least)
     top, left = (max(0, (length - reach) // 2) for length in picture.shape[:2])
     part = picture[top : top + reach, left : left + reach]
     if least <= size:
         return np.ascontiguousarray(part)
-    wh = round(part.shape[1] * size / least), round(part.shape[0] * size / least)
-    return np.asarray(cv2.resize(part, wh, interpolation=cv2.INTER_AREA), np.uint8)
+    return resized_color(part, (round(part.shape[0] * size / least), round(part.shape[1] * size / least)))
 
 
 def _shuffled(things: Sequence[Any], rng: np.random.Generator) -> list[Any]:
