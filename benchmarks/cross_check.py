@@ -18,14 +18,14 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from dlama.completion import scenes
+from dlama.completion import pipeline as scenes
 from dlama.completion.recipes import find_recipe
-from dlama.evaluation.answers import Answer
-from dlama.evaluation.methods import ProtocolSettings
-from dlama.evaluation.metrics import depth_8bit
+from dlama.evaluation.metrics.pictures import depth_8bit
+from dlama.evaluation.protocols.methods import ProtocolSettings
+from dlama.evaluation.protocols.scores import Answer
 from dlama.geometry import rendering
 from dlama.geometry.camera import Camera
-from dlama.geometry.lifting import lift
+from dlama.geometry.projection import lift
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.view import View
 

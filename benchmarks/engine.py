@@ -18,7 +18,7 @@ from statistics import median
 
 import numpy as np
 
-from dlama.inpainters.engine import Engine
+from dlama.inpainters.networks.engine import Engine
 from dlama.nets.architecture import GeneratorSettings, generator_shapes
 from dlama.nets.export import contract, onnx_bytes
 

@@ -22,11 +22,11 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from dlama.completion.scenes import complete
+from dlama.completion.pipeline import complete
 from dlama.datasets.frames import ViewTruth
 from dlama.datasets.layouts import open_dataset
-from dlama.evaluation.lpips import Lpips
-from dlama.evaluation.metrics import depth_8bit
+from dlama.evaluation.metrics.lpips import Lpips
+from dlama.evaluation.metrics.pictures import depth_8bit
 from dlama.geometry.rendering import render
 from dlama.geometry.rgbd import UInt8Array
 from dlama.geometry.view import HoleType

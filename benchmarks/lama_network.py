@@ -24,7 +24,7 @@ import numpy as np
 import onnxruntime
 import torch
 
-from dlama.inpainters.openvino_session import OpenVinoSession
+from dlama.inpainters.networks.openvino import OpenVinoSession
 from dlama.nets.architecture import GeneratorSettings, generator_shapes
 from dlama.nets.export import contract, onnx_bytes
 from dlama.nets.generator import generator_from_state

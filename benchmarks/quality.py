@@ -23,9 +23,9 @@ import cv2
 import numpy as np
 from skimage.metrics import structural_similarity
 
-from dlama.completion.scenes import complete
+from dlama.completion.pipeline import complete
 from dlama.geometry.camera import Camera
-from dlama.geometry.lifting import lift, project
+from dlama.geometry.projection import lift, project
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.view import View
 

@@ -21,8 +21,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from dlama.training.data.sources import SampleSource, source_for
 from dlama.training.settings import DataSettings, NetworkSettings, TrainSettings
-from dlama.training.sources import SampleSource, source_for
 
 KINDS = {
     "sketch": ("rgbd", ""),

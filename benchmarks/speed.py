@@ -23,7 +23,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from dlama.completion.scenes import complete
+from dlama.completion.pipeline import complete
 from dlama.geometry.camera import Camera
 from dlama.geometry.rendering import render
 from dlama.geometry.rgbd import RGBD

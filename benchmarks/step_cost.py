@@ -24,10 +24,10 @@ from torch.utils._python_dispatch import TorchDispatchMode
 from torch.utils._pytree import tree_leaves
 from torch.utils.flop_counter import flop_registry
 
-from dlama.training.batches import Batch, keys_of
+from dlama.training.data.batches import Batch, keys_of
 from dlama.training.estimate import fourier_flop, step_flop
+from dlama.training.loop.module import TrainingModule
 from dlama.training.losses import discriminator_terms, judged_terms, perceptual_term, pixel_terms
-from dlama.training.module import TrainingModule
 from dlama.training.presets import PRESETS
 from dlama.training.settings import TrainSettings
 

@@ -30,13 +30,13 @@ import cv2
 import numpy as np
 import torch
 
-from dlama.inpainters.engine import Engine
-from dlama.inpainters.pair import filled_pair
+from dlama.inpainters.networks.engine import Engine
+from dlama.inpainters.networks.pair import filled_pair
+from dlama.training.data.loader import HELD_OUT
+from dlama.training.data.sources import source_for
+from dlama.training.data.world_samples import StereoSamples, removable, seen_through
+from dlama.training.loop.validation import TELEA_RADIUS, ssim_map
 from dlama.training.settings import DataSettings, NetworkSettings, TrainSettings
-from dlama.training.sources import source_for
-from dlama.training.stream import HELD_OUT
-from dlama.training.validation import TELEA_RADIUS, ssim_map
-from dlama.training.world_samples import StereoSamples, removable, seen_through
 
 REGIONS = ("all", "in one hole", "in both", "shown to both", "shown to two", "shown to none")
 LEAST = 20

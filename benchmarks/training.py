@@ -30,7 +30,7 @@ import torch
 from torch import Tensor
 
 from dlama.nets.ffc import FourierUnit
-from dlama.training.loop import train
+from dlama.training.loop.train import train
 from dlama.training.presets import PRESETS
 from dlama.training.settings import TrainSettings
 

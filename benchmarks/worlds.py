@@ -10,7 +10,7 @@ from __future__ import annotations
 import argparse
 import time
 
-from dlama.datasets.worlds import world
+from dlama.worlds.dataset import world
 
 YAWS = (0, 10, -10, 20, -20, 30, -30, 60, -60)
 

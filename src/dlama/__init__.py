@@ -6,9 +6,9 @@ and `stereo` do all of it, `complete` does it for several cameras.
 
 __version__ = "0.1.0"
 
-from dlama.completion.pairs import stereo as stereo
-from dlama.completion.scenes import Completion as Completion
-from dlama.completion.scenes import complete as complete
+from dlama.completion.pipeline import Completion as Completion
+from dlama.completion.pipeline import complete as complete
+from dlama.completion.stereo import stereo as stereo
 from dlama.completion.verbs import remove as remove
 from dlama.completion.verbs import view as view
 from dlama.errors import DlamaError as DlamaError
@@ -20,7 +20,7 @@ from dlama.files.results import write as write
 from dlama.files.rgbd import read_rgbd as read_rgbd
 from dlama.geometry.camera import Camera as Camera
 from dlama.geometry.cloud import PointCloud as PointCloud
-from dlama.geometry.lifting import lift as lift
+from dlama.geometry.projection import lift as lift
 from dlama.geometry.rendering import render as render
 from dlama.geometry.rgbd import RGBD as RGBD
 from dlama.geometry.scene import Scene as Scene

@@ -14,8 +14,8 @@ from dlama.apps.cli import main
 from dlama.apps.evaluate import Contest, Scope, command_line, needs_extra
 from dlama.errors import InputError, MissingExtraError
 from dlama.evaluation import protocols
-from dlama.evaluation.methods import Method, ProtocolSettings, Scored
-from dlama.evaluation.report import FILES
+from dlama.evaluation.protocols.methods import Method, ProtocolSettings, Scored
+from dlama.evaluation.report.write import FILES
 
 HEADER = "protocol,dataset,scene,frame,yaw,recipe,filler,region,modality,metric,value"
 

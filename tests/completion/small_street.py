@@ -7,8 +7,8 @@ import functools
 import numpy as np
 import pytest
 
+from dlama.completion.pipeline import Completion
 from dlama.completion.recipes import RECIPES
-from dlama.completion.scenes import Completion
 from dlama.completion.verbs import remove, view
 from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import RGBD

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from small_street import CAMERA, WORLD, recipes, street
 
+from dlama.completion.pipeline import Completion, complete
 from dlama.completion.recipes import RECIPES
-from dlama.completion.scenes import Completion, complete
 from dlama.geometry.camera import Camera
 from dlama.geometry.rendering import render
 from dlama.geometry.scene import Scene

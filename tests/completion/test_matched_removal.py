@@ -7,8 +7,8 @@ import dataclasses
 import numpy as np
 import pytest
 
-from dlama.completion import pairs
-from dlama.completion.pairs import EASED, LENT, at_surest, freed, stereo
+from dlama.completion import stereo as pairs
+from dlama.completion.stereo import EASED, LENT, at_surest, freed, stereo
 from dlama.geometry.camera import Camera
 from dlama.geometry.rig import StereoRig
 from worlds import Box, Plane, World

@@ -6,8 +6,8 @@ import dataclasses
 
 import pytest
 
+from dlama.completion.pipeline import find_recipe
 from dlama.completion.recipes import RECIPES, Recipe, recipe
-from dlama.completion.scenes import find_recipe
 from dlama.errors import InputError
 
 

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from small_street import BALL, MASK, completed, counts, fillers, recipes, street
 
+from dlama.completion.pipeline import complete
 from dlama.completion.recipes import RECIPES
-from dlama.completion.scenes import complete
 from dlama.completion.verbs import remove
 from dlama.errors import MaskError
 from dlama.geometry.holes import dilated
-from dlama.geometry.lifting import lift
+from dlama.geometry.projection import lift
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import HoleType, Origin
 from dlama.geometry.visibility import Law, violations

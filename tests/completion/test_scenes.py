@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from small_street import CAMERA, MASK, completed, counts, fillers, recipes, street
 
+from dlama.completion.pipeline import complete
 from dlama.completion.recipes import RECIPES
-from dlama.completion.scenes import complete
 from dlama.completion.verbs import remove, target_camera, view
 from dlama.errors import DepthError, InputError, MaskError
 from dlama.geometry.camera import Camera

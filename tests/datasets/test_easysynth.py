@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from dlama.datasets.easysynth import easysynth, looks_like_easysynth, orbit_yaw
-from dlama.datasets.easysynth_files import opencv_pose, quaternion_of, read_poses, rotation_of, unreal_pose
-from dlama.datasets.easysynth_writer import SequenceFrame, write_scene, write_sequence
+from dlama.datasets.easysynth.dataset import easysynth, looks_like_easysynth, orbit_yaw
+from dlama.datasets.easysynth.text_files import opencv_pose, quaternion_of, read_poses, rotation_of, unreal_pose
+from dlama.datasets.easysynth.writer import SequenceFrame, write_scene, write_sequence
 from dlama.datasets.frames import RemovalTruth, StereoTruth, ViewTruth
 from dlama.errors import CameraError, DepthError, FileError
 from dlama.geometry.camera import Camera

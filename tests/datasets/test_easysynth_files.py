@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dlama.datasets.easysynth import easysynth
-from dlama.datasets.easysynth_writer import SequenceFrame, write_scene, write_sequence
+from dlama.datasets.easysynth.dataset import easysynth
+from dlama.datasets.easysynth.writer import SequenceFrame, write_scene, write_sequence
 from dlama.errors import DlamaError, FileError
 from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import RGBD

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from dlama.datasets.easysynth_shadow import cast_shadow
+from dlama.datasets.easysynth.shadow import cast_shadow
 
 
 def test_shadow_is_the_darkened_region_beside_the_object() -> None:

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dlama.datasets.easysynth import easysynth
-from dlama.datasets.easysynth_writer import (
+from dlama.datasets.easysynth.dataset import easysynth
+from dlama.datasets.easysynth.writer import (
     SequenceFrame,
     StereoSequence,
     write_scene,

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -13,9 +11,9 @@ import pytest
 
 from dlama.datasets.frames import Dataset
 from dlama.datasets.layouts import LAYOUTS, detect, open_dataset
-from dlama.datasets.posed import posed_dataset, view_pairs
-from dlama.datasets.seven_scenes import numbered_frames
+from dlama.datasets.numbered_frames import numbered_frames
 from dlama.datasets.tsdf_fusion import tsdf_fusion
+from dlama.datasets.view_pairs import posed_dataset, view_pairs
 from dlama.errors import FileError, InputError
 from posed_folders import LENS, text_K, text_matrix, truth, write_codes16, write_picture
 
@@ -73,11 +71,6 @@ def test_several_or_none(tmp_path: Path) -> None:
         ),
         ({"layout": "stereo", "camera": LENS}, r"--camera says nothing to .* stereo; it is for tum, 7-scenes, scannet"),
         ({"limit": 0}, r"limit is 0; a whole number >= 1"),
-        ({"path": "worlds", "camera": LENS}, r"--camera says nothing to a data set of layout worlds"),
-        ({"path": "worlds:3", "layout": "tum"}, r"'worlds:3' is generated and has no layout"),
-        ({"path": "worlds:x"}, r"'worlds:x' is no name of generated worlds; worlds, worlds:COUNT"),
-        ({"path": "worlds:0"}, r"'worlds:0' is no name of generated worlds"),
-        ({"path": "worlds:1:2:3"}, r"'worlds:1:2:3' is no name of generated worlds"),
     ],
 )
 def test_options_that_say_nothing_are_refused(tmp_path: Path, arguments: dict[str, Any], message: str) -> None:
@@ -86,16 +79,8 @@ def test_options_that_say_nothing_are_refused(tmp_path: Path, arguments: dict[st
 
 
 def test_no_such_folder(tmp_path: Path) -> None:
-    with pytest.raises(FileError, match=r"nix: no such folder; the folder of a data set, or 'worlds', is wanted"):
+    with pytest.raises(FileError, match=r"nix: no such folder; the folder of a data set is wanted"):
         open_dataset(tmp_path / "nix")
-
-
-def test_listing_reads_no_heavy_module(tmp_path: Path) -> None:
-    """Oracle: sys.modules of a fresh interpreter after the import of the layouts."""
-    heavy = ["numba", "cv2", "PIL", "OpenEXR", "scipy", "torch", "matplotlib"]
-    code = f"import sys, dlama.datasets.layouts; print([m for m in {heavy!r} if m in sys.modules])"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == "[]"
 
 
 def scene(root: Path) -> Path:
@@ -139,7 +124,7 @@ def test_pairs_of_views_turn_as_wanted_and_overlap(tmp_path: Path) -> None:
 def test_strides_sources_and_overlap(tmp_path: Path) -> None:
     """Oracle: by hand."""
     from dlama.datasets.lenses import lens_for
-    from dlama.datasets.posed import Overlaps, posed_frame
+    from dlama.datasets.view_pairs import Overlaps, posed_frame
 
     root = scene(tmp_path)
     lens = lens_for(root, root, LENS, (), "")

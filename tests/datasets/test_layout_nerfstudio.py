@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 from dlama.datasets.layouts import open_dataset
-from dlama.datasets.listings import FileFields
 from dlama.datasets.nerfstudio import lens_of
+from dlama.datasets.text_tables import FileFields
 from dlama.errors import CameraError, FileError, InputError
 from posed_folders import check_frames, truth, write_codes16, write_picture
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from dlama.datasets.layouts import open_dataset
-from dlama.datasets.seven_scenes import moved_depth
+from dlama.datasets.numbered_frames import moved_depth
 from dlama.errors import CameraError, FileError, ShapeError
 from dlama.files.cameras import write_camera
 from dlama.geometry.camera import Camera

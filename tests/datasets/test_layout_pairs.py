@@ -12,7 +12,7 @@ import pytest
 from dlama.datasets.frames import ViewTruth
 from dlama.datasets.layouts import open_dataset
 from dlama.errors import DlamaError, FileError
-from dlama.geometry.lifting import lift, project
+from dlama.geometry.projection import lift, project
 from posed_folders import LENS, TURNS, check_frames, truth, write_codes16, write_picture
 
 

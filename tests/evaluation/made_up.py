@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from dlama.datasets.frames import Case, Dataset, Protocol, ViewTruth
-from dlama.evaluation.methods import Measure, Method, Panel, ProtocolSettings, Scored
+from dlama.evaluation.protocols.methods import Measure, Method, Panel, ProtocolSettings, Scored
 from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import RGBD
 

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from dlama.errors import ShapeError
-from dlama.evaluation.lpips import NETWORK, Lpips
+from dlama.evaluation.metrics.lpips import NETWORK, Lpips
 from reference.lpips_twin import PICTURES, blurred, gradient, lpips, noise, pair, street_pair, weights_of
 
 FROZEN = {

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from dlama.errors import MissingExtraError, ShapeError
-from dlama.evaluation.cloud_metrics import cloud_scores, nearest_distances
+from dlama.evaluation.metrics.clouds import cloud_scores, nearest_distances
 from reference.metrics_twin import nearest
 
 NONE = np.zeros((0, 3))

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from dlama.errors import ShapeError
-from dlama.evaluation.depth_metrics import depth_errors
+from dlama.evaluation.metrics.depth import depth_errors
 
 FAR, MISSING = np.inf, 0.0
 

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from dlama.errors import MissingExtraError, ShapeError
-from dlama.evaluation.metrics import (
+from dlama.evaluation.metrics.pictures import (
     SETTINGS,
     MetricSettings,
     channel_gain,

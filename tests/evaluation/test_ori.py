@@ -19,9 +19,9 @@ from square_world import (
 
 from dlama.datasets.frames import RemovalTruth, ViewTruth
 from dlama.errors import InputError
-from dlama.evaluation.methods import NO_FILL, Method, ProtocolSettings, Scored
-from dlama.evaluation.ori import untouched
 from dlama.evaluation.protocols import PROTOCOLS
+from dlama.evaluation.protocols.methods import NO_FILL, Method, ProtocolSettings, Scored
+from dlama.evaluation.protocols.ori import untouched
 from dlama.geometry.holes import dilated
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.view import View

@@ -18,7 +18,7 @@ from square_world import (
 )
 
 from dlama.errors import ShapeError
-from dlama.evaluation.regions import removal_regions, sight, stereo_regions
+from dlama.evaluation.metrics.regions import removal_regions, sight, stereo_regions
 from dlama.geometry.camera import Camera
 from dlama.geometry.holes import dilated
 from dlama.geometry.rgbd import RGBD

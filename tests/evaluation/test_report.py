@@ -19,15 +19,15 @@ import pytest
 from made_up import METHODS, made_up_dataset
 
 from dlama.datasets.frames import Dataset
-from dlama.evaluation import panel_choice
-from dlama.evaluation.charts import curves
-from dlama.evaluation.methods import Method, ProtocolSettings
-from dlama.evaluation.panel_choice import as_data_urls, choose
-from dlama.evaluation.panels import CELL, GAP, color_error, depth_error, heat, jpeg, rescaled_jpeg, small, strip
-from dlama.evaluation.report import FILES, settings_hash, write_report
-from dlama.evaluation.results_file import result_rows
-from dlama.evaluation.runner import Run, run
-from dlama.evaluation.summary import summarise
+from dlama.evaluation.protocols.methods import Method, ProtocolSettings
+from dlama.evaluation.report import panel_choice
+from dlama.evaluation.report.charts import curves
+from dlama.evaluation.report.panel_choice import as_data_urls, choose
+from dlama.evaluation.report.panels import CELL, GAP, color_error, depth_error, heat, jpeg, rescaled_jpeg, small, strip
+from dlama.evaluation.report.summary import summarise
+from dlama.evaluation.report.write import FILES, settings_hash, write_report
+from dlama.evaluation.runner.results_table import result_rows
+from dlama.evaluation.runner.run import Run, run
 
 SETTINGS = ProtocolSettings()
 VOID = {"meta", "link", "img", "input", "br", "hr", "path", "use", "rect"}
@@ -194,7 +194,7 @@ def test_curves_are_svg_with_the_methods_and_the_paper() -> None:
 
 def dataclasses_row(case, method: str, value: float):  # type: ignore[no-untyped-def]
     """A row of results.csv of a case."""
-    from dlama.evaluation.results_file import Row
+    from dlama.evaluation.runner.results_table import Row
 
     recipe, filler = method.split("/")
     return Row("vpi", "toy", case.scene, case.frame, case.yaw_deg, recipe, filler, "whole", "rgb", "ssim", value)

@@ -15,12 +15,13 @@ from made_up import METHODS, made_up_dataset
 
 from dlama.datasets.frames import Dataset
 from dlama.errors import FileError, InputError, OutputError
-from dlama.evaluation import runner, worker
-from dlama.evaluation.fingerprints import case_fingerprint, fingerprint, method_fingerprint
-from dlama.evaluation.methods import Method, ProtocolSettings
-from dlama.evaluation.results_file import HEADER, read_rows, result_rows, timing_rows, write_rows
-from dlama.evaluation.runner import Run, run
-from dlama.evaluation.stored import read_stored, stem
+from dlama.evaluation.protocols.methods import Method, ProtocolSettings
+from dlama.evaluation.runner import run as runner
+from dlama.evaluation.runner import worker
+from dlama.evaluation.runner.cache_key import case_fingerprint, fingerprint, method_fingerprint
+from dlama.evaluation.runner.results_table import HEADER, read_rows, result_rows, timing_rows, write_rows
+from dlama.evaluation.runner.run import Run, run
+from dlama.evaluation.runner.store import read_stored, stem
 
 SETTINGS = ProtocolSettings()
 

@@ -21,8 +21,8 @@ from square_world import (
 
 from dlama.datasets.frames import RemovalTruth, StereoTruth
 from dlama.errors import InputError
-from dlama.evaluation.methods import NO_FILL, Method, ProtocolSettings, Scored
 from dlama.evaluation.protocols import PROTOCOLS
+from dlama.evaluation.protocols.methods import NO_FILL, Method, ProtocolSettings, Scored
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.rig import StereoRig
 

@@ -9,11 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dlama.evaluation.duels import duel
-from dlama.evaluation.metric_names import PAPER_SHAPE, better, shown, titled
-from dlama.evaluation.paper_columns import COLOR, DEPTH, MASK_RATIO, paper_value
-from dlama.evaluation.results_file import Row
-from dlama.evaluation.summary import (
+from dlama.evaluation.report.metric_names import PAPER_SHAPE, better, shown, titled
+from dlama.evaluation.report.paired_comparison import duel
+from dlama.evaluation.report.paper_columns import COLOR, DEPTH, MASK_RATIO, paper_value
+from dlama.evaluation.report.summary import (
     RESAMPLES,
     Key,
     Mean,
@@ -24,7 +23,8 @@ from dlama.evaluation.summary import (
     write_summary,
     yaw_order,
 )
-from dlama.evaluation.tables import markdown, paper_shaped, per_yaw, runtimes, side_by_side, variant_of, variants
+from dlama.evaluation.report.tables import markdown, paper_shaped, per_yaw, runtimes, side_by_side, variant_of, variants
+from dlama.evaluation.runner.results_table import Row
 
 
 def row(

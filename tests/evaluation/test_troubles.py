@@ -8,9 +8,16 @@ import numpy as np
 import pytest
 from square_world import OUT_OF_VIEW, SIZE, SOURCE, SQUARE_IN_SOURCE, TARGET, constant_filler, frame, rectangle, values
 
-from dlama.evaluation.methods import Method
-from dlama.evaluation.runs import Run, run_method
-from dlama.evaluation.troubles import FARTHEST_EDGE, depth_edges, edge_offset, fill_troubles, law_measures, leaks
+from dlama.evaluation.metrics.artifacts import (
+    FARTHEST_EDGE,
+    depth_edges,
+    edge_offset,
+    fill_troubles,
+    law_measures,
+    leaks,
+)
+from dlama.evaluation.protocols.methods import Method
+from dlama.evaluation.protocols.runs import Run, run_method
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.view import Origin, View
 

@@ -22,9 +22,9 @@ from square_world import (
 
 from dlama.datasets.frames import RemovalTruth, ViewTruth
 from dlama.errors import InputError
-from dlama.evaluation.methods import NO_FILL, Method, ProtocolSettings, Scored
-from dlama.evaluation.metrics import psnr, whole_ssim
+from dlama.evaluation.metrics.pictures import psnr, whole_ssim
 from dlama.evaluation.protocols import PROTOCOLS
+from dlama.evaluation.protocols.methods import NO_FILL, Method, ProtocolSettings, Scored
 from dlama.geometry.rgbd import RGBD
 
 __all__ = ["constant_filler"]

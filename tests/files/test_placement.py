@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from dlama.errors import OutputError
-from dlama.files.placement import new_directory, new_file
+from dlama.files.atomic_write import new_directory, new_file
 
 
 class Boom(Exception):

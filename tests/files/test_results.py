@@ -10,7 +10,7 @@ import pytest
 from PIL import Image
 from plyfile import PlyData
 
-from dlama.completion.scenes import Completion, complete
+from dlama.completion.pipeline import Completion, complete
 from dlama.completion.verbs import remove
 from dlama.errors import OutputError
 from dlama.files import meshes

@@ -9,8 +9,8 @@ import threading
 import numpy as np
 import pytest
 
-from dlama.geometry import compiling
-from dlama.geometry.compiling import in_bands
+from dlama.geometry.kernels import jit as compiling
+from dlama.geometry.kernels.jit import in_bands
 
 
 def count(first: int, last: int, out: np.ndarray) -> None:

@@ -12,8 +12,8 @@ from dlama.errors import ShapeError
 from dlama.geometry import fusion
 from dlama.geometry.camera import Camera
 from dlama.geometry.fusion import contribution, fuse, layer_mesh, scene_cloud, scene_mesh
-from dlama.geometry.lifting import lift
 from dlama.geometry.mesh import Mesh
+from dlama.geometry.projection import lift
 from dlama.geometry.rendering import render
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.scene import Scene

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from dlama.errors import CameraError, DepthError, ShapeError
 from dlama.geometry.camera import Camera
-from dlama.geometry.lifting import (
+from dlama.geometry.projection import (
     SMALLEST_DISPARITY,
     depth_from_disparity,
     disparity_from_depth,

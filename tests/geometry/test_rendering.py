@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from dlama.errors import InputError
 from dlama.geometry.camera import Camera
 from dlama.geometry.cloud import PointCloud
-from dlama.geometry.lifting import lift
+from dlama.geometry.projection import lift
 from dlama.geometry.rendering import MODES, Mode, flying, render
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.scene import Scene

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dlama.geometry import law as kernels
 from dlama.geometry.camera import Camera
+from dlama.geometry.kernels import visibility as kernels
 from dlama.geometry.rendering import px_from_px, render
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.scene import Scene

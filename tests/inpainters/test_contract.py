@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from dlama.errors import FileError, InputError
-from dlama.inpainters.contract import CONTRACT_KEY, Contract, demand, from_metadata, of_planes
+from dlama.inpainters.networks.contract import CONTRACT_KEY, Contract, demand, from_metadata, of_planes
 from networks import contract
 
 

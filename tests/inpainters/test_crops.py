@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dlama.inpainters import crops
-from dlama.inpainters.crops import Layout, fill_crops
+from dlama.inpainters.networks import tiling as crops
+from dlama.inpainters.networks.tiling import Layout, fill_crops
 
 SMALL = Layout(multiple=8, minimum=16, budget=40 * 40)
 

@@ -9,8 +9,8 @@ from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.view import HoleType, View
 from dlama.geometry.visibility import Law
-from dlama.inpainters.diffusion import depth_of_levels, navier_stokes, telea
 from dlama.inpainters.filling import Inpainter, inpaint
+from dlama.inpainters.opencv import depth_of_levels, navier_stokes, telea
 from worlds import Plane, World
 
 both = pytest.mark.parametrize("filler", [telea, navier_stokes], ids=["telea", "navier-stokes"])

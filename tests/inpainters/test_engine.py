@@ -18,9 +18,9 @@ from dlama.geometry.rgbd import RGBD
 from dlama.geometry.view import HoleType, Origin, View
 from dlama.geometry.visibility import Law
 from dlama.inpainters import MODEL_INPAINTERS, inpaint, inpainter
-from dlama.inpainters.contract import of_planes
-from dlama.inpainters.engine import PROVIDERS, Engine, engine
-from dlama.inpainters.migan import cracks, painted, stepless
+from dlama.inpainters.networks.contract import of_planes
+from dlama.inpainters.networks.engine import PROVIDERS, Engine, engine
+from dlama.inpainters.networks.migan import cracks, painted, stepless
 from networks import constant, contract, echo_mask, written
 
 pytest.importorskip("onnxruntime")

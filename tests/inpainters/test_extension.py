@@ -10,8 +10,9 @@ from dlama.geometry.rgbd import RGBD
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import HoleType, View
 from dlama.geometry.visibility import Law
-from dlama.inpainters import extension_kernels as kernels
-from dlama.inpainters.extension import (
+from dlama.inpainters.layered.kernels import surfaces as kernels
+from dlama.inpainters.layered.planes import SKY
+from dlama.inpainters.layered.surfaces import (
     POTTS,
     RIM,
     anchor,
@@ -22,7 +23,6 @@ from dlama.inpainters.extension import (
     spread_into,
     touched,
 )
-from dlama.inpainters.planes import SKY
 from reference import extension as twin
 from worlds import Box, Plane, World, moved
 

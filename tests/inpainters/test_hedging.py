@@ -11,7 +11,7 @@ import pytest
 from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.view import HoleType, View
-from dlama.inpainters.hedging import REACH, STRENGTH, blind_guess, blind_mean, hedged
+from dlama.inpainters.layered.hedging import REACH, STRENGTH, blind_guess, blind_mean, hedged
 
 HW = (40, 60)
 DRIFT = 4

@@ -9,8 +9,8 @@ from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.view import HoleType, View
 from dlama.geometry.visibility import Law
-from dlama.inpainters.diffusion import telea
 from dlama.inpainters.filling import Fill
+from dlama.inpainters.opencv import telea
 from dlama.inpainters.painting import Painter, channel_spread, eight_bit
 
 NOTHING = Law(())

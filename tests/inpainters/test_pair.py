@@ -11,9 +11,9 @@ import dlama
 from dlama.errors import FileError, InputError
 from dlama.geometry.view import Origin
 from dlama.inpainters import inpainter
-from dlama.inpainters.contract import of_planes
-from dlama.inpainters.engine import Engine
-from dlama.inpainters.pair import PairFiller, filled_pair, pair_filler
+from dlama.inpainters.networks.contract import of_planes
+from dlama.inpainters.networks.engine import Engine
+from dlama.inpainters.networks.pair import PairFiller, filled_pair, pair_filler
 from networks import constant, echo_mask, written
 
 DEMO = Path(dlama.__file__).parent / "assets" / "demo"
@@ -149,7 +149,7 @@ def test_a_trained_and_exported_network_of_two_masks_runs(tmp_path: Path, left: 
     exported graph itself fed by hand: each picture zeroed in its own hole, left mask before right mask."""
     torch = pytest.importorskip("torch", reason="the networks need torch: pip install 'dlama[train]'")
     from dlama.nets.generator import Generator
-    from dlama.training.export import export
+    from dlama.training.loop.export import export
     from dlama.training.settings import NetworkSettings
 
     torch.manual_seed(0)

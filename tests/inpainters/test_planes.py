@@ -7,8 +7,8 @@ import pytest
 
 from dlama.geometry.camera import Camera
 from dlama.geometry.rendering import inverse_depth
-from dlama.inpainters import plane_kernels
-from dlama.inpainters.planes import (
+from dlama.inpainters.layered.kernels import planes as plane_kernels
+from dlama.inpainters.layered.planes import (
     MOST_PLANES,
     NEIGHBOURHOOD,
     NOISY,

@@ -7,8 +7,8 @@ import numpy as np
 from dlama.geometry.camera import Camera
 from dlama.geometry.rendering import inverse_depth
 from dlama.geometry.view import HoleType, View
-from dlama.inpainters.extension import BEFORE, LEAST_INVERSE_DEPTH, Coarse
-from dlama.inpainters.planes import SKY, find_planes, label_known
+from dlama.inpainters.layered.planes import SKY, find_planes, label_known
+from dlama.inpainters.layered.surfaces import BEFORE, LEAST_INVERSE_DEPTH, Coarse
 from worlds import Box, Plane, World
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from dlama.errors import ShapeError
 from dlama.geometry.camera import Camera
-from dlama.inpainters.texture import GREY, SKY, synthesize
+from dlama.inpainters.layered.texture_synthesis import GREY, SKY, synthesize
 
 
 def slanted_plane(size: int, tilt_deg: float):

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import reference.texture as twin
-from dlama.inpainters import texture_base_kernels as base_kernels
-from dlama.inpainters import texture_cell_kernels as cell_kernels
-from dlama.inpainters import texture_kernels as kernels
+from dlama.inpainters.layered.kernels import base_color as base_kernels
+from dlama.inpainters.layered.kernels import cells as cell_kernels
+from dlama.inpainters.layered.kernels import patch_offsets as kernels
 
 SHAPE = (17, 22)
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from dlama.errors import InputError, MaskError, ShapeError
-from dlama.perception.stereo import carry_mask, consistency, disparity_pair
+from dlama.perception.stereo_matching import carry_mask, consistency, disparity_pair
 
 HEIGHT, WIDTH = 90, 160
 Array = np.ndarray

@@ -1,6 +1,6 @@
 """The ray caster, literally: every ray against every shape, in plain numpy; no tiles, no lists, no footprints.
 
-Shapes are read from the rows that `dlama.datasets.world_kernels` describes; the formulas are written anew.
+Shapes are read from the rows that `dlama.worlds.raycast.intersection` describes; the formulas are written anew.
 """
 
 from __future__ import annotations
@@ -9,9 +9,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dlama.datasets import world_kernels as k
-from dlama.datasets.world_frames import World
 from dlama.geometry.camera import Camera
+from dlama.worlds.frames import World
+from dlama.worlds.raycast import intersection as k
 
 
 @dataclass(frozen=True)

@@ -8,9 +8,9 @@ from dlama.geometry.camera import Camera
 from dlama.geometry.drawing import flying as flying_pixels
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.view import View
-from dlama.training import augment
+from dlama.training.data import augment
+from dlama.training.data.toy_scenes import Sketches
 from dlama.training.settings import NetworkSettings
-from dlama.training.sketches import Sketches
 
 CAMERA = Camera.from_fov(96, 72, 70)
 

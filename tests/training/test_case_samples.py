@@ -13,21 +13,20 @@ import pytest
 
 from dlama.datasets.frames import RemovalTruth
 from dlama.datasets.layouts import open_dataset
-from dlama.datasets.worlds import write_worlds
 from dlama.errors import FileError, InputError
 from dlama.geometry.camera import Camera
 from dlama.geometry.holes import dilated
 from dlama.geometry.rgbd import RGBD
-from dlama.training import windows
-from dlama.training.batches import check_sample
-from dlama.training.case_samples import CasePairs, CaseRemovals
-from dlama.training.mixture import Mixture
-from dlama.training.pack import pack
-from dlama.training.pack_reader import read_pack
+from dlama.training.data import crops as windows
+from dlama.training.data.batches import check_sample
+from dlama.training.data.case_samples import CasePairs, CaseRemovals
+from dlama.training.data.cases import StereoPair, Take, split_takes
+from dlama.training.data.pack import pack
+from dlama.training.data.pack_reader import read_pack
+from dlama.training.data.sources import Mixture, gathered, source_for
+from dlama.training.data.view_samples import view_sample
 from dlama.training.settings import DataSettings, NetworkSettings, TrainSettings
-from dlama.training.sources import gathered, source_for
-from dlama.training.takes import StereoPair, Take, split_takes
-from dlama.training.view_samples import view_sample
+from dlama.worlds.dataset import write_worlds
 
 SIZE = 64
 GREY, RED = 120, (200, 30, 30)
@@ -239,7 +238,7 @@ def test_a_run_says_what_it_learns_from(folder: Path, tmp_path: Path) -> None:
     pytest.importorskip("pytorch_lightning", reason="the loop needs Lightning: pip install 'dlama[train]'")
     from toy_runs import no_tensorboard, toy
 
-    from dlama.training.loop import train
+    from dlama.training.loop.train import train
 
     no_tensorboard()
     told = toy(steps=2)
@@ -313,7 +312,7 @@ def test_packs_keep_where_frames_can_be_compared() -> None:
     """Round trip of one removal's parts, shrunk: `compare` loses what is not wholly in it, the mask nothing (oracle: area)."""
     import cv2
 
-    from dlama.training.pack_takes import packed, unpacked
+    from dlama.training.data.pack_format import packed, unpacked
 
     truth = box_before_a_wall(exposure_varies=True)
     compare = np.zeros_like(truth.mask)

@@ -15,9 +15,9 @@ pytest.importorskip("pytorch_lightning", reason="the loop needs Lightning: pip i
 
 from toy_runs import no_tensorboard, toy  # noqa: E402
 
-from dlama.training.checkpointing import LAST, read_checkpoint  # noqa: E402
-from dlama.training.loop import train  # noqa: E402
-from dlama.training.run_files import read_metrics  # noqa: E402
+from dlama.training.loop.checkpointing import LAST, read_checkpoint  # noqa: E402
+from dlama.training.loop.run_files import read_metrics  # noqa: E402
+from dlama.training.loop.train import train  # noqa: E402
 
 SCRIPT = """
 import sys

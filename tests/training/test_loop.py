@@ -23,21 +23,26 @@ from dlama.files.pictures import write_color  # noqa: E402
 from dlama.geometry.camera import Camera  # noqa: E402
 from dlama.geometry.rgbd import RGBD  # noqa: E402
 from dlama.geometry.view import HoleType, Origin, View  # noqa: E402
-from dlama.inpainters.contract import demand  # noqa: E402
-from dlama.inpainters.engine import Engine  # noqa: E402
-from dlama.inpainters.planes_of_views import DepthPlane, color_planes, robust_scale  # noqa: E402
+from dlama.inpainters.networks.contract import demand  # noqa: E402
+from dlama.inpainters.networks.engine import Engine  # noqa: E402
+from dlama.inpainters.networks.view_tensors import DepthPlane, color_planes, robust_scale  # noqa: E402
 from dlama.nets.checkpoints import read_generator  # noqa: E402
 from dlama.nets.generator import Generator, generator_from_state  # noqa: E402
 from dlama.nets.safetensors_file import write_safetensors  # noqa: E402
-from dlama.training import checkpointing, module, settings, stream  # noqa: E402
-from dlama.training.average import average_of, follow  # noqa: E402
-from dlama.training.checkpointing import LAST, read_checkpoint  # noqa: E402
-from dlama.training.loop import Trained, train  # noqa: E402
+from dlama.training import settings  # noqa: E402
+from dlama.training.data import loader as stream  # noqa: E402
+from dlama.training.data.toy_scenes import Sketches  # noqa: E402
+from dlama.training.loop import checkpointing, module  # noqa: E402
+from dlama.training.loop.checkpointing import LAST, read_checkpoint  # noqa: E402
+from dlama.training.loop.module import (  # noqa: E402
+    average_of,
+    follow,
+    started,
+)
+from dlama.training.loop.run_files import read_metrics  # noqa: E402
+from dlama.training.loop.train import Trained, train  # noqa: E402
+from dlama.training.loop.validation import hole_metrics, telea  # noqa: E402
 from dlama.training.presets import PRESETS  # noqa: E402
-from dlama.training.run_files import read_metrics  # noqa: E402
-from dlama.training.sketches import Sketches  # noqa: E402
-from dlama.training.start import started  # noqa: E402
-from dlama.training.validation import hole_metrics, telea  # noqa: E402
 from worlds import Box, Plane, World  # noqa: E402
 
 no_tensorboard()
@@ -171,7 +176,7 @@ def test_a_bad_batch_does_not_kill_the_run(tmp_path):
             seen[self.step] = {key: value.clone() for key, value in self.generator.state_dict().items()}
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("dlama.training.loop.TrainingModule", Watched)
+        patch.setattr("dlama.training.loop.train.TrainingModule", Watched)
         # the first call is the check before the run; calls 7 and 8 are the fourth batch
         done = train(
             told, tmp_path / "run", source=Spoiled(told, {7, 8}), held_out=Sketches(told.network, 32, "held_out")
@@ -225,7 +230,7 @@ def test_the_run_goes_on_when_a_checkpoint_fails_but_not_without_the_last(tmp_pa
         real(path, checkpoint)
 
     real = checkpointing.write_checkpoint
-    monkeypatch.setattr("dlama.training.rhythm.write_checkpoint", write)
+    monkeypatch.setattr("dlama.training.loop.callbacks.write_checkpoint", write)
     run = train(toy(steps=2, checkpoint_every=1), tmp_path / "run").run
     assert "step 1: the disk is full; the run goes on" in (run / "log.txt").read_text()
     failing.add(3)

@@ -14,11 +14,11 @@ from dlama.errors import FileError, ShapeError  # noqa: E402
 from dlama.nets.discriminator import discriminator_from_state  # noqa: E402
 from dlama.nets.safetensors_file import read_safetensors  # noqa: E402
 from dlama.training import adversarial, depth_losses, losses, trunks  # noqa: E402
-from dlama.training.batches import check_sample, composited, hole_planes, pictures  # noqa: E402
+from dlama.training.data.batches import check_sample, composited, hole_planes, pictures  # noqa: E402
+from dlama.training.data.toy_scenes import Sketches  # noqa: E402
+from dlama.training.loop.validation import hole_metrics, metric_names, ssim_map, telea  # noqa: E402
 from dlama.training.perceptual import PerceptualLoss, perceptual_loss, reference_picture  # noqa: E402
 from dlama.training.settings import CHANNELS, LossSettings, NetworkSettings  # noqa: E402
-from dlama.training.sketches import Sketches  # noqa: E402
-from dlama.training.validation import hole_metrics, metric_names, ssim_map, telea  # noqa: E402
 
 VECTORS = Path(__file__).parents[1] / "data" / "lama_vectors" / "discriminator_ndf8_n3.safetensors"
 RGB = NetworkSettings("rgb")

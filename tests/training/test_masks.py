@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dlama.errors import InputError
-from dlama.training.masks import LARGEST, MARGIN, SETS, SMALLEST, boxes, random_mask, strokes
+from dlama.training.data.masks import LARGEST, MARGIN, SETS, SMALLEST, boxes, random_mask, strokes
 
 DOCUMENTED = {"narrow": (0.10, 0.05), "medium": (0.19, 0.09), "wide": (0.29, 0.16)}
 

@@ -12,15 +12,14 @@ from PIL import Image
 
 from dlama.datasets.frames import ViewTruth
 from dlama.errors import FileError, InputError, OutputError
-from dlama.training.batches import check_sample
-from dlama.training.frame_samples import FrameSamples
-from dlama.training.mixture import Mixture
-from dlama.training.pack import pack
-from dlama.training.pack_reader import read_pack
+from dlama.training.data.batches import check_sample
+from dlama.training.data.cases import Take, split_takes
+from dlama.training.data.crops import resized
+from dlama.training.data.frame_samples import FrameSamples
+from dlama.training.data.pack import pack
+from dlama.training.data.pack_reader import read_pack
+from dlama.training.data.sources import Mixture, gathered, source_for
 from dlama.training.settings import DataSettings, NetworkSettings, TrainSettings
-from dlama.training.sources import gathered, source_for
-from dlama.training.takes import Take, split_takes
-from dlama.training.windows import resized
 from posed_folders import truth
 
 
@@ -116,7 +115,7 @@ def test_a_pack_needs_no_other_file_and_keeps_the_split(photos: Path, tmp_path: 
     """With the folder gone, samples come from the pack; held-out photos are those of the folder; sources travel."""
     import shutil
 
-    from dlama.training.photos import folder_photos, split_photos
+    from dlama.training.data.photos import folder_photos, split_photos
 
     held = {photo.name for photo in split_photos(folder_photos(photos), "held_out")}
     pack([photos], tmp_path / "a.pack", megabytes=5, size=64)
@@ -159,7 +158,7 @@ def test_frames_of_a_pair(posed: Path) -> None:
 
 def test_photos_under_holes_of_real_depth(photos: Path, posed: Path) -> None:
     """Where a data set lies beside the photos, its depth and cameras shape the holes; check_sample agrees."""
-    from dlama.training.photo_samples import WarpedPhotoSamples
+    from dlama.training.data.photo_samples import WarpedPhotoSamples
 
     source = source_for(settings("rgb", warped_photo=1), [photos, posed], "train")
     assert isinstance(source, WarpedPhotoSamples) and isinstance(source.shapes.__self__, FrameSamples)  # type: ignore

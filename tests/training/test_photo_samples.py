@@ -12,9 +12,9 @@ from PIL import Image
 from dlama.errors import FileError, InputError
 from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import RGBD
-from dlama.training.batches import check_sample
-from dlama.training.photo_samples import PhotoSamples, WarpedPhotoSamples, there_and_back, world_shapes
-from dlama.training.photos import Photo, folder_photos, read_photo, split_photos, square_crop
+from dlama.training.data.batches import check_sample
+from dlama.training.data.photo_samples import PhotoSamples, WarpedPhotoSamples, there_and_back, world_shapes
+from dlama.training.data.photos import Photo, folder_photos, read_photo, split_photos, square_crop
 from dlama.training.settings import NetworkSettings
 
 RGB = NetworkSettings("rgb")
@@ -75,7 +75,7 @@ def test_there_and_back_loses_what_a_near_wall_hides() -> None:
 
 def test_photos_under_holes_of_worlds(folder: Path) -> None:
     """check_sample agrees, and the same generator gives the same hole in a bank made anew."""
-    from dlama.training import photo_samples
+    from dlama.training.data import photo_samples
 
     source = WarpedPhotoSamples(folder_photos(folder), RGB, 64, functools.partial(_first_worlds, split="train"))
     made = [source.sample(1, np.random.default_rng(8)) for _ in range(2)]

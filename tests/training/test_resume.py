@@ -16,13 +16,14 @@ pytest.importorskip("pytorch_lightning", reason="the loop needs Lightning: pip i
 from toy_runs import no_tensorboard, toy  # noqa: E402
 
 from dlama.errors import FileError, InputError, OutputError  # noqa: E402
-from dlama.training import rhythm  # noqa: E402
-from dlama.training.checkpointing import LAST, random_state, read_checkpoint, set_random_state  # noqa: E402
-from dlama.training.loop import train  # noqa: E402
-from dlama.training.module import TrainingModule  # noqa: E402
-from dlama.training.run_files import read_metrics  # noqa: E402
-from dlama.training.sketches import Sketches  # noqa: E402
-from dlama.training.stream import Numbered, Positions, loader  # noqa: E402
+from dlama.training.data.loader import Numbered, Positions, loader  # noqa: E402
+from dlama.training.data.toy_scenes import Sketches  # noqa: E402
+from dlama.training.loop import callbacks as rhythm  # noqa: E402
+from dlama.training.loop.checkpointing import LAST, read_checkpoint  # noqa: E402
+from dlama.training.loop.module import TrainingModule  # noqa: E402
+from dlama.training.loop.random_state import random_state, set_random_state  # noqa: E402
+from dlama.training.loop.run_files import read_metrics  # noqa: E402
+from dlama.training.loop.train import train  # noqa: E402
 
 no_tensorboard()
 
@@ -72,7 +73,7 @@ def test_resumed_is_bit_exact(planes, tmp_path, monkeypatch):
     settings = toy(planes, steps=7)
     settings = replace(settings, optimiser=replace(settings.optimiser, warm_up=3, decay="cosine"))
     settings = replace(settings, loss=replace(settings.loss, penalty_every=3))
-    monkeypatch.setattr("dlama.training.loop.TrainingModule", Restless)
+    monkeypatch.setattr("dlama.training.loop.train.TrainingModule", Restless)
     whole = train(settings, tmp_path / "whole")
 
     class Stop(rhythm.Rhythm):
@@ -82,7 +83,7 @@ def test_resumed_is_bit_exact(planes, tmp_path, monkeypatch):
             return super()._should_stop(trainer)
 
     with monkeypatch.context() as patch:
-        patch.setattr("dlama.training.loop.Rhythm", Stop)
+        patch.setattr("dlama.training.loop.train.Rhythm", Stop)
         part = train(settings, tmp_path / "parts")
     assert (part.ended, part.step, part.network) == ("SIGTERM", 3, None)
     torch.rand(7)  # whatever happens in between

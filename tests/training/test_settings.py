@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from dlama.errors import FileError, InputError, ShapeError
-from dlama.training.budget import budget, discriminator_flop, generator_flop, parameters
+from dlama.training.flops import budget, discriminator_flop, generator_flop, parameters
 from dlama.training.presets import PRESETS
 from dlama.training.settings import DataSettings, LoopSettings, LossSettings, NetworkSettings, TrainSettings
 from dlama.training.settings_files import from_json, settings_of, to_json
@@ -184,7 +184,7 @@ def test_estimates_say_so_and_are_their_formula():
 
 def test_resuming_with_other_settings_is_refused():
     """Oracle: law; the loop's rhythm may change, the loss may not."""
-    from dlama.training.run_files import refuse_changes
+    from dlama.training.loop.run_files import refuse_changes
 
     had = TrainSettings()
     refuse_changes(had, replace(had, loop=replace(had.loop, steps=7, log_every=1)))

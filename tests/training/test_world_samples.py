@@ -17,15 +17,16 @@ from dlama.geometry.rendering import render
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
 from dlama.geometry.visibility import Law
-from dlama.inpainters.contract import of_planes
-from dlama.inpainters.planes_of_views import DepthPlane, robust_scale
-from dlama.training import galleries, view_samples, world_samples
-from dlama.training.batches import check_sample
-from dlama.training.galleries import Galleries
+from dlama.inpainters.networks.contract import of_planes
+from dlama.inpainters.networks.view_tensors import DepthPlane, robust_scale
+from dlama.training.data import view_samples, world_samples
+from dlama.training.data import world_views as galleries
+from dlama.training.data.batches import check_sample
+from dlama.training.data.sources import source_for
+from dlama.training.data.view_samples import Question, view_sample
+from dlama.training.data.world_samples import RemovalSamples, StereoSamples, WorldSamples
+from dlama.training.data.world_views import Galleries
 from dlama.training.settings import DataSettings, NetworkSettings, TrainSettings
-from dlama.training.sources import source_for
-from dlama.training.view_samples import Question, view_sample
-from dlama.training.world_samples import RemovalSamples, StereoSamples, WorldSamples
 from worlds import pixels_of, points_of
 
 RGBD_NET = NetworkSettings("rgbd")
@@ -65,7 +66,7 @@ def test_every_kind_makes_samples(kind: str, split: Any) -> None:
 
 def test_input_is_what_joint_would_feed(monkeypatch: pytest.MonkeyPatch, clean: list[Question]) -> None:
     """Oracle: the filler `joint` itself, with an engine that keeps the planes it is given; sensor holes as well."""
-    from dlama.inpainters import joint
+    from dlama.inpainters.networks import joint
 
     fed: list[np.ndarray] = []
 

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from dlama.training.data.toy_scenes import Sketches
 from dlama.training.settings import (
     DataSettings,
     LoopSettings,
@@ -15,7 +16,6 @@ from dlama.training.settings import (
     OptimiserSettings,
     TrainSettings,
 )
-from dlama.training.sketches import Sketches
 
 
 def toy(planes: str = "rgbd", size: int = 32, **loop: object) -> TrainSettings:

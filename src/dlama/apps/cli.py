@@ -18,7 +18,8 @@ from dlama.apps.terminal import plain_words, stages
 from dlama.apps.train import EXAMPLES as TRAINING_EXAMPLES
 from dlama.apps.train import pack, train
 from dlama.apps.worlds import worlds
-from dlama.completion import pairs, verbs
+from dlama.completion import stereo as pairs
+from dlama.completion import verbs
 
 DESCRIPTION = (
     "Completes what a camera could not see: the scene from another viewpoint, without an object, or as a stereo pair, "

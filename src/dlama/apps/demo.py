@@ -6,8 +6,9 @@ from pathlib import Path
 
 from dlama.apps.jobs import Job
 from dlama.apps.options import Lens, Masking, Method, Reading
-from dlama.completion import pairs, verbs
-from dlama.completion.scenes import Completion
+from dlama.completion import stereo as pairs
+from dlama.completion import verbs
+from dlama.completion.pipeline import Completion
 
 ASSETS = Path(__file__).parent.parent / "assets" / "demo"
 """Picture, depth, mask, camera and stereo pair; its README names their sources."""
@@ -46,7 +47,7 @@ def demo(output: Path, method: Method) -> list[str]:
 
     Raises OutputError; then nothing is left behind.
     """
-    from dlama.files.placement import new_directory
+    from dlama.files.atomic_write import new_directory
     from dlama.files.preview import write_preview
     from dlama.files.sheets import demo_legend, demo_panels
 

@@ -17,11 +17,11 @@ from dlama.apps.terminal import say, shown_bar
 from dlama.completion.recipes import RECIPES, recipe
 from dlama.datasets.frames import Case, Dataset, Protocol
 from dlama.errors import InputError, MissingExtraError
-from dlama.evaluation.methods import NO_FILL, Method, ProtocolSettings
+from dlama.evaluation.protocols.methods import NO_FILL, Method, ProtocolSettings
 from dlama.inpainters import INPAINTERS, MODEL_INPAINTERS
 
 if TYPE_CHECKING:
-    from dlama.evaluation.runner import Progress, Run
+    from dlama.evaluation.runner.run import Progress, Run
 
 FAILED = 1
 """Exit code where some cases could not be run."""
@@ -58,10 +58,10 @@ class Scope:
 
     def open(self, path: str) -> Dataset:
         """The data set with those cases only. InputError where none is left, and what `open_dataset` raises."""
-        from dlama.datasets.layouts import open_dataset
+        from dlama.worlds.named import open_dataset_or_worlds
 
-        found = open_dataset(
-            path if path.split(":")[0] == "worlds" else Path(path),
+        found = open_dataset_or_worlds(
+            path,
             self.layout,
             depth_range=self.depth_range,
             gamma=None if self.gamma is None else self.gamma == "srgb",
@@ -167,8 +167,8 @@ def evaluate(
     """
     needs_extra()
     from dlama.evaluation.protocols import PROTOCOLS
-    from dlama.evaluation.report import write_report
-    from dlama.evaluation.runner import run
+    from dlama.evaluation.report.write import write_report
+    from dlama.evaluation.runner.run import run
 
     methods, settings, found = contest.methods(), contest.settings(), scope.open(dataset)
     with shown_progress(found.name) as progress:
@@ -216,7 +216,7 @@ def told_result(done: Run, output: Path) -> str:
 @contextmanager
 def shown_progress(title: str) -> Iterator[Progress]:
     """A bar on a terminal; failures as a line each, at once. Ctrl-C says that nothing is lost."""
-    from dlama.evaluation.report import failure_line
+    from dlama.evaluation.report.write import failure_line
 
     try:
         with shown_bar(title) as bar:

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from dlama.apps.options import Lens, Masking, Reading
 from dlama.apps.terminal import stages, summary
-from dlama.completion.scenes import Completion
+from dlama.completion.pipeline import Completion
 from dlama.geometry.rgbd import RGBD, BoolArray, UInt8Array
 from dlama.geometry.rig import StereoRig
 

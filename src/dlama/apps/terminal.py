@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
-from dlama.completion.scenes import Completion
+from dlama.completion.pipeline import Completion
 from dlama.errors import DlamaError
 
 LOG = logging.getLogger("dlama")

@@ -75,7 +75,7 @@ def train(
         raise InputError(f"--max-minutes is {max_minutes}; more than 0 is wanted")
     chosen = chosen_settings(settings, start, trunk, steps=steps, batch=batch, precision=precision, devices=devices)
     require_training()
-    from dlama.training import loop
+    from dlama.training.loop import train as loop
 
     with spoken():
         done = loop.train(chosen, output, data=data, max_minutes=max_minutes, resume=resume)
@@ -100,7 +100,7 @@ def pack(
         size: Height and width of the packed pictures in pixels.
         seed: Which pictures are taken where not all fit.
     """
-    packing = importlib.import_module("dlama.training.pack")  # needs what it packs with only now
+    packing = importlib.import_module("dlama.training.data.pack")  # needs what it packs with only now
     print("\n".join(packing.pack(data, output, megabytes=megabytes, size=size, seed=seed)))
 
 
@@ -119,7 +119,7 @@ def chosen_settings(name: str, start: Path | None, trunk: Path | None, **loop: A
 
 def preset_lines() -> list[str]:
     """What each preset is for, and what it costs."""
-    from dlama.training.budget import budget
+    from dlama.training.flops import budget
     from dlama.training.presets import PRESETS
 
     lines = []

@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any, Literal
 
+from dlama.completion.pipeline import Completion, complete
 from dlama.completion.recipes import Recipe
-from dlama.completion.scenes import Completion, complete
 from dlama.errors import InputError
 from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import RGBD, BoolArray

@@ -1,29 +1,25 @@
-"""A folder, or the word `worlds`, in; the Dataset it holds out. The closed set of layouts, and how one is recognised."""
+"""A folder in; the Dataset it holds out. The closed set of layouts, and how one is recognised."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
+from dlama.datasets.easysynth.dataset import easysynth, looks_like_easysynth
 from dlama.datasets.frames import Dataset
 from dlama.datasets.lenses import CameraOption
-from dlama.datasets.listings import LEVELS, check_scenes, folders_in
 from dlama.datasets.nerfstudio import looks_like_nerfstudio, nerfstudio
+from dlama.datasets.numbered_frames import looks_like_seven_scenes, seven_scenes
 from dlama.datasets.pairs_json import looks_like_pairs, pairs_json
 from dlama.datasets.removal_folder import looks_like_removal, removal_folder
 from dlama.datasets.scannet import looks_like_scannet, scannet
-from dlama.datasets.seven_scenes import looks_like_seven_scenes, seven_scenes
 from dlama.datasets.stereo_folder import looks_like_stereo, stereo_folder
+from dlama.datasets.text_tables import LEVELS, check_scenes, folders_in
 from dlama.datasets.trajectory_log import looks_like_trajectory_log, trajectory_log
 from dlama.datasets.tsdf_fusion import looks_like_tsdf_fusion, tsdf_fusion
 from dlama.datasets.tum import looks_like_tum, tum
 from dlama.errors import FileError, InputError
-
-WORLDS = "worlds"
-DEFAULT_WORLDS = 4
-"""How many worlds `worlds` generates."""
 
 
 @dataclass(frozen=True)
@@ -41,18 +37,6 @@ class Layout:
     afterwards where not."""
 
 
-def _is_easysynth(root: Path) -> bool:
-    from dlama.datasets.easysynth import looks_like_easysynth
-
-    return looks_like_easysynth(root)
-
-
-def _easysynth(root: Path, **options: Any) -> Dataset:
-    from dlama.datasets.easysynth import easysynth
-
-    return easysynth(root, **options)
-
-
 _FOLDERS = frozenset({"scenes"})
 _POSED = frozenset({"scenes", "limit"})
 _POSED_BARE = _POSED | {"camera"}
@@ -60,8 +44,8 @@ _POSED_BARE = _POSED | {"camera"}
 LAYOUTS: dict[str, Layout] = {
     "easysynth": Layout(
         "CameraPoses.csv or CameraRig.json, and ColorImage",
-        _is_easysynth,
-        _easysynth,
+        looks_like_easysynth,
+        easysynth,
         frozenset({"depth_range", "gamma", "removal_object"}),
     ),
     "pairs": Layout("pairs.json", looks_like_pairs, pairs_json, _FOLDERS),
@@ -92,7 +76,6 @@ def open_dataset(
 ) -> Dataset:
     """The data set in a folder; its layout is recognised unless told.
 
-    `worlds`, `worlds:COUNT` or `worlds:COUNT:SEED` generates one instead (write `./worlds` for a folder of that name).
     `depth_range` in metres, `gamma` (8-bit depth is sRGB-encoded) and `removal_object`, a semantic class (easysynth), and
     `camera`, a camera file (tum, 7-scenes, scannet, tsdf-fusion, redwood), are refused where a layout has no use for them.
     `scenes` keeps these only, `limit` at most so many cases of each protocol, the first ones. Raises InputError (unknown or
@@ -101,22 +84,17 @@ def open_dataset(
     if limit is not None and limit < 1:
         raise InputError(f"limit is {limit}; a whole number >= 1 is wanted")
     asked = {"depth_range": depth_range, "gamma": gamma, "removal_object": removal_object, "camera": camera}
-    if isinstance(path, str) and (path == WORLDS or path.startswith(f"{WORLDS}:")):
-        _refuse(WORLDS, frozenset(), **asked)
-        if layout is not None:
-            raise InputError(f"'{path}' is generated and has no layout; --layout {layout} is for folders")
-        return _narrowed(_worlds(path), scenes, limit)
     root = Path(path)
     if layout is not None and layout not in LAYOUTS:
         raise InputError(f"layout '{layout}' is not known; known are {', '.join(LAYOUTS)}")
     if not root.is_dir():
-        raise FileError(f"{root}: no such folder; the folder of a data set, or '{WORLDS}', is wanted")
+        raise FileError(f"{root}: no such folder; the folder of a data set is wanted")
     name = layout if layout is not None else detect(root)
     chosen = LAYOUTS[name]
-    _refuse(name, chosen.options, **asked)
+    refuse(name, chosen.options, **asked)
     given = asked | {"scenes": scenes, "limit": limit}
     options = {key: value for key, value in given.items() if value is not None and key in chosen.options}
-    return _narrowed(chosen.read(root, **options), scenes, limit)
+    return narrowed(chosen.read(root, **options), scenes, limit)
 
 
 def detect(root: Path) -> str:
@@ -133,7 +111,8 @@ def detect(root: Path) -> str:
     raise InputError(f"{root}: is no data set of a known layout, nor are the folders below. Looked for {looked_for}")
 
 
-def _refuse(name: str, known: frozenset[str], **options: object) -> None:
+def refuse(name: str, known: frozenset[str], **options: object) -> None:
+    """InputError for an option that was given and that the layout `name` does not take."""
     for option, value in options.items():
         if value is not None and option not in known:
             takers = [each for each, layout in LAYOUTS.items() if option in layout.options]
@@ -141,20 +120,7 @@ def _refuse(name: str, known: frozenset[str], **options: object) -> None:
             raise InputError(f"{flag} says nothing to a data set of layout {name}; it is for {', '.join(takers)}")
 
 
-def _worlds(text: str) -> Dataset:
-    """`worlds`, with a count and a seed behind colons."""
-    _, *numbers = text.split(":")
-    if len(numbers) > 2 or not all(number.isdecimal() for number in numbers) or numbers[:1] == ["0"]:
-        raise InputError(
-            f"'{text}' is no name of generated worlds; worlds, worlds:COUNT or worlds:COUNT:SEED is wanted"
-        )
-    from dlama.datasets.worlds import worlds
-
-    count = int(numbers[0]) if numbers else DEFAULT_WORLDS
-    return worlds(count, seed=int(numbers[1]) if len(numbers) > 1 else 0)
-
-
-def _narrowed(dataset: Dataset, scenes: Sequence[str] | None, limit: int | None) -> Dataset:
+def narrowed(dataset: Dataset, scenes: Sequence[str] | None, limit: int | None) -> Dataset:
     """The frames and cases of these scenes, and of those cases the first `limit` of each protocol."""
     names = [*(each.scene for each in dataset.frames), *(each.scene for each in dataset.cases)]
     check_scenes(list(dict.fromkeys(names)), scenes)

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from dlama.datasets.listings import read_json, read_matrix
-from dlama.datasets.posed_files import Lens
+from dlama.datasets.posed_frames import Lens
+from dlama.datasets.text_tables import read_json, read_matrix
 from dlama.errors import CameraError
-from dlama.files.calibrations import FileFields
+from dlama.files.atomic_write import PathLike
 from dlama.files.cameras import read_camera
-from dlama.files.placement import PathLike
+from dlama.files.checked_fields import FileFields
 from dlama.geometry.camera import Camera
 
 CameraOption = PathLike | Camera | None

@@ -13,11 +13,11 @@ from pathlib import Path
 import numpy as np
 
 from dlama.datasets.frames import Dataset
-from dlama.datasets.listings import chosen_scenes, part_of, pose_at, read_json, sequences, text_of
-from dlama.datasets.posed import LOG, PosedFrame, posed_dataset, posed_frame
-from dlama.datasets.posed_files import FrameFiles, Lens
+from dlama.datasets.posed_frames import FrameFiles, Lens
+from dlama.datasets.text_tables import chosen_scenes, part_of, pose_at, read_json, sequences, text_of
+from dlama.datasets.view_pairs import LOG, PosedFrame, posed_dataset, posed_frame
 from dlama.errors import CameraError, FileError
-from dlama.files.calibrations import FileFields, Intrinsics
+from dlama.files.checked_fields import FileFields, Intrinsics
 from dlama.geometry.camera import Float64Array
 
 NAME = "transforms.json"

@@ -13,11 +13,11 @@ from pathlib import Path
 import numpy as np
 
 from dlama.datasets.frames import Case, Dataset
-from dlama.datasets.listings import chosen_scenes, part_of, pose_at, read_json, sequences, text_of
-from dlama.datasets.posed import PosedFrame, load_view, posed_frame, rotation_deg
-from dlama.datasets.posed_files import FrameFiles, Lens
+from dlama.datasets.posed_frames import FrameFiles, Lens
+from dlama.datasets.text_tables import chosen_scenes, part_of, pose_at, read_json, sequences, text_of
+from dlama.datasets.view_pairs import PosedFrame, load_view, posed_frame, rotation_deg
 from dlama.errors import FileError
-from dlama.files.calibrations import FileFields
+from dlama.files.checked_fields import FileFields
 
 NAME = "pairs.json"
 

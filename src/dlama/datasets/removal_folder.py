@@ -15,9 +15,9 @@ from pathlib import Path
 import numpy as np
 
 from dlama.datasets.frames import Case, Dataset, RemovalTruth
-from dlama.datasets.listings import chosen_scenes, read_json, sequences
-from dlama.datasets.posed import posed_frame
-from dlama.datasets.posed_files import FrameFiles, Lens, load_rgbd
+from dlama.datasets.posed_frames import FrameFiles, Lens, load_rgbd
+from dlama.datasets.text_tables import chosen_scenes, read_json, sequences
+from dlama.datasets.view_pairs import posed_frame
 from dlama.errors import FileError, ShapeError
 from dlama.files.pictures import read_mask
 from dlama.geometry.rgbd import BoolArray

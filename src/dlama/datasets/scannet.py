@@ -14,9 +14,9 @@ import numpy as np
 
 from dlama.datasets.frames import Dataset
 from dlama.datasets.lenses import CameraOption, lens_for, text_lens
-from dlama.datasets.listings import chosen_scenes, files_in, pose_at, read_matrix, sequences
-from dlama.datasets.posed import LOG, PosedFrame, posed_dataset, posed_frame
-from dlama.datasets.posed_files import FrameFiles, Lens
+from dlama.datasets.posed_frames import FrameFiles, Lens
+from dlama.datasets.text_tables import chosen_scenes, files_in, pose_at, read_matrix, sequences
+from dlama.datasets.view_pairs import LOG, PosedFrame, posed_dataset, posed_frame
 from dlama.errors import CameraError, FileError
 
 FOLDERS = ("color", "depth", "pose")

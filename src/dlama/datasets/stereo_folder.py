@@ -16,10 +16,10 @@ from pathlib import Path
 import numpy as np
 
 from dlama.datasets.frames import Case, Dataset, StereoTruth
-from dlama.datasets.listings import chosen_scenes, read_json, sequences
+from dlama.datasets.text_tables import chosen_scenes, read_json, sequences
 from dlama.errors import CameraError, FileError, ShapeError
-from dlama.files.calibrations import FileFields
 from dlama.files.cameras import checked_camera, read_stereo_calib
+from dlama.files.checked_fields import FileFields
 from dlama.files.depth import read_disparity
 from dlama.files.pictures import read_color
 from dlama.geometry.rgbd import Float32Array

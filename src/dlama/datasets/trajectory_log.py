@@ -12,9 +12,9 @@ from pathlib import Path
 
 from dlama.datasets.frames import Dataset
 from dlama.datasets.lenses import CameraOption, lens_for
-from dlama.datasets.listings import chosen_scenes, files_in, matrix_of, pose_at, read_rows, sequences
-from dlama.datasets.posed import PosedFrame, posed_dataset, posed_frame
-from dlama.datasets.posed_files import FrameFiles, Lens
+from dlama.datasets.posed_frames import FrameFiles, Lens
+from dlama.datasets.text_tables import chosen_scenes, files_in, matrix_of, pose_at, read_rows, sequences
+from dlama.datasets.view_pairs import PosedFrame, posed_dataset, posed_frame
 from dlama.errors import FileError
 from dlama.geometry.camera import Float64Array
 

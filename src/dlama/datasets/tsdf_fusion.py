@@ -11,9 +11,9 @@ from pathlib import Path
 
 from dlama.datasets.frames import Dataset
 from dlama.datasets.lenses import CameraOption, lens_for
-from dlama.datasets.listings import chosen_scenes, sequences
-from dlama.datasets.posed import PosedFrame, posed_dataset, posed_frame
-from dlama.datasets.seven_scenes import TSDF_INTRINSICS, has_numbered_frames, numbered_frames
+from dlama.datasets.numbered_frames import TSDF_INTRINSICS, has_numbered_frames, numbered_frames
+from dlama.datasets.text_tables import chosen_scenes, sequences
+from dlama.datasets.view_pairs import PosedFrame, posed_dataset, posed_frame
 
 LOOKED_FOR = f"frame-XXXXXX.color.jpg, .depth.png and .pose.txt with {TSDF_INTRINSICS} beside or above them"
 

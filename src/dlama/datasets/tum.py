@@ -16,9 +16,9 @@ import numpy as np
 
 from dlama.datasets.frames import Dataset
 from dlama.datasets.lenses import CameraOption, lens_for
-from dlama.datasets.listings import Row, chosen_scenes, pose_at, read_rows, sequences
-from dlama.datasets.posed import LOG, PosedFrame, posed_dataset, posed_frame
-from dlama.datasets.posed_files import FrameFiles, Lens
+from dlama.datasets.posed_frames import FrameFiles, Lens
+from dlama.datasets.text_tables import Row, chosen_scenes, pose_at, read_rows, sequences
+from dlama.datasets.view_pairs import LOG, PosedFrame, posed_dataset, posed_frame
 from dlama.errors import FileError
 from dlama.geometry.camera import Float64Array
 

@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dlama.errors import CameraError, FileError
-from dlama.files.calibrations import FileFields, Intrinsics, read_calib_txt, read_json_fields
-from dlama.files.decoding import read_stored
-from dlama.files.placement import PathLike, new_file
+from dlama.files.atomic_write import PathLike, new_file
+from dlama.files.checked_fields import FileFields, Intrinsics, read_calib_txt, read_json_fields
+from dlama.files.images import read_stored
 from dlama.geometry.camera import Camera
 from dlama.geometry.rig import StereoRig
 

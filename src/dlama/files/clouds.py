@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 
 from dlama.errors import FileError
-from dlama.files.decoding import existing
+from dlama.files.atomic_write import PathLike, new_file
+from dlama.files.images import existing
 from dlama.files.meshes import write_glb as write_glb
-from dlama.files.placement import PathLike, new_file
 from dlama.geometry.cloud import PointCloud
 from dlama.geometry.view import Origin
 

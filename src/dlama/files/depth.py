@@ -8,10 +8,10 @@ from __future__ import annotations
 import numpy as np
 
 from dlama.errors import DepthError, FileError
-from dlama.files.decoding import SUFFIXES, existing, read_stored
+from dlama.files.atomic_write import PathLike
 from dlama.files.float_files import read_array, read_exr, read_pfm, write_exr, write_pfm
+from dlama.files.images import SUFFIXES, existing, read_stored
 from dlama.files.pictures import save_picture
-from dlama.files.placement import PathLike
 from dlama.geometry.rgbd import Float32Array
 
 __all__ = [

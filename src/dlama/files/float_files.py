@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from dlama.errors import FileError, ShapeError
-from dlama.files.decoding import existing
-from dlama.files.placement import PathLike, new_file
+from dlama.files.atomic_write import PathLike, new_file
+from dlama.files.images import existing
 from dlama.geometry.rgbd import Float32Array
 
 PFM_HEADER = re.compile(rb"(P[Ff])\s+(\d+)\s+(\d+)\s+([-+]?[\d.]+(?:[eE][-+]?\d+)?)(?:\r\n|\s)")

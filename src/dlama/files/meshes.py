@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dlama.files.placement import PathLike, new_file
+from dlama.files.atomic_write import PathLike, new_file
 from dlama.geometry.mesh import Mesh
 from dlama.geometry.rgbd import UInt8Array
 

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from dlama.errors import FileError, MaskError, ShapeError
-from dlama.files.decoding import existing, read_stored
-from dlama.files.placement import PathLike, new_file
+from dlama.files.atomic_write import PathLike, new_file
+from dlama.files.images import existing, read_stored
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 
 if TYPE_CHECKING:

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dlama.errors import ShapeError
+from dlama.files.atomic_write import PathLike
 from dlama.files.pictures import save_picture
-from dlama.files.placement import PathLike
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.geometry.view import HoleType, Origin
 

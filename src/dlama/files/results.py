@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 
 from dlama import __version__
-from dlama.completion.pairs import StereoCompletion
-from dlama.completion.scenes import Completion
-from dlama.files.placement import PathLike, new_directory
+from dlama.completion.pipeline import Completion
+from dlama.completion.stereo import StereoCompletion
+from dlama.files.atomic_write import PathLike, new_directory
 from dlama.geometry.view import HoleType, Origin, View
 
 LOG = logging.getLogger("dlama")

@@ -7,10 +7,10 @@ from typing import Literal
 import numpy as np
 
 from dlama.errors import ShapeError
+from dlama.files.atomic_write import PathLike
 from dlama.files.cameras import camera_for
 from dlama.files.depth import read_depth
 from dlama.files.pictures import read_color
-from dlama.files.placement import PathLike
 from dlama.geometry.rgbd import RGBD, Float32Array
 
 SAME_PROPORTIONS = 0.02

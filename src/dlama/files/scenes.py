@@ -12,8 +12,8 @@ from collections.abc import Mapping
 import numpy as np
 
 from dlama.errors import DlamaError, FileError
-from dlama.files.decoding import existing
-from dlama.files.placement import PathLike, new_file
+from dlama.files.atomic_write import PathLike, new_file
+from dlama.files.images import existing
 from dlama.geometry.camera import Camera
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import View

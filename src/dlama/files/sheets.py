@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from dlama.completion.pairs import StereoCompletion
-from dlama.completion.scenes import Completion
-from dlama.files.placement import PathLike
+from dlama.completion.pipeline import Completion
+from dlama.completion.stereo import StereoCompletion
+from dlama.files.atomic_write import PathLike
 from dlama.files.preview import (
     HOLE_PALETTE,
     RGB,

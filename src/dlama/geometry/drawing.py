@@ -43,8 +43,8 @@ def flying(view: View) -> BoolArray:
 
 def without_flying(layer: View) -> tuple[Float32Array, BoolArray, Float32Array]:
     """Depth without holes and flying pixels (0), which pixels fly, and inverse depth as `edges` wants it (with a margin)."""
-    from dlama.geometry import edges
-    from dlama.geometry.compiling import in_bands
+    from dlama.geometry.kernels import depth_edges as edges
+    from dlama.geometry.kernels.jit import in_bands
 
     (height, width), margin = layer.camera.hw, 2 * edges.PAD
     w = np.zeros((height + margin, width + margin), np.float32)
@@ -57,8 +57,8 @@ def without_flying(layer: View) -> tuple[Float32Array, BoolArray, Float32Array]:
 
 def joints(w: Float32Array, camera: Camera) -> UInt8Array:
     """H x W bits RIGHT (1), DOWN (2): is a pixel joined to its right, its lower neighbour? w: as of `without_flying`."""
-    from dlama.geometry import edges
-    from dlama.geometry.compiling import in_bands
+    from dlama.geometry.kernels import depth_edges as edges
+    from dlama.geometry.kernels.jit import in_bands
 
     joined = np.empty(camera.hw, np.uint8)
     in_bands(edges.join, len(joined), w, edge_ratio(camera), joined)
@@ -124,7 +124,7 @@ class Grid:
     @cached_property
     def knots(self) -> Float32Array:
         """Of the colours' splines (`sampling.spline`); none where not fine."""
-        from dlama.geometry.sampling import spline
+        from dlama.geometry.kernels.sampling import spline
 
         return spline(self.layer.color) if self.fine else np.empty(0, np.float32)
 
@@ -153,8 +153,9 @@ def draw(grid: Grid, camera: Camera, canvas: Canvas) -> Canvas:
 
 def draw_as_points(grid: Grid, canvas: Canvas) -> None:
     """Each pixel of the layer onto the target pixel it falls on."""
-    from dlama.geometry import raster, shading
-    from dlama.geometry.compiling import in_bands, threads
+    from dlama.geometry.kernels import rasterize as raster
+    from dlama.geometry.kernels import shading
+    from dlama.geometry.kernels.jit import in_bands, threads
 
     layer, hw = grid.layer, canvas.depth.shape
     parts = min(threads(), MOST_PARTS)
@@ -167,10 +168,11 @@ def draw_as_points(grid: Grid, canvas: Canvas) -> None:
 
 def draw_as_surface(grid: Grid, joined: UInt8Array, camera: Camera, canvas: Canvas) -> None:
     """The layer's mesh, and footprints at its rim."""
-    from dlama.geometry import raster, shading
-    from dlama.geometry.compiling import in_bands
-    from dlama.geometry.rim import draw_rim, rim
-    from dlama.geometry.sampling import smooth_quads
+    from dlama.geometry.kernels import rasterize as raster
+    from dlama.geometry.kernels import shading
+    from dlama.geometry.kernels.footprints import draw_rim, rim
+    from dlama.geometry.kernels.jit import in_bands
+    from dlama.geometry.kernels.sampling import smooth_quads
 
     layer, rows = grid.layer, camera.height
     x, y, w = transformed(grid.depth, grid.matrix, grid.offset)
@@ -203,9 +205,9 @@ def copy_where(canvas: Canvas, layer: View, where: BoolArray) -> None:
 
 def draw_far(grid: Grid, camera: Camera, canvas: Canvas) -> None:
     """The layer's far pixels (sky) behind everything drawn so far."""
-    from dlama.geometry import shading
-    from dlama.geometry.compiling import in_bands
-    from dlama.geometry.sampling import far_blocks
+    from dlama.geometry.kernels import shading
+    from dlama.geometry.kernels.jit import in_bands
+    from dlama.geometry.kernels.sampling import far_blocks
 
     layer, far = grid.layer, grid.layer.far
     rows = np.flatnonzero(far.any(1))
@@ -232,8 +234,8 @@ def px_from_px(target: Camera, source: Camera) -> tuple[Float64Array, Float64Arr
 
 def transformed(depth: Float32Array, matrix: Float64Array, offset: Float64Array) -> tuple[Float32Array, ...]:
     """Target x, y (pixels) and inverse z (1/m, 0 = not in front) of every source pixel, float32 H x W each."""
-    from dlama.geometry import raster
-    from dlama.geometry.compiling import in_bands
+    from dlama.geometry.kernels import rasterize as raster
+    from dlama.geometry.kernels.jit import in_bands
 
     x, y, w = (np.empty_like(depth) for _ in range(3))
     in_bands(raster.transform, len(depth), depth, matrix, offset, NEAR, x, y, w)
@@ -242,8 +244,8 @@ def transformed(depth: Float32Array, matrix: Float64Array, offset: Float64Array)
 
 def spans(y: Float32Array, w: Float32Array) -> Float32Array:
     """H x N x 2: smallest and largest target row of each row of quads, N chunks of columns (see `raster.quad_spans`)."""
-    from dlama.geometry import raster
-    from dlama.geometry.compiling import in_bands
+    from dlama.geometry.kernels import rasterize as raster
+    from dlama.geometry.kernels.jit import in_bands
 
     out = np.empty((*y.shape[:1], -(-y.shape[1] // raster.CHUNK), 2), np.float32)
     in_bands(raster.quad_spans, len(y), y, w, out)

@@ -8,8 +8,8 @@ import numpy as np
 
 from dlama.geometry.cloud import PointCloud, concatenated
 from dlama.geometry.drawing import inverse_depth, mesh_grid
-from dlama.geometry.lifting import lift, rays
 from dlama.geometry.mesh import Mesh
+from dlama.geometry.projection import lift, rays
 from dlama.geometry.rgbd import BoolArray
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import HoleType, Origin, View
@@ -63,7 +63,7 @@ def scene_mesh(scene: Scene, objects: bool = True) -> Mesh:
 
 def layer_mesh(layer: View) -> Mesh:
     """One layer's joined quads; vertices are its valid, non-flying pixels."""
-    from dlama.geometry.edges import DOWN, RIGHT
+    from dlama.geometry.kernels.depth_edges import DOWN, RIGHT
 
     depth, joined = mesh_grid(layer)
     chosen = (depth > 0) & (depth < np.inf)

@@ -17,7 +17,7 @@ from dlama.geometry.drawing import Mode as Mode
 from dlama.geometry.drawing import flying as flying
 from dlama.geometry.drawing import inverse_depth as inverse_depth
 from dlama.geometry.drawing import px_from_px as px_from_px
-from dlama.geometry.lifting import project
+from dlama.geometry.projection import project
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import HoleType, Origin, View
@@ -26,7 +26,7 @@ TYPE_OF_RANK = np.array(
     [HoleType.OUT_OF_VIEW, HoleType.DISOCCLUDED, HoleType.SENSOR, HoleType.FLYING, HoleType.OBJECT, HoleType.CRACK],
     np.uint8,
 )
-"""Hole types in rising precedence where several apply (ranks of `dlama.geometry.sheet`)."""
+"""Hole types in rising precedence where several apply (ranks of `dlama.geometry.kernels.hole_types`)."""
 RANK_OF_TYPE = np.array([0, 5, 1, 3, 0, 2, 4], np.uint8)
 """Rank of each HoleType."""
 
@@ -87,8 +87,8 @@ def hole_types(grids: list[Grid], objects: tuple[View, ...], camera: Camera, hol
     """H x W HoleType codes of the empty pixels of a scene (its grids, its removed objects) seen from `camera`."""
     import cv2
 
-    from dlama.geometry import sheet
-    from dlama.geometry.compiling import in_bands
+    from dlama.geometry.kernels import hole_types as sheet
+    from dlama.geometry.kernels.jit import in_bands
 
     count = cv2.integral(hole.view(np.uint8))
     ranks = np.zeros(hole.shape, np.uint8)
@@ -115,7 +115,7 @@ def closed_grid(layer: View, objects: tuple[View, ...]) -> tuple[Float32Array, U
     """
     import cv2
 
-    from dlama.geometry import sheet
+    from dlama.geometry.kernels import hole_types as sheet
 
     depth = np.where(layer.hole, np.float32(0), layer.depth)
     rank = np.zeros(depth.shape, np.uint8)

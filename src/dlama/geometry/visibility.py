@@ -52,8 +52,8 @@ class Law:
 
     def violations(self, camera: Camera, depth: Float32Array, where: BoolArray) -> BoolArray:
         """H x W, True at pixels of `where` whose depth (seen from `camera`) breaks the law."""
-        from dlama.geometry import law
-        from dlama.geometry.compiling import in_bands
+        from dlama.geometry.kernels import visibility as law
+        from dlama.geometry.kernels.jit import in_bands
 
         broken = np.zeros(depth.shape, np.bool_)
         # one signature, one compilation: numba tells read-only arrays from others
@@ -67,8 +67,8 @@ class Law:
 
         A ray that never becomes lawful at a finite depth ends in the far layer (+inf), which is always lawful.
         """
-        from dlama.geometry import law
-        from dlama.geometry.compiling import in_bands
+        from dlama.geometry.kernels import visibility as law
+        from dlama.geometry.kernels.jit import in_bands
 
         out = np.array(depth, np.float32)
         moved = np.zeros(depth.shape, np.bool_)

@@ -6,13 +6,13 @@ from collections.abc import Callable
 from pathlib import Path
 
 from dlama.errors import InputError
-from dlama.inpainters.diffusion import navier_stokes, telea
 from dlama.inpainters.filling import Fill, FillReport, Inpainter, inpaint
-from dlama.inpainters.joint import joint_filler
-from dlama.inpainters.lama import lama_filler
-from dlama.inpainters.layered import layered
-from dlama.inpainters.migan import migan_filler
-from dlama.inpainters.pair import pair_filler
+from dlama.inpainters.layered.layered import layered
+from dlama.inpainters.networks.joint import joint_filler
+from dlama.inpainters.networks.lama import lama_filler
+from dlama.inpainters.networks.migan import migan_filler
+from dlama.inpainters.networks.pair import pair_filler
+from dlama.inpainters.opencv import navier_stokes, telea
 
 __all__ = ["INPAINTERS", "MODEL_INPAINTERS", "Fill", "FillReport", "Inpainter", "inpaint", "inpainter"]
 

@@ -10,7 +10,7 @@ import math
 from dataclasses import dataclass
 
 from dlama.errors import InputError
-from dlama.training.budget import FFT_FLOP, TRAINED, budget
+from dlama.training.flops import FFT_FLOP, TRAINED, budget
 from dlama.training.settings import TrainSettings
 
 GPU_FLOP = 990e12

@@ -14,7 +14,7 @@ from torch.nn.functional import l1_loss
 
 from dlama.nets.discriminator import Discriminator
 from dlama.training import adversarial
-from dlama.training.batches import Batch, any_hole, hole_planes, pictures
+from dlama.training.data.batches import Batch, any_hole, hole_planes, pictures
 from dlama.training.depth_losses import depth_l1, gradient_matching, law_penalty, normal_consistency
 from dlama.training.perceptual import PerceptualLoss
 from dlama.training.precision import precise

@@ -1,0 +1,201 @@
+"""A folder in EasySynth's layout in; its frames and its cases of all three protocols out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from dlama.datasets.easysynth.frames import FrameFiles, class_mask, load_frame, load_removal, load_stereo, load_view
+from dlama.datasets.easysynth.listing import CLASSES, POSES, CameraPair, Options, Sequence, read_sequence, scenes
+from dlama.datasets.easysynth.text_files import RGB, read_classes
+from dlama.datasets.frames import Case, Dataset, Frame, Protocol, Truth
+from dlama.errors import CameraError, FileError
+from dlama.geometry.camera import Float64Array, inverse_pose
+
+LAYOUT = "easysynth"
+OBJECT_CLASS = "object"
+"""The class that is removed where nobody names another."""
+SAME_POSE = 1e-4
+"""Largest difference between the poses (metres, and entries of the rotation) of a frame with and without the object."""
+MEETS = 0.01
+"""Of the distance to the pivot: by how much an orbit may miss it."""
+STANDS_DEG = 0.01
+"""Two orientations nearer than this are the same: no orbit."""
+
+_Case = tuple[Protocol, str, Callable[[], Truth], "float | None"]
+
+
+def easysynth(
+    root: Path, *, depth_range: float | None = None, gamma: bool | None = None, removal_object: str | None = None
+) -> Dataset:
+    """The data set in `root`: one sequence, a scene (folders with, without, stereo_with, stereo_without, or of any
+    other names), or a folder of scenes.
+
+    Depth comes from DepthMM (16-bit mm over the full range, our addition) where a camera has it, and then nothing needs
+    to be said; else from DepthImage, normalised by a `depth_range` in metres that no file holds; 1.0 is far. In 8-bit PNG
+    it is usually sRGB-encoded: `gamma` True undoes that, False takes it as linear.
+    VPI: the first frame of each camera of `with` (and of each sequence of another name) to every other; the object's mask and
+    the frames without it where there is a `without`. ORI: the frames of `with` that show the object. SII: stereo_with
+    against stereo_without, and rectified pairs of any other sequence for view synthesis.
+    `removal_object` is a class of SemanticClasses.csv, or R,G,B; default `object`. Which file a frame's depth comes from
+    stands in its `load.args[0]` (FrameFiles.depth, .kind).
+    Raises FileError, CameraError (files, with line and column), DepthError (an option is missing).
+    """
+    root = Path(root)
+    name, options = root.resolve().name, Options(depth_range, gamma)
+    frames: list[Frame] = []
+    cases: list[Case] = []
+    for folder, folders in _existing(root):
+        scene = folder.resolve().name
+        sequences = [read_sequence(each, options) for each in folders]
+        frames += [frame for sequence in sequences for frame in _frames(scene, sequence)]
+        cases += [
+            Case(protocol, name, scene, frame, load, yaw)
+            for protocol, frame, load, yaw in _cases(sequences, removal_object)
+        ]
+    return Dataset(name, LAYOUT, root, tuple(frames), tuple(cases))
+
+
+def looks_like_easysynth(root: Path) -> bool:
+    """True if `root` is a sequence, a scene or a folder of scenes in EasySynth's layout (names are looked at, not contents)."""
+    return bool(scenes(Path(root)))
+
+
+def orbit_yaw(source: Float64Array, target: Float64Array) -> float | None:
+    """Degrees of orbit from one 4x4 pose (OpenCV axes) to another, > 0 where the camera moves to its right; None: no orbit.
+
+    It is one where both optical axes meet in a point before both cameras, at the same distance from them (within MEETS).
+    """
+    step = inverse_pose(source) @ target
+    angle, offset, axis = turned_deg(source, target), step[:3, 3], step[:3, 2]
+    if angle < STANDS_DEG:
+        return None
+    lines = np.stack([[0.0, 0.0, 1.0], -axis], axis=1)  # source axis * a = offset + target axis * b
+    (ahead, ahead_too), *_ = np.linalg.lstsq(lines, offset, rcond=None)
+    miss = float(np.linalg.norm(lines @ (ahead, ahead_too) - offset))
+    if ahead <= 0 or miss > MEETS * ahead or abs(ahead - ahead_too) > MEETS * ahead:
+        return None
+    return round(float(np.copysign(angle, offset[0])), 3)  # files carry six digits; 10.000003 is 10
+
+
+def turned_deg(source: Float64Array, target: Float64Array) -> float:
+    """Degrees between the orientations of two 4x4 poses, 0..180."""
+    rotation = source[:3, :3].T @ target[:3, :3]
+    sine = np.linalg.norm(rotation - rotation.T) / np.sqrt(8)
+    return float(np.degrees(np.arctan2(sine, (np.trace(rotation) - 1) / 2)))
+
+
+def _existing(root: Path) -> list[tuple[Path, list[Path]]]:
+    if not root.is_dir():
+        raise FileError(f"{root}: no such folder")
+    found = scenes(root)
+    if not found:
+        raise FileError(
+            f"{root}: holds no EasySynth sequence (CameraRig.json or CameraPoses.csv beside <camera>/ColorImage), no scene "
+            "of such, and no folder of scenes"
+        )
+    return found
+
+
+def _frames(scene: str, sequence: Sequence) -> Iterator[Frame]:
+    for camera, by_id in sequence.cameras.items():
+        first = next(iter(by_id.values()))
+        for identity, files in by_id.items():
+            yaw = 0.0 if files is first else orbit_yaw(first.world_from_cam, files.world_from_cam)
+            yield Frame(scene, sequence.name_of(camera, identity), partial(load_frame, files), yaw)
+
+
+def _cases(sequences: list[Sequence], removal_object: str | None) -> Iterator[_Case]:
+    """Of one scene. A sequence that another one takes for its truth has no cases of its own."""
+    named = {sequence.folder.name: sequence for sequence in sequences}
+    truth_of = {f"{rig}with": named.get(f"{rig}without") for rig in ("", "stereo_")}
+    truths = [truth for name, truth in truth_of.items() if truth is not None and name in named]
+    for sequence in sequences:
+        if any(sequence is truth for truth in truths):
+            continue
+        without = truth_of.get(sequence.folder.name)
+        color = None if without is None else _object_color(sequence.folder, removal_object)
+        pair = sequence.pair()
+        if pair is not None:
+            yield from _sii(sequence, pair, without, color)
+            continue
+        yield from _vpi(sequence, without, color)
+        if without is not None and color is not None:
+            yield from _ori(sequence, without, color)
+
+
+def _vpi(sequence: Sequence, without: Sequence | None, color: RGB | None) -> Iterator[_Case]:
+    for camera, by_id in sequence.cameras.items():
+        truths = {} if without is None else _same_poses(sequence, without, camera)
+        source, *targets = by_id
+        start = by_id[source].world_from_cam
+        for identity in targets:
+            goal = by_id[identity].world_from_cam
+            yaw = orbit_yaw(start, goal)
+            angle = round(turned_deg(start, goal), 3) if yaw is None else yaw
+            load = partial(load_view, by_id[source], by_id[identity], truths.get(identity), color)
+            yield "vpi", sequence.name_of(camera, identity), load, angle
+
+
+def _ori(sequence: Sequence, without: Sequence, color: RGB) -> Iterator[_Case]:
+    """Frames that show the object: for this alone semantic pictures are read while listing."""
+    for camera, by_id in sequence.cameras.items():
+        for identity, truth in _same_poses(sequence, without, camera).items():
+            files = by_id[identity]
+            if files.semantic is not None and files.semantic.exists() and not class_mask(files, color).any():
+                continue
+            yield "ori", sequence.name_of(camera, identity), partial(load_removal, files, truth, color), None
+
+
+def _sii(sequence: Sequence, pair: CameraPair, without: Sequence | None, color: RGB | None) -> Iterator[_Case]:
+    truth = None if without is None else without.pair()
+    if without is not None and truth is None:
+        raise CameraError(f"{without.folder}: is no rectified pair of two cameras, as {sequence.folder} is")
+    if without is not None:
+        for camera in sequence.cameras:
+            _same_poses(sequence, without, camera)
+    left, right = pair
+    for identity in left:
+        answer = None
+        if truth is not None:
+            if identity not in truth[0]:
+                continue
+            answer = truth[0][identity], truth[1][identity]
+        load = partial(load_stereo, left[identity], right[identity], answer, color)
+        yield "sii", f"{sequence.folder.resolve().name}-{identity:04d}", load, None
+
+
+def _same_poses(sequence: Sequence, without: Sequence, camera: str) -> dict[int, FrameFiles]:
+    """The frames without the object, by id; raises FileError where one is not at the same pose."""
+    if camera not in without.cameras:
+        raise FileError(f"{without.folder}: has no camera '{camera}', which {sequence.folder} has")
+    truths = {}
+    for identity, files in without.cameras[camera].items():
+        mine = sequence.cameras[camera].get(identity)
+        if mine is None:
+            continue
+        difference = float(np.abs(mine.world_from_cam - files.world_from_cam).max())
+        if difference > SAME_POSE:
+            raise FileError(
+                f"{without.folder / camera / POSES}: the pose of frame {identity} differs by {difference:.3g} from that in "
+                f"{sequence.folder.name}; the same cameras are wanted with and without the object"
+            )
+        truths[identity] = files
+    return truths
+
+
+def _object_color(folder: Path, removal_object: str | None) -> RGB:
+    """The colour of the class to remove."""
+    parts = (removal_object or "").split(",")
+    if len(parts) == 3 and all(part.strip().isdecimal() and int(part) <= 255 for part in parts):
+        return int(parts[0]), int(parts[1]), int(parts[2])
+    classes, wanted = read_classes(folder / CLASSES), removal_object or OBJECT_CLASS
+    if wanted not in classes:
+        raise FileError(
+            f"{folder / CLASSES}: no class is called '{wanted}'; known: {', '.join(classes)}; "
+            "name the one to remove: --removal-object NAME or R,G,B"
+        )
+    return classes[wanted]

@@ -1,0 +1,183 @@
+"""A folder in; which scenes and sequences in EasySynth's layout it holds, and where each frame's files lie, out."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+from dlama.datasets.easysynth.frames import DepthKind, FrameFiles
+from dlama.datasets.easysynth.text_files import Pose, RigCamera, read_poses, read_rig
+from dlama.errors import CameraError, DepthError, FileError
+from dlama.geometry.rig import StereoRig
+
+RIG, POSES, CLASSES = "CameraRig.json", "CameraPoses.csv", "SemanticClasses.csv"
+COLOR, DEPTH, SEMANTIC, MILLIMETRES = "ColorImage", "DepthImage", "SemanticImage", "DepthMM"
+PICTURE = re.compile(r"(?P<stem>.*\D|)(?P<number>\d+)(?P<suffix>\.(?:png|jpe?g|exr))", re.IGNORECASE)
+"""<Sequence>.<NNNN>.<png, jpeg or exr>."""
+
+CameraPair = tuple[dict[int, FrameFiles], dict[int, FrameFiles]]
+
+
+@dataclass(frozen=True)
+class Options:
+    """What the files do not say; see FrameFiles."""
+
+    depth_range: float | None
+    gamma: bool | None
+
+
+@dataclass(frozen=True, eq=False)
+class Sequence:
+    """One rendering output folder."""
+
+    folder: Path
+    cameras: dict[str, dict[int, FrameFiles]]
+    """Frames by camera and frame id."""
+
+    def name_of(self, camera: str, identity: int) -> str:
+        """Unique within a scene: sequence, camera where there are several, id."""
+        parts = [self.folder.resolve().name, *([camera] if len(self.cameras) > 1 else []), f"{identity:04d}"]
+        return "-".join(parts)
+
+    def pair(self) -> CameraPair | None:
+        """(left, right) frames, if the sequence has exactly two cameras, in step, that make a rectified pair."""
+        if len(self.cameras) != 2:
+            return None
+        one, other = self.cameras.values()
+        for left, right in ((one, other), (other, one)):
+            if set(left) == set(right) and all(_rectified(left[each], right[each]) for each in left):
+                return left, right
+        return None
+
+
+def scenes(root: Path) -> list[tuple[Path, list[Path]]]:
+    """(scene folder, its sequence folders) of a sequence, a scene or a folder of scenes, by name; empty: none of these."""
+    if _is_sequence(root):
+        return [(root, [root])]
+    sequences = [folder for folder in _folders(root) if _is_sequence(folder)]
+    if sequences:
+        return [(root, sequences)]
+    below = [(scene, [each for each in _folders(scene) if _is_sequence(each)]) for scene in _folders(root)]
+    return [(scene, found) for scene, found in below if found]
+
+
+def read_sequence(folder: Path, options: Options) -> Sequence:
+    """The frames of one rendering output folder; pictures are not opened. Raises FileError, CameraError, DepthError."""
+    rig = read_rig(folder / RIG) if (folder / RIG).exists() else {}
+    places = {each.name: each for each in _folders(folder) if (each / COLOR).is_dir()}
+    if (folder / COLOR).is_dir():  # a single camera of the first versions
+        places = {"": folder}
+    missing = [name for name in rig if name not in places]
+    if missing and "" not in places:
+        raise FileError(f"{folder / missing[0] / COLOR}: no such folder; {folder / RIG} has a camera '{missing[0]}'")
+    return Sequence(folder, {name: _camera(folder, place, rig.get(name), options) for name, place in places.items()})
+
+
+def _is_sequence(folder: Path) -> bool:
+    if not ((folder / RIG).is_file() or (folder / POSES).is_file()):
+        return False
+    return (folder / COLOR).is_dir() or any((each / COLOR).is_dir() for each in _folders(folder))
+
+
+def _folders(root: Path) -> list[Path]:
+    if not root.is_dir():
+        return []
+    return sorted(each for each in root.iterdir() if each.is_dir() and not each.name.startswith("."))
+
+
+def _camera(folder: Path, place: Path, rig: RigCamera | None, options: Options) -> dict[int, FrameFiles]:
+    """The frames of one camera, by id."""
+    table, poses = _poses(folder, place, rig)
+    kind, depths = _depth_pictures(place, list(poses), options)
+    colors = _pictures(place / COLOR, list(poses))
+    semantics = _pictures(place / SEMANTIC, list(poses)) if (place / SEMANTIC).is_dir() else {}
+    frames = {}
+    for identity, pose in poses.items():
+        lens = pose.lens or (rig.lens if rig else None)
+        if lens is None:
+            raise FileError(
+                f"{folder / RIG}: no such file, or no camera '{place.name}' in it; {table} has no intrinsics"
+            )
+        frames[identity] = FrameFiles(
+            color=colors[identity],
+            depth=depths[identity],
+            kind=kind,
+            semantic=semantics.get(identity),
+            lens=lens,
+            world_from_cam=pose.world_from_cam,
+            depth_range=options.depth_range,
+            gamma=options.gamma,
+        )
+    return frames
+
+
+def _poses(folder: Path, place: Path, rig: RigCamera | None) -> tuple[Path, dict[int, Pose]]:
+    """(table, the camera's own poses): from its folder, else the rig's poses and where the camera sits in the rig."""
+    if (place / POSES).exists():
+        return place / POSES, read_poses(place / POSES)
+    if rig is None:
+        raise FileError(f"{place / POSES}: no such file")
+    poses = read_poses(folder / POSES)
+    return folder / POSES, {
+        identity: Pose(pose.world_from_cam @ rig.rig_from_cam, pose.lens) for identity, pose in poses.items()
+    }
+
+
+def _depth_pictures(place: Path, identities: list[int], options: Options) -> tuple[DepthKind, dict[int, Path]]:
+    """DepthMM where it is there, else DepthImage, if the options say how to read it."""
+    if (place / MILLIMETRES).is_dir():
+        return "millimetres", _pictures(place / MILLIMETRES, identities)
+    pictures = _pictures(place / DEPTH, identities)
+    first = next(iter(pictures.values()))
+    if options.depth_range is None:
+        raise DepthError(
+            f"{place / DEPTH}: depth is divided by EasySynth's 'Depth range', which no file holds: give --depth-range METRES"
+        )
+    if first.suffix.lower() == ".exr":
+        return "exr", pictures
+    if first.suffix.lower() != ".png":
+        raise DepthError(f"{first}: depth as JPEG is not exact; render DepthImage as EXR")
+    if options.gamma is None:
+        raise DepthError(
+            f"{first}: depth as PNG has 256 steps and is usually gamma-encoded by Unreal; render it as EXR, or say how it is "
+            "encoded: --gamma srgb (to be undone) or --gamma linear"
+        )
+    return "png", pictures
+
+
+def _pictures(folder: Path, identities: list[int]) -> dict[int, Path]:
+    """The picture of every frame id. A missing one gets the name it should have: it is an error when it is read.
+
+    Renderings that begin at another frame number than the poses are matched in step, if there are as many.
+    """
+    found: dict[int, Path] = {}
+    for path in sorted(folder.iterdir()) if folder.is_dir() else []:
+        match = PICTURE.fullmatch(path.name)
+        if match is None or path.name.startswith("."):
+            continue
+        number = int(match["number"])
+        if number in found:
+            raise FileError(f"{path}: is the second picture of frame {number}, beside {found[number].name}")
+        found[number] = path
+    if not found:
+        raise FileError(f"{folder}: no pictures <sequence>.<NNNN>.<jpeg, png or exr> are there")
+    shift = min(found) - min(identities)
+    if {identity + shift for identity in identities} == set(found):
+        return {identity: found[identity + shift] for identity in identities}
+    match = PICTURE.fullmatch(next(iter(found.values())).name)
+    assert match is not None  # it is how it was found
+    return {each: found.get(each, folder / f"{match['stem']}{each:04d}{match['suffix']}") for each in identities}
+
+
+def _rectified(left: FrameFiles, right: FrameFiles) -> bool:
+    """By the sensors' sizes: pictures are not opened here."""
+    try:
+        cameras = [
+            each.lens.camera((round(each.lens.height), round(each.lens.width)), each.world_from_cam)
+            for each in (left, right)
+        ]
+        StereoRig(*cameras)
+    except CameraError:
+        return False
+    return True

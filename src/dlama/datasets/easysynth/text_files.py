@@ -1,0 +1,300 @@
+"""EasySynth's text files in; posed cameras (OpenCV axes, metres) and semantic classes out. Bad values named by line and column.
+
+Unreal's axes are left-handed, X forward, Y right, Z up, in centimetres; its quaternion turns camera axes into world axes.
+With P the map of axes to OpenCV's (det P = -1: the handedness flips) R_cv = P R(q) P^T and t_cv = P t / 100.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from dlama.errors import CameraError, FileError
+from dlama.files.checked_fields import FileFields
+from dlama.files.images import existing
+from dlama.geometry.camera import Camera, Float64Array
+
+RGB = tuple[int, int, int]
+
+OPENCV_FROM_UNREAL = np.array([[0.0, 1, 0], [0, 0, -1], [1, 0, 0]])
+"""x = Y, y = -Z, z = X."""
+CENTIMETRES = 100.0
+UNREAL_HEADER = ("id", "tx", "ty", "tz", "qx", "qy", "qz", "qw", "t")
+"""EasySynth 1.2 and later, and its branch for Unreal 4.27: centimetres, Unreal axes, no intrinsics."""
+METRIC_HEADER = ("id", "tx", "ty", "tz", "qw", "qx", "qy", "qz", "fx", "fy", "cx", "cy")
+"""EasySynth 1.0 and 1.1: metres, x right, y down, z forward (its README), intrinsics in pixels."""
+QUATERNION_TOLERANCE = 1e-3
+"""By how much the length of a quaternion may differ from 1 (six digits are written)."""
+PROPORTION_TOLERANCE = 0.01
+"""Relative difference of width / height up to which sensor and picture show the same field of view."""
+
+
+@dataclass(frozen=True)
+class Lens:
+    """Intrinsics in pixels of a sensor of a size, first pixel's centre at (0.5, 0.5)."""
+
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+    width: float
+    height: float
+    source: Path
+    """The file that says so."""
+
+    def camera(self, hw: tuple[int, int], world_from_cam: ArrayLike) -> Camera:
+        """The camera of a picture of size `hw`; intrinsics scaled where the sensor has another size.
+
+        Raises CameraError when sensor and picture differ in proportions: then nothing says what was cropped.
+        """
+        across, down = hw[1] / self.width, hw[0] / self.height
+        if abs(across / down - 1) > PROPORTION_TOLERANCE:
+            raise CameraError(
+                f"{self.source}: the sensor is {self.width:g}x{self.height:g} and the picture {hw[1]}x{hw[0]}; both must "
+                "have the same proportions, else the field of view is not known"
+            )
+        try:
+            return Camera(
+                hw[1],
+                hw[0],
+                self.fx * across,
+                self.fy * down,
+                self.cx * across,
+                self.cy * down,
+                np.asarray(world_from_cam),
+            )
+        except CameraError as error:
+            raise CameraError(f"{self.source}: {error}") from error
+
+
+@dataclass(frozen=True, eq=False)
+class Pose:
+    """One line of CameraPoses.csv."""
+
+    world_from_cam: Float64Array
+    """4x4, OpenCV axes, metres."""
+    lens: Lens | None
+    """What the line itself says (dialect of 1.0 and 1.1); None: CameraRig.json says it."""
+
+
+@dataclass(frozen=True, eq=False)
+class RigCamera:
+    """One camera of CameraRig.json."""
+
+    lens: Lens
+    rig_from_cam: Float64Array
+    """4x4, OpenCV axes, metres."""
+
+
+def read_poses(path: Path) -> dict[int, Pose]:
+    """The poses of a CameraPoses.csv by frame id, in the file's order; the header tells which dialect it is.
+
+    Raises FileError naming line and column: an unknown header, a value that is no finite number, an id given twice, a
+    quaternion whose length is not 1, no pose at all.
+    """
+    lines = _lines(path)
+    header = tuple(cell.strip() for cell in lines[0].split(","))
+    if header not in (UNREAL_HEADER, METRIC_HEADER):
+        raise FileError(
+            f"{path}:1:1: the header is '{lines[0][:80]}'; '{','.join(UNREAL_HEADER)}' (EasySynth 1.2 and later) or "
+            f"'{','.join(METRIC_HEADER)}' (1.0, 1.1) is wanted"
+        )
+    read: Callable[[Path, _Row], Pose] = _unreal_pose if header == UNREAL_HEADER else _metric_pose
+    poses: dict[int, Pose] = {}
+    for number, line in enumerate(lines[1:], 2):
+        if not line.strip():
+            continue
+        row = _Row(path, number, header, line)
+        identity = row.whole("id")
+        if identity in poses:
+            raise row.error("id", f"is {identity} for the second time; every frame has one line")
+        poses[identity] = read(path, row)
+    if not poses:
+        raise FileError(f"{path}:2:1: there is no pose; a line per frame is wanted")
+    return poses
+
+
+def read_rig(path: Path) -> dict[str, RigCamera]:
+    """The cameras of a CameraRig.json by name ("ROS JSON": cm, Unreal axes); the last intrinsic may be 0, as EasySynth writes.
+
+    Raises FileError (no JSON: with line and column; a field missing), CameraError (a value that cannot be).
+    """
+    try:
+        content = json.loads(_text(path))
+    except json.JSONDecodeError as error:
+        raise FileError(f"{path}:{error.lineno}:{error.colno}: is no JSON ({error.msg})") from error
+    cameras = content.get("cameras") if isinstance(content, dict) else None
+    if not isinstance(cameras, dict) or not cameras:
+        raise FileError(f"{path}: field 'cameras' with a camera by name is wanted")
+    return {name: _rig_camera(path, name, values) for name, values in cameras.items()}
+
+
+def read_classes(path: Path) -> dict[str, RGB]:
+    """The colours of a SemanticClasses.csv by name: lines `name,R,G,B`, no header.
+
+    Raises FileError naming line and column.
+    """
+    classes: dict[str, RGB] = {}
+    for number, line in enumerate(_lines(path), 1):
+        if not line.strip():
+            continue
+        name, *colors = line.rsplit(",", 3)  # a name may hold commas
+        if len(colors) != 3:
+            raise FileError(f"{path}:{number}:1: the line is '{line[:80]}'; name,R,G,B is wanted")
+        row = _Row(path, number, ("R", "G", "B"), ",".join(colors), begins=len(name) + 2)
+        red, green, blue = (row.whole(channel, 255) for channel in "RGB")
+        if name.strip() in classes:
+            raise FileError(f"{path}:{number}:1: class '{name.strip()}' is there for the second time")
+        classes[name.strip()] = (red, green, blue)
+    return classes
+
+
+def opencv_pose(translation_cm: ArrayLike, quaternion_xyzw: ArrayLike) -> Float64Array:
+    """4x4 camera to world in OpenCV axes and metres, from Unreal's translation and quaternion."""
+    pose = np.eye(4)
+    pose[:3, :3] = OPENCV_FROM_UNREAL @ rotation_of(quaternion_xyzw) @ OPENCV_FROM_UNREAL.T
+    pose[:3, 3] = OPENCV_FROM_UNREAL @ np.asarray(translation_cm, np.float64) / CENTIMETRES
+    return pose
+
+
+def unreal_pose(world_from_cam: Float64Array) -> tuple[Float64Array, Float64Array]:
+    """Unreal's translation (cm) and quaternion (xyzw) of a 4x4 pose in OpenCV axes and metres."""
+    rotation = OPENCV_FROM_UNREAL.T @ world_from_cam[:3, :3] @ OPENCV_FROM_UNREAL
+    return OPENCV_FROM_UNREAL.T @ world_from_cam[:3, 3] * CENTIMETRES, quaternion_of(rotation)
+
+
+def rotation_of(quaternion_xyzw: ArrayLike) -> Float64Array:
+    """3x3 rotation of a quaternion of any length > 0."""
+    q = np.asarray(quaternion_xyzw, np.float64)
+    x, y, z, w = q / np.linalg.norm(q)
+    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    return np.eye(3) + 2 * w * cross + 2 * cross @ cross
+
+
+def quaternion_of(rotation: Float64Array) -> Float64Array:
+    """Unit quaternion xyzw of a 3x3 rotation, w >= 0.
+
+    The eigenvector for the largest eigenvalue of a symmetric 4x4 matrix (Bar-Itzhack 2000): good at every angle.
+    """
+    r = rotation
+    k = np.array(
+        [
+            [r[0, 0] - r[1, 1] - r[2, 2], 0, 0, 0],
+            [r[1, 0] + r[0, 1], r[1, 1] - r[0, 0] - r[2, 2], 0, 0],
+            [r[2, 0] + r[0, 2], r[2, 1] + r[1, 2], r[2, 2] - r[0, 0] - r[1, 1], 0],
+            [r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1], np.trace(r)],
+        ]
+    )
+    quaternion = np.linalg.eigh(k)[1][:, -1]  # eigh reads the lower triangle
+    return quaternion if quaternion[3] >= 0 else -quaternion
+
+
+class _Row:
+    """One line of a table; every complaint says where."""
+
+    def __init__(self, path: Path, number: int, header: tuple[str, ...], line: str, begins: int = 1) -> None:
+        cells = line.split(",")
+        if len(cells) != len(header):
+            raise FileError(
+                f"{path}:{number}:{begins + len(line)}: the line has {len(cells)} values; "
+                f"{len(header)} are wanted ({','.join(header)})"
+            )
+        self._at, self._cells, self._columns = f"{path}:{number}", {}, {}
+        for name, cell in zip(header, cells):
+            self._cells[name] = cell.strip()
+            self._columns[name] = begins + len(cell) - len(cell.lstrip())
+            begins += len(cell) + 1
+
+    def error(self, name: str, complaint: str) -> FileError:
+        """The error that says where the value called `name` stands, and what is wrong with it."""
+        return FileError(f"{self._at}:{self._columns[name]}: {name} {complaint}")
+
+    def number(self, name: str) -> float:
+        """A finite number."""
+        try:
+            value = float(self._cells[name])
+        except ValueError:
+            raise self.error(name, f"is '{self._cells[name]}'; a number is wanted") from None
+        if not math.isfinite(value):
+            raise self.error(name, f"is '{self._cells[name]}'; a finite number is wanted")
+        return value
+
+    def numbers(self, *names: str) -> list[float]:
+        """Finite numbers."""
+        return [self.number(name) for name in names]
+
+    def whole(self, name: str, largest: int | None = None) -> int:
+        """A whole number >= 0."""
+        text = self._cells[name]
+        if not (text.isascii() and text.isdecimal()) or (largest is not None and int(text) > largest):
+            wanted = "a whole number >= 0" if largest is None else f"a whole number 0..{largest}"
+            raise self.error(name, f"is '{text}'; {wanted} is wanted")
+        return int(text)
+
+
+def _unreal_pose(path: Path, row: _Row) -> Pose:
+    translation = row.numbers("tx", "ty", "tz")
+    row.number("t")
+    return Pose(opencv_pose(translation, _quaternion(row)), None)
+
+
+def _metric_pose(path: Path, row: _Row) -> Pose:
+    pose = np.eye(4)
+    pose[:3, :3] = rotation_of(_quaternion(row))
+    pose[:3, 3] = row.numbers("tx", "ty", "tz")
+    fx, fy, cx, cy = row.numbers("fx", "fy", "cx", "cy")
+    for name, value in (("fx", fx), ("fy", fy), ("cx", cx), ("cy", cy)):
+        if value <= 0:
+            raise row.error(name, f"is {value:g}; a number of pixels > 0 is wanted")
+    return Pose(pose, Lens(fx, fy, cx, cy, 2 * cx, 2 * cy, path))  # cx, cy are written as half the picture
+
+
+def _quaternion(row: _Row) -> list[float]:
+    quaternion = row.numbers("qx", "qy", "qz", "qw")
+    length = math.hypot(*quaternion)
+    if abs(length - 1) > QUATERNION_TOLERANCE:
+        raise row.error("qx", f"begins a quaternion of length {length:.6g}; length 1 is wanted")
+    return quaternion
+
+
+def _rig_camera(path: Path, name: str, values: Any) -> RigCamera:
+    where = f"{path}: cameras.{name}"
+    if not isinstance(values, Mapping):
+        raise FileError(f"{where} is no object; intrinsics, rotation, translation and sensor_size are wanted")
+    fields = FileFields(f"{path}: cameras.{name}", {key: [value] for key, value in values.items()})
+    fx, skew, cx, *rest = fields.matrix("intrinsics", (1, 9))[0]
+    below, fy, cy, left, under, last = rest
+    if skew or below or left or under or last not in (0, 1) or fx <= 0 or fy <= 0:
+        raise CameraError(
+            f"{where}.intrinsics is {values['intrinsics']}; fx 0 cx 0 fy cy 0 0 0 (or 1 at the end) is wanted, fx, fy > 0"
+        )
+    quaternion = fields.matrix("rotation", (1, 4))[0]
+    if abs(np.linalg.norm(quaternion) - 1) > QUATERNION_TOLERANCE:
+        raise CameraError(f"{where}.rotation is {values['rotation']}; a quaternion x y z w of length 1 is wanted")
+    width, height = fields.matrix("sensor_size", (1, 2))[0]
+    if width <= 0 or height <= 0:
+        raise CameraError(f"{where}.sensor_size is {values['sensor_size']}; width and height > 0 are wanted")
+    lens = Lens(float(fx), float(fy), float(cx), float(cy), float(width), float(height), path)
+    return RigCamera(lens, opencv_pose(fields.matrix("translation", (1, 3))[0], quaternion))
+
+
+def _lines(path: Path) -> list[str]:
+    return _text(path).splitlines()
+
+
+def _text(path: Path) -> str:
+    """Unreal writes UTF-16 with a byte order mark as soon as one letter needs it, else one byte per letter."""
+    data = existing(path).read_bytes()
+    encoding = "utf-16" if data[:2] in (b"\xff\xfe", b"\xfe\xff") else "utf-8-sig"
+    try:
+        return data.decode(encoding)
+    except UnicodeDecodeError as error:
+        line = data[: error.start].count(b"\n") + 1
+        raise FileError(f"{path}:{line}:1: is no {encoding} text") from error

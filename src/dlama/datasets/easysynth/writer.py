@@ -1,0 +1,250 @@
+"""Frames with depth and semantics in; folders in EasySynth's layout out, whole or not at all."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping
+from contextlib import AbstractContextManager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from dlama.datasets.easysynth.listing import CLASSES, COLOR, DEPTH, MILLIMETRES, POSES, RIG, SEMANTIC
+from dlama.datasets.easysynth.text_files import UNREAL_HEADER, unreal_pose
+from dlama.errors import CameraError, InputError, OutputError, ShapeError
+from dlama.files.atomic_write import new_directory, new_file
+from dlama.files.depth import write_depth_png
+from dlama.files.pictures import write_color
+from dlama.geometry.camera import Camera, Float64Array
+from dlama.geometry.rgbd import RGBD, Float32Array, UInt8Array
+from dlama.geometry.rig import StereoRig
+
+RGB = tuple[int, int, int]
+ColorFormat = Literal["png", "jpeg"]
+
+FRAME_TIME_S = 1 / 30
+"""EasySynth's t starts at one frame time, not at 0."""
+DEEPEST_MM = 65534.5
+"""Beyond it a 16-bit picture of millimetres can only say far."""
+LEFT, RIGHT = "c0", "c1"
+
+
+@dataclass(frozen=True, eq=False)
+class SequenceFrame:
+    """One frame of a sequence, as the writer wants it."""
+
+    rgbd: RGBD
+    """Colour, depth (metres, +inf = far, 0 = missing) and the posed camera (OpenCV axes, metres)."""
+    semantic: UInt8Array
+    """H x W, uint8: which class a pixel shows, as a number in the order of `classes` (0 = the first)."""
+
+
+@dataclass(frozen=True, eq=False)
+class StereoSequence:
+    """A rig's sequence: as many frames left (c0) as right (c1), in step; each pair rectified."""
+
+    left: tuple[SequenceFrame, ...]
+    right: tuple[SequenceFrame, ...]
+
+
+SequenceKey = Literal["with", "without", "stereo_with", "stereo_without"]
+
+
+@dataclass(frozen=True)
+class _Style:
+    """What all frames of a writing have in common."""
+
+    depth_range: float
+    classes: Mapping[str, RGB]
+    color: ColorFormat
+
+    def __post_init__(self) -> None:
+        if not (self.depth_range > 0 and np.isfinite(self.depth_range)):
+            raise InputError(f"depth_range is {self.depth_range}; metres > 0 are wanted")
+        if not 0 < len(self.classes) <= 256 or len(set(self.classes.values())) < len(self.classes):
+            raise InputError(
+                f"classes are {dict(self.classes)}; 1 to 256 names with a colour each, all different, are wanted"
+            )
+        if self.color not in ("png", "jpeg"):
+            raise InputError(f"color is '{self.color}'; 'png' (lossless) or 'jpeg' is wanted")
+
+
+def write_sequence(
+    folder: Path,
+    name: str,
+    frames: Iterable[SequenceFrame],
+    *,
+    depth_range: float,
+    classes: Mapping[str, RGB],
+    camera: str = "CameraComponent",
+    color: ColorFormat = "png",
+) -> None:
+    """Write one camera's sequence to the new (or empty) `folder`, pictures called `<name>.<NNNN>`; frame 0 comes first.
+
+    As EasySynth 1.2 writes it: poses in CameraPoses.csv (the rig's and the camera's), CameraRig.json, SemanticClasses.csv,
+    ColorImage, SemanticImage, DepthImage (half-float EXR, R = G = B = depth / `depth_range` clipped to 0..1, in metres;
+    1 = at or beyond it) and, beyond EasySynth, DepthMM (16-bit mm; beyond 65.534 m is far). `frames` is gone through once.
+    `classes` are colours by name. All frames have one lens. Raises InputError, ShapeError, CameraError, OutputError.
+    """
+    style = _Style(depth_range, classes, color)
+    with _new(folder) as draft:
+        _write_mono(draft, name, frames, style, camera)
+
+
+def write_stereo_sequence(
+    folder: Path,
+    name: str,
+    frames: StereoSequence,
+    *,
+    depth_range: float,
+    classes: Mapping[str, RGB],
+    color: ColorFormat = "png",
+) -> None:
+    """Write a rig's sequence (cameras c0 = left and c1 = right) as `write_sequence` does; the left camera is the rig's pose.
+
+    Raises CameraError as well where a pair is not rectified, or the baseline changes.
+    """
+    style = _Style(depth_range, classes, color)
+    with _new(folder) as draft:
+        _write_stereo(draft, name, frames, style)
+
+
+def write_scene(
+    root: Path,
+    scene: str,
+    sequences: Mapping[SequenceKey, Iterable[SequenceFrame] | StereoSequence],
+    *,
+    depth_range: float,
+    classes: Mapping[str, RGB],
+    color: ColorFormat = "png",
+) -> None:
+    """Write the sequences of a scene to `root/scene/<key>`, called `<scene>_<key>`; all of them or none.
+
+    Arguments and errors as in `write_sequence`; a StereoSequence becomes a rig of two cameras.
+    """
+    style = _Style(depth_range, classes, color)
+    with _new(Path(root) / scene) as draft:
+        for key, frames in sequences.items():
+            (draft / key).mkdir()
+            if isinstance(frames, StereoSequence):
+                _write_stereo(draft / key, f"{scene}_{key}", frames, style)
+            else:
+                _write_mono(draft / key, f"{scene}_{key}", frames, style, "CameraComponent")
+
+
+def _new(folder: Path) -> AbstractContextManager[Path]:
+    """Frames of an earlier writing must not mix with these."""
+    folder = Path(folder)
+    if folder.is_dir() and any(folder.iterdir()):
+        raise OutputError(
+            f"{folder}: is not empty; frames of two writings must not mix, remove it or give another place"
+        )
+    return new_directory(folder)
+
+
+def _write_mono(folder: Path, name: str, frames: Iterable[SequenceFrame], style: _Style, camera: str) -> None:
+    cameras = _write_pictures(folder / camera, name, frames, style)
+    _write_rig(folder, {camera: cameras}, style)
+
+
+def _write_stereo(folder: Path, name: str, frames: StereoSequence, style: _Style) -> None:
+    if len(frames.left) != len(frames.right):
+        raise InputError(f"{name} has {len(frames.left)} frames left and {len(frames.right)} right; as many are wanted")
+    pairs = [StereoRig(one.rgbd.camera, other.rgbd.camera) for one, other in zip(frames.left, frames.right)]
+    if pairs and max(abs(rig.baseline_m - pairs[0].baseline_m) for rig in pairs) > 1e-6:
+        raise CameraError(f"{name}: the baseline changes within the sequence; a rig has one")
+    cameras = {
+        camera: _write_pictures(folder / camera, name, side, style)
+        for camera, side in ((LEFT, frames.left), (RIGHT, frames.right))
+    }
+    _write_rig(folder, cameras, style)
+
+
+def _write_pictures(place: Path, name: str, frames: Iterable[SequenceFrame], style: _Style) -> list[Camera]:
+    """One camera's pictures; returns its cameras, frame by frame."""
+    for kind in (COLOR, DEPTH, SEMANTIC, MILLIMETRES):
+        (place / kind).mkdir(parents=True)
+    colors = np.array(list(style.classes.values()), np.uint8)
+    cameras: list[Camera] = []
+    for number, frame in enumerate(frames):
+        _check(frame, cameras, f"{name}.{number:04d}", len(colors))
+        stem, depth = f"{name}.{number:04d}", frame.rgbd.depth
+        write_color(place / COLOR / f"{stem}.{style.color}", frame.rgbd.color)
+        write_color(place / SEMANTIC / f"{stem}.png", colors[frame.semantic])
+        write_depth_png(
+            place / MILLIMETRES / f"{stem}.png", np.where(depth * 1000 > DEEPEST_MM, np.float32(np.inf), depth)
+        )
+        _write_normalised_exr(place / DEPTH / f"{stem}.exr", depth, style.depth_range)
+        cameras.append(frame.rgbd.camera)
+    if not cameras:
+        raise InputError(f"{name} has no frames; at least one is wanted")
+    return cameras
+
+
+def _check(frame: SequenceFrame, before: list[Camera], name: str, classes: int) -> None:
+    semantic, camera = frame.semantic, frame.rgbd.camera
+    if semantic.dtype != np.uint8 or semantic.shape != camera.hw:
+        raise ShapeError(f"{name}: semantic is {semantic.dtype} {semantic.shape}; uint8 {camera.hw} is wanted")
+    if int(semantic.max()) >= classes:
+        raise InputError(f"{name}: semantic holds class {int(semantic.max())}, there are {classes} classes")
+    if before and not camera.same_lens_as(before[0]):
+        raise CameraError(f"{name}: the camera has another lens or size than the first frame's; a sequence has one")
+
+
+def _write_normalised_exr(path: Path, depth: Float32Array, depth_range: float) -> None:
+    """R = G = B = depth / range in 0..1, A = 1, half float, ZIP, as Unreal writes it."""
+    import OpenEXR
+
+    grey = np.minimum(depth / np.float32(depth_range), 1).astype(np.float16)
+    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+    channels = {"R": grey, "G": grey, "B": grey, "A": np.ones_like(grey)}
+    with new_file(path) as draft:
+        try:
+            OpenEXR.File(header, channels).write(str(draft))
+        except RuntimeError as error:  # how OpenEXR reports a full disk
+            raise OSError(str(error)) from error
+
+
+def _write_rig(folder: Path, cameras: Mapping[str, list[Camera]], style: _Style) -> None:
+    """The text files of a sequence; the first camera is the rig's pose."""
+    rig = next(iter(cameras.values()))
+    _write_poses(folder / POSES, rig)
+    for name, each in cameras.items():
+        _write_poses(folder / name / POSES, each)
+    places = {
+        name: _rig_camera(each[0], rig[0].cam_from_world @ each[0].world_from_cam) for name, each in cameras.items()
+    }
+    _write_text(folder / RIG, json.dumps({"cameras": places}, indent="\t"))
+    lines = [f"{name},{red},{green},{blue}" for name, (red, green, blue) in style.classes.items()]
+    _write_text(folder / CLASSES, "\n".join(lines) + "\n")
+
+
+def _rig_camera(camera: Camera, rig_from_cam: Float64Array) -> dict[str, list[float]]:
+    translation, quaternion = unreal_pose(rig_from_cam)
+    return {
+        "intrinsics": [camera.fx, 0, camera.cx, 0, camera.fy, camera.cy, 0, 0, 0],  # EasySynth's last is 0, not 1
+        "rotation": _rounded(quaternion),
+        "translation": _rounded(translation),
+        "sensor_size": [camera.width, camera.height],
+    }
+
+
+def _write_poses(path: Path, cameras: list[Camera]) -> None:
+    lines = [",".join(UNREAL_HEADER)]
+    for number, camera in enumerate(cameras):
+        translation, quaternion = unreal_pose(camera.world_from_cam)
+        values = [*_rounded(translation), *_rounded(quaternion), (number + 1) * FRAME_TIME_S]
+        lines.append(f"{number}," + ",".join(f"{value:.9f}" for value in values))  # EasySynth: 6 digits
+    _write_text(path, "\n".join(lines) + "\n")
+
+
+def _write_text(path: Path, text: str) -> None:
+    with new_file(path) as draft:
+        draft.write_text(text, encoding="utf-8")
+
+
+def _rounded(values: Float64Array) -> list[float]:
+    """To nine digits, and no -0."""
+    return [round(float(value), 9) + 0.0 for value in values]

@@ -1,0 +1,132 @@
+"""7-Scenes folders in (frame-XXXXXX.color.png, .depth.png, .pose.txt); posed frames and the cases between them out.
+
+Depth in millimetres, 0 and 65535 missing; a pose is the depth camera's, camera to world. Colour and depth come from two
+cameras that the set does not align (its page gives 585, 585, 320, 240 for depth and nothing for colour): depth is moved
+into the colour camera, whose numbers were measured on redkitchen (COLOR_LENS, COLOR_FROM_DEPTH). With
+`camera` the two are taken as one camera instead.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from dlama.datasets.frames import Dataset
+from dlama.datasets.lenses import CameraOption, lens_for
+from dlama.datasets.posed_frames import FrameFiles, Lens, load_depth
+from dlama.datasets.text_tables import chosen_scenes, files_in, read_pose, sequences
+from dlama.datasets.view_pairs import PosedFrame, posed_dataset, posed_frame
+from dlama.errors import FileError, ShapeError
+from dlama.files.cameras import checked_camera
+from dlama.files.pictures import read_color
+from dlama.geometry.camera import Camera, inverse_pose
+from dlama.geometry.rgbd import RGBD, Float32Array
+
+DEPTH_LENS = Lens("7-Scenes' published camera", (585.0, 585.0, 320.0, 240.0), 0.0, (480, 640))
+COLOR_LENS = Lens("7-Scenes' measured colour camera", (526.0, 526.0, 320.0, 237.0), 0.0, (480, 640))
+COLOR_FROM_DEPTH = np.array([[1, 0, 0, -0.025], [0, 1, 0, 0.004], [0, 0, 1, 0], [0, 0, 0, 1.0]])
+"""Metres. Measured, not published: image edges against depth edges, and agreement of brightness across views."""
+CAMERA_NAMES = ("camera.json",)
+COLOR_SUFFIXES = (".png", ".jpg")
+MILLIMETRES = 1000.0
+TSDF_INTRINSICS = "camera-intrinsics.txt"
+
+
+def looks_like_seven_scenes(root: Path) -> bool:
+    return has_numbered_frames(root) and not any((each / TSDF_INTRINSICS).is_file() for each in (root, root.parent))
+
+
+def has_numbered_frames(root: Path) -> bool:
+    """True if frame-*.color.*, its depth and its pose lie right in the folder."""
+    first = next(root.glob("frame-*.pose.txt"), None)
+    return first is not None and first.with_name(f"{frame_name(first)}.depth.png").is_file()
+
+
+def seven_scenes(
+    root: Path, *, camera: CameraOption = None, scenes: Sequence[str] | None = None, limit: int | None = None
+) -> Dataset:
+    """The sequences of a folder: one, a scene's (`seq-01`, ...), or the whole set (`chess_seq-01`, ...).
+
+    Raises FileError, CameraError.
+    """
+    frames: list[PosedFrame] = []
+    looked_for = "frame-XXXXXX.color.png, .depth.png and .pose.txt"
+    for scene, folder in chosen_scenes(sequences(root, looks_like_seven_scenes, looked_for), scenes).items():
+        if camera is None:
+            frames += numbered_frames(scene, folder, DEPTH_LENS, _registered_frame)
+        else:
+            frames += numbered_frames(scene, folder, lens_for(folder, root, camera, CAMERA_NAMES, ""), posed_frame)
+    return posed_dataset("7-scenes", root, frames, limit)
+
+
+def frame_name(path: Path) -> str:
+    """frame-000012 of frame-000012.pose.txt."""
+    return path.name.split(".")[0]
+
+
+def numbered_frames(
+    scene: str, folder: Path, lens: Lens, make: Callable[[str, str, FrameFiles], PosedFrame]
+) -> list[PosedFrame]:
+    """The frames of one folder in the order of their numbers, each made of its files and its pose; raises FileError."""
+    frames = []
+    for pose in files_in(folder, (".txt",)):
+        if pose.name.endswith(".pose.txt"):
+            name = frame_name(pose)
+            colors = [folder / f"{name}.color{suffix}" for suffix in COLOR_SUFFIXES]
+            color = next((each for each in colors if each.is_file()), None)
+            if color is None:
+                raise FileError(f"{colors[0]}: no such file (nor {colors[1].name}), but {pose.name} is there")
+            files = FrameFiles(color, folder / f"{name}.depth.png", lens, read_pose(pose), MILLIMETRES)
+            frames.append(make(scene, name, files))
+    return frames
+
+
+def _registered_frame(scene: str, name: str, files: FrameFiles) -> PosedFrame:
+    pose = files.world_from_cam @ inverse_pose(COLOR_FROM_DEPTH)
+    return PosedFrame(scene, name, pose, partial(load_registered, files), partial(load_registered_depth, files))
+
+
+def load_registered(files: FrameFiles) -> RGBD:
+    """Colour as it is, and the depth moved into the colour camera; raises FileError, DepthError, ShapeError."""
+    depth, camera = load_registered_depth(files)
+    color = read_color(files.color)
+    if color.shape[:2] != camera.hw:
+        raise ShapeError(
+            f"{files.color}: is {color.shape[1]}x{color.shape[0]}; 640x480 is wanted, or a camera that says otherwise"
+        )
+    return RGBD(color, depth, camera)
+
+
+def load_registered_depth(files: FrameFiles) -> tuple[Float32Array, Camera]:
+    """The depth moved into the colour camera, and that camera at its pose."""
+    depth, depth_camera = load_depth(files)
+    pose = files.world_from_cam @ inverse_pose(COLOR_FROM_DEPTH)
+    color_camera = checked_camera(
+        COLOR_LENS.source, depth_camera.hw, COLOR_LENS.intrinsics, COLOR_LENS.pixel_center, pose
+    )
+    return moved_depth(depth, depth_camera, color_camera), color_camera
+
+
+def moved_depth(depth: Float32Array, source: Camera, target: Camera) -> Float32Array:
+    """Depth as seen from another camera close by: each reading goes to the pixel it falls into, the nearest wins.
+
+    H x W of the target, 0 where nothing fell. Fit for a target with the shorter focal length, where no cracks open.
+    """
+    from dlama.geometry.projection import project
+
+    rows, columns = np.nonzero(depth)
+    z = depth[rows, columns].astype(np.float64)
+    local = np.stack(
+        [(columns + 0.5 - source.cx) / source.fx, (rows + 0.5 - source.cy) / source.fy, np.ones_like(z)], 1
+    )
+    pose = source.world_from_cam
+    pixels, seen_at = project((local * z[:, None]) @ pose[:3, :3].T + pose[:3, 3], target)
+    inside = (pixels >= 0).all(1) & (pixels[:, 0] < target.width) & (pixels[:, 1] < target.height)
+    flat = pixels[inside].astype(np.intp) @ (1, target.width)
+    out = np.full(target.height * target.width, np.inf, np.float32)
+    np.minimum.at(out, flat, seen_at[inside].astype(np.float32))
+    out[np.isinf(out)] = 0
+    return out.reshape(target.hw)

@@ -1,0 +1,184 @@
+"""Text and JSON listings of a data set in; checked numbers out, every error naming file, line and column."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from dlama.errors import CameraError, FileError, InputError
+from dlama.files.checked_fields import FileFields
+from dlama.files.images import existing
+from dlama.geometry.camera import Float64Array, checked_pose
+
+WORD = re.compile(r"\S+")
+LEVELS = 3
+"""A data set is the folder itself, or in its folders, or in theirs (7-Scenes: chess/seq-01)."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """The words of one line, apart by blanks."""
+
+    path: Path
+    line: int
+    """Counted from 1."""
+    words: tuple[str, ...]
+    columns: tuple[int, ...]
+    """Where each word begins, counted from 1."""
+
+    def at(self, index: int) -> str:
+        """`file:line:column` of a word; behind the last one, of the line's end."""
+        if index < len(self.words):
+            column = self.columns[index]
+        else:
+            column = self.columns[-1] + len(self.words[-1]) if self.words else 1
+        return f"{self.path}:{self.line}:{column}"
+
+    def need(self, count: int, what: str) -> None:
+        """Raise FileError unless the line has just so many words."""
+        if len(self.words) != count:
+            raise FileError(
+                f"{self.at(min(len(self.words), count))}: the line has {len(self.words)} values; {count} are wanted ({what})"
+            )
+
+    def number(self, index: int, *, finite: bool = True) -> float:
+        """The word as a number; raises FileError."""
+        try:
+            value = float(self.words[index])
+        except ValueError:
+            value = np.nan
+        if not np.isfinite(value) and (finite or np.isnan(value)):
+            kind = "finite number" if finite else "number"
+            raise FileError(f"{self.at(index)}: '{self.words[index][:40]}' stands where a {kind} is wanted")
+        return value
+
+    def numbers(self, what: str, count: int, *, finite: bool = True) -> list[float]:
+        """All words as numbers; raises FileError unless there are `count`."""
+        self.need(count, what)
+        return [self.number(index, finite=finite) for index in range(count)]
+
+
+def read_rows(path: Path) -> list[Row]:
+    """The lines of a text file that say something: no blank lines, none that begins with #. Raises FileError."""
+    file = existing(path)
+    try:
+        text = file.read_text(encoding="utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise FileError(f"{file}: is no text (byte {error.start} is not UTF-8)") from error
+    rows = []
+    for number, line in enumerate(text.splitlines(), 1):
+        if line.strip() and not line.lstrip().startswith("#"):
+            found = list(WORD.finditer(line))
+            rows.append(Row(file, number, tuple(m[0] for m in found), tuple(m.start() + 1 for m in found)))
+    return rows
+
+
+def matrix_of(rows: Sequence[Row], shape: tuple[int, int], *, finite: bool = True) -> Float64Array:
+    """Rows of a text matrix, blanks between the numbers; raises FileError."""
+    what = f"a row of a {shape[0]}x{shape[1]} matrix"
+    return np.array([row.numbers(what, shape[1], finite=finite) for row in rows], np.float64)
+
+
+def read_matrix(path: Path, shape: tuple[int, int], *, finite: bool = True) -> Float64Array:
+    """A text file that holds one matrix and nothing else; raises FileError."""
+    rows = read_rows(path)
+    if len(rows) != shape[0]:
+        raise FileError(f"{path}: holds {len(rows)} lines of numbers; a {shape[0]}x{shape[1]} matrix is wanted")
+    return matrix_of(rows, shape, finite=finite)
+
+
+def pose_at(where: str, world_from_cam: Float64Array) -> Float64Array:
+    """A checked pose (re-orthonormalised within 1e-3); raises CameraError that begins with `where`."""
+    try:
+        return checked_pose(world_from_cam)
+    except CameraError as error:
+        raise CameraError(f"{where}: {error}") from error
+
+
+def read_pose(path: Path) -> Float64Array:
+    """A text file with one 4x4 camera-to-world matrix; raises FileError, CameraError."""
+    return pose_at(f"{path}:1:1", read_matrix(path, (4, 4)))
+
+
+def read_json(path: Path) -> FileFields:
+    """The fields of a JSON object, any names; raises FileError with line and column."""
+    file = existing(path)
+    try:
+        values = json.loads(file.read_text(encoding="utf-8-sig"))
+    except json.JSONDecodeError as error:
+        raise FileError(f"{file}:{error.lineno}:{error.colno}: is no JSON ({error.msg})") from error
+    except (ValueError, RecursionError) as error:
+        raise FileError(f"{file}: is no JSON ({error})") from error
+    if not isinstance(values, dict):
+        raise FileError(f"{file}:1:1: holds a JSON {type(values).__name__}; an object with named fields is wanted")
+    return FileFields(file, values)
+
+
+def part_of(fields: FileFields, name: str, values: object) -> FileFields:
+    """A JSON object inside another one, whose errors say where; raises FileError when it is none."""
+    where = f"{fields.path}: {name}"
+    if not isinstance(values, dict):
+        raise FileError(f"{where} is {json.dumps(values)[:40]}; an object with named fields is wanted")
+    return FileFields(where, values)
+
+
+def text_of(fields: FileFields, name: str) -> str:
+    """A field that must be a text; raises FileError."""
+    value = fields.values.get(name)
+    if not isinstance(value, str) or not value:
+        raise FileError(f"{fields.path}: {name} is {json.dumps(value)[:40]}; a text is wanted")
+    return value
+
+
+def sequences(root: Path, is_one: Callable[[Path], bool], what: str) -> dict[str, Path]:
+    """The folders that hold a sequence, by scene name: the root, or those up to two levels below.
+
+    `chess/seq-01` becomes `chess_seq-01`. Raises FileError when there is none; `what` says what was looked for.
+    """
+    if not root.is_dir():
+        raise FileError(f"{root}: no such folder")
+    level, found = [root], []
+    for _ in range(LEVELS):
+        found += [folder for folder in level if is_one(folder)]
+        level = [each for folder in level if folder not in found for each in folders_in(folder)]
+    if not found:
+        raise FileError(f"{root}: holds no such data set, nor do the folders up to two levels below; looked for {what}")
+    by_name = {"_".join(folder.relative_to(root).parts) or root.resolve().name: folder for folder in found}
+    return dict(sorted(by_name.items(), key=lambda item: natural_order(item[0])))
+
+
+def folders_in(folder: Path) -> list[Path]:
+    """The visible folders right inside."""
+    return [each for each in folder.iterdir() if each.is_dir() and not each.name.startswith(".")]
+
+
+def files_in(folder: Path, suffixes: Iterable[str]) -> list[Path]:
+    """The visible files of these kinds (lower case, with dot), 2 before 10."""
+    kinds = set(suffixes)
+    return sorted(
+        (each for each in folder.iterdir() if each.suffix.lower() in kinds and not each.name.startswith(".")),
+        key=lambda path: natural_order(path.name),
+    )
+
+
+def natural_order(name: str) -> list[tuple[int, int, str]]:
+    """A sorting key that counts: frame 2 comes before frame 10."""
+    return [(0, int(part), "") if part.isdecimal() else (1, 0, part) for part in re.split(r"(\d+)", name) if part]
+
+
+def chosen_scenes(known: dict[str, Path], scenes: Sequence[str] | None) -> dict[str, Path]:
+    """The wanted ones of the scenes, in the data set's order; raises InputError that lists the known."""
+    check_scenes(list(known), scenes)
+    return {name: folder for name, folder in known.items() if scenes is None or name in scenes}
+
+
+def check_scenes(known: Sequence[str], scenes: Sequence[str] | None) -> None:
+    """Raise InputError for a scene that is not there."""
+    for name in scenes or ():
+        if name not in known:
+            raise InputError(f"scene '{name}' is not in this data set; it has {', '.join(known)}")

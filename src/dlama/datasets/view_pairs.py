@@ -1,0 +1,211 @@
+"""Posed RGB-D frames in; cases out that go from one frame to another which turned away by 10 to 60 degrees."""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import partial
+from itertools import islice
+from pathlib import Path
+
+import numpy as np
+
+from dlama.datasets.frames import Case, Dataset, Frame, ViewTruth
+from dlama.datasets.posed_frames import FrameFiles, load_depth, load_rgbd
+from dlama.errors import FileError, InputError
+from dlama.geometry.camera import Camera, Float64Array
+from dlama.geometry.rgbd import RGBD, Float32Array
+
+LOG = logging.getLogger("dlama")
+
+DEGREES = (10.0, 20.0, 30.0, 40.0, 50.0, 60.0)
+"""Rotations that pairs are looked for at: the paper's yaws."""
+DEGREES_OFF = 3.0
+"""A pair may turn by so much less or more."""
+SOURCES = 20
+"""How many source frames a scene has unless told otherwise."""
+MIN_OVERLAP = 0.1
+"""Share of the source's pixels that must land in the target within LANDS_WITHIN of its depth (kitchen_vpi's least: 0.10)."""
+LANDS_WITHIN = 0.05
+TRIED = 6
+"""Candidates per source and angle whose depth is looked at."""
+EVERY_PIXEL = 8
+"""Overlap is measured on every eighth row and column."""
+
+
+@dataclass(frozen=True, eq=False)
+class PosedFrame:
+    """A frame whose pose is known and whose pictures are read on demand."""
+
+    scene: str
+    name: str
+    world_from_cam: Float64Array
+    load: Callable[[], RGBD]
+    """Picklable."""
+    load_depth: Callable[[], tuple[Float32Array, Camera]]
+    """The same depth and camera without the colour; picklable."""
+
+    @property
+    def frame(self) -> Frame:
+        return Frame(self.scene, self.name, self.load)
+
+
+def posed_frame(scene: str, name: str, files: FrameFiles) -> PosedFrame:
+    """A frame of two files of one camera."""
+    return PosedFrame(scene, name, files.world_from_cam, partial(load_rgbd, files), partial(load_depth, files))
+
+
+def load_view(source: Callable[[], RGBD], target: Callable[[], RGBD], exposure_varies: bool) -> ViewTruth:
+    """Two frames as question and answer."""
+    return ViewTruth(source(), target(), exposure_varies=exposure_varies)
+
+
+def posed_dataset(
+    layout: str, root: Path, frames: Iterable[PosedFrame], limit: int | None = None, *, every: int | None = None
+) -> Dataset:
+    """A data set of posed frames (scene after scene) with the cases of `view_pairs`; raises FileError if none is found."""
+    frames = tuple(frames)
+    cases: list[Case] = []
+    name = root.resolve().name
+    for scene in dict.fromkeys(frame.scene for frame in frames):
+        if limit is None or len(cases) < limit:
+            left = None if limit is None else limit - len(cases)
+            own = [frame for frame in frames if frame.scene == scene]
+            cases += view_pairs(own, dataset=name, every=every, limit=left)
+    if not cases:
+        raise FileError(
+            f"{root}: no two of its {len(frames)} frames overlap by {MIN_OVERLAP:.0%} and turn by "
+            f"{DEGREES[0]:g} to {DEGREES[-1]:g} degrees; are depth and poses in the same unit?"
+        )
+    return Dataset(name, layout, root, tuple(frame.frame for frame in frames), tuple(cases))
+
+
+def view_pairs(
+    frames: Sequence[PosedFrame],
+    *,
+    dataset: str,
+    every: int | None = None,
+    degrees: Sequence[float] = DEGREES,
+    stride: int | None = None,
+    min_overlap: float = MIN_OVERLAP,
+    limit: int | None = None,
+) -> tuple[Case, ...]:
+    """VPI cases between frames of one scene: of every k-th frame, to frames that turned away by about each of `degrees`.
+
+    `every` None takes SOURCES sources evenly. Of the frames within DEGREES_OFF of an angle the nearest to it with enough
+    overlap is taken (of frames in a row the best is tried), each target once per source; with `stride` instead the
+    frame so many places on. Overlap is the share of the source's pixels that land in the target within 5 % of its depth:
+    depth files of candidates are read for it. `yaw_deg` is the angle of rotation. Deterministic. Raises InputError.
+    """
+    if not frames:
+        return ()
+    for name, value in (("every", every), ("stride", stride), ("limit", limit)):
+        if value is not None and value < 1:
+            raise InputError(f"pairs of posed frames: {name} is {value}; a whole number >= 1 is wanted")
+    step = every if every is not None else math.ceil(len(frames) / SOURCES)
+    overlaps = Overlaps(frames)
+    rotations = np.stack([frame.world_from_cam[:3, :3] for frame in frames])
+    found = (
+        _case(dataset, frames[source], frames[target], angle)
+        for source in range(0, len(frames), step)
+        for target, angle in _targets(source, rotations, overlaps, degrees, stride, min_overlap)
+    )
+    return tuple(islice(found, limit))
+
+
+class Overlaps:
+    """How much of one frame lies in another; each depth file is read once, and kept small."""
+
+    def __init__(self, frames: Sequence[PosedFrame]) -> None:
+        self._frames = frames
+        self._seen: dict[int, tuple[Float64Array, Float32Array, Camera] | InputError] = {}
+
+    def share(self, source: int, target: int) -> float:
+        """Share (0..1) of the source's pixels, holes included, that land in the target within 5 % of its depth.
+
+        1 where one of them cannot be read: the pair is listed, so that whoever loads it reports the bad file. Raises the
+        reason when not a single frame can be read.
+        """
+        one, other = self._of(source), self._of(target)
+        for end in (one, other):
+            if isinstance(end, InputError):
+                if all(isinstance(each, InputError) for each in self._seen.values()):
+                    raise end
+                return 1.0
+        assert not isinstance(one, InputError) and not isinstance(other, InputError)
+        points, every_pixel, _ = one
+        _, depth, camera = other
+        local = (points - camera.world_from_cam[:3, 3]) @ camera.world_from_cam[:3, :3]
+        local = local[local[:, 2] > 0]
+        x = (local[:, 0] / local[:, 2] * camera.fx + camera.cx) / camera.width * depth.shape[1]
+        y = (local[:, 1] / local[:, 2] * camera.fy + camera.cy) / camera.height * depth.shape[0]
+        inside = (x >= 0) & (x < depth.shape[1]) & (y >= 0) & (y < depth.shape[0])
+        there = depth[y[inside].astype(np.intp), x[inside].astype(np.intp)]
+        z = local[inside, 2]
+        return float((np.abs(there - z) <= LANDS_WITHIN * there).sum() / every_pixel.size)
+
+    def _of(self, number: int) -> tuple[Float64Array, Float32Array, Camera] | InputError:
+        if number not in self._seen:
+            try:
+                self._seen[number] = _sampled(*self._frames[number].load_depth())
+            except InputError as error:
+                self._seen[number] = error
+        return self._seen[number]
+
+
+def _sampled(depth: Float32Array, camera: Camera) -> tuple[Float64Array, Float32Array, Camera]:
+    """World points of every eighth pixel, the same pixels' depth (0 = none), and the whole picture's camera."""
+    rows, columns = (np.arange(min(EVERY_PIXEL, n) // 2, n, EVERY_PIXEL) for n in depth.shape)
+    small = depth[rows[:, None], columns]
+    small[~np.isfinite(small)] = 0
+    x, y = np.meshgrid((columns + 0.5 - camera.cx) / camera.fx, (rows + 0.5 - camera.cy) / camera.fy)
+    local = (np.stack([x, y, np.ones_like(x)], -1) * small[..., None])[small > 0]
+    pose = camera.world_from_cam
+    return local @ pose[:3, :3].T + pose[:3, 3], small, camera
+
+
+def _targets(
+    source: int,
+    rotations: Float64Array,
+    overlaps: Overlaps,
+    degrees: Sequence[float],
+    stride: int | None,
+    min_overlap: float,
+) -> Iterator[tuple[int, float]]:
+    angles = rotation_deg(rotations, rotations[source])
+    if stride is not None:
+        target = source + stride
+        if target < len(angles) and overlaps.share(source, target) >= min_overlap:
+            yield target, float(angles[target])
+        return
+    used = [source]
+    for wanted in degrees:
+        for target in _candidates(np.abs(angles - wanted), used):
+            if overlaps.share(source, target) >= min_overlap:
+                used.append(target)
+                yield target, float(angles[target])
+                break
+
+
+def _candidates(off: Float64Array, used: list[int]) -> list[int]:
+    """Frames at most DEGREES_OFF from the wanted angle, nearest first; of neighbours in a row, which see much the same,
+    only the best."""
+    near = off <= DEGREES_OFF
+    near[used] = False
+    places = np.nonzero(near)[0]
+    rows = np.split(places, np.nonzero(np.diff(places) > 1)[0] + 1) if len(places) else []
+    best = [int(row[np.argmin(off[row])]) for row in rows]
+    return sorted(best, key=lambda place: float(off[place]))[:TRIED]
+
+
+def rotation_deg(rotations: Float64Array, other: Float64Array) -> Float64Array:
+    """Degrees (N) between each of N x 3 x 3 rotations and another one."""
+    cosine = (np.einsum("nij,ij->n", rotations, other) - 1) / 2
+    return np.degrees(np.arccos(np.clip(cosine, -1, 1)))
+
+
+def _case(dataset: str, source: PosedFrame, target: PosedFrame, angle: float) -> Case:
+    load = partial(load_view, source.load, target.load, True)
+    return Case("vpi", dataset, source.scene, f"{source.name}_to_{target.name}", load, round(angle, 3))

@@ -1,0 +1,77 @@
+"""An estimated and a true point cloud in -> distances between them and F-scores out, by a k-d tree.
+
+As in Knapitsch et al., "Tanks and Temples" (2017): precision is the share of estimated points nearer than a threshold to
+the truth, recall the share of true points nearer than it to the estimate, the F-score their harmonic mean.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from dlama.errors import MissingExtraError, ShapeError
+from dlama.evaluation.metrics.pictures import SETTINGS
+from dlama.geometry.camera import Float64Array
+
+
+def cloud_scores(
+    estimate: Float64Array, truth: Float64Array, thresholds: Sequence[float] = SETTINGS.cloud_thresholds_m
+) -> dict[str, float]:
+    """How far the estimate lies from the truth, how much of the truth it covers, and both in one.
+
+    Args:
+        estimate: N x 3, metres.
+        truth: M x 3, metres.
+        thresholds: metres.
+    Returns:
+        accuracy, accuracy_median (metres, estimate to truth), completeness, completeness_median (metres, truth to
+        estimate); per threshold precision_0.02, recall_0.02, fscore_0.02 (0..1). Where one cloud is empty, distances
+        are nan and shares 0; where both are, there is nothing to score and all is nan.
+    Raises:
+        ShapeError: no N x 3, or a point that is not finite.
+        MissingExtraError: scipy is not installed.
+    """
+    for name, points in (("estimate", estimate), ("truth", truth)):
+        if points.ndim != 2 or points.shape[1] != 3 or not np.isfinite(points).all():
+            raise ShapeError(f"cloud: the {name} is {points.shape}; N x 3 finite numbers are wanted")
+    there, back = nearest_distances(estimate, truth), nearest_distances(truth, estimate)
+    scores = {
+        "accuracy": _mean(there),
+        "accuracy_median": _median(there),
+        "completeness": _mean(back),
+        "completeness_median": _median(back),
+    }
+    for threshold in thresholds:
+        precision, recall = _share(there, threshold), _share(back, threshold)
+        both = precision + recall
+        fscore = 2 * precision * recall / both if both > 0 else 0.0
+        name = f"{threshold:.2f}" if round(threshold, 2) == threshold else f"{threshold:g}"
+        scores |= {f"precision_{name}": precision, f"recall_{name}": recall, f"fscore_{name}": fscore}
+    if len(estimate) + len(truth) == 0:
+        return dict.fromkeys(scores, math.nan)
+    return scores
+
+
+def nearest_distances(points: Float64Array, others: Float64Array) -> Float64Array:
+    """For each of N points the distance to the nearest of M others: N metres, inf where there are no others."""
+    if len(points) == 0 or len(others) == 0:
+        return np.full(len(points), np.inf)
+    try:
+        from scipy.spatial import cKDTree
+    except ImportError as error:
+        raise MissingExtraError("cloud metrics", "scipy", "evaluate") from error
+    return np.asarray(cKDTree(others).query(points)[0], np.float64)
+
+
+def _mean(distances: Float64Array) -> float:
+    return float(distances.mean()) if len(distances) and np.isfinite(distances).all() else math.nan
+
+
+def _median(distances: Float64Array) -> float:
+    return float(np.median(distances)) if len(distances) and np.isfinite(distances).all() else math.nan
+
+
+def _share(distances: Float64Array, threshold: float) -> float:
+    return float((distances < threshold).mean()) if len(distances) else 0.0

@@ -1,0 +1,146 @@
+"""Two pictures in -> LPIPS (AlexNet, v0.1), as one number, as a map or over a region, out; by onnxruntime, no torch.
+
+Zhang et al., "The Unreasonable Effectiveness of Deep Features as a Perceptual Metric", CVPR 2018. The network ships
+with the package (assets/lpips, made by `dlama.nets.lpips_export`). 0 = the same; larger = more different.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from collections import OrderedDict
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dlama.errors import MissingExtraError, ShapeError
+from dlama.evaluation.metrics.pictures import SETTINGS
+from dlama.geometry.camera import Float64Array
+from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
+
+NETWORK = Path(__file__).parents[2] / "assets" / "lpips" / "alex.onnx"
+SMALLEST_SIDE = 31
+"""Pixels: below this AlexNet's second pooling has nothing left to pool."""
+REMEMBERED = 4
+"""Pictures whose features are kept (10 MB each at 512x512), so that a truth is not computed again for each method."""
+
+Features = tuple[Float32Array, ...]
+"""Five taps, C x h x w each: unit-normalised features times the square root of their LPIPS weight."""
+
+
+class Lpips:
+    """LPIPS with the shipped network; cheap to make, the session is opened once per process and number of threads.
+
+    Args:
+        threads: of onnxruntime; None = 1, because frames run side by side.
+    """
+
+    def __init__(self, threads: int | None = None) -> None:
+        self.threads = 1 if threads is None else threads
+        self._remembered: OrderedDict[bytes, Features] = OrderedDict()
+
+    def features(self, picture: UInt8Array) -> Features:
+        """The five taps of a picture.
+
+        Args:
+            picture: uint8, H x W x 3 RGB, or H x W (depth), which is replicated to three channels; sides >= 31.
+        Raises:
+            ShapeError: no such picture.
+        """
+        _refuse_others(picture)
+        key = hashlib.sha1(repr(picture.shape).encode() + picture.tobytes(), usedforsecurity=False).digest()
+        if key not in self._remembered:
+            taps = _session(self.threads).run(None, {"picture": _network_input(picture)})
+            self._remembered[key] = tuple(tap[0] for tap in taps)
+        self._remembered.move_to_end(key)
+        while len(self._remembered) > REMEMBERED:
+            self._remembered.popitem(last=False)
+        return self._remembered[key]
+
+    def distance(self, a: Features, b: Features) -> float:
+        """LPIPS of two pictures by their features: the mean over each tap's own map, summed over taps."""
+        return float(sum(tap.mean() for tap in _tap_maps(a, b)))
+
+    def distance_map(self, a: Features, b: Features, hw: tuple[int, int]) -> Float64Array:
+        """LPIPS of every pixel, H x W: each tap's map, bilinearly enlarged to `hw` (pixel centres kept), summed.
+
+        As the published code's `spatial=True` does it. Its mean is near `distance`, not equal: enlarging weighs the
+        border otherwise.
+        """
+        return np.sum([_enlarged(tap, hw) for tap in _tap_maps(a, b)], axis=0)
+
+    def region(self, mine: UInt8Array, truth: UInt8Array, region: BoolArray | None = None) -> float:
+        """LPIPS of the whole (None), or over a region: the mean there of the map, the truth pasted outside.
+
+        Pasting keeps what lies outside from being seen by features inside. nan where the region is empty.
+
+        Args:
+            mine, truth: uint8, H x W x 3 or H x W, sides >= 31.
+            region: H x W.
+        Raises:
+            ShapeError: the shapes differ, or a side is too short.
+        """
+        if mine.shape != truth.shape or (region is not None and region.shape != truth.shape[:2]):
+            came = "" if region is None else f", region {region.shape}"
+            raise ShapeError(f"LPIPS: mine is {mine.shape}, truth {truth.shape}{came}; one size is wanted")
+        if region is None:
+            return self.distance(self.features(truth), self.features(mine))
+        _refuse_others(truth)
+        if not region.any():
+            return math.nan
+        inside = region if truth.ndim == 2 else region[..., None]
+        pasted = self.features(np.where(inside, mine, truth))
+        return float(self.distance_map(self.features(truth), pasted, truth.shape[:2])[region].mean())
+
+
+@lru_cache
+def _session(threads: int) -> Any:
+    try:
+        import onnxruntime
+    except ImportError as error:
+        raise MissingExtraError("LPIPS", "onnxruntime", "onnx") from error
+    options = onnxruntime.SessionOptions()
+    options.intra_op_num_threads = threads
+    options.log_severity_level = 3
+    return onnxruntime.InferenceSession(str(NETWORK), options, providers=["CPUExecutionProvider"])
+
+
+def _refuse_others(picture: UInt8Array) -> None:
+    if picture.dtype != np.uint8 or picture.ndim not in (2, 3) or (picture.ndim == 3 and picture.shape[2] != 3):
+        raise ShapeError(f"LPIPS: the picture is {picture.dtype} {picture.shape}; uint8 H x W x 3 or H x W is wanted")
+    if min(picture.shape[:2]) < SMALLEST_SIDE:
+        raise ShapeError(
+            f"LPIPS: the picture is {picture.shape[1]}x{picture.shape[0]}; "
+            f"{SMALLEST_SIDE}x{SMALLEST_SIDE} or more is wanted"
+        )
+
+
+def _network_input(picture: UInt8Array) -> Float32Array:
+    """1 x 3 x H x W float32, 0..255 brought to -1..1."""
+    low, high = SETTINGS.lpips_low, SETTINGS.lpips_high
+    planes = np.broadcast_to(picture if picture.ndim == 3 else picture[..., None], (*picture.shape[:2], 3))
+    scaled = planes.astype(np.float32) * np.float32((high - low) / 255) + np.float32(low)
+    return np.ascontiguousarray(scaled.transpose(2, 0, 1)[None])
+
+
+def _tap_maps(a: Features, b: Features) -> list[Float64Array]:
+    """The squared difference of each tap, summed over channels: five h x w."""
+    if [tap.shape for tap in a] != [tap.shape for tap in b]:
+        raise ShapeError(f"LPIPS: features of pictures of two sizes (first taps {a[0].shape} and {b[0].shape})")
+    return [np.einsum("chw,chw->hw", d, d).astype(np.float64) for d in (first - second for first, second in zip(a, b))]
+
+
+def _enlarged(values: Float64Array, hw: tuple[int, int]) -> Float64Array:
+    """Bilinear, pixel centres at +0.5, the border repeated (torch's align_corners=False)."""
+    (top, bottom, down), (left, right, across) = (_between(n, m) for n, m in zip(values.shape, hw))
+    rows = values[top] * (1 - down)[:, None] + values[bottom] * down[:, None]
+    return rows[:, left] * (1 - across) + rows[:, right] * across
+
+
+def _between(size: int, wanted: int) -> tuple[np.ndarray, np.ndarray, Float64Array]:
+    """For each of `wanted` places the two of `size` places it lies between, and the weight of the second."""
+    at = np.clip((np.arange(wanted) + 0.5) * (size / wanted) - 0.5, 0, size - 1)
+    first = np.floor(at).astype(np.int64)
+    return first, np.minimum(first + 1, size - 1), at - first

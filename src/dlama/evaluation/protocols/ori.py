@@ -1,0 +1,139 @@
+"""ORI, an object removed: a frame with it, its mask, the frame without it and a method in; scores out.
+
+Regions: `mask` (as given, whatever a recipe dilates), `ring` (`ring_px` round it: a recipe's dilation ends here), `outside`
+(beyond the ring: nothing may change, `changed_pixels` counts against the source), `shadow` (the object's, never
+removed by the mask). Where the data set says which pixels are comparable, errors against the truth are taken only there.
+The restored background is also scored as a cloud: c-'s filled points against the truth's points, both inside the mask.
+
+Variants `mask-9` ... `mask+9` put an eroded or dilated mask (px, before the recipe's own dilation) to the same regions.
+The baseline that fills nothing leaves the object black and without depth: no metres and no cloud there.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+
+from dlama.datasets.frames import RemovalTruth, Truth
+from dlama.errors import InputError
+from dlama.evaluation.metrics.artifacts import fill_troubles
+from dlama.evaluation.metrics.clouds import cloud_scores
+from dlama.evaluation.metrics.pictures import channel_gain, depth_8bit, mse_map, region_mean
+from dlama.evaluation.metrics.regions import removal_regions
+from dlama.evaluation.protocols.methods import Measure, Method, ProtocolSettings, Scored
+from dlama.evaluation.protocols.runs import Run, panel, run_method
+from dlama.evaluation.protocols.scores import Answer, Gain
+from dlama.geometry.cloud import PointCloud
+from dlama.geometry.holes import dilated, eroded
+from dlama.geometry.projection import lift, project
+from dlama.geometry.rgbd import RGBD, BoolArray
+from dlama.geometry.view import HoleType, Origin, View
+
+
+def score(truth: Truth, method: Method, settings: ProtocolSettings) -> list[Scored]:
+    """The plain run, with its panel, and one run for each change of the mask that leaves something of it.
+
+    Raises:
+        InputError: not a RemovalTruth, or what the completion raises.
+    """
+    if not isinstance(truth, RemovalTruth):
+        raise InputError(f"ori: the case holds a {type(truth).__name__}; a RemovalTruth is wanted")
+    scored = [score_mask(truth, method, settings, 0)]
+    for change in settings.mask_changes:
+        mask = changed_mask(truth.mask, change)
+        if change and mask.any() and not mask.all():
+            scored.append(score_mask(truth, method, settings, change))
+    return scored
+
+
+def score_mask(truth: RemovalTruth, method: Method, settings: ProtocolSettings, change: int) -> Scored:
+    """One run, with the mask changed by so many px."""
+    answer = answer_of(truth, settings)
+    mask = changed_mask(truth.mask, change)
+    run = run_method(method, truth.source, truth.source.camera, mask)
+    measures = removal_measures(run, answer, truth) + answer.shares()
+    if change:
+        return Scored(tuple(measures), f"mask{change:+d}", meta=run.completion.meta)
+    shown = panel(run, answer, truth.source, truth.without)
+    return Scored(tuple(measures), panel=shown, meta=run.completion.meta)
+
+
+def changed_mask(mask: BoolArray, change: int) -> BoolArray:
+    """The mask dilated, or eroded below 0, by so many px (disc)."""
+    return dilated(mask, change) if change >= 0 else eroded(mask, -change)
+
+
+def removal_measures(run: Run, answer: Answer, truth: RemovalTruth) -> list[Measure]:
+    """All numbers of one run."""
+    view = run.view()
+    inside = answer.within(truth.mask)
+    return [
+        *run.hole_shares(),
+        *answer.color_measures(view.color),
+        *answer.depth_measures(view.depth),
+        *answer.metre_measures(view.depth, run.open()),
+        *untouched(view, truth.source, answer.regions["outside"], answer.settings.clip_m),
+        *cloud_measures(run, truth.without, inside),
+        *fill_troubles(run, view, answer.exposed(view.color), inside, "mask", truth.without, truth.source),
+        run.timing(),
+    ]
+
+
+@lru_cache(maxsize=1)
+def answer_of(truth: RemovalTruth, settings: ProtocolSettings) -> Answer:
+    """The frame without the object and its regions, made once for all methods and masks of a case."""
+    regions = removal_regions(truth.mask, truth.shadow, settings.ring_px)
+    return Answer(
+        truth.without.color,
+        truth.without.depth,
+        regions,
+        settings,
+        truth.compare,
+        removal_gain(truth, regions["outside"]),
+    )
+
+
+def removal_gain(truth: RemovalTruth, outside: BoolArray) -> Gain:
+    """What brings the source to the exposure of the frame without the object, by what both show."""
+    if not truth.exposure_varies:
+        return (1.0, 1.0, 1.0)
+    both = outside if truth.compare is None else outside & truth.compare
+    if truth.shadow is not None:
+        both = both & ~truth.shadow
+    return channel_gain(truth.source.color, truth.without.color, both)
+
+
+def untouched(view: View, source: RGBD, outside: BoolArray, clip_m: float) -> list[Measure]:
+    """What changed beyond the ring, against the source: colour, and 8-bit depth where the source has depth."""
+    changed = (view.color != source.color).any(2)
+    mine, given = depth_8bit(view.depth, clip_m), depth_8bit(source.depth, clip_m)
+    measured = outside & ~source.missing
+    return [
+        Measure("outside", "rgb", "changed_pixels", float((changed & outside).sum())),
+        Measure("outside", "rgb", "mse_source", region_mean(mse_map(source.color, view.color), outside)),
+        Measure("outside", "depth", "changed_pixels", float(((mine != given) & measured).sum())),
+        Measure("outside", "depth", "mse_source", region_mean(mse_map(given, mine), measured)),
+    ]
+
+
+def cloud_measures(run: Run, without: RGBD, inside: BoolArray) -> list[Measure]:
+    """Accuracy, completeness and F-scores of the restored background inside the mask."""
+    truth = lift(View.from_rgbd(without).without(~inside, HoleType.NONE))
+    if not run.fills or not len(truth):
+        return []
+    mine = filled_points(run.completion.background, without, inside)
+    scores = cloud_scores(mine, np.asarray(truth.points))
+    return [Measure("mask", "cloud", metric, value) for metric, value in scores.items() if not np.isnan(value)]
+
+
+def filled_points(cloud: PointCloud, frame: RGBD, inside: BoolArray) -> np.ndarray:
+    """The filled points of a cloud that fall into a region of a frame, N x 3."""
+    filled = (cloud.origin == Origin.FILLED) | (cloud.origin == Origin.DEPTH_FILLED)
+    points = np.asarray(cloud.points[filled])
+    pixels, z = project(points, frame.camera)
+    with np.errstate(invalid="ignore"):
+        lands = (z > 0) & (pixels >= 0).all(1) & (pixels < frame.camera.wh).all(1)
+    chosen = np.flatnonzero(lands)
+    column, row = pixels[chosen].astype(np.int64).T
+    return points[chosen[inside[row, column]]]

@@ -1,0 +1,120 @@
+"""A true picture with its regions, and what a method made of it, in; the measures of every region out.
+
+Every method is put to the same answer: same regions, same pixels, one gain per channel. What the truth does not know (no
+depth, or not comparable) is pasted from the truth into what is scored, so that windows and features see no difference
+there, and is left out of every mean; `whole` is then the rest of the picture.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from dlama.evaluation.metrics.depth import depth_errors
+from dlama.evaluation.metrics.lpips import Lpips
+from dlama.evaluation.metrics.pictures import SETTINGS, depth_8bit, mse_map, psnr, region_mean, ssim_map, with_gain
+from dlama.evaluation.protocols.methods import Measure, ProtocolSettings
+from dlama.geometry.camera import Float64Array
+from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
+
+Gain = tuple[float, float, float]
+
+
+@dataclass(frozen=True, eq=False)
+class Answer:
+    """The truth of one picture."""
+
+    color: UInt8Array
+    """H x W x 3."""
+    depth: Float32Array | None
+    """H x W metres, 0 = missing, inf = far; None: not known, or not in metres."""
+    regions: Mapping[str, BoolArray]
+    """Besides `whole`."""
+    settings: ProtocolSettings
+    counted: BoolArray | None = None
+    """H x W, True = counts; None: everywhere."""
+    gain: Gain = (1.0, 1.0, 1.0)
+    """What brings the source's colours to the truth's exposure."""
+    suffix: str = ""
+    """Added to every region's name (`-right`)."""
+
+    def exposed(self, color: UInt8Array) -> UInt8Array:
+        """A method's colours in the truth's exposure."""
+        return color if self.gain == (1.0, 1.0, 1.0) else with_gain(color, self.gain)
+
+    def shares(self) -> list[Measure]:
+        """How much of the picture each region is, in %: the same for every method."""
+        counted = {name: self.within(region) for name, region in self.regions.items()}
+        return [
+            Measure(name + self.suffix, "rgb", "share", 100 * float(region.mean())) for name, region in counted.items()
+        ]
+
+    def within(self, region: BoolArray) -> BoolArray:
+        """The part of a region that counts."""
+        return region if self.counted is None else region & self.counted
+
+    def color_measures(self, color: UInt8Array) -> list[Measure]:
+        """ssim, lpips, mse and psnr of every region, of colours as the method gave them."""
+        return self._picture_measures("rgb", self.color, self.exposed(color), self.counted)
+
+    def depth_measures(self, depth: Float32Array) -> list[Measure]:
+        """ssim, lpips and mse of the 8-bit depth picture that the paper shows; missing is black."""
+        if self.depth is None:
+            return []
+        known = self.depth > 0
+        counted = known if self.counted is None else known & self.counted
+        truth, mine = (depth_8bit(one, self.settings.clip_m) for one in (self.depth, depth))
+        return self._picture_measures("depth", truth, mine, None if counted.all() else counted)
+
+    def metre_measures(self, depth: Float32Array, hole: BoolArray | None = None) -> list[Measure]:
+        """mae, absrel, delta1.05 ... in metres.
+
+        `hole`, of the baseline that fills nothing: pixels without depth. They are left out, and so are all regions but
+        `whole` and `seen`: elsewhere the baseline shows next to nothing, and that by mistake.
+        """
+        if self.depth is None:
+            return []
+        everywhere = np.ones(self.depth.shape, np.bool_) if hole is None else ~hole
+        found = []
+        for name, region in {"whole": everywhere, **self.regions}.items():
+            if hole is not None and name not in ("whole", "seen"):
+                continue
+            chosen = self.within(region & everywhere & (self.depth > 0))
+            if chosen.sum() >= self.settings.smallest_region:
+                errors = depth_errors(depth, self.depth, chosen, self.settings.clip_m)
+                found += [Measure(name + self.suffix, "depth_m", metric, value) for metric, value in errors.items()]
+        return [measure for measure in found if not np.isnan(measure.value)]
+
+    def _picture_measures(
+        self, modality: str, truth: UInt8Array, mine: UInt8Array, counted: BoolArray | None
+    ) -> list[Measure]:
+        if counted is not None:
+            mine = np.where(counted if truth.ndim == 2 else counted[..., None], mine, truth)
+        maps = ssim_map(truth, mine), mse_map(truth, mine)
+        found: list[Measure] = []
+        for name, region in {"whole": counted, **self.regions}.items():
+            chosen = region if counted is None or region is None else region & counted
+            if chosen is not None and chosen.sum() < self.settings.smallest_region:
+                continue
+            values = {"ssim": region_ssim(maps[0], chosen), "mse": region_mean(maps[1], chosen)}
+            if modality == "rgb":
+                values["psnr"] = psnr(values["mse"])
+            if self.settings.lpips:
+                values["lpips"] = perceptual().region(mine, truth, chosen)
+            found += [Measure(name + self.suffix, modality, metric, value) for metric, value in values.items()]
+        return found
+
+
+def region_ssim(ssim: Float64Array, region: BoolArray | None) -> float:
+    """Mean of an SSIM map over a region; None: the whole picture without its border, as scikit-image has it."""
+    edge = (SETTINGS.ssim_window - 1) // 2
+    return region_mean(ssim, region) if region is not None else region_mean(ssim[edge:-edge, edge:-edge])
+
+
+@lru_cache
+def perceptual() -> Lpips:
+    """One LPIPS for the process, so that it remembers the truth's features from one method to the next."""
+    return Lpips()

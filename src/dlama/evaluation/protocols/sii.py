@@ -1,0 +1,188 @@
+"""SII, a stereo pair: pictures, rig, true disparity and a method in; scores out. Regions of the right view end in `-right`.
+
+With masks the object is removed in both views: colour of each view in `mask` and `mask-right`; disparity, depth, cloud and
+edges in the left view's `mask`. Left and right fills are held against each other in the mask (mean absolute difference in
+grey levels): `photometric` by the method's own disparity, `photometric_at_truth` by the true one, and
+`photometric_truth`, what the true pictures reach.
+
+Without masks the right view is synthesised from the left picture with its true disparity, and compared with the true right
+picture in what the left camera sees of it and what not; these regions are of the only view there is, so they have no
+suffix. Variant `sgm`: the method finds the disparity itself. Depth in metres is scored only where the rig is metric.
+The baseline that fills nothing is scored in colour only where it would have no depth.
+"""
+
+from __future__ import annotations
+
+import time
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from dlama.completion.stereo import StereoCompletion, stereo
+from dlama.datasets.frames import StereoTruth, Truth
+from dlama.errors import InputError
+from dlama.evaluation.metrics.artifacts import fill_troubles, leaks
+from dlama.evaluation.metrics.disparity import disparity_errors, left_right_difference
+from dlama.evaluation.metrics.regions import stereo_regions
+from dlama.evaluation.protocols.methods import Measure, Method, ProtocolSettings, Scored
+from dlama.evaluation.protocols.ori import cloud_measures
+from dlama.evaluation.protocols.runs import Run, nothing, panel, run_method
+from dlama.evaluation.protocols.scores import Answer
+from dlama.geometry.projection import depth_from_disparity, disparity_from_depth
+from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array
+from dlama.geometry.rig import StereoRig
+
+RIGHT = "-right"
+
+
+def score(truth: Truth, method: Method, settings: ProtocolSettings) -> list[Scored]:
+    """The plain run, with its panel; without masks also the run that finds the disparity itself.
+
+    Raises:
+        InputError: not a StereoTruth, masks without true frames, or what the completion raises.
+    """
+    if not isinstance(truth, StereoTruth):
+        raise InputError(f"sii: the case holds a {type(truth).__name__}; a StereoTruth is wanted")
+    if truth.mask_left is not None:
+        return [score_removal(truth, method, settings)]
+    source = RGBD(truth.left, depth_of(truth.disparity_left, truth.rig), truth.rig.left)
+    scored = [score_right(truth, run_method(method, source, truth.rig.right), source, settings, "")]
+    if settings.matched_stereo:
+        scored.append(score_right(truth, run_stereo(truth, method), source, settings, "sgm"))
+    return scored
+
+
+def run_stereo(truth: StereoTruth, method: Method) -> Run:
+    """`dlama.completion.stereo.stereo` on the pair, with the masks where there are any."""
+    fills = Run.of_filler(method)
+    how: dict[str, Any] = {"filler": method.filler, "model": method.model} if fills else {"filler": nothing}
+    started = time.perf_counter()
+    done = stereo(
+        truth.left,
+        truth.right,
+        truth.rig,
+        mask=truth.mask_left,
+        mask_right=truth.mask_right,
+        recipe=method.recipe,
+        seed=method.seed,
+        **how,
+        **method.changes,
+    )
+    return Run(method, done, time.perf_counter() - started)
+
+
+def score_removal(truth: StereoTruth, method: Method, settings: ProtocolSettings) -> Scored:
+    """The object taken out of both views."""
+    left, right = removal_answers(truth, settings)
+    run = run_stereo(truth, method)
+    measures = [
+        *run.hole_shares(0),
+        *run.hole_shares(1, RIGHT),
+        *left.color_measures(run.view(0).color),
+        *right.color_measures(run.view(1).color),
+        *left.shares(),
+        *right.shares(),
+        run.timing(),
+    ]
+    assert truth.mask_left is not None and truth.without_left is not None
+    if run.fills:
+        view = run.view(0)
+        if truth.metric:
+            measures += [*left.depth_measures(view.depth), *left.metre_measures(view.depth)]
+            measures += cloud_measures(run, truth.without_left, truth.mask_left)
+        measures += pair_measures(run, truth, truth.mask_left)
+        measures += fill_troubles(run, view, left.exposed(view.color), truth.mask_left, "mask", truth.without_left)
+    source = RGBD(truth.left, depth_of(truth.disparity_left, truth.rig), truth.rig.left)
+    shown = panel(run, left, source, truth.without_left, 0)
+    return Scored(tuple(measures), panel=shown, meta=run.completion.meta)
+
+
+@lru_cache(maxsize=1)
+def removal_answers(truth: StereoTruth, settings: ProtocolSettings) -> tuple[Answer, Answer]:
+    """Both true views without the object, made once for all methods of a case."""
+    frames, masks = (truth.without_left, truth.without_right), (truth.mask_left, truth.mask_right)
+    answers = []
+    for frame, mask, suffix in zip(frames, masks, ("", RIGHT)):
+        if frame is None or mask is None:
+            raise InputError("sii: a mask is given, but not both masks with both true frames without the object")
+        answers.append(Answer(frame.color, frame.depth, {"mask": mask}, settings, suffix=suffix))
+    return answers[0], answers[1]
+
+
+def pair_measures(run: Run, truth: StereoTruth, mask: BoolArray) -> list[Measure]:
+    """The completed pair as a pair: its disparity, and whether left and right show the same."""
+    done = run.completion
+    assert isinstance(done, StereoCompletion) and truth.without_left is not None and truth.without_right is not None
+    there = disparity_of(truth.without_left.depth, truth.rig)
+    found = [
+        Measure(name, "disparity", metric, value)
+        for name, region in (("whole", None), ("mask", mask))
+        for metric, value in disparity_errors(done.disparity_left, there, region).items()
+    ]
+    mine, true = (run.view(0).color, run.view(1).color), (truth.without_left.color, truth.without_right.color)
+    differences = {
+        "photometric": left_right_difference(*mine, done.disparity_left, mask),
+        "photometric_at_truth": left_right_difference(*mine, there, mask),
+        "photometric_truth": left_right_difference(*true, there, mask),
+    }
+    found += [Measure("mask", "disparity", metric, value) for metric, value in differences.items()]
+    return [measure for measure in found if not np.isnan(measure.value)]
+
+
+def score_right(truth: StereoTruth, run: Run, source: RGBD, settings: ProtocolSettings, variant: str) -> Scored:
+    """The right view made from the left, against the true right picture."""
+    answer = right_answer(truth, settings)
+    view, depth = run.view(), right_depth(truth)
+    target = RGBD(truth.right, depth, truth.rig.right)
+    measures = [*run.hole_shares(), *answer.color_measures(view.color), *answer.shares(), run.timing()]
+    if depth.any():
+        if truth.metric:
+            measures += [*answer.depth_measures(view.depth), *answer.metre_measures(view.depth, run.open())]
+        if run.fills:
+            measures += right_disparity(truth, answer, view.depth)
+        measures += leaks(run.completion.warped[-1], target, answer.regions["seen"], run.clip_m)
+    if run.fills:
+        measured = None if variant else source  # a disparity it found itself is no measurement to hold against it
+        measures += fill_troubles(run, view, view.color, answer.regions["unseen"], "unseen", target, measured)
+    shown = None if variant else panel(run, answer, source, target)
+    return Scored(tuple(measures), variant, shown, run.completion.meta)
+
+
+@lru_cache(maxsize=1)
+def right_answer(truth: StereoTruth, settings: ProtocolSettings) -> Answer:
+    """The true right picture and what the left camera sees of it, made once for all methods of a case."""
+    regions = stereo_regions(truth.disparity_left, truth.disparity_right)
+    return Answer(truth.right, right_depth(truth) if truth.metric else None, regions, settings)
+
+
+def right_disparity(truth: StereoTruth, answer: Answer, depth: Float32Array) -> list[Measure]:
+    """bad-1, bad-2 and epe of the synthesised view's depth, as disparity, in every region."""
+    if truth.disparity_right is None:
+        return []
+    mine = disparity_of(depth, truth.rig)
+    return [
+        Measure(name, "disparity", metric, value)
+        for name, region in {"whole": None, **answer.regions}.items()
+        if region is None or region.sum() >= answer.settings.smallest_region
+        for metric, value in disparity_errors(mine, truth.disparity_right, region).items()
+        if not np.isnan(value)
+    ]
+
+
+def right_depth(truth: StereoTruth) -> Float32Array:
+    """H x W metres (or nominal units) of the true right view; all missing where its disparity is not known."""
+    if truth.disparity_right is None:
+        return np.zeros(truth.right.shape[:2], np.float32)
+    return depth_of(truth.disparity_right, truth.rig)
+
+
+def depth_of(disparity: Float32Array, rig: StereoRig) -> Float32Array:
+    """Planar depth of a disparity map of the rig; unknown is missing."""
+    known = np.where(np.isfinite(disparity), disparity, np.float32(0))
+    return depth_from_disparity(known, fx=rig.left.fx, baseline_m=rig.baseline_m, doffs=rig.doffs)
+
+
+def disparity_of(depth: Float32Array, rig: StereoRig) -> Float32Array:
+    """Disparity of a depth map of the rig; missing, and far on a rig without doffs, is 0 = unknown."""
+    return disparity_from_depth(depth, fx=rig.left.fx, baseline_m=rig.baseline_m, doffs=rig.doffs)

@@ -1,0 +1,90 @@
+"""VPI, a virtual view (paper, sec. 4 and 5, tables 1 and 2): a source and a true target frame and a method in; scores out.
+
+The source goes to the target's camera; the result is compared with the true frame in `whole`, `seen` (errors of warping),
+`unseen` and each type. The paper's second experiment takes an object out first and compares with the frame without it:
+variants `object,dilate=0` and so on, the number being the mask's dilation in px, which replaces the recipe's own.
+
+The baseline that fills nothing leaves black, depthless holes: colours and 8-bit depth are compared as they are (0 in holes),
+metres only where it has any.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+from dlama.datasets.frames import Truth, ViewTruth
+from dlama.errors import InputError
+from dlama.evaluation.metrics.artifacts import fill_troubles, leaks
+from dlama.evaluation.metrics.pictures import channel_gain
+from dlama.evaluation.metrics.regions import sight
+from dlama.evaluation.protocols.methods import Measure, Method, ProtocolSettings, Scored
+from dlama.evaluation.protocols.runs import Run, panel, run_method
+from dlama.evaluation.protocols.scores import Answer
+from dlama.geometry.rgbd import RGBD
+
+
+def score(truth: Truth, method: Method, settings: ProtocolSettings) -> list[Scored]:
+    """The plain run, with its panel, and the runs of the second experiment, where the truth has what they need.
+
+    Raises:
+        InputError: not a ViewTruth, or what the completion raises.
+    """
+    if not isinstance(truth, ViewTruth):
+        raise InputError(f"vpi: the case holds a {type(truth).__name__}; a ViewTruth is wanted")
+    scored = [score_plain(truth, method, settings)]
+    if truth.object_mask is not None and truth.target_without is not None and truth.object_mask.any():
+        scored += [score_without(truth, method, settings, dilate) for dilate in settings.object_dilations]
+    return scored
+
+
+def score_plain(truth: ViewTruth, method: Method, settings: ProtocolSettings) -> Scored:
+    """Everything stays in the scene."""
+    answer = plain_answer(truth, settings)
+    run = run_method(method, truth.source, truth.target.camera)
+    measures = view_measures(run, answer, truth, truth.target) + answer.shares()
+    return Scored(tuple(measures), panel=panel(run, answer, truth.source, truth.target), meta=run.completion.meta)
+
+
+def score_without(truth: ViewTruth, method: Method, settings: ProtocolSettings, dilate: int) -> Scored:
+    """The object's points leave the cloud first."""
+    assert truth.target_without is not None
+    answer = answer_without(truth, settings)
+    run = run_method(method, truth.source, truth.target.camera, truth.object_mask, dilate=dilate)
+    measures = view_measures(run, answer, truth, truth.target_without) + answer.shares()
+    return Scored(tuple(measures), f"object,dilate={dilate}", meta=run.completion.meta)
+
+
+def view_measures(run: Run, answer: Answer, truth: ViewTruth, target: RGBD) -> list[Measure]:
+    """All numbers of one run."""
+    view = run.view()
+    return [
+        *run.hole_shares(),
+        *answer.color_measures(view.color),
+        *answer.depth_measures(view.depth),
+        *answer.metre_measures(view.depth, run.open()),
+        *leaks(run.completion.warped[-1], target, answer.regions["seen"], run.clip_m),
+        *fill_troubles(run, view, answer.exposed(view.color), answer.regions["unseen"], "unseen", target, truth.source),
+        run.timing(),
+    ]
+
+
+@lru_cache(maxsize=1)
+def plain_answer(truth: ViewTruth, settings: ProtocolSettings) -> Answer:
+    """The target frame and its regions, made once for all methods of a case."""
+    return answer_of(truth, truth.target, settings, with_object=False)
+
+
+@lru_cache(maxsize=1)
+def answer_without(truth: ViewTruth, settings: ProtocolSettings) -> Answer:
+    """The target frame without the object; what the object hides is a type of its own."""
+    assert truth.target_without is not None
+    return answer_of(truth, truth.target_without, settings, with_object=True)
+
+
+def answer_of(truth: ViewTruth, target: RGBD, settings: ProtocolSettings, with_object: bool) -> Answer:
+    """Regions by the source's sight of a target, and the gain, fitted on the source carried over by the true depth."""
+    found = sight(truth.source, target, truth.object_mask if with_object else None, settings.seen_tolerance)
+    gain = (1.0, 1.0, 1.0)
+    if truth.exposure_varies:
+        gain = channel_gain(found.carried(truth.source.color), target.color, found.seen)
+    return Answer(target.color, target.depth, found.regions(with_object), settings, gain=gain)

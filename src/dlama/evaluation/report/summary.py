@@ -1,0 +1,182 @@
+"""Rows of results in; means per yaw, method, region and metric with 95 % intervals over scenes out, also as summary.json.
+
+A mean is over frames. Its interval is a bootstrap over scenes (Efron 1979): scenes are drawn with replacement, each with all
+its frames, since frames of one scene are not independent; the percentiles 2.5 and 97.5 of the means of many draws. With one
+scene there is no interval. Frames where a region is empty (nan) do not count.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from collections import defaultdict
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dlama.evaluation.runner.results_table import Row
+from dlama.files.atomic_write import new_file
+
+ALL = "all"
+"""The yaw of a mean over every frame."""
+RESAMPLES = 1000
+INTERVAL = (2.5, 97.5)
+CHUNK = 256
+"""Groups whose draws are in memory at a time."""
+Float64Array = NDArray[np.float64]
+
+
+class Key(NamedTuple):
+    """What a mean is of."""
+
+    protocol: str
+    dataset: str
+    yaw: str
+    """`all`; `±10`: both signs; `+10`, `-10`: one; `≈10`: real pairs about that far apart."""
+    method: str
+    region: str
+    modality: str
+    metric: str
+
+
+class Mean(NamedTuple):
+    """A mean with its interval (None: fewer than two scenes, or a value that is infinite)."""
+
+    value: float
+    low: float | None
+    high: float | None
+    frames: int
+    scenes: int
+
+
+@dataclass(frozen=True)
+class Summary:
+    """Every mean, and what it rests on."""
+
+    means: dict[Key, Mean]
+    methods: tuple[str, ...]
+    """In the order in which they were asked for; variants after the methods."""
+    about: dict[str, Any] = field(default_factory=dict)
+    """Settings, hash, versions, command, counts: what stands beside the tables."""
+
+    def of(self, **wanted: str) -> dict[Key, Mean]:
+        """The means whose key has those fields."""
+        return {key: one for key, one in self.means.items() if all(getattr(key, k) == v for k, v in wanted.items())}
+
+    def values(self, field_name: str, **wanted: str) -> list[str]:
+        """The different values of one field among those, in order of appearance; yaws from small to large."""
+        found = list(dict.fromkeys(getattr(key, field_name) for key in self.of(**wanted)))
+        return sorted(found, key=yaw_order) if field_name == "yaw" else found
+
+
+def summarise(rows: Sequence[Row], *, seed: int = 0, about: dict[str, Any] | None = None) -> Summary:
+    """Means over frames, with intervals over scenes drawn with that seed; the same rows give the same numbers."""
+    values: dict[Key, dict[str, list[float]]] = defaultdict(lambda: defaultdict(list))
+    labels = yaw_labels(rows)
+    for row in rows:
+        if math.isnan(row.value):
+            continue
+        own = labels[row.protocol, row.dataset, row.yaw]
+        for yaw in own[:2] if "+" in row.recipe else own:  # a variant has no signs by themselves
+            key = Key(row.protocol, row.dataset, yaw, row.method, row.region, row.modality, row.metric)
+            values[key][row.scene].append(row.value)
+    methods = dict.fromkeys(row.method for row in rows)
+    ordered = sorted(methods, key=lambda method: "+" in method.split("/")[0])
+    return Summary(means_of(values, seed), tuple(ordered), about or {})
+
+
+def means_of(values: dict[Key, dict[str, list[float]]], seed: int) -> dict[Key, Mean]:
+    """Key -> scene -> values of its frames, as means with intervals."""
+    plain = {key: _plain_mean(scenes) for key, scenes in values.items()}
+    by_count: dict[int, list[Key]] = defaultdict(list)
+    for key, scenes in values.items():
+        if len(scenes) > 1 and math.isfinite(plain[key].value):
+            by_count[len(scenes)].append(key)
+    for count, keys in by_count.items():
+        times = draws(count, seed)
+        for start in range(0, len(keys), CHUNK):
+            some = keys[start : start + CHUNK]
+            sums = np.array([[math.fsum(one) for one in values[key].values()] for key in some])
+            counts = np.array([[len(one) for one in values[key].values()] for key in some])
+            low, high = intervals(sums, counts, times)
+            for number, key in enumerate(some):
+                plain[key] = plain[key]._replace(low=float(low[number]), high=float(high[number]))
+    return plain
+
+
+def draws(scenes: int, seed: int) -> Float64Array:
+    """RESAMPLES x scenes: how often each scene was drawn, with replacement."""
+    drawn = np.random.default_rng([seed, scenes]).integers(0, scenes, (RESAMPLES, scenes))
+    return np.stack([(drawn == scene).sum(axis=1) for scene in range(scenes)], axis=1).astype(np.float64)
+
+
+def intervals(sums: Float64Array, counts: NDArray[Any], times: Float64Array) -> tuple[Float64Array, Float64Array]:
+    """The interval of each of G means.
+
+    Args:
+        sums, counts: G x scenes, the sum and the number of each scene's values, one or more each.
+        times: draws x scenes.
+    """
+    means = (times @ sums.T) / (times @ counts.T.astype(np.float64))
+    low, high = np.percentile(means, INTERVAL, axis=0)
+    return low, high
+
+
+def yaw_labels(rows: Iterable[Row]) -> dict[tuple[str, str, float | None], list[str]]:
+    """(protocol, dataset, yaw) -> the yaws under which a row counts. Whole degrees are an orbit's; else pairs are binned."""
+    yaws: dict[tuple[str, str], set[float | None]] = defaultdict(set)
+    for row in rows:
+        yaws[row.protocol, row.dataset].add(row.yaw)
+    return {
+        (*place, yaw): [ALL, *_own_labels(yaw, is_orbit=all(one is None or one == round(one) for one in found))]
+        for place, found in yaws.items()
+        for yaw in found
+    }
+
+
+def yaw_order(label: str) -> tuple[float, str]:
+    """Sorts ±10, +10, -10, ±20, ..., all."""
+    digits = re.sub(r"[^\d.]", "", label)
+    return (float(digits), str("±≈+-".find(label[0]))) if digits else (math.inf, label)
+
+
+def write_summary(path: Path, summary: Summary) -> None:
+    """summary.json: `about`, `methods`, `columns` and one line a mean. Raises OutputError."""
+    columns = [*Key._fields, "mean", "low", "high", "frames", "scenes"]
+    head = {**summary.about, "methods": list(summary.methods), "columns": columns}
+    lines = [
+        json.dumps([*key, *map(_number, one[:3]), one.frames, one.scenes], ensure_ascii=False)
+        for key, one in summary.means.items()
+    ]
+    text = json.dumps(head, indent=2, ensure_ascii=False, allow_nan=False).rstrip("}").rstrip()
+    body = ",\n    ".join(lines)
+    with new_file(path) as draft:
+        draft.write_text(f'{text},\n  "means": [\n    {body}\n  ]\n}}\n', encoding="utf-8")
+
+
+def _plain_mean(scenes: dict[str, list[float]]) -> Mean:
+    every = [value for one in scenes.values() for value in one]
+    mean = math.fsum(every) / len(every) if all(map(math.isfinite, every)) else sum(every) / len(every)
+    return Mean(mean, None, None, len(every), len(scenes))
+
+
+def _own_labels(yaw: float | None, is_orbit: bool) -> list[str]:
+    if yaw is None:
+        return []
+    if not is_orbit:
+        return [f"≈{round(abs(yaw) / 10) * 10}"]
+    if yaw == 0:
+        return ["0"]
+    return [f"±{abs(yaw):g}", f"{yaw:+g}"]
+
+
+def _number(value: float | None) -> float | str | None:
+    """10 digits are more than any mean means; what is infinite is written as text."""
+    if value is None:
+        return None
+    return float(f"{value:.10g}") if math.isfinite(value) else str(value)

@@ -1,0 +1,222 @@
+"""A Summary in; tables in the paper's shape and beside it out, as cells that markdown and HTML are written from."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from statistics import median
+from typing import NamedTuple
+
+from dlama.evaluation.protocols.methods import NO_FILL
+from dlama.evaluation.report.metric_names import MASK_RATIO, PAPER_SHAPE, better, shown, titled
+from dlama.evaluation.report.paper_columns import MASK_RATIO as PAPER_MASK_RATIO
+from dlama.evaluation.report.paper_columns import PAPER, paper_value
+from dlama.evaluation.report.summary import ALL, Key, Mean, Summary
+from dlama.evaluation.runner.results_table import Row
+
+
+class Cell(NamedTuple):
+    """One field of a table."""
+
+    text: str
+    value: float | None = None
+    """What it sorts by; None: its text."""
+    best: bool = False
+    interval: str = ""
+    other: bool = False
+    """A number of other data."""
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table with its heading."""
+
+    title: str
+    head: tuple[str, ...]
+    rows: tuple[tuple[Cell, ...], ...]
+    note: str = ""
+    minor: bool = False
+    """Folded away at first."""
+
+
+EMPTY = Cell("–")
+
+
+def paper_shaped(summary: Summary, protocol: str, dataset: str, method: str) -> Table | None:
+    """The paper's tables 1 and 2 of one method: a row a yaw; mask ratio, then SSIM, LPIPS and MSE of colour and depth."""
+    rows = []
+    for yaw in _yaws(summary, protocol, dataset):
+        place = (protocol, dataset, yaw, method)
+        keys = [Key(*place, *MASK_RATIO), *(Key(*place, *which) for which in PAPER_SHAPE)]
+        rows.append((Cell(yaw), *(_cell(summary, key) for key in keys)))
+        beside = [PAPER_MASK_RATIO.get(yaw), *(paper_value(yaw, *which) for which in PAPER_SHAPE)]
+        if beside[0] is not None:
+            cells = [_other(value, which[2]) for value, which in zip(beside[1:], PAPER_SHAPE)]
+            rows.append((Cell(f"{yaw} {PAPER}", other=True), _other(beside[0], "mask_ratio"), *cells))
+    if not rows:
+        return None
+    head = ("yaw", "mask %", *(titled(*which) for which in PAPER_SHAPE))
+    return Table(method, head, tuple(rows))
+
+
+def per_yaw(
+    summary: Summary,
+    protocol: str,
+    dataset: str,
+    which: tuple[str, str, str],
+    methods: Sequence[str],
+    signs: bool = False,
+) -> Table | None:
+    """One metric of one region: a row a yaw (with `signs` each sign by itself, too), a column a method; best bold."""
+    rows = []
+    for yaw in _yaws(summary, protocol, dataset, signs):
+        cells = _marked(
+            [_cell(summary, Key(protocol, dataset, yaw, one, *which)) for one in methods], which[2], methods
+        )
+        if any(cell is not EMPTY for cell in cells):
+            rows.append((Cell(yaw), *cells, _other(paper_value(yaw, *which), which[2])))
+    if not rows:
+        return None
+    head = ("yaw", *methods, PAPER)
+    if all(row[-1] is EMPTY for row in rows):
+        head, rows = head[:-1], [row[:-1] for row in rows]
+    return Table(f"{titled(*which)}, {which[0]}", head, tuple(rows))
+
+
+def side_by_side(
+    summary: Summary,
+    protocol: str,
+    dataset: str,
+    chosen: Iterable[tuple[str, str, str]],
+    methods: Sequence[str],
+    title: str,
+    yaw: str = ALL,
+) -> Table | None:
+    """Many metrics over all frames (or those of a yaw): a row a region and metric, a column a method; best bold."""
+    rows = []
+    for which in chosen:
+        cells = _marked(
+            [_cell(summary, Key(protocol, dataset, yaw, one, *which)) for one in methods], which[2], methods
+        )
+        if any(cell is not EMPTY for cell in cells):
+            rows.append((Cell(which[0]), Cell(titled(*which)), *cells))
+    return Table(title, ("region", "metric", *methods), tuple(rows)) if rows else None
+
+
+def variants(
+    summary: Summary, protocol: str, dataset: str, chosen: Sequence[tuple[str, str, str]], title: str
+) -> Table | None:
+    """Runs that differ from the methods as named, beside these: a row a method and variant, a column a metric."""
+    names = [one for one in summary.methods if summary.of(protocol=protocol, dataset=dataset, method=one)]
+    if not any(variant_of(name)[1] for name in names):
+        return None
+    seen = [
+        which for which in chosen if any(Key(protocol, dataset, ALL, one, *which) in summary.means for one in names)
+    ]
+    rows = []
+    for base in (name for name in names if not variant_of(name)[1]):
+        for name in (one for one in names if variant_of(one)[0] == base):
+            cells = [_cell(summary, Key(protocol, dataset, ALL, name, *which)) for which in seen]
+            rows.append((Cell(base), Cell(variant_of(name)[1] or "as named"), *cells))
+    head = ("method", "variant", *(f"{which[0]} {titled(*which)}" for which in seen))
+    return Table(title, head, tuple(rows))
+
+
+def runtimes(timings: Sequence[Row], methods: Sequence[str]) -> Table | None:
+    """Median and longest seconds a frame, and the largest memory: a row a protocol and method."""
+    rows = []
+    for protocol in dict.fromkeys(row.protocol for row in timings):
+        for method in methods:
+            own = [row for row in timings if (row.protocol, row.method) == (protocol, method)]
+            took = [row.value for row in own if row.metric == "seconds"]
+            scored = [row.value for row in own if row.metric == "seconds_scored"]
+            peak = [row.value for row in own if row.metric == "peak_mib"]
+            if took:
+                numbers = [
+                    (median(took), 2),
+                    (max(took), 2),
+                    (median(scored or took), 2),
+                    (max(peak, default=math.nan), 0),
+                ]
+                rows.append((Cell(protocol), Cell(method), *(Cell(f"{one:.{n}f}", one) for one, n in numbers)))
+    head = ("protocol", "method", "seconds, median", "seconds, longest", "with scoring, median", "peak MiB")
+    return Table("Runtime and memory per frame", head, tuple(rows)) if rows else None
+
+
+def every_mean(summary: Summary) -> Table:
+    """All means over all frames, to sort and search."""
+    cells = [
+        (Cell(key.protocol), *map(Cell, (key.method, key.region, key.modality, key.metric)), _shown(key, one))
+        for key, one in summary.of(yaw=ALL).items()
+    ]
+    return Table(
+        "Every mean over all frames", ("protocol", "method", "region", "modality", "metric", "mean"), tuple(cells)
+    )
+
+
+def variant_of(method: str) -> tuple[str, str]:
+    """(`dlama/telea`, `mask+3`) of `dlama+mask+3/telea`."""
+    recipe, _, filler = method.rpartition("/")
+    base, _, variant = recipe.partition("+")
+    return f"{base}/{filler}", variant
+
+
+def markdown(table: Table, with_intervals: bool = False) -> str:
+    """A table of GitHub's markdown, its heading in bold; best values bold, other data in italics."""
+
+    def text(cell: Cell) -> str:
+        plain = cell.text.replace("|", "\\|")
+        mark = "**" if cell.best else "*" if cell.other else ""
+        extra = f" ({cell.interval})" if with_intervals and cell.interval else ""
+        return f"{mark}{plain}{mark}{extra}"
+
+    def lines() -> Iterator[str]:
+        yield f"**{table.title}**"
+        yield ""
+        yield _line(table.head)
+        yield _line("---" for _ in table.head)
+        yield from (_line(map(text, row)) for row in table.rows)
+        if table.note:
+            yield from ("", table.note)
+
+    return "\n".join(lines()) + "\n"
+
+
+def _line(fields: Iterable[str]) -> str:
+    return f"| {' | '.join(fields)} |"
+
+
+def _yaws(summary: Summary, protocol: str, dataset: str, signs: bool = False) -> list[str]:
+    found = [yaw for yaw in summary.values("yaw", protocol=protocol, dataset=dataset) if yaw != ALL]
+    return [yaw for yaw in found if signs or yaw[0] not in "+-"]
+
+
+def _cell(summary: Summary, key: Key) -> Cell:
+    one = summary.means.get(key)
+    return EMPTY if one is None else _shown(key, one)
+
+
+def _shown(key: Key, one: Mean) -> Cell:
+    between = (
+        "" if one.low is None or one.high is None else f"{shown(one.low, key.metric)} to {shown(one.high, key.metric)}"
+    )
+    return Cell(shown(one.value, key.metric), one.value, interval=between)
+
+
+def _other(value: float | None, metric: str) -> Cell:
+    return EMPTY if value is None else Cell(shown(value, metric), value, other=True)
+
+
+def _marked(cells: list[Cell], metric: str, methods: Sequence[str]) -> list[Cell]:
+    """The best of a row marked: all that look the same as it; none where the metric has no good side or all are alike.
+
+    No fill is out of it: its depth is measured only where it has any.
+    """
+    fills = [not one.endswith(f"/{NO_FILL}") for one in methods]
+    known = [cell for cell, does in zip(cells, fills) if does and cell.value is not None]
+    side = better(metric)
+    if side == 0 or len({cell.text for cell in known}) < 2:
+        return cells
+    best = max(known, key=lambda cell: side * (cell.value or 0.0)).text
+    return [cell._replace(best=True) if does and cell.text == best else cell for cell, does in zip(cells, fills)]

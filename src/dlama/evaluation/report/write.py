@@ -1,0 +1,130 @@
+"""A finished run in; results.csv, timings.csv, summary.json, summary.md and report.html out."""
+
+from __future__ import annotations
+
+import platform
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from dlama import __version__
+from dlama.datasets.frames import Dataset
+from dlama.errors import OutputError
+from dlama.evaluation.metrics.pictures import SETTINGS as METRIC_SETTINGS
+from dlama.evaluation.protocols.methods import ProtocolSettings
+from dlama.evaluation.report.page import flattened, page
+from dlama.evaluation.report.panel_choice import as_data_urls, choose
+from dlama.evaluation.report.sections import Section, sections
+from dlama.evaluation.report.summary import RESAMPLES, Summary, summarise, write_summary
+from dlama.evaluation.report.tables import every_mean, markdown
+from dlama.evaluation.runner.cache_key import code_fingerprint, fingerprint
+from dlama.evaluation.runner.results_table import result_rows, timing_rows, write_rows
+from dlama.evaluation.runner.run import Run
+from dlama.evaluation.runner.worker import Outcome
+from dlama.files.atomic_write import new_file
+
+FILES = ("results.csv", "timings.csv", "summary.json", "summary.md", "report.html")
+PACKAGES = ("numpy", "numba", "opencv-python-headless", "onnxruntime", "scikit-image", "scipy", "matplotlib")
+
+
+def write_report(
+    folder: Path, dataset: Dataset, run: Run, settings: ProtocolSettings, *, seed: int = 0, command: str = ""
+) -> Summary:
+    """Write all of it beside the stored results; all but timings.csv and what shows runtimes is the same on every run.
+
+    Raises:
+        OutputError: the folder cannot be written.
+        MissingExtraError: matplotlib is not installed.
+    """
+    rows, timings = result_rows(run.stored), timing_rows(run.stored)
+    write_rows(folder / "results.csv", rows)
+    write_rows(folder / "timings.csv", timings)
+    summary = summarise(rows, seed=seed, about=about(dataset, run, settings, seed, command))
+    write_summary(folder / "summary.json", summary)
+    parts = sections(summary, rows, timings)
+    failed = [failure_line(one) for one in run.failures]
+    _write(folder / "summary.md", "\n".join(summary_lines(dataset, summary, parts, failed)))
+    panels = as_data_urls(folder / "panels", choose(run.stored))
+    title = f"dlama evaluated on {dataset.name}"
+    _write(folder / "report.html", page(title, summary.about, parts, panels, every_mean(summary), failed))
+    return summary
+
+
+def about(dataset: Dataset, run: Run, settings: ProtocolSettings, seed: int, command: str) -> dict[str, Any]:
+    """What the numbers rest on."""
+    cases = {(one.protocol, one.scene, one.frame) for one in run.stored}
+    scenes = list(dict.fromkeys(one.scene for one in run.stored))
+    methods = {(one.recipe, one.filler) for one in run.stored}
+    counted = (_counted(len(cases), "case"), _counted(len(scenes), "scene"), _counted(len(methods), "method"))
+    lead = "{} of {}, {}.".format(*counted)
+    failed = f" {len(run.failures)} failed and count nowhere." if run.failures else ""
+    warned = sorted({line for one in run.stored for line in one.warnings})
+    return {
+        "lead": lead + failed,
+        "dataset": {"name": dataset.name, "layout": dataset.layout, "scenes": scenes, "cases": len(cases)},
+        "command": command,
+        "settings_hash": settings_hash(settings),
+        "metrics": asdict(METRIC_SETTINGS),
+        "protocols": asdict(settings),
+        "interval": f"95 % bootstrap over scenes, {RESAMPLES} draws, seed {seed}",
+        "code": code_fingerprint(),
+        "versions": versions(),
+        **({"warnings": warned} if warned else {}),
+    }
+
+
+def _counted(number: int, what: str) -> str:
+    return f"{number} {what}{'s' if number != 1 else ''}"
+
+
+def settings_hash(settings: ProtocolSettings) -> str:
+    """12 hexadecimal digits of the metrics' settings and the protocols' together."""
+    return fingerprint([METRIC_SETTINGS.settings_hash(), settings])[:12]
+
+
+def versions() -> dict[str, str]:
+    """Of dlama and of what it measures with."""
+    from importlib import metadata
+
+    found = {"dlama": __version__, "python": platform.python_version()}
+    for name in PACKAGES:
+        try:
+            found[name] = metadata.version(name)
+        except metadata.PackageNotFoundError:
+            continue
+    return found
+
+
+def failure_line(one: Outcome) -> str:
+    """`vpi s03 +10, dlama/telea: FileError: ...`."""
+    return f"{one.case.protocol} {one.case.scene} {one.case.frame}, {one.method.label}: {one.error}"
+
+
+def summary_lines(dataset: Dataset, summary: Summary, parts: Sequence[Section], failed: Sequence[str]) -> Iterator[str]:
+    """summary.md."""
+    facts: Mapping[str, Any] = summary.about
+    yield from (f"# Evaluation on {dataset.name}", "", facts["lead"], "")
+    if facts["command"]:
+        yield from ("```", facts["command"], "```", "")
+    if failed:
+        yield from ("## What failed", "", *(f"- {line}" for line in failed), "")
+    for part in parts:
+        yield from (f"## {part.title}", "")
+        if part.text:
+            yield from (part.text, "")
+        for table in part.tables:
+            with_intervals = table.head[1] == "mask %" or table.head[:2] in (("region", "metric"), ("filler", "yaw"))
+            text = f"{markdown(table, with_intervals)}\nSettings `{facts['settings_hash']}`.\n"
+            yield f"<details><summary>{table.title}</summary>\n\n{text}\n</details>\n" if table.minor else text
+    yield from ("## Settings and versions", "")
+    yield from (f"- {name}: `{text}`" for name, text in flattened(facts) if name != "lead")
+    yield ""
+
+
+def _write(path: Path, text: str) -> None:
+    try:
+        with new_file(path) as draft:
+            draft.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise OutputError(f"{path}: cannot be written: {error}") from error

@@ -1,0 +1,211 @@
+"""A data set and methods in; every case x method run, stored and resumed, failures told; all that is stored out."""
+
+from __future__ import annotations
+
+import json
+import multiprocessing
+import os
+import shutil
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from dlama.datasets.frames import Case, Protocol
+from dlama.errors import InputError, OutputError
+from dlama.evaluation.metrics.pictures import SETTINGS as METRIC_SETTINGS
+from dlama.evaluation.protocols.methods import Method, ProtocolSettings
+from dlama.evaluation.runner.cache_key import case_fingerprint, code_fingerprint, fingerprint, method_fingerprint
+from dlama.evaluation.runner.store import Stored, read_stored, stem
+from dlama.evaluation.runner.worker import THREAD_VARIABLES, Outcome, ProtocolFunction, Task, one_thread, work, work_all
+from dlama.files.atomic_write import new_file
+
+Progress = Callable[[Outcome | None, int, int], None]
+"""Called with what has just ended (None: taken over from an earlier run), and how many of how many are done."""
+
+
+@dataclass(frozen=True)
+class Run:
+    """Everything that one evaluation asked for."""
+
+    stored: tuple[Stored, ...]
+    """What went well, cases in the data set's order, methods in the given order within each."""
+    failures: tuple[Outcome, ...]
+    reused: int
+    """How many of them an earlier run had left."""
+    stale: int = 0
+    """How many it had left that were done again: settings, data, network or dlama had changed."""
+
+
+def run(
+    cases: Sequence[Case],
+    methods: Sequence[Method],
+    protocols: Mapping[Protocol, ProtocolFunction],
+    settings: ProtocolSettings,
+    folder: Path,
+    *,
+    jobs: int = 1,
+    progress: Progress | None = None,
+) -> Run:
+    """Run every method on every case, and leave what is already in `folder` with the same fingerprint as it is.
+
+    Args:
+        protocols: name of a protocol -> what runs it.
+        settings: handed to the protocol; what it is goes into the fingerprint. Picklable.
+        folder: made if need be; cases/, panels/, errors/ and errors.json lie there afterwards.
+        jobs: processes; each computes on one core where there are several.
+    Raises:
+        InputError: two cases of the same name, nothing to run, jobs below 1.
+        OutputError: the folder cannot be written.
+    """
+    _check(cases, methods, jobs)
+    _make(folder)
+    tasks, reused, stale = _planned(cases, methods, protocols, settings, folder)
+    told = progress or (lambda *_: None)
+    total, done = len(cases) * len(methods), reused
+    told(None, done, total)
+    failures: list[Outcome] = []
+    for outcome in _outcomes(tasks, jobs):
+        done += 1
+        failures += [outcome] if outcome.error else []
+        told(outcome, done, total)
+    order = {case.key: number for number, case in enumerate(cases)}
+    failures.sort(key=lambda one: (order[one.case.key], methods.index(one.method)))
+    write_errors(folder, failures)
+    failed = {stem(one.case, one.method) for one in failures}
+    names = [name for case in cases for method in methods if (name := stem(case, method)) not in failed]
+    stored = [read_stored(folder / "cases" / f"{name}.json") for name in names]
+    return Run(tuple(one for one in stored if one is not None), tuple(failures), reused, stale)
+
+
+def write_errors(folder: Path, failures: Sequence[Outcome]) -> None:
+    """errors.json and a traceback each in errors/; both go where nothing failed. Raises OutputError."""
+    shutil.rmtree(folder / "errors", ignore_errors=True)
+    (folder / "errors.json").unlink(missing_ok=True)
+    if not failures:
+        return
+    (folder / "errors").mkdir()
+    entries = []
+    for one in failures:
+        place = f"errors/{stem(one.case, one.method)}.txt"
+        (folder / place).write_text(one.trace or f"{one.error}\n", encoding="utf-8")
+        names = {"protocol": one.case.protocol, "scene": one.case.scene, "frame": one.case.frame}
+        entries.append({**names, "method": one.method.label, "error": one.error, "traceback": place})
+    with new_file(folder / "errors.json") as draft:
+        draft.write_text(json.dumps(entries, indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
+
+
+def _check(cases: Sequence[Case], methods: Sequence[Method], jobs: int) -> None:
+    if jobs < 1:
+        raise InputError(f"jobs is {jobs}; 1 or more is wanted")
+    if not cases or not methods:
+        raise InputError(f"{len(cases)} cases and {len(methods)} methods leave nothing to evaluate")
+    for kind, names in (("cases", [case.key for case in cases]), ("methods", [method.label for method in methods])):
+        twice = sorted({name for name in names if names.count(name) > 1})
+        if twice:
+            raise InputError(f"two {kind} are called {twice[0]}; every one needs a name of its own")
+
+
+def _make(folder: Path) -> None:
+    try:
+        for name in ("cases", "panels"):
+            (folder / name).mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise OutputError(f"{folder}: cannot be written: {error.strerror or error}") from error
+
+
+def _planned(
+    cases: Sequence[Case],
+    methods: Sequence[Method],
+    protocols: Mapping[Protocol, ProtocolFunction],
+    settings: ProtocolSettings,
+    folder: Path,
+) -> tuple[list[Task], int, int]:
+    """What is still to be done, how much is there already, and how much is there but of something else."""
+    made_by = {method.label: method_fingerprint(method) for method in methods}
+    tasks, reused, stale = [], 0, 0
+    for case in cases:
+        asked = case_fingerprint(case)
+        todo = []
+        for method in methods:
+            parts = [
+                code_fingerprint(),
+                asked,
+                made_by[method.label],
+                METRIC_SETTINGS,
+                settings,
+                protocols[case.protocol],
+            ]
+            mark = fingerprint(parts)
+            found = read_stored(folder / "cases" / f"{stem(case, method)}.json")
+            if found is not None and found.fingerprint == mark and _has_panels(folder, found):
+                reused += 1
+            else:
+                todo.append((method, mark))
+                stale += found is not None and found.fingerprint != mark
+        if todo:
+            tasks.append(Task(case, tuple(todo), protocols[case.protocol], settings, folder))
+    return tasks, reused, stale
+
+
+def _has_panels(folder: Path, found: Stored) -> bool:
+    return all(one.panel is None or (folder / "panels" / one.panel).is_file() for one in found.runs)
+
+
+def _outcomes(tasks: Sequence[Task], jobs: int) -> Iterator[Outcome]:
+    """Of every task, as they end. A process that dies takes the cases under way with it; the rest goes on."""
+    if jobs == 1 or len(tasks) <= 1:
+        for task in tasks:
+            yield from work(task)
+        return
+    waiting = list(tasks)
+    with _one_thread_each():
+        while waiting:
+            yield from _pooled(waiting, min(jobs, len(waiting)))
+
+
+def _pooled(waiting: list[Task], jobs: int) -> Iterator[Outcome]:
+    """Take tasks off the front, as many at a time as there are processes, until all are done or a process has died."""
+    under_way: dict[Future[list[Outcome]], Task] = {}
+    before = set(multiprocessing.active_children())
+    pool = ProcessPoolExecutor(jobs, multiprocessing.get_context("spawn"), initializer=one_thread)
+    try:
+        while waiting or under_way:
+            while waiting and len(under_way) < jobs:
+                task = waiting.pop(0)
+                under_way[pool.submit(work_all, task)] = task
+            for future in wait(under_way, return_when=FIRST_COMPLETED).done:
+                task = under_way.pop(future)
+                try:
+                    yield from future.result()
+                except BrokenProcessPool:
+                    yield from _lost([task, *under_way.values()])
+                    return
+    except BaseException:  # Ctrl-C: files are written whole or not at all, so nobody has to be waited for
+        for child in set(multiprocessing.active_children()) - before:
+            child.terminate()
+        raise
+    finally:
+        pool.shutdown(wait=True, cancel_futures=True)
+
+
+def _lost(tasks: Iterable[Task]) -> Iterator[Outcome]:
+    line = "a process died while this case was under way (out of memory?); fewer --jobs may help"
+    yield from (Outcome(task.case, method, line) for task in tasks for method, _ in task.methods)
+
+
+@contextmanager
+def _one_thread_each() -> Iterator[None]:
+    """Processes started meanwhile begin with one thread, as libraries read these variables when they are loaded."""
+    before = {name: os.environ.get(name) for name in THREAD_VARIABLES}
+    os.environ.update(dict.fromkeys(THREAD_VARIABLES, "1"))
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                os.environ.pop(name, None)
+            else:
+                os.environ[name] = value

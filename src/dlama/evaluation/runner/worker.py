@@ -1,0 +1,150 @@
+"""One case and several methods in; each method's numbers and panel stored, or its failure, out. Runs in any process."""
+
+from __future__ import annotations
+
+import os
+import sys
+import time
+import traceback
+import warnings
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from dlama.datasets.frames import Case, Truth
+from dlama.evaluation.protocols.methods import Measure, Method, ProtocolSettings, Scored
+from dlama.evaluation.runner.store import Stored, StoredRun, stem, write_stored
+from dlama.files.atomic_write import new_file
+
+ProtocolFunction = Callable[[Any, Method, ProtocolSettings], Sequence[Scored]]
+"""(truth, method, settings) -> its runs; a module's function, so that it travels to another process."""
+TIMED = ("time", "memory")
+"""Modalities that differ from run to run."""
+THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
+
+
+@dataclass(frozen=True)
+class Task:
+    """A case, and the methods that have still to run on it."""
+
+    case: Case
+    methods: tuple[tuple[Method, str], ...]
+    """Each with the fingerprint that its result will carry."""
+    protocol: ProtocolFunction
+    settings: ProtocolSettings
+    folder: Path
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """How one method fared on one case."""
+
+    case: Case
+    method: Method
+    error: str | None = None
+    """One line; None: all went well."""
+    trace: str = ""
+
+
+def work(task: Task) -> Iterator[Outcome]:
+    """Run and store every method of a task, one after the other; what goes wrong is told and does not stop the rest."""
+    try:
+        truth = task.case.load()
+    except Exception as error:  # whatever a bad frame raises
+        yield from (_failure(task.case, method, error) for method, _ in task.methods)
+        return
+    for method, mark in task.methods:
+        try:
+            _run_one(task, truth, method, mark)
+            yield Outcome(task.case, method)
+        except Exception as error:
+            yield _failure(task.case, method, error)
+
+
+def work_all(task: Task) -> list[Outcome]:
+    """`work`, at the end of which another process gets its answer."""
+    return list(work(task))
+
+
+def one_thread() -> None:
+    """Make this process compute on one core, and leave Ctrl-C to the one that started it."""
+    import signal
+
+    import cv2
+    import numba
+
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    os.environ.update(dict.fromkeys(THREAD_VARIABLES, "1"))
+    cv2.setNumThreads(1)
+    numba.set_num_threads(1)
+
+
+def reset_peak() -> bool:
+    """Start the kernel's count of peak memory anew (Linux); False where that cannot be done."""
+    try:
+        Path("/proc/self/clear_refs").write_text("5")
+    except OSError:
+        return False
+    return True
+
+
+def peak_mib(since_reset: bool) -> float | None:
+    """Largest resident memory of this process in MiB: since `reset_peak`, or since it started; None: not known."""
+    if since_reset:
+        for line in Path("/proc/self/status").read_text().splitlines():
+            if line.startswith("VmHWM:"):
+                return int(line.split()[1]) / 1024
+    try:
+        import resource
+    except ImportError:  # Windows
+        return None
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / (2**20 if sys.platform == "darwin" else 2**10)
+
+
+def _run_one(task: Task, truth: Truth, method: Method, mark: str) -> None:
+    since_reset, started = reset_peak(), time.perf_counter()
+    with warnings.catch_warnings(record=True) as told:
+        scored = task.protocol(truth, method, task.settings)
+    seconds, peak = time.perf_counter() - started, peak_mib(since_reset)
+    name, case = stem(task.case, method), task.case
+    runs = tuple(_stored_run(task.folder, name, number, one) for number, one in enumerate(scored))
+    stored = Stored(
+        mark,
+        *(case.protocol, case.dataset, case.scene, case.frame, case.yaw_deg),
+        *(method.recipe, method.filler),
+        runs,
+        tuple(_timings(scored, seconds, peak)),
+        tuple(dict.fromkeys(str(one.message) for one in told)),
+    )
+    write_stored(task.folder / "cases" / f"{name}.json", stored)
+
+
+def _timings(scored: Sequence[Scored], seconds: float, peak: float | None) -> Iterator[Measure]:
+    """`seconds`: of the completion alone where it says so, else of everything; `seconds_scored`: with the metrics and the
+    variants. `peak_mib`: of the whole process meanwhile, metrics included."""
+    main = scored[0] if scored else None
+    own = [one for one in main.measures if one.modality in TIMED] if main else []
+    yield from own
+    stages = main.meta.get("seconds") if main else None
+    if ("time", "seconds") not in {(one.modality, one.metric) for one in own}:
+        yield Measure("whole", "time", "seconds", sum(stages.values()) if stages else seconds)
+    yield Measure("whole", "time", "seconds_scored", seconds)
+    if peak is not None:
+        yield Measure("whole", "memory", "peak_mib", peak)
+
+
+def _stored_run(folder: Path, name: str, number: int, scored: Scored) -> StoredRun:
+    from dlama.evaluation.report.panels import jpeg, strip
+
+    panel = None
+    if scored.panel is not None:
+        panel = f"{name}--{number}.jpg"
+        with new_file(folder / "panels" / panel) as draft:
+            draft.write_bytes(jpeg(strip(scored.panel)))
+    return StoredRun(scored.variant, tuple(one for one in scored.measures if one.modality not in TIMED), panel)
+
+
+def _failure(case: Case, method: Method, error: Exception) -> Outcome:
+    line = " ".join(f"{type(error).__name__}: {error}".split())
+    return Outcome(case, method, line, "".join(traceback.format_exception(error)))

@@ -1,0 +1,137 @@
+"""JSON and Middlebury calib.txt in; named fields out, each checked as it is asked for, errors naming file and field."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from dlama.errors import CameraError, FileError
+from dlama.files.atomic_write import PathLike
+from dlama.files.images import existing
+from dlama.geometry.camera import Float64Array
+
+Intrinsics = tuple[float, float, float, float]
+"""fx, fy, cx, cy in pixels, as the file counts them."""
+K_TOLERANCE = 1e-6
+
+
+@dataclass(frozen=True)
+class FileFields:
+    """The fields of one file."""
+
+    path: PathLike
+    values: dict[str, Any]
+
+    def __contains__(self, name: object) -> bool:
+        return name in self.values
+
+    def number(self, name: str) -> float:
+        """A finite number; raises CameraError."""
+        value = self._field(name)
+        if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
+            raise CameraError(f"{self.path}: {name} is {_shown(value)}; a finite number is wanted")
+        return float(value)
+
+    def count(self, name: str) -> int:
+        """A whole number >= 1; raises CameraError."""
+        value = self.number(name)
+        if value != int(value) or value < 1:
+            raise CameraError(f"{self.path}: {name} is {value:g}; a whole number of pixels >= 1 is wanted")
+        return int(value)
+
+    def matrix(self, name: str, shape: tuple[int, int]) -> Float64Array:
+        """A matrix of finite numbers; raises CameraError."""
+        value = self._field(name)
+        wanted = f"a {shape[0]}x{shape[1]} matrix of finite numbers is wanted"
+        try:
+            matrix = np.array(value, np.float64)
+        except (TypeError, ValueError) as error:
+            raise CameraError(f"{self.path}: {name} is {_shown(value)}; {wanted}") from error
+        if matrix.shape != shape or not np.isfinite(matrix).all():
+            raise CameraError(f"{self.path}: {name} is {_shown(value)}; {wanted}")
+        return matrix
+
+    def intrinsics(self, name: str) -> Intrinsics:
+        """fx, fy, cx, cy of a matrix fx 0 cx / 0 fy cy / 0 0 1; raises CameraError for any other."""
+        K = self.matrix(name, (3, 3))
+        plain = np.array([[K[0, 0], 0, K[0, 2]], [0, K[1, 1], K[1, 2]], [0, 0, 1]])
+        if np.abs(K - plain).max() > K_TOLERANCE:
+            raise CameraError(f"{self.path}: {name} is {K.tolist()}; fx 0 cx / 0 fy cy / 0 0 1 is wanted (no skew)")
+        fx, fy = float(K[0, 0]), float(K[1, 1])
+        if fx <= 0 or fy <= 0:
+            raise CameraError(f"{self.path}: {name} is singular or negative (f = {fx:g}, {fy:g}); f > 0 is wanted")
+        return fx, fy, float(K[0, 2]), float(K[1, 2])
+
+    def pixel_center(self, default: float) -> float:
+        """0.5 or 0.0; raises CameraError."""
+        value = self.number("pixel_center") if "pixel_center" in self else default
+        if value not in (0.0, 0.5):
+            raise CameraError(f"{self.path}: pixel_center is {value:g}; 0.5 or 0.0 is wanted")
+        return value
+
+    def size(self, hw: tuple[int, int] | None, needed: bool = False) -> tuple[int, int]:
+        """(height, width) from the file, which must be those of the picture `hw`.
+
+        Where the file has none it is `hw`, unless it is `needed` there. Raises CameraError.
+        """
+        if hw is not None and not needed and "width" not in self and "height" not in self:
+            return hw
+        height, width = self.count("height"), self.count("width")
+        if hw is not None and (height, width) != tuple(hw):
+            raise CameraError(
+                f"{self.path}: the camera is {width}x{height} and the picture {hw[1]}x{hw[0]}; both must be the same"
+            )
+        return height, width
+
+    def _field(self, name: str) -> Any:
+        if name not in self.values:
+            raise CameraError(f"{self.path}: field '{name}' is missing; it has {', '.join(self.values) or 'none'}")
+        return self.values[name]
+
+
+def read_json_fields(path: PathLike, known: Sequence[str]) -> FileFields:
+    """The fields of a JSON object; an unknown one is refused (a misspelt pose must not be ignored).
+
+    Raises FileError (no JSON), CameraError (unknown field).
+    """
+    file = existing(path)
+    try:
+        values = json.loads(file.read_text(encoding="utf-8-sig"))
+    except (ValueError, RecursionError) as error:
+        raise FileError(f"{file}: is no JSON ({error})") from error
+    if not isinstance(values, dict):
+        raise FileError(f"{file}: holds a JSON {type(values).__name__}; an object with named fields is wanted")
+    unknown = [name for name in values if name not in known]
+    if unknown:
+        raise CameraError(f"{file}: field '{unknown[0]}' is not known; known are {', '.join(known)}")
+    return FileFields(file, values)
+
+
+def read_calib_txt(path: PathLike) -> FileFields:
+    """The fields of a Middlebury calib.txt: lines `name=number` or `name=[a b c; d e f; g h i]`. Raises FileError."""
+    file = existing(path)
+    values: dict[str, Any] = {}
+    try:
+        for line in file.read_text(encoding="utf-8-sig").splitlines():
+            if line.strip():
+                name, value = line.split("=", 1)
+                values[name.strip()] = _calib_value(value.strip())
+    except ValueError as error:
+        raise FileError(f"{file}: is no Middlebury calib.txt, lines 'name=value' are wanted ({error})") from error
+    return FileFields(file, values)
+
+
+def _calib_value(text: str) -> float | list[list[float]]:
+    if text.startswith("[") and text.endswith("]"):
+        return [[float(number) for number in row.split()] for row in text[1:-1].split(";")]
+    return float(text)
+
+
+def _shown(value: Any) -> str:
+    text = json.dumps(value) if not isinstance(value, float) else str(value)
+    return text if len(text) <= 60 else text[:57] + "..."

@@ -1,0 +1,107 @@
+"""Numba kernels of depth edges: a grid of inverse depths in; which pixels fly, and which neighbours are one surface, out.
+
+`w` is inverse depth (1/m), 0 = no vertex: it is affine in pixels on a plane, so steps in it tell an edge from a slope. It has a
+margin of PAD zeros all round: pixel (row, column) is w[row + PAD, column + PAD], and no index needs a check.
+Loaded only when something renders.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dlama.geometry.kernels.jit import kernel, piece
+
+RIGHT = 1
+DOWN = 2
+PAD = 3
+
+
+@kernel
+def invert(first, last, depth, hole, w):
+    """Inverse depth of the known pixels, 0 in holes and far pixels. w: zeros, (H + 2 PAD) x (W + 2 PAD)."""
+    for row in range(first, last):
+        for column in range(depth.shape[1]):
+            here = depth[row, column]
+            there = here > 0 and not hole[row, column]
+            w[row + PAD, column + PAD] = np.float32(1) / here if there else np.float32(0)
+
+
+@piece
+def is_slope(w, r, c, dr, dc):
+    """True if the steep step from w[r, c] to w[r + dr, c + dc] continues a slope.
+
+    An inclined plane is affine in inverse depth, an edge is not. One neighbouring slope is not enough (a single mixed pixel
+    makes two equal steps), two on one side or one on each are.
+    """
+    w0, w1 = w[r, c], w[r + dr, c + dc]
+    if w0 <= 0 or w1 <= 0:
+        return False
+    step = w1 - w0
+    tolerance = 0.2 * abs(step)
+    behind, ahead = w[r - dr, c - dc], w[r + 2 * dr, c + 2 * dc]
+    before = behind > 0 and abs(w0 - behind - step) <= tolerance
+    after = ahead > 0 and abs(ahead - w1 - step) <= tolerance
+    if before == after:
+        return before
+    if before:
+        beyond = w[r - 2 * dr, c - 2 * dc]
+        return beyond > 0 and abs(behind - beyond - step) <= tolerance
+    beyond = w[r + 3 * dr, c + 3 * dc]
+    return beyond > 0 and abs(beyond - ahead - step) <= tolerance
+
+
+@kernel
+def join(first, last, w, ratio, out):
+    """uint8 H x W: bit RIGHT / DOWN set where a vertex is joined to its right / lower neighbour."""
+    surely = np.float32(ratio * 0.99999)  # a quick look in single precision first: few pixels need the exact one
+    for row in range(first, last):
+        r = row + PAD
+        for column in range(out.shape[1]):
+            here, right, down = w[r, column + PAD], w[r, column + 4], w[r + 1, column + PAD]
+            flat = (abs(right - here) <= surely * max(right, here)) & (abs(down - here) <= surely * max(down, here))
+            out[row, column] = 3 if (here > 0) & flat else 0
+        for column in range(out.shape[1]):
+            here, flags = w[r, column + PAD], 0
+            if out[row, column] == 3 or here <= 0:
+                continue
+            for way in range(2):  # one call of is_slope in a loop: every other one would be compiled again
+                other = w[r + way, column + 4 - way]
+                if abs(other - here) <= ratio * max(other, here) or is_slope(w, r, column + PAD, way, 1 - way):
+                    flags |= DOWN if way else RIGHT
+            out[row, column] = flags
+
+
+@piece
+def lies_between(here, one, other, share):
+    """True if `here` is between both neighbours, and further from each than surfaces are joined over."""
+    low, high = min(one, other), max(one, other)
+    return (low > 0) & (low < here * share) & (here < high * share)
+
+
+@kernel
+def reject_flying(first, last, w, depth, hole, ratio, out_depth, out_flying):
+    """Vertices strictly between two surfaces along a row or a column, joined to neither: marked, and left out of the depth.
+
+    depth: H x W metres; out_depth: the same without holes and flying pixels (0).
+    """
+    roughly = np.float32((1 - ratio) * 1.00001)
+    for row in range(first, last):
+        r = row + PAD
+        for column in range(depth.shape[1]):
+            c, here = column + PAD, w[r, column + PAD]
+            across = lies_between(here, w[r, c - 1], w[r, c + 1], roughly)
+            out_flying[row, column] = across | lies_between(here, w[r - 1, c], w[r + 1, c], roughly)
+            out_depth[row, column] = np.float32(0) if hole[row, column] else depth[row, column]
+        for column in range(depth.shape[1]):
+            if not out_flying[row, column]:
+                continue
+            c, here = column + PAD, w[r, column + PAD]
+            out_flying[row, column] = False
+            for way in range(2):
+                r0, c0 = r - way, c - 1 + way
+                if not lies_between(here, w[r0, c0], w[r + way, c + 1 - way], 1 - ratio):
+                    continue
+                if is_slope(w, r0, c0, way, 1 - way) or is_slope(w, r, c, way, 1 - way):
+                    continue
+                out_flying[row, column] = True
+                out_depth[row, column] = 0

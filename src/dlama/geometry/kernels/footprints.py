@@ -1,0 +1,83 @@
+"""The rim of a mesh: which vertices are on it, and (numba kernels) their one-pixel footprints in the z-buffer.
+
+There the mesh ends short of the pixel's edge, and wires, poles, silhouettes and lone pixels would be thinner than they are.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dlama.geometry.kernels.depth_edges import DOWN, RIGHT
+from dlama.geometry.kernels.jit import kernel, piece
+from dlama.geometry.kernels.sampling import whole_quads
+from dlama.geometry.rgbd import Float32Array, UInt8Array
+
+
+def rim(joined: UInt8Array, depth: Float32Array) -> NDArray[np.int64]:
+    """Flat indices of vertices round which some quad is not whole."""
+    whole = np.zeros((joined.shape[0] + 1, joined.shape[1] + 1), np.bool_)
+    whole[1:-1, 1:-1] = whole_quads(joined)
+    inner = whole[:-1, :-1] & whole[:-1, 1:] & whole[1:, :-1] & whole[1:, 1:]
+    return np.flatnonzero(~inner & (depth > 0))
+
+
+@piece
+def lean(x, y, w, joined, row, column):
+    """How steep the surface round a vertex is (relative step in w to a joined neighbour), -1 if it is seen from behind."""
+    height, width = joined.shape
+    steepest, facing = 0.0, 0.0
+    here = w[row, column]
+    dr, dc = 0, 1
+    for _ in range(4):
+        r, c = row + dr, column + dc
+        # the neighbour a quarter turn on: right -> down -> left -> up
+        r2, c2 = row + dc, column - dr
+        side, side2 = (RIGHT, DOWN) if dr == 0 else (DOWN, RIGHT)
+        dr, dc = dc, -dr
+        if not (0 <= r < height and 0 <= c < width) or w[r, c] <= 0:
+            continue
+        if not joined[min(row, r), min(column, c)] & side:
+            continue
+        steepest = max(steepest, abs(w[r, c] / here - 1))
+        if not (0 <= r2 < height and 0 <= c2 < width) or w[r2, c2] <= 0:
+            continue
+        if joined[min(row, r2), min(column, c2)] & side2:
+            facing += (x[r, c] - x[row, column]) * (y[r2, c2] - y[row, column])
+            facing -= (x[r2, c2] - x[row, column]) * (y[r, c] - y[row, column])
+    return -1.0 if facing < 0 else steepest
+
+
+@kernel
+def draw_rim(x, y, w, joined, vertices, depth, zoom, meshed, wbuf, where):
+    """Footprints of the vertices (N flat source indices) at the rim of the mesh.
+
+    depth: source z; zoom: target focal length / source focal length; meshed: wbuf as the mesh left it. A footprint is the
+    source pixel's own size, at least one target pixel and at most 32. It only covers what is empty, or behind the surface it
+    belongs to.
+    """
+    width = x.shape[1]
+    rows, columns = wbuf.shape
+    for number in range(len(vertices)):
+        row, column = vertices[number] // width, vertices[number] % width
+        inverse, px, py = w[row, column], x[row, column], y[row, column]
+        half = min(16.0, 0.5 * zoom * depth[row, column] * inverse)
+        if not (inverse > 0 and -half - 1 < px < columns + half + 1 and -half - 1 < py < rows + half + 1):
+            continue
+        steepest = lean(x, y, w, joined, row, column)
+        if steepest < 0:
+            continue
+        if half <= 0.5:
+            left = right = int(math.floor(px))
+            upper = lower = int(math.floor(py))
+        else:
+            left, right = int(math.ceil(px - half - 0.5)), int(math.ceil(px + half - 0.5)) - 1
+            upper, lower = int(math.ceil(py - half - 0.5)), int(math.ceil(py + half - 0.5)) - 1
+        for ty in range(max(0, upper), min(rows - 1, lower) + 1):
+            for tx in range(max(0, left), min(columns - 1, right) + 1):
+                if inverse > wbuf[ty, tx] and inverse > meshed[ty, tx] * (1.02 + 2 * steepest):
+                    wbuf[ty, tx] = inverse
+                    where[ty, tx, 0] = column
+                    where[ty, tx, 1] = row

@@ -1,0 +1,119 @@
+"""Numba kernels of hole typing: the source grid as one closed rubber sheet, drawn over the holes of a target view.
+
+Where the stretched sheet covers an empty pixel, the source camera looked at that place but something hid it, or nothing
+was measured; where it does not, the place is out of the source's view. Ranks order the answers when several apply.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dlama.geometry.kernels.jit import kernel, piece
+from dlama.geometry.kernels.rasterize import CHUNK, quad_box, quad_sides
+
+DISOCCLUDED_RANK = 1
+SENSOR_RANK = 2
+FLYING_RANK = 3
+OBJECT_RANK = 4
+CRACK_RANK = 5
+
+
+@piece
+def is_inside(x0, y0, x1, y1, x2, y2, px, py):
+    """True if a point lies in a triangle of either orientation."""
+    area = (x1 - x0) * (y2 - y0) - (x2 - x0) * (y1 - y0)
+    if abs(area) <= 1e-9:
+        return False
+    b1 = ((px - x0) * (y2 - y0) - (x2 - x0) * (py - y0)) / area
+    b2 = ((x1 - x0) * (py - y0) - (px - x0) * (y1 - y0)) / area
+    return b1 >= -1e-4 and b2 >= -1e-4 and b1 + b2 <= 1.0001
+
+
+@piece
+def holes_within(count, left, right, upper, lower):
+    """How many empty pixels a box (inclusive) holds; count: their summed-area table, (H + 1) x (W + 1)."""
+    return count[lower + 1, right + 1] - count[upper, right + 1] - count[lower + 1, left] + count[upper, left]
+
+
+@piece
+def chunk_meets_hole(x, w, row, chunk, low, high, first, last, count):
+    """True if the box round a row of quads (target rows low..high, cut to [first, last)) may hold an empty pixel."""
+    if not (low <= last and high >= first):
+        return False
+    columns = count.shape[1] - 1
+    left, right = np.float32(columns), np.float32(0)
+    for r in range(row, row + 2):
+        for column in range(chunk * CHUNK, min(x.shape[1], (chunk + 1) * CHUNK + 1)):
+            if w[r, column] > 0:
+                left, right = min(left, x[r, column]), max(right, x[r, column])
+    if left > right:
+        return False
+    near, far = int(max(left, np.float32(1))) - 1, min(columns - 1, int(min(right, np.float32(columns))) + 1)
+    upper, lower = max(first, int(max(low, np.float32(first))) - 1), min(last - 1, int(min(high, np.float32(last))) + 1)
+    return near <= far and upper <= lower and holes_within(count, near, far, upper, lower) > 0
+
+
+@kernel
+def mark_sheet(first, last, x, y, w, spans, joined, grid_rank, crack_rank, hole, count, ranks):
+    """Draw the whole closed grid over the empty pixels of target rows [first, last).
+
+    x, y, w: target pixels and inverse depth of every source pixel (closed: no gaps); spans: as of `raster.quad_spans`;
+    grid_rank: uint8, SENSOR / OBJECT ranks of source pixels that are not there, else 0; crack_rank: what an unbroken quad over
+    an empty pixel means; count: summed-area table of `hole`.
+    """
+    height, width = x.shape
+    columns = hole.shape[1]
+    for row in range(height - 1):
+        for chunk in range(spans.shape[1]):
+            if not chunk_meets_hole(x, w, row, chunk, spans[row, chunk, 0], spans[row, chunk, 1], first, last, count):
+                continue
+            for column in range(chunk * CHUNK, min(width - 1, (chunk + 1) * CHUNK)):
+                box = quad_box(x, y, w, row, column, first, last, columns)
+                if box[0] <= box[1] and box[2] <= box[3] and holes_within(count, box[0], box[1], box[2], box[3]) > 0:
+                    mark_quad(x, y, w, joined, grid_rank, row, column, crack_rank, box, hole, ranks)
+
+
+@piece
+def mark_quad(x, y, w, joined, grid_rank, row, column, crack_rank, box, hole, ranks):
+    """One quad of the sheet, if all of it is in front of the near plane.
+
+    Its rank: the highest of its pixels' own; else a crack where it is one surface; else a dis-occlusion.
+    """
+    wa, wb, wc, wd = w[row, column], w[row, column + 1], w[row + 1, column], w[row + 1, column + 1]
+    if min(min(wa, wb), min(wc, wd)) <= 0:
+        return
+    rank = max(
+        max(grid_rank[row, column], grid_rank[row, column + 1]),
+        max(grid_rank[row + 1, column], grid_rank[row + 1, column + 1]),
+    )
+    if rank == 0:
+        rank = crack_rank if quad_sides(joined, row, column) == 15 else DISOCCLUDED_RANK
+    for ty in range(box[2], box[3] + 1):
+        for tx in range(box[0], box[1] + 1):
+            if hole[ty, tx] and ranks[ty, tx] < rank and quad_covers(x, y, row, column, tx + 0.5, ty + 0.5):
+                ranks[ty, tx] = rank
+
+
+@piece
+def quad_covers(x, y, row, column, px, py):
+    """True if a point lies in one of a quad's two triangles."""
+    xb, yb, xc, yc = x[row, column + 1], y[row, column + 1], x[row + 1, column], y[row + 1, column]
+    return is_inside(x[row, column], y[row, column], xb, yb, xc, yc, px, py) or is_inside(
+        xb, yb, x[row + 1, column + 1], y[row + 1, column + 1], xc, yc, px, py
+    )
+
+
+@kernel
+def mark_points(x, y, w, chosen, rank, hole, ranks):
+    """Raise the rank at the nearest target pixel of each chosen source pixel."""
+    rows, columns = hole.shape
+    for row in range(x.shape[0]):
+        for column in range(x.shape[1]):
+            if not chosen[row, column] or w[row, column] <= 0:
+                continue
+            px, py = x[row, column], y[row, column]
+            if not (0 <= px < columns and 0 <= py < rows):
+                continue
+            tx, ty = int(px), int(py)
+            if hole[ty, tx]:
+                ranks[ty, tx] = max(ranks[ty, tx], np.uint8(rank))

@@ -1,0 +1,191 @@
+"""Numba kernels of rendering: source pixel grid in, z-buffers over target pixels out. Loaded only when something renders.
+
+A source picture is a grid of vertices, one per pixel centre. `w` is inverse depth (1/m): it is affine in pixels on a
+plane, both in the source and in the target, so all interpolation is done on it. Bands of rows are independent of each other,
+which makes the result independent of the number of threads.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+from dlama.geometry.kernels.depth_edges import DOWN, RIGHT
+from dlama.geometry.kernels.jit import kernel, piece
+
+NOWHERE = np.float32(np.inf)
+CHUNK = 64
+"""Source columns that are skipped together where they do not touch a band."""
+
+
+@piece
+def transform_row(depth, matrix, offset, near, row, to, out_x, out_y, out_w):
+    """One row of vertices (pixel centres at their depth), to row `to` of the arrays of target pixels and inverse z."""
+    v = row + 0.5
+    a = matrix[0, 1] * v + matrix[0, 2]
+    b = matrix[1, 1] * v + matrix[1, 2]
+    c = matrix[2, 1] * v + matrix[2, 2]
+    for column in range(depth.shape[1]):
+        z = depth[row, column]
+        u = column + 0.5
+        ahead = z * (matrix[2, 0] * u + c) + offset[2]
+        seen = 0 < z < np.inf and ahead > near
+        inverse = 1.0 / ahead
+        out_x[to, column] = (z * (matrix[0, 0] * u + a) + offset[0]) * inverse
+        out_y[to, column] = (z * (matrix[1, 0] * u + b) + offset[1]) * inverse
+        out_w[to, column] = inverse if seen else 0.0
+
+
+@kernel
+def transform(first, last, depth, matrix, offset, near, out_x, out_y, out_w):
+    """Vertices into target pixels and inverse z; w = 0 (and x, y anything) where there is none, or none in front.
+
+    matrix: 3x3, K_target R K_source^-1; offset: K_target t. (eq. 1 of the paper, with both projections folded in)
+    """
+    for row in range(first, last):
+        transform_row(depth, matrix, offset, near, row, row, out_x, out_y, out_w)
+
+
+@kernel
+def draw_points(first, last, depth, matrix, offset, near, x, y, w, wbuf, index):
+    """Nearest-pixel projection with a z-buffer (the paper's P', eq. 2): inverse depth and source index of what is nearest.
+
+    wbuf, index: N x H x W; the source rows are cut into N parts, and part n is drawn into its own buffer n (any content
+    before; empty: wbuf 0), so that parts do not get in each other's way. x, y, w: N x width, room for a row each.
+    """
+    height, width = depth.shape
+    parts, rows, columns = wbuf.shape
+    for part in range(first, last):
+        for ty in range(rows):
+            for tx in range(columns):
+                wbuf[part, ty, tx] = 0
+        for row in range(part * height // parts, (part + 1) * height // parts):
+            transform_row(depth, matrix, offset, near, row, part, x, y, w)
+            for column in range(width):
+                inverse, px, py = w[part, column], x[part, column], y[part, column]
+                if inverse > 0 and px >= 0 and py >= 0 and px < columns and py < rows:
+                    tx, ty = int(px), int(py)
+                    if inverse > wbuf[part, ty, tx]:
+                        wbuf[part, ty, tx] = inverse
+                        index[part, ty, tx] = row * width + column
+
+
+@kernel
+def quad_spans(first, last, y, w, spans):
+    """Smallest and largest target y of each row of quads, CHUNK quads at a time (empty: inf, -inf). spans: H x N x 2."""
+    height, width = y.shape
+    for row in range(first, last):
+        for chunk in range(spans.shape[1]):
+            low, high = np.float32(np.inf), np.float32(-np.inf)
+            for r in range(row, min(height, row + 2)):
+                for column in range(chunk * CHUNK, min(width, (chunk + 1) * CHUNK + 1)):
+                    if w[r, column] > 0:
+                        low = min(low, y[r, column])
+                        high = max(high, y[r, column])
+            spans[row, chunk, 0], spans[row, chunk, 1] = low, high
+
+
+@piece
+def quad_box(x, y, w, row, column, top, bottom, columns):
+    """Target pixels whose centres a quad may cover, cut to rows [top, bottom): left, right, upper, lower, inclusive.
+
+    Vertices that are not there (w = 0) have no position and do not count.
+    """
+    wa, wb, wc, wd = w[row, column], w[row, column + 1], w[row + 1, column], w[row + 1, column + 1]
+    xa, xb, xc, xd = x[row, column], x[row, column + 1], x[row + 1, column], x[row + 1, column + 1]
+    ya, yb, yc, yd = y[row, column], y[row, column + 1], y[row + 1, column], y[row + 1, column + 1]
+    if (wa > 0) & (wb > 0) & (wc > 0) & (wd > 0):
+        low_x, high_x = min(min(xa, xb), min(xc, xd)), max(max(xa, xb), max(xc, xd))
+        low_y, high_y = min(min(ya, yb), min(yc, yd)), max(max(ya, yb), max(yc, yd))
+    else:
+        low_x, low_y, high_x, high_y = NOWHERE, NOWHERE, -NOWHERE, -NOWHERE
+        for corner in range(4):
+            r, c = row + (corner >> 1), column + (corner & 1)
+            if w[r, c] > 0:
+                low_x, high_x = min(low_x, x[r, c]), max(high_x, x[r, c])
+                low_y, high_y = min(low_y, y[r, c]), max(high_y, y[r, c])
+        if not low_x <= high_x:
+            return 0, -1, 0, -1
+    left = math.ceil(max(0.5, low_x) - 0.5001)
+    right = math.floor(min(columns - 0.5, high_x) - 0.4999)
+    upper = math.ceil(max(top + 0.5, low_y) - 0.5001)
+    lower = math.floor(min(bottom - 0.5, high_y) - 0.4999)
+    return int(left), int(right), int(upper), int(lower)
+
+
+@piece
+def quad_sides(joined, row, column):
+    """The four sides of the quad at (row, column), as bits: 1 top, 2 left, 4 right, 8 bottom."""
+    here = joined[row, column]
+    sides = (here & RIGHT) | (here & DOWN)
+    sides |= (joined[row, column + 1] & DOWN) << 1
+    sides |= (joined[row + 1, column] & RIGHT) << 3
+    return sides
+
+
+@kernel
+def draw_surface(first, last, x, y, w, joined, spans, wbuf, where):
+    """The joined quads of the grid into target rows [first, last), z-buffered.
+
+    wbuf: H x W float32 zeros; where: H x W x 2 source column, row.
+    """
+    height, width = x.shape
+    columns = wbuf.shape[1]
+    for row in range(height - 1):
+        for chunk in range(spans.shape[1]):
+            if spans[row, chunk, 1] < first or spans[row, chunk, 0] > last:
+                continue
+            for column in range(chunk * CHUNK, min(width - 1, (chunk + 1) * CHUNK)):
+                sides = quad_sides(joined, row, column)
+                if sides == 0:
+                    continue
+                box = quad_box(x, y, w, row, column, first, last, columns)
+                if box[0] <= box[1] and box[2] <= box[3]:
+                    draw_quad(x, y, w, row, column, sides, box, wbuf, where)
+
+
+@njit(
+    error_model="numpy", forceinline=True
+)  # called once per quad with two dozen numbers: the call itself would cost most
+def draw_quad(x, y, w, row, column, sides, box, wbuf, where):
+    """One quad: two triangles where all four sides are joined, else the triangle of the corner whose two sides are.
+
+    box: the target pixels to look at (left, right, upper, lower, inclusive).
+    """
+    wa, wb, wc, wd = w[row, column], w[row, column + 1], w[row + 1, column], w[row + 1, column + 1]
+    xa, xb, xc, xd = x[row, column], x[row, column + 1], x[row + 1, column], x[row + 1, column + 1]
+    ya, yb, yc, yd = y[row, column], y[row, column + 1], y[row + 1, column], y[row + 1, column + 1]
+    along_bc = abs(wb - wc) <= abs(wa - wd)
+    for number in range(4):
+        # upper left, lower right (cut along bc), upper right, lower left (along ad), and the sides they need: the triangles
+        # abc, bdc, abd, adc
+        needed = (3 if number == 0 else 12) if number < 2 else (5 if number == 2 else 10)
+        if sides & needed != needed or (sides == 15 and along_bc != (number < 2)):
+            continue
+        from_b, over_d, to_d = number == 1, number & 1, number == 2
+        x0, y0, w0 = (xb, yb, wb) if from_b else (xa, ya, wa)
+        x1, y1, w1 = (xd, yd, wd) if over_d else (xb, yb, wb)
+        x2, y2, w2 = (xd, yd, wd) if to_d else (xc, yc, wc)
+        area = (x1 - x0) * (y2 - y0) - (x2 - x0) * (y1 - y0)
+        if area <= 1e-9 or w0 <= 0 or w1 <= 0 or w2 <= 0:  # seen from behind, or not all there
+            continue
+        scale = 1.0 / area
+        for ty in range(box[2], box[3] + 1):
+            py = ty + 0.5
+            for tx in range(box[0], box[1] + 1):
+                px = tx + 0.5
+                b1 = ((px - x0) * (y2 - y0) - (x2 - x0) * (py - y0)) * scale
+                b2 = ((x1 - x0) * (py - y0) - (px - x0) * (y1 - y0)) * scale
+                b0 = 1.0 - b1 - b2
+                if b0 < -1e-4 or b1 < -1e-4 or b2 < -1e-4:
+                    continue
+                v0, v1, v2 = b0 * w0, b1 * w1, b2 * w2
+                inverse = v0 + v1 + v2
+                if inverse > wbuf[ty, tx]:
+                    wbuf[ty, tx] = inverse
+                    right = (v0 if from_b else 0.0) + v1 + (v2 if to_d else 0.0)
+                    lower = (v1 if over_d else 0.0) + v2
+                    where[ty, tx, 0] = column + right / inverse
+                    where[ty, tx, 1] = row + lower / inverse

@@ -1,0 +1,160 @@
+"""Reading a picture between its pixels: colours and a place in them in; the colour there out (numba pieces).
+
+Cubic B-spline interpolation inside a surface, bilinear beside its edges, so that nothing bleeds across them. Bilinear
+everywhere blurs: on street frames turned by 10 degrees, LPIPS over what both cameras see is a third lower so
+(docs/evaluation.md).
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from dlama.geometry.kernels.jit import inlined, piece
+from dlama.geometry.kernels.rasterize import quad_sides
+from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
+
+POLE = math.sqrt(3) - 2
+"""Of the cubic B-spline's inverse filter (Unser, Aldroubi, Eden 1993)."""
+REACH = 6
+"""Pixels to either side that the inverse filter reads; beyond, its weights are below 2e-4."""
+WINDOW = 8
+"""Rows and columns of one surface that a place needs round it: four are read; what lies beyond two more has half a level of
+say in their coefficients at most."""
+ZERO, SIXTH, HALF, TWO_THIRDS, ONE = (np.float32(number) for number in (0, 1 / 6, 1 / 2, 2 / 3, 1))
+GREEN, ONE_ON, TWO_ON, THREE_ON = (np.uintp(number) for number in (1, 3, 6, 9))
+"""Flat steps to the next channel and to the next three pixels; unsigned, so that no index is checked for being negative."""
+
+
+def spline(color: UInt8Array) -> Float32Array:
+    """H W 3 coefficients, flat, of the cubic B-spline that passes through every pixel's colour."""
+    import cv2
+
+    inverse = math.sqrt(3) * POLE ** np.abs(np.arange(-REACH, REACH + 1))
+    inverse = (inverse / inverse.sum()).astype(np.float32)
+    knots = cv2.sepFilter2D(color, cv2.CV_32F, inverse, inverse, borderType=cv2.BORDER_REFLECT_101)
+    return np.asarray(knots, np.float32).ravel()
+
+
+def whole_quads(joined: UInt8Array) -> BoolArray:
+    """(H-1) x (W-1), True where all four sides of the quad whose upper left pixel this is are joined."""
+    return (joined[:-1, :-1] == 3) & (joined[:-1, 1:] >= 2) & ((joined[1:, :-1] & 1) > 0)
+
+
+def smooth_quads(joined: UInt8Array) -> UInt8Array:
+    """H x W, 1 where the WINDOW x WINDOW pixels round the quad whose upper left one this is are one surface."""
+
+    smooth = np.zeros(joined.shape, np.uint8)
+    if min(joined.shape) > 1:
+        whole = whole_quads(joined).view(np.uint8)
+        smooth[:-1, :-1] = eroded(whole, WINDOW - 1, WINDOW // 2 - 1)
+    return smooth
+
+
+def far_blocks(far: BoolArray, fine: bool) -> UInt8Array:
+    """H x W, 1 where the 2 x 2 pixels whose upper left one this is are far, 2 where the WINDOW x WINDOW round them are (if
+    fine), 0 else."""
+    code = far.view(np.uint8)
+    blocks = eroded(code, 2, 0)
+    return blocks + eroded(code, WINDOW, WINDOW // 2 - 1) if fine else blocks
+
+
+def eroded(mask: UInt8Array, size: int, before: int) -> UInt8Array:
+    """1 where the size x size pixels, `before` of them above and left of this one, are all 1 and inside the picture."""
+    import cv2
+
+    around = np.ones((size, size), np.uint8)
+    kept = cv2.erode(mask, around, anchor=(before, before), borderType=cv2.BORDER_CONSTANT, borderValue=0)
+    return np.asarray(kept, np.uint8)
+
+
+@piece
+def cubic(t):
+    """Weights of the pixels at -1, 0, 1, 2 for a place t in 0 .. 1 after pixel 0: the cubic B-spline."""
+    rest = ONE - t
+    first, last = rest * rest * rest * SIXTH, t * t * t * SIXTH
+    second = TWO_THIRDS - t * t * (ONE - t * HALF)
+    return first, second, ONE - first - second - last, last
+
+
+@inlined
+def across(knots, at, a, b, c, d):
+    """One channel of four neighbours in a row of coefficients, the first of them at a flat place."""
+    return a * knots[at] + b * knots[at + ONE_ON] + c * knots[at + TWO_ON] + d * knots[at + THREE_ON]
+
+
+@inlined
+def smooth_color(knots, width, upper, left, fu, fv):
+    """Red, green and blue (float, may overshoot) at (fu, fv) in 0 .. 1 after the pixel (upper, left).
+
+    knots: `spline`, flat; width: pixels of its rows.
+    """
+    a, b, c, d = cubic(fu)
+    e, f, g, h = cubic(fv)
+    row = np.uintp(3 * width)
+    first = np.uintp(3 * ((upper - 1) * width + left - 1))
+    second, third, last = first + row, first + row + row, first + row + row + row
+    red = e * across(knots, first, a, b, c, d) + f * across(knots, second, a, b, c, d)
+    red += g * across(knots, third, a, b, c, d) + h * across(knots, last, a, b, c, d)
+    first, second, third, last = first + GREEN, second + GREEN, third + GREEN, last + GREEN
+    green = e * across(knots, first, a, b, c, d) + f * across(knots, second, a, b, c, d)
+    green += g * across(knots, third, a, b, c, d) + h * across(knots, last, a, b, c, d)
+    first, second, third, last = first + GREEN, second + GREEN, third + GREEN, last + GREEN
+    blue = e * across(knots, first, a, b, c, d) + f * across(knots, second, a, b, c, d)
+    blue += g * across(knots, third, a, b, c, d) + h * across(knots, last, a, b, c, d)
+    return red, green, blue
+
+
+@inlined
+def bilinear(color, upper, left, a, b, c, d):
+    """Red, green and blue of a quad's pixels at the weights a (upper left), b (upper right), c, d (lower ones)."""
+    lower, right = upper + 1, left + 1
+    red = (
+        a * color[upper, left, 0] + b * color[upper, right, 0] + c * color[lower, left, 0] + d * color[lower, right, 0]
+    )
+    green = (
+        a * color[upper, left, 1] + b * color[upper, right, 1] + c * color[lower, left, 1] + d * color[lower, right, 1]
+    )
+    blue = (
+        a * color[upper, left, 2] + b * color[upper, right, 2] + c * color[lower, left, 2] + d * color[lower, right, 2]
+    )
+    return red, green, blue
+
+
+@piece
+def at_pixel(color, row, column):
+    """Red, green and blue of one pixel."""
+    return np.float32(color[row, column, 0]), np.float32(color[row, column, 1]), np.float32(color[row, column, 2])
+
+
+@inlined
+def surface_color(su, sv, joined, smooth, color, knots):
+    """Colour at source column, row (0 = the first pixel's centre) of a mesh, never across its edges.
+
+    Beside an edge: bilinear, where a corner that is cut off (two sides unjoined) counts nothing; the nearest pixel where
+    none is joined.
+    """
+    height, width = joined.shape
+    left, upper = int(su), int(sv)
+    fu, fv = su - np.float32(left), sv - np.float32(upper)  # int64 - float32 would be float64
+    if left >= width - 1 or upper >= height - 1 or (fu < 1e-3 and fv < 1e-3):
+        return at_pixel(color, upper + (fv > HALF), left + (fu > HALF))
+    if smooth[upper, left]:
+        return smooth_color(knots, width, upper, left, fu, fv)
+    sides = quad_sides(joined, upper, left)
+    a = (ONE - fu) * (ONE - fv) if sides & 3 else ZERO
+    b = fu * (ONE - fv) if sides & 5 else ZERO
+    c = (ONE - fu) * fv if sides & 10 else ZERO
+    d = fu * fv if sides & 12 else ZERO
+    total = a + b + c + d
+    if total <= 1e-6:
+        return at_pixel(color, upper + (fv > HALF), left + (fu > HALF))
+    return bilinear(color, upper, left, a / total, b / total, c / total, d / total)
+
+
+@piece
+def level(value):
+    """A colour as uint8: the nearest level in 0 .. 255."""
+    nearest = int(value + HALF)
+    return np.uint8(0 if nearest < 0 else (255 if nearest > 255 else nearest))

@@ -1,0 +1,210 @@
+"""Numba kernels that turn z-buffers into pictures: source positions in; colour, depth, origin, confidence out."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from dlama.geometry.kernels.jit import inlined, kernel, piece
+from dlama.geometry.kernels.rasterize import quad_sides
+from dlama.geometry.kernels.sampling import HALF, ONE, ZERO, bilinear, level, smooth_color, surface_color
+
+REPROJECTED = 2
+MEASURED = 1
+SHRUNK_2 = np.float32(1.2**2)
+"""Source pixels per target pixel, squared, above which one place is not enough."""
+FARTHEST = np.float32(4)
+"""Source columns or rows between neighbours in the target above which they are two surfaces."""
+MOST = np.float32(4)
+"""Source places along a target pixel's row, and along its column, that are averaged at most."""
+
+
+@piece
+def passed_on(origin):
+    """The origin of a pixel seen in another view: measured becomes reprojected, everything else stays what it is."""
+    return REPROJECTED if origin == MEASURED else origin
+
+
+@kernel
+def shade_surface(
+    first,
+    last,
+    wbuf,
+    where,
+    joined,
+    smooth,
+    color,
+    knots,
+    origin,
+    confidence,
+    out_color,
+    out_depth,
+    out_origin,
+    out_confidence,
+):
+    """Colours of a surface drawing: read between source pixels, never across an edge (`sampling.surface_color`).
+
+    wbuf: H x W inverse depth, 0 = empty; where: H x W x 2 source column, row (vertex positions, so 0 is the first pixel).
+    smooth: `sampling.smooth_quads`; knots: `sampling.spline`.
+    """
+    for ty in range(first, last):
+        for tx in range(wbuf.shape[1]):
+            w = wbuf[ty, tx]
+            if w <= 0:
+                continue
+            out_depth[ty, tx] = 1.0 / w
+            su, sv = where[ty, tx, 0], where[ty, tx, 1]
+            nearest_row, nearest_column = int(sv + HALF), int(su + HALF)
+            out_origin[ty, tx] = passed_on(origin[nearest_row, nearest_column])
+            out_confidence[ty, tx] = confidence[nearest_row, nearest_column]
+            red, green, blue = surface_color(su, sv, joined, smooth, color, knots)
+            out_color[ty, tx, 0], out_color[ty, tx, 1], out_color[ty, tx, 2] = level(red), level(green), level(blue)
+
+
+@kernel
+def average_shrunk(first, last, wbuf, where, joined, smooth, color, knots, out_color):
+    """Colours again where the source is drawn smaller: the mean of up to MOST places along a target pixel's row, and as many
+    along its column, if all lie in whole quads. They are a source pixel apart at most, so none lies beyond an edge.
+
+    Arguments as of `shade_surface`, which comes first.
+    """
+    height, width = joined.shape
+    for ty in range(first, last):
+        for tx in range(wbuf.shape[1]):
+            if wbuf[ty, tx] <= 0:
+                continue
+            across_u, across_v = stride(wbuf, where, ty, tx, ty, tx + 1)
+            down_u, down_v = stride(wbuf, where, ty, tx, ty + 1, tx)
+            wide_2, high_2 = across_u * across_u + across_v * across_v, down_u * down_u + down_v * down_v
+            if wide_2 <= SHRUNK_2 and high_2 <= SHRUNK_2:
+                continue
+            wide, high = places(wide_2), places(high_2)
+            red, green, blue, torn = ZERO, ZERO, ZERO, False
+            for y in range(int(high)):
+                aside = (np.float32(y) + HALF) / high - HALF
+                for x in range(int(wide)):
+                    along = (np.float32(x) + HALF) / wide - HALF
+                    u = where[ty, tx, 0] + along * across_u + aside * down_u
+                    v = where[ty, tx, 1] + along * across_v + aside * down_v
+                    left, upper = int(u), int(v)
+                    if (
+                        u < 0
+                        or v < 0
+                        or left >= width - 1
+                        or upper >= height - 1
+                        or (not smooth[upper, left] and quad_sides(joined, upper, left) != 15)
+                    ):
+                        torn = True
+                    else:
+                        r, g, b = surface_color(u, v, joined, smooth, color, knots)
+                        red, green, blue = red + r, green + g, blue + b
+            if torn:
+                continue
+            red, green, blue = red / (wide * high), green / (wide * high), blue / (wide * high)
+            out_color[ty, tx, 0], out_color[ty, tx, 1], out_color[ty, tx, 2] = level(red), level(green), level(blue)
+
+
+@piece
+def places(length_2):
+    """How many places, 1 .. MOST, one target pixel needs where the next is so far on in the source, squared (a float32)."""
+    return ONE if length_2 <= SHRUNK_2 else min(np.float32(math.ceil(math.sqrt(length_2))), MOST)
+
+
+@inlined
+def stride(wbuf, where, ty, tx, y, x):
+    """Source columns and rows from a target pixel to its neighbour (y, x); 0, 0 where none is or it is too far on."""
+    if y >= wbuf.shape[0] or x >= wbuf.shape[1] or wbuf[y, x] <= 0:
+        return ZERO, ZERO
+    u, v = where[y, x, 0] - where[ty, tx, 0], where[y, x, 1] - where[ty, tx, 1]
+    if abs(u) > FARTHEST or abs(v) > FARTHEST:
+        return ZERO, ZERO
+    return u, v
+
+
+@kernel
+def shade_points(first, last, wbuf, index, color, origin, confidence, out_color, out_depth, out_origin, out_confidence):
+    """Colours of a points drawing: each pixel shows its nearest point as it is.
+
+    wbuf, index: N x H x W, parts of one drawing, which are merged into the first; of two equally near the earlier part's is
+    seen. index: uint32. color: pixels x 3, origin, confidence: pixels, as `index` counts them.
+    """
+    parts, _, columns = wbuf.shape
+    for ty in range(first, last):
+        for part in range(1, parts):
+            for tx in range(columns):
+                nearer = wbuf[part, ty, tx] > wbuf[0, ty, tx]
+                index[0, ty, tx] = index[part, ty, tx] if nearer else index[0, ty, tx]
+                wbuf[0, ty, tx] = wbuf[part, ty, tx] if nearer else wbuf[0, ty, tx]
+        for tx in range(columns):
+            w = wbuf[0, ty, tx]
+            out_depth[ty, tx] = np.float32(1) / w if w > 0 else np.float32(0)
+        for tx in range(columns):
+            if wbuf[0, ty, tx] > 0:
+                source = index[0, ty, tx]
+                out_color[ty, tx, 0] = color[source, 0]
+                out_color[ty, tx, 1] = color[source, 1]
+                out_color[ty, tx, 2] = color[source, 2]
+                out_origin[ty, tx] = passed_on(origin[source])
+                out_confidence[ty, tx] = confidence[source]
+
+
+@kernel
+def shade_far(
+    first,
+    last,
+    matrix,
+    far,
+    box,
+    blocks,
+    color,
+    knots,
+    origin,
+    confidence,
+    out_color,
+    out_depth,
+    out_origin,
+    out_confidence,
+):
+    """The far layer behind everything: empty target pixels (depth 0) whose direction is far in the source.
+
+    matrix: 3x3, K_source R K_target^-1 (rotation alone: what is far does not shift when the camera moves).
+    far: H x W bool; box: left, right, upper, lower (inclusive) of its True pixels, to tell most others without a division.
+    blocks: H x W, 0, 1 where the four pixels from here on are far, 2 where those round them are too (`sampling.far_blocks`):
+    the nearest pixel, bilinear or `sampling.smooth_color`.
+    """
+    height, width = far.shape
+    left_end, right_end, upper_end, lower_end = box[0] - 1.0, box[1] + 2.0, box[2] - 1.0, box[3] + 2.0
+    for ty in range(first, last):
+        y = ty + 0.5
+        for tx in range(out_depth.shape[1]):
+            if out_depth[ty, tx] != 0:
+                continue
+            x = tx + 0.5
+            ahead = matrix[2, 0] * x + matrix[2, 1] * y + matrix[2, 2]
+            if ahead <= 1e-9:
+                continue
+            across = matrix[0, 0] * x + matrix[0, 1] * y + matrix[0, 2]
+            along = matrix[1, 0] * x + matrix[1, 1] * y + matrix[1, 2]
+            if not (left_end * ahead < across < right_end * ahead and upper_end * ahead < along < lower_end * ahead):
+                continue
+            su, sv = across / ahead, along / ahead
+            if not (0 <= su < width and 0 <= sv < height):
+                continue
+            column, row = int(su), int(sv)
+            if not far[row, column]:
+                continue
+            out_depth[ty, tx] = np.inf
+            out_origin[ty, tx] = passed_on(origin[row, column])
+            out_confidence[ty, tx] = confidence[row, column]
+            left, upper = int(math.floor(su - 0.5)), int(math.floor(sv - 0.5))
+            fu, fv = su - 0.5 - left, sv - 0.5 - upper
+            if not (0 <= left < width - 1 and 0 <= upper < height - 1) or blocks[upper, left] == 0:
+                out_color[ty, tx] = color[row, column]
+                continue
+            if blocks[upper, left] == 2:
+                red, green, blue = smooth_color(knots, width, upper, left, fu, fv)
+            else:
+                a, b, c, d = (1 - fu) * (1 - fv), fu * (1 - fv), (1 - fu) * fv, fu * fv
+                red, green, blue = bilinear(color, upper, left, a, b, c, d)
+            out_color[ty, tx, 0], out_color[ty, tx, 1], out_color[ty, tx, 2] = level(red), level(green), level(blue)

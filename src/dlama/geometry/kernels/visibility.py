@@ -1,0 +1,112 @@
+"""Numba kernels of the visibility law: filled depth of a target view against what a source camera measured."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dlama.geometry.kernels.jit import kernel, piece
+
+
+@piece
+def tolerance(depth):
+    """The larger of 1 mm and 0.1 %."""
+    return max(1e-3, 1e-3 * depth)
+
+
+@piece
+def ray(matrix, row, column):
+    """Where a target pixel's ray points, in homogeneous source pixels."""
+    x, y = column + 0.5, row + 0.5
+    return (
+        matrix[0, 0] * x + matrix[0, 1] * y + matrix[0, 2],
+        matrix[1, 0] * x + matrix[1, 1] * y + matrix[1, 2],
+        matrix[2, 0] * x + matrix[2, 1] * y + matrix[2, 2],
+    )
+
+
+@piece
+def breaks_law(ax, ay, az, offset, depth, measured):
+    """True if the point at `depth` on the ray is, seen from the source, in front of what was measured there.
+
+    (ax, ay, az): the ray in source pixels; measured: source depth, 0 = nothing measured, inf = far.
+    """
+    if not depth < np.inf:
+        return False
+    z = depth * az + offset[2]
+    if z <= 0:
+        return False
+    x, y = (depth * ax + offset[0]) / z, (depth * ay + offset[1]) / z
+    if not (0 <= x < measured.shape[1] and 0 <= y < measured.shape[0]):
+        return False
+    limit = measured[int(y), int(x)]
+    if limit <= 0:
+        return False
+    return limit == np.inf or z < limit - tolerance(limit)
+
+
+@kernel
+def violations(first, last, depth, where, matrix, offset, measured, out):
+    """Mark, in `out` (bool H x W), the pixels of `where` whose depth breaks the law of one source.
+
+    matrix, offset: source px from target px.
+    """
+    for row in range(first, last):
+        for column in range(depth.shape[1]):
+            if where[row, column] and depth[row, column] > 0:
+                ax, ay, az = ray(matrix, row, column)
+                if breaks_law(ax, ay, az, offset, np.float64(depth[row, column]), measured):
+                    out[row, column] = True
+
+
+@piece
+def crossing(a, b, offset_a, offset_b, border):
+    """Depth at which (a d + offset_a) / (b d + offset_b) equals `border`; inf if never."""
+    slope = border * b - a
+    if slope == 0:
+        return np.inf
+    return (offset_a - border * offset_b) / slope
+
+
+@piece
+def next_crossing(ax, ay, az, offset, depth, x, y):
+    """The depth > `depth` at which the ray enters another source pixel; inf if it stays in this one for ever."""
+    nearest = np.inf
+    for border in (np.floor(x), np.floor(x) + 1):
+        d = crossing(ax, az, offset[0], offset[2], border)
+        if d > depth * (1 + 1e-9):
+            nearest = min(nearest, d)
+    for border in (np.floor(y), np.floor(y) + 1):
+        d = crossing(ay, az, offset[1], offset[2], border)
+        if d > depth * (1 + 1e-9):
+            nearest = min(nearest, d)
+    return nearest
+
+
+@piece
+def lawful_depth(ax, ay, az, offset, depth, measured):
+    """The smallest depth >= `depth` on the ray that keeps the law: a walk from source pixel to source pixel, outwards."""
+    for _ in range(4 * (measured.shape[0] + measured.shape[1])):
+        if not breaks_law(ax, ay, az, offset, depth, measured):
+            return depth
+        z = depth * az + offset[2]
+        x, y = (depth * ax + offset[0]) / z, (depth * ay + offset[1]) / z
+        out = next_crossing(ax, ay, az, offset, depth, x, y)
+        limit = measured[int(y), int(x)]
+        if limit < np.inf and az > 0:
+            behind = (limit - offset[2]) / az
+            if behind < out:
+                return behind
+        if out == np.inf:
+            return np.inf
+        depth = out * (1 + 1e-6)
+    return np.inf
+
+
+@kernel
+def push_back(first, last, depth, where, matrix, offset, measured):
+    """Move the pixels of `where` (float32 depth, in place) outwards until they keep the law of one source."""
+    for row in range(first, last):
+        for column in range(depth.shape[1]):
+            if where[row, column]:
+                ax, ay, az = ray(matrix, row, column)
+                depth[row, column] = lawful_depth(ax, ay, az, offset, np.float64(depth[row, column]), measured)

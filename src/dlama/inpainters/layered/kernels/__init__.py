@@ -1,0 +1,1 @@
+"""Numba kernels of `layered`, one file for each file that calls them; loaded only when it fills."""

@@ -1,0 +1,113 @@
+"""Cell kernels: a picture in; its trusted pixels, its cells, and what lies between cells, out (numba)."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dlama.geometry.kernels.jit import in_bands, kernel, piece
+from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
+
+NEARER = np.float32(1.04)
+"""A source may be this much nearer than expected; beyond it counts as an occluder."""
+ROUGH = np.float32(1.2)
+"""Within non-planar things (leaves) depth varies; only a neighbour this much nearer is another thing."""
+
+
+@kernel
+def trusted_rows(first, last, hole, inverse_depth, label, reach, out):
+    """Rows of `trusted_sources`."""
+    height, width = hole.shape
+    for y in range(first, last):
+        for x in range(width):
+            if hole[y, x]:
+                continue
+            kind, good = label[y, x], True
+            own = inverse_depth[y, x] * NEARER + 1e-6
+            rough = inverse_depth[y, x] * ROUGH + 1e-6
+            for j in range(max(0, y - reach), min(height, y + reach + 1)):
+                for i in range(max(0, x - reach), min(width, x + reach + 1)):
+                    nearer = inverse_depth[j, i] > (own if label[j, i] != kind else rough)
+                    if hole[j, i] or (nearer and (label[j, i] != kind or kind < 0)):
+                        good = False
+                if not good:
+                    break
+            out[y, x] = good
+
+
+def trusted_sources(hole: BoolArray, inverse_depth: Float32Array, label: NDArray[np.int32], reach: int) -> BoolArray:
+    """Known pixels whose colour is their surface's own: no hole and no nearer surface within `reach` px."""
+    out = np.zeros(hole.shape, np.bool_)
+    in_bands(trusted_rows, len(hole), hole, inverse_depth, label, reach, out)
+    return out
+
+
+@kernel
+def shrink_rows(first, last, color, inverse_depth, source, factor, colors, depths, sources):
+    """Rows of the blocks of `shrink`."""
+    height, width = source.shape
+    for r in range(first, last):
+        for c in range(sources.shape[1]):
+            y1, x1 = min(height, (r + 1) * factor), min(width, (c + 1) * factor)
+            red, green, blue, w, n, kind = 0.0, 0.0, 0.0, 0.0, 0, -2
+            mixed = False
+            for y in range(r * factor, y1):
+                for x in range(c * factor, x1):
+                    if source[y, x] == -2:
+                        continue
+                    mixed = mixed or (n > 0 and source[y, x] != kind)
+                    kind = source[y, x]
+                    red += color[y, x, 0]
+                    green += color[y, x, 1]
+                    blue += color[y, x, 2]
+                    w += inverse_depth[y, x]
+                    n += 1
+            if n > 0 and not mixed and 2 * n >= (y1 - r * factor) * (x1 - c * factor):
+                colors[r, c, 0], colors[r, c, 1], colors[r, c, 2] = red / n, green / n, blue / n
+                depths[r, c] = w / n
+                sources[r, c] = kind
+
+
+def shrink(
+    color: UInt8Array, inverse_depth: Float32Array, source: NDArray[np.int32], factor: int
+) -> tuple[Float32Array, Float32Array, NDArray[np.int32]]:
+    """Blocks of factor x factor pixels: mean colour and inverse depth of the trusted pixels, and their label.
+
+    source: H x W label of trusted pixels, -2 elsewhere. A block is -2 where labels mix or most pixels are not trusted.
+    """
+    grid = tuple((size + factor - 1) // factor for size in source.shape)
+    colors, depths = np.zeros((*grid, 3), np.float32), np.zeros(grid, np.float32)
+    sources = np.full(grid, -2, np.int32)
+    in_bands(shrink_rows, grid[0], color, inverse_depth, source, factor, colors, depths, sources)
+    return colors, depths, sources
+
+
+@piece
+def between(x, size):
+    """The two cells beside a coordinate (cell centres at +0.5, clamped to the edge), and how far it is to the second."""
+    f = x - 0.5
+    f = 0.0 if f < 0 else (size - 1.0 if f > size - 1.0 else f)
+    x0 = np.int64(f)
+    return x0, (x0 + 1 if x0 + 1 < size else size - 1), f - x0
+
+
+@piece
+def blend(grid, across, along, k):
+    """Channel k of a grid, bilinear; across, along: columns and rows, from `between`."""
+    x0, x1, ax = across
+    y0, y1, ay = along
+    top = grid[y0, x0, k] + ax * (float(grid[y0, x1, k]) - grid[y0, x0, k])
+    low = grid[y1, x0, k] + ax * (float(grid[y1, x1, k]) - grid[y1, x0, k])
+    return top + ay * (low - top)
+
+
+def sampled(grid: Float32Array, x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
+    """N x 3 values of a grid at cell coordinates, bilinear, as the kernels see them."""
+    rows, cols = grid.shape[:2]
+    fx, fy = np.clip(x - 0.5, 0, cols - 1), np.clip(y - 0.5, 0, rows - 1)
+    x0, y0 = fx.astype(np.int64), fy.astype(np.int64)
+    x1, y1 = np.minimum(x0 + 1, cols - 1), np.minimum(y0 + 1, rows - 1)
+    ax, ay = (fx - x0)[:, None], (fy - y0)[:, None]
+    a, b, c, d = grid[y0, x0], grid[y0, x1], grid[y1, x0], grid[y1, x1]
+    top, low = a + ax * (b - a), c + ax * (d - c)
+    return np.asarray(top + ay * (low - top))

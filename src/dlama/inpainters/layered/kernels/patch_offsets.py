@@ -1,0 +1,239 @@
+"""Texture kernels: pixel grids in; shift scores, chosen shifts and painted pixels out (numba).
+
+A *shift* (s1, s2) is a 3D translation within a plane; it moves a homogeneous pixel of inverse depth w to
+p'_h = p_h + w (s1 E1 + s2 E2), with E = K e for two directions e of the plane.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dlama.geometry.kernels.jit import in_bands, kernel, piece
+from dlama.geometry.rgbd import Float32Array, UInt8Array
+from dlama.inpainters.layered.kernels.cells import NEARER, between, blend, sampled
+
+FARTHER = np.float32(0.9)
+"""And this much farther."""
+
+
+@piece
+def moved(u, v, w, s1, s2, axes):
+    """(u', v', z'): where a shift takes a pixel, and by how much its distance grows (z' <= 0: behind the camera)."""
+    z = 1 + w * (s1 * axes[0, 2] + s2 * axes[1, 2])
+    x = u + w * (s1 * axes[0, 0] + s2 * axes[1, 0])
+    y = v + w * (s1 * axes[0, 1] + s2 * axes[1, 1])
+    inv = 1 / z if z > 1e-3 else 0.0
+    return x * inv, y * inv, z
+
+
+@piece
+def is_source(u, v, expected, factor, depths, sources, kind):
+    """Is the cell under full-resolution pixel (u, v) a trusted source of this surface at the expected inverse depth?"""
+    x, y = np.int64(np.floor(u / factor)), np.int64(np.floor(v / factor))
+    if x < 0 or y < 0 or x >= sources.shape[1] or y >= sources.shape[0] or sources[y, x] != kind:
+        return False
+    w = depths[y, x]
+    return FARTHER * expected - 1e-6 <= w <= NEARER * expected + 1e-6
+
+
+@kernel
+def correlate_rows(first, last, shifts, points, here, detail, factor, depths, sources, kind, axes, need, out):
+    """Shifts first..last of `correlate`. here: N x 3, the detail at the points."""
+    rows, cols = detail.shape[0], detail.shape[1]
+    for i in range(first, last):
+        ab, aa, bb, n = 0.0, 1e-3, 1e-3, 0
+        for p in range(len(points)):
+            w = points[p, 2]
+            x, y, z = moved(points[p, 0], points[p, 1], w, shifts[i, 0], shifts[i, 1], axes)
+            if z <= 1e-3 or not is_source(x, y, w / z, factor, depths, sources, kind):
+                continue
+            n += 1
+            across, along = between(x / factor, cols), between(y / factor, rows)
+            for k in range(3):
+                a, b = here[p, k], blend(detail, across, along, k)
+                ab += a * b
+                aa += a * a
+                bb += b * b
+        if n >= need:
+            out[i] = ab / np.sqrt(aa * bb) * n / (n + 12.0)
+
+
+def correlate(
+    shifts: NDArray[np.float64],
+    points: NDArray[np.float64],
+    detail: Float32Array,
+    factor: int,
+    depths: Float32Array,
+    sources: NDArray[np.int32],
+    kind: int,
+    axes: NDArray[np.float64],
+    need: int,
+) -> Float32Array:
+    """Correlation of the detail (cells x 3) at sample points and at their shifted places; 0 where too few are known.
+
+    points: N x 3 (u, v, inverse depth), full-resolution pixels. Shrunk towards 0 for few samples.
+    """
+    out = np.zeros(len(shifts), np.float32)
+    here = sampled(detail, points[:, 0] / factor, points[:, 1] / factor)
+    in_bands(
+        correlate_rows,
+        len(shifts),
+        shifts,
+        points,
+        here,
+        detail,
+        factor,
+        depths,
+        sources,
+        kind,
+        axes,
+        need,
+        out,
+        band=8,
+    )
+    return out
+
+
+@kernel
+def scale_rows(first, last, shifts, cells, factor, depths, sources, kind, axes, out):
+    """Shifts first..last of `change_of_scale`."""
+    for i in range(first, last):
+        for p in range(len(cells)):
+            w = cells[p, 2]
+            x, y, z = moved(cells[p, 0], cells[p, 1], w, shifts[i, 0], shifts[i, 1], axes)
+            if z > 1e-3 and is_source(x, y, w / z, factor, depths, sources, kind):
+                octaves = np.log2(z)
+                out[i, p] = abs(octaves) + (0.3 * (octaves if octaves > 0 else 0.0))
+
+
+def change_of_scale(
+    shifts: NDArray[np.float64],
+    cells: NDArray[np.float64],
+    factor: int,
+    depths: Float32Array,
+    sources: NDArray[np.int32],
+    kind: int,
+    axes: NDArray[np.float64],
+) -> Float32Array:
+    """For each shift and hole cell (u, v, w): -1 if its source is not known, else |log2| of the change of scale."""
+    out = np.full((len(shifts), len(cells)), -1, np.float32)
+    in_bands(scale_rows, len(shifts), shifts, cells, factor, depths, sources, kind, axes, out, band=8)
+    return out
+
+
+@kernel
+def assign_cells(index, cost, lateral, order, seam, sweeps, chosen):
+    """`assign`, into `chosen` (all -1)."""
+    rows, cols = index.shape
+    number, many = cost.shape
+    for sweep in range(sweeps):
+        for o in range(number):
+            cell = order[o] if sweep % 2 == 0 else order[number - 1 - o]
+            y, x = cell // cols, cell % cols
+            p = index[y, x]
+            best, least = -1, 1e6
+            for i in range(many):
+                total = np.float64(cost[p, i])
+                if total >= least:
+                    continue
+                for d in range(4):
+                    yy = y + (d == 0) - (d == 1)
+                    xx = x + (d == 2) - (d == 3)
+                    if yy < 0 or xx < 0 or yy >= rows or xx >= cols or index[yy, xx] < 0:
+                        continue
+                    q = index[yy, xx]
+                    j = chosen[q]
+                    if j < 0 or j == i:
+                        continue
+                    total += 0.15
+                    if cost[q, i] < 1e6 and cost[p, j] < 1e6:
+                        gap = 0.0
+                        for k in range(3):
+                            gap += abs(lateral[p, i, k] - lateral[p, j, k]) + abs(lateral[q, i, k] - lateral[q, j, k])
+                        total += seam * gap
+                    else:
+                        total += 0.3
+                if total < least:
+                    best, least = i, total
+            chosen[p] = best
+
+
+def assign(
+    index: NDArray[np.int32],
+    cost: Float32Array,
+    lateral: Float32Array,
+    order: NDArray[np.int64],
+    seam: float,
+    sweeps: int,
+) -> NDArray[np.int32]:
+    """Choose one shift per hole cell: own cost plus seams to the neighbours' choices (ordered fill, then sweeps).
+
+    index: rows x cols, cell number or -1 (not a hole cell of this surface); cost: cells x shifts (>= 1e6: impossible);
+    lateral: cells x shifts x 3, the colour detail each shift would bring. Returns cells, int32, -1 where none is possible.
+    """
+    chosen = np.full(len(cost), -1, np.int32)
+    assign_cells(index, cost, lateral, order, seam, sweeps, chosen)
+    return chosen
+
+
+@kernel
+def paint_pixels(
+    first, last, out, color, pixels, inverse_depth, source, kind, axes, fine, smooth, cell, pick, gains, shifts, added
+):
+    """Pixels first..last of `paint`. added: N x 3 zeros, room to work."""
+    height, width = inverse_depth.shape
+    rows, cols = pick.shape
+    for n in range(first, last):
+        y, x = pixels[n] // width, pixels[n] % width
+        u, v, w = x + 0.5, y + 0.5, np.float64(inverse_depth[y, x])
+        gu, gv = u / cell, v / cell
+        x0, y0 = np.int64(np.floor(gu - 0.5)), np.int64(np.floor(gv - 0.5))
+        ax, ay = gu - 0.5 - x0, gv - 0.5 - y0
+        across, along, total = between(gu, cols), between(gv, rows), 0.0
+        for d in range(4):
+            cx, cy = x0 + (d & 1), y0 + (d >> 1)
+            share = (ax if d & 1 else 1 - ax) * (ay if d >> 1 else 1 - ay)
+            if share <= 0 or cx < 0 or cy < 0 or cx >= cols or cy >= rows or pick[cy, cx] < 0:
+                continue
+            i = pick[cy, cx]
+            su, sv, z = moved(u, v, w, shifts[i, 0], shifts[i, 1], axes)
+            if z <= 1e-3 or not is_source(su, sv, w / z, 1, inverse_depth, source, kind):
+                continue
+            total += share
+            there_x, there_y = between(su / cell, cols), between(sv / cell, rows)
+            pixel_x, pixel_y = between(su, width), between(sv, height)
+            for k in range(3):
+                base, copied = blend(fine, across, along, k), blend(color, pixel_x, pixel_y, k)
+                low = blend(fine, there_x, there_y, k)
+                middle = low - blend(smooth, there_x, there_y, k)
+                middle += blend(smooth, across, along, k) - base
+                banded = gains[cy, cx, 0] * (copied - low) + gains[cy, cx, 1] * middle
+                added[n, k] += share * (banded + gains[cy, cx, 2] * (copied - base - banded))
+        for k in range(3):
+            value = blend(fine, across, along, k) + (added[n, k] / total if total > 0 else 0.0) + 0.5
+            out[y, x, k] = np.uint8(0.0 if value < 0 else (255.0 if value > 255 else value))
+
+
+def paint(
+    out: UInt8Array,
+    color: UInt8Array,
+    pixels: NDArray[np.int64],
+    inverse_depth: Float32Array,
+    source: NDArray[np.int32],
+    kind: int,
+    axes: NDArray[np.float64],
+    bases: tuple[Float32Array, Float32Array],
+    cell: int,
+    pick: NDArray[np.int32],
+    gains: Float32Array,
+    shifts: NDArray[np.float64],
+) -> None:
+    """Colour the listed flat pixels of `out` in place, feathered between the shifts that neighbouring cells picked.
+
+    bases: (true to the rim, very smooth), rows x cols x 3 grids of `cell`-pixel cells; pick: rows x cols, shift or -1;
+    gains: rows x cols x 3, how much of the fine band, the middle band and the copied colour as it stands is believed.
+    """
+    added = np.zeros((len(pixels), 3))
+    known = color, pixels, inverse_depth, source, kind, axes
+    in_bands(paint_pixels, len(pixels), out, *known, *bases, cell, pick, gains, shifts, added, band=2048)

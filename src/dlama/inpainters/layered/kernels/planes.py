@@ -1,0 +1,84 @@
+"""Numba kernels for planes: hypotheses scored on samples, pixels labelled. Loaded only when `layered` fills."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dlama.geometry.kernels.jit import in_bands, kernel, piece
+
+
+@kernel
+def draw_triples(u, v, pool, reach, seed, out):
+    """Triples of `local_triples`. pool: indices of the free samples."""
+    np.random.seed(seed)
+    for number in range(len(out)):
+        first = pool[np.random.randint(0, len(pool))]
+        found = 1
+        out[number, 0] = first
+        for _ in range(200):
+            other = pool[np.random.randint(0, len(pool))]
+            if other == first or abs(u[other] - u[first]) > reach or abs(v[other] - v[first]) > reach:
+                continue
+            out[number, found] = other
+            found += 1
+            if found == 3:
+                break
+
+
+def local_triples(
+    u: np.ndarray, v: np.ndarray, free: NDArray[np.bool_], reach: float, count: int, seed: int
+) -> NDArray[np.int64]:
+    """count x 3 indices of free samples that lie near each other (within `reach` px); -1 where none were found."""
+    out = np.full((count, 3), -1, np.int64)
+    draw_triples(u, v, np.flatnonzero(free), float(reach), seed, out)
+    return out
+
+
+@piece
+def plane_through(u, v, w, i, j, k):
+    """(a, b, c) through three samples; zeros if they are on one line."""
+    du1, dv1, dw1 = u[j] - u[i], v[j] - v[i], w[j] - w[i]
+    du2, dv2, dw2 = u[k] - u[i], v[k] - v[i], w[k] - w[i]
+    area = du1 * dv2 - du2 * dv1
+    if abs(area) <= 4:
+        return 0.0, 0.0, 0.0
+    a = (dw1 * dv2 - dw2 * dv1) / area
+    b = (du1 * dw2 - du2 * dw1) / area
+    return a, b, w[i] - a * u[i] - b * v[i]
+
+
+@kernel
+def score_planes(first, last, u, v, w, free, triples, near, planes, support):
+    """The planes through triples first..last, and how many free samples lie on each."""
+    for number in range(first, last):
+        if triples[number, 2] < 0:
+            continue
+        a, b, c = plane_through(u, v, w, triples[number, 0], triples[number, 1], triples[number, 2])
+        planes[number, 0], planes[number, 1], planes[number, 2] = a, b, c
+        if a == 0 and b == 0 and c == 0:
+            continue
+        inliers = 0
+        for sample in range(len(u)):
+            if free[sample]:
+                residual = a * u[sample] + b * v[sample] + c - w[sample]
+                inliers += abs(residual) < near[sample]
+        support[number] = inliers
+
+
+def best_plane(
+    u: np.ndarray,
+    v: np.ndarray,
+    w: np.ndarray,
+    free: NDArray[np.bool_],
+    triples: NDArray[np.int64],
+    near: np.ndarray,
+) -> tuple[NDArray[np.float64], int]:
+    """The hypothesis (a, b, c) with most inliers among the free samples, and how many; the first one wins a tie.
+
+    near: for each sample, the residual below which it lies on a plane.
+    """
+    planes, support = np.zeros((len(triples), 3)), np.zeros(len(triples), np.int64)
+    in_bands(score_planes, len(triples), u, v, w, free, triples, near, planes, support)
+    best = int(np.argmax(support))
+    return planes[best], int(support[best])

@@ -1,0 +1,214 @@
+"""Numba kernels that extend surfaces into holes: far-side interpolation, and belief propagation over surface labels."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dlama.geometry.kernels.jit import in_bands, kernel, piece
+from dlama.geometry.rgbd import BoolArray, Float32Array
+
+DIRECTIONS = 16
+SKY_LABEL = 0
+
+
+@piece
+def first_known(w, hole, row, column, dr, dc):
+    """Inverse depth and distance of the first known pixel from a hole pixel in a direction; -1 if there is none."""
+    height, width = w.shape
+    steps = 0.0
+    y, x = row + 0.5, column + 0.5
+    while True:
+        y += dr
+        x += dc
+        steps += 1.0
+        if not (0 <= y < height and 0 <= x < width):
+            return -1.0, 0.0
+        r, c = np.int64(y), np.int64(x)
+        if not hole[r, c]:
+            return np.float64(w[r, c]), steps
+
+
+@piece
+def far_mean(values, weights, line, count):
+    """Mean of the first `count` values of a line near their weighted first quartile, weights squared."""
+    total = 0.0
+    for number in range(count):
+        total += weights[line, number]
+    reached, limit, taken = 0.0, 0.0, 0
+    while reached < 0.25 * total:  # the smallest one that was not taken yet, and so on
+        smallest, which = np.inf, 0
+        for number in range(count):
+            if not taken >> number & 1 and values[line, number] < smallest:
+                smallest, which = values[line, number], number
+        taken |= 1 << which
+        reached += weights[line, which]
+        limit = smallest
+    top, bottom = 0.0, 0.0
+    for number in range(count):
+        if values[line, number] <= 1.3 * limit:
+            square = weights[line, number] * weights[line, number]
+            top += values[line, number] * square
+            bottom += square
+    return top / bottom
+
+
+@kernel
+def far_side_rows(first, last, w, hole, ways, values, weights, out):
+    """Rows of `far_side`. ways: directions x 2, a step's rows and columns; values, weights: H x directions, room to work."""
+    for row in range(first, last):
+        for column in range(w.shape[1]):
+            if not hole[row, column]:
+                continue
+            count = 0
+            for way in range(len(ways)):
+                value, distance = first_known(w, hole, row, column, ways[way, 0], ways[way, 1])
+                if value > 0:
+                    values[row, count] = value
+                    weights[row, count] = 1.0 / distance
+                    count += 1
+            if count > 0:
+                out[row, column] = far_mean(values, weights, row, count)
+
+
+def far_side(w: Float32Array, hole: BoolArray) -> Float32Array:
+    """Inverse depth of the holes interpolated from the far side of their rims only; 0 where no rim is in sight.
+
+    From each hole pixel 16 rays look for the rim; the farthest quarter of what they meet (weighted by nearness) and all
+    within 30 % of it counts, by inverse square distance. Far pixels (w = 0) are left out: the sky has its own label.
+    """
+    angles = [2 * math.pi * direction / DIRECTIONS for direction in range(DIRECTIONS)]
+    ways = np.array([(math.sin(angle), math.cos(angle)) for angle in angles])
+    values, weights = np.empty((2, len(w), DIRECTIONS))
+    out = np.zeros(w.shape, np.float32)
+    in_bands(far_side_rows, len(w), np.ascontiguousarray(w), hole, ways, values, weights, out, band=16)
+    return out
+
+
+@piece
+def rim_cost(value, label, known, known_label, rim):
+    """Cost of filling `value` (inverse depth) with `label` next to a known pixel: going on is free, to be hidden by the
+    known pixel is cheap (less so for the sky), to stand before it is dear. rim: (meets, hidden, sky hidden, in front)."""
+    if label == known_label and label >= 0:
+        return 0.0
+    in_front = value > known
+    farther, nearer = (known, value) if in_front else (value, known)
+    step = (nearer / (farther if farther > 1e-9 else 1e-9) - 1.03) / 0.1  # noise of a few per cent is no step
+    step = 0.0 if step < 0 else (1.0 if step > 1 else step)
+    if in_front:
+        return rim[0] + rim[3] * step
+    return rim[0] + (rim[2] if label == SKY_LABEL else rim[1]) * step
+
+
+@kernel
+def unary_rows(first, last, values, allowed, distance, hole, w, label, scale, penalty, rim, out):
+    """Rows of `unary_costs`."""
+    count, height, width = values.shape
+    for row in range(first, last):
+        for column in range(width):
+            if not hole[row, column]:
+                continue
+            nearest = np.inf
+            for k in range(count):
+                if distance[k, row, column] < nearest:
+                    nearest = np.float64(distance[k, row, column])
+            for k in range(count):
+                cost = penalty[k, row, column] + (distance[k, row, column] - nearest) / scale
+                if not allowed[k, row, column]:
+                    cost += 50.0
+                dr, dc = 0, 1
+                for _ in range(4):
+                    r, c = row + dr, column + dc
+                    if 0 <= r < height and 0 <= c < width and not hole[r, c]:
+                        cost += rim_cost(
+                            np.float64(values[k, row, column]), k - 1, np.float64(w[r, c]), np.int64(label[r, c]), rim
+                        )
+                    dr, dc = dc, -dr
+                out[row, column, k] = cost
+
+
+def unary_costs(
+    values: Float32Array,
+    allowed: BoolArray,
+    distance: Float32Array,
+    hole: BoolArray,
+    w: Float32Array,
+    label: NDArray[np.int32],
+    scale: float,
+    penalty: Float32Array,
+    rim: NDArray[np.float64],
+) -> Float32Array:
+    """H x W x L cost of each label at each hole pixel: how far away the surface was last seen, and the rim.
+
+    values: L x H x W inverse depth; allowed: L x H x W bool; distance: L x H x W px to the nearest known pixel of a label;
+    scale: px of distance that cost as much as one full jump; penalty: L x H x W further cost. Label l is `l - 1` in `label`.
+    """
+    out = np.zeros((*hole.shape, len(values)), np.float32)
+    in_bands(
+        unary_rows, len(hole), values, allowed, distance, hole, w, label, float(scale), penalty, np.asarray(rim), out
+    )
+    return out
+
+
+@piece
+def pair_cost(value, other, potts):
+    """Cost between two different labels of neighbouring hole pixels: `potts` where their surfaces meet, 1 more at a jump
+    of 10 % and above."""
+    larger = value if value > other else other
+    jump = abs(value - other) / (larger if larger > 1e-9 else 1e-9) / 0.1
+    return potts + (jump if jump < 1 else 1.0)
+
+
+@piece
+def send(unary, messages, values, potts, belief, line, row, column, to_row, to_column, incoming, outgoing):
+    """One min-sum message from a hole pixel to its neighbour; `incoming` is the direction it must not echo."""
+    count = unary.shape[2]
+    for k in range(count):
+        total = np.float64(unary[row, column, k])
+        for direction in range(4):
+            if direction != incoming:
+                total += messages[direction, row, column, k]
+        belief[line, k] = total
+    smallest = np.inf
+    for k in range(count):
+        best = belief[line, k]
+        for other in range(count):
+            if other != k and belief[line, other] < best:
+                cost = belief[line, other] + pair_cost(values[other, row, column], values[k, to_row, to_column], potts)
+                best = cost if cost < best else best
+        messages[outgoing, to_row, to_column, k] = best
+        smallest = best if best < smallest else smallest
+    for k in range(count):
+        messages[outgoing, to_row, to_column, k] -= smallest
+
+
+@kernel
+def sweep(first, last, across, unary, messages, values, hole, potts, belief):
+    """Messages there and back along each row (across = 1: directions 0 from left, 1 from right) or column (2 from above, 3 from
+    below); lines first..last only, which do not meet. belief: lines x L, room to work."""
+    length = hole.shape[1] if across else hole.shape[0]
+    base = 0 if across else 2
+    for line in range(first, last):
+        for back in range(2):
+            for step in range(length - 1):
+                here = length - 1 - step if back else step
+                there = here - 1 if back else here + 1
+                row, column, to_row, to_column = (line, here, line, there) if across else (here, line, there, line)
+                if hole[row, column] and hole[to_row, to_column]:
+                    incoming, outgoing = base + 1 - back, base + back
+                    send(
+                        unary, messages, values, potts, belief, line, row, column, to_row, to_column, incoming, outgoing
+                    )
+
+
+def beliefs(unary: Float32Array, values: Float32Array, hole: BoolArray, potts: float, rounds: int) -> Float32Array:
+    """H x W x L min-marginals by loopy belief propagation (sequential sweeps along rows and columns)."""
+    messages = np.zeros((4, *unary.shape), np.float32)
+    belief = np.empty((max(hole.shape), unary.shape[2]))
+    for _ in range(rounds):
+        for across in (1, 0):
+            lines = hole.shape[1 - across]
+            in_bands(sweep, lines, across, unary, messages, values, hole, potts, belief)
+    return np.asarray(unary + messages.sum(0))

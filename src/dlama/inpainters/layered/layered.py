@@ -1,0 +1,45 @@
+"""The default filler: surfaces first, then their texture. Depth from the far side of each hole, colour from that surface."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dlama.geometry.rendering import inverse_depth
+from dlama.geometry.rgbd import Float32Array
+from dlama.geometry.view import View
+from dlama.geometry.visibility import Law
+from dlama.inpainters.filling import Fill
+from dlama.inpainters.layered.hedging import hedged
+from dlama.inpainters.layered.planes import SKY, SMOOTH
+from dlama.inpainters.layered.surfaces import Surfaces, extend
+from dlama.inpainters.layered.texture_synthesis import synthesize
+from dlama.inpainters.painting import color_hole
+
+
+def layered(view: View, law: Law, seed: int = 0) -> Fill:
+    """Continue planes, sky and smooth surfaces into the holes, put them behind what was measured, then paint them."""
+    surfaces, depth, moved = surfaces_behind(view, law, seed)
+    open_color = color_hole(view)
+    color = view.color
+    if open_color.any():
+        w = np.where(view.hole, inverse_depth(depth), surfaces.inverse_depth)
+        label = np.where(np.abs(w - surfaces.inverse_depth) > 0.05 * w, np.int32(SMOOTH), surfaces.label)
+        label = np.where(view.hole & (w == 0), np.int32(SKY), label)
+        color = synthesize(view.color, open_color, w, label.astype(np.int32), view.camera, seed=seed, sky=law.far_color)
+        color = hedged(view, color, open_color, w)
+    notes = {"planes": len(surfaces.planes)}
+    return Fill(color, depth, moved, notes)
+
+
+def surfaces_behind(view: View, law: Law, seed: int) -> tuple[Surfaces, Float32Array, int]:
+    """The surfaces continued into the holes, their depth put behind what was measured, and how many pixels that moved."""
+    surfaces = extend(view, law, seed)
+    depth, moved = law.project(view.camera, depth_of(surfaces.inverse_depth), view.hole)
+    return surfaces, depth, int(moved.sum())
+
+
+def depth_of(w: Float32Array) -> Float32Array:
+    """Metres from inverse depth; 0 is far (+inf)."""
+    out = np.full(w.shape, np.inf, np.float32)
+    np.divide(1, w, out=out, where=w > 0)
+    return out

@@ -1,0 +1,141 @@
+"""Planes of a view: inverse depth in; a few planes and, for every known pixel, which one it lies on, out.
+
+A plane is affine in inverse depth over pixels, w = a u + b v + c (u, v in pixels, centres at 0.5), whatever the camera.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dlama.geometry.rgbd import BoolArray, Float32Array
+
+SMOOTH = -1
+"""Label of pixels on no plane."""
+SKY = 0
+"""Label of far pixels; planes count from 1."""
+TOLERANCE = 0.012
+"""Largest relative residual in inverse depth of a pixel that lies on a plane."""
+NOISY = 2.5
+"""And its largest residual in units of the noise of the inverse depth (stereo matching, structured light), where that is more."""
+OUTLYING = 2.0
+"""Times that slack up to which a pixel amid a plane's pixels still lies on it: matching errs in patches, not by a Gaussian."""
+NOISE_REACH = 4
+"""Pixels over which noise is looked at: that of neighbouring pixels is much alike."""
+NEIGHBOURHOOD = 9
+"""Width in px of the window in which planes compete for a pixel."""
+MOST_PLANES = 12
+SMALLEST_SHARE = 0.01
+"""Share of the known pixels that a plane must hold."""
+HYPOTHESES = 160
+SAMPLES = 9000
+"""Known pixels that hypotheses are scored on."""
+
+
+def noise_of(w: Float32Array, surface: BoolArray) -> float:
+    """Standard deviation (1/m) of the noise of measured inverse depth; 0 where it is exact, for planes are straight in it.
+
+    From the median second difference over NOISE_REACH px: of a straight line it is 0, and most of a picture is straight. Noise
+    that the slack at a usual distance covers anyhow is none.
+    """
+    k, found = NOISE_REACH, []
+    for a, there in ((w, surface), (w.T, surface.T)):
+        known = there[:, : -2 * k] & there[:, k:-k] & there[:, 2 * k :]
+        found.append(np.abs(a[:, k:-k] - (a[:, : -2 * k] + a[:, 2 * k :]) / 2)[known])
+    bends = np.concatenate(found)
+    noise = float(np.median(bends)) / (0.6745 * np.sqrt(1.5)) if bends.size else 0.0
+    return noise if noise and NOISY * noise > TOLERANCE * float(np.median(w[surface])) else 0.0
+
+
+def slack(w: np.ndarray, noise: float) -> np.ndarray:
+    """Largest residual in inverse depth of a pixel that lies on a plane, for each w."""
+    return np.maximum(w.dtype.type(TOLERANCE) * w, w.dtype.type(NOISY * noise))
+
+
+def find_planes(w: Float32Array, surface: BoolArray, seed: int, noise: float = 0.0) -> NDArray[np.float64]:
+    """K x 3 planes (a, b, c), most supported first, K <= MOST_PLANES.
+
+    Greedy RANSAC (Fischler & Bolles 1981) with local triples, each plane refined by least squares on its inliers.
+    w: H x W inverse depth; surface: H x W, True where it is finite and known; noise: as `noise_of` gives it.
+    """
+    from dlama.inpainters.layered.kernels import planes as plane_kernels
+
+    rows, columns = np.nonzero(surface)
+    if len(rows) < 50:
+        return np.zeros((0, 3))
+    rng = np.random.default_rng(seed)
+    chosen = np.sort(rng.choice(len(rows), min(SAMPLES, len(rows)), replace=False))
+    u, v = columns[chosen] + 0.5, rows[chosen] + 0.5
+    z = w[rows[chosen], columns[chosen]].astype(np.float64)
+    near = slack(z, noise)
+    free = np.ones(len(chosen), np.bool_)
+    planes: list[np.ndarray] = []
+    reach = 0.06 * max(w.shape)
+    while len(planes) < MOST_PLANES and free.sum() > SMALLEST_SHARE * len(chosen):
+        triples = plane_kernels.local_triples(u, v, free, reach, HYPOTHESES, int(rng.integers(2**31)))
+        plane, support = plane_kernels.best_plane(u, v, z, free, triples, near)
+        if support < SMALLEST_SHARE * len(chosen):
+            break
+        for _ in range(3):
+            inliers = free & (np.abs(plane[0] * u + plane[1] * v + plane[2] - z) < near)
+            if inliers.sum() < 12:
+                break
+            plane = fitted(u[inliers], v[inliers], z[inliers], near[inliers])
+        free &= ~(np.abs(plane[0] * u + plane[1] * v + plane[2] - z) < 2 * near)
+        planes.append(plane)
+    return np.array(planes).reshape(-1, 3)
+
+
+def fitted(u: np.ndarray, v: np.ndarray, w: np.ndarray, near: np.ndarray) -> NDArray[np.float64]:
+    """Least squares plane, residuals relative to `near`, how far off a pixel may be (so that far and near count alike)."""
+    weight = TOLERANCE / near
+    design = np.stack([u, v, np.ones_like(u)], 1) * weight[:, None]
+    return np.asarray(np.linalg.lstsq(design, w * weight, rcond=None)[0], np.float64)
+
+
+def plane_values(planes: NDArray[np.float64], hw: tuple[int, int], step: float = 1.0) -> Float32Array:
+    """K x H x W inverse depth of the planes at pixel centres of a grid whose pixels are `step` view pixels wide."""
+    u = (np.arange(hw[1]) + 0.5) * step
+    v = (np.arange(hw[0]) + 0.5) * step
+    a, b, c = (planes[:, k, None, None] for k in range(3))
+    return (a * u + b * v[:, None] + c).astype(np.float32)
+
+
+def label_known(
+    w: Float32Array, surface: BoolArray, far: BoolArray, planes: NDArray[np.float64], noise: float = 0.0
+) -> NDArray[np.int32]:
+    """H x W int32: SKY at far pixels, k >= 1 on the k-th plane, SMOOTH elsewhere (holes too).
+
+    Of the planes that fit a pixel it belongs to the one that fits most of its neighbourhood: a plane that merely cuts through
+    a surface leaves no stripe on it.
+    """
+    import cv2
+
+    window = (NEIGHBOURHOOD, NEIGHBOURHOOD)
+    there = surface.astype(np.float32)
+    most = 0.3 * cv2.boxFilter(there, -1, window, normalize=False)
+    label = np.full(w.shape, SMOOTH, np.int32)
+    near, half = slack(w, noise), 0.5 * cv2.boxFilter(there, -1, window, normalize=False)
+    for number, value in enumerate(planes):
+        residual = np.abs(plane_values(value[None], w.shape)[0] - w)
+        fits = surface & (residual < near)
+        count = cv2.boxFilter(fits.astype(np.float32), -1, window, normalize=False)
+        fits |= surface & (residual < OUTLYING * NOISY * noise) & (count > half)
+        better = fits & (count > most)
+        most[better] = count[better]
+        label[better] = number + 1
+    label[far] = SKY
+    return label
+
+
+def steadied(w: Float32Array, label: NDArray[np.int32], planes: NDArray[np.float64], noise: float) -> Float32Array:
+    """Inverse depth with the noise on planes taken off: what a pixel's residual has beyond the slack of noise is kept."""
+    if not noise or not len(planes):
+        return w
+    out = w.copy()
+    for number, value in enumerate(planes):
+        rows, columns = np.nonzero(label == number + 1)
+        fitted_w = value[0] * (columns + 0.5) + value[1] * (rows + 0.5) + value[2]
+        residual = w[rows, columns] - fitted_w
+        out[rows, columns] = fitted_w + np.sign(residual) * np.maximum(np.abs(residual) - OUTLYING * NOISY * noise, 0)
+    return out

@@ -1,0 +1,32 @@
+"""Joint: a view with holes and any 5 -> 4 network file in; colour and depth, filled in one pass, out."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dlama.geometry.view import View
+from dlama.geometry.visibility import Law
+from dlama.inpainters.filling import Fill, Inpainter
+from dlama.inpainters.networks.contract import Contract, demand
+from dlama.inpainters.networks.engine import engine
+from dlama.inpainters.networks.view_tensors import DepthPlane, color_planes, eight_bits, robust_scale
+
+
+def joint_filler(model: str | Path, contract: Contract | None = None, **options: Any) -> Inpainter:
+    """A filler of a network file that takes red, green, blue, depth, mask; `options` as of Engine.
+
+    Depth is inverse depth, 0 = infinity and 0.75 = what 99 % of the view's known pixels do not exceed. In a sensor hole the
+    network sees neither colour nor depth; only its depth is used there. FileError where there is no file.
+    """
+    network = engine(model, contract, **options)
+
+    def joint(view: View, law: Law, seed: int) -> Fill:
+        demand(network.contract, 4, str(network.path), "joint")
+        depth = DepthPlane.of(view, robust_scale)
+        filled = network.fill(np.concatenate([color_planes(view.color), depth.values[None]])[None], view.hole)[0]
+        return Fill(eight_bits(filled[:3]), depth.metres(filled[3]), notes=network.notes)
+
+    return joint

@@ -1,0 +1,55 @@
+"""LaMa: a view with holes and any 4 -> 3 network file in; colour, and depth as a grey picture, out."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dlama.geometry.rgbd import BoolArray, UInt8Array
+from dlama.geometry.view import View
+from dlama.geometry.visibility import Law
+from dlama.inpainters.filling import Fill, Inpainter
+from dlama.inpainters.networks.contract import Contract, demand
+from dlama.inpainters.networks.engine import Engine, engine
+from dlama.inpainters.networks.view_tensors import DepthPlane, color_planes, eight_bits
+from dlama.inpainters.painting import Painter, channel_spread, color_hole
+
+BATCHED: tuple[str, ...] = ()
+"""Providers on which one pass for colour and depth was measured to be faster than two (benchmarks/engine.py); none so far."""
+
+
+def lama_filler(model: str | Path, contract: Contract | None = None, **options: Any) -> Inpainter:
+    """A filler of a network file; `options` as of Engine (provider, threads, budget). FileError where there is no file.
+
+    Depth goes in as three equal planes of inverse depth on the scale of the view's nearest pixel, 0 = infinity, and
+    comes back as their mean: float all the way.
+    """
+    network = engine(model, contract, **options)
+
+    def checked() -> Engine:
+        demand(network.contract, 3, str(network.path), "lama")
+        return network
+
+    def lama(view: View, law: Law, seed: int) -> Fill:
+        return filled_apart(view, checked())
+
+    def paint(picture: UInt8Array, hole: BoolArray) -> UInt8Array:
+        return eight_bits(checked().fill(color_planes(picture)[None], hole)[0])
+
+    return Painter(lama, paint, lambda: network.notes)
+
+
+def filled_apart(view: View, network: Engine) -> Fill:
+    """Colour where it is not known, depth in the whole hole."""
+    depth, open_color = DepthPlane.of(view), color_hole(view)
+    color = color_planes(view.color)
+    grey = np.repeat(depth.values[None], 3, 0)
+    if network.running_on in BATCHED and (open_color == view.hole).all():
+        color, grey = network.fill(np.stack([color, grey]), view.hole)
+    else:
+        color = network.fill(color[None], open_color)[0]
+        grey = network.fill(grey[None], view.hole)[0]
+    spread = channel_spread(grey.transpose(1, 2, 0) * 255, view.hole)
+    return Fill(eight_bits(color), depth.metres(grey.mean(0)), notes=network.notes | {"depth_channel_spread": spread})

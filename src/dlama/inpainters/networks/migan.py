@@ -1,0 +1,106 @@
+"""MI-GAN: a view with holes and the published pipeline file in; colour, and depth as a grey picture, out.
+
+The pipeline (uint8, mask 255 = keep) is given what it can bear: cracks are closed first, the hole is grown so that what
+lies in it does not leak through its own resizing, and pre-filled, because fed black it leaves a dark frame. Its depth is
+8-bit inverse depth, and still better than diffusion's (street s03, yaw 20: 0.11 m of mean error, Telea 0.43); its steps are
+smoothed away by as much as a step cannot tell.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dlama.errors import FileError
+from dlama.geometry.holes import dilated
+from dlama.geometry.rendering import inverse_depth
+from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
+from dlama.geometry.view import View
+from dlama.geometry.visibility import Law
+from dlama.inpainters.filling import Fill, Inpainter
+from dlama.inpainters.networks.engine import Engine, engine
+from dlama.inpainters.networks.tiling import Layout, fill_crops
+from dlama.inpainters.networks.view_tensors import DepthPlane
+from dlama.inpainters.opencv import telea
+from dlama.inpainters.painting import Painter, color_hole
+
+GROW = 3
+"""Pixels by which the hole grows for the network only: from 3 on, nothing in the hole leaks (WEIGHTS.md)."""
+CRACK = 3
+"""Holes that a square of this side does not fit into are cracks."""
+SMOOTHING = 3.0
+"""Sigma in pixels of the smoothing that undoes 8-bit steps of depth."""
+SIDE = 512
+"""The network's own size: a crop of up to this side costs the same whatever it is."""
+ENDS = {"image": "tensor(uint8)", "mask": "tensor(uint8)"}
+
+
+def migan_filler(model: str | Path, **options: Any) -> Inpainter:
+    """A filler of the MI-GAN pipeline file (graph inputs image and mask, uint8); `options` as of Engine."""
+    options.setdefault("budget", (2 * SIDE) ** 2)
+    network = engine(model, **options)
+
+    def migan(view: View, law: Law, seed: int) -> Fill:
+        demand_pipeline(network)
+        diffused = telea(view, law, seed)
+        color = painted(view.color, diffused.color, color_hole(view), network)
+        return Fill(color, painted_depth(view, diffused.depth, network), notes=network.notes)
+
+    def paint(picture: UInt8Array, hole: BoolArray) -> UInt8Array:
+        demand_pipeline(network)
+        return painted(picture, telea.paint(picture, hole), hole, network)
+
+    return Painter(migan, paint, lambda: network.notes)
+
+
+def demand_pipeline(network: Engine) -> None:
+    """FileError unless the file is the pipeline, told by its inputs."""
+    ends = {name: kind for name, (kind, _) in network.ends.items()}
+    if ends != ENDS:
+        raise FileError(f"{network.path}: inputs are {ends}; the MI-GAN pipeline has {ENDS}")
+
+
+def painted(known: UInt8Array, diffused: UInt8Array, hole: BoolArray, network: Engine) -> UInt8Array:
+    """H x W x 3: cracks as diffused, wider holes by the network, known pixels as they are."""
+    wide = hole & ~cracks(hole)
+    start = np.where(hole[..., None], diffused, known).transpose(2, 0, 1)[None]
+
+    def run(planes: Float32Array, open_: BoolArray) -> Float32Array:
+        keep = np.where(dilated(open_, GROW), np.uint8(0), np.uint8(255))
+        out = network.run({"image": planes.astype(np.uint8), "mask": keep[None, None]})
+        return out.astype(np.float32)
+
+    layout = Layout(multiple=1, minimum=1, budget=network.budget, least=SIDE * SIDE)
+    filled = fill_crops(start.astype(np.float32), wide, run, layout)[0]
+    return np.ascontiguousarray(np.round(filled).astype(np.uint8).transpose(1, 2, 0))
+
+
+def painted_depth(view: View, diffused: Float32Array, network: Engine) -> Float32Array:
+    """H x W metres by way of 256 grey levels of inverse depth, 255 = the nearest pixel, 0 = far."""
+    plane = DepthPlane.of(view)
+    start = np.where(view.hole, inverse_depth(diffused) / np.float32(plane.scale), plane.values)
+    grey = np.repeat(np.round(np.clip(start, 0, 1) * 255).astype(np.uint8)[..., None], 3, 2)
+    levels = painted(grey, grey, view.hole, network).astype(np.float32).mean(2)
+    values = np.where(view.hole & ~cracks(view.hole), stepless(levels) / 255, start)
+    if not view.far.any():  # level 0 is then no sky, only farther than a step can tell
+        values = np.maximum(values, np.float32(0.25 / 255))
+    return plane.metres(values.astype(np.float32))
+
+
+def stepless(levels: Float32Array) -> Float32Array:
+    """Levels smoothed within half a step, so that slopes are slopes again and edges stay; level 0 stays 0 (far)."""
+    import cv2
+
+    smooth = np.asarray(cv2.GaussianBlur(levels, (0, 0), SMOOTHING), np.float32)
+    return np.where(levels > 0, np.clip(smooth, levels - 0.5, levels + 0.5), np.float32(0))
+
+
+def cracks(hole: BoolArray) -> BoolArray:
+    """H x W, True in hole pixels that are on no CRACK x CRACK square of hole (beyond the border counts as hole)."""
+    import cv2
+
+    square = np.ones((CRACK, CRACK), np.uint8)
+    inner = cv2.erode(hole.astype(np.uint8), square, borderValue=1)
+    return hole & (cv2.dilate(inner, square, borderValue=0) == 0)

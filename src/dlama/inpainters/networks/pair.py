@@ -1,0 +1,84 @@
+"""Pair: both pictures of a stereo pair with holes and a network file in; each picture painted in sight of the other, out.
+
+The network takes left and right colours, then one mask (7 -> 6: the union of both pictures' holes) or two (8 -> 6: the left
+picture's hole, the right one's), and gives both; which of the two it is, its contract says. Depth is not its business:
+surfaces are continued, as `depth_first` does.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dlama.errors import InputError
+from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
+from dlama.geometry.view import View
+from dlama.geometry.visibility import Law
+from dlama.inpainters.filling import Fill
+from dlama.inpainters.networks.contract import Contract, demand
+from dlama.inpainters.networks.engine import Engine, engine
+from dlama.inpainters.networks.tiling import Network, fill_crops
+from dlama.inpainters.networks.view_tensors import color_planes, eight_bits
+from dlama.inpainters.painting import Painter
+
+FED = {1: "one: the union of both pictures' holes", 2: "two: the left picture's hole, the right one's"}
+"""Masks a network takes -> what stands in meta.json."""
+
+
+@dataclass(frozen=True)
+class PairFiller:
+    """A network for pairs; `painter` makes the filler of one of its pictures."""
+
+    network: Engine
+
+    def __call__(self, view: View, law: Law, seed: int) -> Fill:
+        """Not for one view alone: InputError."""
+        raise InputError(
+            "filler 'pair' paints both pictures of a stereo pair with depth_by surfaces: `dlama stereo` runs it"
+        )
+
+    def painter(self, other: UInt8Array, other_hole: BoolArray, *, left: bool) -> Painter:
+        """Fills the left (or the right) picture; other: H x W x 3, the other one, with the pixels not known of it."""
+
+        def paint(picture: UInt8Array, hole: BoolArray) -> UInt8Array:
+            demand(self.network.contract, 6, str(self.network.path), "pair")
+            order = slice(None) if left else slice(None, None, -1)
+            planes = np.concatenate([color_planes(picture), color_planes(other)][order])
+            filled = filled_pair(self.network, planes, np.stack([hole, other_hole][order]))
+            own = eight_bits(filled[:3] if left else filled[3:])
+            return np.where(hole[..., None], own, picture)
+
+        return Painter(self, paint, lambda: self.network.notes | {"masks": FED[self.network.contract.masks]})
+
+
+def filled_pair(network: Engine, planes: Float32Array, holes: BoolArray) -> Float32Array:
+    """6 x H x W planes in 0..1 (left, right) of such planes with their holes (2 x H x W: left, right) filled.
+
+    With one mask the network sees neither picture where either has its hole, and gives both there. With two, each picture is
+    hidden and filled in its own hole only.
+    """
+    union = holes[0] | holes[1]
+    if network.contract.masks == 1:
+        return network.fill(planes[None], union)[0]
+    both = np.concatenate([planes, holes.astype(np.float32)])[None]
+    return fill_crops(both, union, _with_two_masks(network), network.layout)[0, :6]
+
+
+def _with_two_masks(network: Engine) -> Network:
+    """The network on 8 planes, the masks last, that travel through crops and tiles together; a filled pixel's masks are 0."""
+    about = network.contract
+
+    def call(both: Float32Array, union: BoolArray) -> Float32Array:
+        planes, holes = both[:, :6], both[0, 6:] > 0
+        filled = np.where(about.own_holes(holes), network.call(planes, holes), planes)
+        return np.concatenate([filled, np.zeros_like(both[:, 6:])], 1)
+
+    return call
+
+
+def pair_filler(model: str | Path, contract: Contract | None = None, **options: Any) -> PairFiller:
+    """The filler of a network file; `options` as of Engine. FileError where there is no file."""
+    return PairFiller(engine(model, contract, **options))

@@ -1,0 +1,98 @@
+"""Numba kernel of the law's limit: true inverse depth of a target view in, the nearest lawful one out. Imported lazily.
+
+Along a target pixel's ray, with inverse depth w growing from infinity (w = 0) towards the camera, source pixels are
+(ax + w ox, ay + w oy) / h, h = az + w oz, and source depth is h / w: all borders and limits are linear in w.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dlama.geometry.kernels.jit import kernel, piece
+from dlama.geometry.kernels.visibility import ray, tolerance
+
+NUDGE = 1e-9
+"""Relative step over a border between two source pixels."""
+
+
+@piece
+def clip(low, high, a, b):
+    """The part of [low, high] on which a + w b >= 0; low > high where there is none."""
+    if b > 0:
+        return max(low, -a / b), high
+    if b < 0:
+        return low, min(high, -a / b)
+    return (low, high) if a >= 0 else (np.inf, -np.inf)
+
+
+@piece
+def border_at(a, b, offset_a, offset_b, border):
+    """The w at which (a + w offset_a) / (b + w offset_b) equals `border`; inf if never."""
+    slope = offset_a - border * offset_b
+    if slope == 0:
+        return np.inf
+    return (border * b - a) / slope
+
+
+@piece
+def leaves_at(ax, ay, az, offset, w, column, row):
+    """The w' > w at which the ray leaves a source pixel; inf if never."""
+    nearest = np.inf
+    for k in range(2):
+        across = border_at(ax, az, offset[0], offset[2], column + k)
+        down = border_at(ay, az, offset[1], offset[2], row + k)
+        if across > w:
+            nearest = min(nearest, across)
+        if down > w:
+            nearest = min(nearest, down)
+    return nearest
+
+
+@piece
+def limit_on_ray(ax, ay, az, offset, w, measured):
+    """The first inverse depth >= w that breaks the law; inf if none does."""
+    rows, columns = measured.shape
+    low, high = clip(w, np.inf, az, offset[2])
+    low, high = clip(low, high, ax, offset[0])
+    low, high = clip(low, high, ay, offset[1])
+    low, high = clip(low, high, columns * az - ax, columns * offset[2] - offset[0])
+    low, high = clip(low, high, rows * az - ay, rows * offset[2] - offset[1])
+    w = low
+    for _ in range(4 * (rows + columns)):
+        if not w < high:
+            return np.inf
+        inside = w + NUDGE * (w + 1e-6)
+        h = az + inside * offset[2]
+        if h <= 0:
+            return np.inf
+        column = min(max(int((ax + inside * offset[0]) / h), 0), columns - 1)
+        row = min(max(int((ay + inside * offset[1]) / h), 0), rows - 1)
+        border = leaves_at(ax, ay, az, offset, inside, column, row)
+        depth = measured[row, column]
+        if depth == np.inf:
+            return w
+        if depth > 0:
+            nearest = depth - tolerance(depth)
+            if h < inside * nearest:
+                return w
+            if nearest > offset[2]:
+                breaks = az / (nearest - offset[2])
+                if w <= breaks < min(border, high):
+                    return breaks
+        w = border
+    return np.inf
+
+
+@kernel
+def limits(first, last, truth, where, matrix, offset, measured, out):
+    """out (float64 H x W inverse depths): made no larger than the law of one source allows at the pixels of `where`.
+
+    truth: H x W inverse depth (1/m, 0 = far); matrix, offset: source px from target px; measured: source depth.
+    """
+    for row in range(first, last):
+        for column in range(truth.shape[1]):
+            if where[row, column]:
+                ax, ay, az = ray(matrix, row, column)
+                found = limit_on_ray(ax, ay, az, offset, np.float64(truth[row, column]), measured)
+                if found < out[row, column]:
+                    out[row, column] = found

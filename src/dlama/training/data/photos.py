@@ -1,0 +1,89 @@
+"""Folders of pictures in -> photos by name, read on demand, and which of them are held out, out."""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TypeVar
+
+import numpy as np
+
+from dlama.errors import FileError, InputError
+from dlama.files.images import SUFFIXES, read_stored
+from dlama.files.pictures import eight_bit_rgb
+from dlama.geometry.rgbd import UInt8Array
+
+HELD_OUT_ONE_IN = 16
+"""One group of photos, or one scene, in so many is held out."""
+FRAME_NUMBER = re.compile(r"[_-][a-z]?\d{5,}$")
+"""Of a video: neighbouring frames look alike, so all frames of one belong together."""
+
+Thing = TypeVar("Thing")
+
+
+@dataclass(frozen=True)
+class Photo:
+    """A picture without depth, not yet read."""
+
+    name: str
+    """File name without folder and suffix: the same in a folder and in a pack."""
+    load: Callable[[], UInt8Array]
+    """H x W x 3 RGB; picklable."""
+
+
+def folder_photos(folder: Path) -> tuple[Photo, ...]:
+    """All PNG, JPEG and TIFF pictures in a folder and below, by path. FileError where there are none."""
+    if not folder.is_dir():
+        raise FileError(f"{folder}: no such folder; a folder of pictures is wanted")
+    paths = sorted(path for path in folder.rglob("*") if path.suffix.lower() in SUFFIXES and path.is_file())
+    if not paths:
+        raise FileError(f"{folder}: holds no picture ({', '.join(SUFFIXES)}) and is no data set of a known layout")
+    return tuple(Photo(path.stem, functools.partial(read_photo, path)) for path in paths)
+
+
+def read_photo(path: Path) -> UInt8Array:
+    """Any picture as uint8 H x W x 3 RGB: 16 bit keep their high byte, grey is repeated, alpha dropped. FileError.
+
+    A picture that EXIF calls turned stays as it is stored: a texture has no upright side.
+    """
+    return eight_bit_rgb(read_stored(path).values, path)
+
+
+def split_photos(photos: Sequence[Photo], split: str) -> tuple[Photo, ...]:
+    """The photos of one split (`train`, `held_out`), by a hash of their names; a video's frames stay together."""
+    groups = {photo.name: FRAME_NUMBER.sub("", photo.name) for photo in photos}
+    if len(set(groups.values())) < 2:
+        groups = {name: name for name in groups}
+    held = held_out_of(set(groups.values()), "photos")
+    return tuple(photo for photo in photos if (groups[photo.name] in held) == (split == "held_out"))
+
+
+def held_out_of(names: set[str], what: str) -> set[str]:
+    """Which names are held out: those whose hash says so, or else the one with the smallest. InputError below two."""
+    if len(names) < 2:
+        raise InputError(f"{len(names)} different {what}: two or more are wanted, so that one can be held out")
+    order = sorted(names, key=_hash)
+    chosen = {name for name in order if _hash(name) % HELD_OUT_ONE_IN == 0}
+    return chosen if 0 < len(chosen) < len(names) else {order[0]}
+
+
+def square_crop(picture: UInt8Array, size: int, rng: np.random.Generator) -> UInt8Array:
+    """size x size: a random square of a random scale, at least `size` px wide where the picture has so many."""
+    import cv2
+
+    least = min(picture.shape[:2])
+    side = round(float(np.exp(rng.uniform(np.log(min(size, least)), np.log(least)))))
+    top, left = (int(rng.integers(0, length - side + 1)) for length in picture.shape[:2])
+    square = np.ascontiguousarray(picture[top : top + side, left : left + side])
+    if side == size:
+        return square
+    how = cv2.INTER_AREA if side > size else cv2.INTER_CUBIC
+    return np.asarray(cv2.resize(square, (size, size), interpolation=how), np.uint8)
+
+
+def _hash(name: str) -> int:
+    return int.from_bytes(hashlib.sha256(name.encode()).digest()[:8], "big")

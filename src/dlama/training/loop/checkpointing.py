@@ -1,0 +1,99 @@
+"""A training module in -> one file with everything the run goes on from, written whole or not at all; and back.
+
+The file is torch's, read with `weights_only=True`. Its `state_dict` has the published names under `generator.`, so every
+reader of LaMa checkpoints, ours too, finds the network in it; `average.` is the one that is exported.
+"""
+
+from __future__ import annotations
+
+import os
+import secrets
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import torch
+
+from dlama.errors import FileError, InputError, OutputError
+from dlama.training.loop.module import TrainingModule
+from dlama.training.settings_files import to_json
+
+VERSION = 1
+LAST = "last.ckpt"
+
+
+def checkpoint_of(module: TrainingModule, seconds: float, random_states: list[dict[str, Any]]) -> dict[str, Any]:
+    """All there is to keep.
+
+    Args:
+        module: as it is after a whole step.
+        seconds: the run has trained for, over all its parts.
+        random_states: of every process, by rank.
+    """
+    named = {
+        f"{name}.{key}": value
+        for name, network in module.networks.items()
+        for key, value in network.state_dict().items()
+    }
+    return {
+        "version": VERSION,
+        "settings": to_json(module.settings),
+        "step": module.step,
+        "samples": module.samples,
+        "restored": module.restored,
+        "seconds": seconds,
+        "state_dict": named,
+        "optimizer_states": [optimiser.state_dict() for optimiser in module.raw_optimisers],
+        "random_states": random_states,
+    }
+
+
+def write_checkpoint(path: Path, checkpoint: dict[str, Any]) -> None:
+    """Beside and moved, after the disk has it: a crash or a full disk leaves the old file whole. OutputError."""
+    draft = path.with_name(f".{path.name}-{secrets.token_hex(4)}")
+    try:
+        with draft.open("wb") as stream:
+            torch.save(checkpoint, stream)
+            stream.flush()
+            os.fsync(stream.fileno())
+        draft.replace(path)
+    except (OSError, RuntimeError) as error:  # torch's writer turns a full disk into a RuntimeError
+        raise OutputError(
+            f"{path}: cannot be written ({str(error).splitlines()[0]}); what was there is whole"
+        ) from error
+    finally:
+        with suppress(OSError):
+            draft.unlink(missing_ok=True)
+
+
+def read_checkpoint(path: Path) -> dict[str, Any]:
+    """Nothing of the file is run. FileError where it is no checkpoint of this version."""
+    try:
+        found = torch.load(path, map_location="cpu", weights_only=True)
+    except FileNotFoundError as error:
+        raise FileError(f"{path}: no such checkpoint, so there is nothing to resume") from error
+    except Exception as error:  # a damaged archive raises anything
+        raise FileError(f"{path}: cannot be read as a checkpoint ({str(error).splitlines()[0]})") from error
+    if not isinstance(found, dict) or found.get("version") != VERSION:
+        raise FileError(f"{path}: no checkpoint of dlama's training, version {VERSION}")
+    return found
+
+
+def restore(module: TrainingModule, checkpoint: dict[str, Any], processes: int) -> None:
+    """Networks and counters at once, optimisers when they are made; random numbers are the caller's.
+
+    Raises:
+        InputError: the run had another number of processes, so its samples would not be the same ones.
+    """
+    had = len(checkpoint["random_states"])
+    if had != processes:
+        raise InputError(
+            f"the run has {had} processes (loop.devices times loop.nodes), not {processes}; keep them to resume"
+        )
+    for name, network in module.networks.items():
+        prefix = f"{name}."
+        state = {k.removeprefix(prefix): v for k, v in checkpoint["state_dict"].items() if k.startswith(prefix)}
+        network.load_state_dict(state, strict=True)
+    module.step, module.samples = checkpoint["step"], checkpoint["samples"]
+    module.restored = checkpoint["restored"]
+    module.saved_optimisers = checkpoint["optimizer_states"]

@@ -1,0 +1,89 @@
+"""Random worlds: a seed, a kind and photos in; shapes, textures, light and sky out. The same seed, the same bytes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.random import Generator
+
+from dlama.worlds.frames import Kind, Light, Rgb, Sky, World
+from dlama.worlds.layouts.rooms import room
+from dlama.worlds.layouts.streets import Plot, street
+from dlama.worlds.materials.palette import Palette, Photo
+from dlama.worlds.materials.textures import CLOUDY, SOFT, noise, rgba, shaded
+from dlama.worlds.raycast.stage import Stage
+
+WHITE = (255.0, 255.0, 255.0)
+
+
+def build(seed: int, kind: Kind | None, photos: Sequence[Photo], *, shadows: bool, antialias: bool) -> World:
+    """The world of a seed; `photos` take the place of some textures. A street in 60 % without a kind."""
+    rng = np.random.default_rng(seed)
+    is_street = rng.random() < 0.6
+    is_street = kind == "street" if kind is not None else is_street
+    stage = Stage()
+    stage.layer(rgba(shaded(WHITE, noise(rng, CLOUDY))))
+    stage.layer(rgba(shaded(WHITE, noise(rng, SOFT))))
+    plot = Plot(stage, Palette(stage, rng, photos), rng)
+    (street if is_street else room)(plot)
+    light, sky = (daylight(rng, shadows) if is_street else lamplight(rng, shadows)), air(rng)
+    name = f"{'street' if is_street else 'room'}-{seed}"
+    return World(stage.shapes(), stage.texels(), light, sky, name, float(rng.uniform(1.2, 1.6)), antialias)
+
+
+def towards(azimuth_deg: float, elevation_deg: float) -> Rgb:
+    """Unit vector to a light: azimuth 0 is behind the first camera, 90 at its right."""
+    a, e = math.radians(azimuth_deg), math.radians(elevation_deg)
+    return math.sin(a) * math.cos(e), -math.sin(e), -math.cos(a) * math.cos(e)
+
+
+def daylight(rng: Generator, shadows: bool) -> Light:
+    """From high noon to a low warm sun to an overcast day; mostly from behind the camera."""
+    azimuth = float(rng.normal(0, 60) if rng.random() < 0.75 else rng.uniform(0, 360))
+    elevation, bright = float(rng.uniform(22, 65)), float(rng.uniform(0.85, 1.2))
+    warm = max(0.0, (40 - elevation) / 40)
+    share = float(rng.uniform(0.55, 0.8)) if rng.random() < 0.75 else float(rng.uniform(0.1, 0.3))
+    sun = 1.65 * bright * share
+    rest = bright * (1.15 - share)
+    blue = float(rng.uniform(0, 0.15))
+    return Light(
+        towards(azimuth, elevation),
+        (sun, sun * (0.96 - 0.2 * warm), sun * (0.9 - 0.4 * warm)),
+        (rest * (1 - blue), rest, rest * (1 + blue)),
+        (0.55 * rest, 0.53 * rest, 0.5 * rest),
+        shadows,
+    )
+
+
+def lamplight(rng: Generator, shadows: bool) -> Light:
+    """A steep, soft light in a room; the walls do not stop it."""
+    bright, warm = float(rng.uniform(0.8, 1.1)), float(rng.uniform(-0.05, 0.12))
+    sun, rest = bright * float(rng.uniform(0.3, 0.55)), bright * float(rng.uniform(0.62, 0.85))
+    return Light(
+        towards(float(rng.uniform(0, 360)), float(rng.uniform(48, 78))),
+        (sun * (1 + warm), sun, sun * (1 - warm)),
+        (rest * (1 + warm), rest, rest * (1 - warm)),
+        (0.85 * rest * (1 + warm), 0.85 * rest, 0.85 * rest * (1 - warm)),
+        shadows,
+    )
+
+
+def air(rng: Generator) -> Sky:
+    """Clear, cloudy or overcast; haze that takes far houses into the horizon's colour."""
+    grey, warm = float(rng.random()), float(rng.uniform(-0.02, 0.1))
+    zenith = np.array((0.1, 0.24, 0.55)) * rng.uniform(0.7, 1.3)
+    zenith = zenith + 0.6 * (grey > 0.75) * (np.array((0.5, 0.53, 0.57)) - zenith)
+    horizon = np.array((0.62 + warm, 0.7, 0.8 - warm)) * rng.uniform(0.85, 1.1)
+    cloud = float(rng.uniform(0.7, 0.95))
+    return Sky(
+        tuple(map(float, horizon)),  # type: ignore[arg-type]
+        tuple(map(float, zenith)),  # type: ignore[arg-type]
+        (cloud, cloud, cloud * float(rng.uniform(0.94, 1.02))),
+        cover=float(rng.uniform(0.25, 0.85)),
+        softness=float(rng.uniform(0.12, 0.35)),
+        scale=float(rng.uniform(0.06, 0.2)),
+        offset=(float(rng.random()), float(rng.random())),
+        haze=float(rng.uniform(0.0005, 0.006)),
+    )

@@ -1,0 +1,126 @@
+"""Materials of one world: a stage and a random generator in, textures baked when first asked for out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.random import Generator
+
+from dlama.errors import ShapeError
+from dlama.files.pictures import read_color
+from dlama.geometry.rgbd import UInt8Array
+from dlama.worlds.materials import panels, textures
+from dlama.worlds.materials.textures import Range
+from dlama.worlds.raycast.intersection import FIT, MIRROR, WRAP
+from dlama.worlds.raycast.stage import Material, Stage
+
+Photo = UInt8Array | Path
+"""H x W x 3, RGB, or a file that holds it, read only when it is used."""
+
+
+class Recipe(NamedTuple):
+    """How a kind of material is made."""
+
+    draw: Callable[[Generator], UInt8Array]
+    variants: int
+    """How many textures of it a world may have; tints make more of them."""
+    tile: float = 1.0
+    mode: int = WRAP
+    stain: float = 0.0
+    cut: bool = False
+    photo: float = 0.0
+    """How often a photo stands in for it, where there are photos."""
+    metres: Range = (1.0, 1.0)
+    """Width of that photo on the surface; a photo that fills a face goes by `mode`."""
+
+
+def _plain(rng: Generator) -> UInt8Array:
+    return textures.rough(rng, (225, 225, 225), 0.1, 0.06)
+
+
+def _plaster(rng: Generator) -> UInt8Array:
+    base = textures.color(rng, (0.0, 0.17), (0.02, 0.4), (0.65, 0.92))
+    return textures.rough(rng, base, float(rng.uniform(0.04, 0.16)), float(rng.uniform(0.02, 0.12)))
+
+
+def _concrete(rng: Generator) -> UInt8Array:
+    return textures.rough(rng, textures.color(rng, (0.05, 0.6), (0, 0.08), (0.45, 0.7)), 0.2, 0.3, textures.ROUGH)
+
+
+RECIPES: dict[str, Recipe] = {
+    "plain": Recipe(_plain, 1, 1.5),
+    "bricks": Recipe(textures.bricks, 2, 2.0, stain=0.3, photo=0.7, metres=(2.5, 5)),
+    "stones": Recipe(textures.stones, 1, 2.4, stain=0.3, photo=0.7, metres=(2.5, 5)),
+    "plaster": Recipe(_plaster, 2, 2.2, stain=0.12, photo=0.7, metres=(2.5, 5)),
+    "concrete": Recipe(_concrete, 1, 2.0, stain=0.4, photo=0.6, metres=(2, 4)),
+    "asphalt": Recipe(textures.asphalt, 1, 1.6, stain=0.3, photo=0.6, metres=(2, 5)),
+    "paving": Recipe(textures.paving, 2, 2.0, stain=0.25, photo=0.6, metres=(2, 5)),
+    "gravel": Recipe(textures.gravel, 1, 1.4, stain=0.3, photo=0.6, metres=(2, 5)),
+    "grass": Recipe(textures.grass, 1, 1.5, stain=0.4, photo=0.5, metres=(2, 5)),
+    "tiles": Recipe(textures.tiles, 1, 1.6, stain=0.1, photo=0.6, metres=(1.5, 4)),
+    "planks": Recipe(textures.planks, 1, 1.4, stain=0.15, photo=0.6, metres=(1.5, 4)),
+    "wood": Recipe(textures.wood, 2, 1.1, photo=0.6, metres=(1, 2)),
+    "metal": Recipe(textures.metal, 1, 1.4, stain=0.2, photo=0.4, metres=(1, 3)),
+    "cloth": Recipe(textures.cloth, 3, 0.9, photo=0.7, metres=(1, 2.5)),
+    "leaves": Recipe(lambda rng: textures.leaves(rng, gaps=True), 1, 1.3, cut=True),
+    "hedge": Recipe(lambda rng: textures.leaves(rng, gaps=False), 1, 1.1, stain=0.2),
+    "fence": Recipe(textures.fence, 1, 1.3, cut=True),
+    "window": Recipe(panels.window, 2, mode=FIT, photo=0.2),
+    "door": Recipe(panels.door, 1, mode=FIT, photo=0.2),
+    "shutter": Recipe(panels.shutter, 1, mode=FIT),
+    "shop": Recipe(panels.shop, 1, mode=FIT, photo=0.3),
+    "poster": Recipe(panels.poster, 2, mode=FIT, photo=0.8),
+    "sign": Recipe(panels.sign, 1, mode=FIT, photo=0.2),
+    "books": Recipe(panels.books, 1, mode=FIT, photo=0.2),
+    "crate": Recipe(panels.crate, 2, mode=FIT, photo=0.3),
+    "bands": Recipe(panels.bands, 1, mode=FIT),
+    "machine": Recipe(panels.machine, 2, mode=FIT, photo=0.2),
+}
+"""Every kind of material a scene may ask for."""
+
+
+class Palette:
+    """Hands out materials by kind. `photos`: pictures that stand in for some of them."""
+
+    def __init__(self, stage: Stage, rng: Generator, photos: Sequence[Photo] = ()) -> None:
+        self._stage, self._rng, self._photos = stage, rng, photos
+        self._baked: dict[str, list[Material]] = {}
+
+    def __call__(self, *kinds: str, spread: float = 0.12) -> Material:
+        """A material of one of these kinds, its brightness and hue varied a little."""
+        rng = self._rng
+        kind = kinds[int(rng.integers(len(kinds)))]
+        recipe, baked = RECIPES[kind], self._baked.setdefault(kind, [])
+        if len(baked) < recipe.variants and (not baked or rng.random() < 0.5):
+            baked.append(self._bake(recipe))
+        material = baked[int(rng.integers(len(baked)))]
+        tint = rng.normal(1, spread) * rng.normal(1, 0.3 * spread, 3)
+        return material.tinted(*(float(np.clip(part, 0.4, 1.5)) for part in tint))
+
+    def paint(self, hue: Range = (0, 1), saturation: Range = (0.1, 0.8), value: Range = (0.2, 0.9)) -> Material:
+        """A painted surface of a random colour."""
+        red, green, blue = textures.color(self._rng, hue, saturation, value)
+        return self("plain", spread=0).tinted((red / 225) ** 2, (green / 225) ** 2, (blue / 225) ** 2)
+
+    def _bake(self, recipe: Recipe) -> Material:
+        rng = self._rng
+        if len(self._photos) and rng.random() < recipe.photo:
+            layer = self._stage.layer(panels.photo(read(self._photos[int(rng.integers(len(self._photos)))])))
+            if recipe.mode == FIT:
+                return Material(layer, mode=FIT)
+            metres = float(rng.uniform(*recipe.metres))
+            return Material(layer, (metres, metres), MIRROR)
+        layer = self._stage.layer(recipe.draw(rng))
+        return Material(layer, (recipe.tile, recipe.tile), recipe.mode, stain=recipe.stain, cut=recipe.cut)
+
+
+def read(photo: Photo) -> UInt8Array:
+    """The picture; raises FileError where the file is none, ShapeError where the array is none."""
+    if isinstance(photo, Path):
+        return read_color(photo)
+    if photo.dtype != np.uint8 or photo.ndim != 3 or photo.shape[2] != 3 or not photo.size:
+        raise ShapeError(f"a texture is {photo.dtype} {photo.shape}; uint8 H x W x 3 is wanted")
+    return photo

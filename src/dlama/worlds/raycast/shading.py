@@ -1,0 +1,258 @@
+"""Ray caster (numba): shapes, texels, a light and a camera in; colour, planar depth and what was hit out.
+
+Every pixel is computed alone: the result does not depend on the number of threads. The parts are inlined: as calls, with
+all their arrays as arguments, they would take twice as long.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit, prange
+
+from dlama.worlds.raycast.intersection import (
+    AMBIENT_GROUND,
+    AMBIENT_SKY,
+    BALL,
+    BLOCKED,
+    CENTRE,
+    CONTACT,
+    HALF,
+    HAZE,
+    HORIZON,
+    KIND,
+    LAYER,
+    LIFT,
+    LIT,
+    MODE,
+    SHADOWS,
+    STAIN,
+    SUN,
+    TILE_PX,
+    TINT,
+    TO_LIGHT,
+    TURN,
+    UNLIT,
+    WRAP,
+    in_shadow,
+    nearest,
+    texture_place,
+)
+from dlama.worlds.raycast.textures import filtered, sky
+
+STAINS_PER_M = 0.19
+"""Repeats per metre of the grey noise that keeps a repeated texture from looking repeated."""
+
+
+@njit(cache=True, error_model="numpy", forceinline=True)
+def tangents(shapes, i, face, x, y, z):
+    """Local unit vectors at a point of a face: outward normal, and the directions in which u and v grow."""
+    if face < 6:
+        axis, sign = face // 2, 1.0 if face % 2 else -1.0
+        if axis == 0:
+            return sign, 0.0, 0.0, 0.0, 0.0, sign, 0.0, 1.0, 0.0
+        if axis == 1:
+            return 0.0, sign, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0
+        return 0.0, 0.0, sign, -sign, 0.0, 0.0, 0.0, 1.0, 0.0
+    if face == 7 or face == 8:
+        return 0.0, -1.0 if face == 7 else 1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0
+    flat = math.sqrt(x * x + z * z) + 1e-12
+    if shapes[i, KIND] == BALL:
+        nx, ny, nz = x / shapes[i, HALF] ** 2, y / shapes[i, HALF + 1] ** 2, z / shapes[i, HALF + 2] ** 2
+    else:
+        nx, ny, nz = x / flat, -(shapes[i, HALF] - shapes[i, HALF + 2]) / (2 * shapes[i, HALF + 1]), z / flat
+    n = math.sqrt(nx * nx + ny * ny + nz * nz)
+    nx, ny, nz = nx / n, ny / n, nz / n
+    down = math.sqrt(max(1 - ny * ny, 1e-12))
+    return nx, ny, nz, -z / flat, 0.0, x / flat, -ny * nx / down, (1 - ny * ny) / down, -ny * nz / down
+
+
+@njit(cache=True, error_model="numpy", forceinline=True)
+def to_local(shapes, i, x, y, z):
+    """A world direction in a shape's frame."""
+    return (
+        shapes[i, TURN] * x + shapes[i, TURN + 1] * y + shapes[i, TURN + 2] * z,
+        shapes[i, TURN + 3] * x + shapes[i, TURN + 4] * y + shapes[i, TURN + 5] * z,
+        shapes[i, TURN + 6] * x + shapes[i, TURN + 7] * y + shapes[i, TURN + 8] * z,
+    )
+
+
+@njit(cache=True, error_model="numpy", forceinline=True)
+def to_world(shapes, i, x, y, z):
+    """A direction of a shape's frame in the world."""
+    return (
+        shapes[i, TURN] * x + shapes[i, TURN + 3] * y + shapes[i, TURN + 6] * z,
+        shapes[i, TURN + 1] * x + shapes[i, TURN + 4] * y + shapes[i, TURN + 7] * z,
+        shapes[i, TURN + 2] * x + shapes[i, TURN + 5] * y + shapes[i, TURN + 8] * z,
+    )
+
+
+@njit(cache=True, error_model="numpy", forceinline=True)
+def step(t, dx, dy, dz, ex, ey, ez, nx, ny, nz):
+    """From the hit t d to where the neighbouring ray (d + e) meets the tangent plane; tamed at grazing rays."""
+    facing, other = dx * nx + dy * ny + dz * nz, (dx + ex) * nx + (dy + ey) * ny + (dz + ez) * nz
+    ratio = facing / other if other != 0 else 8.0
+    if not 0 < ratio < 8:
+        ratio = 8.0
+    t2 = t * ratio
+    return t2 * (dx + ex) - t * dx, t2 * (dy + ey) - t * dy, t2 * (dz + ez) - t * dz
+
+
+@njit(cache=True, error_model="numpy", forceinline=True)
+def surface(shapes, i, texels, face, t, px, py, pz, dx, dy, dz, camera, width):
+    """Linear colour of the surface at a hit over a footprint `width` pixels wide, and its normal towards the viewer."""
+    x, y, z = to_local(shapes, i, px - shapes[i, CENTRE], py - shapes[i, CENTRE + 1], pz - shapes[i, CENTRE + 2])
+    nx, ny, nz, ux, uy, uz, vx, vy, vz = tangents(shapes, i, face, x, y, z)
+    nx, ny, nz = to_world(shapes, i, nx, ny, nz)
+    if nx * dx + ny * dy + nz * dz > 0:
+        nx, ny, nz = -nx, -ny, -nz
+    e, f = width / camera[12], width / camera[13]
+    ax, ay, az = step(t, dx, dy, dz, e * camera[3], e * camera[6], e * camera[9], nx, ny, nz)
+    bx, by, bz = step(t, dx, dy, dz, f * camera[4], f * camera[7], f * camera[10], nx, ny, nz)
+    ax, ay, az = to_local(shapes, i, ax, ay, az)
+    bx, by, bz = to_local(shapes, i, bx, by, bz)
+    u, v, su, sv = texture_place(shapes, i, face, x, y, z)
+    ua, va = su * (ax * ux + ay * uy + az * uz), sv * (ax * vx + ay * vy + az * vz)
+    ub, vb = su * (bx * ux + by * uy + bz * uz), sv * (bx * vx + by * vy + bz * vz)
+    r, g, b = filtered(texels, int(shapes[i, LAYER]), int(shapes[i, MODE]), u, v, ua, va, ub, vb)
+    stain = 1.0
+    if shapes[i, STAIN] > 0:
+        k, m = STAINS_PER_M / su, STAINS_PER_M / sv
+        grey, _, _ = filtered(texels, 0, WRAP, u * k, v * m, ua * k, va * m, ub * k, vb * m)
+        stain = 1 + shapes[i, STAIN] * (2 * grey - 1)
+    return (
+        r * r * shapes[i, TINT] * stain,
+        g * g * shapes[i, TINT + 1] * stain,
+        b * b * shapes[i, TINT + 2] * stain,
+        nx,
+        ny,
+        nz,
+    )
+
+
+@njit(cache=True, error_model="numpy", forceinline=True)
+def ray(shapes, texels, listed, count, near_z, skip, gone, camera, light, starts, items, column, row, width):
+    """One ray through picture point (column, row): linear r, g, b, planar depth (inf: sky), key of the hit, light state.
+
+    The key is 16 shape + face, -1 for the sky: neighbours with other keys show another surface.
+    """
+    x, y = (column - camera[14]) / camera[12], (row - camera[15]) / camera[13]
+    dx = camera[3] * x + camera[4] * y + camera[5]
+    dy = camera[6] * x + camera[7] * y + camera[8]
+    dz = camera[9] * x + camera[10] * y + camera[11]
+    t, which, face = nearest(shapes, texels, listed, count, near_z, skip, camera[0], camera[1], camera[2], dx, dy, dz)
+    if which < 0:
+        r, g, b = sky(texels, light, dx, dy, dz, width / camera[12])
+        return r, g, b, np.inf, -1, UNLIT
+    px, py, pz = camera[0] + t * dx, camera[1] + t * dy, camera[2] + t * dz
+    r, g, b, nx, ny, nz = surface(shapes, which, texels, face, t, px, py, pz, dx, dy, dz, camera, width)
+    facing = nx * light[TO_LIGHT] + ny * light[TO_LIGHT + 1] + nz * light[TO_LIGHT + 2]
+    state = LIT if facing > 0 else UNLIT
+    if state == LIT and light[SHADOWS] > 0:
+        qx, qy, qz = px + LIFT * nx, py + LIFT * ny, pz + LIFT * nz
+        if in_shadow(shapes, texels, light, starts, items, gone, qx, qy, qz):
+            state = BLOCKED
+    sun = facing if state == LIT else 0.0
+    up = 0.5 - 0.5 * ny
+    near_floor = 1.0
+    if shapes[which, CONTACT] > 0:
+        near_floor = 1 - shapes[which, CONTACT] * math.exp(min(0.0, 4 * py))
+    haze = 1 - math.exp(-light[HAZE] * t)
+    a, h = AMBIENT_SKY, AMBIENT_GROUND
+    r *= sun * light[SUN] + near_floor * (up * light[a] + (1 - up) * light[h])
+    g *= sun * light[SUN + 1] + near_floor * (up * light[a + 1] + (1 - up) * light[h + 1])
+    b *= sun * light[SUN + 2] + near_floor * (up * light[a + 2] + (1 - up) * light[h + 2])
+    r += haze * (light[HORIZON] - r)
+    g += haze * (light[HORIZON + 1] - g)
+    b += haze * (light[HORIZON + 2] - b)
+    return r, g, b, t, 16 * which + face, state
+
+
+@njit(cache=True, error_model="numpy", forceinline=True)
+def list_tile(boxes, order, camera, x0, y0, x1, y1, listed, near_z):
+    """Shapes whose bounding box may meet the rays of a tile, in the given order (nearest first); returns how many."""
+    left, right = (x0 - camera[14]) / camera[12], (x1 - camera[14]) / camera[12]
+    top, bottom = (y0 - camera[15]) / camera[13], (y1 - camera[15]) / camera[13]
+    count = 0
+    for j in range(len(order)):
+        b = boxes[j]
+        if (
+            reach(b, 1.0, 0.0, -left) >= 0
+            and reach(b, -1.0, 0.0, right) >= 0
+            and reach(b, 0.0, 1.0, -top) >= 0
+            and reach(b, 0.0, -1.0, bottom) >= 0
+        ):
+            listed[count], near_z[count] = order[j], b[12]
+            count += 1
+    return count
+
+
+@njit(cache=True, error_model="numpy", forceinline=True)
+def reach(b, nx, ny, nz):
+    """The largest n . p over a box given in camera axes as its centre and three half edges."""
+    total = nx * b[0] + ny * b[1] + nz * b[2]
+    for k in range(3, 12, 3):
+        total += abs(nx * b[k] + ny * b[k + 1] + nz * b[k + 2])
+    return total
+
+
+@njit(cache=True, error_model="numpy", forceinline=True)
+def to_byte(value):
+    """Linear light 0..1 as 8 bit."""
+    return np.uint8(255 * math.sqrt(max(0.0, min(1.0, value))) + 0.5)
+
+
+@njit(cache=True, error_model="numpy", forceinline=True)
+def is_edge(keys, lights, row, column):
+    """True where one of the 8 neighbours shows another surface or stands in another light."""
+    rows, columns = keys.shape
+    for r in range(max(row - 1, 0), min(row + 2, rows)):
+        for c in range(max(column - 1, 0), min(column + 2, columns)):
+            if keys[r, c] != keys[row, column] or lights[r, c] != lights[row, column]:
+                return True
+    return False
+
+
+@njit(cache=True, parallel=True, error_model="numpy")
+def cast(shapes, texels, boxes, order, camera, light, starts, items, skip, gone, smooth, color, depth, keys, lights):
+    """Fills color (H x W x 3), depth, keys and lights (H x W) of one frame.
+
+    Depth, key and light are those of the ray through the pixel's centre. `skip` (H x W): the group each pixel sees
+    through, -1 none; `gone`: the group that casts no shadow. `smooth` > 0: pixels at edges take the mean colour of four rays.
+    """
+    rows, columns = depth.shape
+    across, down = (columns + TILE_PX - 1) // TILE_PX, (rows + TILE_PX - 1) // TILE_PX
+    lists = np.empty((across * down, len(order)), np.int32)
+    nears = np.empty((across * down, len(order)), np.float64)
+    counts = np.empty(across * down, np.int32)
+    for phase in range(1 + smooth):
+        for tile in prange(across * down):
+            y0, x0 = tile // across * TILE_PX, tile % across * TILE_PX
+            y1, x1 = min(y0 + TILE_PX, rows), min(x0 + TILE_PX, columns)
+            listed, near_z = lists[tile], nears[tile]
+            if phase == 0:
+                counts[tile] = list_tile(boxes, order, camera, x0, y0, x1, y1, listed, near_z)
+            for row in range(y0, y1):
+                for column in range(x0, x1):
+                    if phase == 1 and not is_edge(keys, lights, row, column):
+                        continue
+                    red, green, blue = 0.0, 0.0, 0.0
+                    for k in range(4 if phase == 1 else 1):
+                        x = column + 0.5 + (0.125 * (1 + 2 * (k // 2)) * (1 - 2 * (k % 2)) if phase == 1 else 0.0)
+                        y = (
+                            row
+                            + 0.5
+                            + (0.125 * (3 - 2 * (k // 2)) * (2 * ((k + k // 2) % 2) - 1) if phase == 1 else 0.0)
+                        )
+                        r, g, b, z, key, state = ray(
+                            shapes, texels, listed, counts[tile], near_z, skip[row, column], gone,
+                            camera, light, starts, items, x, y, 1.0 - 0.5 * phase,
+                        )  # fmt: skip
+                        red, green, blue = red + r, green + g, blue + b
+                        if phase == 0:
+                            depth[row, column], keys[row, column], lights[row, column] = z, key, state
+                    share = 0.25 if phase == 1 else 1.0
+                    color[row, column, 0] = to_byte(share * red)
+                    color[row, column, 1] = to_byte(share * green)
+                    color[row, column, 2] = to_byte(share * blue)

@@ -1,0 +1,45 @@
+"""Worlds by name, and folders of the same name (oracle: the data sets that `worlds` and `open_dataset` give)."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from dlama.errors import InputError
+from dlama.geometry.camera import Camera
+from dlama.worlds.dataset import write_worlds
+from dlama.worlds.named import open_dataset_or_worlds
+
+LENS = Camera.from_fov(64, 48, 70)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"path": "worlds", "camera": LENS}, r"--camera says nothing to a data set of layout worlds"),
+        ({"path": "worlds:3", "layout": "tum"}, r"'worlds:3' is generated and has no layout"),
+        ({"path": "worlds:x"}, r"'worlds:x' is no name of generated worlds; worlds, worlds:COUNT"),
+        ({"path": "worlds:0"}, r"'worlds:0' is no name of generated worlds"),
+        ({"path": "worlds:1:2:3"}, r"'worlds:1:2:3' is no name of generated worlds"),
+        ({"path": "worlds", "limit": 0}, r"limit is 0; a whole number >= 1"),
+    ],
+)
+def test_bad_names_are_refused(arguments: dict[str, Any], message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        open_dataset_or_worlds(**arguments)
+
+
+def test_a_name_generates() -> None:
+    """Count and seed stand in the names of the scenes."""
+    assert {frame.scene for frame in open_dataset_or_worlds("worlds:2:5").frames} == {"w005", "w006"}
+    assert len({frame.scene for frame in open_dataset_or_worlds("worlds").frames}) == 4
+
+
+def test_a_folder_goes_before_the_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """`dlama worlds -o worlds` and then `dlama evaluate worlds`: the folder that was just made is meant."""
+    monkeypatch.chdir(tmp_path)
+    write_worlds(Path("worlds"), count=1, size=32, yaws=(10,))
+    assert open_dataset_or_worlds("worlds").layout == "easysynth"
+    assert open_dataset_or_worlds("worlds:1").layout == "worlds"

@@ -1,0 +1,110 @@
+"""Worlds as a data set and as folders."""
+
+from __future__ import annotations
+
+import json
+import pickle
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dlama.datasets.easysynth.dataset import easysynth
+from dlama.datasets.frames import RemovalTruth, StereoTruth, ViewTruth
+from dlama.errors import InputError, OutputError
+from dlama.worlds.dataset import world, worlds, write_worlds
+
+SIZE = 64
+
+
+def test_the_listing_names_every_frame_and_case_and_builds_nothing() -> None:
+    """Two worlds, two yaws: five frames, four VPI, five ORI and one SII case each; keys differ; loaders travel."""
+    listed = worlds(2, seed=5, size=SIZE, yaws=(10, 40))
+    assert [frame.yaw_deg for frame in listed.frames[:5]] == [0, 10, -10, 40, -40]
+    assert {protocol: len(listed.of(protocol)) for protocol in ("vpi", "ori", "sii")} == {"vpi": 8, "ori": 10, "sii": 2}
+    assert len({case.key for case in listed.cases}) == 20
+    assert {frame.scene for frame in listed.frames} == {"w005", "w006"}
+    assert len(pickle.dumps(listed)) < 20_000
+
+
+def test_cases_hold_the_worlds_own_truth() -> None:
+    """Oracle: the world of the seed, asked directly."""
+    listed = pickle.loads(pickle.dumps(worlds(1, seed=3, size=SIZE, yaws=(20,))))
+    made = world(3)
+    view = listed.of("vpi")[1].load()
+    source, target = made.camera(0, SIZE), made.camera(-20, SIZE)
+    assert isinstance(view, ViewTruth) and listed.of("vpi")[1].yaw_deg == -20
+    np.testing.assert_array_equal(view.source.color, made.frame(source).color)
+    np.testing.assert_array_equal(view.target.depth, made.frame(target).depth)
+    np.testing.assert_array_equal(view.target_without.depth, made.frame(target, object=False).depth)
+    np.testing.assert_array_equal(view.object_mask, made.object_mask(source))
+    removal = listed.of("ori")[2].load()
+    assert isinstance(removal, RemovalTruth) and removal.source.camera.same_view_as(target)
+    np.testing.assert_array_equal(removal.mask, made.object_mask(target))
+    np.testing.assert_array_equal(removal.shadow, made.shadow(target))
+    np.testing.assert_array_equal(removal.without.color, made.frame(target, object=False).color)
+
+
+def test_disparities_lead_from_view_to_view() -> None:
+    """Law: what the left pixel shows lies `disparity` columns to the left in the right view, at the same depth, or is hidden."""
+    truth = worlds(1, seed=24, size=256, kind="street").of("sii")[0].load()
+    assert isinstance(truth, StereoTruth) and truth.metric and truth.disparity_right is not None
+    rows, columns = np.mgrid[:256, :256]
+    landing = columns + 0.5 - truth.disparity_left
+    column = np.floor(landing).astype(int)
+    inside = (truth.disparity_left > 0) & (column >= 0)
+    there = truth.disparity_right[rows[inside], column[inside]]
+    mine = truth.disparity_left[inside]
+    agree = np.abs(there - mine) < 0.02 * mine + 0.05
+    nearer = there > mine
+    assert agree.mean() > 0.9 and (agree | nearer).mean() > 0.985
+    assert truth.mask_left is not None and truth.mask_left.any() and truth.without_left is not None
+    camera = truth.rig.left
+    depth = world(24, kind="street").frame(camera).depth
+    finite = np.isfinite(depth)
+    np.testing.assert_allclose(truth.disparity_left[finite] * depth[finite], camera.fx * 0.12, rtol=1e-5)
+    assert (truth.disparity_left[~finite] == 0).all()
+
+
+def test_folders_are_read_back_by_the_easysynth_reader(tmp_path: Path) -> None:
+    """There and back: poses, colours (PNG), depth (16-bit mm), masks; progress counts every frame."""
+    told: list[tuple[int, int]] = []
+    written = write_worlds(
+        tmp_path, count=1, seed=9, size=SIZE, progress=lambda done, total: told.append((done, total))
+    )
+    assert written == [tmp_path / "w009"] and told == [(n, 30) for n in range(1, 31)]
+    made = world(9)
+    read = easysynth(tmp_path)
+    assert {len(read.of(protocol)) for protocol in ("vpi", "ori", "sii")} == {12, 13, 1}
+    case = next(case for case in read.of("vpi") if case.yaw_deg == pytest.approx(-30, abs=1e-3))
+    truth, camera = case.load(), made.camera(-30, SIZE)
+    assert isinstance(truth, ViewTruth)
+    np.testing.assert_allclose(truth.target.camera.world_from_cam, camera.world_from_cam, atol=1e-6)
+    wanted = made.frame(camera)
+    np.testing.assert_array_equal(truth.target.color, wanted.color)
+    near = wanted.depth < 9.9
+    np.testing.assert_allclose(truth.target.depth[near], wanted.depth[near], atol=0.01)
+    np.testing.assert_array_equal(truth.object_mask, made.object_mask(made.camera(0, SIZE)))
+    poses = json.loads((tmp_path / "w009" / "poses.json").read_text())
+    assert [frame["yaw_deg"] for frame in poses["sequences"]["with"]["frames"]][:3] == [0, 10, -10]
+    np.testing.assert_allclose(poses["sequences"]["with"]["frames"][6]["world_from_cam"], camera.world_from_cam)
+    with pytest.raises(OutputError, match="is not empty"):
+        write_worlds(tmp_path, count=1, seed=9, size=SIZE)
+
+
+def test_bad_numbers_are_refused() -> None:
+    """Messages name what came and what is wanted."""
+    with pytest.raises(InputError, match="count is 0"):
+        worlds(0)
+    with pytest.raises(InputError, match="yaws are"):
+        worlds(1, yaws=(-10, 10))
+    with pytest.raises(InputError, match="kind is 'cave'"):
+        worlds(1, kind="cave")  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("seed", [97, *range(1_000_000_000, 1_000_000_030)])
+def test_every_seed_is_a_scene(seed: int) -> None:
+    """Law: streets and rooms can be built of any seed; 97 is a street hardly wide enough for its markings."""
+    plain = [np.full((8, 8, 3), 100, np.uint8)] * 3
+    for kind in ("street", "room"):
+        assert len(world(seed, kind=kind, textures=plain).shapes) > 10

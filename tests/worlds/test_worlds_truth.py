@@ -1,0 +1,181 @@
+"""Random worlds: what they say of themselves holds, whatever the seed."""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import subprocess
+import sys
+
+import numba
+import numpy as np
+import pytest
+
+from dlama.errors import FileError, InputError, ShapeError
+from dlama.geometry.camera import Camera
+from dlama.geometry.trajectories import orbit
+from dlama.worlds.dataset import _from_seed, world
+from dlama.worlds.frames import World
+
+SEEDS = [("street", 1), ("street", 24), ("room", 3), ("room", 40)]
+
+
+def hole_percent(made: World, yaw: float, size: int = 128) -> float:
+    """Pixels that no pixel of yaw 0 falls into (depth clipped at 10 m), as the street benchmark counts them."""
+    source, target = made.camera(0, size), made.camera(yaw, size)
+    depth = np.minimum(made.frame(source).depth, 10).astype(float)
+    v, u = np.mgrid[:size, :size] + 0.5
+    points = (
+        np.stack([(u - source.cx) / source.fx, (v - source.cy) / source.fy, np.ones_like(u)], -1) * depth[..., None]
+    )
+    move = target.cam_from_world @ source.world_from_cam
+    points = points @ move[:3, :3].T + move[:3, 3]
+    x = np.floor(target.fx * points[..., 0] / points[..., 2] + target.cx)
+    y = np.floor(target.fy * points[..., 1] / points[..., 2] + target.cy)
+    inside = (points[..., 2] > 0) & (x >= 0) & (x < size) & (y >= 0) & (y < size)
+    reached = np.zeros((size, size), bool)
+    reached[y[inside].astype(int), x[inside].astype(int)] = True
+    return 100 * (1 - reached.mean())
+
+
+def digest(made: World, size: int = 48) -> str:
+    """All bytes of a frame."""
+    seen = made.cast(made.camera(30, size))
+    return hashlib.sha256(seen.color.tobytes() + seen.depth.tobytes() + seen.light.tobytes()).hexdigest()
+
+
+@pytest.mark.parametrize(("kind", "seed"), SEEDS)
+def test_without_the_object_only_its_pixels_change_depth(kind: str, seed: int) -> None:
+    """Law: outside the mask nothing of the geometry changes, inside it something farther appears; `behind` shows it, too."""
+    made = world(seed, kind=kind)  # type: ignore[arg-type]
+    for yaw in (0, -40):
+        camera = made.camera(yaw, 160)
+        mask = made.object_mask(camera)
+        there, gone = made.frame(camera), made.frame(camera, object=False)
+        assert mask.any()
+        np.testing.assert_array_equal(there.depth[~mask], gone.depth[~mask])
+        assert (gone.depth[mask] > there.depth[mask]).all()
+        np.testing.assert_array_equal(made.behind(camera).depth[mask], gone.depth[mask])
+        np.testing.assert_array_equal(made.semantic(camera) == 1, mask)
+        np.testing.assert_array_equal(made.semantic(camera) == 2, there.far)
+
+
+@pytest.mark.parametrize(("kind", "seed"), SEEDS)
+def test_colour_changes_in_the_mask_and_in_the_shadow_alone(kind: str, seed: int) -> None:
+    """Law: with hard edges, taking the object out changes no colour elsewhere, and brightens every pixel of its shadow."""
+    made = world(seed, kind=kind, antialias=False)  # type: ignore[arg-type]
+    camera = made.camera(0, 200)
+    mask, shadow = made.object_mask(camera), made.shadow(camera)
+    there, gone = (made.frame(camera, object=here).color.astype(int) for here in (True, False))
+    assert not (mask & shadow).any()
+    np.testing.assert_array_equal(there[~mask & ~shadow], gone[~mask & ~shadow])
+    assert (gone[shadow] >= there[shadow]).all()
+
+
+def test_worlds_without_shadows_have_none() -> None:
+    """The switch: nothing is in shadow, the object casts none, and depth is the same."""
+    plain, dark = world(24, kind="street", shadows=False), world(24, kind="street")
+    camera = dark.camera(size=160)
+    assert dark.shadow(camera).any() and not plain.shadow(camera).any()
+    assert (dark.cast(camera).light == 2).any() and not (plain.cast(camera).light == 2).any()
+    np.testing.assert_array_equal(plain.frame(camera).depth, dark.frame(camera).depth)
+
+
+def test_the_same_seed_gives_the_same_bytes_on_every_number_of_threads() -> None:
+    """Rebuilt, on one thread and on all, and in another process; another seed gives another world."""
+    first = digest(world(11))
+    threads = numba.get_num_threads()
+    try:
+        numba.set_num_threads(1)
+        _from_seed.cache_clear()
+        assert digest(world(11)) == first
+    finally:
+        numba.set_num_threads(threads)
+    code = (
+        "import hashlib; from dlama.datasets.worlds import world; w = world(11); s = w.cast(w.camera(30, 48));"
+        "print(hashlib.sha256(s.color.tobytes() + s.depth.tobytes() + s.light.tobytes()).hexdigest())"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=120)
+    assert done.stdout.strip() == first
+    assert digest(world(12)) != first
+
+
+def test_cameras_orbit_the_point_ahead_and_the_rig_is_rectified() -> None:
+    """Oracle: geometry.trajectories.orbit of the first camera; 0.12 m along its x axis."""
+    made = world(2)
+    first = made.camera(size=100, fov=70)
+    assert first.fov_deg == pytest.approx(70) and first.world_from_cam[1, 3] == -made.eye_m
+    for yaw in (10, -60):
+        np.testing.assert_allclose(
+            made.camera(yaw, 100, 70).world_from_cam, orbit(first, yaw).world_from_cam, atol=1e-12
+        )
+    rig = made.rig()
+    assert rig.baseline_m == pytest.approx(0.12) and rig.left.same_view_as(made.camera())
+
+
+@pytest.mark.parametrize("seed", range(50, 56))
+def test_streets_are_as_hard_as_rendered_ones(seed: int) -> None:
+    """Holes at 10, 30 and 60 degrees in the range of the street benchmark's scenes (24, 50, 67 %), sky at infinity."""
+    made = world(seed, kind="street")
+    for yaw, low, high in ((10, 20, 32), (-30, 44, 62), (60, 60, 80)):
+        assert low < hole_percent(made, yaw) < high
+    depth = made.frame(made.camera(size=128)).depth
+    assert np.isposinf(depth).any() and depth.min() > 0.7 and not np.isnan(depth).any()
+
+
+def test_worlds_differ_in_depth_and_colour() -> None:
+    """Twelve seeds: streets and rooms, dark and bright, near and far, objects large and small."""
+    made = [world(seed) for seed in range(200, 212)]
+    frames = [each.frame(each.camera(size=64)) for each in made]
+    names = {each.name.split("-")[0] for each in made}
+    medians = [float(np.median(np.minimum(frame.depth, 50))) for frame in frames]
+    lumas = [float(frame.color.mean()) for frame in frames]
+    assert names == {"street", "room"}
+    assert max(medians) > 1.5 * min(medians) and max(lumas) > 1.25 * min(lumas)
+    assert all(55 < luma < 205 for luma in lumas)
+
+
+def test_the_object_is_seen_from_everywhere() -> None:
+    """The object of interest is in the picture at every yaw, and no camera stands in a thing."""
+    for seed in range(300, 308):
+        made = world(seed)
+        for yaw in (0, 60, -60):
+            seen = made.cast(made.camera(yaw, 96))
+            assert (seen.group == made.object_index).mean() > 0.0005, (seed, yaw)
+            assert seen.depth.min() > 0.25, (seed, yaw)
+
+
+def test_any_camera_can_look() -> None:
+    """Not square, another lens, rolled, from within the crowd: a complete frame."""
+    made = world(5, kind="street")
+    pose = orbit(made.camera(), 20, 10).world_from_cam
+    frame = made.frame(Camera(75, 50, 60.0, 61.0, 40.0, 20.0, pose))
+    assert frame.color.shape == (50, 75, 3) and not frame.missing.any()
+
+
+def test_photos_become_textures(tmp_path) -> None:  # type: ignore[no-untyped-def]
+    """Pictures as arrays and as a folder give the same world, another one than without; the same twice."""
+    import cv2
+
+    rng = np.random.default_rng(0)
+    photos = [rng.integers(0, 256, (40 + 20 * n, 90, 3)).astype(np.uint8) for n in range(3)]
+    for n, photo in enumerate(photos):
+        cv2.imwrite(str(tmp_path / f"{n}.png"), photo[..., ::-1])
+    by_array, by_folder = world(7, textures=photos), world(7, textures=tmp_path)
+    assert digest(by_array) == digest(by_folder) != digest(world(7))
+
+
+def test_bad_wishes_are_refused(tmp_path) -> None:  # type: ignore[no-untyped-def]
+    """Messages name what came and what is wanted."""
+    with pytest.raises(InputError, match="kind is 'cave'; street or room is wanted"):
+        world(1, kind="cave")  # type: ignore[arg-type]
+    with pytest.raises(InputError, match="seed is -1"):
+        world(-1)
+    with pytest.raises(FileError, match="is no folder"):
+        world(1, textures=tmp_path / "none")
+    with pytest.raises(FileError, match="holds no pictures"):
+        world(1, textures=tmp_path)
+    with pytest.raises(ShapeError, match="a texture is float64"):
+        world(1, textures=[np.zeros((8, 8))])
+    with pytest.raises(InputError, match=r"world\.shapes is \(3, 3\)"):
+        dataclasses.replace(world(1), shapes=np.zeros((3, 3)))
