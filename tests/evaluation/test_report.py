@@ -116,7 +116,7 @@ def test_the_script_is_a_script() -> None:
     """Oracle: node's parser, where there is one."""
     if not which("node"):
         pytest.skip("node is not installed; it parses the page's script")
-    script = Path(panel_choice.__file__).parent.parent / "assets" / "report" / "script.js"
+    script = Path(panel_choice.__file__).parents[2] / "assets" / "report" / "script.js"
     assert subprocess.run(["node", "--check", str(script)], timeout=60).returncode == 0
 
 

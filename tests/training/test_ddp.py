@@ -23,7 +23,7 @@ SCRIPT = """
 import sys
 from dataclasses import replace
 from pathlib import Path
-from dlama.training.loop import train
+from dlama.training.loop.train import train
 from dlama.training.settings_files import settings_of
 if __name__ == "__main__":
     settings = settings_of(sys.argv[1])

@@ -111,7 +111,7 @@ def test_every_field_is_explained():
 
 def test_settings_load_no_torch():
     """Oracle: sys.modules of a fresh interpreter; the command line's help must be quick."""
-    code = "import sys, dlama.training.settings_files, dlama.training.budget, dlama.apps.train; print('torch' in sys.modules)"
+    code = "import sys, dlama.training.settings_files, dlama.training.flops, dlama.apps.train; print('torch' in sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "False"
 

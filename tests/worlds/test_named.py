@@ -40,6 +40,6 @@ def test_a_name_generates() -> None:
 def test_a_folder_goes_before_the_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """`dlama worlds -o worlds` and then `dlama evaluate worlds`: the folder that was just made is meant."""
     monkeypatch.chdir(tmp_path)
-    write_worlds(Path("worlds"), count=1, size=32, yaws=(10,))
+    write_worlds(Path("worlds"), count=1, size=32)
     assert open_dataset_or_worlds("worlds").layout == "easysynth"
     assert open_dataset_or_worlds("worlds:1").layout == "worlds"
