@@ -1,46 +1,133 @@
-"""The shop window: what `import dlama` offers (oracles: the list below, and the syntax tree of `__init__`)."""
+"""The shop window: what `import dlama` offers (oracles: the list below, the syntax tree of `__init__`, the signatures)."""
 
 from __future__ import annotations
 
 import ast
-import types
+import dataclasses
+import importlib
+import inspect
+import typing
+from collections.abc import Iterable, Mapping
+from enum import Enum
 from pathlib import Path
+from typing import Any
+
+import pytest
 
 import dlama
 
 NAMES = {
-    "Camera", "Completion", "DlamaError", "PointCloud", "RGBD", "Scene", "View",
-    "complete", "lift", "orbit", "read_camera", "read_color", "read_mask", "read_rgbd", "read_stereo_calib",
-    "remove", "render", "stereo", "view", "write",
+    "Camera", "Completion", "Fill", "FillReport", "HoleType", "Inpainter", "Law", "Mesh", "Origin", "PointCloud", "RGBD",
+    "Recipe", "Scene", "StereoCompletion", "StereoConsistency", "StereoRig", "View",
+    "CameraError", "DepthError", "DlamaError", "FileError", "InputError", "MaskError", "MissingExtraError", "OutputError",
+    "ShapeError",
+    "complete", "example", "fuse", "inpaint", "lift", "orbit", "read_camera", "read_color", "read_mask", "read_rgbd",
+    "read_stereo_calib", "remove", "render", "stereo", "view", "write",
 }  # fmt: skip
-
-
-def offered() -> set[str]:
-    """Public names that are no submodules."""
-    return {
-        name
-        for name, value in vars(dlama).items()
-        if not name.startswith("_") and not isinstance(value, types.ModuleType)
-    }
+OWN = {"example"}
+"""Defined in `__init__` itself."""
 
 
 def test_public_names() -> None:
-    """Exactly these, and no more than 20."""
-    assert offered() == NAMES
-    assert len(NAMES) <= 20
+    """Exactly these, in `__all__` and in what `dir` shows."""
+    assert set(dlama.__all__) == NAMES
+    assert set(dir(dlama)) == NAMES | {"__version__"}
+    assert len(dlama.__all__) == len(NAMES)
 
 
-def test_each_is_written_as_itself() -> None:
-    """`X as X`, so that type checkers see it as public."""
+@pytest.mark.parametrize("name", sorted(NAMES))
+def test_each_resolves_and_explains_itself(name: str) -> None:
+    """It is what its module defines under that name, with a docstring; and it is no submodule."""
+    found = getattr(dlama, name)
+    assert not inspect.ismodule(found)
+    assert name == "Inpainter" or (found.__doc__ or "").strip()
+    if name not in OWN:
+        assert found is getattr(importlib.import_module(f"dlama.{dlama.MODULES[name]}"), name)
+        if inspect.isclass(found) or inspect.isfunction(found):
+            assert found.__module__ == f"dlama.{dlama.MODULES[name]}"
+
+
+def test_no_module_bears_a_public_name() -> None:
+    """Importing dlama/view.py would put the module in place of the function."""
+    folder = Path(dlama.__file__).parent
+    assert {path.stem for path in folder.iterdir() if path.suffix in ("", ".py")} & NAMES == set()
+
+
+def test_an_unknown_name_is_an_attribute_error() -> None:
+    """With the words that Python itself uses."""
+    with pytest.raises(AttributeError, match="module 'dlama' has no attribute 'nonsense'"):
+        _ = dlama.nonsense
+
+
+def test_type_checkers_see_what_python_sees() -> None:
+    """The imports under TYPE_CHECKING are the table, each as itself so that type checkers see it as public."""
     tree = ast.parse(Path(dlama.__file__).read_text("utf-8"))
-    aliases = [alias for node in tree.body if isinstance(node, ast.ImportFrom) for alias in node.names]
-    assert {alias.asname for alias in aliases} == NAMES
-    assert all(alias.name == alias.asname for alias in aliases)
+    (guarded,) = (node for node in tree.body if isinstance(node, ast.If))
+    seen = {}
+    for node in guarded.body:
+        assert isinstance(node, ast.ImportFrom)
+        for alias in node.names:
+            assert alias.name == alias.asname
+            seen[alias.name] = str(node.module).removeprefix("dlama.")
+    assert seen == dlama.MODULES
+    assert set(seen) | OWN == NAMES
 
 
-def test_each_explains_itself() -> None:
-    """No public name without a docstring."""
-    assert [name for name in NAMES if not (getattr(dlama, name).__doc__ or "").strip()] == []
+def types_in(hint: Any) -> Iterable[type]:
+    """The classes of dlama that a type hint names, at any depth."""
+    if inspect.isclass(hint) and hint.__module__.startswith("dlama."):
+        yield hint
+    inner = [one for arg in typing.get_args(hint) for one in (arg if isinstance(arg, list) else [arg])]
+    for one in inner:
+        yield from types_in(one)
+
+
+def hints_of(thing: Any) -> dict[str, Any]:
+    """Type hints of a function's parameters and result, or of a class's fields, public properties and methods."""
+    if inspect.isfunction(thing):
+        return typing.get_type_hints(thing)
+    if not inspect.isclass(thing):
+        return {"alias": thing}
+    found: dict[str, Any] = dict(typing.get_type_hints(thing)) if dataclasses.is_dataclass(thing) else {}
+    for name, member in vars(thing).items():
+        function = next(
+            (getattr(member, door) for door in ("fget", "__func__", "func") if hasattr(member, door)), member
+        )
+        if not name.startswith("_") and inspect.isfunction(function):
+            found |= {f"{name}.{key}": hint for key, hint in typing.get_type_hints(function).items()}
+    return found
+
+
+def hidden_types(public: Mapping[str, Any]) -> list[str]:
+    """`where: Type` for each class that a public name takes or gives and that has no public name itself."""
+    known = {id(thing) for thing in public.values()}
+    return sorted(
+        {
+            f"{name}.{where}: {kind.__module__}.{kind.__name__}"
+            for name, thing in public.items()
+            if not (inspect.isclass(thing) and issubclass(thing, (Exception, Enum)))
+            for where, hint in hints_of(thing).items()
+            for kind in types_in(hint)
+            if id(kind) not in known
+        }
+    )
+
+
+def test_types_that_public_names_take_or_give_are_public() -> None:
+    """Arguments, results, fields, properties and methods (oracle: the signatures)."""
+    assert hidden_types({name: getattr(dlama, name) for name in NAMES}) == []
+
+
+def test_this_guard_can_fail() -> None:
+    """Without its export, a type is found wherever it is used: argument, result, field, property, alias."""
+    public = {name: getattr(dlama, name) for name in NAMES}
+    used = {
+        "RGBD": "view.rgbd", "Completion": "remove.return", "Scene": "Completion.scene", "Mesh": "Completion.mesh.return",
+        "Fill": "Inpainter.alias", "StereoRig": "stereo.rig", "Recipe": "complete.recipe",
+    }  # fmt: skip
+    for name, where in used.items():
+        without = {key: value for key, value in public.items() if key != name}
+        assert where in [line.split(":")[0] for line in hidden_types(without)], name
 
 
 def test_verbs_have_the_names_of_the_command_line() -> None:

@@ -1,28 +1,124 @@
 """dlama completes what a camera could not see: new views, removed objects and stereo pairs, in colour and depth.
 
-These names are the public ones. RGBD --lift--> PointCloud --render--> View --fill--> View --fuse--> Scene; `view`, `remove`
-and `stereo` do all of it, `complete` does it for several cameras.
+The names in `__all__` are the public ones: every function, and every type that one of them takes or gives.
+RGBD --lift--> PointCloud --render--> View --inpaint--> View --fuse--> Scene; `view`, `remove` and `stereo` do all of it,
+`complete` does it for several cameras. A name is imported when it is first used (PEP 562), so `import dlama` costs nothing.
 """
+
+from __future__ import annotations
+
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:  # what type checkers and editors read; a test holds it equal to MODULES
+    from dlama.completion.pipeline import Completion as Completion
+    from dlama.completion.pipeline import complete as complete
+    from dlama.completion.recipes import Recipe as Recipe
+    from dlama.completion.stereo import StereoCompletion as StereoCompletion
+    from dlama.completion.stereo import stereo as stereo
+    from dlama.completion.verbs import remove as remove
+    from dlama.completion.verbs import view as view
+    from dlama.errors import CameraError as CameraError
+    from dlama.errors import DepthError as DepthError
+    from dlama.errors import DlamaError as DlamaError
+    from dlama.errors import FileError as FileError
+    from dlama.errors import InputError as InputError
+    from dlama.errors import MaskError as MaskError
+    from dlama.errors import MissingExtraError as MissingExtraError
+    from dlama.errors import OutputError as OutputError
+    from dlama.errors import ShapeError as ShapeError
+    from dlama.files.cameras import read_camera as read_camera
+    from dlama.files.cameras import read_stereo_calib as read_stereo_calib
+    from dlama.files.pictures import read_color as read_color
+    from dlama.files.pictures import read_mask as read_mask
+    from dlama.files.results import write as write
+    from dlama.files.rgbd import read_rgbd as read_rgbd
+    from dlama.geometry.camera import Camera as Camera
+    from dlama.geometry.cloud import PointCloud as PointCloud
+    from dlama.geometry.fusion import fuse as fuse
+    from dlama.geometry.mesh import Mesh as Mesh
+    from dlama.geometry.projection import lift as lift
+    from dlama.geometry.rendering import render as render
+    from dlama.geometry.rgbd import RGBD as RGBD
+    from dlama.geometry.rig import StereoRig as StereoRig
+    from dlama.geometry.scene import Scene as Scene
+    from dlama.geometry.trajectories import orbit as orbit
+    from dlama.geometry.view import HoleType as HoleType
+    from dlama.geometry.view import Origin as Origin
+    from dlama.geometry.view import View as View
+    from dlama.geometry.visibility import Law as Law
+    from dlama.inpainters.filling import Fill as Fill
+    from dlama.inpainters.filling import FillReport as FillReport
+    from dlama.inpainters.filling import Inpainter as Inpainter
+    from dlama.inpainters.filling import inpaint as inpaint
+    from dlama.perception.stereo_matching import StereoConsistency as StereoConsistency
 
 __version__ = "0.1.0"
 
-from dlama.completion.pipeline import Completion as Completion
-from dlama.completion.pipeline import complete as complete
-from dlama.completion.stereo import stereo as stereo
-from dlama.completion.verbs import remove as remove
-from dlama.completion.verbs import view as view
-from dlama.errors import DlamaError as DlamaError
-from dlama.files.cameras import read_camera as read_camera
-from dlama.files.cameras import read_stereo_calib as read_stereo_calib
-from dlama.files.pictures import read_color as read_color
-from dlama.files.pictures import read_mask as read_mask
-from dlama.files.results import write as write
-from dlama.files.rgbd import read_rgbd as read_rgbd
-from dlama.geometry.camera import Camera as Camera
-from dlama.geometry.cloud import PointCloud as PointCloud
-from dlama.geometry.projection import lift as lift
-from dlama.geometry.rendering import render as render
-from dlama.geometry.rgbd import RGBD as RGBD
-from dlama.geometry.scene import Scene as Scene
-from dlama.geometry.trajectories import orbit as orbit
-from dlama.geometry.view import View as View
+MODULES = {
+    "Camera": "geometry.camera",
+    "CameraError": "errors",
+    "Completion": "completion.pipeline",
+    "DepthError": "errors",
+    "DlamaError": "errors",
+    "FileError": "errors",
+    "Fill": "inpainters.filling",
+    "FillReport": "inpainters.filling",
+    "HoleType": "geometry.view",
+    "Inpainter": "inpainters.filling",
+    "InputError": "errors",
+    "Law": "geometry.visibility",
+    "MaskError": "errors",
+    "Mesh": "geometry.mesh",
+    "MissingExtraError": "errors",
+    "Origin": "geometry.view",
+    "OutputError": "errors",
+    "PointCloud": "geometry.cloud",
+    "RGBD": "geometry.rgbd",
+    "Recipe": "completion.recipes",
+    "Scene": "geometry.scene",
+    "ShapeError": "errors",
+    "StereoCompletion": "completion.stereo",
+    "StereoConsistency": "perception.stereo_matching",
+    "StereoRig": "geometry.rig",
+    "View": "geometry.view",
+    "complete": "completion.pipeline",
+    "fuse": "geometry.fusion",
+    "inpaint": "inpainters.filling",
+    "lift": "geometry.projection",
+    "orbit": "geometry.trajectories",
+    "read_camera": "files.cameras",
+    "read_color": "files.pictures",
+    "read_mask": "files.pictures",
+    "read_rgbd": "files.rgbd",
+    "read_stereo_calib": "files.cameras",
+    "remove": "completion.verbs",
+    "render": "geometry.rendering",
+    "stereo": "completion.stereo",
+    "view": "completion.verbs",
+    "write": "files.results",
+}
+"""Public name -> the module of dlama that defines it."""
+
+__all__ = [*MODULES, "example"]
+
+
+def __getattr__(name: str) -> Any:
+    """A public name, imported when it is first asked for. AttributeError: any other name."""
+    if name not in MODULES:
+        raise AttributeError(f"module 'dlama' has no attribute {name!r}")
+    found = getattr(import_module(f"dlama.{MODULES[name]}"), name)
+    globals()[name] = found
+    return found
+
+
+def __dir__() -> list[str]:
+    """The public names; editors and `dir` show these."""
+    return [*__all__, "__version__"]
+
+
+def example() -> Path:
+    """The folder of the street scene that comes with dlama: street.jpg, depth.png (millimetres), mask.png (a barrel),
+    camera.json, and for a stereo pair right.jpg and calib.txt."""
+    return Path(__file__).parent / "assets" / "demo"
