@@ -101,7 +101,7 @@ MODULES = {
 }
 """Public name -> the module of dlama that defines it."""
 
-__all__ = [*MODULES, "example"]
+__all__ = [*MODULES, "example"]  # noqa: PLE0604  (the names of a dict are strings)
 
 
 def __getattr__(name: str) -> Any:
