@@ -78,7 +78,7 @@ def kitchen_pairs(folder: Path) -> Iterator[Pair]:
         frame = listing["frames"][name]
         color = cv2.imread(str(folder / frame["color"]))[..., ::-1]
         depth = cv2.imread(str(folder / frame["depth"]), cv2.IMREAD_UNCHANGED).astype(np.float32) / 1000
-        camera = Camera(640, 480, k[0, 0], k[1, 1], k[0, 2] + 0.5, k[1, 2] + 0.5, np.array(frame["world_from_cam"]))
+        camera = Camera.from_K(k, 640, 480, pixel_center=0.0, world_from_cam=frame["world_from_cam"])
         return RGBD(np.ascontiguousarray(color), depth, camera)
 
     for pair in listing["pairs"]:

@@ -35,13 +35,13 @@ if TYPE_CHECKING:  # what type checkers and editors read; a test holds it equal 
     from dlama.files.results import write as write
     from dlama.files.rgbd import read_rgbd as read_rgbd
     from dlama.geometry.camera import Camera as Camera
+    from dlama.geometry.camera import StereoRig as StereoRig
     from dlama.geometry.cloud import PointCloud as PointCloud
     from dlama.geometry.fusion import fuse as fuse
     from dlama.geometry.mesh import Mesh as Mesh
     from dlama.geometry.projection import lift as lift
     from dlama.geometry.rendering import render as render
     from dlama.geometry.rgbd import RGBD as RGBD
-    from dlama.geometry.rig import StereoRig as StereoRig
     from dlama.geometry.scene import Scene as Scene
     from dlama.geometry.trajectories import orbit as orbit
     from dlama.geometry.view import HoleType as HoleType
@@ -81,7 +81,7 @@ MODULES = {
     "ShapeError": "errors",
     "StereoCompletion": "completion.stereo",
     "StereoConsistency": "perception.stereo_matching",
-    "StereoRig": "geometry.rig",
+    "StereoRig": "geometry.camera",
     "View": "geometry.view",
     "complete": "completion.pipeline",
     "fuse": "geometry.fusion",

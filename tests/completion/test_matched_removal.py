@@ -9,8 +9,7 @@ import pytest
 
 from dlama.completion import stereo as pairs
 from dlama.completion.stereo import EASED, LENT, at_surest, freed, stereo
-from dlama.geometry.camera import Camera
-from dlama.geometry.rig import StereoRig
+from dlama.geometry.camera import Camera, StereoRig
 from worlds import Box, Plane, World
 
 

@@ -23,8 +23,8 @@ from dlama.datasets.frames import RemovalTruth, StereoTruth
 from dlama.errors import InputError
 from dlama.evaluation.protocols import PROTOCOLS
 from dlama.evaluation.protocols.methods import NO_FILL, Method, ProtocolSettings, Scored
+from dlama.geometry.camera import StereoRig
 from dlama.geometry.rgbd import RGBD
-from dlama.geometry.rig import StereoRig
 
 __all__ = ["constant_filler"]
 QUICK = ProtocolSettings(lpips=False, matched_stereo=False)

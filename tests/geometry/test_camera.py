@@ -11,7 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dlama.errors import CameraError
-from dlama.geometry.camera import Camera, checked_pose, inverse_pose
+from dlama.geometry.camera import Camera, StereoRig, checked_pose, inverse_pose
+from dlama.geometry.projection import project
 from dlama.geometry.rendering import px_from_px
 from worlds import pixels_of, points_of, rotation
 
@@ -164,3 +165,92 @@ def test_same_view_means_same_lens_and_same_pose() -> None:
     assert camera.same_lens_as(camera.at(pose_of((0, 1, 0), (1, 0, 0))))
     assert not camera.same_lens_as(dataclasses.replace(camera, fx=5.1))
     assert not camera.same_view_as(dataclasses.replace(camera, width=9))
+
+
+points = st.tuples(st.floats(-5, 5), st.floats(-5, 5), st.floats(0.1, 50))
+sizes = st.integers(1, 60)
+
+
+@settings(max_examples=60, deadline=None)
+@given(cameras, points, st.integers(-20, 60), st.integers(-20, 60), sizes, sizes)
+def test_project_then_crop_is_crop_then_project(
+    camera: Camera, point: tuple[float, float, float], x: int, y: int, width: int, height: int
+) -> None:
+    """Law: in the cropped camera every point lands `x` columns and `y` rows earlier; its depth is the same."""
+    world = np.array([point]) @ camera.world_from_cam[:3, :3].T + camera.world_from_cam[:3, 3]
+    part = camera.cropped(x, y, width, height)
+    whole_px, z = project(world, camera)
+    part_px, part_z = project(world, part)
+    assert part.wh == (width, height)
+    np.testing.assert_array_equal(part_z, z)
+    np.testing.assert_allclose(part_px, whole_px - (x, y), rtol=0, atol=1e-9 * (1 + np.abs(whole_px).max()))
+
+
+@settings(max_examples=60, deadline=None)
+@given(cameras, points, sizes, sizes)
+def test_project_then_scale_is_scale_then_project(
+    camera: Camera, point: tuple[float, float, float], width: int, height: int
+) -> None:
+    """Law: in the resized camera every point lands at the same share of the picture; there and back gives the camera."""
+    world = np.array([point]) @ camera.world_from_cam[:3, :3].T + camera.world_from_cam[:3, 3]
+    other = camera.resized(width, height)
+    whole_px, _ = project(world, camera)
+    other_px, _ = project(world, other)
+    scale = width / camera.width, height / camera.height
+    np.testing.assert_allclose(other_px, whole_px * scale, rtol=1e-9, atol=1e-9 * (1 + np.abs(other_px).max()))
+    back = other.resized(*camera.wh)
+    np.testing.assert_allclose(back.K, camera.K, rtol=1e-12, atol=1e-9)
+
+
+def test_crop_and_scale_closed_form() -> None:
+    """Closed form: halving a 640x480 camera halves f and the principal point; a crop moves the principal point only."""
+    camera = Camera(640, 480, 500.0, 510.0, 320.0, 240.0, pose_of((0, 1, 0), (1, 2, 3)))
+    half = camera.resized(320, 240)
+    assert (half.wh, half.fx, half.fy, half.cx, half.cy) == ((320, 240), 250, 255, 160, 120)
+    part = camera.cropped(100, 40, 64, 32)
+    assert (part.wh, part.fx, part.fy, part.cx, part.cy) == ((64, 32), 500, 510, 220, 200)
+    for other in (half, part):
+        np.testing.assert_array_equal(other.world_from_cam, camera.world_from_cam)
+
+
+@pytest.mark.parametrize("make", [lambda c: c.cropped(0, 0, 0, 5), lambda c: c.resized(3, -1)])
+def test_an_empty_part_and_an_empty_size_are_refused(make: Any) -> None:
+    """Oracle: a CameraError that names the size."""
+    with pytest.raises(CameraError, match="camera size is"):
+        make(Camera(**GOOD))
+
+
+def test_from_K_converts_the_pixel_centre() -> None:
+    """Closed form: cx = 319.5 of 640 pixels that are counted from 0.0 is the middle, 320; K comes back from the camera."""
+    K = [[500, 0, 319.5], [0, 510, 239.5], [0, 0, 1]]
+    opencv = Camera.from_K(K, 640, 480, pixel_center=0.0)
+    assert (opencv.wh, opencv.fx, opencv.fy, opencv.cx, opencv.cy) == ((640, 480), 500, 510, 320, 240)
+    np.testing.assert_array_equal(Camera.from_K(K, 640, 480).K, K)
+    posed = Camera.from_K(K, 640, 480, world_from_cam=pose_of((0, 0, 0), (1, 2, 3)))
+    np.testing.assert_array_equal(posed.world_from_cam[:3, 3], (1, 2, 3))
+
+
+@pytest.mark.parametrize(
+    ("K", "center", "said"),
+    [
+        (np.eye(4), 0.5, r"K has shape \(4, 4\)"),
+        ([[5, 0.1, 4], [0, 5, 3], [0, 0, 1]], 0.5, "no skew"),
+        ([[5, 0, 4], [0, 5, 3], [0, 0, 2]], 0.5, "no skew"),
+        ([[-5, 0, 4], [0, 5, 3], [0, 0, 1]], 0.5, "fx is -5"),
+        ([[5, 0, np.nan], [0, 5, 3], [0, 0, 1]], 0.5, "cx is nan"),
+        ([[5, 0, 4], [0, 5, 3], [0, 0, 1]], 1.0, "pixel_center is 1; 0.5 or 0.0"),
+    ],
+)
+def test_what_is_no_K_is_refused(K: Any, center: float, said: str) -> None:
+    """Oracle: a CameraError that names what came."""
+    with pytest.raises(CameraError, match=said):
+        Camera.from_K(K, 8, 6, pixel_center=center)
+
+
+def test_cameras_say_what_they_are_in_one_line() -> None:
+    """Frozen vectors: f = half the width is 90 degrees; the pose's position; the rig's baseline."""
+    left = Camera.from_fov(640, 480, 90)
+    assert repr(left) == "Camera(640x480, 90 degrees wide, at (0, 0, 0) m)"
+    right = left.at(pose_of((0, 0, 0), (0.125, 0, 0)))
+    assert repr(right) == "Camera(640x480, 90 degrees wide, at (0.125, 0, 0) m)"
+    assert repr(StereoRig(left, right)) == "StereoRig(640x480, 90 degrees wide, baseline 0.125 m)"

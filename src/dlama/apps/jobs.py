@@ -12,8 +12,8 @@ from pathlib import Path
 from dlama.apps.options import Lens, Masking, Reading
 from dlama.apps.terminal import stages, summary
 from dlama.completion.pipeline import Completion
+from dlama.geometry.camera import StereoRig
 from dlama.geometry.rgbd import RGBD, BoolArray, UInt8Array
-from dlama.geometry.rig import StereoRig
 
 LOG = logging.getLogger("dlama")
 STAGES = 20

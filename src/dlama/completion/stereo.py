@@ -27,12 +27,12 @@ from dlama.completion.pipeline import (
 )
 from dlama.completion.recipes import Recipe, find_recipe
 from dlama.errors import InputError, ShapeError
+from dlama.geometry.camera import StereoRig
 from dlama.geometry.fusion import fuse
 from dlama.geometry.holes import checked_mask, dilated
 from dlama.geometry.projection import depth_from_disparity, disparity_from_depth
 from dlama.geometry.rendering import render
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
-from dlama.geometry.rig import StereoRig
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import HoleType, Origin, View
 from dlama.inpainters.filling import Inpainter

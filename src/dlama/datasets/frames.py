@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
+from dlama.geometry.camera import StereoRig
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
-from dlama.geometry.rig import StereoRig
 
 Protocol = Literal["vpi", "ori", "sii"]
 

@@ -86,11 +86,9 @@ def _camera(files: FrameFiles, color_hw: tuple[int, ...], depth_hw: tuple[int, .
             f"{files.color}: is {color_hw[1]}x{color_hw[0]} and {files.depth} {depth_hw[1]}x{depth_hw[0]}; colour of the "
             "same size, or bigger with the same proportions, is wanted"
         )
-    across, down = depth_hw[1] / color_hw[1], depth_hw[0] / color_hw[0]
-    border = 0.5 - lens.pixel_center  # scaling is about the picture's corner, where centres at 0.5 count from
-    fx, fy, cx, cy = lens.intrinsics
-    scaled = (fx * across, fy * down, (cx + border) * across, (cy + border) * down)
-    return checked_camera(lens.source, (depth_hw[0], depth_hw[1]), scaled, 0.5, files.world_from_cam)
+    hw = color_hw[0], color_hw[1]
+    camera = checked_camera(lens.source, hw, lens.intrinsics, lens.pixel_center, files.world_from_cam)
+    return camera.resized(depth_hw[1], depth_hw[0])
 
 
 def _shrunk(color: UInt8Array, hw: tuple[int, ...]) -> UInt8Array:

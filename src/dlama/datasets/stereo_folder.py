@@ -22,8 +22,8 @@ from dlama.files.cameras import checked_camera, read_stereo_calib
 from dlama.files.checked_fields import FileFields
 from dlama.files.depth import read_disparity
 from dlama.files.pictures import read_color
+from dlama.geometry.camera import StereoRig
 from dlama.geometry.rgbd import Float32Array
-from dlama.geometry.rig import StereoRig
 
 NOMINAL_BASELINE_M = 0.16
 """Of a rig whose numbers are not known; its focal length is the picture's width, px. Middlebury's own is 0.16 m."""

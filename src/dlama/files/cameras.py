@@ -16,8 +16,7 @@ from dlama.errors import CameraError, FileError
 from dlama.files.atomic_write import PathLike, new_file
 from dlama.files.checked_fields import FileFields, Intrinsics, read_calib_txt, read_json_fields
 from dlama.files.images import read_stored
-from dlama.geometry.camera import Camera
-from dlama.geometry.rig import StereoRig
+from dlama.geometry.camera import Camera, StereoRig
 
 FILM_DIAGONAL_MM = math.hypot(36, 24)
 """35 mm film; "focal length in 35 mm film" compares diagonals (CIPA DCG-001)."""
@@ -121,9 +120,9 @@ def camera_for(
         read = read_camera(camera, hw=hw)
         return (read if world_from_cam is None else read.at(world_from_cam)), f"--camera {Path(camera).name}"
     focal_x, focal_y, source = _focal_lengths(hw, fx, fy, fov, image)
-    border = 0.5 - pixel_center
-    center = (hw[1] / 2 if cx is None else cx + border, hw[0] / 2 if cy is None else cy + border)
-    made = checked_camera("camera options", hw, (focal_x, focal_y, *center), 0.5, world_from_cam)
+    border = 0.5 - pixel_center  # cx and cy count as the options do, the middle counts from the picture's border
+    center = (hw[1] / 2 - border if cx is None else cx, hw[0] / 2 - border if cy is None else cy)
+    made = checked_camera("camera options", hw, (focal_x, focal_y, *center), pixel_center, world_from_cam)
     return made, source
 
 
@@ -139,10 +138,10 @@ def checked_camera(
     Raises CameraError; warns of a principal point outside the picture (crops have it).
     """
     fx, fy, cx, cy = intrinsics
-    border = 0.5 - pixel_center
-    pose = np.eye(4) if world_from_cam is None else np.asarray(world_from_cam, np.float64)
     try:
-        camera = Camera(hw[1], hw[0], fx, fy, cx + border, cy + border, pose)
+        camera = Camera.from_K(
+            [[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]], hw[1], hw[0], pixel_center, world_from_cam
+        )
     except CameraError as error:
         raise CameraError(f"{source}: {error}") from error
     if not (0 <= camera.cx <= camera.width and 0 <= camera.cy <= camera.height):

@@ -13,11 +13,10 @@ import numpy as np
 from dlama.errors import CameraError, FileError
 from dlama.files.atomic_write import PathLike
 from dlama.files.images import existing
-from dlama.geometry.camera import Float64Array
+from dlama.geometry.camera import Float64Array, intrinsics_of
 
 Intrinsics = tuple[float, float, float, float]
 """fx, fy, cx, cy in pixels, as the file counts them."""
-K_TOLERANCE = 1e-6
 
 
 @dataclass(frozen=True)
@@ -58,14 +57,10 @@ class FileFields:
 
     def intrinsics(self, name: str) -> Intrinsics:
         """fx, fy, cx, cy of a matrix fx 0 cx / 0 fy cy / 0 0 1; raises CameraError for any other."""
-        K = self.matrix(name, (3, 3))
-        plain = np.array([[K[0, 0], 0, K[0, 2]], [0, K[1, 1], K[1, 2]], [0, 0, 1]])
-        if np.abs(K - plain).max() > K_TOLERANCE:
-            raise CameraError(f"{self.path}: {name} is {K.tolist()}; fx 0 cx / 0 fy cy / 0 0 1 is wanted (no skew)")
-        fx, fy = float(K[0, 0]), float(K[1, 1])
+        fx, fy, cx, cy = intrinsics_of(self.matrix(name, (3, 3)), f"{self.path}: {name}")
         if fx <= 0 or fy <= 0:
             raise CameraError(f"{self.path}: {name} is singular or negative (f = {fx:g}, {fy:g}); f > 0 is wanted")
-        return fx, fy, float(K[0, 2]), float(K[1, 2])
+        return fx, fy, cx, cy
 
     def pixel_center(self, default: float) -> float:
         """0.5 or 0.0; raises CameraError."""

@@ -72,8 +72,7 @@ def _arrays(prefix: str, view: View) -> dict[str, np.ndarray]:
 
 def _view(prefix: str, arrays: Mapping[str, np.ndarray]) -> View:
     color, K = arrays[f"{prefix}rgb"], arrays[f"{prefix}K"]
-    fx, fy, cx, cy = (float(K[at]) for at in ((0, 0), (1, 1), (0, 2), (1, 2)))
-    camera = Camera(color.shape[1], color.shape[0], fx, fy, cx, cy, arrays[f"{prefix}world_from_cam"])
+    camera = Camera.from_K(K, color.shape[1], color.shape[0], world_from_cam=arrays[f"{prefix}world_from_cam"])
     names = ("depth", "hole", "hole_type", "origin", "confidence")
     return View(camera, color, *(arrays[prefix + name] for name in names))
 

@@ -1,9 +1,11 @@
-"""Camera: numbers in, rays and pixels out. The conventions of the whole package are said here, once.
+"""Camera: intrinsics and a pose in; the camera, parts and other sizes of it, and a rectified pair of two out.
+
+The conventions of the whole package are said here, once.
 
 Axes        OpenCV: x right, y down, z forward. Metres. Depth is planar z, not ray length.
 Poses       `world_from_cam` is 4x4, camera to world. Transforms are called `<to>_from_<from>`.
 Pixels      The centre of the first pixel is at (0.5, 0.5): pixel (row v, column u) is the ray through (u + 0.5, v + 0.5).
-            Files that put it at 0.0 are converted where they are read (`dlama.files.cameras`).
+            Intrinsics that put it at 0.0 (OpenCV, TUM, Open3D, Middlebury) are converted by `Camera.from_K`.
 """
 
 from __future__ import annotations
@@ -21,6 +23,8 @@ Float64Array = NDArray[np.float64]
 
 ROTATION_TOLERANCE = 1e-3
 """Largest entry of R^T R - I that still counts as a rotation (7-Scenes' published poses reach 4e-4)."""
+K_TOLERANCE = 1e-6
+"""By how much an entry of an intrinsic matrix that must be 0 or 1 may differ from it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,6 +72,34 @@ class Camera:
         pose = np.eye(4) if world_from_cam is None else np.asarray(world_from_cam, np.float64)
         return cls(width, height, focal, focal, width / 2, height / 2, pose)
 
+    @classmethod
+    def from_K(
+        cls,
+        K: ArrayLike,
+        width: int,
+        height: int,
+        pixel_center: float = 0.5,
+        world_from_cam: ArrayLike | None = None,
+    ) -> Camera:
+        """Camera from its intrinsic matrix and the size of its picture.
+
+        Args:
+            K: 3x3 in pixels, fx 0 cx / 0 fy cy / 0 0 1.
+            width: of the picture, pixels.
+            height: of the picture, pixels.
+            pixel_center: where K puts the centre of the first pixel: 0.5 (COLMAP, EasySynth) or 0.0 (OpenCV, TUM, Open3D,
+                Middlebury: cx = 319.5 for 640 pixels).
+            world_from_cam: 4x4, camera to world, metres; the identity by default.
+        Raises:
+            CameraError: K is of another form, pixel_center another number, or the camera is none (see the class).
+        """
+        if pixel_center not in (0.0, 0.5):
+            raise CameraError(f"pixel_center is {pixel_center:g}; 0.5 or 0.0 is wanted")
+        fx, fy, cx, cy = intrinsics_of(K)
+        border = 0.5 - pixel_center
+        pose = np.eye(4) if world_from_cam is None else np.asarray(world_from_cam, np.float64)
+        return cls(width, height, fx, fy, cx + border, cy + border, pose)
+
     @property
     def hw(self) -> tuple[int, int]:
         """(height, width), the shape of a picture."""
@@ -93,9 +125,29 @@ class Camera:
         """Horizontal field of view in degrees."""
         return math.degrees(math.atan(self.cx / self.fx) + math.atan((self.width - self.cx) / self.fx))
 
+    def __repr__(self) -> str:
+        centre = ", ".join(f"{metres:.3g}" for metres in self.world_from_cam[:3, 3] + 0.0)
+        return f"Camera({self.width}x{self.height}, {self.fov_deg:.3g} degrees wide, at ({centre}) m)"
+
     def at(self, world_from_cam: ArrayLike) -> Camera:
         """The same camera at another pose."""
         return dataclasses.replace(self, world_from_cam=np.asarray(world_from_cam, np.float64))
+
+    def cropped(self, x: int, y: int, width: int, height: int) -> Camera:
+        """The camera of a part of the picture: `width` x `height` pixels, the upper left one being column x, row y.
+
+        The part may reach beyond the picture. Raises CameraError when the part is empty.
+        """
+        return dataclasses.replace(self, width=width, height=height, cx=self.cx - x, cy=self.cy - y)
+
+    def resized(self, width: int, height: int) -> Camera:
+        """The camera of the same picture at another size in pixels; what it sees stays the same, up to its borders.
+
+        Raises CameraError when the size is not positive.
+        """
+        across, down = width / self.width, height / self.height
+        focal, centre = (self.fx * across, self.fy * down), (self.cx * across, self.cy * down)
+        return Camera(width, height, *focal, *centre, self.world_from_cam)
 
     def same_lens_as(self, other: Camera) -> bool:
         """True if size and intrinsics are equal (within 1e-9 px)."""
@@ -106,6 +158,69 @@ class Camera:
     def same_view_as(self, other: Camera) -> bool:
         """True if a picture of one is a picture of the other: same lens, same pose (within 1e-9)."""
         return self.same_lens_as(other) and float(np.abs(self.world_from_cam - other.world_from_cam).max()) <= 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class StereoRig:
+    """A rectified pair: same size, focal length, rows and orientation; the right camera sits on the left one's x axis.
+
+    Raises CameraError when the two are no such pair.
+    """
+
+    left: Camera
+    """The left camera, at any pose."""
+    right: Camera
+    """The right camera; only its position and its cx differ from the left one's."""
+
+    def __post_init__(self) -> None:
+        left, right = self.left, self.right
+        if left.hw != right.hw:
+            raise CameraError(
+                f"the left camera is {left.width}x{left.height}, the right {right.width}x{right.height}; one size is wanted"
+            )
+        for name in ("fx", "fy", "cy"):
+            mine, theirs = getattr(left, name), getattr(right, name)
+            if abs(mine - theirs) > 0.01:
+                raise CameraError(f"{name} is {mine} left and {theirs} right; a rectified pair has one {name}")
+        across = self._offset
+        if not across[0] > 0 or abs(across[1]) > 1e-3 * across[0] or abs(across[2]) > 1e-3 * across[0]:
+            raise CameraError(
+                f"the right camera lies at {across.round(6).tolist()} m of the left; (baseline > 0, 0, 0) is wanted"
+            )
+
+    @property
+    def _offset(self) -> Float64Array:
+        return (self.left.cam_from_world @ self.right.world_from_cam)[:3, 3]
+
+    @property
+    def baseline_m(self) -> float:
+        """Metres from the left to the right camera."""
+        return float(self._offset[0])
+
+    @property
+    def doffs(self) -> float:
+        """cx of the right minus cx of the left camera, px: Z = fx baseline / (disparity + doffs) (Middlebury 2014)."""
+        return self.right.cx - self.left.cx
+
+    def __repr__(self) -> str:
+        left = self.left
+        return (
+            f"StereoRig({left.width}x{left.height}, {left.fov_deg:.3g} degrees wide, baseline {self.baseline_m:.3g} m)"
+        )
+
+
+def intrinsics_of(K: ArrayLike, called: str = "K") -> tuple[float, float, float, float]:
+    """fx, fy, cx, cy in pixels of an intrinsic matrix fx 0 cx / 0 fy cy / 0 0 1.
+
+    Raises CameraError for a matrix of any other form; the message begins with `called`.
+    """
+    matrix = np.array(K, np.float64)
+    if matrix.shape != (3, 3):
+        raise CameraError(f"{called} has shape {matrix.shape}; a 3x3 matrix is wanted")
+    (fx, skew, cx), (zero, fy, cy), last = matrix.tolist()
+    if not np.abs([skew, zero, last[0], last[1], last[2] - 1]).max() <= K_TOLERANCE:
+        raise CameraError(f"{called} is {matrix.tolist()}; fx 0 cx / 0 fy cy / 0 0 1 is wanted (no skew)")
+    return fx, fy, cx, cy
 
 
 def inverse_pose(b_from_a: Float64Array) -> Float64Array:

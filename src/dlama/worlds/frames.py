@@ -9,9 +9,8 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 
 from dlama.errors import InputError
-from dlama.geometry.camera import Camera, Float64Array
+from dlama.geometry.camera import Camera, Float64Array, StereoRig
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array, frozen
-from dlama.geometry.rig import StereoRig
 from dlama.geometry.trajectories import orbit
 
 Kind = Literal["street", "room"]

@@ -15,9 +15,8 @@ from dlama.errors import CameraError, DepthError, FileError, MaskError
 from dlama.files.depth import read_depth
 from dlama.files.images import read_stored
 from dlama.files.pictures import read_color
-from dlama.geometry.camera import Float64Array
+from dlama.geometry.camera import Float64Array, StereoRig
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array
-from dlama.geometry.rig import StereoRig
 
 DepthKind = Literal["millimetres", "exr", "png"]
 """DepthMM (our addition, 16-bit mm, full range), or DepthImage as EXR, or as PNG."""

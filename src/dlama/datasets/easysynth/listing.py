@@ -9,7 +9,7 @@ from pathlib import Path
 from dlama.datasets.easysynth.frames import DepthKind, FrameFiles
 from dlama.datasets.easysynth.text_files import Pose, RigCamera, read_poses, read_rig
 from dlama.errors import CameraError, DepthError, FileError
-from dlama.geometry.rig import StereoRig
+from dlama.geometry.camera import StereoRig
 
 RIG, POSES, CLASSES = "CameraRig.json", "CameraPoses.csv", "SemanticClasses.csv"
 COLOR, DEPTH, SEMANTIC, MILLIMETRES = "ColorImage", "DepthImage", "SemanticImage", "DepthMM"

@@ -61,15 +61,9 @@ class Lens:
                 "have the same proportions, else the field of view is not known"
             )
         try:
-            return Camera(
-                hw[1],
-                hw[0],
-                self.fx * across,
-                self.fy * down,
-                self.cx * across,
-                self.cy * down,
-                np.asarray(world_from_cam),
-            )
+            size = round(self.width), round(self.height)
+            whole = Camera(*size, self.fx, self.fy, self.cx, self.cy, np.asarray(world_from_cam))
+            return whole.resized(hw[1], hw[0])
         except CameraError as error:
             raise CameraError(f"{self.source}: {error}") from error
 

@@ -17,9 +17,8 @@ from dlama.errors import CameraError, InputError, OutputError, ShapeError
 from dlama.files.atomic_write import new_directory, new_file
 from dlama.files.depth import write_depth_png
 from dlama.files.pictures import write_color
-from dlama.geometry.camera import Camera, Float64Array
+from dlama.geometry.camera import Camera, Float64Array, StereoRig
 from dlama.geometry.rgbd import RGBD, Float32Array, UInt8Array
-from dlama.geometry.rig import StereoRig
 
 RGB = tuple[int, int, int]
 ColorFormat = Literal["png", "jpeg"]

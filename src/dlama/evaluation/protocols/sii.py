@@ -29,9 +29,9 @@ from dlama.evaluation.protocols.methods import Measure, Method, ProtocolSettings
 from dlama.evaluation.protocols.ori import cloud_measures
 from dlama.evaluation.protocols.runs import Run, nothing, panel, run_method
 from dlama.evaluation.protocols.scores import Answer
+from dlama.geometry.camera import StereoRig
 from dlama.geometry.projection import depth_from_disparity, disparity_from_depth
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array
-from dlama.geometry.rig import StereoRig
 
 RIGHT = "-right"
 

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
 
 SMALLEST_CROP = 0.7
@@ -28,8 +27,7 @@ class Window:
 
     def rgbd(self, rgbd: RGBD) -> RGBD:
         """The part of a frame, with the camera that sees it."""
-        c, part = rgbd.camera, self._part
-        camera = Camera(self.side, self.side, c.fx, c.fy, c.cx - self.left, c.cy - self.top, c.world_from_cam)
+        part, camera = self._part, rgbd.camera.cropped(self.left, self.top, self.side, self.side)
         return resized(RGBD(rgbd.color[part], rgbd.depth[part], camera), self.size / self.side)
 
     def color(self, color: UInt8Array) -> UInt8Array:
@@ -66,12 +64,9 @@ def drawn(hw: tuple[int, int], size: int, rng: np.random.Generator, around: Bool
 
 def resized(rgbd: RGBD, factor: float) -> RGBD:
     """A frame with `factor` times as many pixels a side (rounded)."""
-    camera = rgbd.camera
-    hw = scaled(camera.hw, factor)
-    across, down = hw[1] / camera.width, hw[0] / camera.height
-    numbers = camera.fx * across, camera.fy * down, camera.cx * across, camera.cy * down
-    depth = rgbd.depth[nearest(camera.hw, hw)]
-    return RGBD(resized_color(rgbd.color, hw), depth, Camera(hw[1], hw[0], *numbers, camera.world_from_cam))
+    hw = scaled(rgbd.camera.hw, factor)
+    depth = rgbd.depth[nearest(rgbd.camera.hw, hw)]
+    return RGBD(resized_color(rgbd.color, hw), depth, rgbd.camera.resized(hw[1], hw[0]))
 
 
 def scaled(hw: tuple[int, int], factor: float) -> tuple[int, int]:

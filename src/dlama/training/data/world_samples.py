@@ -8,7 +8,6 @@ so its shadow stays where it was: the known pixels show it, too.
 
 from __future__ import annotations
 
-import dataclasses
 from typing import Any
 
 import numpy as np
@@ -148,8 +147,9 @@ def seen_through(gallery: Gallery, number: int, thing: int, where: BoolArray) ->
     if not where.any():  # only the other picture of the pair shows it
         return frame
     rows, columns = np.flatnonzero(where.any(1)), np.flatnonzero(where.any(0))
+    corner, size = (int(columns[0]), int(rows[0])), (int(np.ptp(columns)) + 1, int(np.ptp(rows)) + 1)
     box = np.s_[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
-    cast = through(gallery.world, cropped(frame.camera, *box), np.where(where[box], thing, -1))
+    cast = through(gallery.world, frame.camera.cropped(*corner, *size), np.where(where[box], thing, -1))
     color, depth = frame.color.copy(), frame.depth.copy()
     np.copyto(color[box], cast.color, where=where[box][..., None])
     np.copyto(depth[box], cast.depth, where=where[box])
@@ -159,14 +159,3 @@ def seen_through(gallery: Gallery, number: int, thing: int, where: BoolArray) ->
 def through(world: Any, camera: Camera, things: np.ndarray) -> Any:
     """What a camera sees if each of its pixels looks through one thing (H x W group numbers, -1: none)."""
     return world.cast(camera, through=things.astype(np.int32))
-
-
-def cropped(camera: Camera, rows: slice, columns: slice) -> Camera:
-    """The camera of a part of the picture."""
-    return dataclasses.replace(
-        camera,
-        width=columns.stop - columns.start,
-        height=rows.stop - rows.start,
-        cx=camera.cx - columns.start,
-        cy=camera.cy - rows.start,
-    )
