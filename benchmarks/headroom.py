@@ -94,8 +94,8 @@ def main() -> None:
     lpips = Lpips()
     for case in open_dataset(asked.street, scenes=asked.scenes).of("vpi"):
         truth = case.load()
-        assert isinstance(truth, ViewTruth) and case.yaw_deg is not None
-        yaw = abs(round(case.yaw_deg))
+        assert isinstance(truth, ViewTruth) and case.yaw is not None
+        yaw = abs(round(case.yaw))
         measure_fill(truth, yaw, tables[0])
         measure_sampling(truth, yaw, tables[1], lpips)
     print(f"{'':26}" + "".join(f"{'±' + str(yaw):>8}" for yaw in YAWS))

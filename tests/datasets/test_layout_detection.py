@@ -11,9 +11,9 @@ import pytest
 
 from dlama.datasets.frames import Dataset
 from dlama.datasets.layouts import LAYOUTS, detect, open_dataset
-from dlama.datasets.numbered_frames import numbered_frames
-from dlama.datasets.tsdf_fusion import tsdf_fusion
-from dlama.datasets.view_pairs import posed_dataset, view_pairs
+from dlama.datasets.numbered_frames import numbered_frames, tsdf_fusion
+from dlama.datasets.posed_frames import lens_for, posed_frame
+from dlama.datasets.view_pairs import Overlaps, posed_dataset, view_pairs
 from dlama.errors import FileError, InputError
 from posed_folders import LENS, text_K, text_matrix, truth, write_codes16, write_picture
 
@@ -49,7 +49,7 @@ def test_each_layout_is_told_from_all_others(tmp_path: Path, layout: str) -> Non
 
 
 def test_several_or_none(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"may be pairs or tum; say which with --layout"):
+    with pytest.raises(InputError, match=r"may be pairs or tum; say which by layout=NAME"):
         detect(marked(tmp_path / "both", "tum", "pairs"))
     (tmp_path / "none").mkdir()
     with pytest.raises(InputError, match=r"is no data set of a known layout") as caught:
@@ -67,9 +67,9 @@ def test_several_or_none(tmp_path: Path) -> None:
         ),
         (
             {"layout": "pairs", "depth_range": 10.0},
-            r"--depth-range says nothing to a data set of layout pairs; it is for eas",
+            r"depth_range says nothing to a data set of layout pairs; it is for eas",
         ),
-        ({"layout": "stereo", "camera": LENS}, r"--camera says nothing to .* stereo; it is for tum, 7-scenes, scannet"),
+        ({"layout": "stereo", "camera": LENS}, r"camera says nothing to .* stereo; it is for tum, 7-scenes, scannet"),
         ({"limit": 0}, r"limit is 0; a whole number >= 1"),
     ],
 )
@@ -112,7 +112,7 @@ def test_pairs_of_views_turn_as_wanted_and_overlap(tmp_path: Path) -> None:
     Frame 2 to 1 (11 degrees) is nearer to 10 than 2 to 3 (8), which counts where there is no better.
     """
     dataset = tsdf_fusion(scene(tmp_path))
-    found = [(case.frame[10:12] + case.frame[-2:], case.yaw_deg) for case in dataset.cases]
+    found = [(case.frame[10:12] + case.frame[-2:], case.yaw) for case in dataset.cases]
     assert found == [
         ("0001", 10.0), ("0002", 21.0), ("0003", 29.0),
         ("0100", 10.0), ("0103", 19.0),
@@ -123,9 +123,6 @@ def test_pairs_of_views_turn_as_wanted_and_overlap(tmp_path: Path) -> None:
 
 def test_strides_sources_and_overlap(tmp_path: Path) -> None:
     """Oracle: by hand."""
-    from dlama.datasets.lenses import lens_for
-    from dlama.datasets.view_pairs import Overlaps, posed_frame
-
     root = scene(tmp_path)
     lens = lens_for(root, root, LENS, (), "")
     frames = numbered_frames("s", root, lens, posed_frame)
@@ -172,9 +169,9 @@ def test_easysynths_own_options_reach_its_reader(tmp_path: Path, monkeypatch: py
         return Dataset("d", "easysynth", root, (), ())
 
     monkeypatch.setitem(LAYOUTS, "easysynth", dataclasses.replace(LAYOUTS["easysynth"], read=read))
-    open_dataset(tmp_path, "easysynth", gamma=False, removal_object="barrel")
+    open_dataset(tmp_path, "easysynth", gamma="linear", removal_object="barrel")
     open_dataset(tmp_path, "easysynth")
-    assert got == [{"gamma": False, "removal_object": "barrel"}, {}]
-    for option, flag in (({"gamma": True}, "--gamma"), ({"removal_object": "x"}, "--removal-object")):
+    assert got == [{"gamma": "linear", "removal_object": "barrel"}, {}]
+    for option, flag in (({"gamma": "srgb"}, "gamma"), ({"removal_object": "x"}, "removal_object")):
         with pytest.raises(InputError, match=f"{flag} says nothing .* it is for easysynth"):
             open_dataset(tmp_path, "tum", **option)

@@ -26,7 +26,7 @@ def test_kitchen_depths_agree_as_listed(data_dir: Path) -> None:
     assert (dataset.layout, len(dataset.frames), len(dataset.cases)) == ("pairs", 16, len(listed))
     for case, pair in list(zip(dataset.cases, listed))[::2]:
         assert case.frame == f"{pair['a']}_to_{pair['b']}"
-        assert case.yaw_deg == pytest.approx(pair["rotation_deg"], abs=0.1)  # theirs: poses as rounded, off by 4e-4
+        assert case.yaw == pytest.approx(pair["rotation_deg"], abs=0.1)  # theirs: poses as rounded, off by 4e-4
         truth = case.load()
         assert isinstance(truth, ViewTruth) and truth.exposure_varies
         within, landed = depths_agree(truth)
@@ -84,7 +84,7 @@ def test_a_closed_form_world_there_and_back(tmp_path: Path) -> None:
     """Oracle: the world; angles are those it was turned by."""
     dataset = open_dataset(written(tmp_path))
     check_frames(dataset, half_unit_m=0.00026)
-    assert [case.yaw_deg for case in dataset.cases] == list(TURNS[1:])
+    assert [case.yaw for case in dataset.cases] == list(TURNS[1:])
 
 
 def test_the_pixel_centre_may_be_told(tmp_path: Path) -> None:

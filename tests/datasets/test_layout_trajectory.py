@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from dlama.datasets.layouts import open_dataset
-from dlama.datasets.lenses import read_lens
+from dlama.datasets.posed_frames import read_lens
 from dlama.datasets.trajectory_log import read_log
 from dlama.errors import CameraError, FileError
 from posed_folders import LENS, check_frames, text_matrix, truth, write_codes16, write_picture

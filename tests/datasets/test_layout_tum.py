@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from dlama.datasets.layouts import open_dataset
-from dlama.datasets.tum import rotation_of_xyzw
+from dlama.datasets.rotations import rotation_of
 from dlama.errors import CameraError, FileError, InputError
 from dlama.files.cameras import write_camera
 from posed_folders import AXIS, LENS, TURNS, cameras, check_frames, truth, write_codes16, write_picture
@@ -84,7 +84,7 @@ def test_the_nearest_of_several_is_taken_and_leftovers_are_counted(
 def test_intrinsics_come_from_the_option_or_the_folder_or_not_at_all(tmp_path: Path) -> None:
     root = written(tmp_path / "data/seq")
     (root / "camera.json").rename(tmp_path / "mine.json")
-    with pytest.raises(CameraError, match=r"seq: has no camera\.json, and TUM's intrinsics.*517\.3.*--camera"):
+    with pytest.raises(CameraError, match=r"seq: has no camera\.json, and TUM's intrinsics.*517\.3.*camera=FILE"):
         open_dataset(root)
     for camera in (tmp_path / "mine.json", str(tmp_path / "mine.json"), LENS):
         assert np.allclose(open_dataset(root, camera=camera).frames[0].load().camera.K, LENS.K)
@@ -95,8 +95,8 @@ def test_intrinsics_come_from_the_option_or_the_folder_or_not_at_all(tmp_path: P
 def test_a_unit_quaternion_turns_as_its_axis_says() -> None:
     """Oracle: a quarter turn about z takes x to y; about x takes y to z."""
     half = math.sqrt(0.5)
-    assert np.allclose(rotation_of_xyzw(np.array([0, 0, half, half])) @ [1, 0, 0], [0, 1, 0])
-    assert np.allclose(rotation_of_xyzw(np.array([half, 0, 0, half])) @ [0, 1, 0], [0, 0, 1])
+    assert np.allclose(rotation_of(np.array([0, 0, half, half])) @ [1, 0, 0], [0, 1, 0])
+    assert np.allclose(rotation_of(np.array([half, 0, 0, half])) @ [0, 1, 0], [0, 0, 1])
 
 
 @pytest.mark.parametrize(

@@ -197,7 +197,7 @@ def dataclasses_row(case, method: str, value: float):  # type: ignore[no-untyped
     from dlama.evaluation.runner.results_table import Row
 
     recipe, filler = method.split("/")
-    return Row("vpi", "toy", case.scene, case.frame, case.yaw_deg, recipe, filler, "whole", "rgb", "ssim", value)
+    return Row("vpi", "toy", case.scene, case.frame, case.yaw, recipe, filler, "whole", "rgb", "ssim", value)
 
 
 def test_best_median_and_worst_by_hand(tmp_path: Path) -> None:

@@ -20,7 +20,7 @@ SIZE = 64
 def test_the_listing_names_every_frame_and_case_and_builds_nothing() -> None:
     """Two worlds, two yaws: five frames, four VPI, five ORI and one SII case each; keys differ; loaders travel."""
     listed = worlds(2, seed=5, size=SIZE, yaws=(10, 40))
-    assert [frame.yaw_deg for frame in listed.frames[:5]] == [0, 10, -10, 40, -40]
+    assert [frame.yaw for frame in listed.frames[:5]] == [0, 10, -10, 40, -40]
     assert {protocol: len(listed.of(protocol)) for protocol in ("vpi", "ori", "sii")} == {"vpi": 8, "ori": 10, "sii": 2}
     assert len({case.key for case in listed.cases}) == 20
     assert {frame.scene for frame in listed.frames} == {"w005", "w006"}
@@ -33,7 +33,7 @@ def test_cases_hold_the_worlds_own_truth() -> None:
     made = world(3)
     view = listed.of("vpi")[1].load()
     source, target = made.camera(0, SIZE), made.camera(-20, SIZE)
-    assert isinstance(view, ViewTruth) and listed.of("vpi")[1].yaw_deg == -20
+    assert isinstance(view, ViewTruth) and listed.of("vpi")[1].yaw == -20
     np.testing.assert_array_equal(view.source.color, made.frame(source).color)
     np.testing.assert_array_equal(view.target.depth, made.frame(target).depth)
     np.testing.assert_array_equal(view.target_without.depth, made.frame(target, object=False).depth)
@@ -76,7 +76,7 @@ def test_folders_are_read_back_by_the_easysynth_reader(tmp_path: Path) -> None:
     made = world(9)
     read = easysynth(tmp_path)
     assert {len(read.of(protocol)) for protocol in ("vpi", "ori", "sii")} == {12, 13, 1}
-    case = next(case for case in read.of("vpi") if case.yaw_deg == pytest.approx(-30, abs=1e-3))
+    case = next(case for case in read.of("vpi") if case.yaw == pytest.approx(-30, abs=1e-3))
     truth, camera = case.load(), made.camera(-30, SIZE)
     assert isinstance(truth, ViewTruth)
     np.testing.assert_allclose(truth.target.camera.world_from_cam, camera.world_from_cam, atol=1e-6)

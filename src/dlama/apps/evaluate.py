@@ -64,7 +64,7 @@ class Scope:
             path,
             self.layout,
             depth_range=self.depth_range,
-            gamma=None if self.gamma is None else self.gamma == "srgb",
+            gamma=self.gamma,
             removal_object=self.removal_object,
             camera=self.camera,
             limit=None if self.yaws else self.limit,
@@ -82,7 +82,7 @@ class Scope:
         for name in self.protocol or has:
             cases += [case for case in dataset.of(name) if self.has_yaw(case)][: self.limit]
         if not cases:
-            known = sorted({abs(case.yaw_deg) for case in dataset.cases if case.yaw_deg is not None})
+            known = sorted({abs(case.yaw) for case in dataset.cases if case.yaw is not None})
             raise InputError(
                 f"no case is left of {dataset.name}; its yaws are {', '.join(f'±{one:g}' for one in known)}"
             )
@@ -90,9 +90,9 @@ class Scope:
 
     def has_yaw(self, case: Case) -> bool:
         """Whether --yaws lets the case through; those without a yaw it does not concern."""
-        if not self.yaws or case.yaw_deg is None:
+        if not self.yaws or case.yaw is None:
             return True
-        return any(abs(abs(case.yaw_deg) - abs(yaw)) <= YAW_NEAR for yaw in self.yaws)
+        return any(abs(abs(case.yaw) - abs(yaw)) <= YAW_NEAR for yaw in self.yaws)
 
 
 @dataclass(frozen=True)

@@ -15,6 +15,8 @@ from dlama.geometry.camera import StereoRig
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
 
 Protocol = Literal["vpi", "ori", "sii"]
+Gamma = Literal["srgb", "linear"]
+"""How 8-bit depth is encoded: as sRGB (IEC 61966-2-1), which is undone, or linearly."""
 
 
 @dataclass(frozen=True)
@@ -25,7 +27,7 @@ class Frame:
     name: str
     load: Callable[[], RGBD]
     """Reads it; picklable (functools.partial of a module's function)."""
-    yaw_deg: float | None = None
+    yaw: float | None = None
     """Degrees of orbit from the scene's first frame, where the data set has an orbit."""
 
 
@@ -95,7 +97,7 @@ class Case:
     """Unique within the scene and the protocol."""
     load: Callable[[], Truth]
     """Reads it; picklable (functools.partial of a module's function)."""
-    yaw_deg: float | None = None
+    yaw: float | None = None
     """Signed degrees of orbit (VPI), or the angle between the two frames of a posed pair."""
 
     @property

@@ -7,17 +7,21 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from dlama.datasets.easysynth.dataset import easysynth, looks_like_easysynth
-from dlama.datasets.frames import Dataset
-from dlama.datasets.lenses import CameraOption
+from dlama.datasets.frames import Dataset, Gamma
 from dlama.datasets.nerfstudio import looks_like_nerfstudio, nerfstudio
-from dlama.datasets.numbered_frames import looks_like_seven_scenes, seven_scenes
+from dlama.datasets.numbered_frames import (
+    looks_like_seven_scenes,
+    looks_like_tsdf_fusion,
+    seven_scenes,
+    tsdf_fusion,
+)
 from dlama.datasets.pairs_json import looks_like_pairs, pairs_json
+from dlama.datasets.posed_frames import CameraOption
 from dlama.datasets.removal_folder import looks_like_removal, removal_folder
 from dlama.datasets.scannet import looks_like_scannet, scannet
 from dlama.datasets.stereo_folder import looks_like_stereo, stereo_folder
 from dlama.datasets.text_tables import LEVELS, check_scenes, folders_in
 from dlama.datasets.trajectory_log import looks_like_trajectory_log, trajectory_log
-from dlama.datasets.tsdf_fusion import looks_like_tsdf_fusion, tsdf_fusion
 from dlama.datasets.tum import looks_like_tum, tum
 from dlama.errors import FileError, InputError
 
@@ -60,7 +64,7 @@ LAYOUTS: dict[str, Layout] = {
     "redwood": Layout("trajectory.log and a folder depth", looks_like_trajectory_log, trajectory_log, _POSED_BARE),
     "nerfstudio": Layout("transforms.json", looks_like_nerfstudio, nerfstudio, _POSED),
 }
-"""Every layout by the name that `--layout` takes."""
+"""Every layout by the name that `layout` takes."""
 
 
 def open_dataset(
@@ -71,12 +75,12 @@ def open_dataset(
     camera: CameraOption = None,
     limit: int | None = None,
     scenes: Sequence[str] | None = None,
-    gamma: bool | None = None,
+    gamma: Gamma | None = None,
     removal_object: str | None = None,
 ) -> Dataset:
     """The data set in a folder; its layout is recognised unless told.
 
-    `depth_range` in metres, `gamma` (8-bit depth is sRGB-encoded) and `removal_object`, a semantic class (easysynth), and
+    `depth_range` in metres, `gamma` (how 8-bit depth is encoded) and `removal_object`, a semantic class (easysynth), and
     `camera`, a camera file (tum, 7-scenes, scannet, tsdf-fusion, redwood), are refused where a layout has no use for them.
     `scenes` keeps these only, `limit` at most so many cases of each protocol, the first ones. Raises InputError (unknown or
     ambiguous layout, option or scene), FileError, CameraError.
@@ -103,7 +107,7 @@ def detect(root: Path) -> str:
     for _ in range(LEVELS):
         found = [name for name, each in LAYOUTS.items() if any(each.looks_like(folder) for folder in level)]
         if len(found) > 1:
-            raise InputError(f"{root}: may be {' or '.join(found)}; say which with --layout")
+            raise InputError(f"{root}: may be {' or '.join(found)}; say which by layout=NAME")
         if found:
             return found[0]
         level = [each for folder in level for each in folders_in(folder)]
@@ -116,8 +120,7 @@ def refuse(name: str, known: frozenset[str], **options: object) -> None:
     for option, value in options.items():
         if value is not None and option not in known:
             takers = [each for each, layout in LAYOUTS.items() if option in layout.options]
-            flag = f"--{option.replace('_', '-')}"
-            raise InputError(f"{flag} says nothing to a data set of layout {name}; it is for {', '.join(takers)}")
+            raise InputError(f"{option} says nothing to a data set of layout {name}; it is for {', '.join(takers)}")
 
 
 def narrowed(dataset: Dataset, scenes: Sequence[str] | None, limit: int | None) -> Dataset:

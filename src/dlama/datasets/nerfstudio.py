@@ -13,9 +13,9 @@ from pathlib import Path
 import numpy as np
 
 from dlama.datasets.frames import Dataset
-from dlama.datasets.posed_frames import FrameFiles, Lens
-from dlama.datasets.text_tables import chosen_scenes, part_of, pose_at, read_json, sequences, text_of
-from dlama.datasets.view_pairs import LOG, PosedFrame, posed_dataset, posed_frame
+from dlama.datasets.posed_frames import FrameFiles, Lens, PosedFrame, posed_frame, units_per_metre
+from dlama.datasets.text_tables import list_of, part_of, pose_at, read_json, text_of
+from dlama.datasets.view_pairs import LOG, read_posed
 from dlama.errors import CameraError, FileError
 from dlama.files.checked_fields import FileFields, Intrinsics
 from dlama.geometry.camera import Float64Array
@@ -37,25 +37,18 @@ def looks_like_nerfstudio(root: Path) -> bool:
 
 def nerfstudio(root: Path, *, scenes: Sequence[str] | None = None, limit: int | None = None) -> Dataset:
     """The scenes of a folder (itself one, or holding several). Raises FileError, CameraError, naming the field."""
-    frames: list[PosedFrame] = []
-    for scene, folder in chosen_scenes(sequences(root, looks_like_nerfstudio, NAME), scenes).items():
-        frames += _frames(scene, folder)
-    return posed_dataset("nerfstudio", root, frames, limit)
+    return read_posed("nerfstudio", root, looks_like_nerfstudio, NAME, _frames, scenes, limit)
 
 
 def _frames(scene: str, folder: Path) -> list[PosedFrame]:
     fields = read_json(folder / NAME)
-    listed = fields.values.get("frames")
-    if not isinstance(listed, list) or not listed:
-        raise FileError(f"{fields.path}: frames is {str(listed)[:40]}; a list of frames is wanted")
-    unit = fields.number(UNIT) if UNIT in fields else DEPTH_UNIT
-    if unit <= 0:
-        raise FileError(f"{fields.path}: {UNIT} is {unit:g}; metres per unit > 0 are wanted")
+    listed = list_of(fields, "frames", "frames")
+    units = units_per_metre(fields, UNIT, DEPTH_UNIT)
     frames = []
     for number, each in enumerate(listed):
         frame = part_of(fields, f"frames[{number}]", each)
         if "depth_file_path" in frame:
-            frames.append(_frame(scene, folder, frame, fields, 1 / unit))
+            frames.append(_frame(scene, folder, frame, fields, units))
     if not frames:
         raise FileError(f"{fields.path}: no frame has a depth_file_path; posed frames with depth are wanted")
     if len(frames) < len(listed):
@@ -66,11 +59,11 @@ def _frames(scene: str, folder: Path) -> list[PosedFrame]:
     return frames
 
 
-def _frame(scene: str, folder: Path, frame: FileFields, shared: FileFields, units_per_metre: float) -> PosedFrame:
+def _frame(scene: str, folder: Path, frame: FileFields, shared: FileFields, units: float) -> PosedFrame:
     color, depth = (Path(text_of(frame, name)) for name in ("file_path", "depth_file_path"))
     pose = pose_at(f"{frame.path}: transform_matrix", frame.matrix("transform_matrix", (4, 4)) @ CV_FROM_GL)
     lens = lens_of(FileFields(frame.path, {**shared.values, **frame.values}))
-    files = FrameFiles(folder / color, folder / depth, lens, pose, units_per_metre, far_code=True)
+    files = FrameFiles(folder / color, folder / depth, lens, pose, units, far_code=True)
     return posed_frame(scene, color.stem, files)
 
 

@@ -1,9 +1,11 @@
-"""7-Scenes folders in (frame-XXXXXX.color.png, .depth.png, .pose.txt); posed frames and the cases between them out.
+"""Folders of frame-XXXXXX.color.png|jpg, .depth.png, .pose.txt in (7-Scenes, tsdf-fusion); posed frames and their cases out.
 
-Depth in millimetres, 0 and 65535 missing; a pose is the depth camera's, camera to world. Colour and depth come from two
-cameras that the set does not align (its page gives 585, 585, 320, 240 for depth and nothing for colour): depth is moved
-into the colour camera, whose numbers were measured on redkitchen (COLOR_LENS, COLOR_FROM_DEPTH). With
-`camera` the two are taken as one camera instead.
+Depth in millimetres, 0 and 65535 missing; poses camera to world.
+7-Scenes: a pose is the depth camera's. Colour and depth come from two cameras that the set does not align (its page gives
+585, 585, 320, 240 for depth and nothing for colour): depth is moved into the colour camera, whose numbers were measured on
+redkitchen (COLOR_LENS, COLOR_FROM_DEPTH). With `camera` the two are taken as one camera instead.
+tsdf-fusion: one 3x3 K for colour and depth in camera-intrinsics.txt beside the frames or one folder above, first pixel's
+centre at 0.0 (the fusion code rounds projections to whole pixels).
 """
 
 from __future__ import annotations
@@ -15,14 +17,14 @@ from pathlib import Path
 import numpy as np
 
 from dlama.datasets.frames import Dataset
-from dlama.datasets.lenses import CameraOption, lens_for
-from dlama.datasets.posed_frames import FrameFiles, Lens, load_depth
-from dlama.datasets.text_tables import chosen_scenes, files_in, read_pose, sequences
-from dlama.datasets.view_pairs import PosedFrame, posed_dataset, posed_frame
+from dlama.datasets.posed_frames import CameraOption, FrameFiles, Lens, PosedFrame, lens_for, load_depth, posed_frame
+from dlama.datasets.text_tables import files_in, read_pose
+from dlama.datasets.view_pairs import read_posed
 from dlama.errors import FileError, ShapeError
 from dlama.files.cameras import checked_camera
 from dlama.files.pictures import read_color
 from dlama.geometry.camera import Camera, inverse_pose
+from dlama.geometry.projection import project
 from dlama.geometry.rgbd import RGBD, Float32Array
 
 DEPTH_LENS = Lens("7-Scenes' published camera", (585.0, 585.0, 320.0, 240.0), 0.0, (480, 640))
@@ -31,12 +33,15 @@ COLOR_FROM_DEPTH = np.array([[1, 0, 0, -0.025], [0, 1, 0, 0.004], [0, 0, 1, 0], 
 """Metres. Measured, not published: image edges against depth edges, and agreement of brightness across views."""
 CAMERA_NAMES = ("camera.json",)
 COLOR_SUFFIXES = (".png", ".jpg")
-MILLIMETRES = 1000.0
 TSDF_INTRINSICS = "camera-intrinsics.txt"
 
 
 def looks_like_seven_scenes(root: Path) -> bool:
     return has_numbered_frames(root) and not any((each / TSDF_INTRINSICS).is_file() for each in (root, root.parent))
+
+
+def looks_like_tsdf_fusion(root: Path) -> bool:
+    return has_numbered_frames(root) and any((each / TSDF_INTRINSICS).is_file() for each in (root, root.parent))
 
 
 def has_numbered_frames(root: Path) -> bool:
@@ -52,14 +57,28 @@ def seven_scenes(
 
     Raises FileError, CameraError.
     """
-    frames: list[PosedFrame] = []
-    looked_for = "frame-XXXXXX.color.png, .depth.png and .pose.txt"
-    for scene, folder in chosen_scenes(sequences(root, looks_like_seven_scenes, looked_for), scenes).items():
+
+    def frames(scene: str, folder: Path) -> list[PosedFrame]:
         if camera is None:
-            frames += numbered_frames(scene, folder, DEPTH_LENS, _registered_frame)
-        else:
-            frames += numbered_frames(scene, folder, lens_for(folder, root, camera, CAMERA_NAMES, ""), posed_frame)
-    return posed_dataset("7-scenes", root, frames, limit)
+            return numbered_frames(scene, folder, DEPTH_LENS, _registered_frame)
+        return numbered_frames(scene, folder, lens_for(folder, root, camera, CAMERA_NAMES, ""), posed_frame)
+
+    looked_for = "frame-XXXXXX.color.png, .depth.png and .pose.txt"
+    return read_posed("7-scenes", root, looks_like_seven_scenes, looked_for, frames, scenes, limit)
+
+
+def tsdf_fusion(
+    root: Path, *, camera: CameraOption = None, scenes: Sequence[str] | None = None, limit: int | None = None
+) -> Dataset:
+    """The sequences of a folder (itself one, or holding several). Raises FileError, CameraError."""
+
+    def frames(scene: str, folder: Path) -> list[PosedFrame]:
+        advice = f"the layout wants a {TSDF_INTRINSICS}"
+        lens = lens_for(folder, folder.parent, camera, (TSDF_INTRINSICS,), advice)
+        return numbered_frames(scene, folder, lens, posed_frame)
+
+    looked_for = f"frame-XXXXXX.color.jpg, .depth.png and .pose.txt with {TSDF_INTRINSICS} beside or above them"
+    return read_posed("tsdf-fusion", root, looks_like_tsdf_fusion, looked_for, frames, scenes, limit)
 
 
 def frame_name(path: Path) -> str:
@@ -79,14 +98,15 @@ def numbered_frames(
             color = next((each for each in colors if each.is_file()), None)
             if color is None:
                 raise FileError(f"{colors[0]}: no such file (nor {colors[1].name}), but {pose.name} is there")
-            files = FrameFiles(color, folder / f"{name}.depth.png", lens, read_pose(pose), MILLIMETRES)
+            files = FrameFiles(color, folder / f"{name}.depth.png", lens, read_pose(pose))
             frames.append(make(scene, name, files))
     return frames
 
 
 def _registered_frame(scene: str, name: str, files: FrameFiles) -> PosedFrame:
     pose = files.world_from_cam @ inverse_pose(COLOR_FROM_DEPTH)
-    return PosedFrame(scene, name, pose, partial(load_registered, files), partial(load_registered_depth, files))
+    load, depth = partial(load_registered, files), partial(load_registered_depth, files)
+    return PosedFrame(scene, name, load, world_from_cam=pose, load_depth=depth)
 
 
 def load_registered(files: FrameFiles) -> RGBD:
@@ -115,8 +135,6 @@ def moved_depth(depth: Float32Array, source: Camera, target: Camera) -> Float32A
 
     H x W of the target, 0 where nothing fell. Fit for a target with the shorter focal length, where no cracks open.
     """
-    from dlama.geometry.projection import project
-
     rows, columns = np.nonzero(depth)
     z = depth[rows, columns].astype(np.float64)
     local = np.stack(

@@ -13,9 +13,10 @@ from pathlib import Path
 import numpy as np
 
 from dlama.datasets.frames import Case, Dataset
-from dlama.datasets.posed_frames import FrameFiles, Lens
-from dlama.datasets.text_tables import chosen_scenes, part_of, pose_at, read_json, sequences, text_of
-from dlama.datasets.view_pairs import PosedFrame, load_view, posed_frame, rotation_deg
+from dlama.datasets.posed_frames import FrameFiles, Lens, PosedFrame, json_lens, posed_frame, units_per_metre
+from dlama.datasets.rotations import rotation_deg
+from dlama.datasets.text_tables import list_of, part_of, pose_at, read_json, scene_folders, text_of
+from dlama.datasets.view_pairs import load_view
 from dlama.errors import FileError
 from dlama.files.checked_fields import FileFields
 
@@ -27,42 +28,33 @@ def looks_like_pairs(root: Path) -> bool:
 
 
 def pairs_json(root: Path, *, scenes: Sequence[str] | None = None) -> Dataset:
-    """The pairs of a folder (itself one, or holding several), in the file's order; `yaw_deg` is the angle of rotation.
+    """The pairs of a folder (itself one, or holding several), in the file's order; `yaw` is the angle of rotation.
 
     Raises FileError, CameraError, naming the field.
     """
     name = root.resolve().name
     frames: list[PosedFrame] = []
     cases: list[Case] = []
-    for scene, folder in chosen_scenes(sequences(root, looks_like_pairs, NAME), scenes).items():
+    for scene, folder in scene_folders(root, looks_like_pairs, NAME, scenes).items():
         fields = read_json(folder / NAME)
         own = _frames(scene, folder, fields)
         frames += own.values()
-        cases += [_case(name, scene, fields, number, pair, own) for number, pair in enumerate(_pairs(fields))]
-    return Dataset(name, "pairs", root, tuple(frame.frame for frame in frames), tuple(cases))
+        pairs = list_of(fields, "pairs", "{a, b}")
+        cases += [_case(name, scene, fields, number, pair, own) for number, pair in enumerate(pairs)]
+    return Dataset(name, "pairs", root, tuple(frames), tuple(cases))
 
 
 def _frames(scene: str, folder: Path, fields: FileFields) -> dict[str, PosedFrame]:
-    lens = Lens(str(fields.path), fields.intrinsics("K"), fields.pixel_center(0.0), fields.size(None))
-    scale = fields.number("depth_scale") if "depth_scale" in fields else 0.001
-    if scale <= 0:
-        raise FileError(f"{fields.path}: depth_scale is {scale:g}; metres per unit > 0 are wanted")
+    lens, units = json_lens(fields), units_per_metre(fields, "depth_scale", 0.001)
     listed = part_of(fields, "frames", fields.values.get("frames"))
     parts = {name: part_of(fields, f"frames.{name}", each) for name, each in listed.values.items()}
-    return {name: _frame(folder, scene, name, part, lens, 1 / scale) for name, part in parts.items()}
+    return {name: _frame(folder, scene, name, part, lens, units) for name, part in parts.items()}
 
 
-def _frame(root: Path, scene: str, name: str, fields: FileFields, lens: Lens, units_per_metre: float) -> PosedFrame:
+def _frame(root: Path, scene: str, name: str, fields: FileFields, lens: Lens, units: float) -> PosedFrame:
     pose = pose_at(str(fields.path), fields.matrix("world_from_cam", (4, 4)))
     color, depth = (root / text_of(fields, each) for each in ("color", "depth"))
-    return posed_frame(scene, name, FrameFiles(color, depth, lens, pose, units_per_metre))
-
-
-def _pairs(fields: FileFields) -> list[object]:
-    pairs = fields.values.get("pairs")
-    if not isinstance(pairs, list) or not pairs:
-        raise FileError(f"{fields.path}: pairs is {str(pairs)[:40]}; a list of {{a, b}} is wanted")
-    return pairs
+    return posed_frame(scene, name, FrameFiles(color, depth, lens, pose, units))
 
 
 def _case(

@@ -1,21 +1,32 @@
-"""The colour and the depth file of one pinhole camera at a pose in; an RGBD, or only its depth, out."""
+"""The colour and the depth file of a pinhole camera at a pose in; an RGBD, or its depth alone, out.
+
+The camera's intrinsics (`Lens`) come from the option `camera`, or from a camera file that lies with the data set.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 
+import cv2
 import numpy as np
 
-from dlama.errors import ShapeError
-from dlama.files.cameras import checked_camera
-from dlama.files.checked_fields import Intrinsics
+from dlama.datasets.frames import Frame
+from dlama.datasets.text_tables import read_json, read_matrix
+from dlama.errors import CameraError, FileError, ShapeError
+from dlama.files.atomic_write import PathLike
+from dlama.files.cameras import checked_camera, read_camera
+from dlama.files.checked_fields import FileFields, Intrinsics
 from dlama.files.depth import read_depth
 from dlama.files.images import picture_hw
 from dlama.files.pictures import read_color
 from dlama.geometry.camera import Camera, Float64Array
 from dlama.geometry.rgbd import RGBD, Float32Array, UInt8Array
 
+CameraOption = PathLike | Camera | None
+"""The option `camera` of layouts whose files may say nothing of intrinsics: a camera file, or a Camera (its pose is not used)."""
 SAME_PROPORTIONS = 0.02
 """Relative difference of width / height up to which colour and depth of two sizes show the same field of view."""
 
@@ -42,10 +53,27 @@ class FrameFiles:
     depth: Path
     lens: Lens
     world_from_cam: Float64Array
-    depth_scale: float = 1000.0
-    """Units per metre."""
+    """4x4, camera to world, OpenCV axes, metres."""
+    units_per_metre: float = 1000.0
+    """Of the depth file; millimetres unless the layout says otherwise."""
     far_code: bool = False
     """True: 65535 in 16-bit depth, and infinity, is far, as in our own files; False: missing, as sensors mean it."""
+
+
+@dataclass(frozen=True, eq=False)
+class PosedFrame(Frame):
+    """A frame whose pose is known before its pictures are read. All frames of a scene share one world."""
+
+    world_from_cam: Float64Array = field(kw_only=True)
+    """4x4, camera to world, OpenCV axes, metres."""
+    load_depth: Callable[[], tuple[Float32Array, Camera]] = field(kw_only=True)
+    """Reads the depth of `load` (H x W, metres) and its camera without the colour; picklable."""
+
+
+def posed_frame(scene: str, name: str, files: FrameFiles) -> PosedFrame:
+    """A frame of two files of one camera."""
+    load, depth = partial(load_rgbd, files), partial(load_depth, files)
+    return PosedFrame(scene, name, load, world_from_cam=files.world_from_cam, load_depth=depth)
 
 
 def load_rgbd(files: FrameFiles) -> RGBD:
@@ -65,8 +93,75 @@ def load_depth(files: FrameFiles) -> tuple[Float32Array, Camera]:
     return depth, _camera(files, picture_hw(files.color), depth.shape)
 
 
+def lens_for(folder: Path, root: Path, camera: CameraOption, names: Sequence[str], advice: str) -> Lens:
+    """The option where given, else the first file of these names in the folder, or above it up to the data set's root.
+
+    Raises CameraError with the `advice` where there is none; FileError.
+    """
+    if isinstance(camera, Camera):
+        return _of_camera(camera, "the given camera")
+    if camera is not None:
+        return read_lens(Path(camera))
+    for place in (folder, *folder.parents):
+        for name in names:
+            if (place / name).is_file():
+                return read_lens(place / name)
+        if place == root:
+            break
+    raise CameraError(f"{folder}: has no {' or '.join(names)}, and {advice}; give camera=FILE.json")
+
+
+def read_lens(path: Path) -> Lens:
+    """Our camera JSON (its pose is not used), Open3D's camera_intrinsic.json, or a text file with a 3x3 or 4x4 K.
+
+    Open3D's and the text file's first pixel has its centre at 0.0. Raises FileError, CameraError.
+    """
+    if path.suffix.lower() == ".txt":
+        return text_lens(path, (3, 3))
+    fields = read_json(path)
+    if "intrinsic_matrix" in fields:
+        return _of_open3d(fields)
+    return _of_camera(read_camera(path), str(path))
+
+
+def text_lens(path: Path, shape: tuple[int, int]) -> Lens:
+    """A text file with the matrix K, as `shape` says 3x3, or 4x4 with nothing in the last row and column (ScanNet)."""
+    K = read_matrix(path, shape)[:3, :3]
+    return Lens(str(path), FileFields(path, {"the matrix K": K.tolist()}).intrinsics("the matrix K"), 0.0)
+
+
+def json_lens(fields: FileFields) -> Lens:
+    """The fields `width`, `height`, `K` and `pixel_center` (0.0 where it is missing); raises CameraError."""
+    return Lens(str(fields.path), fields.intrinsics("K"), fields.pixel_center(0.0), fields.size(None))
+
+
+def units_per_metre(fields: FileFields, name: str, default: float | None = None) -> float:
+    """1 / a field that holds metres per unit of depth; raises CameraError (no number), FileError (not > 0)."""
+    scale = fields.number(name) if default is None or name in fields else default
+    if scale <= 0:
+        raise FileError(f"{fields.path}: {name} is {scale:g}; metres per unit > 0 are wanted")
+    return 1 / scale
+
+
+def _of_camera(camera: Camera, source: str) -> Lens:
+    return Lens(source, (camera.fx, camera.fy, camera.cx, camera.cy), 0.5, camera.hw)
+
+
+def _of_open3d(fields: FileFields) -> Lens:
+    """`intrinsic_matrix` lists K column by column."""
+    listed = fields.values["intrinsic_matrix"]
+    if not isinstance(listed, list) or len(listed) != 9:
+        raise CameraError(
+            f"{fields.path}: intrinsic_matrix is {str(listed)[:60]}; 9 numbers, column by column, are wanted"
+        )
+    columns = [listed[start : start + 3] for start in (0, 3, 6)]
+    K = [list(row) for row in zip(*columns)]
+    intrinsics = FileFields(fields.path, {"intrinsic_matrix": K}).intrinsics("intrinsic_matrix")
+    return Lens(str(fields.path), intrinsics, 0.0, fields.size(None))
+
+
 def _metres(files: FrameFiles) -> Float32Array:
-    depth = read_depth(files.depth, depth_scale=files.depth_scale)
+    depth = read_depth(files.depth, depth_scale=files.units_per_metre)
     if not files.far_code:
         depth[np.isposinf(depth)] = 0
     return depth
@@ -94,6 +189,4 @@ def _camera(files: FrameFiles, color_hw: tuple[int, ...], depth_hw: tuple[int, .
 def _shrunk(color: UInt8Array, hw: tuple[int, ...]) -> UInt8Array:
     if color.shape[:2] == tuple(hw):
         return color
-    import cv2
-
     return np.asarray(cv2.resize(color, (hw[1], hw[0]), interpolation=cv2.INTER_AREA), np.uint8)

@@ -1,13 +1,14 @@
 """A folder with one camera's frames with and without objects (bin_removal) in; one ORI case out.
 
 Files: `with.color`, `with.depth`, `without.color`, `without.depth`, `object_mask` (255 = remove), optional `compare_region`
-(255 = the two takes show the same background) and `shadow_mask` (255 = the object's cast shadow), all PNG; `camera.json`
+(255 = both pictures show the same background) and `shadow_mask` (255 = the object's cast shadow), all PNG; `camera.json`
 with `K, width, height, depth_scale` (metres per unit), optional `pixel_center` (default 0.0, as OpenCV calibrates) and
 `exposure_varies`. The camera is the world: a published pose is not needed.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -15,9 +16,8 @@ from pathlib import Path
 import numpy as np
 
 from dlama.datasets.frames import Case, Dataset, RemovalTruth
-from dlama.datasets.posed_frames import FrameFiles, Lens, load_rgbd
-from dlama.datasets.text_tables import chosen_scenes, read_json, sequences
-from dlama.datasets.view_pairs import posed_frame
+from dlama.datasets.posed_frames import FrameFiles, json_lens, load_rgbd, posed_frame, units_per_metre
+from dlama.datasets.text_tables import read_json, scene_folders
 from dlama.errors import FileError, ShapeError
 from dlama.files.pictures import read_mask
 from dlama.geometry.rgbd import BoolArray
@@ -48,19 +48,16 @@ def looks_like_removal(root: Path) -> bool:
     return (root / "with.color.png").is_file() and (root / "without.color.png").is_file()
 
 
-def removal_folder(root: Path, *, scenes: list[str] | None = None) -> Dataset:
+def removal_folder(root: Path, *, scenes: Sequence[str] | None = None) -> Dataset:
     """One case per folder; `root` is such a folder or holds several. Raises FileError, CameraError."""
     name = root.resolve().name
-    folders = chosen_scenes(sequences(root, looks_like_removal, ", ".join(NEEDED)), scenes)
+    folders = scene_folders(root, looks_like_removal, ", ".join(NEEDED), scenes)
     frames, cases = [], []
     for scene, folder in folders.items():
         files = _files(folder)
-        frames += [posed_frame(scene, each, getattr(files, field)).frame for each, field in _FRAMES.items()]
+        frames += [posed_frame(scene, "with", files.source), posed_frame(scene, "without", files.without)]
         cases.append(Case("ori", name, scene, "with", partial(load_removal, files)))
     return Dataset(name, "removal", root, tuple(frames), tuple(cases))
-
-
-_FRAMES = {"with": "source", "without": "without"}
 
 
 def _files(folder: Path) -> RemovalFiles:
@@ -68,25 +65,22 @@ def _files(folder: Path) -> RemovalFiles:
         if not (folder / name).is_file():
             raise FileError(f"{folder / name}: no such file; {', '.join(NEEDED)} are wanted")
     fields = read_json(folder / "camera.json")
-    lens = Lens(str(folder / "camera.json"), fields.intrinsics("K"), fields.pixel_center(0.0), fields.size(None))
-    scale = fields.number("depth_scale")
-    if scale <= 0:
-        raise FileError(f"{fields.path}: depth_scale is {scale:g}; metres per unit > 0 are wanted")
+    lens, units = json_lens(fields), units_per_metre(fields, "depth_scale")
     varies = fields.values.get("exposure_varies", False)
     if not isinstance(varies, bool):
         raise FileError(f"{fields.path}: exposure_varies is {varies!r}; true or false is wanted")
-    take, empty = (
-        FrameFiles(folder / f"{each}.color.png", folder / f"{each}.depth.png", lens, np.eye(4), 1 / scale)
-        for each in _FRAMES
+    source, without = (
+        FrameFiles(folder / f"{each}.color.png", folder / f"{each}.depth.png", lens, np.eye(4), units)
+        for each in ("with", "without")
     )
     compare, shadow = (
         folder / name if (folder / name).is_file() else None for name in ("compare_region.png", "shadow_mask.png")
     )
-    return RemovalFiles(take, empty, folder / "object_mask.png", compare, shadow, varies)
+    return RemovalFiles(source, without, folder / "object_mask.png", compare, shadow, varies)
 
 
 def load_removal(files: RemovalFiles) -> RemovalTruth:
-    """Read question and answer; raises FileError, MaskError, DepthError, ShapeError."""
+    """Read the frame with the object, the one without it and the masks; raises FileError, MaskError, DepthError, ShapeError."""
     source, without = load_rgbd(files.source), load_rgbd(files.without)
     mask, compare, shadow = (_mask(path, source.camera.hw) for path in (files.mask, files.compare, files.shadow))
     assert mask is not None

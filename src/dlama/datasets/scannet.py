@@ -13,15 +13,13 @@ from pathlib import Path
 import numpy as np
 
 from dlama.datasets.frames import Dataset
-from dlama.datasets.lenses import CameraOption, lens_for, text_lens
-from dlama.datasets.posed_frames import FrameFiles, Lens
-from dlama.datasets.text_tables import chosen_scenes, files_in, pose_at, read_matrix, sequences
-from dlama.datasets.view_pairs import LOG, PosedFrame, posed_dataset, posed_frame
+from dlama.datasets.posed_frames import CameraOption, FrameFiles, Lens, PosedFrame, lens_for, posed_frame, text_lens
+from dlama.datasets.text_tables import files_in, pose_at, read_matrix
+from dlama.datasets.view_pairs import LOG, read_posed
 from dlama.errors import CameraError, FileError
 
 FOLDERS = ("color", "depth", "pose")
 INTRINSICS = "intrinsic/intrinsic_color.txt"
-MILLIMETRES = 1000.0
 
 
 def looks_like_scannet(root: Path) -> bool:
@@ -32,17 +30,18 @@ def scannet(
     root: Path, *, camera: CameraOption = None, scenes: Sequence[str] | None = None, limit: int | None = None
 ) -> Dataset:
     """The scenes of a folder (itself one, or holding several). Raises FileError, CameraError."""
-    frames: list[PosedFrame] = []
-    for scene, folder in chosen_scenes(sequences(root, looks_like_scannet, "color/, depth/ and pose/"), scenes).items():
-        frames += _frames(scene, folder, _lens(folder, root, camera))
-    return posed_dataset("scannet", root, frames, limit)
+
+    def frames(scene: str, folder: Path) -> list[PosedFrame]:
+        return _frames(scene, folder, _lens(folder, root, camera))
+
+    return read_posed("scannet", root, looks_like_scannet, "color/, depth/ and pose/", frames, scenes, limit)
 
 
 def _lens(folder: Path, root: Path, camera: CameraOption) -> Lens:
     if camera is not None:
         return lens_for(folder, root, camera, (), "")
     if not (folder / INTRINSICS).is_file():
-        raise CameraError(f"{folder / INTRINSICS}: no such file; it, or a camera (--camera FILE.json), is wanted")
+        raise CameraError(f"{folder / INTRINSICS}: no such file; it, or camera=FILE.json, is wanted")
     return text_lens(folder / INTRINSICS, (4, 4))
 
 
@@ -58,7 +57,7 @@ def _frames(scene: str, folder: Path, lens: Lens) -> list[PosedFrame]:
             lost += 1
             continue
         depth = folder / "depth" / f"{path.stem}.png"
-        files = FrameFiles(colors[path.stem], depth, lens, pose_at(f"{path}:1:1", pose), MILLIMETRES)
+        files = FrameFiles(colors[path.stem], depth, lens, pose_at(f"{path}:1:1", pose))
         frames.append(posed_frame(scene, path.stem, files))
     if lost:
         LOG.warning("%s: %d of %d frames have no pose (tracking was lost) and are left out", folder, lost, len(poses))

@@ -9,6 +9,7 @@ baseline_m, doffs` where the set is metric, `disparity_scale` of 8-bit disparity
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -16,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from dlama.datasets.frames import Case, Dataset, StereoTruth
-from dlama.datasets.text_tables import chosen_scenes, read_json, sequences
+from dlama.datasets.text_tables import read_json, scene_folders
 from dlama.errors import CameraError, FileError, ShapeError
 from dlama.files.cameras import checked_camera, read_stereo_calib
 from dlama.files.checked_fields import FileFields
@@ -50,13 +51,13 @@ _LEFT_DISPARITY = {"im0.png": ("disp0.pfm", "disp0GT.pfm"), "left.png": ("dispar
 _RIGHT_DISPARITY = {"im0.png": ("disp1.pfm", "disp1GT.pfm"), "left.png": ("disp_right.png",)}
 
 
-def stereo_folder(root: Path, *, scenes: list[str] | None = None) -> Dataset:
+def stereo_folder(root: Path, *, scenes: Sequence[str] | None = None) -> Dataset:
     """One case per pair; `root` is a pair's folder or holds several. No frames: most sets have no metric depth.
 
     Raises FileError.
     """
     name = root.resolve().name
-    folders = chosen_scenes(sequences(root, looks_like_stereo, LOOKED_FOR), scenes)
+    folders = scene_folders(root, looks_like_stereo, LOOKED_FOR, scenes)
     cases = tuple(
         Case("sii", name, scene, "left_to_right", partial(load_stereo, _files(folder)))
         for scene, folder in folders.items()

@@ -127,6 +127,14 @@ def part_of(fields: FileFields, name: str, values: object) -> FileFields:
     return FileFields(where, values)
 
 
+def list_of(fields: FileFields, name: str, entries: str) -> list[object]:
+    """A field that must be a list with something in it, `entries` in words; raises FileError."""
+    values = fields.values.get(name)
+    if not isinstance(values, list) or not values:
+        raise FileError(f"{fields.path}: {name} is {str(values)[:40]}; a list of {entries} is wanted")
+    return values
+
+
 def text_of(fields: FileFields, name: str) -> str:
     """A field that must be a text; raises FileError."""
     value = fields.values.get(name)
@@ -135,21 +143,28 @@ def text_of(fields: FileFields, name: str) -> str:
     return value
 
 
-def sequences(root: Path, is_one: Callable[[Path], bool], what: str) -> dict[str, Path]:
-    """The folders that hold a sequence, by scene name: the root, or those up to two levels below.
+def scene_folders(
+    root: Path, holds_frames: Callable[[Path], bool], looked_for: str, scenes: Sequence[str] | None
+) -> dict[str, Path]:
+    """The folders that hold a scene, by its name: the root, or those up to two levels below; of them the wanted `scenes`.
 
-    `chess/seq-01` becomes `chess_seq-01`. Raises FileError when there is none; `what` says what was looked for.
+    `chess/seq-01` becomes `chess_seq-01`. Raises FileError when there is none (`looked_for` says what was looked for),
+    InputError for a scene that is not there.
     """
     if not root.is_dir():
         raise FileError(f"{root}: no such folder")
     level, found = [root], []
     for _ in range(LEVELS):
-        found += [folder for folder in level if is_one(folder)]
+        found += [folder for folder in level if holds_frames(folder)]
         level = [each for folder in level if folder not in found for each in folders_in(folder)]
     if not found:
-        raise FileError(f"{root}: holds no such data set, nor do the folders up to two levels below; looked for {what}")
+        raise FileError(
+            f"{root}: holds no such data set, nor do the folders up to two levels below; looked for {looked_for}"
+        )
     by_name = {"_".join(folder.relative_to(root).parts) or root.resolve().name: folder for folder in found}
-    return dict(sorted(by_name.items(), key=lambda item: natural_order(item[0])))
+    check_scenes(sorted(by_name, key=natural_order), scenes)
+    kept = [name for name in by_name if scenes is None or name in scenes]
+    return {name: by_name[name] for name in sorted(kept, key=natural_order)}
 
 
 def folders_in(folder: Path) -> list[Path]:
@@ -169,12 +184,6 @@ def files_in(folder: Path, suffixes: Iterable[str]) -> list[Path]:
 def natural_order(name: str) -> list[tuple[int, int, str]]:
     """A sorting key that counts: frame 2 comes before frame 10."""
     return [(0, int(part), "") if part.isdecimal() else (1, 0, part) for part in re.split(r"(\d+)", name) if part]
-
-
-def chosen_scenes(known: dict[str, Path], scenes: Sequence[str] | None) -> dict[str, Path]:
-    """The wanted ones of the scenes, in the data set's order; raises InputError that lists the known."""
-    check_scenes(list(known), scenes)
-    return {name: folder for name, folder in known.items() if scenes is None or name in scenes}
 
 
 def check_scenes(known: Sequence[str], scenes: Sequence[str] | None) -> None:

@@ -11,10 +11,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from dlama.datasets.frames import Dataset
-from dlama.datasets.lenses import CameraOption, lens_for
-from dlama.datasets.posed_frames import FrameFiles, Lens
-from dlama.datasets.text_tables import chosen_scenes, files_in, matrix_of, pose_at, read_rows, sequences
-from dlama.datasets.view_pairs import PosedFrame, posed_dataset, posed_frame
+from dlama.datasets.posed_frames import CameraOption, FrameFiles, Lens, PosedFrame, lens_for, posed_frame
+from dlama.datasets.text_tables import files_in, matrix_of, pose_at, read_rows
+from dlama.datasets.view_pairs import read_posed
 from dlama.errors import FileError
 from dlama.geometry.camera import Float64Array
 
@@ -22,8 +21,9 @@ LOGS = ("trajectory.log", "scene/trajectory.log")
 """Where the poses lie; Open3D's reconstruction writes the second."""
 COLOR_FOLDERS = ("image", "rgb", "color")
 CAMERA_NAMES = ("camera_intrinsic.json", "intrinsic.json", "camera.json")
-MILLIMETRES = 1000.0
+ADVICE = "the log says nothing of intrinsics (Open3D's own default for PrimeSense is 525 525 319.5 239.5)"
 LINES = 5
+"""Of a pose: a head and the rows of a matrix."""
 
 
 def looks_like_trajectory_log(root: Path) -> bool:
@@ -34,12 +34,12 @@ def trajectory_log(
     root: Path, *, camera: CameraOption = None, scenes: Sequence[str] | None = None, limit: int | None = None
 ) -> Dataset:
     """The scenes of a folder (itself one, or holding several). Raises FileError, CameraError."""
-    frames: list[PosedFrame] = []
+
+    def frames(scene: str, folder: Path) -> list[PosedFrame]:
+        return _frames(scene, folder, lens_for(folder, root, camera, CAMERA_NAMES, ADVICE))
+
     looked_for = "trajectory.log, depth/ and image/, rgb/ or color/"
-    for scene, folder in chosen_scenes(sequences(root, looks_like_trajectory_log, looked_for), scenes).items():
-        advice = "the log says nothing of intrinsics (Open3D's own default for PrimeSense is 525 525 319.5 239.5)"
-        frames += _frames(scene, folder, lens_for(folder, root, camera, CAMERA_NAMES, advice))
-    return posed_dataset("redwood", root, frames, limit)
+    return read_posed("redwood", root, looks_like_trajectory_log, looked_for, frames, scenes, limit)
 
 
 def _frames(scene: str, folder: Path, lens: Lens) -> list[PosedFrame]:
@@ -53,7 +53,7 @@ def _frames(scene: str, folder: Path, lens: Lens) -> list[PosedFrame]:
         )
     log = next(folder / name for name in LOGS if (folder / name).is_file())
     return [
-        posed_frame(scene, color[place].stem, FrameFiles(color[place], depth[place], lens, pose, MILLIMETRES))
+        posed_frame(scene, color[place].stem, FrameFiles(color[place], depth[place], lens, pose))
         for place, pose in sorted(read_log(log, len(color)).items())
     ]
 

@@ -7,7 +7,6 @@ The intrinsics are in no file of the set: give `camera`, or put a camera.json in
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,10 +14,10 @@ from pathlib import Path
 import numpy as np
 
 from dlama.datasets.frames import Dataset
-from dlama.datasets.lenses import CameraOption, lens_for
-from dlama.datasets.posed_frames import FrameFiles, Lens
-from dlama.datasets.text_tables import Row, chosen_scenes, pose_at, read_rows, sequences
-from dlama.datasets.view_pairs import LOG, PosedFrame, posed_dataset, posed_frame
+from dlama.datasets.posed_frames import CameraOption, FrameFiles, Lens, PosedFrame, lens_for, posed_frame
+from dlama.datasets.rotations import QUATERNION_TOLERANCE, rotation_of
+from dlama.datasets.text_tables import Row, pose_at, read_rows
+from dlama.datasets.view_pairs import LOG, read_posed
 from dlama.errors import FileError
 from dlama.geometry.camera import Float64Array
 
@@ -26,8 +25,6 @@ LISTINGS = ("rgb.txt", "depth.txt", "groundtruth.txt")
 NEAREST_S = 0.02
 """Seconds up to which a time stamp belongs to another (TUM's own associate.py has the same)."""
 UNITS_PER_METRE = 5000.0
-UNIT_TOLERANCE = 1e-3
-"""By how much the length of a quaternion may differ from 1."""
 ADVICE = (
     "TUM's intrinsics are in no file of the set; its page names fx fy cx cy of freiburg1 as 517.3 516.5 318.6 255.3, "
     "freiburg2 520.9 521.0 325.1 249.7, freiburg3 535.4 539.2 320.1 247.6 with pixel_center 0.0"
@@ -42,10 +39,11 @@ def tum(
     root: Path, *, camera: CameraOption = None, scenes: Sequence[str] | None = None, limit: int | None = None
 ) -> Dataset:
     """The sequences of a folder (itself one, or holding several). Raises FileError, CameraError."""
-    frames: list[PosedFrame] = []
-    for scene, folder in chosen_scenes(sequences(root, looks_like_tum, ", ".join(LISTINGS)), scenes).items():
-        frames += _frames(scene, folder, lens_for(folder, root, camera, ("camera.json",), ADVICE))
-    return posed_dataset("tum", root, frames, limit)
+
+    def frames(scene: str, folder: Path) -> list[PosedFrame]:
+        return _frames(scene, folder, lens_for(folder, root, camera, ("camera.json",), ADVICE))
+
+    return read_posed("tum", root, looks_like_tum, ", ".join(LISTINGS), frames, scenes, limit)
 
 
 def _frames(scene: str, folder: Path, lens: Lens) -> list[PosedFrame]:
@@ -103,17 +101,10 @@ class Timeline:
 def _pose(row: Row) -> Float64Array:
     _, *shift_and_turn = row.numbers("time tx ty tz qx qy qz qw", 8)
     turn = np.array(shift_and_turn[3:])
-    length = math.hypot(*turn)
-    if abs(length - 1) > UNIT_TOLERANCE:
+    length = float(np.linalg.norm(turn))
+    if abs(length - 1) > QUATERNION_TOLERANCE:
         raise FileError(f"{row.at(4)}: the quaternion has length {length:.6g}; a unit quaternion qx qy qz qw is wanted")
     pose = np.eye(4)
-    pose[:3, :3] = rotation_of_xyzw(turn / length)
+    pose[:3, :3] = rotation_of(turn)
     pose[:3, 3] = shift_and_turn[:3]
     return pose_at(row.at(1), pose)
-
-
-def rotation_of_xyzw(quaternion: Float64Array) -> Float64Array:
-    """3x3 rotation of a unit quaternion x, y, z, w: R = I + 2 w [v]x + 2 [v]x [v]x."""
-    x, y, z, w = quaternion
-    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    return np.eye(3) + 2 * w * cross + 2 * cross @ cross

@@ -5,15 +5,16 @@ from __future__ import annotations
 import logging
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
 from functools import partial
 from itertools import islice
 from pathlib import Path
 
 import numpy as np
 
-from dlama.datasets.frames import Case, Dataset, Frame, ViewTruth
-from dlama.datasets.posed_frames import FrameFiles, load_depth, load_rgbd
+from dlama.datasets.frames import Case, Dataset, ViewTruth
+from dlama.datasets.posed_frames import PosedFrame
+from dlama.datasets.rotations import rotation_deg
+from dlama.datasets.text_tables import scene_folders
 from dlama.errors import FileError, InputError
 from dlama.geometry.camera import Camera, Float64Array
 from dlama.geometry.rgbd import RGBD, Float32Array
@@ -35,31 +36,28 @@ EVERY_PIXEL = 8
 """Overlap is measured on every eighth row and column."""
 
 
-@dataclass(frozen=True, eq=False)
-class PosedFrame:
-    """A frame whose pose is known and whose pictures are read on demand."""
-
-    scene: str
-    name: str
-    world_from_cam: Float64Array
-    load: Callable[[], RGBD]
-    """Picklable."""
-    load_depth: Callable[[], tuple[Float32Array, Camera]]
-    """The same depth and camera without the colour; picklable."""
-
-    @property
-    def frame(self) -> Frame:
-        return Frame(self.scene, self.name, self.load)
-
-
-def posed_frame(scene: str, name: str, files: FrameFiles) -> PosedFrame:
-    """A frame of two files of one camera."""
-    return PosedFrame(scene, name, files.world_from_cam, partial(load_rgbd, files), partial(load_depth, files))
-
-
 def load_view(source: Callable[[], RGBD], target: Callable[[], RGBD], exposure_varies: bool) -> ViewTruth:
     """Two frames as question and answer."""
     return ViewTruth(source(), target(), exposure_varies=exposure_varies)
+
+
+def read_posed(
+    layout: str,
+    root: Path,
+    holds_frames: Callable[[Path], bool],
+    looked_for: str,
+    read_frames: Callable[[str, Path], list[PosedFrame]],
+    scenes: Sequence[str] | None,
+    limit: int | None,
+) -> Dataset:
+    """What all layouts of posed frames have in common: find the scenes, list the frames of each, and the pairs between them.
+
+    `holds_frames` tells the folder of a scene, `looked_for` says by what; `read_frames(scene, folder)` lists its frames.
+    Raises FileError, InputError (a scene that is not there) and what `read_frames` raises.
+    """
+    folders = scene_folders(root, holds_frames, looked_for, scenes)
+    frames = [frame for scene, folder in folders.items() for frame in read_frames(scene, folder)]
+    return posed_dataset(layout, root, frames, limit)
 
 
 def posed_dataset(
@@ -79,7 +77,7 @@ def posed_dataset(
             f"{root}: no two of its {len(frames)} frames overlap by {MIN_OVERLAP:.0%} and turn by "
             f"{DEGREES[0]:g} to {DEGREES[-1]:g} degrees; are depth and poses in the same unit?"
         )
-    return Dataset(name, layout, root, tuple(frame.frame for frame in frames), tuple(cases))
+    return Dataset(name, layout, root, frames, tuple(cases))
 
 
 def view_pairs(
@@ -97,7 +95,7 @@ def view_pairs(
     `every` None takes SOURCES sources evenly. Of the frames within DEGREES_OFF of an angle the nearest to it with enough
     overlap is taken (of frames in a row the best is tried), each target once per source; with `stride` instead the
     frame so many places on. Overlap is the share of the source's pixels that land in the target within 5 % of its depth:
-    depth files of candidates are read for it. `yaw_deg` is the angle of rotation. Deterministic. Raises InputError.
+    depth files of candidates are read for it. `yaw` is the angle of rotation. Deterministic. Raises InputError.
     """
     if not frames:
         return ()
@@ -198,12 +196,6 @@ def _candidates(off: Float64Array, used: list[int]) -> list[int]:
     rows = np.split(places, np.nonzero(np.diff(places) > 1)[0] + 1) if len(places) else []
     best = [int(row[np.argmin(off[row])]) for row in rows]
     return sorted(best, key=lambda place: float(off[place]))[:TRIED]
-
-
-def rotation_deg(rotations: Float64Array, other: Float64Array) -> Float64Array:
-    """Degrees (N) between each of N x 3 x 3 rotations and another one."""
-    cosine = (np.einsum("nij,ij->n", rotations, other) - 1) / 2
-    return np.degrees(np.arccos(np.clip(cosine, -1, 1)))
 
 
 def _case(dataset: str, source: PosedFrame, target: PosedFrame, angle: float) -> Case:

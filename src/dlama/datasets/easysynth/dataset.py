@@ -8,10 +8,20 @@ from pathlib import Path
 
 import numpy as np
 
-from dlama.datasets.easysynth.frames import FrameFiles, class_mask, load_frame, load_removal, load_stereo, load_view
+from dlama.datasets.easysynth.frames import (
+    RenderedFrame,
+    class_mask,
+    load_depth,
+    load_frame,
+    load_removal,
+    load_stereo,
+    load_view,
+)
 from dlama.datasets.easysynth.listing import CLASSES, POSES, CameraPair, Options, Sequence, read_sequence, scenes
 from dlama.datasets.easysynth.text_files import RGB, read_classes
-from dlama.datasets.frames import Case, Dataset, Frame, Protocol, Truth
+from dlama.datasets.frames import Case, Dataset, Gamma, Protocol, Truth
+from dlama.datasets.posed_frames import PosedFrame
+from dlama.datasets.rotations import rotation_deg
 from dlama.errors import CameraError, FileError
 from dlama.geometry.camera import Float64Array, inverse_pose
 
@@ -29,24 +39,24 @@ _Case = tuple[Protocol, str, Callable[[], Truth], "float | None"]
 
 
 def easysynth(
-    root: Path, *, depth_range: float | None = None, gamma: bool | None = None, removal_object: str | None = None
+    root: Path, *, depth_range: float | None = None, gamma: Gamma | None = None, removal_object: str | None = None
 ) -> Dataset:
     """The data set in `root`: one sequence, a scene (folders with, without, stereo_with, stereo_without, or of any
     other names), or a folder of scenes.
 
     Depth comes from DepthMM (16-bit mm over the full range, our addition) where a camera has it, and then nothing needs
     to be said; else from DepthImage, normalised by a `depth_range` in metres that no file holds; 1.0 is far. In 8-bit PNG
-    it is usually sRGB-encoded: `gamma` True undoes that, False takes it as linear.
+    it is usually sRGB-encoded: `gamma` "srgb" undoes that, "linear" takes it as it is.
     VPI: the first frame of each camera of `with` (and of each sequence of another name) to every other; the object's mask and
     the frames without it where there is a `without`. ORI: the frames of `with` that show the object. SII: stereo_with
     against stereo_without, and rectified pairs of any other sequence for view synthesis.
     `removal_object` is a class of SemanticClasses.csv, or R,G,B; default `object`. Which file a frame's depth comes from
-    stands in its `load.args[0]` (FrameFiles.depth, .kind).
+    stands in its `load.args[0]` (RenderedFrame.depth, .kind).
     Raises FileError, CameraError (files, with line and column), DepthError (an option is missing).
     """
     root = Path(root)
     name, options = root.resolve().name, Options(depth_range, gamma)
-    frames: list[Frame] = []
+    frames: list[PosedFrame] = []
     cases: list[Case] = []
     for folder, folders in _existing(root):
         scene = folder.resolve().name
@@ -70,7 +80,7 @@ def orbit_yaw(source: Float64Array, target: Float64Array) -> float | None:
     It is one where both optical axes meet in a point before both cameras, at the same distance from them (within MEETS).
     """
     step = inverse_pose(source) @ target
-    angle, offset, axis = turned_deg(source, target), step[:3, 3], step[:3, 2]
+    angle, offset, axis = _turned_deg(source, target), step[:3, 3], step[:3, 2]
     if angle < STANDS_DEG:
         return None
     lines = np.stack([[0.0, 0.0, 1.0], -axis], axis=1)  # source axis * a = offset + target axis * b
@@ -81,11 +91,9 @@ def orbit_yaw(source: Float64Array, target: Float64Array) -> float | None:
     return round(float(np.copysign(angle, offset[0])), 3)  # files carry six digits; 10.000003 is 10
 
 
-def turned_deg(source: Float64Array, target: Float64Array) -> float:
+def _turned_deg(source: Float64Array, target: Float64Array) -> float:
     """Degrees between the orientations of two 4x4 poses, 0..180."""
-    rotation = source[:3, :3].T @ target[:3, :3]
-    sine = np.linalg.norm(rotation - rotation.T) / np.sqrt(8)
-    return float(np.degrees(np.arctan2(sine, (np.trace(rotation) - 1) / 2)))
+    return float(rotation_deg(target[None, :3, :3], source[:3, :3])[0])
 
 
 def _existing(root: Path) -> list[tuple[Path, list[Path]]]:
@@ -100,12 +108,19 @@ def _existing(root: Path) -> list[tuple[Path, list[Path]]]:
     return found
 
 
-def _frames(scene: str, sequence: Sequence) -> Iterator[Frame]:
+def _frames(scene: str, sequence: Sequence) -> Iterator[PosedFrame]:
     for camera, by_id in sequence.cameras.items():
         first = next(iter(by_id.values()))
         for identity, files in by_id.items():
             yaw = 0.0 if files is first else orbit_yaw(first.world_from_cam, files.world_from_cam)
-            yield Frame(scene, sequence.name_of(camera, identity), partial(load_frame, files), yaw)
+            yield PosedFrame(
+                scene,
+                sequence.name_of(camera, identity),
+                partial(load_frame, files),
+                yaw,
+                world_from_cam=files.world_from_cam,
+                load_depth=partial(load_depth, files),
+            )
 
 
 def _cases(sequences: list[Sequence], removal_object: str | None) -> Iterator[_Case]:
@@ -135,7 +150,7 @@ def _vpi(sequence: Sequence, without: Sequence | None, color: RGB | None) -> Ite
         for identity in targets:
             goal = by_id[identity].world_from_cam
             yaw = orbit_yaw(start, goal)
-            angle = round(turned_deg(start, goal), 3) if yaw is None else yaw
+            angle = round(_turned_deg(start, goal), 3) if yaw is None else yaw
             load = partial(load_view, by_id[source], by_id[identity], truths.get(identity), color)
             yield "vpi", sequence.name_of(camera, identity), load, angle
 
@@ -168,7 +183,7 @@ def _sii(sequence: Sequence, pair: CameraPair, without: Sequence | None, color: 
         yield "sii", f"{sequence.folder.resolve().name}-{identity:04d}", load, None
 
 
-def _same_poses(sequence: Sequence, without: Sequence, camera: str) -> dict[int, FrameFiles]:
+def _same_poses(sequence: Sequence, without: Sequence, camera: str) -> dict[int, RenderedFrame]:
     """The frames without the object, by id; raises FileError where one is not at the same pose."""
     if camera not in without.cameras:
         raise FileError(f"{without.folder}: has no camera '{camera}', which {sequence.folder} has")
@@ -196,6 +211,6 @@ def _object_color(folder: Path, removal_object: str | None) -> RGB:
     if wanted not in classes:
         raise FileError(
             f"{folder / CLASSES}: no class is called '{wanted}'; known: {', '.join(classes)}; "
-            "name the one to remove: --removal-object NAME or R,G,B"
+            "name the one to remove: removal_object=NAME or R,G,B"
         )
     return classes[wanted]

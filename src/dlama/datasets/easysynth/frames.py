@@ -9,13 +9,13 @@ from typing import Literal
 import numpy as np
 
 from dlama.datasets.easysynth.shadow import cast_shadow
-from dlama.datasets.easysynth.text_files import RGB, Lens
-from dlama.datasets.frames import RemovalTruth, StereoTruth, ViewTruth
+from dlama.datasets.easysynth.text_files import RGB, Sensor
+from dlama.datasets.frames import Gamma, RemovalTruth, StereoTruth, ViewTruth
 from dlama.errors import CameraError, DepthError, FileError, MaskError
 from dlama.files.depth import read_depth
 from dlama.files.images import read_stored
 from dlama.files.pictures import read_color
-from dlama.geometry.camera import Float64Array, StereoRig
+from dlama.geometry.camera import Camera, Float64Array, StereoRig
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array
 
 DepthKind = Literal["millimetres", "exr", "png"]
@@ -25,29 +25,35 @@ SRGB_LINEAR_BELOW = 0.04045
 
 
 @dataclass(frozen=True, eq=False)
-class FrameFiles:
+class RenderedFrame:
     """Where one frame lies, and how it is to be read."""
 
     color: Path
     depth: Path
     kind: DepthKind
     semantic: Path | None
-    lens: Lens
+    sensor: Sensor
     world_from_cam: Float64Array
     """4x4, OpenCV axes, metres."""
     depth_range: float | None = None
     """Metres that 1.0 stands for in DepthImage."""
-    gamma: bool | None = None
-    """True: an 8-bit DepthImage is sRGB-encoded; False: it is linear."""
+    gamma: Gamma | None = None
+    """How an 8-bit DepthImage is encoded."""
 
 
-def load_frame(files: FrameFiles) -> RGBD:
+def load_frame(files: RenderedFrame) -> RGBD:
     """Colour, depth and camera of one frame. Raises FileError, DepthError, CameraError, ShapeError."""
     color = read_color(files.color)
-    return RGBD(color, _depth(files), files.lens.camera(color.shape[:2], files.world_from_cam))
+    return RGBD(color, _depth(files), files.sensor.camera(color.shape[:2], files.world_from_cam))
 
 
-def class_mask(files: FrameFiles, color: RGB) -> BoolArray:
+def load_depth(files: RenderedFrame) -> tuple[Float32Array, Camera]:
+    """The depth of `load_frame` (H x W, metres) and its camera, without the colour."""
+    depth = _depth(files)
+    return depth, files.sensor.camera(depth.shape[:2], files.world_from_cam)
+
+
+def class_mask(files: RenderedFrame, color: RGB) -> BoolArray:
     """H x W, True where the frame's semantic picture shows exactly this colour (perhaps nowhere). Raises FileError."""
     if files.semantic is None:
         raise FileError(
@@ -59,7 +65,7 @@ def class_mask(files: FrameFiles, color: RGB) -> BoolArray:
 
 
 def load_view(
-    source: FrameFiles, target: FrameFiles, without: FrameFiles | None = None, object_color: RGB | None = None
+    source: RenderedFrame, target: RenderedFrame, without: RenderedFrame | None = None, object_color: RGB | None = None
 ) -> ViewTruth:
     """VPI: source and true target; the object's mask and `without` as well, where the source shows the object."""
     mask = None if object_color is None or without is None else class_mask(source, object_color)
@@ -68,7 +74,7 @@ def load_view(
     return ViewTruth(load_frame(source), load_frame(target), mask, load_frame(without))
 
 
-def load_removal(source: FrameFiles, without: FrameFiles, object_color: RGB) -> RemovalTruth:
+def load_removal(source: RenderedFrame, without: RenderedFrame, object_color: RGB) -> RemovalTruth:
     """ORI: the frame with the object, the same camera's frame without it, the object's mask and its cast shadow.
 
     Raises MaskError where the frame does not show the object.
@@ -78,9 +84,9 @@ def load_removal(source: FrameFiles, without: FrameFiles, object_color: RGB) -> 
 
 
 def load_stereo(
-    left: FrameFiles,
-    right: FrameFiles,
-    without: tuple[FrameFiles, FrameFiles] | None = None,
+    left: RenderedFrame,
+    right: RenderedFrame,
+    without: tuple[RenderedFrame, RenderedFrame] | None = None,
     object_color: RGB | None = None,
 ) -> StereoTruth:
     """SII: the pair, its rig, the disparity that its depth means; masks and the pair without the object where asked for.
@@ -100,7 +106,7 @@ def load_stereo(
     return StereoTruth(one.color, other.color, rig, *disparities, *masks, *truths)
 
 
-def _visible(files: FrameFiles, color: RGB) -> BoolArray:
+def _visible(files: RenderedFrame, color: RGB) -> BoolArray:
     mask = class_mask(files, color)
     if not mask.any():
         raise MaskError(f"{files.semantic}: no pixel shows the object's class ({','.join(map(str, color))})")
@@ -114,7 +120,7 @@ def _disparity(rig: StereoRig, depth: Float32Array) -> Float32Array:
     return np.where((depth > 0) & (disparity > 0), disparity, 0).astype(np.float32)
 
 
-def _depth(files: FrameFiles) -> Float32Array:
+def _depth(files: RenderedFrame) -> Float32Array:
     if files.kind == "millimetres":
         return read_depth(files.depth)
     if files.kind == "exr":
@@ -122,7 +128,7 @@ def _depth(files: FrameFiles) -> Float32Array:
     return _png_depth(files)
 
 
-def _png_depth(files: FrameFiles) -> Float32Array:
+def _png_depth(files: RenderedFrame) -> Float32Array:
     """Metres of a DepthImage in 8 bit; its largest value is far, 0 is missing."""
     stored = read_stored(files.depth).values
     values = stored if stored.ndim == 2 else stored[..., 0]
@@ -131,7 +137,7 @@ def _png_depth(files: FrameFiles) -> Float32Array:
             f"{files.depth}: is {stored.dtype} {stored.shape}; 8-bit grey is what EasySynth writes as PNG depth"
         )
     share = values / 255.0
-    if files.gamma:
+    if files.gamma == "srgb":
         share = np.where(share <= SRGB_LINEAR_BELOW, share / 12.92, ((share + 0.055) / 1.055) ** 2.4)
     assert files.depth_range is not None  # the listing has refused this
     depth = np.where(values == 255, np.inf, share * files.depth_range)

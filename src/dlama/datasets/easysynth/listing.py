@@ -6,9 +6,10 @@ import re
 from dataclasses import dataclass
 from pathlib import Path
 
-from dlama.datasets.easysynth.frames import DepthKind, FrameFiles
+from dlama.datasets.easysynth.frames import DepthKind, RenderedFrame
 from dlama.datasets.easysynth.text_files import Pose, RigCamera, read_poses, read_rig
-from dlama.errors import CameraError, DepthError, FileError
+from dlama.datasets.frames import Gamma
+from dlama.errors import CameraError, DepthError, FileError, InputError
 from dlama.geometry.camera import StereoRig
 
 RIG, POSES, CLASSES = "CameraRig.json", "CameraPoses.csv", "SemanticClasses.csv"
@@ -16,15 +17,19 @@ COLOR, DEPTH, SEMANTIC, MILLIMETRES = "ColorImage", "DepthImage", "SemanticImage
 PICTURE = re.compile(r"(?P<stem>.*\D|)(?P<number>\d+)(?P<suffix>\.(?:png|jpe?g|exr))", re.IGNORECASE)
 """<Sequence>.<NNNN>.<png, jpeg or exr>."""
 
-CameraPair = tuple[dict[int, FrameFiles], dict[int, FrameFiles]]
+CameraPair = tuple[dict[int, RenderedFrame], dict[int, RenderedFrame]]
 
 
 @dataclass(frozen=True)
 class Options:
-    """What the files do not say; see FrameFiles."""
+    """What the files do not say; see RenderedFrame."""
 
     depth_range: float | None
-    gamma: bool | None
+    gamma: Gamma | None
+
+    def __post_init__(self) -> None:
+        if self.gamma not in ("srgb", "linear", None):
+            raise InputError(f"gamma is {self.gamma!r}; 'srgb' or 'linear' is wanted")
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,7 +37,7 @@ class Sequence:
     """One rendering output folder."""
 
     folder: Path
-    cameras: dict[str, dict[int, FrameFiles]]
+    cameras: dict[str, dict[int, RenderedFrame]]
     """Frames by camera and frame id."""
 
     def name_of(self, camera: str, identity: int) -> str:
@@ -86,7 +91,7 @@ def _folders(root: Path) -> list[Path]:
     return sorted(each for each in root.iterdir() if each.is_dir() and not each.name.startswith("."))
 
 
-def _camera(folder: Path, place: Path, rig: RigCamera | None, options: Options) -> dict[int, FrameFiles]:
+def _camera(folder: Path, place: Path, rig: RigCamera | None, options: Options) -> dict[int, RenderedFrame]:
     """The frames of one camera, by id."""
     table, poses = _poses(folder, place, rig)
     kind, depths = _depth_pictures(place, list(poses), options)
@@ -94,17 +99,17 @@ def _camera(folder: Path, place: Path, rig: RigCamera | None, options: Options) 
     semantics = _pictures(place / SEMANTIC, list(poses)) if (place / SEMANTIC).is_dir() else {}
     frames = {}
     for identity, pose in poses.items():
-        lens = pose.lens or (rig.lens if rig else None)
-        if lens is None:
+        sensor = pose.sensor or (rig.sensor if rig else None)
+        if sensor is None:
             raise FileError(
                 f"{folder / RIG}: no such file, or no camera '{place.name}' in it; {table} has no intrinsics"
             )
-        frames[identity] = FrameFiles(
+        frames[identity] = RenderedFrame(
             color=colors[identity],
             depth=depths[identity],
             kind=kind,
             semantic=semantics.get(identity),
-            lens=lens,
+            sensor=sensor,
             world_from_cam=pose.world_from_cam,
             depth_range=options.depth_range,
             gamma=options.gamma,
@@ -120,7 +125,7 @@ def _poses(folder: Path, place: Path, rig: RigCamera | None) -> tuple[Path, dict
         raise FileError(f"{place / POSES}: no such file")
     poses = read_poses(folder / POSES)
     return folder / POSES, {
-        identity: Pose(pose.world_from_cam @ rig.rig_from_cam, pose.lens) for identity, pose in poses.items()
+        identity: Pose(pose.world_from_cam @ rig.rig_from_cam, pose.sensor) for identity, pose in poses.items()
     }
 
 
@@ -132,7 +137,7 @@ def _depth_pictures(place: Path, identities: list[int], options: Options) -> tup
     first = next(iter(pictures.values()))
     if options.depth_range is None:
         raise DepthError(
-            f"{place / DEPTH}: depth is divided by EasySynth's 'Depth range', which no file holds: give --depth-range METRES"
+            f"{place / DEPTH}: depth is divided by EasySynth's 'Depth range', which no file holds: give depth_range=METRES"
         )
     if first.suffix.lower() == ".exr":
         return "exr", pictures
@@ -141,7 +146,7 @@ def _depth_pictures(place: Path, identities: list[int], options: Options) -> tup
     if options.gamma is None:
         raise DepthError(
             f"{first}: depth as PNG has 256 steps and is usually gamma-encoded by Unreal; render it as EXR, or say how it is "
-            "encoded: --gamma srgb (to be undone) or --gamma linear"
+            "encoded: gamma=srgb (to be undone) or gamma=linear"
         )
     return "png", pictures
 
@@ -170,11 +175,11 @@ def _pictures(folder: Path, identities: list[int]) -> dict[int, Path]:
     return {each: found.get(each, folder / f"{match['stem']}{each:04d}{match['suffix']}") for each in identities}
 
 
-def _rectified(left: FrameFiles, right: FrameFiles) -> bool:
+def _rectified(left: RenderedFrame, right: RenderedFrame) -> bool:
     """By the sensors' sizes: pictures are not opened here."""
     try:
         cameras = [
-            each.lens.camera((round(each.lens.height), round(each.lens.width)), each.world_from_cam)
+            each.sensor.camera((round(each.sensor.height), round(each.sensor.width)), each.world_from_cam)
             for each in (left, right)
         ]
         StereoRig(*cameras)

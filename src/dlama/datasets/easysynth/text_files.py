@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from dlama.datasets.rotations import QUATERNION_TOLERANCE, quaternion_of, rotation_of
 from dlama.errors import CameraError, FileError
 from dlama.files.checked_fields import FileFields
 from dlama.files.images import existing
@@ -30,14 +31,12 @@ UNREAL_HEADER = ("id", "tx", "ty", "tz", "qx", "qy", "qz", "qw", "t")
 """EasySynth 1.2 and later, and its branch for Unreal 4.27: centimetres, Unreal axes, no intrinsics."""
 METRIC_HEADER = ("id", "tx", "ty", "tz", "qw", "qx", "qy", "qz", "fx", "fy", "cx", "cy")
 """EasySynth 1.0 and 1.1: metres, x right, y down, z forward (its README), intrinsics in pixels."""
-QUATERNION_TOLERANCE = 1e-3
-"""By how much the length of a quaternion may differ from 1 (six digits are written)."""
 PROPORTION_TOLERANCE = 0.01
 """Relative difference of width / height up to which sensor and picture show the same field of view."""
 
 
 @dataclass(frozen=True)
-class Lens:
+class Sensor:
     """Intrinsics in pixels of a sensor of a size, first pixel's centre at (0.5, 0.5)."""
 
     fx: float
@@ -74,7 +73,7 @@ class Pose:
 
     world_from_cam: Float64Array
     """4x4, OpenCV axes, metres."""
-    lens: Lens | None
+    sensor: Sensor | None
     """What the line itself says (dialect of 1.0 and 1.1); None: CameraRig.json says it."""
 
 
@@ -82,7 +81,7 @@ class Pose:
 class RigCamera:
     """One camera of CameraRig.json."""
 
-    lens: Lens
+    sensor: Sensor
     rig_from_cam: Float64Array
     """4x4, OpenCV axes, metres."""
 
@@ -164,32 +163,6 @@ def unreal_pose(world_from_cam: Float64Array) -> tuple[Float64Array, Float64Arra
     return OPENCV_FROM_UNREAL.T @ world_from_cam[:3, 3] * CENTIMETRES, quaternion_of(rotation)
 
 
-def rotation_of(quaternion_xyzw: ArrayLike) -> Float64Array:
-    """3x3 rotation of a quaternion of any length > 0."""
-    q = np.asarray(quaternion_xyzw, np.float64)
-    x, y, z, w = q / np.linalg.norm(q)
-    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    return np.eye(3) + 2 * w * cross + 2 * cross @ cross
-
-
-def quaternion_of(rotation: Float64Array) -> Float64Array:
-    """Unit quaternion xyzw of a 3x3 rotation, w >= 0.
-
-    The eigenvector for the largest eigenvalue of a symmetric 4x4 matrix (Bar-Itzhack 2000): good at every angle.
-    """
-    r = rotation
-    k = np.array(
-        [
-            [r[0, 0] - r[1, 1] - r[2, 2], 0, 0, 0],
-            [r[1, 0] + r[0, 1], r[1, 1] - r[0, 0] - r[2, 2], 0, 0],
-            [r[2, 0] + r[0, 2], r[2, 1] + r[1, 2], r[2, 2] - r[0, 0] - r[1, 1], 0],
-            [r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1], np.trace(r)],
-        ]
-    )
-    quaternion = np.linalg.eigh(k)[1][:, -1]  # eigh reads the lower triangle
-    return quaternion if quaternion[3] >= 0 else -quaternion
-
-
 class _Row:
     """One line of a table; every complaint says where."""
 
@@ -247,7 +220,7 @@ def _metric_pose(path: Path, row: _Row) -> Pose:
     for name, value in (("fx", fx), ("fy", fy), ("cx", cx), ("cy", cy)):
         if value <= 0:
             raise row.error(name, f"is {value:g}; a number of pixels > 0 is wanted")
-    return Pose(pose, Lens(fx, fy, cx, cy, 2 * cx, 2 * cy, path))  # cx, cy are written as half the picture
+    return Pose(pose, Sensor(fx, fy, cx, cy, 2 * cx, 2 * cy, path))  # cx, cy are written as half the picture
 
 
 def _quaternion(row: _Row) -> list[float]:
@@ -275,8 +248,8 @@ def _rig_camera(path: Path, name: str, values: Any) -> RigCamera:
     width, height = fields.matrix("sensor_size", (1, 2))[0]
     if width <= 0 or height <= 0:
         raise CameraError(f"{where}.sensor_size is {values['sensor_size']}; width and height > 0 are wanted")
-    lens = Lens(float(fx), float(fy), float(cx), float(cy), float(width), float(height), path)
-    return RigCamera(lens, opencv_pose(fields.matrix("translation", (1, 3))[0], quaternion))
+    sensor = Sensor(float(fx), float(fy), float(cx), float(cy), float(width), float(height), path)
+    return RigCamera(sensor, opencv_pose(fields.matrix("translation", (1, 3))[0], quaternion))
 
 
 def _lines(path: Path) -> list[str]:

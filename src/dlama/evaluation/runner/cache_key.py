@@ -38,7 +38,7 @@ def fingerprint(value: Any) -> str:
 
 def case_fingerprint(case: Case) -> str:
     """Of a case: its names, and what its `load` will read (files by name, size and time of change)."""
-    return fingerprint([case.protocol, case.dataset, case.scene, case.frame, case.yaw_deg, case.load])
+    return fingerprint([case.protocol, case.dataset, case.scene, case.frame, case.yaw, case.load])
 
 
 def method_fingerprint(method: Method) -> str:

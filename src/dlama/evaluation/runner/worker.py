@@ -111,7 +111,7 @@ def _run_one(task: Task, truth: Truth, method: Method, mark: str) -> None:
     runs = tuple(_stored_run(task.folder, name, number, one) for number, one in enumerate(scored))
     stored = Stored(
         mark,
-        *(case.protocol, case.dataset, case.scene, case.frame, case.yaw_deg),
+        *(case.protocol, case.dataset, case.scene, case.frame, case.yaw),
         *(method.recipe, method.filler),
         runs,
         tuple(_timings(scored, seconds, peak)),

@@ -76,8 +76,8 @@ def test_a_scene_there_and_back(scene: Path) -> None:
     wrote = orbiting()
     for number, frame in enumerate(each for each in data.frames if each.name.startswith("with-")):
         assert_same(frame.load(), wrote[number].rgbd)
-        assert frame.yaw_deg == pytest.approx((0, 10, -10, 25)[number], abs=2e-3)
-    assert [case.yaw_deg for case in data.of("vpi")] == pytest.approx([10, -10, 25], abs=2e-3)
+        assert frame.yaw == pytest.approx((0, 10, -10, 25)[number], abs=2e-3)
+    assert [case.yaw for case in data.of("vpi")] == pytest.approx([10, -10, 25], abs=2e-3)
     view, removal, stereo = (data.of(protocol)[0].load() for protocol in ("vpi", "ori", "sii"))
     assert isinstance(view, ViewTruth) and view.target_without is not None and view.object_mask is not None
     assert_same(view.target, wrote[1].rgbd)

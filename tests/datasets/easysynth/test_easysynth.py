@@ -12,10 +12,11 @@ import pytest
 from PIL import Image
 
 from dlama.datasets.easysynth.dataset import easysynth, looks_like_easysynth, orbit_yaw
-from dlama.datasets.easysynth.text_files import opencv_pose, quaternion_of, read_poses, rotation_of, unreal_pose
+from dlama.datasets.easysynth.text_files import opencv_pose, read_poses, unreal_pose
 from dlama.datasets.easysynth.writer import SequenceFrame, write_scene, write_sequence
 from dlama.datasets.frames import RemovalTruth, StereoTruth, ViewTruth
-from dlama.errors import CameraError, DepthError, FileError
+from dlama.datasets.rotations import quaternion_of, rotation_of
+from dlama.errors import CameraError, DepthError, FileError, InputError
 from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.trajectories import dolly, orbit
@@ -68,8 +69,8 @@ def test_street_poses_agree_with_poses_json(street: Path) -> None:
             wanted = np.array(entry["world_from_cam"])
             np.testing.assert_allclose(files.world_from_cam[:3, 3], wanted[:3, 3], atol=5e-7 + 1e-12)
             np.testing.assert_allclose(files.world_from_cam[:3, :3], wanted[:3, :3], atol=2e-6)
-            assert found.yaw_deg == entry["yaw_deg"] and files.kind == "millimetres"
-            np.testing.assert_array_equal(files.lens.camera((512, 512), wanted).K, told["K"])
+            assert found.yaw == entry["yaw_deg"] and files.kind == "millimetres"
+            np.testing.assert_array_equal(files.sensor.camera((512, 512), wanted).K, told["K"])
 
 
 def test_street_cases(street: Path) -> None:
@@ -78,7 +79,7 @@ def test_street_cases(street: Path) -> None:
     assert (data.name, data.layout) == ("street", "easysynth")
     assert [len(data.of(protocol)) for protocol in ("vpi", "ori", "sii")] == [4 * 12, 4 * 13, 4]
     assert len({case.key for case in data.cases}) == len(data.cases)
-    assert [case.yaw_deg for case in data.of("vpi")[:4]] == [10, -10, 20, -20]
+    assert [case.yaw for case in data.of("vpi")[:4]] == [10, -10, 20, -20]
     view = data.of("vpi")[0].load()
     assert isinstance(view, ViewTruth) and view.object_mask is not None and view.target_without is not None
     assert view.object_mask.mean() == pytest.approx(0.021, abs=0.001)  # README: 2.1 %
@@ -203,7 +204,7 @@ def test_intrinsics_scale_with_the_sensor(sequence: Path) -> None:
 def test_normalised_depth_needs_its_range(sequence: Path) -> None:
     """Guard: without DepthMM nothing says what 1.0 means."""
     shutil.rmtree(sequence / "CameraComponent" / "DepthMM")
-    with pytest.raises(DepthError, match=r"DepthImage: .*give --depth-range METRES"):
+    with pytest.raises(DepthError, match=r"DepthImage: .*give depth_range=METRES"):
         easysynth(sequence)
     np.testing.assert_allclose(easysynth(sequence, depth_range=10).frames[0].load().depth, 2, rtol=2**-11)
 
@@ -217,9 +218,11 @@ def test_png_depth_must_say_its_encoding(sequence: Path) -> None:
         levels[0, 0], levels[0, 1] = 255, 0
         Image.fromarray(np.repeat(levels[..., None], 3, axis=2)).save(path.with_suffix(".png"))
         path.unlink()
-    with pytest.raises(DepthError, match=r"gamma-encoded.*--gamma srgb .*--gamma linear"):
+    with pytest.raises(DepthError, match=r"gamma-encoded.*gamma=srgb .*gamma=linear"):
         easysynth(sequence, depth_range=10)
-    for gamma, share in ((True, 0.502886), (False, 188 / 255)):
+    with pytest.raises(InputError, match=r"gamma is True; 'srgb' or 'linear' is wanted"):
+        easysynth(sequence, depth_range=10, gamma=True)  # type: ignore[arg-type]
+    for gamma, share in (("srgb", 0.502886), ("linear", 188 / 255)):
         depth = easysynth(sequence, depth_range=10, gamma=gamma).frames[0].load().depth
         assert depth[5, 5] == pytest.approx(10 * share, abs=1e-4) and depth[0, 0] == np.inf and depth[0, 1] == 0
 
