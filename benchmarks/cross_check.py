@@ -28,6 +28,7 @@ from dlama.geometry.camera import Camera
 from dlama.geometry.projection import lift
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.view import View
+from dlama.inpainters import find_filler
 
 SCENES = ("s03", "s05", "s06", "s08")
 REFERENCE = {
@@ -86,7 +87,7 @@ def paper_work(source: RGBD) -> scenes.Work:
     """The paper's recipe with Telea, about to move; nothing holds its depth to a law."""
     chosen = find_recipe("paper", {"law": False})
     view = View.from_rgbd(scenes.clipped(source, chosen.clip_m))
-    return scenes.start(view, None, scenes.filled_by("telea"), chosen, 0)
+    return scenes.start(view, None, find_filler("telea"), chosen, 0)
 
 
 def made(warped: View, filled: View) -> Made:

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 import dlama
-from dlama.inpainters import Fill
+from dlama.inpainters.filling import Fill
 
 demo = Path(dlama.__file__).parent / "assets" / "demo"
 out = Path(sys.argv[1] if len(sys.argv) > 1 else "out/05_a_filler_of_your_own")

@@ -19,7 +19,8 @@ from dlama.geometry.scene import Scene
 from dlama.geometry.trajectories import dolly, orbit
 from dlama.geometry.view import HoleType, Origin, View
 from dlama.geometry.visibility import Law, violations
-from dlama.inpainters import INPAINTERS, Fill
+from dlama.inpainters import FILLERS
+from dlama.inpainters.filling import Fill
 from reference import law as twin
 from worlds import moved, pixels_of, points_of
 
@@ -191,7 +192,7 @@ def test_pictures_one_pixel_wide_or_high(recipe: str, filler: str, wh: tuple[int
 def test_unknown_names_list_the_known_ones() -> None:
     """Message: filler, recipe, setting, mode."""
     for wrong, known in (
-        ({"filler": "magic"}, INPAINTERS),
+        ({"filler": "magic"}, FILLERS),
         ({"recipe": "lama"}, RECIPES),
         ({"dilation": 3}, ["mode", "dilate", "dilate_holes", "clip_m"]),
         ({"mode": "voxels"}, ["surface", "points"]),

@@ -13,7 +13,7 @@ from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.view import View
 from dlama.geometry.visibility import Law
-from dlama.inpainters import INPAINTERS
+from dlama.inpainters import FILLERS, FillerRecord
 from dlama.inpainters.filling import Fill
 
 SIZE, SHIFT_M = 64, 0.5
@@ -57,7 +57,7 @@ def constant(view: View, law: Law, seed: int) -> Fill:
 @pytest.fixture
 def constant_filler(monkeypatch: pytest.MonkeyPatch) -> str:
     """Its name, while the test runs."""
-    monkeypatch.setitem(INPAINTERS, "constant", constant)
+    monkeypatch.setitem(FILLERS, "constant", FillerRecord(f"{__name__}:constant"))
     return "constant"
 
 

@@ -19,7 +19,8 @@ from dlama.geometry.rgbd import RGBD
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import HoleType, Origin, View
 from dlama.geometry.visibility import Law
-from dlama.inpainters import INPAINTERS, inpaint
+from dlama.inpainters import find_filler
+from dlama.inpainters.filling import inpaint
 from worlds import Box, Plane, Sphere, World, moved, pixels_of, points_of
 
 CAMERA = Camera.from_fov(48, 36, 60, moved(Camera.from_fov(1, 1, 60), (5, 20, -3), (10, -20, 3)).world_from_cam)
@@ -38,7 +39,7 @@ def half_filled() -> tuple[Scene, View]:
     taken = np.zeros(CAMERA.hw, bool)
     taken[:, 24:] = True
     scene = Scene((source.without(taken, HoleType.OBJECT),))
-    return scene, inpaint(scene.layers[0], INPAINTERS["layered"], Law(()))[0]
+    return scene, inpaint(scene.layers[0], find_filler("layered"), Law(()))[0]
 
 
 def test_a_view_with_nothing_filled_changes_nothing() -> None:
@@ -81,7 +82,7 @@ def ball_removed() -> tuple[Scene, RGBD, np.ndarray]:
     taken = World((WALL, Sphere((0, 0, 2), 0.4))).trace(CAMERA.at(np.eye(4)))[1] == 1
     thing = source.without(~taken, HoleType.NONE)
     scene = Scene((source.without(taken, HoleType.OBJECT),), (thing,))
-    filled, _ = inpaint(scene.layers[0], INPAINTERS["layered"], Law.of(scene))
+    filled, _ = inpaint(scene.layers[0], find_filler("layered"), Law.of(scene))
     background = filled.without(filled.filled, HoleType.OBJECT)
     return fuse(dataclasses.replace(scene, layers=(background,)), filled), frame, taken
 

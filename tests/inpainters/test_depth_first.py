@@ -12,12 +12,11 @@ from dlama.geometry.rgbd import RGBD
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import HoleType, Origin, View
 from dlama.geometry.visibility import Law
-from dlama.inpainters.filling import Fill
+from dlama.inpainters.filling import Fill, Painter
 from dlama.inpainters.layered.depth_first import BAND, NEARER, depth_first, occluders
+from dlama.inpainters.layered.filler import layered, surfaces_behind
 from dlama.inpainters.layered.hedging import hedged
-from dlama.inpainters.layered.layered import layered, surfaces_behind
 from dlama.inpainters.layered.surfaces import Surfaces
-from dlama.inpainters.painting import Painter
 
 NOTHING = Law(())
 

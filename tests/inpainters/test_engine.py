@@ -17,9 +17,11 @@ from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.view import HoleType, Origin, View
 from dlama.geometry.visibility import Law
-from dlama.inpainters import MODEL_INPAINTERS, inpaint, inpainter
+from dlama.inpainters import find_filler
+from dlama.inpainters.filling import inpaint
 from dlama.inpainters.networks.contract import of_planes
 from dlama.inpainters.networks.engine import PROVIDERS, Engine, engine
+from dlama.inpainters.networks.lama import lama_filler
 from dlama.inpainters.networks.migan import cracks, painted, stepless
 from networks import constant, contract, echo_mask, written
 
@@ -53,7 +55,7 @@ def unchanged(before: View, after: View) -> None:
 def test_lama_fills_with_what_the_network_gives(tmp_path: Path) -> None:
     """Closed form: constant 0.2, 0.4, 0.6 is colour 51, 102, 153, and as grey 0.4 of the nearest inverse depth: 2.5 m."""
     view = holed()
-    after, report = inpaint(view, inpainter("lama", constant(tmp_path / "c.onnx", 3, 0.2, 0.4, 0.6)), NOTHING)
+    after, report = inpaint(view, find_filler("lama", constant(tmp_path / "c.onnx", 3, 0.2, 0.4, 0.6)), NOTHING)
     unchanged(view, after)
     np.testing.assert_array_equal(after.color[after.filled], np.broadcast_to([51, 102, 153], (15 * 21, 3)))
     np.testing.assert_allclose(after.depth[view.hole], 2.5, rtol=1e-5)
@@ -66,7 +68,7 @@ def test_joint_fills_colour_and_depth_in_one_pass(tmp_path: Path) -> None:
     comes back without 8-bit steps."""
     view = holed()
     one = np.quantile(1 / view.depth[view.valid].astype(float), 0.99) / 0.75
-    after, _ = inpaint(view, inpainter("joint", constant(tmp_path / "j.onnx", 4, 0, 1, 0.2, 0.123)), NOTHING)
+    after, _ = inpaint(view, find_filler("joint", constant(tmp_path / "j.onnx", 4, 0, 1, 0.2, 0.123)), NOTHING)
     unchanged(view, after)
     np.testing.assert_array_equal(after.color[after.filled], np.broadcast_to([0, 255, 51], (15 * 21, 3)))
     np.testing.assert_allclose(after.depth[view.hole], 1 / (0.123 * one), rtol=1e-5)
@@ -75,7 +77,7 @@ def test_joint_fills_colour_and_depth_in_one_pass(tmp_path: Path) -> None:
 def test_far_is_level_zero(tmp_path: Path) -> None:
     """Closed form: nearly 0 in a view with sky is sky, in a view without it is as far as it says."""
     model = constant(tmp_path / "z.onnx", 3, 0.01, 0.01, 0.01)
-    sky, no_sky = (inpaint(holed(far=far), inpainter("lama", model), NOTHING)[0] for far in (True, False))
+    sky, no_sky = (inpaint(holed(far=far), find_filler("lama", model), NOTHING)[0] for far in (True, False))
     assert np.isposinf(sky.depth[15, 15]) and abs(no_sky.depth[15, 15] - 100) < 1e-2
 
 
@@ -105,8 +107,8 @@ def test_a_file_without_a_contract_needs_one_by_hand(tmp_path: Path) -> None:
     """Law: refused with the way out; with the contract by hand it runs."""
     bare = written(tmp_path / "bare.onnx", 3, np.zeros((3, 4)), 0.4, about={})
     with pytest.raises(InputError, match=r"bare\.onnx: carries no contract .*by hand"):
-        inpaint(holed(), inpainter("lama", bare), NOTHING)
-    after, _ = inpaint(holed(), MODEL_INPAINTERS["lama"](bare, of_planes(3)), NOTHING)  # type: ignore[call-arg]
+        inpaint(holed(), find_filler("lama", bare), NOTHING)
+    after, _ = inpaint(holed(), lama_filler(bare, of_planes(3)), NOTHING)
     assert (after.color[after.filled] == 102).all()
 
 
@@ -117,7 +119,7 @@ def test_bad_files_are_refused(tmp_path: Path) -> None:
     lying = written(tmp_path / "lying.onnx", 3, np.zeros((3, 4)), about=contract(4))
     nan = constant(tmp_path / "nan.onnx", 3, np.nan, 0, 0)
     with pytest.raises(FileError, match=r"none\.onnx: no such model file"):
-        inpainter("lama", tmp_path / "none.onnx")
+        find_filler("lama", tmp_path / "none.onnx")
     for name, path, told in (
         ("lama", tmp_path / "text.onnx", "text.onnx: cannot be opened .*dlama models convert"),
         ("joint", three, "three.onnx: takes 4 planes .*'lama' runs it"),
@@ -126,7 +128,7 @@ def test_bad_files_are_refused(tmp_path: Path) -> None:
         ("lama", nan, "nan.onnx: the network gave values that are not finite"),
     ):
         with pytest.raises(InputError, match=told):
-            inpaint(holed(), inpainter(name, path), NOTHING)
+            inpaint(holed(), find_filler(name, path), NOTHING)
     with pytest.raises(InputError, match="provider is 'tpu'; one of cuda"):
         Engine(three, provider="tpu")
     with pytest.raises(InputError, match="threads is 0"):
@@ -147,7 +149,7 @@ def openvino_run(folder: str) -> None:
     np.testing.assert_array_equal(first, theirs.fill(planes, hole))
     os.environ["DLAMA_PROVIDER"] = "openvino"
     view = holed()
-    after, report = inpaint(view, inpainter("lama", constant(path / "c.onnx", 3, 0.2, 0.4, 0.6)), NOTHING)
+    after, report = inpaint(view, find_filler("lama", constant(path / "c.onnx", 3, 0.2, 0.4, 0.6)), NOTHING)
     unchanged(view, after)
     assert report.notes["provider"] == "openvino"
     (path / "text.onnx").write_text("no network")
@@ -175,17 +177,6 @@ def test_omp_num_threads_is_obeyed(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     for nonsense in ("", "0", "many"):
         monkeypatch.setenv("OMP_NUM_THREADS", nonsense)
         assert Engine(model).threads == len(os.sched_getaffinity(0))
-
-
-def test_names_and_models_belong_together() -> None:
-    """Law: a network filler without a file says --model, one that needs none refuses it, unknown names list all."""
-    for name in MODEL_INPAINTERS:
-        with pytest.raises(InputError, match=f"{name}.*--model FILE.*dlama models pull"):
-            inpainter(name)
-    with pytest.raises(InputError, match="'telea' runs no network"):
-        inpainter("telea", "x.onnx")
-    with pytest.raises(InputError, match="layered, telea, navier-stokes, lama, migan, joint"):
-        inpainter("lama-xl")
 
 
 def test_one_engine_stays_open(tmp_path: Path) -> None:
@@ -258,7 +249,7 @@ def test_migan_continues_a_plane(migan: Path) -> None:
     taken = np.zeros((256, 256), bool)
     taken[90:150, 100:170] = True
     view = View.from_rgbd(frame).without(taken, HoleType.OBJECT)
-    after, report = inpaint(view, inpainter("migan", migan), NOTHING)
+    after, report = inpaint(view, find_filler("migan", migan), NOTHING)
     unchanged(view, after)
     assert abs(after.color[taken].astype(float) - 128).mean() < 15
     assert abs(after.depth[taken] - 2).mean() < 0.1

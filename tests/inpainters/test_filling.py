@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import pkgutil
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -14,11 +18,12 @@ from dlama.geometry.rgbd import RGBD
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import HoleType, Origin, View
 from dlama.geometry.visibility import Law, violations
-from dlama.inpainters import INPAINTERS, MODEL_INPAINTERS, Fill, inpaint, inpainter
-from dlama.inpainters.filling import fill_confidence
+from dlama.inpainters import FILLERS, find_filler
+from dlama.inpainters.filling import Fill, fill_confidence, inpaint
 from worlds import Box, Plane, Sphere, World, moved
 
-fillers = pytest.mark.parametrize("name", INPAINTERS)
+PLAIN = [name for name, record in FILLERS.items() if not record.needs_model]
+fillers = pytest.mark.parametrize("name", PLAIN)
 NOTHING = Law(())
 
 
@@ -56,7 +61,7 @@ def test_known_pixels_stay_and_holes_are_filled(name: str) -> None:
     """Law on a rendered view with every hole type: outside the hole all fields bit for bit, inside all filled and lawful."""
     view, law = moved_view()
     assert {HoleType.DISOCCLUDED, HoleType.OUT_OF_VIEW, HoleType.SENSOR} <= set(np.unique(view.hole_type).tolist())
-    filled, report = inpaint(view, INPAINTERS[name], law)
+    filled, report = inpaint(view, find_filler(name), law)
     known = ~view.hole
     for field in ("color", "depth", "origin", "confidence", "hole_type"):
         np.testing.assert_array_equal(getattr(filled, field)[known], getattr(view, field)[known], err_msg=field)
@@ -69,11 +74,11 @@ def test_known_pixels_stay_and_holes_are_filled(name: str) -> None:
 
 
 @settings(max_examples=60, deadline=None)
-@given(st.integers(0, 2**32 - 1), st.sampled_from(sorted(INPAINTERS)), st.integers(1, 9), st.integers(1, 9))
+@given(st.integers(0, 2**32 - 1), st.sampled_from(sorted(PLAIN)), st.integers(1, 9), st.integers(1, 9))
 def test_any_small_view_is_filled(seed: int, name: str, height: int, width: int) -> None:
     """Law, also for 1x1, 1xN and Nx1: known pixels bit for bit, measured colour kept, depth > 0, confidence in 0..1."""
     view = random_view(seed, height, width)
-    filled, report = inpaint(view, INPAINTERS[name], NOTHING, seed % 7)
+    filled, report = inpaint(view, find_filler(name), NOTHING, seed % 7)
     if view.hole.all():
         assert filled is view and report.notes["nothing_visible"] and report.hole_pixels == 0
         return
@@ -98,7 +103,7 @@ def test_pictures_one_pixel_wide_or_high(name: str, hw: tuple[int, int]) -> None
     )
     taken = np.zeros(hw, bool)
     taken.flat[1 : max(2, taken.size // 2)] = True
-    filled, _ = inpaint(view.without(taken, HoleType.OBJECT), INPAINTERS[name], NOTHING)
+    filled, _ = inpaint(view.without(taken, HoleType.OBJECT), find_filler(name), NOTHING)
     np.testing.assert_allclose(filled.depth, 1.37, rtol=2e-5)
     assert name == "telea" or abs(filled.color.astype(int) - color).max() <= 1
 
@@ -110,7 +115,7 @@ def test_sensor_holes_get_depth_only(name: str) -> None:
     depth = frame.depth.copy()
     depth[10:20, 30:45] = 0
     view = View.from_rgbd(RGBD(frame.color, depth, frame.camera))
-    filled, _ = inpaint(view, INPAINTERS[name], Law.of(Scene((view,))))
+    filled, _ = inpaint(view, find_filler(name), Law.of(Scene((view,))))
     np.testing.assert_array_equal(filled.color, frame.color)
     np.testing.assert_array_equal(filled.origin, np.where(view.hole, Origin.DEPTH_FILLED, Origin.MEASURED))
     np.testing.assert_array_equal(filled.hole_type, np.where(view.hole, HoleType.SENSOR, HoleType.NONE))
@@ -126,12 +131,12 @@ def test_the_same_seed_gives_the_same_bits(name: str) -> None:
 
     view, law = moved_view()
     threads = numba.get_num_threads()
-    first, _ = inpaint(view, INPAINTERS[name], law, seed=5)
-    same_bits(inpaint(view, INPAINTERS[name], law, seed=5)[0], first)
+    first, _ = inpaint(view, find_filler(name), law, seed=5)
+    same_bits(inpaint(view, find_filler(name), law, seed=5)[0], first)
     try:
         for number in {1, min(2, numba.config.NUMBA_NUM_THREADS)}:
             numba.set_num_threads(number)
-            same_bits(inpaint(view, INPAINTERS[name], law, seed=5)[0], first)
+            same_bits(inpaint(view, find_filler(name), law, seed=5)[0], first)
     finally:
         numba.set_num_threads(threads)
 
@@ -143,7 +148,7 @@ def test_only_the_sky_is_known(name: str) -> None:
     view = View.from_rgbd(RGBD(color, np.full((12, 16), np.inf, np.float32), Camera.from_fov(16, 12, 60)))
     taken = np.zeros((12, 16), bool)
     taken[3:8, 4:12] = True
-    filled, _ = inpaint(view.without(taken, HoleType.OBJECT), INPAINTERS[name], Law.of(Scene((view,))))
+    filled, _ = inpaint(view.without(taken, HoleType.OBJECT), find_filler(name), Law.of(Scene((view,))))
     assert filled.far.all()
     assert abs(filled.color.astype(int) - color).max() <= 2
 
@@ -200,18 +205,38 @@ def test_confidence_halves_every_twentieth_of_the_diagonal() -> None:
 
 
 def test_names_are_a_closed_set() -> None:
-    """Law: the dict's names give the dict's fillers; another name lists them all."""
-    assert next(iter(INPAINTERS)) == "layered", "the default comes first"
-    assert all(inpainter(name) is filler for name, filler in INPAINTERS.items())
+    """Law: every record's code is found, a network's makes a filler of a file; another name lists them all."""
+    assert next(iter(FILLERS)) == "layered", "the default comes first"
+    for name, record in FILLERS.items():
+        assert callable(pkgutil.resolve_name(record.entry_point)), name
+    assert all(find_filler(name) is pkgutil.resolve_name(FILLERS[name].entry_point) for name in PLAIN)
     with pytest.raises(InputError, match="filler is 'lama-xl'; one of layered, telea, navier-stokes") as error:
-        inpainter("lama-xl")
-    assert all(name in str(error.value) for name in [*INPAINTERS, *MODEL_INPAINTERS])
+        find_filler("lama-xl")
+    assert all(name in str(error.value) for name in FILLERS)
 
 
 def test_network_fillers_want_their_file_and_the_others_none() -> None:
     """Message: a network without a file, and a file that has no use."""
-    for name in MODEL_INPAINTERS:
-        with pytest.raises(InputError, match=f"filler '{name}' runs a network"):
-            inpainter(name)
-    with pytest.raises(InputError, match=r"filler 'telea' runs no network.*weights\.onnx"):
-        inpainter("telea", "weights.onnx")
+    for name in set(FILLERS) - set(PLAIN):
+        with pytest.raises(InputError, match=f"model is missing: filler '{name}' runs a network"):
+            find_filler(name)
+    with pytest.raises(InputError, match=r"model is weights\.onnx and filler 'telea' runs no network"):
+        find_filler("telea", "weights.onnx")
+
+
+def test_a_function_is_a_filler_already() -> None:
+    """Law: it comes back as it is; a model beside it has no use."""
+
+    def own(view: View, law: Law, seed: int) -> Fill:
+        return Fill(view.color, view.depth)
+
+    assert find_filler(own) is own
+    with pytest.raises(InputError, match=r"model is weights\.onnx and the filler a function"):
+        find_filler(own, "weights.onnx")
+
+
+def test_the_list_of_names_is_light() -> None:
+    """Law (sys.modules of a fresh interpreter): reading the names loads no filler and no large package."""
+    code = "import sys, dlama.inpainters; print({'numpy', 'cv2', 'numba', 'onnxruntime'} & set(sys.modules))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60)
+    assert done.stdout.strip() == "set()"

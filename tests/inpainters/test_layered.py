@@ -11,8 +11,8 @@ from dlama.geometry.rendering import render
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import HoleType, View
 from dlama.geometry.visibility import Law
-from dlama.inpainters import inpaint
-from dlama.inpainters.layered.layered import depth_of, layered
+from dlama.inpainters.filling import inpaint
+from dlama.inpainters.layered.filler import depth_of, layered
 from worlds import Box, Plane, Shape, Sphere, World, moved, shape_shown
 
 CAMERA = Camera.from_fov(160, 120, 60)

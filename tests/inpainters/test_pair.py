@@ -10,7 +10,7 @@ import pytest
 import dlama
 from dlama.errors import FileError, InputError
 from dlama.geometry.view import Origin
-from dlama.inpainters import inpainter
+from dlama.inpainters import find_filler
 from dlama.inpainters.networks.contract import of_planes
 from dlama.inpainters.networks.engine import Engine
 from dlama.inpainters.networks.pair import PairFiller, filled_pair, pair_filler
@@ -24,7 +24,7 @@ EIGHT = {"in_planes": [*PLANES, "left mask", "right mask"], "out_planes": PLANES
 
 def filler(path: Path) -> PairFiller:
     """By its name, as the command line finds it."""
-    found = inpainter("pair", path)
+    found = find_filler("pair", path)
     assert isinstance(found, PairFiller)
     return found
 

@@ -18,7 +18,7 @@ from dlama.completion.recipes import RECIPES, recipe
 from dlama.datasets.frames import Case, Dataset, Protocol
 from dlama.errors import InputError, MissingExtraError
 from dlama.evaluation.protocols.methods import NO_FILL, Method, ProtocolSettings
-from dlama.inpainters import INPAINTERS, MODEL_INPAINTERS
+from dlama.inpainters import FILLERS
 
 if TYPE_CHECKING:
     from dlama.evaluation.runner.run import Progress, Run
@@ -26,7 +26,8 @@ if TYPE_CHECKING:
 FAILED = 1
 """Exit code where some cases could not be run."""
 INTERRUPTED = 130
-FILLERS = [NO_FILL, *INPAINTERS, *MODEL_INPAINTERS]
+NEED_MODEL = [name for name, record in FILLERS.items() if record.needs_model]
+"""Fillers that run a network."""
 NEEDED = {"scikit-image": "skimage", "scipy": "scipy", "matplotlib": "matplotlib"}
 YAW_NEAR = 0.5
 """Degrees by which a pair's yaw may differ from the one asked for."""
@@ -120,9 +121,9 @@ class Contest:
             recipe(name)
         models = self.models()
         for filler in self.fillers:
-            if filler not in FILLERS:
-                raise InputError(f"filler is {filler!r}; one of {', '.join(FILLERS)} is wanted")
-            if filler in MODEL_INPAINTERS and filler not in models:
+            if filler not in (NO_FILL, *FILLERS):
+                raise InputError(f"filler is {filler!r}; one of {', '.join((NO_FILL, *FILLERS))} is wanted")
+            if filler in NEED_MODEL and filler not in models:
                 raise InputError(f"filler {filler!r} runs a network: --model {filler}=FILE is wanted")
         fillers, recipes = dict.fromkeys(self.fillers), dict.fromkeys(self.recipes)
         return [Method(name, filler, models.get(filler), seed=self.seed) for name in recipes for filler in fillers]
@@ -134,10 +135,8 @@ class Contest:
         found: dict[str, Path] = {}
         for word in self.model:
             filler, equals, file = word.partition("=")
-            if not equals or not file or filler not in MODEL_INPAINTERS:
-                raise InputError(
-                    f"--model is {word!r}; FILLER=FILE is wanted, FILLER one of {', '.join(MODEL_INPAINTERS)}"
-                )
+            if not equals or not file or filler not in NEED_MODEL:
+                raise InputError(f"--model is {word!r}; FILLER=FILE is wanted, FILLER one of {', '.join(NEED_MODEL)}")
             if filler not in self.fillers:
                 raise InputError(f"--model {word} has no use: {filler} is not among --fillers {' '.join(self.fillers)}")
             found[filler] = model_for(file)

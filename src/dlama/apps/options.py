@@ -13,7 +13,7 @@ from dlama.completion.recipes import RECIPES
 from dlama.completion.verbs import PAPER_PIVOT
 from dlama.errors import InputError
 from dlama.geometry.camera import Camera
-from dlama.inpainters import INPAINTERS, MODEL_INPAINTERS
+from dlama.inpainters import FILLERS
 
 
 def told(metavar: str, hint: str = "", **names: Any) -> Any:
@@ -141,7 +141,7 @@ class Masking:
 class Method:
     """How the scene is completed."""
 
-    filler: Annotated[str, told("|".join([*INPAINTERS, *MODEL_INPAINTERS]), "(default: layered)")] = "layered"
+    filler: Annotated[str, told("|".join(FILLERS), "(default: layered)")] = "layered"
     """Who fills the holes: layered continues planes and sky from behind, telea and navier-stokes diffuse; lama, migan,
     joint and pair (stereo only) run a network (--model)."""
     model: Annotated[str | None, told("FILE|NAME")] = None

@@ -17,7 +17,6 @@ from typing import Any
 import numpy as np
 
 from dlama.completion.recipes import Recipe, find_recipe
-from dlama.errors import InputError
 from dlama.geometry.camera import Camera
 from dlama.geometry.cloud import PointCloud
 from dlama.geometry.fusion import fuse, scene_cloud, scene_mesh
@@ -28,10 +27,10 @@ from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import HoleType, Origin, View
 from dlama.geometry.visibility import Law
-from dlama.inpainters import inpainter as named_inpainter
+from dlama.inpainters import find_filler
 from dlama.inpainters.filling import FillReport, Inpainter, inpaint
+from dlama.inpainters.grey_depth import with_grey_depth
 from dlama.inpainters.layered.depth_first import depth_first
-from dlama.inpainters.painting import eight_bit
 
 LOG = logging.getLogger("dlama")
 
@@ -123,7 +122,7 @@ def complete(
     """
     chosen = find_recipe(recipe, changes)
     source = View.from_rgbd(clipped(rgbd, chosen.clip_m))
-    work = start(source, mask, filled_by(filler, model), chosen, seed)
+    work = start(source, mask, find_filler(filler, model), chosen, seed)
     views, warped = [], []
     for camera in cameras:
         before = warp(work, camera)
@@ -141,20 +140,11 @@ def clipped(rgbd: RGBD, clip_m: float | None) -> RGBD:
     return RGBD(rgbd.color, np.minimum(rgbd.depth, np.float32(clip_m)), rgbd.camera)
 
 
-def filled_by(filler: str | Inpainter, model: str | Path | None = None) -> Inpainter:
-    """The filler itself, or the one of that name with its network file."""
-    if isinstance(filler, str):
-        return named_inpainter(filler, model)
-    if model is not None:
-        raise InputError(f"model is {model} and the filler a function; a model goes with a filler's name")
-    return filler
-
-
 def as_recipe(fill: Inpainter, chosen: Recipe) -> Inpainter:
     """The filler with the recipe's way with depth."""
     if chosen.depth_by == "surfaces":
         return depth_first(fill)
-    return fill if chosen.clip_m is None or not chosen.eight_bit_depth else eight_bit(fill, chosen.clip_m)
+    return fill if chosen.clip_m is None or not chosen.eight_bit_depth else with_grey_depth(fill, chosen.clip_m)
 
 
 def start(
@@ -169,7 +159,7 @@ def start(
 
     law_depth: H x W, the object's depth as the visibility law is to see it; None: as measured.
     """
-    fill = as_recipe(filled_by(filler), chosen)
+    fill = as_recipe(find_filler(filler), chosen)
     scene, mask_pixels = Scene((source,)), (0, 0)
     if mask is not None:
         taken = dilated(checked_mask(mask, source.camera.hw), chosen.dilate)

@@ -19,7 +19,6 @@ from dlama.completion.pipeline import (
     adopt,
     as_recipe,
     clipped,
-    filled_by,
     law_of,
     measured_as,
     report,
@@ -35,6 +34,7 @@ from dlama.geometry.rendering import render
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import HoleType, Origin, View
+from dlama.inpainters import find_filler
 from dlama.inpainters.filling import Inpainter
 from dlama.inpainters.networks.pair import PairFiller
 from dlama.perception.stereo_matching import StereoConsistency, carry_mask, consistency, disparity_pair
@@ -93,7 +93,7 @@ def stereo(
             )
     if mask is None and mask_right is not None:
         raise InputError("mask_right was given without mask; the mask of the left view is wanted too")
-    chosen, fill = find_recipe(recipe, changes), filled_by(filler, model)
+    chosen, fill = find_recipe(recipe, changes), find_filler(filler, model)
     pair = fill if isinstance(fill, PairFiller) else None
     if pair is not None and chosen.depth_by != "surfaces":
         raise InputError(
@@ -197,7 +197,7 @@ def completed_right(work: Work, before: View, rig: StereoRig) -> View:
     """The right view: first what the completed left scene shows in its holes, then what is still unknown, filled."""
     with work.stage("render"):
         shown = render(work.scene, rig.right, work.recipe.mode, types=False)
-    depth_only = before.hole & (before.origin == Origin.DEPTH_FILLED)
+    depth_only = before.hole & ~before.color_hole
     view = adopt(
         work, before, dataclasses.replace(shown, color=np.where(depth_only[..., None], before.color, shown.color))
     )

@@ -104,6 +104,11 @@ class View:
         return ~self.hole & np.isposinf(self.depth)
 
     @property
+    def color_hole(self) -> BoolArray:
+        """H x W, True in holes whose colour is unknown too; of a sensor hole's pixels only the depth is."""
+        return self.hole & (self.origin != Origin.DEPTH_FILLED)
+
+    @property
     def filled(self) -> BoolArray:
         """H x W, True where a filler wrote colour and depth."""
         return self.origin == Origin.FILLED

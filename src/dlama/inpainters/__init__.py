@@ -1,47 +1,59 @@
-"""Ways of filling: View with holes -> View without. One file per way; the closed set of names is the dict below."""
+"""Fillers: a View with holes in; the same View without holes out. FILLERS, at the foot, is the closed list of their names.
+
+Begin with `filling` (what a filler is, what `inpaint` guarantees), then `layered/` (the default) and `networks/`. This file
+imports no filler: the command line's help reads the names, and a filler's code is imported when it is looked up.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import pkgutil
+from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from dlama.errors import InputError
-from dlama.inpainters.filling import Fill, FillReport, Inpainter, inpaint
-from dlama.inpainters.layered.layered import layered
-from dlama.inpainters.networks.joint import joint_filler
-from dlama.inpainters.networks.lama import lama_filler
-from dlama.inpainters.networks.migan import migan_filler
-from dlama.inpainters.networks.pair import pair_filler
-from dlama.inpainters.opencv import navier_stokes, telea
 
-__all__ = ["INPAINTERS", "MODEL_INPAINTERS", "Fill", "FillReport", "Inpainter", "inpaint", "inpainter"]
-
-INPAINTERS: dict[str, Inpainter] = {
-    "layered": layered,
-    "telea": telea,
-    "navier-stokes": navier_stokes,
-}
-
-MODEL_INPAINTERS: dict[str, Callable[[str | Path], Inpainter]] = {
-    "lama": lama_filler,
-    "migan": migan_filler,
-    "joint": joint_filler,
-    "pair": pair_filler,
-}
-"""Fillers that run a network file: file -> filler."""
+if TYPE_CHECKING:
+    from dlama.inpainters.filling import Inpainter
 
 
-def inpainter(name: str, model: str | Path | None = None) -> Inpainter:
-    """The filler of that name, with its network file if it runs one.
+@dataclass(frozen=True)
+class FillerRecord:
+    """Where a filler's code stands, and what it needs."""
 
-    InputError: an unknown name (the known ones are listed), a file missing, or given to a filler that takes none.
+    entry_point: str
+    """`module:name` of the Inpainter; of a filler that runs a network, of the function that makes one of a model file."""
+    needs_model: bool = False
+    """Whether it runs a network file."""
+
+
+def find_filler(filler: str | Inpainter, model: str | Path | None = None) -> Inpainter:
+    """The filler of that name, with its network file if it runs one; a function is a filler already and comes back.
+
+    InputError: an unknown name (the known ones are listed), or a model missing or given to a filler that takes none.
     """
-    if name in MODEL_INPAINTERS:
-        if model is None:
-            raise InputError(f"filler {name!r} runs a network: --model FILE is wanted (`dlama models pull` gets one)")
-        return MODEL_INPAINTERS[name](model)
-    if name not in INPAINTERS:
-        raise InputError(f"filler is {name!r}; one of {', '.join([*INPAINTERS, *MODEL_INPAINTERS])} is wanted")
-    if model is not None:
-        raise InputError(f"filler {name!r} runs no network, so --model {model} has no use")
-    return INPAINTERS[name]
+    if not isinstance(filler, str):
+        if model is not None:
+            raise InputError(f"model is {model} and the filler a function; a model goes with a filler's name")
+        return filler
+    if filler not in FILLERS:
+        raise InputError(f"filler is {filler!r}; one of {', '.join(FILLERS)} is wanted")
+    record = FILLERS[filler]
+    if record.needs_model and model is None:
+        raise InputError(f"model is missing: filler {filler!r} runs a network file (`dlama models pull` gets one)")
+    if not record.needs_model and model is not None:
+        raise InputError(f"model is {model} and filler {filler!r} runs no network; no model is wanted")
+    found: Any = pkgutil.resolve_name(record.entry_point)
+    return found(model) if record.needs_model else found
+
+
+FILLERS: dict[str, FillerRecord] = {
+    "layered": FillerRecord("dlama.inpainters.layered.filler:layered"),
+    "telea": FillerRecord("dlama.inpainters.opencv:telea"),
+    "navier-stokes": FillerRecord("dlama.inpainters.opencv:navier_stokes"),
+    "lama": FillerRecord("dlama.inpainters.networks.lama:lama_filler", needs_model=True),
+    "migan": FillerRecord("dlama.inpainters.networks.migan:migan_filler", needs_model=True),
+    "joint": FillerRecord("dlama.inpainters.networks.joint:joint_filler", needs_model=True),
+    "pair": FillerRecord("dlama.inpainters.networks.pair:pair_filler", needs_model=True),
+}
+"""Name -> record; the default comes first."""

@@ -1,6 +1,7 @@
-"""Filling: a view with holes in, a view without out. Every filler goes through `inpaint`, which keeps its promises:
+"""Filling: a view with holes in; the same view without holes out. What a filler is, and `inpaint`, through which all of them go.
 
-pixels outside the hole stay bit-identical, filled depth keeps the visibility law, and what was written is marked as such.
+`inpaint` guarantees for every filler: pixels outside the hole stay bit-identical, filled depth keeps the visibility law, and
+origin and confidence mark what was filled.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
+import cv2
 import numpy as np
 
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
@@ -19,7 +21,7 @@ from dlama.geometry.visibility import Law
 
 @dataclass(frozen=True, eq=False)
 class Fill:
-    """A filler's proposal; only its hole pixels are used."""
+    """A filler's proposal for a view; only its hole pixels are used."""
 
     color: UInt8Array
     """H x W x 3, RGB."""
@@ -28,11 +30,28 @@ class Fill:
     law_moves: int = 0
     """Pixels the filler itself already moved to keep the visibility law."""
     notes: dict[str, Any] = field(default_factory=dict)
-    """What the filler wants to be written into meta.json (planes found, model, provider ...)."""
+    """What the filler adds to meta.json (planes found, model, provider ...)."""
 
 
 Inpainter = Callable[[View, Law, int], Fill]
-"""A way of filling: (view with holes, visibility law, seed) -> Fill. Deterministic for one seed."""
+"""A filler: (view with holes, visibility law, seed) -> Fill. Deterministic for one seed."""
+Paint = Callable[[UInt8Array, BoolArray], UInt8Array]
+"""(H x W x 3 picture, H x W hole) -> H x W x 3 picture with the hole filled."""
+
+
+@dataclass(frozen=True)
+class Painter:
+    """An Inpainter that can also fill any 8-bit picture: diffusion, and networks that fill colour."""
+
+    fill: Inpainter
+    """What it does with a view by itself: colour and depth."""
+    paint: Paint
+    """What it does with a picture."""
+    notes: Callable[[], dict[str, Any]] = field(default=dict)
+    """What ran, for meta.json."""
+
+    def __call__(self, view: View, law: Law, seed: int) -> Fill:
+        return self.fill(view, law, seed)
 
 
 @dataclass(frozen=True)
@@ -46,10 +65,11 @@ class FillReport:
     law_violations: int
     """Filled pixels that break it still (0, or a bug)."""
     notes: dict[str, Any]
+    """The filler's own."""
 
 
 def inpaint(view: View, inpainter: Inpainter, law: Law, seed: int = 0) -> tuple[View, FillReport]:
-    """Fill all holes of a view.
+    """Fill all holes of a view; the view comes back without holes, with a report.
 
     Holes with measured colour (origin DEPTH_FILLED: sensor holes of a source view) get depth only. A view in which nothing
     at all is known comes back as it is, with the note `nothing_visible`.
@@ -61,25 +81,21 @@ def inpaint(view: View, inpainter: Inpainter, law: Law, seed: int = 0) -> tuple[
         return view, FillReport(0, 0, 0, {"nothing_visible": True})
     fill = inpainter(view, law, seed)
     depth, moved = law.project(view.camera, fill.depth, hole)
-    color_hole = hole & (view.origin != Origin.DEPTH_FILLED)
+    filled_origin = np.where(view.color_hole, np.uint8(Origin.FILLED), np.uint8(Origin.DEPTH_FILLED))
     filled = dataclasses.replace(
         view,
-        color=np.where(color_hole[..., None], fill.color, view.color),
+        color=np.where(view.color_hole[..., None], fill.color, view.color),
         depth=np.where(hole, depth, view.depth),
         hole=np.zeros_like(hole),
-        origin=np.where(
-            color_hole, np.uint8(Origin.FILLED), np.where(hole, np.uint8(Origin.DEPTH_FILLED), view.origin)
-        ),
-        confidence=np.where(hole, fill_confidence(hole, color_hole), view.confidence),
+        origin=np.where(hole, filled_origin, view.origin),
+        confidence=np.where(hole, fill_confidence(hole, view.color_hole), view.confidence),
     )
     left = int(law.violations(view.camera, filled.depth, hole).sum())
     return filled, FillReport(int(hole.sum()), fill.law_moves + int(moved.sum()), left, fill.notes)
 
 
 def fill_confidence(hole: BoolArray, color_hole: BoolArray) -> Float32Array:
-    """Confidence of filled pixels: 0.5 at the rim (0.75 where colour is measured), halved every 5 % of the diagonal."""
-    import cv2
-
+    """H x W confidence of filled pixels: 0.5 at the rim (0.75 where colour is measured), halved every 5 % of the diagonal."""
     distance = cv2.distanceTransform(hole.astype(np.uint8), cv2.DIST_L2, 5)
     half_life = 0.05 * float(np.hypot(*hole.shape))
     top = np.where(color_hole, np.float32(0.5), np.float32(0.75))

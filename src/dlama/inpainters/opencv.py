@@ -8,14 +8,14 @@ from __future__ import annotations
 
 import functools
 
+import cv2
 import numpy as np
 
 from dlama.geometry.rendering import inverse_depth
 from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.geometry.view import View
 from dlama.geometry.visibility import Law
-from dlama.inpainters.filling import Fill
-from dlama.inpainters.painting import Painter
+from dlama.inpainters.filling import Fill, Painter
 
 RADIUS = 3
 """Neighbourhood of cv2.inpaint in pixels."""
@@ -31,8 +31,6 @@ def diffuse(view: View, law: Law, seed: int, *, method: str) -> Fill:
 
 def paint(picture: np.ndarray, hole: BoolArray, *, method: str) -> np.ndarray:
     """A picture (uint8 H x W x 3, or uint16 H x W) with the hole filled by cv2.inpaint."""
-    import cv2
-
     flag = {"telea": cv2.INPAINT_TELEA, "navier-stokes": cv2.INPAINT_NS}[method]
     return np.asarray(cv2.inpaint(picture, hole.astype(np.uint8), RADIUS, flag), picture.dtype)
 

@@ -14,7 +14,7 @@ from dlama.evaluation.protocols.methods import NO_FILL, Measure, Method, Panel
 from dlama.evaluation.protocols.scores import Answer
 from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import RGBD, BoolArray
-from dlama.geometry.view import Origin, View
+from dlama.geometry.view import View
 from dlama.geometry.visibility import Law
 from dlama.inpainters.filling import Fill
 
@@ -57,7 +57,7 @@ class Run:
     def hole_shares(self, number: int = -1, suffix: str = "") -> list[Measure]:
         """The method's own holes in % of the picture: of colour, and of depth (a sensor hole lacks depth only)."""
         warped = self.completion.warped[number]
-        open_color = warped.hole & (warped.origin != Origin.DEPTH_FILLED)
+        open_color = warped.color_hole
         return [
             Measure("whole" + suffix, modality, "mask_ratio", 100 * float(hole.mean()))
             for modality, hole in (("rgb", open_color), ("depth", warped.hole))

@@ -8,11 +8,10 @@ from dlama.geometry.rendering import inverse_depth
 from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.geometry.view import HoleType, View
 from dlama.geometry.visibility import Law
-from dlama.inpainters.filling import Fill, Inpainter
+from dlama.inpainters.filling import Fill, Inpainter, Painter
+from dlama.inpainters.layered.filler import surfaces_behind
 from dlama.inpainters.layered.hedging import hedged
-from dlama.inpainters.layered.layered import surfaces_behind
 from dlama.inpainters.layered.surfaces import Surfaces, nearest_inside
-from dlama.inpainters.painting import Painter, color_hole
 
 BAND = 24
 """Pixels round a hole in which an occluder is kept from the filler."""
@@ -32,12 +31,11 @@ def depth_first(inpainter: Inpainter) -> Inpainter:
             return inpainter(view, law, seed)
         surfaces, depth, moved = surfaces_behind(view, law, seed)
         notes = inpainter.notes() | {"depth_as": "surfaces continued", "planes": len(surfaces.planes)}
-        open_color = color_hole(view)
-        if not open_color.any():
+        if not view.color_hole.any():
             return Fill(view.color, depth, moved, notes)
-        color = inpainter.paint(view.color, open_color | occluders(view, surfaces, depth))
+        color = inpainter.paint(view.color, view.color_hole | occluders(view, surfaces, depth))
         w = inverse_depth(np.where(view.hole, depth, view.depth))
-        return Fill(hedged(view, color, open_color, w), depth, moved, notes)
+        return Fill(hedged(view, color, view.color_hole, w), depth, moved, notes)
 
     return fill
 
@@ -49,8 +47,7 @@ def occluders(view: View, surfaces: Surfaces, depth: Float32Array) -> BoolArray:
     the camera hides nothing. Not at the picture's old border: what lies beyond it is hidden by nothing. Nor at a hole that
     lacks depth alone: its colours are known.
     """
-    open_color = color_hole(view)
-    distance, nearest = nearest_inside(open_color)
+    distance, nearest = nearest_inside(view.color_hole)
     rows, columns = np.nonzero((distance <= BAND) & view.valid)
     hole_pixel = nearest[rows, columns]
     filled = inverse_depth(depth).ravel()[hole_pixel]

@@ -10,11 +10,11 @@ import numpy as np
 from dlama.geometry.rgbd import BoolArray, UInt8Array
 from dlama.geometry.view import View
 from dlama.geometry.visibility import Law
-from dlama.inpainters.filling import Fill, Inpainter
+from dlama.inpainters.filling import Fill, Inpainter, Painter
+from dlama.inpainters.grey_depth import channel_spread
 from dlama.inpainters.networks.contract import Contract, demand
 from dlama.inpainters.networks.engine import Engine, engine
 from dlama.inpainters.networks.view_tensors import DepthPlane, color_planes, eight_bits
-from dlama.inpainters.painting import Painter, channel_spread, color_hole
 
 BATCHED: tuple[str, ...] = ()
 """Providers on which one pass for colour and depth was measured to be faster than two (benchmarks/engine.py); none so far."""
@@ -43,13 +43,13 @@ def lama_filler(model: str | Path, contract: Contract | None = None, **options: 
 
 def filled_apart(view: View, network: Engine) -> Fill:
     """Colour where it is not known, depth in the whole hole."""
-    depth, open_color = DepthPlane.of(view), color_hole(view)
+    depth = DepthPlane.of(view)
     color = color_planes(view.color)
     grey = np.repeat(depth.values[None], 3, 0)
-    if network.running_on in BATCHED and (open_color == view.hole).all():
+    if network.running_on in BATCHED and (view.color_hole == view.hole).all():
         color, grey = network.fill(np.stack([color, grey]), view.hole)
     else:
-        color = network.fill(color[None], open_color)[0]
+        color = network.fill(color[None], view.color_hole)[0]
         grey = network.fill(grey[None], view.hole)[0]
     spread = channel_spread(grey.transpose(1, 2, 0) * 255, view.hole)
     return Fill(eight_bits(color), depth.metres(grey.mean(0)), notes=network.notes | {"depth_channel_spread": spread})

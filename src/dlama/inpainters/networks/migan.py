@@ -19,12 +19,11 @@ from dlama.geometry.rendering import inverse_depth
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.geometry.view import View
 from dlama.geometry.visibility import Law
-from dlama.inpainters.filling import Fill, Inpainter
+from dlama.inpainters.filling import Fill, Inpainter, Painter
 from dlama.inpainters.networks.engine import Engine, engine
 from dlama.inpainters.networks.tiling import Layout, fill_crops
 from dlama.inpainters.networks.view_tensors import DepthPlane
 from dlama.inpainters.opencv import telea
-from dlama.inpainters.painting import Painter, color_hole
 
 GROW = 3
 """Pixels by which the hole grows for the network only: from 3 on, nothing in the hole leaks (WEIGHTS.md)."""
@@ -45,7 +44,7 @@ def migan_filler(model: str | Path, **options: Any) -> Inpainter:
     def migan(view: View, law: Law, seed: int) -> Fill:
         demand_pipeline(network)
         diffused = telea(view, law, seed)
-        color = painted(view.color, diffused.color, color_hole(view), network)
+        color = painted(view.color, diffused.color, view.color_hole, network)
         return Fill(color, painted_depth(view, diffused.depth, network), notes=network.notes)
 
     def paint(picture: UInt8Array, hole: BoolArray) -> UInt8Array:

@@ -17,12 +17,11 @@ from dlama.errors import InputError
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.geometry.view import View
 from dlama.geometry.visibility import Law
-from dlama.inpainters.filling import Fill
+from dlama.inpainters.filling import Fill, Painter
 from dlama.inpainters.networks.contract import Contract, demand
 from dlama.inpainters.networks.engine import Engine, engine
 from dlama.inpainters.networks.tiling import Network, fill_crops
 from dlama.inpainters.networks.view_tensors import color_planes, eight_bits
-from dlama.inpainters.painting import Painter
 
 FED = {1: "one: the union of both pictures' holes", 2: "two: the left picture's hole, the right one's"}
 """Masks a network takes -> what stands in meta.json."""

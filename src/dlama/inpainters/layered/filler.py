@@ -13,20 +13,20 @@ from dlama.inpainters.layered.hedging import hedged
 from dlama.inpainters.layered.planes import SKY, SMOOTH
 from dlama.inpainters.layered.surfaces import Surfaces, extend
 from dlama.inpainters.layered.texture_synthesis import synthesize
-from dlama.inpainters.painting import color_hole
 
 
 def layered(view: View, law: Law, seed: int = 0) -> Fill:
     """Continue planes, sky and smooth surfaces into the holes, put them behind what was measured, then paint them."""
     surfaces, depth, moved = surfaces_behind(view, law, seed)
-    open_color = color_hole(view)
     color = view.color
-    if open_color.any():
+    if view.color_hole.any():
         w = np.where(view.hole, inverse_depth(depth), surfaces.inverse_depth)
         label = np.where(np.abs(w - surfaces.inverse_depth) > 0.05 * w, np.int32(SMOOTH), surfaces.label)
         label = np.where(view.hole & (w == 0), np.int32(SKY), label)
-        color = synthesize(view.color, open_color, w, label.astype(np.int32), view.camera, seed=seed, sky=law.far_color)
-        color = hedged(view, color, open_color, w)
+        color = synthesize(
+            view.color, view.color_hole, w, label.astype(np.int32), view.camera, seed=seed, sky=law.far_color
+        )
+        color = hedged(view, color, view.color_hole, w)
     notes = {"planes": len(surfaces.planes)}
     return Fill(color, depth, moved, notes)
 

@@ -9,9 +9,9 @@ from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.view import HoleType, View
 from dlama.geometry.visibility import Law
-from dlama.inpainters.filling import Fill
+from dlama.inpainters.filling import Fill, Painter
+from dlama.inpainters.grey_depth import channel_spread, with_grey_depth
 from dlama.inpainters.opencv import telea
-from dlama.inpainters.painting import Painter, channel_spread, eight_bit
 
 NOTHING = Law(())
 
@@ -39,7 +39,7 @@ def test_eight_bit_depth_of_other_fillers_has_the_papers_steps() -> None:
     def inner(view: View, law: Law, seed: int) -> Fill:
         return Fill(view.color, proposed, seed, {"who": "inner"})
 
-    fill = eight_bit(inner, 10.0)(view, NOTHING, 4)
+    fill = with_grey_depth(inner, 10.0)(view, NOTHING, 4)
     np.testing.assert_allclose(fill.depth / (10 / 255), [[1, 1, 2, 35, 255, 255, 255]], rtol=1e-6)
     assert fill.depth.dtype == np.float32
     assert fill.law_moves == 4 and fill.notes["who"] == "inner" and fill.color is view.color
@@ -50,7 +50,7 @@ def test_telea_by_the_letter_is_opencv_on_two_pictures() -> None:
     """Somebody else's code: cv2.inpaint on the colours, and on round(255 min(d, 10) / 10) with black holes."""
     hole = block()
     view = slope(hole)
-    fill = eight_bit(telea, 10.0)(view, NOTHING, 0)
+    fill = with_grey_depth(telea, 10.0)(view, NOTHING, 0)
     grey = np.round(255 * np.minimum(np.where(hole, 0, view.depth), 10) / 10).astype(np.uint8)
     wanted = cv2.inpaint(grey, hole.astype(np.uint8), 3, cv2.INPAINT_TELEA)
     np.testing.assert_allclose(fill.depth, wanted * (10 / 255), rtol=1e-6)
@@ -72,7 +72,7 @@ def test_a_painter_gets_both_pictures_apart_and_its_channels_are_averaged() -> N
 
     hole = block()
     view = slope(hole)
-    fill = eight_bit(Painter(unused, paint, lambda: {"model": "m"}), 10.0)(view, NOTHING, 0)
+    fill = with_grey_depth(Painter(unused, paint, lambda: {"model": "m"}), 10.0)(view, NOTHING, 0)
     np.testing.assert_allclose(fill.depth[hole], 60 * 10 / 255, rtol=1e-6)
     assert (fill.color[hole] == (30, 60, 90)).all()
     assert fill.notes["model"] == "m" and fill.notes["depth_channel_spread"] == 60
