@@ -1,6 +1,6 @@
 """The ray caster, literally: every ray against every shape, in plain numpy; no tiles, no lists, no footprints.
 
-Shapes are read from the rows that `dlama.worlds.raycast.intersection` describes; the formulas are written anew.
+Shapes are read from the rows that `dlama.worlds.raycast.shape_rows` describes; the formulas are written anew.
 """
 
 from __future__ import annotations
@@ -10,8 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from dlama.geometry.camera import Camera
-from dlama.worlds.frames import World
-from dlama.worlds.raycast import intersection as k
+from dlama.worlds.raycast import shape_rows as k
+from dlama.worlds.world import World
 
 
 @dataclass(frozen=True)

@@ -26,7 +26,7 @@ from dlama.training.data.pack_reader import read_pack
 from dlama.training.data.sources import Mixture, gathered, source_for
 from dlama.training.data.view_samples import view_sample
 from dlama.training.settings import DataSettings, NetworkSettings, TrainSettings
-from dlama.worlds.dataset import write_worlds
+from dlama.worlds.writer import write_worlds
 
 SIZE = 64
 GREY, RED = 120, (200, 30, 30)

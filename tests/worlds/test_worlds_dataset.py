@@ -12,7 +12,8 @@ import pytest
 from dlama.datasets.easysynth.dataset import easysynth
 from dlama.datasets.frames import RemovalTruth, StereoTruth, ViewTruth
 from dlama.errors import InputError, OutputError
-from dlama.worlds.dataset import world, worlds, write_worlds
+from dlama.worlds.dataset import world, worlds
+from dlama.worlds.writer import write_worlds
 
 SIZE = 64
 

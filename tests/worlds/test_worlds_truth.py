@@ -15,7 +15,7 @@ from dlama.errors import FileError, InputError, ShapeError
 from dlama.geometry.camera import Camera
 from dlama.geometry.trajectories import orbit
 from dlama.worlds.dataset import _from_seed, world
-from dlama.worlds.frames import World
+from dlama.worlds.world import World
 
 SEEDS = [("street", 1), ("street", 24), ("room", 3), ("room", 40)]
 
@@ -40,7 +40,7 @@ def hole_percent(made: World, yaw: float, size: int = 128) -> float:
 
 def digest(made: World, size: int = 48) -> str:
     """All bytes of a frame."""
-    seen = made.cast(made.camera(30, size))
+    seen = made.raycast(made.camera(30, size))
     return hashlib.sha256(seen.color.tobytes() + seen.depth.tobytes() + seen.light.tobytes()).hexdigest()
 
 
@@ -77,7 +77,7 @@ def test_worlds_without_shadows_have_none() -> None:
     plain, dark = world(24, kind="street", shadows=False), world(24, kind="street")
     camera = dark.camera(size=160)
     assert dark.shadow(camera).any() and not plain.shadow(camera).any()
-    assert (dark.cast(camera).light == 2).any() and not (plain.cast(camera).light == 2).any()
+    assert (dark.raycast(camera).light == 2).any() and not (plain.raycast(camera).light == 2).any()
     np.testing.assert_array_equal(plain.frame(camera).depth, dark.frame(camera).depth)
 
 
@@ -92,7 +92,7 @@ def test_the_same_seed_gives_the_same_bytes_on_every_number_of_threads() -> None
     finally:
         numba.set_num_threads(threads)
     code = (
-        "import hashlib; from dlama.worlds.dataset import world; w = world(11); s = w.cast(w.camera(30, 48));"
+        "import hashlib; from dlama.worlds.dataset import world; w = world(11); s = w.raycast(w.camera(30, 48));"
         "print(hashlib.sha256(s.color.tobytes() + s.depth.tobytes() + s.light.tobytes()).hexdigest())"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=120)
@@ -140,7 +140,7 @@ def test_the_object_is_seen_from_everywhere() -> None:
     for seed in range(300, 308):
         made = world(seed)
         for yaw in (0, 60, -60):
-            seen = made.cast(made.camera(yaw, 96))
+            seen = made.raycast(made.camera(yaw, 96))
             assert (seen.group == made.object_index).mean() > 0.0005, (seed, yaw)
             assert seen.depth.min() > 0.25, (seed, yaw)
 

@@ -59,7 +59,7 @@ class Scope:
 
     def open(self, path: str) -> Dataset:
         """The data set with those cases only. InputError where none is left, and what `open_dataset` raises."""
-        from dlama.worlds.named import open_dataset_or_worlds
+        from dlama.worlds.dataset import open_dataset_or_worlds
 
         found = open_dataset_or_worlds(
             path,

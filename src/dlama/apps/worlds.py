@@ -32,7 +32,7 @@ def worlds(
         antialias: Colour edges are hard, exactly where depth changes.
         textures: A folder of photos to paint surfaces with.
     """
-    from dlama.worlds.dataset import write_worlds
+    from dlama.worlds.writer import write_worlds
 
     with shown_count("worlds") as progress:
         scenes = write_worlds(

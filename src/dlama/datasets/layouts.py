@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -85,8 +85,7 @@ def open_dataset(
     `scenes` keeps these only, `limit` at most so many cases of each protocol, the first ones. Raises InputError (unknown or
     ambiguous layout, option or scene), FileError, CameraError.
     """
-    if limit is not None and limit < 1:
-        raise InputError(f"limit is {limit}; a whole number >= 1 is wanted")
+    check_limit(limit)
     asked = {"depth_range": depth_range, "gamma": gamma, "removal_object": removal_object, "camera": camera}
     root = Path(path)
     if layout is not None and layout not in LAYOUTS:
@@ -95,7 +94,7 @@ def open_dataset(
         raise FileError(f"{root}: no such folder; the folder of a data set is wanted")
     name = layout if layout is not None else detect(root)
     chosen = LAYOUTS[name]
-    refuse(name, chosen.options, **asked)
+    refuse_unused(name, chosen.options, asked)
     given = asked | {"scenes": scenes, "limit": limit}
     options = {key: value for key, value in given.items() if value is not None and key in chosen.options}
     return narrowed(chosen.read(root, **options), scenes, limit)
@@ -115,8 +114,14 @@ def detect(root: Path) -> str:
     raise InputError(f"{root}: is no data set of a known layout, nor are the folders below. Looked for {looked_for}")
 
 
-def refuse(name: str, known: frozenset[str], **options: object) -> None:
-    """InputError for an option that was given and that the layout `name` does not take."""
+def check_limit(limit: int | None) -> None:
+    """Raises InputError for a number of cases below 1."""
+    if limit is not None and limit < 1:
+        raise InputError(f"limit is {limit}; a whole number >= 1 is wanted")
+
+
+def refuse_unused(name: str, known: frozenset[str], options: Mapping[str, object]) -> None:
+    """Raises InputError for an option that was given (is not None) and that the layout `name` does not take."""
     for option, value in options.items():
         if value is not None and option not in known:
             takers = [each for each, layout in LAYOUTS.items() if option in layout.options]

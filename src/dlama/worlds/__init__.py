@@ -1,4 +1,5 @@
 """Procedural scenes: a seed in; frames with exact truth, and the data set they make, out.
 
-Begin with `dataset`; `layouts` set a stage with `props` in `materials`, `raycast` turns it into pictures.
+Begin with `dataset`, then `world`; `layouts` set `props` made of `materials` with the `scene_builder`, `raycast` renders them,
+`writer` writes them as folders.
 """

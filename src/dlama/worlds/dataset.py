@@ -1,26 +1,27 @@
-"""Procedural worlds: a seed in; frames with and without an object, orbits, stereo pairs and their exact truth out.
+"""A seed, or a name with a count, in; procedural worlds as a data set with exact truth out.
 
-world(7).frame(world(7).camera(yaw_deg=30))      one frame
-worlds(4)                                        a data set with the cases of all three protocols
-write_worlds(Path("out"))                        the same as folders in EasySynth's layout
+world(7).frame(world(7).camera(yaw=30))      one frame
+worlds(4)                                    a data set with the cases of all three protocols
+open_dataset_or_worlds("worlds:4")           the same by name; or the data set in a folder
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache, partial
 from pathlib import Path
 
 import numpy as np
 
-from dlama.datasets.frames import Case, Dataset, Frame, RemovalTruth, StereoTruth, ViewTruth
+from dlama.datasets.frames import Case, Dataset, Frame, Gamma, RemovalTruth, StereoTruth, ViewTruth
+from dlama.datasets.layouts import check_limit, narrowed, open_dataset, refuse_unused
+from dlama.datasets.posed_frames import CameraOption
 from dlama.errors import FileError, InputError
 from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import RGBD, Float32Array
-from dlama.worlds.frames import BASELINE_M, SIZE, Cast, Kind, Light, Sky, World, yaw_order
-
-__all__ = ["Cast", "Kind", "Light", "Sky", "World", "world", "worlds", "write_worlds"]
+from dlama.worlds.layouts.random_scene import build
+from dlama.worlds.world import BASELINE_M, SIZE, Kind, World, yaw_order
 
 YAWS = (10, 20, 30, 40, 50, 60)
 KINDS = ("street", "room")
@@ -28,6 +29,9 @@ PHOTOS = 12
 """How many pictures of a folder one world uses at most."""
 PICTURES = (".jpg", ".jpeg", ".png", ".webp", ".bmp")
 LAYOUT = "worlds"
+"""Name of generated data sets, and of their layout."""
+DEFAULT_COUNT = 4
+"""How many worlds the bare name generates."""
 
 Textures = Path | Sequence[np.ndarray] | None
 
@@ -43,11 +47,15 @@ def world(
     """
     if seed < 0:
         raise InputError(f"seed is {seed}; a whole number >= 0 is wanted")
-    if kind is not None and kind not in KINDS:
-        raise InputError(f"kind is '{kind}'; {' or '.join(KINDS)} is wanted")
+    _check_kind(kind)
     if textures is None or isinstance(textures, str | Path):
         return _from_seed(seed, kind, None if textures is None else Path(textures), shadows, antialias)
     return _built(seed, kind, textures, shadows, antialias)
+
+
+def _check_kind(kind: str | None) -> None:
+    if kind is not None and kind not in KINDS:
+        raise InputError(f"kind is '{kind}'; {' or '.join(KINDS)} is wanted")
 
 
 @lru_cache(maxsize=4)
@@ -59,8 +67,6 @@ def _from_seed(seed: int, kind: Kind | None, folder: Path | None, shadows: bool,
 def _built(
     seed: int, kind: Kind | None, pictures: Sequence[np.ndarray | Path], shadows: bool, antialias: bool
 ) -> World:
-    from dlama.worlds.layouts.random_scene import build
-
     chosen = np.random.default_rng((seed, 1)).permutation(len(pictures))[:PHOTOS]
     return build(seed, kind, [pictures[int(n)] for n in chosen], shadows=shadows, antialias=antialias)
 
@@ -77,8 +83,8 @@ def _pictures(folder: Path) -> tuple[Path, ...]:
 
 
 @dataclass(frozen=True)
-class _Recipe:
-    """All it takes to make a world again, in another process, too."""
+class WorldSettings:
+    """All it takes to build one world, in another process as well."""
 
     seed: int
     kind: Kind | None
@@ -94,12 +100,12 @@ class _Recipe:
     def world(self) -> World:
         return world(self.seed, kind=self.kind, textures=self.textures, shadows=self.shadows, antialias=self.antialias)
 
-    def camera(self, yaw_deg: float) -> Camera:
-        return self.world().camera(yaw_deg, self.size)
+    def camera(self, yaw: float) -> Camera:
+        return self.world().camera(yaw, self.size)
 
 
 def worlds(
-    count: int = 4,
+    count: int = DEFAULT_COUNT,
     *,
     seed: int = 0,
     size: int = SIZE,
@@ -115,12 +121,12 @@ def worlds(
     yaw (with the cast shadow as a region), SII at yaw 0 with a baseline of 0.12 m and the object removed in both views.
     Raises InputError.
     """
-    recipes = _recipes(count, seed, size, kind, shadows, antialias, textures)
+    every = world_settings(count, seed, size, kind, shadows, antialias, textures)
     if not all(0 < yaw < 180 for yaw in yaws):
         raise InputError(f"yaws are {tuple(yaws)}; degrees between 0 and 180 are wanted, each is used with both signs")
     orbit = yaw_order(tuple(yaws))
     frames, cases = [], []
-    for each in recipes:
+    for each in every:
         scene = each.scene
         frames += [Frame(scene, _yaw_name(yaw), partial(_frame, each, yaw), yaw) for yaw in orbit]
         cases += [Case("vpi", LAYOUT, scene, _yaw_name(y), partial(_view_truth, each, y), y) for y in orbit[1:]]
@@ -129,30 +135,30 @@ def worlds(
     return Dataset(LAYOUT, LAYOUT, None, tuple(frames), tuple(cases))
 
 
-def _recipes(
-    count: int, seed: int, size: int, kind: str | None, shadows: bool, antialias: bool, textures: Textures
-) -> list[_Recipe]:
+def world_settings(
+    count: int, seed: int, size: int, kind: Kind | None, shadows: bool, antialias: bool, textures: Textures
+) -> list[WorldSettings]:
+    """The settings of `count` worlds of the seeds `seed`, `seed` + 1 ...; raises InputError, FileError (no textures there)."""
     if count < 1 or seed < 0 or size < 1:
         raise InputError(f"count is {count}, seed {seed}, size {size}; count >= 1, seed >= 0 and size >= 1 are wanted")
-    if kind is not None and kind not in KINDS:
-        raise InputError(f"kind is '{kind}'; {' or '.join(KINDS)} is wanted")
-    held = textures if textures is None or isinstance(textures, Path) else tuple(textures)
-    if isinstance(held, Path):
-        _pictures(held)
-    return [_Recipe(seed + n, kind, held, shadows, antialias, size) for n in range(count)]  # type: ignore[arg-type]
+    _check_kind(kind)
+    pictures = textures if textures is None or isinstance(textures, Path) else tuple(textures)
+    if isinstance(pictures, Path):
+        _pictures(pictures)
+    return [WorldSettings(seed + n, kind, pictures, shadows, antialias, size) for n in range(count)]
 
 
 def _yaw_name(yaw: float) -> str:
     return "yaw0" if yaw == 0 else f"yaw{yaw:+g}"
 
 
-def _frame(recipe: _Recipe, yaw: float) -> RGBD:
-    return recipe.world().frame(recipe.camera(yaw))
+def _frame(settings: WorldSettings, yaw: float) -> RGBD:
+    return settings.world().frame(settings.camera(yaw))
 
 
-def _view_truth(recipe: _Recipe, yaw: float) -> ViewTruth:
-    made, source, target = recipe.world(), recipe.camera(0.0), recipe.camera(yaw)
-    seen = made.cast(source)
+def _view_truth(settings: WorldSettings, yaw: float) -> ViewTruth:
+    made, source, target = settings.world(), settings.camera(0.0), settings.camera(yaw)
+    seen = made.raycast(source)
     return ViewTruth(
         source=RGBD(seen.color, seen.depth, source),
         target=made.frame(target),
@@ -161,21 +167,21 @@ def _view_truth(recipe: _Recipe, yaw: float) -> ViewTruth:
     )
 
 
-def _removal_truth(recipe: _Recipe, yaw: float) -> RemovalTruth:
-    made, camera = recipe.world(), recipe.camera(yaw)
-    there, gone = made.cast(camera), made.cast(camera, object=False)
+def _removal_truth(settings: WorldSettings, yaw: float) -> RemovalTruth:
+    made, camera = settings.world(), settings.camera(yaw)
+    with_object, without = made.raycast(camera), made.raycast(camera, object=False)
     return RemovalTruth(
-        source=RGBD(there.color, there.depth, camera),
-        without=RGBD(gone.color, gone.depth, camera),
-        mask=there.group == made.object_index,
-        shadow=made.shadow_of(there, gone),
+        source=RGBD(with_object.color, with_object.depth, camera),
+        without=RGBD(without.color, without.depth, camera),
+        mask=with_object.group == made.object_index,
+        shadow=made.shadow_of(with_object, without),
     )
 
 
-def _stereo_truth(recipe: _Recipe) -> StereoTruth:
-    made = recipe.world()
-    rig = made.rig(BASELINE_M, recipe.size)
-    left, right = made.cast(rig.left), made.cast(rig.right)
+def _stereo_truth(settings: WorldSettings) -> StereoTruth:
+    made = settings.world()
+    rig = made.rig(BASELINE_M, settings.size)
+    left, right = made.raycast(rig.left), made.raycast(rig.right)
     reach = rig.left.fx * rig.baseline_m
     return StereoTruth(
         left=left.color,
@@ -195,34 +201,47 @@ def _disparity(depth: Float32Array, reach: float) -> Float32Array:
     return (reach / depth.astype(np.float64)).astype(np.float32)
 
 
-def write_worlds(
-    folder: Path,
+def open_dataset_or_worlds(
+    path: Path | str,
+    layout: str | None = None,
     *,
-    count: int = 4,
-    seed: int = 0,
-    size: int = SIZE,
-    kind: str | None = None,
-    shadows: bool = True,
-    antialias: bool = True,
-    textures: Path | None = None,
-    progress: Callable[[int, int], None] | None = None,
-) -> list[Path]:
-    """Write worlds in EasySynth's layout, depth range 10 m: scene folders `wNNN` with with, without, stereo_with, stereo_without.
+    scenes: Sequence[str] | None = None,
+    limit: int | None = None,
+    depth_range: float | None = None,
+    gamma: Gamma | None = None,
+    removal_object: str | None = None,
+    camera: CameraOption = None,
+) -> Dataset:
+    """The data set in a folder, or a generated one where no folder has that name.
 
-    Each scene also gets poses.json (intrinsics, yaw and world_from_cam of every frame). `progress` is called with frames
-    done and all frames. A scene is written whole or not at all. Returns the scenes' folders. Raises InputError, OutputError
-    (a scene's folder is not empty, or the place cannot be written).
+    The options are those of `open_dataset`; generated worlds take `scenes` and `limit` alone. Raises InputError (a malformed
+    name, an option that worlds do not take) and what `open_dataset` raises.
     """
-    from dlama.worlds.folders import FRAMES, write_world
+    if Path(path).is_dir() or not (str(path) == LAYOUT or str(path).startswith(f"{LAYOUT}:")):
+        return open_dataset(
+            path,
+            layout,
+            depth_range=depth_range,
+            camera=camera,
+            limit=limit,
+            scenes=scenes,
+            gamma=gamma,
+            removal_object=removal_object,
+        )
+    check_limit(limit)
+    options = {"depth_range": depth_range, "gamma": gamma, "removal_object": removal_object, "camera": camera}
+    refuse_unused(LAYOUT, frozenset(), options)
+    if layout is not None:
+        raise InputError(f"'{path}' is generated and has no layout; layout {layout} is for folders")
+    return narrowed(generated(str(path)), scenes, limit)
 
-    recipes = _recipes(count, seed, size, kind, shadows, antialias, textures)
-    written: list[Path] = []
-    for each in recipes:
-        before = FRAMES * len(written)
-        step = None if progress is None else partial(_step, progress, before, FRAMES * count)
-        written.append(write_world(Path(folder), each.scene, each.world(), size, YAWS, step))
-    return written
 
-
-def _step(progress: Callable[[int, int], None], before: int, total: int, done: int) -> None:
-    progress(before + done, total)
+def generated(name: str) -> Dataset:
+    """The worlds of a name: `worlds`, with a count and a seed behind colons. InputError where it is malformed."""
+    _, *numbers = name.split(":")
+    if len(numbers) > 2 or not all(number.isdecimal() for number in numbers) or numbers[:1] == ["0"]:
+        raise InputError(
+            f"'{name}' is no name of generated worlds; worlds, worlds:COUNT or worlds:COUNT:SEED is wanted"
+        )
+    count = int(numbers[0]) if numbers else DEFAULT_COUNT
+    return worlds(count, seed=int(numbers[1]) if len(numbers) > 1 else 0)

@@ -158,4 +158,4 @@ def seen_through(gallery: Gallery, number: int, thing: int, where: BoolArray) ->
 
 def through(world: Any, camera: Camera, things: np.ndarray) -> Any:
     """What a camera sees if each of its pixels looks through one thing (H x W group numbers, -1: none)."""
-    return world.cast(camera, through=things.astype(np.int32))
+    return world.raycast(camera, through=things.astype(np.int32))

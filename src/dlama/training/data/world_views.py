@@ -43,16 +43,16 @@ class Gallery:
     """Some cameras in one world; what they see is cast when it is asked for, and kept."""
 
     world: Any
-    """`dlama.worlds.frames.World`."""
+    """`dlama.worlds.world.World`."""
     cameras: tuple[Camera, ...]
     pairs: tuple[tuple[int, int], ...]
     """Numbers of a source and a target camera, in random order."""
     _seen: dict[int, Any] = field(default_factory=dict)
 
     def seen(self, number: int) -> Any:
-        """All that camera `number` sees: `world_frames.Cast`."""
+        """All that camera `number` sees: `dlama.worlds.world.Raycast`."""
         if number not in self._seen:
-            self._seen[number] = self.world.cast(self.cameras[number])
+            self._seen[number] = self.world.raycast(self.cameras[number])
         return self._seen[number]
 
     def frame(self, number: int) -> RGBD:

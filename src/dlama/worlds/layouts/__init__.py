@@ -1,1 +1,1 @@
-"""Random scenes: a seed in; a stage with ground, walls and props set out on it out. Begin with `random_scene`."""
+"""A seed in; a random street or room, set out with props, out. Begin with `random_scene`; `floor_plan` keeps things apart."""

@@ -8,12 +8,13 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.random import Generator
 
-from dlama.worlds.frames import Kind, Light, Rgb, Sky, World
+from dlama.worlds.layouts.floor_plan import FloorPlan
 from dlama.worlds.layouts.rooms import room
-from dlama.worlds.layouts.streets import Plot, street
+from dlama.worlds.layouts.streets import street
 from dlama.worlds.materials.palette import Palette, Photo
 from dlama.worlds.materials.textures import CLOUDY, SOFT, noise, rgba, shaded
-from dlama.worlds.raycast.stage import Stage
+from dlama.worlds.scene_builder import SceneBuilder
+from dlama.worlds.world import Kind, Light, Rgb, Sky, World
 
 WHITE = (255.0, 255.0, 255.0)
 
@@ -23,17 +24,17 @@ def build(seed: int, kind: Kind | None, photos: Sequence[Photo], *, shadows: boo
     rng = np.random.default_rng(seed)
     is_street = rng.random() < 0.6
     is_street = kind == "street" if kind is not None else is_street
-    stage = Stage()
-    stage.layer(rgba(shaded(WHITE, noise(rng, CLOUDY))))
-    stage.layer(rgba(shaded(WHITE, noise(rng, SOFT))))
-    plot = Plot(stage, Palette(stage, rng, photos), rng)
-    (street if is_street else room)(plot)
-    light, sky = (daylight(rng, shadows) if is_street else lamplight(rng, shadows)), air(rng)
+    builder = SceneBuilder()
+    builder.layer(rgba(shaded(WHITE, noise(rng, CLOUDY))))
+    builder.layer(rgba(shaded(WHITE, noise(rng, SOFT))))
+    plan = FloorPlan(builder, Palette(builder, rng, photos), rng)
+    (street if is_street else room)(plan)
+    light, sky = (daylight(rng, shadows) if is_street else lamplight(rng, shadows)), random_sky(rng)
     name = f"{'street' if is_street else 'room'}-{seed}"
-    return World(stage.shapes(), stage.texels(), light, sky, name, float(rng.uniform(1.2, 1.6)), antialias)
+    return World(builder.shapes(), builder.texels(), light, sky, name, float(rng.uniform(1.2, 1.6)), antialias)
 
 
-def towards(azimuth_deg: float, elevation_deg: float) -> Rgb:
+def direction_to_light(azimuth_deg: float, elevation_deg: float) -> Rgb:
     """Unit vector to a light: azimuth 0 is behind the first camera, 90 at its right."""
     a, e = math.radians(azimuth_deg), math.radians(elevation_deg)
     return math.sin(a) * math.cos(e), -math.sin(e), -math.cos(a) * math.cos(e)
@@ -49,7 +50,7 @@ def daylight(rng: Generator, shadows: bool) -> Light:
     rest = bright * (1.15 - share)
     blue = float(rng.uniform(0, 0.15))
     return Light(
-        towards(azimuth, elevation),
+        direction_to_light(azimuth, elevation),
         (sun, sun * (0.96 - 0.2 * warm), sun * (0.9 - 0.4 * warm)),
         (rest * (1 - blue), rest, rest * (1 + blue)),
         (0.55 * rest, 0.53 * rest, 0.5 * rest),
@@ -62,7 +63,7 @@ def lamplight(rng: Generator, shadows: bool) -> Light:
     bright, warm = float(rng.uniform(0.8, 1.1)), float(rng.uniform(-0.05, 0.12))
     sun, rest = bright * float(rng.uniform(0.3, 0.55)), bright * float(rng.uniform(0.62, 0.85))
     return Light(
-        towards(float(rng.uniform(0, 360)), float(rng.uniform(48, 78))),
+        direction_to_light(float(rng.uniform(0, 360)), float(rng.uniform(48, 78))),
         (sun * (1 + warm), sun, sun * (1 - warm)),
         (rest * (1 + warm), rest, rest * (1 - warm)),
         (0.85 * rest * (1 + warm), 0.85 * rest, 0.85 * rest * (1 - warm)),
@@ -70,7 +71,7 @@ def lamplight(rng: Generator, shadows: bool) -> Light:
     )
 
 
-def air(rng: Generator) -> Sky:
+def random_sky(rng: Generator) -> Sky:
     """Clear, cloudy or overcast; haze that takes far houses into the horizon's colour."""
     grey, warm = float(rng.random()), float(rng.uniform(-0.02, 0.1))
     zenith = np.array((0.1, 0.24, 0.55)) * rng.uniform(0.7, 1.3)

@@ -1,104 +1,105 @@
-"""Rooms: a plot and a random generator in; a set stage and its object out."""
+"""An empty floor plan in; a room on it out: walls, furniture and the object of interest."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from dlama.worlds.layouts.streets import Plot
+from dlama.worlds.layouts.floor_plan import FloorPlan
 from dlama.worlds.props.buildings import row
 from dlama.worlds.props.furniture import ROOM_OBJECTS, ROOM_PROPS, WALL_PROPS, picture
-from dlama.worlds.raycast.stage import GROUND_GROUP, Material
+from dlama.worlds.raycast.shape_rows import GROUND_GROUP
+from dlama.worlds.scene_builder import Material
 
 THICK_M = 0.25
 
 
 @contextmanager
-def along(plot: Plot, x: float, z: float, yaw_deg: float) -> Iterator[None]:
+def along(plan: FloorPlan, x: float, z: float, yaw: float) -> Iterator[None]:
     """A wall's place: its inner face is z = 0; walls let the light in, or every room would be dark."""
-    with plot.stage.at(x, z, yaw_deg), plot.stage.group(casts=False):
+    with plan.builder.at(x, z, yaw), plan.builder.group(casts=False):
         yield
 
 
-def wall(plot: Plot, length: float, height: float, material: Material, window: bool) -> None:
+def wall(plan: FloorPlan, length: float, height: float, material: Material, window: bool) -> None:
     """A wall along x, centred; at times with a window in it, a real opening through which one sees the sky."""
-    stage, rng = plot.stage, plot.rng
+    builder, rng = plan.builder, plan.rng
     middle = THICK_M / 2
     if not window:
-        stage.box((0, 0, middle), (length, height, THICK_M), material)
+        builder.box((0, 0, middle), (length, height, THICK_M), material)
         return
     w, h, up = (float(rng.uniform(*span)) for span in ((0.9, min(2.6, 0.6 * length)), (1.0, height - 1.3), (0.6, 1.0)))
     x = float(rng.uniform(-0.5, 0.5)) * (length - w - 0.6)
     left, right = length / 2 + x - w / 2, length / 2 - x - w / 2
-    stage.box((-length / 2 + left / 2, 0, middle), (left, height, THICK_M), material)
-    stage.box((length / 2 - right / 2, 0, middle), (right, height, THICK_M), material)
-    stage.box((x, 0, middle), (w, up, THICK_M), material)
-    stage.box((x, up + h, middle), (w, height - up - h, THICK_M), material)
-    frame = plot.palette.paint(saturation=(0, 0.2), value=(0.7, 0.97))
-    stage.box((x, up - 0.05, 0), (w + 0.2, 0.05, 0.35), frame)
+    builder.box((-length / 2 + left / 2, 0, middle), (left, height, THICK_M), material)
+    builder.box((length / 2 - right / 2, 0, middle), (right, height, THICK_M), material)
+    builder.box((x, 0, middle), (w, up, THICK_M), material)
+    builder.box((x, up + h, middle), (w, height - up - h, THICK_M), material)
+    frame = plan.palette.paint(saturation=(0, 0.2), value=(0.7, 0.97))
+    builder.box((x, up - 0.05, 0), (w + 0.2, 0.05, 0.35), frame)
     panes = int(rng.integers(1, 4))
     for n in range(panes + 1):
-        stage.box((x - w / 2 + w * n / panes, up, middle), (0.06, h, 0.07), frame)
+        builder.box((x - w / 2 + w * n / panes, up, middle), (0.06, h, 0.07), frame)
     for level in (up, up + 0.5 * h, up + h - 0.05):
-        stage.box((x, level, middle), (w, 0.05, 0.06), frame)
+        builder.box((x, level, middle), (w, 0.05, 0.06), frame)
     if rng.random() < 0.5:
         for side in (-1, 1):
-            stage.box((x + side * (w / 2 + 0.1), up - 0.3, -0.1), (0.4, h + 0.5, 0.06), plot.palette("cloth"))
+            builder.box((x + side * (w / 2 + 0.1), up - 0.3, -0.1), (0.4, h + 0.5, 0.06), plan.palette("cloth"))
 
 
-def against(plot: Plot, length: float, height: float) -> None:
+def against(plan: FloorPlan, length: float, height: float) -> None:
     """Furniture, pictures and perhaps a door along a wall of which z = 0 is the face; nothing stands in anything."""
-    stage, palette, rng = plot.stage, plot.palette, plot.rng
+    builder, palette, rng = plan.builder, plan.palette, plan.rng
     x = -length / 2 + 0.35
     while x < length / 2 - 0.8:
         kind = rng.random()
         if kind < 0.55:
             prop, need = WALL_PROPS[str(rng.choice(list(WALL_PROPS)))]
             if x + need < length / 2 - 0.3:
-                with stage.at(x + need / 2, -0.03), stage.group():
-                    prop(stage, palette, rng)
+                with builder.at(x + need / 2, -0.03), builder.group():
+                    prop(builder, palette, rng)
                 x += need
         elif kind < 0.7 and x + 1.1 < length / 2:
-            with stage.at(x + 0.55, 0), stage.group():
-                stage.box((0, 0, 0), (0.9, 2.05, 0.08), palette("door"))
-                stage.box((0, 2.05, 0), (1.06, 0.1, 0.1), palette("wood"))
+            with builder.at(x + 0.55, 0), builder.group():
+                builder.box((0, 0, 0), (0.9, 2.05, 0.08), palette("door"))
+                builder.box((0, 2.05, 0), (1.06, 0.1, 0.1), palette("wood"))
             x += 1.2
         elif x + 1.2 < length / 2:
-            with stage.at(x + 0.6, 0), stage.group():
-                picture(stage, palette, rng)
+            with builder.at(x + 0.6, 0), builder.group():
+                picture(builder, palette, rng)
             x += 1.2
         x += float(rng.uniform(0.1, 0.7))
 
 
-def ceiling(plot: Plot, left: float, right: float, far: float, height: float) -> None:
+def ceiling(plan: FloorPlan, left: float, right: float, far: float, height: float) -> None:
     """A ceiling, with beams and a hanging lamp at times."""
-    stage, palette, rng = plot.stage, plot.palette, plot.rng
+    builder, palette, rng = plan.builder, plan.palette, plan.rng
     middle, width = (left + right) / 2, right - left
-    with stage.group(casts=False):
-        stage.panel((middle, height, far / 2 - 1), (width, far + 2), _bright(plot))
+    with builder.group(casts=False):
+        builder.panel((middle, height, far / 2 - 1), (width, far + 2), _bright(plan))
         if rng.random() < 0.35:
             beam = palette("wood")
             for n in range(int(far) + 1):
-                stage.box((middle, height - 0.16, 0.4 + n), (width, 0.16, 0.14), beam)
+                builder.box((middle, height - 0.16, 0.4 + n), (width, 0.16, 0.14), beam)
         if rng.random() < 0.6:
             x, z = float(rng.uniform(-1, 1)), float(rng.uniform(3, far - 1))
-            stage.tube((x, height - 0.6, z), 0.6, 0.01, palette.paint(value=(0.1, 0.2)))
-            stage.tube((x, height - 0.85, z), 0.25, 0.28, palette("cloth", "metal").tinted(1.2), 0.1)
+            builder.tube((x, height - 0.6, z), 0.6, 0.01, palette.paint(value=(0.1, 0.2)))
+            builder.tube((x, height - 0.85, z), 0.25, 0.28, palette("cloth", "metal").tinted(1.2), 0.1)
 
 
-def outside(plot: Plot, far: float) -> None:
+def outside(plan: FloorPlan, far: float) -> None:
     """What one sees through a window: ground some metres below, houses and the sky."""
-    stage, rng = plot.stage, plot.rng
-    with stage.group(casts=False), stage.at(0, 0, 0, -float(rng.choice((0.4, 3.0, 6.0)))):
-        stage.panel((0, 0, 0), (800, 800), plot.palette("grass", "asphalt"))
+    builder, rng = plan.builder, plan.rng
+    with builder.group(casts=False), builder.at(0, 0, 0, -float(rng.choice((0.4, 3.0, 6.0)))):
+        builder.panel((0, 0, 0), (800, 800), plan.palette("grass", "asphalt"))
         if rng.random() < 0.7:
-            with stage.at(0, far + float(rng.uniform(10, 25))):
-                row(stage, plot.palette, rng, -20, 20)
+            with builder.at(0, far + float(rng.uniform(10, 25))):
+                row(builder, plan.palette, rng, -20, 20)
 
 
-def room(plot: Plot) -> None:
+def room(plan: FloorPlan) -> None:
     """Four walls, a floor, furniture along the walls and things between, with the object of interest."""
-    stage, palette, rng = plot.stage, plot.palette, plot.rng
+    builder, palette, rng = plan.builder, plan.palette, plan.rng
     spans = ((2.9, 4.3), (2.9, 4.3), (4.4, 7.5), (2.45, 3.1))
     left, right, far, height = (float(rng.uniform(*span)) for span in spans)
     left, near = -left, -1.3
@@ -106,40 +107,40 @@ def room(plot: Plot) -> None:
     paper = palette("plaster", "plaster", "cloth", "bricks", "planks", "stones")
     other = palette("plaster", "bricks", "tiles") if rng.random() < 0.3 else paper
     boards = palette("planks", "planks", "tiles", "cloth", "stones")
-    with stage.group(GROUND_GROUP, casts=False):
-        stage.panel((middle, 0, (far + near) / 2), (width + 0.4, depth + 0.4), boards)
-    ceiling(plot, left, right, far, height)
+    with builder.group(GROUND_GROUP, casts=False):
+        builder.panel((middle, 0, (far + near) / 2), (width + 0.4, depth + 0.4), boards)
+    ceiling(plan, left, right, far, height)
     sides = ((middle, far, 0, width), (left, (far + near) / 2, 90, depth), (right, (far + near) / 2, -90, depth))
     skirting = palette.paint(saturation=(0, 0.3), value=(0.4, 0.95))
     for n, (x, z, yaw, length) in enumerate((*sides, (middle, near, 180, width))):
         window = rng.random() < (0.5, 0.4, 0.4, 0)[n]
-        with along(plot, x, z, yaw):
-            wall(plot, length + 2 * THICK_M, height, other if n == 0 else paper, window)
-            stage.box((0, 0, 0), (length, 0.1, 0.04), skirting)
-        plot.front(x, z, yaw, -length / 2, length / 2)
+        with along(plan, x, z, yaw):
+            wall(plan, length + 2 * THICK_M, height, other if n == 0 else paper, window)
+            builder.box((0, 0, 0), (length, 0.1, 0.04), skirting)
+        plan.front(x, z, yaw, -length / 2, length / 2)
         if n < 3 and not window:
-            with stage.at(x, z, yaw), stage.at((0.0, 1.2, -1.2)[n], 0):
-                against(plot, length - (0.6, 3.2, 3.2)[n], height)
+            with builder.at(x, z, yaw), builder.at((0.0, 1.2, -1.2)[n], 0):
+                against(plan, length - (0.6, 3.2, 3.2)[n], height)
         elif window and n == 0:
-            outside(plot, far)
+            outside(plan, far)
     if rng.random() < 0.6:
-        stage.box((float(rng.uniform(-0.8, 0.8)), 0, 3), (*_rug(plot), float(rng.uniform(1.2, 2))), palette("cloth"))
+        builder.box((float(rng.uniform(-0.8, 0.8)), 0, 3), (*_rug(plan), float(rng.uniform(1.2, 2))), palette("cloth"))
     for _ in range(int(rng.integers(0, 2))):
         x, z = float(rng.uniform(left + 0.4, right - 0.4)), float(rng.uniform(3.8, far - 0.6))
-        if plot.free(x, z, 0.3):
-            with stage.group():
-                stage.tube((x, 0, z), height, 0.17, palette("plaster", "stones", "wood"))
+        if plan.free(x, z, 0.3):
+            with builder.group():
+                builder.tube((x, 0, z), height, 0.17, palette("plaster", "stones", "wood"))
     names = [*ROOM_PROPS, "table", "chair", "chair", "divider"]
-    plot.scatter(ROOM_PROPS, names, int(rng.integers(5, 12)), (left + 0.4, right - 0.4), (2.4, far - 0.7))
-    plot.place_object(ROOM_OBJECTS, (1.0, 1.6))
+    plan.scatter(ROOM_PROPS, names, int(rng.integers(5, 12)), (left + 0.4, right - 0.4), (2.4, far - 0.7))
+    plan.place_object(ROOM_OBJECTS, (1.0, 1.6))
 
 
-def _rug(plot: Plot) -> tuple[float, float]:
-    return float(plot.rng.uniform(1.5, 2.6)), 0.012
+def _rug(plan: FloorPlan) -> tuple[float, float]:
+    return float(plan.rng.uniform(1.5, 2.6)), 0.012
 
 
-def _bright(plot: Plot) -> Material:
+def _bright(plan: FloorPlan) -> Material:
     """What ceilings are made of: mostly white."""
-    if plot.rng.random() < 0.2:
-        return plot.palette("planks")
-    return plot.palette.paint(saturation=(0, 0.08), value=(0.85, 1.0))
+    if plan.rng.random() < 0.2:
+        return plan.palette("planks")
+    return plan.palette.paint(saturation=(0, 0.08), value=(0.85, 1.0))

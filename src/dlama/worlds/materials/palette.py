@@ -1,4 +1,4 @@
-"""Materials of one world: a stage and a random generator in, textures baked when first asked for out."""
+"""The name of a kind of material in; a material of one world out, its texture drawn when it is first asked for."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from dlama.files.pictures import read_color
 from dlama.geometry.rgbd import UInt8Array
 from dlama.worlds.materials import panels, textures
 from dlama.worlds.materials.textures import Range
-from dlama.worlds.raycast.intersection import FIT, MIRROR, WRAP
-from dlama.worlds.raycast.stage import Material, Stage
+from dlama.worlds.raycast.shape_rows import FIT, MIRROR, WRAP
+from dlama.worlds.scene_builder import Material, SceneBuilder
 
 Photo = UInt8Array | Path
 """H x W x 3, RGB, or a file that holds it, read only when it is used."""
 
 
-class Recipe(NamedTuple):
+class MaterialKind(NamedTuple):
     """How a kind of material is made."""
 
     draw: Callable[[Generator], UInt8Array]
@@ -50,52 +50,52 @@ def _concrete(rng: Generator) -> UInt8Array:
     return textures.rough(rng, textures.color(rng, (0.05, 0.6), (0, 0.08), (0.45, 0.7)), 0.2, 0.3, textures.ROUGH)
 
 
-RECIPES: dict[str, Recipe] = {
-    "plain": Recipe(_plain, 1, 1.5),
-    "bricks": Recipe(textures.bricks, 2, 2.0, stain=0.3, photo=0.7, metres=(2.5, 5)),
-    "stones": Recipe(textures.stones, 1, 2.4, stain=0.3, photo=0.7, metres=(2.5, 5)),
-    "plaster": Recipe(_plaster, 2, 2.2, stain=0.12, photo=0.7, metres=(2.5, 5)),
-    "concrete": Recipe(_concrete, 1, 2.0, stain=0.4, photo=0.6, metres=(2, 4)),
-    "asphalt": Recipe(textures.asphalt, 1, 1.6, stain=0.3, photo=0.6, metres=(2, 5)),
-    "paving": Recipe(textures.paving, 2, 2.0, stain=0.25, photo=0.6, metres=(2, 5)),
-    "gravel": Recipe(textures.gravel, 1, 1.4, stain=0.3, photo=0.6, metres=(2, 5)),
-    "grass": Recipe(textures.grass, 1, 1.5, stain=0.4, photo=0.5, metres=(2, 5)),
-    "tiles": Recipe(textures.tiles, 1, 1.6, stain=0.1, photo=0.6, metres=(1.5, 4)),
-    "planks": Recipe(textures.planks, 1, 1.4, stain=0.15, photo=0.6, metres=(1.5, 4)),
-    "wood": Recipe(textures.wood, 2, 1.1, photo=0.6, metres=(1, 2)),
-    "metal": Recipe(textures.metal, 1, 1.4, stain=0.2, photo=0.4, metres=(1, 3)),
-    "cloth": Recipe(textures.cloth, 3, 0.9, photo=0.7, metres=(1, 2.5)),
-    "leaves": Recipe(lambda rng: textures.leaves(rng, gaps=True), 1, 1.3, cut=True),
-    "hedge": Recipe(lambda rng: textures.leaves(rng, gaps=False), 1, 1.1, stain=0.2),
-    "fence": Recipe(textures.fence, 1, 1.3, cut=True),
-    "window": Recipe(panels.window, 2, mode=FIT, photo=0.2),
-    "door": Recipe(panels.door, 1, mode=FIT, photo=0.2),
-    "shutter": Recipe(panels.shutter, 1, mode=FIT),
-    "shop": Recipe(panels.shop, 1, mode=FIT, photo=0.3),
-    "poster": Recipe(panels.poster, 2, mode=FIT, photo=0.8),
-    "sign": Recipe(panels.sign, 1, mode=FIT, photo=0.2),
-    "books": Recipe(panels.books, 1, mode=FIT, photo=0.2),
-    "crate": Recipe(panels.crate, 2, mode=FIT, photo=0.3),
-    "bands": Recipe(panels.bands, 1, mode=FIT),
-    "machine": Recipe(panels.machine, 2, mode=FIT, photo=0.2),
+MATERIAL_KINDS: dict[str, MaterialKind] = {
+    "plain": MaterialKind(_plain, 1, 1.5),
+    "bricks": MaterialKind(textures.bricks, 2, 2.0, stain=0.3, photo=0.7, metres=(2.5, 5)),
+    "stones": MaterialKind(textures.stones, 1, 2.4, stain=0.3, photo=0.7, metres=(2.5, 5)),
+    "plaster": MaterialKind(_plaster, 2, 2.2, stain=0.12, photo=0.7, metres=(2.5, 5)),
+    "concrete": MaterialKind(_concrete, 1, 2.0, stain=0.4, photo=0.6, metres=(2, 4)),
+    "asphalt": MaterialKind(textures.asphalt, 1, 1.6, stain=0.3, photo=0.6, metres=(2, 5)),
+    "paving": MaterialKind(textures.paving, 2, 2.0, stain=0.25, photo=0.6, metres=(2, 5)),
+    "gravel": MaterialKind(textures.gravel, 1, 1.4, stain=0.3, photo=0.6, metres=(2, 5)),
+    "grass": MaterialKind(textures.grass, 1, 1.5, stain=0.4, photo=0.5, metres=(2, 5)),
+    "tiles": MaterialKind(textures.tiles, 1, 1.6, stain=0.1, photo=0.6, metres=(1.5, 4)),
+    "planks": MaterialKind(textures.planks, 1, 1.4, stain=0.15, photo=0.6, metres=(1.5, 4)),
+    "wood": MaterialKind(textures.wood, 2, 1.1, photo=0.6, metres=(1, 2)),
+    "metal": MaterialKind(textures.metal, 1, 1.4, stain=0.2, photo=0.4, metres=(1, 3)),
+    "cloth": MaterialKind(textures.cloth, 3, 0.9, photo=0.7, metres=(1, 2.5)),
+    "leaves": MaterialKind(lambda rng: textures.leaves(rng, gaps=True), 1, 1.3, cut=True),
+    "hedge": MaterialKind(lambda rng: textures.leaves(rng, gaps=False), 1, 1.1, stain=0.2),
+    "fence": MaterialKind(textures.fence, 1, 1.3, cut=True),
+    "window": MaterialKind(panels.window, 2, mode=FIT, photo=0.2),
+    "door": MaterialKind(panels.door, 1, mode=FIT, photo=0.2),
+    "shutter": MaterialKind(panels.shutter, 1, mode=FIT),
+    "shop": MaterialKind(panels.shop, 1, mode=FIT, photo=0.3),
+    "poster": MaterialKind(panels.poster, 2, mode=FIT, photo=0.8),
+    "sign": MaterialKind(panels.sign, 1, mode=FIT, photo=0.2),
+    "books": MaterialKind(panels.books, 1, mode=FIT, photo=0.2),
+    "crate": MaterialKind(panels.crate, 2, mode=FIT, photo=0.3),
+    "bands": MaterialKind(panels.bands, 1, mode=FIT),
+    "machine": MaterialKind(panels.machine, 2, mode=FIT, photo=0.2),
 }
 """Every kind of material a scene may ask for."""
 
 
 class Palette:
-    """Hands out materials by kind. `photos`: pictures that stand in for some of them."""
+    """Materials of one world by kind. `photos`: pictures that stand in for some of them."""
 
-    def __init__(self, stage: Stage, rng: Generator, photos: Sequence[Photo] = ()) -> None:
-        self._stage, self._rng, self._photos = stage, rng, photos
+    def __init__(self, builder: SceneBuilder, rng: Generator, photos: Sequence[Photo] = ()) -> None:
+        self._builder, self._rng, self._photos = builder, rng, photos
         self._baked: dict[str, list[Material]] = {}
 
     def __call__(self, *kinds: str, spread: float = 0.12) -> Material:
         """A material of one of these kinds, its brightness and hue varied a little."""
         rng = self._rng
         kind = kinds[int(rng.integers(len(kinds)))]
-        recipe, baked = RECIPES[kind], self._baked.setdefault(kind, [])
-        if len(baked) < recipe.variants and (not baked or rng.random() < 0.5):
-            baked.append(self._bake(recipe))
+        made_as, baked = MATERIAL_KINDS[kind], self._baked.setdefault(kind, [])
+        if len(baked) < made_as.variants and (not baked or rng.random() < 0.5):
+            baked.append(self._bake(made_as))
         material = baked[int(rng.integers(len(baked)))]
         tint = rng.normal(1, spread) * rng.normal(1, 0.3 * spread, 3)
         return material.tinted(*(float(np.clip(part, 0.4, 1.5)) for part in tint))
@@ -105,19 +105,19 @@ class Palette:
         red, green, blue = textures.color(self._rng, hue, saturation, value)
         return self("plain", spread=0).tinted((red / 225) ** 2, (green / 225) ** 2, (blue / 225) ** 2)
 
-    def _bake(self, recipe: Recipe) -> Material:
+    def _bake(self, made_as: MaterialKind) -> Material:
         rng = self._rng
-        if len(self._photos) and rng.random() < recipe.photo:
-            layer = self._stage.layer(panels.photo(read(self._photos[int(rng.integers(len(self._photos)))])))
-            if recipe.mode == FIT:
+        if len(self._photos) and rng.random() < made_as.photo:
+            layer = self._builder.layer(panels.photo(read_photo(self._photos[int(rng.integers(len(self._photos)))])))
+            if made_as.mode == FIT:
                 return Material(layer, mode=FIT)
-            metres = float(rng.uniform(*recipe.metres))
+            metres = float(rng.uniform(*made_as.metres))
             return Material(layer, (metres, metres), MIRROR)
-        layer = self._stage.layer(recipe.draw(rng))
-        return Material(layer, (recipe.tile, recipe.tile), recipe.mode, stain=recipe.stain, cut=recipe.cut)
+        layer = self._builder.layer(made_as.draw(rng))
+        return Material(layer, (made_as.tile, made_as.tile), made_as.mode, stain=made_as.stain, cut=made_as.cut)
 
 
-def read(photo: Photo) -> UInt8Array:
+def read_photo(photo: Photo) -> UInt8Array:
     """The picture; raises FileError where the file is none, ShapeError where the array is none."""
     if isinstance(photo, Path):
         return read_color(photo)

@@ -24,7 +24,7 @@ from dlama.worlds.materials.textures import (
     shaded,
     wood,
 )
-from dlama.worlds.raycast.intersection import SIDE
+from dlama.worlds.raycast.shape_rows import SIDE
 
 LETTERS = "ABCDEFGHIKLMNOPRSTUVWZ0123456789"
 

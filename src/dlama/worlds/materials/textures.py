@@ -14,7 +14,7 @@ from numpy.random import Generator
 from numpy.typing import NDArray
 
 from dlama.geometry.rgbd import Float32Array, UInt8Array
-from dlama.worlds.raycast.intersection import SIDE
+from dlama.worlds.raycast.shape_rows import SIDE
 
 FINE, ROUGH, CLOUDY, SOFT, GRAIN = range(5)
 """Kinds of noise, from sand to clouds; GRAIN is stretched along the rows."""

@@ -1,1 +1,1 @@
-"""Things to stand in a scene: a stage, a palette and a random generator in; shapes on the stage out."""
+"""Things that stand in a scene: a builder at a place, a palette and a random generator in; shapes added to the builder out."""

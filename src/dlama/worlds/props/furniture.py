@@ -1,6 +1,6 @@
-"""Things that stand in rooms: a stage at a place, a palette and a random generator in; shapes on the stage out.
+"""Things that stand in rooms: a builder at a place, a palette and a random generator in; shapes added to the builder out.
 
-Furniture of `WALL_PROPS` has its back at z = 0 of the stage's current place and looks towards -z.
+Furniture of `WALL_PROPS` has its back at z = 0 of the builder's current place and looks towards -z.
 """
 
 from __future__ import annotations
@@ -9,93 +9,93 @@ from numpy.random import Generator
 
 from dlama.worlds.materials.palette import Palette
 from dlama.worlds.props.street import LYING, STANDING, Prop, planter
-from dlama.worlds.raycast.stage import Material, Stage
+from dlama.worlds.scene_builder import Material, SceneBuilder
 
 
-def legs(stage: Stage, leg: Material, w: float, d: float, height: float, radius: float = 0.03) -> None:
+def legs(builder: SceneBuilder, leg: Material, w: float, d: float, height: float, radius: float = 0.03) -> None:
     """Four legs under a top of w x d."""
     for x in (-w / 2 + 0.06, w / 2 - 0.06):
         for z in (-d / 2 + 0.06, d / 2 - 0.06):
-            stage.tube((x, 0, z), height, radius, leg, 0.8 * radius)
+            builder.tube((x, 0, z), height, radius, leg, 0.8 * radius)
 
 
-def table(stage: Stage, palette: Palette, rng: Generator) -> None:
+def table(builder: SceneBuilder, palette: Palette, rng: Generator) -> None:
     """A table, square or round, with a few things on it."""
     top, height = palette("wood"), float(rng.uniform(0.45, 0.78))
     w, d = float(rng.uniform(0.8, 1.5)), float(rng.uniform(0.6, 0.9))
     if rng.random() < 0.3:
-        stage.tube((0, 0, 0), height, 0.05, top)
-        stage.tube((0, height, 0), 0.04, 0.5, top)
+        builder.tube((0, 0, 0), height, 0.05, top)
+        builder.tube((0, height, 0), 0.04, 0.5, top)
     else:
-        stage.box((0, height, 0), (w, 0.04, d), top)
-        legs(stage, top.tinted(0.8), w, d, height)
+        builder.box((0, height, 0), (w, 0.04, d), top)
+        legs(builder, top.tinted(0.8), w, d, height)
     for _ in range(int(rng.integers(1, 5))):
-        with stage.at(
+        with builder.at(
             float(rng.uniform(-0.28, 0.28)), float(rng.uniform(-0.2, 0.2)), float(rng.uniform(0, 90)), height + 0.04
         ):
-            trinket(stage, palette, rng)
+            trinket(builder, palette, rng)
 
 
-def trinket(stage: Stage, palette: Palette, rng: Generator) -> None:
+def trinket(builder: SceneBuilder, palette: Palette, rng: Generator) -> None:
     """A vase, a ball, a book or a cup."""
     paint, kind = palette.paint(saturation=(0.2, 0.9), value=(0.3, 0.95)), int(rng.integers(4))
     if kind == 0:
-        stage.tube((0, 0, 0), 0.12, 0.05, paint, 0.09)
-        stage.tube((0, 0.12, 0), 0.12, 0.09, paint, 0.04)
+        builder.tube((0, 0, 0), 0.12, 0.05, paint, 0.09)
+        builder.tube((0, 0.12, 0), 0.12, 0.09, paint, 0.04)
     elif kind == 1:
-        stage.ball((0, 0.1, 0), (0.1, 0.1, 0.1), palette("cloth") if rng.random() < 0.5 else paint)
+        builder.ball((0, 0.1, 0), (0.1, 0.1, 0.1), palette("cloth") if rng.random() < 0.5 else paint)
     elif kind == 2:
-        stage.box((0, 0, 0), (0.24, 0.05, 0.17), paint)
-        stage.box((0.01, 0.05, 0), (0.2, 0.04, 0.15), palette.paint(saturation=(0.2, 0.9)), (15, 0, 0))
+        builder.box((0, 0, 0), (0.24, 0.05, 0.17), paint)
+        builder.box((0.01, 0.05, 0), (0.2, 0.04, 0.15), palette.paint(saturation=(0.2, 0.9)), (15, 0, 0))
     else:
-        stage.tube((0, 0, 0), 0.1, 0.04, paint)
+        builder.tube((0, 0, 0), 0.1, 0.04, paint)
 
 
-def chair(stage: Stage, palette: Palette, rng: Generator) -> None:
+def chair(builder: SceneBuilder, palette: Palette, rng: Generator) -> None:
     """A chair with a back of rails."""
     timber = palette("wood", "plain")
     seat = palette("cloth") if rng.random() < 0.5 else timber
-    legs(stage, timber, 0.46, 0.44, 0.44, 0.025)
-    stage.box((0, 0.44, 0), (0.46, 0.05, 0.44), seat)
+    legs(builder, timber, 0.46, 0.44, 0.44, 0.025)
+    builder.box((0, 0.44, 0), (0.46, 0.05, 0.44), seat)
     for x in (-0.2, 0.2):
-        stage.box((x, 0.47, 0.2), (0.04, 0.5, 0.03), timber)
+        builder.box((x, 0.47, 0.2), (0.04, 0.5, 0.03), timber)
     for up in (0.6, 0.74, 0.88):
-        stage.box((0, up, 0.2), (0.38, 0.08, 0.02), timber)
+        builder.box((0, up, 0.2), (0.38, 0.08, 0.02), timber)
 
 
-def stool(stage: Stage, palette: Palette, rng: Generator) -> None:
+def stool(builder: SceneBuilder, palette: Palette, rng: Generator) -> None:
     """A round stool or a pouffe."""
     if rng.random() < 0.5:
-        stage.tube((0, 0, 0), 0.42, 0.3, palette("cloth"), 0.27)
+        builder.tube((0, 0, 0), 0.42, 0.3, palette("cloth"), 0.27)
     else:
-        legs(stage, palette("wood"), 0.36, 0.36, 0.45, 0.02)
-        stage.tube((0, 0.45, 0), 0.05, 0.2, palette("wood", "cloth"))
+        legs(builder, palette("wood"), 0.36, 0.36, 0.45, 0.02)
+        builder.tube((0, 0.45, 0), 0.05, 0.2, palette("wood", "cloth"))
 
 
-def sofa(stage: Stage, palette: Palette, rng: Generator) -> None:
+def sofa(builder: SceneBuilder, palette: Palette, rng: Generator) -> None:
     """A sofa or an armchair with cushions; its back at z = 0."""
     cloth, seats = palette("cloth"), int(rng.integers(1, 4))
     w = 0.7 * seats + 0.3
-    stage.box((0, 0.08, -0.45), (w, 0.32, 0.85), cloth)
-    stage.box((0, 0.35, -0.12), (w, 0.5, 0.22), cloth)
+    builder.box((0, 0.08, -0.45), (w, 0.32, 0.85), cloth)
+    builder.box((0, 0.35, -0.12), (w, 0.5, 0.22), cloth)
     for side in (-1, 1):
-        stage.box((side * (w / 2 - 0.08), 0.1, -0.45), (0.18, 0.52, 0.88), cloth)
+        builder.box((side * (w / 2 - 0.08), 0.1, -0.45), (0.18, 0.52, 0.88), cloth)
     for n in range(seats):
         x = 0.7 * (n - (seats - 1) / 2)
-        stage.ball((x, 0.46, -0.5), (0.34, 0.1, 0.34), cloth.tinted(1.1))
+        builder.ball((x, 0.46, -0.5), (0.34, 0.1, 0.34), cloth.tinted(1.1))
         if rng.random() < 0.6:
-            stage.ball((x, 0.66, -0.3), (0.22, 0.2, 0.1), palette("cloth"), (0, 15, float(rng.uniform(-30, 30))))
+            builder.ball((x, 0.66, -0.3), (0.22, 0.2, 0.1), palette("cloth"), (0, 15, float(rng.uniform(-30, 30))))
 
 
-def shelf(stage: Stage, palette: Palette, rng: Generator) -> None:
+def shelf(builder: SceneBuilder, palette: Palette, rng: Generator) -> None:
     """An open shelf with books and things; its back at z = 0."""
     board, w, height = palette("wood"), float(rng.uniform(0.7, 1.3)), float(rng.uniform(1.2, 2.1))
     for side in (-1, 1):
-        stage.box((side * w / 2, 0, -0.15), (0.03, height, 0.3), board)
-    stage.box((0, 0, -0.01), (w, height, 0.02), board.tinted(0.6))
+        builder.box((side * w / 2, 0, -0.15), (0.03, height, 0.3), board)
+    builder.box((0, 0, -0.01), (w, height, 0.02), board.tinted(0.6))
     count = round(height / 0.36)
     for n in range(count + 1):
-        stage.box((0, n * (height - 0.03) / count, -0.15), (w, 0.03, 0.3), board)
+        builder.box((0, n * (height - 0.03) / count, -0.15), (w, 0.03, 0.3), board)
     for n in range(count):
         up = n * (height - 0.03) / count + 0.03
         x = -w / 2 + 0.03
@@ -103,104 +103,104 @@ def shelf(stage: Stage, palette: Palette, rng: Generator) -> None:
             width = float(rng.uniform(0.1, 0.4))
             if x + width < w / 2 and rng.random() < 0.75:
                 h = float(rng.uniform(0.16, 0.28))
-                stage.box(
+                builder.box(
                     (x + width / 2, up, -0.15), (width, h, 0.2), palette("books") if width > 0.2 else palette.paint()
                 )
             x += width + 0.03
 
 
-def cupboard(stage: Stage, palette: Palette, rng: Generator) -> None:
+def cupboard(builder: SceneBuilder, palette: Palette, rng: Generator) -> None:
     """A cupboard, chest or kitchen block with fronts; its back at z = 0."""
     body, front = palette("wood", "plain"), palette("door", "machine", "wood")
     w, h, d = (float(v) for v in rng.uniform((0.8, 0.6, 0.4), (1.8, 2.1, 0.6)))
-    stage.box((0, 0, -d / 2), (w, h, d), body)
+    builder.box((0, 0, -d / 2), (w, h, d), body)
     count = max(1, round(w / 0.55))
     for n in range(count):
         x = w * ((n + 0.5) / count - 0.5)
-        stage.box((x, 0.06, -d), (w / count - 0.03, h - 0.1, 0.03), front)
-        stage.ball((x + 0.3 * w / count, 0.5 * h, -d - 0.03), (0.02, 0.02, 0.02), palette("metal"))
+        builder.box((x, 0.06, -d), (w / count - 0.03, h - 0.1, 0.03), front)
+        builder.ball((x + 0.3 * w / count, 0.5 * h, -d - 0.03), (0.02, 0.02, 0.02), palette("metal"))
     if h < 1.2:
-        with stage.at(float(rng.uniform(-0.3, 0.3)), -d / 2, 0, h):
-            trinket(stage, palette, rng)
+        with builder.at(float(rng.uniform(-0.3, 0.3)), -d / 2, 0, h):
+            trinket(builder, palette, rng)
 
 
-def bed(stage: Stage, palette: Palette, rng: Generator) -> None:
+def bed(builder: SceneBuilder, palette: Palette, rng: Generator) -> None:
     """A bed, its head at z = 0."""
     timber, w = palette("wood"), float(rng.uniform(0.9, 1.6))
-    stage.box((0, 0.1, -1.0), (w, 0.2, 2.0), timber)
-    stage.box((0, 0.3, -1.0), (w - 0.04, 0.2, 1.96), palette.paint(saturation=(0, 0.1), value=(0.8, 0.95)))
-    stage.box((0, 0.32, -1.25), (w, 0.2, 1.5), palette("cloth"))
-    stage.box((0, 0, -0.03), (w + 0.1, 0.95, 0.06), timber)
+    builder.box((0, 0.1, -1.0), (w, 0.2, 2.0), timber)
+    builder.box((0, 0.3, -1.0), (w - 0.04, 0.2, 1.96), palette.paint(saturation=(0, 0.1), value=(0.8, 0.95)))
+    builder.box((0, 0.32, -1.25), (w, 0.2, 1.5), palette("cloth"))
+    builder.box((0, 0, -0.03), (w + 0.1, 0.95, 0.06), timber)
     for x in (-0.22 * w, 0.22 * w):
-        stage.ball((x, 0.56, -0.3), (0.2 * w, 0.1, 0.22), palette.paint(saturation=(0, 0.2), value=(0.75, 0.95)))
+        builder.ball((x, 0.56, -0.3), (0.2 * w, 0.1, 0.22), palette.paint(saturation=(0, 0.2), value=(0.75, 0.95)))
 
 
-def screen(stage: Stage, palette: Palette, rng: Generator) -> None:
+def screen(builder: SceneBuilder, palette: Palette, rng: Generator) -> None:
     """A low board with a television; its back at z = 0."""
-    stage.box((0, 0, -0.22), (1.5, 0.45, 0.44), palette("wood", "plain"))
-    stage.box((0, 0.45, -0.22), (0.4, 0.06, 0.2), palette.paint(value=(0.05, 0.15)))
-    stage.box((0, 0.5, -0.2), (1.15, 0.68, 0.05), palette("poster"))
+    builder.box((0, 0, -0.22), (1.5, 0.45, 0.44), palette("wood", "plain"))
+    builder.box((0, 0.45, -0.22), (0.4, 0.06, 0.2), palette.paint(value=(0.05, 0.15)))
+    builder.box((0, 0.5, -0.2), (1.15, 0.68, 0.05), palette("poster"))
 
 
-def floor_lamp(stage: Stage, palette: Palette, rng: Generator) -> None:
+def floor_lamp(builder: SceneBuilder, palette: Palette, rng: Generator) -> None:
     """A lamp on a foot under a shade."""
     iron, height = palette("metal").tinted(0.6), float(rng.uniform(1.1, 1.6))
-    stage.tube((0, 0, 0), 0.03, 0.16, iron)
-    stage.tube((0, 0, 0), height, 0.018, iron)
-    stage.tube((0, height - 0.05, 0), 0.3, 0.24, palette("cloth").tinted(1.2), 0.14)
+    builder.tube((0, 0, 0), 0.03, 0.16, iron)
+    builder.tube((0, 0, 0), height, 0.018, iron)
+    builder.tube((0, height - 0.05, 0), 0.3, 0.24, palette("cloth").tinted(1.2), 0.14)
 
 
-def basket(stage: Stage, palette: Palette, rng: Generator) -> None:
+def basket(builder: SceneBuilder, palette: Palette, rng: Generator) -> None:
     """A basket or a bin, a ball at times in it."""
-    stage.tube((0, 0, 0), 0.4, 0.16, palette("wood", "cloth", "metal"), 0.22)
+    builder.tube((0, 0, 0), 0.4, 0.16, palette("wood", "cloth", "metal"), 0.22)
     if rng.random() < 0.5:
-        stage.ball((0, 0.42, 0), (0.16, 0.16, 0.16), palette("cloth"))
+        builder.ball((0, 0.42, 0), (0.16, 0.16, 0.16), palette("cloth"))
 
 
-def ball(stage: Stage, palette: Palette, rng: Generator) -> None:
+def ball(builder: SceneBuilder, palette: Palette, rng: Generator) -> None:
     """A ball on the floor."""
     r = float(rng.uniform(0.12, 0.34))
-    stage.ball((0, r, 0), (r, r, r), palette("cloth", "bands", "planks"), (float(rng.uniform(0, 360)), 30, 20))
+    builder.ball((0, r, 0), (r, r, r), palette("cloth", "bands", "planks"), (float(rng.uniform(0, 360)), 30, 20))
 
 
-def toy(stage: Stage, palette: Palette, rng: Generator) -> None:
+def toy(builder: SceneBuilder, palette: Palette, rng: Generator) -> None:
     """A figure of balls on a block."""
     fur = palette("cloth")
-    stage.ball((0, 0.3, 0), (0.22, 0.3, 0.2), fur)
-    stage.ball((0, 0.7, 0), (0.17, 0.17, 0.16), fur)
+    builder.ball((0, 0.3, 0), (0.22, 0.3, 0.2), fur)
+    builder.ball((0, 0.7, 0), (0.17, 0.17, 0.16), fur)
     for side in (-1, 1):
-        stage.ball((0.13 * side, 0.86, 0), (0.06, 0.06, 0.04), fur.tinted(0.7))
-        stage.ball((0.22 * side, 0.36, -0.05), (0.07, 0.2, 0.07), fur, (0, 0, 30 * side))
-        stage.ball((0.13 * side, 0.07, -0.14), (0.09, 0.07, 0.2), fur.tinted(0.8))
+        builder.ball((0.13 * side, 0.86, 0), (0.06, 0.06, 0.04), fur.tinted(0.7))
+        builder.ball((0.22 * side, 0.36, -0.05), (0.07, 0.2, 0.07), fur, (0, 0, 30 * side))
+        builder.ball((0.13 * side, 0.07, -0.14), (0.09, 0.07, 0.2), fur.tinted(0.8))
 
 
-def picture(stage: Stage, palette: Palette, rng: Generator) -> None:
+def picture(builder: SceneBuilder, palette: Palette, rng: Generator) -> None:
     """A framed picture on the wall behind z = 0."""
     w, h, up = float(rng.uniform(0.4, 1.1)), float(rng.uniform(0.4, 0.9)), float(rng.uniform(1.2, 1.6))
-    stage.box((0, up - 0.04, 0), (w + 0.08, h + 0.08, 0.05), palette("wood"))
-    stage.box((0, up, 0), (w, h, 0.07), palette("poster"))
+    builder.box((0, up - 0.04, 0), (w + 0.08, h + 0.08, 0.05), palette("wood"))
+    builder.box((0, up, 0), (w, h, 0.07), palette("poster"))
 
 
-def folding_screen(stage: Stage, palette: Palette, rng: Generator) -> None:
+def folding_screen(builder: SceneBuilder, palette: Palette, rng: Generator) -> None:
     """A folding screen of two wings."""
     cloth = palette("cloth", "wood", "poster")
     for side in (-1, 1):
-        stage.panel((0.3 * side, 0.8, 0.1), (0.62, 1.6), cloth, (25 * side, *STANDING[1:]))
+        builder.panel((0.3 * side, 0.8, 0.1), (0.62, 1.6), cloth, (25 * side, *STANDING[1:]))
 
 
-def suitcase(stage: Stage, palette: Palette, rng: Generator) -> None:
+def suitcase(builder: SceneBuilder, palette: Palette, rng: Generator) -> None:
     """A case on wheels with a handle."""
-    stage.box((0, 0.05, 0), (0.45, 0.65, 0.25), palette("machine", "cloth"))
-    stage.tube((0, 0.02, -0.08), 0.06, 0.04, palette.paint(value=(0.1, 0.2)), turn=LYING)
+    builder.box((0, 0.05, 0), (0.45, 0.65, 0.25), palette("machine", "cloth"))
+    builder.tube((0, 0.02, -0.08), 0.06, 0.04, palette.paint(value=(0.1, 0.2)), turn=LYING)
     for x in (-0.12, 0.12):
-        stage.box((x, 0.7, 0.08), (0.02, 0.35, 0.02), palette("metal"))
-    stage.box((0, 1.04, 0.08), (0.28, 0.03, 0.04), palette.paint(value=(0.1, 0.2)))
+        builder.box((x, 0.7, 0.08), (0.02, 0.35, 0.02), palette("metal"))
+    builder.box((0, 1.04, 0.08), (0.28, 0.03, 0.04), palette.paint(value=(0.1, 0.2)))
 
 
-def divider(stage: Stage, palette: Palette, rng: Generator) -> None:
+def divider(builder: SceneBuilder, palette: Palette, rng: Generator) -> None:
     """A shelf or a chest that stands free in the room."""
-    with stage.at(0, 0.2):
-        (shelf if rng.random() < 0.5 else cupboard)(stage, palette, rng)
+    with builder.at(0, 0.2):
+        (shelf if rng.random() < 0.5 else cupboard)(builder, palette, rng)
 
 
 ROOM_PROPS: dict[str, tuple[Prop, float]] = {

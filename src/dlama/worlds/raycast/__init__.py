@@ -1,1 +1,1 @@
-"""Ray casting: a stage's shapes, texels, a light and a camera in; colour, depth and what was hit out. Begin with `stage`."""
+"""Rows of shapes, texels, a light and a camera in; colour, exact depth and what was hit out. Begin with `shading.cast_rays`."""

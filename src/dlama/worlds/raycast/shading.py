@@ -11,7 +11,8 @@ import math
 import numpy as np
 from numba import njit, prange
 
-from dlama.worlds.raycast.intersection import (
+from dlama.worlds.raycast.intersection import in_shadow, nearest, texture_place
+from dlama.worlds.raycast.shape_rows import (
     AMBIENT_GROUND,
     AMBIENT_SKY,
     BALL,
@@ -35,11 +36,8 @@ from dlama.worlds.raycast.intersection import (
     TURN,
     UNLIT,
     WRAP,
-    in_shadow,
-    nearest,
-    texture_place,
 )
-from dlama.worlds.raycast.textures import filtered, sky
+from dlama.worlds.raycast.texture_lookup import filtered, sky
 
 STAINS_PER_M = 0.19
 """Repeats per metre of the grey noise that keeps a repeated texture from looking repeated."""
@@ -215,7 +213,9 @@ def is_edge(keys, lights, row, column):
 
 
 @njit(cache=True, parallel=True, error_model="numpy")
-def cast(shapes, texels, boxes, order, camera, light, starts, items, skip, gone, smooth, color, depth, keys, lights):
+def cast_rays(
+    shapes, texels, boxes, order, camera, light, starts, items, skip, gone, smooth, color, depth, keys, lights
+):
     """Fills color (H x W x 3), depth, keys and lights (H x W) of one frame.
 
     Depth, key and light are those of the ray through the pixel's centre. `skip` (H x W): the group each pixel sees

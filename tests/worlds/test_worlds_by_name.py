@@ -9,8 +9,8 @@ import pytest
 
 from dlama.errors import InputError
 from dlama.geometry.camera import Camera
-from dlama.worlds.dataset import write_worlds
-from dlama.worlds.named import open_dataset_or_worlds
+from dlama.worlds.dataset import open_dataset_or_worlds
+from dlama.worlds.writer import write_worlds
 
 LENS = Camera.from_fov(64, 48, 70)
 

@@ -1,4 +1,4 @@
-"""A stage to set: boxes, balls, tubes and panels with materials in; rows of shapes and texels for the ray caster out.
+"""Boxes, balls, tubes and panels with materials in; rows of shapes and texels for the ray caster out.
 
 Heights are metres above the floor of the place where a prop stands (up positive), because that is how one thinks of
 furniture; the rows hold OpenCV axes (y down).
@@ -13,20 +13,18 @@ from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from dlama.geometry.camera import Float64Array
 from dlama.geometry.rgbd import UInt8Array
-from dlama.worlds.raycast import intersection as k
+from dlama.worlds.raycast import shape_rows as k
+from dlama.worlds.raycast.shape_rows import GROUND_GROUP
 
-GROUND_GROUP, OBJECT_GROUP = 0, 1
 Triple = tuple[float, float, float]
-Int32Array = NDArray[np.int32]
 
 
 @dataclass(frozen=True)
 class Material:
-    """How a surface looks: a layer of the stage's textures and how it lies on a shape."""
+    """How a surface looks: a layer of the builder's textures and how it lies on a shape."""
 
     layer: int
     tile: tuple[float, float] = (1.0, 1.0)
@@ -45,7 +43,7 @@ class Material:
         return replace(self, tint=(r * self.tint[0], g * self.tint[1], b * self.tint[2]))
 
 
-class Stage:
+class SceneBuilder:
     """Collects shapes and textures. `at` sets the place and `group` the thing to which the next shapes belong."""
 
     def __init__(self) -> None:
@@ -64,11 +62,11 @@ class Stage:
         return len(self.layers) - 1
 
     @contextmanager
-    def at(self, x: float, z: float, yaw_deg: float = 0.0, up: float = 0.0, scale: float = 1.0) -> Iterator[None]:
+    def at(self, x: float, z: float, yaw: float = 0.0, up: float = 0.0, scale: float = 1.0) -> Iterator[None]:
         """Shapes are placed from here: x right, z forward, `up` metres above, turned about the vertical, enlarged."""
         before = self._origin, self._turn, self._scale
         self._origin = self._origin + self._scale * (self._turn @ np.array((x, -up, z)))
-        self._turn, self._scale = self._turn @ turned((yaw_deg, 0, 0)), self._scale * scale
+        self._turn, self._scale = self._turn @ turned((yaw, 0, 0)), self._scale * scale
         yield
         self._origin, self._turn, self._scale = before
 
@@ -145,43 +143,3 @@ def turned(turn: Triple) -> Float64Array:
     pitch = np.array([[1, 0, 0], [0, cp, -sp], [0, sp, cp]])
     roll = np.array([[cr, -sr, 0], [sr, cr, 0], [0, 0, 1]])
     return yaw @ pitch @ roll
-
-
-def shadow_cells(
-    shapes: Float64Array, to_light: Float64Array, side: int = 48
-) -> tuple[Float64Array, Int32Array, Int32Array]:
-    """Which shapes may shade what: a grid across the light.
-
-    Returns ten numbers (two axes of 3, first x, first y, cells per metre, cells a side) and the lists as starts
-    (int32, side^2 + 1) and items (int32).
-    """
-    axis = np.cross(to_light, (1.0, 0, 0) if abs(to_light[0]) < 0.8 else (0, 0, 1.0))
-    e1 = axis / np.linalg.norm(axis)
-    e2 = np.cross(to_light, e1)
-    casting = np.flatnonzero(shapes[:, k.CASTS] > 0)
-    centre, edges = bounds(shapes[casting])
-    low, high = [], []
-    for e in (e1, e2):
-        middle, reach = centre @ e, np.abs(edges @ e).sum(1) + 2 * k.LIFT
-        low.append(middle - reach)
-        high.append(middle + reach)
-    first = np.array([x.min(initial=0) for x in low])
-    last = np.array([x.max(initial=1) for x in high])
-    scale = side / float((last - first).max() * 1.0001)
-    inside = []
-    for lo, hi, start in zip(low, high, first):
-        cell = np.arange(side)
-        inside.append(
-            (np.floor((lo - start) * scale) <= cell[:, None]) & (np.floor((hi - start) * scale) >= cell[:, None])
-        )
-    cell_of, item = np.nonzero((inside[1][:, None] & inside[0][None]).reshape(side * side, -1))
-    starts = np.searchsorted(cell_of, np.arange(side * side + 1)).astype(np.int32)
-    return np.array([*e1, *e2, *first, scale, side]), starts, casting[item].astype(np.int32)
-
-
-def bounds(shapes: Float64Array) -> tuple[Float64Array, Float64Array]:
-    """Bounding boxes of shapes in the world: centres N x 3 and three half edges each, N x 3 x 3."""
-    half = shapes[:, k.HALF : k.HALF + 3].copy()
-    tube = shapes[:, k.KIND] == k.TUBE
-    half[tube, 0] = half[tube, 2] = np.maximum(half[tube, 0], half[tube, 2])
-    return shapes[:, k.CENTRE : k.CENTRE + 3], shapes[:, k.TURN : k.TURN + 9].reshape(-1, 3, 3) * half[..., None]

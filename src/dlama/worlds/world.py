@@ -4,20 +4,21 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import dataclass, field
-from typing import Any, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dlama.errors import InputError
 from dlama.geometry.camera import Camera, Float64Array, StereoRig
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array, frozen
 from dlama.geometry.trajectories import orbit
+from dlama.worlds.raycast.bounding_boxes import boxes_by_depth, shadow_cells
+from dlama.worlds.raycast.shading import cast_rays
+from dlama.worlds.raycast.shape_rows import BLOCKED, COLUMNS, GROUP, LEVELS, LIT, OBJECT_GROUP, SIDE
 
 Kind = Literal["street", "room"]
-OBJECT = 1
-"""The group of the object of interest; the ground is 0, everything else has a number of its own from 2."""
-UNLIT, LIT, BLOCKED = 0, 1, 2
-"""Light at a pixel's centre: the surface faces away (or is sky), it is lit, something stands before the light."""
+Int32Array = NDArray[np.int32]
 BASELINE_M = 0.12
 SIZE = 512
 FOV_DEG = 90.0
@@ -54,13 +55,14 @@ class Sky:
     """Share of the horizon's colour per metre of air."""
 
 
-class Cast(NamedTuple):
-    """All that the ray caster says of a camera; depth, group and light at pixel centres."""
+class Raycast(NamedTuple):
+    """All that a camera sees; depth, group and light at pixel centres."""
 
     color: UInt8Array
+    """H x W x 3, sRGB."""
     depth: Float32Array
     """H x W m, +inf = sky."""
-    group: np.ndarray
+    group: Int32Array
     """H x W int32, the thing seen; -1 = sky."""
     light: UInt8Array
     """H x W: UNLIT, LIT or BLOCKED."""
@@ -71,7 +73,7 @@ class World:
     """A closed world of textured shapes. All truth is in closed form, at the exact pixel centre; nothing is stored."""
 
     shapes: Float64Array
-    """N rows, columns as `world_kernels` names them."""
+    """N rows, columns as `raycast.shape_rows` names them."""
     textures: UInt8Array
     """Layers x texels x 4: sRGB and alpha, all levels."""
     light: Light
@@ -81,14 +83,12 @@ class World:
     """Height of the first camera above the ground (y = 0)."""
     antialias: bool = True
     """Colour edges are averaged over the pixel; depth never is."""
-    object_index: int = OBJECT
+    object_index: int = OBJECT_GROUP
     """The group of the object of interest."""
-    _shade: tuple[Float64Array, Any, Any] = field(init=False, repr=False)
+    _lighting: tuple[Float64Array, Int32Array, Int32Array] = field(init=False, repr=False)
+    """Numbers of light and sky, and which shapes may stand before the light, as `raycast` wants them."""
 
     def __post_init__(self) -> None:
-        from dlama.worlds.raycast.intersection import COLUMNS, LEVELS, SIDE
-        from dlama.worlds.raycast.stage import shadow_cells
-
         texels = sum((SIDE >> n) ** 2 for n in range(LEVELS))
         if self.shapes.ndim != 2 or self.shapes.shape[1] != COLUMNS:
             raise InputError(f"world.shapes is {self.shapes.shape}; N x {COLUMNS} is wanted")
@@ -98,15 +98,15 @@ class World:
         sky, light = self.sky, self.light
         numbers = [*light.to_light, *light.sun, *light.ambient_sky, *light.ambient_ground, *sky.horizon, *sky.zenith]
         numbers += [*sky.cloud, sky.cover, sky.softness, sky.scale, *sky.offset, sky.haze, light.shadows, *grid]
-        object.__setattr__(self, "_shade", (np.array(numbers, np.float64), starts, items))
+        object.__setattr__(self, "_lighting", (np.array(numbers, np.float64), starts, items))
         for name in ("shapes", "textures"):
             object.__setattr__(self, name, frozen(getattr(self, name)))
 
-    def camera(self, yaw_deg: float = 0.0, size: int = SIZE, fov: float = FOV_DEG) -> Camera:
-        """The first camera (yaw 0) or one of its orbit about the point 2.5 m ahead; size in pixels, fov in degrees."""
+    def camera(self, yaw: float = 0.0, size: int = SIZE, fov: float = FOV_DEG) -> Camera:
+        """The first camera (yaw 0) or one of its orbit about the point 2.5 m ahead; yaw and fov in degrees, size in pixels."""
         pose = np.eye(4)
         pose[1, 3] = -self.eye_m
-        return orbit(Camera.from_fov(size, size, fov, pose), yaw_deg)
+        return orbit(Camera.from_fov(size, size, fov, pose), yaw)
 
     def rig(self, baseline: float = BASELINE_M, size: int = SIZE, fov: float = FOV_DEG) -> StereoRig:
         """The first camera as the left one, and a right one `baseline` metres beside it."""
@@ -117,70 +117,53 @@ class World:
 
     def frame(self, camera: Camera, *, object: bool = True) -> RGBD:
         """The frame this camera takes; without the object its shadow goes, too. Sky has depth +inf; nothing is missing."""
-        seen = self.cast(camera, object=object)
+        seen = self.raycast(camera, object=object)
         return RGBD(seen.color, seen.depth, camera)
 
     def object_mask(self, camera: Camera) -> BoolArray:
         """H x W, True where the object is what is seen at the pixel's centre."""
-        return self.cast(camera).group == self.object_index
+        return self.raycast(camera).group == self.object_index
 
     def shadow(self, camera: Camera) -> BoolArray:
         """H x W, True where the object, and nothing else, keeps the light from the surface seen (never on the object)."""
-        return self.shadow_of(self.cast(camera), self.cast(camera, object=False))
+        return self.shadow_of(self.raycast(camera), self.raycast(camera, object=False))
 
-    def shadow_of(self, there: Cast, gone: Cast) -> BoolArray:
-        """The shadow from two casts of one camera, with and without the object."""
-        return (there.light == BLOCKED) & (gone.light == LIT) & (there.group != self.object_index)
+    def shadow_of(self, with_object: Raycast, without: Raycast) -> BoolArray:
+        """H x W bool: the shadow, from what one camera sees with and without the object."""
+        lit_without = (with_object.light == BLOCKED) & (without.light == LIT)
+        return lit_without & (with_object.group != self.object_index)
 
     def semantic(self, camera: Camera, *, object: bool = True) -> UInt8Array:
         """H x W class numbers: 0 background, 1 object of interest, 2 sky."""
-        group = self.cast(camera, object=object).group
+        group = self.raycast(camera, object=object).group
         return classes_of(group, self.object_index)
 
     def behind(self, camera: Camera) -> RGBD:
         """The second layer: per pixel, what would be seen were the thing seen first not there (its shadow stays)."""
-        first = self.cast(camera).group
-        seen = self.cast(camera, through=first)
+        first = self.raycast(camera).group
+        seen = self.raycast(camera, through=first)
         return RGBD(seen.color, seen.depth, camera)
 
-    def cast(self, camera: Camera, *, object: bool = True, through: np.ndarray | None = None) -> Cast:
-        """Everything at once. `through`: H x W int32, the group that each pixel sees through (-1: none)."""
-        from dlama.worlds.raycast.intersection import GROUP
-        from dlama.worlds.raycast.shading import cast
-
+    def raycast(self, camera: Camera, *, object: bool = True, through: Int32Array | None = None) -> Raycast:
+        """All that a camera sees. `through`: H x W, the group that each pixel sees through (-1: none)."""
         hw = camera.hw
         gone = -1 if object else self.object_index
         skip = np.full(hw, gone, np.int32) if through is None else np.ascontiguousarray(through, np.int32)
-        boxes, order = self._before(camera)
+        boxes, order = boxes_by_depth(self.shapes, camera)
         color, depth = np.empty((*hw, 3), np.uint8), np.empty(hw, np.float32)
         keys, lights = np.empty(hw, np.int32), np.empty(hw, np.uint8)
         pose = camera.world_from_cam
         numbers = np.array([*pose[:3, 3], *pose[:3, :3].ravel(), camera.fx, camera.fy, camera.cx, camera.cy])
-        cast(
-            self.shapes, self.textures, boxes, order, numbers, *self._shade, skip, gone, int(self.antialias),
+        cast_rays(
+            self.shapes, self.textures, boxes, order, numbers, *self._lighting, skip, gone, int(self.antialias),
             color, depth, keys, lights,
         )  # fmt: skip
         groups = np.append(self.shapes[:, GROUP], -1).astype(np.int32)
-        return Cast(color, depth, groups[keys >> 4], lights)
-
-    def _before(self, camera: Camera) -> tuple[Float64Array, np.ndarray]:
-        """Bounding boxes in camera axes with their nearest depth (M x 13), nearest first, and whose they are (M)."""
-        from dlama.worlds.raycast.stage import bounds
-
-        centre, edges = bounds(self.shapes)
-        cam_from_world = camera.cam_from_world
-        centre = centre @ cam_from_world[:3, :3].T + cam_from_world[:3, 3]
-        edges = edges @ cam_from_world[:3, :3].T
-        reach = np.abs(edges[..., 2]).sum(1)
-        near = centre[:, 2] - reach
-        order = np.argsort(near, kind="stable")
-        order = order[(centre[:, 2] + reach > 0)[order]]
-        boxes = np.concatenate([centre, edges.reshape(-1, 9), near[:, None]], 1)
-        return np.ascontiguousarray(boxes[order]), order.astype(np.int32)
+        return Raycast(color, depth, groups[keys >> 4], lights)
 
 
-def classes_of(group: np.ndarray, object_index: int = OBJECT) -> UInt8Array:
-    """Group numbers as classes: 0 background, 1 object, 2 sky."""
+def classes_of(group: Int32Array, object_index: int = OBJECT_GROUP) -> UInt8Array:
+    """Group numbers (H x W) as classes: 0 background, 1 object, 2 sky."""
     return np.where(group < 0, 2, group == object_index).astype(np.uint8)
 
 

@@ -10,7 +10,7 @@ import math
 import numpy as np
 from numba import njit
 
-from dlama.worlds.raycast.intersection import CLOUD, COVER, HORIZON, LEVELS, MIRROR, SIDE, WRAP, ZENITH
+from dlama.worlds.raycast.shape_rows import CLOUD, COVER, HORIZON, LEVELS, MIRROR, SIDE, WRAP, ZENITH
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
