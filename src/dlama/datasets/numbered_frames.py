@@ -24,7 +24,7 @@ from dlama.errors import FileError, ShapeError
 from dlama.files.cameras import checked_camera
 from dlama.files.pictures import read_color
 from dlama.geometry.camera import Camera, inverse_pose
-from dlama.geometry.projection import project
+from dlama.geometry.projection import project, rays
 from dlama.geometry.rgbd import RGBD, Float32Array
 
 DEPTH_LENS = Lens("7-Scenes' published camera", (585.0, 585.0, 320.0, 240.0), 0.0, (480, 640))
@@ -137,11 +137,9 @@ def moved_depth(depth: Float32Array, source: Camera, target: Camera) -> Float32A
     """
     rows, columns = np.nonzero(depth)
     z = depth[rows, columns].astype(np.float64)
-    local = np.stack(
-        [(columns + 0.5 - source.cx) / source.fx, (rows + 0.5 - source.cy) / source.fy, np.ones_like(z)], 1
-    )
+    local = rays(source)[rows, columns] * z[:, None]
     pose = source.world_from_cam
-    pixels, seen_at = project((local * z[:, None]) @ pose[:3, :3].T + pose[:3, 3], target)
+    pixels, seen_at = project(local @ pose[:3, :3].T + pose[:3, 3], target)
     inside = (pixels >= 0).all(1) & (pixels[:, 0] < target.width) & (pixels[:, 1] < target.height)
     flat = pixels[inside].astype(np.intp) @ (1, target.width)
     out = np.full(target.height * target.width, np.inf, np.float32)

@@ -17,6 +17,7 @@ from dlama.datasets.rotations import rotation_deg
 from dlama.datasets.text_tables import scene_folders
 from dlama.errors import FileError, InputError
 from dlama.geometry.camera import Camera, Float64Array
+from dlama.geometry.projection import project, rays
 from dlama.geometry.rgbd import RGBD, Float32Array
 
 LOG = logging.getLogger("dlama")
@@ -135,14 +136,11 @@ class Overlaps:
         assert not isinstance(one, InputError) and not isinstance(other, InputError)
         points, every_pixel, _ = one
         _, depth, camera = other
-        local = (points - camera.world_from_cam[:3, 3]) @ camera.world_from_cam[:3, :3]
-        local = local[local[:, 2] > 0]
-        x = (local[:, 0] / local[:, 2] * camera.fx + camera.cx) / camera.width * depth.shape[1]
-        y = (local[:, 1] / local[:, 2] * camera.fy + camera.cy) / camera.height * depth.shape[0]
+        pixels, z = project(points, camera)
+        x, y = pixels[:, 0] / camera.width * depth.shape[1], pixels[:, 1] / camera.height * depth.shape[0]
         inside = (x >= 0) & (x < depth.shape[1]) & (y >= 0) & (y < depth.shape[0])
         there = depth[y[inside].astype(np.intp), x[inside].astype(np.intp)]
-        z = local[inside, 2]
-        return float((np.abs(there - z) <= LANDS_WITHIN * there).sum() / every_pixel.size)
+        return float((np.abs(there - z[inside]) <= LANDS_WITHIN * there).sum() / every_pixel.size)
 
     def _of(self, number: int) -> tuple[Float64Array, Float32Array, Camera] | InputError:
         if number not in self._seen:
@@ -158,8 +156,7 @@ def _sampled(depth: Float32Array, camera: Camera) -> tuple[Float64Array, Float32
     rows, columns = (np.arange(min(EVERY_PIXEL, n) // 2, n, EVERY_PIXEL) for n in depth.shape)
     small = depth[rows[:, None], columns]
     small[~np.isfinite(small)] = 0
-    x, y = np.meshgrid((columns + 0.5 - camera.cx) / camera.fx, (rows + 0.5 - camera.cy) / camera.fy)
-    local = (np.stack([x, y, np.ones_like(x)], -1) * small[..., None])[small > 0]
+    local = (rays(camera)[rows[:, None], columns] * small[..., None])[small > 0]
     pose = camera.world_from_cam
     return local @ pose[:3, :3].T + pose[:3, 3], small, camera
 

@@ -5,7 +5,6 @@ Inside the package a mask is a bool field, True = remove / fill; thresholds and 
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -14,7 +13,8 @@ import numpy as np
 
 from dlama.errors import FileError, MaskError, ShapeError
 from dlama.files.atomic_write import PathLike, new_file
-from dlama.files.images import existing, read_stored
+from dlama.files.images import read_stored
+from dlama.files.semantic_classes import class_color
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 
 if TYPE_CHECKING:
@@ -22,9 +22,6 @@ if TYPE_CHECKING:
 
 LOWEST_WHITE = 247
 HIGHEST_BLACK = 8
-CLASSES_FILE = "SemanticClasses.csv"
-FOLDERS_UP = 3
-"""How many folders above the semantic picture its class table is looked for (EasySynth: 2)."""
 PNG_LEVEL = 2
 """zlib level: on photographs three times as fast as Pillow's 6 and 4 % larger."""
 
@@ -187,7 +184,7 @@ def _white(path: PathLike, grey: UInt8Array, soft: bool) -> BoolArray:
 def _class_mask(path: PathLike, mask_class: str, classes_csv: PathLike | None) -> BoolArray:
     """Where a semantic picture shows exactly the colour of one class."""
     picture = read_color(path)
-    wanted = _class_color(path, mask_class, classes_csv)
+    wanted = class_color(mask_class, classes_csv, path)
     mask = (picture == np.array(wanted, np.uint8)).all(axis=2)
     if not mask.any():
         found = np.unique(picture.reshape(-1, 3), axis=0)
@@ -196,34 +193,3 @@ def _class_mask(path: PathLike, mask_class: str, classes_csv: PathLike | None) -
             f"{path}: no pixel shows class {mask_class} ({wanted[0]},{wanted[1]},{wanted[2]}); found: {shown}"
         )
     return mask
-
-
-def _class_color(path: PathLike, mask_class: str, classes_csv: PathLike | None) -> tuple[int, int, int]:
-    parts = mask_class.split(",")
-    if len(parts) == 3 and all(part.strip().isdecimal() and int(part) <= 255 for part in parts):
-        return int(parts[0]), int(parts[1]), int(parts[2])
-    table = _classes_file(path) if classes_csv is None else existing(classes_csv)
-    classes = _classes(table)
-    if mask_class not in classes:
-        raise MaskError(f"{table}: no class is called {mask_class!r}; known: {', '.join(classes)}; or give R,G,B")
-    return classes[mask_class]
-
-
-def _classes_file(path: PathLike) -> Path:
-    for folder in list(Path(path).absolute().parents)[: FOLDERS_UP + 1]:
-        if (folder / CLASSES_FILE).is_file():
-            return folder / CLASSES_FILE
-    raise MaskError(f"{path}: no {CLASSES_FILE} beside it or up to {FOLDERS_UP} folders above; give the class as R,G,B")
-
-
-def _classes(table: Path) -> dict[str, tuple[int, int, int]]:
-    """EasySynth's class table: `name,R,G,B` on each line, no header."""
-    classes = {}
-    try:
-        for row in csv.reader(table.read_text(encoding="utf-8-sig").splitlines()):
-            if row:
-                name, red, green, blue = row
-                classes[name] = (int(red), int(green), int(blue))
-    except (ValueError, csv.Error) as error:
-        raise FileError(f"{table}: a line is not 'name,R,G,B' ({error})") from error
-    return classes

@@ -18,7 +18,8 @@ from dlama.datasets.frames import Case, Dataset, Frame, Gamma, RemovalTruth, Ste
 from dlama.datasets.layouts import check_limit, narrowed, open_dataset, refuse_unused
 from dlama.datasets.posed_frames import CameraOption
 from dlama.errors import FileError, InputError
-from dlama.geometry.camera import Camera
+from dlama.geometry.camera import Camera, StereoRig
+from dlama.geometry.projection import disparity_from_depth
 from dlama.geometry.rgbd import RGBD, Float32Array
 from dlama.worlds.layouts.random_scene import build
 from dlama.worlds.world import BASELINE_M, SIZE, Kind, World, yaw_order
@@ -182,13 +183,12 @@ def _stereo_truth(settings: WorldSettings) -> StereoTruth:
     made = settings.world()
     rig = made.rig(BASELINE_M, settings.size)
     left, right = made.raycast(rig.left), made.raycast(rig.right)
-    reach = rig.left.fx * rig.baseline_m
     return StereoTruth(
         left=left.color,
         right=right.color,
         rig=rig,
-        disparity_left=_disparity(left.depth, reach),
-        disparity_right=_disparity(right.depth, reach),
+        disparity_left=_disparity(rig, left.depth),
+        disparity_right=_disparity(rig, right.depth),
         mask_left=left.group == made.object_index,
         mask_right=right.group == made.object_index,
         without_left=made.frame(rig.left, object=False),
@@ -196,9 +196,9 @@ def _stereo_truth(settings: WorldSettings) -> StereoTruth:
     )
 
 
-def _disparity(depth: Float32Array, reach: float) -> Float32Array:
-    """fx baseline / Z in px; the sky's is 0."""
-    return (reach / depth.astype(np.float64)).astype(np.float32)
+def _disparity(rig: StereoRig, depth: Float32Array) -> Float32Array:
+    """H x W px; the sky's is 0."""
+    return disparity_from_depth(depth, fx=rig.left.fx, baseline_m=rig.baseline_m)
 
 
 def open_dataset_or_worlds(

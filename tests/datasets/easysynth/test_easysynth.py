@@ -16,7 +16,7 @@ from dlama.datasets.easysynth.text_files import opencv_pose, read_poses, unreal_
 from dlama.datasets.easysynth.writer import SequenceFrame, write_scene, write_sequence
 from dlama.datasets.frames import RemovalTruth, StereoTruth, ViewTruth
 from dlama.datasets.rotations import quaternion_of, rotation_of
-from dlama.errors import CameraError, DepthError, FileError, InputError
+from dlama.errors import CameraError, DepthError, FileError, InputError, MaskError
 from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.trajectories import dolly, orbit
@@ -256,7 +256,7 @@ def test_frames_that_do_not_show_the_object_are_no_removals(tmp_path: Path) -> N
     assert [case.frame for case in data.of("vpi")] == ["with-0001", "with-0002"]
     named = easysynth(tmp_path / "w", removal_object="255,0,0").of("ori")[0].load()
     assert isinstance(named, RemovalTruth) and named.mask.sum() == 20 and named.shadow is None
-    with pytest.raises(FileError, match=r"SemanticClasses.csv: no class is called 'car'; known: background, object"):
+    with pytest.raises(MaskError, match=r"SemanticClasses.csv: no class is called 'car'; known: background, object"):
         easysynth(tmp_path / "w", removal_object="car")
 
 

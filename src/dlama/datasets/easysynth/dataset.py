@@ -17,12 +17,12 @@ from dlama.datasets.easysynth.frames import (
     load_stereo,
     load_view,
 )
-from dlama.datasets.easysynth.listing import CLASSES, POSES, CameraPair, Options, Sequence, read_sequence, scenes
-from dlama.datasets.easysynth.text_files import RGB, read_classes
+from dlama.datasets.easysynth.listing import POSES, CameraPair, Options, Sequence, read_sequence, scenes
 from dlama.datasets.frames import Case, Dataset, Gamma, Protocol, Truth
 from dlama.datasets.posed_frames import PosedFrame
 from dlama.datasets.rotations import rotation_deg
 from dlama.errors import CameraError, FileError
+from dlama.files.semantic_classes import CLASSES_FILE, RGB, class_color
 from dlama.geometry.camera import Float64Array, inverse_pose
 
 LAYOUT = "easysynth"
@@ -132,7 +132,10 @@ def _cases(sequences: list[Sequence], removal_object: str | None) -> Iterator[_C
         if any(sequence is truth for truth in truths):
             continue
         without = truth_of.get(sequence.folder.name)
-        color = None if without is None else _object_color(sequence.folder, removal_object)
+        color = None
+        if without is not None:
+            table = sequence.folder / CLASSES_FILE
+            color = class_color(removal_object or OBJECT_CLASS, table, sequence.folder)
         pair = sequence.pair()
         if pair is not None:
             yield from _sii(sequence, pair, without, color)
@@ -200,17 +203,3 @@ def _same_poses(sequence: Sequence, without: Sequence, camera: str) -> dict[int,
             )
         truths[identity] = files
     return truths
-
-
-def _object_color(folder: Path, removal_object: str | None) -> RGB:
-    """The colour of the class to remove."""
-    parts = (removal_object or "").split(",")
-    if len(parts) == 3 and all(part.strip().isdecimal() and int(part) <= 255 for part in parts):
-        return int(parts[0]), int(parts[1]), int(parts[2])
-    classes, wanted = read_classes(folder / CLASSES), removal_object or OBJECT_CLASS
-    if wanted not in classes:
-        raise FileError(
-            f"{folder / CLASSES}: no class is called '{wanted}'; known: {', '.join(classes)}; "
-            "name the one to remove: removal_object=NAME or R,G,B"
-        )
-    return classes[wanted]

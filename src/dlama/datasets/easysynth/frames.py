@@ -9,13 +9,15 @@ from typing import Literal
 import numpy as np
 
 from dlama.datasets.easysynth.shadow import cast_shadow
-from dlama.datasets.easysynth.text_files import RGB, Sensor
+from dlama.datasets.easysynth.text_files import Sensor
 from dlama.datasets.frames import Gamma, RemovalTruth, StereoTruth, ViewTruth
 from dlama.errors import CameraError, DepthError, FileError, MaskError
 from dlama.files.depth import read_depth
 from dlama.files.images import read_stored
 from dlama.files.pictures import read_color
+from dlama.files.semantic_classes import RGB
 from dlama.geometry.camera import Camera, Float64Array, StereoRig
+from dlama.geometry.projection import disparity_from_depth
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array
 
 DepthKind = Literal["millimetres", "exr", "png"]
@@ -114,10 +116,9 @@ def _visible(files: RenderedFrame, color: RGB) -> BoolArray:
 
 
 def _disparity(rig: StereoRig, depth: Float32Array) -> Float32Array:
-    """H x W px, Z = fx baseline / (disparity + doffs); 0 where depth is missing, or disparity is not > 0."""
-    known = np.where(depth > 0, depth, np.inf).astype(np.float64)
-    disparity = rig.left.fx * rig.baseline_m / known - rig.doffs
-    return np.where((depth > 0) & (disparity > 0), disparity, 0).astype(np.float32)
+    """H x W px; 0 where depth is missing, or disparity is not > 0."""
+    disparity = disparity_from_depth(depth, fx=rig.left.fx, baseline_m=rig.baseline_m, doffs=rig.doffs)
+    return np.maximum(disparity, 0)
 
 
 def _depth(files: RenderedFrame) -> Float32Array:

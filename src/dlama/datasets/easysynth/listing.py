@@ -12,7 +12,7 @@ from dlama.datasets.frames import Gamma
 from dlama.errors import CameraError, DepthError, FileError, InputError
 from dlama.geometry.camera import StereoRig
 
-RIG, POSES, CLASSES = "CameraRig.json", "CameraPoses.csv", "SemanticClasses.csv"
+RIG, POSES = "CameraRig.json", "CameraPoses.csv"
 COLOR, DEPTH, SEMANTIC, MILLIMETRES = "ColorImage", "DepthImage", "SemanticImage", "DepthMM"
 PICTURE = re.compile(r"(?P<stem>.*\D|)(?P<number>\d+)(?P<suffix>\.(?:png|jpe?g|exr))", re.IGNORECASE)
 """<Sequence>.<NNNN>.<png, jpeg or exr>."""

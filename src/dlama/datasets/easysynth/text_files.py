@@ -1,4 +1,4 @@
-"""EasySynth's text files in; posed cameras (OpenCV axes, metres) and semantic classes out. Bad values named by line and column.
+"""CameraPoses.csv and CameraRig.json in; posed cameras (OpenCV axes, metres) out; bad values named by line and column.
 
 Unreal's axes are left-handed, X forward, Y right, Z up, in centimetres; its quaternion turns camera axes into world axes.
 With P the map of axes to OpenCV's (det P = -1: the handedness flips) R_cv = P R(q) P^T and t_cv = P t / 100.
@@ -19,10 +19,8 @@ from numpy.typing import ArrayLike
 from dlama.datasets.rotations import QUATERNION_TOLERANCE, quaternion_of, rotation_of
 from dlama.errors import CameraError, FileError
 from dlama.files.checked_fields import FileFields
-from dlama.files.images import existing
+from dlama.files.semantic_classes import unreal_text
 from dlama.geometry.camera import Camera, Float64Array
-
-RGB = tuple[int, int, int]
 
 OPENCV_FROM_UNREAL = np.array([[0.0, 1, 0], [0, 0, -1], [1, 0, 0]])
 """x = Y, y = -Z, z = X."""
@@ -92,7 +90,7 @@ def read_poses(path: Path) -> dict[int, Pose]:
     Raises FileError naming line and column: an unknown header, a value that is no finite number, an id given twice, a
     quaternion whose length is not 1, no pose at all.
     """
-    lines = _lines(path)
+    lines = unreal_text(path).splitlines()
     header = tuple(cell.strip() for cell in lines[0].split(","))
     if header not in (UNREAL_HEADER, METRIC_HEADER):
         raise FileError(
@@ -120,33 +118,13 @@ def read_rig(path: Path) -> dict[str, RigCamera]:
     Raises FileError (no JSON: with line and column; a field missing), CameraError (a value that cannot be).
     """
     try:
-        content = json.loads(_text(path))
+        content = json.loads(unreal_text(path))
     except json.JSONDecodeError as error:
         raise FileError(f"{path}:{error.lineno}:{error.colno}: is no JSON ({error.msg})") from error
     cameras = content.get("cameras") if isinstance(content, dict) else None
     if not isinstance(cameras, dict) or not cameras:
         raise FileError(f"{path}: field 'cameras' with a camera by name is wanted")
     return {name: _rig_camera(path, name, values) for name, values in cameras.items()}
-
-
-def read_classes(path: Path) -> dict[str, RGB]:
-    """The colours of a SemanticClasses.csv by name: lines `name,R,G,B`, no header.
-
-    Raises FileError naming line and column.
-    """
-    classes: dict[str, RGB] = {}
-    for number, line in enumerate(_lines(path), 1):
-        if not line.strip():
-            continue
-        name, *colors = line.rsplit(",", 3)  # a name may hold commas
-        if len(colors) != 3:
-            raise FileError(f"{path}:{number}:1: the line is '{line[:80]}'; name,R,G,B is wanted")
-        row = _Row(path, number, ("R", "G", "B"), ",".join(colors), begins=len(name) + 2)
-        red, green, blue = (row.whole(channel, 255) for channel in "RGB")
-        if name.strip() in classes:
-            raise FileError(f"{path}:{number}:1: class '{name.strip()}' is there for the second time")
-        classes[name.strip()] = (red, green, blue)
-    return classes
 
 
 def opencv_pose(translation_cm: ArrayLike, quaternion_xyzw: ArrayLike) -> Float64Array:
@@ -197,12 +175,11 @@ class _Row:
         """Finite numbers."""
         return [self.number(name) for name in names]
 
-    def whole(self, name: str, largest: int | None = None) -> int:
+    def whole(self, name: str) -> int:
         """A whole number >= 0."""
         text = self._cells[name]
-        if not (text.isascii() and text.isdecimal()) or (largest is not None and int(text) > largest):
-            wanted = "a whole number >= 0" if largest is None else f"a whole number 0..{largest}"
-            raise self.error(name, f"is '{text}'; {wanted} is wanted")
+        if not (text.isascii() and text.isdecimal()):
+            raise self.error(name, f"is '{text}'; a whole number >= 0 is wanted")
         return int(text)
 
 
@@ -250,18 +227,3 @@ def _rig_camera(path: Path, name: str, values: Any) -> RigCamera:
         raise CameraError(f"{where}.sensor_size is {values['sensor_size']}; width and height > 0 are wanted")
     sensor = Sensor(float(fx), float(fy), float(cx), float(cy), float(width), float(height), path)
     return RigCamera(sensor, opencv_pose(fields.matrix("translation", (1, 3))[0], quaternion))
-
-
-def _lines(path: Path) -> list[str]:
-    return _text(path).splitlines()
-
-
-def _text(path: Path) -> str:
-    """Unreal writes UTF-16 with a byte order mark as soon as one letter needs it, else one byte per letter."""
-    data = existing(path).read_bytes()
-    encoding = "utf-16" if data[:2] in (b"\xff\xfe", b"\xfe\xff") else "utf-8-sig"
-    try:
-        return data.decode(encoding)
-    except UnicodeDecodeError as error:
-        line = data[: error.start].count(b"\n") + 1
-        raise FileError(f"{path}:{line}:1: is no {encoding} text") from error

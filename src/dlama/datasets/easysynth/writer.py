@@ -11,16 +11,16 @@ from typing import Literal
 
 import numpy as np
 
-from dlama.datasets.easysynth.listing import CLASSES, COLOR, DEPTH, MILLIMETRES, POSES, RIG, SEMANTIC
+from dlama.datasets.easysynth.listing import COLOR, DEPTH, MILLIMETRES, POSES, RIG, SEMANTIC
 from dlama.datasets.easysynth.text_files import UNREAL_HEADER, unreal_pose
 from dlama.errors import CameraError, InputError, OutputError, ShapeError
 from dlama.files.atomic_write import new_directory, new_file
 from dlama.files.depth import write_depth_png
 from dlama.files.pictures import write_color
+from dlama.files.semantic_classes import CLASSES_FILE, RGB
 from dlama.geometry.camera import Camera, Float64Array, StereoRig
 from dlama.geometry.rgbd import RGBD, Float32Array, UInt8Array
 
-RGB = tuple[int, int, int]
 ColorFormat = Literal["png", "jpeg"]
 
 FRAME_TIME_S = 1 / 30
@@ -217,7 +217,7 @@ def _write_rig(folder: Path, cameras: Mapping[str, list[Camera]], style: _Style)
     }
     _write_text(folder / RIG, json.dumps({"cameras": places}, indent="\t"))
     lines = [f"{name},{red},{green},{blue}" for name, (red, green, blue) in style.classes.items()]
-    _write_text(folder / CLASSES, "\n".join(lines) + "\n")
+    _write_text(folder / CLASSES_FILE, "\n".join(lines) + "\n")
 
 
 def _rig_camera(camera: Camera, rig_from_cam: Float64Array) -> dict[str, list[float]]:

@@ -1,0 +1,80 @@
+"""EasySynth's SemanticClasses.csv in (lines `name,R,G,B`, no header); the colours of classes by name out."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from dlama.errors import FileError, MaskError
+from dlama.files.atomic_write import PathLike
+from dlama.files.images import existing
+
+RGB = tuple[int, int, int]
+CLASSES_FILE = "SemanticClasses.csv"
+FOLDERS_UP = 3
+"""How many folders above a semantic picture its class table is looked for (EasySynth: 2)."""
+
+
+def read_classes(path: PathLike) -> dict[str, RGB]:
+    """The colours of all classes by name, each channel 0..255; raises FileError naming line and column."""
+    classes: dict[str, RGB] = {}
+    for number, line in enumerate(unreal_text(path).splitlines(), 1):
+        if not line.strip():
+            continue
+        name, *cells = line.rsplit(",", 3)  # a name may hold commas
+        if len(cells) != 3:
+            raise FileError(f"{path}:{number}:1: the line is '{line[:80]}'; name,R,G,B is wanted")
+        column, color = len(name) + 2, []
+        for channel, cell in zip("RGB", cells):
+            color.append(
+                _channel(f"{path}:{number}:{column + len(cell) - len(cell.lstrip())}: {channel}", cell.strip())
+            )
+            column += len(cell) + 1
+        if name.strip() in classes:
+            raise FileError(f"{path}:{number}:1: class '{name.strip()}' is there for the second time")
+        classes[name.strip()] = (color[0], color[1], color[2])
+    return classes
+
+
+def class_color(wanted: str, classes_csv: PathLike | None, picture: PathLike) -> RGB:
+    """The colour of a class given as "R,G,B", or by its name in a SemanticClasses.csv.
+
+    Where `classes_csv` is None the table is looked for beside the semantic `picture` and up to three folders above.
+    Raises MaskError (no table, or no such name: it lists the known), FileError (what the table holds).
+    """
+    parts = wanted.split(",")
+    if len(parts) == 3 and all(part.strip().isdecimal() and int(part) <= 255 for part in parts):
+        return int(parts[0]), int(parts[1]), int(parts[2])
+    table = _table_beside(picture) if classes_csv is None else classes_csv
+    classes = read_classes(table)
+    if wanted not in classes:
+        raise MaskError(f"{table}: no class is called '{wanted}'; known: {', '.join(classes)}; or give R,G,B")
+    return classes[wanted]
+
+
+def unreal_text(path: PathLike) -> str:
+    """A text file as Unreal writes it: UTF-16 with a byte order mark as soon as one letter needs it, else UTF-8.
+
+    Raises FileError.
+    """
+    data = existing(path).read_bytes()
+    encoding = "utf-16" if data[:2] in (b"\xff\xfe", b"\xfe\xff") else "utf-8-sig"
+    try:
+        return data.decode(encoding)
+    except UnicodeDecodeError as error:
+        line = data[: error.start].count(b"\n") + 1
+        raise FileError(f"{path}:{line}:1: is no {encoding} text") from error
+
+
+def _table_beside(picture: PathLike) -> Path:
+    for folder in list(Path(picture).absolute().parents)[: FOLDERS_UP + 1]:
+        if (folder / CLASSES_FILE).is_file():
+            return folder / CLASSES_FILE
+    raise MaskError(
+        f"{picture}: no {CLASSES_FILE} beside it or up to {FOLDERS_UP} folders above; give the class as R,G,B"
+    )
+
+
+def _channel(where: str, text: str) -> int:
+    if not (text.isascii() and text.isdecimal()) or int(text) > 255:
+        raise FileError(f"{where} is '{text}'; a whole number 0..255 is wanted")
+    return int(text)
