@@ -22,7 +22,7 @@ from dlama.completion import pipeline as scenes
 from dlama.completion.recipes import find_recipe
 from dlama.evaluation.metrics.pictures import depth_8bit
 from dlama.evaluation.protocols.methods import ProtocolSettings
-from dlama.evaluation.protocols.scores import Answer
+from dlama.evaluation.protocols.scores import Reference
 from dlama.geometry import rendering
 from dlama.geometry.camera import Camera
 from dlama.geometry.projection import lift
@@ -127,8 +127,8 @@ WAYS: dict[str, Callable[[RGBD, Camera], Made]] = {
 def measured(made: Made, target: RGBD) -> list[float]:
     """The seven numbers of the reference's columns."""
     hole, color, depth = made
-    answer = Answer(target.color, target.depth, {}, ProtocolSettings(clip_m=CLIP_M))
-    found = {(m.modality, m.metric): m.value for m in answer.color_measures(color) + answer.depth_measures(depth)}
+    reference = Reference(target.color, target.depth, {}, ProtocolSettings(clip_m=CLIP_M))
+    found = {(m.modality, m.metric): m.value for m in reference.color_measures(color) + reference.depth_measures(depth)}
     return [hole, *(found[modality, metric] for modality in ("rgb", "depth") for metric in ("ssim", "lpips", "mse"))]
 
 

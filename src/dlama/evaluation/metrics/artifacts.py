@@ -1,19 +1,20 @@
-"""The troubles that the paper names, as numbers: a completion and the truth in; measures out.
+"""Filled colour and depth and the truth in; numbers for the artifacts that the paper names out.
 
-- Colour and depth are filled apart and drift: `edge_offset` px from each depth edge of the fill to the nearest colour
-  edge (`edge_offset_truth`: the truth's own, for a true frame's colour edges do not all stand on depth edges either).
+- Colour and depth are filled independently and drift apart: `edge_offset`, px from each depth edge of the fill to the nearest
+  colour edge (`edge_offset_truth`: the same of the truth, where not every depth edge has a colour edge either).
 - Three equal depth channels come back unequal: `channel_spread`, mean of largest minus smallest, in grey levels.
 - Points that should be hidden show through: `leaks`, % of what the warped view shows in the seen region.
-- Filled depth hides what was measured: `law_violations` pixels by the method's own count, and `law_broken`, % of the
-  filled pixels by the law as the uncut measurements lay it down (the paper's clip at 10 m puts fill before the sky).
+- Filled depth hides what was measured: `law_violations`, pixels by the method's own count, and `law_broken`, % of the
+  filled pixels by the law of the uncut measurements (the paper's clip at 10 m puts filled depth in front of the sky).
+
+`channel_spread` and `law_violations` are counted while filling; the others are measured here.
 """
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 
-from dlama.evaluation.protocols.methods import Measure
-from dlama.evaluation.protocols.runs import Run
 from dlama.geometry.rendering import inverse_depth
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
 from dlama.geometry.scene import Scene
@@ -30,31 +31,16 @@ LEAK = 0.05
 """Relative depth by which a pixel must lie behind the truth to be a leak."""
 
 
-def fill_troubles(
-    run: Run, view: View, color: UInt8Array, region: BoolArray, name: str, truth: RGBD, source: RGBD | None = None
-) -> list[Measure]:
-    """What can be said of any fill; nothing of the baseline that fills nothing.
+def edge_offset(color: UInt8Array, depth: Float32Array, region: BoolArray) -> float | None:
+    """Mean distance from the depth edges in a region to the nearest colour edge.
 
     Args:
-        view: the completed one.
-        color: its colours in the truth's exposure.
-        region: H x W, the pixels whose edges are looked at; `name` is what it is called.
-        source: what was measured; None leaves `law_broken` out.
+        color: H x W x 3.
+        depth: H x W metres; 0 = missing, inf = far.
+        region: H x W.
+    Returns:
+        px, 0..FARTHEST_EDGE; None where the region has no depth edge.
     """
-    if not run.fills:
-        return []
-    offsets = {
-        "edge_offset": edge_offset(color, view.depth, region),
-        "edge_offset_truth": edge_offset(truth.color, truth.depth, region),
-    }
-    found = [Measure(name, "depth", metric, value) for metric, value in offsets.items() if value is not None]
-    return found + spread_measures(run) + law_measures(run, view, source)
-
-
-def edge_offset(color: UInt8Array, depth: Float32Array, region: BoolArray) -> float | None:
-    """Mean distance in px from the depth edges in a region to the nearest colour edge; None: no depth edge there."""
-    import cv2
-
     steps = depth_edges(depth) & region
     if not steps.any():
         return None
@@ -66,7 +52,7 @@ def edge_offset(color: UInt8Array, depth: Float32Array, region: BoolArray) -> fl
 
 
 def depth_edges(depth: Float32Array) -> BoolArray:
-    """H x W, True at the nearer pixel of two neighbours whose depths part; far counts, missing says nothing."""
+    """H x W, True at the nearer of two neighbours that differ by DEPTH_STEP or more; far counts, missing does not."""
     w = np.where(depth > 0, inverse_depth(depth), np.nan)
     edges = np.zeros(depth.shape, np.bool_)
     for here, there in ((np.s_[:, :-1], np.s_[:, 1:]), (np.s_[:-1], np.s_[1:])):
@@ -77,30 +63,28 @@ def depth_edges(depth: Float32Array) -> BoolArray:
     return edges
 
 
-def spread_measures(run: Run) -> list[Measure]:
-    """How far the depth channels of a three-channel filler came apart, where it says so."""
-    spread = run.completion.meta.get("notes", {}).get("depth_channel_spread")
-    return [] if spread is None else [Measure("whole", "depth", "channel_spread", float(spread))]
-
-
-def law_measures(run: Run, view: View, source: RGBD | None) -> list[Measure]:
-    """Violations of the visibility law, by the method's own count and by the uncut measurements."""
-    own = Measure("whole", "depth_m", "law_violations", float(run.completion.meta["law_violations"]))
+def law_broken(view: View, source: RGBD) -> float | None:
+    """% of a view's filled pixels that break the visibility law of the source's uncut measurements; None: none is filled."""
     filled = int(view.filled.sum())
-    if source is None or not filled:
-        return [own]
-    broken = int(violations(view, Law.of(Scene((View.from_rgbd(source),)))).sum())
-    return [own, Measure("whole", "depth_m", "law_broken", 100 * broken / filled)]
+    if not filled:
+        return None
+    return 100 * int(violations(view, Law.of(Scene((View.from_rgbd(source),)))).sum()) / filled
 
 
-def leaks(warped: View, truth: RGBD, seen: BoolArray, clip_m: float | None = None) -> list[Measure]:
-    """% of the seen region's pixels, shown in the view before filling, that lie behind the truth: what should be hidden.
+def leak_share(warped: View, truth: RGBD, seen: BoolArray, clip_m: float | None = None) -> float | None:
+    """Share of what the view before filling shows in the seen region that lies behind the truth, so should be hidden.
 
-    Depths are cut at `clip_m`, so that the recipe which clips is judged by what it claims to show.
+    Args:
+        warped: the view before filling.
+        truth: of the same camera.
+        seen: H x W, the region.
+        clip_m: metres at which both depths are cut, so that a recipe that clips is judged by what it claims to show.
+    Returns:
+        %, 0..100; None where nothing is shown.
     """
     limit = np.float32(np.inf if clip_m is None else clip_m)
     shown = seen & ~warped.hole & (truth.depth > 0)
     if not shown.any():
-        return []
+        return None
     there, mine = np.minimum(truth.depth[shown], limit), np.minimum(warped.depth[shown], limit)
-    return [Measure("seen", "depth_m", "leaks", 100 * float((mine > there * np.float32(1 + LEAK)).mean()))]
+    return 100 * float((mine > there * np.float32(1 + LEAK)).mean())

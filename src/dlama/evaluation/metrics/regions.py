@@ -37,7 +37,7 @@ Regions = dict[str, BoolArray]
 
 
 @dataclass(frozen=True, eq=False)
-class Sight:
+class SourceVisibility:
     """What a source camera sees of a target picture, H x W of the target each; all False = unknown."""
 
     seen: BoolArray
@@ -68,7 +68,9 @@ class Sight:
         return color[self.row, self.column] * self.seen[..., None]
 
 
-def sight(source: RGBD, target: RGBD, object_mask: BoolArray | None = None, tolerance: float = SEEN_TOLERANCE) -> Sight:
+def source_visibility(
+    source: RGBD, target: RGBD, object_mask: BoolArray | None = None, tolerance: float = SEEN_TOLERANCE
+) -> SourceVisibility:
     """Sorts the target's pixels by what the source sees of them; the rules stand at the top of the file.
 
     Args:
@@ -90,7 +92,7 @@ def sight(source: RGBD, target: RGBD, object_mask: BoolArray | None = None, tole
     seen = given & inside & (matches | (known & ~nearer))
     hidden = given & inside & known & nearer & ~matches
     by_object = hidden & object_mask[row, column] if object_mask is not None else np.zeros_like(hidden)
-    return Sight(seen, hidden & ~by_object, given & ~inside, by_object, column, row)
+    return SourceVisibility(seen, hidden & ~by_object, given & ~inside, by_object, column, row)
 
 
 def projected(source: RGBD, target: RGBD) -> tuple[Float64Array, Float64Array, Float64Array, BoolArray]:

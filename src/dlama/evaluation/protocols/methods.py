@@ -1,13 +1,22 @@
-"""What is evaluated (a recipe with a filler), how, and what comes out of it: measures and the pictures to look at."""
+"""A method (a recipe with a filler) and a frame in; the completion it makes and its seconds out, and what a protocol gives."""
 
 from __future__ import annotations
 
+import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
+import numpy as np
+
+from dlama.completion.pipeline import Completion, complete
+from dlama.completion.recipes import recipe
+from dlama.geometry.camera import Camera
+from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
+from dlama.geometry.view import View
+from dlama.geometry.visibility import Law
+from dlama.inpainters.filling import Fill
 
 NO_FILL = "none"
 """The filler of the baseline that fills nothing: holes stay black and without depth."""
@@ -29,6 +38,11 @@ class Method:
     def label(self) -> str:
         """`recipe/filler`, as tables name it."""
         return f"{self.recipe}/{self.filler}"
+
+    @property
+    def fills(self) -> bool:
+        """False for the baseline that leaves holes black and without depth."""
+        return self.filler != NO_FILL
 
 
 @dataclass(frozen=True)
@@ -95,3 +109,67 @@ class Scored:
     panel: Panel | None = None
     meta: Mapping[str, Any] = field(default_factory=dict)
     """The completion's own meta data."""
+
+
+@dataclass(frozen=True, eq=False)
+class MethodRun:
+    """What a method made of a case. Views are in the order of the cameras; -1 is the last."""
+
+    method: Method
+    completion: Completion
+    seconds: float
+    """Wall-clock seconds of the completion."""
+
+    def view(self, number: int = -1) -> View:
+        """The completed view, or for the baseline the one before filling."""
+        return self.completion.views[number] if self.method.fills else self.completion.warped[number]
+
+    def without_depth(self, number: int = -1) -> BoolArray | None:
+        """H x W, True where the view has no depth to measure; None: nowhere."""
+        return None if self.method.fills else self.completion.warped[number].hole
+
+    @property
+    def clip_m(self) -> float | None:
+        """Metres at which the recipe cuts depth; None: nowhere."""
+        return recipe(self.method.recipe, **self.method.changes).clip_m
+
+    def timing(self) -> Measure:
+        """Wall-clock seconds of the completion."""
+        return Measure("whole", "time", "seconds", self.seconds)
+
+    def hole_shares(self, number: int = -1, suffix: str = "") -> list[Measure]:
+        """The method's own holes in % of the picture: of colour, and of depth (a sensor hole lacks depth only)."""
+        warped = self.completion.warped[number]
+        return [
+            Measure("whole" + suffix, modality, "mask_ratio", 100 * float(hole.mean()))
+            for modality, hole in (("rgb", warped.color_hole), ("depth", warped.hole))
+        ]
+
+
+def run_method(
+    method: Method, source: RGBD, camera: Camera, mask: BoolArray | None = None, **changes: Any
+) -> MethodRun:
+    """One new view or removal by `dlama.completion.pipeline.complete`.
+
+    The baseline is rendered from what was measured alone, so nothing is filled in its source view either.
+
+    Args:
+        camera: of the new view.
+        mask: H x W of the source, True = the object to remove; None: nothing is removed.
+        changes: fields of the recipe, over the method's own.
+    Raises:
+        InputError, FileError and whatever else `complete` raises.
+    """
+    how: dict[str, Any] = {**method.changes, **changes}
+    if method.fills:
+        how |= {"filler": method.filler, "model": method.model}
+    else:
+        how |= {"filler": no_fill, "source_first": False}
+    started = time.perf_counter()
+    done = complete(source, [camera], mask=mask, recipe=method.recipe, seed=method.seed, **how)
+    return MethodRun(method, done, time.perf_counter() - started)
+
+
+def no_fill(view: View, law: Law, seed: int) -> Fill:
+    """The baseline's filler, whose fill nobody reads: black, and far."""
+    return Fill(np.zeros_like(view.color), np.full(view.depth.shape, np.inf, np.float32))

@@ -5,7 +5,7 @@ Regions: `mask` (as given, whatever a recipe dilates), `ring` (`ring_px` round i
 removed by the mask). Where the data set says which pixels are comparable, errors against the truth are taken only there.
 The restored background is also scored as a cloud: c-'s filled points against the truth's points, both inside the mask.
 
-Variants `mask-9` ... `mask+9` put an eroded or dilated mask (px, before the recipe's own dilation) to the same regions.
+Variants `mask-9` ... `mask+9` remove with an eroded or dilated mask (px, before the recipe's own dilation); the regions stay.
 The baseline that fills nothing leaves the object black and without depth: no metres and no cloud there.
 """
 
@@ -17,13 +17,11 @@ import numpy as np
 
 from dlama.datasets.frames import RemovalTruth, Truth
 from dlama.errors import InputError
-from dlama.evaluation.metrics.artifacts import fill_troubles
 from dlama.evaluation.metrics.clouds import cloud_scores
 from dlama.evaluation.metrics.pictures import channel_gain, depth_8bit, mse_map, region_mean
 from dlama.evaluation.metrics.regions import removal_regions
-from dlama.evaluation.protocols.methods import Measure, Method, ProtocolSettings, Scored
-from dlama.evaluation.protocols.runs import Run, panel, run_method
-from dlama.evaluation.protocols.scores import Answer, Gain
+from dlama.evaluation.protocols.methods import Measure, Method, MethodRun, ProtocolSettings, Scored, run_method
+from dlama.evaluation.protocols.scores import Gain, Reference, artifact_measures, picture_panel
 from dlama.geometry.cloud import PointCloud
 from dlama.geometry.holes import dilated, eroded
 from dlama.geometry.projection import lift, project
@@ -49,13 +47,13 @@ def score(truth: Truth, method: Method, settings: ProtocolSettings) -> list[Scor
 
 def score_mask(truth: RemovalTruth, method: Method, settings: ProtocolSettings, change: int) -> Scored:
     """One run, with the mask changed by so many px."""
-    answer = answer_of(truth, settings)
+    reference = reference_of(truth, settings)
     mask = changed_mask(truth.mask, change)
     run = run_method(method, truth.source, truth.source.camera, mask)
-    measures = removal_measures(run, answer, truth) + answer.shares()
+    measures = removal_measures(run, reference, truth) + reference.shares()
     if change:
         return Scored(tuple(measures), f"mask{change:+d}", meta=run.completion.meta)
-    shown = panel(run, answer, truth.source, truth.without)
+    shown = picture_panel(run, reference, truth.source, truth.without)
     return Scored(tuple(measures), panel=shown, meta=run.completion.meta)
 
 
@@ -64,27 +62,27 @@ def changed_mask(mask: BoolArray, change: int) -> BoolArray:
     return dilated(mask, change) if change >= 0 else eroded(mask, -change)
 
 
-def removal_measures(run: Run, answer: Answer, truth: RemovalTruth) -> list[Measure]:
+def removal_measures(run: MethodRun, reference: Reference, truth: RemovalTruth) -> list[Measure]:
     """All numbers of one run."""
     view = run.view()
-    inside = answer.within(truth.mask)
+    inside = reference.within(truth.mask)
     return [
         *run.hole_shares(),
-        *answer.color_measures(view.color),
-        *answer.depth_measures(view.depth),
-        *answer.metre_measures(view.depth, run.open()),
-        *untouched(view, truth.source, answer.regions["outside"], answer.settings.clip_m),
+        *reference.color_measures(view.color),
+        *reference.depth_measures(view.depth),
+        *reference.metre_measures(view.depth, run.without_depth()),
+        *untouched(view, truth.source, reference.regions["outside"], reference.settings.clip_m),
         *cloud_measures(run, truth.without, inside),
-        *fill_troubles(run, view, answer.exposed(view.color), inside, "mask", truth.without, truth.source),
+        *artifact_measures(run, view, reference.exposed(view.color), inside, "mask", truth.without, truth.source),
         run.timing(),
     ]
 
 
 @lru_cache(maxsize=1)
-def answer_of(truth: RemovalTruth, settings: ProtocolSettings) -> Answer:
+def reference_of(truth: RemovalTruth, settings: ProtocolSettings) -> Reference:
     """The frame without the object and its regions, made once for all methods and masks of a case."""
     regions = removal_regions(truth.mask, truth.shadow, settings.ring_px)
-    return Answer(
+    return Reference(
         truth.without.color,
         truth.without.depth,
         regions,
@@ -117,10 +115,10 @@ def untouched(view: View, source: RGBD, outside: BoolArray, clip_m: float) -> li
     ]
 
 
-def cloud_measures(run: Run, without: RGBD, inside: BoolArray) -> list[Measure]:
+def cloud_measures(run: MethodRun, without: RGBD, inside: BoolArray) -> list[Measure]:
     """Accuracy, completeness and F-scores of the restored background inside the mask."""
     truth = lift(View.from_rgbd(without).without(~inside, HoleType.NONE))
-    if not run.fills or not len(truth):
+    if not run.method.fills or not len(truth):
         return []
     mine = filled_points(run.completion.background, without, inside)
     scores = cloud_scores(mine, np.asarray(truth.points))

@@ -1,8 +1,8 @@
-"""A true picture with its regions, and what a method made of it, in; the measures of every region out.
+"""A true picture with its regions (the reference) and what a method made of it in; the measures of every region out.
 
-Every method is put to the same answer: same regions, same pixels, one gain per channel. What the truth does not know (no
-depth, or not comparable) is pasted from the truth into what is scored, so that windows and features see no difference
-there, and is left out of every mean; `whole` is then the rest of the picture.
+Every method is compared with the same reference: same regions, same pixels, one gain per channel. Pixels that cannot be
+compared (no true depth, or excluded by the data set) are copied from the truth into what is scored, so that windows and
+features see no difference there, and are left out of every mean; `whole` is then the rest of the picture.
 """
 
 from __future__ import annotations
@@ -13,19 +13,21 @@ from functools import lru_cache
 
 import numpy as np
 
+from dlama.evaluation.metrics.artifacts import edge_offset, law_broken, leak_share
 from dlama.evaluation.metrics.depth import depth_errors
 from dlama.evaluation.metrics.lpips import Lpips
 from dlama.evaluation.metrics.pictures import SETTINGS, depth_8bit, mse_map, psnr, region_mean, ssim_map, with_gain
-from dlama.evaluation.protocols.methods import Measure, ProtocolSettings
+from dlama.evaluation.protocols.methods import Measure, MethodRun, Panel, ProtocolSettings
 from dlama.geometry.camera import Float64Array
-from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
+from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
+from dlama.geometry.view import View
 
 Gain = tuple[float, float, float]
 
 
 @dataclass(frozen=True, eq=False)
-class Answer:
-    """The truth of one picture."""
+class Reference:
+    """The truth of one picture, and the regions in which every method is compared with it."""
 
     color: UInt8Array
     """H x W x 3."""
@@ -34,8 +36,8 @@ class Answer:
     regions: Mapping[str, BoolArray]
     """Besides `whole`."""
     settings: ProtocolSettings
-    counted: BoolArray | None = None
-    """H x W, True = counts; None: everywhere."""
+    comparable: BoolArray | None = None
+    """H x W, True = comparable; None: everywhere."""
     gain: Gain = (1.0, 1.0, 1.0)
     """What brings the source's colours to the truth's exposure."""
     suffix: str = ""
@@ -53,19 +55,19 @@ class Answer:
         ]
 
     def within(self, region: BoolArray) -> BoolArray:
-        """The part of a region that counts."""
-        return region if self.counted is None else region & self.counted
+        """The comparable part of a region, H x W."""
+        return region if self.comparable is None else region & self.comparable
 
     def color_measures(self, color: UInt8Array) -> list[Measure]:
         """ssim, lpips, mse and psnr of every region, of colours as the method gave them."""
-        return self._picture_measures("rgb", self.color, self.exposed(color), self.counted)
+        return self._picture_measures("rgb", self.color, self.exposed(color), self.comparable)
 
     def depth_measures(self, depth: Float32Array) -> list[Measure]:
         """ssim, lpips and mse of the 8-bit depth picture that the paper shows; missing is black."""
         if self.depth is None:
             return []
         known = self.depth > 0
-        counted = known if self.counted is None else known & self.counted
+        counted = known if self.comparable is None else known & self.comparable
         truth, mine = (depth_8bit(one, self.settings.clip_m) for one in (self.depth, depth))
         return self._picture_measures("depth", truth, mine, None if counted.all() else counted)
 
@@ -118,3 +120,49 @@ def region_ssim(ssim: Float64Array, region: BoolArray | None) -> float:
 def perceptual() -> Lpips:
     """One LPIPS for the process, so that it remembers the truth's features from one method to the next."""
     return Lpips()
+
+
+def picture_panel(run: MethodRun, reference: Reference, source: RGBD, truth: RGBD, number: int = -1) -> Panel:
+    """The pictures of one view that the report shows; the method's are in the truth's exposure."""
+    warped, view = run.completion.warped[number], run.view(number)
+    return Panel(
+        source=source.color,
+        warped=reference.exposed(warped.color),
+        filled=reference.exposed(view.color),
+        truth=truth.color,
+        hole=warped.hole,
+        depth_source=source.depth,
+        depth_warped=warped.depth,
+        depth_filled=view.depth,
+        depth_truth=truth.depth,
+    )
+
+
+def artifact_measures(
+    run: MethodRun, view: View, color: UInt8Array, region: BoolArray, name: str, truth: RGBD, source: RGBD | None = None
+) -> list[Measure]:
+    """The artifacts of a fill (`dlama.evaluation.metrics.artifacts`); none of the baseline that fills nothing.
+
+    Args:
+        view: the completed one.
+        color: H x W x 3, its colours in the truth's exposure.
+        region: H x W, the pixels whose edges are compared; `name` is what it is called.
+        source: what was measured; None leaves `law_broken` out.
+    """
+    if not run.method.fills:
+        return []
+    meta = run.completion.meta
+    found: list[tuple[str, str, str, float | None]] = [
+        (name, "depth", "edge_offset", edge_offset(color, view.depth, region)),
+        (name, "depth", "edge_offset_truth", edge_offset(truth.color, truth.depth, region)),
+        ("whole", "depth", "channel_spread", meta.get("notes", {}).get("depth_channel_spread")),
+        ("whole", "depth_m", "law_violations", meta["law_violations"]),
+        ("whole", "depth_m", "law_broken", None if source is None else law_broken(view, source)),
+    ]
+    return [Measure(*one[:3], float(one[3])) for one in found if one[3] is not None]
+
+
+def leak_measures(run: MethodRun, truth: RGBD, seen: BoolArray) -> list[Measure]:
+    """% of the seen pixels that the last view before filling shows although something hides them."""
+    share = leak_share(run.completion.warped[-1], truth, seen, run.clip_m)
+    return [] if share is None else [Measure("seen", "depth_m", "leaks", share)]

@@ -22,13 +22,11 @@ import numpy as np
 from dlama.completion.stereo import StereoCompletion, stereo
 from dlama.datasets.frames import StereoTruth, Truth
 from dlama.errors import InputError
-from dlama.evaluation.metrics.artifacts import fill_troubles, leaks
 from dlama.evaluation.metrics.disparity import disparity_errors, left_right_difference
 from dlama.evaluation.metrics.regions import stereo_regions
-from dlama.evaluation.protocols.methods import Measure, Method, ProtocolSettings, Scored
+from dlama.evaluation.protocols.methods import Measure, Method, MethodRun, ProtocolSettings, Scored, no_fill, run_method
 from dlama.evaluation.protocols.ori import cloud_measures
-from dlama.evaluation.protocols.runs import Run, nothing, panel, run_method
-from dlama.evaluation.protocols.scores import Answer
+from dlama.evaluation.protocols.scores import Reference, artifact_measures, leak_measures, picture_panel
 from dlama.geometry.camera import StereoRig
 from dlama.geometry.projection import depth_from_disparity, disparity_from_depth
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array
@@ -53,10 +51,10 @@ def score(truth: Truth, method: Method, settings: ProtocolSettings) -> list[Scor
     return scored
 
 
-def run_stereo(truth: StereoTruth, method: Method) -> Run:
+def run_stereo(truth: StereoTruth, method: Method) -> MethodRun:
     """`dlama.completion.stereo.stereo` on the pair, with the masks where there are any."""
-    fills = Run.of_filler(method)
-    how: dict[str, Any] = {"filler": method.filler, "model": method.model} if fills else {"filler": nothing}
+    fills = method.fills
+    how: dict[str, Any] = {"filler": method.filler, "model": method.model} if fills else {"filler": no_fill}
     started = time.perf_counter()
     done = stereo(
         truth.left,
@@ -69,12 +67,12 @@ def run_stereo(truth: StereoTruth, method: Method) -> Run:
         **how,
         **method.changes,
     )
-    return Run(method, done, time.perf_counter() - started)
+    return MethodRun(method, done, time.perf_counter() - started)
 
 
 def score_removal(truth: StereoTruth, method: Method, settings: ProtocolSettings) -> Scored:
     """The object taken out of both views."""
-    left, right = removal_answers(truth, settings)
+    left, right = removal_references(truth, settings)
     run = run_stereo(truth, method)
     measures = [
         *run.hole_shares(0),
@@ -86,31 +84,31 @@ def score_removal(truth: StereoTruth, method: Method, settings: ProtocolSettings
         run.timing(),
     ]
     assert truth.mask_left is not None and truth.without_left is not None
-    if run.fills:
+    if run.method.fills:
         view = run.view(0)
         if truth.metric:
             measures += [*left.depth_measures(view.depth), *left.metre_measures(view.depth)]
             measures += cloud_measures(run, truth.without_left, truth.mask_left)
         measures += pair_measures(run, truth, truth.mask_left)
-        measures += fill_troubles(run, view, left.exposed(view.color), truth.mask_left, "mask", truth.without_left)
+        measures += artifact_measures(run, view, left.exposed(view.color), truth.mask_left, "mask", truth.without_left)
     source = RGBD(truth.left, depth_of(truth.disparity_left, truth.rig), truth.rig.left)
-    shown = panel(run, left, source, truth.without_left, 0)
+    shown = picture_panel(run, left, source, truth.without_left, 0)
     return Scored(tuple(measures), panel=shown, meta=run.completion.meta)
 
 
 @lru_cache(maxsize=1)
-def removal_answers(truth: StereoTruth, settings: ProtocolSettings) -> tuple[Answer, Answer]:
+def removal_references(truth: StereoTruth, settings: ProtocolSettings) -> tuple[Reference, Reference]:
     """Both true views without the object, made once for all methods of a case."""
     frames, masks = (truth.without_left, truth.without_right), (truth.mask_left, truth.mask_right)
-    answers = []
+    references = []
     for frame, mask, suffix in zip(frames, masks, ("", RIGHT)):
         if frame is None or mask is None:
             raise InputError("sii: a mask is given, but not both masks with both true frames without the object")
-        answers.append(Answer(frame.color, frame.depth, {"mask": mask}, settings, suffix=suffix))
-    return answers[0], answers[1]
+        references.append(Reference(frame.color, frame.depth, {"mask": mask}, settings, suffix=suffix))
+    return references[0], references[1]
 
 
-def pair_measures(run: Run, truth: StereoTruth, mask: BoolArray) -> list[Measure]:
+def pair_measures(run: MethodRun, truth: StereoTruth, mask: BoolArray) -> list[Measure]:
     """The completed pair as a pair: its disparity, and whether left and right show the same."""
     done = run.completion
     assert isinstance(done, StereoCompletion) and truth.without_left is not None and truth.without_right is not None
@@ -130,41 +128,44 @@ def pair_measures(run: Run, truth: StereoTruth, mask: BoolArray) -> list[Measure
     return [measure for measure in found if not np.isnan(measure.value)]
 
 
-def score_right(truth: StereoTruth, run: Run, source: RGBD, settings: ProtocolSettings, variant: str) -> Scored:
+def score_right(truth: StereoTruth, run: MethodRun, source: RGBD, settings: ProtocolSettings, variant: str) -> Scored:
     """The right view made from the left, against the true right picture."""
-    answer = right_answer(truth, settings)
+    reference = right_reference(truth, settings)
     view, depth = run.view(), right_depth(truth)
     target = RGBD(truth.right, depth, truth.rig.right)
-    measures = [*run.hole_shares(), *answer.color_measures(view.color), *answer.shares(), run.timing()]
+    measures = [*run.hole_shares(), *reference.color_measures(view.color), *reference.shares(), run.timing()]
     if depth.any():
         if truth.metric:
-            measures += [*answer.depth_measures(view.depth), *answer.metre_measures(view.depth, run.open())]
-        if run.fills:
-            measures += right_disparity(truth, answer, view.depth)
-        measures += leaks(run.completion.warped[-1], target, answer.regions["seen"], run.clip_m)
-    if run.fills:
+            measures += [
+                *reference.depth_measures(view.depth),
+                *reference.metre_measures(view.depth, run.without_depth()),
+            ]
+        if run.method.fills:
+            measures += right_disparity(truth, reference, view.depth)
+        measures += leak_measures(run, target, reference.regions["seen"])
+    if run.method.fills:
         measured = None if variant else source  # a disparity it found itself is no measurement to hold against it
-        measures += fill_troubles(run, view, view.color, answer.regions["unseen"], "unseen", target, measured)
-    shown = None if variant else panel(run, answer, source, target)
+        measures += artifact_measures(run, view, view.color, reference.regions["unseen"], "unseen", target, measured)
+    shown = None if variant else picture_panel(run, reference, source, target)
     return Scored(tuple(measures), variant, shown, run.completion.meta)
 
 
 @lru_cache(maxsize=1)
-def right_answer(truth: StereoTruth, settings: ProtocolSettings) -> Answer:
+def right_reference(truth: StereoTruth, settings: ProtocolSettings) -> Reference:
     """The true right picture and what the left camera sees of it, made once for all methods of a case."""
     regions = stereo_regions(truth.disparity_left, truth.disparity_right)
-    return Answer(truth.right, right_depth(truth) if truth.metric else None, regions, settings)
+    return Reference(truth.right, right_depth(truth) if truth.metric else None, regions, settings)
 
 
-def right_disparity(truth: StereoTruth, answer: Answer, depth: Float32Array) -> list[Measure]:
+def right_disparity(truth: StereoTruth, reference: Reference, depth: Float32Array) -> list[Measure]:
     """bad-1, bad-2 and epe of the synthesised view's depth, as disparity, in every region."""
     if truth.disparity_right is None:
         return []
     mine = disparity_of(depth, truth.rig)
     return [
         Measure(name, "disparity", metric, value)
-        for name, region in {"whole": None, **answer.regions}.items()
-        if region is None or region.sum() >= answer.settings.smallest_region
+        for name, region in {"whole": None, **reference.regions}.items()
+        if region is None or region.sum() >= reference.settings.smallest_region
         for metric, value in disparity_errors(mine, truth.disparity_right, region).items()
         if not np.isnan(value)
     ]

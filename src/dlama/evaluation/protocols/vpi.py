@@ -2,7 +2,7 @@
 
 The source goes to the target's camera; the result is compared with the true frame in `whole`, `seen` (errors of warping),
 `unseen` and each type. The paper's second experiment takes an object out first and compares with the frame without it:
-variants `object,dilate=0` and so on, the number being the mask's dilation in px, which replaces the recipe's own.
+variants `object,dilate=0` and so on; the number is the mask's dilation in px and replaces the recipe's own.
 
 The baseline that fills nothing leaves black, depthless holes: colours and 8-bit depth are compared as they are (0 in holes),
 metres only where it has any.
@@ -14,12 +14,10 @@ from functools import lru_cache
 
 from dlama.datasets.frames import Truth, ViewTruth
 from dlama.errors import InputError
-from dlama.evaluation.metrics.artifacts import fill_troubles, leaks
 from dlama.evaluation.metrics.pictures import channel_gain
-from dlama.evaluation.metrics.regions import sight
-from dlama.evaluation.protocols.methods import Measure, Method, ProtocolSettings, Scored
-from dlama.evaluation.protocols.runs import Run, panel, run_method
-from dlama.evaluation.protocols.scores import Answer
+from dlama.evaluation.metrics.regions import source_visibility
+from dlama.evaluation.protocols.methods import Measure, Method, MethodRun, ProtocolSettings, Scored, run_method
+from dlama.evaluation.protocols.scores import Reference, artifact_measures, leak_measures, picture_panel
 from dlama.geometry.rgbd import RGBD
 
 
@@ -38,53 +36,57 @@ def score(truth: Truth, method: Method, settings: ProtocolSettings) -> list[Scor
 
 
 def score_plain(truth: ViewTruth, method: Method, settings: ProtocolSettings) -> Scored:
-    """Everything stays in the scene."""
-    answer = plain_answer(truth, settings)
+    """The plain run: nothing is removed."""
+    reference = target_reference(truth, settings)
     run = run_method(method, truth.source, truth.target.camera)
-    measures = view_measures(run, answer, truth, truth.target) + answer.shares()
-    return Scored(tuple(measures), panel=panel(run, answer, truth.source, truth.target), meta=run.completion.meta)
+    measures = view_measures(run, reference, truth, truth.target) + reference.shares()
+    return Scored(
+        tuple(measures), panel=picture_panel(run, reference, truth.source, truth.target), meta=run.completion.meta
+    )
 
 
 def score_without(truth: ViewTruth, method: Method, settings: ProtocolSettings, dilate: int) -> Scored:
-    """The object's points leave the cloud first."""
+    """One run in which the object is removed first; its mask is dilated by so many px."""
     assert truth.target_without is not None
-    answer = answer_without(truth, settings)
+    reference = reference_without(truth, settings)
     run = run_method(method, truth.source, truth.target.camera, truth.object_mask, dilate=dilate)
-    measures = view_measures(run, answer, truth, truth.target_without) + answer.shares()
+    measures = view_measures(run, reference, truth, truth.target_without) + reference.shares()
     return Scored(tuple(measures), f"object,dilate={dilate}", meta=run.completion.meta)
 
 
-def view_measures(run: Run, answer: Answer, truth: ViewTruth, target: RGBD) -> list[Measure]:
+def view_measures(run: MethodRun, reference: Reference, truth: ViewTruth, target: RGBD) -> list[Measure]:
     """All numbers of one run."""
     view = run.view()
     return [
         *run.hole_shares(),
-        *answer.color_measures(view.color),
-        *answer.depth_measures(view.depth),
-        *answer.metre_measures(view.depth, run.open()),
-        *leaks(run.completion.warped[-1], target, answer.regions["seen"], run.clip_m),
-        *fill_troubles(run, view, answer.exposed(view.color), answer.regions["unseen"], "unseen", target, truth.source),
+        *reference.color_measures(view.color),
+        *reference.depth_measures(view.depth),
+        *reference.metre_measures(view.depth, run.without_depth()),
+        *leak_measures(run, target, reference.regions["seen"]),
+        *artifact_measures(
+            run, view, reference.exposed(view.color), reference.regions["unseen"], "unseen", target, truth.source
+        ),
         run.timing(),
     ]
 
 
 @lru_cache(maxsize=1)
-def plain_answer(truth: ViewTruth, settings: ProtocolSettings) -> Answer:
+def target_reference(truth: ViewTruth, settings: ProtocolSettings) -> Reference:
     """The target frame and its regions, made once for all methods of a case."""
-    return answer_of(truth, truth.target, settings, with_object=False)
+    return reference_of(truth, truth.target, settings, with_object=False)
 
 
 @lru_cache(maxsize=1)
-def answer_without(truth: ViewTruth, settings: ProtocolSettings) -> Answer:
+def reference_without(truth: ViewTruth, settings: ProtocolSettings) -> Reference:
     """The target frame without the object; what the object hides is a type of its own."""
     assert truth.target_without is not None
-    return answer_of(truth, truth.target_without, settings, with_object=True)
+    return reference_of(truth, truth.target_without, settings, with_object=True)
 
 
-def answer_of(truth: ViewTruth, target: RGBD, settings: ProtocolSettings, with_object: bool) -> Answer:
-    """Regions by the source's sight of a target, and the gain, fitted on the source carried over by the true depth."""
-    found = sight(truth.source, target, truth.object_mask if with_object else None, settings.seen_tolerance)
+def reference_of(truth: ViewTruth, target: RGBD, settings: ProtocolSettings, with_object: bool) -> Reference:
+    """A target with regions by what the source sees of it; the gain is fitted on the source carried over by the true depth."""
+    found = source_visibility(truth.source, target, truth.object_mask if with_object else None, settings.seen_tolerance)
     gain = (1.0, 1.0, 1.0)
     if truth.exposure_varies:
         gain = channel_gain(found.carried(truth.source.color), target.color, found.seen)
-    return Answer(target.color, target.depth, found.regions(with_object), settings, gain=gain)
+    return Reference(target.color, target.depth, found.regions(with_object), settings, gain=gain)

@@ -1,4 +1,4 @@
-"""A Summary in, figures out as SVG that stands inside a page: curves over yaw with intervals, dots per method."""
+"""A Summary in; figures as SVG elements of a page out: curves over yaw with intervals, dots per method."""
 
 from __future__ import annotations
 
@@ -6,22 +6,23 @@ import hashlib
 import io
 import re
 from collections.abc import Sequence
+from dataclasses import dataclass
+from html import escape
 from typing import Any
 
 from dlama.errors import MissingExtraError
-from dlama.evaluation.report.metric_names import MASK_RATIO, Which, better, titled
-from dlama.evaluation.report.paper_columns import MASK_RATIO as PAPER_MASK_RATIO
-from dlama.evaluation.report.paper_columns import PAPER, paper_value
+from dlama.evaluation.report.columns import MASK_RATIO, PAPER, PAPER_MASK_RATIO, Which, better, paper_value, titled
 from dlama.evaluation.report.summary import ALL, Key, Summary
 
 INK = "#0a0b0c"
 """What is drawn in this colour takes the colour of the page's text."""
 OTHER = "#8a8f98"
 PALETTE = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#9a6324", "#7f7f7f")
-"""Okabe and Ito's colours, which the colour-blind tell apart and which show on white and on black; one a filler."""
+"""Okabe and Ito's colours, which people with colour blindness can distinguish, visible on white and on black; one a filler."""
 LINES = ("-", "--", ":", "-.")
 """One a recipe."""
 MARKS = ("o", "s", "^", "D")
+PAPER_STYLE: Any = {"color": OTHER, "linestyle": (0, (1, 2)), "marker": "x", "markersize": 4, "linewidth": 1.2}
 SETTINGS: Any = {
     "svg.fonttype": "none",
     "svg.hashsalt": "dlama",
@@ -34,51 +35,68 @@ SETTINGS: Any = {
     "grid.color": OTHER,
     **dict.fromkeys(("text.color", "axes.labelcolor", "axes.edgecolor", "xtick.color", "ytick.color"), INK),
 }
-COLUMNS = 3
+PLOT_INCHES = (3.4, 2.4)
+"""Width and height of a plot over yaw."""
+
+
+@dataclass(frozen=True)
+class Figure:
+    """Small plots side by side, as SVG elements: one a metric."""
+
+    caption: str
+    plots: tuple[str, ...]
+    legend: tuple[tuple[str, str], ...] = ()
+    """(SVG of a line's sample, what the line is); empty where the plots name their methods themselves."""
 
 
 def curves(
-    summary: Summary, protocol: str, dataset: str, chosen: Sequence[Which], methods: Sequence[str], title: str
-) -> str | None:
-    """Each metric over yaw, a line a method with its interval as a band, the paper's numbers in grey; None without yaws."""
+    summary: Summary, protocol: str, dataset: str, chosen: Sequence[Which], methods: Sequence[str], caption: str
+) -> Figure | None:
+    """Each metric over yaw: a line a method with its 95 % interval as a band, the paper's numbers in grey.
+
+    Returns:
+        None where there are fewer than two yaws, or nothing was measured.
+    """
     yaws = [one for one in summary.values("yaw", protocol=protocol, dataset=dataset) if one[0] in "±≈0"]
     drawn = [
-        which for which in chosen if any(Key(protocol, dataset, yaws[0], m, *which) in summary.means for m in methods)
+        which
+        for which in chosen
+        if any(Key(protocol, dataset, y, m, *which) in summary.means for y in yaws for m in methods)
     ]
     if len(yaws) < 2 or not drawn:
         return None
-    figure, places = _sheet(len(drawn), height=2.5)
-    for axes, which in zip(places, drawn):
+    plots = []
+    for which in drawn:
+        sheet, axes = _sheet(*PLOT_INCHES)
         for method in methods:
-            _curve(
-                axes, summary, [Key(protocol, dataset, yaw, method, *which) for yaw in yaws], _style(methods, method)
-            )
+            keys = [Key(protocol, dataset, yaw, method, *which) for yaw in yaws]
+            _curve(axes, summary, keys, _style(methods, method))
         _paper_curve(axes, yaws, which)
-        axes.set_title(_heading(which), fontsize=9)
         axes.set_xticks([_degrees(yaw) for yaw in yaws], yaws)
-    return _as_svg(figure, places, len(drawn), title)
+        plots.append(_plot_svg(sheet, axes, which, (protocol, dataset, caption)))
+    with_paper = any(_paper_values(yaws, which) for which in drawn)
+    return Figure(caption, tuple(plots), _legend(methods, with_paper, (protocol, dataset, caption)))
 
 
 def dots(
-    summary: Summary, protocol: str, dataset: str, chosen: Sequence[Which], methods: Sequence[str], title: str
-) -> str | None:
-    """Each metric over all frames, a dot a method with its interval; None where there is nothing to draw."""
-    drawn = [
-        which for which in chosen if any(Key(protocol, dataset, ALL, one, *which) in summary.means for one in methods)
-    ]
+    summary: Summary, protocol: str, dataset: str, chosen: Sequence[Which], methods: Sequence[str], caption: str
+) -> Figure | None:
+    """Each metric over all frames: a dot a method with its 95 % interval as a bar; None where nothing was measured."""
+    drawn = [which for which in chosen if any(Key(protocol, dataset, ALL, m, *which) in summary.means for m in methods)]
     if not drawn:
         return None
-    figure, places = _sheet(len(drawn), height=0.6 + 0.22 * len(methods))
-    for number, (axes, which) in enumerate(zip(places, drawn)):
+    plots = []
+    for which in drawn:
+        sheet, axes = _sheet(PLOT_INCHES[0], 0.65 + 0.22 * len(methods))
         for down, method in enumerate(methods):
             _dot(axes, summary, Key(protocol, dataset, ALL, method, *which), down, _style(methods, method))
-        axes.set_title(_heading(which), fontsize=9)
-        axes.set_yticks(range(len(methods)), methods if number % COLUMNS == 0 else [""] * len(methods))
+        axes.set_yticks(range(len(methods)), methods)
         axes.set_ylim(len(methods) - 0.5, -0.5)
         axes.margins(x=0.08)
         axes.locator_params(axis="x", nbins=4)
         axes.ticklabel_format(axis="x", useOffset=False)
-    return _as_svg(figure, places, len(drawn), title, legend=False)
+        plots.append(_plot_svg(sheet, axes, which, (protocol, dataset, caption)))
+    return Figure(caption, tuple(plots))
 
 
 def _curve(axes: Any, summary: Summary, keys: Sequence[Key], style: dict[str, Any]) -> None:
@@ -102,16 +120,31 @@ def _dot(axes: Any, summary: Summary, key: Key, down: int, style: dict[str, Any]
 
 
 def _paper_curve(axes: Any, yaws: Sequence[str], which: Which) -> None:
-    beside = [PAPER_MASK_RATIO.get(yaw) if which == MASK_RATIO else paper_value(yaw, *which) for yaw in yaws]
-    found = [(_degrees(yaw), value) for yaw, value in zip(yaws, beside) if value is not None]
+    found = _paper_values(yaws, which)
     if found:
-        axes.plot(
-            *zip(*found), color=OTHER, linestyle=(0, (1, 2)), marker="x", markersize=4, linewidth=1.2, label=PAPER
-        )
+        axes.plot(*zip(*found), **PAPER_STYLE)
+
+
+def _paper_values(yaws: Sequence[str], which: Which) -> list[tuple[float, float]]:
+    """(degrees, the paper's number) where it has one."""
+    beside = [PAPER_MASK_RATIO.get(yaw) if which == MASK_RATIO else paper_value(yaw, *which) for yaw in yaws]
+    return [(_degrees(yaw), value) for yaw, value in zip(yaws, beside) if value is not None]
+
+
+def _legend(methods: Sequence[str], with_paper: bool, place: tuple[str, ...]) -> tuple[tuple[str, str], ...]:
+    """A sample of each line."""
+    styles = [(method, _style(methods, method)) for method in methods] + ([(PAPER, PAPER_STYLE)] if with_paper else [])
+    samples = []
+    for name, style in styles:
+        sheet, axes = _sheet(0.5, 0.16)
+        axes.set_axis_off()
+        axes.plot([0, 1, 2], [0, 0, 0], markevery=[1], **({"markersize": 3.5, "linewidth": 1.4} | style))
+        samples.append((_svg(sheet, f"line of {name}", place), name))
+    return tuple(samples)
 
 
 def _style(methods: Sequence[str], method: str) -> dict[str, Any]:
-    """A colour a filler, a line and a mark a recipe: what differs in one of them is told apart at a glance."""
+    """A colour a filler, a line and a mark a recipe."""
     recipe, _, filler = method.rpartition("/")
     recipes = list(dict.fromkeys(one.rpartition("/")[0] for one in methods))
     fillers = list(dict.fromkeys(one.rpartition("/")[2] for one in methods))
@@ -120,7 +153,6 @@ def _style(methods: Sequence[str], method: str) -> dict[str, Any]:
         "color": PALETTE[fillers.index(filler) % len(PALETTE)],
         "linestyle": LINES[kind % len(LINES)],
         "marker": MARKS[kind % len(MARKS)],
-        "label": method,
     }
 
 
@@ -134,44 +166,42 @@ def _degrees(yaw: str) -> float:
     return float(re.sub(r"[^\d.]", "", yaw))
 
 
-def _sheet(count: int, height: float) -> tuple[Any, list[Any]]:
+def _sheet(width: float, height: float) -> tuple[Any, Any]:
+    """A figure of so many inches, and its axes."""
     try:
         from matplotlib import rc_context
-        from matplotlib.figure import Figure
+        from matplotlib.figure import Figure as Sheet
     except ImportError as error:
         raise MissingExtraError("the report", "matplotlib", "evaluate") from error
-    across = min(count, COLUMNS)
-    down = -(-count // COLUMNS)
     with rc_context(SETTINGS):
-        figure = Figure(
-            figsize=(3.4 * across + (0.9 if across < COLUMNS else 0), height * down + 0.5), layout="constrained"
-        )
-        return figure, list(figure.subplots(down, across, squeeze=False).flat)
+        sheet = Sheet(figsize=(width, height), layout="constrained")
+        return sheet, sheet.subplots()
 
 
-def _as_svg(figure: Any, places: Sequence[Any], used: int, title: str, legend: bool = True) -> str:
+def _plot_svg(sheet: Any, axes: Any, which: Which, place: tuple[str, ...]) -> str:
+    """A plot under its metric's name; `place` (protocol, data set, caption) tells equal plots of one page apart."""
+    axes.set_title(_heading(which), fontsize=9)
+    return _svg(sheet, f"{place[-1]}: {_heading(which)}", place)
+
+
+def _svg(sheet: Any, label: str, place: tuple[str, ...]) -> str:
     from matplotlib import rc_context
 
-    for axes in places[used:]:
-        axes.set_visible(False)
+    stream = io.StringIO()
     with rc_context(SETTINGS):
-        if legend:
-            handles = {name: line for axes in places for line, name in zip(*axes.get_legend_handles_labels())}
-            figure.legend(handles.values(), handles.keys(), loc="outside lower center", ncols=4, frameon=False)
-        stream = io.StringIO()
-        figure.savefig(stream, format="svg", transparent=True, metadata={"Date": None})
-    return inline(stream.getvalue(), title)
+        sheet.savefig(stream, format="svg", transparent=True, metadata={"Date": None})
+    return inline(stream.getvalue(), label, place)
 
 
-def inline(svg: str, title: str) -> str:
-    """The <svg> element alone, named for those who cannot see it, its ids its own, its ink the page's."""
+def inline(svg: str, label: str, place: tuple[str, ...] = ()) -> str:
+    """The <svg> element alone: labelled for screen readers, ids unique in the page, INK replaced by the colour of its text."""
     svg = re.sub(r"<metadata>.*?</metadata>", "", svg[svg.index("<svg") :], flags=re.DOTALL)
-    mark = "f" + hashlib.sha256(svg.encode()).hexdigest()[:8]
+    mark = "f" + hashlib.sha256("\0".join((*place, label, svg)).encode()).hexdigest()[:8]
     svg = re.sub(r'\bid="', f'id="{mark}-', svg)
     svg = re.sub(r"url\(#", f"url(#{mark}-", svg)
     svg = re.sub(r'(xlink:)?href="#', f'href="#{mark}-', svg)
     svg = svg.replace(INK, "currentColor")
-    svg = re.sub(
-        r'<svg [^>]*?viewBox="([^"]*)"[^>]*>', rf'<svg viewBox="\1" role="img" aria-label="{title}">', svg, count=1
-    )
-    return svg.strip()
+    body = svg[svg.index(">") + 1 :]
+    box = re.search(r'viewBox="([^"]*)"', svg)
+    assert box is not None
+    return f'<svg viewBox="{box[1]}" role="img" aria-label="{escape(label)}">{body}'.strip()

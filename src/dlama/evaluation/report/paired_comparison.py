@@ -1,4 +1,4 @@
-"""Rows of results in; our recipe against the paper's with the same filler, case by case, as tables out."""
+"""Rows of results in; a paired comparison of our recipe with the paper's, same filler and same cases, as a table out."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from dlama.evaluation.protocols.methods import NO_FILL
-from dlama.evaluation.report.metric_names import PAPER_SHAPE, Which, better, titled
-from dlama.evaluation.report.summary import draws, intervals, yaw_labels, yaw_order
+from dlama.evaluation.report.columns import PAPER_SHAPE, Which, better, titled
+from dlama.evaluation.report.summary import ALL, draws, intervals, yaw_labels, yaw_order
 from dlama.evaluation.report.tables import EMPTY, Cell, Table
-from dlama.evaluation.runner.results_table import Row
+from dlama.evaluation.runner.store import Row
 
 OURS, THEIRS = "dlama", "paper"
 NOTE = (
@@ -23,20 +23,33 @@ Pairs = dict[str, list[tuple[float, float]]]
 """Scene -> (ours, theirs) of each case."""
 
 
-def duel(rows: Sequence[Row], protocol: str, dataset: str, chosen: Sequence[Which], seed: int = 0) -> Table | None:
-    """A row a filler and yaw (± together, and all), a column a metric; None where only one of the recipes ran."""
+def paired_comparison(
+    rows: Sequence[Row], protocol: str, dataset: str, chosen: Sequence[Which], seed: int = 0
+) -> Table | None:
+    """A row a filler and yaw (± together; and all, where there are several), a column a metric.
+
+    Args:
+        seed: the intervals' resamples of scenes are drawn with it.
+    Returns:
+        None where only one of the recipes ran.
+    """
     pairs = _pairs([row for row in rows if (row.protocol, row.dataset) == (protocol, dataset)])
     seen = [which for which in chosen if any(key[2] == which for key in pairs)]
     places = dict.fromkeys((filler, yaw) for filler, yaw, which in pairs if which in seen and filler != NO_FILL)
     fillers = list(dict.fromkeys(filler for filler, _ in places))
-    ordered = sorted(places, key=lambda place: (fillers.index(place[0]), yaw_order(place[1])))
+    single = len({yaw for _, yaw in places} - {ALL}) == 1  # then `all` is the same
+    ordered = sorted(
+        (place for place in places if not (single and place[1] == ALL)),
+        key=lambda place: (fillers.index(place[0]), yaw_order(place[1])),
+    )
     lines = [
         (Cell(filler), Cell(yaw), *(_cell(pairs.get((filler, yaw, which)), which[2], seed) for which in seen))
         for filler, yaw in ordered
     ]
     head = ("filler", "yaw", *(titled(*which) for which in seen))
     where = "" if tuple(chosen) == PAPER_SHAPE else f", {chosen[0][0]}"
-    return Table(f"{OURS} against {THEIRS}, same filler{where}", head, tuple(lines), NOTE) if lines else None
+    title = f"{OURS} against {THEIRS}, same filler{where}"
+    return Table(title, head, tuple(lines), NOTE, with_intervals=True) if lines else None
 
 
 def _pairs(rows: Sequence[Row]) -> dict[tuple[str, str, Which], Pairs]:
@@ -53,7 +66,7 @@ def _pairs(rows: Sequence[Row]) -> dict[tuple[str, str, Which], Pairs]:
 
 
 def _cell(pairs: Pairs | None, metric: str, seed: int) -> Cell:
-    """The change of the mean in %; the same resamples of scenes for both recipes, so what they share does not blur it."""
+    """The change of the mean in %. Both recipes get the same resamples of scenes, so their common spread cancels."""
     side = better(metric)
     if not pairs or side == 0:
         return EMPTY

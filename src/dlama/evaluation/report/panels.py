@@ -1,106 +1,116 @@
-"""A Panel in, one strip of small pictures out: input, warped, filled, truth, error; colour above, depth below."""
+"""Stored results in; the panels that the report shows (best, median and worst of each yaw and method) out, made to fit."""
 
 from __future__ import annotations
 
+import base64
+from collections import defaultdict
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple
+
+import cv2
 import numpy as np
 
-from dlama.evaluation.protocols.methods import Panel
-from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
+from dlama.evaluation.report.columns import Which
+from dlama.evaluation.report.summary import ALL, yaw_labels
+from dlama.evaluation.runner.store import Stored, StoredRun, result_rows
+from dlama.evaluation.runner.strips import cells, jpeg, small
 
-COLUMNS = ("input", "warped", "filled", "truth", "error")
-CELL = 256
-"""Largest side of a small picture in px."""
-GAP = 4
-COLOR_FULL = 64.0
-"""Levels of mean absolute difference that are shown brightest."""
-DEPTH_FULL = 0.25
-"""Share of the true depth by which a fill is off that is shown brightest; far against near is brightest too."""
-
-
-def strip(panel: Panel) -> UInt8Array:
-    """uint8 H x W x 3 on black: two rows of the five pictures; the depths share their colours, holes are hatched."""
-    from dlama.files.preview import depth_limits, depth_picture, hatched
-
-    limits = depth_limits(panel.depth_truth, panel.depth_source)
-    depths = [
-        depth_picture(panel.depth_source, None, *limits),
-        depth_picture(panel.depth_warped, panel.hole, *limits),
-        depth_picture(panel.depth_filled, None, *limits),
-        depth_picture(panel.depth_truth, None, *limits),
-        heat(depth_error(panel)),
-    ]
-    colors = [panel.source, hatched(panel.warped, panel.hole), panel.filled, panel.truth, heat(color_error(panel))]
-    return stacked([[small(cell) for cell in row] for row in (colors, depths)])
+RANKED_BY: tuple[Which, ...] = tuple(
+    (region, "rgb", metric) for metric in ("lpips", "mse") for region in ("unseen", "mask", "whole")
+)
+"""The first that was measured decides which frames are best and worst; less is better."""
+BUDGET = 14_000_000
+"""Bytes of all panels in the page, as text."""
+LADDER = ((256, 88), (256, 78), (200, 75), (160, 70), (128, 62), (100, 55))
+"""Largest side of a picture in px and JPEG quality, tried in turn until all fit."""
 
 
-def color_error(panel: Panel) -> Float32Array:
-    """H x W, 0..1: mean absolute difference over the channels, 1 = COLOR_FULL levels or more."""
-    gap = np.abs(panel.filled.astype(np.float32) - panel.truth.astype(np.float32)).mean(axis=2)
-    return np.minimum(gap / COLOR_FULL, 1).astype(np.float32)
+class Chosen(NamedTuple):
+    """One panel of the report."""
+
+    protocol: str
+    yaw: str
+    method: str
+    rank: str
+    """best, median or worst."""
+    scene: str
+    frame: str
+    ranked_by: str
+    score: float
+    file: str
 
 
-def depth_error(panel: Panel) -> Float32Array:
-    """H x W, 0..1, NaN where the truth is missing: share of the true depth, 1 = DEPTH_FULL or more, or far for near."""
-    filled, truth = np.nan_to_num(panel.depth_filled, nan=0, posinf=np.inf), panel.depth_truth
-    valid = (truth > 0) & (truth < np.inf) & (filled < np.inf)
-    gap = np.where(np.isinf(filled) & np.isinf(truth), 0.0, 1.0)
-    gap[valid] = np.abs(filled[valid] - truth[valid]) / (DEPTH_FULL * truth[valid])
-    return np.where(truth > 0, np.minimum(gap, 1), np.nan).astype(np.float32)
+@dataclass(frozen=True)
+class ShownPanel:
+    """One panel with its pictures."""
+
+    chosen: Chosen
+    urls: tuple[str, ...]
+    """data: URLs in the order of `dlama.evaluation.runner.strips.COLUMNS`: the colours, then the depths."""
+
+    @property
+    def size(self) -> int:
+        """Characters of all URLs."""
+        return sum(map(len, self.urls))
 
 
-def heat(error: Float32Array) -> UInt8Array:
-    """uint8 H x W x 3: 0 black to 1 bright yellow; NaN hatched."""
-    import cv2
-
-    from dlama.files.preview import hatched
-
-    unknown: BoolArray = np.isnan(error)
-    levels = np.rint(np.nan_to_num(error) * 255).astype(np.uint8)
-    return hatched(np.array(cv2.applyColorMap(levels, cv2.COLORMAP_INFERNO)[..., ::-1], np.uint8), unknown)
-
-
-def small(picture: UInt8Array) -> UInt8Array:
-    """The picture, shrunk so that its larger side is CELL px at most."""
-    import cv2
-
-    scale = CELL / max(picture.shape[:2])
-    if scale >= 1:
-        return picture
-    size = max(round(picture.shape[1] * scale), 1), max(round(picture.shape[0] * scale), 1)
-    return np.asarray(cv2.resize(picture, size, interpolation=cv2.INTER_AREA), np.uint8)
+def choose(stored: Sequence[Stored]) -> list[Chosen]:
+    """Best, median and worst frame of every protocol, yaw (± together) and method that has panels."""
+    labels = yaw_labels(result_rows(stored))
+    groups: dict[tuple[str, str, str], list[Chosen]] = defaultdict(list)
+    for one in stored:
+        for run in one.runs:
+            found = _score(run)
+            if run.panel is None or found is None:
+                continue
+            recipe = f"{one.recipe}+{run.variant}" if run.variant else one.recipe
+            own = labels[one.protocol, one.dataset, one.yaw]
+            place = (one.protocol, own[1] if len(own) > 1 else ALL, f"{recipe}/{one.filler}")
+            which, score = found
+            groups[place].append(Chosen(*place, "", one.scene, one.frame, f"{which[0]} {which[2]}", score, run.panel))
+    return [panel for group in groups.values() for panel in _ranked(group)]
 
 
-def stacked(rows: list[list[UInt8Array]]) -> UInt8Array:
-    """Rows of pictures on one black sheet, every cell of the size of the largest, so that columns have equal widths."""
-    height = max(cell.shape[0] for row in rows for cell in row)
-    width = max(cell.shape[1] for row in rows for cell in row)
-    sheet = np.zeros((len(rows) * (height + GAP) - GAP, len(rows[0]) * (width + GAP) - GAP, 3), np.uint8)
-    for down, row in enumerate(rows):
-        for across, cell in enumerate(row):
-            top, left = down * (height + GAP), across * (width + GAP)
-            sheet[top : top + cell.shape[0], left : left + cell.shape[1]] = cell
-    return sheet
+def as_data_urls(folder: Path, chosen: Sequence[Chosen]) -> list[ShownPanel]:
+    """Each with its pictures as data: URLs, all alike as large as fits BUDGET; panels beyond even that are left out.
+
+    Args:
+        folder: where the panels' files lie; those that are missing are skipped.
+    """
+    files = [(one, (folder / one.file).read_bytes()) for one in chosen if (folder / one.file).is_file()]
+    found: list[ShownPanel] = []
+    for side, quality in LADDER:
+        found = [ShownPanel(one, tuple(_urls(data, side, quality))) for one, data in files]
+        if sum(one.size for one in found) <= BUDGET:
+            break
+    kept, used = [], 0
+    for one in found:
+        used += one.size
+        if used <= BUDGET:
+            kept.append(one)
+    return kept
 
 
-def jpeg(picture: UInt8Array, quality: int = 88) -> bytes:
-    """The picture as the bytes of a JPEG file."""
-    import cv2
-
-    written, data = cv2.imencode(".jpg", np.ascontiguousarray(picture[..., ::-1]), [cv2.IMWRITE_JPEG_QUALITY, quality])
-    if not written:
-        raise ValueError(f"a picture of shape {picture.shape} cannot be encoded as JPEG")
-    return bytes(data.tobytes())
-
-
-def rescaled_jpeg(data: bytes, width: int, quality: int) -> bytes:
-    """The JPEG file, at most so many px wide and of that quality; as it came where that would not make it smaller."""
-    import cv2
-
+def _urls(data: bytes, side: int, quality: int) -> Iterator[str]:
+    """The pictures of a strip (JPEG), each at most so many px a side, as data: URLs."""
     picture = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
     if picture is None:
         raise ValueError("this is no JPEG file")
-    if picture.shape[1] > width:
-        size = width, max(round(picture.shape[0] * width / picture.shape[1]), 1)
-        picture = cv2.resize(picture, size, interpolation=cv2.INTER_AREA)
-    again = jpeg(np.asarray(picture[..., ::-1], np.uint8), quality)
-    return again if len(again) < len(data) else data
+    for cell in cells(np.asarray(picture[..., ::-1], np.uint8)):
+        yield f"data:image/jpeg;base64,{base64.b64encode(jpeg(small(cell, side), quality)).decode()}"
+
+
+def _score(run: StoredRun) -> tuple[Which, float] | None:
+    values = {measure[:3]: measure.value for measure in run.measures}
+    return next(((which, values[which]) for which in RANKED_BY if values.get(which, float("nan")) >= 0), None)
+
+
+def _ranked(group: list[Chosen]) -> list[Chosen]:
+    """Of equal scores the first in the data set's order, so that every run chooses the same."""
+    ordered = sorted(group, key=lambda one: one.score)
+    places = {"best": 0, "median": (len(ordered) - 1) // 2, "worst": len(ordered) - 1}
+    if len(ordered) < 3:
+        places = {"best": 0, "worst": 1} if len(ordered) == 2 else {"median": 0}
+    return [ordered[place]._replace(rank=rank) for rank, place in places.items()]

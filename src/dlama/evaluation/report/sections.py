@@ -3,23 +3,39 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from dlama.evaluation.protocols.methods import NO_FILL
-from dlama.evaluation.report.charts import curves, dots
-from dlama.evaluation.report.metric_names import MASK_RATIO, PAPER_SHAPE, Which
-from dlama.evaluation.report.paired_comparison import duel
-from dlama.evaluation.report.paper_columns import MASK_RATIO as MASK_RATIOS
-from dlama.evaluation.report.paper_columns import SOURCE
-from dlama.evaluation.report.summary import Summary
-from dlama.evaluation.report.tables import Table, paper_shaped, per_yaw, runtimes, side_by_side, variant_of, variants
-from dlama.evaluation.runner.results_table import Row
+from dlama.evaluation.report.charts import Figure, curves, dots
+from dlama.evaluation.report.columns import MASK_RATIO, PAPER_MASK_RATIO, PAPER_SHAPE, PAPER_SOURCE, Which
+from dlama.evaluation.report.paired_comparison import paired_comparison
+from dlama.evaluation.report.summary import ALL, Summary
+from dlama.evaluation.report.tables import (
+    Table,
+    by_method,
+    paper_shaped,
+    per_yaw,
+    runtimes,
+    side_by_side,
+    variant_of,
+    variants,
+)
+from dlama.evaluation.runner.store import Row
 
 PROTOCOLS = {
     "vpi": "View change (VPI)",
     "ori": "Object removal (ORI)",
     "sii": "Stereo (SII)",
 }
+EXPLAINED = {
+    "vpi": "VPI, virtual projected inpainting: a source frame is shown from the camera of a target frame, its holes are "
+    "filled, and the result is compared with the true target frame.",
+    "ori": "ORI, object removal inpainting: an object is removed from a frame by its mask, and the filled background is "
+    "compared with the true frame without the object.",
+    "sii": "SII, stereoscopic image inpainting: an object is removed from both views of a rectified stereo pair or, where "
+    "there are no masks, the right view is made from the left; the result is compared with the true pair.",
+}
+"""A sentence each for readers who do not know the paper's abbreviations."""
 HIDDEN = ("unseen", "disoccluded", "out-of-view", "object", "mask", "mask-right")
 """Regions that the source camera did not see, by the truth: what a filler is for."""
 KNOWN = ("seen", "ring", "outside", "shadow", "whole")
@@ -34,7 +50,7 @@ INTEREST = tuple(
     }.items()
     for metric in metrics
 )
-"""What the main tables show; everything else is in `every mean` and in the tables of troubles."""
+"""What the main tables show; everything else is in `every mean` and in the tables of artifacts."""
 CURVES: tuple[tuple[str, str], ...] = (
     ("rgb", "ssim"), ("rgb", "lpips"), ("rgb", "psnr"), ("depth", "lpips"), ("depth", "mse"), ("depth_m", "mae"),
 )  # fmt: skip
@@ -65,42 +81,45 @@ class Section:
     anchor: str
     title: str
     text: str = ""
-    figures: tuple[tuple[str, str], ...] = ()
-    """(caption, SVG)."""
+    figures: tuple[Figure, ...] = ()
     tables: tuple[Table, ...] = ()
 
 
-def sections(summary: Summary, rows: Sequence[Row], timings: Sequence[Row]) -> list[Section]:
-    """Everything the report shows but the panels, in order."""
+def protocols_of(summary: Summary) -> list[str]:
+    """The protocols that ran, in the report's order."""
+    return sorted(summary.values("protocol"), key=list(PROTOCOLS).index)
+
+
+def sections(summary: Summary, rows: Sequence[Row], timings: Sequence[Row], seed: int = 0) -> list[Section]:
+    """Everything the report shows but the panels, in order; paired intervals are drawn with the seed."""
     found: list[Section] = []
-    for protocol in sorted(summary.values("protocol"), key=list(PROTOCOLS).index):
+    for protocol in protocols_of(summary):
         for dataset in summary.values("dataset", protocol=protocol):
-            found += _protocol_sections(summary, rows, protocol, dataset)
+            found += _protocol_sections(_Place(summary, rows, protocol, dataset, seed))
     clock = runtimes(timings, list(dict.fromkeys(row.method for row in timings)))
     if clock:
         text = (
-            "Seconds of the completion alone (its stages, metrics not counted); the largest resident memory of the whole "
-            "process meanwhile, metrics included. They are of this machine and day, so they stay out of results.csv."
+            "Seconds of the completion alone (its stages, metrics not counted), and the largest resident memory of the whole "
+            "process, metrics included. They differ from run to run, so they are not in results.csv."
         )
         found.append(Section("runtime", "Runtime and memory", text, tables=(clock,)))
     return found
 
 
-def _protocol_sections(summary: Summary, rows: Sequence[Row], protocol: str, dataset: str) -> Iterator[Section]:
-    name = f"{PROTOCOLS.get(protocol, protocol)} on {dataset}"
-    place = _Place(summary, rows, protocol, dataset)
+def _protocol_sections(place: _Place) -> Iterator[Section]:
+    protocol, name = place.protocol, f"{PROTOCOLS[place.protocol]} on {place.dataset}"
     if protocol == "vpi" and place.has_yaws:
         yield Section(f"{protocol}-whole", name, place.whole_text(), place.whole_figures(), place.whole_tables())
         text = (
             "Only pixels that the source camera could not see, by the true depth: the same pixels for every method, "
-            "so recipes cannot win by leaving less to fill."
+            "so a recipe gains nothing by leaving less to fill."
         )
         yield Section(f"{protocol}-unseen", f"{name}: unseen", text, place.hidden_figures(), place.hidden_tables())
     else:
         yield Section(f"{protocol}-regions", name, _REGION_TEXT, place.region_figures(), place.removal_tables())
     more = place.more_tables()
     if more:
-        yield Section(f"{protocol}-more", f"{name}: troubles and variants", "", tables=more)
+        yield Section(f"{protocol}-more", f"{name}: artifacts and variants", "", tables=more)
 
 
 _WHOLE_TEXT = (
@@ -118,10 +137,22 @@ class _Place:
     rows: Sequence[Row]
     protocol: str
     dataset: str
+    seed: int
+
+    @property
+    def yaws(self) -> list[str]:
+        """Those that were measured, signs together and by themselves, without `all`."""
+        found = self.summary.values("yaw", protocol=self.protocol, dataset=self.dataset)
+        return [yaw for yaw in found if yaw != ALL]
 
     @property
     def has_yaws(self) -> bool:
-        return len(self.summary.values("yaw", protocol=self.protocol, dataset=self.dataset)) > 1
+        return bool(self.yaws)
+
+    @property
+    def has_one_yaw(self) -> bool:
+        """Tables over yaw would have one row each."""
+        return len([yaw for yaw in self.yaws if yaw[0] not in "+-"]) == 1
 
     @property
     def methods(self) -> list[str]:
@@ -131,7 +162,7 @@ class _Place:
 
     @property
     def drawn(self) -> list[str]:
-        """Those in figures: black holes are so far off that nothing else could be told apart; they stand in the tables."""
+        """Those in figures: black holes are so far off that all others would coincide; they stand in the tables only."""
         return [one for one in self.methods if not one.endswith(f"/{NO_FILL}")] or self.methods
 
     @property
@@ -142,47 +173,48 @@ class _Place:
 
     def whole_text(self) -> str:
         """With the source of the paper's numbers, where they stand beside ours."""
-        yaws = self.summary.values("yaw", protocol=self.protocol, dataset=self.dataset)
-        beside = f" The column of the paper: {SOURCE}" if any(yaw in MASK_RATIOS for yaw in yaws) else ""
+        beside = f" The paper's numbers: {PAPER_SOURCE}" if any(yaw in PAPER_MASK_RATIO for yaw in self.yaws) else ""
         return _WHOLE_TEXT + beside
 
-    def whole_figures(self) -> tuple[tuple[str, str], ...]:
-        """The paper's six numbers and mask ratio, and two in other units, over yaw."""
-        return self._curves((*PAPER_SHAPE, *BESIDE), "Whole pictures over yaw")
+    def whole_figures(self) -> tuple[Figure, ...]:
+        """The paper's six numbers and mask ratio, and two in other units."""
+        return self._drawn((*PAPER_SHAPE, *BESIDE), "Whole pictures")
 
-    def hidden_figures(self) -> tuple[tuple[str, str], ...]:
-        """The unseen pixels over yaw."""
-        return self._curves([("unseen", *which) for which in CURVES], "Unseen pixels over yaw")
+    def hidden_figures(self) -> tuple[Figure, ...]:
+        """The unseen pixels."""
+        return self._drawn([("unseen", *which) for which in CURVES], "Unseen pixels")
 
-    def region_figures(self) -> tuple[tuple[str, str], ...]:
+    def region_figures(self) -> tuple[Figure, ...]:
         """The hidden region's metrics, a dot a method."""
         hidden = [region for region in HIDDEN if any(which[0] == region for which in self.every)][:1]
         chosen = self._interesting(hidden or ["whole"])[:12]
-        title = f"{(hidden or ['whole'])[0]}: mean and 95 % interval"
-        figure = dots(self.summary, self.protocol, self.dataset, chosen, self.drawn, title)
-        return ((title, figure),) if figure else ()
+        return self._drawn(chosen, f"Region {(hidden or ['whole'])[0]}")
 
     def whole_tables(self) -> tuple[Table, ...]:
-        """One a metric with the methods side by side, then one a method in the paper's shape."""
+        """One a metric with the methods side by side, then one a method in the paper's shape; of one yaw, one of all."""
         place = self.summary, self.protocol, self.dataset
+        against = self._against(PAPER_SHAPE)
+        if self.has_one_yaw:
+            both, signs = ([yaw for yaw in self.yaws if (yaw[0] in "+-") == own] for own in (False, True))
+            by_sign = _minor(_there([by_method(*place, self.methods, signs)]), "each sign by itself")
+            return (*_there([against, by_method(*place, self.methods, both)]), *by_sign)
         beside = [per_yaw(*place, which, self.methods) for which in PAPER_SHAPE]
         single = [per_yaw(*place, which, self.methods, signs=True) for which in PAPER_SHAPE]
         own = [paper_shaped(*place, method) for method in self.methods]
-        against = duel(self.rows, self.protocol, self.dataset, PAPER_SHAPE)
         return (*_there([against, *beside]), *_there(own), *_minor(_there(single), "each sign by itself"))
 
     def hidden_tables(self) -> tuple[Table, ...]:
-        """By yaw, and all regions over all yaws."""
+        """By yaw where there are several, and all regions over all yaws."""
         place = self.summary, self.protocol, self.dataset
-        against = duel(self.rows, self.protocol, self.dataset, PER_YAW_HIDDEN)
-        by_yaw = [per_yaw(*place, which, self.methods) for which in PER_YAW_HIDDEN]
+        against = self._against(PER_YAW_HIDDEN)
+        by_yaw = [] if self.has_one_yaw else [per_yaw(*place, which, self.methods) for which in PER_YAW_HIDDEN]
         return (*_there([against, *by_yaw]), *self.region_tables())
 
     def removal_tables(self) -> tuple[Table, ...]:
         """The recipes against each other in the mask, then all regions."""
         found = {which[0] for which in self.every}
         chosen = REMOVAL if "mask" in found else tuple(("unseen", *which[1:]) for which in REMOVAL)
-        return (*_there([duel(self.rows, self.protocol, self.dataset, chosen)]), *self.region_tables())
+        return (*_there([self._against(chosen)]), *self.region_tables())
 
     def region_tables(self) -> tuple[Table, ...]:
         """Regions that were hidden, and those that were not; all yaws together."""
@@ -208,9 +240,15 @@ class _Place:
     def _side_by_side(self, chosen: Sequence[Which], title: str) -> Table | None:
         return side_by_side(self.summary, self.protocol, self.dataset, chosen, self.methods, title)
 
-    def _curves(self, chosen: Sequence[Which], title: str) -> tuple[tuple[str, str], ...]:
-        figure = curves(self.summary, self.protocol, self.dataset, chosen, self.drawn, title)
-        return ((title, figure),) if figure else ()
+    def _against(self, chosen: Sequence[Which]) -> Table | None:
+        return paired_comparison(self.rows, self.protocol, self.dataset, chosen, self.seed)
+
+    def _drawn(self, chosen: Sequence[Which], title: str) -> tuple[Figure, ...]:
+        """Curves over yaw where there are two yaws or more, else a dot a method."""
+        place = self.summary, self.protocol, self.dataset
+        over_yaw = None if self.protocol != "vpi" else curves(*place, chosen, self.drawn, f"{title} over yaw")
+        figure = over_yaw or dots(*place, chosen, self.drawn, f"{title}, mean over frames")
+        return (figure,) if figure else ()
 
 
 def _there(tables: Sequence[Table | None]) -> tuple[Table, ...]:
@@ -219,4 +257,4 @@ def _there(tables: Sequence[Table | None]) -> tuple[Table, ...]:
 
 def _minor(tables: Sequence[Table], how: str) -> tuple[Table, ...]:
     ending = f", {how}" if how else ""
-    return tuple(Table(f"{one.title}{ending}", one.head, one.rows, one.note, minor=True) for one in tables)
+    return tuple(replace(one, title=f"{one.title}{ending}", minor=True) for one in tables)

@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from dlama.evaluation.runner.results_table import Row
+from dlama.evaluation.runner.store import Row
 from dlama.files.atomic_write import new_file
 
 ALL = "all"

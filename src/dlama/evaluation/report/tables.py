@@ -9,11 +9,18 @@ from statistics import median
 from typing import NamedTuple
 
 from dlama.evaluation.protocols.methods import NO_FILL
-from dlama.evaluation.report.metric_names import MASK_RATIO, PAPER_SHAPE, better, shown, titled
-from dlama.evaluation.report.paper_columns import MASK_RATIO as PAPER_MASK_RATIO
-from dlama.evaluation.report.paper_columns import PAPER, paper_value
+from dlama.evaluation.report.columns import (
+    MASK_RATIO,
+    PAPER,
+    PAPER_MASK_RATIO,
+    PAPER_SHAPE,
+    better,
+    paper_value,
+    shown,
+    titled,
+)
 from dlama.evaluation.report.summary import ALL, Key, Mean, Summary
-from dlama.evaluation.runner.results_table import Row
+from dlama.evaluation.runner.store import Row
 
 
 class Cell(NamedTuple):
@@ -38,9 +45,36 @@ class Table:
     note: str = ""
     minor: bool = False
     """Folded away at first."""
+    with_intervals: bool = False
+    """In markdown, too, the intervals stand beside the means."""
+
+    @property
+    def word_columns(self) -> list[bool]:
+        """True for each column that has words only, no numbers."""
+        return [all(row[number].value is None for row in self.rows) for number in range(len(self.head))]
 
 
 EMPTY = Cell("–")
+
+
+def by_method(
+    summary: Summary, protocol: str, dataset: str, methods: Sequence[str], yaws: Sequence[str]
+) -> Table | None:
+    """The paper's columns, a row a yaw and method: the shape for data of one yaw; best of each yaw bold."""
+    columns = (MASK_RATIO, *PAPER_SHAPE)
+    rows: list[tuple[Cell, ...]] = []
+    for yaw in yaws:
+        cells = [
+            _marked([_cell(summary, Key(protocol, dataset, yaw, one, *which)) for one in methods], which[2], methods)
+            for which in columns
+        ]
+        rows += [(Cell(yaw), Cell(method), *own) for method, *own in zip(methods, *cells)]
+        beside = [PAPER_MASK_RATIO.get(yaw), *(paper_value(yaw, *which) for which in PAPER_SHAPE)]
+        if beside[0] is not None:
+            others = (_other(value, which[2]) for value, which in zip(beside, columns))
+            rows.append((Cell(yaw, other=True), Cell(PAPER, other=True), *others))
+    head = ("yaw", "method", "mask %", *(titled(*which) for which in PAPER_SHAPE))
+    return Table("Whole pictures", head, tuple(rows), with_intervals=True) if rows else None
 
 
 def paper_shaped(summary: Summary, protocol: str, dataset: str, method: str) -> Table | None:
@@ -57,7 +91,7 @@ def paper_shaped(summary: Summary, protocol: str, dataset: str, method: str) -> 
     if not rows:
         return None
     head = ("yaw", "mask %", *(titled(*which) for which in PAPER_SHAPE))
-    return Table(method, head, tuple(rows))
+    return Table(method, head, tuple(rows), with_intervals=True)
 
 
 def per_yaw(
@@ -101,7 +135,7 @@ def side_by_side(
         )
         if any(cell is not EMPTY for cell in cells):
             rows.append((Cell(which[0]), Cell(titled(*which)), *cells))
-    return Table(title, ("region", "metric", *methods), tuple(rows)) if rows else None
+    return Table(title, ("region", "metric", *methods), tuple(rows), with_intervals=True) if rows else None
 
 
 def variants(
@@ -162,13 +196,13 @@ def variant_of(method: str) -> tuple[str, str]:
     return f"{base}/{filler}", variant
 
 
-def markdown(table: Table, with_intervals: bool = False) -> str:
+def markdown(table: Table) -> str:
     """A table of GitHub's markdown, its heading in bold; best values bold, other data in italics."""
 
     def text(cell: Cell) -> str:
         plain = cell.text.replace("|", "\\|")
         mark = "**" if cell.best else "*" if cell.other else ""
-        extra = f" ({cell.interval})" if with_intervals and cell.interval else ""
+        extra = f" ({cell.interval})" if table.with_intervals and cell.interval else ""
         return f"{mark}{plain}{mark}{extra}"
 
     def lines() -> Iterator[str]:
@@ -209,9 +243,9 @@ def _other(value: float | None, metric: str) -> Cell:
 
 
 def _marked(cells: list[Cell], metric: str, methods: Sequence[str]) -> list[Cell]:
-    """The best of a row marked: all that look the same as it; none where the metric has no good side or all are alike.
+    """The cells of one metric with the best marked, and all that read the same; none where no side is good or all are alike.
 
-    No fill is out of it: its depth is measured only where it has any.
+    The baseline that fills nothing is never marked: its depth is measured only where it has any.
     """
     fills = [not one.endswith(f"/{NO_FILL}") for one in methods]
     known = [cell for cell, does in zip(cells, fills) if does and cell.value is not None]

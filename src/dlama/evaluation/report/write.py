@@ -14,13 +14,13 @@ from dlama.errors import OutputError
 from dlama.evaluation.metrics.pictures import SETTINGS as METRIC_SETTINGS
 from dlama.evaluation.protocols.methods import ProtocolSettings
 from dlama.evaluation.report.page import flattened, page
-from dlama.evaluation.report.panel_choice import as_data_urls, choose
-from dlama.evaluation.report.sections import Section, sections
+from dlama.evaluation.report.panels import as_data_urls, choose
+from dlama.evaluation.report.sections import EXPLAINED, PROTOCOLS, Section, protocols_of, sections
 from dlama.evaluation.report.summary import RESAMPLES, Summary, summarise, write_summary
 from dlama.evaluation.report.tables import every_mean, markdown
-from dlama.evaluation.runner.cache_key import code_fingerprint, fingerprint
-from dlama.evaluation.runner.results_table import result_rows, timing_rows, write_rows
-from dlama.evaluation.runner.run import Run
+from dlama.evaluation.runner.cache_key import code_hash, short_hash
+from dlama.evaluation.runner.run import Results
+from dlama.evaluation.runner.store import result_rows, timing_rows, write_rows
 from dlama.evaluation.runner.worker import Outcome
 from dlama.files.atomic_write import new_file
 
@@ -29,29 +29,30 @@ PACKAGES = ("numpy", "numba", "opencv-python-headless", "onnxruntime", "scikit-i
 
 
 def write_report(
-    folder: Path, dataset: Dataset, run: Run, settings: ProtocolSettings, *, seed: int = 0, command: str = ""
+    folder: Path, dataset: Dataset, run: Results, settings: ProtocolSettings, *, seed: int = 0, command: str = ""
 ) -> Summary:
-    """Write all of it beside the stored results; all but timings.csv and what shows runtimes is the same on every run.
+    """Write all of it beside the stored results. The same results give the same bytes, except where runtimes are shown.
 
     Raises:
         OutputError: the folder cannot be written.
-        MissingExtraError: matplotlib is not installed.
+        MissingExtraError: matplotlib or jinja2 is not installed.
     """
     rows, timings = result_rows(run.stored), timing_rows(run.stored)
     write_rows(folder / "results.csv", rows)
     write_rows(folder / "timings.csv", timings)
     summary = summarise(rows, seed=seed, about=about(dataset, run, settings, seed, command))
     write_summary(folder / "summary.json", summary)
-    parts = sections(summary, rows, timings)
+    parts = sections(summary, rows, timings, seed)
+    explained = {PROTOCOLS[name]: EXPLAINED[name] for name in protocols_of(summary)}
     failed = [failure_line(one) for one in run.failures]
-    _write(folder / "summary.md", "\n".join(summary_lines(dataset, summary, parts, failed)))
+    _write(folder / "summary.md", "\n".join(summary_lines(dataset, summary, explained, parts, failed)))
     panels = as_data_urls(folder / "panels", choose(run.stored))
     title = f"dlama evaluated on {dataset.name}"
-    _write(folder / "report.html", page(title, summary.about, parts, panels, every_mean(summary), failed))
+    _write(folder / "report.html", page(title, summary.about, explained, parts, panels, every_mean(summary), failed))
     return summary
 
 
-def about(dataset: Dataset, run: Run, settings: ProtocolSettings, seed: int, command: str) -> dict[str, Any]:
+def about(dataset: Dataset, run: Results, settings: ProtocolSettings, seed: int, command: str) -> dict[str, Any]:
     """What the numbers rest on."""
     cases = {(one.protocol, one.scene, one.frame) for one in run.stored}
     scenes = list(dict.fromkeys(one.scene for one in run.stored))
@@ -68,7 +69,7 @@ def about(dataset: Dataset, run: Run, settings: ProtocolSettings, seed: int, com
         "metrics": asdict(METRIC_SETTINGS),
         "protocols": asdict(settings),
         "interval": f"95 % bootstrap over scenes, {RESAMPLES} draws, seed {seed}",
-        "code": code_fingerprint(),
+        "code": code_hash(),
         "versions": versions(),
         **({"warnings": warned} if warned else {}),
     }
@@ -80,7 +81,7 @@ def _counted(number: int, what: str) -> str:
 
 def settings_hash(settings: ProtocolSettings) -> str:
     """12 hexadecimal digits of the metrics' settings and the protocols' together."""
-    return fingerprint([METRIC_SETTINGS.settings_hash(), settings])[:12]
+    return short_hash([METRIC_SETTINGS.settings_hash(), settings])[:12]
 
 
 def versions() -> dict[str, str]:
@@ -101,10 +102,13 @@ def failure_line(one: Outcome) -> str:
     return f"{one.case.protocol} {one.case.scene} {one.case.frame}, {one.method.label}: {one.error}"
 
 
-def summary_lines(dataset: Dataset, summary: Summary, parts: Sequence[Section], failed: Sequence[str]) -> Iterator[str]:
-    """summary.md."""
+def summary_lines(
+    dataset: Dataset, summary: Summary, explained: Mapping[str, str], parts: Sequence[Section], failed: Sequence[str]
+) -> Iterator[str]:
+    """summary.md; `explained`, `parts` and `failed` as in `dlama.evaluation.report.page.page`."""
     facts: Mapping[str, Any] = summary.about
     yield from (f"# Evaluation on {dataset.name}", "", facts["lead"], "")
+    yield from (*(f"- {sentence}" for sentence in explained.values()), "")
     if facts["command"]:
         yield from ("```", facts["command"], "```", "")
     if failed:
@@ -114,8 +118,7 @@ def summary_lines(dataset: Dataset, summary: Summary, parts: Sequence[Section], 
         if part.text:
             yield from (part.text, "")
         for table in part.tables:
-            with_intervals = table.head[1] == "mask %" or table.head[:2] in (("region", "metric"), ("filler", "yaw"))
-            text = f"{markdown(table, with_intervals)}\nSettings `{facts['settings_hash']}`.\n"
+            text = f"{markdown(table)}\nSettings `{facts['settings_hash']}`.\n"
             yield f"<details><summary>{table.title}</summary>\n\n{text}\n</details>\n" if table.minor else text
     yield from ("## Settings and versions", "")
     yield from (f"- {name}: `{text}`" for name, text in flattened(facts) if name != "lead")

@@ -1,4 +1,4 @@
-"""Whatever a result depends on in, a short hash out: a stored result counts only while its hash is the same."""
+"""Everything that a result depends on in; a short hash out. A stored result is used only under the hash it was made with."""
 
 from __future__ import annotations
 
@@ -8,59 +8,70 @@ import functools
 import hashlib
 import json
 import pickle
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from dlama.datasets.frames import Case
-from dlama.evaluation.protocols.methods import Method
+from dlama.evaluation.metrics.pictures import SETTINGS as METRIC_SETTINGS
+from dlama.evaluation.protocols.methods import Method, ProtocolSettings
+from dlama.inpainters.networks.engine import sha256_of
 
 ROOMS = ("geometry", "models", "perception", "inpainters", "completion", "files", "datasets", "worlds", "evaluation")
-"""The rooms whose code decides about numbers."""
-SHOWING = {
-    *(f"evaluation/runner/{name}.py" for name in ("run", "store", "results_table")),
-    *(f"evaluation/report/{name}.py" for name in ("summary", "tables", "metric_names", "sections", "charts")),
-    *(
-        f"evaluation/report/{name}.py"
-        for name in ("paired_comparison", "panel_choice", "page", "write", "paper_columns")
-    ),
-}
-"""Files that only show numbers: a change there makes no result stale."""
+"""The rooms whose code decides about numbers and panels."""
+SHOWING = (
+    "evaluation/report/",
+    "evaluation/runner/run.py",
+    "evaluation/runner/progress.py",
+    "evaluation/runner/store.py",
+)
+"""Folders (with a slash) and files that only arrange, store and show what was measured: a change there makes no result stale.
+The code that measures must import none of them but `store`."""
+SOURCE = Path(__file__).parents[2]
+"""src/dlama."""
 
 
-def fingerprint(value: Any) -> str:
-    """16 hexadecimal digits of what `described` says of a value."""
+def cache_key(case: str, method: str, settings: ProtocolSettings, protocol: Callable[..., Any]) -> str:
+    """The key of one result: 16 hexadecimal digits of its case's and method's hashes, all settings, and dlama's own code."""
+    return short_hash([code_hash(), case, method, METRIC_SETTINGS, settings, protocol])
+
+
+def short_hash(value: Any) -> str:
+    """16 hexadecimal digits of the sha256 of what `described` says of a value."""
     text = json.dumps(described(value), sort_keys=True, ensure_ascii=True)
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
-def case_fingerprint(case: Case) -> str:
+def case_hash(case: Case) -> str:
     """Of a case: its names, and what its `load` will read (files by name, size and time of change)."""
-    return fingerprint([case.protocol, case.dataset, case.scene, case.frame, case.yaw, case.load])
+    return short_hash([case.protocol, case.dataset, case.scene, case.frame, case.yaw, case.load])
 
 
-def method_fingerprint(method: Method) -> str:
+def method_hash(method: Method) -> str:
     """Of a method: its settings, and the bytes of its network file."""
     model = None if method.model is None else _file_sha256(method.model)
-    return fingerprint([method.recipe, method.filler, model, dict(method.changes), method.seed])
+    return short_hash([method.recipe, method.filler, model, dict(method.changes), method.seed])
 
 
 @functools.lru_cache(maxsize=1)
-def code_fingerprint() -> str:
-    """Of dlama's own code that decides about numbers: another version of it makes results stale."""
-    root, digest = Path(__file__).parents[2], hashlib.sha256()
-    for room in ROOMS:
-        for file in sorted((root / room).rglob("*.py")):
-            name = file.relative_to(root).as_posix()
-            if name not in SHOWING:
-                digest.update(name.encode() + b"\0" + file.read_bytes())
+def code_hash() -> str:
+    """Of dlama's own code that decides about numbers and panels: another version of it makes results stale."""
+    digest = hashlib.sha256()
+    for name in deciding_files():
+        digest.update(name.encode() + b"\0" + (SOURCE / name).read_bytes())
     return digest.hexdigest()[:16]
 
 
+def deciding_files() -> list[str]:
+    """The files that `code_hash` reads, as paths below src/dlama: all of ROOMS but SHOWING."""
+    files = (file.relative_to(SOURCE).as_posix() for room in ROOMS for file in (SOURCE / room).rglob("*.py"))
+    return sorted(name for name in files if not name.startswith(SHOWING))
+
+
 def described(value: Any) -> Any:
-    """A value as JSON can hold it, such that equal values give equal text; files by name, size and time of change."""
+    """A value as JSON can hold it; equal values give equal text. Files count by name, size and time of change."""
     if value is None or isinstance(value, (bool, int, str)):
         return value
     if isinstance(value, float):
@@ -94,7 +105,7 @@ def _described_compound(value: Any) -> Any:
 
 
 def _described_file(path: Path) -> Any:
-    """A folder counts by its name only: what is read of it stands in the case as files."""
+    """A folder counts by its name only: the files that are read from it stand in the case themselves."""
     try:
         found = path.stat()
     except OSError:
@@ -104,6 +115,4 @@ def _described_file(path: Path) -> Any:
 
 @functools.lru_cache(maxsize=32)
 def _file_sha256(path: Path) -> str:
-    from dlama.inpainters.networks.engine import sha256_of
-
     return sha256_of(path)

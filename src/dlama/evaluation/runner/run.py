@@ -1,4 +1,4 @@
-"""A data set and methods in; every case x method run, stored and resumed, failures told; all that is stored out."""
+"""A data set and methods in; every case x method run, stored and resumed, failures listed; all that is stored out."""
 
 from __future__ import annotations
 
@@ -15,9 +15,8 @@ from pathlib import Path
 
 from dlama.datasets.frames import Case, Protocol
 from dlama.errors import InputError, OutputError
-from dlama.evaluation.metrics.pictures import SETTINGS as METRIC_SETTINGS
 from dlama.evaluation.protocols.methods import Method, ProtocolSettings
-from dlama.evaluation.runner.cache_key import case_fingerprint, code_fingerprint, fingerprint, method_fingerprint
+from dlama.evaluation.runner.cache_key import cache_key, case_hash, method_hash
 from dlama.evaluation.runner.store import Stored, read_stored, stem
 from dlama.evaluation.runner.worker import THREAD_VARIABLES, Outcome, ProtocolFunction, Task, one_thread, work, work_all
 from dlama.files.atomic_write import new_file
@@ -27,7 +26,7 @@ Progress = Callable[[Outcome | None, int, int], None]
 
 
 @dataclass(frozen=True)
-class Run:
+class Results:
     """Everything that one evaluation asked for."""
 
     stored: tuple[Stored, ...]
@@ -48,12 +47,12 @@ def run(
     *,
     jobs: int = 1,
     progress: Progress | None = None,
-) -> Run:
-    """Run every method on every case, and leave what is already in `folder` with the same fingerprint as it is.
+) -> Results:
+    """Run every method on every case, and keep what `folder` already holds under the same cache key.
 
     Args:
         protocols: name of a protocol -> what runs it.
-        settings: handed to the protocol; what it is goes into the fingerprint. Picklable.
+        settings: handed to the protocol, and part of the cache key. Picklable.
         folder: made if need be; cases/, panels/, errors/ and errors.json lie there afterwards.
         jobs: processes; each computes on one core where there are several.
     Raises:
@@ -63,25 +62,25 @@ def run(
     _check(cases, methods, jobs)
     _make(folder)
     tasks, reused, stale = _planned(cases, methods, protocols, settings, folder)
-    told = progress or (lambda *_: None)
+    report = progress or (lambda *_: None)
     total, done = len(cases) * len(methods), reused
-    told(None, done, total)
+    report(None, done, total)
     failures: list[Outcome] = []
     for outcome in _outcomes(tasks, jobs):
         done += 1
         failures += [outcome] if outcome.error else []
-        told(outcome, done, total)
+        report(outcome, done, total)
     order = {case.key: number for number, case in enumerate(cases)}
     failures.sort(key=lambda one: (order[one.case.key], methods.index(one.method)))
     write_errors(folder, failures)
     failed = {stem(one.case, one.method) for one in failures}
     names = [name for case in cases for method in methods if (name := stem(case, method)) not in failed]
     stored = [read_stored(folder / "cases" / f"{name}.json") for name in names]
-    return Run(tuple(one for one in stored if one is not None), tuple(failures), reused, stale)
+    return Results(tuple(one for one in stored if one is not None), tuple(failures), reused, stale)
 
 
 def write_errors(folder: Path, failures: Sequence[Outcome]) -> None:
-    """errors.json and a traceback each in errors/; both go where nothing failed. Raises OutputError."""
+    """errors.json and a traceback each in errors/; where nothing failed, both are removed. Raises OutputError."""
     shutil.rmtree(folder / "errors", ignore_errors=True)
     (folder / "errors.json").unlink(missing_ok=True)
     if not failures:
@@ -123,28 +122,20 @@ def _planned(
     settings: ProtocolSettings,
     folder: Path,
 ) -> tuple[list[Task], int, int]:
-    """What is still to be done, how much is there already, and how much is there but of something else."""
-    made_by = {method.label: method_fingerprint(method) for method in methods}
+    """What has still to be run, how many results are kept, and how many are there under another cache key."""
+    method_hashes = {method.label: method_hash(method) for method in methods}
     tasks, reused, stale = [], 0, 0
     for case in cases:
-        asked = case_fingerprint(case)
+        hashed = case_hash(case)
         todo = []
         for method in methods:
-            parts = [
-                code_fingerprint(),
-                asked,
-                made_by[method.label],
-                METRIC_SETTINGS,
-                settings,
-                protocols[case.protocol],
-            ]
-            mark = fingerprint(parts)
+            key = cache_key(hashed, method_hashes[method.label], settings, protocols[case.protocol])
             found = read_stored(folder / "cases" / f"{stem(case, method)}.json")
-            if found is not None and found.fingerprint == mark and _has_panels(folder, found):
+            if found is not None and found.cache_key == key and _has_panels(folder, found):
                 reused += 1
             else:
-                todo.append((method, mark))
-                stale += found is not None and found.fingerprint != mark
+                todo.append((method, key))
+                stale += found is not None and found.cache_key != key
         if todo:
             tasks.append(Task(case, tuple(todo), protocols[case.protocol], settings, folder))
     return tasks, reused, stale

@@ -1,16 +1,22 @@
-"""What one method made of one case <-> one small JSON file: written whole or not at all, unreadable ones count as absent."""
+"""What one method made of one case <-> one JSON file; many of them <-> results.csv and timings.csv, one row a number.
+
+Files are written whole or not at all. A JSON file that cannot be read counts as absent.
+"""
 
 from __future__ import annotations
 
+import csv
 import dataclasses
 import hashlib
 import json
 import re
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from dlama.datasets.frames import Case
+from dlama.errors import FileError
 from dlama.evaluation.protocols.methods import Measure, Method
 from dlama.files.atomic_write import new_file
 
@@ -31,7 +37,8 @@ class StoredRun:
 class Stored:
     """What one method made of one case."""
 
-    fingerprint: str
+    cache_key: str
+    """Of everything that the result depends on; see `dlama.evaluation.runner.cache_key`."""
     protocol: str
     dataset: str
     scene: str
@@ -73,6 +80,84 @@ def read_stored(path: Path) -> Stored | None:
         return Stored(**{**content, "runs": runs, "timings": timings, "warnings": tuple(content["warnings"])})
     except (OSError, ValueError, TypeError, KeyError):
         return None
+
+
+class Row(NamedTuple):
+    """One number. In the CSV file `yaw` is empty where there is none, and a value has all its digits."""
+
+    protocol: str
+    dataset: str
+    scene: str
+    frame: str
+    yaw: float | None
+    recipe: str
+    """With `+variant` where a run has one."""
+    filler: str
+    region: str
+    modality: str
+    metric: str
+    value: float
+
+    @property
+    def method(self) -> str:
+        """`recipe/filler`, as tables name it."""
+        return f"{self.recipe}/{self.filler}"
+
+
+HEADER = ",".join(Row._fields)
+
+
+def result_rows(stored: Iterable[Stored]) -> list[Row]:
+    """The numbers that are the same on every run, in the order in which they were asked for."""
+    rows = []
+    for one in stored:
+        for run in one.runs:
+            recipe = f"{one.recipe}+{run.variant}" if run.variant else one.recipe
+            head = (one.protocol, one.dataset, one.scene, one.frame, one.yaw, recipe, one.filler)
+            rows += [Row(*head, *measure) for measure in run.measures]
+    return rows
+
+
+def timing_rows(stored: Iterable[Stored]) -> list[Row]:
+    """Runtimes (seconds) and peak memory (MiB): they differ from run to run."""
+    return [
+        Row(one.protocol, one.dataset, one.scene, one.frame, one.yaw, one.recipe, one.filler, *measure)
+        for one in stored
+        for measure in one.timings
+    ]
+
+
+def write_rows(path: Path, rows: Sequence[Row]) -> None:
+    """Equal rows give equal bytes. Raises OutputError."""
+    with new_file(path) as draft, draft.open("w", encoding="utf-8", newline="") as stream:
+        writer = csv.writer(stream, lineterminator="\n")
+        writer.writerow(Row._fields)
+        for row in rows:
+            yaw = "" if row.yaw is None else f"{row.yaw:.10g}"
+            writer.writerow([*row[:4], yaw, *row[5:10], repr(float(row.value))])
+
+
+def read_rows(path: Path) -> list[Row]:
+    """Raises FileError, which names the line."""
+    try:
+        with path.open(encoding="utf-8", newline="") as stream:
+            lines = list(csv.reader(stream))
+    except (OSError, UnicodeDecodeError) as error:
+        raise FileError(f"{path}: cannot be read as a table: {error}") from error
+    if not lines or tuple(lines[0]) != Row._fields:
+        raise FileError(f"{path}: line 1 is {','.join(lines[0]) if lines else 'missing'}; {HEADER} is wanted")
+    return [_row(path, number, line) for number, line in enumerate(lines[1:], 2)]
+
+
+def _row(path: Path, number: int, line: list[str]) -> Row:
+    try:
+        protocol, dataset, scene, frame, yaw, recipe, filler, region, modality, metric, value = line
+        numbers = float(yaw) if yaw else None, float(value)
+    except ValueError as error:
+        raise FileError(
+            f"{path}: line {number} is no row of {len(Row._fields)} fields with numbers: {error}"
+        ) from error
+    return Row(protocol, dataset, scene, frame, numbers[0], recipe, filler, region, modality, metric, numbers[1])
 
 
 def _as_row(measure: Measure) -> list[Any]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 import sys
 import time
 import traceback
@@ -12,9 +13,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import cv2
+import numba
+
 from dlama.datasets.frames import Case, Truth
 from dlama.evaluation.protocols.methods import Measure, Method, ProtocolSettings, Scored
 from dlama.evaluation.runner.store import Stored, StoredRun, stem, write_stored
+from dlama.evaluation.runner.strips import jpeg, strip
 from dlama.files.atomic_write import new_file
 
 ProtocolFunction = Callable[[Any, Method, ProtocolSettings], Sequence[Scored]]
@@ -30,7 +35,7 @@ class Task:
 
     case: Case
     methods: tuple[tuple[Method, str], ...]
-    """Each with the fingerprint that its result will carry."""
+    """Each with the cache key that its result will carry."""
     protocol: ProtocolFunction
     settings: ProtocolSettings
     folder: Path
@@ -38,7 +43,7 @@ class Task:
 
 @dataclass(frozen=True)
 class Outcome:
-    """How one method fared on one case."""
+    """Whether one method ran on one case."""
 
     case: Case
     method: Method
@@ -48,32 +53,27 @@ class Outcome:
 
 
 def work(task: Task) -> Iterator[Outcome]:
-    """Run and store every method of a task, one after the other; what goes wrong is told and does not stop the rest."""
+    """Run and store every method of a task, one after the other; a failure is reported and does not stop the rest."""
     try:
         truth = task.case.load()
     except Exception as error:  # whatever a bad frame raises
         yield from (_failure(task.case, method, error) for method, _ in task.methods)
         return
-    for method, mark in task.methods:
+    for method, key in task.methods:
         try:
-            _run_one(task, truth, method, mark)
+            _run_one(task, truth, method, key)
             yield Outcome(task.case, method)
         except Exception as error:
             yield _failure(task.case, method, error)
 
 
 def work_all(task: Task) -> list[Outcome]:
-    """`work`, at the end of which another process gets its answer."""
+    """`work` for another process, which sends all outcomes of a task at once."""
     return list(work(task))
 
 
 def one_thread() -> None:
-    """Make this process compute on one core, and leave Ctrl-C to the one that started it."""
-    import signal
-
-    import cv2
-    import numba
-
+    """Make this process compute on one core and ignore Ctrl-C, which the process that started it handles."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     os.environ.update(dict.fromkeys(THREAD_VARIABLES, "1"))
     cv2.setNumThreads(1)
@@ -81,7 +81,7 @@ def one_thread() -> None:
 
 
 def reset_peak() -> bool:
-    """Start the kernel's count of peak memory anew (Linux); False where that cannot be done."""
+    """Reset the kernel's count of peak memory (Linux); False where that cannot be done."""
     try:
         Path("/proc/self/clear_refs").write_text("5")
     except OSError:
@@ -102,20 +102,20 @@ def peak_mib(since_reset: bool) -> float | None:
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / (2**20 if sys.platform == "darwin" else 2**10)
 
 
-def _run_one(task: Task, truth: Truth, method: Method, mark: str) -> None:
+def _run_one(task: Task, truth: Truth, method: Method, key: str) -> None:
     since_reset, started = reset_peak(), time.perf_counter()
-    with warnings.catch_warnings(record=True) as told:
+    with warnings.catch_warnings(record=True) as caught:
         scored = task.protocol(truth, method, task.settings)
     seconds, peak = time.perf_counter() - started, peak_mib(since_reset)
     name, case = stem(task.case, method), task.case
     runs = tuple(_stored_run(task.folder, name, number, one) for number, one in enumerate(scored))
     stored = Stored(
-        mark,
+        key,
         *(case.protocol, case.dataset, case.scene, case.frame, case.yaw),
         *(method.recipe, method.filler),
         runs,
         tuple(_timings(scored, seconds, peak)),
-        tuple(dict.fromkeys(str(one.message) for one in told)),
+        tuple(dict.fromkeys(str(one.message) for one in caught)),
     )
     write_stored(task.folder / "cases" / f"{name}.json", stored)
 
@@ -135,8 +135,6 @@ def _timings(scored: Sequence[Scored], seconds: float, peak: float | None) -> It
 
 
 def _stored_run(folder: Path, name: str, number: int, scored: Scored) -> StoredRun:
-    from dlama.evaluation.report.panels import jpeg, strip
-
     panel = None
     if scored.panel is not None:
         panel = f"{name}--{number}.jpg"

@@ -1,4 +1,4 @@
-"""The paper's troubles on pictures where each is known."""
+"""The paper's artifacts on pictures where each is known."""
 
 from __future__ import annotations
 
@@ -8,16 +8,9 @@ import numpy as np
 import pytest
 from square_world import OUT_OF_VIEW, SIZE, SOURCE, SQUARE_IN_SOURCE, TARGET, constant_filler, frame, rectangle, values
 
-from dlama.evaluation.metrics.artifacts import (
-    FARTHEST_EDGE,
-    depth_edges,
-    edge_offset,
-    fill_troubles,
-    law_measures,
-    leaks,
-)
-from dlama.evaluation.protocols.methods import Method
-from dlama.evaluation.protocols.runs import Run, run_method
+from dlama.evaluation.metrics.artifacts import FARTHEST_EDGE, depth_edges, edge_offset, law_broken, leak_share
+from dlama.evaluation.protocols.methods import Method, MethodRun, run_method
+from dlama.evaluation.protocols.scores import artifact_measures, leak_measures
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.view import Origin, View
 
@@ -58,37 +51,48 @@ def test_leaks_are_counted() -> None:
     depth[:, :6] *= 1.1
     depth[:, 6:12] *= 1.04
     view = View.from_rgbd(RGBD(truth.color, depth, SOURCE)).without(rectangle((60, 64)), 2)
-    (found,) = leaks(view, truth, EVERYWHERE)
-    assert found.value == pytest.approx(100 * 6 / 60)
-    assert leaks(view, truth, rectangle((6, 64)))[0].value == 0
-    assert leaks(view, truth, EVERYWHERE, clip_m=4.0)[0].value == 0
-    assert leaks(view, truth, rectangle((60, 64))) == []
+    assert leak_share(view, truth, EVERYWHERE) == pytest.approx(100 * 6 / 60)
+    assert leak_share(view, truth, rectangle((6, 64))) == 0
+    assert leak_share(view, truth, EVERYWHERE, clip_m=4.0) == 0
+    assert leak_share(view, truth, rectangle((60, 64))) is None
 
 
 def test_the_law_by_the_uncut_measurements(constant_filler: str) -> None:
     """Closed form: half of what is out of view, put before the square instead, is what breaks the law."""
-    source = frame(SOURCE, SQUARE_IN_SOURCE)
+    source, truth = frame(SOURCE, SQUARE_IN_SOURCE), frame(TARGET, None)
     run = run_method(Method("paper", constant_filler), source, TARGET)
     view = run.view()
-    lawful = values(law_measures(run, view, source))
+    lawful = values(artifact_measures(run, view, view.color, OUT_OF_VIEW, "unseen", truth, source))
     assert lawful["whole", "depth_m", "law_violations"] == lawful["whole", "depth_m", "law_broken"] == 0
     before = rectangle((0, 16), (20, 40))  # of the square's own 32 columns: at 1 m these fall on it or on the wall
     origin = np.where(before, np.uint8(Origin.FILLED), view.origin)
     shining = dataclasses.replace(view, depth=np.where(before, np.float32(1), view.depth), origin=origin)
     filled = int(view.filled.sum()) + int(before.sum())
-    broken = values(law_measures(run, shining, source))["whole", "depth_m", "law_broken"]
-    assert broken == pytest.approx(100 * before.sum() / filled)
-    assert len(law_measures(run, view, None)) == 1
+    assert law_broken(shining, source) == pytest.approx(100 * before.sum() / filled)
+    assert law_broken(View.from_rgbd(source), source) is None
+    unmeasured = values(artifact_measures(run, view, view.color, OUT_OF_VIEW, "unseen", truth))
+    assert ("whole", "depth_m", "law_violations") in unmeasured and ("whole", "depth_m", "law_broken") not in unmeasured
 
 
-def test_spread_is_told_where_there_is_one(constant_filler: str) -> None:
+def test_leaks_are_a_measure_of_the_seen_region(constant_filler: str) -> None:
+    """Oracle: `leak_share` of the view before filling; no measure where nothing is shown."""
+    source, truth = frame(SOURCE, SQUARE_IN_SOURCE), frame(TARGET, None)
+    run = run_method(Method("paper", constant_filler), source, TARGET)
+    shown = ~run.completion.warped[-1].hole
+    (found,) = leak_measures(run, truth, shown)
+    assert found[:3] == ("seen", "depth_m", "leaks")
+    assert found.value == leak_share(run.completion.warped[-1], truth, shown, run.clip_m)
+    assert leak_measures(run, truth, ~shown) == []
+
+
+def test_spread_is_given_where_there_is_one(constant_filler: str) -> None:
     """Law: a three-channel filler's own note becomes a measure; a filler without one has none."""
     source = frame(SOURCE, SQUARE_IN_SOURCE)
     truth = frame(TARGET, None)
     run = run_method(Method("paper", constant_filler), source, TARGET)
 
-    def spreads(one: Run) -> list[float]:
-        found = fill_troubles(one, one.view(), one.view().color, OUT_OF_VIEW, "unseen", truth, source)
+    def spreads(one: MethodRun) -> list[float]:
+        found = artifact_measures(one, one.view(), one.view().color, OUT_OF_VIEW, "unseen", truth, source)
         return [m.value for m in found if m.metric == "channel_spread"]
 
     assert spreads(run) == []

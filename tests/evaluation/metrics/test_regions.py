@@ -18,7 +18,7 @@ from square_world import (
 )
 
 from dlama.errors import ShapeError
-from dlama.evaluation.metrics.regions import removal_regions, sight, stereo_regions
+from dlama.evaluation.metrics.regions import removal_regions, source_visibility, stereo_regions
 from dlama.geometry.camera import Camera
 from dlama.geometry.holes import dilated
 from dlama.geometry.rgbd import RGBD
@@ -40,18 +40,18 @@ def assert_regions(found: dict[str, np.ndarray], wanted: dict[str, np.ndarray]) 
 
 
 def test_rectangles_by_hand() -> None:
-    """Closed form: shifts of whole pixels make every region a rectangle; the object is told from other occluders."""
+    """Closed form: shifts of whole pixels make every region a rectangle; the object is no other occluder."""
     source = frame(SOURCE, SQUARE_IN_SOURCE)
-    found = sight(source, frame(TARGET, SQUARE_IN_TARGET))
+    found = source_visibility(source, frame(TARGET, SQUARE_IN_TARGET))
     assert_regions(found.regions(), expected(DISOCCLUDED, OUT_OF_VIEW))
-    bare = sight(source, frame(TARGET, None), SQUARE_IN_SOURCE)
+    bare = source_visibility(source, frame(TARGET, None), SQUARE_IN_SOURCE)
     np.testing.assert_array_equal(bare.hidden_by_object, BEHIND_SQUARE)
     assert not bare.disoccluded.any()
     regions = bare.regions(with_object=True)
     np.testing.assert_array_equal(regions["object"], BEHIND_SQUARE)
     np.testing.assert_array_equal(regions["unseen"], BEHIND_SQUARE | OUT_OF_VIEW)
     with pytest.raises(ShapeError, match="object mask"):
-        sight(source, frame(TARGET, None), SQUARE_IN_SOURCE[1:])
+        source_visibility(source, frame(TARGET, None), SQUARE_IN_SOURCE[1:])
 
 
 @pytest.mark.parametrize("yaw", [-35.0, -12.0, 9.0, 30.0])
@@ -59,7 +59,7 @@ def test_traced_worlds(yaw: float) -> None:
     """Oracle: rays traced from the source to each target point. Only pixels beside a border of the truth may differ."""
     camera = Camera.from_fov(128, 96, 65)
     target = orbit(camera, yaw)
-    found = sight(STREET.rgbd(camera), STREET.rgbd(target))
+    found = source_visibility(STREET.rgbd(camera), STREET.rgbd(target))
     finite = np.isfinite(STREET.trace(target)[0])
     wanted = STREET.seen_by(camera, target)
     border = dilated(wanted, 2) & dilated(~wanted, 2)
@@ -74,7 +74,7 @@ def test_grazing_ground_is_seen() -> None:
     ground = World((Plane((0, 0.3, 0), (0, 1, 0)),))
     camera = Camera.from_fov(96, 72, 70)
     target = moved(camera, turn=(0, 5, 0), shift=(0.2, 0, -0.3))
-    found = sight(ground.rgbd(camera), ground.rgbd(target))
+    found = source_visibility(ground.rgbd(camera), ground.rgbd(target))
     below_horizon = ground.trace(target)[0] < 40  # the row that touches it lies between the last ground and nothing
     assert below_horizon.mean() > 0.4
     assert not found.disoccluded[below_horizon].any() and found.out_of_view.any()
@@ -84,10 +84,10 @@ def test_sky_goes_by_its_direction() -> None:
     """Closed form: turned in place nothing is disoccluded; behind a near square the sky is, when the camera moves."""
     sky = np.full((SIZE, SIZE), np.inf, np.float32)
     grey = np.full((SIZE, SIZE, 3), 90, np.uint8)
-    found = sight(RGBD(grey, sky, SOURCE), RGBD(grey, sky, moved(SOURCE, turn=(0, 10, 0))))
+    found = source_visibility(RGBD(grey, sky, SOURCE), RGBD(grey, sky, moved(SOURCE, turn=(0, 10, 0))))
     assert not found.disoccluded.any() and 0 < found.out_of_view.mean() < 0.3
     depth = np.where(SQUARE_IN_SOURCE, np.float32(2), sky)
-    found = sight(RGBD(grey, depth, SOURCE), RGBD(grey, sky, TARGET))
+    found = source_visibility(RGBD(grey, depth, SOURCE), RGBD(grey, sky, TARGET))
     np.testing.assert_array_equal(found.disoccluded, SQUARE_IN_SOURCE)
     assert found.seen[~SQUARE_IN_SOURCE].all()
 
@@ -97,7 +97,7 @@ def test_without_depth_nothing_is_known() -> None:
     source, target = frame(SOURCE, None), frame(TARGET, None)
     holed = RGBD(source.color, source.depth * ~rectangle((20, 30), (5, 15)), SOURCE)
     blind = RGBD(target.color, target.depth * ~rectangle((40, 44), (50, 60)), TARGET)
-    found = sight(holed, blind)
+    found = source_visibility(holed, blind)
     unknown = rectangle((12, 22), (5, 15)) | rectangle((40, 44), (50, 60))
     np.testing.assert_array_equal(~(found.seen | found.unseen), unknown)
 
@@ -105,7 +105,7 @@ def test_without_depth_nothing_is_known() -> None:
 def test_carried_colors() -> None:
     """Closed form: a source picture carried over is the target's where it is seen, and 0 elsewhere."""
     source, target = frame(SOURCE, SQUARE_IN_SOURCE), frame(TARGET, SQUARE_IN_TARGET)
-    found = sight(source, target)
+    found = source_visibility(source, target)
     np.testing.assert_array_equal(found.carried(source.color), target.color * found.seen[..., None])
 
 

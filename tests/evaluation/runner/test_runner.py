@@ -16,17 +16,22 @@ from made_up import METHODS, made_up_dataset
 from dlama.datasets.frames import Dataset
 from dlama.errors import FileError, InputError, OutputError
 from dlama.evaluation.protocols.methods import Method, ProtocolSettings
-from dlama.evaluation.runner import run as runner
-from dlama.evaluation.runner import worker
-from dlama.evaluation.runner.cache_key import case_fingerprint, fingerprint, method_fingerprint
-from dlama.evaluation.runner.results_table import HEADER, read_rows, result_rows, timing_rows, write_rows
-from dlama.evaluation.runner.run import Run, run
-from dlama.evaluation.runner.store import read_stored, stem
+from dlama.evaluation.runner import cache_key, worker
+from dlama.evaluation.runner.run import Results, run
+from dlama.evaluation.runner.store import (
+    HEADER,
+    read_rows,
+    read_stored,
+    result_rows,
+    stem,
+    timing_rows,
+    write_rows,
+)
 
 SETTINGS = ProtocolSettings()
 
 
-def evaluated(dataset: Dataset, folder: Path, *methods: Method, jobs: int = 1, settings: object = SETTINGS) -> Run:
+def evaluated(dataset: Dataset, folder: Path, *methods: Method, jobs: int = 1, settings: object = SETTINGS) -> Results:
     """A run with the made-up protocol for everything."""
     protocols = dict.fromkeys(("vpi", "ori", "sii"), made_up.protocol)
     return run(dataset.cases, methods or METHODS, protocols, settings, folder, jobs=jobs)  # type: ignore[arg-type]
@@ -47,7 +52,7 @@ def lines(log: Path) -> int:
     return count
 
 
-def written(folder: Path, done: Run) -> bytes:
+def written(folder: Path, done: Results) -> bytes:
     """results.csv of a run."""
     write_rows(folder / "results.csv", result_rows(done.stored))
     return (folder / "results.csv").read_bytes()
@@ -122,7 +127,7 @@ def test_only_what_is_missing_or_stale_is_done(tmp_path: Path, log: Path, monkey
     assert lines(log) == 12
     names = [stem(case, method) for case in dataset.cases]
     (tmp_path / "cases" / f"{names[0]}.json").unlink()
-    (tmp_path / "cases" / f"{names[1]}.json").write_text('{"fingerprint": "half of a fi')
+    (tmp_path / "cases" / f"{names[1]}.json").write_text('{"cache_key": "half of a fi')
     (tmp_path / "panels" / f"{names[2]}--0.jpg").unlink()
     evaluated(dataset, tmp_path, method)
     assert lines(log) == 3
@@ -132,31 +137,9 @@ def test_only_what_is_missing_or_stale_is_done(tmp_path: Path, log: Path, monkey
     assert lines(log) == 12 and (again.reused, again.stale) == (0, 12)
     evaluated(dataset, tmp_path, method, settings=ProtocolSettings(ring_px=3))
     assert lines(log) == 12
-    monkeypatch.setattr(runner, "code_fingerprint", lambda: "another version")
+    monkeypatch.setattr(cache_key, "code_hash", lambda: "another version")
     evaluated(dataset, tmp_path, method)
     assert lines(log) == 12
-
-
-def test_fingerprints_see_what_matters(tmp_path: Path) -> None:
-    """A changed file, another argument, other network bytes: each gives another hash; the same gives the same."""
-    case = made_up_dataset(1).cases[0]
-    picture, network = tmp_path / "a.png", tmp_path / "net.onnx"
-    picture.write_bytes(b"1")
-    network.write_bytes(b"1")
-    with_file = dataclasses.replace(case, load=functools.partial(made_up.truth, picture))
-    first = case_fingerprint(with_file)
-    assert first == case_fingerprint(dataclasses.replace(case, load=functools.partial(made_up.truth, picture)))
-    os.utime(picture, (1, 1))
-    other = Method("dlama", "lama", network)
-    marks = [case_fingerprint(case), first, case_fingerprint(with_file)]
-    marks += [method_fingerprint(other), method_fingerprint(dataclasses.replace(other, changes={"dilate": 3}))]
-    marks += [
-        fingerprint(np.zeros(3)),
-        fingerprint(np.zeros(3, np.float32)),
-        fingerprint(np.ones(3)),
-        fingerprint({1: 2}),
-    ]
-    assert len(set(marks)) == len(marks)
 
 
 def test_one_bad_frame_does_not_stop_the_rest(tmp_path: Path) -> None:
@@ -189,9 +172,9 @@ def test_two_processes_give_the_same_bytes(tmp_path: Path, log: Path) -> None:
     single = evaluated(dataset, tmp_path / "a", *methods)
     log.write_text("")
     double = evaluated(dataset, tmp_path / "b", *methods, jobs=2)
-    told = [line.split() for line in log.read_text().splitlines()]
-    assert len(told) == 8 and str(os.getpid()) not in {process for _, process, _ in told}
-    assert {threads for _, _, threads in told} == {"1"}
+    logged = [line.split() for line in log.read_text().splitlines()]
+    assert len(logged) == 8 and str(os.getpid()) not in {process for _, process, _ in logged}
+    assert {threads for _, _, threads in logged} == {"1"}
     assert written(tmp_path, double) == written(tmp_path, single)
     assert [one.error for one in double.failures] == [one.error for one in single.failures]
     assert "in protocol" in double.failures[0].trace

@@ -9,9 +9,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dlama.evaluation.report.metric_names import PAPER_SHAPE, better, shown, titled
-from dlama.evaluation.report.paired_comparison import duel
-from dlama.evaluation.report.paper_columns import COLOR, DEPTH, MASK_RATIO, paper_value
+from dlama.evaluation.report.columns import (
+    PAPER_COLOR,
+    PAPER_DEPTH,
+    PAPER_MASK_RATIO,
+    PAPER_SHAPE,
+    better,
+    paper_value,
+    shown,
+    titled,
+)
+from dlama.evaluation.report.paired_comparison import paired_comparison
+from dlama.evaluation.report.sections import sections
 from dlama.evaluation.report.summary import (
     RESAMPLES,
     Key,
@@ -23,8 +32,17 @@ from dlama.evaluation.report.summary import (
     write_summary,
     yaw_order,
 )
-from dlama.evaluation.report.tables import markdown, paper_shaped, per_yaw, runtimes, side_by_side, variant_of, variants
-from dlama.evaluation.runner.results_table import Row
+from dlama.evaluation.report.tables import (
+    by_method,
+    markdown,
+    paper_shaped,
+    per_yaw,
+    runtimes,
+    side_by_side,
+    variant_of,
+    variants,
+)
+from dlama.evaluation.runner.store import Row
 
 
 def row(
@@ -119,7 +137,7 @@ def test_infinite_values_have_no_interval() -> None:
     )
 
 
-def test_variants_come_last_and_are_told_apart() -> None:
+def test_variants_come_last_and_are_named() -> None:
     """`dlama+mask+3/telea` is a variant of dlama/telea."""
     names = ("dlama+object,dilate=0", "dlama", "paper")
     found = summarise([row("a", 10, 1, method=f"{name}/telea") for name in names])
@@ -182,38 +200,76 @@ def test_side_by_side_marks_the_best() -> None:
     assert "| ±20 | 0.5250 | **0.6300** | *0.6593* |" in markdown(ssim)
     assert "| +20 | 0.5250 | **0.6300** | – |" in markdown(ssim)
     lpips = side_by_side(found, "vpi", "toy", [("whole", "rgb", "lpips"), ("mask", "rgb", "ssim")], both, "All")
-    assert lpips and markdown(lpips).splitlines()[4:] == ["| whole | colour LPIPS | 0.2100 | 0.2100 |"]
+    number = "0.2100 (0.2000 to 0.2200)"
+    assert lpips and markdown(lpips).splitlines()[4:] == [f"| whole | colour LPIPS | {number} | {number} |"]
     assert per_yaw(found, "vpi", "toy", ("seen", "rgb", "mse"), both) is None
 
 
-def test_a_duel_by_hand() -> None:
-    """Ours 10 % and 50 % less MSE in two scenes of 100 and 300: 40 % less of the mean; cases without an opponent do not count."""
+def test_a_paired_comparison_by_hand() -> None:
+    """Ours 10 % and 50 % less MSE in two scenes of 100 and 300: 40 % less of the mean; cases of one recipe only do not count."""
     ours, theirs = {"a": 90.0, "b": 150.0, "c": 1.0}, {"a": 100.0, "b": 300.0}
     rows = [row(scene, 10, value, method="dlama/telea") for scene, value in ours.items()]
     rows += [row(scene, 10, value, method="paper/telea") for scene, value in theirs.items()]
     rows += [row("a", 10, 5.0, method=f"{name}/none") for name in ("dlama", "paper")]
-    table = duel(rows, "vpi", "toy", [("whole", "rgb", "mse"), ("whole", "rgb", "lpips")])
+    table = paired_comparison(rows, "vpi", "toy", [("whole", "rgb", "mse"), ("whole", "rgb", "lpips")])
     assert table and table.head == ("filler", "yaw", "colour MSE")
-    assert [line[1].text for line in table.rows] == ["±10", "all"]
+    assert [line[1].text for line in table.rows] == ["±10"]  # of one yaw `all` would be the same
+    further = [one._replace(yaw=20.0, frame="20") for one in rows]
+    both = paired_comparison([*rows, *further], "vpi", "toy", [("whole", "rgb", "mse")])
+    assert both and [line[1].text for line in both.rows] == ["±10", "±20", "all"]
     cell = table.rows[0][2]
     assert (cell.text, cell.best, cell.interval) == ("-40.0 % (2/2)", True, "-50.0 to -10.0")
     worse = [one._replace(value=-one.value) if one.method == "paper/telea" else one for one in rows]
-    lost = duel(worse, "vpi", "toy", [("whole", "rgb", "mse")])
+    lost = paired_comparison(worse, "vpi", "toy", [("whole", "rgb", "mse")])
     assert lost and lost.rows[0][2].text == "–"
     equal = [row("a", 10, 7.0, method=f"{name}/telea") for name in ("dlama", "paper")]
-    tied = duel(equal, "vpi", "toy", [("whole", "rgb", "mse")])
+    tied = paired_comparison(equal, "vpi", "toy", [("whole", "rgb", "mse")])
     assert tied and tied.rows[0][2].text == "the same" and not tied.rows[0][2].best
     swapped = [one._replace(recipe={"dlama": "paper", "paper": "dlama"}[one.recipe]) for one in rows]
-    beaten = duel(swapped, "vpi", "toy", [("whole", "rgb", "mse")])
+    beaten = paired_comparison(swapped, "vpi", "toy", [("whole", "rgb", "mse")])
     assert beaten and beaten.rows[0][2].text == "+66.7 % (0/2)" and not beaten.rows[0][2].best
-    assert duel([one for one in rows if one.recipe == "dlama"], "vpi", "toy", PAPER_SHAPE) is None
+    assert paired_comparison([one for one in rows if one.recipe == "dlama"], "vpi", "toy", PAPER_SHAPE) is None
+
+
+def test_intervals_of_a_comparison_are_drawn_with_the_seed() -> None:
+    """Oracle: the resamples of each seed, worked out here: the ratio of the drawn sums, its percentiles."""
+    values = np.random.default_rng(5).uniform(50, 150, (2, 9))
+    rows = [
+        row(f"s{scene}", 10, float(values[number, scene]), method=f"{recipe}/telea")
+        for number, recipe in enumerate(("dlama", "paper"))
+        for scene in range(9)
+    ]
+    found = []
+    for seed in (0, 1):
+        table = paired_comparison(rows, "vpi", "toy", [("whole", "rgb", "mse")], seed)
+        times = draws(9, seed)
+        low, high = np.percentile(times @ values[0] / (times @ values[1]), (2.5, 97.5))
+        assert table and table.rows[0][2].interval == f"{100 * (low - 1):+.1f} to {100 * (high - 1):+.1f}"
+        found.append(table.rows[0][2].interval)
+        own = [one for one in sections(summarise(rows, seed=seed), rows, [], seed)[0].tables if one.head[0] == "filler"]
+        assert own[0].rows[0][2].interval == found[-1]
+    assert found[0] != found[1]
+
+
+def test_one_yaw_has_one_table_of_all_methods() -> None:
+    """By hand: a row a method with the paper's seven columns and the paper's own row below; no table of a single row."""
+    rows = [one for one in paper_rows() if one.yaw in (10.0, -10.0)]
+    table = by_method(summarise(rows), "vpi", "toy", ["dlama/telea", "dlama/layered"], ["±10"])
+    assert table and table.head[:4] == ("yaw", "method", "mask %", "colour SSIM") and len(table.head) == 9
+    assert [cell.text for cell in table.rows[0][:4]] == ["±10", "dlama/telea", "33.33", "0.5250"]
+    assert [cell.best for cell in table.rows[1]] == [False, False, False, True, False, False, True, False, False]
+    assert [cell.text for cell in table.rows[2][:4]] == ["±10", "paper, other data", "27.19", "0.7617"]
+    whole, unseen = sections(summarise(rows), rows, [])[:1], sections(summarise(rows), rows, [])[1:2]
+    assert [one.title for one in whole[0].tables] == ["Whole pictures", "Whole pictures, each sign by itself"]
+    assert all(len(one.rows) > 1 for part in (*whole, *unseen) for one in part.tables)
+    assert whole[0].figures and len(whole[0].figures[0].plots) == 7
 
 
 def test_the_paper_shape() -> None:
     """By hand: a row a yaw with the seven columns of tables 1 and 2, the paper's own below."""
     table = paper_shaped(summarise(paper_rows()), "vpi", "toy", "dlama/telea")
     assert table and table.head[:3] == ("yaw", "mask %", "colour SSIM") and len(table.head) == 8
-    lines = markdown(table, with_intervals=True).splitlines()
+    lines = markdown(table).splitlines()
     assert lines[4].startswith(
         "| ±10 | 33.33 | 0.5250 (0.5000 to 0.5500) | 0.2100 (0.2000 to 0.2200) | 315.00 (300.00 to"
     )
@@ -232,11 +288,11 @@ def test_runtimes_by_hand() -> None:
 def test_the_papers_numbers_are_its_own(data_dir: Path) -> None:
     """Oracle: the text of the paper, tables 1 and 2, read again here."""
     text = (data_dir / "PAPER.md").read_text()
-    for marker, table in (("Table 1", COLOR), ("Table 2", DEPTH)):
+    for marker, table in (("Table 1", PAPER_COLOR), ("Table 2", PAPER_DEPTH)):
         before = text[: text.index(f"{marker}:")].rstrip().splitlines()[-6:]
         for line in before:
             yaw, ratio, ssim, lpips, mse = line.split()
-            assert MASK_RATIO[yaw] == float(ratio)
+            assert PAPER_MASK_RATIO[yaw] == float(ratio)
             assert [table[name][yaw] for name in ("ssim", "lpips", "mse")] == [float(ssim), float(lpips), float(mse)]
     assert paper_value("±10", "whole", "rgb", "mse") == 522.05
     assert paper_value("±10", "unseen", "rgb", "mse") is None and paper_value("+10", "whole", "rgb", "mse") is None

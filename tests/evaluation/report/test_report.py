@@ -7,6 +7,7 @@ import dataclasses
 import json
 import re
 import subprocess
+import sys
 import xml.etree.ElementTree as ET
 from html.parser import HTMLParser
 from pathlib import Path
@@ -19,18 +20,22 @@ import pytest
 from made_up import METHODS, made_up_dataset
 
 from dlama.datasets.frames import Dataset
+from dlama.errors import MissingExtraError
 from dlama.evaluation.protocols.methods import Method, ProtocolSettings
-from dlama.evaluation.report import panel_choice
-from dlama.evaluation.report.charts import curves
-from dlama.evaluation.report.panel_choice import as_data_urls, choose
-from dlama.evaluation.report.panels import CELL, GAP, color_error, depth_error, heat, jpeg, rescaled_jpeg, small, strip
+from dlama.evaluation.report import panels
+from dlama.evaluation.report.charts import Figure, curves
+from dlama.evaluation.report.page import PARTS, page
+from dlama.evaluation.report.panels import Chosen, ShownPanel, as_data_urls, choose
+from dlama.evaluation.report.sections import EXPLAINED, Section
 from dlama.evaluation.report.summary import summarise
+from dlama.evaluation.report.tables import Cell, Table
 from dlama.evaluation.report.write import FILES, settings_hash, write_report
-from dlama.evaluation.runner.results_table import result_rows
-from dlama.evaluation.runner.run import Run, run
+from dlama.evaluation.runner.run import Results, run
+from dlama.evaluation.runner.store import result_rows
+from dlama.evaluation.runner.strips import CELL, GAP, cells, color_error, depth_error, heat, small, strip
 
 SETTINGS = ProtocolSettings()
-VOID = {"meta", "link", "img", "input", "br", "hr", "path", "use", "rect"}
+VOID = {"meta", "link", "img", "input", "br", "hr", "path", "use", "rect", "wbr"}
 
 
 def mixed() -> Dataset:
@@ -39,7 +44,7 @@ def mixed() -> Dataset:
     return dataclasses.replace(views, cases=views.cases + removals.cases)
 
 
-def evaluated(folder: Path, dataset: Dataset, methods: tuple[Method, ...] = METHODS) -> Run:
+def evaluated(folder: Path, dataset: Dataset, methods: tuple[Method, ...] = METHODS) -> Results:
     """All of it run with the made-up protocol."""
     return run(dataset.cases, methods, {"vpi": made_up.protocol, "ori": made_up.protocol}, SETTINGS, folder)
 
@@ -96,13 +101,62 @@ def test_all_files_are_there_and_small(report: Path) -> None:
 def test_the_page_is_well_formed_and_needs_nothing_else(report: Path) -> None:
     """Oracles: every tag closes in order, ids are unique, links lead somewhere, nothing is loaded but data: URLs."""
     text = (report / "report.html").read_text("utf-8")
-    page = Outline(text)
-    assert page.open == []
-    assert len(page.ids) == len(set(page.ids)) > 10
-    assert {link[1:] for link in page.links} <= set(page.ids) and all(link.startswith("#") for link in page.links)
-    assert page.loads and all(one.startswith("data:image/jpeg;base64,") for one in page.loads)
+    outline = Outline(text)
+    assert outline.open == []
+    assert len(outline.ids) == len(set(outline.ids)) > 10
+    assert {link[1:] for link in outline.links} <= set(outline.ids) and all(
+        link.startswith("#") for link in outline.links
+    )
+    assert outline.loads and all(one.startswith("data:image/jpeg;base64,") for one in outline.loads)
     assert not re.search(r"@import|https?://|url\((?!#)|src=\"(?!data:)", text)
-    assert page.tags.count("svg") == 3 and page.tags.count("script") == 1
+    plots, lines = (
+        8 + 6 + 8,
+        4 + 1 + 4,
+    )  # whole and unseen over yaw, the removal's dots; four methods, the paper's numbers once
+    assert outline.tags.count("svg") == plots + lines and outline.tags.count("script") == 1
+
+
+def test_pictures_come_first_and_abbreviations_are_explained(report: Path) -> None:
+    """Oracles: the order of headings; each sentence stands before the first heading, in markdown before the first table."""
+    text = (report / "report.html").read_text("utf-8")
+    headings = re.findall(r"<h2>(.*?)</h2>", text)
+    assert headings[0].startswith("Pictures") and headings[1] == "View change (VPI) on toy"
+    assert text.index("<figure") < text.index("<table")
+    before, summary = text[: text.index("<h2>")], (report / "summary.md").read_text("utf-8")
+    for name in ("vpi", "ori"):
+        assert EXPLAINED[name] in before and EXPLAINED[name] in summary[: summary.index("|")]
+    assert EXPLAINED["sii"] not in text  # it did not run
+
+
+def test_names_are_escaped() -> None:
+    """Law: whatever a folder, a command or an error holds stands in the page as text."""
+    bad = '<b onclick="x">&'
+    table = Table(bad, (bad,), ((Cell(bad, interval=bad),),), bad)
+    chosen = Chosen("vpi", bad, bad, "best", bad, bad, bad, 0.5, "")
+    shown = [ShownPanel(chosen, ("data:image/jpeg;base64,",) * 10)]
+    section = Section("a", bad, bad, (Figure(bad, (), (("", bad),)),), (table, dataclasses.replace(table, minor=True)))
+    text = page(bad, {"lead": bad, "settings_hash": bad, "x": {bad: bad}}, {bad: bad}, [section], shown, table, [bad])
+    assert "<b onclick" not in text and text.count("&lt;b onclick=") > 20
+
+
+def test_a_missing_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The pip line, instead of an ImportError."""
+    monkeypatch.setitem(sys.modules, "jinja2", None)
+    with pytest.raises(MissingExtraError, match="jinja2"):
+        page("a", {"lead": "", "settings_hash": ""}, {}, [], [], Table("", (), ()))
+
+
+def test_narrow_tables_carry_their_headings(report: Path) -> None:
+    """Law: every number of every table names its column, for screens on which the head is not shown."""
+    text = (report / "report.html").read_text("utf-8")
+    for table in re.findall(r"<table.*?</table>", text, re.DOTALL):
+        heads = [re.sub(r"<.*?>", "", one) for one in re.findall(r"<th.*?</th>", table)]
+        for line in re.findall(r"<tr><td.*?</tr>", table):
+            fields = re.findall(r"<td(.*?)>", line)
+            assert len(fields) == len(heads)
+            for head, field in zip(heads, fields):
+                named = re.search(r'data-head="(.*?)"', field)
+                assert (named is None) == ("word" in field) and (named is None or named[1] == head)
 
 
 def test_the_guard_sees_what_is_loaded() -> None:
@@ -116,8 +170,7 @@ def test_the_script_is_a_script() -> None:
     """Oracle: node's parser, where there is one."""
     if not which("node"):
         pytest.skip("node is not installed; it parses the page's script")
-    script = Path(panel_choice.__file__).parents[2] / "assets" / "report" / "script.js"
-    assert subprocess.run(["node", "--check", str(script)], timeout=60).returncode == 0
+    assert subprocess.run(["node", "--check", str(PARTS / "script.js")], timeout=60).returncode == 0
 
 
 def test_the_page_shows_the_numbers(report: Path) -> None:
@@ -158,12 +211,12 @@ def test_the_same_results_give_the_same_report(tmp_path: Path) -> None:
     for name in "ab":
         done = evaluated(tmp_path / name, dataset)
         fixed = tuple(dataclasses.replace(one, timings=()) for one in done.stored)
-        write_report(tmp_path / name, dataset, Run(fixed, (), 0), SETTINGS)
+        write_report(tmp_path / name, dataset, Results(fixed, (), 0), SETTINGS)
     for name in FILES:
         assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes(), name
 
 
-def test_failures_are_told(tmp_path: Path) -> None:
+def test_failures_are_listed(tmp_path: Path) -> None:
     """On the page, in markdown, and in the first line."""
     dataset = made_up_dataset(1, (10.0,))
     methods = (Method("dlama", "telea"), Method("paper", "bad"))
@@ -183,18 +236,21 @@ def test_curves_are_svg_with_the_methods_and_the_paper() -> None:
         if case.protocol == "vpi"
         for method, value in (("dlama/telea", 0.5), ("paper/telea", 0.7))
     ]
-    svg = curves(summarise(rows), "vpi", "toy", [("whole", "rgb", "ssim")], ["dlama/telea", "paper/telea"], "Whole")
-    assert svg
+    figure = curves(summarise(rows), "vpi", "toy", [("whole", "rgb", "ssim")], ["dlama/telea", "paper/telea"], "Whole")
+    assert figure and len(figure.plots) == 1
+    assert [name for _, name in figure.legend] == ["dlama/telea", "paper/telea", "paper, other data"]
+    (svg,) = figure.plots
     root = ET.fromstring(svg.replace("xlink:", ""))
     words = "".join(root.itertext())
-    assert all(one in words for one in ("dlama/telea", "paper/telea", "paper, other data", "±60", "colour SSIM"))
-    assert root.attrib["aria-label"] == "Whole" and "currentColor" in svg and "#0a0b0c" not in svg
+    assert "±60" in words and "colour SSIM" in words
+    assert len([one for one in root.iter() if one.get("id", "").partition("-")[2].startswith("line2d")]) > 3
+    assert root.attrib["aria-label"] == "Whole: colour SSIM ↑" and "currentColor" in svg and "#0a0b0c" not in svg
     assert curves(summarise(rows[:2]), "vpi", "toy", [("whole", "rgb", "ssim")], ["dlama/telea"], "Whole") is None
 
 
 def dataclasses_row(case, method: str, value: float):  # type: ignore[no-untyped-def]
     """A row of results.csv of a case."""
-    from dlama.evaluation.runner.results_table import Row
+    from dlama.evaluation.runner.store import Row
 
     recipe, filler = method.split("/")
     return Row("vpi", "toy", case.scene, case.frame, case.yaw, recipe, filler, "whole", "rgb", "ssim", value)
@@ -220,11 +276,11 @@ def test_panels_are_made_to_fit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
     done = evaluated(tmp_path, made_up_dataset(3))
     chosen = choose(done.stored)
     free = as_data_urls(tmp_path / "panels", chosen)
-    assert len(free) == len(chosen)
-    small_budget = sum(len(url) for _, url in free) // 2
-    monkeypatch.setattr(panel_choice, "BUDGET", small_budget)
-    urls = [url for _, url in as_data_urls(tmp_path / "panels", chosen)]
-    assert sum(map(len, urls)) <= small_budget + 40 * len(urls) and urls
+    assert len(free) == len(chosen) and all(len(one.urls) == 10 for one in free)
+    small_budget = sum(one.size for one in free) // 2
+    monkeypatch.setattr(panels, "BUDGET", small_budget)
+    urls = [url for one in as_data_urls(tmp_path / "panels", chosen) for url in one.urls]
+    assert 0 < sum(map(len, urls)) <= small_budget
     for url in urls[:3]:
         data = np.frombuffer(base64.b64decode(url.partition(",")[2]), np.uint8)
         assert cv2.imdecode(data, cv2.IMREAD_COLOR) is not None
@@ -254,6 +310,14 @@ def test_a_strip_is_two_rows_of_five() -> None:
     assert (sheet[:24, :24] == panel.source).all() and (sheet[:24, 3 * (24 + GAP) :][:, :24] == panel.truth).all()
     assert (sheet[24 : 24 + GAP] == 0).all()
     assert small(np.zeros((300, 600, 3), np.uint8)).shape == (CELL // 2, CELL, 3)
-    data = jpeg(np.zeros((40, 80, 3), np.uint8))
-    again = cv2.imdecode(np.frombuffer(rescaled_jpeg(data, 20, 50), np.uint8), cv2.IMREAD_COLOR)
-    assert again is not None and again.shape == (10, 20, 3)
+
+
+def test_a_strip_is_cut_into_its_pictures() -> None:
+    """Round trip: ten pictures of one size, in the order of the columns, colours first."""
+    panel = made_up.panel(made_up.truth(0, 24), 50)
+    found = cells(strip(panel))
+    assert [one.shape for one in found] == [(24, 24, 3)] * 10
+    np.testing.assert_array_equal(found[0], panel.source)
+    np.testing.assert_array_equal(found[3], panel.truth)
+    np.testing.assert_array_equal(found[4], heat(color_error(panel)))
+    np.testing.assert_array_equal(found[9], heat(depth_error(panel)))

@@ -1,0 +1,91 @@
+"""A Panel in; one strip of small pictures out: input, warped, filled, truth, error; colour above, depth below."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from dlama.evaluation.protocols.methods import Panel
+from dlama.files.preview import depth_limits, depth_picture, hatched
+from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
+
+COLUMNS = ("input", "warped", "filled", "truth", "error")
+CELL = 256
+"""Largest side of a small picture in px."""
+GAP = 4
+COLOR_FULL = 64.0
+"""Levels of mean absolute difference that are shown brightest."""
+DEPTH_FULL = 0.25
+"""Share of the true depth by which a fill is off that is shown brightest; far against near is brightest too."""
+
+
+def strip(panel: Panel) -> UInt8Array:
+    """uint8 H x W x 3 on black: two rows of the five pictures; the depths share their colours, holes are hatched."""
+    limits = depth_limits(panel.depth_truth, panel.depth_source)
+    depths = [
+        depth_picture(panel.depth_source, None, *limits),
+        depth_picture(panel.depth_warped, panel.hole, *limits),
+        depth_picture(panel.depth_filled, None, *limits),
+        depth_picture(panel.depth_truth, None, *limits),
+        heat(depth_error(panel)),
+    ]
+    colors = [panel.source, hatched(panel.warped, panel.hole), panel.filled, panel.truth, heat(color_error(panel))]
+    return stacked([[small(cell) for cell in row] for row in (colors, depths)])
+
+
+def color_error(panel: Panel) -> Float32Array:
+    """H x W, 0..1: mean absolute difference over the channels, 1 = COLOR_FULL levels or more."""
+    gap = np.abs(panel.filled.astype(np.float32) - panel.truth.astype(np.float32)).mean(axis=2)
+    return np.minimum(gap / COLOR_FULL, 1).astype(np.float32)
+
+
+def depth_error(panel: Panel) -> Float32Array:
+    """H x W, 0..1, NaN where the truth is missing: share of the true depth, 1 = DEPTH_FULL or more, or far for near."""
+    filled, truth = np.nan_to_num(panel.depth_filled, nan=0, posinf=np.inf), panel.depth_truth
+    valid = (truth > 0) & (truth < np.inf) & (filled < np.inf)
+    gap = np.where(np.isinf(filled) & np.isinf(truth), 0.0, 1.0)
+    gap[valid] = np.abs(filled[valid] - truth[valid]) / (DEPTH_FULL * truth[valid])
+    return np.where(truth > 0, np.minimum(gap, 1), np.nan).astype(np.float32)
+
+
+def heat(error: Float32Array) -> UInt8Array:
+    """uint8 H x W x 3: 0 black to 1 bright yellow; NaN hatched."""
+    unknown: BoolArray = np.isnan(error)
+    levels = np.rint(np.nan_to_num(error) * 255).astype(np.uint8)
+    return hatched(np.array(cv2.applyColorMap(levels, cv2.COLORMAP_INFERNO)[..., ::-1], np.uint8), unknown)
+
+
+def small(picture: UInt8Array, side: int = CELL) -> UInt8Array:
+    """The picture, shrunk so that its larger side is at most so many px."""
+    scale = side / max(picture.shape[:2])
+    if scale >= 1:
+        return picture
+    size = max(round(picture.shape[1] * scale), 1), max(round(picture.shape[0] * scale), 1)
+    return np.asarray(cv2.resize(picture, size, interpolation=cv2.INTER_AREA), np.uint8)
+
+
+def stacked(rows: list[list[UInt8Array]]) -> UInt8Array:
+    """Rows of pictures on one black sheet, every cell of the size of the largest, so that columns have equal widths."""
+    height = max(cell.shape[0] for row in rows for cell in row)
+    width = max(cell.shape[1] for row in rows for cell in row)
+    sheet = np.zeros((len(rows) * (height + GAP) - GAP, len(rows[0]) * (width + GAP) - GAP, 3), np.uint8)
+    for down, row in enumerate(rows):
+        for across, cell in enumerate(row):
+            top, left = down * (height + GAP), across * (width + GAP)
+            sheet[top : top + cell.shape[0], left : left + cell.shape[1]] = cell
+    return sheet
+
+
+def cells(sheet: UInt8Array) -> list[UInt8Array]:
+    """The pictures of a strip again, row by row: what `strip` stacked."""
+    height, width = (sheet.shape[0] - GAP) // 2, (sheet.shape[1] - GAP * (len(COLUMNS) - 1)) // len(COLUMNS)
+    places = [(down * (height + GAP), across * (width + GAP)) for down in range(2) for across in range(len(COLUMNS))]
+    return [sheet[top : top + height, left : left + width] for top, left in places]
+
+
+def jpeg(picture: UInt8Array, quality: int = 88) -> bytes:
+    """The picture as the bytes of a JPEG file."""
+    written, data = cv2.imencode(".jpg", np.ascontiguousarray(picture[..., ::-1]), [cv2.IMWRITE_JPEG_QUALITY, quality])
+    if not written:
+        raise ValueError(f"a picture of shape {picture.shape} cannot be encoded as JPEG")
+    return bytes(data.tobytes())

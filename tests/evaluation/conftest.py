@@ -1,0 +1,1 @@
+"""This folder is on the import path, so that `made_up` and `square_world` import from any test below."""

@@ -1,0 +1,123 @@
+"""What makes a stored result stale (oracles: hashes compared with each other, the syntax tree of the code that measures)."""
+
+from __future__ import annotations
+
+import ast
+import dataclasses
+import functools
+import os
+from pathlib import Path
+
+import made_up
+import numpy as np
+import pytest
+from made_up import made_up_dataset
+
+from dlama.evaluation.protocols.methods import Method, ProtocolSettings
+from dlama.evaluation.runner import cache_key as room
+from dlama.evaluation.runner.cache_key import (
+    SHOWING,
+    SOURCE,
+    cache_key,
+    case_hash,
+    code_hash,
+    deciding_files,
+    method_hash,
+    short_hash,
+)
+
+MEASURING = ("evaluation/runner/worker.py", "evaluation/protocols/__init__.py", "evaluation/metrics/pictures.py")
+"""Where measuring begins."""
+STORE = "evaluation/runner/store.py"
+"""The worker writes by it; what it reads back in another form counts as absent."""
+
+
+def imported_files(name: str) -> set[str]:
+    """The files of dlama that a file imports, at any depth of nesting, as paths below src/dlama."""
+    found = set()
+    for node in ast.walk(ast.parse((SOURCE / name).read_text(encoding="utf-8"))):
+        if isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] == "dlama":
+            names = [node.module or "", *(f"{node.module}.{alias.name}" for alias in node.names)]
+            for place in (SOURCE.joinpath(*one.split(".")[1:]) for one in names):
+                found |= {file for file in (place.with_suffix(".py"), place / "__init__.py") if file.is_file()}
+    return {file.relative_to(SOURCE).as_posix() for file in found}
+
+
+def reached(*names: str) -> set[str]:
+    """Those files, and all that they import, directly or not."""
+    seen: set[str] = set()
+    todo = set(names)
+    while todo:
+        seen |= todo
+        todo = {file for name in todo for file in imported_files(name)} - seen
+    return seen
+
+
+def test_all_code_that_measures_is_hashed() -> None:
+    """Oracle: the imports of the worker and the protocols. A file that moves, or is imported anew, cannot slip out."""
+    measuring = {name for name in reached(*MEASURING) if "/" in name}  # not errors.py and the shop window
+    assert len(measuring) > 50 and "geometry/rendering.py" in measuring
+    assert measuring - set(deciding_files()) == {STORE}
+
+
+def test_this_guard_can_fail() -> None:
+    """The report imports what only shows, and is seen to."""
+    assert "evaluation/report/summary.py" in reached("evaluation/report/write.py") - set(deciding_files())
+
+
+def test_what_only_shows_is_not_hashed() -> None:
+    """Every name in SHOWING exists; nothing of the report decides; every other file of the rooms does."""
+    for name in SHOWING:
+        assert (SOURCE / name).exists(), name
+    names = deciding_files()
+    assert not [name for name in names if name.startswith("evaluation/report/")]
+    assert {"evaluation/runner/worker.py", "evaluation/runner/strips.py", "evaluation/runner/cache_key.py"} <= set(
+        names
+    )
+
+
+def test_another_version_of_the_code_has_another_hash(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Oracle: a small tree of files: the hash changes with a file that decides, and not with one that shows."""
+    for room_name in room.ROOMS:
+        (tmp_path / room_name).mkdir()
+    (tmp_path / "evaluation" / "report").mkdir()
+    deciding, showing = tmp_path / "geometry" / "a.py", tmp_path / "evaluation" / "report" / "b.py"
+    monkeypatch.setattr(room, "SOURCE", tmp_path)
+    hashes = []
+    for one, other in (("1", "1"), ("1", "2"), ("2", "2")):
+        deciding.write_text(one)
+        showing.write_text(other)
+        code_hash.cache_clear()
+        hashes.append(code_hash())
+    code_hash.cache_clear()
+    assert hashes[0] == hashes[1] != hashes[2]
+
+
+def test_hashes_see_what_matters(tmp_path: Path) -> None:
+    """A changed file, another argument, other network bytes: each gives another hash; the same gives the same."""
+    case = made_up_dataset(1).cases[0]
+    picture, network = tmp_path / "a.png", tmp_path / "net.onnx"
+    picture.write_bytes(b"1")
+    network.write_bytes(b"1")
+    with_file = dataclasses.replace(case, load=functools.partial(made_up.truth, picture))
+    first = case_hash(with_file)
+    assert first == case_hash(dataclasses.replace(case, load=functools.partial(made_up.truth, picture)))
+    os.utime(picture, (1, 1))
+    other = Method("dlama", "lama", network)
+    hashes = [case_hash(case), first, case_hash(with_file)]
+    hashes += [method_hash(other), method_hash(dataclasses.replace(other, changes={"dilate": 3}))]
+    hashes += [short_hash(one) for one in (np.zeros(3), np.zeros(3, np.float32), np.ones(3), {1: 2})]
+    assert len(set(hashes)) == len(hashes)
+
+
+def test_a_key_holds_all_of_it() -> None:
+    """Each part changed by itself gives another key."""
+    settings = ProtocolSettings()
+    keys = [
+        cache_key("case", "method", settings, made_up.protocol),
+        cache_key("another", "method", settings, made_up.protocol),
+        cache_key("case", "another", settings, made_up.protocol),
+        cache_key("case", "method", ProtocolSettings(ring_px=3), made_up.protocol),
+        cache_key("case", "method", settings, made_up.truth),
+    ]
+    assert len(set(keys)) == len(keys) and keys[0] == cache_key("case", "method", settings, made_up.protocol)

@@ -1,0 +1,64 @@
+"""A line a minute (oracles: lines by hand, the lines that a short interval gives)."""
+
+from __future__ import annotations
+
+import threading
+from pathlib import Path
+
+import made_up
+import pytest
+from made_up import METHODS, made_up_dataset
+
+from dlama.evaluation.protocols.methods import ProtocolSettings
+from dlama.evaluation.runner.progress import duration, progress_line, progress_lines
+from dlama.evaluation.runner.run import run
+
+
+def test_lines_by_hand() -> None:
+    """12 of which 2 were there: 10 in 200 s are 3 a minute, and 228 more take 76 minutes."""
+    line = progress_line("street", kept=2, done=12, total=240, failed=0, seconds=200)
+    assert line == "street: 12 of 240 done (5 %), 3.0 a minute, 1 h 16 min left"
+    line = progress_line("street", kept=12, done=12, total=240, failed=0, seconds=61)
+    assert line == "street: 12 of 240 done (5 %), running for 1 min"
+    line = progress_line("street", kept=0, done=240, total=240, failed=3, seconds=60)
+    assert line == "street: 240 of 240 done (100 %), 240.0 a minute, 0 s left, 3 failed"
+    assert [duration(one) for one in (0, 59, 59.7, 3569, 3600, 11100)] == [
+        "0 s",
+        "59 s",
+        "1 min",
+        "59 min",
+        "1 h 00 min",
+        "3 h 05 min",
+    ]
+
+
+def test_lines_come_while_a_case_is_under_way(tmp_path: Path) -> None:
+    """Law: a case that waits for two lines ends only because they come; the counts are the run's own."""
+    lines: list[str] = []
+    two = threading.Event()
+
+    def write(line: str) -> None:
+        lines.append(line)
+        if len(lines) == 2:
+            two.set()
+
+    def waits(truth: object, *words: object) -> list[object]:
+        assert two.wait(30)
+        return []
+
+    dataset = made_up_dataset(1, (10.0,))
+    with progress_lines("toy", every=0.01, write=write) as progress:
+        done = run(dataset.cases, METHODS[:1], {"vpi": waits}, ProtocolSettings(), tmp_path, progress=progress)  # type: ignore[dict-item]
+    assert len(done.stored) == 1 and lines[1].startswith("toy: 0 of 1 done (0 %), running for ")
+
+
+def test_failures_are_counted_and_the_thread_ends(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Standard error by default; nothing on standard output; no thread is left."""
+    before = threading.active_count()
+    dataset = made_up_dataset(1, (10.0,))
+    with progress_lines("toy", every=0.05) as progress:
+        run(dataset.cases, METHODS[:1], {"vpi": made_up.protocol}, ProtocolSettings(), tmp_path, progress=progress)
+        while not (told := capsys.readouterr()).err:
+            threading.Event().wait(0.02)
+    assert told.err.startswith("toy: 1 of 1 done (100 %), ") and told.out == ""
+    assert threading.active_count() == before
