@@ -18,9 +18,10 @@ from statistics import median
 
 import numpy as np
 
+from dlama.inpainters.networks.contract import generator_contract
 from dlama.inpainters.networks.engine import Engine
 from dlama.nets.architecture import GeneratorSettings, generator_shapes
-from dlama.nets.export import contract, onnx_bytes
+from dlama.nets.export import onnx_bytes
 
 
 def model_file(folder: Path) -> Path:
@@ -31,7 +32,7 @@ def model_file(folder: Path) -> Path:
         drawn = rng.uniform(0.5, 1.5, shape) if name.endswith("running_var") else rng.normal(0, spread, shape)
         state[name] = np.asarray(drawn, np.float32 if shape else np.int64)
     path = folder / "random.onnx"
-    path.write_bytes(onnx_bytes(settings, state, contract(settings, "none", "random", "0" * 64)))
+    path.write_bytes(onnx_bytes(settings, state, generator_contract(settings).metadata()))
     return path
 
 

@@ -24,9 +24,10 @@ import numpy as np
 import onnxruntime
 import torch
 
+from dlama.inpainters.networks.contract import generator_contract
 from dlama.inpainters.networks.openvino import OpenVinoSession
 from dlama.nets.architecture import GeneratorSettings, generator_shapes
-from dlama.nets.export import contract, onnx_bytes
+from dlama.nets.export import onnx_bytes
 from dlama.nets.generator import generator_from_state
 
 
@@ -82,7 +83,7 @@ def engines(
     script = torch.jit.freeze(torch.jit.trace(net, tensor, check_trace=False))
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = threads
-    model = onnx_bytes(settings, state, contract(settings, "none", "random", "0" * 64))
+    model = onnx_bytes(settings, state, generator_contract(settings).metadata())
     session = onnxruntime.InferenceSession(model, options, providers=["CPUExecutionProvider"])
     calls = {
         "eager torch": lambda: net(tensor).numpy(),
@@ -104,7 +105,7 @@ def where(settings: GeneratorSettings, size: int, threads: int) -> None:
     options.intra_op_num_threads, options.enable_profiling = threads, True
     with tempfile.TemporaryDirectory() as folder:
         options.profile_file_prefix = str(Path(folder) / "profile")
-        model = onnx_bytes(settings, random_state(settings), contract(settings, "none", "random", "0" * 64))
+        model = onnx_bytes(settings, random_state(settings), generator_contract(settings).metadata())
         session = onnxruntime.InferenceSession(model, options, providers=["CPUExecutionProvider"])
         planes = np.random.default_rng(1).random((1, settings.in_channels, size, size), dtype=np.float32)
         for _ in range(3):

@@ -31,7 +31,7 @@ import numpy as np
 import torch
 
 from dlama.inpainters.networks.engine import Engine
-from dlama.inpainters.networks.pair import filled_pair
+from dlama.inpainters.networks.pair import fill_pair
 from dlama.training.data.loader import HELD_OUT
 from dlama.training.data.sources import source_for
 from dlama.training.data.world_samples import StereoSamples, removable, seen_through
@@ -139,7 +139,7 @@ def scores(filled: np.ndarray, ask: Question) -> np.ndarray:
 
 def filled_by(network: Engine, ask: Question) -> np.ndarray:
     """6 x H x W: both pictures as the filler `pair` paints them; what is hidden is not handed over."""
-    return filled_pair(network, np.where(np.repeat(ask.holes, 3, 0), 0, ask.target), ask.holes)
+    return fill_pair(network, np.where(np.repeat(ask.holes, 3, 0), 0, ask.target), ask.holes)
 
 
 def filled_half_blind(network: Engine, ask: Question) -> np.ndarray:
@@ -148,7 +148,7 @@ def filled_half_blind(network: Engine, ask: Question) -> np.ndarray:
     made, union = [], ask.holes[0] | ask.holes[1]
     for view in (0, 1):
         holes = np.stack([ask.holes[each] if each == view else union for each in (0, 1)])
-        filled = filled_pair(network, np.where(np.repeat(holes, 3, 0), 0, ask.target), holes)
+        filled = fill_pair(network, np.where(np.repeat(holes, 3, 0), 0, ask.target), holes)
         made.append(filled[3 * view : 3 * view + 3])
     return np.concatenate(made)
 

@@ -23,7 +23,7 @@ from dlama.files.pictures import write_color  # noqa: E402
 from dlama.geometry.camera import Camera  # noqa: E402
 from dlama.geometry.rgbd import RGBD  # noqa: E402
 from dlama.geometry.view import HoleType, Origin, View  # noqa: E402
-from dlama.inpainters.networks.contract import demand  # noqa: E402
+from dlama.inpainters.networks.contract import require_planes  # noqa: E402
 from dlama.inpainters.networks.engine import Engine  # noqa: E402
 from dlama.inpainters.networks.view_tensors import DepthPlane, color_planes, robust_scale  # noqa: E402
 from dlama.nets.checkpoints import read_generator  # noqa: E402
@@ -113,7 +113,7 @@ def test_tiny_learns_on_held_out_samples(tiny_run):
 def test_the_exported_network_is_the_moving_average(tiny_run):
     """Oracle: torch on the checkpoint's average, against onnxruntime on the exported file."""
     engine = Engine(tiny_run.network, threads=1)
-    demand(engine.contract, 4, "tiny.onnx", "joint")
+    require_planes(engine.contract, 4, "tiny.onnx", "joint")
     sample = Sketches(PRESETS["tiny"].settings.network, 64, "held_out").sample(0, np.random.default_rng(0))
     given = read_checkpoint(tiny_run.run / LAST)["state_dict"]
     average = {
@@ -121,7 +121,7 @@ def test_the_exported_network_is_the_moving_average(tiny_run):
     }
     with torch.no_grad():
         wanted = generator_from_state(average)(torch.from_numpy(sample["input"])[None]).numpy()
-    got = engine.call(sample["target"][None], sample["mask"][0] > 0)
+    got = engine.run_planes(sample["target"][None], sample["mask"][0] > 0)
     np.testing.assert_allclose(got, wanted, atol=1e-5)
     assert wanted.std() > 0.05
 

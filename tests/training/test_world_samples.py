@@ -17,7 +17,7 @@ from dlama.geometry.rendering import render
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
 from dlama.geometry.visibility import Law
-from dlama.inpainters.networks.contract import of_planes
+from dlama.inpainters.networks.contract import contract_of_planes
 from dlama.inpainters.networks.view_tensors import DepthPlane, robust_scale
 from dlama.training.data import view_samples, world_samples
 from dlama.training.data import world_views as galleries
@@ -71,13 +71,13 @@ def test_input_is_what_joint_would_feed(monkeypatch: pytest.MonkeyPatch, clean: 
     fed: list[np.ndarray] = []
 
     class Engine:
-        contract, path, notes = of_planes(4), "none", {}
+        contract, path, notes = contract_of_planes(4), "none", {}
 
         def fill(self, planes: np.ndarray, hole: np.ndarray) -> np.ndarray:
             fed.append(np.concatenate([planes[0] * ~hole, hole[None]]).astype(np.float32))
             return planes
 
-    monkeypatch.setattr(joint, "engine", lambda *args, **options: Engine())
+    monkeypatch.setattr(joint, "open_engine", lambda *args, **options: Engine())
     fill = joint.joint_filler("none.onnx")
     frame = galleries.Galleries("train", SIZE).gallery(0).frame(0)
     removals = RemovalSamples(Galleries("train", SIZE), RGBD_NET)

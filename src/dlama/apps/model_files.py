@@ -10,6 +10,7 @@ from pathlib import Path
 
 from dlama import __version__
 from dlama.errors import FileError, OutputError
+from dlama.inpainters.networks.contract import generator_metadata
 from dlama.models.cache import directory, locate
 from dlama.models.records import CATALOGUE
 from dlama.models.verify import size_and_sha256
@@ -59,7 +60,7 @@ def convert(source: Path, target: Path, licence: str) -> list[str]:
         target.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise OutputError(f"{target.parent}: cannot be made ({error})") from error
-    export_onnx(weights, target, licence)
+    export_onnx(weights, target, generator_metadata(weights.settings, source, licence))
     planes = f"{weights.settings.in_channels} -> {weights.settings.out_channels} planes"
     said = f"{source}: {weights.kind}, {planes}, {weights.settings.blocks} blocks, licence {licence}, converted to {target}"
     return [said, *(f"{source}: {note}" for note in weights.notes)]

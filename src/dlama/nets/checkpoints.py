@@ -7,7 +7,6 @@ up exactly one network, or the file is refused with the first names that differ.
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -42,8 +41,6 @@ class GeneratorWeights:
     """Published name -> float32 array (int64 scalars for the batch norms' counters)."""
     source: Path
     """The file."""
-    source_sha256: str
-    """64 hexadecimal digits of the whole file."""
     kind: str
     """lightning, torchscript, torch or safetensors."""
     notes: tuple[str, ...]
@@ -83,7 +80,7 @@ def read_generator(path: Path | str, activation: str | None = None) -> Generator
         raise FileError(f"{path}: {_named_under(prefix)}{error}") from error
     state, notes = _read(file, prefix, generator_shapes(settings))
     left = (*_left(file, prefix), *notes)
-    return GeneratorWeights(settings, state, file.path, sha256_of(file.path), file.kind, left)
+    return GeneratorWeights(settings, state, file.path, file.kind, left)
 
 
 def read_discriminator(path: Path | str) -> DiscriminatorWeights:
@@ -102,15 +99,6 @@ def read_tensors(path: Path | str) -> dict[str, np.ndarray]:
     """Every tensor of such a file under its own name, as stored (bfloat16 widened): for networks that are not ours."""
     file = _open(Path(path))
     return {name: array for name, (array, _) in file.load(list(file.shapes)).items()}
-
-
-def sha256_of(path: Path) -> str:
-    """64 hexadecimal digits; the file is read in pieces."""
-    digest = hashlib.sha256()
-    with path.open("rb") as file:
-        for piece in iter(lambda: file.read(1 << 20), b""):
-            digest.update(piece)
-    return digest.hexdigest()
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Checked weights of a generator in -> an ONNX file that carries its contract out; needs numpy and onnx, no torch.
+"""Checked weights of a generator and metadata in -> an ONNX file out; needs numpy and onnx, no torch.
 
 The graph is the network and nothing more: one input, the stacked planes B x C x H x W, already masked; one output,
 the network's own; B, H and W free. Batch norms are folded into the convolutions before them (in float64), and
@@ -7,9 +7,7 @@ the two convolutions that share the local input are one.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
-from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
@@ -20,59 +18,21 @@ from dlama.nets.checkpoints import GeneratorWeights
 from dlama.nets.onnx_graph import Graph, PlaneTransform, plane_transform
 
 EPSILON = 1e-5  # of torch's batch norms, which the published network leaves as they are
-CONTRACT_KEY = "dlama.contract"
-CONTRACT_VERSION = 1
-DEPTH_PLANE = "inverse depth, 0 = infinity, 0.75 = what 99 % of the known pixels do not exceed"
-PLANES = {
-    1: ("depth",),
-    3: ("red", "green", "blue"),
-    4: ("red", "green", "blue", "depth"),
-    6: ("red", "green", "blue", "other red", "other green", "other blue"),
-}
-PAIR_MASKS = ("left mask", "right mask")
-"""Of a network for pairs that takes 8 planes: each picture's own hole. One mask (7 planes) is the union of both."""
 
 
-def contract(settings: GeneratorSettings, licence: str, source: str, source_sha256: str) -> dict[str, object]:
-    """What whoever runs the file must know, as it is written (JSON) under the metadata key `dlama.contract`.
-
-    version; network; in_planes and out_planes (names, the mask or PAIR_MASKS last); in_range and out_range; mask ("1 = fill");
-    hole ("zero": known planes are multiplied by 1 - their mask before they are stacked); multiple and minimum (of H and W,
-    in pixels); licence; source (file name) and source_sha256; architecture (all settings); depth, where there is such a plane.
-    """
-    about: dict[str, object] = {} if "depth" not in _plane_names(settings.out_channels) else {"depth": DEPTH_PLANE}
-    return about | {
-        "version": CONTRACT_VERSION,
-        "network": "lama",
-        "in_planes": _in_plane_names(settings),
-        "out_planes": _plane_names(settings.out_channels),
-        "in_range": [0, 1],
-        "out_range": {"sigmoid": [0, 1], "tanh": [-1, 1], "none": None}[settings.activation],
-        "mask": "1 = fill",
-        "hole": "zero",
-        "multiple": settings.multiple,
-        "minimum": settings.minimum,
-        "licence": licence,
-        "source": source,
-        "source_sha256": source_sha256,
-        "architecture": asdict(settings),
-    }
-
-
-def export_onnx(weights: GeneratorWeights, path: Path | str, licence: str) -> Path:
-    """Write the network and its contract; beside and moved, so that no half file is ever left.
+def export_onnx(weights: GeneratorWeights, path: Path | str, metadata: Mapping[str, str]) -> Path:
+    """Write the network as an ONNX file; written beside and moved, so that no half file is ever left.
 
     Args:
         weights: from `checkpoints.read_generator`.
         path: where the file goes.
-        licence: of the weights, an SPDX name or a sentence; "unknown" where nobody knows.
+        metadata: key -> text, what whoever runs the file must know (planes, ranges, licence); written into it as it is.
     Raises:
         OutputError: the file cannot be written.
         MissingExtraError: onnx is not installed.
     """
     target = Path(path)
-    about = contract(weights.settings, licence, weights.source.name, weights.source_sha256)
-    data = onnx_bytes(weights.settings, weights.state, about)
+    data = onnx_bytes(weights.settings, weights.state, metadata)
     beside = target.with_name(target.name + ".part")
     try:
         beside.write_bytes(data)
@@ -82,8 +42,8 @@ def export_onnx(weights: GeneratorWeights, path: Path | str, licence: str) -> Pa
     return target
 
 
-def onnx_bytes(settings: GeneratorSettings, state: Mapping[str, np.ndarray], about: Mapping[str, object]) -> bytes:
-    """The ONNX model; `state` is published name -> float32 array, ShapeError unless it is that generator's."""
+def onnx_bytes(settings: GeneratorSettings, state: Mapping[str, np.ndarray], metadata: Mapping[str, str]) -> bytes:
+    """The ONNX model, serialized. ShapeError unless `state` (published name -> float32 array) is that generator's."""
     if settings.in_channels < 2:
         raise ShapeError(f"export: the network takes {settings.in_channels} plane, wanted a picture and the mask")
     refuse_differences({name: a.shape for name, a in state.items()}, generator_shapes(settings), "generator")
@@ -91,18 +51,8 @@ def onnx_bytes(settings: GeneratorSettings, state: Mapping[str, np.ndarray], abo
     output = _generator(g, settings, state, "planes")
     ends = [(name, ["batch", planes, "height", "width"]) for name, planes in
             (("planes", settings.in_channels), (output, settings.out_channels))]  # fmt: skip
-    model = g.model(ends[0], ends[1], {CONTRACT_KEY: json.dumps(about)})
+    model = g.model(ends[0], ends[1], metadata)
     return bytes(model.SerializeToString())
-
-
-def _plane_names(count: int) -> list[str]:
-    return list(PLANES.get(count, [f"plane {i}" for i in range(count)]))
-
-
-def _in_plane_names(settings: GeneratorSettings) -> list[str]:
-    if (settings.in_channels, settings.out_channels) == (8, 6):
-        return [*PLANES[6], *PAIR_MASKS]
-    return [*_plane_names(settings.in_channels - 1), "mask"]
 
 
 def _generator(g: Graph, s: GeneratorSettings, state: Mapping[str, np.ndarray], x: str) -> str:

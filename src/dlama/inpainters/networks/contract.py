@@ -1,25 +1,40 @@
-"""A network file's own words in (ONNX metadata), or a hand-given record: what the network takes and gives, checked, out."""
+"""Contract of a network file: its ONNX metadata (or a record given by hand) in; what the network takes and gives, checked, out.
+
+This is the only place that says what planes are called and on which scales they stand; whoever writes a network file gets the
+text for its metadata here (`generator_metadata`), whoever runs one reads it here (`from_metadata`).
+"""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 
 from dlama.errors import FileError, InputError
 from dlama.geometry.rgbd import BoolArray, Float32Array
+from dlama.models.verify import size_and_sha256
 
 CONTRACT_KEY = "dlama.contract"
 """Key of the ONNX metadata under which the contract stands, as JSON (`dlama models convert` writes it)."""
+CONTRACT_VERSION = 1
 FIELDS = ("in_planes", "out_planes", "in_range", "out_range", "mask", "hole", "multiple", "minimum")
 COLOR = ("red", "green", "blue")
 PAIR = (*COLOR, *(f"other {name}" for name in COLOR))
 """Of a stereo pair: the left picture's planes, then the right one's."""
+PLANES = {1: ("depth",), 3: COLOR, 4: (*COLOR, "depth"), 6: PAIR}
+"""How many planes a network gives -> what they are called."""
 MASKS = {1: ("mask",), 2: ("left mask", "right mask")}
 """How many masks -> what they are called. Two are those of a pair, each of its own picture; one is of all planes alike."""
+DEPTH_QUANTILE, DEPTH_AT_QUANTILE = 0.99, 0.75
+"""A depth plane is inverse depth divided so that this quantile of the known pixels stands at this value: above it there is room
+for what is nearer, such as ground before the picture's lower edge."""
+_SCALE = f"{DEPTH_AT_QUANTILE} = what {100 * DEPTH_QUANTILE:.0f} % of the known pixels do not exceed"
+DEPTH_PLANE = f"inverse depth, 0 = infinity, {_SCALE}"
+"""The same in words, as it stands in the metadata."""
 
 
 @dataclass(frozen=True)
@@ -70,33 +85,104 @@ class Contract:
         """Mask planes: 2 for a pair whose pictures have one each, else 1."""
         return len(self.in_planes) - len(self.out_planes)
 
-    def own_holes(self, holes: BoolArray) -> BoolArray:
-        """Planes x H x W of holes (masks x H x W): each plane with the hole of its picture."""
+    def hole_of_planes(self, holes: BoolArray) -> BoolArray:
+        """Planes x H x W of holes (masks x H x W): for each plane the hole of its picture."""
         return np.repeat(holes, len(self.out_planes) // self.masks, 0)
 
-    def stacked(self, planes: Float32Array, holes: BoolArray) -> Float32Array:
-        """What the network takes (B x C x H x W) for planes in 0..1 and holes (masks x H x W): each picture zeroed in its
-        own hole, the masks last."""
+    def network_input(self, planes: Float32Array, holes: BoolArray) -> Float32Array:
+        """What the network takes, B x C x H x W, of B x planes x H x W in 0..1 and holes (masks x H x W): each picture zeroed in
+        its own hole, then the masks."""
         low, high = self.in_range
-        known = (low + planes * np.float32(high - low)) * ~self.own_holes(holes)
+        known = (low + planes * np.float32(high - low)) * ~self.hole_of_planes(holes)
         masks = (holes if self.mask == "1 = fill" else ~holes).astype(np.float32)
         return np.concatenate([known.astype(np.float32), np.broadcast_to(masks, (len(planes), *masks.shape))], 1)
 
-    def values(self, out: Float32Array) -> Float32Array:
-        """What the network gave, on the scale 0..1."""
+    def unit_output(self, out: Float32Array) -> Float32Array:
+        """What the network gave, on the scale 0..1; not clipped."""
         low, high = self.out_range or self.in_range
         return np.asarray((out - np.float32(low)) / np.float32(high - low), np.float32)
 
+    def metadata(self, **provenance: object) -> dict[str, str]:
+        """The ONNX metadata that says all this; provenance (licence, source ...): further entries, JSON-ready, after it."""
+        depth = {"depth": DEPTH_PLANE} if "depth" in self.out_planes else {}
+        words = {
+            "version": CONTRACT_VERSION,
+            "network": self.network,
+            "in_planes": self.in_planes,
+            "out_planes": self.out_planes,
+            "in_range": self.in_range,
+            "out_range": self.out_range,
+            "mask": self.mask,
+            "hole": self.hole,
+            "multiple": self.multiple,
+            "minimum": self.minimum,
+        }
+        return {CONTRACT_KEY: json.dumps(depth | words | provenance)}
 
-def of_planes(count: int, masks: int = 1, **changes: Any) -> Contract:
-    """The contract of a LaMa, given by hand for a file without one; count: planes it gives, 3 (colour), 4 (colour and depth)
-    or 6 (a pair); masks: those it takes, of a pair 1 (the union of both holes) or 2 (left, right). Else InputError."""
-    names = {3: COLOR, 4: (*COLOR, "depth"), 6: PAIR}.get(count)
-    if names is None:
+
+class Generator(Protocol):
+    """The numbers of a LaMa generator that its contract follows from (`dlama.nets.architecture.GeneratorSettings` has them)."""
+
+    @property
+    def in_channels(self) -> int:
+        """Planes it takes, masks counted."""
+
+    @property
+    def out_channels(self) -> int:
+        """Planes it gives."""
+
+    @property
+    def activation(self) -> str:
+        """Its last layer: sigmoid, tanh or none."""
+
+    @property
+    def multiple(self) -> int:
+        """Height and width must be multiples of this."""
+
+    @property
+    def minimum(self) -> int:
+        """Smallest height and width."""
+
+
+def generator_contract(settings: Generator) -> Contract:
+    """The contract of a LaMa generator with those numbers of planes. InputError where no contract fits them."""
+    names = PLANES.get(settings.out_channels, tuple(f"plane {i}" for i in range(settings.out_channels)))
+    ranges: dict[str, tuple[float, float] | None] = {"sigmoid": (0.0, 1.0), "tanh": (-1.0, 1.0), "none": None}
+    masks = settings.in_channels - settings.out_channels
+    if masks not in MASKS:
+        raise InputError(
+            f"contract: {settings.in_channels} planes in and {settings.out_channels} out; wanted the same planes in and out, and "
+            "one mask (or of a pair two) in"
+        )
+    return Contract(
+        (*names, *MASKS[masks]),
+        names,
+        out_range=ranges[settings.activation],
+        multiple=settings.multiple,
+        minimum=settings.minimum,
+        network="lama",
+    )
+
+
+def generator_metadata(settings: Generator, source: Path, licence: str) -> dict[str, str]:
+    """ONNX metadata for a generator made of the weight file `source`: its contract, the licence, the file's name and sha256, and
+    all settings. licence: an SPDX name or a sentence. InputError where no contract fits, or the file cannot be read."""
+    return generator_contract(settings).metadata(
+        licence=licence, source=source.name, source_sha256=size_and_sha256(source)[1], architecture=vars(settings)
+    )
+
+
+def contract_of_planes(count: int, masks: int = 1) -> Contract:
+    """The contract of a LaMa, given by hand for a file without one. InputError for other numbers than these.
+
+    count: planes it gives, 3 (colour), 4 (colour and depth) or 6 (a pair); masks: those it takes, of a pair 1 (the union of both
+    holes) or 2 (left, right), else 1.
+    """
+    if count not in (3, 4, 6):
         raise InputError(f"contract: {count} planes; 3 (colour), 4 (colour and depth) or 6 (a pair) are wanted")
     if masks not in MASKS:
         raise InputError(f"contract: {masks} masks; 1, or 2 of a pair, are wanted")
-    return Contract((*names, *MASKS[masks]), names, **changes)
+    return Contract((*PLANES[count], *MASKS[masks]), PLANES[count])
 
 
 def from_metadata(metadata: Mapping[str, str], file: str) -> Contract | None:
@@ -105,21 +191,21 @@ def from_metadata(metadata: Mapping[str, str], file: str) -> Contract | None:
     if text is None:
         return None
     try:
-        said = json.loads(text)
-        missing = [name for name in FIELDS if name not in said]
+        words = json.loads(text)
+        missing = [name for name in FIELDS if name not in words]
         if missing:
             raise FileError(f"{file}: its contract lacks {', '.join(missing)}")
-        out_range = None if said["out_range"] is None else tuple(map(float, said["out_range"]))
+        out_range = None if words["out_range"] is None else tuple(map(float, words["out_range"]))
         return Contract(
-            tuple(said["in_planes"]),
-            tuple(said["out_planes"]),
-            tuple(map(float, said["in_range"])),  # type: ignore[arg-type]
+            tuple(words["in_planes"]),
+            tuple(words["out_planes"]),
+            tuple(map(float, words["in_range"])),  # type: ignore[arg-type]
             out_range,  # type: ignore[arg-type]
-            said["mask"],
-            said["hole"],
-            int(said["multiple"]),
-            int(said["minimum"]),
-            str(said.get("network", "unknown")),
+            words["mask"],
+            words["hole"],
+            int(words["multiple"]),
+            int(words["minimum"]),
+            str(words.get("network", "unknown")),
         )
     except FileError:
         raise
@@ -129,8 +215,8 @@ def from_metadata(metadata: Mapping[str, str], file: str) -> Contract | None:
         raise FileError(f"{file}: its contract cannot be read ({error})") from error
 
 
-def demand(contract: Contract, planes: int, file: str, filler: str) -> None:
-    """InputError unless the network fills that many planes."""
+def require_planes(contract: Contract, planes: int, file: str, filler: str) -> None:
+    """InputError unless the network gives that many planes; the message names the filler that runs it."""
     if len(contract.out_planes) != planes:
         other = {3: "lama", 4: "joint", 6: "pair"}.get(len(contract.out_planes))
         hint = f"; the filler {other!r} runs it" if other else ""

@@ -7,7 +7,6 @@ that is asked for (OpenVINO only so); which one ran, the notes say.
 from __future__ import annotations
 
 import functools
-import hashlib
 import os
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -21,6 +20,7 @@ from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.inpainters.networks.contract import Contract, from_metadata
 from dlama.inpainters.networks.openvino import OpenVinoSession
 from dlama.inpainters.networks.tiling import Layout, fill_crops
+from dlama.models.verify import size_and_sha256
 
 PROVIDERS = {
     "cuda": "CUDAExecutionProvider",
@@ -31,7 +31,7 @@ PROVIDERS = {
 """ONNX Runtime's, in the order of preference."""
 OPENVINO = "openvino"
 """Not a part of ONNX Runtime: its own package, used when asked for."""
-ASKED = "DLAMA_PROVIDER"
+PROVIDER_VARIABLE = "DLAMA_PROVIDER"
 """Environment variable that names the provider where the code does not."""
 BUDGET = 640 * 640
 """Pixels of the largest crop that goes through a network at once: it bounds the memory."""
@@ -45,15 +45,6 @@ def cores() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-def sha256_of(path: Path) -> str:
-    """Hexadecimal digest of a file."""
-    digest = hashlib.sha256()
-    with path.open("rb") as stream:
-        while block := stream.read(1 << 20):
-            digest.update(block)
-    return digest.hexdigest()
-
-
 @dataclass(frozen=True, eq=False)
 class Engine:
     """One network file, ready to run. A missing file or an unknown provider is refused at once, the rest when it opens."""
@@ -61,7 +52,7 @@ class Engine:
     path: Path
     given: Contract | None = None
     """The contract by hand, for a file that has none; a file's own goes first."""
-    provider: str | None = field(default_factory=lambda: os.environ.get(ASKED) or None)
+    provider: str | None = field(default_factory=lambda: os.environ.get(PROVIDER_VARIABLE) or None)
     """cuda, coreml, directml, openvino, cpu; None: the first of ONNX Runtime's that is installed. Default: DLAMA_PROVIDER."""
     threads: int = field(default_factory=cores)
     budget: int = BUDGET
@@ -110,7 +101,7 @@ class Engine:
     @cached_property
     def sha256(self) -> str:
         """Of the file."""
-        return sha256_of(self.path)
+        return size_and_sha256(self.path)[1]
 
     @property
     def running_on(self) -> str:
@@ -129,7 +120,7 @@ class Engine:
         }
 
     @property
-    def ends(self) -> dict[str, tuple[str, list[Any]]]:
+    def inputs(self) -> dict[str, tuple[str, list[Any]]]:
         """Name -> (type, shape) of the graph's inputs."""
         return {one.name: (one.type, list(one.shape)) for one in self.session.get_inputs()}
 
@@ -142,9 +133,9 @@ class Engine:
                 f"{self.path}: carries no contract (metadata key dlama.contract); `dlama models convert` writes files "
                 "that do, and a contract can be given by hand"
             )
-        ends = list(self.ends.values())
+        ends = list(self.inputs.values())
         if len(ends) != 1 or ends[0][0] != "tensor(float)" or len(ends[0][1]) != 4:
-            raise FileError(f"{self.path}: inputs are {self.ends}; one float tensor B x C x H x W is wanted")
+            raise FileError(f"{self.path}: inputs are {self.inputs}; one float tensor B x C x H x W is wanted")
         for names, shape in ((found.in_planes, ends[0][1]), (found.out_planes, self.session.get_outputs()[0].shape)):
             if len(shape) == 4 and isinstance(shape[1], int) and shape[1] != len(names):
                 raise FileError(f"{self.path}: the graph has {shape[1]} planes where its contract has {list(names)}")
@@ -152,24 +143,24 @@ class Engine:
 
     def fill(self, planes: Float32Array, hole: BoolArray) -> Float32Array:
         """B x C x H x W planes in 0..1 with the hole (H x W) filled; what was known comes back bit for bit."""
-        return fill_crops(np.asarray(planes, np.float32), hole, self.call, self.layout)
+        return fill_crops(np.asarray(planes, np.float32), hole, self.run_planes, self.layout)
 
     @property
     def layout(self) -> Layout:
         """How pictures are cut for this network."""
         return Layout(self.contract.multiple, self.contract.minimum, self.budget)
 
-    def call(self, planes: Float32Array, hole: BoolArray) -> Float32Array:
+    def run_planes(self, planes: Float32Array, hole: BoolArray) -> Float32Array:
         """The network itself on planes in 0..1, of a size it takes; the hole (H x W, or one for each of its masks: masks x H x W)
         is zeroed, the masks stacked last."""
         about = self.contract
-        stacked = about.stacked(planes, hole.reshape(-1, *hole.shape[-2:]))
-        out = self.run({next(iter(self.ends)): stacked})
+        stacked = about.network_input(planes, hole.reshape(-1, *hole.shape[-2:]))
+        out = self.run({next(iter(self.inputs)): stacked})
         if out.shape != planes.shape:
             raise FileError(f"{self.path}: gave {out.shape} for {stacked.shape}; {planes.shape} is wanted")
         if not np.isfinite(out).all():
             raise FileError(f"{self.path}: the network gave values that are not finite")
-        return about.values(out)
+        return about.unit_output(out)
 
     def run(self, feed: dict[str, np.ndarray]) -> np.ndarray:
         """The first output for these inputs; FileError with the file's name where the runtime refuses them."""
@@ -181,18 +172,20 @@ class Engine:
 
 
 @functools.lru_cache(maxsize=1)
-def _kept(path: Path, stamp: tuple[int, int], given: Contract | None, options: tuple[tuple[str, Any], ...]) -> Engine:
+def _cached_engine(
+    path: Path, stamp: tuple[int, int], given: Contract | None, options: tuple[tuple[str, Any], ...]
+) -> Engine:
     return Engine(path, given, **dict(options))
 
 
-def engine(model: str | Path, contract: Contract | None = None, **options: Any) -> Engine:
+def open_engine(model: str | Path, contract: Contract | None = None, **options: Any) -> Engine:
     """The engine of a file; the last one is kept open, so that frame after frame costs one opening."""
     path = Path(model).expanduser()
     if not path.is_file():
         raise FileError(f"{path}: no such model file")
     stat = path.stat()
-    options.setdefault("provider", os.environ.get(ASKED) or None)
-    return _kept(path, (stat.st_mtime_ns, stat.st_size), contract, tuple(sorted(options.items())))
+    options.setdefault("provider", os.environ.get(PROVIDER_VARIABLE) or None)
+    return _cached_engine(path, (stat.st_mtime_ns, stat.st_size), contract, tuple(sorted(options.items())))
 
 
 def _onnxruntime() -> Any:

@@ -10,9 +10,9 @@ import numpy as np
 from dlama.geometry.view import View
 from dlama.geometry.visibility import Law
 from dlama.inpainters.filling import Fill, Inpainter
-from dlama.inpainters.networks.contract import Contract, demand
-from dlama.inpainters.networks.engine import engine
-from dlama.inpainters.networks.view_tensors import DepthPlane, color_planes, eight_bits, robust_scale
+from dlama.inpainters.networks.contract import Contract, require_planes
+from dlama.inpainters.networks.engine import open_engine
+from dlama.inpainters.networks.view_tensors import DepthPlane, color_from_planes, color_planes, robust_scale
 
 
 def joint_filler(model: str | Path, contract: Contract | None = None, **options: Any) -> Inpainter:
@@ -21,12 +21,12 @@ def joint_filler(model: str | Path, contract: Contract | None = None, **options:
     Depth is inverse depth, 0 = infinity and 0.75 = what 99 % of the view's known pixels do not exceed. In a sensor hole the
     network sees neither colour nor depth; only its depth is used there. FileError where there is no file.
     """
-    network = engine(model, contract, **options)
+    network = open_engine(model, contract, **options)
 
     def joint(view: View, law: Law, seed: int) -> Fill:
-        demand(network.contract, 4, str(network.path), "joint")
+        require_planes(network.contract, 4, str(network.path), "joint")
         depth = DepthPlane.of(view, robust_scale)
         filled = network.fill(np.concatenate([color_planes(view.color), depth.values[None]])[None], view.hole)[0]
-        return Fill(eight_bits(filled[:3]), depth.metres(filled[3]), notes=network.notes)
+        return Fill(color_from_planes(filled[:3]), depth.metres(filled[3]), notes=network.notes)
 
     return joint

@@ -12,9 +12,9 @@ from dlama.geometry.view import View
 from dlama.geometry.visibility import Law
 from dlama.inpainters.filling import Fill, Inpainter, Painter
 from dlama.inpainters.grey_depth import channel_spread
-from dlama.inpainters.networks.contract import Contract, demand
-from dlama.inpainters.networks.engine import Engine, engine
-from dlama.inpainters.networks.view_tensors import DepthPlane, color_planes, eight_bits
+from dlama.inpainters.networks.contract import Contract, require_planes
+from dlama.inpainters.networks.engine import Engine, open_engine
+from dlama.inpainters.networks.view_tensors import DepthPlane, color_from_planes, color_planes
 
 BATCHED: tuple[str, ...] = ()
 """Providers on which one pass for colour and depth was measured to be faster than two (benchmarks/engine.py); none so far."""
@@ -26,22 +26,22 @@ def lama_filler(model: str | Path, contract: Contract | None = None, **options: 
     Depth goes in as three equal planes of inverse depth on the scale of the view's nearest pixel, 0 = infinity, and
     comes back as their mean: float all the way.
     """
-    network = engine(model, contract, **options)
+    network = open_engine(model, contract, **options)
 
     def checked() -> Engine:
-        demand(network.contract, 3, str(network.path), "lama")
+        require_planes(network.contract, 3, str(network.path), "lama")
         return network
 
     def lama(view: View, law: Law, seed: int) -> Fill:
-        return filled_apart(view, checked())
+        return fill_color_and_depth(view, checked())
 
     def paint(picture: UInt8Array, hole: BoolArray) -> UInt8Array:
-        return eight_bits(checked().fill(color_planes(picture)[None], hole)[0])
+        return color_from_planes(checked().fill(color_planes(picture)[None], hole)[0])
 
     return Painter(lama, paint, lambda: network.notes)
 
 
-def filled_apart(view: View, network: Engine) -> Fill:
+def fill_color_and_depth(view: View, network: Engine) -> Fill:
     """Colour where it is not known, depth in the whole hole."""
     depth = DepthPlane.of(view)
     color = color_planes(view.color)
@@ -52,4 +52,6 @@ def filled_apart(view: View, network: Engine) -> Fill:
         color = network.fill(color[None], view.color_hole)[0]
         grey = network.fill(grey[None], view.hole)[0]
     spread = channel_spread(grey.transpose(1, 2, 0) * 255, view.hole)
-    return Fill(eight_bits(color), depth.metres(grey.mean(0)), notes=network.notes | {"depth_channel_spread": spread})
+    return Fill(
+        color_from_planes(color), depth.metres(grey.mean(0)), notes=network.notes | {"depth_channel_spread": spread}
+    )

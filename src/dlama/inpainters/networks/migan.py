@@ -11,6 +11,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 
 from dlama.errors import FileError
@@ -20,48 +21,48 @@ from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.geometry.view import View
 from dlama.geometry.visibility import Law
 from dlama.inpainters.filling import Fill, Inpainter, Painter
-from dlama.inpainters.networks.engine import Engine, engine
+from dlama.inpainters.networks.engine import Engine, open_engine
 from dlama.inpainters.networks.tiling import Layout, fill_crops
 from dlama.inpainters.networks.view_tensors import DepthPlane
 from dlama.inpainters.opencv import telea
 
 GROW = 3
 """Pixels by which the hole grows for the network only: from 3 on, nothing in the hole leaks (WEIGHTS.md)."""
-CRACK = 3
+CRACK_SIDE = 3
 """Holes that a square of this side does not fit into are cracks."""
 SMOOTHING = 3.0
 """Sigma in pixels of the smoothing that undoes 8-bit steps of depth."""
-SIDE = 512
+NETWORK_SIDE = 512
 """The network's own size: a crop of up to this side costs the same whatever it is."""
-ENDS = {"image": "tensor(uint8)", "mask": "tensor(uint8)"}
+PIPELINE_INPUTS = {"image": "tensor(uint8)", "mask": "tensor(uint8)"}
 
 
 def migan_filler(model: str | Path, **options: Any) -> Inpainter:
     """A filler of the MI-GAN pipeline file (graph inputs image and mask, uint8); `options` as of Engine."""
-    options.setdefault("budget", (2 * SIDE) ** 2)
-    network = engine(model, **options)
+    options.setdefault("budget", (2 * NETWORK_SIDE) ** 2)
+    network = open_engine(model, **options)
 
     def migan(view: View, law: Law, seed: int) -> Fill:
-        demand_pipeline(network)
+        require_pipeline(network)
         diffused = telea(view, law, seed)
-        color = painted(view.color, diffused.color, view.color_hole, network)
-        return Fill(color, painted_depth(view, diffused.depth, network), notes=network.notes)
+        color = fill_picture(view.color, diffused.color, view.color_hole, network)
+        return Fill(color, fill_depth(view, diffused.depth, network), notes=network.notes)
 
     def paint(picture: UInt8Array, hole: BoolArray) -> UInt8Array:
-        demand_pipeline(network)
-        return painted(picture, telea.paint(picture, hole), hole, network)
+        require_pipeline(network)
+        return fill_picture(picture, telea.paint(picture, hole), hole, network)
 
     return Painter(migan, paint, lambda: network.notes)
 
 
-def demand_pipeline(network: Engine) -> None:
+def require_pipeline(network: Engine) -> None:
     """FileError unless the file is the pipeline, told by its inputs."""
-    ends = {name: kind for name, (kind, _) in network.ends.items()}
-    if ends != ENDS:
-        raise FileError(f"{network.path}: inputs are {ends}; the MI-GAN pipeline has {ENDS}")
+    found = {name: kind for name, (kind, _) in network.inputs.items()}
+    if found != PIPELINE_INPUTS:
+        raise FileError(f"{network.path}: inputs are {found}; the MI-GAN pipeline has {PIPELINE_INPUTS}")
 
 
-def painted(known: UInt8Array, diffused: UInt8Array, hole: BoolArray, network: Engine) -> UInt8Array:
+def fill_picture(known: UInt8Array, diffused: UInt8Array, hole: BoolArray, network: Engine) -> UInt8Array:
     """H x W x 3: cracks as diffused, wider holes by the network, known pixels as they are."""
     wide = hole & ~cracks(hole)
     start = np.where(hole[..., None], diffused, known).transpose(2, 0, 1)[None]
@@ -71,35 +72,31 @@ def painted(known: UInt8Array, diffused: UInt8Array, hole: BoolArray, network: E
         out = network.run({"image": planes.astype(np.uint8), "mask": keep[None, None]})
         return out.astype(np.float32)
 
-    layout = Layout(multiple=1, minimum=1, budget=network.budget, least=SIDE * SIDE)
+    layout = Layout(multiple=1, minimum=1, budget=network.budget, call_cost=NETWORK_SIDE * NETWORK_SIDE)
     filled = fill_crops(start.astype(np.float32), wide, run, layout)[0]
     return np.ascontiguousarray(np.round(filled).astype(np.uint8).transpose(1, 2, 0))
 
 
-def painted_depth(view: View, diffused: Float32Array, network: Engine) -> Float32Array:
+def fill_depth(view: View, diffused: Float32Array, network: Engine) -> Float32Array:
     """H x W metres by way of 256 grey levels of inverse depth, 255 = the nearest pixel, 0 = far."""
     plane = DepthPlane.of(view)
     start = np.where(view.hole, inverse_depth(diffused) / np.float32(plane.scale), plane.values)
     grey = np.repeat(np.round(np.clip(start, 0, 1) * 255).astype(np.uint8)[..., None], 3, 2)
-    levels = painted(grey, grey, view.hole, network).astype(np.float32).mean(2)
-    values = np.where(view.hole & ~cracks(view.hole), stepless(levels) / 255, start)
+    levels = fill_picture(grey, grey, view.hole, network).astype(np.float32).mean(2)
+    values = np.where(view.hole & ~cracks(view.hole), smooth_within_steps(levels) / 255, start)
     if not view.far.any():  # level 0 is then no sky, only farther than a step can tell
         values = np.maximum(values, np.float32(0.25 / 255))
     return plane.metres(values.astype(np.float32))
 
 
-def stepless(levels: Float32Array) -> Float32Array:
+def smooth_within_steps(levels: Float32Array) -> Float32Array:
     """Levels smoothed within half a step, so that slopes are slopes again and edges stay; level 0 stays 0 (far)."""
-    import cv2
-
     smooth = np.asarray(cv2.GaussianBlur(levels, (0, 0), SMOOTHING), np.float32)
     return np.where(levels > 0, np.clip(smooth, levels - 0.5, levels + 0.5), np.float32(0))
 
 
 def cracks(hole: BoolArray) -> BoolArray:
-    """H x W, True in hole pixels that are on no CRACK x CRACK square of hole (beyond the border counts as hole)."""
-    import cv2
-
-    square = np.ones((CRACK, CRACK), np.uint8)
+    """H x W, True in hole pixels that are on no CRACK_SIDE x CRACK_SIDE square of hole (beyond the border counts as hole)."""
+    square = np.ones((CRACK_SIDE, CRACK_SIDE), np.uint8)
     inner = cv2.erode(hole.astype(np.uint8), square, borderValue=1)
     return hole & (cv2.dilate(inner, square, borderValue=0) == 0)

@@ -18,7 +18,7 @@ from dlama.inpainters.networks.contract import CONTRACT_KEY
 TYPES = {"float32": "tensor(float)", "uint8": "tensor(uint8)"}
 
 
-class End(NamedTuple):
+class TensorInfo(NamedTuple):
     """An input or an output, as onnxruntime describes it."""
 
     name: str
@@ -27,7 +27,7 @@ class End(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Facts:
+class ModelMetadata:
     """What the file says of itself."""
 
     custom_metadata_map: dict[str, str] = field(default_factory=dict)
@@ -54,20 +54,20 @@ class OpenVinoSession:
         """One: itself."""
         return ["openvino"]
 
-    def get_inputs(self) -> list[End]:
+    def get_inputs(self) -> list[TensorInfo]:
         """Name, type and shape; None where any size goes."""
-        return [_end(port) for port in self._model.inputs]
+        return [_tensor_info(port) for port in self._model.inputs]
 
-    def get_outputs(self) -> list[End]:
+    def get_outputs(self) -> list[TensorInfo]:
         """As `get_inputs`."""
-        return [_end(port) for port in self._model.outputs]
+        return [_tensor_info(port) for port in self._model.outputs]
 
-    def get_modelmeta(self) -> Facts:
+    def get_modelmeta(self) -> ModelMetadata:
         """The file's contract, where it has one."""
         key = ["framework", CONTRACT_KEY]
         if not self._model.has_rt_info(key):
-            return Facts()
-        return Facts({CONTRACT_KEY: self._model.get_rt_info(key).astype(str)})
+            return ModelMetadata()
+        return ModelMetadata({CONTRACT_KEY: self._model.get_rt_info(key).astype(str)})
 
     def run(self, names: None, feed: Mapping[str, np.ndarray]) -> list[np.ndarray]:
         """All outputs, copied: the next run writes into the same memory."""
@@ -75,7 +75,7 @@ class OpenVinoSession:
         return [np.array(results[port]) for port in range(len(self._model.outputs))]
 
 
-def _end(port: Any) -> End:
+def _tensor_info(port: Any) -> TensorInfo:
     kind = port.element_type.to_dtype().name
     shape = [size.get_length() if size.is_static else None for size in port.partial_shape]
-    return End(port.any_name, TYPES.get(kind, kind), shape)
+    return TensorInfo(port.any_name, TYPES.get(kind, kind), shape)

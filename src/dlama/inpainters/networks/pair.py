@@ -18,12 +18,12 @@ from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.geometry.view import View
 from dlama.geometry.visibility import Law
 from dlama.inpainters.filling import Fill, Painter
-from dlama.inpainters.networks.contract import Contract, demand
-from dlama.inpainters.networks.engine import Engine, engine
+from dlama.inpainters.networks.contract import Contract, require_planes
+from dlama.inpainters.networks.engine import Engine, open_engine
 from dlama.inpainters.networks.tiling import Network, fill_crops
-from dlama.inpainters.networks.view_tensors import color_planes, eight_bits
+from dlama.inpainters.networks.view_tensors import color_from_planes, color_planes
 
-FED = {1: "one: the union of both pictures' holes", 2: "two: the left picture's hole, the right one's"}
+MASKS_NOTE = {1: "one: the union of both pictures' holes", 2: "two: the left picture's hole, the right one's"}
 """Masks a network takes -> what stands in meta.json."""
 
 
@@ -43,17 +43,17 @@ class PairFiller:
         """Fills the left (or the right) picture; other: H x W x 3, the other one, with the pixels not known of it."""
 
         def paint(picture: UInt8Array, hole: BoolArray) -> UInt8Array:
-            demand(self.network.contract, 6, str(self.network.path), "pair")
+            require_planes(self.network.contract, 6, str(self.network.path), "pair")
             order = slice(None) if left else slice(None, None, -1)
             planes = np.concatenate([color_planes(picture), color_planes(other)][order])
-            filled = filled_pair(self.network, planes, np.stack([hole, other_hole][order]))
-            own = eight_bits(filled[:3] if left else filled[3:])
+            filled = fill_pair(self.network, planes, np.stack([hole, other_hole][order]))
+            own = color_from_planes(filled[:3] if left else filled[3:])
             return np.where(hole[..., None], own, picture)
 
-        return Painter(self, paint, lambda: self.network.notes | {"masks": FED[self.network.contract.masks]})
+        return Painter(self, paint, lambda: self.network.notes | {"masks": MASKS_NOTE[self.network.contract.masks]})
 
 
-def filled_pair(network: Engine, planes: Float32Array, holes: BoolArray) -> Float32Array:
+def fill_pair(network: Engine, planes: Float32Array, holes: BoolArray) -> Float32Array:
     """6 x H x W planes in 0..1 (left, right) of such planes with their holes (2 x H x W: left, right) filled.
 
     With one mask the network sees neither picture where either has its hole, and gives both there. With two, each picture is
@@ -72,7 +72,7 @@ def _with_two_masks(network: Engine) -> Network:
 
     def call(both: Float32Array, union: BoolArray) -> Float32Array:
         planes, holes = both[:, :6], both[0, 6:] > 0
-        filled = np.where(about.own_holes(holes), network.call(planes, holes), planes)
+        filled = np.where(about.hole_of_planes(holes), network.run_planes(planes, holes), planes)
         return np.concatenate([filled, np.zeros_like(both[:, 6:])], 1)
 
     return call
@@ -80,4 +80,4 @@ def _with_two_masks(network: Engine) -> Network:
 
 def pair_filler(model: str | Path, contract: Contract | None = None, **options: Any) -> PairFiller:
     """The filler of a network file; `options` as of Engine. FileError where there is no file."""
-    return PairFiller(engine(model, contract, **options))
+    return PairFiller(open_engine(model, contract, **options))

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 
 from dlama.geometry.rgbd import BoolArray, Float32Array
@@ -26,7 +27,7 @@ CELL = 16
 """Pixels: holes are grouped on a grid of such cells; neighbouring cells are one group."""
 OVERLAP = 128
 """Pixels by which tiles overlap."""
-NOTHING_KNOWN = 0.02
+LEAST_KNOWN = 0.02
 """A tile with less than this share known also sees what earlier tiles filled."""
 
 
@@ -38,21 +39,21 @@ class Layout:
     minimum: int = 16
     budget: int = 1 << 20
     """Largest crop in pixels; larger ones are tiled."""
-    least: int = 96 * 96
-    """Pixels that a call costs however small the crop (decides which crops are joined)."""
+    call_cost: int = 96 * 96
+    """Pixels that a call costs however small the crop (decides which crops are merged)."""
 
 
 def fill_crops(planes: Float32Array, hole: BoolArray, network: Network, layout: Layout) -> Float32Array:
-    """B x C x H x W planes with the pixels of `hole` (H x W) filled by the network, all others bit for bit as given."""
+    """B x C x H x W planes with the pixels of `hole` (H x W bool) filled by the network, all others bit for bit as given."""
     out = planes.copy()
     for box, group in crops(hole, layout):
         top, bottom, left, right = box
         part = np.s_[..., top:bottom, left:right]
-        tiles = list(tiled(box, group, layout))
+        tiles = list(tiles_of(box, group, layout))
         if len(tiles) == 1:
             filled = padded_call(planes[part], hole[part], network, layout)
         else:
-            filled = blended(planes, hole, box, tiles, network, layout)
+            filled = blended_tiles(planes, hole, box, tiles, network, layout)
         out[part] = np.where(group[top:bottom, left:right], filled, out[part])
     return out
 
@@ -60,13 +61,13 @@ def fill_crops(planes: Float32Array, hole: BoolArray, network: Network, layout: 
 def padded_call(planes: Float32Array, hole: BoolArray, network: Network, layout: Layout) -> Float32Array:
     """One call: padded by reflection below and at the right to the multiple and the minimum, cropped back."""
     height, width = hole.shape
-    below, right = (wanted(n, layout) - n for n in (height, width))
+    below, right = (padded_size(n, layout) - n for n in (height, width))
     pad = ((0, below), (0, right))
     seen = np.pad(planes, ((0, 0), (0, 0), *pad), mode="reflect")
     return network(seen, np.pad(hole, pad, mode="reflect"))[..., :height, :width]
 
 
-def wanted(size: int, layout: Layout) -> int:
+def padded_size(size: int, layout: Layout) -> int:
     """The smallest size the network takes that is at least `size`."""
     return -(-max(size, layout.minimum) // layout.multiple) * layout.multiple
 
@@ -76,7 +77,7 @@ def crops(hole: BoolArray, layout: Layout) -> Iterator[tuple[Box, BoolArray]]:
     if not hole.any():
         return
     number, cells = cell_groups(hole)
-    owner, boxes = joined(boxes_of(hole, number, cells, layout), layout)
+    owner, boxes = merged(boxes_with_context(hole, number, cells, layout), layout)
     whole = np.array([[0, hole.shape[0], 0, hole.shape[1]]])
     if cost(boxes, layout).sum() >= cost(whole, layout).sum() and hole.size <= layout.budget:
         yield (0, hole.shape[0], 0, hole.shape[1]), hole
@@ -88,8 +89,6 @@ def crops(hole: BoolArray, layout: Layout) -> Iterator[tuple[Box, BoolArray]]:
 
 def cell_groups(hole: BoolArray) -> tuple[np.ndarray, int]:
     """H x W int number of each pixel's group of neighbouring cells with holes (0 = no hole in its cell), and how many."""
-    import cv2
-
     height, width = hole.shape
     rows, columns = -(-height // CELL), -(-width // CELL)
     full = np.zeros((rows * CELL, columns * CELL), bool)
@@ -99,7 +98,7 @@ def cell_groups(hole: BoolArray) -> tuple[np.ndarray, int]:
     return np.repeat(np.repeat(number, CELL, 0), CELL, 1)[:height, :width], count - 1
 
 
-def boxes_of(hole: BoolArray, number: np.ndarray, count: int, layout: Layout) -> np.ndarray:
+def boxes_with_context(hole: BoolArray, number: np.ndarray, count: int, layout: Layout) -> np.ndarray:
     """N x 4: the bounding box of each group's holes, with context."""
     rows, columns = np.nonzero(hole)
     group = number[rows, columns] - 1
@@ -107,16 +106,16 @@ def boxes_of(hole: BoolArray, number: np.ndarray, count: int, layout: Layout) ->
     for column, value, extreme in ((0, rows, np.minimum), (2, columns, np.minimum)):
         extreme.at(box[:, column], group, value)
         np.maximum.at(box[:, column + 1], group, value + 1)
-    return np.array([widened(tuple(one), hole.shape, layout) for one in box.tolist()])
+    return np.array([with_context(tuple(one), hole.shape, layout) for one in box.tolist()])
 
 
-def widened(box: Box, hw: tuple[int, ...], layout: Layout) -> Box:
+def with_context(box: Box, hw: tuple[int, ...], layout: Layout) -> Box:
     """A box with context on each side, inside the picture, of a size the network takes where there is room."""
     top, bottom, left, right = box
     by = max(CONTEXT, round(CONTEXT_SHARE * ((bottom - top) * (right - left)) ** 0.5))
     ends: list[int] = []
     for start, end, size in ((top - by, bottom + by, hw[0]), (left - by, right + by, hw[1])):
-        length = min(wanted(min(end, size) - max(start, 0), layout), size)
+        length = min(padded_size(min(end, size) - max(start, 0), layout), size)
         begin = min(max(start, 0), size - length)
         ends += [begin, begin + length]
     return ends[0], ends[1], ends[2], ends[3]
@@ -124,11 +123,11 @@ def widened(box: Box, hw: tuple[int, ...], layout: Layout) -> Box:
 
 def cost(boxes: np.ndarray, layout: Layout) -> np.ndarray:
     """Pixels that each box (N x 4) costs."""
-    return np.maximum((boxes[:, 1] - boxes[:, 0]) * (boxes[:, 3] - boxes[:, 2]), layout.least)
+    return np.maximum((boxes[:, 1] - boxes[:, 0]) * (boxes[:, 3] - boxes[:, 2]), layout.call_cost)
 
 
-def joined(boxes: np.ndarray, layout: Layout) -> tuple[np.ndarray, np.ndarray]:
-    """Boxes joined two by two while one call costs no more than two: (which joined box each went to, joined boxes)."""
+def merged(boxes: np.ndarray, layout: Layout) -> tuple[np.ndarray, np.ndarray]:
+    """Boxes merged two by two while one call costs no more than two: (which merged box each went to, merged boxes)."""
     boxes = boxes.copy()
     owner, alive = np.arange(len(boxes)), np.ones(len(boxes), bool)
     k = 0
@@ -149,7 +148,7 @@ def joined(boxes: np.ndarray, layout: Layout) -> tuple[np.ndarray, np.ndarray]:
     return np.searchsorted(left, owner), boxes[left]
 
 
-def tiled(box: Box, group: BoolArray, layout: Layout) -> Iterator[Box]:
+def tiles_of(box: Box, group: BoolArray, layout: Layout) -> Iterator[Box]:
     """Overlapping tiles that cover a box, none above the budget, those without a hole left out; one if it fits."""
     top, bottom, left, right = box
     height, width = bottom - top, right - left
@@ -159,14 +158,14 @@ def tiled(box: Box, group: BoolArray, layout: Layout) -> Iterator[Box]:
     side = max(int(layout.budget**0.5), layout.minimum)
     tall = min(height, side) if width > side else max(1, layout.budget // width)
     wide = min(width, max(layout.budget // tall, layout.minimum))
-    for y in starts(height, tall):
-        for x in starts(width, wide):
+    for y in tile_starts(height, tall):
+        for x in tile_starts(width, wide):
             tile = top + y, top + y + tall, left + x, left + x + wide
             if group[tile[0] : tile[1], tile[2] : tile[3]].any():
                 yield tile
 
 
-def starts(length: int, size: int) -> list[int]:
+def tile_starts(length: int, size: int) -> list[int]:
     """Where tiles of `size` begin so that they cover `length` and overlap by OVERLAP (or a quarter of a small tile)."""
     if size >= length:
         return [0]
@@ -175,7 +174,7 @@ def starts(length: int, size: int) -> list[int]:
     return [round(k * (length - size) / (count - 1)) for k in range(count)]
 
 
-def blended(
+def blended_tiles(
     planes: Float32Array, hole: BoolArray, box: Box, tiles: list[Box], network: Network, layout: Layout
 ) -> Float32Array:
     """The box's planes, each pixel the mean of its tiles weighted by distance from their borders.
@@ -189,18 +188,18 @@ def blended(
         here = np.s_[..., tile[0] : tile[1], tile[2] : tile[3]]
         inside = np.s_[..., tile[0] - top : tile[1] - top, tile[2] - left : tile[3] - left]
         seen, open_ = planes[here], hole[here]
-        if open_.mean() > 1 - NOTHING_KNOWN and weight[inside].any():
+        if open_.mean() > 1 - LEAST_KNOWN and weight[inside].any():
             earlier = open_ & (weight[inside] > 0)
             seen = np.where(earlier, total[inside] / np.maximum(weight[inside], 1e-9), seen)
             open_ = open_ & ~earlier
-        share = np.multiply.outer(ramp(tile[1] - tile[0]), ramp(tile[3] - tile[2]))
+        share = np.multiply.outer(tile_weight(tile[1] - tile[0]), tile_weight(tile[3] - tile[2]))
         filled = np.where(open_, padded_call(seen, open_, network, layout), seen) if open_.any() else seen
         total[inside] += share * filled
         weight[inside] += share
     return np.asarray(total / np.maximum(weight, 1e-9), np.float32)
 
 
-def ramp(size: int) -> Float32Array:
+def tile_weight(size: int) -> Float32Array:
     """Weight along one side of a tile: 0 < w <= 1, rising over half the overlap from either end."""
     distance = np.minimum(np.arange(size), np.arange(size)[::-1]) + 1
     return np.minimum(1, distance / max(1, min(OVERLAP, size // 4))).astype(np.float32)

@@ -10,14 +10,10 @@ import numpy as np
 from dlama.geometry.rendering import inverse_depth
 from dlama.geometry.rgbd import Float32Array, UInt8Array
 from dlama.geometry.view import View
+from dlama.inpainters.networks.contract import DEPTH_AT_QUANTILE, DEPTH_QUANTILE
 
-FARTHER = 0.5
+FAR_SHARE = 0.5
 """Filled inverse depth below this share of the smallest known one is far, in a view that shows far pixels."""
-
-
-USUAL, SHARE = 0.75, 0.99
-"""What a trained network calls the inverse depth that this share of the known pixels does not exceed: above it there is
-room for what is nearer, such as ground before the picture's lower edge."""
 
 
 def nearest_scale(w: Float32Array) -> float:
@@ -26,9 +22,10 @@ def nearest_scale(w: Float32Array) -> float:
 
 
 def robust_scale(w: Float32Array) -> float:
-    """The inverse depth (1/m) that is called 1, with room above: a few flying pixels do not change it. As nearest_scale."""
+    """The inverse depth (1/m) that is called 1, as contracts with a depth plane want it (`contract.DEPTH_PLANE`): a few flying
+    pixels do not change it. w: as nearest_scale."""
     known = w[w > 0]
-    return float(np.quantile(known, SHARE)) / USUAL if known.size else 1.0
+    return float(np.quantile(known, DEPTH_QUANTILE)) / DEPTH_AT_QUANTILE if known.size else 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +45,7 @@ class DepthPlane:
         one = scale(w)
         values = np.minimum(w / np.float32(one), np.float32(1)).astype(np.float32)
         known = values[view.valid]
-        below = FARTHER * float(known.min()) if known.size and view.far.any() else 0.0
+        below = FAR_SHARE * float(known.min()) if known.size and view.far.any() else 0.0
         return cls(values, one, below)
 
     def metres(self, values: Float32Array) -> Float32Array:
@@ -64,6 +61,6 @@ def color_planes(picture: UInt8Array) -> Float32Array:
     return (picture.transpose(2, 0, 1) / np.float32(255)).astype(np.float32)
 
 
-def eight_bits(planes: Float32Array) -> UInt8Array:
+def color_from_planes(planes: Float32Array) -> UInt8Array:
     """H x W x 3 colours of 3 x H x W planes."""
     return np.ascontiguousarray(np.round(np.clip(planes, 0, 1) * 255).astype(np.uint8).transpose(1, 2, 0))

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from dlama.inpainters.networks.contract import generator_metadata
 from dlama.nets.checkpoints import read_generator
 from dlama.nets.export import export_onnx
 from dlama.nets.generator import Generator
@@ -17,4 +18,5 @@ def export(generator: Generator, folder: Path, name: str, licence: str) -> tuple
     weights, network = folder / f"{name}.safetensors", folder / f"{name}.onnx"
     state = {key: np.array(tensor.detach().cpu().numpy()) for key, tensor in generator.state_dict().items()}
     write_safetensors(weights, state, {"activation": generator.settings.activation, "licence": licence})
-    return weights, export_onnx(read_generator(weights), network, licence)
+    written = read_generator(weights)
+    return weights, export_onnx(written, network, generator_metadata(written.settings, weights, licence))

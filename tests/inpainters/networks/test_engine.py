@@ -19,11 +19,11 @@ from dlama.geometry.view import HoleType, Origin, View
 from dlama.geometry.visibility import Law
 from dlama.inpainters import find_filler
 from dlama.inpainters.filling import inpaint
-from dlama.inpainters.networks.contract import of_planes
-from dlama.inpainters.networks.engine import PROVIDERS, Engine, engine
+from dlama.inpainters.networks.contract import contract_of_planes
+from dlama.inpainters.networks.engine import PROVIDERS, Engine, open_engine
 from dlama.inpainters.networks.lama import lama_filler
-from dlama.inpainters.networks.migan import cracks, painted, stepless
-from networks import constant, contract, echo_mask, written
+from dlama.inpainters.networks.migan import cracks, fill_picture, smooth_within_steps
+from tiny_networks import constant, contract, echo_mask, written
 
 pytest.importorskip("onnxruntime")
 NOTHING = Law(())
@@ -88,8 +88,8 @@ def test_the_network_sees_the_hole_zeroed_and_its_mask(tmp_path: Path, mask: str
     hole = np.zeros((40, 40), bool)
     hole[5:9, 5:9] = True
     planes = np.ones((1, 3, 40, 40), np.float32)
-    np.testing.assert_allclose(network.call(planes, hole)[0, 0][hole], 0.5 * shown)
-    np.testing.assert_allclose(network.call(planes, hole)[0, 0][~hole], 0.25 + 0.5 * (1 - shown))
+    np.testing.assert_allclose(network.run_planes(planes, hole)[0, 0][hole], 0.5 * shown)
+    np.testing.assert_allclose(network.run_planes(planes, hole)[0, 0][~hole], 0.25 + 0.5 * (1 - shown))
     np.testing.assert_array_equal(network.fill(planes, hole)[..., ~hole], 1)
 
 
@@ -98,7 +98,7 @@ def test_ranges_are_kept(tmp_path: Path) -> None:
     model = written(tmp_path / "r.onnx", 3, np.eye(3, 4), in_range=[-1, 1], out_range=[-1, 1])
     hole = np.zeros((20, 20), bool)
     hole[8:12, 8:12] = True
-    out = Engine(model).call(np.full((1, 3, 20, 20), 0.3, np.float32), hole)
+    out = Engine(model).run_planes(np.full((1, 3, 20, 20), 0.3, np.float32), hole)
     np.testing.assert_allclose(out[..., hole], 0.5, atol=1e-6)
     np.testing.assert_allclose(out[..., ~hole], 0.3, atol=1e-6)
 
@@ -108,7 +108,7 @@ def test_a_file_without_a_contract_needs_one_by_hand(tmp_path: Path) -> None:
     bare = written(tmp_path / "bare.onnx", 3, np.zeros((3, 4)), 0.4, about={})
     with pytest.raises(InputError, match=r"bare\.onnx: carries no contract .*by hand"):
         inpaint(holed(), find_filler("lama", bare), NOTHING)
-    after, _ = inpaint(holed(), lama_filler(bare, of_planes(3)), NOTHING)
+    after, _ = inpaint(holed(), lama_filler(bare, contract_of_planes(3)), NOTHING)
     assert (after.color[after.filled] == 102).all()
 
 
@@ -163,7 +163,7 @@ def test_openvino_gives_what_onnxruntime_gives(tmp_path: Path) -> None:
     if importlib.util.find_spec("openvino") is None:
         pytest.skip("OpenVINO is not installed: pip install 'dlama[openvino]'")
     here = Path(__file__)
-    code = f"import sys; sys.path[:0] = {[str(here.parent), str(here.parents[1])]!r}\n"
+    code = f"import sys; sys.path[:0] = {[str(here.parent), str(here.parents[2])]!r}\n"
     code += f"import test_engine; test_engine.openvino_run({str(tmp_path)!r})"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False, timeout=120)
     assert done.returncode == 0 and "all of it ran" in done.stdout, done.stderr
@@ -182,11 +182,11 @@ def test_omp_num_threads_is_obeyed(tmp_path: Path, monkeypatch: pytest.MonkeyPat
 def test_one_engine_stays_open(tmp_path: Path) -> None:
     """Law: the same file is opened once; a changed file anew."""
     model = constant(tmp_path / "c.onnx", 3, 0.2, 0.2, 0.2)
-    first = engine(model)
-    assert engine(str(model)) is first and engine(model, threads=1) is not first
-    again = engine(model)
+    first = open_engine(model)
+    assert open_engine(str(model)) is first and open_engine(model, threads=1) is not first
+    again = open_engine(model)
     constant(model, 3, 0.1, 0.1, 0.1, network="longer than before")
-    assert engine(model) is not again
+    assert open_engine(model) is not again
 
 
 def test_cracks_are_thin() -> None:
@@ -203,10 +203,10 @@ def test_steps_become_slopes_within_half_a_step() -> None:
     """Closed form: a staircase of levels comes back closer to its ramp; a high edge stays where it was; 0 stays 0."""
     ramp = np.tile(np.linspace(10, 20, 100, dtype=np.float32), (20, 1))
     levels = np.round(ramp)
-    smooth = stepless(levels)
+    smooth = smooth_within_steps(levels)
     assert abs(smooth - ramp)[:, 10:-10].mean() < 0.5 * abs(levels - ramp).mean()
     edge = np.where(np.arange(100) < 50, np.float32(0), np.float32(200)) * np.ones((20, 1), np.float32)
-    assert abs(stepless(edge) - edge).max() <= 0.5 and (stepless(edge)[:, :50] == 0).all()
+    assert abs(smooth_within_steps(edge) - edge).max() <= 0.5 and (smooth_within_steps(edge)[:, :50] == 0).all()
 
 
 class Pipeline:
@@ -226,7 +226,7 @@ def test_migan_is_fed_what_it_can_bear() -> None:
     hole[20:30, 20:30] = hole[50, 40:58] = True
     known[hole] = 0
     session = Pipeline()
-    out = painted(known, np.full_like(known, 120), hole, session)  # type: ignore[arg-type]
+    out = fill_picture(known, np.full_like(known, 120), hole, session)  # type: ignore[arg-type]
     assert session.image.dtype == session.mask.dtype == np.uint8 and set(np.unique(session.mask)) == {0, 255}
     assert (out[20:30, 20:30] == 77).all() and (out[50, 40:58] == 120).all() and (out[~hole] == 200).all()
     rows, columns = np.nonzero(session.mask[0, 0] == 0)

@@ -11,10 +11,10 @@ import dlama
 from dlama.errors import FileError, InputError
 from dlama.geometry.view import Origin
 from dlama.inpainters import find_filler
-from dlama.inpainters.networks.contract import of_planes
+from dlama.inpainters.networks.contract import contract_of_planes
 from dlama.inpainters.networks.engine import Engine
-from dlama.inpainters.networks.pair import PairFiller, filled_pair, pair_filler
-from networks import constant, echo_mask, written
+from dlama.inpainters.networks.pair import PairFiller, fill_pair, pair_filler
+from tiny_networks import constant, echo_mask, written
 
 DEMO = Path(dlama.__file__).parent / "assets" / "demo"
 PLANES = ["red", "green", "blue", "other red", "other green", "other blue"]
@@ -84,12 +84,12 @@ def test_two_masks_are_each_pictures_own(tmp_path: Path, left: bool, hw: tuple[i
 class Listener:
     """Stands for the engine of a two-mask network: records what it is fed, and gives 0.5."""
 
-    path, budget, contract, ends = Path("none.onnx"), 64 * 64, of_planes(6, 2), ("planes",)
+    path, budget, contract, inputs = Path("none.onnx"), 64 * 64, contract_of_planes(6, 2), ("planes",)
 
     def __init__(self) -> None:
         self.fed: list[np.ndarray] = []
 
-    call, layout = Engine.call, Engine.layout
+    run_planes, layout = Engine.run_planes, Engine.layout
 
     def run(self, feed: dict[str, np.ndarray]) -> np.ndarray:
         self.fed.append(feed["planes"][0])
@@ -103,7 +103,7 @@ def test_a_tile_in_the_hole_goes_on_from_what_was_filled() -> None:
     holes[0, 10:190, 10:150], holes[1, 10:190, 100:190] = True, True
     planes[0], planes[3] = 0.625 + 0.125 * holes[0], 0.625 + 0.125 * holes[1]  # 0.75 is hidden: no tile may see it
     listener = Listener()
-    filled = filled_pair(listener, planes, holes)  # type: ignore[arg-type]
+    filled = fill_pair(listener, planes, holes)  # type: ignore[arg-type]
     shown = np.repeat(holes, 3, 0)
     np.testing.assert_allclose(filled, np.where(shown, np.float32(0.5), planes), atol=1e-6)
     went_on = 0
@@ -130,7 +130,7 @@ def test_two_masks_by_hand_and_what_is_wrong_with_a_file(tmp_path: Path) -> None
     bare = written(tmp_path / "bare.onnx", 6, np.full((6, 8), 0.2) * (np.arange(8) == 7), about={})
     picture, hole = np.zeros((24, 24, 3), np.uint8), np.zeros((24, 24), bool)
     hole[8:16, 8:16] = True
-    painted = pair_filler(bare, of_planes(6, 2)).painter(picture, hole, left=True).paint(picture, hole)
+    painted = pair_filler(bare, contract_of_planes(6, 2)).painter(picture, hole, left=True).paint(picture, hole)
     np.testing.assert_array_equal(painted[hole], 51)
     lying = written(tmp_path / "lying.onnx", 6, np.zeros((6, 7)), **EIGHT)
     nan = two_mask_probe(tmp_path / "nan.onnx", np.nan)
