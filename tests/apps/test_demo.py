@@ -29,10 +29,11 @@ def pixels(path: Path) -> np.ndarray:
 
 
 def test_three_jobs_and_a_joint_sheet(demo: Path) -> None:
-    """Nothing else lies at the top."""
-    assert sorted(path.name for path in demo.iterdir()) == ["preview.png", "remove", "stereo", "view"]
+    """Beside them what they read, and nothing else."""
+    assert sorted(path.name for path in demo.iterdir()) == ["inputs", "preview.png", "remove", "stereo", "view"]
     assert all((demo / job / "preview.png").is_file() for job in ("remove", "stereo", "view"))
     assert pixels(demo / "preview.png").shape[1] >= 1200
+    assert all(path.read_bytes() == (ASSETS / path.name).read_bytes() for path in (demo / "inputs").iterdir())
 
 
 def test_removal_comes_near_the_answer(demo: Path) -> None:
@@ -63,6 +64,13 @@ def test_stereo_files(demo: Path) -> None:
     meta = json.loads((demo / "stereo" / "meta.json").read_text())
     assert 0.5 < meta["stereo"]["consistency"]["left_right_within_1px"] <= 1
     assert set(meta["inputs"]) == {"left", "right", "calib", "mask"}
+
+
+def test_a_user_can_go_on_from_the_inputs(demo: Path, tmp_path: Path) -> None:
+    """The demo's own removal with the files it wrote (oracle: its pixels)."""
+    files = [str(demo / "inputs" / name) for name in ("street.jpg", "depth.png", "mask.png")]
+    main(["remove", *files, "--camera", str(demo / "inputs" / "camera.json"), "-o", str(tmp_path / "out")])
+    assert (pixels(tmp_path / "out" / "image.png") == pixels(demo / "remove" / "image.png")).all()
 
 
 def test_inputs_are_named_with_their_hashes(demo: Path) -> None:

@@ -11,7 +11,7 @@ import pytest
 
 from dlama.apps import evaluate as verb
 from dlama.apps.cli import main
-from dlama.apps.evaluate import Contest, Scope, command_line, needs_extra
+from dlama.apps.evaluate import Cases, Methods, command_line, needs_extra
 from dlama.errors import InputError, MissingExtraError
 from dlama.evaluation import protocols
 from dlama.evaluation.protocols.methods import Method, ProtocolSettings, Scored
@@ -187,14 +187,14 @@ def test_a_data_set_without_a_protocol_says_so() -> None:
 
     cases = (Case("vpi", "toy", "s", "f", lambda: None, 10.0),)  # type: ignore[arg-type,return-value]
     with pytest.raises(InputError, match="toy has no cases of ori; it has vpi"):
-        Scope(protocol=("ori",)).chosen(Dataset("toy", "made-up", None, (), cases))
+        Cases(protocol=("ori",)).chosen(Dataset("toy", "made-up", None, (), cases))
 
 
 def test_the_command_is_repeatable() -> None:
     """What differs from the defaults, as it was typed."""
-    scope, contest = Scope(("vpi",), yaws=(10.0, 20.0), depth_range=10.0), Contest(fillers=("telea",), variants=False)
-    assert command_line("a b", Path("out"), Scope(), Contest()) == "dlama evaluate 'a b' -o out"
-    assert command_line("street", Path("out"), scope, contest) == (
+    cases, methods = Cases(("vpi",), yaws=(10.0, 20.0), depth_range=10.0), Methods(fillers=("telea",), variants=False)
+    assert command_line("a b", Path("out"), Cases(), Methods()) == "dlama evaluate 'a b' -o out"
+    assert command_line("street", Path("out"), cases, methods) == (
         "dlama evaluate street --protocol vpi --yaws 10 20 --depth-range 10 --fillers telea --no-variants -o out"
     )
 

@@ -10,21 +10,22 @@ from typing import Annotated, Any
 import tyro
 from tyro.conf import FlagCreatePairsOff, OmitArgPrefixes, Positional
 
+import dlama
 from dlama.apps.evaluate import evaluate
+from dlama.apps.flags import flags_of, with_flags
 from dlama.apps.jobs import STAGES, job
 from dlama.apps.model_verbs import models
-from dlama.apps.options import Depth, Image, Lens, Mask, Masking, Method, Metres, Move, Output, Reading, told
-from dlama.apps.terminal import plain_words, stages
+from dlama.apps.options import Depth, Image, Lens, Mask, Masking, Method, Metres, Move, Output, Reading, Report, option
+from dlama.apps.terminal import errors_as_lines, reported, stages_bar
 from dlama.apps.train import EXAMPLES as TRAINING_EXAMPLES
 from dlama.apps.train import pack, train
 from dlama.apps.worlds import worlds
-from dlama.completion import stereo as pairs
-from dlama.completion import verbs
 
 DESCRIPTION = (
     "Completes what a camera could not see: the scene from another viewpoint, without an object, or as a stereo pair, "
-    "filled in colour and in depth. `dlama demo` shows all three; `dlama VERB --help` explains each."
+    "filled in colour and in depth. `dlama demo` shows all three; `dlama VERB --help` explains each; `dlama --version`."
 )
+DEMO_FOLDER = Annotated[Path, option("DIR", "dlama-demo", aliases=["-o"])]
 
 
 def view(
@@ -36,18 +37,19 @@ def view(
     lens: Lens,
     reading: Reading,
     method: Method,
+    report: Report,
 ) -> None:
     """The scene from another viewpoint, with what was hidden filled in.
 
     Args:
         image: The colour picture: PNG, JPEG or TIFF.
         depth: Its depth, same size: 16-bit PNG or TIFF (millimetres), EXR, PFM, NPY or NPZ.
-        output: Directory for the results.
+        output: Directory for the results, made if need be; files of the same names are replaced.
     """
-    with job("view") as run:
-        goal = move.required().settings()
-        rgbd = run.rgbd(image, depth, lens, reading)
-        run.write(verbs.view(rgbd, **goal, **method.settings()), output)
+    with job("view", report) as this:
+        target = move.required().settings()
+        rgbd = this.rgbd(image, depth, lens, reading)
+        this.write(dlama.view(rgbd, **target, **method.settings()), output)
 
 
 def remove(
@@ -61,6 +63,7 @@ def remove(
     reading: Reading,
     masking: Masking,
     method: Method,
+    report: Report,
 ) -> None:
     """The scene without an object: what it hid is restored, seen from the same place or from elsewhere.
 
@@ -68,26 +71,27 @@ def remove(
         image: The colour picture: PNG, JPEG or TIFF.
         depth: Its depth, same size: 16-bit PNG or TIFF (millimetres), EXR, PFM, NPY or NPZ.
         mask: The object in the picture: black and white, 255 = remove.
-        output: Directory for the results.
+        output: Directory for the results, made if need be; files of the same names are replaced.
     """
-    with job("remove") as run:
-        goal = move.settings()
-        rgbd = run.rgbd(image, depth, lens, reading)
-        taken = run.required_mask(mask, masking)
-        run.write(verbs.remove(rgbd, taken, **goal, **method.settings()), output)
+    with job("remove", report) as this:
+        target = move.settings()
+        rgbd = this.rgbd(image, depth, lens, reading)
+        object_mask = this.mask(mask, masking)
+        this.write(dlama.remove(rgbd, object_mask, **target, **method.settings()), output)
 
 
 def stereo(
-    left: Positional[Annotated[Path, told("LEFT")]],
-    right: Positional[Annotated[Path, told("RIGHT")]],
+    left: Positional[Annotated[Path, option("LEFT", None)]],
+    right: Positional[Annotated[Path, option("RIGHT", None)]],
     /,
-    calib: Annotated[Path, told("CALIB", "(required)")],
+    calib: Annotated[Path, option("CALIB", None)],
     output: Output,
     masking: Masking,
     method: Method,
-    mask: Annotated[Path | None, told("MASK")] = None,
-    mask_right: Annotated[Path | None, told("MASK", "(default: --mask carried over by disparity)")] = None,
-    max_disparity: Annotated[float | None, told("PX", "(default: found)")] = None,
+    report: Report,
+    mask: Annotated[Path | None, option("MASK")] = None,
+    mask_right: Annotated[Path | None, option("MASK", "--mask carried over by disparity")] = None,
+    max_disparity: Annotated[float | None, option("PX", "found")] = None,
     far: Metres = None,
 ) -> None:
     """Depth from a rectified stereo pair, and with --mask both pictures without an object, so that they agree.
@@ -96,30 +100,29 @@ def stereo(
         left: The left picture.
         right: The right picture, rectified: same size, same rows.
         calib: Middlebury calib.txt, or JSON with left_K, right_K, baseline_m, doffs, pixel_center.
-        output: Directory for the results: the left view at the top, the right one in right/.
+        output: Directory for the results, made if need be: the left view at the top, the right one in right/.
         mask: The object in the left picture: black and white, 255 = remove.
         mask_right: The object in the right picture.
         max_disparity: The largest disparity looked for.
         far: What is measured at or beyond this is far (sky).
     """
-    with job("stereo") as run:
-        pair = run.pair(left, right, calib)
-        masks = run.mask(mask, masking), run.mask(mask_right, masking, "mask_right")
-        how = {"max_disparity": max_disparity, "far": far, **method.settings()}
-        run.write(pairs.stereo(*pair, mask=masks[0], mask_right=masks[1], **how), output)
+    with job("stereo", report) as this:
+        pair = this.pair(left, right, calib)
+        masks = this.optional_mask(mask, masking), this.optional_mask(mask_right, masking, "mask_right")
+        options = {"max_disparity": max_disparity, "far": far, **method.settings()}
+        this.write(dlama.stereo(*pair, mask=masks[0], mask_right=masks[1], **options), output)
 
 
-def demo(output: Output = Path("dlama-demo"), method: Method = Method()) -> None:  # noqa: B008  (frozen)
+def demo(method: Method, report: Report, output: DEMO_FOLDER = Path("dlama-demo")) -> None:
     """All three jobs on the street scene that comes with dlama: another view, an object removed, a stereo pair.
 
     Args:
-        output: Directory for the results: view/, remove/, stereo/ and a joint preview.png.
+        output: Directory for the results: view/, remove/, stereo/, a joint preview.png, and the pictures used in inputs/.
     """
     from dlama.apps.demo import demo
 
-    with stages("demo", 3 * STAGES):
-        lines = demo(output, method)
-    print("\n".join(lines))
+    with reported("demo", report) as result, stages_bar("demo", 3 * STAGES, report):
+        demo(output, method, result)
 
 
 def version() -> None:
@@ -180,20 +183,27 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
     "version": ("dlama version",),
 }
 """What `dlama VERB --help` shows below its first line."""
+CONFIG = (OmitArgPrefixes, FlagCreatePairsOff)
 
 
 def main(args: Sequence[str] | None = None) -> None:
     """The entry point `dlama`; `args` default to the command line's."""
     words = list(sys.argv[1:] if args is None else args)
-    config = (OmitArgPrefixes, FlagCreatePairsOff)
-    with plain_words():
-        if words and words[0] in VERBS:
-            verb = VERBS[words[0]]
-            help_text = "\n".join(
-                [str(verb.__doc__).splitlines()[0], "", *(f"$ {line}" for line in EXAMPLES[words[0]])]
-            )
-            tyro.cli(verb, prog=f"dlama {words[0]}", description=help_text, args=words[1:], config=config)
-        else:
+    if words[:1] == ["--version"]:
+        print(f"dlama {dlama.__version__}")
+    elif words and words[0] in VERBS:
+        run_verb(words[0], words[1:])
+    else:
+        with errors_as_lines():
             tyro.extras.subcommand_cli_from_dict(
-                VERBS, prog="dlama", description=DESCRIPTION, args=words, config=config
+                VERBS, prog="dlama", description=DESCRIPTION, args=words, config=CONFIG
             )
+
+
+def run_verb(name: str, words: Sequence[str]) -> None:
+    """One verb with its options; the errors of the library name flags."""
+    verb = VERBS[name]
+    examples = "\n".join(f"$ {line}" for line in EXAMPLES[name])
+    described = f"{str(verb.__doc__).splitlines()[0]}\n\n{examples}"
+    with errors_as_lines(lambda message: with_flags(message, flags_of(verb))):
+        tyro.cli(verb, prog=f"dlama {name}", description=described, args=words, config=CONFIG)

@@ -2,36 +2,41 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 
+import dlama
 from dlama.apps.jobs import Job
 from dlama.apps.options import Lens, Masking, Method, Reading
-from dlama.completion import stereo as pairs
-from dlama.completion import verbs
-from dlama.completion.pipeline import Completion
+from dlama.apps.terminal import Result
+from dlama.files.atomic_write import new_directory
+from dlama.files.preview import write_preview
+from dlama.files.sheets import demo_legend, demo_panels
 
-ASSETS = Path(__file__).parent.parent / "assets" / "demo"
+ASSETS = dlama.example()
 """Picture, depth, mask, camera and stereo pair; its README names their sources."""
+INPUTS = ("street.jpg", "depth.png", "camera.json", "mask.png", "right.jpg", "calib.txt")
+"""What the three jobs read."""
 YAW = 20.0
 """Degrees by which the demo's camera moves to the right."""
 
 
-def demo_view(run: Job, method: Method) -> Completion:
+def demo_view(job: Job, method: Method) -> dlama.Completion:
     """The street from 20 degrees further right."""
-    rgbd = run.rgbd(ASSETS / "street.jpg", ASSETS / "depth.png", Lens(camera=ASSETS / "camera.json"), Reading())
-    return verbs.view(rgbd, yaw=YAW, **method.settings())
+    rgbd = job.rgbd(ASSETS / "street.jpg", ASSETS / "depth.png", Lens(camera=ASSETS / "camera.json"), Reading())
+    return dlama.view(rgbd, yaw=YAW, **method.settings())
 
 
-def demo_remove(run: Job, method: Method) -> Completion:
+def demo_remove(job: Job, method: Method) -> dlama.Completion:
     """The street without the barrel and its shadow."""
-    rgbd = run.rgbd(ASSETS / "street.jpg", ASSETS / "depth.png", Lens(camera=ASSETS / "camera.json"), Reading())
-    return verbs.remove(rgbd, run.required_mask(ASSETS / "mask.png", Masking()), **method.settings())
+    rgbd = job.rgbd(ASSETS / "street.jpg", ASSETS / "depth.png", Lens(camera=ASSETS / "camera.json"), Reading())
+    return dlama.remove(rgbd, job.mask(ASSETS / "mask.png", Masking()), **method.settings())
 
 
-def demo_stereo(run: Job, method: Method) -> Completion:
+def demo_stereo(job: Job, method: Method) -> dlama.Completion:
     """Depth from the stereo pair, and both pictures without the barrel."""
-    pair = run.pair(ASSETS / "street.jpg", ASSETS / "right.jpg", ASSETS / "calib.txt")
-    return pairs.stereo(*pair, mask=run.mask(ASSETS / "mask.png", Masking()), **method.settings())
+    pair = job.pair(ASSETS / "street.jpg", ASSETS / "right.jpg", ASSETS / "calib.txt")
+    return dlama.stereo(*pair, mask=job.mask(ASSETS / "mask.png", Masking()), **method.settings())
 
 
 JOBS = {
@@ -42,25 +47,23 @@ JOBS = {
 """Sub-directory -> what the joint sheet calls the job, and the job."""
 
 
-def demo(output: Path, method: Method) -> list[str]:
-    """Each job's results to a sub-directory of `output`, and preview.png of all; returns a summary line for each.
+def demo(output: Path, method: Method, result: Result) -> None:
+    """Each job's results to a folder of `output`, what they read to inputs/, and preview.png of all.
 
-    Raises OutputError; then nothing is left behind.
+    `result` takes a line for each. Raises OutputError; then nothing is left behind.
     """
-    from dlama.files.atomic_write import new_directory
-    from dlama.files.preview import write_preview
-    from dlama.files.sheets import demo_legend, demo_panels
-
-    lines, panels, completions = [], [], []
+    panels, completions = [], []
     with new_directory(output) as folder:
-        for name, (called, do) in JOBS.items():
-            run = Job()
-            done = do(run, method)
-            run.write(done, folder / name, shown=output / name)
-            lines.append(run.summary)
-            panels += demo_panels(called, done)
+        for name, (title, complete) in JOBS.items():
+            job = Job()
+            done = complete(job, method)
+            job.write(done, folder / name, shown=output / name)
+            result.add(job.result.lines[0], **{name: job.result.values})
+            panels += demo_panels(title, done)
             completions.append(done)
-        write_preview(
-            folder / "preview.png", "dlama completes what a camera could not see", panels, demo_legend(completions)
-        )
-    return [*lines, f"{output / 'preview.png'}: all three side by side"]
+        (folder / "inputs").mkdir(exist_ok=True)
+        for name in INPUTS:
+            shutil.copyfile(ASSETS / name, folder / "inputs" / name)
+        title = "dlama completes what a camera could not see"
+        write_preview(folder / "preview.png", title, panels, demo_legend(completions))
+    result.add(f"{output / 'preview.png'}: all three side by side", output=str(output))

@@ -4,57 +4,61 @@ from __future__ import annotations
 
 import dataclasses
 import shlex
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, nullcontext
+import sys
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
 
 from tyro.conf import Positional
 
-from dlama.apps.options import Json, Metres, Output, told
-from dlama.apps.terminal import say, shown_bar
-from dlama.completion.recipes import RECIPES, recipe
-from dlama.datasets.frames import Case, Dataset, Protocol
+from dlama.apps.options import RECIPES, CameraFile, Metres, Output, Report, Seed, option
+from dlama.apps.terminal import INTERRUPTED, counting_bar, print_line, reported
 from dlama.errors import InputError, MissingExtraError
-from dlama.evaluation.protocols.methods import NO_FILL, Method, ProtocolSettings
 from dlama.inpainters import FILLERS
 
 if TYPE_CHECKING:
+    from dlama.datasets.frames import Case, Dataset
+    from dlama.evaluation.protocols.methods import Method, ProtocolSettings
     from dlama.evaluation.runner.run import Progress, Results
 
 FAILED = 1
 """Exit code where some cases could not be run."""
-INTERRUPTED = 130
-NEED_MODEL = [name for name, record in FILLERS.items() if record.needs_model]
+NO_FILL = "none"
+"""The filler that leaves holes as they are."""
+NETWORK_FILLERS = tuple(name for name, record in FILLERS.items() if record.needs_model)
 """Fillers that run a network."""
 NEEDED = {"scikit-image": "skimage", "scipy": "scipy", "matplotlib": "matplotlib", "jinja2": "jinja2"}
 YAW_NEAR = 0.5
 """Degrees by which a pair's yaw may differ from the one asked for."""
-PROTOCOL_NAMES: tuple[Protocol, ...] = ("vpi", "ori", "sii")
+Protocol = Literal["vpi", "ori", "sii"]
+MINUTE = 60.0
+"""Seconds between two lines about progress where there is no terminal."""
 
 
 @dataclass(frozen=True)
-class Scope:
+class Cases:
     """Which cases of the data set are run."""
 
-    protocol: Annotated[tuple[Protocol, ...], told("vpi|ori|sii ...", "(default: all that the data set has)")] = ()
+    protocol: Annotated[tuple[Protocol, ...], option("vpi|ori|sii ...", "all that the data set has")] = ()
     """View change, object removal, stereo."""
-    scenes: Annotated[tuple[str, ...], told("SCENE ...", "(default: all)")] = ()
+    scenes: Annotated[tuple[str, ...], option("SCENE ...", "all")] = ()
     """Only these scenes."""
-    yaws: Annotated[tuple[float, ...], told("DEG ...", "(default: all)")] = ()
+    yaws: Annotated[tuple[float, ...], option("DEG ...", "all")] = ()
     """Only cases about so many degrees round, to either side; of removal and stereo, which turn nothing, all."""
-    limit: Annotated[int | None, told("N", "(default: all)")] = None
+    limit: Annotated[int | None, option("N", "all")] = None
     """At most so many cases of each protocol, the first ones."""
-    layout: Annotated[str | None, told("NAME", "(default: recognised)")] = None
+    layout: Annotated[str | None, option("NAME", "recognised")] = None
     """How the data set lies on disk: easysynth, pairs, removal, stereo, tum, 7-scenes, scannet, ..."""
     depth_range: Metres = None
     """EasySynth: metres that 1.0 stands for in its depth files."""
-    gamma: Annotated[Literal["srgb", "linear"] | None, told("srgb|linear")] = None
+    gamma: Annotated[Literal["srgb", "linear"] | None, option("srgb|linear", "as the files say")] = None
     """EasySynth: how its 8-bit PNG depth is encoded, where there is no better."""
-    removal_object: Annotated[str | None, told("NAME|R,G,B", "(default: object)")] = None
+    removal_object: Annotated[str | None, option("NAME|R,G,B", "object")] = None
     """EasySynth: the semantic class that is taken out."""
-    camera: Json = None
+    camera: CameraFile = None
     """The camera file of a layout that has none of its own (tum, 7-scenes, redwood)."""
 
     def open(self, path: str) -> Dataset:
@@ -75,7 +79,7 @@ class Scope:
 
     def chosen(self, dataset: Dataset) -> tuple[Case, ...]:
         """The cases asked for, protocol by protocol."""
-        has = [name for name in PROTOCOL_NAMES if dataset.of(name)]
+        has = [name for name in get_args(Protocol) if dataset.of(name)]
         missing = [name for name in self.protocol if name not in has]
         if missing:
             raise InputError(f"{dataset.name} has no cases of {missing[0]}; it has {', '.join(has) or 'none at all'}")
@@ -97,33 +101,36 @@ class Scope:
 
 
 @dataclass(frozen=True)
-class Contest:
-    """Which methods are put to them: every recipe with every filler."""
+class Methods:
+    """Which methods are measured on them: every recipe with every filler."""
 
-    recipes: Annotated[tuple[str, ...], told(f"{'|'.join(RECIPES)} ...", "(default: dlama paper)")] = ("dlama", "paper")
+    recipes: Annotated[tuple[str, ...], option(f"{'|'.join(RECIPES)} ...", "dlama paper")] = ("dlama", "paper")
     """Whole methods, ours and the paper's as published."""
-    fillers: Annotated[tuple[str, ...], told("FILLER ...", "(default: layered telea none)")] = (
+    fillers: Annotated[tuple[str, ...], option("FILLER ...", "layered telea none")] = (
         "layered",
         "telea",
         NO_FILL,
     )
     """Of none, layered, telea, navier-stokes, lama, migan, joint; none leaves the holes as they are."""
-    model: Annotated[tuple[str, ...], told("FILLER=FILE|NAME ...")] = ()
+    model: Annotated[tuple[str, ...], option("FILLER=FILE|NAME ...")] = ()
     """The network of a filler that runs one: an ONNX file, a LaMa checkpoint, or a name of `dlama models list`."""
-    seed: Annotated[int, told("N", "(default: 0)")] = 0
+    seed: Seed = 0
     """Fillers and the bootstrap draw from this; the same seed gives the same numbers."""
-    variants: Annotated[bool, told("")] = True
+    variants: Annotated[bool, option("", "they are run")] = True
     """Leave out the runs with other masks and dilations, and the stereo pairs matched by the method itself."""
 
-    def methods(self) -> list[Method]:
+    def all(self) -> list[Method]:
         """Every recipe with every filler. InputError: an unknown name, a network missing or of no use."""
+        from dlama.evaluation.protocols.methods import Method
+
         for name in self.recipes:
-            recipe(name)
+            if name not in RECIPES:
+                raise InputError(f"recipe is {name!r}; one of {', '.join(RECIPES)} is wanted")
         models = self.models()
         for filler in self.fillers:
             if filler not in (NO_FILL, *FILLERS):
                 raise InputError(f"filler is {filler!r}; one of {', '.join((NO_FILL, *FILLERS))} is wanted")
-            if filler in NEED_MODEL and filler not in models:
+            if filler in NETWORK_FILLERS and filler not in models:
                 raise InputError(f"filler {filler!r} runs a network: --model {filler}=FILE is wanted")
         fillers, recipes = dict.fromkeys(self.fillers), dict.fromkeys(self.recipes)
         return [Method(name, filler, models.get(filler), seed=self.seed) for name in recipes for filler in fillers]
@@ -135,32 +142,37 @@ class Contest:
         found: dict[str, Path] = {}
         for word in self.model:
             filler, equals, file = word.partition("=")
-            if not equals or not file or filler not in NEED_MODEL:
-                raise InputError(f"--model is {word!r}; FILLER=FILE is wanted, FILLER one of {', '.join(NEED_MODEL)}")
+            if not equals or not file or filler not in NETWORK_FILLERS:
+                raise InputError(
+                    f"--model is {word!r}; FILLER=FILE is wanted, FILLER one of {', '.join(NETWORK_FILLERS)}"
+                )
             if filler not in self.fillers:
                 raise InputError(f"--model {word} has no use: {filler} is not among --fillers {' '.join(self.fillers)}")
             found[filler] = model_for(file)
         return found
 
     def settings(self) -> ProtocolSettings:
-        """Of the protocols."""
+        """Settings of the protocols."""
+        from dlama.evaluation.protocols.methods import ProtocolSettings
+
         if self.variants:
             return ProtocolSettings()
         return ProtocolSettings(object_dilations=(), mask_changes=(), matched_stereo=False)
 
 
 def evaluate(
-    dataset: Positional[Annotated[str, told("DATASET")]],
+    dataset: Positional[Annotated[str, option("DATASET", None)]],
     /,
     output: Output,
-    scope: Scope = Scope(),
-    contest: Contest = Contest(),
-    jobs: Annotated[int, told("N", "(default: 1)")] = 1,
+    cases: Cases,
+    methods: Methods,
+    report: Report,
+    jobs: Annotated[int, option("N", "1")] = 1,
 ) -> None:
     """Methods measured on frames with ground truth: the paper's tables, and a report. Goes on where it was interrupted.
 
     Args:
-        dataset: The folder of a data set, or worlds[:COUNT[:SEED]] for generated ones.
+        dataset: The folder of a data set, or worlds[:COUNT[:SEED]] for generated ones where no folder is called so.
         output: Directory for report.html, summary.md, summary.json, results.csv, timings.csv, and what a later run takes over.
         jobs: Processes; each computes on one core.
     """
@@ -169,13 +181,13 @@ def evaluate(
     from dlama.evaluation.report.write import write_report
     from dlama.evaluation.runner.run import run
 
-    methods, settings, found = contest.methods(), contest.settings(), scope.open(dataset)
-    with shown_progress(found.name) as progress:
-        done = run(found.cases, methods, PROTOCOLS, settings, output, jobs=jobs, progress=progress)
-    write_report(
-        output, found, done, settings, seed=contest.seed, command=command_line(dataset, output, scope, contest)
-    )
-    print(told_result(done, output))
+    with reported("evaluate", report) as result:
+        chosen, settings, found = methods.all(), methods.settings(), cases.open(dataset)
+        with shown_progress(found.name, report) as progress:
+            done = run(found.cases, chosen, PROTOCOLS, settings, output, jobs=jobs, progress=progress)
+        command = command_line(dataset, output, cases, methods)
+        write_report(output, found, done, settings, seed=methods.seed, command=command)
+        result.add(summary_line(done, output), **summary_values(done, output))
     if done.failures:
         raise SystemExit(FAILED)
 
@@ -189,20 +201,18 @@ def needs_extra() -> None:
             raise MissingExtraError("dlama evaluate", package, "evaluate")
 
 
-def command_line(dataset: str, output: Path, scope: Scope, contest: Contest) -> str:
+def command_line(dataset: str, output: Path, cases: Cases, methods: Methods) -> str:
     """The command that gives these results again; what is as by default is left out."""
     words = ["dlama", "evaluate", dataset]
-    for options in (scope, contest):
+    for options in (cases, methods):
         for field in dataclasses.fields(options):
-            value = getattr(options, field.name)
+            value, flag = getattr(options, field.name), field.name.replace("_", "-")
             if value != field.default:
-                words += (
-                    [f"--no-{field.name}"] if value is False else [f"--{field.name.replace('_', '-')}", *_words(value)]
-                )
+                words += [f"--no-{flag}"] if value is False else [f"--{flag}", *_words(value)]
     return shlex.join([*words, "-o", str(output)])
 
 
-def told_result(done: Results, output: Path) -> str:
+def summary_line(done: Results, output: Path) -> str:
     """One line: how much was done, how much of it had been there, what failed, where the report lies."""
     kept = f"{done.reused} from an earlier run" if done.reused else ""
     stale = f"{done.stale} done again, as settings, data or dlama had changed" if done.stale else ""
@@ -212,28 +222,52 @@ def told_result(done: Results, output: Path) -> str:
     return f"{output / 'report.html'}: {counts}{failed}"
 
 
+def summary_values(done: Results, output: Path) -> dict[str, Any]:
+    """The same, JSON-ready."""
+    counts = {"results": len(done.stored), "reused": done.reused, "stale": done.stale, "failed": len(done.failures)}
+    return {"output": str(output), "report": str(output / "report.html"), **counts}
+
+
 @contextmanager
-def shown_progress(title: str) -> Iterator[Progress]:
+def shown_progress(title: str, report: Report) -> Iterator[Progress]:
     """A bar on a terminal, a line a minute elsewhere; failures as a line each, at once. Ctrl-C says that nothing is lost."""
     from dlama.evaluation.report.write import failure_line
-    from dlama.evaluation.runner.progress import progress_lines
 
     try:
-        with shown_bar(title) as bar, nullcontext() if bar else progress_lines(title) as lines:
+        with counting_bar(title, report) as bar:
+            show = bar or (_silent if report.quiet or sys.stderr.isatty() else line_a_minute())
 
             def progress(outcome: Any, done: int, total: int) -> None:
                 if outcome is not None and outcome.error:
-                    say("error", failure_line(outcome))
-                if lines is not None:
-                    lines(outcome, done, total)
-                if bar is not None:
-                    words = f"{title}: {outcome.case.scene} {outcome.case.frame}" if outcome else title
-                    bar.update(bar.task_ids[0], completed=done, total=total, description=words)
+                    print_line("error", failure_line(outcome))
+                case = f": {outcome.case.scene} {outcome.case.frame}" if outcome else ""
+                show(done, total, f"{title}{case}")
 
             yield progress
     except KeyboardInterrupt:
-        say("error", "interrupted; what is done is kept, and the same command goes on from there")
+        print_line("error", "interrupted; what is done is kept, and the same command goes on from there")
         raise SystemExit(INTERRUPTED) from None
+
+
+def line_a_minute(clock: Callable[[], float] = time.monotonic) -> Callable[[int, int, str], None]:
+    """A function of (done, total, title) that prints how far it is and how long the rest takes, once a minute."""
+    started = last = clock()
+    first: int | None = None
+
+    def show(done: int, total: int, title: str) -> None:
+        nonlocal last, first
+        first = done if first is None else first
+        if clock() - last < MINUTE or done == first:
+            return
+        last = clock()
+        left = (total - done) * (last - started) / (done - first) / 60
+        print_line("progress", f"{title}, {done} of {total}, about {left:.0f} min left")
+
+    return show
+
+
+def _silent(done: int, total: int, title: str) -> None:
+    """Progress that nobody is shown."""
 
 
 def _words(value: Any) -> Sequence[str]:

@@ -1,4 +1,4 @@
-"""One run of one verb: files read and remembered, the result written with their hashes, one summary line printed."""
+"""The files of one job in; what was read from them, and the result written with their hashes and told in one line, out."""
 
 from __future__ import annotations
 
@@ -8,12 +8,14 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
-from dlama.apps.options import Lens, Masking, Reading
-from dlama.apps.terminal import stages, summary
-from dlama.completion.pipeline import Completion
-from dlama.geometry.camera import StereoRig
-from dlama.geometry.rgbd import RGBD, BoolArray, UInt8Array
+from dlama.apps.options import Lens, Masking, Reading, Report
+from dlama.apps.terminal import Result, reported, stages_bar
+
+if TYPE_CHECKING:
+    import dlama
+    from dlama.geometry.rgbd import BoolArray, UInt8Array
 
 LOG = logging.getLogger("dlama")
 STAGES = 20
@@ -22,24 +24,24 @@ STAGES = 20
 
 @dataclass
 class Job:
-    """What one run has read so far."""
+    """What one job has read so far; its Result takes what it has written."""
 
+    result: Result = field(default_factory=Result)
     inputs: dict[str, Path] = field(default_factory=dict)
     intrinsics_from: str = ""
-    summary: str = ""
     read_seconds: float = 0.0
     started: float = field(default_factory=time.perf_counter)
 
     @contextmanager
     def reading(self, *names: Path) -> Iterator[None]:
-        """Files being read: told to the bar, and timed."""
+        """Files being read: shown in the bar, and timed."""
         LOG.info("read %s", ", ".join(name.name for name in names))
         started = time.perf_counter()
         yield
         self.read_seconds += time.perf_counter() - started
         LOG.info("complete")
 
-    def rgbd(self, image: Path, depth: Path, lens: Lens, reading: Reading) -> RGBD:
+    def rgbd(self, image: Path, depth: Path, lens: Lens, reading: Reading) -> dlama.RGBD:
         """A picture, its depth and its camera."""
         from dlama.files.cameras import camera_for
         from dlama.files.rgbd import read_rgbd
@@ -50,7 +52,7 @@ class Job:
             _, self.intrinsics_from = camera_for(rgbd.camera.hw, image=image, **lens.settings())
         return rgbd
 
-    def required_mask(self, path: Path, masking: Masking, role: str = "mask") -> BoolArray:
+    def mask(self, path: Path, masking: Masking, role: str = "mask") -> BoolArray:
         """A mask, True = remove."""
         from dlama.files.pictures import read_mask
 
@@ -58,11 +60,11 @@ class Job:
         with self.reading(path):
             return read_mask(path, **masking.settings())
 
-    def mask(self, path: Path | None, masking: Masking, role: str = "mask") -> BoolArray | None:
+    def optional_mask(self, path: Path | None, masking: Masking, role: str = "mask") -> BoolArray | None:
         """A mask, where one is given."""
-        return None if path is None else self.required_mask(path, masking, role)
+        return None if path is None else self.mask(path, masking, role)
 
-    def pair(self, left: Path, right: Path, calib: Path) -> tuple[UInt8Array, UInt8Array, StereoRig]:
+    def pair(self, left: Path, right: Path, calib: Path) -> tuple[UInt8Array, UInt8Array, dlama.StereoRig]:
         """The pictures of a rectified pair and the cameras that took them."""
         from dlama.files.cameras import read_stereo_calib
         from dlama.files.pictures import read_color
@@ -73,19 +75,47 @@ class Job:
             pictures = read_color(left), read_color(right)
             return *pictures, read_stereo_calib(calib, hw=pictures[0].shape[:2])
 
-    def write(self, done: Completion, output: Path, shown: Path | None = None) -> None:
-        """The result to its directory; the summary names it, or what is `shown` instead."""
+    def write(self, done: dlama.Completion, output: Path, shown: Path | None = None) -> None:
+        """The result to its directory; the line about it names that, or what is `shown` instead."""
         from dlama.files.results import write
 
+        place = shown or output
         seconds = {"read": self.read_seconds}
         write(done, output, inputs=self.inputs, intrinsics_from=self.intrinsics_from, seconds=seconds)
-        self.summary = summary(done, shown or output, time.perf_counter() - self.started)
+        line = summary_line(done.meta, place, time.perf_counter() - self.started)
+        self.result.add(line, **summary_values(done.meta, place, sorted_files(output)))
 
 
 @contextmanager
-def job(title: str) -> Iterator[Job]:
-    """A run under way: a bar while it lasts, its summary at the end."""
-    with stages(title, STAGES):
-        run = Job()
-        yield run
-    print(run.summary)
+def job(verb: str, report: Report) -> Iterator[Job]:
+    """A job under way: a bar while it lasts, its Result at the end."""
+    with reported(verb, report) as result, stages_bar(verb, STAGES, report):
+        yield Job(result)
+
+
+def sorted_files(folder: Path) -> list[str]:
+    """The files under a folder, relative to it."""
+    return sorted(path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file())
+
+
+def mean_shares(meta: dict[str, Any]) -> dict[str, float]:
+    """Hole type -> its share of the picture, mean over the views."""
+    views = meta["hole_share_by_type"]
+    return {name: sum(view[name] for view in views) / len(views) for name in views[0]}
+
+
+def summary_line(meta: dict[str, Any], place: object, seconds: float) -> str:
+    """One line: where it lies, what share was unknown and why, which filler filled it, how long it took."""
+    kinds = mean_shares(meta)
+    shares = [f"{name.replace('_', ' ')} {share:.1%}" for name, share in kinds.items() if share >= 5e-4]
+    why = f" ({', '.join(shares)})" if shares else ""
+    if meta["nothing_visible"]:
+        why = "; nothing of the scene is visible from there, so nothing could be filled"
+    return f"{place}: {sum(kinds.values()):.1%} was unknown{why}, filler {meta['filler']}, {seconds:.1f} s"
+
+
+def summary_values(meta: dict[str, Any], place: Path, files: list[str]) -> dict[str, Any]:
+    """The same, JSON-ready."""
+    told = ("filler", "hole_share", "hole_share_by_type", "nothing_visible", "law_violations")
+    named = {"recipe": meta["recipe"]["name"], **{key: meta[key] for key in told}}
+    return {"output": str(place), "files": files, **named, "seconds_by_stage": meta["seconds"]}

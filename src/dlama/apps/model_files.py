@@ -14,8 +14,6 @@ from dlama.inpainters.networks.contract import generator_metadata
 from dlama.models.cache import directory, locate
 from dlama.models.records import CATALOGUE
 from dlama.models.verify import size_and_sha256
-from dlama.nets.checkpoints import read_generator
-from dlama.nets.export import export_onnx
 
 UNKNOWN = "unknown"
 
@@ -54,7 +52,10 @@ def source_of(model: Path | str) -> Path:
 
 
 def convert(source: Path, target: Path, licence: str) -> list[str]:
-    """Write the ONNX file of the generator in that file; what a user should be told of it."""
+    """Write the ONNX file of the generator in that file; returns what a user should know of it."""
+    from dlama.nets.checkpoints import read_generator
+    from dlama.nets.export import export_onnx
+
     weights = read_generator(source)
     try:
         target.parent.mkdir(parents=True, exist_ok=True)

@@ -7,20 +7,22 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 from tyro.conf import Positional, subcommand
 
 from dlama.apps.model_files import UNKNOWN, convert, licence_of, source_of
-from dlama.apps.options import told
+from dlama.apps.options import Report, option
+from dlama.apps.terminal import reported
 from dlama.errors import FileError, OutputError
-from dlama.models import pull as pulling
 from dlama.models.cache import directory, expected_sha256, place
-from dlama.models.download import Progress
 from dlama.models.records import CATALOGUE, Record, record
 from dlama.models.verify import size_and_sha256, verify
 
-Name = Positional[Annotated[str, told("NAME", f"({', '.join(CATALOGUE)})")]]
+if TYPE_CHECKING:
+    from dlama.models.download import Progress
+
+Name = Positional[Annotated[str, option("NAME", None)]]
 
 
 @dataclass(frozen=True)
@@ -44,7 +46,7 @@ class Info:
     """All that is known of one model."""
 
     name: Name
-    """Which model."""
+    """Which model of `dlama models list`."""
 
     def run(self) -> None:
         """Print it, a line each."""
@@ -65,48 +67,54 @@ class Info:
         print("\n".join(f"{key:9} {value}" for key, value in lines.items() if value))
 
 
-@dataclass(frozen=True)
-class Pull:
+@dataclass(frozen=True, kw_only=True)
+class Pull(Report):
     """Download one model into the cache directory; goes on where an earlier pull broke off, and checks what came."""
 
     name: Name
-    """Which model."""
+    """Which model of `dlama models list`."""
 
     def run(self) -> None:
         """Pull it under a bar, and print where it lies."""
+        from dlama.models.pull import pull
+
         entry = record(self.name)
-        with _bar(entry.name) as progress:
-            path = pulling.pull(entry, progress)
-        print(f"{path}: {verify(entry).detail}, licence {entry.licence}")
+        with reported("models pull", self) as result, _bar(entry.name, self.quiet) as progress:
+            path = pull(entry, progress)
+            detail = verify(entry).detail
+            line = f"{path}: {detail}, licence {entry.licence}"
+            result.add(line, model=entry.name, file=str(path), detail=detail, licence=entry.licence)
 
 
-@dataclass(frozen=True)
-class Convert:
+@dataclass(frozen=True, kw_only=True)
+class Convert(Report):
     """Weights of a LaMa generator (official checkpoint, TorchScript, safetensors) to an ONNX file that runs anywhere."""
 
-    weights: Positional[Annotated[Path, told("CKPT")]]
+    weights: Positional[Annotated[Path, option("CKPT", None)]]
     """A .ckpt, .pt, .pth or .safetensors file, or a name of the catalogue."""
-    output: Annotated[Path, told("FILE.onnx", "(required)", aliases=["-o"])]
+    output: Annotated[Path, option("FILE.onnx", None, aliases=["-o"])]
     """The file that is written."""
-    licence: Annotated[str | None, told("SPDX", "(default: the catalogue's, else unknown)")] = None
+    licence: Annotated[str | None, option("SPDX", "the catalogue's, else unknown")] = None
     """Of the weights; written into the file."""
 
     def run(self) -> None:
         """Convert, and print what a user should know."""
         if self.output.suffix.lower() != ".onnx":
-            raise OutputError(f"--output is {self.output}, wanted a name that ends in .onnx")
+            raise OutputError(f"output is {self.output}; a name that ends in .onnx is wanted")
         source = source_of(self.weights)
         licence = self.licence or licence_of(*size_and_sha256(source))
-        print("\n".join(convert(source, self.output, licence)))
-        if licence == UNKNOWN:
-            print("note: the licence of these weights is not known; --licence SPDX writes it into the file")
+        with reported("models convert", self) as result:
+            notes = convert(source, self.output, licence)
+            if licence == UNKNOWN:
+                notes += ["note: the licence of these weights is not known; --licence SPDX writes it into the file"]
+            result.add("\n".join(notes), output=str(self.output), licence=licence, notes=notes)
 
 
 @dataclass(frozen=True)
 class Verify:
     """Compare files with their published hashes, or with what they were when they were first used."""
 
-    name: Positional[Annotated[str | None, told("NAME", "(default: every file that is here)")]] = None
+    name: Positional[Annotated[str | None, option("NAME", "every file that is here")]] = None
     """Which model."""
 
     def run(self) -> None:
@@ -147,9 +155,9 @@ def _megabytes(size: int | None) -> str:
 
 
 @contextmanager
-def _bar(title: str) -> Iterator[Progress | None]:
+def _bar(title: str, quiet: bool) -> Iterator[Progress | None]:
     """A progress bar on standard error, on a terminal."""
-    if not sys.stderr.isatty():
+    if quiet or not sys.stderr.isatty():
         yield None
         return
     from rich.console import Console

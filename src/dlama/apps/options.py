@@ -1,35 +1,54 @@
-"""What the command line can be told, as dataclasses with a docstring per field: the options of every verb are made of these."""
+"""The options of the command line, as dataclasses with a docstring per field; every verb is made of these.
+
+Nothing here imports what computes, so that --help is quick; a test holds the names in it to those of the library.
+"""
 
 from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from tyro.conf import arg
 
-from dlama.completion.recipes import RECIPES
-from dlama.completion.verbs import PAPER_PIVOT
 from dlama.errors import InputError
-from dlama.geometry.camera import Camera
 from dlama.inpainters import FILLERS
 
+if TYPE_CHECKING:
+    from dlama.geometry.camera import Camera
 
-def told(metavar: str, hint: str = "", **names: Any) -> Any:
-    """How one option is shown: what stands for its value, and what stands for its default."""
+RECIPES = ("dlama", "paper")
+"""Names of the recipes, the default first."""
+PIVOT = 2.5
+"""Metres from the camera to the centre of the orbit."""
+
+
+def option(metavar: str, default: str | None = "none", **names: Any) -> Any:
+    """How --help shows one option: what stands for its value, and its default; None: it is required."""
+    hint = "(required)" if default is None else f"(default: {default})"
     return arg(metavar=metavar, help_behavior_hint=hint, **names)
 
 
-Degrees = Annotated[float | None, told("DEG")]
-Metres = Annotated[float | None, told("METRES")]
-Pixels = Annotated[float | None, told("PX")]
-Radius = Annotated[int | None, told("PX", "(default: the recipe's)")]
-Json = Annotated[Path | None, told("FILE.json")]
-Image = Annotated[Path, told("IMAGE")]
-Depth = Annotated[Path, told("DEPTH")]
-Mask = Annotated[Path, told("MASK")]
-Output = Annotated[Path, told("DIR", "(made if need be; files of the same names are replaced)", aliases=["-o"])]
+Degrees = Annotated[float | None, option("DEG", "0")]
+Metres = Annotated[float | None, option("METRES")]
+Radius = Annotated[int | None, option("PX", "the recipe's")]
+CameraFile = Annotated[Path | None, option("FILE.json")]
+Image = Annotated[Path, option("IMAGE", None)]
+Depth = Annotated[Path, option("DEPTH", None)]
+Mask = Annotated[Path, option("MASK", None)]
+Seed = Annotated[int, option("N", "0")]
+Output = Annotated[Path, option("DIR", None, aliases=["-o"])]
+
+
+@dataclass(frozen=True)
+class Report:
+    """What the command prints."""
+
+    quiet: Annotated[bool, option("", "off")] = False
+    """Print nothing but errors, and what --json prints."""
+    json: Annotated[bool, option("", "off")] = False
+    """Print one JSON object instead of the summary: what was written, shares of holes, seconds, warnings."""
 
 
 @dataclass(frozen=True)
@@ -40,11 +59,11 @@ class Move:
     """Degrees about the vertical axis through the pivot. Positive: the camera moves to its right and turns left."""
     pitch: Degrees = None
     """Degrees about the horizontal axis through the pivot. Positive: the camera moves up and looks down."""
-    pivot: Annotated[float | Literal["auto"], told("METRES|auto", f"(default: {PAPER_PIVOT})")] = PAPER_PIVOT
+    pivot: Annotated[float | Literal["auto"], option("METRES|auto", "2.5")] = PIVOT
     """What the orbit turns about: a point this far ahead on the optical axis; auto: at the scene's median depth."""
-    dolly: Metres = None
+    dolly: Annotated[float | None, option("METRES", "0")] = None
     """Metres along the optical axis, after the orbit. Positive: forward; negative: back, which closes rounding cracks."""
-    to: Annotated[Path | None, told("TARGET.json")] = None
+    to: Annotated[Path | None, option("TARGET.json")] = None
     """The target camera, instead of an orbit; its world_from_cam is in the world of the source camera."""
 
     def required(self) -> Move:
@@ -81,19 +100,19 @@ class Move:
 class Lens:
     """The camera that took the picture: one of --camera, --fx, --fov, or the EXIF focal length of a JPEG."""
 
-    camera: Json = None
+    camera: Annotated[Path | None, option("FILE.json", "--fx, --fov, or the EXIF data of the picture")] = None
     """width, height, fx, fy, cx, cy, pixel_center and (optional) world_from_cam; or a Middlebury calib.txt."""
-    fx: Pixels = None
+    fx: Annotated[float | None, option("PX")] = None
     """Horizontal focal length in pixels."""
-    fy: Pixels = None
-    """Vertical focal length in pixels; default: as --fx."""
-    cx: Pixels = None
-    """Principal point, x, in pixels; default: the middle."""
-    cy: Pixels = None
-    """Principal point, y, in pixels; default: the middle."""
-    fov: Degrees = None
+    fy: Annotated[float | None, option("PX", "as --fx")] = None
+    """Vertical focal length in pixels."""
+    cx: Annotated[float | None, option("PX", "the middle")] = None
+    """Principal point, x, in pixels."""
+    cy: Annotated[float | None, option("PX", "the middle")] = None
+    """Principal point, y, in pixels."""
+    fov: Annotated[float | None, option("DEG")] = None
     """Horizontal field of view in degrees: phone main camera about 65, Kinect 57 to 63, EasySynth 90."""
-    pixel_center: Annotated[float, told("0.5|0.0", "(default: 0.5)")] = 0.5
+    pixel_center: Annotated[float, option("0.5|0.0", "0.5")] = 0.5
     """Where --cx and --cy put the centre of the first pixel: 0.5 (COLMAP) or 0.0 (OpenCV, TUM, Open3D, Middlebury)."""
 
     def settings(self) -> dict[str, Any]:
@@ -105,15 +124,15 @@ class Lens:
 class Reading:
     """How the depth file is to be understood: 16-bit PNG or TIFF, EXR, PFM, NPY or NPZ."""
 
-    depth_scale: Annotated[float | None, told("UNITS", "(default: 1000 for 16-bit files, 1 for float files)")] = None
+    depth_scale: Annotated[float | None, option("UNITS", "1000 for 16-bit files, 1 for float files")] = None
     """Units per metre: 1000 = millimetres, TUM 5000, KITTI 256."""
     depth_range: Metres = None
     """Metres that 1.0 stands for in depth normalised to 0..1 (EasySynth); 1.0 itself is far."""
-    channel: Annotated[str | None, told("NAME")] = None
-    """Which channel of an EXR file holds depth; default: Z, R or Y."""
+    channel: Annotated[str | None, option("NAME", "Z, R or Y")] = None
+    """Which channel of an EXR file holds depth."""
     far: Metres = None
     """Depth at or beyond this is far (sky): it turns with the camera but never comes nearer."""
-    resize_depth: Annotated[Literal["nearest"] | None, told("nearest")] = None
+    resize_depth: Annotated[Literal["nearest"] | None, option("nearest")] = None
     """Bring a depth map of another size to the picture's, each pixel from the nearest one."""
 
     def settings(self) -> dict[str, Any]:
@@ -125,11 +144,11 @@ class Reading:
 class Masking:
     """How a mask file is to be understood: black and white, 255 = remove."""
 
-    mask_polarity: Annotated[Literal["fill", "known"], told("fill|known", "(default: fill)")] = "fill"
+    mask_polarity: Annotated[Literal["fill", "known"], option("fill|known", "fill")] = "fill"
     """What white means: fill = remove it, known = keep it."""
-    soft_mask: Annotated[bool, told("", "")] = False
+    soft_mask: Annotated[bool, option("", "off")] = False
     """Take a grey mask; values above 127 count as white."""
-    mask_class: Annotated[str | None, told("NAME|R,G,B")] = None
+    mask_class: Annotated[str | None, option("NAME|R,G,B")] = None
     """The mask is an EasySynth semantic picture: remove this class. Names stand in SemanticClasses.csv beside it."""
 
     def settings(self) -> dict[str, Any]:
@@ -141,25 +160,25 @@ class Masking:
 class Method:
     """How the scene is completed."""
 
-    filler: Annotated[str, told("|".join(FILLERS), "(default: layered)")] = "layered"
-    """Who fills the holes: layered continues planes and sky from behind, telea and navier-stokes diffuse; lama, migan,
+    filler: Annotated[str, option("|".join(FILLERS), "layered")] = "layered"
+    """What fills the holes: layered continues planes and sky from behind, telea and navier-stokes diffuse; lama, migan,
     joint and pair (stereo only) run a network (--model)."""
-    model: Annotated[str | None, told("FILE|NAME")] = None
+    model: Annotated[str | None, option("FILE|NAME")] = None
     """Network of --filler lama, migan, joint or pair: an ONNX file, a LaMa checkpoint, or a name of `dlama models list`."""
-    recipe: Annotated[str, told("|".join(RECIPES), "(default: dlama)")] = "dlama"
+    recipe: Annotated[str, option("|".join(RECIPES), "dlama")] = "dlama"
     """dlama: surfaces, metric depth; paper: as published (points, 10 m clip, 8-bit depth, 3 px dilation)."""
-    mode: Annotated[Literal["surface", "points"] | None, told("surface|points", "(default: the recipe's)")] = None
+    mode: Annotated[Literal["surface", "points"] | None, option("surface|points", "the recipe's")] = None
     """Draw the pixel grid as a surface cut at depth edges, or project each pixel to the nearest one."""
     dilate: Radius = None
     """Grow the mask by this many pixels before the object leaves (both recipes: 3)."""
     dilate_holes: Radius = None
     """Grow the holes of the new view by this many pixels (both recipes: 0)."""
-    clip: Annotated[float | None, told("METRES", "(default: the recipe's)")] = None
+    clip: Annotated[float | None, option("METRES", "the recipe's")] = None
     """Put everything at or beyond this depth, sky too, at this depth (paper: 10)."""
-    depth_by: Annotated[Literal["surfaces", "filler"] | None, told("surfaces|filler", "(default: the recipe's)")] = None
-    """Who fills depth beside telea, navier-stokes, lama and migan: surfaces continued behind the hole (dlama), or the filler
+    depth_by: Annotated[Literal["surfaces", "filler"] | None, option("surfaces|filler", "the recipe's")] = None
+    """What fills depth beside telea, navier-stokes, lama and migan: surfaces continued behind the hole (dlama), or the filler
     itself (paper)."""
-    seed: Annotated[int, told("N", "(default: 0)")] = 0
+    seed: Seed = 0
     """Fillers draw their random numbers from this; the same seed gives the same pixels."""
 
     def settings(self) -> dict[str, Any]:

@@ -4,19 +4,21 @@ from __future__ import annotations
 
 import importlib
 import importlib.util
-import logging
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from tyro.conf import Positional
 
-from dlama.apps.options import told
+from dlama.apps.options import Report, Seed, option
+from dlama.apps.terminal import log_messages, reported
 from dlama.errors import InputError, MissingExtraError
-from dlama.training.settings import TrainSettings
+
+if TYPE_CHECKING:
+    from dlama.training.loop.train import Trained
+    from dlama.training.settings import TrainSettings
 
 LIST = "presets"
 EXAMPLES: dict[str, tuple[str, ...]] = {
@@ -31,23 +33,24 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
 }
 """For `dlama VERB --help`."""
 
-Number = Annotated[int | None, told("N", "(default: the settings')")]
-Weights = Annotated[Path | None, told("FILE", "(default: the settings')")]
-Data = Annotated[tuple[Path, ...], told("PATH ...", "(default: procedural worlds)")]
+Number = Annotated[int | None, option("N", "the settings'")]
+Weights = Annotated[Path | None, option("FILE", "the settings'")]
+Data = Annotated[tuple[Path, ...], option("PATH ...", "procedural worlds")]
 
 
 def train(
-    settings: Positional[Annotated[str, told("SETTINGS.json|PRESET")]],
+    settings: Positional[Annotated[str, option("SETTINGS.json|PRESET", None)]],
     /,
-    output: Annotated[Path | None, told("DIR", "(required)", aliases=["-o"])] = None,
+    report: Report,
+    output: Annotated[Path | None, option("DIR", None, aliases=["-o"])] = None,
     data: Data = (),
-    max_minutes: Annotated[float | None, told("MINUTES", "(default: until the last step)")] = None,
-    resume: bool = False,
+    max_minutes: Annotated[float | None, option("MINUTES", "until the last step")] = None,
+    resume: Annotated[bool, option("", "a new run")] = False,
     start: Weights = None,
     trunk: Weights = None,
     steps: Number = None,
     batch: Number = None,
-    precision: Annotated[Literal["bf16", "fp32"] | None, told("bf16|fp32", "(default: the settings')")] = None,
+    precision: Annotated[Literal["bf16", "fp32"] | None, option("bf16|fp32", "the settings'")] = None,
     devices: Number = None,
 ) -> None:
     """Train a network that fills colour and depth, or both pictures of a stereo pair, together.
@@ -72,24 +75,26 @@ def train(
     if output is None:
         raise InputError("nothing says where the run goes: give -o DIR")
     if max_minutes is not None and not max_minutes > 0:
-        raise InputError(f"--max-minutes is {max_minutes}; more than 0 is wanted")
+        raise InputError(f"max_minutes is {max_minutes}; more than 0 is wanted")
     chosen = chosen_settings(settings, start, trunk, steps=steps, batch=batch, precision=precision, devices=devices)
     require_training()
     from dlama.training.loop import train as loop
 
-    with spoken():
+    with reported("train", report) as result, logged(report):
         done = loop.train(chosen, output, data=data, max_minutes=max_minutes, resume=resume)
-    if done.first:
-        print(f"{done.run}: step {done.step}, {done.ended}; {done.network or 'no network yet, --resume goes on'}")
+        if done.first:
+            line, values = summary(done)
+            result.add(line, **values)
 
 
 def pack(
-    data: Positional[Annotated[tuple[Path, ...], told("PATH ...")]],
+    data: Positional[Annotated[tuple[Path, ...], option("PATH ...", None)]],
     /,
-    output: Annotated[Path, told("FILE", "(required)", aliases=["-o"])],
-    megabytes: Annotated[float, told("MB", "(default: 45)")] = 45.0,
-    size: Annotated[int, told("PX", "(default: 256)")] = 256,
-    seed: Annotated[int, told("N", "(default: 0)")] = 0,
+    output: Annotated[Path, option("FILE", None, aliases=["-o"])],
+    report: Report,
+    megabytes: Annotated[float, option("MB", "45")] = 45.0,
+    size: Annotated[int, option("PX", "256")] = 256,
+    seed: Seed = 0,
 ) -> None:
     """Pack pictures and data sets into one file of a stated size that trains anywhere with no other file.
 
@@ -101,7 +106,16 @@ def pack(
         seed: Which pictures are taken where not all fit.
     """
     packing = importlib.import_module("dlama.training.data.pack")  # needs what it packs with only now
-    print("\n".join(packing.pack(data, output, megabytes=megabytes, size=size, seed=seed)))
+    with reported("pack", report) as result:
+        lines = packing.pack(data, output, megabytes=megabytes, size=size, seed=seed)
+        result.add("\n".join(lines), output=str(output), bytes=output.stat().st_size, contents=lines)
+
+
+def summary(done: Trained) -> tuple[str, dict[str, Any]]:
+    """What a run came to, as one line, and the same JSON-ready."""
+    network = None if done.network is None else str(done.network)
+    line = f"{done.run}: step {done.step}, {done.ended}; {network or 'no network yet, --resume goes on'}"
+    return line, {"output": str(done.run), "step": done.step, "ended": done.ended, "network": network}
 
 
 def chosen_settings(name: str, start: Path | None, trunk: Path | None, **loop: Any) -> TrainSettings:
@@ -141,14 +155,6 @@ def require_training() -> None:
             raise MissingExtraError("training a network", name, "train")
 
 
-@contextmanager
-def spoken() -> Iterator[None]:
-    """What the training logs, on standard error."""
-    handler = logging.StreamHandler(sys.stderr)
-    handler.setFormatter(logging.Formatter("%(message)s"))
-    log = logging.getLogger("dlama")
-    log.addHandler(handler)
-    try:
-        yield
-    finally:
-        log.removeHandler(handler)
+def logged(report: Report) -> AbstractContextManager[None]:
+    """What training logs, on standard error, unless --quiet."""
+    return nullcontext() if report.quiet else log_messages(lambda message: print(message, file=sys.stderr))

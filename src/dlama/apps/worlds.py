@@ -6,19 +6,20 @@ import shlex
 from pathlib import Path
 from typing import Annotated, Literal
 
-from dlama.apps.options import Output, told
-from dlama.apps.terminal import shown_count
+from dlama.apps.options import Report, Seed, option
+from dlama.apps.terminal import counting_bar, reported
 
 
 def worlds(
-    output: Output = Path("dlama-worlds"),
-    count: Annotated[int, told("N", "(default: 4)")] = 4,
-    seed: Annotated[int, told("N", "(default: 0)")] = 0,
-    size: Annotated[int, told("PX", "(default: 512)")] = 512,
-    kind: Annotated[Literal["room", "street"] | None, told("room|street", "(default: drawn by the seed)")] = None,
-    shadows: Annotated[bool, told("")] = True,
-    antialias: Annotated[bool, told("")] = True,
-    textures: Annotated[Path | None, told("DIR", "(default: procedural)")] = None,
+    report: Report,
+    output: Annotated[Path, option("DIR", "dlama-worlds", aliases=["-o"])] = Path("dlama-worlds"),
+    count: Annotated[int, option("N", "4")] = 4,
+    seed: Seed = 0,
+    size: Annotated[int, option("PX", "512")] = 512,
+    kind: Annotated[Literal["room", "street"] | None, option("room|street", "drawn by the seed")] = None,
+    shadows: Annotated[bool, option("", "objects cast shadows")] = True,
+    antialias: Annotated[bool, option("", "colour edges are smooth")] = True,
+    textures: Annotated[Path | None, option("DIR", "procedural")] = None,
 ) -> None:
     """Made-up scenes with exact ground truth, in EasySynth's layout: all that `dlama evaluate` needs, with no data at all.
 
@@ -28,23 +29,15 @@ def worlds(
         seed: The same seed gives the same scenes.
         size: Side of the square pictures.
         kind: Rooms or streets.
-        shadows: Objects cast none (a trouble that the paper names).
+        shadows: Objects cast no shadows (the paper names shadows as a difficulty).
         antialias: Colour edges are hard, exactly where depth changes.
         textures: A folder of photos to paint surfaces with.
     """
     from dlama.worlds.writer import write_worlds
 
-    with shown_count("worlds") as progress:
-        scenes = write_worlds(
-            output,
-            count=count,
-            seed=seed,
-            size=size,
-            kind=kind,
-            shadows=shadows,
-            antialias=antialias,
-            textures=textures,
-            progress=progress,
-        )
-    made = f"{len(scenes)} scene{'s' * (len(scenes) != 1)}"
-    print(f"{output}: {made}. Next: dlama evaluate {shlex.quote(str(output))} -o dlama-report")
+    scene = {"size": size, "kind": kind, "shadows": shadows, "antialias": antialias, "textures": textures}
+    with reported("worlds", report) as result, counting_bar("worlds", report) as progress:
+        scenes = write_worlds(output, count=count, seed=seed, progress=progress, **scene)  # type: ignore[arg-type]
+        made = f"{len(scenes)} scene{'s' * (len(scenes) != 1)}"
+        line = f"{output}: {made}. Next: dlama evaluate {shlex.quote(str(output))} -o dlama-report"
+        result.add(line, output=str(output), scenes=[str(scene) for scene in scenes])

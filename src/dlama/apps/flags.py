@@ -1,0 +1,57 @@
+"""A message of the library, which names parameters, in; the same with the flags of the command line, out.
+
+`depth_range is 0.5 m` becomes `--depth-range is 0.5 m`. Names that no sentence has (with an underscore, and fx, fov, yaw, ...)
+are flags wherever they stand; names that are words too (mask, far, model) only where they stand as a parameter: before `is`
+at the start of a clause, before `=`, in backticks, or right after give, with, without, see, choose.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import inspect
+import re
+import typing
+from collections.abc import Callable, Iterator
+from typing import Any
+
+from tyro.conf import Positional
+
+SYMBOLS = frozenset({"fx", "fy", "cx", "cy", "fov", "yaw"})
+"""Parameters without an underscore that are no words."""
+BEFORE = r"(?:(?<=give )|(?<=with )|(?<=without )|(?<=see )|(?<=choose )|(?<=\())"
+START = r"(?:(?<=^)|(?<=: )|(?<=; )|(?<=, ))"
+
+
+def flags_of(verb: Callable[..., Any]) -> dict[str, str]:
+    """Parameter -> flag, of all options of a verb; what is positional has none."""
+    return dict(_flags(verb))
+
+
+def _flags(taker: Callable[..., Any]) -> Iterator[tuple[str, str]]:
+    hints = typing.get_type_hints(taker, include_extras=True)
+    for name, parameter in inspect.signature(taker).parameters.items():
+        hint = hints[name]
+        inner: list[Any] = [kind for kind in _classes(hint) if dataclasses.is_dataclass(kind)]
+        if inner:
+            for kind in inner:
+                yield from _flags(kind)
+        elif Positional not in getattr(hint, "__metadata__", ()):
+            yield name, f"--{'no-' if parameter.default is True else ''}{name.replace('_', '-')}"
+
+
+def _classes(hint: Any) -> list[Any]:
+    """The classes in a type hint: itself, or those of its union."""
+    if inspect.isclass(hint):
+        return [hint]
+    return [kind for part in typing.get_args(hint) for kind in _classes(part)]
+
+
+def with_flags(message: str, flags: dict[str, str]) -> str:
+    """The message with flags in place of the parameters it names."""
+    for name, flag in flags.items():
+        word = rf"(?<![\w./-]){name}(?![\w./-])"
+        anywhere = "_" in name or name in SYMBOLS
+        message = re.sub(rf"`{name}`", flag, message)
+        message = re.sub(rf"{word}=", f"{flag} ", message)
+        message = re.sub(word if anywhere else rf"{START}{word}(?= is )|{BEFORE}{word}", flag, message)
+    return message

@@ -1,0 +1,137 @@
+"""What --help says of every option of every verb (oracles: the signatures, the library's closed lists), and how light it is."""
+
+from __future__ import annotations
+
+import dataclasses
+import inspect
+import re
+import subprocess
+import sys
+import typing
+from collections.abc import Callable, Iterator
+from typing import Any, get_args
+
+import pytest
+from tyro.conf import Positional
+
+import dlama
+from dlama.apps import evaluate as evaluate_verb
+from dlama.apps import options
+from dlama.apps.cli import VERBS, main
+from dlama.apps.flags import flags_of, with_flags
+
+COMMANDS = [[verb] for verb in VERBS if verb != "models"] + [
+    ["models", word] for word in ("list", "info", "pull", "convert", "verify")
+]
+
+
+def help_of(words: list[str], capsys: pytest.CaptureFixture[str]) -> str:
+    """What a command's --help prints."""
+    with pytest.raises(SystemExit) as stop:
+        main([*words, "--help"])
+    assert stop.value.code == 0
+    return capsys.readouterr().out
+
+
+def rows(shown: str) -> list[str]:
+    """Each option's row of a help page, its lines joined; descriptions of groups are no rows."""
+    found: list[str] = []
+    for box in re.findall(r"╭.*?╰", shown, re.DOTALL):
+        lines = [line.strip("│").rstrip() for line in box.splitlines()[1:-1]]
+        lines = lines[max([0, *(n + 1 for n, line in enumerate(lines) if set(line.strip()) == {"─"})]) :]
+        for line in lines:
+            if re.match(r" \S", line):
+                found.append(line.strip())
+            else:
+                found[-1] += f" {line.strip()}"
+    return found
+
+
+@pytest.mark.parametrize("words", COMMANDS, ids=" ".join)
+def test_every_option_shows_its_default_or_is_required(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    """Oracle: the rows themselves; `--help` alone has no default."""
+    found = [row for row in rows(help_of(words, capsys)) if not row.startswith("-h, --help")]
+    assert [row for row in found if not re.search(r"\((default: \S[^()]*|required)\)$", row)] == []
+
+
+def fields_of(taker: Callable[..., Any]) -> Iterator[tuple[str, Any, Any]]:
+    """Name, type hint with its notes, and default of each option of a verb, those of its dataclasses too."""
+    hints = typing.get_type_hints(taker, include_extras=True)
+    for name, parameter in inspect.signature(taker).parameters.items():
+        if dataclasses.is_dataclass(hints[name]):
+            yield from fields_of(hints[name])
+        elif name != "task":
+            yield name, hints[name], parameter.default
+
+
+@pytest.mark.parametrize("verb", VERBS)
+def test_shown_defaults_are_the_defaults(verb: str) -> None:
+    """Numbers, names and paths are shown as they are (oracle: the signature)."""
+    for name, hint, default in fields_of(VERBS[verb]):
+        (shown,) = (note.help_behavior_hint for note in hint.__metadata__ if hasattr(note, "help_behavior_hint"))
+        if default is inspect.Parameter.empty:
+            assert shown == "(required)", name
+        elif default is not None and not isinstance(default, bool):
+            values = default if isinstance(default, tuple) else (default,)
+            words = " ".join(f"{value:g}" if isinstance(value, float) else f"{value}" for value in values)
+            assert not words or shown == f"(default: {words})", name
+
+
+def test_names_in_help_are_those_of_the_library() -> None:
+    """Help knows recipes, protocols and the pivot without loading them (oracle: the library)."""
+    from dlama.completion.recipes import RECIPES
+    from dlama.datasets.frames import Protocol
+    from dlama.evaluation.protocols.methods import NO_FILL
+
+    assert tuple(RECIPES) == options.RECIPES
+    assert evaluate_verb.NO_FILL == NO_FILL
+    assert get_args(evaluate_verb.Protocol) == get_args(Protocol)
+    assert inspect.signature(dlama.view).parameters["pivot"].default == options.PIVOT
+
+
+@pytest.mark.parametrize("words", [[], *COMMANDS], ids=" ".join)
+def test_help_loads_nothing_heavy(words: list[str]) -> None:
+    """Compilers, codecs and runtimes are not needed to explain options, so --help is quick."""
+    heavy = ("numba", "cv2", "PIL", "OpenEXR", "scipy", "torch", "onnx", "onnxruntime", "plyfile", "matplotlib")
+    probe = (
+        "import sys\nfrom dlama.apps.cli import main\n"
+        f"try:\n    main({[*words, '--help']!r})\nexcept SystemExit:\n    pass\n"
+        f"print([name for name in {heavy!r} if name in sys.modules])"
+    )
+    done = subprocess.run([sys.executable, "-c", probe], capture_output=True, text=True, timeout=60, check=True)
+    assert done.stdout.splitlines()[-1] == "[]"
+
+
+OPTIONS = sorted({(verb, name, flag) for verb in VERBS for name, flag in flags_of(VERBS[verb]).items()})
+
+
+@pytest.mark.parametrize(("verb", "name", "flag"), OPTIONS, ids=lambda value: str(value))
+def test_each_parameter_becomes_its_flag(verb: str, name: str, flag: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """In each place where a message names a parameter; the flag is one that the verb's help shows (oracle: help)."""
+    flags = flags_of(VERBS[verb])
+    if verb != "models":
+        assert re.search(rf"{flag}\b(?!-)", help_of([verb], capsys))
+    assert with_flags(f"{name} is 3; more is wanted", flags) == f"{flag} is 3; more is wanted"
+    assert with_flags(f"a.png: no depth: give {name}", flags) == f"a.png: no depth: give {flag}"
+    assert with_flags(f"wanted: {name}=3 or `{name}`", flags) == f"wanted: {flag} 3 or {flag}"
+
+
+def test_what_is_positional_has_no_flag() -> None:
+    """`image` stays `image` (oracle: the signatures)."""
+    assert {"image", "depth", "mask"}.isdisjoint(flags_of(VERBS["remove"]))
+    assert "mask" in flags_of(VERBS["stereo"])
+    assert Positional not in flags_of(VERBS["view"])
+
+
+def test_words_that_are_no_parameters_stay() -> None:
+    """Sentences, file names and flags that stand already are left alone."""
+    flags = flags_of(VERBS["stereo"])
+    for line in (
+        "left/mask.png: no such file",
+        "picture and mask have different sizes",
+        "the mask is empty",
+        "nothing as far as the eye can see; no model was found",
+        "--max-disparity is 3 px",
+    ):
+        assert with_flags(line, flags) == line
+    assert with_flags("max_disparity and far contradict each other", flags).startswith("--max-disparity and far")

@@ -1,0 +1,88 @@
+"""--quiet, --json and --version (oracles: the files on disk, json, a pseudo terminal where one is needed)."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from small_frame import FAST, refused, run
+
+import dlama
+from dlama.apps.cli import main
+from dlama.apps.evaluate import MINUTE, line_a_minute
+
+VIEW = ("view", "image.png", "depth.png", "--fov", 60, "--yaw", 12, *FAST)
+
+
+def test_quiet_prints_nothing(frame: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Not even warnings; the result is written."""
+    words = ("view", "image.png", "depth.png", "--fx", 55, "--cx", 90, "--cy", 24, "--yaw", 5, *FAST)
+    out = run(frame, *words, "--quiet")
+    assert capsys.readouterr() == ("", "")
+    assert (out / "meta.json").is_file()
+
+
+def test_quiet_still_tells_errors(frame: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """One line, exit code 2."""
+    assert "--fov" in refused(capsys, frame, "view", "image.png", "depth.png", "--yaw", 5, "--quiet")
+
+
+def test_json_is_one_object_of_what_was_done(frame: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Oracles: the directory's listing, meta.json, the warning that is printed without --json too."""
+    out = run(frame, "view", "image.png", "depth.png", "--fx", 55, "--cx", 90, "--yaw", 5, *FAST, "--json")
+    shown = capsys.readouterr()
+    done, meta = json.loads(shown.out), json.loads((out / "meta.json").read_text())
+    assert shown.out.count("\n") == 1
+    assert (done["verb"], done["output"], done["filler"], done["recipe"]) == ("view", str(out), "telea", "dlama")
+    assert done["files"] == sorted(path.name for path in out.iterdir())
+    assert done["hole_share_by_type"] == meta["hole_share_by_type"]
+    assert done["seconds"] >= sum(done["seconds_by_stage"].values()) * 0.9
+    assert len(done["warnings"]) == 1 and "principal point" in done["warnings"][0]
+    assert shown.err == f"warning: {done['warnings'][0]}\n"
+    run(frame, *VIEW, "--json", "--quiet")
+    shown = capsys.readouterr()
+    assert json.loads(shown.out)["warnings"] == [] and shown.err == ""
+
+
+def test_json_of_worlds_and_evaluate(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Each says where its results lie (oracle: the disk)."""
+    made = tmp_path / "made"
+    main(["worlds", "-o", str(made), "--count", "1", "--size", "48", "--json", "--quiet"])
+    worlds = json.loads(capsys.readouterr().out)
+    assert (worlds["verb"], worlds["output"]) == ("worlds", str(made))
+    assert all(Path(scene).is_dir() for scene in worlds["scenes"]) and len(worlds["scenes"]) == 1
+    words = ["--protocol", "sii", "--fillers", "none", "--recipes", "paper", "--json"]
+    main(["evaluate", str(made), "-o", str(tmp_path / "out"), *words])
+    done = json.loads(capsys.readouterr().out)
+    assert Path(done["report"]).is_file()
+    assert (done["verb"], done["failed"]) == ("evaluate", 0) and done["results"] > 0
+
+
+def test_evaluate_takes_the_folder_that_worlds_has_made(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """`dlama worlds -o worlds` and then `dlama evaluate worlds`: a folder goes before the name (oracle: the report)."""
+    monkeypatch.chdir(tmp_path)
+    main(["worlds", "-o", "worlds", "--count", "1", "--size", "48", "--kind", "room", "--quiet"])
+    main(["evaluate", "worlds", "-o", "report", "--protocol", "vpi", "--limit", "1", "--fillers", "none", "--quiet"])
+    about = json.loads((tmp_path / "report" / "summary.json").read_text())["dataset"]
+    assert about["layout"] == "easysynth"
+    assert set(about["scenes"]) <= {path.name for path in (tmp_path / "worlds").iterdir()}
+
+
+def test_version_flag(capsys: pytest.CaptureFixture[str]) -> None:
+    """One line (oracle: the package's own number)."""
+    main(["--version"])
+    assert capsys.readouterr().out == f"dlama {dlama.__version__}\n"
+
+
+def test_a_line_a_minute(capsys: pytest.CaptureFixture[str]) -> None:
+    """Without a terminal long runs say how far they are (oracle: the clock handed in; 2 cases a minute, 16 left)."""
+    now = [0.0]
+    show = line_a_minute(lambda: now[0])
+    for done in range(5):
+        show(done, 20, "street: s f")
+        now[0] += MINUTE / 2
+    assert capsys.readouterr().err.splitlines() == [
+        "progress: street: s f, 2 of 20, about 9 min left",
+        "progress: street: s f, 4 of 20, about 8 min left",
+    ]
