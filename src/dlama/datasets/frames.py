@@ -1,7 +1,7 @@
-"""The nouns of data sets: frames with ground truth, and the cases an evaluation puts to the method.
+"""The nouns of data sets: frames with ground truth, and the cases that an evaluation runs the method on.
 
 A reader turns a folder into a `Dataset`: its frames, and its cases of each protocol. Both are descriptions; pictures are
-read when `load` is called, so a long listing costs nothing and a case can travel to another process.
+read when `load` is called, so that a long listing costs nothing and a case can be sent to another process.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from dlama.geometry.camera import StereoRig
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
 
 Protocol = Literal["vpi", "ori", "sii"]
+"""View change, object removal, stereo: the three experiments of the paper."""
 Gamma = Literal["srgb", "linear"]
 """How 8-bit depth is encoded: as sRGB (IEC 61966-2-1), which is undone, or linearly."""
 
@@ -28,27 +29,27 @@ class Frame:
     load: Callable[[], RGBD]
     """Reads it; picklable (functools.partial of a module's function)."""
     yaw: float | None = None
-    """Degrees of orbit from the scene's first frame, where the data set has an orbit."""
+    """Degrees of orbit from the scene's first frame, > 0 to the right, where the data set has an orbit."""
 
 
 @dataclass(frozen=True, eq=False)
 class ViewTruth:
-    """VPI: a source frame, and the true frame where the method has to go."""
+    """VPI (view change): a source frame, and the true frame at the target camera."""
 
     source: RGBD
     target: RGBD
-    """Its camera is the goal; everything in it is the truth."""
+    """The true frame; its camera is the one to complete the source at."""
     object_mask: BoolArray | None = None
     """H x W in the source, True = the object of the paper's second experiment."""
     target_without: RGBD | None = None
-    """The true frame at the goal without that object."""
+    """The true frame at the target camera without that object."""
     exposure_varies: bool = False
     """The frames differ in exposure: one gain per channel is undone before colours are compared."""
 
 
 @dataclass(frozen=True, eq=False)
 class RemovalTruth:
-    """ORI: a frame with an object, and the same camera's frame without it."""
+    """ORI (object removal): a frame with an object, and the same camera's frame without it."""
 
     source: RGBD
     without: RGBD
@@ -63,7 +64,7 @@ class RemovalTruth:
 
 @dataclass(frozen=True, eq=False)
 class StereoTruth:
-    """SII: a rectified pair with truth. With masks an object is removed in both views; without, the right view is synthesised."""
+    """SII (stereo): a rectified pair with truth. With masks an object is removed in both views, else the right view is made."""
 
     left: UInt8Array
     """H x W x 3."""
@@ -88,7 +89,7 @@ Truth = ViewTruth | RemovalTruth | StereoTruth
 
 @dataclass(frozen=True)
 class Case:
-    """One question to the method, with its answer, not yet read."""
+    """One input of the method with its ground truth, not yet read."""
 
     protocol: Protocol
     dataset: str

@@ -2,7 +2,8 @@
 
 `transform_matrix` is camera to world with OpenGL axes (x right, y up, z back). `fl_x fl_y cx cy w h`, for all frames or for
 each; first pixel's centre at 0.5. Depth times `depth_unit_scale_factor` (default 0.001, for NPY too) is metres; 0 is
-missing, 65535 in 16 bits far as in our own files. Distortion is refused where it shows.
+missing, 65535 in 16 bits far as in our own files. Distortion is refused where it shows. Format:
+docs.nerf.studio/quickstart/data_conventions.html.
 """
 
 from __future__ import annotations

@@ -5,7 +5,7 @@ Depth in millimetres, 0 and 65535 missing; poses camera to world.
 585, 585, 320, 240 for depth and nothing for colour): depth is moved into the colour camera, whose numbers were measured on
 redkitchen (COLOR_LENS, COLOR_FROM_DEPTH). With `camera` the two are taken as one camera instead.
 tsdf-fusion: one 3x3 K for colour and depth in camera-intrinsics.txt beside the frames or one folder above, first pixel's
-centre at 0.0 (the fusion code rounds projections to whole pixels).
+centre at 0.0 (the fusion code rounds projections to whole pixels). Format: github.com/andyzeng/tsdf-fusion.
 """
 
 from __future__ import annotations

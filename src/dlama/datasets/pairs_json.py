@@ -7,16 +7,12 @@ source and target). K puts the first pixel's centre at 0.0, as its Kinect source
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import partial
 from pathlib import Path
-
-import numpy as np
 
 from dlama.datasets.frames import Case, Dataset
 from dlama.datasets.posed_frames import FrameFiles, Lens, PosedFrame, json_lens, posed_frame, units_per_metre
-from dlama.datasets.rotations import rotation_deg
 from dlama.datasets.text_tables import list_of, part_of, pose_at, read_json, scene_folders, text_of
-from dlama.datasets.view_pairs import load_view
+from dlama.datasets.view_pairs import pair_case
 from dlama.errors import FileError
 from dlama.files.checked_fields import FileFields
 
@@ -40,7 +36,7 @@ def pairs_json(root: Path, *, scenes: Sequence[str] | None = None) -> Dataset:
         own = _frames(scene, folder, fields)
         frames += own.values()
         pairs = list_of(fields, "pairs", "{a, b}")
-        cases += [_case(name, scene, fields, number, pair, own) for number, pair in enumerate(pairs)]
+        cases += [_case(name, fields, number, pair, own) for number, pair in enumerate(pairs)]
     return Dataset(name, "pairs", root, tuple(frames), tuple(cases))
 
 
@@ -57,14 +53,10 @@ def _frame(root: Path, scene: str, name: str, fields: FileFields, lens: Lens, un
     return posed_frame(scene, name, FrameFiles(color, depth, lens, pose, units))
 
 
-def _case(
-    dataset: str, scene: str, fields: FileFields, number: int, pair: object, frames: dict[str, PosedFrame]
-) -> Case:
+def _case(dataset: str, fields: FileFields, number: int, pair: object, frames: dict[str, PosedFrame]) -> Case:
     ends = part_of(fields, f"pairs[{number}]", pair)
     for end in "ab":
         if text_of(ends, end) not in frames:
             raise FileError(f"{ends.path}: {end} is '{ends.values[end]}', which is not among the frames")
     source, target = (frames[ends.values[end]] for end in "ab")
-    angle = rotation_deg(source.world_from_cam[None, :3, :3], target.world_from_cam[:3, :3])
-    load = partial(load_view, source.load, target.load, True)
-    return Case("vpi", dataset, scene, f"{source.name}_to_{target.name}", load, round(float(np.ravel(angle)[0]), 3))
+    return pair_case(dataset, source, target)

@@ -2,7 +2,7 @@
 
 Depth in millimetres, 0 missing; poses camera to world, -inf where tracking was lost (left out, and counted in a warning).
 Colour (1296x968) is bigger than depth (640x480): it is brought to the depth's size by area means and its K with it.
-The first pixel's centre is at 0.0.
+The first pixel's centre is at 0.0. Format: github.com/ScanNet/ScanNet.
 """
 
 from __future__ import annotations

@@ -4,6 +4,7 @@ the left.
 Middlebury: `im0.png, im1.png, calib.txt, disp0.pfm` (or `disp0GT.pfm`), optional `disp1.pfm`. Ours: `left.png, right.png`,
 `calib.json`, and `disparity.npz` or `disp_left.png` with optional `disp_right.png`. calib.json: `width, height`, `K,
 baseline_m, doffs` where the set is metric, `disparity_scale` of 8-bit disparity. Without K the rig is nominal.
+Format: vision.middlebury.edu/stereo/data/scenes2014.
 """
 
 from __future__ import annotations

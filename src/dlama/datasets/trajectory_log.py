@@ -2,7 +2,7 @@
 
 Each pose is five lines: three whole numbers, the first of them the frame's place (from 0) among the pictures in the order of
 their names, and a 4x4 matrix, camera to world. Depth in millimetres, 0 missing. Open3D's K puts the first pixel's centre
-at 0.0.
+at 0.0. Format: redwood-data.org/indoor/fileformat.html.
 """
 
 from __future__ import annotations

@@ -3,6 +3,7 @@
 Lines `time file` and `time tx ty tz qx qy qz qw` (camera to world, OpenCV axes, metres); # begins a remark. To each colour
 picture belong the depth picture and the pose nearest in time, at most 0.02 s away. Depth: 16-bit PNG, 5000 units a metre.
 The intrinsics are in no file of the set: give `camera`, or put a camera.json into the folder.
+Format: cvg.cit.tum.de/data/datasets/rgbd-dataset/file_formats.
 """
 
 from __future__ import annotations

@@ -38,7 +38,7 @@ EVERY_PIXEL = 8
 
 
 def load_view(source: Callable[[], RGBD], target: Callable[[], RGBD], exposure_varies: bool) -> ViewTruth:
-    """Two frames as question and answer."""
+    """Read both frames of a pair."""
     return ViewTruth(source(), target(), exposure_varies=exposure_varies)
 
 
@@ -61,9 +61,7 @@ def read_posed(
     return posed_dataset(layout, root, frames, limit)
 
 
-def posed_dataset(
-    layout: str, root: Path, frames: Iterable[PosedFrame], limit: int | None = None, *, every: int | None = None
-) -> Dataset:
+def posed_dataset(layout: str, root: Path, frames: Iterable[PosedFrame], limit: int | None = None) -> Dataset:
     """A data set of posed frames (scene after scene) with the cases of `view_pairs`; raises FileError if none is found."""
     frames = tuple(frames)
     cases: list[Case] = []
@@ -72,7 +70,7 @@ def posed_dataset(
         if limit is None or len(cases) < limit:
             left = None if limit is None else limit - len(cases)
             own = [frame for frame in frames if frame.scene == scene]
-            cases += view_pairs(own, dataset=name, every=every, limit=left)
+            cases += view_pairs(own, dataset=name, limit=left)
     if not cases:
         raise FileError(
             f"{root}: no two of its {len(frames)} frames overlap by {MIN_OVERLAP:.0%} and turn by "
@@ -107,9 +105,9 @@ def view_pairs(
     overlaps = Overlaps(frames)
     rotations = np.stack([frame.world_from_cam[:3, :3] for frame in frames])
     found = (
-        _case(dataset, frames[source], frames[target], angle)
+        pair_case(dataset, frames[source], frames[target])
         for source in range(0, len(frames), step)
-        for target, angle in _targets(source, rotations, overlaps, degrees, stride, min_overlap)
+        for target in _targets(source, rotations, overlaps, degrees, stride, min_overlap)
     )
     return tuple(islice(found, limit))
 
@@ -168,19 +166,19 @@ def _targets(
     degrees: Sequence[float],
     stride: int | None,
     min_overlap: float,
-) -> Iterator[tuple[int, float]]:
+) -> Iterator[int]:
     angles = rotation_deg(rotations, rotations[source])
     if stride is not None:
         target = source + stride
         if target < len(angles) and overlaps.share(source, target) >= min_overlap:
-            yield target, float(angles[target])
+            yield target
         return
     used = [source]
     for wanted in degrees:
         for target in _candidates(np.abs(angles - wanted), used):
             if overlaps.share(source, target) >= min_overlap:
                 used.append(target)
-                yield target, float(angles[target])
+                yield target
                 break
 
 
@@ -195,6 +193,8 @@ def _candidates(off: Float64Array, used: list[int]) -> list[int]:
     return sorted(best, key=lambda place: float(off[place]))[:TRIED]
 
 
-def _case(dataset: str, source: PosedFrame, target: PosedFrame, angle: float) -> Case:
+def pair_case(dataset: str, source: PosedFrame, target: PosedFrame) -> Case:
+    """The VPI case from one frame to another; `yaw` is the angle of rotation between them, about any axis."""
+    turned = rotation_deg(source.world_from_cam[None, :3, :3], target.world_from_cam[:3, :3])
     load = partial(load_view, source.load, target.load, True)
-    return Case("vpi", dataset, source.scene, f"{source.name}_to_{target.name}", load, round(angle, 3))
+    return Case("vpi", dataset, source.scene, f"{source.name}_to_{target.name}", load, round(float(turned[0]), 3))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 import struct
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -109,14 +110,15 @@ def read_exr(path: PathLike, channel: str | None = None) -> Float32Array:
     return result
 
 
-def write_exr(path: PathLike, channel: str, values: Float32Array) -> None:
-    """Write float32 H x W as an OpenEXR file with one channel, ZIP-compressed. Raises OutputError."""
+def write_exr(path: PathLike, channels: Mapping[str, np.ndarray]) -> None:
+    """Write channels (each float32 or half H x W) as an OpenEXR file, ZIP-compressed. Raises OutputError."""
     import OpenEXR
 
     header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
     with new_file(path) as draft:
         try:
-            OpenEXR.File(header, {channel: np.ascontiguousarray(values, np.float32)}).write(str(draft))
+            planes = {name: np.ascontiguousarray(values) for name, values in channels.items()}
+            OpenEXR.File(header, planes).write(str(draft))
         except RuntimeError as error:  # how OpenEXR reports a full disk
             raise OSError(str(error)) from error
 

@@ -1,7 +1,6 @@
 """Boxes, balls, tubes and panels with materials in; rows of shapes and texels for the ray caster out.
 
-Heights are metres above the floor of the place where a prop stands (up positive), because that is how one thinks of
-furniture; the rows hold OpenCV axes (y down).
+Arguments are metres: x right, up from the floor of the place where a prop stands, z forward. The rows hold OpenCV axes (y down).
 """
 
 from __future__ import annotations

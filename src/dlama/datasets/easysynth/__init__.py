@@ -1,4 +1,5 @@
-"""EasySynth folders (Unreal Engine) in; frames and the cases of all three protocols out, and folders written back.
+"""A folder in EasySynth's layout (Unreal Engine) in; its frames and cases of all protocols out; and folders written back.
 
-Begin with `dataset`; `listing` finds the files, `text_files` reads poses and classes, `frames` reads pictures.
+Begin with `dataset`: `listing` finds the files of each frame, `text_files` reads poses, `frames` reads pictures, `shadow` finds
+cast shadows. `writer` is the way back.
 """

@@ -17,7 +17,14 @@ from dlama.datasets.easysynth.frames import (
     load_stereo,
     load_view,
 )
-from dlama.datasets.easysynth.listing import POSES, CameraPair, Options, Sequence, read_sequence, scenes
+from dlama.datasets.easysynth.listing import (
+    POSES,
+    CameraPair,
+    Options,
+    RenderedSequence,
+    read_sequence,
+    sequence_folders,
+)
 from dlama.datasets.frames import Case, Dataset, Gamma, Protocol, Truth
 from dlama.datasets.posed_frames import PosedFrame
 from dlama.datasets.rotations import rotation_deg
@@ -30,9 +37,9 @@ OBJECT_CLASS = "object"
 """The class that is removed where nobody names another."""
 SAME_POSE = 1e-4
 """Largest difference between the poses (metres, and entries of the rotation) of a frame with and without the object."""
-MEETS = 0.01
-"""Of the distance to the pivot: by how much an orbit may miss it."""
-STANDS_DEG = 0.01
+PIVOT_MISS = 0.01
+"""By how much two optical axes may miss the pivot of an orbit, as a share of the distance to it."""
+SAME_ORIENTATION_DEG = 0.01
 """Two orientations nearer than this are the same: no orbit."""
 
 _Case = tuple[Protocol, str, Callable[[], Truth], "float | None"]
@@ -41,24 +48,31 @@ _Case = tuple[Protocol, str, Callable[[], Truth], "float | None"]
 def easysynth(
     root: Path, *, depth_range: float | None = None, gamma: Gamma | None = None, removal_object: str | None = None
 ) -> Dataset:
-    """The data set in `root`: one sequence, a scene (folders with, without, stereo_with, stereo_without, or of any
-    other names), or a folder of scenes.
+    """The data set in a folder in the layout that EasySynth (github.com/ydrive/EasySynth) renders.
 
-    Depth comes from DepthMM (16-bit mm over the full range, our addition) where a camera has it, and then nothing needs
-    to be said; else from DepthImage, normalised by a `depth_range` in metres that no file holds; 1.0 is far. In 8-bit PNG
-    it is usually sRGB-encoded: `gamma` "srgb" undoes that, "linear" takes it as it is.
     VPI: the first frame of each camera of `with` (and of each sequence of another name) to every other; the object's mask and
     the frames without it where there is a `without`. ORI: the frames of `with` that show the object. SII: stereo_with
     against stereo_without, and rectified pairs of any other sequence for view synthesis.
-    `removal_object` is a class of SemanticClasses.csv, or R,G,B; default `object`. Which file a frame's depth comes from
-    stands in its `load.args[0]` (RenderedFrame.depth, .kind).
-    Raises FileError, CameraError (files, with line and column), DepthError (an option is missing).
+    Which file a frame's depth comes from stands in its `load.args[0]` (RenderedFrame.depth, .kind).
+
+    Args:
+        root: one sequence, a scene (folders with, without, stereo_with, stereo_without, or of any other names), or a folder
+            of scenes.
+        depth_range: metres that 1.0 (= far) stands for in DepthImage; no file holds it. Not needed where a camera has DepthMM
+            (16-bit mm over the full range, our addition), which is read first.
+        gamma: how a DepthImage in 8-bit PNG is encoded, usually "srgb".
+        removal_object: the class of SemanticClasses.csv that is removed, by name or as "R,G,B"; "object" by default.
+    Raises:
+        FileError, CameraError: a file, with line and column.
+        DepthError: depth_range or gamma is needed.
+        MaskError: removal_object is no class.
+        InputError: gamma is another word.
     """
     root = Path(root)
     name, options = root.resolve().name, Options(depth_range, gamma)
     frames: list[PosedFrame] = []
     cases: list[Case] = []
-    for folder, folders in _existing(root):
+    for folder, folders in _scenes(root):
         scene = folder.resolve().name
         sequences = [read_sequence(each, options) for each in folders]
         frames += [frame for sequence in sequences for frame in _frames(scene, sequence)]
@@ -71,22 +85,22 @@ def easysynth(
 
 def looks_like_easysynth(root: Path) -> bool:
     """True if `root` is a sequence, a scene or a folder of scenes in EasySynth's layout (names are looked at, not contents)."""
-    return bool(scenes(Path(root)))
+    return bool(sequence_folders(Path(root)))
 
 
 def orbit_yaw(source: Float64Array, target: Float64Array) -> float | None:
     """Degrees of orbit from one 4x4 pose (OpenCV axes) to another, > 0 where the camera moves to its right; None: no orbit.
 
-    It is one where both optical axes meet in a point before both cameras, at the same distance from them (within MEETS).
+    It is one where both optical axes meet in a point before both cameras, at the same distance from them (within PIVOT_MISS).
     """
     step = inverse_pose(source) @ target
     angle, offset, axis = _turned_deg(source, target), step[:3, 3], step[:3, 2]
-    if angle < STANDS_DEG:
+    if angle < SAME_ORIENTATION_DEG:
         return None
     lines = np.stack([[0.0, 0.0, 1.0], -axis], axis=1)  # source axis * a = offset + target axis * b
     (ahead, ahead_too), *_ = np.linalg.lstsq(lines, offset, rcond=None)
     miss = float(np.linalg.norm(lines @ (ahead, ahead_too) - offset))
-    if ahead <= 0 or miss > MEETS * ahead or abs(ahead - ahead_too) > MEETS * ahead:
+    if ahead <= 0 or miss > PIVOT_MISS * ahead or abs(ahead - ahead_too) > PIVOT_MISS * ahead:
         return None
     return round(float(np.copysign(angle, offset[0])), 3)  # files carry six digits; 10.000003 is 10
 
@@ -96,10 +110,10 @@ def _turned_deg(source: Float64Array, target: Float64Array) -> float:
     return float(rotation_deg(target[None, :3, :3], source[:3, :3])[0])
 
 
-def _existing(root: Path) -> list[tuple[Path, list[Path]]]:
+def _scenes(root: Path) -> list[tuple[Path, list[Path]]]:
     if not root.is_dir():
         raise FileError(f"{root}: no such folder")
-    found = scenes(root)
+    found = sequence_folders(root)
     if not found:
         raise FileError(
             f"{root}: holds no EasySynth sequence (CameraRig.json or CameraPoses.csv beside <camera>/ColorImage), no scene "
@@ -108,7 +122,7 @@ def _existing(root: Path) -> list[tuple[Path, list[Path]]]:
     return found
 
 
-def _frames(scene: str, sequence: Sequence) -> Iterator[PosedFrame]:
+def _frames(scene: str, sequence: RenderedSequence) -> Iterator[PosedFrame]:
     for camera, by_id in sequence.cameras.items():
         first = next(iter(by_id.values()))
         for identity, files in by_id.items():
@@ -123,8 +137,8 @@ def _frames(scene: str, sequence: Sequence) -> Iterator[PosedFrame]:
             )
 
 
-def _cases(sequences: list[Sequence], removal_object: str | None) -> Iterator[_Case]:
-    """Of one scene. A sequence that another one takes for its truth has no cases of its own."""
+def _cases(sequences: list[RenderedSequence], removal_object: str | None) -> Iterator[_Case]:
+    """Of one scene. A sequence that is the truth of another one has no cases of its own."""
     named = {sequence.folder.name: sequence for sequence in sequences}
     truth_of = {f"{rig}with": named.get(f"{rig}without") for rig in ("", "stereo_")}
     truths = [truth for name, truth in truth_of.items() if truth is not None and name in named]
@@ -145,7 +159,7 @@ def _cases(sequences: list[Sequence], removal_object: str | None) -> Iterator[_C
             yield from _ori(sequence, without, color)
 
 
-def _vpi(sequence: Sequence, without: Sequence | None, color: RGB | None) -> Iterator[_Case]:
+def _vpi(sequence: RenderedSequence, without: RenderedSequence | None, color: RGB | None) -> Iterator[_Case]:
     for camera, by_id in sequence.cameras.items():
         truths = {} if without is None else _same_poses(sequence, without, camera)
         source, *targets = by_id
@@ -158,7 +172,7 @@ def _vpi(sequence: Sequence, without: Sequence | None, color: RGB | None) -> Ite
             yield "vpi", sequence.name_of(camera, identity), load, angle
 
 
-def _ori(sequence: Sequence, without: Sequence, color: RGB) -> Iterator[_Case]:
+def _ori(sequence: RenderedSequence, without: RenderedSequence, color: RGB) -> Iterator[_Case]:
     """Frames that show the object: for this alone semantic pictures are read while listing."""
     for camera, by_id in sequence.cameras.items():
         for identity, truth in _same_poses(sequence, without, camera).items():
@@ -168,7 +182,9 @@ def _ori(sequence: Sequence, without: Sequence, color: RGB) -> Iterator[_Case]:
             yield "ori", sequence.name_of(camera, identity), partial(load_removal, files, truth, color), None
 
 
-def _sii(sequence: Sequence, pair: CameraPair, without: Sequence | None, color: RGB | None) -> Iterator[_Case]:
+def _sii(
+    sequence: RenderedSequence, pair: CameraPair, without: RenderedSequence | None, color: RGB | None
+) -> Iterator[_Case]:
     truth = None if without is None else without.pair()
     if without is not None and truth is None:
         raise CameraError(f"{without.folder}: is no rectified pair of two cameras, as {sequence.folder} is")
@@ -186,7 +202,7 @@ def _sii(sequence: Sequence, pair: CameraPair, without: Sequence | None, color: 
         yield "sii", f"{sequence.folder.resolve().name}-{identity:04d}", load, None
 
 
-def _same_poses(sequence: Sequence, without: Sequence, camera: str) -> dict[int, RenderedFrame]:
+def _same_poses(sequence: RenderedSequence, without: RenderedSequence, camera: str) -> dict[int, RenderedFrame]:
     """The frames without the object, by id; raises FileError where one is not at the same pose."""
     if camera not in without.cameras:
         raise FileError(f"{without.folder}: has no camera '{camera}', which {sequence.folder} has")

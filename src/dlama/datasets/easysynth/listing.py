@@ -33,7 +33,7 @@ class Options:
 
 
 @dataclass(frozen=True, eq=False)
-class Sequence:
+class RenderedSequence:
     """One rendering output folder."""
 
     folder: Path
@@ -56,7 +56,7 @@ class Sequence:
         return None
 
 
-def scenes(root: Path) -> list[tuple[Path, list[Path]]]:
+def sequence_folders(root: Path) -> list[tuple[Path, list[Path]]]:
     """(scene folder, its sequence folders) of a sequence, a scene or a folder of scenes, by name; empty: none of these."""
     if _is_sequence(root):
         return [(root, [root])]
@@ -67,7 +67,7 @@ def scenes(root: Path) -> list[tuple[Path, list[Path]]]:
     return [(scene, found) for scene, found in below if found]
 
 
-def read_sequence(folder: Path, options: Options) -> Sequence:
+def read_sequence(folder: Path, options: Options) -> RenderedSequence:
     """The frames of one rendering output folder; pictures are not opened. Raises FileError, CameraError, DepthError."""
     rig = read_rig(folder / RIG) if (folder / RIG).exists() else {}
     places = {each.name: each for each in _folders(folder) if (each / COLOR).is_dir()}
@@ -76,7 +76,9 @@ def read_sequence(folder: Path, options: Options) -> Sequence:
     missing = [name for name in rig if name not in places]
     if missing and "" not in places:
         raise FileError(f"{folder / missing[0] / COLOR}: no such folder; {folder / RIG} has a camera '{missing[0]}'")
-    return Sequence(folder, {name: _camera(folder, place, rig.get(name), options) for name, place in places.items()})
+    return RenderedSequence(
+        folder, {name: _camera(folder, place, rig.get(name), options) for name, place in places.items()}
+    )
 
 
 def _is_sequence(folder: Path) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 
 from dlama.geometry.holes import dilated
@@ -27,11 +28,9 @@ def cast_shadow(color: UInt8Array, without: UInt8Array, mask: BoolArray) -> Bool
     Darkening is luma without the object minus luma with it, averaged over a box of SMOOTHING_PX. A pixel is dark where that is
     at least DARKER_LEVELS and DARKER_SHARE of its luma without. The shadow is all 8-connected regions of dark pixels that
     touch the neighbourhood of the object (its box grown by NEIGHBOURHOOD diagonals), lie outside the mask dilated by EDGE_PX
-    and cover at least SMALLEST_SHARE of the picture. Bounced light that the object adds or takes in colour alone is no shadow.
+    and cover at least SMALLEST_SHARE of the picture. A change of colour without darkening is no shadow.
     None as well where the medians outside say that the two frames differ in exposure. color, without: H x W x 3 uint8 RGB.
     """
-    import cv2
-
     if not mask.any() or mask.all():
         return None
     near = dilated(mask, EDGE_PX)
@@ -51,8 +50,6 @@ def cast_shadow(color: UInt8Array, without: UInt8Array, mask: BoolArray) -> Bool
 
 def _mean_outside(values: Float32Array, near: BoolArray) -> Float32Array:
     """Box mean over the pixels outside `near` only: the object's own change must not bleed out."""
-    import cv2
-
     outside = (~near).astype(np.float32)
     size = (SMOOTHING_PX, SMOOTHING_PX)
     total, count = cv2.blur(values * outside, size), cv2.blur(outside, size)

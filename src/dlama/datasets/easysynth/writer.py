@@ -16,6 +16,7 @@ from dlama.datasets.easysynth.text_files import UNREAL_HEADER, unreal_pose
 from dlama.errors import CameraError, InputError, OutputError, ShapeError
 from dlama.files.atomic_write import new_directory, new_file
 from dlama.files.depth import write_depth_png
+from dlama.files.float_files import write_exr
 from dlama.files.pictures import write_color
 from dlama.files.semantic_classes import CLASSES_FILE, RGB
 from dlama.geometry.camera import Camera, Float64Array, StereoRig
@@ -194,16 +195,8 @@ def _check(frame: SequenceFrame, before: list[Camera], name: str, classes: int) 
 
 def _write_normalised_exr(path: Path, depth: Float32Array, depth_range: float) -> None:
     """R = G = B = depth / range in 0..1, A = 1, half float, ZIP, as Unreal writes it."""
-    import OpenEXR
-
     grey = np.minimum(depth / np.float32(depth_range), 1).astype(np.float16)
-    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
-    channels = {"R": grey, "G": grey, "B": grey, "A": np.ones_like(grey)}
-    with new_file(path) as draft:
-        try:
-            OpenEXR.File(header, channels).write(str(draft))
-        except RuntimeError as error:  # how OpenEXR reports a full disk
-            raise OSError(str(error)) from error
+    write_exr(path, {"R": grey, "G": grey, "B": grey, "A": np.ones_like(grey)})
 
 
 def _write_rig(folder: Path, cameras: Mapping[str, list[Camera]], style: _Style) -> None:

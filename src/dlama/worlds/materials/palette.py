@@ -93,9 +93,9 @@ class Palette:
         """A material of one of these kinds, its brightness and hue varied a little."""
         rng = self._rng
         kind = kinds[int(rng.integers(len(kinds)))]
-        made_as, baked = MATERIAL_KINDS[kind], self._baked.setdefault(kind, [])
-        if len(baked) < made_as.variants and (not baked or rng.random() < 0.5):
-            baked.append(self._bake(made_as))
+        wanted, baked = MATERIAL_KINDS[kind], self._baked.setdefault(kind, [])
+        if len(baked) < wanted.variants and (not baked or rng.random() < 0.5):
+            baked.append(self._bake(wanted))
         material = baked[int(rng.integers(len(baked)))]
         tint = rng.normal(1, spread) * rng.normal(1, 0.3 * spread, 3)
         return material.tinted(*(float(np.clip(part, 0.4, 1.5)) for part in tint))
@@ -105,16 +105,16 @@ class Palette:
         red, green, blue = textures.color(self._rng, hue, saturation, value)
         return self("plain", spread=0).tinted((red / 225) ** 2, (green / 225) ** 2, (blue / 225) ** 2)
 
-    def _bake(self, made_as: MaterialKind) -> Material:
+    def _bake(self, kind: MaterialKind) -> Material:
         rng = self._rng
-        if len(self._photos) and rng.random() < made_as.photo:
+        if len(self._photos) and rng.random() < kind.photo:
             layer = self._builder.layer(panels.photo(read_photo(self._photos[int(rng.integers(len(self._photos)))])))
-            if made_as.mode == FIT:
+            if kind.mode == FIT:
                 return Material(layer, mode=FIT)
-            metres = float(rng.uniform(*made_as.metres))
+            metres = float(rng.uniform(*kind.metres))
             return Material(layer, (metres, metres), MIRROR)
-        layer = self._builder.layer(made_as.draw(rng))
-        return Material(layer, (made_as.tile, made_as.tile), made_as.mode, stain=made_as.stain, cut=made_as.cut)
+        layer = self._builder.layer(kind.draw(rng))
+        return Material(layer, (kind.tile, kind.tile), kind.mode, stain=kind.stain, cut=kind.cut)
 
 
 def read_photo(photo: Photo) -> UInt8Array:
