@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import json
+import time
 from pathlib import Path
 
 import pytest
 from small_frame import FAST, refused, run
 
 import dlama
+from dlama.apps import evaluate
 from dlama.apps.cli import main
-from dlama.apps.evaluate import MINUTE, line_a_minute
+from dlama.apps.options import Report
 
 VIEW = ("view", "image.png", "depth.png", "--fov", 60, "--yaw", 12, *FAST)
 
@@ -75,14 +77,18 @@ def test_version_flag(capsys: pytest.CaptureFixture[str]) -> None:
     assert capsys.readouterr().out == f"dlama {dlama.__version__}\n"
 
 
-def test_a_line_a_minute(capsys: pytest.CaptureFixture[str]) -> None:
-    """Without a terminal long runs say how far they are (oracle: the clock handed in; 2 cases a minute, 16 left)."""
-    now = [0.0]
-    show = line_a_minute(lambda: now[0])
-    for done in range(5):
-        show(done, 20, "street: s f")
-        now[0] += MINUTE / 2
-    assert capsys.readouterr().err.splitlines() == [
-        "progress: street: s f, 2 of 20, about 9 min left",
-        "progress: street: s f, 4 of 20, about 8 min left",
-    ]
+def test_a_line_a_minute(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without a terminal long runs say how far they are, on standard error alone, and --quiet says nothing."""
+    monkeypatch.setattr(evaluate, "MINUTE", 0.01)
+    with evaluate.shown_progress("street", Report()) as progress:
+        progress(None, 2, 20)
+        err = ""
+        while "2 of 20" not in err:
+            told = capsys.readouterr()
+            err += told.err
+            assert told.out == ""
+    assert "progress: street: 2 of 20 done (10 %), running for 0 s\n" in err
+    with evaluate.shown_progress("street", Report(quiet=True)) as progress:
+        progress(None, 2, 20)
+        time.sleep(0.05)
+    assert "2 of 20" not in capsys.readouterr().err

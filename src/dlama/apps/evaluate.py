@@ -5,9 +5,8 @@ from __future__ import annotations
 import dataclasses
 import shlex
 import sys
-import time
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
@@ -232,42 +231,29 @@ def summary_values(done: Results, output: Path) -> dict[str, Any]:
 def shown_progress(title: str, report: Report) -> Iterator[Progress]:
     """A bar on a terminal, a line a minute elsewhere; failures as a line each, at once. Ctrl-C says that nothing is lost."""
     from dlama.evaluation.report.write import failure_line
+    from dlama.evaluation.runner.progress import progress_lines
+
+    def write(line: str) -> None:
+        print_line("progress", line)
 
     try:
-        with counting_bar(title, report) as bar:
-            show = bar or (_silent if report.quiet or sys.stderr.isatty() else line_a_minute())
+        without_lines = report.quiet or sys.stderr.isatty()
+        minutes = nullcontext() if without_lines else progress_lines(title, write, every=MINUTE)
+        with counting_bar(title, report) as bar, minutes as count:
 
             def progress(outcome: Any, done: int, total: int) -> None:
                 if outcome is not None and outcome.error:
                     print_line("error", failure_line(outcome))
-                case = f": {outcome.case.scene} {outcome.case.frame}" if outcome else ""
-                show(done, total, f"{title}{case}")
+                if count is not None:
+                    count(outcome, done, total)
+                if bar is not None:
+                    case = f": {outcome.case.scene} {outcome.case.frame}" if outcome else ""
+                    bar(done, total, f"{title}{case}")
 
             yield progress
     except KeyboardInterrupt:
         print_line("error", "interrupted; what is done is kept, and the same command goes on from there")
         raise SystemExit(INTERRUPTED) from None
-
-
-def line_a_minute(clock: Callable[[], float] = time.monotonic) -> Callable[[int, int, str], None]:
-    """A function of (done, total, title) that prints how far it is and how long the rest takes, once a minute."""
-    started = last = clock()
-    first: int | None = None
-
-    def show(done: int, total: int, title: str) -> None:
-        nonlocal last, first
-        first = done if first is None else first
-        if clock() - last < MINUTE or done == first:
-            return
-        last = clock()
-        left = (total - done) * (last - started) / (done - first) / 60
-        print_line("progress", f"{title}, {done} of {total}, about {left:.0f} min left")
-
-    return show
-
-
-def _silent(done: int, total: int, title: str) -> None:
-    """Progress that nobody is shown."""
 
 
 def _words(value: Any) -> Sequence[str]:

@@ -1,8 +1,7 @@
-"""How much of a run is done in; a line a minute on standard error out: for logs and pipes, where no bar can be drawn."""
+"""How much of a run is done in; a line a minute out: for logs and pipes, where no bar can be drawn."""
 
 from __future__ import annotations
 
-import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -11,22 +10,17 @@ from contextlib import contextmanager
 from dlama.evaluation.runner.run import Progress
 from dlama.evaluation.runner.worker import Outcome
 
-EVERY = 60.0
-"""Seconds between two lines."""
-
 
 @contextmanager
-def progress_lines(
-    title: str, *, every: float = EVERY, write: Callable[[str], object] | None = None
-) -> Iterator[Progress]:
+def progress_lines(title: str, write: Callable[[str], object], *, every: float = 60.0) -> Iterator[Progress]:
     """Hand `run` what this yields; while it works, a line is written every so many seconds.
 
     A thread of its own writes them, so they come on time however long a single case takes.
 
     Args:
         title: begins each line.
-        every: seconds.
-        write: takes a line; None: standard error.
+        write: takes a line.
+        every: seconds between two lines.
     """
     started, ended = time.monotonic(), threading.Event()
     counts = {"kept": 0, "done": 0, "total": 0, "failed": 0}
@@ -40,7 +34,7 @@ def progress_lines(
 
     def work() -> None:
         while not ended.wait(every):
-            (write or _to_standard_error)(progress_line(title, **counts, seconds=time.monotonic() - started))
+            write(progress_line(title, **counts, seconds=time.monotonic() - started))
 
     thread = threading.Thread(target=work, name="progress", daemon=True)
     thread.start()
@@ -74,7 +68,3 @@ def duration(seconds: float) -> str:
         return f"{seconds:.0f} s"
     minutes = round(seconds / 60)
     return f"{minutes} min" if minutes < 60 else f"{minutes // 60} h {minutes % 60:02d} min"
-
-
-def _to_standard_error(line: str) -> None:
-    print(line, file=sys.stderr, flush=True)
