@@ -17,6 +17,8 @@ from dlama.apps.options import Report
 from dlama.errors import DlamaError
 
 LOG = logging.getLogger("dlama")
+KERNELS = logging.getLogger("dlama.kernels")
+"""Says that kernels are being compiled (`geometry.kernels.jit`, which is too heavy to be imported here)."""
 
 BAD_INPUT = 2
 """Exit code for anything the user can put right."""
@@ -39,7 +41,7 @@ class Result:
 
 @contextmanager
 def reported(verb: str, report: Report) -> Iterator[Result]:
-    """Warnings of what runs inside as one line each; at its end its Result, if it has one, as lines or as one JSON object."""
+    """Warnings and notes of what runs inside, a line each; at its end its Result, if it has one, as lines or one JSON object."""
     result, warned, started = Result(), [], time.perf_counter()
 
     def show(message: Warning | str, *_: Any, **__: Any) -> None:
@@ -50,7 +52,8 @@ def reported(verb: str, report: Report) -> Iterator[Result]:
     with warnings.catch_warnings():
         warnings.simplefilter("default", UserWarning)
         warnings.showwarning = show
-        yield result
+        with log_messages(lambda note: None if report.quiet else print_line("note", note), KERNELS):
+            yield result
     if not result.lines:
         return
     if report.json:
@@ -76,7 +79,7 @@ def errors_as_lines(with_flags: Callable[[str], str] = str) -> Iterator[None]:
 
 
 def print_line(kind: str, message: str) -> None:
-    """One line on standard error that begins with its kind (error, warning); never wrapped, and coloured on a terminal."""
+    """One line on standard error that begins with its kind (error, warning, note); never wrapped, and coloured on a terminal."""
     line = " ".join(message.split())
     if not sys.stderr.isatty():
         print(f"{kind}: {line}", file=sys.stderr)
@@ -89,21 +92,21 @@ def print_line(kind: str, message: str) -> None:
 
 
 @contextmanager
-def log_messages(show: Callable[[str], None]) -> Iterator[None]:
-    """What dlama logs meanwhile, message by message."""
+def log_messages(show: Callable[[str], None], log: logging.Logger = LOG) -> Iterator[None]:
+    """What dlama, or one part of it, logs meanwhile, message by message."""
 
     class Messages(logging.Handler):
         def emit(self, record: logging.LogRecord) -> None:
             show(record.getMessage())
 
-    handler, level = Messages(), LOG.level
-    LOG.addHandler(handler)
-    LOG.setLevel(logging.INFO)
+    handler, level = Messages(), log.level
+    log.addHandler(handler)
+    log.setLevel(logging.INFO)
     try:
         yield
     finally:
-        LOG.removeHandler(handler)
-        LOG.setLevel(level)
+        log.removeHandler(handler)
+        log.setLevel(level)
 
 
 @contextmanager

@@ -1,26 +1,115 @@
-"""A loop written in Python in; the same loop as machine code, kept on disk and run on all cores, out.
+"""A loop written in Python in; the same loop as machine code, kept on disk and run on all cores, out. numba is set up here only.
 
-What keeps the first run of all short, when every kernel has yet to be compiled: kernels are plain scalar loops that write into
-arrays they are handed, allocate nothing, and run over rows [first, last), so that `in_bands` can spread them over threads.
-(numba's own parallel loops take twice as long to compile, an allocation costs as much as thirty lines.)
+What keeps the first run of all short, when every kernel has yet to be compiled (docs/speed.md has the figures):
+
+- Kernels are plain scalar loops that write into arrays they are handed, allocate nothing, and run over rows [first, last), so
+  that `in_bands` can spread them over threads. numba's own parallel loops take twice as long to compile, an allocation as long
+  as thirty lines, the assignment of a slice as long as three hundred (its error message is compiled too).
+- No doors that nobody uses: kernels have none for C, pieces none for C or Python.
+- Python's garbage collector waits while numba compiles.
+- One signature each: a literal (`count = 0`, a bare `1`) or another width of float compiles a piece a second time.
 """
 
 from __future__ import annotations
 
 import functools
+import gc
+import logging
 import os
+import threading
+import warnings
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any
+from pathlib import Path
+from typing import Any, TypeVar, cast
 
 from numba import config, njit
+from numba.core.event import Event, Listener, register
 
-kernel = njit(cache=True, nogil=True, error_model="numpy")
-"""Decorator of what is called from Python: compiled at its first call, then kept on disk."""
-piece = njit(error_model="numpy")
-"""Decorator of what kernels are made of: stored as a part of them, not by itself."""
-inlined = njit(error_model="numpy", forceinline=True)
-"""As `piece`, for what is handed several arrays for every pixel: the call would cost more than the work."""
+LOG = logging.getLogger("dlama.kernels")
+"""Says, once a process, that kernels are being compiled (at level INFO; the command line shows it)."""
+COMPILING = "first run: kernels are being compiled, which takes 10 to 20 seconds once"
+NOT_KEPT = (
+    "compiled kernels cannot be kept, for neither {folder} nor the user's cache can be written: every run compiles them again, "
+    "which takes 10 to 20 seconds; set NUMBA_CACHE_DIR to a folder that can be written"
+)
+
+Loop = TypeVar("Loop", bound=Callable[..., Any])
+
+
+def kernel(function: Loop) -> Loop:
+    """Decorator of what is called from Python: compiled at its first call, then kept on disk.
+
+    numba keeps it in the first of these that can be written: NUMBA_CACHE_DIR, `__pycache__` beside the file, the user's cache.
+    Warns once where none can; the kernel works all the same.
+    """
+    try:
+        return compiled(function, cache=True, nogil=True)
+    except RuntimeError as error:
+        if "cannot cache" not in str(error):
+            raise
+        _warn_not_kept(Path(function.__code__.co_filename).parent)
+        return compiled(function, nogil=True)
+
+
+def compiled(function: Loop, **options: bool) -> Loop:
+    """numba's `njit` as all of dlama uses it: division by zero gives inf or nan as in numpy, nothing can be called from C."""
+    return cast("Loop", cast(Any, njit)(error_model="numpy", no_cfunc_wrapper=True, **options)(function))
+
+
+@functools.cache
+def _warn_not_kept(folder: Path) -> None:
+    warnings.warn(NOT_KEPT.format(folder=folder), UserWarning, stacklevel=3)
+
+
+def piece(function: Loop) -> Loop:
+    """Decorator of what kernels are made of: stored as a part of them, cannot be called from Python."""
+    return compiled(function, no_cpython_wrapper=True)
+
+
+def inlined(function: Loop) -> Loop:
+    """As `piece`, for what is handed several arrays for every pixel: the call would cost more than the work."""
+    return compiled(function, no_cpython_wrapper=True, forceinline=True)
+
+
+class _Compiling(Listener):
+    """While a kernel of dlama is being compiled the garbage collector waits; the first one of the process is announced.
+
+    numba makes millions of objects that live as long as the compilation: collecting takes a sixth of its time and frees little.
+    """
+
+    def __init__(self) -> None:
+        self.lock, self.running, self.collecting, self.announced = threading.Lock(), 0, True, False
+
+    def on_start(self, event: Event) -> None:
+        if not is_ours(event):
+            return
+        with self.lock:
+            if not self.running:
+                self.collecting = gc.isenabled()
+                gc.disable()
+            self.running += 1
+            first, self.announced = not self.announced, True
+        if first:
+            LOG.info(COMPILING)
+
+    def on_end(self, event: Event) -> None:
+        if not is_ours(event):
+            return
+        with self.lock:
+            self.running -= 1
+            if not self.running and self.collecting:
+                gc.enable()
+
+
+def is_ours(event: Event) -> bool:
+    """True if it is a function of dlama that numba compiles, not one of its own or of the caller's."""
+    return str(event.data["dispatcher"].py_func.__module__).startswith("dlama.")
+
+
+_LISTENER = _Compiling()
+register("numba:compile", _LISTENER)
+
 
 BAND = 32
 """Rows per task: enough of them that threads finish together, not so many that handing them out costs."""
@@ -34,8 +123,10 @@ def threads() -> int:
 def in_bands(job: Callable[..., None], rows: int, *arguments: Any, band: int = BAND) -> None:
     """job(first, last, *arguments) for bands of rows that together are range(rows), in any order, on all cores.
 
-    Bands must not depend on each other, so that the result does not depend on the number of threads; an empty one, which comes
-    first, must do nothing.
+    job: a `kernel`, which lets go of Python's lock while it runs; any function that takes (first, last, ...) will do.
+    rows: how many there are of what the job counts (rows, pixels, shifts); band: how many of them are one task.
+    The job writes into its arguments. Bands must not depend on each other, so that the result does not depend on the number of
+    threads; an empty one, which comes first, must do nothing. What a job raises in any thread is raised here.
     """
     count = min(threads(), -(-rows // band))
     if count < 2:

@@ -10,10 +10,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 from dlama.geometry.kernels.depth_edges import DOWN, RIGHT
-from dlama.geometry.kernels.jit import kernel, piece
+from dlama.geometry.kernels.jit import inlined, kernel, piece
 
 NOWHERE = np.float32(np.inf)
 CHUNK = 64
@@ -146,9 +145,7 @@ def draw_surface(first, last, x, y, w, joined, spans, wbuf, where):
                     draw_quad(x, y, w, row, column, sides, box, wbuf, where)
 
 
-@njit(
-    error_model="numpy", forceinline=True
-)  # called once per quad with two dozen numbers: the call itself would cost most
+@inlined
 def draw_quad(x, y, w, row, column, sides, box, wbuf, where):
     """One quad: two triangles where all four sides are joined, else the triangle of the corner whose two sides are.
 

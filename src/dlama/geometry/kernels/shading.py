@@ -200,7 +200,8 @@ def shade_far(
             left, upper = int(math.floor(su - 0.5)), int(math.floor(sv - 0.5))
             fu, fv = su - 0.5 - left, sv - 0.5 - upper
             if not (0 <= left < width - 1 and 0 <= upper < height - 1) or blocks[upper, left] == 0:
-                out_color[ty, tx] = color[row, column]
+                for channel in range(3):  # not as a slice: it would take two seconds longer to compile
+                    out_color[ty, tx, channel] = color[row, column, channel]
                 continue
             if blocks[upper, left] == 2:
                 red, green, blue = smooth_color(knots, width, upper, left, fu, fv)

@@ -1,0 +1,175 @@
+"""Compiling kernels and running them in bands of rows.
+
+Oracles: every row once, exceptions seen, a child process that has no threads yet; folders that cannot be written; numba's events.
+"""
+
+from __future__ import annotations
+
+import gc
+import importlib.util
+import logging
+import multiprocessing
+import sys
+import threading
+from pathlib import Path
+from types import ModuleType
+
+import numba
+import numpy as np
+import pytest
+from numba.core.event import Event, Listener, install_listener
+
+from dlama.geometry.kernels import jit
+from dlama.geometry.kernels.jit import in_bands
+
+
+def count(first: int, last: int, out: np.ndarray) -> None:
+    out[first:last] += 1
+
+
+@pytest.mark.parametrize("threads", [1, 2, 5])
+@pytest.mark.parametrize("rows", [0, 1, 31, 32, 33, 200])
+def test_every_row_is_done_once(rows: int, threads: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Oracle: each band adds one to its rows; with any number of threads all are one."""
+    monkeypatch.setattr(jit, "threads", lambda: threads)
+    out = np.zeros(rows, int)
+    in_bands(count, rows, out)
+    assert (out == 1).all()
+
+
+def test_what_goes_wrong_in_another_thread_is_raised(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A job that fails in whichever thread runs the last band fails the caller."""
+    monkeypatch.setattr(jit, "threads", lambda: 2)
+    ready = threading.Barrier(2)
+
+    def fail(first: int, last: int) -> None:
+        if last > first:
+            ready.wait(timeout=10)
+        if first:
+            raise ArithmeticError("second band")
+
+    with pytest.raises(ArithmeticError, match="second band"):
+        in_bands(fail, 64)
+
+
+def test_one_thread_alone_compiles(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The first call of all has no rows and is over before any other begins: two at once break numba's dispatcher."""
+    monkeypatch.setattr(jit, "threads", lambda: 3)
+    calls: list[tuple[int, int]] = []
+    in_bands(lambda first, last: calls.append((first, last)), 100)
+    assert calls[0] == (0, 0)
+    assert sorted(calls[1:]) == [(0, 32), (32, 64), (64, 96), (96, 100)]
+
+
+def child(queue: multiprocessing.Queue) -> None:
+    out = np.zeros(100, int)
+    in_bands(count, 100, out)
+    queue.put(int(out.sum()))
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows does not fork")
+@pytest.mark.filterwarnings("ignore:.*fork.*:DeprecationWarning")
+def test_a_forked_child_makes_its_own_threads(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The parent's threads do not survive a fork: a child that waited for them would wait for ever."""
+    monkeypatch.setattr(jit, "threads", lambda: 2)
+    in_bands(count, 100, np.zeros(100, int))
+    context = multiprocessing.get_context("fork")
+    queue = context.Queue()
+    process = context.Process(target=child, args=(queue,))
+    process.start()
+    assert queue.get(timeout=20) == 100
+    process.join(timeout=20)
+    assert process.exitcode == 0
+
+
+TWO_KERNELS = """
+from dlama.geometry.kernels.jit import kernel
+
+@kernel
+def double(values):
+    for i in range(len(values)):
+        values[i] *= 2
+
+@kernel
+def triple(values):
+    for i in range(len(values)):
+        values[i] *= 3
+"""
+
+
+def imported_from(folder: Path) -> ModuleType:
+    """TWO_KERNELS, imported anew from a file in that folder."""
+    file = folder / "two_kernels.py"
+    file.write_text(TWO_KERNELS)
+    spec = importlib.util.spec_from_file_location("two_kernels", file)
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.fixture
+def without_cache_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Neither NUMBA_CACHE_DIR nor the user's cache can be written (they lie inside of a file, which stops root too)."""
+    (tmp_path / "file").touch()
+    monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path / "file" / "numba"))
+    for name in ("XDG_CACHE_HOME", "HOME", "LOCALAPPDATA"):
+        monkeypatch.setenv(name, str(tmp_path / "file"))
+    jit._warn_not_kept.cache_clear()
+
+
+@pytest.mark.usefixtures("without_cache_folder")
+def test_where_nothing_can_be_written_kernels_work_and_one_warning_says_so(tmp_path: Path) -> None:
+    """A package folder that cannot be written either: `__pycache__` is a file there. One warning for two kernels."""
+    (tmp_path / "__pycache__").touch()
+    with pytest.warns(UserWarning, match=r"cannot be kept.*NUMBA_CACHE_DIR") as warned:
+        module = imported_from(tmp_path)
+    assert len(warned) == 1
+    values = np.ones(3)
+    module.double(values)
+    module.triple(values)
+    assert (values == 6).all()
+
+
+@pytest.mark.usefixtures("without_cache_folder")
+def test_compiled_kernels_lie_beside_the_package_where_that_can_be_written(tmp_path: Path) -> None:
+    """No warning (warnings are errors here), and a file of machine code after the first call."""
+    imported_from(tmp_path).double(np.ones(3))
+    assert list((tmp_path / "__pycache__").glob("two_kernels.double*.nbc"))
+
+
+class Collecting(Listener):
+    """Is the garbage collector at work when numba begins and ends?"""
+
+    def __init__(self) -> None:
+        self.seen: list[bool] = []
+
+    def on_start(self, event: Event) -> None:
+        self.seen.append(gc.isenabled())
+
+    def on_end(self, event: Event) -> None:
+        self.seen.append(gc.isenabled())
+
+
+@pytest.mark.parametrize("ours", [True, False])
+def test_the_first_kernel_compiled_is_announced_and_garbage_waits(
+    ours: bool, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Two kernels, one line; a caller's own functions are none of our business."""
+
+    def add(values):  # type: ignore[no-untyped-def]
+        for i in range(len(values)):
+            values[i] += 1
+
+    add.__module__ = "dlama.somewhere" if ours else "somewhere"
+    monkeypatch.setattr(jit._LISTENER, "announced", False)
+    collecting = Collecting()
+    with caplog.at_level(logging.INFO, "dlama.kernels"), install_listener("numba:compile", collecting):
+        compiled = numba.njit(add)
+        compiled(np.ones(3))
+        compiled(np.ones(3, np.float32))
+        compiled(np.ones(3))
+    said = [record.getMessage() for record in caplog.records if record.name == "dlama.kernels"]
+    assert said == ([jit.COMPILING] if ours else [])
+    assert collecting.seen[::2] == [not ours, not ours]
+    assert gc.isenabled()
