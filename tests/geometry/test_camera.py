@@ -12,8 +12,7 @@ from hypothesis import strategies as st
 
 from dlama.errors import CameraError
 from dlama.geometry.camera import Camera, StereoRig, checked_pose, inverse_pose
-from dlama.geometry.projection import project
-from dlama.geometry.rendering import px_from_px
+from dlama.geometry.projection import project, px_from_px
 from worlds import pixels_of, points_of, rotation
 
 

@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 
 from dlama.geometry.camera import Camera
 from dlama.geometry.kernels import visibility as kernels
-from dlama.geometry.rendering import px_from_px, render
+from dlama.geometry.projection import px_from_px
+from dlama.geometry.rendering import render
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import HoleType, Origin, View

@@ -7,7 +7,8 @@ import dataclasses
 import numpy as np
 
 from dlama.geometry.camera import Camera
-from dlama.geometry.rendering import inverse_depth, render
+from dlama.geometry.projection import inverse_depth
+from dlama.geometry.rendering import render
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import HoleType, Origin, View

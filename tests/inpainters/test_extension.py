@@ -19,9 +19,7 @@ from dlama.inpainters.layered.surfaces import (
     anchor,
     angle_to_far,
     extend,
-    nearest_inside,
     shrunk,
-    spread_into,
     touched,
 )
 from reference import extension as twin
@@ -199,28 +197,6 @@ def test_shrunk_camera_looks_the_same_way() -> None:
     assert small.hw == (12, 16)
     np.testing.assert_allclose(small.K @ np.linalg.inv(camera.K) @ (20, 36, 1), (5, 9, 1))
     assert shrunk(Camera(1, 500, 60, 60, 0.5, 250), 500 / 256).wh == (1, 256)
-
-
-def test_nearest_inside_by_brute_force() -> None:
-    """Brute force, within what OpenCV's 5 x 5 distance allows (2 %)."""
-    there = np.random.default_rng(0).random((20, 30)) < 0.03
-    distance, source = nearest_inside(there)
-    assert there.ravel()[source].all()
-    rows, columns = np.nonzero(there)
-    y, x = np.indices(there.shape)
-    exact = np.hypot(y[..., None] - rows, x[..., None] - columns)
-    chosen = np.hypot(y - source // 30, x - source % 30)
-    assert (chosen <= 1.03 * exact.min(-1) + 1e-6).all()
-    np.testing.assert_allclose(distance, exact.min(-1), rtol=0.03)
-
-
-def test_values_spread_outside_are_the_nearest_inside() -> None:
-    """Closed form on a row; with nothing inside, or nothing outside, they stay as they are."""
-    values = np.arange(6.0)[None, :, None]
-    there = np.array([[False, False, True, True, False, False]])
-    np.testing.assert_array_equal(spread_into(values, there)[0, :, 0], [2, 2, 2, 3, 3, 3])
-    assert spread_into(values, ~there & there) is values
-    assert spread_into(values, there | True) is values
 
 
 def test_anchor_closes_the_step_and_fades_out() -> None:

@@ -7,7 +7,7 @@ import pytest
 from numba import njit
 
 from dlama.geometry.camera import Camera
-from dlama.geometry.rendering import inverse_depth
+from dlama.geometry.projection import inverse_depth
 from dlama.inpainters.layered.kernels import planes as plane_kernels
 from dlama.inpainters.layered.planes import (
     MOST_PLANES,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from dlama.geometry.camera import Camera
-from dlama.geometry.rendering import inverse_depth
+from dlama.geometry.projection import inverse_depth
 from dlama.geometry.view import HoleType, View
 from dlama.inpainters.layered.planes import SKY, find_planes, label_known
 from dlama.inpainters.layered.surfaces import BEFORE, LEAST_INVERSE_DEPTH, Coarse

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from dlama.geometry.drawing import inverse_depth
+from dlama.geometry.projection import inverse_depth
 from dlama.geometry.rendering import render
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import View

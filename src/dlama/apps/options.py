@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from tyro.conf import arg
 
 from dlama.errors import InputError
+from dlama.geometry.trajectories import PIVOT_M
 from dlama.inpainters import FILLERS
 
 if TYPE_CHECKING:
@@ -20,8 +21,6 @@ if TYPE_CHECKING:
 
 RECIPES = ("dlama", "paper")
 """Names of the recipes, the default first."""
-PIVOT = 2.5
-"""Metres from the camera to the centre of the orbit."""
 
 
 def option(metavar: str, default: str | None = "none", **names: Any) -> Any:
@@ -59,7 +58,7 @@ class Move:
     """Degrees about the vertical axis through the pivot. Positive: the camera moves to its right and turns left."""
     pitch: Degrees = None
     """Degrees about the horizontal axis through the pivot. Positive: the camera moves up and looks down."""
-    pivot: Annotated[float | Literal["auto"], option("METRES|auto", "2.5")] = PIVOT
+    pivot: Annotated[float | Literal["auto"], option("METRES|auto", "2.5")] = PIVOT_M
     """What the orbit turns about: a point this far ahead on the optical axis; auto: at the scene's median depth."""
     dolly: Annotated[float | None, option("METRES", "0")] = None
     """Metres along the optical axis, after the orbit. Positive: forward; negative: back, which closes rounding cracks."""

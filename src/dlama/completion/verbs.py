@@ -10,12 +10,9 @@ from dlama.completion.recipes import Recipe
 from dlama.errors import InputError
 from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import RGBD, BoolArray
+from dlama.geometry.trajectories import PIVOT_M, median_pivot, orbit
 from dlama.geometry.trajectories import dolly as dollied
-from dlama.geometry.trajectories import median_pivot, orbit
 from dlama.inpainters.filling import Inpainter
-
-PAPER_PIVOT = 2.5
-"""Metres from the camera to the centre of the orbit (the paper's centroid, sec. 4)."""
 
 
 def target_camera(
@@ -24,7 +21,7 @@ def target_camera(
     *,
     yaw: float = 0.0,
     pitch: float = 0.0,
-    pivot: float | Literal["auto"] = PAPER_PIVOT,
+    pivot: float | Literal["auto"] = PIVOT_M,
     dolly: float = 0.0,
 ) -> Camera:
     """The camera to go to: `camera` itself, or the source camera orbited (degrees) about `pivot` (m) and dollied (m).
@@ -45,7 +42,7 @@ def view(
     *,
     yaw: float = 0.0,
     pitch: float = 0.0,
-    pivot: float | Literal["auto"] = PAPER_PIVOT,
+    pivot: float | Literal["auto"] = PIVOT_M,
     dolly: float = 0.0,
     filler: str | Inpainter = "layered",
     model: str | Path | None = None,
@@ -65,7 +62,7 @@ def remove(
     *,
     yaw: float = 0.0,
     pitch: float = 0.0,
-    pivot: float | Literal["auto"] = PAPER_PIVOT,
+    pivot: float | Literal["auto"] = PIVOT_M,
     dolly: float = 0.0,
     filler: str | Inpainter = "layered",
     model: str | Path | None = None,

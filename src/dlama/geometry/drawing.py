@@ -9,6 +9,13 @@ from typing import Literal
 import numpy as np
 
 from dlama.geometry.camera import Camera, Float64Array
+from dlama.geometry.kernels import depth_edges as edges
+from dlama.geometry.kernels import rasterize as raster
+from dlama.geometry.kernels import shading
+from dlama.geometry.kernels.footprints import draw_rim, rim
+from dlama.geometry.kernels.jit import in_bands, threads
+from dlama.geometry.kernels.sampling import far_blocks, smooth_quads, spline
+from dlama.geometry.projection import px_from_px
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.geometry.view import Origin, View
 
@@ -29,13 +36,6 @@ def edge_ratio(camera: Camera) -> float:
     return float(np.clip(6.0 / camera.fx, 0.01, 0.03))
 
 
-def inverse_depth(depth: Float32Array) -> Float32Array:
-    """1 / depth in 1/m; 0 where depth is missing or far."""
-    out = np.zeros_like(depth)
-    np.divide(1, depth, out=out, where=depth > 0)
-    return out
-
-
 def flying(view: View) -> BoolArray:
     """H x W, True at flying pixels: depth strictly between two surfaces that are neighbours there, joined to neither."""
     return without_flying(view)[1]
@@ -43,8 +43,6 @@ def flying(view: View) -> BoolArray:
 
 def without_flying(layer: View) -> tuple[Float32Array, BoolArray, Float32Array]:
     """Depth without holes and flying pixels (0), which pixels fly, and inverse depth as `edges` wants it (with a margin)."""
-    from dlama.geometry.kernels import depth_edges as edges
-    from dlama.geometry.kernels.jit import in_bands
 
     (height, width), margin = layer.camera.hw, 2 * edges.PAD
     w = np.zeros((height + margin, width + margin), np.float32)
@@ -57,8 +55,6 @@ def without_flying(layer: View) -> tuple[Float32Array, BoolArray, Float32Array]:
 
 def joints(w: Float32Array, camera: Camera) -> UInt8Array:
     """H x W bits RIGHT (1), DOWN (2): is a pixel joined to its right, its lower neighbour? w: as of `without_flying`."""
-    from dlama.geometry.kernels import depth_edges as edges
-    from dlama.geometry.kernels.jit import in_bands
 
     joined = np.empty(camera.hw, np.uint8)
     in_bands(edges.join, len(joined), w, edge_ratio(camera), joined)
@@ -124,7 +120,6 @@ class Grid:
     @cached_property
     def knots(self) -> Float32Array:
         """Of the colours' splines (`sampling.spline`); none where not fine."""
-        from dlama.geometry.kernels.sampling import spline
 
         return spline(self.layer.color) if self.fine else np.empty(0, np.float32)
 
@@ -153,10 +148,6 @@ def draw(grid: Grid, camera: Camera, canvas: Canvas) -> Canvas:
 
 def draw_as_points(grid: Grid, canvas: Canvas) -> None:
     """Each pixel of the layer onto the target pixel it falls on."""
-    from dlama.geometry.kernels import rasterize as raster
-    from dlama.geometry.kernels import shading
-    from dlama.geometry.kernels.jit import in_bands, threads
-
     layer, hw = grid.layer, canvas.depth.shape
     parts = min(threads(), MOST_PARTS)
     wbuf, index = np.empty((parts, *hw), np.float32), np.empty((parts, *hw), np.uint32)
@@ -168,12 +159,6 @@ def draw_as_points(grid: Grid, canvas: Canvas) -> None:
 
 def draw_as_surface(grid: Grid, joined: UInt8Array, camera: Camera, canvas: Canvas) -> None:
     """The layer's mesh, and footprints at its rim."""
-    from dlama.geometry.kernels import rasterize as raster
-    from dlama.geometry.kernels import shading
-    from dlama.geometry.kernels.footprints import draw_rim, rim
-    from dlama.geometry.kernels.jit import in_bands
-    from dlama.geometry.kernels.sampling import smooth_quads
-
     layer, rows = grid.layer, camera.height
     x, y, w = transformed(grid.depth, grid.matrix, grid.offset)
     wbuf, where = np.zeros(camera.hw, np.float32), np.empty((*camera.hw, 2), np.float32)
@@ -205,10 +190,6 @@ def copy_where(canvas: Canvas, layer: View, where: BoolArray) -> None:
 
 def draw_far(grid: Grid, camera: Camera, canvas: Canvas) -> None:
     """The layer's far pixels (sky) behind everything drawn so far."""
-    from dlama.geometry.kernels import shading
-    from dlama.geometry.kernels.jit import in_bands
-    from dlama.geometry.kernels.sampling import far_blocks
-
     layer, far = grid.layer, grid.layer.far
     rows = np.flatnonzero(far.any(1))
     if not len(rows):
@@ -225,17 +206,8 @@ def draw_far(grid: Grid, camera: Camera, canvas: Canvas) -> None:
     in_bands(shading.shade_far, camera.height, matrix, *sky, *pixels, *canvas.buffers())
 
 
-def px_from_px(target: Camera, source: Camera) -> tuple[Float64Array, Float64Array]:
-    """The 3x3 matrix and 3-vector that take a source pixel (u, v, 1) at depth z to z * matrix @ (u, v, 1) + offset."""
-    target_from_source = target.cam_from_world @ source.world_from_cam
-    matrix = target.K @ target_from_source[:3, :3] @ np.linalg.inv(source.K)
-    return matrix, target.K @ target_from_source[:3, 3]
-
-
 def transformed(depth: Float32Array, matrix: Float64Array, offset: Float64Array) -> tuple[Float32Array, ...]:
     """Target x, y (pixels) and inverse z (1/m, 0 = not in front) of every source pixel, float32 H x W each."""
-    from dlama.geometry.kernels import rasterize as raster
-    from dlama.geometry.kernels.jit import in_bands
 
     x, y, w = (np.empty_like(depth) for _ in range(3))
     in_bands(raster.transform, len(depth), depth, matrix, offset, NEAR, x, y, w)
@@ -244,8 +216,6 @@ def transformed(depth: Float32Array, matrix: Float64Array, offset: Float64Array)
 
 def spans(y: Float32Array, w: Float32Array) -> Float32Array:
     """H x N x 2: smallest and largest target row of each row of quads, N chunks of columns (see `raster.quad_spans`)."""
-    from dlama.geometry.kernels import rasterize as raster
-    from dlama.geometry.kernels.jit import in_bands
 
     out = np.empty((*y.shape[:1], -(-y.shape[1] // raster.CHUNK), 2), np.float32)
     in_bands(raster.quad_spans, len(y), y, w, out)

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import dataclasses
 
+import cv2
 import numpy as np
 
 from dlama.geometry.cloud import PointCloud, concatenated
-from dlama.geometry.drawing import inverse_depth, mesh_grid
+from dlama.geometry.drawing import mesh_grid
+from dlama.geometry.kernels.depth_edges import DOWN, RIGHT
 from dlama.geometry.mesh import Mesh
-from dlama.geometry.projection import lift, rays
+from dlama.geometry.projection import inverse_depth, lift, rays
 from dlama.geometry.rgbd import BoolArray
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import HoleType, Origin, View
@@ -21,8 +23,6 @@ def fuse(scene: Scene, view: View) -> Scene:
     The layer keeps one pixel of known neighbours (origin REPROJECTED) so that its mesh joins the surfaces it continues;
     they are no points of the cloud.
     """
-    import cv2
-
     depth_only = (view.origin == Origin.DEPTH_FILLED) & (view.hole_type == HoleType.SENSOR)
     for layer in scene.layers:
         if layer.camera.same_view_as(view.camera):
@@ -63,7 +63,6 @@ def scene_mesh(scene: Scene, objects: bool = True) -> Mesh:
 
 def layer_mesh(layer: View) -> Mesh:
     """One layer's joined quads; vertices are its valid, non-flying pixels."""
-    from dlama.geometry.kernels.depth_edges import DOWN, RIGHT
 
     depth, joined = mesh_grid(layer)
     chosen = (depth > 0) & (depth < np.inf)

@@ -1,11 +1,13 @@
-"""Masks and holes: bool pictures in, bool pictures out. True = to be filled."""
+"""Masks and holes (bool pictures, True = to be filled) in; the same grown, checked, counted, or filled with the nearest out."""
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from dlama.errors import InputError, MaskError
-from dlama.geometry.rgbd import BoolArray
+from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.geometry.view import HoleType, View
 
 
@@ -19,16 +21,38 @@ def disc(radius: int) -> np.ndarray:
 
 def dilated(mask: BoolArray, radius: int) -> BoolArray:
     """The mask grown by `radius` pixels (disc)."""
-    import cv2
-
     return mask.copy() if radius == 0 else cv2.dilate(mask.astype(np.uint8), disc(radius)) > 0
 
 
 def eroded(mask: BoolArray, radius: int) -> BoolArray:
     """The mask shrunk by `radius` pixels (disc); beyond the picture counts as mask."""
-    import cv2
-
     return mask.copy() if radius == 0 else cv2.erode(mask.astype(np.uint8), disc(radius)) > 0
+
+
+def nearest_known(known: BoolArray) -> tuple[Float32Array, NDArray[np.intp]]:
+    """The nearest pixel of `known` (H x W bool), for every pixel.
+
+    Returns its distance in pixels (H x W float32, OpenCV's 5x5 approximation of the Euclidean one, 0 on known pixels) and its
+    flat, row-major index (H x W). Where nothing is known the distance is +inf and the index 0.
+    """
+    if not known.any():
+        return np.full(known.shape, np.inf, np.float32), np.zeros(known.shape, np.intp)
+    distance, labels = cv2.distanceTransformWithLabels(
+        (~known).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_5, labelType=cv2.DIST_LABEL_PIXEL
+    )
+    of_label = np.zeros(labels.max() + 1, np.intp)
+    of_label[labels[known]] = np.flatnonzero(known)
+    return np.asarray(distance, np.float32), of_label[labels]
+
+
+def with_nearest(values: np.ndarray, known: BoolArray) -> np.ndarray:
+    """The values (H x W or H x W x C), those outside `known` (H x W bool) replaced by the nearest known pixel's.
+
+    The values themselves come back where all is known, or nothing.
+    """
+    if known.all() or not known.any():
+        return values
+    return values.reshape(-1, *values.shape[2:])[nearest_known(known)[1]]
 
 
 def checked_mask(mask: np.ndarray, hw: tuple[int, int]) -> BoolArray:
@@ -54,16 +78,9 @@ def hole_shares(view: View) -> dict[str, float]:
 
 def grown(view: View, radius: int) -> View:
     """The view with its holes dilated by `radius` px; a pixel given up takes the type of the nearest hole pixel."""
-    import cv2
-
     given_up = dilated(view.hole, radius) & ~view.hole
     if not given_up.any():
         return view
-    _, labels = cv2.distanceTransformWithLabels(
-        (~view.hole).astype(np.uint8), cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL
-    )
-    of_label = np.zeros(labels.max() + 1, np.uint8)
-    of_label[labels[view.hole]] = view.hole_type[view.hole]
     larger = view.without(given_up, HoleType.DISOCCLUDED)
-    types = np.where(given_up, of_label[labels], view.hole_type)
+    types = np.where(given_up, with_nearest(view.hole_type, view.hole), view.hole_type)
     return View(view.camera, larger.color, larger.depth, larger.hole, types, larger.origin, larger.confidence)

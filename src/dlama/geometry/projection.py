@@ -1,4 +1,4 @@
-"""Lifting: depth or disparity and a camera in, world points out; and the way back (paper, sec. 3.1: P(I, lambda)).
+"""Projection: depth or disparity and a camera in, world points out; and the way back (paper, sec. 3.1: P(I, lambda)).
 
 Pixel centres, axes and units are those of `dlama.geometry.camera`. Pure numpy.
 """
@@ -68,6 +68,30 @@ def _check_rig(fx: float, baseline_m: float, doffs: float) -> None:
         raise CameraError(f"stereo baseline_m is {baseline_m}; a distance > 0 in metres is wanted")
     if not math.isfinite(doffs):
         raise CameraError(f"stereo doffs is {doffs}; a finite number of pixels is wanted")
+
+
+def inverse_depth(depth: Float32Array) -> Float32Array:
+    """1 / depth in 1/m, float32 of the same shape; 0 where depth (metres, 0 = missing, +inf = far) is missing or far."""
+    out = np.zeros_like(depth)
+    np.divide(1, depth, out=out, where=depth > 0)
+    return out
+
+
+def depth_from_inverse(w: Float32Array) -> Float32Array:
+    """Metres from inverse depth (1/m), float32 of the same shape; 0 is far (+inf)."""
+    out = np.full(w.shape, np.inf, np.float32)
+    np.divide(1, w, out=out, where=w > 0)
+    return out
+
+
+def px_from_px(target: Camera, source: Camera) -> tuple[Float64Array, Float64Array]:
+    """The 3x3 matrix and 3-vector that take a source pixel (u, v, 1) at depth z to z * matrix @ (u, v, 1) + offset.
+
+    What comes out is (x, y, 1) * depth in the target, pixels and metres.
+    """
+    target_from_source = target.cam_from_world @ source.world_from_cam
+    matrix = target.K @ target_from_source[:3, :3] @ np.linalg.inv(source.K)
+    return matrix, target.K @ target_from_source[:3, 3]
 
 
 def rays(camera: Camera) -> Float64Array:

@@ -6,6 +6,7 @@ depth discontinuities, so that surfaces have no cracks and nothing shines throug
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 
 from dlama.errors import InputError
@@ -15,8 +16,9 @@ from dlama.geometry.drawing import MODES as MODES
 from dlama.geometry.drawing import NEAR, Canvas, Grid, draw, draw_far, spans, transformed
 from dlama.geometry.drawing import Mode as Mode
 from dlama.geometry.drawing import flying as flying
-from dlama.geometry.drawing import inverse_depth as inverse_depth
-from dlama.geometry.drawing import px_from_px as px_from_px
+from dlama.geometry.holes import with_nearest
+from dlama.geometry.kernels import hole_types as sheet
+from dlama.geometry.kernels.jit import in_bands
 from dlama.geometry.projection import project
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
 from dlama.geometry.scene import Scene
@@ -85,10 +87,6 @@ def as_scene(source: RGBD | View | Scene) -> Scene:
 
 def hole_types(grids: list[Grid], objects: tuple[View, ...], camera: Camera, hole: BoolArray) -> UInt8Array:
     """H x W HoleType codes of the empty pixels of a scene (its grids, its removed objects) seen from `camera`."""
-    import cv2
-
-    from dlama.geometry.kernels import hole_types as sheet
-    from dlama.geometry.kernels.jit import in_bands
 
     count = cv2.integral(hole.view(np.uint8))
     ranks = np.zeros(hole.shape, np.uint8)
@@ -113,9 +111,6 @@ def closed_grid(layer: View, objects: tuple[View, ...]) -> tuple[Float32Array, U
 
     Removed objects get their own depth back, sensor holes the depth of the nearest pixel, far pixels a large one.
     """
-    import cv2
-
-    from dlama.geometry.kernels import hole_types as sheet
 
     depth = np.where(layer.hole, np.float32(0), layer.depth)
     rank = np.zeros(depth.shape, np.uint8)
@@ -127,15 +122,7 @@ def closed_grid(layer: View, objects: tuple[View, ...]) -> tuple[Float32Array, U
     finite = (depth > 0) & (depth < np.inf)
     horizon = 100 * float(depth[finite].max()) if finite.any() else 1e4
     depth = np.minimum(depth, np.float32(horizon))
-    known = depth > 0
-    if known.any() and not known.all():
-        _, labels = cv2.distanceTransformWithLabels(
-            (~known).astype(np.uint8), cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL
-        )
-        of_label = np.zeros(labels.max() + 1, np.float32)
-        of_label[labels[known]] = depth[known]
-        depth = np.where(known, depth, of_label[labels])
-    return depth, rank
+    return with_nearest(depth, depth > 0), rank
 
 
 def render_cloud(cloud: PointCloud, camera: Camera, mode: Mode) -> View:

@@ -11,7 +11,7 @@ from dlama.errors import DepthError, InputError
 from dlama.geometry.camera import Camera, Float64Array
 
 PIVOT_M = 2.5
-"""Metres ahead on the optical axis; the centroid the paper orbits about."""
+"""Default distance, metres ahead on the optical axis, of the point a camera orbits about (the paper's centroid, sec. 4)."""
 
 
 def orbit(camera: Camera, yaw_deg: float, pitch_deg: float = 0.0, pivot_m: float = PIVOT_M) -> Camera:

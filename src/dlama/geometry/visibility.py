@@ -11,7 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from dlama.geometry.camera import Camera
-from dlama.geometry.drawing import px_from_px
+from dlama.geometry.kernels import visibility as kernels
+from dlama.geometry.kernels.jit import in_bands
+from dlama.geometry.projection import px_from_px
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import Origin, View
@@ -52,14 +54,12 @@ class Law:
 
     def violations(self, camera: Camera, depth: Float32Array, where: BoolArray) -> BoolArray:
         """H x W, True at pixels of `where` whose depth (seen from `camera`) breaks the law."""
-        from dlama.geometry.kernels import visibility as law
-        from dlama.geometry.kernels.jit import in_bands
 
         broken = np.zeros(depth.shape, np.bool_)
         # one signature, one compilation: numba tells read-only arrays from others
         depth, where = np.require(depth, requirements="W"), np.require(where, requirements="W")
         for source, measured in self.measured:
-            in_bands(law.violations, len(depth), depth, where, *px_from_px(source, camera), measured, broken)
+            in_bands(kernels.violations, len(depth), depth, where, *px_from_px(source, camera), measured, broken)
         return broken
 
     def project(self, camera: Camera, depth: Float32Array, where: BoolArray) -> tuple[Float32Array, BoolArray]:
@@ -67,8 +67,6 @@ class Law:
 
         A ray that never becomes lawful at a finite depth ends in the far layer (+inf), which is always lawful.
         """
-        from dlama.geometry.kernels import visibility as law
-        from dlama.geometry.kernels.jit import in_bands
 
         out = np.array(depth, np.float32)
         moved = np.zeros(depth.shape, np.bool_)
@@ -80,7 +78,7 @@ class Law:
             if number:  # rounding to float32, or another source's law, brought it back over a border
                 out[broken] *= np.float32(1 + 1e-5 * 4**number)
             for source, measured in self.measured:
-                in_bands(law.push_back, len(out), out, broken, *px_from_px(source, camera), measured)
+                in_bands(kernels.push_back, len(out), out, broken, *px_from_px(source, camera), measured)
         out[self.violations(camera, out, where)] = np.inf
         return out, moved
 

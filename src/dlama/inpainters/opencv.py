@@ -11,7 +11,7 @@ import functools
 import cv2
 import numpy as np
 
-from dlama.geometry.rendering import inverse_depth
+from dlama.geometry.projection import inverse_depth
 from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.geometry.view import View
 from dlama.geometry.visibility import Law

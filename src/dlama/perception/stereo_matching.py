@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dlama.errors import InputError, MaskError, ShapeError
+from dlama.geometry.holes import with_nearest
 from dlama.geometry.projection import SMALLEST_DISPARITY
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 
@@ -241,26 +242,15 @@ def carry_mask(mask_left: BoolArray, left_disparity: Float32Array) -> BoolArray:
     carried = np.zeros(mask_left.shape, np.uint8)
     if not mask_left.any():
         return carried.astype(bool)
-    shift = _nearest_known(mask_left, _known_or_nan(left_disparity))
+    disparity = _known_or_nan(left_disparity)
+    known = mask_left & np.isfinite(disparity)
+    if not known.any():
+        raise MaskError(
+            "no disparity is known inside the mask, so it cannot be carried over; a mask of the right view is wanted"
+        )
+    shift = with_nearest(disparity, known)
     columns, inside = _landing(shift, 1)
     moved = mask_left & inside
     carried[np.nonzero(moved)[0], columns[moved]] = 1
     # A slant stretches the mask along its rows, so that is where gaps open: 5 columns by 3 rows.
     return np.asarray(cv2.morphologyEx(carried, cv2.MORPH_CLOSE, np.ones((3, 5), np.uint8)), bool)
-
-
-def _nearest_known(mask: BoolArray, disparity: Float32Array) -> Float32Array:
-    """The disparity at every pixel: its own where it is known inside the mask, else that of the nearest such pixel."""
-    import cv2
-
-    known = mask & np.isfinite(disparity)
-    if not known.any():
-        raise MaskError(
-            "no disparity is known inside the mask, so it cannot be carried over; a mask of the right is wanted"
-        )
-    _, labels = cv2.distanceTransformWithLabels(
-        (~known).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_5, labelType=cv2.DIST_LABEL_PIXEL
-    )
-    values = np.zeros(labels.max() + 1, np.float32)
-    values[labels[known]] = disparity[known]
-    return values[labels]

@@ -24,7 +24,7 @@ import numpy as np
 from dlama.errors import ShapeError
 from dlama.geometry.camera import Float64Array
 from dlama.geometry.holes import dilated
-from dlama.geometry.rendering import inverse_depth, px_from_px
+from dlama.geometry.projection import inverse_depth, px_from_px
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
 
 SEEN_TOLERANCE = 0.02

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from dlama.geometry.rendering import inverse_depth
+from dlama.geometry.holes import nearest_known
+from dlama.geometry.projection import inverse_depth
 from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.geometry.view import HoleType, View
 from dlama.geometry.visibility import Law
 from dlama.inpainters.filling import Fill, Inpainter, Painter
 from dlama.inpainters.layered.filler import surfaces_behind
 from dlama.inpainters.layered.hedging import hedged
-from dlama.inpainters.layered.surfaces import Surfaces, nearest_inside
+from dlama.inpainters.layered.surfaces import Surfaces
 
 BAND = 24
 """Pixels round a hole in which an occluder is kept from the filler."""
@@ -47,7 +48,7 @@ def occluders(view: View, surfaces: Surfaces, depth: Float32Array) -> BoolArray:
     the camera hides nothing. Not at the picture's old border: what lies beyond it is hidden by nothing. Nor at a hole that
     lacks depth alone: its colours are known.
     """
-    distance, nearest = nearest_inside(view.color_hole)
+    distance, nearest = nearest_known(view.color_hole)
     rows, columns = np.nonzero((distance <= BAND) & view.valid)
     hole_pixel = nearest[rows, columns]
     filled = inverse_depth(depth).ravel()[hole_pixel]

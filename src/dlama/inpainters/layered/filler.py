@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from dlama.geometry.rendering import inverse_depth
+from dlama.geometry.projection import depth_from_inverse, inverse_depth
 from dlama.geometry.rgbd import Float32Array
 from dlama.geometry.view import View
 from dlama.geometry.visibility import Law
@@ -34,12 +34,5 @@ def layered(view: View, law: Law, seed: int = 0) -> Fill:
 def surfaces_behind(view: View, law: Law, seed: int) -> tuple[Surfaces, Float32Array, int]:
     """The surfaces continued into the holes, their depth put behind what was measured, and how many pixels that moved."""
     surfaces = extend(view, law, seed)
-    depth, moved = law.project(view.camera, depth_of(surfaces.inverse_depth), view.hole)
+    depth, moved = law.project(view.camera, depth_from_inverse(surfaces.inverse_depth), view.hole)
     return surfaces, depth, int(moved.sum())
-
-
-def depth_of(w: Float32Array) -> Float32Array:
-    """Metres from inverse depth; 0 is far (+inf)."""
-    out = np.full(w.shape, np.inf, np.float32)
-    np.divide(1, w, out=out, where=w > 0)
-    return out

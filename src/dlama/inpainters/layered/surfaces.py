@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dlama.geometry.camera import Camera
-from dlama.geometry.projection import rays
-from dlama.geometry.rendering import inverse_depth
+from dlama.geometry.holes import nearest_known, with_nearest
+from dlama.geometry.projection import inverse_depth, rays
 from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.geometry.view import HoleType, View
 from dlama.geometry.visibility import Law
@@ -231,7 +231,7 @@ def fine_surfaces(
     belief: Float32Array,
 ) -> Surfaces:
     """Coarse beliefs interpolated to every hole pixel; each takes the label of least cost and its inverse depth."""
-    spread = spread_into(belief, coarse.hole)
+    spread = with_nearest(belief, coarse.hole)
     best = np.full(w.shape, np.inf, np.float32)
     chosen = np.full(w.shape, SMOOTH, np.int32)
     for number in range(belief.shape[2]):
@@ -241,7 +241,7 @@ def fine_surfaces(
         chosen[better] = number - 1
     rows, columns = np.nonzero(view.hole)
     labels = chosen[rows, columns]
-    smooth = enlarged(spread_into(coarse.values[0], coarse.hole & (coarse.values[0] > 0)), view.camera.wh)
+    smooth = enlarged(with_nearest(coarse.values[0], coarse.hole & (coarse.values[0] > 0)), view.camera.wh)
     of_label = np.concatenate([np.zeros((1, 3)), planes])[np.maximum(labels, 0)]
     on_plane = of_label[:, 0] * (columns + 0.5) + of_label[:, 1] * (rows + 0.5) + of_label[:, 2]
     on_plane = np.maximum(0, on_plane + anchor(view.hole, w, label, planes, labels))
@@ -260,25 +260,6 @@ def enlarged(values: Float32Array, wh: tuple[int, int]) -> Float32Array:
     )
 
 
-def nearest_inside(there: BoolArray) -> tuple[Float32Array, NDArray[np.int64]]:
-    """H x W distance to, and flat index of, the nearest pixel of `there` (which must not be empty)."""
-    import cv2
-
-    distance, labels = cv2.distanceTransformWithLabels(
-        (~there).astype(np.uint8), cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL
-    )
-    source = np.zeros(labels.max() + 1, np.int64)
-    source[labels[there]] = np.flatnonzero(there)
-    return np.asarray(distance, np.float32), source[labels]
-
-
-def spread_into(values: np.ndarray, there: BoolArray) -> np.ndarray:
-    """Values with the cells outside `there` replaced by the nearest one inside, so that enlarging does not mix them in."""
-    if there.all() or not there.any():
-        return values
-    return values.reshape(-1, *values.shape[2:])[nearest_inside(there)[1]]
-
-
 def anchor(
     hole: BoolArray, w: Float32Array, label: NDArray[np.int32], planes: NDArray[np.float64], labels: NDArray[np.int32]
 ) -> NDArray[np.float64]:
@@ -290,7 +271,7 @@ def anchor(
 
     # the pixel at the very rim is a footprint half a pixel off its surface: anchor on the one behind it
     inner = cv2.erode((~hole).astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
-    distance, source = nearest_inside(inner if inner.any() else ~hole)
+    distance, source = nearest_known(inner if inner.any() else ~hole)
     source = source[hole]
     rows, columns = np.divmod(source, hole.shape[1])
     same = (label.ravel()[source] == labels) & (labels > 0)

@@ -16,7 +16,7 @@ import numpy as np
 
 from dlama.errors import FileError
 from dlama.geometry.holes import dilated
-from dlama.geometry.rendering import inverse_depth
+from dlama.geometry.projection import inverse_depth
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.geometry.view import View
 from dlama.geometry.visibility import Law

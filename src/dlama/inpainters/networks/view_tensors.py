@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dlama.geometry.rendering import inverse_depth
+from dlama.geometry.projection import inverse_depth
 from dlama.geometry.rgbd import Float32Array, UInt8Array
 from dlama.geometry.view import View
 from dlama.inpainters.networks.contract import DEPTH_AT_QUANTILE, DEPTH_QUANTILE

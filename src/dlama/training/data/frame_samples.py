@@ -8,8 +8,8 @@ from __future__ import annotations
 import numpy as np
 
 from dlama.evaluation.metrics.pictures import channel_gain, with_gain
-from dlama.geometry.drawing import inverse_depth
 from dlama.geometry.holes import eroded
+from dlama.geometry.projection import inverse_depth
 from dlama.geometry.rendering import render
 from dlama.geometry.rgbd import RGBD, BoolArray
 from dlama.geometry.scene import Scene

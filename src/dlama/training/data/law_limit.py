@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from dlama.geometry.camera import Camera
-from dlama.geometry.drawing import px_from_px
+from dlama.geometry.projection import px_from_px
 from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.geometry.visibility import Law
 

@@ -17,8 +17,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dlama.geometry.drawing import inverse_depth
-from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
+from dlama.geometry.holes import with_nearest
+from dlama.geometry.projection import inverse_depth
+from dlama.geometry.rgbd import RGBD, BoolArray, UInt8Array
 from dlama.geometry.view import View
 from dlama.geometry.visibility import Law
 from dlama.inpainters.networks.view_tensors import DepthPlane, color_planes, robust_scale
@@ -59,7 +60,8 @@ def view_sample(question: Question, network: NetworkSettings) -> dict[str, np.nd
     if network.has_depth:
         depth = DepthPlane.of(view, robust_scale)
         true = inverse_depth(question.truth.depth)
-        plane = closed(np.minimum(true / np.float32(depth.scale), np.float32(1)), question.truth.depth > 0)
+        # no gaps in what the discriminator takes for real
+        plane = with_nearest(np.minimum(true / np.float32(depth.scale), np.float32(1)), question.truth.depth > 0)
         known, target = np.concatenate([known, depth.values[None]]), np.concatenate([target, plane[None]])
         is_known = question.truth.depth > 0 if not own else np.where(hole, question.truth.depth > 0, True)
         limit = law_limit(question.law, view.camera, true, hole) / np.float32(depth.scale)
@@ -82,20 +84,6 @@ def pair_sample(
     pictures, target = (np.concatenate([color_planes(color) for color in colors]) for colors in (shown, true))
     known = pictures * (1 - mask.repeat(6 // len(mask), 0))
     return {"input": np.concatenate([known, mask]), "target": target, "mask": mask}
-
-
-def closed(plane: Float32Array, known: BoolArray) -> Float32Array:
-    """The plane with the nearest known value where there is none: what the discriminator takes for real has no gaps."""
-    import cv2
-
-    if known.all() or not known.any():
-        return plane
-    _, labels = cv2.distanceTransformWithLabels(
-        (~known).astype(np.uint8), cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL
-    )
-    of_label = np.zeros(labels.max() + 1, np.float32)
-    of_label[labels[known]] = plane[known]
-    return np.where(known, plane, of_label[labels])
 
 
 def agrees(question: Question) -> bool:

@@ -12,7 +12,9 @@ from dlama.geometry.camera import Camera
 from dlama.geometry.projection import (
     SMALLEST_DISPARITY,
     depth_from_disparity,
+    depth_from_inverse,
     disparity_from_depth,
+    inverse_depth,
     lift,
     project,
     rays,
@@ -188,3 +190,12 @@ def test_bad_rigs_and_depths_are_refused() -> None:
         depth_from_disparity(one, fx=1, baseline_m=1, doffs=np.nan)
     with pytest.raises(DepthError, match=r"negative .*-2"):
         disparity_from_depth(-2 * one, fx=1, baseline_m=1)
+
+
+def test_inverse_depth_and_back() -> None:
+    """Closed form: 4 m is 0.25 / m and back; far and missing are 0, and 0 is far."""
+    depth = np.array([[0, 4, 0.5, np.inf]], np.float32)
+    w = inverse_depth(depth)
+    np.testing.assert_array_equal(w, [[0, 0.25, 2, 0]])
+    np.testing.assert_array_equal(depth_from_inverse(w), [[np.inf, 4, 0.5, np.inf]])
+    assert w.dtype == depth_from_inverse(w).dtype == np.float32
