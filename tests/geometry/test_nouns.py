@@ -11,6 +11,7 @@ import pytest
 from dlama.errors import DepthError, InputError, ShapeError
 from dlama.geometry.camera import Camera
 from dlama.geometry.cloud import PointCloud, concatenated
+from dlama.geometry.mesh import Mesh
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import HoleType, Origin, View
@@ -175,3 +176,23 @@ def test_a_scene_without_layers_is_refused() -> None:
     """Oracle: the error of the tree."""
     with pytest.raises(ShapeError, match="no layers"):
         Scene(())
+
+
+def test_pictures_say_what_they_are_in_one_line() -> None:
+    """Closed form: valid depths are 1, 2 and 3 m, two of six pixels lack depth; one more is taken out of the view."""
+    rgbd = RGBD(COLOR, DEPTH, CAMERA)
+    assert repr(rgbd) == "RGBD(3x2, 1 to 3 m, 33 % missing)"
+    view = View.from_rgbd(rgbd).without(np.array([[1, 0, 0], [0, 0, 0]], np.bool_), HoleType.OBJECT)
+    assert repr(view) == "View(3x2, 2 to 3 m, 50 % hole, 0 % filled)"
+    assert repr(Scene((view,))) == f"Scene(1 layer, 0 removed objects, first layer {view!r})"
+    assert repr(RGBD(COLOR, np.zeros((2, 3), np.float32), CAMERA)) == "RGBD(3x2, no depth, 100 % missing)"
+
+
+def test_points_and_triangles_say_what_they_are_in_one_line() -> None:
+    """Closed form: points (0 1 2), (3 4 5), (6 7 8) fill a box of 6 m a side."""
+    cloud = cloud_of(3)
+    assert repr(cloud) == "PointCloud(3 points, 6 x 6 x 6 m)"
+    assert repr(concatenated([])) == "PointCloud(0 points, empty)"
+    triangle = np.array([[0, 1, 2]], np.int32)
+    mesh = Mesh(cloud.points, triangle, cloud.color, cloud.origin, cloud.confidence)
+    assert repr(mesh) == "Mesh(3 vertices, 1 triangle, 6 x 6 x 6 m)"

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dlama.geometry.camera import Float64Array
-from dlama.geometry.rgbd import Float32Array, UInt8Array, checked_fields
+from dlama.geometry.rgbd import Float32Array, UInt8Array, checked_fields, counted
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,6 +36,15 @@ class PointCloud:
 
     def __len__(self) -> int:
         return len(self.points)
+
+    def __repr__(self) -> str:
+        points = counted(len(self), "point")
+        return f"PointCloud({points}, {extent_in_words(self.points)})"
+
+
+def extent_in_words(points: Float64Array) -> str:
+    """Size of the box that holds N x 3 points (metres, along x, y and z), for people: `4 x 2.5 x 10 m`, `empty`."""
+    return " x ".join(f"{size:.3g}" for size in np.ptp(points, axis=0)) + " m" if len(points) else "empty"
 
 
 def concatenated(clouds: Sequence[PointCloud]) -> PointCloud:

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from dlama.errors import ShapeError
 from dlama.geometry.camera import Float64Array
-from dlama.geometry.rgbd import Float32Array, UInt8Array, checked_fields
+from dlama.geometry.cloud import extent_in_words
+from dlama.geometry.rgbd import Float32Array, UInt8Array, checked_fields, counted
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,3 +40,7 @@ class Mesh:
         checked_fields(self, "mesh", fields)
         if faces and not 0 <= int(self.triangles.min()) <= int(self.triangles.max()) < count:
             raise ShapeError(f"mesh.triangles name vertices outside 0..{count - 1}")
+
+    def __repr__(self) -> str:
+        triangles = counted(len(self.triangles), "triangle")
+        return f"Mesh({len(self.vertices)} vertices, {triangles}, {extent_in_words(self.vertices)})"

@@ -53,6 +53,11 @@ class RGBD:
         object.__setattr__(self, "color", frozen(color))
         object.__setattr__(self, "depth", frozen(depth))
 
+    def __repr__(self) -> str:
+        width, height = self.camera.wh
+        missing = percent(self.missing)
+        return f"RGBD({width}x{height}, {depth_range_in_words(self.depth)}, {missing} missing)"
+
     @property
     def valid(self) -> BoolArray:
         """H x W, True where depth was measured: finite and > 0."""
@@ -67,6 +72,23 @@ class RGBD:
     def missing(self) -> BoolArray:
         """H x W, True where the sensor said nothing."""
         return self.depth == 0
+
+
+def percent(where: BoolArray) -> str:
+    """Share of the pixels that are True, for people: `100 %`, `2 %`, `0.4 %`, `0 %`."""
+    share = 100 * float(np.mean(where))
+    return f"{share:.0f} %" if share >= 1 else f"{share:.1g} %"
+
+
+def counted(count: int, noun: str) -> str:
+    """A number of things, for people: `1 layer`, `2 layers`; `noun` takes an s."""
+    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
+
+
+def depth_range_in_words(depth: Float32Array) -> str:
+    """Smallest and largest valid depth (H x W metres, 0 = missing, +inf = far), for people: `1.4 to 14 m`, `no depth`."""
+    valid = depth[(depth > 0) & (depth < np.inf)]
+    return f"{valid.min():.3g} to {valid.max():.3g} m" if valid.size else "no depth"
 
 
 def frozen(array: np.ndarray) -> np.ndarray:

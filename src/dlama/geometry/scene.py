@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from dlama.errors import ShapeError
+from dlama.geometry.rgbd import counted
 from dlama.geometry.view import View
 
 
@@ -24,3 +25,7 @@ class Scene:
     def __post_init__(self) -> None:
         if not self.layers:
             raise ShapeError("a scene has no layers; at least one is wanted")
+
+    def __repr__(self) -> str:
+        layers, objects = counted(len(self.layers), "layer"), counted(len(self.objects), "removed object")
+        return f"Scene({layers}, {objects}, first layer {self.layers[0]!r})"

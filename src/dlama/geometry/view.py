@@ -12,7 +12,15 @@ from enum import IntEnum
 import numpy as np
 
 from dlama.geometry.camera import Camera
-from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array, checked_fields
+from dlama.geometry.rgbd import (
+    RGBD,
+    BoolArray,
+    Float32Array,
+    UInt8Array,
+    checked_fields,
+    depth_range_in_words,
+    percent,
+)
 
 
 class Origin(IntEnum):
@@ -92,6 +100,11 @@ class View:
             origin=np.where(missing, Origin.DEPTH_FILLED, Origin.MEASURED).astype(np.uint8),
             confidence=(~missing).astype(np.float32),
         )
+
+    def __repr__(self) -> str:
+        width, height = self.camera.wh
+        hole = f"{percent(self.hole)} hole, {percent(self.filled)} filled"
+        return f"View({width}x{height}, {depth_range_in_words(self.depth)}, {hole})"
 
     @property
     def valid(self) -> BoolArray:
