@@ -24,7 +24,7 @@ MODES: tuple[Mode, ...] = ("surface", "points")
 
 NEAR = 1e-3
 """Metres in front of the camera at which rendering begins."""
-MOST_PARTS = 4
+MAX_PARTS = 4
 """Threads that draw points at once, each into a z-buffer of its own."""
 
 
@@ -43,19 +43,17 @@ def flying(view: View) -> BoolArray:
 
 def without_flying(layer: View) -> tuple[Float32Array, BoolArray, Float32Array]:
     """Depth without holes and flying pixels (0), which pixels fly, and inverse depth as `edges` wants it (with a margin)."""
-
     (height, width), margin = layer.camera.hw, 2 * edges.PAD
     w = np.zeros((height + margin, width + margin), np.float32)
-    depth, flies = np.empty_like(layer.depth), np.empty_like(layer.hole)
+    depth, fly = np.empty_like(layer.depth), np.empty_like(layer.hole)
     in_bands(edges.invert, height, layer.depth, layer.hole, w)
-    in_bands(edges.reject_flying, height, w, layer.depth, layer.hole, edge_ratio(layer.camera), depth, flies)
-    w[edges.PAD : -edges.PAD, edges.PAD : -edges.PAD][flies] = 0
-    return depth, flies, w
+    in_bands(edges.reject_flying, height, w, layer.depth, layer.hole, edge_ratio(layer.camera), depth, fly)
+    w[edges.PAD : -edges.PAD, edges.PAD : -edges.PAD][fly] = 0
+    return depth, fly, w
 
 
-def joints(w: Float32Array, camera: Camera) -> UInt8Array:
+def joined_neighbours(w: Float32Array, camera: Camera) -> UInt8Array:
     """H x W bits RIGHT (1), DOWN (2): is a pixel joined to its right, its lower neighbour? w: as of `without_flying`."""
-
     joined = np.empty(camera.hw, np.uint8)
     in_bands(edges.join, len(joined), w, edge_ratio(camera), joined)
     return joined
@@ -97,13 +95,13 @@ class Grid:
     """A layer made ready for drawing into one camera."""
 
     layer: View
-    still: bool
+    own_camera: bool
     """The camera is the layer's own: pixels are copied, nothing is rejected."""
     depth: Float32Array
     """Depth without holes and flying pixels (0)."""
     flying: BoolArray
     joined: UInt8Array | None
-    """Which neighbours are one surface, `joints`; None: draw points."""
+    """Which neighbours are one surface, `joined_neighbours`; None: draw points."""
     matrix: Float64Array
     offset: Float64Array
     """Layer pixels to target pixels, `px_from_px`."""
@@ -112,15 +110,14 @@ class Grid:
 
     @classmethod
     def of(cls, layer: View, camera: Camera, mode: Mode, fine: bool) -> Grid:
-        depth, flies, w = without_flying(layer)
-        joined = joints(w, layer.camera) if mode == "surface" else None
-        still = layer.camera.same_view_as(camera)
-        return cls(layer, still, depth, flies, joined, *px_from_px(camera, layer.camera), fine)
+        depth, fly, w = without_flying(layer)
+        joined = joined_neighbours(w, layer.camera) if mode == "surface" else None
+        own_camera = layer.camera.same_view_as(camera)
+        return cls(layer, own_camera, depth, fly, joined, *px_from_px(camera, layer.camera), fine)
 
     @cached_property
     def knots(self) -> Float32Array:
         """Of the colours' splines (`sampling.spline`); none where not fine."""
-
         return spline(self.layer.color) if self.fine else np.empty(0, np.float32)
 
     @property
@@ -132,12 +129,12 @@ class Grid:
 def mesh_grid(layer: View) -> tuple[Float32Array, UInt8Array]:
     """Depth without flying pixels, and which neighbours are joined into one surface."""
     depth, _, w = without_flying(layer)
-    return depth, joints(w, layer.camera)
+    return depth, joined_neighbours(w, layer.camera)
 
 
 def draw(grid: Grid, camera: Camera, canvas: Canvas) -> Canvas:
     """One layer's finite surfaces, drawn onto an empty canvas."""
-    if grid.still:
+    if grid.own_camera:
         copy_onto(canvas, grid.layer)
     elif grid.joined is None:
         draw_as_points(grid, canvas)
@@ -149,7 +146,7 @@ def draw(grid: Grid, camera: Camera, canvas: Canvas) -> Canvas:
 def draw_as_points(grid: Grid, canvas: Canvas) -> None:
     """Each pixel of the layer onto the target pixel it falls on."""
     layer, hw = grid.layer, canvas.depth.shape
-    parts = min(threads(), MOST_PARTS)
+    parts = min(threads(), MAX_PARTS)
     wbuf, index = np.empty((parts, *hw), np.float32), np.empty((parts, *hw), np.uint32)
     room = np.empty((3, parts, layer.camera.width), np.float32)
     in_bands(raster.draw_points, parts, grid.depth, grid.matrix, grid.offset, NEAR, *room, wbuf, index, band=1)
@@ -208,7 +205,6 @@ def draw_far(grid: Grid, camera: Camera, canvas: Canvas) -> None:
 
 def transformed(depth: Float32Array, matrix: Float64Array, offset: Float64Array) -> tuple[Float32Array, ...]:
     """Target x, y (pixels) and inverse z (1/m, 0 = not in front) of every source pixel, float32 H x W each."""
-
     x, y, w = (np.empty_like(depth) for _ in range(3))
     in_bands(raster.transform, len(depth), depth, matrix, offset, NEAR, x, y, w)
     return x, y, w
@@ -216,7 +212,6 @@ def transformed(depth: Float32Array, matrix: Float64Array, offset: Float64Array)
 
 def spans(y: Float32Array, w: Float32Array) -> Float32Array:
     """H x N x 2: smallest and largest target row of each row of quads, N chunks of columns (see `raster.quad_spans`)."""
-
     out = np.empty((*y.shape[:1], -(-y.shape[1] // raster.CHUNK), 2), np.float32)
     in_bands(raster.quad_spans, len(y), y, w, out)
     return out

@@ -63,7 +63,6 @@ def scene_mesh(scene: Scene, objects: bool = True) -> Mesh:
 
 def layer_mesh(layer: View) -> Mesh:
     """One layer's joined quads; vertices are its valid, non-flying pixels."""
-
     depth, joined = mesh_grid(layer)
     chosen = (depth > 0) & (depth < np.inf)
     number = np.cumsum(chosen).reshape(chosen.shape) - 1

@@ -62,7 +62,7 @@ def render(
             canvas.put(draw(grid, camera, Canvas.empty(camera)), tolerance=0.005, over_measured=measured)
         else:
             draw(grid, camera, canvas)
-            if grid.still:
+            if grid.own_camera:
                 draw_far(grid, camera, canvas)
     for grid in grids:
         draw_far(grid, camera, canvas)
@@ -87,14 +87,13 @@ def as_scene(source: RGBD | View | Scene) -> Scene:
 
 def hole_types(grids: list[Grid], objects: tuple[View, ...], camera: Camera, hole: BoolArray) -> UInt8Array:
     """H x W HoleType codes of the empty pixels of a scene (its grids, its removed objects) seen from `camera`."""
-
     count = cv2.integral(hole.view(np.uint8))
     ranks = np.zeros(hole.shape, np.uint8)
     for grid in grids:
         layer = grid.layer
         if not hole.any():
             break
-        if grid.still:
+        if grid.own_camera:
             np.maximum(ranks, RANK_OF_TYPE[layer.hole_type], out=ranks, where=hole)
         elif (layer.origin == Origin.MEASURED).any():
             depth, grid_rank = closed_grid(layer, objects)
@@ -111,7 +110,6 @@ def closed_grid(layer: View, objects: tuple[View, ...]) -> tuple[Float32Array, U
 
     Removed objects get their own depth back, sensor holes the depth of the nearest pixel, far pixels a large one.
     """
-
     depth = np.where(layer.hole, np.float32(0), layer.depth)
     rank = np.zeros(depth.shape, np.uint8)
     rank[layer.hole & (layer.hole_type == HoleType.SENSOR)] = sheet.SENSOR_RANK

@@ -50,8 +50,8 @@ class RGBD:
         depth[np.isnan(depth)] = 0
         if (depth < 0).any():
             raise DepthError(f"depth holds negative values (smallest {depth.min():.6g}); metres >= 0 are wanted")
-        object.__setattr__(self, "color", frozen(color))
-        object.__setattr__(self, "depth", frozen(depth))
+        object.__setattr__(self, "color", read_only(color))
+        object.__setattr__(self, "depth", read_only(depth))
 
     def __repr__(self) -> str:
         width, height = self.camera.wh
@@ -91,7 +91,7 @@ def depth_range_in_words(depth: Float32Array) -> str:
     return f"{valid.min():.3g} to {valid.max():.3g} m" if valid.size else "no depth"
 
 
-def frozen(array: np.ndarray) -> np.ndarray:
+def read_only(array: np.ndarray) -> np.ndarray:
     """A C-contiguous, read-only view of an array (a copy only where it is not contiguous)."""
     view = np.ascontiguousarray(array).view()
     view.flags.writeable = False
@@ -108,4 +108,4 @@ def checked_fields(
             raise ShapeError(
                 f"{called}.{name} is {array.dtype} {array.shape}; {np.dtype(dtype)} {shape} is wanted{wanted}"
             )
-        object.__setattr__(noun, name, frozen(array))
+        object.__setattr__(noun, name, read_only(array))

@@ -18,7 +18,8 @@ from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import Origin, View
 
-MOST_ROUNDS = 8
+MAX_ROUNDS = 8
+"""Passes over all source cameras after which what still breaks the law is put at infinity."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,13 +49,12 @@ class Law:
         return cls(tuple(measured), far.mean(0).astype(np.uint8) if len(far) else None)
 
     @property
-    def knows_far(self) -> bool:
-        """True if a source camera saw far pixels (sky)."""
+    def has_far(self) -> bool:
+        """True if a source camera measured far pixels (sky)."""
         return self.far_color is not None
 
     def violations(self, camera: Camera, depth: Float32Array, where: BoolArray) -> BoolArray:
-        """H x W, True at pixels of `where` whose depth (seen from `camera`) breaks the law."""
-
+        """H x W bool, True at pixels of `where` (H x W bool) whose `depth` (H x W metres, seen from `camera`) breaks the law."""
         broken = np.zeros(depth.shape, np.bool_)
         # one signature, one compilation: numba tells read-only arrays from others
         depth, where = np.require(depth, requirements="W"), np.require(where, requirements="W")
@@ -63,14 +63,14 @@ class Law:
         return broken
 
     def project(self, camera: Camera, depth: Float32Array, where: BoolArray) -> tuple[Float32Array, BoolArray]:
-        """Depth with the pixels of `where` moved outwards on their rays to the nearest lawful place, and which moved.
+        """Depth (H x W metres, seen from `camera`) with the pixels of `where` (H x W bool) moved outwards on their rays to the
+        nearest lawful place, and which moved (H x W bool).
 
         A ray that never becomes lawful at a finite depth ends in the far layer (+inf), which is always lawful.
         """
-
         out = np.array(depth, np.float32)
         moved = np.zeros(depth.shape, np.bool_)
-        for number in range(MOST_ROUNDS):
+        for number in range(MAX_ROUNDS):
             broken = self.violations(camera, out, where)
             if not broken.any():
                 return out, moved
@@ -81,6 +81,21 @@ class Law:
                 in_bands(kernels.push_back, len(out), out, broken, *px_from_px(source, camera), measured)
         out[self.violations(camera, out, where)] = np.inf
         return out, moved
+
+
+def lawful_depth(view: View, depth: Float32Array, where: BoolArray, law: Law) -> tuple[Float32Array, int]:
+    """What is proposed as depth of a view's pixels, projected onto the law: before anything proposed is composited.
+
+    Args:
+        view: whose camera sees the depth.
+        depth: H x W, metres.
+        where: H x W, True = proposed; all other pixels stay as they are.
+        law: what the source cameras measured.
+    Returns:
+        H x W metres, and how many pixels had to be moved.
+    """
+    lawful, moved = law.project(view.camera, depth, where)
+    return lawful, int(moved.sum())
 
 
 def violations(view: View, law: Law) -> BoolArray:

@@ -16,7 +16,7 @@ import numpy as np
 
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.geometry.view import Origin, View
-from dlama.geometry.visibility import Law
+from dlama.geometry.visibility import Law, lawful_depth
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,7 +80,7 @@ def inpaint(view: View, inpainter: Inpainter, law: Law, seed: int = 0) -> tuple[
     if not (view.valid | view.far).any():
         return view, FillReport(0, 0, 0, {"nothing_visible": True})
     fill = inpainter(view, law, seed)
-    depth, moved = law.project(view.camera, fill.depth, hole)
+    depth, moved = lawful_depth(view, fill.depth, hole, law)
     filled_origin = np.where(view.color_hole, np.uint8(Origin.FILLED), np.uint8(Origin.DEPTH_FILLED))
     filled = dataclasses.replace(
         view,
@@ -91,7 +91,7 @@ def inpaint(view: View, inpainter: Inpainter, law: Law, seed: int = 0) -> tuple[
         confidence=np.where(hole, fill_confidence(hole, view.color_hole), view.confidence),
     )
     left = int(law.violations(view.camera, filled.depth, hole).sum())
-    return filled, FillReport(int(hole.sum()), fill.law_moves + int(moved.sum()), left, fill.notes)
+    return filled, FillReport(int(hole.sum()), fill.law_moves + moved, left, fill.notes)
 
 
 def fill_confidence(hole: BoolArray, color_hole: BoolArray) -> Float32Array:

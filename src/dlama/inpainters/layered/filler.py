@@ -7,7 +7,7 @@ import numpy as np
 from dlama.geometry.projection import depth_from_inverse, inverse_depth
 from dlama.geometry.rgbd import Float32Array
 from dlama.geometry.view import View
-from dlama.geometry.visibility import Law
+from dlama.geometry.visibility import Law, lawful_depth
 from dlama.inpainters.filling import Fill
 from dlama.inpainters.layered.hedging import hedged
 from dlama.inpainters.layered.planes import SKY, SMOOTH
@@ -34,5 +34,5 @@ def layered(view: View, law: Law, seed: int = 0) -> Fill:
 def surfaces_behind(view: View, law: Law, seed: int) -> tuple[Surfaces, Float32Array, int]:
     """The surfaces continued into the holes, their depth put behind what was measured, and how many pixels that moved."""
     surfaces = extend(view, law, seed)
-    depth, moved = law.project(view.camera, depth_from_inverse(surfaces.inverse_depth), view.hole)
-    return surfaces, depth, int(moved.sum())
+    depth, moved = lawful_depth(view, depth_from_inverse(surfaces.inverse_depth), view.hole, law)
+    return surfaces, depth, moved

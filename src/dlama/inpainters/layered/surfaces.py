@@ -131,7 +131,7 @@ class Coarse:
         out = np.ones(self.values.shape, np.bool_)
         known = ~self.hole
         for number, value in enumerate(self.values):
-            seen = number == 0 or (self.label[known] == number - 1).any() or (number == 1 and law.knows_far)
+            seen = number == 0 or (self.label[known] == number - 1).any() or (number == 1 and law.has_far)
             possible = value > LEAST_INVERSE_DEPTH if number > 1 else value >= 0
             if number == 0:
                 possible = value > 0
@@ -180,7 +180,7 @@ class Coarse:
             there = ~self.hole & (self.label == number - 1)
             if there.any():
                 out[number] = cv2.distanceTransform((~there).astype(np.uint8), cv2.DIST_L2, 5)
-        if law.knows_far:
+        if law.has_far:
             angle = angle_to_far(shrunk(self.camera, 4), law)  # smooth: a quarter of the cells is enough
             out[1] = np.minimum(out[1], self.camera.fx * enlarged(angle, self.camera.wh))
         return out
