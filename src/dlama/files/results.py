@@ -16,6 +16,7 @@ from dlama.completion.pipeline import Completion
 from dlama.completion.stereo import StereoCompletion
 from dlama.files.atomic_write import PathLike, new_directory
 from dlama.geometry.view import HoleType, Origin, View
+from dlama.models.verify import sha256_of
 
 LOG = logging.getLogger("dlama")
 
@@ -169,12 +170,7 @@ def versions() -> dict[str, str]:
 
 def hashed(inputs: Mapping[str, PathLike]) -> dict[str, dict[str, str]]:
     """Role -> path and SHA-256 of each input file."""
-    import hashlib
-
-    return {
-        role: {"path": str(path), "sha256": hashlib.sha256(Path(path).read_bytes()).hexdigest()}
-        for role, path in inputs.items()
-    }
+    return {role: {"path": str(path), "sha256": sha256_of(Path(path))} for role, path in inputs.items()}
 
 
 def as_json(meta: Mapping[str, Any]) -> str:

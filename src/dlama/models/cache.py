@@ -1,4 +1,4 @@
-"""A model's name in -> its file on this disk out; and the hashes that were pinned when a file was first used.
+"""A model's name in; its file on this disk out, and the hashes that were pinned when a file was first used.
 
 Files lie flat in one directory: the user's cache directory, or the one that the environment variable DLAMA_MODELS names.
 """
@@ -20,8 +20,8 @@ PINS = "pins.json"
 
 def directory() -> Path:
     """Where model files lie; need not exist yet."""
-    told = os.environ.get(VARIABLE)
-    return Path(told).expanduser() if told else Path(platformdirs.user_cache_dir("dlama", appauthor=False)) / "models"
+    named = os.environ.get(VARIABLE)
+    return Path(named).expanduser() if named else Path(platformdirs.user_cache_dir("dlama", appauthor=False)) / "models"
 
 
 def place(wanted: Record) -> Path:

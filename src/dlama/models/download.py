@@ -1,4 +1,4 @@
-"""One address and a .part file in -> the .part file, as long as the server said, out; goes on where it had broken off.
+"""An address and a .part file in; the .part file, as long as the server said, out. It goes on where it had broken off.
 
 Going on is asked for only from the address that the .part file came from, and only if the file there is still the same
 (If-Range); a server that knows nothing of ranges sends everything again.
@@ -52,8 +52,8 @@ class _Reply:
     """First byte of the file that it sends."""
     total: int | None
     """Bytes of the whole file."""
-    stamp: str
-    """ETag or date that names this version of the file; empty where there is none."""
+    validator: str
+    """HTTP validator (ETag, else date) of this version of the file; empty where there is none."""
 
 
 def download(url: str, part: Path, size: int | None, progress: Progress | None, timeout: float) -> bool:
@@ -61,7 +61,7 @@ def download(url: str, part: Path, size: int | None, progress: Progress | None, 
 
     Args:
         url: http or https.
-        part: what has arrived; what it came from is noted beside it.
+        part: what has arrived; what it came from is written beside it.
         size: bytes wanted, None: unknown.
         progress: called with the bytes that have arrived and the bytes in all.
         timeout: seconds a server may be silent.
@@ -71,69 +71,69 @@ def download(url: str, part: Path, size: int | None, progress: Progress | None, 
     """
     resumed, before = False, -1
     for _ in range(TRIES):
-        have = _arrived(url, part)
-        if have <= before:  # a whole try brought nothing
+        start_at = _resumable_bytes(url, part)
+        if start_at <= before:  # a whole try brought nothing
             break
-        resumed = resumed or have > 0
+        resumed = resumed or start_at > 0
         try:
-            _fetch(url, part, have, size, progress, timeout)
+            _fetch(url, part, start_at, size, progress, timeout)
         except _BrokeOff as error:
             broken = error
-            before = have if part.is_file() else -1
+            before = start_at if part.is_file() else -1
         except Offline:  # what has arrived is kept for the next pull
             raise
         except Unusable:
             part.unlink(missing_ok=True)
-            _note(part).unlink(missing_ok=True)
+            _state_file(part).unlink(missing_ok=True)
             raise
         else:
-            _note(part).unlink(missing_ok=True)
+            _state_file(part).unlink(missing_ok=True)
             return resumed
     raise broken
 
 
-def _fetch(url: str, part: Path, have: int, size: int | None, progress: Progress | None, timeout: float) -> None:
-    """One request, from byte `have` on."""
+def _fetch(url: str, part: Path, start_at: int, size: int | None, progress: Progress | None, timeout: float) -> None:
+    """One request, from byte `start_at` on."""
     request = urllib.request.Request(url, headers={"User-Agent": "dlama", "Accept-Encoding": "identity"})
-    stamp = _noted(part).get("stamp", "")
-    if have and stamp:
-        request.add_header("Range", f"bytes={have}-")
-        request.add_header("If-Range", stamp)
-    with _words_for_failures(part), urllib.request.urlopen(request, timeout=timeout) as answer:
-        reply = _reply(url, answer, have, size)
-        with _disk(part):
-            _note(part).write_text(json.dumps({"url": url, "stamp": reply.stamp}), "utf-8")
+    validator = _read_state(part).get("validator", "")
+    if start_at and validator:
+        request.add_header("Range", f"bytes={start_at}-")
+        request.add_header("If-Range", validator)
+    with _named_failures(part), urllib.request.urlopen(request, timeout=timeout) as response:
+        reply = _reply(url, response, start_at, size)
+        with _disk_errors(part):
+            _state_file(part).write_text(json.dumps({"url": url, "validator": reply.validator}), "utf-8")
             sink = part.open("r+b" if reply.start else "wb")
         with sink:
             sink.seek(reply.start)
             sink.truncate()
-            done = _copy(answer, sink, reply, size, progress)
+            done = _copy(response, sink, reply, size, progress)
     if reply.total is not None and done < reply.total:
         raise _BrokeOff(f"broke off after {done} of {reply.total} bytes; pulling again goes on from there")
     if size is not None and done != size:
         raise Unusable(f"cut short: {done} bytes came, wanted {size}")
 
 
-def _copy(answer: Any, sink: IO[bytes], reply: _Reply, size: int | None, progress: Progress | None) -> int:
+def _copy(response: Any, sink: IO[bytes], reply: _Reply, size: int | None, progress: Progress | None) -> int:
     """Bytes of the file that lie on the disk afterwards."""
     done = reply.start
-    for piece in _pieces(answer, reply):
+    for piece in _pieces(response, reply):
         done += len(piece)
         if done > (LONGEST if size is None else size):
             raise Unusable(f"too long: more than {LONGEST if size is None else size} bytes came")
-        with _disk(Path(sink.name)):
+        with _disk_errors(Path(sink.name)):
             sink.write(piece)
         if progress:
             progress(done, reply.total or size)
     return done
 
 
-def _pieces(answer: Any, reply: _Reply) -> Iterator[bytes]:
+def _pieces(response: Any, reply: _Reply) -> Iterator[bytes]:
     """The body as it comes; ends early where the connection does."""
     first = reply.start == 0
     while True:
         try:
-            piece = answer.read(PIECE)
+            piece = response.read(PIECE)
         except (http.client.IncompleteRead, ConnectionError, TimeoutError):
             if reply.total is None:
                 raise _BrokeOff("broke off; the server had not said how long the file is") from None
@@ -146,30 +146,30 @@ def _pieces(answer: Any, reply: _Reply) -> Iterator[bytes]:
         yield piece
 
 
-def _reply(url: str, answer: Any, have: int, size: int | None) -> _Reply:
+def _reply(url: str, response: Any, start_at: int, size: int | None) -> _Reply:
     """What the headers announce; raises where it is plainly not the file."""
-    headers = answer.headers
-    if url.startswith("https:") and not answer.geturl().startswith("https:"):
-        raise Unusable(f"redirects from https to {answer.geturl()}, which is not followed")
+    headers = response.headers
+    if url.startswith("https:") and not response.geturl().startswith("https:"):
+        raise Unusable(f"redirects from https to {response.geturl()}, which is not followed")
     if headers.get_content_type() == "text/html" and "Content-Type" in headers:
         raise Moved("a web page came instead of the file (moved, or a login is asked for)")
-    stamp = headers.get("ETag", "")
-    stamp = headers.get("Last-Modified", "") if not stamp or stamp.startswith("W/") else stamp
+    validator = headers.get("ETag", "")
+    validator = headers.get("Last-Modified", "") if not validator or validator.startswith("W/") else validator
     length = headers.get("Content-Length", "")
     total = int(length) if length.isdecimal() else None
     start = 0
-    if answer.status == PARTIAL:
-        told = re.fullmatch(r"bytes (\d+)-\d+/(\d+|\*)", headers.get("Content-Range", "").strip())
-        if told is None or int(told[1]) != have:
-            raise Unusable(f"asked for the bytes from {have} on, it sends {headers.get('Content-Range', 'others')}")
-        start, total = have, None if told[2] == "*" else int(told[2])
+    if response.status == PARTIAL:
+        match = re.fullmatch(r"bytes (\d+)-\d+/(\d+|\*)", headers.get("Content-Range", "").strip())
+        if match is None or int(match[1]) != start_at:
+            raise Unusable(f"asked for the bytes from {start_at} on, it sends {headers.get('Content-Range', 'others')}")
+        start, total = start_at, None if match[2] == "*" else int(match[2])
     if size is not None and total is not None and total != size:
         raise Unusable(f"{'cut short' if total < size else 'too long'}: {total} bytes are announced, wanted {size}")
-    return _Reply(start, total, stamp)
+    return _Reply(start, total, validator)
 
 
 @contextmanager
-def _words_for_failures(part: Path) -> Iterator[None]:
+def _named_failures(part: Path) -> Iterator[None]:
     try:
         yield
     except urllib.error.HTTPError as error:
@@ -189,27 +189,27 @@ def _words_for_failures(part: Path) -> Iterator[None]:
 
 
 @contextmanager
-def _disk(part: Path) -> Iterator[None]:
+def _disk_errors(part: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:
         raise OutputError(f"{part}: cannot be written ({error}); DLAMA_MODELS names another directory") from error
 
 
-def _note(part: Path) -> Path:
+def _state_file(part: Path) -> Path:
     return part.with_name(part.name + ".json")
 
 
-def _noted(part: Path) -> dict[str, str]:
+def _read_state(part: Path) -> dict[str, str]:
     try:
-        noted = json.loads(_note(part).read_text("utf-8"))
+        state = json.loads(_state_file(part).read_text("utf-8"))
     except (OSError, ValueError):
         return {}
-    return {str(key): str(value) for key, value in noted.items()} if isinstance(noted, dict) else {}
+    return {str(key): str(value) for key, value in state.items()} if isinstance(state, dict) else {}
 
 
-def _arrived(url: str, part: Path) -> int:
+def _resumable_bytes(url: str, part: Path) -> int:
     """Bytes that came from that address before and can be gone on from."""
-    noted = _noted(part)
-    usable = part.is_file() and noted.get("url") == url and noted.get("stamp")
+    state = _read_state(part)
+    usable = part.is_file() and state.get("url") == url and state.get("validator")
     return part.stat().st_size if usable else 0

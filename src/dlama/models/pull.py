@@ -1,4 +1,4 @@
-"""A record in -> its file, downloaded, checked and moved into place, out.
+"""A record in; its file, downloaded, checked and moved into place, out.
 
 What has arrived lies in a .part file beside the target, so that a pull that broke off goes on from there. The file
 itself appears under its name only when it is whole and its hash is right.
@@ -15,7 +15,7 @@ from dlama.errors import FileError, OutputError
 from dlama.models.cache import PINS, by_hand, expected_sha256, expected_size, pin, place
 from dlama.models.download import Moved, Offline, Progress, Unusable, download
 from dlama.models.records import Record
-from dlama.models.verify import complaint_about, size_and_sha256, verify
+from dlama.models.verify import mismatch, size_and_sha256, verify
 
 LONGEST = 4 << 30
 
@@ -41,35 +41,35 @@ def pull(wanted: Record, progress: Progress | None = None, timeout: float = 30.0
     failures: list[tuple[str, Unusable]] = []
     for url in wanted.urls:
         try:
-            return _from(url, wanted, target, progress, timeout)
+            return _from_mirror(url, wanted, target, progress, timeout)
         except Unusable as error:
             failures.append((url, error))
-    raise FileError(_told(wanted, failures))
+    raise FileError(_failure_message(wanted, failures))
 
 
-def _from(url: str, wanted: Record, target: Path, progress: Progress | None, timeout: float) -> Path:
+def _from_mirror(url: str, wanted: Record, target: Path, progress: Progress | None, timeout: float) -> Path:
     """From one mirror; a wrong hash after a resumed download is given one more try from the start."""
     part = target.with_name(target.name + (".zip.part" if wanted.member else ".part"))
     while True:
         resumed = download(url, part, wanted.bytes, progress, timeout)
         size, digest = size_and_sha256(part)
-        complaint = complaint_about(size, digest, wanted.bytes, wanted.sha256)
+        complaint = mismatch(size, digest, wanted.bytes, wanted.sha256)
         if not complaint:
             break
         part.unlink()
         if not resumed:
             raise Unusable(complaint)
     try:
-        return _settle(_unpacked(part, wanted, target) if wanted.member else part, wanted, target)
+        return _install(_unpacked(part, wanted, target) if wanted.member else part, wanted, target)
     finally:
         part.unlink(missing_ok=True)
 
 
-def _settle(part: Path, wanted: Record, target: Path) -> Path:
+def _install(part: Path, wanted: Record, target: Path) -> Path:
     """Compare with what was pinned, move into place, pin what was not."""
     size, digest = size_and_sha256(part)
     known = expected_sha256(wanted)
-    complaint = complaint_about(size, digest, expected_size(wanted), known)
+    complaint = mismatch(size, digest, expected_size(wanted), known)
     if complaint:
         part.unlink()
         raise Unusable(f"{complaint} (pinned when it was first used; remove its entry in {PINS} to take the new one)")
@@ -101,7 +101,7 @@ def _unpacked(archive: Path, wanted: Record, target: Path) -> Path:
     return part
 
 
-def _told(wanted: Record, failures: list[tuple[str, Unusable]]) -> str:
+def _failure_message(wanted: Record, failures: list[tuple[str, Unusable]]) -> str:
     if not failures:
         return f"{wanted.name}: nobody serves this file. {by_hand(wanted)}"
     if all(isinstance(error, Offline) for _, error in failures):

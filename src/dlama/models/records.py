@@ -1,4 +1,4 @@
-"""A model's name in -> what is known of it out: addresses, sha256, licence, and which contract its file follows.
+"""A model's name in; what is known of it out: addresses, sha256, licence, and which contract its file follows.
 
 Where a record says `seen=False` its file was never in our hands: addresses and hash are as others publish them.
 """

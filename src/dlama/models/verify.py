@@ -1,4 +1,4 @@
-"""A record in -> whether the file on this disk is the one it means, with the reason, out."""
+"""A record in; whether the file on this disk is the one it means, with the reason, out."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def verify(wanted: Record) -> Verdict:
     if not path.is_file():
         return Verdict(path, "missing", f"not there; `dlama models pull {wanted.name}`. {by_hand(wanted)}")
     size, digest = size_and_sha256(path)
-    complaint = complaint_about(size, digest, expected_size(wanted), expected_sha256(wanted))
+    complaint = mismatch(size, digest, expected_size(wanted), expected_sha256(wanted))
     if complaint:
         return Verdict(
             path, "wrong", f"{complaint}; remove it and `dlama models pull {wanted.name}`. {by_hand(wanted)}"
@@ -48,13 +48,18 @@ def verify(wanted: Record) -> Verdict:
     return Verdict(path, "pinned", f"sha256 {digest}, published nowhere: pinned now, compared from now on")
 
 
-def complaint_about(size: int, digest: str, wanted_size: int | None, wanted_digest: str | None) -> str | None:
+def mismatch(size: int, digest: str, wanted_size: int | None, wanted_digest: str | None) -> str | None:
     """What is wrong with a file of that size (bytes) and sha256; None where nothing is."""
     if wanted_size is not None and size != wanted_size:
         return f"{'cut short' if size < wanted_size else 'too long'}: {size} bytes, wanted {wanted_size}"
     if wanted_digest is not None and digest != wanted_digest:
         return f"corrupted or replaced: sha256 is {digest}, wanted {wanted_digest}"
     return None
+
+
+def sha256_of(path: Path) -> str:
+    """64 hexadecimal digits of a file's content, read in pieces; FileError where it cannot be read."""
+    return size_and_sha256(path)[1]
 
 
 def size_and_sha256(path: Path) -> tuple[int, str]:

@@ -1,7 +1,7 @@
 """Stereo: a rectified colour pair in, a disparity map for each view out; how well two views agree; a mask carried over.
 
 Disparity is left x minus right x of the same surface point, in pixels; 0 = unknown. A right camera whose principal
-point is shifted (Middlebury's doffs) makes no difference here: doffs belongs to `lifting.depth_from_disparity`.
+point is shifted (Middlebury's doffs) makes no difference here: doffs belongs to `dlama.geometry.projection.depth_from_disparity`.
 """
 
 from __future__ import annotations
@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 
 from dlama.errors import InputError, MaskError, ShapeError
@@ -42,7 +43,7 @@ def disparity_pair(
     """
     _check_pair(left, right)
     if max_disparity is None:
-        max_disparity = _probed_maximum(left, right, min_disparity)
+        max_disparity = _estimated_maximum(left, right, min_disparity)
     if not (math.isfinite(min_disparity) and math.isfinite(max_disparity) and min_disparity < max_disparity):
         raise InputError(
             f"disparity range is {min_disparity}..{max_disparity} px; min_disparity < max_disparity is wanted"
@@ -55,7 +56,8 @@ def disparity_pair(
         max_disparity * scale,
         TOLERANCE_PX * scale,
     )
-    return _told(_narrowed(at_left, scale)), _told(_narrowed(at_right, scale))
+    at_left, at_right = _at_original_width(at_left, scale), _at_original_width(at_right, scale)
+    return _zero_where_unknown(at_left), _zero_where_unknown(at_right)
 
 
 def _check_pair(left: UInt8Array, right: UInt8Array) -> None:
@@ -69,7 +71,7 @@ def _check_pair(left: UInt8Array, right: UInt8Array) -> None:
         )
 
 
-def _probed_maximum(left: UInt8Array, right: UInt8Array, min_disparity: float) -> float:
+def _estimated_maximum(left: UInt8Array, right: UInt8Array, min_disparity: float) -> float:
     """The largest disparity that a small copy of the pair shows (up to half the width), with a margin; full pixels."""
     scale = min(1.0, PROBE_WIDTH_PX / left.shape[1])
     small_left, small_right = _resized(left, scale, scale), _resized(right, scale, scale)
@@ -82,7 +84,6 @@ def _probed_maximum(left: UInt8Array, right: UInt8Array, min_disparity: float) -
 
 
 def _resized(picture: UInt8Array, across: float, down: float = 1.0) -> UInt8Array:
-    import cv2
 
     if across == down == 1:
         return picture
@@ -94,18 +95,17 @@ def _resized(picture: UInt8Array, across: float, down: float = 1.0) -> UInt8Arra
 def _matched_both_ways(
     left: UInt8Array, right: UInt8Array, lowest: float, highest: float, tolerance: float
 ) -> tuple[Float32Array, Float32Array]:
-    """Both views matched, checked against each other, freed of speckles; NaN = unknown."""
+    """Both views matched, checked against each other, speckles removed; NaN = unknown."""
     # Mirrored left and right, the right view is a left one: the same matcher serves both.
     at_left = _matched(left, right, lowest, highest)
     at_right = _matched(right[:, ::-1], left[:, ::-1], lowest, highest)[:, ::-1]
-    checked_left = np.where(_agrees(at_left, at_right, 1, tolerance), at_left, np.nan)
-    checked_right = np.where(_agrees(at_right, at_left, -1, tolerance), at_right, np.nan)
+    checked_left = np.where(_consistent(at_left, at_right, 1, tolerance), at_left, np.nan)
+    checked_right = np.where(_consistent(at_right, at_left, -1, tolerance), at_right, np.nan)
     return _without_speckles(checked_left), _without_speckles(checked_right)
 
 
 def _matched(base: UInt8Array, other: UInt8Array, lowest: float, highest: float) -> Float32Array:
     """Semi-global matching of `base` against `other`: H x W float32 px, NaN where nothing in the range matches."""
-    import cv2
 
     first = math.floor(lowest) - MARGIN_PX
     count = 16 * math.ceil((math.ceil(highest) + MARGIN_PX - first) / 16)
@@ -130,15 +130,15 @@ def _matched(base: UInt8Array, other: UInt8Array, lowest: float, highest: float)
     return np.where(unknown, np.float32(np.nan), np.clip(disparity, lowest, highest)).astype(np.float32)
 
 
-def _agrees(disparity: Float32Array, other: Float32Array, sign: int, tolerance: float) -> BoolArray:
+def _consistent(disparity: Float32Array, other: Float32Array, sign: int, tolerance: float) -> BoolArray:
     """True where a pixel's match lies in the other view and points back within `tolerance`; sign 1: left to right."""
     known = np.isfinite(disparity)
-    columns, inside = _landing(np.where(known, disparity, 0), sign)
+    columns, inside = _matched_columns(np.where(known, disparity, 0), sign)
     back = np.take_along_axis(other, columns, axis=1)
     return known & inside & (np.abs(back - disparity) <= tolerance)  # NaN compares as False
 
 
-def _landing(disparity: Float32Array, sign: int) -> tuple[np.ndarray, BoolArray]:
+def _matched_columns(disparity: Float32Array, sign: int) -> tuple[np.ndarray, BoolArray]:
     """The nearest column (clipped) where each pixel lands in the other view, and whether it lies in the picture."""
     width = disparity.shape[1]
     columns = np.floor(np.arange(width) - sign * disparity + 0.5).astype(np.intp)
@@ -146,8 +146,7 @@ def _landing(disparity: Float32Array, sign: int) -> tuple[np.ndarray, BoolArray]
 
 
 def _without_speckles(disparity: Float32Array) -> Float32Array:
-    """NaN for patches of fewer than 1/4000 of the picture (10..200 px) that lie apart from their neighbourhood."""
-    import cv2
+    """NaN for patches of fewer than 1/4000 of the picture (10..200 px) that differ from their neighbourhood."""
 
     smallest = min(200, max(10, disparity.size // 4000))
     unknown = np.int16(np.iinfo(np.int16).min)
@@ -156,8 +155,8 @@ def _without_speckles(disparity: Float32Array) -> Float32Array:
     return np.where(fixed == unknown, np.float32(np.nan), disparity)
 
 
-def _narrowed(disparity: Float32Array, scale: int) -> Float32Array:
-    """Back to the picture's width: the mean of the two halves of each pixel; unknown where they tell two surfaces."""
+def _at_original_width(disparity: Float32Array, scale: int) -> Float32Array:
+    """Back to the picture's width: the mean of the two halves of each pixel; unknown where they lie on two surfaces."""
     if scale == 1:
         return disparity
     first, second = disparity[:, 0::2] / 2, disparity[:, 1::2] / 2
@@ -165,7 +164,7 @@ def _narrowed(disparity: Float32Array, scale: int) -> Float32Array:
     return np.where(np.abs(first - second) <= TOLERANCE_PX, (first + second) / 2, np.float32(np.nan))
 
 
-def _told(disparity: Float32Array) -> Float32Array:
+def _zero_where_unknown(disparity: Float32Array) -> Float32Array:
     """Unknown as 0, and a measured 0 as the smallest disparity."""
     measured = np.where(disparity == 0, SMALLEST_DISPARITY, disparity)
     return np.nan_to_num(measured, nan=0.0).astype(np.float32)
@@ -196,13 +195,12 @@ def consistency(
     pixels, the share with a disparity.
     Raises ShapeError when sizes differ.
     """
-    import cv2
 
     _check_pair(left_color, right_color)
     for name, disparity in (("left", left_disparity), ("right", right_disparity)):
         if disparity.shape != left_color.shape[:2]:
             raise ShapeError(f"{name} disparity is {disparity.shape}, the pictures are {left_color.shape[:2]}")
-    ours, theirs = _known_or_nan(left_disparity), _known_or_nan(right_disparity)
+    ours, theirs = _nan_where_unknown(left_disparity), _nan_where_unknown(right_disparity)
     known = np.isfinite(ours)
     shift = np.where(known, ours, 0)
     height, width = ours.shape
@@ -212,17 +210,17 @@ def consistency(
     # float32, or OpenCV would round the column to 1/32 px in its 8-bit path
     matched = cv2.remap(right_color.astype(np.float32), x, np.ascontiguousarray(y), cv2.INTER_LINEAR)
     difference = np.abs(matched - left_color)[compared]
-    columns, _ = _landing(shift, 1)
-    apart = np.abs(np.take_along_axis(theirs, columns, axis=1) - ours)
-    apart = apart[compared & np.isfinite(apart)]
+    columns, _ = _matched_columns(shift, 1)
+    deviation = np.abs(np.take_along_axis(theirs, columns, axis=1) - ours)
+    deviation = deviation[compared & np.isfinite(deviation)]
     return StereoConsistency(
         photometric_mae=float(difference.mean()) if difference.size else math.nan,
-        left_right_within_1px=float((apart <= TOLERANCE_PX).mean()) if apart.size else math.nan,
+        left_right_within_1px=float((deviation <= TOLERANCE_PX).mean()) if deviation.size else math.nan,
         coverage=float(known.mean()),
     )
 
 
-def _known_or_nan(disparity: Float32Array) -> Float32Array:
+def _nan_where_unknown(disparity: Float32Array) -> Float32Array:
     return np.where(np.isfinite(disparity) & (disparity != 0), disparity, np.float32(np.nan)).astype(np.float32)
 
 
@@ -233,7 +231,6 @@ def carry_mask(mask_left: BoolArray, left_disparity: Float32Array) -> BoolArray:
     and gaps of up to 4 columns or 2 rows are closed. What leaves the picture is dropped. An empty mask stays empty.
     Raises MaskError when mask and disparity differ in size, or no disparity is known inside the mask.
     """
-    import cv2
 
     if mask_left.shape != left_disparity.shape:
         raise MaskError(
@@ -242,14 +239,14 @@ def carry_mask(mask_left: BoolArray, left_disparity: Float32Array) -> BoolArray:
     carried = np.zeros(mask_left.shape, np.uint8)
     if not mask_left.any():
         return carried.astype(bool)
-    disparity = _known_or_nan(left_disparity)
+    disparity = _nan_where_unknown(left_disparity)
     known = mask_left & np.isfinite(disparity)
     if not known.any():
         raise MaskError(
             "no disparity is known inside the mask, so it cannot be carried over; a mask of the right view is wanted"
         )
     shift = with_nearest(disparity, known)
-    columns, inside = _landing(shift, 1)
+    columns, inside = _matched_columns(shift, 1)
     moved = mask_left & inside
     carried[np.nonzero(moved)[0], columns[moved]] = 1
     # A slant stretches the mask along its rows, so that is where gaps open: 5 columns by 3 rows.

@@ -17,7 +17,7 @@ import numpy as np
 from dlama.datasets.frames import Case
 from dlama.evaluation.metrics.pictures import SETTINGS as METRIC_SETTINGS
 from dlama.evaluation.protocols.methods import Method, ProtocolSettings
-from dlama.models.verify import size_and_sha256
+from dlama.models.verify import sha256_of
 
 ROOMS = ("geometry", "models", "perception", "inpainters", "completion", "files", "datasets", "worlds", "evaluation")
 """The rooms whose code decides about numbers and panels."""
@@ -115,4 +115,4 @@ def _described_file(path: Path) -> Any:
 
 @functools.lru_cache(maxsize=32)
 def _file_sha256(path: Path) -> str:
-    return size_and_sha256(path)[1]
+    return sha256_of(path)

@@ -20,7 +20,7 @@ from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.inpainters.networks.contract import Contract, from_metadata
 from dlama.inpainters.networks.openvino import OpenVinoSession
 from dlama.inpainters.networks.tiling import Layout, fill_crops
-from dlama.models.verify import size_and_sha256
+from dlama.models.verify import sha256_of
 
 PROVIDERS = {
     "cuda": "CUDAExecutionProvider",
@@ -101,7 +101,7 @@ class Engine:
     @cached_property
     def sha256(self) -> str:
         """Of the file."""
-        return size_and_sha256(self.path)[1]
+        return sha256_of(self.path)
 
     @property
     def running_on(self) -> str:
