@@ -108,7 +108,7 @@ def test_no_crack_at_any_distance(distance: float) -> None:
 def test_no_crack_at_any_angle(source_angle: float, target_angle: float) -> None:
     """Law: a wall taken at up to 80 degrees from its normal, and seen at up to 80, is closed and true."""
     world = World((WALL,))
-    source, target = (orbit(HOME, angle, pivot_m=6) for angle in (source_angle, target_angle))
+    source, target = (orbit(HOME, angle, pivot=6) for angle in (source_angle, target_angle))
     view = render(world.rgbd(source), target)
     inside = within_mesh(world, source, target)
     assert inside.sum() > 50

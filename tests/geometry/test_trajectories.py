@@ -35,10 +35,10 @@ def test_orbit_agrees_with_the_street_renderings() -> None:
 def test_signs_of_yaw_and_pitch() -> None:
     """Closed form at the identity pose: yaw > 0 goes right (+x) and looks left; pitch > 0 goes up (-y), looks down."""
     camera = Camera.from_fov(64, 48, 70)
-    right = orbit(camera, 90, pivot_m=2).world_from_cam
+    right = orbit(camera, 90, pivot=2).world_from_cam
     np.testing.assert_allclose(right[:3, 3], [2, 0, 2], atol=1e-12)
     np.testing.assert_allclose(right[:3, 2], [-1, 0, 0], atol=1e-12)
-    above = orbit(camera, 0, 90, pivot_m=2).world_from_cam
+    above = orbit(camera, 0, 90, pivot=2).world_from_cam
     np.testing.assert_allclose(above[:3, 3], [0, -2, 2], atol=1e-12)
     np.testing.assert_allclose(above[:3, 2], [0, 1, 0], atol=1e-12)
 
@@ -108,11 +108,11 @@ def test_median_pivot_without_valid_depth_is_refused(depth: np.ndarray) -> None:
 
 def test_wishes_that_are_no_numbers_are_refused() -> None:
     """Oracle: the message names the field and what came."""
-    with pytest.raises(InputError, match=r"yaw_deg is nan"):
+    with pytest.raises(InputError, match=r"yaw is nan"):
         orbit(ANYWHERE, np.nan)
-    with pytest.raises(InputError, match=r"pitch_deg is inf"):
+    with pytest.raises(InputError, match=r"pitch is inf"):
         orbit(ANYWHERE, 0, np.inf)
-    with pytest.raises(InputError, match=r"pivot_m is -1"):
-        orbit(ANYWHERE, 10, pivot_m=-1)
+    with pytest.raises(InputError, match=r"pivot is -1"):
+        orbit(ANYWHERE, 10, pivot=-1)
     with pytest.raises(InputError, match=r"dolly is nan"):
         dolly(ANYWHERE, np.nan)

@@ -14,25 +14,25 @@ PIVOT_M = 2.5
 """Default distance, metres ahead on the optical axis, of the point a camera orbits about (the paper's centroid, sec. 4)."""
 
 
-def orbit(camera: Camera, yaw_deg: float, pitch_deg: float = 0.0, pivot_m: float = PIVOT_M) -> Camera:
-    """The camera turned about the point `pivot_m` metres ahead on its optical axis; it keeps looking at that point.
+def orbit(camera: Camera, yaw: float, pitch: float = 0.0, pivot: float = PIVOT_M) -> Camera:
+    """The camera turned, by degrees, about the point `pivot` metres ahead on its optical axis; it keeps looking at that point.
 
     Positive yaw: the camera moves to its right around the pivot and turns left. Positive pitch: it moves up and looks
     down. The yaw goes first, about the source camera's y axis; then the pitch, about the x axis of the camera that the
     yaw has turned (both axes shifted into the pivot). Seen from a fixed camera the scene turns the other way:
-    p' = C + R_x(pitch) R_y(yaw) (p - C) with C = (0, 0, pivot_m).
-    With pivot_m = 0 the camera turns in place. Raises InputError on angles that are not finite or pivot_m < 0.
+    p' = C + R_x(pitch) R_y(yaw) (p - C) with C = (0, 0, pivot).
+    With pivot = 0 the camera turns in place. Raises InputError on angles that are not finite or pivot < 0.
     """
-    for name, value in (("yaw_deg", yaw_deg), ("pitch_deg", pitch_deg)):
+    for name, value in (("yaw", yaw), ("pitch", pitch)):
         if not math.isfinite(value):
-            raise InputError(f"orbit {name} is {value}; a finite angle in degrees is wanted")
-    if not (math.isfinite(pivot_m) and pivot_m >= 0):
-        raise InputError(f"orbit pivot_m is {pivot_m}; a distance >= 0 in metres, ahead of the camera, is wanted")
-    pivot = np.array([0.0, 0.0, pivot_m])
-    turned_from_source = _rotation_x(pitch_deg) @ _rotation_y(yaw_deg)
+            raise InputError(f"{name} is {value}; a finite angle in degrees is wanted")
+    if not (math.isfinite(pivot) and pivot >= 0):
+        raise InputError(f"pivot is {pivot}; a distance >= 0 in metres, ahead of the camera, is wanted")
+    center = np.array([0.0, 0.0, pivot])
+    turned_from_source = _rotation_x(pitch) @ _rotation_y(yaw)
     source_from_turned = np.eye(4)
     source_from_turned[:3, :3] = turned_from_source.T
-    source_from_turned[:3, 3] = pivot - turned_from_source.T @ pivot
+    source_from_turned[:3, 3] = center - turned_from_source.T @ center
     return camera.at(camera.world_from_cam @ source_from_turned)
 
 
@@ -49,7 +49,7 @@ def dolly(camera: Camera, metres: float) -> Camera:
 
 
 def median_pivot(depth: ArrayLike) -> float:
-    """The median in metres of the valid depths (finite, > 0) of an H x W map: the pivot for `--pivot auto`.
+    """The median in metres of the valid depths (finite, > 0) of an H x W map: the pivot that the verbs call "auto".
 
     Raises DepthError when no depth is valid.
     """
