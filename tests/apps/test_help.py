@@ -86,7 +86,7 @@ def test_names_in_help_are_those_of_the_library() -> None:
     assert tuple(RECIPES) == options.RECIPES
     assert evaluate_verb.NO_FILL == NO_FILL
     assert get_args(evaluate_verb.Protocol) == get_args(Protocol)
-    assert inspect.signature(dlama.view).parameters["pivot"].default == options.PIVOT
+    assert inspect.signature(dlama.view).parameters["pivot"].default == options.PIVOT_M
 
 
 @pytest.mark.parametrize("words", [[], *COMMANDS], ids=" ".join)

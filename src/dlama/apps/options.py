@@ -58,7 +58,7 @@ class Move:
     """Degrees about the vertical axis through the pivot. Positive: the camera moves to its right and turns left."""
     pitch: Degrees = None
     """Degrees about the horizontal axis through the pivot. Positive: the camera moves up and looks down."""
-    pivot: Annotated[float | Literal["auto"], option("METRES|auto", "2.5")] = PIVOT_M
+    pivot: Annotated[float | Literal["auto"], option("METRES|auto", f"{PIVOT_M:g}")] = PIVOT_M
     """What the orbit turns about: a point this far ahead on the optical axis; auto: at the scene's median depth."""
     dolly: Annotated[float | None, option("METRES", "0")] = None
     """Metres along the optical axis, after the orbit. Positive: forward; negative: back, which closes rounding cracks."""
