@@ -17,7 +17,7 @@ from dlama.geometry.drawing import NEAR, Canvas, Grid, draw, draw_far, spans, tr
 from dlama.geometry.drawing import Mode as Mode
 from dlama.geometry.drawing import flying as flying
 from dlama.geometry.holes import with_nearest
-from dlama.geometry.kernels import hole_types as sheet
+from dlama.geometry.kernels import hole_types as hole_kernels
 from dlama.geometry.kernels.jit import in_bands
 from dlama.geometry.projection import project
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
@@ -98,22 +98,22 @@ def hole_types(grids: list[Grid], objects: tuple[View, ...], camera: Camera, hol
         elif (layer.origin == Origin.MEASURED).any():
             depth, grid_rank = closed_grid(layer, objects)
             x, y, w = transformed(depth, grid.matrix, grid.offset)
-            crack_rank = sheet.CRACK_RANK if grid.joined is None else sheet.DISOCCLUDED_RANK
+            crack_rank = hole_kernels.CRACK_RANK if grid.joined is None else hole_kernels.DISOCCLUDED_RANK
             marks = grid_rank, crack_rank, hole, count, ranks
-            in_bands(sheet.mark_sheet, len(hole), x, y, w, spans(y, w), grid.mesh, *marks)
-            sheet.mark_points(x, y, w, grid.flying, sheet.FLYING_RANK, hole, ranks)
+            in_bands(hole_kernels.mark_sheet, len(hole), x, y, w, spans(y, w), grid.mesh, *marks)
+            hole_kernels.mark_points(x, y, w, grid.flying, hole_kernels.FLYING_RANK, hole, ranks)
     return np.asarray(TYPE_OF_RANK.take(ranks) * hole, np.uint8)
 
 
 def closed_grid(layer: View, objects: tuple[View, ...]) -> tuple[Float32Array, UInt8Array]:
-    """Depth of a layer with every gap closed, and the sheet rank of what was closed.
+    """Depth of a layer with every gap closed, and the rank of the hole type of what was closed.
 
     Removed objects get their own depth back, sensor holes the depth of the nearest pixel, far pixels a large one.
     """
     depth = np.where(layer.hole, np.float32(0), layer.depth)
     rank = np.zeros(depth.shape, np.uint8)
-    rank[layer.hole & (layer.hole_type == HoleType.SENSOR)] = sheet.SENSOR_RANK
-    rank[layer.hole & (layer.hole_type == HoleType.OBJECT)] = sheet.OBJECT_RANK
+    rank[layer.hole & (layer.hole_type == HoleType.SENSOR)] = hole_kernels.SENSOR_RANK
+    rank[layer.hole & (layer.hole_type == HoleType.OBJECT)] = hole_kernels.OBJECT_RANK
     for removed in objects:
         if removed.camera.same_view_as(layer.camera):
             depth = np.where((depth == 0) & removed.valid, removed.depth, depth)
