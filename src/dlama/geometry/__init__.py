@@ -1,1 +1,6 @@
-"""Nouns (camera, rgbd, cloud, view, scene) and the pure functions on them; no files, no learning, no state."""
+"""Nouns (Camera, StereoRig, RGBD, View, PointCloud, Mesh, Scene) and pure functions on them; no files, no learning, no state.
+
+In go pictures with depth and cameras; out come points, rendered views with typed holes, scenes and meshes. Begin with `camera`
+and `view`, which state all conventions; then the flow: `projection` (lift), `trajectories` (orbit), `rendering`, `holes`,
+`visibility` (the law) and `fusion`. Nouns, `projection` and `trajectories` need numpy alone; compiled loops are in `kernels/`.
+"""

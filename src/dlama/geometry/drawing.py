@@ -64,18 +64,24 @@ class Canvas:
     """What has been drawn so far; depth 0 = empty."""
 
     color: UInt8Array
+    """H x W x 3, RGB."""
     depth: Float32Array
+    """H x W, planar z in metres; 0 = empty, +inf = far."""
     origin: UInt8Array
+    """H x W, Origin codes."""
     confidence: Float32Array
+    """H x W, in 0..1."""
 
     @classmethod
     def empty(cls, camera: Camera) -> Canvas:
+        """A canvas of the camera's size on which nothing is drawn."""
         hw = camera.hw
         return cls(
             np.zeros((*hw, 3), np.uint8), np.zeros(hw, np.float32), np.zeros(hw, np.uint8), np.zeros(hw, np.float32)
         )
 
     def buffers(self) -> tuple[UInt8Array, Float32Array, UInt8Array, Float32Array]:
+        """Colour, depth, origin and confidence, in the order in which kernels take them."""
         return self.color, self.depth, self.origin, self.confidence
 
     def put(self, other: Canvas, tolerance: float, over_measured: bool) -> None:
@@ -100,16 +106,19 @@ class Grid:
     depth: Float32Array
     """Depth without holes and flying pixels (0)."""
     flying: BoolArray
+    """H x W, True at flying pixels."""
     joined: UInt8Array | None
     """Which neighbours are one surface, `joined_neighbours`; None: draw points."""
     matrix: Float64Array
+    """3x3, and `offset`: from layer pixels to target pixels, see `px_from_px`."""
     offset: Float64Array
-    """Layer pixels to target pixels, `px_from_px`."""
+    """3."""
     fine: bool
     """Colours by cubic B-spline; False: bilinear."""
 
     @classmethod
     def of(cls, layer: View, camera: Camera, mode: Mode, fine: bool) -> Grid:
+        """The layer without flying pixels, its neighbours joined into surfaces (mode "surface"), ready for `camera`."""
         depth, fly, w = without_flying(layer)
         joined = joined_neighbours(w, layer.camera) if mode == "surface" else None
         own_camera = layer.camera.same_view_as(camera)
