@@ -14,6 +14,7 @@ which needs the package onnx. Keys: features.{0,3,6,8,10}.{weight,bias} as torch
 
 from __future__ import annotations
 
+import hashlib
 import sys
 from collections.abc import Mapping
 from pathlib import Path
@@ -22,7 +23,6 @@ from typing import Any
 import numpy as np
 
 from dlama.errors import FileError, OutputError
-from dlama.nets.checkpoints import sha256_of
 from dlama.nets.onnx_graph import IR_VERSION, OPSET, Graph
 from dlama.nets.safetensors_file import read_safetensors
 
@@ -53,7 +53,7 @@ def export_lpips(trunk: Path, heads: Path, target: Path) -> Path:
         OutputError: the file cannot be written.
         MissingExtraError: onnx is not installed.
     """
-    sources = {f"dlama.sha256 {file.name}": sha256_of(file) for file in (trunk, heads)}
+    sources = {f"dlama.sha256 {file.name}": hashlib.sha256(file.read_bytes()).hexdigest() for file in (trunk, heads)}
     tensors = {**_checked(trunk, _trunk_shapes()), **_checked(heads, _head_shapes())}
     data = _model(tensors, {**ABOUT, **sources}).SerializeToString(deterministic=True)
     beside = target.with_name(target.name + ".part")

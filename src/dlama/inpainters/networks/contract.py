@@ -16,7 +16,7 @@ import numpy as np
 
 from dlama.errors import FileError, InputError
 from dlama.geometry.rgbd import BoolArray, Float32Array
-from dlama.models.verify import size_and_sha256
+from dlama.models.verify import sha256_of
 
 CONTRACT_KEY = "dlama.contract"
 """Key of the ONNX metadata under which the contract stands, as JSON (`dlama models convert` writes it)."""
@@ -168,7 +168,7 @@ def generator_metadata(settings: Generator, source: Path, licence: str) -> dict[
     """ONNX metadata for a generator made of the weight file `source`: its contract, the licence, the file's name and sha256, and
     all settings. licence: an SPDX name or a sentence. InputError where no contract fits, or the file cannot be read."""
     return generator_contract(settings).metadata(
-        licence=licence, source=source.name, source_sha256=size_and_sha256(source)[1], architecture=vars(settings)
+        licence=licence, source=source.name, source_sha256=sha256_of(source), architecture=vars(settings)
     )
 
 
