@@ -12,11 +12,10 @@ from dlama.geometry.drawing import (
     NEAR,
     edge_ratio,
     flying,
-    inverse_depth,
     mesh_grid,
-    px_from_px,
     transformed,
 )
+from dlama.geometry.projection import inverse_depth, px_from_px
 from dlama.geometry.rendering import closed_grid, render
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.scene import Scene
