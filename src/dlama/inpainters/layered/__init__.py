@@ -1,4 +1,6 @@
-"""The filler `layered`: a view with holes in; surfaces continued behind each hole, then painted with their own texture, out.
+"""The filler `layered`: a View with holes in; surfaces continued behind each hole, then painted with their own texture, out.
 
-Begin with `layered` (both steps on one screen), then `surfaces` (depth) and `texture_synthesis` (colour).
+Begin with `filler` (both steps on one screen). Depth: `planes` finds the planes of what is known, `surfaces` continues them.
+Colour: `texture_synthesis` paints each surface with texture of its own, `patch_offsets` says from where it is copied, `hedging`
+makes guesses out of view less sure. `depth_first` lets another filler paint the colours. `kernels` is numba alone.
 """

@@ -1,14 +1,16 @@
-"""Planes of a view: inverse depth in; a few planes and, for every known pixel, which one it lies on, out.
+"""Inverse depth of a view in; the few planes it has and, for every known pixel, which one it lies on, out.
 
 A plane is affine in inverse depth over pixels, w = a u + b v + c (u, v in pixels, centres at 0.5), whatever the camera.
 """
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from dlama.geometry.rgbd import BoolArray, Float32Array
+from dlama.inpainters.layered.kernels import planes as plane_kernels
 
 SMOOTH = -1
 """Label of pixels on no plane."""
@@ -16,27 +18,29 @@ SKY = 0
 """Label of far pixels; planes count from 1."""
 TOLERANCE = 0.012
 """Largest relative residual in inverse depth of a pixel that lies on a plane."""
-NOISY = 2.5
+NOISE_FACTOR = 2.5
 """And its largest residual in units of the noise of the inverse depth (stereo matching, structured light), where that is more."""
-OUTLYING = 2.0
-"""Times that slack up to which a pixel amid a plane's pixels still lies on it: matching errs in patches, not by a Gaussian."""
+OUTLIER_FACTOR = 2.0
+"""Times that residual up to which a pixel amid a plane's pixels still lies on it: matching errs in patches, not by a Gaussian."""
 NOISE_REACH = 4
 """Pixels over which noise is looked at: that of neighbouring pixels is much alike."""
 NEIGHBOURHOOD = 9
 """Width in px of the window in which planes compete for a pixel."""
 MOST_PLANES = 12
+"""Planes that are looked for."""
 SMALLEST_SHARE = 0.01
 """Share of the known pixels that a plane must hold."""
 HYPOTHESES = 160
+"""Random triples of pixels that are tried for each plane (RANSAC)."""
 SAMPLES = 9000
 """Known pixels that hypotheses are scored on."""
 
 
-def noise_of(w: Float32Array, surface: BoolArray) -> float:
+def noise_level(w: Float32Array, surface: BoolArray) -> float:
     """Standard deviation (1/m) of the noise of measured inverse depth; 0 where it is exact, for planes are straight in it.
 
     From the median second difference over NOISE_REACH px: of a straight line it is 0, and most of a picture is straight. Noise
-    that the slack at a usual distance covers anyhow is none.
+    that the tolerance at the median distance covers anyhow counts as none.
     """
     k, found = NOISE_REACH, []
     for a, there in ((w, surface), (w.T, surface.T)):
@@ -44,22 +48,20 @@ def noise_of(w: Float32Array, surface: BoolArray) -> float:
         found.append(np.abs(a[:, k:-k] - (a[:, : -2 * k] + a[:, 2 * k :]) / 2)[known])
     bends = np.concatenate(found)
     noise = float(np.median(bends)) / (0.6745 * np.sqrt(1.5)) if bends.size else 0.0
-    return noise if noise and NOISY * noise > TOLERANCE * float(np.median(w[surface])) else 0.0
+    return noise if noise and NOISE_FACTOR * noise > TOLERANCE * float(np.median(w[surface])) else 0.0
 
 
-def slack(w: np.ndarray, noise: float) -> np.ndarray:
+def tolerance(w: np.ndarray, noise: float) -> np.ndarray:
     """Largest residual in inverse depth of a pixel that lies on a plane, for each w."""
-    return np.maximum(w.dtype.type(TOLERANCE) * w, w.dtype.type(NOISY * noise))
+    return np.maximum(w.dtype.type(TOLERANCE) * w, w.dtype.type(NOISE_FACTOR * noise))
 
 
 def find_planes(w: Float32Array, surface: BoolArray, seed: int, noise: float = 0.0) -> NDArray[np.float64]:
     """K x 3 planes (a, b, c), most supported first, K <= MOST_PLANES.
 
     Greedy RANSAC (Fischler & Bolles 1981) with local triples, each plane refined by least squares on its inliers.
-    w: H x W inverse depth; surface: H x W, True where it is finite and known; noise: as `noise_of` gives it.
+    w: H x W inverse depth; surface: H x W, True where it is finite and known; noise: as `noise_level` gives it.
     """
-    from dlama.inpainters.layered.kernels import planes as plane_kernels
-
     rows, columns = np.nonzero(surface)
     if len(rows) < 50:
         return np.zeros((0, 3))
@@ -67,7 +69,7 @@ def find_planes(w: Float32Array, surface: BoolArray, seed: int, noise: float = 0
     chosen = np.sort(rng.choice(len(rows), min(SAMPLES, len(rows)), replace=False))
     u, v = columns[chosen] + 0.5, rows[chosen] + 0.5
     z = w[rows[chosen], columns[chosen]].astype(np.float64)
-    near = slack(z, noise)
+    near = tolerance(z, noise)
     free = np.ones(len(chosen), np.bool_)
     planes: list[np.ndarray] = []
     reach = 0.06 * max(w.shape)
@@ -80,14 +82,14 @@ def find_planes(w: Float32Array, surface: BoolArray, seed: int, noise: float = 0
             inliers = free & (np.abs(plane[0] * u + plane[1] * v + plane[2] - z) < near)
             if inliers.sum() < 12:
                 break
-            plane = fitted(u[inliers], v[inliers], z[inliers], near[inliers])
+            plane = fit_plane(u[inliers], v[inliers], z[inliers], near[inliers])
         free &= ~(np.abs(plane[0] * u + plane[1] * v + plane[2] - z) < 2 * near)
         planes.append(plane)
     return np.array(planes).reshape(-1, 3)
 
 
-def fitted(u: np.ndarray, v: np.ndarray, w: np.ndarray, near: np.ndarray) -> NDArray[np.float64]:
-    """Least squares plane, residuals relative to `near`, how far off a pixel may be (so that far and near count alike)."""
+def fit_plane(u: np.ndarray, v: np.ndarray, w: np.ndarray, near: np.ndarray) -> NDArray[np.float64]:
+    """(a, b, c) by least squares, residuals relative to `near`, the largest that is allowed (far and near count alike)."""
     weight = TOLERANCE / near
     design = np.stack([u, v, np.ones_like(u)], 1) * weight[:, None]
     return np.asarray(np.linalg.lstsq(design, w * weight, rcond=None)[0], np.float64)
@@ -109,18 +111,16 @@ def label_known(
     Of the planes that fit a pixel it belongs to the one that fits most of its neighbourhood: a plane that merely cuts through
     a surface leaves no stripe on it.
     """
-    import cv2
-
     window = (NEIGHBOURHOOD, NEIGHBOURHOOD)
     there = surface.astype(np.float32)
     most = 0.3 * cv2.boxFilter(there, -1, window, normalize=False)
     label = np.full(w.shape, SMOOTH, np.int32)
-    near, half = slack(w, noise), 0.5 * cv2.boxFilter(there, -1, window, normalize=False)
+    near, half = tolerance(w, noise), 0.5 * cv2.boxFilter(there, -1, window, normalize=False)
     for number, value in enumerate(planes):
         residual = np.abs(plane_values(value[None], w.shape)[0] - w)
         fits = surface & (residual < near)
         count = cv2.boxFilter(fits.astype(np.float32), -1, window, normalize=False)
-        fits |= surface & (residual < OUTLYING * NOISY * noise) & (count > half)
+        fits |= surface & (residual < OUTLIER_FACTOR * NOISE_FACTOR * noise) & (count > half)
         better = fits & (count > most)
         most[better] = count[better]
         label[better] = number + 1
@@ -128,14 +128,25 @@ def label_known(
     return label
 
 
-def steadied(w: Float32Array, label: NDArray[np.int32], planes: NDArray[np.float64], noise: float) -> Float32Array:
-    """Inverse depth with the noise on planes taken off: what a pixel's residual has beyond the slack of noise is kept."""
+def plane_values_at(
+    planes: NDArray[np.float64], label: NDArray[np.int32], rows: NDArray[np.int64], columns: NDArray[np.int64]
+) -> NDArray[np.float64]:
+    """N inverse depths (1/m) of the planes that N labels name, at the centres of N pixels; 0 where a label names no plane.
+
+    Where the plane goes behind the camera the value is negative.
+    """
+    of_label = np.concatenate([np.zeros((1, 3)), planes])[np.maximum(label, 0)]
+    return np.asarray(of_label[:, 0] * (columns + 0.5) + of_label[:, 1] * (rows + 0.5) + of_label[:, 2], np.float64)
+
+
+def denoised(w: Float32Array, label: NDArray[np.int32], planes: NDArray[np.float64], noise: float) -> Float32Array:
+    """H x W inverse depth with the noise on planes taken off; of a residual larger than noise can be, what is larger stays."""
     if not noise or not len(planes):
         return w
     out = w.copy()
-    for number, value in enumerate(planes):
-        rows, columns = np.nonzero(label == number + 1)
-        fitted_w = value[0] * (columns + 0.5) + value[1] * (rows + 0.5) + value[2]
-        residual = w[rows, columns] - fitted_w
-        out[rows, columns] = fitted_w + np.sign(residual) * np.maximum(np.abs(residual) - OUTLYING * NOISY * noise, 0)
+    rows, columns = np.nonzero(label > SKY)
+    on_plane = plane_values_at(planes, label[rows, columns], rows, columns)
+    residual = w[rows, columns] - on_plane
+    excess = np.maximum(np.abs(residual) - OUTLIER_FACTOR * NOISE_FACTOR * noise, 0)
+    out[rows, columns] = on_plane + np.sign(residual) * excess
     return out

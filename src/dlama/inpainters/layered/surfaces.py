@@ -19,7 +19,7 @@ from dlama.geometry.projection import inverse_depth, rays
 from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.geometry.view import HoleType, View
 from dlama.geometry.visibility import Law
-from dlama.inpainters.layered.planes import SMOOTH, find_planes, label_known, noise_of, plane_values, steadied
+from dlama.inpainters.layered.planes import SMOOTH, denoised, find_planes, label_known, noise_level, plane_values
 
 GRID = 256
 """Longer side of the coarse grid."""
@@ -65,10 +65,10 @@ class Surfaces:
 def extend(view: View, law: Law, seed: int = 0) -> Surfaces:
     """Continue the known surfaces of a view into its holes."""
     w = inverse_depth(np.where(view.hole, np.float32(0), view.depth))
-    noise = noise_of(w, view.valid)
+    noise = noise_level(w, view.valid)
     planes = find_planes(w, view.valid, seed, noise)
     label = label_known(w, view.valid, view.far, planes, noise)
-    w = steadied(w, label, planes, noise)
+    w = denoised(w, label, planes, noise)
     step = max(1.0, max(w.shape) / GRID)
     coarse = Coarse.of(view, w, label, planes, step)
     belief = coarse.beliefs(law)

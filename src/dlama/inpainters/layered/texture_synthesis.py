@@ -1,33 +1,34 @@
-"""Texture: a picture with filled inverse depth and surface labels in, the hole's colours out, from the background only.
+"""Texture synthesis: a picture with inverse depth and surface labels everywhere in; the hole's colours, from the background, out.
 
 Every hole pixel is a smooth *base*, interpolated along its own surface, plus, on planes, *detail* copied from the same
-plane by a 3D translation within it, so that bricks and planks go on in perspective. How much of the detail is believed is
-measured: the correlation of the known texture with itself under that translation, which is its least-squares gain (see
-`texture_shifts`).
+plane by a 3D translation within it, so that bricks and planks go on in perspective. The weight of the detail is measured:
+the correlation of the known texture with itself under that translation, which is its least-squares gain (see `patch_offsets`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from dlama.errors import ShapeError
 from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
-from dlama.inpainters.layered.canvas import Bases, Canvas, Int32Array, Surface
-from dlama.inpainters.layered.patch_offsets import detail_for
+from dlama.inpainters.layered.kernels import base_color as base_kernels
+from dlama.inpainters.layered.kernels.patch_offsets import paint
+from dlama.inpainters.layered.patch_offsets import Bases, copied_detail
+from dlama.inpainters.layered.texture_grid import UNTRUSTED, HoleRegion, Int32Array, TextureGrid
 
 GREY = 128
 """Colour where nothing at all is known."""
-SKY = (120, 145, 175)
+SKY_COLOR = (120, 145, 175)
 """Colour of a sky of which the picture shows nothing: a pale daylight blue."""
-FEW = 12
-"""Fewer known cells than this do not speak for a surface."""
+LEAST_CELLS = 12
+"""Planes with fewer known cells are painted with all that has no plane."""
 SCREEN = 0.002
-"""Pull of a base towards its surface's mean colour, per cell, against its neighbours' 4."""
-
+"""Weight of a surface's mean colour in each cell of its base, beside the 4 of the neighbours (screened Laplace equation)."""
 DEPTH_SCREEN = 0.002
 """The same for what has no plane, towards the mean of everything there and behind: a small rim must not colour it all."""
 
@@ -53,7 +54,7 @@ def synthesize(
     out = np.array(color)
     if not hole.any():
         return out
-    canvas = Canvas(
+    grid = TextureGrid.of(
         np.ascontiguousarray(color),
         np.ascontiguousarray(hole),
         np.ascontiguousarray(inverse_depth, np.float32),
@@ -62,26 +63,26 @@ def synthesize(
     )
     out[hole] = GREY
     if not hole.all():
-        out[hole & (canvas.label == 0)] = SKY if sky is None else sky
+        out[hole & (grid.label == 0)] = SKY_COLOR if sky is None else sky
     rng = np.random.default_rng(seed)
-    for surface in surfaces(canvas):
-        if not surface.sources.any():
+    for region in hole_regions(grid):
+        if not region.sources.any():
             continue
-        bases = bases_for(canvas, surface)
-        detail = detail_for(canvas, surface, bases, rng)
-        canvas.kernels.paint(
+        bases = base_colors(grid, region)
+        detail = copied_detail(grid, region, bases, rng)
+        paint(
             out,
-            canvas.color,
-            surface.pixels,
-            canvas.inverse_depth,
-            canvas.source,
-            surface.kind,
+            grid.color,
+            region.pixels,
+            grid.inverse_depth,
+            grid.trusted,
+            region.label,
             detail.axes,
             bases,
-            canvas.cell,
-            detail.pick,
+            grid.base_cell_size,
+            detail.choice,
             detail.gains,
-            detail.shifts,
+            detail.offsets,
         )
     return out
 
@@ -97,61 +98,57 @@ def _check(color: UInt8Array, hole: BoolArray, inverse_depth: Float32Array, labe
         raise ShapeError(f"color is {color.dtype} and hole {hole.dtype}; uint8 and bool are wanted")
 
 
-def surfaces(canvas: Canvas) -> Iterator[Surface]:
-    """The hole, cut into surfaces: planes and sky of which enough is seen, and all the rest as one (label -1)."""
-    holes = np.flatnonzero(canvas.hole)
-    kinds = canvas.label.ravel()[holes]
+def hole_regions(grid: TextureGrid) -> Iterator[HoleRegion]:
+    """The hole cut into regions: planes and sky of which enough is seen, and all the rest as one (label -1)."""
+    holes = np.flatnonzero(grid.hole)
+    labels = grid.label.ravel()[holes]
     rest = np.ones(len(holes), np.bool_)
-    for kind in np.unique(kinds[kinds >= 0]).tolist():
-        sources, here = canvas.sources == kind, kinds == kind
-        if sources.sum() >= FEW or kind == 0:
+    for label in np.unique(labels[labels >= 0]).tolist():
+        sources, here = grid.cell_label == label, labels == label
+        if sources.sum() >= LEAST_CELLS or label == 0:
             rest &= ~here
-            yield Surface(kind, holes[here], sources)
+            yield HoleRegion(label, holes[here], sources)
     if rest.any():
-        yield Surface(-1, holes[rest], canvas.sources != -2)
+        yield HoleRegion(-1, holes[rest], grid.cell_label != UNTRUSTED)
 
 
-def bases_for(canvas: Canvas, surface: Surface) -> Bases:
-    """The smooth colour fields of one surface."""
-    if surface.kind >= 0:
-        return surface_bases(canvas, surface)
-    base = depth_base(canvas, surface)
+def base_colors(grid: TextureGrid, region: HoleRegion) -> Bases:
+    """The smooth colour fields of one region, on the base grid."""
+    if region.label >= 0:
+        return surface_bases(grid, region)
+    base = depth_base(grid, region)
     return base, base
 
 
-def depth_base(canvas: Canvas, surface: Surface) -> Float32Array:
-    """Colours that flow in from the rim between neighbours of like depth whatever their label, never from nearer ones.
+def depth_base(grid: TextureGrid, region: HoleRegion) -> Float32Array:
+    """rows x cols x 3 colours that spread from the rim between neighbours of similar depth, never from nearer ones.
 
-    Depth without a plane was interpolated from whatever surrounds it, so its colour is too.
+    Labels do not count: depth without a plane was interpolated from whatever surrounds it, so its colour is too.
     """
-    from dlama.inpainters.layered.kernels import base_color as kernels
-
-    colors, far = kernels.farthest(canvas.colors, canvas.depths, canvas.sources)
-    known = kernels.even_out(colors, far, 2)
+    colors, far = base_kernels.farthest(grid.cell_color, grid.cell_inverse_depth, grid.cell_label)
+    known = base_kernels.even_out(colors, far, 2)
     base = known.copy()
-    rows, cols = np.divmod(surface.pixels, canvas.hole.shape[1])
-    flat = (rows // canvas.cell) * far.shape[1] + cols // canvas.cell
+    rows, cols = np.divmod(region.pixels, grid.hole.shape[1])
+    flat = (rows // grid.base_cell_size) * far.shape[1] + cols // grid.base_cell_size
     depth = np.full(far.size, np.inf, np.float32)
-    np.minimum.at(depth, flat, canvas.inverse_depth.ravel()[surface.pixels])
+    np.minimum.at(depth, flat, grid.inverse_depth.ravel()[region.pixels])
     inside = np.isfinite(depth).reshape(far.shape)
     depth = np.where(inside, depth.reshape(far.shape), far)
-    cells = _rim_first(inside)
-    mean, any_behind = _behind(known, depth.ravel()[cells], far)
+    cells = _ordered_from_rim(inside)
+    mean, any_behind = _mean_behind(known, depth.ravel()[cells], far)
     base.reshape(-1, 3)[cells] = np.where(any_behind[:, None], mean, GREY)
-    kernels.spread(base, depth, (far >= 0) & ~inside, cells, mean, DEPTH_SCREEN * any_behind, 80)
-    return kernels.skirt(base, depth, inside)
+    base_kernels.spread(base, depth, (far >= 0) & ~inside, cells, mean, DEPTH_SCREEN * any_behind, 80)
+    return base_kernels.skirt(base, depth, inside)
 
 
-def _rim_first(inside: BoolArray) -> NDArray[np.int64]:
+def _ordered_from_rim(inside: BoolArray) -> NDArray[np.int64]:
     """Flat indices of the cells inside, in order of their distance from the outside."""
-    import cv2
-
     cells = np.flatnonzero(inside)
     distance = cv2.distanceTransform(inside.astype(np.uint8), cv2.DIST_L2, 3)
     return cells[np.argsort(distance.ravel()[cells], kind="stable")]
 
 
-def _behind(base: Float32Array, depth: Float32Array, far: Float32Array) -> tuple[NDArray[np.float64], BoolArray]:
+def _mean_behind(base: Float32Array, depth: Float32Array, far: Float32Array) -> tuple[NDArray[np.float64], BoolArray]:
     """For each of N inverse depths: mean colour (N x 3) of all known cells there and behind, and whether there are any."""
     known = far >= 0
     order = np.argsort(far[known], kind="stable")
@@ -160,43 +157,37 @@ def _behind(base: Float32Array, depth: Float32Array, far: Float32Array) -> tuple
     return sums[count] / np.maximum(count, 1)[:, None], count > 0
 
 
-def surface_bases(canvas: Canvas, surface: Surface) -> Bases:
+def surface_bases(grid: TextureGrid, region: HoleRegion) -> Bases:
     """A slightly and a strongly blurred picture of one surface's known cells, continued into the hole.
 
     First by a pyramid, then as a screened membrane (Laplace's equation).
     """
-    import cv2
-
-    from dlama.inpainters.layered.kernels import base_color as kernels
-
-    weight = surface.sources.astype(np.float32)
-    sums, weights = kernels.pull(canvas.colors * weight[..., None], weight)
-    rows, cols = np.divmod(surface.pixels, canvas.hole.shape[1])
-    cells = np.unique((rows // canvas.cell) * weights.shape[1] + cols // canvas.cell)
+    weight = region.sources.astype(np.float32)
+    sums, weights = base_kernels.pull(grid.cell_color * weight[..., None], weight)
+    rows, cols = np.divmod(region.pixels, grid.hole.shape[1])
+    cells = np.unique((rows // grid.base_cell_size) * weights.shape[1] + cols // grid.base_cell_size)
     known = weights > 0
     usable = known.copy()
     usable.ravel()[cells] = True
     cells = cells[~known.ravel()[cells]]
-    grids = []
+    fields = []
     for sigma in (2.0, 7.0):
         blurred, share = (cv2.GaussianBlur(a, (0, 0), sigma, borderType=cv2.BORDER_CONSTANT) for a in (sums, weights))
-        grids.append(_continued(np.asarray(blurred, np.float32), np.asarray(share, np.float32), usable, cells))
-    return grids[0], grids[1]
+        fields.append(_continued(np.asarray(blurred, np.float32), np.asarray(share, np.float32), usable, cells))
+    return fields[0], fields[1]
 
 
 def _continued(sums: Float32Array, weights: Float32Array, usable: BoolArray, cells: NDArray[np.int64]) -> Float32Array:
     """Weighted sums to values everywhere: pull to one cell, push back, then relax the unknown cells."""
-    from dlama.inpainters.layered.kernels.base_color import pull, push, relax
-
     weights[weights < 1e-3] = 0
     sums[weights == 0] = 0
     ladder = [(sums, weights)]
     while max(ladder[-1][1].shape) > 1:
-        ladder.append(pull(*ladder[-1]))
+        ladder.append(base_kernels.pull(*ladder[-1]))
     top, top_weight = ladder.pop()
     value = (top / np.maximum(top_weight, np.float32(1e-9))[..., None]).astype(np.float32)
     mean = value[0, 0].astype(np.float64)
     for level in reversed(ladder):
-        value = push(*level, value, 1.0)
-    relax(value, usable, cells, mean, SCREEN, 40)
+        value = base_kernels.push(*level, value, 1.0)
+    base_kernels.relax(value, usable, cells, mean, SCREEN, 40)
     return value

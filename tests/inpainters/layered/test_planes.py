@@ -12,18 +12,18 @@ from dlama.inpainters.layered.kernels import planes as plane_kernels
 from dlama.inpainters.layered.planes import (
     MOST_PLANES,
     NEIGHBOURHOOD,
-    NOISY,
-    OUTLYING,
+    NOISE_FACTOR,
+    OUTLIER_FACTOR,
     SKY,
     SMOOTH,
     TOLERANCE,
+    denoised,
     find_planes,
-    fitted,
+    fit_plane,
     label_known,
-    noise_of,
+    noise_level,
     plane_values,
-    slack,
-    steadied,
+    tolerance,
 )
 from reference import planes as twin
 from worlds import Box, Plane, World
@@ -77,7 +77,7 @@ def test_best_plane_is_the_one_with_most_support(seed: int) -> None:
     triples = np.stack([rng.choice(len(u), 3, replace=False) for _ in range(40)])
     triples[rng.random(40) < 0.2, 2] = -1
     triples = np.concatenate([triples, triples])
-    near = slack(w, 0.002 * (seed % 2))
+    near = tolerance(w, 0.002 * (seed % 2))
     plane, support = plane_kernels.best_plane(u, v, w, free, triples, near)
     counts = []
     for three in triples:
@@ -181,7 +181,7 @@ def test_least_squares_weigh_by_relative_residual() -> None:
     """Closed form: of two values on one spot, the fit minimises relative error: w = sum(1/w) / sum(1/w^2)."""
     u, v = np.tile([0.5, 9.5, 0.5, 9.5], 2), np.tile([0.5, 0.5, 9.5, 9.5], 2)
     w = np.repeat([1.0, 2.0], 4)
-    np.testing.assert_allclose(fitted(u, v, w, slack(w, 0)), (0, 0, 1.5 / 1.25), atol=1e-12)
+    np.testing.assert_allclose(fit_plane(u, v, w, tolerance(w, 0)), (0, 0, 1.5 / 1.25), atol=1e-12)
 
 
 @pytest.mark.parametrize("sigma", [0.002, 0.01])
@@ -191,14 +191,14 @@ def test_noise_is_the_deviation_that_was_put_in(sigma: float) -> None:
     camera = Camera.from_fov(320, 240, 70)
     depth, _ = World((FLOOR, WALL)).trace(camera)
     w, surface = inverse_depth(depth.astype(np.float32)), np.isfinite(depth)
-    assert noise_of(w, surface) == 0
+    assert noise_level(w, surface) == 0
     rng = np.random.default_rng(0)
     noisy = (w + rng.normal(0, sigma, w.shape)).astype(np.float32)
     noisy[100:140, 100:160] = rng.uniform(0, 1, (40, 60))
-    assert noise_of(noisy, surface) == pytest.approx(sigma, rel=0.06)
-    assert noise_of(w, np.zeros_like(surface)) == 0
-    faint = TOLERANCE / NOISY * float(np.median(w[surface])) / 2
-    assert noise_of((w + rng.normal(0, faint, w.shape)).astype(np.float32), surface) == 0, "the slack covers it"
+    assert noise_level(noisy, surface) == pytest.approx(sigma, rel=0.06)
+    assert noise_level(w, np.zeros_like(surface)) == 0
+    faint = TOLERANCE / NOISE_FACTOR * float(np.median(w[surface])) / 2
+    assert noise_level((w + rng.normal(0, faint, w.shape)).astype(np.float32), surface) == 0, "the tolerance covers it"
 
 
 def test_planes_under_the_noise_of_a_matched_pair() -> None:
@@ -222,12 +222,12 @@ def test_planes_under_the_noise_of_a_matched_pair() -> None:
 
 
 def test_a_small_outlying_patch_is_its_planes_and_a_large_one_is_not() -> None:
-    """Closed form: pixels 1.5 times the slack of noise off a plane belong to it amid its pixels, not where they are the most;
-    beyond OUTLYING times, or without noise, never."""
+    """Closed form: pixels 1.5 times the tolerance of noise off a plane belong to it amid its pixels, not where they are the most;
+    beyond OUTLIER_FACTOR times, or without noise, never."""
     plane, noise = np.array([(0.0, 0.0, 0.1)]), 0.002
     w = plane_values(plane, (40, 60))[0].copy()
-    for columns, off in ((slice(5, 8), 1.5), (slice(20, 36), 1.5), (slice(50, 53), 1.1 * OUTLYING)):
-        w[10 : 13 if columns.start != 20 else 26, columns] += np.float32(off * NOISY * noise)
+    for columns, off in ((slice(5, 8), 1.5), (slice(20, 36), 1.5), (slice(50, 53), 1.1 * OUTLIER_FACTOR)):
+        w[10 : 13 if columns.start != 20 else 26, columns] += np.float32(off * NOISE_FACTOR * noise)
     everywhere = np.ones(w.shape, bool)
     label = label_known(w, everywhere, ~everywhere, plane, noise)
     assert (label[10:13, 5:8] == 1).all()
@@ -236,18 +236,18 @@ def test_a_small_outlying_patch_is_its_planes_and_a_large_one_is_not() -> None:
 
 
 def test_noise_is_taken_off_planes_and_nothing_else() -> None:
-    """Closed form: what lies within OUTLYING NOISY times the noise of its plane is put on it, the rest that much nearer to it;
-    pixels on no plane, and all where there is no noise, stay."""
+    """Closed form: what lies within OUTLIER_FACTOR x NOISE_FACTOR of the noise of its plane is put on it, the rest that much
+    nearer to it; pixels on no plane, and all where there is no noise, stay."""
     plane = np.array([(0.001, 0.002, 0.3)])
     flat = plane_values(plane, (3, 4))[0]
     off = np.array([0, 0.01, -0.02, 0.04] * 3, np.float32).reshape(3, 4)
     label = np.ones((3, 4), np.int32)
     label[2] = SMOOTH
-    got = steadied(flat + off, label, plane, 0.002)
+    got = denoised(flat + off, label, plane, 0.002)
     kept = np.where(label == SMOOTH, off, np.array([0, 0, -0.01, 0.03], np.float32))
     np.testing.assert_allclose(got, flat + kept, atol=1e-6)
-    assert OUTLYING * NOISY * 0.002 == 0.01
-    np.testing.assert_array_equal(steadied(flat + off, label, plane, 0.0), flat + off)
+    assert OUTLIER_FACTOR * NOISE_FACTOR * 0.002 == 0.01
+    np.testing.assert_array_equal(denoised(flat + off, label, plane, 0.0), flat + off)
 
 
 def test_plane_values_are_affine_at_pixel_centres() -> None:

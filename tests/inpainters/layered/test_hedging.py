@@ -11,7 +11,7 @@ import pytest
 from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.view import HoleType, View
-from dlama.inpainters.layered.hedging import REACH, STRENGTH, blind_guess, blind_mean, hedged
+from dlama.inpainters.layered.hedging import LARGEST_SHARE, REACH, hedged, pull_push, smooth_guess
 
 HW = (40, 60)
 DRIFT = 4
@@ -40,7 +40,7 @@ def test_a_guess_leans_on_the_known_colour_by_distance(nearness: float) -> None:
     w = np.where(view.hole, np.float32(0.25 * nearness), np.float32(0.25))
     out = hedged(view, painted(view), view.hole, w)
     distance = cv2.distanceTransform(view.hole.astype(np.uint8), cv2.DIST_L2, 5)[view.hole]
-    share = STRENGTH * (1 - np.exp(-distance / (REACH * 60))) * np.clip(2 * (1 - nearness), 0, 1)
+    share = LARGEST_SHARE * (1 - np.exp(-distance / (REACH * 60))) * np.clip(2 * (1 - nearness), 0, 1)
     wanted = PAINTED * (1 - share[:, None]) + KNOWN * share[:, None]
     assert share.max() > 0.2
     assert np.abs(out[view.hole] - wanted).max() <= DRIFT
@@ -78,8 +78,8 @@ def test_blind_guesses_of_one_colour_are_that_colour() -> None:
     rng = np.random.default_rng(1)
     view = view_of()
     view = view.without(rng.random(HW) < 0.3, HoleType.OUT_OF_VIEW)
-    np.testing.assert_allclose(blind_mean(view), np.tile(KNOWN, (*HW, 1)), atol=1e-3)
-    np.testing.assert_allclose(blind_guess(view), np.tile(KNOWN, (*HW, 1)), atol=DRIFT)
+    np.testing.assert_allclose(pull_push(view), np.tile(KNOWN, (*HW, 1)), atol=1e-3)
+    np.testing.assert_allclose(smooth_guess(view), np.tile(KNOWN, (*HW, 1)), atol=DRIFT)
 
 
 def test_the_blind_mean_keeps_what_is_known_and_stays_between() -> None:
@@ -88,6 +88,6 @@ def test_the_blind_mean_keeps_what_is_known_and_stays_between() -> None:
     view = view_of()
     color = np.where(view.hole[..., None], 0, rng.integers(90, 160, (*HW, 3))).astype(np.uint8)
     view = dataclasses.replace(view, color=color)
-    mean = blind_mean(view)
+    mean = pull_push(view)
     np.testing.assert_allclose(mean[~view.hole], color[~view.hole], atol=1e-3)
     assert mean.min() >= 89.9 and mean.max() <= 159.1

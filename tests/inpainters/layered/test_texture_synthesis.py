@@ -7,7 +7,7 @@ import pytest
 
 from dlama.errors import ShapeError
 from dlama.geometry.camera import Camera
-from dlama.inpainters.layered.texture_synthesis import GREY, SKY, synthesize
+from dlama.inpainters.layered.texture_synthesis import GREY, SKY_COLOR, synthesize
 
 
 def slanted_plane(size: int, tilt_deg: float):
@@ -125,7 +125,7 @@ def test_the_hole_s_content_does_not_matter():
 
 
 def test_nothing_known_is_grey_and_an_unseen_sky_is_pale():
-    """Definition: GREY where nothing is known; SKY where only sky is missing; grey where all that is known is nearer."""
+    """Definition: GREY where nothing is known; SKY_COLOR where only sky is missing; grey where all that is known is nearer."""
     camera = Camera.from_fov(20, 20, 60)
     color, w = np.zeros((20, 20, 3), np.uint8), np.ones((20, 20), np.float32)
     label, hole = np.full((20, 20), -1, np.int32), np.ones((20, 20), bool)
@@ -134,7 +134,7 @@ def test_nothing_known_is_grey_and_an_unseen_sky_is_pale():
     w[:10] = 0.2
     assert (synthesize(color, hole, w, label, camera)[:10] == GREY).all()
     w[:10], label[:10] = 0, 0
-    assert (synthesize(color, hole, w, label, camera)[:10] == SKY).all()
+    assert (synthesize(color, hole, w, label, camera)[:10] == SKY_COLOR).all()
 
 
 def test_a_plane_that_is_nowhere_seen_takes_what_lies_at_its_depth():

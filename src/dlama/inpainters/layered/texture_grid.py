@@ -1,0 +1,90 @@
+"""A picture with inverse depth and surface labels everywhere in; which pixels may be copied, in full and shrunk to cells, out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dlama.geometry.camera import Camera
+from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
+from dlama.inpainters.layered.kernels.cells import shrink, trusted_sources
+
+Int32Array = NDArray[np.int32]
+UNTRUSTED = -2
+"""Label of what must not be copied: holes, and pixels beside a nearer surface, whose colour may be mixed."""
+WORK_SIZE = 256
+"""Longer side, in cells, of the grid on which texture is compared."""
+
+
+@dataclass(frozen=True, eq=False)
+class TextureGrid:
+    """One picture, prepared for copying texture within its surfaces.
+
+    Two grids lie over the picture: texture is compared in cells of `cell_size` pixels, base colours stand on a grid twice as
+    coarse. Labels: -1 non-planar, 0 sky, k >= 1 the k-th plane, UNTRUSTED.
+    """
+
+    color: UInt8Array
+    """H x W x 3, RGB."""
+    hole: BoolArray
+    """H x W, True = to be painted."""
+    inverse_depth: Float32Array
+    """H x W, 1/m, filled everywhere; 0 = sky."""
+    label: Int32Array
+    """H x W, filled everywhere."""
+    camera: Camera
+    trusted: Int32Array
+    """H x W: the label of pixels that may be copied, else UNTRUSTED."""
+    cell_size: int
+    """Pixels along a side of a cell."""
+    cell_color: Float32Array
+    """rows x cols x 3: mean of the cell's trusted pixels."""
+    cell_inverse_depth: Float32Array
+    """rows x cols, 1/m: the same."""
+    cell_label: Int32Array
+    """rows x cols: the label of cells most of whose pixels are trusted and of one surface, else UNTRUSTED."""
+
+    @classmethod
+    def of(
+        cls, color: UInt8Array, hole: BoolArray, inverse_depth: Float32Array, label: Int32Array, camera: Camera
+    ) -> TextureGrid:
+        """The grid of C-contiguous arrays of one size."""
+        cell_size = max(1, -(-max(hole.shape) // WORK_SIZE))
+        trusted = trusted_labels(hole, inverse_depth, label)
+        cells = shrink(color, inverse_depth, trusted, cell_size)
+        return cls(color, hole, inverse_depth, label, camera, trusted, cell_size, *cells)
+
+    @property
+    def base_cell_size(self) -> int:
+        """Pixels along a side of a cell of the coarser grid of base colours."""
+        return 2 * self.cell_size
+
+
+@dataclass(frozen=True)
+class HoleRegion:
+    """The pixels of the hole that lie on one surface, and the cells that may give them colour."""
+
+    label: int
+    """-1 non-planar, 0 sky, k >= 1 the k-th plane."""
+    pixels: NDArray[np.int64]
+    """Flat indices of the hole pixels."""
+    sources: BoolArray
+    """rows x cols cells, True where a cell is known and belongs to the surface."""
+
+
+def trusted_labels(hole: BoolArray, inverse_depth: Float32Array, label: Int32Array) -> Int32Array:
+    """H x W: the label of every pixel that may be copied, UNTRUSTED elsewhere.
+
+    Two pixels' distance from holes and nearer surfaces are wanted, of surfaces that then have no pixel left less.
+    """
+    trusted = np.where(trusted_sources(hole, inverse_depth, label, 2), label, UNTRUSTED).astype(np.int32)
+    wanted, found = np.unique(label[hole]), np.unique(trusted)
+    for reach in (1, 0):
+        missing = np.setdiff1d(wanted, found)
+        if len(missing):
+            near = np.isin(label, missing) & trusted_sources(hole, inverse_depth, label, reach)
+            trusted[near] = label[near]
+            found = np.unique(trusted)
+    return trusted
