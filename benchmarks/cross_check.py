@@ -11,6 +11,7 @@ lines and OpenCV. All are means over + and - and the four scenes; a number stand
 from __future__ import annotations
 
 import argparse
+import dataclasses
 import json
 from collections.abc import Callable
 from pathlib import Path
@@ -18,8 +19,10 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from dlama.completion import pipeline as scenes
-from dlama.completion.recipes import find_recipe
+from dlama.completion.pipeline import complete
+from dlama.completion.published import clipped
+from dlama.completion.recipes import RECIPES
+from dlama.completion.steps import Plan, fill, filler_of_recipe, law_of, warp
 from dlama.evaluation.metrics.pictures import depth_8bit
 from dlama.evaluation.protocols.methods import ProtocolSettings
 from dlama.evaluation.protocols.scores import Reference
@@ -27,6 +30,7 @@ from dlama.geometry import rendering
 from dlama.geometry.camera import Camera
 from dlama.geometry.projection import lift
 from dlama.geometry.rgbd import RGBD
+from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
 from dlama.inpainters import find_filler
 
@@ -65,29 +69,29 @@ def frames(folder: Path, scene: str, yaws: set[int]) -> dict[int, RGBD]:
 
 def as_shipped(source: RGBD, target: Camera) -> Made:
     """The package."""
-    done = scenes.complete(source, [target], filler="telea", recipe="paper")
+    done = complete(source, [target], filler="telea", recipe="paper")
     return made(done.warped[0], done.view)
 
 
 def without_law(source: RGBD, target: Camera) -> Made:
     """The package, filled depth left where the filler put it."""
-    work = paper_work(source)
-    warped = scenes.warp(work, target)
-    return made(warped, work.fill(warped))
+    plan = paper_plan(source)
+    warped, _ = warp(plan, plan.given, target)
+    return made(warped, fill(plan, warped)[0])
 
 
 def to_the_letter(source: RGBD, target: Camera) -> Made:
     """The package without the law, and with every point drawn."""
-    work = paper_work(source)
-    warped = rendering.render(lift(work.scene.layers[0]), target, "points")
-    return made(warped, work.fill(warped))
+    plan = paper_plan(source)
+    warped = rendering.render(lift(plan.given.layers[0]), target, "points")
+    return made(warped, fill(plan, warped)[0])
 
 
-def paper_work(source: RGBD) -> scenes.Work:
+def paper_plan(source: RGBD) -> Plan:
     """The paper's recipe with Telea, about to move; nothing holds its depth to a law."""
-    chosen = find_recipe("paper", {"law": False})
-    view = View.from_rgbd(scenes.clipped(source, chosen.clip_m))
-    return scenes.start(view, None, find_filler("telea"), chosen, 0)
+    recipe = dataclasses.replace(RECIPES["paper"], law=False)
+    given = Scene((View.from_rgbd(clipped(source, recipe.clip)),))
+    return Plan(recipe, filler_of_recipe(find_filler("telea"), recipe), 0, given, law_of(given, recipe))
 
 
 def made(warped: View, filled: View) -> Made:

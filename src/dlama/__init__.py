@@ -12,10 +12,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:  # what type checkers and editors read; a test holds it equal to MODULES
-    from dlama.completion.pipeline import Completion as Completion
+    from dlama.completion.completion import Completion as Completion
+    from dlama.completion.completion import StereoCompletion as StereoCompletion
     from dlama.completion.pipeline import complete as complete
     from dlama.completion.recipes import Recipe as Recipe
-    from dlama.completion.stereo import StereoCompletion as StereoCompletion
     from dlama.completion.stereo import stereo as stereo
     from dlama.completion.verbs import remove as remove
     from dlama.completion.verbs import view as view
@@ -59,7 +59,7 @@ __version__ = "0.1.0"
 MODULES = {
     "Camera": "geometry.camera",
     "CameraError": "errors",
-    "Completion": "completion.pipeline",
+    "Completion": "completion.completion",
     "DepthError": "errors",
     "DlamaError": "errors",
     "FileError": "errors",
@@ -79,7 +79,7 @@ MODULES = {
     "Recipe": "completion.recipes",
     "Scene": "geometry.scene",
     "ShapeError": "errors",
-    "StereoCompletion": "completion.stereo",
+    "StereoCompletion": "completion.completion",
     "StereoConsistency": "perception.stereo_matching",
     "StereoRig": "geometry.camera",
     "View": "geometry.view",

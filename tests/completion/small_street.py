@@ -7,7 +7,7 @@ import functools
 import numpy as np
 import pytest
 
-from dlama.completion.pipeline import Completion
+from dlama.completion.completion import Completion
 from dlama.completion.recipes import RECIPES
 from dlama.completion.verbs import remove, view
 from dlama.geometry.camera import Camera

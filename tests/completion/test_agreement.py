@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from small_street import CAMERA, WORLD, recipes, street
 
-from dlama.completion.pipeline import Completion, complete
+from dlama.completion.completion import Completion
+from dlama.completion.pipeline import complete
 from dlama.completion.recipes import RECIPES
 from dlama.geometry.camera import Camera
 from dlama.geometry.rendering import render

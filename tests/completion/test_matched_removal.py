@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from dlama.completion import stereo as pairs
-from dlama.completion.stereo import EASED, LENT, at_surest, freed, stereo
+from dlama.completion.pair import AS_NEAR, OBJECT_REACH, nearest_of_object, without_bleeding
+from dlama.completion.stereo import stereo
 from dlama.geometry.camera import Camera, StereoRig
 from worlds import Box, Plane, World
 
@@ -30,31 +31,31 @@ def disparity_of(world: World, camera: Camera) -> np.ndarray:
     return (CAMERA.fx * RIG.baseline_m / world.trace(camera)[0]).astype(np.float32)
 
 
-def test_the_surest_disparity_is_the_objects_largest_nearby() -> None:
-    """Twin: the largest of the mask within a disc of EASED px, pixel by pixel; 0 where the mask is farther away."""
+def test_the_nearest_of_an_object_is_its_largest_disparity_around() -> None:
+    """Twin: the largest of the mask within a disc of OBJECT_REACH px, pixel by pixel; 0 where the mask is farther away."""
     rng = np.random.default_rng(0)
     disparity = rng.uniform(1, 20, (40, 50)).astype(np.float32)
     mask = np.zeros(disparity.shape, bool)
     mask[12:20, 10:22] = rng.random((8, 12)) < 0.6
-    got = at_surest(disparity, mask)
+    got = nearest_of_object(disparity, mask)
     rows, columns = np.nonzero(mask)
     for row, column in np.ndindex(disparity.shape):
         apart = np.hypot(rows - row, columns - column)
-        surely, maybe = (disparity[rows, columns][apart <= EASED + margin] for margin in (-1, 1))
+        surely, maybe = (disparity[rows, columns][apart <= OBJECT_REACH + margin] for margin in (-1, 1))
         assert surely.max(initial=0) <= got[row, column] <= maybe.max(initial=0)
-    np.testing.assert_array_equal(at_surest(disparity, ~mask & mask), 0)
+    np.testing.assert_array_equal(nearest_of_object(disparity, ~mask & mask), 0)
 
 
-def test_what_the_object_lent_to_its_surroundings_is_unknown() -> None:
-    """Closed form: beside a mask at 10 px, LENT of that and more is unknown, less stays; so do the mask and all far from it."""
-    disparity = np.tile(np.array([10, LENT * 10 + 0.1, LENT * 10 - 0.1, 2], np.float32), (40, 10))
+def test_disparity_that_bled_over_the_objects_edge_is_missing() -> None:
+    """Closed form: beside a mask at 10 px, AS_NEAR of that and more is missing, less stays; so do the mask and all far off."""
+    disparity = np.tile(np.array([10, AS_NEAR * 10 + 0.1, AS_NEAR * 10 - 0.1, 2], np.float32), (40, 10))
     mask = np.zeros(disparity.shape, bool)
     mask[15:20, 12:16], disparity[15:20, 12:16] = True, 10
-    got = freed(disparity, at_surest(disparity, mask), mask, 0.0)
+    got = without_bleeding(disparity, nearest_of_object(disparity, mask), mask, 0.0)
     np.testing.assert_array_equal(got[mask], 10)
     near = np.zeros_like(mask)
-    near[17 - EASED + 3 : 17 + EASED - 2, 12:16] = True
-    np.testing.assert_array_equal(got[near & ~mask], np.where(disparity < LENT * 10, disparity, 0)[near & ~mask])
+    near[17 - OBJECT_REACH + 3 : 17 + OBJECT_REACH - 2, 12:16] = True
+    np.testing.assert_array_equal(got[near & ~mask], np.where(disparity < AS_NEAR * 10, disparity, 0)[near & ~mask])
     np.testing.assert_array_equal(got[:, 30:], disparity[:, 30:])
 
 

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from small_street import CAMERA, MASK, completed, fillers, street
 
+from dlama.completion.recipes import RECIPES
 from dlama.completion.verbs import remove, target_camera
 from dlama.geometry.holes import dilated
 from dlama.geometry.rendering import render
@@ -30,12 +33,12 @@ def test_the_paper_draws_points_and_clips_at_ten_metres() -> None:
 
 @fillers
 def test_the_papers_filled_depth_has_eight_bits(filler: str) -> None:
-    """Closed form: multiples of 10 m / 255, but for as many pixels as the law had moved; `clip_m` sets the step."""
+    """Closed form: multiples of 10 m / 255, but for as many pixels as the law had moved; `clip` sets the step."""
     done = completed("paper", filler, True, -14.0)
     steps = done.view.depth[done.warped[0].hole] / (10 / 255)
     off = abs(steps - np.round(steps)) > 1e-3
     assert (~off).mean() > 0.5 and off.sum() <= done.meta["law_moves"]
-    coarse = remove(street(), MASK, filler=filler, recipe="paper", clip_m=5.1)
+    coarse = remove(street(), MASK, filler=filler, recipe="paper", clip=5.1)
     steps = coarse.view.depth[coarse.warped[0].hole] / 0.02
     assert (abs(steps - np.round(steps)) > 1e-3).sum() <= coarse.meta["law_moves"]
     assert coarse.view.depth.max() == np.float32(5.1)
@@ -45,7 +48,7 @@ def test_the_papers_hole_is_the_union_with_the_footprint() -> None:
     """Fig. 5: every pixel that the grown object's points reach is a hole of type OBJECT, also where background points show
     through when only the reduced cloud is asked (eq. 4 without the union)."""
     union = completed("paper", "telea", True, -14.0)
-    reduced = remove(street(), MASK, yaw=-14.0, filler="telea", recipe="paper", footprint=False)
+    reduced = remove(street(), MASK, yaw=-14.0, filler="telea", recipe=replace(RECIPES["paper"], footprint=False))
     footprint = ~render(Scene(union.scene.objects), union.view.camera, "points").hole
     shining = footprint & ~reduced.warped[0].hole
     assert shining.sum() > 20
@@ -56,7 +59,7 @@ def test_the_papers_hole_is_the_union_with_the_footprint() -> None:
 def test_without_its_law_the_papers_depth_stands_as_the_filler_gave_it() -> None:
     """Law, and that it can fail: with `law` off nothing is moved, every depth is one of the 8-bit steps, and the law, asked
     afterwards, finds pixels that break it; with it on there are none."""
-    loose = remove(street(), MASK, yaw=-14.0, filler="telea", recipe="paper", law=False)
+    loose = remove(street(), MASK, yaw=-14.0, filler="telea", recipe=replace(RECIPES["paper"], law=False))
     steps = loose.view.depth[loose.warped[0].hole] / (10 / 255)
     assert abs(steps - np.round(steps)).max() < 1e-3 and loose.meta["law_moves"] == 0
     held = completed("paper", "telea", True, -14.0)

@@ -26,7 +26,7 @@ def test_the_background_lies_behind_what_was_removed(recipe: str, filler: str) -
     taken = dilated(MASK, 3)
     np.testing.assert_array_equal(done.warped[0].hole_type[taken], HoleType.OBJECT)
     np.testing.assert_array_equal(done.view.filled & ~frame.missing, taken & ~frame.missing)
-    object_depth = np.minimum(frame.depth, RECIPES[recipe].clip_m or np.inf)
+    object_depth = np.minimum(frame.depth, RECIPES[recipe].clip or np.inf)
     assert (done.view.depth[taken] >= object_depth[taken] * (1 - 1.1e-3)).all()
     if filler == "layered":
         assert (done.view.depth[MASK] > 1.3 * frame.depth[MASK]).mean() > 0.98

@@ -30,7 +30,7 @@ from worlds import moved, pixels_of, points_of
 def test_own_view_keeps_every_measured_pixel(recipe: str, filler: str) -> None:
     """Law: at yaw 0 every measured pixel, sky too, is the source's bit for bit; only the sensor holes were filled."""
     done = completed(recipe, filler, False, 0.0)
-    frame, clip = street(), RECIPES[recipe].clip_m or np.inf
+    frame, clip = street(), RECIPES[recipe].clip or np.inf
     measured = ~frame.missing
     np.testing.assert_array_equal(done.view.color[measured], frame.color[measured])
     np.testing.assert_array_equal(done.view.depth[measured], np.minimum(frame.depth, np.float32(clip))[measured])
@@ -119,16 +119,30 @@ def test_the_same_seed_gives_the_same_bits(recipe: str, filler: str) -> None:
 @fillers
 @recipes
 def test_meta_is_json_and_adds_up(recipe: str, filler: str) -> None:
-    """Round trip through JSON without NaN; shares by type add up to the hole share; names and stages are there."""
+    """Round trip through JSON without NaN; shares by type add up to what lacks colour and what lacks depth only; names and
+    stages are there."""
     done = completed(recipe, filler, True, -14.0)
     meta = json.loads(json.dumps(done.meta, allow_nan=False))
     assert meta == done.meta
     assert meta["recipe"]["name"] == recipe and meta["filler"] == filler and meta["seed"] == 0
-    assert sum(meta["hole_share_by_type"][0].values()) == pytest.approx(meta["hole_share"][0], abs=1e-5)
-    assert meta["hole_share"][0] == pytest.approx((done.warped[0].hole_type > 0).mean(), abs=1e-5)
+    unknown = meta["hole_share"][0] + meta["depth_only_share"][0]
+    assert sum(meta["hole_share_by_type"][0].values()) == pytest.approx(unknown, abs=1e-5)
+    assert unknown == pytest.approx((done.warped[0].hole_type > 0).mean(), abs=1e-5)
     assert meta["filled_pixels"] >= done.warped[0].hole.mean() and meta["law_violations"] == 0
     assert set(meta["seconds"]) == {"render", "fill", "fuse"} and min(meta["seconds"].values()) >= 0
     assert meta["nothing_visible"] is False
+
+
+def test_a_pixel_that_lacks_depth_only_is_not_unknown() -> None:
+    """Closed form: at the source's own camera the sensor holes keep their colour, so nothing is unknown and their share stands
+    apart; with an object out, exactly the grown mask lacks colour."""
+    frame = street()
+    own = completed("dlama", "telea", False, 0.0)
+    assert own.meta["hole_share"] == [0.0]
+    assert own.meta["depth_only_share"] == [pytest.approx(frame.missing.mean(), abs=1e-6)]
+    removed, taken = completed("dlama", "telea", True, 0.0), dilated(MASK, 3)
+    assert removed.meta["hole_share"] == [pytest.approx(taken.mean(), abs=1e-6)]
+    assert removed.meta["depth_only_share"] == [pytest.approx((frame.missing & ~taken).mean(), abs=1e-6)]
 
 
 def test_flying_pixels_are_counted_only_when_the_camera_moves() -> None:
@@ -190,27 +204,28 @@ def test_pictures_one_pixel_wide_or_high(recipe: str, filler: str, wh: tuple[int
 
 
 def test_unknown_names_list_the_known_ones() -> None:
-    """Message: filler, recipe, setting, mode."""
+    """Message: filler, recipe, mode; an option that no recipe has is refused by Python itself."""
     for wrong, known in (
         ({"filler": "magic"}, FILLERS),
         ({"recipe": "lama"}, RECIPES),
-        ({"dilation": 3}, ["mode", "dilate", "dilate_holes", "clip_m"]),
         ({"mode": "voxels"}, ["surface", "points"]),
     ):
         with pytest.raises(InputError) as error:
             view(street(), yaw=5, **wrong)  # type: ignore[arg-type]
         assert all(name in str(error.value) for name in known)
+    with pytest.raises(TypeError, match="dilation"):
+        view(street(), yaw=5, dilation=3)  # type: ignore[call-arg]
 
 
 def test_settings_change_what_they_say() -> None:
-    """Closed form: dilate_holes grows the warped hole by so many px, dilate the mask, clip_m cuts, mode draws points."""
+    """Closed form: dilate_holes grows the warped hole by so many px, dilate the mask, clip cuts, mode draws points."""
     plain = completed("dlama", "telea", False, 14.0).warped[0]
     wider = view(street(), yaw=14.0, filler="telea", dilate_holes=2)
     np.testing.assert_array_equal(wider.warped[0].hole, dilated(plain.hole, 2))
     assert not wider.warped[0].depth[wider.warped[0].hole].any()
     exact = remove(street(), MASK, filler="telea", dilate=0)
     np.testing.assert_array_equal(exact.view.filled, MASK)
-    assert view(street(sensor_holes=False), filler="telea", clip_m=4.0).view.depth.max() == 4
+    assert view(street(sensor_holes=False), filler="telea", clip=4.0).view.depth.max() == 4
     by_points = view(street(), yaw=14.0, filler="telea", mode="points")
     assert (by_points.warped[0].hole_type == HoleType.CRACK).any() and not (plain.hole_type == HoleType.CRACK).any()
     assert by_points.meta["recipe"]["mode"] == "points"

@@ -10,7 +10,8 @@ import pytest
 from PIL import Image
 from plyfile import PlyData
 
-from dlama.completion.pipeline import Completion, complete
+from dlama.completion.completion import Completion
+from dlama.completion.pipeline import complete
 from dlama.completion.verbs import remove
 from dlama.errors import OutputError
 from dlama.files import meshes

@@ -1,1 +1,4 @@
-"""The whole method: `scenes` completes views and removes objects, `pairs` does the same for stereo, `recipes` says how."""
+"""An RGBD or a stereo pair in; a Completion out.
+
+Begin at `pipeline`; `steps` has each of its steps, `stereo` does the same for a pair, `recipes` says how.
+"""

@@ -1,4 +1,4 @@
-"""Recipes: named settings of the whole method. `dlama` is ours, `paper` is D-LaMa as published."""
+"""The name of a recipe and changes to it in; the settings of the whole method out. `dlama` is ours, `paper` is as published."""
 
 from __future__ import annotations
 
@@ -9,10 +9,16 @@ from typing import Any, Literal
 from dlama.errors import InputError
 from dlama.geometry.rendering import MODES, Mode
 
+DepthBy = Literal["surfaces", "filler"]
+"""What fills depth beside a filler of pictures: surfaces continued behind the hole, or the filler itself."""
+
 
 @dataclass(frozen=True)
 class Recipe:
-    """How a scene is completed. Contradictions raise InputError."""
+    """How a scene is completed. Contradictions raise InputError.
+
+    A recipe of one's own: `dataclasses.replace(RECIPES["dlama"], name="mine", footprint=True)`.
+    """
 
     name: str
     """`dlama` or `paper`; further changes are listed beside it in meta.json."""
@@ -22,12 +28,12 @@ class Recipe:
     """Radius in px by which an object mask grows before its pixels leave the cloud (disc kernel)."""
     dilate_holes: int = 0
     """Radius in px by which the holes of the new view grow (disc kernel)."""
-    clip_m: float | None = None
+    clip: float | None = None
     """Everything at or beyond this many metres, sky too, is put at it (the paper: 10 m); None: nothing is clipped."""
     eight_bit_depth: bool = False
-    """Filled depth in 8-bit steps of clip_m / 255, as the paper's depth pictures."""
-    depth_by: Literal["surfaces", "filler"] = "surfaces"
-    """Who fills depth where the filler is one of pictures (telea, lama, migan): surfaces continued behind the hole, or the
+    """Filled depth in 8-bit steps of clip / 255, as the paper's depth pictures."""
+    depth_by: DepthBy = "surfaces"
+    """What fills depth where the filler is one of pictures (telea, lama, migan): surfaces continued behind the hole, or the
     filler's own way. Fillers of colour and depth (layered, joint) always go their own."""
     law: bool = True
     """Put filled depth behind what was measured (the visibility law). False: the method as published, which has no such law;
@@ -43,10 +49,10 @@ class Recipe:
         for name in ("dilate", "dilate_holes"):
             if getattr(self, name) < 0:
                 raise InputError(f"{name} is {getattr(self, name)} px; 0 or more is wanted")
-        if self.clip_m is not None and not self.clip_m > 0:
-            raise InputError(f"clip_m is {self.clip_m} m; more than 0 is wanted")
-        if self.eight_bit_depth and self.clip_m is None:
-            raise InputError("8-bit depth needs clip_m, the depth of level 255")
+        if self.clip is not None and not self.clip > 0:
+            raise InputError(f"clip is {self.clip} m; more than 0 is wanted")
+        if self.eight_bit_depth and self.clip is None:
+            raise InputError("8-bit depth needs clip, the depth of level 255")
         if self.depth_by not in ("surfaces", "filler"):
             raise InputError(f"depth_by is {self.depth_by!r}; surfaces or filler is wanted")
         if self.eight_bit_depth and self.depth_by != "filler":
@@ -58,7 +64,7 @@ RECIPES: dict[str, Recipe] = {
     "paper": Recipe(
         "paper",
         mode="points",
-        clip_m=10.0,
+        clip=10.0,
         eight_bit_depth=True,
         depth_by="filler",
         footprint=True,
@@ -67,21 +73,23 @@ RECIPES: dict[str, Recipe] = {
 }
 
 
-def recipe(name: str | Recipe, **changes: object) -> Recipe:
-    """The recipe of that name with the changes that are not None; an unknown name lists the known ones (InputError)."""
-    if isinstance(name, Recipe):
-        chosen = name
-    elif name in RECIPES:
-        chosen = RECIPES[name]
-    else:
+def find_recipe(
+    name: str | Recipe,
+    *,
+    mode: Mode | None = None,
+    dilate: int | None = None,
+    dilate_holes: int | None = None,
+    clip: float | None = None,
+    depth_by: DepthBy | None = None,
+) -> Recipe:
+    """The recipe of that name (or the one given) with the options that are not None.
+
+    Raises InputError: an unknown name (the known ones are listed), or options that contradict each other.
+    """
+    if not isinstance(name, Recipe) and name not in RECIPES:
         raise InputError(f"recipe is {name!r}; one of {', '.join(RECIPES)} is wanted")
-    return dataclasses.replace(chosen, **{key: value for key, value in changes.items() if value is not None})  # type: ignore[arg-type]
-
-
-def find_recipe(name: str | Recipe, changes: dict[str, Any]) -> Recipe:
-    """The named recipe with changes; an unknown change names the known ones."""
-    known = [field.name for field in dataclasses.fields(Recipe)]
-    for key in changes:
-        if key not in known:
-            raise InputError(f"{key!r} is no setting of a recipe; one of {', '.join(known)} is wanted")
-    return recipe(name, **changes)
+    chosen = name if isinstance(name, Recipe) else RECIPES[name]
+    options: dict[str, Any] = {
+        "mode": mode, "dilate": dilate, "dilate_holes": dilate_holes, "clip": clip, "depth_by": depth_by
+    }  # fmt: skip
+    return dataclasses.replace(chosen, **{key: value for key, value in options.items() if value is not None})

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
-from dlama.completion.pipeline import Completion, complete
-from dlama.completion.recipes import Recipe
+from dlama.completion.completion import Completion
+from dlama.completion.pipeline import complete
+from dlama.completion.recipes import DepthBy, Recipe, find_recipe
 from dlama.errors import InputError
 from dlama.geometry.camera import Camera
+from dlama.geometry.rendering import Mode
 from dlama.geometry.rgbd import RGBD, BoolArray
 from dlama.geometry.trajectories import PIVOT_M, median_pivot, orbit
 from dlama.geometry.trajectories import dolly as dollied
@@ -47,12 +49,30 @@ def view(
     filler: str | Inpainter = "layered",
     model: str | Path | None = None,
     recipe: str | Recipe = "dlama",
+    mode: Mode | None = None,
+    dilate: int | None = None,
+    dilate_holes: int | None = None,
+    clip: float | None = None,
+    depth_by: DepthBy | None = None,
     seed: int = 0,
-    **changes: Any,
 ) -> Completion:
-    """The scene from another viewpoint, holes filled in colour and depth. Arguments as `target_camera` and `complete`."""
+    """The scene from another viewpoint, holes filled in colour and depth.
+
+    Args:
+        rgbd: The picture with metric depth, and its camera.
+        camera: The target camera, instead of an orbit and a dolly.
+        yaw: Degrees; positive: the camera moves to its right round the pivot and turns left.
+        pitch: Degrees; positive: the camera moves up and looks down.
+        pivot: Metres ahead on the optical axis that the orbit turns about; "auto": the median depth.
+        dolly: Metres forward, after the orbit.
+        filler, model, recipe, mode, dilate, dilate_holes, clip, depth_by, seed: As in `complete`.
+
+    Raises:
+        InputError: a camera and an orbit, an unknown name, options that contradict each other.
+    """
     target = target_camera(rgbd, camera, yaw=yaw, pitch=pitch, pivot=pivot, dolly=dolly)
-    return complete(rgbd, [target], filler=filler, model=model, recipe=recipe, seed=seed, **changes)
+    chosen = find_recipe(recipe, mode=mode, dilate=dilate, dilate_holes=dilate_holes, clip=clip, depth_by=depth_by)
+    return complete(rgbd, [target], filler=filler, model=model, recipe=chosen, seed=seed)
 
 
 def remove(
@@ -67,9 +87,17 @@ def remove(
     filler: str | Inpainter = "layered",
     model: str | Path | None = None,
     recipe: str | Recipe = "dlama",
+    mode: Mode | None = None,
+    dilate: int | None = None,
+    dilate_holes: int | None = None,
+    clip: float | None = None,
+    depth_by: DepthBy | None = None,
     seed: int = 0,
-    **changes: Any,
 ) -> Completion:
-    """The scene without the object under `mask` (H x W bool), from the source camera or from elsewhere."""
+    """The scene without the object under `mask` (H x W bool, True = remove), from the source camera or from elsewhere.
+
+    All other arguments as in `view`, and what it raises; MaskError for a mask that is empty, full or of another size.
+    """
     target = target_camera(rgbd, camera, yaw=yaw, pitch=pitch, pivot=pivot, dolly=dolly)
-    return complete(rgbd, [target], mask=mask, filler=filler, model=model, recipe=recipe, seed=seed, **changes)
+    chosen = find_recipe(recipe, mode=mode, dilate=dilate, dilate_holes=dilate_holes, clip=clip, depth_by=depth_by)
+    return complete(rgbd, [target], mask=mask, filler=filler, model=model, recipe=chosen, seed=seed)

@@ -12,8 +12,7 @@ from typing import Any
 import numpy as np
 
 from dlama import __version__
-from dlama.completion.pipeline import Completion
-from dlama.completion.stereo import StereoCompletion
+from dlama.completion.completion import Completion, StereoCompletion
 from dlama.files.atomic_write import PathLike, new_directory
 from dlama.geometry.view import HoleType, Origin, View
 from dlama.models.verify import sha256_of

@@ -6,8 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from dlama.completion.pipeline import Completion
-from dlama.completion.stereo import StereoCompletion
+from dlama.completion.completion import Completion, StereoCompletion
 from dlama.files.atomic_write import PathLike
 from dlama.files.preview import (
     HOLE_PALETTE,
@@ -38,8 +37,9 @@ def write_sheet(path: PathLike, completion: Completion) -> None:
 def title(completion: Completion) -> str:
     """What was done, in a line."""
     meta = completion.meta
-    share = percent(float(np.mean(meta["hole_share"])))
-    return f"{job_done(completion)}: {share} was unknown, filled by '{meta['filler']}'"
+    unknown, depth_only = (float(np.mean(meta[name])) for name in ("hole_share", "depth_only_share"))
+    lacking = f"{percent(unknown)} was unknown" + (f", {percent(depth_only)} lacked depth only" if depth_only else "")
+    return f"{job_done(completion)}: {lacking}, filled by '{meta['filler']}'"
 
 
 def job_done(completion: Completion) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -10,8 +11,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from dlama.completion.pipeline import Completion, complete
-from dlama.completion.recipes import recipe
+from dlama.completion.completion import Completion
+from dlama.completion.pipeline import complete
+from dlama.completion.recipes import Recipe, find_recipe
 from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
 from dlama.geometry.view import View
@@ -43,6 +45,10 @@ class Method:
     def fills(self) -> bool:
         """False for the baseline that leaves holes black and without depth."""
         return self.filler != NO_FILL
+
+    def changed_recipe(self, **changes: Any) -> Recipe:
+        """The recipe with the method's own changes, and with these over them. Raises InputError."""
+        return dataclasses.replace(find_recipe(self.recipe), **{**self.changes, **changes})
 
 
 @dataclass(frozen=True)
@@ -131,7 +137,7 @@ class MethodRun:
     @property
     def clip_m(self) -> float | None:
         """Metres at which the recipe cuts depth; None: nowhere."""
-        return recipe(self.method.recipe, **self.method.changes).clip_m
+        return self.method.changed_recipe().clip
 
     def timing(self) -> Measure:
         """Wall-clock seconds of the completion."""
@@ -160,13 +166,11 @@ def run_method(
     Raises:
         InputError, FileError and whatever else `complete` raises.
     """
-    how: dict[str, Any] = {**method.changes, **changes}
-    if method.fills:
-        how |= {"filler": method.filler, "model": method.model}
-    else:
-        how |= {"filler": no_fill, "source_first": False}
+    how: dict[str, Any] = {"filler": method.filler, "model": method.model}
+    if not method.fills:
+        how, changes = {"filler": no_fill}, {**changes, "source_first": False}
     started = time.perf_counter()
-    done = complete(source, [camera], mask=mask, recipe=method.recipe, seed=method.seed, **how)
+    done = complete(source, [camera], mask=mask, recipe=method.changed_recipe(**changes), seed=method.seed, **how)
     return MethodRun(method, done, time.perf_counter() - started)
 
 

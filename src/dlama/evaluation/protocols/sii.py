@@ -19,7 +19,8 @@ from typing import Any
 
 import numpy as np
 
-from dlama.completion.stereo import StereoCompletion, stereo
+from dlama.completion.completion import StereoCompletion
+from dlama.completion.stereo import stereo
 from dlama.datasets.frames import StereoTruth, Truth
 from dlama.errors import InputError
 from dlama.evaluation.metrics.disparity import disparity_errors, left_right_difference
@@ -62,10 +63,9 @@ def run_stereo(truth: StereoTruth, method: Method) -> MethodRun:
         truth.rig,
         mask=truth.mask_left,
         mask_right=truth.mask_right,
-        recipe=method.recipe,
+        recipe=method.changed_recipe(),
         seed=method.seed,
         **how,
-        **method.changes,
     )
     return MethodRun(method, done, time.perf_counter() - started)
 

@@ -1,0 +1,71 @@
+"""What the verbs give back: completed views, the completed scene, and the meta data of how they came about."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+from dlama.geometry.cloud import PointCloud
+from dlama.geometry.fusion import scene_cloud, scene_mesh
+from dlama.geometry.mesh import Mesh
+from dlama.geometry.rgbd import Float32Array
+from dlama.geometry.scene import Scene
+from dlama.geometry.view import View
+from dlama.perception.stereo_matching import StereoConsistency
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Completion:
+    """What a completion gives back. Views are in the order of the cameras; `view` is the last."""
+
+    views: tuple[View, ...]
+    """Completed views, no holes (unless nothing at all was visible: meta says so)."""
+    warped: tuple[View, ...]
+    """The same views before filling, holes typed."""
+    scene: Scene
+    """Everything known and filled."""
+    source: View
+    """The source view as given."""
+    meta: dict[str, Any]
+    """Recipe, filler, hole shares, law moves and violations, seconds per stage; JSON-ready (docs/conventions.md)."""
+
+    def __repr__(self) -> str:
+        sizes = sorted({f"{view.camera.width}x{view.camera.height}" for view in self.views})
+        count = f"{len(self.views)} view{'' if len(self.views) == 1 else 's'}"
+        shares = self.meta["hole_share"]
+        unknown = f", {100 * sum(shares) / len(shares):.1f} % was unknown" if shares else ""
+        named = f"filled by {self.meta['filler']!r}, recipe {self.meta['recipe']['name']!r}"
+        return f"{type(self).__name__}({' of '.join([count, *sizes])}{unknown}, {named})"
+
+    @property
+    def view(self) -> View:
+        """The (last) completed view."""
+        return self.views[-1]
+
+    @cached_property
+    def completed(self) -> PointCloud:
+        """c+ (eq. 10): everything, removed objects too, plus what was filled. World metres; computed once."""
+        return scene_cloud(self.scene)
+
+    @cached_property
+    def background(self) -> PointCloud:
+        """c- (eq. 11): removed objects hidden, the background restored. World metres; computed once."""
+        return scene_cloud(self.scene, objects=False)
+
+    @cached_property
+    def mesh(self) -> Mesh:
+        """The completed scene, without removed objects, as triangles. World metres; computed once."""
+        return scene_mesh(self.scene, objects=False)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class StereoCompletion(Completion):
+    """A completion whose two views are the left and the right of a pair."""
+
+    disparity_left: Float32Array
+    """H x W px of the completed left view, 0 = far."""
+    disparity_right: Float32Array
+    """H x W px of the completed right view, 0 = far."""
+    agreement: StereoConsistency
+    """How well the two completed views agree, over the whole picture."""

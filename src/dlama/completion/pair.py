@@ -1,0 +1,154 @@
+"""A rectified pair: as matched (disparities in, frames with depth out) and as completed (views in, a StereoCompletion out)."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+
+import numpy as np
+
+from dlama.completion.completion import StereoCompletion
+from dlama.completion.report import Record, meta_data
+from dlama.completion.steps import Plan
+from dlama.errors import InputError, ShapeError
+from dlama.geometry.camera import StereoRig
+from dlama.geometry.holes import checked_mask
+from dlama.geometry.projection import depth_from_disparity, disparity_from_depth
+from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
+from dlama.geometry.scene import Scene
+from dlama.geometry.view import View
+from dlama.inpainters.filling import Inpainter
+from dlama.perception.stereo_matching import carry_mask, consistency
+
+FAR_PX = 0.5
+"""Disparity (with doffs) below which depth is no more than a guess: such pixels are far."""
+
+OBJECT_REACH = 8
+"""px round a pixel in which the removed object's nearest disparity is looked for."""
+
+AS_NEAR = 0.85
+"""Share of a removed object's disparity from which a pixel beside it counts as the object's."""
+
+
+@dataclass(frozen=True, eq=False)
+class MatchedPair:
+    """Left and right picture with the disparity of each; with masks where an object is to be removed."""
+
+    rig: StereoRig
+    far: float
+    """Metres; what lies at or beyond it is far (sky)."""
+    colors: tuple[UInt8Array, UInt8Array]
+    """H x W x 3 each: left, right."""
+    disparities: tuple[Float32Array, Float32Array]
+    """H x W px each, 0 = missing."""
+    masks: tuple[BoolArray, BoolArray] | None = None
+    """H x W each, True = remove; None: nothing is removed."""
+
+    @property
+    def left(self) -> RGBD:
+        """The left picture with the depth of its disparity."""
+        return RGBD(self.colors[0], depth_in_metres(self.disparities[0], self.rig, self.far), self.rig.left)
+
+    @property
+    def right(self) -> RGBD:
+        """The right picture with the depth of its disparity."""
+        return RGBD(self.colors[1], depth_in_metres(self.disparities[1], self.rig, self.far), self.rig.right)
+
+    @property
+    def object_depth(self) -> Float32Array | None:
+        """H x W metres, left: how near the removed object is, by its nearest pixel around; None: nothing is removed."""
+        if self.masks is None:
+            return None
+        nearest = nearest_of_object(self.disparities[0], self.masks[0])
+        return RGBD(self.colors[0], depth_in_metres(nearest, self.rig, self.far), self.rig.left).depth
+
+    def without_bleeding(self) -> MatchedPair:
+        """The pair without the object's disparity where matching let it bleed over the object's edge."""
+        if self.masks is None:
+            return self
+        left, right = (
+            without_bleeding(one, nearest_of_object(one, mask), mask, self.rig.doffs)
+            for one, mask in zip(self.disparities, self.masks)
+        )
+        return dataclasses.replace(self, disparities=(left, right))
+
+
+@dataclass(frozen=True, eq=False)
+class CompletedPair:
+    """What completing both views of a pair gave."""
+
+    plan: Plan
+    source: RGBD
+    """The left picture with its matched depth."""
+    before: tuple[View, View]
+    """Left and right before filling, holes typed."""
+    views: tuple[View, View]
+    """Left and right, completed."""
+    scene: Scene
+    record: Record
+
+    def as_completion(self, rig: StereoRig, filler: str | Inpainter) -> StereoCompletion:
+        """With the disparities of both views, how well they agree, and the meta data."""
+        lens = {"fx": rig.left.fx, "baseline_m": rig.baseline_m, "doffs": rig.doffs}
+        left, right = (disparity_from_depth(view.depth, **lens) for view in self.views)
+        agreement = consistency(self.views[0].color, self.views[1].color, left, right)
+        source = View.from_rgbd(self.source)
+        meta = meta_data(self.plan, filler, source, self.before, self.record)
+        meta["stereo"] = {**lens, "consistency": dataclasses.asdict(agreement)}
+        return StereoCompletion(self.views, self.before, self.scene, source, meta, left, right, agreement)
+
+
+def default_far(rig: StereoRig) -> float:
+    """Metres from which half a pixel of disparity cannot be told from infinity."""
+    return rig.left.fx * rig.baseline_m / FAR_PX
+
+
+def check_pair(left: UInt8Array, right: UInt8Array, rig: StereoRig, far: float) -> None:
+    """Raise ShapeError where a picture has not the rig's size, InputError where `far` is no distance."""
+    if not far > 0:
+        raise InputError(f"far is {far} m; more than 0 is wanted")
+    for name, picture in (("left", left), ("right", right)):
+        if picture.shape[:2] != rig.left.hw:
+            raise ShapeError(
+                f"the {name} picture is {picture.shape[1]}x{picture.shape[0]} and the calibration "
+                f"{rig.left.width}x{rig.left.height}; both must have the same size"
+            )
+
+
+def masks_of_pair(
+    mask: BoolArray | None, mask_right: BoolArray | None, left_disparity: Float32Array, rig: StereoRig
+) -> tuple[BoolArray, BoolArray] | None:
+    """The masks of both pictures; the right one is carried over by disparity where it is not given. Raises MaskError."""
+    if mask is None:
+        return None
+    checked_mask(mask, rig.left.hw)
+    carried = carry_mask(mask, left_disparity) if mask_right is None else checked_mask(mask_right, rig.right.hw)
+    return mask, carried
+
+
+def depth_in_metres(disparity: Float32Array, rig: StereoRig, far: float) -> Float32Array:
+    """H x W metres of one picture's disparity (H x W px, 0 = missing); at or beyond `far` metres it is +inf."""
+    depth = depth_from_disparity(disparity, fx=rig.left.fx, baseline_m=rig.baseline_m, doffs=rig.doffs)
+    return np.where(depth >= far, np.float32(np.inf), depth)
+
+
+def nearest_of_object(disparity: Float32Array, mask: BoolArray) -> Float32Array:
+    """H x W px: the largest disparity of the object (mask, H x W bool) within OBJECT_REACH px; 0 where there is none.
+
+    What is hidden lies behind the object; how far behind, the noise of the matched object must not decide.
+    """
+    import cv2
+
+    of_object = np.where(mask, disparity, np.float32(0))
+    kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * OBJECT_REACH + 1,) * 2)
+    return np.asarray(cv2.dilate(of_object, kernel))
+
+
+def without_bleeding(disparity: Float32Array, nearest: Float32Array, mask: BoolArray, doffs: float) -> Float32Array:
+    """H x W px: 0 (missing) beside the object (mask) where disparity is as near as the object, else as it was.
+
+    nearest: H x W px as `nearest_of_object` gives it. Matching lets a nearer thing bleed over its edge; ground on which the
+    object stands is taken for it too, and comes back with the surface it belongs to.
+    """
+    as_near = disparity + doffs >= np.float32(AS_NEAR) * (nearest + np.float32(doffs))
+    return np.where(~mask & as_near & (nearest > 0), np.float32(0), disparity)

@@ -1,0 +1,84 @@
+"""What the steps of a completion did, and how long they took, in; its meta data, JSON-ready, out."""
+
+from __future__ import annotations
+
+import dataclasses
+import logging
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from dlama.completion.steps import NO_DILATION, Dilation, Plan
+from dlama.geometry.holes import hole_shares
+from dlama.geometry.rendering import flying
+from dlama.geometry.view import View
+from dlama.inpainters.filling import FillReport, Inpainter
+
+LOG = logging.getLogger("dlama")
+
+
+class Clock:
+    """Seconds by stage. `with clock("fill"):` logs the stage as it begins and adds what it took."""
+
+    def __init__(self) -> None:
+        self.seconds: dict[str, float] = {}
+
+    @contextmanager
+    def __call__(self, stage: str) -> Iterator[None]:
+        LOG.info("%s", stage)
+        started = time.perf_counter()
+        yield
+        self.seconds[stage] = round(self.seconds.get(stage, 0.0) + time.perf_counter() - started, 4)
+
+
+@dataclass(frozen=True)
+class Record:
+    """What the steps of one completion reported, in their order."""
+
+    fills: Sequence[FillReport]
+    seconds: dict[str, float]
+    mask: Dilation = NO_DILATION
+    """How the object mask grew."""
+    holes: Sequence[Dilation] = ()
+    """How the hole of each view grew."""
+
+
+def meta_data(
+    plan: Plan, filler: str | Inpainter, source: View, warped: Sequence[View], record: Record
+) -> dict[str, Any]:
+    """The meta data of a completion, JSON-ready (docs/conventions.md lists the fields). warped: the views before filling."""
+    moved = any(not view.camera.same_view_as(source.camera) for view in warped)
+    notes: dict[str, Any] = {}
+    for one in record.fills:
+        notes.update(one.notes)
+    return {
+        "recipe": dataclasses.asdict(plan.recipe),
+        "filler": filler if isinstance(filler, str) else getattr(filler, "__name__", type(filler).__name__),
+        "seed": plan.seed,
+        "hole_share": [share(view.color_hole) for view in warped],
+        "depth_only_share": [share(view.hole & ~view.color_hole) for view in warped],
+        "hole_share_by_type": [hole_shares(view) for view in warped],
+        "dilation": {
+            "kernel": "disc of the radius given in the recipe",
+            "mask_pixels": record.mask.pixels,
+            "mask_known_pixels_given_up": record.mask.known_pixels_given_up,
+            "hole_pixels_before": [hole.pixels for hole in record.holes],
+            "hole_known_pixels_given_up": [hole.known_pixels_given_up for hole in record.holes],
+        },
+        "flying_pixels_rejected": int(flying(source).sum()) if moved else 0,
+        "filled_pixels": sum(one.hole_pixels for one in record.fills),
+        "law_moves": sum(one.law_moves for one in record.fills),
+        "law_violations": sum(one.law_violations for one in record.fills),
+        "nothing_visible": any(one.notes.get("nothing_visible") for one in record.fills),
+        "seconds": record.seconds,
+        "notes": notes,
+    }
+
+
+def share(where: np.ndarray) -> float:
+    """Share of a bool picture that is True, 0..1."""
+    return round(float(where.mean()), 6)

@@ -1,0 +1,147 @@
+"""The steps of the method, each a function from values to new values: `pipeline` and `stereo` put them in order.
+
+take out (eq. 11) -> fill the source -> warp, mask (eq. 2-4) -> earlier fill -> fill (sec. 3.3) -> fuse (eq. 10)
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from dlama.completion.recipes import Recipe
+from dlama.geometry.camera import Camera
+from dlama.geometry.fusion import fuse
+from dlama.geometry.holes import checked_mask, dilated, grown
+from dlama.geometry.rendering import render
+from dlama.geometry.rgbd import BoolArray, Float32Array
+from dlama.geometry.scene import Scene
+from dlama.geometry.view import HoleType, Origin, View
+from dlama.geometry.visibility import Law
+from dlama.inpainters.filling import FillReport, Inpainter, inpaint
+from dlama.inpainters.grey_depth import with_grey_depth
+from dlama.inpainters.layered.depth_first import depth_first
+
+NOTHING_FILLED = FillReport(0, 0, 0, {})
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """What stays the same while one scene is completed."""
+
+    recipe: Recipe
+    inpainter: Inpainter
+    """The filler, with the recipe's way of filling depth (`filler_of_recipe`)."""
+    seed: int
+    given: Scene
+    """The scene as measured, without the removed object; nothing is filled."""
+    law: Law
+    """What the measurements forbid filled depth to hide."""
+
+
+class Dilation(NamedTuple):
+    """What growing a mask or a hole cost."""
+
+    pixels: int
+    """Pixels of the mask or the hole before it grew."""
+    known_pixels_given_up: int
+    """Known pixels that it grew over."""
+
+
+NO_DILATION = Dilation(0, 0)
+
+
+def filler_of_recipe(filler: Inpainter, recipe: Recipe) -> Inpainter:
+    """The filler with the recipe's way of filling depth: by surfaces, in 8-bit steps, or its own."""
+    if recipe.depth_by == "surfaces":
+        return depth_first(filler)
+    return with_grey_depth(filler, recipe.clip) if recipe.eight_bit_depth and recipe.clip is not None else filler
+
+
+def take_out(source: View, mask: BoolArray | None, radius: int) -> tuple[Scene, Dilation]:
+    """The scene of one view without the object under `mask` (H x W bool) grown by `radius` px. Raises MaskError."""
+    if mask is None:
+        return Scene((source,)), NO_DILATION
+    larger = dilated(checked_mask(mask, source.camera.hw), radius)
+    checked_mask(larger, source.camera.hw)
+    removed = source.without(~larger, HoleType.NONE)
+    scene = Scene((source.without(larger, HoleType.OBJECT),), (removed,))
+    return scene, Dilation(int(mask.sum()), int(larger.sum()) - int(mask.sum()))
+
+
+def law_of(scene: Scene, recipe: Recipe, object_depth: Float32Array | None = None) -> Law:
+    """What the measurements of a scene forbid; nothing, where the recipe knows no law.
+
+    object_depth: H x W metres that count as measured at the removed object's pixels; None: its own.
+    """
+    if not recipe.law:
+        return Law(())
+    if object_depth is None:
+        return Law.of(scene)
+    objects = (dataclasses.replace(one, depth=np.where(one.hole, one.depth, object_depth)) for one in scene.objects)
+    return Law.of(dataclasses.replace(scene, objects=tuple(objects)))
+
+
+def fill(plan: Plan, view: View) -> tuple[View, FillReport]:
+    """The view with all its holes filled under the plan's law, and what that did."""
+    return inpaint(view, plan.inpainter, plan.law, plan.seed)
+
+
+def fill_source(plan: Plan) -> tuple[Scene, tuple[FillReport, ...]]:
+    """The given scene with its sensor holes and the object's background filled in the source view, if the recipe says so."""
+    source = plan.given.layers[0]
+    if not (plan.recipe.source_first and source.hole.any()):
+        return plan.given, ()
+    filled, report = fill(plan, source)
+    measured = filled.without(filled.filled, HoleType.OBJECT)
+    return fuse(dataclasses.replace(plan.given, layers=(measured,)), filled), (report,)
+
+
+def warp(plan: Plan, scene: Scene, camera: Camera) -> tuple[View, Dilation]:
+    """What the measurements alone show from `camera`: I', lambda' and M (eq. 2-4), the hole grown as the recipe says.
+
+    Away from the source camera the depth of sensor holes, filled there (in `scene`), counts as measured.
+    """
+    home = camera.same_view_as(plan.given.layers[0].camera)
+    first, mode = (plan.given if home else scene).layers[0], plan.recipe.mode
+    view = render(Scene((first,), plan.given.objects), camera, mode)
+    if plan.recipe.footprint and plan.given.objects:
+        object_seen = render(Scene(plan.given.objects), camera, mode, types=False)
+        view = view.without(~object_seen.hole & ~view.hole, HoleType.OBJECT)
+    larger = grown(view, plan.recipe.dilate_holes)
+    return larger, Dilation(int(view.hole.sum()), int((larger.hole & ~view.hole).sum()))
+
+
+def show_earlier_fill(plan: Plan, scene: Scene, before: View) -> tuple[View, FillReport]:
+    """The view with its holes closed where `scene` was filled for the source or for earlier cameras, and what that did."""
+    if scene is plan.given or not before.hole.any():
+        return before, NOTHING_FILLED
+    return close_holes(plan.law, before, render(scene, before.camera, plan.recipe.mode, types=False))
+
+
+def close_holes(law: Law, view: View, earlier: View) -> tuple[View, FillReport]:
+    """The holes of a view closed with another rendering of the same camera, where that knows more, and what that did.
+
+    Colours that were measured stay. Surfaces are drawn between lawful pixel centres, so the depth that is taken over is
+    projected onto the law once more.
+    """
+    closed = view.hole & ~earlier.hole
+    depth, moved = law.project(view.camera, np.where(closed, earlier.depth, view.depth), closed)
+    of_color = closed & view.color_hole
+    origin = np.where(earlier.origin == Origin.REPROJECTED, np.uint8(Origin.FILLED), earlier.origin)
+    known = dataclasses.replace(
+        view,
+        color=np.where(of_color[..., None], earlier.color, view.color),
+        depth=depth,
+        hole=view.hole & ~closed,
+        origin=np.where(of_color, origin, view.origin),
+        confidence=np.where(closed, earlier.confidence, view.confidence),
+    )
+    return known, FillReport(0, int(moved.sum()), 0, {})
+
+
+def fuse_new(scene: Scene, before: View, known: View, filled: View) -> Scene:
+    """The scene with what was filled anew; holes of `before` that `known` had closed already come from the scene itself."""
+    return fuse(scene, filled.without(before.hole & ~known.hole, HoleType.NONE))

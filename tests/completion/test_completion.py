@@ -1,0 +1,37 @@
+"""What a completion gives back: what is computed from the scene is computed once, and one line says what it is."""
+
+from __future__ import annotations
+
+import pytest
+from small_street import CAMERA, MASK, completed, street
+
+from dlama.completion import completion as module
+from dlama.completion.pipeline import complete
+from dlama.completion.verbs import remove
+from dlama.geometry.trajectories import orbit
+
+
+def test_clouds_and_mesh_are_computed_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Law: asked for twice they are the same objects, and the scene was gone through once for each; so it is a guard that
+    fails when a property is computed again."""
+    calls = []
+    for name in ("scene_cloud", "scene_mesh"):
+        whole = getattr(module, name)
+        monkeypatch.setattr(module, name, lambda *a, _n=name, _f=whole, **k: (calls.append(_n), _f(*a, **k))[1])
+    done = remove(street(), MASK, filler="telea")
+    for name in ("completed", "background", "mesh"):
+        assert getattr(done, name) is getattr(done, name)
+    assert calls == ["scene_cloud", "scene_cloud", "scene_mesh"]
+    assert len(done.completed) > len(done.background)
+
+
+def test_one_line_says_what_it_is() -> None:
+    """Frozen: type, views and their size, what share lacked colour, filler and recipe; no arrays."""
+    done = completed("dlama", "telea", True, 0.0)
+    share = 100 * done.meta["hole_share"][0]
+    assert repr(done) == f"Completion(1 view of 128x96, {share:.1f} % was unknown, filled by 'telea', recipe 'dlama')"
+    two = complete(street(), [CAMERA, orbit(CAMERA, 5)], filler="telea")
+    assert repr(two).startswith("Completion(2 views of 128x96, ")
+    assert repr(complete(street(), [], mask=MASK, filler="telea")) == (
+        "Completion(0 views, filled by 'telea', recipe 'dlama')"
+    )
