@@ -151,9 +151,9 @@ def test_paper_recipe_and_its_changes(frame: Path) -> None:
     """--recipe paper is points and a 10 m clip; --mode and --clip override it (oracle: the options)."""
     words = ("view", "image.png", "depth.png", "--fov", 60, "--yaw", 8, "--recipe", "paper", *FAST)
     recipe = json.loads((run(frame, *words) / "meta.json").read_text())["recipe"]
-    assert (recipe["mode"], recipe["clip_m"], recipe["eight_bit_depth"]) == ("points", 10.0, True)
+    assert (recipe["mode"], recipe["clip"], recipe["eight_bit_depth"]) == ("points", 10.0, True)
     recipe = json.loads((run(frame, *words, "--mode", "surface", "--clip", 3) / "meta.json").read_text())["recipe"]
-    assert (recipe["mode"], recipe["clip_m"]) == ("surface", 3.0)
+    assert (recipe["mode"], recipe["clip"]) == ("surface", 3.0)
 
 
 def test_depth_beyond_16_bit_is_counted(frame: Path) -> None:
