@@ -183,7 +183,7 @@ class Method:
     def settings(self) -> dict[str, Any]:
         """As keyword arguments of the verbs in Python."""
         changes: dict[str, Any] = {"mode": self.mode, "dilate": self.dilate, "dilate_holes": self.dilate_holes}
-        changes |= {"clip_m": self.clip, "depth_by": self.depth_by}
+        changes |= {"clip": self.clip, "depth_by": self.depth_by}
         return {"filler": self.filler, "model": self.network(), "recipe": self.recipe, "seed": self.seed, **changes}
 
     def network(self) -> Path | None:
