@@ -5,7 +5,7 @@ from pathlib import Path
 
 import dlama
 
-demo = Path(dlama.__file__).parent / "assets" / "demo"
+demo = dlama.example()
 out = Path(sys.argv[1] if len(sys.argv) > 1 else "out/01_another_view")
 
 rgbd = dlama.read_rgbd(demo / "street.jpg", demo / "depth.png", fov=90)

@@ -5,13 +5,11 @@ from pathlib import Path
 
 import dlama
 
-demo = Path(dlama.__file__).parent / "assets" / "demo"
+demo = dlama.example()
 out = Path(sys.argv[1] if len(sys.argv) > 1 else "out/02_remove_an_object")
 
 rgbd = dlama.read_rgbd(demo / "street.jpg", demo / "depth.png", camera=demo / "camera.json")
-mask = dlama.read_mask(
-    demo / "mask.png"
-)  # an EasySynth picture would do: read_mask("semantic.png", mask_class="255,0,0")
+mask = dlama.read_mask(demo / "mask.png")  # or of an EasySynth picture: read_mask("semantic.png", mask_class="255,0,0")
 
 here = dlama.remove(rgbd, mask)
 there = dlama.remove(rgbd, mask, yaw=15)

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import dlama
 
-demo = Path(dlama.__file__).parent / "assets" / "demo"
+demo = dlama.example()
 out = Path(sys.argv[1] if len(sys.argv) > 1 else "out/03_stereo_pair")
 
 left, right = dlama.read_color(demo / "street.jpg"), dlama.read_color(demo / "right.jpg")

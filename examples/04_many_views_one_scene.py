@@ -7,7 +7,7 @@ import numpy as np
 
 import dlama
 
-demo = Path(dlama.__file__).parent / "assets" / "demo"
+demo = dlama.example()
 out = Path(sys.argv[1] if len(sys.argv) > 1 else "out/04_many_views_one_scene")
 
 rgbd = dlama.read_rgbd(demo / "street.jpg", demo / "depth.png", fov=90)

@@ -1,4 +1,4 @@
-"""A filler is a function: a view with holes in, colour and depth out. dlama keeps what was measured, and the law."""
+"""A filler is a function: a view with holes in, colour and depth out. What was measured stays, and the law is kept."""
 
 import sys
 from pathlib import Path
@@ -6,16 +6,15 @@ from pathlib import Path
 import numpy as np
 
 import dlama
-from dlama.inpainters.filling import Fill
 
-demo = Path(dlama.__file__).parent / "assets" / "demo"
+demo = dlama.example()
 out = Path(sys.argv[1] if len(sys.argv) > 1 else "out/05_a_filler_of_your_own")
 
 
 def flat(view, law, seed):
     """One colour, at the median depth; whatever lies in front of something measured is moved behind it afterwards."""
     color = np.full_like(view.color, np.median(view.color[~view.hole], axis=0).astype(np.uint8))
-    return Fill(color, np.full_like(view.depth, np.median(view.depth[view.valid])))
+    return dlama.Fill(color, np.full_like(view.depth, np.median(view.depth[view.valid])))
 
 
 rgbd = dlama.read_rgbd(demo / "street.jpg", demo / "depth.png", fov=90)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import functools
 import re
 import shlex
-import shutil
 from pathlib import Path
 
 import pytest
@@ -13,8 +12,9 @@ import pytest
 from dlama.apps.cli import EXAMPLES, VERBS, main
 
 ROOT = Path(__file__).parent.parent
-DEMO = ROOT / "src" / "dlama" / "assets" / "demo"
-PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
+FIGURE = ROOT / "docs" / "method.svg"
+ROOMS = {path.name for path in (ROOT / "src" / "dlama").iterdir() if path.is_dir()}
 
 
 def blocks(language: str) -> list[str]:
@@ -23,15 +23,16 @@ def blocks(language: str) -> list[str]:
 
 
 def test_python_lines_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The six lines, as they stand, beside the demo's files."""
+    """The six lines, as they stand, from an empty folder (oracle: what they write)."""
     (code,) = blocks("python")
     assert len([line for line in code.splitlines() if line.strip()]) <= 6
-    shutil.copytree(DEMO, tmp_path, dirs_exist_ok=True)
     monkeypatch.chdir(tmp_path)
     space: dict[str, object] = {}
     exec(compile(code, "README.md", "exec"), space)
     assert (tmp_path / "out" / "meta.json").is_file()
     assert (tmp_path / "out" / "background.ply").is_file()
+    (comment,) = re.findall(r"# or (.*)", code)
+    assert [eval(word, space) is None for word in re.findall(r"done[.\w]+", comment)] == [False] * 5
 
 
 def test_first_command_is_the_demo_and_second_the_tests() -> None:
@@ -84,12 +85,16 @@ def test_named_files_exist(page: Path) -> None:
 
 
 def test_figure_names_files_that_exist() -> None:
-    """The monospaced words of method.svg are files of the package."""
-    words = re.findall(r">([\w/]+\.py|[\w]+/)[ …]*<", (ROOT / "docs" / "method.svg").read_text("utf-8"))
-    names = [word for word in words if word.endswith(".py")]
-    assert len(names) >= 8
-    everything = {path.name for path in (ROOT / "src" / "dlama").rglob("*.py")}
-    assert [name for name in names if name.split("/")[-1] not in everything] == []
+    """The monospaced words of method.svg are files of the package; a folder above a file is its folder."""
+    words = [word.strip(" …") for word in re.findall(r">([\w/]+(?:\.py|/)[ …]*)<", FIGURE.read_text("utf-8"))]
+    names, folder = [], ""
+    for word in words:
+        if word.endswith("/"):
+            folder = word
+        else:
+            names.append(word if word.split("/")[0] in ROOMS else folder + word)
+    assert len(names) >= 10
+    assert [name for name in names if not (ROOT / "src" / "dlama" / name).is_file()] == []
 
 
 def test_codes_in_conventions_are_those_of_the_code() -> None:
