@@ -78,7 +78,7 @@ def open_dataset(
     gamma: Gamma | None = None,
     removal_object: str | None = None,
 ) -> Dataset:
-    """The data set in a folder; its layout is recognised unless told.
+    """The data set in a folder; its layout is recognised unless `layout` names it.
 
     `depth_range` in metres, `gamma` (how 8-bit depth is encoded) and `removal_object`, a semantic class (easysynth), and
     `camera`, a camera file (tum, 7-scenes, scannet, tsdf-fusion, redwood), are refused where a layout has no use for them.
@@ -86,7 +86,7 @@ def open_dataset(
     ambiguous layout, option or scene), FileError, CameraError.
     """
     check_limit(limit)
-    asked = {"depth_range": depth_range, "gamma": gamma, "removal_object": removal_object, "camera": camera}
+    particular = {"depth_range": depth_range, "gamma": gamma, "removal_object": removal_object, "camera": camera}
     root = Path(path)
     if layout is not None and layout not in LAYOUTS:
         raise InputError(f"layout '{layout}' is not known; known are {', '.join(LAYOUTS)}")
@@ -94,8 +94,8 @@ def open_dataset(
         raise FileError(f"{root}: no such folder; the folder of a data set is wanted")
     name = layout if layout is not None else detect(root)
     chosen = LAYOUTS[name]
-    refuse_unused(name, chosen.options, asked)
-    given = asked | {"scenes": scenes, "limit": limit}
+    refuse_unused(name, chosen.options, particular)
+    given = particular | {"scenes": scenes, "limit": limit}
     options = {key: value for key, value in given.items() if value is not None and key in chosen.options}
     return narrowed(chosen.read(root, **options), scenes, limit)
 

@@ -15,10 +15,10 @@ import numpy as np
 
 from dlama.datasets.frames import Dataset
 from dlama.datasets.posed_frames import FrameFiles, Lens, PosedFrame, posed_frame, units_per_metre
-from dlama.datasets.text_tables import list_of, part_of, pose_at, read_json, text_of
+from dlama.datasets.text_tables import pose_at
 from dlama.datasets.view_pairs import LOG, read_posed
 from dlama.errors import CameraError, FileError
-from dlama.files.checked_fields import FileFields, Intrinsics
+from dlama.files.checked_fields import FileFields, Intrinsics, read_json_fields
 from dlama.geometry.camera import Float64Array
 
 NAME = "transforms.json"
@@ -42,12 +42,12 @@ def nerfstudio(root: Path, *, scenes: Sequence[str] | None = None, limit: int | 
 
 
 def _frames(scene: str, folder: Path) -> list[PosedFrame]:
-    fields = read_json(folder / NAME)
-    listed = list_of(fields, "frames", "frames")
+    fields = read_json_fields(folder / NAME)
+    listed = fields.entries("frames", "frames")
     units = units_per_metre(fields, UNIT, DEPTH_UNIT)
     frames = []
     for number, each in enumerate(listed):
-        frame = part_of(fields, f"frames[{number}]", each)
+        frame = fields.part(f"frames[{number}]", each)
         if "depth_file_path" in frame:
             frames.append(_frame(scene, folder, frame, fields, units))
     if not frames:
@@ -61,7 +61,7 @@ def _frames(scene: str, folder: Path) -> list[PosedFrame]:
 
 
 def _frame(scene: str, folder: Path, frame: FileFields, shared: FileFields, units: float) -> PosedFrame:
-    color, depth = (Path(text_of(frame, name)) for name in ("file_path", "depth_file_path"))
+    color, depth = (Path(frame.text(name)) for name in ("file_path", "depth_file_path"))
     pose = pose_at(f"{frame.path}: transform_matrix", frame.matrix("transform_matrix", (4, 4)) @ CV_FROM_GL)
     lens = lens_of(FileFields(frame.path, {**shared.values, **frame.values}))
     files = FrameFiles(folder / color, folder / depth, lens, pose, units, far_code=True)

@@ -11,10 +11,10 @@ from pathlib import Path
 
 from dlama.datasets.frames import Case, Dataset
 from dlama.datasets.posed_frames import FrameFiles, Lens, PosedFrame, json_lens, posed_frame, units_per_metre
-from dlama.datasets.text_tables import list_of, part_of, pose_at, read_json, scene_folders, text_of
+from dlama.datasets.text_tables import pose_at, scene_folders
 from dlama.datasets.view_pairs import pair_case
 from dlama.errors import FileError
-from dlama.files.checked_fields import FileFields
+from dlama.files.checked_fields import FileFields, read_json_fields
 
 NAME = "pairs.json"
 
@@ -32,31 +32,31 @@ def pairs_json(root: Path, *, scenes: Sequence[str] | None = None) -> Dataset:
     frames: list[PosedFrame] = []
     cases: list[Case] = []
     for scene, folder in scene_folders(root, looks_like_pairs, NAME, scenes).items():
-        fields = read_json(folder / NAME)
+        fields = read_json_fields(folder / NAME)
         own = _frames(scene, folder, fields)
         frames += own.values()
-        pairs = list_of(fields, "pairs", "{a, b}")
+        pairs = fields.entries("pairs", "{a, b}")
         cases += [_case(name, fields, number, pair, own) for number, pair in enumerate(pairs)]
     return Dataset(name, "pairs", root, tuple(frames), tuple(cases))
 
 
 def _frames(scene: str, folder: Path, fields: FileFields) -> dict[str, PosedFrame]:
     lens, units = json_lens(fields), units_per_metre(fields, "depth_scale", 0.001)
-    listed = part_of(fields, "frames", fields.values.get("frames"))
-    parts = {name: part_of(fields, f"frames.{name}", each) for name, each in listed.values.items()}
+    listed = fields.part("frames", fields.values.get("frames"))
+    parts = {name: fields.part(f"frames.{name}", each) for name, each in listed.values.items()}
     return {name: _frame(folder, scene, name, part, lens, units) for name, part in parts.items()}
 
 
 def _frame(root: Path, scene: str, name: str, fields: FileFields, lens: Lens, units: float) -> PosedFrame:
     pose = pose_at(str(fields.path), fields.matrix("world_from_cam", (4, 4)))
-    color, depth = (root / text_of(fields, each) for each in ("color", "depth"))
+    color, depth = (root / fields.text(each) for each in ("color", "depth"))
     return posed_frame(scene, name, FrameFiles(color, depth, lens, pose, units))
 
 
 def _case(dataset: str, fields: FileFields, number: int, pair: object, frames: dict[str, PosedFrame]) -> Case:
-    ends = part_of(fields, f"pairs[{number}]", pair)
+    ends = fields.part(f"pairs[{number}]", pair)
     for end in "ab":
-        if text_of(ends, end) not in frames:
+        if ends.text(end) not in frames:
             raise FileError(f"{ends.path}: {end} is '{ends.values[end]}', which is not among the frames")
     source, target = (frames[ends.values[end]] for end in "ab")
     return pair_case(dataset, source, target)

@@ -14,11 +14,11 @@ import cv2
 import numpy as np
 
 from dlama.datasets.frames import Frame
-from dlama.datasets.text_tables import read_json, read_matrix
+from dlama.datasets.text_tables import read_matrix
 from dlama.errors import CameraError, FileError, ShapeError
 from dlama.files.atomic_write import PathLike
 from dlama.files.cameras import checked_camera, read_camera
-from dlama.files.checked_fields import FileFields, Intrinsics
+from dlama.files.checked_fields import FileFields, Intrinsics, read_json_fields
 from dlama.files.depth import read_depth
 from dlama.files.images import picture_hw
 from dlama.files.pictures import read_color
@@ -118,7 +118,7 @@ def read_lens(path: Path) -> Lens:
     """
     if path.suffix.lower() == ".txt":
         return text_lens(path, (3, 3))
-    fields = read_json(path)
+    fields = read_json_fields(path)
     if "intrinsic_matrix" in fields:
         return _of_open3d(fields)
     return _of_camera(read_camera(path), str(path))

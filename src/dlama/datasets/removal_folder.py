@@ -17,8 +17,9 @@ import numpy as np
 
 from dlama.datasets.frames import Case, Dataset, RemovalTruth
 from dlama.datasets.posed_frames import FrameFiles, json_lens, load_rgbd, posed_frame, units_per_metre
-from dlama.datasets.text_tables import read_json, scene_folders
+from dlama.datasets.text_tables import scene_folders
 from dlama.errors import FileError, ShapeError
+from dlama.files.checked_fields import read_json_fields
 from dlama.files.pictures import read_mask
 from dlama.geometry.rgbd import BoolArray
 
@@ -64,7 +65,7 @@ def _files(folder: Path) -> RemovalFiles:
     for name in NEEDED:
         if not (folder / name).is_file():
             raise FileError(f"{folder / name}: no such file; {', '.join(NEEDED)} are wanted")
-    fields = read_json(folder / "camera.json")
+    fields = read_json_fields(folder / "camera.json")
     lens, units = json_lens(fields), units_per_metre(fields, "depth_scale")
     varies = fields.values.get("exposure_varies", False)
     if not isinstance(varies, bool):

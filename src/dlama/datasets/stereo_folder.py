@@ -18,10 +18,10 @@ from pathlib import Path
 import numpy as np
 
 from dlama.datasets.frames import Case, Dataset, StereoTruth
-from dlama.datasets.text_tables import read_json, scene_folders
+from dlama.datasets.text_tables import scene_folders
 from dlama.errors import CameraError, FileError, ShapeError
 from dlama.files.cameras import checked_camera, read_stereo_calib
-from dlama.files.checked_fields import FileFields
+from dlama.files.checked_fields import FileFields, read_json_fields
 from dlama.files.depth import read_disparity
 from dlama.files.pictures import read_color
 from dlama.geometry.camera import StereoRig
@@ -89,7 +89,7 @@ def load_stereo(files: StereoFiles) -> StereoTruth:
     if files.calib.suffix == ".txt":
         rig, scale, metric = read_stereo_calib(files.calib, hw=hw), None, True
     else:
-        fields = read_json(files.calib)
+        fields = read_json_fields(files.calib)
         rig, metric = _rig(fields, hw)
         scale = fields.number("disparity_scale") if "disparity_scale" in fields else None
     disparities: list[Float32Array | None] = []

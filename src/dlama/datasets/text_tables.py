@@ -1,8 +1,7 @@
-"""Text and JSON listings of a data set in; checked numbers out, every error naming file, line and column."""
+"""A data set's folders and text listings in; scenes, files and checked numbers out, every error naming file, line and column."""
 
 from __future__ import annotations
 
-import json
 import re
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
@@ -11,7 +10,6 @@ from pathlib import Path
 import numpy as np
 
 from dlama.errors import CameraError, FileError, InputError
-from dlama.files.checked_fields import FileFields
 from dlama.files.images import existing
 from dlama.geometry.camera import Float64Array, checked_pose
 
@@ -22,7 +20,7 @@ LEVELS = 3
 
 @dataclass(frozen=True)
 class Row:
-    """The words of one line, apart by blanks."""
+    """The words of one line, with blanks between them."""
 
     path: Path
     line: int
@@ -103,44 +101,6 @@ def pose_at(where: str, world_from_cam: Float64Array) -> Float64Array:
 def read_pose(path: Path) -> Float64Array:
     """A text file with one 4x4 camera-to-world matrix; raises FileError, CameraError."""
     return pose_at(f"{path}:1:1", read_matrix(path, (4, 4)))
-
-
-def read_json(path: Path) -> FileFields:
-    """The fields of a JSON object, any names; raises FileError with line and column."""
-    file = existing(path)
-    try:
-        values = json.loads(file.read_text(encoding="utf-8-sig"))
-    except json.JSONDecodeError as error:
-        raise FileError(f"{file}:{error.lineno}:{error.colno}: is no JSON ({error.msg})") from error
-    except (ValueError, RecursionError) as error:
-        raise FileError(f"{file}: is no JSON ({error})") from error
-    if not isinstance(values, dict):
-        raise FileError(f"{file}:1:1: holds a JSON {type(values).__name__}; an object with named fields is wanted")
-    return FileFields(file, values)
-
-
-def part_of(fields: FileFields, name: str, values: object) -> FileFields:
-    """A JSON object inside another one, whose errors say where; raises FileError when it is none."""
-    where = f"{fields.path}: {name}"
-    if not isinstance(values, dict):
-        raise FileError(f"{where} is {json.dumps(values)[:40]}; an object with named fields is wanted")
-    return FileFields(where, values)
-
-
-def list_of(fields: FileFields, name: str, entries: str) -> list[object]:
-    """A field that must be a list with something in it, `entries` in words; raises FileError."""
-    values = fields.values.get(name)
-    if not isinstance(values, list) or not values:
-        raise FileError(f"{fields.path}: {name} is {str(values)[:40]}; a list of {entries} is wanted")
-    return values
-
-
-def text_of(fields: FileFields, name: str) -> str:
-    """A field that must be a text; raises FileError."""
-    value = fields.values.get(name)
-    if not isinstance(value, str) or not value:
-        raise FileError(f"{fields.path}: {name} is {json.dumps(value)[:40]}; a text is wanted")
-    return value
 
 
 def scene_folders(

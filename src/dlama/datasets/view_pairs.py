@@ -27,7 +27,7 @@ DEGREES = (10.0, 20.0, 30.0, 40.0, 50.0, 60.0)
 DEGREES_OFF = 3.0
 """A pair may turn by so much less or more."""
 SOURCES = 20
-"""How many source frames a scene has unless told otherwise."""
+"""How many source frames a scene has by default."""
 MIN_OVERLAP = 0.1
 """Share of the source's pixels that must land in the target within LANDS_WITHIN of its depth (kitchen_vpi's least: 0.10)."""
 LANDS_WITHIN = 0.05

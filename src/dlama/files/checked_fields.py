@@ -83,28 +83,61 @@ class FileFields:
             )
         return height, width
 
+    def text(self, name: str) -> str:
+        """A text that is not empty; raises FileError."""
+        value = self.values.get(name)
+        if not isinstance(value, str) or not value:
+            raise FileError(f"{self.path}: {name} is {json.dumps(value)[:40]}; a text is wanted")
+        return value
+
+    def entries(self, name: str, of: str) -> list[object]:
+        """A list with something in it, `of` says of what; raises FileError."""
+        values = self.values.get(name)
+        if not isinstance(values, list) or not values:
+            raise FileError(f"{self.path}: {name} is {str(values)[:40]}; a list of {of} is wanted")
+        return values
+
+    def part(self, name: str, values: object) -> FileFields:
+        """`values` as the fields of an object within this one, whose errors call it `name`; raises FileError."""
+        where = f"{self.path}: {name}"
+        if not isinstance(values, dict):
+            raise FileError(f"{where} is {json.dumps(values)[:40]}; an object with named fields is wanted")
+        return FileFields(where, values)
+
     def _field(self, name: str) -> Any:
         if name not in self.values:
             raise CameraError(f"{self.path}: field '{name}' is missing; it has {', '.join(self.values) or 'none'}")
         return self.values[name]
 
 
-def read_json_fields(path: PathLike, known: Sequence[str]) -> FileFields:
-    """The fields of a JSON object; an unknown one is refused (a misspelt pose must not be ignored).
+def read_json_fields(path: PathLike, known: Sequence[str] | None = None) -> FileFields:
+    """The fields of a JSON object. Where `known` is given, any other is refused: a misspelt pose must not be ignored.
 
-    Raises FileError (no JSON), CameraError (unknown field).
+    Raises FileError (no JSON: with line and column), CameraError (unknown field).
     """
     file = existing(path)
     try:
-        values = json.loads(file.read_text(encoding="utf-8-sig"))
-    except (ValueError, RecursionError) as error:
+        text = file.read_text(encoding="utf-8-sig")
+    except ValueError as error:
         raise FileError(f"{file}: is no JSON ({error})") from error
-    if not isinstance(values, dict):
-        raise FileError(f"{file}: holds a JSON {type(values).__name__}; an object with named fields is wanted")
-    unknown = [name for name in values if name not in known]
+    fields = json_fields(file, text)
+    unknown = [name for name in fields.values if known is not None and name not in known]
     if unknown:
-        raise CameraError(f"{file}: field '{unknown[0]}' is not known; known are {', '.join(known)}")
-    return FileFields(file, values)
+        raise CameraError(f"{file}: field '{unknown[0]}' is not known; known are {', '.join(known or ())}")
+    return fields
+
+
+def json_fields(path: PathLike, text: str) -> FileFields:
+    """The fields of a JSON object as text; raises FileError that names `path`, line and column."""
+    try:
+        values = json.loads(text)
+    except json.JSONDecodeError as error:
+        raise FileError(f"{path}:{error.lineno}:{error.colno}: is no JSON ({error.msg})") from error
+    except (ValueError, RecursionError) as error:
+        raise FileError(f"{path}: is no JSON ({error})") from error
+    if not isinstance(values, dict):
+        raise FileError(f"{path}:1:1: holds a JSON {type(values).__name__}; an object with named fields is wanted")
+    return FileFields(path, values)
 
 
 def read_calib_txt(path: PathLike) -> FileFields:

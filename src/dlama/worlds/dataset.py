@@ -61,7 +61,7 @@ def _check_kind(kind: str | None) -> None:
 
 @lru_cache(maxsize=4)
 def _from_seed(seed: int, kind: Kind | None, folder: Path | None, shadows: bool, antialias: bool) -> World:
-    """Kept a while, because the cases of a world are mostly asked for one after another."""
+    """Four worlds are kept, because the cases of a world are mostly loaded one after another."""
     return _built(seed, kind, _pictures(folder) if folder is not None else (), shadows, antialias)
 
 

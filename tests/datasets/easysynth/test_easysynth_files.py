@@ -68,7 +68,8 @@ BAD = [
     (POSES, lambda path: path.write_bytes(b"id,tx\n\xff\xfa"), r":2:1: is no utf-8-sig text"),
     (POSES, lambda path: path.write_text(""), r"CameraPoses.csv: is empty"),
     ("CameraRig.json", replaced(3, "{", "{,"), r"CameraRig.json:3:\d+: is no JSON"),
-    ("CameraRig.json", lambda path: path.write_text("[]"), r"CameraRig.json: field 'cameras'"),
+    ("CameraRig.json", lambda path: path.write_text("[]"), r"CameraRig.json:1:1: holds a JSON list"),
+    ("CameraRig.json", lambda path: path.write_text("{}"), r"CameraRig.json: field 'cameras'"),
     ("CameraRig.json", lambda path: edit_json(path, rotation=[0, 0, 1]), r"cameras.CameraComponent: rotation"),
     (
         "CameraRig.json",

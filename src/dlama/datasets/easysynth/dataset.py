@@ -193,12 +193,12 @@ def _sii(
             _same_poses(sequence, without, camera)
     left, right = pair
     for identity in left:
-        answer = None
+        without_object = None
         if truth is not None:
             if identity not in truth[0]:
                 continue
-            answer = truth[0][identity], truth[1][identity]
-        load = partial(load_stereo, left[identity], right[identity], answer, color)
+            without_object = truth[0][identity], truth[1][identity]
+        load = partial(load_stereo, left[identity], right[identity], without_object, color)
         yield "sii", f"{sequence.folder.resolve().name}-{identity:04d}", load, None
 
 

@@ -6,7 +6,6 @@ With P the map of axes to OpenCV's (det P = -1: the handedness flips) R_cv = P R
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -18,7 +17,7 @@ from numpy.typing import ArrayLike
 
 from dlama.datasets.rotations import QUATERNION_TOLERANCE, quaternion_of, rotation_of
 from dlama.errors import CameraError, FileError
-from dlama.files.checked_fields import FileFields
+from dlama.files.checked_fields import FileFields, json_fields
 from dlama.files.semantic_classes import unreal_text
 from dlama.geometry.camera import Camera, Float64Array
 
@@ -117,11 +116,7 @@ def read_rig(path: Path) -> dict[str, RigCamera]:
 
     Raises FileError (no JSON: with line and column; a field missing), CameraError (a value that cannot be).
     """
-    try:
-        content = json.loads(unreal_text(path))
-    except json.JSONDecodeError as error:
-        raise FileError(f"{path}:{error.lineno}:{error.colno}: is no JSON ({error.msg})") from error
-    cameras = content.get("cameras") if isinstance(content, dict) else None
+    cameras = json_fields(path, unreal_text(path)).values.get("cameras")
     if not isinstance(cameras, dict) or not cameras:
         raise FileError(f"{path}: field 'cameras' with a camera by name is wanted")
     return {name: _rig_camera(path, name, values) for name, values in cameras.items()}

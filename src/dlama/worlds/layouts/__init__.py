@@ -1,1 +1,1 @@
-"""A seed in; a random street or room, set out with props, out. Begin with `random_scene`; `floor_plan` keeps things apart."""
+"""A seed in; a random street or room with props in it out. Begin with `random_scene`; `floor_plan` finds free places."""
