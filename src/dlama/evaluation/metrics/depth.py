@@ -1,6 +1,6 @@
 """An estimated and a true depth map and a region in -> errors in metres and shares of right pixels out.
 
-Every true pixel is valid (finite, > 0), far (inf) or missing (0, NaN); a missing truth says nothing and is never counted.
+Every true pixel is valid (finite, > 0), far (inf) or missing (0, NaN); where the truth is missing nothing is counted.
 Two rules then, because sky has no metres:
 
 - `mae` and `rmse` count every pixel whose truth is valid or far, both depths cut at `clip_m`: sky is at `clip_m`, and so
@@ -17,7 +17,7 @@ import math
 import numpy as np
 
 from dlama.errors import ShapeError
-from dlama.evaluation.metrics.pictures import SETTINGS
+from dlama.evaluation.metrics.pictures import SETTINGS, mean_or_nan
 from dlama.geometry.camera import Float64Array
 from dlama.geometry.rgbd import BoolArray, Float32Array
 
@@ -46,7 +46,7 @@ def depth_errors(
     known = there > 0
     there, guess = there[known], guess[known]
     cut = np.where(guess > 0, np.minimum(guess, clip_m), clip_m) - np.minimum(there, clip_m)
-    return {"mae": _mean(np.abs(cut)), "rmse": math.sqrt(_mean(cut**2)), **_valid_errors(guess, there)}
+    return {"mae": mean_or_nan(np.abs(cut)), "rmse": math.sqrt(mean_or_nan(cut**2)), **_valid_errors(guess, there)}
 
 
 def _valid_errors(guess: Float64Array, there: Float64Array) -> dict[str, float]:
@@ -57,13 +57,9 @@ def _valid_errors(guess: Float64Array, there: Float64Array) -> dict[str, float]:
     ratio = np.full(len(there), np.inf)
     ratio[both] = np.maximum(guess[both] / there[both], there[both] / guess[both])
     return {
-        "mae_uncut": _mean(np.abs(error)),
-        "rmse_uncut": math.sqrt(_mean(error**2)),
-        "absrel": _mean(np.abs(error) / there[both]),
-        **{f"delta{limit:g}": _mean(ratio < limit) for limit in SETTINGS.depth_deltas},
-        "coverage": _mean(both),
+        "mae_uncut": mean_or_nan(np.abs(error)),
+        "rmse_uncut": math.sqrt(mean_or_nan(error**2)),
+        "absrel": mean_or_nan(np.abs(error) / there[both]),
+        **{f"delta{limit:g}": mean_or_nan(ratio < limit) for limit in SETTINGS.depth_deltas},
+        "coverage": mean_or_nan(both),
     }
-
-
-def _mean(values: np.ndarray) -> float:
-    return float(values.mean()) if len(values) else math.nan

@@ -6,12 +6,10 @@ and inf = missing.
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
 from dlama.errors import ShapeError
-from dlama.evaluation.metrics.pictures import SETTINGS
+from dlama.evaluation.metrics.pictures import SETTINGS, mean_or_nan
 from dlama.geometry.camera import Float64Array
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 
@@ -41,9 +39,9 @@ def disparity_errors(mine: Float32Array, truth: Float32Array, region: BoolArray 
     error = np.full(len(there), np.inf)
     error[given] = np.abs(guess[given] - there[given])
     return {
-        **{f"bad-{limit:g}": _mean(error > limit) for limit in SETTINGS.disparity_bad_px},
-        "epe": _mean(error[given]),
-        "coverage": _mean(given),
+        **{f"bad-{limit:g}": mean_or_nan(error > limit) for limit in SETTINGS.disparity_bad_px},
+        "epe": mean_or_nan(error[given]),
+        "coverage": mean_or_nan(given),
     }
 
 
@@ -74,7 +72,7 @@ def left_right_difference(
     second = np.minimum(first + 1, hw[1] - 1)
     weight = (at - first).reshape(-1, *[1] * (left.ndim - 2))
     warped = (1 - weight) * right[rows, first] + weight * right[rows, second]
-    return _mean(np.abs(left[rows, columns] - warped).ravel())
+    return mean_or_nan(np.abs(left[rows, columns] - warped).ravel())
 
 
 def seen_in_right(disparity: Float32Array) -> BoolArray:
@@ -97,7 +95,3 @@ def seen_in_right(disparity: Float32Array) -> BoolArray:
 
 def _there(disparity: Float32Array | Float64Array) -> BoolArray:
     return np.isfinite(disparity) & (disparity > 0)
-
-
-def _mean(values: np.ndarray) -> float:
-    return float(values.mean()) if len(values) else math.nan

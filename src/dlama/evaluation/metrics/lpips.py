@@ -14,8 +14,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from dlama.errors import MissingExtraError, ShapeError
+from dlama.errors import ShapeError
 from dlama.evaluation.metrics.pictures import SETTINGS
 from dlama.geometry.camera import Float64Array
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
@@ -97,10 +98,8 @@ class Lpips:
 
 @lru_cache
 def _session(threads: int) -> Any:
-    try:
-        import onnxruntime
-    except ImportError as error:
-        raise MissingExtraError("LPIPS", "onnxruntime", "onnx") from error
+    import onnxruntime  # loaded where LPIPS is measured, and only there
+
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = threads
     options.log_severity_level = 3
@@ -139,7 +138,7 @@ def _enlarged(values: Float64Array, hw: tuple[int, int]) -> Float64Array:
     return rows[:, left] * (1 - across) + rows[:, right] * across
 
 
-def _between(size: int, wanted: int) -> tuple[np.ndarray, np.ndarray, Float64Array]:
+def _between(size: int, wanted: int) -> tuple[NDArray[np.int64], NDArray[np.int64], Float64Array]:
     """For each of `wanted` places the two of `size` places it lies between, and the weight of the second."""
     at = np.clip((np.arange(wanted) + 0.5) * (size / wanted) - 0.5, 0, size - 1)
     first = np.floor(at).astype(np.int64)

@@ -14,6 +14,7 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dlama.errors import MissingExtraError, ShapeError
 from dlama.geometry.camera import Float64Array
@@ -64,7 +65,7 @@ SETTINGS = MetricSettings()
 """What the package measures with."""
 
 GAIN_PIXELS = 100
-"""Fewer usable pixels than this say nothing about exposure."""
+"""With fewer usable pixels than this no gain is fitted."""
 
 
 def ssim_map(truth: UInt8Array, mine: UInt8Array, settings: MetricSettings = SETTINGS) -> Float64Array:
@@ -94,7 +95,7 @@ def whole_ssim(truth: UInt8Array, mine: UInt8Array, settings: MetricSettings = S
 def ssim_whole_and_map(
     truth: UInt8Array, mine: UInt8Array, settings: MetricSettings = SETTINGS
 ) -> tuple[float, Float64Array]:
-    """`whole_ssim` and `ssim_map` for the price of one."""
+    """`whole_ssim` and `ssim_map` in one computation."""
     whole, full = _structural_similarity(truth, mine, settings)
     return whole, full.mean(2) if full.ndim == 3 else full
 
@@ -123,7 +124,12 @@ def region_mean(values: Float64Array, region: BoolArray | None = None) -> float:
         return float(values.mean())
     if region.shape != values.shape or region.dtype != np.bool_:
         raise ShapeError(f"the region is {region.dtype} {region.shape}; bool {values.shape} is wanted")
-    return float(values[region].mean()) if region.any() else math.nan
+    return mean_or_nan(values[region])
+
+
+def mean_or_nan(values: NDArray[Any]) -> float:
+    """Mean of N numbers (or of N bools: the share that is True); nan where there are none."""
+    return float(values.mean()) if len(values) else math.nan
 
 
 def depth_8bit(depth: Float32Array, clip_m: float = SETTINGS.depth_clip_m) -> UInt8Array:
@@ -140,7 +146,7 @@ def channel_gain(mine: UInt8Array, truth: UInt8Array, region: BoolArray) -> tupl
     """The factor per channel that brings `mine` to the exposure of `truth`, fitted on a region that both show.
 
     Starts from the ratio of medians; then, three times, the ratio of means over the pixels that fit best (residual
-    up to twice the median residual), so that what moved or does not match has no say. Neither side is taken for
+    up to twice the median residual), so that what moved or does not match has no influence. Neither side is taken for
     exact, so noise does not pull the factor down as least squares would. Pixels near black or white are left out.
 
     Returns:

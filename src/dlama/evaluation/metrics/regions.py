@@ -20,6 +20,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dlama.errors import ShapeError
 from dlama.geometry.camera import Float64Array
@@ -29,11 +30,14 @@ from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
 
 SEEN_TOLERANCE = 0.02
 """Relative difference in inverse depth up to which two frames show one surface."""
-SMALLEST_WEIGHT = 1e-6
 SAME_DISPARITY_PX = 1.0
 """The same for a rectified pair, in pixels of disparity."""
+SMALLEST_WEIGHT = 1e-6
+"""Bilinear weight, 0..1, up to which a neighbouring pixel does not count: coordinates on a pixel's centre are not exact."""
 
+IndexArray = NDArray[np.int64]
 Regions = dict[str, BoolArray]
+"""Name of a region in results.csv -> H x W, True = in it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,9 +48,10 @@ class SourceVisibility:
     disoccluded: BoolArray
     out_of_view: BoolArray
     hidden_by_object: BoolArray
-    column: np.ndarray
+    column: IndexArray
     """H x W integers: the source pixel into which the target pixel falls, clipped to the picture."""
-    row: np.ndarray
+    row: IndexArray
+    """Likewise."""
 
     @property
     def unseen(self) -> BoolArray:
@@ -71,9 +76,10 @@ class SourceVisibility:
 def source_visibility(
     source: RGBD, target: RGBD, object_mask: BoolArray | None = None, tolerance: float = SEEN_TOLERANCE
 ) -> SourceVisibility:
-    """Sorts the target's pixels by what the source sees of them; the rules stand at the top of the file.
+    """The target's pixels sorted by what the source sees of them; the rules stand at the top of the file.
 
     Args:
+        source, target: with their true depths and cameras, in one world.
         object_mask: H x W of the source, True = the object; what it hides is a type of its own.
         tolerance: relative, in inverse depth.
     Raises:
@@ -96,9 +102,11 @@ def source_visibility(
 
 
 def projected(source: RGBD, target: RGBD) -> tuple[Float64Array, Float64Array, Float64Array, BoolArray]:
-    """Source pixel x and y and inverse depth there (1/m, 0 = far) of every target pixel; True where it is in the picture.
+    """Where every target pixel falls in the source picture. Target pixels without depth are projected as if far.
 
-    Target pixels without depth are projected as if far.
+    Returns:
+        x and y in source pixels (the first pixel's centre is at 0.5), inverse depth in the source (1/m, 0 = far), and True
+        where the pixel falls into the picture: H x W of the target each.
     """
     matrix, offset = px_from_px(source.camera, target.camera)
     w = inverse_depth(target.depth).astype(np.float64)
@@ -114,11 +122,15 @@ def projected(source: RGBD, target: RGBD) -> tuple[Float64Array, Float64Array, F
 def matches_neighbour(
     there: Float64Array, x: Float64Array, y: Float64Array, w: Float64Array, tolerance: float
 ) -> BoolArray:
-    """True where one of the four pixels round (x, y), or their bilinear mean, has the inverse depth w; nan = no reading.
+    """True where one of the four source pixels round (x, y), or their bilinear mean, has the inverse depth w.
 
-    A pixel without bilinear weight does not count: a point on a pixel's centre has one pixel round it.
+    A pixel without bilinear weight does not count: a point on a pixel's centre has one pixel round it. On a plane inverse
+    depth is affine in pixels, so the mean is exact however grazing the view.
 
-    On a plane inverse depth is affine in pixels, so the mean is exact however grazing the view.
+    Args:
+        there: inverse depth of the source, H x W in 1/m, nan = missing.
+        x, y: source pixels, of the target's H x W; so are w (1/m) and what is returned.
+        tolerance: relative.
     """
     height, width = there.shape
     left, top = np.floor(x - 0.5), np.floor(y - 0.5)
@@ -134,13 +146,19 @@ def matches_neighbour(
     return matches | (np.abs(mean - w) <= tolerance * np.maximum(mean, w))
 
 
-def clipped_index(at: Float64Array, size: int) -> np.ndarray:
-    """Whole-numbered coordinates as indices into an axis of that size."""
+def clipped_index(at: Float64Array, size: int) -> IndexArray:
+    """Whole-numbered coordinates as indices 0..size - 1; those beyond an end are the end's."""
     return np.clip(at, 0, size - 1).astype(np.int64)
 
 
 def removal_regions(mask: BoolArray, shadow: BoolArray | None, ring_px: int) -> Regions:
-    """The mask, the ring of that many pixels round it, everything beyond the ring, and the object's shadow."""
+    """Regions `mask`, `ring` (that many px round it), `outside` (beyond the ring) and, where given, `shadow`.
+
+    Args:
+        mask: H x W, True = the object.
+        shadow: H x W, True = its shadow, which may overlap the mask; the region does not.
+        ring_px: radius of the disc by which the mask is dilated.
+    """
     grown = dilated(mask, ring_px)
     found = {"mask": mask, "ring": grown & ~mask, "outside": ~grown}
     return found | {"shadow": shadow & ~mask} if shadow is not None else found
@@ -149,10 +167,15 @@ def removal_regions(mask: BoolArray, shadow: BoolArray | None, ring_px: int) -> 
 def stereo_regions(disparity_left: Float32Array, disparity_right: Float32Array | None = None) -> Regions:
     """What the left camera sees of the right picture: seen, unseen, disoccluded, out-of-view, H x W of the right one.
 
+    A left pixel in column x has the column x - d in the right picture.
+
     With the right disparity each right pixel is looked up in the left one: another disparity there (by more than
-    `SAME_DISPARITY_PX`) hides it. Without, left pixels are carried over row by row: a gap between two neighbours that
-    part is disoccluded, what lies right of the last one is out of view, and a gap that left pixels without disparity
-    may fill is unknown. 0, NaN and inf = no disparity.
+    `SAME_DISPARITY_PX`) hides it. Without, left pixels are carried over row by row: a gap between two neighbours on
+    different surfaces is disoccluded, what lies right of the last one is out of view, and a gap that left pixels without
+    disparity may fill is unknown. 0, NaN and inf = no disparity.
+
+    Args:
+        disparity_left, disparity_right: H x W px each.
     """
     if disparity_right is None:
         disoccluded, outside, known = carried_gaps(disparity_left)
@@ -167,7 +190,7 @@ def stereo_regions(disparity_left: Float32Array, disparity_right: Float32Array |
 
 
 def looked_up(left: Float32Array, right: Float32Array) -> tuple[BoolArray, BoolArray, BoolArray]:
-    """Right pixels that are disoccluded, out of view, and of which anything is known, from both disparities."""
+    """From both disparities (H x W px): right pixels that are disoccluded, out of view, and of which anything is known."""
     width = left.shape[1]
     has = is_known(right)
     at = np.arange(width) + 0.5 + np.where(has, right, 0)
@@ -183,7 +206,7 @@ def looked_up(left: Float32Array, right: Float32Array) -> tuple[BoolArray, BoolA
 
 
 def carried_gaps(left: Float32Array) -> tuple[BoolArray, BoolArray, BoolArray]:
-    """As `looked_up`, from the left disparity alone."""
+    """As `looked_up`, from the left disparity alone (H x W px)."""
     hidden, outside, known = (np.zeros(left.shape, np.bool_) for _ in range(3))
     for row, disparity in enumerate(left):
         columns = np.flatnonzero(is_known(disparity))
@@ -193,11 +216,15 @@ def carried_gaps(left: Float32Array) -> tuple[BoolArray, BoolArray, BoolArray]:
 
 
 def carry_row(
-    columns: np.ndarray, disparity: Float64Array, hidden: BoolArray, outside: BoolArray, known: BoolArray
+    columns: IndexArray, disparity: Float64Array, hidden: BoolArray, outside: BoolArray, known: BoolArray
 ) -> None:
-    """One row of left pixels with disparity, carried into the right picture's row (bool W each, written).
+    """Carry one row of left pixels into the right picture's row.
 
     n left pixels without disparity between two with one may fill the n right pixels at either end of the gap.
+
+    Args:
+        columns: N, of the left pixels that have a disparity; `disparity`: N px, theirs.
+        hidden, outside, known: W each, False at first; what is found is written into them.
     """
     width = len(known)
     landing = columns + 0.5 - disparity
@@ -209,7 +236,7 @@ def carry_row(
         first = max(int(np.floor(furthest[one])) + 1 + unsure, 0)
         last = min(max(int(reached[one + 1]) - unsure, first), width)
         known[first:last] = True
-        # up to one pixel more is how a slanted surface stretches; beyond that two surfaces part
+        # up to one pixel more is how a slanted surface stretches; beyond that there are two surfaces
         hidden[first:last] = landing[one + 1] - furthest[one] > 1 + SAME_DISPARITY_PX
     border = max(int(np.floor(furthest[-1])) + 1 + width - 1 - int(columns[-1]), 0)
     outside[border:] = known[border:] = True

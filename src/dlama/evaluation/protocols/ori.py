@@ -2,7 +2,7 @@
 
 Regions: `mask` (as given, whatever a recipe dilates), `ring` (`ring_px` round it: a recipe's dilation ends here), `outside`
 (beyond the ring: nothing may change, `changed_pixels` counts against the source), `shadow` (the object's, never
-removed by the mask). Where the data set says which pixels are comparable, errors against the truth are taken only there.
+removed by the mask). Where the data set says which pixels are comparable, errors against the truth count only there.
 The restored background is also scored as a cloud: c-'s filled points against the truth's points, both inside the mask.
 
 Variants `mask-9` ... `mask+9` remove with an eroded or dilated mask (px, before the recipe's own dilation); the regions stay.
@@ -22,6 +22,7 @@ from dlama.evaluation.metrics.pictures import channel_gain, depth_8bit, mse_map,
 from dlama.evaluation.metrics.regions import removal_regions
 from dlama.evaluation.protocols.methods import Measure, Method, MethodRun, ProtocolSettings, Scored, run_method
 from dlama.evaluation.protocols.scores import Gain, Reference, artifact_measures, picture_panel
+from dlama.geometry.camera import Float64Array
 from dlama.geometry.cloud import PointCloud
 from dlama.geometry.holes import dilated, eroded
 from dlama.geometry.projection import lift, project
@@ -125,8 +126,8 @@ def cloud_measures(run: MethodRun, without: RGBD, inside: BoolArray) -> list[Mea
     return [Measure("mask", "cloud", metric, value) for metric, value in scores.items() if not np.isnan(value)]
 
 
-def filled_points(cloud: PointCloud, frame: RGBD, inside: BoolArray) -> np.ndarray:
-    """The filled points of a cloud that fall into a region of a frame, N x 3."""
+def filled_points(cloud: PointCloud, frame: RGBD, inside: BoolArray) -> Float64Array:
+    """The filled points of a cloud that fall into a region of a frame: N x 3, metres in the world."""
     filled = (cloud.origin == Origin.FILLED) | (cloud.origin == Origin.DEPTH_FILLED)
     points = np.asarray(cloud.points[filled])
     pixels, z = project(points, frame.camera)

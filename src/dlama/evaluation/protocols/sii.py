@@ -71,7 +71,7 @@ def run_stereo(truth: StereoTruth, method: Method) -> MethodRun:
 
 
 def score_removal(truth: StereoTruth, method: Method, settings: ProtocolSettings) -> Scored:
-    """The object taken out of both views."""
+    """The run in which the object is removed from both views."""
     left, right = removal_references(truth, settings)
     run = run_stereo(truth, method)
     measures = [

@@ -1,7 +1,7 @@
 """VPI, a virtual view (paper, sec. 4 and 5, tables 1 and 2): a source and a true target frame and a method in; scores out.
 
 The source goes to the target's camera; the result is compared with the true frame in `whole`, `seen` (errors of warping),
-`unseen` and each type. The paper's second experiment takes an object out first and compares with the frame without it:
+`unseen` and each type. The paper's second experiment removes an object first and compares with the frame without it:
 variants `object,dilate=0` and so on; the number is the mask's dilation in px and replaces the recipe's own.
 
 The baseline that fills nothing leaves black, depthless holes: colours and 8-bit depth are compared as they are (0 in holes),

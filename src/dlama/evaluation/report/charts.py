@@ -179,7 +179,7 @@ def _sheet(width: float, height: float) -> tuple[Any, Any]:
 
 
 def _plot_svg(sheet: Any, axes: Any, which: Which, place: tuple[str, ...]) -> str:
-    """A plot under its metric's name; `place` (protocol, data set, caption) tells equal plots of one page apart."""
+    """A plot under its metric's name; `place` (protocol, data set, caption) makes the ids of equal plots differ."""
     axes.set_title(_heading(which), fontsize=9)
     return _svg(sheet, f"{place[-1]}: {_heading(which)}", place)
 

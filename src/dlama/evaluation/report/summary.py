@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from dlama.evaluation.runner.store import Row
 from dlama.files.atomic_write import new_file
+from dlama.geometry.camera import Float64Array
 
 ALL = "all"
 """The yaw of a mean over every frame."""
@@ -28,7 +29,6 @@ RESAMPLES = 1000
 INTERVAL = (2.5, 97.5)
 CHUNK = 256
 """Groups whose draws are in memory at a time."""
-Float64Array = NDArray[np.float64]
 
 
 class Key(NamedTuple):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import platform
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict
+from importlib import metadata
 from pathlib import Path
 from typing import Any
 
@@ -86,8 +87,6 @@ def settings_hash(settings: ProtocolSettings) -> str:
 
 def versions() -> dict[str, str]:
     """Of dlama and of what it measures with."""
-    from importlib import metadata
-
     found = {"dlama": __version__, "python": platform.python_version()}
     for name in PACKAGES:
         try:

@@ -22,7 +22,7 @@ from dlama.evaluation.runner.worker import THREAD_VARIABLES, Outcome, ProtocolFu
 from dlama.files.atomic_write import new_file
 
 Progress = Callable[[Outcome | None, int, int], None]
-"""Called with what has just ended (None: taken over from an earlier run), and how many of how many are done."""
+"""Called with what has just ended (None: kept from an earlier run), and how many of how many are done."""
 
 
 @dataclass(frozen=True)
@@ -146,7 +146,7 @@ def _has_panels(folder: Path, found: Stored) -> bool:
 
 
 def _outcomes(tasks: Sequence[Task], jobs: int) -> Iterator[Outcome]:
-    """Of every task, as they end. A process that dies takes the cases under way with it; the rest goes on."""
+    """Of every task, as they end. When a process dies, the cases under way fail; the others are run."""
     if jobs == 1 or len(tasks) <= 1:
         for task in tasks:
             yield from work(task)

@@ -121,8 +121,10 @@ def _run_one(task: Task, truth: Truth, method: Method, key: str) -> None:
 
 
 def _timings(scored: Sequence[Scored], seconds: float, peak: float | None) -> Iterator[Measure]:
-    """`seconds`: of the completion alone where it says so, else of everything; `seconds_scored`: with the metrics and the
-    variants. `peak_mib`: of the whole process meanwhile, metrics included."""
+    """`seconds`: of the completion alone where its meta data has them, else of everything.
+
+    `seconds_scored`: with the metrics and the variants. `peak_mib`: of the whole process meanwhile, metrics included.
+    """
     main = scored[0] if scored else None
     own = [one for one in main.measures if one.modality in TIMED] if main else []
     yield from own
