@@ -8,9 +8,11 @@ import numpy as np
 import pytest
 
 from dlama.errors import CameraError, ShapeError
+from dlama.files.cameras import write_camera
 from dlama.files.depth import write_depth_png
 from dlama.files.pictures import read_color, read_mask, write_color
 from dlama.files.rgbd import read_rgbd
+from dlama.geometry.camera import Camera
 
 COLOR = np.random.default_rng(0).integers(0, 256, (6, 8, 3)).astype(np.uint8)
 
@@ -30,6 +32,18 @@ def test_read_rgbd(tmp_path: Path) -> None:
     )
     with pytest.raises(CameraError, match="--fov"):
         read_rgbd(tmp_path / "c.png", tmp_path / "d.png")
+
+
+def test_a_camera_itself_or_its_file(tmp_path: Path) -> None:
+    """Law: a camera and the file it was written to give the same; one of another size, or a second source, is refused."""
+    paths, camera = pair(tmp_path, np.full((6, 8), 2.0)), Camera(8, 6, 5.0, 6.0, 4.0, 2.5)
+    write_camera(tmp_path / "camera.json", camera)
+    assert read_rgbd(*paths, camera=camera).camera is camera
+    assert read_rgbd(*paths, camera=tmp_path / "camera.json").camera.same_view_as(camera)
+    with pytest.raises(ShapeError, match="camera is 4x3 and the picture 8x6"):
+        read_rgbd(*paths, camera=camera.resized(4, 3))
+    with pytest.raises(CameraError, match="contradict"):
+        read_rgbd(*paths, camera=camera, fov=90)
 
 
 def test_other_sizes(tmp_path: Path) -> None:

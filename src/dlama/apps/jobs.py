@@ -44,13 +44,13 @@ class Job:
     def rgbd(self, image: Path, depth: Path, lens: Lens, reading: Reading) -> dlama.RGBD:
         """A picture, its depth and its camera."""
         from dlama.files.cameras import camera_for
+        from dlama.files.images import picture_hw
         from dlama.files.rgbd import read_rgbd
 
         self.inputs |= {"image": image, "depth": depth} | ({"camera": lens.camera} if lens.camera else {})
         with self.reading(image, depth):
-            rgbd = read_rgbd(image, depth, **lens.settings(), **reading.settings())
-            _, self.intrinsics_from = camera_for(rgbd.camera.hw, image=image, **lens.settings())
-        return rgbd
+            camera, self.intrinsics_from = camera_for(picture_hw(image), image=image, **lens.settings())
+            return read_rgbd(image, depth, camera=camera, **reading.settings())
 
     def mask(self, path: Path, masking: Masking, role: str = "mask") -> BoolArray:
         """A mask, True = remove."""

@@ -95,7 +95,7 @@ def camera_as_json(camera: Camera) -> dict[str, Any]:
 def camera_for(
     hw: tuple[int, int],
     *,
-    camera: PathLike | None = None,
+    camera: PathLike | Camera | None = None,
     fx: float | None = None,
     fy: float | None = None,
     cx: float | None = None,
@@ -107,7 +107,7 @@ def camera_for(
 ) -> tuple[Camera, str]:
     """The camera of a picture of size `hw`, and in words where its intrinsics came from.
 
-    Exactly one source: a `camera` file; `fx` (and `fy`, default fx) in pixels; `fov`, horizontal, degrees; or the EXIF
+    Exactly one source: a `camera`, or the file of one; `fx` (and `fy`, default fx) in pixels; `fov`, horizontal, degrees; or the EXIF
     focal length of `image`. `cx`, `cy` default to the centre; `pixel_center` says where they put the first pixel's
     centre. `world_from_cam` replaces the file's pose. Raises CameraError: two sources, or none (it teaches --fov).
     """
@@ -117,8 +117,11 @@ def camera_for(
     flags = [name for name, value in numbers.items() if value is not None]
     _check_one_source(camera, flags, fov)
     if camera is not None:
-        read = read_camera(camera, hw=hw)
-        return (read if world_from_cam is None else read.at(world_from_cam)), f"--camera {Path(camera).name}"
+        if isinstance(camera, Camera):
+            found, words = camera, "the given camera"
+        else:
+            found, words = read_camera(camera, hw=hw), f"--camera {Path(camera).name}"
+        return (found if world_from_cam is None else found.at(world_from_cam)), words
     focal_x, focal_y, source = _focal_lengths(hw, fx, fy, fov, image)
     border = 0.5 - pixel_center  # cx and cy count as the options do, the middle counts from the picture's border
     center = (hw[1] / 2 - border if cx is None else cx, hw[0] / 2 - border if cy is None else cy)
@@ -176,7 +179,7 @@ def _left_and_right(fields: FileFields, left_K: str, right_K: str) -> tuple[Intr
     return left, (left[0], left[1], left[2] + doffs, left[3])
 
 
-def _check_one_source(camera: PathLike | None, flags: list[str], fov: float | None) -> None:
+def _check_one_source(camera: PathLike | Camera | None, flags: list[str], fov: float | None) -> None:
     if camera is not None and (flags or fov is not None):
         other = flags[0] if flags else "--fov"
         raise CameraError(f"--camera and {other} contradict each other; give one of them")

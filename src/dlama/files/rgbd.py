@@ -11,6 +11,7 @@ from dlama.files.atomic_write import PathLike
 from dlama.files.cameras import camera_for
 from dlama.files.depth import read_depth
 from dlama.files.pictures import read_color
+from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import RGBD, Float32Array
 
 SAME_PROPORTIONS = 0.02
@@ -21,7 +22,7 @@ def read_rgbd(
     image: PathLike,
     depth: PathLike,
     *,
-    camera: PathLike | None = None,
+    camera: PathLike | Camera | None = None,
     fx: float | None = None,
     fy: float | None = None,
     cx: float | None = None,
@@ -36,7 +37,7 @@ def read_rgbd(
 ) -> RGBD:
     """Colour and metric depth of one camera.
 
-    The camera is told as in `camera_for`, the depth's units as in `read_depth`. `resize_depth="nearest"` brings depth
+    The camera is chosen as in `camera_for`, the depth's units as in `read_depth`. `resize_depth="nearest"` brings depth
     of another size to the picture's. Raises FileError, DepthError, CameraError, ShapeError.
     """
     color = read_color(image)
