@@ -1,0 +1,237 @@
+"""The published MI-GAN pipeline (ONNX) in -> its generator alone, as a plain 4 -> 3 network with a contract, out.
+
+The pipeline (Sargsyan et al., "MI-GAN: A Simple Baseline for Image Inpainting on Mobile Devices", ICCV 2023) crops and resizes
+inside its graph and carries gains and clips around small convolutions. Here the generator is written anew from its weights:
+
+* the gain sqrt(2) after each leaky ReLU goes into the convolution before it (the activation is positively homogeneous);
+* the clips at +-256 go: no activation comes near them;
+* the transformation of the input, mask - 0.5 beside (2 colour - 1) * mask, goes into the first 1 x 1 convolution, and
+  that of the output into the last ones, so that the network takes colours in 0..1, zero in the hole, and the mask, 1 = fill;
+* zero insertion, padding and a 4 x 4 filter become one transposed convolution.
+
+The noise that the published file adds is constant and belongs to a size: 512 x 512 is the only one. Weights of the large convolutions
+are stored in half precision and computed with in single precision.
+
+The file that ships (src/dlama/assets/migan/migan-512.onnx) was made by
+
+    python -m dlama.nets.migan_export migan_pipeline_v2.onnx migan-512.onnx
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+import sys
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dlama.errors import FileError, MissingExtraError, OutputError
+from dlama.nets.export import CONTRACT_KEY
+from dlama.nets.onnx_graph import Graph
+
+SIDE = 512
+"""Height and width that the generator takes, in pixels."""
+SIDES = (512, 256, 128, 64, 32, 16, 8, 4)
+"""Height and width of the feature maps, level by level."""
+SLOPE = 0.2
+"""Of the leaky ReLU for negative values."""
+GAIN = np.float32(math.sqrt(2))
+HALF_FROM = 20_000
+"""Tensors with so many elements are stored in half precision: together 14 MB instead of 28, for a mean error of 0.04 grey levels
+in the hole (benchmarks/migan.py); the small ones weigh nothing, and the error is twice as large with them."""
+LICENCE = "MIT (Picsart AI Research, MI-GAN)"
+
+
+@dataclass(frozen=True)
+class Weights:
+    """Tensors of the pipeline file by their published names."""
+
+    tensors: Mapping[str, np.ndarray]
+    aliases: Mapping[str, str]
+    """Name -> the name of the tensor it shares."""
+    noise: Mapping[str, np.ndarray]
+    """Layer (such as synthesis.b8.conv1) -> H x W constant that is added to its output."""
+
+    def __getitem__(self, name: str) -> np.ndarray:
+        """float32; KeyError where the file has none of that name."""
+        full = f"model.{name}"
+        while full in self.aliases:
+            full = self.aliases[full]
+        return np.asarray(self.tensors[full], np.float32)
+
+
+def export_migan(pipeline: Path, target: Path) -> Path:
+    """Write the generator of the pipeline file; beside and moved, so that no half file is ever left.
+
+    Equal input gives equal bytes.
+
+    Raises:
+        FileError: the file is not the published pipeline.
+        OutputError: the file cannot be written.
+        MissingExtraError: onnx is not installed.
+    """
+    data = generator_bytes(read_weights(pipeline), pipeline.name, hashlib.sha256(pipeline.read_bytes()).hexdigest())
+    beside = target.with_name(target.name + ".part")
+    try:
+        beside.write_bytes(data)
+        beside.replace(target)
+    except OSError as error:
+        raise OutputError(f"{target}: cannot be written ({error})") from error
+    return target
+
+
+def read_weights(pipeline: Path) -> Weights:
+    """The generator's tensors in the pipeline file. FileError, MissingExtraError."""
+    try:
+        import onnx
+        from onnx import numpy_helper
+    except ImportError as error:
+        raise MissingExtraError("taking the generator out of the MI-GAN pipeline", "onnx", "onnx") from error
+    try:
+        graph = onnx.load(str(pipeline)).graph
+    except Exception as error:  # protobuf's errors share no base class
+        raise FileError(f"{pipeline}: cannot be read as ONNX ({str(error).splitlines()[0]})") from error
+    tensors = {tensor.name: numpy_helper.to_array(tensor) for tensor in graph.initializer}
+    aliases = {node.output[0]: node.input[0] for node in graph.node if node.op_type == "Identity"}
+    noise = {}
+    for node in graph.node:
+        for name in node.input if node.op_type == "Add" else ():
+            if name.startswith("onnx::Add_"):
+                layer = node.name.removeprefix("/model/").removesuffix("/Add").replace("/", ".")
+                noise[layer] = np.asarray(tensors[aliases.get(name, name)], np.float32)
+    return Weights(tensors, aliases, noise)
+
+
+def contract(source: str, source_sha256: str) -> dict[str, object]:
+    """What whoever runs the file must know (see `dlama.nets.export.contract`); `side`: the only height and width it takes."""
+    return {
+        "version": 1,
+        "network": "migan",
+        "in_planes": ["red", "green", "blue", "mask"],
+        "out_planes": ["red", "green", "blue"],
+        "in_range": [0, 1],
+        "out_range": None,
+        "mask": "1 = fill",
+        "hole": "zero",
+        "multiple": SIDE,
+        "minimum": SIDE,
+        "side": SIDE,
+        "licence": LICENCE,
+        "source": source,
+        "source_sha256": source_sha256,
+    }
+
+
+def generator_bytes(weights: Weights, source: str, source_sha256: str) -> bytes:
+    """The ONNX model: `planes` 1 x 4 x 512 x 512 to `filled` 1 x 3 x 512 x 512. FileError where a tensor is missing."""
+    g = Graph()
+    try:
+        filled = _synthesis(g, weights, *_encoder(g, weights, _first(g, weights, "planes")))
+    except KeyError as error:
+        raise FileError(f"{source}: has no tensor {error}; the published MI-GAN pipeline is wanted") from error
+    g.add_named("filled", "Identity", filled)
+    _store_half(g)
+    ends = [("planes", [1, 4, SIDE, SIDE]), ("filled", [1, 3, SIDE, SIDE])]
+    model = g.model(ends[0], ends[1], {CONTRACT_KEY: json.dumps(contract(source, source_sha256))})
+    return bytes(model.SerializeToString(deterministic=True))
+
+
+def _first(g: Graph, weights: Weights, planes: str) -> str:
+    """The first layer on (colour with a zero hole, mask 1 = fill) instead of (0.5 - mask, (2 colour - 1) (1 - mask))."""
+    weight, bias = weights["encoder.b512.fromrgb.weight"], weights["encoder.b512.fromrgb.bias"]
+    of_mask, of_color = weight[:, :1], weight[:, 1:]
+    total = of_color.sum(1, keepdims=True)
+    mixed = np.concatenate([2 * of_color, total - of_mask], 1)
+    return _active(g, _conv(g, planes, mixed, bias + (0.5 * of_mask - total).ravel()))
+
+
+def _encoder(g: Graph, weights: Weights, x: str) -> tuple[str, dict[int, str]]:
+    """Features of the coarsest level, and the finer ones that the synthesis adds."""
+    skips = {}
+    for side in SIDES:
+        at = f"encoder.b{side}"
+        skips[side] = _separable(g, weights, f"{at}.conv1", x)
+        x = _depthwise(g, weights, f"{at}.conv2", skips[side])
+        if side > SIDES[-1]:
+            blur = weights[f"{at}.conv2.downsample.filter.weight"]
+            x = g.conv(x, blur, stride=2, pads=[1] * 4, group=len(blur))
+        x = _active(g, _conv(g, x, weights[f"{at}.conv2.conv2.weight"]))
+    return x, skips
+
+
+def _synthesis(g: Graph, weights: Weights, x: str, skips: Mapping[int, str]) -> str:
+    """Features of the coarsest level to colours in 0..1 (unbounded), the sum of all levels' colours."""
+    colors = ""
+    for side in reversed(SIDES):
+        at = f"synthesis.b{side}"
+        x = _conv(g, _depthwise(g, weights, f"{at}.conv1", x), weights[f"{at}.conv1.conv2.weight"])
+        if side > SIDES[-1]:
+            x = _doubled(g, weights[f"{at}.conv1.upsample.filter.weight"], x)
+            x = _with_noise(g, weights, f"{at}.conv1", x)
+        x = g.add("Add", _active(g, x), skips[side])
+        x = _conv(g, _depthwise(g, weights, f"{at}.conv2", x), weights[f"{at}.conv2.conv2.weight"])
+        if side > SIDES[-1]:
+            x = _with_noise(g, weights, f"{at}.conv2", x)
+        x = _active(g, x)
+        here = 0.5 if side == SIDE else 0.0  # -1..1 to 0..1: half of every level, and the offset once
+        weight, bias = weights[f"{at}.torgb.weight"], weights[f"{at}.torgb.bias"]
+        of_level = g.conv(x, 0.5 * weight, 0.5 * bias + here)
+        if colors:
+            of_level = g.add("Add", _doubled(g, weights[f"{at}.upsample.filter.weight"], colors), of_level)
+        colors = of_level
+    return colors
+
+
+def _separable(g: Graph, weights: Weights, at: str, x: str) -> str:
+    """Depthwise 3 x 3, activation, 1 x 1, activation."""
+    return _active(g, _conv(g, _depthwise(g, weights, at, x), weights[f"{at}.conv2.weight"]))
+
+
+def _depthwise(g: Graph, weights: Weights, at: str, x: str) -> str:
+    """Depthwise 3 x 3 and activation."""
+    weight = weights[f"{at}.conv1.weight"]
+    return _active(g, _conv(g, x, weight, weights[f"{at}.conv1.bias"], group=len(weight), pads=[1] * 4))
+
+
+def _conv(g: Graph, x: str, weight: np.ndarray, bias: np.ndarray | None = None, **attributes: Any) -> str:
+    """A convolution before an activation, with the gain that the published network multiplies by after it."""
+    return g.conv(x, weight * GAIN, None if bias is None else bias * GAIN, **attributes)
+
+
+def _active(g: Graph, x: str) -> str:
+    return str(g.add("LeakyRelu", x, alpha=SLOPE))
+
+
+def _with_noise(g: Graph, weights: Weights, layer: str, x: str) -> str:
+    """The layer's constant noise added, before its activation."""
+    return str(g.add("Add", x, g.constant(weights.noise[layer] * GAIN)))
+
+
+def _doubled(g: Graph, blur: np.ndarray, x: str) -> str:
+    """Twice the height and width: zeros between the samples, then a 4 x 4 filter (C x 1 x 4 x 4, correlated)."""
+    turned = blur[:, :, ::-1, ::-1]  # a transposed convolution spreads where a convolution gathers
+    sizes = {"kernel_shape": [4, 4], "strides": [2, 2], "pads": [1] * 4}
+    return str(g.add("ConvTranspose", x, g.constant(turned), group=len(blur), **sizes))
+
+
+def _store_half(g: Graph) -> None:
+    """Large constants as float16, each cast to float32 by a node that runtimes evaluate once."""
+    large = {name: a for name, a in g.constants.items() if a.dtype == np.float32 and a.size >= HALF_FROM}
+    for name, array in large.items():
+        g.constants[name] = array.astype(np.float16)
+        single = g.add("Cast", name, to=1)
+        for node in g.nodes[:-1]:
+            for place, used in enumerate(node.input):
+                if used == name:
+                    node.input[place] = single
+    casts = [node for node in g.nodes if node.op_type == "Cast"]
+    g.nodes[:] = [*casts, *(node for node in g.nodes if node.op_type != "Cast")]
+
+
+if __name__ == "__main__":
+    print(export_migan(Path(sys.argv[1]), Path(sys.argv[2])))
