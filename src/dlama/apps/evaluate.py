@@ -129,7 +129,7 @@ class Methods:
         for filler in self.fillers:
             if filler not in (NO_FILL, *FILLERS):
                 raise InputError(f"filler is {filler!r}; one of {', '.join((NO_FILL, *FILLERS))} is wanted")
-            if filler in NETWORK_FILLERS and filler not in models:
+            if filler in NETWORK_FILLERS and FILLERS[filler].shipped is None and filler not in models:
                 raise InputError(f"filler {filler!r} runs a network: --model {filler}=FILE is wanted")
         fillers, recipes = dict.fromkeys(self.fillers), dict.fromkeys(self.recipes)
         return [Method(name, filler, models.get(filler), seed=self.seed) for name in recipes for filler in fillers]

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from dlama import __version__
 from dlama.errors import FileError, OutputError
-from dlama.inpainters.networks.contract import generator_metadata
+from dlama.inpainters.networks.contract import generator_metadata, migan_metadata
 from dlama.models.cache import directory, locate
 from dlama.models.records import CATALOGUE
 from dlama.models.verify import size_and_sha256
@@ -52,15 +52,22 @@ def source_of(model: Path | str) -> Path:
 
 
 def convert(source: Path, target: Path, licence: str) -> list[str]:
-    """Write the ONNX file of the generator in that file; returns what a user should know of it."""
+    """Write the ONNX file of the generator in that file; returns what a user should know of it.
+
+    An .onnx file is taken for the published MI-GAN pipeline, any other for a LaMa checkpoint.
+    """
     from dlama.nets.checkpoints import read_generator
     from dlama.nets.export import export_onnx
+    from dlama.nets.migan_export import export_migan
 
-    weights = read_generator(source)
+    weights = None if source.suffix.lower() == ".onnx" else read_generator(source)
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise OutputError(f"{target.parent}: cannot be made ({error})") from error
+    if weights is None:
+        export_migan(source, target, migan_metadata(source, licence))
+        return [f"{source}: MI-GAN pipeline, licence {licence}, its generator written to {target}"]
     export_onnx(weights, target, generator_metadata(weights.settings, source, licence))
     planes = f"{weights.settings.in_channels} -> {weights.settings.out_channels} planes"
     said = f"{source}: {weights.kind}, {planes}, {weights.settings.blocks} blocks, licence {licence}, converted to {target}"

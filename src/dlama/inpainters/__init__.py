@@ -17,6 +17,9 @@ if TYPE_CHECKING:
     from dlama.inpainters.filling import Inpainter
 
 
+ASSETS = Path(__file__).parents[1] / "assets"
+
+
 @dataclass(frozen=True)
 class FillerRecord:
     """Where a filler's code stands, and what it needs."""
@@ -25,6 +28,8 @@ class FillerRecord:
     """`module:name` of the Inpainter; of a filler that runs a network, of the function that makes one of a model file."""
     needs_model: bool = False
     """Whether it runs a network file."""
+    shipped: str | None = None
+    """The network file that ships in the package, under assets/; it runs where no other is given."""
 
 
 def find_filler(filler: str | Inpainter, model: str | Path | None = None) -> Inpainter:
@@ -36,15 +41,26 @@ def find_filler(filler: str | Inpainter, model: str | Path | None = None) -> Inp
         if model is not None:
             raise InputError(f"model is {model} and the filler a function; a model goes with a filler's name")
         return filler
+    file = model_file(filler, model)
+    found: Any = pkgutil.resolve_name(FILLERS[filler].entry_point)
+    return found if file is None else found(file)
+
+
+def model_file(filler: str, model: str | Path | None = None) -> Path | None:
+    """The network file that a filler runs: the given one, or the one that ships; None for a filler that runs none.
+
+    InputError: an unknown name, or a model missing or given to a filler that takes none.
+    """
     if filler not in FILLERS:
         raise InputError(f"filler is {filler!r}; one of {', '.join(FILLERS)} is wanted")
     record = FILLERS[filler]
-    if record.needs_model and model is None:
-        raise InputError(f"model is missing: filler {filler!r} runs a network file (`dlama models pull` gets one)")
     if not record.needs_model and model is not None:
         raise InputError(f"model is {model} and filler {filler!r} runs no network; no model is wanted")
-    found: Any = pkgutil.resolve_name(record.entry_point)
-    return found(model) if record.needs_model else found
+    if record.needs_model and model is None and record.shipped is None:
+        raise InputError(f"model is missing: filler {filler!r} runs a network file (`dlama models pull` gets one)")
+    if model is not None:
+        return Path(model)
+    return None if record.shipped is None else ASSETS / record.shipped
 
 
 FILLERS: dict[str, FillerRecord] = {
@@ -52,7 +68,7 @@ FILLERS: dict[str, FillerRecord] = {
     "telea": FillerRecord("dlama.inpainters.opencv:telea"),
     "navier-stokes": FillerRecord("dlama.inpainters.opencv:navier_stokes"),
     "lama": FillerRecord("dlama.inpainters.networks.lama:lama_filler", needs_model=True),
-    "migan": FillerRecord("dlama.inpainters.networks.migan:migan_filler", needs_model=True),
+    "migan": FillerRecord("dlama.inpainters.networks.migan:migan_filler", True, "migan/migan-512.onnx"),
     "joint": FillerRecord("dlama.inpainters.networks.joint:joint_filler", needs_model=True),
     "pair": FillerRecord("dlama.inpainters.networks.pair:pair_filler", needs_model=True),
 }

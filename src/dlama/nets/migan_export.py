@@ -9,20 +9,17 @@ inside its graph and carries gains and clips around small convolutions. Here the
   that of the output into the last ones, so that the network takes colours in 0..1, zero in the hole, and the mask, 1 = fill;
 * zero insertion, padding and a 4 x 4 filter become one transposed convolution.
 
-The noise that the published file adds is constant and belongs to a size: 512 x 512 is the only one. Weights of the large convolutions
-are stored in half precision and computed with in single precision.
+The noise that the published file adds is constant and belongs to a size: 512 x 512 is the only one. Weights of the large
+convolutions are stored in half precision and computed with in single precision.
 
 The file that ships (src/dlama/assets/migan/migan-512.onnx) was made by
 
-    python -m dlama.nets.migan_export migan_pipeline_v2.onnx migan-512.onnx
+    dlama models convert migan_pipeline_v2.onnx -o migan-512.onnx
 """
 
 from __future__ import annotations
 
-import hashlib
-import json
 import math
-import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -31,7 +28,6 @@ from typing import Any
 import numpy as np
 
 from dlama.errors import FileError, MissingExtraError, OutputError
-from dlama.nets.export import CONTRACT_KEY
 from dlama.nets.onnx_graph import Graph
 
 SIDE = 512
@@ -44,7 +40,6 @@ GAIN = np.float32(math.sqrt(2))
 HALF_FROM = 20_000
 """Tensors with so many elements are stored in half precision: together 14 MB instead of 28, for a mean error of 0.04 grey levels
 in the hole (benchmarks/migan.py); the small ones weigh nothing, and the error is twice as large with them."""
-LICENCE = "MIT (Picsart AI Research, MI-GAN)"
 
 
 @dataclass(frozen=True)
@@ -65,17 +60,21 @@ class Weights:
         return np.asarray(self.tensors[full], np.float32)
 
 
-def export_migan(pipeline: Path, target: Path) -> Path:
+def export_migan(pipeline: Path, target: Path, metadata: Mapping[str, str]) -> Path:
     """Write the generator of the pipeline file; beside and moved, so that no half file is ever left.
 
     Equal input gives equal bytes.
 
+    Args:
+        pipeline: the published ONNX file.
+        target: where the generator goes.
+        metadata: of the ONNX file: its contract (`dlama.inpainters.networks.contract.migan_metadata`).
     Raises:
         FileError: the file is not the published pipeline.
         OutputError: the file cannot be written.
         MissingExtraError: onnx is not installed.
     """
-    data = generator_bytes(read_weights(pipeline), pipeline.name, hashlib.sha256(pipeline.read_bytes()).hexdigest())
+    data = generator_bytes(read_weights(pipeline), pipeline.name, metadata)
     beside = target.with_name(target.name + ".part")
     try:
         beside.write_bytes(data)
@@ -107,27 +106,7 @@ def read_weights(pipeline: Path) -> Weights:
     return Weights(tensors, aliases, noise)
 
 
-def contract(source: str, source_sha256: str) -> dict[str, object]:
-    """What whoever runs the file must know (see `dlama.nets.export.contract`); `side`: the only height and width it takes."""
-    return {
-        "version": 1,
-        "network": "migan",
-        "in_planes": ["red", "green", "blue", "mask"],
-        "out_planes": ["red", "green", "blue"],
-        "in_range": [0, 1],
-        "out_range": None,
-        "mask": "1 = fill",
-        "hole": "zero",
-        "multiple": SIDE,
-        "minimum": SIDE,
-        "side": SIDE,
-        "licence": LICENCE,
-        "source": source,
-        "source_sha256": source_sha256,
-    }
-
-
-def generator_bytes(weights: Weights, source: str, source_sha256: str) -> bytes:
+def generator_bytes(weights: Weights, source: str, metadata: Mapping[str, str]) -> bytes:
     """The ONNX model: `planes` 1 x 4 x 512 x 512 to `filled` 1 x 3 x 512 x 512. FileError where a tensor is missing."""
     g = Graph()
     try:
@@ -137,7 +116,7 @@ def generator_bytes(weights: Weights, source: str, source_sha256: str) -> bytes:
     g.add_named("filled", "Identity", filled)
     _store_half(g)
     ends = [("planes", [1, 4, SIDE, SIDE]), ("filled", [1, 3, SIDE, SIDE])]
-    model = g.model(ends[0], ends[1], {CONTRACT_KEY: json.dumps(contract(source, source_sha256))})
+    model = g.model(ends[0], ends[1], metadata)
     return bytes(model.SerializeToString(deterministic=True))
 
 
@@ -215,8 +194,8 @@ def _with_noise(g: Graph, weights: Weights, layer: str, x: str) -> str:
 def _doubled(g: Graph, blur: np.ndarray, x: str) -> str:
     """Twice the height and width: zeros between the samples, then a 4 x 4 filter (C x 1 x 4 x 4, correlated)."""
     turned = blur[:, :, ::-1, ::-1]  # a transposed convolution spreads where a convolution gathers
-    sizes = {"kernel_shape": [4, 4], "strides": [2, 2], "pads": [1] * 4}
-    return str(g.add("ConvTranspose", x, g.constant(turned), group=len(blur), **sizes))
+    weight = g.constant(turned)
+    return str(g.add("ConvTranspose", x, weight, group=len(blur), kernel_shape=[4, 4], strides=[2, 2], pads=[1] * 4))
 
 
 def _store_half(g: Graph) -> None:
@@ -231,7 +210,3 @@ def _store_half(g: Graph) -> None:
                     node.input[place] = single
     casts = [node for node in g.nodes if node.op_type == "Cast"]
     g.nodes[:] = [*casts, *(node for node in g.nodes if node.op_type != "Cast")]
-
-
-if __name__ == "__main__":
-    print(export_migan(Path(sys.argv[1]), Path(sys.argv[2])))

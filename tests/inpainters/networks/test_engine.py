@@ -22,7 +22,7 @@ from dlama.inpainters.filling import inpaint
 from dlama.inpainters.networks.contract import contract_of_planes
 from dlama.inpainters.networks.engine import PROVIDERS, Engine, open_engine
 from dlama.inpainters.networks.lama import lama_filler
-from dlama.inpainters.networks.migan import cracks, fill_picture, smooth_within_steps
+from dlama.inpainters.networks.migan import PIPELINE_INPUTS, cracks, fill_picture, is_pipeline, smooth_within_steps
 from tiny_networks import constant, contract, echo_mask, written
 
 pytest.importorskip("onnxruntime")
@@ -123,7 +123,7 @@ def test_bad_files_are_refused(tmp_path: Path) -> None:
     for name, path, told in (
         ("lama", tmp_path / "text.onnx", "text.onnx: cannot be opened .*dlama models convert"),
         ("joint", three, "three.onnx: takes 4 planes .*'lama' runs it"),
-        ("migan", three, "three.onnx: inputs are .*MI-GAN"),
+        ("migan", three, "three.onnx: is a network 'lama' by its contract; MI-GAN is wanted"),
         ("joint", lying, "lying.onnx: the graph has 4 planes"),
         ("lama", nan, "nan.onnx: the network gave values that are not finite"),
     ):
@@ -213,6 +213,7 @@ class Pipeline:
     """Stands for the MI-GAN session: records what it was fed, and paints 77 where the mask says 0."""
 
     budget = 1 << 20
+    inputs = {name: (kind, []) for name, kind in PIPELINE_INPUTS.items()}  # noqa: RUF012
 
     def run(self, feed: dict[str, np.ndarray]) -> np.ndarray:
         self.image, self.mask = feed["image"], feed["mask"]
@@ -226,12 +227,27 @@ def test_migan_is_fed_what_it_can_bear() -> None:
     hole[20:30, 20:30] = hole[50, 40:58] = True
     known[hole] = 0
     session = Pipeline()
+    assert is_pipeline(session)  # type: ignore[arg-type]
     out = fill_picture(known, np.full_like(known, 120), hole, session)  # type: ignore[arg-type]
     assert session.image.dtype == session.mask.dtype == np.uint8 and set(np.unique(session.mask)) == {0, 255}
     assert (out[20:30, 20:30] == 77).all() and (out[50, 40:58] == 120).all() and (out[~hole] == 200).all()
     rows, columns = np.nonzero(session.mask[0, 0] == 0)
     assert rows.max() - rows.min() == 10 + 6 - 1 == columns.max() - columns.min()
     assert set(np.unique(session.image)) == {120, 200}, "no black was shown"
+
+
+@pytest.mark.parametrize(("height", "width"), [(96, 128), (512, 512), (300, 700)])
+def test_the_shipped_migan_continues_a_wall(height: int, width: int) -> None:
+    """Closed form, loosely: grey goes on grey, in pictures smaller and larger than the network's 512 px; no file is asked for."""
+    color = np.random.default_rng(0).integers(118, 138, (height, width, 3), np.uint8)
+    frame = RGBD(color, np.full((height, width), 2, np.float32), Camera.from_fov(width, height, 60))
+    taken = np.zeros((height, width), bool)
+    taken[height // 4 : height // 2, width // 8 : width - width // 8] = True
+    view = View.from_rgbd(frame).without(taken, HoleType.OBJECT)
+    after, report = inpaint(view, find_filler("migan"), NOTHING)
+    unchanged(view, after)
+    assert abs(after.color[taken].astype(float) - 128).mean() < 15
+    assert report.notes["model"] == "migan-512.onnx" and report.law_violations == 0
 
 
 @pytest.fixture(scope="module")

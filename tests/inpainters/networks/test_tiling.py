@@ -139,3 +139,36 @@ def test_groups_share_out_the_hole() -> None:
         assert left <= max(0, columns.min() - crops.CONTEXT) and right >= min(1200, columns.max() + 1 + crops.CONTEXT)
     np.testing.assert_array_equal(count, hole)
     assert list(crops.crops(np.zeros((5, 5), bool), Layout())) == []
+
+
+def test_a_network_of_one_size_sees_only_that() -> None:
+    """Law: whatever the picture's size, each call is side x side; known pixels keep their bits, the hole has the answer."""
+    rng = np.random.default_rng(1)
+    for height, width, hole_part in (
+        (20, 30, np.s_[5:15, 5:20]),
+        (64, 64, np.s_[10:20, 10:50]),
+        (90, 200, np.s_[20:70, 10:190]),
+    ):
+        planes = rng.random((1, 3, height, width), np.float32)
+        hole = np.zeros((height, width), bool)
+        hole[hole_part] = True
+        probe = Probe()
+        filled = fill_crops(planes, hole, probe, Layout(64, 64, 128 * 128, 64 * 64, side=64))
+        assert set(probe.sizes) == {(1, 3, 64, 64)}
+        assert np.array_equal(filled[..., ~hole], planes[..., ~hole])
+        assert (filled[..., hole] > 2.5).all(), "2 x + 3 of values in 0..1, also through a shrunk crop"
+
+
+def test_a_large_crop_is_shrunk_without_its_hole() -> None:
+    """Closed form: what lies in the hole (here 99) never reaches the network, and a constant comes back exactly."""
+    planes = np.full((1, 1, 100, 130), 0.5, np.float32)
+    hole = np.zeros((100, 130), bool)
+    hole[30:60, 20:100] = True
+    planes[..., hole] = 99
+
+    def network(seen: np.ndarray, open_: np.ndarray) -> np.ndarray:
+        assert (abs(seen[..., ~open_] - 0.5) < 1e-5).all()
+        return np.where(open_, np.float32(0.25), seen)
+
+    filled = crops.resized_call(planes, hole, network, Layout(64, 64, side=64), 64)
+    assert (abs(filled[0, 0, 40:50, 40:80] - 0.25) < 1e-5).all()

@@ -17,6 +17,7 @@ import numpy as np
 from dlama.datasets.frames import Case
 from dlama.evaluation.metrics.pictures import SETTINGS as METRIC_SETTINGS
 from dlama.evaluation.protocols.methods import Method, ProtocolSettings
+from dlama.inpainters import FILLERS, model_file
 from dlama.models.verify import sha256_of
 
 ROOMS = ("geometry", "models", "perception", "inpainters", "completion", "files", "datasets", "worlds", "evaluation")
@@ -51,7 +52,8 @@ def case_hash(case: Case) -> str:
 
 def method_hash(method: Method) -> str:
     """Of a method: its settings, and the bytes of its network file."""
-    model = None if method.model is None else _file_sha256(method.model)
+    file = model_file(method.filler, method.model) if method.filler in FILLERS else method.model
+    model = None if file is None else _file_sha256(file)
     return short_hash([method.recipe, method.filler, model, dict(method.changes), method.seed])
 
 

@@ -27,6 +27,8 @@ PAIR = (*COLOR, *(f"other {name}" for name in COLOR))
 """Of a stereo pair: the left picture's planes, then the right one's."""
 PLANES = {1: ("depth",), 3: COLOR, 4: (*COLOR, "depth"), 6: PAIR}
 """How many planes a network gives -> what they are called."""
+MIGAN_SIDE = 512
+"""The only height and width that MI-GAN's generator takes."""
 MASKS = {1: ("mask",), 2: ("left mask", "right mask")}
 """How many masks -> what they are called. Two are those of a pair, each of its own picture; one is of all planes alike."""
 DEPTH_QUANTILE, DEPTH_AT_QUANTILE = 0.99, 0.75
@@ -59,6 +61,8 @@ class Contract:
     """Smallest height and width in pixels."""
     network: str = "unknown"
     """`lama`, `migan` ..."""
+    side: int | None = None
+    """The only height and width it takes, in pixels; None: any that `multiple` and `minimum` allow."""
 
     def __post_init__(self) -> None:
         known, masks = self.in_planes[: len(self.out_planes)], self.in_planes[len(self.out_planes) :]
@@ -77,6 +81,8 @@ class Contract:
             pair = getattr(self, name)
             if pair is not None and not (len(pair) == 2 and pair[0] < pair[1]):
                 raise InputError(f"contract: {name} is {pair}; two rising numbers are wanted")
+        if self.side is not None and self.side < 1:
+            raise InputError(f"contract: side is {self.side}; 1 or more is wanted")
         if self.multiple < 1 or self.minimum < 1:
             raise InputError(f"contract: multiple {self.multiple} and minimum {self.minimum}; 1 or more is wanted")
 
@@ -117,7 +123,8 @@ class Contract:
             "multiple": self.multiple,
             "minimum": self.minimum,
         }
-        return {CONTRACT_KEY: json.dumps(depth | words | provenance)}
+        side = {} if self.side is None else {"side": self.side}
+        return {CONTRACT_KEY: json.dumps(depth | words | side | provenance)}
 
 
 class Generator(Protocol):
@@ -172,6 +179,21 @@ def generator_metadata(settings: Generator, source: Path, licence: str) -> dict[
     )
 
 
+def migan_metadata(pipeline: Path, licence: str) -> dict[str, str]:
+    """ONNX metadata for MI-GAN's generator (`dlama.nets.migan_export`): its contract, the licence, and of the pipeline file its
+    name and sha256."""
+    contract = Contract(
+        (*COLOR, "mask"),
+        COLOR,
+        out_range=None,
+        multiple=MIGAN_SIDE,
+        minimum=MIGAN_SIDE,
+        network="migan",
+        side=MIGAN_SIDE,
+    )
+    return contract.metadata(licence=licence, source=pipeline.name, source_sha256=sha256_of(pipeline))
+
+
 def contract_of_planes(count: int, masks: int = 1) -> Contract:
     """The contract of a LaMa, given by hand for a file without one. InputError for other numbers than these.
 
@@ -206,6 +228,7 @@ def from_metadata(metadata: Mapping[str, str], file: str) -> Contract | None:
             int(words["multiple"]),
             int(words["minimum"]),
             str(words.get("network", "unknown")),
+            None if words.get("side") is None else int(words["side"]),
         )
     except FileError:
         raise

@@ -1,9 +1,10 @@
-"""MI-GAN: a view with holes and the published pipeline file in; colour, and depth as a grey picture, out.
+"""MI-GAN: a view with holes in; colour, and depth as a grey picture, out. The network ships in the package.
 
-The pipeline (uint8, mask 255 = keep) is given what it can bear: cracks are closed first, the hole is grown so that what
-lies in it does not leak through its own resizing, and pre-filled, because fed black it leaves a dark frame. Its depth is
-8-bit inverse depth, and still better than diffusion's (street s03, yaw 20: 0.11 m of mean error, Telea 0.43); its steps are
-smoothed away by as much as a step cannot tell.
+Cracks are closed by diffusion first: the network collapses on them. The generator that ships (`dlama.nets.migan_export`) fills
+crops of 512 x 512. A user may give the published pipeline file instead (uint8, mask 255 = keep), which crops, resizes
+and blends by itself: there the hole is grown so that what lies in it does not leak, and pre-filled, because fed black it
+leaves a dark frame. Depth is 8-bit inverse depth, and still better than diffusion's (street s03, yaw 20: 0.11 m of mean
+error, Telea 0.43); its steps are smoothed away by as much as a step cannot tell.
 """
 
 from __future__ import annotations
@@ -23,11 +24,11 @@ from dlama.geometry.visibility import Law
 from dlama.inpainters.filling import Fill, Inpainter, Painter
 from dlama.inpainters.networks.engine import Engine, open_engine
 from dlama.inpainters.networks.tiling import Layout, fill_crops
-from dlama.inpainters.networks.view_tensors import DepthPlane
+from dlama.inpainters.networks.view_tensors import DepthPlane, color_from_planes, color_planes
 from dlama.inpainters.opencv import telea
 
 GROW = 3
-"""Pixels by which the hole grows for the network only: from 3 on, nothing in the hole leaks (WEIGHTS.md)."""
+"""Pixels by which the hole grows for the pipeline only: from 3 on, nothing in the hole leaks."""
 CRACK_SIDE = 3
 """Holes that a square of this side does not fit into are cracks."""
 SMOOTHING = 3.0
@@ -38,34 +39,47 @@ PIPELINE_INPUTS = {"image": "tensor(uint8)", "mask": "tensor(uint8)"}
 
 
 def migan_filler(model: str | Path, **options: Any) -> Inpainter:
-    """A filler of the MI-GAN pipeline file (graph inputs image and mask, uint8); `options` as of Engine."""
-    options.setdefault("budget", (2 * NETWORK_SIDE) ** 2)
+    """A filler of MI-GAN: a file of its generator, or the published pipeline (graph inputs image and mask, uint8).
+
+    `options` as of Engine. FileError where the file is neither.
+    """
+    options = {"budget": (2 * NETWORK_SIDE) ** 2, "memory_pattern": False} | options
     network = open_engine(model, **options)
 
     def migan(view: View, law: Law, seed: int) -> Fill:
-        require_pipeline(network)
         diffused = telea(view, law, seed)
         color = fill_picture(view.color, diffused.color, view.color_hole, network)
         return Fill(color, fill_depth(view, diffused.depth, network), notes=network.notes)
 
     def paint(picture: UInt8Array, hole: BoolArray) -> UInt8Array:
-        require_pipeline(network)
         return fill_picture(picture, telea.paint(picture, hole), hole, network)
 
     return Painter(migan, paint, lambda: network.notes)
 
 
-def require_pipeline(network: Engine) -> None:
-    """FileError unless the file is the pipeline, told by its inputs."""
-    found = {name: kind for name, (kind, _) in network.inputs.items()}
-    if found != PIPELINE_INPUTS:
-        raise FileError(f"{network.path}: inputs are {found}; the MI-GAN pipeline has {PIPELINE_INPUTS}")
+def is_pipeline(network: Engine) -> bool:
+    """Whether the file is the published pipeline (by its inputs) or a generator (by its contract). FileError if neither."""
+    ends = {name: kind for name, (kind, _) in network.inputs.items()}
+    if ends == PIPELINE_INPUTS:
+        return True
+    if len(ends) != 1:
+        raise FileError(f"{network.path}: inputs are {ends}; the MI-GAN pipeline has {PIPELINE_INPUTS}")
+    if network.contract.network != "migan":
+        raise FileError(f"{network.path}: is a network {network.contract.network!r} by its contract; MI-GAN is wanted")
+    return False
 
 
 def fill_picture(known: UInt8Array, diffused: UInt8Array, hole: BoolArray, network: Engine) -> UInt8Array:
     """H x W x 3: cracks as diffused, wider holes by the network, known pixels as they are."""
     wide = hole & ~cracks(hole)
-    start = np.where(hole[..., None], diffused, known).transpose(2, 0, 1)[None]
+    start = np.where(hole[..., None], diffused, known)
+    if is_pipeline(network):
+        return by_pipeline(start, wide, network)
+    return color_from_planes(network.fill(color_planes(start)[None], wide)[0])
+
+
+def by_pipeline(start: UInt8Array, wide: BoolArray, network: Engine) -> UInt8Array:
+    """H x W x 3: `start` (H x W x 3, filled everywhere) with the holes `wide` (H x W) as the pipeline fills them."""
 
     def run(planes: Float32Array, open_: BoolArray) -> Float32Array:
         keep = np.where(dilated(open_, GROW), np.uint8(0), np.uint8(255))
@@ -73,7 +87,7 @@ def fill_picture(known: UInt8Array, diffused: UInt8Array, hole: BoolArray, netwo
         return out.astype(np.float32)
 
     layout = Layout(multiple=1, minimum=1, budget=network.budget, call_cost=NETWORK_SIDE * NETWORK_SIDE)
-    filled = fill_crops(start.astype(np.float32), wide, run, layout)[0]
+    filled = fill_crops(start.transpose(2, 0, 1)[None].astype(np.float32), wide, run, layout)[0]
     return np.ascontiguousarray(np.round(filled).astype(np.uint8).transpose(1, 2, 0))
 
 

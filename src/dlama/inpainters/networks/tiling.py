@@ -1,7 +1,8 @@
 """Planes with a hole in; the hole filled by a network that sees crops around it, padded and tiled as it needs, out.
 
 A crop is a group of holes with context, so a small hole costs little. A crop above the pixel budget is cut into
-overlapping tiles, so memory is bounded; their seams are blended inside the hole. Nothing is ever resized.
+overlapping tiles, so memory is bounded; their seams are blended inside the hole. Nothing is resized, but
+for a network that takes one size only: larger crops are shrunk to it and its result is enlarged, smaller ones are padded.
 """
 
 from __future__ import annotations
@@ -41,6 +42,8 @@ class Layout:
     """Largest crop in pixels; larger ones are tiled."""
     call_cost: int = 96 * 96
     """Pixels that a call costs however small the crop (decides which crops are merged)."""
+    side: int | None = None
+    """The only height and width the network takes."""
 
 
 def fill_crops(planes: Float32Array, hole: BoolArray, network: Network, layout: Layout) -> Float32Array:
@@ -59,16 +62,37 @@ def fill_crops(planes: Float32Array, hole: BoolArray, network: Network, layout: 
 
 
 def padded_call(planes: Float32Array, hole: BoolArray, network: Network, layout: Layout) -> Float32Array:
-    """One call: padded by reflection below and at the right to the multiple and the minimum, cropped back."""
+    """One call: padded by reflection below and at the right to the multiple and the minimum (or the one side), cropped back."""
     height, width = hole.shape
+    if layout.side is not None and max(height, width) > layout.side:
+        return resized_call(planes, hole, network, layout, layout.side)
     below, right = (padded_size(n, layout) - n for n in (height, width))
     pad = ((0, below), (0, right))
     seen = np.pad(planes, ((0, 0), (0, 0), *pad), mode="reflect")
     return network(seen, np.pad(hole, pad, mode="reflect"))[..., :height, :width]
 
 
+def resized_call(planes: Float32Array, hole: BoolArray, network: Network, layout: Layout, side: int) -> Float32Array:
+    """One call for a crop larger than `side`: shrunk by averaging known pixels, the longer side to `side`, and enlarged again."""
+    height, width = hole.shape
+    by = side / max(height, width)
+    size = max(1, round(width * by)), max(1, round(height * by))
+    known = np.where(hole, np.float32(0), np.float32(1))
+    share = cv2.resize(known, size, interpolation=cv2.INTER_AREA)
+    flat = np.ascontiguousarray((planes * known).reshape(-1, height, width))
+    small = np.stack([cv2.resize(plane, size, interpolation=cv2.INTER_AREA) for plane in flat])
+    small = (small / np.maximum(share, np.float32(1e-6))).reshape(*planes.shape[:2], *share.shape).astype(np.float32)
+    filled = padded_call(small, share < 0.5, network, layout).reshape(-1, *share.shape)
+    large = [
+        cv2.resize(plane, (width, height), interpolation=cv2.INTER_CUBIC) for plane in np.ascontiguousarray(filled)
+    ]
+    return np.stack(large).reshape(planes.shape).astype(np.float32)
+
+
 def padded_size(size: int, layout: Layout) -> int:
     """The smallest size the network takes that is at least `size`."""
+    if layout.side is not None:
+        return layout.side
     return -(-max(size, layout.minimum) // layout.multiple) * layout.multiple
 
 
@@ -113,9 +137,10 @@ def with_context(box: Box, hw: tuple[int, ...], layout: Layout) -> Box:
     """A box with context on each side, inside the picture, of a size the network takes where there is room."""
     top, bottom, left, right = box
     by = max(CONTEXT, round(CONTEXT_SHARE * ((bottom - top) * (right - left)) ** 0.5))
+    square = 0 if layout.side is None else max(bottom - top, right - left) + 2 * by
     ends: list[int] = []
     for start, end, size in ((top - by, bottom + by, hw[0]), (left - by, right + by, hw[1])):
-        length = min(padded_size(min(end, size) - max(start, 0), layout), size)
+        length = min(max(padded_size(min(end, size) - max(start, 0), layout), square), size)
         begin = min(max(start, 0), size - length)
         ends += [begin, begin + length]
     return ends[0], ends[1], ends[2], ends[3]
