@@ -9,6 +9,7 @@ import numpy as np
 from PIL import Image
 
 from dlama.datasets.frames import Dataset, ViewTruth
+from dlama.datasets.posed_frames import PosedFrame
 from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import RGBD
 from worlds import Plane, Sphere, World, moved
@@ -68,6 +69,10 @@ def check_frames(dataset: Dataset, *, half_unit_m: float = 0.00051, far: bool = 
     assert len(dataset.frames) == len(TURNS)
     for frame, camera, true in zip(dataset.frames, cameras(), truth()):
         read = frame.load()
+        assert isinstance(frame, PosedFrame)
+        assert np.array_equal(frame.world_from_cam, read.camera.world_from_cam)
+        depth, seen_from = frame.load_depth()
+        assert np.array_equal(depth, read.depth) and seen_from.same_view_as(read.camera)
         assert np.abs(read.camera.world_from_cam - camera.world_from_cam).max() < 1e-6
         assert np.allclose(read.camera.K, camera.K, atol=1e-6)
         assert np.array_equal(read.color, true.color)

@@ -15,6 +15,7 @@ from dlama.datasets.easysynth.dataset import easysynth, looks_like_easysynth, or
 from dlama.datasets.easysynth.text_files import opencv_pose, read_poses, unreal_pose
 from dlama.datasets.easysynth.writer import SequenceFrame, write_scene, write_sequence
 from dlama.datasets.frames import RemovalTruth, StereoTruth, ViewTruth
+from dlama.datasets.posed_frames import PosedFrame
 from dlama.datasets.rotations import quaternion_of, rotation_of
 from dlama.errors import CameraError, DepthError, FileError, InputError, MaskError
 from dlama.geometry.camera import Camera
@@ -206,7 +207,11 @@ def test_normalised_depth_needs_its_range(sequence: Path) -> None:
     shutil.rmtree(sequence / "CameraComponent" / "DepthMM")
     with pytest.raises(DepthError, match=r"DepthImage: .*give depth_range=METRES"):
         easysynth(sequence)
-    np.testing.assert_allclose(easysynth(sequence, depth_range=10).frames[0].load().depth, 2, rtol=2**-11)
+    frame = easysynth(sequence, depth_range=10).frames[0]
+    np.testing.assert_allclose(frame.load().depth, 2, rtol=2**-11)
+    assert isinstance(frame, PosedFrame)
+    depth, camera = frame.load_depth()
+    assert np.array_equal(depth, frame.load().depth) and camera.same_view_as(frame.load().camera)
 
 
 def test_png_depth_must_say_its_encoding(sequence: Path) -> None:

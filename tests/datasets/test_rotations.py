@@ -1,0 +1,33 @@
+"""Rotations (oracle: closed forms; quaternions and matrices there and back)."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from dlama.datasets.rotations import quaternion_of, rotation_deg, rotation_of
+
+
+def about(axis: list[float], degrees: float) -> np.ndarray:
+    """A quaternion x, y, z, w: sin(half) times the axis, cos(half)."""
+    half = np.radians(degrees) / 2
+    return np.array([*(np.sin(half) * np.array(axis) / np.linalg.norm(axis)), np.cos(half)])
+
+
+@pytest.mark.parametrize("degrees", [0.0, 1e-6, 10.0, 90.0, 179.999999, 180.0])
+def test_angles_are_exact_at_both_ends(degrees: float) -> None:
+    """The angle of a turn about any axis, where arccos alone would be off by 1e-6 degrees."""
+    axes = ([1.0, 0, 0], [0, 1.0, 0], [0.3, -0.8, 0.52])
+    start = rotation_of(about([0.2, 0.5, -0.4], 37))
+    turned = np.stack([start @ rotation_of(about(axis, degrees)) for axis in axes])
+    np.testing.assert_allclose(rotation_deg(turned, start), degrees, atol=1e-9)
+
+
+@pytest.mark.parametrize("degrees", [0.0, 33.0, 180.0, 200.0])
+def test_quaternions_there_and_back(degrees: float) -> None:
+    rotation = rotation_of(about([0.3, -0.8, 0.52], degrees))
+    np.testing.assert_allclose(rotation @ rotation.T, np.eye(3), atol=1e-15)
+    quaternion = quaternion_of(rotation)
+    assert quaternion[3] >= 0 and np.linalg.norm(quaternion) == pytest.approx(1)
+    np.testing.assert_allclose(rotation_of(quaternion), rotation, atol=1e-12)
+    np.testing.assert_allclose(rotation_of(3 * quaternion), rotation, atol=1e-12)
