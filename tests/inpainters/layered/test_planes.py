@@ -23,6 +23,7 @@ from dlama.inpainters.layered.planes import (
     label_known,
     noise_level,
     plane_values,
+    plane_values_at,
     tolerance,
 )
 from reference import planes as twin
@@ -268,3 +269,13 @@ def test_the_box_in_front_is_not_mixed_into_the_wall() -> None:
     k = np.bincount(label[number == 0]).argmax()
     np.testing.assert_allclose(planes[k - 1], closed_form(WALL, camera), rtol=1e-4, atol=1e-6)
     assert not (label[number == 1] == k).any()
+
+
+def test_values_at_pixels_are_the_planes_own() -> None:
+    """Other path: `plane_values` draws whole planes; a pixel reads its label's. Labels of no plane give 0."""
+    planes = np.array([(0.001, 0.002, 0.3), (-0.01, 0.0, 0.5)])
+    label = np.array([[1, 2, SKY], [2, SMOOTH, 1]], np.int32)
+    rows, columns = np.divmod(np.arange(6), 3)
+    whole = np.concatenate([np.zeros((1, 2, 3)), plane_values(planes, (2, 3))])
+    expected = whole[np.maximum(label, 0).ravel(), rows, columns]
+    np.testing.assert_allclose(plane_values_at(planes, label.ravel(), rows, columns), expected, rtol=1e-6)

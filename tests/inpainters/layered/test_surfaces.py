@@ -13,15 +13,8 @@ from dlama.geometry.view import HoleType, View
 from dlama.geometry.visibility import Law
 from dlama.inpainters.layered.kernels import surfaces as kernels
 from dlama.inpainters.layered.planes import SKY
-from dlama.inpainters.layered.surfaces import (
-    POTTS,
-    RIM,
-    anchor,
-    angle_to_far,
-    extend,
-    shrunk,
-    touched,
-)
+from dlama.inpainters.layered.surface_labels import POTTS, RIM, angle_to_far, cells_with_holes, with_larger_pixels
+from dlama.inpainters.layered.surfaces import continue_surfaces, rim_correction
 from reference import extension as twin
 from worlds import Box, Plane, World, moved
 
@@ -187,16 +180,16 @@ def test_coarse_cells_that_touch_the_hole() -> None:
     hole[:, 9] = True
     expected = np.zeros((4, 6), bool)
     expected[:, 2] = True
-    np.testing.assert_array_equal(touched(hole, (6, 4)), expected)
+    np.testing.assert_array_equal(cells_with_holes(hole, (6, 4)), expected)
 
 
 def test_shrunk_camera_looks_the_same_way() -> None:
     """Closed form: a pixel (u, v) is (u, v) / step there, on the same ray."""
     camera = Camera(64, 48, 60, 55, 30, 25)
-    small = shrunk(camera, 4.0)
+    small = with_larger_pixels(camera, 4.0)
     assert small.hw == (12, 16)
     np.testing.assert_allclose(small.K @ np.linalg.inv(camera.K) @ (20, 36, 1), (5, 9, 1))
-    assert shrunk(Camera(1, 500, 60, 60, 0.5, 250), 500 / 256).wh == (1, 256)
+    assert with_larger_pixels(Camera(1, 500, 60, 60, 0.5, 250), 500 / 256).wh == (1, 256)
 
 
 def test_anchor_closes_the_step_and_fades_out() -> None:
@@ -206,8 +199,8 @@ def test_anchor_closes_the_step_and_fades_out() -> None:
     w = np.full(hole.shape, 0.51, np.float32)
     label = np.ones(hole.shape, np.int32)
     expected = 0.01 * np.exp(-np.arange(1, 21) / 16)
-    np.testing.assert_allclose(anchor(hole, w, label, planes, label[hole]), expected, rtol=0.02)
-    np.testing.assert_array_equal(anchor(hole, w, 0 * label, planes, label[hole]), 0)
+    np.testing.assert_allclose(rim_correction(hole, w, label, planes, label[hole]), expected, rtol=0.02)
+    np.testing.assert_array_equal(rim_correction(hole, w, 0 * label, planes, label[hole]), 0)
 
 
 def test_anchor_looks_behind_the_rim() -> None:
@@ -216,7 +209,7 @@ def test_anchor_looks_behind_the_rim() -> None:
     w = np.full(hole.shape, 0.51, np.float32)
     w[0, 1] = 0.55
     label = np.ones(hole.shape, np.int32)
-    got = anchor(hole, w, label, np.array([[0.0, 0.0, 0.5]]), label[hole])
+    got = rim_correction(hole, w, label, np.array([[0.0, 0.0, 0.5]]), label[hole])
     np.testing.assert_allclose(got, 0.01 * np.exp(-np.arange(2, 22) / 16), rtol=0.02)
 
 
@@ -242,7 +235,7 @@ def test_labels_and_depths_behind_a_removed_box() -> None:
     taken = world.trace(camera)[1] == 1
     view = source.without(taken, HoleType.OBJECT)
     law = Law.of(Scene((view,), (source.without(~taken, HoleType.NONE),)))
-    surfaces = extend(view, law)
+    surfaces = continue_surfaces(view, law)
     assert len(surfaces.planes) == 1
     np.testing.assert_array_equal(surfaces.label[view.far], SKY)
     sky = np.isposinf(truth)
@@ -254,7 +247,7 @@ def test_a_plane_seen_nowhere_else_and_pixels_alone() -> None:
     """Law: with too few pixels for any plane, the hole takes the far side of its rim: 4 m, not 1 m."""
     depth = np.array([[1, 0, 0, 0, 0, 4, 4]], np.float32)
     frame = RGBD(np.zeros((1, 7, 3), np.uint8), depth, Camera.from_fov(7, 1, 60))
-    surfaces = extend(View.from_rgbd(frame), Law(()))
+    surfaces = continue_surfaces(View.from_rgbd(frame), Law(()))
     np.testing.assert_allclose(surfaces.inverse_depth[0, 3:], 0.25, rtol=1e-5)
     assert (surfaces.inverse_depth[0, 1:5] <= 1).all()
     assert Plane((0, 0, 4), (0, 0, 1)).distance(np.array([0, 0, 1 / surfaces.inverse_depth[0, 3]])) < 1e-3

@@ -1,4 +1,4 @@
-"""The default filler: surfaces first, then their texture. Depth from the far side of each hole, colour from that surface."""
+"""The default filler: a view with holes in; depth continued from the far side of each hole, colour from that surface, out."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from dlama.geometry.visibility import Law, lawful_depth
 from dlama.inpainters.filling import Fill
 from dlama.inpainters.layered.hedging import hedged
 from dlama.inpainters.layered.planes import SKY, SMOOTH
-from dlama.inpainters.layered.surfaces import Surfaces, extend
+from dlama.inpainters.layered.surfaces import Surfaces, continue_surfaces
 from dlama.inpainters.layered.texture_synthesis import synthesize
 
 
 def layered(view: View, law: Law, seed: int = 0) -> Fill:
-    """Continue planes, sky and smooth surfaces into the holes, put them behind what was measured, then paint them."""
+    """Continue planes, sky and smooth surfaces into the holes, move them behind what was measured, then paint them."""
     surfaces, depth, moved = surfaces_behind(view, law, seed)
     color = view.color
     if view.color_hole.any():
@@ -33,6 +33,6 @@ def layered(view: View, law: Law, seed: int = 0) -> Fill:
 
 def surfaces_behind(view: View, law: Law, seed: int) -> tuple[Surfaces, Float32Array, int]:
     """The surfaces continued into the holes, their depth put behind what was measured, and how many pixels that moved."""
-    surfaces = extend(view, law, seed)
+    surfaces = continue_surfaces(view, law, seed)
     depth, moved = lawful_depth(view, depth_from_inverse(surfaces.inverse_depth), view.hole, law)
     return surfaces, depth, moved

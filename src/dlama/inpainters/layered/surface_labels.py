@@ -1,0 +1,202 @@
+"""Which surface continues where in a hole: known surfaces of a view on a coarse grid in; the cost of each at every cell out.
+
+A labelling problem, solved by belief propagation: surfaces reach out from where they were last seen, meet where their planes
+intersect, may be hidden by what is known but not hide it (the visibility law).
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from dlama.geometry.camera import Camera
+from dlama.geometry.projection import rays
+from dlama.geometry.rgbd import BoolArray, Float32Array
+from dlama.geometry.view import HoleType, View
+from dlama.geometry.visibility import Law
+from dlama.inpainters.layered.kernels import surfaces as surface_kernels
+from dlama.inpainters.layered.planes import plane_values
+
+GRID = 256
+"""Longer side of the coarse grid."""
+ROUNDS = 4
+"""Sweeps of belief propagation; more change less than 0.5 % of the labels."""
+SMOOTH_PENALTY = 0.25
+"""Cost of what lies on no plane, wherever a plane or the sky would do."""
+POTTS = 0.1
+"""Cost of a border between two surfaces that meet; one that jumps costs 1 more."""
+RIM = (0.05, 0.3, 1.0, 3.0)
+"""Cost at the rim of the hole of a surface that meets the known one, is hidden by it, is hidden sky, stands before it."""
+REACH = 0.05
+"""Share of the picture's longer side at which a surface last seen that much farther off costs one full jump."""
+FAR_SAMPLES = 256
+"""Far directions that stand for all of a source camera's."""
+LEEWAY = 1.03
+"""Relative depth by which a plane may break the visibility law and still be a candidate."""
+EXTRAPOLATION_COST = 6.0
+"""Cost of a plane e times nearer or farther than anything known."""
+ORDER_COST = 3.0
+"""Cost of a surface behind a plane that it is nowhere seen behind."""
+OUT_OF_ORDER = 0.02
+"""Share of a surface's known cells up to which it counts as nowhere seen behind a plane: noise, bad labels."""
+IN_FRONT = 1.05
+"""Relative inverse depth from which one plane stands before another."""
+LEAST_CELLS = 50
+"""Fewer known cells say nothing about the order of surfaces."""
+LEAST_INVERSE_DEPTH = 1e-3
+"""Planes are not continued beyond 1 km: there they are horizon."""
+
+
+@dataclass(frozen=True, eq=False)
+class CoarseView:
+    """A view on a grid of at most GRID cells a side, h x w: one sample of each cell. Labels: -1 none, 0 sky, k >= 1 planes."""
+
+    camera: Camera
+    hole: BoolArray
+    """h x w, True in cells that hold a hole pixel."""
+    hole_in_view: BoolArray
+    """h x w, True in the part of the hole that is inside the source's view."""
+    inverse_depth: Float32Array
+    """h x w, 1/m, of the known cells."""
+    label: NDArray[np.int32]
+    """h x w, of the known cells."""
+    candidates: Float32Array
+    """L x h x w inverse depth (1/m) that each label would give: no plane, sky, planes."""
+
+    @classmethod
+    def of(
+        cls, view: View, w: Float32Array, label: NDArray[np.int32], planes: NDArray[np.float64], step: float
+    ) -> CoarseView:
+        """The grid of cells `step` pixels wide. w, label: H x W inverse depth and label of the known pixels; planes: K x 3."""
+        camera = with_larger_pixels(view.camera, step)
+        rows, columns = (
+            np.minimum(((np.arange(n) + 0.5) * step).astype(np.int64), size - 1) for n, size in zip(camera.hw, w.shape)
+        )
+        pick = np.ix_(rows, columns)
+        hole = cells_with_holes(view.hole, camera.wh)
+        smooth = surface_kernels.far_side(w[pick], hole)
+        candidates = np.concatenate([smooth[None], np.zeros_like(smooth)[None], plane_values(planes, camera.hw, step)])
+        in_view = hole & cells_with_holes(view.hole & (view.hole_type != HoleType.OUT_OF_VIEW), camera.wh)
+        return cls(camera, hole, in_view, w[pick], label[pick], candidates.astype(np.float32))
+
+    def label_costs(self, law: Law) -> Float32Array:
+        """h x w x L cost of each label after belief propagation (lower is better)."""
+        penalty = self.extrapolation_cost()
+        penalty[0] += SMOOTH_PENALTY
+        penalty[1:] += ORDER_COST * self.out_of_order()
+        unary = surface_kernels.unary_costs(
+            self.candidates,
+            self.allowed(law),
+            self.distance_to_known(law),
+            self.hole,
+            self.inverse_depth,
+            self.label,
+            REACH * GRID,
+            penalty,
+            np.array(RIM),
+        )
+        return surface_kernels.beliefs(unary, self.candidates, self.hole, POTTS, ROUNDS)
+
+    def allowed(self, law: Law) -> BoolArray:
+        """L x h x w, False where a label is impossible: behind the camera, never seen, or against the law by over 3 %."""
+        out = np.ones(self.candidates.shape, np.bool_)
+        known = ~self.hole
+        for number, value in enumerate(self.candidates):
+            seen = number == 0 or (self.label[known] == number - 1).any() or (number == 1 and law.has_far)
+            possible = value > LEAST_INVERSE_DEPTH if number > 1 else value >= 0
+            if number == 0:
+                possible = value > 0
+            out[number] = possible & seen
+            if number != 1:
+                depth = np.where(possible, LEEWAY / np.maximum(value, 1e-6), np.inf).astype(np.float32)
+                out[number] &= ~law.violations(self.camera, depth, self.hole & possible)
+        return out
+
+    def extrapolation_cost(self) -> Float32Array:
+        """L x h x w cost of planes nearer or farther than all that is known: extrapolation is less sure the farther it goes."""
+        cost = np.zeros(self.candidates.shape, np.float32)
+        finite = self.inverse_depth[~self.hole & (self.inverse_depth > 0)]
+        if finite.size:
+            farthest, nearest = np.quantile(finite, (0.02, 0.98))
+            planes = np.maximum(self.candidates[2:], LEAST_INVERSE_DEPTH)
+            cost[2:] = EXTRAPOLATION_COST * np.maximum(
+                0, np.maximum(np.log(planes / nearest), np.log(farthest / planes))
+            )
+        return cost
+
+    def out_of_order(self) -> BoolArray:
+        """(L - 1) x h x w, True where sky or a plane would stand behind a plane that it is nowhere seen behind.
+
+        A wall that meets the ground shows only above it, though its plane goes on below; that of a box goes on above the box, and
+        the wall behind is seen there all the same. Which of the two it is, the known pixels say. Out of view they say nothing.
+        """
+        out = np.zeros((len(self.candidates) - 1, *self.hole.shape), np.bool_)
+        for back in range(len(out)):
+            seen = ~self.hole & (self.label == back)
+            if seen.sum() < LEAST_CELLS:
+                continue
+            for front in range(1, len(out)):
+                before = self.candidates[front + 1] > IN_FRONT * self.candidates[back + 1] + LEAST_INVERSE_DEPTH
+                if front != back and before[seen].mean() < OUT_OF_ORDER:
+                    out[back] |= before
+        return out & self.hole_in_view
+
+    def distance_to_known(self, law: Law) -> Float32Array:
+        """L x h x w, cells to the nearest known cell of each label (a large number if there is none).
+
+        For the sky also the angle to where a source camera saw it, which may be outside this view.
+        """
+        out = np.full(self.candidates.shape, 1e3, np.float32)
+        for number in range(len(self.candidates)):
+            there = ~self.hole & (self.label == number - 1)
+            if there.any():
+                out[number] = cv2.distanceTransform((~there).astype(np.uint8), cv2.DIST_L2, 5)
+        if law.has_far:
+            angle = angle_to_far(with_larger_pixels(self.camera, 4), law)  # smooth: a quarter of the cells is enough
+            out[1] = np.minimum(out[1], self.camera.fx * enlarged(angle, self.camera.wh))
+        return out
+
+
+def angle_to_far(camera: Camera, law: Law) -> Float32Array:
+    """H x W radians between each pixel's direction and the nearest direction in which a source camera saw far pixels."""
+    directions = rays(camera) @ camera.world_from_cam[:3, :3].T
+    directions /= np.linalg.norm(directions, axis=2, keepdims=True)
+    nearest = np.full(camera.hw, -1.0)
+    for source, measured in law.measured:
+        rows, columns = np.nonzero(np.isposinf(measured))
+        some = slice(None, None, max(1, len(rows) // FAR_SAMPLES))
+        far = rays(source)[rows[some], columns[some]] @ source.world_from_cam[:3, :3].T
+        far /= np.linalg.norm(far, axis=1, keepdims=True)
+        for block in range(0, len(far), 32):
+            np.maximum(nearest, (directions @ far[block : block + 32].T).max(2), out=nearest)
+    return np.arccos(np.clip(nearest, -1, 1)).astype(np.float32)
+
+
+def cells_with_holes(hole: BoolArray, wh: tuple[int, int]) -> BoolArray:
+    """Coarse cells that hold a hole pixel, so that a hole one pixel wide is not missed."""
+    return cv2.resize(hole.astype(np.float32), wh, interpolation=cv2.INTER_AREA) > 0
+
+
+def with_larger_pixels(camera: Camera, step: float) -> Camera:
+    """The camera with pixels exactly `step` times as large; its picture has a whole number of them, so it ends elsewhere."""
+    width, height = max(1, round(camera.width / step)), max(1, round(camera.height / step))
+    return dataclasses.replace(
+        camera,
+        width=width,
+        height=height,
+        fx=camera.fx / step,
+        fy=camera.fy / step,
+        cx=camera.cx / step,
+        cy=camera.cy / step,
+    )
+
+
+def enlarged(values: Float32Array, wh: tuple[int, int]) -> Float32Array:
+    """A coarse picture bilinearly enlarged to the view."""
+    return np.asarray(
+        cv2.resize(np.ascontiguousarray(values, np.float32), wh, interpolation=cv2.INTER_LINEAR), np.float32
+    )
