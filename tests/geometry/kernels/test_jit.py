@@ -61,6 +61,14 @@ def test_one_thread_alone_compiles(monkeypatch: pytest.MonkeyPatch) -> None:
     assert sorted(calls[1:]) == [(0, 32), (32, 64), (64, 96), (96, 100)]
 
 
+def test_a_process_that_shares_the_cores_uses_fewer_threads(monkeypatch: pytest.MonkeyPatch) -> None:
+    """`use_threads` overrules numba's setting."""
+    monkeypatch.setattr(jit, "_most_threads", [])
+    before = jit.threads()
+    jit.use_threads(before + 1)
+    assert jit.threads() == before + 1
+
+
 def child(queue: multiprocessing.Queue) -> None:
     out = np.zeros(100, int)
     in_bands(count, 100, out)

@@ -14,13 +14,13 @@ from pathlib import Path
 from typing import Any
 
 import cv2
-import numba
 
 from dlama.datasets.frames import Case, Truth
 from dlama.evaluation.protocols.methods import Measure, Method, ProtocolSettings, Scored
 from dlama.evaluation.runner.store import Stored, StoredRun, stem, write_stored
 from dlama.evaluation.runner.strips import jpeg, strip
 from dlama.files.atomic_write import new_file
+from dlama.geometry.kernels.jit import use_threads
 
 ProtocolFunction = Callable[[Any, Method, ProtocolSettings], Sequence[Scored]]
 """(truth, method, settings) -> its runs; a module's function, so that it travels to another process."""
@@ -77,7 +77,7 @@ def one_thread() -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     os.environ.update(dict.fromkeys(THREAD_VARIABLES, "1"))
     cv2.setNumThreads(1)
-    numba.set_num_threads(1)
+    use_threads(1)
 
 
 def reset_peak() -> bool:

@@ -20,7 +20,6 @@ import threading
 import warnings
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from pathlib import Path
 from typing import Any, TypeVar, cast
 
 from numba import config, njit
@@ -28,10 +27,10 @@ from numba.core.event import Event, Listener, register
 
 LOG = logging.getLogger("dlama.kernels")
 """Says, once a process, that kernels are being compiled (at level INFO; the command line shows it)."""
-COMPILING = "first run: kernels are being compiled, which takes 10 to 20 seconds once"
+COMPILING = "compiling kernels, which takes about 10 seconds; later runs find them ready"
 NOT_KEPT = (
-    "compiled kernels cannot be kept, for neither {folder} nor the user's cache can be written: every run compiles them again, "
-    "which takes 10 to 20 seconds; set NUMBA_CACHE_DIR to a folder that can be written"
+    "compiled kernels cannot be kept, for neither the package's folder nor the user's cache can be written: every run compiles "
+    "them again, which takes about 10 seconds; set NUMBA_CACHE_DIR to a folder that can be written"
 )
 
 Loop = TypeVar("Loop", bound=Callable[..., Any])
@@ -48,18 +47,23 @@ def kernel(function: Loop) -> Loop:
     except RuntimeError as error:
         if "cannot cache" not in str(error):
             raise
-        _warn_not_kept(Path(function.__code__.co_filename).parent)
+        _warn_not_kept()
         return compiled(function, nogil=True)
 
 
 def compiled(function: Loop, **options: bool) -> Loop:
-    """numba's `njit` as all of dlama uses it: division by zero gives inf or nan as in numpy, nothing can be called from C."""
-    return cast("Loop", cast(Any, njit)(error_model="numpy", no_cfunc_wrapper=True, **options)(function))
+    """numba's `njit` as all of dlama uses it: division by zero gives inf or nan as in numpy, and nothing can be called from C.
+
+    Without `_nrt` nothing can be allocated, and references to arrays are not counted at every call of a piece: the ray caster
+    takes half the time so.
+    """
+    return cast("Loop", cast(Any, njit)(error_model="numpy", no_cfunc_wrapper=True, _nrt=False, **options)(function))
 
 
 @functools.cache
-def _warn_not_kept(folder: Path) -> None:
-    warnings.warn(NOT_KEPT.format(folder=folder), UserWarning, stacklevel=3)
+def _warn_not_kept() -> None:
+    warnings.warn(NOT_KEPT, UserWarning, stacklevel=3)
+    _LISTENER.announced = True  # the warning says it already
 
 
 def piece(function: Loop) -> Loop:
@@ -115,9 +119,17 @@ BAND = 32
 """Rows per task: enough of them that threads finish together, not so many that handing them out costs."""
 
 
+_most_threads: list[int] = []
+
+
+def use_threads(most: int) -> None:
+    """Let the kernels of this process use so many threads at most: one, where processes share the cores already."""
+    _most_threads[:] = [most]
+
+
 def threads() -> int:
-    """How many threads kernels may use (numba's own setting, NUMBA_NUM_THREADS; the cores of this process by default)."""
-    return int(vars(config)["NUMBA_NUM_THREADS"])
+    """How many threads kernels use: `use_threads`, else NUMBA_NUM_THREADS, else the cores of this process."""
+    return _most_threads[0] if _most_threads else int(vars(config)["NUMBA_NUM_THREADS"])
 
 
 def in_bands(job: Callable[..., None], rows: int, *arguments: Any, band: int = BAND) -> None:

@@ -15,6 +15,7 @@ import numpy as np
 import torch
 from torch.utils.data import DataLoader, Dataset, Sampler, default_collate
 
+from dlama.geometry.kernels.jit import use_threads
 from dlama.training.data.batches import Batch, check_sample
 from dlama.training.data.sources import SampleSource
 from dlama.training.settings import TrainSettings
@@ -110,8 +111,7 @@ def _shuffled(size: int, seed: int, epoch: int) -> np.ndarray:
 def _calm(worker: int) -> None:
     """One thread per worker, or they get in each other's way."""
     import cv2
-    import numba
 
     cv2.setNumThreads(1)
     torch.set_num_threads(1)
-    numba.set_num_threads(1)
+    use_threads(1)

@@ -10,8 +10,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
+from dlama.geometry.kernels.jit import inlined
 from dlama.worlds.raycast.shape_rows import (
     BALL,
     BOX,
@@ -37,7 +37,7 @@ from dlama.worlds.raycast.shape_rows import (
 )
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
+@inlined
 def texture_place(shapes, i, face, x, y, z):
     """Texture u, v in repeats, and repeats per metre along the two tangents, at a local point of a face."""
     kind, fit = int(shapes[i, KIND]), shapes[i, MODE] == FIT
@@ -80,7 +80,7 @@ def texture_place(shapes, i, face, x, y, z):
     )
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
+@inlined
 def solid_at(shapes, i, texels, face, x, y, z):
     """False where the texture's alpha cuts a hole into the surface (nearest texel of the finest level)."""
     if shapes[i, CUT] == 0:
@@ -91,7 +91,7 @@ def solid_at(shapes, i, texels, face, x, y, z):
     return texels[int(shapes[i, LAYER]), row * SIDE + column, 3] >= 128
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
+@inlined
 def hit_box(shapes, i, texels, ox, oy, oz, dx, dy, dz):
     """Slabs: where the ray enters (or, from inside, leaves) and through which face (2 axis + 1 for the positive one)."""
     enter, leave, first, last = -np.inf, np.inf, 0, 0
@@ -118,7 +118,7 @@ def hit_box(shapes, i, texels, ox, oy, oz, dx, dy, dz):
     return t, face
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
+@inlined
 def hit_round(shapes, i, texels, ox, oy, oz, dx, dy, dz):
     """Ellipsoid (faces 6 outside, 9 inside) and frustum (6 side, 7 upper cap, 8 lower cap, 9 side from inside)."""
     ball = shapes[i, KIND] == BALL
@@ -154,7 +154,7 @@ def hit_round(shapes, i, texels, ox, oy, oz, dx, dy, dz):
     return best, face
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
+@inlined
 def hit(shapes, i, texels, px, py, pz, dx, dy, dz):
     """The nearest t > 0 at which p + t d meets a shape, and the face; inf where it does not."""
     x, y, z = px - shapes[i, CENTRE], py - shapes[i, CENTRE + 1], pz - shapes[i, CENTRE + 2]
@@ -178,7 +178,7 @@ def hit(shapes, i, texels, px, py, pz, dx, dy, dz):
     return t, face
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
+@inlined
 def nearest(shapes, texels, listed, count, near_z, skip, px, py, pz, dx, dy, dz):
     """First hit of a ray among the listed shapes (nearest possible first), leaving out one group: t, shape, face."""
     best, which, face = np.inf, -1, 0
@@ -194,7 +194,7 @@ def nearest(shapes, texels, listed, count, near_z, skip, px, py, pz, dx, dy, dz)
     return best, which, face
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
+@inlined
 def in_shadow(shapes, texels, light, starts, items, gone, px, py, pz):
     """True if a shape stands between the point and the light; only the shapes of the point's cell can."""
     side = int(light[GRID + 3])

@@ -9,8 +9,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit, prange
 
+from dlama.geometry.kernels.jit import in_bands, inlined, kernel
 from dlama.worlds.raycast.intersection import in_shadow, nearest, texture_place
 from dlama.worlds.raycast.shape_rows import (
     AMBIENT_GROUND,
@@ -43,7 +43,7 @@ STAINS_PER_M = 0.19
 """Repeats per metre of the grey noise that keeps a repeated texture from looking repeated."""
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
+@inlined
 def tangents(shapes, i, face, x, y, z):
     """Local unit vectors at a point of a face: outward normal, and the directions in which u and v grow."""
     if face < 6:
@@ -66,7 +66,7 @@ def tangents(shapes, i, face, x, y, z):
     return nx, ny, nz, -z / flat, 0.0, x / flat, -ny * nx / down, (1 - ny * ny) / down, -ny * nz / down
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
+@inlined
 def to_local(shapes, i, x, y, z):
     """A world direction in a shape's frame."""
     return (
@@ -76,7 +76,7 @@ def to_local(shapes, i, x, y, z):
     )
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
+@inlined
 def to_world(shapes, i, x, y, z):
     """A direction of a shape's frame in the world."""
     return (
@@ -86,7 +86,7 @@ def to_world(shapes, i, x, y, z):
     )
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
+@inlined
 def step(t, dx, dy, dz, ex, ey, ez, nx, ny, nz):
     """From the hit t d to where the neighbouring ray (d + e) meets the tangent plane; tamed at grazing rays."""
     facing, other = dx * nx + dy * ny + dz * nz, (dx + ex) * nx + (dy + ey) * ny + (dz + ez) * nz
@@ -97,7 +97,7 @@ def step(t, dx, dy, dz, ex, ey, ez, nx, ny, nz):
     return t2 * (dx + ex) - t * dx, t2 * (dy + ey) - t * dy, t2 * (dz + ez) - t * dz
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
+@inlined
 def surface(shapes, i, texels, face, t, px, py, pz, dx, dy, dz, camera, width):
     """Linear colour of the surface at a hit over a footprint `width` pixels wide, and its normal towards the viewer."""
     x, y, z = to_local(shapes, i, px - shapes[i, CENTRE], py - shapes[i, CENTRE + 1], pz - shapes[i, CENTRE + 2])
@@ -129,7 +129,7 @@ def surface(shapes, i, texels, face, t, px, py, pz, dx, dy, dz, camera, width):
     )
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
+@inlined
 def ray(shapes, texels, listed, count, near_z, skip, gone, camera, light, starts, items, column, row, width):
     """One ray through picture point (column, row): linear r, g, b, planar depth (inf: sky), key of the hit, light state.
 
@@ -167,7 +167,7 @@ def ray(shapes, texels, listed, count, near_z, skip, gone, camera, light, starts
     return r, g, b, t, 16 * which + face, state
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
+@inlined
 def list_tile(boxes, order, camera, x0, y0, x1, y1, listed, near_z):
     """Shapes whose bounding box may meet the rays of a tile, in the given order (nearest first); returns how many."""
     left, right = (x0 - camera[14]) / camera[12], (x1 - camera[14]) / camera[12]
@@ -186,7 +186,7 @@ def list_tile(boxes, order, camera, x0, y0, x1, y1, listed, near_z):
     return count
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
+@inlined
 def reach(b, nx, ny, nz):
     """The largest n . p over a box given in camera axes as its centre and three half edges."""
     total = nx * b[0] + ny * b[1] + nz * b[2]
@@ -195,13 +195,13 @@ def reach(b, nx, ny, nz):
     return total
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
+@inlined
 def to_byte(value):
     """Linear light 0..1 as 8 bit."""
     return np.uint8(255 * math.sqrt(max(0.0, min(1.0, value))) + 0.5)
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
+@inlined
 def is_edge(keys, lights, row, column):
     """True where one of the 8 neighbours shows another surface or stands in another light."""
     rows, columns = keys.shape
@@ -212,7 +212,60 @@ def is_edge(keys, lights, row, column):
     return False
 
 
-@njit(cache=True, parallel=True, error_model="numpy")
+@kernel
+def cast_tiles(
+    first,
+    last,
+    phase,
+    shapes,
+    texels,
+    boxes,
+    order,
+    camera,
+    light,
+    starts,
+    items,
+    skip,
+    gone,
+    lists,
+    nears,
+    counts,
+    color,
+    depth,
+    keys,
+    lights,
+):
+    """Rows of tiles of `cast_rays`. Phase 0 lists each tile's shapes and sends a ray through every pixel's centre, phase 1 four
+    through every pixel at an edge. lists, nears: tiles x shapes, counts: tiles, filled in phase 0."""
+    rows, columns = depth.shape
+    across = (columns + TILE_PX - 1) // TILE_PX
+    for tile in range(first * across, last * across):
+        y0, x0 = tile // across * TILE_PX, tile % across * TILE_PX
+        y1, x1 = min(y0 + TILE_PX, rows), min(x0 + TILE_PX, columns)
+        listed, near_z = lists[tile], nears[tile]
+        if phase == 0:
+            counts[tile] = list_tile(boxes, order, camera, x0, y0, x1, y1, listed, near_z)
+        for row in range(y0, y1):
+            for column in range(x0, x1):
+                if phase == 1 and not is_edge(keys, lights, row, column):
+                    continue
+                red, green, blue = 0.0, 0.0, 0.0
+                for k in range(4 if phase == 1 else 1):
+                    x = column + 0.5 + (0.125 * (1 + 2 * (k // 2)) * (1 - 2 * (k % 2)) if phase == 1 else 0.0)
+                    y = row + 0.5 + (0.125 * (3 - 2 * (k // 2)) * (2 * ((k + k // 2) % 2) - 1) if phase == 1 else 0.0)
+                    r, g, b, z, key, state = ray(
+                        shapes, texels, listed, counts[tile], near_z, skip[row, column], gone,
+                        camera, light, starts, items, x, y, 1.0 - 0.5 * phase,
+                    )  # fmt: skip
+                    red, green, blue = red + r, green + g, blue + b
+                    if phase == 0:
+                        depth[row, column], keys[row, column], lights[row, column] = z, key, state
+                share = 0.25 if phase == 1 else 1.0
+                color[row, column, 0] = to_byte(share * red)
+                color[row, column, 1] = to_byte(share * green)
+                color[row, column, 2] = to_byte(share * blue)
+
+
 def cast_rays(
     shapes, texels, boxes, order, camera, light, starts, items, skip, gone, smooth, color, depth, keys, lights
 ):
@@ -221,38 +274,9 @@ def cast_rays(
     Depth, key and light are those of the ray through the pixel's centre. `skip` (H x W): the group each pixel sees
     through, -1 none; `gone`: the group that casts no shadow. `smooth` > 0: pixels at edges take the mean colour of four rays.
     """
-    rows, columns = depth.shape
-    across, down = (columns + TILE_PX - 1) // TILE_PX, (rows + TILE_PX - 1) // TILE_PX
-    lists = np.empty((across * down, len(order)), np.int32)
-    nears = np.empty((across * down, len(order)), np.float64)
-    counts = np.empty(across * down, np.int32)
+    down, across = (-(-size // TILE_PX) for size in depth.shape)
+    lists, nears = np.empty((down * across, len(order)), np.int32), np.empty((down * across, len(order)))
+    counts = np.empty(down * across, np.int32)
+    scene = shapes, texels, boxes, order, camera, light, starts, items, skip, gone
     for phase in range(1 + smooth):
-        for tile in prange(across * down):
-            y0, x0 = tile // across * TILE_PX, tile % across * TILE_PX
-            y1, x1 = min(y0 + TILE_PX, rows), min(x0 + TILE_PX, columns)
-            listed, near_z = lists[tile], nears[tile]
-            if phase == 0:
-                counts[tile] = list_tile(boxes, order, camera, x0, y0, x1, y1, listed, near_z)
-            for row in range(y0, y1):
-                for column in range(x0, x1):
-                    if phase == 1 and not is_edge(keys, lights, row, column):
-                        continue
-                    red, green, blue = 0.0, 0.0, 0.0
-                    for k in range(4 if phase == 1 else 1):
-                        x = column + 0.5 + (0.125 * (1 + 2 * (k // 2)) * (1 - 2 * (k % 2)) if phase == 1 else 0.0)
-                        y = (
-                            row
-                            + 0.5
-                            + (0.125 * (3 - 2 * (k // 2)) * (2 * ((k + k // 2) % 2) - 1) if phase == 1 else 0.0)
-                        )
-                        r, g, b, z, key, state = ray(
-                            shapes, texels, listed, counts[tile], near_z, skip[row, column], gone,
-                            camera, light, starts, items, x, y, 1.0 - 0.5 * phase,
-                        )  # fmt: skip
-                        red, green, blue = red + r, green + g, blue + b
-                        if phase == 0:
-                            depth[row, column], keys[row, column], lights[row, column] = z, key, state
-                    share = 0.25 if phase == 1 else 1.0
-                    color[row, column, 0] = to_byte(share * red)
-                    color[row, column, 1] = to_byte(share * green)
-                    color[row, column, 2] = to_byte(share * blue)
+        in_bands(cast_tiles, down, phase, *scene, lists, nears, counts, color, depth, keys, lights, band=1)

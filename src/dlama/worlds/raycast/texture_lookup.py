@@ -8,12 +8,12 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
+from dlama.geometry.kernels.jit import inlined
 from dlama.worlds.raycast.shape_rows import CLOUD, COVER, HORIZON, LEVELS, MIRROR, SIDE, WRAP, ZENITH
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
+@inlined
 def texel(texels, layer, level, u, v):
     """Bilinear colour 0..1 of one level, repeated."""
     size = SIDE >> level
@@ -34,7 +34,7 @@ def texel(texels, layer, level, u, v):
     )
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
+@inlined
 def filtered(texels, layer, mode, u, v, ax, ay, bx, by):
     """Texture over the pixel's footprint, whose sides are (ax, ay) and (bx, by) repeats: up to four trilinear probes."""
     la, lb = math.sqrt(ax * ax + ay * ay), math.sqrt(bx * bx + by * by)
@@ -59,7 +59,7 @@ def filtered(texels, layer, mode, u, v, ax, ay, bx, by):
     return red / probes, green / probes, blue / probes
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
+@inlined
 def sky(texels, light, dx, dy, dz, pixel):
     """Linear colour of the sky in a direction: horizon to zenith, with a layer of clouds that thins at the horizon."""
     n = math.sqrt(dx * dx + dy * dy + dz * dz)
