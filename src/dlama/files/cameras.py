@@ -107,8 +107,8 @@ def camera_for(
 ) -> tuple[Camera, str]:
     """The camera of a picture of size `hw`, and in words where its intrinsics came from.
 
-    Exactly one source: a `camera`, or the file of one; `fx` (and `fy`, default fx) in pixels; `fov`, horizontal, degrees; or the EXIF
-    focal length of `image`. `cx`, `cy` default to the centre; `pixel_center` says where they put the first pixel's
+    Exactly one source: a `camera`, or the file of one; `fx` (and `fy`, default fx) in pixels; `fov`, horizontal, degrees; or
+    the EXIF focal length of `image`. `cx`, `cy` default to the centre; `pixel_center` says where they put the first pixel's
     centre. `world_from_cam` replaces the file's pose. Raises CameraError: two sources, or none (it teaches --fov).
     """
     if pixel_center not in (0.0, 0.5):

@@ -13,41 +13,16 @@ from PIL import Image
 
 from dlama.datasets.easysynth.dataset import easysynth, looks_like_easysynth, orbit_yaw
 from dlama.datasets.easysynth.text_files import opencv_pose, read_poses, unreal_pose
-from dlama.datasets.easysynth.writer import SequenceFrame, write_scene, write_sequence
+from dlama.datasets.easysynth.writer import write_scene
 from dlama.datasets.frames import RemovalTruth, StereoTruth, ViewTruth
 from dlama.datasets.posed_frames import PosedFrame
 from dlama.datasets.rotations import quaternion_of, rotation_of
 from dlama.errors import CameraError, DepthError, FileError, InputError, MaskError
-from dlama.geometry.camera import Camera
-from dlama.geometry.rgbd import RGBD
 from dlama.geometry.trajectories import dolly, orbit
+from rendered_walls import CAMERA, CLASSES, edit_json, frame
 from worlds import moved, rotation
 
 SCENES = ("s03", "s05", "s06", "s08")
-CLASSES = {"background": (0, 0, 0), "object": (255, 0, 0)}
-CAMERA = Camera.from_fov(16, 12, 80)
-
-
-def frame(camera: Camera = CAMERA, shows: bool = True, depth: float = 2.0) -> SequenceFrame:
-    """A plain wall, and the object's class in a corner of it."""
-    semantic = np.zeros(camera.hw, np.uint8)
-    semantic[:4, :5] = shows
-    color = np.full((*camera.hw, 3), 120, np.uint8)
-    return SequenceFrame(RGBD(color, np.full(camera.hw, depth, np.float32), camera), semantic)
-
-
-def edit_json(path: Path, rename: str | None = None, **changes: object) -> None:
-    cameras = json.loads(path.read_text())["cameras"]
-    name, values = cameras.popitem()
-    path.write_text(json.dumps({"cameras": {name if rename is None else rename: {**values, **changes}}}))
-
-
-@pytest.fixture
-def sequence(tmp_path: Path) -> Path:
-    """Three frames of one camera, at 0, 10 and -10 degrees."""
-    frames = [frame(orbit(CAMERA, yaw)) for yaw in (0, 10, -10)]
-    write_sequence(tmp_path / "seq", "seq", frames, depth_range=10, classes=CLASSES)
-    return tmp_path / "seq"
 
 
 @pytest.fixture(scope="module")

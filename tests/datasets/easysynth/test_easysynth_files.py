@@ -2,45 +2,16 @@
 
 from __future__ import annotations
 
-import json
 import shutil
 from collections.abc import Callable
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from dlama.datasets.easysynth.dataset import easysynth
-from dlama.datasets.easysynth.writer import SequenceFrame, write_scene, write_sequence
+from dlama.datasets.easysynth.writer import write_scene
 from dlama.errors import DlamaError, FileError
-from dlama.geometry.camera import Camera
-from dlama.geometry.rgbd import RGBD
-from dlama.geometry.trajectories import orbit
-
-CLASSES = {"background": (0, 0, 0), "object": (255, 0, 0)}
-CAMERA = Camera.from_fov(16, 12, 80)
-
-
-def frame(camera: Camera = CAMERA, shows: bool = True, depth: float = 2.0) -> SequenceFrame:
-    """A plain wall, and the object's class in a corner of it."""
-    semantic = np.zeros(camera.hw, np.uint8)
-    semantic[:4, :5] = shows
-    color = np.full((*camera.hw, 3), 120, np.uint8)
-    return SequenceFrame(RGBD(color, np.full(camera.hw, depth, np.float32), camera), semantic)
-
-
-@pytest.fixture
-def sequence(tmp_path: Path) -> Path:
-    """Three frames of one camera, at 0, 10 and -10 degrees."""
-    frames = [frame(orbit(CAMERA, yaw)) for yaw in (0, 10, -10)]
-    write_sequence(tmp_path / "seq", "seq", frames, depth_range=10, classes=CLASSES)
-    return tmp_path / "seq"
-
-
-def edit_json(path: Path, rename: str | None = None, **changes: object) -> None:
-    cameras = json.loads(path.read_text())["cameras"]
-    name, values = cameras.popitem()
-    path.write_text(json.dumps({"cameras": {name if rename is None else rename: {**values, **changes}}}))
+from rendered_walls import CLASSES, edit_json, frame
 
 
 def replaced(line: int, old: str, new: str) -> Callable[[Path], None]:
