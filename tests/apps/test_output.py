@@ -7,7 +7,8 @@ import time
 from pathlib import Path
 
 import pytest
-from small_frame import FAST, refused, run
+from PIL import Image
+from small_frame import FAST, pixels, refused, run
 
 import dlama
 from dlama.apps import evaluate
@@ -45,6 +46,17 @@ def test_json_is_one_object_of_what_was_done(frame: Path, capsys: pytest.Capture
     run(frame, *VIEW, "--json", "--quiet")
     shown = capsys.readouterr()
     assert json.loads(shown.out)["warnings"] == [] and shown.err == ""
+
+
+def test_what_lacks_only_depth_is_no_unknown(frame: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """5 x 8 pixels without depth beside the object (oracle: counted by hand in a picture of 64 x 48)."""
+    depth = pixels(frame / "depth.png")
+    depth[2:7, 2:10] = 0
+    Image.fromarray(depth).save(frame / "depth.png")
+    run(frame, "remove", "image.png", "depth.png", "mask.png", "--fov", 60, "--dilate", 0, *FAST)
+    taken = (pixels(frame / "mask.png") == 255).mean()
+    line = f"{taken:.1%} was unknown (object {taken:.1%}), {40 / (64 * 48):.1%} lacked only depth, filler telea"
+    assert line in capsys.readouterr().out
 
 
 def test_json_of_worlds_and_evaluate(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

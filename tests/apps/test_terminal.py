@@ -45,11 +45,27 @@ def test_a_terminal_sees_stages(tmp_path: Path) -> None:
     assert shown.rstrip().splitlines()[-1].startswith("out: ")
 
 
-def test_a_pipe_sees_one_line(tmp_path: Path) -> None:
-    """No bar, no colours: one summary line on standard output, nothing on standard error."""
+def piped(folder: Path, *words: str, **environment: str) -> tuple[str, str]:
+    """What `python -m dlama WORDS` prints on standard output and standard error, which are no terminal."""
     done = subprocess.run(
-        [sys.executable, "-m", "dlama", *WORDS], cwd=tmp_path, capture_output=True, text=True, timeout=60, check=True
+        [sys.executable, "-m", "dlama", *words],
+        cwd=folder,
+        env={**os.environ, **environment},
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=True,
     )
-    assert done.stderr == ""
-    assert done.stdout.count("\n") == 1
-    assert "\x1b" not in done.stdout
+    return done.stdout, done.stderr
+
+
+def test_a_pipe_sees_one_line_and_the_first_run_one_more(tmp_path: Path) -> None:
+    """No bar, no colours: one summary line on standard output. While kernels are compiled one line on standard error says so;
+    once they are kept, or with --quiet, it stays empty (oracle: an empty folder for numba's cache, then the same one)."""
+    cache = {"NUMBA_CACHE_DIR": str(tmp_path / "kernels")}
+    shown, errors = piped(tmp_path, *WORDS, **cache)
+    assert re.fullmatch(r"note: first run: kernels are being compiled, [^\n]* seconds[^\n]*\n", errors)
+    assert shown.count("\n") == 1 and "\x1b" not in shown
+    shown, errors = piped(tmp_path, *WORDS, **cache)
+    assert errors == "" and shown.count("\n") == 1
+    assert piped(tmp_path, *WORDS, "--quiet", NUMBA_CACHE_DIR=str(tmp_path / "other")) == ("", "")

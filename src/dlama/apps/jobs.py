@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import statistics
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -20,6 +21,8 @@ if TYPE_CHECKING:
 LOG = logging.getLogger("dlama")
 STAGES = 20
 """About as many as a job logs: the length of the bar."""
+SHOWN = 5e-4
+"""The smallest share of a picture that the summary line names: 0.1 % when rounded."""
 
 
 @dataclass
@@ -98,24 +101,26 @@ def sorted_files(folder: Path) -> list[str]:
     return sorted(path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file())
 
 
-def mean_shares(meta: dict[str, Any]) -> dict[str, float]:
-    """Hole type -> its share of the picture, mean over the views."""
-    views = meta["hole_share_by_type"]
-    return {name: sum(view[name] for view in views) / len(views) for name in views[0]}
-
-
 def summary_line(meta: dict[str, Any], place: object, seconds: float) -> str:
-    """One line: where it lies, what share was unknown and why, which filler filled it, how long it took."""
-    kinds = mean_shares(meta)
-    shares = [f"{name.replace('_', ' ')} {share:.1%}" for name, share in kinds.items() if share >= 5e-4]
+    """One line: where it lies, what share was unknown and why, which filler filled it, how long it took.
+
+    Shares are means over the views. Pixels that lacked only depth have a share of their own; they are of type `sensor`.
+    """
+    unknown, depth_only = (statistics.fmean(meta[name]) for name in ("hole_share", "depth_only_share"))
+    views = meta["hole_share_by_type"]
+    kinds = {name: statistics.fmean(view[name] for view in views) for name in views[0]}
+    kinds["sensor"] -= depth_only
+    shares = [f"{name.replace('_', ' ')} {share:.1%}" for name, share in kinds.items() if share >= SHOWN]
     why = f" ({', '.join(shares)})" if shares else ""
+    if depth_only >= SHOWN:
+        why += f", {depth_only:.1%} lacked only depth"
     if meta["nothing_visible"]:
         why = "; nothing of the scene is visible from there, so nothing could be filled"
-    return f"{place}: {sum(kinds.values()):.1%} was unknown{why}, filler {meta['filler']}, {seconds:.1f} s"
+    return f"{place}: {unknown:.1%} was unknown{why}, filler {meta['filler']}, {seconds:.1f} s"
 
 
 def summary_values(meta: dict[str, Any], place: Path, files: list[str]) -> dict[str, Any]:
-    """The same, JSON-ready."""
-    told = ("filler", "hole_share", "hole_share_by_type", "nothing_visible", "law_violations")
-    named = {"recipe": meta["recipe"]["name"], **{key: meta[key] for key in told}}
-    return {"output": str(place), "files": files, **named, "seconds_by_stage": meta["seconds"]}
+    """The same, JSON-ready; shares view by view."""
+    names = ("filler", "hole_share", "depth_only_share", "hole_share_by_type", "nothing_visible", "law_violations")
+    values = {"recipe": meta["recipe"]["name"], **{name: meta[name] for name in names}}
+    return {"output": str(place), "files": files, **values, "seconds_by_stage": meta["seconds"]}
