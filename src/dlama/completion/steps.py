@@ -19,7 +19,7 @@ from dlama.geometry.rendering import render
 from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import HoleType, Origin, View
-from dlama.geometry.visibility import Law
+from dlama.geometry.visibility import Law, lawful_depth
 from dlama.inpainters.filling import FillReport, Inpainter, inpaint
 from dlama.inpainters.grey_depth import with_grey_depth
 from dlama.inpainters.layered.depth_first import depth_first
@@ -128,7 +128,7 @@ def close_holes(law: Law, view: View, earlier: View) -> tuple[View, FillReport]:
     projected onto the law once more.
     """
     closed = view.hole & ~earlier.hole
-    depth, moved = law.project(view.camera, np.where(closed, earlier.depth, view.depth), closed)
+    depth, moved = lawful_depth(view, np.where(closed, earlier.depth, view.depth), closed, law)
     of_color = closed & view.color_hole
     origin = np.where(earlier.origin == Origin.REPROJECTED, np.uint8(Origin.FILLED), earlier.origin)
     known = dataclasses.replace(
@@ -139,7 +139,7 @@ def close_holes(law: Law, view: View, earlier: View) -> tuple[View, FillReport]:
         origin=np.where(of_color, origin, view.origin),
         confidence=np.where(closed, earlier.confidence, view.confidence),
     )
-    return known, FillReport(0, int(moved.sum()), 0, {})
+    return known, FillReport(0, moved, 0, {})
 
 
 def fuse_new(scene: Scene, before: View, known: View, filled: View) -> Scene:
