@@ -75,7 +75,7 @@ def test_meta_tells_what_was_done(frame: Path) -> None:
         if code:
             assert meta["hole_share_by_type"][0][name] == pytest.approx((kinds == code).mean(), abs=1e-6)
     assert meta["source_camera"]["fx"] == pytest.approx(32 / np.tan(np.radians(30)))
-    assert meta["source_camera"]["intrinsics_from"] == "--fov"
+    assert meta["source_camera"]["intrinsics_from"] == "fov"
     assert (meta["filler"], meta["recipe"]["name"], meta["seed"]) == ("telea", "dlama", 3)
     assert meta["law_violations"] == 0
     assert {"read", "render", "fill", "write"} <= set(meta["seconds"])

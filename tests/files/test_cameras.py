@@ -179,9 +179,9 @@ def test_stereo_json_without_any_size(tmp_path: Path) -> None:
 def test_camera_from_flags() -> None:
     """Oracle: f = w / 2 / tan(fov / 2); EasySynth's 512 pixels at 90 degrees have f = 256."""
     camera, source = camera_for((512, 512), fov=90)
-    assert (camera.fx, camera.fy, camera.cx, camera.cy) == pytest.approx((256, 256, 256, 256)) and source == "--fov"
+    assert (camera.fx, camera.fy, camera.cx, camera.cy) == pytest.approx((256, 256, 256, 256)) and source == "fov"
     camera, source = camera_for((480, 640), fx=500)
-    assert (camera.fx, camera.fy, camera.cx, camera.cy, source) == (500, 500, 320, 240, "--fx")
+    assert (camera.fx, camera.fy, camera.cx, camera.cy, source) == (500, 500, 320, 240, "fx")
     camera, _ = camera_for((480, 640), fx=500, fy=505, cx=319.5, cy=238, pixel_center=0.0, world_from_cam=TURN)
     assert (camera.fy, camera.cx, camera.cy) == (505, 320, 238.5) and np.array_equal(camera.world_from_cam, TURN)
 
@@ -189,7 +189,7 @@ def test_camera_from_flags() -> None:
 def test_camera_from_a_file(tmp_path: Path) -> None:
     path = saved(tmp_path / "c.json", {**PLAIN, "world_from_cam": TURN.tolist()})
     camera, source = camera_for((480, 640), camera=path)
-    assert np.array_equal(camera.world_from_cam, TURN) and source == "--camera c.json"
+    assert np.array_equal(camera.world_from_cam, TURN) and source == "camera c.json"
     assert np.array_equal(camera_for((480, 640), camera=path, world_from_cam=np.eye(4))[0].world_from_cam, np.eye(4))
 
 
@@ -201,27 +201,27 @@ def test_camera_from_exif(tmp_path: Path) -> None:
     camera, source = camera_for((300, 400), image=tmp_path / "phone.jpg")
     assert math.atan(250 / camera.fx) == pytest.approx(math.atan(math.hypot(18, 12) / 26))
     assert source == "EXIF FocalLengthIn35mmFilm (26 mm)"
-    assert camera_for((300, 400), image=tmp_path / "phone.jpg", fov=90)[1] == "--fov"
+    assert camera_for((300, 400), image=tmp_path / "phone.jpg", fov=90)[1] == "fov"
 
 
 def test_no_intrinsics_teach_fov(tmp_path: Path) -> None:
     Image.new("RGB", (8, 6)).save(tmp_path / "plain.jpg")
     for image in (None, tmp_path / "plain.jpg"):
-        with pytest.raises(CameraError, match=r"--fov DEGREES.*phone.*65.*--camera"):
+        with pytest.raises(CameraError, match=r"give fov, .*phone.*65.*`camera`"):
             camera_for((6, 8), image=image)
 
 
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        ({"camera": "c.json", "fov": 60}, "--camera and --fov contradict"),
-        ({"camera": "c.json", "cx": 3}, "--camera and --cx contradict"),
-        ({"fov": 60, "fx": 500}, "--fov and --fx contradict"),
-        ({"fov": 60, "fy": 500}, "--fov and --fy contradict"),
-        ({"fy": 500}, "--fy is given without --fx"),
+        ({"camera": "c.json", "fov": 60}, "`camera` and fov contradict"),
+        ({"camera": "c.json", "cx": 3}, "`camera` and cx contradict"),
+        ({"fov": 60, "fx": 500}, "fov and fx contradict"),
+        ({"fov": 60, "fy": 500}, "fov and fy contradict"),
+        ({"fy": 500}, "fy is given without fx"),
         ({"fov": 180}, "field of view is 180"),
         ({"fx": -500}, "camera options: camera fx is -500"),
-        ({"fx": 500, "pixel_center": 1}, "--pixel-center is 1"),
+        ({"fx": 500, "pixel_center": 1}, "pixel_center is 1"),
     ],
 )
 def test_contradicting_flags(options: dict[str, Any], words: str) -> None:

@@ -30,7 +30,7 @@ def test_disparity_of_other_kinds(tmp_path: Path) -> None:
     assert read_disparity(tmp_path / "kitti.png").tolist() == [[0, 1, 2.5]]
     assert read_disparity(tmp_path / "cones.png", scale=4).tolist() == [[0, 1, 2.5]]
     assert read_disparity(tmp_path / "d.npz").tolist() == [[0, 1, 2.5]]
-    with pytest.raises(DepthError, match=r"8-bit numbers.*--disparity-scale"):
+    with pytest.raises(DepthError, match=r"8-bit numbers.*disparity_scale"):
         read_disparity(tmp_path / "cones.png")
     np.save(tmp_path / "n.npy", np.array([[-1.0, 2]]))
     np.save(tmp_path / "z.npy", np.array([[np.inf, 0]]))

@@ -123,14 +123,14 @@ def test_mask_polarity_and_tolerance(tmp_path: Path) -> None:
     """Oracle: the rule in HOUSE.md, <= 8 is black, >= 247 is white."""
     path = mask_of(tmp_path / "m.png", [[0, 8, 247, 255]])
     assert read_mask(path).tolist() == [[False, False, True, True]]
-    assert read_mask(path, polarity="known").tolist() == [[True, True, False, False]]
+    assert read_mask(path, mask_polarity="known").tolist() == [[True, True, False, False]]
 
 
 def test_grey_mask_is_refused_unless_soft(tmp_path: Path) -> None:
     path = mask_of(tmp_path / "m.png", [[0, 9, 127, 128, 246, 255]])
-    with pytest.raises(MaskError, match=r"4 of 6 pixels.*values 9, 127, 128, 246.*--soft-mask"):
+    with pytest.raises(MaskError, match=r"4 of 6 pixels.*values 9, 127, 128, 246.*soft_mask"):
         read_mask(path)
-    assert read_mask(path, soft=True).tolist() == [[False, False, False, True, True, True]]
+    assert read_mask(path, soft_mask=True).tolist() == [[False, False, False, True, True, True]]
 
 
 @pytest.mark.parametrize(
@@ -157,10 +157,10 @@ def test_masks_of_other_kinds(tmp_path: Path) -> None:
     with pytest.raises(MaskError, match="transparent"):
         read_mask(tmp_path / "clear.png")
     Image.fromarray(COLOR).save(tmp_path / "color.png")
-    with pytest.raises(MaskError, match="--mask-class"):
+    with pytest.raises(MaskError, match="mask_class"):
         read_mask(tmp_path / "color.png")
     with pytest.raises(MaskError, match="polarity"):
-        read_mask(tmp_path / "1.png", polarity="white")  # type: ignore[arg-type]
+        read_mask(tmp_path / "1.png", mask_polarity="white")  # type: ignore[arg-type]
 
 
 def test_mask_class_by_name_and_by_color(tmp_path: Path) -> None:

@@ -13,10 +13,10 @@ from plyfile import PlyData
 from dlama.completion.completion import Completion
 from dlama.completion.pipeline import complete
 from dlama.completion.verbs import remove
-from dlama.errors import OutputError
+from dlama.errors import InputError, OutputError
 from dlama.files import meshes
 from dlama.files.depth import read_depth
-from dlama.files.results import write
+from dlama.files.results import RESULTS, write
 from dlama.files.scenes import read_npz
 from dlama.geometry.camera import Camera
 from dlama.geometry.trajectories import orbit
@@ -125,3 +125,31 @@ def test_meta_is_json_that_anybody_reads(folder: Path) -> None:
         raise AssertionError(word)
 
     json.loads((folder / "meta.json").read_text(), parse_constant=refuse)
+
+
+@pytest.mark.parametrize("only", [("image", "depth"), ("points",), ("preview", "mesh"), "image"])
+def test_only_what_is_asked_for_is_written(
+    removal: Completion, folder: Path, tmp_path: Path, only: tuple[str, ...] | str
+) -> None:
+    """Oracle: the whole directory. The named files are there, bit for bit the same, meta.json too, and nothing else."""
+    write(removal, tmp_path, only=only)
+    names = (only,) if isinstance(only, str) else only
+    wanted = {file for name in names for file in RESULTS[name]}
+    assert {path.name for path in tmp_path.iterdir()} == wanted | {"meta.json"}
+    for file in wanted:
+        assert (tmp_path / file).read_bytes() == (folder / file).read_bytes()
+    assert ("depth_png_clipped_pixels" in json.loads((tmp_path / "meta.json").read_text())) == ("depth" in names)
+
+
+def test_the_names_of_results_cover_every_file(folder: Path) -> None:
+    """Law: each written file belongs to exactly one name; only a pair has disparities."""
+    files = [file for name, group in RESULTS.items() if name != "disparity" for file in group]
+    assert sorted([*files, "meta.json"]) == sorted(path.name for path in folder.iterdir())
+
+
+@pytest.mark.parametrize("only", [("image", "depths"), "picture", ()])
+def test_unknown_results_list_the_known(removal: Completion, tmp_path: Path, only: tuple[str, ...] | str) -> None:
+    """Message; and nothing is written."""
+    with pytest.raises(InputError, match=", ".join(RESULTS)):
+        write(removal, tmp_path / "out", only=only)
+    assert not (tmp_path / "out").exists()

@@ -30,7 +30,7 @@ def test_read_rgbd(tmp_path: Path) -> None:
     assert (
         np.array_equal(rgbd.color, COLOR) and np.array_equal(rgbd.depth, depth) and rgbd.camera.fx == pytest.approx(4)
     )
-    with pytest.raises(CameraError, match="--fov"):
+    with pytest.raises(CameraError, match="give fov"):
         read_rgbd(tmp_path / "c.png", tmp_path / "d.png")
 
 
@@ -50,7 +50,7 @@ def test_other_sizes(tmp_path: Path) -> None:
     """Oracle: every depth pixel of a half-size map covers 2 x 2 pixels."""
     depth = np.arange(1, 13).reshape(3, 4)
     paths = pair(tmp_path, depth)
-    with pytest.raises(ShapeError, match=r"d\.png is 4x3 and .*c\.png 8x6.*--resize-depth nearest"):
+    with pytest.raises(ShapeError, match=r"d\.png is 4x3 and .*c\.png 8x6.*resize_depth=nearest"):
         read_rgbd(*paths, fov=60)
     resized = read_rgbd(*paths, fov=60, resize_depth="nearest")
     assert np.array_equal(resized.depth, np.kron(depth, np.ones((2, 2))))

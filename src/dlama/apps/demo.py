@@ -10,8 +10,8 @@ from dlama.apps.jobs import Job
 from dlama.apps.options import Lens, Masking, Method, Reading
 from dlama.apps.terminal import Result
 from dlama.files.atomic_write import new_directory
-from dlama.files.preview import write_preview
-from dlama.files.sheets import demo_legend, demo_panels
+from dlama.files.contact_sheet import write_contact_sheet
+from dlama.files.preview import demo_legend, demo_panels
 
 ASSETS = dlama.example()
 """Picture, depth, mask, camera and stereo pair; its README names their sources."""
@@ -65,5 +65,5 @@ def demo(output: Path, method: Method, result: Result) -> None:
         for name in INPUTS:
             shutil.copyfile(ASSETS / name, folder / "inputs" / name)
         title = "dlama completes what a camera could not see"
-        write_preview(folder / "preview.png", title, panels, demo_legend(completions))
+        write_contact_sheet(folder / "preview.png", title, panels, demo_legend(completions))
     result.add(f"{output / 'preview.png'}: all three side by side", output=str(output))

@@ -73,7 +73,7 @@ class Job:
         from dlama.files.pictures import read_color
 
         self.inputs |= {"left": left, "right": right, "calib": calib}
-        self.intrinsics_from = f"--calib {calib.name}"
+        self.intrinsics_from = f"calib {calib.name}"
         with self.reading(left, right, calib):
             pictures = read_color(left), read_color(right)
             return *pictures, read_stereo_calib(calib, hw=pictures[0].shape[:2])

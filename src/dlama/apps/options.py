@@ -152,7 +152,7 @@ class Masking:
 
     def settings(self) -> dict[str, Any]:
         """As keyword arguments of read_mask."""
-        return {"polarity": self.mask_polarity, "soft": self.soft_mask, "mask_class": self.mask_class}
+        return {"mask_polarity": self.mask_polarity, "soft_mask": self.soft_mask, "mask_class": self.mask_class}
 
 
 @dataclass(frozen=True)

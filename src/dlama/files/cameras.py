@@ -1,4 +1,4 @@
-"""Camera files, flags and EXIF in, a Camera out, and back; pixel centres are converted here."""
+"""Camera files, intrinsics and EXIF in, a Camera out, and back; pixel centres are converted here."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ from dlama.geometry.camera import Camera, StereoRig
 FILM_DIAGONAL_MM = math.hypot(36, 24)
 """35 mm film; "focal length in 35 mm film" compares diagonals (CIPA DCG-001)."""
 NO_INTRINSICS = (
-    "nothing says how wide the camera sees: give --fov DEGREES, its horizontal field of view (phone main camera about 65, "
-    "webcam 60, Kinect 57 to 63, EasySynth 90), or --camera FILE.json, or --fx --fy --cx --cy in pixels"
+    "nothing says how wide the camera sees: give fov, its horizontal field of view in degrees (phone main camera about 65, "
+    "webcam 60, Kinect 57 to 63, EasySynth 90), or `camera`, a JSON file, or fx fy cx cy in pixels"
 )
 CAMERA_FIELDS = ("width", "height", "fx", "fy", "cx", "cy", "pixel_center", "world_from_cam", "comment")
 STEREO_FIELDS = ("left_K", "right_K", "baseline_m", "doffs", "pixel_center", "width", "height", "comment")
@@ -109,18 +109,18 @@ def camera_for(
 
     Exactly one source: a `camera`, or the file of one; `fx` (and `fy`, default fx) in pixels; `fov`, horizontal, degrees; or
     the EXIF focal length of `image`. `cx`, `cy` default to the centre; `pixel_center` says where they put the first pixel's
-    centre. `world_from_cam` replaces the file's pose. Raises CameraError: two sources, or none (it teaches --fov).
+    centre. `world_from_cam` replaces the file's pose. Raises CameraError: two sources, or none (the message explains fov).
     """
     if pixel_center not in (0.0, 0.5):
-        raise CameraError(f"--pixel-center is {pixel_center}; 0.5 or 0.0 is wanted")
-    numbers = {"--fx": fx, "--fy": fy, "--cx": cx, "--cy": cy}
-    flags = [name for name, value in numbers.items() if value is not None]
-    _check_one_source(camera, flags, fov)
+        raise CameraError(f"pixel_center is {pixel_center}; 0.5 or 0.0 is wanted")
+    numbers = {"fx": fx, "fy": fy, "cx": cx, "cy": cy}
+    given = [name for name, value in numbers.items() if value is not None]
+    _check_one_source(camera, given, fov)
     if camera is not None:
         if isinstance(camera, Camera):
             found, words = camera, "the given camera"
         else:
-            found, words = read_camera(camera, hw=hw), f"--camera {Path(camera).name}"
+            found, words = read_camera(camera, hw=hw), f"camera {Path(camera).name}"
         return (found if world_from_cam is None else found.at(world_from_cam)), words
     focal_x, focal_y, source = _focal_lengths(hw, fx, fy, fov, image)
     border = 0.5 - pixel_center  # cx and cy count as the options do, the middle counts from the picture's border
@@ -179,24 +179,24 @@ def _left_and_right(fields: FileFields, left_K: str, right_K: str) -> tuple[Intr
     return left, (left[0], left[1], left[2] + doffs, left[3])
 
 
-def _check_one_source(camera: PathLike | Camera | None, flags: list[str], fov: float | None) -> None:
-    if camera is not None and (flags or fov is not None):
-        other = flags[0] if flags else "--fov"
-        raise CameraError(f"--camera and {other} contradict each other; give one of them")
-    if fov is not None and {"--fx", "--fy"} & set(flags):
-        raise CameraError(f"--fov and {flags[0]} contradict each other; give one of them")
-    if "--fy" in flags and "--fx" not in flags:
-        raise CameraError("--fy is given without --fx; give --fx (and --fy only where it differs)")
+def _check_one_source(camera: PathLike | Camera | None, given: list[str], fov: float | None) -> None:
+    if camera is not None and (given or fov is not None):
+        other = given[0] if given else "fov"
+        raise CameraError(f"`camera` and {other} contradict each other; give one of them")
+    if fov is not None and {"fx", "fy"} & set(given):
+        raise CameraError(f"fov and {given[0]} contradict each other; give one of them")
+    if "fy" in given and "fx" not in given:
+        raise CameraError("fy is given without fx; give fx (and fy only where it differs)")
 
 
 def _focal_lengths(
     hw: tuple[int, int], fx: float | None, fy: float | None, fov: float | None, image: PathLike | None
 ) -> tuple[float, float, str]:
     if fx is not None:
-        return fx, fx if fy is None else fy, "--fx"
+        return fx, fx if fy is None else fy, "fx"
     if fov is not None:
         focal = Camera.from_fov(hw[1], hw[0], fov).fx
-        return focal, focal, "--fov"
+        return focal, focal, "fov"
     film = _exif_focal(image)
     if film is not None:
         focal = film / FILM_DIAGONAL_MM * math.hypot(*hw)

@@ -6,6 +6,8 @@ Depth in the package: metres, planar z, 0 = missing, +inf = far. Disparity: pixe
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
 
 from dlama.errors import DepthError, FileError
 from dlama.files.atomic_write import PathLike
@@ -15,12 +17,14 @@ from dlama.files.pictures import save_picture
 from dlama.geometry.rgbd import Float32Array
 
 __all__ = [
-    "read_depth", "read_disparity", "read_pfm", "write_depth_exr", "write_depth_png", "write_disparity_pfm", "write_pfm",
+    "depth_from_mm", "mm_from_depth", "read_depth", "read_disparity", "read_pfm", "write_depth_exr", "write_depth_png",
+    "write_disparity_pfm", "write_pfm",
 ]  # fmt: skip
 
 FAR_CODE = 65535
 """In 16-bit depth pictures: far, at or beyond what the file can say."""
 MILLIMETRES = 1000.0
+"""A metre."""
 FAR_METRES = 1e6
 """A stored depth beyond this is a renderer's word for infinity (Blender writes 1e10 behind everything)."""
 PLAUSIBLE = (0.05, 500.0)
@@ -45,7 +49,7 @@ def read_depth(
     """
     _check_positive(depth_scale=depth_scale, depth_range=depth_range, far=far)
     if depth_scale is not None and depth_range is not None:
-        raise DepthError("--depth-scale and --depth-range contradict each other; give one")
+        raise DepthError("depth_scale and depth_range contradict each other; give one")
     values = _numbers(path, "depth", channel)
     _check_not_negative(path, values, "depth")
     if values.dtype.kind == "f":
@@ -53,18 +57,16 @@ def read_depth(
         scale = depth_scale or 1.0
     else:
         if depth_range is not None:
-            raise DepthError(f"{path}: holds whole numbers; --depth-range is for depth normalised to 0..1 (EXR)")
+            raise DepthError(f"{path}: holds whole numbers; depth_range is for depth normalised to 0..1 (EXR)")
         scale = depth_scale or MILLIMETRES
-        depth = (values / scale).astype(np.float32)
-        if values.dtype == np.uint16:
-            depth[values == FAR_CODE] = np.inf
+        depth = depth_from_mm(values, scale)
     depth[np.isnan(depth)] = 0
     depth[depth > FAR_METRES] = np.inf
     _check_plausible(path, depth, scale, depth_range)
     if far is not None:
         depth[depth >= far] = np.inf
         if not _valid(depth).any():
-            raise DepthError(f"{path}: no depth is nearer than --far {far:g} m")
+            raise DepthError(f"{path}: no depth is nearer than `far`, {far:g} m")
     return depth
 
 
@@ -87,20 +89,34 @@ def read_disparity(path: PathLike, *, scale: float | None = None, channel: str |
     return disparity
 
 
+def mm_from_depth(depth: Float32Array, units: float = MILLIMETRES) -> tuple[NDArray[np.uint16], int]:
+    """16-bit codes of H x W metres: 0 = missing, 65535 = far; and how many pixels were too deep and got 65534.
+
+    units: codes per metre, 1000 = millimetres. A valid depth is at least 1, so that it does not read as missing.
+    """
+    depth = np.nan_to_num(np.asarray(depth, np.float64), nan=0, posinf=np.inf)
+    valid = _valid(depth)
+    steps = np.rint(np.where(valid, depth, 0) * units)
+    codes = np.where(valid, np.clip(steps, 1, FAR_CODE - 1), 0)
+    codes[np.isposinf(depth)] = FAR_CODE
+    return codes.astype(np.uint16), int((steps >= FAR_CODE).sum())
+
+
+def depth_from_mm(codes: np.ndarray, units: float = MILLIMETRES) -> Float32Array:
+    """H x W metres of whole numbers, `units` of them a metre: 0 = missing; in 16 bits 65535 = far (+inf)."""
+    depth = (codes / units).astype(np.float32)
+    if codes.dtype == np.uint16:
+        depth[codes == FAR_CODE] = np.inf
+    return depth
+
+
 def write_depth_png(path: PathLike, depth: Float32Array) -> int:
-    """Write metres as 16-bit millimetres: missing 0, far 65535; returns how many pixels were too deep and got 65534.
+    """Write H x W metres as 16-bit millimetres (`mm_from_depth`); returns how many pixels were too deep and got 65534.
 
     Raises OutputError.
     """
-    from PIL import Image
-
-    depth = np.nan_to_num(np.asarray(depth, np.float64), nan=0, posinf=np.inf)
-    valid = _valid(depth)
-    millimetres = np.rint(np.where(valid, depth, 0) * MILLIMETRES)
-    clipped = int((millimetres >= FAR_CODE).sum())
-    codes = np.where(valid, np.clip(millimetres, 1, FAR_CODE - 1), 0)  # at least 1: valid must not read as missing
-    codes[np.isposinf(depth)] = FAR_CODE
-    save_picture(path, Image.fromarray(codes.astype(np.uint16)))
+    codes, clipped = mm_from_depth(depth)
+    save_picture(path, Image.fromarray(codes))
     return clipped
 
 
@@ -119,7 +135,7 @@ def _numbers(path: PathLike, what: str, channel: str | None, eight_bit: bool = F
     """The numbers of any depth or disparity file, H x W, as stored."""
     suffix = existing(path).suffix.lower()
     if channel is not None and suffix != ".exr":
-        raise FileError(f"{path}: has no named channels; --channel is for EXR files")
+        raise FileError(f"{path}: has no named channels; `channel` is for EXR files")
     if suffix == ".exr":
         return read_exr(path, channel)
     if suffix == ".pfm":
@@ -151,7 +167,7 @@ def _one_channel(path: PathLike, values: np.ndarray, what: str) -> np.ndarray:
 
 def _eight_bit_advice(what: str) -> str:
     if what == "disparity":
-        return "holds 8-bit numbers; say how many of them make a pixel (--disparity-scale, Middlebury 2003: 4)"
+        return "holds 8-bit numbers; say how many of them make a pixel (disparity_scale, Middlebury 2003: 4)"
     return (
         "holds 8-bit numbers, too coarse for depth (256 steps) and often gamma-encoded or only a picture of depth; "
         "save depth as 16-bit PNG in millimetres, or as EXR"
@@ -168,8 +184,8 @@ def _metres_from_floats(
     at_one = np.count_nonzero(values == 1)
     if at_one and np.nanmax(values) == 1 and ((values > 0) & (values < 1)).any():
         raise DepthError(
-            f"{path}: looks normalised to 0..1 ({at_one} values are exactly 1, none is larger): give --depth-range "
-            "METRES (EasySynth), or --depth-scale 1 if these are metres"
+            f"{path}: looks normalised to 0..1 ({at_one} values are exactly 1, none is larger): give depth_range "
+            "in metres (EasySynth), or depth_scale=1 if these are metres"
         )
     return values.astype(np.float32)
 
@@ -188,12 +204,12 @@ def _check_plausible(path: PathLike, depth: Float32Array, scale: float, depth_ra
 def _scale_advice(median: float, scale: float, depth_range: float | None) -> str:
     """What the scale probably is, in words that can be typed."""
     if depth_range is not None:
-        return f"which no room or street has; is --depth-range {depth_range:g} in metres?"
+        return f"which no room or street has; is depth_range={depth_range:g} in metres?"
     if PLAUSIBLE[0] <= median / 1000 <= PLAUSIBLE[1]:
-        return f"it looks like millimetres read as metres: --depth-scale {scale * 1000:g}"
+        return f"it looks like millimetres read as metres: depth_scale={scale * 1000:g}"
     if PLAUSIBLE[0] <= median * 1000 <= PLAUSIBLE[1]:
-        return f"it looks like metres read as millimetres: --depth-scale {scale / 1000:g}"
-    return f"{PLAUSIBLE[0]:g} to {PLAUSIBLE[1]:g} m is wanted; --depth-scale says how many units make a metre"
+        return f"it looks like metres read as millimetres: depth_scale={scale / 1000:g}"
+    return f"{PLAUSIBLE[0]:g} to {PLAUSIBLE[1]:g} m is wanted; depth_scale says how many units make a metre"
 
 
 def _check_not_negative(path: PathLike, values: np.ndarray, what: str) -> None:
@@ -208,7 +224,7 @@ def _check_not_negative(path: PathLike, values: np.ndarray, what: str) -> None:
 def _check_positive(**options: float | None) -> None:
     for name, value in options.items():
         if value is not None and not (value > 0 and np.isfinite(value)):
-            raise DepthError(f"--{name.replace('_', '-')} is {value}; a number > 0 is wanted")
+            raise DepthError(f"{name} is {value}; a number > 0 is wanted")
 
 
 def _valid(depth: np.ndarray) -> np.ndarray:

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import OpenEXR
 
 from dlama.errors import FileError, ShapeError
 from dlama.files.atomic_write import PathLike, new_file
@@ -90,8 +91,6 @@ def read_exr(path: PathLike, channel: str | None = None) -> Float32Array:
     """
     file = existing(path)
     check_exr_is_whole(file)
-    import OpenEXR
-
     try:
         with OpenEXR.File(str(file), separate_channels=True) as exr:
             channels: dict[str, np.ndarray] = {}
@@ -112,8 +111,6 @@ def read_exr(path: PathLike, channel: str | None = None) -> Float32Array:
 
 def write_exr(path: PathLike, channels: Mapping[str, np.ndarray]) -> None:
     """Write channels (each float32 or half H x W) as an OpenEXR file, ZIP-compressed. Raises OutputError."""
-    import OpenEXR
-
     header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
     with new_file(path) as draft:
         try:
@@ -139,12 +136,12 @@ def _depth_channel(file: Path, channels: dict[str, np.ndarray], wanted: str | No
     for rule in CHANNEL_ORDER:
         fits = [name for name in channels if _fits(name.lower(), rule)]
         if len(fits) > 1:
-            raise FileError(f"{file}: depth may be any of {', '.join(fits)}; choose one with --channel")
+            raise FileError(f"{file}: depth may be any of {', '.join(fits)}; choose one with `channel`")
         if fits:
             _check_grey(file, channels, fits[0])
             return fits[0]
     if len(channels) != 1:
-        raise FileError(f"{file}: has the channels {known}, none of which is plainly depth; choose one with --channel")
+        raise FileError(f"{file}: has the channels {known}, none of which is plainly depth; choose one with `channel`")
     return next(iter(channels))
 
 

@@ -6,15 +6,14 @@ import struct
 import warnings
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+import cv2
 import numpy as np
+from PIL import Image
 
 from dlama.errors import FileError
 from dlama.files.atomic_write import PathLike
-
-if TYPE_CHECKING:
-    from PIL import Image
 
 SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff")
 EXIF_ORIENTATION = 0x0112
@@ -48,8 +47,6 @@ def existing(path: PathLike) -> Path:
 
 def read_stored(path: PathLike) -> Stored:
     """The numbers of a PNG, JPEG or TIFF file. Raises FileError when it is missing, damaged or of another kind."""
-    from PIL import Image
-
     file = existing(path)
     try:
         with warnings.catch_warnings():
@@ -69,8 +66,6 @@ def read_stored(path: PathLike) -> Stored:
 
 def picture_hw(path: PathLike) -> tuple[int, int]:
     """(height, width) of a picture file from its header. Raises FileError."""
-    from PIL import Image
-
     file = existing(path)
     try:
         with Image.open(file, formats=("PNG", "JPEG", "TIFF")) as picture:
@@ -106,8 +101,6 @@ def _bits(picture: Image.Image, file: Path) -> int:
 
 def _values_16bit(file: Path) -> np.ndarray:
     """16-bit colour; Pillow has already read the file to its end, so it is whole."""
-    import cv2
-
     values = cv2.imdecode(np.fromfile(file, np.uint8), cv2.IMREAD_UNCHANGED)
     if values is None or values.ndim != 3:
         raise FileError(f"{file}: this kind of 16-bit picture cannot be read; save it as 16-bit PNG")

@@ -2,16 +2,25 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
+from pygltflib import (
+    GLTF2,
+    Accessor,
+    Asset,
+    Attributes,
+    Buffer,
+    BufferView,
+    Material,
+    Node,
+    PbrMetallicRoughness,
+    Primitive,
+    Scene,
+)
+from pygltflib import Mesh as GltfMesh
 
 from dlama.files.atomic_write import PathLike, new_file
 from dlama.geometry.mesh import Mesh
 from dlama.geometry.rgbd import UInt8Array
-
-if TYPE_CHECKING:
-    from pygltflib import GLTF2
 
 GLTF_FROM_OPENCV = np.array([1.0, -1.0, -1.0])
 """glTF: x right, y up, looking along -z. A half turn about x, so nothing is mirrored."""
@@ -49,8 +58,6 @@ class _Blob:
 
     def add(self, array: np.ndarray, kind: str, component: int, target: int, normalized: bool = False) -> int:
         """The accessor's number. Rows are padded to 4 bytes (glTF 2.0 sec. 3.6.2.4)."""
-        from pygltflib import Accessor, BufferView
-
         rows = np.ascontiguousarray(array).reshape(len(array), -1)
         raw = rows.view(np.uint8).reshape(len(rows), -1)
         stride = -(-raw.shape[1] // 4) * 4
@@ -76,9 +83,6 @@ class _Blob:
 
 
 def _document(mesh: Mesh) -> GLTF2:
-    from pygltflib import GLTF2, Asset, Attributes, Buffer, Material, Node, PbrMetallicRoughness, Primitive, Scene
-    from pygltflib import Mesh as GltfMesh
-
     document = GLTF2(asset=Asset(generator="dlama"), scene=0, scenes=[Scene(nodes=[])])
     if not len(mesh.vertices):
         return document

@@ -7,18 +7,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
+from PIL import Image
 
 from dlama.errors import FileError, MaskError, ShapeError
 from dlama.files.atomic_write import PathLike, new_file
 from dlama.files.images import read_stored
 from dlama.files.semantic_classes import class_color
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
-
-if TYPE_CHECKING:
-    from PIL import Image
 
 LOWEST_WHITE = 247
 HIGHEST_BLACK = 8
@@ -56,42 +54,46 @@ def eight_bit_rgb(values: np.ndarray, path: PathLike) -> UInt8Array:
 
 def read_mask(
     path: PathLike,
-    *,
-    polarity: Literal["fill", "known"] = "fill",
-    soft: bool = False,
+    mask_polarity: Literal["fill", "known"] = "fill",
+    soft_mask: bool = False,
     mask_class: str | None = None,
+    *,
     classes_csv: PathLike | None = None,
 ) -> BoolArray:
     """A mask as bool H x W, True = remove / fill.
 
-    `polarity` "fill": white (255) is removed; "known": white stays. Values <= 8 and >= 247 count as 0 and 255, any
-    between are refused unless `soft` (then > 127 is white). `mask_class` takes the pixels of one class of an EasySynth
-    semantic picture: "R,G,B", or a name from `classes_csv` (default: SemanticClasses.csv beside the picture or up to
-    three folders above). Raises FileError, or MaskError (grey, coloured, empty, full).
+    Args:
+        path: Black and white PNG, JPEG or TIFF; values <= 8 and >= 247 count as 0 and 255.
+        mask_polarity: "fill": white (255) is removed; "known": white stays.
+        soft_mask: Take a grey mask, values above 127 as white; else values between are refused.
+        mask_class: The picture is an EasySynth semantic one; take the pixels of this class: "R,G,B" or a name.
+        classes_csv: Where names stand; default: SemanticClasses.csv beside the picture or up to three folders above.
+
+    Raises:
+        FileError: the file is missing or damaged.
+        MaskError: the mask is grey, coloured, empty or full, or the class is not known.
     """
-    if polarity not in ("fill", "known"):
-        raise MaskError(f"mask polarity is {polarity!r}; 'fill' (255 = remove) or 'known' (255 = keep) is wanted")
+    if mask_polarity not in ("fill", "known"):
+        raise MaskError(f"mask_polarity is {mask_polarity!r}; 'fill' (255 = remove) or 'known' (255 = keep) is wanted")
     if mask_class is not None:
         mask = _class_mask(path, mask_class, classes_csv)
         largest = 255
     else:
         grey = _grey(path)
         largest = int(grey.max())
-        mask = _white(path, grey, soft)
-    if polarity == "known":
+        mask = _white(path, grey, soft_mask)
+    if mask_polarity == "known":
         mask = ~mask
     if not mask.any():
         hint = f" (its largest value is {largest}; 255 means remove)" if 0 < largest <= HIGHEST_BLACK else ""
-        raise MaskError(f"{path}: the mask is empty, nothing is to be removed{hint}; see --mask-polarity")
+        raise MaskError(f"{path}: the mask is empty, nothing is to be removed{hint}; see mask_polarity")
     if mask.all():
-        raise MaskError(f"{path}: the mask is full, nothing would be known; see --mask-polarity")
+        raise MaskError(f"{path}: the mask is full, nothing would be known; see mask_polarity")
     return mask
 
 
 def write_color(path: PathLike, color: UInt8Array) -> None:
     """Write uint8 H x W x 3 RGB; the kind of file follows the name (PNG, TIFF, JPEG). Raises OutputError."""
-    from PIL import Image
-
     if color.dtype != np.uint8 or color.ndim != 3 or color.shape[2] != 3:
         raise ShapeError(f"{path}: colour is {color.dtype} {color.shape}; uint8 H x W x 3 is wanted")
     jpeg = Path(path).suffix.lower() in (".jpg", ".jpeg")
@@ -102,8 +104,6 @@ def write_color(path: PathLike, color: UInt8Array) -> None:
 
 def write_mask(path: PathLike, mask: BoolArray) -> None:
     """Write bool H x W as 8-bit grey, True = 255. Raises OutputError."""
-    from PIL import Image
-
     if mask.dtype != np.bool_ or mask.ndim != 2:
         raise ShapeError(f"{path}: the mask is {mask.dtype} {mask.shape}; bool H x W is wanted")
     save_picture(path, Image.fromarray(mask.astype(np.uint8) * np.uint8(255)))
@@ -114,8 +114,6 @@ def write_codes(path: PathLike, codes: UInt8Array, palette: Sequence[tuple[int, 
 
     `palette[code]` is RGB. Raises ShapeError when a code has no colour, OutputError.
     """
-    from PIL import Image
-
     if codes.dtype != np.uint8 or codes.ndim != 2:
         raise ShapeError(f"{path}: codes are {codes.dtype} {codes.shape}; uint8 H x W is wanted")
     if codes.size and int(codes.max()) >= len(palette):
@@ -127,8 +125,6 @@ def write_codes(path: PathLike, codes: UInt8Array, palette: Sequence[tuple[int, 
 
 def write_grey(path: PathLike, values: Float32Array) -> None:
     """Write float H x W in 0..1 as 8-bit grey (1 = 255, rounded, clipped; NaN = 0). Raises OutputError."""
-    from PIL import Image
-
     if values.ndim != 2:
         raise ShapeError(f"{path}: values have shape {values.shape}; H x W is wanted")
     levels = np.rint(np.clip(np.nan_to_num(values), 0, 1) * 255).astype(np.uint8)
@@ -162,13 +158,13 @@ def _grey(path: PathLike) -> UInt8Array:
     if spread > HIGHEST_BLACK:
         raise MaskError(
             f"{path}: is a colour picture, a black and white mask is wanted; for a semantic picture name the class: "
-            "--mask-class NAME or --mask-class R,G,B"
+            "mask_class=NAME or mask_class=R,G,B"
         )
     return values[..., 0]
 
 
-def _white(path: PathLike, grey: UInt8Array, soft: bool) -> BoolArray:
-    if soft:
+def _white(path: PathLike, grey: UInt8Array, soft_mask: bool) -> BoolArray:
+    if soft_mask:
         return grey > 127
     between = grey[(grey > HIGHEST_BLACK) & (grey < LOWEST_WHITE)]
     if between.size:
@@ -176,7 +172,7 @@ def _white(path: PathLike, grey: UInt8Array, soft: bool) -> BoolArray:
         shown = ", ".join(map(str, found[:6])) + (f", ... {found[-1]}" if found.size > 6 else "")
         raise MaskError(
             f"{path}: {between.size} of {grey.size} pixels are neither black nor white (values {shown}); "
-            "0 and 255 are wanted, or --soft-mask to take values above 127 as white"
+            "0 and 255 are wanted, or soft_mask, which takes values above 127 as white"
         )
     return grey >= LOWEST_WHITE
 

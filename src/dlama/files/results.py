@@ -1,11 +1,16 @@
-"""A Completion in, a directory of files out: pictures, depth, scene and meta.json; whole, or not at all."""
+"""A Completion in; a directory of files out: pictures, depth, scene and meta.json; whole, or not at all."""
 
 from __future__ import annotations
 
+import json
 import logging
+import platform
+import re
 import shutil
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from importlib import metadata
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +18,12 @@ import numpy as np
 
 from dlama import __version__
 from dlama.completion.completion import Completion, StereoCompletion
+from dlama.errors import InputError
+from dlama.files import clouds, depth, meshes, pictures, scenes
 from dlama.files.atomic_write import PathLike, new_directory
+from dlama.files.cameras import camera_as_json
+from dlama.files.false_color import HOLE_PALETTE, ORIGIN_PALETTE
+from dlama.files.preview import write_preview
 from dlama.geometry.view import HoleType, Origin, View
 from dlama.models.verify import sha256_of
 
@@ -21,39 +31,79 @@ LOG = logging.getLogger("dlama")
 
 Job = Callable[[], Any]
 
+RESULTS: dict[str, tuple[str, ...]] = {
+    "image": ("image.png",),
+    "depth": ("depth.png", "depth.exr"),
+    "hole": ("hole.png", "hole_type.png"),
+    "origin": ("origin.png",),
+    "confidence": ("confidence.png",),
+    "disparity": ("disparity_left.pfm", "disparity_right.pfm"),
+    "points": ("scene.ply", "background.ply", "completed.ply"),
+    "mesh": ("scene.glb",),
+    "scene": ("scene.npz",),
+    "preview": ("preview.png",),
+}
+"""What `write` can be asked for by name -> its files, where the completion has them; meta.json is always written."""
+
 
 def write(
     completion: Completion,
     directory: PathLike,
     *,
+    only: Sequence[str] | None = None,
     inputs: Mapping[str, PathLike] | None = None,
     intrinsics_from: str = "given in Python",
     seconds: Mapping[str, float] | None = None,
 ) -> Path:
-    """Write everything about a completion to a directory (made if need be) and return it.
+    """Write a completion to a directory (made if need be) and return it. If anything fails nothing is left behind.
 
     One view: its pictures lie at the top. A stereo pair: the left view at the top, the right one in `right/`. Several views:
-    `view-01/`, `view-02/`, ... . `inputs` (role -> file) are hashed into meta.json,
-    which also takes the `seconds` of stages before the completion, such as reading. If anything fails nothing is left behind.
-    Raises OutputError, FileError.
-    """
-    from dlama.files.sheets import write_sheet
+    `view-01/`, `view-02/`, ..., and the last one at the top.
 
+    Args:
+        completion: What `view`, `remove`, `stereo` or `complete` gave.
+        directory: Files of the same names in it are replaced, all others stay.
+        only: Names of RESULTS, such as ("image", "depth"); None: all. meta.json is always written.
+        inputs: Role -> file; path and SHA-256 of each go into meta.json.
+        intrinsics_from: In words, where the source camera's intrinsics come from.
+        seconds: Stages before the completion, such as reading, for meta.json.
+
+    Raises:
+        InputError: a name in `only` that is not known.
+        OutputError: the directory cannot be written.
+        FileError: an input cannot be read.
+    """
+    names = checked_results(only)
     target, started = Path(directory), time.perf_counter()
     meta = {**described(completion, intrinsics_from), "inputs": hashed(inputs or {})}
     with new_directory(target) as folder:
         jobs = scene_jobs(folder, completion)  # the longest first, so that both threads end together
         for place, view in places(completion).items():
-            (folder / place).mkdir(exist_ok=True)
             jobs |= view_jobs(folder / place, view, place)
-        jobs["preview.png"] = lambda: write_sheet(folder / "preview.png", completion)
+        jobs["preview.png"] = lambda: write_preview(folder / "preview.png", completion)
+        wanted = {file for name in names for file in RESULTS[name]}
+        jobs = {file: job for file, job in jobs.items() if file.rpartition("/")[2] in wanted}
+        for file in jobs:
+            (folder / file).parent.mkdir(exist_ok=True)
         results = run(jobs)
-        clipped = {place: results[f"{place}depth.png"] for place in places(completion)}
-        meta["depth_png_clipped_pixels"] = clipped if len(clipped) > 1 else clipped[""]
+        if "depth" in names:
+            clipped = {place: results[f"{place}depth.png"] for place in places(completion)}
+            meta["depth_png_clipped_pixels"] = clipped if len(clipped) > 1 else clipped[""]
         took = {**(seconds or {}), **meta["seconds"], "write": time.perf_counter() - started}
         meta["seconds"] = {stage: round(value, 4) for stage, value in took.items()}
         (folder / "meta.json").write_text(as_json(meta), encoding="utf-8")
     return target
+
+
+def checked_results(only: Sequence[str] | None) -> tuple[str, ...]:
+    """The names of what is to be written: all of RESULTS for None. Raises InputError: an unknown name, or none at all."""
+    names = tuple(RESULTS) if only is None else (only,) if isinstance(only, str) else tuple(only)
+    for name in names:
+        if name not in RESULTS:
+            raise InputError(f"only is {name!r}; names of {', '.join(RESULTS)} are wanted")
+    if not names:
+        raise InputError(f"only is empty; names of {', '.join(RESULTS)} are wanted")
+    return names
 
 
 def places(completion: Completion) -> dict[str, View]:
@@ -73,9 +123,6 @@ def main_view(completion: Completion) -> View:
 
 def view_jobs(folder: Path, view: View, place: str) -> dict[str, Job]:
     """The pictures of one view."""
-    from dlama.files import depth, pictures
-    from dlama.files.preview import HOLE_PALETTE, ORIGIN_PALETTE
-
     jobs: dict[str, Job] = {
         "image.png": lambda: pictures.write_color(folder / "image.png", view.color),
         "depth.png": lambda: depth.write_depth_png(folder / "depth.png", view.depth),
@@ -90,7 +137,6 @@ def view_jobs(folder: Path, view: View, place: str) -> dict[str, Job]:
 
 def scene_jobs(folder: Path, completion: Completion) -> dict[str, Job]:
     """The scene as arrays, points (without removed objects, and with them) and triangles, and a pair's disparities."""
-    from dlama.files import clouds, depth, meshes, scenes
 
     def points() -> None:
         clouds.write_ply(folder / "scene.ply", completion.background)
@@ -116,7 +162,6 @@ def scene_jobs(folder: Path, completion: Completion) -> dict[str, Job]:
 
 def run(jobs: Mapping[str, Job]) -> dict[str, Any]:
     """What each job returns, two at a time (encoders let go of the interpreter); the first error is raised."""
-    from concurrent.futures import ThreadPoolExecutor
 
     def one(item: tuple[str, Job]) -> tuple[str, Any]:
         LOG.info("write %s", item[0])
@@ -128,8 +173,6 @@ def run(jobs: Mapping[str, Job]) -> dict[str, Any]:
 
 def described(completion: Completion, intrinsics_from: str) -> dict[str, Any]:
     """The head of meta.json: where the views stand, what their codes mean, which versions made them."""
-    from dlama.files.cameras import camera_as_json
-
     return {
         "dlama": __version__,
         "source_camera": {**camera_as_json(completion.source.camera), "intrinsics_from": intrinsics_from},
@@ -142,8 +185,6 @@ def described(completion: Completion, intrinsics_from: str) -> dict[str, Any]:
 
 def legends() -> dict[str, dict[str, Any]]:
     """What the codes of the code pictures mean and how they are coloured."""
-    from dlama.files.preview import HOLE_PALETTE, ORIGIN_PALETTE
-
     return {
         "hole_type.png": {str(int(code)): [code.name.lower(), list(HOLE_PALETTE[code])] for code in HoleType},
         "origin.png": {str(int(code)): [code.name.lower(), list(ORIGIN_PALETTE[code])] for code in Origin},
@@ -155,9 +196,6 @@ def legends() -> dict[str, dict[str, Any]]:
 
 def versions() -> dict[str, str]:
     """Versions of what computes the result; a package that is not installed is left out."""
-    import platform
-    from importlib import metadata
-
     found = {"dlama": __version__, "python": platform.python_version()}
     for name in ("numpy", "numba", "opencv-python-headless", "opencv-python", "pillow", "OpenEXR"):
         try:
@@ -168,15 +206,12 @@ def versions() -> dict[str, str]:
 
 
 def hashed(inputs: Mapping[str, PathLike]) -> dict[str, dict[str, str]]:
-    """Role -> path and SHA-256 of each input file."""
+    """Role -> path and SHA-256 of each input file. Raises FileError."""
     return {role: {"path": str(path), "sha256": sha256_of(Path(path))} for role, path in inputs.items()}
 
 
 def as_json(meta: Mapping[str, Any]) -> str:
     """Indented JSON with rows of numbers on one line each."""
-    import json
-    import re
-
     text = json.dumps(json_ready(dict(meta)), indent=2, allow_nan=False)
     rows = re.compile(r"\[\n\s+([^\[\]{}]*?)\n\s+\]")
     return rows.sub(lambda row: "[" + re.sub(r"\s*\n\s*", " ", row[1]) + "]", text) + "\n"

@@ -37,8 +37,18 @@ def read_rgbd(
 ) -> RGBD:
     """Colour and metric depth of one camera.
 
-    The camera is chosen as in `camera_for`, the depth's units as in `read_depth`. `resize_depth="nearest"` brings depth
-    of another size to the picture's. Raises FileError, DepthError, CameraError, ShapeError.
+    Args:
+        image: PNG, JPEG or TIFF; comes back as uint8 H x W x 3 RGB.
+        depth: 16-bit PNG or TIFF, EXR, PFM, NPY or NPZ; comes back as float32 H x W metres, 0 = missing, +inf = far.
+        camera: A Camera, or its file; else fx, fy, cx, cy, fov and pixel_center as in `camera_for`, or the picture's EXIF.
+        depth_scale, depth_range, channel, far: As in `read_depth`.
+        resize_depth: "nearest" brings depth of another size to the picture's.
+
+    Raises:
+        FileError: a file is missing, damaged or of another kind.
+        DepthError: depth that cannot be metres.
+        CameraError: no camera, two cameras, or one that cannot be.
+        ShapeError: picture, depth and camera are of different sizes.
     """
     color = read_color(image)
     hw = color.shape[:2]
@@ -55,9 +65,9 @@ def _resized(
     """Nearest pixel; depths are never mixed, a mean of two surfaces lies on neither."""
     sizes = f"{depth} is {metres.shape[1]}x{metres.shape[0]} and {image} {hw[1]}x{hw[0]}"
     if how is None:
-        raise ShapeError(f"{sizes}; both must have the same size, or give --resize-depth nearest")
+        raise ShapeError(f"{sizes}; both must have the same size, or give resize_depth=nearest")
     if how != "nearest":
-        raise ShapeError(f"--resize-depth is {how!r}; 'nearest' is wanted")
+        raise ShapeError(f"resize_depth is {how!r}; 'nearest' is wanted")
     proportions = metres.shape[1] / metres.shape[0] * hw[0] / hw[1]
     if abs(proportions - 1) > SAME_PROPORTIONS:
         raise ShapeError(

@@ -1,0 +1,144 @@
+"""Captioned pictures in; one contact sheet with title and legend out."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from PIL import Image, ImageDraw, ImageFont
+
+from dlama.errors import ShapeError
+from dlama.files.atomic_write import PathLike
+from dlama.files.false_color import RGB
+from dlama.files.pictures import save_picture
+from dlama.geometry.rgbd import UInt8Array
+
+Panel = tuple[str, UInt8Array]
+"""Caption, and uint8 H x W x 3."""
+
+PAPER: RGB = (24, 26, 29)
+INK: RGB = (236, 238, 240)
+QUIET_INK: RGB = (168, 174, 181)
+PANEL_WIDTH = 420
+GAP = 20
+CAPTION_GAP = 4
+TITLE_SIZE, CAPTION_SIZE, LEGEND_SIZE = 26, 16, 15
+LINE = 1.35
+"""Line height over font size."""
+
+
+def write_contact_sheet(
+    path: PathLike, title: str, panels: Sequence[Panel], legend: Sequence[tuple[str, RGB]] = ()
+) -> None:
+    """Write a contact sheet: a title, captioned panels (uint8 H x W x 3, any sizes) in balanced rows, and a legend.
+
+    Texts in Latin letters: the font that ships with Pillow has no Greek.
+    Raises ShapeError (no panel, or one that is no picture), OutputError.
+    """
+    if not panels:
+        raise ShapeError(f"{path}: a contact sheet of no panels; at least one is wanted")
+    pictures = [scaled(caption, array) for caption, array in panels]
+    captions = [wrapped(caption, PANEL_WIDTH, font(CAPTION_SIZE)) for caption, _ in panels]
+    columns = columns_for(len(panels))
+    rows = [range(first, min(first + columns, len(panels))) for first in range(0, len(panels), columns)]
+    cell = max(max(picture.width for picture in pictures), PANEL_WIDTH // 2 if columns > 1 else PANEL_WIDTH)
+    width = columns * cell + (columns + 1) * GAP
+    heading = wrapped(title, width - 2 * GAP, font(TITLE_SIZE))
+    entries = legend_rows(legend, width - 2 * GAP)
+    row_heights = [
+        max(line_height(CAPTION_SIZE) * len(captions[i]) for i in row)
+        + CAPTION_GAP
+        + max(pictures[i].height for i in row)
+        for row in rows
+    ]
+    top = GAP + line_height(TITLE_SIZE) * len(heading) + GAP // 2
+    foot = len(entries) * line_height(LEGEND_SIZE) + (GAP if entries else 0)
+    sheet = Image.new("RGB", (width, top + sum(row_heights) + GAP * len(rows) + foot), PAPER)
+    draw = ImageDraw.Draw(sheet)
+    draw_lines(draw, (GAP, GAP), heading, TITLE_SIZE, INK)
+    for row, height in zip(rows, row_heights):
+        text_height = max(line_height(CAPTION_SIZE) * len(captions[i]) for i in row)
+        for column, i in enumerate(row):
+            left = GAP + column * (cell + GAP)
+            draw_lines(draw, (left, top), captions[i], CAPTION_SIZE, QUIET_INK)
+            sheet.paste(pictures[i], (left, top + text_height + CAPTION_GAP))
+        top += height + GAP
+    draw_legend(draw, entries, top)
+    save_picture(path, sheet)
+
+
+def columns_for(count: int) -> int:
+    """Columns of a sheet: at most 4, rows as equal as can be (4 -> 2+2, 5 -> 3+2, 7 -> 4+3, 9 -> 3+3+3)."""
+    rows = max(math.ceil(count / 4), round(math.sqrt(0.6 * count)))
+    return math.ceil(count / rows)
+
+
+def scaled(caption: str, array: UInt8Array) -> Image.Image:
+    """A panel that fits PANEL_WIDTH x 1.5 PANEL_WIDTH: large ones averaged down, tiny ones in whole-number blocks."""
+    if array.dtype != np.uint8 or array.ndim != 3 or array.shape[2] != 3 or 0 in array.shape:
+        raise ShapeError(f"panel '{caption}' is {array.dtype} {array.shape}; uint8 H x W x 3 is wanted")
+    picture = Image.fromarray(np.ascontiguousarray(array))
+    factor = min(PANEL_WIDTH / picture.width, 1.5 * PANEL_WIDTH / picture.height)
+    if factor >= 2:
+        factor = math.floor(factor)
+    elif factor >= 1:
+        return picture
+    size = (max(1, round(picture.width * factor)), max(1, round(picture.height * factor)))
+    return picture.resize(size, Image.Resampling.NEAREST if factor > 1 else Image.Resampling.LANCZOS)
+
+
+def font(size: int) -> ImageFont.FreeTypeFont | ImageFont.ImageFont:
+    """Pillow's own scalable font: the same on every machine."""
+    return ImageFont.load_default(size=size)
+
+
+def line_height(size: int) -> int:
+    """Pixels from one line to the next."""
+    return round(size * LINE)
+
+
+def wrapped(text: str, width: float, face: ImageFont.FreeTypeFont | ImageFont.ImageFont) -> list[str]:
+    """The words of a text in lines that fit a width; a word that is too long alone is cut with three dots."""
+    lines: list[str] = []
+    for word in text.split():
+        longer = f"{lines[-1]} {word}" if lines else word
+        if lines and face.getlength(longer) <= width:
+            lines[-1] = longer
+            continue
+        whole = word
+        while word and face.getlength(word if word == whole else word + "...") > width:
+            word = word[:-1]
+        lines.append(word if word == whole else word + "...")
+    return lines or [""]
+
+
+def legend_rows(legend: Sequence[tuple[str, RGB]], width: int) -> list[list[tuple[str, RGB, int]]]:
+    """Legend entries with their x, broken into rows that fit a width."""
+    face = font(LEGEND_SIZE)
+    rows: list[list[tuple[str, RGB, int]]] = []
+    x = width + 1
+    for name, color in legend:
+        needed = round(LEGEND_SIZE * 1.5 + face.getlength(name))
+        if x + needed > width:
+            rows.append([])
+            x = 0
+        rows[-1].append((name, color, GAP + x))
+        x += needed + round(1.5 * LEGEND_SIZE)
+    return rows
+
+
+def draw_lines(draw: ImageDraw.ImageDraw, at: tuple[int, int], lines: Sequence[str], size: int, ink: RGB) -> None:
+    """Lines of text, the first one's top left at `at`."""
+    for number, line in enumerate(lines):
+        draw.text((at[0], at[1] + number * line_height(size)), line, fill=ink, font=font(size))
+
+
+def draw_legend(draw: ImageDraw.ImageDraw, rows: Sequence[Sequence[tuple[str, RGB, int]]], top: int) -> None:
+    """A swatch and a name for each entry."""
+    side = LEGEND_SIZE
+    for row in rows:
+        for name, color, x in row:
+            draw.rectangle((x, top + 2, x + side - 1, top + 1 + side), fill=color, outline=QUIET_INK)
+            draw.text((x + round(side * 1.5), top), name, fill=INK, font=font(LEGEND_SIZE))
+        top += line_height(LEGEND_SIZE)

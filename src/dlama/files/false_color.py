@@ -1,0 +1,107 @@
+"""Depth, hole types and origins in; pictures that show them in colour, and their legends, out."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
+from dlama.geometry.view import HoleType, Origin
+
+RGB = tuple[int, int, int]
+
+HOLE_PALETTE: tuple[RGB, ...] = (
+    (0, 0, 0),
+    (245, 245, 245),
+    (213, 94, 0),
+    (240, 228, 66),
+    (0, 114, 178),
+    (204, 121, 167),
+    (0, 158, 115),
+)
+"""RGB by HoleType code: none, crack, disoccluded, flying, out of view, sensor, object (Okabe and Ito's colours, which
+the colour-blind tell apart)."""
+ORIGIN_PALETTE: tuple[RGB, ...] = ((0, 0, 0), (235, 235, 235), (86, 180, 233), (204, 121, 167), (213, 94, 0))
+"""RGB by Origin code: unknown, measured, reprojected, depth filled, filled."""
+
+SKY: RGB = (222, 231, 240)
+HATCH: tuple[RGB, RGB] = ((46, 48, 52), (64, 67, 72))
+HATCH_PERIOD = 12
+"""Pixels across one dark and one light stripe."""
+
+
+def depth_picture(
+    depth: Float32Array, hole: BoolArray | None = None, lo: float | None = None, hi: float | None = None
+) -> UInt8Array:
+    """Depth (H x W metres) as uint8 H x W x 3: near red, far blue, in equal steps of 1 / depth; sky pale, holes hatched.
+
+    `lo` and `hi` are the depths in metres shown as the nearest and the farthest colour; by default the 2nd and 98th
+    percentile of this picture, so give them where pictures are compared. `hole` adds to where depth is missing.
+    """
+    depth = np.nan_to_num(np.asarray(depth, np.float32), nan=0, posinf=np.inf)
+    known = depth > 0 if hole is None else (depth > 0) & ~hole
+    valid = known & (depth < np.inf)
+    inverse = np.divide(1, depth, out=np.zeros_like(depth), where=valid)
+    near, far = (1 / lo if lo else None), (1 / hi if hi else None)
+    if valid.any():
+        low, high = np.percentile(inverse[valid], (2, 98))
+        near, far = float(high) if near is None else near, float(low) if far is None else far
+    span = max((near or 1.0) - (far or 0.0), 1e-9)
+    levels = np.rint(np.clip((inverse - (far or 0.0)) / span, 0, 1) * 255).astype(np.uint8)
+    picture = np.array(cv2.applyColorMap(levels, cv2.COLORMAP_TURBO)[..., ::-1], np.uint8)
+    picture[known & ~valid] = SKY
+    picture[~known] = hatch(depth.shape)[~known]
+    return picture
+
+
+def depth_limits(*depths: Float32Array) -> tuple[float, float]:
+    """(lo, hi) for `depth_picture` that suit several depth maps at once; (1, 10) where none is valid."""
+    valid = np.concatenate([depth[(depth > 0) & (depth < np.inf)].ravel() for depth in depths])
+    if not valid.size:
+        return 1.0, 10.0
+    lo, hi = np.percentile(valid, (2, 98))
+    return float(lo), float(max(hi, lo * 1.001))
+
+
+def hole_picture(color: UInt8Array, hole_type: UInt8Array) -> UInt8Array:
+    """uint8 H x W x 3: the colour where it was known, the hole types (H x W codes) in HOLE_PALETTE."""
+    palette = np.array(HOLE_PALETTE, np.uint8)
+    return np.where((hole_type > 0)[..., None], palette[hole_type], color)
+
+
+def origin_picture(origin: UInt8Array) -> UInt8Array:
+    """uint8 H x W x 3: Origin codes (H x W) in ORIGIN_PALETTE."""
+    return np.array(ORIGIN_PALETTE, np.uint8)[origin]
+
+
+def hatched(color: UInt8Array, hole: BoolArray) -> UInt8Array:
+    """uint8 H x W x 3: the colour where it is known, holes (H x W, True) hatched."""
+    return np.where(hole[..., None], hatch(hole.shape), color)
+
+
+def hatch(hw: tuple[int, ...]) -> UInt8Array:
+    """uint8 H x W x 3: quiet diagonal stripes, which no camera takes for a surface."""
+    rows, columns = np.ogrid[: hw[0], : hw[1]]
+    stripe = (rows + columns) % HATCH_PERIOD < HATCH_PERIOD // 2
+    return np.where(stripe[..., None], np.array(HATCH[0], np.uint8), np.array(HATCH[1], np.uint8))
+
+
+def hole_legend(hole_type: UInt8Array) -> list[tuple[str, RGB]]:
+    """(name with its share of the picture, colour) of the hole types that occur, for a sheet's legend."""
+    counts = np.bincount(hole_type.ravel(), minlength=len(HOLE_PALETTE))
+    total = max(hole_type.size, 1)
+    return [
+        (f"{code.name.lower().replace('_', ' ')} {percent(counts[code] / total)}", HOLE_PALETTE[code])
+        for code in HoleType
+        if code and counts[code]
+    ]
+
+
+def origin_legend() -> list[tuple[str, RGB]]:
+    """(name, colour) of every origin."""
+    return [(code.name.lower().replace("_", " "), ORIGIN_PALETTE[code]) for code in Origin]
+
+
+def percent(share: float) -> str:
+    """0.1234 -> "12.3 %"; what is there but tiny is not called 0."""
+    return f"{100 * share:.1f} %" if share >= 0.0005 or share == 0 else "<0.1 %"
