@@ -60,19 +60,19 @@ def main() -> None:
     parser.add_argument(
         "--cases", type=Path, help="a data set with and without things, and with stereo pairs, or a pack of it"
     )
-    told = parser.parse_args()
+    chosen = parser.parse_args()
     cv2.setNumThreads(1)
-    print(f"{'kind':<22}{'planes':<10}{'in runs':>10}{'shuffled':>10}   samples/s per core, {told.size} px")
+    print(f"{'kind':<22}{'planes':<10}{'in runs':>10}{'shuffled':>10}   samples/s per core, {chosen.size} px")
     for kind, (planes, needs) in KINDS.items():
-        folder = getattr(told, needs, None) if needs else None
+        folder = getattr(chosen, needs, None) if needs else None
         if needs and folder is None:
             print(f"{kind:<22}{planes:<10}   needs --{needs}")
             continue
-        data = DataSettings(size=told.size, mixture={kind.split(",")[0]: 1.0}, cases=1.0)
+        data = DataSettings(size=chosen.size, mixture={kind.split(",")[0]: 1.0}, cases=1.0)
         settings = TrainSettings("benchmark", network=NetworkSettings(planes), data=data)  # type: ignore[arg-type]
         source = source_for(settings, [folder] if folder else [], "train")
-        ordered = per_second(source, range(JUMP, JUMP + told.count))
-        shuffled = per_second(source, range(5000 * JUMP, (5000 + told.count) * JUMP, JUMP))
+        ordered = per_second(source, range(JUMP, JUMP + chosen.count))
+        shuffled = per_second(source, range(5000 * JUMP, (5000 + chosen.count) * JUMP, JUMP))
         print(f"{kind:<22}{planes:<10}{ordered:>10.1f}{shuffled:>10.1f}")
 
 

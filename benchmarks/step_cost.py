@@ -3,10 +3,10 @@
     python benchmarks/step_cost.py [--presets small-rgbd small-stereo big-rgbd] [--trunk WEIGHTS]
 
 FLOP are by the formulas of torch.utils.flop_counter: convolutions and matrix products, forward and backward, a multiply-add
-as two. They miss the Fourier transforms (added from `training.budget`), norms, activations and losses (about 1 %). Bytes are
+as two. They miss the Fourier transforms (added from `training.flops`), norms, activations and losses (about 1 %). Bytes are
 what all operations read and write one after another, as PyTorch runs them uncompiled under bf16 autocast: what the memory
 has to carry at least.
-`closed form` is `training.estimate.step_flop`, which `dlama train presets` reckons with.
+`closed form` is `training.flops.step_flop`, which `dlama train presets` reckons with.
 """
 
 from __future__ import annotations
@@ -25,15 +25,19 @@ from torch.utils._pytree import tree_leaves
 from torch.utils.flop_counter import flop_registry
 
 from dlama.training.data.batches import Batch, keys_of
-from dlama.training.estimate import fourier_flop, step_flop
+from dlama.training.flops import fourier_flop, step_flop
 from dlama.training.loop.module import TrainingModule
-from dlama.training.losses import discriminator_terms, judged_terms, perceptual_term, pixel_terms
+from dlama.training.losses.terms import GENERATOR_TERMS, LossInputs, discriminator_terms, generator_terms
 from dlama.training.presets import PRESETS
 from dlama.training.settings import TrainSettings
 
-PARTS = ("generator", "perceptual", "judged", "discriminator", "penalty")
+PARTS = ("generator", "perceptual", "adversarial", "discriminator", "penalty")
 """The generator forward and back with the pixel terms; the trunk at truth and output, and back to the output; the discriminator
 at truth and output, and back to the output; its own step without R1; what R1 adds to that, over the steps it is skipped in."""
+
+
+OF_NETWORKS = ("perceptual", "adversarial", "feature_matching")
+"""Terms of the generator that need another network."""
 
 
 class Cost(TorchDispatchMode):
@@ -77,25 +81,29 @@ def step_cost(settings: TrainSettings, count: int = 1) -> dict[str, tuple[float,
     """Part -> FLOP (without transforms) and bytes of one sample of one step, as `TrainingModule.training_step` runs it."""
     module, batch, found = TrainingModule(settings), made_up(settings, count), dict[str, tuple[float, float]]()
     module.train()
-    loss, network, judge = settings.loss, settings.network, module.discriminator
-    assert judge is not None and module.perceptual is not None
+    loss, discriminator = settings.loss, module.discriminator
+    assert discriminator is not None and module.perceptual is not None
 
     def back(terms: dict[str, Tensor]) -> None:
         torch.stack([term.float() for term in terms.values()]).sum().backward()
 
+    def only(output: Tensor, *names: str) -> dict[str, Tensor]:
+        weights = replace(loss, **{name: 0.0 for name in GENERATOR_TERMS if name not in names})
+        return generator_terms(LossInputs(output, batch, settings.network, weights, module.perceptual, discriminator))
+
     with counted(found, "generator"):
         output = module(batch["input"])
-        back(pixel_terms(output, batch, loss, network))
+        back(only(output, *(name for name in GENERATOR_TERMS if name not in OF_NETWORKS)))
     leaf = output.detach().requires_grad_()
     with counted(found, "perceptual"):
-        back(perceptual_term(leaf, batch, loss, network, module.perceptual))
-    judge.requires_grad_(False)
-    with counted(found, "judged"):
-        back(judged_terms(judge, leaf, batch, loss))
-    judge.requires_grad_(True)
+        back(only(leaf, "perceptual"))
+    discriminator.requires_grad_(False)
+    with counted(found, "adversarial"):
+        back(only(leaf, "adversarial", "feature_matching"))
+    discriminator.requires_grad_(True)
     for part, strength in (("discriminator", 0.0), ("penalty", loss.gradient_penalty)):
         with counted(found, part):
-            back(discriminator_terms(judge, leaf, batch, loss, strength))
+            back(discriminator_terms(discriminator, leaf, batch, loss, strength))
     extra = [(one - other) / loss.penalty_every for one, other in zip(found["penalty"], found["discriminator"])]
     found["penalty"] = extra[0], extra[1]
     return {part: (flop / count, moved / count) for part, (flop, moved) in found.items()}
@@ -113,16 +121,16 @@ def main() -> None:
         "--presets", nargs="+", choices=list(PRESETS), default=["small-rgbd", "small-stereo", "big-rgbd"]
     )
     parser.add_argument("--trunk", type=Path, help="weights of the perceptual trunk (default: the random one)")
-    told = parser.parse_args()
+    chosen = parser.parse_args()
     print("GFLOP per sample and training step; GB that it moves")
     line("", [*PARTS, "transforms", "all", "closed form", "GB moved"])
-    for name in told.presets:
+    for name in chosen.presets:
         settings = PRESETS[name].settings
-        if told.trunk:
-            settings = replace(settings, loss=replace(settings.loss, trunk="auto", trunk_weights=str(told.trunk)))
+        if chosen.trunk:
+            settings = replace(settings, loss=replace(settings.loss, trunk="auto", trunk_weights=str(chosen.trunk)))
         found, fourier = step_cost(settings), fourier_flop(settings)
         total = sum(flop for flop, _ in found.values()) + fourier
-        formula = f"{step_flop(settings) / 1e9:.1f}" if told.trunk is None else "-"
+        formula = f"{step_flop(settings) / 1e9:.1f}" if chosen.trunk is None else "-"
         cells = [f"{found[part][0] / 1e9:.1f}" for part in PARTS] + [
             f"{fourier / 1e9:.2f}",
             f"{total / 1e9:.1f}",

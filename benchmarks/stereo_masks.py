@@ -1,4 +1,4 @@
-"""Networks for pairs that take one mask and that take two in -> how good they are where the other picture helps, out.
+"""Networks for pairs that case one mask and that case two in -> how good they are where the other picture helps, out.
 
     python benchmarks/stereo_masks.py --one RUN_A/*.onnx --two RUN_B/*.onnx --data pack.dlama [--count 96]
 
@@ -33,8 +33,8 @@ import torch
 from dlama.inpainters.networks.engine import Engine
 from dlama.inpainters.networks.pair import fill_pair
 from dlama.training.data.loader import HELD_OUT
+from dlama.training.data.samples.worlds import WorldPairs, frame_without, removable_object
 from dlama.training.data.sources import source_for
-from dlama.training.data.world_samples import StereoSamples, removable, seen_through
 from dlama.training.loop.validation import TELEA_RADIUS, ssim_map
 from dlama.training.settings import DataSettings, NetworkSettings, TrainSettings
 
@@ -47,7 +47,7 @@ DRAWS = 2000
 
 
 @dataclass(frozen=True, eq=False)
-class Question:
+class ViewExample:
     """A held-out pair, left and right, in its own light."""
 
     target: np.ndarray
@@ -60,18 +60,18 @@ class Question:
     """Name -> 2 x H x W bool, parts of the holes."""
 
 
-def question(source: StereoSamples, number: int, seed: int) -> Question:
+def example(source: WorldPairs, number: int, seed: int) -> ViewExample:
     """Held-out pair `number`: that of a training of this seed, neither mirrored nor relit."""
     sample = source.pair(number, np.random.default_rng([seed, HELD_OUT, number]))
     holes = sample["mask"] > 0
-    gallery = source.galleries.rig(number)
-    ends = gallery.pairs[number % len(gallery.pairs)]
-    thing = removable(gallery, ends[0], np.random.default_rng([seed, HELD_OUT, number]))
-    frames = [gallery.frame(end) for end in ends]
-    truth = frames if thing is None else [seen_through(gallery, e, thing, h) for e, h in zip(ends, holes)]
+    views = source.worlds.stereo_views(number)
+    ends = views.pairs[number % len(views.pairs)]
+    thing = removable_object(views, ends[0], np.random.default_rng([seed, HELD_OUT, number]))
+    frames = [views.frame(end) for end in ends]
+    truth = frames if thing is None else [frame_without(views, e, thing, h) for e, h in zip(ends, holes)]
     for planes, frame in zip(np.split(sample["target"], 2), truth):  # the same thing was drawn
         assert np.array_equal(np.rint(planes * 255), frame.color.transpose(2, 0, 1))
-    cameras = [gallery.cameras[end] for end in ends]
+    cameras = [views.cameras[end] for end in ends]
     baseline = float(np.linalg.norm(cameras[1].world_from_cam[:3, 3] - cameras[0].world_from_cam[:3, 3]))
     regions = {name: np.zeros_like(holes) for name in REGIONS}
     other = np.empty_like(sample["target"])
@@ -81,7 +81,7 @@ def question(source: StereoSamples, number: int, seed: int) -> Question:
         for name, part in split(holes[view], holes[1 - view], at, shown).items():
             regions[name][view] = part
         other[3 * view : 3 * view + 3] = frames[1 - view].color[at].transpose(2, 0, 1) / np.float32(255)
-    return Question(sample["target"], holes, other, regions)
+    return ViewExample(sample["target"], holes, other, regions)
 
 
 def places(shift: np.ndarray) -> tuple[tuple[np.ndarray, np.ndarray], np.ndarray]:
@@ -114,7 +114,7 @@ def split(
     }
 
 
-def telea(ask: Question) -> np.ndarray:
+def telea(ask: ViewExample) -> np.ndarray:
     """6 x H x W: each picture alone by OpenCV's Telea."""
     made = []
     for planes, hole in zip(np.split(ask.target, 2), ask.holes):
@@ -123,7 +123,7 @@ def telea(ask: Question) -> np.ndarray:
     return np.concatenate(made).astype(np.float32) / np.float32(255)
 
 
-def scores(filled: np.ndarray, ask: Question) -> np.ndarray:
+def scores(filled: np.ndarray, ask: ViewExample) -> np.ndarray:
     """len(REGIONS) x 3: colour L1, PSNR (dB) and SSIM; NaN where there are too few pixels."""
     own = np.repeat(ask.holes, 3, 0)
     mine = np.where(own, np.clip(filled, 0, 1), ask.target).astype(np.float32)
@@ -137,12 +137,12 @@ def scores(filled: np.ndarray, ask: Question) -> np.ndarray:
     return found
 
 
-def filled_by(network: Engine, ask: Question) -> np.ndarray:
+def filled_by(network: Engine, ask: ViewExample) -> np.ndarray:
     """6 x H x W: both pictures as the filler `pair` paints them; what is hidden is not handed over."""
     return fill_pair(network, np.where(np.repeat(ask.holes, 3, 0), 0, ask.target), ask.holes)
 
 
-def filled_half_blind(network: Engine, ask: Question) -> np.ndarray:
+def filled_half_blind(network: Engine, ask: ViewExample) -> np.ndarray:
     """The same by a network of two masks, but while it paints one picture the other is hidden in the union of the holes, as it
     is from a network of one mask: what is then missing is what the other picture's mask of its own gave."""
     made, union = [], ask.holes[0] | ask.holes[1]
@@ -154,7 +154,7 @@ def filled_half_blind(network: Engine, ask: Question) -> np.ndarray:
 
 
 def measured(
-    fill: Callable[[Engine, Question], np.ndarray], group: Sequence[Engine], asked: Sequence[Question]
+    fill: Callable[[Engine, ViewExample], np.ndarray], group: Sequence[Engine], asked: Sequence[ViewExample]
 ) -> np.ndarray:
     """Networks x pairs x regions x 3."""
     return np.array([[scores(fill(network, ask), ask) for ask in asked] for network in group])
@@ -167,7 +167,7 @@ def interval(differences: np.ndarray) -> tuple[float, float]:
     return float(low), float(high)
 
 
-def print_table(columns: dict[str, np.ndarray], asked: Sequence[Question]) -> None:
+def print_table(columns: dict[str, np.ndarray], asked: Sequence[ViewExample]) -> None:
     """One row for each measure and region; columns: head -> networks x pairs x regions x 3."""
     pixels = {name: sum(int(ask.regions[name].sum()) for ask in asked) for name in REGIONS}
     heads = "".join(f"{head:>9}" for head in columns)
@@ -210,29 +210,29 @@ def main() -> None:
     parser.add_argument("--count", type=int, default=96)
     parser.add_argument("--size", type=int, default=128)
     parser.add_argument("--seed", type=int, default=0)
-    told = parser.parse_args()
-    engines = [[Engine(path) for path in paths] for paths in (told.one, told.two)]
+    chosen = parser.parse_args()
+    engines = [[Engine(path) for path in paths] for paths in (chosen.one, chosen.two)]
     for masks, group in enumerate(engines, 1):
         for network in group:
             if network.contract.masks != masks or len(network.contract.out_planes) != 6:
                 parser.error(
-                    f"{network.path}: takes {list(network.contract.in_planes)}; a pair and {masks} mask(s) wanted"
+                    f"{network.path}: cases {list(network.contract.in_planes)}; a pair and {masks} mask(s) wanted"
                 )
-    data = DataSettings(size=told.size, mixture={"stereo": 1.0})
+    data = DataSettings(size=chosen.size, mixture={"stereo": 1.0})
     source = source_for(
-        TrainSettings("masks", network=NetworkSettings("stereo-two-masks"), data=data), told.data, "held_out"
+        TrainSettings("masks", network=NetworkSettings("stereo-two-masks"), data=data), chosen.data, "held_out"
     )
-    assert isinstance(source, StereoSamples)
-    asked = [question(source, number, told.seed) for number in range(told.count)]
+    assert isinstance(source, WorldPairs)
+    asked = [example(source, number, chosen.seed) for number in range(chosen.count)]
     one, two = (measured(filled_by, group, asked) for group in engines)
     blind = measured(filled_half_blind, engines[1], asked)
     alone, other = (np.array([[scores(make(ask), ask) for ask in asked]]) for make in (telea, lambda ask: ask.other))
     print(
-        f"{told.count} held-out pairs of {told.size} px; {len(told.one)} networks of one mask, {len(told.two)} of two"
+        f"{chosen.count} held-out pairs of {chosen.size} px; {len(chosen.one)} networks of one mask, {len(chosen.two)} of two"
     )
     print_table({"Telea": alone, "one": one, "two": two, "blind": blind, "other": other}, asked)
-    if len(told.one) + len(told.two) > 2:
-        print_runs(one, two, [*told.one, *told.two])
+    if len(chosen.one) + len(chosen.two) > 2:
+        print_runs(one, two, [*chosen.one, *chosen.two])
 
 
 if __name__ == "__main__":

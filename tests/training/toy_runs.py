@@ -1,4 +1,4 @@
-"""Runs that take a second or two: settings, a source of four samples, and a source that spoils one batch."""
+"""Runs that case a second or two: settings, a source of four samples, and a source that spoils one batch."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from dlama.training.data.toy_scenes import Sketches
+from dlama.training.data.samples.toy_scenes import ToyScenes
 from dlama.training.settings import (
     DataSettings,
     LoopSettings,
@@ -38,7 +38,7 @@ class Four:
     """The same four sketches again and again; whatever is held out, it is these."""
 
     def __init__(self, network: NetworkSettings, size: int) -> None:
-        sketches = Sketches(network, size, "train")
+        sketches = ToyScenes(network, size, "train")
         self.made = [sketches.sample(i, np.random.default_rng(i)) for i in range(4)]
 
     def __len__(self) -> int:
@@ -49,8 +49,8 @@ class Four:
         return self.made[index]
 
 
-class Spoiled(Sketches):
-    """Sketches whose target is NaN in some calls."""
+class Spoiled(ToyScenes):
+    """ToyScenes whose target is NaN in some calls."""
 
     def __init__(self, settings: TrainSettings, calls: set[int]) -> None:
         super().__init__(settings.network, settings.data.size, "train")

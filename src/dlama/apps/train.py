@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 import importlib.util
 import sys
 from contextlib import AbstractContextManager, nullcontext
@@ -17,7 +16,7 @@ from dlama.apps.terminal import log_messages, reported
 from dlama.errors import InputError, MissingExtraError
 
 if TYPE_CHECKING:
-    from dlama.training.loop.train import Trained
+    from dlama.training.loop.train import TrainingResult
     from dlama.training.settings import TrainSettings
 
 LIST = "presets"
@@ -105,13 +104,14 @@ def pack(
         size: Height and width of the packed pictures in pixels.
         seed: Which pictures are taken where not all fit.
     """
-    packing = importlib.import_module("dlama.training.data.pack")  # needs what it packs with only now
+    from dlama.training.data import pack as packing  # heavy: loads the sample makers
+
     with reported("pack", report) as result:
         lines = packing.pack(data, output, megabytes=megabytes, size=size, seed=seed)
         result.add("\n".join(lines), output=str(output), bytes=output.stat().st_size, contents=lines)
 
 
-def summary(done: Trained) -> tuple[str, dict[str, Any]]:
+def summary(done: TrainingResult) -> tuple[str, dict[str, Any]]:
     """What a run came to, as one line, and the same JSON-ready."""
     network = None if done.network is None else str(done.network)
     line = f"{done.run}: step {done.step}, {done.ended}; {network or 'no network yet, --resume goes on'}"
@@ -120,7 +120,7 @@ def summary(done: Trained) -> tuple[str, dict[str, Any]]:
 
 def chosen_settings(name: str, start: Path | None, trunk: Path | None, **loop: Any) -> TrainSettings:
     """A file's or a preset's settings with what the command line says put in; InputError."""
-    from dlama.training.settings_files import settings_of
+    from dlama.training.presets import settings_of
 
     found = settings_of(name)
     if start is not None:
@@ -133,14 +133,14 @@ def chosen_settings(name: str, start: Path | None, trunk: Path | None, **loop: A
 
 def preset_lines() -> list[str]:
     """What each preset is for, and what it costs."""
-    from dlama.training.flops import budget
+    from dlama.training.flops import network_cost
     from dlama.training.presets import PRESETS
 
     lines = []
     for name, preset in PRESETS.items():
         s = preset.settings
-        lines += [f"{name}: {preset.what}"]
-        lines += [f"    {budget(s, 512)}"]
+        lines += [f"{name}: {preset.purpose}"]
+        lines += [f"    {network_cost(s, 512)}"]
         lines += [
             f"    {s.loop.steps} steps of {s.loop.batch} samples of {s.data.size} x {s.data.size} pixels, {s.loop.precision}",
             f"    samples/s: {preset.samples_per_second}",

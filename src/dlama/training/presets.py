@@ -1,10 +1,20 @@
-"""A preset's name in -> settings, and what to expect of them, out. `training.budget` counts parameters and FLOP."""
+"""A preset's name or a settings file in -> settings out, and settings in -> JSON out; needs no torch.
+
+Reading is strict: an unknown name or a value of another type is refused; a setting that a file leaves out keeps its default.
+`flops` counts the parameters and FLOP of presets.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+import json
+import types
+import typing
+from dataclasses import asdict, dataclass, is_dataclass, replace
+from pathlib import Path
+from typing import Any, Literal
 
-from dlama.training.estimate import estimate
+from dlama.errors import FileError, InputError
+from dlama.training.flops import estimate
 from dlama.training.settings import (
     DataSettings,
     LoopSettings,
@@ -12,15 +22,16 @@ from dlama.training.settings import (
     NetworkSettings,
     OptimiserSettings,
     TrainSettings,
+    one_of,
 )
 
 
 @dataclass(frozen=True)
 class Preset:
-    """A run somebody has thought about."""
+    """Named settings."""
 
-    what: str
-    """What it is for."""
+    purpose: str
+    """One line for people."""
     settings: TrainSettings
     samples_per_second: str
     """Training speed, where and how it was measured; or an estimate, which says so and how it was reckoned."""
@@ -33,19 +44,19 @@ FINISH = OptimiserSettings(warm_up=200, decay="cosine")
 
 def _tiny() -> TrainSettings:
     network = NetworkSettings("rgbd", width=8, blocks=1, downsamplings=2, discriminator_width=8, discriminator_layers=2)
-    rhythm = LoopSettings(log_every=5, validate_every=20, sheet_every=20, checkpoint_every=20, guard_every=10)
+    intervals = LoopSettings(log_every=5, validate_every=20, sheet_every=20, checkpoint_every=20, guard_every=10)
     return TrainSettings(
         "tiny",
         network=network,
         loss=LossSettings(trunk="random", trunk_width=8),
         optimiser=OptimiserSettings(average=0.9),
         data=DataSettings(size=64, mixture={"sketch": 1.0}, held_out=4, workers=0),
-        loop=replace(rhythm, steps=40, batch=4, accelerator="cpu"),
+        loop=replace(intervals, steps=40, batch=4, accelerator="cpu"),
     )
 
 
 def _mini(planes: str, kind: str) -> TrainSettings:
-    rhythm = LoopSettings(log_every=10, validate_every=100, sheet_every=200, checkpoint_every=200)
+    intervals = LoopSettings(log_every=10, validate_every=100, sheet_every=200, checkpoint_every=200)
     network = NetworkSettings(
         planes,  # type: ignore[arg-type]
         width=16,
@@ -59,7 +70,7 @@ def _mini(planes: str, kind: str) -> TrainSettings:
         loss=LossSettings(trunk_width=16, penalty_every=4),
         optimiser=OptimiserSettings(warm_up=50, decay="cosine", average=0.99),
         data=DataSettings(size=256, mixture={kind: 1.0}, held_out=16),
-        loop=replace(rhythm, steps=1000, batch=8, accelerator="cpu"),
+        loop=replace(intervals, steps=1000, batch=8, accelerator="cpu"),
     )
 
 
@@ -84,9 +95,9 @@ def _big() -> TrainSettings:
     )
 
 
-def _on_a_gpu(what: str, settings: TrainSettings) -> Preset:
-    """Nobody has timed it there."""
-    return Preset(what, settings, str(estimate(settings)))
+def _on_a_gpu(purpose: str, settings: TrainSettings) -> Preset:
+    """With an estimated speed: these were not timed on a GPU."""
+    return Preset(purpose, settings, str(estimate(settings)))
 
 
 PRESETS: dict[str, Preset] = {
@@ -97,4 +108,68 @@ PRESETS: dict[str, Preset] = {
     "small-stereo": _on_a_gpu("both pictures of a pair, on one GPU", _small("stereo", "stereo")),
     "big-rgbd": _on_a_gpu("colour and depth in big-lama's shape; start from its weights", _big()),
 }
-"""In the order of their size."""
+"""By name, in the order of their size."""
+
+
+def to_json(settings: TrainSettings) -> str:
+    """The text of a settings file, every setting written out."""
+    return json.dumps(asdict(settings), indent=2) + "\n"
+
+
+def from_json(text: str, file: str = "settings") -> TrainSettings:
+    """Settings of such a text; `file` is its name in messages. FileError naming the first wrong field."""
+    try:
+        value = json.loads(text)
+    except ValueError as error:
+        raise FileError(f"{file}: no JSON ({error})") from error
+    try:
+        return typing.cast(TrainSettings, _dataclass_of(TrainSettings, value, ""))
+    except InputError as error:
+        raise FileError(f"{file}: {error}") from error
+
+
+def settings_of(name_or_file: str | Path) -> TrainSettings:
+    """A preset by its name, or the settings of a JSON file.
+
+    Raises InputError, which lists the presets, where it is neither; FileError as `from_json`.
+    """
+    if str(name_or_file) in PRESETS:
+        return PRESETS[str(name_or_file)].settings
+    path = Path(name_or_file)
+    if not path.is_file():
+        raise InputError(f"{name_or_file}: neither a settings file nor one of the presets {', '.join(PRESETS)}")
+    try:
+        return from_json(path.read_text("utf-8"), str(path))
+    except (OSError, UnicodeDecodeError) as error:
+        raise FileError(f"{path}: cannot be read ({error})") from error
+
+
+def _dataclass_of(kind: type, value: Any, at: str) -> Any:
+    """An instance of a settings class from a JSON object; at: the path of the object, with a dot, for messages."""
+    if not isinstance(value, dict):
+        raise InputError(f"{at.rstrip('.') or 'the file'} is {value!r}; a table is wanted")
+    hints = typing.get_type_hints(kind)
+    unknown = [name for name in value if name not in hints]
+    if unknown:
+        raise InputError(f"{at}{unknown[0]} is no setting; the known ones are {', '.join(hints)}")
+    return kind(**{name: _value(hints[name], item, f"{at}{name}") for name, item in value.items()})
+
+
+def _value(kind: Any, value: Any, at: str) -> Any:
+    """A JSON value as the type `kind`; InputError naming the setting `at`."""
+    if is_dataclass(kind):
+        return _dataclass_of(typing.cast(type, kind), value, f"{at}.")
+    origin, inside = typing.get_origin(kind), typing.get_args(kind)
+    if origin in (typing.Union, types.UnionType):
+        return None if value is None else _value(inside[0], value, at)
+    if origin is Literal:
+        one_of(at, value, inside)
+        return value
+    if origin is not None:  # the one table: kind of sample -> share
+        table = value if isinstance(value, dict) else {at: None}
+        return {str(name): _value(float, share, f"{at}.{name}") for name, share in table.items()}
+    if kind is float and type(value) is int:
+        return float(value)
+    if type(value) is not kind:
+        raise InputError(f"{at} is {value!r}; {kind.__name__} is wanted")
+    return value

@@ -1,4 +1,4 @@
-"""Numbers in -> everything a training run is told, checked, out; needs no torch.
+"""Numbers in -> the settings of a training run, checked, out; needs no torch.
 
 Defaults are those of Suvorov et al. 2022 where the paper has them (equations 5 to 9). Contradictions raise InputError.
 """
@@ -11,20 +11,15 @@ from typing import Any, Literal
 
 from dlama.errors import InputError
 from dlama.nets.architecture import DiscriminatorSettings, GeneratorSettings
+from dlama.training.kinds import PLANES, SAMPLES, Planes, PlanesKind
 
-Planes = Literal["rgb", "rgbd", "stereo", "stereo-two-masks"]
-
-CHANNELS: dict[str, tuple[int, int]] = {"rgb": (4, 3), "rgbd": (5, 4), "stereo": (7, 6), "stereo-two-masks": (8, 6)}
-"""Planes in (masks counted) and out."""
 TRUNKS = ("auto", "resnet50-dilated", "vgg16", "alexnet", "random")
-SAMPLE_KINDS = ("sketch", "photo", "warped-photo", "world", "frame", "removal", "stereo")
-PAIR_KINDS = {"sketch", "stereo"}
-"""Those that give a pair of pictures."""
+"""Names of the perceptual term's frozen network."""
 
 
 @dataclass(frozen=True)
 class NetworkSettings:
-    """The generator and the discriminator that judges it."""
+    """Planes and sizes of the generator and the discriminator."""
 
     planes: Planes = "rgbd"
     """rgb: 4 -> 3; rgbd: 5 -> 4 (colour, depth, mask last); stereo: 7 -> 6 (left, right, one mask, the union of both);
@@ -48,34 +43,39 @@ class NetworkSettings:
     """Batch norms keep their statistics (fine-tuning with small batches), only their scales and shifts learn."""
 
     def __post_init__(self) -> None:
-        one_of("network.planes", self.planes, CHANNELS)
-        _ = self.generator, self.discriminator  # which refuse numbers that no network has
+        one_of("network.planes", self.planes, PLANES)
+        _ = self.generator, self.discriminator  # raises ShapeError on impossible sizes
+
+    @property
+    def kind(self) -> PlanesKind:
+        """The entry of `planes` in the table of kinds."""
+        return PLANES[self.planes]
 
     @property
     def generator(self) -> GeneratorSettings:
-        """As `dlama.nets` wants them."""
-        planes_in, planes_out = CHANNELS[self.planes]
+        """The architecture as `dlama.nets` takes it."""
+        planes_in, planes_out = self.kind.inputs, self.kind.outputs
         return GeneratorSettings(planes_in, planes_out, self.width, self.downsamplings, self.blocks, self.global_ratio)
 
     @property
     def discriminator(self) -> DiscriminatorSettings:
-        """As `dlama.nets` wants them; it judges all planes of the output together."""
-        return DiscriminatorSettings(CHANNELS[self.planes][1], self.discriminator_width, self.discriminator_layers)
+        """The architecture as `dlama.nets` takes it; its input are all planes of the output together."""
+        return DiscriminatorSettings(self.kind.outputs, self.discriminator_width, self.discriminator_layers)
 
     @property
     def views(self) -> int:
         """Pictures per sample: 2 for a stereo pair."""
-        return 2 if self.planes.startswith("stereo") else 1
+        return self.kind.views
 
     @property
     def masks(self) -> int:
         """Mask planes at the end of the input."""
-        return 2 if self.planes == "stereo-two-masks" else 1
+        return self.kind.masks
 
     @property
     def has_depth(self) -> bool:
         """Whether the last plane of the output is inverse depth."""
-        return self.planes == "rgbd"
+        return self.kind.has_depth
 
 
 @dataclass(frozen=True)
@@ -106,8 +106,8 @@ class LossSettings:
     depth_law: float = 30.0
     """By how much filled depth is nearer than the visibility law allows."""
     trunk: str = "auto"
-    """Of the perceptual term: resnet50-dilated, vgg16, alexnet, random (frozen, of our own, no file); auto: what the file's
-    names say, random without a file."""
+    """Network of the perceptual term: resnet50-dilated, vgg16, alexnet, random (frozen random weights, no file); auto: found
+    by the names of the tensors in `trunk_weights`, random without a file."""
     trunk_weights: str | None = None
     """Its weight file: .safetensors or .pth."""
     trunk_width: int = 32
@@ -126,8 +126,8 @@ class LossSettings:
             raise InputError(f"loss.trunk is {self.trunk!r}; loss.trunk_weights must name its weight file")
 
     @property
-    def judged(self) -> bool:
-        """Whether a discriminator takes part."""
+    def uses_discriminator(self) -> bool:
+        """Whether any term needs a discriminator."""
         return self.adversarial > 0 or self.feature_matching > 0
 
 
@@ -140,9 +140,9 @@ class OptimiserSettings:
     discriminator_rate: float = 1e-4
     """Learning rate of the discriminator."""
     beta1: float = 0.9
-    """Memory of the mean gradient."""
+    """Decay of the running mean of gradients."""
     beta2: float = 0.999
-    """Memory of the mean squared gradient."""
+    """Decay of the running mean of squared gradients."""
     warm_up: int = 0
     """Steps over which both rates rise from 0."""
     decay: Literal["none", "cosine"] = "none"
@@ -150,7 +150,7 @@ class OptimiserSettings:
     clip: float = 100.0
     """Gradients of a larger norm are shortened to it; 0: never."""
     average: float = 0.999
-    """Memory of the moving average of the generator's weights, which is what is exported; shorter in the first steps."""
+    """Decay of the moving average of the generator's weights, which is exported; smaller in the first steps."""
 
     def __post_init__(self) -> None:
         one_of("optimiser.decay", self.decay, ("none", "cosine"))
@@ -165,17 +165,17 @@ class OptimiserSettings:
 
 @dataclass(frozen=True)
 class DataSettings:
-    """Which samples are drawn; where their files lie is said on the command line (--data)."""
+    """Which samples are drawn; the folders of their files are no setting but an argument of `train`."""
 
     size: int = 256
     """Height and width of a sample in pixels."""
     mixture: Mapping[str, float] = field(default_factory=lambda: {"world": 1.0})
     """Kind of sample -> its share: sketch, photo, warped-photo, world, frame, removal, stereo."""
     cases: float = 0.5
-    """Of the samples of kinds removal and stereo: the share that is made of the frames with and without a thing, and of the
-    stereo pairs, that --data has; the rest, and all where it has none, are of worlds. (Kind frame is of --data alone.)"""
+    """Share of the samples of kinds removal and stereo that is made of the dataset's cases (frames with and without an object,
+    stereo pairs); the rest, and all where the data has no such cases, are made of worlds."""
     held_out: int = 16
-    """Fixed samples, of worlds or files that are never trained on, which the learning curve is measured on."""
+    """Number of fixed validation samples, of worlds or files that are never trained on."""
     workers: int | None = None
     """Processes that make samples; None: one per core less one, 0: none beside the training itself."""
 
@@ -184,7 +184,7 @@ class DataSettings:
         if self.workers is not None:
             _at_least("data", self, 0, "workers")
         for kind, share in self.mixture.items():
-            one_of("data.mixture", kind, SAMPLE_KINDS)
+            one_of("data.mixture", kind, SAMPLES)
             if not 0 < share < float("inf"):
                 raise InputError(f"data.mixture gives {kind!r} the share {share}; more than 0 is wanted")
         if not 0 < self.cases <= 1:
@@ -195,12 +195,12 @@ class DataSettings:
 
 @dataclass(frozen=True)
 class LoopSettings:
-    """How long, how wide, and what is written when."""
+    """Length, batch size, devices, and how often what is written."""
 
     steps: int = 100_000
-    """Batches until the end."""
+    """Number of optimiser steps."""
     batch: int = 16
-    """Samples of a batch, on each device."""
+    """Samples of a batch on each device."""
     precision: Literal["bf16", "fp32"] = "fp32"
     """bf16: matrix products in bfloat16; FFT, losses and weights stay float32."""
     devices: int = 1
@@ -215,19 +215,19 @@ class LoopSettings:
     """The generator through torch.compile."""
     exact: bool = False
     """On a GPU: deterministic algorithms where torch has them, no TF32 and no search for the fastest convolution, so that
-    resuming is as exact as on a CPU (where it always is). Slower."""
+    a resumed run has the same numbers, as it always has on a CPU. Slower."""
     seed: int = 0
-    """Of the first weights and of every sample."""
+    """Of the initial weights and of every sample."""
     log_every: int = 10
     """Steps between two rows of metrics.csv."""
     validate_every: int = 500
-    """Steps between two looks at the held-out samples."""
+    """Steps between two validations on the held-out samples."""
     sheet_every: int = 1000
     """Steps between two sample sheets."""
     checkpoint_every: int = 1000
     """Steps between two checkpoints."""
     guard_every: int = 50
-    """Steps between two states in memory that the run goes back to when a number is no number any more."""
+    """Steps between two copies in memory that the run returns to after a gradient that is not finite."""
 
     def __post_init__(self) -> None:
         one_of("loop.precision", self.precision, ("bf16", "fp32"))
@@ -258,11 +258,9 @@ class TrainSettings:
             raise InputError(f"data.size is {self.data.size}; {wanted} is wanted by {net.downsamplings} halvings")
         if not self.name or not all(letter.isalnum() or letter in "-_." for letter in self.name):
             raise InputError(f"name is {self.name!r}; letters, digits, '-', '_' and '.' are wanted")
-        strangers = set(self.data.mixture) - (PAIR_KINDS if self.network.views == 2 else set(SAMPLE_KINDS) - {"stereo"})
-        if strangers:
-            raise InputError(
-                f"data.mixture has {sorted(strangers)}, which planes {self.network.planes!r} do not learn from"
-            )
+        unfit = [kind for kind in sorted(self.data.mixture) if self.network.views not in SAMPLES[kind].views]
+        if unfit:
+            raise InputError(f"data.mixture has {unfit}, which planes {self.network.planes!r} do not learn from")
 
 
 def one_of(name: str, value: Any, known: Any) -> None:
@@ -271,8 +269,9 @@ def one_of(name: str, value: Any, known: Any) -> None:
         raise InputError(f"{name} is {value!r}; one of {', '.join(map(str, known))} is wanted")
 
 
-def _at_least(room: str, settings: Any, least: int, *names: str) -> None:
+def _at_least(group: str, settings: Any, least: int, *names: str) -> None:
+    """InputError unless all these settings of a group are `least` or more."""
     for name in names:
         value = getattr(settings, name)
         if not value >= least:
-            raise InputError(f"{room}.{name} is {value}; {least} or more is wanted")
+            raise InputError(f"{group}.{name} is {value}; {least} or more is wanted")

@@ -1,18 +1,20 @@
-"""A clean RGB-D frame in -> one with a sensor's faults, out; a sample in -> the same sample mirrored or in other light, out.
+"""A clean RGB-D frame in -> one with sensor faults out; a sample in -> the sample mirrored, or with other light, out.
 
-Faults go into the source frame before it is rendered, so that holes and edges come out as they would at run time. Strengths are
-drawn for each frame from ranges that real sensors span; a third of the frames stays clean.
+Faults are put into the source frame before it is rendered, so that holes and edges are those of run time. Strengths are drawn for
+each frame from the ranges of real sensors; a third of the frames stays clean.
 """
 
 from __future__ import annotations
 
 import dataclasses
 
+import cv2
 import numpy as np
 
 from dlama.geometry.rgbd import RGBD, Float32Array
 
 CLEAN = 1 / 3
+"""Share of frames without faults."""
 NOISE = (0.0005, 0.01)
 """Standard deviation of inverse depth, relative, smooth over NOISE_GRAIN pixels: stereo and Kinect at 0.5 to 5 m."""
 NOISE_GRAIN = 3
@@ -23,6 +25,7 @@ FLYING = (0.1, 0.9)
 EDGE = 0.1
 """Relative step in inverse depth that is an edge."""
 MOST_SENSOR_HOLES = 6
+"""Ellipses without depth in a frame."""
 HOLE_SIDE = (0.01, 0.1)
 """Of a sensor hole, as a share of the picture's width."""
 GAIN, GAMMA, TINT, CONTRAST = 0.25, 0.3, 0.06, 0.15
@@ -30,7 +33,8 @@ GAIN, GAMMA, TINT, CONTRAST = 0.25, 0.3, 0.06, 0.15
 
 
 def with_faults(rgbd: RGBD, rng: np.random.Generator, sensor_holes: bool = False) -> RGBD:
-    """Depth noise, quantisation, flying pixels and, on request, sensor holes (depth 0), each with chance 1/2."""
+    """The frame with flying pixels, noise and quantisation of depth, each with probability 1/2; with `sensor_holes` also some
+    missing depth (0)."""
     if rng.random() < CLEAN:
         return rgbd if not sensor_holes else dataclasses.replace(rgbd, depth=with_holes(rgbd.depth, rng))
     depth = rgbd.depth
@@ -43,9 +47,7 @@ def with_faults(rgbd: RGBD, rng: np.random.Generator, sensor_holes: bool = False
 
 
 def noisy(depth: Float32Array, rng: np.random.Generator) -> Float32Array:
-    """Smooth noise relative to inverse depth; far and missing stay."""
-    import cv2
-
+    """Depth (H x W m) with smooth noise, relative to inverse depth; far and missing stay."""
     strength = float(np.exp(rng.uniform(*np.log(NOISE))))
     white = rng.standard_normal(depth.shape, np.float32)
     smooth = cv2.GaussianBlur(white, (0, 0), NOISE_GRAIN / 2)
@@ -54,7 +56,7 @@ def noisy(depth: Float32Array, rng: np.random.Generator) -> Float32Array:
 
 
 def quantised(depth: Float32Array, rng: np.random.Generator) -> Float32Array:
-    """Inverse depth in equal steps, as a disparity sensor sees it; what is less than half a step becomes far."""
+    """Depth (H x W m) whose inverse has equal steps, like a disparity sensor's; what is below half a step becomes far."""
     near = depth[(depth > 0) & (depth < np.inf)]
     if not near.size:
         return depth
@@ -68,9 +70,7 @@ def quantised(depth: Float32Array, rng: np.random.Generator) -> Float32Array:
 
 
 def flying(depth: Float32Array, rng: np.random.Generator) -> Float32Array:
-    """Some pixels beside an edge get a depth between both sides."""
-    import cv2
-
+    """Depth (H x W m) with flying pixels: some pixels beside an edge have a depth between both sides."""
     finite = np.where(np.isfinite(depth), depth, 0).astype(np.float32)
     valid = finite > 0
     kernel = np.ones((3, 3), np.uint8)
@@ -82,9 +82,7 @@ def flying(depth: Float32Array, rng: np.random.Generator) -> Float32Array:
 
 
 def with_holes(depth: Float32Array, rng: np.random.Generator) -> Float32Array:
-    """A few ellipses, and the far side of some edges, without depth."""
-    import cv2
-
+    """Depth (H x W m) that is missing (0) in 1 to MOST_SENSOR_HOLES random ellipses."""
     missing = np.zeros(depth.shape, np.uint8)
     width = depth.shape[1]
     for _ in range(int(rng.integers(1, MOST_SENSOR_HOLES + 1))):
@@ -95,17 +93,18 @@ def with_holes(depth: Float32Array, rng: np.random.Generator) -> Float32Array:
 
 
 def mirrored(sample: dict[str, np.ndarray], rng: np.random.Generator, views: int) -> dict[str, np.ndarray]:
-    """Left and right exchanged half the time; of a pair the two views change places as well, or it would be none."""
+    """The sample, mirrored with probability 1/2; the two views of a mirrored pair change places, or left would be right."""
     if rng.random() < 0.5:
         return sample
     flipped = {key: planes[..., ::-1] for key, planes in sample.items()}
     if views == 2:
-        flipped = {key: _exchanged(planes) for key, planes in flipped.items()}
+        flipped = {key: _views_exchanged(planes) for key, planes in flipped.items()}
     return {key: np.ascontiguousarray(planes) for key, planes in flipped.items()}
 
 
 def relit(sample: dict[str, np.ndarray], rng: np.random.Generator, colors: int) -> dict[str, np.ndarray]:
-    """Brightness, contrast, gamma and tint of the colour planes, the same for input and target; the hole stays 0."""
+    """The sample with another brightness, contrast, gamma and tint of its `colors` colour planes, in input and target alike; the
+    hole stays 0."""
     gain = (1 + rng.uniform(-GAIN, GAIN)) * (1 + rng.uniform(-TINT, TINT, 3))
     power, contrast = 2.0 ** rng.uniform(-GAMMA, GAMMA), 1 + rng.uniform(-CONTRAST, CONTRAST)
     levels = np.linspace(0, 1, 256)[None] ** power * gain[:, None]
@@ -122,7 +121,7 @@ def relit(sample: dict[str, np.ndarray], rng: np.random.Generator, colors: int) 
     return made
 
 
-def _exchanged(planes: np.ndarray) -> np.ndarray:
-    """Left and right of 6 colour planes, and of the one or two mask planes behind them."""
+def _views_exchanged(planes: np.ndarray) -> np.ndarray:
+    """Left and right exchanged: of the 6 colour planes and of the one or two mask planes behind them."""
     color, masks = (planes[:6], planes[6:]) if len(planes) >= 6 else (planes[:0], planes)
     return np.concatenate([color[3:], color[:3], masks[::-1]])

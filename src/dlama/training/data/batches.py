@@ -1,7 +1,8 @@
-"""The batch: what a source of samples makes and what the losses read, said once; samples in, checked, out.
+"""What a sample and a batch are, which sources make and losses read; samples in -> checked, out.
 
-Values of pictures and of depth are 0..1. Depth is inverse depth on the scale the filler `joint` uses: inverse depth over
-that of the view's nearest known pixel, 0 = infinity; so the network never sees metres.
+Values of pictures and of depth are 0..1. Depth is inverse depth on the scale of the filler `joint`: over
+a scale of the view (`view_tensors.robust_scale`: 0.75 is what 99 % of the known pixels do not exceed), 0 = infinity and 1 at
+most; so networks are given no metres.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ import torch
 from torch import Tensor
 
 from dlama.errors import ShapeError
-from dlama.training.settings import CHANNELS, NetworkSettings
+from dlama.training.settings import NetworkSettings
 
 Sample = Mapping[str, np.ndarray]
 """One sample: the keys of Batch without the leading B, float32."""
@@ -36,14 +37,14 @@ class Batch(TypedDict, total=False):
 
 
 def keys_of(network: NetworkSettings) -> dict[str, int]:
-    """Key -> planes of a sample that such a network learns from."""
-    planes_in, planes_out = CHANNELS[network.planes]
-    wanted = {"input": planes_in, "target": planes_out, "mask": network.masks}
+    """Key of Batch -> number of planes, for samples of such a network."""
+    wanted = {"input": network.kind.inputs, "target": network.kind.outputs, "mask": network.masks}
     return wanted | ({"known_depth": 1, "limit": 1} if network.has_depth else {})
 
 
 def check_sample(sample: Sample, network: NetworkSettings, size: int) -> None:
-    """ShapeError naming the first key that is missing, of another shape, out of range, or that leaks what is hidden."""
+    """ShapeError naming the first key that is missing, is no float32 array of `size` x `size` pixels, is out of range, or shows
+    pixels of the hole."""
     for key, planes in keys_of(network).items():
         if key not in sample:
             raise ShapeError(f"sample: no {key!r}; it has {', '.join(sample)}")
@@ -72,7 +73,7 @@ def any_hole(mask: Tensor) -> Tensor:
 
 
 def composited(output: Tensor, batch: Batch) -> Tensor:
-    """The network's output in the hole, the truth where it was known: what a filler shows."""
+    """The output (B x P x H x W) in the hole, the truth elsewhere."""
     hole = hole_planes(batch["mask"], output.shape[1])
     return torch.lerp(batch["target"], output, hole)
 

@@ -1,4 +1,4 @@
-"""A data set in -> what its cases give training, by kind of sample, and which of it is held out, out."""
+"""A dataset in -> its cases as training uses them, by kind of sample, and the split into trained and held-out ones, out."""
 
 from __future__ import annotations
 
@@ -10,59 +10,61 @@ from typing import Any
 from dlama.datasets.frames import Case, Dataset, StereoTruth
 from dlama.errors import InputError
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
-from dlama.training.data.photos import held_out_of
+from dlama.training.data.photos import held_out_names
 
-KINDS = {"vpi": "frame", "ori": "removal", "sii": "stereo"}
-"""Protocol of a case -> the kind of sample that is made of it."""
-WORDS = {"frame": "pairs of posed frames", "removal": "removals", "stereo": "stereo pairs"}
-"""The takes of a kind, for people."""
-ARROW = "_to_"
+KIND_OF_PROTOCOL = {"vpi": "frame", "ori": "removal", "sii": "stereo"}
+"""Protocol of a dataset case -> kind of training case."""
+KIND_NAMES = {"frame": "pairs of posed frames", "removal": "removals", "stereo": "stereo pairs"}
+"""Kinds of training cases in messages."""
+FRAME_SEPARATOR = "_to_"
 """Between the names of two frames in the name of a case."""
 
 
 @dataclass(frozen=True, eq=False)
-class Take:
-    """What a data set has for one sample: question and answer, not yet read."""
+class TrainingCase:
+    """A dataset case that samples are made of; its files are read by `load`."""
 
     kind: str
     """frame, removal or stereo."""
     scene: str
-    """With the data set's name before it."""
+    """dataset/scene."""
     name: str
+    """Of the frame, or of both frames with FRAME_SEPARATOR between them."""
     frames: frozenset[str]
-    """The names of its frames, as far as they are known, so that no frame is trained on and held out."""
+    """Names of the frames it shows, so that no frame is both trained on and held out."""
     load: Callable[[], Any]
     """Reads a ViewTruth (frame), a RemovalTruth (removal) or a StereoPair (stereo); picklable."""
 
 
 @dataclass(frozen=True, eq=False)
 class StereoPair:
-    """A rectified pair, as far as networks for pairs learn from it: they see no metres, so there is no rig."""
+    """A rectified pair without its rig: networks for pairs are given no metres."""
 
     left: UInt8Array
-    """H x W x 3."""
+    """H x W x 3 RGB."""
     right: UInt8Array
+    """H x W x 3 RGB."""
     disparity: Float32Array
     """H x W px in the left picture, 0 = unknown: right column = left column - disparity."""
     masks: tuple[BoolArray, BoolArray] | None = None
-    """H x W, left and right, True = the thing that is gone from `without`; None where nothing is."""
+    """H x W, left and right, True = the object that is missing from `without`; None where there is no such object."""
     without: tuple[UInt8Array, UInt8Array] | None = None
-    """Both pictures without it."""
+    """Both pictures without the object, H x W x 3 RGB."""
 
 
-def takes_of(dataset: Dataset) -> tuple[Take, ...]:
-    """All that a data set has for training, in its order."""
-    return tuple(_take(case) for case in dataset.cases)
+def training_cases(dataset: Dataset) -> tuple[TrainingCase, ...]:
+    """All cases of a dataset, in its order."""
+    return tuple(_training_case(case) for case in dataset.cases)
 
 
-def _take(case: Case) -> Take:
+def _training_case(case: Case) -> TrainingCase:
     load = functools.partial(read_stereo, case.load) if case.protocol == "sii" else case.load  # type: ignore[arg-type]
-    names = frozenset(case.frame.split(ARROW))
-    return Take(KINDS[case.protocol], f"{case.dataset}/{case.scene}", case.frame, names, load)
+    frames = frozenset(case.frame.split(FRAME_SEPARATOR))
+    return TrainingCase(KIND_OF_PROTOCOL[case.protocol], f"{case.dataset}/{case.scene}", case.frame, frames, load)
 
 
 def read_stereo(load: Callable[[], StereoTruth]) -> StereoPair:
-    """A case of protocol `sii`; raises what reading its files does."""
+    """The pair of a case of protocol `sii`; raises what `load` raises."""
     truth = load()
     masks = without = None
     if truth.mask_left is not None and truth.mask_right is not None and truth.without_left and truth.without_right:
@@ -71,45 +73,47 @@ def read_stereo(load: Callable[[], StereoTruth]) -> StereoPair:
     return StereoPair(truth.left, truth.right, truth.disparity_left, masks, without)
 
 
-def split_takes(takes: Sequence[Take], split: str) -> tuple[Take, ...]:
-    """The takes of one split (`train`, `held_out`): by scene where there are several; else no frame is on both sides.
+def split_cases(cases: Sequence[TrainingCase], split: str) -> tuple[TrainingCase, ...]:
+    """The cases of one split (`train` or `held_out`).
 
-    InputError where a kind would have nothing to train on, or nothing held out.
+    Where there are several scenes, whole scenes are held out; of one scene, cases are, and no case that shares a frame with a
+    held-out one is trained on. InputError where a kind would have no case in one of the splits.
     """
-    several = len({take.scene for take in takes}) > 1
-    held = _held_scenes(takes) if several else _held_frames(takes)
-    chosen = tuple(take for take in takes if take in held)
+    several = len({case.scene for case in cases}) > 1
+    held = _held_scenes(cases) if several else _held_frames(cases)
+    chosen = tuple(case for case in cases if case in held)
     if split == "held_out":
         return chosen
-    taken = frozenset[str]() if several else frozenset().union(*(take.frames for take in chosen))
-    rest = tuple(take for take in takes if take not in held and not take.frames & taken)
-    for kind, own in _by_kind(takes).items():
-        if not any(take.kind == kind for take in rest):
+    held_frames = frozenset[str]() if several else frozenset().union(*(case.frames for case in chosen))
+    rest = tuple(case for case in cases if case not in held and not case.frames & held_frames)
+    for kind, own in _by_kind(cases).items():
+        if not any(case.kind == kind for case in rest):
             raise InputError(
-                f"all {len(own)} {WORDS[kind]} of {own[0].scene} share frames or scenes with the held-out ones; "
+                f"all {len(own)} {KIND_NAMES[kind]} of {own[0].scene} share frames or scenes with the held-out ones; "
                 "more scenes are wanted"
             )
     return rest
 
 
-def _held_scenes(takes: Sequence[Take]) -> set[Take]:
-    """Scenes are held out of all kinds at once, and each kind has one at least."""
+def _held_scenes(cases: Sequence[TrainingCase]) -> set[TrainingCase]:
+    """All cases of the held-out scenes; each kind has one such scene at least."""
     scenes: set[str] = set()
-    for kind, own in _by_kind(takes).items():
-        scenes |= held_out_of({take.scene for take in own}, f"scenes with {WORDS[kind]}")
-    return {take for take in takes if take.scene in scenes}
+    for kind, own in _by_kind(cases).items():
+        scenes |= held_out_names({case.scene for case in own}, f"scenes with {KIND_NAMES[kind]}")
+    return {case for case in cases if case.scene in scenes}
 
 
-def _held_frames(takes: Sequence[Take]) -> set[Take]:
-    found: set[Take] = set()
-    for kind, own in _by_kind(takes).items():
-        names = held_out_of({take.name for take in own}, WORDS[kind])
-        found |= {take for take in own if take.name in names}
+def _held_frames(cases: Sequence[TrainingCase]) -> set[TrainingCase]:
+    """Held-out cases of one scene, of each kind one at least."""
+    found: set[TrainingCase] = set()
+    for kind, own in _by_kind(cases).items():
+        names = held_out_names({case.name for case in own}, KIND_NAMES[kind])
+        found |= {case for case in own if case.name in names}
     return found
 
 
-def _by_kind(takes: Iterable[Take]) -> dict[str, list[Take]]:
-    found: dict[str, list[Take]] = {}
-    for take in takes:
-        found.setdefault(take.kind, []).append(take)
+def _by_kind(cases: Iterable[TrainingCase]) -> dict[str, list[TrainingCase]]:
+    found: dict[str, list[TrainingCase]] = {}
+    for case in cases:
+        found.setdefault(case.kind, []).append(case)
     return found

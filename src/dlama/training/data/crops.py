@@ -1,23 +1,24 @@
-"""A frame in -> a square part of it, brought to a sample's size, out: the same part of colour, depth, mask and disparity.
+"""A frame in -> a random square of it, resized to a sample's size, out: the same square of colour, depth, mask and disparity.
 
 Colour is averaged over areas; depth and disparity are the nearest pixel's, since a mean of two surfaces lies on neither; a mask
-has every pixel that it touches, so that nothing of what it hides is left outside.
+keeps every pixel that it touches, so that no part of the masked object is left outside.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
 
 SMALLEST_CROP = 0.7
-"""Of the smaller side: how much of a frame a sample shows at least."""
+"""Least side of a crop, as a share of the frame's smaller side."""
 
 
 @dataclass(frozen=True)
-class Window:
+class Crop:
     """`side` x `side` pixels of a frame, which become `size` x `size`."""
 
     top: int
@@ -26,20 +27,20 @@ class Window:
     size: int
 
     def rgbd(self, rgbd: RGBD) -> RGBD:
-        """The part of a frame, with the camera that sees it."""
+        """The crop of a frame, with the camera of the crop."""
         part, camera = self._part, rgbd.camera.cropped(self.left, self.top, self.side, self.side)
         return resized(RGBD(rgbd.color[part], rgbd.depth[part], camera), self.size / self.side)
 
     def color(self, color: UInt8Array) -> UInt8Array:
-        """Of H x W x 3."""
+        """H x W x 3 -> size x size x 3."""
         return resized_color(color[self._part], (self.size, self.size))
 
     def mask(self, mask: BoolArray) -> BoolArray:
-        """Of H x W."""
+        """H x W -> size x size."""
         return resized_mask(mask[self._part], (self.size, self.size))
 
     def disparity(self, disparity: Float32Array) -> Float32Array:
-        """Of H x W px, 0 = unknown; in pixels of the sample."""
+        """H x W px, 0 = unknown -> size x size, in pixels of the sample."""
         return resized_disparity(disparity[self._part], (self.size, self.size))
 
     @property
@@ -47,8 +48,9 @@ class Window:
         return np.s_[self.top : self.top + self.side, self.left : self.left + self.side]
 
 
-def drawn(hw: tuple[int, int], size: int, rng: np.random.Generator, around: BoolArray | None = None) -> Window:
-    """A random square of a frame of height and width `hw`; with `around` (H x W) one that shows one of its pixels."""
+def random_crop(hw: tuple[int, int], size: int, rng: np.random.Generator, around: BoolArray | None = None) -> Crop:
+    """A random square of a frame of height and width `hw`, to be resized to `size` px; with `around` (H x W) one that has a pixel
+    of `around` in it."""
     height, width = hw
     side = round(min(hw) * rng.uniform(SMALLEST_CROP, 1))
     lowest, highest = (0, 0), (height - side, width - side)
@@ -59,7 +61,7 @@ def drawn(hw: tuple[int, int], size: int, rng: np.random.Generator, around: Bool
         lowest = max(at[0] - side + 1, 0), max(at[1] - side + 1, 0)
         highest = min(at[0], highest[0]), min(at[1], highest[1])
     top, left = (int(rng.integers(low, high + 1)) for low, high in zip(lowest, highest))
-    return Window(top, left, side, size)
+    return Crop(top, left, side, size)
 
 
 def resized(rgbd: RGBD, factor: float) -> RGBD:
@@ -76,16 +78,12 @@ def scaled(hw: tuple[int, int], factor: float) -> tuple[int, int]:
 
 def resized_color(color: UInt8Array, hw: tuple[int, int]) -> UInt8Array:
     """H x W x 3 at another height and width: area means, or linear where it grows."""
-    import cv2
-
     how = cv2.INTER_AREA if hw[0] < color.shape[0] else cv2.INTER_LINEAR
     return np.asarray(cv2.resize(color, hw[::-1], interpolation=how), np.uint8)
 
 
 def resized_mask(mask: BoolArray, hw: tuple[int, int]) -> BoolArray:
     """H x W bool at another height and width, True wherever any of it was."""
-    import cv2
-
     if hw[0] >= mask.shape[0]:
         return mask[nearest((mask.shape[0], mask.shape[1]), hw)]
     return np.asarray(cv2.resize(mask.astype(np.float32), hw[::-1], interpolation=cv2.INTER_AREA) > 1e-6)

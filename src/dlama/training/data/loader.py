@@ -1,7 +1,7 @@
-"""A source and a position in -> the batches of a run from there on, the same ones however often it was stopped.
+"""A source and a sample number in -> the batches of a run from there on, the same ones however often it was stopped, out.
 
 Sample number n of a run is a function of the seed and n alone: its index comes from a shuffling of the source that is new
-in every epoch, its random numbers from a generator seeded with (seed, n). The position is how many were used.
+in every epoch, its random numbers from a generator seeded with (seed, n). A run resumes at the number of samples it has used.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ import os
 from collections.abc import Iterator
 from typing import Any
 
+import cv2
 import numpy as np
 import torch
 from torch.utils.data import DataLoader, Dataset, Sampler, default_collate
@@ -21,14 +22,15 @@ from dlama.training.data.sources import SampleSource
 from dlama.training.settings import TrainSettings
 
 LARGEST_SHUFFLE = 1 << 22
-"""Sources with more indices (or runs of them) are drawn from with replacement."""
-LANES = 4
-"""Runs that are taken in turn, so that a small batch is not of one world only; a worker keeps as many worlds."""
+"""Sources with more indices (or groups of them) are drawn from with replacement."""
+GROUPS_IN_TURN = 4
+"""Groups of indices that samples are taken from in turn, so that a batch shows several worlds; a worker caches as many."""
 TRAIN, HELD_OUT, SHUFFLE = 0, 1, 2
+"""Second number of the seeds: for the random numbers of samples, of held-out samples, and of the shuffling."""
 
 
-class Numbered(Dataset[dict[str, np.ndarray]]):
-    """Sample number n of a run."""
+class NumberedSamples(Dataset[dict[str, np.ndarray]]):
+    """Torch's view of a source: sample number n of the run with this seed."""
 
     def __init__(self, source: SampleSource, seed: int) -> None:
         self.source, self.seed = source, seed
@@ -38,23 +40,23 @@ class Numbered(Dataset[dict[str, np.ndarray]]):
         return self.source.sample(self.index(number), rng)
 
     def index(self, number: int) -> int:
-        """Which index of the source it is: runs that share a world are taken four at a time, in turn."""
-        run = int(getattr(self.source, "run", 1))
-        blocks = len(self.source) // run
-        lanes = LANES if run > 1 and blocks >= LANES else 1
-        group, within = divmod(number, lanes * run)
-        offset, lane = divmod(within, lanes)
-        drawn = group * lanes + lane
-        if blocks > LARGEST_SHUFFLE:
-            block = int(np.random.default_rng([self.seed, SHUFFLE, drawn]).integers(blocks))
+        """Index of the source for sample `number`: groups of indices are shuffled, then GROUPS_IN_TURN groups are interleaved."""
+        size = int(getattr(self.source, "group_size", 1))
+        groups = len(self.source) // size
+        in_turn = GROUPS_IN_TURN if size > 1 and groups >= GROUPS_IN_TURN else 1
+        block, within = divmod(number, in_turn * size)
+        offset, column = divmod(within, in_turn)
+        drawn = block * in_turn + column
+        if groups > LARGEST_SHUFFLE:
+            group = int(np.random.default_rng([self.seed, SHUFFLE, drawn]).integers(groups))
         else:
-            epoch, place = divmod(drawn, blocks // lanes * lanes)
-            block = int(_shuffled(blocks, self.seed, epoch)[place])
-        return block * run + offset
+            epoch, place = divmod(drawn, groups // in_turn * in_turn)
+            group = int(_shuffled(groups, self.seed, epoch)[place])
+        return group * size + offset
 
 
-class Positions(Sampler[list[int]]):
-    """The numbers of one process's samples, batch by batch: of every global batch its own part."""
+class BatchNumbers(Sampler[list[int]]):
+    """Sample numbers of one process's batches, from sample `start` on; `rank` of `world` takes its part of every global batch."""
 
     def __init__(self, start: int, steps: int, batch: int, rank: int = 0, world: int = 1) -> None:
         self.start, self.steps, self.batch, self.rank, self.world = start, steps, batch, rank, world
@@ -68,17 +70,17 @@ class Positions(Sampler[list[int]]):
             yield list(range(first, first + self.batch))
 
 
-def loader(source: SampleSource, settings: TrainSettings, at: Positions) -> DataLoader[Any]:
-    """Batches from that position on. Workers are started afresh, not forked: threads do not survive a fork."""
+def batch_loader(source: SampleSource, settings: TrainSettings, at: BatchNumbers) -> DataLoader[Any]:
+    """Batches of these sample numbers. Workers are new processes, not forked ones: threads do not survive a fork."""
     workers = worker_count(settings)
     more: dict[str, Any] = {}
     if workers:
         more = {"multiprocessing_context": "forkserver" if os.name == "posix" else "spawn", "prefetch_factor": 4}
     return DataLoader(
-        Numbered(source, settings.loop.seed),
+        NumberedSamples(source, settings.loop.seed),
         batch_sampler=at,
         num_workers=workers,
-        worker_init_fn=_calm if workers else None,
+        worker_init_fn=_single_thread if workers else None,
         pin_memory=torch.cuda.is_available(),
         generator=torch.Generator(),  # so that the loader draws nothing from the run's random numbers
         **more,
@@ -86,7 +88,7 @@ def loader(source: SampleSource, settings: TrainSettings, at: Positions) -> Data
 
 
 def held_out_batch(source: SampleSource, settings: TrainSettings) -> Batch:
-    """The fixed samples of the learning curve, on the CPU."""
+    """The fixed samples of validation, on the CPU."""
     samples = []
     for number in range(settings.data.held_out):
         rng = np.random.default_rng([settings.loop.seed, HELD_OUT, number])
@@ -96,7 +98,7 @@ def held_out_batch(source: SampleSource, settings: TrainSettings) -> Batch:
 
 
 def worker_count(settings: TrainSettings) -> int:
-    """Processes that make samples, for each process that trains."""
+    """Number of processes that make samples, for each process that trains."""
     if settings.data.workers is not None:
         return settings.data.workers
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
@@ -108,10 +110,8 @@ def _shuffled(size: int, seed: int, epoch: int) -> np.ndarray:
     return np.random.default_rng([seed, SHUFFLE, epoch]).permutation(size)
 
 
-def _calm(worker: int) -> None:
-    """One thread per worker, or they get in each other's way."""
-    import cv2
-
+def _single_thread(worker: int) -> None:
+    """One thread per worker process: together they use all cores."""
     cv2.setNumThreads(1)
     torch.set_num_threads(1)
     use_threads(1)

@@ -1,7 +1,7 @@
-"""Random numbers in -> LaMa's random masks out: irregular strokes or boxes, bool pictures, True = hole.
+"""Random numbers in -> random masks of LaMa's kind out: irregular strokes or boxes; H x W bool, True = hole.
 
 After Suvorov et al. 2022 (sec. 2.3 and its supplement): chains of thick segments that turn to and fro, or a few boxes. All
-lengths are shares of the picture's smaller side, so that a set means the same at every size. Mean share of the picture
+lengths are shares of the picture's smaller side, so that masks of a set look alike at every size. Mean share of the picture
 (standard deviation), measured over 4000 masks of 256 x 256: narrow 0.10 (0.05), medium 0.19 (0.09), wide 0.29 (0.16).
 """
 
@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 
 from dlama.errors import InputError
@@ -26,19 +27,19 @@ MOST_TURN = 4.0
 
 @dataclass(frozen=True)
 class MaskSet:
-    """From how many to how many, how long and how wide; lengths as shares of the picture's smaller side."""
+    """Ranges (least, most) that strokes and boxes are drawn from; lengths as shares of the picture's smaller side."""
 
     chains: tuple[int, int]
-    """Strokes."""
+    """Number of strokes."""
     segments: tuple[int, int]
-    """Of each stroke."""
+    """Number of segments of each stroke."""
     length: tuple[float, float]
     width: tuple[float, float]
     boxes: tuple[int, int]
     side: tuple[float, float]
     """Height and width of a box."""
     strokes: float = 0.5
-    """How often strokes are drawn, rather than boxes."""
+    """Probability of strokes rather than boxes."""
 
 
 SETS: dict[str, MaskSet] = {
@@ -63,8 +64,6 @@ def random_mask(rng: np.random.Generator, hw: tuple[int, int], kind: str = "wide
 
 def strokes(rng: np.random.Generator, hw: tuple[int, int], of: MaskSet) -> BoolArray:
     """Chains of thick segments with round ends."""
-    import cv2
-
     canvas, unit = np.zeros(hw, np.uint8), min(hw)
     for _ in range(_count(rng, of.chains)):
         x, y = rng.uniform(0, hw[1]), rng.uniform(0, hw[0])

@@ -1,8 +1,8 @@
-"""Pictures and data sets in -> one file of a stated size that trains anywhere with no other file, out; and back.
+"""Pictures and datasets in -> one pack file of a stated size that trains without any other file, out.
 
-A pack is an uncompressed ZIP: `index.json` first, then photos as WebP and the takes of data sets (pairs of posed frames,
-removals, stereo pairs) as `pack_takes` has them, each with the smaller side brought to the pack's size. The same input gives
-the same bytes.
+A pack is an uncompressed ZIP: `index.json` first, then photos as WebP and the cases of datasets (pairs of posed frames, removals,
+stereo pairs) as `pack_format` encodes them, each with the smaller side brought to the pack's size. The same input gives the same
+bytes.
 """
 
 from __future__ import annotations
@@ -19,88 +19,102 @@ import numpy as np
 from dlama.errors import InputError
 from dlama.files.atomic_write import new_file
 from dlama.geometry.rgbd import UInt8Array
-from dlama.training.data.cases import WORDS, Take
+from dlama.training.data.cases import KIND_NAMES, TrainingCase
 from dlama.training.data.crops import resized_color
-from dlama.training.data.pack_format import FORMAT, INDEX, VERSION, packed, webp
+from dlama.training.data.pack_format import CASES, FORMAT, INDEX, PHOTOS, VERSION, encode_case, webp
 from dlama.training.data.photos import Photo
+from dlama.training.data.sources import find_training_data
 
 LONGEST = 1.5
 """A photo's longer side is cut (about its centre) to so many times the smaller one."""
-TAKE_SHARE = 0.5
-"""Of the file, where there are photos as well as takes; what one does not need the other gets."""
+CASE_SHARE = 0.5
+"""Of the file, where there are photos and cases; what one of them leaves free the other gets."""
 EPOCH = (1980, 1, 1, 0, 0, 0)
+"""Date of all parts, ZIP's earliest."""
 PART_BYTES, END_BYTES = 30 + 46, 22
 """What ZIP adds for each part (plus twice its name) and at the end."""
 
+Entry = tuple[dict[str, Any], list[tuple[str, bytes]]]
+"""What the index says of a photo or case, and its parts: name in the archive, bytes."""
+
 
 @dataclass
-class Draft:
+class PackContents:
     """What goes into a pack, while it is collected."""
 
-    room: float
-    """Bytes left."""
+    bytes_left: float
     parts: list[tuple[str, bytes]] = field(default_factory=list)
-    listed: dict[str, list[dict[str, Any]]] = field(default_factory=lambda: {"photos": [], "takes": []})
+    """Name in the archive, bytes."""
+    listed: dict[str, list[dict[str, Any]]] = field(default_factory=lambda: {PHOTOS: [], CASES: []})
+    """Tables of the index."""
 
-    def add(self, kind: str, entry: dict[str, Any], parts: Sequence[tuple[str, bytes]], least: float) -> bool:
-        """Take an entry and its parts in, if at least `least` bytes stay free."""
-        cost = len(json.dumps(entry)) + 2 + sum(len(data) + PART_BYTES + 2 * len(name) for name, data in parts)
-        if self.room - cost < least:
+    def add(self, table: str, entry: Entry, reserve: float) -> bool:
+        """Add an entry with its parts if `reserve` bytes stay free; whether it was added."""
+        about, parts = entry
+        cost = len(json.dumps(about)) + 2 + sum(len(data) + PART_BYTES + 2 * len(name) for name, data in parts)
+        if self.bytes_left - cost < reserve:
             return False
-        self.room -= cost
+        self.bytes_left -= cost
         self.parts += parts
-        self.listed[kind].append(entry)
+        self.listed[table].append(about)
         return True
+
+    def fill(self, table: str, entries: Iterable[Entry], reserve: float) -> None:
+        """Add entries until one does not fit."""
+        for entry in entries:
+            if not self.add(table, entry, reserve):
+                return
 
 
 def pack(data: Sequence[Path], output: Path, megabytes: float = 45.0, size: int = 256, seed: int = 0) -> list[str]:
-    """Write a pack of `megabytes` (millions of bytes) at most; returns lines that say what is in it.
+    """Write a pack; returns lines that say what is in it.
 
-    data: folders of pictures, folders of data sets, other packs; where not all fits, `seed` says what is taken.
-    Raises InputError, OutputError; an older file of that name stays until the new one is whole.
+    Args:
+        data: folders of pictures, datasets, other packs.
+        output: the file; an older one of that name stays until the new one is whole.
+        megabytes: millions of bytes that it has at most.
+        size: pixels that the smaller side of larger pictures is brought down to; 16 or more.
+        seed: of the random choice, where not everything fits.
+    Raises:
+        InputError: `data` is empty or has no picture that fits, or `size` is too small.
+        FileError: a file of `data` cannot be read.
+        OutputError: `output` cannot be written.
     """
-    from dlama.training.data.sources import gathered
-
     if not data:
         raise InputError("nothing to pack: give folders of pictures or of data sets")
     if size < 16:
         raise InputError(f"size is {size} px; 16 or more is wanted")
-    found, rng = gathered(data), np.random.default_rng(seed)
-    draft = Draft(megabytes * 1e6 - END_BYTES - 2 * len(INDEX) - PART_BYTES - 200)
-    spare = draft.room * (1 - TAKE_SHARE) if found.photos else 0.0
-    takes, photos = _shuffled(found.takes, rng), _shuffled(found.photos, rng)
-    _fill(draft, "takes", (_packed_take(take, n, size) for n, take in enumerate(takes)), spare)
-    _fill(draft, "photos", (_packed_photo(photo, n, size) for n, photo in enumerate(photos)), 0.0)
-    if not draft.parts:
+    found, rng = find_training_data(data), np.random.default_rng(seed)
+    contents = PackContents(megabytes * 1e6 - END_BYTES - 2 * len(INDEX) - PART_BYTES - 200)
+    reserve = contents.bytes_left * (1 - CASE_SHARE) if found.photos else 0.0
+    cases, photos = _shuffled(found.cases, rng), _shuffled(found.photos, rng)
+    contents.fill(CASES, (_case_entry(case, n, size) for n, case in enumerate(cases)), reserve)
+    contents.fill(PHOTOS, (_photo_entry(photo, n, size) for n, photo in enumerate(photos)), 0.0)
+    if not contents.parts:
         raise InputError(f"{megabytes:g} MB hold not one picture; more is wanted")
-    index = {"format": FORMAT, "version": VERSION, "size": size, **draft.listed}
-    written = _write(output, json.dumps(index).encode(), draft.parts)
-    lines = [f"{output}: {written / 1e6:.2f} MB, sides of {size} px"]
-    counts = {"photos": (len(draft.listed["photos"]), len(photos))}
-    for kind, words in WORDS.items():
-        taken = sum(entry["kind"] == kind for entry in draft.listed["takes"])
-        counts[words] = taken, sum(take.kind == kind for take in takes)
-    return lines + [f"    {taken} of {given} {words}" for words, (taken, given) in counts.items() if given]
+    index = {"format": FORMAT, "version": VERSION, "size": size, **contents.listed}
+    written = _write(output, json.dumps(index).encode(), contents.parts)
+    return [f"{output}: {written / 1e6:.2f} MB, sides of {size} px", *_summary(contents, len(photos), cases)]
 
 
-def _fill(
-    draft: Draft, kind: str, entries: Iterable[tuple[dict[str, Any], list[tuple[str, bytes]]]], least: float
-) -> None:
-    """Take entries in until one does not fit."""
-    for entry, parts in entries:
-        if not draft.add(kind, entry, parts, least):
-            return
+def _summary(contents: PackContents, photos: int, cases: Sequence[TrainingCase]) -> list[str]:
+    """Lines: how many of the photos and of each kind of case are in the pack."""
+    counts = {"photos": (len(contents.listed[PHOTOS]), photos)}
+    for kind, words in KIND_NAMES.items():
+        packed = sum(entry["kind"] == kind for entry in contents.listed[CASES])
+        counts[words] = packed, sum(case.kind == kind for case in cases)
+    return [f"    {packed} of {given} {words}" for words, (packed, given) in counts.items() if given]
 
 
-def _packed_photo(photo: Photo, number: int, size: int) -> tuple[dict[str, Any], list[tuple[str, bytes]]]:
+def _photo_entry(photo: Photo, number: int, size: int) -> Entry:
     name = f"photos/{number:06d}.webp"
-    return {"name": photo.name, "file": name}, [(name, webp(smaller(photo.load(), size)))]
+    return {"name": photo.name, "file": name}, [(name, webp(shrunk_photo(photo.load(), size)))]
 
 
-def _packed_take(take: Take, number: int, size: int) -> tuple[dict[str, Any], list[tuple[str, bytes]]]:
-    about, parts = packed(take.kind, take.load(), size)
+def _case_entry(case: TrainingCase, number: int, size: int) -> Entry:
+    about, parts = encode_case(case.kind, case.load(), size)
     names = {role: f"takes/{number:06d}.{role}.{_suffix(data)}" for role, data in parts.items()}
-    entry = {"kind": take.kind, "scene": take.scene, "name": take.name, "frames": sorted(take.frames), **about}
+    entry = {"kind": case.kind, "scene": case.scene, "name": case.name, "frames": sorted(case.frames), **about}
     return entry | {"parts": names}, [(names[role], data) for role, data in parts.items()]
 
 
@@ -108,30 +122,30 @@ def _suffix(data: bytes) -> str:
     return "png" if data.startswith(b"\x89PNG") else "webp"
 
 
-def smaller(picture: UInt8Array, size: int) -> UInt8Array:
-    """A photo with its smaller side brought down to `size` px and its longer one cut to LONGEST times that."""
+def shrunk_photo(picture: UInt8Array, size: int) -> UInt8Array:
+    """H x W x 3 with its smaller side brought down to `size` px and its longer one cut to LONGEST times that."""
     least = min(picture.shape[:2])
-    reach = int(LONGEST * least)
-    top, left = (max(0, (length - reach) // 2) for length in picture.shape[:2])
-    part = picture[top : top + reach, left : left + reach]
+    longest = int(LONGEST * least)
+    top, left = (max(0, (length - longest) // 2) for length in picture.shape[:2])
+    part = picture[top : top + longest, left : left + longest]
     if least <= size:
         return np.ascontiguousarray(part)
     return resized_color(part, (round(part.shape[0] * size / least), round(part.shape[1] * size / least)))
 
 
-def _shuffled(things: Sequence[Any], rng: np.random.Generator) -> list[Any]:
-    return [things[i] for i in rng.permutation(len(things))]
+def _shuffled(items: Sequence[Any], rng: np.random.Generator) -> list[Any]:
+    return [items[i] for i in rng.permutation(len(items))]
 
 
 def _write(output: Path, index: bytes, parts: list[tuple[str, bytes]]) -> int:
-    """The file, whole or not at all; its size in bytes."""
+    """Write the file, whole or not at all; its size in bytes."""
     with new_file(output) as draft:
         with zipfile.ZipFile(draft, "w", zipfile.ZIP_STORED) as archive:
-            for name, data in _all(index, parts):
+            for name, data in _all_parts(index, parts):
                 archive.writestr(zipfile.ZipInfo(name, EPOCH), data)
         return draft.stat().st_size
 
 
-def _all(index: bytes, parts: list[tuple[str, bytes]]) -> Iterator[tuple[str, bytes]]:
+def _all_parts(index: bytes, parts: list[tuple[str, bytes]]) -> Iterator[tuple[str, bytes]]:
     yield INDEX, index
     yield from parts

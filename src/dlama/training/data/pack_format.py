@@ -1,24 +1,34 @@
-"""A take in -> its parts as the bytes of picture files, and what the index of a pack says of it, out; and back.
+"""A dataset case in -> its parts as the bytes of picture files, and its entry in a pack's index, out; a pack file in -> its
+photos and cases, read on demand, out.
 
 Colours are WebP; depth is 16-bit PNG of millimetres (0 = missing, 65535 = far), disparity of 1/64 px (0 = unknown); masks are
-8-bit PNG. What training does not read (a stereo pair's rig, cast shadows) is left out.
+8-bit PNG. What training does not read (a stereo pair's rig, cast shadows) is left out. The index calls cases `takes`.
 """
 
 from __future__ import annotations
 
+import functools
+import json
+import zipfile
 from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 
 from dlama.datasets.frames import RemovalTruth, ViewTruth
+from dlama.errors import DlamaError, FileError
 from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
-from dlama.training.data.cases import StereoPair
+from dlama.training.data.cases import KIND_NAMES, StereoPair, TrainingCase
 from dlama.training.data.crops import resized, resized_color, resized_disparity, resized_mask, scaled
+from dlama.training.data.photos import Photo
 
 FORMAT, VERSION, INDEX = "dlama pack", 2, "index.json"
 """Version 1 held photos and pairs of posed frames only, under other names; it is still read."""
+PHOTOS, CASES = "photos", "takes"
+"""Tables of the index."""
 QUALITY = 88
 """Of WebP; the pictures of a pair are to agree with their depth, photos are usually JPEG already."""
 MILLIMETRES, FAR_CODE = 1000.0, 65535
@@ -26,33 +36,36 @@ DISPARITY_STEPS = 64.0
 """Of a pixel."""
 
 Parts = dict[str, bytes]
-"""Role (such as source.color) -> picture file."""
+"""Role (such as source.color) -> bytes of a picture file."""
 About = dict[str, Any]
-"""Cameras by the frame they took, and whether exposure varies."""
-Read = Callable[[str], np.ndarray]
+"""Cameras by the role of their frame, and whether exposure varies."""
+ReadRole = Callable[[str], np.ndarray]
 """Role -> picture: H x W x 3 RGB, or H x W as it is stored."""
 
 
-def packed(kind: str, truth: Any, size: int) -> tuple[About, Parts]:
-    """What `Take.load` of that kind gives, with the smaller side brought down to `size` px where it is larger."""
-    return _PACKERS[kind](truth, size)
+def encode_case(kind: str, truth: Any, size: int) -> tuple[About, Parts]:
+    """What `TrainingCase.load` of that kind gives, with the smaller side brought down to `size` px where it is larger."""
+    return _ENCODERS[kind](truth, size)
 
 
-def unpacked(kind: str, about: Mapping[str, Any], roles: frozenset[str], read: Read) -> Any:
-    """What `Take.load` gives, from a pack that has these roles. KeyError, TypeError, DlamaError where the index is wrong."""
-    return _UNPACKERS[kind](about, roles, read)
+def decode_case(kind: str, about: Mapping[str, Any], roles: frozenset[str], read: ReadRole) -> Any:
+    """What `TrainingCase.load` gives, from the index entry and the roles of a case.
+
+    KeyError, TypeError, DlamaError where the entry is wrong.
+    """
+    return _DECODERS[kind](about, roles, read)
 
 
-def _pack_frame(truth: ViewTruth, size: int) -> tuple[About, Parts]:
+def _encode_frame(truth: ViewTruth, size: int) -> tuple[About, Parts]:
     return _frames({"source": truth.source, "target": truth.target}, truth.exposure_varies, size)
 
 
-def _unpack_frame(about: Mapping[str, Any], roles: frozenset[str], read: Read) -> ViewTruth:
+def _decode_frame(about: Mapping[str, Any], roles: frozenset[str], read: ReadRole) -> ViewTruth:
     ends = [_frame(about, end, read) for end in ("source", "target")]
     return ViewTruth(ends[0], ends[1], exposure_varies=bool(about["exposure_varies"]))
 
 
-def _pack_removal(truth: RemovalTruth, size: int) -> tuple[About, Parts]:
+def _encode_removal(truth: RemovalTruth, size: int) -> tuple[About, Parts]:
     about, parts = _frames({"source": truth.source, "without": truth.without}, truth.exposure_varies, size)
     hw = scaled(truth.source.camera.hw, _factor(truth.source.camera.hw, size))
     parts["mask"] = _mask_png(resized_mask(truth.mask, hw))
@@ -61,13 +74,13 @@ def _pack_removal(truth: RemovalTruth, size: int) -> tuple[About, Parts]:
     return about, parts
 
 
-def _unpack_removal(about: Mapping[str, Any], roles: frozenset[str], read: Read) -> RemovalTruth:
+def _decode_removal(about: Mapping[str, Any], roles: frozenset[str], read: ReadRole) -> RemovalTruth:
     source, without = (_frame(about, end, read) for end in ("source", "without"))
     compare = read("compare") > 0 if "compare" in roles else None
     return RemovalTruth(source, without, read("mask") > 0, compare, exposure_varies=bool(about["exposure_varies"]))
 
 
-def _pack_stereo(pair: StereoPair, size: int) -> tuple[About, Parts]:
+def _encode_stereo(pair: StereoPair, size: int) -> tuple[About, Parts]:
     before = pair.left.shape[0], pair.left.shape[1]
     hw = scaled(before, _factor(before, size))
     parts = {"left.color": webp(resized_color(pair.left, hw)), "right.color": webp(resized_color(pair.right, hw))}
@@ -79,7 +92,7 @@ def _pack_stereo(pair: StereoPair, size: int) -> tuple[About, Parts]:
     return {}, parts
 
 
-def _unpack_stereo(about: Mapping[str, Any], roles: frozenset[str], read: Read) -> StereoPair:
+def _decode_stereo(about: Mapping[str, Any], roles: frozenset[str], read: ReadRole) -> StereoPair:
     disparity = (read("disparity") / DISPARITY_STEPS).astype(np.float32)
     left, right = read("left.color"), read("right.color")
     if "left.mask" not in roles:
@@ -88,15 +101,15 @@ def _unpack_stereo(about: Mapping[str, Any], roles: frozenset[str], read: Read) 
     return StereoPair(left, right, disparity, masks, (read("left.without"), read("right.without")))
 
 
-_PACKERS: dict[str, Callable[[Any, int], tuple[About, Parts]]] = {
-    "frame": _pack_frame,
-    "removal": _pack_removal,
-    "stereo": _pack_stereo,
+_ENCODERS: dict[str, Callable[[Any, int], tuple[About, Parts]]] = {
+    "frame": _encode_frame,
+    "removal": _encode_removal,
+    "stereo": _encode_stereo,
 }
-_UNPACKERS: dict[str, Callable[[Mapping[str, Any], frozenset[str], Read], Any]] = {
-    "frame": _unpack_frame,
-    "removal": _unpack_removal,
-    "stereo": _unpack_stereo,
+_DECODERS: dict[str, Callable[[Mapping[str, Any], frozenset[str], ReadRole], Any]] = {
+    "frame": _decode_frame,
+    "removal": _decode_removal,
+    "stereo": _decode_stereo,
 }
 
 
@@ -109,7 +122,7 @@ def _frames(ends: Mapping[str, RGBD], exposure_varies: bool, size: int) -> tuple
     return {"exposure_varies": exposure_varies, "cameras": cameras}, parts
 
 
-def _frame(about: Mapping[str, Any], end: str, read: Read) -> RGBD:
+def _frame(about: Mapping[str, Any], end: str, read: ReadRole) -> RGBD:
     return RGBD(read(f"{end}.color"), _metres(read(f"{end}.depth")), _camera(about["cameras"][end]))
 
 
@@ -128,8 +141,6 @@ def _camera(entry: dict[str, Any]) -> Camera:
 
 def webp(color: UInt8Array) -> bytes:
     """H x W x 3 RGB as a WebP file."""
-    import cv2
-
     bgr = np.ascontiguousarray(color[..., ::-1])
     return bytes(cv2.imencode(".webp", bgr, [cv2.IMWRITE_WEBP_QUALITY, QUALITY])[1])
 
@@ -156,6 +167,87 @@ def _mask_png(mask: BoolArray) -> bytes:
 
 
 def _png(codes: np.ndarray) -> bytes:
-    import cv2
-
     return bytes(cv2.imencode(".png", codes, [cv2.IMWRITE_PNG_COMPRESSION, 9])[1])
+
+
+Places = dict[str, tuple[int, int]]
+"""Name of a part -> where its header begins in the file, and its length in bytes."""
+
+
+def read_pack(path: Path) -> tuple[tuple[Photo, ...], tuple[TrainingCase, ...]]:
+    """The photos and cases of a pack; nothing but the index is read. FileError where the file is no pack, or damaged."""
+    try:
+        with zipfile.ZipFile(path) as archive:
+            index = json.loads(archive.read(INDEX))
+            at = {part.filename: (part.header_offset, part.file_size) for part in archive.infolist()}
+    except (OSError, KeyError, ValueError, zipfile.BadZipFile) as error:
+        raise FileError(f"{path}: is no pack that `dlama pack` wrote, or is damaged ({error})") from error
+    if not isinstance(index, dict) or index.get("format") != FORMAT or index.get("version") not in (1, VERSION):
+        raise FileError(f"{path}: its {INDEX} does not say '{FORMAT}', version 1 or {VERSION}")
+    try:
+        photos = tuple(
+            Photo(each["name"], functools.partial(load_photo, path, each["file"], at[each["file"]]))
+            for each in index[PHOTOS]
+        )
+        entries = index[CASES] if index["version"] > 1 else [_first_version(each) for each in index["pairs"]]
+        return photos, tuple(_packed_case(path, each, at) for each in entries)
+    except (KeyError, TypeError) as error:
+        raise FileError(f"{path}: its {INDEX} is incomplete: {error} is missing or of the wrong kind") from error
+
+
+def _first_version(pair: dict[str, Any]) -> dict[str, Any]:
+    """A pair of posed frames of a pack of version 1, as version 2 has it."""
+    ends = {end: pair[end] for end in ("source", "target")}
+    parts = {f"{end}.{what}": entry[what] for end, entry in ends.items() for what in ("color", "depth")}
+    cameras = {end: entry["camera"] for end, entry in ends.items()}
+    return {**pair, "kind": "frame", "cameras": cameras, "parts": parts}
+
+
+def _packed_case(path: Path, entry: dict[str, Any], at: Places) -> TrainingCase:
+    if entry["kind"] not in KIND_NAMES:
+        raise FileError(f"{path}: its {INDEX} has a case of kind {entry['kind']!r}; {', '.join(KIND_NAMES)} are known")
+    places = {part: at[part] for part in entry["parts"].values()}
+    load = functools.partial(load_case, path, entry, places)
+    return TrainingCase(entry["kind"], entry["scene"], entry["name"], frozenset(entry["frames"]), load)
+
+
+def load_photo(path: Path, name: str, place: tuple[int, int]) -> UInt8Array:
+    """H x W x 3 RGB; FileError."""
+    picture = _decoded(path, name, place)
+    if picture.ndim != 3:
+        raise FileError(f"{path}: {name} is grey; colours are wanted")
+    return np.ascontiguousarray(picture[..., ::-1])
+
+
+def load_case(path: Path, entry: dict[str, Any], places: Places) -> Any:
+    """What `TrainingCase.load` gives of this kind; FileError."""
+    parts: dict[str, str] = entry["parts"]
+
+    def read(role: str) -> np.ndarray:
+        name = parts[role]
+        picture = _decoded(path, name, places[name])
+        return np.ascontiguousarray(picture[..., ::-1]) if picture.ndim == 3 else picture
+
+    try:
+        return decode_case(entry["kind"], entry, frozenset(parts), read)
+    except FileError:
+        raise
+    except (DlamaError, TypeError, KeyError) as error:
+        raise FileError(f"{path}: {entry['scene']} {entry['name']}: {error}") from error
+
+
+def _decoded(path: Path, name: str, place: tuple[int, int]) -> np.ndarray:
+    """The picture of one part, as OpenCV reads it. Parts are not compressed, so they are read without a directory."""
+    start, length = place
+    try:
+        with path.open("rb") as stream:
+            stream.seek(start)
+            head = stream.read(30)
+            stream.seek(start + 30 + int.from_bytes(head[26:28], "little") + int.from_bytes(head[28:30], "little"))
+            data = stream.read(length)
+    except OSError as error:
+        raise FileError(f"{path}: cannot be read: {error.strerror or error}") from error
+    picture = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED) if len(data) == length else None
+    if picture is None:
+        raise FileError(f"{path}: {name} is damaged or truncated")
+    return np.asarray(picture)

@@ -8,8 +8,8 @@ import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TypeVar
 
+import cv2
 import numpy as np
 
 from dlama.errors import FileError, InputError
@@ -18,11 +18,9 @@ from dlama.files.pictures import eight_bit_rgb
 from dlama.geometry.rgbd import UInt8Array
 
 HELD_OUT_ONE_IN = 16
-"""One group of photos, or one scene, in so many is held out."""
+"""One of so many groups of photos, or scenes, is held out."""
 FRAME_NUMBER = re.compile(r"[_-][a-z]?\d{5,}$")
-"""Of a video: neighbouring frames look alike, so all frames of one belong together."""
-
-Thing = TypeVar("Thing")
+"""Ends the name of a video's frame: neighbouring frames look alike, so all frames of a video are in one split."""
 
 
 @dataclass(frozen=True)
@@ -48,7 +46,7 @@ def folder_photos(folder: Path) -> tuple[Photo, ...]:
 def read_photo(path: Path) -> UInt8Array:
     """Any picture as uint8 H x W x 3 RGB: 16 bit keep their high byte, grey is repeated, alpha dropped. FileError.
 
-    A picture that EXIF calls turned stays as it is stored: a texture has no upright side.
+    EXIF orientation is ignored: a texture has no upright side.
     """
     return eight_bit_rgb(read_stored(path).values, path)
 
@@ -58,12 +56,15 @@ def split_photos(photos: Sequence[Photo], split: str) -> tuple[Photo, ...]:
     groups = {photo.name: FRAME_NUMBER.sub("", photo.name) for photo in photos}
     if len(set(groups.values())) < 2:
         groups = {name: name for name in groups}
-    held = held_out_of(set(groups.values()), "photos")
+    held = held_out_names(set(groups.values()), "photos")
     return tuple(photo for photo in photos if (groups[photo.name] in held) == (split == "held_out"))
 
 
-def held_out_of(names: set[str], what: str) -> set[str]:
-    """Which names are held out: those whose hash says so, or else the one with the smallest. InputError below two."""
+def held_out_names(names: set[str], what: str) -> set[str]:
+    """Which names are held out: one in HELD_OUT_ONE_IN by a hash, at least one and not all.
+
+    what: plural noun for the message of InputError, which is raised where there are less than two names.
+    """
     if len(names) < 2:
         raise InputError(f"{len(names)} different {what}: two or more are wanted, so that one can be held out")
     order = sorted(names, key=_hash)
@@ -72,9 +73,7 @@ def held_out_of(names: set[str], what: str) -> set[str]:
 
 
 def square_crop(picture: UInt8Array, size: int, rng: np.random.Generator) -> UInt8Array:
-    """size x size: a random square of a random scale, at least `size` px wide where the picture has so many."""
-    import cv2
-
+    """size x size x 3: a random square of an H x W x 3 picture, at a random scale, at least `size` px wide if possible."""
     least = min(picture.shape[:2])
     side = round(float(np.exp(rng.uniform(np.log(min(size, least)), np.log(least)))))
     top, left = (int(rng.integers(0, length - side + 1)) for length in picture.shape[:2])

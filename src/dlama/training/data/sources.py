@@ -1,4 +1,4 @@
-"""Settings and --data in -> where samples come from, out."""
+"""Settings and paths of training data in -> the source that a run's samples come from, out."""
 
 from __future__ import annotations
 
@@ -7,244 +7,220 @@ import logging
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal, Protocol
+from typing import Literal, Protocol
 
 import numpy as np
 
+from dlama.datasets.layouts import LAYOUTS, detect, open_dataset
 from dlama.errors import FileError, InputError
+from dlama.training.data.cases import KIND_NAMES, TrainingCase, split_cases, training_cases
+from dlama.training.data.pack_format import read_pack
+from dlama.training.data.photos import Photo, folder_photos, split_photos
+from dlama.training.data.samples.dataset import DatasetPairs, DatasetRemovals, DatasetViews
+from dlama.training.data.samples.photos import HoleMaker, PhotoSamples, WarpedPhotoSamples, hole_of_world
+from dlama.training.data.samples.toy_scenes import ToyScenes
+from dlama.training.data.samples.world_views import WorldSet
+from dlama.training.data.samples.worlds import WorldPairs, WorldRemovals, WorldSamples
+from dlama.training.kinds import SAMPLES
 from dlama.training.settings import TrainSettings
-
-if TYPE_CHECKING:
-    from dlama.training.data.cases import Take
-    from dlama.training.data.photo_samples import Shapes
-    from dlama.training.data.photos import Photo
 
 LOG = logging.getLogger("dlama")
 Split = Literal["train", "held_out"]
-PHOTO_KINDS = {"photo", "warped-photo"}
-USES_PHOTOS = {"photo", "warped-photo", "world", "removal", "stereo"}
-USES_TAKES = {"frame": "frame", "warped-photo": "frame", "removal": "removal", "stereo": "stereo"}
-"""Kind of sample -> kind of take that it can be made of."""
 
 
 class SampleSource(Protocol):
-    """Makes samples. Picklable, since it travels to worker processes; holds no state that a sample changes.
+    """Makes samples. Must be picklable, since it is sent to worker processes, and hold no state that a sample changes.
 
-    May say `run`: so many indices that follow each other (n run ... n run + run - 1) share what is costly to make.
+    It may have an attribute `group_size`: so many consecutive indices (n group_size ... (n + 1) group_size - 1) share what is
+    costly to make.
     """
 
     def __len__(self) -> int:
-        """How many different indices there are (worlds, photos, frames)."""
+        """Number of different indices (worlds, photos, dataset cases)."""
 
     def sample(self, index: int, rng: np.random.Generator) -> dict[str, np.ndarray]:
-        """One sample, see `batches.Batch`: the same for the same index and the same state of `rng`, on any day."""
+        """One sample, see `batches.Batch`: the same for the same index and the same state of `rng`."""
 
 
 class Mixture:
-    """A SampleSource. As long as the longest of its sources; the others begin again."""
+    """A SampleSource that draws from several by their shares. As long as the longest of them; the others begin again."""
 
     def __init__(self, parts: Mapping[str, tuple[SampleSource, float]]) -> None:
         total = sum(share for _, share in parts.values())
         self.kinds = tuple(parts)
         self.sources = tuple(source for source, _ in parts.values())
-        self.until = np.cumsum([share / total for _, share in parts.values()])
-        self.run = max(int(getattr(source, "run", 1)) for source in self.sources)
+        self.thresholds = np.cumsum([share / total for _, share in parts.values()])
+        self.group_size = max(int(getattr(source, "group_size", 1)) for source in self.sources)
 
     def __len__(self) -> int:
         return max(len(source) for source in self.sources)
 
     def sample(self, index: int, rng: np.random.Generator) -> dict[str, np.ndarray]:
         """One sample of one of the kinds."""
-        number = self.drawn(rng)
+        number = self.random_source(rng)
         return self.sources[number].sample(index % len(self.sources[number]), rng)
 
-    def drawn(self, rng: np.random.Generator) -> int:
-        """Which source the next sample is of."""
-        return min(int(np.searchsorted(self.until, rng.random(), "right")), len(self.sources) - 1)
+    def random_source(self, rng: np.random.Generator) -> int:
+        """Number of the source that the next sample comes from."""
+        return min(int(np.searchsorted(self.thresholds, rng.random(), "right")), len(self.sources) - 1)
 
 
 @dataclass(frozen=True)
-class Found:
-    """What lies behind --data, not yet read."""
+class TrainingData:
+    """Photos and dataset cases that were found in folders and packs; their pictures are not read yet."""
 
     photos: tuple[Photo, ...] = ()
-    takes: tuple[Take, ...] = ()
+    cases: tuple[TrainingCase, ...] = ()
 
-    def of(self, kind: str) -> tuple[Take, ...]:
-        """The takes of one kind: frame, removal, stereo."""
-        return tuple(take for take in self.takes if take.kind == kind)
+    def of(self, kind: str) -> tuple[TrainingCase, ...]:
+        """The cases of one kind: frame, removal, stereo."""
+        return tuple(case for case in self.cases if case.kind == kind)
 
 
 def source_for(settings: TrainSettings, data: Sequence[Path], split: Split) -> SampleSource:
-    """The source of a run's samples; the held-out ones share no world, photo or frame with the trained ones.
+    """The source of a run's samples; held-out samples share no world, photo or frame with those trained on.
 
+    Args:
+        data: folders of pictures, datasets or packs; none: procedural worlds alone.
     Raises:
-        InputError: `data` names nothing that can be read or is of use, or the mixture needs files and there are none.
+        InputError: `data` names nothing that can be read or is of use, or the mixture needs files that `data` lacks.
+        FileError: a file of `data` cannot be read.
     """
     kinds = set(settings.data.mixture)
-    found = gathered(data)
+    found = find_training_data(data)
     _check_use(kinds, data, found)
-    ours = _split(found, kinds, split)
+    used = _split(found, kinds, split)
     if data:
-        LOG.info("%s: %s", split, told(ours, settings))
-    made = {kind: (MAKERS[kind](settings, ours, split), share) for kind, share in settings.data.mixture.items()}
+        LOG.info("%s: %s", split, usage_summary(used, settings))
+    made = {kind: (MAKERS[kind](settings, used, split), share) for kind, share in settings.data.mixture.items()}
     if len(made) == 1:
         return next(iter(made.values()))[0]
     return Mixture(made)
 
 
-def told(found: Found, settings: TrainSettings) -> str:
-    """What of --data is used, and what feeds the kinds that worlds can feed too."""
-    from dlama.training.data.cases import WORDS
-
-    counts = {"photos": len(found.photos)} | {words: len(found.of(kind)) for kind, words in WORDS.items()}
+def usage_summary(found: TrainingData, settings: TrainSettings) -> str:
+    """What of the data is used, and how kinds are divided between dataset cases and worlds; one line for the log."""
+    counts = {"photos": len(found.photos)} | {words: len(found.of(kind)) for kind, words in KIND_NAMES.items()}
     parts = [", ".join(f"{count} {words}" for words, count in counts.items() if count)]
-    for kind in sorted({"removal", "stereo"} & set(settings.data.mixture)):
-        share = settings.data.cases if found.of(kind) else 0.0
-        parts.append(f"{share:.0%} of kind '{kind}' are made of them, {1 - share:.0%} of worlds")
+    for kind in sorted(settings.data.mixture):
+        if SAMPLES[kind].worlds and SAMPLES[kind].cases:
+            share = settings.data.cases if found.of(kind) else 0.0
+            parts.append(f"{share:.0%} of kind '{kind}' are made of them, {1 - share:.0%} of worlds")
     return "; ".join(parts)
 
 
-def gathered(data: Sequence[Path]) -> Found:
-    """The photos and takes of folders of pictures, data sets and packs. InputError, FileError."""
-    if not data:
-        return Found()
+def find_training_data(data: Sequence[Path]) -> TrainingData:
+    """The photos and cases of folders of pictures, datasets and packs. InputError, FileError."""
     photos: list[Photo] = []
-    takes: list[Take] = []
+    cases: list[TrainingCase] = []
     for path in map(Path, data):
-        more_photos, more_takes = _of_file(path) if path.is_file() else _of_folder(path)
+        more_photos, more_cases = read_pack(path) if path.is_file() else _in_folder(path)
         photos += more_photos
-        takes += more_takes
-    return Found(tuple(photos), tuple(takes))
+        cases += more_cases
+    return TrainingData(tuple(photos), tuple(cases))
 
 
-def _of_file(path: Path) -> tuple[Sequence[Photo], Sequence[Take]]:
-    from dlama.training.data.pack_reader import read_pack
-
-    return read_pack(path)
-
-
-def _of_folder(path: Path) -> tuple[Sequence[Photo], Sequence[Take]]:
-    """A data set of a known layout, or else a folder of pictures."""
-    from dlama.datasets.layouts import LAYOUTS, detect, open_dataset
-    from dlama.training.data.cases import takes_of
-    from dlama.training.data.photos import folder_photos
-
+def _in_folder(path: Path) -> tuple[Sequence[Photo], Sequence[TrainingCase]]:
+    """The cases of a dataset of a known layout, or else the pictures of the folder."""
     if not path.is_dir():
         raise FileError(f"{path}: no such file or folder; pictures, a data set or a pack is wanted")
     try:
         layout = detect(path)
     except InputError as error:
-        if " may be " in str(error):  # a data set, but of two layouts: no folder of pictures
+        if " may be " in str(error):  # of two layouts: a dataset, and no folder of pictures
             raise
         return folder_photos(path), ()
-    takes = takes_of(open_dataset(path, layout))
-    if not takes:
+    cases = training_cases(open_dataset(path, layout))
+    if not cases:
         raise InputError(
             f"{path}: has no two frames of one scene with depth and poses ({LAYOUTS[layout].looked_for}), no frame with and "
             "without a thing and no stereo pair; for its pictures alone, name the folder that holds nothing else"
         )
-    return (), takes
+    return (), cases
 
 
-def _check_use(kinds: set[str], data: Sequence[Path], found: Found) -> None:
+def _check_use(kinds: set[str], data: Sequence[Path], found: TrainingData) -> None:
     """Refuse kinds without their files, and files without a kind."""
     named = ", ".join(map(str, data)) or "no file"
-    for kind in sorted(kinds & PHOTO_KINDS):
-        if not found.photos:
+    for kind in sorted(kinds):
+        if SAMPLES[kind].photos == "required" and not found.photos:
             raise InputError(f"data.mixture has {kind!r}, which needs photos, but --data names {named}")
-    if "frame" in kinds and not found.of("frame"):
-        raise InputError(f"data.mixture has 'frame', which needs a posed data set, but --data names {named}")
-    if data and not (found.photos and kinds & USES_PHOTOS) and not _used(found, kinds):
+    for kind in sorted(kinds):
+        if SAMPLES[kind].cases_required and not found.of(str(SAMPLES[kind].cases)):
+            raise InputError(f"data.mixture has {kind!r}, which needs a posed data set, but --data names {named}")
+    if data and not (found.photos and _use_photos(kinds)) and not _used_cases(found, kinds):
         raise InputError(f"data.mixture is {', '.join(sorted(kinds))}, which has no use for --data {named}")
 
 
-def _used(found: Found, kinds: set[str]) -> tuple[Take, ...]:
-    """The takes that these kinds of samples are made of."""
-    wanted = {USES_TAKES[kind] for kind in kinds & set(USES_TAKES)}
-    return tuple(take for take in found.takes if take.kind in wanted)
+def _use_photos(kinds: set[str]) -> bool:
+    return any(SAMPLES[kind].photos != "unused" for kind in kinds)
 
 
-def _split(found: Found, kinds: set[str], split: Split) -> Found:
-    """The photos and takes of one split that these kinds use."""
-    from dlama.training.data.cases import split_takes
-    from dlama.training.data.photos import split_photos
-
-    photos = split_photos(found.photos, split) if found.photos and kinds & USES_PHOTOS else ()
-    used = _used(found, kinds)
-    return Found(photos, split_takes(used, split) if used else ())
+def _used_cases(found: TrainingData, kinds: set[str]) -> tuple[TrainingCase, ...]:
+    """The cases that samples of these kinds are made of."""
+    wanted = {SAMPLES[kind].cases for kind in kinds}
+    return tuple(case for case in found.cases if case.kind in wanted)
 
 
-def _sketches(settings: TrainSettings, found: Found, split: Split) -> SampleSource:
-    from dlama.training.data.toy_scenes import Sketches
+def _split(found: TrainingData, kinds: set[str], split: Split) -> TrainingData:
+    """The photos and cases of one split that these kinds use."""
+    photos = split_photos(found.photos, split) if found.photos and _use_photos(kinds) else ()
+    used = _used_cases(found, kinds)
+    return TrainingData(photos, split_cases(used, split) if used else ())
 
-    return Sketches(settings.network, settings.data.size, split)
+
+def _toy_scenes(settings: TrainSettings, found: TrainingData, split: Split) -> SampleSource:
+    return ToyScenes(settings.network, settings.data.size, split)
 
 
-def _photos(settings: TrainSettings, found: Found, split: Split) -> SampleSource:
-    from dlama.training.data.photo_samples import PhotoSamples
-
+def _photos(settings: TrainSettings, found: TrainingData, split: Split) -> SampleSource:
     return PhotoSamples(found.photos, settings.network, settings.data.size)
 
 
-def _warped_photos(settings: TrainSettings, found: Found, split: Split) -> SampleSource:
-    """Holes of the data set's depth where there is one, else of worlds'."""
-    from dlama.training.data.frame_samples import FrameSamples
-    from dlama.training.data.photo_samples import WarpedPhotoSamples, world_shapes
-
+def _warped_photos(settings: TrainSettings, found: TrainingData, split: Split) -> SampleSource:
+    """Holes come from the depth of dataset frames where there are any, else of worlds."""
     size = settings.data.size
-    shapes: Shapes = functools.partial(world_shapes, split=split)
+    holes: HoleMaker = functools.partial(hole_of_world, split=split)
     if found.of("frame"):
-        shapes = FrameSamples(found.of("frame"), settings.network, size).shape
-    return WarpedPhotoSamples(found.photos, settings.network, size, shapes)
+        holes = DatasetViews(found.of("frame"), settings.network, size).hole
+    return WarpedPhotoSamples(found.photos, settings.network, size, holes)
 
 
-def _worlds(settings: TrainSettings, found: Found, split: Split) -> SampleSource:
-    from dlama.training.data.world_samples import WorldSamples
-    from dlama.training.data.world_views import Galleries
-
-    return WorldSamples(Galleries(split, settings.data.size, found.photos), settings.network)
+def _worlds(settings: TrainSettings, found: TrainingData, split: Split) -> SampleSource:
+    return WorldSamples(_world_set(settings, found, split), settings.network)
 
 
-def _removals(settings: TrainSettings, found: Found, split: Split) -> SampleSource:
-    from dlama.training.data.case_samples import CaseRemovals
-    from dlama.training.data.world_samples import RemovalSamples
-    from dlama.training.data.world_views import Galleries
-
-    worlds = RemovalSamples(Galleries(split, settings.data.size, found.photos), settings.network)
-    takes = found.of("removal")
-    return _shared(settings, CaseRemovals(takes, settings.network, settings.data.size), worlds) if takes else worlds
+def _removals(settings: TrainSettings, found: TrainingData, split: Split) -> SampleSource:
+    worlds, cases = WorldRemovals(_world_set(settings, found, split), settings.network), found.of("removal")
+    return _shared(settings, DatasetRemovals(cases, settings.network, settings.data.size), worlds) if cases else worlds
 
 
-def _stereo(settings: TrainSettings, found: Found, split: Split) -> SampleSource:
-    from dlama.training.data.case_samples import CasePairs
-    from dlama.training.data.world_samples import StereoSamples
-    from dlama.training.data.world_views import Galleries
+def _pairs(settings: TrainSettings, found: TrainingData, split: Split) -> SampleSource:
+    worlds, cases = WorldPairs(_world_set(settings, found, split), settings.network), found.of("stereo")
+    return _shared(settings, DatasetPairs(cases, settings.network, settings.data.size), worlds) if cases else worlds
 
-    worlds = StereoSamples(Galleries(split, settings.data.size, found.photos), settings.network)
-    takes = found.of("stereo")
-    return _shared(settings, CasePairs(takes, settings.network, settings.data.size), worlds) if takes else worlds
+
+def _views(settings: TrainSettings, found: TrainingData, split: Split) -> SampleSource:
+    return DatasetViews(found.of("frame"), settings.network, settings.data.size)
+
+
+def _world_set(settings: TrainSettings, found: TrainingData, split: Split) -> WorldSet:
+    return WorldSet(split, settings.data.size, found.photos)
 
 
 def _shared(settings: TrainSettings, cases: SampleSource, worlds: SampleSource) -> SampleSource:
-    """One kind, made of a data set's cases and of worlds."""
+    """One kind whose samples come from dataset cases and from worlds, by the share `data.cases`."""
     share = settings.data.cases
     return Mixture({"cases": (cases, share), "worlds": (worlds, 1 - share)}) if share < 1 else cases
 
 
-def _frames(settings: TrainSettings, found: Found, split: Split) -> SampleSource:
-    from dlama.training.data.frame_samples import FrameSamples
-
-    return FrameSamples(found.of("frame"), settings.network, settings.data.size)
-
-
-MAKERS: dict[str, Callable[[TrainSettings, Found, Split], SampleSource]] = {
-    "sketch": _sketches,
+MAKERS: dict[str, Callable[[TrainSettings, TrainingData, Split], SampleSource]] = {
+    "sketch": _toy_scenes,
     "photo": _photos,
     "warped-photo": _warped_photos,
     "world": _worlds,
-    "frame": _frames,
+    "frame": _views,
     "removal": _removals,
-    "stereo": _stereo,
+    "stereo": _pairs,
 }
-"""Every kind of `settings.SAMPLE_KINDS`."""
+"""Source of each kind in `kinds.SAMPLES`."""

@@ -1,4 +1,4 @@
-"""What happens between two steps: rows, sheets, checkpoints, and the question whether to stop. A Lightning callback."""
+"""A training module after each step in -> rows of metrics, sample sheets, checkpoints, and the decision to stop, out."""
 
 from __future__ import annotations
 
@@ -15,30 +15,107 @@ import torch
 
 from dlama.errors import OutputError
 from dlama.training.data.batches import Batch
-from dlama.training.flops import budget
+from dlama.training.flops import network_cost
 from dlama.training.loop.checkpointing import LAST, checkpoint_of, write_checkpoint
 from dlama.training.loop.module import TrainingModule, rate_factor
 from dlama.training.loop.random_state import random_state, set_random_state
 from dlama.training.loop.run_files import RunFiles
-from dlama.training.loop.sample_sheets import write_sheet
-from dlama.training.loop.validation import hole_metrics, metric_names
+from dlama.training.loop.validation import metric_names, outputs_of, scores_of, write_sheet
+from dlama.training.losses.terms import DISCRIMINATOR_TERMS, used_terms
 from dlama.training.settings import TrainSettings
 
 LOG = logging.getLogger("dlama")
 ALL_STEPS, TIME_IS_UP = "all steps done", "time is up"
+"""Why a run ended; else it is the name of a signal."""
 SPEED = ("learning_rate", "samples_per_second", "waiting", "tflop_per_second", "memory_gb")
-"""Columns of metrics.csv: the generator's rate; samples of all devices per second, the share of time that the training
-waited for them, and TFLOP/s of both networks (see `budget`; the trunk is not counted), all three since the row before;
-the first device's memory at its peak (the process's, on a CPU)."""
+"""Columns of metrics.csv: the generator's learning rate; samples of all devices per second, share of time spent waiting for
+samples, and TFLOP/s of both networks (`NetworkCost.flop_per_sample`, without the trunk), all three since the row before; peak
+memory of the first device (of the process, on a CPU)."""
 
 
-class Rhythm(pl.Callback):
-    """Counts by the module's own step, so that a resumed run has the same rhythm.
+class Stopwatch:
+    """Time of a run, and speed since the last row of metrics. Clock: time.monotonic."""
+
+    def __init__(self, seconds_before: float) -> None:
+        self.seconds_before = seconds_before
+        self.start(0)
+
+    def start(self, samples: int) -> None:
+        """The first batch is awaited; so many samples were trained on before."""
+        self._started = self._row_began = self._batch_ended = time.monotonic()
+        self._waited, self._row_samples = 0.0, samples
+
+    @property
+    def seconds(self) -> float:
+        """Seconds trained so far, over all parts of the run."""
+        return self.seconds_before + time.monotonic() - self._started
+
+    def batch_arrived(self) -> None:
+        """The wait for a batch is over."""
+        self._waited += time.monotonic() - self._batch_ended
+
+    def batch_ended(self) -> None:
+        """The wait for the next batch begins."""
+        self._batch_ended = time.monotonic()
+
+    def row(self, samples: int) -> tuple[float, float]:
+        """Samples per second and share of time spent waiting since the row before; the next row begins."""
+        now = time.monotonic()
+        took = max(now - self._row_began, 1e-9)
+        speed = (samples - self._row_samples) / took, self._waited / took
+        self._row_began, self._waited, self._row_samples = now, 0.0, samples
+        return speed
+
+
+class StopRequest:
+    """Why to stop: SIGTERM, SIGINT (Ctrl-C) or a deadline, the same in all processes.
+
+    deadline: on the clock of time.monotonic.
+    """
+
+    def __init__(self, deadline: float) -> None:
+        self.deadline = deadline
+        self.reason = ALL_STEPS
+        """After the run: why it ended."""
+        self._signal = 0
+        self._old_handlers: dict[int, Any] = {}
+
+    def listen(self) -> None:
+        """From now on SIGTERM and the first SIGINT are requests to stop after the step."""
+        if threading.current_thread() is threading.main_thread():
+            self._old_handlers = {each: signal.signal(each, self._handle) for each in (signal.SIGTERM, signal.SIGINT)}
+
+    def stop_listening(self) -> None:
+        """Signals do again what they did before `listen`."""
+        for number, handler in self._old_handlers.items():
+            signal.signal(number, handler)
+        self._old_handlers = {}
+
+    def asked(self, trainer: pl.Trainer) -> bool:
+        """Whether any process was asked to stop."""
+        reasons = [self._signal, int(time.monotonic() >= self.deadline)]
+        if trainer.world_size > 1:
+            shared = torch.tensor(reasons, dtype=torch.int32, device=trainer.strategy.root_device)
+            torch.distributed.all_reduce(shared, torch.distributed.ReduceOp.MAX)
+            reasons = [int(each) for each in shared]
+        if any(reasons):
+            self.reason = signal.Signals(reasons[0]).name if reasons[0] else TIME_IS_UP
+        return any(reasons)
+
+    def _handle(self, number: int, frame: Any) -> None:
+        self._signal = number
+        signal.signal(signal.SIGINT, signal.default_int_handler)  # a second Ctrl-C stops at once
+
+
+class RunCallback(pl.Callback):
+    """Writes what is due after each step. Counts by the module's own step, so that a resumed run writes at the same steps.
 
     Args:
+        run: the run's directory.
         deadline: when to stop, on the clock of `time.monotonic`.
-        held_out: the fixed samples; None in all processes but the first.
-        random_states: to go on with, by rank; None in a new run.
+        held_out: the samples of validation; None in all processes but the first.
+        random_states: those that a resumed run begins with, by rank; None in a new run.
+        seconds: trained before.
     """
 
     def __init__(
@@ -50,38 +127,25 @@ class Rhythm(pl.Callback):
         random_states: list[dict[str, Any]] | None,
         seconds: float,
     ) -> None:
-        self.settings, self.run, self.deadline, self.held_out = settings, run, deadline, held_out
-        self.random_states, self.seconds_before = random_states, seconds
+        self.settings, self.run, self.held_out, self.random_states = settings, run, held_out, random_states
+        self.stopwatch, self.stop = Stopwatch(seconds), StopRequest(deadline)
         self.files: RunFiles | None = None
         self.device = torch.device("cpu")
-        self.ended = ALL_STEPS
-        self.checkpointed = -1
-        self._started = self._row_began = self._batch_ended = time.monotonic()
-        self._waited, self._row_samples, self._row_step = 0.0, 0, -1
-        self._heard: int = 0
-        self._old_handlers: dict[int, Any] = {}
-
-    @property
-    def seconds(self) -> float:
-        """Trained so far, over all parts of the run."""
-        return self.seconds_before + time.monotonic() - self._started
+        self._checkpoint_step = self._row_step = -1
 
     def on_train_start(self, trainer: pl.Trainer, module: pl.LightningModule) -> None:
-        """Files are opened; SIGTERM, and Ctrl-C for once, become requests to stop after the step."""
+        """Open the files, and listen for signals."""
         assert isinstance(module, TrainingModule)
         self.device = module.device
         if trainer.is_global_zero:
-            held_out = [f"held_out_{name}" for name in metric_names(self.settings.network)]
-            self.files = RunFiles(self.run, [*SPEED, *_term_names(self.settings), *held_out], module.step)
+            self.files = RunFiles(self.run, columns(self.settings), module.step)
             LOG.info("%s", module.perceptual.note if module.perceptual else "no perceptual term")
-        if threading.current_thread() is threading.main_thread():
-            self._old_handlers = {each: signal.signal(each, self._hear) for each in (signal.SIGTERM, signal.SIGINT)}
-        self._started = self._row_began = self._batch_ended = time.monotonic()
-        self._row_samples = module.samples
+        self.stop.listen()
+        self.stopwatch.start(module.samples)
 
     def on_train_batch_start(self, trainer: pl.Trainer, module: pl.LightningModule, batch: Any, batch_idx: int) -> None:
-        """The wait for the batch is over; the first batch of a resumed run gets the random numbers it would have had."""
-        self._waited += time.monotonic() - self._batch_ended
+        """The first batch of a resumed run gets the random numbers that it would have had."""
+        self.stopwatch.batch_arrived()
         if self.random_states is not None:
             set_random_state(self.random_states[trainer.global_rank])
             self.random_states = None
@@ -89,144 +153,110 @@ class Rhythm(pl.Callback):
     def on_train_batch_end(
         self, trainer: pl.Trainer, module: pl.LightningModule, outputs: Any, batch: Any, batch_idx: int
     ) -> None:
-        """Whatever is due after this step."""
+        """Validate, and write sheet, row and checkpoint, where they are due after this step; stop where that was asked for."""
         assert isinstance(module, TrainingModule)
         loop, step = self.settings.loop, module.step
         kept = random_state()
-        scores = self._look(module) if step % loop.validate_every == 0 else {}
+        scores = self._validate(module) if step % loop.validate_every == 0 else {}
         if step % loop.sheet_every == 0:
-            self._sheet(module)
+            self._write_sheet(module)
         if scores or step % loop.log_every == 0:
-            self._row(module, scores)
+            self._write_row(module, scores)
         if step % loop.checkpoint_every == 0:
-            self._checkpoint(trainer, module, must=False)
-        if self._should_stop(trainer):
+            self._write_checkpoint(trainer, module, required=False)
+        if self.stop.asked(trainer):
             trainer.should_stop = True
-        set_random_state(kept)  # looking on must not change what comes after
-        self._batch_ended = time.monotonic()
+        set_random_state(kept)  # what is written must not change the steps after it
+        self.stopwatch.batch_ended()
 
     def on_train_end(self, trainer: pl.Trainer, module: pl.LightningModule) -> None:
-        """The last row and sheet, unless somebody is waiting, and the last checkpoint, which must succeed."""
+        """The last row and sheet, unless a signal asked to stop, and the last checkpoint, which must succeed."""
         assert isinstance(module, TrainingModule)
-        if self.ended in (ALL_STEPS, TIME_IS_UP):
+        if self.stop.reason in (ALL_STEPS, TIME_IS_UP):
             if self._row_step != module.step:
-                self._row(module, self._look(module))
+                self._write_row(module, self._validate(module))
             if module.step % self.settings.loop.sheet_every:
-                self._sheet(module)
-        if self.checkpointed != module.step:
-            self._checkpoint(trainer, module, must=True)
-        self._give_back()
+                self._write_sheet(module)
+        if self._checkpoint_step != module.step:
+            self._write_checkpoint(trainer, module, required=True)
+        self.stop.stop_listening()
 
     def on_exception(self, trainer: pl.Trainer, module: pl.LightningModule, exception: BaseException) -> None:
-        """Nothing is saved: the last checkpoint was of a state that was good."""
-        self._give_back()
+        """Nothing is saved: the last checkpoint is of a good state."""
+        self.stop.stop_listening()
         self.close()
 
     def close(self) -> None:
-        """The files, once."""
+        """Close the files; more than once does no harm."""
         if self.files is not None:
             self.files.close()
             self.files = None
 
-    def _look(self, module: TrainingModule) -> dict[str, float]:
+    def _validate(self, module: TrainingModule) -> dict[str, float]:
         return {} if self.held_out is None else scores_of(module.average, self.held_out, self.settings, module.device)
 
-    def _sheet(self, module: TrainingModule) -> None:
+    def _write_sheet(self, module: TrainingModule) -> None:
         if self.files is None or self.held_out is None:
             return
         output = outputs_of(module.average, self.held_out, self.settings, module.device)
         write_sheet(self.files.sheet_path(module.step), output, self.held_out, self.settings.network)
 
-    def _row(self, module: TrainingModule, scores: dict[str, float]) -> None:
+    def _write_row(self, module: TrainingModule, scores: dict[str, float]) -> None:
         if self.files is None:
             return
-        now = time.monotonic()
-        took = max(now - self._row_began, 1e-9)
-        rate = (module.samples - self._row_samples) / took
+        rate, waiting = self.stopwatch.row(module.samples)
+        self._row_step = module.step
         speed = (
             self.settings.optimiser.generator_rate * rate_factor(self.settings, max(module.step - 1, 0)),
             rate,
-            self._waited / took,
-            rate * budget(self.settings).flop_per_sample / 1e12,
+            waiting,
+            rate * network_cost(self.settings).flop_per_sample / 1e12,
             peak_memory(module.device) / 1e9,
         )
-        about = {"step": module.step, "samples": module.samples, "seconds": self.seconds, **dict(zip(SPEED, speed))}
+        seconds = self.stopwatch.seconds
+        progress = {"step": module.step, "samples": module.samples, "seconds": seconds, **dict(zip(SPEED, speed))}
         terms = {name: float(value) for name, value in module.latest.items()}
-        self.files.row(about | terms | {f"held_out_{name}": value for name, value in scores.items()})
-        words = " ".join(f"{name} {value:.4f}" for name, value in (scores or terms).items())
-        LOG.info("step %d, %.0f s, %.2f samples/s: %s", module.step, self.seconds, rate, words)
-        self._row_began, self._waited = now, 0.0
-        self._row_samples, self._row_step = module.samples, module.step
+        self.files.row(progress | terms | {f"held_out_{name}": value for name, value in scores.items()})
+        shown = " ".join(f"{name} {value:.4f}" for name, value in (scores or terms).items())
+        LOG.info("step %d, %.0f s, %.2f samples/s: %s", module.step, seconds, rate, shown)
 
-    def _checkpoint(self, trainer: pl.Trainer, module: TrainingModule, must: bool) -> None:
-        """Every process sends its random numbers, the first writes; a full disk ends the run only where it must."""
+    def _write_checkpoint(self, trainer: pl.Trainer, module: TrainingModule, required: bool) -> None:
+        """All processes send their random numbers, the first one writes. OutputError only where it is required."""
         states: list[Any] = [random_state()]
         if trainer.world_size > 1:
             states = [None] * trainer.world_size
             torch.distributed.all_gather_object(states, random_state())
         if trainer.is_global_zero:
             try:
-                write_checkpoint(self.run / LAST, checkpoint_of(module, self.seconds, states))
+                write_checkpoint(self.run / LAST, checkpoint_of(module, self.stopwatch.seconds, states))
             except OutputError as error:
-                if must:
+                if required:
                     raise
                 LOG.warning("step %d: %s; the run goes on", module.step, error)
                 return
         module.guard.keep(module)
-        self.checkpointed = module.step
+        self._checkpoint_step = module.step
 
-    def _should_stop(self, trainer: pl.Trainer) -> bool:
-        """The same answer in every process."""
-        reasons = [self._heard, time.monotonic() >= self.deadline]
-        if trainer.world_size > 1:
-            asked = torch.tensor(reasons, dtype=torch.int32, device=trainer.strategy.root_device)
-            torch.distributed.all_reduce(asked, torch.distributed.ReduceOp.MAX)
-            reasons = [int(each) for each in asked]
-        if any(reasons):
-            self.ended = signal.Signals(reasons[0]).name if reasons[0] else TIME_IS_UP
-        return any(reasons)
 
-    def _hear(self, number: int, frame: Any) -> None:
-        self._heard = number
-        signal.signal(signal.SIGINT, signal.default_int_handler)  # who presses twice means it
-
-    def _give_back(self) -> None:
-        for number, handler in self._old_handlers.items():
-            signal.signal(number, handler)
-        self._old_handlers = {}
+def columns(settings: TrainSettings) -> list[str]:
+    """Columns of metrics.csv behind step, samples and seconds: speed, the terms that have a weight, norms, held-out metrics."""
+    terms = [*used_terms(settings.loss, settings.network), "gradient_norm"]
+    if settings.loss.uses_discriminator:
+        penalty = settings.loss.gradient_penalty > 0
+        terms += [
+            *(name for name in DISCRIMINATOR_TERMS if penalty or name != "gradient_penalty"),
+            "discriminator_norm",
+        ]
+    return [*SPEED, *terms, *(f"held_out_{name}" for name in metric_names(settings.network))]
 
 
 def peak_memory(device: torch.device) -> int:
-    """Bytes, since the process began."""
+    """Bytes, since the process began; 0 where the system does not count them."""
     if device.type == "cuda":
         return torch.cuda.max_memory_allocated(device)
     try:
         import resource
-    except ImportError:  # Windows has no such count
+    except ImportError:  # Windows has no such module
         return 0
     unit = 1 if sys.platform == "darwin" else 1024
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit
-
-
-@torch.no_grad()
-def outputs_of(network: torch.nn.Module, batch: Batch, settings: TrainSettings, device: torch.device) -> torch.Tensor:
-    """The network's outputs on the CPU, made in batches as large as the run's."""
-    parts = [network(part.to(device)).float().cpu() for part in batch["input"].split(settings.loop.batch)]
-    return torch.cat(parts)
-
-
-def scores_of(
-    network: torch.nn.Module, batch: Batch, settings: TrainSettings, device: torch.device
-) -> dict[str, float]:
-    """`hole_metrics` of a network in eval mode."""
-    return hole_metrics(outputs_of(network, batch, settings, device), batch, settings.network)
-
-
-def _term_names(settings: TrainSettings) -> list[str]:
-    """Columns of the loss terms that this run has."""
-    loss, depth = settings.loss, settings.network.has_depth
-    names = ["l1_known", "l1_hole", "perceptual", "adversarial", "feature_matching"]
-    names += ["depth_l1", "depth_gradient", "depth_normal", "depth_law"] if depth else []
-    used = [name for name in names if getattr(loss, name)]
-    judge = ["discriminator", *(["gradient_penalty"] if loss.gradient_penalty else []), "discriminator_norm"]
-    return [*used, "gradient_norm", *(judge if loss.judged else [])]

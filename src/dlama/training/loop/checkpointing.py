@@ -1,7 +1,7 @@
-"""A training module in -> one file with everything the run goes on from, written whole or not at all; and back.
+"""A training module in -> one checkpoint file, written whole or not at all, out; and back.
 
 The file is torch's, read with `weights_only=True`. Its `state_dict` has the published names under `generator.`, so every
-reader of LaMa checkpoints, ours too, finds the network in it; `average.` is the one that is exported.
+reader of LaMa checkpoints finds the network in it; `average.` is the one that is exported.
 """
 
 from __future__ import annotations
@@ -16,19 +16,19 @@ import torch
 
 from dlama.errors import FileError, InputError, OutputError
 from dlama.training.loop.module import TrainingModule
-from dlama.training.settings_files import to_json
+from dlama.training.presets import to_json
 
 VERSION = 1
 LAST = "last.ckpt"
 
 
 def checkpoint_of(module: TrainingModule, seconds: float, random_states: list[dict[str, Any]]) -> dict[str, Any]:
-    """All there is to keep.
+    """Everything that a run is resumed from.
 
     Args:
-        module: as it is after a whole step.
-        seconds: the run has trained for, over all its parts.
-        random_states: of every process, by rank.
+        module: after a whole step.
+        seconds: trained so far, over all parts of the run.
+        random_states: of every process, by rank (`random_state`).
     """
     named = {
         f"{name}.{key}": value
@@ -49,7 +49,7 @@ def checkpoint_of(module: TrainingModule, seconds: float, random_states: list[di
 
 
 def write_checkpoint(path: Path, checkpoint: dict[str, Any]) -> None:
-    """Beside and moved, after the disk has it: a crash or a full disk leaves the old file whole. OutputError."""
+    """Write beside `path`, flush to the disk, and rename: a crash or a full disk leaves the old file whole. OutputError."""
     draft = path.with_name(f".{path.name}-{secrets.token_hex(4)}")
     try:
         with draft.open("wb") as stream:
@@ -67,7 +67,7 @@ def write_checkpoint(path: Path, checkpoint: dict[str, Any]) -> None:
 
 
 def read_checkpoint(path: Path) -> dict[str, Any]:
-    """Nothing of the file is run. FileError where it is no checkpoint of this version."""
+    """What `checkpoint_of` made; no code of the file is run. FileError where it is no checkpoint of this version."""
     try:
         found = torch.load(path, map_location="cpu", weights_only=True)
     except FileNotFoundError as error:
@@ -80,15 +80,15 @@ def read_checkpoint(path: Path) -> dict[str, Any]:
 
 
 def restore(module: TrainingModule, checkpoint: dict[str, Any], processes: int) -> None:
-    """Networks and counters at once, optimisers when they are made; random numbers are the caller's.
+    """Put a checkpoint into a new module: networks and counters now, optimisers once they are made; random numbers are not set.
 
     Raises:
         InputError: the run had another number of processes, so its samples would not be the same ones.
     """
-    had = len(checkpoint["random_states"])
-    if had != processes:
+    before = len(checkpoint["random_states"])
+    if before != processes:
         raise InputError(
-            f"the run has {had} processes (loop.devices times loop.nodes), not {processes}; keep them to resume"
+            f"the run has {before} processes (loop.devices times loop.nodes), not {processes}; keep them to resume"
         )
     for name, network in module.networks.items():
         prefix = f"{name}."

@@ -1,4 +1,4 @@
-"""Batches in -> two networks trained against each other, one step each per batch: what Lightning runs."""
+"""Batches in -> generator and discriminator trained by one step each per batch, out: the Lightning module."""
 
 from __future__ import annotations
 
@@ -19,32 +19,29 @@ from dlama.nets.generator import Generator, generator_from_state
 from dlama.nets.surgery import widen
 from dlama.training.data.batches import Batch
 from dlama.training.loop.random_state import seed_everything
-from dlama.training.losses import (
-    Terms,
-    discriminator_terms,
-    judged_terms,
-    perceptual_term,
-    pixel_terms,
-)
-from dlama.training.perceptual import PerceptualLoss, perceptual_loss
-from dlama.training.precision import precise
+from dlama.training.losses.perceptual import PerceptualLoss, perceptual_loss
+from dlama.training.losses.pixels import precise
+from dlama.training.losses.terms import LossInputs, Terms, discriminator_terms, generator_terms
 from dlama.training.settings import NetworkSettings, TrainSettings
 
-MOST_BAD = 20
+MOST_RESTORED = 20
 """Batches in a row without a finite gradient, after which the run gives up."""
 
 
 class TrainingModule(pl.LightningModule):
-    """The generator, its moving average, the discriminator and the losses; counts steps and samples by itself."""
+    """The generator, its moving average, the discriminator, the losses, and the guard against gradients that are not finite.
+
+    Counts steps (`step`) and samples of all processes (`samples`) by itself; `latest` has the terms of the last step.
+    """
 
     def __init__(self, settings: TrainSettings) -> None:
         super().__init__()
         self.automatic_optimization = False
         self.settings = settings
         seed_everything(settings.loop.seed)
-        self.generator: Generator = started(settings.network)
-        self.discriminator = Discriminator(settings.network.discriminator) if settings.loss.judged else None
-        self.average = average_of(self.generator)
+        self.generator: Generator = initial_generator(settings.network)
+        self.discriminator = Discriminator(settings.network.discriminator) if settings.loss.uses_discriminator else None
+        self.average = moving_average(self.generator)
         self.perceptual: PerceptualLoss | None = perceptual_loss(settings.loss) if settings.loss.perceptual else None
         self.step, self.samples, self.restored, self.bad_in_a_row = 0, 0, 0, 0
         self.latest: dict[str, Tensor] = {}
@@ -54,18 +51,18 @@ class TrainingModule(pl.LightningModule):
 
     @property
     def networks(self) -> dict[str, nn.Module]:
-        """What a checkpoint keeps, by the names it has there."""
+        """The networks that a checkpoint keeps, by their names there."""
         kept: dict[str, nn.Module] = {"generator": self.generator, "average": self.average}
         return kept | ({} if self.discriminator is None else {"discriminator": self.discriminator})
 
     @property
     def raw_optimisers(self) -> list[torch.optim.Optimizer]:
-        """Torch's own: the generator's, then the discriminator's."""
+        """Torch's optimisers: the generator's, then the discriminator's."""
         found = self.optimizers(use_pl_optimizer=False)
         return list(found) if isinstance(found, list) else [found]
 
     def configure_optimizers(self) -> list[torch.optim.Optimizer]:
-        """Adam for each network, with the state of a checkpoint where the run goes on."""
+        """Adam for each network; in a resumed run with the state of the checkpoint."""
         s = self.settings.optimiser
         made: list[torch.optim.Optimizer] = [
             torch.optim.Adam(network.parameters(), lr=rate, betas=(s.beta1, s.beta2))
@@ -78,7 +75,7 @@ class TrainingModule(pl.LightningModule):
         return made
 
     def on_train_start(self) -> None:
-        """Modes, memory order, and the first state to go back to."""
+        """Train mode, memory order, and the first state of the guard."""
         self.train()
         if self.settings.loop.channels_last:
             for network in self.networks.values():
@@ -86,7 +83,7 @@ class TrainingModule(pl.LightningModule):
         self.guard.keep(self)
 
     def train(self, mode: bool = True) -> TrainingModule:
-        """The average and the trunk stay in eval mode, and all batch norms where they are frozen."""
+        """The average stays in eval mode, as the trunk does, and all batch norms where they are frozen."""
         super().train(mode)
         self.average.eval()
         if self.settings.network.frozen_norms:
@@ -96,13 +93,13 @@ class TrainingModule(pl.LightningModule):
         return self
 
     def forward(self, planes: Tensor) -> Tensor:
-        """B x C x H x W -> B x P x H x W, by the generator that is being trained."""
+        """B x C x H x W -> B x P x H x W, through the generator (not its average)."""
         if self.settings.loop.channels_last:
             planes = planes.contiguous(memory_format=torch.channels_last)
         return self._compiled[0](planes) if self._compiled else self.generator(planes)
 
     def training_step(self, batch: Batch, batch_index: int) -> None:
-        """Generator, then discriminator, each judged by the other as it was before this batch."""
+        """One step of the generator, then one of the discriminator on the same output; undone where gradients are not finite."""
         optimisers = self.raw_optimisers
         self._set_rates(optimisers)
         output = self(batch["input"])
@@ -111,50 +108,53 @@ class TrainingModule(pl.LightningModule):
         good = bool(norms["gradient_norm"].isfinite())
         if good:
             self._take_step(0)
-            follow(self.average, self.generator, self.settings.optimiser.average, self.step)
+            update_average(self.average, self.generator, self.settings.optimiser.average, self.step)
         if good and self.discriminator is not None:
-            judged = discriminator_terms(self.discriminator, output, batch, self.settings.loss, self._penalty())
-            norms["discriminator_norm"] = self._descend(optimisers[1], self.discriminator, judged)
+            own = discriminator_terms(self.discriminator, output, batch, self.settings.loss, self._penalty())
+            norms["discriminator_norm"] = self._descend(optimisers[1], self.discriminator, own)
             good = bool(norms["discriminator_norm"].isfinite())
             if good:
                 self._take_step(1)
-            terms |= judged
+            terms |= own
         self.latest = {name: value.detach() for name, value in (terms | norms).items()}
         self._count(batch, good)
 
     def _generator_terms(self, output: Tensor, batch: Batch) -> Terms:
-        weights, network = self.settings.loss, self.settings.network
-        terms = pixel_terms(output, batch, weights, network)
-        if self.perceptual is not None:
-            terms |= perceptual_term(output, batch, weights, network, self.perceptual)
-        if self.discriminator is not None:
-            self.discriminator.requires_grad_(False)  # its gradients of this pass are nobody's
-            terms |= judged_terms(self.discriminator, output, batch, weights)
-            self.discriminator.requires_grad_(True)
+        """The generator's weighted terms; the discriminator gets no gradients from them."""
+        settings = self.settings
+        inputs = LossInputs(output, batch, settings.network, settings.loss, self.perceptual, self.discriminator)
+        if self.discriminator is None:
+            return generator_terms(inputs)
+        self.discriminator.requires_grad_(False)
+        terms = generator_terms(inputs)
+        self.discriminator.requires_grad_(True)
         return terms
 
     def _descend(self, optimiser: torch.optim.Optimizer, network: nn.Module, terms: Terms) -> Tensor:
-        """Gradients of the sum of terms, clipped; their norm before that. It is the same on all devices."""
+        """Compute the gradients of the sum of terms and clip them; their norm before clipping, the same on all devices."""
         optimiser.zero_grad(set_to_none=True)
         self.manual_backward(torch.stack([precise(term) for term in terms.values()]).sum())
         return nn.utils.clip_grad_norm_(network.parameters(), self.settings.optimiser.clip or math.inf)
 
     def _take_step(self, which: int) -> None:
+        """Step of the generator's (0) or the discriminator's (1) optimiser, by Lightning, for its precision plugin."""
         found = self.optimizers()
         (found if isinstance(found, list) else [found])[which].step()
 
     def _set_rates(self, optimisers: list[torch.optim.Optimizer]) -> None:
+        """Learning rates of the coming step."""
         s = self.settings.optimiser
         factor = rate_factor(self.settings, self.step)
         for optimiser, rate in zip(optimisers, (s.generator_rate, s.discriminator_rate)):
             optimiser.param_groups[0]["lr"] = rate * factor
 
     def _penalty(self) -> float:
+        """Weight of R1 in this step."""
         every = self.settings.loss.penalty_every
         return self.settings.loss.gradient_penalty * every if self.step % every == 0 else 0.0
 
     def _count(self, batch: Batch, good: bool) -> None:
-        """The step is over; a bad one is undone, and so are the good ones since the last state that was kept."""
+        """Count the step; where it was not good, restore the state that the guard kept last."""
         self.step += 1
         self.samples += len(batch["input"]) * self.trainer.world_size
         self.bad_in_a_row = 0 if good else self.bad_in_a_row + 1
@@ -163,12 +163,12 @@ class TrainingModule(pl.LightningModule):
             self.restored += 1
         elif self.step % self.settings.loop.guard_every == 0:
             self.guard.keep(self)
-        if self.bad_in_a_row > MOST_BAD:
-            raise DlamaError(f"step {self.step}: {MOST_BAD} batches in a row gave gradients that are no numbers")
+        if self.bad_in_a_row > MOST_RESTORED:
+            raise DlamaError(f"step {self.step}: {MOST_RESTORED} batches in a row gave gradients that are no numbers")
 
 
 def rate_factor(settings: TrainSettings, step: int) -> float:
-    """What the learning rates are multiplied by in the step after `step` steps: warm-up times decay."""
+    """Factor of both learning rates in the step after `step` steps: warm-up times decay."""
     s, steps = settings.optimiser, settings.loop.steps
     rise = min(1.0, (step + 1) / (s.warm_up + 1))
     if s.decay == "none":
@@ -177,8 +177,8 @@ def rate_factor(settings: TrainSettings, step: int) -> float:
     return rise * (0.01 + 0.99 * (1 + math.cos(math.pi * share)) / 2)
 
 
-def started(network: NetworkSettings) -> Generator:
-    """The generator in train mode; new weights are drawn from torch's current random numbers.
+def initial_generator(network: NetworkSettings) -> Generator:
+    """The generator in train mode: new weights drawn from torch's random numbers, or those of the file `network.start`.
 
     Raises:
         FileError: `network.start` is no file with one generator in it.
@@ -187,43 +187,43 @@ def started(network: NetworkSettings) -> Generator:
     if network.start is None:
         return Generator(network.generator)
     weights = read_generator(Path(network.start).expanduser())
-    had = replace(
+    found = replace(
         weights.settings, in_channels=network.generator.in_channels, out_channels=network.generator.out_channels
     )
-    if had != network.generator:
+    if found != network.generator:
         raise InputError(f"{network.start}: is {weights.settings}; the settings say {network.generator}")
     state = widen(weights.state, network.generator.in_channels, network.generator.out_channels)
     return generator_from_state(state).train()
 
 
-def average_of(network: nn.Module) -> nn.Module:
-    """A copy in eval mode that takes no gradient."""
+def moving_average(network: nn.Module) -> nn.Module:
+    """A moving average of the network's weights, at its beginning: a copy in eval mode that takes no gradient."""
     return copy.deepcopy(network).eval().requires_grad_(False)
 
 
 @torch.no_grad()
-def follow(average: nn.Module, network: nn.Module, memory: float, step: int) -> None:
-    """One step: average = memory x average + (1 - memory) x network, with a shorter memory in the first steps.
+def update_average(average: nn.Module, network: nn.Module, decay: float, step: int) -> None:
+    """average = d x average + (1 - d) x network, d = min(decay, (1 + step) / (10 + step)): it forgets faster in the first steps.
 
     Batch norms' statistics are averaged as well (they forget within ten batches by themselves); counters are copied.
     """
-    memory = min(memory, (1 + step) / (10 + step))
+    decay = min(decay, (1 + step) / (10 + step))
     for mine, theirs in zip(average.state_dict().values(), network.state_dict().values(), strict=True):
         if mine.is_floating_point():
-            mine.lerp_(theirs.to(mine.dtype), 1 - memory)
+            mine.lerp_(theirs.to(mine.dtype), 1 - decay)
         else:
             mine.copy_(theirs)
 
 
 class Guard:
-    """Holds one good state: networks, moving average, optimisers. Counters and random numbers are not turned back."""
+    """Keeps one good state: networks, moving average, optimisers. Counters and random numbers are not part of it."""
 
     def __init__(self) -> None:
         self._state: dict[str, Any] | None = None
         self.step = 0
 
     def keep(self, module: TrainingModule) -> None:
-        """Copy the state as it is, on the device where it lies."""
+        """Copy the module's present state, on the device where it lies."""
         self._state = {
             "networks": {name: _copied(network.state_dict()) for name, network in module.networks.items()},
             "optimisers": [_copied(optimiser.state_dict()) for optimiser in module.raw_optimisers],
@@ -231,7 +231,7 @@ class Guard:
         self.step = module.step
 
     def restore(self, module: TrainingModule) -> None:
-        """Back to the state that was kept last."""
+        """Put the state that was kept last back into the module."""
         assert self._state is not None  # `on_train_start` keeps the first
         for name, network in module.networks.items():
             network.load_state_dict(self._state["networks"][name])

@@ -1,4 +1,4 @@
-"""Random numbers of Python, numpy and torch: a seed in, their state in types that a checkpoint can hold out, and back."""
+"""A seed in -> the random numbers of Python, numpy and torch seeded, out; their state in checkpoint types, and back."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ import torch
 
 
 def seed_everything(seed: int) -> None:
-    """Python's, numpy's and torch's random numbers begin here."""
+    """Seed the random numbers of Python, numpy and torch."""
     random.seed(seed)
     np.random.seed(seed % (1 << 32))  # noqa: NPY002
     torch.manual_seed(seed)
 
 
 def random_state() -> dict[str, Any]:
-    """Of Python, numpy and torch, in types that a checkpoint can hold."""
-    kind, keys, position, has_gauss, gauss = np.random.get_state()  # noqa: NPY002  (other people's code may draw from it)
+    """State of the random numbers of Python, numpy and torch, in types that `torch.load(weights_only=True)` reads."""
+    kind, keys, position, has_gauss, gauss = np.random.get_state()  # noqa: NPY002  (other packages may draw from it)
     return {
         "python": random.getstate(),
         "numpy": [kind, torch.from_numpy(np.asarray(keys).astype(np.int64)), position, has_gauss, gauss],
@@ -28,7 +28,7 @@ def random_state() -> dict[str, Any]:
 
 
 def set_random_state(state: dict[str, Any]) -> None:
-    """Back again."""
+    """Restore such a state."""
     version, numbers, gauss_next = state["python"]
     random.setstate((version, tuple(numbers), gauss_next))
     kind, keys, *rest = state["numpy"]

@@ -15,8 +15,8 @@ from typing import Any
 
 from dlama.errors import FileError, InputError, OutputError
 from dlama.files.atomic_write import new_file
+from dlama.training.presets import from_json, to_json
 from dlama.training.settings import TrainSettings
-from dlama.training.settings_files import from_json, to_json
 
 LOG = logging.getLogger("dlama")
 SETTINGS, METRICS, LOG_FILE, SHEETS = "settings.json", "metrics.csv", "log.txt", "sheets"
@@ -24,11 +24,11 @@ MAY_CHANGE = {
     "loop": {"steps", "log_every", "validate_every", "sheet_every", "checkpoint_every", "guard_every", "accelerator"},
     "data": {"workers"},
 }
-"""Settings that a run may be resumed with other values of; all others would make it another run."""
+"""Settings that may differ in a resumed run; all others would make it another run."""
 
 
 def prepare(run: Path, settings: TrainSettings, resume: bool) -> None:
-    """Make the directory, or check that the run in it is the one to go on with.
+    """Make the directory, or check that the run in it can be resumed with these settings.
 
     Raises:
         OutputError: there is a run already and `resume` was not said, or the directory cannot be made.
@@ -48,15 +48,15 @@ def prepare(run: Path, settings: TrainSettings, resume: bool) -> None:
         raise OutputError(f"{run}: cannot be made ({error})") from error
 
 
-def keep_settings(run: Path, settings: TrainSettings) -> None:
-    """From now on the directory holds a run. OutputError."""
+def write_settings(run: Path, settings: TrainSettings) -> None:
+    """Write settings.json, by which a directory is known to hold a run. OutputError."""
     with new_file(run / SETTINGS) as draft:
         draft.write_text(to_json(settings), "utf-8")
 
 
 @contextmanager
 def logged(run: Path) -> Iterator[None]:
-    """What the training logs, from the choice of samples to the last step, goes into the run's log.txt as well."""
+    """While it is open, what the training logs is also written to the run's log.txt."""
     handler, level = logging.FileHandler(run / LOG_FILE, encoding="utf-8"), LOG.level
     handler.setFormatter(logging.Formatter("%(asctime)s %(message)s", "%Y-%m-%d %H:%M:%S"))
     LOG.addHandler(handler)
@@ -69,23 +69,26 @@ def logged(run: Path) -> Iterator[None]:
         handler.close()
 
 
-def refuse_changes(had: TrainSettings, now: TrainSettings) -> None:
+def refuse_changes(before: TrainSettings, now: TrainSettings) -> None:
     """InputError naming the first setting that would make it another run."""
-    for room in ("network", "loss", "optimiser", "data", "loop"):
-        before, after = vars(getattr(had, room)), vars(getattr(now, room))
-        for name in before:
-            if before[name] != after[name] and name not in MAY_CHANGE.get(room, ()):
-                raise InputError(f"{room}.{name} is {after[name]!r}, the run to resume has {before[name]!r}")
+    for group in ("network", "loss", "optimiser", "data", "loop"):
+        old, new = vars(getattr(before, group)), vars(getattr(now, group))
+        for name in old:
+            if old[name] != new[name] and name not in MAY_CHANGE.get(group, ()):
+                raise InputError(f"{group}.{name} is {new[name]!r}, the run to resume has {old[name]!r}")
 
 
 class RunFiles:
-    """Open files of a run. `columns` are those of metrics.csv besides step, samples and seconds."""
+    """Files of a run that rows are appended to.
+
+    columns: of metrics.csv, behind step, samples and seconds; step: the run begins after it, rows of later steps are removed.
+    """
 
     def __init__(self, run: Path, columns: Sequence[str], step: int) -> None:
         self.run = run
         self.columns = ["step", "samples", "seconds", *columns]
-        self._cut(step)
-        self.board = _board(run, step)
+        self._begin_metrics(step)
+        self.tensorboard = _tensorboard(run, step)
 
     def row(self, values: Mapping[str, Any]) -> None:
         """Append one row of metrics.csv and the same to TensorBoard; columns without a value stay empty."""
@@ -95,8 +98,8 @@ class RunFiles:
         with (self.run / METRICS).open("a", encoding="utf-8", newline="") as stream:
             stream.write(text.getvalue())
         for name, value in values.items():
-            if self.board is not None and name != "step":
-                self.board.add_scalar(name, value, values["step"])
+            if self.tensorboard is not None and name != "step":
+                self.tensorboard.add_scalar(name, value, values["step"])
 
     def sheet_path(self, step: int) -> Path:
         """Where the sample sheet of that step goes."""
@@ -104,11 +107,11 @@ class RunFiles:
 
     def close(self) -> None:
         """Flush everything."""
-        if self.board is not None:
-            self.board.close()
+        if self.tensorboard is not None:
+            self.tensorboard.close()
 
-    def _cut(self, step: int) -> None:
-        """The header, and of an interrupted run the rows up to the checkpoint: what came after is done again."""
+    def _begin_metrics(self, step: int) -> None:
+        """Write the header, and the rows of an interrupted run up to its checkpoint: the steps after it are done again."""
         path, kept = self.run / METRICS, []
         if path.is_file() and step:
             with path.open(encoding="utf-8", newline="") as stream:
@@ -125,8 +128,8 @@ def read_metrics(run: Path) -> list[dict[str, float]]:
         return [{name: float(text) for name, text in row.items() if text} for row in csv.DictReader(stream)]
 
 
-def _board(run: Path, step: int) -> Any:
-    """TensorBoard's writer; where it is not installed the log says so, and metrics.csv has the same numbers."""
+def _tensorboard(run: Path, step: int) -> Any:
+    """TensorBoard's writer; None where it is not installed, which is logged: metrics.csv has the same numbers."""
     try:
         import tensorboard  # noqa: F401
         from torch.utils.tensorboard import SummaryWriter

@@ -1,4 +1,4 @@
-"""Settings and a directory in -> a trained network in that directory, out: the whole training on one screen."""
+"""Settings and a directory in -> a trained network in that directory out."""
 
 from __future__ import annotations
 
@@ -20,15 +20,14 @@ from pytorch_lightning.utilities.rank_zero import rank_zero_only
 from dlama.errors import InputError
 from dlama.files.atomic_write import new_file
 from dlama.training.data.batches import check_sample
-from dlama.training.data.loader import Numbered, Positions, held_out_batch, loader
+from dlama.training.data.loader import BatchNumbers, NumberedSamples, batch_loader, held_out_batch
 from dlama.training.data.sources import SampleSource, source_for
-from dlama.training.loop.callbacks import ALL_STEPS, TIME_IS_UP, Rhythm, scores_of
+from dlama.training.loop.callbacks import ALL_STEPS, TIME_IS_UP, RunCallback
 from dlama.training.loop.checkpointing import LAST, read_checkpoint, restore
-from dlama.training.loop.export import export
-from dlama.training.loop.model_card import Story, model_card
+from dlama.training.loop.export import TrainingRecord, export, model_card
 from dlama.training.loop.module import TrainingModule
-from dlama.training.loop.run_files import keep_settings, logged, prepare
-from dlama.training.loop.validation import hole_metrics, telea
+from dlama.training.loop.run_files import logged, prepare, write_settings
+from dlama.training.loop.validation import hole_metrics, scores_of, telea
 from dlama.training.settings import TrainSettings
 
 LOG = logging.getLogger("dlama")
@@ -39,21 +38,23 @@ EXPECTED_WARNINGS = (
     ".*find_unused_parameters=True was specified.*",
     ".*`isinstance\\(treespec, LeafSpec\\)` is deprecated.*",
 )
-"""Of Lightning and torch, about things that are meant: how many workers there are is a setting of ours."""
+"""Warnings of Lightning and torch that are no news: the number of workers, for one, is a setting."""
 
 
 @dataclass(frozen=True)
-class Trained:
-    """What a run came to."""
+class TrainingResult:
+    """How a run ended."""
 
     run: Path
+    """Its directory."""
     step: int
+    """Steps done."""
     ended: str
     """`all steps done`, `time is up`, `SIGTERM` or `SIGINT`."""
     network: Path | None
     """The ONNX file; None after a signal, which leaves time for a checkpoint only."""
     first: bool = True
-    """False in all processes of a run but the first, which write nothing."""
+    """Whether this is the first process of the run; the others write nothing."""
 
 
 def train(
@@ -65,22 +66,23 @@ def train(
     resume: bool = False,
     source: SampleSource | None = None,
     held_out: SampleSource | None = None,
-) -> Trained:
-    """Train, and write settings, metrics, sheets, checkpoints, and at the end the network and its card, into `run`.
+) -> TrainingResult:
+    """Train a network; writes settings, metrics, sheets, checkpoints, and at the end the network and its model card into `run`.
 
     Args:
         settings: of a new run; of a resumed one they must be the same, see `run_files.MAY_CHANGE`.
-        run: directory; made if need be, and must not hold a run unless `resume`.
-        data: folders or packs that samples are made of; none: procedural ones.
-        max_minutes: stop after so long, with a checkpoint and an export; default: never.
-        resume: go on from `last.ckpt`, bit-exact.
-        source: samples from elsewhere than `data`; with `held_out`, which then takes its place too.
+        run: directory; made where it is missing, must not hold a run unless `resume`.
+        data: folders of pictures, datasets or packs that samples are made of; none: procedural worlds.
+        max_minutes: stop after so long, with a checkpoint and an export; default: no limit.
+        resume: go on from `last.ckpt`; the numbers are those of a run that was never stopped.
+        source: samples to train on, in place of those of `data`.
+        held_out: samples of validation, in place of those of `data`.
     Raises:
         InputError, FileError, OutputError: before the first step, naming the setting or file.
         DlamaError: too many batches in a row gave no finite gradient.
     """
     began = time.monotonic()
-    _refuse_import()
+    _refuse_worker()
     first = getattr(rank_zero_only, "rank", 0) == 0
     if first:
         prepare(run, settings, resume)
@@ -98,40 +100,44 @@ def _train(
     first: bool,
     source: SampleSource | None,
     held_out: SampleSource | None,
-) -> Trained:
+) -> TrainingResult:
     """As `train`, in a directory that is there; `deadline` on the clock of `time.monotonic`."""
     source = source or source_for(settings, data, "train")
-    check_sample(Numbered(source, settings.loop.seed)[0], settings.network, settings.data.size)
-    fixed = held_out_batch(held_out or source_for(settings, data, "held_out"), settings) if first else None
+    check_sample(NumberedSamples(source, settings.loop.seed)[0], settings.network, settings.data.size)
+    validation = held_out_batch(held_out or source_for(settings, data, "held_out"), settings) if first else None
     module, processes = TrainingModule(settings), settings.loop.devices * settings.loop.nodes
     if first:
-        keep_settings(run, settings)  # only now: what was refused above leaves no run that the next attempt would meet
+        write_settings(
+            run, settings
+        )  # only now: a run that was refused above leaves no settings, by which it would be known
     checkpoint: dict[str, Any] = read_checkpoint(run / LAST) if resume else {}
     if checkpoint:
         restore(module, checkpoint, processes)
     before = checkpoint.get("seconds", 0.0)
-    rhythm = Rhythm(settings, run, deadline, fixed, checkpoint.get("random_states"), before)
+    callback = RunCallback(settings, run, deadline, validation, checkpoint.get("random_states"), before)
     try:
-        _fit(module, rhythm, source, settings)
+        _fit(module, callback, source, settings)
         if not first:
-            return Trained(run, module.step, rhythm.ended, None, first=False)
+            return TrainingResult(run, module.step, callback.stop.reason, None, first=False)
         about = "procedural" if not data else ", ".join(str(path) for path in data)
-        network = None if rhythm.ended not in (ALL_STEPS, TIME_IS_UP) else _finish(module, rhythm, settings, about)
+        network = (
+            None if callback.stop.reason not in (ALL_STEPS, TIME_IS_UP) else _finish(module, callback, settings, about)
+        )
     finally:
-        rhythm.close()
-    return Trained(run, module.step, rhythm.ended, network)
+        callback.close()
+    return TrainingResult(run, module.step, callback.stop.reason, network)
 
 
-def _refuse_import() -> None:
-    """A worker that makes samples imports the script that was started: a bare call of `train` there would train again."""
+def _refuse_worker() -> None:
+    """InputError in a worker process: it imports the script that was started, and a bare `train()` there would train again."""
     if getattr(multiprocessing.current_process(), "_inheriting", False):
         raise InputError(
             'train() is called while a script is imported: put the call under `if __name__ == "__main__":`'
         )
 
 
-def trainer_of(settings: TrainSettings, rhythm: Rhythm) -> pl.Trainer:
-    """Lightning's part: devices, processes and precision. Checkpoints, logs and validation are our own."""
+def trainer_of(settings: TrainSettings, callback: RunCallback) -> pl.Trainer:
+    """Lightning's trainer for devices, processes and precision; checkpoints, logs and validation are the callback's."""
     loop = settings.loop
     several = loop.devices * loop.nodes > 1
     return pl.Trainer(
@@ -144,7 +150,7 @@ def trainer_of(settings: TrainSettings, rhythm: Rhythm) -> pl.Trainer:
         benchmark=not loop.exact and torch.cuda.is_available(),
         precision="bf16-mixed" if loop.precision == "bf16" else "32-true",
         max_epochs=1,
-        callbacks=[rhythm],
+        callbacks=[callback],
         logger=False,
         enable_checkpointing=False,
         enable_progress_bar=False,
@@ -154,8 +160,8 @@ def trainer_of(settings: TrainSettings, rhythm: Rhythm) -> pl.Trainer:
     )
 
 
-def _fit(module: TrainingModule, rhythm: Rhythm, source: SampleSource, settings: TrainSettings) -> None:
-    """The steps that are left; none is fine."""
+def _fit(module: TrainingModule, callback: RunCallback, source: SampleSource, settings: TrainSettings) -> None:
+    """Train the steps that are left; none may be."""
     left = settings.loop.steps - module.step
     if left <= 0:
         LOG.info("all %d steps were done before", settings.loop.steps)
@@ -166,35 +172,35 @@ def _fit(module: TrainingModule, rhythm: Rhythm, source: SampleSource, settings:
             warnings.filterwarnings("ignore", text)
         if torch.cuda.is_available():
             torch.set_float32_matmul_precision("highest" if settings.loop.exact else "high")
-        trainer = trainer_of(settings, rhythm)
-        at = Positions(module.samples, left, settings.loop.batch, trainer.global_rank, trainer.world_size)
-        trainer.fit(module, loader(source, settings, at))
+        trainer = trainer_of(settings, callback)
+        numbers = BatchNumbers(module.samples, left, settings.loop.batch, trainer.global_rank, trainer.world_size)
+        trainer.fit(module, batch_loader(source, settings, numbers))
 
 
-def _finish(module: TrainingModule, rhythm: Rhythm, settings: TrainSettings, data: str) -> Path:
-    """The exported network and its card."""
-    network = export(module.average, rhythm.run, settings.name, settings.licence)[1]  # type: ignore[arg-type]
-    assert rhythm.held_out is not None
-    average = module.average.to(rhythm.device)  # Lightning has put everything back on the CPU
-    scores = scores_of(average, rhythm.held_out, settings, rhythm.device)
-    reference = hole_metrics(telea(rhythm.held_out), rhythm.held_out, settings.network)
+def _finish(module: TrainingModule, callback: RunCallback, settings: TrainSettings, data: str) -> Path:
+    """Export the network, and write its model card; the ONNX file."""
+    network = export(module.average, callback.run, settings.name, settings.licence)[1]  # type: ignore[arg-type]
+    assert callback.held_out is not None
+    average = module.average.to(callback.device)  # Lightning has put everything back on the CPU
+    scores = scores_of(average, callback.held_out, settings, callback.device)
+    reference = hole_metrics(telea(callback.held_out), callback.held_out, settings.network)
     trunk = module.perceptual.note if module.perceptual else "no perceptual term"
-    story = Story(
+    record = TrainingRecord(
         step=module.step,
         samples=module.samples,
-        seconds=rhythm.seconds,
-        ended=rhythm.ended,
+        seconds=callback.stopwatch.seconds,
+        ended=callback.stop.reason,
         trunk=trunk,
         data=data,
-        device=device_name(rhythm.device),
+        device=device_name(callback.device),
         restored=module.restored,
     )
-    with new_file(rhythm.run / "README.md") as draft:
-        draft.write_text(model_card(settings, story, scores, reference), "utf-8")
-    LOG.info("%s: %s after %d steps", network, rhythm.ended, module.step)
+    with new_file(callback.run / "README.md") as draft:
+        draft.write_text(model_card(settings, record, scores, reference), "utf-8")
+    LOG.info("%s: %s after %d steps", network, callback.stop.reason, module.step)
     return network
 
 
 def device_name(device: torch.device) -> str:
-    """For the card."""
+    """For the model card."""
     return torch.cuda.get_device_name(device) if device.type == "cuda" else "a CPU"

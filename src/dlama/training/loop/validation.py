@@ -1,32 +1,59 @@
-"""An output and its batch in -> how good the hole is, as numbers, out: the learning curve.
+"""Outputs on the held-out samples in -> metrics of the hole, and sheets of pictures (PNG), out.
 
-Means over the hole of each sample, then over the samples. Colour is 0..1; depth is normalised inverse depth (see `batches`).
+Metrics are means over the hole of each sample, then over the samples. Colour is 0..1; depth is normalised inverse depth (see
+`batches`).
 """
 
 from __future__ import annotations
 
+from pathlib import Path
+
+import cv2
 import numpy as np
 import torch
-from torch import Tensor
+from torch import Tensor, nn
 from torch.nn.functional import avg_pool2d, pad
 
+from dlama.files.atomic_write import new_file
 from dlama.training.data.batches import Batch, composited, hole_planes
-from dlama.training.depth_losses import TOLERANCE
-from dlama.training.settings import NetworkSettings
+from dlama.training.losses.pixels import TOLERANCE
+from dlama.training.settings import NetworkSettings, TrainSettings
 
 SSIM_WINDOW = 7
 TELEA_RADIUS = 3
+"""Pixels."""
+ROWS = 6
+"""Samples of a sheet."""
+GAP, TOP = 4, 18
+"""Pixels between panels, and above them for their names."""
+HOLE = np.array([255, 0, 255], np.uint8)
+"""Magenta: the hole of inputs on a sheet."""
 
 
 def metric_names(network: NetworkSettings) -> list[str]:
-    """What `hole_metrics` gives for such a network."""
+    """The keys of `hole_metrics` for such a network."""
     return ["color_l1", "color_psnr", "color_ssim", *(["depth_l1", "law_broken"] if network.has_depth else [])]
 
 
 @torch.no_grad()
+def outputs_of(network: nn.Module, batch: Batch, settings: TrainSettings, device: torch.device) -> Tensor:
+    """The network's outputs (B x P x H x W, float32) on the CPU, computed in batches as large as the run's."""
+    parts = [network(part.to(device)).float().cpu() for part in batch["input"].split(settings.loop.batch)]
+    return torch.cat(parts)
+
+
+def scores_of(network: nn.Module, batch: Batch, settings: TrainSettings, device: torch.device) -> dict[str, float]:
+    """`hole_metrics` of the outputs of a network that is in eval mode."""
+    return hole_metrics(outputs_of(network, batch, settings, device), batch, settings.network)
+
+
+@torch.no_grad()
 def hole_metrics(output: Tensor, batch: Batch, network: NetworkSettings) -> dict[str, float]:
-    """color_l1; color_psnr (dB, of the hole's mean squared error); color_ssim (uniform 7 x 7 windows); for depth:
-    depth_l1 where the truth is known, law_broken: share of the hole that is nearer than allowed."""
+    """Metrics of an output (B x P x H x W, 0..1) in the hole, by name.
+
+    color_l1; color_psnr (dB, of the hole's mean squared error); color_ssim (uniform 7 x 7 windows); for networks with depth
+    depth_l1 where the truth is known, and law_broken: share of the hole that is nearer than the visibility law allows.
+    """
     filled, colors = composited(output.float(), batch), 3 * network.views
     mine, true, hole = filled[:, :colors], batch["target"][:, :colors], hole_planes(batch["mask"], colors)
     squared = _in(hole, (mine - true).square())
@@ -60,9 +87,7 @@ def ssim_map(a: Tensor, b: Tensor) -> Tensor:
 
 
 def telea(batch: Batch) -> Tensor:
-    """What OpenCV's Telea makes of the same input (colour in 8 bit, depth in 16), B x P x H x W: something to beat."""
-    import cv2
-
+    """The target with its hole filled by OpenCV's Telea (colour in 8 bit, depth in 16), B x P x H x W: a reference."""
     planes = batch["target"].shape[1]
     known = (batch["target"] * (1 - hole_planes(batch["mask"], planes))).cpu().numpy()
     holes = hole_planes(batch["mask"], planes).cpu().numpy().astype(np.uint8)
@@ -82,3 +107,49 @@ def telea(batch: Batch) -> Tensor:
 def _in(weight: Tensor, values: Tensor) -> Tensor:
     """B x P x H x W -> B means over the weighted pixels."""
     return (values * weight).flatten(1).sum(1) / weight.flatten(1).sum(1).clamp(min=1)
+
+
+def write_sheet(path: Path, output: Tensor, batch: Batch, network: NetworkSettings) -> None:
+    """Write a PNG with a row for each of the first ROWS samples: input, output, truth; of colours, then of depth.
+
+    The output is composited: known pixels are those of the truth. OutputError.
+    """
+    sheet = sheet_of(output, batch, network)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with new_file(path) as draft:
+        draft.write_bytes(cv2.imencode(".png", np.ascontiguousarray(sheet[..., ::-1]))[1].tobytes())
+
+
+def sheet_of(output: Tensor, batch: Batch, network: NetworkSettings) -> np.ndarray:
+    """The picture that `write_sheet` writes, uint8 H x W x 3 RGB."""
+    planes = output.shape[1]
+    filled = composited(output.float(), batch).cpu().numpy()
+    truth, hole = batch["target"].cpu().numpy(), hole_planes(batch["mask"], planes).cpu().numpy() > 0
+    firsts = [3 * view for view in range(network.views)] + ([planes - 1] if network.has_depth else [])
+    rows = []
+    for i in range(min(ROWS, len(truth))):
+        panels = []
+        for first in firsts:
+            panels += _panels(truth[i], filled[i], hole[i, first], first, planes)
+        rows.append(np.concatenate(panels, 1))
+    sheet = np.concatenate([np.zeros((TOP, rows[0].shape[1], 3), np.uint8), *rows])
+    for column, word in enumerate(len(firsts) * ("input", "output", "truth")):
+        at = (column * (truth.shape[3] + GAP) + 2, TOP - 5)
+        cv2.putText(sheet, word, at, cv2.FONT_HERSHEY_SIMPLEX, 0.4, (255, 255, 255), 1, cv2.LINE_AA)
+    return sheet
+
+
+def _panels(truth: np.ndarray, filled: np.ndarray, hole: np.ndarray, first: int, planes: int) -> list[np.ndarray]:
+    """Input, output and truth of three colour planes from `first` on, or of the depth plane; each H x W x 3."""
+    shown = []
+    for picture in (truth, filled, truth):
+        part = picture[first:] if first == planes - 1 else picture[first : first + 3]
+        levels = np.round(np.clip(part, 0, 1) * 255).astype(np.uint8).transpose(1, 2, 0)
+        shown.append(np.array(_colored(levels) if levels.shape[2] == 1 else levels))
+    shown[0][hole] = HOLE
+    return [np.pad(panel, ((0, GAP), (0, GAP), (0, 0))) for panel in shown]
+
+
+def _colored(levels: np.ndarray) -> np.ndarray:
+    """H x W x 1 levels as H x W x 3 colours: near is red, far is blue."""
+    return np.asarray(cv2.applyColorMap(levels, cv2.COLORMAP_TURBO))[..., ::-1]

@@ -1,6 +1,6 @@
-"""Patch scores of a discriminator in -> the terms of equations 6 to 9 that come from it, out.
+"""Patch scores and activations of a discriminator in -> terms of equations 6, 7 and 9 (Suvorov et al. 2022) out.
 
-Scores are logits, higher = real; softplus(-s) is -log sigmoid(s). Mask 1 = hole, the other way round than in the paper.
+Scores are logits, higher = real; softplus(-s) is -log sigmoid(s). Mask 1 = hole, opposite to the paper.
 """
 
 from __future__ import annotations
@@ -11,11 +11,11 @@ import torch
 from torch import Tensor
 from torch.nn.functional import interpolate, mse_loss, softplus
 
-from dlama.training.precision import precise
+from dlama.training.losses.pixels import precise
 
 
 def discriminator_loss(real: Tensor, fake: Tensor, mask: Tensor) -> Tensor:
-    """Equation 6: real patches are real, patches of the hole are fake, known patches of an output are real.
+    """Equation 6: patches of true pictures are real, patches of the output are fake in the hole and real elsewhere.
 
     Args:
         real: B x 1 x h x w scores of true pictures.
@@ -28,7 +28,7 @@ def discriminator_loss(real: Tensor, fake: Tensor, mask: Tensor) -> Tensor:
 
 
 def generator_loss(fake: Tensor) -> Tensor:
-    """Equation 7: everything the generator gives should look real. B x 1 x h x w scores -> a number."""
+    """Equation 7: softplus(-D), the mean over all patches of the output's B x 1 x h x w scores."""
     return softplus(-fake).mean()
 
 

@@ -1,7 +1,7 @@
 """Pictures B x 3 x H x W in 0..1, output and truth, in -> the high receptive field perceptual loss (equation 5) out.
 
 The paper's weight (30) was found for the published trunk, whose batch norms keep activations near 1. Those of other trunks
-are up to a hundred times larger, and would drown every other term; so their layers are scaled to mean square 1 on one picture.
+are up to a hundred times larger, and outweigh every other term; so their layers are scaled to mean square 1 on one picture.
 """
 
 from __future__ import annotations
@@ -13,17 +13,22 @@ from torch import Tensor, nn
 from torch.nn.functional import mse_loss
 
 from dlama.errors import FileError
-from dlama.training.precision import precise
+from dlama.training.losses.pixels import precise
+from dlama.training.losses.trunks import IMAGENET_MEAN, IMAGENET_STD, LPIPS_TRUNKS, random_trunk, read_trunk
 from dlama.training.settings import LossSettings
-from dlama.training.trunks import IMAGENET_MEAN, IMAGENET_STD, LPIPS_TRUNKS, random_trunk, read_trunk
 
 
 class PerceptualLoss(nn.Module):
-    """Frozen trunk, always in eval mode; its weights are no part of a checkpoint (they are read again)."""
+    """Mean squared difference of a frozen trunk's activations; always in eval mode. Its weights are not kept in checkpoints.
+
+    Args:
+        trunk: B x 3 x H x W (ImageNet-normalised) -> a list of activations.
+        name: for `note`.
+        scaled: whether each layer is divided by the mean square of its activations at `reference_picture`.
+    """
 
     mean: Tensor
     std: Tensor
-
     scales: Tensor
 
     def __init__(self, trunk: nn.Module, name: str, scaled: bool = False) -> None:
@@ -34,11 +39,14 @@ class PerceptualLoss(nn.Module):
         self.register_buffer("scales", self._scales() if scaled else torch.ones(()), persistent=False)
 
     def forward(self, output: Tensor, truth: Tensor) -> Tensor:
-        """The mean over layers of the mean squared difference of activations; `truth` gets no gradient."""
+        """Equation 5: the mean over layers of the mean squared difference of activations; a scalar.
+
+        output, truth: B x 3 x H x W in 0..1; `truth` gets no gradient.
+        """
         with torch.no_grad():
-            wanted = self.trunk((truth - self.mean) / self.std)
+            true = self.trunk((truth - self.mean) / self.std)
         found = self.trunk((output - self.mean) / self.std)
-        layers = torch.stack([mse_loss(precise(one), precise(other)) for one, other in zip(found, wanted)])
+        layers = torch.stack([mse_loss(precise(one), precise(other)) for one, other in zip(found, true)])
         return (layers * self.scales).mean()
 
     @torch.no_grad()

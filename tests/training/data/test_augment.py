@@ -9,7 +9,7 @@ from dlama.geometry.drawing import flying as flying_pixels
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.view import View
 from dlama.training.data import augment
-from dlama.training.data.toy_scenes import Sketches
+from dlama.training.data.samples.toy_scenes import ToyScenes
 from dlama.training.settings import NetworkSettings
 
 CAMERA = Camera.from_fov(96, 72, 70)
@@ -74,7 +74,7 @@ def test_faults_from_one_state_are_the_same() -> None:
 
 def sample(planes: str) -> dict[str, np.ndarray]:
     """A sketch whose right picture is the left one, moved."""
-    return Sketches(NetworkSettings(planes), 64, "train").sample(3, np.random.default_rng(0))
+    return ToyScenes(NetworkSettings(planes), 64, "train").sample(3, np.random.default_rng(0))
 
 
 def test_mirrored_pairs_stay_pairs() -> None:

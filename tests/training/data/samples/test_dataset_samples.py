@@ -17,14 +17,14 @@ from dlama.errors import FileError, InputError
 from dlama.geometry.camera import Camera
 from dlama.geometry.holes import dilated
 from dlama.geometry.rgbd import RGBD
-from dlama.training.data import crops as windows
+from dlama.training.data import crops
 from dlama.training.data.batches import check_sample
-from dlama.training.data.case_samples import CasePairs, CaseRemovals
-from dlama.training.data.cases import StereoPair, Take, split_takes
+from dlama.training.data.cases import StereoPair, TrainingCase, split_cases
 from dlama.training.data.pack import pack
-from dlama.training.data.pack_reader import read_pack
-from dlama.training.data.sources import Mixture, gathered, source_for
-from dlama.training.data.view_samples import view_sample
+from dlama.training.data.pack_format import read_pack
+from dlama.training.data.samples.dataset import DatasetPairs, DatasetRemovals
+from dlama.training.data.samples.views import view_sample
+from dlama.training.data.sources import Mixture, find_training_data, source_for
 from dlama.training.settings import DataSettings, NetworkSettings, TrainSettings
 from dlama.worlds.writer import write_worlds
 
@@ -33,7 +33,7 @@ GREY, RED = 120, (200, 30, 30)
 
 
 def settings(planes: str, size: int = SIZE, cases: float = 1.0, **mixture: float) -> TrainSettings:
-    """Made of the data set's cases alone unless told."""
+    """Made of the data set's cases alone unless chosen."""
     data = DataSettings(size=size, mixture=mixture, cases=cases)
     return TrainSettings("t", network=NetworkSettings(planes), data=data)  # type: ignore[arg-type]
 
@@ -49,7 +49,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture
 def whole(monkeypatch: pytest.MonkeyPatch) -> None:
     """Samples show whole frames, pixel by pixel."""
-    monkeypatch.setattr(windows, "SMALLEST_CROP", 1.0)
+    monkeypatch.setattr(crops, "SMALLEST_CROP", 1.0)
 
 
 def levels(planes: np.ndarray) -> np.ndarray:
@@ -62,26 +62,26 @@ def test_removals_show_what_the_files_show(folder: Path) -> None:
     """Oracle: the data set's own cases. The hole is the mask grown by 1 to 4 px; in it the truth is the frame without the
     object, in colour and depth; elsewhere input and truth are the frame with it."""
     source = source_for(settings("rgbd", removal=1), [folder], "train")
-    assert isinstance(source, CaseRemovals)
+    assert isinstance(source, DatasetRemovals)
     cases = {f"made/{case.scene}/{case.frame}": case for case in open_dataset(folder).of("ori")}
     shown = 0
-    for index, take in enumerate(source.takes):
-        truth = cases[f"{take.scene}/{take.name}"].load()
+    for index, case in enumerate(source.cases):
+        truth = cases[f"{case.scene}/{case.name}"].load()
         assert isinstance(truth, RemovalTruth)
-        question = source.question(index, np.random.default_rng(index))
-        hole = question.view.hole
+        example = source.example(index, np.random.default_rng(index))
+        hole = example.view.hole
         if not any(np.array_equal(hole, dilated(truth.mask, radius)) for radius in (1, 2, 3, 4)):
             continue  # too small a thing: a random mask instead
         shown += 1
-        made = view_sample(question, source.network)
+        made = view_sample(example, source.network)
         assert np.array_equal(levels(made["target"][:3])[hole], truth.without.color[hole])
-        assert np.array_equal(question.truth.depth[hole], truth.without.depth[hole])
+        assert np.array_equal(example.truth.depth[hole], truth.without.depth[hole])
         assert np.array_equal(levels(made["input"][:3])[~hole], truth.source.color[~hole])
         assert np.array_equal(levels(made["target"][:3])[~hole], truth.source.color[~hole])
-        assert np.array_equal(question.truth.depth[~hole], truth.source.depth[~hole])
+        assert np.array_equal(example.truth.depth[~hole], truth.source.depth[~hole])
         assert np.array_equal(made["mask"][0] > 0, hole) and not made["input"][:4, hole].any()
         there = truth.source.depth[truth.mask]
-        assert np.array_equal(question.law.measured[0][1][truth.mask], there)  # what was taken out still limits
+        assert np.array_equal(example.law.measured[0][1][truth.mask], there)  # what was taken out still limits
     assert shown > 0.8 * len(source)
 
 
@@ -90,10 +90,10 @@ def test_removals_show_what_the_files_show(folder: Path) -> None:
 def test_pairs_show_what_the_files_show(folder: Path, planes: str) -> None:
     """Oracle: the data set's own cases, as for removals; one radius for both masks; one mask plane is their union."""
     source = source_for(settings(planes, stereo=1), [folder], "train")
-    assert isinstance(source, CasePairs)
+    assert isinstance(source, DatasetPairs)
     cases = {f"made/{case.scene}": case for case in open_dataset(folder).of("sii")}
-    for index, take in enumerate(source.takes):
-        truth = cases[take.scene].load()
+    for index, case in enumerate(source.cases):
+        truth = cases[case.scene].load()
         made = source.pair(index, np.random.default_rng(index))
         grown = [np.stack([dilated(mask, r) for mask in (truth.mask_left, truth.mask_right)]) for r in (1, 2, 3, 4)]
         found = [holes for holes in grown if np.array_equal(made["mask"] > 0, holes if "two" in planes else
@@ -131,10 +131,10 @@ def box_before_a_wall(**more: object) -> RemovalTruth:
     return RemovalTruth(RGBD(color, depth, camera), without, mask, **more)  # type: ignore[arg-type]
 
 
-def removal_of(truth: RemovalTruth, size: int) -> CaseRemovals:
+def removal_of(truth: RemovalTruth, size: int) -> DatasetRemovals:
     """A source of this case alone."""
-    take = Take("removal", "s", "with", frozenset({"with"}), lambda: truth)
-    return CaseRemovals((take,), NetworkSettings("rgbd"), size)
+    case = TrainingCase("removal", "s", "with", frozenset({"with"}), lambda: truth)
+    return DatasetRemovals((case,), NetworkSettings("rgbd"), size)
 
 
 @pytest.mark.parametrize("size", [32, 48, 96])
@@ -142,10 +142,10 @@ def test_nothing_of_the_thing_is_left_at_any_scale(size: int) -> None:
     """Closed form: a grey wall is all there is to see and to learn, however the square is drawn, shrunk or enlarged."""
     source = removal_of(box_before_a_wall(), size)
     for seed in range(12):
-        question = source.question(0, np.random.default_rng(seed))
-        assert (question.view.color[~question.view.hole] == GREY).all() and question.view.hole.any()
-        assert (question.truth.color == GREY).all() and np.allclose(question.truth.depth, 3)
-        assert question.truth.camera.fx == pytest.approx(80.0 * size / side_of(question.truth.camera, size))
+        example = source.example(0, np.random.default_rng(seed))
+        assert (example.view.color[~example.view.hole] == GREY).all() and example.view.hole.any()
+        assert (example.truth.color == GREY).all() and np.allclose(example.truth.depth, 3)
+        assert example.truth.camera.fx == pytest.approx(80.0 * size / side_of(example.truth.camera, size))
 
 
 def side_of(camera: Camera, size: int) -> float:
@@ -160,8 +160,8 @@ def test_other_light_without_the_thing_is_brought_back() -> None:
     """Closed form: the frame without the thing at half the exposure; its wall is as bright as that of the frame with it."""
     truth = box_before_a_wall(exposure_varies=True)
     dark = replace(truth.without, color=(truth.without.color // 2).astype(np.uint8))
-    question = removal_of(replace(truth, without=dark), 48).question(0, np.random.default_rng(0))
-    assert np.abs(question.truth.color.astype(int) - GREY).max() <= 1
+    example = removal_of(replace(truth, without=dark), 48).example(0, np.random.default_rng(0))
+    assert np.abs(example.truth.color.astype(int) - GREY).max() <= 1
 
 
 def test_no_hole_where_the_background_is_not_the_same() -> None:
@@ -173,8 +173,8 @@ def test_no_hole_where_the_background_is_not_the_same() -> None:
         replace(truth, compare=compare, without=replace(truth.without, color=_marked(truth, compare))), 48
     )
     for seed in range(8):
-        question = source.question(0, np.random.default_rng(seed))
-        assert not (question.truth.color == (1, 2, 3)).all(-1).any()
+        example = source.example(0, np.random.default_rng(seed))
+        assert not (example.truth.color == (1, 2, 3)).all(-1).any()
 
 
 def _marked(truth: RemovalTruth, compare: np.ndarray) -> np.ndarray:
@@ -187,12 +187,12 @@ def test_pairs_without_a_thing_get_one_hole_on_one_surface() -> None:
     rng = np.random.default_rng(0)
     wall = rng.integers(0, 255, (80, 100, 3), np.uint8)
     pair = StereoPair(wall, np.roll(wall, -8, 1), np.full((80, 100), 8, np.float32))
-    source = CasePairs(
-        (Take("stereo", "s", "p", frozenset({"p"}), lambda: pair),), NetworkSettings("stereo-two-masks"), 80
+    source = DatasetPairs(
+        (TrainingCase("stereo", "s", "p", frozenset({"p"}), lambda: pair),), NetworkSettings("stereo-two-masks"), 80
     )
     for seed in range(6):
         made = source.pair(0, np.random.default_rng(seed))
-        side = 80 / windows.drawn((80, 100), 80, np.random.default_rng(seed)).side  # the same square again
+        side = 80 / crops.random_crop((80, 100), 80, np.random.default_rng(seed)).side  # the same square again
         left, right = made["mask"] > 0
         moved = np.zeros_like(left)
         moved[:, : -round(8 * side)] = left[:, round(8 * side) :]
@@ -204,15 +204,15 @@ def test_pairs_without_a_thing_get_one_hole_on_one_surface() -> None:
 
 def test_stereo_folders_and_removal_folders_are_read(data_dir: Path) -> None:
     """Real ones, in both layouts that are no EasySynth: check_sample agrees."""
-    pairs = gathered([data_dir / "data" / "stereo"]).takes
-    assert len(pairs) == 2 and {take.kind for take in pairs} == {"stereo"}
+    pairs = find_training_data([data_dir / "data" / "stereo"]).cases
+    assert len(pairs) == 2 and {case.kind for case in pairs} == {"stereo"}
     check_sample(
-        CasePairs(pairs, NetworkSettings("stereo"), 64).sample(0, np.random.default_rng(0)),
+        DatasetPairs(pairs, NetworkSettings("stereo"), 64).sample(0, np.random.default_rng(0)),
         NetworkSettings("stereo"),
         64,
     )
-    removals = gathered([data_dir / "data" / "bin_removal"]).takes
-    made = CaseRemovals(removals, NetworkSettings("rgbd"), 64).sample(0, np.random.default_rng(0))
+    removals = find_training_data([data_dir / "data" / "bin_removal"]).cases
+    made = DatasetRemovals(removals, NetworkSettings("rgbd"), 64).sample(0, np.random.default_rng(0))
     check_sample(made, NetworkSettings("rgbd"), 64)
 
 
@@ -224,7 +224,7 @@ def test_worlds_take_their_share(folder: Path, caplog: pytest.LogCaptureFixture)
         with caplog.at_level(logging.INFO, "dlama"):
             source = source_for(settings(planes, cases=0.25, **{kind: 1.0}), [folder], "train")
         assert isinstance(source, Mixture) and source.kinds == ("cases", "worlds")
-        assert source.until.tolist() == [0.25, 1.0]
+        assert source.thresholds.tolist() == [0.25, 1.0]
         assert f"25% of kind '{kind}' are made of them, 75% of worlds" in caplog.text
         assert not isinstance(source_for(settings(planes, cases=0.25, **{kind: 1.0}), [], "train"), Mixture)
         for index in range(4):
@@ -241,9 +241,9 @@ def test_a_run_says_what_it_learns_from(folder: Path, tmp_path: Path) -> None:
     from dlama.training.loop.train import train
 
     no_tensorboard()
-    told = toy(steps=2)
-    told = replace(told, data=replace(told.data, mixture={"removal": 1.0}, cases=1.0))
-    done = train(told, tmp_path / "run", data=[folder])
+    chosen = toy(steps=2)
+    chosen = replace(chosen, data=replace(chosen.data, mixture={"removal": 1.0}, cases=1.0))
+    done = train(chosen, tmp_path / "run", data=[folder])
     first, *_ = (done.run / "log.txt").read_text().splitlines()
     assert done.step == 2 and first.endswith(
         "train: 26 removals; 100% of kind 'removal' are made of them, 0% of worlds"
@@ -252,26 +252,26 @@ def test_a_run_says_what_it_learns_from(folder: Path, tmp_path: Path) -> None:
 
 def test_a_scene_is_held_out_of_all_kinds_at_once(folder: Path) -> None:
     """No scene is on both sides, whichever kinds its cases are of, and each kind is on both."""
-    found = gathered([folder])
-    takes = {split: split_takes(found.takes, split) for split in ("train", "held_out")}
-    scenes = {split: {take.scene for take in own} for split, own in takes.items()}
-    assert not scenes["train"] & scenes["held_out"] and len(found.takes) == sum(map(len, takes.values()))
-    for own in takes.values():
-        assert {take.kind for take in own} == {"frame", "removal", "stereo"}
+    found = find_training_data([folder])
+    cases = {split: split_cases(found.cases, split) for split in ("train", "held_out")}
+    scenes = {split: {case.scene for case in own} for split, own in cases.items()}
+    assert not scenes["train"] & scenes["held_out"] and len(found.cases) == sum(map(len, cases.values()))
+    for own in cases.values():
+        assert {case.kind for case in own} == {"frame", "removal", "stereo"}
     alone = [
-        take for take in found.takes if take.kind == "frame" or (take.kind, take.scene) == ("removal", "made/w000")
+        case for case in found.cases if case.kind == "frame" or (case.kind, case.scene) == ("removal", "made/w000")
     ]
     with pytest.raises(InputError, match="scenes with removals: two or more"):
-        split_takes(alone, "train")
+        split_cases(alone, "train")
 
 
 def test_one_scene_is_split_by_frames(folder: Path) -> None:
     """A frame that is held out as a removal is trained on as nothing else."""
-    takes = gathered([folder / "w000"]).takes
-    takes = tuple(take for take in takes if take.kind != "stereo")
-    train, held = split_takes(takes, "train"), split_takes(takes, "held_out")
-    frames = [{frame for take in own for frame in take.frames} for own in (train, held)]
-    assert not frames[0] & frames[1] and {take.kind for take in held} == {"frame", "removal"}
+    cases = find_training_data([folder / "w000"]).cases
+    cases = tuple(case for case in cases if case.kind != "stereo")
+    train, held = split_cases(cases, "train"), split_cases(cases, "held_out")
+    frames = [{frame for case in own for frame in case.frames} for own in (train, held)]
+    assert not frames[0] & frames[1] and {case.kind for case in held} == {"frame", "removal"}
 
 
 def test_packs_hold_removals_and_pairs(folder: Path, tmp_path: Path) -> None:
@@ -281,14 +281,14 @@ def test_packs_hold_removals_and_pairs(folder: Path, tmp_path: Path) -> None:
     assert [line.strip() for line in lines[1:]] == [
         "36 of 36 pairs of posed frames", "39 of 39 removals", "3 of 3 stereo pairs",
     ]  # fmt: skip
-    given = {(take.kind, take.scene, take.name): take for take in gathered([folder]).takes}
+    given = {(case.kind, case.scene, case.name): case for case in find_training_data([folder]).cases}
     photos, back = read_pack(tmp_path / "a.pack")
-    assert not photos and {(take.kind, take.scene, take.name) for take in back} == set(given)
-    for take in back:
-        was, now = given[take.kind, take.scene, take.name].load(), take.load()
-        if take.kind == "removal":
+    assert not photos and {(case.kind, case.scene, case.name) for case in back} == set(given)
+    for case in back:
+        was, now = given[case.kind, case.scene, case.name].load(), case.load()
+        if case.kind == "removal":
             _same_removal(was, now)
-        if take.kind == "stereo":
+        if case.kind == "stereo":
             assert all(np.array_equal(one, other) for one, other in zip(was.masks, now.masks))
             assert np.abs(was.disparity - now.disparity).max() <= 1 / 128 + 1e-6
             for one, other in ((was.left, now.left), (was.right, now.right), *zip(was.without, now.without)):
@@ -312,14 +312,14 @@ def test_packs_keep_where_frames_can_be_compared() -> None:
     """Round trip of one removal's parts, shrunk: `compare` loses what is not wholly in it, the mask nothing (oracle: area)."""
     import cv2
 
-    from dlama.training.data.pack_format import packed, unpacked
+    from dlama.training.data.pack_format import decode_case, encode_case
 
     truth = box_before_a_wall(exposure_varies=True)
     compare = np.zeros_like(truth.mask)
     compare[3:80, 5:101] = True
-    about, parts = packed("removal", replace(truth, compare=compare), 30)
+    about, parts = encode_case("removal", replace(truth, compare=compare), 30)
     pictures = {role: cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED) for role, data in parts.items()}
-    back = unpacked("removal", about, frozenset(parts), lambda role: np.ascontiguousarray(pictures[role]))
+    back = decode_case("removal", about, frozenset(parts), lambda role: np.ascontiguousarray(pictures[role]))
     assert back.exposure_varies and back.source.camera.hw == back.mask.shape == back.compare.shape == (30, 40)
     blocks = [each.reshape(30, 3, 40, 3).swapaxes(1, 2).reshape(30, 40, 9) for each in (truth.mask, compare)]
     assert np.array_equal(back.mask, blocks[0].any(-1)) and np.array_equal(back.compare, blocks[1].all(-1))
@@ -341,9 +341,9 @@ def test_packs_of_version_1_are_read(folder: Path, tmp_path: Path) -> None:
 
     old = [_as_version_1(entry) for entry in index["takes"] if entry["kind"] == "frame"]
     _, now = read_pack(tmp_path / "2.pack")
-    frames = [take for take in now if take.kind == "frame"]
+    frames = [case for case in now if case.kind == "frame"]
     _, was = read_pack(written("1.pack", version=1, pairs=old, takes=None))
-    assert len(was) == len(frames) > 10 and {take.kind for take in was} == {"frame"}
+    assert len(was) == len(frames) > 10 and {case.kind for case in was} == {"frame"}
     for one, other in zip(was[:3], frames):
         assert np.array_equal(one.load().target.depth, other.load().target.depth) and one.frames == other.frames
     with pytest.raises(FileError, match="version 1 or 2"):

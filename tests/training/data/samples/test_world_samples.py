@@ -19,13 +19,14 @@ from dlama.geometry.view import View
 from dlama.geometry.visibility import Law
 from dlama.inpainters.networks.contract import contract_of_planes
 from dlama.inpainters.networks.view_tensors import DepthPlane, robust_scale
-from dlama.training.data import view_samples, world_samples
-from dlama.training.data import world_views as galleries
 from dlama.training.data.batches import check_sample
+from dlama.training.data.samples import views as view_samples
+from dlama.training.data.samples import world_views
+from dlama.training.data.samples import worlds as world_samples
+from dlama.training.data.samples.views import ViewExample, view_sample
+from dlama.training.data.samples.world_views import WorldSet
+from dlama.training.data.samples.worlds import WorldPairs, WorldRemovals, WorldSamples
 from dlama.training.data.sources import source_for
-from dlama.training.data.view_samples import Question, view_sample
-from dlama.training.data.world_samples import RemovalSamples, StereoSamples, WorldSamples
-from dlama.training.data.world_views import Galleries
 from dlama.training.settings import DataSettings, NetworkSettings, TrainSettings
 from worlds import pixels_of, points_of
 
@@ -42,13 +43,13 @@ def settings(planes: str, **mixture: float) -> TrainSettings:
 
 
 @pytest.fixture(scope="module")
-def clean() -> list[Question]:
+def clean() -> list[ViewExample]:
     """Questions of two pairs of cameras in each of two worlds, a room and a street, without faults of a sensor."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(world_samples, "with_faults", lambda rgbd, rng, sensor_holes=False: rgbd)
         patch.setattr(world_samples, "SENSOR_SHARE", 0.0)
-        source = WorldSamples(Galleries("train", 128), RGBD_NET)
-        return [source.question(index, np.random.default_rng(index)) for index in CLEAN]
+        source = WorldSamples(WorldSet("train", 128), RGBD_NET)
+        return [source.example(index, np.random.default_rng(index)) for index in CLEAN]
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -64,7 +65,7 @@ def test_every_kind_makes_samples(kind: str, split: Any) -> None:
         assert not np.array_equal(made["input"], other["input"])
 
 
-def test_input_is_what_joint_would_feed(monkeypatch: pytest.MonkeyPatch, clean: list[Question]) -> None:
+def test_input_is_what_joint_would_feed(monkeypatch: pytest.MonkeyPatch, clean: list[ViewExample]) -> None:
     """Oracle: the filler `joint` itself, with an engine that keeps the planes it is given; sensor holes as well."""
     from dlama.inpainters.networks import joint
 
@@ -79,86 +80,86 @@ def test_input_is_what_joint_would_feed(monkeypatch: pytest.MonkeyPatch, clean: 
 
     monkeypatch.setattr(joint, "open_engine", lambda *args, **options: Engine())
     fill = joint.joint_filler("none.onnx")
-    frame = galleries.Galleries("train", SIZE).gallery(0).frame(0)
-    removals = RemovalSamples(Galleries("train", SIZE), RGBD_NET)
-    for question in (
+    frame = world_views.WorldSet("train", SIZE).views(0).frame(0)
+    removals = WorldRemovals(WorldSet("train", SIZE), RGBD_NET)
+    for example in (
         *clean,
-        world_samples.still(frame, np.random.default_rng(0)),
-        removals.question(1, np.random.default_rng(1)),
+        world_samples.sensor_hole_example(frame, np.random.default_rng(0)),
+        removals.example(1, np.random.default_rng(1)),
     ):
-        fill(question.view, question.law, 0)
-        assert np.array_equal(view_sample(question, RGBD_NET)["input"], fed[-1])
+        fill(example.view, example.law, 0)
+        assert np.array_equal(view_sample(example, RGBD_NET)["input"], fed[-1])
 
 
-def test_holes_are_those_of_rendering(clean: list[Question]) -> None:
-    """The hole is the one that `render` leaves of the gallery's own frames and cameras, and known colours are its."""
-    found = [Galleries("train", 128).gallery(index) for index in CLEAN[::2]]
-    views = [render(gallery.frame(i), gallery.cameras[j]) for gallery in found for i, j in gallery.pairs]
-    for question in clean:
-        view = next(view for view in views if view.camera.same_view_as(question.view.camera) and
-                    np.array_equal(view.hole, question.view.hole))  # fmt: skip
-        made = view_sample(question, RGBD_NET)
+def test_holes_are_those_of_rendering(clean: list[ViewExample]) -> None:
+    """The hole is the one that `render` leaves of the views's own frames and cameras, and known colours are its."""
+    found = [WorldSet("train", 128).views(index) for index in CLEAN[::2]]
+    views = [render(views.frame(i), views.cameras[j]) for views in found for i, j in views.pairs]
+    for example in clean:
+        view = next(view for view in views if view.camera.same_view_as(example.view.camera) and
+                    np.array_equal(view.hole, example.view.hole))  # fmt: skip
+        made = view_sample(example, RGBD_NET)
         known = ~view.hole
         assert np.array_equal(made["mask"][0] > 0, view.hole)
         levels = np.rint(made["input"][:3] * 255).astype(np.uint8).transpose(1, 2, 0)
         assert np.array_equal(levels[known], view.color[known])
 
 
-def test_what_is_to_be_filled_was_hidden(clean: list[Question]) -> None:
+def test_what_is_to_be_filled_was_hidden(clean: list[ViewExample]) -> None:
     """Oracle: the camera model. True points of the hole lie outside the source's picture or behind what it measured there,
     true points of known pixels do not."""
     hidden, shown = [], []
-    for question in clean:
-        (camera, measured), *_ = question.law.measured
-        points = points_of(question.view.camera, np.minimum(question.truth.depth, np.float32(1e4)))
+    for example in clean:
+        (camera, measured), *_ = example.law.measured
+        points = points_of(example.view.camera, np.minimum(example.truth.depth, np.float32(1e4)))
         x, y, z = pixels_of(camera, points)
         inside = (z > 0) & (x >= 0) & (x < camera.width) & (y >= 0) & (y < camera.height)
         at = (np.where(inside, value, 0).astype(int) for value in (y, x))
         unseen = ~inside | (z > 1.02 * measured[tuple(at)])
-        hidden.append(unseen[question.view.hole].mean())
-        shown.append(unseen[~question.view.hole].mean())
+        hidden.append(unseen[example.view.hole].mean())
+        shown.append(unseen[~example.view.hole].mean())
     assert min(hidden) > 0.7 and np.mean(hidden) > 0.85 and max(shown) < 0.1
 
 
-def test_target_is_the_true_frame_where_both_agree(clean: list[Question]) -> None:
+def test_target_is_the_true_frame_where_both_agree(clean: list[ViewExample]) -> None:
     """The world's own frame, and its inverse depth over the scale that the view's known pixels set, cut at 1."""
-    for question in clean:
-        made = view_sample(question, RGBD_NET)
-        assert view_samples.agrees(question)
-        assert np.array_equal(np.rint(made["target"][:3] * 255).transpose(1, 2, 0), question.truth.color)
-        w = inverse_depth(np.where(question.view.hole, 0, question.view.depth))
+    for example in clean:
+        made = view_sample(example, RGBD_NET)
+        assert view_samples.truth_agrees(example)
+        assert np.array_equal(np.rint(made["target"][:3] * 255).transpose(1, 2, 0), example.truth.color)
+        w = inverse_depth(np.where(example.view.hole, 0, example.view.depth))
         scale = np.quantile(w[w > 0], 0.99) / 0.75
-        true = np.minimum(inverse_depth(question.truth.depth) / scale, 1)
+        true = np.minimum(inverse_depth(example.truth.depth) / scale, 1)
         assert np.allclose(made["target"][3], true, atol=1e-5) and (made["known_depth"] == 1).all()
 
 
-def test_other_light_keeps_the_views_own_pixels(clean: list[Question]) -> None:
+def test_other_light_keeps_the_views_own_pixels(clean: list[ViewExample]) -> None:
     """Where the truth does not show what the view shows, known pixels of the target are the input's."""
-    question = clean[0]
-    dark = type(question.truth)(question.truth.color // 3, question.truth.depth, question.truth.camera)
-    made = view_sample(Question(question.view, dark, question.law), RGBD_NET)
-    known = np.broadcast_to(~question.view.hole, (4, *question.view.hole.shape))
+    example = clean[0]
+    dark = type(example.truth)(example.truth.color // 3, example.truth.depth, example.truth.camera)
+    made = view_sample(ViewExample(example.view, dark, example.law), RGBD_NET)
+    known = np.broadcast_to(~example.view.hole, (4, *example.view.hole.shape))
     assert np.array_equal(made["target"][known], made["input"][:4][known])
-    in_hole = np.rint(made["target"][:3] * 255).transpose(1, 2, 0)[question.view.hole]
-    assert np.array_equal(in_hole, dark.color[question.view.hole])
+    in_hole = np.rint(made["target"][:3] * 255).transpose(1, 2, 0)[example.view.hole]
+    assert np.array_equal(in_hole, dark.color[example.view.hole])
 
 
-def test_the_limit_is_the_laws(clean: list[Question]) -> None:
+def test_the_limit_is_the_laws(clean: list[ViewExample]) -> None:
     """What `joint` makes of a plane at the limit keeps the law, and a little nearer breaks it (oracle: Law.violations), also
     where only the far is lawful; the truth never exceeds the limit."""
     far = 0
-    for question in clean:
-        made = view_sample(question, RGBD_NET)
-        limit, hole = made["limit"][0], question.view.hole
+    for example in clean:
+        made = view_sample(example, RGBD_NET)
+        limit, hole = made["limit"][0], example.view.hole
         assert (made["target"][3] <= limit * (1 + 1e-6))[hole].all() and np.isinf(limit[~hole]).all()
-        plane = DepthPlane.of(question.view, robust_scale)
-        true = inverse_depth(question.truth.depth) / plane.scale
+        plane = DepthPlane.of(example.view, robust_scale)
+        true = inverse_depth(example.truth.depth) / plane.scale
         inner = hole & np.isfinite(limit) & (limit > true * 1.001)
         far += int((inner & (limit == np.float32(plane.far_below))).sum())
         assert inner.sum() > 50
         for share, breaks in ((1 - 1e-4, False), (1 + 1e-4, True)):
             depth = plane.metres(np.where(inner, limit * np.float32(share), np.float32(1)))
-            found = question.law.violations(question.view.camera, depth, inner)[inner]
+            found = example.law.violations(example.view.camera, depth, inner)[inner]
             assert found.mean() > 0.98 if breaks else found.mean() < 0.02
     assert far > 50
 
@@ -166,18 +167,18 @@ def test_the_limit_is_the_laws(clean: list[Question]) -> None:
 def test_removed_things_leave_true_background() -> None:
     """Outside the mask the truth is the frame; inside it is nowhere nearer than what was there (up to the law), and over the
     middle of the object of interest it is the frame of the world without that object, but for its shadow's colour."""
-    source = RemovalSamples(Galleries("train", SIZE), RGBD_NET)
+    source = WorldRemovals(WorldSet("train", SIZE), RGBD_NET)
     checked = 0
     for index in range(6):
-        gallery = source.galleries.gallery(index)
-        number = index % len(gallery.cameras)
-        group = gallery.seen(number).group
-        thing = gallery.world.object_index
+        views = source.worlds.views(index)
+        number = index % len(views.cameras)
+        group = views.raycast(number).group
+        thing = views.world.object_index
         where = group == thing
         if not where.any():
             continue
-        truth, frame = world_samples.seen_through(gallery, number, thing, where), gallery.frame(number)
-        without = gallery.world.frame(frame.camera, object=False)
+        truth, frame = world_samples.frame_without(views, number, thing, where), views.frame(number)
+        without = views.world.frame(frame.camera, object=False)
         assert np.array_equal(truth.color[~where], frame.color[~where])
         assert np.array_equal(truth.depth[where], without.depth[where])
         assert (truth.depth[where] > frame.depth[where]).all()
@@ -189,11 +190,11 @@ def test_removed_things_leave_true_background() -> None:
 
 def test_pairs_agree_by_disparity() -> None:
     """Oracle: the camera model. A right picture's true pixels have the colours of the left one, moved by fx b / z."""
-    source = StereoSamples(Galleries("train", 128), NetworkSettings("stereo-two-masks"))
-    made, gallery = source.pair(0, np.random.default_rng(0)), source.galleries.rig(0)
-    left, right = gallery.pairs[0]
-    camera, other = gallery.cameras[left], gallery.cameras[right]
-    depth = gallery.seen(left).depth
+    source = WorldPairs(WorldSet("train", 128), NetworkSettings("stereo-two-masks"))
+    made, views = source.pair(0, np.random.default_rng(0)), source.worlds.stereo_views(0)
+    left, right = views.pairs[0]
+    camera, other = views.cameras[left], views.cameras[right]
+    depth = views.raycast(left).depth
     x, y, _ = pixels_of(other, points_of(camera, np.minimum(depth, np.float32(1e5))))
     shift = x - (np.arange(128) + 0.5)
     assert np.abs(y - (np.arange(128) + 0.5)[:, None]).max() < 1e-6 and shift.max() <= 1e-3
@@ -207,12 +208,15 @@ def test_pairs_agree_by_disparity() -> None:
 
 def test_held_out_worlds_are_others() -> None:
     """No seed is shared; held-out indices each have a world of their own, trained ones come in runs."""
-    train, held = Galleries("train", SIZE), Galleries("held_out", SIZE)
-    names = [{each.gallery(index).world.name for index in range(0, 3 * each.run, each.run)} for each in (train, held)]
+    train, held = WorldSet("train", SIZE), WorldSet("held_out", SIZE)
+    names = [
+        {each.views(index).world.name for index in range(0, 3 * each.group_size, each.group_size)}
+        for each in (train, held)
+    ]
     assert not names[0] & names[1] and all(len(found) == 3 for found in names)
-    first, last = galleries.FIRST_SEED["train"], galleries.FIRST_SEED["train"] + len(train) // train.run
-    assert not first <= galleries.FIRST_SEED["held_out"] < last
-    assert train.gallery(0).world is train.gallery(train.run - 1).world is not train.gallery(train.run).world
+    first, last = world_views.FIRST_SEED["train"], world_views.FIRST_SEED["train"] + len(train) // train.group_size
+    assert not first <= world_views.FIRST_SEED["held_out"] < last
+    assert train.views(0).world is train.views(train.group_size - 1).world is not train.views(train.group_size).world
 
 
 def test_a_mixture_of_kinds() -> None:
@@ -237,17 +241,17 @@ def test_same_bytes_in_another_process() -> None:
     code = "import sys; sys.path[:0] = sys.argv[1:]; import test_world_samples as t; print(t.digest())"
     here = Path(__file__).parent
     environment = {**os.environ, "PYTHONHASHSEED": "7", "NUMBA_NUM_THREADS": "2"}
-    command = [sys.executable, "-c", code, str(here), str(here.parent)]
+    command = [sys.executable, "-c", code, str(here), str(here.parents[2])]
     done = subprocess.run(command, capture_output=True, text=True, env=environment, check=True)
     assert done.stdout.split()[-1] == digest()
 
 
 def test_law_of_a_masked_frame_keeps_the_object() -> None:
     """A removed thing's own depth still limits what is filled; a random mask's does not."""
-    frame = Galleries("train", SIZE).gallery(0).frame(0)
+    frame = WorldSet("train", SIZE).views(0).frame(0)
     taken = np.zeros(frame.camera.hw, bool)
     taken[20:30, 20:30] = True
-    thing, none = world_samples.masked(frame, taken, frame), world_samples.masked(frame, taken)
+    thing, none = world_samples.masked_example(frame, taken, frame), world_samples.masked_example(frame, taken)
     assert (thing.law.measured[0][1][taken] > 0).all() and not none.law.measured[0][1][taken].any()
     assert np.array_equal(
         thing.law.measured[0][1][taken], Law.of(Scene((View.from_rgbd(frame),))).measured[0][1][taken]

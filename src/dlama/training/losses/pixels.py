@@ -1,17 +1,30 @@
-"""Normalised inverse depth (B x 1 x H x W, 0 = infinity) in -> the depth terms of the loss, out; float32.
+"""Planes of output and truth, B x P x H x W in 0..1, in -> the loss terms that need no network, out; float32 or better.
 
-Each term is a mean over the pixels of one sample that count, then over the batch, so that a batch cut in two gives the same.
-A plane in the world is affine in inverse depth, whatever the camera: so its gradients and normals are compared there.
+Depth is normalised inverse depth (0 = infinity). Its terms are means over the pixels of one sample that count, then over the
+batch, so that the two halves of a batch give the mean of the whole. A plane in the world is affine in inverse depth, whatever
+the camera: so gradients and normals are compared there.
 """
 
 from __future__ import annotations
 
+import torch
 from torch import Tensor
-from torch.nn.functional import avg_pool2d
+from torch.nn.functional import avg_pool2d, l1_loss
 
 SCALES = 4
+"""Of gradient matching; each has half the resolution of the one before."""
 TOLERANCE = 1e-3
-"""Of the visibility law, relative: as the geometry's."""
+"""Relative tolerance of the visibility law, that of `geometry.kernels.visibility.tolerance` beyond 1 m."""
+
+
+def precise(x: Tensor) -> Tensor:
+    """Half precision widened to float32; float32 and float64 as they are. Differences and sums are not taken in bfloat16."""
+    return x.float() if x.dtype in (torch.bfloat16, torch.float16) else x
+
+
+def masked_l1(output: Tensor, truth: Tensor, weight: Tensor) -> Tensor:
+    """Mean over all pixels of weight x |output - truth|, as published: the sum of weights is not divided out."""
+    return (weight * l1_loss(output, truth, reduction="none")).mean()
 
 
 def depth_l1(output: Tensor, truth: Tensor, known: Tensor) -> Tensor:
@@ -37,7 +50,7 @@ def gradient_matching(output: Tensor, truth: Tensor, known: Tensor, scales: int 
 
 
 def normal_consistency(output: Tensor, truth: Tensor, known: Tensor) -> Tensor:
-    """1 - cosine between the normals of both as surfaces over the picture, which is one unit wide and high."""
+    """Mean of 1 - cosine between the normals of both as surfaces over the picture, which is one unit wide and high."""
     (along, down), (true_along, true_down) = _slopes(output), _slopes(truth)
     dot = along * true_along + down * true_down + 1
     lengths = (along.square() + down.square() + 1) * (true_along.square() + true_down.square() + 1)
@@ -46,7 +59,10 @@ def normal_consistency(output: Tensor, truth: Tensor, known: Tensor) -> Tensor:
 
 
 def law_penalty(output: Tensor, limit: Tensor, hole: Tensor) -> Tensor:
-    """Mean over the hole of how much nearer (in inverse depth) the output is than the visibility law allows."""
+    """Mean over the hole of the inverse depth by which the output is nearer than the visibility law allows.
+
+    limit: largest lawful inverse depth, inf where anything is lawful; hole: 1 = filled. B x 1 x H x W all.
+    """
     allowed = limit.clamp(max=1e6) * (1 + TOLERANCE)  # no infinity near a gradient
     return _mean((output - allowed).relu(), hole)
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
 torch = pytest.importorskip("torch", reason="training needs torch: pip install 'dlama[train]'")
@@ -9,9 +11,13 @@ torch = pytest.importorskip("torch", reason="training needs torch: pip install '
 from dlama.nets.architecture import DiscriminatorSettings  # noqa: E402
 from dlama.nets.discriminator import Discriminator  # noqa: E402
 from dlama.nets.ffc import FFC_BN_ACT, FourierUnit, SpectralTransform  # noqa: E402
-from dlama.training import adversarial, depth_losses, losses, trunks  # noqa: E402
-from dlama.training.perceptual import PerceptualLoss  # noqa: E402
+from dlama.training.losses import adversarial, pixels, trunks  # noqa: E402
+from dlama.training.losses.perceptual import PerceptualLoss  # noqa: E402
+from dlama.training.losses.terms import GENERATOR_TERMS, LossInputs, generator_terms  # noqa: E402
 from dlama.training.settings import LossSettings, NetworkSettings  # noqa: E402
+
+NOTHING = LossSettings(**dict.fromkeys(GENERATOR_TERMS, 0.0))
+"""No term has a weight."""
 
 
 @pytest.fixture(autouse=True)
@@ -81,23 +87,24 @@ def test_gradient_penalty_at_the_weights():
 
 def test_terms_through_the_discriminator():
     """Oracle: finite differences at the output, batch norms in train mode."""
+    network = NetworkSettings("rgbd")
     judge = Discriminator(DiscriminatorSettings(4, 2, 1)).double().train()
     target = torch.rand(1, 4, 8, 8, dtype=torch.float64)
     batch = {"target": target, "known_depth": (torch.rand(1, 1, 8, 8) > 0.3).double()}
-    weights = LossSettings(adversarial=1.0, feature_matching=1.0)
+    weights = replace(NOTHING, adversarial=1.0, feature_matching=1.0)
     for name in ("adversarial", "feature_matching"):
         assert torch.autograd.gradcheck(
-            lambda x, name=name: losses.judged_terms(judge, x, batch, weights)[name], numbers(1, 4, 8, 8)
+            lambda x, name=name: generator_terms(LossInputs(x, batch, network, weights, None, judge))[name],
+            numbers(1, 4, 8, 8),
         )
 
 
-@pytest.mark.parametrize("term", losses.DEPTH_TERMS)
+@pytest.mark.parametrize("term", (pixels.depth_l1, pixels.gradient_matching, pixels.normal_consistency))
 def test_depth_terms(term):
     """Oracle: finite differences, with unknown pixels."""
     truth = torch.rand(2, 1, 8, 8, dtype=torch.float64)
     known = (torch.rand(2, 1, 8, 8) > 0.2).double()
-    loss = losses.DEPTH_TERMS[term]
-    assert torch.autograd.gradcheck(lambda x: loss(x, truth, known), numbers(2, 1, 8, 8))
+    assert torch.autograd.gradcheck(lambda x: term(x, truth, known), numbers(2, 1, 8, 8))
 
 
 def test_law_penalty():
@@ -105,17 +112,21 @@ def test_law_penalty():
     limit = torch.rand(2, 1, 6, 6, dtype=torch.float64)
     limit[:, :, :2] = torch.inf
     hole = (torch.rand(2, 1, 6, 6) > 0.3).double()
-    assert torch.autograd.gradcheck(lambda x: depth_losses.law_penalty(x, limit, hole), numbers(2, 1, 6, 6))
+    assert torch.autograd.gradcheck(lambda x: pixels.law_penalty(x, limit, hole), numbers(2, 1, 6, 6))
 
 
 def test_pixel_terms_together():
     """Oracle: finite differences of the weighted sum."""
-    network, weights = NetworkSettings("rgbd"), LossSettings(l1_hole=2.0)
+    network, weights = (
+        NetworkSettings("rgbd"),
+        LossSettings(l1_hole=2.0, adversarial=0.0, feature_matching=0.0, perceptual=0.0),
+    )
     planes = {"target": 4, "mask": 1, "known_depth": 1, "limit": 1}
     batch = {key: torch.rand(1, count, 8, 8, dtype=torch.float64) for key, count in planes.items()}
     batch |= {key: batch[key].round() for key in ("mask", "known_depth")}
     assert torch.autograd.gradcheck(
-        lambda x: torch.stack(list(losses.pixel_terms(x, batch, weights, network).values())).sum(), numbers(1, 4, 8, 8)
+        lambda x: torch.stack(list(generator_terms(LossInputs(x, batch, network, weights)).values())).sum(),
+        numbers(1, 4, 8, 8),
     )
 
 

@@ -13,8 +13,8 @@ from dlama.errors import FileError, InputError
 from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import RGBD
 from dlama.training.data.batches import check_sample
-from dlama.training.data.photo_samples import PhotoSamples, WarpedPhotoSamples, there_and_back, world_shapes
 from dlama.training.data.photos import Photo, folder_photos, read_photo, split_photos, square_crop
+from dlama.training.data.samples.photos import PhotoSamples, WarpedPhotoSamples, hole_of_world, there_and_back
 from dlama.training.settings import NetworkSettings
 
 RGB = NetworkSettings("rgb")
@@ -75,19 +75,19 @@ def test_there_and_back_loses_what_a_near_wall_hides() -> None:
 
 def test_photos_under_holes_of_worlds(folder: Path) -> None:
     """check_sample agrees, and the same generator gives the same hole in a bank made anew."""
-    from dlama.training.data import photo_samples
+    from dlama.training.data.samples import photos as photo_samples
 
     source = WarpedPhotoSamples(folder_photos(folder), RGB, 64, functools.partial(_first_worlds, split="train"))
     made = [source.sample(1, np.random.default_rng(8)) for _ in range(2)]
     check_sample(made[0], RGB, 64)
-    photo_samples._bank.cache_clear()
+    photo_samples._holes_of_world.cache_clear()
     assert np.array_equal(made[1]["mask"], source.sample(1, np.random.default_rng(8))["mask"])
 
 
 def _first_worlds(rng: np.random.Generator, size: int, split: str) -> np.ndarray:
     """The shapes of one world, since each costs a tenth of a second."""
     rng.integers(2)
-    return world_shapes(np.random.default_rng(11), size, split)
+    return hole_of_world(np.random.default_rng(11), size, split)
 
 
 def test_splits_share_no_photo_and_keep_videos_together() -> None:

@@ -16,9 +16,9 @@ pytest.importorskip("pytorch_lightning", reason="the loop needs Lightning: pip i
 from toy_runs import no_tensorboard, toy  # noqa: E402
 
 from dlama.errors import FileError, InputError, OutputError  # noqa: E402
-from dlama.training.data.loader import Numbered, Positions, loader  # noqa: E402
-from dlama.training.data.toy_scenes import Sketches  # noqa: E402
-from dlama.training.loop import callbacks as rhythm  # noqa: E402
+from dlama.training.data.loader import BatchNumbers, NumberedSamples, batch_loader  # noqa: E402
+from dlama.training.data.samples.toy_scenes import ToyScenes  # noqa: E402
+from dlama.training.loop import callbacks  # noqa: E402
 from dlama.training.loop.checkpointing import LAST, read_checkpoint  # noqa: E402
 from dlama.training.loop.module import TrainingModule  # noqa: E402
 from dlama.training.loop.random_state import random_state, set_random_state  # noqa: E402
@@ -76,14 +76,14 @@ def test_resumed_is_bit_exact(planes, tmp_path, monkeypatch):
     monkeypatch.setattr("dlama.training.loop.train.TrainingModule", Restless)
     whole = train(settings, tmp_path / "whole")
 
-    class Stop(rhythm.Rhythm):
-        def _should_stop(self, trainer):
-            if self.seconds_before == 0 and trainer.lightning_module.step == 3:
+    class Stop(callbacks.StopRequest):
+        def asked(self, trainer):
+            if trainer.lightning_module.step == 3:
                 os.kill(os.getpid(), signal.SIGTERM)
-            return super()._should_stop(trainer)
+            return super().asked(trainer)
 
     with monkeypatch.context() as patch:
-        patch.setattr("dlama.training.loop.train.Rhythm", Stop)
+        patch.setattr("dlama.training.loop.callbacks.StopRequest", Stop)
         part = train(settings, tmp_path / "parts")
     assert (part.ended, part.step, part.network) == ("SIGTERM", 3, None)
     torch.rand(7)  # whatever happens in between
@@ -147,32 +147,32 @@ def test_random_numbers_come_back():
 
 
 def test_batches_are_a_function_of_the_position():
-    """Oracle: law; two processes together take what one takes with the doubled batch, also from the middle on."""
-    whole = [number for batch in Positions(0, 6, 4) for number in batch]
-    assert whole == list(range(24)) and len(Positions(0, 6, 4)) == 6
-    halves = [list(Positions(8, 4, 2, rank, 2)) for rank in (0, 1)]
-    assert [a + b for a, b in zip(*halves)] == list(Positions(8, 4, 4))
+    """Oracle: law; two processes together case what one cases with the doubled batch, also from the middle on."""
+    whole = [number for batch in BatchNumbers(0, 6, 4) for number in batch]
+    assert whole == list(range(24)) and len(BatchNumbers(0, 6, 4)) == 6
+    halves = [list(BatchNumbers(8, 4, 2, rank, 2)) for rank in (0, 1)]
+    assert [a + b for a, b in zip(*halves)] == list(BatchNumbers(8, 4, 4))
 
 
-@pytest.mark.parametrize("run", [1, 2])
-def test_every_index_comes_once_per_epoch(run):
+@pytest.mark.parametrize("group_size", [1, 2])
+def test_every_index_comes_once_per_epoch(group_size):
     """Oracle: law; a shuffling, another one in the next epoch, and the same one every time."""
 
     class Forty:
         def __init__(self):
-            self.run = run
+            self.group_size = group_size
 
         def __len__(self):
             return 40
 
-    numbered = Numbered(Forty(), seed=3)
+    numbered = NumberedSamples(Forty(), seed=3)
     epochs = [[numbered.index(number) for number in range(start, start + 40)] for start in (0, 40)]
     assert sorted(epochs[0]) == sorted(epochs[1]) == list(range(40)) and epochs[0] != epochs[1]
-    assert [Numbered(Forty(), 3).index(number) for number in range(40)] == epochs[0]
-    if run > 1:  # eight samples of four worlds: each world twice, in turn
-        worlds = [index // run for index in epochs[0][:8]]
+    assert [NumberedSamples(Forty(), 3).index(number) for number in range(40)] == epochs[0]
+    if group_size > 1:  # eight samples of four worlds: each world twice, in turn
+        worlds = [index // group_size for index in epochs[0][:8]]
         assert worlds[:4] == worlds[4:] and len(set(worlds)) == 4
-        assert [index % run for index in epochs[0][:8]] == [0, 0, 0, 0, 1, 1, 1, 1]
+        assert [index % group_size for index in epochs[0][:8]] == [0, 0, 0, 0, 1, 1, 1, 1]
 
 
 def test_sources_too_large_to_shuffle():
@@ -182,17 +182,19 @@ def test_sources_too_large_to_shuffle():
         def __len__(self):
             return 1 << 40
 
-    drawn = [Numbered(Endless(), 3).index(number) for number in range(50)]
-    assert drawn == [Numbered(Endless(), 3).index(number) for number in range(50)]
+    drawn = [NumberedSamples(Endless(), 3).index(number) for number in range(50)]
+    assert drawn == [NumberedSamples(Endless(), 3).index(number) for number in range(50)]
     assert len(set(drawn)) == 50 and max(drawn) > 1 << 38
 
 
 def test_workers_give_the_same_batches():
     """Oracle: the batches made without workers."""
     settings = toy()
-    source = Sketches(settings.network, 32, "train")
+    source = ToyScenes(settings.network, 32, "train")
     made = [
-        list(loader(source, replace(settings, data=replace(settings.data, workers=workers)), Positions(4, 2, 2)))
+        list(
+            batch_loader(source, replace(settings, data=replace(settings.data, workers=workers)), BatchNumbers(4, 2, 2))
+        )
         for workers in (0, 1)
     ]
     assert all(torch.equal(a[key], b[key]) for a, b in zip(*made) for key in a)

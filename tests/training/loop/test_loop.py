@@ -1,10 +1,10 @@
-"""The loop trains, exports what the filler `joint` runs, survives bad batches and full disks, and stops when told."""
+"""The loop trains, exports what the filler `joint` runs, survives bad batches and full disks, and stops when chosen."""
 
 from __future__ import annotations
 
 import errno
 import math
-import time
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -30,17 +30,14 @@ from dlama.nets.checkpoints import read_generator  # noqa: E402
 from dlama.nets.generator import Generator, generator_from_state  # noqa: E402
 from dlama.nets.safetensors_file import write_safetensors  # noqa: E402
 from dlama.training import settings  # noqa: E402
-from dlama.training.data import loader as stream  # noqa: E402
-from dlama.training.data.toy_scenes import Sketches  # noqa: E402
+from dlama.training.data import loader  # noqa: E402
+from dlama.training.data.samples.toy_scenes import ToyScenes  # noqa: E402
+from dlama.training.kinds import PLANES  # noqa: E402
 from dlama.training.loop import checkpointing, module  # noqa: E402
 from dlama.training.loop.checkpointing import LAST, read_checkpoint  # noqa: E402
-from dlama.training.loop.module import (  # noqa: E402
-    average_of,
-    follow,
-    started,
-)
+from dlama.training.loop.module import initial_generator, moving_average, update_average  # noqa: E402
 from dlama.training.loop.run_files import read_metrics  # noqa: E402
-from dlama.training.loop.train import Trained, train  # noqa: E402
+from dlama.training.loop.train import TrainingResult, train  # noqa: E402
 from dlama.training.loop.validation import hole_metrics, telea  # noqa: E402
 from dlama.training.presets import PRESETS  # noqa: E402
 from worlds import Box, Plane, World  # noqa: E402
@@ -53,7 +50,7 @@ def tiny_run(tmp_path_factory):
     """`dlama train tiny -o run`, as a user would; the run and its network."""
     run = tmp_path_factory.mktemp("tiny") / "run"
     main(["train", "tiny", "-o", str(run)])
-    return Trained(run, 40, "all steps done", run / "tiny.onnx")
+    return TrainingResult(run, 40, "all steps done", run / "tiny.onnx")
 
 
 def test_tiny_leaves_everything_a_user_needs(tiny_run):
@@ -73,6 +70,17 @@ def test_tiny_leaves_everything_a_user_needs(tiny_run):
     card = (tiny_run.run / "README.md").read_text()
     assert "Perceptual trunk random" in card and "40 steps, 160 samples" in card and "| Telea |" in card
     assert "perceptual trunk random" in (tiny_run.run / "log.txt").read_text()
+
+
+def test_the_card_names_the_scale_of_depth(tiny_run):
+    """Oracle: the view's own planes; the words' numbers, taken from the card, are where those planes have them."""
+    words = re.search(r"inverse depth, 0 = infinity, (\S+) = what (\d+) % of", (tiny_run.run / "README.md").read_text())
+    depth = np.random.default_rng(0).uniform(1, 9, (64, 64)).astype(np.float32)
+    depth[:9] = np.inf
+    view = View.from_rgbd(RGBD(np.zeros((64, 64, 3), np.uint8), depth, Camera.from_fov(64, 64, 60)))
+    plane = DepthPlane.of(view, robust_scale).values
+    assert not plane[:9].any() and plane.max() <= 1
+    assert np.quantile(plane[9:], float(words[2]) / 100) == pytest.approx(float(words[1]), abs=1e-6)
 
 
 def test_tinys_network_fills_a_view_from_the_command_line(tiny_run, tmp_path):
@@ -114,7 +122,7 @@ def test_the_exported_network_is_the_moving_average(tiny_run):
     """Oracle: torch on the checkpoint's average, against onnxruntime on the exported file."""
     engine = Engine(tiny_run.network, threads=1)
     require_planes(engine.contract, 4, "tiny.onnx", "joint")
-    sample = Sketches(PRESETS["tiny"].settings.network, 64, "held_out").sample(0, np.random.default_rng(0))
+    sample = ToyScenes(PRESETS["tiny"].settings.network, 64, "held_out").sample(0, np.random.default_rng(0))
     given = read_checkpoint(tiny_run.run / LAST)["state_dict"]
     average = {
         key.removeprefix("average."): value.numpy() for key, value in given.items() if key.startswith("average.")
@@ -130,7 +138,7 @@ def test_the_checkpoint_is_a_lama_checkpoint(tiny_run):
     """Oracle: the reader of anybody's checkpoints finds the generator in it; fine-tuning can start from it."""
     weights = read_generator(tiny_run.run / LAST)
     assert weights.settings == PRESETS["tiny"].settings.network.generator
-    again = started(replace(PRESETS["tiny"].settings.network, start=str(tiny_run.run / "tiny.safetensors")))
+    again = initial_generator(replace(PRESETS["tiny"].settings.network, start=str(tiny_run.run / "tiny.safetensors")))
     assert sum(p.numel() for p in again.parameters()) == sum(
         v.size for k, v in weights.state.items() if "running" not in k and "num" not in k
     )
@@ -138,16 +146,14 @@ def test_the_checkpoint_is_a_lama_checkpoint(tiny_run):
 
 def test_a_tiny_network_overfits_four_samples_and_beats_telea(tmp_path):
     """Oracle: OpenCV's Telea on the same four holes, in colour and in depth."""
-    told = toy(size=64, steps=150, batch=4, validate_every=150, log_every=50)
-    network = replace(told.network, width=12, blocks=2)
-    loss = replace(told.loss, adversarial=1.0, feature_matching=10.0, l1_hole=30.0, depth_l1=30.0)
-    told = replace(told, network=network, loss=loss, data=replace(told.data, held_out=4))
-    told = replace(told, optimiser=replace(told.optimiser, generator_rate=3e-3, average=0.95, decay="cosine"))
+    chosen = toy(size=64, steps=150, batch=4, validate_every=150, log_every=50)
+    network = replace(chosen.network, width=12, blocks=2)
+    loss = replace(chosen.loss, adversarial=1.0, feature_matching=10.0, l1_hole=30.0, depth_l1=30.0)
+    chosen = replace(chosen, network=network, loss=loss, data=replace(chosen.data, held_out=4))
+    chosen = replace(chosen, optimiser=replace(chosen.optimiser, generator_rate=3e-3, average=0.95, decay="cosine"))
     four = Four(network, 64)
-    began = time.monotonic()
-    run = train(told, tmp_path / "run", source=four, held_out=four).run
-    assert time.monotonic() - began < 120
-    batch = stream.held_out_batch(four, told)
+    run = train(chosen, tmp_path / "run", source=four, held_out=four).run
+    batch = loader.held_out_batch(four, chosen)
     beaten = hole_metrics(telea(batch), batch, network)
     reached = read_metrics(run)[-1]
     for name in ("color_l1", "depth_l1"):
@@ -160,14 +166,17 @@ def test_other_planes_train_and_export(planes, tmp_path):
     """Oracle: the exported file's own planes; no column of depth."""
     done = train(toy(planes, steps=2), tmp_path / "run")
     weights = read_generator(done.run / "toy.safetensors")
-    assert (weights.settings.in_channels, weights.settings.out_channels) == settings.CHANNELS[planes]
+    assert (weights.settings.in_channels, weights.settings.out_channels) == (
+        PLANES[planes].inputs,
+        PLANES[planes].outputs,
+    )
     assert not any("depth" in name for row in read_metrics(done.run) for name in row)
     assert done.network.is_file() and (done.run / "README.md").is_file()
 
 
 def test_a_bad_batch_does_not_kill_the_run(tmp_path):
     """Oracle: law; the weights after the bad step are those of the last state that was kept, and the run goes on."""
-    told = toy(steps=5, guard_every=2)
+    chosen = toy(steps=5, guard_every=2)
     seen = {}
 
     class Watched(module.TrainingModule):
@@ -179,7 +188,7 @@ def test_a_bad_batch_does_not_kill_the_run(tmp_path):
         patch.setattr("dlama.training.loop.train.TrainingModule", Watched)
         # the first call is the check before the run; calls 7 and 8 are the fourth batch
         done = train(
-            told, tmp_path / "run", source=Spoiled(told, {7, 8}), held_out=Sketches(told.network, 32, "held_out")
+            chosen, tmp_path / "run", source=Spoiled(chosen, {7, 8}), held_out=ToyScenes(chosen.network, 32, "held_out")
         )
     assert done.step == 5 and read_checkpoint(done.run / LAST)["restored"] == 1
     assert all(torch.equal(seen[2][key], seen[4][key]) for key in seen[2])
@@ -191,9 +200,9 @@ def test_a_bad_batch_does_not_kill_the_run(tmp_path):
 
 def test_nothing_but_bad_batches_ends_the_run(tmp_path):
     """Oracle: law; the message says so, and the last checkpoint is of a good state."""
-    told = toy(steps=60, checkpoint_every=2)
+    chosen = toy(steps=60, checkpoint_every=2)
     with pytest.raises(DlamaError, match="20 batches in a row"):
-        train(told, tmp_path / "run", source=Spoiled(told, set(range(7, 200))))
+        train(chosen, tmp_path / "run", source=Spoiled(chosen, set(range(7, 200))))
     kept = read_checkpoint(tmp_path / "run" / LAST)
     assert all(value.isfinite().all() for value in kept["state_dict"].values())
 
@@ -240,7 +249,7 @@ def test_the_run_goes_on_when_a_checkpoint_fails_but_not_without_the_last(tmp_pa
 
 
 def test_what_is_refused_leaves_no_run(tmp_path):
-    """Oracle: law; after a wrong --data the same directory takes the right command."""
+    """Oracle: law; after a wrong --data the same directory cases the right command."""
     with pytest.raises(InputError, match="no such file or folder"):
         train(toy(steps=1), tmp_path / "run", data=[tmp_path / "gone"])
     assert train(toy(steps=1), tmp_path / "run").step == 1
@@ -263,9 +272,9 @@ def test_bfloat16_trains(tmp_path):
 
 def test_terms_of_weight_0_are_not_there(tmp_path):
     """Oracle: law; without a judge there is no discriminator to keep."""
-    told = toy(steps=2)
-    loss = replace(told.loss, adversarial=0.0, feature_matching=0.0, perceptual=0.0, depth_normal=0.0)
-    done = train(replace(told, loss=loss), tmp_path / "run")
+    chosen = toy(steps=2)
+    loss = replace(chosen.loss, adversarial=0.0, feature_matching=0.0, perceptual=0.0, depth_normal=0.0)
+    done = train(replace(chosen, loss=loss), tmp_path / "run")
     kept = read_checkpoint(done.run / LAST)
     assert (
         not any(name.startswith("discriminator") for name in kept["state_dict"]) and len(kept["optimizer_states"]) == 1
@@ -282,16 +291,16 @@ def test_fine_tuning_starts_where_lama_ended(tmp_path):
     network = settings.NetworkSettings("rgbd", width=8, blocks=1, downsamplings=2, start=str(path))
     picture = torch.rand(1, 5, 16, 16)
     with torch.no_grad():
-        got = started(network).eval()(picture)[:, :3]
+        got = initial_generator(network).eval()(picture)[:, :3]
         torch.testing.assert_close(got, lama(picture[:, [0, 1, 2, 4]]), rtol=0, atol=1e-6)
     with pytest.raises(InputError, match="the settings say"):
-        started(replace(network, blocks=2))
+        initial_generator(replace(network, blocks=2))
 
 
 def test_frozen_norms_keep_their_statistics(tmp_path):
     """Oracle: law; scales learn, statistics stay."""
-    told = toy(steps=2)
-    done = train(replace(told, network=replace(told.network, frozen_norms=True)), tmp_path / "run")
+    chosen = toy(steps=2)
+    done = train(replace(chosen, network=replace(chosen.network, frozen_norms=True)), tmp_path / "run")
     state = read_checkpoint(done.run / LAST)["state_dict"]
     assert all((value == 0).all() for key, value in state.items() if key.endswith("running_mean"))
     assert any((value != 1).any() for key, value in state.items() if key.endswith("bn_l.weight"))
@@ -300,21 +309,21 @@ def test_frozen_norms_keep_their_statistics(tmp_path):
 def test_the_moving_average():
     """Oracle: closed form; the memory is short at first, and an average of equal numbers is that number."""
     network = torch.nn.Linear(1, 1, bias=False)
-    average = average_of(network)
+    average = moving_average(network)
     torch.nn.init.constant_(average.weight, 0.0)
     torch.nn.init.constant_(network.weight, 1.0)
-    follow(average, network, 0.9, step=0)
+    update_average(average, network, 0.9, step=0)
     assert float(average.weight) == pytest.approx(0.9)
-    follow(average, network, 0.9, step=1000)
+    update_average(average, network, 0.9, step=1000)
     assert float(average.weight) == pytest.approx(0.9 * 0.9 + 0.1)
 
 
 def test_learning_rates():
     """Oracle: closed forms; a straight rise, then half a cosine down to a hundredth."""
-    told = toy(steps=100)
-    told = replace(told, optimiser=replace(told.optimiser, warm_up=4, decay="cosine"))
-    rates = [module.rate_factor(told, step) for step in range(101)]
+    chosen = toy(steps=100)
+    chosen = replace(chosen, optimiser=replace(chosen.optimiser, warm_up=4, decay="cosine"))
+    rates = [module.rate_factor(chosen, step) for step in range(101)]
     assert rates[0] == pytest.approx(0.2, rel=1e-2) and rates[100] == pytest.approx(0.01)
     assert rates[50] == pytest.approx(0.505) and max(rates) == rates[4]
-    flat = replace(told, optimiser=replace(told.optimiser, decay="none"))
+    flat = replace(chosen, optimiser=replace(chosen.optimiser, decay="none"))
     assert [module.rate_factor(flat, step) for step in (0, 1, 4, 99)] == [0.2, 0.4, 1, 1]

@@ -24,7 +24,7 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 from dlama.training.loop.train import train
-from dlama.training.settings_files import settings_of
+from dlama.training.presets import settings_of
 if __name__ == "__main__":
     settings = settings_of(sys.argv[1])
     train(settings, Path(sys.argv[2]))
@@ -34,18 +34,18 @@ if __name__ == "__main__":
 
 def two_processes(settings, run: Path, tmp_path: Path) -> None:
     """Two steps, and a third after a resume, in a fresh interpreter that Lightning starts a second time by itself."""
-    from dlama.training.settings_files import to_json
+    from dlama.training.presets import to_json
 
-    script, told = tmp_path / "script.py", tmp_path / "settings.json"
+    script, chosen = tmp_path / "script.py", tmp_path / "settings.json"
     script.write_text(SCRIPT)
-    told.write_text(to_json(settings))
+    chosen.write_text(to_json(settings))
     clean = {k: v for k, v in os.environ.items() if k not in ("LOCAL_RANK", "NODE_RANK", "WORLD_SIZE", "MASTER_PORT")}
     done = subprocess.run(
-        [sys.executable, str(script), str(told), str(run)],
+        [sys.executable, str(script), str(chosen), str(run)],
         env=clean | {"OMP_NUM_THREADS": "1", "MASTER_ADDR": "127.0.0.1"},
         capture_output=True,
         text=True,
-        timeout=120,
+        timeout=1800,  # against processes that wait for each other for ever; no measure of speed
     )
     assert done.returncode == 0, done.stderr[-3000:]
 
@@ -61,18 +61,18 @@ def test_two_processes_are_one_with_the_doubled_batch(tmp_path):
     Mean gradients (Adam's first memory) agree to float32's rounding; weights to a hundredth of a step, since Adam turns
     the rounding of a gradient that is nearly 0 into a visible part of a step.
     """
-    told = toy(steps=2, batch=4)
-    told = replace(told, network=replace(told.network, frozen_norms=True))
-    halves = replace(told, loop=replace(told.loop, batch=2, devices=2))
+    chosen = toy(steps=2, batch=4)
+    chosen = replace(chosen, network=replace(chosen.network, frozen_norms=True))
+    halves = replace(chosen, loop=replace(chosen.loop, batch=2, devices=2))
     two_processes(halves, tmp_path / "two", tmp_path)
-    run = train(replace(told, loop=replace(told.loop, steps=3)), tmp_path / "one").run
+    run = train(replace(chosen, loop=replace(chosen.loop, steps=3)), tmp_path / "one").run
     one, two = read_checkpoint(run / LAST), read_checkpoint(tmp_path / "two" / LAST)
     assert one["step"] == two["step"] == 3 and one["samples"] == two["samples"] == 12
     assert len(one["random_states"]) == 1 and len(two["random_states"]) == 2
     for mine, theirs in zip(two["optimizer_states"], one["optimizer_states"]):
         for i, state in theirs["state"].items():
             assert relative(mine["state"][i]["exp_avg"], state["exp_avg"]) < 2e-3, i
-    step = told.optimiser.generator_rate
+    step = chosen.optimiser.generator_rate
     for name, value in one["state_dict"].items():
         if value.is_floating_point():
             assert (two["state_dict"][name] - value).abs().mean() < 0.01 * step, name

@@ -1,5 +1,5 @@
-"""Photos in -> samples of planes rgb out: under random masks (kind `photo`) or under holes that a moved camera would see
-(kind `warped-photo`), while the photo stays the truth.
+"""Photos in -> samples of planes rgb out: with random masks as holes (kind `photo`) or with the holes that a moved camera would
+see (kind `warped-photo`); the photo is the truth.
 
 Photos have no depth: networks of colour and depth learn from them as textures of worlds (kind `world`), whose depth is true.
 """
@@ -19,17 +19,19 @@ from dlama.inpainters.networks.view_tensors import color_planes
 from dlama.training.data.augment import mirrored, relit
 from dlama.training.data.masks import random_mask
 from dlama.training.data.photos import Photo, square_crop
-from dlama.training.data.view_samples import fits
+from dlama.training.data.samples.views import hole_size_fits
+from dlama.training.data.samples.world_views import WorldSet
 from dlama.training.settings import NetworkSettings
 
 SHARES = {"wide": 0.5, "medium": 0.3, "narrow": 0.2}
-"""How often each set of masks is drawn."""
+"""Probability of each set of masks."""
 MOST_DRAWS = 8
+"""Of holes of a fitting size; then a random mask is taken."""
 BANK_WORLDS = 96
-"""Worlds that the shapes of holes are taken from, a dozen each. A world's shapes are made the first time (0.4 s at 256 px, in
-each worker), then kept (8 kB each): a worker makes 3 samples a second at first, 300 in the end."""
+"""Worlds that holes are taken from, a dozen holes each. They are made at first use (0.4 s a world at 256 px, in each worker) and
+kept (8 kB each): a worker makes 3 samples a second at first, 300 in the end."""
 
-Shapes = Callable[[np.random.Generator, int], BoolArray]
+HoleMaker = Callable[[np.random.Generator, int], BoolArray]
 """Random numbers and a size -> a hole, size x size; picklable."""
 
 
@@ -37,7 +39,7 @@ class PhotoSamples:
     """Kind `photo`, see `sources.SampleSource`. InputError on networks with depth or two views."""
 
     def __init__(self, photos: tuple[Photo, ...], network: NetworkSettings, size: int) -> None:
-        if network.planes != "rgb":
+        if network.views != 1 or network.has_depth:
             raise InputError(
                 f"photos have no depth and no second view, planes {network.planes!r} cannot learn from them alone; "
                 "give them with kind 'world' (or 'removal', 'stereo'), whose surfaces they are put on"
@@ -61,38 +63,36 @@ class PhotoSamples:
 
 
 class WarpedPhotoSamples(PhotoSamples):
-    """Kind `warped-photo`: the hole is what a camera that moves there and back loses of some depth map."""
+    """Kind `warped-photo`: the hole is what another camera does not see of a depth map, which is not the photo's."""
 
-    def __init__(self, photos: tuple[Photo, ...], network: NetworkSettings, size: int, shapes: Shapes) -> None:
+    def __init__(self, photos: tuple[Photo, ...], network: NetworkSettings, size: int, holes: HoleMaker) -> None:
         super().__init__(photos, network, size)
-        self.shapes = shapes
+        self.holes = holes
 
     def hole(self, rng: np.random.Generator) -> BoolArray:
-        """A shape; next to nothing or everything is drawn again, then a random mask is taken."""
+        """size x size, True = hole, of a fitting size."""
         for _ in range(MOST_DRAWS):
-            lost = self.shapes(rng, self.size)
-            if fits(lost):
-                return lost
+            hole = self.holes(rng, self.size)
+            if hole_size_fits(hole):
+                return hole
         return super().hole(rng)
 
 
-def world_shapes(rng: np.random.Generator, size: int, split: str) -> BoolArray:
-    """A shape from the depth of a world: one of BANK_WORLDS worlds' pairs of cameras. A process keeps what it has made."""
-    bits = _bank(split, int(rng.integers(BANK_WORLDS)), size)
+def hole_of_world(rng: np.random.Generator, size: int, split: str) -> BoolArray:
+    """size x size, True = hole: of a random pair of cameras in one of BANK_WORLDS worlds. Each process caches its holes."""
+    bits = _holes_of_world(split, int(rng.integers(BANK_WORLDS)), size)
     return np.unpackbits(bits[int(rng.integers(len(bits)))], count=size * size).reshape(size, size).view(np.bool_)
 
 
 @functools.lru_cache(maxsize=BANK_WORLDS)
-def _bank(split: str, number: int, size: int) -> np.ndarray:
-    """What is lost between any two cameras of one world, as bits: made together, since the world costs most."""
-    from dlama.training.data.world_views import Galleries
-
-    gallery = Galleries(split, size).single(number)
-    lost = [there_and_back(gallery.frame(i), gallery.cameras[j]) for i, j in gallery.pairs]
-    return np.packbits(np.array(lost).reshape(len(lost), -1), axis=1)
+def _holes_of_world(split: str, number: int, size: int) -> np.ndarray:
+    """The holes between all pairs of cameras of one world, packed as bits: made together, since the world costs most."""
+    world = WorldSet(split, size).views_of_world(number)
+    holes = [there_and_back(world.frame(i), world.cameras[j]) for i, j in world.pairs]
+    return np.packbits(np.array(holes).reshape(len(holes), -1), axis=1)
 
 
 def there_and_back(rgbd: RGBD, camera: Camera) -> BoolArray:
-    """H x W, True at the pixels of a frame that are not seen from another camera: rendered into it, and back."""
+    """H x W, True at the pixels of a frame that another camera does not see: the frame is rendered into it, and back."""
     there = render(rgbd, camera, types=False)
     return render(there, rgbd.camera, types=False).hole

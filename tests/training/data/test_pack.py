@@ -13,12 +13,12 @@ from PIL import Image
 from dlama.datasets.frames import ViewTruth
 from dlama.errors import FileError, InputError, OutputError
 from dlama.training.data.batches import check_sample
-from dlama.training.data.cases import Take, split_takes
+from dlama.training.data.cases import TrainingCase, split_cases
 from dlama.training.data.crops import resized
-from dlama.training.data.frame_samples import FrameSamples
 from dlama.training.data.pack import pack
-from dlama.training.data.pack_reader import read_pack
-from dlama.training.data.sources import Mixture, gathered, source_for
+from dlama.training.data.pack_format import read_pack
+from dlama.training.data.samples.dataset import DatasetViews
+from dlama.training.data.sources import Mixture, find_training_data, source_for
 from dlama.training.settings import DataSettings, NetworkSettings, TrainSettings
 from posed_folders import truth
 
@@ -78,15 +78,15 @@ def test_photos_and_pairs_come_back(photos: Path, posed: Path, tmp_path: Path) -
     """Photos within what WebP loses, depth within half a millimetre, cameras and names to the digit."""
     lines = pack([photos, posed], tmp_path / "a.pack", megabytes=5, size=64)
     read_photos, read_pairs = read_pack(tmp_path / "a.pack")
-    given = gathered([photos, posed])
-    assert len(read_photos) == 40 and len(read_pairs) == len(given.takes) > 2 and "40 of 40" in lines[1]
+    given = find_training_data([photos, posed])
+    assert len(read_photos) == 40 and len(read_pairs) == len(given.cases) > 2 and "40 of 40" in lines[1]
     originals = {photo.name: photo.load() for photo in given.photos}
     for photo in read_photos[:5]:
         shrunk = originals[photo.name].reshape(96, 120, 3)[::3, ::3]
         back = photo.load()
         assert back.shape == (64, 80, 3)
         assert np.abs(back[::2, ::2].astype(float) - shrunk).mean() < 8
-    named = {pair.name + pair.scene: pair for pair in given.takes}
+    named = {pair.name + pair.scene: pair for pair in given.cases}
     for pair in read_pairs:
         was, now = named[pair.name + pair.scene].load(), pair.load()
         assert pair.frames == named[pair.name + pair.scene].frames and pair.kind == "frame"
@@ -151,17 +151,17 @@ def test_bad_packs(photos: Path, tmp_path: Path) -> None:
 def test_frames_of_a_pair(posed: Path) -> None:
     """check_sample agrees for every pair; the input's known pixels are those of the rendered view."""
     source = source_for(settings("rgbd", frame=1), [posed], "train")
-    assert isinstance(source, FrameSamples)
+    assert isinstance(source, DatasetViews)
     for index in range(len(source)):
         check_sample(source.sample(index, np.random.default_rng(index)), NetworkSettings("rgbd"), 64)
 
 
 def test_photos_under_holes_of_real_depth(photos: Path, posed: Path) -> None:
     """Where a data set lies beside the photos, its depth and cameras shape the holes; check_sample agrees."""
-    from dlama.training.data.photo_samples import WarpedPhotoSamples
+    from dlama.training.data.samples.photos import WarpedPhotoSamples
 
     source = source_for(settings("rgb", warped_photo=1), [photos, posed], "train")
-    assert isinstance(source, WarpedPhotoSamples) and isinstance(source.shapes.__self__, FrameSamples)  # type: ignore
+    assert isinstance(source, WarpedPhotoSamples) and isinstance(source.holes.__self__, DatasetViews)  # type: ignore
     for index in range(3):
         check_sample(source.sample(index, np.random.default_rng(index)), NetworkSettings("rgb"), 64)
 
@@ -179,16 +179,16 @@ def test_scaling_keeps_points_in_place() -> None:
 def test_pairs_are_split_by_scene_or_by_frame() -> None:
     """No frame is on both sides, in several scenes or in one; a chain of frames that all hang together is refused."""
 
-    def pair(scene: str, one: int, two: int) -> Take:
+    def pair(scene: str, one: int, two: int) -> TrainingCase:
         load = functools.partial(two_views, 0, 1)
-        return Take("frame", scene, f"{one}_to_{two}", frozenset({str(one), str(two)}), load)
+        return TrainingCase("frame", scene, f"{one}_to_{two}", frozenset({str(one), str(two)}), load)
 
     for pairs in ([pair(f"s{i // 4}", i, i + 1) for i in range(40)], [pair("s", i, i + 1) for i in range(0, 40, 2)]):
-        train, held = split_takes(pairs, "train"), split_takes(pairs, "held_out")
+        train, held = split_cases(pairs, "train"), split_cases(pairs, "held_out")
         seen = [{(each.scene, frame) for each in part for frame in each.frames} for part in (train, held)]
         assert train and held and not seen[0] & seen[1]
     with pytest.raises(InputError, match="share frames"):
-        split_takes([pair("s", 0, i) for i in range(1, 6)], "train")
+        split_cases([pair("s", 0, i) for i in range(1, 6)], "train")
 
 
 def test_mixtures_draw_by_share() -> None:

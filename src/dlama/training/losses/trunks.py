@@ -13,6 +13,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import torch
+from safetensors.torch import load_file
 from torch import Tensor, nn
 
 from dlama.errors import FileError
@@ -79,7 +80,7 @@ class DilatedResnet50(nn.Module):
         return found
 
 
-class Tapped(nn.Module):
+class TappedChain(nn.Module):
     """A chain `features` that gives the activations after some of its layers."""
 
     def __init__(self, layers: list[nn.Module], taps: tuple[int, ...]) -> None:
@@ -96,26 +97,26 @@ class Tapped(nn.Module):
         return found
 
 
-def vgg16() -> Tapped:
+def vgg16() -> TappedChain:
     """After the last ReLU of each of the five stages."""
     layers: list[nn.Module] = []
     before = 3
     for width in VGG16:
         layers += [nn.Conv2d(before, width, 3, padding=1), nn.ReLU()] if width else [nn.MaxPool2d(2, 2)]
         before = width or before
-    return Tapped(layers, VGG_TAPS)
+    return TappedChain(layers, VGG_TAPS)
 
 
-def alexnet() -> Tapped:
+def alexnet() -> TappedChain:
     """After each of the five ReLUs."""
     layers: list[nn.Module] = []
     for i, (before, after, kernel, stride, padding) in enumerate(ALEXNET):
         layers += [nn.Conv2d(before, after, kernel, stride, padding), nn.ReLU()]
         layers += [nn.MaxPool2d(3, 2)] if i in POOLED else []
-    return Tapped(layers, ALEX_TAPS)
+    return TappedChain(layers, ALEX_TAPS)
 
 
-def random_trunk(width: int) -> Tapped:
+def random_trunk(width: int) -> TappedChain:
     """Seven 3x3 convolutions, two of them halving, then dilated 1, 2, 4, 8: the last sees about 130 pixels.
 
     Weights are orthogonal with ReLU's gain, drawn from a fixed seed by torch's CPU generator.
@@ -129,15 +130,18 @@ def random_trunk(width: int) -> Tapped:
         nn.init.orthogonal_(convolution.weight, 2**0.5, generator)
         nn.init.zeros_(convolution.bias)  # type: ignore[arg-type]
         layers += [convolution, nn.LeakyReLU(0.2)]
-    return Tapped(layers, tuple(range(1, 2 * len(steps), 2)))
+    return TappedChain(layers, tuple(range(1, 2 * len(steps), 2)))
 
 
 TRUNKS = {"resnet50-dilated": DilatedResnet50, "vgg16": vgg16, "alexnet": alexnet}
 
 
 def read_trunk(kind: str, path: Path) -> tuple[str, nn.Module]:
-    """The trunk in that file and its name; `kind` auto tells it from the tensors' names. FileError names what differs."""
-    state = dict(_of_the_trunk(_tensors(path)))
+    """Name and network of the trunk in a weight file (.safetensors, .pth).
+
+    kind: one of TRUNKS, or auto: found by the names of the tensors. FileError names the tensors that differ.
+    """
+    state = dict(_trunk_tensors(_tensors(path)))
     names = set(state)
     found = (
         "resnet50-dilated"
@@ -158,16 +162,14 @@ def read_trunk(kind: str, path: Path) -> tuple[str, nn.Module]:
     return name, trunk
 
 
-def _of_the_trunk(tensors: Mapping[str, Tensor]) -> Iterator[tuple[str, Tensor]]:
-    """Without the classifier, and without what synchronised batch norms keep for themselves."""
+def _trunk_tensors(tensors: Mapping[str, Tensor]) -> Iterator[tuple[str, Tensor]]:
+    """Without the classifier, counters and the extra statistics of synchronised batch norms, in float32."""
     for name, tensor in tensors.items():
         if not re.search(r"^(fc|classifier)\.|num_batches_tracked$|_tmp_running_|_running_iter$", name):
             yield name, tensor.float()
 
 
 def _tensors(path: Path) -> Mapping[str, Tensor]:
-    from safetensors.torch import load_file
-
     try:
         if path.suffix == ".safetensors":
             return load_file(path)

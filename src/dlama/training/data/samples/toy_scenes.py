@@ -1,7 +1,7 @@
-"""An index in -> a flat scene drawn in milliseconds out: rectangles before a slanted ground, seen past their edges.
+"""An index in -> a sample of a flat scene out, drawn in milliseconds: rectangles before a slanted ground (kind `sketch`).
 
-The smallest source with everything a real one has: the hole is what a rectangle hides from the source camera and the
-target camera sees, its depth is behind the rectangle, and the truth is known. For tests and for the preset `tiny`.
+As in real samples, the hole is what a rectangle hides from the source camera and the target camera sees, its depth is behind the
+rectangle, and the truth is known. For tests and for the preset `tiny`.
 """
 
 from __future__ import annotations
@@ -11,10 +11,11 @@ import numpy as np
 from dlama.training.settings import NetworkSettings
 
 COUNT = 1 << 20
+"""Of different scenes."""
 
 
-class Sketches:
-    """See `sources.SampleSource`. Held-out sketches are drawn from other random numbers than trained ones."""
+class ToyScenes:
+    """See `sources.SampleSource`. Held-out scenes are drawn from other random numbers than trained ones."""
 
     def __init__(self, network: NetworkSettings, size: int, split: str) -> None:
         self.network, self.size, self.salt = network, size, {"train": 0, "held_out": 1}[split]
@@ -23,7 +24,7 @@ class Sketches:
         return COUNT
 
     def sample(self, index: int, rng: np.random.Generator) -> dict[str, np.ndarray]:
-        """One sketch; keys and shapes as `batches.Batch`."""
+        """One sample; keys and shapes as `batches.Batch`."""
         draw = np.random.default_rng([self.salt, index, int(rng.integers(1 << 31))])
         color, depth, hole, limit = _scene(draw, self.size)
         if self.network.views == 2:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,16 +14,27 @@ torch = pytest.importorskip("torch", reason="training needs torch: pip install '
 from dlama.errors import FileError, ShapeError  # noqa: E402
 from dlama.nets.discriminator import discriminator_from_state  # noqa: E402
 from dlama.nets.safetensors_file import read_safetensors  # noqa: E402
-from dlama.training import adversarial, depth_losses, losses, trunks  # noqa: E402
 from dlama.training.data.batches import check_sample, composited, hole_planes, pictures  # noqa: E402
-from dlama.training.data.toy_scenes import Sketches  # noqa: E402
+from dlama.training.data.samples.toy_scenes import ToyScenes  # noqa: E402
+from dlama.training.kinds import PLANES  # noqa: E402
 from dlama.training.loop.validation import hole_metrics, metric_names, ssim_map, telea  # noqa: E402
-from dlama.training.perceptual import PerceptualLoss, perceptual_loss, reference_picture  # noqa: E402
-from dlama.training.settings import CHANNELS, LossSettings, NetworkSettings  # noqa: E402
+from dlama.training.losses import adversarial, pixels, trunks  # noqa: E402
+from dlama.training.losses.perceptual import PerceptualLoss, perceptual_loss, reference_picture  # noqa: E402
+from dlama.training.losses.terms import (  # noqa: E402
+    GENERATOR_TERMS,
+    LossInputs,
+    discriminator_input,
+    discriminator_terms,
+    generator_terms,
+    used_terms,
+)
+from dlama.training.settings import LossSettings, NetworkSettings  # noqa: E402
 
-VECTORS = Path(__file__).parents[1] / "data" / "lama_vectors" / "discriminator_ndf8_n3.safetensors"
+VECTORS = Path(__file__).parents[2] / "data" / "lama_vectors" / "discriminator_ndf8_n3.safetensors"
 RGB = NetworkSettings("rgb")
 PUBLISHED = LossSettings()
+PIXELS = LossSettings(adversarial=0.0, feature_matching=0.0, perceptual=0.0)
+"""The terms that need no network."""
 
 
 def number(value):
@@ -42,7 +54,9 @@ def vector():
 def test_generator_terms_agree_with_the_published_code(vector):
     """Oracle: frozen vector, to 1e-4 relative."""
     judge, batch, ends = vector
-    terms = losses.judged_terms(judge, ends["fake"], batch, PUBLISHED)
+    terms = generator_terms(
+        LossInputs(ends["fake"], batch, RGB, LossSettings(l1_known=0.0, perceptual=0.0), None, judge)
+    )
     assert number(terms["adversarial"]) == pytest.approx(number(ends["generator_adversarial"]), rel=1e-4)
     assert number(terms["feature_matching"]) == pytest.approx(number(ends["feature_matching"]), rel=1e-4)
 
@@ -50,7 +64,7 @@ def test_generator_terms_agree_with_the_published_code(vector):
 def test_discriminator_terms_agree_with_the_published_code(vector):
     """Oracle: frozen vector, to 1e-4 relative: equation 6 with R1."""
     judge, batch, ends = vector
-    terms = losses.discriminator_terms(judge, ends["fake"], batch, PUBLISHED)
+    terms = discriminator_terms(judge, ends["fake"], batch, PUBLISHED)
     assert number(terms["gradient_penalty"]) == pytest.approx(number(ends["gradient_penalty"]), rel=1e-4)
     total = terms["discriminator"] + terms["gradient_penalty"]
     assert number(total) == pytest.approx(number(ends["discriminator_total"]), rel=1e-4)
@@ -59,7 +73,7 @@ def test_discriminator_terms_agree_with_the_published_code(vector):
 def test_known_pixels_agree_with_the_published_code(vector):
     """Oracle: frozen vector, to 1e-4 relative."""
     _, batch, ends = vector
-    terms = losses.pixel_terms(ends["fake"], batch, PUBLISHED, RGB)
+    terms = generator_terms(LossInputs(ends["fake"], batch, RGB, PIXELS))
     assert list(terms) == ["l1_known"]
     assert number(terms["l1_known"]) == pytest.approx(number(ends["l1_known"]), rel=1e-4)
 
@@ -68,10 +82,10 @@ def test_a_mask_the_wrong_way_round_is_seen(vector):
     """The guards above can fail: with the mask flipped, equation 6 and the known pixels are other numbers."""
     judge, batch, ends = vector
     flipped = batch | {"mask": 1 - batch["mask"]}
-    terms = losses.discriminator_terms(judge, ends["fake"], flipped, PUBLISHED)
+    terms = discriminator_terms(judge, ends["fake"], flipped, PUBLISHED)
     total = terms["discriminator"] + terms["gradient_penalty"]
     assert number(total) != pytest.approx(number(ends["discriminator_total"]), rel=1e-3)
-    known = losses.pixel_terms(ends["fake"], flipped, PUBLISHED, RGB)["l1_known"]
+    known = generator_terms(LossInputs(ends["fake"], flipped, RGB, PIXELS))["l1_known"]
     assert number(known) != pytest.approx(number(ends["l1_known"]), rel=1e-3)
 
 
@@ -138,16 +152,14 @@ def test_depth_terms_of_planes():
     """Oracle: closed forms; an offset costs L1 alone, a tilt costs its gradient, and equal planes cost nothing."""
     truth, known = plane(0.2, 0.1, 0.3), torch.ones(1, 1, 16, 16)
     moved, tilted = truth + 0.25, truth + plane(0.3, 0, 0)
-    assert number(depth_losses.depth_l1(moved, truth, known)) == pytest.approx(0.25)
-    assert number(depth_losses.gradient_matching(moved, truth, known)) == pytest.approx(0, abs=1e-6)
-    assert number(depth_losses.normal_consistency(moved, truth, known)) == pytest.approx(0, abs=1e-6)
+    assert number(pixels.depth_l1(moved, truth, known)) == pytest.approx(0.25)
+    assert number(pixels.gradient_matching(moved, truth, known)) == pytest.approx(0, abs=1e-6)
+    assert number(pixels.normal_consistency(moved, truth, known)) == pytest.approx(0, abs=1e-6)
     step = 0.3 / 15  # per pixel; each scale doubles it
-    assert number(depth_losses.gradient_matching(tilted, truth, known)) == pytest.approx(
-        step * (1 + 2 + 4 + 8) / 4, rel=1e-4
-    )
+    assert number(pixels.gradient_matching(tilted, truth, known)) == pytest.approx(step * (1 + 2 + 4 + 8) / 4, rel=1e-4)
     slopes = [np.array([-a * 16 / 15, -0.1 * 16 / 15, 1.0]) for a in (0.2, 0.5)]
     cosine = number(slopes[0] @ slopes[1] / np.prod([np.linalg.norm(s) for s in slopes]))
-    assert number(depth_losses.normal_consistency(tilted, truth, known)) == pytest.approx(1 - cosine, rel=1e-3)
+    assert number(pixels.normal_consistency(tilted, truth, known)) == pytest.approx(1 - cosine, rel=1e-3)
 
 
 def test_unknown_depth_counts_nowhere():
@@ -155,7 +167,7 @@ def test_unknown_depth_counts_nowhere():
     truth, known = plane(0.2, 0.1, 0.3), torch.ones(1, 1, 16, 16)
     known[..., 4:9, 5:11] = 0
     output = truth + plane(0.1, 0.2, 0.05)
-    for term in losses.DEPTH_TERMS.values():
+    for term in (pixels.depth_l1, pixels.gradient_matching, pixels.normal_consistency):
         before = term(output, truth, known)
         other = torch.where(known > 0, truth, torch.full_like(truth, 0.9))
         assert number(before) > 0
@@ -167,11 +179,11 @@ def test_the_law_is_one_sided_and_counts_the_hole():
     hole = torch.zeros(1, 1, 4, 4)
     hole[..., :2] = 1
     limit = torch.full((1, 1, 4, 4), 0.5)
-    allowed = 0.5 * (1 + depth_losses.TOLERANCE)
-    assert number(depth_losses.law_penalty(torch.full_like(limit, 0.8), limit, hole)) == pytest.approx(0.8 - allowed)
-    assert number(depth_losses.law_penalty(torch.full_like(limit, 0.4), limit, hole)) == 0
+    allowed = 0.5 * (1 + pixels.TOLERANCE)
+    assert number(pixels.law_penalty(torch.full_like(limit, 0.8), limit, hole)) == pytest.approx(0.8 - allowed)
+    assert number(pixels.law_penalty(torch.full_like(limit, 0.4), limit, hole)) == 0
     output = torch.full_like(limit, 0.8).requires_grad_()
-    free = depth_losses.law_penalty(output, torch.full_like(limit, math.inf), hole)
+    free = pixels.law_penalty(output, torch.full_like(limit, math.inf), hole)
     free.backward()
     assert number(free) == 0 and output.grad is not None and not output.grad.any()
 
@@ -179,16 +191,15 @@ def test_the_law_is_one_sided_and_counts_the_hole():
 def test_terms_of_halves_are_those_of_the_whole():
     """Oracle: law; the mean over two half batches is the mean over the batch, whatever their holes and unknown pixels."""
     network = NetworkSettings("rgbd")
-    source = Sketches(network, 32, "train")
+    source = ToyScenes(network, 32, "train")
     samples = [source.sample(i, np.random.default_rng(i)) for i in range(4)]
     batch = {key: torch.stack([torch.from_numpy(sample[key]) for sample in samples]) for key in samples[0]}
     batch["known_depth"][1, :, :9] = 0
     output = torch.rand(4, 4, 32, 32, generator=torch.Generator().manual_seed(0))
-    whole = losses.pixel_terms(output, batch, LossSettings(l1_hole=1.0), network)
+    weights = replace(PIXELS, l1_hole=1.0)
+    whole = generator_terms(LossInputs(output, batch, network, weights))
     halves = [
-        losses.pixel_terms(
-            output[i : i + 2], {k: v[i : i + 2] for k, v in batch.items()}, LossSettings(l1_hole=1.0), network
-        )
+        generator_terms(LossInputs(output[i : i + 2], {k: v[i : i + 2] for k, v in batch.items()}, network, weights))
         for i in (0, 2)
     ]
     assert set(whole) == {"l1_known", "l1_hole", "depth_l1", "depth_gradient", "depth_normal", "depth_law"}
@@ -196,11 +207,23 @@ def test_terms_of_halves_are_those_of_the_whole():
         assert number(value) == pytest.approx(number(halves[0][name] + halves[1][name]) / 2, rel=1e-5)
 
 
-def test_the_judge_sees_no_depth_that_has_no_truth():
+def test_every_term_has_a_weight():
+    """Oracle: the settings; without its weight a term is not computed, and terms of depth need a plane of depth."""
+    nothing = dict.fromkeys(GENERATOR_TERMS, 0.0)
+    assert used_terms(LossSettings(**nothing), NetworkSettings("rgbd")) == []
+    for name, term in GENERATOR_TERMS.items():
+        weights = LossSettings(**nothing | {name: 2.0})
+        assert used_terms(weights, NetworkSettings("rgbd")) == [name]
+        assert used_terms(weights, NetworkSettings("rgb")) == ([] if term.of_depth else [name])
+    of_depth = [name for name, term in GENERATOR_TERMS.items() if term.of_depth]
+    assert of_depth == ["depth_l1", "depth_gradient", "depth_normal", "depth_law"]
+
+
+def test_the_discriminator_sees_no_depth_without_truth():
     """Oracle: law; real and fake are equal there."""
     batch = {"known_depth": torch.zeros(1, 1, 4, 4)}
-    assert not losses.judged_planes(torch.rand(1, 4, 4, 4), batch)[:, -1].any()
-    assert losses.judged_planes(torch.ones(1, 6, 4, 4), {}).all()
+    assert not discriminator_input(torch.rand(1, 4, 4, 4), batch)[:, -1].any()
+    assert discriminator_input(torch.ones(1, 6, 4, 4), {}).all()
 
 
 @pytest.mark.parametrize("name", ["resnet50-dilated", "vgg16", "alexnet"])
@@ -261,12 +284,12 @@ def test_the_random_trunk_is_always_the_same():
     torch.set_rng_state(state)
 
 
-@pytest.mark.parametrize("planes", CHANNELS)
+@pytest.mark.parametrize("planes", PLANES)
 @pytest.mark.parametrize("split", ["train", "held_out"])
 def test_sketches_keep_the_contract(planes, split):
     """Oracle: the contract's own check; the same index and random numbers give the same sample."""
     network = NetworkSettings(planes)
-    source = Sketches(network, 32, split)
+    source = ToyScenes(network, 32, split)
     for index in range(20):
         sample = source.sample(index, np.random.default_rng(index))
         check_sample(sample, network, 32)
@@ -290,7 +313,7 @@ def test_sketches_keep_the_contract(planes, split):
 def test_samples_off_the_contract_are_refused(key, change):
     """Oracle: law; the message names the key."""
     network = NetworkSettings("rgbd")
-    sample = Sketches(network, 32, "train").sample(0, np.random.default_rng(0))
+    sample = ToyScenes(network, 32, "train").sample(0, np.random.default_rng(0))
     with pytest.raises(ShapeError, match=key):
         check_sample(sample | {key: change(sample[key])}, network, 32)
 
@@ -298,7 +321,7 @@ def test_samples_off_the_contract_are_refused(key, change):
 def test_metrics_of_the_truth_and_of_telea():
     """Oracle: closed form; the truth is perfect, a grey hole has the truth's distance from grey, Telea is in between."""
     network = NetworkSettings("rgbd")
-    source = Sketches(network, 64, "held_out")
+    source = ToyScenes(network, 64, "held_out")
     samples = [source.sample(i, np.random.default_rng(i)) for i in range(4)]
     batch = {key: torch.stack([torch.from_numpy(sample[key]) for sample in samples]) for key in samples[0]}
     perfect = hole_metrics(batch["target"], batch, network)

@@ -1,0 +1,100 @@
+"""A view with holes and its truth in -> a sample with the input that the filler `joint` would give its network, out; a pair of
+pictures in -> a sample with the input of the filler `pair`, out.
+
+**Known pixels of the target.** The view's colours are warped: blurred by resampling and, after noise, wrong at edges; the truth
+is the frame of a camera there. Where both agree (depth within DEPTH_AGREES, colour within COLOR_AGREES levels, at MOST of the
+known pixels), the whole target is the true frame: then the terms on known pixels teach the network to clean up its input, and
+the real pictures of the discriminator have no seam of sharpness around the hole. Where they do not agree (another exposure, poses
+that are off), the target's known pixels are those of the view, since the true ones cannot be computed from the input.
+**The scale of depth** is `robust_scale` of the view's known pixels; the truth is clipped at 1 as the input is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from dlama.geometry.holes import with_nearest
+from dlama.geometry.projection import inverse_depth
+from dlama.geometry.rgbd import RGBD, BoolArray, UInt8Array
+from dlama.geometry.view import View
+from dlama.geometry.visibility import Law
+from dlama.inpainters.networks.view_tensors import DepthPlane, color_planes, robust_scale
+from dlama.training.data.samples.law_limit import law_limit
+from dlama.training.settings import NetworkSettings
+
+DEPTH_AGREES, COLOR_AGREES = 0.03, 25
+"""Relative difference of inverse depth, and difference of levels (of 255) in every channel."""
+MOST = 0.8
+"""Share of the compared pixels that must agree."""
+COMPARED = np.s_[1::3, 1::3]
+"""Pixels that are compared."""
+SMALLEST, LARGEST = 0.004, 0.6
+"""Share of the picture that a hole has at least and at most; other views are drawn again."""
+
+
+@dataclass(frozen=True, eq=False)
+class ViewExample:
+    """A view with holes, as it is at run time, and the truth."""
+
+    view: View
+    truth: RGBD
+    """The frame of the view's camera; depth 0 = truth unknown."""
+    law: Law
+    """The visibility law of the view's source."""
+
+
+def hole_size_fits(hole: BoolArray) -> bool:
+    """Whether a hole (H x W) covers SMALLEST to LARGEST of the picture."""
+    return SMALLEST <= float(hole.mean()) <= LARGEST
+
+
+def view_sample(example: ViewExample, network: NetworkSettings) -> dict[str, np.ndarray]:
+    """One view as a sample of planes rgb or rgbd, see `batches.Batch`."""
+    view, hole = example.view, example.view.hole
+    mask = hole[None].astype(np.float32)
+    known, target = color_planes(view.color), color_planes(example.truth.color)
+    keep_view = not truth_agrees(example)
+    made = {"mask": mask}
+    if network.has_depth:
+        depth = DepthPlane.of(view, robust_scale)
+        true = inverse_depth(example.truth.depth)
+        # real pictures of the discriminator have no gaps: unknown depth is that of the nearest known pixel
+        plane = with_nearest(np.minimum(true / np.float32(depth.scale), np.float32(1)), example.truth.depth > 0)
+        known, target = np.concatenate([known, depth.values[None]]), np.concatenate([target, plane[None]])
+        known_depth = example.truth.depth > 0 if not keep_view else np.where(hole, example.truth.depth > 0, True)
+        limit = law_limit(example.law, view.camera, true, hole) / np.float32(depth.scale)
+        made["known_depth"] = known_depth[None].astype(np.float32)
+        limit = np.maximum(limit, max(depth.far_below, 1e-7))  # what is not above that is far, which is always lawful
+        limit = np.where(example.truth.depth > 0, np.maximum(limit, plane), np.float32(np.inf))
+        made["limit"] = np.where(hole, limit, np.float32(np.inf))[None].astype(np.float32)
+    made["input"] = np.concatenate([known * (1 - mask), mask])
+    made["target"] = np.where(hole, target, known) if keep_view else target
+    return made
+
+
+def pair_sample(
+    shown: Sequence[UInt8Array], true: Sequence[UInt8Array], holes: Sequence[BoolArray], network: NetworkSettings
+) -> dict[str, np.ndarray]:
+    """Left and right pictures (H x W x 3), what they should be, and the hole of each (H x W), as a sample of planes stereo
+    or stereo-two-masks: one mask is the union of both holes."""
+    each = np.stack(holes).astype(np.float32)
+    mask = each if network.masks == 2 else each.max(0, keepdims=True)
+    pictures, target = (np.concatenate([color_planes(color) for color in colors]) for colors in (shown, true))
+    known = pictures * (1 - mask.repeat(6 // len(mask), 0))
+    return {"input": np.concatenate([known, mask]), "target": target, "mask": mask}
+
+
+def truth_agrees(example: ViewExample) -> bool:
+    """Whether the truth agrees with the view at MOST of the known pixels."""
+    view, truth = example.view, example.truth
+    shown, true = view.depth[COMPARED], truth.depth[COMPARED]
+    both = ~view.hole[COMPARED] & (true > 0)
+    if not both.any():
+        return False
+    w, true_w = inverse_depth(shown[both]), inverse_depth(true[both])
+    close = np.abs(w - true_w) <= DEPTH_AGREES * np.maximum(w, true_w)
+    levels = np.abs(view.color[COMPARED][both].astype(np.int16) - truth.color[COMPARED][both])
+    return float((close & (levels.max(1) <= COLOR_AGREES)).mean()) >= MOST
