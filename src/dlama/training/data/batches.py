@@ -1,8 +1,8 @@
 """What a sample and a batch are, which sources make and losses read; samples in -> checked, out.
 
-Values of pictures and of depth are 0..1. Depth is inverse depth on the scale of the filler `joint`: over
-a scale of the view (`view_tensors.robust_scale`: 0.75 is what 99 % of the known pixels do not exceed), 0 = infinity and 1 at
-most; so networks are given no metres.
+Values of pictures and of depth are 0..1. Depth is inverse depth on the scale of the filler `joint`, which is one of the view
+(`view_tensors.robust_scale`): 0 = infinity, 0.75 = what 99 % of the known pixels do not exceed, 1 at most; so networks are given
+no metres.
 """
 
 from __future__ import annotations
