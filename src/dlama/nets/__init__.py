@@ -2,8 +2,9 @@
 
 architecture   settings <-> names and shapes, no torch
 ffc, generator, discriminator   the torch modules (extra `train`)
-tensor_files, torch_archive   weights on disk -> named arrays, no foreign code run
+safetensors_file, torch_file   weights on disk -> named arrays, no foreign code run
 checkpoints    a file of anybody's -> checked weights of one network
 surgery        more input and output planes for trained weights
-export, onnx_graph   checked weights -> an ONNX file with its contract
+export, onnx_graph   checked weights and metadata -> an ONNX file
+migan_export, lpips_export   other people's published networks -> the ONNX files that ship
 """

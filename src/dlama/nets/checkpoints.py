@@ -72,14 +72,14 @@ def read_generator(path: Path | str, activation: str | None = None) -> Generator
     """
     file = _open(Path(path))
     prefix = _prefix(file, STEM)
-    shapes = _under(file.shapes, prefix)
+    shapes = _without_prefix(file.shapes, prefix)
     chosen = activation or file.metadata.get("activation", "sigmoid")
     try:
         settings = settings_from_state(_with_counters(shapes), chosen)
     except ShapeError as error:
-        raise FileError(f"{path}: {_named_under(prefix)}{error}") from error
-    state, notes = _read(file, prefix, generator_shapes(settings))
-    left = (*_left(file, prefix), *notes)
+        raise FileError(f"{path}: {_where(prefix)}{error}") from error
+    state, notes = _checked_state(file, prefix, generator_shapes(settings))
+    left = (*_unread(file, prefix), *notes)
     return GeneratorWeights(settings, state, file.path, file.kind, left)
 
 
@@ -88,11 +88,11 @@ def read_discriminator(path: Path | str) -> DiscriminatorWeights:
     file = _open(Path(path))
     prefix = _prefix(file, DISCRIMINATOR_STEM)
     try:
-        settings = discriminator_settings_from_state(_with_counters(_under(file.shapes, prefix)))
+        settings = discriminator_settings_from_state(_with_counters(_without_prefix(file.shapes, prefix)))
     except ShapeError as error:
-        raise FileError(f"{path}: {_named_under(prefix)}{error}") from error
-    state, notes = _read(file, prefix, discriminator_shapes(settings))
-    return DiscriminatorWeights(settings, state, file.path, (*_left(file, prefix), *notes))
+        raise FileError(f"{path}: {_where(prefix)}{error}") from error
+    state, notes = _checked_state(file, prefix, discriminator_shapes(settings))
+    return DiscriminatorWeights(settings, state, file.path, (*_unread(file, prefix), *notes))
 
 
 def read_tensors(path: Path | str) -> dict[str, np.ndarray]:
@@ -149,16 +149,16 @@ def _prefix(file: _File, stem: str) -> str:
     if len(found) != 1:
         what = f"{len(found)} networks have" if found else "no tensor is called"
         raise FileError(
-            f"{file.path}: {what} {stem}; the first of {len(file.shapes)} names: {_some(list(file.shapes))}"
+            f"{file.path}: {what} {stem}; the first of {len(file.shapes)} names: {_first_of(list(file.shapes))}"
         )
     return found[0]
 
 
-def _under(shapes: Shapes, prefix: str) -> dict[str, tuple[int, ...]]:
+def _without_prefix(shapes: Shapes, prefix: str) -> dict[str, tuple[int, ...]]:
     return {name[len(prefix) :]: shape for name, shape in shapes.items() if name.startswith(prefix)}
 
 
-def _read(file: _File, prefix: str, wanted: Shapes) -> tuple[dict[str, np.ndarray], tuple[str, ...]]:
+def _checked_state(file: _File, prefix: str, wanted: Shapes) -> tuple[dict[str, np.ndarray], tuple[str, ...]]:
     """Arrays in the published order, float32 and finite; and what had to be done for that."""
     present = [name for name in wanted if prefix + name in file.shapes]
     loaded = file.load([prefix + name for name in present])
@@ -190,14 +190,14 @@ def _finite(path: Path, name: str, array: np.ndarray) -> np.ndarray:
     return array
 
 
-def _left(file: _File, prefix: str) -> tuple[str, ...]:
+def _unread(file: _File, prefix: str) -> tuple[str, ...]:
     """One line about the rest of the file, by the first word of its names."""
     groups: dict[str, int] = {}
     for name in file.shapes:
         if not name.startswith(prefix):
             groups[name.split(".")[0]] = groups.get(name.split(".")[0], 0) + 1
     parts = [f"{number} tensors of {group}" for group, number in groups.items()] + list(file.others)
-    return (f"left in the file: {_some(parts, 8)}",) if parts else ()
+    return (f"left in the file: {_first_of(parts, 8)}",) if parts else ()
 
 
 def _with_counters(shapes: Shapes) -> dict[str, tuple[int, ...]]:
@@ -206,9 +206,9 @@ def _with_counters(shapes: Shapes) -> dict[str, tuple[int, ...]]:
     return {norm + COUNTER: () for norm in norms} | dict(shapes)
 
 
-def _named_under(prefix: str) -> str:
+def _where(prefix: str) -> str:
     return f"under {prefix!r} " if prefix else ""
 
 
-def _some(names: list[str], show: int = 3) -> str:
+def _first_of(names: list[str], show: int = 3) -> str:
     return ", ".join(names[:show]) + (f", ... ({len(names) - show} more)" if len(names) > show else "") or "none"

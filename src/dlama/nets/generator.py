@@ -24,13 +24,13 @@ class Generator(nn.Module):
     def __init__(self, settings: GeneratorSettings | None = None) -> None:
         super().__init__()
         self.settings = s = settings or GeneratorSettings()
-        layers: list[nn.Module] = [_Enter(), FFC_BN_ACT((s.in_channels, 0), (s.width, 0), kernel=7)]
+        layers: list[nn.Module] = [_PadAndSplit(), FFC_BN_ACT((s.in_channels, 0), (s.width, 0), kernel=7)]
         for level in range(s.downsamplings):
             last = level == s.downsamplings - 1
             split = (s.local_channels, s.global_channels) if last else (s.channels_at(level + 1), 0)
             layers.append(FFC_BN_ACT((s.channels_at(level), 0), split, kernel=3, stride=2, padding=1))
         layers += [FFCResnetBlock((s.local_channels, s.global_channels)) for _ in range(s.blocks)]
-        layers.append(_Join())
+        layers.append(_ConcatBranches())
         for level in reversed(range(s.downsamplings)):
             wide, narrow = s.channels_at(level + 1), s.channels_at(level)
             up = nn.ConvTranspose2d(wide, narrow, 3, stride=2, padding=1, output_padding=1)
@@ -49,14 +49,14 @@ class Generator(nn.Module):
         return self.model(x)
 
 
-class _Enter(nn.Module):
+class _PadAndSplit(nn.Module):
     """The published reflection by 3 pixels, and the entry into the two branches: the global one is empty still."""
 
     def forward(self, x: Tensor) -> tuple[Tensor, None]:
         return nn.functional.pad(x, (3, 3, 3, 3), mode="reflect"), None
 
 
-class _Join(nn.Module):
+class _ConcatBranches(nn.Module):
     """The published ConcatTupleLayer: local channels first, then global."""
 
     def forward(self, pair: tuple[Tensor, Tensor]) -> Tensor:

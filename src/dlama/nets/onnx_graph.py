@@ -131,14 +131,14 @@ def plane_transform(g: Graph, x: str, channels: int) -> PlaneTransform:
     """Matrices for planes of the height and width of `x` (B x any x H x W), built inside the graph."""
     height, width = g.sides(x)
     half = g.add("Add", g.add("Div", width, g.ints(2)), g.ints(1))
-    rows, columns, some = _count(g, height), _count(g, width), _count(g, half)
-    cos_w, sin_w = _turns(g, columns, some, width)
+    rows, columns, some = _range(g, height), _range(g, width), _range(g, half)
+    cos_w, sin_w = _cos_and_sin(g, columns, some, width)
     minus_w = g.add("Neg", sin_w)
     width_in = g.add("Concat", cos_w, minus_w, axis=1)
     twice = _conjugate_weight(g, some, width)
     parts = [g.add("Mul", g.add("Transpose", part, perm=[1, 0]), twice) for part in (cos_w, minus_w)]
     width_out = g.add("Concat", *parts, axis=0)
-    cos_h, sin_h = _turns(g, rows, rows, height)
+    cos_h, sin_h = _cos_and_sin(g, rows, rows, height)
     minus_h = g.add("Neg", sin_h)
     forward = _complex_matrix(g, ((cos_h, sin_h), (minus_h, cos_h)), height, stack=0, pair=1)
     inverse = _complex_matrix(g, ((cos_h, minus_h), (sin_h, cos_h)), height, stack=1, pair=0)
@@ -148,13 +148,13 @@ def plane_transform(g: Graph, x: str, channels: int) -> PlaneTransform:
     return PlaneTransform(channels, width_in, forward, inverse, width_out, *named)
 
 
-def _count(g: Graph, side: str) -> str:
+def _range(g: Graph, side: str) -> str:
     """0, 1, ..., side - 1 as int64."""
     scalar = g.add("Squeeze", side, g.ints(0))
     return str(g.add("Range", g.constant(0, np.int64), scalar, g.constant(1, np.int64)))
 
 
-def _turns(g: Graph, a: str, b: str, side: str) -> tuple[str, str]:
+def _cos_and_sin(g: Graph, a: str, b: str, side: str) -> tuple[str, str]:
     """cos and sin of 2 pi a b / side over sqrt(side), len(a) x len(b).
 
     The product is reduced to -side/2 .. side/2 while it is still an integer: float32 then holds the angle to 1e-7
@@ -178,11 +178,11 @@ def _conjugate_weight(g: Graph, columns: str, width: str) -> str:
 
 def _complex_matrix(g: Graph, rows: tuple[tuple[str, str], tuple[str, str]], height: str, stack: int, pair: int) -> str:
     """2H x 2H of four H x H parts; 1 interleaves (rows on `stack`, columns on `pair`), 0 keeps part beside part."""
-    across = [_join(g, parts, 1 + pair, height, (1, 2)) for parts in rows]
-    return _join(g, (across[0], across[1]), stack, height, (2, 2))
+    across = [_joined_flat(g, parts, 1 + pair, height, (1, 2)) for parts in rows]
+    return _joined_flat(g, (across[0], across[1]), stack, height, (2, 2))
 
 
-def _join(g: Graph, parts: tuple[str, str], axis: int, height: str, times: tuple[int, int]) -> str:
+def _joined_flat(g: Graph, parts: tuple[str, str], axis: int, height: str, times: tuple[int, int]) -> str:
     """Two matrices joined along a new axis, which is then flattened away."""
     both = g.add("Concat", *(g.add("Unsqueeze", part, g.ints(axis)) for part in parts), axis=axis)
     return str(g.add("Reshape", both, g.add("Mul", g.add("Concat", height, height, axis=0), g.ints(*times))))

@@ -12,7 +12,7 @@ from dlama.errors import FileError, InputError
 from dlama.geometry.view import Origin
 from dlama.inpainters import find_filler
 from dlama.inpainters.networks.contract import contract_of_planes
-from dlama.inpainters.networks.engine import Engine
+from dlama.inpainters.networks.engine import Engine, open_engine
 from dlama.inpainters.networks.pair import PairFiller, fill_pair, pair_filler
 from tiny_networks import constant, echo_mask, written
 
@@ -72,7 +72,9 @@ def test_two_masks_are_each_pictures_own(tmp_path: Path, left: bool, hw: tuple[i
     hole, other_hole = np.zeros((2, *hw), bool)
     high, wide = hw
     hole[4 : high - 8, : wide // 2], other_hole[high // 2 :, wide // 4 : wide - 4] = True, True
-    painter = pair_filler(two_mask_probe(tmp_path / "p.onnx"), budget=budget).painter(other, other_hole, left=left)
+    painter = pair_filler(open_engine(two_mask_probe(tmp_path / "p.onnx"), budget=budget)).painter(
+        other, other_hole, left=left
+    )
     painted = painter.paint(mine, hole)
     np.testing.assert_array_equal(painted[~hole], mine[~hole])
     np.testing.assert_array_equal(painted[hole][:, 0], 204)

@@ -176,19 +176,43 @@ class Engine:
 
 @functools.lru_cache(maxsize=1)
 def _cached_engine(
-    path: Path, stamp: tuple[int, int], given: Contract | None, options: tuple[tuple[str, Any], ...]
+    path: Path,
+    stamp: tuple[int, int],
+    contract: Contract | None,
+    provider: str | None,
+    threads: int,
+    budget: int,
+    memory_pattern: bool,
 ) -> Engine:
-    return Engine(path, given, **dict(options))
+    """The engine of a file as it was at `stamp` (time of change in ns, bytes)."""
+    return Engine(path, contract, provider, threads, budget, memory_pattern)
 
 
-def open_engine(model: str | Path, contract: Contract | None = None, **options: Any) -> Engine:
-    """The engine of a file; the last one is kept open, so that frame after frame costs one opening."""
+def open_engine(
+    model: str | Path | Engine,
+    contract: Contract | None = None,
+    *,
+    provider: str | None = None,
+    threads: int | None = None,
+    budget: int = BUDGET,
+    memory_pattern: bool = True,
+) -> Engine:
+    """The engine of a file, parameters as Engine's; the last one is kept open, so that frame after frame costs one opening.
+
+    An engine comes back as it is: so every filler of a network takes a file or an engine with settings of its own. FileError
+    where there is no such file, InputError as Engine.
+    """
+    if isinstance(model, Engine):
+        return model
     path = Path(model).expanduser()
     if not path.is_file():
         raise FileError(f"{path}: no such model file")
     stat = path.stat()
-    options.setdefault("provider", os.environ.get(PROVIDER_VARIABLE) or None)
-    return _cached_engine(path, (stat.st_mtime_ns, stat.st_size), contract, tuple(sorted(options.items())))
+    provider = provider or os.environ.get(PROVIDER_VARIABLE) or None
+    stamp = stat.st_mtime_ns, stat.st_size
+    return _cached_engine(
+        path, stamp, contract, provider, cores() if threads is None else threads, budget, memory_pattern
+    )
 
 
 def _onnxruntime() -> Any:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -11,17 +10,17 @@ from dlama.geometry.view import View
 from dlama.geometry.visibility import Law
 from dlama.inpainters.filling import Fill, Inpainter
 from dlama.inpainters.networks.contract import Contract, require_planes
-from dlama.inpainters.networks.engine import open_engine
+from dlama.inpainters.networks.engine import Engine, open_engine
 from dlama.inpainters.networks.view_tensors import DepthPlane, color_from_planes, color_planes, robust_scale
 
 
-def joint_filler(model: str | Path, contract: Contract | None = None, **options: Any) -> Inpainter:
-    """A filler of a network file that takes red, green, blue, depth, mask; `options` as of Engine.
+def joint_filler(model: str | Path | Engine, contract: Contract | None = None) -> Inpainter:
+    """A filler of a network file (or of an engine) that takes red, green, blue, depth, mask.
 
-    Depth is inverse depth, 0 = infinity and 0.75 = what 99 % of the view's known pixels do not exceed. In a sensor hole the
+    Depth is inverse depth on the scale of `contract.DEPTH_PLANE`. In a sensor hole the
     network sees neither colour nor depth; only its depth is used there. FileError where there is no file.
     """
-    network = open_engine(model, contract, **options)
+    network = open_engine(model, contract)
 
     def joint(view: View, law: Law, seed: int) -> Fill:
         require_planes(network.contract, 4, str(network.path), "joint")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -20,13 +19,13 @@ BATCHED: tuple[str, ...] = ()
 """Providers on which one pass for colour and depth was measured to be faster than two (benchmarks/engine.py); none so far."""
 
 
-def lama_filler(model: str | Path, contract: Contract | None = None, **options: Any) -> Inpainter:
-    """A filler of a network file; `options` as of Engine (provider, threads, budget). FileError where there is no file.
+def lama_filler(model: str | Path | Engine, contract: Contract | None = None) -> Inpainter:
+    """A filler of a network file, or of an engine that was opened with settings of its own. FileError where there is no file.
 
     Depth goes in as three equal planes of inverse depth on the scale of the view's nearest pixel, 0 = infinity, and
     comes back as their mean: float all the way.
     """
-    network = open_engine(model, contract, **options)
+    network = open_engine(model, contract)
 
     def checked() -> Engine:
         require_planes(network.contract, 3, str(network.path), "lama")

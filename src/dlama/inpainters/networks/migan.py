@@ -10,7 +10,6 @@ error, Telea 0.43); its steps are smoothed away by as much as a step cannot tell
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import cv2
 import numpy as np
@@ -38,13 +37,12 @@ NETWORK_SIDE = 512
 PIPELINE_INPUTS = {"image": "tensor(uint8)", "mask": "tensor(uint8)"}
 
 
-def migan_filler(model: str | Path, **options: Any) -> Inpainter:
-    """A filler of MI-GAN: a file of its generator, or the published pipeline (graph inputs image and mask, uint8).
+def migan_filler(model: str | Path | Engine) -> Inpainter:
+    """A filler of MI-GAN: a file (or an engine) of its generator, or of the published pipeline (inputs image and mask, uint8).
 
-    `options` as of Engine. FileError where the file is neither.
+    FileError where the file is neither.
     """
-    options = {"budget": (2 * NETWORK_SIDE) ** 2, "memory_pattern": False} | options
-    network = open_engine(model, **options)
+    network = open_engine(model, budget=(2 * NETWORK_SIDE) ** 2, memory_pattern=False)
 
     def migan(view: View, law: Law, seed: int) -> Fill:
         diffused = telea(view, law, seed)
@@ -59,11 +57,11 @@ def migan_filler(model: str | Path, **options: Any) -> Inpainter:
 
 def is_pipeline(network: Engine) -> bool:
     """Whether the file is the published pipeline (by its inputs) or a generator (by its contract). FileError if neither."""
-    ends = {name: kind for name, (kind, _) in network.inputs.items()}
-    if ends == PIPELINE_INPUTS:
+    found = {name: kind for name, (kind, _) in network.inputs.items()}
+    if found == PIPELINE_INPUTS:
         return True
-    if len(ends) != 1:
-        raise FileError(f"{network.path}: inputs are {ends}; the MI-GAN pipeline has {PIPELINE_INPUTS}")
+    if len(found) != 1:
+        raise FileError(f"{network.path}: inputs are {found}; the MI-GAN pipeline has {PIPELINE_INPUTS}")
     if network.contract.network != "migan":
         raise FileError(f"{network.path}: is a network {network.contract.network!r} by its contract; MI-GAN is wanted")
     return False

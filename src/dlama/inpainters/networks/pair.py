@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -78,6 +77,6 @@ def _with_two_masks(network: Engine) -> Network:
     return call
 
 
-def pair_filler(model: str | Path, contract: Contract | None = None, **options: Any) -> PairFiller:
-    """The filler of a network file; `options` as of Engine. FileError where there is no file."""
-    return PairFiller(open_engine(model, contract, **options))
+def pair_filler(model: str | Path | Engine, contract: Contract | None = None) -> PairFiller:
+    """The filler of a network file, or of an engine with settings of its own. FileError where there is no file."""
+    return PairFiller(open_engine(model, contract))
