@@ -20,6 +20,7 @@ HEAVY = (
     "scipy",
     "skimage",
     "matplotlib",
+    "jinja2",
     "pytorch_lightning",
     "tensorboard",
 )

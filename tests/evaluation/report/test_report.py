@@ -245,6 +245,10 @@ def test_curves_are_svg_with_the_methods_and_the_paper() -> None:
     assert "±60" in words and "colour SSIM" in words
     assert len([one for one in root.iter() if one.get("id", "").partition("-")[2].startswith("line2d")]) > 3
     assert root.attrib["aria-label"] == "Whole: colour SSIM ↑" and "currentColor" in svg and "#0a0b0c" not in svg
+    assert figure.has_intervals  # four scenes
+    one_scene = [row for row in rows if row.scene == rows[0].scene]
+    alone = curves(summarise(one_scene), "vpi", "toy", [("whole", "rgb", "ssim")], ["dlama/telea"], "Whole")
+    assert alone and not alone.has_intervals
     assert curves(summarise(rows[:2]), "vpi", "toy", [("whole", "rgb", "ssim")], ["dlama/telea"], "Whole") is None
 
 

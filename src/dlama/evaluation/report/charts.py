@@ -47,6 +47,8 @@ class Figure:
     plots: tuple[str, ...]
     legend: tuple[tuple[str, str], ...] = ()
     """(SVG of a line's sample, what the line is); empty where the plots name their methods themselves."""
+    has_intervals: bool = True
+    """False where there is one scene: nothing is drawn round the means."""
 
 
 def curves(
@@ -75,7 +77,8 @@ def curves(
         axes.set_xticks([_degrees(yaw) for yaw in yaws], yaws)
         plots.append(_plot_svg(sheet, axes, which, (protocol, dataset, caption)))
     with_paper = any(_paper_values(yaws, which) for which in drawn)
-    return Figure(caption, tuple(plots), _legend(methods, with_paper, (protocol, dataset, caption)))
+    legend = _legend(methods, with_paper, (protocol, dataset, caption))
+    return Figure(caption, tuple(plots), legend, _has_intervals(summary, protocol, dataset))
 
 
 def dots(
@@ -96,7 +99,11 @@ def dots(
         axes.locator_params(axis="x", nbins=4)
         axes.ticklabel_format(axis="x", useOffset=False)
         plots.append(_plot_svg(sheet, axes, which, (protocol, dataset, caption)))
-    return Figure(caption, tuple(plots))
+    return Figure(caption, tuple(plots), has_intervals=_has_intervals(summary, protocol, dataset))
+
+
+def _has_intervals(summary: Summary, protocol: str, dataset: str) -> bool:
+    return any(one.low is not None for one in summary.of(protocol=protocol, dataset=dataset).values())
 
 
 def _curve(axes: Any, summary: Summary, keys: Sequence[Key], style: dict[str, Any]) -> None:
