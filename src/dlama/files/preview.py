@@ -38,7 +38,7 @@ def title(completion: Completion) -> str:
     """What was done, in a line."""
     meta = completion.meta
     unknown, depth_only = (float(np.mean(meta[name])) for name in ("hole_share", "depth_only_share"))
-    lacking = f"{percent(unknown)} was unknown" + (f", {percent(depth_only)} lacked depth only" if depth_only else "")
+    lacking = f"{percent(unknown)} was unknown" + (f", {percent(depth_only)} lacked only depth" if depth_only else "")
     return f"{job_done(completion)}: {lacking}, filled by '{meta['filler']}'"
 
 

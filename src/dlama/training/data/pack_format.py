@@ -19,6 +19,7 @@ import numpy as np
 
 from dlama.datasets.frames import RemovalTruth, ViewTruth
 from dlama.errors import DlamaError, FileError
+from dlama.files.depth import depth_from_mm, mm_from_depth
 from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
 from dlama.training.data.cases import KIND_NAMES, StereoPair, TrainingCase
@@ -31,7 +32,6 @@ PHOTOS, CASES = "photos", "takes"
 """Tables of the index."""
 QUALITY = 88
 """Of WebP; the pictures of a pair are to agree with their depth, photos are usually JPEG already."""
-MILLIMETRES, FAR_CODE = 1000.0, 65535
 DISPARITY_STEPS = 64.0
 """Of a pixel."""
 
@@ -84,7 +84,9 @@ def _encode_stereo(pair: StereoPair, size: int) -> tuple[About, Parts]:
     before = pair.left.shape[0], pair.left.shape[1]
     hw = scaled(before, _factor(before, size))
     parts = {"left.color": webp(resized_color(pair.left, hw)), "right.color": webp(resized_color(pair.right, hw))}
-    parts["disparity"] = _png(_codes(resized_disparity(pair.disparity, hw), DISPARITY_STEPS))
+    disparity = resized_disparity(pair.disparity, hw)
+    known = np.where(np.isfinite(disparity), disparity, np.float32(0))
+    parts["disparity"] = _png(mm_from_depth(known, DISPARITY_STEPS)[0])
     for number, side in enumerate(("left", "right")):
         if pair.masks is not None and pair.without is not None:
             parts[f"{side}.without"] = webp(resized_color(pair.without[number], hw))
@@ -123,7 +125,7 @@ def _frames(ends: Mapping[str, RGBD], exposure_varies: bool, size: int) -> tuple
 
 
 def _frame(about: Mapping[str, Any], end: str, read: ReadRole) -> RGBD:
-    return RGBD(read(f"{end}.color"), _metres(read(f"{end}.depth")), _camera(about["cameras"][end]))
+    return RGBD(read(f"{end}.color"), depth_from_mm(read(f"{end}.depth")), _camera(about["cameras"][end]))
 
 
 def _factor(hw: tuple[int, int], size: int) -> float:
@@ -147,19 +149,7 @@ def webp(color: UInt8Array) -> bytes:
 
 def png(depth: Float32Array) -> bytes:
     """H x W metres as a 16-bit PNG file of millimetres."""
-    codes = np.where(np.isposinf(depth), np.uint16(FAR_CODE), _codes(depth, MILLIMETRES))
-    return _png(codes)
-
-
-def _codes(values: Float32Array, per_unit: float) -> np.ndarray:
-    """H x W uint16: 0 where the value is none (0 or infinite), else 1 to 65534."""
-    valid = (values > 0) & (values < np.inf)
-    codes = np.clip(np.rint(np.where(valid, values, 0) * per_unit), 1, FAR_CODE - 1)
-    return np.where(valid, codes, 0).astype(np.uint16)
-
-
-def _metres(codes: np.ndarray) -> Float32Array:
-    return np.where(codes == FAR_CODE, np.float32(np.inf), (codes / MILLIMETRES).astype(np.float32)).astype(np.float32)
+    return _png(mm_from_depth(depth)[0])
 
 
 def _mask_png(mask: BoolArray) -> bytes:
