@@ -1,4 +1,4 @@
-"""OpenCV's two classic fillers, Telea and Navier-Stokes: colour and depth filled apart, from all sides of the hole.
+"""Telea and Navier-Stokes by OpenCV: a view with holes in; colour and depth, filled separately from all sides of the hole, out.
 
 Depth goes through as inverse depth (0 = far) in 16 bit: OpenCV 5's Telea on float32 returns wrong values even on a constant
 plane, on uint16 it is right.

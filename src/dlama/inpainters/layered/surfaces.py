@@ -26,7 +26,7 @@ class Surfaces:
     """Inverse depth and surface label of every pixel of a view, known and filled."""
 
     inverse_depth: Float32Array
-    """H x W, 1/m; 0 = far. Known pixels on planes are freed of the noise that was measured."""
+    """H x W, 1/m; 0 = far. From known pixels on planes the measured noise is taken off."""
     label: NDArray[np.int32]
     """H x W; -1 = no plane, 0 = sky, k = k-th plane."""
     planes: NDArray[np.float64]

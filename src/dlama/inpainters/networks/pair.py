@@ -1,4 +1,4 @@
-"""Pair: both pictures of a stereo pair with holes and a network file in; each picture painted in sight of the other, out.
+"""Pair: both pictures of a stereo pair with holes and a network file in; each picture, painted with the other in view, out.
 
 The network takes left and right colours, then one mask (7 -> 6: the union of both pictures' holes) or two (8 -> 6: the left
 picture's hole, the right one's), and gives both; which of the two it is, its contract says. Depth is not its business:
