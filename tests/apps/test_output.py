@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 import time
 from pathlib import Path
 
@@ -13,7 +14,7 @@ from small_frame import FAST, pixels, refused, run
 import dlama
 from dlama.apps import evaluate
 from dlama.apps.cli import main
-from dlama.apps.options import Report
+from dlama.apps.options import RESULTS, Report
 
 VIEW = ("view", "image.png", "depth.png", "--fov", 60, "--yaw", 12, *FAST)
 
@@ -46,6 +47,25 @@ def test_json_is_one_object_of_what_was_done(frame: Path, capsys: pytest.Capture
     run(frame, *VIEW, "--json", "--quiet")
     shown = capsys.readouterr()
     assert json.loads(shown.out)["warnings"] == [] and shown.err == ""
+
+
+def test_only_what_was_asked_for(frame: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Oracles: the directory's listing; the bytes of a whole run; the names that --help and the error list."""
+    whole = run(frame, *VIEW)
+    kept = {path.name: path.read_bytes() for path in whole.iterdir()}
+    shutil.rmtree(whole)
+    capsys.readouterr()
+    out = run(frame, *VIEW, "--only", "image,depth", "--json")
+    assert json.loads(capsys.readouterr().out)["files"] == ["depth.exr", "depth.png", "image.png", "meta.json"]
+    assert sorted(path.name for path in out.iterdir()) == ["depth.exr", "depth.png", "image.png", "meta.json"]
+    assert all((out / name).read_bytes() == kept[name] for name in ("image.png", "depth.png", "depth.exr"))
+    shutil.rmtree(out)
+    line = refused(capsys, frame, *VIEW, "--only", "image,colour")
+    assert "--only is 'colour'" in line and all(name in line for name in RESULTS)
+    with pytest.raises(SystemExit):
+        main(["stereo", "--help"])
+    shown = " ".join(capsys.readouterr().out.replace("│", " ").split())
+    assert ", ".join(RESULTS) in shown
 
 
 def test_what_lacks_only_depth_is_no_unknown(frame: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -15,7 +15,21 @@ from dlama.apps.evaluate import evaluate
 from dlama.apps.flags import flags_of, with_flags
 from dlama.apps.jobs import STAGES, job
 from dlama.apps.model_verbs import models
-from dlama.apps.options import Depth, Image, Lens, Mask, Masking, Method, Metres, Move, Output, Reading, Report, option
+from dlama.apps.options import (
+    Depth,
+    Image,
+    Lens,
+    Mask,
+    Masking,
+    Method,
+    Metres,
+    Move,
+    Only,
+    Output,
+    Reading,
+    Report,
+    option,
+)
 from dlama.apps.terminal import errors_as_lines, reported, stages_bar
 from dlama.apps.train import EXAMPLES as TRAINING_EXAMPLES
 from dlama.apps.train import pack, train
@@ -38,6 +52,7 @@ def view(
     reading: Reading,
     method: Method,
     report: Report,
+    only: Only = None,
 ) -> None:
     """The scene from another viewpoint, with what was hidden filled in.
 
@@ -45,11 +60,12 @@ def view(
         image: The colour picture: PNG, JPEG or TIFF.
         depth: Its depth, same size: 16-bit PNG or TIFF (millimetres), EXR, PFM, NPY or NPZ.
         output: Directory for the results, made if need be; files of the same names are replaced.
+        only: What is written beside meta.json: image, depth, hole, origin, confidence, points, mesh, scene, preview.
     """
     with job("view", report) as this:
         target = move.required().settings()
         rgbd = this.rgbd(image, depth, lens, reading)
-        this.write(dlama.view(rgbd, **target, **method.settings()), output)
+        this.write(dlama.view(rgbd, **target, **method.settings()), output, only)
 
 
 def remove(
@@ -64,6 +80,7 @@ def remove(
     masking: Masking,
     method: Method,
     report: Report,
+    only: Only = None,
 ) -> None:
     """The scene without an object: what it hid is restored, seen from the same place or from elsewhere.
 
@@ -72,12 +89,13 @@ def remove(
         depth: Its depth, same size: 16-bit PNG or TIFF (millimetres), EXR, PFM, NPY or NPZ.
         mask: The object in the picture: black and white, 255 = remove.
         output: Directory for the results, made if need be; files of the same names are replaced.
+        only: What is written beside meta.json: image, depth, hole, origin, confidence, points, mesh, scene, preview.
     """
     with job("remove", report) as this:
         target = move.settings()
         rgbd = this.rgbd(image, depth, lens, reading)
         object_mask = this.mask(mask, masking)
-        this.write(dlama.remove(rgbd, object_mask, **target, **method.settings()), output)
+        this.write(dlama.remove(rgbd, object_mask, **target, **method.settings()), output, only)
 
 
 def stereo(
@@ -93,6 +111,7 @@ def stereo(
     mask_right: Annotated[Path | None, option("MASK", "--mask carried over by disparity")] = None,
     max_disparity: Annotated[float | None, option("PX", "found")] = None,
     far: Metres = None,
+    only: Only = None,
 ) -> None:
     """Depth from a rectified stereo pair, and with --mask both pictures without an object, so that they agree.
 
@@ -105,24 +124,28 @@ def stereo(
         mask_right: The object in the right picture.
         max_disparity: The largest disparity looked for.
         far: What is measured at or beyond this is far (sky).
+        only: What is written beside meta.json: image, depth, hole, origin, confidence,
+            disparity, points, mesh, scene, preview.
     """
     with job("stereo", report) as this:
         pair = this.pair(left, right, calib)
         masks = this.optional_mask(mask, masking), this.optional_mask(mask_right, masking, "mask_right")
         options = {"max_disparity": max_disparity, "far": far, **method.settings()}
-        this.write(dlama.stereo(*pair, mask=masks[0], mask_right=masks[1], **options), output)
+        this.write(dlama.stereo(*pair, mask=masks[0], mask_right=masks[1], **options), output, only)
 
 
-def demo(method: Method, report: Report, output: DEMO_FOLDER = Path("dlama-demo")) -> None:
+def demo(method: Method, report: Report, output: DEMO_FOLDER = Path("dlama-demo"), only: Only = None) -> None:
     """All three jobs on the street scene that comes with dlama: another view, an object removed, a stereo pair.
 
     Args:
         output: Directory for the results: view/, remove/, stereo/, a joint preview.png, and the pictures used in inputs/.
+        only: What is written of each job beside meta.json: image, depth, hole, origin, confidence, disparity, points, mesh,
+            scene, preview.
     """
     from dlama.apps.demo import demo
 
     with reported("demo", report) as result, stages_bar("demo", 3 * STAGES, report):
-        demo(output, method, result)
+        demo(output, method, result, only)
 
 
 def version() -> None:
@@ -150,7 +173,7 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
     "view": (
         "dlama view photo.jpg depth.png --fov 65 --yaw 20 -o out",
         "dlama view photo.jpg depth.exr --camera cam.json --yaw -10 --pitch 5 --pivot auto -o out",
-        "dlama view photo.jpg depth.png --camera cam.json --to target.json -o out",
+        "dlama view photo.jpg depth.png --camera cam.json --to target.json --only image,depth -o out",
     ),
     "remove": (
         "dlama remove photo.jpg depth.png mask.png --fov 65 -o out",

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import dlama
 from dlama.apps.jobs import Job
-from dlama.apps.options import Lens, Masking, Method, Reading
+from dlama.apps.options import Lens, Masking, Method, Only, Reading
 from dlama.apps.terminal import Result
 from dlama.files.atomic_write import new_directory
 from dlama.files.contact_sheet import write_contact_sheet
@@ -47,7 +47,7 @@ JOBS = {
 """Sub-directory -> what the joint sheet calls the job, and the job."""
 
 
-def demo(output: Path, method: Method, result: Result) -> None:
+def demo(output: Path, method: Method, result: Result, only: Only = None) -> None:
     """Each job's results to a folder of `output`, what they read to inputs/, and preview.png of all.
 
     `result` takes a line for each. Raises OutputError; then nothing is left behind.
@@ -57,7 +57,7 @@ def demo(output: Path, method: Method, result: Result) -> None:
         for name, (title, complete) in JOBS.items():
             job = Job()
             done = complete(job, method)
-            job.write(done, folder / name, shown=output / name)
+            job.write(done, folder / name, only, shown=output / name)
             result.add(job.result.lines[0], **{name: job.result.values})
             panels += demo_panels(title, done)
             completions.append(done)

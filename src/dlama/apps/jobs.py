@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from dlama.apps.options import Lens, Masking, Reading, Report
+from dlama.apps.options import Lens, Masking, Only, Reading, Report, names_in
 from dlama.apps.terminal import Result, reported, stages_bar
 
 if TYPE_CHECKING:
@@ -78,15 +78,15 @@ class Job:
             pictures = read_color(left), read_color(right)
             return *pictures, read_stereo_calib(calib, hw=pictures[0].shape[:2])
 
-    def write(self, done: dlama.Completion, output: Path, shown: Path | None = None) -> None:
-        """The result to its directory; the line about it names that, or what is `shown` instead."""
-        from dlama.files.results import write
+    def write(self, done: dlama.Completion, output: Path, only: Only = None, shown: Path | None = None) -> None:
+        """The result, or what --only names, to its directory; the line about it names that, or what is `shown` instead."""
+        from dlama.files.results import file_names, write
 
-        place = shown or output
+        place, names = shown or output, names_in(only)
         seconds = {"read": self.read_seconds}
-        write(done, output, inputs=self.inputs, intrinsics_from=self.intrinsics_from, seconds=seconds)
+        write(done, output, only=names, inputs=self.inputs, intrinsics_from=self.intrinsics_from, seconds=seconds)
         line = summary_line(done.meta, place, time.perf_counter() - self.started)
-        self.result.add(line, **summary_values(done.meta, place, sorted_files(output)))
+        self.result.add(line, **summary_values(done.meta, place, file_names(done, names)))
 
 
 @contextmanager
@@ -94,11 +94,6 @@ def job(verb: str, report: Report) -> Iterator[Job]:
     """A job under way: a bar while it lasts, its Result at the end."""
     with reported(verb, report) as result, stages_bar(verb, STAGES, report):
         yield Job(result)
-
-
-def sorted_files(folder: Path) -> list[str]:
-    """The files under a folder, relative to it."""
-    return sorted(path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file())
 
 
 def summary_line(meta: dict[str, Any], place: object, seconds: float) -> str:

@@ -36,8 +36,16 @@ CameraFile = Annotated[Path | None, option("FILE.json")]
 Image = Annotated[Path, option("IMAGE", None)]
 Depth = Annotated[Path, option("DEPTH", None)]
 Mask = Annotated[Path, option("MASK", None)]
+RESULTS = ("image", "depth", "hole", "origin", "confidence", "disparity", "points", "mesh", "scene", "preview")
+"""Names of what is written."""
+Only = Annotated[str | None, option("NAME,...", "all")]
 Seed = Annotated[int, option("N", "0")]
 Output = Annotated[Path, option("DIR", None, aliases=["-o"])]
+
+
+def names_in(only: str | None) -> tuple[str, ...] | None:
+    """The names that --only lists, separated by commas; None: all."""
+    return None if only is None else tuple(name.strip() for name in only.split(",") if name.strip())
 
 
 @dataclass(frozen=True)
@@ -152,7 +160,7 @@ class Masking:
 
     def settings(self) -> dict[str, Any]:
         """As keyword arguments of read_mask."""
-        return {"mask_polarity": self.mask_polarity, "soft_mask": self.soft_mask, "mask_class": self.mask_class}
+        return dataclasses.asdict(self)
 
 
 @dataclass(frozen=True)

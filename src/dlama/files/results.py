@@ -95,6 +95,15 @@ def write(
     return target
 
 
+def file_names(completion: Completion, only: Sequence[str] | None = None) -> list[str]:
+    """The files that `write` makes of a completion, relative to its directory, sorted. Raises InputError as `write` does."""
+    wanted = {file for name in checked_results(only) for file in RESULTS[name]}
+    jobs = [*scene_jobs(Path(), completion), "preview.png", *(["background.ply"] if completion.scene.objects else [])]
+    for place, view in places(completion).items():
+        jobs += view_jobs(Path(), view, place)
+    return sorted(["meta.json", *(file for file in jobs if file.rpartition("/")[2] in wanted)])
+
+
 def checked_results(only: Sequence[str] | None) -> tuple[str, ...]:
     """The names of what is to be written: all of RESULTS for None. Raises InputError: an unknown name, or none at all."""
     names = tuple(RESULTS) if only is None else (only,) if isinstance(only, str) else tuple(only)
