@@ -7,8 +7,8 @@ import numpy as np
 from dlama.geometry.camera import Camera
 from dlama.geometry.projection import inverse_depth
 from dlama.geometry.view import HoleType, View
-from dlama.inpainters.layered.planes import SKY, find_planes, label_known
 from dlama.inpainters.layered.surface_labels import IN_FRONT, LEAST_INVERSE_DEPTH, CoarseView
+from dlama.perception.planes import SKY, find_planes, label_known
 from worlds import Box, Plane, World
 
 

@@ -12,8 +12,8 @@ from dlama.geometry.visibility import Law
 from dlama.inpainters.filling import Fill, Inpainter, Painter
 from dlama.inpainters.layered.filler import surfaces_behind
 from dlama.inpainters.layered.hedging import hedged
-from dlama.inpainters.layered.planes import plane_values_at
 from dlama.inpainters.layered.surfaces import Surfaces
+from dlama.perception.planes import plane_values_at
 
 BAND = 24
 """Pixels round a hole in which an occluder is kept from the filler."""

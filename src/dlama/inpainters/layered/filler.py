@@ -10,9 +10,9 @@ from dlama.geometry.view import View
 from dlama.geometry.visibility import Law, lawful_depth
 from dlama.inpainters.filling import Fill
 from dlama.inpainters.layered.hedging import hedged
-from dlama.inpainters.layered.planes import SKY, SMOOTH
 from dlama.inpainters.layered.surfaces import Surfaces, continue_surfaces
 from dlama.inpainters.layered.texture_synthesis import synthesize
+from dlama.perception.planes import SKY, SMOOTH
 
 
 def layered(view: View, law: Law, seed: int = 0) -> Fill:

@@ -19,7 +19,7 @@ from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.geometry.view import HoleType, View
 from dlama.geometry.visibility import Law
 from dlama.inpainters.layered.kernels import surfaces as surface_kernels
-from dlama.inpainters.layered.planes import plane_values
+from dlama.perception.planes import plane_values
 
 GRID = 256
 """Longer side of the coarse grid."""

@@ -17,8 +17,8 @@ from dlama.geometry.projection import inverse_depth
 from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.geometry.view import View
 from dlama.geometry.visibility import Law
-from dlama.inpainters.layered.planes import SMOOTH, denoised, find_planes, label_known, noise_level, plane_values_at
 from dlama.inpainters.layered.surface_labels import GRID, CoarseView, enlarged
+from dlama.perception.planes import SMOOTH, denoised, find_planes, label_known, noise_level, plane_values_at
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dlama.geometry.rgbd import BoolArray, Float32Array
-from dlama.inpainters.layered.kernels import planes as plane_kernels
+from dlama.perception.kernels import planes as plane_kernels
 
 SMOOTH = -1
 """Label of pixels on no plane."""

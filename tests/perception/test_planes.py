@@ -8,8 +8,8 @@ from numba import njit
 
 from dlama.geometry.camera import Camera
 from dlama.geometry.projection import inverse_depth
-from dlama.inpainters.layered.kernels import planes as plane_kernels
-from dlama.inpainters.layered.planes import (
+from dlama.perception.kernels import planes as plane_kernels
+from dlama.perception.planes import (
     MOST_PLANES,
     NEIGHBOURHOOD,
     NOISE_FACTOR,

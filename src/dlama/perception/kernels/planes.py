@@ -1,4 +1,4 @@
-"""Numba kernels for planes: hypotheses scored on samples, pixels labelled. Loaded only when `layered` fills."""
+"""Numba kernels for planes: hypotheses scored on samples, pixels labelled. Loaded only when planes are looked for."""
 
 from __future__ import annotations
 
