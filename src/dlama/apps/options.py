@@ -168,8 +168,8 @@ class Method:
     """How the scene is completed."""
 
     filler: Annotated[str, option("|".join(FILLERS), "layered")] = "layered"
-    """What fills the holes: layered continues planes and sky from behind, telea and navier-stokes diffuse; lama, migan,
-    joint and pair (stereo only) run a network (--model)."""
+    """What fills the holes: layered continues planes and sky from behind, telea and navier-stokes diffuse; migan runs
+    a network that comes with the package; lama, joint and pair (stereo only) run that of --model."""
     model: Annotated[str | None, option("FILE|NAME")] = None
     """Network of --filler lama, migan, joint or pair: an ONNX file, a LaMa checkpoint, or a name of `dlama models list`."""
     recipe: Annotated[str, option("|".join(RECIPES), "dlama")] = "dlama"
