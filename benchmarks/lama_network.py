@@ -25,7 +25,7 @@ import onnxruntime
 import torch
 
 from dlama.inpainters.networks.contract import generator_contract
-from dlama.inpainters.networks.openvino import OpenVinoSession
+from dlama.models.openvino import OpenVinoSession
 from dlama.nets.architecture import GeneratorSettings, generator_shapes
 from dlama.nets.export import onnx_bytes
 from dlama.nets.generator import generator_from_state

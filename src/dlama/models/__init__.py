@@ -1,7 +1,8 @@
-"""Which weights exist, where they lie, and how they come there; nothing here opens or runs a network.
+"""Which weights exist, where they lie, and how they come there; and an ONNX file, opened to run.
 
 records   the catalogue: name -> urls, sha256, licence, contract
 cache     a name -> the file on this disk
 verify    a file on this disk -> whether it is the one the record means
 pull      a record -> its file, downloaded, checked and moved into place
+network_file   an ONNX file -> arrays in, arrays out, by ONNX Runtime or by `openvino`
 """

@@ -12,6 +12,9 @@ from dlama.errors import InputError
 
 Contract: TypeAlias = Literal["lama-weights", "migan-pipeline", "alexnet-weights", "lpips-heads"]
 
+CONTRACT_KEY = "dlama.contract"
+"""Key of the ONNX metadata under which a file's contract stands, as JSON (`dlama models convert` writes it)."""
+
 
 @dataclass(frozen=True)
 class Record:

@@ -16,10 +16,9 @@ import numpy as np
 
 from dlama.errors import FileError, InputError
 from dlama.geometry.rgbd import BoolArray, Float32Array
+from dlama.models.records import CONTRACT_KEY
 from dlama.models.verify import sha256_of
 
-CONTRACT_KEY = "dlama.contract"
-"""Key of the ONNX metadata under which the contract stands, as JSON (`dlama models convert` writes it)."""
 CONTRACT_VERSION = 1
 FIELDS = ("in_planes", "out_planes", "in_range", "out_range", "mask", "hole", "multiple", "minimum")
 COLOR = ("red", "green", "blue")

@@ -1,4 +1,4 @@
-"""An ONNX file in -> a session with the few methods of onnxruntime's that the engine calls, run by OpenVINO, out.
+"""An ONNX file in -> a session with the few methods of onnxruntime's that a network file calls, run by OpenVINO, out.
 
 On x86 processors it runs a LaMa faster than ONNX Runtime (docs/models.md has the table); the MI-GAN pipeline it refuses.
 """
@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from dlama.errors import MissingExtraError
-from dlama.inpainters.networks.contract import CONTRACT_KEY
+from dlama.models.records import CONTRACT_KEY
 
 TYPES = {"float32": "tensor(float)", "uint8": "tensor(uint8)"}
 

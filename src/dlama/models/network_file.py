@@ -1,0 +1,161 @@
+"""An ONNX file in -> the same file ready to run, by ONNX Runtime or OpenVINO, out: arrays in, arrays out, no torch.
+
+Sessions are opened when first needed, on the first of CUDA, CoreML, DirectML and CPU that is installed, or on the one
+that is asked for (OpenVINO only so); which one ran, the notes say. What the arrays mean is the caller's affair.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dlama.errors import DlamaError, FileError, InputError, MissingExtraError
+from dlama.models.openvino import OpenVinoSession
+from dlama.models.verify import sha256_of
+
+PROVIDERS = {
+    "cuda": "CUDAExecutionProvider",
+    "coreml": "CoreMLExecutionProvider",
+    "directml": "DmlExecutionProvider",
+    "cpu": "CPUExecutionProvider",
+}
+"""ONNX Runtime's, in the order of preference."""
+OPENVINO = "openvino"
+"""Not a part of ONNX Runtime: its own package, used when asked for."""
+PROVIDER_VARIABLE = "DLAMA_PROVIDER"
+"""Environment variable that names the provider where the code does not."""
+
+
+def cores() -> int:
+    """Cores this process may use; OMP_NUM_THREADS says fewer, as it does to every other library."""
+    asked = os.environ.get("OMP_NUM_THREADS", "")
+    if asked.isdigit() and int(asked) > 0:
+        return int(asked)
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def default_provider() -> str | None:
+    """What DLAMA_PROVIDER names; None: the first of ONNX Runtime's that is installed."""
+    return os.environ.get(PROVIDER_VARIABLE) or None
+
+
+@dataclass(frozen=True, eq=False)
+class NetworkFile:
+    """One network file, ready to run. A missing file or an unknown provider is refused at once, the rest when it opens."""
+
+    path: Path
+    provider: str | None = field(default_factory=default_provider)
+    """cuda, coreml, directml, openvino, cpu; None: the first of ONNX Runtime's that is installed. Default: DLAMA_PROVIDER."""
+    threads: int = field(default_factory=cores)
+    memory_pattern: bool = True
+    """Whether ONNX Runtime plans the memory of a whole run at once: faster (LaMa 20 %, MI-GAN 10 %), and more memory."""
+
+    def __post_init__(self) -> None:
+        if not self.path.is_file():
+            raise FileError(f"{self.path}: no such model file")
+        if self.provider is not None and self.provider not in (*PROVIDERS, OPENVINO):
+            raise InputError(f"provider is {self.provider!r}; one of {', '.join([*PROVIDERS, OPENVINO])} is wanted")
+        if self.threads < 1:
+            raise InputError(f"threads is {self.threads}; 1 or more is wanted")
+
+    @cached_property
+    def session(self) -> Any:
+        """The onnxruntime (or OpenVINO) session. FileError where the file is no ONNX network."""
+        try:
+            return (
+                OpenVinoSession(self.path, self.threads) if self.provider == OPENVINO else self._onnxruntime_session()
+            )
+        except DlamaError:
+            raise
+        except Exception as error:  # their errors share no base class of their own
+            raise FileError(
+                f"{self.path}: cannot be opened as an ONNX network ({str(error).splitlines()[0]}); "
+                "`dlama models convert FILE -o FILE.onnx` makes one of a checkpoint"
+            ) from error
+
+    def _onnxruntime_session(self) -> Any:
+        ort = _onnxruntime()
+        options = ort.SessionOptions()
+        options.intra_op_num_threads = self.threads
+        options.log_severity_level = 3
+        options.enable_mem_pattern = self.memory_pattern
+        return ort.InferenceSession(str(self.path), options, providers=self._wanted(ort.get_available_providers()))
+
+    def _wanted(self, installed: list[str]) -> list[str]:
+        if self.provider is not None and PROVIDERS[self.provider] not in installed:
+            raise InputError(
+                f"provider {self.provider!r} is not in this onnxruntime; it has "
+                f"{', '.join(name for name, full in PROVIDERS.items() if full in installed)}"
+            )
+        chosen = [PROVIDERS[self.provider]] if self.provider else [p for p in PROVIDERS.values() if p in installed][:1]
+        return list(dict.fromkeys([*chosen, PROVIDERS["cpu"]]))
+
+    @cached_property
+    def sha256(self) -> str:
+        """Of the file."""
+        return sha256_of(self.path)
+
+    @property
+    def running_on(self) -> str:
+        """The provider the session really got, by its short name."""
+        first = self.session.get_providers()[0]
+        return next((name for name, full in PROVIDERS.items() if full == first), first)
+
+    @property
+    def notes(self) -> dict[str, Any]:
+        """For meta.json."""
+        return {
+            "model": self.path.name,
+            "model_sha256": self.sha256,
+            "provider": self.running_on,
+            "threads": self.threads,
+        }
+
+    @property
+    def inputs(self) -> dict[str, tuple[str, list[Any]]]:
+        """Name -> (type, shape) of the graph's inputs; a size that is free is a name or None."""
+        return {one.name: (one.type, list(one.shape)) for one in self.session.get_inputs()}
+
+    @property
+    def outputs(self) -> dict[str, tuple[str, list[Any]]]:
+        """As `inputs`."""
+        return {one.name: (one.type, list(one.shape)) for one in self.session.get_outputs()}
+
+    @property
+    def metadata(self) -> Mapping[str, str]:
+        """Key -> text that stands in the file (by OpenVINO the contract only)."""
+        return self.session.get_modelmeta().custom_metadata_map
+
+    def run(self, feed: dict[str, np.ndarray]) -> np.ndarray:
+        """The first output for these inputs; FileError with the file's name where the runtime refuses them."""
+        return self.run_all(feed)[0]
+
+    def run_all(self, feed: dict[str, np.ndarray]) -> list[np.ndarray]:
+        """All outputs, in the order of `outputs`; FileError as `run`."""
+        try:
+            return [np.asarray(one) for one in self.session.run(None, feed)]
+        except Exception as error:
+            sizes = {name: array.shape for name, array in feed.items()}
+            raise FileError(f"{self.path}: failed on {sizes} ({str(error).splitlines()[0]})") from error
+
+
+def file_stamp(path: Path) -> tuple[int, int]:
+    """Time of change in ns, and bytes: what tells a file from a newer one of the same name. FileError where there is none."""
+    if not path.is_file():
+        raise FileError(f"{path}: no such model file")
+    stat = path.stat()
+    return stat.st_mtime_ns, stat.st_size
+
+
+def _onnxruntime() -> Any:
+    try:
+        import onnxruntime
+    except ImportError as error:
+        raise MissingExtraError("running a network", "onnxruntime", "onnx") from error
+    return onnxruntime

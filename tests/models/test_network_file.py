@@ -1,0 +1,56 @@
+"""A network file, opened to run: tiny networks whose answer is known in closed form."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dlama.errors import FileError, InputError
+from dlama.models.network_file import PROVIDERS, NetworkFile, file_stamp
+from tiny_networks import constant
+
+pytest.importorskip("onnxruntime")
+
+
+def test_what_is_in_the_file_and_what_it_gives(tmp_path: Path) -> None:
+    """Closed form: a network of four planes in and three constants out."""
+    model = NetworkFile(constant(tmp_path / "c.onnx", 3, 0.1, 0.2, 0.3))
+    assert list(model.inputs) == ["planes"] and model.inputs["planes"][0] == "tensor(float)"
+    assert list(model.outputs) == ["filled"] and model.outputs["filled"][1][1] == 3
+    assert "dlama.contract" in model.metadata
+    fed = {"planes": np.zeros((1, 4, 5, 6), np.float32)}
+    wanted = np.broadcast_to(np.float32([0.1, 0.2, 0.3])[:, None, None], (1, 3, 5, 6))
+    np.testing.assert_array_equal(model.run(fed), wanted)
+    assert len(model.run_all(fed)) == 1
+    assert model.notes["model"] == "c.onnx" and model.notes["provider"] in PROVIDERS
+
+
+def test_bad_files_and_settings_are_refused(tmp_path: Path) -> None:
+    """Law: one line that names the file, or the parameter."""
+    good = constant(tmp_path / "c.onnx", 3, 0.1, 0.2, 0.3)
+    (tmp_path / "text.onnx").write_text("no network")
+    with pytest.raises(FileError, match=r"none\.onnx: no such model file"):
+        NetworkFile(tmp_path / "none.onnx")
+    with pytest.raises(FileError, match=r"none\.onnx: no such model file"):
+        file_stamp(tmp_path / "none.onnx")
+    with pytest.raises(FileError, match=r"text\.onnx: cannot be opened .*dlama models convert"):
+        _ = NetworkFile(tmp_path / "text.onnx").session
+    with pytest.raises(FileError, match=r"c\.onnx: failed on .*'planes': \(1, 3, 5, 6\)"):
+        NetworkFile(good).run({"planes": np.zeros((1, 3, 5, 6), np.float32)})
+    with pytest.raises(InputError, match="provider is 'tpu'; one of cuda"):
+        NetworkFile(good, provider="tpu")
+    with pytest.raises(InputError, match="threads is 0"):
+        NetworkFile(good, threads=0)
+
+
+def test_omp_num_threads_is_obeyed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Law: as other libraries do; nonsense is not, and a number in the code goes first."""
+    model = constant(tmp_path / "c.onnx", 3, 0.2, 0.2, 0.2)
+    monkeypatch.setenv("OMP_NUM_THREADS", "3")
+    assert NetworkFile(model).threads == 3 and NetworkFile(model, threads=1).threads == 1
+    for nonsense in ("", "0", "many"):
+        monkeypatch.setenv("OMP_NUM_THREADS", nonsense)
+        assert NetworkFile(model).threads == len(os.sched_getaffinity(0))
