@@ -60,7 +60,7 @@ class SampleKind:
     views: tuple[int, ...] = (1,)
     """Pictures per sample that it can give: 1 for one view, 2 for a stereo pair."""
     photos: Literal["unused", "optional", "required"] = "unused"
-    """Whether photos of --data are used: as textures of worlds (optional), or as the sample itself (required)."""
+    """Whether photos of the data are used: as textures of worlds (optional), or as the sample itself (required)."""
     cases: str | None = None
     """The kind of dataset case that samples can be made of: frame, removal, stereo (see `data.cases.TrainingCase`)."""
     cases_required: bool = False

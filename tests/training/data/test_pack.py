@@ -100,6 +100,18 @@ def test_photos_and_pairs_come_back(photos: Path, posed: Path, tmp_path: Path) -
             assert np.abs(back.color.astype(float) - small.color).mean() < 5
 
 
+def test_depth_codes_of_packs_stay() -> None:
+    """Oracle: the codes that packs have had from the first: float32 steps of 1 mm, 0 = missing, 65535 = far, 1 to 65534 else."""
+    import cv2
+
+    from dlama.training.data.pack_format import depth_png
+
+    depth = np.float32([[0, np.inf, 0.0003, 1.2344, 65.5341, 900.0], [*np.random.default_rng(0).uniform(0.2, 60, 6)]])
+    codes = cv2.imdecode(np.frombuffer(depth_png(depth), np.uint8), cv2.IMREAD_UNCHANGED)
+    assert codes.dtype == np.uint16 and codes[0].tolist() == [0, 65535, 1, 1234, 65534, 65534]
+    assert np.array_equal(codes[1], np.rint(depth[1] * np.float32(1000)))
+
+
 def test_size_is_kept_and_bytes_repeat(photos: Path, tmp_path: Path) -> None:
     """The file is no larger than said and not much smaller where more was to be had; the same input, the same bytes."""
     for megabytes in (0.006, 0.014):

@@ -1,1 +1,1 @@
-"""Where samples come from: photos, data sets, worlds and packs in; batches out. Begin with `sources`, then `loader`."""
+"""Photos, data sets, worlds and packs in -> batches out. Begin with `sources`, then `loader`; `batches` says what a sample is."""

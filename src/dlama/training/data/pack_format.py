@@ -19,7 +19,7 @@ import numpy as np
 
 from dlama.datasets.frames import RemovalTruth, ViewTruth
 from dlama.errors import DlamaError, FileError
-from dlama.files.depth import depth_from_mm, mm_from_depth
+from dlama.files.depth import MILLIMETRES, depth_from_mm, mm_from_depth
 from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
 from dlama.training.data.cases import KIND_NAMES, StereoPair, TrainingCase
@@ -85,8 +85,8 @@ def _encode_stereo(pair: StereoPair, size: int) -> tuple[About, Parts]:
     hw = scaled(before, _factor(before, size))
     parts = {"left.color": webp(resized_color(pair.left, hw)), "right.color": webp(resized_color(pair.right, hw))}
     disparity = resized_disparity(pair.disparity, hw)
-    known = np.where(np.isfinite(disparity), disparity, np.float32(0))
-    parts["disparity"] = _png(mm_from_depth(known, DISPARITY_STEPS)[0])
+    known_disparity = np.where(np.isfinite(disparity), disparity, np.float32(0))
+    parts["disparity"] = _png(_codes(known_disparity, DISPARITY_STEPS))
     for number, side in enumerate(("left", "right")):
         if pair.masks is not None and pair.without is not None:
             parts[f"{side}.without"] = webp(resized_color(pair.without[number], hw))
@@ -119,7 +119,7 @@ def _frames(ends: Mapping[str, RGBD], exposure_varies: bool, size: int) -> tuple
     cameras, parts = {}, {}
     for end, rgbd in ends.items():
         small = resized(rgbd, _factor(rgbd.camera.hw, size))
-        parts[f"{end}.color"], parts[f"{end}.depth"] = webp(small.color), png(small.depth)
+        parts[f"{end}.color"], parts[f"{end}.depth"] = webp(small.color), depth_png(small.depth)
         cameras[end] = _camera_entry(small.camera)
     return {"exposure_varies": exposure_varies, "cameras": cameras}, parts
 
@@ -147,9 +147,17 @@ def webp(color: UInt8Array) -> bytes:
     return bytes(cv2.imencode(".webp", bgr, [cv2.IMWRITE_WEBP_QUALITY, QUALITY])[1])
 
 
-def png(depth: Float32Array) -> bytes:
+def depth_png(depth: Float32Array) -> bytes:
     """H x W metres as a 16-bit PNG file of millimetres."""
-    return _png(mm_from_depth(depth)[0])
+    return _png(_codes(depth, MILLIMETRES))
+
+
+def _codes(values: Float32Array, per_unit: float) -> np.ndarray:
+    """H x W uint16 of steps of 1 / per_unit: 0 where there is no value, 65535 where it is infinite, else 1 to 65534.
+
+    The steps are counted in float32, as packs always did.
+    """
+    return mm_from_depth(values * np.float32(per_unit), units=1.0)[0]
 
 
 def _mask_png(mask: BoolArray) -> bytes:

@@ -144,12 +144,12 @@ def _check_use(kinds: set[str], data: Sequence[Path], found: TrainingData) -> No
     named = ", ".join(map(str, data)) or "no file"
     for kind in sorted(kinds):
         if SAMPLES[kind].photos == "required" and not found.photos:
-            raise InputError(f"data.mixture has {kind!r}, which needs photos, but --data names {named}")
+            raise InputError(f"data.mixture has {kind!r}, which needs photos, but `data` names {named}")
     for kind in sorted(kinds):
         if SAMPLES[kind].cases_required and not found.of(str(SAMPLES[kind].cases)):
-            raise InputError(f"data.mixture has {kind!r}, which needs a posed data set, but --data names {named}")
+            raise InputError(f"data.mixture has {kind!r}, which needs a posed data set, but `data` names {named}")
     if data and not (found.photos and _use_photos(kinds)) and not _used_cases(found, kinds):
-        raise InputError(f"data.mixture is {', '.join(sorted(kinds))}, which has no use for --data {named}")
+        raise InputError(f"data.mixture is {', '.join(sorted(kinds))}, which has no use for `data`: {named}")
 
 
 def _use_photos(kinds: set[str]) -> bool:

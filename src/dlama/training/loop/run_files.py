@@ -41,7 +41,7 @@ def prepare(run: Path, settings: TrainSettings, resume: bool) -> None:
             raise FileError(f"{run}: holds no {SETTINGS}, so there is no run to resume")
         refuse_changes(from_json(path.read_text("utf-8"), str(path)), settings)
     elif path.exists():
-        raise OutputError(f"{run}: holds a run already; --resume continues it, or choose another directory")
+        raise OutputError(f"{run}: holds a run already; give `resume` to continue it, or choose another directory")
     try:
         run.mkdir(parents=True, exist_ok=True)
     except OSError as error:

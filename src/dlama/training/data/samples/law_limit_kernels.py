@@ -1,4 +1,4 @@
-"""Numba kernel of the law's limit: true inverse depth of a target view in, the nearest lawful one out. Imported lazily.
+"""Numba kernel of the law's limit: true inverse depth of a target view in, the nearest lawful one out.
 
 Along a target pixel's ray, with inverse depth w growing from infinity (w = 0) towards the camera, source pixels are
 (ax + w ox, ay + w oy) / h, h = az + w oz, and source depth is h / w: all borders and limits are linear in w.
