@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import tyro
 from tyro.conf import FlagCreatePairsOff, OmitArgPrefixes, Positional
@@ -109,6 +109,7 @@ def stereo(
     report: Report,
     mask: Annotated[Path | None, option("MASK")] = None,
     mask_right: Annotated[Path | None, option("MASK", "--mask carried over by disparity")] = None,
+    right_view: Annotated[Literal["given", "synthesised"] | None, option("given|synthesised", "the recipe's")] = None,
     max_disparity: Annotated[float | None, option("PX", "found")] = None,
     far: Metres = None,
     only: Only = None,
@@ -122,6 +123,7 @@ def stereo(
         output: Directory for the results, made if need be: the left view at the top, the right one in right/.
         mask: The object in the left picture: black and white, 255 = remove.
         mask_right: The object in the right picture.
+        right_view: given (dlama): the right picture stays as it is and gets depth; synthesised (paper): it is made from the left.
         max_disparity: The largest disparity looked for.
         far: What is measured at or beyond this is far (sky).
         only: What is written beside meta.json: image, depth, hole, origin, confidence,
@@ -130,7 +132,7 @@ def stereo(
     with job("stereo", report) as this:
         pair = this.pair(left, right, calib)
         masks = this.optional_mask(mask, masking), this.optional_mask(mask_right, masking, "mask_right")
-        options = {"max_disparity": max_disparity, "far": far, **method.settings()}
+        options = {"right_view": right_view, "max_disparity": max_disparity, "far": far, **method.settings()}
         this.write(dlama.stereo(*pair, mask=masks[0], mask_right=masks[1], **options), output, only)
 
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -86,6 +87,8 @@ class CompletedPair:
     """Left and right, completed."""
     scene: Scene
     record: Record
+    about: dict[str, Any] = field(default_factory=dict)
+    """What became of the right picture, for meta.json: `right`, and where it was given `gain` and `lent_share`."""
 
     def as_completion(self, rig: StereoRig, filler: str | Inpainter) -> StereoCompletion:
         """With the disparities of both views, how well they agree, and the meta data."""
@@ -94,7 +97,7 @@ class CompletedPair:
         agreement = consistency(self.views[0].color, self.views[1].color, left, right)
         source = View.from_rgbd(self.source)
         meta = meta_data(self.plan, filler, source, self.before, self.record)
-        meta["stereo"] = {**lens, "consistency": dataclasses.asdict(agreement)}
+        meta["stereo"] = {**lens, **self.about, "consistency": dataclasses.asdict(agreement)}
         return StereoCompletion(self.views, self.before, self.scene, source, meta, left, right, agreement)
 
 

@@ -121,16 +121,17 @@ def show_earlier_fill(plan: Plan, scene: Scene, before: View) -> tuple[View, Fil
     return close_holes(plan.law, before, render(scene, before.camera, plan.recipe.mode, types=False))
 
 
-def close_holes(law: Law, view: View, earlier: View) -> tuple[View, FillReport]:
+def close_holes(law: Law, view: View, earlier: View, *, measured: bool = False) -> tuple[View, FillReport]:
     """The holes of a view closed with another rendering of the same camera, where that knows more, and what that did.
 
     Colours that were measured stay. Surfaces are drawn between lawful pixel centres, so the depth that is taken over is
-    projected onto the law once more.
+    projected onto the law once more. measured: what `earlier` shows of measurements stays marked as such (REPROJECTED).
     """
     closed = view.hole & ~earlier.hole
     depth, moved = lawful_depth(view, np.where(closed, earlier.depth, view.depth), closed, law)
     of_color = closed & view.color_hole
-    origin = np.where(earlier.origin == Origin.REPROJECTED, np.uint8(Origin.FILLED), earlier.origin)
+    seen_again = np.uint8(Origin.REPROJECTED if measured else Origin.FILLED)
+    origin = np.where(earlier.origin == Origin.REPROJECTED, seen_again, earlier.origin)
     known = dataclasses.replace(
         view,
         color=np.where(of_color[..., None], earlier.color, view.color),

@@ -1,18 +1,29 @@
 """A rectified pair and its rig in; depth, both views completed alike, disparities out (paper: SII).
 
-match -> left view: take out, fill -> right view: render the left one's scene, fill the rest -> fuse
+match -> take out -> left view: what the right camera saw there, then fill -> right view: likewise -> fuse
 
-Both views agree by construction. The paper fills each view alone and matches afterwards: that is `recipe="paper"`.
+What one camera measured is used before anything is guessed, and both views agree by construction. The paper fills each view
+alone and matches afterwards (recipe `paper`); without an object it makes the right view from the left (right_view
+`synthesised`).
 """
 
 from __future__ import annotations
 
 import dataclasses
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
 from dlama.completion.completion import StereoCompletion
+from dlama.completion.exchange import (
+    color_gain,
+    lent_share,
+    with_continued_depth,
+    with_gain,
+    with_lent,
+    with_seen_alone,
+)
 from dlama.completion.pair import CompletedPair, MatchedPair, check_pair, default_far, masks_of_pair
 from dlama.completion.published import clipped, complete_pair_one_by_one
 from dlama.completion.recipes import DepthBy, Recipe, find_recipe
@@ -29,6 +40,7 @@ from dlama.completion.steps import (
 )
 from dlama.errors import InputError
 from dlama.geometry.camera import StereoRig
+from dlama.geometry.fusion import fuse
 from dlama.geometry.holes import dilated
 from dlama.geometry.rendering import Mode, render
 from dlama.geometry.rgbd import RGBD, BoolArray, UInt8Array
@@ -39,6 +51,10 @@ from dlama.inpainters.filling import Inpainter
 from dlama.inpainters.networks.pair import PairFiller
 from dlama.perception.stereo_matching import disparity_pair
 
+RightView = Literal["given", "synthesised"]
+"""What becomes of the right picture where no object is removed."""
+RIGHT_VIEWS: tuple[RightView, ...] = ("given", "synthesised")
+
 
 def stereo(
     left: UInt8Array,
@@ -47,6 +63,7 @@ def stereo(
     *,
     mask: BoolArray | None = None,
     mask_right: BoolArray | None = None,
+    right_view: RightView | None = None,
     max_disparity: float | None = None,
     far: float | None = None,
     filler: str | Inpainter = "layered",
@@ -59,7 +76,7 @@ def stereo(
     depth_by: DepthBy | None = None,
     seed: int = 0,
 ) -> StereoCompletion:
-    """Depth from a rectified pair; with `mask` the object is taken out of both views, else the right one is synthesised.
+    """Depth from a rectified pair; with `mask` the object is taken out of both views.
 
     Args:
         left: uint8 H x W x 3, RGB.
@@ -67,6 +84,8 @@ def stereo(
         rig: The two cameras.
         mask: H x W bool of the left view, True = remove.
         mask_right: H x W bool of the right view; default: the left mask carried over by disparity.
+        right_view: "given": both pictures stay bit for bit and both get depth; "synthesised": the right view is made from the
+            left one, without a mask only. Default: given; synthesised by a recipe that fills the new view first (paper).
         max_disparity: px, the largest disparity looked for; default: found.
         far: metres; what is measured at or beyond it is far (sky); default: what half a pixel of disparity cannot tell
             from infinity.
@@ -89,21 +108,78 @@ def stereo(
     disparities = disparity_pair(left, right, max_disparity=max_disparity)
     masks = masks_of_pair(mask, mask_right, disparities[0], rig)
     pair = MatchedPair(rig, far, (left, right), disparities, masks)
-    one_by_one = masks is not None and not chosen.source_first
-    complete_pair = complete_pair_one_by_one if one_by_one else complete_pair_together
+    complete_pair = complete_pair_together
+    if chosen_right_view(right_view, chosen, masks is not None) == "synthesised":
+        complete_pair = synthesise_right
+    elif masks is not None and not chosen.source_first:
+        complete_pair = complete_pair_one_by_one
     return complete_pair(pair, chosen, inpainter, seed, Clock()).as_completion(rig, filler)
+
+
+def chosen_right_view(asked: RightView | None, recipe: Recipe, removing: bool) -> RightView:
+    """What becomes of the right picture. Raises InputError: an unknown name, or synthesised with a mask."""
+    if asked is None:
+        return "given" if removing or recipe.source_first else "synthesised"
+    if asked not in RIGHT_VIEWS:
+        raise InputError(f"right_view is {asked!r}; one of {', '.join(RIGHT_VIEWS)} is wanted")
+    if removing and asked == "synthesised":
+        raise InputError("right_view is 'synthesised' and a mask is given; with a mask both pictures are completed")
+    return asked
 
 
 def complete_pair_together(
     pair: MatchedPair, recipe: Recipe, filler: Inpainter, seed: int, clock: Clock
 ) -> CompletedPair:
-    """The left view completed; the right one from the left one's scene, and only what is unknown there still filled."""
-    clean = pair.without_bleeding()
-    source, object_depth = clean.left, pair.object_depth
-    given, grown_mask = take_out(
-        View.from_rgbd(clipped(source, recipe.clip)), pair.masks and pair.masks[0], recipe.dilate
-    )
+    """Both views completed: each first by what the other camera measured, then what neither did, filled in the left view."""
+    clean, object_depth, gain = pair.without_bleeding(), pair.object_depth, color_gain(pair)
+    source = View.from_rgbd(clipped(clean.left, recipe.clip))
+    given, grown_mask = take_out(source, pair.masks and pair.masks[0], recipe.dilate)
+    right_before = right_as_given(clean, recipe)
     plan = Plan(recipe, left_filler(filler, pair, recipe), seed, given, law_of(given, recipe, object_depth))
+    both = Scene((*given.layers, right_before), given.objects)  # what the right picture measured counts for the law too
+    law = law_of(both, recipe, object_depth)
+
+    with clock("exchange"):
+        lender = right_before if pair.masks is None else with_continued_depth(right_before, law, seed)
+        lender = with_gain(lender, gain)
+        open_left = given.layers[0]
+        known_left = with_lent(open_left, lender, plan.law, recipe.mode)
+    with clock("fill"):
+        left, left_fill = fill(plan, known_left)
+    with clock("fuse"):
+        guessed_or_lent = open_left.color_hole
+        measured = left.without(guessed_or_lent, HoleType.OBJECT)
+        scene = dataclasses.replace(given, layers=(measured,))
+        if pair.masks is not None:
+            scene = with_seen_alone(scene, lender, law, recipe.mode)
+        scene = fuse(scene, left)
+
+    with clock("render"):
+        shown = with_gain(render(scene, pair.rig.right, recipe.mode, types=False), 1 / gain)
+    plan = dataclasses.replace(plan, law=law, inpainter=right_filler(filler, left, recipe))
+    known, taken_over = close_holes(law, right_before, shown, measured=True)
+    with clock("fill"):
+        right, right_fill = fill(plan, known)
+    with clock("fuse"):
+        if pair.masks is None:
+            scene = with_seen_alone(scene, with_gain(right, gain), law, recipe.mode)
+        own_depth = right.origin == Origin.DEPTH_FILLED  # added above where the left picture does not have it
+        scene = fuse_new(scene, right_before, known, with_gain(right, gain).without(own_depth, HoleType.NONE))
+    left_before = left_before_filling(clean.left, scene)
+    record = Record([left_fill, taken_over, right_fill], clock.seconds, grown_mask)
+    exchanged = {
+        "right": "given",
+        "gain": [round(float(value), 4) for value in gain],
+        "lent_share": [lent_share(left, left_before), lent_share(right, right_before)],
+    }
+    return CompletedPair(plan, clean.left, (left_before, right_before), (left, right), scene, record, exchanged)
+
+
+def synthesise_right(pair: MatchedPair, recipe: Recipe, filler: Inpainter, seed: int, clock: Clock) -> CompletedPair:
+    """The left view completed, and the right one made from it; of the right picture only the disparity is used."""
+    source = pair.left
+    given, _ = take_out(View.from_rgbd(clipped(source, recipe.clip)), None, recipe.dilate)
+    plan = Plan(recipe, left_filler(filler, pair, recipe), seed, given, law_of(given, recipe))
     with clock("fill"):
         scene, source_fills = fill_source(plan)
         left, left_fill = fill(plan, render(scene, pair.rig.left, recipe.mode))
@@ -111,22 +187,16 @@ def complete_pair_together(
     left = dataclasses.replace(
         left, hole_type=np.where(left_before.hole_type > 0, left_before.hole_type, left.hole_type)
     )
-
     with clock("render"):
-        right_before = right_before_filling(clean, scene, recipe)
-        shown = render(scene, pair.rig.right, recipe.mode, types=False)
-    if pair.masks is not None:  # what the right picture measured counts for the law too
-        both = Scene((*scene.layers, right_before), scene.objects)
-        plan = dataclasses.replace(plan, law=law_of(both, recipe, object_depth))
+        right_before = render(scene, pair.rig.right, recipe.mode)
     plan = dataclasses.replace(plan, inpainter=right_filler(filler, left, recipe))
-    known, taken_over = close_holes(plan.law, right_before, shown)
     with clock("fill"):
-        right, right_fill = fill(plan, known)
+        right, right_fill = fill(plan, right_before)
     with clock("fuse"):
-        own_depth = right.origin == Origin.DEPTH_FILLED  # the right picture's pixels stay out of the left one's scene
-        scene = fuse_new(scene, right_before, known, right.without(own_depth, HoleType.NONE))
-    record = Record([*source_fills, left_fill, taken_over, right_fill], clock.seconds, grown_mask)
-    return CompletedPair(plan, source, (left_before, right_before), (left, right), scene, record)
+        scene = fuse(scene, right)
+    record = Record([*source_fills, left_fill, right_fill], clock.seconds)
+    about = {"right": "synthesised"}
+    return CompletedPair(plan, source, (left_before, right_before), (left, right), scene, record, about)
 
 
 def left_before_filling(source: RGBD, scene: Scene) -> View:
@@ -136,11 +206,10 @@ def left_before_filling(source: RGBD, scene: Scene) -> View:
     return before.without(removed, HoleType.OBJECT) if removed.any() else before
 
 
-def right_before_filling(pair: MatchedPair, scene: Scene, recipe: Recipe) -> View:
-    """The right picture with the object open; without masks, the right view as the left one's scene shows it."""
-    if pair.masks is None:
-        return render(scene, pair.rig.right, recipe.mode)
-    return View.from_rgbd(pair.right).without(dilated(pair.masks[1], recipe.dilate), HoleType.OBJECT)
+def right_as_given(pair: MatchedPair, recipe: Recipe) -> View:
+    """The right picture with its depth; with the object open, where one is removed."""
+    view = View.from_rgbd(clipped(pair.right, recipe.clip))
+    return view if pair.masks is None else view.without(dilated(pair.masks[1], recipe.dilate), HoleType.OBJECT)
 
 
 def left_filler(filler: Inpainter, pair: MatchedPair, recipe: Recipe) -> Inpainter:

@@ -27,12 +27,16 @@ def fuse(scene: Scene, view: View) -> Scene:
     for layer in scene.layers:
         if layer.camera.same_view_as(view.camera):
             depth_only = depth_only & ~layer.valid & ~layer.far
-    filled = view.filled | depth_only
-    if not filled.any():
+    return with_layer(scene, view, view.filled | depth_only)
+
+
+def with_layer(scene: Scene, view: View, added: BoolArray) -> Scene:
+    """The scene with the pixels `added` (H x W bool) of a view, and their ring, as one more layer; none gives the scene back."""
+    if not added.any():
         return scene
-    ring = cv2.dilate(filled.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
+    ring = cv2.dilate(added.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
     layer = view.without(~ring, HoleType.NONE)
-    ring_origin = np.where(filled | layer.hole, layer.origin, np.uint8(Origin.REPROJECTED))
+    ring_origin = np.where(added | layer.hole, layer.origin, np.uint8(Origin.REPROJECTED))
     return dataclasses.replace(scene, layers=(*scene.layers, dataclasses.replace(layer, origin=ring_origin)))
 
 

@@ -133,13 +133,16 @@ def _matched(base: UInt8Array, other: UInt8Array, lowest: float, highest: float)
 def _consistent(disparity: Float32Array, other: Float32Array, sign: int, tolerance: float) -> BoolArray:
     """True where a pixel's match lies in the other view and points back within `tolerance`; sign 1: left to right."""
     known = np.isfinite(disparity)
-    columns, inside = _matched_columns(np.where(known, disparity, 0), sign)
+    columns, inside = nearest_columns(np.where(known, disparity, 0), sign)
     back = np.take_along_axis(other, columns, axis=1)
     return known & inside & (np.abs(back - disparity) <= tolerance)  # NaN compares as False
 
 
-def _matched_columns(disparity: Float32Array, sign: int) -> tuple[np.ndarray, BoolArray]:
-    """The nearest column (clipped) where each pixel lands in the other view, and whether it lies in the picture."""
+def nearest_columns(disparity: Float32Array, sign: int) -> tuple[np.ndarray, BoolArray]:
+    """The nearest column (clipped) where each pixel lands in the other view, and whether it lies in the picture.
+
+    disparity: H x W px, finite; sign: 1 from left to right, -1 back.
+    """
     width = disparity.shape[1]
     columns = np.floor(np.arange(width) - sign * disparity + 0.5).astype(np.intp)
     return np.clip(columns, 0, width - 1), (columns >= 0) & (columns < width)
@@ -210,7 +213,7 @@ def consistency(
     # float32, or OpenCV would round the column to 1/32 px in its 8-bit path
     matched = cv2.remap(right_color.astype(np.float32), x, np.ascontiguousarray(y), cv2.INTER_LINEAR)
     difference = np.abs(matched - left_color)[compared]
-    columns, _ = _matched_columns(shift, 1)
+    columns, _ = nearest_columns(shift, 1)
     deviation = np.abs(np.take_along_axis(theirs, columns, axis=1) - ours)
     deviation = deviation[compared & np.isfinite(deviation)]
     return StereoConsistency(
@@ -246,7 +249,7 @@ def carry_mask(mask_left: BoolArray, left_disparity: Float32Array) -> BoolArray:
             "no disparity is known inside the mask, so it cannot be carried over; a mask of the right view is wanted"
         )
     shift = with_nearest(disparity, known)
-    columns, inside = _matched_columns(shift, 1)
+    columns, inside = nearest_columns(shift, 1)
     moved = mask_left & inside
     carried[np.nonzero(moved)[0], columns[moved]] = 1
     # A slant stretches the mask along its rows, so that is where gaps open: 5 columns by 3 rows.

@@ -9,7 +9,7 @@ import pytest
 
 import dlama
 from dlama.errors import FileError, InputError
-from dlama.geometry.view import Origin
+from dlama.geometry.view import HoleType, Origin
 from dlama.inpainters import find_filler
 from dlama.inpainters.networks.contract import contract_of_planes
 from dlama.inpainters.networks.engine import Engine, open_engine
@@ -171,8 +171,8 @@ def test_a_trained_and_exported_network_of_two_masks_runs(tmp_path: Path, left: 
 
 
 def test_a_pair_without_its_object(tmp_path: Path) -> None:
-    """Closed form through the whole job: the left hole is the left colour, what is still open in the right the right one, and
-    what the left one shows there is the left one's. Measured pixels stay."""
+    """Closed form through the whole job: what neither camera sees in the left hole is the left colour, what is still open in the
+    right the right one, and what the left one shows there is the left one's. Measured pixels stay."""
     model = constant(tmp_path / "p.onnx", 6, 0.2, 0.4, 0.6, 1, 0, 0.8, **SIX)
     left, right = dlama.read_color(DEMO / "street.jpg"), dlama.read_color(DEMO / "right.jpg")
     mask = dlama.read_mask(DEMO / "mask.png")
@@ -180,9 +180,11 @@ def test_a_pair_without_its_object(tmp_path: Path) -> None:
     done = dlama.stereo(left, right, rig, mask=mask, filler="pair", model=model)
     seen = done.views[0]
     filled = seen.origin == Origin.FILLED
-    assert (filled & mask).sum() == mask.sum()
+    lent = np.isin(seen.origin, (Origin.REPROJECTED, Origin.DEPTH_FILLED))
+    assert (filled & mask).sum() > 0.9 * mask.sum() and ((filled | lent) & mask).sum() == mask.sum()
     np.testing.assert_array_equal(seen.color[filled], np.broadcast_to((51, 102, 153), (filled.sum(), 3)))
-    np.testing.assert_array_equal(seen.color[~filled], left[~filled])
+    given = seen.hole_type != HoleType.OBJECT
+    np.testing.assert_array_equal(seen.color[given], left[given])
     other = done.views[1]
     colors = np.unique(other.color[other.origin == Origin.FILLED], axis=0)
     assert [255, 0, 204] in colors.tolist()

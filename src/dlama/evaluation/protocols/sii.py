@@ -63,6 +63,7 @@ def run_stereo(truth: StereoTruth, method: Method) -> MethodRun:
         truth.rig,
         mask=truth.mask_left,
         mask_right=truth.mask_right,
+        right_view="given" if truth.mask_left is not None else "synthesised",
         recipe=method.changed_recipe(),
         seed=method.seed,
         **how,

@@ -1,0 +1,114 @@
+"""Two pictures of a pair in; in each, and in their scene, what the other camera measured and it could not see, out.
+
+What is hidden behind a removed thing, or beside an occluder, from one camera is often in sight of the other. Such pixels have no
+match, so their depth is that of the surface they continue; their colour is measured.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+import cv2
+import numpy as np
+
+from dlama.completion.pair import MatchedPair
+from dlama.geometry.camera import Float64Array
+from dlama.geometry.fusion import with_layer
+from dlama.geometry.projection import depth_from_inverse
+from dlama.geometry.rendering import Mode, render
+from dlama.geometry.rgbd import BoolArray, UInt8Array
+from dlama.geometry.scene import Scene
+from dlama.geometry.view import HoleType, Origin, View
+from dlama.geometry.visibility import Law, lawful_depth
+from dlama.inpainters.filling import fill_confidence
+from dlama.inpainters.layered.surfaces import continue_surfaces
+from dlama.perception.stereo_matching import nearest_columns
+
+UNCLIPPED = (8, 247)
+"""Levels between which a channel tells how much brighter one picture is than the other."""
+SAME_GAIN = 0.01
+"""A gain nearer to 1 than this is none: rounding would cost more than it mends."""
+NARROWEST = 3
+"""px; what one camera saw alone and is narrower than this is the rim of a depth edge."""
+
+
+def color_gain(pair: MatchedPair) -> Float64Array:
+    """3: what the right picture's channels are multiplied by to look like the left's.
+
+    The median ratio over matched pixels outside the masks that neither picture clips; 1 where none is left or it is within 1 %.
+    """
+    left, right = pair.colors
+    disparity = pair.disparities[0]
+    there, inside = nearest_columns(disparity, 1)
+    known = inside & (disparity != 0)
+    if pair.masks is not None:
+        known &= ~pair.masks[0]
+    matched = np.take_along_axis(right, there[..., None], axis=1)
+    gains = np.ones(3)
+    for channel in range(3):
+        ours, theirs = left[..., channel][known].astype(np.float64), matched[..., channel][known].astype(np.float64)
+        fit = (np.minimum(ours, theirs) > UNCLIPPED[0]) & (np.maximum(ours, theirs) < UNCLIPPED[1])
+        if fit.any():
+            gains[channel] = np.median(ours[fit] / theirs[fit])
+    return np.where(np.abs(gains - 1) < SAME_GAIN, 1.0, gains)
+
+
+def with_gain(view: View, gain: Float64Array) -> View:
+    """The view with its colour channels multiplied by `gain` (3)."""
+    if (gain == 1).all():
+        return view
+    color: UInt8Array = np.clip(np.rint(view.color * gain), 0, 255).astype(np.uint8)
+    return dataclasses.replace(view, color=color)
+
+
+def with_continued_depth(view: View, law: Law, seed: int) -> View:
+    """The view with depth where only depth was unknown: of the surface that continues there. Other holes stay open."""
+    depth_only = view.hole & ~view.color_hole
+    if not depth_only.any() or not view.valid.any():
+        return view
+    proposed = depth_from_inverse(continue_surfaces(view, law, seed).inverse_depth)
+    depth, _ = lawful_depth(view, np.where(depth_only, proposed, view.depth), depth_only, law)
+    return dataclasses.replace(
+        view,
+        depth=depth,
+        hole=view.hole & ~depth_only,
+        confidence=np.where(depth_only, fill_confidence(view.hole, view.color_hole), view.confidence),
+    )
+
+
+def with_lent(view: View, lender: View, law: Law, mode: Mode) -> View:
+    """The view with its removed object's hole closed where `lender`, a view from elsewhere, shows what is behind.
+
+    Left out is what would break the law: depth in front of what was measured is a wrong match.
+    """
+    wanted = view.hole & (view.hole_type == HoleType.OBJECT)
+    if not wanted.any():
+        return view
+    shown = render(lender, view.camera, mode, types=False)
+    lent = wanted & ~shown.hole
+    lent &= ~law.violations(view.camera, shown.depth, lent)
+    return dataclasses.replace(
+        view,
+        color=np.where(lent[..., None], shown.color, view.color),
+        depth=np.where(lent, shown.depth, view.depth),
+        hole=view.hole & ~lent,
+        origin=np.where(lent, shown.origin, view.origin),
+        confidence=np.where(lent, shown.confidence, view.confidence),
+    )
+
+
+def with_seen_alone(scene: Scene, view: View, law: Law, mode: Mode) -> Scene:
+    """The scene with what only this view saw of it as one more layer: surfaces that the scene already has are not doubled."""
+    seen = ~view.hole & ((view.origin == Origin.MEASURED) | (view.origin == Origin.DEPTH_FILLED))
+    alone = seen & render(scene, view.camera, mode, types=False).hole
+    alone &= ~law.violations(view.camera, view.depth, alone)
+    kernel = np.ones((NARROWEST, NARROWEST), np.uint8)
+    opened: BoolArray = cv2.morphologyEx(alone.astype(np.uint8), cv2.MORPH_OPEN, kernel) > 0
+    return with_layer(scene, view, opened)
+
+
+def lent_share(view: View, before: View) -> float:
+    """Share of the colour hole of `before` (0..1) that the other camera measured in the completed `view`; 0 without a hole."""
+    hole = before.color_hole
+    lent = (view.origin == Origin.REPROJECTED) | (view.origin == Origin.DEPTH_FILLED)
+    return round(float(lent[hole].mean()), 6) if hole.any() else 0.0

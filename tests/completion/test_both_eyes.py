@@ -1,0 +1,137 @@
+"""Stereo: what one camera measured is used before anything is guessed. Closed-form worlds, matched exactly where both see."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+
+import numpy as np
+import pytest
+
+from dlama.completion import stereo as pairs
+from dlama.completion.completion import StereoCompletion
+from dlama.completion.exchange import color_gain
+from dlama.completion.pair import MatchedPair
+from dlama.completion.stereo import stereo
+from dlama.errors import InputError
+from dlama.geometry.camera import Camera, StereoRig
+from dlama.geometry.rendering import render
+from dlama.geometry.view import HoleType, Origin
+from worlds import Box, Plane, World, moved
+
+CAMERA = Camera.from_fov(160, 120, 60)
+RIG = StereoRig(CAMERA, moved(CAMERA, shift=(0.4, 0, 0)))
+CAMERAS = RIG.left, RIG.right
+WALL, BOX = Plane((0, 0, 4), (0, 0, -1)), Box((-0.3, -0.4, 2), (0.3, 0.5, 2.2))
+SCENE = World((WALL, BOX))
+WITHOUT = World((WALL,))
+
+
+def matches(world: World) -> tuple[np.ndarray, np.ndarray]:
+    """Both true disparities where the other camera sees the point, 0 elsewhere: what a perfect matcher could know."""
+    found = []
+    for camera, other in (CAMERAS, CAMERAS[::-1]):
+        disparity = CAMERA.fx * RIG.baseline_m / world.trace(camera)[0]
+        found.append(np.where(world.seen_by(other, camera), disparity, 0).astype(np.float32))
+    return found[0], found[1]
+
+
+def pictures(brighter: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
+    """Left, and right as many times as bright."""
+    left, right = (SCENE.rgbd(camera).color for camera in CAMERAS)
+    return left, np.clip(np.rint(right * brighter), 0, 255).astype(np.uint8)
+
+
+@functools.cache
+def completed(removing: bool, brighter: float = 1.0, view: str | None = None) -> StereoCompletion:
+    """One pair, shared by the tests that only look."""
+    masks = [SCENE.trace(camera)[1] == 1 for camera in CAMERAS] if removing else [None, None]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(pairs, "disparity_pair", lambda *_, **__: matches(SCENE))
+        return stereo(*pictures(brighter), RIG, mask=masks[0], mask_right=masks[1], right_view=view)  # type: ignore[arg-type]
+
+
+def test_without_a_mask_both_pictures_stay_and_get_depth() -> None:
+    """Law: both given pictures bit for bit; closed form: the depth of what one camera sees alone is the wall's, 4 m."""
+    done = completed(False)
+    for view, picture, camera, other in zip(done.views, pictures(), CAMERAS, CAMERAS[::-1]):
+        np.testing.assert_array_equal(view.color, picture)
+        assert not view.hole.any() and set(np.unique(view.origin)) == {Origin.MEASURED, Origin.DEPTH_FILLED}
+        alone = ~SCENE.seen_by(other, camera) & (SCENE.trace(camera)[1] == 0)
+        assert alone.sum() > 500
+        assert np.median(abs(view.depth[alone] - 4)) < 0.05
+    assert done.meta["stereo"]["right"] == "given" and done.meta["hole_share"] == [0, 0]
+
+
+def test_the_cloud_knows_what_either_camera_saw_and_nothing_twice() -> None:
+    """Closed form: the cloud has the left picture's pixels and those of the right one that only the right camera sees, but for
+    the rims; seen from either camera, the scene shows that camera's picture."""
+    done = completed(False)
+    alone = ~SCENE.seen_by(RIG.left, RIG.right)
+    count = len(done.completed.points)
+    assert CAMERA.width * CAMERA.height + 0.85 * alone.sum() < count < CAMERA.width * CAMERA.height + 1.05 * alone.sum()
+    at_left, at_right = (render(done.scene, camera) for camera in CAMERAS)
+    np.testing.assert_array_equal(at_left.color, pictures()[0])
+    wrong = abs(at_right.color.astype(int) - pictures()[1]).max(-1) > 12
+    assert wrong[alone].mean() < 0.12 and wrong.mean() < 0.05
+
+
+def test_the_right_view_can_be_made_from_the_left() -> None:
+    """Law: where the left camera sees nothing, it is filled (not the given right picture's pixels); the recipe paper does so by
+    itself, and with a mask it cannot be asked for."""
+    done = completed(False, view="synthesised")
+    alone = ~SCENE.seen_by(RIG.left, RIG.right)
+    assert (done.views[1].origin[alone] == Origin.FILLED).mean() > 0.8
+    assert not (done.views[1].origin == Origin.MEASURED).any() and done.meta["stereo"]["right"] == "synthesised"
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(pairs, "disparity_pair", lambda *_, **__: matches(SCENE))
+        assert stereo(*pictures(), RIG, recipe="paper", filler="telea").meta["stereo"]["right"] == "synthesised"
+        given = stereo(*pictures(), RIG, recipe="paper", filler="telea", right_view="given")
+        np.testing.assert_array_equal(given.views[1].color, pictures()[1])
+        with pytest.raises(InputError, match=r"right_view is 'mine'; one of given, synthesised"):
+            stereo(*pictures(), RIG, right_view="mine")  # type: ignore[arg-type]
+    with pytest.raises(InputError, match="right_view is 'synthesised' and a mask is given"):
+        completed(True, view="synthesised")
+
+
+@pytest.mark.parametrize("brighter", [1.0, 0.8])
+def test_what_the_other_camera_sees_behind_a_removed_thing_is_no_guess(brighter: float) -> None:
+    """Closed form: where the other picture shows the wall behind the box, both views have the wall's colour and its 4 m, in the
+    brightness of their own picture; only what neither camera sees is filled."""
+    done = completed(True, brighter)
+    masks = [before.hole_type == HoleType.OBJECT for before in done.warped]
+    for number, (camera, other) in enumerate((CAMERAS, CAMERAS[::-1])):
+        view, truth = done.views[number], WITHOUT.rgbd(camera).color * (brighter if number else 1.0)
+        x = np.arange(camera.width) - (1, -1)[number] * round(CAMERA.fx * RIG.baseline_m / 4)
+        shown = masks[number] & ((x >= 0) & (x < camera.width))
+        shown &= ~masks[1 - number][:, np.clip(x, 0, camera.width - 1)]
+        inner = shown & (view.origin != Origin.FILLED)
+        assert shown.sum() > 300 and inner.sum() > 0.9 * shown.sum()
+        assert abs(view.color.astype(int) - truth)[inner].mean() < 2
+        np.testing.assert_allclose(view.depth[inner], 4, rtol=0.02)
+        assert not view.hole.any()
+        neither = masks[number] & ~shown & WITHOUT.seen_by(other, camera)
+        assert (view.origin[neither] == Origin.FILLED).mean() > 0.6
+    shares = done.meta["stereo"]["lent_share"]
+    assert all(0.2 < share < 1 for share in shares) and done.meta["law_violations"] == 0
+
+
+def test_the_points_behind_a_removed_thing_are_in_the_cloud() -> None:
+    """Closed form: the background has the wall's points that only the right camera sees behind the box, as measured colours."""
+    done = completed(True)
+    right_only = done.scene.layers[1]
+    assert right_only.camera.same_view_as(RIG.right)
+    kept = right_only.valid & (right_only.origin != Origin.REPROJECTED)
+    np.testing.assert_array_equal(right_only.color[kept], pictures()[1][kept])
+    assert kept.sum() > 300
+    assert abs(done.background.points[:, 2] - 4).max() < 0.2
+
+
+def test_the_gain_of_two_exposures() -> None:
+    """Closed form: a right picture 0.8 times as bright is brought back by 1.25, but for rounding; one alike by exactly 1."""
+    for brighter in (0.8, 1.0):
+        pair = MatchedPair(RIG, 1e9, pictures(brighter), matches(SCENE))
+        np.testing.assert_allclose(color_gain(pair), 1 / brighter, rtol=0.02)
+    assert (color_gain(pair) == 1).all()
+    nothing = dataclasses.replace(pair, disparities=(np.zeros((120, 160), np.float32),) * 2)
+    assert (color_gain(nothing) == 1).all()
