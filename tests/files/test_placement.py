@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+import contextlib
+import os
+import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 
 from dlama.errors import OutputError
+from dlama.files import atomic_write, drafts
 from dlama.files.atomic_write import new_directory, new_file
 
 
@@ -93,3 +99,209 @@ def test_unwritable_directory_is_an_output_error(tmp_path: Path, place: str) -> 
     with pytest.raises(OutputError, match="cannot be written"), new_directory(tmp_path / place):
         pass
     assert everything(tmp_path) == ["file"]
+
+
+class Killed(BaseException):
+    """Stands for SIGKILL: nothing of the code after it may run."""
+
+
+def killed_after(renames: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """From now on the process is dead after so many renames: no clean-up happens, and its drafts look like a dead process's."""
+    count, rename, replace = [0], Path.rename, Path.replace
+
+    def counted(call):  # type: ignore[no-untyped-def]
+        def wrapped(self: Path, target: Path) -> Path:
+            if count[0] == renames:
+                monkeypatch.setattr(shutil, "rmtree", lambda *_, **__: None)
+                monkeypatch.setattr(Path, "unlink", lambda *_, **__: None)
+                monkeypatch.setattr(Path, "rmdir", lambda *_, **__: None)
+                raise Killed
+            count[0] += 1
+            return call(self, target)
+
+        return wrapped
+
+    monkeypatch.setattr(Path, "rename", counted(rename))
+    monkeypatch.setattr(Path, "replace", counted(replace))
+
+
+NAMES = ("image.txt", "meta.txt", "right/image.txt")
+
+
+def write_run(folder: Path, text: str) -> None:
+    with new_directory(folder) as draft:
+        (draft / "right").mkdir()
+        for name in NAMES:
+            (draft / name).write_text(text)
+
+
+@pytest.mark.parametrize("renames", range(7))
+def test_no_kill_mixes_two_runs_and_the_next_run_finishes_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, renames: int
+) -> None:
+    """Oracle: all files of one run have one text, whichever rename was the last; other people's files survive it all."""
+    out = tmp_path / "out"
+    write_run(out, "first")
+    (out / "notes.txt").write_text("mine")
+    (out / "right" / "notes.txt").write_text("mine")
+    (out / "folder").mkdir()
+    (out / "folder" / "deep.txt").write_text("mine")
+    with monkeypatch.context() as broken:
+        killed_after(renames, broken)
+        with contextlib.suppress(Killed):
+            write_run(out, "second")
+    if out.exists():
+        assert len({(out / name).read_text() for name in NAMES}) == 1
+    monkeypatch.setattr(drafts, "_swept", set())
+    write_run(out, "third")
+    assert [(out / name).read_text() for name in NAMES] == ["third"] * 3
+    for name in ("notes.txt", "right/notes.txt", "folder/deep.txt"):
+        assert (out / name).read_text() == "mine"
+    assert [path.name for path in tmp_path.iterdir()] == ["out"] and len(everything(out)) == 8
+
+
+def test_a_directory_that_cannot_be_renamed_is_filled(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The folder somebody works in keeps its identity (oracle: its inode), and the next run finishes a killed one."""
+    write_run(tmp_path, "first")
+    (tmp_path / "notes.txt").write_text("mine")
+    monkeypatch.chdir(tmp_path)
+    before = tmp_path.stat().st_ino
+    with monkeypatch.context() as broken:
+        killed_after(2, broken)
+        with pytest.raises(Killed):
+            write_run(Path(), "second")
+    monkeypatch.setattr(drafts, "_swept", set())
+    with new_directory(".") as draft:
+        assert {(tmp_path / name).read_text() for name in NAMES} == {"second"}
+        (draft / "image.txt").write_text("third")
+    assert tmp_path.stat().st_ino == before and (tmp_path / "notes.txt").read_text() == "mine"
+    assert (tmp_path / "image.txt").read_text() == "third"
+    assert everything(tmp_path) == ["image.txt", "meta.txt", "notes.txt", "right", "right/image.txt"]
+
+
+@pytest.mark.parametrize(
+    "refused", [OSError(18, "Invalid cross-device link"), PermissionError(13, "Permission denied")]
+)
+def test_a_directory_whose_renaming_fails_is_filled(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, refused: OSError
+) -> None:
+    out, rename = tmp_path / "out", Path.rename
+    write_run(out, "first")
+
+    def refusing(self: Path, target: Path) -> Path:
+        if self == out:
+            raise refused
+        return rename(self, target)
+
+    monkeypatch.setattr(Path, "rename", refusing)
+    write_run(out, "second")
+    assert {(out / name).read_text() for name in NAMES} == {"second"} and everything(tmp_path)[0] == "out"
+    assert len(everything(tmp_path)) == 5
+
+
+def test_a_link_stays_a_link_and_rights_stay(tmp_path: Path) -> None:
+    (tmp_path / "real").mkdir(mode=0o750)
+    (tmp_path / "link").symlink_to("real")
+    rights = (tmp_path / "real").stat().st_mode
+    write_run(tmp_path / "link", "first")
+    assert (tmp_path / "link").is_symlink() and (tmp_path / "real" / "meta.txt").read_text() == "first"
+    assert (tmp_path / "real").stat().st_mode == rights
+
+
+@pytest.mark.parametrize("name", ["image.txt", "right"])
+def test_nothing_is_placed_where_one_thing_cannot_be(tmp_path: Path, name: str) -> None:
+    """A folder of the user's has the name of a result, or the reverse."""
+    out = tmp_path / "out"
+    out.mkdir()
+    if name == "image.txt":
+        (out / name).mkdir()
+        (out / name / "mine.txt").touch()
+    else:
+        (out / name).write_text("mine")
+    before = everything(tmp_path)
+    with pytest.raises(OutputError, match=name):
+        write_run(out, "new")
+    assert everything(tmp_path) == before
+
+
+KILLED_RUN = """
+import os, signal, sys
+from dlama.files.atomic_write import new_directory, new_file
+with new_directory(sys.argv[1] + "/out") as folder, new_file(sys.argv[1] + "/a.txt") as draft:
+    (folder / "x.txt").write_text("half")
+    if sys.argv[2] == "kill":
+        os.kill(os.getpid(), signal.SIGKILL)
+    print("ready", flush=True)
+    sys.stdin.read()
+"""
+
+
+def test_drafts_of_killed_runs_go_and_those_of_living_ones_stay(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Oracle: real processes, one killed, one at work."""
+    run = [sys.executable, "-c", KILLED_RUN, str(tmp_path)]
+    (tmp_path / "b.txt").write_text("mine")
+    killed = subprocess.run([*run, "kill"], timeout=60)
+    assert killed.returncode == -9 and len(list(tmp_path.iterdir())) == 3
+    with subprocess.Popen([*run, "live"], stdin=subprocess.PIPE, stdout=subprocess.PIPE) as alive:
+        try:
+            assert alive.stdout is not None and alive.stdout.readline() == b"ready\n"
+            with new_file(tmp_path / "c.txt") as draft:
+                draft.write_text("c")
+            names = sorted(path.name for path in tmp_path.iterdir())
+            assert [name for name in names if name[0] != "."] == ["b.txt", "c.txt"]
+            assert len(names) == 4 and all(f"{alive.pid}@" in name for name in names[:2])
+        finally:
+            alive.kill()
+    monkeypatch.setattr(drafts, "_swept", set())
+    write_run(tmp_path / "out", "new")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["b.txt", "c.txt", "out"]
+
+
+def test_a_draft_of_another_computer_goes_with_age(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    other, mine = tmp_path / ".dlama-draft-77@elsewhere-0123abcd-x.png", tmp_path / ".dlama-draft-not ours"
+    other.touch()
+    mine.touch()
+    drafts.remove_abandoned(tmp_path)
+    assert other.exists()
+    os.utime(other, (0, 0))
+    os.utime(mine, (0, 0))
+    monkeypatch.setattr(drafts, "_swept", set())
+    drafts.remove_abandoned(tmp_path)
+    assert not other.exists() and mine.exists()
+
+
+def test_names_of_255_bytes_can_be_written(tmp_path: Path) -> None:
+    name = "深" * 80 + ".png"
+    with new_file(tmp_path / name) as draft:
+        draft.write_text("x")
+    assert everything(tmp_path) == [name]
+
+
+def test_what_is_placed_was_flushed_before(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A power cut after a rename leaves no empty file: fsync comes first (oracle: the calls in their order)."""
+    calls: list[str] = []
+    flush, replace, rename = os.fsync, Path.replace, Path.rename
+    monkeypatch.setattr(os, "fsync", lambda handle: (calls.append("flush"), flush(handle))[1])
+    monkeypatch.setattr(Path, "replace", lambda self, to: (calls.append("place"), replace(self, to))[1])
+    monkeypatch.setattr(Path, "rename", lambda self, to: (calls.append("place"), rename(self, to))[1])
+    with new_file(tmp_path / "a") as draft:
+        draft.write_text("a")
+    assert calls == ["flush", "place"]
+    calls.clear()
+    write_run(tmp_path / "out", "x")
+    assert calls == ["flush"] * 3 + ["place"]
+
+
+def test_a_full_disk_at_the_last_moment_leaves_the_old_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(handle: int) -> None:
+        raise OSError(28, "No space left on device")
+
+    (tmp_path / "a").write_text("old")
+    monkeypatch.setattr(atomic_write.os, "fsync", full)
+    with pytest.raises(OutputError, match="no space left"), new_file(tmp_path / "a") as draft:
+        draft.write_text("new")
+    with pytest.raises(OutputError, match="no space left"):
+        write_run(tmp_path / "out", "x")
+    assert (tmp_path / "a").read_text() == "old" and everything(tmp_path) == ["a"]

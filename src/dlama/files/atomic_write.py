@@ -1,21 +1,33 @@
 """A path in; a place to write to out, which becomes that path only when all went well.
 
-Whoever is interrupted, fails or runs out of disk leaves nothing behind: no half file, no half directory.
+Whoever is interrupted, fails or runs out of disk leaves nothing behind: no half file, no half directory, no mixture of two
+runs. Whoever is killed leaves a hidden draft, which the next run that writes there removes (`drafts`). What has been placed is
+on the disk: a power cut does not empty it.
+
+How a directory is replaced: the new one is written beside it, the old one renamed aside (`.dlama-old-...`), the new one renamed
+to its place, then what the old one held besides (other people's files) is moved back, and the old one is removed. A run that is
+killed on the way is finished by the next one that writes there: the old directory returns to an empty place, else what is left
+of other people's files is moved. A directory that cannot be renamed (a mount point, a parent closed to us, the folder somebody
+works in) keeps its identity: files are moved into it one by one, and the next run goes on with that where one was killed.
 """
 
 from __future__ import annotations
 
 import contextlib
+import errno
 import os
 import shutil
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 from dlama.errors import OutputError
+from dlama.files.drafts import DRAFT, OLD, PLACING, abandoned, held, in_a_draft, name_of, remove, remove_abandoned
 
 PathLike = str | os.PathLike[str]
 """Whatever names a file."""
+NO_FLUSH = (errno.EINVAL, errno.ENOTSUP, errno.EBADF, errno.EROFS, errno.EACCES, errno.EPERM)
+"""What file systems say that cannot flush, which is no reason to fail."""
 
 
 @contextmanager
@@ -25,13 +37,19 @@ def new_file(path: PathLike) -> Iterator[Path]:
     Folders on the way are not made. Raises OutputError when the place cannot be written.
     """
     target = Path(path)
-    draft = target.with_name(f".{target.stem[:80]}-{os.urandom(4).hex()}{target.suffix}")
+    draft = target.with_name(name_of(DRAFT, target.name))
+    nested = in_a_draft(target.absolute())
     try:
         if target.is_dir():
             raise IsADirectoryError(f"{target} is a directory")
+        if not nested:
+            remove_abandoned(target.absolute().parent)
         draft.touch(exist_ok=False)
-        yield draft
-        draft.replace(target)
+        with held(draft):
+            yield draft
+            if not nested:
+                _flush(draft)
+            draft.replace(target)
     except OSError as error:
         if isinstance(error, OutputError):
             raise
@@ -43,60 +61,192 @@ def new_file(path: PathLike) -> Iterator[Path]:
 
 @contextmanager
 def new_directory(path: PathLike) -> Iterator[Path]:
-    """A temporary directory to write results to; its files are moved to the directory `path` on success.
+    """A temporary directory to write results to; on success it becomes the directory `path`, or is merged into it, as a whole.
 
-    An existing directory is reused: files of the same names are replaced, all others stay. On failure everything goes,
-    also folders that were made on the way. Raises OutputError when the place cannot be written.
+    Files of the same names are replaced, all others stay. On failure everything goes, also folders that were made on the way.
+    Raises OutputError when the place cannot be written, or a file and a folder have the same name.
     """
     target = Path(path)
     made: list[Path] = []
-    try:
-        draft = _draft_directory(target, made)
-    except OSError as error:
-        _remove(made)
-        raise OutputError(f"{target}: cannot be written: {_reason(error)}") from error
-    try:
-        yield draft
+    with ExitStack() as owned:
         try:
-            _move_into(draft, target)
+            place = target.resolve()  # a link keeps pointing to its directory
+            draft = _draft_directory(place, made)
+            owned.enter_context(held(draft))
         except OSError as error:
+            _remove_made(made)
             raise OutputError(f"{target}: cannot be written: {_reason(error)}") from error
-    except BaseException:
-        shutil.rmtree(draft, ignore_errors=True)
-        _remove(made)
-        raise
+        try:
+            yield draft
+            try:
+                _place(draft, place)
+            except OSError as error:
+                raise OutputError(f"{target}: cannot be written: {_reason(error)}") from error
+        except BaseException:
+            shutil.rmtree(draft, ignore_errors=True)
+            _remove_made(made)
+            raise
 
 
 def _draft_directory(target: Path, made: list[Path]) -> Path:
     """An empty directory on the same disk as `target`; folders made on the way are added to `made`, outermost first."""
+    _finish_killed(target)
     if target.exists() and not target.is_dir():
         raise NotADirectoryError("it is a file, a directory is wanted")
-    if target.is_dir():  # inside, not beside: it may be a mount point, or its parent may be closed to us
-        draft = target / f".unfinished-{os.urandom(4).hex()}"
-    else:
-        for folder in [*reversed(target.parent.parents), target.parent]:
-            if not folder.exists():
-                folder.mkdir()
-                made.append(folder)
-        draft = target.parent / f".{target.name}-{os.urandom(4).hex()}"
+    for folder in [*reversed(target.parent.parents), target.parent]:
+        if not folder.exists():
+            folder.mkdir()
+            made.append(folder)
+    beside = not target.exists() or _can_be_renamed(target)
+    draft = (target.parent if beside else target) / name_of(DRAFT, target.name)
     draft.mkdir()  # not tempfile: the result gets the rights any new directory gets
     return draft
 
 
-def _move_into(draft: Path, target: Path) -> None:
-    """Everything of `draft` to `target`, by renames only; folders that exist on both sides are merged."""
+def _can_be_renamed(target: Path) -> bool:
+    """Whether another directory may take its place: not a mount point, not the folder we are in, its parent open to us."""
+    with contextlib.suppress(OSError):
+        here = Path.cwd()
+        if here == target or target in here.parents:
+            return False
+    return (
+        os.access(target.parent, os.W_OK | os.X_OK) and os.access(target, os.W_OK | os.X_OK) and not target.is_mount()
+    )
+
+
+def _place(draft: Path, target: Path) -> None:
+    """The draft becomes `target`, with what `target` held besides. OSError; then `target` is as it was."""
+    _flush_all(draft)
     if not target.exists():
         draft.replace(target)
         return
-    for entry in sorted(draft.iterdir()):
-        if entry.is_dir():
-            _move_into(entry, target / entry.name)
+    _refuse_conflicts(draft, target)
+    if draft.parent == target.parent and _movable(draft, target):
+        with contextlib.suppress(OSError):  # as file systems in layers refuse to rename folders
+            _swap(draft, target)
+            return
+    _place_inside(draft, target)
+
+
+def _swap(draft: Path, target: Path) -> None:
+    """Rename the old directory aside and the new one to its place, and move what the old one held besides."""
+    _like(target, draft)
+    old = target.with_name(name_of(OLD, target.name))
+    with held(target):
+        target.rename(old)
+        try:
+            draft.rename(target)
+        except OSError:
+            old.rename(target)
+            raise
+        _adopt(old, target)
+
+
+def _place_inside(draft: Path, target: Path) -> None:
+    """Move all of the draft into `target`, one by one. A run that is killed meanwhile is finished by `_finish_killed`."""
+    whole = target / name_of(PLACING, target.name)
+    draft.rename(whole)
+    with held(whole):
+        try:
+            _move_into(whole, target)
+        except OSError:
+            remove(whole)
+            raise
+
+
+def _finish_killed(target: Path) -> None:
+    """What runs that were killed while they placed a directory left undone, and their drafts."""
+    for old in abandoned(target.parent, OLD, target.name):
+        if target.exists():
+            _adopt(old, target)
         else:
-            entry.replace(target / entry.name)
-    shutil.rmtree(draft, ignore_errors=True)
+            old.rename(target)
+    for whole in abandoned(target, PLACING):
+        _move_into(whole, target)
+    remove_abandoned(target.parent)
+    remove_abandoned(target)
 
 
-def _remove(made: list[Path]) -> None:
+def _adopt(old: Path, target: Path) -> None:
+    """Move what `old` holds and `target` does not into `target`, then remove `old`."""
+    _move_missing(old, target)
+    shutil.rmtree(old, ignore_errors=True)
+
+
+def _move_missing(old: Path, target: Path) -> None:
+    for entry in sorted(old.iterdir()):
+        place = target / entry.name
+        if _is_folder(entry) and _is_folder(place):
+            _move_missing(entry, place)
+        elif not os.path.lexists(place):
+            entry.rename(place)
+
+
+def _refuse_conflicts(draft: Path, target: Path) -> None:
+    """OSError where a file would have to take the place of a folder, or a folder that of a file: nothing is placed then."""
+    for entry in draft.iterdir():
+        place = target / entry.name
+        if entry.is_dir() and place.exists() and not place.is_dir():
+            raise NotADirectoryError(f"{place.name} in it is a file, a directory is wanted")
+        if entry.is_dir() and place.is_dir():
+            _refuse_conflicts(entry, place)
+        elif not entry.is_dir() and _is_folder(place):
+            raise IsADirectoryError(f"{place.name} in it is a directory, a file is wanted")
+
+
+def _movable(draft: Path, target: Path) -> bool:
+    """Whether everything in `target` can be moved out of it: folders must be open to us, and no mount points."""
+    for entry in target.iterdir():
+        if _is_folder(entry) and (entry.is_mount() or not os.access(entry, os.W_OK | os.X_OK)):
+            return False
+        if _is_folder(entry) and (draft / entry.name).is_dir() and not _movable(draft / entry.name, entry):
+            return False
+    return True
+
+
+def _move_into(draft: Path, target: Path) -> None:
+    """Everything of `draft` to `target`, by renames only; folders that exist on both sides are merged."""
+    for entry in sorted(draft.iterdir()):
+        place = target / entry.name
+        if entry.is_dir() and place.is_dir():
+            _move_into(entry, place)
+        else:
+            entry.replace(place)
+    draft.rmdir()
+
+
+def _is_folder(path: Path) -> bool:
+    return path.is_dir() and not path.is_symlink()
+
+
+def _like(old: Path, new: Path) -> None:
+    """Rights and owner of the old folder for the new one, as far as that is allowed."""
+    with contextlib.suppress(OSError):
+        shutil.copymode(old, new)
+        found = old.stat()
+        if hasattr(os, "chown") and (found.st_uid, found.st_gid) != (new.stat().st_uid, new.stat().st_gid):
+            os.chown(new, found.st_uid, found.st_gid)
+
+
+def _flush_all(folder: Path) -> None:
+    for place, _, files in os.walk(folder):
+        for name in files:
+            _flush(Path(place) / name)
+
+
+def _flush(path: Path) -> None:
+    """What was written is on the disk afterwards. OSError: the disk is full, or failed."""
+    handle = os.open(path, os.O_RDWR if os.name == "nt" else os.O_RDONLY)
+    try:
+        os.fsync(handle)
+    except OSError as error:
+        if error.errno not in NO_FLUSH:
+            raise
+    finally:
+        os.close(handle)
+
+
+def _remove_made(made: list[Path]) -> None:
     for folder in reversed(made):
         with contextlib.suppress(OSError):  # somebody else's file may lie in it by now
             folder.rmdir()

@@ -1,0 +1,140 @@
+"""A folder in; hidden names for what is being written there, and the drafts that killed runs left there, out.
+
+A name is `.dlama-draft-PID@HOST-RANDOM-NAME`. A process holds a lock on each of its drafts, which the system releases when the
+process ends, however it ends. A draft is abandoned if nobody holds it and its process has ended, or is unknown for an hour.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import os
+import re
+import shutil
+import socket
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+try:
+    import fcntl
+except ImportError:  # Windows: age alone tells
+    fcntl = None  # type: ignore[assignment]
+
+DRAFT, OLD, PLACING = ".dlama-draft-", ".dlama-old-", ".dlama-placing-"
+"""Prefixes: being written; an earlier folder that a new one has just replaced; whole, and being moved to its place."""
+STALE_SECONDS = 3600.0
+"""Age at which a draft that nobody holds is abandoned, where its process cannot be asked after (another computer's, Windows)."""
+LONGEST = 120
+"""Bytes of a name that are kept in a draft's; file systems take 255."""
+HOST = re.sub(r"[^A-Za-z0-9.]", "", socket.gethostname())[:20] or "host"
+
+_mine: set[str] = set()
+"""Drafts of this process."""
+_swept: set[str] = set()
+"""Folders this process has looked through."""
+
+
+def name_of(prefix: str, name: str) -> str:
+    """A new hidden name for `name`, with its suffix."""
+    return f"{prefix}{os.getpid()}@{HOST}-{os.urandom(4).hex()}-{_tail(name)}"
+
+
+def _tail(name: str) -> str:
+    if len(os.fsencode(name)) <= LONGEST:
+        return name
+    suffix = Path(name).suffix
+    return hashlib.sha256(os.fsencode(name)).hexdigest()[:16] + (suffix if len(os.fsencode(suffix)) <= 20 else "")
+
+
+@contextlib.contextmanager
+def held(path: Path) -> Iterator[None]:
+    """While this is open, `path` (a file or folder that is there, and may be renamed) belongs to this process."""
+    key, handle = str(path), None
+    _mine.add(key)
+    try:
+        if fcntl is not None:
+            with contextlib.suppress(OSError):  # a file system without locks: process and age tell
+                handle = os.open(path, os.O_RDONLY)
+                fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        yield
+    finally:
+        _mine.discard(key)
+        if handle is not None:
+            os.close(handle)
+
+
+def in_a_draft(path: Path) -> bool:
+    """Whether `path` lies in a folder that this process is writing, and that will be placed as a whole."""
+    return any(str(parent) in _mine for parent in path.parents)
+
+
+def remove_abandoned(folder: Path) -> None:
+    """Remove the drafts that killed runs left in `folder`; once a process for each folder. Raises nothing."""
+    if str(folder) in _swept:
+        return
+    _swept.add(str(folder))
+    for path in abandoned(folder, DRAFT):
+        remove(path)
+
+
+def abandoned(folder: Path, prefix: str, name: str | None = None) -> list[Path]:
+    """What ended processes left in `folder` under that prefix, sorted; `name`: only of that file or folder. Raises nothing."""
+    try:
+        with os.scandir(folder) as entries:
+            names = sorted(entry.name for entry in entries if entry.name.startswith(prefix))
+    except OSError:
+        return []
+    end = "" if name is None else f"-{_tail(name)}"
+    return [folder / each for each in names if each.endswith(end) and is_abandoned(folder / each, prefix)]
+
+
+def is_abandoned(path: Path, prefix: str) -> bool:
+    """Whether the process that made `path` has ended. False where that cannot be told."""
+    match = re.match(r"(\d+)@([A-Za-z0-9.]*)-[0-9a-f]{8}-", path.name[len(prefix) :])
+    if match is None or str(path) in _mine or _is_locked(path):
+        return False
+    pid, host = int(match[1]), match[2]
+    if host == HOST and os.name == "posix" and (pid == os.getpid() or not _is_running(pid)):
+        return True
+    try:
+        return time.time() - path.stat().st_mtime > STALE_SECONDS
+    except OSError:
+        return False
+
+
+def _is_locked(path: Path) -> bool:
+    if fcntl is None:
+        return False
+    try:
+        handle = os.open(path, os.O_RDONLY)
+    except OSError:
+        return True  # not ours to remove
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return True
+    except OSError:
+        return False
+    finally:
+        os.close(handle)
+    return False
+
+
+def _is_running(pid: int) -> bool:
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    except (OSError, OverflowError):
+        return True
+    return True
+
+
+def remove(path: Path) -> None:
+    """Remove a file or a folder with all in it, as far as that goes. Raises nothing."""
+    if path.is_dir() and not path.is_symlink():
+        shutil.rmtree(path, ignore_errors=True)
+    else:
+        with contextlib.suppress(OSError):
+            path.unlink()
