@@ -70,11 +70,11 @@ def draw_rim(x, y, w, joined, vertices, depth, zoom, meshed, wbuf, where):
         if steepest < 0:
             continue
         if half <= 0.5:
-            left = right = int(math.floor(px))
-            upper = lower = int(math.floor(py))
+            left = right = math.floor(px)
+            upper = lower = math.floor(py)
         else:
-            left, right = int(math.ceil(px - half - 0.5)), int(math.ceil(px + half - 0.5)) - 1
-            upper, lower = int(math.ceil(py - half - 0.5)), int(math.ceil(py + half - 0.5)) - 1
+            left, right = math.ceil(px - half - 0.5), math.ceil(px + half - 0.5) - 1
+            upper, lower = math.ceil(py - half - 0.5), math.ceil(py + half - 0.5) - 1
         for ty in range(max(0, upper), min(rows - 1, lower) + 1):
             for tx in range(max(0, left), min(columns - 1, right) + 1):
                 if inverse > wbuf[ty, tx] and inverse > meshed[ty, tx] * (1.02 + 2 * steepest):

@@ -10,6 +10,7 @@ import numpy as np
 
 from dlama.geometry.kernels.jit import kernel, piece
 from dlama.geometry.kernels.rasterize import CHUNK, quad_box, quad_sides
+from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 
 DISOCCLUDED_RANK = 1
 SENSOR_RANK = 2
@@ -48,8 +49,11 @@ def chunk_meets_hole(x, w, row, chunk, low, high, first, last, count):
                 left, right = min(left, x[r, column]), max(right, x[r, column])
     if left > right:
         return False
-    near, far = int(max(left, np.float32(1))) - 1, min(columns - 1, int(min(right, np.float32(columns))) + 1)
-    upper, lower = max(first, int(max(low, np.float32(first))) - 1), min(last - 1, int(min(high, np.float32(last))) + 1)
+    near, far = np.int64(max(left, np.float32(1))) - 1, min(columns - 1, np.int64(min(right, np.float32(columns))) + 1)
+    upper, lower = (
+        max(first, np.int64(max(low, np.float32(first))) - 1),
+        min(last - 1, np.int64(min(high, np.float32(last))) + 1),
+    )
     return near <= far and upper <= lower and holes_within(count, near, far, upper, lower) > 0
 
 
@@ -103,17 +107,13 @@ def quad_covers(x, y, row, column, px, py):
     )
 
 
-@kernel
-def mark_points(x, y, w, chosen, rank, hole, ranks):
-    """Raise the rank at the nearest target pixel of each chosen source pixel."""
-    rows, columns = hole.shape
-    for row in range(x.shape[0]):
-        for column in range(x.shape[1]):
-            if not chosen[row, column] or w[row, column] <= 0:
-                continue
-            px, py = x[row, column], y[row, column]
-            if not (0 <= px < columns and 0 <= py < rows):
-                continue
-            tx, ty = int(px), int(py)
-            if hole[ty, tx]:
-                ranks[ty, tx] = max(ranks[ty, tx], np.uint8(rank))
+def mark_points(
+    x: Float32Array, y: Float32Array, w: Float32Array, chosen: BoolArray, rank: int, hole: BoolArray, ranks: UInt8Array
+) -> None:
+    """Raise the rank at the nearest target pixel of each chosen source pixel, where that is a hole. (numpy: they are few.)"""
+    there = np.flatnonzero(chosen & (w > 0))
+    px, py = x.ravel()[there], y.ravel()[there]
+    inside = (px >= 0) & (py >= 0) & (px < hole.shape[1]) & (py < hole.shape[0])
+    tx, ty = px[inside].astype(np.int64), py[inside].astype(np.int64)
+    tx, ty = tx[hole[ty, tx]], ty[hole[ty, tx]]
+    ranks[ty, tx] = np.maximum(ranks[ty, tx], np.uint8(rank))

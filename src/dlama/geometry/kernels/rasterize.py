@@ -65,7 +65,7 @@ def draw_points(first, last, depth, matrix, offset, near, x, y, w, wbuf, index):
             for column in range(width):
                 inverse, px, py = w[part, column], x[part, column], y[part, column]
                 if inverse > 0 and px >= 0 and py >= 0 and px < columns and py < rows:
-                    tx, ty = int(px), int(py)
+                    tx, ty = np.int64(px), np.int64(py)
                     if inverse > wbuf[part, ty, tx]:
                         wbuf[part, ty, tx] = inverse
                         index[part, ty, tx] = row * width + column
@@ -111,7 +111,7 @@ def quad_box(x, y, w, row, column, top, bottom, columns):
     right = math.floor(min(columns - 0.5, high_x) - 0.4999)
     upper = math.ceil(max(top + 0.5, low_y) - 0.5001)
     lower = math.floor(min(bottom - 0.5, high_y) - 0.4999)
-    return int(left), int(right), int(upper), int(lower)
+    return left, right, upper, lower
 
 
 @piece

@@ -23,8 +23,9 @@ WINDOW = 8
 """Rows and columns of one surface that a place needs round it: four are read; what lies beyond two more has half a level of
 say in their coefficients at most."""
 ZERO, SIXTH, HALF, TWO_THIRDS, ONE = (np.float32(number) for number in (0, 1 / 6, 1 / 2, 2 / 3, 1))
-GREEN, ONE_ON, TWO_ON, THREE_ON = (np.uintp(number) for number in (1, 3, 6, 9))
-"""Flat steps to the next channel and to the next three pixels; unsigned, so that no index is checked for being negative."""
+RED = np.int64(0)
+GREEN, BLUE, ONE_ON, TWO_ON, THREE_ON = (np.uintp(number) for number in (1, 2, 3, 6, 9))
+"""Flat steps to the next two channels and to the next three pixels; unsigned, so that no index is checked for being negative."""
 
 
 def spline(color: UInt8Array) -> Float32Array:
@@ -79,9 +80,22 @@ def cubic(t):
 
 
 @inlined
-def across(knots, at, a, b, c, d):
-    """One channel of four neighbours in a row of coefficients, the first of them at a flat place."""
-    return a * knots[at] + b * knots[at + ONE_ON] + c * knots[at + TWO_ON] + d * knots[at + THREE_ON]
+def across(knots, at, weights):
+    """One channel of four neighbours in a row of coefficients, the first of them at a flat place, weighted."""
+    return (
+        weights[0] * knots[at]
+        + weights[1] * knots[at + ONE_ON]
+        + weights[2] * knots[at + TWO_ON]
+        + weights[3] * knots[at + THREE_ON]
+    )
+
+
+@inlined
+def smooth_channel(knots, first, row, along, down):
+    """One channel from 4 x 4 coefficients, the first of them at a flat place; row: flat step to the next row."""
+    second, third, last = first + row, first + row + row, first + row + row + row
+    upper = down[0] * across(knots, first, along) + down[1] * across(knots, second, along)
+    return upper + (down[2] * across(knots, third, along) + down[3] * across(knots, last, along))
 
 
 @inlined
@@ -90,36 +104,31 @@ def smooth_color(knots, width, upper, left, fu, fv):
 
     knots: `spline`, flat; width: pixels of its rows.
     """
-    a, b, c, d = cubic(fu)
-    e, f, g, h = cubic(fv)
-    row = np.uintp(3 * width)
-    first = np.uintp(3 * ((upper - 1) * width + left - 1))
-    second, third, last = first + row, first + row + row, first + row + row + row
-    red = e * across(knots, first, a, b, c, d) + f * across(knots, second, a, b, c, d)
-    red += g * across(knots, third, a, b, c, d) + h * across(knots, last, a, b, c, d)
-    first, second, third, last = first + GREEN, second + GREEN, third + GREEN, last + GREEN
-    green = e * across(knots, first, a, b, c, d) + f * across(knots, second, a, b, c, d)
-    green += g * across(knots, third, a, b, c, d) + h * across(knots, last, a, b, c, d)
-    first, second, third, last = first + GREEN, second + GREEN, third + GREEN, last + GREEN
-    blue = e * across(knots, first, a, b, c, d) + f * across(knots, second, a, b, c, d)
-    blue += g * across(knots, third, a, b, c, d) + h * across(knots, last, a, b, c, d)
-    return red, green, blue
+    along, down = cubic(fu), cubic(fv)
+    row, first = np.uintp(3 * width), np.uintp(3 * ((upper - 1) * width + left - 1))
+    red = smooth_channel(knots, first, row, along, down)
+    green = smooth_channel(knots, first + GREEN, row, along, down)
+    return red, green, smooth_channel(knots, first + BLUE, row, along, down)
 
 
 @inlined
-def bilinear(color, upper, left, a, b, c, d):
-    """Red, green and blue of a quad's pixels at the weights a (upper left), b (upper right), c, d (lower ones)."""
+def bilinear_channel(color, upper, left, channel, weights):
+    """One channel of a quad's pixels, weighted."""
     lower, right = upper + 1, left + 1
-    red = (
-        a * color[upper, left, 0] + b * color[upper, right, 0] + c * color[lower, left, 0] + d * color[lower, right, 0]
+    return (
+        weights[0] * color[upper, left, channel]
+        + weights[1] * color[upper, right, channel]
+        + weights[2] * color[lower, left, channel]
+        + weights[3] * color[lower, right, channel]
     )
-    green = (
-        a * color[upper, left, 1] + b * color[upper, right, 1] + c * color[lower, left, 1] + d * color[lower, right, 1]
-    )
-    blue = (
-        a * color[upper, left, 2] + b * color[upper, right, 2] + c * color[lower, left, 2] + d * color[lower, right, 2]
-    )
-    return red, green, blue
+
+
+@inlined
+def bilinear(color, upper, left, weights):
+    """Red, green and blue of a quad's pixels at the weights of the upper left, upper right, lower left, lower right one."""
+    red = bilinear_channel(color, upper, left, RED, weights)
+    green = bilinear_channel(color, upper, left, RED + 1, weights)
+    return red, green, bilinear_channel(color, upper, left, RED + 2, weights)
 
 
 @piece
@@ -136,7 +145,7 @@ def surface_color(su, sv, joined, smooth, color, knots):
     none is joined.
     """
     height, width = joined.shape
-    left, upper = int(su), int(sv)
+    left, upper = np.int64(su), np.int64(sv)
     fu, fv = su - np.float32(left), sv - np.float32(upper)  # int64 - float32 would be float64
     if left >= width - 1 or upper >= height - 1 or (fu < 1e-3 and fv < 1e-3):
         return at_pixel(color, upper + (fv > HALF), left + (fu > HALF))
@@ -150,11 +159,11 @@ def surface_color(su, sv, joined, smooth, color, knots):
     total = a + b + c + d
     if total <= 1e-6:
         return at_pixel(color, upper + (fv > HALF), left + (fu > HALF))
-    return bilinear(color, upper, left, a / total, b / total, c / total, d / total)
+    return bilinear(color, upper, left, (a / total, b / total, c / total, d / total))
 
 
 @piece
 def level(value):
     """A colour as uint8: the nearest level in 0 .. 255."""
-    nearest = int(value + HALF)
+    nearest = np.int64(value + HALF)
     return np.uint8(0 if nearest < 0 else (255 if nearest > 255 else nearest))

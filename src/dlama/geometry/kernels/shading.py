@@ -55,7 +55,7 @@ def shade_surface(
                 continue
             out_depth[ty, tx] = 1.0 / w
             su, sv = where[ty, tx, 0], where[ty, tx, 1]
-            nearest_row, nearest_column = int(sv + HALF), int(su + HALF)
+            nearest_row, nearest_column = np.int64(sv + HALF), np.int64(su + HALF)
             out_origin[ty, tx] = passed_on(origin[nearest_row, nearest_column])
             out_confidence[ty, tx] = confidence[nearest_row, nearest_column]
             red, green, blue = surface_color(su, sv, joined, smooth, color, knots)
@@ -81,13 +81,13 @@ def average_shrunk(first, last, wbuf, where, joined, smooth, color, knots, out_c
                 continue
             wide, high = places(wide_2), places(high_2)
             red, green, blue, torn = ZERO, ZERO, ZERO, False
-            for y in range(int(high)):
+            for y in range(np.int64(high)):
                 aside = (np.float32(y) + HALF) / high - HALF
-                for x in range(int(wide)):
+                for x in range(np.int64(wide)):
                     along = (np.float32(x) + HALF) / wide - HALF
                     u = where[ty, tx, 0] + along * across_u + aside * down_u
                     v = where[ty, tx, 1] + along * across_v + aside * down_v
-                    left, upper = int(u), int(v)
+                    left, upper = np.int64(u), np.int64(v)
                     if (
                         u < 0
                         or v < 0
@@ -191,13 +191,13 @@ def shade_far(
             su, sv = across / ahead, along / ahead
             if not (0 <= su < width and 0 <= sv < height):
                 continue
-            column, row = int(su), int(sv)
+            column, row = np.int64(su), np.int64(sv)
             if not far[row, column]:
                 continue
             out_depth[ty, tx] = np.inf
             out_origin[ty, tx] = passed_on(origin[row, column])
             out_confidence[ty, tx] = confidence[row, column]
-            left, upper = int(math.floor(su - 0.5)), int(math.floor(sv - 0.5))
+            left, upper = math.floor(su - 0.5), math.floor(sv - 0.5)
             fu, fv = su - 0.5 - left, sv - 0.5 - upper
             if not (0 <= left < width - 1 and 0 <= upper < height - 1) or blocks[upper, left] == 0:
                 for channel in range(3):  # not as a slice: it would take two seconds longer to compile
@@ -206,6 +206,6 @@ def shade_far(
             if blocks[upper, left] == 2:
                 red, green, blue = smooth_color(knots, width, upper, left, fu, fv)
             else:
-                a, b, c, d = (1 - fu) * (1 - fv), fu * (1 - fv), (1 - fu) * fv, fu * fv
-                red, green, blue = bilinear(color, upper, left, a, b, c, d)
+                weights = (1 - fu) * (1 - fv), fu * (1 - fv), (1 - fu) * fv, fu * fv
+                red, green, blue = bilinear(color, upper, left, weights)
             out_color[ty, tx, 0], out_color[ty, tx, 1], out_color[ty, tx, 2] = level(red), level(green), level(blue)

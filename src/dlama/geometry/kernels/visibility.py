@@ -38,7 +38,7 @@ def breaks_law(ax, ay, az, offset, depth, measured):
     x, y = (depth * ax + offset[0]) / z, (depth * ay + offset[1]) / z
     if not (0 <= x < measured.shape[1] and 0 <= y < measured.shape[0]):
         return False
-    limit = measured[int(y), int(x)]
+    limit = measured[np.int64(y), np.int64(x)]
     if limit <= 0:
         return False
     return limit == np.inf or z < limit - tolerance(limit)
@@ -91,7 +91,7 @@ def lawful_depth(ax, ay, az, offset, depth, measured):
         z = depth * az + offset[2]
         x, y = (depth * ax + offset[0]) / z, (depth * ay + offset[1]) / z
         out = next_crossing(ax, ay, az, offset, depth, x, y)
-        limit = measured[int(y), int(x)]
+        limit = measured[np.int64(y), np.int64(x)]
         if limit < np.inf and az > 0:
             behind = (limit - offset[2]) / az
             if behind < out:

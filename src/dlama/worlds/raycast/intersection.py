@@ -40,7 +40,7 @@ from dlama.worlds.raycast.shape_rows import (
 @inlined
 def texture_place(shapes, i, face, x, y, z):
     """Texture u, v in repeats, and repeats per metre along the two tangents, at a local point of a face."""
-    kind, fit = int(shapes[i, KIND]), shapes[i, MODE] == FIT
+    kind, fit = np.int64(shapes[i, KIND]), shapes[i, MODE] == FIT
     if kind <= BOX:
         axis = face // 2
         a, b = (z, y) if axis == 0 else ((x, z) if axis == 1 else (x, y))
@@ -86,9 +86,9 @@ def solid_at(shapes, i, texels, face, x, y, z):
     if shapes[i, CUT] == 0:
         return True
     u, v, _, _ = texture_place(shapes, i, face, x, y, z)
-    column = int(math.floor(u * SIDE)) % SIDE
-    row = int(math.floor(v * SIDE)) % SIDE
-    return texels[int(shapes[i, LAYER]), row * SIDE + column, 3] >= 128
+    column = math.floor(u * SIDE) % SIDE
+    row = math.floor(v * SIDE) % SIDE
+    return texels[np.int64(shapes[i, LAYER]), row * SIDE + column, 3] >= 128
 
 
 @inlined
@@ -197,13 +197,13 @@ def nearest(shapes, texels, listed, count, near_z, skip, px, py, pz, dx, dy, dz)
 @inlined
 def in_shadow(shapes, texels, light, starts, items, gone, px, py, pz):
     """True if a shape stands between the point and the light; only the shapes of the point's cell can."""
-    side = int(light[GRID + 3])
+    side = np.int64(light[GRID + 3])
     a = px * light[GRID_X] + py * light[GRID_X + 1] + pz * light[GRID_X + 2]
     b = px * light[GRID_Y] + py * light[GRID_Y + 1] + pz * light[GRID_Y + 2]
     column, row = math.floor((a - light[GRID]) * light[GRID + 2]), math.floor((b - light[GRID + 1]) * light[GRID + 2])
     if column < 0 or row < 0 or column >= side or row >= side:
         return False
-    cell = int(row) * side + int(column)
+    cell = row * side + column
     for j in range(starts[cell], starts[cell + 1]):
         i = items[j]
         if shapes[i, GROUP] != gone:

@@ -113,7 +113,7 @@ def surface(shapes, i, texels, face, t, px, py, pz, dx, dy, dz, camera, width):
     u, v, su, sv = texture_place(shapes, i, face, x, y, z)
     ua, va = su * (ax * ux + ay * uy + az * uz), sv * (ax * vx + ay * vy + az * vz)
     ub, vb = su * (bx * ux + by * uy + bz * uz), sv * (bx * vx + by * vy + bz * vz)
-    r, g, b = filtered(texels, int(shapes[i, LAYER]), int(shapes[i, MODE]), u, v, ua, va, ub, vb)
+    r, g, b = filtered(texels, np.int64(shapes[i, LAYER]), np.int64(shapes[i, MODE]), u, v, ua, va, ub, vb)
     stain = 1.0
     if shapes[i, STAIN] > 0:
         k, m = STAINS_PER_M / su, STAINS_PER_M / sv

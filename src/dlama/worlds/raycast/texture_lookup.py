@@ -21,7 +21,7 @@ def texel(texels, layer, level, u, v):
     x, y = u * size - 0.5, v * size - 0.5
     fx, fy = math.floor(x), math.floor(y)
     wx, wy = np.float32(x - fx), np.float32(y - fy)
-    x0, y0 = int(fx) & (size - 1), int(fy) & (size - 1)
+    x0, y0 = fx & (size - 1), fy & (size - 1)
     x1, y1 = (x0 + 1) & (size - 1), (y0 + 1) & (size - 1)
     one, k = np.float32(1), np.float32(1 / 255)
     w00, w01, w10, w11 = (one - wx) * (one - wy), wx * (one - wy), (one - wx) * wy, wx * wy
@@ -40,10 +40,10 @@ def filtered(texels, layer, mode, u, v, ax, ay, bx, by):
     la, lb = math.sqrt(ax * ax + ay * ay), math.sqrt(bx * bx + by * by)
     if la < lb:
         la, lb, ax, ay = lb, la, bx, by
-    probes = int(min(4.0, math.ceil(la / max(lb, 1e-12) - 0.2)))
+    probes = np.int64(min(4.0, math.ceil(la / max(lb, 1e-12) - 0.2)))
     probes = max(probes, 1)
     lod = max(0.0, min(LEVELS - 1.001, math.log2(max(la / probes * SIDE, 1e-6))))
-    level = int(lod)
+    level = np.int64(lod)
     share = np.float32(lod - level)
     red, green, blue = np.float32(0), np.float32(0), np.float32(0)
     for k in range(probes):

@@ -65,39 +65,27 @@ def relax(base, usable, cells, mean, screen, sweeps):
                 base[y, x, k] += 1.6 * (total / n - base[y, x, k])
 
 
-@kernel
-def farthest_rows(first, last, colors, depths, sources, out, far):
-    """Rows of `farthest`."""
-    for r in range(first, last):
-        for c in range(far.shape[1]):
-            y1, x1 = min(depths.shape[0], 2 * r + 2), min(depths.shape[1], 2 * c + 2)
-            least = np.inf
-            for y in range(2 * r, y1):
-                for x in range(2 * c, x1):
-                    if sources[y, x] != -2 and depths[y, x] < least:
-                        least = np.float64(depths[y, x])
-            n, w = 0, 0.0
-            for y in range(2 * r, y1):
-                for x in range(2 * c, x1):
-                    if sources[y, x] != -2 and depths[y, x] <= 1.1 * least:
-                        n += 1
-                        w += depths[y, x]
-                        for k in range(3):
-                            out[r, c, k] += colors[y, x, k]
-            if n > 0:
-                far[r, c] = w / n
-                for k in range(3):
-                    out[r, c, k] /= n
-
-
 def farthest(
     colors: Float32Array, depths: Float32Array, sources: NDArray[np.int32]
 ) -> tuple[Float32Array, Float32Array]:
-    """Cells of 2 x 2 blocks: mean colour and inverse depth of the blocks within 10 % of the farthest known; depth -1: none."""
-    grid = tuple((size + 1) // 2 for size in depths.shape)
-    out, far = np.zeros((*grid, 3), np.float32), np.full(grid, -1, np.float32)
-    in_bands(farthest_rows, grid[0], colors, depths, sources, out, far)
-    return out, far
+    """Cells of 2 x 2 blocks: mean colour and inverse depth of the blocks within 10 % of the farthest known; depth -1: none.
+
+    colors: H x W x 3; depths: H x W inverse depth (1/m); sources: H x W, -2 where a block is not known. (numpy: small grids)
+    """
+    rows, cols = ((size + 1) // 2 for size in depths.shape)
+    padding = tuple((0, size % 2) for size in depths.shape)
+    colors, depths = np.pad(colors, (*padding, (0, 0))), np.pad(depths, padding)
+    known = np.pad(sources != -2, padding)
+    quarters = [np.s_[j::2, i::2] for j in range(2) for i in range(2)]
+    least = np.min([np.where(known[q], depths[q], np.inf) for q in quarters], axis=0)
+    count, total, out = np.zeros((rows, cols)), np.zeros((rows, cols)), np.zeros((rows, cols, 3), np.float32)
+    for q in quarters:
+        taken = known[q] & (depths[q] <= 1.1 * least)
+        count += taken
+        total += np.where(taken, depths[q], 0)
+        out += np.where(taken[..., None], colors[q], np.float32(0))
+    some = np.maximum(count, 1)
+    return (out / some[..., None]).astype(np.float32), np.where(count > 0, total / some, -1).astype(np.float32)
 
 
 @kernel
@@ -163,32 +151,20 @@ def spread(base, depth, reached, cells, mean, screen, sweeps):
             reached[y, x] = reached[y, x] or total > hold
 
 
-@kernel
-def skirt_rows(first, last, base, depth, inside, out):
-    """Rows of `skirt`; out: a copy of base."""
-    rows, cols = depth.shape
-    for y in range(first, last):
-        for x in range(cols):
-            if inside[y, x]:
-                continue
-            n, least, red, green, blue = 0, np.inf, 0.0, 0.0, 0.0
-            for j in range(max(0, y - 1), min(rows, y + 2)):
-                for i in range(max(0, x - 1), min(cols, x + 2)):
-                    if inside[j, i]:
-                        n += 1
-                        least = depth[j, i] if depth[j, i] < least else least
-                        red += base[j, i, 0]
-                        green += base[j, i, 1]
-                        blue += base[j, i, 2]
-            if n > 0 and (depth[y, x] < 0 or depth[y, x] > 1.1 * least):
-                out[y, x, 0], out[y, x, 1], out[y, x, 2] = red / n, green / n, blue / n
-
-
 def skirt(base: Float32Array, depth: Float32Array, inside: BoolArray) -> Float32Array:
     """A base for sampling inside only: cells beside it that are unknown or nearer take the mean of their inside neighbours.
 
     depth: inverse depth, < 0 where unknown. Without this, bilinear sampling at the rim would mix the occluder in.
     """
+    rows, cols = depth.shape
+    colors, near = np.pad(np.where(inside[..., None], base, np.float32(0)), ((1, 1), (1, 1), (0, 0))), np.pad(inside, 1)
+    inner = np.pad(np.where(inside, depth, np.float32(np.inf)), 1, constant_values=np.inf)
+    count, least, total = np.zeros((rows, cols)), np.full((rows, cols), np.inf), np.zeros((rows, cols, 3))
+    for window in (np.s_[j : j + rows, i : i + cols] for j in range(3) for i in range(3)):
+        count += near[window]
+        total += colors[window]
+        least = np.minimum(least, inner[window])
+    beside = ~inside & (count > 0) & ((depth < 0) | (depth > 1.1 * least))
     out = base.copy()
-    in_bands(skirt_rows, len(depth), base, depth, inside, out)
+    out[beside] = total[beside] / count[beside, None]
     return out

@@ -198,7 +198,7 @@ def paint_pixels(
                 continue
             i = pick[cy, cx]
             su, sv, z = moved(u, v, w, shifts[i, 0], shifts[i, 1], axes)
-            if z <= 1e-3 or not is_source(su, sv, w / z, 1, inverse_depth, source, kind):
+            if z <= 1e-3 or not is_source(su, sv, w / z, np.int64(1), inverse_depth, source, kind):
                 continue
             total += share
             there_x, there_y = between(su / cell, cols), between(sv / cell, rows)

@@ -62,7 +62,7 @@ def far_side_rows(first, last, w, hole, ways, values, weights, out):
         for column in range(w.shape[1]):
             if not hole[row, column]:
                 continue
-            count = 0
+            count = np.int64(0)
             for way in range(len(ways)):
                 value, distance = first_known(w, hole, row, column, ways[way, 0], ways[way, 1])
                 if value > 0:
