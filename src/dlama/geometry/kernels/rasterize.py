@@ -65,10 +65,10 @@ def draw_points(first, last, depth, matrix, offset, near, x, y, w, wbuf, index):
             for column in range(width):
                 inverse, px, py = w[part, column], x[part, column], y[part, column]
                 if inverse > 0 and px >= 0 and py >= 0 and px < columns and py < rows:
-                    tx, ty = np.int64(px), np.int64(py)
-                    if inverse > wbuf[part, ty, tx]:
-                        wbuf[part, ty, tx] = inverse
-                        index[part, ty, tx] = row * width + column
+                    to_row, to_column = np.int64(py), np.int64(px)
+                    if inverse > wbuf[part, to_row, to_column]:
+                        wbuf[part, to_row, to_column] = inverse
+                        index[part, to_row, to_column] = row * width + column
 
 
 @kernel

@@ -41,7 +41,7 @@ def filtered(texels, layer, mode, u, v, ax, ay, bx, by):
     if la < lb:
         la, lb, ax, ay = lb, la, bx, by
     probes = np.int64(min(4.0, math.ceil(la / max(lb, 1e-12) - 0.2)))
-    probes = max(probes, 1)
+    probes = max(probes, np.int64(1))
     lod = max(0.0, min(LEVELS - 1.001, math.log2(max(la / probes * SIDE, 1e-6))))
     level = np.int64(lod)
     share = np.float32(lod - level)
