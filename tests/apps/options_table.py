@@ -1,0 +1,242 @@
+"""The table of test_options_reach.py: for every option of every verb the words, and the keyword and value they must become."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+
+@dataclass(frozen=True)
+class Reach:
+    """Words of the command line, and what must arrive where."""
+
+    words: str
+    """As they are typed, separated by blanks."""
+    where: str
+    """function.keyword; several functions joined by +."""
+    value: Any
+    """What must arrive; or a function of what arrived."""
+    drop: tuple[str, ...] = ()
+    """Words of the verb's base that would contradict them."""
+
+    def command(self, base: str) -> list[str]:
+        """The command's words with this option."""
+        kept = base
+        for words in self.drop:
+            kept = kept.replace(words, " ")
+        return [*kept.split(), *self.words.split()]
+
+    def arrived(self, calls: dict[str, list[dict[str, Any]]]) -> list[Any]:
+        """The keyword of every call; a function that was never called gives None."""
+        functions, _, keyword = self.where.rpartition(".")
+        found: list[Any] = []
+        for function in functions.split("+"):
+            found += [call[keyword] for call in calls.get(function, [{keyword: None}])]
+        return found
+
+    def fits(self, arrived: Any) -> bool:
+        """Whether that is the value wanted."""
+        return bool(self.value(arrived)) if callable(self.value) else bool(arrived == self.value)
+
+
+def attribute(path: str, value: Any) -> Callable[[Any], bool]:
+    """True of a thing whose attribute (a.b.c) is `value`."""
+
+    def fits(thing: Any) -> bool:
+        for name in path.split("."):
+            thing = getattr(thing, name, None)
+        return bool(thing == value)
+
+    return fits
+
+
+def each(path: str, values: Iterable[Any]) -> Callable[[Any], bool]:
+    """True of things whose attribute is, one after the other, one of `values`, all of them present."""
+
+    def fits(things: Any) -> bool:
+        return things is not None and {getattr(thing, path) for thing in things} == set(values)
+
+    return fits
+
+
+BASE = {
+    "view": "image.png depth.png -o out --fov 60 --yaw 5",
+    "remove": "image.png depth.png mask.png -o out --fov 60",
+    "stereo": "left.png right.png --calib calib.txt -o out --mask mask.png",
+    "demo": "",
+    "version": "",
+    "evaluate": "toy -o out",
+    "worlds": "",
+    "train": "tiny -o out",
+    "pack": "photos -o out",
+    "models list": "",
+    "models info": "migan-512",
+    "models pull": "migan-512",
+    "models convert": "a.ckpt -o a.onnx",
+    "models verify": "",
+}
+"""The least words that each command runs with."""
+
+REPORT = {
+    "quiet": Reach("--quiet", "reported.report", attribute("quiet", True)),
+    "json": Reach("--json", "reported.report", attribute("json", True)),
+}
+
+
+def move(verb: str) -> dict[str, Reach]:
+    """Where the new camera stands."""
+    return {
+        "yaw": Reach("--yaw 7", f"{verb}.yaw", 7.0, ("--yaw 5",)),
+        "pitch": Reach("--pitch 7", f"{verb}.pitch", 7.0),
+        "pivot": Reach("--pivot 3", f"{verb}.pivot", 3.0),
+        "dolly": Reach("--dolly -0.5", f"{verb}.dolly", -0.5),
+        "to": Reach("--to target.json", f"{verb}.camera", "target", ("--yaw 5",)),
+    }
+
+
+LENS = {
+    "camera": Reach("--camera cam.json", "camera_for.camera", Path("cam.json"), ("--fov 60",)),
+    "fx": Reach("--fx 50", "camera_for.fx", 50.0, ("--fov 60",)),
+    "fy": Reach("--fy 50", "camera_for.fy", 50.0),
+    "cx": Reach("--cx 30", "camera_for.cx", 30.0),
+    "cy": Reach("--cy 20", "camera_for.cy", 20.0),
+    "fov": Reach("--fov 70", "camera_for.fov", 70.0, ("--fov 60",)),
+    "pixel_center": Reach("--pixel-center 0.0", "camera_for.pixel_center", 0.0),
+}
+READING = {
+    "depth_scale": Reach("--depth-scale 5000", "read_rgbd.depth_scale", 5000.0),
+    "depth_range": Reach("--depth-range 10", "read_rgbd.depth_range", 10.0),
+    "channel": Reach("--channel Z", "read_rgbd.channel", "Z"),
+    "far": Reach("--far 30", "read_rgbd.far", 30.0),
+    "resize_depth": Reach("--resize-depth nearest", "read_rgbd.resize_depth", "nearest"),
+}
+MASKING = {
+    "mask_polarity": Reach("--mask-polarity known", "read_mask.mask_polarity", "known"),
+    "soft_mask": Reach("--soft-mask", "read_mask.soft_mask", True),
+    "mask_class": Reach("--mask-class barrel", "read_mask.mask_class", "barrel"),
+}
+
+
+def method(verbs: str) -> dict[str, Reach]:
+    """How the scene is completed."""
+    return {
+        "filler": Reach("--filler telea", f"{verbs}.filler", "telea"),
+        "model": Reach("--model m.onnx", f"{verbs}.model", Path("cache/m.onnx")),
+        "recipe": Reach("--recipe paper", f"{verbs}.recipe", "paper"),
+        "mode": Reach("--mode points", f"{verbs}.mode", "points"),
+        "dilate": Reach("--dilate 5", f"{verbs}.dilate", 5),
+        "dilate_holes": Reach("--dilate-holes 2", f"{verbs}.dilate_holes", 2),
+        "clip": Reach("--clip 8", f"{verbs}.clip", 8.0),
+        "depth_by": Reach("--depth-by filler", f"{verbs}.depth_by", "filler"),
+        "seed": Reach("--seed 9", f"{verbs}.seed", 9),
+    }
+
+
+OUTPUT = Reach("-o elsewhere", "write.directory", Path("elsewhere"), ("-o out",))
+ONLY = Reach("--only image,depth", "write.only", ("image", "depth"))
+
+
+def instead(words: str, where: str, value: Any, old: str) -> Reach:
+    """A positional argument: another word in the place of `old`."""
+    return Reach(words, where, value, (old,))
+
+
+PICTURE = {
+    "image": instead("a.png depth.png", "read_rgbd.image", Path("a.png"), "image.png depth.png"),
+    "depth": instead("image.png b.png", "read_rgbd.depth", Path("b.png"), "image.png depth.png"),
+}
+THREE = "image.png depth.png mask.png"
+REMOVED = {
+    "image": instead("a.png depth.png mask.png", "read_rgbd.image", Path("a.png"), THREE),
+    "depth": instead("image.png b.png mask.png", "read_rgbd.depth", Path("b.png"), THREE),
+    "mask": instead("image.png depth.png c.png", "remove.mask", "c.png", THREE),
+}
+PAIR = {
+    "left": instead("a.png right.png", "stereo.left", attribute("name", "a.png"), "left.png right.png"),
+    "right": instead("left.png b.png", "stereo.right", attribute("name", "b.png"), "left.png right.png"),
+    "calib": Reach("--calib c.json", "read_stereo_calib.path", Path("c.json"), ("--calib calib.txt",)),
+    "mask": Reach("--mask m.png", "stereo.mask", "m.png", ("--mask mask.png",)),
+    "mask_right": Reach("--mask-right r.png", "stereo.mask_right", "r.png"),
+    "max_disparity": Reach("--max-disparity 40", "stereo.max_disparity", 40.0),
+    "far": Reach("--far 30", "stereo.far", 30.0),
+}
+EVALUATE = {
+    "dataset": instead("other", "open_dataset_or_worlds.path", "other", "toy"),
+    "output": Reach("-o elsewhere", "run.folder", Path("elsewhere"), ("-o out",)),
+    "protocol": Reach("--protocol ori", "run.cases", each("protocol", ["ori"])),
+    "scenes": Reach("--scenes room", "open_dataset_or_worlds.scenes", ("room",)),
+    "yaws": Reach("--yaws 20", "run.cases", each("yaw", [20.0, None])),
+    "limit": Reach("--limit 1", "run.cases", each("yaw", [10.0, None])),
+    "layout": Reach("--layout tum", "open_dataset_or_worlds.layout", "tum"),
+    "depth_range": Reach("--depth-range 10", "open_dataset_or_worlds.depth_range", 10.0),
+    "gamma": Reach("--gamma linear", "open_dataset_or_worlds.gamma", "linear"),
+    "removal_object": Reach("--removal-object barrel", "open_dataset_or_worlds.removal_object", "barrel"),
+    "camera": Reach("--camera cam.json", "open_dataset_or_worlds.camera", Path("cam.json")),
+    "recipes": Reach("--recipes paper", "run.methods", each("recipe", ["paper"])),
+    "fillers": Reach("--fillers telea", "run.methods", each("filler", ["telea"])),
+    "model": Reach("--model migan=m.onnx --fillers migan", "run.methods", each("model", [Path("cache/m.onnx")])),
+    "seed": Reach("--seed 9", "run.methods", each("seed", [9])),
+    "variants": Reach("--no-variants", "run.settings", attribute("matched_stereo", False)),
+    "jobs": Reach("--jobs 2", "run.jobs", 2),
+}
+WORLDS = {
+    "output": Reach("-o elsewhere", "write_worlds.folder", Path("elsewhere")),
+    "count": Reach("--count 2", "write_worlds.count", 2),
+    "seed": Reach("--seed 9", "write_worlds.seed", 9),
+    "size": Reach("--size 64", "write_worlds.size", 64),
+    "kind": Reach("--kind room", "write_worlds.kind", "room"),
+    "shadows": Reach("--no-shadows", "write_worlds.shadows", False),
+    "antialias": Reach("--no-antialias", "write_worlds.antialias", False),
+    "textures": Reach("--textures photos", "write_worlds.textures", Path("photos")),
+}
+TRAIN = {
+    "settings": instead("small-rgbd", "train.settings", attribute("name", "small-rgbd"), "tiny"),
+    "output": Reach("-o elsewhere", "train.run", Path("elsewhere"), ("-o out",)),
+    "data": Reach("--data a b", "train.data", (Path("a"), Path("b"))),
+    "max_minutes": Reach("--max-minutes 2", "train.max_minutes", 2.0),
+    "resume": Reach("--resume", "train.resume", True),
+    "start": Reach("--start a.ckpt", "train.settings", attribute("network.start", "a.ckpt")),
+    "trunk": Reach("--trunk t.pth", "train.settings", attribute("loss.trunk_weights", "t.pth")),
+    "steps": Reach("--steps 3", "train.settings", attribute("loop.steps", 3)),
+    "batch": Reach("--batch 7", "train.settings", attribute("loop.batch", 7)),
+    "precision": Reach("--precision bf16", "train.settings", attribute("loop.precision", "bf16")),
+    "devices": Reach("--devices 2", "train.settings", attribute("loop.devices", 2)),
+}
+PACK = {
+    "data": instead("a b -o out", "pack.data", (Path("a"), Path("b")), "photos -o out"),
+    "output": Reach("-o other", "pack.output", Path("other"), ("-o out",)),
+    "megabytes": Reach("--megabytes 3", "pack.megabytes", 3.0),
+    "size": Reach("--size 64", "pack.size", 64),
+    "seed": Reach("--seed 9", "pack.seed", 9),
+}
+NAME = instead("big-lama", "record.name", "big-lama", "migan-512")
+CONVERT = {
+    "weights": instead("b.ckpt -o a.onnx", "convert.source", Path("b.ckpt"), "a.ckpt -o a.onnx"),
+    "output": Reach("-o b.onnx", "convert.target", Path("b.onnx"), ("-o a.onnx",)),
+    "licence": Reach("--licence MIT", "convert.licence", "MIT"),
+}
+TABLE: dict[str, dict[str, Reach]] = {
+    "view": {**PICTURE, **move("view"), **LENS, **READING, **method("view"), **REPORT, "output": OUTPUT, "only": ONLY},
+    "remove": {
+        **REMOVED, **move("remove"), **LENS, **READING, **MASKING, **method("remove"), **REPORT, "output": OUTPUT,
+        "only": ONLY,
+    },
+    "stereo": {**PAIR, **MASKING, **method("stereo"), **REPORT, "output": OUTPUT, "only": ONLY},
+    "demo": {
+        **method("view+remove+stereo"), **REPORT, "only": ONLY,
+        "output": Reach("-o elsewhere", "write_contact_sheet.path", lambda path: "elsewhere" in Path(path).parent.name),
+    },
+    "version": {},
+    "evaluate": {**EVALUATE, **REPORT},
+    "worlds": {**WORLDS, **REPORT},
+    "train": {**TRAIN, **REPORT},
+    "pack": {**PACK, **REPORT},
+    "models list": {},
+    "models info": {"name": NAME},
+    "models pull": {"name": NAME, **REPORT},
+    "models convert": {**CONVERT, **REPORT},
+    "models verify": {"name": Reach("migan-512", "record.name", "migan-512")},
+}  # fmt: skip
+"""Verb -> option -> what it reaches."""

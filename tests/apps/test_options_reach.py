@@ -1,0 +1,181 @@
+"""Every option of every verb reaches what it is for: words in; the keyword that arrives in the library out.
+
+Oracle: `options_table`, written by hand; a verb's signature says which options it must name. What each keyword does to a
+result is the matter of test_options_effects.py and of the tests of the functions that take it.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import importlib
+import inspect
+import typing
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+from options_table import BASE, TABLE
+
+import dlama
+from dlama.apps import model_verbs
+from dlama.apps.cli import VERBS, main
+from dlama.datasets.frames import Case, Dataset
+
+CASES = (
+    Case("vpi", "toy", "room", "one", lambda: None, 10.0),  # type: ignore[arg-type,return-value]
+    Case("vpi", "toy", "room", "two", lambda: None, 20.0),  # type: ignore[arg-type,return-value]
+    Case("ori", "toy", "hall", "one", lambda: None),  # type: ignore[arg-type,return-value]
+)
+Calls = dict[str, list[dict[str, Any]]]
+
+
+def options_of(taker: Callable[..., Any]) -> Iterator[str]:
+    """Names of all that a verb takes: positional or not, those of its dataclasses and their base classes too."""
+    hints = typing.get_type_hints(taker, include_extras=True)
+    for name in inspect.signature(taker).parameters:
+        if dataclasses.is_dataclass(hints[name]):
+            yield from options_of(hints[name])
+        else:
+            yield name
+
+
+def commands() -> dict[str, Callable[..., Any]]:
+    """Every verb; of `models`, each of its tasks."""
+    found = {name: verb for name, verb in VERBS.items() if name != "models"}
+    tasks = typing.get_args(typing.get_type_hints(model_verbs.models, include_extras=True)["task"])
+    for task in tasks:
+        kind, note = typing.get_args(task)[:2]
+        found[f"models {note.name}"] = kind
+    return found
+
+
+def test_every_option_of_every_verb_stands_in_the_table() -> None:
+    """Oracle: the signatures. A new option has no line in the table, and this fails."""
+    wanted = {(verb, name) for verb, taker in commands().items() for name in options_of(taker)}
+    assert {(verb, name) for verb, rows in TABLE.items() for name in rows} == wanted
+
+
+def test_the_list_of_options_sees_a_new_one() -> None:
+    """Guard: an option added to a verb, or to a dataclass of one, is listed."""
+
+    @dataclasses.dataclass
+    class Group:
+        inner: int = 0
+
+    def verb(place: Path, group: Group, outer: int = 0) -> None: ...
+
+    verb.__annotations__ = {"place": Path, "group": Group, "outer": int}
+    assert list(options_of(verb)) == ["place", "inner", "outer"]
+
+
+@pytest.fixture
+def calls(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Calls:
+    """What the library's functions were called with, by the functions' names; none of them computes anything."""
+    made: Calls = {}
+
+    def spy(place: str, answer: Any = None, through: bool = False) -> None:
+        module, _, name = place.rpartition(".")
+        owner = dlama if module == "dlama" else importlib.import_module(module)
+        original = getattr(owner, name)
+        signature = inspect.signature(original)
+
+        @functools.wraps(original)
+        def stand_in(*args: Any, **kwargs: Any) -> Any:
+            bound = signature.bind(*args, **kwargs)
+            bound.apply_defaults()
+            given = dict(bound.arguments)
+            extra = given.pop("more", {})
+            made.setdefault(name, []).append(given | extra)
+            if through:
+                return original(*args, **kwargs)
+            return answer(**given) if callable(answer) else answer
+
+        monkeypatch.setattr(owner, name, stand_in)
+
+    for module in ("jobs", "cli", "evaluate", "worlds", "train", "model_verbs"):
+        spy(f"dlama.apps.{module}.reported", through=True)
+    _spy_on_jobs(spy)
+    _spy_on_the_rest(spy)
+    monkeypatch.chdir(tmp_path)
+    return made
+
+
+def _spy_on_jobs(spy: Callable[..., None]) -> None:
+    """view, remove, stereo and demo: reading, the three functions, writing."""
+    done = SimpleNamespace(meta={})
+    spy("dlama.files.images.picture_hw", (3, 4))
+    spy("dlama.files.cameras.camera_for", ("camera", "words"))
+    spy("dlama.files.cameras.read_camera", "target")
+    spy("dlama.files.cameras.read_stereo_calib", "rig")
+    spy("dlama.files.rgbd.read_rgbd", "rgbd")
+    spy("dlama.files.pictures.read_mask", lambda path, **_: Path(path).name)
+    spy("dlama.files.pictures.read_color", lambda path: SimpleNamespace(shape=(3, 4, 3), name=Path(path).name))
+    spy("dlama.apps.model_files.model_for", lambda model: Path("cache", str(model)))
+    for verb in ("view", "remove", "stereo"):
+        spy(f"dlama.{verb}", done)
+    spy("dlama.files.results.write")
+    spy("dlama.files.results.file_names", [])
+    spy("dlama.apps.jobs.summary_line", "")
+    spy("dlama.apps.jobs.summary_values", {})
+    spy("dlama.apps.demo.demo_panels", [])
+    spy("dlama.apps.demo.demo_legend", [])
+    spy("dlama.apps.demo.write_contact_sheet")
+
+
+def _spy_on_the_rest(spy: Callable[..., None]) -> None:
+    """evaluate, worlds, pack, models; `train` stands for itself, as it needs torch."""
+    spy("dlama.worlds.dataset.open_dataset_or_worlds", Dataset("toy", "made-up", None, (), CASES))
+    spy("dlama.evaluation.runner.run.run", SimpleNamespace(stored=(), reused=0, stale=0, failures=()))
+    spy("dlama.evaluation.report.write.write_report")
+    spy("dlama.worlds.writer.write_worlds", [])
+    spy("dlama.models.pull.pull", Path("pulled"))
+    spy("dlama.apps.model_verbs.record", through=True)
+    spy("dlama.apps.model_verbs.verify", SimpleNamespace(state="verified", path="", detail=""))
+    spy("dlama.apps.model_verbs.convert", [])
+    spy("dlama.apps.model_verbs.source_of", lambda model: Path(model))
+    spy("dlama.apps.model_verbs.size_and_sha256", (3, "abc"))
+
+
+@pytest.fixture
+def training(monkeypatch: pytest.MonkeyPatch, calls: Calls) -> None:
+    """`dlama train` and `dlama pack` without a run and without a pack."""
+    pytest.importorskip("pytorch_lightning")
+    from dlama.training.data import pack
+    from dlama.training.loop import train
+
+    def no_run(*given: Any, **more: Any) -> Any:
+        arguments = inspect.signature(original).bind(*given, **more).arguments
+        calls.setdefault("train", []).append(dict(arguments))
+        return SimpleNamespace(first=False)
+
+    def no_pack(*given: Any, **more: Any) -> list[str]:
+        bound = inspect.signature(packing).bind(*given, **more).arguments
+        calls.setdefault("pack", []).append(dict(bound))
+        bound["output"].write_bytes(b"pack")
+        return ["packed"]
+
+    original, packing = train.train, pack.pack
+    monkeypatch.setattr(train, "train", no_run)
+    monkeypatch.setattr(pack, "pack", no_pack)
+
+
+ROWS = [(verb, name) for verb in TABLE for name in TABLE[verb]]
+
+
+@pytest.mark.parametrize(("verb", "name"), ROWS, ids=[f"{verb} {name}" for verb, name in ROWS])
+def test_it_reaches_what_it_is_for(
+    verb: str, name: str, calls: Calls, request: pytest.FixtureRequest, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """With the words the keyword has the stated value in every call, and without them it has not (oracle: the table)."""
+    if verb in ("train", "pack"):
+        request.getfixturevalue("training")
+    reach = TABLE[verb][name]
+    main([*verb.split(), *reach.command(BASE[verb])])
+    assert reach.arrived(calls) and all(map(reach.fits, reach.arrived(calls)))
+    calls.clear()
+    main([*verb.split(), *BASE[verb].split()])
+    assert not any(map(reach.fits, reach.arrived(calls)))
+    capsys.readouterr()
