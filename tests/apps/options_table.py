@@ -161,6 +161,7 @@ PAIR = {
     "mask_right": Reach("--mask-right r.png", "stereo.mask_right", "r.png"),
     "max_disparity": Reach("--max-disparity 40", "stereo.max_disparity", 40.0),
     "far": Reach("--far 30", "stereo.far", 30.0),
+    "right_view": Reach("--right-view given", "stereo.right_view", "given"),
 }
 EVALUATE = {
     "dataset": instead("other", "open_dataset_or_worlds.path", "other", "toy"),
