@@ -41,7 +41,7 @@ MUTANTS = (
     Mutant("--no-shadows is dropped", "apps/worlds.py", '"shadows": shadows', '"shadows": True', OPTIONS),
     Mutant("evaluate --camera is dropped", "apps/evaluate.py", "camera=self.camera", "camera=None", OPTIONS),
     Mutant("evaluate --seed is dropped", "apps/evaluate.py", "seed=self.seed) for name", "seed=0) for name", OPTIONS),
-    Mutant("train --max-minutes is dropped", "apps/train.py", "max_minutes=max_minutes, resume", "max_minutes=None, resume", OPTIONS),
+    Mutant("train --max-minutes is dropped", "apps/train.py", "=max_minutes, resume", "=None, resume", OPTIONS),
     Mutant("train --steps is dropped", "apps/train.py", "trunk, steps=steps", "trunk, steps=None", OPTIONS),
     Mutant("pack --size is dropped", "apps/train.py", "size=size, seed=seed)", "size=256, seed=seed)", OPTIONS),
 )

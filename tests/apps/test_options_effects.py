@@ -1,4 +1,4 @@
-"""What options do to a result, from the command line to the files (oracles: closed forms, and the same input written otherwise)."""
+"""What options do to a result, from the command line to the files (oracles: closed forms, the same input written anew)."""
 
 from __future__ import annotations
 
