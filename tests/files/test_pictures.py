@@ -61,17 +61,6 @@ def test_thin_pictures(tmp_path: Path, hw: tuple[int, int]) -> None:
     assert read_color(tmp_path / "c.png").shape == (*hw, 3)
 
 
-def test_exif_rotation_is_refused_with_advice(tmp_path: Path) -> None:
-    exif = Image.Exif()
-    exif[0x0112] = 6
-    Image.fromarray(SMOOTH).save(tmp_path / "turned.jpg", exif=exif)
-    with pytest.raises(FileError, match=r"turned\.jpg: EXIF.*orientation 6.*exiftool"):
-        read_color(tmp_path / "turned.jpg")
-    exif[0x0112] = 1
-    Image.fromarray(SMOOTH).save(tmp_path / "straight.jpg", exif=exif)
-    assert read_color(tmp_path / "straight.jpg").shape == SMOOTH.shape
-
-
 def test_missing_and_wrong_files(tmp_path: Path) -> None:
     (tmp_path / "empty.png").touch()
     (tmp_path / "text.png").write_text("no picture")

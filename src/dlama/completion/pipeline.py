@@ -9,8 +9,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from dlama.completion.completion import Completion
+from dlama.completion.memory import check_memory
 from dlama.completion.published import clipped
-from dlama.completion.recipes import DepthBy, Recipe, find_recipe
+from dlama.completion.recipes import DepthBy, Recipe, checked_seed, find_recipe
 from dlama.completion.report import Clock, Record, meta_data
 from dlama.completion.steps import (
     Dilation,
@@ -66,9 +67,11 @@ def complete(
         seed: Fillers draw their random numbers from it; the same seed gives the same bits.
 
     Raises:
-        InputError: an unknown name, options that contradict each other, a mask that cannot be used (MaskError).
+        InputError: an unknown name, options that contradict each other, views that memory cannot hold, a mask that cannot be used (MaskError).
     """
     chosen = find_recipe(recipe, mode=mode, dilate=dilate, dilate_holes=dilate_holes, clip=clip, depth_by=depth_by)
+    checked_seed(seed)
+    check_memory((rgbd.camera, *cameras))
     inpainter = filler_of_recipe(find_filler(filler, model), chosen)
     source = View.from_rgbd(clipped(rgbd, chosen.clip))
     given, grown_mask = take_out(source, mask, chosen.dilate)

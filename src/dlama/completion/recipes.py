@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -49,7 +50,7 @@ class Recipe:
         for name in ("dilate", "dilate_holes"):
             if getattr(self, name) < 0:
                 raise InputError(f"{name} is {getattr(self, name)} px; 0 or more is wanted")
-        if self.clip is not None and not self.clip > 0:
+        if self.clip is not None and not 0 < self.clip < math.inf:
             raise InputError(f"clip is {self.clip} m; more than 0 is wanted")
         if self.eight_bit_depth and self.clip is None:
             raise InputError("8-bit depth needs clip, the depth of level 255")
@@ -58,6 +59,8 @@ class Recipe:
         if self.eight_bit_depth and self.depth_by != "filler":
             raise InputError("8-bit depth is the filler's; depth_by 'filler' is wanted with it")
 
+
+SEEDS = 2**32
 
 RECIPES: dict[str, Recipe] = {
     "dlama": Recipe("dlama"),
@@ -71,6 +74,13 @@ RECIPES: dict[str, Recipe] = {
         source_first=False,
     ),
 }
+
+
+def checked_seed(seed: int) -> int:
+    """The seed, if it is 0 to 2**32 - 1, as NumPy's generators take it; else InputError."""
+    if not 0 <= seed < SEEDS:
+        raise InputError(f"seed is {seed}; a whole number from 0 to {SEEDS - 1} is wanted")
+    return seed
 
 
 def find_recipe(

@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from dlama.completion.recipes import Recipe
+from dlama.errors import MaskError
 from dlama.geometry.camera import Camera
 from dlama.geometry.fusion import fuse
 from dlama.geometry.holes import checked_mask, dilated, grown
@@ -65,7 +66,8 @@ def take_out(source: View, mask: BoolArray | None, radius: int) -> tuple[Scene, 
     if mask is None:
         return Scene((source,)), NO_DILATION
     larger = dilated(checked_mask(mask, source.camera.hw), radius)
-    checked_mask(larger, source.camera.hw)
+    if larger.all():
+        raise MaskError(f"mask is full after growing by dilate, {radius} px: it leaves nothing to fill from")
     removed = source.without(~larger, HoleType.NONE)
     scene = Scene((source.without(larger, HoleType.OBJECT),), (removed,))
     return scene, Dilation(int(mask.sum()), int(larger.sum()) - int(mask.sum()))

@@ -24,9 +24,10 @@ from dlama.completion.exchange import (
     with_lent,
     with_seen_alone,
 )
+from dlama.completion.memory import check_memory
 from dlama.completion.pair import CompletedPair, MatchedPair, check_pair, default_far, masks_of_pair
 from dlama.completion.published import clipped, complete_pair_one_by_one
-from dlama.completion.recipes import DepthBy, Recipe, find_recipe
+from dlama.completion.recipes import DepthBy, Recipe, checked_seed, find_recipe
 from dlama.completion.report import Clock, Record
 from dlama.completion.steps import (
     Plan,
@@ -99,6 +100,8 @@ def stereo(
     check_pair(left, right, rig, far)
     if mask is None and mask_right is not None:
         raise InputError("mask_right was given without mask; the mask of the left view is wanted too")
+    checked_seed(seed)
+    check_memory((rig.left, rig.right))
     chosen = find_recipe(recipe, mode=mode, dilate=dilate, dilate_holes=dilate_holes, clip=clip, depth_by=depth_by)
     inpainter = find_filler(filler, model)
     if isinstance(inpainter, PairFiller) and chosen.depth_by != "surfaces":

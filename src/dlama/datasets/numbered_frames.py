@@ -22,7 +22,7 @@ from dlama.datasets.text_tables import files_in, read_pose
 from dlama.datasets.view_pairs import read_posed
 from dlama.errors import FileError, ShapeError
 from dlama.files.cameras import checked_camera
-from dlama.files.pictures import read_color
+from dlama.files.pictures import read_color_of_camera
 from dlama.geometry.camera import Camera, inverse_pose
 from dlama.geometry.projection import project, rays
 from dlama.geometry.rgbd import RGBD, Float32Array
@@ -112,7 +112,7 @@ def _registered_frame(scene: str, name: str, files: FrameFiles) -> PosedFrame:
 def load_registered(files: FrameFiles) -> RGBD:
     """Colour as it is, and the depth moved into the colour camera; raises FileError, DepthError, ShapeError."""
     depth, camera = load_registered_depth(files)
-    color = read_color(files.color)
+    color = read_color_of_camera(files.color)
     if color.shape[:2] != camera.hw:
         raise ShapeError(
             f"{files.color}: is {color.shape[1]}x{color.shape[0]}; 640x480 is wanted, or a camera that says otherwise"

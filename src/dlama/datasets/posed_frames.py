@@ -21,7 +21,7 @@ from dlama.files.cameras import checked_camera, read_camera
 from dlama.files.checked_fields import FileFields, Intrinsics, read_json_fields
 from dlama.files.depth import read_depth
 from dlama.files.images import picture_hw
-from dlama.files.pictures import read_color
+from dlama.files.pictures import read_color_of_camera
 from dlama.geometry.camera import Camera, Float64Array
 from dlama.geometry.rgbd import RGBD, Float32Array, UInt8Array
 
@@ -82,7 +82,7 @@ def load_rgbd(files: FrameFiles) -> RGBD:
     Raises FileError, DepthError, CameraError, ShapeError.
     """
     depth = _metres(files)
-    color = read_color(files.color)
+    color = read_color_of_camera(files.color)
     camera = _camera(files, color.shape[:2], depth.shape)
     return RGBD(_shrunk(color, depth.shape), depth, camera)
 

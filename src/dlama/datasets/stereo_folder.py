@@ -23,7 +23,7 @@ from dlama.errors import CameraError, FileError, ShapeError
 from dlama.files.cameras import checked_camera, read_stereo_calib
 from dlama.files.checked_fields import FileFields, read_json_fields
 from dlama.files.depth import read_disparity
-from dlama.files.pictures import read_color
+from dlama.files.pictures import read_color_of_camera
 from dlama.geometry.camera import StereoRig
 from dlama.geometry.rgbd import Float32Array
 
@@ -83,7 +83,7 @@ def _first(folder: Path, names: tuple[str, ...]) -> Path | None:
 
 def load_stereo(files: StereoFiles) -> StereoTruth:
     """Read a pair and its truth; raises FileError, DepthError, CameraError, ShapeError."""
-    left, right = read_color(files.left), read_color(files.right)
+    left, right = read_color_of_camera(files.left), read_color_of_camera(files.right)
     hw = left.shape[0], left.shape[1]
     _same_size(files.right, right.shape, hw)
     if files.calib.suffix == ".txt":

@@ -15,6 +15,9 @@ from dlama.files.atomic_write import PathLike
 from dlama.files.images import existing
 from dlama.geometry.camera import Float64Array, intrinsics_of
 
+LONGEST_SIDE = 2**24
+"""Pixels of the longest side of a picture that a file may name."""
+
 Intrinsics = tuple[float, float, float, float]
 """fx, fy, cx, cy in pixels, as the file counts them."""
 
@@ -32,15 +35,16 @@ class FileFields:
     def number(self, name: str) -> float:
         """A finite number; raises CameraError."""
         value = self._field(name)
-        if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
+        number = as_float(value)
+        if number is None or not math.isfinite(number):
             raise CameraError(f"{self.path}: {name} is {_shown(value)}; a finite number is wanted")
-        return float(value)
+        return number
 
     def count(self, name: str) -> int:
         """A whole number >= 1; raises CameraError."""
         value = self.number(name)
-        if value != int(value) or value < 1:
-            raise CameraError(f"{self.path}: {name} is {value:g}; a whole number of pixels >= 1 is wanted")
+        if value != int(value) or not 1 <= value <= LONGEST_SIDE:
+            raise CameraError(f"{self.path}: {name} is {value:g}; a whole number of pixels, 1 to {LONGEST_SIDE}, is wanted")
         return int(value)
 
     def matrix(self, name: str, shape: tuple[int, int]) -> Float64Array:
@@ -49,7 +53,7 @@ class FileFields:
         wanted = f"a {shape[0]}x{shape[1]} matrix of finite numbers is wanted"
         try:
             matrix = np.array(value, np.float64)
-        except (TypeError, ValueError) as error:
+        except (TypeError, ValueError, OverflowError) as error:
             raise CameraError(f"{self.path}: {name} is {_shown(value)}; {wanted}") from error
         if matrix.shape != shape or not np.isfinite(matrix).all():
             raise CameraError(f"{self.path}: {name} is {_shown(value)}; {wanted}")
@@ -78,8 +82,9 @@ class FileFields:
             return hw
         height, width = self.count("height"), self.count("width")
         if hw is not None and (height, width) != tuple(hw):
+            turned = " (a picture with an EXIF orientation is read as viewers show it)" if (width, height) == hw else ""
             raise CameraError(
-                f"{self.path}: the camera is {width}x{height} and the picture {hw[1]}x{hw[0]}; both must be the same"
+                f"{self.path}: the camera is {width}x{height} and the picture {hw[1]}x{hw[0]}; both must be the same{turned}"
             )
         return height, width
 
@@ -87,27 +92,37 @@ class FileFields:
         """A text that is not empty; raises FileError."""
         value = self.values.get(name)
         if not isinstance(value, str) or not value:
-            raise FileError(f"{self.path}: {name} is {json.dumps(value)[:40]}; a text is wanted")
+            raise FileError(f"{self.path}: {name} is {_shown(value)[:40]}; a text is wanted")
         return value
 
     def entries(self, name: str, of: str) -> list[object]:
         """A list with something in it, `of` says of what; raises FileError."""
         values = self.values.get(name)
         if not isinstance(values, list) or not values:
-            raise FileError(f"{self.path}: {name} is {str(values)[:40]}; a list of {of} is wanted")
+            raise FileError(f"{self.path}: {name} is {_shown(values)[:40]}; a list of {of} is wanted")
         return values
 
     def part(self, name: str, values: object) -> FileFields:
         """`values` as the fields of an object within this one, whose errors call it `name`; raises FileError."""
         where = f"{self.path}: {name}"
         if not isinstance(values, dict):
-            raise FileError(f"{where} is {json.dumps(values)[:40]}; an object with named fields is wanted")
+            raise FileError(f"{where} is {_shown(values)[:40]}; an object with named fields is wanted")
         return FileFields(where, values)
 
     def _field(self, name: str) -> Any:
         if name not in self.values:
             raise CameraError(f"{self.path}: field '{name}' is missing; it has {', '.join(self.values) or 'none'}")
         return self.values[name]
+
+
+def as_float(value: object) -> float | None:
+    """A JSON number as float, infinity where it is too large for one; None for anything else, true and false too."""
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        return None
+    try:
+        return float(value)
+    except OverflowError:  # JSON's whole numbers have no end
+        return math.inf
 
 
 def read_json_fields(path: PathLike, known: Sequence[str] | None = None) -> FileFields:
@@ -161,5 +176,8 @@ def _calib_value(text: str) -> float | list[list[float]]:
 
 
 def _shown(value: Any) -> str:
-    text = json.dumps(value) if not isinstance(value, float) else str(value)
+    try:
+        text = json.dumps(value) if not isinstance(value, float) else str(value)
+    except (ValueError, RecursionError):  # a whole number of more than 4300 digits, lists in lists without end
+        text = f"a {type(value).__name__} that is too long to show"
     return text if len(text) <= 60 else text[:57] + "..."

@@ -5,19 +5,22 @@ from __future__ import annotations
 import math
 import re
 import struct
+import zipfile
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import numpy as np
 import OpenEXR
 
 from dlama.errors import FileError, ShapeError
 from dlama.files.atomic_write import PathLike, new_file
-from dlama.files.images import existing
+from dlama.files.images import LARGEST_PIXELS, check_pixels, existing
 from dlama.geometry.rgbd import Float32Array
 
-PFM_HEADER = re.compile(rb"(P[Ff])\s+(\d+)\s+(\d+)\s+([-+]?[\d.]+(?:[eE][-+]?\d+)?)(?:\r\n|\s)")
+PFM_HEADER = re.compile(rb"(P[Ff])\s+(\d{1,18})\s+(\d{1,18})\s+([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)(?:\r\n|\s)")
+PFM_HEADER_BYTES = 512
+"""The longest header that is looked at."""
 HALF_MAX = 65504.0
 """The largest half float; where a writer clamps, this is what infinity becomes."""
 CHANNEL_ORDER = ("z", "depth", "*.z", "*depth*", "r", "y")
@@ -31,8 +34,8 @@ def read_pfm(path: PathLike) -> Float32Array:
     display only, as Middlebury does). Raises FileError.
     """
     file = existing(path)
-    data = file.read_bytes()
-    head = PFM_HEADER.match(data)
+    with file.open("rb") as stream:
+        head = PFM_HEADER.match(stream.read(PFM_HEADER_BYTES))
     if head is None:
         raise FileError(f"{file}: is no PFM picture (header 'Pf', width, height, scale is wanted)")
     kind, width, height, scale = head[1], int(head[2]), int(head[3]), float(head[4])
@@ -40,11 +43,12 @@ def read_pfm(path: PathLike) -> Float32Array:
         raise FileError(f"{file}: is a colour PFM (PF); one channel (Pf) is wanted")
     if width < 1 or height < 1 or scale == 0 or not math.isfinite(scale):
         raise FileError(f"{file}: says {width}x{height}, scale {scale}; positive sizes and a scale are wanted")
-    held, wanted = len(data) - head.end(), 4 * width * height
+    check_pixels(file, width, height)
+    held, wanted = file.stat().st_size - head.end(), 4 * width * height
     if held != wanted:
         raise FileError(f"{file}: is damaged or truncated ({held} bytes of numbers, {width}x{height} wants {wanted})")
-    rows = np.frombuffer(data, "<f4" if scale < 0 else ">f4", offset=head.end()).reshape(height, width)
-    return rows[::-1].astype(np.float32)
+    numbers = np.fromfile(file, "<f4" if scale < 0 else ">f4", offset=head.end(), count=width * height)
+    return numbers.reshape(height, width)[::-1].astype(np.float32)
 
 
 def write_pfm(path: PathLike, values: Float32Array) -> None:
@@ -60,18 +64,47 @@ def read_array(path: PathLike, key: str) -> np.ndarray:
     """The H x W array of an NPY, or of an NPZ: the one called `key`, else the only one. Raises FileError."""
     file = existing(path)
     try:
-        with file.open("rb") as stream:  # given a path, numpy leaves damaged NPZ files open
-            loaded = np.load(stream, allow_pickle=False)
-            if isinstance(loaded, np.ndarray):
-                return _plane(file, loaded)
-            names = list(loaded.files)
-            if key not in names and len(names) != 1:
-                raise FileError(f"{file}: holds {', '.join(names) or 'nothing'}; an array called '{key}' is wanted")
-            return _plane(file, loaded[key if key in names else names[0]])
-    except FileError:
-        raise
+        with file.open("rb") as stream:
+            if stream.read(2) != b"PK":
+                stream.seek(0)
+                return _plane(file, read_npy(stream, file.stat().st_size))
+        with zipfile.ZipFile(file) as archive:
+            parts = {part.filename.removesuffix(".npy"): part for part in archive.infolist()}
+            if key not in parts and len(parts) != 1:
+                raise FileError(f"{file}: holds {', '.join(parts)[:200] or 'nothing'}; an array called '{key}' is wanted")
+            part = parts[key if key in parts else next(iter(parts))]
+            with archive.open(part) as stream:
+                return _plane(file, read_npy(stream, part.file_size))
+    except FileError as error:
+        raise error if str(error).startswith(str(file)) else FileError(f"{file}: {error}") from error
     except Exception as error:  # ValueError, EOFError, BadZipFile, zlib.error, ...
         raise FileError(f"{file}: is no whole NPY or NPZ file ({str(error) or type(error).__name__})") from error
+
+
+def read_npy(stream: IO[bytes], held: int) -> np.ndarray:
+    """The array of an NPY of `held` bytes; its header is believed only where it fits them, and bounds what is read.
+
+    FileError: an array of objects, of more than LARGEST_PIXELS x 4 numbers, or of another size than is there; what numpy
+    raises for headers that are none.
+    """
+    version = np.lib.format.read_magic(stream)  # type: ignore[arg-type]
+    if version not in ((1, 0), (2, 0)):
+        raise FileError(f"is an NPY of version {version}; 1.0 or 2.0 is wanted")
+    read_header = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
+    shape, by_columns, dtype = read_header(stream)  # type: ignore[arg-type]
+    count = math.prod(shape)
+    if dtype.hasobject:
+        raise FileError("holds Python objects; numbers are wanted")
+    if min((0, *shape)) < 0 or count > 4 * LARGEST_PIXELS:
+        raise FileError(f"says it holds an array of shape {shape}; at most {4 * LARGEST_PIXELS} numbers are read")
+    wanted = count * dtype.itemsize
+    if wanted > held:
+        raise FileError(f"is damaged or truncated ({held} bytes, an array {shape} of {dtype} wants {wanted})")
+    data = stream.read(wanted)
+    if len(data) != wanted:
+        raise FileError(f"is damaged or truncated ({len(data)} bytes of numbers, {wanted} are wanted)")
+    array = np.frombuffer(data, dtype, count)
+    return array.reshape(shape[::-1]).T if by_columns else array.reshape(shape)
 
 
 def _plane(file: Path, array: np.ndarray) -> np.ndarray:
@@ -81,6 +114,7 @@ def _plane(file: Path, array: np.ndarray) -> np.ndarray:
         array = array[0] if array.shape[0] == 1 else array[..., 0]
     if array.ndim != 2 or array.size == 0:
         raise FileError(f"{file}: holds an array of shape {array.shape}; H x W is wanted")
+    check_pixels(file, array.shape[1], array.shape[0])
     return np.ascontiguousarray(array.astype(array.dtype.newbyteorder("="), copy=False))
 
 

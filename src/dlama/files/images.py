@@ -1,9 +1,12 @@
-"""A PNG, JPEG or TIFF file in; its numbers out, exactly as stored, and whole or not at all."""
+"""A PNG, JPEG or TIFF file in; its numbers out, exactly as stored and turned as viewers show them, whole or not at all."""
 
 from __future__ import annotations
 
+import io
 import struct
 import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -19,6 +22,13 @@ SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff")
 EXIF_ORIENTATION = 0x0112
 EXIF_FOLDER = 0x8769
 EXIF_FOCAL_35MM = 0xA405
+TIFF_HEADS = (b"II*\0", b"MM\0*")
+TIFF_WHOLE = {3: "H", 4: "I"}
+"""Types of whole numbers in a TIFF, as `struct` calls them."""
+LARGEST_PIXELS = 2**26
+"""Pixels of the largest picture or array that is read (8192 x 8192): bounds the memory that a small file can ask for."""
+SHOWN_NAME = 120
+"""Characters of a file's name that an error shows."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,9 +36,9 @@ class Stored:
     """The numbers of a picture file, without any reinterpretation but palettes (looked up) and bilevel (0 and 255)."""
 
     values: np.ndarray
-    """H x W or H x W x C; uint8, uint16, int32 or float32, native byte order; colour as RGB(A)."""
+    """H x W or H x W x C; uint8, uint16, int32 or float32, native byte order; colour as RGB(A). Turned as viewers show them."""
     orientation: int
-    """EXIF orientation, 1 = as it is."""
+    """The file's EXIF (TIFF) orientation, 1 to 8, which `values` no longer need."""
     focal_35mm: float | None
     """EXIF focal length in 35 mm film terms, mm; None where unknown."""
 
@@ -36,26 +46,47 @@ class Stored:
 def existing(path: PathLike) -> Path:
     """The path, if a readable file is there; raises FileError."""
     file = Path(path)
-    if file.is_dir():
+    try:
+        kind, size = file.is_dir(), file.stat().st_size
+    except FileNotFoundError:
+        raise FileError(f"{shown_name(path)}: no such file") from None
+    except (OSError, ValueError) as error:  # a name too long, with NUL, behind a closed folder, in a circle of links
+        raise FileError(f"{shown_name(path)}: cannot be read ({getattr(error, 'strerror', '') or error})") from error
+    if kind:
         raise FileError(f"{file}: is a directory, a file is wanted")
-    if not file.exists():
-        raise FileError(f"{file}: no such file")
-    if file.stat().st_size == 0:
+    if size == 0:
         raise FileError(f"{file}: is empty (0 bytes)")
     return file
 
 
+def shown_name(path: PathLike) -> str:
+    """A path for a message: what cannot be printed escaped, the middle of a very long one left out."""
+    text = str(path)
+    text = text if text.isprintable() else text.encode("unicode_escape").decode("ascii")
+    return text if len(text) <= SHOWN_NAME else f"{text[: SHOWN_NAME // 2]}...{text[-SHOWN_NAME // 2 :]}"
+
+
+def check_pixels(file: PathLike, width: int, height: int) -> None:
+    """Raise FileError where a file says it holds more pixels than are read, before memory is taken for them."""
+    if width * height > LARGEST_PIXELS:
+        raise FileError(
+            f"{file}: says it holds {width}x{height} pixels; at most {LARGEST_PIXELS / 1e6:.0f} million are read, "
+            "scale it down"
+        )
+
+
 def read_stored(path: PathLike) -> Stored:
-    """The numbers of a PNG, JPEG or TIFF file. Raises FileError when it is missing, damaged or of another kind."""
+    """The numbers of a PNG, JPEG or TIFF file. Raises FileError when it is missing, damaged, too large or of another kind."""
     file = existing(path)
     try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", UserWarning)  # Pillow's remarks on damaged tags; pixels raise on their own
-            with Image.open(file, formats=("PNG", "JPEG", "TIFF")) as picture:
-                if picture.format == "TIFF" and getattr(picture, "n_frames", 1) > 1:
-                    raise FileError(f"{file}: holds more than one page; a TIFF with a single picture is wanted")
-                picture.load()
-                return Stored(_values(picture, file), *_exif(picture))
+        data, tiff_orientation = _as_stored(file.read_bytes())
+        with _opened(file, data) as picture:
+            if picture.format == "TIFF" and getattr(picture, "n_frames", 1) > 1:
+                raise FileError(f"{file}: holds more than one page; a TIFF with a single picture is wanted")
+            exif_orientation, focal = _exif(picture)
+            orientation = exif_orientation if picture.format != "TIFF" else tiff_orientation
+            picture.load()
+            return Stored(_as_shown(_values(picture, file, data), orientation), orientation, focal)
     except FileError:
         raise
     except Image.UnidentifiedImageError as error:
@@ -65,16 +96,74 @@ def read_stored(path: PathLike) -> Stored:
 
 
 def picture_hw(path: PathLike) -> tuple[int, int]:
-    """(height, width) of a picture file from its header. Raises FileError."""
-    file = existing(path)
+    """(height, width) of a picture file as viewers show it, from its header. Raises FileError."""
+    hw, orientation = _header(existing(path))
+    return hw if orientation < 5 else (hw[1], hw[0])
+
+
+def orientation_of(path: PathLike) -> int:
+    """How a picture file is turned to be shown, 1 to 8 as in EXIF; 1 for any other kind of file. Raises FileError."""
+    return _header(existing(path))[1] if Path(path).suffix.lower() in SUFFIXES else 1
+
+
+def _header(file: Path) -> tuple[tuple[int, int], int]:
+    """(height, width) as stored, and the orientation."""
     try:
-        with Image.open(file, formats=("PNG", "JPEG", "TIFF")) as picture:
-            return picture.height, picture.width
+        with file.open("rb") as stream:
+            tiff = stream.read(4) in TIFF_HEADS
+        data, orientation = _as_stored(file.read_bytes()) if tiff else (b"", 1)
+        with _opened(file, data) as picture:
+            return (picture.height, picture.width), orientation if tiff else _exif(picture)[0]
+    except FileError:
+        raise
     except Exception as error:
         raise FileError(f"{file}: is no readable PNG, JPEG or TIFF picture") from error
 
 
-def _values(picture: Image.Image, file: Path) -> np.ndarray:
+@contextmanager
+def _opened(file: Path, data: bytes) -> Iterator[Image.Image]:
+    """The picture of a file (of `data`, where there are any) before its pixels are read; FileError where they are too many."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # Pillow's remarks on damaged tags and large pictures
+        with Image.open(io.BytesIO(data) if data else file, formats=("PNG", "JPEG", "TIFF")) as picture:
+            check_pixels(file, picture.width, picture.height)
+            yield picture
+
+
+def _as_stored(data: bytes) -> tuple[bytes, int]:
+    """The bytes of a TIFF with its orientation set to 1, and what it was; other files as they are.
+
+    Pillow turns TIFF by itself (and scrambles some, 13.0), OpenCV does not: here all kinds of files are turned alike.
+    """
+    if data[:4] not in TIFF_HEADS:
+        return data, 1
+    order = "<" if data[:2] == b"II" else ">"
+    (start,) = struct.unpack_from(f"{order}I", data, 4)
+    (count,) = struct.unpack_from(f"{order}H", data, start)
+    for at in range(start + 2, start + 2 + 12 * count, 12):  # entries: tag, type, count, value (TIFF 6.0, sec. 2)
+        tag, kind, number = struct.unpack_from(f"{order}HHI", data, at)
+        if tag == EXIF_ORIENTATION and kind in TIFF_WHOLE and number == 1:
+            layout = order + TIFF_WHOLE[kind]
+            (value,) = struct.unpack_from(layout, data, at + 8)
+            patched = data[: at + 8] + struct.pack(layout, 1) + data[at + 8 + struct.calcsize(layout) :]
+            return patched, value if value in range(2, 9) else 1
+    return data, 1
+
+
+def _as_shown(values: np.ndarray, orientation: int) -> np.ndarray:
+    """Stored pixels as the tag says they are to be shown (EXIF 2.32, Orientation): 2 to 4 flips, 5 to 8 transposed as well."""
+    if orientation == 1:
+        return values
+    if orientation >= 5:
+        values = np.swapaxes(values, 0, 1)
+    if orientation in (3, 4, 7, 8):
+        values = values[::-1]
+    if orientation in (2, 3, 6, 7):
+        values = values[:, ::-1]
+    return np.ascontiguousarray(values)
+
+
+def _values(picture: Image.Image, file: Path, data: bytes) -> np.ndarray:
     mode = picture.mode
     if mode in ("P", "PA"):
         picture = picture.convert("RGB")
@@ -82,26 +171,25 @@ def _values(picture: Image.Image, file: Path) -> np.ndarray:
         picture = picture.convert("L")
     elif mode in ("CMYK", "YCbCr", "LAB", "HSV"):
         picture = picture.convert("RGB")
-    elif mode in ("RGB", "RGBA", "LA") and _bits(picture, file) == 16:
-        return _values_16bit(file)  # Pillow keeps the high byte only
+    elif mode in ("RGB", "RGBA", "LA") and _bits(picture, data) == 16:
+        return _values_16bit(file, data)  # Pillow keeps the high byte only
     values = np.array(picture)
     if mode == "I" and picture.format == "PNG":  # older Pillow's name for 16-bit grey
         values = values.astype(np.uint16)
     return values.astype(values.dtype.newbyteorder("="), copy=False)
 
 
-def _bits(picture: Image.Image, file: Path) -> int:
+def _bits(picture: Image.Image, data: bytes) -> int:
     """Bits per channel as stored."""
     if picture.format == "PNG":
-        with file.open("rb") as stream:
-            return struct.unpack(">B", stream.read(25)[24:25])[0]  # IHDR: signature 8, length 4, type 4, size 8, depth
+        return data[24]  # IHDR: signature 8, length 4, type 4, size 8, depth
     tags: Any = getattr(picture, "tag_v2", {})
     return int(max(np.atleast_1d(tags.get(258, 8))))  # BitsPerSample
 
 
-def _values_16bit(file: Path) -> np.ndarray:
+def _values_16bit(file: Path, data: bytes) -> np.ndarray:
     """16-bit colour; Pillow has already read the file to its end, so it is whole."""
-    values = cv2.imdecode(np.fromfile(file, np.uint8), cv2.IMREAD_UNCHANGED)
+    values = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
     if values is None or values.ndim != 3:
         raise FileError(f"{file}: this kind of 16-bit picture cannot be read; save it as 16-bit PNG")
     order = [2, 1, 0, 3][: values.shape[2]]

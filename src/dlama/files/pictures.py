@@ -27,14 +27,19 @@ PNG_LEVEL = 2
 def read_color(path: PathLike) -> UInt8Array:
     """A colour picture as uint8 H x W x 3 RGB.
 
-    PNG, JPEG, TIFF. 16 bit keep their high byte, grey is repeated, palettes are looked up, alpha is dropped. Raises
-    FileError: missing, damaged, float, or marked as rotated by EXIF (rotating it here would tear it off its depth).
+    PNG, JPEG, TIFF. 16 bit keep their high byte, grey is repeated, palettes are looked up, alpha is dropped. Turned as
+    viewers show it, where EXIF says so; masks and depth pictures are, too. Raises FileError: missing, damaged or float.
     """
+    return eight_bit_rgb(read_stored(path).values, path)
+
+
+def read_color_of_camera(path: PathLike) -> UInt8Array:
+    """As `read_color`, for pictures whose camera is known for the pixels as stored: one that EXIF turns is a FileError."""
     stored = read_stored(path)
     if stored.orientation != 1:
         raise FileError(
-            f"{path}: EXIF says the picture is turned (orientation {stored.orientation}), its depth would not fit; "
-            "turn both pixels and depth first, or clear the tag (exiftool -Orientation= FILE)"
+            f"{path}: EXIF says the picture is turned (orientation {stored.orientation}), its camera would not fit; "
+            "clear the tag (exiftool -Orientation= FILE)"
         )
     return eight_bit_rgb(stored.values, path)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from typing import Literal
 
 import numpy as np
@@ -10,6 +11,7 @@ from dlama.errors import ShapeError
 from dlama.files.atomic_write import PathLike
 from dlama.files.cameras import camera_for
 from dlama.files.depth import read_depth
+from dlama.files.images import orientation_of
 from dlama.files.pictures import read_color
 from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import RGBD, Float32Array
@@ -53,10 +55,32 @@ def read_rgbd(
     color = read_color(image)
     hw = color.shape[:2]
     metres = read_depth(depth, depth_scale=depth_scale, depth_range=depth_range, channel=channel, far=far)
+    turned = orientation_of(image), orientation_of(depth)
+    if turned[0] != turned[1]:
+        _check_turned(image, depth, hw, metres, turned)
     if metres.shape != hw:
         metres = _resized(image, depth, metres, hw, resize_depth)
     lens, _ = camera_for(hw, camera=camera, fx=fx, fy=fy, cx=cx, cy=cy, fov=fov, pixel_center=pixel_center, image=image)
     return RGBD(color, metres, lens)
+
+
+def _check_turned(
+    image: PathLike, depth: PathLike, hw: tuple[int, int], metres: Float32Array, turned: tuple[int, int]
+) -> None:
+    """Picture and depth whose EXIF orientations differ: ShapeError where depth lies across the picture, else a warning."""
+    which, other, tag = (image, depth, turned[0]) if turned[0] != 1 else (depth, image, turned[1])
+    found = f"{which} is shown turned by its EXIF orientation {tag}, {other} "
+    found += "has none" if 1 in turned else f"by {turned[1]}"
+    if metres.shape != hw and metres.shape == hw[::-1]:
+        raise ShapeError(
+            f"{found}: depth is {metres.shape[1]}x{metres.shape[0]} and the picture {hw[1]}x{hw[0]}; turn the one "
+            "without it the same way, or clear the tag (exiftool -Orientation= FILE)"
+        )
+    warnings.warn(
+        f"{found}; if both were made of the same stored pixels, clear the tag (exiftool -Orientation= FILE)",
+        UserWarning,
+        stacklevel=3,
+    )
 
 
 def _resized(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 from dlama.errors import FileError, MaskError
@@ -10,6 +11,7 @@ from dlama.files.images import existing
 
 RGB = tuple[int, int, int]
 CLASSES_FILE = "SemanticClasses.csv"
+CHANNEL = re.compile(r"[0-9]{1,3}")
 FOLDERS_UP = 3
 """How many folders above a semantic picture its class table is looked for (EasySynth: 2)."""
 
@@ -42,7 +44,9 @@ def class_color(wanted: str, classes_csv: PathLike | None, picture: PathLike) ->
     Raises MaskError (no table, or no such name: it lists the known), FileError (what the table holds).
     """
     parts = wanted.split(",")
-    if len(parts) == 3 and all(part.strip().isdecimal() and int(part) <= 255 for part in parts):
+    if len(parts) == 3 and all(part.strip().lstrip("+-").isdecimal() for part in parts):
+        if not all(CHANNEL.fullmatch(part.strip()) and int(part) <= 255 for part in parts):
+            raise MaskError(f"mask_class is {wanted[:40]}; R,G,B of 0 to 255 each is wanted")
         return int(parts[0]), int(parts[1]), int(parts[2])
     table = _table_beside(picture) if classes_csv is None else classes_csv
     classes = read_classes(table)
@@ -75,6 +79,6 @@ def _table_beside(picture: PathLike) -> Path:
 
 
 def _channel(where: str, text: str) -> int:
-    if not (text.isascii() and text.isdecimal()) or int(text) > 255:
-        raise FileError(f"{where} is '{text}'; a whole number 0..255 is wanted")
+    if not CHANNEL.fullmatch(text) or int(text) > 255:
+        raise FileError(f"{where} is '{text[:40]}'; a whole number 0..255 is wanted")
     return int(text)

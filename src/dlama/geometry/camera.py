@@ -27,12 +27,20 @@ K_TOLERANCE = 1e-6
 """By how much an entry of an intrinsic matrix that must be 0 or 1 may differ from it."""
 
 
+LARGEST_PX = 1e7
+"""Pixels: no focal length or principal point lies beyond (a telescope's is some 1e6)."""
+SMALLEST_FOCAL_PX = 1e-3
+"""Pixels: any shorter focal length sees a half space."""
+FARTHEST_M = 1e9
+"""Metres: no camera stands farther from the world's origin (geo-referenced ones up to 1e7)."""
+
+
 @dataclass(frozen=True, eq=False)
 class Camera:
     """A pinhole camera without distortion, at a pose.
 
     Raises CameraError when the size is not positive, a focal length is not positive, any number is not finite,
-    or the pose is not a rigid motion.
+    beyond what arithmetic bears (focal lengths 0.001 to 1e7 px, positions 1e9 m), or the pose is not a rigid motion.
     """
 
     width: int
@@ -57,10 +65,14 @@ class Camera:
             value = getattr(self, name)
             if not math.isfinite(value):
                 raise CameraError(f"camera {name} is {value}; a finite number of pixels is wanted")
+            if abs(value) > LARGEST_PX:
+                raise CameraError(f"camera {name} is {value:g} px; at most {LARGEST_PX:g} px is wanted")
         for name in ("fx", "fy"):
             value = getattr(self, name)
             if value <= 0:
                 raise CameraError(f"camera {name} is {value}; K is singular or negative, a focal length > 0 is wanted")
+            if value < SMALLEST_FOCAL_PX:
+                raise CameraError(f"camera {name} is {value:g} px; at least {SMALLEST_FOCAL_PX:g} px is wanted")
         object.__setattr__(self, "world_from_cam", checked_pose(self.world_from_cam))
 
     @classmethod
@@ -241,6 +253,8 @@ def checked_pose(pose: ArrayLike) -> Float64Array:
         raise CameraError(f"world_from_cam has shape {matrix.shape}; a 4x4 matrix is wanted")
     if not np.isfinite(matrix).all():
         raise CameraError("world_from_cam holds NaN or infinity; a finite rigid motion is wanted")
+    if np.abs(matrix[:3, 3]).max() > FARTHEST_M:
+        raise CameraError(f"world_from_cam moves by {np.abs(matrix[:3, 3]).max():g} m; at most {FARTHEST_M:g} m is wanted")
     if not np.allclose(matrix[3], (0, 0, 0, 1), atol=1e-9):
         raise CameraError(f"world_from_cam ends with the row {matrix[3].tolist()}; 0 0 0 1 is wanted")
     rotation = matrix[:3, :3]

@@ -26,6 +26,8 @@ DOUBLED_UP_TO_PX = 1600
 a third less median error on Middlebury pairs, for 2.5 times the time."""
 PROBE_WIDTH_PX = 320
 """Width at which the disparity range is looked for."""
+LARGEST_STEP = 2000
+"""Disparity in px that OpenCV's matcher can say (16 bits, steps of 1/16), less margins."""
 MARGIN_PX = 2
 """Columns of the search that lie beyond the asked range, so that its ends get sub-pixel values as well."""
 
@@ -39,7 +41,7 @@ def disparity_pair(
     within 1 px and what is no speckle. Everything else is 0 = unknown: above all what only one of the two cameras sees.
     A match at exactly 0 px (infinity) is written as 1e-6. `max_disparity` None looks for the range first, in a small
     copy of the pair; negative disparities need a negative `min_disparity`.
-    Raises ShapeError when the pictures are no such pair, InputError when the range is empty.
+    Raises ShapeError when the pictures are no such pair, InputError when the range is empty, or wider than the picture.
     """
     _check_pair(left, right)
     if max_disparity is None:
@@ -49,6 +51,12 @@ def disparity_pair(
             f"disparity range is {min_disparity}..{max_disparity} px; min_disparity < max_disparity is wanted"
         )
     scale = 2 if left.shape[1] <= DOUBLED_UP_TO_PX else 1
+    most = min(left.shape[1], LARGEST_STEP // scale)
+    if max(-min_disparity, max_disparity) > most:
+        raise InputError(
+            f"max_disparity is {max(-min_disparity, max_disparity):g} px; at most {most} px is wanted in pictures "
+            f"{left.shape[1]} px wide"
+        )
     at_left, at_right = _matched_both_ways(
         _resized(left, scale),
         _resized(right, scale),

@@ -1,0 +1,133 @@
+"""Pictures, depth and masks are turned alike, as viewers show them.
+
+Oracles: EXIF 2.32's table of orientations (row and column that come first), and Pillow's own exif_transpose.
+"""
+
+from __future__ import annotations
+
+import struct
+import warnings
+import zlib
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+import tifffile
+from PIL import Image, ImageOps
+
+from dlama.errors import CameraError, FileError, ShapeError
+from dlama.files.images import orientation_of, picture_hw, read_stored
+from dlama.files.pictures import read_color, read_color_of_camera, read_mask
+from dlama.files.rgbd import read_rgbd
+
+RNG = np.random.default_rng(0)
+PICTURES = {
+    "grey": RNG.integers(0, 256, (4, 6), dtype=np.uint8),
+    "colour": RNG.integers(0, 256, (4, 6, 3), dtype=np.uint8),
+    "depth": RNG.integers(0, 65536, (4, 6), dtype=np.uint16),
+    "deep colour": RNG.integers(0, 65536, (4, 6, 3), dtype=np.uint16),
+}
+
+
+def shown(values: np.ndarray, orientation: int) -> np.ndarray:
+    """Pixel by pixel: which side of the shown picture is the stored row 0, and which the stored column 0 (EXIF 2.32)."""
+    row_0, column_0 = {
+        1: "top left", 2: "top right", 3: "bottom right", 4: "bottom left",
+        5: "left top", 6: "right top", 7: "right bottom", 8: "left bottom",
+    }[orientation].split()  # fmt: skip
+    height, width = values.shape[:2]
+    out = np.empty((*((width, height) if row_0 in ("left", "right") else (height, width)), *values.shape[2:]), values.dtype)
+    for row in range(height):
+        for column in range(width):
+            place = {
+                "top": row, "bottom": height - 1 - row, "left": row, "right": height - 1 - row
+            }[row_0], {"left": column, "right": width - 1 - column, "top": column, "bottom": width - 1 - column}[column_0]  # fmt: skip
+            out[place if row_0 in ("top", "bottom") else place[::-1]] = values[row, column]
+    return out
+
+
+def write(path: Path, values: np.ndarray, orientation: int) -> Path:
+    """A TIFF or PNG whose tag says that it is turned."""
+    if path.suffix == ".tif":
+        kind = "rgb" if values.ndim == 3 else "minisblack"
+        tifffile.imwrite(path, values, extratags=[(274, "H", 1, orientation, True)], photometric=kind)
+        return path
+    data = cv2.imencode(".png", values[..., ::-1] if values.ndim == 3 else values)[1].tobytes()
+    exif = Image.Exif()
+    exif[0x0112] = orientation
+    chunk = b"eXIf" + exif.tobytes().removeprefix(b"Exif\0\0")
+    head = 33  # signature and IHDR
+    path.write_bytes(data[:head] + struct.pack(">I", len(chunk) - 4) + chunk + struct.pack(">I", zlib.crc32(chunk)) + data[head:])
+    return path
+
+
+@pytest.mark.parametrize("orientation", range(1, 9))
+@pytest.mark.parametrize("suffix", [".tif", ".png"])
+@pytest.mark.parametrize("kind", PICTURES)
+def test_every_kind_of_picture_is_read_as_shown(tmp_path: Path, kind: str, suffix: str, orientation: int) -> None:
+    path = write(tmp_path / f"turned{suffix}", PICTURES[kind], orientation)
+    wanted = shown(PICTURES[kind], orientation)
+    assert np.array_equal(read_stored(path).values, wanted)
+    assert picture_hw(path) == wanted.shape[:2]
+    assert orientation_of(path) == orientation
+    if kind == "colour" and suffix == ".png":
+        with Image.open(path) as picture:
+            assert np.array_equal(np.array(ImageOps.exif_transpose(picture)), wanted)
+
+
+def test_float_tiff_is_turned(tmp_path: Path) -> None:
+    depth = RNG.random((4, 6), np.float32)
+    assert np.array_equal(read_stored(write(tmp_path / "depth.tif", depth, 6)).values, shown(depth, 6))
+
+
+def rgbd_files(folder: Path, orientations: tuple[int, int, int]) -> tuple[Path, Path, Path]:
+    """Picture, depth and mask of 6 x 4 px, each with its own tag."""
+    mask = np.zeros((4, 6), np.uint8)
+    mask[1, 2:5] = 255
+    depth = RNG.integers(1000, 3000, (4, 6), dtype=np.uint16)
+    arrays = PICTURES["colour"], depth, mask
+    names = "image.png", "depth.tif", "mask.png"
+    return tuple(write(folder / name, array, o) for name, array, o in zip(names, arrays, orientations))  # type: ignore[return-value]
+
+
+def test_picture_depth_and_mask_turn_alike(tmp_path: Path) -> None:
+    image, depth, mask = rgbd_files(tmp_path, (6, 6, 6))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        rgbd = read_rgbd(image, depth, fov=60)
+    assert rgbd.depth.shape == (6, 4) == read_mask(mask).shape
+    assert np.array_equal(read_mask(mask), shown(np.asarray(Image.open(mask)) > 127, 6))
+    assert np.array_equal(rgbd.color, shown(PICTURES["colour"], 6))
+
+
+def test_a_quarter_turn_of_one_of_them_is_named(tmp_path: Path) -> None:
+    """The sizes do not fit: the message says which file carries the tag."""
+    for orientations in ((6, 1, 1), (1, 6, 1)):
+        image, depth, _ = rgbd_files(tmp_path, orientations)
+        with pytest.raises(ShapeError, match="EXIF orientation 6.*has none"):
+            read_rgbd(image, depth, fov=60)
+
+
+def test_a_half_turn_of_one_of_them_is_warned_of(tmp_path: Path) -> None:
+    """The sizes fit either way."""
+    for orientations in ((3, 1, 1), (1, 3, 1)):
+        image, depth, _ = rgbd_files(tmp_path, orientations)
+        with pytest.warns(UserWarning, match="EXIF orientation 3.*clear the tag"):
+            read_rgbd(image, depth, fov=60)
+
+
+def test_a_camera_of_the_stored_size_is_refused(tmp_path: Path) -> None:
+    image, depth, _ = rgbd_files(tmp_path, (6, 6, 6))
+    camera = tmp_path / "camera.json"
+    camera.write_text('{"width": 6, "height": 4, "fx": 5, "fy": 5, "cx": 3, "cy": 2}')
+    with pytest.raises(CameraError, match="6x4 and the picture 4x6.*as viewers show it"):
+        read_rgbd(image, depth, camera=camera)
+
+
+def test_pictures_of_posed_cameras_must_not_be_turned(tmp_path: Path) -> None:
+    """A pose file speaks of the pixels as stored."""
+    path = write(tmp_path / "frame.png", PICTURES["colour"], 3)
+    assert np.array_equal(read_color(path), shown(PICTURES["colour"], 3))
+    with pytest.raises(FileError, match="orientation 3.*exiftool"):
+        read_color_of_camera(path)
