@@ -37,13 +37,17 @@ def shown(values: np.ndarray, orientation: int) -> np.ndarray:
         5: "left top", 6: "right top", 7: "right bottom", 8: "left bottom",
     }[orientation].split()  # fmt: skip
     height, width = values.shape[:2]
-    out = np.empty((*((width, height) if row_0 in ("left", "right") else (height, width)), *values.shape[2:]), values.dtype)
+    out = np.empty(
+        (*((width, height) if row_0 in ("left", "right") else (height, width)), *values.shape[2:]), values.dtype
+    )
     for row in range(height):
         for column in range(width):
-            place = {
-                "top": row, "bottom": height - 1 - row, "left": row, "right": height - 1 - row
-            }[row_0], {"left": column, "right": width - 1 - column, "top": column, "bottom": width - 1 - column}[column_0]  # fmt: skip
-            out[place if row_0 in ("top", "bottom") else place[::-1]] = values[row, column]
+            place = {}
+            place[row_0] = row  # distance from the side on which the stored row 0 is shown
+            place[column_0] = column
+            x = place["left"] if "left" in place else out.shape[1] - 1 - place["right"]
+            y = place["top"] if "top" in place else out.shape[0] - 1 - place["bottom"]
+            out[y, x] = values[row, column]
     return out
 
 
@@ -58,7 +62,9 @@ def write(path: Path, values: np.ndarray, orientation: int) -> Path:
     exif[0x0112] = orientation
     chunk = b"eXIf" + exif.tobytes().removeprefix(b"Exif\0\0")
     head = 33  # signature and IHDR
-    path.write_bytes(data[:head] + struct.pack(">I", len(chunk) - 4) + chunk + struct.pack(">I", zlib.crc32(chunk)) + data[head:])
+    path.write_bytes(
+        data[:head] + struct.pack(">I", len(chunk) - 4) + chunk + struct.pack(">I", zlib.crc32(chunk)) + data[head:]
+    )
     return path
 
 
@@ -105,7 +111,7 @@ def test_a_quarter_turn_of_one_of_them_is_named(tmp_path: Path) -> None:
     """The sizes do not fit: the message says which file carries the tag."""
     for orientations in ((6, 1, 1), (1, 6, 1)):
         image, depth, _ = rgbd_files(tmp_path, orientations)
-        with pytest.raises(ShapeError, match="EXIF orientation 6.*has none"):
+        with pytest.raises(ShapeError, match=r"EXIF orientation 6.*has none"):
             read_rgbd(image, depth, fov=60)
 
 
@@ -113,7 +119,7 @@ def test_a_half_turn_of_one_of_them_is_warned_of(tmp_path: Path) -> None:
     """The sizes fit either way."""
     for orientations in ((3, 1, 1), (1, 3, 1)):
         image, depth, _ = rgbd_files(tmp_path, orientations)
-        with pytest.warns(UserWarning, match="EXIF orientation 3.*clear the tag"):
+        with pytest.warns(UserWarning, match=r"EXIF orientation 3.*clear the tag"):
             read_rgbd(image, depth, fov=60)
 
 
@@ -121,7 +127,7 @@ def test_a_camera_of_the_stored_size_is_refused(tmp_path: Path) -> None:
     image, depth, _ = rgbd_files(tmp_path, (6, 6, 6))
     camera = tmp_path / "camera.json"
     camera.write_text('{"width": 6, "height": 4, "fx": 5, "fy": 5, "cx": 3, "cy": 2}')
-    with pytest.raises(CameraError, match="6x4 and the picture 4x6.*as viewers show it"):
+    with pytest.raises(CameraError, match=r"6x4 and the picture 4x6.*as viewers show it"):
         read_rgbd(image, depth, camera=camera)
 
 
@@ -129,5 +135,5 @@ def test_pictures_of_posed_cameras_must_not_be_turned(tmp_path: Path) -> None:
     """A pose file speaks of the pixels as stored."""
     path = write(tmp_path / "frame.png", PICTURES["colour"], 3)
     assert np.array_equal(read_color(path), shown(PICTURES["colour"], 3))
-    with pytest.raises(FileError, match="orientation 3.*exiftool"):
+    with pytest.raises(FileError, match=r"orientation 3.*exiftool"):
         read_color_of_camera(path)

@@ -153,3 +153,18 @@ def test_unknown_results_list_the_known(removal: Completion, tmp_path: Path, onl
     with pytest.raises(InputError, match=", ".join(RESULTS)):
         write(removal, tmp_path / "out", only=only)
     assert not (tmp_path / "out").exists()
+
+
+def test_no_result_replaces_an_input(removal: Completion, tmp_path: Path) -> None:
+    """The user's picture stays what it was, also behind a link, and nothing is written; other files may be replaced."""
+    picture = tmp_path / "image.png"
+    picture.write_bytes(b"the user's picture")
+    linked = tmp_path / "elsewhere.png"
+    linked.hardlink_to(picture)
+    (tmp_path / "depth.png").write_bytes(b"an earlier result")
+    for path in (picture, linked, tmp_path / "." / "image.png"):
+        with pytest.raises(OutputError, match=r"image\.png: is the image that was read"):
+            write(removal, tmp_path, inputs={"image": path})
+    assert sorted(each.name for each in tmp_path.iterdir()) == ["depth.png", "elsewhere.png", "image.png"]
+    assert picture.read_bytes() == b"the user's picture"
+    assert (write(removal, tmp_path, only=["depth"], inputs={"image": picture}) / "depth.exr").is_file()

@@ -19,6 +19,8 @@ from tyro.conf import Positional
 SYMBOLS = frozenset({"fx", "fy", "cx", "cy", "fov", "yaw"})
 """Parameters without an underscore that are no words."""
 BEFORE = r"(?:(?<=give )|(?<=with )|(?<=without )|(?<=see )|(?<=choose )|(?<=\())"
+NO_FIELD = r"(?<!\.json: )(?<!\.txt: )"
+"""Right after the name of such a file stands one of its fields."""
 START = r"(?:(?<=^)|(?<=: )|(?<=; )|(?<=, ))"
 
 
@@ -49,7 +51,7 @@ def _classes(hint: Any) -> list[Any]:
 def with_flags(message: str, flags: dict[str, str]) -> str:
     """The message with flags in place of the parameters it names."""
     for name, flag in flags.items():
-        word = rf"(?<![\w./-]){name}(?![\w./-])"
+        word = rf"{NO_FIELD}(?<![\w./-]){name}(?![\w./-])"
         anywhere = "_" in name or name in SYMBOLS
         message = re.sub(rf"`{name}`", flag, message)
         message = re.sub(rf"{word}=", f"{flag} ", message)

@@ -67,7 +67,8 @@ def complete(
         seed: Fillers draw their random numbers from it; the same seed gives the same bits.
 
     Raises:
-        InputError: an unknown name, options that contradict each other, views that memory cannot hold, a mask that cannot be used (MaskError).
+        InputError: an unknown name, options that contradict each other, views that memory cannot hold,
+            a mask that cannot be used (MaskError).
     """
     chosen = find_recipe(recipe, mode=mode, dilate=dilate, dilate_holes=dilate_holes, clip=clip, depth_by=depth_by)
     checked_seed(seed)

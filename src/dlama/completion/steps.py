@@ -67,7 +67,7 @@ def take_out(source: View, mask: BoolArray | None, radius: int) -> tuple[Scene, 
         return Scene((source,)), NO_DILATION
     larger = dilated(checked_mask(mask, source.camera.hw), radius)
     if larger.all():
-        raise MaskError(f"mask is full after growing by dilate, {radius} px: it leaves nothing to fill from")
+        raise MaskError(f"dilate is {radius} px: the mask grown by that is full and leaves nothing to fill from")
     removed = source.without(~larger, HoleType.NONE)
     scene = Scene((source.without(larger, HoleType.OBJECT),), (removed,))
     return scene, Dilation(int(mask.sum()), int(larger.sum()) - int(mask.sum()))

@@ -44,7 +44,9 @@ class FileFields:
         """A whole number >= 1; raises CameraError."""
         value = self.number(name)
         if value != int(value) or not 1 <= value <= LONGEST_SIDE:
-            raise CameraError(f"{self.path}: {name} is {value:g}; a whole number of pixels, 1 to {LONGEST_SIDE}, is wanted")
+            raise CameraError(
+                f"{self.path}: {name} is {value:g}; a whole number of pixels, 1 to {LONGEST_SIDE}, is wanted"
+            )
         return int(value)
 
     def matrix(self, name: str, shape: tuple[int, int]) -> Float64Array:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,6 +18,14 @@ from dlama.geometry.view import Origin
 FLOAT32_REACH = 1e4
 """Metres; beyond, float32 is coarser than 1 mm and coordinates are written as double."""
 COLORS = ("red", "green", "blue")
+
+
+PLY_BYTES = {
+    "short": 2, "ushort": 2, "int16": 2, "uint16": 2, "int": 4, "uint": 4, "int32": 4, "uint32": 4,
+    "float": 4, "float32": 4, "double": 8, "float64": 8,
+}  # fmt: skip
+"""Of each type that takes more than one."""
+LONGEST_HEADER = 1 << 16
 
 
 def write_ply(path: PathLike, cloud: PointCloud) -> None:
@@ -45,8 +54,11 @@ def read_ply(path: PathLike) -> PointCloud:
     """
     file = existing(path)
     try:
+        _check_claims(file)
         data = PlyData.read(str(file))
         vertex = data["vertex"].data if "vertex" in data else None
+    except FileError:
+        raise
     except Exception as error:  # PlyParseError, UnicodeDecodeError, ValueError, ...
         raise FileError(f"{file}: is damaged, truncated or no PLY file ({error})") from error
     if vertex is None:
@@ -61,6 +73,26 @@ def read_ply(path: PathLike) -> PointCloud:
     origin = vertex["origin"] if "origin" in names else np.full(len(vertex), Origin.MEASURED)
     confidence = vertex["confidence"] if "confidence" in names else np.ones(len(vertex))
     return PointCloud(points, color, np.asarray(origin, np.uint8), np.asarray(confidence, np.float32))
+
+
+def _check_claims(file: Path) -> None:
+    """Raise FileError where the header says that there is more than the file can hold: memory is taken by what it says."""
+    with file.open("rb") as stream:
+        head = stream.read(LONGEST_HEADER).split(b"end_header")[0]
+    ascii_text = b"format ascii" in head
+    wanted = count = 0
+    for words in map(bytes.split, head.splitlines()):
+        if words[:1] == [b"element"] and len(words) == 3:
+            count = int(words[2][:20])
+        elif words[:1] == [b"property"] and len(words) >= 3:
+            wanted += count * (
+                2 if ascii_text else PLY_BYTES.get(words[2 if words[1] == b"list" else 1].decode("ascii"), 1)
+            )
+    held = file.stat().st_size - len(head)
+    if wanted > held:
+        raise FileError(
+            f"{file}: is damaged or truncated ({held} bytes behind its header, which says {wanted} or more)"
+        )
 
 
 def _property(file: PathLike, vertex: Any, name: str) -> np.ndarray:

@@ -71,7 +71,9 @@ def read_array(path: PathLike, key: str) -> np.ndarray:
         with zipfile.ZipFile(file) as archive:
             parts = {part.filename.removesuffix(".npy"): part for part in archive.infolist()}
             if key not in parts and len(parts) != 1:
-                raise FileError(f"{file}: holds {', '.join(parts)[:200] or 'nothing'}; an array called '{key}' is wanted")
+                raise FileError(
+                    f"{file}: holds {', '.join(parts)[:200] or 'nothing'}; an array called '{key}' is wanted"
+                )
             part = parts[key if key in parts else next(iter(parts))]
             with archive.open(part) as stream:
                 return _plane(file, read_npy(stream, part.file_size))
@@ -87,11 +89,11 @@ def read_npy(stream: IO[bytes], held: int) -> np.ndarray:
     FileError: an array of objects, of more than LARGEST_PIXELS x 4 numbers, or of another size than is there; what numpy
     raises for headers that are none.
     """
-    version = np.lib.format.read_magic(stream)  # type: ignore[arg-type]
+    version = np.lib.format.read_magic(stream)
     if version not in ((1, 0), (2, 0)):
         raise FileError(f"is an NPY of version {version}; 1.0 or 2.0 is wanted")
     read_header = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
-    shape, by_columns, dtype = read_header(stream)  # type: ignore[arg-type]
+    shape, by_columns, dtype = read_header(stream)
     count = math.prod(shape)
     if dtype.hasobject:
         raise FileError("holds Python objects; numbers are wanted")

@@ -18,7 +18,7 @@ import numpy as np
 
 from dlama import __version__
 from dlama.completion.completion import Completion, StereoCompletion
-from dlama.errors import InputError
+from dlama.errors import InputError, OutputError
 from dlama.files import clouds, depth, meshes, pictures, scenes
 from dlama.files.atomic_write import PathLike, new_directory
 from dlama.files.cameras import camera_as_json
@@ -70,11 +70,12 @@ def write(
 
     Raises:
         InputError: a name in `only` that is not known.
-        OutputError: the directory cannot be written.
+        OutputError: the directory cannot be written, or a result would replace one of `inputs`.
         FileError: an input cannot be read.
     """
     names = checked_results(only)
     target, started = Path(directory), time.perf_counter()
+    check_inputs_stay(target, file_names(completion, names), inputs or {})
     meta = {**described(completion, intrinsics_from), "inputs": hashed(inputs or {})}
     with new_directory(target) as folder:
         jobs = scene_jobs(folder, completion)  # the longest first, so that both threads end together
@@ -102,6 +103,17 @@ def file_names(completion: Completion, only: Sequence[str] | None = None) -> lis
     for place, view in places(completion).items():
         jobs += view_jobs(Path(), view, place)
     return sorted(["meta.json", *(file for file in jobs if file.rpartition("/")[2] in wanted)])
+
+
+def check_inputs_stay(directory: Path, files: Sequence[str], inputs: Mapping[str, PathLike]) -> None:
+    """Raise OutputError where one of the files to be written to a directory is an input of the same run, by any path or link."""
+    for name in files:
+        place = directory / name
+        for role, path in inputs.items():
+            if place.exists() and place.samefile(path):
+                raise OutputError(
+                    f"{place}: is the {role} that was read, the result of this name would replace it; give another directory"
+                )
 
 
 def checked_results(only: Sequence[str] | None) -> tuple[str, ...]:

@@ -24,8 +24,8 @@ ZIP_LEVEL = 1
 """As small as 6 within a few percent on depth, and five times as fast."""
 
 
-LARGEST_SCENE = 16 * 10**9
-"""Bytes of all arrays of a scene."""
+SMALL_SCENE, LARGEST_RATIO = 256_000_000, 100
+"""Bytes that the arrays of a scene may hold in any case; beyond, so many times the bytes of the file (scenes reach 30)."""
 
 
 def write_npz(path: PathLike, view: View, scene: Scene) -> None:
@@ -61,12 +61,14 @@ def read_npz(path: PathLike) -> tuple[View, Scene]:
 
 
 def _loaded(file: Path) -> dict[str, np.ndarray]:
-    """The arrays of an NPZ by name. FileError: more bytes than LARGEST_SCENE, which a small file can claim to hold."""
+    """The arrays of an NPZ by name. FileError: far more bytes than such a file holds, which a small file can claim."""
     with zipfile.ZipFile(file) as archive:
         parts = archive.infolist()
         total = sum(part.file_size for part in parts)
-        if total > LARGEST_SCENE:
-            raise FileError(f"says it holds {total / 1e9:.1f} GB; at most {LARGEST_SCENE / 1e9:.1f} GB are read")
+        if total > max(SMALL_SCENE, LARGEST_RATIO * file.stat().st_size):
+            raise FileError(
+                f"says it holds {total / 1e6:.0f} MB in {file.stat().st_size / 1e6:.1f} MB; that is no scene"
+            )
         arrays = {}
         for part in parts:
             with archive.open(part) as stream:

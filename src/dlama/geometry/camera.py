@@ -254,7 +254,9 @@ def checked_pose(pose: ArrayLike) -> Float64Array:
     if not np.isfinite(matrix).all():
         raise CameraError("world_from_cam holds NaN or infinity; a finite rigid motion is wanted")
     if np.abs(matrix[:3, 3]).max() > FARTHEST_M:
-        raise CameraError(f"world_from_cam moves by {np.abs(matrix[:3, 3]).max():g} m; at most {FARTHEST_M:g} m is wanted")
+        raise CameraError(
+            f"world_from_cam moves by {np.abs(matrix[:3, 3]).max():g} m; at most {FARTHEST_M:g} m is wanted"
+        )
     if not np.allclose(matrix[3], (0, 0, 0, 1), atol=1e-9):
         raise CameraError(f"world_from_cam ends with the row {matrix[3].tolist()}; 0 0 0 1 is wanted")
     rotation = matrix[:3, :3]

@@ -10,7 +10,6 @@ from dlama.errors import InputError, MaskError
 from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.geometry.view import HoleType, View
 
-
 LARGE = 24
 """Pixels: from this radius on a mask grows by distances to it, whose time does not depend on the radius."""
 

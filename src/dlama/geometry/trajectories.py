@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dlama.errors import DepthError, InputError
-from dlama.geometry.camera import Camera, Float64Array
+from dlama.geometry.camera import FARTHEST_M, Camera, Float64Array
 
 PIVOT_M = 2.5
 """Default distance, metres ahead on the optical axis, of the point a camera orbits about (the paper's centroid, sec. 4)."""
@@ -26,7 +26,7 @@ def orbit(camera: Camera, yaw: float, pitch: float = 0.0, pivot: float = PIVOT_M
     for name, value in (("yaw", yaw), ("pitch", pitch)):
         if not math.isfinite(value):
             raise InputError(f"{name} is {value}; a finite angle in degrees is wanted")
-    if not (math.isfinite(pivot) and pivot >= 0):
+    if not 0 <= pivot <= FARTHEST_M:
         raise InputError(f"pivot is {pivot}; a distance >= 0 in metres, ahead of the camera, is wanted")
     center = np.array([0.0, 0.0, pivot])
     turned_from_source = _rotation_x(pitch) @ _rotation_y(yaw)
@@ -41,8 +41,8 @@ def dolly(camera: Camera, metres: float) -> Camera:
 
     Raises InputError when `metres` is not finite.
     """
-    if not math.isfinite(metres):
-        raise InputError(f"dolly is {metres}; a finite distance in metres is wanted")
+    if not abs(metres) <= FARTHEST_M:
+        raise InputError(f"dolly is {metres}; a finite distance in metres, at most {FARTHEST_M:g}, is wanted")
     pose = camera.world_from_cam.copy()
     pose[:3, 3] += metres * pose[:3, 2]
     return camera.at(pose)

@@ -1,0 +1,110 @@
+"""What a small file claims to hold is refused before memory is taken for it (oracle: the limit, and a child's memory)."""
+
+from __future__ import annotations
+
+import io
+import struct
+import tracemalloc
+import zipfile
+import zlib
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dlama.errors import FileError
+from dlama.files.clouds import read_ply
+from dlama.files.depth import read_depth
+from dlama.files.float_files import read_array, read_pfm
+from dlama.files.images import picture_hw
+from dlama.files.pictures import read_color, read_mask
+from dlama.files.scenes import read_npz
+
+MOST = 64e6
+"""Bytes that a refusal may take."""
+
+
+def npy(shape: tuple[int, ...], dtype: str = "<f4", numbers: bytes = b"\0" * 64) -> bytes:
+    """An NPY whose header says `shape`."""
+    head = f"{{'descr': '{dtype}', 'fortran_order': False, 'shape': {shape}, }}".encode()
+    head += b" " * (-(len(head) + 11) % 64) + b"\n"
+    return b"\x93NUMPY\x01\x00" + struct.pack("<H", len(head)) + head + numbers
+
+
+def npz(**parts: bytes) -> bytes:
+    """An NPZ of parts, compressed."""
+    stream = io.BytesIO()
+    with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, data in parts.items():
+            archive.writestr(f"{name}.npy", data)
+    return stream.getvalue()
+
+
+def png(width: int, height: int) -> bytes:
+    """A grey PNG whose header says so."""
+
+    def chunk(kind: bytes, data: bytes) -> bytes:
+        return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+
+    head = struct.pack(">IIBBBBB", width, height, 8, 0, 0, 0, 0)
+    return (
+        b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", head) + chunk(b"IDAT", zlib.compress(b"\0" * 9999)) + chunk(b"IEND", b"")
+    )
+
+
+BIG = 40_000
+FILES: dict[str, tuple[bytes, Callable[[Path], object]]] = {
+    "claims.npy": (npy((BIG, BIG)), lambda path: read_array(path, "depth")),
+    "negative.npy": (npy((-1, 5)), lambda path: read_array(path, "depth")),
+    "objects.npy": (npy((4, 4), "|O"), lambda path: read_array(path, "depth")),
+    "claims.npz": (npz(depth=npy((BIG, BIG))), lambda path: read_array(path, "depth")),
+    "bomb.npz": (npz(depth=npy((20_000, 16_000), numbers=bytes(320_000_000))), lambda path: read_array(path, "depth")),
+    "scene.npz": (npz(rgb=npy((9999, 9999, 3), "|u1", bytes(300_000_000))), read_npz),
+    "claims.pfm": (b"Pf\n40000 40000\n-1\n" + bytes(64), read_pfm),
+    "digits.pfm": (b"Pf\n" + b"9" * 5000 + b" 4\n-1\n" + bytes(64), read_pfm),
+    "scale.pfm": (b"Pf\n2 2\n1.2.3\n" + bytes(16), read_pfm),
+    "claims.png": (png(BIG, BIG), read_color),
+    "mask.png": (png(BIG, BIG), read_mask),
+    "header.png": (png(BIG, BIG), picture_hw),
+    "depth.png": (png(BIG, BIG), read_depth),
+    "claims.ply": (
+        b"ply\nformat ascii 1.0\nelement vertex 99999999999\nproperty float x\nproperty float y\nproperty float z\n"
+        b"end_header\n0 0 0\n",
+        read_ply,
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_claims_are_refused_before_memory_is_taken(tmp_path: Path, name: str) -> None:
+    data, read = FILES[name]
+    path = tmp_path / name
+    path.write_bytes(data)
+    tracemalloc.start()
+    try:
+        with pytest.raises(FileError, match=name):
+            read(path)
+        assert tracemalloc.get_traced_memory()[1] < MOST
+    finally:
+        tracemalloc.stop()
+
+
+def test_arrays_come_back_in_every_layout(tmp_path: Path) -> None:
+    """Round trip through numpy's own writer: by rows and by columns, big-endian, every version of the header."""
+    depth = np.arange(12, dtype=">f4").reshape(3, 4) + 1
+    for array in (depth, np.asfortranarray(depth), depth.astype("<u2"), depth[None]):
+        np.save(tmp_path / "a.npy", array)
+        np.savez_compressed(tmp_path / "a.npz", other=np.zeros(3), depth=array)
+        for name in ("a.npy", "a.npz"):
+            assert np.array_equal(read_array(tmp_path / name, "depth"), array.reshape(3, 4))
+
+
+@pytest.mark.parametrize("name", ["nul\0.png", "n" * 300 + ".png", "\udcff\udcfe.png"])
+def test_names_that_no_file_has(tmp_path: Path, name: str) -> None:
+    """One line that can be printed anywhere, with what is wrong."""
+    with pytest.raises(FileError) as refusal:
+        read_color(tmp_path / name)
+    assert str(refusal.value).isprintable()
+    assert len(str(refusal.value)) < 300
+    str(refusal.value).encode("utf-8")
