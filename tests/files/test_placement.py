@@ -305,3 +305,12 @@ def test_a_full_disk_at_the_last_moment_leaves_the_old_file(tmp_path: Path, monk
     with pytest.raises(OutputError, match="no space left"):
         write_run(tmp_path / "out", "x")
     assert (tmp_path / "a").read_text() == "old" and everything(tmp_path) == ["a"]
+
+
+def test_names_that_no_file_can_have(tmp_path: Path) -> None:
+    """Too long, or with NUL: OutputError, and nothing is left."""
+    for name in ("n" * 300, "nul\0"):
+        for place in (new_file, new_directory):
+            with pytest.raises(OutputError, match="cannot be written"), place(tmp_path / name):
+                pass
+    assert list(tmp_path.iterdir()) == []

@@ -46,17 +46,13 @@ def disparity_pair(
     _check_pair(left, right)
     if max_disparity is None:
         max_disparity = _estimated_maximum(left, right, min_disparity)
+    else:
+        _check_reach(left.shape[1], min_disparity, max_disparity)
     if not (math.isfinite(min_disparity) and math.isfinite(max_disparity) and min_disparity < max_disparity):
         raise InputError(
             f"disparity range is {min_disparity}..{max_disparity} px; min_disparity < max_disparity is wanted"
         )
     scale = 2 if left.shape[1] <= DOUBLED_UP_TO_PX else 1
-    most = min(left.shape[1], LARGEST_STEP // scale)
-    if max(-min_disparity, max_disparity) > most:
-        raise InputError(
-            f"max_disparity is {max(-min_disparity, max_disparity):g} px; at most {most} px is wanted in pictures "
-            f"{left.shape[1]} px wide"
-        )
     at_left, at_right = _matched_both_ways(
         _resized(left, scale),
         _resized(right, scale),
@@ -66,6 +62,14 @@ def disparity_pair(
     )
     at_left, at_right = _at_original_width(at_left, scale), _at_original_width(at_right, scale)
     return _zero_where_unknown(at_left), _zero_where_unknown(at_right)
+
+
+def _check_reach(width: int, min_disparity: float, max_disparity: float) -> None:
+    """Raise InputError for a range that is wider than pictures of that width, or than the matcher can say."""
+    scale = 2 if width <= DOUBLED_UP_TO_PX else 1
+    most, asked = min(width, LARGEST_STEP // scale), max(-min_disparity, max_disparity)
+    if asked > most:
+        raise InputError(f"max_disparity is {asked:g} px; at most {most} px is wanted in pictures {width} px wide")
 
 
 def _check_pair(left: UInt8Array, right: UInt8Array) -> None:
