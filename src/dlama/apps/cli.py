@@ -215,7 +215,8 @@ def main(args: Sequence[str] | None = None) -> None:
     """The entry point `dlama`; `args` default to the command line's."""
     words = list(sys.argv[1:] if args is None else args)
     if words[:1] == ["--version"]:
-        print(f"dlama {dlama.__version__}")
+        with errors_as_lines():
+            print(f"dlama {dlama.__version__}")
     elif words and words[0] in VERBS:
         run_verb(words[0], words[1:])
     else:

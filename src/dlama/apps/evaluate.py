@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
 from tyro.conf import Positional
 
 from dlama.apps.options import RECIPES, CameraFile, Metres, Output, Report, Seed, option
-from dlama.apps.terminal import INTERRUPTED, counting_bar, print_line, reported
+from dlama.apps.streams import ending, exit_code
+from dlama.apps.terminal import counting_bar, print_line, reported
 from dlama.errors import InputError, MissingExtraError
 from dlama.inpainters import FILLERS
 
@@ -251,9 +252,9 @@ def shown_progress(title: str, report: Report) -> Iterator[Progress]:
                     bar(done, total, f"{title}{case}")
 
             yield progress
-    except KeyboardInterrupt:
-        print_line("error", "interrupted; what is done is kept, and the same command goes on from there")
-        raise SystemExit(INTERRUPTED) from None
+    except KeyboardInterrupt as error:
+        print_line("error", f"{ending(error)}; what is done is kept, and the same command goes on from there")
+        raise SystemExit(exit_code(error)) from None
 
 
 def _words(value: Any) -> Sequence[str]:

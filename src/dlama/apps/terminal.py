@@ -2,18 +2,27 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import logging
-import os
 import sys
 import time
 import warnings
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from typing import Any
 
 from dlama.apps.options import Report
+from dlama.apps.streams import (
+    CANNOT_WRITE,
+    ending,
+    exit_code,
+    failed_write,
+    open_closed_streams,
+    show_any_text,
+    signals_raise,
+)
 from dlama.errors import DlamaError
 
 LOG = logging.getLogger("dlama")
@@ -22,8 +31,8 @@ KERNELS = logging.getLogger("dlama.kernels")
 
 BAD_INPUT = 2
 """Exit code for anything the user can put right."""
-INTERRUPTED = 130
-"""Exit code after Ctrl-C, as shells have it."""
+STREAM_ERRORS = (errno.ENOSPC, errno.EPIPE, errno.EIO, errno.EBADF, errno.EFBIG, getattr(errno, "EDQUOT", errno.ENOSPC))
+"""What a full or broken stream says."""
 
 
 @dataclass
@@ -65,24 +74,63 @@ def reported(verb: str, report: Report) -> Iterator[Result]:
 
 @contextmanager
 def errors_as_lines(with_flags: Callable[[str], str] = str) -> Iterator[None]:
-    """Errors that the user can put right as one line on standard error, `with_flags` for parameters; exit code 2."""
+    """Errors that the user can put right as one line on standard error, `with_flags` for parameters; exit code 2.
+
+    A signal ends with a line and its usual exit code (130, 143), a full standard output with a line and CANNOT_WRITE.
+    """
+    open_closed_streams()
+    show_any_text()
+    code: int | str | None = None
     try:
-        yield
+        with signals_raise():
+            try:
+                yield
+            except KeyboardInterrupt as error:
+                code = exit_code(error)
+                print_line("error", f"{ending(error)}; nothing half-written is left")
+    except SystemExit as error:  # of --help, and of wrong words
+        code = error.code
     except DlamaError as error:
+        code = BAD_INPUT
         print_line("error", with_flags(str(error)))
-        raise SystemExit(BAD_INPUT) from None
-    except BrokenPipeError:  # `dlama --help | head`
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-    except KeyboardInterrupt:
-        print_line("error", "interrupted; nothing was written")
-        raise SystemExit(INTERRUPTED) from None
+    except MemoryError as error:
+        code = BAD_INPUT
+        print_line(
+            "error", f"out of memory{f': {error}' if str(error) else ''}; smaller pictures or fewer --jobs may help"
+        )
+    except OSError as error:
+        code = _explained(error)
+    full = failed_write(sys.stdout)
+    if full is not None and code in (None, 0):
+        code = _explained(full)
+    failed_write(sys.stderr)
+    if code is not None:
+        raise SystemExit(code)
+
+
+def _explained(error: OSError) -> int | None:
+    """A line about an error of the system; the exit code."""
+    if isinstance(error, BrokenPipeError):  # `dlama --help | head`
+        return None
+    if error.filename is None and error.errno in STREAM_ERRORS:
+        print_line("error", f"output cannot be written: {reason(error)}")
+        return CANNOT_WRITE
+    names = [str(name) for name in (error.filename, error.filename2) if name is not None]
+    print_line("error", ": ".join([*names, reason(error)]))
+    return BAD_INPUT
+
+
+def reason(error: OSError) -> str:
+    """Why, in words: "no space left on device"."""
+    return (error.strerror or str(error)).lower()
 
 
 def print_line(kind: str, message: str) -> None:
     """One line on standard error that begins with its kind (error, warning, note); never wrapped, and coloured on a terminal."""
     line = " ".join(message.split())
     if not sys.stderr.isatty():
-        print(f"{kind}: {line}", file=sys.stderr)
+        with suppress(OSError):  # standard error is full: the work goes on
+            print(f"{kind}: {line}", file=sys.stderr, flush=True)
         return
     from rich.console import Console
     from rich.text import Text

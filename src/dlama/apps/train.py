@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import sys
-from contextlib import AbstractContextManager, nullcontext
+from contextlib import AbstractContextManager, nullcontext, suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -157,4 +157,10 @@ def require_training() -> None:
 
 def logged(report: Report) -> AbstractContextManager[None]:
     """What training logs, on standard error, unless --quiet."""
-    return nullcontext() if report.quiet else log_messages(lambda message: print(message, file=sys.stderr))
+    return nullcontext() if report.quiet else log_messages(print_note)
+
+
+def print_note(message: str) -> None:
+    """One line on standard error; a full one does not end a training."""
+    with suppress(OSError):
+        print(message, file=sys.stderr, flush=True)

@@ -22,8 +22,16 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any, TypeVar, cast
 
-from numba import config, njit
-from numba.core.event import Event, Listener, register
+from dlama.errors import InputError
+
+THREADS_VARIABLE = "NUMBA_NUM_THREADS"
+if (
+    not (asked := os.environ.get(THREADS_VARIABLE, "1")).strip().isdecimal() or int(asked) < 1
+):  # numba would end in a traceback
+    raise InputError(f"the environment variable {THREADS_VARIABLE} is {asked!r}; a whole number, 1 or more, is wanted")
+
+from numba import config, njit  # noqa: E402
+from numba.core.event import Event, Listener, register  # noqa: E402
 
 LOG = logging.getLogger("dlama.kernels")
 """Says, once a process, that kernels are being compiled (at level INFO; the command line shows it)."""

@@ -1,0 +1,118 @@
+"""Standard output and error as the shell gave them in; streams that any text can be printed to, and signals as exceptions, out.
+
+A closed stream swallows what is printed, a full one ends the command with one line, one that is not UTF-8 gets plain letters.
+"""
+
+from __future__ import annotations
+
+import codecs
+import contextlib
+import os
+import signal
+import sys
+import threading
+from collections.abc import Iterator
+from types import FrameType
+from typing import TextIO
+
+CANNOT_WRITE = 1
+"""Exit code where standard output cannot be written."""
+PLAIN = {
+    "•": "*", "…": "...", "–": "-", "—": "-", "−": "-", "×": "x", "±": "+-", "°": " deg", "→": "->", "≥": ">=", "≤": "<=",
+    "“": '"', "”": '"', "‘": "'", "’": "'", "─": "-", "━": "-", "│": "|", "┃": "|",
+} | dict.fromkeys("╭╮╰╯┌┐└┘├┤┬┴┼", "+")  # fmt: skip
+"""Signs -> what is printed for them where the stream cannot show them."""
+PLAINLY = "dlama-plainly"
+STOPPING = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
+
+
+class Stopped(KeyboardInterrupt):
+    """A signal asked this process to stop: SIGINT (Ctrl-C), SIGTERM or SIGHUP. Its argument is the signal's number."""
+
+    @property
+    def exit_code(self) -> int:
+        """As shells have it: 130, 143, 129."""
+        return 128 + int(self.args[0])
+
+    @property
+    def word(self) -> str:
+        """For the line that says so."""
+        return "interrupted" if self.args[0] == signal.SIGINT else f"ended by {signal.Signals(self.args[0]).name}"
+
+
+def exit_code(error: KeyboardInterrupt) -> int:
+    """Of a command that ends so."""
+    return error.exit_code if isinstance(error, Stopped) else 130
+
+
+def ending(error: KeyboardInterrupt) -> str:
+    """In a word: what ended it."""
+    return error.word if isinstance(error, Stopped) else "interrupted"
+
+
+def _plainly(error: UnicodeError) -> tuple[str, int]:
+    if not isinstance(error, UnicodeEncodeError):
+        raise error
+    failed = error.object[error.start : error.end]
+    return "".join(PLAIN.get(sign) or sign.encode("ascii", "backslashreplace").decode() for sign in failed), error.end
+
+
+codecs.register_error(PLAINLY, _plainly)
+
+
+def open_closed_streams() -> None:
+    """Streams 0 to 2 that the shell closed swallow what is written; else the next file opened would get their number."""
+    for number in range(3):
+        try:
+            os.fstat(number)
+        except OSError:
+            os.open(os.devnull, os.O_RDWR)
+    for name in ("stdout", "stderr"):
+        if getattr(sys, name) is None:
+            setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))  # noqa: SIM115, PTH123
+
+
+def show_any_text() -> None:
+    """What a stream's encoding lacks is printed plainly: no text, and no file's name, is an error."""
+    for stream in (sys.stdout, sys.stderr):
+        if hasattr(stream, "reconfigure"):
+            stream.reconfigure(errors=PLAINLY)
+
+
+@contextlib.contextmanager
+def signals_raise() -> Iterator[None]:
+    """Meanwhile the first SIGINT, SIGTERM or SIGHUP raises Stopped, so that drafts are removed; a second one ends the process."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+
+    def second(number: int, frame: FrameType | None) -> None:
+        os._exit(128 + number)
+
+    def first(number: int, frame: FrameType | None) -> None:
+        for each in STOPPING:
+            signal.signal(each, second)
+        raise Stopped(number)
+
+    ignored = [
+        each for each in STOPPING if signal.getsignal(each) == signal.SIG_IGN
+    ]  # nohup, and commands in the background
+    before = {each: signal.signal(each, first) for each in STOPPING if each not in ignored}
+    try:
+        yield
+    finally:
+        for each, handler in before.items():
+            signal.signal(each, handler)
+
+
+def failed_write(stream: TextIO) -> OSError | None:
+    """What went wrong with what was printed to a stream; None: it is all out. From now on a failed stream swallows everything."""
+    try:
+        stream.flush()
+    except OSError as error:
+        with contextlib.suppress(OSError, ValueError):
+            os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
+        return error
+    except ValueError:  # closed
+        return None
+    return None

@@ -1,0 +1,132 @@
+"""Closed, full and plain streams, and signals (oracles: redirections and exit codes of shells, what lies on the disk)."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from dlama.apps.demo import ASSETS
+from dlama.apps.streams import PLAINLY
+from dlama.apps.terminal import errors_as_lines
+
+PICTURE = f"{ASSETS / 'street.jpg'} {ASSETS / 'depth.png'} --fov 90 --yaw 5 --only image -o out"
+
+
+def shell(words: str, folder: Path, **environment: str) -> subprocess.CompletedProcess[str]:
+    """`dlama WORDS`, redirections and all."""
+    line = f"{sys.executable} -m dlama {words}"
+    return subprocess.run(
+        ["sh", "-c", line], cwd=folder, env={**os.environ, **environment}, capture_output=True, text=True, timeout=120
+    )
+
+
+@pytest.mark.parametrize("words", ["--help", "view --help", "train presets", "--version"])
+@pytest.mark.parametrize(
+    "environment", [{"PYTHONIOENCODING": "ascii"}, {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}]
+)
+def test_help_is_printed_where_only_ascii_can_be(tmp_path: Path, words: str, environment: dict[str, str]) -> None:
+    done = shell(words, tmp_path, **environment)
+    assert (done.returncode, done.stderr) == (0, "") and done.stdout.isascii() and len(done.stdout) > 10
+    assert "\\u" not in done.stdout
+
+
+def test_every_sign_of_help_has_a_plain_one() -> None:
+    assert "• 20° → ╭─╮ 深".encode("ascii", PLAINLY) == b"* 20 deg -> +-+ \\u6df1"
+
+
+def test_names_that_are_not_text_are_printed(tmp_path: Path) -> None:
+    """A name whose bytes are no UTF-8."""
+    done = subprocess.run(
+        [sys.executable, "-m", "dlama", "view", b"\xff.png", b"\xff.exr", "--fov", "60", "--yaw", "5", "-o", "out"],
+        cwd=tmp_path,
+        capture_output=True,
+        timeout=120,
+    )
+    assert done.returncode == 2 and done.stderr.startswith(b"error: ") and b"Traceback" not in done.stderr
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="Linux has a device that is always full")
+@pytest.mark.parametrize("words", ["version", "view --help", "--version", "train presets"])
+def test_a_full_standard_output_is_one_line(tmp_path: Path, words: str) -> None:
+    done = shell(f"{words} > /dev/full", tmp_path)
+    assert (done.returncode, done.stderr) == (1, "error: output cannot be written: no space left on device\n")
+
+
+@pytest.mark.parametrize("closing", ["2> /dev/full", "2>&-", "> /dev/full 2>&1", ">&- 2>&-"])
+def test_a_lost_standard_error_keeps_the_exit_code(tmp_path: Path, closing: str) -> None:
+    done = shell(f"worlds --count 0 {closing}", tmp_path)
+    assert (done.returncode, done.stdout, done.stderr) == (2, "", "")
+
+
+def test_a_closed_stream_does_not_stop_the_work(tmp_path: Path) -> None:
+    """And no file gets its number (oracle: the picture is a PNG)."""
+    done = shell(f"view {PICTURE} >&- 2>&- <&-", tmp_path)
+    assert done.returncode == 0
+    assert (tmp_path / "out" / "image.png").read_bytes()[:4] == b"\x89PNG"
+
+
+@pytest.mark.parametrize("words", ["", "x", "view x"])
+def test_wrong_words_are_refused_with_a_closed_standard_output(tmp_path: Path, words: str) -> None:
+    done = shell(f"{words} >&-", tmp_path)
+    assert done.returncode == 2 and "Traceback" not in done.stderr
+
+
+STOPPED = """
+import sys, time
+from dlama.apps.terminal import errors_as_lines
+from dlama.files.atomic_write import new_directory
+with errors_as_lines(), new_directory("out") as folder:
+    (folder / "half.txt").write_text("half")
+    print("ready", flush=True)
+    time.sleep(60)
+"""
+
+
+@pytest.mark.parametrize(
+    "number, line, code",
+    [
+        (signal.SIGINT, "error: interrupted; nothing half-written is left\n", 130),
+        (signal.SIGTERM, "error: ended by SIGTERM; nothing half-written is left\n", 143),
+        (signal.SIGHUP, "error: ended by SIGHUP; nothing half-written is left\n", 129),
+    ],
+)
+def test_signals_end_with_one_line_and_leave_nothing(
+    tmp_path: Path, number: signal.Signals, line: str, code: int
+) -> None:
+    with subprocess.Popen(
+        [sys.executable, "-c", STOPPED], cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as run:
+        assert run.stdout is not None and run.stdout.readline() == "ready\n"
+        run.send_signal(number)
+        _, errors = run.communicate(timeout=60)
+    assert (run.returncode, errors) == (code, line)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("value", ["0", "-1", "x", ""])
+def test_threads_asked_for_must_be_a_number(tmp_path: Path, value: str) -> None:
+    done = shell("worlds --count 1 --size 8", tmp_path, NUMBA_NUM_THREADS=value)
+    assert done.returncode == 2
+    assert done.stderr == (
+        f"error: the environment variable NUMBA_NUM_THREADS is {value!r}; a whole number, 1 or more, is wanted\n"
+    )
+
+
+@pytest.mark.parametrize(
+    "error, line",
+    [
+        (PermissionError(13, "Permission denied", "a.png"), "error: a.png: permission denied\n"),
+        (OSError(5, "Input/output error"), "error: output cannot be written: input/output error\n"),
+        (MemoryError("Unable to allocate 298. GiB"), "error: out of memory: Unable to allocate 298. GiB; smaller"),
+    ],
+)
+def test_errors_of_the_system_are_one_line(capsys: pytest.CaptureFixture[str], error: Exception, line: str) -> None:
+    with pytest.raises(SystemExit), errors_as_lines():
+        raise error
+    shown = capsys.readouterr().err
+    assert shown.startswith(line) and shown.count("\n") == 1
