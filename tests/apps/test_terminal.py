@@ -64,7 +64,7 @@ def test_a_pipe_sees_one_line_and_the_first_run_one_more(tmp_path: Path) -> None
     once they are kept, or with --quiet, it stays empty (oracle: an empty folder for numba's cache, then the same one)."""
     cache = {"NUMBA_CACHE_DIR": str(tmp_path / "kernels")}
     shown, errors = piped(tmp_path, *WORDS, **cache)
-    assert re.fullmatch(r"note: first run: kernels are being compiled, [^\n]* seconds[^\n]*\n", errors)
+    assert re.fullmatch(r"note: compiling kernels, [^\n]* seconds[^\n]*\n", errors)
     assert shown.count("\n") == 1 and "\x1b" not in shown
     shown, errors = piped(tmp_path, *WORDS, **cache)
     assert errors == "" and shown.count("\n") == 1
