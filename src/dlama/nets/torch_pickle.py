@@ -1,0 +1,239 @@
+"""The pickle of a torch file in; its tables, and where its tensors lie, out. None of its code is run.
+
+The unpickler knows four things: ordered tables, the two tensor rebuilders, torch.Size and the storage types. Every other
+global, whatever it is called, becomes an inert placeholder that swallows its arguments. What a pickle may cost is bounded: its
+bytes, the kinds of keys of its tables (hashing tuples in tuples takes exponential time, and overflows the stack), the items it
+copies, the globals it names.
+"""
+
+from __future__ import annotations
+
+import io
+import pickle
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+LARGEST_PICKLE = 4_000_000
+"""Bytes; a checkpoint of LaMa has 0.3 MB."""
+MOST_ITEMS = 500_000
+"""Items that tables and placeholders may take over from others."""
+MOST_GLOBALS = 10_000
+MOST_SIDES = 64
+"""Dimensions of a tensor, as in NumPy."""
+LARGEST_INT = 2**60
+"""Of a key: beyond, many whole numbers share one hash."""
+STORAGE_TYPES = (
+    "DoubleStorage", "FloatStorage", "HalfStorage", "BFloat16Storage", "LongStorage", "IntStorage", "ShortStorage",
+    "CharStorage", "ByteStorage", "BoolStorage",
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class StoredTensor:
+    """A tensor that still lies in the archive."""
+
+    key: str
+    """Name of the storage entry, `<root>/data/<key>`."""
+    storage: str
+    """Torch's name of the storage type, FloatStorage and so on."""
+    offset: int
+    """First element."""
+    shape: tuple[int, ...]
+    """Sides."""
+    strides: tuple[int, ...]
+    """Steps, in elements."""
+
+    def __setstate__(self, state: Any) -> None:
+        """A pickle must not change what was checked."""
+        raise pickle.UnpicklingError("a tensor with a state of its own")
+
+
+def read_pickle(data: bytes) -> tuple[Any, tuple[str, ...]]:
+    """The tree that a pickle describes, and the names of the globals that became placeholders.
+
+    Raises whatever a broken pickle makes Python raise; UnpicklingError: more bytes, items or globals than are read, or a key
+    that is no text, number, or short tuple of these.
+    """
+    if len(data) > LARGEST_PICKLE:
+        raise pickle.UnpicklingError(f"{len(data)} bytes; at most {LARGEST_PICKLE} are read")
+    reader = _InertUnpickler(data)
+    tree = reader.load()
+    return tree, tuple(sorted(reader.unresolved))
+
+
+class Inert:
+    """Stands for any global of a pickle: takes every argument, state and item, does nothing, and never calls anything."""
+
+    state: dict[Any, Any]
+
+    def __new__(cls, *args: Any, **kwargs: Any) -> Inert:
+        inert = super().__new__(cls)
+        inert.state = {}  # here, since pickles make objects without calling __init__
+        return inert
+
+    def __init__(self, *args: Any, **kwargs: Any) -> None:
+        """Nothing."""
+
+    def __setstate__(self, state: Any) -> None:
+        """Keep a table; its size has been counted (`_InertUnpickler.build`)."""
+        if isinstance(state, tuple) and len(state) == 2 and isinstance(state[0], dict):
+            state = state[0]
+        self.state.update(state if isinstance(state, dict) else {})
+
+    def __setitem__(self, key: Any, value: Any) -> None:
+        self.state[key] = value
+
+    def __call__(self, *args: Any, **kwargs: Any) -> Inert:
+        return Inert()
+
+    def append(self, *values: Any) -> None:
+        """Swallow list items."""
+
+    extend = add = append
+
+
+class _Table(dict[Any, Any]):
+    """An ordered table whose extra state (`_metadata` of a state dict) is dropped."""
+
+    def __setstate__(self, state: Any) -> None:
+        """Nothing."""
+
+
+class _StorageType:
+    """A storage class, as a word."""
+
+    __slots__ = ("name",)
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+
+    def __setstate__(self, state: Any) -> None:
+        """Nothing."""
+
+
+class _Rebuild:
+    """torch._utils._rebuild_tensor_v2 and _rebuild_parameter: they describe a tensor, they do not make one."""
+
+    __slots__ = ("parameter",)
+
+    def __init__(self, parameter: bool) -> None:
+        self.parameter = parameter
+
+    def __setstate__(self, state: Any) -> None:
+        """Nothing: a pickle must not be able to change the rebuilder."""
+
+    def __call__(self, *args: Any) -> StoredTensor:
+        if self.parameter:
+            if not isinstance(args[0], StoredTensor):
+                raise pickle.UnpicklingError("a parameter that wraps no tensor")
+            return args[0]
+        (key, kind), offset, shape, strides = args[:4]
+        if not isinstance(key, str) or kind not in STORAGE_TYPES or len(shape) > MOST_SIDES:
+            raise pickle.UnpicklingError("a tensor without a storage of a known type, or of too many sides")
+        numbers = (offset, *shape, *strides)
+        if len(shape) != len(strides) or any(type(number) is not int or not 0 <= number < 2**63 for number in numbers):
+            raise pickle.UnpicklingError("a tensor whose shape, strides or offset are no counts")
+        return StoredTensor(key, kind, offset, tuple(shape), tuple(strides))
+
+
+class _InertUnpickler(pickle._Unpickler):
+    """Resolves no global of the interpreter at all: `find_class` returns this file's own stand-ins.
+
+    The unpickler written in Python: the one in C cannot be asked what it is about to hash, nor how large its memo grows.
+    """
+
+    def __init__(self, data: bytes) -> None:
+        super().__init__(io.BytesIO(data), encoding="utf-8")
+        self.unresolved: dict[str, type[Inert]] = {}
+        self.items = 0
+
+    def count(self, items: int) -> None:
+        """So many more items are taken over; raises UnpicklingError where they become too many."""
+        self.items += items
+        if self.items > MOST_ITEMS:
+            raise pickle.UnpicklingError(f"more than {MOST_ITEMS} items")
+
+    def find_class(self, module: str, name: str) -> Any:
+        if (module, name) in (("torch._utils", "_rebuild_tensor_v2"), ("torch._utils", "_rebuild_parameter")):
+            return _Rebuild(parameter=name.endswith("parameter"))
+        if module in ("torch", "torch.storage") and name in STORAGE_TYPES:
+            return _StorageType(name)
+        if (module, name) == ("collections", "OrderedDict"):
+            return self.table
+        if (module, name) == ("torch", "Size"):
+            return _size
+        called = f"{module}.{name}"
+        if called not in self.unresolved:
+            if len(self.unresolved) >= MOST_GLOBALS:
+                raise pickle.UnpicklingError(f"more than {MOST_GLOBALS} globals")
+            self.unresolved[called] = type("Inert", (Inert,), {})
+        return self.unresolved[called]
+
+    def persistent_load(self, pid: Any) -> tuple[str, str]:
+        if not (isinstance(pid, tuple) and len(pid) >= 3 and pid[0] == "storage" and isinstance(pid[1], _StorageType)):
+            raise pickle.UnpicklingError("a reference that is no storage of a known type")
+        if not isinstance(pid[2], str) or "/" in pid[2]:
+            raise pickle.UnpicklingError("a storage whose name is none")
+        return pid[2], pid[1].name
+
+    def table(self, pairs: Iterable[Any] = ()) -> _Table:
+        """OrderedDict, of pairs or empty."""
+        made = _Table()
+        for key, value in pairs:
+            self.count(1)
+            made[_checked_key(key)] = value
+        return made
+
+    def build(self) -> None:
+        """BUILD: a state, whose items are counted since a placeholder copies them."""
+        for state in _parts(self.stack[-1]):  # type: ignore[attr-defined]
+            self.count(len(state) if isinstance(state, dict) else 0)
+        pickle._Unpickler.load_build(self)  # type: ignore[attr-defined]
+
+    def set_item(self) -> None:
+        """SETITEM: key, value."""
+        _checked_key(self.stack[-2])  # type: ignore[attr-defined]
+        pickle._Unpickler.load_setitem(self)  # type: ignore[attr-defined]
+
+
+def _checked(operation: Callable[[Any], None], step: int) -> Callable[[_InertUnpickler], None]:
+    """An operation on everything since the mark, of which each `step`-th is hashed."""
+
+    def run(reader: _InertUnpickler) -> None:
+        for key in reader.stack[::step]:  # type: ignore[attr-defined]
+            _checked_key(key)
+        operation(reader)
+
+    return run
+
+
+_INHERITED: dict[int, Any] = pickle._Unpickler.dispatch
+_OURS: dict[int, Any] = {
+    pickle.BUILD[0]: _InertUnpickler.build,
+    pickle.SETITEM[0]: _InertUnpickler.set_item,
+    **{code[0]: _checked(_INHERITED[code[0]], 2) for code in (pickle.SETITEMS, pickle.DICT)},
+    **{code[0]: _checked(_INHERITED[code[0]], 1) for code in (pickle.ADDITEMS, pickle.FROZENSET)},
+}
+_InertUnpickler.dispatch = _INHERITED | _OURS
+
+
+def _checked_key(key: Any) -> Any:
+    """A key whose hash takes no time: text, a number, a stand-in, or a short tuple of these. Else UnpicklingError."""
+    parts = key if type(key) is tuple and len(key) <= MOST_SIDES else (key,)
+    for part in parts:
+        plain = type(part) in (str, bytes, bool, float, type(None), _StorageType) or isinstance(part, (Inert, type))
+        if not plain and not (type(part) is int and abs(part) < LARGEST_INT):
+            raise pickle.UnpicklingError(f"a table with a key of type {type(part).__name__}")
+    return key
+
+
+def _parts(state: Any) -> tuple[Any, ...]:
+    return state if isinstance(state, tuple) and len(state) == 2 else (state,)
+
+
+def _size(sides: Sequence[Any] = ()) -> tuple[Any, ...]:
+    """torch.Size."""
+    if len(sides) > MOST_SIDES:
+        raise pickle.UnpicklingError(f"a size of {len(sides)} sides")
+    return tuple(sides)
