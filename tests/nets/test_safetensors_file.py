@@ -66,6 +66,13 @@ def _entry(dtype: str = "F32", shape: object = (2,), offsets: object = (0, 8)) -
         (_entry(shape=[3]), "t: 8 bytes for shape .3,., wanted 12"),
         (_entry(shape=[-2], offsets=[8, 0]), "t: -8 bytes for shape"),
         (_entry(dtype="F8_E4M3"), "t: header entry .* has no known dtype"),
+        (_entry(offsets=[0.0, 8.0]), "t: header entry .* has no known dtype"),
+        (_entry(shape=[2.0]), "t: header entry .* has no known dtype"),
+        (_entry(shape=[True, 2]), "t: header entry .* has no known dtype"),
+        (_entry(offsets=[0, 10**400]), "t: header entry"),
+        (_entry(shape=[10**18] * 20), "t: 8 bytes for shape"),
+        (_entry(shape=[1] * 64), "t: header entry"),
+        ({f"t{n}": {"dtype": "F32", "shape": [1000], "data_offsets": [0, 4000]} for n in range(999)}, "overlap"),
         ({"t": 3}, "t: header entry 3 has no known dtype"),
         ({"__metadata__": {"a": 1}}, "not a table of strings"),
         (b"{not json", "is no JSON"),
@@ -74,8 +81,9 @@ def _entry(dtype: str = "F32", shape: object = (2,), offsets: object = (0, 8)) -
 )
 def test_broken_files_are_refused(tmp_path, header, message):
     """Oracle: the break itself."""
+    data = b"\0" * (4000 if message == "overlap" else 8)
     with pytest.raises(FileError, match=message):
-        read_safetensors(_file(tmp_path, header, b"\0" * 8))
+        read_safetensors(_file(tmp_path, header, data))
 
 
 @pytest.mark.parametrize("length", [0, 5, 40, 5000])

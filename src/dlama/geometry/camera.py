@@ -63,7 +63,11 @@ class Camera:
             raise CameraError(f"camera size is {self.width}x{self.height}; width and height must be at least 1")
         for name in ("fx", "fy", "cx", "cy"):
             value = getattr(self, name)
-            if not math.isfinite(value):
+            try:
+                finite = math.isfinite(value)
+            except OverflowError:  # a whole number that no float holds
+                raise CameraError(f"camera {name} is beyond 1e308; a finite number of pixels is wanted") from None
+            if not finite:
                 raise CameraError(f"camera {name} is {value}; a finite number of pixels is wanted")
             if abs(value) > LARGEST_PX:
                 raise CameraError(f"camera {name} is {value:g} px; at most {LARGEST_PX:g} px is wanted")

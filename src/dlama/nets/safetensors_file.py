@@ -21,6 +21,8 @@ DTYPES = {
     "F64": np.float64, "F32": np.float32, "F16": np.float16, "BF16": np.uint16,
     "I64": np.int64, "I32": np.int32, "I16": np.int16, "I8": np.int8, "U8": np.uint8, "BOOL": np.bool_,
 }  # fmt: skip
+MOST_SIDES = 32
+"""Dimensions of a tensor."""
 LONGEST_HEADER = 100_000_000
 
 
@@ -39,6 +41,8 @@ def read_safetensors(path: Path) -> tuple[dict[str, np.ndarray], dict[str, str],
     if not isinstance(notes, dict) or not all(isinstance(value, str) for value in notes.values()):
         raise FileError(f"{path}: the header's __metadata__ is not a table of strings")
     arrays = {name: _tensor(path, data, start, name, entry) for name, entry in header.items()}
+    if sum(array.nbytes for array in arrays.values()) > 2 * len(data):  # bfloat16 doubles
+        raise FileError(f"{path}: its tensors overlap; each has bytes of its own in a safetensors file")
     return arrays, {name: entry["dtype"] for name, entry in header.items()}, notes
 
 
@@ -93,13 +97,18 @@ def _header(path: Path, data: bytes) -> tuple[dict[str, Any], int]:
 
 def _tensor(path: Path, data: bytes, start: int, name: str, entry: Any) -> np.ndarray:
     try:
-        dtype, shape = np.dtype(DTYPES[entry["dtype"]]), tuple(int(side) for side in entry["shape"])
-        begin, end = (int(offset) for offset in entry["data_offsets"])
+        dtype, shape = np.dtype(DTYPES[entry["dtype"]]), tuple(entry["shape"])
+        begin, end = entry["data_offsets"]
+        if len(shape) > MOST_SIDES or any(
+            type(number) is not int or abs(number) >= 2**63 for number in (*shape, begin, end)
+        ):
+            raise TypeError("counts are whole numbers")
     except (KeyError, TypeError, ValueError) as error:
-        raise FileError(f"{path}: {name}: header entry {entry!r} has no known dtype, shape and offsets") from error
+        shown = repr(entry)[:200]
+        raise FileError(f"{path}: {name[:200]}: header entry {shown} has no known dtype, shape and offsets") from error
     wanted = math.prod(shape) * dtype.itemsize
     if min((begin, *shape)) < 0 or end - begin != wanted:
-        raise FileError(f"{path}: {name}: {end - begin} bytes for shape {shape}, wanted {wanted}")
+        raise FileError(f"{path}: {name}: {end - begin} bytes for shape {str(shape)[:200]}, wanted {wanted}")
     if start + end > len(data):
         raise FileError(f"{path}: truncated at {name}: {start + end} bytes wanted, the file has {len(data)}")
     array = np.frombuffer(data, dtype, math.prod(shape), start + begin).reshape(shape)

@@ -120,11 +120,11 @@ def from_json(text: str, file: str = "settings") -> TrainSettings:
     """Settings of such a text; `file` is its name in messages. FileError naming the first wrong field."""
     try:
         value = json.loads(text)
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise FileError(f"{file}: no JSON ({error})") from error
     try:
         return typing.cast(TrainSettings, _dataclass_of(TrainSettings, value, ""))
-    except InputError as error:
+    except (InputError, OverflowError) as error:
         raise FileError(f"{file}: {error}") from error
 
 

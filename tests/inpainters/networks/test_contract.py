@@ -116,7 +116,18 @@ def test_each_picture_is_zeroed_in_its_own_hole() -> None:
         ({"hole": "noise"}, "hole is 'noise'"),
         ({"in_range": [1, 0]}, "in_range"),
         ({"in_range": 7}, "cannot be read"),
-        ({"multiple": 0}, "multiple 0"),
+        ({"multiple": 0}, "multiple is 0"),
+        ({"multiple": 10**9}, "multiple is 1000000000 px"),
+        ({"minimum": 10**400}, "minimum"),
+        ({"side": 10**9}, "side is 1000000000 px"),
+        ({"side": 512.5}, "side is 512.5"),
+        ({"multiple": True}, "multiple is True"),
+        ({"in_range": [0, 1e300]}, "in_range"),
+        ({"in_range": [0, 10**400]}, "cannot be read"),
+        ({"out_range": [0, float("nan")]}, "out_range"),
+        ({"in_planes": [f"plane {n}" for n in range(1000)]}, "at most 64 names"),
+        ({"in_planes": [["red"]]}, "names"),
+        ({"out_planes": "red"}, "names"),
         ({"in_planes": ["mask", "red", "green", "blue"]}, "mask last"),
         ({"out_planes": ["red"]}, "same planes"),
     ],
@@ -132,6 +143,10 @@ def test_a_torn_contract_is_refused() -> None:
     """Law: no JSON, and a field short."""
     with pytest.raises(FileError, match=r"x\.onnx: its contract cannot be read"):
         from_metadata({CONTRACT_KEY: "{"}, "x.onnx")
+    for text in ("[" * 100_000, "[]", "7", '{"a": "' + "a" * 2_000_000 + '"}'):
+        with pytest.raises(FileError, match=r"x\.onnx: its contract") as refusal:
+            from_metadata({CONTRACT_KEY: text}, "x.onnx")
+        assert len(str(refusal.value)) < 300
     with pytest.raises(FileError, match=r"x\.onnx: its contract lacks in_planes, .*minimum"):
         from_metadata({CONTRACT_KEY: "{}"}, "x.onnx")
 

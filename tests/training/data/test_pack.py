@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import pickle
+import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -153,6 +154,23 @@ def test_bad_packs(photos: Path, tmp_path: Path) -> None:
     (tmp_path / "spoiled.pack").write_bytes(spoiled)
     with pytest.raises(FileError, match=r"photos/000000.webp is damaged"):
         read_pack(tmp_path / "spoiled.pack")[0][0].load()
+    large = bytearray(whole)
+    large[at + 26 : at + 30] = b"\xff\x3f\xff\x3f"  # width and height of a lossy WebP (RFC 9649), 14 bits each
+    (tmp_path / "large.pack").write_bytes(large)
+    with pytest.raises(FileError, match=r"photos/000000.webp says it has 16383x16383 pixels"):
+        read_pack(tmp_path / "large.pack")[0][0].load()
+    with zipfile.ZipFile(tmp_path / "bomb.pack", "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("index.json", " " * 300_000_000)
+    with pytest.raises(FileError, match=r"bomb\.pack: is no pack.*compressed"):
+        read_pack(tmp_path / "bomb.pack")
+    for index in (
+        "[" * 100_000,
+        '{"format": "dlama pack", "version": 2, "photos": [], "takes": [{"kind": "frame", "parts": 3}]}',
+    ):
+        with zipfile.ZipFile(tmp_path / "index.pack", "w") as archive:
+            archive.writestr("index.json", index)
+        with pytest.raises(FileError, match=r"index\.pack: "):
+            read_pack(tmp_path / "index.pack")
     with pytest.raises(InputError, match="not one picture"):
         pack([photos], path, megabytes=0.0005)
     with pytest.raises(OutputError):

@@ -10,7 +10,7 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -28,6 +28,13 @@ PLANES = {1: ("depth",), 3: COLOR, 4: (*COLOR, "depth"), 6: PAIR}
 """How many planes a network gives -> what they are called."""
 MIGAN_SIDE = 512
 """The only height and width that MI-GAN's generator takes."""
+MOST_PLANES = 64
+LARGEST_SIDE = 4096
+"""Pixels, of every side that a contract names: the memory that a network takes grows with its square."""
+LARGEST_VALUE = 1e6
+"""Of a plane."""
+LONGEST_TEXT = 1_000_000
+"""Characters of a contract."""
 MASKS = {1: ("mask",), 2: ("left mask", "right mask")}
 """How many masks -> what they are called. Two are those of a pair, each of its own picture; one is of all planes alike."""
 DEPTH_QUANTILE, DEPTH_AT_QUANTILE = 0.99, 0.75
@@ -80,10 +87,12 @@ class Contract:
             pair = getattr(self, name)
             if pair is not None and not (len(pair) == 2 and pair[0] < pair[1]):
                 raise InputError(f"contract: {name} is {pair}; two rising numbers are wanted")
-        if self.side is not None and self.side < 1:
-            raise InputError(f"contract: side is {self.side}; 1 or more is wanted")
-        if self.multiple < 1 or self.minimum < 1:
-            raise InputError(f"contract: multiple {self.multiple} and minimum {self.minimum}; 1 or more is wanted")
+            if pair is not None and not max(map(abs, pair)) <= LARGEST_VALUE:
+                raise InputError(f"contract: {name} is {pair}; numbers up to {LARGEST_VALUE:g} are wanted")
+        for name in ("multiple", "minimum", "side"):
+            pixels = getattr(self, name)
+            if pixels is not None and not 1 <= pixels <= LARGEST_SIDE:
+                raise InputError(f"contract: {name} is {pixels} px; 1 to {LARGEST_SIDE} is wanted")
 
     @property
     def masks(self) -> int:
@@ -212,29 +221,47 @@ def from_metadata(metadata: Mapping[str, str], file: str) -> Contract | None:
     if text is None:
         return None
     try:
+        if len(text) > LONGEST_TEXT:
+            raise FileError(f"{file}: its contract has {len(text)} characters; at most {LONGEST_TEXT} are read")
         words = json.loads(text)
+        if not isinstance(words, dict):
+            raise FileError(f"{file}: its contract is a {type(words).__name__}; a table is wanted")
         missing = [name for name in FIELDS if name not in words]
         if missing:
             raise FileError(f"{file}: its contract lacks {', '.join(missing)}")
         out_range = None if words["out_range"] is None else tuple(map(float, words["out_range"]))
         return Contract(
-            tuple(words["in_planes"]),
-            tuple(words["out_planes"]),
+            _names(words, "in_planes"),
+            _names(words, "out_planes"),
             tuple(map(float, words["in_range"])),  # type: ignore[arg-type]
             out_range,  # type: ignore[arg-type]
             words["mask"],
             words["hole"],
-            int(words["multiple"]),
-            int(words["minimum"]),
+            _pixels(words, "multiple"),
+            _pixels(words, "minimum"),
             str(words.get("network", "unknown")),
-            None if words.get("side") is None else int(words["side"]),
+            None if words.get("side") is None else _pixels(words, "side"),
         )
     except FileError:
         raise
     except InputError as error:
         raise FileError(f"{file}: {error}") from error
-    except (ValueError, TypeError) as error:
+    except (ValueError, TypeError, OverflowError, RecursionError) as error:
         raise FileError(f"{file}: its contract cannot be read ({error})") from error
+
+
+def _names(words: Mapping[str, Any], field: str) -> tuple[str, ...]:
+    names = words[field]
+    if not isinstance(names, list) or len(names) > MOST_PLANES or not all(isinstance(name, str) for name in names):
+        raise InputError(f"contract: {field} is {str(names)[:60]}; a list of at most {MOST_PLANES} names is wanted")
+    return tuple(names)
+
+
+def _pixels(words: Mapping[str, Any], field: str) -> int:
+    value = words[field]
+    if type(value) is not int or abs(value) >= 2**63:
+        raise InputError(f"contract: {field} is {str(value)[:60]}; a whole number of pixels is wanted")
+    return value
 
 
 def require_planes(contract: Contract, planes: int, file: str, filler: str) -> None:

@@ -18,8 +18,9 @@ import cv2
 import numpy as np
 
 from dlama.datasets.frames import RemovalTruth, ViewTruth
-from dlama.errors import DlamaError, FileError
+from dlama.errors import DlamaError, FileError, ShapeError
 from dlama.files.depth import MILLIMETRES, depth_from_mm, mm_from_depth
+from dlama.files.images import LARGEST_PIXELS
 from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
 from dlama.training.data.cases import KIND_NAMES, StereoPair, TrainingCase
@@ -76,8 +77,18 @@ def _encode_removal(truth: RemovalTruth, size: int) -> tuple[About, Parts]:
 
 def _decode_removal(about: Mapping[str, Any], roles: frozenset[str], read: ReadRole) -> RemovalTruth:
     source, without = (_frame(about, end, read) for end in ("source", "without"))
-    compare = read("compare") > 0 if "compare" in roles else None
-    return RemovalTruth(source, without, read("mask") > 0, compare, exposure_varies=bool(about["exposure_varies"]))
+    hw = source.camera.hw
+    compare = _of_size("compare", read, hw) > 0 if "compare" in roles else None
+    mask = _of_size("mask", read, hw) > 0
+    return RemovalTruth(source, without, mask, compare, exposure_varies=bool(about["exposure_varies"]))
+
+
+def _of_size(role: str, read: ReadRole, hw: tuple[int, ...]) -> np.ndarray:
+    """The picture of a role, which must be of that shape; ShapeError."""
+    picture = read(role)
+    if picture.shape != hw:
+        raise ShapeError(f"{role} has shape {picture.shape}; {hw} is wanted")
+    return picture
 
 
 def _encode_stereo(pair: StereoPair, size: int) -> tuple[About, Parts]:
@@ -95,12 +106,15 @@ def _encode_stereo(pair: StereoPair, size: int) -> tuple[About, Parts]:
 
 
 def _decode_stereo(about: Mapping[str, Any], roles: frozenset[str], read: ReadRole) -> StereoPair:
-    disparity = (read("disparity") / DISPARITY_STEPS).astype(np.float32)
-    left, right = read("left.color"), read("right.color")
+    left = read("left.color")
+    hw = left.shape[:2]
+    right = _of_size("right.color", read, (*hw, 3))
+    disparity = (_of_size("disparity", read, hw) / DISPARITY_STEPS).astype(np.float32)
     if "left.mask" not in roles:
         return StereoPair(left, right, disparity)
-    masks = read("left.mask") > 0, read("right.mask") > 0
-    return StereoPair(left, right, disparity, masks, (read("left.without"), read("right.without")))
+    masks = _of_size("left.mask", read, hw) > 0, _of_size("right.mask", read, hw) > 0
+    without = _of_size("left.without", read, (*hw, 3)), _of_size("right.without", read, (*hw, 3))
+    return StereoPair(left, right, disparity, masks, without)
 
 
 _ENCODERS: dict[str, Callable[[Any, int], tuple[About, Parts]]] = {
@@ -175,10 +189,20 @@ Places = dict[str, tuple[int, int]]
 def read_pack(path: Path) -> tuple[tuple[Photo, ...], tuple[TrainingCase, ...]]:
     """The photos and cases of a pack; nothing but the index is read. FileError where the file is no pack, or damaged."""
     try:
+        size = path.stat().st_size
         with zipfile.ZipFile(path) as archive:
+            parts = archive.infolist()
+            if any(
+                part.compress_type != zipfile.ZIP_STORED or part.header_offset + part.file_size > size for part in parts
+            ):
+                raise FileError(
+                    f"{path}: is no pack that `dlama pack` wrote: a part is compressed, or longer than the file"
+                )
             index = json.loads(archive.read(INDEX))
-            at = {part.filename: (part.header_offset, part.file_size) for part in archive.infolist()}
-    except (OSError, KeyError, ValueError, zipfile.BadZipFile) as error:
+            at = {part.filename: (part.header_offset, part.file_size) for part in parts}
+    except FileError:
+        raise
+    except Exception as error:  # OSError, KeyError, ValueError, BadZipFile, NotImplementedError, RecursionError, ...
         raise FileError(f"{path}: is no pack that `dlama pack` wrote, or is damaged ({error})") from error
     if not isinstance(index, dict) or index.get("format") != FORMAT or index.get("version") not in (1, VERSION):
         raise FileError(f"{path}: its {INDEX} does not say '{FORMAT}', version 1 or {VERSION}")
@@ -189,7 +213,7 @@ def read_pack(path: Path) -> tuple[tuple[Photo, ...], tuple[TrainingCase, ...]]:
         )
         entries = index[CASES] if index["version"] > 1 else [_first_version(each) for each in index["pairs"]]
         return photos, tuple(_packed_case(path, each, at) for each in entries)
-    except (KeyError, TypeError) as error:
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise FileError(f"{path}: its {INDEX} is incomplete: {error} is missing or of the wrong kind") from error
 
 
@@ -230,7 +254,7 @@ def load_case(path: Path, entry: dict[str, Any], places: Places) -> Any:
         return decode_case(entry["kind"], entry, frozenset(parts), read)
     except FileError:
         raise
-    except (DlamaError, TypeError, KeyError) as error:
+    except (DlamaError, TypeError, KeyError, ValueError, AttributeError, OverflowError, IndexError) as error:
         raise FileError(f"{path}: {entry['scene']} {entry['name']}: {error}") from error
 
 
@@ -245,7 +269,29 @@ def _decoded(path: Path, name: str, place: tuple[int, int]) -> np.ndarray:
             data = stream.read(length)
     except OSError as error:
         raise FileError(f"{path}: cannot be read: {error.strerror or error}") from error
-    picture = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED) if len(data) == length else None
+    width, height = _claimed_wh(data)
+    if width * height > LARGEST_PIXELS:
+        raise FileError(f"{path}: {name} says it has {width}x{height} pixels; at most {LARGEST_PIXELS} are read")
+    try:
+        picture = (
+            cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED) if width and len(data) == length else None
+        )
+    except cv2.error:
+        picture = None
     if picture is None:
         raise FileError(f"{path}: {name} is damaged or truncated")
     return np.asarray(picture)
+
+
+def _claimed_wh(data: bytes) -> tuple[int, int]:
+    """Width and height that the header of a PNG or WebP says (RFC 2083, RFC 9649); 0 for anything else."""
+    if data[:8] == b"\x89PNG\r\n\x1a\n":
+        return int.from_bytes(data[16:20], "big"), int.from_bytes(data[20:24], "big")
+    if data[:4] == b"RIFF" and data[8:15] == b"WEBPVP8":
+        if data[15:16] == b" ":
+            return int.from_bytes(data[26:28], "little") & 0x3FFF, int.from_bytes(data[28:30], "little") & 0x3FFF
+        if data[15:16] == b"L":
+            bits = int.from_bytes(data[21:25], "little")
+            return (bits & 0x3FFF) + 1, (bits >> 14 & 0x3FFF) + 1
+        return int.from_bytes(data[24:27], "little") + 1, int.from_bytes(data[27:30], "little") + 1
+    return 0, 0
