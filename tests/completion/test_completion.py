@@ -8,6 +8,7 @@ from small_street import CAMERA, MASK, completed, street
 from dlama.completion import completion as module
 from dlama.completion.pipeline import complete
 from dlama.completion.verbs import remove
+from dlama.errors import InputError
 from dlama.geometry.trajectories import orbit
 
 
@@ -35,3 +36,8 @@ def test_one_line_says_what_it_is() -> None:
     assert repr(complete(street(), [], mask=MASK, filler="telea")) == (
         "Completion(0 views, filled by 'telea', recipe 'dlama')"
     )
+
+
+def test_no_camera_is_refused() -> None:
+    with pytest.raises(InputError, match="cameras is empty; one camera or more is wanted"):
+        complete(street(), [])

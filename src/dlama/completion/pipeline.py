@@ -25,6 +25,7 @@ from dlama.completion.steps import (
     take_out,
     warp,
 )
+from dlama.errors import InputError
 from dlama.geometry.camera import Camera
 from dlama.geometry.rendering import Mode
 from dlama.geometry.rgbd import RGBD, BoolArray
@@ -67,11 +68,13 @@ def complete(
         seed: Fillers draw their random numbers from it; the same seed gives the same bits.
 
     Raises:
-        InputError: an unknown name, options that contradict each other, views that memory cannot hold,
+        InputError: no camera, an unknown name, options that contradict each other, views that memory cannot hold,
             a mask that cannot be used (MaskError).
     """
     chosen = find_recipe(recipe, mode=mode, dilate=dilate, dilate_holes=dilate_holes, clip=clip, depth_by=depth_by)
     checked_seed(seed)
+    if not cameras:
+        raise InputError("cameras is empty; one camera or more is wanted (rgbd.camera is the picture's own)")
     check_memory((rgbd.camera, *cameras))
     inpainter = filler_of_recipe(find_filler(filler, model), chosen)
     source = View.from_rgbd(clipped(rgbd, chosen.clip))

@@ -17,6 +17,7 @@ from dlama.datasets.frames import Dataset
 from dlama.errors import FileError, InputError, OutputError
 from dlama.evaluation.protocols.methods import Method, ProtocolSettings
 from dlama.evaluation.runner import cache_key, worker
+from dlama.evaluation.runner import run as runner
 from dlama.evaluation.runner.run import Results, run
 from dlama.evaluation.runner.store import (
     HEADER,
@@ -29,6 +30,24 @@ from dlama.evaluation.runner.store import (
 )
 
 SETTINGS = ProtocolSettings()
+
+
+@pytest.mark.parametrize(
+    "jobs, cores, free, message",
+    [
+        (0, 8, None, "jobs is 0; 1 or more is wanted"),
+        (9999, 8, None, "jobs is 9999; this computer has 8 processor cores, so at most 8 is wanted"),
+        (64, 64, 4e9, "as many processes take at least 19.2 GB of memory, 4.0 GB are free, so at most 13 is wanted"),
+    ],
+)
+def test_more_processes_than_the_computer_holds_are_refused(
+    monkeypatch: pytest.MonkeyPatch, jobs: int, cores: int, free: float | None, message: str
+) -> None:
+    monkeypatch.setattr(runner, "processor_count", lambda: cores)
+    monkeypatch.setattr(runner, "available_bytes", lambda: free)
+    with pytest.raises(InputError, match=message):
+        runner.check_jobs(jobs)
+    runner.check_jobs(min(cores, 2))
 
 
 def evaluated(dataset: Dataset, folder: Path, *methods: Method, jobs: int = 1, settings: object = SETTINGS) -> Results:

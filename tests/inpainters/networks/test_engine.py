@@ -20,7 +20,7 @@ from dlama.geometry.visibility import Law
 from dlama.inpainters import find_filler
 from dlama.inpainters.filling import inpaint
 from dlama.inpainters.networks.contract import contract_of_planes
-from dlama.inpainters.networks.engine import Engine, open_engine
+from dlama.inpainters.networks.engine import Engine, OpenEngines, open_engine
 from dlama.inpainters.networks.lama import lama_filler
 from dlama.inpainters.networks.migan import PIPELINE_INPUTS, cracks, fill_picture, is_pipeline, smooth_within_steps
 from dlama.models.network_file import PROVIDERS
@@ -175,6 +175,30 @@ def test_one_engine_stays_open(tmp_path: Path) -> None:
     again = open_engine(model)
     constant(model, 3, 0.1, 0.1, 0.1, network="longer than before")
     assert open_engine(model) is not again
+
+
+def test_networks_in_turn_are_opened_once_each(tmp_path: Path) -> None:
+    """Two methods case after case (oracle: the engines themselves)."""
+    two = [constant(tmp_path / f"{name}.onnx", 3, 0.2, 0.2, 0.2) for name in "ab"]
+    first = [open_engine(model) for model in two]
+    assert [open_engine(model) for model in two * 3] == first * 3
+
+
+def test_engines_that_stay_open_are_few_and_small() -> None:
+    """Four at most, of 100 bytes together at most, and always the last one."""
+    made: list[str] = []
+    engines = OpenEngines(most=4, most_bytes=100)
+
+    def get(name: str, size: int) -> None:
+        engines.get((name,), size, lambda: made.append(name))  # type: ignore[arg-type, return-value]
+
+    for name in "abcdaeb":  # e is one too many: b, used longest ago, goes
+        get(name, 1)
+    assert "".join(made) == "abcdeb"
+    made.clear()
+    for name, size in (("x", 60), ("y", 30), ("x", 60), ("z", 50), ("x", 60), ("big", 500), ("big", 500)):
+        get(name, size)
+    assert made == ["x", "y", "z", "x", "big"]
 
 
 def test_cracks_are_thin() -> None:

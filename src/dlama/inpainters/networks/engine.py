@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-import functools
+import threading
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -68,18 +70,29 @@ class Engine(NetworkFile):
         return about.unit_output(out)
 
 
-@functools.lru_cache(maxsize=1)
-def _cached_engine(
-    path: Path,
-    stamp: tuple[int, int],
-    contract: Contract | None,
-    provider: str | None,
-    threads: int,
-    budget: int,
-    memory_pattern: bool,
-) -> Engine:
-    """The engine of a file as it was at `stamp` (time of change in ns, bytes)."""
-    return Engine(path, provider, threads, memory_pattern, contract, budget)
+class OpenEngines:
+    """The engines that were used last, kept open: so many, and of files that have so many bytes together, the last one always."""
+
+    def __init__(self, most: int = 4, most_bytes: float = 1e9) -> None:
+        self.most, self.most_bytes = most, most_bytes
+        self._kept: dict[tuple[Any, ...], tuple[Engine, int]] = {}
+        self._lock = threading.Lock()
+
+    def get(self, key: tuple[Any, ...], file_bytes: int, made: Callable[[], Engine]) -> Engine:
+        """The engine of that key; made where none is kept, or of a file that changed (the key says so)."""
+        with self._lock:
+            engine = self._kept.pop(key)[0] if key in self._kept else made()
+            self._kept[key] = engine, file_bytes  # the last in the order is the last that was used
+            while len(self._kept) > 1 and (len(self._kept) > self.most or self._bytes() > self.most_bytes):
+                del self._kept[next(iter(self._kept))]
+            return engine
+
+    def _bytes(self) -> int:
+        return sum(size for _, size in self._kept.values())
+
+
+OPEN = OpenEngines()
+"""Of this process."""
 
 
 def open_engine(
@@ -91,7 +104,7 @@ def open_engine(
     budget: int = BUDGET,
     memory_pattern: bool = True,
 ) -> Engine:
-    """The engine of a file, parameters as Engine's; the last one is kept open, so that frame after frame costs one opening.
+    """The engine of a file, parameters as Engine's; the last few are kept open, so that methods in turn open each once.
 
     An engine comes back as it is: so every filler of a network takes a file or an engine with settings of its own. FileError
     where there is no such file, InputError as Engine.
@@ -100,4 +113,6 @@ def open_engine(
         return model
     path = Path(model).expanduser()
     provider, threads = provider or default_provider(), cores() if threads is None else threads
-    return _cached_engine(path, file_stamp(path), contract, provider, threads, budget, memory_pattern)
+    stamp = file_stamp(path)
+    key = path, stamp, contract, provider, threads, budget, memory_pattern
+    return OPEN.get(key, stamp[1], lambda: Engine(path, provider, threads, memory_pattern, contract, budget))

@@ -22,6 +22,7 @@ from dlama.files.atomic_write import new_file
 from dlama.training.data.batches import check_sample
 from dlama.training.data.loader import BatchNumbers, NumberedSamples, batch_loader, held_out_batch
 from dlama.training.data.sources import SampleSource, source_for
+from dlama.training.limits import check_machine
 from dlama.training.loop.callbacks import ALL_STEPS, TIME_IS_UP, RunCallback
 from dlama.training.loop.checkpointing import LAST, read_checkpoint, restore
 from dlama.training.loop.export import TrainingRecord, export, model_card
@@ -85,6 +86,7 @@ def train(
     _refuse_worker()
     first = getattr(rank_zero_only, "rank", 0) == 0
     if first:
+        check_machine(settings)
         prepare(run, settings, resume)
     deadline = math.inf if max_minutes is None else began + 60 * max_minutes
     with logged(run) if first else nullcontext():
