@@ -17,12 +17,12 @@ import pytest
 import dlama
 
 NAMES = {
-    "Camera", "Completion", "Fill", "FillReport", "HoleType", "Inpainter", "Law", "Mesh", "Origin", "PointCloud", "RGBD",
-    "Recipe", "Scene", "StereoCompletion", "StereoConsistency", "StereoRig", "View",
+    "Camera", "Completion", "DepthEstimate", "DepthPrediction", "Fill", "FillReport", "HoleType", "Inpainter", "Law", "Mesh",
+    "Origin", "PointCloud", "RGBD", "Recipe", "Scene", "StereoCompletion", "StereoConsistency", "StereoRig", "View",
     "CameraError", "DepthError", "DlamaError", "FileError", "InputError", "MaskError", "MissingExtraError", "OutputError",
     "ShapeError",
-    "complete", "example", "fuse", "inpaint", "lift", "orbit", "read_camera", "read_color", "read_mask", "read_rgbd",
-    "read_stereo_calib", "remove", "render", "stereo", "view", "write",
+    "complete", "estimate_depth", "example", "fuse", "inpaint", "lift", "orbit", "read_camera", "read_color", "read_mask",
+    "read_rgbd", "read_stereo_calib", "remove", "render", "stereo", "view", "write",
 }  # fmt: skip
 OWN = {"example"}
 """Defined in `__init__` itself."""

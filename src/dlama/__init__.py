@@ -52,6 +52,9 @@ if TYPE_CHECKING:  # what type checkers and editors read; a test holds it equal 
     from dlama.inpainters.filling import FillReport as FillReport
     from dlama.inpainters.filling import Inpainter as Inpainter
     from dlama.inpainters.filling import inpaint as inpaint
+    from dlama.perception.depth_networks import DepthPrediction as DepthPrediction
+    from dlama.perception.monocular import DepthEstimate as DepthEstimate
+    from dlama.perception.monocular import estimate_depth as estimate_depth
     from dlama.perception.stereo_matching import StereoConsistency as StereoConsistency
 
 __version__ = "0.1.0"
@@ -61,6 +64,8 @@ MODULES = {
     "CameraError": "errors",
     "Completion": "completion.completion",
     "DepthError": "errors",
+    "DepthEstimate": "perception.monocular",
+    "DepthPrediction": "perception.depth_networks",
     "DlamaError": "errors",
     "FileError": "errors",
     "Fill": "inpainters.filling",
@@ -84,6 +89,7 @@ MODULES = {
     "StereoRig": "geometry.camera",
     "View": "geometry.view",
     "complete": "completion.pipeline",
+    "estimate_depth": "perception.monocular",
     "fuse": "geometry.fusion",
     "inpaint": "inpainters.filling",
     "lift": "geometry.projection",

@@ -24,6 +24,7 @@ def test_help_names_every_option_of_the_issue(capsys: pytest.CaptureFixture[str]
     """Oracle: the issue's list, verb by verb."""
     shared = "--output --filler --recipe --mode --dilate --dilate-holes --clip --seed"
     source = "--camera --fx --fy --cx --cy --fov --pixel-center --depth-scale --depth-range --resize-depth --far"
+    source += " --depth-model --metres-at --camera-height --no-sharpen"
     move = "--yaw --pitch --pivot --dolly --to"
     mask = "--mask-polarity --soft-mask --mask-class"
     wanted = {

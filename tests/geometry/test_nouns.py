@@ -14,7 +14,7 @@ from dlama.geometry.cloud import PointCloud, concatenated
 from dlama.geometry.mesh import Mesh
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.scene import Scene
-from dlama.geometry.view import HoleType, Origin, View
+from dlama.geometry.view import HoleType, Origin, View, from_source
 
 CAMERA = Camera(3, 2, 2.0, 2.0, 1.5, 1.0)
 COLOR = np.arange(18, dtype=np.uint8).reshape(2, 3, 3) + 1
@@ -116,6 +116,17 @@ def test_view_from_rgbd_marks_sensor_holes() -> None:
     np.testing.assert_array_equal(view.far, [[0, 1, 0], [0, 0, 0]])
 
 
+def test_estimated_depth_has_an_origin_and_a_confidence_of_its_own() -> None:
+    """Closed form: where measured depth would be MEASURED and sure it is ESTIMATED and less sure; nothing else differs."""
+    measured, estimated = (View.from_rgbd(RGBD(COLOR, DEPTH, CAMERA, about)) for about in (None, {"model": "x"}))
+    known = measured.origin == Origin.MEASURED
+    np.testing.assert_array_equal(estimated.origin, np.where(known, Origin.ESTIMATED, measured.origin))
+    np.testing.assert_array_equal(estimated.confidence, np.where(known, np.float32(0.6), np.float32(0)))
+    np.testing.assert_array_equal(from_source(estimated.origin), from_source(measured.origin))
+    for name in ("color", "depth", "hole", "hole_type"):
+        np.testing.assert_array_equal(getattr(estimated, name), getattr(measured, name))
+
+
 def test_view_without_leaves_typed_holes() -> None:
     """Closed form: what is taken out is 0 in every field and carries the type; every other pixel is as it was."""
     where = np.array([[1, 0, 0], [0, 0, 1]], np.bool_)
@@ -131,8 +142,8 @@ def test_view_without_leaves_typed_holes() -> None:
 
 def test_filled_is_what_a_filler_wrote() -> None:
     """Closed form: origin FILLED, and only that."""
-    origin = np.array([list(Origin)[:3], list(Origin)[2:]], np.uint8)
-    np.testing.assert_array_equal(View(**{**view_fields(), "origin": origin}).filled, [[0, 0, 0], [0, 0, 1]])
+    origin = np.array([list(Origin)[:3], list(Origin)[3:]], np.uint8)
+    np.testing.assert_array_equal(View(**{**view_fields(), "origin": origin}).filled, [[0, 0, 0], [0, 1, 0]])
 
 
 def test_codes_are_fixed() -> None:
@@ -143,6 +154,7 @@ def test_codes_are_fixed() -> None:
         "REPROJECTED": 2,
         "DEPTH_FILLED": 3,
         "FILLED": 4,
+        "ESTIMATED": 5,
     }
     assert {kind.name: int(kind) for kind in HoleType} == {
         "NONE": 0,

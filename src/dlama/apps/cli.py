@@ -17,9 +17,10 @@ from dlama.apps.jobs import STAGES, job
 from dlama.apps.model_verbs import models
 from dlama.apps.options import (
     Depth,
+    DepthAndMask,
+    Estimating,
     Image,
     Lens,
-    Mask,
     Masking,
     Method,
     Metres,
@@ -29,6 +30,7 @@ from dlama.apps.options import (
     Reading,
     Report,
     option,
+    split_depth_and_mask,
 )
 from dlama.apps.terminal import errors_as_lines, reported, stages_bar
 from dlama.apps.train import EXAMPLES as TRAINING_EXAMPLES
@@ -44,12 +46,14 @@ DEMO_FOLDER = Annotated[Path, option("DIR", "dlama-demo", aliases=["-o"])]
 
 def view(
     image: Positional[Image],
-    depth: Positional[Depth],
+    depth: Positional[Depth] = None,
     /,
+    *,
     output: Output,
     move: Move,
     lens: Lens,
     reading: Reading,
+    estimating: Estimating,
     method: Method,
     report: Report,
     only: Only = None,
@@ -58,25 +62,25 @@ def view(
 
     Args:
         image: The colour picture: PNG, JPEG or TIFF.
-        depth: Its depth, same size: 16-bit PNG or TIFF (millimetres), EXR, PFM, NPY or NPZ.
+        depth: Its depth, same size: 16-bit PNG or TIFF (millimetres), EXR, PFM, NPY or NPZ; without it, it is estimated.
         output: Directory for the results, made if need be; files of the same names are replaced.
         only: What is written beside meta.json: image, depth, hole, origin, confidence, points, mesh, scene, preview.
     """
     with job("view", report) as this:
         target = move.required().settings()
-        rgbd = this.rgbd(image, depth, lens, reading)
+        rgbd = this.rgbd(image, depth, lens, reading, estimating)
         this.write(dlama.view(rgbd, **target, **method.settings()), output, only)
 
 
 def remove(
     image: Positional[Image],
-    depth: Positional[Depth],
-    mask: Positional[Mask],
+    depth_and_mask: Positional[DepthAndMask],
     /,
     output: Output,
     move: Move,
     lens: Lens,
     reading: Reading,
+    estimating: Estimating,
     masking: Masking,
     method: Method,
     report: Report,
@@ -86,14 +90,15 @@ def remove(
 
     Args:
         image: The colour picture: PNG, JPEG or TIFF.
-        depth: Its depth, same size: 16-bit PNG or TIFF (millimetres), EXR, PFM, NPY or NPZ.
-        mask: The object in the picture: black and white, 255 = remove.
+        depth_and_mask: Its depth, same size (16-bit PNG or TIFF, EXR, PFM, NPY or NPZ; without it, it is estimated), and the
+            object in the picture: black and white, 255 = remove.
         output: Directory for the results, made if need be; files of the same names are replaced.
         only: What is written beside meta.json: image, depth, hole, origin, confidence, points, mesh, scene, preview.
     """
     with job("remove", report) as this:
         target = move.settings()
-        rgbd = this.rgbd(image, depth, lens, reading)
+        depth, mask = split_depth_and_mask(depth_and_mask)
+        rgbd = this.rgbd(image, depth, lens, reading, estimating)
         object_mask = this.mask(mask, masking)
         this.write(dlama.remove(rgbd, object_mask, **target, **method.settings()), output, only)
 
@@ -174,12 +179,14 @@ VERBS: dict[str, Callable[..., Any]] = {
 EXAMPLES: dict[str, tuple[str, ...]] = {
     "view": (
         "dlama view photo.jpg depth.png --fov 65 --yaw 20 -o out",
+        "dlama view photo.jpg --yaw 8 --metres-at 320,400=2.5 -o out",
         "dlama view photo.jpg depth.exr --camera cam.json --yaw -10 --pitch 5 --pivot auto -o out",
         "dlama view photo.jpg depth.png --camera cam.json --to target.json --only image,depth -o out",
     ),
     "remove": (
         "dlama remove photo.jpg depth.png mask.png --fov 65 -o out",
         "dlama remove photo.jpg depth.png mask.png --fov 65 --yaw 20 -o out",
+        "dlama remove photo.jpg mask.png -o out",
         "dlama remove color.jpeg depth.exr semantic.png --mask-class barrel --fov 90 --depth-range 10 -o out",
     ),
     "stereo": (

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from dlama.apps.options import Lens, Masking, Only, Reading, Report, names_in
+from dlama.apps.options import Estimating, Lens, Masking, Only, Reading, Report, names_in
 from dlama.apps.terminal import Result, reported, stages_bar
 
 if TYPE_CHECKING:
@@ -23,6 +23,9 @@ STAGES = 20
 """About as many as a job logs: the length of the bar."""
 SHOWN = 5e-4
 """The smallest share of a picture that the summary line names: 0.1 % when rounded."""
+
+
+NO_ESTIMATE = Estimating()
 
 
 @dataclass
@@ -44,16 +47,25 @@ class Job:
         self.read_seconds += time.perf_counter() - started
         LOG.info("complete")
 
-    def rgbd(self, image: Path, depth: Path, lens: Lens, reading: Reading) -> dlama.RGBD:
-        """A picture, its depth and its camera."""
+    def rgbd(
+        self, image: Path, depth: Path | None, lens: Lens, reading: Reading, estimating: Estimating = NO_ESTIMATE
+    ) -> dlama.RGBD:
+        """A picture, its depth (estimated, where there is no file) and its camera."""
         from dlama.files.cameras import camera_for
         from dlama.files.images import picture_hw
         from dlama.files.rgbd import read_rgbd
 
-        self.inputs |= {"image": image, "depth": depth} | ({"camera": lens.camera} if lens.camera else {})
+        self.inputs |= {"image": image} | ({"camera": lens.camera} if lens.camera else {})
+        options = reading.settings() | estimating.settings()
+        if depth is None:
+            with self.reading(image):
+                rgbd = read_rgbd(image, **lens.settings(), **options)
+            self.intrinsics_from = (rgbd.estimate or {})["field_of_view"]["from"]
+            return rgbd
+        self.inputs["depth"] = depth
         with self.reading(image, depth):
             camera, self.intrinsics_from = camera_for(picture_hw(image), image=image, **lens.settings())
-            return read_rgbd(image, depth, camera=camera, **reading.settings())
+            return read_rgbd(image, depth, camera=camera, **options)
 
     def mask(self, path: Path, masking: Masking, role: str = "mask") -> BoolArray:
         """A mask, True = remove."""

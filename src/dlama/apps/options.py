@@ -6,6 +6,8 @@ Nothing here imports what computes, so that --help is quick; a test holds the na
 from __future__ import annotations
 
 import dataclasses
+import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -34,8 +36,8 @@ Metres = Annotated[float | None, option("METRES")]
 Radius = Annotated[int | None, option("PX", "the recipe's")]
 CameraFile = Annotated[Path | None, option("FILE.json")]
 Image = Annotated[Path, option("IMAGE", None)]
-Depth = Annotated[Path, option("DEPTH", None)]
-Mask = Annotated[Path, option("MASK", None)]
+Depth = Annotated[Path | None, option("DEPTH", "estimated from the picture")]
+DepthAndMask = Annotated[tuple[Path, ...], option("[DEPTH] MASK", None)]
 RESULTS = ("image", "depth", "hole", "origin", "confidence", "disparity", "points", "mesh", "scene", "preview")
 """Names of what is written."""
 Only = Annotated[str | None, option("NAME,...", "all")]
@@ -129,7 +131,7 @@ class Lens:
 
 @dataclass(frozen=True)
 class Reading:
-    """How the depth file is to be understood: 16-bit PNG or TIFF, EXR, PFM, NPY or NPZ."""
+    """How the depth file is to be understood: 16-bit PNG or TIFF, EXR, PFM, NPY or NPZ; --far goes with estimated depth too."""
 
     depth_scale: Annotated[float | None, option("UNITS", "1000 for 16-bit files, 1 for float files")] = None
     """Units per metre: 1000 = millimetres, TUM 5000, KITTI 256."""
@@ -145,6 +147,53 @@ class Reading:
     def settings(self) -> dict[str, Any]:
         """As keyword arguments of read_rgbd."""
         return dataclasses.asdict(self)
+
+
+def split_depth_and_mask(files: Sequence[Path]) -> tuple[Path | None, Path]:
+    """The depth file, if there is one, and the mask, which comes last; raises InputError."""
+    if not 1 <= len(files) <= 2:
+        raise InputError(f"{len(files)} files follow the picture; a mask, or depth and a mask are wanted")
+    return (files[0] if len(files) == 2 else None), files[-1]
+
+
+KnownDepths = Annotated[tuple[str, ...], option("X,Y=D ...", "none")]
+"""Depths in metres of pixels, as they are typed; `known_depths` reads them."""
+
+
+@dataclass(frozen=True)
+class Estimating:
+    """Depth of a picture that comes without: by which network, and what is known of its scale."""
+
+    depth_model: Annotated[str | None, option("NAME|FILE|NAME=FILE", "tcmonodepth, which ships")] = None
+    """Network that estimates depth: depth-anything-small, or in metres depth-anything-indoor, depth-anything-outdoor and
+    moge-small (`dlama models pull` gets them); or an ONNX file with a contract; NAME=FILE: a file with that one's contract."""
+    metres_at: KnownDepths = ()
+    """Known depths: the pixel x to the right, y down, and its metres along the optical axis; several fit better."""
+    camera_height: Metres = None
+    """The camera's height above the ground that the picture shows, instead of --metres-at."""
+    sharpen: Annotated[bool, option("", "on")] = True
+    """Leave the blurred edges of estimated depth as they are, instead of moving them to the picture's."""
+
+    def settings(self) -> dict[str, Any]:
+        """As keyword arguments of read_rgbd."""
+        return dataclasses.asdict(self) | {"metres_at": known_depths(self.metres_at)}
+
+
+def known_depths(typed: Sequence[str]) -> tuple[tuple[float, float, float], ...]:
+    """(x, y, metres) of each `X,Y=D`; raises InputError."""
+    found = []
+    for text in typed:
+        parts = re.fullmatch(r"([^,=]+),([^,=]+)=([^,=]+)", text)
+        try:
+            if parts is None:
+                raise ValueError
+            x, y, metres = map(float, parts.groups())
+        except ValueError:
+            raise InputError(
+                f"metres_at is {text!r}; X,Y=D is wanted: a pixel and its depth in metres, such as 320,400=2.5"
+            ) from None
+        found.append((x, y, metres))
+    return tuple(found)
 
 
 @dataclass(frozen=True)

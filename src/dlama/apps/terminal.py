@@ -10,6 +10,7 @@ import time
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from contextvars import ContextVar
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -31,6 +32,8 @@ KERNELS = logging.getLogger("dlama.kernels")
 
 BAD_INPUT = 2
 """Exit code for anything the user can put right."""
+WITH_FLAGS: ContextVar[Callable[[str], str]] = ContextVar("WITH_FLAGS", default=str)
+"""Puts the flags of the verb under way in place of the parameters that a warning of the library names."""
 STREAM_ERRORS = (errno.ENOSPC, errno.EPIPE, errno.EIO, errno.EBADF, errno.EFBIG, getattr(errno, "EDQUOT", errno.ENOSPC))
 """What a full or broken stream says."""
 
@@ -54,9 +57,10 @@ def reported(verb: str, report: Report) -> Iterator[Result]:
     result, warned, started = Result(), [], time.perf_counter()
 
     def show(message: Warning | str, *_: Any, **__: Any) -> None:
-        warned.append(" ".join(str(message).split()))
+        told = WITH_FLAGS.get()(str(message))
+        warned.append(" ".join(told.split()))
         if not report.quiet:
-            print_line("warning", str(message))
+            print_line("warning", told)
 
     with warnings.catch_warnings():
         warnings.simplefilter("default", UserWarning)
@@ -78,6 +82,7 @@ def errors_as_lines(with_flags: Callable[[str], str] = str) -> Iterator[None]:
 
     A signal ends with a line and its usual exit code (130, 143), a full standard output with a line and CANNOT_WRITE.
     """
+    WITH_FLAGS.set(with_flags)
     open_closed_streams()
     show_any_text()
     code: int | str | None = None

@@ -12,7 +12,7 @@ from dlama.completion.completion import Completion
 from dlama.completion.memory import check_memory
 from dlama.completion.published import clipped
 from dlama.completion.recipes import DepthBy, Recipe, checked_seed, find_recipe
-from dlama.completion.report import Clock, Record, meta_data
+from dlama.completion.report import Clock, Record, depth_source, meta_data
 from dlama.completion.steps import (
     Dilation,
     Plan,
@@ -99,5 +99,7 @@ def complete(
         views.append(view)
         grown_holes.append(grown_hole)
         fills += [taken_over, filled]
-    meta = meta_data(plan, filler, source, warped, Record(fills, clock.seconds, grown_mask, grown_holes))
+    meta = depth_source(rgbd) | meta_data(
+        plan, filler, source, warped, Record(fills, clock.seconds, grown_mask, grown_holes)
+    )
     return Completion(tuple(views), tuple(warped), scene, source, meta)

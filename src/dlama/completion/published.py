@@ -22,7 +22,7 @@ def clipped(rgbd: RGBD, clip: float | None) -> RGBD:
     """The picture with everything at or beyond `clip` metres, sky too, at `clip`; as it is where `clip` is None."""
     if clip is None:
         return rgbd
-    return RGBD(rgbd.color, np.minimum(rgbd.depth, np.float32(clip)), rgbd.camera)
+    return dataclasses.replace(rgbd, depth=np.minimum(rgbd.depth, np.float32(clip)))
 
 
 def complete_pair_one_by_one(

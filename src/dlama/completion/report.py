@@ -15,6 +15,7 @@ import numpy as np
 from dlama.completion.steps import NO_DILATION, Dilation, Plan
 from dlama.geometry.holes import hole_shares
 from dlama.geometry.rendering import flying
+from dlama.geometry.rgbd import RGBD
 from dlama.geometry.view import View
 from dlama.inpainters.filling import FillReport, Inpainter
 
@@ -77,6 +78,13 @@ def meta_data(
         "seconds": record.seconds,
         "notes": notes,
     }
+
+
+def depth_source(rgbd: RGBD) -> dict[str, Any]:
+    """Where the depth of the source comes from, for meta.json: `depth`, measured or estimated; `depth_estimate`, how."""
+    if rgbd.estimate is None:
+        return {"depth": "measured"}
+    return {"depth": "estimated", "depth_estimate": dict(rgbd.estimate)}
 
 
 def share(where: np.ndarray) -> float:

@@ -26,6 +26,8 @@ from dlama.inpainters.grey_depth import with_grey_depth
 from dlama.inpainters.layered.depth_first import depth_first
 
 NOTHING_FILLED = FillReport(0, 0, 0, {})
+SEEN_AGAIN = (Origin.REPROJECTED, Origin.ESTIMATED)
+"""Origins of what the source view shows, seen from elsewhere."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,8 +134,8 @@ def close_holes(law: Law, view: View, earlier: View, *, measured: bool = False) 
     closed = view.hole & ~earlier.hole
     depth, moved = lawful_depth(view, np.where(closed, earlier.depth, view.depth), closed, law)
     of_color = closed & view.color_hole
-    seen_again = np.uint8(Origin.REPROJECTED if measured else Origin.FILLED)
-    origin = np.where(earlier.origin == Origin.REPROJECTED, seen_again, earlier.origin)
+    again = np.isin(earlier.origin, SEEN_AGAIN) & (not measured)
+    origin = np.where(again, np.uint8(Origin.FILLED), earlier.origin)
     known = dataclasses.replace(
         view,
         color=np.where(of_color[..., None], earlier.color, view.color),

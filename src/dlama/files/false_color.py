@@ -21,8 +21,15 @@ HOLE_PALETTE: tuple[RGB, ...] = (
 )
 """RGB by HoleType code: none, crack, disoccluded, flying, out of view, sensor, object (Okabe and Ito's colours, which
 the colour-blind tell apart)."""
-ORIGIN_PALETTE: tuple[RGB, ...] = ((0, 0, 0), (235, 235, 235), (86, 180, 233), (204, 121, 167), (213, 94, 0))
-"""RGB by Origin code: unknown, measured, reprojected, depth filled, filled."""
+ORIGIN_PALETTE: tuple[RGB, ...] = (
+    (0, 0, 0),
+    (235, 235, 235),
+    (86, 180, 233),
+    (204, 121, 167),
+    (213, 94, 0),
+    (0, 158, 115),
+)
+"""RGB by Origin code: unknown, measured, reprojected, depth filled, filled, estimated."""
 
 SKY: RGB = (222, 231, 240)
 HATCH: tuple[RGB, RGB] = ((46, 48, 52), (64, 67, 72))

@@ -76,9 +76,14 @@ def panels(completion: Completion) -> list[Panel]:
     return [
         source_panel(completion),
         *color_panels("", before, view),
-        ("depth of the source", depth_picture(source.depth, source.hole, lo, hi)),
+        (depth_name(completion), depth_picture(source.depth, source.hole, lo, hi)),
         *depth_panels("", before, view, completion),
     ]
+
+
+def depth_name(completion: Completion) -> str:
+    """What the panel of the source's depth is called."""
+    return "depth of the source" + (", estimated" if completion.meta.get("depth") == "estimated" else "")
 
 
 def demo_panels(name: str, completion: Completion) -> list[Panel]:

@@ -1,20 +1,24 @@
-"""A picture file, a depth file and a camera in; an RGBD out."""
+"""A picture file, a depth file (or none: depth is estimated) and a camera in; an RGBD out."""
 
 from __future__ import annotations
 
+import dataclasses
 import warnings
-from typing import Literal
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, Literal
 
 import numpy as np
 
-from dlama.errors import ShapeError
+from dlama.errors import InputError, ShapeError
 from dlama.files.atomic_write import PathLike
 from dlama.files.cameras import camera_for
 from dlama.files.depth import read_depth
-from dlama.files.images import orientation_of
+from dlama.files.images import orientation_of, read_stored
 from dlama.files.pictures import read_color
 from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import RGBD, Float32Array
+from dlama.perception.monocular import DEFAULT, Estimator, estimate_depth
 
 SAME_PROPORTIONS = 0.02
 """Relative difference of width / height up to which depth of another size is of the same field of view."""
@@ -22,7 +26,7 @@ SAME_PROPORTIONS = 0.02
 
 def read_rgbd(
     image: PathLike,
-    depth: PathLike,
+    depth: PathLike | None = None,
     *,
     camera: PathLike | Camera | None = None,
     fx: float | None = None,
@@ -36,22 +40,41 @@ def read_rgbd(
     channel: str | None = None,
     far: float | None = None,
     resize_depth: Literal["nearest"] | None = None,
+    depth_model: str | Path | Estimator | None = None,
+    metres_at: Sequence[tuple[float, float, float]] = (),
+    camera_height: float | None = None,
+    sharpen: bool = True,
 ) -> RGBD:
-    """Colour and metric depth of one camera.
+    """Colour and metric depth of one camera; of a picture without depth, depth estimated from it.
 
     Args:
         image: PNG, JPEG or TIFF; comes back as uint8 H x W x 3 RGB.
-        depth: 16-bit PNG or TIFF, EXR, PFM, NPY or NPZ; comes back as float32 H x W metres, 0 = missing, +inf = far.
+        depth: 16-bit PNG or TIFF, EXR, PFM, NPY or NPZ; comes back as float32 H x W metres, 0 = missing, +inf = far. None: it
+            is estimated, which the result's `estimate` says.
         camera: A Camera, or its file; else fx, fy, cx, cy, fov and pixel_center as in `camera_for`, or the picture's EXIF.
-        depth_scale, depth_range, channel, far: As in `read_depth`.
+        depth_scale, depth_range, channel: As in `read_depth`, of a depth file.
+        far: What lies at or beyond so many metres is far (sky).
         resize_depth: "nearest" brings depth of another size to the picture's.
+        depth_model, metres_at, camera_height, sharpen: As in `estimate_depth`, of a picture without depth.
 
     Raises:
+        InputError: options of a depth file without one, or of estimated depth with one.
         FileError: a file is missing, damaged or of another kind.
         DepthError: depth that cannot be metres.
         CameraError: no camera, two cameras, or one that cannot be.
         ShapeError: picture, depth and camera are of different sizes.
     """
+    lens: dict[str, Any] = {"camera": camera, "fx": fx, "fy": fy, "cx": cx, "cy": cy, "fov": fov, "pixel_center": pixel_center}
+    of_file = {"depth_scale": depth_scale, "depth_range": depth_range, "channel": channel, "resize_depth": resize_depth}
+    options: dict[str, Any] = {"metres_at": metres_at, "camera_height": camera_height, "sharpen": sharpen}
+    if depth is None:
+        for name, value in of_file.items():
+            if value is not None:
+                raise InputError(f"{name} is given without a depth file; it says how one is read")
+        return estimated_rgbd(image, lens, depth_model or DEFAULT, far, options)
+    for name, value in (options | {"depth_model": depth_model, "sharpen": not sharpen}).items():
+        if not (value is None or value is False or value == ()):
+            raise InputError(f"`{name}` and a depth file contradict each other: it is for pictures without depth; give one of them")
     color = read_color(image)
     hw = color.shape[:2]
     metres = read_depth(depth, depth_scale=depth_scale, depth_range=depth_range, channel=channel, far=far)
@@ -60,8 +83,28 @@ def read_rgbd(
         _check_turned(image, depth, hw, metres, turned)
     if metres.shape != hw:
         metres = _resized(image, depth, metres, hw, resize_depth)
-    lens, _ = camera_for(hw, camera=camera, fx=fx, fy=fy, cx=cx, cy=cy, fov=fov, pixel_center=pixel_center, image=image)
-    return RGBD(color, metres, lens)
+    found, _ = camera_for(hw, image=image, **lens)
+    return RGBD(color, metres, found)
+
+
+def estimated_rgbd(
+    image: PathLike,
+    lens: Mapping[str, Any],
+    depth_model: str | Path | Estimator,
+    far: float | None,
+    options: Mapping[str, Any],
+) -> RGBD:
+    """A picture file with estimated depth; lens: the options of `camera_for`; options: the others of `estimate_depth`."""
+    color = read_color(image)
+    given = any(value is not None for name, value in lens.items() if name != "pixel_center")
+    known = given or read_stored(image).focal_35mm is not None
+    camera, source = camera_for(color.shape[:2], image=image, **lens) if known else (None, "")
+    rgbd = estimate_depth(color, camera, depth_model=depth_model, **options).rgbd
+    about = dict(rgbd.estimate or {})
+    if source:
+        about["field_of_view"] = {**about["field_of_view"], "from": source}
+    depth = rgbd.depth if far is None else np.where(rgbd.depth >= far, np.float32(np.inf), rgbd.depth)
+    return dataclasses.replace(rgbd, depth=depth, estimate=about)
 
 
 def _check_turned(

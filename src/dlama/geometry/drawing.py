@@ -17,7 +17,7 @@ from dlama.geometry.kernels.jit import in_bands, threads
 from dlama.geometry.kernels.sampling import far_blocks, smooth_quads, spline
 from dlama.geometry.projection import px_from_px
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
-from dlama.geometry.view import Origin, View
+from dlama.geometry.view import Origin, View, from_source
 
 Mode = Literal["surface", "points"]
 MODES: tuple[Mode, ...] = ("surface", "points")
@@ -91,7 +91,7 @@ class Canvas:
         """
         wins = (other.depth > 0) & ((self.depth == 0) | (other.depth < self.depth * (1 - tolerance)))
         if not over_measured:
-            wins &= self.origin != Origin.MEASURED
+            wins &= ~from_source(self.origin)
         self.color[wins], self.depth[wins] = other.color[wins], other.depth[wins]
         self.origin[wins], self.confidence[wins] = other.origin[wins], other.confidence[wins]
 

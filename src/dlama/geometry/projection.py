@@ -14,7 +14,7 @@ from dlama.errors import CameraError, DepthError, ShapeError
 from dlama.geometry.camera import Camera, Float64Array
 from dlama.geometry.cloud import PointCloud
 from dlama.geometry.rgbd import RGBD, Float32Array
-from dlama.geometry.view import Origin, View
+from dlama.geometry.view import View
 
 SMALLEST_DISPARITY = np.float32(1e-6)
 """Pixels; stands in for a measured disparity of exactly 0, because 0 means missing."""
@@ -105,8 +105,10 @@ def rays(camera: Camera) -> Float64Array:
 def lift(source: RGBD | View) -> PointCloud:
     """The cloud of all valid pixels (finite depth, no hole), row by row, in world coordinates.
 
-    Far and missing pixels have no point. An RGBD's points are MEASURED with confidence 1; a View's carry its own.
+    Far and missing pixels have no point. An RGBD's points are MEASURED with confidence 1, or ESTIMATED; a View's carry its own.
     """
+    if isinstance(source, RGBD):
+        source = View.from_rgbd(source)
     valid = source.valid
     rows, columns = np.nonzero(valid)
     camera = source.camera
@@ -117,10 +119,7 @@ def lift(source: RGBD | View) -> PointCloud:
     in_camera[:, 2] = z
     pose = camera.world_from_cam
     points = in_camera @ pose[:3, :3].T + pose[:3, 3]
-    if isinstance(source, View):
-        return PointCloud(points, source.color[valid], source.origin[valid], source.confidence[valid])
-    measured = np.full(len(z), Origin.MEASURED, np.uint8)
-    return PointCloud(points, source.color[valid], measured, np.ones(len(z), np.float32))
+    return PointCloud(points, source.color[valid], source.origin[valid], source.confidence[valid])
 
 
 def project(points: Float64Array, camera: Camera) -> tuple[Float64Array, Float64Array]:

@@ -22,7 +22,7 @@ from dlama.geometry.kernels.jit import in_bands
 from dlama.geometry.projection import project
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
 from dlama.geometry.scene import Scene
-from dlama.geometry.view import HoleType, Origin, View
+from dlama.geometry.view import HoleType, Origin, View, from_source
 
 TYPE_OF_RANK = np.array(
     [HoleType.OUT_OF_VIEW, HoleType.DISOCCLUDED, HoleType.SENSOR, HoleType.FLYING, HoleType.OBJECT, HoleType.CRACK],
@@ -58,7 +58,7 @@ def render(
     canvas = Canvas.empty(camera)
     for number, grid in enumerate(grids):
         if number:
-            measured = bool((grid.layer.origin == Origin.MEASURED).any())
+            measured = bool(from_source(grid.layer.origin).any())
             canvas.put(draw(grid, camera, Canvas.empty(camera)), tolerance=0.005, over_measured=measured)
         else:
             draw(grid, camera, canvas)
@@ -95,7 +95,7 @@ def hole_types(grids: list[Grid], objects: tuple[View, ...], camera: Camera, hol
             break
         if grid.own_camera:
             np.maximum(ranks, RANK_OF_TYPE[layer.hole_type], out=ranks, where=hole)
-        elif (layer.origin == Origin.MEASURED).any():
+        elif from_source(layer.origin).any():
             depth, grid_rank = closed_grid(layer, objects)
             x, y, w = transformed(depth, grid.matrix, grid.offset)
             crack_rank = hole_kernels.CRACK_RANK if grid.joined is None else hole_kernels.DISOCCLUDED_RANK

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +31,8 @@ class RGBD:
     """H x W, planar z in metres; 0 = missing, +inf = far."""
     camera: Camera
     """The camera that took both."""
+    estimate: Mapping[str, Any] | None = None
+    """How the depth was estimated from the picture (model, scale, field of view), JSON-ready; None: it was measured."""
 
     def __post_init__(self) -> None:
         color, depth = np.asarray(self.color), np.asarray(self.depth)

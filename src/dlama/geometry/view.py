@@ -32,6 +32,17 @@ class Origin(IntEnum):
     DEPTH_FILLED = 3
     """Colour measured, depth filled (a sensor hole)."""
     FILLED = 4
+    ESTIMATED = 5
+    """Colour measured, depth estimated from the picture; so too where it is seen from elsewhere."""
+
+
+ESTIMATED_CONFIDENCE = 0.6
+"""Of a pixel with measured colour and estimated depth; 1 is measured, what is filled has 0.5 and less."""
+
+
+def from_source(origin: UInt8Array) -> BoolArray:
+    """True where Origin codes say that the source view itself shows it: measured, or measured with estimated depth."""
+    return (origin == Origin.MEASURED) | (origin == Origin.ESTIMATED)
 
 
 class HoleType(IntEnum):
@@ -89,16 +100,17 @@ class View:
 
     @classmethod
     def from_rgbd(cls, rgbd: RGBD) -> View:
-        """The source view: all measured, sensor holes (no depth, known colour) marked as such."""
+        """The source view: all measured (or with estimated depth), sensor holes (no depth, known colour) marked as such."""
         missing = rgbd.missing
+        known, sure = (Origin.MEASURED, 1.0) if rgbd.estimate is None else (Origin.ESTIMATED, ESTIMATED_CONFIDENCE)
         return cls(
             camera=rgbd.camera,
             color=rgbd.color,
             depth=rgbd.depth,
             hole=missing,
             hole_type=np.where(missing, HoleType.SENSOR, HoleType.NONE).astype(np.uint8),
-            origin=np.where(missing, Origin.DEPTH_FILLED, Origin.MEASURED).astype(np.uint8),
-            confidence=(~missing).astype(np.float32),
+            origin=np.where(missing, Origin.DEPTH_FILLED, known).astype(np.uint8),
+            confidence=(~missing) * np.float32(sure),
         )
 
     def __repr__(self) -> str:

@@ -16,7 +16,7 @@ from dlama.geometry.kernels.jit import in_bands
 from dlama.geometry.projection import px_from_px
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.geometry.scene import Scene
-from dlama.geometry.view import Origin, View
+from dlama.geometry.view import View, from_source
 
 MAX_ROUNDS = 8
 """Passes over all source cameras after which what still breaks the law is put at infinity."""
@@ -34,11 +34,11 @@ class Law:
     def of(cls, scene: Scene) -> Law:
         """The law that a scene's measured layers and removed objects lay down."""
         measured: list[tuple[Camera, Float32Array]] = []
-        sky = [layer.color[layer.far & (layer.origin == Origin.MEASURED)] for layer in scene.layers]
+        sky = [layer.color[layer.far & from_source(layer.origin)] for layer in scene.layers]
         for layer in (*scene.layers, *scene.objects):
-            if not (layer.origin == Origin.MEASURED).any():
+            if not from_source(layer.origin).any():
                 continue
-            depth = np.where(layer.origin == Origin.MEASURED, layer.depth, np.float32(0))
+            depth = np.where(from_source(layer.origin), layer.depth, np.float32(0))
             for number, (camera, known) in enumerate(measured):
                 if camera.same_view_as(layer.camera):
                     measured[number] = camera, np.where(known > 0, known, depth)

@@ -10,7 +10,7 @@ from typing import Literal, TypeAlias
 
 from dlama.errors import InputError
 
-Contract: TypeAlias = Literal["lama-weights", "migan-pipeline", "alexnet-weights", "lpips-heads"]
+Contract: TypeAlias = Literal["lama-weights", "migan-pipeline", "alexnet-weights", "lpips-heads", "depth-network"]
 
 CONTRACT_KEY = "dlama.contract"
 """Key of the ONNX metadata under which a file's contract stands, as JSON (`dlama models convert` writes it)."""
@@ -33,7 +33,8 @@ class Record:
     licence: str
     """Of the weights: an SPDX name."""
     contract: Contract
-    """How the file is to be used: lama-weights are converted to ONNX first, a migan-pipeline runs as it is."""
+    """How the file is to be used: lama-weights are converted to ONNX first, a migan-pipeline and a depth-network run as
+    they are (what the latter takes and gives stands in `dlama.perception.monocular.ESTIMATORS`)."""
     file: str
     """Its name in the cache directory."""
     seen: bool = True
@@ -44,6 +45,7 @@ class Record:
     """What else a user should know."""
 
 
+_DEPTH_ANYTHING_ONNX = "https://github.com/fabio-sim/Depth-Anything-ONNX/releases/download/v2.0.0"
 _BIG_LAMA = "LaMa with 18 blocks, trained on Places: fills holes of any size in colour"
 
 CATALOGUE: dict[str, Record] = {
@@ -112,6 +114,54 @@ CATALOGUE: dict[str, Record] = {
             contract="lpips-heads",
             file="lpips-alex-v0.1.pth",
             note="The bytes that the PyPI package lpips 0.1.4 carries.",
+        ),
+        Record(
+            name="depth-anything-small",
+            what="Depth Anything V2 small: relative inverse depth of a single picture",
+            urls=("https://huggingface.co/onnx-community/depth-anything-v2-small/resolve/main/onnx/model.onnx",),
+            sha256="afb6a5c28f3b6bf1618c6e43f02073ef9dfdc70e937502d51603e57b0a1df10c",
+            bytes=99060839,
+            licence="Apache-2.0",
+            contract="depth-network",
+            file="depth-anything-small.onnx",
+            seen=False,
+            note="Size and sha256 are as several projects that load it publish them. Its larger siblings are CC-BY-NC-4.0.",
+        ),
+        Record(
+            name="depth-anything-indoor",
+            what="Depth Anything V2 small, trained on Hypersim: depth of a single indoor picture in metres, up to 20",
+            urls=(f"{_DEPTH_ANYTHING_ONNX}/depth_anything_v2_vits_indoor_dynamic.onnx",),
+            sha256="2e25a3f332b34d885a1b3059cab471f7916a36099325810821b2d6e0471f74ad",
+            bytes=None,
+            licence="Apache-2.0",
+            contract="depth-network",
+            file="depth-anything-indoor.onnx",
+            seen=False,
+            note="About 95 MB; the sha256 is as a project that loads it publishes it.",
+        ),
+        Record(
+            name="depth-anything-outdoor",
+            what="Depth Anything V2 small, trained on Virtual KITTI 2: depth of a single outdoor picture in metres, up to 80",
+            urls=(f"{_DEPTH_ANYTHING_ONNX}/depth_anything_v2_vits_outdoor_dynamic.onnx",),
+            sha256=None,
+            bytes=None,
+            licence="Apache-2.0",
+            contract="depth-network",
+            file="depth-anything-outdoor.onnx",
+            seen=False,
+            note="About 95 MB.",
+        ),
+        Record(
+            name="moge-small",
+            what="MoGe-2 (ViT-S, with normals): a point map of a single picture in metres, and its field of view",
+            urls=("https://huggingface.co/Ruicheng/moge-2-vits-normal-onnx/resolve/main/model.onnx",),
+            sha256="24eacb5dc7a2c54c7bc98f7de085ffbed79ad006ea5b664c2c2cdc02ff3a52f0",
+            bytes=140852051,
+            licence="MIT",
+            contract="depth-network",
+            file="moge-small.onnx",
+            seen=False,
+            note="Size and sha256 are as two projects that load it publish them. Parts of DINOv2 in it are Apache-2.0.",
         ),
     )
 }

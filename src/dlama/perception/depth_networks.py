@@ -1,0 +1,190 @@
+"""A picture and a depth network in; what the network says of it (depth, inverse depth or points) out.
+
+How a network wants its picture and what its numbers mean is data, a DepthContract; `run` is the one piece of code that reads it.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field, fields
+from typing import Any, Literal
+
+import cv2
+import numpy as np
+
+from dlama.errors import DepthError, FileError, InputError
+from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
+from dlama.models.network_file import NetworkFile
+from dlama.models.records import CONTRACT_KEY
+
+Gives = Literal["depth", "inverse depth", "points"]
+KINDS: tuple[Gives, ...] = ("depth", "inverse depth", "points")
+IMAGENET = (0.485, 0.456, 0.406), (0.229, 0.224, 0.225)
+"""Mean and standard deviation of the colours 0..1 of ImageNet, as most networks want their pictures normalised."""
+NETWORK = "monocular depth"
+"""What stands as `network` in the contract of such a file."""
+
+
+@dataclass(frozen=True)
+class DepthContract:
+    """What a network of monocular depth takes and gives. InputError for contradictions."""
+
+    gives: Gives
+    """depth: planar z; inverse depth: larger is nearer; points: x, y, z in the camera, z known up to a shift."""
+    metric: bool = False
+    """Whether that is in metres; else it is known up to a factor, relative inverse depth up to a factor and a shift."""
+    scale: float = 1 / 255
+    """A colour c of 0..255 is shown as (c * scale - mean) / std."""
+    mean: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    std: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    layout: Literal["CHW", "HWC"] = "CHW"
+    """Order of the input's axes after the batch; colours are RGB."""
+    size: tuple[int, int] | None = None
+    """The only height and width it takes, to which the picture is stretched; None: proportions are kept, see the next two."""
+    side: int = 518
+    """Pixels of the shorter side."""
+    multiple: int = 14
+    """Height and width are rounded to a multiple of this."""
+    tokens: int | None = None
+    """The number that its second input (int64) wants: how finely it looks."""
+    outputs: tuple[str, ...] = ()
+    """Names of the outputs that are used, each as `first|or this`: the map; of points also their mask and their metric scale.
+    Empty: the first output."""
+
+    def __post_init__(self) -> None:
+        if self.gives not in KINDS:
+            raise InputError(f"contract: gives is {self.gives!r}; one of {', '.join(KINDS)} is wanted")
+        if self.layout not in ("CHW", "HWC"):
+            raise InputError(f"contract: layout is {self.layout!r}; CHW or HWC is wanted")
+        if len(self.mean) != 3 or len(self.std) != 3 or min(self.std) <= 0 or self.scale <= 0:
+            raise InputError("contract: mean and std of three colours, std and scale above 0 are wanted")
+        if min(self.size or (self.side, self.multiple)) < 1:
+            raise InputError("contract: size, side and multiple of 1 or more are wanted")
+
+    def input_size(self, hw: tuple[int, int]) -> tuple[int, int]:
+        """Height and width at which a picture of that size is shown."""
+        if self.size is not None:
+            return self.size
+        factor = self.side / min(hw)
+        height, width = (max(1, round(side * factor / self.multiple)) * self.multiple for side in hw)
+        return height, width
+
+    def tensor(self, color: UInt8Array) -> Float32Array:
+        """The picture (H x W x 3, RGB) as the network takes it, with a batch of 1."""
+        height, width = self.input_size(color.shape[:2])
+        smaller = height * width < color.shape[0] * color.shape[1]
+        how = cv2.INTER_AREA if smaller else cv2.INTER_CUBIC
+        shown = cv2.resize(color, (width, height), interpolation=how).astype(np.float32) * np.float32(self.scale)
+        normal = ((shown - np.asarray(self.mean)) / np.asarray(self.std)).astype(np.float32)
+        return np.ascontiguousarray(normal.transpose(2, 0, 1) if self.layout == "CHW" else normal)[None]
+
+    def metadata(self) -> dict[str, str]:
+        """The ONNX metadata that says all this."""
+        return {CONTRACT_KEY: json.dumps({"network": NETWORK, **asdict(self)})}
+
+
+@dataclass(frozen=True, eq=False)
+class DepthPrediction:
+    """What an estimator says of a picture, at any size of the same proportions."""
+
+    values: Float32Array
+    """h x w: planar z, or inverse depth (larger is nearer, 0 is far); of points h x w x 3 (x, y, z; z up to a shift)."""
+    gives: Gives = "depth"
+    metric: bool = False
+    """Whether it is in metres (1/m)."""
+    far: BoolArray | None = None
+    """h x w, True where it says sky; None: it does not say."""
+    notes: dict[str, Any] = field(default_factory=dict)
+    """What ran, for meta.json."""
+
+    def __post_init__(self) -> None:
+        if self.gives not in KINDS:
+            raise InputError(f"prediction gives {self.gives!r}; one of {', '.join(KINDS)} is wanted")
+        wanted = 3 if self.gives == "points" else 2
+        if self.values.ndim != wanted or (wanted == 3 and self.values.shape[2] != 3):
+            shape = "h x w x 3" if wanted == 3 else "h x w"
+            raise DepthError(f"the estimated {self.gives} has shape {self.values.shape}; {shape} is wanted")
+        if np.isnan(self.values).any():
+            raise DepthError(f"the estimated {self.gives} holds values that are not numbers")
+
+
+def run(network: NetworkFile, contract: DepthContract, color: UInt8Array) -> DepthPrediction:
+    """What the network says of a picture (H x W x 3, RGB). FileError where the file does not keep its contract."""
+    shown = contract.tensor(color)
+    outputs = network.run_all(checked_feed(network, contract, shown))
+    named = dict(zip(network.outputs, outputs))
+    found = [next((named[name] for name in names.split("|") if name in named), None) for names in contract.outputs]
+    if any(one is None for one in found):
+        missing = [names for names, one in zip(contract.outputs, found) if one is None]
+        raise FileError(f"{network.path}: gives {', '.join(named)}; {' and '.join(missing)} is wanted")
+    values = squeezed(network, contract, found[0] if found and found[0] is not None else outputs[0], contract.gives)
+    far = None
+    if len(found) > 1 and found[1] is not None:
+        far = squeezed(network, contract, found[1], "depth") <= 0.5
+    if len(found) > 2 and found[2] is not None:
+        values = values * np.float32(np.asarray(found[2]).ravel()[0])
+    if not np.isfinite(values[~far] if far is not None else values).all():
+        raise FileError(f"{network.path}: the network gave values that are not finite")
+    values = np.nan_to_num(values, nan=0.0, posinf=0.0, neginf=0.0)
+    return DepthPrediction(values, contract.gives, contract.metric, far, network.notes)
+
+
+def checked_feed(network: NetworkFile, contract: DepthContract, shown: Float32Array) -> dict[str, np.ndarray]:
+    """The inputs by name; FileError where the graph takes others."""
+    inputs = network.inputs
+    wanted = 1 if contract.tokens is None else 2
+    (name, (kind, shape)), *others = inputs.items()
+    fits = len(shape) == 4 and all(
+        not isinstance(have, int) or have == given for have, given in zip(shape, shown.shape)
+    )
+    if len(inputs) != wanted or kind != "tensor(float)" or not fits:
+        sizes = " x ".join(map(str, shown.shape))
+        more = "" if wanted == 1 else " and a number of tokens"
+        raise FileError(f"{network.path}: takes {described(inputs)}; a float picture of {sizes}{more} is wanted")
+    return {name: shown} | {other: np.array(contract.tokens, np.int64) for other, _ in others}
+
+
+def described(ends: Mapping[str, tuple[str, list[Any]]]) -> str:
+    """Inputs of a graph in words."""
+    return ", ".join(
+        f"{name} ({kind} {' x '.join(map(str, shape)) or 'scalar'})" for name, (kind, shape) in ends.items()
+    )
+
+
+def squeezed(network: NetworkFile, contract: DepthContract, out: np.ndarray, gives: Gives) -> Float32Array:
+    """An output without its batch and channel axes: h x w, of points h x w x 3. FileError for any other shape."""
+    values = np.asarray(out, np.float32)
+    if gives == "points":
+        fits = values.ndim == 4 and values.shape[0] == 1 and values.shape[3] == 3
+        values = values[0] if fits else values
+    else:
+        fits = values.ndim in (2, 3, 4) and math.prod(values.shape[:-2]) == 1 and min(values.shape[-2:]) > 1
+        values = values.reshape(values.shape[-2:]) if fits else values
+    if not fits:
+        wanted = "1 x h x w x 3" if gives == "points" else "1 x h x w"
+        raise FileError(f"{network.path}: gave an output of {' x '.join(map(str, np.shape(out)))}; {wanted} is wanted")
+    return values
+
+
+def contract_of_file(network: NetworkFile) -> DepthContract | None:
+    """The contract that stands in a file's metadata; None where there is none. FileError where it is another network's."""
+    text = network.metadata.get(CONTRACT_KEY)
+    if text is None:
+        return None
+    try:
+        words = json.loads(text)
+        if words.get("network") != NETWORK:
+            raise FileError(
+                f"{network.path}: is a network {words.get('network')!r} by its contract; {NETWORK} is wanted"
+            )
+        known = {one.name for one in fields(DepthContract)}
+        listed: dict[str, Any] = {
+            name: tuple(value) if isinstance(value, list) else value for name, value in words.items() if name in known
+        }
+        return DepthContract(**listed)
+    except FileError:
+        raise
+    except (ValueError, TypeError, AttributeError) as error:
+        raise FileError(f"{network.path}: its contract cannot be read ({error})") from error

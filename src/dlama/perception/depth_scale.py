@@ -1,0 +1,180 @@
+"""Estimated depth on a scale of its own and what is known in metres in; the numbers that make metres of it out.
+
+Relative inverse depth is known up to a factor and a shift, 1 / z = factor * value + shift; all else up to a factor,
+z = factor * value.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from dlama.errors import DepthError, InputError
+from dlama.geometry.camera import Camera
+from dlama.geometry.rgbd import BoolArray, Float32Array
+from dlama.perception.planes import find_planes, fit_plane
+
+ASSUMED_MEDIAN_M = 3.0
+"""Median depth of a picture of which nothing is known in metres."""
+FARTHEST_M = 1000.0
+"""What comes out beyond is far."""
+SPREAD = 1.1
+"""Largest value over the smallest, of the known pixels, from which a shift is fitted too."""
+PATCH = 2
+"""Known pixels are read as the median of those up to so many px away."""
+LEVEL = math.cos(math.radians(40))
+"""Least cosine between the ground's normal and the camera's y axis."""
+GROUND_NOISE = 0.02
+"""Of estimated inverse depth on planes, relative to the median; RANSAC takes planes for what they are within 2.5 of it."""
+
+
+@dataclass(frozen=True)
+class Scale:
+    """How metres are made: 1 / z = factor * value + shift of inverse depth, z = factor * value of depth."""
+
+    inverse: bool
+    factor: float = 1.0
+    shift: float = 0.0
+    """1/m; only of inverse depth."""
+    rule: str = "metric model"
+    """`metric model`, `metres_at`, `camera_height` or `assumed`."""
+    about: Mapping[str, Any] = field(default_factory=dict)
+    """What it follows from, JSON-ready."""
+
+    def metres(self, values: Float32Array, far: BoolArray | None) -> Float32Array:
+        """Depth in metres, inf where far: where `far` says so, or beyond FARTHEST_M."""
+        if self.inverse:
+            inverse = values * np.float32(self.factor) + np.float32(self.shift)
+            known = inverse > 1 / FARTHEST_M
+            depth = np.divide(1, inverse, out=np.full_like(values, np.inf), where=known)
+        else:
+            depth = values if self.factor == 1 else values * np.float32(self.factor)
+            depth = np.where(depth < FARTHEST_M, depth, np.float32(np.inf))
+        return depth if far is None else np.where(far, np.float32(np.inf), depth)
+
+    @property
+    def notes(self) -> dict[str, Any]:
+        """For meta.json."""
+        form = "1 / metres = factor * inverse depth + shift" if self.inverse else "metres = factor * depth"
+        numbers = {"factor": self.factor} | ({"shift": self.shift} if self.inverse else {})
+        return {"rule": self.rule, "form": form, **numbers, **self.about}
+
+
+def scale_of(
+    values: Float32Array,
+    inverse: bool,
+    metric: bool,
+    camera: Camera,
+    metres_at: Sequence[tuple[float, float, float]] = (),
+    camera_height: float | None = None,
+) -> Scale:
+    """The scale of estimated depth, or inverse depth, H x W.
+
+    metric: it is in metres (or 1/m), and stays so where nothing else is known. metres_at: (x, y, depth in metres) of pixels, x
+    right, y down. camera_height: metres of the camera above the ground. InputError where they contradict each other or the
+    picture, DepthError where nothing has depth.
+    """
+    if len(metres_at) and camera_height is not None:
+        raise InputError("metres_at and camera_height contradict each other; give one of them")
+    usable = (values > 0) & np.isfinite(values)
+    if not usable.any():
+        raise DepthError("no pixel has an estimated depth; give depth")
+    if len(metres_at):
+        return scale_at_points(values, inverse, inverse and not metric, metres_at)
+    if camera_height is not None:
+        return scale_of_ground(values, inverse, camera, camera_height)
+    if metric:
+        return Scale(inverse)
+    median = float(np.median(values[usable]))
+    factor = 1 / (median * ASSUMED_MEDIAN_M) if inverse else ASSUMED_MEDIAN_M / median
+    return Scale(inverse, factor, 0.0, "assumed", {"assumed_median_m": ASSUMED_MEDIAN_M})
+
+
+def scale_at_points(
+    values: Float32Array, inverse: bool, shifted: bool, metres_at: Sequence[tuple[float, float, float]]
+) -> Scale:
+    """Least squares over known pixels, each relative to its own distance: factor, and shift where two are told apart."""
+    found = np.array([value_at(values, x, y, metres) for x, y, metres in metres_at])
+    metres = np.array([point[2] for point in metres_at], np.float64)
+    wanted = 1 / metres if inverse else metres
+    shifted = shifted and found.max() > SPREAD * found.min()
+    design = np.stack([found, np.ones_like(found)] if shifted else [found], 1) / wanted[:, None]
+    solved = np.linalg.lstsq(design, np.ones_like(wanted), rcond=None)[0]
+    factor, shift = float(solved[0]), float(solved[1]) if shifted else 0.0
+    if factor <= 0:
+        raise InputError(
+            "metres_at contradicts the picture: what is given as nearer was estimated to be farther; look the pixels up again"
+        )
+    fitted = factor * found + shift
+    fitted = 1 / np.maximum(fitted, 1 / FARTHEST_M) if inverse else fitted
+    points = [
+        {"x": float(x), "y": float(y), "metres": float(wanted_m), "fitted_metres": round(float(got), 4)}
+        for (x, y, wanted_m), got in zip(metres_at, fitted)
+    ]
+    return Scale(inverse, factor, shift, "metres_at", {"points": points, "shift_fitted": bool(shifted)})
+
+
+def value_at(values: Float32Array, x: float, y: float, metres: float) -> float:
+    """The value at a pixel, a median over its neighbours. InputError: outside the picture, far, or a distance that is none."""
+    height, width = values.shape
+    at = f"metres_at {x:g},{y:g}={metres:g}"
+    if not (0 <= x < width and 0 <= y < height):
+        raise InputError(
+            f"{at}: lies outside the {width}x{height} picture; x of 0 to {width - 1}, y of 0 to {height - 1} are wanted"
+        )
+    if not (metres > 0 and math.isfinite(metres)):
+        raise InputError(f"{at}: {metres:g} m is no distance; a number above 0 is wanted")
+    row, column = int(y), int(x)
+    patch = values[max(0, row - PATCH) : row + PATCH + 1, max(0, column - PATCH) : column + PATCH + 1]
+    patch = patch[(patch > 0) & np.isfinite(patch)]
+    if not patch.size:
+        raise InputError(f"{at}: is sky by the estimated depth; give a pixel on a surface")
+    return float(np.median(patch))
+
+
+def scale_of_ground(values: Float32Array, inverse: bool, camera: Camera, camera_height: float) -> Scale:
+    """The factor that puts the camera so high (m) above the largest plane that looks like ground. InputError where none does."""
+    if not (camera_height > 0 and math.isfinite(camera_height)):
+        raise InputError(f"camera_height is {camera_height:g} m; a number above 0 is wanted")
+    w = values if inverse else np.divide(1, values, out=np.zeros_like(values), where=(values > 0) & np.isfinite(values))
+    plane = ground_plane(w, camera)
+    if plane is None:
+        raise InputError(
+            "camera_height is given and no ground is seen: no plane of the estimated depth lies level; give metres_at"
+        )
+    per_meter = camera_height * float(np.linalg.norm(plane))  # 1 / |plane| is the camera's distance from it
+    about = {
+        "camera_height_m": camera_height,
+        "ground_tilt_deg": round(math.degrees(math.acos(plane[1] / float(np.linalg.norm(plane)))), 2),
+    }
+    return Scale(inverse, 1 / per_meter if inverse else per_meter, 0.0, "camera_height", about)
+
+
+def ground_plane(w: Float32Array, camera: Camera) -> np.ndarray | None:
+    """n / d of the ground n . X = d (camera axes) in inverse depth H x W: of the planes that lie level the one that holds most of
+    the lowest third of the picture; None where there is none."""
+    low = np.zeros(w.shape, np.bool_)
+    low[w.shape[0] // 2 :] = True
+    surface = low & (w > 0)
+    if not surface.any():
+        return None
+    noise = GROUND_NOISE * float(np.median(w[surface]))
+    rows, columns = np.nonzero(surface[::4, ::4])
+    u, v = 4 * columns + 0.5, 4 * rows + 0.5
+    value = w[::4, ::4][rows, columns].astype(np.float64)
+    best, most = None, 0
+    for plane in find_planes(w, surface, seed=0, noise=noise):
+        residual = np.abs(plane[0] * u + plane[1] * v + plane[2] - value)
+        near = np.maximum(0.05 * value, 2.5 * noise)
+        inliers = residual < near
+        if inliers.sum() < 12:
+            continue
+        a, b, c = fit_plane(u[inliers], v[inliers], value[inliers], near[inliers])
+        normal = np.array([a * camera.fx, b * camera.fy, c + a * camera.cx + b * camera.cy])
+        if normal[1] > LEVEL * np.linalg.norm(normal) and inliers.sum() > most:
+            best, most = normal, int(inliers.sum())
+    return best

@@ -1,0 +1,74 @@
+"""Numba kernels of a joint median: a map, which of its pixels may vote, and the picture in; the map with its edges moved out."""
+
+from __future__ import annotations
+
+import math
+
+from dlama.geometry.kernels.jit import kernel, piece
+
+MOST = 256
+"""Voters of one pixel at most: a window of 15 x 15."""
+
+
+@piece
+def sort_down(key, other, root, count):
+    """Restore a heap (largest key first) whose root may be too small."""
+    while True:
+        child = 2 * root + 1
+        if child >= count:
+            return
+        if child + 1 < count and key[child + 1] > key[child]:
+            child += 1
+        if key[root] >= key[child]:
+            return
+        key[root], key[child] = key[child], key[root]
+        other[root], other[child] = other[child], other[root]
+        root = child
+
+
+@piece
+def weighted_median(value, weight, count, total):
+    """The largest of `count` values whose weight, with that of all above it, reaches half the total; reorders both arrays."""
+    for root in range(count // 2 - 1, -1, -1):
+        sort_down(value, weight, root, count)
+    reached = 0.0
+    for left in range(count, 0, -1):  # the largest of what is left lies first
+        reached += weight[0]
+        if reached >= 0.5 * total or left == 1:
+            break
+        value[0], weight[0] = value[left - 1], weight[left - 1]
+        sort_down(value, weight, 0, left - 1)
+    return value[0]
+
+
+@kernel
+def joint_median(first, last, values, blurred, votes, color, radius, step, color_sigma, space_sigma, room, out):
+    """At `blurred` pixels the weighted median of the voters around, which count more the nearer in place and colour they are.
+
+    values: float32 H x W. blurred, votes: bool H x W. color: float32 H x W x 3. radius, step: px of the window and of its grid.
+    room: float32 H x 2 x MOST, written to. out: float32 H x W, as `values` elsewhere.
+    """
+    height, width = values.shape
+    for row in range(first, last):
+        for column in range(width):
+            out[row, column] = values[row, column]
+            if not blurred[row, column]:
+                continue
+            count, total = 0, 0.0
+            for dy in range(-radius, radius + 1, step):
+                y = row + dy
+                if y < 0 or y >= height:
+                    continue
+                for dx in range(-radius, radius + 1, step):
+                    x = column + dx
+                    if x < 0 or x >= width or count == MOST or not votes[y, x]:
+                        continue
+                    unlike = 0.0
+                    for channel in range(3):
+                        unlike += (color[y, x, channel] - color[row, column, channel]) ** 2
+                    w = math.exp(-unlike / (2 * color_sigma**2) - (dx * dx + dy * dy) / (2 * space_sigma**2))
+                    room[row, 0, count], room[row, 1, count] = values[y, x], w
+                    total += w
+                    count += 1
+            if count and total > 1e-12:
+                out[row, column] = weighted_median(room[row, 0], room[row, 1], count, total)

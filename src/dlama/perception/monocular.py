@@ -1,0 +1,269 @@
+"""A single picture in; its depth in metres, estimated by a network, out. ESTIMATORS, at the foot, is the closed list of names.
+
+predict (relative, blurred) -> sharpen along the picture's edges -> scale to metres. What was assumed on the way is said in a
+warning and stands in the estimate's meta data.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import math
+import warnings
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+
+from dlama.errors import DepthError, InputError, ShapeError
+from dlama.geometry.camera import Camera
+from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
+from dlama.models.cache import locate
+from dlama.models.network_file import NetworkFile, cores, default_provider, file_stamp
+from dlama.models.records import CATALOGUE
+from dlama.perception.depth_networks import IMAGENET, DepthContract, DepthPrediction, contract_of_file, run
+from dlama.perception.depth_scale import scale_of
+from dlama.perception.point_maps import depth_of_points
+from dlama.perception.sharpening import sharpened
+
+ASSETS = Path(__file__).parents[1] / "assets"
+DEFAULT = "tcmonodepth"
+ASSUMED_FOV = 60.0
+"""Degrees across the longer side, where neither the user nor the picture's EXIF data nor the network says."""
+LEAST_CONTRAST = 3.0
+"""Grey levels between the darkest and the brightest hundredth of a picture, below which it shows nothing."""
+
+Estimator = Callable[[UInt8Array], DepthPrediction]
+"""An estimator: picture (H x W x 3, RGB) -> what it says of its depth."""
+
+
+@dataclass(frozen=True)
+class EstimatorRecord:
+    """A network that estimates depth: its contract, and its file."""
+
+    contract: DepthContract
+    shipped: str | None = None
+    """The network file that ships in the package, under assets/; None: the catalogue's model of that name, pulled first."""
+
+
+@dataclass(frozen=True, eq=False)
+class DepthEstimate:
+    """Estimated depth of a picture."""
+
+    rgbd: RGBD
+    """The picture with its depth in metres and its camera; `rgbd.estimate` says how it was made, so that every verb knows."""
+    raw: Float32Array
+    """H x W metres as the network said it, before edges were moved."""
+
+    @property
+    def depth(self) -> Float32Array:
+        """H x W, planar z in metres; +inf = far."""
+        return self.rgbd.depth
+
+    @property
+    def camera(self) -> Camera:
+        """The given camera, or the assumed one."""
+        return self.rgbd.camera
+
+    @property
+    def meta(self) -> dict[str, Any]:
+        """Model, scale and field of view, and what of them was assumed; JSON-ready."""
+        return dict(self.rgbd.estimate or {})
+
+
+def estimate_depth(
+    color: UInt8Array,
+    camera: Camera | None = None,
+    *,
+    depth_model: str | Path | Estimator = DEFAULT,
+    metres_at: Sequence[tuple[float, float, float]] = (),
+    camera_height: float | None = None,
+    sharpen: bool = True,
+) -> DepthEstimate:
+    """The depth of a single picture, in metres; no download for the network that ships.
+
+    Args:
+        color: uint8 H x W x 3, RGB.
+        camera: The camera that took it; None: the field of view the network finds, or 60 degrees across the longer side.
+        depth_model: A name of ESTIMATORS, an ONNX file with a contract, `NAME=FILE` (a file with the contract of that name), or a
+            function (picture) -> DepthPrediction.
+        metres_at: (x, y, metres): known depths (along the optical axis) of pixels, x right, y down. Relative inverse depth has a
+            factor and a shift: both are fitted from two on.
+        camera_height: Metres of the camera above the ground that the picture shows, instead.
+        sharpen: Move blurred depth edges to the picture's.
+
+    With neither metres_at nor camera_height nor a metric network the median depth is taken to be 3 m. Warns of what is assumed.
+
+    Raises:
+        InputError: an unknown name, options that contradict each other or the picture, a picture that shows nothing.
+        FileError: a network file that is missing, or does not keep its contract.
+    """
+    check_picture(color)
+    name, estimator = find_estimator(depth_model)
+    prediction = estimator(color)
+    camera, fov_notes, shift = camera_of(color, camera, prediction)
+    values, inverse, far = at_picture_size(prediction, camera, shift)
+    moved = sharpened(values, color) if sharpen else values
+    scale = scale_of(moved, inverse, prediction.metric, camera, metres_at, camera_height)
+    depth = scale.metres(moved, far)
+    if not ((depth > 0) & np.isfinite(depth)).any():
+        raise DepthError(f"the network {name} sees nothing but sky in this picture; give depth")
+    if scale.rule == "assumed":
+        warnings.warn(
+            f"the scale of the estimated depth is assumed (median {scale.about['assumed_median_m']:g} m): give metres_at, "
+            "camera_height or a metric depth_model",
+            UserWarning,
+            stacklevel=2,
+        )
+    meta = {
+        "estimator": name,
+        **prediction.notes,
+        "gives": f"{'metric' if prediction.metric else 'relative'} {prediction.gives}",
+        "scale": scale.notes,
+        "field_of_view": fov_notes,
+        "sharpened": sharpen,
+        "sharpened_pixels": int((moved != values).sum()),
+    }
+    return DepthEstimate(RGBD(color, depth, camera, meta), scale.metres(values, far))
+
+
+def check_picture(color: UInt8Array) -> None:
+    """ShapeError for what is no picture; DepthError for one without any contrast."""
+    if color.dtype != np.uint8 or color.ndim != 3 or color.shape[2] != 3:
+        raise ShapeError(f"colour is {color.dtype} {color.shape}; uint8 H x W x 3 is wanted")
+    low, high = np.percentile(color, (1, 99), axis=(0, 1))
+    if float((high - low).max()) < LEAST_CONTRAST:
+        raise DepthError(
+            "the picture has nearly one colour all over: there is nothing to estimate depth from; give depth"
+        )
+
+
+def find_estimator(depth_model: str | Path | Estimator) -> tuple[str, Estimator]:
+    """The name and the function of an estimator; parameters and errors as `estimate_depth`."""
+    if not isinstance(depth_model, (str, Path)):
+        return getattr(depth_model, "__name__", type(depth_model).__name__), depth_model
+    text = str(depth_model)
+    before, equals, after = text.partition("=")
+    if equals and before in ESTIMATORS:
+        return before, _of_file(Path(after), ESTIMATORS[before].contract)
+    if text in ESTIMATORS and not Path(text).is_file():
+        record = ESTIMATORS[text]
+        return text, _of_file(locate(text) if record.shipped is None else ASSETS / record.shipped, record.contract)
+    if not isinstance(depth_model, Path) and Path(text).suffix.lower() != ".onnx" and not Path(text).is_file():
+        raise InputError(
+            f"depth_model is {text!r}; one of {', '.join(ESTIMATORS)}, an ONNX file, or NAME=FILE is wanted"
+        )
+    path = Path(text).expanduser()
+    network = opened(path)
+    contract = contract_of_file(network) or _contract_of_bytes(network)
+    if contract is None:
+        raise InputError(
+            f"{path}: carries no contract and is none of the catalogue's files; say whose contract it keeps: "
+            f"depth_model=NAME={path.name}, NAME of {', '.join(ESTIMATORS)}"
+        )
+    return path.name, _of_file(path, contract)
+
+
+def _of_file(path: Path, contract: DepthContract) -> Estimator:
+    network = opened(path.expanduser())
+    return lambda color: run(network, contract, color)
+
+
+def _contract_of_bytes(network: NetworkFile) -> DepthContract | None:
+    """The contract of the catalogue's network that has this file's sha256."""
+    known = {CATALOGUE[name].sha256: record for name, record in ESTIMATORS.items() if name in CATALOGUE}
+    found = known.get(network.sha256)
+    return None if found is None else found.contract
+
+
+def opened(path: Path) -> NetworkFile:
+    """The network of a file; the last one stays open."""
+    return _opened(path, file_stamp(path), default_provider(), cores())
+
+
+@functools.lru_cache(maxsize=1)
+def _opened(path: Path, stamp: tuple[int, int], provider: str | None, threads: int) -> NetworkFile:
+    return NetworkFile(path, provider, threads)
+
+
+def camera_of(
+    color: UInt8Array, camera: Camera | None, prediction: DepthPrediction
+) -> tuple[Camera, dict[str, Any], float]:
+    """The camera of the picture, for meta.json where it comes from, and the shift of z that its points take."""
+    height, width = color.shape[:2]
+    if camera is not None and camera.hw != (height, width):
+        raise ShapeError(
+            f"the camera is {camera.width}x{camera.height} and the picture {width}x{height}; both must have the same size"
+        )
+    shift = 0.0
+    source = "given"
+    if prediction.gives == "points":
+        _, shift, found = depth_of_points(
+            prediction.values, prediction.far, None if camera is None else horizontal_fov(camera)
+        )
+        if camera is None:
+            camera, source = Camera.from_fov(width, height, found), "the network"
+    if camera is None:
+        longer = 0.5 * max(width, height) / math.tan(math.radians(ASSUMED_FOV) / 2)
+        camera, source = Camera(width, height, longer, longer, width / 2, height / 2), "assumed"
+        warnings.warn(
+            f"the field of view is assumed ({ASSUMED_FOV:g} degrees across the longer side): give fov or `camera`",
+            UserWarning,
+            stacklevel=3,
+        )
+    return camera, {"degrees": round(horizontal_fov(camera), 3), "from": source}, shift
+
+
+def horizontal_fov(camera: Camera) -> float:
+    """Degrees across the width of a camera's picture."""
+    return math.degrees(2 * math.atan(0.5 * camera.width / camera.fx))
+
+
+def at_picture_size(
+    prediction: DepthPrediction, camera: Camera, shift: float
+) -> tuple[Float32Array, bool, BoolArray | None]:
+    """(values, whether they are inverse depth, where they say sky), H x W; between its pixels inverse depth is interpolated."""
+    values, inverse, far = (
+        np.asarray(prediction.values, np.float32),
+        prediction.gives == "inverse depth",
+        prediction.far,
+    )
+    if prediction.gives == "points":
+        values = values[..., 2] + np.float32(shift)
+    if values.shape != camera.hw:
+        if not inverse:
+            values = np.divide(1, values, out=np.zeros_like(values), where=(values > 0) & np.isfinite(values))
+        if far is not None:
+            near = cv2.resize(far.astype(np.uint8), camera.wh, interpolation=cv2.INTER_NEAREST)
+            values, far = np.where(far, np.float32(0), values), near > 0
+        values, inverse = np.asarray(cv2.resize(values, camera.wh, interpolation=cv2.INTER_LINEAR)), True
+    if inverse:
+        values = np.maximum(values, np.float32(0))
+    elif not (values > 0).all():
+        raise DepthError(
+            f"the estimated depth holds values that are not positive (smallest {values.min():.4g}); metres > 0 are wanted"
+        )
+    if float(values.max()) == 0:
+        raise DepthError("the network sees no depth in this picture; give depth")
+    return values, inverse, far
+
+
+_RELATIVE = DepthContract("inverse depth", mean=IMAGENET[0], std=IMAGENET[1], side=518, multiple=14)
+"""Of Depth Anything V2."""
+_METRIC = dataclasses.replace(_RELATIVE, gives="depth", metric=True)
+
+ESTIMATORS: dict[str, EstimatorRecord] = {
+    DEFAULT: EstimatorRecord(
+        DepthContract("inverse depth", scale=1.0, size=(192, 320)), "tcmonodepth/tcmonodepth-small.onnx"
+    ),
+    "depth-anything-small": EstimatorRecord(_RELATIVE),
+    "depth-anything-indoor": EstimatorRecord(_METRIC),
+    "depth-anything-outdoor": EstimatorRecord(_METRIC),
+    "moge-small": EstimatorRecord(
+        DepthContract("points", metric=True, tokens=1800, outputs=("points", "mask", "metric_scale|scale"))
+    ),
+}
+"""Name -> record; the default, which ships, comes first. The others are models of the catalogue by the same names."""

@@ -1,0 +1,63 @@
+"""A map with blurred edges and the picture it belongs to in; the same map with its edges where the picture has them out.
+
+Estimated depth changes over many pixels where the scene has a step; drawn from elsewhere, such a ramp is a fringe between
+two surfaces.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from dlama.geometry.kernels.jit import in_bands
+from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
+from dlama.perception.kernels.edge_median import MOST, joint_median
+
+
+@dataclass(frozen=True)
+class Sharpening:
+    """How edges are moved; lengths in px of a picture whose longer side is 512."""
+
+    radius: float = 14.0
+    """Half the window in which depths are looked for: more than half a ramp's width."""
+    space_sigma: float = 9.0
+    """How fast votes weaken with distance."""
+    color_sigma: float = 14.0
+    """How fast votes weaken with unlike colour, in levels of 0..255."""
+    steep: float = 0.02
+    """Relative change per px from which a pixel is on a ramp: it does not vote."""
+    reach: float = 4.0
+    """px round a ramp whose depth is looked for anew too."""
+
+
+def sharpened(values: Float32Array, color: UInt8Array, how: Sharpening = Sharpening()) -> Float32Array:
+    """H x W, each value one that the map has nearby: on ramps the weighted median of what lies beside them in the same colour.
+
+    values: H x W depth or inverse depth (a median is the same of both); color: H x W x 3, RGB.
+    """
+    size = max(values.shape) / 512
+    ramp = on_ramp(values, how.steep / size)
+    reach = 2 * round(how.reach * size) + 1
+    blurred = cv2.dilate(ramp.astype(np.uint8), np.ones((reach, reach), np.uint8)) > 0
+    if not ramp.any() or ramp.all():
+        return values
+    radius = max(2, round(how.radius * size))
+    step = max(1, math.ceil((2 * radius + 1) / 15))
+    smooth = cv2.GaussianBlur(color, (0, 0), 0.7).astype(np.float32)
+    out, room = np.empty_like(values), np.empty((len(values), 2, MOST), np.float32)
+    marks = np.ascontiguousarray(values), blurred, ~ramp, smooth
+    sigmas = float(how.color_sigma), float(how.space_sigma * size)
+    in_bands(joint_median, len(values), *marks, radius, step, *sigmas, room, out)
+    return out
+
+
+def on_ramp(values: Float32Array, steep: float) -> BoolArray:
+    """H x W, True where a map changes by more than `steep` of itself per px over a few px."""
+    finite = np.where(np.isfinite(values), values, np.float32(0))
+    smooth = cv2.GaussianBlur(finite, (0, 0), 1.0)
+    dx = cv2.Sobel(smooth, cv2.CV_32F, 1, 0, scale=1 / 8)
+    dy = cv2.Sobel(smooth, cv2.CV_32F, 0, 1, scale=1 / 8)
+    return np.asarray(np.hypot(dx, dy) > steep * np.maximum(np.abs(smooth), 1e-12))

@@ -1,0 +1,87 @@
+"""Pictures without a depth file on the command line (oracles: the codes' meaning, the numbers typed in)."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+from small_frame import FAST, pixels, refused, run
+
+from dlama.geometry.view import Origin
+
+pytestmark = pytest.mark.filterwarnings("ignore:the (field of view|scale)")
+
+
+def meta_of(out: Path) -> dict:
+    """What meta.json says."""
+    return json.loads((out / "meta.json").read_text())
+
+
+def test_view_of_a_photo_alone(frame: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Every output says that depth is estimated; what is assumed is said in two warnings and in meta.json."""
+    out = run(frame, "view", "image.png", "--yaw", 8, *FAST)
+    meta, told = meta_of(out), capsys.readouterr().err
+    assert told.count("warning: ") == 2 and "give --fov or --camera" in told
+    assert "give --metres-at, --camera-height or a metric --depth-model" in told
+    assert (meta["depth"], meta["depth_estimate"]["scale"]["rule"]) == ("estimated", "assumed")
+    assert meta["source_camera"]["intrinsics_from"] == meta["depth_estimate"]["field_of_view"]["from"] == "assumed"
+    assert set(meta["inputs"]) == {"image"}
+    origin = pixels(out / "origin.png")
+    assert set(np.unique(origin)) == {Origin.ESTIMATED, Origin.FILLED}
+    assert meta["legends"]["origin.png"]["5"][0] == "estimated"
+    assert pixels(out / "confidence.png").max() < 255
+
+
+def test_what_is_known_is_used_and_not_warned_of(frame: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Closed form: the pixel has the depth that was typed; far puts what is beyond at infinity."""
+    options = ["--fov", 60, "--metres-at", "32,24=2.5", "--far", 6, "--no-sharpen"]
+    out = run(frame, "view", "image.png", "--yaw", 0, *options, *FAST)
+    meta, depth = meta_of(out), pixels(out / "depth.png")
+    assert capsys.readouterr().err == ""
+    assert depth[24, 32] == pytest.approx(2500, rel=0.02)
+    assert depth[depth < 65535].max() < 6000
+    assert meta["depth_estimate"]["scale"]["points"][0]["metres"] == 2.5 and not meta["depth_estimate"]["sharpened"]
+    assert meta["source_camera"]["intrinsics_from"] == "fov"
+
+
+def test_remove_from_a_photo_alone(frame: Path) -> None:
+    """The mask comes last, with depth or without."""
+    out = run(frame, "remove", "image.png", "mask.png", "--fov", 60, *FAST)
+    mask = pixels(frame / "mask.png") > 0
+    assert (pixels(out / "origin.png")[mask] == Origin.FILLED).all() and meta_of(out)["depth"] == "estimated"
+    assert (
+        meta_of(run(frame, "remove", "image.png", "depth.png", "mask.png", "--fov", 60, *FAST))["depth"] == "measured"
+    )
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["depth.png", "--depth-model", "tcmonodepth"], "--depth-model and a depth file contradict each other"),
+        (["depth.png", "--metres-at", "3,4=2"], "--metres-at and a depth file contradict each other"),
+        (["depth.png", "--camera-height", "2"], "--camera-height and a depth file contradict each other"),
+        (["depth.png", "--no-sharpen"], "--no-sharpen and a depth file contradict each other"),
+        (["--depth-scale", "1000"], "--depth-scale is given without a depth file"),
+        (["--resize-depth", "nearest"], "--resize-depth is given without a depth file"),
+        (["--metres-at", "3,4"], "--metres-at is '3,4'; X,Y=D is wanted"),
+        (["--metres-at", "99,4=2"], "lies outside the 64x48 picture"),
+        (["--metres-at", "3,4=2", "--camera-height", "2"], "--metres-at and --camera-height contradict each other"),
+        (["--depth-model", "midas"], "--depth-model is 'midas'; one of tcmonodepth, "),
+    ],
+    ids=lambda value: " ".join(value) if isinstance(value, list) else "",
+)
+def test_contradictions_get_one_line(
+    frame: Path, capsys: pytest.CaptureFixture[str], words: list[str], told: str
+) -> None:
+    """One line, nothing written."""
+    assert told in refused(capsys, frame, "view", "image.png", *words, "--fov", 60, "--yaw", 5)
+
+
+def test_a_photo_of_nothing_gets_one_line(frame: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """One colour all over."""
+    Image.fromarray(np.full((48, 64, 3), 200, np.uint8)).save(frame / "blank.png")
+    assert "nearly one colour all over" in refused(capsys, frame, "view", "blank.png", "--fov", 60, "--yaw", 5)
+    assert "3 files follow" in refused(capsys, frame, "remove", "image.png", "depth.png", "mask.png", "mask.png")

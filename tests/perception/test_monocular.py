@@ -1,0 +1,192 @@
+"""Depth of a single picture (oracles: the exact depth itself, fed through an estimator that knows it; closed forms; laws)."""
+
+from __future__ import annotations
+
+import dataclasses
+import warnings
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import dlama
+from dlama.errors import DepthError, FileError, InputError, ShapeError
+from dlama.geometry.camera import Camera
+from dlama.geometry.rgbd import RGBD, UInt8Array
+from dlama.geometry.view import Origin
+from dlama.models.records import CATALOGUE
+from dlama.perception.depth_networks import DepthPrediction
+from dlama.perception.monocular import ASSETS, DEFAULT, ESTIMATORS, Estimator, estimate_depth, find_estimator
+from worlds import Box, Plane, World
+
+CAMERA = Camera.from_fov(64, 48, 60)
+WORLD = World((Plane((0, 0, 4), (0, 0, 1)), Box((-0.5, -0.4, 2.0), (0.4, 0.5, 2.4))))
+RGBD_OF_WORLD = WORLD.rgbd(CAMERA)
+
+
+def knowing(rgbd: RGBD, gives: str = "depth", metric: bool = True) -> Estimator:
+    """An estimator that knows the answer."""
+
+    def fake(color: UInt8Array) -> DepthPrediction:
+        assert color is not None
+        values = rgbd.depth if gives == "depth" else (1 / rgbd.depth).astype(np.float32)
+        return DepthPrediction(values, gives, metric)  # type: ignore[arg-type]
+
+    return fake
+
+
+def quiet(color: UInt8Array, camera: Camera | None = CAMERA, **options: Any) -> dlama.DepthEstimate:
+    """estimate_depth, whatever it warns of."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)
+        return estimate_depth(color, camera, **options)
+
+
+def test_exact_depth_through_an_estimator_gives_what_depth_gives() -> None:
+    """Oracle: the same depth, given as measured: every pixel of every result bit for bit; only origin and confidence differ."""
+    color = RGBD_OF_WORLD.color
+    estimate = estimate_depth(color, CAMERA, depth_model=knowing(RGBD_OF_WORLD), sharpen=False)
+    np.testing.assert_array_equal(estimate.depth, RGBD_OF_WORLD.depth)
+    mask = WORLD.trace(CAMERA)[1] == 1
+    for make in (lambda one: dlama.view(one, yaw=12), lambda one: dlama.remove(one, mask, yaw=5)):
+        ours, theirs = make(estimate.rgbd), make(RGBD_OF_WORLD)
+        for name in ("color", "depth", "hole", "hole_type"):
+            np.testing.assert_array_equal(getattr(ours.view, name), getattr(theirs.view, name), err_msg=name)
+        for cloud in ("background", "completed"):
+            np.testing.assert_array_equal(getattr(ours, cloud).points, getattr(theirs, cloud).points)
+        seen = np.isin(theirs.view.origin, (Origin.MEASURED, Origin.REPROJECTED))
+        np.testing.assert_array_equal(ours.view.origin == Origin.ESTIMATED, seen)
+        np.testing.assert_array_equal(ours.view.origin[~seen], theirs.view.origin[~seen])
+        assert (ours.view.confidence[seen] < theirs.view.confidence[seen]).all()
+        assert (ours.meta["depth"], theirs.meta["depth"]) == ("estimated", "measured")
+        assert ours.meta["depth_estimate"]["scale"]["rule"] == "metric model" and "depth_estimate" not in theirs.meta
+        assert ours.meta["law_violations"] == theirs.meta["law_violations"] == 0
+
+
+def test_the_paper_recipe_clips_estimated_depth_and_stays_estimated() -> None:
+    """Oracle: the measured twin under the same recipe."""
+    estimate = estimate_depth(RGBD_OF_WORLD.color, CAMERA, depth_model=knowing(RGBD_OF_WORLD), sharpen=False)
+    ours, theirs = (dlama.view(one, yaw=12, recipe="paper", filler="telea") for one in (estimate.rgbd, RGBD_OF_WORLD))
+    np.testing.assert_array_equal(ours.view.color, theirs.view.color)
+    assert (ours.source.origin == Origin.ESTIMATED).all()
+
+
+def test_nothing_known_is_said_and_written() -> None:
+    """Closed form: 60 degrees across the longer side, median 3 m; a warning for each."""
+    for hw, fx in (((48, 64), 32), ((64, 48), 32)):
+        color = np.random.default_rng(0).integers(0, 256, (*hw, 3), np.uint8)
+        flat = RGBD(color, np.full(hw, 0.25, np.float32), Camera.from_fov(hw[1], hw[0], 60))
+        with pytest.warns(UserWarning) as told:
+            found = estimate_depth(color, depth_model=knowing(flat, "inverse depth", metric=False))
+        assert [word in str(one.message) for word, one in zip(("field of view is assumed", "scale of"), told)] == [
+            True,
+            True,
+        ]
+        assert found.camera.fx == found.camera.fy == pytest.approx(fx / np.tan(np.radians(30)))
+        assert float(np.median(found.depth)) == pytest.approx(3)
+        assert found.meta["scale"]["rule"] == "assumed" and found.meta["field_of_view"]["from"] == "assumed"
+
+
+def test_the_network_that_ships_sees_near_ground_and_far_wall() -> None:
+    """Law, loosely: on the street that ships nearer is below; the file is the one whose sha256 the catalogue's source says."""
+    color = dlama.read_color(dlama.example() / "street.jpg")
+    found = quiet(color, Camera.from_fov(512, 512, 90))
+    assert np.median(found.depth[450:]) < 0.5 * np.median(found.depth[:200])
+    assert found.meta["model_sha256"] == "902b886beaebd3f68deb40bab2fd636a0c112c1ef1cbdd15fa26e5c55b389b4d"
+    assert (
+        found.meta["estimator"] == DEFAULT
+        and (ASSETS / str(ESTIMATORS[DEFAULT].shipped)).with_name("LICENSE.txt").is_file()
+    )
+    again = quiet(color, Camera.from_fov(512, 512, 90))
+    np.testing.assert_array_equal(again.depth, found.depth)
+
+
+def test_points_give_depth_and_field_of_view() -> None:
+    """Closed form: the points of a frame, z shifted away, come back with its depth and its 60 degrees; a given camera is kept."""
+    rows, columns = np.mgrid[:48, :64]
+    z = RGBD_OF_WORLD.depth
+    x, y = (columns + 0.5 - CAMERA.cx) / CAMERA.fx * z, (rows + 0.5 - CAMERA.cy) / CAMERA.fy * z
+    points = np.stack([x, y, z - 1.7], 2).astype(np.float32)
+    sky = np.zeros(z.shape, np.bool_)
+    sky[:3] = True
+    points[sky] = 99
+
+    def fake(color: UInt8Array) -> DepthPrediction:
+        return DepthPrediction(points, "points", True, sky)
+
+    free, given = (estimate_depth(RGBD_OF_WORLD.color, one, depth_model=fake, sharpen=False) for one in (None, CAMERA))
+    for found in (free, given):
+        np.testing.assert_allclose(found.depth[~sky], z[~sky], rtol=1e-3)
+        assert np.isposinf(found.depth[sky]).all()
+    assert free.camera.fx == pytest.approx(CAMERA.fx, rel=1e-3) and free.meta["field_of_view"]["from"] == "the network"
+    assert given.camera is CAMERA and given.meta["field_of_view"]["from"] == "given"
+
+
+def test_smaller_maps_are_enlarged_in_inverse_depth() -> None:
+    """Closed form: a plane is affine in inverse depth, so a quarter of its pixels gives it back between their centres."""
+    w = np.linspace(0.2, 0.6, 12, dtype=np.float32)[:, None] * np.ones((1, 16), np.float32)
+    color = np.random.default_rng(0).integers(0, 256, (48, 64, 3), np.uint8)
+    for values, gives in ((w, "inverse depth"), (1 / w, "depth")):
+        found = estimate_depth(
+            color, CAMERA, depth_model=lambda _, v=values, g=gives: DepthPrediction(v, g, True), sharpen=False
+        )
+        centre = (np.arange(48) + 0.5) / 4 - 0.5
+        inside = (centre >= 0) & (centre <= 11)
+        np.testing.assert_allclose(1 / found.depth[inside, 30], 0.2 + 0.4 / 11 * centre[inside], rtol=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("options", "kind", "told"),
+    [
+        ({"depth_model": "nonsense"}, InputError, "depth_model is 'nonsense'; one of tcmonodepth, .*an ONNX file"),
+        ({"depth_model": "depth-anything-small"}, FileError, "dlama models pull depth-anything-small"),
+        ({"depth_model": Path("none.onnx")}, FileError, r"none\.onnx: no such model file"),
+        ({"metres_at": [(70, 5, 2.0)]}, InputError, "metres_at 70,5=2: lies outside the 64x48 picture; x of 0 to 63"),
+        ({"metres_at": [(7, 5, -2.0)]}, InputError, "metres_at 7,5=-2: -2 m is no distance"),
+        ({"metres_at": [(7, 5, 2.0)], "camera_height": 1.5}, InputError, "metres_at and camera_height contradict"),
+        ({"camera_height": 0.0}, InputError, "camera_height is 0 m; a number above 0"),
+        ({"camera_height": 1.5}, InputError, "no ground is seen.*give metres_at"),
+        ({"metres_at": [(2, 2, 1.0), (31, 24, 9.0)]}, InputError, "metres_at contradicts the picture"),
+        ({"camera": Camera.from_fov(60, 48, 60)}, ShapeError, "the camera is 60x48 and the picture 64x48"),
+    ],
+    ids=lambda value: str(value) if isinstance(value, dict) else "",
+)
+def test_bad_options_get_one_line(
+    options: dict[str, Any], kind: type[Exception], told: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Law: what came, what was wanted, which parameter."""
+    monkeypatch.setenv("DLAMA_MODELS", str(tmp_path))
+    ready = {"depth_model": knowing(RGBD_OF_WORLD, "inverse depth", metric=False), "camera": CAMERA, **options}
+    with pytest.raises(kind, match=told):
+        quiet(RGBD_OF_WORLD.color, **ready)
+
+
+def test_bad_pictures_and_predictions_get_one_line() -> None:
+    """Law: no texture, no depth anywhere, values that are none."""
+    flat = np.full((48, 64, 3), 128, np.uint8)
+    with pytest.raises(DepthError, match="nearly one colour all over"):
+        quiet(flat)
+    with pytest.raises(ShapeError, match="uint8 H x W x 3 is wanted"):
+        quiet(flat[..., 0])
+    zeros = np.zeros((48, 64), np.float32)
+    for prediction, told in (
+        (lambda _: DepthPrediction(zeros, "inverse depth"), "sees no depth in this picture"),
+        (lambda _: DepthPrediction(zeros, "depth", True), "values that are not positive"),
+        (lambda _: DepthPrediction(zeros * np.nan), "not numbers"),
+        (lambda _: DepthPrediction(zeros[0]), "shape .64,.; h x w is wanted"),
+        (lambda _: DepthPrediction(np.full((48, 64), 1e-9, np.float32), "inverse depth", True), "nothing but sky"),
+    ):
+        with pytest.raises(DepthError, match=told):
+            quiet(RGBD_OF_WORLD.color, depth_model=prediction)
+
+
+def test_names_are_those_of_the_catalogue() -> None:
+    """Law: the default ships; every other estimator can be pulled by its name, and is of the contract that says so."""
+    first, *others = ESTIMATORS
+    assert first == DEFAULT and ESTIMATORS[first].shipped
+    for name in others:
+        assert CATALOGUE[name].contract == "depth-network" and CATALOGUE[name].file.endswith(".onnx")
+    assert {name for name, record in CATALOGUE.items() if record.contract == "depth-network"} == set(others)
+    assert find_estimator(DEFAULT)[0] == DEFAULT
+    assert dataclasses.is_dataclass(ESTIMATORS[first].contract)
