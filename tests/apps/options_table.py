@@ -112,6 +112,12 @@ READING = {
     "far": Reach("--far 30", "read_rgbd.far", 30.0),
     "resize_depth": Reach("--resize-depth nearest", "read_rgbd.resize_depth", "nearest"),
 }
+ESTIMATING = {
+    "depth_model": Reach("--depth-model midas", "read_rgbd.depth_model", "midas"),
+    "metres_at": Reach("--metres-at 3,4=2 5,6=7", "read_rgbd.metres_at", ((3.0, 4.0, 2.0), (5.0, 6.0, 7.0))),
+    "camera_height": Reach("--camera-height 1.6", "read_rgbd.camera_height", 1.6),
+    "sharpen": Reach("--no-sharpen", "read_rgbd.sharpen", False),
+}
 MASKING = {
     "mask_polarity": Reach("--mask-polarity known", "read_mask.mask_polarity", "known"),
     "soft_mask": Reach("--soft-mask", "read_mask.soft_mask", True),
@@ -150,8 +156,7 @@ PICTURE = {
 THREE = "image.png depth.png mask.png"
 REMOVED = {
     "image": instead("a.png depth.png mask.png", "read_rgbd.image", Path("a.png"), THREE),
-    "depth": instead("image.png b.png mask.png", "read_rgbd.depth", Path("b.png"), THREE),
-    "mask": instead("image.png depth.png c.png", "remove.mask", "c.png", THREE),
+    "depth_and_mask": instead("image.png b.png mask.png", "read_rgbd.depth", Path("b.png"), THREE),
 }
 PAIR = {
     "left": instead("a.png right.png", "stereo.left", attribute("name", "a.png"), "left.png right.png"),
@@ -219,9 +224,9 @@ CONVERT = {
     "licence": Reach("--licence MIT", "convert.licence", "MIT"),
 }
 TABLE: dict[str, dict[str, Reach]] = {
-    "view": {**PICTURE, **move("view"), **LENS, **READING, **method("view"), **REPORT, "output": OUTPUT, "only": ONLY},
+    "view": {**PICTURE, **move("view"), **LENS, **READING, **ESTIMATING, **method("view"), **REPORT, "output": OUTPUT, "only": ONLY},
     "remove": {
-        **REMOVED, **move("remove"), **LENS, **READING, **MASKING, **method("remove"), **REPORT, "output": OUTPUT,
+        **REMOVED, **move("remove"), **LENS, **READING, **ESTIMATING, **MASKING, **method("remove"), **REPORT, "output": OUTPUT,
         "only": ONLY,
     },
     "stereo": {**PAIR, **MASKING, **method("stereo"), **REPORT, "output": OUTPUT, "only": ONLY},

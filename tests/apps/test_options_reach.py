@@ -106,11 +106,11 @@ def calls(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Calls:
 def _spy_on_jobs(spy: Callable[..., None]) -> None:
     """view, remove, stereo and demo: reading, the three functions, writing."""
     done = SimpleNamespace(meta={})
+    spy("dlama.files.rgbd.read_rgbd", "rgbd")  # first: its module must not be loaded with the stand-ins below
     spy("dlama.files.images.picture_hw", (3, 4))
     spy("dlama.files.cameras.camera_for", ("camera", "words"))
     spy("dlama.files.cameras.read_camera", "target")
     spy("dlama.files.cameras.read_stereo_calib", "rig")
-    spy("dlama.files.rgbd.read_rgbd", "rgbd")
     spy("dlama.files.pictures.read_mask", lambda path, **_: Path(path).name)
     spy("dlama.files.pictures.read_color", lambda path: SimpleNamespace(shape=(3, 4, 3), name=Path(path).name))
     spy("dlama.apps.model_files.model_for", lambda model: Path("cache", str(model)))

@@ -64,7 +64,15 @@ def read_rgbd(
         CameraError: no camera, two cameras, or one that cannot be.
         ShapeError: picture, depth and camera are of different sizes.
     """
-    lens: dict[str, Any] = {"camera": camera, "fx": fx, "fy": fy, "cx": cx, "cy": cy, "fov": fov, "pixel_center": pixel_center}
+    lens: dict[str, Any] = {
+        "camera": camera,
+        "fx": fx,
+        "fy": fy,
+        "cx": cx,
+        "cy": cy,
+        "fov": fov,
+        "pixel_center": pixel_center,
+    }
     of_file = {"depth_scale": depth_scale, "depth_range": depth_range, "channel": channel, "resize_depth": resize_depth}
     options: dict[str, Any] = {"metres_at": metres_at, "camera_height": camera_height, "sharpen": sharpen}
     if depth is None:
@@ -74,7 +82,9 @@ def read_rgbd(
         return estimated_rgbd(image, lens, depth_model or DEFAULT, far, options)
     for name, value in (options | {"depth_model": depth_model, "sharpen": not sharpen}).items():
         if not (value is None or value is False or value == ()):
-            raise InputError(f"`{name}` and a depth file contradict each other: it is for pictures without depth; give one of them")
+            raise InputError(
+                f"`{name}` and a depth file contradict each other: it is for pictures without depth; give one of them"
+            )
     color = read_color(image)
     hw = color.shape[:2]
     metres = read_depth(depth, depth_scale=depth_scale, depth_range=depth_range, channel=channel, far=far)
