@@ -224,10 +224,12 @@ CONVERT = {
     "licence": Reach("--licence MIT", "convert.licence", "MIT"),
 }
 TABLE: dict[str, dict[str, Reach]] = {
-    "view": {**PICTURE, **move("view"), **LENS, **READING, **ESTIMATING, **method("view"), **REPORT, "output": OUTPUT, "only": ONLY},
+    "view": {
+        **PICTURE, **move("view"), **LENS, **READING, **ESTIMATING, **method("view"), **REPORT, "output": OUTPUT, "only": ONLY,
+    },
     "remove": {
-        **REMOVED, **move("remove"), **LENS, **READING, **ESTIMATING, **MASKING, **method("remove"), **REPORT, "output": OUTPUT,
-        "only": ONLY,
+        **REMOVED, **move("remove"), **LENS, **READING, **ESTIMATING, **MASKING, **method("remove"), **REPORT,
+        "output": OUTPUT, "only": ONLY,
     },
     "stereo": {**PAIR, **MASKING, **method("stereo"), **REPORT, "output": OUTPUT, "only": ONLY},
     "demo": {
