@@ -69,9 +69,9 @@ def in_a_draft(path: Path) -> bool:
     return any(str(parent) in _mine for parent in path.parents)
 
 
-def remove_abandoned(folder: Path) -> None:
-    """Remove the drafts that killed runs left in `folder`; once a process for each folder. Raises nothing."""
-    if str(folder) in _swept:
+def remove_abandoned(folder: Path, *, again: bool = False) -> None:
+    """Remove the drafts that killed runs left in `folder`; once a process for each folder, unless `again`. Raises nothing."""
+    if str(folder) in _swept and not again:
         return
     _swept.add(str(folder))
     for path in abandoned(folder, DRAFT):

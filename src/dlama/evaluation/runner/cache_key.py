@@ -25,6 +25,7 @@ ROOMS = ("geometry", "models", "perception", "inpainters", "completion", "files"
 SHOWING = (
     "evaluation/report/",
     "evaluation/runner/run.py",
+    "evaluation/runner/processes.py",
     "evaluation/runner/progress.py",
     "evaluation/runner/store.py",
 )

@@ -3,13 +3,8 @@
 from __future__ import annotations
 
 import json
-import multiprocessing
-import os
 import shutil
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
-from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -18,8 +13,10 @@ from dlama.datasets.frames import Case, Protocol
 from dlama.errors import InputError, OutputError
 from dlama.evaluation.protocols.methods import Method, ProtocolSettings
 from dlama.evaluation.runner.cache_key import cache_key, case_hash, method_hash
+from dlama.evaluation.runner.processes import outcomes
 from dlama.evaluation.runner.store import Stored, read_stored, stem
-from dlama.evaluation.runner.worker import THREAD_VARIABLES, Outcome, ProtocolFunction, Task, one_thread, work, work_all
+from dlama.evaluation.runner.strips import is_whole_jpeg
+from dlama.evaluation.runner.worker import Outcome, ProtocolFunction, Task
 from dlama.files.atomic_write import new_file
 
 Progress = Callable[[Outcome | None, int, int], None]
@@ -73,7 +70,7 @@ def run(
     total, done = len(cases) * len(methods), reused
     report(None, done, total)
     failures: list[Outcome] = []
-    for outcome in _outcomes(tasks, jobs):
+    for outcome in outcomes(tasks, jobs):
         done += 1
         failures += [outcome] if outcome.error else []
         report(outcome, done, total)
@@ -162,61 +159,4 @@ def _planned(
 
 
 def _has_panels(folder: Path, found: Stored) -> bool:
-    return all(one.panel is None or (folder / "panels" / one.panel).is_file() for one in found.runs)
-
-
-def _outcomes(tasks: Sequence[Task], jobs: int) -> Iterator[Outcome]:
-    """Of every task, as they end. When a process dies, the cases under way fail; the others are run."""
-    if jobs == 1 or len(tasks) <= 1:
-        for task in tasks:
-            yield from work(task)
-        return
-    waiting = list(tasks)
-    with _one_thread_each():
-        while waiting:
-            yield from _pooled(waiting, min(jobs, len(waiting)))
-
-
-def _pooled(waiting: list[Task], jobs: int) -> Iterator[Outcome]:
-    """Take tasks off the front, as many at a time as there are processes, until all are done or a process has died."""
-    under_way: dict[Future[list[Outcome]], Task] = {}
-    before = set(multiprocessing.active_children())
-    pool = ProcessPoolExecutor(jobs, multiprocessing.get_context("spawn"), initializer=one_thread)
-    try:
-        while waiting or under_way:
-            while waiting and len(under_way) < jobs:
-                task = waiting.pop(0)
-                under_way[pool.submit(work_all, task)] = task
-            for future in wait(under_way, return_when=FIRST_COMPLETED).done:
-                task = under_way.pop(future)
-                try:
-                    yield from future.result()
-                except BrokenProcessPool:
-                    yield from _lost([task, *under_way.values()])
-                    return
-    except BaseException:  # Ctrl-C: files are written whole or not at all, so nobody has to be waited for
-        for child in set(multiprocessing.active_children()) - before:
-            child.terminate()
-        raise
-    finally:
-        pool.shutdown(wait=True, cancel_futures=True)
-
-
-def _lost(tasks: Iterable[Task]) -> Iterator[Outcome]:
-    line = "a process died while this case was under way (out of memory?); fewer --jobs may help"
-    yield from (Outcome(task.case, method, line) for task in tasks for method, _ in task.methods)
-
-
-@contextmanager
-def _one_thread_each() -> Iterator[None]:
-    """Processes started meanwhile begin with one thread, as libraries read these variables when they are loaded."""
-    before = {name: os.environ.get(name) for name in THREAD_VARIABLES}
-    os.environ.update(dict.fromkeys(THREAD_VARIABLES, "1"))
-    try:
-        yield
-    finally:
-        for name, value in before.items():
-            if value is None:
-                os.environ.pop(name, None)
-            else:
-                os.environ[name] = value
+    return all(one.panel is None or is_whole_jpeg(folder / "panels" / one.panel) for one in found.runs)

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+from pathlib import Path
+
 import cv2
 import numpy as np
 
@@ -81,6 +84,17 @@ def cells(sheet: UInt8Array) -> list[UInt8Array]:
     height, width = (sheet.shape[0] - GAP) // 2, (sheet.shape[1] - GAP * (len(COLUMNS) - 1)) // len(COLUMNS)
     places = [(down * (height + GAP), across * (width + GAP)) for down in range(2) for across in range(len(COLUMNS))]
     return [sheet[top : top + height, left : left + width] for top, left in places]
+
+
+def is_whole_jpeg(path: Path) -> bool:
+    """Whether a file begins and ends as a JPEG does; False for one that a power cut or a full disk emptied or cut short."""
+    try:
+        with path.open("rb") as stream:
+            begins = stream.read(2) == b"\xff\xd8"
+            stream.seek(-2, os.SEEK_END)
+            return begins and stream.read(2) == b"\xff\xd9"
+    except OSError:
+        return False
 
 
 def jpeg(picture: UInt8Array, quality: int = 88) -> bytes:
