@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from dlama.geometry import visibility
 from dlama.geometry.camera import Camera
 from dlama.geometry.kernels import visibility as kernels
 from dlama.geometry.projection import px_from_px
@@ -151,6 +152,48 @@ def test_in_the_source_camera_the_law_is_the_measured_depth() -> None:
     out, moved_pixels = law.project(camera, proposed, where)
     np.testing.assert_allclose(out[0], [2, 1.999, 3, 0.5, 0.4995, np.inf, np.inf, 0.1], rtol=1e-6)
     np.testing.assert_array_equal(moved_pixels[0], [1, 0, 0, 1, 0, 1, 0, 0])
+
+
+def test_the_tolerance_is_a_millimetre_up_to_one_metre() -> None:
+    """Closed form: the larger of 1 mm and 0.1 %, from either side."""
+    measured = np.array([[0.2, 0.2, 0.5, 0.5, 3, 3]], np.float32)
+    nearer = np.array([[0.0008, 0.0012, 0.0008, 0.0012, 0.0025, 0.0035]], np.float32)
+    camera = Camera.from_fov(6, 1, 60)
+    found = Law(((camera, measured),)).violations(camera, measured - nearer, np.ones((1, 6), bool))
+    np.testing.assert_array_equal(found[0], [0, 1, 0, 1, 0, 1])
+
+
+def test_two_laws_send_a_point_to_and_fro_until_both_are_kept() -> None:
+    """Twin: marches under one law and the other in turn. What they find at a finite depth is never given up as sky."""
+    turns, compared = 0, 0
+    for seed in range(3):
+        rng = np.random.default_rng(seed)
+        one, two = random_frame(rng), random_frame(rng)
+        two = RGBD(two.color, two.depth, beside(rng, one.camera, *two.camera.hw))
+        target = beside(rng, one.camera)
+        depth, where = proposal(rng, target)
+        law = Law(((one.camera, one.depth), (two.camera, two.depth)))
+        out, _ = law.project(target, depth, where)
+        for row, column in zip(*np.nonzero(law.violations(target, depth, where))):
+            at, before, rounds = float(depth[row, column]), 0.0, 0
+            while before != at < np.inf:
+                before, rounds = at, rounds + 1
+                for frame in (one, two):
+                    at = twin.march(target, row, column, at, frame.camera, frame.depth)[1] if at < np.inf else at
+            if at < np.inf:
+                assert out[row, column] <= at * 1.01
+                turns, compared = max(turns, rounds), compared + 1
+    assert compared > 50 and turns > 2
+
+
+def test_what_still_breaks_the_law_after_the_last_round_is_far(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Law: with no round at all every pixel that breaks the law ends in the far layer, and no other one moves."""
+    monkeypatch.setattr(visibility, "MAX_ROUNDS", 0)
+    _, law, target, depth, where = setup(3)
+    broken = law.violations(target, depth, where)
+    out, _ = law.project(target, depth, where)
+    assert broken.sum() > 3 and np.isposinf(out[broken]).all()
+    np.testing.assert_array_equal(out[~broken], depth[~broken])
 
 
 def test_the_checker_sees_a_planted_violation() -> None:

@@ -1,0 +1,96 @@
+"""How layers share a picture, where a surface is cut, how large a lone pixel is drawn (oracles: closed forms)."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from dlama.geometry.camera import Camera
+from dlama.geometry.fusion import fuse, layer_mesh
+from dlama.geometry.kernels.sampling import spline
+from dlama.geometry.rendering import render
+from dlama.geometry.rgbd import RGBD
+from dlama.geometry.scene import Scene
+from dlama.geometry.view import HoleType, Origin, View
+from worlds import moved
+
+CAMERA = Camera.from_fov(24, 16, 60)
+RED, GREEN = (255, 0, 0), (0, 255, 0)
+
+
+def wall(metres: float, color: tuple[int, int, int], camera: Camera = CAMERA, origin: Origin = Origin.MEASURED) -> View:
+    """A fronto-parallel wall (or, at inf, sky) in one colour."""
+    picture = np.broadcast_to(np.uint8(color), (*camera.hw, 3))
+    view = View.from_rgbd(RGBD(picture, np.full(camera.hw, metres, np.float32), camera))
+    return dataclasses.replace(view, origin=np.full(camera.hw, origin, np.uint8))
+
+
+@pytest.mark.parametrize(("focal", "ratio"), [(1000, 0.01), (300, 0.02), (50, 0.03)])
+def test_a_surface_is_cut_where_inverse_depth_steps(focal: float, ratio: float) -> None:
+    """Closed form: 6 px of focal length, 1 % at least and 3 % at most; a step just below is bridged by triangles."""
+    camera = Camera(8, 4, focal, focal, 4, 2)
+    for step, triangles in ((0.97 * ratio, 2 * 7 * 3), (1.03 * ratio, 2 * 6 * 3)):
+        depth = np.full((4, 8), 2, np.float32)
+        depth[:, 4:] = 2 / (1 - step)
+        view = View.from_rgbd(RGBD(np.zeros((4, 8, 3), np.uint8), depth, camera))
+        assert len(layer_mesh(view).triangles) == triangles
+
+
+@pytest.mark.parametrize(("nearer", "shown"), [(0.004, RED), (0.006, GREEN)])
+def test_of_two_layers_of_one_surface_the_first_stays(nearer: float, shown: tuple[int, int, int]) -> None:
+    """Closed form: a later layer covers an earlier one from 0.5 % nearer on; less is the same surface, measured twice."""
+    scene = Scene((wall(2, RED), wall(2 * (1 - nearer), GREEN)))
+    view = render(scene, moved(CAMERA, shift=(0.01, 0, 0)))
+    np.testing.assert_array_equal(view.color[4:12, 6:18], np.broadcast_to(np.uint8(shown), (8, 12, 3)))
+
+
+@pytest.mark.parametrize("home", [2.0, np.inf])
+def test_nothing_filled_covers_what_was_measured_at_home(home: float) -> None:
+    """Law: in its own camera a measured wall, and measured sky, stay before a filled layer half as far; a measured layer
+    covers the wall. From elsewhere the filled layer is seen."""
+    beside = moved(CAMERA, shift=(0, 0, 0.5))
+    filled = Scene((wall(home, RED), wall(0.5, GREEN, beside, Origin.FILLED)))
+    at_home = render(filled, CAMERA)
+    np.testing.assert_array_equal(at_home.depth, home)
+    np.testing.assert_array_equal(at_home.color, filled.layers[0].color)
+    elsewhere = render(filled, moved(CAMERA, shift=(0.05, 0, 0)))
+    np.testing.assert_array_equal(elsewhere.color[6:10, 9:15], np.broadcast_to(np.uint8(GREEN), (4, 6, 3)))
+    if home < np.inf:
+        measured = render(Scene((wall(home, RED), wall(0.5, GREEN, beside))), CAMERA)
+        np.testing.assert_allclose(measured.depth[6:10, 9:15], 1, rtol=1e-5)
+
+
+def test_a_lone_pixel_is_drawn_as_large_as_it_is_and_32_pixels_at_most() -> None:
+    """Closed form: a pixel of 10 m seen from 1 m is 10 x 10 pixels; from 0.2 m it would be 50 x 50, and is 32 x 32."""
+    camera = Camera(100, 80, 60, 60, 50.5, 40.5)
+    depth = np.zeros(camera.hw, np.float32)
+    depth[40, 50] = 10
+    view = View.from_rgbd(RGBD(np.full((*camera.hw, 3), 9, np.uint8), depth, camera))
+    for distance, side in ((1, 10), (0.2, 32)):
+        seen = render(view, moved(camera, shift=(0, 0, 10 - distance)))
+        drawn = seen.depth > 0
+        assert (drawn.any(0).sum(), drawn.any(1).sum(), drawn.sum()) == (side, side, side * side)
+
+
+def test_far_pixels_are_fused_once() -> None:
+    """Law: a sensor hole that was filled as sky is in the scene already; seen again it adds no layer."""
+    depth = np.full(CAMERA.hw, np.inf, np.float32)
+    depth[5, 7] = 0
+    source = View.from_rgbd(RGBD(np.zeros((*CAMERA.hw, 3), np.uint8), depth, CAMERA))
+    hole = np.zeros(CAMERA.hw, bool)
+    filled = dataclasses.replace(source, depth=np.full_like(depth, np.inf), hole=hole)
+    assert filled.origin[5, 7] == Origin.DEPTH_FILLED and filled.hole_type[5, 7] == HoleType.SENSOR
+    scene = fuse(Scene((source,)), filled)
+    assert len(scene.layers) == 2 and scene.layers[1].far[5, 7]
+    assert fuse(scene, filled) is scene
+
+
+def test_the_spline_passes_through_every_pixel_up_to_the_border() -> None:
+    """Closed form: coefficients mirrored at the border, weighted 1/6, 4/6, 1/6 both ways, give the colours back."""
+    color = np.random.default_rng(0).integers(0, 256, (9, 12, 3), np.uint8)
+    knots = np.pad(spline(color).reshape(color.shape).astype(np.float64), ((1, 1), (1, 1), (0, 0)), mode="reflect")
+    rows = (knots[:-2] + 4 * knots[1:-1] + knots[2:]) / 6
+    back = (rows[:, :-2] + 4 * rows[:, 1:-1] + rows[:, 2:]) / 6
+    assert np.abs(back - color).max() < 0.5
