@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -12,9 +13,11 @@ import pytest
 from dlama.datasets.frames import Dataset
 from dlama.datasets.layouts import LAYOUTS, detect, open_dataset
 from dlama.datasets.numbered_frames import numbered_frames, tsdf_fusion
-from dlama.datasets.posed_frames import lens_for, posed_frame
+from dlama.datasets.posed_frames import PosedFrame, lens_for, posed_frame
 from dlama.datasets.view_pairs import Overlaps, posed_dataset, view_pairs
 from dlama.errors import FileError, InputError
+from dlama.geometry.camera import Camera
+from dlama.geometry.rgbd import RGBD
 from posed_folders import LENS, text_K, text_matrix, truth, write_codes16, write_picture
 
 MARKS = {
@@ -143,6 +146,37 @@ def test_strides_sources_and_overlap(tmp_path: Path) -> None:
     assert view_pairs([], dataset="d") == ()
     with pytest.raises(InputError, match=r"stride is 0; a whole number >= 1"):
         pairs(stride=0)
+
+
+@pytest.mark.parametrize(("share", "listed"), [(0.09, 0), (0.11, 1)])
+def test_a_tenth_of_a_pair_must_overlap(
+    share: float, listed: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Closed form: docs/evaluation.md says at least 10 %."""
+    root = scene(tmp_path)
+    frames = numbered_frames("s", root, lens_for(root, root, LENS, (), ""), posed_frame)
+    monkeypatch.setattr(Overlaps, "share", lambda *_: share)
+    assert len(view_pairs(frames, dataset="d", every=4, degrees=[20.0])) == listed
+
+
+@pytest.mark.parametrize(("farther", "share"), [(1.04, 1.0), (1.06, 0.0)])
+def test_only_pixels_of_the_same_depth_overlap(farther: float, share: float) -> None:
+    """Closed form: the same camera twice, whose second reading is 4 % farther, or 6 %; the limit is 5 %."""
+    frames = [
+        PosedFrame("s", f"{metres}", nothing, world_from_cam=np.eye(4), load_depth=partial(flat_depth, metres))
+        for metres in (2.0, 2.0 * farther)
+    ]
+    assert Overlaps(frames).share(0, 1) == share
+
+
+def nothing() -> RGBD:
+    """Overlaps need no colour."""
+    raise AssertionError
+
+
+def flat_depth(metres: float) -> tuple[np.ndarray, Camera]:
+    """A wall at that depth."""
+    return np.full(LENS.hw, metres, np.float32), LENS
 
 
 def test_poses_in_another_unit_than_depth_are_told(tmp_path: Path) -> None:

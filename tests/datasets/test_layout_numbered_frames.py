@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from dlama.datasets.layouts import open_dataset
-from dlama.datasets.numbered_frames import moved_depth
+from dlama.datasets.numbered_frames import DEPTH_LENS, load_registered_depth, moved_depth
+from dlama.datasets.posed_frames import FrameFiles
 from dlama.errors import CameraError, FileError, ShapeError
 from dlama.files.cameras import write_camera
 from dlama.geometry.camera import Camera
@@ -59,6 +60,18 @@ def test_real_depth_is_moved_into_the_colour_camera(tmp_path: Path, data_dir: Pa
         assert np.allclose(mine.camera.K, other.camera.K)
         # the sets' poses are rounded: moving the camera before or after making R a rotation differs by 4e-4 of 25 mm
         assert np.abs(mine.camera.world_from_cam - other.camera.world_from_cam).max() < 2e-5
+
+
+def test_the_colour_camera_is_to_the_right_of_the_depth_camera(tmp_path: Path) -> None:
+    """Closed form: a point 2 m straight ahead of the depth camera (585 px, 320, 240) is 25 mm left of and 4 mm below the colour
+    camera (526 px, 320, 237): at 320.5 - 6.6 and 237.5 + 1.1 px."""
+    metres = np.zeros((480, 640))
+    metres[240, 320] = 2
+    write_codes16(tmp_path / "d.png", metres)
+    write_picture(tmp_path / "c.png", np.zeros((480, 640, 3), np.uint8))
+    moved, camera = load_registered_depth(FrameFiles(tmp_path / "c.png", tmp_path / "d.png", DEPTH_LENS, np.eye(4)))
+    assert np.argwhere(moved).tolist() == [[238, 313]] and moved[238, 313] == 2
+    assert camera.world_from_cam[:3, 3] == pytest.approx([0.025, -0.004, 0])
 
 
 def test_of_two_readings_in_one_pixel_the_nearest_stays() -> None:

@@ -138,11 +138,14 @@ def test_glb_is_sound_gltf(tmp_path: Path) -> None:
 
 
 def test_linear_light() -> None:
-    """Oracle: IEC 61966-2-1: black, white, and middle grey 188 = 0.5029 of the light; monotone, so nothing is lost."""
+    """Oracle: IEC 61966-2-1: black, white, and middle grey 188 = 0.5029 of the light; up to level 10 a straight line through
+    black, of slope 1 / 12.92, then the power law; monotone, so nothing is lost."""
     grey = np.repeat(np.arange(256, dtype=np.uint8)[:, None], 3, axis=1)
     light = linear_light(grey)
     assert light[0].tolist() == [0, 0, 0, 65535] and light[255, 0] == 65535
     assert light[188, 0] / 65535 == pytest.approx(0.5029, abs=1e-4) and (np.diff(light[:, 0].astype(int)) > 0).all()
+    np.testing.assert_allclose(light[:11, 0] / 65535, np.arange(11) / 255 / 12.92, atol=1e-5)
+    assert light[11, 0] / 65535 == pytest.approx(((11 / 255 + 0.055) / 1.055) ** 2.4, abs=1e-5)
 
 
 def test_far_away_mesh_keeps_its_millimetres(tmp_path: Path) -> None:

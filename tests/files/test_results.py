@@ -19,6 +19,7 @@ from dlama.files.depth import read_depth
 from dlama.files.results import RESULTS, write
 from dlama.files.scenes import read_npz
 from dlama.geometry.camera import Camera
+from dlama.geometry.rgbd import RGBD
 from dlama.geometry.trajectories import orbit
 from dlama.geometry.view import HoleType, Origin
 from worlds import Box, Plane, World
@@ -60,6 +61,16 @@ def test_pictures_are_the_view(removal: Completion, folder: Path) -> None:
 def test_hole_is_what_was_written(removal: Completion, folder: Path) -> None:
     """255 exactly where the view before filling was a hole."""
     assert ((pixels(folder / "hole.png") == 255) == removal.warped[0].hole).all()
+
+
+def test_hole_has_what_lacked_only_depth(tmp_path: Path) -> None:
+    """Closed form: at the source camera all that was written are the pixels that the sensor gave no depth."""
+    rgbd = WORLD.rgbd(CAMERA)
+    depth = rgbd.depth.copy()
+    depth[10:13, 20:30] = 0
+    done = complete(RGBD(rgbd.color, depth, CAMERA), [CAMERA], filler="telea")
+    folder = write(done, tmp_path / "out", only=["hole"])
+    np.testing.assert_array_equal(pixels(folder / "hole.png") == 255, depth == 0)
 
 
 def test_npz_is_everything(removal: Completion, folder: Path) -> None:

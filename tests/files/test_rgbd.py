@@ -47,13 +47,17 @@ def test_a_camera_itself_or_its_file(tmp_path: Path) -> None:
 
 
 def test_other_sizes(tmp_path: Path) -> None:
-    """Oracle: every depth pixel of a half-size map covers 2 x 2 pixels."""
+    """Oracle: every depth pixel of a half-size map covers 2 x 2 pixels; of 3 x 3 finer ones the middle one is nearest."""
     depth = np.arange(1, 13).reshape(3, 4)
     paths = pair(tmp_path, depth)
     with pytest.raises(ShapeError, match=r"d\.png is 4x3 and .*c\.png 8x6.*resize_depth=nearest"):
         read_rgbd(*paths, fov=60)
     resized = read_rgbd(*paths, fov=60, resize_depth="nearest")
     assert np.array_equal(resized.depth, np.kron(depth, np.ones((2, 2))))
+    finer = np.arange(1, 18 * 24 + 1).reshape(18, 24) / 100
+    third = read_rgbd(*pair(tmp_path, finer), fov=60, resize_depth="nearest")
+    np.testing.assert_allclose(third.depth, finer[1::3, 1::3], rtol=1e-6)
+    paths = pair(tmp_path, depth)
     with pytest.raises(ShapeError, match="'linear'"):
         read_rgbd(*paths, fov=60, resize_depth="linear")  # type: ignore[arg-type]
     with pytest.raises(ShapeError, match=r"d\.png is 4x4 and .*crop first"):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
 from pathlib import Path
 
@@ -10,6 +11,7 @@ import pytest
 
 from dlama.errors import FileError, InputError
 from dlama.models.network_file import PROVIDERS, NetworkFile, file_stamp
+from dlama.models.verify import PIECE
 from tiny_networks import constant
 
 pytest.importorskip("onnxruntime")
@@ -26,6 +28,15 @@ def test_what_is_in_the_file_and_what_it_gives(tmp_path: Path) -> None:
     np.testing.assert_array_equal(model.run(fed), wanted)
     assert len(model.run_all(fed)) == 1
     assert model.notes["model"] == "c.onnx" and model.notes["provider"] in PROVIDERS
+
+
+def test_the_hash_is_of_the_whole_file(tmp_path: Path) -> None:
+    """Oracle: hashlib on a file of several pieces, of which only the last byte differs."""
+    content = bytes(3 * PIECE + 7)
+    for number in range(2):
+        path = tmp_path / f"{number}.onnx"
+        path.write_bytes(content + bytes([number]))
+        assert NetworkFile(path).sha256 == hashlib.sha256(content + bytes([number])).hexdigest()
 
 
 def test_bad_files_and_settings_are_refused(tmp_path: Path) -> None:

@@ -7,6 +7,7 @@ import io
 import json
 import re
 import socket
+import urllib.request
 import zipfile
 from pathlib import Path
 
@@ -60,6 +61,18 @@ def test_redirects_are_followed(server: Server) -> None:
     """As release pages and hubs do."""
     there = server.add("/there", Site(BODY))
     assert pull(a_record(server.add("/here", Site(status=302, to=there)))).read_bytes() == BODY
+
+
+def test_redirects_from_https_to_http_are_not(server: Server, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Law: what began encrypted does not end in the clear. The reply is this server's own, so its address is http."""
+    opened = urllib.request.urlopen
+
+    def redirected(request: urllib.request.Request, timeout: float) -> object:
+        return opened(request.full_url.replace("https:", "http:"), timeout=timeout)
+
+    monkeypatch.setattr(urllib.request, "urlopen", redirected)
+    address = server.add("/a", Site(BODY)).replace("http:", "https:")
+    assert "redirects from https to http://" in refused(a_record(address))
 
 
 def test_goes_on_where_it_broke_off(server: Server) -> None:

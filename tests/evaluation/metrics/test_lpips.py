@@ -77,6 +77,25 @@ def test_a_region_is_the_mean_of_the_map_with_the_truth_pasted_outside(weights_d
     assert MEASURE.region(pasted, truth, region) == MEASURE.region(mine, truth, region)
 
 
+def test_what_lies_outside_a_region_has_no_say() -> None:
+    """Law: outside stands the truth, whatever a method made of it; and a region that is right counts 0."""
+    truth, mine = gradient(90, 110), noise((90, 110, 3), 7)
+    region = np.zeros((90, 110), np.bool_)
+    region[20:60, 30:70] = True
+    pasted = np.where(region[..., None], mine, truth)
+    assert MEASURE.region(mine, truth, region) == MEASURE.region(pasted, truth, region) > 0
+    assert MEASURE.region(np.where(region[..., None], truth, mine), truth, region) == 0
+
+
+def test_the_map_keeps_pixel_centres() -> None:
+    """Closed form: a tap whose cells rise by 1 along both axes is, enlarged four times, the same ramp over pixel centres."""
+    rise = (np.arange(6)[:, None] + np.arange(5)).astype(np.float32)
+    nothing = np.zeros((1, 6, 5), np.float32)
+    got = MEASURE.distance_map((np.sqrt(rise)[None],), (nothing,), (24, 20))
+    down, along = ((np.arange(4 * n) + 0.5) / 4 - 0.5 for n in (6, 5))
+    np.testing.assert_allclose(got[2:-2, 2:-2], (down[:, None] + along)[2:-2, 2:-2], rtol=1e-5)
+
+
 def test_regions_of_grey_depth_and_empty_ones() -> None:
     """Depth equals its three-channel picture; an empty region is nan."""
     mine, truth = pair("grey depth")

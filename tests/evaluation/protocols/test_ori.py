@@ -21,7 +21,7 @@ from dlama.datasets.frames import RemovalTruth, ViewTruth
 from dlama.errors import InputError
 from dlama.evaluation.protocols import PROTOCOLS
 from dlama.evaluation.protocols.methods import NO_FILL, Method, ProtocolSettings, Scored
-from dlama.evaluation.protocols.ori import untouched
+from dlama.evaluation.protocols.ori import reference_of, untouched
 from dlama.geometry.holes import dilated
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.view import View
@@ -142,3 +142,10 @@ def test_another_protocols_truth_is_refused() -> None:
     """Law: the message names what came and what was wanted."""
     with pytest.raises(InputError, match="ViewTruth; a RemovalTruth is wanted"):
         PROTOCOLS["ori"](ViewTruth(TRUTH.source, TRUTH.without), Method("paper", NO_FILL), PLAIN)
+
+
+def test_the_ring_is_16_pixels_wide() -> None:
+    """Closed form: docs/evaluation.md says 16 px; the three regions share the picture."""
+    regions = reference_of(TRUTH, ProtocolSettings()).regions
+    np.testing.assert_array_equal(regions["ring"], dilated(SQUARE_IN_SOURCE, 16) & ~SQUARE_IN_SOURCE)
+    np.testing.assert_array_equal(regions["outside"], ~dilated(SQUARE_IN_SOURCE, 16))

@@ -25,6 +25,7 @@ from dlama.errors import InputError
 from dlama.evaluation.metrics.pictures import psnr, whole_ssim
 from dlama.evaluation.protocols import PROTOCOLS
 from dlama.evaluation.protocols.methods import NO_FILL, Method, ProtocolSettings, Scored
+from dlama.evaluation.protocols.vpi import reference_of
 from dlama.geometry.rgbd import RGBD
 
 __all__ = ["constant_filler"]
@@ -139,3 +140,12 @@ def test_another_protocols_truth_is_refused() -> None:
     other = RemovalTruth(TRUTH.source, TRUTH.source, SQUARE_IN_SOURCE)
     with pytest.raises(InputError, match="RemovalTruth; a ViewTruth is wanted"):
         PROTOCOLS["vpi"](other, Method("paper", NO_FILL), QUICK)
+
+
+@pytest.mark.parametrize(("behind", "region"), [(1.015, "seen"), (1.03, "disoccluded")])
+def test_seen_is_what_lies_within_2_percent(behind: float, region: str) -> None:
+    """Closed form: the same camera, whose true target lies 1.5 % behind the source's depth, or 3 %; the limit is 2 %."""
+    source = frame(SOURCE, None)
+    target = RGBD(source.color, source.depth * np.float32(behind), SOURCE)
+    regions = reference_of(ViewTruth(source, target), target, ProtocolSettings(), with_object=False).regions
+    assert regions[region].all()

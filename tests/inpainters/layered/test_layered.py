@@ -129,6 +129,21 @@ def test_sky_beside_the_picture_is_sky() -> None:
     assert filled.far[floor].mean() < 0.1
 
 
+def test_sky_that_only_the_source_saw_has_its_colour() -> None:
+    """Law: where the source camera saw sky and this view shows none, the hole is far, and painted in the sky's mean colour: of
+    the difference between two skies at least a third is seen there, and nothing elsewhere."""
+    wall = View.from_rgbd(World((WALL,)).rgbd(CAMERA))
+    upper = np.zeros(CAMERA.hw, bool)
+    upper[:60] = True
+    view = wall.without(upper, HoleType.OUT_OF_VIEW)
+    measured = ((CAMERA, np.where(upper, np.float32(np.inf), wall.depth)),)
+    skies = np.array([[10, 200, 30], [190, 20, 210]], np.uint8)
+    one, other = (inpaint(view, layered, Law(measured, sky))[0] for sky in skies)
+    np.testing.assert_array_equal(one.far, upper)
+    seen = (one.color.astype(float) - other.color) / (skies[0].astype(float) - skies[1])
+    assert seen[:40].min() > 1 / 3 and not seen[60:].any()
+
+
 @pytest.mark.parametrize("seed", range(4))
 def test_the_occluders_depth_never_enters(seed: int) -> None:
     """Law: before a bumpy background at 4.5..6 m stands a ball at 1.8 m; aside, no filled pixel that was hidden is nearer

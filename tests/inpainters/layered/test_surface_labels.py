@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from dlama.geometry.camera import Camera
 from dlama.geometry.projection import inverse_depth
 from dlama.geometry.view import HoleType, View
+from dlama.geometry.visibility import Law
+from dlama.inpainters.layered.kernels import surfaces as surface_kernels
 from dlama.inpainters.layered.surface_labels import IN_FRONT, LEAST_INVERSE_DEPTH, CoarseView
 from dlama.perception.planes import SKY, find_planes, label_known
-from worlds import Box, Plane, World
+from worlds import Box, Plane, World, moved
 
 
 def floor_and_wall(kind: HoleType, in_front: Box | None = None) -> tuple[CoarseView, np.ndarray]:
@@ -47,3 +50,49 @@ def test_a_wall_seen_above_a_box_is_not_out_of_order_behind_it() -> None:
     assert len(faces) == 1
     alone = coarse.candidates[faces[0]] > IN_FRONT * coarse.candidates[wall] + LEAST_INVERSE_DEPTH
     assert (alone & coarse.hole & ~coarse.out_of_order()[wall - 1])[20:40].any()
+
+
+def grid(inverse_depth: np.ndarray, hole: np.ndarray, label: np.ndarray, planes: tuple[float, ...]) -> CoarseView:
+    """A grid by hand whose planes are fronto-parallel: the inverse depths (1/m) that labels 1, 2, ... would give."""
+    values = np.stack([np.full(hole.shape, value, np.float32) for value in (0.3, 0, *planes)])
+    camera = Camera.from_fov(hole.shape[1], hole.shape[0], 60)
+    return CoarseView(camera, hole, hole, inverse_depth.astype(np.float32), label.astype(np.int32), values)
+
+
+def wall_with_hole(planes: tuple[float, ...] = (0.25,)) -> CoarseView:
+    """A wall 4 m away, of which the upper half is a hole."""
+    hole = np.zeros((12, 16), bool)
+    hole[:6] = True
+    return grid(np.where(hole, 0, 0.25), hole, np.where(hole, -1, 1), planes)
+
+
+def test_planes_nearer_or_farther_than_all_that_is_known_cost() -> None:
+    """Closed form: 6 for each factor e beyond the wall's 4 m, on either side; nothing at the wall, nor for no plane and sky."""
+    cost = wall_with_hole((0.25, 0.5, 0.05)).extrapolation_cost()
+    wanted = (0, 0, 0, 6 * np.log(2), 6 * np.log(5))
+    np.testing.assert_allclose(cost, np.broadcast_to(np.float32(wanted)[:, None, None], cost.shape), atol=1e-5)
+
+
+def test_surfaces_out_of_order_cost_a_jump_of_three(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Closed form: of the costs before belief propagation, those of a surface behind one that it is nowhere seen behind."""
+    coarse, _ = floor_and_wall(HoleType.OBJECT)
+    monkeypatch.setattr(surface_kernels, "beliefs", lambda unary, *_: unary.copy())
+    costs, order = coarse.label_costs(Law(())), coarse.out_of_order()
+    monkeypatch.setattr(CoarseView, "out_of_order", lambda _: np.zeros_like(order))
+    without = coarse.label_costs(Law(()))
+    possible = np.isfinite(without[..., 1:]) & (without[..., 1:] < 1e3)
+    more = (costs - without)[..., 1:]
+    np.testing.assert_allclose(more[possible], 3 * np.moveaxis(order, 0, 2)[possible], atol=1e-4)
+    assert (order & np.moveaxis(possible, 2, 0)).sum() > 100
+
+
+def test_sky_that_only_the_source_saw_goes_on_here() -> None:
+    """Closed form: a view without sky may continue it where the source camera saw some, at the cost of the angle to it; the
+    source looks 90 degrees to the right with 60 degrees in view, so from the middle of this view it is 60 degrees to its sky."""
+    coarse = wall_with_hole()
+    aside = moved(coarse.camera, turn=(0, 90, 0))
+    sky = Law(((aside, np.full(aside.hw, np.inf, np.float32)),), np.zeros(3, np.uint8))
+    assert not coarse.allowed(Law(()))[1].any() and coarse.allowed(sky)[1].all()
+    assert coarse.distance_to_known(Law(()))[1].min() == 1000
+    middle = coarse.distance_to_known(sky)[1][5:7, 7:9].mean()
+    assert middle == pytest.approx(coarse.camera.fx * np.radians(60), rel=0.1)

@@ -61,6 +61,13 @@ def test_a_generators_last_layer_says_its_range() -> None:
     assert ranges == {"sigmoid": (0, 1), "tanh": (-1, 1), "none": None}
 
 
+@pytest.mark.parametrize(("in_range", "out_range"), [((-1.0, 1.0), None), ((0.0, 1.0), (-1.0, 1.0))])
+def test_what_comes_out_is_brought_to_0_and_1(in_range: tuple, out_range: tuple | None) -> None:
+    """Closed form: -1..1 becomes 0..1, told by out_range, or by in_range where that is None; nothing is clipped."""
+    about = replace(contract_of_planes(3), in_range=in_range, out_range=out_range)
+    np.testing.assert_allclose(about.unit_output(np.float32([-1, 0, 0.5, 1, 3])), [0, 0.5, 0.75, 1, 2])
+
+
 def test_a_depth_plane_says_its_scale() -> None:
     """Frozen words: how trained files in use say it; a network of colours alone has no such line."""
     words = json.loads(generator_contract(GeneratorSettings(5, 4)).metadata()[CONTRACT_KEY])

@@ -22,7 +22,14 @@ from dlama.inpainters.filling import inpaint
 from dlama.inpainters.networks.contract import contract_of_planes
 from dlama.inpainters.networks.engine import Engine, OpenEngines, open_engine
 from dlama.inpainters.networks.lama import lama_filler
-from dlama.inpainters.networks.migan import PIPELINE_INPUTS, cracks, fill_picture, is_pipeline, smooth_within_steps
+from dlama.inpainters.networks.migan import (
+    PIPELINE_INPUTS,
+    cracks,
+    fill_depth,
+    fill_picture,
+    is_pipeline,
+    smooth_within_steps,
+)
 from dlama.models.network_file import PROVIDERS
 from tiny_networks import constant, contract, echo_mask, written
 
@@ -246,6 +253,24 @@ def test_migan_is_fed_what_it_can_bear() -> None:
     rows, columns = np.nonzero(session.mask[0, 0] == 0)
     assert rows.max() - rows.min() == 10 + 6 - 1 == columns.max() - columns.min()
     assert set(np.unique(session.image)) == {120, 200}, "no black was shown"
+
+
+class Dark(Pipeline):
+    """Paints level 0."""
+
+    def run(self, feed: dict[str, np.ndarray]) -> np.ndarray:
+        return np.where(feed["mask"] == 0, np.uint8(0), feed["image"])
+
+
+@pytest.mark.parametrize("far", [True, False])
+def test_level_0_of_depth_is_sky_only_where_there_is_sky(far: bool) -> None:
+    """Law: in a view that shows no far pixel a hole filled with level 0 lies at a finite depth, behind all that is known."""
+    view = holed(far=far)
+    taken = view.hole_type == HoleType.OBJECT
+    depth = fill_depth(view, np.full(view.hole.shape, 3, np.float32), Dark())  # type: ignore[arg-type]
+    inner = taken & (np.isinf(depth) if far else np.isfinite(depth))
+    np.testing.assert_array_equal(inner, taken)
+    assert (depth[taken] > 5).all()
 
 
 @pytest.mark.parametrize(("height", "width"), [(96, 128), (512, 512), (300, 700)])

@@ -172,3 +172,29 @@ def test_a_large_crop_is_shrunk_without_its_hole() -> None:
 
     filled = crops.resized_call(planes, hole, network, Layout(64, 64, side=64), 64)
     assert (abs(filled[0, 0, 40:50, 40:80] - 0.25) < 1e-5).all()
+
+
+@pytest.mark.parametrize(("side", "least"), [(10, 10 + 2 * 48), (200, 200 + 2 * 80)])
+def test_a_crop_has_context_on_every_side(side: int, least: int) -> None:
+    """Closed form: 48 px, or 40 % of the hole's side where that is more, and no more than sizes in steps of 8 px need."""
+    hole = np.zeros((640, 640), bool)
+    hole[300 : 300 + side, 310 : 310 + side] = True
+    probe = Probe()
+    fill_crops(np.zeros((1, 1, 640, 640), np.float32), hole, probe, Layout())
+    assert [all(least <= n < least + 8 for n in size[2:]) for size in probe.sizes] == [True]
+
+
+def test_what_pads_a_hole_is_a_hole() -> None:
+    """Law: beyond the border the network sees the mirrored picture with the mirrored hole; what lies in holes stays unseen."""
+    planes, hole = np.zeros((1, 1, 13, 13), np.float32), np.zeros((13, 13), bool)
+    hole[:, 8:] = hole[9:] = True
+    planes[..., hole] = 999
+    seen: list[float] = []
+
+    def looking(planes: np.ndarray, hole: np.ndarray) -> np.ndarray:
+        assert planes.shape[2:] == hole.shape == (16, 16)
+        seen.append(planes[..., ~hole].max())
+        return planes * 0
+
+    fill_crops(planes, hole, looking, SMALL)
+    assert seen == [0]

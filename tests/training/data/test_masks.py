@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dlama.errors import InputError
-from dlama.training.data.masks import LARGEST, MARGIN, SETS, SMALLEST, boxes, random_mask, strokes
+from dlama.training.data.masks import MARGIN, SETS, boxes, random_mask, strokes
 
 DOCUMENTED = {"narrow": (0.10, 0.05), "medium": (0.19, 0.09), "wide": (0.29, 0.16)}
 
@@ -16,11 +16,11 @@ DOCUMENTED = {"narrow": (0.10, 0.05), "medium": (0.19, 0.09), "wide": (0.29, 0.1
 def test_areas(kind: str, size: int) -> None:
     """Mean and spread of the area, at two sizes (oracle: the numbers in the module's first lines)."""
     rng = np.random.default_rng(3)
-    shares = np.array([random_mask(rng, (size, size), kind).mean() for _ in range(400)])
+    shares = np.array([random_mask(rng, (size, size), kind).mean() for _ in range(1000)])
     mean, spread = DOCUMENTED[kind]
-    assert abs(shares.mean() - mean) < 4 * spread / np.sqrt(400) + 0.01
+    assert abs(shares.mean() - mean) < 3 * spread / np.sqrt(1000) + 0.32 / size  # of 64 pixels strokes are rounded up
     assert abs(shares.std() - spread) < 0.02
-    assert shares.min() >= SMALLEST and shares.max() <= LARGEST
+    assert shares.min() >= 0.005 and shares.max() <= 0.7
 
 
 def test_same_numbers_same_mask() -> None:

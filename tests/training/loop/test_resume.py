@@ -13,7 +13,7 @@ import pytest
 torch = pytest.importorskip("torch", reason="training needs torch: pip install 'dlama[train]'")
 pytest.importorskip("pytorch_lightning", reason="the loop needs Lightning: pip install 'dlama[train]'")
 
-from toy_runs import no_tensorboard, toy  # noqa: E402
+from toy_runs import Exploit, no_tensorboard, toy  # noqa: E402
 
 from dlama.errors import FileError, InputError, OutputError  # noqa: E402
 from dlama.training.data.loader import BatchNumbers, NumberedSamples, batch_loader  # noqa: E402
@@ -136,6 +136,16 @@ def test_what_cannot_be_resumed(tmp_path):
     (run / LAST).unlink()
     with pytest.raises(FileError, match="no such checkpoint"):
         train(toy(), run, resume=True)
+
+
+def test_a_checkpoint_that_would_run_code_is_refused(tmp_path):
+    """Oracle: the marker file of a pickle that writes one; the standard unpickler writes it."""
+    torch.save({"version": 1, "callbacks": Exploit(tmp_path / "ran")}, tmp_path / "last.ckpt")
+    with pytest.raises(FileError, match=r"last\.ckpt: cannot be read"):
+        read_checkpoint(tmp_path / "last.ckpt")
+    assert not (tmp_path / "ran").exists()
+    torch.load(tmp_path / "last.ckpt", weights_only=False)
+    assert (tmp_path / "ran").exists()
 
 
 def test_random_numbers_come_back():

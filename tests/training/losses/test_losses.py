@@ -11,6 +11,8 @@ import pytest
 
 torch = pytest.importorskip("torch", reason="training needs torch: pip install 'dlama[train]'")
 
+from toy_runs import Exploit  # noqa: E402
+
 from dlama.errors import FileError, ShapeError  # noqa: E402
 from dlama.nets.discriminator import discriminator_from_state  # noqa: E402
 from dlama.nets.safetensors_file import read_safetensors  # noqa: E402
@@ -102,6 +104,28 @@ def test_gradient_penalty_of_a_linear_judge():
     """Oracle: closed form; the gradient of 3 x sum is 3 everywhere, so its squared norm is 9 per number."""
     real = torch.rand(2, 3, 4, 5, requires_grad=True)
     assert number(adversarial.gradient_penalty(3 * real.sum(1, keepdim=True), real)) == pytest.approx(9 * 3 * 4 * 5)
+
+
+def test_gradient_penalty_has_its_weight(vector):
+    """Oracle: closed form; the term is the weight of the settings, or of the step, times R1."""
+    judge, batch, ends = vector
+
+    def term(**of_step):
+        terms = discriminator_terms(judge, ends["fake"], batch, LossSettings(gradient_penalty=0.25), **of_step)
+        return number(terms["gradient_penalty"]) if "gradient_penalty" in terms else 0.0
+
+    scored = batch["target"].clone().requires_grad_()
+    plain = number(adversarial.gradient_penalty(judge(scored)[0], scored))
+    assert term() == pytest.approx(0.25 * plain, rel=1e-4)
+    assert term(penalty=4.0) == pytest.approx(4 * plain, rel=1e-4) and term(penalty=0.0) == 0
+
+
+def test_trunks_that_would_run_code_are_refused(tmp_path):
+    """Oracle: the marker file of a pickle that writes one."""
+    torch.save({"conv1.weight": Exploit(tmp_path / "ran")}, tmp_path / "trunk.pth")
+    with pytest.raises(FileError, match=r"trunk\.pth"):
+        perceptual_loss(LossSettings(trunk_weights=str(tmp_path / "trunk.pth")))
+    assert not (tmp_path / "ran").exists()
 
 
 def test_perceptual_loss_is_a_mean_of_means():
