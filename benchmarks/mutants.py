@@ -25,92 +25,247 @@ class Mutant:
         return self.file.partition("/")[0]
 
 
+def faults(file: str, tests: str, *each: tuple[str, str, str]) -> tuple[Mutant, ...]:
+    """Faults of one file that the same tests must notice: what goes wrong, what stands there, what is put there."""
+    return tuple(Mutant(name, file, old, new, tests) for name, old, new in each)
+
+
 OPTIONS = "tests/apps/test_options_reach.py"
-LAW = "tests/geometry/test_visibility.py"
-DRAWN = "tests/geometry"
-GLB = "tests/files/test_clouds.py tests/files/test_results.py"
-TILES = "tests/inpainters/networks/test_tiling.py"
-CONTRACT = "tests/inpainters/networks/test_contract.py tests/inpainters/networks/test_engine.py"
-LAYERED = "tests/inpainters/layered"
-LPIPS = "tests/evaluation/metrics/test_lpips.py"
-LOSSES = "tests/training/losses"
-LOOP = "tests/training/loop/test_loop.py"
-# fmt: off
-MUTANTS = (
-    Mutant("--pitch is dropped", "apps/options.py", '"pitch": self.pitch or 0.0', '"pitch": 0.0', OPTIONS),
-    Mutant("--dolly is dropped", "apps/options.py", '"dolly": self.dolly or 0.0', '"dolly": 0.0', OPTIONS),
-    Mutant("--depth-by is dropped", "apps/options.py", '"depth_by": self.depth_by', '"depth_by": None', OPTIONS),
-    Mutant("--mask-right is dropped", "apps/cli.py", "mask_right=masks[1]", "mask_right=None", OPTIONS),
-    Mutant("--max-disparity is dropped", "apps/cli.py", '"max_disparity": max_disparity', '"max_disparity": None', OPTIONS),
-    Mutant("--soft-mask and --mask-polarity are dropped", "apps/jobs.py",
-           "return read_mask(path, **masking.settings())", "return read_mask(path)", OPTIONS),
-    Mutant("--depth-scale, --far, --channel are dropped", "apps/jobs.py", "camera=camera, **reading.settings())",
-           "camera=camera)", OPTIONS),
-    Mutant("--textures is dropped", "apps/worlds.py", '"textures": textures}', '"textures": None}', OPTIONS),
-    Mutant("--no-shadows is dropped", "apps/worlds.py", '"shadows": shadows', '"shadows": True', OPTIONS),
-    Mutant("evaluate --camera is dropped", "apps/evaluate.py", "camera=self.camera", "camera=None", OPTIONS),
-    Mutant("evaluate --seed is dropped", "apps/evaluate.py", "seed=self.seed) for name", "seed=0) for name", OPTIONS),
-    Mutant("train --max-minutes is dropped", "apps/train.py", "=max_minutes, resume", "=None, resume", OPTIONS),
-    Mutant("train --steps is dropped", "apps/train.py", "trunk, steps=steps", "trunk, steps=None", OPTIONS),
-    Mutant("pack --size is dropped", "apps/train.py", "size=size, seed=seed)", "size=256, seed=seed)", OPTIONS),
-    Mutant("the law's 1 mm", "geometry/kernels/visibility.py", "return max(1e-3, 1e-3 * depth)", "return 1e-3 * depth", LAW),
-    Mutant("the law's rounds", "geometry/visibility.py", "MAX_ROUNDS = 8", "MAX_ROUNDS = 1", LAW),
-    Mutant("the law's last resort", "geometry/visibility.py", "out[self.violations(camera, out, where)] = np.inf", "pass", LAW),
-    Mutant("far pixels are fused twice", "geometry/fusion.py", "depth_only & ~layer.valid & ~layer.far",
-           "depth_only & ~layer.valid", "tests/geometry/test_fusion.py"),
-    Mutant("surfaces are cut at 0.5 % instead of 1 %", "geometry/drawing.py", "6.0 / camera.fx, 0.01,", "6.0 / camera.fx, 0.005,", DRAWN),
-    Mutant("surfaces are cut at 2 % instead of 1 %", "geometry/drawing.py", "6.0 / camera.fx, 0.01,", "6.0 / camera.fx, 0.02,", DRAWN),
-    Mutant("layers cover others however close behind", "geometry/rendering.py", "tolerance=0.005", "tolerance=0.0", DRAWN),
-    Mutant("layers 5 % nearer cover nothing", "geometry/rendering.py", "tolerance=0.005", "tolerance=0.05", DRAWN),
-    Mutant("filled layers cover measured pixels at home", "geometry/rendering.py", "over_measured=measured", "over_measured=True", DRAWN),
-    Mutant("own sky is covered by nearer layers", "geometry/rendering.py",
-           "if grid.own_camera:\n                draw_far", "if False:\n                draw_far", DRAWN),
-    Mutant("footprints of any size", "geometry/kernels/footprints.py", "half = min(16.0, ", "half = min(1e9, ", DRAWN),
-    Mutant("the spline's border is black", "geometry/kernels/sampling.py", "cv2.BORDER_REFLECT_101", "cv2.BORDER_CONSTANT", DRAWN),
-    Mutant("7-Scenes' colour camera on the other side", "datasets/numbered_frames.py", "[1, 0, 0, -0.025]", "[1, 0, 0, 0.025]",
-           "tests/datasets/test_layout_numbered_frames.py"),
-    Mutant("pairs that hardly overlap", "datasets/view_pairs.py", "MIN_OVERLAP = 0.1", "MIN_OVERLAP = 0.0", "tests/datasets"),
-    Mutant("pairs overlap whatever their depth", "datasets/view_pairs.py", "LANDS_WITHIN = 0.05", "LANDS_WITHIN = 0.5", "tests/datasets"),
-    Mutant("GLB without the sRGB curve", "files/meshes.py", "((level + 0.055) / 1.055) ** 2.4", "level", GLB),
-    Mutant("GLB's curve has no straight part", "files/meshes.py", "level <= 0.04045, level / 12.92", "level < 0, level / 12.92", GLB),
-    Mutant("resize_depth half a pixel off", "files/rgbd.py", "(np.arange(n) + 0.5) * old / n", "np.arange(n) * old / n", "tests/files/test_rgbd.py"),
-    Mutant("hole.png leaves out what lacked only depth", "files/results.py", "view.hole_type > 0)",
-           "(view.hole_type > 0) & (view.hole_type != 5))", "tests/files/test_results.py"),
-    Mutant("https redirects to http", "models/download.py", 'if url.startswith("https:") and', "if not url and", "tests/models/test_pull.py"),
-    Mutant("the hash is of a file's first part", "models/verify.py", "while piece := ", "if piece := ", "tests/models"),
-    Mutant("crops without context", "inpainters/networks/tiling.py", "CONTEXT = 48", "CONTEXT = 0", TILES),
-    Mutant("context does not grow with the hole", "inpainters/networks/tiling.py", "CONTEXT_SHARE = 0.4", "CONTEXT_SHARE = 0.0", TILES),
-    Mutant("the padded hole is known", "inpainters/networks/tiling.py", 'np.pad(hole, pad, mode="reflect")', "np.pad(hole, pad)", TILES),
-    Mutant("tanh networks give 0..1", "inpainters/networks/contract.py", '"tanh": (-1.0, 1.0)', '"tanh": (0.0, 1.0)', CONTRACT),
-    Mutant("out_range None is 0..1", "inpainters/networks/contract.py", "self.out_range or self.in_range", "self.out_range or (0.0, 1.0)", CONTRACT),
-    Mutant("extrapolation costs nothing", "inpainters/layered/surface_labels.py", "EXTRAPOLATION_COST = 6.0", "EXTRAPOLATION_COST = 0.0", LAYERED),
-    Mutant("the order of surfaces costs nothing", "inpainters/layered/surface_labels.py", "ORDER_COST = 3.0", "ORDER_COST = 0.0", LAYERED),
-    Mutant("sky seen by the source only is not continued", "inpainters/layered/surface_labels.py",
-           "(number == 1 and law.has_far)", "False", LAYERED),
-    Mutant("the way to the source's sky is not measured", "inpainters/layered/surface_labels.py",
-           "if law.has_far:\n            angle", "if False:\n            angle", LAYERED),
-    Mutant("the sky's colour is not handed on", "inpainters/layered/filler.py", "sky=law.far_color", "sky=None", LAYERED),
-    Mutant("MI-GAN's level 0 is sky indoors", "inpainters/networks/migan.py", "if not view.far.any():", "if False:",
-           "tests/inpainters/networks tests/inpainters/test_filling.py"),
-    Mutant("LPIPS of a region sees what lies outside", "evaluation/metrics/lpips.py", "np.where(inside, mine, truth)", "mine", LPIPS),
-    Mutant("LPIPS' map half a cell off", "evaluation/metrics/lpips.py", "(np.arange(wanted) + 0.5) * (size / wanted) - 0.5",
-           "np.arange(wanted) * (size / wanted)", LPIPS),
-    Mutant("ORI's ring is 8 px", "evaluation/protocols/methods.py", "ring_px: int = 16", "ring_px: int = 8", "tests/evaluation/protocols"),
-    Mutant("ORI counts the ring as outside", "evaluation/metrics/regions.py", '"outside": ~grown', '"outside": ~mask', "tests/evaluation/metrics/test_regions.py tests/evaluation/protocols/test_ori.py"),
-    Mutant("seen within 20 %", "evaluation/protocols/methods.py", "seen_tolerance: float = 0.02", "seen_tolerance: float = 0.2",
-           "tests/evaluation/protocols tests/evaluation/metrics/test_regions.py"),
-    Mutant("checkpoints run pickled code", "training/loop/checkpointing.py", "weights_only=True)\n    except", "weights_only=False)\n    except", "tests/training/loop/test_resume.py"),
-    Mutant("trunks run pickled code", "training/losses/trunks.py", "weights_only=True", "weights_only=False", "tests/training/losses"),
-    Mutant("weight files run pickled code", "nets/torch_file.py", 'return type("Inert", (Inert,), {})', "return super().find_class(module, name)", "tests/nets/test_torch_file.py"),
-    Mutant("R1 has no weight", "training/losses/terms.py", "strength * adversarial.gradient_penalty", "adversarial.gradient_penalty", LOSSES),
-    Mutant("R1 every n-th step is not n times as strong", "training/loop/module.py", "gradient_penalty * every if", "gradient_penalty if", LOOP),
-    Mutant("R1 in every step", "training/loop/module.py", "if self.step % every == 0 else 0.0", "", LOOP),
-    Mutant("the guard's state goes on learning", "training/loop/module.py", "return copy.deepcopy(dict(state))", "return dict(state)", LOOP),
-    Mutant("the guard keeps its first state for ever", "training/loop/module.py",
-           "elif self.step % self.settings.loop.guard_every == 0:\n            self.guard.keep(self)", "elif False:\n            pass", LOOP),
-    Mutant("the guard forgets the optimisers", "training/loop/module.py", "optimiser.load_state_dict(_copied(state))", "pass", LOOP),
-    Mutant("masks of any area", "training/data/masks.py", "SMALLEST, LARGEST = 0.005, 0.7", "SMALLEST, LARGEST = 0.0, 1.0", "tests/training/data/test_masks.py"),
-    Mutant("wide masks are narrower", "training/data/masks.py", '(0.04, 0.8), (0.02, 0.4), (1, 3)', '(0.04, 0.8), (0.02, 0.3), (1, 3)', "tests/training/data/test_masks.py"),
+LAYERS = "tests/geometry/test_layer_precedence.py"
+MUTANTS: tuple[Mutant, ...] = (
+    *faults(
+        "apps/options.py",
+        OPTIONS,
+        ("--pitch is dropped", '"pitch": self.pitch or 0.0', '"pitch": 0.0'),
+        ("--dolly is dropped", '"dolly": self.dolly or 0.0', '"dolly": 0.0'),
+        ("--depth-by is dropped", '"depth_by": self.depth_by', '"depth_by": None'),
+    ),
+    *faults(
+        "apps/cli.py",
+        OPTIONS,
+        ("--mask-right is dropped", "mask_right=masks[1]", "mask_right=None"),
+        ("--max-disparity is dropped", '"max_disparity": max_disparity', '"max_disparity": None'),
+    ),
+    *faults(
+        "apps/jobs.py",
+        OPTIONS,
+        (
+            "--soft-mask and --mask-polarity are dropped",
+            "return read_mask(path, **masking.settings())",
+            "return read_mask(path)",
+        ),
+        ("--depth-scale, --far, --channel are dropped", "camera=camera, **reading.settings())", "camera=camera)"),
+    ),
+    *faults(
+        "apps/worlds.py",
+        OPTIONS,
+        ("--textures is dropped", '"textures": textures}', '"textures": None}'),
+        ("--no-shadows is dropped", '"shadows": shadows', '"shadows": True'),
+    ),
+    *faults(
+        "apps/evaluate.py",
+        OPTIONS,
+        ("evaluate --camera is dropped", "camera=self.camera", "camera=None"),
+        ("evaluate --seed is dropped", "seed=self.seed) for name", "seed=0) for name"),
+    ),
+    *faults(
+        "apps/train.py",
+        OPTIONS,
+        ("train --max-minutes is dropped", "=max_minutes, resume", "=None, resume"),
+        ("train --steps is dropped", "trunk, steps=steps", "trunk, steps=None"),
+        ("pack --size is dropped", "size=size, seed=seed)", "size=256, seed=seed)"),
+    ),
+    *faults(
+        "geometry/kernels/visibility.py",
+        "tests/geometry/test_visibility.py::test_the_tolerance_is_a_millimetre_up_to_one_metre",
+        ("the law's 1 mm", "return max(1e-3, 1e-3 * depth)", "return 1e-3 * depth"),
+    ),
+    *faults(
+        "geometry/visibility.py",
+        "tests/geometry/test_visibility.py::test_two_laws_send_a_point_to_and_fro_until_both_are_kept",
+        ("the law's rounds", "MAX_ROUNDS = 8", "MAX_ROUNDS = 1"),
+    ),
+    *faults(
+        "geometry/visibility.py",
+        "tests/geometry/test_visibility.py::test_what_still_breaks_the_law_after_the_last_round_is_far",
+        ("the law's last resort", "out[self.violations(camera, out, where)] = np.inf", "pass"),
+    ),
+    *faults(
+        "geometry/fusion.py",
+        LAYERS,
+        ("far pixels are fused twice", "depth_only & ~layer.valid & ~layer.far", "depth_only & ~layer.valid"),
+    ),
+    *faults(
+        "geometry/drawing.py",
+        LAYERS,
+        ("surfaces are cut at 0.5 % instead of 1 %", "6.0 / camera.fx, 0.01,", "6.0 / camera.fx, 0.005,"),
+        ("surfaces are cut at 2 % instead of 1 %", "6.0 / camera.fx, 0.01,", "6.0 / camera.fx, 0.02,"),
+    ),
+    *faults(
+        "geometry/rendering.py",
+        LAYERS,
+        ("layers cover others however close behind", "tolerance=0.005", "tolerance=0.0"),
+        ("layers 5 % nearer cover nothing", "tolerance=0.005", "tolerance=0.05"),
+        ("filled layers cover measured pixels at home", "over_measured=measured", "over_measured=True"),
+        (
+            "own sky is covered by nearer layers",
+            "if grid.own_camera:\n                draw_far",
+            "if False:\n                draw_far",
+        ),
+    ),
+    *faults(
+        "geometry/kernels/footprints.py",
+        LAYERS,
+        ("footprints of any size", "half = min(16.0, ", "half = min(1e9, "),
+    ),
+    *faults(
+        "geometry/kernels/sampling.py",
+        LAYERS,
+        ("the spline's border is black", "cv2.BORDER_REFLECT_101", "cv2.BORDER_CONSTANT"),
+    ),
+    *faults(
+        "datasets/numbered_frames.py",
+        "tests/datasets/test_layout_numbered_frames.py",
+        ("7-Scenes' colour camera on the other side", "[1, 0, 0, -0.025]", "[1, 0, 0, 0.025]"),
+    ),
+    *faults(
+        "datasets/view_pairs.py",
+        "tests/datasets/test_layout_detection.py",
+        ("pairs that hardly overlap", "MIN_OVERLAP = 0.1", "MIN_OVERLAP = 0.0"),
+        ("pairs overlap whatever their depth", "LANDS_WITHIN = 0.05", "LANDS_WITHIN = 0.5"),
+    ),
+    *faults(
+        "files/meshes.py",
+        "tests/files/test_clouds.py",
+        ("GLB without the sRGB curve", "((level + 0.055) / 1.055) ** 2.4", "level"),
+        ("GLB's curve has no straight part", "level <= 0.04045, level / 12.92", "level < 0, level / 12.92"),
+    ),
+    *faults(
+        "files/rgbd.py",
+        "tests/files/test_rgbd.py",
+        ("resize_depth half a pixel off", "(np.arange(n) + 0.5) * old / n", "np.arange(n) * old / n"),
+    ),
+    *faults(
+        "files/results.py",
+        "tests/files/test_results.py",
+        (
+            "hole.png leaves out what lacked only depth",
+            "view.hole_type > 0)",
+            "(view.hole_type > 0) & (view.hole_type != 5))",
+        ),
+    ),
+    *faults(
+        "models/download.py",
+        "tests/models/test_pull.py",
+        ("https redirects to http", 'if url.startswith("https:") and', "if not url and"),
+    ),
+    *faults(
+        "models/verify.py",
+        "tests/models/test_network_file.py",
+        ("the hash is of a file's first part", "while piece := ", "if piece := "),
+    ),
+    *faults(
+        "inpainters/networks/tiling.py",
+        "tests/inpainters/networks/test_tiling.py",
+        ("crops without context", "CONTEXT = 48", "CONTEXT = 0"),
+        ("context does not grow with the hole", "CONTEXT_SHARE = 0.4", "CONTEXT_SHARE = 0.0"),
+        ("the padded hole is known", 'np.pad(hole, pad, mode="reflect")', "np.pad(hole, pad)"),
+    ),
+    *faults(
+        "inpainters/networks/contract.py",
+        "tests/inpainters/networks/test_contract.py",
+        ("tanh networks give 0..1", '"tanh": (-1.0, 1.0)', '"tanh": (0.0, 1.0)'),
+        ("out_range None is 0..1", "self.out_range or self.in_range", "self.out_range or (0.0, 1.0)"),
+    ),
+    *faults(
+        "inpainters/layered/surface_labels.py",
+        "tests/inpainters/layered/test_surface_labels.py",
+        ("extrapolation costs nothing", "EXTRAPOLATION_COST = 6.0", "EXTRAPOLATION_COST = 0.0"),
+        ("the order of surfaces costs nothing", "ORDER_COST = 3.0", "ORDER_COST = 0.0"),
+        ("sky seen by the source only is not continued", "(number == 1 and law.has_far)", "False"),
+        (
+            "the way to the source's sky is not measured",
+            "if law.has_far:\n            angle",
+            "if False:\n            angle",
+        ),
+    ),
+    *faults(
+        "inpainters/layered/filler.py",
+        "tests/inpainters/layered/test_layered.py",
+        ("the sky's colour is not handed on", "sky=law.far_color", "sky=None"),
+    ),
+    *faults(
+        "inpainters/networks/migan.py",
+        "tests/inpainters/networks/test_engine.py",
+        ("MI-GAN's level 0 is sky indoors", "if not view.far.any():", "if False:"),
+    ),
+    *faults(
+        "evaluation/metrics/lpips.py",
+        "tests/evaluation/metrics/test_lpips.py",
+        ("LPIPS of a region sees what lies outside", "np.where(inside, mine, truth)", "mine"),
+        (
+            "LPIPS' map half a cell off",
+            "(np.arange(wanted) + 0.5) * (size / wanted) - 0.5",
+            "np.arange(wanted) * (size / wanted)",
+        ),
+    ),
+    *faults(
+        "evaluation/protocols/methods.py",
+        "tests/evaluation/protocols/test_ori.py tests/evaluation/protocols/test_vpi.py",
+        ("ORI's ring is 8 px", "ring_px: int = 16", "ring_px: int = 8"),
+        ("seen within 20 %", "seen_tolerance: float = 0.02", "seen_tolerance: float = 0.2"),
+    ),
+    *faults(
+        "evaluation/metrics/regions.py",
+        "tests/evaluation/metrics/test_regions.py tests/evaluation/protocols/test_ori.py",
+        ("ORI counts the ring as outside", '"outside": ~grown', '"outside": ~mask'),
+    ),
+    *faults(
+        "training/loop/checkpointing.py",
+        "tests/training/loop/test_resume.py::test_a_checkpoint_that_would_run_code_is_refused",
+        ("checkpoints run pickled code", "weights_only=True)\n    except", "weights_only=False)\n    except"),
+    ),
+    *faults(
+        "training/losses/trunks.py",
+        "tests/training/losses/test_losses.py",
+        ("trunks run pickled code", "weights_only=True", "weights_only=False"),
+    ),
+    *faults(
+        "nets/torch_file.py",
+        "tests/nets/test_torch_file.py",
+        (
+            "weight files run pickled code",
+            'return type("Inert", (Inert,), {})',
+            "return super().find_class(module, name)",
+        ),
+    ),
+    *faults(
+        "training/losses/terms.py",
+        "tests/training/losses/test_losses.py",
+        ("R1 has no weight", "strength * adversarial.gradient_penalty", "adversarial.gradient_penalty"),
+    ),
+    *faults(
+        "training/loop/module.py",
+        "tests/training/loop/test_module.py",
+        ("R1 every n-th step is not n times as strong", "gradient_penalty * every if", "gradient_penalty if"),
+        ("R1 in every step", "if self.step % every == 0 else 0.0", ""),
+        ("the guard's state goes on learning", "return copy.deepcopy(dict(state))", "return dict(state)"),
+        ("the guard forgets the optimisers", "optimiser.load_state_dict(_copied(state))", "pass"),
+    ),
+    *faults(
+        "training/loop/module.py",
+        "tests/training/loop/test_loop.py::test_a_bad_batch_does_not_kill_the_run",
+        (
+            "the guard keeps its first state for ever",
+            "elif self.step % self.settings.loop.guard_every == 0:\n            self.guard.keep(self)",
+            "elif False:\n            pass",
+        ),
+    ),
+    *faults(
+        "training/data/masks.py",
+        "tests/training/data/test_masks.py",
+        ("masks of any area", "SMALLEST, LARGEST = 0.005, 0.7", "SMALLEST, LARGEST = 0.0, 1.0"),
+        ("wide masks are narrower", "(0.04, 0.8), (0.02, 0.4), (1, 3)", "(0.04, 0.8), (0.02, 0.3), (1, 3)"),
+    ),
 )
-# fmt: on
 """All of them."""
