@@ -55,7 +55,7 @@ if TYPE_CHECKING:  # what type checkers and editors read; a test holds it equal 
     from dlama.perception.depth_networks import DepthPrediction as DepthPrediction
     from dlama.perception.monocular import DepthEstimate as DepthEstimate
     from dlama.perception.monocular import estimate_depth as estimate_depth
-    from dlama.perception.stereo_matching import StereoConsistency as StereoConsistency
+    from dlama.perception.stereo_agreement import StereoConsistency as StereoConsistency
 
 __version__ = "0.1.0"
 
@@ -85,7 +85,7 @@ MODULES = {
     "Scene": "geometry.scene",
     "ShapeError": "errors",
     "StereoCompletion": "completion.completion",
-    "StereoConsistency": "perception.stereo_matching",
+    "StereoConsistency": "perception.stereo_agreement",
     "StereoRig": "geometry.camera",
     "View": "geometry.view",
     "complete": "completion.pipeline",

@@ -12,7 +12,7 @@ from dlama.geometry.mesh import Mesh
 from dlama.geometry.rgbd import Float32Array
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
-from dlama.perception.stereo_matching import StereoConsistency
+from dlama.perception.stereo_agreement import StereoConsistency
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -62,11 +62,15 @@ def with_gain(view: View, gain: Float64Array) -> View:
 
 
 def with_continued_depth(view: View, law: Law, seed: int) -> View:
-    """The view with depth where only depth was unknown: of the surface that continues there. Other holes stay open."""
+    """The view with depth where only depth was unknown: of the surface that continues there. Other holes stay open.
+
+    The depth of known pixels on planes is freed of noise.
+    """
     depth_only = view.hole & ~view.color_hole
-    if not depth_only.any() or not view.valid.any():
+    if not view.valid.any():
         return view
     proposed = depth_from_inverse(continue_surfaces(view, law, seed).inverse_depth)
+    view = dataclasses.replace(view, depth=np.where(view.valid, proposed, view.depth))
     depth, _ = lawful_depth(view, np.where(depth_only, proposed, view.depth), depth_only, law)
     return dataclasses.replace(
         view,

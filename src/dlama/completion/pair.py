@@ -19,7 +19,7 @@ from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
 from dlama.inpainters.filling import Inpainter
-from dlama.perception.stereo_matching import carry_mask, consistency
+from dlama.perception.stereo_agreement import carry_mask, consistency
 
 FAR_PX = 0.5
 """Disparity (with doffs) below which depth is no more than a guess: such pixels are far."""
