@@ -43,11 +43,9 @@ def flying(view: View) -> BoolArray:
 
 def without_flying(layer: View) -> tuple[Float32Array, BoolArray, Float32Array]:
     """Depth without holes and flying pixels (0), which pixels fly, and inverse depth as `edges` wants it (with a margin)."""
-    (height, width), margin = layer.camera.hw, 2 * edges.PAD
-    w = np.zeros((height + margin, width + margin), np.float32)
+    w = edges.inverse_with_margin(layer.depth, layer.hole)
     depth, fly = np.empty_like(layer.depth), np.empty_like(layer.hole)
-    in_bands(edges.invert, height, layer.depth, layer.hole, w)
-    in_bands(edges.reject_flying, height, w, layer.depth, layer.hole, edge_ratio(layer.camera), depth, fly)
+    in_bands(edges.reject_flying, len(depth), w, layer.depth, layer.hole, edge_ratio(layer.camera), depth, fly)
     w[edges.PAD : -edges.PAD, edges.PAD : -edges.PAD][fly] = 0
     return depth, fly, w
 

@@ -10,20 +10,19 @@ from __future__ import annotations
 import numpy as np
 
 from dlama.geometry.kernels.jit import kernel, piece
+from dlama.geometry.rgbd import BoolArray, Float32Array
 
 RIGHT = 1
 DOWN = 2
 PAD = 3
 
 
-@kernel
-def invert(first, last, depth, hole, w):
-    """Inverse depth of the known pixels, 0 in holes and far pixels. w: zeros, (H + 2 PAD) x (W + 2 PAD)."""
-    for row in range(first, last):
-        for column in range(depth.shape[1]):
-            here = depth[row, column]
-            there = here > 0 and not hole[row, column]
-            w[row + PAD, column + PAD] = np.float32(1) / here if there else np.float32(0)
+def inverse_with_margin(depth: Float32Array, hole: BoolArray) -> Float32Array:
+    """(H + 2 PAD) x (W + 2 PAD) inverse depth of the known pixels, 0 in holes, far pixels and the margin."""
+    height, width = depth.shape
+    w = np.zeros((height + 2 * PAD, width + 2 * PAD), np.float32)
+    np.divide(np.float32(1), depth, out=w[PAD:-PAD, PAD:-PAD], where=(depth > 0) & ~hole)
+    return w
 
 
 @piece

@@ -70,11 +70,11 @@ def farthest(
 ) -> tuple[Float32Array, Float32Array]:
     """Cells of 2 x 2 blocks: mean colour and inverse depth of the blocks within 10 % of the farthest known; depth -1: none.
 
-    colors: H x W x 3; depths: H x W inverse depth (1/m); sources: H x W, -2 where a block is not known. (numpy: small grids)
+    colors: H x W x 3; depths: H x W inverse depth (1/m); sources: H x W, -2 where a block is not known. (numpy: the grids are small)
     """
     rows, cols = ((size + 1) // 2 for size in depths.shape)
     padding = tuple((0, size % 2) for size in depths.shape)
-    colors, depths = np.pad(colors, (*padding, (0, 0))), np.pad(depths, padding)
+    colors, depths = np.pad(colors, (*padding, (0, 0))), np.pad(depths, padding).astype(np.float64)
     known = np.pad(sources != -2, padding)
     quarters = [np.s_[j::2, i::2] for j in range(2) for i in range(2)]
     least = np.min([np.where(known[q], depths[q], np.inf) for q in quarters], axis=0)
@@ -88,30 +88,18 @@ def farthest(
     return (out / some[..., None]).astype(np.float32), np.where(count > 0, total / some, -1).astype(np.float32)
 
 
-@kernel
-def even_rows(first, last, colors, far, radius, out):
-    """Rows of `even_out`."""
-    rows, cols = far.shape
-    for y in range(first, last):
-        for x in range(cols):
-            if far[y, x] < 0:
-                continue
-            n = 0
-            for j in range(max(0, y - radius), min(rows, y + radius + 1)):
-                for i in range(max(0, x - radius), min(cols, x + radius + 1)):
-                    if far[j, i] >= 0 and abs(far[j, i] - far[y, x]) <= 0.08 * far[y, x]:
-                        n += 1
-                        for k in range(3):
-                            out[y, x, k] += colors[j, i, k]
-            for k in range(3):
-                out[y, x, k] /= n
-
-
 def even_out(colors: Float32Array, far: Float32Array, radius: int) -> Float32Array:
-    """Known cells (far >= 0) blurred over a window, over cells within 8 % of their own inverse depth only."""
-    out = np.zeros(colors.shape, np.float32)
-    in_bands(even_rows, len(far), colors, far, radius, out)
-    return out
+    """Known cells (far >= 0) blurred over a window, over cells within 8 % of their own inverse depth only. (numpy)"""
+    (rows, cols), size = far.shape, 2 * radius + 1
+    around = np.pad(far, radius, constant_values=-1)
+    padded = np.pad(colors, ((radius, radius), (radius, radius), (0, 0)))
+    close = 0.08 * far.astype(np.float64)
+    count, out = np.zeros(far.shape), np.zeros(colors.shape, np.float32)
+    for window in (np.s_[j : j + rows, i : i + cols] for j in range(size) for i in range(size)):
+        taken = (far >= 0) & (around[window] >= 0) & (np.abs(around[window] - far) <= close)
+        count += taken
+        out += np.where(taken[..., None], padded[window], np.float32(0))
+    return (out / np.maximum(count, 1)[..., None]).astype(np.float32)
 
 
 @kernel
