@@ -70,7 +70,7 @@ def farthest(
 ) -> tuple[Float32Array, Float32Array]:
     """Cells of 2 x 2 blocks: mean colour and inverse depth of the blocks within 10 % of the farthest known; depth -1: none.
 
-    colors: H x W x 3; depths: H x W inverse depth (1/m); sources: H x W, -2 where a block is not known. (numpy: the grids are small)
+    colors: H x W x 3; depths: H x W inverse depth (1/m); sources: H x W, -2 where a block is not known
     """
     rows, cols = ((size + 1) // 2 for size in depths.shape)
     padding = tuple((0, size % 2) for size in depths.shape)
