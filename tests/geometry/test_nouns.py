@@ -208,3 +208,33 @@ def test_points_and_triangles_say_what_they_are_in_one_line() -> None:
     triangle = np.array([[0, 1, 2]], np.int32)
     mesh = Mesh(cloud.points, triangle, cloud.color, cloud.origin, cloud.confidence)
     assert repr(mesh) == "Mesh(3 vertices, 1 triangle, 6 x 6 x 6 m)"
+
+
+def test_nouns_keep_what_they_were_given() -> None:
+    """A buffer that is written to again (a video's) changes no noun made of it, nor does one behind a read-only view."""
+    rgb, depth = COLOR.copy(), np.ones((2, 3), np.float32)
+    rgbd = RGBD(rgb, depth, CAMERA)
+    shown = rgb.view()
+    shown.flags.writeable = False
+    behind = RGBD(shown, depth, CAMERA)
+    fields = {name: value.copy() if isinstance(value, np.ndarray) else value for name, value in view_fields().items()}
+    view = View(**fields)
+    points = np.zeros((4, 3))
+    cloud = PointCloud(points, np.zeros((4, 3), np.uint8), np.zeros(4, np.uint8), np.zeros(4, np.float32))
+    mesh = Mesh(points, np.array([[0, 1, 2]], np.int32), cloud.color, cloud.origin, cloud.confidence)
+    layers = [view]
+    scene = Scene(layers)  # type: ignore[arg-type]
+    for buffer in (rgb, depth, points, *(value for value in fields.values() if isinstance(value, np.ndarray))):
+        buffer[...] = 77 if buffer.dtype != np.bool_ else True
+    layers.clear()
+    assert (rgbd.color == COLOR).all() and (behind.color == COLOR).all() and (rgbd.depth == 1).all()
+    assert (view.color == COLOR).all() and not view.hole.any() and (view.depth == 1).all()
+    assert not cloud.points.any() and not mesh.vertices.any() and scene.layers == (view,)
+
+
+def test_nouns_share_what_nobody_can_write_to() -> None:
+    """No copy of a field that comes from another noun."""
+    view = View(**view_fields())
+    assert dataclasses.replace(view, hole=np.ones((2, 3), np.bool_)).color is view.color
+    with pytest.raises(ValueError, match="read-only"):
+        view.color[0, 0] = 1

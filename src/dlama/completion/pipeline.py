@@ -10,6 +10,7 @@ from pathlib import Path
 
 from dlama.completion.completion import Completion
 from dlama.completion.memory import check_memory
+from dlama.completion.plausible import warn_of_mask, warn_of_scale, warn_of_unknown
 from dlama.completion.published import clipped
 from dlama.completion.recipes import DepthBy, Recipe, checked_seed, find_recipe
 from dlama.completion.report import Clock, Record, depth_source, meta_data
@@ -76,9 +77,12 @@ def complete(
     if not cameras:
         raise InputError("cameras is empty; one camera or more is wanted (rgbd.camera is the picture's own)")
     check_memory((rgbd.camera, *cameras))
+    warn_of_scale(rgbd)
     inpainter = filler_of_recipe(find_filler(filler, model), chosen)
     source = View.from_rgbd(clipped(rgbd, chosen.clip))
     given, grown_mask = take_out(source, mask, chosen.dilate)
+    if mask is not None:
+        warn_of_mask(mask)
     plan = Plan(chosen, inpainter, seed, given, law_of(given, chosen))
     clock = Clock()
     with clock("fill"):
@@ -99,6 +103,8 @@ def complete(
         views.append(view)
         grown_holes.append(grown_hole)
         fills += [taken_over, filled]
+    if mask is None:
+        warn_of_unknown(rgbd, warped)
     meta = depth_source(rgbd) | meta_data(
         plan, filler, source, warped, Record(fills, clock.seconds, grown_mask, grown_holes)
     )

@@ -195,6 +195,12 @@ def _focal_lengths(
     if fx is not None:
         return fx, fx if fy is None else fy, "fx"
     if fov is not None:
+        if 0 < fov < math.pi:
+            warnings.warn(
+                f"fov is {fov:g} degrees, as narrow as a telescope's; if these are radians, give fov={math.degrees(fov):.4g}",
+                UserWarning,
+                stacklevel=4,
+            )
         focal = Camera.from_fov(hw[1], hw[0], fov).fx
         return focal, focal, "fov"
     film = _exif_focal(image)

@@ -11,6 +11,7 @@ from PIL import Image
 
 from dlama.errors import DepthError, FileError
 from dlama.files.atomic_write import PathLike
+from dlama.files.depth_checks import warn_of_inverse
 from dlama.files.float_files import read_array, read_exr, read_pfm, write_exr, write_pfm
 from dlama.files.images import SUFFIXES, existing, read_stored
 from dlama.files.pictures import save_picture
@@ -63,6 +64,8 @@ def read_depth(
     depth[np.isnan(depth)] = 0
     depth[depth > FAR_METRES] = np.inf
     _check_plausible(path, depth, scale, depth_range)
+    if depth_range is None:
+        warn_of_inverse(path, depth)
     if far is not None:
         depth[depth >= far] = np.inf
         if not _valid(depth).any():

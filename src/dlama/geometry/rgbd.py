@@ -54,6 +54,7 @@ class RGBD:
         depth[np.isnan(depth)] = 0
         if (depth < 0).any():
             raise DepthError(f"depth holds negative values (smallest {depth.min():.6g}); metres >= 0 are wanted")
+        depth.flags.writeable = False  # a copy of our own
         object.__setattr__(self, "color", read_only(color))
         object.__setattr__(self, "depth", read_only(depth))
 
@@ -96,10 +97,25 @@ def depth_range_in_words(depth: Float32Array) -> str:
 
 
 def read_only(array: np.ndarray) -> np.ndarray:
-    """A C-contiguous, read-only view of an array (a copy only where it is not contiguous)."""
-    view = np.ascontiguousarray(array).view()
-    view.flags.writeable = False
-    return view
+    """The array, C-contiguous, such that nobody can write to it: itself where that holds already, else a copy.
+
+    A caller may write to the buffer it gave (one for all frames of a video): a frozen noun must not change with it.
+    """
+    if array.flags.c_contiguous and _frozen(array):
+        return array
+    copy = np.array(array, order="C")
+    copy.flags.writeable = False
+    return copy
+
+
+def _frozen(array: np.ndarray) -> bool:
+    """Whether neither the array nor what it is a view of can be written to."""
+    base: object = array
+    while isinstance(base, np.ndarray):
+        if base.flags.writeable:
+            return False
+        base = base.base
+    return base is None or isinstance(base, bytes)
 
 
 def checked_fields(

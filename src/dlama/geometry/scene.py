@@ -23,6 +23,8 @@ class Scene:
     """Removed objects, as views from which all but the object is a hole."""
 
     def __post_init__(self) -> None:
+        for name in ("layers", "objects"):
+            object.__setattr__(self, name, tuple(getattr(self, name)))
         if not self.layers:
             raise ShapeError("a scene has no layers; at least one is wanted")
 

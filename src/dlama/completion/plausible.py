@@ -1,0 +1,63 @@
+"""What a job was given, and what came of it, in; one-line warnings (UserWarning) of the likeliest mistakes out."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Sequence
+
+import numpy as np
+
+from dlama.geometry.rgbd import RGBD, BoolArray
+from dlama.geometry.view import View
+
+MOST_METRES = 500.0
+"""A median depth beyond is no room's and no street's."""
+MOST_REMOVED = 0.6
+"""Share of the picture: a larger mask is more likely one of what stays."""
+MOST_UNKNOWN = 0.6
+"""Share of a view: where more is unknown, depth and the camera's move do not fit together."""
+EVERY = 4
+"""Rows and columns between the pixels of which a median is taken."""
+
+
+def warn_of_scale(rgbd: RGBD) -> None:
+    """Depth that can hardly be metres."""
+    median = median_depth(rgbd)
+    if median > MOST_METRES:
+        _warn(
+            f"the median depth is {median:.4g} m: metres are wanted; divide millimetres by 1000 (depth_scale=1000 of a file)"
+        )
+
+
+def warn_of_mask(mask: BoolArray) -> None:
+    """A mask that takes most of the picture out."""
+    share = float(mask.mean())
+    if share > MOST_REMOVED:
+        _warn(
+            f"the mask removes {100 * share:.0f} % of the picture: if it marks what stays, it is inverted "
+            "(give mask_polarity=known)"
+        )
+
+
+def warn_of_unknown(rgbd: RGBD, warped: Sequence[View]) -> None:
+    """A view of which hardly anything is known."""
+    shares = [float(view.color_hole.mean()) for view in warped]
+    if not MOST_UNKNOWN < max(shares, default=0) < 1:  # of nothing at all meta.json speaks
+        return
+    median = median_depth(rgbd)
+    _warn(
+        f"{100 * max(shares):.0f} % of the view is unknown, with a median depth of {median:.3g} m: if the scene is not that "
+        "near or far, its scale is wrong (see depth_scale: TUM 5000, KITTI 256, millimetres 1000); else move the camera less, "
+        "or with pivot=auto"
+    )
+
+
+def median_depth(rgbd: RGBD) -> float:
+    """Metres, of some of the valid pixels; 0 where there are none."""
+    some = rgbd.depth[::EVERY, ::EVERY]
+    valid = some[(some > 0) & (some < np.inf)]
+    return float(np.median(valid)) if valid.size else 0.0
+
+
+def _warn(message: str) -> None:
+    warnings.warn(message, UserWarning, stacklevel=4)

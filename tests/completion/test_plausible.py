@@ -1,0 +1,57 @@
+"""Likely mistakes are told in one line that names what mends them (oracle: the mistakes themselves, made to a good input)."""
+
+from __future__ import annotations
+
+import warnings
+
+import numpy as np
+import pytest
+
+from dlama.completion.verbs import remove, view
+from dlama.files.cameras import camera_for
+from dlama.geometry.camera import Camera
+from dlama.geometry.rgbd import RGBD
+from worlds import Box, Plane, World
+
+CAMERA = Camera.from_fov(64, 48, 60)
+WORLD = World((Plane((0, 0, 4), (0, 0, 1)), Box((-0.5, -0.4, 2.0), (0.4, 0.5, 2.4))))
+GOOD = WORLD.rgbd(CAMERA)
+MASK = WORLD.trace(CAMERA)[1] == 1
+
+
+def scaled(factor: float) -> RGBD:
+    """The same picture, its depth read with a wrong scale."""
+    return RGBD(GOOD.color, GOOD.depth * np.float32(factor), CAMERA)
+
+
+def test_good_input_gets_no_warning() -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        view(GOOD, yaw=20, filler="telea")
+        remove(GOOD, MASK, yaw=10, filler="telea")
+        camera_for((48, 64), fov=5)
+
+
+def test_an_inverted_mask() -> None:
+    with pytest.warns(UserWarning, match=r"the mask removes 80 % of the picture.*mask_polarity=known"):
+        remove(GOOD, ~MASK, filler="telea", dilate=0)
+
+
+@pytest.mark.parametrize(("factor", "yaw"), [(1 / 5, 20), (1 / 10, 10)])
+def test_a_depth_scale_that_leaves_most_unknown(factor: float, yaw: float) -> None:
+    """TUM's 5000 taken for 1000 the wrong way round, and ten times too near."""
+    with pytest.warns(
+        UserWarning, match=r"% of the view is unknown.*median depth of 0\.\d+ m.*depth_scale.*pivot=auto"
+    ):
+        view(scaled(factor), yaw=yaw, filler="telea")
+
+
+def test_millimetres_as_metres() -> None:
+    with pytest.warns(UserWarning, match=r"median depth is \d+ m: metres are wanted; divide millimetres by 1000"):
+        view(scaled(1000), yaw=5, filler="telea")
+
+
+def test_a_field_of_view_in_radians() -> None:
+    """1.0472 radians are 60 degrees."""
+    with pytest.warns(UserWarning, match=r"fov is 1\.0472 degrees.*radians, give fov=60"):
+        camera_for((48, 64), fov=1.0472)
