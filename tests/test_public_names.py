@@ -22,7 +22,7 @@ NAMES = {
     "CameraError", "DepthError", "DlamaError", "FileError", "InputError", "MaskError", "MissingExtraError", "OutputError",
     "ShapeError",
     "complete", "estimate_depth", "example", "fuse", "inpaint", "lift", "orbit", "read_camera", "read_color", "read_mask",
-    "read_rgbd", "read_stereo_calib", "remove", "render", "stereo", "view", "write",
+    "read_rgbd", "read_stereo_calib", "remove", "render", "stereo", "view", "write", "write_depth",
 }  # fmt: skip
 OWN = {"example"}
 """Defined in `__init__` itself."""

@@ -30,6 +30,7 @@ if TYPE_CHECKING:  # what type checkers and editors read; a test holds it equal 
     from dlama.errors import ShapeError as ShapeError
     from dlama.files.cameras import read_camera as read_camera
     from dlama.files.cameras import read_stereo_calib as read_stereo_calib
+    from dlama.files.depth_results import write_depth as write_depth
     from dlama.files.pictures import read_color as read_color
     from dlama.files.pictures import read_mask as read_mask
     from dlama.files.results import write as write
@@ -104,6 +105,7 @@ MODULES = {
     "stereo": "completion.stereo",
     "view": "completion.verbs",
     "write": "files.results",
+    "write_depth": "files.depth_results",
 }
 """Public name -> the module of dlama that defines it."""
 

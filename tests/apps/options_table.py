@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -65,6 +66,7 @@ BASE = {
     "view": "image.png depth.png -o out --fov 60 --yaw 5",
     "remove": "image.png depth.png mask.png -o out --fov 60",
     "stereo": "left.png right.png --calib calib.txt -o out --mask mask.png",
+    "depth": "image.png -o out --fov 60",
     "demo": "",
     "version": "",
     "evaluate": "toy -o out",
@@ -230,6 +232,11 @@ TABLE: dict[str, dict[str, Reach]] = {
     "remove": {
         **REMOVED, **move("remove"), **LENS, **READING, **ESTIMATING, **MASKING, **method("remove"), **REPORT,
         "output": OUTPUT, "only": ONLY,
+    },
+    "depth": {
+        "image": instead("a.png", "read_rgbd.image", Path("a.png"), "image.png"), "far": READING["far"], **ESTIMATING, **REPORT,
+        **{name: dataclasses.replace(row, where=row.where.replace("camera_for", "read_rgbd")) for name, row in LENS.items()},
+        "output": Reach("-o elsewhere", "write_depth.directory", Path("elsewhere"), ("-o out",)),
     },
     "stereo": {**PAIR, **MASKING, **method("stereo"), **REPORT, "output": OUTPUT, "only": ONLY},
     "demo": {

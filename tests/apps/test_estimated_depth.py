@@ -10,6 +10,8 @@ import pytest
 from PIL import Image
 from small_frame import FAST, pixels, refused, run
 
+import dlama
+from dlama.files.clouds import read_ply
 from dlama.geometry.view import Origin
 
 pytestmark = pytest.mark.filterwarnings("ignore:the (field of view|scale)")
@@ -85,3 +87,19 @@ def test_a_photo_of_nothing_gets_one_line(frame: Path, capsys: pytest.CaptureFix
     Image.fromarray(np.full((48, 64, 3), 200, np.uint8)).save(frame / "blank.png")
     assert "nearly one colour all over" in refused(capsys, frame, "view", "blank.png", "--fov", 60, "--yaw", 5)
     assert "3 files follow" in refused(capsys, frame, "remove", "image.png", "depth.png", "mask.png", "mask.png")
+
+
+def test_depth_of_a_photo_as_files(frame: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Oracles: the files' own readers agree with each other, the cloud with depth and camera; meta.json says the scale."""
+    out = run(frame, "depth", "image.png", "--fov", 60, "--metres-at", "32,24=2.5")
+    assert {path.name for path in out.iterdir()} == {
+        "depth.png", "depth.exr", "preview.png", "camera.json", "cloud.ply", "meta.json",
+    }  # fmt: skip
+    again = dlama.read_rgbd(frame / "image.png", out / "depth.exr", camera=out / "camera.json")
+    np.testing.assert_allclose(pixels(out / "depth.png"), again.depth * 1000, atol=0.51)
+    cloud = read_ply(out / "cloud.ply")
+    np.testing.assert_allclose(cloud.points, dlama.lift(again).points, atol=1e-5)
+    assert set(cloud.origin) == {Origin.ESTIMATED}
+    meta = meta_of(out)
+    assert meta["depth"] == "estimated" and meta["depth_estimate"]["scale"]["rule"] == "metres_at"
+    assert "scale: metres at" in capsys.readouterr().out

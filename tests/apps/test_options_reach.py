@@ -16,6 +16,7 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 from options_table import BASE, TABLE
 
@@ -106,7 +107,11 @@ def calls(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Calls:
 def _spy_on_jobs(spy: Callable[..., None]) -> None:
     """view, remove, stereo and demo: reading, the three functions, writing."""
     done = SimpleNamespace(meta={})
-    spy("dlama.files.rgbd.read_rgbd", "rgbd")  # first: its module must not be loaded with the stand-ins below
+    about = {"field_of_view": {"from": "fov"}, "estimator": "a network", "scale": {"rule": "assumed"}}
+    spy("dlama.files.depth_results.write_depth")
+    spy(
+        "dlama.files.rgbd.read_rgbd", SimpleNamespace(estimate=about, depth=np.ones((3, 4)))
+    )  # first: its module must not be loaded with the stand-ins below
     spy("dlama.files.images.picture_hw", (3, 4))
     spy("dlama.files.cameras.camera_for", ("camera", "words"))
     spy("dlama.files.cameras.read_camera", "target")

@@ -11,6 +11,7 @@ import tyro
 from tyro.conf import FlagCreatePairsOff, OmitArgPrefixes, Positional
 
 import dlama
+from dlama.apps.depth import depth as depth_of_photo
 from dlama.apps.evaluate import evaluate
 from dlama.apps.flags import flags_of, with_flags
 from dlama.apps.jobs import STAGES, job
@@ -166,6 +167,7 @@ VERBS: dict[str, Callable[..., Any]] = {
     "view": view,
     "remove": remove,
     "stereo": stereo,
+    "depth": depth_of_photo,
     "demo": demo,
     "version": version,
     "models": models,
@@ -192,6 +194,11 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
     "stereo": (
         "dlama stereo left.png right.png --calib calib.txt -o out",
         "dlama stereo left.png right.png --calib calib.json --mask left_mask.png -o out",
+    ),
+    "depth": (
+        "dlama depth photo.jpg -o out",
+        "dlama depth photo.jpg --fov 65 --metres-at 320,400=2.5 100,90=7 -o out",
+        "dlama depth photo.jpg --depth-model moge-small -o out",
     ),
     "models": (
         "dlama models list",

@@ -1,0 +1,39 @@
+"""`dlama depth`: a picture in; its depth, estimated by a network, as files out."""
+
+from __future__ import annotations
+
+import time
+
+from tyro.conf import Positional
+
+from dlama.apps.jobs import job
+from dlama.apps.options import Estimating, Image, Lens, Metres, Output, Reading, Report
+
+
+def depth(
+    image: Positional[Image],
+    /,
+    output: Output,
+    lens: Lens,
+    estimating: Estimating,
+    report: Report,
+    far: Metres = None,
+) -> None:
+    """The depth of a single picture, estimated by a network: depth files, a coloured preview, the camera and the points.
+
+    Args:
+        image: The colour picture: PNG, JPEG or TIFF.
+        output: Directory for the results, made if need be; files of the same names are replaced.
+        far: Depth at or beyond this is far (sky).
+    """
+    from dlama.files.depth_results import FILES, write_depth
+    from dlama.geometry.rgbd import depth_range_in_words
+
+    with job("depth", report) as this:
+        rgbd = this.rgbd(image, None, lens, Reading(far=far), estimating)
+        write_depth(rgbd, output, inputs=this.inputs, seconds={"read": round(this.read_seconds, 4)})
+        about = dict(rgbd.estimate or {})
+        rule = about["scale"]["rule"].replace("_", " ")
+        line = f"{output}: {depth_range_in_words(rgbd.depth)}, by {about['estimator']}, scale: {rule}"
+        values = {"output": str(output), "files": list(FILES), "depth_estimate": about}
+        this.result.add(f"{line}, {time.perf_counter() - this.started:.1f} s", **values)

@@ -1,0 +1,78 @@
+"""A picture with its depth in; a directory with depth, a coloured preview, the camera, the points and meta.json out."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from pathlib import Path
+
+from dlama import __version__
+from dlama.completion.report import depth_source
+from dlama.files.atomic_write import PathLike, new_directory
+from dlama.files.cameras import camera_as_json, write_camera
+from dlama.files.clouds import write_ply
+from dlama.files.contact_sheet import write_contact_sheet
+from dlama.files.depth import write_depth_exr, write_depth_png
+from dlama.files.false_color import SKY, depth_limits, depth_picture
+from dlama.files.results import as_json, check_inputs_stay, hashed, legends, versions
+from dlama.geometry.projection import lift
+from dlama.geometry.rgbd import RGBD, depth_range_in_words
+
+FILES = ("camera.json", "cloud.ply", "depth.exr", "depth.png", "meta.json", "preview.png")
+"""What is written."""
+
+
+def write_depth(
+    rgbd: RGBD,
+    directory: PathLike,
+    *,
+    inputs: Mapping[str, PathLike] | None = None,
+    seconds: Mapping[str, float] | None = None,
+) -> Path:
+    """Write a picture's depth to a directory (made if need be) and return it. If anything fails nothing is left behind.
+
+    depth.png in millimetres, depth.exr in metres, camera.json, cloud.ply (world metres, with origin and confidence), preview.png,
+    and meta.json, which says how the depth was estimated.
+
+    Args:
+        rgbd: What `estimate_depth` (its `rgbd`) or `read_rgbd` gave.
+        directory: Files of the same names in it are replaced, all others stay.
+        inputs: Role -> file; path and SHA-256 of each go into meta.json.
+        seconds: Stages before this one, for meta.json.
+
+    Raises:
+        OutputError: the directory cannot be written, or a result would replace one of `inputs`.
+        FileError: an input cannot be read.
+    """
+    target, started = Path(directory), time.perf_counter()
+    check_inputs_stay(target, FILES, inputs or {})
+    meta = {
+        "dlama": __version__,
+        "camera": camera_as_json(rgbd.camera),
+        **depth_source(rgbd),
+        "inputs": hashed(inputs or {}),
+        "legends": {name: text for name, text in legends().items() if name in (*FILES, "origin.png")},
+        "versions": versions(),
+    }
+    with new_directory(target) as folder:
+        meta["depth_png_clipped_pixels"] = write_depth_png(folder / "depth.png", rgbd.depth)
+        write_depth_exr(folder / "depth.exr", rgbd.depth)
+        write_camera(folder / "camera.json", rgbd.camera)
+        write_ply(folder / "cloud.ply", lift(rgbd))
+        write_depth_preview(folder / "preview.png", rgbd)
+        meta["seconds"] = {**(seconds or {}), "write": round(time.perf_counter() - started, 4)}
+        (folder / "meta.json").write_text(as_json(meta), encoding="utf-8")
+    return target
+
+
+def write_depth_preview(path: PathLike, rgbd: RGBD) -> None:
+    """The picture beside its depth in colour, near red, far blue. Raises OutputError."""
+    lo, hi = depth_limits(rgbd.depth)
+    estimate = rgbd.estimate or {}
+    title = f"Depth, {depth_range_in_words(rgbd.depth)}"
+    if estimate:
+        title += f", estimated by {estimate['estimator']}, scale: {estimate['scale']['rule'].replace('_', ' ')}"
+    depth = depth_picture(rgbd.depth, None, lo, hi)
+    sky = [("far (sky)", SKY)] if rgbd.far.any() else []
+    panels = [("picture", rgbd.color), (f"depth, {lo:.2g} m (red) to {hi:.2g} m (blue)", depth)]
+    write_contact_sheet(path, title, panels, sky)

@@ -1,0 +1,208 @@
+"""Networks of depth and their contracts (oracles: tiny networks whose answer is known in closed form, one of each contract)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import onnx
+import pytest
+from onnx import TensorProto, helper, numpy_helper
+
+from dlama.errors import FileError, InputError
+from dlama.geometry.camera import Camera
+from dlama.models.network_file import NetworkFile
+from dlama.perception.depth_networks import DepthContract, contract_of_file, run
+from dlama.perception.monocular import ESTIMATORS, estimate_depth, find_estimator
+from tiny_networks import constant
+
+pytest.importorskip("onnxruntime")
+WEIGHTS = np.float32([0.2, 0.3, 0.5])
+COLOR = np.random.default_rng(5).integers(0, 256, (48, 64, 3), np.uint8)
+
+
+def saved(
+    path: Path, nodes: list, inputs: list, outputs: list, constants: Mapping[str, np.ndarray], about: dict | None = None
+) -> Path:
+    """An ONNX file of these parts."""
+    graph = helper.make_graph(
+        nodes, "tiny", inputs, outputs, [numpy_helper.from_array(a, n) for n, a in constants.items()]
+    )
+    model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=8)
+    if about:
+        helper.set_model_props(model, about)
+    onnx.save(model, str(path))
+    return path
+
+
+def value(name: str, *shape: Any, kind: int = TensorProto.FLOAT) -> Any:
+    """An input or output of a graph."""
+    return helper.make_tensor_value_info(name, kind, shape)
+
+
+def weighted_sum(
+    path: Path, shape: tuple = (1, 3, "h", "w"), rank: int = 4, bias: float = 0.0, about: dict | None = None
+) -> Path:
+    """Gives WEIGHTS times the three channels it is shown, plus bias; 1 x 1 x h x w or 1 x h x w."""
+    weight = {"weight": WEIGHTS[None, :, None, None], "bias": np.float32([bias]), "axis": np.array([1], np.int64)}
+    nodes = [helper.make_node("Conv", ["picture", "weight", "bias"], ["sum"])]
+    nodes.append(
+        helper.make_node("Identity", ["sum"], ["map"])
+        if rank == 4
+        else helper.make_node("Squeeze", ["sum", "axis"], ["map"])
+    )
+    ends = (1, 1, "a", "b") if rank == 4 else (1, "a", "b")
+    return saved(path, nodes, [value("picture", *shape)], [value("map", *ends)], weight, about)
+
+
+def shown(color: np.ndarray, mean: np.ndarray, std: np.ndarray, scale: float = 1 / 255) -> np.ndarray:
+    """What weighted_sum gives for a picture shown at its own size."""
+    return ((color * scale - mean) / std) @ WEIGHTS.astype(float)
+
+
+def test_the_picture_is_normalised_as_the_contract_says(tmp_path: Path) -> None:
+    """Closed form, for the contracts of every estimator: scale, mean and std, at a size that needs no resizing."""
+    for name, record in ESTIMATORS.items():
+        contract = record.contract
+        if contract.gives == "points":
+            continue
+        hw = contract.size or (518, 56 * contract.multiple)
+        color = np.random.default_rng(1).integers(0, 256, (*hw, 3), np.uint8)
+        network = NetworkFile(weighted_sum(tmp_path / "n.onnx", (1, 3, *(contract.size or ("h", "w"))), bias=3))
+        found = run(network, contract, color)
+        wanted = shown(color, np.array(contract.mean), np.array(contract.std), contract.scale) + 3
+        np.testing.assert_allclose(found.values, wanted, rtol=1e-4, atol=1e-4, err_msg=name)
+        assert (found.gives, found.metric) == (contract.gives, contract.metric)
+        assert found.notes["model"] == "n.onnx" and len(found.notes["model_sha256"]) == 64
+
+
+@pytest.mark.parametrize(
+    ("hw", "wanted"),
+    [((480, 640), (518, 686)), ((640, 480), (686, 518)), ((518, 518), (518, 518)), ((480, 848), (518, 910))],
+)
+def test_the_shorter_side_is_518_and_both_are_multiples_of_14(hw: tuple[int, int], wanted: tuple[int, int]) -> None:
+    """Oracle: the sizes that the published preprocessor of Depth Anything V2 gives (518, lower bound, multiple of 14)."""
+    contract = ESTIMATORS["depth-anything-small"].contract
+    assert contract.input_size(hw) == wanted
+    assert contract.tensor(np.zeros((*hw, 3), np.uint8)).shape == (1, 3, *wanted)
+
+
+def test_both_ranks_and_both_layouts(tmp_path: Path) -> None:
+    """Closed form: 1 x h x w is taken like 1 x 1 x h x w; a network that wants H x W x 3 is shown that."""
+    contract = DepthContract("inverse depth", size=(48, 64))
+    three, four = (
+        run(NetworkFile(weighted_sum(tmp_path / f"{rank}.onnx", rank=rank)), contract, COLOR) for rank in (3, 4)
+    )
+    np.testing.assert_array_equal(three.values, four.values)
+    nodes = [
+        helper.make_node("MatMul", ["picture", "weight"], ["sum"]),
+        helper.make_node("Squeeze", ["sum", "axis"], ["map"]),
+    ]
+    constants = {"weight": WEIGHTS[:, None], "axis": np.array([3], np.int64)}
+    path = saved(tmp_path / "l.onnx", nodes, [value("picture", 1, "h", "w", 3)], [value("map", 1, "a", "b")], constants)
+    last = run(NetworkFile(path), DepthContract("inverse depth", size=(48, 64), layout="HWC"), COLOR)
+    np.testing.assert_allclose(last.values, four.values, rtol=1e-5)
+
+
+def test_relative_inverse_depth_becomes_metres(tmp_path: Path) -> None:
+    """Closed form: 1 / z is proportional to what the network says, and the median is 3 m."""
+    path = weighted_sum(tmp_path / "r.onnx", bias=0.1, about=DepthContract("inverse depth", size=(48, 64)).metadata())
+    with pytest.warns(UserWarning, match="scale of the estimated depth is assumed"):
+        found = estimate_depth(COLOR, Camera.from_fov(64, 48, 60), depth_model=path, sharpen=False)
+    inverse = shown(COLOR, np.zeros(3), np.ones(3)) + 0.1
+    np.testing.assert_allclose(found.depth * inverse, np.median(inverse) * 3, rtol=1e-4)
+    assert found.meta["estimator"] == "r.onnx"
+
+
+def test_metric_depth_stays_as_it_is(tmp_path: Path) -> None:
+    """Closed form, under the name of a catalogue's network: metres, no warning."""
+    path = weighted_sum(tmp_path / "m.onnx", rank=3, bias=8)
+    color = np.random.default_rng(1).integers(0, 256, (518, 518, 3), np.uint8)
+    found = estimate_depth(
+        color, Camera.from_fov(518, 518, 60), depth_model=f"depth-anything-indoor={path}", sharpen=False
+    )
+    contract = ESTIMATORS["depth-anything-indoor"].contract
+    np.testing.assert_allclose(
+        found.depth, shown(color, np.array(contract.mean), np.array(contract.std)) + 8, rtol=1e-4
+    )
+    assert found.meta["gives"] == "metric depth" and found.meta["scale"]["rule"] == "metric model"
+
+
+def point_network(path: Path, points: np.ndarray, mask: np.ndarray, scale: float, names: tuple[str, ...]) -> Path:
+    """Gives the same points, mask and metric scale whatever it sees, and takes a number of tokens as MoGe does."""
+    constants = {"p": points[None].astype(np.float32), "m": mask[None].astype(np.float32), "s": np.float32([scale])}
+    nodes = [helper.make_node("Identity", [key], [name]) for key, name in zip("pms", names)]
+    inputs = [value("image", 1, 3, "h", "w"), value("num_tokens", kind=TensorProto.INT64)]
+    ends = [value(names[0], 1, *points.shape), value(names[1], 1, *mask.shape), value(names[2], 1)]
+    return saved(path, nodes, inputs, ends, constants)
+
+
+@pytest.mark.parametrize("last", ["metric_scale", "scale"])
+def test_points_come_with_sky_scale_and_field_of_view(tmp_path: Path, last: str) -> None:
+    """Closed form: points of a slanted plane at half their metric size, z shifted; where the mask says no it is sky."""
+    camera = Camera.from_fov(64, 48, 70)
+    rows, columns = np.mgrid[:48, :64]
+    z = 1 / (0.1 + 0.004 * rows)
+    x, y = (columns + 0.5 - camera.cx) / camera.fx * z, (rows + 0.5 - camera.cy) / camera.fy * z
+    mask = rows >= 5
+    points = np.stack([x, y, z - 2], 2) / 2
+    points[~mask] = np.inf
+    path = point_network(tmp_path / "p.onnx", points, mask, 2.0, ("points", "mask", last))
+    found = estimate_depth(COLOR, depth_model=f"moge-small={path}", sharpen=False)
+    np.testing.assert_allclose(found.depth[mask], z[mask], rtol=2e-3)
+    assert np.isposinf(found.depth[~mask]).all()
+    assert found.camera.fx == pytest.approx(camera.fx, rel=2e-3)
+    assert found.meta["gives"] == "metric points"
+
+
+def test_a_file_tells_its_contract(tmp_path: Path) -> None:
+    """Round trip through the file's metadata."""
+    contract = DepthContract("depth", metric=True, mean=(0.5, 0.4, 0.3), side=392, outputs=("map|depth",))
+    assert contract_of_file(NetworkFile(weighted_sum(tmp_path / "c.onnx", about=contract.metadata()))) == contract
+    assert contract_of_file(NetworkFile(weighted_sum(tmp_path / "n.onnx"))) is None
+
+
+def test_files_with_another_contract_get_one_line(tmp_path: Path) -> None:
+    """Law: the file, what came and what was wanted."""
+    plain = weighted_sum(tmp_path / "plain.onnx")
+    for model, told in (
+        (
+            constant(tmp_path / "lama.onnx", 3, 0, 0, 0),
+            r"lama\.onnx: is a network 'lama' by its contract; monocular depth",
+        ),
+        (plain, r"plain\.onnx: carries no contract .*depth_model=NAME=plain\.onnx, NAME of tcmonodepth"),
+        (
+            f"tcmonodepth={weighted_sum(tmp_path / 'small.onnx', (1, 3, 100, 100))}",
+            "3 x 100 x 100.*1 x 3 x 192 x 320 is wanted",
+        ),
+        (f"moge-small={plain}", "a float picture of 1 x 3 x .* and a number of tokens is wanted"),
+        (f"tcmonodepth={weighted_sum(tmp_path / 'nan.onnx', bias=float('nan'))}", "values that are not finite"),
+        (tmp_path / "none.onnx", "no such model file"),
+        ("tcmonodepth=none.onnx", r"none\.onnx: no such model file"),
+    ):
+        with pytest.raises(InputError, match=told):
+            estimate_depth(COLOR, Camera.from_fov(64, 48, 60), depth_model=model)
+    names = ("points", "mask", "height")
+    other = point_network(tmp_path / "p.onnx", np.ones((48, 64, 3)), np.ones((48, 64)), 1, names)
+    with pytest.raises(FileError, match=r"gives points, mask, height; metric_scale\|scale is wanted"):
+        find_estimator(f"moge-small={other}")[1](COLOR)
+    pair = point_network(tmp_path / "q.onnx", np.ones((48, 64, 2)), np.ones((48, 64)), 1, ("points", "mask", "scale"))
+    with pytest.raises(FileError, match="gave an output of 1 x 48 x 64 x 2; 1 x h x w x 3 is wanted"):
+        find_estimator(f"moge-small={pair}")[1](COLOR)
+
+
+@pytest.mark.parametrize(
+    ("changes", "told"),
+    [
+        ({"gives": "disparity"}, "gives is 'disparity'; one of depth, inverse depth, points"),
+        ({"layout": "WHC"}, "layout is 'WHC'"),
+        ({"std": (1.0, 0.0, 1.0)}, "std and scale above 0"),
+        ({"multiple": 0}, "size, side and multiple of 1 or more"),
+    ],
+)
+def test_contracts_that_cannot_be(changes: dict[str, Any], told: str) -> None:
+    """Law: refused when made."""
+    with pytest.raises(InputError, match=told):
+        DepthContract(**{"gives": "depth", **changes})

@@ -1,0 +1,90 @@
+"""Edges of blurred depth moved to the picture's (oracles: the step that was blurred, a slow median, laws)."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from dlama.perception.kernels.edge_median import MOST, joint_median
+from dlama.perception.sharpening import on_ramp, sharpened
+
+RNG = np.random.default_rng(4)
+
+
+def blurred_box(size: int = 256) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """(colours, true inverse depth, blurred inverse depth) of a bright box before a dark wall."""
+    inside = np.zeros((size, size), np.bool_)
+    inside[size // 4 : -size // 4, size // 3 : -size // 3] = True
+    color = np.where(inside[..., None], 170, 70) + RNG.normal(0, 4, (size, size, 3))
+    truth = np.where(inside, 0.8, 0.3).astype(np.float32)
+    return np.clip(color, 0, 255).astype(np.uint8), truth, cv2.GaussianBlur(truth, (0, 0), 3)
+
+
+def test_a_blurred_step_becomes_a_step_at_the_picture_s_edge() -> None:
+    """Oracle: the step itself: of the pixels that the blur put between both depths nearly all are back, and on the right side."""
+    color, truth, blurred = blurred_box()
+    found = sharpened(blurred, color)
+    wrong = [(abs(one - truth) > 0.05).mean() for one in (blurred, found)]
+    assert wrong[1] < 0.2 * wrong[0]
+
+
+def test_no_depth_is_invented() -> None:
+    """Law: every value stood in the map before; what is far from edges stays."""
+    color, _, blurred = blurred_box(128)
+    found = sharpened(blurred, color)
+    assert np.isin(found, blurred).all() and (found != blurred).any()
+    np.testing.assert_array_equal(found[:10], blurred[:10])
+
+
+def test_slopes_and_flat_maps_stay() -> None:
+    """Law: without a step there is nothing to move, whatever the picture shows; far pixels are no harm."""
+    color = RNG.integers(0, 256, (128, 128, 3), np.uint8)
+    slope = np.linspace(0.4, 0.9, 128, dtype=np.float32)[:, None] * np.ones((1, 128), np.float32)
+    np.testing.assert_array_equal(sharpened(slope, color), slope)
+    sky = slope.copy()
+    sky[:20] = np.inf
+    assert np.isposinf(sharpened(sky, color)).sum() > 0
+
+
+def test_depth_and_inverse_depth_are_sharpened_alike() -> None:
+    """Law: a median is the same of any falling function where the same pixels vote."""
+    color, _, blurred = blurred_box(128)
+    both = sharpened(blurred, color), 1 / sharpened(1 / blurred, color)
+    assert (abs(both[0] - both[1]) < 0.03).mean() > 0.99
+
+
+def test_the_kernel_is_a_weighted_median() -> None:
+    """Oracle: a slow literal twin on random numbers."""
+    values = RNG.random((30, 34), np.float32)
+    votes, blurred = RNG.random((2, 30, 34)) > 0.4
+    color = RNG.random((30, 34, 3), np.float32) * 30
+    out, room = np.empty_like(values), np.empty((30, 2, MOST), np.float32)
+    joint_median(0, 30, values, blurred, votes, color, 6, 2, 14.0, 4.0, room, out)
+    for row in range(30):
+        for column in range(34):
+            if not blurred[row, column]:
+                assert out[row, column] == values[row, column]
+                continue
+            found = [
+                (
+                    values[y, x],
+                    np.exp(
+                        -((color[y, x] - color[row, column]) ** 2).sum() / 392
+                        - ((y - row) ** 2 + (x - column) ** 2) / 32
+                    ),
+                )
+                for y in range(row - 6, row + 7, 2)
+                for x in range(column - 6, column + 7, 2)
+                if 0 <= y < 30 and 0 <= x < 34 and votes[y, x]
+            ]
+            found.sort(reverse=True)
+            reached = np.cumsum([weight for _, weight in found])
+            wanted = found[int(np.searchsorted(reached, 0.5 * reached[-1]))][0] if found else values[row, column]
+            assert out[row, column] == wanted
+
+
+def test_ramps_are_seen_and_slopes_are_not() -> None:
+    """Closed form: 2 % per px."""
+    rows = np.ones((40, 1), np.float32)
+    assert on_ramp(rows * np.exp(0.03 * np.arange(60, dtype=np.float32)), 0.02)[:, 5:-5].all()
+    assert not on_ramp(rows * np.exp(0.01 * np.arange(60, dtype=np.float32)), 0.02)[:, 5:-5].any()
