@@ -56,6 +56,8 @@ if TYPE_CHECKING:  # what type checkers and editors read; a test holds it equal 
     from dlama.perception.depth_networks import DepthPrediction as DepthPrediction
     from dlama.perception.monocular import DepthEstimate as DepthEstimate
     from dlama.perception.monocular import estimate_depth as estimate_depth
+    from dlama.perception.object_masks import ObjectMask as ObjectMask
+    from dlama.perception.object_masks import find_mask as find_mask
     from dlama.perception.stereo_agreement import StereoConsistency as StereoConsistency
 
 __version__ = "0.1.0"
@@ -78,6 +80,7 @@ MODULES = {
     "MaskError": "errors",
     "Mesh": "geometry.mesh",
     "MissingExtraError": "errors",
+    "ObjectMask": "perception.object_masks",
     "Origin": "geometry.view",
     "OutputError": "errors",
     "PointCloud": "geometry.cloud",
@@ -91,6 +94,7 @@ MODULES = {
     "View": "geometry.view",
     "complete": "completion.pipeline",
     "estimate_depth": "perception.monocular",
+    "find_mask": "perception.object_masks",
     "fuse": "geometry.fusion",
     "inpaint": "inpainters.filling",
     "lift": "geometry.projection",

@@ -65,6 +65,7 @@ def each(path: str, values: Iterable[Any]) -> Callable[[Any], bool]:
 BASE = {
     "view": "image.png depth.png -o out --fov 60 --yaw 5",
     "remove": "image.png depth.png mask.png -o out --fov 60",
+    "mask": "image.png depth.png -o mask.png --fov 60",
     "stereo": "left.png right.png --calib calib.txt -o out --mask mask.png",
     "depth": "image.png -o out --fov 60",
     "demo": "",
@@ -85,6 +86,19 @@ REPORT = {
     "quiet": Reach("--quiet", "reported.report", attribute("quiet", True)),
     "json": Reach("--json", "reported.report", attribute("json", True)),
 }
+
+
+POINTING = {
+    "click": Reach("--click 1,2 3,4.5", "find_mask.clicks", [[1, 2], [3, 4.5]]),
+    "not_click": Reach("--not 1,2", "find_mask.not_clicks", [[1, 2]]),
+    "box": Reach("--box 1,2,3,4", "find_mask.box", [1, 2, 3, 4]),
+    "candidate": Reach("--click 1,2 --candidate part", "find_mask.candidate", "part"),
+}
+
+
+def pointed() -> dict[str, Reach]:
+    """The same options in place of a mask file."""
+    return {name: dataclasses.replace(reach, drop=("mask.png",)) for name, reach in POINTING.items()}
 
 
 def move(verb: str) -> dict[str, Reach]:
@@ -230,13 +244,17 @@ TABLE: dict[str, dict[str, Reach]] = {
         **PICTURE, **move("view"), **LENS, **READING, **ESTIMATING, **method("view"), **REPORT, "output": OUTPUT, "only": ONLY,
     },
     "remove": {
-        **REMOVED, **move("remove"), **LENS, **READING, **ESTIMATING, **MASKING, **method("remove"), **REPORT,
+        **REMOVED, **move("remove"), **LENS, **READING, **ESTIMATING, **MASKING, **pointed(), **method("remove"), **REPORT,
         "output": OUTPUT, "only": ONLY,
     },
     "depth": {
         "image": instead("a.png", "read_rgbd.image", Path("a.png"), "image.png"), "far": READING["far"], **ESTIMATING, **REPORT,
         **{name: dataclasses.replace(row, where=row.where.replace("camera_for", "read_rgbd")) for name, row in LENS.items()},
         "output": Reach("-o elsewhere", "write_depth.directory", Path("elsewhere"), ("-o out",)),
+    },
+    "mask": {
+        **PICTURE, **LENS, **READING, **ESTIMATING, **POINTING, **REPORT,
+        "output": Reach("-o found.png", "write_found.output", Path("found.png"), ("-o mask.png",)),
     },
     "stereo": {**PAIR, **MASKING, **method("stereo"), **REPORT, "output": OUTPUT, "only": ONLY},
     "demo": {

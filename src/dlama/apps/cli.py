@@ -15,6 +15,7 @@ from dlama.apps.depth import depth as depth_of_photo
 from dlama.apps.evaluate import evaluate
 from dlama.apps.flags import flags_of, with_flags
 from dlama.apps.jobs import STAGES, job
+from dlama.apps.masks import Pointing, found_line, found_values, write_found
 from dlama.apps.model_verbs import models
 from dlama.apps.options import (
     Depth,
@@ -75,14 +76,16 @@ def view(
 
 def remove(
     image: Positional[Image],
-    depth_and_mask: Positional[DepthAndMask],
+    depth_and_mask: Positional[DepthAndMask] = (),
     /,
+    *,
     output: Output,
     move: Move,
     lens: Lens,
     reading: Reading,
     estimating: Estimating,
     masking: Masking,
+    pointing: Pointing,
     method: Method,
     report: Report,
     only: Only = None,
@@ -92,16 +95,42 @@ def remove(
     Args:
         image: The colour picture: PNG, JPEG or TIFF.
         depth_and_mask: Its depth, same size (16-bit PNG or TIFF, EXR, PFM, NPY or NPZ; without it, it is estimated), and the
-            object in the picture: black and white, 255 = remove.
+            object in the picture: black and white, 255 = remove; --click or --box say it in place of that file.
         output: Directory for the results, made if need be; files of the same names are replaced.
         only: What is written beside meta.json: image, depth, hole, origin, confidence, points, mesh, scene, preview.
     """
     with job("remove", report) as this:
         target = move.settings()
-        depth, mask = split_depth_and_mask(depth_and_mask)
+        depth, mask = split_depth_and_mask(depth_and_mask, pointing.given)
         rgbd = this.rgbd(image, depth, lens, reading, estimating)
-        object_mask = this.mask(mask, masking)
+        object_mask = this.pointed(rgbd, pointing) if mask is None else this.mask(mask, masking)
         this.write(dlama.remove(rgbd, object_mask, **target, **method.settings()), output, only)
+
+
+def mask(
+    image: Positional[Image],
+    depth: Positional[Depth] = None,
+    /,
+    *,
+    output: Annotated[Path, option("MASK.png", None, aliases=["-o"])],
+    pointing: Pointing,
+    lens: Lens,
+    reading: Reading,
+    estimating: Estimating,
+    report: Report,
+) -> None:
+    """The mask of a thing that you point at: click on it, or draw a box round it.
+
+    Args:
+        image: The colour picture: PNG, JPEG or TIFF.
+        depth: Its depth, same size: 16-bit PNG or TIFF (millimetres), EXR, PFM, NPY or NPZ; without it, it is estimated.
+        output: The mask, 255 = the thing; beside it MASK_overlay.png shows it in the picture.
+    """
+    with job("mask", report) as this:
+        rgbd = this.rgbd(image, depth, lens, reading, estimating)
+        found = dlama.find_mask(rgbd, **pointing.settings())
+        files = write_found(found, rgbd, output)
+        this.result.add(found_line(found, output, this.seconds), **found_values(found, files))
 
 
 def stereo(
@@ -166,6 +195,7 @@ def version() -> None:
 VERBS: dict[str, Callable[..., Any]] = {
     "view": view,
     "remove": remove,
+    "mask": mask,
     "stereo": stereo,
     "depth": depth_of_photo,
     "demo": demo,
@@ -186,10 +216,17 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
         "dlama view photo.jpg depth.png --camera cam.json --to target.json --only image,depth -o out",
     ),
     "remove": (
+        "dlama remove photo.jpg --click 150,250 -o out",
         "dlama remove photo.jpg depth.png mask.png --fov 65 -o out",
         "dlama remove photo.jpg depth.png mask.png --fov 65 --yaw 20 -o out",
         "dlama remove photo.jpg mask.png -o out",
         "dlama remove color.jpeg depth.exr semantic.png --mask-class barrel --fov 90 --depth-range 10 -o out",
+    ),
+    "mask": (
+        "dlama mask photo.jpg depth.png --fov 65 --click 150,250 -o mask.png",
+        "dlama mask photo.jpg --click 150,250 -o mask.png",
+        "dlama mask photo.jpg depth.png --fov 65 --click 150,250 --not 200,310 -o mask.png",
+        "dlama mask photo.jpg depth.png --camera cam.json --box 120,90,60,200 -o mask.png",
     ),
     "stereo": (
         "dlama stereo left.png right.png --calib calib.txt -o out",

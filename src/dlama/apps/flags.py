@@ -38,6 +38,10 @@ def _flags(taker: Callable[..., Any]) -> Iterator[tuple[str, str]]:
             for kind in inner:
                 yield from _flags(kind)
         elif Positional not in getattr(hint, "__metadata__", ()):
+            named = next((note.name for note in getattr(hint, "__metadata__", ()) if getattr(note, "name", None)), None)
+            if named is not None:
+                yield name, f"--{named}"
+                continue
             yield name, f"--{'no-' if parameter.default is True else ''}{name.replace('_', '-')}"
 
 

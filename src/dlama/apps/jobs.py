@@ -16,6 +16,7 @@ from dlama.apps.terminal import Result, reported, stages_bar
 
 if TYPE_CHECKING:
     import dlama
+    from dlama.apps.masks import Pointing
     from dlama.geometry.rgbd import BoolArray, UInt8Array
 
 LOG = logging.getLogger("dlama")
@@ -36,7 +37,14 @@ class Job:
     inputs: dict[str, Path] = field(default_factory=dict)
     intrinsics_from: str = ""
     read_seconds: float = 0.0
+    object_mask: dict[str, Any] = field(default_factory=dict)
+    """How the mask was found, where it was pointed at."""
     started: float = field(default_factory=time.perf_counter)
+
+    @property
+    def seconds(self) -> float:
+        """Since the job began."""
+        return time.perf_counter() - self.started
 
     @contextmanager
     def reading(self, *names: Path) -> Iterator[None]:
@@ -75,6 +83,15 @@ class Job:
         with self.reading(path):
             return read_mask(path, **masking.settings())
 
+    def pointed(self, rgbd: dlama.RGBD, pointing: Pointing) -> BoolArray:
+        """The mask of what is pointed at; how it was found goes into meta.json."""
+        import dlama
+
+        options = pointing.settings()
+        found = dlama.find_mask(rgbd, **options)
+        self.object_mask = {"method": found.method, **options, "candidate": found.chosen, "notes": list(found.notes)}
+        return found.mask
+
     def optional_mask(self, path: Path | None, masking: Masking, role: str = "mask") -> BoolArray | None:
         """A mask, where one is given."""
         return None if path is None else self.mask(path, masking, role)
@@ -92,12 +109,14 @@ class Job:
 
     def write(self, done: dlama.Completion, output: Path, only: Only = None, shown: Path | None = None) -> None:
         """The result, or what --only names, to its directory; the line about it names that, or what is `shown` instead."""
+        if self.object_mask:
+            done.meta["object_mask"] = self.object_mask
         from dlama.files.results import file_names, write
 
         place, names = shown or output, names_in(only)
         seconds = {"read": self.read_seconds}
         write(done, output, only=names, inputs=self.inputs, intrinsics_from=self.intrinsics_from, seconds=seconds)
-        line = summary_line(done.meta, place, time.perf_counter() - self.started)
+        line = summary_line(done.meta, place, self.seconds)
         self.result.add(line, **summary_values(done.meta, place, file_names(done, names)))
 
 

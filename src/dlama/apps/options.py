@@ -37,7 +37,7 @@ Radius = Annotated[int | None, option("PX", "the recipe's")]
 CameraFile = Annotated[Path | None, option("FILE.json")]
 Image = Annotated[Path, option("IMAGE", None)]
 Depth = Annotated[Path | None, option("DEPTH", "estimated from the picture")]
-DepthAndMask = Annotated[tuple[Path, ...], option("[DEPTH] MASK", None)]
+DepthAndMask = Annotated[tuple[Path, ...], option("[DEPTH] [MASK]", None)]
 RESULTS = ("image", "depth", "hole", "origin", "confidence", "disparity", "points", "mesh", "scene", "preview")
 """Names of what is written."""
 Only = Annotated[str | None, option("NAME,...", "all")]
@@ -149,8 +149,16 @@ class Reading:
         return dataclasses.asdict(self)
 
 
-def split_depth_and_mask(files: Sequence[Path]) -> tuple[Path | None, Path]:
-    """The depth file, if there is one, and the mask, which comes last; raises InputError."""
+def split_depth_and_mask(files: Sequence[Path], pointed: bool = False) -> tuple[Path | None, Path | None]:
+    """The depth file, if there is one, and the mask, which comes last; no mask where the thing is pointed at. InputError."""
+    if pointed:
+        if len(files) > 1:
+            raise InputError(f"a mask file ({files[1]}) and clicks or a box were both given; one of them is wanted")
+        return (files[0] if files else None), None
+    if not files:
+        raise InputError(
+            "nothing says what is to be removed: give a mask file, --click X,Y on the thing, or --box X,Y,W,H"
+        )
     if not 1 <= len(files) <= 2:
         raise InputError(f"{len(files)} files follow the picture; a mask, or depth and a mask are wanted")
     return (files[0] if len(files) == 2 else None), files[-1]

@@ -1,0 +1,72 @@
+"""Numba kernels of regions: depth and which pixels are free in; which hang together out. Loaded when masks are found."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dlama.geometry.kernels.jit import kernel, piece
+
+
+@piece
+def root_of(parent, pixel):
+    """The pixel that stands for the region of another one; paths are halved on the way."""
+    while parent[pixel] != pixel:
+        parent[pixel] = parent[parent[pixel]]
+        pixel = parent[pixel]
+    return pixel
+
+
+@kernel
+def join_regions(depth, free, offsets, allowed, parent):
+    """Union-find over free pixels: two of them are one region where depth differs by no more than a share of the nearer.
+
+    depth: H x W metres. free: H x W bool. offsets: N x 2, rows and columns from a pixel to those it may be joined with, rows
+    >= 0. allowed: N, the largest difference as a share of the nearer depth. parent: H * W int32, each pixel its own index at
+    first; at the end each pixel of a region has the index of one of them.
+    """
+    rows, columns = depth.shape
+    for row in range(rows):
+        for column in range(columns):
+            if not free[row, column]:
+                continue
+            here = depth[row, column]
+            for number in range(len(offsets)):
+                r, c = row + offsets[number, 0], column + offsets[number, 1]
+                if r >= rows or c < 0 or c >= columns or not free[r, c]:
+                    continue
+                there = depth[r, c]
+                if abs(here - there) <= allowed[number] * min(here, there):
+                    one, other = root_of(parent, row * columns + column), root_of(parent, r * columns + c)
+                    if one != other:
+                        parent[max(one, other)] = np.int32(min(one, other))
+    for pixel in range(len(parent)):
+        parent[pixel] = np.int32(root_of(parent, pixel))
+
+
+@kernel
+def sweep_distances(across, down, near):
+    """Shortest paths over the grid by four raster sweeps; repeated until nothing changes they are exact.
+
+    across: H x W, the cost from a pixel to its right neighbour; down: to its lower one; inf where none may be passed.
+    near: H x W float32, 0 on seeds and inf elsewhere at first. Returns how many pixels came nearer.
+    """
+    rows, columns = near.shape
+    changed = 0
+    for sweep in range(4):
+        for i in range(rows):
+            row = i if sweep < 2 else rows - 1 - i
+            for j in range(columns):
+                column = j if sweep % 2 == 0 else columns - 1 - j
+                best = near[row, column]
+                if column > 0:
+                    best = min(best, near[row, column - 1] + across[row, column - 1])
+                if column < columns - 1:
+                    best = min(best, near[row, column + 1] + across[row, column])
+                if row > 0:
+                    best = min(best, near[row - 1, column] + down[row - 1, column])
+                if row < rows - 1:
+                    best = min(best, near[row + 1, column] + down[row, column])
+                if best < near[row, column]:
+                    near[row, column] = best
+                    changed += 1
+    return changed

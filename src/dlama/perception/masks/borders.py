@@ -1,0 +1,96 @@
+"""A mask found in depth in; the same with the foot that its plane took, and its border moved to the picture's edges, out."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from dlama.geometry.holes import dilated, disc, eroded, nearest_known
+from dlama.geometry.rgbd import RGBD, BoolArray
+from dlama.perception.masks.supports import Planes, height_above
+
+FOOT_PX = 12
+"""How far from the thing its foot may reach over the plane it stands on,"""
+FOOT_GAP = 0.08
+"""and by what share its depth may differ from the thing's there: a wall far behind is no foot."""
+FOOT_NOISE = 5.0
+"""A foot rises over the plane by so many standard deviations of the plane's own unevenness,"""
+FOOT_STEP = 0.0012
+"""and by this relative step in inverse depth at least."""
+SHARP = 0.7
+"""Share of a depth step that a sharp edge makes within one pixel."""
+BAND_PX = 3
+"""Reach in px of the band in which the picture decides, where depth is noisy, blurred or missing."""
+HOLE_PX = 12
+"""How far into missing depth a mask may grow."""
+
+
+def with_foot(found: Planes, support: BoolArray, thing: BoolArray) -> BoolArray:
+    """The thing and the pixels of a supporting plane that hang together with it and rise a little over the plane."""
+    near = dilated(thing, FOOT_PX) & support
+    here, there = found.w, found.w.ravel()[nearest_known(thing)[1]]
+    near &= np.abs(here - there) <= FOOT_GAP * np.maximum(here, there)
+    if not near.any():
+        return thing
+    step = height_above(found, support)
+    around = dilated(thing, 4 * FOOT_PX) & support
+    unevenness = 1.4826 * float(np.median(np.abs(step[around])))
+    rises = near & (step > max(FOOT_STEP, FOOT_NOISE * unevenness))
+    _, labels = cv2.connectedComponents((thing | rises).astype(np.uint8), connectivity=8)
+    return np.asarray(np.isin(labels, np.unique(labels[thing])) & (thing | rises))
+
+
+def edges_are_sharp(rgbd: RGBD, found: Planes, thing: BoolArray) -> bool:
+    """True if depth alone says where the thing ends: no noise, and steps at its border within one pixel."""
+    if found.noise:
+        return False
+    w, width = found.w, 4
+    steps = []
+    for axis in (0, 1):
+        border = thing & ~np.roll(thing, -1, axis) & rgbd.valid & (np.roll(rgbd.depth, -1, axis) > 0)
+        one = np.abs(w - np.roll(w, -1, axis))[border]
+        wide = np.abs(np.roll(w, width, axis) - np.roll(w, -width, axis))[border]
+        steps.append(np.where(wide > 0.1 * w[border], one / np.maximum(wide, 1e-9), np.nan))
+    both = np.concatenate(steps)
+    both = both[~np.isnan(both)]
+    return bool(both.size and np.median(both) > SHARP)
+
+
+def to_picture_edges(rgbd: RGBD, found: Planes, thing: BoolArray) -> BoolArray:
+    """The mask with its border moved to the edges of the picture (GrabCut in a band) where depth leaves it open.
+
+    Open is missing depth beside the thing, and, where depth is noisy or blurred at edges, a band of BAND_PX. Thin parts, which
+    the band would cover whole, keep what depth says.
+    """
+    missing = rgbd.missing & dilated(thing, HOLE_PX)
+    band = missing
+    if not edges_are_sharp(rgbd, found, thing):
+        core = cv2.morphologyEx(thing.astype(np.uint8), cv2.MORPH_OPEN, disc(BAND_PX)) > 0
+        thin = thing & ~dilated(core, 1)
+        band = missing | (dilated(thing, BAND_PX) & ~eroded(thing, BAND_PX) & ~thin)
+    band &= ~eroded(thing, BAND_PX)
+    if not band.any() or not (thing & ~band).any():
+        return thing
+    return decided_by_color(rgbd, thing, band)
+
+
+def decided_by_color(rgbd: RGBD, thing: BoolArray, band: BoolArray, rounds: int = 2) -> BoolArray:
+    """The mask with the pixels of `band` decided by GrabCut; all others stay. Colours are learnt in the surroundings only."""
+    rows, columns = np.nonzero(thing | band)
+    reach = 12 + max(np.ptp(rows), np.ptp(columns)) // 4
+    box = (
+        slice(max(rows.min() - reach, 0), rows.max() + reach + 1),
+        slice(max(columns.min() - reach, 0), columns.max() + reach + 1),
+    )
+    prior, open_ = thing[box], band[box]
+    state = np.where(prior, cv2.GC_FGD, cv2.GC_BGD).astype(np.uint8)
+    state[open_] = np.where(prior, cv2.GC_PR_FGD, cv2.GC_PR_BGD)[open_]
+    if (state == cv2.GC_BGD).sum() < 20 or (state == cv2.GC_FGD).sum() < 20:
+        return thing
+    cv2.setRNGSeed(0)
+    picture = np.ascontiguousarray(rgbd.color[box])
+    models = np.zeros((1, 65)), np.zeros((1, 65))
+    cv2.grabCut(picture, state, (0, 0, 1, 1), *models, rounds, cv2.GC_INIT_WITH_MASK)
+    out = thing.copy()
+    out[box] = np.where(open_, (state == cv2.GC_FGD) | (state == cv2.GC_PR_FGD), prior)
+    return out

@@ -1,0 +1,86 @@
+"""Clicks and a box as a user gives them in; the same checked against the picture out."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from dlama.errors import InputError
+from dlama.geometry.rgbd import BoolArray
+
+Point = tuple[float, float]
+"""x to the right, y down, in pixels: (3, 5) is in column 3, row 5, as is (3.9, 5.9)."""
+Box = tuple[float, float, float, float]
+"""x and y of the upper left corner, width and height, in pixels."""
+
+
+@dataclass(frozen=True)
+class Prompt:
+    """What a user points at in a picture of a certain size; raises InputError for what lies outside it."""
+
+    hw: tuple[int, int]
+    """Height and width of the picture."""
+    clicks: tuple[Point, ...] = ()
+    """On the thing."""
+    not_clicks: tuple[Point, ...] = ()
+    """Beside the thing."""
+    box: Box | None = None
+    """Round the thing."""
+
+    def __post_init__(self) -> None:
+        height, width = self.hw
+        for name, points in (("clicks", self.clicks), ("not_clicks", self.not_clicks)):
+            for point in points:
+                x, y = checked_numbers(name, point, 2, "(x, y)")
+                if not (0 <= x < width and 0 <= y < height):
+                    raise InputError(
+                        f"{name} holds {x:g},{y:g}, which lies outside the picture; x in 0..{width - 1} and "
+                        f"y in 0..{height - 1} are wanted"
+                    )
+        both = set(self.pixels(self.clicks)) & set(self.pixels(self.not_clicks))
+        if both:
+            row, column = min(both)
+            raise InputError(f"clicks and not_clicks both hold pixel {column},{row}; one of them is wanted")
+        if self.box is not None:
+            x, y, wide, high = checked_numbers("box", self.box, 4, "(x, y, width, height)")
+            if wide < 1 or high < 1:
+                raise InputError(f"box is {wide:g} x {high:g} pixels; a width and a height of 1 or more are wanted")
+            if x >= width or y >= height or x + wide <= 0 or y + high <= 0:
+                raise InputError(
+                    f"box {x:g},{y:g},{wide:g},{high:g} lies outside the picture, which is {width}x{height}; "
+                    "x,y,width,height of a part of it are wanted"
+                )
+
+    @staticmethod
+    def pixels(points: Sequence[Point]) -> list[tuple[int, int]]:
+        """(row, column) of each point."""
+        return [(int(y), int(x)) for x, y in points]
+
+    @property
+    def box_slices(self) -> tuple[slice, slice]:
+        """Rows and columns of the box, or of the whole picture where there is none."""
+        height, width = self.hw
+        x, y, wide, high = self.box or (0, 0, width, height)
+        rows = slice(max(0, round(y)), max(max(0, round(y)) + 1, min(height, round(y + high))))
+        return rows, slice(max(0, round(x)), max(max(0, round(x)) + 1, min(width, round(x + wide))))
+
+    @property
+    def inside(self) -> BoolArray:
+        """H x W, True in the box; everywhere where there is none."""
+        out = np.zeros(self.hw, np.bool_)
+        out[self.box_slices] = True
+        return out
+
+
+def checked_numbers(name: str, values: Sequence[float], count: int, wanted: str) -> tuple[float, ...]:
+    """`count` finite numbers; else InputError."""
+    try:
+        numbers = tuple(float(value) for value in values)
+    except (TypeError, ValueError):
+        numbers = ()
+    if len(numbers) != count or not all(math.isfinite(number) for number in numbers):
+        raise InputError(f"{name} holds {values!r}; {count} numbers {wanted} are wanted")
+    return numbers

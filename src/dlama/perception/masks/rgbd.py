@@ -1,0 +1,239 @@
+"""A picture with depth and clicks or a box in; the mask of the thing meant out. No network: supporting surfaces are taken away,
+and what hangs together with the click stays.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dlama.errors import MaskError
+from dlama.geometry.holes import dilated, nearest_known
+from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array
+from dlama.perception.kernels.regions import join_regions
+from dlama.perception.masks.borders import to_picture_edges, with_foot
+from dlama.perception.masks.cuts import nearer_to
+from dlama.perception.masks.prompt import Prompt
+from dlama.perception.masks.supports import Planes, is_ground, planes_of, supports_for
+
+Pixel = tuple[int, int]
+"""(row, column)."""
+
+REACH_PX = 2
+"""Pixels this far apart may be one piece: a spoke drawn one pixel wide has gaps."""
+STEP = 0.01
+"""Share of its depth by which neighbouring pixels of one piece may differ,"""
+SLOPE = 4.0
+"""and this much more for each metre that the two pixels are apart: a surface seen at 76 degrees."""
+NOISE_STEP = 4.0
+"""The same in standard deviations of the noise."""
+THING_GAP = 0.15
+"""Share of depth up to which pieces that touch in the picture are one thing: a lamp's shade hangs before its pole."""
+GROUP_GAP = 0.3
+"""The same for a group of things."""
+TOUCHING_PX = 3
+LARGER = 3.0
+"""A piece that is so many times larger than what was clicked, and covers LARGE_SHARE, is another thing."""
+LARGE_SHARE = 0.05
+SNAP_PX = 6
+"""A click beside a thin thing means the nearest pixel of a thing within so many px."""
+PATCH = 3.0
+"""A correction reaches so many times as far as the click is from the border of the mask."""
+BARRED = 0.5
+"""A click beside the thing takes its whole piece away where that is less than this share of the thing; else what is near."""
+IN_BOX = 0.7
+"""Share of a piece that a box must hold if the piece is to be a part of the thing."""
+
+
+@dataclass(frozen=True, eq=False)
+class Pieces:
+    """The picture without its supporting surfaces, in pieces that hang together."""
+
+    depth: Float32Array
+    free: BoolArray
+    """H x W, True where a thing may be: depth is valid, and no supporting plane."""
+    label: NDArray[np.int32]
+    """H x W: pixels of one piece have one number; of no meaning where not free."""
+    support: BoolArray
+    """H x W, True on planes that things stand on or before."""
+
+    def at(self, pixel: Pixel) -> BoolArray:
+        """H x W, True on the piece at a pixel; nowhere if none is there."""
+        return self.free & (self.label == self.label[pixel]) & bool(self.free[pixel])
+
+
+def rgbd_candidates(rgbd: RGBD, prompt: Prompt) -> tuple[dict[str, BoolArray], tuple[str, ...]]:
+    """H x W masks by name (part, thing, group; those that differ), and notes.
+
+    Raises MaskError where nothing that stands apart is meant: the sky, the ground, missing depth.
+    """
+    found = planes_of(rgbd)
+    if not prompt.clicks:
+        return boxed(rgbd, found, prompt)
+    seeds, flat, support = separable(rgbd, found, prompt)
+    pieces = find_pieces(rgbd, support, found.noise)
+    seeds = [snapped(pieces, seed) for seed in seeds]
+    away = [pixel for pixel in Prompt.pixels(prompt.not_clicks) if pieces.free[pixel]]
+    own = sum((pieces.at(seed) for seed in seeds), np.zeros(rgbd.depth.shape, np.bool_))
+    whole = merged(pieces, own, THING_GAP, set()).sum()
+    barred = {int(pieces.label[p]) for p in away if not own[p] and pieces.at(p).sum() < BARRED * whole}
+    masks: dict[str, BoolArray] = {}
+    for name, gap in (("thing", THING_GAP), ("part", 0.0), ("group", GROUP_GAP)):
+        masks[name] = finished(rgbd, found, pieces, merged(pieces, own, gap, barred), prompt, seeds + flat)
+    return distinct(masks), ()
+
+
+def separable(rgbd: RGBD, found: Planes, prompt: Prompt) -> tuple[list[Pixel], list[Pixel], BoolArray]:
+    """The clicks on things, those on a supporting plane, which only add to a thing, and H x W where such planes are.
+
+    The first click on a thing says which planes support it. MaskError where no click is on a thing.
+    """
+    clicks = Prompt.pixels(prompt.clicks)
+    if not rgbd.valid.any():
+        raise MaskError("depth is missing or far everywhere, so no thing stands apart; depth with values is wanted")
+    flat = [pixel for pixel in clicks if rgbd.far[pixel] or is_ground(found, *pixel)]
+    seeds = [pixel for pixel in clicks if pixel not in flat]
+    if not seeds:
+        near = rgbd.valid & ~supports_for(found, [])
+        seeds = [pixel for pixel in flat if has_near(near, pixel)]
+        flat = [pixel for pixel in flat if pixel not in seeds]
+        support = supports_for(found, [])
+    else:
+        support = supports_for(found, seeds[:1])
+        flat += [pixel for pixel in seeds[1:] if support[pixel]]
+        seeds = [pixel for pixel in seeds if pixel not in flat]
+    if not seeds:
+        row, column = flat[0]
+        what = "the sky" if rgbd.far[flat[0]] else "a plain surface (ground, wall or table)"
+        raise MaskError(
+            f"clicks holds {column},{row}, which lies on {what}: nothing stands apart there; "
+            "click on a thing, or give a box round it"
+        )
+    return seeds, flat, support
+
+
+def has_near(free: BoolArray, pixel: Pixel) -> bool:
+    row, column = pixel
+    window = slice(max(row - SNAP_PX, 0), row + SNAP_PX + 1), slice(max(column - SNAP_PX, 0), column + SNAP_PX + 1)
+    return bool(free[window].any())
+
+
+def find_pieces(rgbd: RGBD, support: BoolArray, noise: float) -> Pieces:
+    """What is left without the supporting planes, in pieces."""
+    free = rgbd.valid & ~support
+    reach = range(-REACH_PX, REACH_PX + 1)
+    near = [(r, c) for r in range(REACH_PX + 1) for c in reach if (r, c) > (0, 0) and r * r + c * c <= REACH_PX**2 + 1]
+    offsets = np.array(near, np.int64)
+    apart = np.hypot(offsets[:, 0], offsets[:, 1])
+    focal = min(rgbd.camera.fx, rgbd.camera.fy)
+    step = STEP + NOISE_STEP * noise * (float(np.median(rgbd.depth[rgbd.valid])) if noise else 0.0)
+    allowed = (step + np.where(apart < 1.5, SLOPE, SLOPE / 3) * apart / focal).astype(np.float32)
+    parent = np.arange(free.size, dtype=np.int32)
+    join_regions(rgbd.depth, free, offsets, allowed, parent)
+    return Pieces(rgbd.depth, free, parent.reshape(free.shape), support)
+
+
+def snapped(pieces: Pieces, seed: Pixel) -> Pixel:
+    """The pixel itself if a piece is there, else the nearest of one; raises MaskError where none is near."""
+    if pieces.free[seed]:
+        return seed
+    distance, nearest = nearest_known(pieces.free)
+    if not distance[seed] <= SNAP_PX * 1.5:
+        raise MaskError(
+            f"clicks holds {seed[1]},{seed[0]}, where depth shows nothing that stands apart; "
+            "click on a thing, or give a box round it"
+        )
+    row, column = divmod(int(nearest[seed]), pieces.free.shape[1])
+    return row, column
+
+
+def merged(pieces: Pieces, start: BoolArray, gap: float, barred: set[int]) -> BoolArray:
+    """`start` and all pieces that touch it in the picture and differ in depth by no more than a share `gap` of it, and so on.
+
+    barred: numbers of pieces that do not belong to it.
+    """
+    thing = start.copy()
+    depth, label = pieces.depth.ravel(), pieces.label.ravel()
+    while gap:
+        pixels = np.flatnonzero(dilated(thing, TOUCHING_PX) & pieces.free & ~thing)
+        here, there = depth[pixels], depth[nearest_known(thing)[1].ravel()[pixels]]
+        close = np.abs(here - there) <= gap * np.minimum(here, there)
+        labels, counts = np.unique(label[pixels[close]], return_counts=True)
+        most = max(LARGER * thing.sum(), LARGE_SHARE * thing.size)
+        sizes = np.bincount(label[pieces.free.ravel()], minlength=thing.size)
+        chosen = [n for n, count in zip(labels, counts) if count > 1 and n not in barred and sizes[n] <= most]
+        if not chosen:
+            break
+        thing |= pieces.free & np.isin(pieces.label, chosen)
+    return thing
+
+
+def finished(
+    rgbd: RGBD, found: Planes, pieces: Pieces, mask: BoolArray, prompt: Prompt, clicks: list[Pixel]
+) -> BoolArray:
+    """The mask with its foot, without what is nearer to a click beside it, inside the box, its border on the picture's edges."""
+    if prompt.box is not None:
+        mask = mask & prompt.inside
+    mask = with_foot(found, pieces.support, mask)
+    wanted, unwanted = (np.zeros(mask.shape, np.bool_) for _ in range(2))
+    for pixel in clicks:
+        wanted[pixel] = True
+    for pixel in Prompt.pixels(prompt.not_clicks):
+        unwanted[pixel] = True
+    mask = to_picture_edges(rgbd, found, mask)
+    for pixel in zip(*np.nonzero(unwanted & mask)):
+        mask = mask & ~patch(rgbd, ~mask, (int(pixel[0]), int(pixel[1])), wanted)
+    for pixel in zip(*np.nonzero(wanted & ~mask)):
+        mask = mask | patch(rgbd, mask, (int(pixel[0]), int(pixel[1])), unwanted)
+    return (mask | wanted) & ~unwanted
+
+
+def patch(rgbd: RGBD, mask: BoolArray, pixel: Pixel, against: BoolArray) -> BoolArray:
+    """What belongs to a click beside the mask: the pixels outside it that are nearer to the click than to their surroundings.
+
+    How far it may reach follows from how far from the mask the click is: a correction changes what is about it, no more.
+    """
+    away = float(nearest_known(mask)[0][pixel]) if mask.any() else 20.0
+    reach = int(min(PATCH * away + 2, max(mask.shape) / 4))
+    rows = slice(max(pixel[0] - reach - 2, 0), pixel[0] + reach + 3)
+    columns = slice(max(pixel[1] - reach - 2, 0), pixel[1] + reach + 3)
+    v, u = np.mgrid[: mask.shape[0], : mask.shape[1]][:, rows, columns]
+    apart = np.hypot(v - pixel[0], u - pixel[1])
+    seed, window, rim = (np.zeros(mask.shape, np.bool_) for _ in range(3))
+    seed[pixel] = True
+    window[rows, columns] = apart <= reach
+    rim[rows, columns] = (apart <= reach) & (apart > reach - 2)
+    return nearer_to(rgbd, seed, (against | rim) & window & ~mask & ~seed, window & ~mask)
+
+
+def boxed(rgbd: RGBD, found: Planes, prompt: Prompt) -> tuple[dict[str, BoolArray], tuple[str, ...]]:
+    """The thing in a box: the pieces that the box holds almost whole, as far as they touch the largest of them."""
+    inside = prompt.inside
+    pieces = find_pieces(rgbd, supports_for(found, [], inside), found.noise)
+    label = np.where(pieces.free, pieces.label, 0).ravel()
+    sizes = np.bincount(label[pieces.free.ravel()], minlength=label.size)
+    held = np.bincount(label[(pieces.free & inside).ravel()], minlength=label.size)
+    whole = (held >= IN_BOX * np.maximum(sizes, 1)) & (held > 0)
+    if not held.any():
+        raise MaskError("box holds nothing that stands apart in depth; a box round a thing is wanted, or clicks on it")
+    usable = np.where(whole, held, 0) if held[whole].max(initial=0) >= 0.1 * held.max() else held
+    main = int(usable.argmax())
+    kept = pieces.free & inside & (whole[pieces.label] | (pieces.label == main))
+    cropped = Pieces(pieces.depth, kept, pieces.label, pieces.support)
+    start = kept & (pieces.label == main)
+    barred = {int(pieces.label[p]) for p in Prompt.pixels(prompt.not_clicks) if pieces.free[p]} - {main}
+    masks = {}
+    for name, gap in (("thing", GROUP_GAP), ("part", 0.0)):
+        masks[name] = finished(rgbd, found, cropped, merged(cropped, start, gap, barred), prompt, [])
+    return distinct(masks), ()
+
+
+def distinct(masks: dict[str, BoolArray]) -> dict[str, BoolArray]:
+    """Those that differ from the ones before by 1 % of their pixels or more; `thing` comes first."""
+    out: dict[str, BoolArray] = {}
+    for name, mask in masks.items():
+        if all((mask ^ other).sum() > 0.01 * (mask | other).sum() for other in out.values()):
+            out[name] = mask
+    return out

@@ -1,0 +1,108 @@
+"""Depth in; the supporting surfaces (ground, walls, tables) that things stand on or hang at out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from dlama.geometry.holes import dilated
+from dlama.geometry.projection import inverse_depth
+from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array
+from dlama.perception.planes import find_planes, label_known, noise_level
+
+SMALLEST_SUPPORT = 0.03
+"""Share of the picture that a supporting plane covers at least."""
+SURE_BEHIND = 0.1
+"""A plane supports where no more than this share of its border has something behind it: the ground, a ceiling, a wall."""
+MOST_BEHIND = 0.3
+"""It may be a support up to this share, if the thing stands before it: a facade against the sky. More: the face of a thing."""
+INSIDE_BOX = 0.6
+"""A plane that lies in the user's box with more than this share of its pixels belongs to the thing."""
+BEFORE = 1.01
+"""Inverse depth of a pixel over that of a plane, from which on it stands before the plane."""
+BORDER_PX = 2
+
+
+@dataclass(frozen=True, eq=False)
+class Planes:
+    """The planes of a picture and its pixels on them."""
+
+    w: Float32Array
+    """H x W inverse depth, 1/m; 0 where far or missing."""
+    planes: NDArray[np.float64]
+    """K x 3, inverse depth a u + b v + c over pixels."""
+    label: NDArray[np.int32]
+    """H x W: k >= 1 on the k-th plane, 0 far, -1 elsewhere."""
+    behind: tuple[float, ...]
+    """Of each plane, the share of its border that has something behind it."""
+    noise: float
+    """Standard deviation of inverse depth, 1/m; 0 where it is exact."""
+
+    def value_at(self, number: int, row: int, column: int) -> float:
+        """Inverse depth of the plane `number` (from 0) at a pixel's centre."""
+        a, b, c = self.planes[number]
+        return float(a * (column + 0.5) + b * (row + 0.5) + c)
+
+    def share(self, number: int, where: BoolArray | None = None) -> float:
+        """Share of the picture that the plane `number` covers; with `where`, the share of the plane's pixels in it."""
+        there = self.label == number + 1
+        return float(there.mean()) if where is None else float(where[there].mean()) if there.any() else 0.0
+
+
+def planes_of(rgbd: RGBD, seed: int = 0) -> Planes:
+    """The planes of a picture, most supported first; none where depth is all missing or far."""
+    w, valid, known = inverse_depth(rgbd.depth), rgbd.valid, ~rgbd.missing
+    noise = noise_level(w, valid) if valid.any() else 0.0
+    planes = find_planes(w, valid, seed, noise)
+    label = label_known(w, valid, rgbd.far, planes, noise)
+    behind = tuple(behind_share(w, known, label == n + 1, plane) for n, plane in enumerate(planes))
+    return Planes(w, planes, label, behind, noise)
+
+
+def behind_share(w: Float32Array, known: BoolArray, on_plane: BoolArray, plane: NDArray[np.float64]) -> float:
+    """Share (0..1) of the pixels along a plane's border that lie behind it: of the ground none, of a box's face most."""
+    rows, columns = np.nonzero(known & ~on_plane & dilated(on_plane, BORDER_PX))
+    if not len(rows):
+        return 0.0
+    value = plane[0] * (columns + 0.5) + plane[1] * (rows + 0.5) + plane[2]
+    return float(np.mean(BEFORE * 1.005 * w[rows, columns] < value))
+
+
+def supports_for(found: Planes, seeds: list[tuple[int, int]], box: BoolArray | None = None) -> BoolArray:
+    """H x W, True on the planes that the thing at `seeds` (row, column), or in a box, stands on or before."""
+    chosen = [
+        found.share(n) >= SMALLEST_SUPPORT
+        and not any(found.label[seed] == n + 1 for seed in seeds)
+        and (found.behind[n] <= SURE_BEHIND or (found.behind[n] <= MOST_BEHIND and stands_before(found, n, seeds)))
+        and (box is None or found.share(n, box) <= INSIDE_BOX)
+        for n in range(len(found.planes))
+    ]
+    return np.asarray(np.array([False, *chosen])[np.maximum(found.label, 0)])
+
+
+def stands_before(found: Planes, number: int, seeds: list[tuple[int, int]]) -> bool:
+    return all(found.w[seed] > BEFORE * found.value_at(number, *seed) for seed in seeds)
+
+
+def is_ground(found: Planes, row: int, column: int) -> bool:
+    """True where a pixel lies on a plane that surely supports others: no thing of its own."""
+    number = int(found.label[row, column]) - 1
+    return number >= 0 and found.share(number) >= 4 * SMALLEST_SUPPORT and found.behind[number] <= SURE_BEHIND
+
+
+def height_above(found: Planes, support: BoolArray) -> Float32Array:
+    """H x W: relative step in inverse depth before the plane that a pixel of `support` lies on; 0 elsewhere."""
+    rows, columns = np.nonzero(support)
+    plane = found.planes[found.label[rows, columns] - 1]
+    value = plane[:, 0] * (columns + 0.5) + plane[:, 1] * (rows + 0.5) + plane[:, 2]
+    out = np.zeros(support.shape, np.float32)
+    out[rows, columns] = found.w[rows, columns] / np.maximum(value, 1e-9) - 1
+    return out
+
+
+def window_sum(where: BoolArray, size: int) -> Float32Array:
+    """H x W: how many pixels of a window of `size` px round each pixel are True."""
+    return np.asarray(cv2.boxFilter(where.astype(np.float32), -1, (size, size), normalize=False), np.float32)

@@ -1,0 +1,58 @@
+"""The verb `mask`, run on a small frame: the mask of a click against the frame's true mask, and bad input in one line."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from small_frame import FAST, pixels, refused, run, small_frame
+
+from dlama.apps.cli import main
+
+
+def test_a_click_writes_mask_and_overlay(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    folder = small_frame(tmp_path)
+    true = pixels(folder / "mask.png") > 0
+    files = [str(folder / "image.png"), str(folder / "depth.png")]
+    main(["mask", *files, "--fov", "60", "--click", "30,25", "-o", str(folder / "found.png")])
+    found = pixels(folder / "found.png")
+    assert set(found.ravel().tolist()) == {0, 255}
+    assert ((found > 0) ^ true).sum() < 0.05 * true.sum()
+    assert pixels(folder / "found_overlay.png").shape == (48, 64, 3)
+    assert "found.png: thing by rgbd" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("words", "line"),
+    [
+        (["--click", "30"], "--click is '30'; X,Y in pixels is wanted"),
+        (["--box", "1,2,3"], "--box is '1,2,3'; X,Y,W,H in pixels is wanted"),
+        (["--click", "300,2"], "lies outside the picture"),
+        ([], "both missing"),
+    ],
+)
+def test_bad_pointing(tmp_path: Path, capsys: pytest.CaptureFixture[str], words: list[str], line: str) -> None:
+    folder = small_frame(tmp_path)
+    files = [str(folder / "image.png"), str(folder / "depth.png")]
+    with pytest.raises(SystemExit) as stop:
+        main(["mask", *files, "--fov", "60", *words, "-o", str(folder / "found.png")])
+    assert stop.value.code == 2
+    assert line in capsys.readouterr().err
+    assert not (folder / "found.png").exists()
+
+
+def test_remove_takes_a_click_in_place_of_a_mask(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """With the box clicked the wall's depth comes back there (oracle: the plane at 4 m); meta.json says how it was found."""
+    folder = small_frame(tmp_path)
+    out = run(folder, "remove", "image.png", "depth.png", "--click", "30,25", "--fov", "60", *FAST)
+    true = pixels(folder / "mask.png") > 0
+    assert abs(pixels(out / "depth.png")[true].astype(float) - 4000).max() < 40
+    assert json.loads((out / "meta.json").read_text("utf-8"))["object_mask"]["clicks"] == [[30.0, 25.0]]
+
+
+def test_remove_wants_one_way_of_saying_what(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    folder = small_frame(tmp_path)
+    both = refused(capsys, folder, "remove", "image.png", "depth.png", "mask.png", "--click", "30,25", "--fov", "60")
+    assert "one of them is wanted" in both
+    assert "nothing says what is to be removed" in refused(capsys, folder, "remove", "image.png", "--fov", "60")

@@ -1,0 +1,115 @@
+"""Masks found by depth and clicks, against the true pixels of closed-form worlds (boxes and poles on a ground before a wall)."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from dlama import DlamaError, InputError, MaskError, find_mask
+from dlama.geometry.camera import Camera
+from dlama.geometry.rgbd import RGBD, BoolArray
+from worlds import Box, Plane, World
+
+CAMERA = Camera.from_fov(160, 120, 70)
+GROUND, WALL = Plane((0, 1, 0), (0, -1, 0)), Plane((0, 0, 6), (0, 0, -1))
+BOX = Box((-0.6, 0.2, 2.6), (0.2, 1.0, 3.2))
+SHADE = Box((0.55, -0.6, 2.3), (1.05, -0.3, 2.7))
+POLE = Box((0.78, -0.3, 2.48), (0.82, 1.0, 2.52))
+FAR_BOX = Box((-1.8, 0.3, 4.0), (-1.0, 1.0, 4.6))
+WORLD = World((GROUND, WALL, BOX, SHADE, POLE, FAR_BOX))
+
+
+@pytest.fixture(scope="module")
+def scene() -> tuple[RGBD, np.ndarray]:
+    """The picture, and which shape each pixel shows."""
+    return WORLD.rgbd(CAMERA), WORLD.trace(CAMERA)[1]
+
+
+def iou(one: BoolArray, other: BoolArray) -> float:
+    return float((one & other).sum() / (one | other).sum())
+
+
+def middle(where: BoolArray) -> tuple[int, int]:
+    """x, y of a pixel amid a region."""
+    rows, columns = np.nonzero(where)
+    nearest = np.argmin((rows - rows.mean()) ** 2 + (columns - columns.mean()) ** 2)
+    return int(columns[nearest]), int(rows[nearest])
+
+
+@pytest.mark.parametrize("number", [2, 5])
+def test_a_click_finds_the_box(scene: tuple[RGBD, np.ndarray], number: int) -> None:
+    """A box that stands on the ground, from one click on it: the ground is taken away, its neighbours stay out."""
+    rgbd, shown = scene
+    assert iou(find_mask(rgbd, clicks=[middle(shown == number)]).mask, shown == number) > 0.97
+
+
+def test_a_lamp_is_its_shade_and_its_pole(scene: tuple[RGBD, np.ndarray]) -> None:
+    """The pole is two pixels wide and hangs together with the shade through a step in depth; `part` is the shade alone."""
+    rgbd, shown = scene
+    found = find_mask(rgbd, clicks=[middle(shown == 3)])
+    assert iou(found.mask, (shown == 3) | (shown == 4)) > 0.95
+
+
+def test_a_box_round_the_thing(scene: tuple[RGBD, np.ndarray]) -> None:
+    """The box of the true mask, a little larger: what reaches beyond it (ground, wall) is no part."""
+    rgbd, shown = scene
+    rows, columns = np.nonzero(shown == 2)
+    box = (columns.min() - 2, rows.min() - 2, np.ptp(columns) + 5, np.ptp(rows) + 5)
+    assert iou(find_mask(rgbd, box=box).mask, shown == 2) > 0.97
+
+
+def test_a_click_beside_takes_a_piece_away(scene: tuple[RGBD, np.ndarray]) -> None:
+    """With `group` both boxes may come; not_clicks never lie in the mask, clicks always do."""
+    rgbd, shown = scene
+    click, beside = middle(shown == 2), middle(shown == 5)
+    mask = find_mask(rgbd, clicks=[click], not_clicks=[beside], candidate="group").mask
+    assert mask[click[1], click[0]]
+    assert not mask[beside[1], beside[0]]
+
+
+def test_the_same_clicks_give_the_same_mask(scene: tuple[RGBD, np.ndarray]) -> None:
+    rgbd, shown = scene
+    click = middle(shown == 2)
+    first, second = (find_mask(rgbd, clicks=[click], not_clicks=[(5, 5)]).mask for _ in range(2))
+    assert (first == second).all()
+
+
+def test_noisy_depth_keeps_to_the_picture(scene: tuple[RGBD, np.ndarray]) -> None:
+    """5 mm noise, the border as depth has it one to two pixels off: still the box."""
+    rgbd, shown = scene
+    rng = np.random.default_rng(0)
+    depth = (rgbd.depth * (1 + 0.003 * rng.standard_normal(rgbd.depth.shape))).astype(np.float32)
+    noisy = RGBD(rgbd.color, depth, rgbd.camera)
+    assert iou(find_mask(noisy, clicks=[middle(shown == 2)]).mask, shown == 2) > 0.85
+
+
+@pytest.mark.parametrize(
+    ("options", "kind", "words"),
+    [
+        ({"clicks": [(160, 5)]}, InputError, "clicks holds 160,5, which lies outside the picture; x in 0..159"),
+        ({"clicks": [(3, 5)], "not_clicks": [(3, -1)]}, InputError, "not_clicks holds 3,-1"),
+        ({"clicks": [(3, 5)], "not_clicks": [(3, 5)]}, InputError, "both hold pixel 3,5"),
+        ({"box": (10, 10, 0, 5)}, InputError, "box is 0 x 5 pixels"),
+        ({"box": (200, 10, 5, 5)}, InputError, "outside the picture, which is 160x120"),
+        ({"box": (1, 2, 3)}, InputError, "4 numbers"),
+        ({}, InputError, "clicks and box are both missing"),
+        ({"clicks": [(80, 118)]}, MaskError, "clicks holds 80,118, which lies on a plain surface"),
+        ({"clicks": [(3, 5)], "method": "magic"}, InputError, "one of rgbd"),
+        ({"clicks": [(3, 5)], "candidate": "all"}, InputError, "one of part, thing, group"),
+    ],
+)
+def test_bad_input_is_one_line(
+    scene: tuple[RGBD, np.ndarray], options: dict, kind: type[DlamaError], words: str
+) -> None:
+    with pytest.raises(kind) as error:
+        find_mask(scene[0], **options)
+    assert words in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+def test_the_sky_is_no_thing() -> None:
+    depth = np.full((40, 50), np.inf, np.float32)
+    depth[20:] = 3
+    rgbd = RGBD(np.zeros((40, 50, 3), np.uint8), depth, Camera.from_fov(50, 40, 60))
+    with pytest.raises(MaskError, match="lies on the sky"):
+        find_mask(rgbd, clicks=[(25, 3)])
