@@ -17,12 +17,13 @@ import pytest
 import dlama
 
 NAMES = {
-    "Camera", "Completion", "DepthEstimate", "DepthPrediction", "Fill", "FillReport", "HoleType", "Inpainter", "Law", "Mesh",
-    "ObjectMask", "Origin", "PointCloud", "RGBD", "Recipe", "Scene", "StereoCompletion", "StereoConsistency", "StereoRig", "View",
+    "Camera", "Completion", "DepthEstimate", "DepthPrediction", "Fill", "FillReport", "Finding", "HoleType", "Inpainter", "Law",
+    "Mesh", "ObjectMask", "Origin", "PointCloud", "RGBD", "Recipe", "Scene", "StereoCompletion", "StereoConsistency", "StereoRig",
+    "View",
     "CameraError", "DepthError", "DlamaError", "FileError", "InputError", "MaskError", "MissingExtraError", "OutputError",
     "ShapeError",
-    "complete", "estimate_depth", "example", "find_mask", "fuse", "inpaint", "lift", "orbit", "read_camera", "read_color",
-    "read_mask", "read_rgbd", "read_stereo_calib", "remove", "render", "stereo", "view", "write",
+    "complete", "diagnose", "estimate_depth", "example", "find_mask", "fuse", "inpaint", "lift", "orbit", "read_camera",
+    "read_color", "read_mask", "read_rgbd", "read_stereo_calib", "remove", "render", "stereo", "view", "write",
     "write_depth",
 }  # fmt: skip
 OWN = {"example"}

@@ -19,6 +19,7 @@ if TYPE_CHECKING:  # what type checkers and editors read; a test holds it equal 
     from dlama.completion.stereo import stereo as stereo
     from dlama.completion.verbs import remove as remove
     from dlama.completion.verbs import view as view
+    from dlama.datasets.diagnosis import diagnose as diagnose
     from dlama.errors import CameraError as CameraError
     from dlama.errors import DepthError as DepthError
     from dlama.errors import DlamaError as DlamaError
@@ -54,6 +55,7 @@ if TYPE_CHECKING:  # what type checkers and editors read; a test holds it equal 
     from dlama.inpainters.filling import Inpainter as Inpainter
     from dlama.inpainters.filling import inpaint as inpaint
     from dlama.perception.depth_networks import DepthPrediction as DepthPrediction
+    from dlama.perception.diagnosis.finding import Finding as Finding
     from dlama.perception.monocular import DepthEstimate as DepthEstimate
     from dlama.perception.monocular import estimate_depth as estimate_depth
     from dlama.perception.object_masks import ObjectMask as ObjectMask
@@ -73,6 +75,7 @@ MODULES = {
     "FileError": "errors",
     "Fill": "inpainters.filling",
     "FillReport": "inpainters.filling",
+    "Finding": "perception.diagnosis.finding",
     "HoleType": "geometry.view",
     "Inpainter": "inpainters.filling",
     "InputError": "errors",
@@ -93,6 +96,7 @@ MODULES = {
     "StereoRig": "geometry.camera",
     "View": "geometry.view",
     "complete": "completion.pipeline",
+    "diagnose": "datasets.diagnosis",
     "estimate_depth": "perception.monocular",
     "find_mask": "perception.object_masks",
     "fuse": "geometry.fusion",

@@ -69,6 +69,7 @@ BASE = {
     "stereo": "left.png right.png --calib calib.txt -o out --mask mask.png",
     "depth": "image.png -o out --fov 60",
     "demo": "",
+    "doctor": "image.png depth.png mask.png --fov 60",
     "version": "",
     "evaluate": "toy -o out",
     "worlds": "",
@@ -233,6 +234,15 @@ PACK = {
     "size": Reach("--size 64", "pack.size", 64),
     "seed": Reach("--seed 9", "pack.seed", 9),
 }
+DOCTOR = {
+    **{
+        name: dataclasses.replace(reach, where=f"diagnose.{name}")
+        for name, reach in {**LENS, **READING, **MASKING}.items()
+    },
+    "first": instead("a.png depth.png mask.png", "diagnose.first", Path("a.png"), THREE),
+    "second": instead("image.png b.png mask.png", "diagnose.second", Path("b.png"), THREE),
+    "mask": instead("image.png depth.png c.png", "diagnose.mask", Path("c.png"), THREE),
+}
 NAME = instead("big-lama", "record.name", "big-lama", "migan-512")
 CONVERT = {
     "weights": instead("b.ckpt -o a.onnx", "convert.source", Path("b.ckpt"), "a.ckpt -o a.onnx"),
@@ -261,6 +271,7 @@ TABLE: dict[str, dict[str, Reach]] = {
         **method("view+remove+stereo"), **REPORT, "only": ONLY,
         "output": Reach("-o elsewhere", "write_contact_sheet.path", lambda path: "elsewhere" in Path(path).parent.name),
     },
+    "doctor": {**DOCTOR, **REPORT},
     "version": {},
     "evaluate": {**EVALUATE, **REPORT},
     "worlds": {**WORLDS, **REPORT},

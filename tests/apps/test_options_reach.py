@@ -96,7 +96,7 @@ def calls(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Calls:
 
         monkeypatch.setattr(owner, name, stand_in)
 
-    for module in ("jobs", "cli", "evaluate", "worlds", "train", "model_verbs"):
+    for module in ("jobs", "cli", "doctor", "evaluate", "worlds", "train", "model_verbs"):
         spy(f"dlama.apps.{module}.reported", through=True)
     _spy_on_jobs(spy)
     _spy_on_the_rest(spy)
@@ -140,6 +140,7 @@ def _spy_on_the_rest(spy: Callable[..., None]) -> None:
     spy("dlama.evaluation.runner.run.run", SimpleNamespace(stored=(), reused=0, stale=0, failures=()))
     spy("dlama.evaluation.report.write.write_report")
     spy("dlama.worlds.writer.write_worlds", [])
+    spy("dlama.diagnose", ())
     spy("dlama.models.pull.pull", Path("pulled"))
     spy("dlama.apps.model_verbs.record", through=True)
     spy("dlama.apps.model_verbs.verify", SimpleNamespace(state="verified", path="", detail=""))

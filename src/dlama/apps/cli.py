@@ -12,6 +12,7 @@ from tyro.conf import FlagCreatePairsOff, OmitArgPrefixes, Positional
 
 import dlama
 from dlama.apps.depth import depth as depth_of_photo
+from dlama.apps.doctor import doctor
 from dlama.apps.evaluate import evaluate
 from dlama.apps.flags import flags_of, with_flags
 from dlama.apps.jobs import STAGES, job
@@ -199,6 +200,7 @@ VERBS: dict[str, Callable[..., Any]] = {
     "stereo": stereo,
     "depth": depth_of_photo,
     "demo": demo,
+    "doctor": doctor,
     "version": version,
     "models": models,
     "evaluate": evaluate,
@@ -236,6 +238,10 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
         "dlama depth photo.jpg -o out",
         "dlama depth photo.jpg --fov 65 --metres-at 320,400=2.5 100,90=7 -o out",
         "dlama depth photo.jpg --depth-model moge-small -o out",
+    ),
+    "doctor": (
+        "dlama doctor photo.jpg depth.png --fov 65",
+        "dlama doctor photo.jpg depth.png mask.png --camera cam.json",
     ),
     "models": (
         "dlama models list",

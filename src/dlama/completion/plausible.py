@@ -9,11 +9,10 @@ import numpy as np
 
 from dlama.geometry.rgbd import RGBD, BoolArray
 from dlama.geometry.view import View
+from dlama.perception.diagnosis.masks import looks_inverted
 
 MOST_METRES = 500.0
 """A median depth beyond is no room's and no street's."""
-MOST_REMOVED = 0.6
-"""Share of the picture: a larger mask is more likely one of what stays."""
 MOST_UNKNOWN = 0.6
 """Share of a view: where more is unknown, depth and the camera's move do not fit together."""
 EVERY = 4
@@ -31,10 +30,9 @@ def warn_of_scale(rgbd: RGBD) -> None:
 
 def warn_of_mask(mask: BoolArray) -> None:
     """A mask that takes most of the picture out."""
-    share = float(mask.mean())
-    if share > MOST_REMOVED:
+    if looks_inverted(mask):
         _warn(
-            f"the mask removes {100 * share:.0f} % of the picture: if it marks what stays, it is inverted "
+            f"the mask removes {100 * float(mask.mean()):.0f} % of the picture: if it marks what stays, it is inverted "
             "(give mask_polarity=known)"
         )
 

@@ -17,6 +17,7 @@ from dlama.files.atomic_write import PathLike, new_file
 from dlama.files.checked_fields import FileFields, Intrinsics, read_calib_txt, read_json_fields
 from dlama.files.images import read_stored
 from dlama.geometry.camera import Camera, StereoRig
+from dlama.perception.diagnosis.lens import looks_like_radians
 
 FILM_DIAGONAL_MM = math.hypot(36, 24)
 """35 mm film; "focal length in 35 mm film" compares diagonals (CIPA DCG-001)."""
@@ -195,7 +196,7 @@ def _focal_lengths(
     if fx is not None:
         return fx, fx if fy is None else fy, "fx"
     if fov is not None:
-        if 0 < fov < math.pi:
+        if looks_like_radians(fov):
             warnings.warn(
                 f"fov is {fov:g} degrees, as narrow as a telescope's; if these are radians, give fov={math.degrees(fov):.4g}",
                 UserWarning,

@@ -18,8 +18,8 @@ from dlama.files.pictures import save_picture
 from dlama.geometry.rgbd import Float32Array
 
 __all__ = [
-    "depth_from_mm", "mm_from_depth", "read_depth", "read_disparity", "read_pfm", "write_depth_exr", "write_depth_png",
-    "write_disparity_pfm", "write_pfm",
+    "depth_from_mm", "mm_from_depth", "read_depth", "read_disparity", "read_pfm", "stored_numbers", "write_depth_exr",
+    "write_depth_png", "write_disparity_pfm", "write_pfm",
 ]  # fmt: skip
 
 FAR_CODE = 65535
@@ -51,7 +51,7 @@ def read_depth(
     _check_positive(depth_scale=depth_scale, depth_range=depth_range, far=far)
     if depth_scale is not None and depth_range is not None:
         raise DepthError("depth_scale and depth_range contradict each other; give one")
-    values = _numbers(path, "depth", channel)
+    values = stored_numbers(path, "depth", channel)
     _check_not_negative(path, values, "depth")
     if values.dtype.kind == "f":
         depth = _metres_from_floats(path, values, depth_scale, depth_range)
@@ -80,7 +80,7 @@ def read_disparity(path: PathLike, *, scale: float | None = None, channel: str |
     KITTI); 8-bit PNG: `scale` must be given. Raises FileError or DepthError.
     """
     _check_positive(disparity_scale=scale)
-    values = _numbers(path, "disparity", channel, eight_bit=scale is not None)
+    values = stored_numbers(path, "disparity", channel, eight_bit=scale is not None)
     if values.dtype.kind == "f":
         values = np.where(np.isfinite(values) | (values < 0), values, 0)
     elif scale is None:
@@ -134,8 +134,9 @@ def write_disparity_pfm(path: PathLike, disparity: Float32Array) -> None:
     write_pfm(path, np.where(known, disparity, np.inf).astype(np.float32))
 
 
-def _numbers(path: PathLike, what: str, channel: str | None, eight_bit: bool = False) -> np.ndarray:
-    """The numbers of any depth or disparity file, H x W, as stored."""
+def stored_numbers(path: PathLike, what: str, channel: str | None, eight_bit: bool = False) -> np.ndarray:
+    """The numbers of any depth or disparity file (`what`), H x W, as stored. Raises FileError; DepthError: colour, or 8 bits
+    unless they are asked for."""
     suffix = existing(path).suffix.lower()
     if channel is not None and suffix != ".exr":
         raise FileError(f"{path}: has no named channels; `channel` is for EXR files")
@@ -150,7 +151,7 @@ def _numbers(path: PathLike, what: str, channel: str | None, eight_bit: bool = F
     else:
         raise FileError(f"{path}: {what} comes as 16-bit PNG or TIFF, EXR, PFM, NPY or NPZ, not as '{suffix}'")
     if values.dtype.itemsize == 1 and not eight_bit:
-        raise DepthError(f"{path}: {_eight_bit_advice(what)}")
+        raise DepthError(f"{path}: {eight_bit_advice(what)}")
     return values
 
 
@@ -168,7 +169,8 @@ def _one_channel(path: PathLike, values: np.ndarray, what: str) -> np.ndarray:
     return np.ascontiguousarray(colours[..., 0])
 
 
-def _eight_bit_advice(what: str) -> str:
+def eight_bit_advice(what: str) -> str:
+    """What to do with 8-bit `what` (depth or disparity), in words."""
     if what == "disparity":
         return "holds 8-bit numbers; say how many of them make a pixel (disparity_scale, Middlebury 2003: 4)"
     return (

@@ -86,7 +86,7 @@ def read_stored(path: PathLike) -> Stored:
             exif_orientation, focal = _exif(picture)
             orientation = exif_orientation if picture.format != "TIFF" else tiff_orientation
             picture.load()
-            return Stored(_as_shown(_values(picture, file, data), orientation), orientation, focal)
+            return Stored(as_shown(_values(picture, file, data), orientation), orientation, focal)
     except FileError:
         raise
     except Image.UnidentifiedImageError as error:
@@ -150,7 +150,7 @@ def _as_stored(data: bytes) -> tuple[bytes, int]:
     return data, 1
 
 
-def _as_shown(values: np.ndarray, orientation: int) -> np.ndarray:
+def as_shown(values: np.ndarray, orientation: int) -> np.ndarray:
     """Stored pixels as the tag says they are to be shown (EXIF 2.32, Orientation): 2 to 4 flips, 5 to 8 transposed as well."""
     if orientation == 1:
         return values

@@ -150,5 +150,10 @@ def _resized(
         raise ShapeError(
             f"{sizes}; they do not show the same field of view, so depth cannot simply be resized: crop first"
         )
-    rows, columns = (((np.arange(n) + 0.5) * old / n).astype(np.intp) for n, old in zip(hw, metres.shape))
-    return np.ascontiguousarray(metres[rows[:, None], columns])
+    return nearest_pixels(metres, hw)
+
+
+def nearest_pixels(values: np.ndarray, hw: tuple[int, int]) -> np.ndarray:
+    """H x W values brought to another size, each from the nearest pixel."""
+    rows, columns = (((np.arange(n) + 0.5) * old / n).astype(np.intp) for n, old in zip(hw, values.shape))
+    return np.ascontiguousarray(values[rows[:, None], columns])

@@ -1,0 +1,47 @@
+"""`dlama doctor`: inputs in; what is wrong with them, and the option that mends it, in lines, out."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+from typing import Annotated
+
+from tyro.conf import Positional
+
+from dlama.apps.flags import flags_of, with_flags
+from dlama.apps.options import Lens, Masking, Reading, Report, option
+from dlama.apps.terminal import reported
+
+FOUND = 1
+"""Exit code where something is wrong with the inputs."""
+
+
+def doctor(
+    first: Positional[Annotated[Path, option("IMAGE", None)]],
+    second: Positional[Annotated[Path | None, option("DEPTH")]] = None,
+    mask: Positional[Annotated[Path | None, option("MASK")]] = None,
+    /,
+    *,
+    lens: Lens,
+    reading: Reading,
+    masking: Masking,
+    report: Report,
+) -> None:
+    """Says what is wrong with inputs, how sure that is, and the option that mends it. Exit code 1 where something is.
+
+    Args:
+        first: The colour picture.
+        second: Its depth.
+        mask: What is to be removed: black and white, 255 = remove.
+    """
+    import dlama
+
+    with reported("doctor", report) as result:
+        options = {**lens.settings(), **reading.settings(), **masking.settings()}
+        found = dlama.diagnose(first, second, mask, **options)
+        flags = flags_of(doctor)
+        for finding in found:
+            result.add(with_flags(finding.line, flags))
+        result.values["findings"] = [dataclasses.asdict(finding) for finding in found]
+    if any(finding.severity == "fault" for finding in found):
+        raise SystemExit(FOUND)

@@ -1,0 +1,58 @@
+"""Paths of inputs in; what is wrong with them, in findings, out: the public function behind `dlama doctor`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Literal
+
+from dlama.errors import InputError
+from dlama.files.atomic_write import PathLike
+from dlama.files.diagnosis import DepthOptions, diagnose_rgbd
+from dlama.geometry.camera import Camera
+from dlama.perception.diagnosis.finding import Finding
+
+
+def diagnose(
+    first: PathLike,
+    second: PathLike | None = None,
+    mask: PathLike | None = None,
+    *,
+    camera: PathLike | Camera | None = None,
+    fx: float | None = None,
+    fy: float | None = None,
+    cx: float | None = None,
+    cy: float | None = None,
+    fov: float | None = None,
+    pixel_center: float = 0.5,
+    depth_scale: float | None = None,
+    depth_range: float | None = None,
+    channel: str | None = None,
+    far: float | None = None,
+    resize_depth: Literal["nearest"] | None = None,
+    mask_polarity: Literal["fill", "known"] = "fill",
+    soft_mask: bool = False,
+    mask_class: str | None = None,
+) -> tuple[Finding, ...]:
+    """What is wrong with inputs, how sure that is, and the option that mends it; the last finding says what was understood.
+
+    Args:
+        first: A picture.
+        second: Its depth.
+        mask: What is to be removed from it.
+        camera, fx, fy, cx, cy, fov, pixel_center, depth_scale, depth_range, channel, far, resize_depth: As in `read_rgbd`.
+        mask_polarity, soft_mask, mask_class: As in `read_mask`.
+
+    Returns:
+        Findings of severity "fault" (results would be wrong), "note", and at the end one that is "fine". A file that
+        cannot be read is a finding, too.
+
+    Raises:
+        InputError: no depth is given.
+    """
+    if second is None:
+        raise InputError(f"{Path(first)}: a picture needs its depth beside it: give both")
+    lens = {"camera": camera, "fx": fx, "fy": fy, "cx": cx, "cy": cy, "fov": fov, "pixel_center": pixel_center}
+    reading = DepthOptions(depth_scale, depth_range, channel, far, resize_depth)
+    masking = {"mask_polarity": mask_polarity, "soft_mask": soft_mask, "mask_class": mask_class}
+    found = diagnose_rgbd(first, second, mask, lens_options=lens, depth_options=reading, mask_options=masking)
+    return tuple(found)

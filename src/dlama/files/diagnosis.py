@@ -1,0 +1,190 @@
+"""A picture, a depth file and a mask in, as files; findings out: what is wrong with them and what was understood."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dlama.errors import CameraError, InputError
+from dlama.files.atomic_write import PathLike
+from dlama.files.cameras import FILM_DIAGONAL_MM, camera_for
+from dlama.files.depth import FAR_CODE, FAR_METRES, MILLIMETRES, eight_bit_advice, stored_numbers
+from dlama.files.images import SUFFIXES, as_shown, orientation_of, read_stored
+from dlama.files.pictures import eight_bit_rgb, read_mask
+from dlama.files.rgbd import SAME_PROPORTIONS, nearest_pixels
+from dlama.geometry.camera import Camera
+from dlama.geometry.rgbd import BoolArray, UInt8Array, percent
+from dlama.perception.diagnosis.depth_scale import extent_of
+from dlama.perception.diagnosis.finding import Finding, Observed
+from dlama.perception.diagnosis.lens import lens, options_of_lens
+from dlama.perception.diagnosis.registration import fit_of_edges
+from dlama.perception.diagnosis.rgbd_checks import findings_of
+
+GUESSED_FOV = 65.0
+"""Degrees, where nothing says how wide the camera sees: a phone's."""
+UNTURNED = (0, 1, 2, 3, 4, 5, 8, 7, 6)
+"""EXIF orientation -> the one that undoes it."""
+
+
+@dataclass(frozen=True)
+class DepthOptions:
+    """How the depth file is read, as in `read_depth` and `read_rgbd`."""
+
+    depth_scale: float | None = None
+    depth_range: float | None = None
+    channel: str | None = None
+    far: float | None = None
+    resize_depth: str | None = None
+
+
+def diagnose_rgbd(
+    image: PathLike,
+    depth: PathLike,
+    mask: PathLike | None = None,
+    *,
+    lens_options: Mapping[str, Any],
+    depth_options: DepthOptions,
+    mask_options: Mapping[str, Any],
+) -> list[Finding]:
+    """Findings on a picture with depth, and a mask; the last one says what was understood. Never raises InputError."""
+    try:
+        color = eight_bit_rgb(read_stored(image).values, image)
+        found, seen = _observed(image, depth, color, depth_options)
+    except InputError as error:
+        return [Finding("reading", "fault", 1.0, str(error))]
+    said, camera = _camera(image, seen.color.shape[:2], lens_options)
+    found += said
+    if seen.values.shape != seen.color.shape[:2]:
+        return found
+    seen = replace(seen, camera=camera)
+    if mask is not None:
+        said, hole = _mask(mask, seen, mask_options)
+        found += said
+        seen = replace(seen, mask=hole, names=(*seen.names[:2], Path(mask).name))
+    skip = ("depth unit",) if any(finding.check == "eight-bit-depth" for finding in found) else ()
+    found += findings_of(seen, skip)
+    return [*found, understood(seen, found)]
+
+
+def understood(seen: Observed, found: list[Finding]) -> Finding:
+    """What was made of the inputs, in one line."""
+    valid, (image, depth, mask) = seen.valid, seen.names
+    metres = seen.values[valid] / seen.units
+    parts = [f"{seen.camera.width}x{seen.camera.height}", f"{seen.camera.fov_deg:.3g} degrees wide"]
+    if metres.size:
+        parts.append(f"depth {metres.min():.3g} to {metres.max():.3g} m (half within {np.median(metres):.3g} m)")
+    parts += [f"{percent(seen.values == 0)} missing", f"{percent(np.isposinf(seen.values))} far"]
+    extent = extent_of(seen)
+    if extent is not None and extent.floor is not None and not found:
+        parts.append(f"ground {extent.floor:.3g} m below the camera")
+    names = f"{image}, {depth}"
+    if seen.mask is not None:
+        names, parts = f"{names}, {mask}", [*parts, f"mask {percent(seen.mask)}"]
+    faults = [finding for finding in found if finding.severity == "fault"]
+    verdict = "read as" if faults else "nothing wrong:"
+    return Finding("understood", "fine", 1.0, f"{names}: {verdict} {', '.join(parts)}")
+
+
+def _observed(
+    image: PathLike, depth: PathLike, color: UInt8Array, options: DepthOptions
+) -> tuple[list[Finding], Observed]:
+    """The stored numbers and what is wrong with how they are stored; a camera is put in later."""
+    name = Path(depth).name
+    numbers = stored_numbers(depth, "depth", options.channel, eight_bit=True)
+    found, whole = [], numbers.dtype.kind != "f"
+    if numbers.dtype.itemsize == 1:
+        found.append(Finding("eight-bit-depth", "fault", 0.95, f"{name}: {eight_bit_advice('depth')}"))
+    values = numbers.astype(np.float64)
+    if (values < 0).any():
+        what = f"{name}: {percent(values < 0)} of the values are negative (smallest {values.min():.6g})"
+        found.append(Finding("negative-depth", "fault", 1.0, what, "0 is missing, depth is > 0"))
+    units = options.depth_scale or (MILLIMETRES if whole else 1.0)
+    top = np.inf
+    if options.depth_range is not None:
+        units, top = 1 / options.depth_range, 1.0
+    far = np.isposinf(values) | (values > FAR_METRES * units) | (values >= top)
+    if numbers.dtype == np.uint16:
+        far |= numbers == FAR_CODE
+    if options.far is not None:
+        far |= values >= options.far * units
+    values = np.where(far, np.inf, np.where(values > 0, values, 0))  # NaN compares as False
+    said, color, values = _oriented(image, depth, color, values)
+    found += said
+    if values.shape != color.shape[:2]:
+        said, values = _resized(image, depth, color.shape[:2], values, options.resize_depth is not None)
+        found += said
+    camera = Camera.from_fov(values.shape[1], values.shape[0], GUESSED_FOV)
+    return found, Observed(color, values, units, camera, names=(Path(image).name, name, "mask"), whole=whole)
+
+
+def _oriented(
+    image: PathLike, depth: PathLike, color: UInt8Array, values: np.ndarray
+) -> tuple[list[Finding], UInt8Array, np.ndarray]:
+    """Where only one of the two is turned by its tag: which way they fit, found by their edges."""
+    turns = orientation_of(image), orientation_of(depth)
+    if turns[0] == turns[1]:
+        return [], color, values
+    stored = as_shown(color, UNTURNED[turns[0]]), as_shown(values, UNTURNED[turns[1]])
+    shown_fit, stored_fit = fit_of_edges(color, values), fit_of_edges(*stored)
+    if shown_fit >= stored_fit:
+        return [], color, values
+    path = Path(image if turns[0] != 1 else depth)
+    what = (
+        f"{path.name}: EXIF turns it when it is shown (orientation {max(turns)}), and the other is not turned; picture and "
+        "depth fit as their pixels are stored"
+    )
+    mend = f"clear the tag (exiftool -Orientation= {path.name})"
+    return [Finding("orientation", "fault", 0.95, what, mend)], np.ascontiguousarray(stored[0]), stored[1]
+
+
+def _resized(
+    image: PathLike, depth: PathLike, hw: tuple[int, ...], values: np.ndarray, asked: bool
+) -> tuple[list[Finding], np.ndarray]:
+    """Depth of another size at the picture's, if they show the same field of view."""
+    (h, w), (height, width) = hw, values.shape
+    what = f"{Path(depth).name}: is {width}x{height} and {Path(image).name} {w}x{h}"
+    if abs(width / height * h / w - 1) <= SAME_PROPORTIONS:
+        finding = Finding("size", "fault", 1.0, f"{what}, of the same proportions", "give resize_depth=nearest")
+        return [] if asked else [finding], nearest_pixels(values, (h, w))
+    turned = abs(height / width * h / w - 1) <= SAME_PROPORTIONS
+    mend = "turn one of them by 90 degrees" if turned else "crop one of them to what the other shows"
+    return [Finding("size", "fault", 1.0, what, mend)], values
+
+
+def _camera(image: PathLike, hw: tuple[int, ...], options: Mapping[str, Any]) -> tuple[list[Finding], Camera]:
+    """The camera that was probably meant, and what is wrong with what was given."""
+    size = int(hw[0]), int(hw[1])
+    found, meant = options_of_lens(options, size[1])
+    given = {**options, **meant}
+    focal = read_stored(image).focal_35mm if Path(image).suffix.lower() in SUFFIXES else None
+    exif = None if focal is None else 2 * math.degrees(
+        math.atan(size[1] / 2 / (focal / FILM_DIAGONAL_MM * math.hypot(*size)))
+    )  # fmt: skip
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # the principal point: `lens` looks at it
+            camera, _ = camera_for(size, image=image, **given)
+    except CameraError as error:
+        guessed = Camera.from_fov(size[1], size[0], GUESSED_FOV)
+        return [*found, Finding("camera", "fault", 1.0, str(error))], guessed
+    except InputError as error:
+        return [*found, Finding("reading", "fault", 1.0, str(error))], Camera.from_fov(size[1], size[0], GUESSED_FOV)
+    return found + lens(camera, exif), camera
+
+
+def _mask(path: PathLike, seen: Observed, options: Mapping[str, Any]) -> tuple[list[Finding], BoolArray | None]:
+    try:
+        mask = read_mask(path, **options)
+    except InputError as error:
+        return [Finding("reading", "fault", 1.0, str(error))], None
+    if mask.shape != seen.values.shape:
+        (height, width), (h, w) = mask.shape, seen.values.shape
+        what = f"{Path(path).name}: the mask is {width}x{height} and {seen.names[0]} {w}x{h}"
+        return [Finding("size", "fault", 1.0, what, "scale the mask to the picture's size")], None
+    return [], mask

@@ -1,0 +1,112 @@
+"""Stored depth and a camera in; whether its unit fits a camera that people hold or drive out, and which unit does.
+
+A camera is carried 0.5 to 2.5 m above the floor, tables or street it sees, ceilings hang 2.2 to 3.5 m above floors, and the
+nearest things are about a metre away. Floors and ceilings are the largest planes that face up and down.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from dlama.geometry.camera import Camera
+from dlama.geometry.rgbd import BoolArray, Float32Array
+from dlama.perception.diagnosis.finding import Finding, Observed, certainty
+from dlama.perception.planes import TOLERANCE, find_planes
+
+WHOLE_UNITS = {1000.0: "millimetres", 5000.0: "1/5000 m (TUM)", 256.0: "1/256 m (KITTI)", 10000.0: "1/10000 m",
+               100.0: "centimetres"}  # fmt: skip
+FLOAT_UNITS = {1.0: "metres", 1000.0: "millimetres", 100.0: "centimetres"}
+"""Values per metre -> what they are called: the usual ones."""
+WIDTH = 200
+"""Planes are looked for in a picture of about so many pixels across."""
+UPRIGHT = 0.8
+"""A floor's normal is at least so much along the camera's vertical (37 degrees)."""
+FLOOR_SHARE = 0.06
+"""Of the known pixels that a floor or ceiling must hold."""
+FLOOR = (1.25, 0.35)
+"""Height of the camera above the floor: typical metres, and standard deviation of its logarithm."""
+ROOM = (2.8, 0.15)
+"""Height of rooms."""
+NEAREST = (1.4, 0.45)
+"""Depth that 2 % of the pixels do not reach."""
+MIDDLE = (3.2, 0.8)
+"""Median depth."""
+AS_READ = 1.5
+"""Another unit must be likelier by this much (natural logarithm) than the one it is read in."""
+UNLIKELY = 2.9
+"""And the one it is read in at least so unlikely; typical scenes have 0 to 2.7."""
+
+
+class Extent(NamedTuple):
+    """How large a scene is in the unit it is read in."""
+
+    nearest: float
+    middle: float
+    floor: float | None
+    """Height of the camera above it."""
+    ceiling: float | None
+    """Its height above the camera."""
+
+
+def depth_unit(seen: Observed) -> list[Finding]:
+    """Says which of the usual units depth is in, where that in which it is read makes no likely scene."""
+    extent = extent_of(seen)
+    if extent is None:
+        return []
+    usual = WHOLE_UNITS if seen.whole else FLOAT_UNITS
+    odds = {unit: unlikeliness(extent, seen.units / unit) for unit in usual if unit != seen.units}
+    as_read, best = unlikeliness(extent, 1.0), min(odds, key=lambda unit: odds[unit])
+    margin = as_read - odds[best] - AS_READ
+    if as_read < UNLIKELY or margin < 0:
+        return []
+    factor = seen.units / best
+    if extent.floor is not None:
+        shows = f"ground {extent.floor * factor:.3g} m below the camera, {extent.floor:.3g} m as read"
+    else:
+        shows = f"half of it within {extent.middle * factor:.3g} m, {extent.middle:.3g} m as read"
+    what = f"{seen.names[1]}: values look like {usual[best]} ({shows})"
+    return [Finding("depth-scale", "fault", certainty(margin, 2.0), what, f"give depth_scale={best:g}")]
+
+
+def extent_of(seen: Observed) -> Extent | None:
+    """Distances in metres as read; None where fewer than 50 pixels have depth."""
+    valid = seen.valid
+    if valid.sum() < 50:
+        return None
+    nearest, middle = np.percentile(seen.values[valid], (2, 50)) / seen.units
+    step = max(1, max(valid.shape) // WIDTH)
+    known = valid[::step, ::step]
+    w = np.where(known, seen.units / np.where(known, seen.values[::step, ::step], 1), 0).astype(np.float32)
+    floor, ceiling = floor_and_ceiling(w, known, seen.camera, step)
+    return Extent(float(nearest), float(middle), floor, ceiling)
+
+
+def floor_and_ceiling(
+    w: Float32Array, known: BoolArray, camera: Camera, step: int
+) -> tuple[float | None, float | None]:
+    """Metres to the farthest plane below and to the nearest above; `w` is 1/m at every `step`-th pixel of the camera's."""
+    rows, columns = np.nonzero(known)
+    u, v = columns * step + 0.5, rows * step + 0.5
+    below: list[float] = []
+    above: list[float] = []
+    for a, b, c in find_planes(w, known, 0):
+        a, b, c = a / step, b / step, c + (a + b) * 0.5 * (1 - 1 / step)
+        normal = np.array([a * camera.fx, b * camera.fy, a * camera.cx + b * camera.cy + c])
+        far = 1 / max(float(np.linalg.norm(normal)), 1e-9)
+        on_plane = np.abs(a * u + b * v + c - w[known]) < TOLERANCE * w[known]
+        if on_plane.mean() > FLOOR_SHARE and abs(normal[1]) * far > UPRIGHT:
+            (below if normal[1] > 0 else above).append(far)
+    return max(below, default=None), min(above, default=None)
+
+
+def unlikeliness(extent: Extent, factor: float) -> float:
+    """Minus the logarithm of how likely a scene is that is `factor` times as large as read (0 = typical)."""
+    lengths = [(extent.nearest, NEAREST), (extent.middle, MIDDLE)]
+    if extent.floor is not None:
+        lengths.append((extent.floor, FLOOR))
+        if extent.ceiling is not None:
+            lengths.append((extent.floor + extent.ceiling, ROOM))
+    off = [np.log(max(length * factor, 1e-9) / typical) / spread for length, (typical, spread) in lengths]
+    return float(sum(np.sqrt(1 + each**2) - 1 for each in off))  # heavier tails than a Gaussian's

@@ -1,0 +1,73 @@
+"""What a check looks at (stored numbers, picture, camera) and what it says (findings): the two nouns of a diagnosis."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dlama.geometry.camera import Camera
+from dlama.geometry.rgbd import BoolArray, UInt8Array
+
+Severity = Literal["fault", "note", "fine"]
+"""fault: results would be wrong; note: worth knowing; fine: what was understood."""
+SURE = 0.9
+"""From here on a finding is called sure."""
+LIKELY = 0.7
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One thing that was found in the inputs."""
+
+    check: str
+    """Name of what is the case, e.g. "depth-scale", "mirrored"; "understood" for what was understood."""
+    severity: Severity
+    sure: float
+    """0..1: how sure it is."""
+    what: str
+    """What was found, and by what it shows."""
+    mend: str = ""
+    """The option, or the work, that mends it; options as in Python (`depth_scale=5000`)."""
+
+    @property
+    def line(self) -> str:
+        """All of it in one line."""
+        mend = f": {self.mend}" if self.mend else ""
+        return f"{self.what}{mend}{'' if self.severity == 'fine' else f' ({in_words(self.sure)})'}"
+
+
+def in_words(sure: float) -> str:
+    """How sure, for people."""
+    return "sure" if sure >= SURE else "likely" if sure >= LIKELY else "perhaps"
+
+
+def certainty(evidence: float, half: float) -> float:
+    """0.5..0.99 from any evidence >= 0 that is even chances at 0 and worth 0.75 at `half`."""
+    return round(float(min(0.99, 1 - 0.5 * 0.5 ** (max(evidence, 0.0) / half))), 2)
+
+
+@dataclass(frozen=True, eq=False)
+class Observed:
+    """A picture with its depth file, before anything is believed of either."""
+
+    color: UInt8Array
+    """H x W x 3 RGB."""
+    values: NDArray[np.float64]
+    """H x W, as stored; 0 = missing, +inf = far."""
+    units: float
+    """Values per metre as they would be read."""
+    camera: Camera
+    mask: BoolArray | None = None
+    """H x W, True = remove."""
+    names: tuple[str, str, str] = ("image", "depth", "mask")
+    """How messages call the three."""
+    whole: bool = False
+    """Stored as whole numbers."""
+
+    @property
+    def valid(self) -> BoolArray:
+        """H x W, True where there is a number of depth."""
+        return np.asarray((self.values > 0) & (self.values < np.inf), np.bool_)

@@ -1,0 +1,36 @@
+"""A mask in; whether it is the other way round, or too small to be meant, out."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dlama.geometry.rgbd import BoolArray, percent
+from dlama.perception.diagnosis.finding import Finding, Observed, certainty
+
+MOSTLY = 0.5
+"""An object that is to be removed covers less of the picture,"""
+BORDER = 0.6
+"""and of the picture's border."""
+FEWEST_PX = 12
+
+
+def looks_inverted(mask: BoolArray) -> bool:
+    """True if what is to be removed is most of the picture and of its border, so that an object stays and the scene goes."""
+    border = np.concatenate([mask[0], mask[-1], mask[1:-1, 0], mask[1:-1, -1]])
+    return bool(mask.mean() > MOSTLY and border.mean() > BORDER)
+
+
+def mask_coverage(seen: Observed) -> list[Finding]:
+    """Says if the mask has the wrong polarity, or hardly any pixels."""
+    if seen.mask is None:
+        return []
+    name, covered = seen.names[2], int(seen.mask.sum())
+    if looks_inverted(seen.mask):
+        what = (
+            f"{name}: would remove {percent(seen.mask)} of the picture and most of its border; white seems to mean keep"
+        )
+        mend = "give the other mask_polarity (known: white stays)"
+        return [Finding("inverted-mask", "fault", certainty(seen.mask.mean() - 0.4, 0.15), what, mend)]
+    if covered < FEWEST_PX:
+        return [Finding("tiny-mask", "note", 0.8, f"{name}: removes only {covered} pixels of the picture")]
+    return []

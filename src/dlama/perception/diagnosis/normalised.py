@@ -1,0 +1,38 @@
+"""Stored depth in; whether it was stretched over the whole range of its numbers, so that its unit is lost, out."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dlama.perception.diagnosis.depth_scale import FLOOR, MIDDLE, extent_of
+from dlama.perception.diagnosis.finding import Finding, Observed
+
+FULL = 65535
+RARE = 0.004
+"""Share of the pixels that reach the largest number where it is a maximum; where more do it is a code (far) or a clip."""
+LOWEST = 0.02
+"""The nearest values lie below this share of the largest: no camera sees so near and so far."""
+
+
+def stretched(seen: Observed) -> list[Finding]:
+    """Says if values fill 0..65535 or 0..1 exactly, as normalising leaves them."""
+    known = seen.values[seen.values > 0]
+    if not known.size:
+        return []
+    largest = FULL if seen.whole else 1.0
+    at_top = np.isposinf(known) if seen.whole else known == largest
+    rest = known[~at_top]
+    if not at_top.any() or not rest.size or rest.max() > largest:
+        return []
+    if seen.whole and (at_top.mean() > RARE or rest.min() > LOWEST * largest or rest.max() < 0.9 * largest):
+        return []
+    extent = extent_of(seen)
+    if extent is None:
+        return []
+    read, typical = (extent.middle, MIDDLE[0]) if extent.floor is None else (extent.floor, FLOOR[0])
+    metres = largest / seen.units * typical / read
+    span = f"{'0..65535' if seen.whole else '0..1'} exactly"
+    what = f"{seen.names[1]}: values span {span}, as normalised depth does; its unit is lost"
+    option = f"depth_scale={largest / metres:.3g}" if seen.whole else f"depth_range={metres:.2g}"
+    mend = f"save metres; {option} would make this a usual scene, a guess ({metres:.2g} m at most)"
+    return [Finding("normalised-depth", "fault", 0.85, what, mend)]

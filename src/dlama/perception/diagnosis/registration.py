@@ -1,0 +1,159 @@
+"""A picture, its depth and a mask in; whether they lie on each other out: shifted, mirrored or turned, edges against edges."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from dlama.geometry.rgbd import BoolArray, UInt8Array
+from dlama.perception.diagnosis.finding import Finding, Observed, certainty
+
+Floats = NDArray[np.float32]
+WIDTH = 320
+"""Edges are compared in pictures of about so many pixels across."""
+JUMP = 0.06
+"""Relative bend of inverse depth between neighbours at a depth edge."""
+REACH = 0.12
+"""Shifts up to this share of the width are looked for."""
+ALIGNED = 0.012
+"""Share of the width by which depth may be off: calibrations and splatted depth are."""
+LEAST_Z = 5.2
+"""A peak of the correlation stands out by so many standard deviations, or nothing is said."""
+LEAST_LEAD = 1.25
+"""By what factor it must be higher than where it should be."""
+FLIPS: dict[str, Callable[[Floats], Floats]] = {
+    "as it is": lambda edges: edges,
+    "mirrored left to right": lambda edges: edges[..., ::-1],
+    "upside down": lambda edges: edges[..., ::-1, :],
+    "turned by 180 degrees": lambda edges: edges[..., ::-1, ::-1],
+}
+
+
+class Peak(NamedTuple):
+    """Where two maps of edges fit best."""
+
+    z: float
+    """Its height in standard deviations of the correlation over all shifts."""
+    here: float
+    """The height within ALIGNED of no shift."""
+    shift: tuple[int, int]
+    """(right, down) in px that the second map lies too far."""
+
+
+def misregistered(seen: Observed) -> list[Finding]:
+    """Says if depth is mirrored, turned or shifted against the picture."""
+    step = max(1, round(max(seen.values.shape) / WIDTH))
+    depth = depth_edges(seen.values, seen.units, step)
+    image, name = picture_edges(seen.color, step), f"{seen.names[1]}: depth"
+    return _off(image, depth, step, name, "mirrored-depth", "shifted-depth", "register depth to the picture")
+
+
+def mask_off(seen: Observed) -> list[Finding]:
+    """Says if the mask is mirrored or turned against the picture."""
+    if seen.mask is None:
+        return []
+    step = max(1, round(max(seen.values.shape) / WIDTH))
+    outline = mask_edges(seen.mask, step)
+    return _off(
+        picture_edges(seen.color, step),
+        outline,
+        step,
+        f"{seen.names[2]}: the mask",
+        "mirrored-mask",
+        "shifted-mask",
+        "draw it anew",
+    )
+
+
+def fit_of_edges(color: UInt8Array, values: NDArray[np.float64]) -> float:
+    """How well edges of picture and depth lie on each other: standard deviations of the correlation over shifts; 0 where
+    their sizes differ."""
+    if color.shape[:2] != values.shape:
+        return 0.0
+    step = max(1, round(max(values.shape) / WIDTH))
+    return peak_of(picture_edges(color, step), depth_edges(values, 1.0, step)).here
+
+
+def _off(image: Floats, other: Floats, step: int, what: str, mirror: str, shifted: str, mend: str) -> list[Finding]:
+    peaks = {name: peak_of(image, flip(other)) for name, flip in FLIPS.items()}
+    plain, best = peaks["as it is"], max(peaks, key=lambda name: peaks[name].here)
+    lead = peaks[best].here / max(plain.z, 1.0)
+    if best != "as it is" and peaks[best].here > LEAST_Z and lead > LEAST_LEAD:
+        back = {"mirrored left to right": "left to right", "upside down": "top to bottom"}.get(best)
+        undo = f"mirror it back, {back}" if back else "turn it back by 180 degrees"
+        return [Finding(mirror, "fault", certainty(lead - 1, 0.25), f"{what} is {best} against the picture", undo)]
+    right, down = (round(each * step) for each in plain.shift)
+    far = np.hypot(*plain.shift) > ALIGNED * image.shape[2]
+    lead = plain.z / max(plain.here, 1.0)
+    if far and plain.z > LEAST_Z and lead > LEAST_LEAD:
+        sides = [f"{abs(by)} px too far {word}" for by, word in
+                 ((right, "right" if right > 0 else "left"), (down, "down" if down > 0 else "up")) if by]  # fmt: skip
+        return [Finding(shifted, "fault", certainty(lead - 1, 0.25), f"{what} lies {' and '.join(sides)}", mend)]
+    return []
+
+
+def peak_of(image: Floats, other: Floats) -> Peak:
+    """The correlation of two maps of edges (2 x H x W) over all shifts within REACH, by Fourier transform, borders padded.
+
+    Edges across rows and across columns are compared on their own: long parallel edges then hide no others.
+    """
+    width = image.shape[2]
+    reach, near = max(4, round(REACH * width)), max(1, round(ALIGNED * width))
+    hw = [cv2.getOptimalDFTSize(n + reach) for n in image.shape[1:]]
+    total = np.zeros((2 * reach + 1, 2 * reach + 1))
+    for one, two in zip(image, other):
+        first, second = (np.fft.rfft2(_flat(edges), hw) for edges in (one, two))
+        field = np.roll(np.fft.irfft2(first * np.conj(second), hw), (reach, reach), (0, 1))
+        around = field[: 2 * reach + 1, : 2 * reach + 1]
+        total += (around - np.median(around)) / (around.std() + 1e-12)
+    total /= total.std() + 1e-12
+    down, right = np.unravel_index(int(total.argmax()), total.shape)
+    here = total[reach - near : reach + near + 1, reach - near : reach + near + 1].max()
+    return Peak(float(total.max()), float(here), (int(reach - right), int(reach - down)))
+
+
+def _flat(edges: Floats) -> Floats:
+    """Without the mean around: broad differences of brightness or of how many edges there are say nothing of position."""
+    return np.asarray(edges - cv2.blur(edges, (31, 31)), np.float32)
+
+
+def picture_edges(color: UInt8Array, step: int) -> Floats:
+    """2 x H x W: how much colours change along rows and columns, 0..1, relative to what changes around; shrunk by `step`."""
+    small = cv2.GaussianBlur(_shrunk(color.astype(np.float32), step), (0, 0), 0.8)
+    along = [np.abs(cv2.Sobel(small, cv2.CV_32F, *by)).max(axis=2) for by in ((1, 0), (0, 1))]
+    around = 3 * cv2.blur(np.hypot(*along), (25, 25)) + 8
+    return np.stack([np.minimum(change / around, 1) for change in along]).astype(np.float32)
+
+
+def depth_edges(values: NDArray[np.float64], units: float, step: int) -> Floats:
+    """2 x H x W: where inverse depth bends or jumps between known neighbours along rows and columns, 0..1; far is known."""
+    known = values > 0
+    w = np.where(known, units / np.where(known, values, 1), 0).astype(np.float32)
+    found = []
+    for axis in (1, 0):
+        a, b, c = (np.roll(w, by, axis) for by in (1, 0, -1))
+        there = np.roll(known, 1, axis) & known & np.roll(known, -1, axis)
+        bend = np.abs(a - 2 * b + c) / np.maximum(np.maximum(np.maximum(a, b), c), 1e-6)
+        found.append(_shrunk(_inside(np.where(there, np.clip(bend / JUMP - 0.5, 0, 1), 0).astype(np.float32)), step))
+    return np.stack(found)
+
+
+def mask_edges(mask: BoolArray, step: int) -> Floats:
+    """2 x H x W: the outline of a mask, without the picture's border."""
+    small = cv2.GaussianBlur(mask.astype(np.float32), (0, 0), 0.8)
+    return np.stack([_shrunk(_inside(np.abs(cv2.Sobel(small, cv2.CV_32F, *by))), step) for by in ((1, 0), (0, 1))])
+
+
+def _inside(edges: Floats) -> Floats:
+    """Without the picture's border."""
+    edges[:2], edges[-2:], edges[:, :2], edges[:, -2:] = 0, 0, 0, 0
+    return edges
+
+
+def _shrunk(picture: Floats, step: int) -> Floats:
+    size = picture.shape[1] // step, picture.shape[0] // step
+    return np.asarray(cv2.resize(picture, size, interpolation=cv2.INTER_AREA), np.float32)

@@ -1,0 +1,40 @@
+"""A picture with depth and a mask in; what every check of them finds out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from dlama.perception.diagnosis.depth_code import coded_depth
+from dlama.perception.diagnosis.depth_scale import depth_unit
+from dlama.perception.diagnosis.finding import Finding, Observed
+from dlama.perception.diagnosis.masks import mask_coverage
+from dlama.perception.diagnosis.normalised import stretched
+from dlama.perception.diagnosis.registration import mask_off, misregistered
+
+CHECKS: dict[str, Callable[[Observed], list[Finding]]] = {
+    "registration": misregistered,
+    "depth code": coded_depth,
+    "normalised depth": stretched,
+    "depth unit": depth_unit,
+    "mask coverage": mask_coverage,
+    "mask registration": mask_off,
+}
+"""Checks of a picture with depth and a mask, in the order in which findings are told."""
+BEFORE: dict[str, tuple[str, ...]] = {
+    "depth unit": ("depth code", "normalised depth"),
+    "mask registration": ("registration",),
+}
+"""A check says nothing where one of these found something: there is no unit in what is no depth."""
+
+
+def findings_of(seen: Observed, skip: tuple[str, ...] = ()) -> list[Finding]:
+    """All that the checks but those of `skip` find."""
+    found: dict[str, list[Finding]] = {}
+    for name, check in CHECKS.items():
+        if name not in skip and not any(found.get(other) for other in BEFORE.get(name, ())):
+            found[name] = check(seen)
+    if found.get("normalised depth"):  # a range that begins at the nearest depth resembles a gamma
+        found["depth code"] = [each for each in found["depth code"] if each.check in ("inverse-depth", "radial-depth")]
+        if found["depth code"]:
+            found["normalised depth"] = []
+    return [finding for each in found.values() for finding in each]

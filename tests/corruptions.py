@@ -1,0 +1,140 @@
+"""A good picture with depth in; the same spoilt as people spoil it, and the checks that must name it, out.
+
+Used by the tests of the diagnosis and by benchmarks/doctor.py.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from dlama.geometry.rgbd import RGBD, BoolArray
+from dlama.perception.diagnosis.finding import Observed
+
+FULL = 65535
+Spoil = Callable[[Observed], Observed]
+
+
+def observed(rgbd: RGBD, mask: BoolArray | None = None) -> Observed:
+    """As 16-bit millimetres, 65535 = far."""
+    depth = np.where(rgbd.depth > 65.5, np.inf, rgbd.depth.astype(np.float64))
+    return Observed(rgbd.color, np.round(depth * 1000), 1000.0, rgbd.camera, mask, whole=True)
+
+
+def in_units(per_metre: float, whole: bool = True) -> Spoil:
+    """Depth in other units, read as the default ones."""
+
+    def spoil(seen: Observed) -> Observed:
+        values = seen.values / seen.units * per_metre
+        if not whole:
+            return replace(seen, values=values, units=1.0, whole=False)
+        return replace(seen, values=_sixteen_bits(values))
+
+    return spoil
+
+
+def read_as(units: float) -> Spoil:
+    """A wrong depth_scale."""
+    return lambda seen: replace(seen, units=units)
+
+
+def coded(curve: Callable[[np.ndarray], np.ndarray]) -> Spoil:
+    """A curve of depth over its largest value (0..1), stretched to 16 bits."""
+
+    def spoil(seen: Observed) -> Observed:
+        valid = seen.valid
+        share = np.clip(seen.values[valid] / np.percentile(seen.values[valid], 99), 0, 1)
+        values = np.zeros_like(seen.values)
+        values[valid] = curve(share) * (FULL - 1)
+        return replace(seen, values=_sixteen_bits(values))
+
+    return spoil
+
+
+def inverse(seen: Observed) -> Observed:
+    """Disparity: inverse depth, 0 = far."""
+    w = np.zeros_like(seen.values)
+    w[seen.valid] = 1 / seen.values[seen.valid]
+    return replace(seen, values=_sixteen_bits(w / w.max() * 50000))
+
+
+def normalised_inverse(seen: Observed) -> Observed:
+    """Inverse depth between its smallest and largest value, as networks for single pictures give it."""
+    w = np.zeros_like(seen.values)
+    w[seen.valid] = 1 / seen.values[seen.valid]
+    lowest = w[seen.valid].min()
+    return replace(seen, values=_top_is_far(np.clip((w - lowest) / (w.max() - lowest), 0, 1)))
+
+
+def normalised(seen: Observed) -> Observed:
+    """Depth between its smallest and largest value."""
+    valid = seen.valid
+    lowest, largest = seen.values[valid].min(), seen.values[valid].max()
+    share = np.zeros_like(seen.values)
+    share[valid] = (seen.values[valid] - lowest) / (largest - lowest)
+    return replace(seen, values=_top_is_far(share))
+
+
+def radial(seen: Observed) -> Observed:
+    """Distance along the ray."""
+    camera = seen.camera
+    x = (np.arange(camera.width) + 0.5 - camera.cx) / camera.fx
+    y = (np.arange(camera.height) + 0.5 - camera.cy) / camera.fy
+    return replace(seen, values=_sixteen_bits(seen.values * np.sqrt(1 + x**2 + y[:, None] ** 2)))
+
+
+def flipped(turn: Callable[[np.ndarray], np.ndarray]) -> Spoil:
+    """Depth mirrored or turned."""
+    return lambda seen: replace(seen, values=np.ascontiguousarray(turn(seen.values)))
+
+
+def shifted(right: float, down: float) -> Spoil:
+    """Depth moved by shares of the width; nothing is known where it came from."""
+
+    def spoil(seen: Observed) -> Observed:
+        (h, w), by = seen.values.shape, (round(down * seen.values.shape[1]), round(right * seen.values.shape[1]))
+        padded = np.zeros((3 * h, 3 * w))
+        padded[h + by[0] : 2 * h + by[0], w + by[1] : 2 * w + by[1]] = seen.values
+        return replace(seen, values=padded[h : 2 * h, w : 2 * w])
+
+    return spoil
+
+
+def inverted_mask(seen: Observed) -> Observed:
+    """White = keep."""
+    return seen if seen.mask is None else replace(seen, mask=~seen.mask)
+
+
+SPOILT: dict[str, tuple[Spoil, tuple[str, ...]]] = {
+    "1/5000 m read as mm": (in_units(5000), ("depth-scale",)),
+    "1/10000 m read as mm": (in_units(10000), ("depth-scale",)),
+    "1/256 m read as mm": (in_units(256), ("depth-scale",)),
+    "mm read as 1/5000 m": (read_as(5000.0), ("depth-scale",)),
+    "float mm read as metres": (in_units(1000, whole=False), ("depth-scale",)),
+    "inverse": (inverse, ("inverse-depth",)),
+    "normalised inverse": (normalised_inverse, ("inverse-depth", "normalised-depth")),
+    "normalised": (normalised, ("normalised-depth",)),
+    "gamma 1/2.2": (coded(lambda share: share ** (1 / 2.2)), ("gamma-depth",)),
+    "gamma 2.2": (coded(lambda share: share**2.2), ("gamma-depth",)),
+    "radial": (radial, ("radial-depth",)),
+    "mirrored": (flipped(np.fliplr), ("mirrored-depth",)),
+    "upside down": (flipped(np.flipud), ("mirrored-depth",)),
+    "turned by 180": (flipped(lambda values: values[::-1, ::-1]), ("mirrored-depth",)),
+    "shifted right": (shifted(0.06, 0.0), ("shifted-depth",)),
+    "shifted left and down": (shifted(-0.03, 0.02), ("shifted-depth",)),
+    "inverted mask": (inverted_mask, ("inverted-mask",)),
+}
+"""How a good input is spoilt -> the function, and which checks name it."""
+
+
+def _sixteen_bits(values: np.ndarray) -> np.ndarray:
+    """Rounded and cut off, far as it is."""
+    finite = np.isfinite(values)
+    return np.where(finite, np.minimum(np.round(np.where(finite, values, 0)), FULL - 1), np.inf)
+
+
+def _top_is_far(share: np.ndarray) -> np.ndarray:
+    values = np.round(share * FULL)
+    return np.where(values == FULL, np.inf, values)

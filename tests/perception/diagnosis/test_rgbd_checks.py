@@ -1,0 +1,146 @@
+"""Checks of a picture with depth (oracle: the corruption that was put in; good inputs have none)."""
+
+from __future__ import annotations
+
+import os
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import dlama
+from corruptions import SPOILT, observed
+from dlama.geometry.camera import Camera
+from dlama.perception.diagnosis.depth_scale import extent_of
+from dlama.perception.diagnosis.finding import Finding, Observed, certainty, in_words
+from dlama.perception.diagnosis.lens import lens, options_of_lens
+from dlama.perception.diagnosis.masks import looks_inverted
+from dlama.perception.diagnosis.rgbd_checks import findings_of
+from dlama.worlds.layouts.random_scene import build
+
+SEEDS = (3, 12)
+EYE = 1.2, 1.6
+"""Metres above the ground at which worlds have their cameras."""
+
+
+@cache
+def world(seed: int) -> Observed:
+    made = build(seed, "street" if seed % 2 else "room", (), shadows=True, antialias=True)
+    camera = made.camera(0, 256, 75)
+    seen = made.raycast(camera)
+    return observed(dlama.RGBD(seen.color, seen.depth, camera), seen.group == made.object_index)
+
+
+def faults(seen: Observed) -> set[str]:
+    return {finding.check for finding in findings_of(seen) if finding.severity == "fault"}
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_nothing_is_wrong_with_worlds(seed: int) -> None:
+    assert findings_of(world(seed)) == []
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.parametrize("name", SPOILT)
+def test_what_was_spoilt_is_named(name: str, seed: int) -> None:
+    spoil, wanted = SPOILT[name]
+    assert faults(spoil(world(seed))) & set(wanted)
+
+
+def test_ground_and_unit_are_found() -> None:
+    """Oracle: the height at which the world put its camera, and the unit that depth was written in."""
+    extent = extent_of(world(3))
+    assert extent is not None and extent.floor is not None and EYE[0] - 0.02 < extent.floor < EYE[1] + 0.02
+    spoil, _ = SPOILT["1/5000 m read as mm"]
+    (finding,) = findings_of(spoil(world(3)))
+    assert "1/5000 m" in finding.what and finding.mend == "give depth_scale=5000"
+
+
+@pytest.mark.parametrize(("right", "down"), [(14, 0), (-9, 5), (0, -12)])
+def test_the_shift_is_given(right: int, down: int) -> None:
+    """Oracle: by how much depth was rolled, to within a pixel."""
+    seen = world(3)
+    rolled = np.roll(seen.values, (down, right), (0, 1))
+    (finding,) = findings_of(Observed(seen.color, rolled, seen.units, seen.camera, whole=True))
+    assert finding.check == "shifted-depth"
+    found = {word: int(number) for number, word in __import__("re").findall(r"(\d+) px too far (\w+)", finding.what)}
+    assert abs(found.get("right", 0) - found.get("left", 0) - right) <= 1
+    assert abs(found.get("down", 0) - found.get("up", 0) - down) <= 1
+
+
+def test_a_depth_map_of_few_pixels_says_nothing() -> None:
+    seen = world(3)
+    few = np.where(np.arange(seen.values.size).reshape(seen.values.shape) % 997 == 0, seen.values, 0)
+    assert findings_of(Observed(seen.color, few, seen.units, seen.camera, whole=True)) == []
+    assert findings_of(Observed(seen.color, 0 * few, seen.units, seen.camera, whole=True)) == []
+
+
+def test_masks_of_half_the_picture() -> None:
+    mask = np.zeros((20, 30), bool)
+    mask[5:15, 5:25] = True
+    assert not looks_inverted(mask) and looks_inverted(~mask)
+
+
+@pytest.mark.parametrize(
+    ("given", "check", "mend"),
+    [
+        ({"fov": 1.57}, "fov-radians", "give fov=89.95"),
+        ({"fx": 0.8}, "focal-length", "give fx=512"),
+    ],
+)
+def test_options_that_are_meant_otherwise(given: dict[str, float | None], check: str, mend: str) -> None:
+    """Oracle: 1.57 rad = 89.95 degrees; 0.8 widths of 640 px = 512 px."""
+    (finding,), _ = options_of_lens(given, 640)
+    assert (finding.check, finding.mend) == (check, mend)
+
+
+@pytest.mark.parametrize(
+    ("camera", "check"),
+    [
+        (Camera(640, 480, 1052, 1052, 640, 480), "intrinsics-size"),
+        (Camera(640, 480, 526, 526, 240, 320), "principal-point"),
+        (Camera(640, 480, 526, 526, 450, 240), "principal-point"),
+        (Camera(640, 480, 526, 400, 320, 240), "pixel-shape"),
+        (Camera(640, 480, 100, 100, 320, 240), "field-of-view"),
+        (Camera(640, 480, 9000, 9000, 320, 240), "field-of-view"),
+    ],
+)
+def test_cameras_that_are_hardly_so(camera: Camera, check: str) -> None:
+    assert [finding.check for finding in lens(camera)] == [check]
+
+
+def test_usual_cameras_pass() -> None:
+    for camera in (
+        Camera(640, 480, 526, 526, 320, 237),
+        Camera(741, 500, 995, 995, 311, 255),
+        Camera.from_fov(512, 512, 90),
+    ):
+        assert lens(camera) == []
+    assert [each.check for each in lens(Camera.from_fov(640, 480, 65), 28.0)] == ["field-of-view"]
+    assert lens(Camera.from_fov(640, 480, 65), 66.0) == []
+
+
+def test_how_sure_in_words() -> None:
+    assert [in_words(sure) for sure in (0.95, 0.8, 0.6)] == ["sure", "likely", "perhaps"]
+    assert certainty(0, 1) == 0.5 and certainty(1, 1) == 0.75 and certainty(50, 1) == 0.99
+    assert Finding("x", "fault", 0.95, "a", "b").line == "a: b (sure)"
+    assert Finding("understood", "fine", 1.0, "a").line == "a"
+
+
+@pytest.mark.skipif("DLAMA_DATA" not in os.environ, reason="needs DLAMA_DATA")
+@pytest.mark.parametrize("name", [None, *SPOILT])
+def test_real_and_rendered_pictures(name: str | None) -> None:
+    """A Kinect's frame and a rendered street, good and spoilt."""
+    data = Path(os.environ["DLAMA_DATA"])
+    kitchen = data / "data" / "kitchen_vpi" / "frame-000072"
+    street = data / "street" / "s03" / "with" / "CameraComponent"
+    frames = (
+        dlama.read_rgbd(f"{kitchen}.color.jpg", f"{kitchen}.depth.png", camera=Camera(640, 480, 526, 526, 320, 237)),
+        dlama.read_rgbd(street / "ColorImage" / "s03_with.0000.jpeg", street / "DepthMM" / "s03_with.0000.png", fov=90),
+    )
+    for number, rgbd in enumerate(frames):
+        if name is None:
+            assert findings_of(observed(rgbd)) == []
+        elif name not in ("inverted mask", *(("normalised",) if number else ("1/256 m read as mm",))):
+            assert faults(SPOILT[name][0](observed(rgbd))) & set(SPOILT[name][1])
