@@ -106,7 +106,7 @@ def estimate_depth(
     prediction = estimator(color)
     camera, fov_notes, shift = camera_of(color, camera, prediction)
     values, inverse, far = at_picture_size(prediction, camera, shift)
-    moved = sharpened(values, color) if sharpen else values
+    moved = sharpened(values, color, inverse) if sharpen else values
     scale = scale_of(moved, inverse, prediction.metric, camera, metres_at, camera_height)
     depth = scale.metres(moved, far)
     if not ((depth > 0) & np.isfinite(depth)).any():

@@ -21,25 +21,31 @@ from dlama.perception.kernels.edge_median import MOST, joint_median
 class Sharpening:
     """How edges are moved; lengths in px of a picture whose longer side is 512."""
 
-    radius: float = 14.0
+    radius: float = 18.0
     """Half the window in which depths are looked for: more than half a ramp's width."""
-    space_sigma: float = 9.0
+    space_sigma: float = 12.0
     """How fast votes weaken with distance."""
-    color_sigma: float = 14.0
+    color_sigma: float = 20.0
     """How fast votes weaken with unlike colour, in levels of 0..255."""
-    steep: float = 0.02
+    steep: float = 0.006
     """Relative change per px from which a pixel is on a ramp: it does not vote."""
+    bend: float = 1.3
+    """Times the mean slope within 1.5 radii that it must have, too: a ramp is steeper than what lies beside it, ground is not."""
     reach: float = 4.0
     """px round a ramp whose depth is looked for anew too."""
 
 
-def sharpened(values: Float32Array, color: UInt8Array, how: Sharpening = Sharpening()) -> Float32Array:
+def sharpened(
+    values: Float32Array, color: UInt8Array, inverse: bool = True, how: Sharpening = Sharpening()
+) -> Float32Array:
     """H x W, each value one that the map has nearby: on ramps the weighted median of what lies beside them in the same colour.
 
-    values: H x W depth or inverse depth (a median is the same of both); color: H x W x 3, RGB.
+    values: H x W inverse depth, or depth where not `inverse` (ramps are seen in inverse depth, in which planes are straight; the
+    median is the same of both); color: H x W x 3, RGB.
     """
     size = max(values.shape) / 512
-    ramp = on_ramp(values, how.steep / size)
+    near = values if inverse else np.divide(1, values, out=np.zeros_like(values), where=values > 0)
+    ramp = on_ramp(near, how.steep / size, how.bend, round(1.5 * how.radius * size))
     reach = 2 * round(how.reach * size) + 1
     blurred = cv2.dilate(ramp.astype(np.uint8), np.ones((reach, reach), np.uint8)) > 0
     if not ramp.any() or ramp.all():
@@ -54,10 +60,12 @@ def sharpened(values: Float32Array, color: UInt8Array, how: Sharpening = Sharpen
     return out
 
 
-def on_ramp(values: Float32Array, steep: float) -> BoolArray:
-    """H x W, True where a map changes by more than `steep` of itself per px over a few px."""
+def on_ramp(values: Float32Array, steep: float, bend: float, reach: int) -> BoolArray:
+    """H x W, True where a map changes by more than `steep` of itself per px, and by `bend` times the mean within `reach` px."""
     finite = np.where(np.isfinite(values), values, np.float32(0))
     smooth = cv2.GaussianBlur(finite, (0, 0), 1.0)
     dx = cv2.Sobel(smooth, cv2.CV_32F, 1, 0, scale=1 / 8)
     dy = cv2.Sobel(smooth, cv2.CV_32F, 0, 1, scale=1 / 8)
-    return np.asarray(np.hypot(dx, dy) > steep * np.maximum(np.abs(smooth), 1e-12))
+    slope = np.hypot(dx, dy)
+    around = cv2.blur(slope, (2 * reach + 1, 2 * reach + 1))
+    return np.asarray((slope > steep * np.maximum(np.abs(smooth), 1e-12)) & (slope > bend * around))
