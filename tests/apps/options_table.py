@@ -183,6 +183,9 @@ PAIR = {
     "mask_right": Reach("--mask-right r.png", "stereo.mask_right", "r.png"),
     "max_disparity": Reach("--max-disparity 40", "stereo.max_disparity", 40.0),
     "far": Reach("--far 30", "stereo.far", 30.0),
+    "disparity": Reach("--disparity d.pfm", "stereo.disparity", "d.pfm"),
+    "disparity_scale": Reach("--disparity d.png --disparity-scale 4", "read_disparity.scale", 4.0),
+    "matcher": Reach("--matcher net.onnx", "stereo.matcher", Path("net.onnx")),
     "right_view": Reach("--right-view given", "stereo.right_view", "given"),
 }
 EVALUATE = {

@@ -116,6 +116,7 @@ def _spy_on_jobs(spy: Callable[..., None]) -> None:
     spy("dlama.files.cameras.camera_for", ("camera", "words"))
     spy("dlama.files.cameras.read_camera", "target")
     spy("dlama.files.cameras.read_stereo_calib", "rig")
+    spy("dlama.files.depth.read_disparity", lambda path, **_: Path(path).name)
     spy("dlama.files.pictures.read_mask", lambda path, **_: Path(path).name)
     spy("dlama.files.pictures.read_color", lambda path: SimpleNamespace(shape=(3, 4, 3), name=Path(path).name))
     spy("dlama.apps.model_files.model_for", lambda model: Path("cache", str(model)))

@@ -8,7 +8,8 @@ import functools
 import numpy as np
 import pytest
 
-from dlama.completion import stereo as pairs
+import dlama
+from dlama.completion import disparities as pairs
 from dlama.completion.completion import StereoCompletion
 from dlama.completion.exchange import color_gain
 from dlama.completion.pair import MatchedPair
@@ -135,3 +136,70 @@ def test_the_gain_of_two_exposures() -> None:
     assert (color_gain(pair) == 1).all()
     nothing = dataclasses.replace(pair, disparities=(np.zeros((120, 160), np.float32),) * 2)
     assert (color_gain(nothing) == 1).all()
+
+
+def test_a_given_disparity_and_a_matcher() -> None:
+    """Law: a function is asked once for both pictures; a given left disparity is taken as it is, and the right one follows from
+    it; contradictions are refused."""
+    at_left, at_right = matches(SCENE)
+    asked: list[int] = []
+
+    def mine(left: np.ndarray, right: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        asked.append(left.shape[1] + right.shape[1])
+        return at_left, at_right
+
+    by_function = stereo(*pictures(), RIG, matcher=mine)
+    assert asked == [2 * CAMERA.width] and by_function.meta["stereo"]["matcher"] == "mine"
+    given = stereo(*pictures(), RIG, disparity=at_left)
+    for one, other in zip(by_function.views, given.views):
+        known = one.origin == Origin.MEASURED
+        assert (abs(one.depth - other.depth)[known] < 0.02 * one.depth[known]).mean() > 0.97
+    np.testing.assert_array_equal(by_function.views[0].depth[at_left > 0], given.views[0].depth[at_left > 0])
+    with pytest.raises(InputError, match="disparity and max_disparity contradict"):
+        stereo(*pictures(), RIG, disparity=at_left, max_disparity=20)
+    with pytest.raises(InputError, match="disparity has no known pixel"):
+        stereo(*pictures(), RIG, disparity=0 * at_left)
+
+
+def test_the_paper_removes_the_object_and_obeys_the_range() -> None:
+    """Law: c+ still has the object's points, c- does not; the filled pictures are matched by what the range was given for; a
+    disparity of the unfilled ones cannot stand for it."""
+    at_left, at_right = matches(SCENE)
+    masks = [SCENE.trace(camera)[1] == 1 for camera in CAMERAS]
+    calls: list[tuple[np.ndarray, np.ndarray]] = []
+
+    def mine(left: np.ndarray, right: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        calls.append((left, right))
+        return (at_left, at_right) if len(calls) == 1 else matches(WITHOUT)
+
+    how = {"mask": masks[0], "mask_right": masks[1], "recipe": "paper", "filler": "telea"}
+    done = stereo(*pictures(), RIG, matcher=mine, **how)
+    assert len(calls) == 2 and (calls[1][0][~masks[0]] == pictures()[0][~masks[0]]).mean() > 0.9
+    extra = len(done.completed.points) - len(done.background.points)
+    assert (masks[0] & (at_left > 0)).sum() <= extra <= done.warped[0].hole.sum()
+    nearest = done.completed.points[:, 2].min()
+    assert abs(nearest - 2) < 0.05 and done.background.points[:, 2].min() > 3.5
+    np.testing.assert_array_equal(done.source.color, pictures()[0])
+    seen: list[float | None] = []
+    with pytest.MonkeyPatch.context() as patch:
+
+        def spy(left: np.ndarray, right: np.ndarray, *, max_disparity: float | None) -> tuple[np.ndarray, np.ndarray]:
+            seen.append(max_disparity)
+            return at_left, at_right
+
+        patch.setattr(pairs, "disparity_pair", spy)
+        stereo(*pictures(), RIG, max_disparity=33, **how)
+    assert seen == [33, 33]
+    with pytest.raises(InputError, match="disparity is given and the recipe 'paper'"):
+        stereo(*pictures(), RIG, disparity=at_left, **how)
+
+
+def test_pairs_that_are_none_are_noticed() -> None:
+    """Law: one warning in one line, which meta.json keeps; identical pictures are an error."""
+    left, right = (dlama.read_color(dlama.example() / name) for name in ("street.jpg", "right.jpg"))
+    rig = dlama.read_stereo_calib(dlama.example() / "calib.txt")
+    with pytest.warns(UserWarning, match="swapped") as told:
+        done = stereo(right, left, rig, filler="telea", max_disparity=32)
+    assert len(told) == 1 and "\n" not in str(told[0].message) and "swapped" in done.meta["stereo"]["doubt"]
+    with pytest.raises(InputError, match="identical"):
+        stereo(left, left, rig)

@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from dlama.completion import stereo as pairs
+from dlama.completion import disparities as pairs
 from dlama.completion.pair import AS_NEAR, OBJECT_REACH, nearest_of_object, without_bleeding
 from dlama.completion.stereo import stereo
 from dlama.geometry.camera import Camera, StereoRig

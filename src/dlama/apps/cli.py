@@ -146,6 +146,9 @@ def stereo(
     mask: Annotated[Path | None, option("MASK")] = None,
     mask_right: Annotated[Path | None, option("MASK", "--mask carried over by disparity")] = None,
     right_view: Annotated[Literal["given", "synthesised"] | None, option("given|synthesised", "the recipe's")] = None,
+    disparity: Annotated[Path | None, option("FILE", "found")] = None,
+    disparity_scale: Annotated[float | None, option("UNITS", "256 for 16-bit files, 1 for float files")] = None,
+    matcher: Annotated[Path | None, option("FILE.onnx", "semi-global matching")] = None,
     max_disparity: Annotated[float | None, option("PX", "found")] = None,
     far: Metres = None,
     only: Only = None,
@@ -160,6 +163,9 @@ def stereo(
         mask: The object in the left picture: black and white, 255 = remove.
         mask_right: The object in the right picture.
         right_view: given (dlama): the right picture stays as it is and gets depth; synthesised (paper): it is made from the left.
+        disparity: The left picture's disparity, in pixels: PFM, NPY, NPZ, EXR or PNG; 0 and infinity are missing.
+        disparity_scale: Units of the disparity file that make a pixel.
+        matcher: A network that finds the disparity: left and right picture in, disparity out, as its contract says.
         max_disparity: The largest disparity looked for.
         far: What is measured at or beyond this is far (sky).
         only: What is written beside meta.json: image, depth, hole, origin, confidence,
@@ -167,9 +173,16 @@ def stereo(
     """
     with job("stereo", report) as this:
         pair = this.pair(left, right, calib)
+        known = this.optional_disparity(disparity, disparity_scale)
         masks = this.optional_mask(mask, masking), this.optional_mask(mask_right, masking, "mask_right")
-        options = {"right_view": right_view, "max_disparity": max_disparity, "far": far, **method.settings()}
-        this.write(dlama.stereo(*pair, mask=masks[0], mask_right=masks[1], **options), output, only)
+        options = {
+            "right_view": right_view,
+            "matcher": matcher,
+            "max_disparity": max_disparity,
+            "far": far,
+            **method.settings(),
+        }
+        this.write(dlama.stereo(*pair, disparity=known, mask=masks[0], mask_right=masks[1], **options), output, only)
 
 
 def demo(method: Method, report: Report, output: DEMO_FOLDER = Path("dlama-demo"), only: Only = None) -> None:

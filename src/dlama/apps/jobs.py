@@ -17,7 +17,7 @@ from dlama.apps.terminal import Result, reported, stages_bar
 if TYPE_CHECKING:
     import dlama
     from dlama.apps.masks import Pointing
-    from dlama.geometry.rgbd import BoolArray, UInt8Array
+    from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 
 LOG = logging.getLogger("dlama")
 STAGES = 20
@@ -95,6 +95,19 @@ class Job:
     def optional_mask(self, path: Path | None, masking: Masking, role: str = "mask") -> BoolArray | None:
         """A mask, where one is given."""
         return None if path is None else self.mask(path, masking, role)
+
+    def optional_disparity(self, path: Path | None, scale: float | None) -> Float32Array | None:
+        """A disparity, where one is given."""
+        from dlama.errors import InputError
+        from dlama.files.depth import read_disparity
+
+        if path is None:
+            if scale is not None:
+                raise InputError("disparity_scale is given without disparity; the file it belongs to is wanted too")
+            return None
+        self.inputs["disparity"] = path
+        with self.reading(path):
+            return read_disparity(path, scale=scale)
 
     def pair(self, left: Path, right: Path, calib: Path) -> tuple[UInt8Array, UInt8Array, dlama.StereoRig]:
         """The pictures of a rectified pair and the cameras that took them."""

@@ -20,6 +20,7 @@ from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
 from dlama.inpainters.filling import Inpainter
 from dlama.perception.stereo_agreement import carry_mask, consistency
+from dlama.perception.stereo_matching import Matcher, disparity_pair
 
 FAR_PX = 0.5
 """Disparity (with doffs) below which depth is no more than a guess: such pixels are far."""
@@ -44,6 +45,8 @@ class MatchedPair:
     """H x W px each, 0 = missing."""
     masks: tuple[BoolArray, BoolArray] | None = None
     """H x W each, True = remove; None: nothing is removed."""
+    match: Matcher = disparity_pair
+    """What found the disparities: both pictures in, both disparities out."""
 
     @property
     def left(self) -> RGBD:

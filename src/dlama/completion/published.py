@@ -9,13 +9,12 @@ import numpy as np
 from dlama.completion.pair import CompletedPair, MatchedPair
 from dlama.completion.recipes import Recipe
 from dlama.completion.report import Clock, Record
-from dlama.completion.steps import Plan, fill, filler_of_recipe, law_of
+from dlama.completion.steps import Plan, fill, filler_of_recipe, law_of, take_out
 from dlama.geometry.holes import dilated
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import HoleType, Origin, View
 from dlama.inpainters.filling import FillReport, Inpainter
-from dlama.perception.stereo_matching import disparity_pair
 
 
 def clipped(rgbd: RGBD, clip: float | None) -> RGBD:
@@ -30,28 +29,30 @@ def complete_pair_one_by_one(
 ) -> CompletedPair:
     """The object removed from each picture of a pair, colour filled in each alone, then matched: depth is what matching finds."""
     assert pair.masks is not None
+    given, grown_mask = take_out(View.from_rgbd(clipped(pair.left, recipe.clip)), pair.masks[0], recipe.dilate)
     flat = [RGBD(one.color, np.ones(one.color.shape[:2], np.float32), one.camera) for one in (pair.left, pair.right)]
     plans: list[Plan] = []
     before: list[View] = []
     filled: list[View] = []
     fills: list[FillReport] = []
     for source, mask in zip(map(View.from_rgbd, flat), pair.masks):
-        given = Scene((source,))
-        plans.append(Plan(recipe, filler_of_recipe(filler, recipe), seed, given, law_of(given, recipe)))
+        alone = Scene((source,))
+        plans.append(Plan(recipe, filler_of_recipe(filler, recipe), seed, alone, law_of(alone, recipe)))
         before.append(source.without(dilated(mask, recipe.dilate), HoleType.OBJECT))
         with clock("fill"):
             view, report = fill(plans[-1], before[-1])
         filled.append(view)
         fills.append(report)
-    disparities = disparity_pair(filled[0].color, filled[1].color)
+    with clock("match"):
+        disparities = pair.match(filled[0].color, filled[1].color)
     again = dataclasses.replace(pair, colors=(filled[0].color, filled[1].color), disparities=disparities)
     left, right = (
         with_origin_of(View.from_rgbd(clipped(one, recipe.clip)), view)
         for one, view in zip((again.left, again.right), filled)
     )
-    source_frame = RGBD(pair.colors[0], again.left.depth, pair.rig.left)
-    record = Record(fills, clock.seconds)
-    return CompletedPair(plans[0], source_frame, (before[0], before[1]), (left, right), Scene((left,)), record)
+    record = Record(fills, clock.seconds, grown_mask)
+    scene = Scene((left,), given.objects)
+    return CompletedPair(plans[0], pair.left, (before[0], before[1]), (left, right), scene, record, {"right": "given"})
 
 
 def with_origin_of(matched: View, filled: View) -> View:

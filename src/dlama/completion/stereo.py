@@ -16,6 +16,7 @@ from typing import Literal
 import numpy as np
 
 from dlama.completion.completion import StereoCompletion
+from dlama.completion.disparities import find_matches
 from dlama.completion.exchange import (
     color_gain,
     lent_share,
@@ -44,13 +45,13 @@ from dlama.geometry.camera import StereoRig
 from dlama.geometry.fusion import fuse
 from dlama.geometry.holes import dilated
 from dlama.geometry.rendering import Mode, render
-from dlama.geometry.rgbd import RGBD, BoolArray, UInt8Array
+from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import HoleType, Origin, View
 from dlama.inpainters import find_filler
 from dlama.inpainters.filling import Inpainter
 from dlama.inpainters.networks.pair import PairFiller
-from dlama.perception.stereo_matching import disparity_pair
+from dlama.perception.stereo_matching import Matcher
 
 RightView = Literal["given", "synthesised"]
 """What becomes of the right picture where no object is removed."""
@@ -65,6 +66,8 @@ def stereo(
     mask: BoolArray | None = None,
     mask_right: BoolArray | None = None,
     right_view: RightView | None = None,
+    disparity: Float32Array | None = None,
+    matcher: str | Path | Matcher | None = None,
     max_disparity: float | None = None,
     far: float | None = None,
     filler: str | Inpainter = "layered",
@@ -87,6 +90,9 @@ def stereo(
         mask_right: H x W bool of the right view; default: the left mask carried over by disparity.
         right_view: "given": both pictures stay bit for bit and both get depth; "synthesised": the right view is made from the
             left one, without a mask only. Default: given; synthesised by a recipe that fills the new view first (paper).
+        disparity: H x W px of the left view, 0 = unknown; default: found.
+        matcher: what finds it: an ONNX network with a contract (`dlama.perception.stereo_networks`), or a function
+            (left, right) -> both disparities; default: semi-global matching.
         max_disparity: px, the largest disparity looked for; default: found.
         far: metres; what is measured at or beyond it is far (sky); default: what half a pixel of disparity cannot tell
             from infinity.
@@ -108,15 +114,21 @@ def stereo(
         raise InputError(
             f"depth_by is {chosen.depth_by!r} and the filler 'pair', which fills no depth; surfaces is wanted"
         )
-    disparities = disparity_pair(left, right, max_disparity=max_disparity)
-    masks = masks_of_pair(mask, mask_right, disparities[0], rig)
-    pair = MatchedPair(rig, far, (left, right), disparities, masks)
+    one_by_one = mask is not None and not chosen.source_first
+    if disparity is not None and one_by_one:
+        raise InputError(
+            f"disparity is given and the recipe {chosen.name!r} matches the filled pictures anew; a matcher is wanted"
+        )
+    matches = find_matches(left, right, disparity=disparity, matcher=matcher, max_disparity=max_disparity)
+    masks = masks_of_pair(mask, mask_right, matches.disparities[0], rig)
+    pair = MatchedPair(rig, far, (left, right), matches.disparities, masks, matches.match)
     complete_pair = complete_pair_together
     if chosen_right_view(right_view, chosen, masks is not None) == "synthesised":
         complete_pair = synthesise_right
-    elif masks is not None and not chosen.source_first:
+    elif one_by_one:
         complete_pair = complete_pair_one_by_one
-    return complete_pair(pair, chosen, inpainter, seed, Clock()).as_completion(rig, filler)
+    done = complete_pair(pair, chosen, inpainter, seed, Clock())
+    return dataclasses.replace(done, about={**matches.notes, **done.about}).as_completion(rig, filler)
 
 
 def chosen_right_view(asked: RightView | None, recipe: Recipe, removing: bool) -> RightView:

@@ -7,6 +7,7 @@ point is shifted (Middlebury's doffs) makes no difference here: doffs belongs to
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import cv2
@@ -16,6 +17,8 @@ from dlama.errors import InputError, ShapeError
 from dlama.geometry.projection import SMALLEST_DISPARITY
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 
+Matcher = Callable[[UInt8Array, UInt8Array], tuple[Float32Array, Float32Array]]
+"""Left and right picture (H x W x 3, RGB) in; the disparity of each (H x W px, 0 = unknown) out."""
 TOLERANCE_PX = 1.0
 """Left and right disparity of one surface point may differ by this much; so may two searches for it."""
 PROBE_WIDTH_PX = 320
@@ -233,6 +236,31 @@ def _without_speckles(disparity: Float32Array) -> Float32Array:
     fixed = np.where(np.isfinite(disparity), np.nan_to_num(disparity) * 16, unknown).astype(np.int16)
     cv2.filterSpeckles(fixed, float(unknown), smallest, 2 * 16)
     return np.where(fixed == unknown, np.float32(np.nan), disparity)
+
+
+def zero_where_inconsistent(at_left: Float32Array, at_right: Float32Array) -> tuple[Float32Array, Float32Array]:
+    """Both disparities (H x W px, NaN = unknown) with 0 where they do not point to each other within 1 px, or are speckles."""
+    ours = np.where(_consistent(at_left, at_right, 1, TOLERANCE_PX), at_left, np.float32(np.nan))
+    theirs = np.where(_consistent(at_right, at_left, -1, TOLERANCE_PX), at_right, np.float32(np.nan))
+    return _zero_where_unknown(_without_speckles(ours)), _zero_where_unknown(_without_speckles(theirs))
+
+
+def carried_disparity(at_left: Float32Array) -> Float32Array:
+    """The right view's disparity (H x W px, 0 = unknown) from the left one's: of what lands on one pixel the nearest is kept.
+
+    Cracks of one column are closed by the farther of their neighbours; what only the right camera sees stays unknown.
+    """
+    columns, inside = nearest_columns(at_left, 1)
+    inside &= at_left != 0
+    rows = np.broadcast_to(np.arange(len(at_left))[:, None], at_left.shape)
+    lowest = np.float32(-np.inf)
+    found = np.full(at_left.shape, lowest, np.float32)
+    np.maximum.at(found, (rows[inside], columns[inside]), at_left[inside])
+    crack = np.zeros(found.shape, bool)
+    crack[:, 1:-1] = (found[:, 1:-1] == lowest) & (found[:, :-2] > lowest) & (found[:, 2:] > lowest)
+    beside = np.minimum(np.roll(found, 1, 1), np.roll(found, -1, 1))
+    found = np.where(crack, beside, found)
+    return np.where(found > lowest, found, np.float32(0))
 
 
 def _at_original_width(disparity: Float32Array, scale: int) -> Float32Array:

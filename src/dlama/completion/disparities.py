@@ -1,0 +1,83 @@
+"""Two pictures and, where known, a disparity or a matcher in; the disparity of both pictures, and what found it, out."""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dlama.errors import InputError, ShapeError
+from dlama.geometry.rgbd import Float32Array, UInt8Array
+from dlama.perception.stereo_checks import doubts, refuse_identical
+from dlama.perception.stereo_matching import Matcher, carried_disparity, disparity_pair
+from dlama.perception.stereo_networks import NetworkMatcher
+
+
+@dataclass(frozen=True, eq=False)
+class Matches:
+    """The disparities of a pair."""
+
+    disparities: tuple[Float32Array, Float32Array]
+    """H x W px each, left and right; 0 = unknown."""
+    match: Matcher
+    """What finds those of other pictures of the same rig."""
+    notes: dict[str, Any] = field(default_factory=dict)
+    """For meta.json: what found them, and what speaks against the pair."""
+
+
+def find_matches(
+    left: UInt8Array,
+    right: UInt8Array,
+    *,
+    disparity: Float32Array | None,
+    matcher: str | Path | Matcher | None,
+    max_disparity: float | None,
+) -> Matches:
+    """The disparities of two pictures (H x W x 3): the given left one and what it says of the right view, or as a network file, a
+    function or semi-global matching finds them. What speaks against a rectified pair is warned of.
+
+    Raises InputError: options that contradict each other, identical pictures; ShapeError: a disparity of another size; what
+    the matcher raises.
+    """
+    given = {"disparity": disparity, "matcher": matcher, "max_disparity": max_disparity}
+    named = [name for name, value in given.items() if value is not None]
+    if len(named) > 1:
+        raise InputError(f"{named[0]} and {named[1]} contradict each other; give one of them")
+    match, notes = matcher_for(matcher, max_disparity)
+    if disparity is None:
+        found = match(left, right)
+    else:
+        found, notes = of_given(disparity, left.shape[:2]), {"matcher": "none: the disparity was given"}
+    refuse_identical(left, right)
+    doubt = doubts(left, right, found[0])
+    if doubt is not None:
+        warnings.warn(doubt, UserWarning, stacklevel=3)
+        notes = {**notes, "doubt": doubt}
+    return Matches(found, match, notes)
+
+
+def matcher_for(matcher: str | Path | Matcher | None, max_disparity: float | None) -> tuple[Matcher, dict[str, Any]]:
+    """The matcher, and its notes."""
+    if callable(matcher):
+        return matcher, {"matcher": getattr(matcher, "__name__", type(matcher).__name__)}
+    if matcher is not None:
+        network = NetworkMatcher.open(matcher)
+        return network, {"matcher": network.notes}
+
+    def match(left: UInt8Array, right: UInt8Array) -> tuple[Float32Array, Float32Array]:
+        return disparity_pair(left, right, max_disparity=max_disparity)
+
+    return match, {"matcher": "semi-global matching", "max_disparity": max_disparity}
+
+
+def of_given(disparity: Float32Array, hw: tuple[int, int]) -> tuple[Float32Array, Float32Array]:
+    """A left disparity (H x W px; 0, NaN, inf = unknown) and what it says of the right view. Raises ShapeError, InputError."""
+    if disparity.shape != hw:
+        raise ShapeError(f"disparity is {disparity.shape} and the pictures {hw}; the same is wanted")
+    left = np.where(np.isfinite(disparity), disparity, 0).astype(np.float32)
+    if not left.any():
+        raise InputError("disparity has no known pixel")
+    return left, carried_disparity(left)

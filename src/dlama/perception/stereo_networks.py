@@ -1,0 +1,158 @@
+"""An ONNX network of stereo matching (RAFT-Stereo and its kin) in; a matcher, both pictures to both disparities, out.
+
+How a network wants its pictures and what its numbers mean is data, a StereoContract: in the file's metadata under
+`dlama.contract`, or in FILE.json beside FILE.onnx.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict, dataclass, fields
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+
+from dlama.errors import FileError, InputError
+from dlama.geometry.rgbd import Float32Array, UInt8Array
+from dlama.models.network_file import NetworkFile
+from dlama.models.records import CONTRACT_KEY
+from dlama.perception.stereo_matching import check_pictures, zero_where_inconsistent
+
+NETWORK = "stereo matching"
+"""What stands as `network` in the contract of such a file."""
+
+
+@dataclass(frozen=True)
+class StereoContract:
+    """What a network of stereo matching takes (the left, then the right picture, 1 x 3 x H x W) and gives. InputError for
+    contradictions."""
+
+    scale: float = 1.0
+    """A colour c of 0..255 is shown as (c * scale - mean) / std; RAFT-Stereo takes it as it is."""
+    mean: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    std: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    multiple: int = 32
+    """Pictures are continued at their right and lower borders to a multiple of this height and width."""
+    size: tuple[int, int] | None = None
+    """The only height and width it takes, to which pictures are stretched; None: any that `multiple` allows."""
+    sign: int = 1
+    """1: it gives left x minus right x; -1: the flow from left to right, as RAFT-Stereo does."""
+    output_scale: float = 1.0
+    """Pixels, of the pictures as shown, in one unit of what it gives."""
+    output: str | None = None
+    """Name of the output that is used; None: the last, which is the full-size one of RAFT-Stereo."""
+
+    def __post_init__(self) -> None:
+        if len(self.mean) != 3 or len(self.std) != 3 or min(self.std) <= 0 or self.scale <= 0:
+            raise InputError("contract: mean and std of three colours, std and scale above 0 are wanted")
+        if min(self.size or (self.multiple,)) < 1:
+            raise InputError("contract: size and multiple of 1 or more are wanted")
+        if self.sign not in (1, -1) or not self.output_scale > 0:
+            raise InputError(
+                f"contract: sign is {self.sign} and output_scale {self.output_scale}; 1 or -1, and above 0 are wanted"
+            )
+
+    def tensor(self, color: UInt8Array) -> Float32Array:
+        """A picture (H x W x 3, RGB) as the network takes it, 1 x 3 x H' x W'."""
+        if self.size is not None:
+            shown = cv2.resize(color, self.size[::-1], interpolation=cv2.INTER_AREA)
+        else:
+            below, beside = (-side % self.multiple for side in color.shape[:2])
+            shown = cv2.copyMakeBorder(color, 0, below, 0, beside, cv2.BORDER_REPLICATE)
+        normal = (shown.astype(np.float32) * np.float32(self.scale) - np.asarray(self.mean)) / np.asarray(self.std)
+        return np.ascontiguousarray(normal.transpose(2, 0, 1))[None].astype(np.float32)
+
+    def disparity(self, out: Float32Array, hw: tuple[int, int]) -> Float32Array:
+        """Pixels of a picture of that size from what the network gave (h x w)."""
+        pixels = out * np.float32(self.sign * self.output_scale)
+        if self.size is None:
+            return np.ascontiguousarray(pixels[: hw[0], : hw[1]])
+        stretched = cv2.resize(pixels, hw[::-1], interpolation=cv2.INTER_LINEAR)
+        return np.asarray(stretched * np.float32(hw[1] / out.shape[1]), np.float32)
+
+    def metadata(self) -> dict[str, str]:
+        """The ONNX metadata that says all this."""
+        return {CONTRACT_KEY: json.dumps({"network": NETWORK, **asdict(self)})}
+
+
+@dataclass(frozen=True, eq=False)
+class NetworkMatcher:
+    """A network ready to match pairs; a Matcher of `dlama.perception.stereo_matching`."""
+
+    file: NetworkFile
+    contract: StereoContract
+
+    @classmethod
+    def open(cls, path: str | Path) -> NetworkMatcher:
+        """The matcher of a network file. FileError: no such file, no contract, or one that cannot be read."""
+        file = NetworkFile(Path(path))
+        return cls(file, contract_of(file))
+
+    def __call__(self, left: UInt8Array, right: UInt8Array) -> tuple[Float32Array, Float32Array]:
+        """The disparity of each picture (H x W px, 0 = unknown): each is matched against the other, and what both agree on is
+        kept. FileError where the file does not keep its contract."""
+        check_pictures(left, right)
+        at_left = self.matched(left, right)
+        # mirrored left and right, the right view is a left one
+        at_right = np.ascontiguousarray(self.matched(right[:, ::-1], left[:, ::-1])[:, ::-1])
+        return zero_where_inconsistent(at_left, at_right)
+
+    def matched(self, base: UInt8Array, other: UInt8Array) -> Float32Array:
+        """H x W px of `base` against `other`, as the network says."""
+        names = list(self.file.inputs)
+        if len(names) != 2:
+            raise FileError(
+                f"{self.file.path}: takes {len(names)} inputs ({', '.join(names)}); left and right are wanted"
+            )
+        feed = {name: self.contract.tensor(np.ascontiguousarray(one)) for name, one in zip(names, (base, other))}
+        outputs = dict(zip(self.file.outputs, self.file.run_all(feed)))
+        wanted = self.contract.output or list(outputs)[-1]
+        if wanted not in outputs:
+            raise FileError(f"{self.file.path}: gives {', '.join(outputs)}; its contract wants {wanted}")
+        shown = next(iter(feed.values())).shape[2:]
+        out = np.asarray(outputs[wanted], np.float32)
+        if out.ndim not in (2, 3, 4) or out.shape[-2:] != shown or not np.isfinite(out).all():
+            raise FileError(
+                f"{self.file.path}: gave {' x '.join(map(str, out.shape))}; finite numbers of {shown[0]} x {shown[1]} are wanted"
+            )
+        return self.contract.disparity(out.reshape(-1, *shown)[0], base.shape[:2])
+
+    @property
+    def notes(self) -> dict[str, Any]:
+        """What ran, for meta.json."""
+        return self.file.notes
+
+
+def contract_of(file: NetworkFile) -> StereoContract:
+    """The contract in a file's metadata, or in the JSON file beside it. FileError: none, or one that cannot be read."""
+    beside = file.path.with_suffix(".json")
+    text = file.metadata.get(CONTRACT_KEY)
+    if text is None and beside.is_file():
+        text = beside.read_text(encoding="utf-8")
+    if text is None:
+        raise FileError(
+            f"{file.path}: says nothing about what it takes and gives; {beside.name} beside it is wanted, such as "
+            '{"network": "stereo matching", "scale": 1, "multiple": 32, "sign": -1} for RAFT-Stereo'
+        )
+    try:
+        words = json.loads(text)
+        if words.get("network") != NETWORK:
+            raise FileError(
+                f"{file.path}: is a network {words.get('network')!r} by its contract; {NETWORK!r} is wanted"
+            )
+        known = {one.name for one in fields(StereoContract)}
+        strange = sorted(set(words) - known - {"network", "version"})
+        if strange:
+            raise FileError(f"{file.path}: its contract has {', '.join(strange)}; known are {', '.join(sorted(known))}")
+        listed: dict[str, Any] = {
+            key: tuple(one) if isinstance(one, list) else one for key, one in words.items() if key in known
+        }
+        return StereoContract(**listed)
+    except FileError:
+        raise
+    except InputError as error:
+        raise FileError(f"{file.path}: {error}") from error
+    except (ValueError, TypeError, AttributeError) as error:
+        raise FileError(f"{file.path}: its contract cannot be read ({error})") from error

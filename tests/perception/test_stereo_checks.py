@@ -1,0 +1,81 @@
+"""What is noticed of pairs that are none: a good pair corrupted on purpose (that is the oracle); good ones raise no doubt."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+import dlama
+from dlama.errors import InputError
+from dlama.perception.stereo_checks import doubts, matched_corners, refuse_identical
+
+Array = np.ndarray
+KNOWN = np.ones((512, 512), np.float32)
+
+
+def demo() -> tuple[Array, Array]:
+    """The pair that comes with the package."""
+    return dlama.read_color(dlama.example() / "street.jpg"), dlama.read_color(dlama.example() / "right.jpg")
+
+
+def turned(picture: Array, degrees: float) -> Array:
+    """The picture turned about its middle."""
+    height, width = picture.shape[:2]
+    return cv2.warpAffine(picture, cv2.getRotationMatrix2D((width / 2, height / 2), degrees, 1), (width, height))
+
+
+def test_a_good_pair_raises_no_doubt() -> None:
+    """Law: rows match and things are farther left in the right picture."""
+    left, right = demo()
+    assert doubts(left, right, KNOWN) is None
+    offsets = matched_corners(left, right).offsets
+    assert len(offsets) > 300 and np.median(abs(offsets[:, 1])) < 0.3 and (offsets[:, 0] > 0).mean() > 0.9
+
+
+@pytest.mark.parametrize("name", ["cone", "Cloth3", "motorcycle"])
+def test_middlebury_raises_no_doubt(data_dir: Path, name: str) -> None:
+    """Law: published rectified pairs."""
+    folder = data_dir / "data" / (name if name == "motorcycle" else f"stereo/{name}")
+    left, right = dlama.read_color(folder / "left.png"), dlama.read_color(folder / "right.png")
+    assert doubts(left, right, np.ones(left.shape[:2], np.float32)) is None
+
+
+def test_swapped_pictures() -> None:
+    """Oracle: the corruption."""
+    left, right = demo()
+    assert "swapped" in str(doubts(right, left, KNOWN))
+
+
+@pytest.mark.parametrize("corrupt", [lambda p: np.roll(p, 3, 0), lambda p: turned(p, 1), lambda p: turned(p, -0.7)])
+def test_rows_that_do_not_match(corrupt) -> None:
+    """Oracle: the corruption; a shift of 3 px and turns of about a degree."""
+    left, right = demo()
+    assert "rectified" in str(doubts(left, corrupt(right), KNOWN))
+
+
+def test_pictures_of_different_scenes() -> None:
+    """Oracle: the corruption: the right picture upside down, or noise, shares no corner with the left one."""
+    left, right = demo()
+    noise = np.random.default_rng(0).integers(0, 256, (64, 64, 3), np.uint8).repeat(8, 0).repeat(8, 1)
+    for other in (right[::-1].copy(), noise):
+        assert "same scene" in str(doubts(left, other, KNOWN))
+
+
+def test_plain_pictures_are_judged_by_their_matches() -> None:
+    """Law: without corners nothing is said of them, but that hardly anything was matched."""
+    plain = np.full((60, 80, 3), 100, np.uint8)
+    known = np.zeros((60, 80), np.float32)
+    assert "only 0%" in str(doubts(plain, plain, known))
+    assert doubts(plain, plain, known + 1) is None
+
+
+def test_identical_pictures_are_refused() -> None:
+    """Law: not where a picture shows nothing."""
+    left, right = demo()
+    refuse_identical(left, right)
+    refuse_identical(np.zeros_like(left), np.zeros_like(left))
+    with pytest.raises(InputError, match="identical"):
+        refuse_identical(left, left.copy())
