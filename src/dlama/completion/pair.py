@@ -145,9 +145,11 @@ def nearest_of_object(disparity: Float32Array, mask: BoolArray) -> Float32Array:
     """
     import cv2
 
-    of_object = np.where(mask, disparity, np.float32(0))
+    none = np.float32(-1e9)  # not 0: with doffs a thing may have a negative disparity
+    of_object = np.where(mask & (disparity != 0), disparity, none)
     kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * OBJECT_REACH + 1,) * 2)
-    return np.asarray(cv2.dilate(of_object, kernel))
+    nearest = cv2.dilate(of_object, kernel)
+    return np.where(nearest == none, np.float32(0), nearest)
 
 
 def without_bleeding(disparity: Float32Array, nearest: Float32Array, mask: BoolArray, doffs: float) -> Float32Array:
@@ -157,4 +159,4 @@ def without_bleeding(disparity: Float32Array, nearest: Float32Array, mask: BoolA
     object stands is taken for it too, and comes back with the surface it belongs to.
     """
     as_near = disparity + doffs >= np.float32(AS_NEAR) * (nearest + np.float32(doffs))
-    return np.where(~mask & as_near & (nearest > 0), np.float32(0), disparity)
+    return np.where(~mask & as_near & (nearest != 0), np.float32(0), disparity)

@@ -1,0 +1,128 @@
+"""Stereo's options and its calibration: far limit, doffs, masks of either picture, range of disparities (closed forms)."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from dlama.completion import stereo as pairs
+from dlama.completion.completion import StereoCompletion
+from dlama.completion.pair import MatchedPair, default_far, depth_in_metres, masks_of_pair
+from dlama.completion.stereo import stereo
+from dlama.geometry.camera import Camera, StereoRig
+from dlama.geometry.holes import dilated
+from dlama.geometry.view import HoleType
+from worlds import moved
+
+CAMERA = Camera(60, 40, 100, 100, 30, 20)
+DOFFS = 30.0
+
+
+def rig(doffs: float = 0.0) -> StereoRig:
+    """f b = 20: a disparity of d px is 20 / (d + doffs) metres."""
+    other = Camera(60, 40, 100, 100, 30 + doffs, 20)
+    return StereoRig(CAMERA, other.at(moved(CAMERA, shift=(0.2, 0, 0)).world_from_cam))
+
+
+def square(rows: tuple[int, int], columns: tuple[int, int]) -> np.ndarray:
+    """H x W bool, True in the rows and columns [from, to)."""
+    mask = np.zeros(CAMERA.hw, bool)
+    mask[slice(*rows), slice(*columns)] = True
+    return mask
+
+
+THING = square((15, 25), (30, 40))
+
+
+def test_what_half_a_pixel_cannot_tell_from_infinity_is_far() -> None:
+    """Closed form: 40 m by default, whatever the calibration's doffs; `far` itself is far."""
+    disparity = np.array([[0.49, 0.51, 1.9, 2.1, 0]], np.float32)
+    for doffs in (0.0, DOFFS):
+        about = rig(doffs)
+        assert default_far(about) == pytest.approx(40)
+        shifted = np.where(disparity == 0, np.float32(0), disparity - np.float32(doffs))
+        np.testing.assert_allclose(
+            depth_in_metres(shifted, about, default_far(about))[0],
+            [np.inf, 20 / 0.51, 20 / 1.9, 20 / 2.1, 0],
+            rtol=1e-4,
+        )
+        np.testing.assert_allclose(
+            depth_in_metres(shifted, about, 10.0)[0], [np.inf, np.inf, np.inf, 20 / 2.1, 0], rtol=1e-4
+        )
+
+
+def pair_of(doffs: float, thing: float, beside: float) -> MatchedPair:
+    """A thing before a wall, and right of it a strip; each at its distance to infinity (disparity + doffs, px)."""
+    disparity = np.full(CAMERA.hw, 2 - doffs, np.float32)
+    disparity[15:25, 30:40], disparity[15:25, 40:44] = thing - doffs, beside - doffs
+    grey = np.zeros((*CAMERA.hw, 3), np.uint8)
+    return MatchedPair(rig(doffs), 40.0, (grey, grey), (disparity, disparity), (THING, THING))
+
+
+@pytest.mark.parametrize("doffs", [0.0, DOFFS, -DOFFS])
+def test_bleeding_is_measured_from_infinity(doffs: float) -> None:
+    """Closed form: beside a thing at 20 px, what is 17.1 px from infinity bled (85 %), 16.9 px did not, whatever disparity
+    infinity has; the thing's own depth is 1 m."""
+    for beside, missing in ((17.1, True), (16.9, False)):
+        pair = pair_of(doffs, 20, beside)
+        for cleaned in pair.without_bleeding().disparities:
+            assert (cleaned[18:22, 40:42] == 0).all() == missing
+            np.testing.assert_array_equal(cleaned[THING], 20 - doffs)
+        depth = pair.object_depth
+        assert depth is not None
+        np.testing.assert_allclose(depth[THING], 1, rtol=1e-5)
+
+
+def test_the_right_mask_is_the_left_one_carried_by_its_disparity() -> None:
+    """Closed form: 6 px to the left; a mask of the right picture is taken as it is, and none without a left one."""
+    disparity = np.full(CAMERA.hw, 6, np.float32)
+    masks = masks_of_pair(THING, None, disparity, rig())
+    assert masks is not None
+    np.testing.assert_array_equal(masks[0], THING)
+    np.testing.assert_array_equal(masks[1], square((15, 25), (24, 34)))
+    own = square((10, 20), (5, 15))
+    given = masks_of_pair(THING, own, disparity, rig())
+    assert given is not None
+    np.testing.assert_array_equal(given[1], own)
+    assert masks_of_pair(None, None, disparity, rig()) is None
+
+
+def completed(monkeypatch: pytest.MonkeyPatch, asked: dict[str, Any] | None = None, **options: Any) -> StereoCompletion:
+    """A flat wall 5 m away (4 px), matched perfectly; what the matcher is asked for goes into `asked`."""
+
+    def matched(*_: Any, **words: Any) -> tuple[np.ndarray, np.ndarray]:
+        (asked if asked is not None else {}).update(words)
+        wall = np.full(CAMERA.hw, 4, np.float32)
+        return wall, wall
+
+    monkeypatch.setattr(pairs, "disparity_pair", matched)
+    texture = np.random.default_rng(0).integers(0, 256, (40, 80, 3), np.uint8)
+    return stereo(texture[:, :60], texture[:, 4:64], rig(), filler="telea", dilate=1, **options)
+
+
+def test_the_range_of_disparities_reaches_the_matcher(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Law: as it was given; None lets the matcher find it."""
+    for value in (None, 12.0):
+        asked: dict[str, Any] = {}
+        completed(monkeypatch, asked, max_disparity=value)
+        assert asked["max_disparity"] == value
+
+
+@pytest.mark.parametrize("far", [None, 4.0])
+def test_far_is_where_it_is_put(far: float | None, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Closed form: the wall at 5 m is a wall by default, and sky where far begins at 4 m."""
+    done = completed(monkeypatch, far=far)
+    assert done.source.far.all() == (far is not None)
+    assert np.isinf(done.views[0].depth).all() == (far is not None)
+
+
+@pytest.mark.parametrize("given", [True, False])
+def test_the_object_leaves_the_right_view_where_its_mask_is(given: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Closed form: the right view's hole is the mask of the right picture, or the left one 4 px further left, dilated by 1 px."""
+    own = square((10, 20), (5, 15)) if given else None
+    done = completed(monkeypatch, mask=THING, mask_right=own)
+    wanted = own if own is not None else square((15, 25), (26, 36))
+    for before, mask in zip(done.warped, (THING, wanted)):
+        np.testing.assert_array_equal(before.hole_type == HoleType.OBJECT, dilated(mask, 1))
