@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from dlama.completion import stereo as pairs
+from dlama.completion import disparities as pairs
 from dlama.completion.completion import StereoCompletion
 from dlama.completion.pair import MatchedPair, default_far, depth_in_metres, masks_of_pair
 from dlama.completion.stereo import stereo
