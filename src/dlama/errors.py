@@ -51,3 +51,8 @@ class MissingExtraError(DlamaError, ImportError):
 
     def __init__(self, what: str, package: str, extra: str) -> None:
         super().__init__(f"{what} needs the package '{package}': pip install 'dlama[{extra}]'")
+
+
+def first_line(error: BaseException) -> str:
+    """What an error says, or its name where it says nothing."""
+    return next(iter(str(error).splitlines()), type(error).__name__)

@@ -121,6 +121,30 @@ def test_model_for_converts_once(capsys: pytest.CaptureFixture[str], tmp_path: P
     assert model_for(source) != first
 
 
+@pytest.mark.parametrize("damage", ["flipped", "empty", "no hash", "empty hash"])
+def test_a_damaged_converted_network_is_made_anew(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, cache_dir: Path, damage: str
+) -> None:
+    """Oracle: the bytes of the first time; the note says so."""
+    pytest.importorskip("onnx")
+    source = write_weights(tmp_path / "w.safetensors")
+    first = model_for(source)
+    whole, beside = first.read_bytes(), first.with_suffix(".sha256")
+    if damage == "flipped":
+        first.write_bytes(whole[:500] + bytes([whole[500] ^ 1]) + whole[501:])
+    elif damage == "empty":
+        first.write_bytes(b"")
+    elif damage == "no hash":
+        beside.unlink()
+    else:
+        beside.write_bytes(b"")
+    capsys.readouterr()
+    assert model_for(source) == first and first.read_bytes() == whole
+    assert "is not as it was written; it is made anew" in capsys.readouterr().err
+    assert model_for(source) == first and capsys.readouterr().err == ""
+    assert sorted(path.suffix for path in first.parent.iterdir()) == [".onnx", ".sha256"]
+
+
 def test_model_for_other_words(tmp_path: Path, cache_dir: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """An ONNX file is taken as it is; a name of the catalogue must have been pulled; anything else lists the names."""
     (tmp_path / "a.onnx").write_bytes(b"")

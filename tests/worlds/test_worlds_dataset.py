@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import pickle
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ import pytest
 from dlama.datasets.easysynth.dataset import easysynth
 from dlama.datasets.frames import RemovalTruth, StereoTruth, ViewTruth
 from dlama.errors import InputError, OutputError
+from dlama.files import drafts
 from dlama.worlds.dataset import world, worlds
 from dlama.worlds.writer import write_worlds
 
@@ -90,7 +92,47 @@ def test_folders_are_read_back_by_the_easysynth_reader(tmp_path: Path) -> None:
     assert [frame["yaw_deg"] for frame in poses["sequences"]["with"]["frames"]][:3] == [0, 10, -10]
     np.testing.assert_allclose(poses["sequences"]["with"]["frames"][6]["world_from_cam"], camera.world_from_cam)
     with pytest.raises(OutputError, match="is not empty"):
-        write_worlds(tmp_path, count=1, seed=9, size=SIZE)
+        write_worlds(tmp_path, count=1, seed=9, size=SIZE, shadows=False)
+
+
+class Killed(BaseException):
+    """Stands for SIGKILL."""
+
+
+def test_a_killed_run_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Killed at the fortieth frame of sixty; the same call writes what is missing (oracles: one run of all; times of change)."""
+
+    def killed(done: int, total: int) -> None:
+        if done == 40:
+            raise Killed
+
+    with monkeypatch.context() as broken:
+        broken.setattr(shutil, "rmtree", lambda *_, **__: None)
+        broken.setattr(Path, "rmdir", lambda *_: None)
+        with pytest.raises(Killed):
+            write_worlds(tmp_path / "a", count=2, seed=9, size=16, progress=killed)
+    first = tmp_path / "a" / "w009" / "poses.json"
+    before = first.stat().st_mtime_ns
+    monkeypatch.setattr(drafts, "_swept", set())
+    told: list[int] = []
+    write_worlds(tmp_path / "a", count=2, seed=9, size=16, progress=lambda done, total: told.append(done))
+    assert first.stat().st_mtime_ns == before and told == list(range(1, 61))
+    write_worlds(tmp_path / "b", count=2, seed=9, size=16)
+    assert contents(tmp_path / "a") == contents(tmp_path / "b")
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+def test_pictures_that_memory_cannot_hold_are_refused(tmp_path: Path) -> None:
+    for size, message in (
+        (30_000, "camera is 30000x30000 pixels: .* GB are free"),
+        (10**9, "size is 1000000000; at most 32767"),
+    ):
+        with pytest.raises(InputError, match=message):
+            write_worlds(tmp_path / "out", count=1, size=size)
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_bad_numbers_are_refused() -> None:

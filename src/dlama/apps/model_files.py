@@ -5,17 +5,20 @@ Weights are converted once; the ONNX file lies in the cache directory under the 
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 
 from dlama import __version__
+from dlama.apps.terminal import print_line
 from dlama.errors import FileError, OutputError
+from dlama.files.atomic_write import new_file
 from dlama.inpainters.networks.contract import generator_metadata, migan_metadata
 from dlama.models.cache import directory, locate
 from dlama.models.records import CATALOGUE
-from dlama.models.verify import size_and_sha256
+from dlama.models.verify import sha256_of, size_and_sha256
 
 UNKNOWN = "unknown"
+HASH_SUFFIX = ".sha256"
+"""Of the file beside a converted network that has its hash."""
 
 
 def model_for(model: Path | str) -> Path:
@@ -34,11 +37,24 @@ def model_for(model: Path | str) -> Path:
         return path
     size, sha256 = size_and_sha256(path)
     target = directory() / "converted" / f"{path.stem}-{sha256[:16]}-dlama{__version__}.onnx"
+    beside = target.with_suffix(HASH_SUFFIX)
     if target.is_file():
-        return target
+        if is_whole(target, beside):
+            return target
+        print_line("note", f"{target}: is not as it was written; it is made anew")
     for note in convert(path, target, licence_of(size, sha256)):
-        print(f"note: {note}", file=sys.stderr)
+        print_line("note", note)
+    with new_file(beside) as draft:
+        draft.write_text(f"{sha256_of(target)}\n", "ascii")
     return target
+
+
+def is_whole(file: Path, beside: Path) -> bool:
+    """Whether a file has the sha256 that was written beside it when it was made; False where that is missing or unreadable."""
+    try:
+        return sha256_of(file) == beside.read_text("ascii").strip()
+    except (OSError, UnicodeDecodeError, FileError):
+        return False
 
 
 def source_of(model: Path | str) -> Path:
@@ -65,10 +81,13 @@ def convert(source: Path, target: Path, licence: str) -> list[str]:
         target.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise OutputError(f"{target.parent}: cannot be made ({error})") from error
+    with new_file(target) as draft:  # of a name of its own: two processes may convert the same file
+        if weights is None:
+            export_migan(source, draft, migan_metadata(source, licence))
+        else:
+            export_onnx(weights, draft, generator_metadata(weights.settings, source, licence))
     if weights is None:
-        export_migan(source, target, migan_metadata(source, licence))
         return [f"{source}: MI-GAN pipeline, licence {licence}, its generator written to {target}"]
-    export_onnx(weights, target, generator_metadata(weights.settings, source, licence))
     planes = f"{weights.settings.in_channels} -> {weights.settings.out_channels} planes"
     said = f"{source}: {weights.kind}, {planes}, {weights.settings.blocks} blocks, licence {licence}, converted to {target}"
     return [said, *(f"{source}: {note}" for note in weights.notes)]

@@ -13,7 +13,7 @@ from typing import IO, Any
 import numpy as np
 import OpenEXR
 
-from dlama.errors import FileError, ShapeError
+from dlama.errors import FileError, ShapeError, first_line
 from dlama.files.atomic_write import PathLike, new_file
 from dlama.files.images import LARGEST_PIXELS, check_pixels, existing
 from dlama.geometry.rgbd import Float32Array
@@ -138,7 +138,7 @@ def read_exr(path: PathLike, channel: str | None = None) -> Float32Array:
     except FileError:
         raise
     except Exception as error:
-        raise FileError(f"{file}: is damaged or no OpenEXR file ({str(error).splitlines()[0]})") from error
+        raise FileError(f"{file}: is damaged or no OpenEXR file ({first_line(error)})") from error
     result = _plane(file, values).astype(np.float32)
     if values.dtype == np.float16:
         result[result >= HALF_MAX] = np.inf

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from dlama.errors import DlamaError, FileError, InputError, MissingExtraError
+from dlama.errors import DlamaError, FileError, InputError, MissingExtraError, first_line
 from dlama.models.openvino import OpenVinoSession
 from dlama.models.verify import sha256_of
 
@@ -75,7 +75,7 @@ class NetworkFile:
             raise
         except Exception as error:  # their errors share no base class of their own
             raise FileError(
-                f"{self.path}: cannot be opened as an ONNX network ({str(error).splitlines()[0]}); "
+                f"{self.path}: cannot be opened as an ONNX network ({first_line(error)}); "
                 "`dlama models convert FILE -o FILE.onnx` makes one of a checkpoint"
             ) from error
 
@@ -142,7 +142,7 @@ class NetworkFile:
             return [np.asarray(one) for one in self.session.run(None, feed)]
         except Exception as error:
             sizes = {name: array.shape for name, array in feed.items()}
-            raise FileError(f"{self.path}: failed on {sizes} ({str(error).splitlines()[0]})") from error
+            raise FileError(f"{self.path}: failed on {sizes} ({first_line(error)})") from error
 
 
 def file_stamp(path: Path) -> tuple[int, int]:

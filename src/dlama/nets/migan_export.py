@@ -27,7 +27,7 @@ from typing import Any
 
 import numpy as np
 
-from dlama.errors import FileError, MissingExtraError, OutputError
+from dlama.errors import FileError, MissingExtraError, OutputError, first_line
 from dlama.nets.onnx_graph import Graph
 
 SIDE = 512
@@ -94,7 +94,7 @@ def read_weights(pipeline: Path) -> Weights:
     try:
         graph = onnx.load(str(pipeline)).graph
     except Exception as error:  # protobuf's errors share no base class
-        raise FileError(f"{pipeline}: cannot be read as ONNX ({str(error).splitlines()[0]})") from error
+        raise FileError(f"{pipeline}: cannot be read as ONNX ({first_line(error)})") from error
     tensors = {tensor.name: numpy_helper.to_array(tensor) for tensor in graph.initializer}
     aliases = {node.output[0]: node.input[0] for node in graph.node if node.op_type == "Identity"}
     noise = {}

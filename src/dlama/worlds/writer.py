@@ -7,17 +7,20 @@ import json
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
+from dlama import __version__
+from dlama.completion.memory import LONGEST_SIDE, check_memory
 from dlama.datasets.easysynth.writer import SequenceFrame, SequenceKey, StereoSequence, write_scene
-from dlama.files.atomic_write import new_file
+from dlama.errors import InputError
 from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.trajectories import PIVOT_M
-from dlama.worlds.dataset import YAWS, world_settings
+from dlama.worlds.dataset import YAWS, WorldSettings, world_settings
 from dlama.worlds.world import SIZE, Kind, World, classes_of, yaw_order
 
 FRAMES = 30
 """Frames of a scene: thirteen poses and a stereo pair, with and without the object."""
 DEPTH_RANGE_M = 10.0
+POSES = "poses.json"
 CLASSES = {"background": (0, 0, 0), "object": (255, 0, 0), "sky": (70, 130, 180)}
 
 
@@ -36,8 +39,9 @@ def write_worlds(
     """Write worlds in EasySynth's layout, depth range 10 m: scene folders `wNNN` with with, without, stereo_with, stereo_without.
 
     Each scene also gets poses.json (intrinsics, yaw and world_from_cam of every frame). `progress` is called with frames
-    done and all frames. A scene is written whole or not at all. Returns the scenes' folders. Raises InputError, OutputError
-    (a scene's folder is not empty, or the place cannot be written).
+    done and all frames. A scene is written whole or not at all, and one that an earlier run has written with the same settings
+    is kept: a run that was killed goes on where it was. Returns the scenes' folders. Raises InputError (memory cannot hold the
+    pictures), OutputError (a scene's folder holds something else, or the place cannot be written).
     """
     done = itertools.count(1)
 
@@ -46,13 +50,51 @@ def write_worlds(
             progress(next(done), FRAMES * count)
 
     every = world_settings(count, seed, size, kind, shadows, antialias, textures)
-    return [write_world(Path(folder), each.scene, each.world(), size, YAWS, step) for each in every]
+    if size > LONGEST_SIDE:
+        raise InputError(f"size is {size}; at most {LONGEST_SIDE} pixels are wanted")
+    check_memory([Camera.from_fov(size, size, 60.0)])
+    return [_written(Path(folder), each, step) for each in every]
+
+
+def _written(root: Path, settings: WorldSettings, step: Callable[[], None]) -> Path:
+    """The folder of a scene: as an earlier run with these settings left it, else written now."""
+    made_with = described(settings)
+    if found_settings(root / settings.scene) != made_with:
+        return write_world(root, settings.scene, settings.world(), settings.size, YAWS, step, made_with)
+    for _ in range(FRAMES):
+        step()
+    return root / settings.scene
+
+
+def described(settings: WorldSettings) -> dict[str, object]:
+    """What a scene is made with, as poses.json keeps it."""
+    names = ("seed", "kind", "shadows", "antialias", "size")
+    textures = str(settings.textures) if isinstance(settings.textures, Path) else None
+    return {"dlama": __version__, **{name: getattr(settings, name) for name in names}, "textures": textures}
+
+
+def found_settings(folder: Path) -> dict[str, object] | None:
+    """What the scene in a folder was made with; None where there is none, or it does not say."""
+    try:
+        found = json.loads((folder / POSES).read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError):
+        return None
+    return found.get("made_with") if isinstance(found, dict) else None
 
 
 def write_world(
-    root: Path, scene: str, world: World, size: int, yaws: Sequence[float], step: Callable[[], None]
+    root: Path,
+    scene: str,
+    world: World,
+    size: int,
+    yaws: Sequence[float],
+    step: Callable[[], None],
+    made_with: dict[str, object] | None = None,
 ) -> Path:
-    """Write `root/scene` and return it; `step` is called after every frame. Raises OutputError."""
+    """Write `root/scene` and return it; `step` is called after every frame. Raises OutputError.
+
+    made_with: goes into poses.json, by which a later run knows the scene.
+    """
 
     def frame(camera: Camera, object: bool) -> SequenceFrame:
         seen = world.raycast(camera, object=object)
@@ -72,9 +114,9 @@ def write_world(
         "stereo_with": pair(True),
         "stereo_without": pair(False),
     }
-    write_scene(root, scene, sequences, depth_range=DEPTH_RANGE_M, classes=CLASSES)
-    with new_file(root / scene / "poses.json") as draft:
-        draft.write_text(json.dumps(poses(scene, world, size, yaws), indent=1) + "\n", encoding="utf-8")
+    about = {**poses(scene, world, size, yaws), "made_with": made_with}
+    texts = {POSES: json.dumps(about, indent=1) + "\n"}
+    write_scene(root, scene, sequences, depth_range=DEPTH_RANGE_M, classes=CLASSES, texts=texts)
     return root / scene
 
 

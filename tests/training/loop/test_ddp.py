@@ -82,3 +82,64 @@ def test_two_processes_are_one_with_the_doubled_batch(tmp_path):
 
 
 no_tensorboard()
+
+
+FULL_DISK = """
+import errno, sys
+from dataclasses import replace
+from pathlib import Path
+import torch
+from dlama.errors import OutputError
+from dlama.training.loop import callbacks
+from dlama.training.loop.train import train
+from dlama.training.presets import settings_of
+
+def write(path, checkpoint):
+    if checkpoint["step"] in (1, int(sys.argv[3])):
+        raise OutputError("the disk is full")
+    real(path, checkpoint)
+
+real, callbacks.write_checkpoint = callbacks.write_checkpoint, write
+kept = callbacks.TrainingModule.training_step
+def spoiled(self, batch, index):
+    if self.step == 1 and not self.restored:
+        batch = batch | {"target": batch["target"] * float("nan")}
+    kept(self, batch, index)
+callbacks.TrainingModule.training_step = spoiled
+if __name__ == "__main__":
+    train(settings_of(sys.argv[1]), Path(sys.argv[2]))
+"""
+
+
+@pytest.mark.parametrize("last", [False, True])
+def test_a_full_disk_of_the_first_process_is_every_process_s(tmp_path: Path, last: bool) -> None:
+    """The checkpoint of step 1 fails and the next batch is bad: both processes return to the same state and end alike (oracle: a
+    run on a disk that is never full has the same weights). Where the last checkpoint fails, both end, and none waits."""
+    from dlama.training.presets import to_json
+
+    chosen, results = toy(steps=3, batch=1, devices=2, checkpoint_every=1, guard_every=100), []
+    for name, failing in (("full", 3 if last else 0), ("roomy", -1)):
+        if last and name == "roomy":
+            continue
+        script, settings = tmp_path / f"{name}.py", tmp_path / "settings.json"
+        text = FULL_DISK if name == "full" else FULL_DISK.replace("in (1, ", "in (-1, ")
+        script.write_text(text)
+        settings.write_text(to_json(chosen))
+        clean = {
+            k: v for k, v in os.environ.items() if k not in ("LOCAL_RANK", "NODE_RANK", "WORLD_SIZE", "MASTER_PORT")
+        }
+        done = subprocess.run(
+            [sys.executable, str(script), str(settings), str(tmp_path / name), str(failing)],
+            env=clean | {"OMP_NUM_THREADS": "1", "MASTER_ADDR": "127.0.0.1"},
+            capture_output=True,
+            text=True,
+            timeout=600,  # against processes that wait for each other for ever; no measure of speed
+        )
+        if last:
+            assert done.returncode != 0 and "the disk is full" in done.stderr
+            return
+        assert done.returncode == 0, done.stderr[-3000:]
+        results.append(read_checkpoint(tmp_path / name / LAST))
+    for key, value in results[0]["state_dict"].items():
+        assert torch.equal(value, results[1]["state_dict"][key]), key
+    assert results[0]["restored"] == results[1]["restored"] == 1

@@ -119,10 +119,12 @@ def write_scene(
     depth_range: float,
     classes: Mapping[str, RGB],
     color: ColorFormat = "png",
+    texts: Mapping[str, str] | None = None,
 ) -> None:
     """Write the sequences of a scene to `root/scene/<key>`, called `<scene>_<key>`; all of them or none.
 
-    Arguments and errors as in `write_sequence`; a StereoSequence becomes a rig of two cameras.
+    Arguments and errors as in `write_sequence`; a StereoSequence becomes a rig of two cameras. `texts`: further files of the
+    scene, name -> content.
     """
     style = _Style(depth_range, classes, color)
     with _new(Path(root) / scene) as draft:
@@ -132,6 +134,8 @@ def write_scene(
                 _write_stereo(draft / key, f"{scene}_{key}", frames, style)
             else:
                 _write_mono(draft / key, f"{scene}_{key}", frames, style, "CameraComponent")
+        for name, text in (texts or {}).items():
+            _write_text(draft / name, text)
 
 
 def _new(folder: Path) -> AbstractContextManager[Path]:

@@ -13,13 +13,13 @@ from typing import Any
 import pytorch_lightning as pl
 import torch
 
-from dlama.errors import OutputError
+from dlama.errors import DlamaError, OutputError
 from dlama.training.data.batches import Batch
 from dlama.training.flops import network_cost
-from dlama.training.loop.checkpointing import LAST, checkpoint_of, write_checkpoint
+from dlama.training.loop.checkpointing import checkpoint_of, write_checkpoint
 from dlama.training.loop.module import TrainingModule, rate_factor
 from dlama.training.loop.random_state import random_state, set_random_state
-from dlama.training.loop.run_files import RunFiles
+from dlama.training.loop.run_files import LAST, RunFiles
 from dlama.training.loop.validation import metric_names, outputs_of, scores_of, write_sheet
 from dlama.training.losses.terms import DISCRIMINATOR_TERMS, used_terms
 from dlama.training.settings import TrainSettings
@@ -137,9 +137,16 @@ class RunCallback(pl.Callback):
         """Open the files, and listen for signals."""
         assert isinstance(module, TrainingModule)
         self.device = module.device
+        failed: str | None = None
         if trainer.is_global_zero:
-            self.files = RunFiles(self.run, columns(self.settings), module.step)
+            try:
+                self.files = RunFiles(self.run, columns(self.settings), module.step)
+            except (OSError, DlamaError) as error:
+                failed = str(error)
             LOG.info("%s", module.perceptual.note if module.perceptual else "no perceptual term")
+        failed = of_first_process(trainer, failed)
+        if failed is not None:
+            raise OutputError(failed)
         self.stop.listen()
         self.stopwatch.start(module.samples)
 
@@ -199,7 +206,10 @@ class RunCallback(pl.Callback):
         if self.files is None or self.held_out is None:
             return
         output = outputs_of(module.average, self.held_out, self.settings, module.device)
-        write_sheet(self.files.sheet_path(module.step), output, self.held_out, self.settings.network)
+        try:
+            write_sheet(self.files.sheet_path(module.step), output, self.held_out, self.settings.network)
+        except OSError as error:
+            LOG.warning("step %d: %s; the run goes on", module.step, error)
 
     def _write_row(self, module: TrainingModule, scores: dict[str, float]) -> None:
         if self.files is None:
@@ -216,26 +226,42 @@ class RunCallback(pl.Callback):
         seconds = self.stopwatch.seconds
         progress = {"step": module.step, "samples": module.samples, "seconds": seconds, **dict(zip(SPEED, speed))}
         terms = {name: float(value) for name, value in module.latest.items()}
-        self.files.row(progress | terms | {f"held_out_{name}": value for name, value in scores.items()})
+        try:
+            self.files.row(progress | terms | {f"held_out_{name}": value for name, value in scores.items()})
+        except OSError as error:
+            LOG.warning("step %d: %s; the run goes on", module.step, error)
         shown = " ".join(f"{name} {value:.4f}" for name, value in (scores or terms).items())
         LOG.info("step %d, %.0f s, %.2f samples/s: %s", module.step, seconds, rate, shown)
 
     def _write_checkpoint(self, trainer: pl.Trainer, module: TrainingModule, required: bool) -> None:
-        """All processes send their random numbers, the first one writes. OutputError only where it is required."""
+        """All processes send their random numbers, the first one writes. OutputError in all, and only if `required`."""
         states: list[Any] = [random_state()]
         if trainer.world_size > 1:
             states = [None] * trainer.world_size
             torch.distributed.all_gather_object(states, random_state())
+        failed: str | None = None
         if trainer.is_global_zero:
             try:
                 write_checkpoint(self.run / LAST, checkpoint_of(module, self.stopwatch.seconds, states))
             except OutputError as error:
-                if required:
-                    raise
-                LOG.warning("step %d: %s; the run goes on", module.step, error)
-                return
-        module.guard.keep(module)
+                failed = str(error)
+        failed = of_first_process(trainer, failed)
+        if failed is not None and required:
+            raise OutputError(failed)
+        module.guard.keep(module)  # in all processes, written or not: what they return to must be the same
+        if failed is not None:
+            LOG.warning("step %d: %s; the run goes on", module.step, failed)
+            return
         self._checkpoint_step = module.step
+
+
+def of_first_process(trainer: pl.Trainer, said: str | None) -> str | None:
+    """What the first process says, in all of them: so that they go on, or end, together."""
+    if trainer.world_size == 1:
+        return said
+    shared = [said]
+    torch.distributed.broadcast_object_list(shared, src=0)
+    return shared[0]
 
 
 def columns(settings: TrainSettings) -> list[str]:

@@ -6,20 +6,19 @@ reader of LaMa checkpoints finds the network in it; `average.` is the one that i
 
 from __future__ import annotations
 
-import os
-import secrets
-from contextlib import suppress
+import zipfile
 from pathlib import Path
 from typing import Any
 
 import torch
 
-from dlama.errors import FileError, InputError, OutputError
+from dlama.errors import DlamaError, FileError, InputError, OutputError, first_line
+from dlama.files.atomic_write import new_file
 from dlama.training.loop.module import TrainingModule
+from dlama.training.loop.run_files import LAST
 from dlama.training.presets import to_json
 
 VERSION = 1
-LAST = "last.ckpt"
 
 
 def checkpoint_of(module: TrainingModule, seconds: float, random_states: list[dict[str, Any]]) -> dict[str, Any]:
@@ -50,30 +49,26 @@ def checkpoint_of(module: TrainingModule, seconds: float, random_states: list[di
 
 def write_checkpoint(path: Path, checkpoint: dict[str, Any]) -> None:
     """Write beside `path`, flush to the disk, and rename: a crash or a full disk leaves the old file whole. OutputError."""
-    draft = path.with_name(f".{path.name}-{secrets.token_hex(4)}")
     try:
-        with draft.open("wb") as stream:
+        with new_file(path) as draft, draft.open("wb") as stream:
             torch.save(checkpoint, stream)
-            stream.flush()
-            os.fsync(stream.fileno())
-        draft.replace(path)
     except (OSError, RuntimeError) as error:  # torch's writer turns a full disk into a RuntimeError
-        raise OutputError(
-            f"{path}: cannot be written ({str(error).splitlines()[0]}); what was there is whole"
-        ) from error
-    finally:
-        with suppress(OSError):
-            draft.unlink(missing_ok=True)
+        said = first_line(error).removeprefix(f"{path}: cannot be written: ")
+        raise OutputError(f"{path}: cannot be written ({said}); what was there is whole") from error
 
 
 def read_checkpoint(path: Path) -> dict[str, Any]:
-    """What `checkpoint_of` made; no code of the file is run. FileError where it is no checkpoint of this version."""
+    """What `checkpoint_of` made; no code of the file is run. FileError where it is no checkpoint of this version, or damaged."""
     try:
-        found = torch.load(path, map_location="cpu", weights_only=True)
+        with zipfile.ZipFile(path) as archive:  # torch does not compare the checksums that it wrote
+            damaged = archive.testzip()
+        found = None if damaged else torch.load(path, map_location="cpu", weights_only=True)
     except FileNotFoundError as error:
         raise FileError(f"{path}: no such checkpoint, so there is nothing to resume") from error
     except Exception as error:  # a damaged archive raises anything
-        raise FileError(f"{path}: cannot be read as a checkpoint ({str(error).splitlines()[0]})") from error
+        raise FileError(f"{path}: cannot be read as a checkpoint ({first_line(error)})") from error
+    if damaged:
+        raise FileError(f"{path}: is damaged: the checksum of {damaged} is wrong")
     if not isinstance(found, dict) or found.get("version") != VERSION:
         raise FileError(f"{path}: no checkpoint of dlama's training, version {VERSION}")
     return found
@@ -84,7 +79,17 @@ def restore(module: TrainingModule, checkpoint: dict[str, Any], processes: int) 
 
     Raises:
         InputError: the run had another number of processes, so its samples would not be the same ones.
+        FileError: the checkpoint is of another network, or a part of it is missing.
     """
+    try:
+        _restore(module, checkpoint, processes)
+    except DlamaError:
+        raise
+    except Exception as error:  # a part that is missing, or of another shape
+        raise FileError(f"{LAST}: does not fit the run's settings, or is damaged ({first_line(error)})") from error
+
+
+def _restore(module: TrainingModule, checkpoint: dict[str, Any], processes: int) -> None:
     before = len(checkpoint["random_states"])
     if before != processes:
         raise InputError(

@@ -8,18 +8,24 @@ from __future__ import annotations
 import csv
 import io
 import logging
+import os
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
-from dlama.errors import FileError, InputError, OutputError
+from dlama.errors import DlamaError, FileError, InputError, OutputError
 from dlama.files.atomic_write import new_file
 from dlama.training.presets import from_json, to_json
 from dlama.training.settings import TrainSettings
 
+try:
+    import fcntl
+except ImportError:  # Windows: two runs in one directory are not noticed
+    fcntl = None  # type: ignore[assignment]
+
 LOG = logging.getLogger("dlama")
-SETTINGS, METRICS, LOG_FILE, SHEETS = "settings.json", "metrics.csv", "log.txt", "sheets"
+SETTINGS, METRICS, LOG_FILE, SHEETS, LAST = "settings.json", "metrics.csv", "log.txt", "sheets", "last.ckpt"
 MAY_CHANGE = {
     "loop": {"steps", "log_every", "validate_every", "sheet_every", "checkpoint_every", "guard_every", "accelerator"},
     "data": {"workers"},
@@ -31,21 +37,64 @@ def prepare(run: Path, settings: TrainSettings, resume: bool) -> None:
     """Make the directory, or check that the run in it can be resumed with these settings.
 
     Raises:
-        OutputError: there is a run already and `resume` was not said, or the directory cannot be made.
+        OutputError: there is a run already (`holds_run`) and `resume` was not said, or the directory cannot be made.
         InputError: `resume`, and the settings are not those of the run.
         FileError: `resume`, and there is no run.
     """
     path = run / SETTINGS
-    if resume:
-        if not path.is_file():
-            raise FileError(f"{run}: holds no {SETTINGS}, so there is no run to resume")
-        refuse_changes(from_json(path.read_text("utf-8"), str(path)), settings)
-    elif path.exists():
-        raise OutputError(f"{run}: holds a run already; give `resume` to continue it, or choose another directory")
     try:
+        if resume:
+            if not path.is_file():
+                raise FileError(f"{run}: holds no {SETTINGS}, so there is no run to resume")
+            refuse_changes(settings_of(path), settings)
+        elif holds_run(run):
+            raise OutputError(f"{run}: holds a run already; give `resume` to continue it, or choose another directory")
         run.mkdir(parents=True, exist_ok=True)
     except OSError as error:
+        if isinstance(error, DlamaError):
+            raise
         raise OutputError(f"{run}: cannot be made ({error})") from error
+
+
+def holds_run(run: Path) -> bool:
+    """Whether a directory holds anything of a run that is worth keeping: a checkpoint, a network, or rows beyond a checkpoint.
+
+    A run that was killed before its first checkpoint has none of them: it begins anew, resumed or not.
+    """
+    if (run / LAST).exists() or any(run.glob("*.onnx")):
+        return True
+    try:
+        every = settings_of(run / SETTINGS).loop.checkpoint_every
+        return max((row.get("step", 0) for row in read_metrics(run)), default=0) >= every
+    except FileError:
+        return False
+
+
+@contextmanager
+def owned(run: Path) -> Iterator[None]:
+    """While this is open no other process can train in the directory. OutputError where one does."""
+    if fcntl is None:
+        yield
+        return
+    handle = os.open(run, os.O_RDONLY)
+    try:
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as error:
+            raise OutputError(f"{run}: another process trains there") from error
+        except OSError:  # a file system without locks
+            LOG.debug("%s cannot be locked", run)
+        yield
+    finally:
+        os.close(handle)
+
+
+def settings_of(path: Path) -> TrainSettings:
+    """Of a settings.json. FileError."""
+    try:
+        return from_json(path.read_text("utf-8"), str(path))
+    except (OSError, UnicodeDecodeError) as error:
+        raise FileError(f"{path}: cannot be read ({error})") from error
 
 
 def write_settings(run: Path, settings: TrainSettings) -> None:
@@ -57,7 +106,12 @@ def write_settings(run: Path, settings: TrainSettings) -> None:
 @contextmanager
 def logged(run: Path) -> Iterator[None]:
     """While it is open, what the training logs is also written to the run's log.txt."""
-    handler, level = logging.FileHandler(run / LOG_FILE, encoding="utf-8"), LOG.level
+    try:
+        handler: logging.Handler = logging.FileHandler(run / LOG_FILE, encoding="utf-8")
+    except OSError as error:
+        raise OutputError(f"{run / LOG_FILE}: cannot be written ({error.strerror or error})") from error
+    level = LOG.level
+    handler.handleError = lambda record: None  # type: ignore[method-assign]  # a full disk does not end a run
     handler.setFormatter(logging.Formatter("%(asctime)s %(message)s", "%Y-%m-%d %H:%M:%S"))
     LOG.addHandler(handler)
     LOG.setLevel(min(LOG.getEffectiveLevel(), logging.INFO))
@@ -66,7 +120,8 @@ def logged(run: Path) -> Iterator[None]:
     finally:
         LOG.removeHandler(handler)
         LOG.setLevel(level)
-        handler.close()
+        with suppress(OSError):
+            handler.close()
 
 
 def refuse_changes(before: TrainSettings, now: TrainSettings) -> None:
@@ -95,11 +150,18 @@ class RunFiles:
         text = io.StringIO()
         writer = csv.DictWriter(text, self.columns)
         writer.writerow({name: f"{v:.6g}" if isinstance(v, float) else v for name, v in values.items()})
-        with (self.run / METRICS).open("a", encoding="utf-8", newline="") as stream:
-            stream.write(text.getvalue())
-        for name, value in values.items():
-            if self.tensorboard is not None and name != "step":
-                self.tensorboard.add_scalar(name, value, values["step"])
+        try:
+            with (self.run / METRICS).open("a", encoding="utf-8", newline="") as stream:
+                stream.write(text.getvalue())
+        except OSError as error:
+            raise OutputError(f"{self.run / METRICS}: cannot be written ({error.strerror or error})") from error
+        try:
+            for name, value in values.items():
+                if self.tensorboard is not None and name != "step":
+                    self.tensorboard.add_scalar(name, value, values["step"])
+        except Exception as error:  # its thread raises again whatever it met while writing
+            LOG.warning("no more TensorBoard files are written: %s", error)
+            self.tensorboard = None
 
     def sheet_path(self, step: int) -> Path:
         """Where the sample sheet of that step goes."""
@@ -108,24 +170,51 @@ class RunFiles:
     def close(self) -> None:
         """Flush everything."""
         if self.tensorboard is not None:
-            self.tensorboard.close()
+            with suppress(Exception):  # a full disk: metrics.csv has the same numbers
+                self.tensorboard.close()
 
     def _begin_metrics(self, step: int) -> None:
         """Write the header, and the rows of an interrupted run up to its checkpoint: the steps after it are done again."""
-        path, kept = self.run / METRICS, []
-        if path.is_file() and step:
-            with path.open(encoding="utf-8", newline="") as stream:
-                kept = [row for row in csv.DictReader(stream) if row["step"].isdigit() and int(row["step"]) <= step]
+        path = self.run / METRICS
+        kept = self._rows_before(path, step) if path.is_file() and step else []
         with new_file(path) as draft, draft.open("w", encoding="utf-8", newline="") as stream:
             writer = csv.DictWriter(stream, self.columns, extrasaction="ignore")
             writer.writeheader()
             writer.writerows(kept)
 
+    def _rows_before(self, path: Path, step: int) -> list[dict[str, str]]:
+        """The rows up to a step; of a damaged table none, which is logged, and the table is kept under another name."""
+        try:
+            rows = _table(path)
+        except FileError as error:
+            path.replace(path.with_suffix(".damaged.csv"))
+            LOG.warning("%s; it is kept as %s, and a new one begins", error, path.with_suffix(".damaged.csv").name)
+            return []
+        return [row for row in rows if row["step"].isdigit() and int(row["step"]) <= step]
+
+
+def _table(path: Path) -> list[dict[str, str]]:
+    """Rows of a metrics.csv, every cell a text. FileError where it cannot be read or has no steps."""
+    try:
+        with path.open(encoding="utf-8", newline="") as stream:
+            reader = csv.DictReader(stream, restval="")
+            names = reader.fieldnames or ()
+            rows = [{name: text for name, text in row.items() if isinstance(name, str)} for row in reader]
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise FileError(f"{path}: cannot be read as a table ({error})") from error
+    if "step" not in names:
+        raise FileError(f"{path}: is damaged: it has no column `step`")
+    return rows
+
 
 def read_metrics(run: Path) -> list[dict[str, float]]:
-    """The rows of metrics.csv, empty cells left out."""
-    with (run / METRICS).open(encoding="utf-8", newline="") as stream:
-        return [{name: float(text) for name, text in row.items() if text} for row in csv.DictReader(stream)]
+    """The rows of metrics.csv, empty cells left out. FileError where they are no numbers, or there is no such file."""
+    try:
+        return [{name: float(text) for name, text in row.items() if text} for row in _table(run / METRICS)]
+    except ValueError as error:
+        if isinstance(error, FileError):
+            raise
+        raise FileError(f"{run / METRICS}: is damaged: {error}") from error
 
 
 def _tensorboard(run: Path, step: int) -> Any:

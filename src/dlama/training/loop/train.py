@@ -8,7 +8,7 @@ import multiprocessing
 import time
 import warnings
 from collections.abc import Sequence
-from contextlib import nullcontext
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -24,10 +24,10 @@ from dlama.training.data.loader import BatchNumbers, NumberedSamples, batch_load
 from dlama.training.data.sources import SampleSource, source_for
 from dlama.training.limits import check_machine
 from dlama.training.loop.callbacks import ALL_STEPS, TIME_IS_UP, RunCallback
-from dlama.training.loop.checkpointing import LAST, read_checkpoint, restore
+from dlama.training.loop.checkpointing import read_checkpoint, restore
 from dlama.training.loop.export import TrainingRecord, export, model_card
 from dlama.training.loop.module import TrainingModule
-from dlama.training.loop.run_files import logged, prepare, write_settings
+from dlama.training.loop.run_files import LAST, holds_run, logged, owned, prepare, write_settings
 from dlama.training.loop.validation import hole_metrics, scores_of, telea
 from dlama.training.settings import TrainSettings
 
@@ -89,7 +89,10 @@ def train(
         check_machine(settings)
         prepare(run, settings, resume)
     deadline = math.inf if max_minutes is None else began + 60 * max_minutes
-    with logged(run) if first else nullcontext():
+    with ExitStack() as stack:
+        if first:
+            stack.enter_context(owned(run))
+            stack.enter_context(logged(run))
         return _train(settings, run, data, deadline, resume, first, source, held_out)
 
 
@@ -112,7 +115,11 @@ def _train(
         write_settings(
             run, settings
         )  # only now: a run that was refused above leaves no settings, by which it would be known
-    checkpoint: dict[str, Any] = read_checkpoint(run / LAST) if resume else {}
+    checkpoint: dict[str, Any] = {}
+    if resume and ((run / LAST).exists() or holds_run(run)):
+        checkpoint = read_checkpoint(run / LAST)
+    elif resume:
+        LOG.info("the run was ended before its first checkpoint, so it begins anew")
     if checkpoint:
         restore(module, checkpoint, processes)
     before = checkpoint.get("seconds", 0.0)

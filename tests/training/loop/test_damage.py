@@ -1,0 +1,147 @@
+"""Run directories that were killed early, damaged, or are in use (oracles: one whole run, flipped bytes, real processes)."""
+
+from __future__ import annotations
+
+import errno
+import logging
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+torch = pytest.importorskip("torch", reason="training needs torch: pip install 'dlama[train]'")
+pytest.importorskip("pytorch_lightning", reason="the loop needs Lightning: pip install 'dlama[train]'")
+
+from toy_runs import no_tensorboard, toy  # noqa: E402
+
+from dlama.errors import FileError, OutputError  # noqa: E402
+from dlama.training.loop import callbacks, run_files  # noqa: E402
+from dlama.training.loop.checkpointing import read_checkpoint, write_checkpoint  # noqa: E402
+from dlama.training.loop.run_files import LAST, METRICS, SETTINGS, owned, read_metrics  # noqa: E402
+from dlama.training.loop.train import train  # noqa: E402
+
+no_tensorboard()
+
+
+class Killed(BaseException):
+    """Stands for SIGKILL."""
+
+
+@pytest.fixture
+def killed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A run that was killed after its first step, before any checkpoint."""
+
+    def kill(*_: object) -> None:
+        raise Killed
+
+    with monkeypatch.context() as broken:
+        broken.setattr(callbacks.RunCallback, "on_train_batch_end", kill)
+        with pytest.raises(Killed):
+            train(toy(steps=2), tmp_path / "run")
+    assert (tmp_path / "run" / SETTINGS).is_file() and not (tmp_path / "run" / LAST).exists()
+    return tmp_path / "run"
+
+
+@pytest.mark.parametrize("resume", [False, True])
+def test_a_run_killed_before_its_first_checkpoint_begins_anew(killed: Path, resume: bool) -> None:
+    assert train(toy(steps=2), killed, resume=resume).step == 2
+    assert [row["step"] for row in read_metrics(killed)] == [1, 2]
+
+
+def test_a_run_whose_checkpoint_is_gone_is_not_overwritten(killed: Path) -> None:
+    """It has rows of steps after which there was one."""
+    (killed / METRICS).write_text("step,samples\n100,200\n")
+    with pytest.raises(OutputError, match="holds a run already"):
+        train(toy(steps=2), killed)
+    with pytest.raises(FileError, match="no such checkpoint"):
+        train(toy(steps=2), killed, resume=True)
+
+
+def test_every_flipped_bit_of_the_weights_is_seen(tmp_path: Path) -> None:
+    """One bit in the middle of a tensor; and a file cut short, or empty."""
+    path = tmp_path / LAST
+    write_checkpoint(path, {"version": 1, "weights": torch.arange(10_000.0)})
+    assert read_checkpoint(path)["weights"][9] == 9
+    whole = path.read_bytes()
+    middle = whole.index(torch.arange(5000.0, 5010.0).numpy().tobytes())
+    path.write_bytes(whole[:middle] + bytes([whole[middle] ^ 4]) + whole[middle + 1 :])
+    with pytest.raises(FileError, match=r"last\.ckpt: is damaged: the checksum of .* is wrong"):
+        read_checkpoint(path)
+    for part in (b"", whole[: len(whole) // 2], whole[:-10], b"\0" * len(whole)):
+        path.write_bytes(part)
+        with pytest.raises(FileError, match=r"last\.ckpt: cannot be read as a checkpoint"):
+            read_checkpoint(path)
+
+
+@pytest.mark.parametrize("missing", ["state_dict", "step", "random_states", "optimizer_states", "restored"])
+def test_a_checkpoint_that_lacks_a_part_is_refused(tmp_path: Path, missing: str) -> None:
+    run = train(toy(steps=1), tmp_path / "run").run
+    found = read_checkpoint(run / LAST)
+    del found[missing]
+    write_checkpoint(run / LAST, found)
+    with pytest.raises(FileError, match="does not fit the run's settings, or is damaged"):
+        train(toy(steps=2), run, resume=True)
+
+
+@pytest.mark.parametrize("content", [b"", b"\xff\xfe\x00", b"{", b"[1]", b'{"loop": 3}'])
+def test_broken_settings_are_named(killed: Path, content: bytes) -> None:
+    (killed / LAST).touch()
+    (killed / SETTINGS).write_bytes(content)
+    with pytest.raises(FileError, match=r"settings\.json"):
+        train(toy(steps=2), killed, resume=True)
+
+
+@pytest.mark.parametrize("content", [b"", b"\xff\xfe\x00\x01", b"a,b\n1,2\n", b"step,samples\n1,2,3,4\n\n,\n"])
+def test_broken_metrics_do_not_stop_a_run(tmp_path: Path, content: bytes) -> None:
+    """A new table begins where the old one says nothing, and the old one is kept; one line too long is no matter."""
+    run = train(toy(steps=1), tmp_path / "run").run
+    (run / METRICS).write_bytes(content)
+    assert train(toy(steps=2), run, resume=True).step == 2
+    assert read_metrics(run)[-1]["step"] == 2
+    assert content.startswith(b"step") or (run / "metrics.damaged.csv").read_bytes() == content
+
+
+def test_metrics_that_are_no_numbers(tmp_path: Path) -> None:
+    (tmp_path / METRICS).write_text("step,samples\n1,x\n")
+    with pytest.raises(FileError, match=r"metrics\.csv: is damaged"):
+        read_metrics(tmp_path)
+    (tmp_path / METRICS).unlink()
+    with pytest.raises(FileError, match=r"metrics\.csv: cannot be read"):
+        read_metrics(tmp_path)
+
+
+def test_two_processes_do_not_train_in_one_directory(killed: Path) -> None:
+    code = (
+        "import sys; from pathlib import Path; from dlama.training.loop.run_files import owned\n"
+        "with owned(Path(sys.argv[1])):\n    print('ready', flush=True); sys.stdin.read()"
+    )
+    with subprocess.Popen(
+        [sys.executable, "-c", code, str(killed)], stdin=subprocess.PIPE, stdout=subprocess.PIPE
+    ) as other:
+        assert other.stdout is not None and other.stdout.readline() == b"ready\n"
+        with pytest.raises(OutputError, match="another process trains there"):
+            train(toy(steps=1), killed, resume=True)
+        other.kill()
+    with owned(killed):
+        pass
+
+
+def test_a_full_disk_does_not_end_a_run(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    caplog: pytest.LogCaptureFixture,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """Neither rows nor sheets nor log lines need to be written; the last checkpoint does."""
+
+    def full(*_: object, **__: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(run_files.csv.DictWriter, "writerow", full)
+    monkeypatch.setattr(callbacks, "write_sheet", full)
+    monkeypatch.setattr(run_files.RunFiles, "_begin_metrics", lambda self, step: None)
+    monkeypatch.setattr(logging.FileHandler, "_open", lambda self: Path("/dev/full").open("w"))  # noqa: SIM115
+    assert train(toy(steps=2, sheet_every=1), tmp_path / "run").step == 2
+    assert sum("No space left on device; the run goes on" in line for line in caplog.messages) == 4
+    assert "Logging error" not in capsys.readouterr().err
