@@ -5,10 +5,10 @@ Weights are converted once; the ONNX file lies in the cache directory under the 
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 
 from dlama import __version__
-from dlama.apps.terminal import print_line
 from dlama.errors import FileError, OutputError
 from dlama.files.atomic_write import new_file
 from dlama.inpainters.networks.contract import generator_metadata, migan_metadata
@@ -41,9 +41,9 @@ def model_for(model: Path | str) -> Path:
     if target.is_file():
         if is_whole(target, beside):
             return target
-        print_line("note", f"{target}: is not as it was written; it is made anew")
+        print(f"note: {target}: is not as it was written; it is made anew", file=sys.stderr)
     for note in convert(path, target, licence_of(size, sha256)):
-        print_line("note", note)
+        print(f"note: {note}", file=sys.stderr)
     with new_file(beside) as draft:
         draft.write_text(f"{sha256_of(target)}\n", "ascii")
     return target
