@@ -14,7 +14,7 @@ from dlama.completion.completion import Completion
 from dlama.completion.pipeline import complete
 from dlama.completion.verbs import remove
 from dlama.errors import InputError, OutputError
-from dlama.files import meshes
+from dlama.files import textured_mesh
 from dlama.files.depth import read_depth
 from dlama.files.results import RESULTS, write
 from dlama.files.scenes import read_npz
@@ -123,7 +123,7 @@ def test_a_failure_leaves_nothing(removal: Completion, tmp_path: Path, monkeypat
     def full(*_: object) -> None:
         raise OutputError("scene.glb: cannot be written: no space left on device")
 
-    monkeypatch.setattr(meshes, "write_glb", full)
+    monkeypatch.setattr(textured_mesh, "write_textured_glb", full)
     with pytest.raises(OutputError, match="no space"):
         write(removal, tmp_path / "deep" / "out")
     assert list(tmp_path.iterdir()) == []

@@ -167,7 +167,9 @@ def read_calib_txt(path: PathLike) -> FileFields:
                 name, value = line.split("=", 1)
                 values[name.strip()] = _calib_value(value.strip())
     except ValueError as error:
-        raise FileError(f"{file}: is no Middlebury calib.txt, lines 'name=value' are wanted ({error})") from error
+        raise FileError(
+            f"{file}: is no Middlebury calib.txt, lines 'name=value' are wanted ({str(error)[:200]})"
+        ) from error
     return FileFields(file, values)
 
 

@@ -36,7 +36,7 @@ def write_glb(path: PathLike, mesh: Mesh) -> None:
     from the world's origin. Vertices without any triangle become points; an empty mesh an empty scene. Raises
     OutputError.
     """
-    document = _document(mesh)
+    document, _ = mesh_document(mesh)
     with new_file(path) as draft:
         draft.write_bytes(b"".join(document.save_to_bytes()))
 
@@ -49,7 +49,7 @@ def linear_light(color: UInt8Array) -> np.ndarray:
     return np.concatenate([table[color], np.full((len(color), 1), 65535, np.uint16)], axis=1)
 
 
-class _Blob:
+class Blob:
     """Collects arrays into one binary chunk; each becomes a view and an accessor of the document."""
 
     def __init__(self, document: GLTF2) -> None:
@@ -81,20 +81,31 @@ class _Blob:
         self.document.accessors.append(accessor)
         return len(self.document.accessors) - 1
 
+    def close(self) -> None:
+        """The chunk as it is now becomes the document's."""
+        self.document.buffers = [Buffer(byteLength=len(self.bytes))]
+        self.document.set_binary_blob(bytes(self.bytes))
 
-def _document(mesh: Mesh) -> GLTF2:
+
+def mesh_document(mesh: Mesh, colors: bool = True) -> tuple[GLTF2, Blob]:
+    """The document of a mesh with an unlit material, and its binary chunk, to which more can be added (then `Blob.close`).
+
+    colors: with colours of vertices (COLOR_0). A mesh without vertices gives an empty scene.
+    """
     document = GLTF2(asset=Asset(generator="dlama"), scene=0, scenes=[Scene(nodes=[])])
+    blob = Blob(document)
     if not len(mesh.vertices):
-        return document
-    blob = _Blob(document)
+        return document, blob
     vertices = mesh.vertices * GLTF_FROM_OPENCV
     middle = (vertices.min(axis=0) + vertices.max(axis=0)) / 2
     attributes = Attributes(
         POSITION=blob.add((vertices - middle).astype("<f4"), "VEC3", FLOAT, ARRAY_BUFFER),
-        COLOR_0=blob.add(linear_light(mesh.color), "VEC4", UNSIGNED_SHORT, ARRAY_BUFFER, normalized=True),
         _ORIGIN=blob.add(mesh.origin, "SCALAR", UNSIGNED_BYTE, ARRAY_BUFFER),
         _CONFIDENCE=blob.add(mesh.confidence.astype("<f4"), "SCALAR", FLOAT, ARRAY_BUFFER),
     )
+    if colors:
+        color = linear_light(mesh.color)
+        attributes.COLOR_0 = blob.add(color, "VEC4", UNSIGNED_SHORT, ARRAY_BUFFER, normalized=True)
     primitive = Primitive(attributes=attributes, material=0, mode=POINTS)
     if len(mesh.triangles):
         # ours run clockwise as seen, glTF's fronts counter-clockwise
@@ -108,6 +119,5 @@ def _document(mesh: Mesh) -> GLTF2:
     document.meshes = [GltfMesh(primitives=[primitive])]
     document.nodes = [Node(name="scene", mesh=0, translation=middle.tolist())]
     document.scenes[0].nodes = [0]
-    document.buffers = [Buffer(byteLength=len(blob.bytes))]
-    document.set_binary_blob(bytes(blob.bytes))
-    return document
+    blob.close()
+    return document, blob

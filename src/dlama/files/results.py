@@ -19,7 +19,7 @@ import numpy as np
 from dlama import __version__
 from dlama.completion.completion import Completion, StereoCompletion
 from dlama.errors import InputError, OutputError
-from dlama.files import clouds, depth, meshes, pictures, scenes
+from dlama.files import clouds, depth, pictures, scenes, textured_mesh
 from dlama.files.atomic_write import PathLike, new_directory
 from dlama.files.cameras import camera_as_json
 from dlama.files.false_color import HOLE_PALETTE, ORIGIN_PALETTE
@@ -165,7 +165,7 @@ def scene_jobs(folder: Path, completion: Completion) -> dict[str, Job]:
             shutil.copyfile(folder / "scene.ply", folder / "background.ply")
 
     jobs: dict[str, Job] = {
-        "scene.glb": lambda: meshes.write_glb(folder / "scene.glb", completion.mesh),
+        "scene.glb": lambda: textured_mesh.write_textured_glb(folder / "scene.glb", completion.scene),
         "scene.ply": points,
         "scene.npz": lambda: scenes.write_npz(folder / "scene.npz", main_view(completion), completion.scene),
     }
@@ -211,6 +211,7 @@ def legends() -> dict[str, dict[str, Any]]:
         "origin.png": {str(int(code)): [code.name.lower(), list(ORIGIN_PALETTE[code])] for code in Origin},
         "hole.png": {"0": "known", "255": "unknown before filling, after dilation: every pixel that was written"},
         "depth.png": {"0": "missing", "1..65534": "millimetres", "65535": "far (sky)"},
+        "scene.glb": {"colour": "texture, sRGB, unlit", "far": "sky has no triangles; scene.npz has it"},
         "depth.exr": {"0": "missing", "inf": "far (sky)", "else": "metres"},
     }
 

@@ -12,7 +12,7 @@ from dlama.geometry.drawing import mesh_grid
 from dlama.geometry.kernels.depth_edges import DOWN, RIGHT
 from dlama.geometry.mesh import Mesh
 from dlama.geometry.projection import inverse_depth, lift, rays
-from dlama.geometry.rgbd import BoolArray
+from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import HoleType, Origin, View
 
@@ -65,10 +65,19 @@ def scene_mesh(scene: Scene, objects: bool = True) -> Mesh:
     )
 
 
+def mesh_pixels(layer: View) -> BoolArray:
+    """H x W, True at the pixels that are vertices of the layer's mesh, which are numbered row by row."""
+    return _surface(mesh_grid(layer)[0])
+
+
+def _surface(depth: Float32Array) -> BoolArray:
+    return (depth > 0) & (depth < np.inf)
+
+
 def layer_mesh(layer: View) -> Mesh:
     """One layer's joined quads; vertices are its valid, non-flying pixels."""
     depth, joined = mesh_grid(layer)
-    chosen = (depth > 0) & (depth < np.inf)
+    chosen = _surface(depth)
     number = np.cumsum(chosen).reshape(chosen.shape) - 1
     right, down = (joined & RIGHT) > 0, (joined & DOWN) > 0
     top, left = right[:-1, :-1], down[:-1, :-1]

@@ -161,9 +161,9 @@ class _Row:
         try:
             value = float(self._cells[name])
         except ValueError:
-            raise self.error(name, f"is '{self._cells[name]}'; a number is wanted") from None
+            raise self.error(name, f"is '{self._cells[name][:40]}'; a number is wanted") from None
         if not math.isfinite(value):
-            raise self.error(name, f"is '{self._cells[name]}'; a finite number is wanted")
+            raise self.error(name, f"is '{self._cells[name][:40]}'; a finite number is wanted")
         return value
 
     def numbers(self, *names: str) -> list[float]:
@@ -174,7 +174,7 @@ class _Row:
         """A whole number >= 0."""
         text = self._cells[name]
         if not (text.isascii() and text.isdecimal()):
-            raise self.error(name, f"is '{text}'; a whole number >= 0 is wanted")
+            raise self.error(name, f"is '{text[:40]}'; a whole number >= 0 is wanted")
         return int(text)
 
 

@@ -1,0 +1,79 @@
+"""A scene as a textured GLB (oracles: trimesh, which reads the texture at each vertex, and the glTF 2.0 text)."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+from pygltflib import GLTF2
+
+from dlama.completion.verbs import remove, view
+from dlama.files import textured_mesh
+from dlama.files.textured_mesh import atlas, write_textured_glb
+from dlama.geometry.camera import Camera
+from dlama.geometry.fusion import scene_mesh
+from dlama.geometry.rgbd import RGBD
+from dlama.geometry.scene import Scene
+from dlama.geometry.view import View
+from worlds import Box, Plane, World
+
+CAMERA = Camera.from_fov(64, 48, 60)
+WORLD = World((Plane((0, 0, 4), (0, 0, 1)), Box((-0.5, -0.4, 2.0), (0.4, 0.5, 2.4))))
+SCENE = remove(WORLD.rgbd(CAMERA), WORLD.trace(CAMERA)[1] == 1, yaw=15, filler="telea").scene
+
+
+@pytest.mark.parametrize("tallest", [8192, 60])
+@pytest.mark.parametrize("objects", [False, True])
+def test_every_vertex_has_its_own_colour(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, objects: bool, tallest: int
+) -> None:
+    """Also where the texture goes on in a second column; positions, triangles and attributes are the mesh's."""
+    monkeypatch.setattr(textured_mesh, "TALLEST", tallest)
+    write_textured_glb(tmp_path / "scene.glb", SCENE, objects)
+    mesh = scene_mesh(SCENE, objects)
+    (seen,) = trimesh.load(tmp_path / "scene.glb", process=False).dump()
+    assert seen.visual.kind == "texture"
+    assert np.array_equal(seen.visual.to_color().vertex_colors[:, :3], mesh.color)
+    assert np.allclose(seen.vertices, mesh.vertices * [1, -1, -1], atol=1e-5)
+    assert np.array_equal(seen.faces, mesh.triangles[:, ::-1])
+
+
+def test_it_is_sound_gltf(tmp_path: Path) -> None:
+    """Unlit, one texture, no colours of vertices beside it (they would be multiplied); every part lies in the file, aligned."""
+    write_textured_glb(tmp_path / "scene.glb", SCENE)
+    document = GLTF2().load(str(tmp_path / "scene.glb"))
+    attributes = document.meshes[0].primitives[0].attributes
+    assert attributes.COLOR_0 is None and document.accessors[attributes.TEXCOORD_0].type == "VEC2"
+    assert "KHR_materials_unlit" in document.materials[0].extensions
+    assert document.materials[0].pbrMetallicRoughness.baseColorTexture.index == 0
+    blob = document.binary_blob()
+    for part in document.bufferViews:
+        assert part.byteOffset % 4 == 0 and part.byteOffset + part.byteLength <= document.buffers[0].byteLength <= len(
+            blob
+        )
+    image = document.bufferViews[document.images[0].bufferView]
+    assert blob[image.byteOffset :][:8] == b"\x89PNG\r\n\x1a\n"
+
+
+def test_layers_of_other_sizes_and_without_surface(tmp_path: Path) -> None:
+    """A layer of sky alone has no vertex and no place in the texture; where nothing has one the scene is empty."""
+    small = Camera.from_fov(20, 30, 50)
+    sky = View.from_rgbd(RGBD(np.zeros((48, 64, 3), np.uint8), np.full((48, 64), np.inf, np.float32), CAMERA))
+    layers = (View.from_rgbd(WORLD.rgbd(CAMERA)), sky, View.from_rgbd(WORLD.rgbd(small)))
+    scene = Scene(layers)
+    write_textured_glb(tmp_path / "scene.glb", scene)
+    (seen,) = trimesh.load(tmp_path / "scene.glb", process=False).dump()
+    assert np.array_equal(seen.visual.to_color().vertex_colors[:, :3], scene_mesh(scene).color)
+    write_textured_glb(tmp_path / "empty.glb", Scene((sky,)))
+    assert (tmp_path / "empty.glb").read_bytes()[:4] == b"glTF"
+
+
+def test_nothing_bleeds_in_at_edges() -> None:
+    """A pixel without a vertex has the colour of the nearest that has one, not the hole's black."""
+    shown = view(WORLD.rgbd(CAMERA), yaw=20, filler="telea").scene.layers[-1]
+    levels = np.where(shown.hole, np.uint8(0), np.uint8(255))
+    white = dataclasses.replace(shown, color=np.stack([levels] * 3, axis=2))
+    assert (atlas((white,))[0] == 255).all()
