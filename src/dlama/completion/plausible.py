@@ -13,7 +13,7 @@ from dlama.perception.diagnosis.masks import looks_inverted
 
 MOST_METRES = 500.0
 """A median depth beyond is no room's and no street's."""
-MOST_UNKNOWN = 0.6
+MOST_UNKNOWN = 0.5
 """Share of a view: where more is unknown, depth and the camera's move do not fit together."""
 EVERY = 4
 """Rows and columns between the pixels of which a median is taken."""
