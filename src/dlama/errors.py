@@ -13,9 +13,16 @@ DlamaError
 
 from __future__ import annotations
 
+LONGEST = 1200
+"""Characters of a message."""
+
 
 class DlamaError(Exception):
-    """Root of everything dlama raises on purpose."""
+    """Root of everything dlama raises on purpose. A message that shows a very long value is shortened in its middle."""
+
+    def __str__(self) -> str:
+        text = super().__str__()
+        return text if len(text) <= LONGEST else f"{text[: 2 * LONGEST // 3]} ... {text[-LONGEST // 4 :]}"
 
 
 class InputError(DlamaError, ValueError):
