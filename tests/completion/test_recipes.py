@@ -9,8 +9,9 @@ from collections.abc import Callable
 import pytest
 
 import dlama
-from dlama.completion.recipes import RECIPES, Recipe, find_recipe
+from dlama.completion.recipes import RECIPES, Recipe, checked_seed, find_recipe
 from dlama.errors import InputError
+from dlama.evaluation.protocols.methods import Method
 
 OPTIONS = ["mode", "dilate", "dilate_holes", "clip", "depth_by"]
 
@@ -91,3 +92,12 @@ def test_the_options_of_a_recipe_are_typed(verb: Callable[..., object]) -> None:
         assert field.default is None and field.kind is field.KEYWORD_ONLY
         assert {*str(field.annotation).split(" | ")} == {*str(kinds[name]).split(" | "), "None"}
     assert all(field.kind is not field.VAR_KEYWORD for field in inspect.signature(verb).parameters.values())
+
+
+def test_seeds_are_bounded_wherever_they_are_given() -> None:
+    """As NumPy's generators and numba's take them; an evaluation's method refuses them before any case is run."""
+    assert checked_seed(0) == 0 and checked_seed(2**32 - 1) == 2**32 - 1
+    for seed in (-1, 2**32):
+        for make in (checked_seed, lambda seed: Method("dlama", "telea", seed=seed)):
+            with pytest.raises(InputError, match=f"seed is {seed}"):
+                make(seed)

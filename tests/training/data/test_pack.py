@@ -171,6 +171,9 @@ def test_bad_packs(photos: Path, tmp_path: Path) -> None:
             archive.writestr("index.json", index)
         with pytest.raises(FileError, match=r"index\.pack: "):
             read_pack(tmp_path / "index.pack")
+    for wrong in ({"seed": -1}, {"seed": 2**32}, {"megabytes": float("nan")}, {"megabytes": -1}):
+        with pytest.raises(InputError, match=next(iter(wrong))):
+            pack([photos], path, **wrong)  # type: ignore[arg-type]
     with pytest.raises(InputError, match="not one picture"):
         pack([photos], path, megabytes=0.0005)
     with pytest.raises(OutputError):

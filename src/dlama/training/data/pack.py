@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from dlama.completion.recipes import checked_seed
 from dlama.errors import InputError
 from dlama.files.atomic_write import new_file
 from dlama.geometry.rgbd import UInt8Array
@@ -84,7 +85,9 @@ def pack(data: Sequence[Path], output: Path, megabytes: float = 45.0, size: int 
         raise InputError("nothing to pack: give folders of pictures or of data sets")
     if size < 16:
         raise InputError(f"size is {size} px; 16 or more is wanted")
-    found, rng = find_training_data(data), np.random.default_rng(seed)
+    if not megabytes > 0:
+        raise InputError(f"megabytes is {megabytes}; more than 0 is wanted")
+    found, rng = find_training_data(data), np.random.default_rng(checked_seed(seed))
     contents = PackContents(megabytes * 1e6 - END_BYTES - 2 * len(INDEX) - PART_BYTES - 200)
     reserve = contents.bytes_left * (1 - CASE_SHARE) if found.photos else 0.0
     cases, photos = _shuffled(found.cases, rng), _shuffled(found.photos, rng)
