@@ -154,6 +154,7 @@ def method(verbs: str) -> dict[str, Reach]:
         "clip": Reach("--clip 8", f"{verbs}.clip", 8.0),
         "depth_by": Reach("--depth-by filler", f"{verbs}.depth_by", "filler"),
         "seed": Reach("--seed 9", f"{verbs}.seed", 9),
+        "min_confidence": Reach("--min-confidence 0.5", f"{verbs}.min_confidence", 0.5),
     }
 
 

@@ -244,12 +244,15 @@ class Method:
     itself (paper)."""
     seed: Seed = 0
     """Fillers draw their random numbers from this; the same seed gives the same pixels."""
+    min_confidence: Annotated[float, option("P", "0")] = 0.0
+    """Leave open what is filled and right with a smaller probability (0 to 1), in pictures, clouds and meshes."""
 
     def settings(self) -> dict[str, Any]:
         """As keyword arguments of the verbs in Python."""
         changes: dict[str, Any] = {"mode": self.mode, "dilate": self.dilate, "dilate_holes": self.dilate_holes}
         changes |= {"clip": self.clip, "depth_by": self.depth_by}
-        return {"filler": self.filler, "model": self.network(), "recipe": self.recipe, "seed": self.seed, **changes}
+        changes |= {"seed": self.seed, "min_confidence": self.min_confidence}
+        return {"filler": self.filler, "model": self.network(), "recipe": self.recipe, **changes}
 
     def network(self) -> Path | None:
         """The ONNX file of --model; a checkpoint is converted once, into the cache."""

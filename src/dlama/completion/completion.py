@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, TypeVar
 
+import numpy as np
+
+from dlama.errors import InputError
 from dlama.geometry.cloud import PointCloud
 from dlama.geometry.fusion import scene_cloud, scene_mesh
 from dlama.geometry.mesh import Mesh
 from dlama.geometry.rgbd import Float32Array
 from dlama.geometry.scene import Scene
-from dlama.geometry.view import View
+from dlama.geometry.view import Origin, View
 from dlama.perception.stereo_agreement import StereoConsistency
+
+C = TypeVar("C", bound="Completion")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -43,6 +48,22 @@ class Completion:
         """The (last) completed view."""
         return self.views[-1]
 
+    def with_min_confidence(self: C, min_confidence: float) -> C:
+        """The same completion with every filled pixel and point that is less sure left open (unknown), in views and scene.
+
+        min_confidence: 0..1; 0 leaves nothing open. What was measured always stays. meta says how much was left open.
+        Raises InputError.
+        """
+        if not 0 <= min_confidence <= 1:
+            raise InputError(f"min_confidence is {min_confidence}; a probability from 0 to 1 is wanted")
+        if min_confidence == 0:
+            return self
+        views = tuple(sure_enough(view, min_confidence) for view in self.views)
+        layers = tuple(sure_enough(layer, min_confidence) for layer in self.scene.layers)
+        opened = [float((new.hole & ~old.hole).mean()) for new, old in zip(views, self.views)]
+        meta = self.meta | {"min_confidence": min_confidence, "left_open_share": [round(share, 6) for share in opened]}
+        return replace(self, views=views, scene=replace(self.scene, layers=layers), meta=meta)
+
     @cached_property
     def completed(self) -> PointCloud:
         """c+ (eq. 10): everything, removed objects too, plus what was filled. World metres; computed once."""
@@ -69,3 +90,9 @@ class StereoCompletion(Completion):
     """H x W px of the completed right view, 0 = far."""
     agreement: StereoConsistency
     """How well the two completed views agree, over the whole picture."""
+
+
+def sure_enough(view: View, min_confidence: float) -> View:
+    """The view with what was filled and is less sure than that left open."""
+    filled = np.isin(view.origin, (Origin.FILLED, Origin.DEPTH_FILLED)) & ~view.hole
+    return view.left_open(filled & (view.confidence < min_confidence))

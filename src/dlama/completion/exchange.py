@@ -20,7 +20,7 @@ from dlama.geometry.rgbd import BoolArray, UInt8Array
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import HoleType, Origin, View
 from dlama.geometry.visibility import Law, lawful_depth
-from dlama.inpainters.filling import fill_confidence
+from dlama.inpainters.confidence import fill_confidence
 from dlama.inpainters.layered.surfaces import continue_surfaces
 from dlama.perception.stereo_matching import nearest_columns
 
@@ -76,7 +76,7 @@ def with_continued_depth(view: View, law: Law, seed: int) -> View:
         view,
         depth=depth,
         hole=view.hole & ~depth_only,
-        confidence=np.where(depth_only, fill_confidence(view.hole, view.color_hole), view.confidence),
+        confidence=np.where(depth_only, fill_confidence(view, view.color, depth), view.confidence),
     )
 
 

@@ -49,6 +49,7 @@ def complete(
     clip: float | None = None,
     depth_by: DepthBy | None = None,
     seed: int = 0,
+    min_confidence: float = 0.0,
 ) -> Completion:
     """Complete the scene of one RGB-D picture from several cameras, one after the other, into one Scene.
 
@@ -67,6 +68,7 @@ def complete(
         clip: metres; everything at or beyond, sky too, is put there.
         depth_by: "surfaces" or "filler": what fills depth beside a filler of pictures.
         seed: Fillers draw their random numbers from it; the same seed gives the same bits.
+        min_confidence: 0..1; what is filled and less sure stays open at the end, in views and scene.
 
     Raises:
         InputError: no camera, an unknown name, options that contradict each other, views that memory cannot hold,
@@ -108,4 +110,4 @@ def complete(
     meta = depth_source(rgbd) | meta_data(
         plan, filler, source, warped, Record(fills, clock.seconds, grown_mask, grown_holes)
     )
-    return Completion(tuple(views), tuple(warped), scene, source, meta)
+    return Completion(tuple(views), tuple(warped), scene, source, meta).with_min_confidence(min_confidence)

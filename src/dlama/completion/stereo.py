@@ -79,6 +79,7 @@ def stereo(
     clip: float | None = None,
     depth_by: DepthBy | None = None,
     seed: int = 0,
+    min_confidence: float = 0.0,
 ) -> StereoCompletion:
     """Depth from a rectified pair; with `mask` the object is taken out of both views.
 
@@ -96,7 +97,7 @@ def stereo(
         max_disparity: px, the largest disparity looked for; default: found.
         far: metres; what is measured at or beyond it is far (sky); default: what half a pixel of disparity cannot tell
             from infinity.
-        filler, model, recipe, mode, dilate, dilate_holes, clip, depth_by, seed: As in `complete`.
+        filler, model, recipe, mode, dilate, dilate_holes, clip, depth_by, seed, min_confidence: As in `complete`.
 
     Raises:
         InputError: options that contradict each other, pictures of another size than the rig's (ShapeError), a mask that
@@ -128,7 +129,8 @@ def stereo(
     elif one_by_one:
         complete_pair = complete_pair_one_by_one
     done = complete_pair(pair, chosen, inpainter, seed, Clock())
-    return dataclasses.replace(done, about={**matches.notes, **done.about}).as_completion(rig, filler)
+    completion = dataclasses.replace(done, about={**matches.notes, **done.about}).as_completion(rig, filler)
+    return completion.with_min_confidence(min_confidence)
 
 
 def chosen_right_view(asked: RightView | None, recipe: Recipe, removing: bool) -> RightView:

@@ -55,6 +55,7 @@ def view(
     clip: float | None = None,
     depth_by: DepthBy | None = None,
     seed: int = 0,
+    min_confidence: float = 0.0,
 ) -> Completion:
     """The scene from another viewpoint, holes filled in colour and depth.
 
@@ -65,14 +66,14 @@ def view(
         pitch: Degrees; positive: the camera moves up and looks down.
         pivot: Metres ahead on the optical axis that the orbit turns about; "auto": the median depth.
         dolly: Metres forward, after the orbit.
-        filler, model, recipe, mode, dilate, dilate_holes, clip, depth_by, seed: As in `complete`.
+        filler, model, recipe, mode, dilate, dilate_holes, clip, depth_by, seed, min_confidence: As in `complete`.
 
     Raises:
         InputError: a camera and an orbit, an unknown name, options that contradict each other.
     """
     target = target_camera(rgbd, camera, yaw=yaw, pitch=pitch, pivot=pivot, dolly=dolly)
     chosen = find_recipe(recipe, mode=mode, dilate=dilate, dilate_holes=dilate_holes, clip=clip, depth_by=depth_by)
-    return complete(rgbd, [target], filler=filler, model=model, recipe=chosen, seed=seed)
+    return complete(rgbd, [target], filler=filler, model=model, recipe=chosen, seed=seed, min_confidence=min_confidence)
 
 
 def remove(
@@ -93,6 +94,7 @@ def remove(
     clip: float | None = None,
     depth_by: DepthBy | None = None,
     seed: int = 0,
+    min_confidence: float = 0.0,
 ) -> Completion:
     """The scene without the object under `mask` (H x W bool, True = remove), from the source camera or from elsewhere.
 
@@ -100,4 +102,6 @@ def remove(
     """
     target = target_camera(rgbd, camera, yaw=yaw, pitch=pitch, pivot=pivot, dolly=dolly)
     chosen = find_recipe(recipe, mode=mode, dilate=dilate, dilate_holes=dilate_holes, clip=clip, depth_by=depth_by)
-    return complete(rgbd, [target], mask=mask, filler=filler, model=model, recipe=chosen, seed=seed)
+    return complete(
+        rgbd, [target], mask=mask, filler=filler, model=model, recipe=chosen, seed=seed, min_confidence=min_confidence
+    )

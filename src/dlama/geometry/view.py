@@ -138,6 +138,21 @@ class View:
         """H x W, True where a filler wrote colour and depth."""
         return self.origin == Origin.FILLED
 
+    def left_open(self, where: BoolArray) -> View:
+        """The same view with what was filled in the pixels of `where` (H x W bool) taken back: unknown, depth 0, origin UNKNOWN.
+
+        Measured colours stay; `hole_type` still says why the pixels had been empty.
+        """
+        colored = where & (self.origin != Origin.DEPTH_FILLED)
+        return dataclasses.replace(
+            self,
+            color=self.color * ~colored[..., None],
+            depth=np.where(where, np.float32(0), self.depth),
+            hole=self.hole | where,
+            origin=np.where(where, np.uint8(Origin.UNKNOWN), self.origin),
+            confidence=np.where(where, np.float32(0), self.confidence),
+        )
+
     def without(self, where: BoolArray, hole_type: HoleType) -> View:
         """The same view with the pixels of `where` (H x W bool) turned into holes of one type."""
         keep = ~where

@@ -11,12 +11,12 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
-import cv2
 import numpy as np
 
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.geometry.view import Origin, View
 from dlama.geometry.visibility import Law, lawful_depth
+from dlama.inpainters.confidence import fill_confidence
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,22 +81,15 @@ def inpaint(view: View, inpainter: Inpainter, law: Law, seed: int = 0) -> tuple[
         return view, FillReport(0, 0, 0, {"nothing_visible": True})
     fill = inpainter(view, law, seed)
     depth, moved = lawful_depth(view, fill.depth, hole, law)
+    color = np.where(view.color_hole[..., None], fill.color, view.color)
     filled_origin = np.where(view.color_hole, np.uint8(Origin.FILLED), np.uint8(Origin.DEPTH_FILLED))
     filled = dataclasses.replace(
         view,
-        color=np.where(view.color_hole[..., None], fill.color, view.color),
+        color=color,
         depth=np.where(hole, depth, view.depth),
         hole=np.zeros_like(hole),
         origin=np.where(hole, filled_origin, view.origin),
-        confidence=np.where(hole, fill_confidence(hole, view.color_hole), view.confidence),
+        confidence=fill_confidence(view, color, depth),
     )
     left = int(law.violations(view.camera, filled.depth, hole).sum())
     return filled, FillReport(int(hole.sum()), fill.law_moves + moved, left, fill.notes)
-
-
-def fill_confidence(hole: BoolArray, color_hole: BoolArray) -> Float32Array:
-    """H x W confidence of filled pixels: 0.5 at the rim (0.75 where colour is measured), halved every 5 % of the diagonal."""
-    distance = cv2.distanceTransform(hole.astype(np.uint8), cv2.DIST_L2, 5)
-    half_life = 0.05 * float(np.hypot(*hole.shape))
-    top = np.where(color_hole, np.float32(0.5), np.float32(0.75))
-    return (top * np.exp2(-distance / half_life)).astype(np.float32)

@@ -1,0 +1,144 @@
+"""Confidence: a view with holes and what a filler put into them in; how likely each filled pixel is right, out.
+
+Right means: its depth is within 5 % AND its colour within 25 levels (mean over the channels) of what a camera there would
+see. The probability comes from a small network (five hundred numbers) that looks at distances, hole types, contrast and
+depth round each pixel, never at which filler ran. It was trained on procedural worlds (src/dlama/assets/confidence/README.md) by
+
+    python benchmarks/confidence.py train
+"""
+
+from __future__ import annotations
+
+import functools
+import io
+import zipfile
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from dlama.errors import FileError
+from dlama.geometry.holes import nearest_known
+from dlama.geometry.projection import inverse_depth
+from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
+from dlama.geometry.view import HoleType, View
+
+DEPTH_WITHIN = 0.05
+"""Relative error up to which a depth is right."""
+COLOR_WITHIN = 25.0
+"""Levels of 8 bit, mean over the channels, up to which a colour is right."""
+FINE, BROAD = 0.005, 0.02
+"""Sigma, as a share of the diagonal, of the surroundings in which contrast is measured."""
+TYPES = (HoleType.DISOCCLUDED, HoleType.OUT_OF_VIEW, HoleType.SENSOR, HoleType.OBJECT)
+"""Hole types that the network tells apart from the rest (cracks and flying pixels)."""
+FEATURES = 19
+SUREST = 0.99
+"""Largest probability of a filled pixel; 1 is what was measured."""
+WEIGHTS = Path(__file__).parents[1] / "assets" / "confidence" / "confidence.npz"
+
+
+@dataclass(frozen=True, eq=False)
+class ConfidenceNetwork:
+    """Weights of a perceptron with two hidden layers."""
+
+    mean: Float32Array
+    """FEATURES, of the training data."""
+    spread: Float32Array
+    """FEATURES, standard deviations."""
+    layers: tuple[tuple[Float32Array, Float32Array], ...]
+    """(in x out weights, out biases) of each layer; the last one has two outputs."""
+
+    def __call__(self, features: Float32Array) -> Float32Array:
+        """N x 2 probabilities of N x FEATURES: that depth and colour are right, that depth is; never surer than SUREST."""
+        x = (features - self.mean) / self.spread
+        for weight, bias in self.layers[:-1]:
+            x = np.maximum(x @ weight + bias, 0)
+        weight, bias = self.layers[-1]
+        p = 1 / (1 + np.exp(-np.clip(x @ weight + bias, -30, 30)))
+        return np.clip(p, 1 - SUREST, SUREST).astype(np.float32)
+
+
+@functools.cache
+def confidence_network(path: Path = WEIGHTS) -> ConfidenceNetwork:
+    """The network that ships. FileError where the file is damaged."""
+    try:
+        with np.load(io.BytesIO(path.read_bytes())) as arrays:
+            mean, spread = arrays["mean"], arrays["spread"]
+            layers = tuple((arrays[f"weight{k}"], arrays[f"bias{k}"]) for k in range(3))
+    except (OSError, KeyError, ValueError, zipfile.BadZipFile) as error:
+        raise FileError(f"{path}: the confidence network cannot be read ({error}); reinstall dlama") from error
+    return ConfidenceNetwork(mean, spread, layers)
+
+
+def fill_confidence(view: View, color: UInt8Array, depth: Float32Array) -> Float32Array:
+    """H x W in 0..1: in the view's hole the probability that a filled pixel is right, elsewhere the view's own confidence.
+
+    Where only depth was filled (the colour is measured), the probability that the depth is right.
+
+    Args:
+        view: with its holes.
+        color: H x W x 3 uint8, filled.
+        depth: H x W metres, filled; +inf = far.
+    """
+    out = view.confidence.copy()
+    if view.hole.any():
+        both, depth_alone = confidence_network()(fill_features(view, color, depth)).T
+        out[view.hole] = np.where(view.color_hole[view.hole], both, np.maximum(both, depth_alone))
+    return out
+
+
+def fill_features(view: View, color: UInt8Array, depth: Float32Array) -> Float32Array:
+    """N x FEATURES of the N hole pixels, row by row; arguments as of `fill_confidence`. No feature depends on the picture's size
+    in pixels or on the scene's scale."""
+    hole = view.hole
+    diagonal = float(np.hypot(*hole.shape))
+    distance, nearest = nearest_known(~hole)
+    rim = nearest[hole]
+    known_w = inverse_depth(np.where(hole, np.float32(0), view.depth))
+    w = inverse_depth(np.where(hole, depth, view.depth))
+    typical = float(np.median(known_w[known_w > 0])) if (known_w > 0).any() else 1.0
+    of_type = [view.hole_type[hole] == kind for kind in TYPES]
+    with_depth, rim_w = view.valid, known_w.ravel()[rim]
+    log_w = np.log(np.maximum(w, np.float32(0.02 * typical)) / typical)
+    mean, contrast = local_contrast(view.color.mean(2, dtype=np.float32), ~hole, BROAD * diagonal)
+    _, grain = local_contrast(view.color.mean(2, dtype=np.float32), ~hole, FINE * diagonal)
+    _, relief = local_contrast(log_w, with_depth, BROAD * diagonal)
+    slope = np.hypot(cv2.Scharr(log_w, cv2.CV_32F, 1, 0), cv2.Scharr(log_w, cv2.CV_32F, 0, 1)) * diagonal / 32
+    painted = color.mean(2, dtype=np.float32)[hole]
+    return np.stack(
+        [
+            np.log1p(distance[hole] / (0.01 * diagonal)),
+            (distance[hole] / diagonal),
+            *of_type,
+            log_w[hole],
+            log_w.ravel()[rim],
+            np.abs(log_w[hole] - log_w.ravel()[rim]),
+            w[hole] == 0,
+            rim_w == 0,
+            np.log1p(contrast.ravel()[rim]),
+            np.log1p(grain.ravel()[rim]),
+            np.log1p(10 * relief.ravel()[rim]),
+            np.log1p(slope[hole]),
+            np.log1p(np.abs(painted - mean.ravel()[rim])),
+            np.full(len(rim), np.log(hole.mean())),
+            painted / 255,
+            local_contrast(color.mean(2, dtype=np.float32), np.ones_like(hole), FINE * diagonal)[1][hole] / 25,
+        ],
+        1,
+    ).astype(np.float32)
+
+
+def local_contrast(values: Float32Array, known: BoolArray, sigma: float) -> tuple[Float32Array, Float32Array]:
+    """(mean, standard deviation), H x W, of the known values round each pixel under a Gaussian of `sigma` pixels."""
+    by = max(1, int(sigma // 2))  # the blur is computed at a coarser size where it is broad
+    size = max(1, values.shape[1] // by), max(1, values.shape[0] // by)
+    weight = known.astype(np.float32)
+    sums = [
+        cv2.resize(part, size, interpolation=cv2.INTER_AREA) for part in (weight, values * weight, values**2 * weight)
+    ]
+    share, first, second = (cv2.GaussianBlur(part, (0, 0), max(sigma / by, 0.5)) for part in sums)
+    mean = first / np.maximum(share, 1e-6)
+    deviation = np.sqrt(np.maximum(second / np.maximum(share, 1e-6) - mean**2, 0))
+    full = values.shape[1], values.shape[0]
+    return np.asarray(cv2.resize(mean, full), np.float32), np.asarray(cv2.resize(deviation, full), np.float32)

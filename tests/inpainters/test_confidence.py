@@ -1,0 +1,85 @@
+"""Confidence of filled pixels (oracles: closed forms, laws of scale, and the truth of a world that was not trained on)."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dlama.completion.pipeline import complete
+from dlama.errors import FileError
+from dlama.geometry.camera import Camera
+from dlama.geometry.rgbd import RGBD
+from dlama.geometry.view import HoleType, View
+from dlama.inpainters import confidence as room
+from dlama.inpainters.confidence import FEATURES, ConfidenceNetwork, confidence_network, fill_confidence, fill_features
+from dlama.worlds.dataset import world
+
+
+def holed(size: int = 96, scale: float = 1.0) -> tuple[View, np.ndarray, np.ndarray]:
+    """A slanted, textured wall with a hole of two types and a sensor hole; and a filled colour and depth."""
+    rng = np.random.default_rng(3)
+    color = rng.integers(60, 200, (size, size, 3), np.uint8)
+    depth = (scale * np.linspace(2, 4, size)[None] * np.ones((size, 1))).astype(np.float32)
+    missing = depth.copy()
+    missing[5:12, 5:12] = 0
+    view = View.from_rgbd(RGBD(color, missing, Camera.from_fov(size, size, 60)))
+    where = np.zeros((size, size), bool)
+    where[30:60, 30:60] = True
+    view = view.without(where, HoleType.DISOCCLUDED)
+    where[:] = False
+    where[:, -10:] = True
+    return view.without(where, HoleType.OUT_OF_VIEW), color, depth
+
+
+def test_the_network_is_what_its_weights_say() -> None:
+    """Closed form: zero weights leave the last bias, a unit weight passes one feature on."""
+    zeros = [np.zeros(shape, np.float32) for shape in ((FEATURES, 4), (4, 4), (4, 2))]
+    biases = [np.zeros(4, np.float32), np.zeros(4, np.float32), np.array([0.0, np.log(3)], np.float32)]
+    layers = tuple(zip(zeros, biases))
+    network = ConfidenceNetwork(np.zeros(FEATURES, np.float32), np.ones(FEATURES, np.float32), layers)
+    features = np.ones((5, FEATURES), np.float32)
+    assert np.allclose(network(features), [[0.5, 0.75]] * 5)
+    zeros[0][2, 0] = zeros[1][0, 0] = zeros[2][0, 0] = 1
+    assert np.allclose(network(2 * features)[:, 0], 1 / (1 + np.exp(-2)))
+
+
+def test_known_pixels_keep_theirs_and_depth_alone_is_surer() -> None:
+    """Law: outside the hole nothing changes; inside 0 <= p <= 1; where the colour is measured, only depth can be wrong."""
+    view, color, depth = holed()
+    found = fill_confidence(view, color, depth)
+    assert found.dtype == np.float32 and np.array_equal(found[~view.hole], view.confidence[~view.hole])
+    assert (found[view.hole] > 0).all() and (found[view.hole] < 1).all()
+    sensor = view.hole & ~view.color_hole
+    both = dataclasses.replace(view, origin=np.where(sensor, np.uint8(0), view.origin))
+    assert (found[sensor] >= fill_confidence(both, color, depth)[sensor]).all()
+
+
+def test_features_know_no_scale() -> None:
+    """Law: a scene ten times as large has the same features."""
+    small, large = (fill_features(*holed(scale=scale)) for scale in (1.0, 10.0))
+    assert small.shape == (int(holed()[0].hole.sum()), FEATURES)
+    np.testing.assert_allclose(small, large, atol=2e-3)
+
+
+def test_it_tells_right_from_wrong() -> None:
+    """Truth: of a world that was not trained on, pixels it is sure of are right far more often than those it doubts."""
+    made = world(900_001, kind="room")
+    source, target = made.camera(0, 128), made.camera(25, 128)
+    done = complete(made.frame(source), [target], filler="telea")
+    truth, view = made.frame(target), done.view
+    error = np.abs(view.depth - truth.depth) / truth.depth
+    color_error = np.abs(view.color.astype(float) - truth.color).mean(2)
+    right = (error <= room.DEPTH_WITHIN) & (color_error <= room.COLOR_WITHIN)
+    order = np.argsort(view.confidence[view.filled])
+    third = len(order) // 3
+    of_filled = right[view.filled][order]
+    assert of_filled[-third:].mean() > of_filled[:third].mean() + 0.2
+
+
+def test_a_damaged_file_is_named(tmp_path: Path) -> None:
+    (tmp_path / "weights.npz").write_bytes(b"PK\x03\x04 no archive")
+    with pytest.raises(FileError, match=r"weights\.npz: the confidence network cannot be read"):
+        confidence_network(tmp_path / "weights.npz")
