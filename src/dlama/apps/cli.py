@@ -231,7 +231,7 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
         "dlama view photo.jpg depth.png --camera cam.json --to target.json --only image,depth -o out",
     ),
     "remove": (
-        "dlama remove photo.jpg --click 150,250 -o out",
+        "dlama remove photo.jpg depth.png --click 150,250 --with-shadow --fov 65 -o out",
         "dlama remove photo.jpg depth.png mask.png --fov 65 -o out",
         "dlama remove photo.jpg depth.png mask.png --fov 65 --yaw 20 -o out",
         "dlama remove photo.jpg mask.png -o out",
@@ -239,7 +239,7 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
     ),
     "mask": (
         "dlama mask photo.jpg depth.png --fov 65 --click 150,250 -o mask.png",
-        "dlama mask photo.jpg --click 150,250 -o mask.png",
+        "dlama mask photo.jpg --box 120,90,60,200 -o mask.png",
         "dlama mask photo.jpg depth.png --fov 65 --click 150,250 --not 200,310 -o mask.png",
         "dlama mask photo.jpg depth.png --camera cam.json --box 120,90,60,200 -o mask.png",
     ),

@@ -30,6 +30,8 @@ class Pointing:
     """A box round the thing: its upper left corner, width and height."""
     candidate: Annotated[str, option("part|thing|group", "thing")] = "thing"
     """Which reading of an ambiguous click; `dlama mask` says which there are."""
+    with_shadow: Annotated[bool, option("", "off")] = False
+    """Take the shadow too that the thing casts on the surface it stands on, where there is a plain one."""
 
     @property
     def given(self) -> bool:
@@ -43,6 +45,7 @@ class Pointing:
             "not_clicks": [numbers(text, "not", 2, "X,Y") for text in self.not_click],
             "box": None if self.box is None else numbers(self.box, "box", 4, "X,Y,W,H"),
             "candidate": self.candidate,
+            "with_shadow": self.with_shadow,
         }
 
 
@@ -74,9 +77,10 @@ def found_line(found: dlama.ObjectMask, output: Path, seconds: float) -> str:
     """One line: where the mask lies, how large it is, which other readings there are."""
     others = [name for name in found.candidates if name != found.chosen]
     rest = f", --candidate {' or '.join(others)} differs" if others else ""
+    shadow = "" if found.shadow is None else f", {found.shadow.mean():.1%} of it shadow"
     notes = "".join(f"; {note}" for note in found.notes)
     line = f"{output}: {found.chosen} by {found.method}, {found.mask.mean():.1%} of the picture"
-    return f"{line}{rest}{notes}, {seconds:.1f} s"
+    return f"{line}{shadow}{rest}{notes}, {seconds:.1f} s"
 
 
 def found_values(found: dlama.ObjectMask, files: list[Path]) -> dict[str, Any]:
@@ -86,6 +90,7 @@ def found_values(found: dlama.ObjectMask, files: list[Path]) -> dict[str, Any]:
         "method": found.method,
         "candidate": found.chosen,
         "candidates": {name: round(float(mask.mean()), 6) for name, mask in found.candidates.items()},
+        "shadow_share": None if found.shadow is None else round(float(found.shadow.mean()), 6),
         "share": round(float(found.mask.mean()), 6),
         "notes": list(found.notes),
     }

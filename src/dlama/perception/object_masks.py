@@ -12,6 +12,7 @@ import numpy as np
 from dlama.errors import InputError, MaskError
 from dlama.geometry.rgbd import RGBD, BoolArray, UInt8Array, read_only
 from dlama.perception.masks.prompt import Box, Point, Prompt
+from dlama.perception.shadows import find_shadow
 
 
 @dataclass(frozen=True)
@@ -38,6 +39,8 @@ class ObjectMask:
     """Name of the candidate that `mask` is."""
     method: str
     """Which of METHODS found it."""
+    shadow: BoolArray | None = None
+    """H x W, True in the shadow that the thing casts, a part of `mask`; None where it was not asked for."""
     notes: tuple[str, ...] = ()
     """What a user should know, in words."""
 
@@ -50,6 +53,7 @@ def find_mask(
     box: Box | None = None,
     method: str | None = None,
     candidate: str = "thing",
+    with_shadow: bool = False,
 ) -> ObjectMask:
     """The mask of the thing that clicks or a box mean.
 
@@ -60,6 +64,7 @@ def find_mask(
         box: x, y, width, height round the thing, in pixels.
         method: A name of METHODS; None: rgbd.
         candidate: Which reading of an ambiguous click: part, thing or group; `thing` where it has no such.
+        with_shadow: Add the shadow that the thing casts on the surface it stands on; needs depth.
 
     Raises:
         InputError: an unknown method or candidate, nothing that says what is meant, a click or box outside the picture.
@@ -83,7 +88,13 @@ def find_mask(
     if not masks:
         raise MaskError("nothing of the thing is left; fewer not_clicks are wanted")
     chosen = candidate if candidate in masks else next(iter(masks))
-    return ObjectMask(masks[chosen], masks, chosen, name, tuple(notes))
+    if not with_shadow:
+        return ObjectMask(masks[chosen], masks, chosen, name, notes=tuple(notes))
+    if not isinstance(picture, RGBD):
+        raise InputError("with_shadow needs depth and the picture has none; an RGBD is wanted")
+    shadow = find_shadow(picture, masks[chosen])
+    said = () if shadow.any() else ("no shadow found",)
+    return ObjectMask(read_only(masks[chosen] | shadow), masks, chosen, name, read_only(shadow), (*notes, *said))
 
 
 CANDIDATES = ("part", "thing", "group")

@@ -43,6 +43,7 @@ PATCH = 3.0
 """A correction reaches so many times as far as the click is from the border of the mask."""
 BARRED = 0.5
 """A click beside the thing takes its whole piece away where that is less than this share of the thing; else what is near."""
+ROUGH = "found in estimated depth, which is rough: look at the mask, or give depth"
 IN_BOX = 0.7
 """Share of a piece that a box must hold if the piece is to be a part of the thing."""
 
@@ -70,8 +71,9 @@ def rgbd_candidates(rgbd: RGBD, prompt: Prompt) -> tuple[dict[str, BoolArray], t
     Raises MaskError where nothing that stands apart is meant: the sky, the ground, missing depth.
     """
     found = planes_of(rgbd)
+    notes = () if rgbd.estimate is None else (ROUGH,)
     if not prompt.clicks:
-        return boxed(rgbd, found, prompt)
+        return boxed(rgbd, found, prompt), notes
     seeds, flat, support = separable(rgbd, found, prompt)
     pieces = find_pieces(rgbd, support, found.noise)
     seeds = [snapped(pieces, seed) for seed in seeds]
@@ -82,7 +84,7 @@ def rgbd_candidates(rgbd: RGBD, prompt: Prompt) -> tuple[dict[str, BoolArray], t
     masks: dict[str, BoolArray] = {}
     for name, gap in (("thing", THING_GAP), ("part", 0.0), ("group", GROUP_GAP)):
         masks[name] = finished(rgbd, found, pieces, merged(pieces, own, gap, barred), prompt, seeds + flat)
-    return distinct(masks), ()
+    return distinct(masks), notes
 
 
 def separable(rgbd: RGBD, found: Planes, prompt: Prompt) -> tuple[list[Pixel], list[Pixel], BoolArray]:
@@ -208,7 +210,7 @@ def patch(rgbd: RGBD, mask: BoolArray, pixel: Pixel, against: BoolArray) -> Bool
     return nearer_to(rgbd, seed, (against | rim) & window & ~mask & ~seed, window & ~mask)
 
 
-def boxed(rgbd: RGBD, found: Planes, prompt: Prompt) -> tuple[dict[str, BoolArray], tuple[str, ...]]:
+def boxed(rgbd: RGBD, found: Planes, prompt: Prompt) -> dict[str, BoolArray]:
     """The thing in a box: the pieces that the box holds almost whole, as far as they touch the largest of them."""
     inside = prompt.inside
     pieces = find_pieces(rgbd, supports_for(found, [], inside), found.noise)
@@ -227,7 +229,7 @@ def boxed(rgbd: RGBD, found: Planes, prompt: Prompt) -> tuple[dict[str, BoolArra
     masks = {}
     for name, gap in (("thing", GROUP_GAP), ("part", 0.0)):
         masks[name] = finished(rgbd, found, cropped, merged(cropped, start, gap, barred), prompt, [])
-    return distinct(masks), ()
+    return distinct(masks)
 
 
 def distinct(masks: dict[str, BoolArray]) -> dict[str, BoolArray]:

@@ -1,0 +1,54 @@
+"""Shadows against closed forms: a box on a plain ground, its shadow thrown by hand; and none where there is none."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from dlama import find_mask
+from dlama.geometry.camera import Camera
+from dlama.geometry.projection import rays
+from dlama.geometry.rgbd import RGBD, BoolArray
+from dlama.perception.shadows import find_shadow
+from worlds import Box, Plane, World
+
+CAMERA = Camera.from_fov(240, 180, 70)
+BOX = Box((-0.3, 0.1, 2.6), (0.2, 1.0, 3.0))
+WORLD = World((Plane((0, 1, 0), (0, -1, 0)), Plane((0, 0, 8), (0, 0, -1)), BOX))
+TO_LIGHT = np.array([-1.0, -1.2, 0.3])
+"""From a point to the light: the shadow lies to the right of the box."""
+
+
+def lit_and_shadow(darker: float) -> tuple[RGBD, BoolArray, BoolArray]:
+    """The scene with a noisy grey ground, the box's mask and the pixels of the ground from which the box hides the light."""
+    rgbd, shown = WORLD.rgbd(CAMERA), WORLD.trace(CAMERA)[1]
+    points = rays(CAMERA) * rgbd.depth[..., None]
+    shadow = (shown == 0) & np.isfinite(BOX.hit(points, np.broadcast_to(TO_LIGHT, points.shape)))
+    rng = np.random.default_rng(0)
+    level = np.where(shown == 2, 90.0, 150.0) * np.where(shadow, darker, 1) + rng.normal(0, 4, shown.shape)
+    color = np.repeat(np.clip(level, 0, 255).astype(np.uint8)[..., None], 3, 2)
+    return RGBD(color, rgbd.depth, CAMERA), shown == 2, shadow
+
+
+@pytest.mark.parametrize("darker", [0.45, 0.7])
+def test_a_cast_shadow_is_found(darker: float) -> None:
+    rgbd, mask, shadow = lit_and_shadow(darker)
+    found = find_shadow(rgbd, mask)
+    assert not (found & mask).any()
+    assert (found & shadow).sum() > 0.75 * shadow.sum()
+    assert (found & shadow).sum() > 0.75 * found.sum()
+
+
+def test_where_there_is_no_shadow_none_is_found() -> None:
+    rgbd, mask, _ = lit_and_shadow(1.0)
+    assert not find_shadow(rgbd, mask).any()
+
+
+def test_a_click_with_its_shadow() -> None:
+    """find_mask adds it to the mask and says which part it is."""
+    rgbd, mask, shadow = lit_and_shadow(0.5)
+    rows, columns = np.nonzero(mask)
+    found = find_mask(rgbd, clicks=[(float(np.median(columns)), float(np.median(rows)))], with_shadow=True)
+    assert found.shadow is not None
+    assert (found.shadow & ~found.mask).sum() == 0
+    assert (found.mask & shadow).sum() > 0.75 * shadow.sum()
