@@ -13,6 +13,9 @@ DlamaError
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+
 LONGEST = 1200
 """Characters of a message."""
 
@@ -63,3 +66,18 @@ class MissingExtraError(DlamaError, ImportError):
 def first_line(error: BaseException) -> str:
     """What an error says, or its name where it says nothing."""
     return next(iter(str(error).splitlines()), type(error).__name__)
+
+
+@contextmanager
+def system_errors(kind: type[DlamaError]) -> Iterator[None]:
+    """Decorator, or context: an error of the system (no permission, no space, a broken disk) becomes one of `kind`.
+
+    It names file and reason. Errors of dlama pass.
+    """
+    try:
+        yield
+    except OSError as error:
+        if isinstance(error, DlamaError):
+            raise
+        names = [str(name) for name in (error.filename, error.filename2) if name is not None]
+        raise kind(": ".join([*names, (error.strerror or str(error)).lower()])) from error

@@ -9,7 +9,7 @@ import sys
 from pathlib import Path
 
 from dlama import __version__
-from dlama.errors import FileError, OutputError
+from dlama.errors import FileError, OutputError, system_errors
 from dlama.files.atomic_write import new_file
 from dlama.inpainters.networks.contract import generator_metadata, migan_metadata
 from dlama.models.cache import directory, locate
@@ -57,6 +57,7 @@ def is_whole(file: Path, beside: Path) -> bool:
         return False
 
 
+@system_errors(FileError)
 def source_of(model: Path | str) -> Path:
     """The file itself; a name of the catalogue stands for the file that was pulled, unless a file is called so."""
     path = Path(model).expanduser()

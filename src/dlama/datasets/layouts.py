@@ -23,7 +23,7 @@ from dlama.datasets.stereo_folder import looks_like_stereo, stereo_folder
 from dlama.datasets.text_tables import LEVELS, check_scenes, folders_in
 from dlama.datasets.trajectory_log import looks_like_trajectory_log, trajectory_log
 from dlama.datasets.tum import looks_like_tum, tum
-from dlama.errors import FileError, InputError
+from dlama.errors import FileError, InputError, system_errors
 
 
 @dataclass(frozen=True)
@@ -67,6 +67,7 @@ LAYOUTS: dict[str, Layout] = {
 """Every layout by the name that `layout` takes."""
 
 
+@system_errors(FileError)
 def open_dataset(
     path: Path | str,
     layout: str | None = None,

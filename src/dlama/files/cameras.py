@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dlama.errors import CameraError, FileError
+from dlama.errors import CameraError, FileError, system_errors
 from dlama.files.atomic_write import PathLike, new_file
 from dlama.files.checked_fields import FileFields, Intrinsics, read_calib_txt, read_json_fields
 from dlama.files.images import read_stored
@@ -31,6 +31,7 @@ DOFFS_TOLERANCE = 0.01
 """Pixels by which doffs may differ from the principal points (published calibrations are rounded)."""
 
 
+@system_errors(FileError)
 def read_camera(path: PathLike, *, hw: tuple[int, int] | None = None) -> Camera:
     """A camera from our JSON, or the left one of a Middlebury calib.txt.
 
@@ -47,6 +48,7 @@ def read_camera(path: PathLike, *, hw: tuple[int, int] | None = None) -> Camera:
     return checked_camera(path, fields.size(hw, needed=True), intrinsics, fields.pixel_center(0.5), pose)
 
 
+@system_errors(FileError)
 def read_stereo_calib(path: PathLike, *, hw: tuple[int, int] | None = None) -> StereoRig:
     """A rectified pair from a Middlebury calib.txt or from JSON; the left camera is the world.
 
@@ -93,6 +95,7 @@ def camera_as_json(camera: Camera) -> dict[str, Any]:
     }
 
 
+@system_errors(FileError)
 def camera_for(
     hw: tuple[int, int],
     *,

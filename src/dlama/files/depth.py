@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from dlama.errors import DepthError, FileError
+from dlama.errors import DepthError, FileError, system_errors
 from dlama.files.atomic_write import PathLike
 from dlama.files.depth_checks import warn_of_inverse
 from dlama.files.float_files import read_array, read_exr, read_pfm, write_exr, write_pfm
@@ -33,6 +33,7 @@ PLAUSIBLE = (0.05, 500.0)
 KITTI_SCALE = 256.0
 
 
+@system_errors(FileError)
 def read_depth(
     path: PathLike,
     *,
@@ -73,6 +74,7 @@ def read_depth(
     return depth
 
 
+@system_errors(FileError)
 def read_disparity(path: PathLike, *, scale: float | None = None, channel: str | None = None) -> Float32Array:
     """A disparity file as float32 H x W: pixels, 0 = missing (0, NaN or infinity in the file).
 

@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 from PIL import Image
 
-from dlama.errors import FileError
+from dlama.errors import FileError, system_errors
 from dlama.files.atomic_write import PathLike
 
 SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff")
@@ -75,6 +75,7 @@ def check_pixels(file: PathLike, width: int, height: int) -> None:
         )
 
 
+@system_errors(FileError)
 def read_stored(path: PathLike) -> Stored:
     """The numbers of a PNG, JPEG or TIFF file. Raises FileError when it is missing, damaged, too large or of another kind."""
     file = existing(path)
@@ -95,6 +96,7 @@ def read_stored(path: PathLike) -> Stored:
         raise FileError(f"{file}: is damaged or truncated ({str(error) or type(error).__name__})") from error
 
 
+@system_errors(FileError)
 def picture_hw(path: PathLike) -> tuple[int, int]:
     """(height, width) of a picture file as viewers show it, from its header. Raises FileError."""
     hw, orientation = _header(existing(path))

@@ -12,7 +12,7 @@ from typing import Any, Literal
 import numpy as np
 from PIL import Image
 
-from dlama.errors import FileError, MaskError, ShapeError
+from dlama.errors import FileError, MaskError, ShapeError, system_errors
 from dlama.files.atomic_write import PathLike, new_file
 from dlama.files.images import read_stored
 from dlama.files.semantic_classes import class_color
@@ -24,6 +24,7 @@ PNG_LEVEL = 2
 """zlib level: on photographs three times as fast as Pillow's 6 and 4 % larger."""
 
 
+@system_errors(FileError)
 def read_color(path: PathLike) -> UInt8Array:
     """A colour picture as uint8 H x W x 3 RGB.
 
@@ -57,6 +58,7 @@ def eight_bit_rgb(values: np.ndarray, path: PathLike) -> UInt8Array:
     return np.ascontiguousarray(values[..., :3])
 
 
+@system_errors(FileError)
 def read_mask(
     path: PathLike,
     mask_polarity: Literal["fill", "known"] = "fill",

@@ -18,7 +18,7 @@ import numpy as np
 
 from dlama import __version__
 from dlama.completion.completion import Completion, StereoCompletion
-from dlama.errors import InputError, OutputError
+from dlama.errors import InputError, OutputError, system_errors
 from dlama.files import clouds, depth, pictures, scenes, textured_mesh
 from dlama.files.atomic_write import PathLike, new_directory
 from dlama.files.cameras import camera_as_json
@@ -46,6 +46,7 @@ RESULTS: dict[str, tuple[str, ...]] = {
 """What `write` can be asked for by name -> its files, where the completion has them; meta.json is always written."""
 
 
+@system_errors(OutputError)
 def write(
     completion: Completion,
     directory: PathLike,

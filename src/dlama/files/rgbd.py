@@ -10,7 +10,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from dlama.errors import InputError, ShapeError
+from dlama.errors import FileError, InputError, ShapeError, system_errors
 from dlama.files.atomic_write import PathLike
 from dlama.files.cameras import camera_for
 from dlama.files.depth import read_depth
@@ -24,6 +24,7 @@ SAME_PROPORTIONS = 0.02
 """Relative difference of width / height up to which depth of another size is of the same field of view."""
 
 
+@system_errors(FileError)
 def read_rgbd(
     image: PathLike,
     depth: PathLike | None = None,

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dlama.errors import DlamaError, FileError
+from dlama.errors import DlamaError, FileError, system_errors
 from dlama.files.atomic_write import PathLike, new_file
 from dlama.files.float_files import read_npy
 from dlama.files.images import existing
@@ -43,6 +43,7 @@ def write_npz(path: PathLike, view: View, scene: Scene) -> None:
                 np.lib.format.write_array(entry, np.asanyarray(array), allow_pickle=False)
 
 
+@system_errors(FileError)
 def read_npz(path: PathLike) -> tuple[View, Scene]:
     """What `write_npz` wrote. Raises FileError."""
     file = existing(path)

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import platformdirs
 
-from dlama.errors import FileError, OutputError
+from dlama.errors import FileError, OutputError, system_errors
 from dlama.models.records import Record, record
 
 VARIABLE = "DLAMA_MODELS"
@@ -37,6 +37,7 @@ def by_hand(wanted: Record) -> str:
     )
 
 
+@system_errors(FileError)
 def locate(name: str) -> Path:
     """The file of that model.
 

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from dlama.errors import DlamaError, FileError, InputError, MissingExtraError, first_line
+from dlama.errors import DlamaError, FileError, InputError, MissingExtraError, first_line, system_errors
 from dlama.models.openvino import OpenVinoSession
 from dlama.models.verify import sha256_of
 
@@ -145,6 +145,7 @@ class NetworkFile:
             raise FileError(f"{self.path}: failed on {sizes} ({first_line(error)})") from error
 
 
+@system_errors(FileError)
 def file_stamp(path: Path) -> tuple[int, int]:
     """Time of change in ns, and bytes: what tells a file from a newer one of the same name. FileError where there is none."""
     if not path.is_file():

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from dlama.errors import FileError
+from dlama.errors import FileError, system_errors
 from dlama.models.cache import by_hand, expected_sha256, expected_size, pin, place
 from dlama.models.records import Record
 
@@ -26,6 +26,7 @@ class Verdict:
     """What came and what was wanted, in words."""
 
 
+@system_errors(FileError)
 def verify(wanted: Record) -> Verdict:
     """Compare size and sha256 with the record's, or with those pinned on first use; the first use pins.
 

@@ -13,7 +13,7 @@ from dataclasses import asdict, dataclass, is_dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
-from dlama.errors import FileError, InputError
+from dlama.errors import FileError, InputError, system_errors
 from dlama.training.flops import estimate
 from dlama.training.settings import (
     DataSettings,
@@ -128,6 +128,7 @@ def from_json(text: str, file: str = "settings") -> TrainSettings:
         raise FileError(f"{file}: {error}") from error
 
 
+@system_errors(FileError)
 def settings_of(name_or_file: str | Path) -> TrainSettings:
     """A preset by its name, or the settings of a JSON file.
 

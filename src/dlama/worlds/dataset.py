@@ -17,7 +17,7 @@ import numpy as np
 from dlama.datasets.frames import Case, Dataset, Frame, Gamma, RemovalTruth, StereoTruth, ViewTruth
 from dlama.datasets.layouts import check_limit, narrowed, open_dataset, refuse_unused
 from dlama.datasets.posed_frames import CameraOption
-from dlama.errors import FileError, InputError
+from dlama.errors import FileError, InputError, system_errors
 from dlama.geometry.camera import Camera, StereoRig
 from dlama.geometry.projection import disparity_from_depth
 from dlama.geometry.rgbd import RGBD, Float32Array
@@ -37,6 +37,7 @@ DEFAULT_COUNT = 4
 Textures = Path | Sequence[np.ndarray] | None
 
 
+@system_errors(FileError)
 def world(
     seed: int, *, kind: Kind | None = None, textures: Textures = None, shadows: bool = True, antialias: bool = True
 ) -> World:
@@ -77,6 +78,7 @@ def _pictures(folder: Path) -> tuple[Path, ...]:
     """All pictures below a folder, in the order of their names."""
     if not folder.is_dir():
         raise FileError(f"{folder}: is no folder; a folder of pictures is wanted for textures")
+    next(folder.iterdir(), None)  # PermissionError where nothing can be listed; rglob would find nothing there
     found = tuple(sorted(each for each in folder.rglob("*") if each.suffix.lower() in PICTURES))
     if not found:
         raise FileError(f"{folder}: holds no pictures ({', '.join(PICTURES)}); textures are taken from them")
@@ -136,6 +138,7 @@ def worlds(
     return Dataset(LAYOUT, LAYOUT, None, tuple(frames), tuple(cases))
 
 
+@system_errors(FileError)
 def world_settings(
     count: int, seed: int, size: int, kind: Kind | None, shadows: bool, antialias: bool, textures: Textures
 ) -> list[WorldSettings]:
@@ -201,6 +204,7 @@ def _disparity(rig: StereoRig, depth: Float32Array) -> Float32Array:
     return disparity_from_depth(depth, fx=rig.left.fx, baseline_m=rig.baseline_m)
 
 
+@system_errors(FileError)
 def open_dataset_or_worlds(
     path: Path | str,
     layout: str | None = None,

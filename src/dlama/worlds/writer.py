@@ -10,7 +10,7 @@ from pathlib import Path
 from dlama import __version__
 from dlama.completion.memory import LONGEST_SIDE, check_memory
 from dlama.datasets.easysynth.writer import SequenceFrame, SequenceKey, StereoSequence, write_scene
-from dlama.errors import InputError
+from dlama.errors import InputError, OutputError, system_errors
 from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.trajectories import PIVOT_M
@@ -24,6 +24,7 @@ POSES = "poses.json"
 CLASSES = {"background": (0, 0, 0), "object": (255, 0, 0), "sky": (70, 130, 180)}
 
 
+@system_errors(OutputError)
 def write_worlds(
     folder: Path,
     *,

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from dlama.completion.recipes import checked_seed
-from dlama.errors import InputError
+from dlama.errors import FileError, InputError, system_errors
 from dlama.files.atomic_write import new_file
 from dlama.geometry.rgbd import UInt8Array
 from dlama.training.data.cases import KIND_NAMES, TrainingCase
@@ -67,6 +67,7 @@ class PackContents:
                 return
 
 
+@system_errors(FileError)
 def pack(data: Sequence[Path], output: Path, megabytes: float = 45.0, size: int = 256, seed: int = 0) -> list[str]:
     """Write a pack; returns lines that say what is in it.
 

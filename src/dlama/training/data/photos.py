@@ -12,7 +12,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from dlama.errors import FileError, InputError
+from dlama.errors import FileError, InputError, system_errors
 from dlama.files.images import SUFFIXES, read_stored
 from dlama.files.pictures import eight_bit_rgb
 from dlama.geometry.rgbd import UInt8Array
@@ -37,6 +37,8 @@ def folder_photos(folder: Path) -> tuple[Photo, ...]:
     """All PNG, JPEG and TIFF pictures in a folder and below, by path. FileError where there are none."""
     if not folder.is_dir():
         raise FileError(f"{folder}: no such folder; a folder of pictures is wanted")
+    with system_errors(FileError):
+        next(folder.iterdir(), None)  # PermissionError where nothing can be listed; rglob would find nothing there
     paths = sorted(path for path in folder.rglob("*") if path.suffix.lower() in SUFFIXES and path.is_file())
     if not paths:
         raise FileError(f"{folder}: holds no picture ({', '.join(SUFFIXES)}) and is no data set of a known layout")

@@ -12,7 +12,7 @@ from typing import Literal, Protocol
 import numpy as np
 
 from dlama.datasets.layouts import LAYOUTS, detect, open_dataset
-from dlama.errors import FileError, InputError
+from dlama.errors import FileError, InputError, system_errors
 from dlama.training.data.cases import KIND_NAMES, TrainingCase, split_cases, training_cases
 from dlama.training.data.pack_format import read_pack
 from dlama.training.data.photos import Photo, folder_photos, split_photos
@@ -109,6 +109,7 @@ def usage_summary(found: TrainingData, settings: TrainSettings) -> str:
     return "; ".join(parts)
 
 
+@system_errors(FileError)
 def find_training_data(data: Sequence[Path]) -> TrainingData:
     """The photos and cases of folders of pictures, datasets and packs. InputError, FileError."""
     photos: list[Photo] = []

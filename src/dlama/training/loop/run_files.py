@@ -53,7 +53,7 @@ def prepare(run: Path, settings: TrainSettings, resume: bool) -> None:
     except OSError as error:
         if isinstance(error, DlamaError):
             raise
-        raise OutputError(f"{run}: cannot be made ({error})") from error
+        raise OutputError(f"{run}: cannot be {'read' if resume else 'made'} ({error.strerror or error})") from error
 
 
 def holds_run(run: Path) -> bool:

@@ -17,7 +17,7 @@ import pytorch_lightning as pl
 import torch
 from pytorch_lightning.utilities.rank_zero import rank_zero_only
 
-from dlama.errors import InputError
+from dlama.errors import InputError, OutputError, system_errors
 from dlama.files.atomic_write import new_file
 from dlama.training.data.batches import check_sample
 from dlama.training.data.loader import BatchNumbers, NumberedSamples, batch_loader, held_out_batch
@@ -58,6 +58,7 @@ class TrainingResult:
     """Whether this is the first process of the run; the others write nothing."""
 
 
+@system_errors(OutputError)
 def train(
     settings: TrainSettings,
     run: Path,
