@@ -31,6 +31,7 @@ def faults(file: str, tests: str, *each: tuple[str, str, str]) -> tuple[Mutant, 
 
 
 OPTIONS = "tests/apps/test_options_reach.py"
+PAIR = "tests/completion/test_stereo_options.py"
 LAYERS = "tests/geometry/test_layer_precedence.py"
 MUTANTS: tuple[Mutant, ...] = (
     *faults(
@@ -54,7 +55,11 @@ MUTANTS: tuple[Mutant, ...] = (
             "return read_mask(path, **masking.settings())",
             "return read_mask(path)",
         ),
-        ("--depth-scale, --far, --channel are dropped", "camera=camera, **reading.settings())", "camera=camera)"),
+        (
+            "--depth-scale, --far, --channel are dropped",
+            "reading.settings() | estimating.settings()",
+            "estimating.settings()",
+        ),
     ),
     *faults(
         "apps/worlds.py",
@@ -231,12 +236,12 @@ MUTANTS: tuple[Mutant, ...] = (
         ("trunks run pickled code", "weights_only=True", "weights_only=False"),
     ),
     *faults(
-        "nets/torch_file.py",
+        "nets/torch_pickle.py",
         "tests/nets/test_torch_file.py",
         (
             "weight files run pickled code",
-            'return type("Inert", (Inert,), {})',
-            "return super().find_class(module, name)",
+            'self.unresolved[called] = type("Inert", (Inert,), {})',
+            "self.unresolved[called] = super().find_class(module, name)",
         ),
     ),
     *faults(
@@ -266,6 +271,29 @@ MUTANTS: tuple[Mutant, ...] = (
         "tests/training/data/test_masks.py",
         ("masks of any area", "SMALLEST, LARGEST = 0.005, 0.7", "SMALLEST, LARGEST = 0.0, 1.0"),
         ("wide masks are narrower", "(0.04, 0.8), (0.02, 0.4), (1, 3)", "(0.04, 0.8), (0.02, 0.3), (1, 3)"),
+    ),
+    *faults(
+        "completion/pair.py",
+        PAIR,
+        ("stereo has no far limit", "np.where(depth >= far, np.float32(np.inf), depth)", "depth"),
+        ("depth forgets doffs", "baseline_m=rig.baseline_m, doffs=rig.doffs)", "baseline_m=rig.baseline_m)"),
+        ("bleeding is measured from disparity 0", "as_near = disparity + doffs >=", "as_near = disparity >="),
+        ("the left mask is not carried over", "carry_mask(mask, left_disparity) if", "mask if"),
+        ("the right mask is not used", "if mask_right is None else checked", "if True else checked"),
+    ),
+    *faults(
+        "completion/stereo.py",
+        PAIR,
+        ("the matcher has no range", "max_disparity=max_disparity)", "max_disparity=None)"),
+    ),
+    *faults(
+        "completion/stereo.py",
+        "tests/completion/test_both_eyes.py",
+        (
+            "the scene lacks the right picture's own pixels",
+            "scene = with_seen_alone(scene, lender, law, recipe.mode)",
+            "pass",
+        ),
     ),
 )
 """All of them."""

@@ -29,7 +29,7 @@ HEAVY = (
 def loaded_by(code: str) -> list[str]:
     """Which heavy packages a fresh interpreter has loaded after running `code`."""
     probe = f"{code}\nimport sys\nprint(' '.join(name for name in {HEAVY!r} if name in sys.modules))"
-    done = subprocess.run([sys.executable, "-c", probe], capture_output=True, text=True, check=True, timeout=60)
+    done = subprocess.run([sys.executable, "-c", probe], capture_output=True, text=True, check=True, timeout=600)
     return done.stdout.split()
 
 

@@ -21,7 +21,7 @@ def shell(words: str, folder: Path, **environment: str) -> subprocess.CompletedP
     """`dlama WORDS`, redirections and all."""
     line = f"{sys.executable} -m dlama {words}"
     return subprocess.run(
-        ["sh", "-c", line], cwd=folder, env={**os.environ, **environment}, capture_output=True, text=True, timeout=120
+        ["sh", "-c", line], cwd=folder, env={**os.environ, **environment}, capture_output=True, text=True, timeout=600
     )
 
 
@@ -45,7 +45,7 @@ def test_names_that_are_not_text_are_printed(tmp_path: Path) -> None:
         [sys.executable, "-m", "dlama", "view", b"\xff.png", b"\xff.exr", "--fov", "60", "--yaw", "5", "-o", "out"],
         cwd=tmp_path,
         capture_output=True,
-        timeout=120,
+        timeout=600,
     )
     assert done.returncode == 2 and done.stderr.startswith(b"error: ") and b"Traceback" not in done.stderr
 
@@ -103,7 +103,7 @@ def test_signals_end_with_one_line_and_leave_nothing(
     ) as run:
         assert run.stdout is not None and run.stdout.readline() == "ready\n"
         run.send_signal(number)
-        _, errors = run.communicate(timeout=60)
+        _, errors = run.communicate(timeout=600)
     assert (run.returncode, errors) == (code, line)
     assert list(tmp_path.iterdir()) == []
 

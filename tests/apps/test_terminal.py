@@ -33,7 +33,7 @@ def on_a_terminal(words: list[str], folder: Path) -> str:
     except OSError:  # Linux: the other end was closed
         pass
     os.close(ours)
-    assert process.wait(timeout=60) == 0, shown
+    assert process.wait(timeout=600) == 0, shown
     return shown.decode()
 
 
@@ -53,7 +53,7 @@ def piped(folder: Path, *words: str, **environment: str) -> tuple[str, str]:
         env={**os.environ, **environment},
         capture_output=True,
         text=True,
-        timeout=120,
+        timeout=600,
         check=True,
     )
     return done.stdout, done.stderr

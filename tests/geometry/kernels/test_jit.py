@@ -44,7 +44,7 @@ def test_what_goes_wrong_in_another_thread_is_raised(monkeypatch: pytest.MonkeyP
 
     def fail(first: int, last: int) -> None:
         if last > first:
-            ready.wait(timeout=10)
+            ready.wait(timeout=600)
         if first:
             raise ArithmeticError("second band")
 
@@ -85,8 +85,8 @@ def test_a_forked_child_makes_its_own_threads(monkeypatch: pytest.MonkeyPatch) -
     queue = context.Queue()
     process = context.Process(target=child, args=(queue,))
     process.start()
-    assert queue.get(timeout=20) == 100
-    process.join(timeout=20)
+    assert queue.get(timeout=600) == 100
+    process.join(timeout=600)
     assert process.exitcode == 0
 
 
