@@ -10,7 +10,7 @@ from dlama.perception.diagnosis.finding import Finding, Observed
 FULL = 65535
 RARE = 0.004
 """Share of the pixels that reach the largest number where it is a maximum; where more do it is a code (far) or a clip."""
-LOWEST = 0.02
+LOWEST = 0.003
 """The nearest values lie below this share of the largest: no camera sees so near and so far."""
 
 

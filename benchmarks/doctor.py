@@ -1,0 +1,127 @@
+"""What `dlama doctor` says of good inputs, and of the same spoilt: a table of false alarms and of corruptions named.
+
+    python benchmarks/doctor.py [--data FOLDER] [--worlds 100] [--every 4]
+
+Good inputs: generated worlds, and with --data (or DLAMA_DATA) the pictures of that folder's data/ and street/. All of them are
+looked at as they are, every n-th one spoilt in each of the ways of tests/corruptions.py. A corruption is named when one of the
+checks that are meant for it is among the faults that are told; "first" when it is the first of them.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from collections import Counter, defaultdict
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+import dlama
+from dlama.geometry.camera import Camera
+from dlama.geometry.projection import depth_from_disparity
+from dlama.perception.diagnosis.finding import Observed
+from dlama.perception.diagnosis.rgbd_checks import findings_of
+from dlama.worlds.layouts.random_scene import build
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
+from corruptions import SPOILT, observed
+
+SIZE = 320
+KINECT = Camera(640, 480, 526, 526, 320, 237)
+BIN = Camera(640, 480, 619.871, 619.871, 314.241, 238.906)
+
+
+def worlds(count: int) -> Iterator[tuple[str, Observed]]:
+    """Streets and rooms from several cameras, each with its object as the mask."""
+    for seed in range(1000, 1000 + count):
+        rng = np.random.default_rng(seed)
+        made = build(seed, None, (), shadows=True, antialias=True)
+        camera = made.camera(float(rng.choice([0, 20, -30, 45])), SIZE, float(rng.choice([60, 75, 90])))
+        seen = made.raycast(camera)
+        mask = seen.group == made.object_index
+        yield "worlds", observed(dlama.RGBD(seen.color, seen.depth, camera), mask if mask.any() else None)
+
+
+def street(folder: Path) -> Iterator[tuple[str, Observed]]:
+    """Every frame of every scene."""
+    for sequence in sorted(folder.glob("s*/with*")):
+        pictures = sequence / "CameraComponent"
+        for color, depth in zip(
+            sorted((pictures / "ColorImage").iterdir()), sorted((pictures / "DepthMM").iterdir()), strict=True
+        ):
+            yield "street", observed(dlama.read_rgbd(color, depth, fov=90))
+
+
+def data(folder: Path) -> Iterator[tuple[str, Observed]]:
+    """Kinect frames, the removal pair and the motorcycle."""
+    for depth in sorted((folder / "kitchen_vpi").glob("*.depth.png")):
+        color = depth.with_name(depth.name.replace(".depth.png", ".color.jpg"))
+        yield "data", observed(dlama.read_rgbd(color, depth, camera=KINECT))
+    sequence = folder / "kitchen_sequence"
+    for color, depth in zip(
+        sorted((sequence / "images").iterdir()), sorted((sequence / "depth").iterdir()), strict=True
+    ):
+        yield "data", observed(dlama.read_rgbd(color, depth, camera=KINECT))
+    removal = folder / "bin_removal"
+    for name in ("with", "without"):
+        files = removal / f"{name}.color.png", removal / f"{name}.depth.png"
+        rgbd = dlama.read_rgbd(*files, camera=BIN, depth_scale=10000)
+        yield "data", observed(rgbd, dlama.read_mask(removal / "object_mask.png"))
+    moto = folder / "motorcycle"
+    lens = Camera(741, 500, 994.978, 994.978, 311.193, 254.877)
+    disparity = np.load(moto / "disparity.npz")["disparity"]
+    metres = depth_from_disparity(disparity, fx=lens.fx, baseline_m=0.193001, doffs=31.086)
+    yield "data", observed(dlama.RGBD(dlama.read_color(moto / "left.png"), metres, lens))
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--data", type=Path, default=os.environ.get("DLAMA_DATA"))
+    parser.add_argument("--worlds", type=int, default=100)
+    parser.add_argument("--every", type=int, default=4)
+    options = parser.parse_args()
+    good, alarms, spoilt = Counter[str](), Counter[str](), defaultdict[tuple[str, str], Counter[str]](Counter)
+    inputs = list(worlds(options.worlds))
+    if options.data:
+        inputs += [*data(Path(options.data) / "data"), *street(Path(options.data) / "street")]
+    for number, (source, seen) in enumerate(inputs):
+        good[source] += 1
+        told = [finding.line for finding in findings_of(seen) if finding.severity == "fault"]
+        alarms[source] += bool(told)
+        for line in told:
+            print(f"false alarm, {source} {number}: {line}", flush=True)
+        if number % options.every:
+            continue
+        for name, (spoil, wanted) in SPOILT.items():
+            if "mask" in name and seen.mask is None:
+                continue
+            named = [finding.check for finding in findings_of(spoil(seen)) if finding.severity == "fault"]
+            found = spoilt[name, source]
+            found["tried"] += 1
+            found["named"] += bool(set(named) & set(wanted))
+            found["first"] += bool(named) and named[0] in wanted
+            found["told"] += bool(named)
+    table(good, alarms, spoilt)
+
+
+def table(good: Counter[str], alarms: Counter[str], spoilt: dict[tuple[str, str], Counter[str]]) -> None:
+    """Markdown: a row for good inputs, then one for each corruption; named / tried for each source."""
+    sources = list(good)
+    print(f"\n| | {' | '.join(sources)} | all |\n|---|{'---|' * (len(sources) + 1)}")
+    shares = [f"{alarms[each]} / {good[each]}" for each in sources]
+    print(f"| good, false alarms | {' | '.join(shares)} | {sum(alarms.values()) / sum(good.values()):.1%} |")
+    total: Counter[str] = Counter()
+    for name in SPOILT:
+        row = [spoilt[name, each] for each in sources]
+        both = sum(row, Counter[str]())
+        total += both
+        cells = [f"{each['named']} / {each['tried']}" for each in row]
+        print(f"| {name} | {' | '.join(cells)} | {both['named'] / max(both['tried'], 1):.0%} |")
+    print(f"\nnamed {total['named']} of {total['tried']} ({total['named'] / total['tried']:.1%}); as the first finding "
+          f"{total['first'] / total['tried']:.1%}; some fault told {total['told'] / total['tried']:.1%}")  # fmt: skip
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,202 @@
+"""Frames of one scene with poses in; which convention their poses have, by reprojection from frame to frame, out.
+
+Points of one frame, carried into the next by their poses, must land on what that one measured: at its depth and in its colours.
+That is tried with the poses as read and with each of the usual mistakes undone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+
+from dlama.geometry.camera import Camera, Float64Array, inverse_pose
+from dlama.geometry.projection import project, rays
+from dlama.geometry.rgbd import RGBD, Float32Array
+from dlama.perception.diagnosis.finding import Finding, certainty
+
+SAMPLES = 2500
+"""Points of a frame that are carried into the other."""
+FEWEST = 25
+"""Points that must land for anything to be said of a pair."""
+LANDS_WITHIN = 0.04
+"""Relative difference of depth at which a point counts as landed on what it is."""
+LEAST_LEAD = 1.3
+"""Another convention must fit better by this factor,"""
+LEAST_FIT = 0.12
+"""and at least so well (1: every point lands, colours agree fully)."""
+EXPOSURE = 1.25
+"""Ratio of brightness between frames from which exposure is told."""
+GL = np.diag([1.0, -1.0, -1.0, 1.0])
+"""OpenGL's camera axes (y up, z back) in OpenCV's."""
+LEFT_HANDED = np.diag([1.0, -1.0, 1.0, 1.0])
+"""Axes with y up and z forward."""
+BODY = np.array([[0.0, -1, 0, 0], [0, 0, -1, 0], [1, 0, 0, 0], [0, 0, 0, 1]])
+"""x forward, y left, z up (ROS) to OpenCV's axes."""
+Undo = Callable[[Float64Array], Float64Array]
+
+
+class Convention(NamedTuple):
+    """What the poses of a file may be in truth."""
+
+    check: str
+    what: str
+    mend: str
+    undo: Undo
+    """The pose as read to what it should be."""
+
+
+def quaternion_reordered(pose: Float64Array, order: tuple[int, int, int, int]) -> Float64Array:
+    """The pose whose quaternion has its numbers in another order (x y z w of the one read, at these places)."""
+    x, y, z, w = (quaternion(pose[:3, :3])[place] for place in order)
+    out = pose.copy()
+    out[:3, :3] = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+    ]
+    return out
+
+
+def quaternion(rotation: Float64Array) -> Float64Array:
+    """x y z w of a rotation: the eigenvector of Bar-Itzhack's symmetric matrix (2000)."""
+    (a, b, c), (d, e, f), (g, h, i) = rotation
+    matrix = np.array(
+        [
+            [a - e - i, b + d, c + g, h - f],
+            [b + d, e - a - i, f + h, c - g],
+            [c + g, f + h, i - a - e, d - b],
+            [h - f, c - g, d - b, a + e + i],
+        ]
+    )
+    return np.asarray(np.linalg.eigh(matrix)[1][:, -1], np.float64)
+
+
+def _transposed(pose: Float64Array) -> Float64Array:
+    out = pose.copy()
+    out[:3, :3] = pose[:3, :3].T
+    return out
+
+
+def _scaled(factor: float) -> Undo:
+    def undo(pose: Float64Array) -> Float64Array:
+        out = pose.copy()
+        out[:3, 3] *= factor
+        return out
+
+    return undo
+
+
+AXES = "have other camera axes"
+INVERSE = "go from world to camera, not from camera to world"
+CONVENTIONS: dict[str, Convention] = {
+    "opengl": Convention("pose-axes", f"{AXES} (y and z the other way round)",
+                         "multiply each from the right by diag(1, -1, -1, 1): OpenGL's axes to OpenCV's, or back", lambda p: p @ GL),
+    "inverse": Convention("pose-direction", INVERSE, "invert them", inverse_pose),
+    "inverse opengl": Convention("pose-direction", f"{INVERSE}, and {AXES}", "invert them, then diag(1, -1, -1, 1) from the right",
+                                 lambda p: inverse_pose(p) @ GL),
+    "opengl inverse": Convention("pose-direction", INVERSE, "invert them",
+                                 lambda p: inverse_pose(p @ GL)),
+    "opengl inverse opengl": Convention("pose-direction", INVERSE, "invert them", lambda p: inverse_pose(p @ GL) @ GL),
+    "left-handed": Convention("pose-handedness", "are left-handed (y up)",
+                              "multiply each from both sides by diag(1, -1, 1, 1)", lambda p: LEFT_HANDED @ p @ LEFT_HANDED),
+    "left-handed opengl": Convention("pose-handedness", "are left-handed (y up)", "multiply each from both sides by diag(1, -1, 1, 1)",
+                                     lambda p: LEFT_HANDED @ p @ GL @ LEFT_HANDED),
+    "body": Convention("pose-axes", f"{AXES} (x forward, y left, z up, as robots have them)",
+                       "multiply each from the right by the rotation from the camera's axes", lambda p: p @ inverse_pose(BODY)),
+    "transposed": Convention("pose-rotation", "have their rotations transposed", "transpose the 3x3 part", _transposed),
+    "wxyz": Convention("quaternion-order", "have quaternions in the order w x y z", "write them as x y z w",
+                       lambda p: quaternion_reordered(p, (1, 2, 3, 0))),
+    "xyzw": Convention("quaternion-order", "have quaternions in the order x y z w", "write them as w x y z",
+                       lambda p: quaternion_reordered(p, (3, 0, 1, 2))),
+    **{f"scale {factor:g}": Convention(
+        "pose-scale", f"move {max(factor, 1 / factor):g} times too {'little' if factor > 1 else 'far'} for the depth",
+        f"multiply translations by {factor:g}, or divide depth by it", _scaled(factor))
+       for factor in (0.001, 0.01, 0.1, 0.2, 5.0, 10.0, 100.0, 1000.0)},
+}  # fmt: skip
+"""The usual mistakes."""
+
+
+class Landing(NamedTuple):
+    """How well one frame lands in another."""
+
+    fit: float
+    """Share of the points that land on their depth, times the correlation of their brightness (0 where negative)."""
+    gain: float
+    """Brightness of the other frame over that of this one, where they land; 1 where none does."""
+
+
+class Sampled(NamedTuple):
+    """A frame, and some of its points."""
+
+    points: Float64Array
+    """N x 3 m, camera axes."""
+    brightness: Float64Array
+    """N grey levels of the points."""
+    depth: Float32Array
+    """H x W m."""
+    grey: Float64Array
+    """H x W."""
+    camera: Camera
+
+
+def pose_faults(frames: Sequence[RGBD], name: str) -> list[Finding]:
+    """Findings on frames in a row (each overlapping the next), called `name` in messages."""
+    sampled = [sample(frame) for frame in frames]
+    pairs = list(zip(sampled, sampled[1:]))
+    if not pairs:
+        return []
+    as_read = [landing(one, other) for one, other in pairs]
+    fit = float(np.mean([each.fit for each in as_read]))
+    fits = {key: float(np.mean([landing(*pair, way.undo).fit for pair in pairs])) for key, way in CONVENTIONS.items()}
+    best = max(fits, key=lambda key: fits[key])
+    lead = fits[best] / max(fit, 1e-3)
+    if lead > LEAST_LEAD and fits[best] > LEAST_FIT:
+        way = CONVENTIONS[best]
+        what = f"{name}: poses {way.what}; so {_landed(fits[best])} of a frame's points fit the next one, {_landed(fit)} as read"
+        return [Finding(way.check, "fault", certainty(lead - 1, 0.5), what, way.mend)]
+    found = []
+    if fit < LEAST_FIT:
+        what = f"{name}: frames in a row hardly fit each other at their poses ({_landed(fit)} of the points); no usual convention mends it"
+        found.append(Finding("poses", "note", 0.6, what, "check that poses, depth and camera belong to these frames"))
+    gains = [each.gain for each in as_read if each.fit > LEAST_FIT]
+    most = max((max(gain, 1 / gain) for gain in gains), default=1.0)
+    if most > EXPOSURE:
+        what = f"{name}: exposure changes from frame to frame, up to {most:.2f} times as bright"
+        found.append(Finding("exposure", "note", 0.85, what, "undo the gain before colours of frames are compared or mixed"))
+    return found
+
+
+def sample(frame: RGBD) -> Sampled:
+    """Points on a regular grid."""
+    valid = frame.valid
+    step = max(1, int(np.sqrt(valid.sum() / SAMPLES)))
+    chosen = np.zeros_like(valid)
+    chosen[step // 2 :: step, step // 2 :: step] = valid[step // 2 :: step, step // 2 :: step]
+    color = cv2.cvtColor(np.ascontiguousarray(frame.color), cv2.COLOR_RGB2GRAY)
+    grey = np.asarray(cv2.GaussianBlur(color, (0, 0), 1.5), np.float64)
+    points = rays(frame.camera)[chosen] * frame.depth[chosen][:, None]
+    return Sampled(points, grey[chosen], frame.depth, grey, frame.camera)
+
+
+def landing(one: Sampled, other: Sampled, undo: Undo = np.array) -> Landing:
+    """Points of one frame carried into another, each pose changed by `undo`."""
+    pose, target = (undo(np.array(each.camera.world_from_cam)) for each in (one, other))
+    pixels, z = project(one.points @ pose[:3, :3].T + pose[:3, 3], other.camera.at(target))
+    with np.errstate(invalid="ignore"):
+        inside = (z > 0) & (pixels >= 0).all(1) & (pixels < other.camera.wh).all(1)
+    columns, rows = pixels[inside].astype(np.intp).T
+    lands = np.abs(other.depth[rows, columns] - z[inside]) < LANDS_WITHIN * z[inside]
+    if lands.sum() < FEWEST:
+        return Landing(0.0, 1.0)
+    first, second = one.brightness[inside][lands], other.grey[rows, columns][lands]
+    spread = float(first.std() * second.std())
+    agree = float(((first - first.mean()) * (second - second.mean())).mean()) / spread if spread > 0 else 0.0
+    gain = float((np.median(second) + 1) / (np.median(first) + 1))
+    return Landing(float(lands.sum() / len(z)) * max(agree, 0.0), gain)
+
+
+def _landed(share: float) -> str:
+    return f"{100 * share:.0f} %"
