@@ -247,6 +247,8 @@ DOCTOR = {
     "first": instead("a.png depth.png mask.png", "diagnose.first", Path("a.png"), THREE),
     "second": instead("image.png b.png mask.png", "diagnose.second", Path("b.png"), THREE),
     "mask": instead("image.png depth.png c.png", "diagnose.mask", Path("c.png"), THREE),
+    "calib": Reach("--calib c.json", "diagnose.calib", Path("c.json")),
+    "layout": Reach("--layout tum", "diagnose.layout", "tum"),
 }
 NAME = instead("big-lama", "record.name", "big-lama", "migan-512")
 CONVERT = {

@@ -255,6 +255,8 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
     "doctor": (
         "dlama doctor photo.jpg depth.png --fov 65",
         "dlama doctor photo.jpg depth.png mask.png --camera cam.json",
+        "dlama doctor left.png right.png --calib calib.txt",
+        "dlama doctor room",
     ),
     "models": (
         "dlama models list",

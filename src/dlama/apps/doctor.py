@@ -17,8 +17,8 @@ FOUND = 1
 
 
 def doctor(
-    first: Positional[Annotated[Path, option("IMAGE", None)]],
-    second: Positional[Annotated[Path | None, option("DEPTH")]] = None,
+    first: Positional[Annotated[Path, option("IMAGE|LEFT|DATASET", None)]],
+    second: Positional[Annotated[Path | None, option("DEPTH|RIGHT")]] = None,
     mask: Positional[Annotated[Path | None, option("MASK")]] = None,
     /,
     *,
@@ -26,19 +26,23 @@ def doctor(
     reading: Reading,
     masking: Masking,
     report: Report,
+    calib: Annotated[Path | None, option("CALIB")] = None,
+    layout: Annotated[str | None, option("NAME", "recognised")] = None,
 ) -> None:
     """Says what is wrong with inputs, how sure that is, and the option that mends it. Exit code 1 where something is.
 
     Args:
-        first: The colour picture.
-        second: Its depth.
+        first: The colour picture; with --calib the left one of a stereo pair; or the folder of a data set.
+        second: The picture's depth, or the right picture.
         mask: What is to be removed: black and white, 255 = remove.
+        calib: The inputs are a stereo pair, and this its calibration.
+        layout: How the data set lies on disk, as for dlama evaluate.
     """
     import dlama
 
     with reported("doctor", report) as result:
         options = {**lens.settings(), **reading.settings(), **masking.settings()}
-        found = dlama.diagnose(first, second, mask, **options)
+        found = dlama.diagnose(first, second, mask, calib=calib, layout=layout, **options)
         flags = flags_of(doctor)
         for finding in found:
             result.add(with_flags(finding.line, flags))

@@ -5,9 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Literal
 
+from dlama.datasets.dataset_diagnosis import diagnose_dataset
 from dlama.errors import InputError
 from dlama.files.atomic_write import PathLike
-from dlama.files.diagnosis import DepthOptions, diagnose_rgbd
+from dlama.files.diagnosis import DepthOptions, diagnose_pair, diagnose_rgbd
 from dlama.geometry.camera import Camera
 from dlama.perception.diagnosis.finding import Finding
 
@@ -17,6 +18,8 @@ def diagnose(
     second: PathLike | None = None,
     mask: PathLike | None = None,
     *,
+    calib: PathLike | None = None,
+    layout: str | None = None,
     camera: PathLike | Camera | None = None,
     fx: float | None = None,
     fy: float | None = None,
@@ -36,9 +39,11 @@ def diagnose(
     """What is wrong with inputs, how sure that is, and the option that mends it; the last finding says what was understood.
 
     Args:
-        first: A picture.
-        second: Its depth.
-        mask: What is to be removed from it.
+        first: A picture; or, with `calib`, the left one of a stereo pair; or the folder of a data set.
+        second: The picture's depth, or the right picture.
+        mask: What is to be removed from the picture.
+        calib: The calibration of a stereo pair.
+        layout: How the data set lies on disk, as in `dlama evaluate`; default: recognised. It also takes `camera`.
         camera, fx, fy, cx, cy, fov, pixel_center, depth_scale, depth_range, channel, far, resize_depth: As in `read_rgbd`.
         mask_polarity, soft_mask, mask_class: As in `read_mask`.
 
@@ -47,12 +52,25 @@ def diagnose(
         cannot be read is a finding, too.
 
     Raises:
-        InputError: no depth is given.
+        InputError: no depth and no right picture is given, or one that says nothing to these inputs.
     """
+    if Path(first).is_dir():
+        _refuse(first, {"second": second, "mask": mask, "calib": calib})
+        return tuple(diagnose_dataset(Path(first), layout, camera))
     if second is None:
-        raise InputError(f"{Path(first)}: a picture needs its depth beside it: give both")
+        raise InputError(
+            f"{Path(first)}: is no folder of a data set; a picture needs its depth, a left picture its right one"
+        )
+    if calib is not None:
+        _refuse(first, {"mask": mask})
+        return tuple(diagnose_pair(first, second, calib))
     lens = {"camera": camera, "fx": fx, "fy": fy, "cx": cx, "cy": cy, "fov": fov, "pixel_center": pixel_center}
     reading = DepthOptions(depth_scale, depth_range, channel, far, resize_depth)
     masking = {"mask_polarity": mask_polarity, "soft_mask": soft_mask, "mask_class": mask_class}
-    found = diagnose_rgbd(first, second, mask, lens_options=lens, depth_options=reading, mask_options=masking)
-    return tuple(found)
+    return tuple(diagnose_rgbd(first, second, mask, lens_options=lens, depth_options=reading, mask_options=masking))
+
+
+def _refuse(first: PathLike, others: dict[str, PathLike | None]) -> None:
+    for name, value in others.items():
+        if value is not None:
+            raise InputError(f"{Path(first)}: {name} is {value}; it says nothing to these inputs")

@@ -37,6 +37,14 @@ EVERY_PIXEL = 8
 """Overlap is measured on every eighth row and column."""
 
 
+class NoPairsError(FileError):
+    """No frame shows what another one shows; it has the frames, for a diagnosis."""
+
+    def __init__(self, message: str, frames: tuple[PosedFrame, ...]) -> None:
+        super().__init__(message)
+        self.frames = frames
+
+
 def load_view(source: Callable[[], RGBD], target: Callable[[], RGBD], exposure_varies: bool) -> ViewTruth:
     """Read both frames of a pair."""
     return ViewTruth(source(), target(), exposure_varies=exposure_varies)
@@ -72,9 +80,10 @@ def posed_dataset(layout: str, root: Path, frames: Iterable[PosedFrame], limit: 
             own = [frame for frame in frames if frame.scene == scene]
             cases += view_pairs(own, dataset=name, limit=left)
     if not cases:
-        raise FileError(
+        raise NoPairsError(
             f"{root}: no two of its {len(frames)} frames overlap by {MIN_OVERLAP:.0%} and turn by "
-            f"{DEGREES[0]:g} to {DEGREES[-1]:g} degrees; are depth and poses in the same unit?"
+            f"{DEGREES[0]:g} to {DEGREES[-1]:g} degrees; are depth and poses in the same unit?",
+            frames,
         )
     return Dataset(name, layout, root, frames, tuple(cases))
 

@@ -13,10 +13,10 @@ import numpy as np
 
 from dlama.errors import CameraError, InputError
 from dlama.files.atomic_write import PathLike
-from dlama.files.cameras import FILM_DIAGONAL_MM, camera_for
+from dlama.files.cameras import FILM_DIAGONAL_MM, camera_for, read_stereo_calib
 from dlama.files.depth import FAR_CODE, FAR_METRES, MILLIMETRES, eight_bit_advice, stored_numbers
 from dlama.files.images import SUFFIXES, as_shown, orientation_of, read_stored
-from dlama.files.pictures import eight_bit_rgb, read_mask
+from dlama.files.pictures import eight_bit_rgb, read_color, read_mask
 from dlama.files.rgbd import SAME_PROPORTIONS, nearest_pixels
 from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import BoolArray, UInt8Array, percent
@@ -25,6 +25,7 @@ from dlama.perception.diagnosis.finding import Finding, Observed
 from dlama.perception.diagnosis.lens import lens, options_of_lens
 from dlama.perception.diagnosis.registration import fit_of_edges
 from dlama.perception.diagnosis.rgbd_checks import findings_of
+from dlama.perception.diagnosis.stereo_pair import pair_findings
 
 GUESSED_FOV = 65.0
 """Degrees, where nothing says how wide the camera sees: a phone's."""
@@ -70,6 +71,27 @@ def diagnose_rgbd(
     skip = ("depth unit",) if any(finding.check == "eight-bit-depth" for finding in found) else ()
     found += findings_of(seen, skip)
     return [*found, understood(seen, found)]
+
+
+def diagnose_pair(left: PathLike, right: PathLike, calib: PathLike) -> list[Finding]:
+    """Findings on a stereo pair; the last one says what was understood. Never raises InputError."""
+    try:
+        pictures = read_color(left), read_color(right)
+        rig = read_stereo_calib(calib, hw=pictures[0].shape[:2])
+    except InputError as error:
+        return [Finding("reading", "fault", 1.0, str(error))]
+    names = f"{Path(left).name}, {Path(right).name}"
+    if pictures[0].shape != pictures[1].shape:
+        sizes = " and ".join(f"{each.shape[1]}x{each.shape[0]}" for each in pictures)
+        return [Finding("size", "fault", 1.0, f"{names}: are {sizes}", "rectify them to one size")]
+    said = lens(rig.left) + pair_findings(*pictures, rig.doffs)
+    found = [replace(each, what=f"{names}: {each.what}") for each in said]
+    verdict = "read as" if any(each.severity == "fault" for each in found) else "nothing wrong:"
+    what = (
+        f"{names}: {verdict} {rig.left.width}x{rig.left.height}, {rig.left.fov_deg:.3g} degrees wide, "
+        f"baseline {rig.baseline_m:.3g} m, doffs {rig.doffs:.3g} px"
+    )
+    return [*found, Finding("understood", "fine", 1.0, what)]
 
 
 def understood(seen: Observed, found: list[Finding]) -> Finding:

@@ -67,28 +67,39 @@ def doubts(left: UInt8Array, right: UInt8Array, left_disparity: Float32Array) ->
 
     left_disparity: H x W px as matched, 0 = unknown.
     """
-    corners = matched_corners(left, right)
-    offsets = corners.offsets
-    if corners.found >= 5 * ENOUGH:
-        near = np.abs(offsets[:, 1]) <= SAME_ROW * left.shape[0]
-        if len(offsets) < ENOUGH or near.mean() < SHARED:
-            return (
-                f"only {int(near.sum())} of {corners.found} corners are found in both pictures; are they of the same scene, "
-                "taken at the same time?"
-            )
-        across, rows = offsets[near, 0], np.abs(offsets[near, 1])
-        middle, upper = np.median(rows), np.percentile(rows, 75)
-        if middle > ROW_OFFSET_PX[0] or upper > ROW_OFFSET_PX[1]:
-            return (
-                f"rows of the pictures do not match: a quarter of their corners lie {upper:.1f} px or more higher or lower in "
-                "the other one; are the pictures rectified?"
-            )
-        if (across < -1).mean() > SWAPPED:
-            return (
-                f"{(across < -1).mean():.0%} of the corners lie farther to the right in the right picture; are left and right "
-                "swapped?"
-            )
+    doubt = doubt_of_corners(matched_corners(left, right), left.shape[0])
+    if doubt is not None:
+        return doubt[1]
     known = float((left_disparity != 0).mean())
     if known < AGREEING:
         return f"only {known:.0%} of the left picture was found in the right one, so most depth is a guess"
+    return None
+
+
+def doubt_of_corners(corners: Corners, height: int, doffs: float = 0.0) -> tuple[str, str] | None:
+    """What corners of pictures `height` px high say: "unrelated", "unrectified" or "swapped", and a line about it; None: nothing.
+
+    doffs: px, what a point at infinity has in place of disparity 0, negated (`StereoRig.doffs`).
+    """
+    if corners.found < 5 * ENOUGH:
+        return None
+    offsets = corners.offsets
+    near = np.abs(offsets[:, 1]) <= SAME_ROW * height
+    if len(offsets) < ENOUGH or near.mean() < SHARED:
+        return "unrelated", (
+            f"only {int(near.sum())} of {corners.found} corners are found in both pictures; are they of the same scene, "
+            "taken at the same time?"
+        )
+    across, rows = offsets[near, 0] + doffs, np.abs(offsets[near, 1])
+    middle, upper = np.median(rows), np.percentile(rows, 75)
+    if middle > ROW_OFFSET_PX[0] or upper > ROW_OFFSET_PX[1]:
+        return "unrectified", (
+            f"rows of the pictures do not match: a quarter of their corners lie {upper:.1f} px or more higher or lower in "
+            "the other one; are the pictures rectified?"
+        )
+    if (across < -1).mean() > SWAPPED:
+        return "swapped", (
+            f"{(across < -1).mean():.0%} of the corners lie farther to the right in the right picture; are left and right "
+            "swapped?"
+        )
     return None

@@ -7,6 +7,7 @@ That is tried with the poses as read and with each of the usual mistakes undone.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from itertools import pairwise
 from typing import NamedTuple
 
 import cv2
@@ -91,26 +92,33 @@ def _scaled(factor: float) -> Undo:
 
 AXES = "have other camera axes"
 INVERSE = "go from world to camera, not from camera to world"
+FLIP = "multiply each from the right by diag(1, -1, -1, 1)"
+MIRROR = "multiply each from both sides by diag(1, -1, 1, 1)"
+BODY_AXES = f"{AXES} (x forward, y left, z up, as robots have them)"
 CONVENTIONS: dict[str, Convention] = {
-    "opengl": Convention("pose-axes", f"{AXES} (y and z the other way round)",
-                         "multiply each from the right by diag(1, -1, -1, 1): OpenGL's axes to OpenCV's, or back", lambda p: p @ GL),
+    "opengl": Convention("pose-axes", f"{AXES} (y and z the other way round)", FLIP, lambda p: p @ GL),
     "inverse": Convention("pose-direction", INVERSE, "invert them", inverse_pose),
-    "inverse opengl": Convention("pose-direction", f"{INVERSE}, and {AXES}", "invert them, then diag(1, -1, -1, 1) from the right",
-                                 lambda p: inverse_pose(p) @ GL),
-    "opengl inverse": Convention("pose-direction", INVERSE, "invert them",
-                                 lambda p: inverse_pose(p @ GL)),
+    "inverse opengl": Convention(
+        "pose-direction", f"{INVERSE}, and {AXES}", f"invert them, then {FLIP}", lambda p: inverse_pose(p) @ GL
+    ),
+    "opengl inverse": Convention("pose-direction", INVERSE, "invert them", lambda p: inverse_pose(p @ GL)),
     "opengl inverse opengl": Convention("pose-direction", INVERSE, "invert them", lambda p: inverse_pose(p @ GL) @ GL),
-    "left-handed": Convention("pose-handedness", "are left-handed (y up)",
-                              "multiply each from both sides by diag(1, -1, 1, 1)", lambda p: LEFT_HANDED @ p @ LEFT_HANDED),
-    "left-handed opengl": Convention("pose-handedness", "are left-handed (y up)", "multiply each from both sides by diag(1, -1, 1, 1)",
-                                     lambda p: LEFT_HANDED @ p @ GL @ LEFT_HANDED),
-    "body": Convention("pose-axes", f"{AXES} (x forward, y left, z up, as robots have them)",
-                       "multiply each from the right by the rotation from the camera's axes", lambda p: p @ inverse_pose(BODY)),
+    "left-handed": Convention(
+        "pose-handedness", "are left-handed (y up)", MIRROR, lambda p: LEFT_HANDED @ p @ LEFT_HANDED
+    ),
+    "left-handed opengl": Convention(
+        "pose-handedness", "are left-handed (y up)", MIRROR, lambda p: LEFT_HANDED @ p @ GL @ LEFT_HANDED
+    ),
+    "body": Convention("pose-axes", BODY_AXES, "turn the axes to x right, y down, z forward", lambda p: p @ inverse_pose(BODY)),
     "transposed": Convention("pose-rotation", "have their rotations transposed", "transpose the 3x3 part", _transposed),
-    "wxyz": Convention("quaternion-order", "have quaternions in the order w x y z", "write them as x y z w",
-                       lambda p: quaternion_reordered(p, (1, 2, 3, 0))),
-    "xyzw": Convention("quaternion-order", "have quaternions in the order x y z w", "write them as w x y z",
-                       lambda p: quaternion_reordered(p, (3, 0, 1, 2))),
+    "wxyz": Convention(
+        "quaternion-order", "have quaternions in the order w x y z", "write them as x y z w",
+        lambda p: quaternion_reordered(p, (1, 2, 3, 0)),
+    ),
+    "xyzw": Convention(
+        "quaternion-order", "have quaternions in the order x y z w", "write them as w x y z",
+        lambda p: quaternion_reordered(p, (3, 0, 1, 2)),
+    ),
     **{f"scale {factor:g}": Convention(
         "pose-scale", f"move {max(factor, 1 / factor):g} times too {'little' if factor > 1 else 'far'} for the depth",
         f"multiply translations by {factor:g}, or divide depth by it", _scaled(factor))
@@ -145,7 +153,7 @@ class Sampled(NamedTuple):
 def pose_faults(frames: Sequence[RGBD], name: str) -> list[Finding]:
     """Findings on frames in a row (each overlapping the next), called `name` in messages."""
     sampled = [sample(frame) for frame in frames]
-    pairs = list(zip(sampled, sampled[1:]))
+    pairs = list(pairwise(sampled))
     if not pairs:
         return []
     as_read = [landing(one, other) for one, other in pairs]
@@ -159,13 +167,15 @@ def pose_faults(frames: Sequence[RGBD], name: str) -> list[Finding]:
         return [Finding(way.check, "fault", certainty(lead - 1, 0.5), what, way.mend)]
     found = []
     if fit < LEAST_FIT:
-        what = f"{name}: frames in a row hardly fit each other at their poses ({_landed(fit)} of the points); no usual convention mends it"
+        what = f"{name}: frames in a row hardly fit each other ({_landed(fit)} of the points); no usual convention mends it"
         found.append(Finding("poses", "note", 0.6, what, "check that poses, depth and camera belong to these frames"))
     gains = [each.gain for each in as_read if each.fit > LEAST_FIT]
     most = max((max(gain, 1 / gain) for gain in gains), default=1.0)
     if most > EXPOSURE:
         what = f"{name}: exposure changes from frame to frame, up to {most:.2f} times as bright"
-        found.append(Finding("exposure", "note", 0.85, what, "undo the gain before colours of frames are compared or mixed"))
+        found.append(
+            Finding("exposure", "note", 0.85, what, "undo the gain before colours of frames are compared or mixed")
+        )
     return found
 
 

@@ -1,0 +1,86 @@
+"""The folder of a data set in; what is wrong with its frames, pairs and poses, and what was understood, out."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from dlama.datasets.frames import Dataset, Frame, RemovalTruth, StereoTruth
+from dlama.datasets.layouts import detect, open_dataset
+from dlama.datasets.posed_frames import CameraOption
+from dlama.datasets.view_pairs import NoPairsError
+from dlama.errors import InputError
+from dlama.geometry.rgbd import RGBD, BoolArray, counted, depth_range_in_words
+from dlama.perception.diagnosis.finding import Finding, Observed
+from dlama.perception.diagnosis.lens import lens
+from dlama.perception.diagnosis.poses import pose_faults
+from dlama.perception.diagnosis.rgbd_checks import findings_of
+from dlama.perception.diagnosis.stereo_pair import pair_findings
+
+SCENES, FRAMES, CASES = 3, 6, 3
+"""At most so many scenes, frames in a row of each, and stereo or removal cases are looked at."""
+
+
+def diagnose_dataset(root: Path, layout: str | None = None, camera: CameraOption = None) -> list[Finding]:
+    """Findings on a data set; the last one says what was understood. A folder that cannot be read is a finding, too."""
+    try:
+        dataset, found = _opened(root, layout, camera)
+        scenes = list(dict.fromkeys(frame.scene for frame in dataset.frames))[:SCENES]
+        shown: list[RGBD] = []
+        for scene in scenes:
+            chosen = frames_in_a_row([frame for frame in dataset.frames if frame.scene == scene])
+            frames = [frame.load() for frame in chosen]
+            shown += frames[:1]
+            found += _of_picture(frames[0], f"{scene}/{chosen[0].name}")
+            found += pose_faults(frames, scene)
+        for each in _of_cases(dataset):
+            found += each
+    except InputError as error:
+        return [Finding("reading", "fault", 1.0, str(error))]
+    found = list({finding.line: finding for finding in found}.values())
+    verdict = "read as" if any(finding.severity == "fault" for finding in found) else "nothing wrong:"
+    parts = [f"layout {dataset.layout}", counted(len(dataset.frames), "frame"), counted(len(dataset.cases), "case")]
+    if shown:
+        size = shown[0].camera
+        parts += [f"{size.width}x{size.height}", f"{size.fov_deg:.3g} degrees wide"]
+        parts.append(f"depth {depth_range_in_words(shown[0].depth)}")
+    return [*found, Finding("understood", "fine", 1.0, f"{root.name}: {verdict} {', '.join(parts)}")]
+
+
+def frames_in_a_row(frames: Sequence[Frame]) -> list[Frame]:
+    """Some of a scene's frames, each beside the next: by yaw about 0 where they have one, else from the middle of the listing."""
+    if all(frame.yaw is not None for frame in frames):
+        unlike = {frame.yaw: frame for frame in frames}
+        near = sorted(unlike, key=lambda yaw: abs(yaw or 0))[:FRAMES]
+        return [unlike[yaw] for yaw in sorted(near, key=lambda yaw: yaw or 0)]
+    start = max(0, (len(frames) - FRAMES) // 2)
+    return list(frames[start : start + FRAMES])
+
+
+def _opened(root: Path, layout: str | None, camera: CameraOption) -> tuple[Dataset, list[Finding]]:
+    """The data set, also where no case can be made of its frames."""
+    try:
+        return open_dataset(root, layout, camera=camera), []
+    except NoPairsError as error:
+        name = layout or detect(root)
+        return Dataset(root.name, name, root, error.frames, ()), [Finding("no-overlap", "fault", 0.9, str(error))]
+
+
+def _of_picture(frame: RGBD, name: str, mask: BoolArray | None = None) -> list[Finding]:
+    seen = Observed(frame.color, frame.depth.astype(np.float64), 1.0, frame.camera, mask, (name, name, f"{name}, mask"))
+    found = lens(frame.camera) + findings_of(seen)
+    return [replace(each, mend="check the unit of depth") if each.check == "depth-scale" else each for each in found]
+
+
+def _of_cases(dataset: Dataset) -> Iterator[list[Finding]]:
+    """Of the first stereo pairs and removals."""
+    for case in (*dataset.of("sii")[:CASES], *dataset.of("ori")[:CASES]):
+        truth = case.load()
+        if isinstance(truth, StereoTruth):
+            said = pair_findings(truth.left, truth.right, truth.rig.doffs)
+            yield [replace(each, what=f"{case.scene}: {each.what}") for each in said]
+        elif isinstance(truth, RemovalTruth):
+            yield _of_picture(truth.source, f"{case.scene}/{case.frame}", truth.mask)

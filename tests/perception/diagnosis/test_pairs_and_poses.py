@@ -1,0 +1,189 @@
+"""Checks of stereo pairs and of poses (oracle: the corruption that was put in; good inputs have none)."""
+
+from __future__ import annotations
+
+import os
+from functools import cache
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+import dlama
+from dlama.datasets.dataset_diagnosis import diagnose_dataset
+from dlama.datasets.layouts import open_dataset
+from dlama.geometry.camera import Camera, Float64Array, inverse_pose
+from dlama.perception.diagnosis.poses import (
+    BODY,
+    GL,
+    LEFT_HANDED,
+    Undo,
+    pose_faults,
+    quaternion,
+    quaternion_reordered,
+)
+from dlama.perception.diagnosis.stereo_pair import pair_findings
+from dlama.worlds.layouts.random_scene import build
+from dlama.worlds.world import World
+
+needs_data = pytest.mark.skipif("DLAMA_DATA" not in os.environ, reason="needs DLAMA_DATA")
+
+
+@cache
+def world(seed: int) -> World:
+    return build(seed, None, (), shadows=True, antialias=True)
+
+
+@cache
+def pair(seed: int) -> tuple[np.ndarray, np.ndarray]:
+    rig = world(seed).rig(size=320)
+    return world(seed).raycast(rig.left).color, world(seed).raycast(rig.right).color
+
+
+def checks(left: np.ndarray, right: np.ndarray, doffs: float = 0.0) -> list[str]:
+    return [each.check for each in pair_findings(left, right, doffs) if each.severity == "fault"]
+
+
+@pytest.mark.parametrize("seed", [3, 12, 31])
+def test_pairs(seed: int) -> None:
+    left, right = pair(seed)
+    turn = cv2.getRotationMatrix2D((160, 160), 1.5, 1)
+    turned = cv2.warpAffine(right, turn, (320, 320), borderMode=cv2.BORDER_REFLECT)
+    assert pair_findings(left, right) == []
+    assert checks(right, left) == ["swapped-pair"]
+    assert checks(left, left) == ["identical-pair"]
+    assert checks(left, pair(seed + 100)[1]) == ["unrelated-pair"]
+    assert checks(left, turned) == ["unrectified-pair"]
+
+
+def test_rows_that_are_off_are_counted() -> None:
+    """Oracle: the right picture was rolled down by 5 px."""
+    left, right = pair(3)
+    (finding,) = pair_findings(left, np.roll(right, 5, 0))
+    assert finding.mend.startswith("move the right picture up by 5.0 px")
+
+
+def test_exposure_of_a_pair_is_a_note() -> None:
+    left, right = pair(3)
+    (finding,) = pair_findings(left, (right * 0.6).astype(np.uint8))
+    assert (finding.check, finding.severity) == ("exposure", "note")
+
+
+def transposed(pose: Float64Array) -> Float64Array:
+    out = pose.copy()
+    out[:3, :3] = pose[:3, :3].T
+    return out
+
+
+def scaled(factor: float) -> Undo:
+    return lambda pose: np.block([[pose[:3, :3], pose[:3, 3:] * factor], [pose[3:]]])
+
+
+POSES: dict[str, tuple[Undo, str]] = {
+    "opengl": (lambda p: p @ GL, "pose-axes"),
+    "robot": (lambda p: p @ BODY, "pose-axes"),
+    "world to camera": (inverse_pose, "pose-direction"),
+    "world to camera, read as opengl": (lambda p: inverse_pose(p) @ GL, "pose-direction"),
+    "left-handed": (lambda p: LEFT_HANDED @ p @ LEFT_HANDED, "pose-handedness"),
+    "transposed": (transposed, "pose-rotation"),
+    "quaternion w first": (lambda p: quaternion_reordered(p, (3, 0, 1, 2)), "quaternion-order"),
+    "quaternion w last": (lambda p: quaternion_reordered(p, (1, 2, 3, 0)), "quaternion-order"),
+    "millimetres": (scaled(1000.0), "pose-scale"),
+    "centimetres": (scaled(100.0), "pose-scale"),
+    "depth of TUM": (scaled(5.0), "pose-scale"),
+}
+
+
+@cache
+def hand_held(seed: int) -> tuple[dlama.RGBD, ...]:
+    """A camera that moves and turns about all axes: on a level orbit some conventions do not differ."""
+    made, rng, frames = world(seed), np.random.default_rng(seed), []
+    for number in range(4):
+        camera = dlama.orbit(made.camera(0, 160), 8.0 * number, 5.0 * number)
+        roll = np.eye(4)
+        roll[:3, :3] = cv2.Rodrigues(rng.normal(0, 0.05, 3) + np.array((0, 0, 0.08 * number)))[0]
+        roll[:3, 3] = rng.normal(0, 0.05, 3)
+        frames.append(made.frame(camera.at(camera.world_from_cam @ roll)))
+    return tuple(frames)
+
+
+def moved(frames: tuple[dlama.RGBD, ...] | list[dlama.RGBD], spoil: Undo) -> list[dlama.RGBD]:
+    return [
+        dlama.RGBD(each.color, each.depth, each.camera.at(spoil(np.array(each.camera.world_from_cam))))
+        for each in frames
+    ]
+
+
+@pytest.mark.parametrize("seed", [3, 12])
+def test_good_poses(seed: int) -> None:
+    assert pose_faults(hand_held(seed), "scene") == []
+
+
+@pytest.mark.parametrize("seed", [3, 12])
+@pytest.mark.parametrize("name", POSES)
+def test_conventions(name: str, seed: int) -> None:
+    spoil, wanted = POSES[name]
+    assert [each.check for each in pose_faults(moved(hand_held(seed), spoil), "scene")] == [wanted]
+
+
+def test_quaternions_of_rotations() -> None:
+    """Oracle: a quarter turn about z is (0, 0, sin 45, cos 45), and the right order gives the pose back."""
+    pose = np.eye(4)
+    pose[:3, :3] = [[0, -1, 0], [1, 0, 0], [0, 0, 1]]
+    found = quaternion(pose[:3, :3])
+    assert np.allclose(found * np.sign(found[3]), (0, 0, 0.5**0.5, 0.5**0.5))
+    assert np.allclose(quaternion_reordered(pose, (0, 1, 2, 3)), pose)
+
+
+def test_exposure_between_frames_is_a_note() -> None:
+    frames = [
+        dlama.RGBD((each.color * (1.0, 0.6)[number % 2]).astype(np.uint8), each.depth, each.camera)
+        for number, each in enumerate(hand_held(3))
+    ]
+    assert [(each.check, each.severity) for each in pose_faults(frames, "scene")] == [("exposure", "note")]
+
+
+def test_one_frame_says_nothing() -> None:
+    assert pose_faults(hand_held(3)[:1], "scene") == []
+
+
+@needs_data
+def test_a_real_sequence() -> None:
+    folder = Path(os.environ["DLAMA_DATA"]) / "data" / "kitchen_sequence"
+    (finding,) = dlama.diagnose(folder)
+    assert finding.check == "understood" and "layout nerfstudio, 49 frames" in finding.what
+    frames = [frame.load() for frame in open_dataset(folder).frames[20:24]]
+    for spoil, wanted in POSES.values():
+        assert [each.check for each in pose_faults(moved(frames, spoil), "kitchen")] == [wanted]
+
+
+@needs_data
+@pytest.mark.parametrize("name", ["motorcycle", "stereo", "bin_removal"])
+def test_real_pairs_and_removals_are_fine(name: str) -> None:
+    found = diagnose_dataset(Path(os.environ["DLAMA_DATA"]) / "data" / name)
+    assert [each.check for each in found if each.severity == "fault"] == []
+
+
+@needs_data
+def test_poses_of_a_data_set_that_do_not_meet(tmp_path: Path) -> None:
+    """Oracle: translations written in millimetres; then no two frames overlap, and the frames are looked at all the same."""
+    import json
+
+    source = Path(os.environ["DLAMA_DATA"]) / "data" / "kitchen_sequence"
+    listing = json.loads((source / "transforms.json").read_text("utf-8"))
+    listing["frames"] = listing["frames"][20:26]
+    for frame in listing["frames"]:
+        for row in frame["transform_matrix"][:3]:
+            row[3] *= 1000
+        for key in ("file_path", "depth_file_path"):
+            frame[key] = str(source / frame[key])
+    (tmp_path / "transforms.json").write_text(json.dumps(listing), "utf-8")
+    assert [each.check for each in dlama.diagnose(tmp_path)] == ["no-overlap", "pose-scale", "understood"]
+
+
+def test_what_says_nothing_to_a_folder_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(dlama.InputError, match="second"):
+        dlama.diagnose(tmp_path, "depth.png")
+    (finding,) = dlama.diagnose(tmp_path)
+    assert finding.check == "reading" and Camera.from_fov(4, 4, 60)
