@@ -27,9 +27,9 @@ class Sharpening:
     """How fast votes weaken with distance."""
     color_sigma: float = 20.0
     """How fast votes weaken with unlike colour, in levels of 0..255."""
-    steep: float = 0.006
+    steep: float = 0.02
     """Relative change per px from which a pixel is on a ramp: it does not vote."""
-    bend: float = 1.3
+    bend: float = 1.6
     """Times the mean slope within 1.5 radii that it must have, too: a ramp is steeper than what lies beside it, ground is not."""
     reach: float = 4.0
     """px round a ramp whose depth is looked for anew too."""
