@@ -108,3 +108,11 @@ def test_names_that_no_file_has(tmp_path: Path, name: str) -> None:
     assert str(refusal.value).isprintable()
     assert len(str(refusal.value)) < 300
     str(refusal.value).encode("utf-8")
+
+
+def test_lists_where_a_ply_has_numbers(tmp_path: Path) -> None:
+    head = "ply\nformat ascii 1.0\nelement vertex 1\nproperty list uchar float x\nproperty float y\nproperty float z\n"
+    colors = "".join(f"property uchar {name}\n" for name in ("red", "green", "blue"))
+    (tmp_path / "list.ply").write_text(f"{head}{colors}end_header\n2 1 2 0 0 9 9 9\n")
+    with pytest.raises(FileError, match=r"list\.ply: 'x' of the vertices is a list"):
+        read_ply(tmp_path / "list.ply")

@@ -63,7 +63,8 @@ def read_ply(path: PathLike) -> PointCloud:
         raise FileError(f"{file}: is damaged, truncated or no PLY file ({error})") from error
     if vertex is None:
         raise FileError(f"{file}: has no element 'vertex'")
-    points = np.stack([_property(file, vertex, axis) for axis in "xyz"], axis=1).astype(np.float64)
+    with np.errstate(invalid="ignore", over="ignore"):  # signalling NaN of damaged files; told below
+        points = np.stack([_property(file, vertex, axis) for axis in "xyz"], axis=1).astype(np.float64)
     color = np.stack([_property(file, vertex, name) for name in COLORS], axis=1)
     if color.dtype != np.uint8:
         raise FileError(f"{file}: red green blue are {color.dtype}; uchar (0..255) is wanted")
@@ -99,4 +100,7 @@ def _property(file: PathLike, vertex: Any, name: str) -> np.ndarray:
     if name not in (vertex.dtype.names or ()):
         known = " ".join(vertex.dtype.names or ())
         raise FileError(f"{file}: vertices have no '{name}'; they have {known}")
-    return np.asarray(vertex[name])
+    values = np.asarray(vertex[name])
+    if values.dtype.kind not in "iuf":
+        raise FileError(f"{file}: '{name}' of the vertices is a list; a number is wanted")
+    return values
