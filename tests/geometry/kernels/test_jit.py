@@ -9,6 +9,8 @@ import gc
 import importlib.util
 import logging
 import multiprocessing
+import os
+import subprocess
 import sys
 import threading
 from pathlib import Path
@@ -181,3 +183,14 @@ def test_the_first_kernel_compiled_is_announced_and_garbage_waits(
     assert said == ([jit.COMPILING] if ours else [])
     assert collecting.seen[::2] == [not ours, not ours]
     assert gc.isenabled()
+
+
+def test_kernels_without_compilation_are_said() -> None:
+    """One warning; without the variable none."""
+    code = "import dlama.geometry.kernels.jit"
+    for value, count in (("1", 1), ("0", 0)):
+        environment = {**os.environ, "NUMBA_DISABLE_JIT": value}
+        done = subprocess.run(
+            [sys.executable, "-c", code], env=environment, capture_output=True, text=True, timeout=120
+        )
+        assert done.returncode == 0 and done.stderr.count("UserWarning: NUMBA_DISABLE_JIT is set") == count

@@ -33,6 +33,14 @@ if (
 from numba import config, njit  # noqa: E402
 from numba.core.event import Event, Listener, register  # noqa: E402
 
+if vars(config)["DISABLE_JIT"]:
+    # NumPy 2 computes float32 with a Python number in float32; machine code does in float64, as NumPy 1 did
+    warnings.warn(
+        "NUMBA_DISABLE_JIT is set: kernels run as Python, hundreds of times slower, and depth may differ in its last bit",
+        UserWarning,
+        stacklevel=1,
+    )
+
 LOG = logging.getLogger("dlama.kernels")
 """Says, once a process, that kernels are being compiled (at level INFO; the command line shows it)."""
 COMPILING = "compiling kernels, which takes about 10 seconds; later runs find them ready"
