@@ -94,6 +94,7 @@ POINTING = {
     "not_click": Reach("--not 1,2", "find_mask.not_clicks", [[1, 2]]),
     "box": Reach("--box 1,2,3,4", "find_mask.box", [1, 2, 3, 4]),
     "candidate": Reach("--click 1,2 --candidate part", "find_mask.candidate", "part"),
+    "salient": Reach("--salient", "find_mask.method", "salient"),
     "with_shadow": Reach("--click 1,2 --with-shadow", "find_mask.with_shadow", True),
 }
 

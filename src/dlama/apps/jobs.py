@@ -89,7 +89,7 @@ class Job:
 
         options = pointing.settings()
         found = dlama.find_mask(rgbd, **options)
-        self.object_mask = {"method": found.method, **options, "candidate": found.chosen, "notes": list(found.notes)}
+        self.object_mask = {**options, "method": found.method, "candidate": found.chosen, "notes": list(found.notes)}
         return found.mask
 
     def optional_mask(self, path: Path | None, masking: Masking, role: str = "mask") -> BoolArray | None:

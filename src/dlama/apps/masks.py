@@ -28,6 +28,8 @@ class Pointing:
     """Pixels beside it, to correct with."""
     box: Annotated[str | None, option("X,Y,W,H")] = None
     """A box round the thing: its upper left corner, width and height."""
+    salient: Annotated[bool, option("", "off")] = False
+    """What stands out in the picture, by a network that ships with dlama; needs no click."""
     candidate: Annotated[str, option("part|thing|group", "thing")] = "thing"
     """Which reading of an ambiguous click; `dlama mask` says which there are."""
     with_shadow: Annotated[bool, option("", "off")] = False
@@ -36,7 +38,7 @@ class Pointing:
     @property
     def given(self) -> bool:
         """Whether anything is pointed at."""
-        return bool(self.click or self.not_click or self.box)
+        return bool(self.click or self.not_click or self.box or self.salient)
 
     def settings(self) -> dict[str, Any]:
         """As keyword arguments of find_mask; raises InputError."""
@@ -44,6 +46,7 @@ class Pointing:
             "clicks": [numbers(text, "click", 2, "X,Y") for text in self.click],
             "not_clicks": [numbers(text, "not", 2, "X,Y") for text in self.not_click],
             "box": None if self.box is None else numbers(self.box, "box", 4, "X,Y,W,H"),
+            "method": "salient" if self.salient else None,
             "candidate": self.candidate,
             "with_shadow": self.with_shadow,
         }

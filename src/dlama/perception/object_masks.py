@@ -101,5 +101,6 @@ CANDIDATES = ("part", "thing", "group")
 
 METHODS: dict[str, MaskMethod] = {
     "rgbd": MaskMethod("dlama.perception.masks.rgbd:rgbd_candidates", needs_depth=True),
+    "salient": MaskMethod("dlama.perception.masks.salient:salient_candidates", needs_prompt=False),
 }
 """Name -> record; the default comes first."""

@@ -1,0 +1,52 @@
+"""A picture in; the mask of what stands out in it out, by U2-Net-p (Qin et al. 2020), which ships in the package. No prompt.
+
+The network's contract: input 1 x 3 x 320 x 320, RGB over the picture's largest value, ImageNet's mean and deviation; its first
+output is 1 x 1 x 320 x 320, high on the thing, stretched to 0..1.
+"""
+
+from __future__ import annotations
+
+import functools
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from dlama.errors import MaskError
+from dlama.geometry.rgbd import RGBD, BoolArray, UInt8Array
+from dlama.models.network_file import NetworkFile
+from dlama.perception.masks.prompt import Prompt
+
+MODEL = Path(__file__).parents[2] / "assets" / "u2netp" / "u2netp.onnx"
+SIDE = 320
+MEAN = np.array([0.485, 0.456, 0.406], np.float32)
+DEVIATION = np.array([0.229, 0.224, 0.225], np.float32)
+FLAT = 0.05
+"""Least range of the output: below it nothing stands out."""
+
+
+@functools.cache
+def network() -> NetworkFile:
+    """The network, opened once a process."""
+    return NetworkFile(MODEL)
+
+
+def salient_candidates(picture: RGBD | UInt8Array, prompt: Prompt) -> tuple[dict[str, BoolArray], tuple[str, ...]]:
+    """The H x W mask of what stands out, as `thing`; within the box where there is one. MaskError: nothing does."""
+    color = np.asarray(picture.color if isinstance(picture, RGBD) else picture)
+    small = cv2.resize(color, (SIDE, SIDE), interpolation=cv2.INTER_AREA).astype(np.float32)
+    planes = (small / max(float(small.max()), 1e-6) - MEAN) / DEVIATION
+    net = network()
+    name = next(iter(net.inputs))
+    out = net.run({name: np.ascontiguousarray(planes.transpose(2, 0, 1)[None], np.float32)})[0, 0]
+    low, high = float(out.min()), float(out.max())
+    if high - low < FLAT:
+        raise MaskError("nothing stands out in the picture; click on a thing, or give a box round it")
+    height, width = color.shape[:2]
+    level = cv2.resize((out - low) / (high - low), (width, height), interpolation=cv2.INTER_LINEAR)
+    mask = (level > 0.5) & prompt.inside
+    if not mask.any():
+        raise MaskError(
+            "box holds nothing that stands out in the picture; another box, or clicks on the thing, are wanted"
+        )
+    return {"thing": np.asarray(mask)}, ()
