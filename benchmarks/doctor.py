@@ -1,6 +1,6 @@
 """What `dlama doctor` says of good inputs, and of the same spoilt: a table of false alarms and of corruptions named.
 
-    python benchmarks/doctor.py [--data FOLDER] [--worlds 100] [--every 4]
+    python benchmarks/doctor.py [--data FOLDER] [--worlds 100] [--every 4] [--only PART]
 
 Good inputs: generated worlds, and with --data (or DLAMA_DATA) the pictures of that folder's data/ and street/. All of them are
 looked at as they are, every n-th one spoilt in each of the ways of tests/corruptions.py. A corruption is named when one of the
@@ -16,17 +16,21 @@ from collections import Counter, defaultdict
 from collections.abc import Iterator
 from pathlib import Path
 
+import cv2
 import numpy as np
 
 import dlama
+from dlama.datasets.layouts import open_dataset
 from dlama.geometry.camera import Camera
 from dlama.geometry.projection import depth_from_disparity
 from dlama.perception.diagnosis.finding import Observed
+from dlama.perception.diagnosis.poses import pose_faults
 from dlama.perception.diagnosis.rgbd_checks import findings_of
+from dlama.perception.diagnosis.stereo_pair import pair_findings
 from dlama.worlds.layouts.random_scene import build
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
-from corruptions import SPOILT, observed
+from corruptions import POSES, SPOILT, moved, observed
 
 SIZE = 320
 KINECT = Camera(640, 480, 526, 526, 320, 237)
@@ -76,23 +80,113 @@ def data(folder: Path) -> Iterator[tuple[str, Observed]]:
     yield "data", observed(dlama.RGBD(dlama.read_color(moto / "left.png"), metres, lens))
 
 
+def stereo_pairs(count: int, folder: Path | None) -> Iterator[tuple[np.ndarray, np.ndarray, float]]:
+    """Left, right and doffs: pairs of worlds, and of the folder."""
+    for seed in range(2000, 2000 + count):
+        made = build(seed, None, (), shadows=True, antialias=True)
+        rig = made.rig(size=SIZE)
+        yield made.raycast(rig.left).color, made.raycast(rig.right).color, 0.0
+    if folder is not None:
+        for pair in (
+            folder / "data" / "stereo" / "cone",
+            folder / "data" / "stereo" / "Cloth3",
+            folder / "data" / "motorcycle",
+        ):
+            doffs = 31.086 if pair.name == "motorcycle" else 0.0
+            yield dlama.read_color(pair / "left.png"), dlama.read_color(pair / "right.png"), doffs
+        for scene in sorted(folder.glob("street/s*/stereo_with")):
+            left, right = (dlama.read_color(next((scene / eye / "ColorImage").iterdir())) for eye in ("c0", "c1"))
+            yield left, right, 0.0
+
+
+def pair_table(pairs: list[tuple[np.ndarray, np.ndarray, float]]) -> None:
+    """How many pairs are said to be what, good and spoilt."""
+    told: dict[str, Counter[str]] = defaultdict(Counter)
+    for number, (left, right, doffs) in enumerate(pairs):
+        (height, width), other = left.shape[:2], pairs[number - 1][1]
+        turn = cv2.getRotationMatrix2D((width / 2, height / 2), 1.5, 1)
+        spoilt = {
+            "good": (left, right),
+            "swapped": (right, left),
+            "identical": (left, left),
+            "unrelated": (left, cv2.resize(other, (width, height))),
+            "rows 0.8 % off": (left, np.roll(right, max(3, round(0.008 * width)), 0)),
+            "turned by 1.5 degrees": (
+                left,
+                cv2.warpAffine(right, turn, (width, height), borderMode=cv2.BORDER_REFLECT),
+            ),
+        }
+        for name, both in spoilt.items():
+            faults = [each.check for each in pair_findings(*both, doffs) if each.severity == "fault"]
+            told[name]["+".join(faults) or "nothing"] += 1
+    print(f"\nstereo pairs: {len(pairs)}")
+    for name, counts in told.items():
+        print(f"  {name}: {', '.join(f'{check} {count}' for check, count in counts.most_common())}")
+
+
+def sequences(count: int, folder: Path | None) -> Iterator[tuple[str, list[dlama.RGBD]]]:
+    """Frames in a row: of worlds by a camera that turns about all axes, and the Kinect's."""
+    for seed in range(3000, 3000 + count):
+        made, rng, frames = build(seed, None, (), shadows=True, antialias=True), np.random.default_rng(seed), []
+        for number in range(4):
+            camera = dlama.orbit(made.camera(0, 192), 8.0 * number, 5.0 * number)
+            hand = np.eye(4)
+            hand[:3, :3] = cv2.Rodrigues(rng.normal(0, 0.05, 3) + np.array((0, 0, 0.08 * number)))[0]
+            hand[:3, 3] = rng.normal(0, 0.05, 3)
+            frames.append(made.frame(camera.at(camera.world_from_cam @ hand)))
+        yield "worlds", frames
+    if folder is not None:
+        listed = open_dataset(folder / "data" / "kitchen_sequence").frames
+        for start in range(0, len(listed) - 4, 5):
+            yield "data", [frame.load() for frame in listed[start : start + 4]]
+
+
+def pose_table(rows: list[tuple[str, list[dlama.RGBD]]]) -> None:
+    """Named / tried for each convention."""
+    told: dict[str, Counter[str]] = defaultdict(Counter)
+    for source, frames in rows:
+        told["good, false alarms"][f"{source} tried"] += 1
+        told["good, false alarms"][source] += any(each.severity == "fault" for each in pose_faults(frames, ""))
+        for name, (spoil, wanted) in POSES.items():
+            told[name][f"{source} tried"] += 1
+            told[name][source] += wanted in [each.check for each in pose_faults(moved(frames, spoil), "")]
+    print("\nposes, named / tried")
+    for name, counts in told.items():
+        print(
+            f"  {name}: "
+            + ", ".join(f"{each} {counts[each]} / {counts[f'{each} tried']}" for each in ("worlds", "data"))
+        )
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--data", type=Path, default=os.environ.get("DLAMA_DATA"))
     parser.add_argument("--worlds", type=int, default=100)
     parser.add_argument("--every", type=int, default=4)
+    parser.add_argument("--only", choices=("pictures", "pairs", "poses"), help="one of the three parts")
     options = parser.parse_args()
+    folder = None if options.data is None else Path(options.data)
+    if options.only in (None, "pairs"):
+        pair_table(list(stereo_pairs(options.worlds * 3 // 10, folder)))
+    if options.only in (None, "poses"):
+        pose_table(list(sequences(options.worlds * 3 // 10, folder)))
+    if options.only in (None, "pictures"):
+        pictures(options.worlds, folder, options.every)
+
+
+def pictures(count: int, folder: Path | None, every: int) -> None:
+    """False alarms and corruptions named of pictures with depth."""
     good, alarms, spoilt = Counter[str](), Counter[str](), defaultdict[tuple[str, str], Counter[str]](Counter)
-    inputs = list(worlds(options.worlds))
-    if options.data:
-        inputs += [*data(Path(options.data) / "data"), *street(Path(options.data) / "street")]
+    inputs = list(worlds(count))
+    if folder is not None:
+        inputs += [*data(folder / "data"), *street(folder / "street")]
     for number, (source, seen) in enumerate(inputs):
         good[source] += 1
         told = [finding.line for finding in findings_of(seen) if finding.severity == "fault"]
         alarms[source] += bool(told)
         for line in told:
             print(f"false alarm, {source} {number}: {line}", flush=True)
-        if number % options.every:
+        if number % every:
             continue
         for name, (spoil, wanted) in SPOILT.items():
             if "mask" in name and seen.mask is None:

@@ -1,4 +1,4 @@
-"""A good picture with depth in; the same spoilt as people spoil it, and the checks that must name it, out.
+"""A good picture with depth, or frames with poses, in; the same spoilt as people spoil it, and the checks that name it, out.
 
 Used by the tests of the diagnosis and by benchmarks/doctor.py.
 """
@@ -10,8 +10,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from dlama.geometry.camera import Float64Array, inverse_pose
 from dlama.geometry.rgbd import RGBD, BoolArray
 from dlama.perception.diagnosis.finding import Observed
+from dlama.perception.diagnosis.poses import BODY, GL, LEFT_HANDED, Undo, quaternion_reordered
 
 FULL = 65535
 Spoil = Callable[[Observed], Observed]
@@ -138,3 +140,38 @@ def _sixteen_bits(values: np.ndarray) -> np.ndarray:
 def _top_is_far(share: np.ndarray) -> np.ndarray:
     values = np.round(share * FULL)
     return np.where(values == FULL, np.inf, values)
+
+
+def transposed(pose: Float64Array) -> Float64Array:
+    """A pose whose rotation is the other way round."""
+    out = pose.copy()
+    out[:3, :3] = pose[:3, :3].T
+    return out
+
+
+def scaled(factor: float) -> Undo:
+    """Translations in another unit."""
+    return lambda pose: np.block([[pose[:3, :3], pose[:3, 3:] * factor], [pose[3:]]])
+
+
+POSES: dict[str, tuple[Undo, str]] = {
+    "opengl": (lambda p: p @ GL, "pose-axes"),
+    "robot": (lambda p: p @ BODY, "pose-axes"),
+    "world to camera": (inverse_pose, "pose-direction"),
+    "world to camera, read as opengl": (lambda p: inverse_pose(p) @ GL, "pose-direction"),
+    "left-handed": (lambda p: LEFT_HANDED @ p @ LEFT_HANDED, "pose-handedness"),
+    "transposed": (transposed, "pose-rotation"),
+    "quaternion w first": (lambda p: quaternion_reordered(p, (3, 0, 1, 2)), "quaternion-order"),
+    "quaternion w last": (lambda p: quaternion_reordered(p, (1, 2, 3, 0)), "quaternion-order"),
+    "millimetres": (scaled(1000.0), "pose-scale"),
+    "centimetres": (scaled(100.0), "pose-scale"),
+    "depth of TUM": (scaled(5.0), "pose-scale"),
+}
+"""How poses are spoilt -> the function, and the check that names it."""
+
+
+def moved(frames: tuple[RGBD, ...] | list[RGBD], spoil: Undo) -> list[RGBD]:
+    """Frames at spoilt poses."""
+    return [
+        RGBD(each.color, each.depth, each.camera.at(spoil(np.array(each.camera.world_from_cam)))) for each in frames
+    ]
