@@ -24,7 +24,7 @@ SAME_ROW = 0.05
 """Share of the height within which matched corners of the same scene lie, also where it is not rectified."""
 ROW_OFFSET_PX = (0.8, 1.5)
 """Median and upper quartile of vertical offsets above which rows do not match; of rectified pairs they are 0 and 0.4 at most."""
-SHARED, SWAPPED = 0.5, 0.7
+SHARED, SWAPPED = 0.5, 0.4
 """Shares of matched corners: fewer within SAME_ROW are chance, more with negative disparity are a swapped pair."""
 AGREEING = 0.1
 """Share of pixels with a disparity below which matching has failed."""

@@ -10,7 +10,7 @@ from dlama.perception.diagnosis.finding import Finding, Observed
 FULL = 65535
 RARE = 0.004
 """Share of the pixels that reach the largest number where it is a maximum; where more do it is a code (far) or a clip."""
-LOWEST = 0.003
+LOWEST = 0.008
 """The nearest values lie below this share of the largest: no camera sees so near and so far."""
 
 
@@ -24,7 +24,7 @@ def stretched(seen: Observed) -> list[Finding]:
     rest = known[~at_top]
     if not at_top.any() or not rest.size or rest.max() > largest:
         return []
-    if seen.whole and (at_top.mean() > RARE or rest.min() > LOWEST * largest or rest.max() < 0.9 * largest):
+    if seen.whole and (at_top.mean() > RARE or rest.min() > LOWEST * largest or rest.max() < 0.8 * largest):
         return []
     extent = extent_of(seen)
     if extent is None:
