@@ -100,7 +100,7 @@ def hole_types(grids: list[Grid], objects: tuple[View, ...], camera: Camera, hol
             x, y, w = transformed(depth, grid.matrix, grid.offset)
             crack_rank = hole_kernels.CRACK_RANK if grid.joined is None else hole_kernels.DISOCCLUDED_RANK
             marks = grid_rank, crack_rank, hole, count, ranks
-            in_bands(hole_kernels.mark_sheet, len(hole), x, y, w, spans(y, w), grid.mesh, *marks)
+            in_bands(hole_kernels.mark_closed_mesh, len(hole), x, y, w, spans(y, w), grid.mesh, *marks)
             hole_kernels.mark_points(x, y, w, grid.flying, hole_kernels.FLYING_RANK, hole, ranks)
     return np.asarray(TYPE_OF_RANK.take(ranks) * hole, np.uint8)
 

@@ -14,8 +14,8 @@ from dlama.geometry.camera import Camera, Float64Array, StereoRig
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array, read_only
 from dlama.geometry.trajectories import orbit
 from dlama.worlds.raycast.bounding_boxes import boxes_by_depth, shadow_cells
-from dlama.worlds.raycast.shading import cast_rays
 from dlama.worlds.raycast.shape_rows import BLOCKED, COLUMNS, GROUP, LEVELS, LIT, OBJECT_GROUP, SIDE
+from dlama.worlds.raycast.tiles import cast_rays
 
 Kind = Literal["street", "room"]
 Int32Array = NDArray[np.int32]

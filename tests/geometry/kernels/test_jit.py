@@ -165,7 +165,7 @@ class Collecting(Listener):
 def test_the_first_kernel_compiled_is_announced_and_garbage_waits(
     ours: bool, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Two kernels, one line; a caller's own functions are none of our business."""
+    """Two kernels, one line; functions of the caller's own are neither announced nor do they stop the collector."""
 
     def add(values):  # type: ignore[no-untyped-def]
         for i in range(len(values)):

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from dlama.geometry.kernels.jit import kernel, piece
-from dlama.geometry.rgbd import BoolArray, Float32Array
+from dlama.geometry.kernels.jit import Flag, Real, Whole, kernel, piece
+from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 
 RIGHT = 1
 DOWN = 2
@@ -26,7 +26,7 @@ def inverse_with_margin(depth: Float32Array, hole: BoolArray) -> Float32Array:
 
 
 @piece
-def is_slope(w, r, c, dr, dc):
+def is_slope(w: Float32Array, r: Whole, c: Whole, dr: Whole, dc: Whole) -> Flag:
     """True if the steep step from w[r, c] to w[r + dr, c + dc] continues a slope.
 
     An inclined plane is affine in inverse depth, an edge is not. One neighbouring slope is not enough (a single mixed pixel
@@ -50,7 +50,7 @@ def is_slope(w, r, c, dr, dc):
 
 
 @kernel
-def join(first, last, w, ratio, out):
+def join(first: Whole, last: Whole, w: Float32Array, ratio: Real, out: UInt8Array) -> None:
     """uint8 H x W: bit RIGHT / DOWN set where a vertex is joined to its right / lower neighbour."""
     surely = np.float32(ratio * 0.99999)  # a quick look in single precision first: few pixels need the exact one
     for row in range(first, last):
@@ -71,14 +71,23 @@ def join(first, last, w, ratio, out):
 
 
 @piece
-def lies_between(here, one, other, share):
+def lies_between(here: Real, one: Real, other: Real, share: Real) -> Flag:
     """True if `here` is between both neighbours, and further from each than surfaces are joined over."""
     low, high = min(one, other), max(one, other)
     return (low > 0) & (low < here * share) & (here < high * share)
 
 
 @kernel
-def reject_flying(first, last, w, depth, hole, ratio, out_depth, out_flying):
+def reject_flying(
+    first: Whole,
+    last: Whole,
+    w: Float32Array,
+    depth: Float32Array,
+    hole: BoolArray,
+    ratio: Real,
+    out_depth: Float32Array,
+    out_flying: BoolArray,
+) -> None:
     """Vertices strictly between two surfaces along a row or a column, joined to neither: marked, and left out of the depth.
 
     depth: H x W metres; out_depth: the same without holes and flying pixels (0).

@@ -1,6 +1,6 @@
-"""The rim of a mesh: which vertices are on it, and (numba kernels) their one-pixel footprints in the z-buffer.
+"""The rim of a mesh in; the footprints of its vertices, one source pixel each, in the z-buffer out (numba).
 
-There the mesh ends short of the pixel's edge, and wires, poles, silhouettes and lone pixels would be thinner than they are.
+At its rim the mesh ends at pixel centres, half a pixel short: wires, poles, silhouettes and lone pixels would be too thin.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dlama.geometry.kernels.depth_edges import DOWN, RIGHT
-from dlama.geometry.kernels.jit import kernel, piece
+from dlama.geometry.kernels.jit import Real, Whole, kernel, piece
 from dlama.geometry.kernels.sampling import whole_quads
 from dlama.geometry.rgbd import Float32Array, UInt8Array
 
@@ -25,7 +25,7 @@ def rim(joined: UInt8Array, depth: Float32Array) -> NDArray[np.int64]:
 
 
 @piece
-def lean(x, y, w, joined, row, column):
+def lean(x: Float32Array, y: Float32Array, w: Float32Array, joined: UInt8Array, row: Whole, column: Whole) -> Real:
     """How steep the surface round a vertex is (relative step in w to a joined neighbour), -1 if it is seen from behind."""
     height, width = joined.shape
     steepest, facing = 0.0, 0.0
@@ -51,7 +51,18 @@ def lean(x, y, w, joined, row, column):
 
 
 @kernel
-def draw_rim(x, y, w, joined, vertices, depth, zoom, meshed, wbuf, where):
+def draw_rim(
+    x: Float32Array,
+    y: Float32Array,
+    w: Float32Array,
+    joined: UInt8Array,
+    vertices: NDArray[np.int64],
+    depth: Float32Array,
+    zoom: Real,
+    meshed: Float32Array,
+    wbuf: Float32Array,
+    where: Float32Array,
+) -> None:
     """Footprints of the vertices (N flat source indices) at the rim of the mesh.
 
     depth: source z; zoom: target focal length / source focal length; meshed: wbuf as the mesh left it. A footprint is the

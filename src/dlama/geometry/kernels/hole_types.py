@@ -1,15 +1,16 @@
-"""Numba kernels of hole typing: the source grid as one closed rubber sheet, drawn over the holes of a target view.
+"""Numba kernels of hole types: the source grid as one closed mesh (all neighbours joined) in; ranks of the holes it covers out.
 
-Where the stretched sheet covers an empty pixel, the source camera looked at that place but something hid it, or nothing
-was measured; where it does not, the place is out of the source's view. Ranks order the answers when several apply.
+Where the closed mesh covers an empty target pixel, the source camera looked at that place but something hid it, or nothing was
+measured; where it does not, the place is out of the source's view. Where several types apply, the highest rank wins.
 """
 
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
-from dlama.geometry.kernels.jit import kernel, piece
-from dlama.geometry.kernels.rasterize import CHUNK, quad_box, quad_sides
+from dlama.geometry.kernels.jit import Flag, Real, Whole, kernel, piece
+from dlama.geometry.kernels.rasterize import CHUNK, Box, quad_box, quad_sides
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 
 DISOCCLUDED_RANK = 1
@@ -20,7 +21,7 @@ CRACK_RANK = 5
 
 
 @piece
-def is_inside(x0, y0, x1, y1, x2, y2, px, py):
+def is_inside(x0: Real, y0: Real, x1: Real, y1: Real, x2: Real, y2: Real, px: Real, py: Real) -> Flag:
     """True if a point lies in a triangle of either orientation."""
     area = (x1 - x0) * (y2 - y0) - (x2 - x0) * (y1 - y0)
     if abs(area) <= 1e-9:
@@ -31,13 +32,23 @@ def is_inside(x0, y0, x1, y1, x2, y2, px, py):
 
 
 @piece
-def holes_within(count, left, right, upper, lower):
+def holes_within(count: NDArray[np.integer], left: Whole, right: Whole, upper: Whole, lower: Whole) -> Whole:
     """How many empty pixels a box (inclusive) holds; count: their summed-area table, (H + 1) x (W + 1)."""
     return count[lower + 1, right + 1] - count[upper, right + 1] - count[lower + 1, left] + count[upper, left]
 
 
 @piece
-def chunk_meets_hole(x, w, row, chunk, low, high, first, last, count):
+def chunk_meets_hole(
+    x: Float32Array,
+    w: Float32Array,
+    row: Whole,
+    chunk: Whole,
+    low: Real,
+    high: Real,
+    first: Whole,
+    last: Whole,
+    count: NDArray[np.integer],
+) -> Flag:
     """True if the box round a row of quads (target rows low..high, cut to [first, last)) may hold an empty pixel."""
     if not (low <= last and high >= first):
         return False
@@ -58,10 +69,23 @@ def chunk_meets_hole(x, w, row, chunk, low, high, first, last, count):
 
 
 @kernel
-def mark_sheet(first, last, x, y, w, spans, joined, grid_rank, crack_rank, hole, count, ranks):
+def mark_closed_mesh(
+    first: Whole,
+    last: Whole,
+    x: Float32Array,
+    y: Float32Array,
+    w: Float32Array,
+    spans: Float32Array,
+    joined: UInt8Array,
+    grid_rank: UInt8Array,
+    crack_rank: Whole,
+    hole: BoolArray,
+    count: NDArray[np.integer],
+    ranks: UInt8Array,
+) -> None:
     """Draw the whole closed grid over the empty pixels of target rows [first, last).
 
-    x, y, w: target pixels and inverse depth of every source pixel (closed: no gaps); spans: as of `raster.quad_spans`;
+    x, y, w: target pixels and inverse depth of every source pixel (closed: no gaps); spans: as of `rasterize.quad_spans`;
     grid_rank: uint8, SENSOR / OBJECT ranks of source pixels that are not there, else 0; crack_rank: what an unbroken quad over
     an empty pixel means; count: summed-area table of `hole`.
     """
@@ -78,8 +102,20 @@ def mark_sheet(first, last, x, y, w, spans, joined, grid_rank, crack_rank, hole,
 
 
 @piece
-def mark_quad(x, y, w, joined, grid_rank, row, column, crack_rank, box, hole, ranks):
-    """One quad of the sheet, if all of it is in front of the near plane.
+def mark_quad(
+    x: Float32Array,
+    y: Float32Array,
+    w: Float32Array,
+    joined: UInt8Array,
+    grid_rank: UInt8Array,
+    row: Whole,
+    column: Whole,
+    crack_rank: Whole,
+    box: Box,
+    hole: BoolArray,
+    ranks: UInt8Array,
+) -> None:
+    """One quad of the closed mesh, if all of it is in front of the near plane.
 
     Its rank: the highest of its pixels' own; else a crack where it is one surface; else a dis-occlusion.
     """
@@ -99,7 +135,7 @@ def mark_quad(x, y, w, joined, grid_rank, row, column, crack_rank, box, hole, ra
 
 
 @piece
-def quad_covers(x, y, row, column, px, py):
+def quad_covers(x: Float32Array, y: Float32Array, row: Whole, column: Whole, px: Real, py: Real) -> Flag:
     """True if a point lies in one of a quad's two triangles."""
     xb, yb, xc, yc = x[row, column + 1], y[row, column + 1], x[row + 1, column], y[row + 1, column]
     return is_inside(x[row, column], y[row, column], xb, yb, xc, yc, px, py) or is_inside(

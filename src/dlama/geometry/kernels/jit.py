@@ -5,7 +5,7 @@ What keeps the first run of all short, when every kernel has yet to be compiled 
 - Kernels are plain scalar loops that write into arrays they are handed, allocate nothing, and run over rows [first, last), so
   that `in_bands` can spread them over threads. numba's own parallel loops take twice as long to compile, an allocation as long
   as thirty lines, the assignment of a slice as long as three hundred (its error message is compiled too).
-- No doors that nobody uses: kernels have none for C, pieces none for C or Python.
+- No unused entry points: kernels cannot be called from C, pieces neither from C nor from Python.
 - Python's garbage collector waits while numba compiles.
 - One signature each: a literal (`count = 0`, a bare `1`) or another width of float compiles a piece a second time.
 """
@@ -21,6 +21,9 @@ import warnings
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any, TypeVar, cast
+
+import numpy as np
+from numpy.typing import NDArray
 
 from dlama.errors import InputError
 
@@ -48,6 +51,16 @@ NOT_KEPT = (
     "compiled kernels cannot be kept, for neither the package's folder nor the user's cache can be written: every run compiles "
     "them again, which takes about 10 seconds; set NUMBA_CACHE_DIR to a folder that can be written"
 )
+
+Whole = int | np.int64
+"""A whole number between kernels and their pieces; to numba both are int64."""
+Real = Any
+"""A number between kernels and their pieces: float64 or float32, as the caller's is. Not checked, for Python's own rules for
+mixing the two are not numba's, which alone count here."""
+Flag = bool | np.bool_
+"""A truth value between kernels and their pieces."""
+Array = NDArray[Any]
+"""An array of whichever type the caller has: numba compiles the piece for each."""
 
 Loop = TypeVar("Loop", bound=Callable[..., Any])
 

@@ -10,17 +10,32 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
+from dlama.geometry.camera import Float64Array
 from dlama.geometry.kernels.depth_edges import DOWN, RIGHT
-from dlama.geometry.kernels.jit import inlined, kernel, piece
+from dlama.geometry.kernels.jit import Real, Whole, inlined, kernel, piece
+from dlama.geometry.rgbd import Float32Array, UInt8Array
 
+Box = tuple[Whole, Whole, Whole, Whole]
+"""Target pixels, inclusive: left, right, upper, lower."""
 NOWHERE = np.float32(np.inf)
 CHUNK = 64
 """Source columns that are skipped together where they do not touch a band."""
 
 
 @piece
-def transform_row(depth, matrix, offset, near, row, to, out_x, out_y, out_w):
+def transform_row(
+    depth: Float32Array,
+    matrix: Float64Array,
+    offset: Float64Array,
+    near: Real,
+    row: Whole,
+    to: Whole,
+    out_x: Float32Array,
+    out_y: Float32Array,
+    out_w: Float32Array,
+) -> None:
     """One row of vertices (pixel centres at their depth), to row `to` of the arrays of target pixels and inverse z."""
     v = row + 0.5
     a = matrix[0, 1] * v + matrix[0, 2]
@@ -38,7 +53,17 @@ def transform_row(depth, matrix, offset, near, row, to, out_x, out_y, out_w):
 
 
 @kernel
-def transform(first, last, depth, matrix, offset, near, out_x, out_y, out_w):
+def transform(
+    first: Whole,
+    last: Whole,
+    depth: Float32Array,
+    matrix: Float64Array,
+    offset: Float64Array,
+    near: Real,
+    out_x: Float32Array,
+    out_y: Float32Array,
+    out_w: Float32Array,
+) -> None:
     """Vertices into target pixels and inverse z; w = 0 (and x, y anything) where there is none, or none in front.
 
     matrix: 3x3, K_target R K_source^-1; offset: K_target t. (eq. 1 of the paper, with both projections folded in)
@@ -48,7 +73,19 @@ def transform(first, last, depth, matrix, offset, near, out_x, out_y, out_w):
 
 
 @kernel
-def draw_points(first, last, depth, matrix, offset, near, x, y, w, wbuf, index):
+def draw_points(
+    first: Whole,
+    last: Whole,
+    depth: Float32Array,
+    matrix: Float64Array,
+    offset: Float64Array,
+    near: Real,
+    x: Float32Array,
+    y: Float32Array,
+    w: Float32Array,
+    wbuf: Float32Array,
+    index: NDArray[np.uint32],
+) -> None:
     """Nearest-pixel projection with a z-buffer (the paper's P', eq. 2): inverse depth and source index of what is nearest.
 
     wbuf, index: N x H x W; the source rows are cut into N parts, and part n is drawn into its own buffer n (any content
@@ -72,7 +109,7 @@ def draw_points(first, last, depth, matrix, offset, near, x, y, w, wbuf, index):
 
 
 @kernel
-def quad_spans(first, last, y, w, spans):
+def quad_spans(first: Whole, last: Whole, y: Float32Array, w: Float32Array, spans: Float32Array) -> None:
     """Smallest and largest target y of each row of quads, CHUNK quads at a time (empty: inf, -inf). spans: H x N x 2."""
     height, width = y.shape
     for row in range(first, last):
@@ -87,7 +124,16 @@ def quad_spans(first, last, y, w, spans):
 
 
 @piece
-def quad_box(x, y, w, row, column, top, bottom, columns):
+def quad_box(
+    x: Float32Array,
+    y: Float32Array,
+    w: Float32Array,
+    row: Whole,
+    column: Whole,
+    top: Whole,
+    bottom: Whole,
+    columns: Whole,
+) -> Box:
     """Target pixels whose centres a quad may cover, cut to rows [top, bottom): left, right, upper, lower, inclusive.
 
     Vertices that are not there (w = 0) have no position and do not count.
@@ -115,7 +161,7 @@ def quad_box(x, y, w, row, column, top, bottom, columns):
 
 
 @piece
-def quad_sides(joined, row, column):
+def quad_sides(joined: UInt8Array, row: Whole, column: Whole) -> Whole:
     """The four sides of the quad at (row, column), as bits: 1 top, 2 left, 4 right, 8 bottom."""
     here = joined[row, column]
     sides = (here & RIGHT) | (here & DOWN)
@@ -125,7 +171,17 @@ def quad_sides(joined, row, column):
 
 
 @kernel
-def draw_surface(first, last, x, y, w, joined, spans, wbuf, where):
+def draw_surface(
+    first: Whole,
+    last: Whole,
+    x: Float32Array,
+    y: Float32Array,
+    w: Float32Array,
+    joined: UInt8Array,
+    spans: Float32Array,
+    wbuf: Float32Array,
+    where: Float32Array,
+) -> None:
     """The joined quads of the grid into target rows [first, last), z-buffered.
 
     wbuf: H x W float32 zeros; where: H x W x 2 source column, row.
@@ -146,7 +202,17 @@ def draw_surface(first, last, x, y, w, joined, spans, wbuf, where):
 
 
 @inlined
-def draw_quad(x, y, w, row, column, sides, box, wbuf, where):
+def draw_quad(
+    x: Float32Array,
+    y: Float32Array,
+    w: Float32Array,
+    row: Whole,
+    column: Whole,
+    sides: Whole,
+    box: Box,
+    wbuf: Float32Array,
+    where: Float32Array,
+) -> None:
     """One quad: two triangles where all four sides are joined, else the triangle of the corner whose two sides are.
 
     box: the target pixels to look at (left, right, upper, lower, inclusive).

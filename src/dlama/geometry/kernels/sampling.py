@@ -11,10 +11,12 @@ import math
 
 import numpy as np
 
-from dlama.geometry.kernels.jit import inlined, piece
+from dlama.geometry.kernels.jit import Real, Whole, inlined, piece
 from dlama.geometry.kernels.rasterize import quad_sides
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 
+Four = tuple[Real, Real, Real, Real]
+"""Weights of four pixels."""
 POLE = math.sqrt(3) - 2
 """Of the cubic B-spline's inverse filter (Unser, Aldroubi, Eden 1993)."""
 REACH = 6
@@ -71,7 +73,7 @@ def eroded(mask: UInt8Array, size: int, before: int) -> UInt8Array:
 
 
 @piece
-def cubic(t):
+def cubic(t: Real) -> Four:
     """Weights of the pixels at -1, 0, 1, 2 for a place t in 0 .. 1 after pixel 0: the cubic B-spline."""
     rest = ONE - t
     first, last = rest * rest * rest * SIXTH, t * t * t * SIXTH
@@ -80,7 +82,7 @@ def cubic(t):
 
 
 @inlined
-def across(knots, at, weights):
+def across(knots: Float32Array, at: np.uintp, weights: Four) -> Real:
     """One channel of four neighbours in a row of coefficients, the first of them at a flat place, weighted."""
     return (
         weights[0] * knots[at]
@@ -91,7 +93,7 @@ def across(knots, at, weights):
 
 
 @inlined
-def smooth_channel(knots, first, row, along, down):
+def smooth_channel(knots: Float32Array, first: np.uintp, row: np.uintp, along: Four, down: Four) -> Real:
     """One channel from 4 x 4 coefficients, the first of them at a flat place; row: flat step to the next row."""
     second, third, last = first + row, first + row + row, first + row + row + row
     upper = down[0] * across(knots, first, along) + down[1] * across(knots, second, along)
@@ -99,7 +101,9 @@ def smooth_channel(knots, first, row, along, down):
 
 
 @inlined
-def smooth_color(knots, width, upper, left, fu, fv):
+def smooth_color(
+    knots: Float32Array, width: Whole, upper: Whole, left: Whole, fu: Real, fv: Real
+) -> tuple[Real, Real, Real]:
     """Red, green and blue (float, may overshoot) at (fu, fv) in 0 .. 1 after the pixel (upper, left).
 
     knots: `spline`, flat; width: pixels of its rows.
@@ -112,7 +116,7 @@ def smooth_color(knots, width, upper, left, fu, fv):
 
 
 @inlined
-def bilinear_channel(color, upper, left, channel, weights):
+def bilinear_channel(color: UInt8Array, upper: Whole, left: Whole, channel: Whole, weights: Four) -> Real:
     """One channel of a quad's pixels, weighted."""
     lower, right = upper + 1, left + 1
     return (
@@ -124,7 +128,7 @@ def bilinear_channel(color, upper, left, channel, weights):
 
 
 @inlined
-def bilinear(color, upper, left, weights):
+def bilinear(color: UInt8Array, upper: Whole, left: Whole, weights: Four) -> tuple[Real, Real, Real]:
     """Red, green and blue of a quad's pixels at the weights of the upper left, upper right, lower left, lower right one."""
     red = bilinear_channel(color, upper, left, RED, weights)
     green = bilinear_channel(color, upper, left, RED + 1, weights)
@@ -132,13 +136,15 @@ def bilinear(color, upper, left, weights):
 
 
 @piece
-def at_pixel(color, row, column):
+def at_pixel(color: UInt8Array, row: Whole, column: Whole) -> tuple[Real, Real, Real]:
     """Red, green and blue of one pixel."""
     return np.float32(color[row, column, 0]), np.float32(color[row, column, 1]), np.float32(color[row, column, 2])
 
 
 @inlined
-def surface_color(su, sv, joined, smooth, color, knots):
+def surface_color(
+    su: Real, sv: Real, joined: UInt8Array, smooth: UInt8Array, color: UInt8Array, knots: Float32Array
+) -> tuple[Real, Real, Real]:
     """Colour at source column, row (0 = the first pixel's centre) of a mesh, never across its edges.
 
     Beside an edge: bilinear, where a corner that is cut off (two sides unjoined) counts nothing; the nearest pixel where
@@ -163,7 +169,7 @@ def surface_color(su, sv, joined, smooth, color, knots):
 
 
 @piece
-def level(value):
+def level(value: Real) -> np.uint8:
     """A colour as uint8: the nearest level in 0 .. 255."""
     nearest = np.int64(value + HALF)
     return np.uint8(0 if nearest < 0 else (255 if nearest > 255 else nearest))

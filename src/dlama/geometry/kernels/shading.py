@@ -5,10 +5,13 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
-from dlama.geometry.kernels.jit import inlined, kernel, piece
+from dlama.geometry.camera import Float64Array
+from dlama.geometry.kernels.jit import Real, Whole, inlined, kernel, piece
 from dlama.geometry.kernels.rasterize import quad_sides
 from dlama.geometry.kernels.sampling import HALF, ONE, ZERO, bilinear, level, smooth_color, surface_color
+from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 
 REPROJECTED = 2
 MEASURED = 1
@@ -21,28 +24,28 @@ MOST = np.float32(4)
 
 
 @piece
-def passed_on(origin):
+def passed_on(origin: Whole) -> Whole:
     """The origin of a pixel seen in another view: measured becomes reprojected, everything else stays what it is."""
     return REPROJECTED if origin == MEASURED else origin
 
 
 @kernel
 def shade_surface(
-    first,
-    last,
-    wbuf,
-    where,
-    joined,
-    smooth,
-    color,
-    knots,
-    origin,
-    confidence,
-    out_color,
-    out_depth,
-    out_origin,
-    out_confidence,
-):
+    first: Whole,
+    last: Whole,
+    wbuf: Float32Array,
+    where: Float32Array,
+    joined: UInt8Array,
+    smooth: UInt8Array,
+    color: UInt8Array,
+    knots: Float32Array,
+    origin: UInt8Array,
+    confidence: Float32Array,
+    out_color: UInt8Array,
+    out_depth: Float32Array,
+    out_origin: UInt8Array,
+    out_confidence: Float32Array,
+) -> None:
     """Colours of a surface drawing: read between source pixels, never across an edge (`sampling.surface_color`).
 
     wbuf: H x W inverse depth, 0 = empty; where: H x W x 2 source column, row (vertex positions, so 0 is the first pixel).
@@ -63,7 +66,17 @@ def shade_surface(
 
 
 @kernel
-def average_shrunk(first, last, wbuf, where, joined, smooth, color, knots, out_color):
+def average_shrunk(
+    first: Whole,
+    last: Whole,
+    wbuf: Float32Array,
+    where: Float32Array,
+    joined: UInt8Array,
+    smooth: UInt8Array,
+    color: UInt8Array,
+    knots: Float32Array,
+    out_color: UInt8Array,
+) -> None:
     """Colours again where the source is drawn smaller: the mean of up to MOST places along a target pixel's row, and as many
     along its column, if all lie in whole quads. They are a source pixel apart at most, so none lies beyond an edge.
 
@@ -106,13 +119,13 @@ def average_shrunk(first, last, wbuf, where, joined, smooth, color, knots, out_c
 
 
 @piece
-def places(length_2):
+def places(length_2: Real) -> Real:
     """How many places, 1 .. MOST, one target pixel needs where the next is so far on in the source, squared (a float32)."""
     return ONE if length_2 <= SHRUNK_2 else min(np.float32(math.ceil(math.sqrt(length_2))), MOST)
 
 
 @inlined
-def stride(wbuf, where, ty, tx, y, x):
+def stride(wbuf: Float32Array, where: Float32Array, ty: Whole, tx: Whole, y: Whole, x: Whole) -> tuple[Real, Real]:
     """Source columns and rows from a target pixel to its neighbour (y, x); 0, 0 where none is or it is too far on."""
     if y >= wbuf.shape[0] or x >= wbuf.shape[1] or wbuf[y, x] <= 0:
         return ZERO, ZERO
@@ -123,7 +136,19 @@ def stride(wbuf, where, ty, tx, y, x):
 
 
 @kernel
-def shade_points(first, last, wbuf, index, color, origin, confidence, out_color, out_depth, out_origin, out_confidence):
+def shade_points(
+    first: Whole,
+    last: Whole,
+    wbuf: Float32Array,
+    index: NDArray[np.uint32],
+    color: UInt8Array,
+    origin: UInt8Array,
+    confidence: Float32Array,
+    out_color: UInt8Array,
+    out_depth: Float32Array,
+    out_origin: UInt8Array,
+    out_confidence: Float32Array,
+) -> None:
     """Colours of a points drawing: each pixel shows its nearest point as it is.
 
     wbuf, index: N x H x W, parts of one drawing, which are merged into the first; of two equally near the earlier part's is
@@ -151,21 +176,21 @@ def shade_points(first, last, wbuf, index, color, origin, confidence, out_color,
 
 @kernel
 def shade_far(
-    first,
-    last,
-    matrix,
-    far,
-    box,
-    blocks,
-    color,
-    knots,
-    origin,
-    confidence,
-    out_color,
-    out_depth,
-    out_origin,
-    out_confidence,
-):
+    first: Whole,
+    last: Whole,
+    matrix: Float64Array,
+    far: BoolArray,
+    box: NDArray[np.int64],
+    blocks: UInt8Array,
+    color: UInt8Array,
+    knots: Float32Array,
+    origin: UInt8Array,
+    confidence: Float32Array,
+    out_color: UInt8Array,
+    out_depth: Float32Array,
+    out_origin: UInt8Array,
+    out_confidence: Float32Array,
+) -> None:
     """The far layer behind everything: empty target pixels (depth 0) whose direction is far in the source.
 
     matrix: 3x3, K_source R K_target^-1 (rotation alone: what is far does not shift when the camera moves).

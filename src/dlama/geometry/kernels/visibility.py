@@ -4,17 +4,19 @@ from __future__ import annotations
 
 import numpy as np
 
-from dlama.geometry.kernels.jit import kernel, piece
+from dlama.geometry.camera import Float64Array
+from dlama.geometry.kernels.jit import Flag, Real, Whole, kernel, piece
+from dlama.geometry.rgbd import BoolArray, Float32Array
 
 
 @piece
-def tolerance(depth):
+def tolerance(depth: Real) -> Real:
     """The larger of 1 mm and 0.1 %."""
     return max(1e-3, 1e-3 * depth)
 
 
 @piece
-def ray(matrix, row, column):
+def ray(matrix: Float64Array, row: Whole, column: Whole) -> tuple[Real, Real, Real]:
     """Where a target pixel's ray points, in homogeneous source pixels."""
     x, y = column + 0.5, row + 0.5
     return (
@@ -25,7 +27,7 @@ def ray(matrix, row, column):
 
 
 @piece
-def breaks_law(ax, ay, az, offset, depth, measured):
+def breaks_law(ax: Real, ay: Real, az: Real, offset: Float64Array, depth: Real, measured: Float32Array) -> Flag:
     """True if the point at `depth` on the ray is, seen from the source, in front of what was measured there.
 
     (ax, ay, az): the ray in source pixels; measured: source depth, 0 = nothing measured, inf = far.
@@ -45,7 +47,16 @@ def breaks_law(ax, ay, az, offset, depth, measured):
 
 
 @kernel
-def violations(first, last, depth, where, matrix, offset, measured, out):
+def violations(
+    first: Whole,
+    last: Whole,
+    depth: Float32Array,
+    where: BoolArray,
+    matrix: Float64Array,
+    offset: Float64Array,
+    measured: Float32Array,
+    out: BoolArray,
+) -> None:
     """Mark, in `out` (bool H x W), the pixels of `where` whose depth breaks the law of one source.
 
     matrix, offset: source px from target px.
@@ -59,7 +70,7 @@ def violations(first, last, depth, where, matrix, offset, measured, out):
 
 
 @piece
-def crossing(a, b, offset_a, offset_b, border):
+def crossing(a: Real, b: Real, offset_a: Real, offset_b: Real, border: Real) -> Real:
     """Depth at which (a d + offset_a) / (b d + offset_b) equals `border`; inf if never."""
     slope = border * b - a
     if slope == 0:
@@ -68,7 +79,7 @@ def crossing(a, b, offset_a, offset_b, border):
 
 
 @piece
-def next_crossing(ax, ay, az, offset, depth, x, y):
+def next_crossing(ax: Real, ay: Real, az: Real, offset: Float64Array, depth: Real, x: Real, y: Real) -> Real:
     """The depth > `depth` at which the ray enters another source pixel; inf if it stays in this one for ever."""
     nearest = np.inf
     for border in (np.floor(x), np.floor(x) + 1):
@@ -83,7 +94,7 @@ def next_crossing(ax, ay, az, offset, depth, x, y):
 
 
 @piece
-def lawful_depth(ax, ay, az, offset, depth, measured):
+def lawful_depth(ax: Real, ay: Real, az: Real, offset: Float64Array, depth: Real, measured: Float32Array) -> Real:
     """The smallest depth >= `depth` on the ray that keeps the law: a walk from source pixel to source pixel, outwards."""
     for _ in range(4 * (measured.shape[0] + measured.shape[1])):
         if not breaks_law(ax, ay, az, offset, depth, measured):
@@ -103,7 +114,15 @@ def lawful_depth(ax, ay, az, offset, depth, measured):
 
 
 @kernel
-def push_back(first, last, depth, where, matrix, offset, measured):
+def push_back(
+    first: Whole,
+    last: Whole,
+    depth: Float32Array,
+    where: BoolArray,
+    matrix: Float64Array,
+    offset: Float64Array,
+    measured: Float32Array,
+) -> None:
     """Move the pixels of `where` (float32 depth, in place) outwards until they keep the law of one source."""
     for row in range(first, last):
         for column in range(depth.shape[1]):

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import math
 
-from dlama.geometry.kernels.jit import kernel, piece
+from dlama.geometry.kernels.jit import Real, Whole, kernel, piece
+from dlama.geometry.rgbd import BoolArray, Float32Array
 
 MOST = 256
 """Voters of one pixel at most: a window of 15 x 15."""
 
 
 @piece
-def sort_down(key, other, root, count):
+def sort_down(key: Float32Array, other: Float32Array, root: Whole, count: Whole) -> None:
     """Restore a heap (largest key first) whose root may be too small."""
     while True:
         child = 2 * root + 1
@@ -27,7 +28,7 @@ def sort_down(key, other, root, count):
 
 
 @piece
-def weighted_median(value, weight, count, total):
+def weighted_median(value: Float32Array, weight: Float32Array, count: Whole, total: Real) -> Real:
     """The largest of `count` values whose weight, with that of all above it, reaches half the total; reorders both arrays."""
     for root in range(count // 2 - 1, -1, -1):
         sort_down(value, weight, root, count)
@@ -42,7 +43,20 @@ def weighted_median(value, weight, count, total):
 
 
 @kernel
-def joint_median(first, last, values, blurred, votes, color, radius, step, color_sigma, space_sigma, room, out):
+def joint_median(
+    first: Whole,
+    last: Whole,
+    values: Float32Array,
+    blurred: BoolArray,
+    votes: BoolArray,
+    color: Float32Array,
+    radius: Whole,
+    step: Whole,
+    color_sigma: Real,
+    space_sigma: Real,
+    room: Float32Array,
+    out: Float32Array,
+) -> None:
     """At `blurred` pixels the weighted median of the voters around, which count more the nearer in place and colour they are.
 
     values: float32 H x W. blurred, votes: bool H x W. color: float32 H x W x 3. radius, step: px of the window and of its grid.

@@ -5,11 +5,15 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from dlama.geometry.kernels.jit import in_bands, kernel, piece
+from dlama.geometry.camera import Float64Array
+from dlama.geometry.kernels.jit import Real, Whole, in_bands, kernel, piece
+from dlama.geometry.rgbd import BoolArray
 
 
 @kernel
-def draw_triples(u, v, pool, reach, seed, out):
+def draw_triples(
+    u: Float64Array, v: Float64Array, pool: NDArray[np.int64], reach: Real, seed: Whole, out: NDArray[np.int64]
+) -> None:
     """Triples of `local_triples`. pool: indices of the free samples."""
     np.random.seed(seed)
     for number in range(len(out)):
@@ -36,7 +40,9 @@ def local_triples(
 
 
 @piece
-def plane_through(u, v, w, i, j, k):
+def plane_through(
+    u: Float64Array, v: Float64Array, w: Float64Array, i: Whole, j: Whole, k: Whole
+) -> tuple[Real, Real, Real]:
     """(a, b, c) through three samples; zeros if they are on one line."""
     du1, dv1, dw1 = u[j] - u[i], v[j] - v[i], w[j] - w[i]
     du2, dv2, dw2 = u[k] - u[i], v[k] - v[i], w[k] - w[i]
@@ -49,7 +55,18 @@ def plane_through(u, v, w, i, j, k):
 
 
 @kernel
-def score_planes(first, last, u, v, w, free, triples, near, planes, support):
+def score_planes(
+    first: Whole,
+    last: Whole,
+    u: Float64Array,
+    v: Float64Array,
+    w: Float64Array,
+    free: BoolArray,
+    triples: NDArray[np.int64],
+    near: Float64Array,
+    planes: Float64Array,
+    support: NDArray[np.int64],
+) -> None:
     """The planes through triples first..last, and how many free samples lie on each."""
     for number in range(first, last):
         if triples[number, 2] < 0:

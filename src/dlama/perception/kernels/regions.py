@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
-from dlama.geometry.kernels.jit import kernel, piece
+from dlama.geometry.kernels.jit import Whole, kernel, piece
+from dlama.geometry.rgbd import BoolArray, Float32Array
 
 
 @piece
-def root_of(parent, pixel):
+def root_of(parent: NDArray[np.int32], pixel: Whole) -> Whole:
     """The pixel that stands for the region of another one; paths are halved on the way."""
     while parent[pixel] != pixel:
         parent[pixel] = parent[parent[pixel]]
@@ -17,7 +19,13 @@ def root_of(parent, pixel):
 
 
 @kernel
-def join_regions(depth, free, offsets, allowed, parent):
+def join_regions(
+    depth: Float32Array,
+    free: BoolArray,
+    offsets: NDArray[np.int64],
+    allowed: Float32Array,
+    parent: NDArray[np.int32],
+) -> None:
     """Union-find over free pixels: two of them are one region where depth differs by no more than a share of the nearer.
 
     depth: H x W metres. free: H x W bool. offsets: N x 2, rows and columns from a pixel to those it may be joined with, rows
@@ -44,7 +52,7 @@ def join_regions(depth, free, offsets, allowed, parent):
 
 
 @kernel
-def sweep_distances(across, down, near):
+def sweep_distances(across: Float32Array, down: Float32Array, near: Float32Array) -> int:
     """Shortest paths over the grid by four raster sweeps; repeated until nothing changes they are exact.
 
     across: H x W, the cost from a pixel to its right neighbour; down: to its lower one; inf where none may be passed.

@@ -10,8 +10,11 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
-from dlama.geometry.kernels.jit import inlined
+from dlama.geometry.camera import Float64Array
+from dlama.geometry.kernels.jit import Flag, Real, Whole, inlined
+from dlama.geometry.rgbd import UInt8Array
 from dlama.worlds.raycast.shape_rows import (
     BALL,
     BOX,
@@ -38,7 +41,9 @@ from dlama.worlds.raycast.shape_rows import (
 
 
 @inlined
-def texture_place(shapes, i, face, x, y, z):
+def texture_place(
+    shapes: Float64Array, i: Whole, face: Whole, x: Real, y: Real, z: Real
+) -> tuple[Real, Real, Real, Real]:
     """Texture u, v in repeats, and repeats per metre along the two tangents, at a local point of a face."""
     kind, fit = np.int64(shapes[i, KIND]), shapes[i, MODE] == FIT
     if kind <= BOX:
@@ -81,7 +86,7 @@ def texture_place(shapes, i, face, x, y, z):
 
 
 @inlined
-def solid_at(shapes, i, texels, face, x, y, z):
+def solid_at(shapes: Float64Array, i: Whole, texels: UInt8Array, face: Whole, x: Real, y: Real, z: Real) -> Flag:
     """False where the texture's alpha cuts a hole into the surface (nearest texel of the finest level)."""
     if shapes[i, CUT] == 0:
         return True
@@ -92,7 +97,9 @@ def solid_at(shapes, i, texels, face, x, y, z):
 
 
 @inlined
-def hit_box(shapes, i, texels, ox, oy, oz, dx, dy, dz):
+def hit_box(
+    shapes: Float64Array, i: Whole, texels: UInt8Array, ox: Real, oy: Real, oz: Real, dx: Real, dy: Real, dz: Real
+) -> tuple[Real, Whole]:
     """Slabs: where the ray enters (or, from inside, leaves) and through which face (2 axis + 1 for the positive one)."""
     enter, leave, first, last = -np.inf, np.inf, 0, 0
     for axis in range(3):
@@ -119,7 +126,9 @@ def hit_box(shapes, i, texels, ox, oy, oz, dx, dy, dz):
 
 
 @inlined
-def hit_round(shapes, i, texels, ox, oy, oz, dx, dy, dz):
+def hit_round(
+    shapes: Float64Array, i: Whole, texels: UInt8Array, ox: Real, oy: Real, oz: Real, dx: Real, dy: Real, dz: Real
+) -> tuple[Real, Whole]:
     """Ellipsoid (faces 6 outside, 9 inside) and frustum (6 side, 7 upper cap, 8 lower cap, 9 side from inside)."""
     ball = shapes[i, KIND] == BALL
     hy = shapes[i, HALF + 1]
@@ -155,7 +164,9 @@ def hit_round(shapes, i, texels, ox, oy, oz, dx, dy, dz):
 
 
 @inlined
-def hit(shapes, i, texels, px, py, pz, dx, dy, dz):
+def hit(
+    shapes: Float64Array, i: Whole, texels: UInt8Array, px: Real, py: Real, pz: Real, dx: Real, dy: Real, dz: Real
+) -> tuple[Real, Whole]:
     """The nearest t > 0 at which p + t d meets a shape, and the face; inf where it does not."""
     x, y, z = px - shapes[i, CENTRE], py - shapes[i, CENTRE + 1], pz - shapes[i, CENTRE + 2]
     oy = shapes[i, TURN + 3] * x + shapes[i, TURN + 4] * y + shapes[i, TURN + 5] * z
@@ -179,9 +190,23 @@ def hit(shapes, i, texels, px, py, pz, dx, dy, dz):
 
 
 @inlined
-def nearest(shapes, texels, listed, count, near_z, skip, px, py, pz, dx, dy, dz):
+def nearest(
+    shapes: Float64Array,
+    texels: UInt8Array,
+    listed: NDArray[np.int32],
+    count: Whole,
+    near_z: Float64Array,
+    skip: Whole,
+    px: Real,
+    py: Real,
+    pz: Real,
+    dx: Real,
+    dy: Real,
+    dz: Real,
+) -> tuple[Real, Whole, Whole]:
     """First hit of a ray among the listed shapes (nearest possible first), leaving out one group: t, shape, face."""
-    best, which, face = np.inf, -1, 0
+    best, which = np.inf, -1
+    face: Whole = 0
     for j in range(count):
         i = listed[j]
         if near_z[j] >= best:
@@ -195,7 +220,17 @@ def nearest(shapes, texels, listed, count, near_z, skip, px, py, pz, dx, dy, dz)
 
 
 @inlined
-def in_shadow(shapes, texels, light, starts, items, gone, px, py, pz):
+def in_shadow(
+    shapes: Float64Array,
+    texels: UInt8Array,
+    light: Float64Array,
+    starts: NDArray[np.int32],
+    items: NDArray[np.int32],
+    gone: Whole,
+    px: Real,
+    py: Real,
+    pz: Real,
+) -> bool:
     """True if a shape stands between the point and the light; only the shapes of the point's cell can."""
     side = np.int64(light[GRID + 3])
     a = px * light[GRID_X] + py * light[GRID_X + 1] + pz * light[GRID_X + 2]

@@ -1,7 +1,6 @@
-"""Ray caster (numba): shapes, texels, a light and a camera in; colour, planar depth and what was hit out.
+"""One ray in; linear colour, planar depth, what was hit and whether it is lit out (numba).
 
-Every pixel is computed alone: the result does not depend on the number of threads. The parts are inlined: as calls, with
-all their arrays as arguments, they would take twice as long.
+The parts are inlined: as calls, with all their arrays as arguments, they would take twice as long.
 """
 
 from __future__ import annotations
@@ -9,8 +8,11 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
-from dlama.geometry.kernels.jit import in_bands, inlined, kernel
+from dlama.geometry.camera import Float64Array
+from dlama.geometry.kernels.jit import Real, Whole, inlined
+from dlama.geometry.rgbd import UInt8Array
 from dlama.worlds.raycast.intersection import in_shadow, nearest, texture_place
 from dlama.worlds.raycast.shape_rows import (
     AMBIENT_GROUND,
@@ -30,7 +32,6 @@ from dlama.worlds.raycast.shape_rows import (
     SHADOWS,
     STAIN,
     SUN,
-    TILE_PX,
     TINT,
     TO_LIGHT,
     TURN,
@@ -44,7 +45,9 @@ STAINS_PER_M = 0.19
 
 
 @inlined
-def tangents(shapes, i, face, x, y, z):
+def tangents(
+    shapes: Float64Array, i: Whole, face: Whole, x: Real, y: Real, z: Real
+) -> tuple[Real, Real, Real, Real, Real, Real, Real, Real, Real]:
     """Local unit vectors at a point of a face: outward normal, and the directions in which u and v grow."""
     if face < 6:
         axis, sign = face // 2, 1.0 if face % 2 else -1.0
@@ -67,7 +70,7 @@ def tangents(shapes, i, face, x, y, z):
 
 
 @inlined
-def to_local(shapes, i, x, y, z):
+def to_local(shapes: Float64Array, i: Whole, x: Real, y: Real, z: Real) -> tuple[Real, Real, Real]:
     """A world direction in a shape's frame."""
     return (
         shapes[i, TURN] * x + shapes[i, TURN + 1] * y + shapes[i, TURN + 2] * z,
@@ -77,7 +80,7 @@ def to_local(shapes, i, x, y, z):
 
 
 @inlined
-def to_world(shapes, i, x, y, z):
+def to_world(shapes: Float64Array, i: Whole, x: Real, y: Real, z: Real) -> tuple[Real, Real, Real]:
     """A direction of a shape's frame in the world."""
     return (
         shapes[i, TURN] * x + shapes[i, TURN + 3] * y + shapes[i, TURN + 6] * z,
@@ -87,7 +90,9 @@ def to_world(shapes, i, x, y, z):
 
 
 @inlined
-def step(t, dx, dy, dz, ex, ey, ez, nx, ny, nz):
+def step(
+    t: Real, dx: Real, dy: Real, dz: Real, ex: Real, ey: Real, ez: Real, nx: Real, ny: Real, nz: Real
+) -> tuple[Real, Real, Real]:
     """From the hit t d to where the neighbouring ray (d + e) meets the tangent plane; tamed at grazing rays."""
     facing, other = dx * nx + dy * ny + dz * nz, (dx + ex) * nx + (dy + ey) * ny + (dz + ez) * nz
     ratio = facing / other if other != 0 else 8.0
@@ -98,7 +103,21 @@ def step(t, dx, dy, dz, ex, ey, ez, nx, ny, nz):
 
 
 @inlined
-def surface(shapes, i, texels, face, t, px, py, pz, dx, dy, dz, camera, width):
+def surface(
+    shapes: Float64Array,
+    i: Whole,
+    texels: UInt8Array,
+    face: Whole,
+    t: Real,
+    px: Real,
+    py: Real,
+    pz: Real,
+    dx: Real,
+    dy: Real,
+    dz: Real,
+    camera: Float64Array,
+    width: Real,
+) -> tuple[Real, Real, Real, Real, Real, Real]:
     """Linear colour of the surface at a hit over a footprint `width` pixels wide, and its normal towards the viewer."""
     x, y, z = to_local(shapes, i, px - shapes[i, CENTRE], py - shapes[i, CENTRE + 1], pz - shapes[i, CENTRE + 2])
     nx, ny, nz, ux, uy, uz, vx, vy, vz = tangents(shapes, i, face, x, y, z)
@@ -130,7 +149,22 @@ def surface(shapes, i, texels, face, t, px, py, pz, dx, dy, dz, camera, width):
 
 
 @inlined
-def ray(shapes, texels, listed, count, near_z, skip, gone, camera, light, starts, items, column, row, width):
+def ray(
+    shapes: Float64Array,
+    texels: UInt8Array,
+    listed: NDArray[np.int32],
+    count: Whole,
+    near_z: Float64Array,
+    skip: Whole,
+    gone: Whole,
+    camera: Float64Array,
+    light: Float64Array,
+    starts: NDArray[np.int32],
+    items: NDArray[np.int32],
+    column: Real,
+    row: Real,
+    width: Real,
+) -> tuple[Real, Real, Real, Real, Whole, Whole]:
     """One ray through picture point (column, row): linear r, g, b, planar depth (inf: sky), key of the hit, light state.
 
     The key is 16 shape + face, -1 for the sky: neighbours with other keys show another surface.
@@ -165,118 +199,3 @@ def ray(shapes, texels, listed, count, near_z, skip, gone, camera, light, starts
     g += haze * (light[HORIZON + 1] - g)
     b += haze * (light[HORIZON + 2] - b)
     return r, g, b, t, 16 * which + face, state
-
-
-@inlined
-def list_tile(boxes, order, camera, x0, y0, x1, y1, listed, near_z):
-    """Shapes whose bounding box may meet the rays of a tile, in the given order (nearest first); returns how many."""
-    left, right = (x0 - camera[14]) / camera[12], (x1 - camera[14]) / camera[12]
-    top, bottom = (y0 - camera[15]) / camera[13], (y1 - camera[15]) / camera[13]
-    count = 0
-    for j in range(len(order)):
-        b = boxes[j]
-        if (
-            reach(b, 1.0, 0.0, -left) >= 0
-            and reach(b, -1.0, 0.0, right) >= 0
-            and reach(b, 0.0, 1.0, -top) >= 0
-            and reach(b, 0.0, -1.0, bottom) >= 0
-        ):
-            listed[count], near_z[count] = order[j], b[12]
-            count += 1
-    return count
-
-
-@inlined
-def reach(b, nx, ny, nz):
-    """The largest n . p over a box given in camera axes as its centre and three half edges."""
-    total = nx * b[0] + ny * b[1] + nz * b[2]
-    for k in range(3, 12, 3):
-        total += abs(nx * b[k] + ny * b[k + 1] + nz * b[k + 2])
-    return total
-
-
-@inlined
-def to_byte(value):
-    """Linear light 0..1 as 8 bit."""
-    return np.uint8(255 * math.sqrt(max(0.0, min(1.0, value))) + 0.5)
-
-
-@inlined
-def is_edge(keys, lights, row, column):
-    """True where one of the 8 neighbours shows another surface or stands in another light."""
-    rows, columns = keys.shape
-    for r in range(max(row - 1, 0), min(row + 2, rows)):
-        for c in range(max(column - 1, 0), min(column + 2, columns)):
-            if keys[r, c] != keys[row, column] or lights[r, c] != lights[row, column]:
-                return True
-    return False
-
-
-@kernel
-def cast_tiles(
-    first,
-    last,
-    phase,
-    shapes,
-    texels,
-    boxes,
-    order,
-    camera,
-    light,
-    starts,
-    items,
-    skip,
-    gone,
-    lists,
-    nears,
-    counts,
-    color,
-    depth,
-    keys,
-    lights,
-):
-    """Rows of tiles of `cast_rays`. Phase 0 lists each tile's shapes and sends a ray through every pixel's centre, phase 1 four
-    through every pixel at an edge. lists, nears: tiles x shapes, counts: tiles, filled in phase 0."""
-    rows, columns = depth.shape
-    across = (columns + TILE_PX - 1) // TILE_PX
-    for tile in range(first * across, last * across):
-        y0, x0 = tile // across * TILE_PX, tile % across * TILE_PX
-        y1, x1 = min(y0 + TILE_PX, rows), min(x0 + TILE_PX, columns)
-        listed, near_z = lists[tile], nears[tile]
-        if phase == 0:
-            counts[tile] = list_tile(boxes, order, camera, x0, y0, x1, y1, listed, near_z)
-        for row in range(y0, y1):
-            for column in range(x0, x1):
-                if phase == 1 and not is_edge(keys, lights, row, column):
-                    continue
-                red, green, blue = 0.0, 0.0, 0.0
-                for k in range(4 if phase == 1 else 1):
-                    x = column + 0.5 + (0.125 * (1 + 2 * (k // 2)) * (1 - 2 * (k % 2)) if phase == 1 else 0.0)
-                    y = row + 0.5 + (0.125 * (3 - 2 * (k // 2)) * (2 * ((k + k // 2) % 2) - 1) if phase == 1 else 0.0)
-                    r, g, b, z, key, state = ray(
-                        shapes, texels, listed, counts[tile], near_z, skip[row, column], gone,
-                        camera, light, starts, items, x, y, 1.0 - 0.5 * phase,
-                    )  # fmt: skip
-                    red, green, blue = red + r, green + g, blue + b
-                    if phase == 0:
-                        depth[row, column], keys[row, column], lights[row, column] = z, key, state
-                share = 0.25 if phase == 1 else 1.0
-                color[row, column, 0] = to_byte(share * red)
-                color[row, column, 1] = to_byte(share * green)
-                color[row, column, 2] = to_byte(share * blue)
-
-
-def cast_rays(
-    shapes, texels, boxes, order, camera, light, starts, items, skip, gone, smooth, color, depth, keys, lights
-):
-    """Fills color (H x W x 3), depth, keys and lights (H x W) of one frame.
-
-    Depth, key and light are those of the ray through the pixel's centre. `skip` (H x W): the group each pixel sees
-    through, -1 none; `gone`: the group that casts no shadow. `smooth` > 0: pixels at edges take the mean colour of four rays.
-    """
-    down, across = (-(-size // TILE_PX) for size in depth.shape)
-    lists, nears = np.empty((down * across, len(order)), np.int32), np.empty((down * across, len(order)))
-    counts = np.empty(down * across, np.int32)
-    scene = shapes, texels, boxes, order, camera, light, starts, items, skip, gone
-    for phase in range(1 + smooth):
-        in_bands(cast_tiles, down, phase, *scene, lists, nears, counts, color, depth, keys, lights, band=1)

@@ -9,12 +9,14 @@ import math
 
 import numpy as np
 
-from dlama.geometry.kernels.jit import inlined
+from dlama.geometry.camera import Float64Array
+from dlama.geometry.kernels.jit import Real, Whole, inlined
+from dlama.geometry.rgbd import UInt8Array
 from dlama.worlds.raycast.shape_rows import CLOUD, COVER, HORIZON, LEVELS, MIRROR, SIDE, WRAP, ZENITH
 
 
 @inlined
-def texel(texels, layer, level, u, v):
+def texel(texels: UInt8Array, layer: Whole, level: Whole, u: Real, v: Real) -> tuple[Real, Real, Real]:
     """Bilinear colour 0..1 of one level, repeated."""
     size = SIDE >> level
     base = (4 * SIDE * SIDE - 4 * size * size) // 3
@@ -35,7 +37,9 @@ def texel(texels, layer, level, u, v):
 
 
 @inlined
-def filtered(texels, layer, mode, u, v, ax, ay, bx, by):
+def filtered(
+    texels: UInt8Array, layer: Whole, mode: Whole, u: Real, v: Real, ax: Real, ay: Real, bx: Real, by: Real
+) -> tuple[Real, Real, Real]:
     """Texture over the pixel's footprint, whose sides are (ax, ay) and (bx, by) repeats: up to four trilinear probes."""
     la, lb = math.sqrt(ax * ax + ay * ay), math.sqrt(bx * bx + by * by)
     if la < lb:
@@ -60,7 +64,7 @@ def filtered(texels, layer, mode, u, v, ax, ay, bx, by):
 
 
 @inlined
-def sky(texels, light, dx, dy, dz, pixel):
+def sky(texels: UInt8Array, light: Float64Array, dx: Real, dy: Real, dz: Real, pixel: Real) -> tuple[Real, Real, Real]:
     """Linear colour of the sky in a direction: horizon to zenith, with a layer of clouds that thins at the horizon."""
     n = math.sqrt(dx * dx + dy * dy + dz * dz)
     up = max(-dy / n, 0.0)

@@ -8,7 +8,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from dlama.geometry.kernels.jit import in_bands, kernel
+from dlama.geometry.camera import Float64Array
+from dlama.geometry.kernels.jit import Real, Whole, in_bands, kernel
 from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.inpainters.layered.kernels.cells import between, blend
 
@@ -22,7 +23,15 @@ def pull(sums: Float32Array, weights: Float32Array) -> tuple[Float32Array, Float
 
 
 @kernel
-def push_rows(first, last, sums, weights, coarser, enough, out):
+def push_rows(
+    first: Whole,
+    last: Whole,
+    sums: Float32Array,
+    weights: Float32Array,
+    coarser: Float32Array,
+    enough: Real,
+    out: Float32Array,
+) -> None:
     """Rows of `push`."""
     for y in range(first, last):
         along = between((y + 0.5) / 2, coarser.shape[0])
@@ -47,7 +56,9 @@ def push(sums: Float32Array, weights: Float32Array, coarser: Float32Array, enoug
 
 
 @kernel
-def relax(base, usable, cells, mean, screen, sweeps):
+def relax(
+    base: Float32Array, usable: BoolArray, cells: NDArray[np.int64], mean: Float32Array, screen: Real, sweeps: Whole
+) -> None:
     """Over-relaxed Gauss-Seidel on (n + screen) u = sum of n usable neighbours + screen mean at `cells`, in place."""
     rows, cols = usable.shape
     for sweep in range(sweeps):
@@ -103,7 +114,15 @@ def even_out(colors: Float32Array, far: Float32Array, radius: int) -> Float32Arr
 
 
 @kernel
-def spread(base, depth, reached, cells, mean, screen, sweeps):
+def spread(
+    base: Float32Array,
+    depth: Float32Array,
+    reached: BoolArray,
+    cells: NDArray[np.int64],
+    mean: Float64Array,
+    screen: Float32Array,
+    sweeps: Whole,
+) -> None:
     """Colour flows into `cells` (flat, rim first) from neighbours of like depth, never from nearer ones; in place.
 
     depth: inverse depth of all cells, < 0 where a cell plays no part. reached: True where base holds a colour. The first

@@ -5,9 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from dlama.geometry.kernels.jit import in_bands, kernel, piece
+from dlama.geometry.kernels.jit import Array, Real, Whole, in_bands, kernel, piece
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 
+Beside = tuple[Whole, Whole, Real]
+"""The two cells beside a coordinate, and how far it is to the second, 0 .. 1."""
 NEARER = np.float32(1.04)
 """A source may be this much nearer than expected; beyond it counts as an occluder."""
 ROUGH = np.float32(1.2)
@@ -15,7 +17,15 @@ ROUGH = np.float32(1.2)
 
 
 @kernel
-def trusted_rows(first, last, hole, inverse_depth, label, reach, out):
+def trusted_rows(
+    first: Whole,
+    last: Whole,
+    hole: BoolArray,
+    inverse_depth: Float32Array,
+    label: NDArray[np.int32],
+    reach: Whole,
+    out: BoolArray,
+) -> None:
     """Rows of `trusted_sources`."""
     height, width = hole.shape
     for y in range(first, last):
@@ -43,7 +53,17 @@ def trusted_sources(hole: BoolArray, inverse_depth: Float32Array, label: NDArray
 
 
 @kernel
-def shrink_rows(first, last, color, inverse_depth, source, factor, colors, depths, sources):
+def shrink_rows(
+    first: Whole,
+    last: Whole,
+    color: UInt8Array,
+    inverse_depth: Float32Array,
+    source: NDArray[np.int32],
+    factor: Whole,
+    colors: Float32Array,
+    depths: Float32Array,
+    sources: NDArray[np.int32],
+) -> None:
     """Rows of the blocks of `shrink`."""
     height, width = source.shape
     for r in range(first, last):
@@ -83,7 +103,7 @@ def shrink(
 
 
 @piece
-def between(x, size):
+def between(x: Real, size: Whole) -> Beside:
     """The two cells beside a coordinate (cell centres at +0.5, clamped to the edge), and how far it is to the second."""
     f = x - 0.5
     f = 0.0 if f < 0 else (size - 1.0 if f > size - 1.0 else f)
@@ -92,7 +112,7 @@ def between(x, size):
 
 
 @piece
-def blend(grid, across, along, k):
+def blend(grid: Array, across: Beside, along: Beside, k: Whole) -> Real:
     """Channel k of a grid, bilinear; across, along: columns and rows, from `between`."""
     x0, x1, ax = across
     y0, y1, ay = along

@@ -9,7 +9,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from dlama.geometry.kernels.jit import in_bands, kernel, piece
+from dlama.geometry.camera import Float64Array
+from dlama.geometry.kernels.jit import Flag, Real, Whole, in_bands, kernel, piece
 from dlama.geometry.rgbd import Float32Array, UInt8Array
 from dlama.inpainters.layered.kernels.cells import NEARER, between, blend, sampled
 
@@ -18,7 +19,7 @@ FARTHER = np.float32(0.9)
 
 
 @piece
-def moved(u, v, w, s1, s2, axes):
+def moved(u: Real, v: Real, w: Real, s1: Real, s2: Real, axes: Float64Array) -> tuple[Real, Real, Real]:
     """(u', v', z'): where a shift takes a pixel, and by how much its distance grows (z' <= 0: behind the camera)."""
     z = 1 + w * (s1 * axes[0, 2] + s2 * axes[1, 2])
     x = u + w * (s1 * axes[0, 0] + s2 * axes[1, 0])
@@ -28,7 +29,9 @@ def moved(u, v, w, s1, s2, axes):
 
 
 @piece
-def is_source(u, v, expected, factor, depths, sources, kind):
+def is_source(
+    u: Real, v: Real, expected: Real, factor: Whole, depths: Float32Array, sources: NDArray[np.int32], kind: Whole
+) -> Flag:
     """Is the cell under full-resolution pixel (u, v) a trusted source of this surface at the expected inverse depth?"""
     x, y = np.int64(np.floor(u / factor)), np.int64(np.floor(v / factor))
     if x < 0 or y < 0 or x >= sources.shape[1] or y >= sources.shape[0] or sources[y, x] != kind:
@@ -38,7 +41,21 @@ def is_source(u, v, expected, factor, depths, sources, kind):
 
 
 @kernel
-def correlate_rows(first, last, shifts, points, here, detail, factor, depths, sources, kind, axes, need, out):
+def correlate_rows(
+    first: Whole,
+    last: Whole,
+    shifts: Float64Array,
+    points: Float64Array,
+    here: Float64Array,
+    detail: Float32Array,
+    factor: Whole,
+    depths: Float32Array,
+    sources: NDArray[np.int32],
+    kind: Whole,
+    axes: Float64Array,
+    need: Whole,
+    out: Float32Array,
+) -> None:
     """Shifts first..last of `correlate`. here: N x 3, the detail at the points."""
     rows, cols = detail.shape[0], detail.shape[1]
     for i in range(first, last):
@@ -96,7 +113,18 @@ def correlate(
 
 
 @kernel
-def scale_rows(first, last, shifts, cells, factor, depths, sources, kind, axes, out):
+def scale_rows(
+    first: Whole,
+    last: Whole,
+    shifts: Float64Array,
+    cells: Float64Array,
+    factor: Whole,
+    depths: Float32Array,
+    sources: NDArray[np.int32],
+    kind: Whole,
+    axes: Float64Array,
+    out: Float32Array,
+) -> None:
     """Shifts first..last of `change_of_scale`."""
     for i in range(first, last):
         for p in range(len(cells)):
@@ -123,7 +151,15 @@ def change_of_scale(
 
 
 @kernel
-def assign_cells(index, cost, lateral, order, seam, sweeps, chosen):
+def assign_cells(
+    index: NDArray[np.int32],
+    cost: Float32Array,
+    lateral: Float32Array,
+    order: NDArray[np.int64],
+    seam: Real,
+    sweeps: Whole,
+    chosen: NDArray[np.int32],
+) -> None:
     """`assign`, into `chosen` (all -1)."""
     rows, cols = index.shape
     number, many = cost.shape
@@ -179,8 +215,23 @@ def assign(
 
 @kernel
 def paint_pixels(
-    first, last, out, color, pixels, inverse_depth, source, kind, axes, fine, smooth, cell, pick, gains, shifts, added
-):
+    first: Whole,
+    last: Whole,
+    out: UInt8Array,
+    color: UInt8Array,
+    pixels: NDArray[np.int64],
+    inverse_depth: Float32Array,
+    source: NDArray[np.int32],
+    kind: Whole,
+    axes: Float64Array,
+    fine: Float32Array,
+    smooth: Float32Array,
+    cell: Whole,
+    pick: NDArray[np.int32],
+    gains: Float32Array,
+    shifts: Float64Array,
+    added: Float64Array,
+) -> None:
     """Pixels first..last of `paint`. added: N x 3 zeros, room to work."""
     height, width = inverse_depth.shape
     rows, cols = pick.shape

@@ -7,7 +7,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from dlama.geometry.kernels.jit import in_bands, kernel, piece
+from dlama.geometry.camera import Float64Array
+from dlama.geometry.kernels.jit import Real, Whole, in_bands, kernel, piece
 from dlama.geometry.rgbd import BoolArray, Float32Array
 
 DIRECTIONS = 16
@@ -15,7 +16,7 @@ SKY_LABEL = 0
 
 
 @piece
-def first_known(w, hole, row, column, dr, dc):
+def first_known(w: Float32Array, hole: BoolArray, row: Whole, column: Whole, dr: Real, dc: Real) -> tuple[Real, Real]:
     """Inverse depth and distance of the first known pixel from a hole pixel in a direction; -1 if there is none."""
     height, width = w.shape
     steps = 0.0
@@ -32,7 +33,7 @@ def first_known(w, hole, row, column, dr, dc):
 
 
 @piece
-def far_mean(values, weights, line, count):
+def far_mean(values: Float64Array, weights: Float64Array, line: Whole, count: Whole) -> Real:
     """Mean of the first `count` values of a line near their weighted first quartile, weights squared."""
     total = 0.0
     for number in range(count):
@@ -56,7 +57,16 @@ def far_mean(values, weights, line, count):
 
 
 @kernel
-def far_side_rows(first, last, w, hole, ways, values, weights, out):
+def far_side_rows(
+    first: Whole,
+    last: Whole,
+    w: Float32Array,
+    hole: BoolArray,
+    ways: Float64Array,
+    values: Float64Array,
+    weights: Float64Array,
+    out: Float32Array,
+) -> None:
     """Rows of `far_side`. ways: directions x 2, a step's rows and columns; values, weights: H x directions, room to work."""
     for row in range(first, last):
         for column in range(w.shape[1]):
@@ -88,7 +98,7 @@ def far_side(w: Float32Array, hole: BoolArray) -> Float32Array:
 
 
 @piece
-def rim_cost(value, label, known, known_label, rim):
+def rim_cost(value: Real, label: Whole, known: Real, known_label: Whole, rim: Float64Array) -> Real:
     """Cost of filling `value` (inverse depth) with `label` next to a known pixel: going on is free, to be hidden by the
     known pixel is cheap (less so for the sky), to stand before it is dear. rim: (meets, hidden, sky hidden, in front)."""
     if label == known_label and label >= 0:
@@ -103,7 +113,20 @@ def rim_cost(value, label, known, known_label, rim):
 
 
 @kernel
-def unary_rows(first, last, values, allowed, distance, hole, w, label, scale, penalty, rim, out):
+def unary_rows(
+    first: Whole,
+    last: Whole,
+    values: Float32Array,
+    allowed: BoolArray,
+    distance: Float32Array,
+    hole: BoolArray,
+    w: Float32Array,
+    label: NDArray[np.int32],
+    scale: Real,
+    penalty: Float32Array,
+    rim: Float64Array,
+    out: Float32Array,
+) -> None:
     """Rows of `unary_costs`."""
     count, height, width = values.shape
     for row in range(first, last):
@@ -153,7 +176,7 @@ def unary_costs(
 
 
 @piece
-def pair_cost(value, other, potts):
+def pair_cost(value: Real, other: Real, potts: Real) -> Real:
     """Cost between two different labels of neighbouring hole pixels: `potts` where their surfaces meet, 1 more at a jump
     of 10 % and above."""
     larger = value if value > other else other
@@ -162,7 +185,20 @@ def pair_cost(value, other, potts):
 
 
 @piece
-def send(unary, messages, values, potts, belief, line, row, column, to_row, to_column, incoming, outgoing):
+def send(
+    unary: Float32Array,
+    messages: Float32Array,
+    values: Float32Array,
+    potts: Real,
+    belief: Float64Array,
+    line: Whole,
+    row: Whole,
+    column: Whole,
+    to_row: Whole,
+    to_column: Whole,
+    incoming: Whole,
+    outgoing: Whole,
+) -> None:
     """One min-sum message from a hole pixel to its neighbour; `incoming` is the direction it must not echo."""
     count = unary.shape[2]
     for k in range(count):
@@ -185,7 +221,17 @@ def send(unary, messages, values, potts, belief, line, row, column, to_row, to_c
 
 
 @kernel
-def sweep(first, last, across, unary, messages, values, hole, potts, belief):
+def sweep(
+    first: Whole,
+    last: Whole,
+    across: Whole,
+    unary: Float32Array,
+    messages: Float32Array,
+    values: Float32Array,
+    hole: BoolArray,
+    potts: Real,
+    belief: Float64Array,
+) -> None:
     """Messages there and back along each row (across = 1: directions 0 from left, 1 from right) or column (2 from above, 3 from
     below); lines first..last only, which do not meet. belief: lines x L, room to work."""
     length = hole.shape[1] if across else hole.shape[0]

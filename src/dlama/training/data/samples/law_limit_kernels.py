@@ -8,15 +8,17 @@ from __future__ import annotations
 
 import numpy as np
 
-from dlama.geometry.kernels.jit import kernel, piece
+from dlama.geometry.camera import Float64Array
+from dlama.geometry.kernels.jit import Real, Whole, kernel, piece
 from dlama.geometry.kernels.visibility import ray, tolerance
+from dlama.geometry.rgbd import BoolArray, Float32Array
 
 NUDGE = 1e-9
 """Relative step over a border between two source pixels."""
 
 
 @piece
-def clip(low, high, a, b):
+def clip(low: Real, high: Real, a: Real, b: Real) -> tuple[Real, Real]:
     """The part of [low, high] on which a + w b >= 0; low > high where there is none."""
     if b > 0:
         return max(low, -a / b), high
@@ -26,7 +28,7 @@ def clip(low, high, a, b):
 
 
 @piece
-def border_at(a, b, offset_a, offset_b, border):
+def border_at(a: Real, b: Real, offset_a: Real, offset_b: Real, border: Real) -> Real:
     """The w at which (a + w offset_a) / (b + w offset_b) equals `border`; inf if never."""
     slope = offset_a - border * offset_b
     if slope == 0:
@@ -35,7 +37,7 @@ def border_at(a, b, offset_a, offset_b, border):
 
 
 @piece
-def leaves_at(ax, ay, az, offset, w, column, row):
+def leaves_at(ax: Real, ay: Real, az: Real, offset: Float64Array, w: Real, column: Whole, row: Whole) -> Real:
     """The w' > w at which the ray leaves a source pixel; inf if never."""
     nearest = np.inf
     for k in range(2):
@@ -49,7 +51,7 @@ def leaves_at(ax, ay, az, offset, w, column, row):
 
 
 @piece
-def limit_on_ray(ax, ay, az, offset, w, measured):
+def limit_on_ray(ax: Real, ay: Real, az: Real, offset: Float64Array, w: Real, measured: Float32Array) -> Real:
     """The first inverse depth >= w that breaks the law; inf if none does."""
     rows, columns = measured.shape
     low, high = clip(w, np.inf, az, offset[2])
@@ -84,7 +86,16 @@ def limit_on_ray(ax, ay, az, offset, w, measured):
 
 
 @kernel
-def limits(first, last, truth, where, matrix, offset, measured, out):
+def limits(
+    first: Whole,
+    last: Whole,
+    truth: Float32Array,
+    where: BoolArray,
+    matrix: Float64Array,
+    offset: Float64Array,
+    measured: Float32Array,
+    out: Float64Array,
+) -> None:
     """out (float64 H x W inverse depths): made no larger than the law of one source allows at the pixels of `where`.
 
     truth: H x W inverse depth (1/m, 0 = far); matrix, offset: source px from target px; measured: source depth.
