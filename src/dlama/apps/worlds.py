@@ -33,10 +33,10 @@ def worlds(
         antialias: Colour edges are hard, exactly where depth changes.
         textures: A folder of photos to paint surfaces with.
     """
-    from dlama.worlds.writer import write_worlds
-
     scene = {"size": size, "kind": kind, "shadows": shadows, "antialias": antialias, "textures": textures}
     with reported("worlds", report) as result, counting_bar("worlds", report) as progress:
+        from dlama.worlds.writer import write_worlds  # in here, so that what it warns of is one line
+
         scenes = write_worlds(output, count=count, seed=seed, progress=progress, **scene)  # type: ignore[arg-type]
         made = f"{len(scenes)} scene{'s' * (len(scenes) != 1)}"
         line = f"{output}: {made}. Next: dlama evaluate {shlex.quote(str(output))} -o dlama-report"
