@@ -103,6 +103,7 @@ def test_clouds_hold_each_pixel_once_by_origin() -> None:
         Origin.REPROJECTED: 0,
         Origin.DEPTH_FILLED: 12,
         Origin.FILLED: int((scene.layers[1].valid & taken).sum()),
+        Origin.ESTIMATED: 0,
     }
     assert expected[Origin.FILLED] > 50
     assert counts(plus.origin) == expected
