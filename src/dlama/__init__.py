@@ -31,10 +31,10 @@ if TYPE_CHECKING:  # what type checkers and editors read; a test holds it equal 
     from dlama.errors import ShapeError as ShapeError
     from dlama.files.cameras import read_camera as read_camera
     from dlama.files.cameras import read_stereo_calib as read_stereo_calib
-    from dlama.files.depth_results import write_depth as write_depth
-    from dlama.files.pictures import read_color as read_color
-    from dlama.files.pictures import read_mask as read_mask
-    from dlama.files.results import write as write
+    from dlama.files.rasters.pictures import read_color as read_color
+    from dlama.files.rasters.pictures import read_mask as read_mask
+    from dlama.files.results.completion import write as write
+    from dlama.files.results.estimated_depth import write_depth as write_depth
     from dlama.files.rgbd import read_rgbd as read_rgbd
     from dlama.geometry.camera import Camera as Camera
     from dlama.geometry.camera import StereoRig as StereoRig
@@ -104,16 +104,16 @@ MODULES = {
     "lift": "geometry.projection",
     "orbit": "geometry.trajectories",
     "read_camera": "files.cameras",
-    "read_color": "files.pictures",
-    "read_mask": "files.pictures",
+    "read_color": "files.rasters.pictures",
+    "read_mask": "files.rasters.pictures",
     "read_rgbd": "files.rgbd",
     "read_stereo_calib": "files.cameras",
     "remove": "completion.verbs",
     "render": "geometry.rendering",
     "stereo": "completion.stereo",
     "view": "completion.verbs",
-    "write": "files.results",
-    "write_depth": "files.depth_results",
+    "write": "files.results.completion",
+    "write_depth": "files.results.estimated_depth",
 }
 """Public name -> the module of dlama that defines it."""
 

@@ -12,7 +12,7 @@ import pytest
 from small_frame import CAMERA, FAST, WORLD, pixels, run
 
 from dlama.apps.cli import main
-from dlama.files.depth import write_depth_exr
+from dlama.files.rasters.depth import write_depth_exr
 
 RESULT_FILES = {
     "image.png", "depth.png", "depth.exr", "hole.png", "hole_type.png", "origin.png", "confidence.png",
@@ -94,7 +94,7 @@ def test_positive_yaw_shows_the_right_side(frame: Path) -> None:
 
 def test_remove_writes_both_clouds(frame: Path) -> None:
     """c- lacks the object, c+ has it (oracle: the world's box lies nearer than 2.5 m, the wall does not)."""
-    from dlama.files.clouds import read_ply
+    from dlama.files.scenes.clouds import read_ply
 
     out = run(frame, "remove", "image.png", "depth.png", "mask.png", "--fov", 60, "--dilate", 1, *FAST)
     assert {path.name for path in out.iterdir()} == RESULT_FILES | {"background.ply", "completed.ply"}

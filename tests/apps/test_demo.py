@@ -11,7 +11,7 @@ from PIL import Image
 
 from dlama.apps.cli import main
 from dlama.apps.demo import ASSETS
-from dlama.files.depth import read_depth, read_disparity
+from dlama.files.rasters.depth import read_depth, read_disparity
 
 
 @pytest.fixture(scope="module")

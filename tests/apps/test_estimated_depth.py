@@ -11,7 +11,7 @@ from PIL import Image
 from small_frame import FAST, pixels, refused, run
 
 import dlama
-from dlama.files.clouds import read_ply
+from dlama.files.scenes.clouds import read_ply
 from dlama.geometry.view import Origin
 
 pytestmark = pytest.mark.filterwarnings("ignore:the (field of view|scale)")

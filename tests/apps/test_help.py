@@ -18,7 +18,7 @@ import dlama
 from dlama.apps import evaluate as evaluate_verb
 from dlama.apps import options
 from dlama.apps.cli import VERBS, main
-from dlama.apps.flags import flags_of, with_flags
+from dlama.apps.terminal.flags import flags_of, with_flags
 
 COMMANDS = [[verb] for verb in VERBS if verb != "models"] + [
     ["models", word] for word in ("list", "info", "pull", "convert", "verify")
@@ -82,7 +82,7 @@ def test_names_in_help_are_those_of_the_library() -> None:
     from dlama.completion.recipes import RECIPES
     from dlama.datasets.frames import Protocol
     from dlama.evaluation.protocols.methods import NO_FILL
-    from dlama.files.results import RESULTS
+    from dlama.files.results.completion import RESULTS
 
     assert tuple(RECIPES) == options.RECIPES
     assert tuple(RESULTS) == options.RESULTS

@@ -12,7 +12,7 @@ import pytest
 from PIL import Image
 from small_frame import FAST, pixels, run
 
-from dlama.files.depth import read_depth
+from dlama.files.rasters.depth import read_depth
 
 REMOVE = ("remove", "image.png", "depth.png", "mask.png", "--fov", 60, "--only", "depth,hole", *FAST)
 PIVOT_M = 2.5

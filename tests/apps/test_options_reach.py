@@ -108,22 +108,22 @@ def _spy_on_jobs(spy: Callable[..., None]) -> None:
     """view, remove, stereo and demo: reading, the three functions, writing."""
     done = SimpleNamespace(meta={})
     about = {"field_of_view": {"from": "fov"}, "estimator": "a network", "scale": {"rule": "assumed"}}
-    spy("dlama.files.depth_results.write_depth")
+    spy("dlama.files.results.estimated_depth.write_depth")
     spy(
         "dlama.files.rgbd.read_rgbd", SimpleNamespace(estimate=about, depth=np.ones((3, 4)))
     )  # first: its module must not be loaded with the stand-ins below
-    spy("dlama.files.images.picture_hw", (3, 4))
+    spy("dlama.files.rasters.images.picture_hw", (3, 4))
     spy("dlama.files.cameras.camera_for", ("camera", "words"))
     spy("dlama.files.cameras.read_camera", "target")
     spy("dlama.files.cameras.read_stereo_calib", "rig")
-    spy("dlama.files.depth.read_disparity", lambda path, **_: Path(path).name)
-    spy("dlama.files.pictures.read_mask", lambda path, **_: Path(path).name)
-    spy("dlama.files.pictures.read_color", lambda path: SimpleNamespace(shape=(3, 4, 3), name=Path(path).name))
+    spy("dlama.files.rasters.depth.read_disparity", lambda path, **_: Path(path).name)
+    spy("dlama.files.rasters.pictures.read_mask", lambda path, **_: Path(path).name)
+    spy("dlama.files.rasters.pictures.read_color", lambda path: SimpleNamespace(shape=(3, 4, 3), name=Path(path).name))
     spy("dlama.apps.model_files.model_for", lambda model: Path("cache", str(model)))
     for verb in ("view", "remove", "stereo"):
         spy(f"dlama.{verb}", done)
-    spy("dlama.files.results.write")
-    spy("dlama.files.results.file_names", [])
+    spy("dlama.files.results.completion.write")
+    spy("dlama.files.results.completion.file_names", [])
     spy("dlama.find_mask", SimpleNamespace(mask="mask", method="rgbd", chosen="thing", notes=()))
     spy("dlama.apps.cli.write_found", [])
     spy("dlama.apps.cli.found_line", "")

@@ -14,7 +14,7 @@ from PIL import Image
 from dlama.datasets.frames import StereoTruth
 from dlama.datasets.layouts import open_dataset
 from dlama.errors import DlamaError, FileError, ShapeError
-from dlama.files.float_files import write_pfm
+from dlama.files.rasters.float_files import write_pfm
 from dlama.geometry.projection import depth_from_disparity
 
 CALIB = """cam0=[90.5 0 45.75; 0 90.5 37.25; 0 0 1]

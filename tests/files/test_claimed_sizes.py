@@ -14,12 +14,12 @@ import numpy as np
 import pytest
 
 from dlama.errors import FileError
-from dlama.files.clouds import read_ply
-from dlama.files.depth import read_depth
-from dlama.files.float_files import read_array, read_pfm
-from dlama.files.images import picture_hw
-from dlama.files.pictures import read_color, read_mask
-from dlama.files.scenes import read_npz
+from dlama.files.rasters.depth import read_depth
+from dlama.files.rasters.float_files import read_array, read_pfm
+from dlama.files.rasters.images import picture_hw
+from dlama.files.rasters.pictures import read_color, read_mask
+from dlama.files.scenes.clouds import read_ply
+from dlama.files.scenes.scene_npz import read_npz
 
 MOST = 64e6
 """Bytes that a refusal may take."""

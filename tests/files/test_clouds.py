@@ -10,8 +10,8 @@ import trimesh
 from plyfile import PlyData, PlyElement
 
 from dlama.errors import FileError
-from dlama.files.clouds import read_ply, write_glb, write_ply
-from dlama.files.meshes import linear_light
+from dlama.files.scenes.clouds import read_ply, write_glb, write_ply
+from dlama.files.scenes.meshes import linear_light
 from dlama.geometry.cloud import PointCloud
 from dlama.geometry.mesh import Mesh
 

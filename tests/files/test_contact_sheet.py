@@ -9,7 +9,7 @@ import pytest
 from PIL import Image
 
 from dlama.errors import ShapeError
-from dlama.files.contact_sheet import columns_for, write_contact_sheet
+from dlama.files.results.contact_sheet import columns_for, write_contact_sheet
 
 
 @pytest.mark.parametrize(

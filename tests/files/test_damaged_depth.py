@@ -10,12 +10,7 @@ import pytest
 from PIL import Image
 
 from dlama.errors import FileError
-from dlama.files.depth import (
-    read_depth,
-    write_depth_exr,
-    write_depth_png,
-    write_pfm,
-)
+from dlama.files.rasters.depth import read_depth, write_depth_exr, write_depth_png, write_pfm
 
 
 def exr(path: Path, kind: int | None = None, **channels: np.ndarray) -> Path:

@@ -15,7 +15,7 @@ from hypothesis.extra import numpy as hnp
 from PIL import Image
 
 from dlama.errors import DepthError, FileError
-from dlama.files.depth import (
+from dlama.files.rasters.depth import (
     depth_from_mm,
     mm_from_depth,
     read_depth,

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from dlama.errors import DlamaError
-from dlama.files.depth import read_depth
-from dlama.files.depth_checks import FEWEST, SHARE, straight_share
+from dlama.files.rasters.depth import read_depth
+from dlama.files.rasters.depth_checks import FEWEST, SHARE, straight_share
 from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import Float32Array
 from dlama.worlds.dataset import world

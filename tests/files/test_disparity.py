@@ -9,10 +9,7 @@ import numpy as np
 import pytest
 
 from dlama.errors import DepthError
-from dlama.files.depth import (
-    read_disparity,
-    write_disparity_pfm,
-)
+from dlama.files.rasters.depth import read_disparity, write_disparity_pfm
 
 
 def test_disparity_there_and_back(tmp_path: Path) -> None:

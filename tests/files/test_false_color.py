@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dlama.files.false_color import (
+from dlama.files.results.false_color import (
     HATCH,
     HOLE_PALETTE,
     ORIGIN_PALETTE,

@@ -17,8 +17,8 @@ import tifffile
 from PIL import Image, ImageOps
 
 from dlama.errors import CameraError, FileError, ShapeError
-from dlama.files.images import orientation_of, picture_hw, read_stored
-from dlama.files.pictures import read_color, read_color_of_camera, read_mask
+from dlama.files.rasters.images import orientation_of, picture_hw, read_stored
+from dlama.files.rasters.pictures import read_color, read_color_of_camera, read_mask
 from dlama.files.rgbd import read_rgbd
 
 RNG = np.random.default_rng(0)

@@ -15,9 +15,9 @@ from dlama.apps.demo import ASSETS
 from dlama.errors import FileError, OutputError, system_errors
 
 CALLS = {
-    "read_color": "dlama.files.pictures.read_color('{}.jpg')",
+    "read_color": "dlama.files.rasters.pictures.read_color('{}.jpg')",
     "read_mask": "dlama.read_mask('{}.png')",
-    "read_depth": "dlama.files.depth.read_depth('{}.exr')",
+    "read_depth": "dlama.files.rasters.depth.read_depth('{}.exr')",
     "read_rgbd": "dlama.read_rgbd('{}.jpg', '{}.png', fov=60)",
     "read_camera": "dlama.files.cameras.read_camera('{}.json')",
     "read_stereo_calib": "dlama.files.cameras.read_stereo_calib('{}.txt')",

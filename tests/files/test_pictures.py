@@ -11,7 +11,7 @@ import pytest
 from PIL import Image
 
 from dlama.errors import FileError, MaskError, ShapeError
-from dlama.files.pictures import read_color, read_mask, write_codes, write_color, write_grey, write_mask
+from dlama.files.rasters.pictures import read_color, read_mask, write_codes, write_color, write_grey, write_mask
 
 COLOR = np.random.default_rng(0).integers(0, 256, (14, 19, 3)).astype(np.uint8)
 SMOOTH = np.clip(np.add.outer(np.arange(90), np.arange(130))[..., None] + [0, 20, 36], 0, 255).astype(np.uint8)

@@ -14,10 +14,10 @@ from dlama.completion.completion import Completion
 from dlama.completion.pipeline import complete
 from dlama.completion.verbs import remove
 from dlama.errors import InputError, OutputError
-from dlama.files import textured_mesh
-from dlama.files.depth import read_depth
-from dlama.files.results import RESULTS, write
-from dlama.files.scenes import read_npz
+from dlama.files.rasters.depth import read_depth
+from dlama.files.results.completion import RESULTS, write
+from dlama.files.scenes import textured_mesh
+from dlama.files.scenes.scene_npz import read_npz
 from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.trajectories import orbit

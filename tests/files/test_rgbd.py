@@ -9,8 +9,8 @@ import pytest
 
 from dlama.errors import CameraError, ShapeError
 from dlama.files.cameras import write_camera
-from dlama.files.depth import write_depth_png
-from dlama.files.pictures import read_color, read_mask, write_color
+from dlama.files.rasters.depth import write_depth_png
+from dlama.files.rasters.pictures import read_color, read_mask, write_color
 from dlama.files.rgbd import read_rgbd
 from dlama.geometry.camera import Camera
 

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from dlama.errors import FileError
-from dlama.files.depth import read_depth
-from dlama.files.scenes import read_npz, write_npz
+from dlama.files.rasters.depth import read_depth
+from dlama.files.scenes.scene_npz import read_npz, write_npz
 from dlama.geometry.camera import Camera
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import HoleType, View

@@ -11,8 +11,8 @@ import trimesh
 from pygltflib import GLTF2
 
 from dlama.completion.verbs import remove, view
-from dlama.files import textured_mesh
-from dlama.files.textured_mesh import atlas, write_textured_glb
+from dlama.files.scenes import textured_mesh
+from dlama.files.scenes.textured_mesh import atlas, write_textured_glb
 from dlama.geometry.camera import Camera
 from dlama.geometry.fusion import scene_mesh
 from dlama.geometry.rgbd import RGBD

@@ -23,11 +23,11 @@ from dlama.datasets.layouts import open_dataset
 from dlama.datasets.text_tables import read_pose
 from dlama.datasets.trajectory_log import read_log
 from dlama.files.cameras import read_camera, read_stereo_calib
-from dlama.files.clouds import read_ply, write_ply
-from dlama.files.depth import read_depth, read_disparity, write_depth_exr, write_disparity_pfm
-from dlama.files.images import picture_hw
-from dlama.files.pictures import read_color, read_mask
-from dlama.files.scenes import read_npz, write_npz
+from dlama.files.rasters.depth import read_depth, read_disparity, write_depth_exr, write_disparity_pfm
+from dlama.files.rasters.images import picture_hw
+from dlama.files.rasters.pictures import read_color, read_mask
+from dlama.files.scenes.clouds import read_ply, write_ply
+from dlama.files.scenes.scene_npz import read_npz, write_npz
 from dlama.files.semantic_classes import read_classes
 from dlama.geometry.camera import Camera
 from dlama.geometry.projection import lift

@@ -14,7 +14,6 @@ import dlama
 from dlama.apps.depth import depth as depth_of_photo
 from dlama.apps.doctor import doctor
 from dlama.apps.evaluate import evaluate
-from dlama.apps.flags import flags_of, with_flags
 from dlama.apps.jobs import STAGES, job
 from dlama.apps.masks import Pointing, found_line, found_values, write_found
 from dlama.apps.model_verbs import models
@@ -35,7 +34,8 @@ from dlama.apps.options import (
     option,
     split_depth_and_mask,
 )
-from dlama.apps.terminal import errors_as_lines, reported, stages_bar
+from dlama.apps.terminal.flags import flags_of, with_flags
+from dlama.apps.terminal.output import errors_as_lines, reported, stages_bar
 from dlama.apps.train import EXAMPLES as TRAINING_EXAMPLES
 from dlama.apps.train import pack, train
 from dlama.apps.worlds import worlds
@@ -201,7 +201,7 @@ def demo(method: Method, report: Report, output: DEMO_FOLDER = Path("dlama-demo"
 
 def version() -> None:
     """The versions of dlama and of what it computes with."""
-    from dlama.files.results import versions
+    from dlama.files.results.completion import versions
 
     print("\n".join(f"{name} {number}" for name, number in versions().items()))
 

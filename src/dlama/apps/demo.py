@@ -8,10 +8,10 @@ from pathlib import Path
 import dlama
 from dlama.apps.jobs import Job
 from dlama.apps.options import Lens, Masking, Method, Only, Reading
-from dlama.apps.terminal import Result
+from dlama.apps.terminal.output import Result
 from dlama.files.atomic_write import new_directory
-from dlama.files.contact_sheet import write_contact_sheet
-from dlama.files.preview import demo_legend, demo_panels
+from dlama.files.results.contact_sheet import write_contact_sheet
+from dlama.files.results.preview import demo_legend, demo_panels
 
 ASSETS = dlama.example()
 """Picture, depth, mask, camera and stereo pair; its README names their sources."""

@@ -26,7 +26,7 @@ def depth(
         output: Directory for the results, made if need be; files of the same names are replaced.
         far: Depth at or beyond this is far (sky).
     """
-    from dlama.files.depth_results import FILES, write_depth
+    from dlama.files.results.estimated_depth import FILES, write_depth
     from dlama.geometry.rgbd import depth_range_in_words
 
     with job("depth", report) as this:

@@ -8,9 +8,9 @@ from typing import Annotated
 
 from tyro.conf import Positional
 
-from dlama.apps.flags import flags_of, with_flags
 from dlama.apps.options import Lens, Masking, Reading, Report, option
-from dlama.apps.terminal import reported
+from dlama.apps.terminal.flags import flags_of, with_flags
+from dlama.apps.terminal.output import reported
 
 FOUND = 1
 """Exit code where something is wrong with the inputs."""

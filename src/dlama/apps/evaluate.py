@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
 from tyro.conf import Positional
 
 from dlama.apps.options import RECIPES, CameraFile, Metres, Output, Report, Seed, option
-from dlama.apps.streams import ending, exit_code
-from dlama.apps.terminal import counting_bar, print_line, reported
+from dlama.apps.terminal.output import counting_bar, print_line, reported
+from dlama.apps.terminal.streams import ending, exit_code
 from dlama.errors import InputError, MissingExtraError
 from dlama.inpainters import FILLERS
 

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from dlama.apps.options import Estimating, Lens, Masking, Only, Reading, Report, names_in
-from dlama.apps.terminal import Result, reported, stages_bar
+from dlama.apps.terminal.output import Result, reported, stages_bar
 
 if TYPE_CHECKING:
     import dlama
@@ -60,7 +60,7 @@ class Job:
     ) -> dlama.RGBD:
         """A picture, its depth (estimated, where there is no file) and its camera."""
         from dlama.files.cameras import camera_for
-        from dlama.files.images import picture_hw
+        from dlama.files.rasters.images import picture_hw
         from dlama.files.rgbd import read_rgbd
 
         self.inputs |= {"image": image} | ({"camera": lens.camera} if lens.camera else {})
@@ -77,7 +77,7 @@ class Job:
 
     def mask(self, path: Path, masking: Masking, role: str = "mask") -> BoolArray:
         """A mask, True = remove."""
-        from dlama.files.pictures import read_mask
+        from dlama.files.rasters.pictures import read_mask
 
         self.inputs[role] = path
         with self.reading(path):
@@ -99,7 +99,7 @@ class Job:
     def optional_disparity(self, path: Path | None, scale: float | None) -> Float32Array | None:
         """A disparity, where one is given."""
         from dlama.errors import InputError
-        from dlama.files.depth import read_disparity
+        from dlama.files.rasters.depth import read_disparity
 
         if path is None:
             if scale is not None:
@@ -112,7 +112,7 @@ class Job:
     def pair(self, left: Path, right: Path, calib: Path) -> tuple[UInt8Array, UInt8Array, dlama.StereoRig]:
         """The pictures of a rectified pair and the cameras that took them."""
         from dlama.files.cameras import read_stereo_calib
-        from dlama.files.pictures import read_color
+        from dlama.files.rasters.pictures import read_color
 
         self.inputs |= {"left": left, "right": right, "calib": calib}
         self.intrinsics_from = f"calib {calib.name}"
@@ -124,7 +124,7 @@ class Job:
         """The result, or what --only names, to its directory; the line about it names that, or what is `shown` instead."""
         if self.object_mask:
             done.meta["object_mask"] = self.object_mask
-        from dlama.files.results import file_names, write
+        from dlama.files.results.completion import file_names, write
 
         place, names = shown or output, names_in(only)
         seconds = {"read": self.read_seconds}

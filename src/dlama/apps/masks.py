@@ -65,8 +65,8 @@ def numbers(text: str, flag: str, count: int, wanted: str) -> Sequence[float]:
 
 def write_found(found: dlama.ObjectMask, rgbd: dlama.RGBD, output: Path) -> list[Path]:
     """The mask, and beside it NAME_overlay.png: the thing tinted and outlined. OutputError."""
-    from dlama.files.pictures import write_color, write_mask
-    from dlama.files.preview import tinted
+    from dlama.files.rasters.pictures import write_color, write_mask
+    from dlama.files.results.preview import tinted
 
     if output.suffix.lower() != ".png":
         raise InputError(f"output is {output}; a name that ends in .png is wanted")

@@ -13,7 +13,7 @@ from tyro.conf import Positional, subcommand
 
 from dlama.apps.model_files import UNKNOWN, convert, licence_of, source_of
 from dlama.apps.options import Report, option
-from dlama.apps.terminal import reported
+from dlama.apps.terminal.output import reported
 from dlama.errors import FileError, OutputError
 from dlama.models.cache import directory, expected_sha256, place
 from dlama.models.records import CATALOGUE, Record, record

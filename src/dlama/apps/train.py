@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from tyro.conf import Positional
 
 from dlama.apps.options import Report, Seed, option
-from dlama.apps.terminal import log_messages, reported
+from dlama.apps.terminal.output import log_messages, reported
 from dlama.errors import InputError, MissingExtraError
 
 if TYPE_CHECKING:

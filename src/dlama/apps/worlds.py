@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 from dlama.apps.options import Report, Seed, option
-from dlama.apps.terminal import counting_bar, reported
+from dlama.apps.terminal.output import counting_bar, reported
 
 
 def worlds(

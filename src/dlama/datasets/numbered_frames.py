@@ -22,7 +22,7 @@ from dlama.datasets.text_tables import files_in, read_pose
 from dlama.datasets.view_pairs import read_posed
 from dlama.errors import FileError, ShapeError
 from dlama.files.cameras import checked_camera
-from dlama.files.pictures import read_color_of_camera
+from dlama.files.rasters.pictures import read_color_of_camera
 from dlama.geometry.camera import Camera, inverse_pose
 from dlama.geometry.projection import project, rays
 from dlama.geometry.rgbd import RGBD, Float32Array

@@ -19,9 +19,9 @@ from dlama.errors import CameraError, FileError, ShapeError
 from dlama.files.atomic_write import PathLike
 from dlama.files.cameras import checked_camera, read_camera
 from dlama.files.checked_fields import FileFields, Intrinsics, read_json_fields
-from dlama.files.depth import read_depth
-from dlama.files.images import picture_hw
-from dlama.files.pictures import read_color_of_camera
+from dlama.files.rasters.depth import read_depth
+from dlama.files.rasters.images import picture_hw
+from dlama.files.rasters.pictures import read_color_of_camera
 from dlama.geometry.camera import Camera, Float64Array
 from dlama.geometry.rgbd import RGBD, Float32Array, UInt8Array
 

@@ -20,7 +20,7 @@ from dlama.datasets.posed_frames import FrameFiles, json_lens, load_rgbd, posed_
 from dlama.datasets.text_tables import scene_folders
 from dlama.errors import FileError, ShapeError
 from dlama.files.checked_fields import read_json_fields
-from dlama.files.pictures import read_mask
+from dlama.files.rasters.pictures import read_mask
 from dlama.geometry.rgbd import BoolArray
 
 NEEDED = (

@@ -22,8 +22,8 @@ from dlama.datasets.text_tables import scene_folders
 from dlama.errors import CameraError, FileError, ShapeError
 from dlama.files.cameras import checked_camera, read_stereo_calib
 from dlama.files.checked_fields import FileFields, read_json_fields
-from dlama.files.depth import read_disparity
-from dlama.files.pictures import read_color_of_camera
+from dlama.files.rasters.depth import read_disparity
+from dlama.files.rasters.pictures import read_color_of_camera
 from dlama.geometry.camera import StereoRig
 from dlama.geometry.rgbd import Float32Array
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from dlama.errors import CameraError, FileError, InputError
-from dlama.files.images import existing
+from dlama.files.rasters.images import existing
 from dlama.geometry.camera import Float64Array, checked_pose
 
 WORD = re.compile(r"\S+")

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from dlama.errors import CameraError, FileError, system_errors
 from dlama.files.atomic_write import PathLike, new_file
 from dlama.files.checked_fields import FileFields, Intrinsics, read_calib_txt, read_json_fields
-from dlama.files.images import read_stored
+from dlama.files.rasters.images import read_stored
 from dlama.geometry.camera import Camera, StereoRig
 from dlama.perception.diagnosis.lens import looks_like_radians
 

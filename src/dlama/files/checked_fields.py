@@ -12,7 +12,7 @@ import numpy as np
 
 from dlama.errors import CameraError, FileError
 from dlama.files.atomic_write import PathLike
-from dlama.files.images import existing
+from dlama.files.rasters.images import existing
 from dlama.geometry.camera import Float64Array, intrinsics_of
 
 LONGEST_SIDE = 2**24

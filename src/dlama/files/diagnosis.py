@@ -14,9 +14,9 @@ import numpy as np
 from dlama.errors import CameraError, InputError
 from dlama.files.atomic_write import PathLike
 from dlama.files.cameras import FILM_DIAGONAL_MM, camera_for, read_stereo_calib
-from dlama.files.depth import FAR_CODE, FAR_METRES, MILLIMETRES, eight_bit_advice, stored_numbers
-from dlama.files.images import SUFFIXES, as_shown, orientation_of, read_stored
-from dlama.files.pictures import eight_bit_rgb, read_color, read_mask
+from dlama.files.rasters.depth import FAR_CODE, FAR_METRES, MILLIMETRES, eight_bit_advice, stored_numbers
+from dlama.files.rasters.images import SUFFIXES, as_shown, orientation_of, read_stored
+from dlama.files.rasters.pictures import eight_bit_rgb, read_color, read_mask
 from dlama.files.rgbd import SAME_PROPORTIONS, nearest_pixels
 from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import BoolArray, UInt8Array, percent

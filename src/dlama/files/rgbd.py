@@ -13,9 +13,9 @@ import numpy as np
 from dlama.errors import FileError, InputError, ShapeError, system_errors
 from dlama.files.atomic_write import PathLike
 from dlama.files.cameras import camera_for
-from dlama.files.depth import read_depth
-from dlama.files.images import orientation_of, read_stored
-from dlama.files.pictures import read_color
+from dlama.files.rasters.depth import read_depth
+from dlama.files.rasters.images import orientation_of, read_stored
+from dlama.files.rasters.pictures import read_color
 from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import RGBD, Float32Array
 from dlama.perception.monocular import DEFAULT, Estimator, estimate_depth

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from dlama.errors import FileError, MaskError
 from dlama.files.atomic_write import PathLike
-from dlama.files.images import existing
+from dlama.files.rasters.images import existing
 
 RGB = tuple[int, int, int]
 CLASSES_FILE = "SemanticClasses.csv"

@@ -18,7 +18,7 @@ from dlama.datasets.easysynth.writer import (
 )
 from dlama.datasets.frames import RemovalTruth, StereoTruth, ViewTruth
 from dlama.errors import CameraError, InputError, OutputError, ShapeError
-from dlama.files.float_files import read_exr
+from dlama.files.rasters.float_files import read_exr
 from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.trajectories import orbit

@@ -56,8 +56,8 @@ def posed(tmp_path: Path) -> Path:
 
 def write_scannet(folder: Path) -> Path:
     """The closed-form world of posed_folders in ScanNet's layout, twice."""
-    from dlama.files.depth import write_depth_png
-    from dlama.files.pictures import write_color
+    from dlama.files.rasters.depth import write_depth_png
+    from dlama.files.rasters.pictures import write_color
 
     for scene in ("one", "two"):
         root = folder / scene

@@ -18,8 +18,8 @@ from toy_runs import Four, Spoiled, no_tensorboard, toy  # noqa: E402
 
 from dlama.apps.cli import main  # noqa: E402
 from dlama.errors import DlamaError, InputError, OutputError  # noqa: E402
-from dlama.files.depth import read_depth, write_depth_png  # noqa: E402
-from dlama.files.pictures import write_color  # noqa: E402
+from dlama.files.rasters.depth import read_depth, write_depth_png  # noqa: E402
+from dlama.files.rasters.pictures import write_color  # noqa: E402
 from dlama.geometry.camera import Camera  # noqa: E402
 from dlama.geometry.rgbd import RGBD  # noqa: E402
 from dlama.geometry.view import HoleType, Origin, View  # noqa: E402

@@ -12,9 +12,9 @@ from dlama.datasets.easysynth.shadow import cast_shadow
 from dlama.datasets.easysynth.text_files import Sensor
 from dlama.datasets.frames import Gamma, RemovalTruth, StereoTruth, ViewTruth
 from dlama.errors import CameraError, DepthError, FileError, MaskError
-from dlama.files.depth import read_depth
-from dlama.files.images import read_stored
-from dlama.files.pictures import read_color
+from dlama.files.rasters.depth import read_depth
+from dlama.files.rasters.images import read_stored
+from dlama.files.rasters.pictures import read_color
 from dlama.files.semantic_classes import RGB
 from dlama.geometry.camera import Camera, Float64Array, StereoRig
 from dlama.geometry.projection import disparity_from_depth

@@ -15,9 +15,9 @@ from dlama.datasets.easysynth.listing import COLOR, DEPTH, MILLIMETRES, POSES, R
 from dlama.datasets.easysynth.text_files import UNREAL_HEADER, unreal_pose
 from dlama.errors import CameraError, InputError, OutputError, ShapeError
 from dlama.files.atomic_write import new_directory, new_file
-from dlama.files.depth import write_depth_png
-from dlama.files.float_files import write_exr
-from dlama.files.pictures import write_color
+from dlama.files.rasters.depth import write_depth_png
+from dlama.files.rasters.float_files import write_exr
+from dlama.files.rasters.pictures import write_color
 from dlama.files.semantic_classes import CLASSES_FILE, RGB
 from dlama.geometry.camera import Camera, Float64Array, StereoRig
 from dlama.geometry.rgbd import RGBD, Float32Array, UInt8Array

@@ -19,8 +19,8 @@ import numpy as np
 
 from dlama.datasets.frames import RemovalTruth, ViewTruth
 from dlama.errors import DlamaError, FileError, ShapeError
-from dlama.files.depth import MILLIMETRES, depth_from_mm, mm_from_depth
-from dlama.files.images import LARGEST_PIXELS
+from dlama.files.rasters.depth import MILLIMETRES, depth_from_mm, mm_from_depth
+from dlama.files.rasters.images import LARGEST_PIXELS
 from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
 from dlama.training.data.cases import KIND_NAMES, StereoPair, TrainingCase

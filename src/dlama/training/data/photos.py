@@ -13,8 +13,8 @@ import cv2
 import numpy as np
 
 from dlama.errors import FileError, InputError, system_errors
-from dlama.files.images import SUFFIXES, read_stored
-from dlama.files.pictures import eight_bit_rgb
+from dlama.files.rasters.images import SUFFIXES, read_stored
+from dlama.files.rasters.pictures import eight_bit_rgb
 from dlama.geometry.rgbd import UInt8Array
 
 HELD_OUT_ONE_IN = 16

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.random import Generator
 
 from dlama.errors import ShapeError
-from dlama.files.pictures import read_color
+from dlama.files.rasters.pictures import read_color
 from dlama.geometry.rgbd import UInt8Array
 from dlama.worlds.materials import panels, textures
 from dlama.worlds.materials.textures import Range

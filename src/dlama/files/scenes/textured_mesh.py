@@ -13,8 +13,8 @@ from PIL import Image as Pillow
 from pygltflib import BufferView, Image, Sampler, Texture, TextureInfo
 
 from dlama.files.atomic_write import PathLike, new_file
-from dlama.files.meshes import ARRAY_BUFFER, FLOAT, mesh_document
-from dlama.files.pictures import PNG_LEVEL
+from dlama.files.rasters.pictures import PNG_LEVEL
+from dlama.files.scenes.meshes import ARRAY_BUFFER, FLOAT, mesh_document
 from dlama.geometry.camera import Float64Array
 from dlama.geometry.fusion import mesh_pixels, scene_mesh
 from dlama.geometry.holes import with_nearest

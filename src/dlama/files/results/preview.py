@@ -9,8 +9,8 @@ import numpy as np
 
 from dlama.completion.completion import Completion, StereoCompletion
 from dlama.files.atomic_write import PathLike
-from dlama.files.contact_sheet import Panel, write_contact_sheet
-from dlama.files.false_color import (
+from dlama.files.results.contact_sheet import Panel, write_contact_sheet
+from dlama.files.results.false_color import (
     HOLE_PALETTE,
     RGB,
     depth_limits,

@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from dlama.apps.options import Report
-from dlama.apps.streams import (
+from dlama.apps.terminal.streams import (
     CANNOT_WRITE,
     ending,
     exit_code,

@@ -14,8 +14,8 @@ import numpy as np
 
 from dlama.errors import DlamaError, FileError, system_errors
 from dlama.files.atomic_write import PathLike, new_file
-from dlama.files.float_files import read_npy
-from dlama.files.images import existing
+from dlama.files.rasters.float_files import read_npy
+from dlama.files.rasters.images import existing
 from dlama.geometry.camera import Camera
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import View

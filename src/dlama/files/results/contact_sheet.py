@@ -10,8 +10,8 @@ from PIL import Image, ImageDraw, ImageFont
 
 from dlama.errors import ShapeError
 from dlama.files.atomic_write import PathLike
-from dlama.files.false_color import RGB
-from dlama.files.pictures import save_picture
+from dlama.files.rasters.pictures import save_picture
+from dlama.files.results.false_color import RGB
 from dlama.geometry.rgbd import UInt8Array
 
 Panel = tuple[str, UInt8Array]

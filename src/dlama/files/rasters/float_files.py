@@ -15,7 +15,7 @@ import OpenEXR
 
 from dlama.errors import FileError, ShapeError, first_line
 from dlama.files.atomic_write import PathLike, new_file
-from dlama.files.images import LARGEST_PIXELS, check_pixels, existing
+from dlama.files.rasters.images import LARGEST_PIXELS, check_pixels, existing
 from dlama.geometry.rgbd import Float32Array
 
 PFM_HEADER = re.compile(rb"(P[Ff])\s+(\d{1,18})\s+(\d{1,18})\s+([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)(?:\r\n|\s)")

@@ -14,7 +14,7 @@ from PIL import Image
 
 from dlama.errors import FileError, MaskError, ShapeError, system_errors
 from dlama.files.atomic_write import PathLike, new_file
-from dlama.files.images import read_stored
+from dlama.files.rasters.images import read_stored
 from dlama.files.semantic_classes import class_color
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 

@@ -19,11 +19,13 @@ import numpy as np
 from dlama import __version__
 from dlama.completion.completion import Completion, StereoCompletion
 from dlama.errors import InputError, OutputError, system_errors
-from dlama.files import clouds, depth, pictures, scenes, textured_mesh
 from dlama.files.atomic_write import PathLike, new_directory
 from dlama.files.cameras import camera_as_json
-from dlama.files.false_color import HOLE_PALETTE, ORIGIN_PALETTE
-from dlama.files.preview import write_preview
+from dlama.files.rasters import depth, pictures
+from dlama.files.results.false_color import HOLE_PALETTE, ORIGIN_PALETTE
+from dlama.files.results.preview import write_preview
+from dlama.files.scenes import clouds, textured_mesh
+from dlama.files.scenes import scene_npz as scenes
 from dlama.geometry.view import HoleType, Origin, View
 from dlama.models.verify import sha256_of
 

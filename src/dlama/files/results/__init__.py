@@ -1,0 +1,1 @@
+"""A completion in; a directory of named results and its preview out. Begin with `completion`."""

@@ -1,0 +1,1 @@
+"""Clouds, meshes and scenes in; PLY, GLB and NPZ files out, and clouds and scenes back."""
