@@ -78,7 +78,7 @@ def test_wrong_words_are_refused_with_a_closed_standard_output(tmp_path: Path, w
 
 STOPPED = """
 import sys, time
-from dlama.apps.terminal import errors_as_lines
+from dlama.apps.terminal.output import errors_as_lines
 from dlama.files.atomic_write import new_directory
 with errors_as_lines(), new_directory("out") as folder:
     (folder / "half.txt").write_text("half")

@@ -45,7 +45,11 @@ class Completion:
 
     @property
     def view(self) -> View:
-        """The (last) completed view."""
+        """The (last) completed view. InputError where no camera was given, so that there is a scene and no view."""
+        if not self.views:
+            raise InputError(
+                "the completion has no view, since cameras was empty; its scene, mesh and clouds are there"
+            )
         return self.views[-1]
 
     def with_min_confidence(self: C, min_confidence: float) -> C:

@@ -76,7 +76,7 @@ def complete(
     """
     chosen = find_recipe(recipe, mode=mode, dilate=dilate, dilate_holes=dilate_holes, clip=clip, depth_by=depth_by)
     checked_seed(seed)
-    if not cameras:
+    if not cameras and mask is None:
         raise InputError("cameras is empty; one camera or more is wanted (rgbd.camera is the picture's own)")
     check_memory((rgbd.camera, *cameras))
     warn_of_scale(rgbd)

@@ -9,7 +9,8 @@ import numpy as np
 from dlama.files.atomic_write import PathLike
 from dlama.geometry.rgbd import Float32Array
 
-FEWEST_VOTES = 100
+FEWEST_VOTES = 500
+"""Small pictures, of which one curved thing can be most, are not judged by fewer."""
 STEP = 8
 """Pixels between the three samples of which two differences are taken."""
 SLOPE, EDGE = 0.1, 0.6

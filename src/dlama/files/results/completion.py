@@ -137,7 +137,7 @@ def places(completion: Completion) -> dict[str, View]:
         return {"": views[0], "right/": views[1]}
     if len(views) == 1:
         return {"": views[0]}
-    return {"": views[-1], **{f"view-{number:02d}/": view for number, view in enumerate(views, 1)}}
+    return {"": completion.view, **{f"view-{number:02d}/": view for number, view in enumerate(views, 1)}}
 
 
 def main_view(completion: Completion) -> View:

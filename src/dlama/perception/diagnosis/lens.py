@@ -8,8 +8,8 @@ from collections.abc import Mapping
 from dlama.geometry.camera import Camera
 from dlama.perception.diagnosis.finding import Finding
 
-RADIANS = math.pi
-"""A field of view of no more degrees than this is meant in radians."""
+RADIANS = (0.05, math.pi)
+"""A field of view between these is meant in radians, not in degrees."""
 NARROWEST, WIDEST = 8.0, 125.0
 """Degrees; few cameras see less or more."""
 OFF_CENTRE = 0.12
@@ -22,7 +22,7 @@ OTHER_SIZES = (0.25, 1 / 3, 0.5, 2 / 3, 1.5, 2.0, 3.0, 4.0)
 
 def looks_like_radians(fov: float) -> bool:
     """True for a field of view in degrees that no camera but a telescope has, and many in radians."""
-    return 0 < fov < RADIANS
+    return RADIANS[0] < fov < RADIANS[1]
 
 
 def options_of_lens(given: Mapping[str, float | None], width: int) -> tuple[list[Finding], dict[str, float]]:
