@@ -101,11 +101,12 @@ def fill_features(view: View, color: UInt8Array, depth: Float32Array) -> Float32
     of_type = [view.hole_type[hole] == kind for kind in TYPES]
     with_depth, rim_w = view.valid, known_w.ravel()[rim]
     log_w = np.log(np.maximum(w, np.float32(0.02 * typical)) / typical)
-    mean, contrast = local_contrast(view.color.mean(2, dtype=np.float32), ~hole, BROAD * diagonal)
-    _, grain = local_contrast(view.color.mean(2, dtype=np.float32), ~hole, FINE * diagonal)
+    known_grey, grey = mean_of_channels(view.color), mean_of_channels(color)
+    mean, contrast = local_contrast(known_grey, ~hole, BROAD * diagonal)
+    _, grain = local_contrast(known_grey, ~hole, FINE * diagonal)
     _, relief = local_contrast(log_w, with_depth, BROAD * diagonal)
     slope = np.hypot(cv2.Scharr(log_w, cv2.CV_32F, 1, 0), cv2.Scharr(log_w, cv2.CV_32F, 0, 1)) * diagonal / 32
-    painted = color.mean(2, dtype=np.float32)[hole]
+    painted = grey[hole]
     return np.stack(
         [
             np.log1p(distance[hole] / (0.01 * diagonal)),
@@ -121,12 +122,19 @@ def fill_features(view: View, color: UInt8Array, depth: Float32Array) -> Float32
             np.log1p(10 * relief.ravel()[rim]),
             np.log1p(slope[hole]),
             np.log1p(np.abs(painted - mean.ravel()[rim])),
-            np.full(len(rim), np.log(hole.mean())),
+            np.full(len(rim), np.log(hole.mean()), np.float32),
             painted / 255,
-            local_contrast(color.mean(2, dtype=np.float32), np.ones_like(hole), FINE * diagonal)[1][hole] / 25,
+            local_contrast(grey, np.ones_like(hole), FINE * diagonal)[1][hole] / 25,
         ],
         1,
-    ).astype(np.float32)
+        dtype=np.float32,
+        casting="same_kind",
+    )
+
+
+def mean_of_channels(color: UInt8Array) -> Float32Array:
+    """H x W float32 mean of H x W x 3 uint8."""
+    return np.asarray(cv2.transform(color.astype(np.float32), np.full((1, 3), 1 / 3, np.float32)), np.float32)
 
 
 def local_contrast(values: Float32Array, known: BoolArray, sigma: float) -> tuple[Float32Array, Float32Array]:
