@@ -12,10 +12,10 @@ from pathlib import Path
 
 import numpy as np
 
-from dlama.errors import OutputError, ShapeError
+from dlama.errors import ShapeError
 from dlama.nets.architecture import STEM, GeneratorSettings, generator_shapes, refuse_differences
 from dlama.nets.checkpoints import GeneratorWeights
-from dlama.nets.onnx_graph import Graph, PlaneTransform, plane_transform
+from dlama.nets.onnx_graph import Graph, PlaneTransform, plane_transform, write_model
 
 EPSILON = 1e-5  # of torch's batch norms, which the published network leaves as they are
 
@@ -33,13 +33,7 @@ def export_onnx(weights: GeneratorWeights, path: Path | str, metadata: Mapping[s
     """
     target = Path(path)
     data = onnx_bytes(weights.settings, weights.state, metadata)
-    beside = target.with_name(target.name + ".part")
-    try:
-        beside.write_bytes(data)
-        beside.replace(target)
-    except OSError as error:
-        raise OutputError(f"{target}: cannot be written ({error})") from error
-    return target
+    return write_model(target, data)
 
 
 def onnx_bytes(settings: GeneratorSettings, state: Mapping[str, np.ndarray], metadata: Mapping[str, str]) -> bytes:

@@ -22,8 +22,8 @@ from typing import Any
 
 import numpy as np
 
-from dlama.errors import FileError, OutputError
-from dlama.nets.onnx_graph import IR_VERSION, OPSET, Graph
+from dlama.errors import FileError
+from dlama.nets.onnx_graph import IR_VERSION, OPSET, Graph, write_model
 from dlama.nets.safetensors_file import read_safetensors
 
 SHIFT, SCALE = (-0.030, -0.088, -0.188), (0.458, 0.448, 0.450)
@@ -56,13 +56,7 @@ def export_lpips(trunk: Path, heads: Path, target: Path) -> Path:
     sources = {f"dlama.sha256 {file.name}": hashlib.sha256(file.read_bytes()).hexdigest() for file in (trunk, heads)}
     tensors = {**_checked(trunk, _trunk_shapes()), **_checked(heads, _head_shapes())}
     data = _model(tensors, {**ABOUT, **sources}).SerializeToString(deterministic=True)
-    beside = target.with_name(target.name + ".part")
-    try:
-        beside.write_bytes(data)
-        beside.replace(target)
-    except OSError as error:
-        raise OutputError(f"{target}: cannot be written ({error})") from error
-    return target
+    return write_model(target, data)
 
 
 def _trunk_shapes() -> dict[str, tuple[int, ...]]:

@@ -27,8 +27,8 @@ from typing import Any
 
 import numpy as np
 
-from dlama.errors import FileError, MissingExtraError, OutputError, first_line
-from dlama.nets.onnx_graph import Graph
+from dlama.errors import FileError, MissingExtraError, first_line
+from dlama.nets.onnx_graph import Graph, write_model
 
 SIDE = 512
 """Height and width that the generator takes, in pixels."""
@@ -75,13 +75,7 @@ def export_migan(pipeline: Path, target: Path, metadata: Mapping[str, str]) -> P
         MissingExtraError: onnx is not installed.
     """
     data = generator_bytes(read_weights(pipeline), pipeline.name, metadata)
-    beside = target.with_name(target.name + ".part")
-    try:
-        beside.write_bytes(data)
-        beside.replace(target)
-    except OSError as error:
-        raise OutputError(f"{target}: cannot be written ({error})") from error
-    return target
+    return write_model(target, data)
 
 
 def read_weights(pipeline: Path) -> Weights:
