@@ -18,11 +18,13 @@ ORDER = [
     "inpainters",
     "completion",
     "files",
+    "workers",
     "datasets",
     "worlds",
     "evaluation",
     "nets",
     "training",
+    "jobs",
     "apps",
 ]
 TOP = {"__init__", "__main__"}  # the shop window and the door may know every room

@@ -10,20 +10,16 @@ import signal
 import subprocess
 import sys
 import time
-from concurrent.futures import ProcessPoolExecutor
-from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
 
 import made_up
-import numpy as np
 import pytest
 from made_up import METHODS, made_up_dataset
 
 from dlama.datasets.frames import Dataset
 from dlama.errors import FileError, InputError, OutputError
 from dlama.evaluation.protocols.methods import Method, ProtocolSettings
-from dlama.evaluation.runner import cache_key, worker
-from dlama.evaluation.runner import run as runner
+from dlama.evaluation.runner import cache_key
 from dlama.evaluation.runner.run import Results, run
 from dlama.evaluation.runner.store import (
     HEADER,
@@ -36,24 +32,6 @@ from dlama.evaluation.runner.store import (
 )
 
 SETTINGS = ProtocolSettings()
-
-
-@pytest.mark.parametrize(
-    "jobs, cores, free, message",
-    [
-        (0, 8, None, "jobs is 0; 1 or more is wanted"),
-        (9999, 8, None, "jobs is 9999; this computer has 8 processor cores, so at most 8 is wanted"),
-        (64, 64, 4e9, "as many processes take at least 19.2 GB of memory, 4.0 GB are free, so at most 13 is wanted"),
-    ],
-)
-def test_more_processes_than_the_computer_holds_are_refused(
-    monkeypatch: pytest.MonkeyPatch, jobs: int, cores: int, free: float | None, message: str
-) -> None:
-    monkeypatch.setattr(runner, "processor_count", lambda: cores)
-    monkeypatch.setattr(runner, "available_bytes", lambda: free)
-    with pytest.raises(InputError, match=message):
-        runner.check_jobs(jobs)
-    runner.check_jobs(min(cores, 2))
 
 
 def evaluated(dataset: Dataset, folder: Path, *methods: Method, jobs: int = 1, settings: object = SETTINGS) -> Results:
@@ -118,20 +96,6 @@ def test_timings_stand_apart(tmp_path: Path) -> None:
     assert values["time", "seconds"] == 0.25
     assert 0 < values["time", "seconds_scored"] < 5
     assert 10 < values["memory", "peak_mib"] < 16_000
-
-
-def test_memory_is_of_the_case_and_not_of_the_past() -> None:
-    """Oracle: 200 MB that were there and went; where the kernel can count anew, they are seen only before that."""
-    if not worker.reset_peak():
-        pytest.skip("/proc/self/clear_refs cannot be written here")
-    before = worker.peak_mib(True)
-    block = np.ones(25_000_000)
-    with_block = worker.peak_mib(True)
-    del block
-    worker.reset_peak()
-    after = worker.peak_mib(True)
-    assert before and with_block and after
-    assert with_block > before + 180 and after < with_block - 150
 
 
 def test_a_second_run_does_nothing_and_gives_the_same_bytes(tmp_path: Path, log: Path) -> None:
@@ -230,23 +194,6 @@ def test_a_process_that_was_killed_once_costs_nothing(tmp_path: Path) -> None:
     once = dataclasses.replace(whole.cases[2], load=functools.partial(die_once, tmp_path / "mark", 1))
     cases = (*whole.cases[:2], once, *whole.cases[3:])
     done = evaluated(dataclasses.replace(whole, cases=cases), tmp_path / "out", Method("dlama", "telea"), jobs=2)
-    assert done.failures == () and len(done.stored) == 6
-
-
-def test_an_idle_process_that_is_killed_does_not_end_the_evaluation(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """The pool is found broken when the next case is handed to it (oracle: every case has its result)."""
-    submit, count = ProcessPoolExecutor.submit, [0]
-
-    def killing(self: ProcessPoolExecutor, *args: object) -> object:
-        count[0] += 1
-        if count[0] == 3:
-            raise BrokenProcessPool("A child process terminated abruptly")
-        return submit(self, *args)  # type: ignore[arg-type]
-
-    monkeypatch.setattr(ProcessPoolExecutor, "submit", killing)
-    done = evaluated(made_up_dataset(1), tmp_path, Method("dlama", "telea"), jobs=2)
     assert done.failures == () and len(done.stored) == 6
 
 

@@ -20,7 +20,10 @@ from dlama.evaluation.protocols.methods import Method, ProtocolSettings
 from dlama.inpainters import FILLERS, model_file
 from dlama.models.verify import sha256_of
 
-ROOMS = ("geometry", "models", "perception", "inpainters", "completion", "files", "datasets", "worlds", "evaluation")
+ROOMS = (
+    *("geometry", "models", "perception", "inpainters", "completion", "files", "workers", "datasets", "worlds"),
+    "evaluation",
+)
 """The rooms whose code decides about numbers and panels."""
 SHOWING = (
     "evaluation/report/",
@@ -28,6 +31,9 @@ SHOWING = (
     "evaluation/runner/processes.py",
     "evaluation/runner/progress.py",
     "evaluation/runner/store.py",
+    "workers/pool.py",
+    "workers/threads.py",
+    "workers/progress.py",
 )
 """Folders (with a slash) and files that only arrange, store and show what was measured: a change there makes no result stale.
 The code that measures must import none of them but `store`."""

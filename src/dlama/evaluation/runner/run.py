@@ -8,7 +8,6 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from dlama.completion.memory import GB, available_bytes, processor_count
 from dlama.datasets.frames import Case, Protocol
 from dlama.errors import InputError, OutputError
 from dlama.evaluation.protocols.methods import Method, ProtocolSettings
@@ -18,15 +17,10 @@ from dlama.evaluation.runner.store import Stored, read_stored, stem
 from dlama.evaluation.runner.strips import is_whole_jpeg
 from dlama.evaluation.runner.worker import Outcome, ProtocolFunction, Task
 from dlama.files.atomic_write import new_file
+from dlama.workers.memory import check_count
 
 Progress = Callable[[Outcome | None, int, int], None]
 """Called with what has just ended (None: kept from an earlier run), and how many of how many are done."""
-
-
-LEAST_JOBS = 2
-"""Processes that are allowed on any computer: one can read while the other computes."""
-JOB_BYTES = 3e8
-"""Memory that a process takes at least: libraries, kernels and a small case."""
 
 
 @dataclass(frozen=True)
@@ -101,27 +95,13 @@ def write_errors(folder: Path, failures: Sequence[Outcome]) -> None:
 
 
 def _check(cases: Sequence[Case], methods: Sequence[Method], jobs: int) -> None:
-    check_jobs(jobs)
+    check_count(jobs, "jobs")
     if not cases or not methods:
         raise InputError(f"{len(cases)} cases and {len(methods)} methods leave nothing to evaluate")
     for kind, names in (("cases", [case.key for case in cases]), ("methods", [method.label for method in methods])):
         twice = sorted({name for name in names if names.count(name) > 1})
         if twice:
             raise InputError(f"two {kind} are called {twice[0]}; every one needs a name of its own")
-
-
-def check_jobs(jobs: int) -> None:
-    """InputError for processes that this computer has no cores or no memory for."""
-    cores, free = processor_count(), available_bytes()
-    if jobs < 1:
-        raise InputError(f"jobs is {jobs}; 1 or more is wanted")
-    if jobs > max(cores, LEAST_JOBS):
-        raise InputError(f"jobs is {jobs}; this computer has {cores} processor cores, so at most {cores} is wanted")
-    if jobs > 1 and free is not None and jobs * JOB_BYTES > free:
-        raise InputError(
-            f"jobs is {jobs}; as many processes take at least {jobs * JOB_BYTES / GB:.1f} GB of memory, "
-            f"{free / GB:.1f} GB are free, so at most {max(1, int(free / JOB_BYTES))} is wanted"
-        )
 
 
 def _make(folder: Path) -> None:

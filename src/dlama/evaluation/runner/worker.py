@@ -2,11 +2,6 @@
 
 from __future__ import annotations
 
-import multiprocessing
-import os
-import signal
-import sys
-import threading
 import time
 import traceback
 import warnings
@@ -15,20 +10,17 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import cv2
-
 from dlama.datasets.frames import Case, Truth
 from dlama.evaluation.protocols.methods import Measure, Method, ProtocolSettings, Scored
 from dlama.evaluation.runner.store import Stored, StoredRun, stem, write_stored
 from dlama.evaluation.runner.strips import jpeg, strip
 from dlama.files.atomic_write import new_file
-from dlama.geometry.kernels.jit import use_threads
+from dlama.workers.memory import peak_mib, reset_peak
 
 ProtocolFunction = Callable[[Any, Method, ProtocolSettings], Sequence[Scored]]
 """(truth, method, settings) -> its runs; a module's function, so that it travels to another process."""
 TIMED = ("time", "memory")
 """Modalities that differ from run to run."""
-THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 
 
 @dataclass(frozen=True)
@@ -72,45 +64,6 @@ def work(task: Task) -> Iterator[Outcome]:
 def work_all(task: Task) -> list[Outcome]:
     """`work` for another process, which sends all outcomes of a task at once."""
     return list(work(task))
-
-
-def one_thread() -> None:
-    """Make this process compute on one core and ignore Ctrl-C, which the process that started it handles."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    threading.Thread(target=_end_with_parent, name="end with parent", daemon=True).start()
-    os.environ.update(dict.fromkeys(THREAD_VARIABLES, "1"))
-    cv2.setNumThreads(1)
-    use_threads(1)
-
-
-def _end_with_parent() -> None:
-    """No process outlives the one that started it, however that ends."""
-    parent = multiprocessing.parent_process()
-    if parent is not None:
-        parent.join()
-        os._exit(1)
-
-
-def reset_peak() -> bool:
-    """Reset the kernel's count of peak memory (Linux); False where that cannot be done."""
-    try:
-        Path("/proc/self/clear_refs").write_text("5")
-    except OSError:
-        return False
-    return True
-
-
-def peak_mib(since_reset: bool) -> float | None:
-    """Largest resident memory of this process in MiB: since `reset_peak`, or since it started; None: not known."""
-    if since_reset:
-        for line in Path("/proc/self/status").read_text().splitlines():
-            if line.startswith("VmHWM:"):
-                return int(line.split()[1]) / 1024
-    try:
-        import resource
-    except ImportError:  # Windows
-        return None
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / (2**20 if sys.platform == "darwin" else 2**10)
 
 
 def _run_one(task: Task, truth: Truth, method: Method, key: str) -> None:

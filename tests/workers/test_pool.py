@@ -1,0 +1,73 @@
+"""Tasks on processes that die (oracles: squares, exit codes and signals by hand)."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+sys.path.append(str(Path(__file__).parent))  # worker processes look for `tasks` where this process does
+from tasks import deadly, square
+
+from dlama.workers.pool import Pool, WorkerError, run_all
+
+
+def test_every_task_is_answered_by_warm_processes() -> None:
+    """Oracle: squares; no more processes than asked for, each with the threads it was given."""
+    ended = list(run_all(square, range(20), 2, threads=3))
+    assert sorted(one.answer[0] for one in ended) == [n * n for n in range(20)]
+    assert len({one.answer[1] for one in ended}) <= 2
+    assert {one.answer[2] for one in ended} == {"3"}
+
+
+@pytest.mark.skipif(os.name == "nt", reason="no signals")
+def test_a_death_costs_its_own_task_alone(tmp_path: Path) -> None:
+    """Killed once: it runs again; twice: it is left, and how it died is said; all others are answered."""
+    tasks = [("square", 2), ("kill", None), ("kill", tmp_path / "once"), ("memory", 0), ("exit", 3), ("square", 3)]
+    ended = {str(one.task): one for one in run_all(deadly, tasks, 2)}
+    assert len(ended) == 6
+    told = {key: one.died or one.answer for key, one in ended.items()}
+    assert [told[str(task)] for task in tasks] == [
+        4,
+        "killed by SIGKILL, perhaps as memory ran out",
+        "lived",
+        "out of memory",
+        "exit code 3",
+        9,
+    ]
+
+
+@pytest.mark.skipif(os.name == "nt", reason="no signals")
+def test_an_idle_process_that_is_killed_is_replaced() -> None:
+    """Its task is none, so none is lost (oracle: another process answers)."""
+    with Pool(square, 1) as pool:
+        pool.submit(2)
+        (first,) = pool.wait()
+        os.kill(first.answer[1], signal.SIGKILL)
+        os.waitid(os.P_PID, first.answer[1], os.WEXITED | os.WNOWAIT)
+        pool.submit(3)
+        (second,) = pool.wait()
+    assert second.answer[0] == 9 and second.answer[1] != first.answer[1]
+
+
+def test_waiting_ends_in_time_and_closing_ends_what_runs() -> None:
+    """Nothing ends within a moment; no process is left when the pool is closed."""
+    with Pool(deadly, 1) as pool:
+        pool.submit(("sleep", 1000))
+        assert pool.free == 0 and pool.wait(0.01) == []
+        (process,) = (worker.process for worker in pool._workers)
+    assert not process.is_alive()
+
+
+def test_a_script_without_a_guard_is_told_so(tmp_path: Path) -> None:
+    """Processes that cannot start are an error with the cause, and no endless row of processes."""
+    script = tmp_path / "script.py"
+    script.write_text("from dlama.workers.pool import run_all\nprint(list(run_all(len, [()], 1)))\n")
+    done = subprocess.run([sys.executable, script], capture_output=True, text=True, timeout=600)
+    assert done.returncode == 1
+    assert WorkerError.__name__ in done.stderr.splitlines()[-1]
+    assert 'if __name__ == "__main__":' in done.stderr.splitlines()[-1]
