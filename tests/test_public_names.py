@@ -18,8 +18,8 @@ import dlama
 
 NAMES = {
     "Camera", "Completion", "DepthEstimate", "DepthPrediction", "Fill", "FillReport", "Finding", "HoleType", "Inpainter", "Law",
-    "Mesh", "ObjectMask", "Origin", "PointCloud", "RGBD", "Recipe", "Scene", "StereoCompletion", "StereoConsistency", "StereoRig",
-    "View",
+    "MaskSession", "Mesh", "ObjectMask", "Origin", "PointCloud", "RGBD", "Recipe", "Scene", "StereoCompletion",
+    "StereoConsistency", "StereoRig", "View",
     "CameraError", "DepthError", "DlamaError", "FileError", "InputError", "MaskError", "MissingExtraError", "OutputError",
     "ShapeError",
     "complete", "diagnose", "estimate_depth", "example", "find_mask", "fuse", "inpaint", "lift", "orbit", "read_camera",

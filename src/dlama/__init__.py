@@ -58,6 +58,7 @@ if TYPE_CHECKING:  # what type checkers and editors read; a test holds it equal 
     from dlama.perception.diagnosis.finding import Finding as Finding
     from dlama.perception.monocular import DepthEstimate as DepthEstimate
     from dlama.perception.monocular import estimate_depth as estimate_depth
+    from dlama.perception.object_masks import MaskSession as MaskSession
     from dlama.perception.object_masks import ObjectMask as ObjectMask
     from dlama.perception.object_masks import find_mask as find_mask
     from dlama.perception.stereo_agreement import StereoConsistency as StereoConsistency
@@ -81,6 +82,7 @@ MODULES = {
     "InputError": "errors",
     "Law": "geometry.visibility",
     "MaskError": "errors",
+    "MaskSession": "perception.object_masks",
     "Mesh": "geometry.mesh",
     "MissingExtraError": "errors",
     "ObjectMask": "perception.object_masks",

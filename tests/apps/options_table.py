@@ -94,14 +94,17 @@ POINTING = {
     "not_click": Reach("--not 1,2", "find_mask.not_clicks", [[1, 2]]),
     "box": Reach("--box 1,2,3,4", "find_mask.box", [1, 2, 3, 4]),
     "candidate": Reach("--click 1,2 --candidate part", "find_mask.candidate", "part"),
-    "salient": Reach("--salient", "find_mask.method", "salient"),
+    "salient": Reach("--salient", "find_mask.masker", "salient"),
+    "masker": Reach("--click 1,2 --masker segment-anything", "find_mask.masker", "segment-anything"),
+    "mask_model": Reach("--click 1,2 --mask-model mobile-sam", "find_mask.mask_model", "mobile-sam"),
+    "object_class": Reach("--class barrel", "read_mask.mask_class", "barrel"),
     "with_shadow": Reach("--click 1,2 --with-shadow", "find_mask.with_shadow", True),
 }
 
 
-def pointed() -> dict[str, Reach]:
+def pointed(instead_of: str) -> dict[str, Reach]:
     """The same options in place of a mask file."""
-    return {name: dataclasses.replace(reach, drop=("mask.png",)) for name, reach in POINTING.items()}
+    return {name: dataclasses.replace(reach, drop=(instead_of,)) for name, reach in POINTING.items()}
 
 
 def move(verb: str) -> dict[str, Reach]:
@@ -262,8 +265,8 @@ TABLE: dict[str, dict[str, Reach]] = {
         **PICTURE, **move("view"), **LENS, **READING, **ESTIMATING, **method("view"), **REPORT, "output": OUTPUT, "only": ONLY,
     },
     "remove": {
-        **REMOVED, **move("remove"), **LENS, **READING, **ESTIMATING, **MASKING, **pointed(), **method("remove"), **REPORT,
-        "output": OUTPUT, "only": ONLY,
+        **REMOVED, **move("remove"), **LENS, **READING, **ESTIMATING, **MASKING, **pointed("mask.png"),
+        **method("remove"), **REPORT, "output": OUTPUT, "only": ONLY,
     },
     "depth": {
         "image": instead("a.png", "read_rgbd.image", Path("a.png"), "image.png"), "far": READING["far"], **ESTIMATING, **REPORT,
@@ -274,7 +277,7 @@ TABLE: dict[str, dict[str, Reach]] = {
         **PICTURE, **LENS, **READING, **ESTIMATING, **POINTING, **REPORT,
         "output": Reach("-o found.png", "write_found.output", Path("found.png"), ("-o mask.png",)),
     },
-    "stereo": {**PAIR, **MASKING, **method("stereo"), **REPORT, "output": OUTPUT, "only": ONLY},
+    "stereo": {**PAIR, **MASKING, **pointed("--mask mask.png"), **method("stereo"), **REPORT, "output": OUTPUT, "only": ONLY},
     "demo": {
         **method("view+remove+stereo"), **REPORT, "only": ONLY,
         "output": Reach("-o elsewhere", "write_contact_sheet.path", lambda path: "elsewhere" in Path(path).parent.name),

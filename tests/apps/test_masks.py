@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 from small_frame import FAST, pixels, refused, run, small_frame
 
@@ -56,3 +57,35 @@ def test_remove_wants_one_way_of_saying_what(tmp_path: Path, capsys: pytest.Capt
     both = refused(capsys, folder, "remove", "image.png", "depth.png", "mask.png", "--click", "30,25", "--fov", "60")
     assert "one of them is wanted" in both
     assert "nothing says what is to be removed" in refused(capsys, folder, "remove", "image.png", "--fov", "60")
+
+
+def easysynth_frame(tmp_path: Path) -> Path:
+    """The small frame in folders as EasySynth names them, with a semantic picture (the box is 255, 0, 0)."""
+    from PIL import Image
+
+    folder = small_frame(tmp_path)
+    for name in ("ColorImage", "SemanticImage"):
+        (folder / name).mkdir()
+    (folder / "image.png").rename(folder / "ColorImage" / "seq.0000.png")
+    semantic = np.where((pixels(folder / "mask.png") > 0)[..., None], (255, 0, 0), (0, 0, 0)).astype(np.uint8)
+    Image.fromarray(semantic).save(folder / "SemanticImage" / "seq.0000.png")
+    (folder / "SemanticClasses.csv").write_text("barrel,255,0,0\nground,0,0,0\n")
+    return folder
+
+
+def test_a_class_of_the_semantic_picture(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The class by name, without depth (oracle: the true mask); without a semantic picture there is one line."""
+    folder = easysynth_frame(tmp_path)
+    image = str(folder / "ColorImage" / "seq.0000.png")
+    main(["mask", image, "--class", "barrel", "-o", str(folder / "found.png")])
+    np.testing.assert_array_equal(pixels(folder / "found.png"), pixels(folder / "mask.png"))
+    (folder / "SemanticImage" / "seq.0000.png").unlink()
+    with pytest.raises(SystemExit):
+        main(["mask", image, "--class", "barrel", "-o", str(folder / "other.png")])
+    assert "no semantic picture belongs to it" in capsys.readouterr().err
+
+
+def test_salient_and_another_masker_contradict(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    folder = small_frame(tmp_path)
+    words = ["--salient", "--masker", "segment-anything"]
+    assert "contradict" in refused(capsys, folder, "remove", "image.png", "depth.png", *words, "--fov", "60")

@@ -13,6 +13,7 @@ from dlama.completion.pair import MatchedPair, default_far, depth_in_metres, mas
 from dlama.completion.stereo import stereo
 from dlama.geometry.camera import Camera, StereoRig
 from dlama.geometry.holes import dilated
+from dlama.geometry.rgbd import RGBD
 from dlama.geometry.view import HoleType
 from worlds import moved
 
@@ -126,3 +127,21 @@ def test_the_object_leaves_the_right_view_where_its_mask_is(given: bool, monkeyp
     wanted = own if own is not None else square((15, 25), (26, 36))
     for before, mask in zip(done.warped, (THING, wanted)):
         np.testing.assert_array_equal(before.hole_type == HoleType.OBJECT, dilated(mask, 1))
+
+
+def test_a_mask_may_be_found_in_the_matched_depth(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A function as mask sees the left picture with its depth; the result is that of the mask it gives."""
+    seen = []
+
+    def find(left: RGBD) -> np.ndarray:
+        seen.append(left)
+        return THING
+
+    texture = np.random.default_rng(0).integers(0, 256, (40, 70, 3)).astype(np.uint8)
+    left, right = texture[:, :60], texture[:, 4:64]
+    options: dict[str, Any] = {"filler": "telea", "dilate": 1, "max_disparity": 8}
+    found = stereo(left, right, rig(), mask=find, **options)
+    given = stereo(left, right, rig(), mask=THING, **options)
+    np.testing.assert_array_equal(found.views[0].color, given.views[0].color)
+    (source,) = seen
+    np.testing.assert_allclose(np.median(source.depth[source.valid]), 5.0, rtol=0.05)

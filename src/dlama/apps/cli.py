@@ -15,7 +15,7 @@ from dlama.apps.depth import depth as depth_of_photo
 from dlama.apps.doctor import doctor
 from dlama.apps.evaluate import evaluate
 from dlama.apps.jobs import STAGES, job
-from dlama.apps.masks import Pointing, found_line, found_values, write_found
+from dlama.apps.masks import mask as mask_of_thing
 from dlama.apps.model_verbs import models
 from dlama.apps.options import (
     Depth,
@@ -34,6 +34,7 @@ from dlama.apps.options import (
     option,
     split_depth_and_mask,
 )
+from dlama.apps.pointing import Pointing
 from dlama.apps.terminal.flags import flags_of, with_flags
 from dlama.apps.terminal.output import errors_as_lines, reported, stages_bar
 from dlama.apps.train import EXAMPLES as TRAINING_EXAMPLES
@@ -104,34 +105,8 @@ def remove(
         target = move.settings()
         depth, mask = split_depth_and_mask(depth_and_mask, pointing.given)
         rgbd = this.rgbd(image, depth, lens, reading, estimating)
-        object_mask = this.pointed(rgbd, pointing) if mask is None else this.mask(mask, masking)
+        object_mask = this.pointed(rgbd, pointing, image) if mask is None else this.mask(mask, masking)
         this.write(dlama.remove(rgbd, object_mask, **target, **method.settings()), output, only)
-
-
-def mask(
-    image: Positional[Image],
-    depth: Positional[Depth] = None,
-    /,
-    *,
-    output: Annotated[Path, option("MASK.png", None, aliases=["-o"])],
-    pointing: Pointing,
-    lens: Lens,
-    reading: Reading,
-    estimating: Estimating,
-    report: Report,
-) -> None:
-    """The mask of a thing that you point at: click on it, or draw a box round it.
-
-    Args:
-        image: The colour picture: PNG, JPEG or TIFF.
-        depth: Its depth, same size: 16-bit PNG or TIFF (millimetres), EXR, PFM, NPY or NPZ; without it, it is estimated.
-        output: The mask, 255 = the thing; beside it MASK_overlay.png shows it in the picture.
-    """
-    with job("mask", report) as this:
-        rgbd = this.rgbd(image, depth, lens, reading, estimating)
-        found = dlama.find_mask(rgbd, **pointing.settings())
-        files = write_found(found, rgbd, output)
-        this.result.add(found_line(found, output, this.seconds), **found_values(found, files))
 
 
 def stereo(
@@ -141,6 +116,7 @@ def stereo(
     calib: Annotated[Path, option("CALIB", None)],
     output: Output,
     masking: Masking,
+    pointing: Pointing,
     method: Method,
     report: Report,
     mask: Annotated[Path | None, option("MASK")] = None,
@@ -153,14 +129,14 @@ def stereo(
     far: Metres = None,
     only: Only = None,
 ) -> None:
-    """Depth from a rectified stereo pair, and with --mask both pictures without an object, so that they agree.
+    """Depth from a rectified stereo pair, and with --mask or --click both pictures without an object, so that they agree.
 
     Args:
         left: The left picture.
         right: The right picture, rectified: same size, same rows.
         calib: Middlebury calib.txt, or JSON with left_K, right_K, baseline_m, doffs, pixel_center.
         output: Directory for the results, made if need be: the left view at the top, the right one in right/.
-        mask: The object in the left picture: black and white, 255 = remove.
+        mask: The object in the left picture: black and white, 255 = remove; --click or --box say it in place of that file.
         mask_right: The object in the right picture.
         right_view: given (dlama): the right picture stays as it is and gets depth; synthesised (paper): it is made from the left.
         disparity: The left picture's disparity, in pixels: PFM, NPY, NPZ, EXR or PNG; 0 and infinity are missing.
@@ -174,7 +150,7 @@ def stereo(
     with job("stereo", report) as this:
         pair = this.pair(left, right, calib)
         known = this.optional_disparity(disparity, disparity_scale)
-        masks = this.optional_mask(mask, masking), this.optional_mask(mask_right, masking, "mask_right")
+        masks = this.left_mask(mask, masking, pointing, left), this.optional_mask(mask_right, masking, "mask_right")
         options = {
             "right_view": right_view,
             "matcher": matcher,
@@ -209,7 +185,7 @@ def version() -> None:
 VERBS: dict[str, Callable[..., Any]] = {
     "view": view,
     "remove": remove,
-    "mask": mask,
+    "mask": mask_of_thing,
     "stereo": stereo,
     "depth": depth_of_photo,
     "demo": demo,
@@ -241,11 +217,12 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
         "dlama mask photo.jpg depth.png --fov 65 --click 150,250 -o mask.png",
         "dlama mask photo.jpg --box 120,90,60,200 -o mask.png",
         "dlama mask photo.jpg depth.png --fov 65 --click 150,250 --not 200,310 -o mask.png",
-        "dlama mask photo.jpg depth.png --camera cam.json --box 120,90,60,200 -o mask.png",
+        "dlama mask photo.jpg --click 150,250 --masker segment-anything --mask-model mobile-sam -o mask.png",
     ),
     "stereo": (
         "dlama stereo left.png right.png --calib calib.txt -o out",
         "dlama stereo left.png right.png --calib calib.json --mask left_mask.png -o out",
+        "dlama stereo left.png right.png --calib calib.txt --click 150,250 --with-shadow -o out",
     ),
     "depth": (
         "dlama depth photo.jpg -o out",

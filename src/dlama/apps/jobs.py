@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import statistics
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -16,7 +16,7 @@ from dlama.apps.terminal.output import Result, reported, stages_bar
 
 if TYPE_CHECKING:
     import dlama
-    from dlama.apps.masks import Pointing
+    from dlama.apps.pointing import Pointing
     from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 
 LOG = logging.getLogger("dlama")
@@ -83,14 +83,47 @@ class Job:
         with self.reading(path):
             return read_mask(path, **masking.settings())
 
-    def pointed(self, rgbd: dlama.RGBD, pointing: Pointing) -> BoolArray:
-        """The mask of what is pointed at; how it was found goes into meta.json."""
-        import dlama
+    def picture(
+        self,
+        image: Path,
+        depth: Path | None,
+        lens: Lens,
+        reading: Reading,
+        estimating: Estimating,
+        *,
+        needs_depth: bool,
+    ) -> dlama.RGBD | UInt8Array:
+        """As `rgbd`; the colours alone where there is no depth file, and none is needed."""
+        from dlama.files.rasters.pictures import read_color
 
-        options = pointing.settings()
-        found = dlama.find_mask(rgbd, **options)
-        self.object_mask = {**options, "method": found.method, "candidate": found.chosen, "notes": list(found.notes)}
+        if depth is not None or needs_depth:
+            return self.rgbd(image, depth, lens, reading, estimating)
+        self.inputs["image"] = image
+        with self.reading(image):
+            return read_color(image)
+
+    def pointed(self, rgbd: dlama.RGBD, pointing: Pointing, image: Path) -> BoolArray:
+        """The mask of what is pointed at in a picture, read from `image`; how it was found goes into meta.json."""
+        found = pointing.find(rgbd, image)
+        self.object_mask = {
+            **pointing.settings(),
+            "masker": found.masker,
+            "candidate": found.chosen,
+            "notes": list(found.notes),
+        }
         return found.mask
+
+    def left_mask(
+        self, path: Path | None, masking: Masking, pointing: Pointing, left: Path
+    ) -> BoolArray | Callable[[dlama.RGBD], BoolArray] | None:
+        """The mask of the left picture of a pair: of its file, or found in the depth that the pair gives. InputError: both."""
+        from dlama.errors import InputError
+
+        if not pointing.given:
+            return self.optional_mask(path, masking)
+        if path is not None:
+            raise InputError(f"a mask file ({path}) and clicks or a box were both given; one of them is wanted")
+        return lambda rgbd: self.pointed(rgbd, pointing, left)
 
     def optional_mask(self, path: Path | None, masking: Masking, role: str = "mask") -> BoolArray | None:
         """A mask, where one is given."""

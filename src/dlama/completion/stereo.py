@@ -10,6 +10,7 @@ alone and matches afterwards (recipe `paper`); without an object it makes the ri
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable
 from pathlib import Path
 from typing import Literal
 
@@ -63,7 +64,7 @@ def stereo(
     right: UInt8Array,
     rig: StereoRig,
     *,
-    mask: BoolArray | None = None,
+    mask: BoolArray | Callable[[RGBD], BoolArray] | None = None,
     mask_right: BoolArray | None = None,
     right_view: RightView | None = None,
     disparity: Float32Array | None = None,
@@ -87,7 +88,7 @@ def stereo(
         left: uint8 H x W x 3, RGB.
         right: uint8 H x W x 3, RGB.
         rig: The two cameras.
-        mask: H x W bool of the left view, True = remove.
+        mask: H x W bool of the left view, True = remove; or a function that finds it in the left picture with its matched depth.
         mask_right: H x W bool of the right view; default: the left mask carried over by disparity.
         right_view: "given": both pictures stay bit for bit and both get depth; "synthesised": the right view is made from the
             left one, without a mask only. Default: given; synthesised by a recipe that fills the new view first (paper).
@@ -121,8 +122,10 @@ def stereo(
             f"disparity is given and the recipe {chosen.name!r} matches the filled pictures anew; a matcher is wanted"
         )
     matches = find_matches(left, right, disparity=disparity, matcher=matcher, max_disparity=max_disparity)
-    masks = masks_of_pair(mask, mask_right, matches.disparities[0], rig)
-    pair = MatchedPair(rig, far, (left, right), matches.disparities, masks, matches.match)
+    pair = MatchedPair(rig, far, (left, right), matches.disparities, None, matches.match)
+    found = mask(pair.left) if callable(mask) else mask
+    masks = masks_of_pair(found, mask_right, matches.disparities[0], rig)
+    pair = dataclasses.replace(pair, masks=masks)
     complete_pair = complete_pair_together
     if chosen_right_view(right_view, chosen, masks is not None) == "synthesised":
         complete_pair = synthesise_right

@@ -11,6 +11,7 @@ from dlama.files.rasters.images import existing
 
 RGB = tuple[int, int, int]
 CLASSES_FILE = "SemanticClasses.csv"
+SEMANTIC_FOLDER = "SemanticImage"
 CHANNEL = re.compile(r"[0-9]{1,3}")
 FOLDERS_UP = 3
 """How many folders above a semantic picture its class table is looked for (EasySynth: 2)."""
@@ -53,6 +54,18 @@ def class_color(wanted: str, classes_csv: PathLike | None, picture: PathLike) ->
     if wanted not in classes:
         raise MaskError(f"{table}: no class is called '{wanted}'; known: {', '.join(classes)}; or give R,G,B")
     return classes[wanted]
+
+
+def semantic_picture(picture: PathLike) -> Path:
+    """The semantic picture that belongs to a colour picture of EasySynth: SemanticImage/NAME.png beside ColorImage/NAME.jpeg.
+
+    Raises FileError where there is none.
+    """
+    path = Path(picture)
+    found = path.absolute().parent.parent / SEMANTIC_FOLDER / f"{path.stem}.png"
+    if not found.is_file():
+        raise FileError(f"{path}: no semantic picture belongs to it; {found} was looked for")
+    return found
 
 
 def unreal_text(path: PathLike) -> str:

@@ -10,7 +10,9 @@ from typing import Literal, TypeAlias
 
 from dlama.errors import InputError
 
-Contract: TypeAlias = Literal["lama-weights", "migan-pipeline", "alexnet-weights", "lpips-heads", "depth-network"]
+Contract: TypeAlias = Literal[
+    "lama-weights", "migan-pipeline", "alexnet-weights", "lpips-heads", "depth-network", "mask-network"
+]
 
 CONTRACT_KEY = "dlama.contract"
 """Key of the ONNX metadata under which a file's contract stands, as JSON (`dlama models convert` writes it)."""
@@ -33,8 +35,9 @@ class Record:
     licence: str
     """Of the weights: an SPDX name."""
     contract: Contract
-    """How the file is to be used: lama-weights are converted to ONNX first, a migan-pipeline and a depth-network run as
-    they are (what the latter takes and gives stands in `dlama.perception.monocular.ESTIMATORS`)."""
+    """How the file is to be used: lama-weights are converted to ONNX first; a migan-pipeline, a depth-network and a mask-network
+    run as they are (what the latter two take and give stands in `dlama.perception.monocular.ESTIMATORS` and
+    `dlama.perception.masks.segment_anything.PAIRS`)."""
     file: str
     """Its name in the cache directory."""
     seen: bool = True
@@ -46,6 +49,10 @@ class Record:
 
 
 _DEPTH_ANYTHING_ONNX = "https://github.com/fabio-sim/Depth-Anything-ONNX/releases/download/v2.0.0"
+_MOBILE_SAM = "https://huggingface.co/Acly/MobileSAM/resolve/0d3b403339b4674a82493d5e97964dd78089ddc8"
+_SAM = "https://github.com/wkentaro/labelme/releases/download/sam-20230416"
+_EFFICIENT_SAM = "https://github.com/labelmeai/efficient-sam/releases/download/onnx-models-20231225"
+_AS_PUBLISHED = "Size and sha256 are as projects that load it publish them."
 _BIG_LAMA = "LaMa with 18 blocks, trained on Places: fills holes of any size in colour"
 
 CATALOGUE: dict[str, Record] = {
@@ -162,6 +169,89 @@ CATALOGUE: dict[str, Record] = {
             file="moge-small.onnx",
             seen=False,
             note="Size and sha256 are as two projects that load it publish them. Parts of DINOv2 in it are Apache-2.0.",
+        ),
+        Record(
+            name="u2netp",
+            what="U2-Net-p: the mask of what stands out in a picture (ships in the package, for --salient)",
+            urls=("https://github.com/danielgatis/rembg/releases/download/v0.0.0/u2netp.onnx",),
+            sha256="309c8469258dda742793dce0ebea8e6dd393174f89934733ecc8b14c76f4ddd8",
+            bytes=4574861,
+            licence="Apache-2.0",
+            contract="mask-network",
+            file="u2netp.onnx",
+            note="The bytes that ship under assets/u2netp.",
+        ),
+        Record(
+            name="sam-vit-b-encoder",
+            what="Segment Anything ViT-B, 8-bit weights: the encoder, for --masker segment-anything",
+            urls=(f"{_SAM}/sam_vit_b_01ec64.quantized.encoder.onnx",),
+            sha256="3346b9cc551c9902fbf3b203935e933592b22e042365f58321c17fc12641fd6a",
+            bytes=99827688,
+            licence="Apache-2.0",
+            contract="mask-network",
+            file="sam-vit-b-encoder.onnx",
+            seen=False,
+            note=_AS_PUBLISHED,
+        ),
+        Record(
+            name="sam-vit-b-decoder",
+            what="Segment Anything ViT-B, 8-bit weights: the decoder",
+            urls=(f"{_SAM}/sam_vit_b_01ec64.quantized.decoder.onnx",),
+            sha256="edbcf1a0afaa55621fb0abe6b3db1516818b609ea9368f309746a3afc68f7613",
+            bytes=8743656,
+            licence="Apache-2.0",
+            contract="mask-network",
+            file="sam-vit-b-decoder.onnx",
+            seen=False,
+            note=_AS_PUBLISHED,
+        ),
+        Record(
+            name="mobile-sam-encoder",
+            what="MobileSAM (TinyViT): the encoder, for --masker segment-anything",
+            urls=(f"{_MOBILE_SAM}/mobile_sam_image_encoder.onnx",),
+            sha256="580f5fb648ea1062c0aabc26217aed56921985f03f0cbbd852bba81d760cc749",
+            bytes=28157093,
+            licence="Apache-2.0",
+            contract="mask-network",
+            file="mobile-sam-encoder.onnx",
+            seen=False,
+            note=_AS_PUBLISHED,
+        ),
+        Record(
+            name="mobile-sam-decoder",
+            what="MobileSAM: the decoder, four masks",
+            urls=(f"{_MOBILE_SAM}/sam_mask_decoder_multi.onnx",),
+            sha256="8976b90a87ba50a6a72217a5ff994f7d25ce16f2229fcc1ed259e1294c622ffe",
+            bytes=16496559,
+            licence="Apache-2.0",
+            contract="mask-network",
+            file="mobile-sam-decoder.onnx",
+            seen=False,
+            note=_AS_PUBLISHED,
+        ),
+        Record(
+            name="efficient-sam-encoder",
+            what="EfficientSAM-Ti: the encoder, for --masker segment-anything",
+            urls=(f"{_EFFICIENT_SAM}/efficient_sam_vitt_encoder.onnx",),
+            sha256="7a73ee65aa2c37237c89b4b18e73082f757ffb173899609c5d97a2bbd4ebb02d",
+            bytes=24799761,
+            licence="Apache-2.0",
+            contract="mask-network",
+            file="efficient-sam-encoder.onnx",
+            seen=False,
+            note=_AS_PUBLISHED,
+        ),
+        Record(
+            name="efficient-sam-decoder",
+            what="EfficientSAM-Ti: the decoder",
+            urls=(f"{_EFFICIENT_SAM}/efficient_sam_vitt_decoder.onnx",),
+            sha256="e1afe46232c3bfa3470a6a81c7d3181836a94ea89528aff4e0f2d2c611989efd",
+            bytes=16565728,
+            licence="Apache-2.0",
+            contract="mask-network",
+            file="efficient-sam-decoder.onnx",
+            seen=False,
+            note=_AS_PUBLISHED,
         ),
     )
 }

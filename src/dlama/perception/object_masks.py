@@ -1,10 +1,12 @@
-"""A picture and what a user points at (clicks, a box, nothing) in; the mask of the thing out. METHODS is the closed list."""
+"""A picture and what a user points at (clicks, a box, nothing) in; the mask of the thing out. MASKERS is the closed list."""
 
 from __future__ import annotations
 
 import pkgutil
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,17 +16,24 @@ from dlama.geometry.rgbd import RGBD, BoolArray, UInt8Array, read_only
 from dlama.perception.masks.prompt import Box, Point, Prompt
 from dlama.perception.shadows import find_shadow
 
+MaskModel = str | Path | tuple[str | Path, str | Path]
+"""A name of `dlama.perception.masks.segment_anything.PAIRS`, `NAME=ENCODER,DECODER`, or the two files of a pair."""
+Pointed = Callable[[Prompt], tuple[dict[str, BoolArray], tuple[str, ...]]]
+"""What is pointed at -> H x W masks by name (part, thing, group; those that differ), and notes."""
+
 
 @dataclass(frozen=True)
-class MaskMethod:
-    """Where a method's code stands, and what it needs."""
+class MaskerRecord:
+    """Where a masker's code stands, and what it needs."""
 
     entry_point: str
-    """`module:name` of a function (picture, prompt) -> (masks by name, notes)."""
+    """`module:name` of a function (picture, mask_model) -> Pointed: what is done once for a picture, then for each prompt."""
     needs_depth: bool = False
     """Whether the picture must be an RGBD."""
     needs_prompt: bool = True
     """Whether clicks or a box say which thing is meant."""
+    takes_model: bool = False
+    """Whether it runs networks that mask_model names."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,12 +46,83 @@ class ObjectMask:
     """Other readings of the same clicks, by name: part, thing, group; those that differ, `mask` among them."""
     chosen: str
     """Name of the candidate that `mask` is."""
-    method: str
-    """Which of METHODS found it."""
+    masker: str
+    """Which of MASKERS found it."""
     shadow: BoolArray | None = None
     """H x W, True in the shadow that the thing casts, a part of `mask`; None where it was not asked for."""
     notes: tuple[str, ...] = ()
     """What a user should know, in words."""
+
+
+class MaskSession:
+    """A picture in which things are pointed at again and again.
+
+    What does not depend on the clicks (the planes of its depth, a network's embedding) is computed at the first `find` and kept.
+    """
+
+    def __init__(
+        self, picture: RGBD | UInt8Array, *, masker: str | None = None, mask_model: MaskModel | None = None
+    ) -> None:
+        """Parameters and errors as `find_mask`; nothing is computed yet."""
+        self.picture, self.masker, self.mask_model = picture, masker or "rgbd", mask_model
+        if self.masker not in MASKERS:
+            raise InputError(f"masker is {masker!r}; one of {', '.join(MASKERS)} is wanted")
+        record = MASKERS[self.masker]
+        if record.needs_depth and not isinstance(picture, RGBD):
+            raise InputError(f"masker {self.masker!r} needs depth and the picture has none; an RGBD is wanted")
+        if mask_model is not None and not record.takes_model:
+            raise InputError(f"mask_model is given and the masker {self.masker!r} runs no network of the user's choice")
+
+    @cached_property
+    def _pointed(self) -> Pointed:
+        found: Any = pkgutil.resolve_name(MASKERS[self.masker].entry_point)
+        pointed: Pointed = found(self.picture, self.mask_model)
+        return pointed
+
+    def find(
+        self,
+        *,
+        clicks: Sequence[Point] = (),
+        not_clicks: Sequence[Point] = (),
+        box: Box | None = None,
+        candidate: str = "thing",
+        with_shadow: bool = False,
+    ) -> ObjectMask:
+        """The mask of the thing that clicks or a box mean; parameters and errors as `find_mask`."""
+        if candidate not in CANDIDATES:
+            raise InputError(f"candidate is {candidate!r}; one of {', '.join(CANDIDATES)} is wanted")
+        picture = self.picture
+        hw = picture.depth.shape if isinstance(picture, RGBD) else np.asarray(picture).shape[:2]
+        prompt = Prompt((hw[0], hw[1]), tuple(map(tuple, clicks)), tuple(map(tuple, not_clicks)), box and tuple(box))  # type: ignore[arg-type]
+        if MASKERS[self.masker].needs_prompt and not prompt.clicks and prompt.box is None:
+            raise InputError("clicks and box are both missing; give clicks on the thing, or a box round it")
+        if with_shadow and not isinstance(picture, RGBD):
+            raise InputError("with_shadow needs depth and the picture has none; an RGBD is wanted")
+        masks, notes = self._pointed(prompt)
+        masks = {each: read_only(mask) for each, mask in masks.items() if mask.any()}
+        if not masks:
+            raise MaskError("nothing of the thing is left; fewer not_clicks are wanted")
+        chosen = candidate if candidate in masks else next(iter(masks))
+        return completed(picture, masks, chosen, self.masker, with_shadow, notes)
+
+
+def completed(
+    picture: RGBD | UInt8Array,
+    masks: Mapping[str, BoolArray],
+    chosen: str,
+    masker: str,
+    with_shadow: bool = False,
+    notes: Sequence[str] = (),
+) -> ObjectMask:
+    """The chosen one of the masks, with the shadow that the thing casts where it is asked for. InputError: that needs depth."""
+    mask = masks[chosen]
+    if not with_shadow:
+        return ObjectMask(mask, masks, chosen, masker, notes=tuple(notes))
+    if not isinstance(picture, RGBD):
+        raise InputError("with_shadow needs depth and the picture has none; an RGBD is wanted")
+    shadow = find_shadow(picture, mask)
+    said = () if shadow.any() else ("no shadow found",)
+    return ObjectMask(read_only(mask | shadow), masks, chosen, masker, read_only(shadow), (*notes, *said))
 
 
 def find_mask(
@@ -51,56 +131,40 @@ def find_mask(
     clicks: Sequence[Point] = (),
     not_clicks: Sequence[Point] = (),
     box: Box | None = None,
-    method: str | None = None,
+    masker: str | None = None,
+    mask_model: MaskModel | None = None,
     candidate: str = "thing",
     with_shadow: bool = False,
 ) -> ObjectMask:
-    """The mask of the thing that clicks or a box mean.
+    """The mask of the thing that clicks or a box mean. `MaskSession` answers further clicks in the same picture faster.
 
     Args:
-        picture: A picture with depth, or H x W x 3 uint8 RGB for methods that need no depth.
+        picture: A picture with depth, or H x W x 3 uint8 RGB for maskers that need no depth.
         clicks: Pixels on the thing, (x, y), x right, y down.
         not_clicks: Pixels beside it, to correct with.
         box: x, y, width, height round the thing, in pixels.
-        method: A name of METHODS; None: rgbd.
+        masker: A name of MASKERS; None: rgbd.
+        mask_model: The networks of the masker segment-anything: sam-vit-b, mobile-sam or efficient-sam (pulled before), the files
+            (encoder, decoder) of a pair that carries its contract, or `NAME=ENCODER,DECODER`: with the contract of that name.
         candidate: Which reading of an ambiguous click: part, thing or group; `thing` where it has no such.
         with_shadow: Add the shadow that the thing casts on the surface it stands on; needs depth.
 
     Raises:
-        InputError: an unknown method or candidate, nothing that says what is meant, a click or box outside the picture.
+        InputError: an unknown masker or candidate, nothing that says what is meant, a click or box outside the picture.
         MaskError: nothing that stands apart is there.
+        FileError: a network that is missing, or does not keep its contract.
     """
-    name = method or "rgbd"
-    if name not in METHODS:
-        raise InputError(f"method is {name!r}; one of {', '.join(METHODS)} is wanted")
-    if candidate not in CANDIDATES:
-        raise InputError(f"candidate is {candidate!r}; one of {', '.join(CANDIDATES)} is wanted")
-    record = METHODS[name]
-    hw = picture.depth.shape if isinstance(picture, RGBD) else np.asarray(picture).shape[:2]
-    prompt = Prompt((hw[0], hw[1]), tuple(map(tuple, clicks)), tuple(map(tuple, not_clicks)), box and tuple(box))  # type: ignore[arg-type]
-    if record.needs_depth and not isinstance(picture, RGBD):
-        raise InputError(f"method {name!r} needs depth and the picture has none; an RGBD is wanted")
-    if record.needs_prompt and not prompt.clicks and prompt.box is None:
-        raise InputError("clicks and box are both missing; give clicks on the thing, or a box round it")
-    found: Any = pkgutil.resolve_name(record.entry_point)
-    masks, notes = found(picture, prompt)
-    masks = {each: read_only(mask) for each, mask in masks.items() if mask.any()}
-    if not masks:
-        raise MaskError("nothing of the thing is left; fewer not_clicks are wanted")
-    chosen = candidate if candidate in masks else next(iter(masks))
-    if not with_shadow:
-        return ObjectMask(masks[chosen], masks, chosen, name, notes=tuple(notes))
-    if not isinstance(picture, RGBD):
-        raise InputError("with_shadow needs depth and the picture has none; an RGBD is wanted")
-    shadow = find_shadow(picture, masks[chosen])
-    said = () if shadow.any() else ("no shadow found",)
-    return ObjectMask(read_only(masks[chosen] | shadow), masks, chosen, name, read_only(shadow), (*notes, *said))
+    session = MaskSession(picture, masker=masker, mask_model=mask_model)
+    return session.find(clicks=clicks, not_clicks=not_clicks, box=box, candidate=candidate, with_shadow=with_shadow)
 
 
 CANDIDATES = ("part", "thing", "group")
 
-METHODS: dict[str, MaskMethod] = {
-    "rgbd": MaskMethod("dlama.perception.masks.rgbd:rgbd_candidates", needs_depth=True),
-    "salient": MaskMethod("dlama.perception.masks.salient:salient_candidates", needs_prompt=False),
+MASKERS: dict[str, MaskerRecord] = {
+    "rgbd": MaskerRecord("dlama.perception.masks.rgbd:rgbd_masker", needs_depth=True),
+    "salient": MaskerRecord("dlama.perception.masks.salient:salient_masker", needs_prompt=False),
+    "segment-anything": MaskerRecord(
+        "dlama.perception.masks.segment_anything:segment_anything_masker", takes_model=True
+    ),
 }
 """Name -> record; the default comes first."""

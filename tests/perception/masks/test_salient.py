@@ -12,6 +12,6 @@ def test_a_ball_on_a_lawn_stands_out() -> None:
     v, u = np.mgrid[:200, :260]
     ball = (u - 120) ** 2 + (v - 110) ** 2 < 45**2
     color = np.where(ball[..., None], (210, 40, 30), (90, 150, 70)) + rng.integers(-8, 9, (200, 260, 3))
-    found = find_mask(np.clip(color, 0, 255).astype(np.uint8), method="salient")
+    found = find_mask(np.clip(color, 0, 255).astype(np.uint8), masker="salient")
     assert (found.mask & ball).sum() / (found.mask | ball).sum() > 0.9
-    assert found.method == "salient"
+    assert found.masker == "salient"

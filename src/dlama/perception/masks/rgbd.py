@@ -4,6 +4,7 @@ and what hangs together with the click stays.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -65,12 +66,17 @@ class Pieces:
         return self.free & (self.label == self.label[pixel]) & bool(self.free[pixel])
 
 
-def rgbd_candidates(rgbd: RGBD, prompt: Prompt) -> tuple[dict[str, BoolArray], tuple[str, ...]]:
+def rgbd_masker(rgbd: RGBD, model: None) -> Callable[[Prompt], tuple[dict[str, BoolArray], tuple[str, ...]]]:
+    """The masker of one picture: its planes are found once."""
+    found = planes_of(rgbd)
+    return lambda prompt: rgbd_candidates(rgbd, found, prompt)
+
+
+def rgbd_candidates(rgbd: RGBD, found: Planes, prompt: Prompt) -> tuple[dict[str, BoolArray], tuple[str, ...]]:
     """H x W masks by name (part, thing, group; those that differ), and notes.
 
     Raises MaskError where nothing that stands apart is meant: the sky, the ground, missing depth.
     """
-    found = planes_of(rgbd)
     notes = () if rgbd.estimate is None else (ROUGH,)
     if not prompt.clicks:
         return boxed(rgbd, found, prompt), notes

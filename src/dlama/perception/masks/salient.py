@@ -7,13 +7,14 @@ output is 1 x 1 x 320 x 320, high on the thing, stretched to 0..1.
 from __future__ import annotations
 
 import functools
+from collections.abc import Callable
 from pathlib import Path
 
 import cv2
 import numpy as np
 
 from dlama.errors import MaskError
-from dlama.geometry.rgbd import RGBD, BoolArray, UInt8Array
+from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
 from dlama.models.network_file import NetworkFile
 from dlama.perception.masks.prompt import Prompt
 
@@ -31,9 +32,17 @@ def network() -> NetworkFile:
     return NetworkFile(MODEL)
 
 
-def salient_candidates(picture: RGBD | UInt8Array, prompt: Prompt) -> tuple[dict[str, BoolArray], tuple[str, ...]]:
-    """The H x W mask of what stands out, as `thing`; within the box where there is one. MaskError: nothing does."""
+def salient_masker(
+    picture: RGBD | UInt8Array, model: None
+) -> Callable[[Prompt], tuple[dict[str, BoolArray], tuple[str, ...]]]:
+    """The masker of one picture: the network runs once."""
     color = np.asarray(picture.color if isinstance(picture, RGBD) else picture)
+    level = saliency(color)
+    return lambda prompt: salient_candidates(level, prompt)
+
+
+def saliency(color: UInt8Array) -> Float32Array:
+    """H x W, 0..1: how much each pixel of a picture (H x W x 3, RGB) stands out. MaskError: nothing does."""
     small = cv2.resize(color, (SIDE, SIDE), interpolation=cv2.INTER_AREA).astype(np.float32)
     planes = (small / max(float(small.max()), 1e-6) - MEAN) / DEVIATION
     net = network()
@@ -44,6 +53,11 @@ def salient_candidates(picture: RGBD | UInt8Array, prompt: Prompt) -> tuple[dict
         raise MaskError("nothing stands out in the picture; click on a thing, or give a box round it")
     height, width = color.shape[:2]
     level = cv2.resize((out - low) / (high - low), (width, height), interpolation=cv2.INTER_LINEAR)
+    return np.asarray(level, np.float32)
+
+
+def salient_candidates(level: Float32Array, prompt: Prompt) -> tuple[dict[str, BoolArray], tuple[str, ...]]:
+    """The H x W mask of what stands out, as `thing`; within the box where there is one. MaskError: nothing does."""
     mask = (level > 0.5) & prompt.inside
     if not mask.any():
         raise MaskError(

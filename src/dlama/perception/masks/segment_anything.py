@@ -1,0 +1,251 @@
+"""A picture and clicks or a box in; the masks that a network of the Segment Anything family sees there out. No depth is needed.
+
+An encoder looks at the picture once and gives its embedding; a decoder answers each prompt from that. How an encoder wants the
+picture is data, a PairContract; what a decoder takes follows from the names of its inputs, which all published exports share.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, fields
+from pathlib import Path
+from typing import Any, Literal
+
+import cv2
+import numpy as np
+
+from dlama.errors import FileError, InputError, MaskError
+from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
+from dlama.models.cache import locate
+from dlama.models.network_file import NetworkFile
+from dlama.models.records import CONTRACT_KEY
+from dlama.perception.depth_networks import IMAGENET
+from dlama.perception.masks.prompt import Prompt
+
+NETWORK = "mask encoder"
+"""What stands as `network` in the contract of an encoder file."""
+ON, BESIDE, CORNER, OPPOSITE, PADDING = 1, 0, 2, 3, -1
+"""Labels of points: on the thing, beside it, upper left and lower right corner of a box, no point at all."""
+POINTS = ("point_coords", "batched_point_coords")
+LABELS = ("point_labels", "batched_point_labels")
+DTYPES = {"tensor(float)": np.float32, "tensor(int64)": np.int64, "tensor(int32)": np.int32}
+"""Of a decoder's inputs."""
+SEVERAL = 4
+"""Masks of a decoder that gives all it has."""
+ALIKE = 0.95
+"""Overlap (intersection over union) from which two masks of the decoder are one candidate."""
+
+
+@dataclass(frozen=True)
+class PairContract:
+    """How the encoder of a pair wants its picture. InputError for contradictions."""
+
+    side: int | None = 1024
+    """Pixels of the longer side at which the picture is shown, and in which points are given; None: as it is."""
+    padded: bool = True
+    """Whether zeros follow to the right and below, up to side x side."""
+    layout: Literal["BCHW", "HWC"] = "BCHW"
+    """Order of the input's axes; colours are RGB."""
+    scale: float = 1 / 255
+    """A colour c of 0..255 is shown as (c * scale - mean) / std."""
+    mean: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    std: tuple[float, float, float] = (1.0, 1.0, 1.0)
+
+    def __post_init__(self) -> None:
+        if self.layout not in ("BCHW", "HWC"):
+            raise InputError(f"contract: layout is {self.layout!r}; BCHW or HWC is wanted")
+        if len(self.mean) != 3 or len(self.std) != 3 or min(self.std) <= 0 or self.scale <= 0:
+            raise InputError("contract: mean and std of three colours, std and scale above 0 are wanted")
+        if (self.side is None and self.padded) or (self.side is not None and self.side < 1):
+            raise InputError("contract: side of 1 or more, or none and no padding, are wanted")
+
+    def shown_hw(self, hw: tuple[int, int]) -> tuple[int, int]:
+        """Height and width at which a picture of that size is shown."""
+        if self.side is None:
+            return hw
+        factor = self.side / max(hw)
+        return max(1, int(hw[0] * factor + 0.5)), max(1, int(hw[1] * factor + 0.5))
+
+    def tensor(self, color: UInt8Array) -> Float32Array:
+        """The picture (H x W x 3, RGB) as the encoder takes it."""
+        height, width = self.shown_hw(color.shape[:2])
+        how = cv2.INTER_AREA if height * width < color.shape[0] * color.shape[1] else cv2.INTER_LINEAR
+        resized = cv2.resize(color, (width, height), interpolation=how).astype(np.float32) * np.float32(self.scale)
+        shown = ((resized - np.asarray(self.mean)) / np.asarray(self.std)).astype(np.float32)
+        if self.padded and self.side is not None:
+            shown = np.pad(shown, ((0, self.side - height), (0, self.side - width), (0, 0)))
+        return np.ascontiguousarray(shown if self.layout == "HWC" else shown.transpose(2, 0, 1)[None])
+
+    def metadata(self) -> dict[str, str]:
+        """The ONNX metadata of the encoder that says all this."""
+        return {CONTRACT_KEY: json.dumps({"network": NETWORK, **asdict(self)})}
+
+
+@dataclass(frozen=True, eq=False)
+class EmbeddedPicture:
+    """A picture as an encoder saw it, and the decoder that answers prompts from that."""
+
+    decoder: NetworkFile
+    contract: PairContract
+    embedding: np.ndarray
+    hw: tuple[int, int]
+    """Of the picture."""
+
+    def answer(self, prompt: Prompt) -> tuple[Float32Array, Float32Array]:
+        """Masks as the decoder sees them, M x H x W, above 0 on the thing, and their M scores. FileError: a foreign decoder."""
+        named = dict(zip(self.decoder.outputs, self.decoder.run_all(self.feed(prompt))))
+        masks = next((named[name] for name in ("masks", "output_masks") if name in named), None)
+        scores = named.get("iou_predictions")
+        if masks is None or scores is None or masks.shape[-2:] != self.hw or masks.ndim not in (4, 5):
+            found = ", ".join(f"{name} {' x '.join(map(str, value.shape))}" for name, value in named.items())
+            height, width = self.hw
+            raise FileError(
+                f"{self.decoder.path}: gave {found}; masks (or output_masks) of {height} x {width} and iou_predictions are wanted"
+            )
+        return masks.reshape(-1, *self.hw).astype(np.float32), np.asarray(scores, np.float32).ravel()
+
+    def feed(self, prompt: Prompt) -> dict[str, np.ndarray]:
+        """The decoder's inputs by name; FileError where it takes others."""
+        points, labels = self.points(prompt)
+        feed: dict[str, np.ndarray] = {}
+        value: np.ndarray
+        for name, (kind, shape) in self.decoder.inputs.items():
+            if name in POINTS + LABELS:
+                value = points if name in POINTS else labels
+                value = value.reshape((1,) * (len(shape) - (2 if name in POINTS else 1)) + value.shape)
+            elif name == "image_embeddings":
+                value = self.embedding
+            elif name == "orig_im_size":
+                value = np.array(self.hw)
+            elif name == "mask_input":
+                value = np.zeros([side if isinstance(side, int) else 1 for side in shape])
+            elif name == "has_mask_input":
+                value = np.zeros(1)
+            else:
+                raise FileError(f"{self.decoder.path}: takes an input {name!r}, which no known decoder has")
+            feed[name] = np.ascontiguousarray(value, DTYPES.get(kind, np.float32))
+        if not {*POINTS} & {*feed} or not {*LABELS} & {*feed} or "image_embeddings" not in feed:
+            raise FileError(
+                f"{self.decoder.path}: takes {', '.join(feed)}; image_embeddings, point_coords and point_labels are wanted"
+            )
+        return feed
+
+    def points(self, prompt: Prompt) -> tuple[Float32Array, Float32Array]:
+        """N x 2 points (x, y) in the pixels in which the encoder saw the picture, and their N labels."""
+        points = [(x, y, ON) for x, y in prompt.clicks] + [(x, y, BESIDE) for x, y in prompt.not_clicks]
+        if prompt.box is not None:
+            x, y, wide, high = prompt.box
+            points += [(x, y, CORNER), (x + wide, y + high, OPPOSITE)]
+        elif self.contract.side is not None:
+            points.append((0, 0, PADDING))
+        shown = self.contract.shown_hw(self.hw)
+        table = np.array(points, np.float32)
+        return table[:, :2] * np.array([shown[1] / self.hw[1], shown[0] / self.hw[0]], np.float32), table[:, 2]
+
+
+def segment_anything_masker(
+    picture: RGBD | UInt8Array, mask_model: object
+) -> Callable[[Prompt], tuple[dict[str, BoolArray], tuple[str, ...]]]:
+    """The masker of one picture: it is encoded once. InputError: no such pair; FileError: files that keep no contract."""
+    encoder, decoder, contract = find_pair(mask_model)
+    color = np.asarray(picture.color if isinstance(picture, RGBD) else picture)
+    tensor = contract.tensor(color)
+    inputs = list(encoder.inputs.items())
+    if len(inputs) != 1 or len(inputs[0][1][1]) != tensor.ndim or inputs[0][1][0] != "tensor(float)":
+        raise FileError(f"{encoder.path}: takes {encoder.inputs}; one float picture, {contract.layout}, is wanted")
+    embedding = encoder.run({inputs[0][0]: tensor})
+    seen = EmbeddedPicture(decoder, contract, embedding, (color.shape[0], color.shape[1]))
+    return lambda prompt: candidates_of(*seen.answer(prompt), prompt)
+
+
+def candidates_of(
+    masks: Float32Array, scores: Float32Array, prompt: Prompt
+) -> tuple[dict[str, BoolArray], tuple[str, ...]]:
+    """The mask with the best score as `thing`, the next smaller one as `part`, the next larger one as `group`; and notes.
+
+    Raises MaskError where the best mask is empty.
+    """
+    found = [(mask > 0) for mask in masks]
+    best = int(np.argmax(scores))
+    if len(found) == SEVERAL:  # the first mask is learnt for several points, the others for one (Kirillov et al. 2023)
+        count = len(prompt.clicks) + len(prompt.not_clicks) + 2 * (prompt.box is not None)
+        best = 0 if count > 1 else 1 + int(np.argmax(scores[1:]))
+    if not found[best].any():
+        raise MaskError("the network sees nothing there; other clicks, or a box round the thing, are wanted")
+    out = {"thing": found[best]}
+    others = sorted(
+        (mask for mask in found if mask.any() and overlap(mask, found[best]) < ALIKE), key=lambda m: m.sum()
+    )
+    smaller = [mask for mask in others if mask.sum() < found[best].sum()]
+    larger = [mask for mask in others if mask.sum() >= found[best].sum()]
+    if smaller:
+        out["part"] = smaller[-1]
+    if larger:
+        out["group"] = larger[0]
+    return out, (f"score {scores[best]:.2f}",)
+
+
+def overlap(one: BoolArray, other: BoolArray) -> float:
+    """Intersection over union."""
+    return float((one & other).sum() / max((one | other).sum(), 1))
+
+
+def find_pair(mask_model: object) -> tuple[NetworkFile, NetworkFile, PairContract]:
+    """Encoder, decoder and contract of a name of PAIRS, of `NAME=ENCODER,DECODER`, or of two files (or `ENCODER,DECODER`), the
+    first with its contract. InputError, FileError."""
+    wanted = f"one of {', '.join(PAIRS)} (pulled before), ENCODER.onnx,DECODER.onnx, or NAME=ENCODER.onnx,DECODER.onnx"
+    if mask_model is None:
+        raise InputError(
+            f"masker 'segment-anything' runs a pair of networks and mask_model names none; {wanted} is wanted"
+        )
+    if isinstance(mask_model, tuple):
+        files, contract = [Path(one) for one in mask_model], None
+    else:
+        text = str(mask_model)
+        name, equals, after = text.partition("=")
+        if text in PAIRS:
+            files, contract = [locate(f"{text}-encoder"), locate(f"{text}-decoder")], PAIRS[text]
+        else:
+            contract = PAIRS[name] if equals and name in PAIRS else None
+            files = [Path(one) for one in (after if contract else text).split(",")]
+    if len(files) != 2:
+        raise InputError(f"mask_model is {mask_model!r}; {wanted} is wanted")
+    encoder, decoder = (NetworkFile(file.expanduser()) for file in files)
+    contract = contract or contract_of_file(encoder)
+    if contract is None:
+        raise InputError(
+            f"{encoder.path}: carries no contract; say whose it keeps: mask_model=NAME={files[0].name},{files[1].name}, "
+            f"NAME of {', '.join(PAIRS)}"
+        )
+    return encoder, decoder, contract
+
+
+def contract_of_file(encoder: NetworkFile) -> PairContract | None:
+    """The contract in an encoder's metadata; None where there is none. FileError where it is another network's."""
+    text = encoder.metadata.get(CONTRACT_KEY)
+    if text is None:
+        return None
+    try:
+        words = json.loads(text)
+        if words.get("network") != NETWORK:
+            raise FileError(
+                f"{encoder.path}: is a network {words.get('network')!r} by its contract; {NETWORK} is wanted"
+            )
+        known = {one.name for one in fields(PairContract)}
+        listed: dict[str, Any] = {
+            name: tuple(value) if isinstance(value, list) else value for name, value in words.items() if name in known
+        }
+        return PairContract(**listed)
+    except FileError:
+        raise
+    except (ValueError, TypeError, AttributeError) as error:
+        raise FileError(f"{encoder.path}: its contract cannot be read ({error})") from error
+
+
+PAIRS: dict[str, PairContract] = {
+    "sam-vit-b": PairContract(mean=IMAGENET[0], std=IMAGENET[1]),
+    "mobile-sam": PairContract(padded=False, layout="HWC", scale=1.0),
+    "efficient-sam": PairContract(side=None, padded=False),
+}
+"""Name -> contract; the files are the catalogue's models NAME-encoder and NAME-decoder."""
