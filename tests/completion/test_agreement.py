@@ -109,7 +109,7 @@ def test_each_camera_sees_what_earlier_ones_filled(filler: str) -> None:
     alone = complete(street(), [first], filler=filler)
     both = complete(street(), [first, second], filler=filler)
     np.testing.assert_array_equal(both.views[0].depth, alone.view.depth)
-    earlier = render(alone.scene, second)
+    earlier = render(alone.scene, second, close=False)
     adopted = both.warped[1].hole & ~earlier.hole
     assert adopted.sum() > 1000
     lawful, moved = Law.of(Scene((both.source,))).project(second, earlier.depth, adopted)

@@ -11,12 +11,12 @@ import pytest
 from dlama.errors import ShapeError
 from dlama.geometry import fusion
 from dlama.geometry.camera import Camera
-from dlama.geometry.fusion import contribution, fuse, layer_mesh, scene_cloud, scene_mesh
+from dlama.geometry.fusion import OVERLAP, fuse, layer_mesh, scene_cloud, scene_mesh
 from dlama.geometry.mesh import Mesh
 from dlama.geometry.projection import lift
 from dlama.geometry.rendering import render
 from dlama.geometry.rgbd import RGBD
-from dlama.geometry.scene import Scene
+from dlama.geometry.scene import Scene, contribution
 from dlama.geometry.view import HoleType, Origin, View
 from dlama.geometry.visibility import Law
 from dlama.inpainters import find_filler
@@ -49,13 +49,13 @@ def test_a_view_with_nothing_filled_changes_nothing() -> None:
 
 
 def test_the_new_layer_is_what_was_filled_and_a_rim() -> None:
-    """Closed form: the right half FILLED, one column of known neighbours REPROJECTED, the rest a hole; old layers stay."""
+    """Closed form: the right half FILLED, OVERLAP columns of known neighbours REPROJECTED, the rest a hole; old layers stay."""
     scene, filled = half_filled()
     fused = fuse(scene, filled)
     assert len(fused.layers) == 2 and fused.layers[0] is scene.layers[0] and fused.objects == ()
     layer = fused.layers[1]
     expected = np.zeros(CAMERA.hw, np.uint8)
-    expected[:, 24:], expected[:, 23] = Origin.FILLED, Origin.REPROJECTED
+    expected[:, 24:], expected[:, 24 - OVERLAP : 24] = Origin.FILLED, Origin.REPROJECTED
     np.testing.assert_array_equal(layer.origin, expected)
     np.testing.assert_array_equal(layer.hole, expected == 0)
     for name in ("color", "depth", "confidence"):

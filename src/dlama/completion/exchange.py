@@ -104,7 +104,7 @@ def with_lent(view: View, lender: View, law: Law, mode: Mode) -> View:
 def with_seen_alone(scene: Scene, view: View, law: Law, mode: Mode) -> Scene:
     """The scene with what only this view saw of it as one more layer: surfaces that the scene already has are not doubled."""
     seen = ~view.hole & ((view.origin == Origin.MEASURED) | (view.origin == Origin.DEPTH_FILLED))
-    alone = seen & render(scene, view.camera, mode, types=False).hole
+    alone = seen & render(scene, view.camera, mode, types=False, close=False).hole
     alone &= ~law.violations(view.camera, view.depth, alone)
     kernel = np.ones((NARROWEST, NARROWEST), np.uint8)
     opened: BoolArray = cv2.morphologyEx(alone.astype(np.uint8), cv2.MORPH_OPEN, kernel) > 0

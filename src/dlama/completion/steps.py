@@ -122,7 +122,7 @@ def show_earlier_fill(plan: Plan, scene: Scene, before: View) -> tuple[View, Fil
     """The view with its holes closed where `scene` was filled for the source or for earlier cameras, and what that did."""
     if scene is plan.given or not before.hole.any():
         return before, NOTHING_FILLED
-    return close_holes(plan.law, before, render(scene, before.camera, plan.recipe.mode, types=False))
+    return close_holes(plan.law, before, render(scene, before.camera, plan.recipe.mode, types=False, close=False))
 
 
 def close_holes(law: Law, view: View, earlier: View, *, measured: bool = False) -> tuple[View, FillReport]:
@@ -149,4 +149,4 @@ def close_holes(law: Law, view: View, earlier: View, *, measured: bool = False) 
 
 def fuse_new(scene: Scene, before: View, known: View, filled: View) -> Scene:
     """The scene with what was filled anew; holes of `before` that `known` had closed already come from the scene itself."""
-    return fuse(scene, filled.without(before.hole & ~known.hole, HoleType.NONE))
+    return fuse(scene, filled, before.hole & ~known.hole)

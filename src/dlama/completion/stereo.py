@@ -175,7 +175,7 @@ def complete_pair_together(
         scene = fuse(scene, left)
 
     with clock("render"):
-        shown = with_gain(render(scene, pair.rig.right, recipe.mode, types=False), 1 / gain)
+        shown = with_gain(render(scene, pair.rig.right, recipe.mode, types=False, close=False), 1 / gain)
     plan = dataclasses.replace(plan, law=law, inpainter=right_filler(filler, left, recipe))
     known, taken_over = close_holes(law, right_before, shown, measured=True)
     with clock("fill"):
@@ -202,13 +202,13 @@ def synthesise_right(pair: MatchedPair, recipe: Recipe, filler: Inpainter, seed:
     plan = Plan(recipe, left_filler(filler, pair, recipe), seed, given, law_of(given, recipe))
     with clock("fill"):
         scene, source_fills = fill_source(plan)
-        left, left_fill = fill(plan, render(scene, pair.rig.left, recipe.mode))
+        left, left_fill = fill(plan, render(scene, pair.rig.left, recipe.mode, close=False))
     left_before = left_before_filling(source, scene)
     left = dataclasses.replace(
         left, hole_type=np.where(left_before.hole_type > 0, left_before.hole_type, left.hole_type)
     )
     with clock("render"):
-        right_before = render(scene, pair.rig.right, recipe.mode)
+        right_before = render(scene, pair.rig.right, recipe.mode, close=False)
     plan = dataclasses.replace(plan, inpainter=right_filler(filler, left, recipe))
     with clock("fill"):
         right, right_fill = fill(plan, right_before)

@@ -13,36 +13,45 @@ from dlama.geometry.kernels.depth_edges import DOWN, RIGHT
 from dlama.geometry.mesh import Mesh
 from dlama.geometry.projection import inverse_depth, lift, rays
 from dlama.geometry.rgbd import BoolArray, Float32Array
-from dlama.geometry.scene import Scene
+from dlama.geometry.scene import FILLED_BEFORE, Scene, contribution
 from dlama.geometry.view import HoleType, Origin, View
 
+OVERLAP = 2
+"""px by which a filled layer reaches over what the scene knows already: its mesh joins the surfaces that it continues, and no
+seam opens between two cameras."""
 
-def fuse(scene: Scene, view: View) -> Scene:
+
+def fuse(scene: Scene, view: View, known: BoolArray | None = None) -> Scene:
     """The scene with what was filled in `view` as one more layer; nothing filled gives the scene back.
 
-    The layer keeps one pixel of known neighbours (origin REPROJECTED) so that its mesh joins the surfaces it continues;
-    they are no points of the cloud.
+    The layer keeps OVERLAP pixels of neighbours that the scene has already; they are no points of the cloud.
+
+    Args:
+        known: H x W bool, filled pixels that come from the scene itself (filled for an earlier camera). They are not added again,
+            nor are filled pixels without a hole type, which were rendered from it.
     """
     depth_only = (view.origin == Origin.DEPTH_FILLED) & (view.hole_type == HoleType.SENSOR)
     for layer in scene.layers:
         if layer.camera.same_view_as(view.camera):
             depth_only = depth_only & ~layer.valid & ~layer.far
-    return with_layer(scene, view, view.filled | depth_only)
+    added = (view.filled & (view.hole_type != HoleType.NONE)) | depth_only
+    return with_layer(scene, view, added if known is None else added & ~known)
 
 
 def with_layer(scene: Scene, view: View, added: BoolArray) -> Scene:
-    """The scene with the pixels `added` (H x W bool) of a view, and their ring, as one more layer; none gives the scene back."""
+    """The scene with the pixels `added` (H x W bool) of a view, and OVERLAP pixels round them, as one more layer; none gives the
+    scene back."""
     if not added.any():
         return scene
-    ring = cv2.dilate(added.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
+    side = 2 * OVERLAP + 1
+    ring = cv2.dilate(added.astype(np.uint8), np.ones((side, side), np.uint8)) > 0
     layer = view.without(~ring, HoleType.NONE)
-    ring_origin = np.where(added | layer.hole, layer.origin, np.uint8(Origin.REPROJECTED))
-    return dataclasses.replace(scene, layers=(*scene.layers, dataclasses.replace(layer, origin=ring_origin)))
-
-
-def contribution(layer: View) -> BoolArray:
-    """H x W, True at the pixels a layer adds to the scene's cloud: measured or filled here, not seen again."""
-    return layer.valid & (layer.origin != Origin.REPROJECTED)
+    filled = np.isin(layer.origin, FILLED_BEFORE)
+    origin = np.where(added | layer.hole | filled, layer.origin, np.uint8(Origin.REPROJECTED))
+    types = np.where(added, layer.hole_type, np.uint8(HoleType.NONE))
+    return dataclasses.replace(
+        scene, layers=(*scene.layers, dataclasses.replace(layer, origin=origin, hole_type=types))
+    )
 
 
 def scene_cloud(scene: Scene, objects: bool = True) -> PointCloud:

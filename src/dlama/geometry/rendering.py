@@ -16,12 +16,13 @@ from dlama.geometry.drawing import MODES as MODES
 from dlama.geometry.drawing import NEAR, Canvas, Grid, draw, draw_far, spans, transformed
 from dlama.geometry.drawing import Mode as Mode
 from dlama.geometry.drawing import flying as flying
+from dlama.geometry.gaps import closable, close_gaps
 from dlama.geometry.holes import with_nearest
 from dlama.geometry.kernels import hole_types as hole_kernels
 from dlama.geometry.kernels.jit import in_bands
 from dlama.geometry.projection import project
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
-from dlama.geometry.scene import Scene
+from dlama.geometry.scene import Scene, contribution
 from dlama.geometry.view import HoleType, Origin, View, from_source
 
 TYPE_OF_RANK = np.array(
@@ -39,13 +40,16 @@ def render(
     mode: Mode = "surface",
     types: bool = True,
     fine: bool = True,
+    close: bool = True,
 ) -> View:
     """The scene from `camera`.
 
     Holes carry colour 0, depth 0 and a HoleType (`types=False` leaves them all OUT_OF_VIEW, which is faster). At a layer's
     own camera its pixels come back bit for bit. Flying pixels are rejected only when the pose changes. A surface's colours are
     read between source pixels by cubic B-spline, and averaged where the source is drawn smaller; `fine=False` reads them
-    bilinearly, which blurs, in two thirds of the time. A bare PointCloud has no grid to triangulate, so it renders as points;
+    bilinearly, which blurs, in two thirds of the time. In a scene that was filled, gaps of
+    up to 2 px and sky that goes on are closed (origin FILLED; `close_gaps`), unless it was thinned by confidence; `close=False`
+    leaves them open. A bare PointCloud has no grid to triangulate, so it renders as points;
     asking for a surface raises InputError.
     """
     if mode not in MODES:
@@ -54,7 +58,8 @@ def render(
         return render_cloud(source, camera, mode)
     scene = as_scene(source)
     fine = fine and mode == "surface"
-    grids = [Grid.of(layer, camera, mode, fine) for layer in scene.layers]
+    layers = scene.layers if mode == "surface" else without_overlap(scene)
+    grids = [Grid.of(layer, camera, mode, fine) for layer in layers]
     canvas = Canvas.empty(camera)
     for number, grid in enumerate(grids):
         if number:
@@ -66,6 +71,8 @@ def render(
                 draw_far(grid, camera, canvas)
     for grid in grids:
         draw_far(grid, camera, canvas)
+    if close and mode == "surface" and closable(scene):
+        close_gaps(canvas)
     hole = canvas.depth == 0
     return View(
         camera=camera,
@@ -76,6 +83,12 @@ def render(
         origin=canvas.origin,
         confidence=canvas.confidence,
     )
+
+
+def without_overlap(scene: Scene) -> list[View]:
+    """The layers; of the later ones only what they add: overlaps join surfaces, points would be there twice."""
+    later = (layer.without(~(contribution(layer) | layer.far), HoleType.NONE) for layer in scene.layers[1:])
+    return [scene.layers[0], *later]
 
 
 def as_scene(source: RGBD | View | Scene) -> Scene:

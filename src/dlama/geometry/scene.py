@@ -4,9 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from dlama.errors import ShapeError
-from dlama.geometry.rgbd import counted
-from dlama.geometry.view import View
+from dlama.geometry.rgbd import BoolArray, counted
+from dlama.geometry.view import HoleType, Origin, View
+
+FILLED_BEFORE = (Origin.FILLED, Origin.DEPTH_FILLED)
+"""Origins that the overlap of a layer with earlier filled ones keeps."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,3 +36,12 @@ class Scene:
     def __repr__(self) -> str:
         layers, objects = counted(len(self.layers), "layer"), counted(len(self.objects), "removed object")
         return f"Scene({layers}, {objects}, first layer {self.layers[0]!r})"
+
+
+def contribution(layer: View) -> BoolArray:
+    """H x W, True at the pixels a layer adds to the scene's cloud: measured or filled here, not seen again.
+
+    What was measured and is seen again has the origin REPROJECTED; what was filled before and is, no hole type.
+    """
+    filled_before = np.isin(layer.origin, FILLED_BEFORE) & (layer.hole_type == HoleType.NONE)
+    return layer.valid & (layer.origin != Origin.REPROJECTED) & ~filled_before

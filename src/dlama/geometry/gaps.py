@@ -1,0 +1,106 @@
+"""A drawn picture in; the same with narrow gaps between its surfaces closed, and with sky going on, out.
+
+Layers that were filled for several cameras meet at the pixel borders of each of them. Seen from between, seams of a pixel or two
+open, and directions of the sky that none of the cameras held. Wider gaps stay open: nobody knows what is there.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dlama.geometry.drawing import Canvas
+from dlama.geometry.projection import depth_from_inverse, inverse_depth
+from dlama.geometry.rgbd import BoolArray, Float32Array
+from dlama.geometry.scene import Scene
+from dlama.geometry.view import HoleType, Origin
+
+WIDEST = 2
+"""px along a row or a column: a gap up to this is a seam."""
+ONE_SURFACE = 0.03
+"""Relative step in inverse depth up to which both sides of a seam are one surface; beyond, the farther one goes on behind."""
+SKY = 0.08
+"""Share of the picture's width up to which sky goes on along a row."""
+SURE_SEAM, SURE_SKY = 0.9, 0.5
+"""Confidence of what is closed, in that of the less sure side."""
+
+
+class Ends(NamedTuple):
+    """The nearest known pixels before and after each of N empty ones, along its row or its column."""
+
+    before: NDArray[np.intp]
+    """N flat indices, -1 where there is none."""
+    after: NDArray[np.intp]
+    length: NDArray[np.intp]
+    """N: pixels of the gap from end to end."""
+    share: Float32Array
+    """N: where in the gap the pixel is, 0..1."""
+
+    @classmethod
+    def of(cls, known: BoolArray, flat: NDArray[np.intp]) -> Ends:
+        """Along the rows of `known` (H x W); flat: H x W, each pixel's flat index."""
+        width, column = known.shape[1], np.arange(known.shape[1])
+        left = np.maximum.accumulate(np.where(known, column, -1), axis=1)[~known]
+        right = np.minimum.accumulate(np.where(known, column, width)[:, ::-1], axis=1)[:, ::-1][~known]
+        row, at = np.nonzero(~known)
+        before = np.where(left >= 0, flat[row, left], -1)
+        after = np.where(right < width, flat[row, np.minimum(right, width - 1)], -1)
+        return cls(before, after, right - left - 1, ((at - left) / (right - left)).astype(np.float32))
+
+    def chosen(self, which: NDArray[np.intp] | BoolArray) -> Ends:
+        """Some of them."""
+        return Ends(*(part[which] for part in self))
+
+
+def closable(scene: Scene) -> bool:
+    """True if a scene was filled, and nothing that was filled has been left open again for want of confidence."""
+    return len(scene.layers) > 1 and not any(
+        (layer.hole & (layer.hole_type != HoleType.NONE)).any() for layer in scene.layers[1:]
+    )
+
+
+def close_gaps(canvas: Canvas) -> None:
+    """Fill what is empty on the canvas and no more than WIDEST px wide or high, or beside sky in its row; origin FILLED.
+
+    What is drawn stays bit for bit.
+    """
+    known = canvas.depth > 0
+    if known.all() or not known.any():
+        return
+    flat = np.arange(known.size).reshape(known.shape)
+    empty = flat[~known]
+    along, down = Ends.of(known, flat), Ends.of(known.T, flat.T).chosen(np.argsort(flat.T[~known.T]))
+    inverse = inverse_depth(canvas.depth).ravel()
+    steps = [seam_step(ends, inverse) for ends in (along, down)]
+    nothing = canvas.origin.ravel()[empty] == Origin.UNKNOWN  # a measured colour without depth stays
+    in_row = nothing & (steps[0] <= steps[1]) & np.isfinite(steps[0])
+    in_column = nothing & (steps[0] > steps[1])
+    far = np.append(np.isposinf(canvas.depth.ravel()), False)  # -1: there is none
+    by_sky = (far[along.before] | far[along.after]) & (along.length <= SKY * known.shape[1])
+    sky = nothing & by_sky & ~in_row & ~in_column
+    for ends, where, sure in ((along, in_row, SURE_SEAM), (down, in_column, SURE_SEAM), (along, sky, SURE_SKY)):
+        join(canvas, inverse, empty[where], ends.chosen(where), sure)
+
+
+def seam_step(ends: Ends, inverse: Float32Array) -> Float32Array:
+    """N: relative step in inverse depth over a seam, +inf where there is none."""
+    w, v = inverse[ends.before], inverse[ends.after]
+    seam = (ends.before >= 0) & (ends.after >= 0) & (ends.length <= WIDEST)
+    return np.where(seam, np.abs(w - v) / np.maximum(np.maximum(w, v), np.float32(1e-12)), np.float32(np.inf))
+
+
+def join(canvas: Canvas, inverse: Float32Array, empty: NDArray[np.intp], ends: Ends, sure: float) -> None:
+    """Write the empty pixels (flat indices): between both ends where those are one surface, else as the farther end."""
+    before = np.where(ends.before >= 0, ends.before, ends.after)
+    after = np.where(ends.after >= 0, ends.after, ends.before)
+    w, v = inverse[before], inverse[after]
+    same = np.abs(w - v) <= ONE_SURFACE * np.maximum(w, v)
+    share = np.where(same, ends.share, (v < w).astype(np.float32))
+    colors = canvas.color.reshape(-1, 3)
+    colors[empty] = np.rint(colors[before] * (1 - share)[:, None] + colors[after] * share[:, None]).astype(np.uint8)
+    canvas.depth.reshape(-1)[empty] = depth_from_inverse(w * (1 - share) + v * share)
+    canvas.origin.reshape(-1)[empty] = Origin.FILLED
+    confidence = canvas.confidence.reshape(-1)
+    confidence[empty] = np.float32(sure) * np.minimum(confidence[before], confidence[after])

@@ -1,0 +1,99 @@
+"""A camera path through a scene that was filled for some of its cameras (oracle: what the world says each camera sees)."""
+
+from __future__ import annotations
+
+import functools
+
+import numpy as np
+import pytest
+
+from dlama.completion.completion import Completion
+from dlama.completion.pipeline import complete
+from dlama.geometry.camera import Camera
+from dlama.geometry.fusion import scene_cloud
+from dlama.geometry.rendering import render
+from dlama.geometry.scene import contribution
+from dlama.geometry.trajectories import orbit
+from dlama.geometry.view import Origin
+from worlds import Box, Plane, World
+
+CAMERA = Camera.from_fov(160, 120, 70)
+INDOORS = World((Plane((0, 0, 5), (0, 0, -1)), Plane((0, 1, 0), (0, -1, 0)), Box((-0.9, -0.4, 2.4), (-0.1, 1, 2.8))))
+OUTDOORS = World(
+    (Plane((0, 1, 0), (0, -1, 0)), Box((-30, -1.2, 7), (0.5, 1, 9)), Box((-0.9, -0.4, 2.4), (-0.1, 1, 2.8)))
+)
+HORIZON = 30.0
+"""Metres; beyond, half a pixel of filled depth decides whether there is ground or sky."""
+YAWS = (-24.0, -8.0, 14.0, 26.0)
+BETWEEN = (-20.0, -16.0, -12.0, -4.0, 3.0, 7.0, 11.0, 18.0, 22.0)
+
+worlds = pytest.mark.parametrize("world", [INDOORS, OUTDOORS], ids=["indoors", "outdoors"])
+
+
+@functools.cache
+def filled(world: World) -> Completion:
+    """The scene completed for the cameras of YAWS."""
+    return complete(world.rgbd(CAMERA), [orbit(CAMERA, yaw) for yaw in YAWS])
+
+
+@worlds
+def test_no_hole_opens_where_one_of_the_cameras_saw_what_is_there(world: World) -> None:
+    """Law: between the cameras that were filled, every surface that the source or one of them sees is drawn: indoors all, and
+    outdoors, where a guess may put sky in place of a wall, all but 1 in 1000."""
+    done = filled(world)
+    seen_from = [CAMERA, *(orbit(CAMERA, yaw) for yaw in YAWS)]
+    for yaw in BETWEEN:
+        camera = orbit(CAMERA, yaw)
+        union = np.logical_or.reduce([world.seen_by(one, camera) for one in seen_from])
+        union &= world.trace(camera)[0] < HORIZON
+        view = render(done.scene, camera)
+        assert union.mean() > 0.5
+        assert (view.hole & union).mean() <= (0 if world is INDOORS else 0.001), yaw
+
+
+def test_sky_stays_sky_between_the_cameras() -> None:
+    """Law: at most 0.5 % of the world's sky stays open; where closing draws sky, most of it is sky in the world."""
+    done, right, drawn = filled(OUTDOORS), 0, 0
+    for yaw in BETWEEN:
+        camera = orbit(CAMERA, yaw)
+        sky = np.isinf(OUTDOORS.trace(camera)[0])
+        view, plain = render(done.scene, camera), render(done.scene, camera, close=False)
+        assert (view.hole & sky).sum() <= 0.005 * sky.sum(), yaw
+        closed = plain.hole & view.far
+        right, drawn = right + int((closed & sky).sum()), drawn + int(closed.sum())
+    assert drawn > 30 and right > 0.75 * drawn
+
+
+@worlds
+def test_what_is_closed_is_not_called_measured(world: World) -> None:
+    """Law: pixels that only closing draws are FILLED and less sure than what was measured; all others keep their bits."""
+    scene, camera = filled(world).scene, orbit(CAMERA, -16.0)
+    whole, plain = render(scene, camera), render(scene, camera, close=False)
+    closed = plain.hole & ~whole.hole
+    assert (whole.origin[closed] == Origin.FILLED).all() and (whole.confidence[closed] < 1).all()
+    for name in ("color", "depth", "origin", "confidence"):
+        np.testing.assert_array_equal(getattr(whole, name)[~closed], getattr(plain, name)[~closed])
+
+
+def test_what_was_left_open_stays_open() -> None:
+    """Law: a scene that was thinned by confidence is not closed."""
+    done, camera = filled(OUTDOORS).with_min_confidence(0.5), orbit(CAMERA, -16.0)
+    np.testing.assert_array_equal(render(done.scene, camera).hole, render(done.scene, camera, close=False).hole)
+
+
+@worlds
+def test_no_layer_of_a_path_adds_what_is_there_already(world: World) -> None:
+    """Counts: the cloud has each measured pixel once, and of each later view what was filled anew; the overlap with an earlier
+    fill keeps its origin, so that what is filled is never called seen."""
+    done = filled(world)
+    layers = done.scene.layers
+    assert len(scene_cloud(done.scene)) == sum(int(contribution(layer).sum()) for layer in layers)
+    assert contribution(layers[0]).sum() == done.source.valid.sum()
+    overlaps = 0
+    for layer, before in zip(layers[1:], done.warped):
+        added = contribution(layer)
+        assert (layer.origin[added] == Origin.FILLED).all() and before.hole[added].all()
+        ring = layer.valid & ~added
+        np.testing.assert_array_equal(layer.origin[ring] == Origin.FILLED, before.hole[ring])
+        overlaps += int((ring & before.hole).sum())
+    assert overlaps > 100
