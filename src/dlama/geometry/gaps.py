@@ -51,7 +51,7 @@ class Ends(NamedTuple):
 
     def chosen(self, which: NDArray[np.intp] | BoolArray) -> Ends:
         """Some of them."""
-        return Ends(*(part[which] for part in self))
+        return Ends(self.before[which], self.after[which], self.length[which], self.share[which])
 
 
 def closable(scene: Scene) -> bool:
