@@ -10,6 +10,9 @@ import numpy as np
 
 from dlama.errors import InputError
 from dlama.geometry.cloud import PointCloud
+from dlama.geometry.figures.false_color import depth_limits, depth_picture, hole_picture
+from dlama.geometry.figures.html import Panel, figure, strip
+from dlama.geometry.figures.show import show_html
 from dlama.geometry.fusion import scene_cloud, scene_mesh
 from dlama.geometry.mesh import Mesh
 from dlama.geometry.rgbd import Float32Array
@@ -18,6 +21,8 @@ from dlama.geometry.view import Origin, View
 from dlama.perception.stereo_agreement import StereoConsistency
 
 C = TypeVar("C", bound="Completion")
+MOST_VIEWS = 3
+"""Shown in a notebook of a completion with several views."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -42,6 +47,32 @@ class Completion:
         unknown = f", {100 * sum(shares) / len(shares):.1f} % was unknown" if shares else ""
         named = f"filled by {self.meta['filler']!r}, recipe {self.meta['recipe']['name']!r}"
         return f"{type(self).__name__}({' of '.join([count, *sizes])}{unknown}, {named})"
+
+    def _repr_html_(self) -> str:
+        return figure(repr(self), self._panels())
+
+    def _repr_png_(self) -> bytes:
+        return strip(self._panels())
+
+    def _panels(self) -> list[Panel]:
+        """Source, then before and after of every view (at most MOST_VIEWS) in colour and depth, in the same colours."""
+        lo, hi = depth_limits(self.source.depth, *(view.depth for view in self.views))
+        panels: list[Panel] = [("source", self.source.color)]
+        for before, view in list(zip(self.warped, self.views))[:MOST_VIEWS]:
+            panels += [
+                ("known, holes by type", hole_picture(before.color, before.hole_type)),
+                ("completed", view.color),
+                ("depth known", depth_picture(before.depth, before.hole, lo, hi)),
+                (f"depth completed, {lo:.2g} to {hi:.2g} m", depth_picture(view.depth, view.hole, lo, hi)),
+            ]
+        return panels
+
+    def show(self) -> None:
+        """Show before and after and the scene: in a notebook below its cell, else as a page in the web browser.
+
+        The page is one file in the system's folder for temporary files; it loads nothing.
+        """
+        show_html(self._repr_html_() + self.scene._repr_html_())
 
     @property
     def view(self) -> View:

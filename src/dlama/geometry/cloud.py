@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dlama.geometry.camera import Float64Array
+from dlama.geometry.figures.points import turning_points
 from dlama.geometry.rgbd import Float32Array, UInt8Array, checked_fields, counted
 
 
@@ -40,6 +41,9 @@ class PointCloud:
     def __repr__(self) -> str:
         points = counted(len(self), "point")
         return f"PointCloud({points}, {extent_in_words(self.points)})"
+
+    def _repr_html_(self) -> str:
+        return turning_points(repr(self), self.points, self.color, self.origin, self.confidence)
 
 
 def extent_in_words(points: Float64Array) -> str:

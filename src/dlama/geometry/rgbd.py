@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 
 from dlama.errors import DepthError, ShapeError
 from dlama.geometry.camera import Camera
+from dlama.geometry.figures.false_color import depth_picture
+from dlama.geometry.figures.html import Panel, figure, strip
 
 UInt8Array = NDArray[np.uint8]
 Float32Array = NDArray[np.float32]
@@ -62,6 +64,15 @@ class RGBD:
         width, height = self.camera.wh
         missing = percent(self.missing)
         return f"RGBD({width}x{height}, {depth_range_in_words(self.depth)}, {missing} missing)"
+
+    def _repr_html_(self) -> str:
+        return figure(repr(self), self._panels())
+
+    def _repr_png_(self) -> bytes:
+        return strip(self._panels())
+
+    def _panels(self) -> list[Panel]:
+        return [("picture", self.color), (f"depth, {depth_range_in_words(self.depth)}", depth_picture(self.depth))]
 
     @property
     def valid(self) -> BoolArray:

@@ -7,6 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from dlama.errors import ShapeError
+from dlama.geometry.cloud import concatenated
+from dlama.geometry.figures.points import turning_points
+from dlama.geometry.projection import lift
 from dlama.geometry.rgbd import BoolArray, counted
 from dlama.geometry.view import HoleType, Origin, View
 
@@ -36,6 +39,11 @@ class Scene:
     def __repr__(self) -> str:
         layers, objects = counted(len(self.layers), "layer"), counted(len(self.objects), "removed object")
         return f"Scene({layers}, {objects}, first layer {self.layers[0]!r})"
+
+    def _repr_html_(self) -> str:
+        cloud = concatenated([lift(layer) for layer in self.layers])
+        cam_from_world = self.layers[0].camera.cam_from_world
+        return turning_points(repr(self), cloud.points, cloud.color, cloud.origin, cloud.confidence, cam_from_world)
 
 
 def contribution(layer: View) -> BoolArray:

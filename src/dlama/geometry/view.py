@@ -12,6 +12,8 @@ from enum import IntEnum
 import numpy as np
 
 from dlama.geometry.camera import Camera
+from dlama.geometry.figures.false_color import depth_picture, hatched, origin_picture
+from dlama.geometry.figures.html import Panel, figure, strip
 from dlama.geometry.rgbd import (
     RGBD,
     BoolArray,
@@ -117,6 +119,19 @@ class View:
         width, height = self.camera.wh
         hole = f"{percent(self.hole)} hole, {percent(self.filled)} filled"
         return f"View({width}x{height}, {depth_range_in_words(self.depth)}, {hole})"
+
+    def _repr_html_(self) -> str:
+        return figure(repr(self), self._panels())
+
+    def _repr_png_(self) -> bytes:
+        return strip(self._panels())
+
+    def _panels(self) -> list[Panel]:
+        return [
+            ("picture, holes hatched", hatched(self.color, self.color_hole)),
+            (f"depth, {depth_range_in_words(self.depth)}", depth_picture(self.depth, self.hole)),
+            ("origin: measured white, reprojected blue, filled orange", origin_picture(self.origin)),
+        ]
 
     @property
     def valid(self) -> BoolArray:

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 
 from dlama.evaluation.protocols.methods import Panel
-from dlama.files.results.false_color import depth_limits, depth_picture, hatched
+from dlama.geometry.figures.false_color import depth_limits, depth_picture, hatched
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 
 COLUMNS = ("input", "warped", "filled", "truth", "error")

@@ -22,10 +22,10 @@ from dlama.errors import InputError, OutputError, system_errors
 from dlama.files.atomic_write import PathLike, new_directory
 from dlama.files.cameras import camera_as_json
 from dlama.files.rasters import depth, pictures
-from dlama.files.results.false_color import HOLE_PALETTE, ORIGIN_PALETTE
 from dlama.files.results.preview import write_preview
 from dlama.files.scenes import clouds, textured_mesh
 from dlama.files.scenes import scene_npz as scenes
+from dlama.geometry.figures.false_color import HOLE_PALETTE, ORIGIN_PALETTE
 from dlama.geometry.view import HoleType, Origin, View
 from dlama.models.verify import sha256_of
 

@@ -11,7 +11,7 @@ from PIL import Image, ImageDraw, ImageFont
 from dlama.errors import ShapeError
 from dlama.files.atomic_write import PathLike
 from dlama.files.rasters.pictures import save_picture
-from dlama.files.results.false_color import RGB
+from dlama.geometry.figures.false_color import RGB
 from dlama.geometry.rgbd import UInt8Array
 
 Panel = tuple[str, UInt8Array]

@@ -10,15 +10,8 @@ import numpy as np
 from dlama.completion.completion import Completion, StereoCompletion
 from dlama.files.atomic_write import PathLike
 from dlama.files.results.contact_sheet import Panel, write_contact_sheet
-from dlama.files.results.false_color import (
-    HOLE_PALETTE,
-    RGB,
-    depth_limits,
-    depth_picture,
-    hole_legend,
-    hole_picture,
-    percent,
-)
+from dlama.files.results.legends import hole_legend, percent
+from dlama.geometry.figures.false_color import HOLE_PALETTE, RGB, depth_limits, depth_picture, hole_picture
 from dlama.geometry.rgbd import UInt8Array
 from dlama.geometry.view import HoleType, View
 

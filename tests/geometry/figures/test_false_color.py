@@ -5,16 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dlama.files.results.false_color import (
+from dlama.files.results.legends import hole_legend, percent
+from dlama.geometry.figures.false_color import (
     HATCH,
     HOLE_PALETTE,
     ORIGIN_PALETTE,
     SKY,
     depth_limits,
     depth_picture,
-    hole_legend,
     hole_picture,
-    percent,
 )
 from dlama.geometry.view import HoleType, Origin
 

@@ -1,13 +1,13 @@
-"""Depth, hole types and origins in; pictures that show them in colour, and their legends, out."""
+"""Depth, hole types and origins in; pictures that show them in colour out. Arrays only: the nouns draw themselves by it."""
 
 from __future__ import annotations
 
-import cv2
 import numpy as np
+from numpy.typing import NDArray
 
-from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
-from dlama.geometry.view import HoleType, Origin
-
+UInt8Array = NDArray[np.uint8]
+Float32Array = NDArray[np.float32]
+BoolArray = NDArray[np.bool_]
 RGB = tuple[int, int, int]
 
 HOLE_PALETTE: tuple[RGB, ...] = (
@@ -45,6 +45,8 @@ def depth_picture(
     `lo` and `hi` are the depths in metres shown as the nearest and the farthest colour; by default the 2nd and 98th
     percentile of this picture, so give them where pictures are compared. `hole` adds to where depth is missing.
     """
+    import cv2  # here, so that the nouns cost no more than numpy
+
     depth = np.nan_to_num(np.asarray(depth, np.float32), nan=0, posinf=np.inf)
     known = depth > 0 if hole is None else (depth > 0) & ~hole
     valid = known & (depth < np.inf)
@@ -91,24 +93,3 @@ def hatch(hw: tuple[int, ...]) -> UInt8Array:
     rows, columns = np.ogrid[: hw[0], : hw[1]]
     stripe = (rows + columns) % HATCH_PERIOD < HATCH_PERIOD // 2
     return np.where(stripe[..., None], np.array(HATCH[0], np.uint8), np.array(HATCH[1], np.uint8))
-
-
-def hole_legend(hole_type: UInt8Array) -> list[tuple[str, RGB]]:
-    """(name with its share of the picture, colour) of the hole types that occur, for a sheet's legend."""
-    counts = np.bincount(hole_type.ravel(), minlength=len(HOLE_PALETTE))
-    total = max(hole_type.size, 1)
-    return [
-        (f"{code.name.lower().replace('_', ' ')} {percent(counts[code] / total)}", HOLE_PALETTE[code])
-        for code in HoleType
-        if code and counts[code]
-    ]
-
-
-def origin_legend() -> list[tuple[str, RGB]]:
-    """(name, colour) of every origin."""
-    return [(code.name.lower().replace("_", " "), ORIGIN_PALETTE[code]) for code in Origin]
-
-
-def percent(share: float) -> str:
-    """0.1234 -> "12.3 %"; what is there but tiny is not called 0."""
-    return f"{100 * share:.1f} %" if share >= 0.0005 or share == 0 else "<0.1 %"

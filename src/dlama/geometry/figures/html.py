@@ -1,0 +1,72 @@
+"""Captioned pictures in; one small, self-contained piece of HTML, or one PNG, for notebooks out."""
+
+from __future__ import annotations
+
+import base64
+import html
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+Panel = tuple[str, NDArray[np.uint8]]
+"""Caption, and uint8 H x W x 3, RGB."""
+
+LARGEST_SIDE = 300
+"""Pixels; larger pictures are averaged down, so that a saved notebook stays small."""
+JPEG_QUALITY = 88
+GAP = 8
+"""Pixels between the pictures of a strip."""
+
+
+def figure(title: str, panels: Sequence[Panel]) -> str:
+    """HTML that shows a title and captioned pictures side by side; it loads nothing and suits light and dark pages."""
+    cells = "".join(
+        '<figure style="margin:0"><img style="display:block;max-width:100%" '
+        f'alt="{html.escape(caption, quote=True)}" src="data:image/jpeg;base64,{_base64(_encoded(picture, ".jpg"))}">'
+        f'<figcaption style="font-size:smaller;opacity:.75">{html.escape(caption)}</figcaption></figure>'
+        for caption, picture in panels
+    )
+    return (
+        f'<div><div style="margin-bottom:{GAP}px"><code>{html.escape(title)}</code></div>'
+        f'<div style="display:flex;flex-wrap:wrap;gap:{GAP}px">{cells}</div></div>'
+    )
+
+
+def strip(panels: Sequence[Panel]) -> bytes:
+    """A PNG file of the same pictures side by side, without their captions."""
+    pictures = [_small(picture) for _, picture in panels]
+    height = max(picture.shape[0] for picture in pictures)
+    width = sum(picture.shape[1] for picture in pictures) + GAP * (len(pictures) - 1)
+    sheet = np.full((height, width, 3), 255, np.uint8)
+    left = 0
+    for picture in pictures:
+        sheet[: picture.shape[0], left : left + picture.shape[1]] = picture
+        left += picture.shape[1] + GAP
+    return _encoded(sheet, ".png", small=False)
+
+
+def _small(picture: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """The picture with no side over LARGEST_SIDE."""
+    import cv2  # here, so that the nouns cost no more than numpy
+
+    height, width = picture.shape[:2]
+    factor = LARGEST_SIDE / max(height, width)
+    if factor >= 1:
+        return picture
+    size = (max(1, round(width * factor)), max(1, round(height * factor)))
+    return np.asarray(cv2.resize(picture, size, interpolation=cv2.INTER_AREA), np.uint8)
+
+
+def _encoded(picture: NDArray[np.uint8], suffix: str, small: bool = True) -> bytes:
+    """The bytes of a JPEG or PNG file of an RGB picture."""
+    import cv2
+
+    shown = _small(picture) if small else picture
+    options = [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY] if suffix == ".jpg" else []
+    return bytes(cv2.imencode(suffix, np.ascontiguousarray(shown[..., ::-1]), options)[1])
+
+
+def _base64(content: bytes) -> str:
+    """Bytes as a data address holds them."""
+    return base64.b64encode(content).decode("ascii")

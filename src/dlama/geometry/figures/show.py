@@ -1,0 +1,23 @@
+"""HTML in; shown below a notebook's cell, or as a page in the web browser."""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+import webbrowser
+from importlib import import_module
+from pathlib import Path
+
+PAGE_STYLE = "margin:24px;font:15px system-ui,sans-serif;color-scheme:light dark"
+
+
+def show_html(content: str) -> None:
+    """Show HTML below the cell of a running notebook; elsewhere as a page in the web browser, from a temporary file."""
+    shell = sys.modules.get("IPython")  # a notebook has imported it; nobody else needs it
+    if shell is not None and type(shell.get_ipython()).__name__ == "ZMQInteractiveShell":
+        display = import_module("IPython.display")
+        display.display(display.HTML(content))
+        return
+    with tempfile.NamedTemporaryFile("w", prefix="dlama-", suffix=".html", encoding="utf-8", delete=False) as file:
+        file.write(f"<!doctype html><meta charset='utf-8'><title>dlama</title><body style='{PAGE_STYLE}'>{content}")
+    webbrowser.open(Path(file.name).as_uri())
