@@ -39,6 +39,7 @@ if TYPE_CHECKING:  # what type checkers and editors read; a test holds it equal 
     from dlama.geometry.camera import Camera as Camera
     from dlama.geometry.camera import StereoRig as StereoRig
     from dlama.geometry.cloud import PointCloud as PointCloud
+    from dlama.geometry.frames.gathering import scene as scene
     from dlama.geometry.fusion import fuse as fuse
     from dlama.geometry.mesh import Mesh as Mesh
     from dlama.geometry.projection import lift as lift
@@ -112,6 +113,7 @@ MODULES = {
     "read_stereo_calib": "files.cameras",
     "remove": "completion.verbs",
     "render": "geometry.rendering",
+    "scene": "geometry.frames.gathering",
     "stereo": "completion.stereo",
     "view": "completion.verbs",
     "write": "files.results.completion",

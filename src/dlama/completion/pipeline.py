@@ -5,41 +5,42 @@ reposition (eq. 1) -> render, mask (eq. 2-4) -> fill (sec. 3.3) -> fuse (eq. 10,
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from dlama.completion.completion import Completion
+from dlama.completion.frames.filling import fill_first
+from dlama.completion.frames.removal import take_out_of
+from dlama.completion.frames.sources import about_source, starting_scene
 from dlama.completion.memory import check_memory
-from dlama.completion.plausible import warn_of_mask, warn_of_scale, warn_of_unknown
-from dlama.completion.published import clipped
+from dlama.completion.plausible import warn_of_scale, warn_of_unknown
 from dlama.completion.recipes import DepthBy, Recipe, checked_seed, find_recipe
-from dlama.completion.report import Clock, Record, depth_source, meta_data
+from dlama.completion.report import Clock, Record, meta_data
 from dlama.completion.steps import (
     Dilation,
     Plan,
     fill,
-    fill_source,
     filler_of_recipe,
     fuse_new,
     law_of,
     show_earlier_fill,
-    take_out,
     warp,
 )
 from dlama.errors import InputError
 from dlama.geometry.camera import Camera
 from dlama.geometry.rendering import Mode
 from dlama.geometry.rgbd import RGBD, BoolArray
+from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
 from dlama.inpainters import find_filler
 from dlama.inpainters.filling import Inpainter
 
 
 def complete(
-    rgbd: RGBD,
+    rgbd: RGBD | Scene | Sequence[RGBD],
     cameras: Sequence[Camera],
     *,
-    mask: BoolArray | None = None,
+    mask: BoolArray | Mapping[int, BoolArray] | None = None,
     filler: str | Inpainter = "layered",
     model: str | Path | None = None,
     recipe: str | Recipe = "dlama",
@@ -51,14 +52,16 @@ def complete(
     seed: int = 0,
     min_confidence: float = 0.0,
 ) -> Completion:
-    """Complete the scene of one RGB-D picture from several cameras, one after the other, into one Scene.
+    """Complete the scene of one RGB-D picture, or of many frames, from several cameras, one after the other, into one Scene.
 
-    Each camera sees what the earlier ones filled, so views re-rendered from the Scene agree.
+    Each camera sees what the earlier ones filled, so views re-rendered from the Scene agree. Of many frames all that any of them
+    saw is used, and only what none saw is filled.
 
     Args:
-        rgbd: The picture with metric depth, and its camera.
+        rgbd: The picture with metric depth, and its camera; or posed frames of one scene, as a list or as `scene` made of them.
         cameras: Where to look from, in the world of the picture's camera.
-        mask: H x W bool, True = remove: takes an object out everywhere.
+        mask: H x W bool, True = remove: takes an object out everywhere. Of many frames: number of a frame -> its mask, for one
+            frame or several; the other frames' masks follow from the thing's shape.
         filler: What fills the holes: a name, or a function (view, law, seed) -> Fill.
         model: The network file of a filler that runs one.
         recipe: `dlama`, `paper` or a Recipe. The next five replace single settings of it; None leaves them.
@@ -78,17 +81,16 @@ def complete(
     checked_seed(seed)
     if not cameras and mask is None:
         raise InputError("cameras is empty; one camera or more is wanted (rgbd.camera is the picture's own)")
-    check_memory((rgbd.camera, *cameras))
-    warn_of_scale(rgbd)
+    start = starting_scene(rgbd, chosen)
+    source = start.layers[0]
+    check_memory((*(frame.camera for frame in start.measured), *cameras))
+    warn_of_scale(source)
     inpainter = filler_of_recipe(find_filler(filler, model), chosen)
-    source = View.from_rgbd(clipped(rgbd, chosen.clip))
-    given, grown_mask = take_out(source, mask, chosen.dilate)
-    if mask is not None:
-        warn_of_mask(mask)
+    given, grown_mask = take_out_of(start, mask, chosen.dilate)
     plan = Plan(chosen, inpainter, seed, given, law_of(given, chosen))
     clock = Clock()
     with clock("fill"):
-        scene, source_fills = fill_source(plan)
+        scene, source_fills = fill_first(plan, start, cameras)
     warped: list[View] = []
     views: list[View] = []
     grown_holes: list[Dilation] = []
@@ -106,8 +108,8 @@ def complete(
         grown_holes.append(grown_hole)
         fills += [taken_over, filled]
     if mask is None:
-        warn_of_unknown(rgbd, warped)
-    meta = depth_source(rgbd) | meta_data(
+        warn_of_unknown(source, warped)
+    meta = about_source(rgbd, start) | meta_data(
         plan, filler, source, warped, Record(fills, clock.seconds, grown_mask, grown_holes)
     )
     return Completion(tuple(views), tuple(warped), scene, source, meta).with_min_confidence(min_confidence)

@@ -19,7 +19,7 @@ EVERY = 4
 """Rows and columns between the pixels of which a median is taken."""
 
 
-def warn_of_scale(rgbd: RGBD) -> None:
+def warn_of_scale(rgbd: RGBD | View) -> None:
     """Depth that can hardly be metres."""
     median = median_depth(rgbd)
     if median > MOST_METRES:
@@ -37,7 +37,7 @@ def warn_of_mask(mask: BoolArray) -> None:
         )
 
 
-def warn_of_unknown(rgbd: RGBD, warped: Sequence[View]) -> None:
+def warn_of_unknown(rgbd: RGBD | View, warped: Sequence[View]) -> None:
     """A view of which hardly anything is known."""
     shares = [float(view.color_hole.mean()) for view in warped]
     if not MOST_UNKNOWN < max(shares, default=0) < 1:  # of nothing at all meta.json speaks
@@ -50,7 +50,7 @@ def warn_of_unknown(rgbd: RGBD, warped: Sequence[View]) -> None:
     )
 
 
-def median_depth(rgbd: RGBD) -> float:
+def median_depth(rgbd: RGBD | View) -> float:
     """Metres, of some of the valid pixels; 0 where there are none."""
     some = rgbd.depth[::EVERY, ::EVERY]
     valid = some[(some > 0) & (some < np.inf)]

@@ -106,11 +106,11 @@ def fill_source(plan: Plan) -> tuple[Scene, tuple[FillReport, ...]]:
 def warp(plan: Plan, scene: Scene, camera: Camera) -> tuple[View, Dilation]:
     """What the measurements alone show from `camera`: I', lambda' and M (eq. 2-4), the hole grown as the recipe says.
 
-    Away from the source camera the depth of sensor holes, filled there (in `scene`), counts as measured.
+    Away from the source cameras the depth of sensor holes, filled there (in `scene`), counts as measured.
     """
-    home = camera.same_view_as(plan.given.layers[0].camera)
-    first, mode = (plan.given if home else scene).layers[0], plan.recipe.mode
-    view = render(Scene((first,), plan.given.objects), camera, mode)
+    home = any(camera.same_view_as(one.camera) for one in plan.given.measured)
+    base, mode = plan.given if home else scene, plan.recipe.mode
+    view = render(dataclasses.replace(base, layers=base.measured, objects=plan.given.objects), camera, mode)
     if plan.recipe.footprint and plan.given.objects:
         object_seen = render(Scene(plan.given.objects), camera, mode, types=False)
         view = view.without(~object_seen.hole & ~view.hole, HoleType.OBJECT)
@@ -144,6 +144,8 @@ def close_holes(law: Law, view: View, earlier: View, *, measured: bool = False) 
         origin=np.where(of_color, origin, view.origin),
         confidence=np.where(closed, earlier.confidence, view.confidence),
     )
+    if view.frame is not None and earlier.frame is not None:
+        known = dataclasses.replace(known, frame=np.where(of_color, earlier.frame, view.frame))
     return known, FillReport(0, moved, 0, {})
 
 

@@ -56,9 +56,8 @@ class Ends(NamedTuple):
 
 def closable(scene: Scene) -> bool:
     """True if a scene was filled, and nothing that was filled has been left open again for want of confidence."""
-    return len(scene.layers) > 1 and not any(
-        (layer.hole & (layer.hole_type != HoleType.NONE)).any() for layer in scene.layers[1:]
-    )
+    filled = scene.layers[len(scene.measured) :]
+    return bool(filled) and not any((layer.hole & (layer.hole_type != HoleType.NONE)).any() for layer in filled)
 
 
 def close_gaps(canvas: Canvas) -> None:

@@ -16,6 +16,7 @@ from dlama.geometry.drawing import MODES as MODES
 from dlama.geometry.drawing import NEAR, Canvas, Grid, draw, draw_far, spans, transformed
 from dlama.geometry.drawing import Mode as Mode
 from dlama.geometry.drawing import flying as flying
+from dlama.geometry.frames.merging import merge_frames
 from dlama.geometry.gaps import closable, close_gaps
 from dlama.geometry.holes import with_nearest
 from dlama.geometry.kernels import hole_types as hole_kernels
@@ -49,8 +50,9 @@ def render(
     read between source pixels by cubic B-spline, and averaged where the source is drawn smaller; `fine=False` reads them
     bilinearly, which blurs, in two thirds of the time. In a scene that was filled, gaps of
     up to 2 px and sky that goes on are closed (origin FILLED; `close_gaps`), unless it was thinned by confidence; `close=False`
-    leaves them open. A bare PointCloud has no grid to triangulate, so it renders as points;
-    asking for a surface raises InputError.
+    leaves them open. The frames of a scene of many are merged pixel by pixel (`dlama.geometry.frames.merging`); what was filled
+    is drawn on top of them, where nothing was measured in front. A bare PointCloud has no grid to triangulate, so it renders as
+    points; asking for a surface raises InputError.
     """
     if mode not in MODES:
         raise InputError(f"mode is {mode!r}; one of {', '.join(MODES)} is wanted")
@@ -58,11 +60,12 @@ def render(
         return render_cloud(source, camera, mode)
     scene = as_scene(source)
     fine = fine and mode == "surface"
+    merged = merge_frames(scene, camera, mode, fine) if scene.numbers else None
     layers = scene.layers if mode == "surface" else without_overlap(scene)
-    grids = [Grid.of(layer, camera, mode, fine) for layer in layers]
-    canvas = Canvas.empty(camera)
+    grids = [Grid.of(layer, camera, mode, fine) for layer in layers[len(scene.numbers) :]]
+    canvas = Canvas.empty(camera) if merged is None else merged.canvas
     for number, grid in enumerate(grids):
-        if number:
+        if number or merged is not None:
             measured = bool(from_source(grid.layer.origin).any())
             canvas.put(draw(grid, camera, Canvas.empty(camera)), tolerance=0.005, over_measured=measured)
         else:
@@ -74,6 +77,8 @@ def render(
     if close and mode == "surface" and closable(scene):
         close_gaps(canvas)
     hole = canvas.depth == 0
+    if merged is not None:
+        grids = merged.grids + grids
     return View(
         camera=camera,
         color=canvas.color,
@@ -82,6 +87,7 @@ def render(
         hole_type=hole_types(grids, scene.objects, camera, hole) if types else hole * np.uint8(HoleType.OUT_OF_VIEW),
         origin=canvas.origin,
         confidence=canvas.confidence,
+        frame=None if merged is None else merged.frame * np.uint16(canvas.origin != Origin.FILLED),
     )
 
 

@@ -15,6 +15,7 @@ from dlama.geometry.figures.false_color import depth_picture
 from dlama.geometry.figures.html import Panel, figure, strip
 
 UInt8Array = NDArray[np.uint8]
+UInt16Array = NDArray[np.uint16]
 Float32Array = NDArray[np.float32]
 BoolArray = NDArray[np.bool_]
 

@@ -29,15 +29,33 @@ class Scene:
     """Background layers, the most trusted first; at least one."""
     objects: tuple[View, ...] = ()
     """Removed objects, as views from which all but the object is a hole."""
+    numbers: tuple[int, ...] = ()
+    """Of a scene of many frames: so many of the layers, the first ones, are frames of equal rank, which are merged pixel by
+    pixel; their numbers as they were given. Empty: the scene of one picture."""
+    gains: tuple[tuple[float, float, float], ...] = ()
+    """For each of those frames: what its channels are multiplied by to have the scene's common brightness."""
+    noise: tuple[float, float] = (0.0, 0.0)
+    """Standard deviation of those frames' depth z, poses included: hypot(noise[0], noise[1] z^2) metres."""
 
     def __post_init__(self) -> None:
         for name in ("layers", "objects"):
             object.__setattr__(self, name, tuple(getattr(self, name)))
         if not self.layers:
             raise ShapeError("a scene has no layers; at least one is wanted")
+        if not len(self.numbers) == len(self.gains) <= len(self.layers):
+            raise ShapeError(
+                f"a scene has {len(self.layers)} layers, {len(self.numbers)} numbers of frames and {len(self.gains)} gains; "
+                "as many gains as numbers, and no more than layers, are wanted"
+            )
+
+    @property
+    def measured(self) -> tuple[View, ...]:
+        """The layers that are pictures: the frames, or the first layer."""
+        return self.layers[: max(1, len(self.numbers))]
 
     def __repr__(self) -> str:
-        layers, objects = counted(len(self.layers), "layer"), counted(len(self.objects), "removed object")
+        frames = f"{counted(len(self.numbers), 'frame')}, " if self.numbers else ""
+        layers, objects = frames + counted(len(self.layers), "layer"), counted(len(self.objects), "removed object")
         return f"Scene({layers}, {objects}, first layer {self.layers[0]!r})"
 
     def _repr_html_(self) -> str:

@@ -19,6 +19,7 @@ from dlama.geometry.rgbd import (
     BoolArray,
     Float32Array,
     UInt8Array,
+    UInt16Array,
     checked_fields,
     depth_range_in_words,
     percent,
@@ -36,6 +37,8 @@ class Origin(IntEnum):
     FILLED = 4
     ESTIMATED = 5
     """Colour measured, depth estimated from the picture; so too where it is seen from elsewhere."""
+    ELSEWHERE = 6
+    """In the view of one of a scene's frames: measured by another frame; where the colour is the frame's own, its depth alone."""
 
 
 ESTIMATED_CONFIDENCE = 0.6
@@ -87,6 +90,8 @@ class View:
     """H x W, Origin codes."""
     confidence: Float32Array
     """H x W in 0..1; 1 = measured."""
+    frame: UInt16Array | None = None
+    """H x W, 1 + the number of the frame that a pixel comes from, 0 = none; of scenes of many frames only."""
 
     def __post_init__(self) -> None:
         hw = self.camera.hw
@@ -98,6 +103,8 @@ class View:
             "origin": (hw, np.uint8),
             "confidence": (hw, np.float32),
         }
+        if self.frame is not None:
+            fields["frame"] = (hw, np.uint16)
         checked_fields(self, "view", fields, " for this camera")
 
     @classmethod

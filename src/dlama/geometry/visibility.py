@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 
 from dlama.geometry.camera import Camera
@@ -20,6 +21,8 @@ from dlama.geometry.view import View, from_source
 
 MAX_ROUNDS = 8
 """Passes over all source cameras after which what still breaks the law is put at infinity."""
+SIGMAS, EXACT, EDGES_PX = 3.0, 1e-3, 2
+"""Standard deviations of the depth of many frames that the law leaves, relative noise that is none, and how far edges are off."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,7 +35,7 @@ class Law:
 
     @classmethod
     def of(cls, scene: Scene) -> Law:
-        """The law that a scene's measured layers and removed objects lay down."""
+        """The law that a scene's measured layers and removed objects lay down; of many frames, within their measured noise."""
         measured: list[tuple[Camera, Float32Array]] = []
         sky = [layer.color[layer.far & from_source(layer.origin)] for layer in scene.layers]
         for layer in (*scene.layers, *scene.objects):
@@ -45,6 +48,8 @@ class Law:
                     break
             else:
                 measured.append((layer.camera, depth))
+        if scene.numbers:
+            measured = [(camera, within_noise(depth, scene.noise)) for camera, depth in measured]
         far = np.concatenate(sky)
         return cls(tuple(measured), far.mean(0).astype(np.uint8) if len(far) else None)
 
@@ -81,6 +86,20 @@ class Law:
                 in_bands(kernels.push_back, len(out), out, broken, *px_from_px(source, camera), measured)
         out[self.violations(camera, out, where)] = np.inf
         return out, moved
+
+
+def within_noise(depth: Float32Array, noise: tuple[float, float]) -> Float32Array:
+    """Measured depth (H x W metres, 0 = none, inf = far) less three standard deviations of `Scene.noise`, poses included: edges
+    may be off sideways too, so of each pixel's neighbourhood the nearest counts. As it is where there is no noise.
+    """
+    finite = (depth > 0) & (depth < np.inf)
+    metres = np.where(finite, depth, np.float32(0))
+    spread = SIGMAS * np.hypot(noise[0], noise[1] * metres**2)
+    if not finite.any() or float(np.median((spread / np.maximum(metres, 1e-3))[finite])) <= EXACT:
+        return depth
+    known = np.where(depth > 0, np.where(finite, depth - spread, depth), np.inf).astype(np.float32)
+    nearest = cv2.erode(known, np.ones((2 * EDGES_PX + 1, 2 * EDGES_PX + 1), np.uint8))
+    return np.where(depth > 0, np.maximum(nearest, np.float32(1e-3)), np.float32(0))
 
 
 def lawful_depth(view: View, depth: Float32Array, where: BoolArray, law: Law) -> tuple[Float32Array, int]:

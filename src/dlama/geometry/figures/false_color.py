@@ -28,8 +28,9 @@ ORIGIN_PALETTE: tuple[RGB, ...] = (
     (204, 121, 167),
     (213, 94, 0),
     (0, 158, 115),
+    (240, 228, 66),
 )
-"""RGB by Origin code: unknown, measured, reprojected, depth filled, filled, estimated."""
+"""RGB by Origin code: unknown, measured, reprojected, depth filled, filled, estimated, elsewhere."""
 
 SKY: RGB = (222, 231, 240)
 HATCH: tuple[RGB, RGB] = ((46, 48, 52), (64, 67, 72))

@@ -1,0 +1,186 @@
+"""A scene of many frames and the masks of a thing in some of them in; the scene without that thing, in every frame, out.
+
+The masked frames say where the thing's points lie and, just as well, which points beside it are not its own. In every other frame
+those pixels are its own that show such a point, and what is one surface with them, within the thing's box, and that no masked
+frame shows outside its mask.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import cv2
+import numpy as np
+
+from dlama.completion.plausible import warn_of_mask
+from dlama.completion.steps import NO_DILATION, Dilation, take_out
+from dlama.errors import InputError, MaskError
+from dlama.geometry.drawing import mesh_grid
+from dlama.geometry.frames.agreement import AGREES
+from dlama.geometry.frames.choosing import choose_frames
+from dlama.geometry.holes import checked_mask, dilated, eroded
+from dlama.geometry.kernels.depth_edges import DOWN, RIGHT
+from dlama.geometry.projection import project, rays
+from dlama.geometry.rendering import render
+from dlama.geometry.rgbd import BoolArray
+from dlama.geometry.scene import Scene
+from dlama.geometry.view import HoleType, View
+
+RIM_PX = 3
+"""A mask's rim that is not carried: masks reach a little over the thing."""
+EDGE_PX = 2
+"""By which a region grows back to the depth edges that told it from others."""
+BOX_GROWS = 0.15
+"""Of the thing's diagonal, by which its box grows: other frames see sides of it that the masked ones do not."""
+THICK = 0.7
+"""Of the thing's largest extent: how thick it may be along the line of sight of the masked frames."""
+OUTLIERS = (1.0, 99.0)
+"""Percentiles of the thing's points that its box holds."""
+
+
+def take_out_of(scene: Scene, mask: BoolArray | Mapping[int, BoolArray] | None, radius: int) -> tuple[Scene, Dilation]:
+    """The measured scene without the thing under a mask, or under the masks of several frames, grown by `radius` px.
+
+    Raises MaskError, InputError (a mask for a frame that is not there, or no number where there are many frames).
+    """
+    if not scene.numbers:
+        if isinstance(mask, Mapping):
+            if list(mask) != [0]:
+                raise InputError(f"mask is for frames {', '.join(map(str, mask))}; there is one picture, frame 0")
+            mask = mask[0]
+        taken = take_out(scene.layers[0], mask, radius)
+        if mask is not None:
+            warn_of_mask(mask)
+        return taken
+    measured = Scene(scene.measured, scene.objects, scene.numbers, scene.gains, scene.noise)
+    if mask is None:
+        return measured, NO_DILATION
+    if not isinstance(mask, Mapping):
+        raise InputError("mask is one picture, and there are many frames; {number of the frame: mask} is wanted")
+    masks = {_place(scene, number): checked_mask(one, scene.layers[0].camera.hw) for number, one in mask.items()}
+    if not masks:
+        raise InputError("mask is empty; {number of the frame: mask} is wanted")
+    everywhere = carried(measured, masks)
+    frames, objects, before, given_up = [], [], 0, 0
+    for frame, one in zip(measured.layers, everywhere):
+        larger = dilated(one, radius)
+        if larger.all():
+            raise MaskError(f"dilate is {radius} px: a mask grown by that is full and leaves nothing to fill from")
+        before, given_up = before + int(one.sum()), given_up + int(larger.sum()) - int(one.sum())
+        frames.append(frame.without(larger, HoleType.OBJECT) if larger.any() else frame)
+        if larger.any():
+            objects.append(frame.without(~larger, HoleType.NONE))
+    without = Scene(tuple(frames), (*scene.objects, *objects), scene.numbers, scene.gains, scene.noise)
+    return without, Dilation(before, given_up)
+
+
+def _place(scene: Scene, number: int) -> int:
+    if number not in scene.numbers:
+        known = (
+            f"{scene.numbers[0]} to {scene.numbers[-1]}"
+            if len(scene.numbers) > 8
+            else ", ".join(map(str, scene.numbers))
+        )
+        raise InputError(f"mask is for frame {number}, which is not in the scene; it has frames {known}")
+    return scene.numbers.index(number)
+
+
+def carried(scene: Scene, masks: Mapping[int, BoolArray]) -> list[BoolArray]:
+    """H x W bool for each frame of the scene: the masks themselves, and in all other frames where the same thing is seen."""
+    thing = Scene(
+        tuple(inner(scene.layers[place], mask) for place, mask in masks.items()),
+        numbers=tuple(masks),
+        gains=tuple((1.0, 1.0, 1.0) for _ in masks),
+        noise=scene.noise,
+    )
+    box = box_of(thing)
+    found = []
+    for place, frame in enumerate(scene.layers):
+        found.append(masks[place] if place in masks else _carried_to(frame, scene, masks, thing, box))
+    return found
+
+
+def inner(frame: View, mask: BoolArray) -> View:
+    """What the mask shows of a frame, without the mask's rim (with it, where the mask is thin)."""
+    core = eroded(mask, RIM_PX)
+    return frame.without(~(core if (core & frame.valid).any() else mask), HoleType.NONE)
+
+
+def points_of(view: View) -> np.ndarray:
+    """H x W x 3, where each pixel's point lies in the world; pixels without depth at the camera."""
+    depth = np.where(view.valid, view.depth, 0)
+    pose = view.camera.world_from_cam
+    return (rays(view.camera) * depth[..., None]) @ pose[:3, :3].T + pose[:3, 3]
+
+
+def box_of(thing: Scene) -> tuple[np.ndarray, np.ndarray]:
+    """Lower and upper corner, in the world, of the box that holds the thing; InputError where the masks show no depth."""
+    points = [points_of(layer)[layer.valid] for layer in thing.layers]
+    if not sum(map(len, points)):
+        raise InputError(
+            "mask marks no pixel with depth, so it cannot be carried to the other frames; mask another frame"
+        )
+    low, high = np.percentile(np.concatenate(points), OUTLIERS, axis=0)
+    thick = THICK * float((high - low).max())
+    backs = []  # where the far side of the thing may lie, which the masked frames do not see
+    for layer, front in zip(thing.layers, points):
+        sight = front - layer.camera.world_from_cam[:3, 3]
+        backs.append(front + thick * sight / np.linalg.norm(sight, axis=1, keepdims=True))
+    low, high = np.percentile(np.concatenate([*points, *backs]), OUTLIERS, axis=0)
+    grow = BOX_GROWS * float(np.linalg.norm(high - low))
+    return low - grow, high + grow
+
+
+def _carried_to(
+    frame: View, scene: Scene, masks: Mapping[int, BoolArray], thing: Scene, box: tuple[np.ndarray, np.ndarray]
+) -> BoolArray:
+    """Where a frame that has no mask shows the thing."""
+    nothing = np.zeros(frame.hole.shape, bool)
+    points = points_of(frame)
+    candidates = frame.valid & ((points >= box[0]) & (points <= box[1])).all(-1)
+    seen = render(thing, frame.camera, types=False)
+    agrees = np.abs(seen.depth - frame.depth) <= AGREES * frame.depth
+    seeds = seen.valid & frame.valid & agrees
+    if not seeds.any():
+        return nothing
+    near = choose_frames([scene.layers[place] for place in masks], frame.camera)
+    for number, (place, mask) in enumerate(masks.items()):
+        if number in near:
+            beside = seen_outside(points, scene.layers[place], mask)
+            candidates &= ~beside
+            seeds &= ~beside
+    found = connected(candidates & not_at_edges(frame), seeds)
+    return with_missing(found | (dilated(found, EDGE_PX) & candidates), frame, seen.valid)
+
+
+def seen_outside(points: np.ndarray, masked: View, mask: BoolArray) -> BoolArray:
+    """H x W, True at points (H x W x 3) that a masked frame shows outside its mask."""
+    pixels, z = project(points.reshape(-1, 3), masked.camera)
+    width, height = masked.camera.wh
+    inside = (z > 0) & (pixels >= 0).all(1) & (pixels[:, 0] < width) & (pixels[:, 1] < height)
+    x, y = np.where(inside[:, None], pixels, 0).astype(np.intp).T
+    there = np.where(masked.hole, 0, masked.depth)[y, x]
+    shown = inside & (np.abs(there - z) <= AGREES * z) & ~mask[y, x]
+    return np.asarray(shown.reshape(points.shape[:2]))
+
+
+def not_at_edges(frame: View) -> BoolArray:
+    """H x W, False at the pixels beside a depth edge, by which regions are told apart."""
+    joined = mesh_grid(frame)[1]
+    inside = np.ones(joined.shape, bool)
+    inside[:, :-1] &= (joined[:, :-1] & RIGHT) > 0
+    inside[:-1] &= (joined[:-1] & DOWN) > 0
+    return inside
+
+
+def connected(candidates: BoolArray, seeds: BoolArray) -> BoolArray:
+    """The regions of the candidates that hold a seed, and the seeds themselves, with small gaps closed."""
+    labels = cv2.connectedComponents(candidates.astype(np.uint8), connectivity=4)[1]
+    wanted = np.unique(labels[candidates & seeds])
+    found = (np.isin(labels, wanted[wanted > 0]) | seeds).astype(np.uint8)
+    return cv2.morphologyEx(found, cv2.MORPH_CLOSE, np.ones((5, 5), np.uint8)) > 0
+
+
+def with_missing(found: BoolArray, frame: View, shown: BoolArray) -> BoolArray:
+    """With the frame's pixels without depth where the thing, as the masked frames know it, lies (H x W `shown`)."""
+    return found | (frame.hole & shown & dilated(found, 2 * RIM_PX))

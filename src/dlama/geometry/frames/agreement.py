@@ -1,0 +1,138 @@
+"""Two views of one scene in; what their depths and colours say of each other, sample by sample, out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from dlama.geometry.camera import Float64Array
+from dlama.geometry.frames.choosing import Samples
+from dlama.geometry.projection import project
+from dlama.geometry.rgbd import Float32Array
+from dlama.geometry.view import View
+
+AGREES = 0.05
+"""Relative difference of two depths of one surface, whatever noise and poses are like."""
+UNCLIPPED = (8, 247)
+"""Levels between which a channel tells how much brighter one picture is than the other."""
+BLUR_PX = 5
+"""Colours are compared as means over such a square: poses are off by a pixel or two."""
+ENOUGH = 20
+"""Samples that a pair of frames has to share."""
+ALL_PAIRS = 64
+"""Frames up to which each is held against every other; beyond, against those 1, 2, 4, 8, ... places on."""
+
+
+@dataclass(frozen=True)
+class Overlap:
+    """What one frame's samples say where they land in another frame."""
+
+    agree: int
+    """Samples that lie on the other's surface."""
+    through: int
+    """Samples that the other looked through: it saw something behind them."""
+    depth: Float64Array
+    """Of the samples that agree: metres."""
+    error: Float64Array
+    """Their depth in the other frame less what that measured."""
+    ratio: Float64Array
+    """N x 3: logarithm of the other's colour by this one's, of samples that neither clips."""
+
+
+class Judged:
+    """A frame made ready to be held against others."""
+
+    def __init__(self, view: View) -> None:
+        self.camera = view.camera
+        self.samples = Samples(view)
+        self.blurred = cv2.blur(view.color, (BLUR_PX, BLUR_PX)).astype(np.float32)
+        self.colors = self.blurred[self.samples.rows, self.samples.columns]
+        depth = np.where(view.hole | np.isinf(view.depth), np.float32(0), view.depth)
+        self.inverse = np.divide(1, depth, out=np.zeros_like(depth), where=depth > 0)
+
+
+def pairs_of(count: int) -> list[tuple[int, int]]:
+    """Which frames are held against which (i, j), i != j, both ways."""
+    if count <= ALL_PAIRS:
+        return [(i, j) for i in range(count) for j in range(count) if i != j]
+    steps = [2**power for power in range(count.bit_length()) if 2**power < count]
+    one_way = [(i, i + step) for i in range(count) for step in steps if i + step < count]
+    return [*one_way, *((j, i) for i, j in one_way)]
+
+
+def overlap(one: Judged, other: Judged) -> Overlap:
+    """The samples of `one` seen by `other`."""
+    pixels, z = project(one.samples.points, other.camera)
+    inside = (z > 0) & (pixels >= 0.5).all(1) & (pixels < np.array(other.camera.wh) - 0.5).all(1)
+    pixels, z = pixels[inside], z[inside]
+    w = inverse_at(other.inverse, pixels)
+    known = w > 0
+    pixels, z, w = pixels[known], z[known], w[known]
+    agree = np.abs(z * w - 1) <= AGREES
+    x, y = pixels[agree].astype(np.intp).T
+    here, there = one.colors[inside][known][agree], other.blurred[y, x]
+    clear = (np.minimum(here, there) > UNCLIPPED[0]).all(1) & (np.maximum(here, there) < UNCLIPPED[1]).all(1)
+    return Overlap(
+        int(agree.sum()),
+        int((z * w < 1 - AGREES).sum()),
+        z[agree],
+        z[agree] - 1 / w[agree],
+        np.log(there[clear] / here[clear]).astype(np.float64),
+    )
+
+
+def inverse_at(inverse: Float32Array, pixels: Float64Array) -> Float64Array:
+    """Inverse depth at pixel coordinates (N x 2, at least half a pixel inside), read linearly; 0 where that is no one surface."""
+    left, top = np.floor(pixels - 0.5).astype(np.intp).T
+    right, bottom = np.minimum(left + 1, inverse.shape[1] - 1), np.minimum(top + 1, inverse.shape[0] - 1)
+    corners = np.stack([inverse[top, left], inverse[top, right], inverse[bottom, left], inverse[bottom, right]])
+    u, v = (pixels - 0.5 - np.stack([left, top], 1)).T
+    weights = np.stack([(1 - u) * (1 - v), u * (1 - v), (1 - u) * v, u * v])
+    one_surface = corners.min(0) > (1 - AGREES) * corners.max(0)
+    return np.where(one_surface, (weights * corners).sum(0), 0.0)
+
+
+def fitted_noise(found: Sequence[Overlap]) -> tuple[float, float]:
+    """a and b of the standard deviation hypot(a, b z^2) of one frame's depth z, from differences of two frames' depths."""
+    depth = np.concatenate([each.depth for each in found])
+    error = np.abs(np.concatenate([each.error for each in found]))
+    if len(depth) < ENOUGH:
+        return 0.0, 0.0
+    order = np.argsort(depth)
+    parts = np.array_split(order, min(8, max(1, len(order) // ENOUGH)))
+    middle = np.array([np.median(depth[part]) for part in parts])
+    variance = np.array([(1.4826 * np.median(error[part])) ** 2 / 2 for part in parts])  # of one of the two
+    a, b = np.linalg.lstsq(np.stack([np.ones_like(middle), middle**4], 1), variance, rcond=None)[0]
+    if a < 0:
+        a, b = 0.0, float((variance * middle**4).sum() / (middle**8).sum())
+    elif b < 0:
+        a, b = float(variance.mean()), 0.0
+    return float(np.sqrt(a)), float(np.sqrt(b))
+
+
+def fitted_gains(count: int, found: dict[tuple[int, int], Overlap]) -> Float64Array:
+    """count x 3: what each frame's channels are multiplied by so that all are equally bright; their geometric mean is 1.
+
+    Least squares over the median ratio of each pair that shares enough samples. 1 where nothing says anything.
+    """
+    rows, wanted, weights = [], [], []
+    for (i, j), each in found.items():
+        if len(each.ratio) >= ENOUGH:
+            row = np.zeros(count)
+            row[i], row[j] = 1, -1
+            rows.append(row)
+            wanted.append(np.median(each.ratio, axis=0))
+            weights.append(np.sqrt(len(each.ratio)))
+    if not rows:
+        return np.ones((count, 3))
+    weight = np.array(weights)[:, None]
+    tie = 1e-3 * np.eye(count)  # what no pair ties to the others stays as it is
+    system, right = (
+        np.vstack([np.array(rows) * weight, tie]),
+        np.vstack([np.array(wanted) * weight, np.zeros((count, 3))]),
+    )
+    logs = np.linalg.lstsq(system, right, rcond=None)[0]
+    return np.exp(logs - logs.mean(0))

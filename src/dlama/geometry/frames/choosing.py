@@ -1,0 +1,101 @@
+"""The frames of a scene and a camera in; the few of them that matter for it out, each chosen for what it adds.
+
+Cost: each frame is sampled at about SAMPLES pixels, which are projected into the camera; a view costs so many projections a frame
+(some 0.1 ms each), and renderings only of those that were chosen.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from dlama.geometry.camera import Camera, Float64Array
+from dlama.geometry.projection import project
+from dlama.geometry.view import View
+
+MOST_FRAMES = 8
+"""Frames that are rendered for one camera."""
+SAMPLES = (24, 32)
+"""Rows and columns of pixels by which a frame is judged, and cells of the camera's picture in which they are counted."""
+WORTH = np.array([1.0, 0.35, 0.15, 0.05, 0.02, 0.01])
+"""What the first, second, ... frame adds that shows a cell: the first shows it at all, the next confirm it."""
+LEAST_WORTH = 0.5
+"""Cells that a frame has to add."""
+OCCLUDED = 0.9
+"""A sample so much deeper than the nearest one in its cell is not counted."""
+
+
+class Samples:
+    """A frame at every few pixels: points in the world, and what it shows there."""
+
+    def __init__(self, view: View) -> None:
+        grid = [
+            np.minimum((np.arange(n) + 0.5) * size / n, size - 1).astype(np.intp)
+            for n, size in zip(SAMPLES, view.camera.hw)
+        ]
+        rows, columns = (part.ravel() for part in np.meshgrid(*grid, indexing="ij"))
+        depth = np.where(view.hole[rows, columns], 0, view.depth[rows, columns]).astype(np.float64)
+        known = (depth > 0) & (depth < np.inf)
+        self.rows, self.columns, self.depth = rows[known], columns[known], depth[known]
+        camera = view.camera
+        local = np.stack(
+            [
+                (self.columns + 0.5 - camera.cx) / camera.fx * self.depth,
+                (self.rows + 0.5 - camera.cy) / camera.fy * self.depth,
+                self.depth,
+            ],
+            1,
+        )
+        pose = camera.world_from_cam
+        self.points: Float64Array = local @ pose[:3, :3].T + pose[:3, 3]
+
+
+def choose_frames(frames: Sequence[View], camera: Camera, most: int = MOST_FRAMES) -> list[int]:
+    """Places of the frames that matter for `camera`, the one that adds most first; at most `most`.
+
+    A frame of the camera itself comes first. A frame is worth the cells of the picture it shows, less what others show there
+    already, and less the more its line of sight turns and the coarser it is.
+    """
+    own = [place for place, frame in enumerate(frames) if frame.camera.same_view_as(camera)][:1]
+    if len(frames) == 1:
+        return [0]
+    quality, nearest = _seen(frames, camera)
+    cells = quality * (nearest * OCCLUDED <= nearest.min(0))
+    counts = np.zeros(cells.shape[1], np.intp)
+    chosen: list[int] = []
+    for place in own:
+        counts[cells[place] > 0] += 1
+        chosen.append(place)
+    left = [place for place in range(len(frames)) if place not in chosen]
+    while left and len(chosen) < most:
+        gains = cells[left] @ WORTH[np.minimum(counts, len(WORTH) - 1)]
+        best = int(np.argmax(gains))
+        if gains[best] < LEAST_WORTH and chosen:
+            break
+        chosen.append(left.pop(best))
+        counts[cells[chosen[-1]] > 0] += 1
+    return chosen
+
+
+def _seen(frames: Sequence[View], camera: Camera) -> tuple[Float64Array, Float64Array]:
+    """N x cells: how well each frame shows a cell of the camera's picture (0..1), and its nearest depth there (inf = none)."""
+    rows, columns = SAMPLES
+    quality = np.zeros((len(frames), rows * columns))
+    nearest = np.full((len(frames), rows * columns), np.inf)
+    center = camera.world_from_cam[:3, 3]
+    for place, frame in enumerate(frames):
+        samples = Samples(frame)
+        pixels, z = project(samples.points, camera)
+        inside = (z > 0) & (pixels >= 0).all(1) & (pixels[:, 0] < camera.width) & (pixels[:, 1] < camera.height)
+        if not inside.any():
+            continue
+        x, y = (pixels[inside] / camera.wh * (columns, rows)).astype(np.intp).T
+        cell, points = y * columns + x, samples.points[inside]
+        here, there = points - center, points - frame.camera.world_from_cam[:3, 3]
+        far_here, far_there = np.linalg.norm(here, axis=1), np.linalg.norm(there, axis=1)
+        cosine = (here * there).sum(1) / np.maximum(far_here * far_there, 1e-9)
+        coarser = np.maximum(1.0, far_there * camera.fx / np.maximum(far_here * frame.camera.fx, 1e-9))
+        np.maximum.at(quality[place], cell, np.maximum(0.05, cosine) / coarser)
+        np.minimum.at(nearest[place], cell, z[inside])
+    return quality, nearest

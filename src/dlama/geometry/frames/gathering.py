@@ -1,0 +1,124 @@
+"""Posed RGB-D frames of one scene in; one Scene of them out, with the gain of each and the noise of all; bad ones named."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Sequence
+
+import numpy as np
+
+from dlama.errors import InputError, ShapeError
+from dlama.geometry.camera import Float64Array
+from dlama.geometry.frames.agreement import ENOUGH, Judged, Overlap, fitted_gains, fitted_noise, overlap, pairs_of
+from dlama.geometry.rgbd import RGBD
+from dlama.geometry.scene import Scene
+from dlama.geometry.view import View
+
+SAME_GAIN = 0.01
+"""Gains that all lie nearer to 1 than this are none."""
+OUTLIER = 0.5
+"""A frame is an outlier if it agrees with the others so many times less than their median does."""
+
+
+def scene(frames: Sequence[RGBD], *, names: Sequence[str] | None = None) -> Scene:
+    """The scene that several posed frames show, in their one world. One frame gives the scene of one picture.
+
+    Its views come from all frames: depths within the measured noise are one surface, a point that as many frames looked through
+    as saw it is dropped, and colours are brought to one brightness. What is wrong with single frames is warned of, and they are
+    left out: the same picture from the same place twice, a pose that contradicts all others. Frame numbers (`Scene.numbers`,
+    `View.frame`) count the frames as given, from 0.
+
+    Args:
+        frames: Pictures with metric depth, of one size; their cameras stand in one world.
+        names: What messages call them; their numbers by default.
+    Raises:
+        InputError: no frame, frames of different sizes (ShapeError), or of which no two show the same surfaces.
+    """
+    called = [f"frame {number}" for number in range(len(frames))] if names is None else list(names)
+    _check(frames, called)
+    views = [View.from_rgbd(frame) for frame in frames]
+    if len(views) == 1:
+        return Scene((views[0],))
+    kept = _without_duplicates(views, called)
+    if len(kept) == 1:
+        return Scene((views[kept[0]],))
+    judged = {place: Judged(views[place]) for place in kept}
+    found = {(kept[i], kept[j]): overlap(judged[kept[i]], judged[kept[j]]) for i, j in pairs_of(len(kept))}
+    kept = _without_outliers(kept, found, called)
+    left = {(kept.index(i), kept.index(j)): each for (i, j), each in found.items() if i in kept and j in kept}
+    gains = fitted_gains(len(kept), left)
+    if (np.abs(gains - 1) < SAME_GAIN).all():
+        gains = np.ones_like(gains)
+    return Scene(
+        tuple(views[place] for place in kept),
+        numbers=tuple(kept),
+        gains=tuple((float(r), float(g), float(b)) for r, g, b in gains),
+        noise=fitted_noise(list(left.values())),
+    )
+
+
+def _check(frames: Sequence[RGBD], called: Sequence[str]) -> None:
+    if not frames:
+        raise InputError("frames is empty; one posed RGB-D frame or more is wanted")
+    if len(called) != len(frames):
+        raise InputError(f"names has {len(called)} names for {len(frames)} frames; as many are wanted")
+    first = frames[0].camera
+    for frame, name in zip(frames, called):
+        if frame.camera.hw != first.hw:
+            raise ShapeError(
+                f"{name} is {frame.camera.width}x{frame.camera.height} and {called[0]} {first.width}x{first.height}; frames of "
+                "one size are wanted"
+            )
+        if not (frame.valid | frame.far).any():
+            raise InputError(f"{name} has no depth at all; leave it out")
+
+
+def _without_duplicates(views: Sequence[View], called: Sequence[str]) -> list[int]:
+    """Places of the frames, each picture once."""
+    kept: list[int] = []
+    for place, view in enumerate(views):
+        twin = next((other for other in kept if _same(views[other], view)), None)
+        if twin is None:
+            kept.append(place)
+        else:
+            warnings.warn(f"{called[place]} is {called[twin]} once more; it is left out", UserWarning, stacklevel=3)
+    return kept
+
+
+def _same(one: View, other: View) -> bool:
+    return one.camera.same_view_as(other.camera) and np.array_equal(one.color, other.color)
+
+
+def _without_outliers(kept: list[int], found: dict[tuple[int, int], Overlap], called: Sequence[str]) -> list[int]:
+    """The frames that some other one confirms; those that contradict all others, or meet none, are named."""
+    if not any(each.agree >= ENOUGH for each in found.values()):
+        raise InputError(
+            f"no two of the {len(kept)} frames show the same surfaces: are the poses camera-to-world, in metres, and of the same "
+            "scene as the depth?"
+        )
+    while len(kept) > 2:
+        shares = _agreement(kept, found)
+        worst = int(np.nanargmin(shares)) if not np.isnan(shares).all() else 0
+        if not shares[worst] < OUTLIER * np.nanmedian(shares):
+            break
+        warnings.warn(
+            f"{called[kept[worst]]} contradicts the others: {shares[worst]:.0%} of its points that they can see lie on their "
+            f"surfaces, of the others' {np.nanmedian(shares):.0%}; it is left out, is its pose right?",
+            UserWarning,
+            stacklevel=4,
+        )
+        kept = [place for place in kept if place != kept[worst]]
+    for place, share in zip(kept, _agreement(kept, found)):
+        if np.isnan(share):
+            warnings.warn(f"{called[place]} shows nothing that another frame shows", UserWarning, stacklevel=4)
+    return kept
+
+
+def _agreement(kept: Sequence[int], found: dict[tuple[int, int], Overlap]) -> Float64Array:
+    """Of each frame: share of points on the other's surface, among those on it or looked through, both ways; NaN: none."""
+    shares = []
+    for place in kept:
+        own = [each for (i, j), each in found.items() if place in (i, j) and i in kept and j in kept]
+        agree, through = sum(each.agree for each in own), sum(each.through for each in own)
+        shares.append(agree / (agree + through) if agree + through >= ENOUGH else np.nan)
+    return np.array(shares)

@@ -1,0 +1,125 @@
+"""The frames of a scene and a camera in; what all of them together show of it, on one canvas, out.
+
+Each of at most MOST_FRAMES frames is drawn into the camera. Per pixel, depths within the measured noise are one surface; the
+nearest surface counts, unless as many frames looked through it as show it. Its depth is the mean, its colour that of the frames
+that show it best.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from dlama.geometry.camera import Camera, Float64Array
+from dlama.geometry.drawing import Canvas, Grid, Mode, draw, draw_far
+from dlama.geometry.frames.choosing import MOST_FRAMES, choose_frames
+from dlama.geometry.kernels import merging as kernels
+from dlama.geometry.kernels.depth_edges import DOWN, RIGHT
+from dlama.geometry.kernels.jit import in_bands
+from dlama.geometry.projection import px_from_px
+from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array, UInt16Array
+from dlama.geometry.scene import Scene
+from dlama.geometry.view import Origin, View, from_source
+
+LOOKED_THROUGH_PX = 2
+"""A point counts as looked through only if a frame saw nothing near it within so many pixels: poses drift."""
+MEASURED, FILLED = 2, 1
+"""What a depth is worth."""
+
+
+@dataclass(frozen=True, eq=False)
+class Merged:
+    """What the frames show of a camera."""
+
+    canvas: Canvas
+    frame: UInt16Array
+    """H x W, 1 + the number of the frame a pixel comes from; 0 = none."""
+    grids: list[Grid]
+    """The frames that were drawn, ready for hole types."""
+
+
+def merge_frames(scene: Scene, camera: Camera, mode: Mode, fine: bool, most: int = MOST_FRAMES) -> Merged:
+    """The frames of a scene, merged as `camera` sees them. In the camera of a frame its own pixels stay bit for bit."""
+    places = choose_frames(scene.measured, camera, most)
+    frames = [scene.measured[place] for place in places]
+    grids = [Grid.of(frame, camera, mode, fine) for frame in frames]
+    drawn = [_drawn(grid, camera) for grid in grids]
+    gains = np.array([scene.gains[place] for place in places])
+    own = frames[0] if grids[0].own_camera else None
+    canvas, best = _merged(drawn, grids, camera, gains / gains[0] if own is not None else gains, scene.noise)
+    number = np.array([0, *(scene.numbers[place] + 1 for place in places)], np.uint16)
+    if own is not None:
+        _keep_own(canvas, best, own)
+    return Merged(canvas, number[best], grids)
+
+
+def _drawn(grid: Grid, camera: Camera) -> Canvas:
+    canvas = draw(grid, camera, Canvas.empty(camera))
+    draw_far(grid, camera, canvas)
+    return canvas
+
+
+def _merged(
+    drawn: Sequence[Canvas], grids: Sequence[Grid], camera: Camera, gains: Float64Array, noise: tuple[float, float]
+) -> tuple[Canvas, UInt16Array]:
+    """One canvas of several, and 1 + the place of the frame each pixel comes from."""
+    out, best = Canvas.empty(camera), np.zeros(camera.hw, np.uint16)
+    color, depth, origin, sure = (np.stack(parts) for parts in zip(*(canvas.buffers() for canvas in drawn)))
+    lent = (origin == Origin.DEPTH_FILLED) | (origin == Origin.ELSEWHERE)  # colour of its own, depth not
+    rank = np.where(lent, np.uint8(FILLED), np.uint8(MEASURED))
+    ways = [px_from_px(grid.layer.camera, camera) for grid in grids]
+    centers = [
+        [*(camera.cam_from_world @ grid.layer.camera.world_from_cam)[:3, 3], grid.layer.camera.fx] for grid in grids
+    ]
+    in_bands(
+        kernels.merge, camera.height, depth, color, rank,
+        np.stack([nearest_around(grid.layer) for grid in grids]), np.stack([margin(grid) for grid in grids]),
+        np.stack([matrix for matrix, _ in ways]), np.stack([offset for _, offset in ways]), np.array(centers),
+        np.array([camera.fx, camera.fy, camera.cx, camera.cy]), gains, np.array(noise),
+        out.color, out.depth, best, np.zeros(camera.hw, np.bool_),
+    )  # fmt: skip
+    place = np.maximum(best, 1)[None] - 1
+    known = best > 0
+    np.copyto(out.origin, np.take_along_axis(origin, place, 0)[0], where=known)
+    out.origin[out.origin == Origin.ELSEWHERE] = Origin.REPROJECTED
+    np.copyto(out.confidence, np.take_along_axis(sure, place, 0)[0], where=known)
+    return out, best
+
+
+def nearest_around(view: View) -> Float32Array:
+    """H x W, the nearest depth measured within LOOKED_THROUGH_PX of a pixel where there is one itself; 0 elsewhere, inf = far."""
+    measured = ~view.hole & (view.depth > 0) & from_source(view.origin)
+    side = 2 * LOOKED_THROUGH_PX + 1
+    nearest = cv2.erode(np.where(measured, view.depth, np.float32(np.inf)), np.ones((side, side), np.uint8))
+    return np.where(measured, nearest, np.float32(0))
+
+
+def margin(grid: Grid) -> Float32Array:
+    """H x W, pixels from the picture's border, from the next pixel without depth and from the next depth edge."""
+    known = grid.depth > 0
+    inside = known & ~grid.flying
+    if grid.joined is not None:
+        inside[:, :-1] &= (grid.joined[:, :-1] & RIGHT) > 0
+        inside[:-1] &= (grid.joined[:-1] & DOWN) > 0
+    framed = cv2.copyMakeBorder(inside.astype(np.uint8), 1, 1, 1, 1, cv2.BORDER_CONSTANT, value=0)
+    return np.asarray(cv2.distanceTransform(framed, cv2.DIST_L2, cv2.DIST_MASK_3)[1:-1, 1:-1], np.float32)
+
+
+def _keep_own(canvas: Canvas, best: UInt16Array, own: View) -> None:
+    """A frame's own pixels as they are; what others show where it has none is ELSEWHERE, and its own colours stay."""
+    known = own.valid | own.far
+    others = ~known & (canvas.depth > 0) & (best > 0)
+    canvas.origin[others & (canvas.origin != Origin.DEPTH_FILLED)] = Origin.ELSEWHERE
+    colored = own.hole & (own.origin == Origin.DEPTH_FILLED)
+    _copy(canvas.color, own.color, known | colored)
+    np.copyto(canvas.origin, own.origin, where=known | (colored & (canvas.depth == 0)))
+    np.copyto(canvas.depth, own.depth, where=known)
+    np.copyto(canvas.confidence, own.confidence, where=known)
+    best[known] = 1
+
+
+def _copy(out: UInt8Array, color: UInt8Array, where: BoolArray) -> None:
+    np.copyto(out, color, where=where[..., None])

@@ -1,0 +1,195 @@
+"""Numba kernel that merges what several frames show of one camera: stacks of pictures in; one picture out."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from dlama.geometry.camera import Float64Array
+from dlama.geometry.kernels.jit import Array, Real, Whole, inlined, kernel, piece
+from dlama.geometry.kernels.visibility import ray
+from dlama.geometry.rgbd import Float32Array, UInt8Array, UInt16Array
+
+FLOOR = 5e-3
+"""Relative depth within which two drawings of one surface lie even without noise (as layers of a scene are fused)."""
+SIGMAS = 3.0
+ANGLE, ZOOM = 0.2, 1.0
+"""Radians between two lines of sight, and logarithm of how much coarser a pixel is, that cost as much as each other."""
+SHARP = 4.0
+"""How fast a frame's share of the colour falls with its cost: the best one prevails, equally good ones blend."""
+SAFE_PX = 12.0
+"""Pixels from a border or a depth edge from which a frame's colour counts fully."""
+LEAST = 1e-6
+CLIPPED, CLIPPED_SHARE = (215.0, 250.0), 0.05
+"""Levels between which a colour becomes too bright to be known, and how much it counts then beside others."""
+FARTHEST = 1e6
+"""Metres at which what is far counts as lying where frames are weighed."""
+
+
+@piece
+def tolerance(depth: Real, noise: Float64Array) -> Real:
+    """Metres between two depths of one surface: three standard deviations, or the floor."""
+    spread = noise[1] * depth * depth
+    return max(FLOOR * depth, SIGMAS * math.sqrt(noise[0] * noise[0] + spread * spread))
+
+
+@inlined
+def looked_through(
+    row: Whole, column: Whole, depth: Real, frame: Whole, matrix: Float64Array, offset: Float64Array,
+    near: Float32Array, noise: Float64Array,
+) -> Real:  # fmt: skip
+    """1 where a frame saw something clearly behind the point at `depth` on a target pixel's ray, all around it; else 0."""
+    ax, ay, az = ray(matrix[frame], row, column)
+    z = depth * az + offset[frame, 2]
+    if z <= 0:
+        return 0
+    x, y = (depth * ax + offset[frame, 0]) / z, (depth * ay + offset[frame, 1]) / z
+    if not (0 <= x < near.shape[2] and 0 <= y < near.shape[1]):
+        return 0
+    limit = near[frame, np.int64(y), np.int64(x)]
+    if limit == 0 or limit == np.inf:
+        return 1 if limit == np.inf else 0
+    return 1 if z < limit - 2.0 * tolerance(limit, noise) else 0
+
+
+@inlined
+def color_weight(
+    row: Whole, column: Whole, depth: Real, frame: Whole, matrix: Float64Array, offset: Float64Array,
+    margin: Float32Array, center: Float64Array, lens: Float64Array,
+) -> Real:  # fmt: skip
+    """How well a frame shows the point at `depth` on a target pixel's ray: angle, resolution, distance to border and edges."""
+    x, y = depth * (column + 0.5 - lens[2]) / lens[0], depth * (row + 0.5 - lens[3]) / lens[1]
+    u, v, w = x - center[frame, 0], y - center[frame, 1], depth - center[frame, 2]
+    here, there = math.sqrt(x * x + y * y + depth * depth), math.sqrt(u * u + v * v + w * w)
+    cosine = (x * u + y * v + depth * w) / max(here * there, LEAST)
+    coarser = math.log(max(1.0, there * lens[0] / max(here * center[frame, 3], LEAST)))
+    cost = math.acos(min(1.0, max(-1.0, cosine))) / ANGLE + coarser / ZOOM
+    ax, ay, az = ray(matrix[frame], row, column)
+    z = depth * az + offset[frame, 2]
+    px = min(margin.shape[2] - 1.0, max(0.0, (depth * ax + offset[frame, 0]) / max(z, LEAST)))
+    py = min(margin.shape[1] - 1.0, max(0.0, (depth * ay + offset[frame, 1]) / max(z, LEAST)))
+    safe = min(1.0, (margin[frame, np.int64(py), np.int64(px)] + 0.5) / SAFE_PX)
+    return max(LEAST, math.exp(-SHARP * cost) * safe * safe)
+
+
+@inlined
+def shows(depth: Float32Array, rank: UInt8Array, frame: Whole, row: Whole, column: Whole, wanted: Whole) -> Real:
+    """The depth a frame shows in a pixel, if that is worth as much as `wanted`; else 0."""
+    return np.float64(depth[frame, row, column]) if rank[frame, row, column] == wanted else 0.0
+
+
+@inlined
+def nearest_behind(
+    depth: Float32Array, rank: UInt8Array, row: Whole, column: Whole, wanted: Whole, behind: Real
+) -> Real:
+    """The nearest depth beyond `behind` that a frame shows: inf where only far is left, 0 where nothing is."""
+    found = 0.0
+    for k in range(depth.shape[0]):
+        z = shows(depth, rank, k, row, column, wanted)
+        if z > behind and (found == 0 or z < found):
+            found = z
+    return found
+
+
+@inlined
+def mean_depth(
+    depth: Float32Array, rank: UInt8Array, row: Whole, column: Whole, wanted: Whole, nearest: Real, limit: Real
+) -> tuple[Real, Whole]:
+    """Mean depth of the surface between two depths, and how many frames show it; near measurements count more."""
+    total, mean, support = 0.0, 0.0, 0
+    for k in range(depth.shape[0]):
+        z = shows(depth, rank, k, row, column, wanted)
+        if nearest <= z <= limit:
+            weight = 1.0 / (z * z)
+            total, mean, support = total + weight, mean + weight * z, support + 1
+    return mean / total, support
+
+
+@inlined
+def shade(
+    row: Whole, column: Whole, wanted: Whole, nearest: Real, limit: Real, mean: Real,
+    depth: Float32Array, color: UInt8Array, rank: UInt8Array, margin: Float32Array, matrix: Float64Array, offset: Float64Array,
+    center: Float64Array, lens: Float64Array, gain: Float64Array, out_color: UInt8Array, out_best: UInt16Array,
+) -> None:  # fmt: skip
+    """The colour of a surface: that of the frames that show it, each as far as it is suited, after its gain."""
+    red, green, blue, total, most = 0.0, 0.0, 0.0, 0.0, 0.0
+    for k in range(depth.shape[0]):
+        z = shows(depth, rank, k, row, column, wanted)
+        if nearest <= z <= limit:
+            w = color_weight(row, column, min(mean, FARTHEST), k, matrix, offset, margin, center, lens)
+            r, g, b = (
+                np.float64(color[k, row, column, 0]), np.float64(color[k, row, column, 1]), np.float64(color[k, row, column, 2])
+            )  # fmt: skip
+            r_gain, g_gain, b_gain = gain[k, 0], gain[k, 1], gain[k, 2]
+            bright = (max(r, g, b) - CLIPPED[0]) / (CLIPPED[1] - CLIPPED[0])
+            if bright > 0:  # one gain a channel would tint what is white because it is too bright
+                bright, even = min(bright, np.float64(1)), max(r_gain, g_gain, b_gain)
+                w = max(LEAST, w * (1 - bright * (1 - CLIPPED_SHARE)))
+                r_gain, g_gain, b_gain = (
+                    r_gain + bright * (even - r_gain), g_gain + bright * (even - g_gain), b_gain + bright * (even - b_gain)
+                )  # fmt: skip
+            red, green, blue = red + w * r_gain * r, green + w * g_gain * g, blue + w * b_gain * b
+            total += w
+            if w > most:
+                most = w
+                out_best[row, column] = k + 1
+    out_color[row, column, 0] = np.uint8(min(255.0, red / total + 0.5))
+    out_color[row, column, 1] = np.uint8(min(255.0, green / total + 0.5))
+    out_color[row, column, 2] = np.uint8(min(255.0, blue / total + 0.5))
+
+
+@kernel
+def merge(
+    first: Whole,
+    last: Whole,
+    depth: Float32Array,
+    color: UInt8Array,
+    rank: UInt8Array,
+    near: Float32Array,
+    margin: Float32Array,
+    matrix: Float64Array,
+    offset: Float64Array,
+    center: Float64Array,
+    lens: Float64Array,
+    gain: Float64Array,
+    noise: Float64Array,
+    out_color: UInt8Array,
+    out_depth: Float32Array,
+    out_best: UInt16Array,
+    rejected: Array,
+) -> None:
+    """For each pixel the nearest surface that the frames agree on; of it the mean depth and the colour of the best frames.
+
+    depth, color, rank: K x H x W (x 3), what each of K frames shows of the target: metres (0 = nothing, inf = far), RGB, and how
+    much its depth is worth (2 measured, 1 filled). A surface is rejected if as many frames looked through it as show it; depths
+    that were filled count only where nothing measured is left. near: K x h x w, each frame's own depth, of the neighbourhood the
+    nearest; margin: K x h x w, pixels to the frame's border or next depth edge. matrix, offset: frame px from target px.
+    center: K x 4, the frames' centres in the target's axes and their focal lengths; lens: fx, fy, cx, cy of the target.
+    gain: K x 3. out_best: 1 + the place of the frame with the largest share, 0 = a hole; rejected: True where a surface was.
+    """
+    for row in range(first, last):
+        for column in range(depth.shape[2]):
+            for wanted in (2, 1):
+                behind = 0.0
+                while out_best[row, column] == 0:
+                    nearest = nearest_behind(depth, rank, row, column, wanted, behind)
+                    if nearest == 0:
+                        break
+                    limit, mean = nearest, nearest
+                    if nearest < np.inf:
+                        limit = nearest + tolerance(nearest, noise)
+                        mean, against = mean_depth(depth, rank, row, column, wanted, nearest, limit)
+                        for k in range(depth.shape[0]):
+                            z = shows(depth, rank, k, row, column, wanted)
+                            if not nearest <= z <= limit:
+                                against -= looked_through(row, column, mean, k, matrix, offset, near, noise)
+                        if against <= 0:
+                            rejected[row, column] = True
+                            behind = limit
+                            continue
+                    out_depth[row, column] = mean
+                    shade(
+                        row, column, wanted, nearest, limit, mean, depth, color, rank, margin, matrix, offset, center, lens,
+                        gain, out_color, out_best,
+                    )  # fmt: skip

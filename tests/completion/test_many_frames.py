@@ -1,0 +1,130 @@
+"""dlama.complete of many frames (oracles: the closed-form street, laws of agreement and of one frame, the visibility law)."""
+
+from __future__ import annotations
+
+import functools
+
+import numpy as np
+import pytest
+from small_street import CAMERA, WORLD, street
+
+import dlama
+from dlama.completion.completion import Completion
+from dlama.completion.frames.removal import carried
+from dlama.errors import InputError
+from dlama.geometry.rendering import render
+from dlama.geometry.trajectories import orbit
+from dlama.geometry.view import Origin
+from dlama.geometry.visibility import Law
+from worlds import World
+
+YAWS = (-14.0, -5.0, 5.0, 14.0)
+CAMERAS = [orbit(CAMERA, yaw, 0.0, 3.0) for yaw in YAWS]
+FRAMES = [street(camera) for camera in CAMERAS]
+TARGET = orbit(CAMERA, 9.0, 0.0, 3.0)
+MASKS = [WORLD.trace(camera)[1] == 3 for camera in CAMERAS]
+EMPTY = World(WORLD.shapes[:3])
+
+
+@functools.cache
+def completed(count: int) -> Completion:
+    """The street from between the frames, from so many of them."""
+    return dlama.complete(FRAMES[:count], [TARGET])
+
+
+@functools.cache
+def removed() -> Completion:
+    """The ball, masked in frame 1 alone, taken out of all four frames."""
+    return dlama.complete(FRAMES, CAMERAS, mask={1: MASKS[1]})
+
+
+def test_one_frame_is_the_one_picture() -> None:
+    """Law: a list of one frame, its scene, and the picture itself give the same bits."""
+    alone = dlama.complete(FRAMES[0], [TARGET])
+    for given in (FRAMES[:1], dlama.scene(FRAMES[:1])):
+        again = dlama.complete(given, [TARGET])
+        np.testing.assert_array_equal(again.view.color, alone.view.color)
+        np.testing.assert_array_equal(again.view.depth, alone.view.depth)
+
+
+def test_more_frames_leave_less_to_fill() -> None:
+    """The hole share falls by more than half from one frame to four, and what is left is filled under the law of all."""
+    shares = [completed(count).meta["hole_share"][0] for count in (1, 2, 4)]
+    assert shares[2] < 0.5 * shares[0] and shares[1] <= shares[0]
+    done = completed(4)
+    assert not done.view.hole.any() and done.meta["law_violations"] == 0
+    assert done.meta["frames"]["numbers"] == [0, 1, 2, 3]
+    law = Law.of(dlama.scene(FRAMES))
+    assert not law.violations(TARGET, done.view.depth, done.view.filled).any()
+
+
+def test_what_any_frame_saw_is_not_invented() -> None:
+    """Depth of what was hidden from the first frame and seen by others is true (oracle: the street's own depth)."""
+    truth = WORLD.trace(TARGET)[0]
+    one, four = completed(1), completed(4)
+    lent = one.warped[0].hole & ~four.warped[0].hole & np.isfinite(truth) & four.view.valid
+    assert lent.mean() > 0.01
+    assert np.median(np.abs(four.view.depth[lent] - truth[lent]) / truth[lent]) < 0.005
+
+
+def test_the_scene_shows_the_view_again() -> None:
+    """Law: rendered again from the scene, depth and colour of what was filled are the same."""
+    done = completed(4)
+    again = render(done.scene, TARGET)
+    filled = done.view.filled & ~again.hole & done.view.valid
+    assert filled.any()
+    assert np.abs(again.color.astype(int) - done.view.color)[filled].max() <= 2
+    np.testing.assert_allclose(again.depth[filled], done.view.depth[filled], rtol=1e-3)
+
+
+def test_a_mask_is_carried_to_all_frames() -> None:
+    """From one frame to the others (oracle: where the ball is seen): nearly all of it, and little besides."""
+    for mask, found in zip(MASKS, carried(dlama.scene(FRAMES), {1: MASKS[1]})):
+        assert (mask & found).sum() > 0.95 * mask.sum()
+        assert (found & ~mask).sum() < 0.15 * mask.sum()
+
+
+def test_removed_in_all_frames() -> None:
+    """The ball is gone from every frame; where another frame saw behind it, that is what is shown (oracle: the empty street)."""
+    done = removed()
+    for number, (view, mask) in enumerate(zip(done.views, MASKS)):
+        truth = EMPTY.trace(view.camera)[0]
+        near = mask & np.isfinite(truth) & np.isfinite(view.depth)
+        assert np.median(np.abs(view.depth[near] - truth[near]) / truth[near]) < 0.02
+        elsewhere = mask & (view.origin == Origin.ELSEWHERE)
+        assert elsewhere.any()
+        assert view.frame is not None
+        assert (view.frame[elsewhere] > 0).all() and number + 1 not in view.frame[elsewhere]
+        outside = FRAMES[number].valid & (view.origin == Origin.MEASURED)
+        np.testing.assert_array_equal(view.color[outside], FRAMES[number].color[outside])
+
+
+def test_what_was_filled_agrees_between_frames() -> None:
+    """A filled point seen again in another frame: the wanted 2 grey levels and 0.1 % depth (median; they are the same points)."""
+    done = removed()
+    first = next(view for view in done.views if view.filled.any())
+    for other in done.views:
+        again = render(done.scene, other.camera)
+        both = other.filled & ~again.hole & other.valid & again.valid
+        if both.any():
+            assert np.median(np.abs(again.depth[both] - other.depth[both]) / other.depth[both]) < 1e-3
+            assert np.median(np.abs(again.color.astype(int) - other.color)[both]) <= 2
+    assert first.filled.any()
+
+
+def test_a_completed_scene_goes_on() -> None:
+    """Law: completing the completed scene from the same camera fills nothing anew and gives the same view."""
+    done = completed(4)
+    again = dlama.complete(done.scene, [TARGET])
+    assert again.meta["filled_pixels"] == 0
+    np.testing.assert_allclose(again.view.depth, done.view.depth, rtol=2e-3)
+
+
+def test_masks_that_fit_no_frame_are_refused() -> None:
+    """One line each."""
+    with pytest.raises(InputError, match=r"mask is for frame 7, which is not in the scene; it has frames 0, 1, 2, 3"):
+        dlama.complete(FRAMES, [TARGET], mask={7: MASKS[0]})
+    with pytest.raises(InputError, match="mask is one picture, and there are many frames"):
+        dlama.complete(FRAMES, [TARGET], mask=MASKS[0])
+    with pytest.raises(InputError, match="clip is 5 m: a scene cannot be clipped"):
+        dlama.complete(dlama.scene(FRAMES), [TARGET], clip=5)

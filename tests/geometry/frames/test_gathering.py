@@ -1,0 +1,82 @@
+"""dlama.scene: what frames say of each other, and what is refused (oracles: closed forms, the faults put in)."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from dlama.errors import InputError, ShapeError
+from dlama.geometry.camera import Camera
+from dlama.geometry.frames.gathering import scene
+from dlama.geometry.rgbd import RGBD
+from worlds import Box, Plane, Sphere, World, moved
+
+LENS = Camera.from_fov(96, 72, 60)
+WORLD = World((Plane((0, 0, 4), (0.1, 0, -1)), Sphere((0.1, 0.1, 2.2), 0.35), Box((-0.9, -0.6, 2.4), (-0.7, 2, 2.6))))
+CAMERAS = [moved(LENS, (0, -8 * x, 0), (x, 0.1 * x, 0)) for x in (-0.6, -0.3, 0, 0.3, 0.6)]
+
+
+def frames(noise: float = 0.0, slope: float = 0.0) -> list[RGBD]:
+    """Five frames with depth noise of hypot(noise, slope z^2) metres."""
+    random = np.random.default_rng(1)
+    made = []
+    for camera in CAMERAS:
+        rgbd = WORLD.rgbd(camera)
+        spread = np.hypot(noise, slope * rgbd.depth**2)
+        made.append(
+            RGBD(rgbd.color, rgbd.depth + (spread * random.standard_normal(camera.hw)).astype(np.float32), camera)
+        )
+    return made
+
+
+def test_clean_frames_have_no_gain_and_hardly_noise() -> None:
+    """Closed form: the world is exact."""
+    many = scene(frames())
+    assert many.numbers == (0, 1, 2, 3, 4) and many.gains == ((1.0, 1.0, 1.0),) * 5
+    assert np.hypot(many.noise[0], many.noise[1] * 9) < 0.004
+
+
+def test_noise_is_measured() -> None:
+    """Closed form: what was put in, at near and far depth, within a third."""
+    many = scene(frames(0.004, 0.002))
+    for z in (2.2, 4.0):
+        assert np.hypot(many.noise[0], many.noise[1] * z**2) == pytest.approx(np.hypot(0.004, 0.002 * z**2), rel=0.35)
+
+
+def test_one_frame_is_the_scene_of_one_picture() -> None:
+    """Law: no numbers, one layer."""
+    one = scene(frames()[:1])
+    assert one.numbers == () and len(one.layers) == 1
+
+
+def test_an_outlier_is_named_and_left_out() -> None:
+    """A pose half a metre off; the others keep their numbers."""
+    given = frames()
+    given[2] = RGBD(given[2].color, given[2].depth, moved(given[2].camera, shift=(0.1, 0, 0.6)))
+    with pytest.warns(UserWarning, match="frame 2 contradicts the others"):
+        many = scene(given)
+    assert many.numbers == (0, 1, 3, 4)
+
+
+def test_duplicates_are_named_and_left_out() -> None:
+    """The same picture from the same place."""
+    given = frames()
+    with pytest.warns(UserWarning, match="last is frame-1 once more"):
+        many = scene([*given, given[1]], names=[*(f"frame-{n}" for n in range(5)), "last"])
+    assert many.numbers == (0, 1, 2, 3, 4)
+
+
+def test_what_cannot_be_a_scene_is_refused() -> None:
+    """No frames, two sizes, no depth, no overlap: one line each."""
+    given = frames()
+    with pytest.raises(InputError, match="frames is empty"):
+        scene([])
+    small = WORLD.rgbd(Camera.from_fov(48, 36, 60))
+    with pytest.raises(ShapeError, match="frame 1 is 48x36 and frame 0 96x72"):
+        scene([given[0], small])
+    with pytest.raises(InputError, match="frame 1 has no depth at all"):
+        scene([given[0], RGBD(given[1].color, np.zeros_like(given[1].depth), given[1].camera)])
+    away = WORLD.rgbd(moved(LENS, (0, 180, 0)))
+    behind = RGBD(away.color, np.full(LENS.hw, 2.0, np.float32), away.camera)
+    with pytest.raises(InputError, match="no two of the 2 frames show the same surfaces"):
+        scene([given[2], behind])

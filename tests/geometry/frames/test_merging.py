@@ -1,0 +1,139 @@
+"""Frames merged into one view (oracles: closed forms, a slow literal twin, the laws that frames stay and order is nothing)."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from dlama.geometry.camera import Camera
+from dlama.geometry.frames.choosing import MOST_FRAMES, choose_frames
+from dlama.geometry.frames.gathering import scene
+from dlama.geometry.frames.merging import merge_frames, nearest_around
+from dlama.geometry.rendering import render
+from dlama.geometry.rgbd import RGBD
+from dlama.geometry.scene import Scene
+from dlama.geometry.view import Origin, View
+from reference.merging import merged_depth
+from worlds import Box, Plane, Sphere, World, moved
+
+LENS = Camera.from_fov(64, 48, 60)
+WALL, BALL, POST = Plane((0, 0, 4), (0.1, 0, -1)), Sphere((0.1, 0.1, 2.2), 0.35), Box((-0.9, -0.6, 2.4), (-0.7, 2, 2.6))
+WORLD = World((WALL, BALL, POST))
+PLACES = ((0, 0, 0), (0.5, 0, 0.1), (-0.5, 0.1, 0), (0.2, -0.3, 0.3))
+CAMERAS = [moved(LENS, (0, -12 * x, 0), (x, y, z)) for x, y, z in PLACES]
+BETWEEN = moved(LENS, (0, -2, 0), (0.12, 0.05, 0.05))
+
+
+def frames(noise: float = 0.0) -> list[RGBD]:
+    """The world from four places, with depth noise in metres."""
+    random = np.random.default_rng(0)
+    made = []
+    for camera in CAMERAS:
+        rgbd = WORLD.rgbd(camera)
+        made.append(RGBD(rgbd.color, rgbd.depth + np.float32(noise) * random.standard_normal(camera.hw), camera))
+    return made
+
+
+def as_scene(frames: list[RGBD], noise: tuple[float, float] = (0.0, 0.0)) -> Scene:
+    """Without any judgement of what they say of each other."""
+    ones = tuple((1.0, 1.0, 1.0) for _ in frames)
+    return Scene(tuple(View.from_rgbd(frame) for frame in frames), (), tuple(range(len(frames))), ones, noise)
+
+
+def test_in_its_own_camera_a_frame_stays_bit_for_bit() -> None:
+    """Law of rendering; what it does not see itself comes from others and says so: ELSEWHERE, and the frame's number."""
+    given = frames()
+    depth = given[1].depth.copy()
+    depth[10:30, 20:40] = 0
+    given[1] = RGBD(given[1].color, depth, given[1].camera)
+    view = render(scene(given), given[1].camera)
+    known = depth > 0
+    np.testing.assert_array_equal(view.depth[known], depth[known])
+    np.testing.assert_array_equal(view.color, given[1].color)
+    assert (view.origin[known] == Origin.MEASURED).all()
+    elsewhere = ~known & ~view.hole
+    assert elsewhere.mean() > 0.8 * (~known).mean() and (view.origin[elsewhere] == Origin.ELSEWHERE).all()
+    truth = WORLD.trace(given[1].camera)[0]
+    assert np.median(np.abs(view.depth - truth)[elsewhere]) < 0.004
+    assert view.frame is not None
+    assert set(np.unique(view.frame[known])) == {2} and 2 not in view.frame[elsewhere]
+
+
+def test_depth_agrees_with_the_slow_twin() -> None:
+    """Every pixel of a noisy scene (oracle: the twin, fed with each frame's own drawing)."""
+    many = as_scene(frames(0.01), (0.012, 0.0))
+    drawn = [render(Scene((layer,)), BETWEEN, types=False) for layer in many.layers]
+    around = [nearest_around(layer) for layer in many.layers]
+    found = merge_frames(many, BETWEEN, "surface", True).canvas.depth
+    for row in range(0, 48, 3):
+        for column in range(64):
+            shown = [float(view.depth[row, column]) for view in drawn]
+            expected = merged_depth(shown, CAMERAS, around, BETWEEN, (row, column), many.noise)
+            assert found[row, column] == pytest.approx(expected, rel=1e-5), (row, column)
+
+
+def test_the_order_of_frames_does_not_count() -> None:
+    """Law: depth of the merged view is the same for any order; so are colours, but for rounding."""
+    given = frames()
+    one, other = (render(as_scene(order), BETWEEN) for order in (given, given[::-1]))
+    np.testing.assert_allclose(one.depth, other.depth, rtol=1e-6)
+    assert np.abs(one.color.astype(int) - other.color).max() <= 1
+
+
+def test_more_frames_see_more_and_noise_falls() -> None:
+    """Closed form: the mean of several depths is nearer to the truth than one frame's; holes only shrink."""
+    given = frames(0.01)
+    truth = WORLD.trace(BETWEEN)[0]
+    views = [render(as_scene(given[:count], (0.01, 0.0)) if count > 1 else given[0], BETWEEN) for count in (1, 4)]
+    assert views[1].hole.mean() < 0.5 * views[0].hole.mean()
+    errors = [float(np.median(np.abs(view.depth - truth)[view.valid])) for view in views]
+    assert errors[1] < 0.75 * errors[0]
+
+
+def test_what_another_frame_looked_through_is_dropped() -> None:
+    """A phantom in the air of one frame, which the others see past (closed form: the wall's depth comes instead)."""
+    given = frames()
+    depth = given[0].depth.copy()
+    depth[20:26, 44:50] = 1.5
+    given[0] = RGBD(given[0].color, depth, given[0].camera)
+    alone = render(given[0], BETWEEN)
+    assert ((alone.depth > 1.2) & (alone.depth < 1.7)).any()
+    view = render(as_scene(given), BETWEEN)
+    assert not ((view.depth > 1.2) & (view.depth < 1.7)).any()
+
+
+def test_gains_bring_one_brightness() -> None:
+    """Frames of half the brightness (closed form: the merged colours follow one factor everywhere)."""
+    given = frames()
+    given[1] = dataclasses.replace(given[1], color=(given[1].color * 0.6).astype(np.uint8))
+    given[3] = dataclasses.replace(given[3], color=(given[3].color * 0.8).astype(np.uint8))
+    many = scene(given)
+    gains = np.array(many.gains)
+    np.testing.assert_allclose(gains[:, 0] / gains[0, 0], [1, 1 / 0.6, 1, 1 / 0.8], rtol=0.03)
+    truth, view = WORLD.rgbd(BETWEEN), render(many, BETWEEN)
+    ratio = view.color[view.valid].astype(float)[:, 0] / truth.color[view.valid][:, 0]
+    assert np.percentile(np.abs(ratio / np.median(ratio) - 1), 90) < 0.06
+    own = render(many, given[1].camera)
+    np.testing.assert_array_equal(own.color, given[1].color)
+
+
+def test_frames_are_chosen_for_what_they_add() -> None:
+    """The frame of the camera itself first; never more than asked; of many behind each other few; none that sees elsewhere."""
+    given = frames()
+    away = WORLD.rgbd(moved(LENS, (0, 180, 0)))
+    views = [View.from_rgbd(frame) for frame in [*given, away]]
+    assert choose_frames(views, CAMERAS[2])[0] == 2
+    assert 4 not in choose_frames(views, BETWEEN)
+    crowd = [View.from_rgbd(WORLD.rgbd(moved(LENS, shift=(0.01 * n, 0, 0)))) for n in range(20)]
+    assert len(choose_frames(crowd, BETWEEN)) <= MOST_FRAMES and len(choose_frames(crowd, BETWEEN, most=2)) == 2
+
+
+def test_nothing_known_far_stays_far() -> None:
+    """Sky of all frames is sky in the view (closed form)."""
+    world = World((Plane((0, 1, 0), (0, -1, 0)),))
+    many = as_scene([world.rgbd(camera) for camera in CAMERAS])
+    view = render(many, BETWEEN)
+    truth = world.trace(BETWEEN)[0]
+    assert np.isposinf(view.depth[5:15]).all() and np.isposinf(truth[5:15]).all()
