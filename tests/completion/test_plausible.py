@@ -7,11 +7,12 @@ import warnings
 import numpy as np
 import pytest
 
+from dlama.completion.plausible import share_turned_away
 from dlama.completion.verbs import remove, view
 from dlama.files.cameras import camera_for
 from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import RGBD
-from worlds import Box, Plane, World
+from worlds import Box, Plane, World, moved
 
 CAMERA = Camera.from_fov(64, 48, 60)
 WORLD = World((Plane((0, 0, 4), (0, 0, 1)), Box((-0.5, -0.4, 2.0), (0.4, 0.5, 2.4))))
@@ -44,6 +45,24 @@ def test_a_depth_scale_that_leaves_most_unknown(factor: float, yaw: float) -> No
         UserWarning, match=r"% of the view is unknown.*median depth of 0\.\d+ m.*depth_scale.*pivot=auto"
     ):
         view(scaled(factor), yaw=yaw, filler="telea")
+
+
+@pytest.mark.parametrize("yaw", [45, 60, 80])
+def test_a_wide_turn_with_right_depth_gets_no_warning(yaw: float) -> None:
+    """Most of the view is unknown, as the camera has turned away."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        done = view(GOOD, yaw=yaw, filler="telea")
+    assert done.warped[0].color_hole.mean() > 0.5 or yaw < 60
+
+
+@pytest.mark.parametrize("degrees", [0, 20, 50, 180])
+def test_what_a_turn_alone_leaves_unknown(degrees: float) -> None:
+    """Closed form: of one row of pixels through the middle, those whose angle to the source's axis is beyond half its field."""
+    row = Camera(400, 1, 300, 300, 200, 0.5)
+    angles = np.degrees(np.arctan((np.arange(0, 400, 4) + 0.5 - 200) / 300))
+    beyond = np.abs(angles - degrees) > np.degrees(np.arctan(200 / 300))
+    assert share_turned_away(row, moved(row, (0, -degrees, 0))) == pytest.approx(beyond.mean(), abs=0.02)
 
 
 def test_millimetres_as_metres() -> None:

@@ -34,6 +34,7 @@ from dlama.apps.options import (
     option,
     split_depth_and_mask,
 )
+from dlama.apps.places import check_folder_apart
 from dlama.apps.pointing import Pointing
 from dlama.apps.terminal.flags import flags_of, with_flags
 from dlama.apps.terminal.output import errors_as_lines, reported, stages_bar
@@ -71,6 +72,7 @@ def view(
         only: What is written beside meta.json: image, depth, hole, origin, confidence, points, mesh, scene, preview.
     """
     with job("view", report) as this:
+        check_folder_apart(output, {"image": image, "depth": depth})
         target = move.required().settings()
         rgbd = this.rgbd(image, depth, lens, reading, estimating)
         this.write(dlama.view(rgbd, **target, **method.settings()), output, only)
@@ -104,6 +106,7 @@ def remove(
     with job("remove", report) as this:
         target = move.settings()
         depth, mask = split_depth_and_mask(depth_and_mask, pointing.given)
+        check_folder_apart(output, {"image": image, "depth": depth, "mask": mask})
         rgbd = this.rgbd(image, depth, lens, reading, estimating)
         object_mask = this.pointed(rgbd, pointing, image) if mask is None else this.mask(mask, masking)
         this.write(dlama.remove(rgbd, object_mask, **target, **method.settings()), output, only)
@@ -148,6 +151,8 @@ def stereo(
             disparity, points, mesh, scene, preview.
     """
     with job("stereo", report) as this:
+        files = {"left": left, "right": right, "mask": mask, "mask_right": mask_right, "disparity": disparity}
+        check_folder_apart(output, files)
         pair = this.pair(left, right, calib)
         known = this.optional_disparity(disparity, disparity_scale)
         masks = this.left_mask(mask, masking, pointing, left), this.optional_mask(mask_right, masking, "mask_right")

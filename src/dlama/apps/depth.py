@@ -8,6 +8,7 @@ from tyro.conf import Positional
 
 from dlama.apps.jobs import job
 from dlama.apps.options import Estimating, Image, Lens, Metres, Output, Reading, Report
+from dlama.apps.places import check_folder_apart
 
 
 def depth(
@@ -30,6 +31,7 @@ def depth(
     from dlama.geometry.rgbd import depth_range_in_words
 
     with job("depth", report) as this:
+        check_folder_apart(output, {"image": image})
         rgbd = this.rgbd(image, None, lens, Reading(far=far), estimating)
         write_depth(rgbd, output, inputs=this.inputs, seconds={"read": round(this.read_seconds, 4)})
         about = dict(rgbd.estimate or {})

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
 from tyro.conf import Positional
 
 from dlama.apps.options import RECIPES, CameraFile, Metres, Output, Report, Seed, option
+from dlama.apps.places import check_folder_apart
 from dlama.apps.terminal.output import counting_bar, print_line, reported
 from dlama.apps.terminal.streams import ending, exit_code
 from dlama.errors import InputError, MissingExtraError
@@ -177,6 +178,7 @@ def evaluate(
         jobs: Processes; each computes on one core.
     """
     needs_extra()
+    check_folder_apart(output, {"data set": dataset, "camera": cases.camera})
     from dlama.evaluation.protocols import PROTOCOLS
     from dlama.evaluation.report.write import write_report
     from dlama.evaluation.runner.run import run

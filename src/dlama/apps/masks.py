@@ -9,6 +9,7 @@ from tyro.conf import Positional
 
 from dlama.apps.jobs import job
 from dlama.apps.options import Depth, Estimating, Image, Lens, Reading, Report, option
+from dlama.apps.places import check_file_apart
 from dlama.apps.pointing import Pointing
 from dlama.errors import InputError
 
@@ -38,6 +39,8 @@ def mask(
         output: The mask, 255 = the thing; beside it MASK_overlay.png shows it in the picture.
     """
     with job("mask", report) as this:
+        for file in (output, overlay_of(output)):
+            check_file_apart(file, {"image": image, "depth": depth})
         picture = this.picture(image, depth, lens, reading, estimating, needs_depth=pointing.needs_depth)
         found = pointing.find(picture, image)
         files = write_found(found, picture, output)
@@ -50,13 +53,18 @@ def write_found(found: dlama.ObjectMask, picture: dlama.RGBD | UInt8Array, outpu
     from dlama.files.results.preview import tinted
     from dlama.geometry.rgbd import RGBD
 
-    if output.suffix.lower() != ".png":
-        raise InputError(f"output is {output}; a name that ends in .png is wanted")
-    overlay = output.with_name(f"{output.stem}_overlay.png")
+    overlay = overlay_of(output)
     write_mask(output, found.mask)
     color = picture.color if isinstance(picture, RGBD) else picture
     write_color(overlay, tinted(color, found.mask))
     return [output, overlay]
+
+
+def overlay_of(output: Path) -> Path:
+    """Where the overlay of a mask goes. InputError: the mask's name does not end in .png."""
+    if output.suffix.lower() != ".png":
+        raise InputError(f"output is {output}; a name that ends in .png is wanted")
+    return output.with_name(f"{output.stem}_overlay.png")
 
 
 def found_line(found: dlama.ObjectMask, output: Path, seconds: float) -> str:

@@ -13,6 +13,7 @@ from tyro.conf import Positional, subcommand
 
 from dlama.apps.model_files import UNKNOWN, convert, licence_of, source_of
 from dlama.apps.options import Report, option
+from dlama.apps.places import check_file_apart
 from dlama.apps.terminal.output import reported
 from dlama.errors import FileError, OutputError
 from dlama.models.cache import directory, expected_sha256, place
@@ -101,6 +102,7 @@ class Convert(Report):
         """Convert, and print what a user should know."""
         if self.output.suffix.lower() != ".onnx":
             raise OutputError(f"output is {self.output}; a name that ends in .onnx is wanted")
+        check_file_apart(self.output, {"weights": self.weights})
         source = source_of(self.weights)
         licence = self.licence or licence_of(*size_and_sha256(source))
         with reported("models convert", self) as result:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from tyro.conf import Positional
 
 from dlama.apps.options import Report, Seed, option
+from dlama.apps.places import check_file_apart, check_folder_apart
 from dlama.apps.terminal.output import log_messages, reported
 from dlama.errors import InputError, MissingExtraError
 
@@ -75,6 +76,9 @@ def train(
         raise InputError("nothing says where the run goes: give -o DIR")
     if max_minutes is not None and not max_minutes > 0:
         raise InputError(f"max_minutes is {max_minutes}; more than 0 is wanted")
+    check_folder_apart(
+        output, {f"data {path}": path for path in data}, {"settings": settings, "start": start, "trunk": trunk}
+    )
     chosen = chosen_settings(settings, start, trunk, steps=steps, batch=batch, precision=precision, devices=devices)
     require_training()
     from dlama.training.loop import train as loop
@@ -104,6 +108,7 @@ def pack(
         size: Height and width of the packed pictures in pixels.
         seed: Which pictures are taken where not all fit.
     """
+    check_file_apart(output, {f"data {path}": path for path in data})
     from dlama.training.data import pack as packing  # heavy: loads the sample makers
 
     with reported("pack", report) as result:

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 from dlama.apps.options import Report, Seed, option
+from dlama.apps.places import check_folder_apart
 from dlama.apps.terminal.output import counting_bar, reported
 
 
@@ -34,6 +35,7 @@ def worlds(
         textures: A folder of photos to paint surfaces with.
     """
     scene = {"size": size, "kind": kind, "shadows": shadows, "antialias": antialias, "textures": textures}
+    check_folder_apart(output, {"folder of textures": textures})
     with reported("worlds", report) as result, counting_bar("worlds", report) as progress:
         from dlama.worlds.writer import write_worlds  # in here, so that what it warns of is one line
 

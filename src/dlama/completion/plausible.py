@@ -7,6 +7,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from dlama.geometry.camera import Camera
+from dlama.geometry.projection import px_from_px
 from dlama.geometry.rgbd import RGBD, BoolArray
 from dlama.geometry.view import View
 from dlama.perception.diagnosis.masks import looks_inverted
@@ -15,6 +17,8 @@ MOST_METRES = 500.0
 """A median depth beyond is no room's and no street's."""
 MOST_UNKNOWN = 0.5
 """Share of a view: where more is unknown, depth and the camera's move do not fit together."""
+BEYOND_TURN = 0.1
+"""Share of a view that may be unknown beyond what the camera's turn alone shows anew (measured: right depth stays 0.05 below)."""
 EVERY = 4
 """Rows and columns between the pixels of which a median is taken."""
 
@@ -38,16 +42,31 @@ def warn_of_mask(mask: BoolArray) -> None:
 
 
 def warn_of_unknown(rgbd: RGBD | View, warped: Sequence[View]) -> None:
-    """A view of which hardly anything is known."""
+    """A view of which hardly anything is known, although the camera has hardly turned away from what the picture shows."""
     shares = [float(view.color_hole.mean()) for view in warped]
-    if not MOST_UNKNOWN < max(shares, default=0) < 1:  # of nothing at all meta.json speaks
+    odd = [
+        share
+        for share, view in zip(shares, warped)
+        if MOST_UNKNOWN < share < 1 and share > share_turned_away(rgbd.camera, view.camera) + BEYOND_TURN
+    ]
+    if not odd:  # of nothing at all meta.json speaks
         return
     median = median_depth(rgbd)
     _warn(
-        f"{100 * max(shares):.0f} % of the view is unknown, with a median depth of {median:.3g} m: if the scene is not that "
+        f"{100 * max(odd):.0f} % of the view is unknown, with a median depth of {median:.3g} m: if the scene is not that "
         "near or far, its scale is wrong (see depth_scale: TUM 5000, KITTI 256, millimetres 1000); else move the camera less, "
         "or with pivot=auto"
     )
+
+
+def share_turned_away(source: Camera, target: Camera) -> float:
+    """Share of the target's pixels (0..1) whose direction the source's picture does not hold: unknown by its turn alone."""
+    columns, rows = np.meshgrid(np.arange(0, target.width, EVERY) + 0.5, np.arange(0, target.height, EVERY) + 0.5)
+    x, y, ahead = px_from_px(source, target)[0] @ np.stack([columns.ravel(), rows.ravel(), np.ones(columns.size)])
+    front = ahead > 0
+    x, y = x[front] / ahead[front], y[front] / ahead[front]
+    inside = (x >= 0) & (x < source.width) & (y >= 0) & (y < source.height)
+    return 1 - float(inside.sum()) / columns.size
 
 
 def median_depth(rgbd: RGBD | View) -> float:
