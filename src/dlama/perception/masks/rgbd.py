@@ -12,12 +12,15 @@ from numpy.typing import NDArray
 
 from dlama.errors import MaskError
 from dlama.geometry.holes import dilated, nearest_known
+from dlama.geometry.projection import inverse_depth
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array
 from dlama.perception.kernels.regions import join_regions
 from dlama.perception.masks.borders import to_picture_edges, with_foot
 from dlama.perception.masks.cuts import nearer_to
 from dlama.perception.masks.prompt import Prompt
+from dlama.perception.masks.rough import rough_candidates, rough_depth
 from dlama.perception.masks.supports import Planes, is_ground, planes_of, supports_for
+from dlama.perception.planes import noise_level
 
 Pixel = tuple[int, int]
 """(row, column)."""
@@ -45,6 +48,9 @@ PATCH = 3.0
 BARRED = 0.5
 """A click beside the thing takes its whole piece away where that is less than this share of the thing; else what is near."""
 ROUGH = "found in estimated depth, which is rough: look at the mask, or give depth"
+NOISY = "found in noisy depth: look at the mask"
+MOST_NOISE = 0.02
+"""Standard deviation of inverse depth over its median, from which on the picture leads."""
 IN_BOX = 0.7
 """Share of a piece that a box must hold if the piece is to be a part of the thing."""
 
@@ -67,9 +73,20 @@ class Pieces:
 
 
 def rgbd_masker(rgbd: RGBD, model: None) -> Callable[[Prompt], tuple[dict[str, BoolArray], tuple[str, ...]]]:
-    """The masker of one picture: its planes are found once."""
+    """The masker of one picture: its planes are found once. Where its depth was estimated or is noisy the picture leads."""
+    if rgbd.estimate is not None or is_noisy(rgbd):
+        rough, note = rough_depth(rgbd), ROUGH if rgbd.estimate is not None else NOISY
+        return lambda prompt: (rough_candidates(rough, prompt), (note,))
     found = planes_of(rgbd)
     return lambda prompt: rgbd_candidates(rgbd, found, prompt)
+
+
+def is_noisy(rgbd: RGBD) -> bool:
+    """True where surfaces are so uneven, as stereo matching leaves them, that pieces do not hang together."""
+    if not rgbd.valid.any():
+        return False
+    w = inverse_depth(rgbd.depth)
+    return noise_level(w, rgbd.valid) > MOST_NOISE * float(np.median(w[rgbd.valid]))
 
 
 def rgbd_candidates(rgbd: RGBD, found: Planes, prompt: Prompt) -> tuple[dict[str, BoolArray], tuple[str, ...]]:
@@ -77,9 +94,8 @@ def rgbd_candidates(rgbd: RGBD, found: Planes, prompt: Prompt) -> tuple[dict[str
 
     Raises MaskError where nothing that stands apart is meant: the sky, the ground, missing depth.
     """
-    notes = () if rgbd.estimate is None else (ROUGH,)
     if not prompt.clicks:
-        return boxed(rgbd, found, prompt), notes
+        return boxed(rgbd, found, prompt), ()
     seeds, flat, support = separable(rgbd, found, prompt)
     pieces = find_pieces(rgbd, support, found.noise)
     seeds = [snapped(pieces, seed) for seed in seeds]
@@ -90,7 +106,7 @@ def rgbd_candidates(rgbd: RGBD, found: Planes, prompt: Prompt) -> tuple[dict[str
     masks: dict[str, BoolArray] = {}
     for name, gap in (("thing", THING_GAP), ("part", 0.0), ("group", GROUP_GAP)):
         masks[name] = finished(rgbd, found, pieces, merged(pieces, own, gap, barred), prompt, seeds + flat)
-    return distinct(masks), notes
+    return distinct(masks), ()
 
 
 def separable(rgbd: RGBD, found: Planes, prompt: Prompt) -> tuple[list[Pixel], list[Pixel], BoolArray]:

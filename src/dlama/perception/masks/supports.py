@@ -23,6 +23,10 @@ INSIDE_BOX = 0.6
 """A plane that lies in the user's box with more than this share of its pixels belongs to the thing."""
 BEFORE = 1.01
 """Inverse depth of a pixel over that of a plane, from which on it stands before the plane."""
+BEHIND = 1.015
+"""Inverse depth of a plane over that of a pixel beside it, from which on the pixel lies behind the plane."""
+NOISY = 6.0
+"""Both differ by so many standard deviations of the noise at least."""
 BORDER_PX = 2
 
 
@@ -58,17 +62,20 @@ def planes_of(rgbd: RGBD, seed: int = 0) -> Planes:
     noise = noise_level(w, valid) if valid.any() else 0.0
     planes = find_planes(w, valid, seed, noise)
     label = label_known(w, valid, rgbd.far, planes, noise)
-    behind = tuple(behind_share(w, known, label == n + 1, plane) for n, plane in enumerate(planes))
+    behind = tuple(behind_share(w, known, label == n + 1, plane, noise) for n, plane in enumerate(planes))
     return Planes(w, planes, label, behind, noise)
 
 
-def behind_share(w: Float32Array, known: BoolArray, on_plane: BoolArray, plane: NDArray[np.float64]) -> float:
+def behind_share(
+    w: Float32Array, known: BoolArray, on_plane: BoolArray, plane: NDArray[np.float64], noise: float
+) -> float:
     """Share (0..1) of the pixels along a plane's border that lie behind it: of the ground none, of a box's face most."""
     rows, columns = np.nonzero(known & ~on_plane & dilated(on_plane, BORDER_PX))
     if not len(rows):
         return 0.0
     value = plane[0] * (columns + 0.5) + plane[1] * (rows + 0.5) + plane[2]
-    return float(np.mean(BEFORE * 1.005 * w[rows, columns] < value))
+    here = w[rows, columns]
+    return float(np.mean((BEHIND * here < value) & (here + NOISY * noise < value)))
 
 
 def supports_for(found: Planes, seeds: list[tuple[int, int]], box: BoolArray | None = None) -> BoolArray:
@@ -84,7 +91,8 @@ def supports_for(found: Planes, seeds: list[tuple[int, int]], box: BoolArray | N
 
 
 def stands_before(found: Planes, number: int, seeds: list[tuple[int, int]]) -> bool:
-    return all(found.w[seed] > BEFORE * found.value_at(number, *seed) for seed in seeds)
+    values = [(found.w[seed], found.value_at(number, *seed)) for seed in seeds]
+    return all(here > BEFORE * plane and here > plane + NOISY * found.noise for here, plane in values)
 
 
 def is_ground(found: Planes, row: int, column: int) -> bool:

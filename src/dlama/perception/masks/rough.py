@@ -1,0 +1,174 @@
+"""A picture with estimated or noisy depth and clicks or a box in; the mask of the thing meant out. The picture leads.
+
+A network's depth is right in its large forms only: things are bumps without edges, and the ground bends; matched depth is
+uneven. So depth gives the window and the first guess (what is as near as the click and no ground), and GrabCut (Rother et al.
+2004) cuts along the picture's colours.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from dlama.errors import MaskError
+from dlama.geometry.projection import inverse_depth
+from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
+from dlama.perception.masks.prompt import Prompt
+from dlama.perception.planes import find_planes, plane_values
+
+PLANE_NOISE = 0.02
+"""Error of estimated inverse depth over its median, for the search of the ground's plane."""
+AS_NEAR = 0.1
+"""Share by which inverse depth may differ from that at the click in the first guess."""
+ON_GROUND = 0.06
+"""Share by which inverse depth may differ from the ground's plane where it rises a little towards the camera (SLOPE_ON),"""
+ABOUT_GROUND = 0.35
+"""and where it does so nearly as steeply as the plane (SLOPE_ABOUT): the estimated ground bends."""
+SLOPE_ON, SLOPE_ABOUT = 0.3, 0.6
+COLOR_STEP = 8.0
+"""CIELAB units (lightness: twice) up to which what hangs together with the click has its colour."""
+LARGEST_COLOR = 0.1
+"""Share of the picture from which such a region says nothing of the thing."""
+SEED_PX = 3
+"""Radius of a click."""
+SMALLEST_SIDE = 0.06
+"""Of the window, over the picture's height."""
+MARGIN = 0.25
+"""The window is so much larger than the first guess, on each side, over its longer side;"""
+SURROUNDINGS = 0.6
+"""and so far beyond it the colours of what is no thing are learnt."""
+ROUNDS = 5
+"""Of GrabCut."""
+
+
+@dataclass(frozen=True, eq=False)
+class RoughDepth:
+    """A picture, its inverse depth, and where that is the ground."""
+
+    color: UInt8Array
+    w: Float32Array
+    """H x W inverse depth, 0 where far."""
+    ground: BoolArray
+    ground_w: Float32Array | None
+    """H x W inverse depth of the ground's plane; None: no ground was found."""
+
+
+def rough_depth(rgbd: RGBD) -> RoughDepth:
+    """The ground is the plane that holds most of the picture's lower half and rises towards the camera."""
+    w, valid = inverse_depth(rgbd.depth), rgbd.valid
+    if not valid.any():
+        raise MaskError("depth is missing or far everywhere, so no thing stands apart; depth with values is wanted")
+    middle = float(np.median(w[valid]))
+    lower = np.zeros(w.shape, np.bool_)
+    lower[len(w) // 2 :] = True
+    best, chosen, slope = 0, None, 0.0
+    for plane in find_planes(w, valid, 0, PLANE_NOISE * middle):
+        value = plane_values(plane[None], w.shape)[0]
+        held = int((np.abs(value - w) < 0.05 * np.maximum(w, middle / 2))[lower].sum())
+        if plane[1] > 0 and held > best:
+            best, chosen, slope = held, value, float(plane[1])
+    if chosen is None:
+        return RoughDepth(rgbd.color, w, np.zeros(w.shape, np.bool_), None)
+    step = max(3, len(w) // 64)
+    smooth, rise = cv2.blur(w, (2 * step + 1, 3)), np.zeros_like(w)
+    rise[step:-step] = (smooth[2 * step :] - smooth[: -2 * step]) / (2 * step)
+    away = np.abs(chosen - w) / np.maximum(w, 1e-6)
+    ground = (away < ON_GROUND) & (rise > SLOPE_ON * slope) | (away < ABOUT_GROUND) & (rise > SLOPE_ABOUT * slope)
+    ground = cv2.morphologyEx(ground.astype(np.uint8), cv2.MORPH_OPEN, np.ones((9, 9), np.uint8)) > 0
+    return RoughDepth(rgbd.color, w, np.asarray(ground), chosen)
+
+
+def rough_candidates(rough: RoughDepth, prompt: Prompt) -> dict[str, BoolArray]:
+    """The H x W mask as `thing`. Raises MaskError where nothing is cut out."""
+    state = np.full(prompt.hw, cv2.GC_BGD, np.uint8)
+    if prompt.box is not None:
+        state[prompt.box_slices] = cv2.GC_PR_FGD
+    for pixel in Prompt.pixels(prompt.clicks):
+        guess = first_guess(rough, pixel)
+        if prompt.box is None:
+            inside = window_of(rough, guess, pixel)
+            state[inside] = np.where(state[inside] == cv2.GC_BGD, cv2.GC_PR_BGD, state[inside])
+        state[guess & prompt.inside] = cv2.GC_PR_FGD
+    for points, kind in ((prompt.clicks, cv2.GC_FGD), (prompt.not_clicks, cv2.GC_BGD)):
+        for row, column in Prompt.pixels(points):
+            cv2.circle(state, (column, row), SEED_PX, int(kind), -1)
+    mask = cut(rough.color, state)
+    if prompt.clicks:
+        mask = hanging_together(mask, prompt)
+    if not mask.any():
+        raise MaskError(
+            "nothing stands out there in estimated depth and colour; more clicks, a box, or depth are wanted"
+        )
+    return {"thing": mask}
+
+
+def first_guess(rough: RoughDepth, pixel: tuple[int, int]) -> BoolArray:
+    """H x W, True on what hangs together with a click at (row, column) and is as near, or of its colour."""
+    row, column = pixel
+    around = slice(max(row - 2, 0), row + 3), slice(max(column - 2, 0), column + 3)
+    here = float(np.median(rough.w[around]))
+    near = (np.abs(rough.w - here) < AS_NEAR * here) & ~rough.ground
+    seeded = near.astype(np.uint8)
+    cv2.circle(seeded, (column, row), SEED_PX, 1, -1)
+    _, labels = cv2.connectedComponents(seeded, connectivity=8)
+    guess = labels == labels[row, column]
+    same = color_region(rough.color, pixel)
+    return np.asarray(guess | same if same.mean() < LARGEST_COLOR else guess)
+
+
+def color_region(color: UInt8Array, pixel: tuple[int, int]) -> BoolArray:
+    """H x W, True on what hangs together with a pixel (row, column) and has its colour."""
+    lab = cv2.cvtColor(cv2.GaussianBlur(color, (0, 0), 1.0), cv2.COLOR_RGB2LAB)
+    found = np.zeros((color.shape[0] + 2, color.shape[1] + 2), np.uint8)
+    allowed = (2 * COLOR_STEP, COLOR_STEP, COLOR_STEP)
+    how = 4 | cv2.FLOODFILL_FIXED_RANGE | cv2.FLOODFILL_MASK_ONLY | (1 << 8)
+    cv2.floodFill(lab, found, (pixel[1], pixel[0]), 0, allowed, allowed, how)
+    return np.asarray(found[1:-1, 1:-1] > 0)
+
+
+def window_of(rough: RoughDepth, guess: BoolArray, pixel: tuple[int, int]) -> tuple[slice, slice]:
+    """Rows and columns in which the thing lies: of the guess, down to where the ground is as near as the click, and a margin."""
+    rows, columns = np.flatnonzero(guess.any(1)), np.flatnonzero(guess.any(0))
+    height = guess.shape[0]
+    last = int(rows[-1])
+    if rough.ground_w is not None:
+        below = np.flatnonzero(rough.ground_w[:, pixel[1]] >= rough.w[pixel])
+        last = max(last, int(below[0]) if len(below) else height - 1)
+    side = max(last - rows[0], np.ptp(columns), int(SMALLEST_SIDE * height)) + 1
+    margin = int(MARGIN * side) + 4
+    return (
+        slice(max(int(rows[0]) - margin, 0), last + margin + 1),
+        slice(max(int(columns[0]) - margin, 0), int(columns[-1]) + margin + 1),
+    )
+
+
+def cut(color: UInt8Array, state: UInt8Array) -> BoolArray:
+    """H x W, True on the thing by GrabCut from its codes (state, uint8 H x W); colours are learnt in the surroundings only."""
+    rows, columns = (np.flatnonzero((state != cv2.GC_BGD).any(axis)) for axis in (1, 0))
+    reach = int(SURROUNDINGS * max(np.ptp(rows), np.ptp(columns))) + 10
+    box = (
+        slice(max(rows[0] - reach, 0), rows[-1] + reach + 1),
+        slice(max(columns[0] - reach, 0), columns[-1] + reach + 1),
+    )
+    codes, picture = np.ascontiguousarray(state[box]), np.ascontiguousarray(color[box])
+    sure = (codes == cv2.GC_BGD) | (codes == cv2.GC_PR_BGD)
+    if sure.sum() >= 20 and (~sure).sum() >= 20:
+        cv2.setRNGSeed(0)
+        models = np.zeros((1, 65)), np.zeros((1, 65))
+        cv2.grabCut(picture, codes, (0, 0, 1, 1), *models, ROUNDS, cv2.GC_INIT_WITH_MASK)
+    out = np.zeros(state.shape, np.bool_)
+    out[box] = (codes == cv2.GC_FGD) | (codes == cv2.GC_PR_FGD)
+    return out
+
+
+def hanging_together(mask: BoolArray, prompt: Prompt) -> BoolArray:
+    """The pieces of the mask that hold a click, gaps of a pixel closed; nothing at clicks beside the thing."""
+    closed = cv2.morphologyEx(mask.astype(np.uint8), cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8))
+    _, labels = cv2.connectedComponents(closed, connectivity=8)
+    numbers = {int(labels[pixel]) for pixel in Prompt.pixels(prompt.clicks)} - {0}
+    out = np.isin(labels, list(numbers))
+    for pixel in Prompt.pixels(prompt.not_clicks):
+        out[pixel] = False
+    return np.asarray(out)

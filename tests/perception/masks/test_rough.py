@@ -1,0 +1,75 @@
+"""Masks in depth that is only roughly right, against the true pixels of a closed-form world: a red box on a grey ground.
+
+Depth is blurred and bent as networks do it, or uneven as matching leaves it.
+"""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import pytest
+
+from dlama import RGBD, Camera, MaskError, find_mask
+from worlds import Box, Plane, World
+
+CAMERA = Camera.from_fov(160, 120, 70)
+WORLD = World((Plane((0, 1, 0), (0, -1, 0)), Plane((0, 0, 6), (0, 0, -1)), Box((-0.6, 0.0, 2.6), (0.2, 1.0, 3.2))))
+CLICK = (70, 70)
+
+
+def scene() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Colours, true depth, and where the box is."""
+    shown = WORLD.trace(CAMERA)[1]
+    rng = np.random.default_rng(0)
+    color = np.array([(120, 120, 118), (150, 160, 170), (190, 40, 30)])[shown] + rng.integers(
+        -12, 13, (*shown.shape, 3)
+    )
+    return np.clip(color, 0, 255).astype(np.uint8), WORLD.rgbd(CAMERA).depth, shown == 2
+
+
+def bent(depth: np.ndarray) -> np.ndarray:
+    """Inverse depth blurred over 5 px and off by up to 6 %, slowly over the picture."""
+    v, u = np.mgrid[: depth.shape[0], : depth.shape[1]]
+    w = cv2.GaussianBlur(1 / depth, (0, 0), 5) * (1 + 0.06 * np.sin(u / 25) * np.cos(v / 20))
+    return (1 / w).astype(np.float32)
+
+
+def uneven(depth: np.ndarray) -> np.ndarray:
+    """Inverse depth with noise of 4 % of its median."""
+    w = 1 / depth
+    return (1 / (w + np.random.default_rng(1).normal(0, 0.04 * np.median(w), w.shape))).astype(np.float32)
+
+
+def iou(one: np.ndarray, other: np.ndarray) -> float:
+    return float((one & other).sum() / (one | other).sum())
+
+
+@pytest.mark.parametrize("kind", ["estimated", "noisy"])
+def test_a_click_finds_the_box_in_rough_depth(kind: str) -> None:
+    """The box as the picture shows it; what it was found in is said."""
+    color, depth, box = scene()
+    rgbd = (
+        RGBD(color, bent(depth), CAMERA, {"estimator": "none"})
+        if kind == "estimated"
+        else RGBD(color, uneven(depth), CAMERA)
+    )
+    found = find_mask(rgbd, clicks=[CLICK])
+    assert iou(found.mask, box) > 0.93
+    assert f"found in {kind} depth" in found.notes[0]
+
+
+def test_a_box_and_corrections_are_heeded() -> None:
+    """The drawn box bounds the mask; a pixel beside the thing is none of it, a further click is."""
+    color, depth, box = scene()
+    rgbd = RGBD(color, bent(depth), CAMERA, {"estimator": "none"})
+    rows, columns = np.nonzero(box)
+    drawn = (columns.min() - 3, rows.min() - 3, np.ptp(columns) + 7, np.ptp(rows) + 7)
+    assert iou(find_mask(rgbd, box=drawn).mask, box) > 0.93
+    mask = find_mask(rgbd, clicks=[CLICK, (20, 110)], not_clicks=[(75, 75)]).mask
+    assert mask[110, 20] and not mask[75, 75] and iou(mask & box, box) > 0.8
+
+
+def test_sky_alone_is_refused() -> None:
+    sky = np.full(CAMERA.hw, np.inf, np.float32)
+    with pytest.raises(MaskError, match="missing or far everywhere"):
+        find_mask(RGBD(scene()[0], sky, CAMERA, {"estimator": "none"}), clicks=[CLICK])
