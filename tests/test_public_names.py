@@ -23,7 +23,8 @@ NAMES = {
     "CameraError", "DepthError", "DlamaError", "FileError", "InputError", "MaskError", "MissingExtraError", "OutputError",
     "ShapeError",
     "complete", "diagnose", "estimate_depth", "example", "find_mask", "fuse", "inpaint", "lift", "orbit", "read_camera",
-    "read_color", "read_mask", "read_rgbd", "read_stereo_calib", "remove", "render", "scene", "stereo", "view", "write",
+    "read_color", "read_mask", "read_rgbd", "read_stereo_calib", "remove", "read_scene",
+    "render", "scene", "sequence", "stereo", "view", "write",
     "write_depth",
 }  # fmt: skip
 OWN = {"example"}

@@ -20,6 +20,7 @@ if TYPE_CHECKING:  # what type checkers and editors read; a test holds it equal 
     from dlama.completion.verbs import remove as remove
     from dlama.completion.verbs import view as view
     from dlama.datasets.diagnosis import diagnose as diagnose
+    from dlama.datasets.sequence import sequence as sequence
     from dlama.errors import CameraError as CameraError
     from dlama.errors import DepthError as DepthError
     from dlama.errors import DlamaError as DlamaError
@@ -36,6 +37,7 @@ if TYPE_CHECKING:  # what type checkers and editors read; a test holds it equal 
     from dlama.files.results.completion import write as write
     from dlama.files.results.estimated_depth import write_depth as write_depth
     from dlama.files.rgbd import read_rgbd as read_rgbd
+    from dlama.files.scenes.scene_npz import read_scene as read_scene
     from dlama.geometry.camera import Camera as Camera
     from dlama.geometry.camera import StereoRig as StereoRig
     from dlama.geometry.cloud import PointCloud as PointCloud
@@ -111,8 +113,10 @@ MODULES = {
     "read_mask": "files.rasters.pictures",
     "read_rgbd": "files.rgbd",
     "read_stereo_calib": "files.cameras",
+    "read_scene": "files.scenes.scene_npz",
     "remove": "completion.verbs",
     "render": "geometry.rendering",
+    "sequence": "datasets.sequence",
     "scene": "geometry.frames.gathering",
     "stereo": "completion.stereo",
     "view": "completion.verbs",

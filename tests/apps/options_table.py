@@ -69,6 +69,7 @@ BASE = {
     "stereo": "left.png right.png --calib calib.txt -o out --mask mask.png",
     "depth": "image.png -o out --fov 60",
     "demo": "",
+    "sequence": "room -o out",
     "doctor": "image.png depth.png mask.png --fov 60",
     "version": "",
     "evaluate": "toy -o out",
@@ -213,6 +214,23 @@ EVALUATE = {
     "variants": Reach("--no-variants", "run.settings", attribute("matched_stereo", False)),
     "jobs": Reach("--jobs 2", "run.jobs", 2),
 }
+SEQUENCE = {
+    "dataset": instead("other", "sequence.dataset", Path("other"), "room"),
+    "output": Reach("-o elsewhere", "sequence.output", Path("elsewhere"), ("-o out",)),
+    "mask": Reach("--mask 3=a.png", "mask_files.named", ("3=a.png",)),
+    "masks": Reach("--masks folder", "mask_files.folder", Path("folder")),
+    "views": Reach("--views orbit", "sequence.views", "orbit"),
+    "frames": Reach("--frames 0:9:3", "sequence.frames", "0:9:3"),
+    "layout": Reach("--layout tum", "sequence.layout", "tum"),
+    "scene": Reach("--scene kitchen", "sequence.scene", "kitchen"),
+    "camera": Reach("--camera cam.json", "sequence.camera", Path("cam.json")),
+    "depth_range": Reach("--depth-range 10", "sequence.depth_range", 10.0),
+    "filler": Reach("--filler telea", "sequence.filler", "telea"),
+    "model": Reach("--model m.onnx", "sequence.model", Path("cache/m.onnx")),
+    "recipe": Reach("--recipe paper", "sequence.recipe", "paper"),
+    "dilate": Reach("--dilate 5", "sequence.dilate", 5),
+    "seed": Reach("--seed 9", "sequence.seed", 9),
+}
 WORLDS = {
     "output": Reach("-o elsewhere", "write_worlds.folder", Path("elsewhere")),
     "count": Reach("--count 2", "write_worlds.count", 2),
@@ -281,6 +299,9 @@ TABLE: dict[str, dict[str, Reach]] = {
     "demo": {
         **method("view+remove+stereo"), **REPORT, "only": ONLY,
         "output": Reach("-o elsewhere", "write_contact_sheet.path", lambda path: "elsewhere" in Path(path).parent.name),
+    },
+    "sequence": {
+        **SEQUENCE, **MASKING, **REPORT,
     },
     "doctor": {**DOCTOR, **REPORT},
     "version": {},

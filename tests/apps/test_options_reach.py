@@ -96,7 +96,7 @@ def calls(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Calls:
 
         monkeypatch.setattr(owner, name, stand_in)
 
-    for module in ("jobs", "cli", "doctor", "evaluate", "worlds", "train", "model_verbs"):
+    for module in ("jobs", "cli", "doctor", "evaluate", "worlds", "train", "model_verbs", "sequence"):
         spy(f"dlama.apps.{module}.reported", through=True)
     _spy_on_jobs(spy)
     _spy_on_the_rest(spy)
@@ -146,6 +146,10 @@ def _spy_on_the_rest(spy: Callable[..., None]) -> None:
     spy("dlama.evaluation.report.write.write_report")
     spy("dlama.worlds.writer.write_worlds", [])
     spy("dlama.diagnose", ())
+    spy("dlama.sequence", {})
+    spy("dlama.apps.sequence.mask_files", {"3": Path("a.png")})
+    spy("dlama.apps.sequence.summary_line", "")
+    spy("dlama.apps.sequence.summary_values", {})
     spy("dlama.models.pull.pull", Path("pulled"))
     spy("dlama.apps.model_verbs.record", through=True)
     spy("dlama.apps.model_verbs.verify", SimpleNamespace(state="verified", path="", detail=""))

@@ -36,6 +36,7 @@ from dlama.apps.options import (
 )
 from dlama.apps.places import check_folder_apart
 from dlama.apps.pointing import Pointing
+from dlama.apps.sequence import sequence
 from dlama.apps.terminal.flags import flags_of, with_flags
 from dlama.apps.terminal.output import errors_as_lines, reported, stages_bar
 from dlama.apps.train import EXAMPLES as TRAINING_EXAMPLES
@@ -192,6 +193,7 @@ VERBS: dict[str, Callable[..., Any]] = {
     "remove": remove,
     "mask": mask_of_thing,
     "stereo": stereo,
+    "sequence": sequence,
     "depth": depth_of_photo,
     "demo": demo,
     "doctor": doctor,
@@ -228,6 +230,11 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
         "dlama stereo left.png right.png --calib calib.txt -o out",
         "dlama stereo left.png right.png --calib calib.json --mask left_mask.png -o out",
         "dlama stereo left.png right.png --calib calib.txt --click 150,250 --with-shadow -o out",
+    ),
+    "sequence": (
+        "dlama sequence room -o out",
+        "dlama sequence room --frames 0:480:10 --mask frame-000030=mask.png -o out",
+        "dlama sequence room --views orbit -o out",
     ),
     "depth": (
         "dlama depth photo.jpg -o out",

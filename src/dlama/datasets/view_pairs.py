@@ -70,10 +70,15 @@ def read_posed(
 
 
 def posed_dataset(layout: str, root: Path, frames: Iterable[PosedFrame], limit: int | None = None) -> Dataset:
-    """A data set of posed frames (scene after scene) with the cases of `view_pairs`; raises FileError if none is found."""
+    """A data set of posed frames (scene after scene) with the cases of `view_pairs`; raises FileError if none is found.
+
+    limit: so many cases at most; 0: no pairs are looked for, the frames alone are wanted.
+    """
     frames = tuple(frames)
     cases: list[Case] = []
     name = root.resolve().name
+    if limit == 0:
+        return Dataset(name, layout, root, frames, ())
     for scene in dict.fromkeys(frame.scene for frame in frames):
         if limit is None or len(cases) < limit:
             left = None if limit is None else limit - len(cases)

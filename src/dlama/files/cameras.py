@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from dlama.errors import CameraError, FileError, system_errors
 from dlama.files.atomic_write import PathLike, new_file
 from dlama.files.checked_fields import FileFields, Intrinsics, read_calib_txt, read_json_fields
-from dlama.files.rasters.images import read_stored
+from dlama.files.rasters.images import existing, read_stored
 from dlama.geometry.camera import Camera, StereoRig
 from dlama.perception.diagnosis.lens import looks_like_radians
 
@@ -42,10 +42,41 @@ def read_camera(path: PathLike, *, hw: tuple[int, int] | None = None) -> Camera:
     if _is_calib_txt(path):
         fields = read_calib_txt(path)
         return checked_camera(path, fields.size(hw), fields.intrinsics("cam0"), 0.0)
-    fields = read_json_fields(path, CAMERA_FIELDS)
+    return _camera_of(read_json_fields(path, CAMERA_FIELDS), hw)
+
+
+def _camera_of(fields: FileFields, hw: tuple[int, int] | None) -> Camera:
     intrinsics = [fields.number(name) for name in ("fx", "fy", "cx", "cy")]
     pose = fields.matrix("world_from_cam", (4, 4)) if "world_from_cam" in fields else None
-    return checked_camera(path, fields.size(hw, needed=True), intrinsics, fields.pixel_center(0.5), pose)
+    return checked_camera(fields.path, fields.size(hw, needed=True), intrinsics, fields.pixel_center(0.5), pose)
+
+
+@system_errors(FileError)
+def read_cameras(path: PathLike) -> dict[str, Camera]:
+    """Name -> camera of a JSON list of cameras, each as `read_camera` takes one, with an optional `name` (default: its number).
+
+    Raises FileError, CameraError, naming the camera and the field.
+    """
+    file = existing(path)
+    try:
+        listed = json.loads(file.read_text(encoding="utf-8-sig"))
+    except ValueError as error:
+        raise FileError(f"{file}: is no JSON ({error})") from error
+    if not isinstance(listed, list) or not listed:
+        raise FileError(f"{file}: holds no list; a list of cameras, each with width, height, fx, ..., is wanted")
+    whole, cameras = FileFields(file, {}), dict[str, Camera]()
+    for number, values in enumerate(listed):
+        fields = whole.part(f"camera {number}", values)
+        unknown = [name for name in fields.values if name not in (*CAMERA_FIELDS, "name")]
+        if unknown:
+            raise CameraError(
+                f"{fields.path}: field '{unknown[0]}' is not known; known are name, {', '.join(CAMERA_FIELDS)}"
+            )
+        name = fields.text("name") if "name" in fields else f"{number:04d}"
+        if name in cameras or Path(name).name != name:
+            raise FileError(f"{fields.path}: name is {name!r}; a file's name that no other camera has is wanted")
+        cameras[name] = _camera_of(fields, None)
+    return cameras
 
 
 @system_errors(FileError)

@@ -48,6 +48,44 @@ def dolly(camera: Camera, metres: float) -> Camera:
     return camera.at(pose)
 
 
+def orbit_path(camera: Camera, count: int, pivot: float = PIVOT_M, degrees: float = 15.0) -> list[Camera]:
+    """A swing to the right, to the left and back, `degrees` to either side; it ends where it begins and can be repeated."""
+    return [orbit(camera, degrees * math.sin(turn), 0.0, pivot) for turn in _turns(count)]
+
+
+def spiral_path(camera: Camera, count: int, pivot: float = PIVOT_M, degrees: float = 8.0) -> list[Camera]:
+    """A circle round the camera, `degrees` in yaw and half of that in pitch, and a little forward and back meanwhile."""
+    return [
+        dolly(
+            orbit(camera, degrees * math.sin(turn), degrees / 2 * (1 - math.cos(turn)) / 2, pivot),
+            0.1 * pivot * math.sin(2 * turn) / 2,
+        )
+        for turn in _turns(count)
+    ]
+
+
+def dolly_path(camera: Camera, count: int, pivot: float = PIVOT_M, share: float = 0.25) -> list[Camera]:
+    """Forward by a share of the way to the pivot, and back."""
+    return [dolly(camera, share * pivot * (1 - math.cos(turn)) / 2) for turn in _turns(count)]
+
+
+PATHS = {"orbit": orbit_path, "spiral": spiral_path, "dolly": dolly_path}
+"""Camera paths by name: (camera, count, pivot) -> cameras."""
+
+
+def named_path(name: str, camera: Camera, count: int, pivot: float = PIVOT_M) -> list[Camera]:
+    """The cameras of a path of PATHS that begins at `camera`. Raises InputError: an unknown name, or fewer than one camera."""
+    if name not in PATHS:
+        raise InputError(f"path is {name!r}; one of {', '.join(PATHS)} is wanted")
+    if count < 1:
+        raise InputError(f"a path of {count} cameras was asked for; one or more are wanted")
+    return PATHS[name](camera, count, pivot)
+
+
+def _turns(count: int) -> list[float]:
+    return [2 * math.pi * number / count for number in range(count)]
+
+
 def median_pivot(depth: ArrayLike) -> float:
     """The median in metres of the valid depths (finite, > 0) of an H x W map: the pivot that the verbs call "auto".
 

@@ -60,11 +60,17 @@ def unseen_behind(plan: Plan, camera: Camera) -> int:
 
 def fill_frame(plan: Plan, scene: Scene, place: int) -> tuple[Scene, list[FillReport]]:
     """The scene with one frame's holes filled, after what other frames and earlier fills show there."""
+    scene, _, reports = completed_frame(plan, scene, place)
+    return scene, reports
+
+
+def completed_frame(plan: Plan, scene: Scene, place: int) -> tuple[Scene, View, list[FillReport]]:
+    """The same, and the completed view of the frame's own camera."""
     LOG.info("fill frame %d", plan.given.numbers[place])
     before, _ = warp(plan, scene, plan.given.layers[place].camera)
     known, taken_over = show_earlier_fill(plan, scene, before)
     view, filled = fill(plan, known)
-    return fuse_new(with_depth_of(scene, place, view), before, known, view), [taken_over, filled]
+    return fuse_new(with_depth_of(scene, place, view), before, known, view), view, [taken_over, filled]
 
 
 def with_depth_of(scene: Scene, place: int, view: View) -> Scene:

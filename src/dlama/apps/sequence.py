@@ -1,0 +1,177 @@
+"""`dlama sequence`: a data set of posed frames and masks in; the same completed, as a data set, out."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, nullcontext
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from tyro.conf import Positional
+
+from dlama.apps.options import RECIPES, CameraFile, Masking, Metres, Output, Radius, Report, Seed, option
+from dlama.apps.terminal.output import counting_bar, print_line, reported
+from dlama.apps.terminal.streams import ending, exit_code
+from dlama.errors import InputError
+from dlama.inpainters import FILLERS
+
+if TYPE_CHECKING:
+    from dlama.geometry.rgbd import BoolArray
+
+MINUTE = 60.0
+"""Seconds between two lines about progress where there is no terminal."""
+PICTURES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp")
+
+
+@dataclass(frozen=True)
+class Source:
+    """Which frames of which data set."""
+
+    frames: Annotated[str | None, option("FIRST:END:STEP", "all")] = None
+    """Frames by their place, from 0, the end not among them: 0:480:10, ::5."""
+    layout: Annotated[str | None, option("NAME", "recognised")] = None
+    """How the data set lies on disk: tum, 7-scenes, scannet, redwood, nerfstudio, colmap, easysynth, ..."""
+    scene: Annotated[str | None, option("NAME", "the only one")] = None
+    """Which scene, of a folder that holds several."""
+    camera: CameraFile = None
+    """The camera file of a layout that has none of its own (tum, 7-scenes, redwood)."""
+    depth_range: Metres = None
+    """EasySynth: metres that 1.0 stands for in its depth files."""
+
+
+@dataclass(frozen=True)
+class Filling:
+    """How what no frame saw is filled."""
+
+    filler: Annotated[str, option("|".join(FILLERS), "layered")] = "layered"
+    """What fills the holes, as for dlama view."""
+    model: Annotated[str | None, option("FILE|NAME")] = None
+    """Network of a filler that runs one, as for dlama view."""
+    recipe: Annotated[str, option("|".join(RECIPES), "dlama")] = "dlama"
+    """dlama, or paper as published (its clip of depth is left out)."""
+    dilate: Radius = None
+    """Grow the masks by this many pixels before the thing leaves (3)."""
+    seed: Seed = 0
+    """Fillers draw their random numbers from this."""
+
+    def settings(self) -> dict[str, Any]:
+        """As keyword arguments of dlama.sequence."""
+        from dlama.apps.model_files import model_for
+
+        network = None if self.model is None else model_for(self.model)
+        return {
+            "filler": self.filler,
+            "model": network,
+            "recipe": self.recipe,
+            "dilate": self.dilate,
+            "seed": self.seed,
+        }
+
+
+def sequence(
+    dataset: Positional[Annotated[Path, option("DATASET|SCENE.npz", None)]],
+    /,
+    *,
+    output: Output,
+    source: Source,
+    masking: Masking,
+    filling: Filling,
+    report: Report,
+    mask: Annotated[tuple[str, ...], option("FRAME=FILE ...")] = (),
+    masks: Annotated[Path | None, option("FOLDER")] = None,
+    views: Annotated[str, option("frames|orbit|spiral|dolly|CAMERAS.json", "frames")] = "frames",
+) -> None:
+    """Many posed frames of one scene, completed: what one frame lacks another one shows, and only the rest is filled, once.
+
+    Args:
+        dataset: The folder of posed frames with depth, in any layout that `dlama evaluate` reads; or a scene.npz.
+        output: Directory for the results, a data set in nerfstudio's layout, and scene.ply, scene.glb; a killed run goes on.
+        mask: A thing to remove from all frames, in one or several of them: a frame's name or its place from 0, and its mask.
+        masks: The same: a folder of masks with the names of their frames.
+        views: Which cameras are completed: the frames' own, a path from the middle frame, or those of a file (a list of cameras
+            as --to of dlama view takes one, each with an optional name).
+    """
+    import dlama
+
+    started = time.perf_counter()
+    with reported("sequence", report) as result:
+        found = read_masks(mask_files(mask, masks), masking)
+        with shown_progress("sequence", report) as progress:
+            meta = dlama.sequence(
+                dataset, output, masks=found, views=views, progress=progress, **vars(source), **filling.settings()
+            )
+        result.add(summary_line(meta, output, time.perf_counter() - started), **summary_values(meta, output))
+
+
+def read_masks(files: dict[str, Path], masking: Masking) -> dict[str, BoolArray]:
+    """Frame -> mask. FileError, MaskError."""
+    from dlama.files.rasters.pictures import read_mask
+
+    return {frame: read_mask(path, **masking.settings()) for frame, path in files.items()}
+
+
+def mask_files(named: Sequence[str], folder: Path | None) -> dict[str, Path]:
+    """Frame -> file, from FRAME=FILE words and from the names in a folder. InputError."""
+    files: dict[str, Path] = {}
+    for word in named:
+        frame, equals, file = word.partition("=")
+        if not (frame and equals and file):
+            raise InputError(f"mask is {word!r}; FRAME=FILE is wanted, such as 0=mask.png")
+        if frame in files:
+            raise InputError(f"mask is given twice for frame {frame}; one mask a frame is wanted")
+        files[frame] = Path(file)
+    if folder is not None:
+        if not folder.is_dir():
+            raise InputError(f"masks is {folder}; a folder of masks with the names of their frames is wanted")
+        listed = sorted(path for path in folder.iterdir() if path.suffix.lower() in PICTURES)
+        if not listed:
+            raise InputError(f"masks is {folder}, which holds no picture")
+        files |= {path.stem: path for path in listed if path.stem not in files}
+    return files
+
+
+def summary_line(meta: dict[str, Any], output: Path, seconds: float) -> str:
+    """One line: how many views of how many frames, what share was filled, what was left out, how long it took."""
+    shares, count = meta["filled_share"].values(), len(meta["frames"]["names"])
+    mean = sum(shares) / max(len(shares), 1)
+    out = f", {len(meta['left_out'])} left out ({', '.join(list(meta['left_out'])[:3])})" if meta["left_out"] else ""
+    earlier = f", {meta['views_from_earlier_run']} from an earlier run" if meta["views_from_earlier_run"] else ""
+    return f"{output}: {len(shares)} views of {count} frames{out}, {mean:.1%} filled{earlier}, {seconds:.1f} s"
+
+
+def summary_values(meta: dict[str, Any], output: Path) -> dict[str, Any]:
+    """The same, JSON-ready."""
+    names = ("filled_share", "left_out", "views_from_earlier_run", "masked_frames")
+    return {"output": str(output), "frames": meta["frames"]["names"], **{name: meta[name] for name in names}}
+
+
+@contextmanager
+def shown_progress(title: str, report: Report) -> Iterator[Callable[[int, int, str, bool], None]]:
+    """A bar with the time left on a terminal, a line a minute elsewhere. Ctrl-C says that nothing is lost."""
+    from dlama.workers.progress import line_every, progress_line
+
+    counts = {"kept": 0, "done": 0, "total": 0}
+
+    def line(seconds: float) -> str:
+        total = counts["total"] or None
+        return progress_line(title, kept=counts["kept"], done=counts["done"], total=total, failed=0, seconds=seconds)
+
+    try:
+        without_lines = report.quiet or sys.stderr.isatty()
+        lines = (
+            nullcontext() if without_lines else line_every(line, lambda one: print_line("progress", one), every=MINUTE)
+        )
+        with counting_bar(title, report) as bar, lines:
+
+            def progress(done: int, total: int, name: str, earlier: bool) -> None:
+                counts.update(done=done, total=total, kept=counts["kept"] + earlier)
+                if bar is not None:
+                    bar(done, total, f"{title}: {name}")
+
+            yield progress
+    except KeyboardInterrupt as error:
+        print_line("error", f"{ending(error)}; what is done is kept, and the same command goes on from there")
+        raise SystemExit(exit_code(error)) from None

@@ -1,0 +1,71 @@
+"""A scene of many frames in; the same with every surface in it once, in one brightness, for clouds and meshes, out."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import cv2
+import numpy as np
+
+from dlama.geometry.frames.choosing import choose_frames
+from dlama.geometry.frames.merging import nearest_around
+from dlama.geometry.projection import project, rays
+from dlama.geometry.rgbd import BoolArray
+from dlama.geometry.scene import Scene
+from dlama.geometry.view import HoleType, Origin, View
+
+MOST_HELD_AGAINST = 6
+"""Frames that each frame is held against."""
+FLOOR, SIGMAS = 0.01, 3.0
+"""Relative depth within which two frames show one surface, and so many standard deviations of the noise."""
+
+
+def thinned(scene: Scene) -> Scene:
+    """The frames with only those points that no earlier frame has and that no other looked through; what was filled stays.
+
+    Colours are in the scene's common brightness. A scene of one picture comes back as it is.
+    """
+    if not scene.numbers:
+        return scene
+    layers = []
+    for place, frame in enumerate(scene.measured):
+        added = new_points(scene, place)
+        ring = cv2.dilate(added.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
+        layer = frame.without(~ring, HoleType.NONE)
+        origin = np.where(added | layer.hole, layer.origin, np.uint8(Origin.REPROJECTED))
+        color = np.clip(np.rint(layer.color * np.array(scene.gains[place])), 0, 255).astype(np.uint8)
+        if added.any() or not place:
+            layers.append(dataclasses.replace(layer, origin=origin, color=color))
+    return Scene((*layers, *scene.layers[len(scene.numbers) :]), scene.objects)
+
+
+def new_points(scene: Scene, place: int) -> BoolArray:
+    """H x W, True at the pixels of a frame that no earlier frame shows and no other frame looked through."""
+    frame = scene.layers[place]
+    held = [one for one in choose_frames(scene.measured, frame.camera, MOST_HELD_AGAINST) if one != place]
+    added = frame.valid.copy()
+    rows, columns = np.nonzero(added)
+    depth = frame.depth[rows, columns].astype(np.float64)
+    pose = frame.camera.world_from_cam
+    points = (rays(frame.camera)[rows, columns] * depth[:, None]) @ pose[:3, :3].T + pose[:3, 3]
+    drop = np.zeros(len(points), bool)
+    for other in held:
+        drop |= _dropped(points, scene, scene.layers[other], other < place)
+    added[rows, columns] = ~drop
+    return cv2.morphologyEx(added.astype(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8)) > 0
+
+
+def _dropped(points: np.ndarray, scene: Scene, other: View, earlier: bool) -> BoolArray:
+    """N, True at points that another frame looked through, or, where it comes earlier, has itself."""
+    pixels, z = project(points, other.camera)
+    width, height = other.camera.wh
+    inside = (z > 0) & (pixels >= 0).all(1) & (pixels[:, 0] < width) & (pixels[:, 1] < height)
+    x, y = np.where(inside[:, None], pixels, 0).astype(np.intp).T
+    there = np.where(other.hole, 0, other.depth)[y, x]
+    near = nearest_around(other)[y, x]
+    limit = np.maximum(FLOOR * z, SIGMAS * np.hypot(scene.noise[0], scene.noise[1] * z**2))
+    through = inside & (near > 0) & (z < near - 2 * limit)
+    if not earlier:
+        return np.asarray(through)
+    with np.errstate(invalid="ignore"):
+        return np.asarray(through | (inside & (there > 0) & (np.abs(there - z) <= limit)))

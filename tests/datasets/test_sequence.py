@@ -1,0 +1,188 @@
+"""dlama.sequence: a folder of posed frames completed into another (oracles: closed-form frames, round trips, a killed run)."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image
+
+import dlama
+from dlama.datasets import sequence as module
+from dlama.datasets.nerfstudio_writer import write_transforms, write_view
+from dlama.datasets.scene_frames import open_frames, sliced
+from dlama.errors import FileError, InputError
+from dlama.files.cameras import camera_as_json
+from dlama.geometry.camera import Camera
+from dlama.geometry.rgbd import RGBD
+from dlama.geometry.view import Origin, View
+from worlds import Box, Plane, Sphere, World, moved
+
+LENS = Camera.from_fov(64, 48, 60)
+SHAPES = (Plane((0, 0, 4), (0.1, 0, -1)), Plane((0, 1.2, 0), (0, -1, 0)), Box((-1.2, -0.6, 2.8), (-1.0, 2, 3.0)))
+BALL = Sphere((0.1, 0.2, 2.4), 0.3)
+WORLD = World((*SHAPES, BALL))
+PLACES = (-0.45, -0.15, 0.15, 0.45)
+CAMERAS = {f"img-{n}": moved(LENS, (0, -10 * x, 0), (x, 0, 0)) for n, x in enumerate(PLACES)}
+
+
+def frame(name: str) -> RGBD:
+    """A frame of the world, with a sensor hole."""
+    rgbd = WORLD.rgbd(CAMERAS[name])
+    depth = rgbd.depth.copy()
+    depth[4:9, 30:40] = 0
+    return RGBD(rgbd.color, depth, rgbd.camera)
+
+
+@pytest.fixture
+def room(tmp_path: Path) -> Path:
+    """Four frames in nerfstudio's layout."""
+    folder = tmp_path / "room"
+    for each in ("images", "depth", "hole", "origin", "source"):
+        (folder / each).mkdir(parents=True)
+    for name in CAMERAS:
+        write_view(folder, name, View.from_rgbd(frame(name)))
+    write_transforms(folder, CAMERAS, [], {})
+    return folder
+
+
+def test_what_is_written_is_read_back(room: Path, tmp_path: Path) -> None:
+    """Round trip: the output is a data set of our own reader; measured pixels are bit for bit, depth to half a millimetre."""
+    meta = dlama.sequence(room, tmp_path / "out")
+    frames = open_frames(tmp_path / "out")
+    assert [each.name for each in frames] == list(CAMERAS) == meta["frames"]["names"]
+    for each in frames:
+        done, given = each.load(), frame(each.name)
+        known = given.depth > 0
+        np.testing.assert_array_equal(done.color, given.color)
+        assert np.abs(done.depth - given.depth)[known].max() < 6e-4
+        assert (done.depth > 0).all()
+        np.testing.assert_allclose(done.camera.world_from_cam, given.camera.world_from_cam, atol=1e-9)
+        truth = WORLD.trace(given.camera)[0]
+        assert np.median(np.abs(done.depth - truth)[~known]) < 0.01
+    assert {path.name for path in (tmp_path / "out").iterdir()} == {
+        "images", "depth", "hole", "origin", "source", "transforms.json", "meta.json", "scene.npz", "scene.ply", "scene.glb",
+    }  # fmt: skip
+
+
+def test_source_says_which_frame_a_pixel_comes_from(room: Path, tmp_path: Path) -> None:
+    """Codes: own pixels 1 + the own number, the sensor hole another frame's, filled ones 0."""
+    dlama.sequence(room, tmp_path / "out")
+    named = json.loads((tmp_path / "out" / "transforms.json").read_text())["source_frames"]
+    source = np.array(Image.open(tmp_path / "out" / "source" / "img-1.png"))
+    origin = np.array(Image.open(tmp_path / "out" / "origin" / "img-1.png"))
+    hole = np.array(Image.open(tmp_path / "out" / "hole" / "img-1.png"))
+    assert {named[code - 1] for code in np.unique(source[origin == Origin.MEASURED])} == {"img-1"}
+    elsewhere = origin == Origin.ELSEWHERE
+    assert elsewhere.any() and "img-1" not in {named[code - 1] for code in np.unique(source[elsewhere])}
+    assert (source[hole == 255] == 0).all()
+
+
+def test_a_thing_is_removed_from_all_frames(room: Path, tmp_path: Path) -> None:
+    """By name or by place (oracle: the world without the ball)."""
+    mask = WORLD.trace(CAMERAS["img-1"])[1] == 3
+    dlama.sequence(room, tmp_path / "out", masks={"1": mask})
+    again = dlama.sequence(room, tmp_path / "again", masks={"img-1": mask})
+    assert again["masked_frames"] == ["img-1"]
+    for each, same in zip(open_frames(tmp_path / "out"), open_frames(tmp_path / "again")):
+        done = each.load()
+        ball = WORLD.trace(done.camera)[1] == 3
+        truth = World(SHAPES).trace(done.camera)[0]
+        assert np.median(np.abs(done.depth - truth)[ball] / truth[ball]) < 0.02
+        np.testing.assert_array_equal(done.color, same.load().color)
+
+
+def killed_after(count: int) -> Callable[..., None]:
+    """Progress that stops the run."""
+
+    def progress(done: int, *_: Any) -> None:
+        if done == count:
+            raise KeyboardInterrupt
+
+    return progress
+
+
+def test_a_killed_run_goes_on(room: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Law: the result is the same as in one go; what was done is not done again; other settings begin anew."""
+    whole = dlama.sequence(room, tmp_path / "whole")
+    with pytest.raises(KeyboardInterrupt):
+        dlama.sequence(room, tmp_path / "out", progress=killed_after(2))
+    assert not (tmp_path / "out" / "transforms.json").exists()
+    worked: list[object] = []
+    original = module.taken
+    monkeypatch.setattr(module, "taken", lambda *given: (worked.append(given), original(*given))[1])
+    meta = dlama.sequence(room, tmp_path / "out")
+    assert len(worked) == 2 and meta["views_from_earlier_run"] == 2
+    assert meta["filled_share"] == whole["filled_share"]
+    for file in (tmp_path / "whole").glob("*/*.png"):
+        assert file.read_bytes() == (tmp_path / "out" / file.parent.name / file.name).read_bytes(), file
+    assert not (tmp_path / "out" / ".dlama-sequence").exists()
+    with pytest.raises(KeyboardInterrupt):
+        dlama.sequence(room, tmp_path / "other", progress=killed_after(2))
+    assert dlama.sequence(room, tmp_path / "other", seed=1)["views_from_earlier_run"] == 0
+
+
+def test_views_of_a_path_and_of_a_file(room: Path, tmp_path: Path) -> None:
+    """A list of cameras with names; a path by name (oracle: the true depth)."""
+    camera = moved(LENS, (0, 1, 0), (0.05, 0.02, 0))
+    cameras = [{**camera_as_json(camera), "name": "mine"}, camera_as_json(LENS)]
+    (tmp_path / "cameras.json").write_text(json.dumps(cameras))
+    dlama.sequence(room, tmp_path / "out", views=str(tmp_path / "cameras.json"))
+    frames = open_frames(tmp_path / "out")
+    assert [each.name for each in frames] == ["mine", "0001"]
+    truth, done = WORLD.trace(camera)[0], frames[0].load()
+    assert np.median(np.abs(done.depth - truth)) < 0.005
+    meta = dlama.sequence(room, tmp_path / "path", views="spiral", frames="::3")
+    assert len(meta["filled_share"]) == module.VIEWS_OF_PATH and meta["frames"]["names"] == ["img-0", "img-3"]
+
+
+def test_a_scene_file_goes_on(room: Path, tmp_path: Path) -> None:
+    """scene.npz in the place of the data set: nothing is filled anew at a camera that is done."""
+    dlama.sequence(room, tmp_path / "out")
+    found = dlama.read_scene(tmp_path / "out" / "scene.npz")
+    assert found.numbers == (0, 1, 2, 3) and len(found.gains) == 4
+    meta = dlama.sequence(tmp_path / "out" / "scene.npz", tmp_path / "next", views={"x": LENS})
+    assert list(meta["filled_share"]) == ["x"]
+
+
+def test_damaged_frames_are_named_and_left_out(room: Path, tmp_path: Path) -> None:
+    """The others are completed; with none left there is one line."""
+    (room / "depth" / "img-2.png").write_bytes(b"no picture")
+    with pytest.warns(UserWarning, match="frame img-2 is left out"):
+        meta = dlama.sequence(room, tmp_path / "out")
+    assert list(meta["left_out"]) == ["img-2"] and len(meta["filled_share"]) == 3
+    for name in CAMERAS:
+        (room / "depth" / f"{name}.png").write_bytes(b"no picture")
+    with pytest.warns(UserWarning), pytest.raises(FileError, match="not one of its 4 frames can be read"):
+        dlama.sequence(room, tmp_path / "none")
+    assert not (tmp_path / "none").exists()
+
+
+def test_bad_words_are_refused_before_anything_is_written(room: Path, tmp_path: Path) -> None:
+    """One line each, and no folder."""
+    mask = np.zeros(LENS.hw, bool)
+    mask[20:30, 20:30] = True
+    bad: list[tuple[dict[str, Any], str]] = [
+        ({"masks": {"nobody": mask}}, "mask is for frame nobody, which is not there"),
+        ({"views": "circle"}, "views is 'circle'; frames, orbit, spiral, dolly or a JSON file"),
+        ({"frames": "1-3"}, "frames is '1-3'; FIRST:END:STEP is wanted"),
+        ({"frames": "9:"}, "frames is 9:, and there are 4; nothing is left"),
+        ({"scene": "cellar"}, "scene 'cellar' is not in this data set"),
+        ({"layout": "tum2"}, "layout 'tum2' is not known"),
+    ]
+    for options, message in bad:
+        with pytest.raises(InputError, match=message):
+            dlama.sequence(room, tmp_path / "out", **options)
+    with pytest.raises(FileError, match="no such folder"):
+        dlama.sequence(tmp_path / "nowhere", tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
+def test_slices() -> None:
+    """As Python's (oracle: Python)."""
+    assert sliced(range(9), None) == tuple(range(9))
+    assert sliced(range(9), "1:8:3") == (1, 4, 7) and sliced(range(9), "-3:") == (6, 7, 8)
