@@ -17,6 +17,7 @@ import pytest
 import dlama
 
 NAMES = {
+    "JobResult", "batch",
     "Camera", "Completion", "DepthEstimate", "DepthPrediction", "Fill", "FillReport", "Finding", "HoleType", "Inpainter", "Law",
     "MaskSession", "Mesh", "ObjectMask", "Origin", "PointCloud", "RGBD", "Recipe", "Scene", "StereoCompletion",
     "StereoConsistency", "StereoRig", "View",
@@ -137,4 +138,4 @@ def test_verbs_have_the_names_of_the_command_line() -> None:
     """view, remove and stereo are the same words in both (oracle: the command line's table)."""
     from dlama.apps.cli import VERBS
 
-    assert {"view", "remove", "stereo"} <= set(VERBS) & NAMES
+    assert {"view", "remove", "stereo", "batch"} <= set(VERBS) & NAMES

@@ -57,6 +57,8 @@ if TYPE_CHECKING:  # what type checkers and editors read; a test holds it equal 
     from dlama.inpainters.filling import FillReport as FillReport
     from dlama.inpainters.filling import Inpainter as Inpainter
     from dlama.inpainters.filling import inpaint as inpaint
+    from dlama.jobs.batch import batch as batch
+    from dlama.jobs.result import JobResult as JobResult
     from dlama.perception.depth_networks import DepthPrediction as DepthPrediction
     from dlama.perception.diagnosis.finding import Finding as Finding
     from dlama.perception.monocular import DepthEstimate as DepthEstimate
@@ -83,6 +85,7 @@ MODULES = {
     "HoleType": "geometry.view",
     "Inpainter": "inpainters.filling",
     "InputError": "errors",
+    "JobResult": "jobs.result",
     "Law": "geometry.visibility",
     "MaskError": "errors",
     "MaskSession": "perception.object_masks",
@@ -100,6 +103,7 @@ MODULES = {
     "StereoConsistency": "perception.stereo_agreement",
     "StereoRig": "geometry.camera",
     "View": "geometry.view",
+    "batch": "jobs.batch",
     "complete": "completion.pipeline",
     "diagnose": "datasets.diagnosis",
     "estimate_depth": "perception.monocular",

@@ -68,6 +68,7 @@ BASE = {
     "mask": "image.png depth.png -o mask.png --fov 60",
     "stereo": "left.png right.png --calib calib.txt -o out --mask mask.png",
     "depth": "image.png -o out --fov 60",
+    "batch": "jobs.csv -o out",
     "demo": "",
     "sequence": "room -o out",
     "doctor": "image.png depth.png mask.png --fov 60",
@@ -272,6 +273,46 @@ DOCTOR = {
     "calib": Reach("--calib c.json", "diagnose.calib", Path("c.json")),
     "layout": Reach("--layout tum", "diagnose.layout", "tum"),
 }
+OF_JOBS = {**move("batch"), **LENS, **READING, **ESTIMATING, **MASKING, **POINTING, **method("batch")}
+"""Options that hold for every job of a list."""
+AS_TYPED = {
+    "to": Path("target.json"),
+    "metres_at": ("3,4=2", "5,6=7"),
+    "click": ("1,2", "3,4.5"),
+    "not_click": ("1,2",),
+    "box": "1,2,3,4",
+    "salient": True,
+}
+"""Those that go to the jobs as they are typed."""
+
+
+def default(words: str, name: str, value: Any) -> Reach:
+    """An option that arrives among the defaults of the jobs."""
+    return Reach(words, "batch.defaults", lambda given: given is not None and given.get(name) == value)
+
+
+BATCH = {
+    **{name: default(reach.words, name, AS_TYPED.get(name, reach.value)) for name, reach in OF_JOBS.items()},
+    "only": default("--only image,depth", "only", "image,depth"),
+    "calib": default("--calib c.json", "calib", Path("c.json")),
+    "right_view": default("--right-view given", "right_view", "given"),
+    "disparity_scale": default("--disparity-scale 4", "disparity_scale", 4.0),
+    "matcher": default("--matcher net.onnx", "matcher", Path("net.onnx")),
+    "max_disparity": default("--max-disparity 40", "max_disparity", 40.0),
+    "words": instead("other.csv", "batch.jobs", "other.csv", "jobs.csv"),
+    "output": Reach("-o elsewhere", "batch.out", Path("elsewhere"), ("-o out",)),
+    "images": Reach("--images x/*.png", "batch.jobs", attribute("images", "x/*.png"), ("jobs.csv",)),
+    "depths": Reach(
+        "--images x --depths y/{stem}.png", "batch.jobs", attribute("depths", "y/{stem}.png"), ("jobs.csv",)
+    ),
+    "masks": Reach("--images x --masks z/{stem}.png", "batch.jobs", attribute("masks", "z/{stem}.png"), ("jobs.csv",)),
+    "verb": Reach("--verb view", "batch.verb", "view"),
+    "workers": Reach("--workers 2", "batch.workers", 2),
+    "threads": Reach("--threads 2", "batch.threads", 2),
+    "resume": Reach("--no-resume", "batch.resume", False),
+    "stop_after_failures": Reach("--stop-after-failures 3", "batch.stop_after_failures", 3),
+    "dry_run": Reach("--dry-run --verb view", "planned_lines.verb", "view"),
+}
 NAME = instead("big-lama", "record.name", "big-lama", "migan-512")
 CONVERT = {
     "weights": instead("b.ckpt -o a.onnx", "convert.source", Path("b.ckpt"), "a.ckpt -o a.onnx"),
@@ -303,6 +344,7 @@ TABLE: dict[str, dict[str, Reach]] = {
     "sequence": {
         **SEQUENCE, **MASKING, **REPORT,
     },
+    "batch": {**BATCH, **REPORT},
     "doctor": {**DOCTOR, **REPORT},
     "version": {},
     "evaluate": {**EVALUATE, **REPORT},

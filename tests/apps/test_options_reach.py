@@ -96,7 +96,7 @@ def calls(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Calls:
 
         monkeypatch.setattr(owner, name, stand_in)
 
-    for module in ("jobs", "cli", "doctor", "evaluate", "worlds", "train", "model_verbs", "sequence"):
+    for module in ("jobs", "cli", "doctor", "evaluate", "worlds", "train", "model_verbs", "sequence", "batch"):
         spy(f"dlama.apps.{module}.reported", through=True)
     _spy_on_jobs(spy)
     _spy_on_the_rest(spy)
@@ -126,7 +126,7 @@ def _spy_on_jobs(spy: Callable[..., None]) -> None:
     spy("dlama.files.results.completion.write")
     spy("dlama.files.results.completion.file_names", [])
     found = SimpleNamespace(mask="mask", masker="rgbd", chosen="thing", notes=())
-    spy("dlama.find_mask", found)
+    spy("dlama.perception.object_masks.find_mask", found)
     spy("dlama.perception.object_masks.completed", found)
     spy("dlama.files.semantic_classes.semantic_picture", Path("semantic.png"))
     spy("dlama.apps.masks.write_found", [])
@@ -150,6 +150,8 @@ def _spy_on_the_rest(spy: Callable[..., None]) -> None:
     spy("dlama.apps.sequence.mask_files", {"3": Path("a.png")})
     spy("dlama.apps.sequence.summary_line", "")
     spy("dlama.apps.sequence.summary_values", {})
+    spy("dlama.batch", ())
+    spy("dlama.apps.batch.planned_lines", ())
     spy("dlama.models.pull.pull", Path("pulled"))
     spy("dlama.apps.model_verbs.record", through=True)
     spy("dlama.apps.model_verbs.verify", SimpleNamespace(state="verified", path="", detail=""))

@@ -11,6 +11,8 @@ import tyro
 from tyro.conf import FlagCreatePairsOff, OmitArgPrefixes, Positional
 
 import dlama
+from dlama.apps.batch import EXAMPLES as BATCH_EXAMPLES
+from dlama.apps.batch import batch
 from dlama.apps.depth import depth as depth_of_photo
 from dlama.apps.doctor import doctor
 from dlama.apps.evaluate import evaluate
@@ -195,6 +197,7 @@ VERBS: dict[str, Callable[..., Any]] = {
     "stereo": stereo,
     "sequence": sequence,
     "depth": depth_of_photo,
+    "batch": batch,
     "demo": demo,
     "doctor": doctor,
     "version": version,
@@ -241,6 +244,7 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
         "dlama depth photo.jpg --fov 65 --metres-at 320,400=2.5 100,90=7 -o out",
         "dlama depth photo.jpg --depth-model moge-small -o out",
     ),
+    "batch": BATCH_EXAMPLES,
     "doctor": (
         "dlama doctor photo.jpg depth.png --fov 65",
         "dlama doctor photo.jpg depth.png mask.png --camera cam.json",

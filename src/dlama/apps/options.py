@@ -6,7 +6,6 @@ Nothing here imports what computes, so that --help is quick; a test holds the na
 from __future__ import annotations
 
 import dataclasses
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,6 +16,7 @@ from tyro.conf import arg
 from dlama.errors import InputError
 from dlama.geometry.trajectories import PIVOT_M
 from dlama.inpainters import FILLERS
+from dlama.jobs.parameters import check_move, check_one_target, known_depths
 
 if TYPE_CHECKING:
     from dlama.geometry.camera import Camera
@@ -77,19 +77,12 @@ class Move:
 
     def required(self) -> Move:
         """The move, if there is one; raises InputError."""
-        if self.to is self.yaw is self.pitch is self.dolly is None:
-            raise InputError(
-                "nothing says where the new camera stands: give --yaw DEG (positive: to the right), --pitch, --dolly, "
-                "or --to TARGET.json"
-            )
+        check_move(to=self.to, yaw=self.yaw, pitch=self.pitch, dolly=self.dolly)
         return self
 
     def settings(self) -> dict[str, Any]:
         """As keyword arguments of the verbs in Python; raises InputError when --to and an orbit were both given."""
-        orbit = {"--yaw": self.yaw, "--pitch": self.pitch, "--dolly": self.dolly}
-        given = [name for name, value in orbit.items() if value is not None]
-        if self.to is not None and given:
-            raise InputError(f"--to and {given[0]} contradict each other; give one of them")
+        check_one_target(self.to, yaw=self.yaw, pitch=self.pitch, dolly=self.dolly)
         return {
             "camera": self.target(),
             "yaw": self.yaw or 0.0,
@@ -185,23 +178,6 @@ class Estimating:
     def settings(self) -> dict[str, Any]:
         """As keyword arguments of read_rgbd."""
         return dataclasses.asdict(self) | {"metres_at": known_depths(self.metres_at)}
-
-
-def known_depths(typed: Sequence[str]) -> tuple[tuple[float, float, float], ...]:
-    """(x, y, metres) of each `X,Y=D`; raises InputError."""
-    found = []
-    for text in typed:
-        parts = re.fullmatch(r"([^,=]+),([^,=]+)=([^,=]+)", text)
-        try:
-            if parts is None:
-                raise ValueError
-            x, y, metres = map(float, parts.groups())
-        except ValueError:
-            raise InputError(
-                f"metres_at is {text!r}; X,Y=D is wanted: a pixel and its depth in metres, such as 320,400=2.5"
-            ) from None
-        found.append((x, y, metres))
-    return tuple(found)
 
 
 @dataclass(frozen=True)

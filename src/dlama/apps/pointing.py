@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import dataclasses
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from tyro.conf import arg
 
 from dlama.apps.options import option
-from dlama.errors import InputError
+from dlama.jobs.pointing import find_pointed, is_pointed, mask_settings
 
 if TYPE_CHECKING:
     import dlama
@@ -50,8 +50,7 @@ class Pointing:
     @property
     def given(self) -> bool:
         """Whether anything is pointed at."""
-        pointed = self.click or self.not_click or self.box or self.salient
-        return bool(pointed or self.object_class or self.masker == "salient")
+        return is_pointed(dataclasses.asdict(self))
 
     @property
     def needs_depth(self) -> bool:
@@ -61,43 +60,10 @@ class Pointing:
 
     def settings(self) -> dict[str, Any]:
         """As keyword arguments of find_mask; raises InputError."""
-        if self.salient and self.masker not in (None, "salient"):
-            raise InputError(f"--salient and --masker {self.masker} contradict each other; give one of them")
-        return {
-            "clicks": [numbers(text, "click", 2, "X,Y") for text in self.click],
-            "not_clicks": [numbers(text, "not", 2, "X,Y") for text in self.not_click],
-            "box": None if self.box is None else numbers(self.box, "box", 4, "X,Y,W,H"),
-            "masker": "salient" if self.salient else self.masker,
-            "mask_model": self.mask_model,
-            "candidate": self.candidate,
-            "with_shadow": self.with_shadow,
-        }
+        options = dataclasses.asdict(self)
+        del options["object_class"]
+        return mask_settings(**options)
 
     def find(self, picture: dlama.RGBD | UInt8Array, image: Path) -> dlama.ObjectMask:
         """The thing in a picture, read from `image`. InputError and its kin."""
-        import dlama
-
-        settings = self.settings()
-        if self.object_class is None:
-            return dlama.find_mask(picture, **settings)
-        if self.click or self.not_click or self.box or settings["masker"]:
-            raise InputError(
-                "--class and other ways to say which thing is meant contradict each other; give one of them"
-            )
-        from dlama.files.rasters.pictures import read_mask
-        from dlama.files.semantic_classes import semantic_picture
-        from dlama.perception.object_masks import completed
-
-        mask = read_mask(semantic_picture(image), mask_class=self.object_class)
-        return completed(picture, {"thing": mask}, "thing", f"class {self.object_class}", self.with_shadow)
-
-
-def numbers(text: str, flag: str, count: int, wanted: str) -> Sequence[float]:
-    """The numbers of an option, separated by commas; raises InputError."""
-    try:
-        found = [float(part) for part in text.split(",")]
-    except ValueError:
-        found = []
-    if len(found) != count:
-        raise InputError(f"--{flag} is {text!r}; {wanted} in pixels is wanted")
-    return found
+        return find_pointed(picture, image, self.settings(), self.object_class)

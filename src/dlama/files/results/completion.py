@@ -57,6 +57,7 @@ def write(
     inputs: Mapping[str, PathLike] | None = None,
     intrinsics_from: str = "given in Python",
     seconds: Mapping[str, float] | None = None,
+    input_addresses: Mapping[str, str] | None = None,
 ) -> Path:
     """Write a completion to a directory (made if need be) and return it. If anything fails nothing is left behind.
 
@@ -70,6 +71,7 @@ def write(
         inputs: Role -> file; path and SHA-256 of each go into meta.json.
         intrinsics_from: In words, where the source camera's intrinsics come from.
         seconds: Stages before the completion, such as reading, for meta.json.
+        input_addresses: Role -> what meta.json says in place of the path, of inputs that were fetched from elsewhere.
 
     Raises:
         InputError: a name in `only` that is not known.
@@ -79,7 +81,7 @@ def write(
     names = checked_results(only)
     target, started = Path(directory), time.perf_counter()
     check_inputs_stay(target, file_names(completion, names), inputs or {})
-    meta = {**described(completion, intrinsics_from), "inputs": hashed(inputs or {})}
+    meta = {**described(completion, intrinsics_from), "inputs": hashed(inputs or {}, input_addresses or {})}
     with new_directory(target) as folder:
         jobs = scene_jobs(folder, completion)  # the longest first, so that both threads end together
         for place, view in places(completion).items():
@@ -230,9 +232,10 @@ def versions() -> dict[str, str]:
     return found
 
 
-def hashed(inputs: Mapping[str, PathLike]) -> dict[str, dict[str, str]]:
-    """Role -> path and SHA-256 of each input file. Raises FileError."""
-    return {role: {"path": str(path), "sha256": sha256_of(Path(path))} for role, path in inputs.items()}
+def hashed(inputs: Mapping[str, PathLike], addresses: Mapping[str, str] | None = None) -> dict[str, dict[str, str]]:
+    """Role -> path (or its address) and SHA-256 of each input file. Raises FileError."""
+    named = {role: (addresses or {}).get(role, str(path)) for role, path in inputs.items()}
+    return {role: {"path": named[role], "sha256": sha256_of(Path(path))} for role, path in inputs.items()}
 
 
 def as_json(meta: Mapping[str, Any]) -> str:

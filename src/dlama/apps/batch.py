@@ -1,0 +1,211 @@
+"""`dlama batch`: a list of jobs in; every job's results, a manifest and a summary out. `dlama batch report OUT` shows them."""
+
+from __future__ import annotations
+
+import dataclasses
+import sys
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, nullcontext
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+from tyro.conf import Positional
+
+from dlama.apps.options import Estimating, Lens, Masking, Method, Move, Only, Reading, Report, option
+from dlama.apps.pointing import Pointing
+from dlama.apps.terminal.output import counting_bar, print_line, reported
+from dlama.apps.terminal.streams import ending, exit_code
+from dlama.errors import InputError
+
+if TYPE_CHECKING:
+    from dlama.jobs.batch import Progress
+    from dlama.jobs.result import JobResult
+
+FAILED = 1
+"""Exit code where some jobs could not be run."""
+MINUTE = 60.0
+"""Seconds between two lines about progress where there is no terminal."""
+SHOWN_FAILURES = 20
+"""Failures that are told as they happen; the manifest has all."""
+SHOWN_JOBS = 10
+"""Jobs that --dry-run shows."""
+EXAMPLES = (
+    "dlama batch jobs.csv -o out",
+    "dlama batch jobs.jsonl --fov 65 --only image,depth --workers 4 -o out",
+    "dlama batch --images 'rgb/*.png' --depths 'depth/{stem}.png' --verb view --yaw 10 --fov 65 -o out",
+    "dlama batch jobs.csv --dry-run -o out",
+    "dlama batch report out",
+)
+
+
+@dataclass(frozen=True)
+class Which:
+    """What is run, where no list says it."""
+
+    images: Annotated[str | None, option("PATTERN")] = None
+    """Pictures, such as 'rgb/*.png'; ** goes through folders. A job's id is its picture's path from there, without suffix."""
+    depths: Annotated[str | None, option("PATTERN", "estimated from the picture")] = None
+    """Where a picture's depth lies: 'depth/{stem}.png'; {stem} is its name, {name} that with suffix, {folder} its folder."""
+    masks: Annotated[str | None, option("PATTERN")] = None
+    """The same of its mask."""
+    verb: Annotated[Literal["view", "remove", "stereo", "depth"] | None, option("VERB", "as the list says")] = None
+    """view, remove, stereo or depth, of jobs that do not say it."""
+
+
+@dataclass(frozen=True)
+class Running:
+    """How it is run."""
+
+    workers: Annotated[int | None, option("N", "the cores, as far as memory allows")] = None
+    """Processes that work side by side; each stays open and keeps its networks and kernels."""
+    threads: Annotated[int | None, option("N", "the cores shared between the workers")] = None
+    """Threads of each worker."""
+    resume: Annotated[bool, option("", "they are kept")] = True
+    """Run jobs again that are done with the same inputs and options."""
+    stop_after_failures: Annotated[int | None, option("N", "never")] = None
+    """Begin no new job after so many failures."""
+    dry_run: Annotated[bool, option("", "off")] = False
+    """Run nothing; say how many jobs there are and show the first ten as they would run."""
+
+
+@dataclass(frozen=True)
+class Pair:
+    """Of stereo pairs."""
+
+    calib: Annotated[Path | None, option("CALIB")] = None
+    """Middlebury calib.txt, or JSON with left_K, right_K, baseline_m, doffs, pixel_center."""
+    right_view: Annotated[Literal["given", "synthesised"] | None, option("given|synthesised", "the recipe's")] = None
+    """Whether the right picture stays as it is, or is made from the left one."""
+    disparity_scale: Annotated[float | None, option("UNITS", "256 for 16-bit files, 1 for float files")] = None
+    """Units of disparity files that make a pixel."""
+    matcher: Annotated[Path | None, option("FILE.onnx", "semi-global matching")] = None
+    """A network that finds the disparity."""
+    max_disparity: Annotated[float | None, option("PX", "found")] = None
+    """The largest disparity looked for."""
+
+
+def batch(
+    words: Positional[Annotated[tuple[str, ...], option("[JOBS | report OUT]")]] = (),
+    /,
+    *,
+    output: Annotated[Path | None, option("DIR", "needed to run", aliases=["-o"])] = None,
+    which: Which,
+    running: Running,
+    move: Move,
+    lens: Lens,
+    reading: Reading,
+    estimating: Estimating,
+    masking: Masking,
+    pointing: Pointing,
+    pair: Pair,
+    method: Method,
+    report: Report,
+    only: Only = None,
+) -> None:
+    """Many jobs at once: a list of them, or a folder of pictures; what is done is kept, what fails is one row.
+
+    Args:
+        words: The list: CSV, JSONL or Parquet with id, verb and the verb's options by their names (image, depth, yaw, ...), paths
+            from its folder. All other options here hold for every job whose verb has them. `report OUT` makes OUT/report.html.
+        output: Results go to DIR/ID/, and DIR/manifest.csv has a row for each job.
+        only: What is written beside meta.json: image, depth, hole, origin, confidence, points, mesh, scene, preview.
+    """
+    if words[:1] == ("report",):
+        raise InputError("report is not there yet")
+    with reported("batch", report) as result:
+        import dlama
+        from dlama.jobs.result import Totals
+
+        defaults = given(move, lens, reading, estimating, masking, pointing, pair, method) | {"only": only}
+        jobs = source(words, which)
+        if running.dry_run:
+            for line in planned_lines(jobs, which.verb, defaults):
+                result.add(line)
+            return
+        if output is None:
+            raise InputError("output is missing; a directory for the results is wanted: -o DIR")
+        totals = Totals()
+        options = {name: value for name, value in dataclasses.asdict(running).items() if name != "dry_run"}
+        with shown_progress(report, totals) as progress:
+            for row in dlama.batch(jobs, output, verb=which.verb, progress=progress, **options, **defaults):
+                totals.add(row)
+        result.add("\n".join(totals.lines(str(output))), **totals.values(str(output)))
+    if totals.failed:
+        raise SystemExit(FAILED)
+
+
+def given(*groups: Any) -> dict[str, Any]:
+    """The options that differ from their defaults, by name."""
+    found: dict[str, Any] = {}
+    for group in groups:
+        for one in dataclasses.fields(group):
+            value = getattr(group, one.name)
+            if value != one.default:
+                found[one.name] = group.network() if one.name == "model" else value
+    return found
+
+
+def source(words: Sequence[str], which: Which) -> Any:
+    """The list, or the pictures of a pattern. InputError: neither, or both."""
+    from dlama.jobs.lists.folders import Pictures
+
+    if len(words) + (which.images is not None) != 1:
+        raise InputError(
+            f"{len(words)} lists and images={which.images}; one list of jobs, or images=PATTERN, is wanted"
+        )
+    if which.images is None and (which.depths or which.masks):
+        raise InputError("depths and masks go with images=PATTERN")
+    return words[0] if words else Pictures(str(which.images), which.depths, which.masks)
+
+
+def planned_lines(jobs: Any, verb: str | None, defaults: dict[str, Any]) -> Iterator[str]:
+    """What --dry-run says: how many jobs of each verb, how many cannot be run, and the first ones."""
+    from dlama.jobs.batch import JobList, checked_defaults
+
+    counts: dict[str, int] = {}
+    wrong, shown = 0, []
+    for number, job in enumerate(JobList(jobs, verb, checked_defaults(verb, defaults))):
+        counts[job.verb] = counts.get(job.verb, 0) + 1
+        wrong += job.error is not None
+        if number < SHOWN_JOBS:
+            options = " ".join(f"{name}={value}" for name, value in job.parameters.items())
+            shown.append(f"  {job.id}: {job.verb or '?'} {job.error or options}")
+    kinds = ", ".join(f"{count} {name or 'without a verb'}" for name, count in counts.items())
+    yield f"{sum(counts.values())} jobs ({kinds}), {wrong} of them cannot be run; the first ones:"
+    yield from shown
+
+
+@contextmanager
+def shown_progress(report: Report, totals: Any) -> Iterator[Progress]:
+    """A bar on a terminal, a line a minute elsewhere; the first failures as a line each. Ctrl-C says that nothing is lost."""
+    from dlama.workers.progress import line_every, progress_line
+
+    state: dict[str, Any] = {"done": 0, "total": None}
+    started = time.monotonic()
+
+    def line(seconds: float) -> str:
+        return progress_line("batch", kept=totals.kept, failed=totals.kinds_line(), seconds=seconds, **state)
+
+    try:
+        silent = report.quiet or sys.stderr.isatty()
+        minutes = nullcontext() if silent else line_every(line, lambda one: print_line("progress", one), every=MINUTE)
+        with counting_bar("batch", report) as bar, minutes:
+
+            def progress(row: JobResult | None, done: int, total: int | None) -> None:
+                state.update(done=done, total=total)
+                if row is not None and row.status == "failed":
+                    if totals.failed < SHOWN_FAILURES:
+                        print_line("error", f"{row.id}: {row.error}")
+                    elif totals.failed == SHOWN_FAILURES:
+                        print_line("error", "more jobs failed; the manifest has them all")
+                if bar is not None:
+                    rate = 60 * max(0, done - totals.kept) / max(1e-3, time.monotonic() - started)
+                    failed = totals.kinds_line()
+                    bar(done, total, f"batch: {rate:.1f} a minute{f', {failed} failed' if failed else ''}")
+
+            yield progress
+    except KeyboardInterrupt as error:
+        print_line("error", f"{ending(error)}; what is done is kept, and the same command goes on from there")
+        raise SystemExit(exit_code(error)) from None

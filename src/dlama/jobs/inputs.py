@@ -1,0 +1,128 @@
+"""The files of one job in; what was read from them, timed, and the result written with their hashes, out."""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from dlama.jobs.pointing import find_pointed
+
+if TYPE_CHECKING:
+    from dlama.completion.completion import Completion
+    from dlama.geometry.camera import StereoRig
+    from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
+
+LOG = logging.getLogger("dlama")
+
+
+@dataclass
+class JobInputs:
+    """What one job has read so far, of which files."""
+
+    inputs: dict[str, Path] = field(default_factory=dict)
+    addresses: dict[str, str] = field(default_factory=dict)
+    """Role -> where an input came from, of those that were fetched from elsewhere."""
+    intrinsics_from: str = ""
+    read_seconds: float = 0.0
+    object_mask: dict[str, Any] = field(default_factory=dict)
+    """How the mask was found, where it was pointed at."""
+    started: float = field(default_factory=time.perf_counter)
+
+    @property
+    def seconds(self) -> float:
+        """Since the job began."""
+        return time.perf_counter() - self.started
+
+    @contextmanager
+    def reading(self, *names: Path) -> Iterator[None]:
+        """Files being read: shown in the bar, and timed."""
+        LOG.info("read %s", ", ".join(name.name for name in names))
+        started = time.perf_counter()
+        yield
+        self.read_seconds += time.perf_counter() - started
+        LOG.info("complete")
+
+    def read_picture(
+        self, image: Path, depth: Path | None, lens: Mapping[str, Any], options: Mapping[str, Any]
+    ) -> RGBD:
+        """A picture, its depth (estimated, where there is no file) and its camera; lens and options as of `read_rgbd`."""
+        from dlama.files.cameras import camera_for
+        from dlama.files.rasters.images import picture_hw
+        from dlama.files.rgbd import read_rgbd
+
+        camera_file = lens.get("camera")
+        self.inputs |= {"image": image} | ({"camera": Path(camera_file)} if camera_file else {})
+        if depth is None:
+            with self.reading(image):
+                rgbd = read_rgbd(image, **lens, **options)
+            self.intrinsics_from = (rgbd.estimate or {})["field_of_view"]["from"]
+            return rgbd
+        self.inputs["depth"] = depth
+        with self.reading(image, depth):
+            camera, self.intrinsics_from = camera_for(picture_hw(image), image=image, **lens)
+            return read_rgbd(image, depth, camera=camera, **options)
+
+    def read_mask_file(self, path: Path, options: Mapping[str, Any], role: str = "mask") -> BoolArray:
+        """A mask, True = remove; options as of `read_mask`."""
+        from dlama.files.rasters.pictures import read_mask
+
+        self.inputs[role] = path
+        with self.reading(path):
+            return read_mask(path, **options)
+
+    def find_pointed(
+        self, rgbd: RGBD, image: Path, settings: Mapping[str, Any], object_class: str | None = None
+    ) -> BoolArray:
+        """The mask of what is pointed at in a picture, read from `image`; how it was found goes into meta.json."""
+        found = find_pointed(rgbd, image, settings, object_class)
+        about = {"masker": found.masker, "candidate": found.chosen, "notes": list(found.notes)}
+        self.object_mask = {**settings, **about}
+        return found.mask
+
+    def optional_disparity(self, path: Path | None, scale: float | None) -> Float32Array | None:
+        """A disparity, where one is given."""
+        from dlama.errors import InputError
+        from dlama.files.rasters.depth import read_disparity
+
+        if path is None:
+            if scale is not None:
+                raise InputError("disparity_scale is given without disparity; the file it belongs to is wanted too")
+            return None
+        self.inputs["disparity"] = path
+        with self.reading(path):
+            return read_disparity(path, scale=scale)
+
+    def pair(self, left: Path, right: Path, calib: Path) -> tuple[UInt8Array, UInt8Array, StereoRig]:
+        """The pictures of a rectified pair and the cameras that took them."""
+        from dlama.files.cameras import read_stereo_calib
+        from dlama.files.rasters.pictures import read_color
+
+        self.inputs |= {"left": left, "right": right, "calib": calib}
+        self.intrinsics_from = f"calib {calib.name}"
+        with self.reading(left, right, calib):
+            pictures = read_color(left), read_color(right)
+            return *pictures, read_stereo_calib(calib, hw=pictures[0].shape[:2])
+
+    def write_completion(self, done: Completion, output: Path, only: Sequence[str] | None = None) -> list[str]:
+        """The result, or what `only` names, to its directory; the names of its files."""
+        from dlama.files.results.completion import file_names, write
+
+        if self.object_mask:
+            done.meta["object_mask"] = self.object_mask
+        seconds = {"read": self.read_seconds}
+        addresses = {"input_addresses": self.addresses} if self.addresses else {}
+        write(
+            done,
+            output,
+            only=only,
+            inputs=self.inputs,
+            intrinsics_from=self.intrinsics_from,
+            seconds=seconds,
+            **addresses,
+        )
+        return file_names(done, only)

@@ -1,0 +1,134 @@
+"""A row of a job list in; a Job out: checked parameters, paths resolved, and the hash of its options."""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+import json
+import re
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from dlama import __version__
+from dlama.errors import InputError, first_line
+from dlama.jobs.parameters import FILES, KNOWN, NETWORKS, VERBS, checked
+from dlama.models.verify import sha256_of
+
+RESERVED = ("manifest", "manifest.csv", "report.html", "shards", "staged")
+"""What lies in OUT beside the results."""
+COLUMNS = ("id", "verb")
+
+
+@dataclass(frozen=True)
+class Job:
+    """One job: what to do with which files."""
+
+    id: str
+    """Names it, and its folder below OUT; may hold slashes."""
+    verb: str
+    parameters: Mapping[str, Any] = field(default_factory=dict)
+    """Checked values; files as whole paths or addresses."""
+    where: str = ""
+    """Where it stands, for messages: `jobs.csv: line 7`."""
+    error: str | None = None
+    """Why it cannot be run; None: it can."""
+    load: Callable[[], Any] | None = None
+    """Reads the inputs of a job that names no files: a frame or a case of a data set. Picklable."""
+    load_hash: str = ""
+    """Of what `load` will read."""
+
+    @property
+    def files(self) -> dict[str, str]:
+        """Role -> path or address of the input files."""
+        return {role: str(self.parameters[role]) for role in FILES if role in self.parameters}
+
+    @property
+    def options_hash(self) -> str:
+        """16 hexadecimal digits of all that decides about the result beside the bytes of its input files."""
+        options = {name: value for name, value in self.parameters.items() if name not in FILES}
+        options |= {name: _network_hash(options[name]) for name in NETWORKS if name in options}
+        said = [__version__, self.verb, sorted(self.files), sorted(options.items()), self.load_hash]
+        return hashlib.sha256(json.dumps(said).encode()).hexdigest()[:16]
+
+
+def job_of(row: Mapping[str, Any], defaults: Mapping[str, Any], base: str, where: str, verb: str | None = None) -> Job:
+    """The job of a row. What is wrong with its parameters becomes its `error`; InputError: its id can name no folder.
+
+    Args:
+        row: `id`, `verb` and parameters; empty values and names that begin with _ count as not there.
+        defaults: parameters of every job whose verb takes them.
+        base: what relative paths of the row start from.
+        where: for messages.
+        verb: of rows without one.
+    """
+    given = {name: value for name, value in row.items() if value not in ("", None) and not str(name).startswith("_")}
+    name = checked_id(str(given.pop("id", "")), where)
+    called = str(given.pop("verb", verb or ""))
+    try:
+        if not called:
+            raise InputError(f"verb is missing; one of {', '.join(VERBS)} is wanted, in the list or as verb=NAME")
+        own = dict.fromkeys(VERBS.get(called, ()))
+        values = checked(called, {key: value for key, value in defaults.items() if key in own} | given)
+    except InputError as error:
+        return Job(name, called, where=where, error=f"{where}: {first_line(error)}")
+    for role in (*FILES, *NETWORKS):
+        if role in values and role in given:
+            values[role] = resolved(values[role], base, role in FILES)
+    return Job(name, called, values, where)
+
+
+def checked_id(name: str, where: str) -> str:
+    """An id that can name a folder below OUT; raises InputError."""
+    if not name:
+        raise InputError(f"{where}: id is missing; every job needs one of its own")
+    parts = name.split("/")
+    if any(part in ("", ".", "..") or part != part.strip() for part in parts) or re.search(
+        r'[\\:*?"<>|\x00-\x1f]', name
+    ):
+        raise InputError(f"{where}: id is {name!r}; a name that can be a folder is wanted, such as kitchen/0001")
+    if parts[0] in RESERVED or parts[0].startswith("."):
+        raise InputError(f"{where}: id is {name!r}; {', '.join(RESERVED)} and hidden names are taken")
+    return name
+
+
+def resolved(path: str, base: str, always: bool = True) -> str:
+    """A path of a list, from the list's folder; `always` False: only where there is such a file, as it may be a name."""
+    if "://" in path or Path(path).is_absolute():
+        return path
+    whole = f"{base.rstrip('/')}/{path}" if "://" in base else str(Path(base, path))
+    return whole if always or Path(whole).is_file() else path
+
+
+def check_columns(names: list[str], where: str) -> None:
+    """InputError for a table without `id`, or with a column that no verb knows."""
+    if "id" not in names:
+        raise InputError(f"{where}: there is no column id; the columns are {', '.join(names) or 'none'}")
+    unknown = [name for name in names if name not in COLUMNS + KNOWN and not name.startswith("_")]
+    if unknown:
+        raise InputError(
+            f"{where}: column {unknown[0]!r} is no parameter; known are {', '.join(COLUMNS + KNOWN)}; "
+            "a column whose name begins with _ is a note"
+        )
+
+
+def folders_above(name: str) -> Iterator[str]:
+    """a, a/b for a/b/c."""
+    parts = name.split("/")
+    return ("/".join(parts[:count]) for count in range(1, len(parts)))
+
+
+def _network_hash(model: str) -> str:
+    """Of a network file its bytes; a name stays."""
+    path = Path(model)
+    try:
+        found = path.stat()
+    except OSError:
+        return model
+    return _file_hash(path, found.st_size, found.st_mtime_ns) if path.is_file() else model
+
+
+@functools.lru_cache(maxsize=32)
+def _file_hash(path: Path, size: int, changed: int) -> str:
+    return sha256_of(path)

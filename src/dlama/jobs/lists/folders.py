@@ -1,0 +1,53 @@
+"""A pattern of pictures, and how their depths and masks are called, in; rows of a job list out."""
+
+from __future__ import annotations
+
+import glob
+import os
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from dlama.errors import InputError
+
+
+@dataclass(frozen=True)
+class Pictures:
+    """The pictures of a pattern; iterated over, a row for each, sorted."""
+
+    images: str
+    """`rgb/*.png`; ** goes through folders."""
+    depths: str | None = None
+    """Where a picture's depth lies: `depth/{stem}.png`; {stem} is its name, {name} that with suffix, {folder} its folder."""
+    masks: str | None = None
+    """The same of its mask."""
+
+    def __iter__(self) -> Iterator[dict[str, Any]]:
+        """A row's id is the picture's path below the fixed folders of the pattern, without suffix. InputError: no picture."""
+        root, empty = _fixed(self.images), True
+        for path in sorted(glob.glob(self.images, recursive=True)):  # noqa: PTH207  (keeps the pattern's own form of paths)
+            if Path(path).is_dir():
+                continue
+            empty = False
+            row = {"id": Path(os.path.relpath(path, root)).with_suffix("").as_posix(), "image": path}
+            patterns = {"depth": self.depths, "mask": self.masks}
+            yield row | {role: filled(pattern, path, role) for role, pattern in patterns.items() if pattern}
+        if empty:
+            raise InputError(f"images is {self.images!r}; no picture is called so")
+
+
+def filled(pattern: str, image: str, role: str) -> str:
+    """The pattern with what it says of a picture; raises InputError."""
+    path = Path(image)
+    try:
+        return pattern.format(stem=path.stem, name=path.name, folder=str(path.parent))
+    except (KeyError, IndexError, ValueError) as error:
+        raise InputError(f"{role}s is {pattern!r}; {{stem}}, {{name}} and {{folder}} are what it may hold") from error
+
+
+def _fixed(pattern: str) -> str:
+    """The folders of a pattern before its first wild one."""
+    parts = Path(pattern).parts[:-1]
+    count = next((number for number, part in enumerate(parts) if glob.has_magic(part)), len(parts))
+    return str(Path(*parts[:count])) if count else "."

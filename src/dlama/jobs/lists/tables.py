@@ -1,0 +1,85 @@
+"""A job list as CSV, JSONL or Parquet in; its rows out, one at a time."""
+
+from __future__ import annotations
+
+import csv
+import json
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from dlama.errors import FileError, InputError, MissingExtraError, first_line
+from dlama.jobs.job import check_columns
+from dlama.jobs.storage import opened
+
+Row = tuple[str, Mapping[str, Any]]
+"""Where it stands (`jobs.csv: line 7`), and its values."""
+BATCH_ROWS = 4096
+
+
+def rows(path: str) -> Iterator[Row]:
+    """The rows of a list. FileError: no such file, or not what its name says; InputError: a column that no verb knows."""
+    suffix = path.rpartition(".")[2].lower()
+    if suffix not in READERS:
+        raise FileError(f"{path}: is no job list; a name that ends in .{', .'.join(READERS)} is wanted")
+    yield from READERS[suffix](path)
+
+
+def _csv_rows(path: str) -> Iterator[Row]:
+    with opened(path) as stream:
+        reader = csv.reader(stream)
+        try:
+            header = [name.strip() for name in next(reader, [])]
+            check_columns(header, f"{path}: line 1")
+            twice = [name for name in header if header.count(name) > 1]
+            if twice:
+                raise InputError(f"{path}: line 1 has column {twice[0]!r} twice")
+            for line in reader:
+                if line:
+                    yield _csv_row(f"{path}: line {reader.line_num}", header, line)
+        except csv.Error as error:
+            raise FileError(f"{path}: line {reader.line_num} is no CSV: {error}") from error
+
+
+def _csv_row(where: str, header: list[str], line: list[str]) -> Row:
+    if len(line) != len(header):
+        raise FileError(f"{where}: has {len(line)} values; {len(header)} are wanted, one a column")
+    return where, dict(zip(header, (value.strip() for value in line)))
+
+
+def _json_rows(path: str) -> Iterator[Row]:
+    with opened(path) as stream:
+        for number, line in enumerate(stream, 1):
+            if not line.strip():
+                continue
+            where = f"{path}: line {number}"
+            try:
+                row = json.loads(line)
+            except ValueError as error:
+                raise FileError(f"{where}: is no JSON: {error}") from error
+            if not isinstance(row, dict):
+                raise FileError(f"{where}: is {type(row).__name__}; an object with id, verb and parameters is wanted")
+            check_columns(list(row), where)
+            yield where, row
+
+
+def _parquet_rows(path: str) -> Iterator[Row]:
+    try:
+        from pyarrow import ArrowException
+        from pyarrow.parquet import ParquetFile
+    except ImportError as error:
+        raise MissingExtraError(path, "pyarrow", "batch") from error
+    with opened(path, "rb") as stream:
+        try:
+            table = ParquetFile(stream)
+            check_columns(list(table.schema_arrow.names), path)
+            number = 0
+            for batch in table.iter_batches(BATCH_ROWS):
+                for row in batch.to_pylist():
+                    number += 1
+                    yield f"{path}: row {number}", row
+        except ArrowException as error:
+            raise FileError(f"{path}: is no Parquet file: {first_line(error)}") from error
+
+
+READERS = {"csv": _csv_rows, "jsonl": _json_rows, "ndjson": _json_rows, "parquet": _parquet_rows}
+"""Suffix -> what reads it."""

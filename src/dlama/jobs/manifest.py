@@ -1,0 +1,256 @@
+"""Rows of results in; JSONL shards while a run goes on, manifest.csv at its end, and what earlier runs have done, out.
+
+The shards below OUT/manifest are the truth: one line a result, the last one of an id counts, a line that a killed run left
+unfinished is none. An index of ids on disk (SQLite, in a temporary file) keeps the memory the same for any number of jobs.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+import os
+import shutil
+import sqlite3
+import tempfile
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import IO, Any
+
+from dlama.errors import InputError, OutputError, system_errors
+from dlama.files.atomic_write import new_file
+from dlama.jobs.job import Job, folders_above
+from dlama.jobs.result import JobResult, csv_writer
+from dlama.jobs.storage import Output, file_system, is_address, stamp
+from dlama.models.verify import sha256_of
+
+try:
+    import fcntl
+except ImportError:  # Windows
+    fcntl = None  # type: ignore[assignment]
+
+FOLDER, TABLE = "manifest", "manifest.csv"
+SHARD_ROWS = 20_000
+"""Rows of one shard."""
+REMOTE_ROWS, REMOTE_SECONDS = 500, 20.0
+"""On object stores, which cannot append, a shard is written after so many rows, or so long after the last one."""
+
+
+class Manifest:
+    """What is known of every job. To be closed; a `with` block does it."""
+
+    def __init__(self, output: Output, *, read_only: bool = False) -> None:
+        """OutputError: the place cannot be written, or another run is writing there."""
+        self.output = output
+        self._temporary = tempfile.TemporaryDirectory(prefix="dlama-manifest-")
+        self._index = sqlite3.connect(Path(self._temporary.name, "index.sqlite"), isolation_level=None)
+        self._index.executescript(
+            "pragma journal_mode=off; pragma synchronous=off;"
+            "create table jobs (number integer primary key, id text unique);"
+            "create table rows (id text primary key, shard integer, place integer) without rowid;"
+        )
+        self._index.execute("begin")
+        self._shards: list[Path] = []
+        self._readers: dict[int, IO[bytes]] = {}
+        self._writer: IO[bytes] | None = None
+        self._shard_rows = 0
+        self._sent = (0, time.monotonic())
+        self._lock: Any = None
+        self._folder = Path(self._temporary.name, FOLDER) if output.is_remote else Path(output.of(FOLDER))
+        try:
+            if not read_only:
+                self._open()
+            self._read_shards()
+        except BaseException:
+            self.close()
+            raise
+
+    def __enter__(self) -> Manifest:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def plan(self, number: int, name: str, where: str) -> None:
+        """Enter a job of the list. InputError: another has its id, or an id that is a folder above or below it."""
+        try:
+            self._index.execute("insert into jobs values (?, ?)", (number, name))
+        except sqlite3.IntegrityError:
+            (first,) = self._index.execute("select number from jobs where id = ?", (name,)).fetchone()
+            raise InputError(f"{where}: id {name!r} is that of job {first + 1} already; ids must differ") from None
+        above = [one for one in folders_above(name) if self._planned(one)]
+        below = self._index.execute("select id from jobs where id > ? and id < ? limit 1", (f"{name}/", f"{name}0"))
+        others = above or [one for (one,) in below]
+        if others:
+            raise InputError(f"{where}: id {name!r} and id {others[0]!r}: the folder of one would lie in the other's")
+
+    @property
+    def planned(self) -> int:
+        """How many jobs were entered."""
+        return int(self._index.execute("select count(*) from jobs").fetchone()[0])
+
+    def find(self, name: str) -> JobResult | None:
+        """The last row of a job; None: it has none."""
+        found = self._index.execute("select shard, place from rows where id = ?", (name,)).fetchone()
+        return None if found is None else self._row(*found)
+
+    def kept(self, job: Job) -> JobResult | None:
+        """The row of a job that is done, from the same inputs with the same options, and whose result is there; else None."""
+        row = self.find(job.id)
+        if row is None or row.status != "done" or row.options_hash != job.options_hash:
+            return None
+        files = job.files
+        if set(files) != set(row.inputs) or not self._is_there(row):
+            return None
+        stamps = {role: stamp(path) for role, path in files.items()}
+        if any(stamps[role] != row.inputs[role]["stamp"] or not stamps[role] for role in files):
+            if any(not _same_bytes(path, row.inputs[role]["sha256"]) for role, path in files.items()):
+                return None
+            inputs = {role: {**one, "path": files[role], "stamp": stamps[role]} for role, one in row.inputs.items()}
+            row = dataclasses.replace(row, inputs=inputs)
+            self.add(row)
+        return dataclasses.replace(row, kept=True)
+
+    @system_errors(OutputError)
+    def add(self, row: JobResult) -> None:
+        """Enter a result: from here on it counts. OutputError: it cannot be written."""
+        if self._writer is None or self._shard_rows >= SHARD_ROWS:
+            self._new_shard()
+        assert self._writer is not None
+        place = self._writer.tell()
+        self._writer.write(row.as_json().encode() + b"\n")
+        self._writer.flush()
+        self._index.execute("insert or replace into rows values (?, ?, ?)", (row.id, len(self._shards) - 1, place))
+        self._shard_rows += 1
+        if self.output.is_remote:
+            rows, last = self._sent
+            if rows + 1 >= REMOTE_ROWS or time.monotonic() - last > REMOTE_SECONDS:
+                self._send()
+            else:
+                self._sent = rows + 1, last
+
+    def rows(self) -> Iterator[JobResult]:
+        """One a job: those of the list in its order, then those of other lists by id."""
+        listed = "select shard, place from jobs join rows using (id) order by number"
+        others = "select shard, place from rows where id not in (select id from jobs) order by id"
+        for query in (listed, others):
+            for shard, place in self._index.execute(query):
+                yield self._row(shard, place)
+
+    @system_errors(OutputError)
+    def write_table(self) -> str:
+        """Write manifest.csv and return its path. OutputError."""
+        target = self.output.of(TABLE)
+        if not self.output.is_remote:
+            with new_file(target) as draft, draft.open("w", encoding="utf-8", newline="") as stream:
+                csv_writer(stream).writerows(row.csv_row() for row in self.rows())
+            return target
+        self._send()
+        with opened_to_write(target) as stream:
+            csv_writer(stream).writerows(row.csv_row() for row in self.rows())
+        return target
+
+    def close(self) -> None:
+        """Write what is still to be written."""
+        with contextlib.ExitStack() as stack:
+            stack.callback(self._temporary.cleanup)
+            stack.callback(self._index.close)
+            for stream in (*self._readers.values(), self._writer, self._lock):
+                if stream is not None:
+                    stack.callback(stream.close)
+            if self.output.is_remote and self._writer is not None:
+                self._send()
+
+    def _planned(self, name: str) -> bool:
+        return self._index.execute("select 1 from jobs where id = ?", (name,)).fetchone() is not None
+
+    @system_errors(OutputError)
+    def _open(self) -> None:
+        self._folder.mkdir(parents=True, exist_ok=True)
+        if fcntl is None or self.output.is_remote:
+            return
+        self._lock = (self._folder / "lock").open("w")
+        try:
+            fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            self._lock.close()
+            raise OutputError(
+                f"{self.output.place}: another run is writing there; wait for it, or give another directory"
+            ) from None
+        except OSError:  # a file system without locks
+            pass
+
+    def _read_shards(self) -> None:
+        if self.output.is_remote:
+            self._fetch()
+        for path in sorted(self._folder.glob("*.jsonl")):
+            self._shards.append(path)
+            number, place = len(self._shards) - 1, 0
+            with path.open("rb") as stream:
+                for line in stream:
+                    with contextlib.suppress(ValueError, TypeError, KeyError):
+                        name = JobResult.from_json(line.decode()).id
+                        self._index.execute("insert or replace into rows values (?, ?, ?)", (name, number, place))
+                    place += len(line)
+
+    def _fetch(self) -> None:
+        system, inside = file_system(self.output.of(FOLDER))
+        self._folder.mkdir(parents=True, exist_ok=True)
+        if system.exists(inside):
+            for one in system.ls(inside, detail=False):
+                if one.endswith(".jsonl"):
+                    system.get_file(one, str(self._folder / one.rpartition("/")[2]))
+
+    def _row(self, shard: int, place: int) -> JobResult:
+        if shard not in self._readers:
+            if len(self._readers) > 100:
+                self._readers.pop(next(iter(self._readers))).close()
+            self._readers[shard] = self._shards[shard].open("rb")
+        stream = self._readers[shard]
+        stream.seek(place)
+        return JobResult.from_json(stream.readline().decode())
+
+    def _is_there(self, row: JobResult) -> bool:
+        """Whether the result lies where its row says: in its folder, or in a tar shard."""
+        if not row.folder.endswith(".tar"):
+            return self.output.has(row.id)
+        place = self.output.of(row.folder)
+        if self.output.is_remote:
+            system, inside = file_system(place)
+            return bool(system.exists(inside))
+        return Path(place).is_file()
+
+    def _new_shard(self) -> None:
+        if self._writer is not None:
+            if self.output.is_remote:
+                self._send()
+            self._writer.close()
+        path = self._folder / f"{time.time_ns():020d}-{os.getpid()}.jsonl"
+        self._writer = path.open("ab")
+        self._shards.append(path)
+        self._shard_rows = 0
+
+    def _send(self) -> None:
+        """The shard under way, as a whole, to the object store."""
+        if self._shards and self._writer is not None:
+            target = self.output.of(f"{FOLDER}/{self._shards[-1].name}")
+            with opened_to_write(target, "wb") as stream, self._shards[-1].open("rb") as source:
+                shutil.copyfileobj(source, stream)
+        self._sent = 0, time.monotonic()
+
+
+@contextlib.contextmanager
+def opened_to_write(address: str, mode: str = "w") -> Iterator[Any]:
+    """An object of an object store, which appears as a whole when it is closed."""
+    system, inside = file_system(address)
+    system.makedirs(inside.rpartition("/")[0], exist_ok=True)
+    text = {} if "b" in mode else {"encoding": "utf-8", "newline": ""}
+    with system.open(inside, mode, **text) as stream:
+        yield stream
+
+
+def _same_bytes(path: str, sha256: str) -> bool:
+    """Whether a file of this computer has that hash; one that lies elsewhere has not, as far as is known."""
+    with contextlib.suppress(OSError, InputError):
+        return not is_address(path) and sha256_of(Path(path)) == sha256
+    return False

@@ -1,0 +1,232 @@
+"""The verbs of a job list and their parameters, as they are typed or stand in JSON, in; checked values out.
+
+Names and meanings are those of the command line; a test holds the two equal.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+from dlama.errors import InputError
+
+Parse = Callable[[str, Any], Any]
+"""(name, value as typed or from JSON) -> value. Raises InputError."""
+YES, NO = ("true", "yes", "on", "1"), ("false", "no", "off", "0")
+
+
+def text(name: str, value: Any) -> str:
+    """Any text."""
+    if not isinstance(value, str):
+        raise InputError(f"{name} is {value!r}; a text is wanted")
+    return value
+
+
+def number(name: str, value: Any) -> float:
+    """A finite number."""
+    try:
+        if isinstance(value, bool):
+            raise ValueError
+        found = float(value)
+        if not math.isfinite(found):
+            raise ValueError
+    except (TypeError, ValueError):
+        raise InputError(f"{name} is {value!r}; a number is wanted") from None
+    return found
+
+
+def whole(name: str, value: Any) -> int:
+    """A whole number."""
+    found = number(name, value)
+    if found != int(found):
+        raise InputError(f"{name} is {value!r}; a whole number is wanted")
+    return int(found)
+
+
+def switch(name: str, value: Any) -> bool:
+    """True or false, also in words."""
+    word = str(value).lower()
+    if word not in YES + NO:
+        raise InputError(f"{name} is {value!r}; true or false is wanted")
+    return word in YES
+
+
+def one_of(*names: str) -> Parse:
+    """One of these words."""
+
+    def parse(name: str, value: Any) -> str:
+        if value not in names:
+            raise InputError(f"{name} is {value!r}; one of {', '.join(names)} is wanted")
+        return str(value)
+
+    return parse
+
+
+def pivot(name: str, value: Any) -> float | str:
+    """Metres, or auto."""
+    return "auto" if value == "auto" else number(name, value)
+
+
+def numbers(name: str, value: Any, count: int, wanted: str) -> list[float]:
+    """So many numbers, separated by commas or as a list; raises InputError that says what is `wanted`."""
+    parts = value.split(",") if isinstance(value, str) else value
+    try:
+        found = [float(part) for part in parts]
+    except (TypeError, ValueError):
+        found = []
+    if len(found) != count:
+        raise InputError(f"{name} is {value!r}; {wanted} in pixels is wanted")
+    return found
+
+
+def points(name: str, value: Any) -> list[list[float]]:
+    """`X,Y X,Y`, or a list of pairs."""
+    return [numbers(name, one, 2, "X,Y") for one in _several(value)]
+
+
+def box(name: str, value: Any) -> list[float]:
+    """`X,Y,W,H`, or a list of four."""
+    return numbers(name, value, 4, "X,Y,W,H")
+
+
+def known_depths(typed: Sequence[str]) -> tuple[tuple[float, float, float], ...]:
+    """(x, y, metres) of each `X,Y=D`; raises InputError."""
+    found = []
+    for word in typed:
+        parts = re.fullmatch(r"([^,=]+),([^,=]+)=([^,=]+)", word)
+        try:
+            if parts is None:
+                raise ValueError
+            x, y, metres = map(float, parts.groups())
+        except ValueError:
+            raise InputError(
+                f"metres_at is {word!r}; X,Y=D is wanted: a pixel and its depth in metres, such as 320,400=2.5"
+            ) from None
+        found.append((x, y, metres))
+    return tuple(found)
+
+
+def metres_at(name: str, value: Any) -> tuple[tuple[float, float, float], ...]:
+    """`X,Y=D X,Y=D`, or a list of such texts or of threes."""
+    words = [one if isinstance(one, str) else "{},{}={}".format(*one) for one in _several(value)]
+    return known_depths(words)
+
+
+def results(name: str, value: Any) -> tuple[str, ...]:
+    """`NAME,NAME`, or a list of names; `write` knows which there are."""
+    names = value.split(",") if isinstance(value, str) else value
+    return tuple(str(one).strip() for one in names if str(one).strip())
+
+
+def _several(value: Any) -> Sequence[Any]:
+    return value.split() if isinstance(value, str) else value
+
+
+MOVE: dict[str, Parse] = {"yaw": number, "pitch": number, "pivot": pivot, "dolly": number, "to": text}
+LENS: dict[str, Parse] = {
+    "camera": text,
+    **dict.fromkeys(("fx", "fy", "cx", "cy", "fov", "pixel_center"), number),
+}
+READING: dict[str, Parse] = {
+    "depth_scale": number,
+    "depth_range": number,
+    "channel": text,
+    "far": number,
+    "resize_depth": one_of("nearest"),
+}
+ESTIMATING: dict[str, Parse] = {
+    "depth_model": text,
+    "metres_at": metres_at,
+    "camera_height": number,
+    "sharpen": switch,
+}
+MASKING: dict[str, Parse] = {"mask_polarity": one_of("fill", "known"), "soft_mask": switch, "mask_class": text}
+POINTING: dict[str, Parse] = {
+    "click": points,
+    "not_click": points,
+    "box": box,
+    "salient": switch,
+    "object_class": text,
+    "masker": text,
+    "mask_model": text,
+    "candidate": text,
+    "with_shadow": switch,
+}
+METHOD: dict[str, Parse] = {
+    "filler": text,
+    "model": text,
+    "recipe": text,
+    "mode": one_of("surface", "points"),
+    "dilate": whole,
+    "dilate_holes": whole,
+    "clip": number,
+    "depth_by": one_of("surfaces", "filler"),
+    "seed": whole,
+    "min_confidence": number,
+}
+PAIR: dict[str, Parse] = {
+    **dict.fromkeys(("left", "right", "calib", "mask", "mask_right", "disparity"), text),
+    "right_view": one_of("given", "synthesised"),
+    "disparity_scale": number,
+    "matcher": text,
+    "max_disparity": number,
+    "far": number,
+}
+PICTURE: dict[str, Parse] = {"image": text, "depth": text, **MOVE, **LENS, **READING, **ESTIMATING, **METHOD}
+
+VERBS: dict[str, dict[str, Parse]] = {
+    "view": {**PICTURE, "only": results},
+    "remove": {**PICTURE, "mask": text, **MASKING, **POINTING, "only": results},
+    "stereo": {**PAIR, **MASKING, **POINTING, **METHOD, "only": results},
+    "depth": {"image": text, "far": number, **LENS, **ESTIMATING},
+}
+"""Verb -> its parameters."""
+NEEDED: dict[str, tuple[str, ...]] = {
+    "view": ("image",),
+    "remove": ("image",),
+    "stereo": ("left", "right", "calib"),
+    "depth": ("image",),
+}
+FILES = ("image", "depth", "mask", "camera", "to", "left", "right", "calib", "mask_right", "disparity")
+"""Parameters that name input files."""
+NETWORKS = ("model", "depth_model", "matcher")
+"""Parameters that name a network file, or a network by its name."""
+KNOWN = tuple(dict.fromkeys(name for names in VERBS.values() for name in names))
+"""Every parameter of every verb."""
+
+
+def checked(verb: str, given: Mapping[str, Any]) -> dict[str, Any]:
+    """The values of a job's parameters. InputError: an unknown verb or parameter, a value that cannot be, one that is missing."""
+    if verb not in VERBS:
+        raise InputError(f"verb is {verb!r}; one of {', '.join(VERBS)} is wanted")
+    known = VERBS[verb]
+    for name in given:
+        if name not in known:
+            raise InputError(f"{name} says nothing to {verb}; its parameters are {', '.join(known)}")
+    for name in NEEDED[verb]:
+        if name not in given:
+            raise InputError(f"{name} is missing; {verb} wants {', '.join(NEEDED[verb])}")
+    found = {name: known[name](name, value) for name, value in given.items()}
+    orbit = {name: found.get(name) for name in ("yaw", "pitch", "dolly")}
+    if verb == "view":
+        check_move(to=found.get("to"), **orbit)
+    check_one_target(found.get("to"), **orbit)
+    return found
+
+
+def check_move(**moves: Any) -> None:
+    """InputError where nothing says where the new camera stands."""
+    if all(value is None for value in moves.values()):
+        raise InputError(
+            "nothing says where the new camera stands: give yaw=DEG (positive: to the right), pitch, dolly, "
+            "or to=TARGET.json"
+        )
+
+
+def check_one_target(to: Any, **orbit: Any) -> None:
+    """InputError where a target camera and an orbit were both given."""
+    given = [name for name, value in orbit.items() if value is not None]
+    if to is not None and given:
+        raise InputError(f"to=TARGET.json and `{given[0]}` contradict each other; give one of them")

@@ -1,0 +1,188 @@
+"""A path, or an address such as s3://bucket/key, in; a stream to read, a local copy, a place for results, out.
+
+Local paths need nothing; addresses go through fsspec, which knows S3, Google Cloud Storage, HTTP, memory:// and more.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import shutil
+import tempfile
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
+from typing import IO, Any
+
+from dlama.errors import FileError, MissingExtraError, OutputError, first_line
+from dlama.files.drafts import DRAFT, held, name_of, remove
+
+MARKER = "meta.json"
+"""The file of a result that is written last where a folder cannot be placed as a whole: with it the result is there."""
+
+
+def is_address(path: str) -> bool:
+    """Whether a path names something that is not a file of this computer's own file systems."""
+    return "://" in path and not path.startswith("file://")
+
+
+def local(path: str) -> str:
+    """A path without file://."""
+    return path.removeprefix("file://")
+
+
+def folder_of(path: str) -> str:
+    """What relative paths of a list start from."""
+    return path.rpartition("/")[0] if is_address(path) else str(Path(local(path)).absolute().parent)
+
+
+@contextmanager
+def opened(path: str, mode: str = "r") -> Iterator[IO[Any]]:
+    """A file to read; text is UTF-8, with or without a byte order mark. FileError where there is none."""
+    text: dict[str, Any] = {} if "b" in mode else {"encoding": "utf-8-sig", "newline": ""}
+    try:
+        if not is_address(path):
+            with Path(local(path)).open(mode, **text) as stream:
+                yield stream
+            return
+        with _fsspec(path).open(path, mode, **text) as stream:
+            yield stream
+    except UnicodeDecodeError as error:
+        raise FileError(f"{path}: is no text in UTF-8 ({first_line(error)})") from error
+    except OSError as error:
+        if isinstance(error, (FileError, OutputError)):
+            raise
+        raise FileError(f"{path}: cannot be read: {(error.strerror or first_line(error)).lower()}") from error
+
+
+def stamp(path: str) -> str:
+    """By what an unchanged file is known without reading it: size and time of change; empty: there is none."""
+    try:
+        if not is_address(path):
+            found = Path(local(path)).stat()
+            return f"{found.st_size}-{found.st_mtime_ns}"
+        system, inside = file_system(path)
+        return str(system.ukey(inside))
+    except (OSError, ValueError):
+        return ""
+
+
+@contextmanager
+def fetched(files: Mapping[str, str]) -> Iterator[dict[str, Path]]:
+    """Role -> a local file of each; addresses are copied to a folder that is removed at the end. FileError."""
+    with contextlib.ExitStack() as stack:
+        places: dict[str, Path] = {}
+        for role, path in files.items():
+            if not is_address(path):
+                places[role] = Path(local(path))
+                continue
+            folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="dlama-")))
+            places[role] = folder / PurePosixPath(path).name
+            try:
+                system, inside = file_system(path)
+                system.get_file(inside, str(places[role]))
+            except (OSError, ValueError) as error:
+                raise FileError(f"{path}: cannot be read: {first_line(error)}") from error
+        yield places
+
+
+@dataclass(frozen=True)
+class Output:
+    """Where results go: a folder of this computer, or an address."""
+
+    place: str
+
+    @property
+    def is_remote(self) -> bool:
+        """Whether it is an address."""
+        return is_address(self.place)
+
+    def of(self, name: str) -> str:
+        """The path or address of what lies under a name there."""
+        return f"{self.place.rstrip('/')}/{name}" if self.is_remote else str(Path(local(self.place), name))
+
+    def has(self, name: str) -> bool:
+        """Whether a whole result lies there."""
+        if not self.is_remote:
+            return Path(self.of(name), MARKER).is_file()
+        system, inside = file_system(self.of(f"{name}/{MARKER}"))
+        return bool(system.exists(inside))
+
+    @contextmanager
+    def staging(self) -> Iterator[Path]:
+        """An empty local folder for a result that is being made; of results on this computer on the same disk."""
+        if self.is_remote:
+            with tempfile.TemporaryDirectory(prefix="dlama-") as folder:
+                yield Path(folder)
+            return
+        root = Path(local(self.place)).absolute()
+        draft = root / name_of(DRAFT, "job")
+        try:
+            root.mkdir(parents=True, exist_ok=True)
+            draft.mkdir()
+        except OSError as error:
+            raise OutputError(f"{root}: cannot be written: {(error.strerror or str(error)).lower()}") from error
+        try:
+            with held(draft):
+                yield draft
+        finally:
+            remove(draft)
+
+    def put(self, folder: Path, name: str) -> None:
+        """A whole result, made in `staging`, becomes what lies under a name; an earlier one goes. OutputError."""
+        target = self.of(name)
+        try:
+            if self.is_remote:
+                self._upload(folder, name)
+            else:
+                _swap(folder, Path(target))
+        except OSError as error:
+            if isinstance(error, OutputError):
+                raise
+            raise OutputError(
+                f"{target}: cannot be written: {(error.strerror or first_line(error)).lower()}"
+            ) from error
+
+    def _upload(self, folder: Path, name: str) -> None:
+        """The marker of an earlier result goes first, that of the new one comes last."""
+        system, inside = file_system(self.of(name))
+        marker = f"{inside}/{MARKER}"
+        if system.exists(marker):
+            system.rm_file(marker)
+        files = sorted(path for path in folder.rglob("*") if path.is_file())
+        for path in sorted(files, key=lambda path: path.relative_to(folder).as_posix() == MARKER):
+            place = f"{inside}/{path.relative_to(folder).as_posix()}"
+            system.makedirs(place.rpartition("/")[0], exist_ok=True)
+            system.put_file(str(path), place)
+
+
+def _swap(folder: Path, target: Path) -> None:
+    """Two renames on one disk: an earlier result goes aside, the new one comes to its place."""
+    target.parent.mkdir(parents=True, exist_ok=True)
+    if os.path.lexists(target):
+        if not (target / MARKER).is_file():
+            raise OutputError(
+                f"{target}: is there already and is no result of dlama; remove it, or give another directory"
+            )
+        target.rename(folder.with_name(f"{folder.name}-old"))
+    folder.rename(target)
+    shutil.rmtree(folder.with_name(f"{folder.name}-old"), ignore_errors=True)
+
+
+def file_system(path: str) -> tuple[Any, str]:
+    """The fsspec file system of an address, and the path inside it. FileError where nothing knows its protocol."""
+    try:
+        return _fsspec(path).core.url_to_fs(path)
+    except (ValueError, ImportError) as error:
+        if isinstance(error, MissingExtraError):
+            raise
+        raise FileError(f"{path}: {first_line(error)}") from error
+
+
+def _fsspec(path: str) -> Any:
+    try:
+        import fsspec
+    except ImportError as error:
+        raise MissingExtraError(path, "fsspec", "batch") from error
+    return fsspec

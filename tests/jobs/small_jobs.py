@@ -1,0 +1,91 @@
+"""Small job lists on a made-up frame; a `work` that ends its process on request, importable by name."""
+
+from __future__ import annotations
+
+import csv
+import json
+import os
+import signal
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from PIL import Image
+
+from dlama.geometry.camera import Camera
+from dlama.jobs import perform
+from dlama.jobs.perform import Task
+from dlama.jobs.result import JobResult
+from worlds import Box, Plane, World
+
+CAMERA = Camera.from_fov(64, 48, 60)
+WORLD = World((Plane((0, 0, 4), (0, 0, 1)), Box((-0.5, -0.4, 2.0), (0.4, 0.5, 2.4))))
+FAST: dict[str, Any] = {"fov": 60, "filler": "telea", "only": "image,depth"}
+FLAG = "DLAMA_TEST_FLAG"
+"""Environment variable: a folder; a job whose id is killed-N ends its process until N files lie in it."""
+
+
+def small_frame(folder: Path) -> Path:
+    """The folder with image.png, depth.png (mm), mask.png (the box) of a box before a wall."""
+    folder.mkdir(exist_ok=True, parents=True)
+    rgbd = WORLD.rgbd(CAMERA)
+    _, shown = WORLD.trace(CAMERA)
+    Image.fromarray(rgbd.color).save(folder / "image.png")
+    Image.fromarray((rgbd.depth * 1000).round().astype(np.uint16)).save(folder / "depth.png")
+    Image.fromarray(((shown == 1) * 255).astype(np.uint8)).save(folder / "mask.png")
+    return folder
+
+
+def view_rows(count: int) -> list[dict[str, Any]]:
+    """Views from several yaws."""
+    return [
+        {"id": f"v/{n:03d}", "verb": "view", "image": "image.png", "depth": "depth.png", "yaw": 2 + n % 7}
+        for n in range(count)
+    ]
+
+
+def write_csv(path: Path, rows: Sequence[Mapping[str, Any]]) -> Path:
+    """A list of these rows; columns are all names that occur."""
+    names = list(dict.fromkeys(name for row in rows for name in row))
+    with path.open("w", encoding="utf-8", newline="") as stream:
+        writer = csv.DictWriter(stream, names)
+        writer.writeheader()
+        writer.writerows(rows)
+    return path
+
+
+def table(out: Path) -> dict[str, dict[str, str]]:
+    """OUT/manifest.csv by id; ids differ."""
+    with (out / "manifest.csv").open(encoding="utf-8", newline="") as stream:
+        rows = list(csv.DictReader(stream))
+    assert len({row["id"] for row in rows}) == len(rows)
+    return {row["id"]: row for row in rows}
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    """All files of the results below a folder, by relative path; of meta.json what is the same on every run."""
+    found = {}
+    for path in sorted(folder.rglob("*")):
+        name = path.relative_to(folder).as_posix()
+        if path.is_file() and not name.startswith(("manifest", "report.html")):
+            found[name] = path.read_bytes()
+            if path.name == "meta.json":
+                meta = json.loads(path.read_text())
+                meta.pop("seconds")
+                found[name] = json.dumps(meta, sort_keys=True).encode()
+    return found
+
+
+def deadly_work(task: Task) -> JobResult:
+    """`work`, but a job called killed-N... kills its process the first N times, one called memory-... runs out of memory."""
+    name = task.job.id.rpartition("/")[2]
+    if name.startswith("killed-"):
+        folder = Path(os.environ[FLAG])
+        begun = len(list(folder.glob(f"{name}.*")))
+        if begun < int(name.split("-")[1]):
+            (folder / f"{name}.{begun}").touch()
+            os.kill(os.getpid(), signal.SIGKILL)
+    if name.startswith("memory-"):
+        raise MemoryError
+    return perform.work(task)

@@ -1,0 +1,90 @@
+"""Lists in several forms, and folders of pictures (oracles: rows by hand, files written by pyarrow)."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from dlama.errors import FileError, InputError
+from dlama.jobs.batch import JobList
+from dlama.jobs.lists.folders import Pictures
+
+ROWS = [
+    {"id": "a", "verb": "view", "image": "x.png", "yaw": 3, "_note": "kept out"},
+    {"id": "b/c", "verb": "view", "image": "/whole/y.png", "yaw": -4.5, "_note": None},
+]
+
+
+def jobs_of(path: Path) -> list[tuple[str, str, dict[str, object], str | None]]:
+    """What a list says."""
+    return [(job.id, job.verb, dict(job.parameters), job.error) for job in JobList(path, None, {"fov": 60})]
+
+
+def test_all_forms_say_the_same(tmp_path: Path) -> None:
+    """Paths start from the list's folder, defaults fill in, empty values and notes are left out (oracle: by hand)."""
+    wanted = [
+        ("a", "view", {"fov": 60.0, "image": str(tmp_path / "x.png"), "yaw": 3.0}, None),
+        ("b/c", "view", {"fov": 60.0, "image": "/whole/y.png", "yaw": -4.5}, None),
+    ]
+    (tmp_path / "jobs.jsonl").write_text("\n".join(map(json.dumps, ROWS)) + "\n\n")
+    lines = ["\ufeffid,verb,image,yaw,fov,_note", "a,view,x.png,3,,hi", "", "b/c, view ,/whole/y.png,-4.5,,"]
+    (tmp_path / "jobs.csv").write_text("\n".join(lines), encoding="utf-8")
+    assert jobs_of(tmp_path / "jobs.jsonl") == jobs_of(tmp_path / "jobs.csv") == wanted
+
+
+def test_parquet(tmp_path: Path) -> None:
+    """As JSONL (oracle: pyarrow wrote it)."""
+    pyarrow = pytest.importorskip("pyarrow")
+    from pyarrow import parquet
+
+    parquet.write_table(pyarrow.Table.from_pylist(ROWS), tmp_path / "jobs.parquet")
+    (tmp_path / "jobs.jsonl").write_text("\n".join(map(json.dumps, ROWS)))
+    assert jobs_of(tmp_path / "jobs.parquet") == jobs_of(tmp_path / "jobs.jsonl")
+    (tmp_path / "bad.parquet").write_bytes(b"no table")
+    with pytest.raises(FileError, match=r"bad.parquet: is no Parquet file"):
+        jobs_of(tmp_path / "bad.parquet")
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "message"),
+    [
+        ("a.csv", "verb,image\n", "line 1: there is no column id; the columns are verb, image"),
+        ("a.csv", "", "line 1: there is no column id; the columns are none"),
+        ("a.csv", "id,id\n", "line 1 has column 'id' twice"),
+        ("a.csv", "id,verb\na\n", "line 2: has 1 values; 2 are wanted"),
+        ("a.jsonl", "{nonsense\n", "line 1: is no JSON"),
+        ("a.jsonl", "[1]\n", "line 1: is list; an object"),
+        ("a.jsonl", '{"id": "a", "yaww": 3}\n', "line 1: column 'yaww' is no parameter"),
+        ("a.txt", "", "is no job list; a name that ends in .csv, .jsonl"),
+    ],
+)
+def test_lists_that_are_none(tmp_path: Path, name: str, text: str, message: str) -> None:
+    """Messages by hand."""
+    (tmp_path / name).write_text(text)
+    with pytest.raises(InputError, match=message):
+        jobs_of(tmp_path / name)
+    with pytest.raises(FileError, match="cannot be read: no such file"):
+        jobs_of(tmp_path / "nothing.csv")
+    (tmp_path / "bytes.csv").write_bytes(b"id\n\xff\xfe\n")
+    with pytest.raises(FileError, match="is no text in UTF-8"):
+        jobs_of(tmp_path / "bytes.csv")
+
+
+def test_pictures_of_a_pattern(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Sorted, each with its depth and mask; ids are paths below the fixed folders (oracle: by hand)."""
+    for name in ("s2/rgb/1.png", "s1/rgb/2.png", "s1/rgb/1.png", "s1/depth/1.exr"):
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).touch()
+    monkeypatch.chdir(tmp_path)
+    rows = list(Pictures("s1/rgb/*.png", "s1/depth/{stem}.exr", "masks/{name}"))
+    assert [row["id"] for row in rows] == ["1", "2"]
+    assert rows[0] == {"id": "1", "image": "s1/rgb/1.png", "depth": "s1/depth/1.exr", "mask": "masks/1.png"}
+    deep = list(Pictures(f"{tmp_path}/**/rgb/*.png", "{folder}/../depth/{stem}.exr"))
+    assert [row["id"] for row in deep] == ["s1/rgb/1", "s1/rgb/2", "s2/rgb/1"]
+    assert deep[2]["depth"] == f"{tmp_path}/s2/rgb/../depth/1.exr"
+    with pytest.raises(InputError, match=r"images is 'x/\*.png'; no picture is called so"):
+        list(Pictures("x/*.png"))
+    with pytest.raises(InputError, match=r"depths is '\{steam\}.png'; \{stem\}, \{name\} and \{folder\}"):
+        list(Pictures("s1/rgb/*.png", "{steam}.png"))
