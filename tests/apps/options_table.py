@@ -72,6 +72,7 @@ BASE = {
     "demo": "",
     "sequence": "room -o out",
     "doctor": "image.png depth.png mask.png --fov 60",
+    "show": "out",
     "version": "",
     "evaluate": "toy -o out",
     "worlds": "",
@@ -262,6 +263,13 @@ PACK = {
     "size": Reach("--size 64", "pack.size", 64),
     "seed": Reach("--seed 9", "pack.seed", 9),
 }
+SHOW = {
+    "what": instead("scene.npz", "contents_of.path", Path("scene.npz"), "out"),
+    "host": Reach("--host 0.0.0.0", "serve.host", "0.0.0.0"),
+    "port": Reach("--port 9000", "serve.port", 9000),
+    "max_points": Reach("--max-points 7", "serve.most_points", 7),
+    "open_browser": Reach("--no-open-browser", "serve.open_browser", False),
+}
 DOCTOR = {
     **{
         name: dataclasses.replace(reach, where=f"diagnose.{name}")
@@ -346,6 +354,7 @@ TABLE: dict[str, dict[str, Reach]] = {
     },
     "batch": {**BATCH, **REPORT},
     "doctor": {**DOCTOR, **REPORT},
+    "show": {**SHOW, **REPORT},
     "version": {},
     "evaluate": {**EVALUATE, **REPORT},
     "worlds": {**WORLDS, **REPORT},

@@ -96,7 +96,7 @@ def calls(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Calls:
 
         monkeypatch.setattr(owner, name, stand_in)
 
-    for module in ("jobs", "cli", "doctor", "evaluate", "worlds", "train", "model_verbs", "sequence", "batch"):
+    for module in ("jobs", "cli", "doctor", "evaluate", "worlds", "train", "model_verbs", "sequence", "batch", "show"):
         spy(f"dlama.apps.{module}.reported", through=True)
     _spy_on_jobs(spy)
     _spy_on_the_rest(spy)
@@ -152,6 +152,8 @@ def _spy_on_the_rest(spy: Callable[..., None]) -> None:
     spy("dlama.apps.sequence.summary_values", {})
     spy("dlama.batch", ())
     spy("dlama.apps.batch.planned_lines", ())
+    spy("dlama.apps.viewer.contents.contents_of", "contents")
+    spy("dlama.apps.viewer.server.serve", "address")
     spy("dlama.models.pull.pull", Path("pulled"))
     spy("dlama.apps.model_verbs.record", through=True)
     spy("dlama.apps.model_verbs.verify", SimpleNamespace(state="verified", path="", detail=""))

@@ -39,6 +39,7 @@ from dlama.apps.options import (
 from dlama.apps.places import check_folder_apart
 from dlama.apps.pointing import Pointing
 from dlama.apps.sequence import sequence
+from dlama.apps.show import show
 from dlama.apps.terminal.flags import flags_of, with_flags
 from dlama.apps.terminal.output import errors_as_lines, reported, stages_bar
 from dlama.apps.train import EXAMPLES as TRAINING_EXAMPLES
@@ -200,6 +201,7 @@ VERBS: dict[str, Callable[..., Any]] = {
     "batch": batch,
     "demo": demo,
     "doctor": doctor,
+    "show": show,
     "version": version,
     "models": models,
     "evaluate": evaluate,
@@ -250,6 +252,11 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
         "dlama doctor photo.jpg depth.png mask.png --camera cam.json",
         "dlama doctor left.png right.png --calib calib.txt",
         "dlama doctor room",
+    ),
+    "show": (
+        "dlama show out",
+        "dlama show out/scene.ply --max-points 1000000",
+        "dlama show room --port 9000",
     ),
     "models": (
         "dlama models list",
