@@ -10,7 +10,7 @@ import pytest
 
 import dlama
 from dlama.apps.viewer import contents, server
-from dlama.apps.viewer.paths import between
+from dlama.apps.viewer.cameras import between
 from dlama.files.scenes.clouds import read_ply
 from dlama.files.scenes.scene_npz import read_npz
 from dlama.geometry.cloud import PointCloud

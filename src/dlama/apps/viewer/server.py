@@ -12,9 +12,8 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
+from dlama.apps.viewer.cameras import between, camera_of, go_to, overview, wxyz
 from dlama.apps.viewer.contents import Contents, chosen, colors, sampled
-from dlama.apps.viewer.paths import between
-from dlama.datasets.rotations import quaternion_of, rotation_of
 from dlama.errors import InputError, MissingExtraError
 from dlama.files.cameras import camera_as_json
 from dlama.geometry.camera import Camera
@@ -27,8 +26,6 @@ from dlama.geometry.trajectories import FARTHEST_M, dolly, orbit
 COLORS = {"Picture": "picture", "Origin": "origin", "Confidence": "confidence"}
 FRAME_PICTURE = 256
 """Pixels, largest side of the pictures in the frusta."""
-SAVED_WIDTH = 1280
-"""Pixels of a saved picture."""
 BESIDE, BEHIND = (12.0, 6.0), 0.25
 """Where a visitor begins: yaw and pitch in degrees from the first camera, and so many times the median distance behind it."""
 STEPS_PER_SECOND = 30
@@ -251,40 +248,9 @@ def rendered(contents: Contents, camera: Camera) -> UInt8Array:
     return render(concatenated(list(contents.clouds.values())), camera, mode="points").color
 
 
-def camera_of(client: Any) -> Camera:
-    """The visitor's camera, SAVED_WIDTH pixels wide. viser's axes are ours: x right, y down, z forward."""
-    seen = client.camera
-    height = max(1, round(SAVED_WIDTH / seen.aspect))
-    focal = height / 2 / np.tan(seen.fov / 2)
-    pose = np.eye(4)
-    pose[:3, :3] = rotation_of(np.roll(seen.wxyz, -1))
-    pose[:3, 3] = seen.position
-    return Camera(SAVED_WIDTH, height, focal, focal, SAVED_WIDTH / 2, height / 2, pose)
-
-
-def go_to(client: Any, camera: Camera, look_ahead: float) -> None:
-    """Put a visitor at a camera, turning about a point `look_ahead` metres before it."""
-    pose = camera.world_from_cam
-    with client.atomic():
-        client.camera.position = pose[:3, 3]
-        client.camera.wxyz = wxyz(camera)
-        client.camera.look_at = pose[:3, 3] + look_ahead * pose[:3, 2]
-        client.camera.up_direction = -pose[:3, 1]
-        client.camera.fov = 2 * np.arctan(camera.height / (2 * camera.fy))
-
-
 def told(client: Any, title: str, body: str) -> None:
     """A note that goes away by itself."""
     client.add_notification(title, body, auto_close_seconds=4.0)
-
-
-def overview(contents: Contents) -> Camera:
-    """A camera that looks along z at all points of a cloud without cameras."""
-    points = concatenated(list(contents.clouds.values())).points
-    low, high = np.percentile(points, (2, 98), axis=0)
-    pose = np.eye(4)
-    pose[:3, 3] = (low + high) / 2 - (0, 0, float(np.max(high - low)) + 1e-3)
-    return Camera.from_fov(512, 512, 60, pose)
 
 
 def typical_spacing(contents: Contents) -> float:
@@ -295,11 +261,6 @@ def typical_spacing(contents: Contents) -> float:
         return float(np.median(np.linalg.norm(points - camera.world_from_cam[:3, 3], axis=1))) / camera.fx
     low, high = np.percentile(points, (2, 98), axis=0)
     return max(float(np.max(high - low)) / 1000, 1e-6)
-
-
-def wxyz(camera: Camera) -> np.ndarray:
-    """The turn of a camera as viser takes it."""
-    return np.roll(quaternion_of(camera.world_from_cam[:3, :3]), 1)
 
 
 def small(picture: UInt8Array) -> UInt8Array:

@@ -1,13 +1,19 @@
-"""Cameras in; a smooth path through them out."""
+"""Cameras of visitors and of contents in; a smooth path through them, and where a visitor is put, out."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
+from dlama.apps.viewer.contents import Contents
 from dlama.datasets.rotations import quaternion_of, rotation_of
 from dlama.geometry.camera import Camera, Float64Array
+from dlama.geometry.cloud import concatenated
+
+SAVED_WIDTH = 1280
+"""Pixels of a saved picture."""
 
 
 def between(cameras: Sequence[Camera], at: float) -> Camera:
@@ -42,3 +48,39 @@ def slerp(start: Float64Array, end: Float64Array, share: float) -> Float64Array:
     if angle < 1e-9:
         return start
     return rotation_of((np.sin((1 - share) * angle) * one + np.sin(share * angle) * other) / np.sin(angle))
+
+
+def camera_of(client: Any) -> Camera:
+    """The visitor's camera, SAVED_WIDTH pixels wide. viser's axes are ours: x right, y down, z forward."""
+    seen = client.camera
+    height = max(1, round(SAVED_WIDTH / seen.aspect))
+    focal = height / 2 / np.tan(seen.fov / 2)
+    pose = np.eye(4)
+    pose[:3, :3] = rotation_of(np.roll(seen.wxyz, -1))
+    pose[:3, 3] = seen.position
+    return Camera(SAVED_WIDTH, height, focal, focal, SAVED_WIDTH / 2, height / 2, pose)
+
+
+def go_to(client: Any, camera: Camera, look_ahead: float) -> None:
+    """Put a visitor at a camera, turning about a point `look_ahead` metres before it."""
+    pose = camera.world_from_cam
+    with client.atomic():
+        client.camera.position = pose[:3, 3]
+        client.camera.wxyz = wxyz(camera)
+        client.camera.look_at = pose[:3, 3] + look_ahead * pose[:3, 2]
+        client.camera.up_direction = -pose[:3, 1]
+        client.camera.fov = 2 * np.arctan(camera.height / (2 * camera.fy))
+
+
+def overview(contents: Contents) -> Camera:
+    """A camera that looks along z at all points of a cloud without cameras."""
+    points = concatenated(list(contents.clouds.values())).points
+    low, high = np.percentile(points, (2, 98), axis=0)
+    pose = np.eye(4)
+    pose[:3, 3] = (low + high) / 2 - (0, 0, float(np.max(high - low)) + 1e-3)
+    return Camera.from_fov(512, 512, 60, pose)
+
+
+def wxyz(camera: Camera) -> np.ndarray:
+    """The turn of a camera as viser takes it."""
+    return np.roll(quaternion_of(camera.world_from_cam[:3, :3]), 1)
