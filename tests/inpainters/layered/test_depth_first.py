@@ -7,6 +7,7 @@ import dataclasses
 import numpy as np
 
 from dlama.geometry.camera import Camera
+from dlama.geometry.holes import dilated
 from dlama.geometry.projection import inverse_depth
 from dlama.geometry.rendering import render
 from dlama.geometry.rgbd import RGBD
@@ -14,7 +15,7 @@ from dlama.geometry.scene import Scene
 from dlama.geometry.view import HoleType, Origin, View
 from dlama.geometry.visibility import Law
 from dlama.inpainters.filling import Fill, Painter
-from dlama.inpainters.layered.depth_first import BAND, NEARER, depth_first, occluders
+from dlama.inpainters.layered.depth_first import BAND, MIXED_PX, NEARER, depth_first, occluders
 from dlama.inpainters.layered.filler import layered, surfaces_behind
 from dlama.inpainters.layered.hedging import hedged
 from dlama.inpainters.layered.surfaces import Surfaces
@@ -100,7 +101,25 @@ def test_ground_that_comes_towards_the_camera_hides_nothing() -> None:
     assert (surfaces.label[hole] > 0).all() and ground[85 + BAND - 1] < NEARER * ground[84]
     box = np.zeros_like(hole)
     box[85:95, 100:110] = True
-    np.testing.assert_array_equal(occluders(view, surfaces, filled), box)
+    found = occluders(view, surfaces, filled)
+    assert found[box].all() and not found[~dilated(box, MIXED_PX)].any()
+
+
+def test_a_thing_that_stands_before_the_hole_is_an_occluder_as_a_whole() -> None:
+    """Closed form: a box at 1 m, wider than BAND, before a wall at 3 m: all of it and at most MIXED_PX more, though only its
+    edge lies beside the hole. Not where its own surface goes on in what was hidden: there BAND px of it."""
+    box, hole = np.zeros((2, 160, 320), bool)
+    box[40:120, 140:200], hole[40:120, 200:212] = True, True
+    depth = np.where(box, 1, 3).astype(np.float32)
+    frame = RGBD(np.zeros((160, 320, 3), np.uint8), depth, Camera.from_fov(320, 160, 90))
+    view = View.from_rgbd(frame).without(hole, HoleType.DISOCCLUDED)
+    surfaces, filled = flat(view, 3)
+    found = occluders(view, surfaces, filled)
+    assert found[box].all() and not found[~dilated(box, MIXED_PX)].any()
+    one_plane = Surfaces(
+        surfaces.inverse_depth, np.where(box | hole, 1, -1).astype(np.int32), np.array([[0, 0, 1 / 3]])
+    )
+    np.testing.assert_array_equal(np.flatnonzero(occluders(view, one_plane, filled).any(0)), np.arange(200 - BAND, 200))
 
 
 def test_beside_a_hole_that_lacks_depth_alone_nothing_is_hidden() -> None:

@@ -7,7 +7,8 @@ import pytest
 
 from dlama.errors import ShapeError
 from dlama.geometry.camera import Camera
-from dlama.inpainters.layered.texture_synthesis import GREY, SKY_COLOR, synthesize
+from dlama.inpainters.layered.texture_grid import TextureGrid
+from dlama.inpainters.layered.texture_synthesis import GREY, SKY_COLOR, hole_regions, synthesize
 
 
 def slanted_plane(size: int, tilt_deg: float):
@@ -93,6 +94,52 @@ def test_a_rough_surface_takes_nothing_nearer_even_if_labels_agree():
     hole[:, 64:90] = True
     filled = synthesize(color, hole, w, np.full(w.shape, -1, np.int32), Camera.from_fov(128, 96, 60))
     assert (filled[hole] == (0, 0, 200)).all()
+
+
+def test_what_stands_out_is_not_copied_as_grain():
+    """Law: of a grey wall with fine noise and a few white spots here and there, the noise goes on in the hole, and of the spots
+    no more than noise could be (6 sigma)."""
+    camera, w, _, _ = slanted_plane(192, 10)
+    rng = np.random.default_rng(2)
+    truth = np.repeat(np.round(rng.normal(110, 6, (192, 192, 1))), 3, 2).astype(np.uint8)
+    for y, x in rng.integers(4, 100, (9, 2)):
+        truth[y : y + 5, x : x + 5] = 250
+    hole = np.zeros(w.shape, bool)
+    hole[:, 110:] = True
+    filled = synthesize(truth, hole, w, np.ones(w.shape, np.int32), camera)[hole].astype(float)
+    assert filled.max() < 110 + 6 * 6
+    assert 1 < filled.std() < 8
+
+
+def test_another_thing_on_the_same_plane_lends_nothing():
+    """Closed form: a floor with a hole, and beyond a gap of 40 px (another surface) something that happens to lie on the same
+    plane: it gives the hole neither cells nor pixels. What a gap of 6 px parts is the same floor."""
+    camera, w, s, t = slanted_plane(256, 10)
+    color, label = waves(s, t, 0.3), np.ones((256, 256), np.int32)
+    label[:, 60:100], label[:, 130:136] = 2, 2
+    hole = np.zeros(w.shape, bool)
+    hole[60:200, 150:220] = True
+    grid = TextureGrid.of(color, hole, w, label, camera)
+    (region,) = hole_regions(grid)
+    for found in (region.sources, region.trusted(grid) == 1):
+        assert not found[:, :60].any() and found[100, 104:126].all() and found[100, 230:250].all()
+
+
+def test_borders_out_of_view_are_the_softer_the_farther_off():
+    """Closed form: two smooth surfaces that end at a border; 100 px from what is known it is several times as wide as beside
+    it. The same border in a hole that is in view stays one pixel wide, and surfaces away from borders keep their colour."""
+    camera = Camera.from_fov(240, 120, 80)
+    color, w = np.full((120, 240, 3), 40, np.uint8), np.full((120, 240), 0.25, np.float32)
+    color[60:], w[60:] = 200, 0.5
+    label = np.where(w > 0.3, np.int32(2), np.int32(1))
+    hole = np.zeros(w.shape, bool)
+    hole[:, 60:] = True
+    seen = synthesize(color, hole, w, label, camera)
+    far = synthesize(color, hole, w, label, camera, unseen=hole)
+    between = [((picture > 60) & (picture < 180)).all(2).sum(0) for picture in (seen, far)]
+    assert between[0].max() <= 1 and between[1][62] <= 1 and between[1][160] > 4 * max(between[1][70], 1)
+    np.testing.assert_array_equal(far[:10], 40)
+    np.testing.assert_array_equal(far[~hole], color[~hole])
 
 
 def random_scene(rng: np.random.Generator, shape: tuple[int, int]):

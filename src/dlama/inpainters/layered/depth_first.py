@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
+from numpy.typing import NDArray
 
-from dlama.geometry.holes import nearest_known
+from dlama.geometry.holes import dilated, nearest_known
 from dlama.geometry.projection import inverse_depth
 from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.geometry.view import HoleType, View
@@ -17,6 +19,15 @@ from dlama.perception.planes import plane_values_at
 
 BAND = 24
 """Pixels round a hole in which an occluder is kept from the filler."""
+WHOLE = 0.25
+"""Share of the picture's longer side up to which the rest of that occluder is kept from it too: a network that sees the stripes
+of a barrel continues them into the hole beside it."""
+GOES_ON = 0.02
+"""Share of what was hidden from which a surface counts as going on there: then it is no occluder as a whole."""
+MIXED_PX = 3
+"""Pixels round an occluder that may hold some of its colour."""
+STEP = 1.1
+"""Ratio of neighbouring depths at which the occluder ends."""
 NEARER = 0.9
 """A known pixel nearer than this share of the depth filled beside it is an occluder."""
 
@@ -46,14 +57,33 @@ def depth_first(inpainter: Inpainter) -> Inpainter:
 def occluders(view: View, surfaces: Surfaces, depth: Float32Array) -> BoolArray:
     """H x W, True in known pixels near a hole that are nearer than the surface filled into it: their colours do not belong there.
 
-    surfaces: as continued; depth: H x W metres, filled.
-
-    A known pixel is compared with the surface of the nearest hole pixel, continued to where the known pixel is: ground that
-    comes towards the camera hides nothing. Not at the picture's old border: what lies beyond it is hidden by nothing. Nor at a
-    hole that lacks depth alone: its colours are known.
+    surfaces: as continued; depth: H x W metres, filled. First what stands beside the hole, then the rest of that thing.
     """
     distance, nearest = nearest_known(view.color_hole)
-    rows, columns = np.nonzero((distance <= BAND) & view.valid)
+    beside = standing_before(view, surfaces, depth, (distance <= BAND) & view.valid, nearest)
+    hidden = view.color_hole & (view.hole_type != HoleType.OUT_OF_VIEW)
+    if not beside.any() or not hidden.any():
+        return beside
+    counts = np.bincount(surfaces.label[hidden & (surfaces.label > 0)], minlength=1)
+    goes_on = np.flatnonzero(counts > GOES_ON * hidden.sum())
+    w = inverse_depth(np.where(view.hole, np.float32(np.inf), view.depth))
+    edge = cv2.dilate(w, np.ones((3, 3), np.uint8)) > STEP * w
+    thing = view.valid & ~edge & ~np.isin(surfaces.label, goes_on) & (distance <= WHOLE * max(w.shape))
+    thing &= w > inverse_depth(depth).ravel()[nearest]
+    number = cv2.connectedComponents(thing.astype(np.uint8), connectivity=8)[1]
+    thing &= np.isin(number, np.unique(number[beside & thing]))
+    return beside | (dilated(thing, MIXED_PX) & view.valid)
+
+
+def standing_before(
+    view: View, surfaces: Surfaces, depth: Float32Array, where: BoolArray, nearest: NDArray[np.intp]
+) -> BoolArray:
+    """H x W, True in pixels of `where` (H x W, known) that stand before the surface of the hole pixel `nearest` (H x W, flat).
+
+    That surface is continued to where the known pixel is: ground that comes towards the camera hides nothing. Not at the
+    picture's old border: what lies beyond it is hidden by nothing. Nor at a hole that lacks depth alone: its colours are known.
+    """
+    rows, columns = np.nonzero(where)
     hole_pixel = nearest[rows, columns]
     filled = inverse_depth(depth).ravel()[hole_pixel]
     labels = surfaces.label.ravel()[hole_pixel]

@@ -6,7 +6,7 @@ import numpy as np
 
 from dlama.geometry.projection import depth_from_inverse, inverse_depth
 from dlama.geometry.rgbd import Float32Array
-from dlama.geometry.view import View
+from dlama.geometry.view import HoleType, View
 from dlama.geometry.visibility import Law, lawful_depth
 from dlama.inpainters.filling import Fill
 from dlama.inpainters.layered.hedging import hedged
@@ -24,7 +24,14 @@ def layered(view: View, law: Law, seed: int = 0) -> Fill:
         label = np.where(np.abs(w - surfaces.inverse_depth) > 0.05 * w, np.int32(SMOOTH), surfaces.label)
         label = np.where(view.hole & (w == 0), np.int32(SKY), label)
         color = synthesize(
-            view.color, view.color_hole, w, label.astype(np.int32), view.camera, seed=seed, sky=law.far_color
+            view.color,
+            view.color_hole,
+            w,
+            label.astype(np.int32),
+            view.camera,
+            seed=seed,
+            sky=law.far_color,
+            unseen=view.hole_type == HoleType.OUT_OF_VIEW,
         )
         color = hedged(view, color, view.color_hole, w)
     notes = {"planes": len(surfaces.planes)}

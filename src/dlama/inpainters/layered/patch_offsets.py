@@ -26,10 +26,11 @@ SAMPLES = 320
 """Known places at which an offset is scored."""
 MOST_OFFSETS = 28
 """Offsets a region may use."""
-GRAIN_AT_RIM, GRAIN_INSIDE = 0.3, 0.15
-"""Share of fine detail that is kept though it does not correlate: beside known texture, and far from it."""
-GRAIN_REACH = 12.0
-"""Cells over which the first falls to the second."""
+GRAIN = 9.0
+"""Grey levels (standard deviation) of fine detail that are kept though they do not correlate: as smooth as the eye allows, and
+no smoother."""
+OUTLIER = 4.0
+"""Standard deviations, by the median, at which detail is cut before it is compared."""
 SEAM_COST = 0.01
 """Cost of a seam per grey level of difference."""
 
@@ -92,13 +93,19 @@ class _OffsetSearch:
         self.grid, self.region, self.axes = grid, region, axes
         self.base_shape = bases[0].shape[:2]
         own, color = region.sources, grid.cell_color
+        self.own = region.cell_label(grid)
         self.bands = [self._detail_above(bases[1]), self._detail_above(bases[0])]
         self.bands.append(self.bands[0] - self.bands[1])
         self.bands.append(((color - color[own].mean(0)) * own[..., None]).astype(np.float32))
+        self.compared = [np.clip(band, -limit, limit) for band in self.bands for limit in [self._outlier(band)]]
         self.known = self._known_cells()
         self.cells, self.centres = self._hole_cells()
         self.points = self._sample_points(rng)
         self.step = self._unit_step()
+
+    def _outlier(self, band: Float32Array) -> np.float32:
+        """Grey levels from which detail counts no more: a few bright spots would correlate with each other, whatever the rest."""
+        return np.float32(OUTLIER * 1.4826 * np.median(np.abs(band[self.region.sources])) + 1)
 
     def _detail_above(self, base: Float32Array) -> Float32Array:
         """Known colour minus a base, rows x cols x 3 cells; 0 where unknown."""
@@ -147,12 +154,12 @@ class _OffsetSearch:
         """Correlation of the known texture with itself under each offset; band: 0 all detail, 1 fine, 2 middle, 3 colour."""
         least = max(12, len(self.points) // 12)
         offsets = np.ascontiguousarray(offsets, np.float64)
-        return kernels.correlate(offsets, self.points, self.bands[band], *self._sources(), least)
+        return kernels.correlate(offsets, self.points, self.compared[band], *self._sources(), least)
 
     def _sources(self) -> tuple[int, Float32Array, NDArray[np.int32], int, Array]:
         """What the kernels ask about sources: cell size, inverse depth and label of the cells, the region's label and axes."""
         grid = self.grid
-        return grid.cell_size, grid.cell_inverse_depth, grid.cell_label, self.region.label, self.axes
+        return grid.cell_size, grid.cell_inverse_depth, self.own, self.region.label, self.axes
 
     def chosen_offsets(self, rng: np.random.Generator) -> Array:
         """The few offsets that together bring every hole cell a good source (greedy cover)."""
@@ -223,7 +230,7 @@ class _OffsetSearch:
         chosen = kernels.assign(index, np.ascontiguousarray(cost), copied, order, SEAM_COST, 5)
         choice = np.full(self.base_shape, -1, np.int32)
         choice.ravel()[self.cells] = chosen
-        grain = GRAIN_INSIDE + (GRAIN_AT_RIM - GRAIN_INSIDE) * np.exp(-distance / GRAIN_REACH)
+        grain = self._grain(offsets, chosen)
         gains = np.zeros((self.base_shape[0] * self.base_shape[1], 3), np.float32)
         gains[self.cells, 0] = fine[chosen] + grain * (1 - fine[chosen])
         gains[self.cells, 1] = np.clip((middle[chosen] - 0.2) / 0.6, 0, 1)
@@ -234,6 +241,28 @@ class _OffsetSearch:
         """Distance of every hole cell from the region's rim, in cells."""
         distance = cv2.distanceTransform((index >= 0).astype(np.uint8), cv2.DIST_L2, 3)
         return np.ascontiguousarray(distance.ravel()[self.cells], np.float32)
+
+    def _grain(self, offsets: Array, chosen: NDArray[np.int32]) -> Float32Array:
+        """0..1 for each hole cell: how much of the fine detail it copies may stay where nothing says that it belongs there.
+
+        As much as gives GRAIN levels, and less of what stands out on its surface: a handle or a picture on a wall is copied
+        where the texture shows that it comes again, never as grain.
+        """
+        own = self.region.sources
+        seen = np.maximum(cv2.blur(own.astype(np.float32), (3, 3)), 1e-6)
+        square = np.asarray(cv2.blur((self.bands[1] ** 2).mean(-1), (3, 3)) / seen, np.float32)
+        usual = float(np.median(square[own]))
+        x, y = self._sources_of(self.centres, offsets[chosen] @ self.axes)
+        copied = cv2.remap(square, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE).ravel()
+        ordinary = np.minimum(1, (usual + 1) / (copied + 1))
+        return np.asarray(ordinary * np.minimum(1, GRAIN / np.sqrt(copied + 1e-3)), np.float32)
+
+    def _sources_of(self, places: Array, move: Array) -> tuple[Float32Array, Float32Array]:
+        """Columns and rows on the grid of cells to which homogeneous displacements `move` take places (u, v, w)."""
+        u, v, w = places.T
+        z = 1 + w * move[:, 2]
+        z = np.where(z > 1e-3, z, 1) * self.grid.cell_size
+        return ((u + w * move[:, 0]) / z - 0.5).astype(np.float32), ((v + w * move[:, 1]) / z - 0.5).astype(np.float32)
 
     def _copied_color(self, offsets: Array) -> Float32Array:
         """Cells x offsets x 3: the detail that each offset would copy to each hole cell."""

@@ -72,6 +72,20 @@ class HoleRegion:
     """Flat indices of the hole pixels."""
     sources: BoolArray
     """rows x cols cells, True where a cell is known and belongs to the surface."""
+    apart: BoolArray
+    """rows x cols cells, True where other things happen to lie on the same plane."""
+
+    def trusted(self, grid: TextureGrid) -> Int32Array:
+        """H x W: the label of pixels that the region may copy, else UNTRUSTED."""
+        if not self.apart.any():
+            return grid.trusted
+        size, (height, width) = grid.cell_size, grid.hole.shape
+        apart = np.repeat(np.repeat(self.apart, size, 0), size, 1)[:height, :width]
+        return np.where(apart, np.int32(UNTRUSTED), grid.trusted)
+
+    def cell_label(self, grid: TextureGrid) -> Int32Array:
+        """rows x cols: the label of cells that the region may copy, else UNTRUSTED."""
+        return np.where(self.apart, np.int32(UNTRUSTED), grid.cell_label)
 
 
 def trusted_labels(hole: BoolArray, inverse_depth: Float32Array, label: Int32Array) -> Int32Array:

@@ -19,6 +19,7 @@ from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.inpainters.layered.kernels import base_color as base_kernels
 from dlama.inpainters.layered.kernels.patch_offsets import paint
 from dlama.inpainters.layered.patch_offsets import Bases, copied_detail
+from dlama.inpainters.layered.softening import softened
 from dlama.inpainters.layered.texture_grid import UNTRUSTED, HoleRegion, Int32Array, TextureGrid
 
 GREY = 128
@@ -27,6 +28,8 @@ SKY_COLOR = (120, 145, 175)
 """Colour of a sky of which the picture shows nothing: a pale daylight blue."""
 LEAST_CELLS = 12
 """Planes with fewer known cells are painted with all that has no plane."""
+GAP = 8
+"""Cells by which parts of a surface may lie apart and still be one thing."""
 SCREEN = 0.002
 """Weight of a surface's mean colour in each cell of its base, beside the 4 of the neighbours (screened Laplace equation)."""
 DEPTH_SCREEN = 0.002
@@ -42,13 +45,15 @@ def synthesize(
     *,
     seed: int = 0,
     sky: UInt8Array | None = None,
+    unseen: BoolArray | None = None,
 ) -> UInt8Array:
     """Colour for the hole, from known pixels of the same surface; known pixels come back bit-identical.
 
     color: H x W x 3 uint8 (RGB; ignored in the hole). hole: H x W bool, True = to be filled. inverse_depth: H x W
     float32, 1/m, 0 = sky, filled everywhere. label: H x W int32, -1 = non-planar, 0 = sky, k >= 1 = the k-th plane,
-    filled everywhere. camera gives K. sky: RGB of a sky of which this picture shows nothing. The same seed gives the
-    same bits. Raises ShapeError.
+    filled everywhere. camera gives K. sky: RGB of a sky of which this picture shows nothing. unseen: H x W,
+    True where a hole is out of view and borders get softer with the distance from what is known; None: nowhere. The same seed
+    gives the same bits. Raises ShapeError.
     """
     _check(color, hole, inverse_depth, label, camera)
     out = np.array(color)
@@ -75,7 +80,7 @@ def synthesize(
             grid.color,
             region.pixels,
             grid.inverse_depth,
-            grid.trusted,
+            region.trusted(grid),
             region.label,
             detail.axes,
             bases,
@@ -84,7 +89,7 @@ def synthesize(
             detail.gains,
             detail.offsets,
         )
-    return out
+    return out if unseen is None else softened(out, hole, unseen, grid.label)
 
 
 def _check(color: UInt8Array, hole: BoolArray, inverse_depth: Float32Array, label: Int32Array, camera: Camera) -> None:
@@ -107,9 +112,24 @@ def hole_regions(grid: TextureGrid) -> Iterator[HoleRegion]:
         sources, here = grid.cell_label == label, labels == label
         if sources.sum() >= LEAST_CELLS or label == 0:
             rest &= ~here
-            yield HoleRegion(label, holes[here], sources)
+            away = apart(grid, holes[here], sources)
+            yield HoleRegion(label, holes[here], sources & ~away, away)
     if rest.any():
-        yield HoleRegion(-1, holes[rest], grid.cell_label != UNTRUSTED)
+        yield HoleRegion(-1, holes[rest], grid.cell_label != UNTRUSTED, np.zeros(grid.cell_label.shape, np.bool_))
+
+
+def apart(grid: TextureGrid, pixels: NDArray[np.int64], sources: BoolArray) -> BoolArray:
+    """rows x cols, True in cells of `sources` that a gap of more than GAP cells parts from the hole `pixels` (flat).
+
+    Two things may lie on one plane by chance, or by noise: a box beside a bin lends it no texture. None where too few are left.
+    """
+    rows, cols = np.divmod(pixels, grid.hole.shape[1])
+    here = np.zeros(sources.shape, np.bool_)
+    here[rows // grid.cell_size, cols // grid.cell_size] = True
+    near = cv2.dilate((sources | here).astype(np.uint8), np.ones((GAP + 1, GAP + 1), np.uint8))
+    number = cv2.connectedComponents(near, connectivity=8)[1]
+    away = (near > 0) & ~np.isin(number, np.unique(number[here]))
+    return away if (sources & ~away).sum() >= LEAST_CELLS else np.zeros_like(away)
 
 
 def base_colors(grid: TextureGrid, region: HoleRegion) -> Bases:

@@ -1,0 +1,136 @@
+"""Pictures of hard cases as they are completed: real frames, cut depth, removals, views; beside the truth where there is one.
+
+    python benchmarks/looks.py ../shared -o now                  # one PNG a case, and its numbers
+    python benchmarks/looks.py --beside before now -o sheet.jpg  # before | after | truth of two such folders
+
+The cases are chosen by kind, not by result: a Kinect's room at about 10, 20, 30 and 40 degrees, a bin with things taken out, a
+street of which an object is taken out, streets from elsewhere, the same with depth that ends at 10 m, and the scene that comes
+with dlama, painted by MI-GAN. Numbers: squared colour error in what was a hole, and seconds of processor time.
+"""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+import dlama
+from dlama.completion.pipeline import Completion, complete
+from dlama.datasets.frames import RemovalTruth, ViewTruth
+from dlama.datasets.layouts import open_dataset
+from dlama.geometry.rgbd import RGBD, UInt8Array
+
+CUT_M = 10.0
+"""Where EasySynth's depth ends by default."""
+CELL = 300
+"""Width of a picture on the sheet."""
+
+Case = Callable[[], tuple[Completion, UInt8Array | None]]
+
+
+def cut(rgbd: RGBD) -> RGBD:
+    """The same with everything at or beyond CUT_M said to be far."""
+    return dataclasses.replace(rgbd, depth=np.where(rgbd.depth >= CUT_M, np.float32(np.inf), rgbd.depth))
+
+
+def seen_from(truth: ViewTruth, *, ends: bool = False, **settings: str) -> tuple[Completion, UInt8Array]:
+    source = cut(truth.source) if ends else truth.source
+    return complete(source, [truth.target.camera], **settings), truth.target.color
+
+
+def without(truth: RemovalTruth, *, ends: bool = False, **settings: str) -> tuple[Completion, UInt8Array]:
+    source = cut(truth.source) if ends else truth.source
+    return complete(source, [source.camera], mask=truth.mask, **settings), truth.without.color
+
+
+def demo(yaw: float | None, filler: str) -> tuple[Completion, None]:
+    street = dlama.example()
+    rgbd = dlama.read_rgbd(street / "street.jpg", street / "depth.png", camera=street / "camera.json")
+    if yaw is not None:
+        return dlama.view(rgbd, yaw=yaw, filler=filler), None
+    return dlama.remove(rgbd, dlama.read_mask(street / "mask.png"), filler=filler), None
+
+
+def cases(shared: Path) -> Iterator[tuple[str, Case]]:
+    """Name and how to complete it, in the order of the sheet."""
+    for number, case in enumerate(open_dataset(shared / "data/kitchen_vpi").cases):
+        yield f"kitchen-{number}-{case.yaw:.0f}deg", lambda case=case: seen_from(case.load())
+        if number in (0, 4):
+            yield f"kitchen-{number}-migan", lambda case=case: seen_from(case.load(), filler="migan")
+    bin_case = open_dataset(shared / "data/bin_removal").cases[0]
+    yield "bin-removal", lambda: without(bin_case.load())
+    for scene in ("s03", "s05", "s06", "s08"):
+        streets = open_dataset(shared / "street", scenes=[scene]).cases
+        removal = next(c for c in streets if c.protocol == "ori")
+        yield f"{scene}-removal", lambda case=removal: without(case.load())
+        for case in (c for c in streets if c.protocol == "vpi" and c.yaw in (20, -20, 40)):
+            yield f"{scene}-yaw{case.yaw:+.0f}", lambda case=case: seen_from(case.load())
+        if scene in ("s05", "s06"):
+            yield f"{scene}-cut-removal", lambda case=removal: without(case.load(), ends=True)
+            turned = next(c for c in streets if c.protocol == "vpi" and c.yaw == 20)
+            yield f"{scene}-cut-yaw+20", lambda case=turned: seen_from(case.load(), ends=True)
+    for yaw in (20, -20, 40):
+        yield f"demo-migan-yaw{yaw:+d}", lambda yaw=yaw: demo(yaw, "migan")
+        yield f"demo-yaw{yaw:+d}", lambda yaw=yaw: demo(yaw, "layered")
+
+
+def picture(done: Completion, truth: UInt8Array | None) -> UInt8Array:
+    """What was known | what came out | the truth, or nothing."""
+    known = done.warped[-1]
+    shown = np.where(known.color_hole[..., None], np.uint8(255), known.color)
+    return np.hstack([shown, done.view.color, np.zeros_like(shown) if truth is None else truth])
+
+
+def make(shared: Path, out: Path, wanted: list[str]) -> None:
+    out.mkdir(parents=True, exist_ok=True)
+    for name, case in cases(shared):
+        if wanted and not any(part in name for part in wanted):
+            continue
+        started = time.process_time()
+        done, truth = case()
+        seconds, hole = time.process_time() - started, done.warped[-1].color_hole
+        error = np.nan if truth is None else float(((done.view.color.astype(float) - truth)[hole] ** 2).mean())
+        print(f"{name:24} hole {hole.mean():5.1%}  squared error {error:7.0f}  {seconds:5.2f} s", flush=True)
+        cv2.imwrite(str(out / f"{name}.png"), picture(done, truth)[..., ::-1])
+
+
+def beside(before: Path, after: Path, sheet: Path, wanted: list[str]) -> None:
+    """One row a case: known | before | after | truth; two cases a row."""
+    rows = []
+    for file in sorted(after.glob("*.png")):
+        if (wanted and not any(part in file.stem for part in wanted)) or not (before / file.name).is_file():
+            continue
+        old, new = cv2.imread(str(before / file.name)), cv2.imread(str(file))
+        width = new.shape[1] // 3
+        row = np.hstack([new[:, :width], old[:, width : 2 * width], new[:, width:]])
+        row = cv2.resize(row, (4 * CELL, round(CELL * row.shape[0] / width)), interpolation=cv2.INTER_AREA)
+        cv2.putText(row, file.stem, (6, 16), cv2.FONT_HERSHEY_SIMPLEX, 0.5, (0, 0, 255), 1, cv2.LINE_AA)
+        rows.append(row)
+    if not rows:
+        sys.exit(f"{before} and {after} share no pictures")
+    cv2.imwrite(str(sheet), np.vstack(rows), [cv2.IMWRITE_JPEG_QUALITY, 80])
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("shared", nargs="?", type=Path, help="folder with data/ and street/")
+    parser.add_argument("--beside", nargs=2, type=Path, metavar=("BEFORE", "AFTER"))
+    parser.add_argument("--only", nargs="*", default=[], help="parts of names of cases")
+    parser.add_argument("-o", "--output", type=Path, required=True)
+    args = parser.parse_args()
+    if args.beside:
+        beside(*args.beside, args.output, args.only)
+    elif args.shared:
+        make(args.shared, args.output, args.only)
+    else:
+        parser.error("give the folder with data/ and street/, or --beside")
+
+
+if __name__ == "__main__":
+    main()
