@@ -25,7 +25,7 @@ NAMES = {
     "ShapeError",
     "complete", "diagnose", "estimate_depth", "example", "find_mask", "fuse", "inpaint", "lift", "orbit", "read_camera",
     "read_color", "read_mask", "read_rgbd", "read_stereo_calib", "remove", "read_scene",
-    "render", "scene", "sequence", "stereo", "view", "write",
+    "render", "render_path", "scene", "sequence", "stereo", "view", "write",
     "write_depth",
 }  # fmt: skip
 OWN = {"example"}

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:  # what type checkers and editors read; a test holds it equal to MODULES
     from dlama.completion.completion import Completion as Completion
     from dlama.completion.completion import StereoCompletion as StereoCompletion
+    from dlama.completion.paths import render_path as render_path
     from dlama.completion.pipeline import complete as complete
     from dlama.completion.recipes import Recipe as Recipe
     from dlama.completion.stereo import stereo as stereo
@@ -119,6 +120,7 @@ MODULES = {
     "read_stereo_calib": "files.cameras",
     "read_scene": "files.scenes.scene_npz",
     "remove": "completion.verbs",
+    "render_path": "completion.paths",
     "render": "geometry.rendering",
     "sequence": "datasets.sequence",
     "scene": "geometry.frames.gathering",

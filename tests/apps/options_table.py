@@ -71,6 +71,7 @@ BASE = {
     "batch": "jobs.csv -o out",
     "demo": "",
     "sequence": "room -o out",
+    "video": "scene.npz -o out.gif",
     "doctor": "image.png depth.png mask.png --fov 60",
     "show": "out",
     "version": "",
@@ -233,6 +234,22 @@ SEQUENCE = {
     "dilate": Reach("--dilate 5", "sequence.dilate", 5),
     "seed": Reach("--seed 9", "sequence.seed", 9),
 }
+VIDEO = {
+    "source": instead("other", "read_scene_of.dataset", Path("other"), "scene.npz"),
+    "output": Reach("-o b.gif", "write_video.path", Path("b.gif"), ("-o out.gif",)),
+    "path": Reach("--path orbit", "path_for.path", "orbit"),
+    "seconds": Reach("--seconds 2", "path_for.seconds", 2.0),
+    "fps": Reach("--fps 10", "write_video.fps", 10.0),
+    "width": Reach("--width 320", "path_for.width", 320),
+    "frames": Reach("--frames 0:9:3", "read_scene_of.which", "0:9:3"),
+    "layout": Reach("--layout tum", "read_scene_of.layout", "tum"),
+    "scene": Reach("--scene kitchen", "read_scene_of.scene", "kitchen"),
+    "camera": Reach("--camera cam.json", "read_scene_of.camera", Path("cam.json")),
+    "depth_range": Reach("--depth-range 10", "read_scene_of.depth_range", 10.0),
+    "filler": Reach("--filler telea", "render_path.filler", "telea"),
+    "model": Reach("--model m.onnx", "render_path.model", Path("cache/m.onnx")),
+    "seed": Reach("--seed 9", "render_path.seed", 9),
+}
 WORLDS = {
     "output": Reach("-o elsewhere", "write_worlds.folder", Path("elsewhere")),
     "count": Reach("--count 2", "write_worlds.count", 2),
@@ -353,6 +370,7 @@ TABLE: dict[str, dict[str, Reach]] = {
         **SEQUENCE, **MASKING, **REPORT,
     },
     "batch": {**BATCH, **REPORT},
+    "video": {**VIDEO, **REPORT},
     "doctor": {**DOCTOR, **REPORT},
     "show": {**SHOW, **REPORT},
     "version": {},

@@ -96,7 +96,19 @@ def calls(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Calls:
 
         monkeypatch.setattr(owner, name, stand_in)
 
-    for module in ("jobs", "cli", "doctor", "evaluate", "worlds", "train", "model_verbs", "sequence", "batch", "show"):
+    for module in (
+        "jobs",
+        "cli",
+        "doctor",
+        "evaluate",
+        "worlds",
+        "train",
+        "model_verbs",
+        "sequence",
+        "batch",
+        "show",
+        "video",
+    ):
         spy(f"dlama.apps.{module}.reported", through=True)
     _spy_on_jobs(spy)
     _spy_on_the_rest(spy)
@@ -147,6 +159,10 @@ def _spy_on_the_rest(spy: Callable[..., None]) -> None:
     spy("dlama.worlds.writer.write_worlds", [])
     spy("dlama.diagnose", ())
     spy("dlama.sequence", {})
+    spy("dlama.datasets.sequence.read_scene_of", ([], "scene", {}))
+    spy("dlama.datasets.camera_paths.path_for", [])
+    spy("dlama.render_path", [])
+    spy("dlama.files.results.video.write_video", 1)
     spy("dlama.apps.sequence.mask_files", {"3": Path("a.png")})
     spy("dlama.apps.sequence.summary_line", "")
     spy("dlama.apps.sequence.summary_values", {})

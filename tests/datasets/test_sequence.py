@@ -13,6 +13,7 @@ from PIL import Image
 
 import dlama
 from dlama.datasets import sequence as module
+from dlama.datasets.camera_paths import VIEWS_OF_PATH
 from dlama.datasets.nerfstudio_writer import write_transforms, write_view
 from dlama.datasets.scene_frames import open_frames, sliced
 from dlama.errors import FileError, InputError
@@ -137,7 +138,7 @@ def test_views_of_a_path_and_of_a_file(room: Path, tmp_path: Path) -> None:
     truth, done = WORLD.trace(camera)[0], frames[0].load()
     assert np.median(np.abs(done.depth - truth)) < 0.005
     meta = dlama.sequence(room, tmp_path / "path", views="spiral", frames="::3")
-    assert len(meta["filled_share"]) == module.VIEWS_OF_PATH and meta["frames"]["names"] == ["img-0", "img-3"]
+    assert len(meta["filled_share"]) == VIEWS_OF_PATH and meta["frames"]["names"] == ["img-0", "img-3"]
 
 
 def test_a_scene_file_goes_on(room: Path, tmp_path: Path) -> None:

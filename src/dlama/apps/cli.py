@@ -44,6 +44,7 @@ from dlama.apps.terminal.flags import flags_of, with_flags
 from dlama.apps.terminal.output import errors_as_lines, reported, stages_bar
 from dlama.apps.train import EXAMPLES as TRAINING_EXAMPLES
 from dlama.apps.train import pack, train
+from dlama.apps.video import video
 from dlama.apps.worlds import worlds
 
 DESCRIPTION = (
@@ -197,6 +198,7 @@ VERBS: dict[str, Callable[..., Any]] = {
     "mask": mask_of_thing,
     "stereo": stereo,
     "sequence": sequence,
+    "video": video,
     "depth": depth_of_photo,
     "batch": batch,
     "demo": demo,
@@ -240,6 +242,10 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
         "dlama sequence room -o out",
         "dlama sequence room --frames 0:480:10 --mask frame-000030=mask.png -o out",
         "dlama sequence room --views orbit -o out",
+    ),
+    "video": (
+        "dlama video out/scene.npz --path spiral --seconds 6 -o out.mp4",
+        "dlama video room --frames ::5 --path orbit --width 640 -o orbit.webp",
     ),
     "depth": (
         "dlama depth photo.jpg -o out",

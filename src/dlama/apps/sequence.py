@@ -43,32 +43,22 @@ class Source:
 
 
 @dataclass(frozen=True)
-class Filling:
-    """How what no frame saw is filled."""
+class Filler:
+    """What fills what no frame saw."""
 
     filler: Annotated[str, option("|".join(FILLERS), "layered")] = "layered"
     """What fills the holes, as for dlama view."""
     model: Annotated[str | None, option("FILE|NAME")] = None
     """Network of a filler that runs one, as for dlama view."""
-    recipe: Annotated[str, option("|".join(RECIPES), "dlama")] = "dlama"
-    """dlama, or paper as published (its clip of depth is left out)."""
-    dilate: Radius = None
-    """Grow the masks by this many pixels before the thing leaves (3)."""
     seed: Seed = 0
     """Fillers draw their random numbers from this."""
 
     def settings(self) -> dict[str, Any]:
-        """As keyword arguments of dlama.sequence."""
+        """As keyword arguments of the library."""
         from dlama.apps.model_files import model_for
 
         network = None if self.model is None else model_for(self.model)
-        return {
-            "filler": self.filler,
-            "model": network,
-            "recipe": self.recipe,
-            "dilate": self.dilate,
-            "seed": self.seed,
-        }
+        return {"filler": self.filler, "model": network, "seed": self.seed}
 
 
 def sequence(
@@ -78,10 +68,12 @@ def sequence(
     output: Output,
     source: Source,
     masking: Masking,
-    filling: Filling,
+    filler: Filler,
     report: Report,
     mask: Annotated[tuple[str, ...], option("FRAME=FILE ...")] = (),
     masks: Annotated[Path | None, option("FOLDER")] = None,
+    recipe: Annotated[str, option("|".join(RECIPES), "dlama")] = "dlama",
+    dilate: Radius = None,
     views: Annotated[str, option("frames|orbit|spiral|dolly|CAMERAS.json", "frames")] = "frames",
 ) -> None:
     """Many posed frames of one scene, completed: what one frame lacks another one shows, and only the rest is filled, once.
@@ -91,6 +83,8 @@ def sequence(
         output: Directory for the results, a data set in nerfstudio's layout, and scene.ply, scene.glb; a killed run goes on.
         mask: A thing to remove from all frames, in one or several of them: a frame's name or its place from 0, and its mask.
         masks: The same: a folder of masks with the names of their frames.
+        recipe: dlama, or paper as published, without its clip of depth.
+        dilate: Grow the masks by this many pixels before the thing leaves (3).
         views: Which cameras are completed: the frames' own, a path from the middle frame, or those of a file (a list of cameras
             as --to of dlama view takes one, each with an optional name).
     """
@@ -100,9 +94,8 @@ def sequence(
     with reported("sequence", report) as result:
         found = read_masks(mask_files(mask, masks), masking)
         with shown_progress("sequence", report) as progress:
-            meta = dlama.sequence(
-                dataset, output, masks=found, views=views, progress=progress, **vars(source), **filling.settings()
-            )
+            options = {"masks": found, "recipe": recipe, "dilate": dilate, "views": views, **vars(source)}
+            meta = dlama.sequence(dataset, output, progress=progress, **options, **filler.settings())
         result.add(summary_line(meta, output, time.perf_counter() - started), **summary_values(meta, output))
 
 

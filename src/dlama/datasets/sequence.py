@@ -10,11 +10,10 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from dlama import __version__
 from dlama.completion.frames.stepwise import plan_for, steps_for, taken, taken_up
 from dlama.completion.memory import check_memory
+from dlama.datasets.camera_paths import cameras_for
 from dlama.datasets.frames import Frame
 from dlama.datasets.nerfstudio_writer import FOLDERS, write_transforms, write_view
 from dlama.datasets.posed_frames import CameraOption
@@ -22,7 +21,6 @@ from dlama.datasets.scene_frames import open_frames, sliced
 from dlama.datasets.sequence_state import SequenceState
 from dlama.errors import DlamaError, FileError, InputError, OutputError, first_line, system_errors
 from dlama.files.atomic_write import PathLike, new_file
-from dlama.files.cameras import read_cameras
 from dlama.files.results.completion import as_json
 from dlama.files.scenes.clouds import write_ply
 from dlama.files.scenes.scene_npz import read_scene, write_npz
@@ -33,11 +31,8 @@ from dlama.geometry.frames.thinning import thinned
 from dlama.geometry.fusion import scene_cloud
 from dlama.geometry.rgbd import RGBD, BoolArray
 from dlama.geometry.scene import Scene
-from dlama.geometry.trajectories import PATHS, median_pivot, named_path
 
 LOG = logging.getLogger("dlama")
-VIEWS_OF_PATH = 24
-"""Cameras of a path by name."""
 Progress = Callable[[int, int, str, bool], None]
 """Told after each view: how many are done, of how many, which one, and whether an earlier run had done it."""
 
@@ -169,23 +164,6 @@ def load_frames(frames: Sequence[Frame]) -> tuple[dict[str, RGBD], dict[str, str
             damaged[frame.name] = first_line(error)
             warnings.warn(f"frame {frame.name} is left out: {first_line(error)}", UserWarning, stacklevel=3)
     return loaded, damaged
-
-
-def cameras_for(views: str | Mapping[str, Camera], given: Scene) -> dict[str, Camera] | None:
-    """Name -> camera of the views that are asked for; None: the frames' own. Raises InputError, FileError."""
-    if not isinstance(views, str):
-        return dict(views)
-    if views == "frames":
-        return None
-    if views in PATHS:
-        middle = given.measured[len(given.measured) // 2]
-        path = named_path(views, middle.camera, VIEWS_OF_PATH, median_pivot(np.where(middle.hole, 0, middle.depth)))
-        return {f"{views}-{number:04d}": camera for number, camera in enumerate(path)}
-    if not views.lower().endswith(".json"):
-        raise InputError(
-            f"views is {views!r}; frames, {', '.join(PATHS)} or a JSON file with a list of cameras is wanted"
-        )
-    return read_cameras(views)
 
 
 def masks_by_number(masks: Mapping[str, BoolArray], names: Sequence[str]) -> dict[int, BoolArray]:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
+import cv2
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -80,6 +82,28 @@ def named_path(name: str, camera: Camera, count: int, pivot: float = PIVOT_M) ->
     if count < 1:
         raise InputError(f"a path of {count} cameras was asked for; one or more are wanted")
     return PATHS[name](camera, count, pivot)
+
+
+def between(cameras: Sequence[Camera], count: int) -> list[Camera]:
+    """`count` cameras evenly on the way from the first to the last, through all of them: positions on straight lines, rotations
+    along the shortest turn; the lens is the first one's."""
+    places = np.linspace(0, len(cameras) - 1, count) if count > 1 else np.zeros(1)
+    found = []
+    for place in places:
+        left = min(int(place), max(0, len(cameras) - 2))
+        one, other = cameras[left].world_from_cam, cameras[min(left + 1, len(cameras) - 1)].world_from_cam
+        share = float(place) - left
+        pose = np.eye(4)
+        pose[:3, :3] = one[:3, :3] @ _power(one[:3, :3].T @ other[:3, :3], share)
+        pose[:3, 3] = (1 - share) * one[:3, 3] + share * other[:3, 3]
+        found.append(cameras[0].at(pose))
+    return found
+
+
+def _power(rotation: Float64Array, share: float) -> Float64Array:
+    """A share of a rotation: about the same axis, by so much of the angle."""
+    vector = cv2.Rodrigues(rotation)[0]
+    return np.asarray(cv2.Rodrigues(vector * share)[0], np.float64)
 
 
 def _turns(count: int) -> list[float]:

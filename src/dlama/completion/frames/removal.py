@@ -30,6 +30,8 @@ RIM_PX = 3
 """A mask's rim that is not carried: masks reach a little over the thing."""
 EDGE_PX = 2
 """By which a region grows back to the depth edges that told it from others."""
+REACH = 0.3
+"""How far a thing reaches beyond what the masked frames show of it, in sides of a square as large as that."""
 BOX_GROWS = 0.15
 """Of the thing's diagonal, by which its box grows: other frames see sides of it that the masked ones do not."""
 THICK = 0.7
@@ -141,14 +143,15 @@ def _carried_to(
     seen = render(thing, frame.camera, types=False)
     agrees = np.abs(seen.depth - frame.depth) <= AGREES * frame.depth
     seeds = seen.valid & frame.valid & agrees
-    if not seeds.any():
-        return nothing
     near = choose_frames([scene.layers[place] for place in masks], frame.camera)
     for number, (place, mask) in enumerate(masks.items()):
         if number in near:
             beside = seen_outside(points, scene.layers[place], mask)
             candidates &= ~beside
             seeds &= ~beside
+    if not seeds.any():
+        return nothing
+    candidates &= dilated(seeds, max(2 * RIM_PX, round(REACH * float(np.sqrt(seeds.sum())))))
     found = connected(candidates & not_at_edges(frame), seeds)
     return with_missing(found | (dilated(found, EDGE_PX) & candidates), frame, seen.valid)
 

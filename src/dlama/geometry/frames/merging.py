@@ -26,6 +26,8 @@ from dlama.geometry.view import Origin, View, from_source
 
 LOOKED_THROUGH_PX = 2
 """A point counts as looked through only if a frame saw nothing near it within so many pixels: poses drift."""
+NARROWEST = 3
+"""px; what other frames show behind a removed thing and is narrower than this is left to be filled."""
 MEASURED, FILLED = 2, 1
 """What a depth is worth."""
 
@@ -111,14 +113,32 @@ def margin(grid: Grid) -> Float32Array:
 def _keep_own(canvas: Canvas, best: UInt16Array, own: View) -> None:
     """A frame's own pixels as they are; what others show where it has none is ELSEWHERE, and its own colours stay."""
     known = own.valid | own.far
-    others = ~known & (canvas.depth > 0) & (best > 0)
-    canvas.origin[others & (canvas.origin != Origin.DEPTH_FILLED)] = Origin.ELSEWHERE
     colored = own.hole & (own.origin == Origin.DEPTH_FILLED)
+    others = ~known & (canvas.depth > 0) & (best > 0)
+    _drop(canvas, best, slivers(others & ~colored))
+    others &= best > 0
+    canvas.origin[others & (canvas.origin != Origin.DEPTH_FILLED)] = Origin.ELSEWHERE
     _copy(canvas.color, own.color, known | colored)
     np.copyto(canvas.origin, own.origin, where=known | (colored & (canvas.depth == 0)))
     np.copyto(canvas.depth, own.depth, where=known)
     np.copyto(canvas.confidence, own.confidence, where=known)
     best[known] = 1
+
+
+def slivers(where: BoolArray) -> BoolArray:
+    """The parts of a region that are narrower than NARROWEST px: what shines through between misaligned edges."""
+    kernel = np.ones((NARROWEST, NARROWEST), np.uint8)
+    return where & ~(cv2.morphologyEx(where.astype(np.uint8), cv2.MORPH_OPEN, kernel) > 0)
+
+
+def _drop(canvas: Canvas, best: UInt16Array, where: BoolArray) -> None:
+    canvas.color[where], canvas.depth[where], canvas.origin[where], canvas.confidence[where], best[where] = (
+        0,
+        0,
+        0,
+        0,
+        0,
+    )
 
 
 def _copy(out: UInt8Array, color: UInt8Array, where: BoolArray) -> None:

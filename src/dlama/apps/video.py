@@ -1,0 +1,64 @@
+"""`dlama video`: a scene, or a data set of posed frames, and a path in; a video of it out."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from tyro.conf import Positional
+
+from dlama.apps.options import Report, option
+from dlama.apps.sequence import Filler, Source
+from dlama.apps.terminal.output import counting_bar, reported
+
+if TYPE_CHECKING:
+    from dlama.geometry.rgbd import UInt8Array
+
+
+def video(
+    source: Positional[Annotated[Path, option("SCENE.npz|DATASET", None)]],
+    /,
+    *,
+    output: Annotated[Path, option("OUT.mp4", None, aliases=["-o"])],
+    frames: Source,
+    filler: Filler,
+    report: Report,
+    path: Annotated[str, option("orbit|spiral|dolly|CAMERAS.json", "spiral")] = "spiral",
+    seconds: Annotated[float, option("S", "6")] = 6.0,
+    fps: Annotated[float, option("N", "24")] = 24.0,
+    width: Annotated[int | None, option("PX", "the frames'")] = None,
+) -> None:
+    """A video of a camera that moves through a scene; what no picture shows is filled once, so that nothing flickers.
+
+    Args:
+        source: A scene.npz that dlama wrote, or the folder of a data set of posed frames.
+        output: The video: .mp4 (extra `video`), or .webp or .gif, which need nothing more.
+        path: How the camera moves from the middle frame; or a file with a list of cameras, between which it moves evenly.
+        seconds: How long it is.
+        fps: Pictures a second.
+        width: Of the video; its height follows.
+    """
+    import dlama
+    from dlama.datasets.camera_paths import path_for
+    from dlama.datasets.sequence import read_scene_of
+    from dlama.files.results.video import check_video, write_video
+
+    started = time.perf_counter()
+    with reported("video", report) as result, counting_bar("video", report) as bar:
+        check_video(output)
+        options = dict(vars(frames))
+        _, scene, _ = read_scene_of(source, options.pop("frames"), **options)
+        cameras = path_for(path, scene, seconds, fps, width)
+        views = dlama.render_path(scene, cameras, **filler.settings())
+
+        def pictures() -> Iterator[UInt8Array]:
+            for number, view in enumerate(views, 1):
+                if bar is not None:
+                    bar(number, len(cameras))
+                yield view.color
+
+        count = write_video(output, pictures(), fps)
+        line = f"{output}: {count} pictures, {count / fps:.1f} s at {fps:g} a second, {time.perf_counter() - started:.1f} s"
+        result.add(line, output=str(output), pictures=count)

@@ -1,0 +1,63 @@
+"""A scene and a path of cameras in; one view after the other out, holes filled once, so that nothing flickers."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+from dlama.completion.pipeline import complete
+from dlama.completion.recipes import find_recipe
+from dlama.completion.steps import filler_of_recipe, law_of
+from dlama.errors import InputError
+from dlama.geometry.camera import Camera
+from dlama.geometry.fusion import fuse
+from dlama.geometry.rendering import render
+from dlama.geometry.scene import Scene
+from dlama.geometry.view import View
+from dlama.inpainters import find_filler
+from dlama.inpainters.filling import Inpainter, inpaint
+
+KEYS = 9
+"""Cameras of a path, evenly, for which the scene is filled before any view is made."""
+KEPT = 2e-4
+"""Share of a view: what is left open and more than this becomes part of the scene, too."""
+
+
+def render_path(
+    scene: Scene,
+    cameras: Sequence[Camera],
+    *,
+    filler: str | Inpainter = "layered",
+    model: str | Path | None = None,
+    seed: int = 0,
+) -> Iterator[View]:
+    """The views of a path, in order, each as it is asked for.
+
+    The scene is filled for some cameras of the path first, and all views show that: a filled point looks the same in all of them.
+    What is still open in a view is filled and seen by those after it.
+
+    Args:
+        scene: Of `scene`, of a completion, or of `read_scene`.
+        cameras: The path, in the scene's world.
+        filler, model, seed: As in `complete`.
+    Raises:
+        InputError: no cameras, an unknown name.
+    """
+    if not cameras:
+        raise InputError("cameras is empty; a path of one camera or more is wanted")
+    inpainter = find_filler(filler, model)
+    return _views(scene, list(cameras), inpainter, seed)
+
+
+def _views(scene: Scene, cameras: list[Camera], inpainter: Inpainter, seed: int) -> Iterator[View]:
+    recipe = find_recipe("dlama")
+    places = sorted({round(number * (len(cameras) - 1) / (KEYS - 1)) for number in range(KEYS)})
+    whole = complete(scene, [cameras[place] for place in places], filler=inpainter, seed=seed).scene
+    law = law_of(Scene(whole.measured, whole.objects, whole.numbers, whole.gains, whole.noise), recipe)
+    fill = filler_of_recipe(inpainter, recipe)
+    for camera in cameras:
+        open_view = render(whole, camera)
+        view, _ = inpaint(open_view, fill, law, seed)
+        if float(open_view.hole.mean()) > KEPT:
+            whole = fuse(whole, view, known=~open_view.hole)
+        yield view

@@ -1,0 +1,88 @@
+"""Pictures in; a video, or an animated picture, as a file out: MP4 by PyAV (extra `video`), WebP and GIF by Pillow."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from PIL import Image
+
+from dlama.errors import InputError, MissingExtraError, OutputError, ShapeError, system_errors
+from dlama.files.atomic_write import PathLike, new_file
+from dlama.geometry.rgbd import UInt8Array
+
+VIDEOS, ANIMATIONS = (".mp4", ".mov", ".mkv"), (".webp", ".gif")
+QUALITY = "18"
+"""Of H.264 (crf): hardly to be told from the pictures."""
+
+
+def check_video(path: PathLike) -> None:
+    """Raise before anything is computed: InputError for a name of another kind, MissingExtraError without what writes it."""
+    suffix = Path(path).suffix.lower()
+    if suffix not in (*VIDEOS, *ANIMATIONS):
+        raise InputError(f"output is {path}; a name that ends in {', '.join((*VIDEOS, *ANIMATIONS))} is wanted")
+    if suffix in VIDEOS:
+        _av()
+
+
+@system_errors(OutputError)
+def write_video(path: PathLike, pictures: Iterable[UInt8Array], fps: float = 24.0) -> int:
+    """Write pictures (H x W x 3, RGB, one size) as a video, by the name's ending; how many there were.
+
+    Odd sides lose a row or a column in videos, as H.264 wants even ones. Raises InputError, MissingExtraError, ShapeError (sizes
+    that differ), OutputError; nothing half-written is left.
+    """
+    check_video(path)
+    if not 0 < fps <= 240:
+        raise InputError(f"fps is {fps}; more than 0 and at most 240 pictures a second are wanted")
+    frames = _of_one_size(pictures)
+    with new_file(path) as draft:
+        if Path(path).suffix.lower() in VIDEOS:
+            return _encoded(draft, frames, fps)
+        return _animated(draft, frames, fps)
+
+
+def _of_one_size(pictures: Iterable[UInt8Array]) -> Iterator[UInt8Array]:
+    first = None
+    for picture in pictures:
+        first = picture.shape if first is None else first
+        if picture.shape != first:
+            raise ShapeError(f"a picture of a video is {picture.shape} and the first one {first}; one size is wanted")
+        yield picture
+    if first is None:
+        raise InputError("a video of no pictures was asked for; one or more are wanted")
+
+
+def _encoded(path: Path, pictures: Iterator[UInt8Array], fps: float) -> int:
+    av, count, stream = _av(), 0, None
+    with av.open(str(path), "w", options={"movflags": "+faststart"}) as container:
+        for picture in pictures:
+            even = np.ascontiguousarray(picture[: picture.shape[0] // 2 * 2, : picture.shape[1] // 2 * 2])
+            if stream is None:
+                stream = container.add_stream("libx264", rate=Fraction(fps).limit_denominator(1001))
+                stream.height, stream.width, stream.pix_fmt = *even.shape[:2], "yuv420p"
+                stream.options = {"crf": QUALITY, "preset": "medium"}
+            container.mux(stream.encode(av.VideoFrame.from_ndarray(even, format="rgb24")))
+            count += 1
+        if stream is not None:
+            container.mux(stream.encode(None))
+    return count
+
+
+def _animated(path: Path, pictures: Iterator[UInt8Array], fps: float) -> int:
+    frames = [Image.fromarray(picture) for picture in pictures]
+    options: dict[str, Any] = {"quality": 80, "method": 4} if path.suffix.lower() == ".webp" else {}
+    frames[0].save(path, save_all=True, append_images=frames[1:], duration=round(1000 / fps), loop=0, **options)
+    return len(frames)
+
+
+def _av() -> Any:
+    """PyAV, or MissingExtraError."""
+    try:
+        import av
+    except ImportError as error:
+        raise MissingExtraError("writing a video (WebP and GIF go without)", "av", "video") from error
+    return av

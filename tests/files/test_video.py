@@ -1,0 +1,61 @@
+"""Videos (oracles: what Pillow and PyAV read back, the pictures that went in)."""
+
+from __future__ import annotations
+
+import builtins
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from dlama.errors import InputError, MissingExtraError, ShapeError
+from dlama.files.results.video import write_video
+
+PICTURES = [np.full((33, 46, 3), (10 * n, 200 - 10 * n, 90), np.uint8) for n in range(8)]
+
+
+@pytest.mark.parametrize("name", ["a.webp", "a.gif"])
+def test_animations_hold_every_picture(tmp_path: Path, name: str) -> None:
+    """Count, size and duration, and colours within a few levels."""
+    assert write_video(tmp_path / name, PICTURES, 10) == 8
+    with Image.open(tmp_path / name) as found:
+        assert found.n_frames == 8 and found.size == (46, 33)  # type: ignore[attr-defined]
+        for number, picture in enumerate(PICTURES):
+            found.seek(number)
+            assert np.abs(np.array(found.convert("RGB")).astype(int) - picture).mean() < 4
+
+
+def test_a_video_holds_every_picture(tmp_path: Path) -> None:
+    """Read back by PyAV: count, rate, even size, colours within a few levels."""
+    av = pytest.importorskip("av")
+    assert write_video(tmp_path / "a.mp4", PICTURES, 12.5) == 8
+    with av.open(str(tmp_path / "a.mp4")) as found:
+        assert float(found.streams.video[0].average_rate) == 12.5
+        frames = [frame.to_ndarray(format="rgb24") for frame in found.decode(video=0)]
+    assert len(frames) == 8 and frames[0].shape == (32, 46, 3)
+    assert all(np.abs(frame.astype(int) - picture[:32]).mean() < 6 for frame, picture in zip(frames, PICTURES))
+
+
+def test_what_cannot_be_a_video_leaves_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Another ending, no pictures, two sizes, no rate; and without PyAV a line with what to install."""
+    with pytest.raises(InputError, match=r"output is a\.avi; a name that ends in \.mp4"):
+        write_video("a.avi", PICTURES)
+    with pytest.raises(InputError, match="fps is 0"):
+        write_video(tmp_path / "a.gif", PICTURES, 0)
+    with pytest.raises(InputError, match="a video of no pictures"):
+        write_video(tmp_path / "a.gif", [])
+    with pytest.raises(ShapeError, match="one size is wanted"):
+        write_video(tmp_path / "a.gif", [PICTURES[0], PICTURES[0][1:]])
+    original = builtins.__import__
+
+    def without(name: str, *given: Any, **more: Any) -> Any:
+        if name == "av":
+            raise ImportError(name)
+        return original(name, *given, **more)
+
+    monkeypatch.setattr(builtins, "__import__", without)
+    with pytest.raises(MissingExtraError, match=r"pip install 'dlama\[video\]'"):
+        write_video(tmp_path / "a.mp4", PICTURES)
+    assert list(tmp_path.iterdir()) == []
