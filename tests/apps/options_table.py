@@ -378,10 +378,10 @@ TABLE: dict[str, dict[str, Reach]] = {
     "worlds": {**WORLDS, **REPORT},
     "train": {**TRAIN, **REPORT},
     "pack": {**PACK, **REPORT},
-    "models list": {},
-    "models info": {"name": NAME},
+    "models list": REPORT,
+    "models info": {"name": NAME, **REPORT},
     "models pull": {"name": NAME, **REPORT},
     "models convert": {**CONVERT, **REPORT},
-    "models verify": {"name": Reach("migan-512", "record.name", "migan-512")},
+    "models verify": {"name": Reach("migan-512", "record.name", "migan-512"), **REPORT},
 }  # fmt: skip
 """Verb -> option -> what it reaches."""

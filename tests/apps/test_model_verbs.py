@@ -53,6 +53,27 @@ def refused(capsys: pytest.CaptureFixture[str], *words: str) -> str:
     return told
 
 
+def test_json_says_what_the_lines_say(capsys: pytest.CaptureFixture[str], cache_dir: Path) -> None:
+    """Oracle: the catalogue; one object a command, nothing else on standard output; --quiet prints nothing."""
+    cache_dir.mkdir()
+    name = "big-lama"
+    (cache_dir / CATALOGUE[name].file).write_bytes(b"too short")
+    said = {}
+    for words in (["list"], ["info", name]):
+        cli.main(["models", *words, "--json"])
+        said[words[0]] = json.loads(capsys.readouterr().out)
+        cli.main(["models", *words, "--quiet"])
+        assert capsys.readouterr() == ("", "")
+    table = {entry["name"]: entry for entry in said["list"]["models"]}
+    assert set(table) == set(CATALOGUE) and said["list"]["directory"] == str(cache_dir)
+    assert table[name]["here"] and table[name]["licence"] == CATALOGUE[name].licence
+    assert said["info"]["name"] == name and said["info"]["urls"] == list(CATALOGUE[name].urls)
+    with pytest.raises(SystemExit) as ended:
+        cli.main(["models", "verify", name, "--json"])
+    shown = capsys.readouterr()
+    assert ended.value.code == 2 and shown.err.startswith("error: ")
+
+
 def test_list_and_info(capsys: pytest.CaptureFixture[str], cache_dir: Path) -> None:
     """Every name stands in the table; info says where a file belongs and that an unseen one is unseen."""
     cli.main(["models", "list"])

@@ -27,6 +27,14 @@ def test_quiet_prints_nothing(frame: Path, capsys: pytest.CaptureFixture[str]) -
     assert (out / "meta.json").is_file()
 
 
+def test_warnings_name_flags(frame: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """As errors do: the library's depth_scale and pivot=auto are --depth-scale and --pivot auto (oracle: the verb's --help)."""
+    run(frame, "view", "image.png", "depth.png", "--fov", 60, "--yaw", 20, "--depth-scale", 5000, *FAST)
+    (told,) = [line for line in capsys.readouterr().err.splitlines() if line.startswith("warning: ")]
+    assert "is unknown" in told and "--depth-scale" in told and "--pivot auto" in told
+    assert "depth_scale" not in told and "pivot=" not in told
+
+
 def test_quiet_still_tells_errors(frame: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """One line, exit code 2."""
     assert "--fov" in refused(capsys, frame, "view", "image.png", "depth.png", "--yaw", 5, "--quiet")

@@ -82,6 +82,21 @@ def test_every_kind_of_picture_is_read_as_shown(tmp_path: Path, kind: str, suffi
             assert np.array_equal(np.array(ImageOps.exif_transpose(picture)), wanted)
 
 
+@pytest.mark.parametrize("orientation", range(1, 9))
+def test_a_big_tiff_is_turned_too(tmp_path: Path, orientation: int) -> None:
+    """BigTIFF, whose offsets have 64 bits; with the other byte order, which Pillow does not read, it is refused."""
+    values, tags = PICTURES["depth"], [(274, "H", 1, orientation, True)]
+    tifffile.imwrite(tmp_path / "big.tif", values, bigtiff=True, byteorder="<", extratags=tags)
+    assert (tmp_path / "big.tif").read_bytes()[:4] == b"II+\0"
+    wanted = shown(values, orientation)
+    assert np.array_equal(read_stored(tmp_path / "big.tif").values, wanted)
+    assert picture_hw(tmp_path / "big.tif") == wanted.shape
+    assert orientation_of(tmp_path / "big.tif") == orientation
+    tifffile.imwrite(tmp_path / "other.tif", values, bigtiff=True, byteorder=">", extratags=tags)
+    with pytest.raises(FileError, match=r"other\.tif: is no readable"):
+        read_stored(tmp_path / "other.tif")
+
+
 def test_float_tiff_is_turned(tmp_path: Path) -> None:
     depth = RNG.random((4, 6), np.float32)
     assert np.array_equal(read_stored(write(tmp_path / "depth.tif", depth, 6)).values, shown(depth, 6))

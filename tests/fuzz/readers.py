@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import os
 import pickle
 import struct
 import tempfile
@@ -16,12 +17,17 @@ from typing import Any
 
 import cv2
 import numpy as np
+import tifffile
 from PIL import Image
 
 from dlama.datasets.easysynth.text_files import METRIC_HEADER, UNREAL_HEADER, read_poses, read_rig
 from dlama.datasets.layouts import open_dataset
 from dlama.datasets.text_tables import read_pose
 from dlama.datasets.trajectory_log import read_log
+from dlama.evaluation.protocols.methods import Measure, Panel
+from dlama.evaluation.report.panels import choose, read_strip
+from dlama.evaluation.runner.store import Stored, StoredRun, read_stored, result_rows, timing_rows, write_stored
+from dlama.evaluation.runner.strips import jpeg, strip
 from dlama.files.cameras import read_camera, read_stereo_calib
 from dlama.files.rasters.depth import read_depth, read_disparity, write_depth_exr, write_disparity_pfm
 from dlama.files.rasters.images import picture_hw
@@ -35,7 +41,9 @@ from dlama.geometry.rgbd import RGBD
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
 from dlama.inpainters.networks.contract import CONTRACT_KEY, contract_of_planes, from_metadata
+from dlama.models.cache import expected_sha256, expected_size
 from dlama.models.network_file import NetworkFile
+from dlama.models.records import CATALOGUE
 from dlama.nets.checkpoints import read_tensors
 from dlama.nets.safetensors_file import read_safetensors, write_safetensors
 from dlama.training.data.pack import pack
@@ -284,6 +292,40 @@ def networks() -> list[Reader]:
     ]  # fmt: skip
 
 
+def kept() -> list[Reader]:
+    """What dlama itself wrote to be read again: hashes of models, results and panels of an evaluation."""
+    pins = {"big-lama.pt": {"sha256": "0" * 64, "bytes": 12}, "migan.onnx": {"sha256": "1" * 64, "bytes": 7}}
+    measures = (Measure("whole", "rgb", "ssim", 0.5), Measure("unseen", "rgb", "psnr", float("inf")))
+    runs = (StoredRun("", measures, "case--0.jpg"), StoredRun("object,dilate=3", measures))
+    case = Stored("key", "vpi", "street", "s01", "0001", -20.0, "dlama", "telea", runs, measures[:1], ("warned",))
+    panel = Panel(COLOR, COLOR, COLOR, COLOR, DEPTH > 3, DEPTH, DEPTH, DEPTH, DEPTH)
+    return [
+        Reader("pins.json", json.dumps(pins).encode(), pinned),
+        Reader("case.json", made(lambda path: write_stored(path, case), ".json"), rows_of_stored),
+        Reader("panel.jpg", jpeg(strip(panel)), read_strip),
+        Reader("big.tif", big_tiff(), read_color),
+    ]
+
+
+def pinned(path: Path) -> object:
+    """The hashes and sizes in a folder of models."""
+    os.environ["DLAMA_MODELS"] = str(path.parent)
+    return [(expected_sha256(entry), expected_size(entry)) for entry in CATALOGUE.values()]
+
+
+def rows_of_stored(path: Path) -> object:
+    """A stored result, as tables take it."""
+    found = read_stored(path)
+    return None if found is None else (result_rows([found]), timing_rows([found]), choose([found]))
+
+
+def big_tiff() -> bytes:
+    """A BigTIFF that is turned."""
+    stream = io.BytesIO()
+    tifffile.imwrite(stream, COLOR, bigtiff=True, photometric="rgb", extratags=[(274, "H", 1, 6, True)])
+    return stream.getvalue()
+
+
 def all_readers() -> dict[str, Reader]:
     """By name."""
-    return {reader.name: reader for reader in (*tables(), *arrays(), *networks())}
+    return {reader.name: reader for reader in (*tables(), *arrays(), *networks(), *kept())}

@@ -30,7 +30,7 @@ def test_every_reader_of_files_is_fuzzed() -> None:
     code = (HERE / "readers.py").read_text("utf-8")
     public = {
         node.name
-        for path in (FILES / "files").glob("*.py")
+        for path in (FILES / "files").rglob("*.py")
         for node in ast.parse(path.read_text("utf-8")).body
         if isinstance(node, ast.FunctionDef) and node.name.startswith("read_") and "path" in ast.unparse(node.args)
     }

@@ -12,7 +12,7 @@ import pytest
 
 from dlama.errors import FileError, InputError, OutputError
 from dlama.models import cache, records
-from dlama.models.cache import directory, locate
+from dlama.models.cache import directory, locate, read_pins
 from dlama.models.records import CATALOGUE, Record, record
 from dlama.models.verify import verify
 
@@ -54,6 +54,17 @@ def test_the_directory(monkeypatch: pytest.MonkeyPatch, cache_dir: Path) -> None
     assert directory() == Path.home() / "m"
     monkeypatch.delenv("DLAMA_MODELS")
     assert directory().parts[-2:] == ("dlama", "models") and directory().is_absolute()
+
+
+@pytest.mark.parametrize(
+    "text", ["[" * 100_000, '{"a": ', "[1]", '{"toy.onnx": 3}'], ids=["deep", "cut", "list", "number"]
+)
+def test_damaged_pins_are_named(cache_dir: Path, text: str) -> None:
+    """One error of the package, which says what to do."""
+    cache_dir.mkdir(exist_ok=True)
+    (cache_dir / "pins.json").write_text(text)
+    with pytest.raises(FileError, match=r"pins\.json: .*remove it to pin every file anew"):
+        read_pins()
 
 
 def test_locate(toy: Path) -> None:

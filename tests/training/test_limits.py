@@ -4,18 +4,21 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 import torch
 from torch import nn
 from toy_runs import toy
 
-from dlama.errors import InputError
+from dlama.errors import InputError, OutputError
 from dlama.nets.generator import Generator
 from dlama.training import limits
 from dlama.training.limits import check_machine, generator_numbers, training_bytes
 from dlama.training.loop.train import train
 from dlama.training.presets import PRESETS
+
+NEARLY_FULL = SimpleNamespace(total=10**9, used=10**9, free=1000)
 
 
 @pytest.fixture
@@ -44,17 +47,17 @@ def test_gpus_are_counted(monkeypatch: pytest.MonkeyPatch) -> None:
     limits.check_devices(toy(accelerator="auto", devices=2))
 
 
-def test_what_memory_cannot_hold(small_computer: None) -> None:
+def test_what_memory_cannot_hold(small_computer: None, tmp_path: Path) -> None:
     """Network, size and batch, each alone; every preset fits a computer it is meant for."""
     base = toy()
-    check_machine(base)
+    check_machine(base, tmp_path)
     for settings in (
         replace(base, network=replace(base.network, width=1024, blocks=500)),
         replace(base, data=replace(base.data, size=32768)),
         replace(base, loop=replace(base.loop, batch=10_000_000)),
     ):
         with pytest.raises(InputError, match=r"take at least [0-9.]+ GB of memory, 8.0 GB are free"):
-            check_machine(settings)
+            check_machine(settings, tmp_path)
     assert training_bytes(PRESETS["mini-rgbd"].settings) < 8e9
     assert training_bytes(PRESETS["big-rgbd"].settings) < 80e9
 
@@ -68,3 +71,24 @@ def test_the_estimate_counts_no_more_than_the_layers_put_out() -> None:
             part.register_forward_hook(lambda _, __, out: counted.__setitem__(0, counted[0] + out.numel()))
     network(torch.zeros(1, settings.in_channels, size, size))
     assert 0.3 * counted[0] < limits.KEPT * generator_numbers(settings, size) <= counted[0]
+
+
+def test_a_disk_that_cannot_hold_the_checkpoints(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """Before anything is written; the folder need not be there yet."""
+    monkeypatch.setattr(limits.shutil, "disk_usage", lambda place: NEARLY_FULL)
+    with pytest.raises(OutputError, match=r"run: the run's last checkpoint.*GB, the disk has 0\.00 GB free"):
+        train(toy(), tmp_path / "deep" / "run")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_pack_that_neither_memory_nor_disk_can_hold(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """Closed form: 0.02 bytes a pixel, and never more than the megabytes that were asked for."""
+    monkeypatch.setattr(limits, "available_bytes", lambda: 10**6)
+    limits.check_pack(100, 45, 100, tmp_path / "a.pack")
+    limits.check_pack(10**9, 0.9, 256, tmp_path / "a.pack")
+    with pytest.raises(InputError, match=r"megabytes is 45: a pack of 1000 pictures of 256 px takes at least 0\.00 GB"):
+        limits.check_pack(1000, 45, 256, tmp_path / "a.pack")
+    monkeypatch.setattr(limits, "available_bytes", lambda: None)
+    monkeypatch.setattr(limits.shutil, "disk_usage", lambda place: NEARLY_FULL)
+    with pytest.raises(OutputError, match=r"a\.pack: a pack of 1000 pictures of 256 px takes at least"):
+        limits.check_pack(1000, 45, 256, tmp_path / "a.pack")

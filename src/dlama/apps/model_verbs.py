@@ -26,24 +26,42 @@ if TYPE_CHECKING:
 Name = Positional[Annotated[str, option("NAME", None)]]
 
 
-@dataclass(frozen=True)
-class ListModels:
+@dataclass(frozen=True, kw_only=True)
+class ListModels(Report):
     """The models that can be named, and which of them are here."""
 
     def run(self) -> None:
         """Print the table."""
+        with reported("models list", self) as result:
+            entries = [
+                {
+                    "name": one.name,
+                    "here": place(one).is_file(),
+                    "bytes": one.bytes,
+                    "licence": one.licence,
+                    "what": one.what,
+                }
+                for one in CATALOGUE.values()
+            ]
+            result.add(self.table(), directory=str(directory()), models=entries)
+            result.add(f"files lie in {directory()} (DLAMA_MODELS names another directory)")
+
+    def table(self) -> str:
+        """As wide as the terminal."""
         from rich.console import Console
         from rich.table import Table
 
         table = Table("name", "here", "MB", "licence", "what", box=None, header_style="bold")
         for entry in CATALOGUE.values():
             table.add_row(entry.name, _here(entry), _megabytes(entry.bytes), entry.licence, entry.what)
-        Console().print(table)
-        print(f"files lie in {directory()} (DLAMA_MODELS names another directory)")
+        console = Console()
+        with console.capture() as drawn:
+            console.print(table)
+        return drawn.get().rstrip("\n")
 
 
-@dataclass(frozen=True)
-class Info:
+@dataclass(frozen=True, kw_only=True)
+class Info(Report):
     """All that is known of one model."""
 
     name: Name
@@ -51,8 +69,15 @@ class Info:
 
     def run(self) -> None:
         """Print it, a line each."""
-        entry = record(self.name)
-        lines = {
+        with reported("models info", self) as result:
+            entry = record(self.name)
+            known = self.about(entry)
+            shown = "\n".join(f"{key:9} {value}" for key, value in known.items() if value)
+            result.add(shown, **known, urls=list(entry.urls), here=place(entry).is_file())
+
+    def about(self, entry: Record) -> dict[str, str | None]:
+        """What each line says."""
+        return {
             "name": entry.name,
             "what": entry.what,
             "from": "\n          ".join(entry.urls),
@@ -65,7 +90,6 @@ class Info:
             "caution": None if entry.seen else "dlama's authors never had this file in hand",
             "file": f"{place(entry)} ({_here(entry)})",
         }
-        print("\n".join(f"{key:9} {value}" for key, value in lines.items() if value))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -112,8 +136,8 @@ class Convert(Report):
             result.add("\n".join(notes), output=str(self.output), licence=licence, notes=notes)
 
 
-@dataclass(frozen=True)
-class Verify:
+@dataclass(frozen=True, kw_only=True)
+class Verify(Report):
     """Compare files with their published hashes, or with what they were when they were first used."""
 
     name: Positional[Annotated[str | None, option("NAME", "every file that is here")]] = None
@@ -121,16 +145,20 @@ class Verify:
 
     def run(self) -> None:
         """Print a line each; what is wrong ends with an error."""
-        chosen = [record(self.name)] if self.name else [entry for entry in CATALOGUE.values() if place(entry).is_file()]
-        verdicts = [verify(entry) for entry in chosen]
-        bad = [verdict for verdict in verdicts if verdict.state in ("wrong", "missing")]
-        for verdict in verdicts:
-            if verdict not in bad:
-                print(f"{verdict.path}: {verdict.state}, {verdict.detail}")
+        with reported("models verify", self) as result:
+            chosen = [record(self.name)] if self.name else [one for one in CATALOGUE.values() if place(one).is_file()]
+            verdicts = [verify(entry) for entry in chosen]
+            bad = [verdict for verdict in verdicts if verdict.state in ("wrong", "missing")]
+            good = [f"{one.path}: {one.state}, {one.detail}" for one in verdicts if one not in bad]
+            files = [
+                {"model": entry.name, "file": str(one.path), "state": one.state, "detail": one.detail}
+                for entry, one in zip(chosen, verdicts)
+            ]
+            for line in good if chosen else [f"no model is in {directory()}"]:
+                result.add(line)
+            result.values["files"] = files
         if bad:
             raise FileError("; ".join(f"{verdict.path}: {verdict.detail}" for verdict in bad))
-        if not chosen:
-            print(f"no model is in {directory()}")
 
 
 def models(

@@ -97,7 +97,7 @@ def read_pins() -> dict[str, dict[str, object]]:
         pins = json.loads(path.read_text("utf-8"))
     except FileNotFoundError:
         return {}
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, RecursionError) as error:
         raise FileError(f"{path}: cannot be read ({error}); remove it to pin every file anew") from error
     if not isinstance(pins, dict) or not all(isinstance(entry, dict) for entry in pins.values()):
         raise FileError(f"{path}: wanted a table of file names; remove it to pin every file anew")

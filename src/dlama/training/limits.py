@@ -1,27 +1,67 @@
-"""Settings of a run in -> InputError out, before a process starts, where this machine has not the devices or memory for them.
+"""Settings of a run, or of a pack, in -> InputError or OutputError out, before any work, where this machine has not the devices,
+the memory or the disk for them.
 
-The memory is estimated from below (weights, optimisers, and the tensors that the backward pass keeps), so that nothing is refused
-that fits. Needs no torch for the estimate.
+What is needed is estimated from below (weights, optimisers, and the tensors that the backward pass keeps), so that nothing is
+refused that fits. Needs no torch for the estimate.
 """
 
 from __future__ import annotations
 
+import shutil
+from pathlib import Path
+
 from dlama.completion.memory import GB, available_bytes, processor_count
-from dlama.errors import InputError
+from dlama.errors import InputError, OutputError
 from dlama.nets.architecture import GeneratorSettings, discriminator_shapes, generator_shapes
 from dlama.training.flops import parameters
 from dlama.training.settings import TrainSettings
 
 GENERATOR_COPIES, DISCRIMINATOR_COPIES = 8, 7
 """Weights, gradients, two moments of Adam and the guard's copy of all but gradients; the generator's moving average, once."""
+SAVED = 3
+"""Weights and two moments of Adam in a checkpoint."""
 KEPT = 3
 """Tensors that the backward pass keeps of a layer: what the convolution, the norm and the activation were given."""
 
 
-def check_machine(settings: TrainSettings) -> None:
-    """Raise InputError for more devices than there are, and for settings whose memory cannot fit."""
+LEAST_PACKED = 0.02
+"""Bytes of a packed pixel at least (WebP of photos takes five to fifteen times that)."""
+
+
+def check_machine(settings: TrainSettings, run: Path) -> None:
+    """Raise InputError for more devices than there are and settings whose memory cannot fit; OutputError where the disk of the
+    directory `run` cannot hold its checkpoints."""
     check_devices(settings)
     check_memory(settings)
+    check_disk(checkpoint_bytes(settings), run, "the run's last checkpoint, the one before it and its network")
+
+
+def check_pack(pictures: int, megabytes: float, size: int, output: Path) -> None:
+    """Raise InputError where a pack of so many pictures takes more memory than is free, OutputError where more than the disk has.
+
+    megabytes: its size at most; size: pixels of the smaller side.
+    """
+    needed = min(megabytes * 1e6, LEAST_PACKED * pictures * size * size)
+    free = available_bytes()
+    if free is not None and needed > free:
+        raise InputError(
+            f"megabytes is {megabytes:g}: a pack of {pictures} pictures of {size} px takes at least "
+            f"{needed / GB:.2f} GB of memory while it is made, {free / GB:.2f} GB are free; give less"
+        )
+    check_disk(needed, output, f"a pack of {pictures} pictures of {size} px")
+
+
+def check_disk(needed: float, place: Path, what: str) -> None:
+    """Raise OutputError where the disk on which `place` lies, or would, has fewer bytes free."""
+    there = next((folder for folder in (place, *place.absolute().parents) if folder.exists()), None)
+    if there is None:
+        return
+    free = shutil.disk_usage(there).free
+    if needed > free:
+        raise OutputError(
+            f"{place}: {what} take{'s' if what.startswith('a ') else ''} at least {needed / GB:.2f} GB, the disk has "
+            f"{free / GB:.2f} GB free"
+        )
 
 
 def check_devices(settings: TrainSettings) -> None:
@@ -48,13 +88,25 @@ def check_memory(settings: TrainSettings) -> None:
 def training_bytes(settings: TrainSettings) -> float:
     """Bytes that one process takes at least for its networks, optimisers and one step."""
     net, loop, size = settings.network, settings.loop, settings.data.size
-    copies = GENERATOR_COPIES * parameters(generator_shapes(net.generator))
-    if settings.loss.uses_discriminator:
-        copies += DISCRIMINATOR_COPIES * parameters(discriminator_shapes(net.discriminator))
+    copies = _numbers(settings, GENERATOR_COPIES, DISCRIMINATOR_COPIES)
     width = 2 if loop.precision == "bf16" else 4
     planes = 4.0 * size * size * (net.generator.in_channels + net.generator.out_channels)
     step = width * KEPT * generator_numbers(net.generator, size) + planes
     return 4.0 * copies + loop.batch * step + settings.data.held_out * planes
+
+
+def checkpoint_bytes(settings: TrainSettings) -> float:
+    """Bytes that a run's files take at least: two checkpoints (weights, two moments; the moving average), while one replaces the
+    other, and the network."""
+    return 4.0 * (2 * _numbers(settings, SAVED + 1, SAVED) + parameters(generator_shapes(settings.network.generator)))
+
+
+def _numbers(settings: TrainSettings, of_generator: int, of_discriminator: int) -> float:
+    """Numbers in so many copies of the weights of both networks; a discriminator only where the loss has one."""
+    numbers = of_generator * parameters(generator_shapes(settings.network.generator))
+    if settings.loss.uses_discriminator:
+        numbers += of_discriminator * parameters(discriminator_shapes(settings.network.discriminator))
+    return float(numbers)
 
 
 def generator_numbers(s: GeneratorSettings, size: int) -> float:

@@ -290,6 +290,22 @@ def test_panels_are_made_to_fit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
         assert cv2.imdecode(data, cv2.IMREAD_COLOR) is not None
 
 
+@pytest.mark.parametrize("damage", ["emptied", "no picture", "one pixel", "missing"])
+def test_a_damaged_panel_is_left_out(tmp_path: Path, damage: str) -> None:
+    """Law: the report has all others; a file that begins and ends as a JPEG may hold none."""
+    done = evaluated(tmp_path, made_up_dataset(3))
+    chosen = choose(done.stored)
+    file = tmp_path / "panels" / chosen[0].file
+    if damage == "missing":
+        file.unlink()
+    elif damage == "one pixel":
+        file.write_bytes(cv2.imencode(".jpg", np.zeros((1, 1, 3), np.uint8))[1].tobytes())
+    else:
+        file.write_bytes(b"" if damage == "emptied" else b"\xff\xd8" + bytes(99) + b"\xff\xd9")
+    shown = as_data_urls(tmp_path / "panels", chosen)
+    assert [one.chosen for one in shown] == [one for one in chosen if one.file != chosen[0].file]
+
+
 def test_errors_in_panels_by_hand() -> None:
     """Colour: mean over channels of 64 levels is full. Depth: a quarter off is full, a tenth 0.4; far for near is full."""
     plain = made_up.panel(made_up.truth(0, 24), 50)

@@ -310,7 +310,7 @@ def test_damaged_tables_are_named(tmp_path: Path) -> None:
 
 def test_a_damaged_store_counts_as_absent(tmp_path: Path) -> None:
     """Whatever a crash may leave."""
-    for text in ("", "[]", "{}", '{"runs": 3}', "\x00"):
+    for text in ("", "[]", "{}", '{"runs": 3}', "\x00", "[" * 100_000, '{"runs": [3]}'):
         (tmp_path / "a.json").write_text(text)
         assert read_stored(tmp_path / "a.json") is None
     assert read_stored(tmp_path / "no.json") is None

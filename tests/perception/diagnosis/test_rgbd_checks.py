@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import re
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -16,6 +18,7 @@ from dlama.perception.diagnosis.depth_scale import extent_of
 from dlama.perception.diagnosis.finding import Finding, Observed, certainty, in_words
 from dlama.perception.diagnosis.lens import lens, options_of_lens
 from dlama.perception.diagnosis.masks import looks_inverted
+from dlama.perception.diagnosis.registration import mask_off
 from dlama.perception.diagnosis.rgbd_checks import findings_of
 from dlama.worlds.layouts.random_scene import build
 
@@ -74,6 +77,41 @@ def test_a_depth_map_of_few_pixels_says_nothing() -> None:
     few = np.where(np.arange(seen.values.size).reshape(seen.values.shape) % 997 == 0, seen.values, 0)
     assert findings_of(Observed(seen.color, few, seen.units, seen.camera, whole=True)) == []
     assert findings_of(Observed(seen.color, 0 * few, seen.units, seen.camera, whole=True)) == []
+
+
+MASK_SEEDS = (6, 15, 18)
+FLIPPED = {
+    "mirrored left to right": lambda mask: mask[:, ::-1],
+    "upside down": lambda mask: mask[::-1],
+    "turned by 180 degrees": lambda mask: mask[::-1, ::-1],
+}
+
+
+@pytest.mark.parametrize("seed", MASK_SEEDS)
+@pytest.mark.parametrize("how", FLIPPED)
+def test_a_mirrored_mask_is_named(how: str, seed: int) -> None:
+    """Oracle: how the mask was flipped."""
+    seen = world(seed)
+    assert seen.mask is not None and mask_off(seen) == []
+    (finding,) = mask_off(replace(seen, mask=np.ascontiguousarray(FLIPPED[how](seen.mask))))
+    assert (finding.check, finding.severity) == ("mirrored-mask", "fault") and how in finding.what
+
+
+@pytest.mark.parametrize("seed", MASK_SEEDS)
+@pytest.mark.parametrize(("right", "down"), [(15, 0), (-8, 10)])
+def test_a_shifted_mask_is_named_with_its_shift(right: int, down: int, seed: int) -> None:
+    """Oracle: by how much the mask was moved, to within two pixels."""
+    seen = world(seed)
+    assert seen.mask is not None
+    (finding,) = mask_off(replace(seen, mask=np.roll(seen.mask, (down, right), (0, 1))))
+    assert (finding.check, finding.severity) == ("shifted-mask", "fault")
+    found = {word: int(number) for number, word in re.findall(r"(\d+) px too far (\w+)", finding.what)}
+    assert abs(found.get("right", 0) - found.get("left", 0) - right) <= 2
+    assert abs(found.get("down", 0) - found.get("up", 0) - down) <= 2
+
+
+def test_a_picture_without_a_mask_says_nothing_of_masks() -> None:
+    assert mask_off(replace(world(3), mask=None)) == []
 
 
 def test_masks_of_half_the_picture() -> None:

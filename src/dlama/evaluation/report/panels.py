@@ -9,13 +9,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
-import cv2
-import numpy as np
-
+from dlama.errors import FileError
 from dlama.evaluation.report.columns import Which
 from dlama.evaluation.report.summary import ALL, yaw_labels
 from dlama.evaluation.runner.store import Stored, StoredRun, result_rows
 from dlama.evaluation.runner.strips import cells, jpeg, small
+from dlama.files.rasters.pictures import read_color
+from dlama.geometry.rgbd import UInt8Array
 
 RANKED_BY: tuple[Which, ...] = tuple(
     (region, "rgb", metric) for metric in ("lpips", "mse") for region in ("unseen", "mask", "whole")
@@ -77,12 +77,13 @@ def as_data_urls(folder: Path, chosen: Sequence[Chosen]) -> list[ShownPanel]:
     """Each with its pictures as data: URLs, all alike as large as fits BUDGET; panels beyond even that are left out.
 
     Args:
-        folder: where the panels' files lie; those that are missing are skipped.
+        folder: where the panels' files lie; those that are missing or damaged are skipped.
     """
-    files = [(one, (folder / one.file).read_bytes()) for one in chosen if (folder / one.file).is_file()]
+    strips = [(one, read_strip(folder / one.file)) for one in chosen]
+    whole = [(one, strip) for one, strip in strips if strip is not None]
     found: list[ShownPanel] = []
     for side, quality in LADDER:
-        found = [ShownPanel(one, tuple(_urls(data, side, quality))) for one, data in files]
+        found = [ShownPanel(one, tuple(_urls(strip, side, quality))) for one, strip in whole]
         if sum(one.size for one in found) <= BUDGET:
             break
     kept, used = [], 0
@@ -93,12 +94,18 @@ def as_data_urls(folder: Path, chosen: Sequence[Chosen]) -> list[ShownPanel]:
     return kept
 
 
-def _urls(data: bytes, side: int, quality: int) -> Iterator[str]:
-    """The pictures of a strip (JPEG), each at most so many px a side, as data: URLs."""
-    picture = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
-    if picture is None:
-        raise ValueError("this is no JPEG file")
-    for cell in cells(np.asarray(picture[..., ::-1], np.uint8)):
+def read_strip(path: Path) -> UInt8Array | None:
+    """The strip of a panel, H x W x 3; None where the file is missing, damaged, or too small to hold all its pictures."""
+    try:
+        picture = read_color(path)
+    except FileError:
+        return None
+    return picture if all(cell.size for cell in cells(picture)) else None
+
+
+def _urls(strip: UInt8Array, side: int, quality: int) -> Iterator[str]:
+    """The pictures of a strip, each at most so many px a side, as data: URLs."""
+    for cell in cells(strip):
         yield f"data:image/jpeg;base64,{base64.b64encode(jpeg(small(cell, side), quality)).decode()}"
 
 

@@ -77,9 +77,23 @@ def read_stored(path: Path) -> Stored | None:
             StoredRun(raw["variant"], tuple(map(_as_measure, raw["measures"])), raw["panel"]) for raw in content["runs"]
         )
         timings = tuple(map(_as_measure, content["timings"]))
-        return Stored(**{**content, "runs": runs, "timings": timings, "warnings": tuple(content["warnings"])})
-    except (OSError, ValueError, TypeError, KeyError):
+        stored = Stored(**{**content, "runs": runs, "timings": timings, "warnings": tuple(content["warnings"])})
+    except (OSError, ValueError, TypeError, KeyError, AttributeError, RecursionError):
         return None
+    return stored if _is_sound(stored) else None
+
+
+def _is_sound(stored: Stored) -> bool:
+    """Whether every field has the type that it was written with, and panels are names of files."""
+    words = [
+        getattr(stored, name) for name in ("cache_key", "protocol", "dataset", "scene", "frame", "recipe", "filler")
+    ]
+    words += [run.variant for run in stored.runs] + [run.panel for run in stored.runs if run.panel is not None]
+    words += [word for run in stored.runs for measure in run.measures for word in measure[:3]]
+    words += [word for measure in stored.timings for word in measure[:3]] + list(stored.warnings)
+    yaw = isinstance(stored.yaw, (int, float, type(None))) and not isinstance(stored.yaw, bool)
+    files = all(run.panel is None or ("/" not in str(run.panel) and "\0" not in str(run.panel)) for run in stored.runs)
+    return yaw and files and all(isinstance(word, str) for word in words)
 
 
 class Row(NamedTuple):

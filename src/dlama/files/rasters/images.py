@@ -22,8 +22,11 @@ SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff")
 EXIF_ORIENTATION = 0x0112
 EXIF_FOLDER = 0x8769
 EXIF_FOCAL_35MM = 0xA405
-TIFF_HEADS = (b"II*\0", b"MM\0*")
-TIFF_WHOLE = {3: "H", 4: "I"}
+TIFF_HEADS = {b"II*\0": "<", b"MM\0*": ">"}
+"""First bytes of a TIFF, and its byte order as `struct` calls it."""
+BIG_TIFF_HEADS = {b"II+\0": "<"}
+"""Of a BigTIFF, whose counts and offsets have 64 bits (Pillow reads no other byte order)."""
+TIFF_WHOLE = {3: "H", 4: "I", 16: "Q"}
 """Types of whole numbers in a TIFF, as `struct` calls them."""
 LARGEST_PIXELS = 2**26
 """Pixels of the largest picture or array that is read (8192 x 8192): bounds the memory that a small file can ask for."""
@@ -112,7 +115,7 @@ def _header(file: Path) -> tuple[tuple[int, int], int]:
     """(height, width) as stored, and the orientation."""
     try:
         with file.open("rb") as stream:
-            tiff = stream.read(4) in TIFF_HEADS
+            tiff = stream.read(4) in TIFF_HEADS | BIG_TIFF_HEADS
         data, orientation = _as_stored(file.read_bytes()) if tiff else (b"", 1)
         with _opened(file, data) as picture:
             return (picture.height, picture.width), orientation if tiff else _exif(picture)[0]
@@ -137,17 +140,20 @@ def _as_stored(data: bytes) -> tuple[bytes, int]:
 
     Pillow turns TIFF by itself (and scrambles some, 13.0), OpenCV does not: here all kinds of files are turned alike.
     """
-    if data[:4] not in TIFF_HEADS:
+    order = (TIFF_HEADS | BIG_TIFF_HEADS).get(data[:4])
+    if order is None:
         return data, 1
-    order = "<" if data[:2] == b"II" else ">"
-    (start,) = struct.unpack_from(f"{order}I", data, 4)
-    (count,) = struct.unpack_from(f"{order}H", data, start)
-    for at in range(start + 2, start + 2 + 12 * count, 12):  # entries: tag, type, count, value (TIFF 6.0, sec. 2)
-        tag, kind, number = struct.unpack_from(f"{order}HHI", data, at)
+    offset_at, offset, counter, head = (8, "Q", "Q", "HHQ") if data[:4] in BIG_TIFF_HEADS else (4, "I", "H", "HHI")
+    (start,) = struct.unpack_from(order + offset, data, offset_at)
+    (count,) = struct.unpack_from(order + counter, data, start)
+    first, to_value = start + struct.calcsize(f"={counter}"), struct.calcsize(f"={head}")
+    entry = to_value + struct.calcsize(f"={offset}")
+    for at in range(first, first + entry * count, entry):  # tag, type, count, value (TIFF 6.0, sec. 2; BigTIFF)
+        tag, kind, number = struct.unpack_from(order + head, data, at)
         if tag == EXIF_ORIENTATION and kind in TIFF_WHOLE and number == 1:
-            layout = order + TIFF_WHOLE[kind]
-            (value,) = struct.unpack_from(layout, data, at + 8)
-            patched = data[: at + 8] + struct.pack(layout, 1) + data[at + 8 + struct.calcsize(layout) :]
+            layout, place = order + TIFF_WHOLE[kind], at + to_value
+            (value,) = struct.unpack_from(layout, data, place)
+            patched = data[:place] + struct.pack(layout, 1) + data[place + struct.calcsize(layout) :]
             return patched, value if value in range(2, 9) else 1
     return data, 1
 

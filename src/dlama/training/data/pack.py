@@ -25,6 +25,7 @@ from dlama.training.data.crops import resized_color
 from dlama.training.data.pack_format import CASES, FORMAT, INDEX, PHOTOS, VERSION, encode_case, webp
 from dlama.training.data.photos import Photo
 from dlama.training.data.sources import find_training_data
+from dlama.training.limits import check_pack
 
 LONGEST = 1.5
 """A photo's longer side is cut (about its centre) to so many times the smaller one."""
@@ -78,9 +79,9 @@ def pack(data: Sequence[Path], output: Path, megabytes: float = 45.0, size: int 
         size: pixels that the smaller side of larger pictures is brought down to; 16 or more.
         seed: of the random choice, where not everything fits.
     Raises:
-        InputError: `data` is empty or has no picture that fits, or `size` is too small.
+        InputError: `data` is empty or has no picture that fits, `size` is too small, or memory cannot hold the pack.
         FileError: a file of `data` cannot be read.
-        OutputError: `output` cannot be written.
+        OutputError: `output` cannot be written, or the disk cannot hold it.
     """
     if not data:
         raise InputError("nothing to pack: give folders of pictures or of data sets")
@@ -89,6 +90,7 @@ def pack(data: Sequence[Path], output: Path, megabytes: float = 45.0, size: int 
     if not megabytes > 0:
         raise InputError(f"megabytes is {megabytes}; more than 0 is wanted")
     found, rng = find_training_data(data), np.random.default_rng(checked_seed(seed))
+    check_pack(len(found.photos) + len(found.cases), megabytes, size, output)
     contents = PackContents(megabytes * 1e6 - END_BYTES - 2 * len(INDEX) - PART_BYTES - 200)
     reserve = contents.bytes_left * (1 - CASE_SHARE) if found.photos else 0.0
     cases, photos = _shuffled(found.cases, rng), _shuffled(found.photos, rng)

@@ -87,7 +87,7 @@ def train(
     _refuse_worker()
     first = getattr(rank_zero_only, "rank", 0) == 0
     if first:
-        check_machine(settings)
+        check_machine(settings, run)
         prepare(run, settings, resume)
     deadline = math.inf if max_minutes is None else began + 60 * max_minutes
     with ExitStack() as stack:
