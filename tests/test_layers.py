@@ -25,6 +25,7 @@ ORDER = [
     "nets",
     "training",
     "jobs",
+    "web",
     "apps",
 ]
 TOP = {"__init__", "__main__"}  # the shop window and the door may know every room
@@ -51,7 +52,7 @@ def offences(room: str, code: str) -> list[str]:
     if room in TOP:
         return []
     allowed = ["errors", "nets"] if room == "nets" else ORDER[: ORDER.index(room) + 1]
-    shop_window = ["__version__", "dlama"] if room == "apps" else ["__version__"]
+    shop_window = ["__version__", "dlama"] if room in ("web", "apps") else ["__version__"]
     return [name for name in imported(code) if [*name.split("."), "dlama"][1] not in [*allowed, *shop_window]]
 
 

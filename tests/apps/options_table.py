@@ -75,6 +75,7 @@ BASE = {
     "doctor": "image.png depth.png mask.png --fov 60",
     "show": "out",
     "version": "",
+    "serve": "",
     "evaluate": "toy -o out",
     "worlds": "",
     "train": "tiny -o out",
@@ -338,6 +339,14 @@ BATCH = {
     "stop_after_failures": Reach("--stop-after-failures 3", "batch.stop_after_failures", 3),
     "dry_run": Reach("--dry-run --verb view", "planned_lines.verb", "view"),
 }
+SERVE = {
+    "host": Reach("--host 127.0.0.2", "serving.host", "127.0.0.2"),
+    "port": Reach("--port 8000", "serving.port", 8000),
+    "token": Reach("--token secret", "serving.token", "secret"),
+    "max_megabytes": Reach("--max-megabytes 3", "serving.limits", attribute("megabytes", 3)),
+    "max_megapixels": Reach("--max-megapixels 2.5", "serving.limits", attribute("megapixels", 2.5)),
+    "max_pages": Reach("--max-pages 2", "serving.limits", attribute("visits", 2)),
+}
 NAME = instead("big-lama", "record.name", "big-lama", "migan-512")
 CONVERT = {
     "weights": instead("b.ckpt -o a.onnx", "convert.source", Path("b.ckpt"), "a.ckpt -o a.onnx"),
@@ -373,6 +382,7 @@ TABLE: dict[str, dict[str, Reach]] = {
     "video": {**VIDEO, **REPORT},
     "doctor": {**DOCTOR, **REPORT},
     "show": {**SHOW, **REPORT},
+    "serve": {**SERVE, **REPORT},
     "version": {},
     "evaluate": {**EVALUATE, **REPORT},
     "worlds": {**WORLDS, **REPORT},

@@ -12,6 +12,7 @@ import importlib
 import inspect
 import typing
 from collections.abc import Callable, Iterator
+from contextlib import nullcontext
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -108,12 +109,18 @@ def calls(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Calls:
         "batch",
         "show",
         "video",
+        "serve",
     ):
         spy(f"dlama.apps.{module}.reported", through=True)
     _spy_on_jobs(spy)
     _spy_on_the_rest(spy)
+    spy("dlama.web.server.serving", lambda **_: nullcontext(SimpleNamespace(port=1, serve_forever=_interrupted)))
     monkeypatch.chdir(tmp_path)
     return made
+
+
+def _interrupted() -> None:
+    raise KeyboardInterrupt
 
 
 def _spy_on_jobs(spy: Callable[..., None]) -> None:

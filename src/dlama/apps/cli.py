@@ -39,6 +39,7 @@ from dlama.apps.options import (
 from dlama.apps.places import check_folder_apart
 from dlama.apps.pointing import Pointing
 from dlama.apps.sequence import sequence
+from dlama.apps.serve import serve
 from dlama.apps.show import show
 from dlama.apps.terminal.flags import flags_of, with_flags
 from dlama.apps.terminal.output import errors_as_lines, reported, stages_bar
@@ -202,6 +203,7 @@ VERBS: dict[str, Callable[..., Any]] = {
     "depth": depth_of_photo,
     "batch": batch,
     "demo": demo,
+    "serve": serve,
     "doctor": doctor,
     "show": show,
     "version": version,
@@ -282,6 +284,11 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
     "demo": (
         "dlama demo",
         "dlama demo -o /tmp/demo",
+    ),
+    "serve": (
+        "dlama serve",
+        "dlama serve --port 8000",
+        "dlama serve --host 0.0.0.0 --token SECRET",
     ),
     "version": ("dlama version",),
 }

@@ -1,0 +1,52 @@
+"""`dlama serve`: an address in; the page there, until the command is ended, out."""
+
+from __future__ import annotations
+
+import secrets
+from typing import Annotated
+
+from dlama.apps.options import Report, option
+from dlama.apps.terminal.output import reported
+
+Host = Annotated[str, option("ADDRESS", "127.0.0.1")]
+Port = Annotated[int, option("N", "7860")]
+Token = Annotated[str | None, option("TEXT", "one is made where other machines can reach the page")]
+Megabytes = Annotated[int, option("MB", "64")]
+Megapixels = Annotated[float, option("MP", "16")]
+Pages = Annotated[int, option("N", "8")]
+
+
+def serve(
+    report: Report,
+    host: Host = "127.0.0.1",
+    port: Port = 7860,
+    token: Token = None,
+    max_megabytes: Megabytes = 64,
+    max_megapixels: Megapixels = 16.0,
+    max_pages: Pages = 8,
+) -> None:
+    """A page in the browser: mark what is to go, move the camera, complete, look at it in 3-D, take everything home.
+
+    Args:
+        host: Where to listen. 127.0.0.1: this machine alone; 0.0.0.0: every machine that can reach this one, with a token.
+        port: The port; 0: a free one.
+        token: Only who has it sees the page: printed as part of the address.
+        max_megabytes: The largest file that is taken.
+        max_megapixels: The largest picture that is taken, in millions of pixels.
+        max_pages: How many pages can be open at once; each holds its pictures in memory.
+    """
+    from dlama.web.api import Limits
+    from dlama.web.server import is_loopback, serving
+
+    if token is None and not is_loopback(host):
+        token = secrets.token_urlsafe(16)
+    limits = Limits(max_megabytes, max_megapixels, max_pages)
+    with reported("serve", report) as result, serving(host, port, token, limits) as server:
+        shown = f"[{host}]" if ":" in host else host
+        address = f"http://{shown}:{server.port}/" + (f"?token={token}" if token else "")
+        if not report.quiet and not report.json:
+            print(f"{address}  (Ctrl-C ends it)", flush=True)
+        try:
+            server.serve_forever()
+        except KeyboardInterrupt:
+            result.add("ended; nothing of the visitors' pictures is left", address=address)

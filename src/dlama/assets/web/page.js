@@ -1,0 +1,507 @@
+// The page: from the picture over marks and camera to the result. What the server says is shown beside the field it is about.
+import * as server from "/server.js";
+import { Compare } from "/compare.js";
+import { rolesOf } from "/files.js";
+import { Marker } from "/marker.js";
+import { SceneView, readGlb } from "/scene.js";
+
+const $ = (id) => document.getElementById(id);
+const all = (selector) => [...document.querySelectorAll(selector)];
+const chosen = (name) => document.querySelector(`input[name="${name}"]:checked`).value;
+const NAMES = { picture: "Picture", depth: "Depth", camera: "Camera", right: "Right", calib: "Calibration" };
+const STAGES = { render: "rendering", fill: "filling", fuse: "fusing", exchange: "what the other eye saw" };
+let settings, source = null, result = null, sceneOf = null, running = false;
+
+// ---- messages
+function clearErrors(...fields) {
+  for (const line of all("[data-error]")) if (!fields.length || fields.includes(line.dataset.error)) line.hidden = true;
+  if (!fields.length) $("general").hidden = true;
+}
+
+function failed(error, fallback = "") {
+  const said = error?.message ?? String(error), wanted = error?.field || fallback;
+  const place = (wanted && document.querySelector(`[data-error="${wanted}"]`)) || (fallback && document.querySelector(`[data-error="${fallback}"]`));
+  const shown = place && (place.offsetParent !== null || place.closest("section")?.offsetParent != null || !place.closest("[hidden]")) ? place : $("general");
+  shown.textContent = said;
+  shown.hidden = false;
+  const folded = shown.closest("details");
+  if (folded) { folded.hidden = false; folded.open = true; }
+  const pane = shown.closest('[role="tabpanel"]');
+  if (pane?.hidden) openTab(pane.id.replace("pane-", ""));
+  shown.scrollIntoView({ block: "nearest" });
+  if (!error?.status && !(error instanceof server.Failure)) console.error(error);
+}
+
+function warnings(id, list) {
+  $(id).replaceChildren(...(list ?? []).map((text) => Object.assign(document.createElement("p"), { className: "note warning", textContent: text })));
+}
+
+function swatch(color) {
+  const svg = document.createElementNS("http://www.w3.org/2000/svg", "svg");
+  svg.setAttribute("width", 14);
+  svg.setAttribute("height", 14);
+  svg.setAttribute("aria-hidden", "true");
+  const rect = svg.appendChild(document.createElementNS(svg.namespaceURI, "rect"));
+  for (const [name, value] of [["width", 14], ["height", 14], ["fill", `rgb(${color.join(" ")})`]]) rect.setAttribute(name, value);
+  return svg;
+}
+
+const percent = (share) => (share >= 0.0005 ? `${(100 * share).toFixed(1)} %` : "<0.1 %");
+
+function legend(id, rows) {
+  $(id).replaceChildren(...rows.map(({ name, color, share }) => {
+    const item = document.createElement("li");
+    item.append(swatch(color), share === undefined ? name : `${name} ${percent(share)}`);
+    return item;
+  }));
+}
+
+// ---- tabs
+const TABS = ["source", "preview", "result", "scene"];
+
+function openTab(name, focus = false) {
+  for (const one of TABS) {
+    const tab = $(`tab-${one}`), on = one === name;
+    tab.setAttribute("aria-selected", on);
+    tab.tabIndex = on ? 0 : -1;
+    $(`pane-${one}`).hidden = !on;
+    if (on && focus) tab.focus();
+  }
+  if (name === "scene") showScene();
+  if (name === "source") marker.draw();
+}
+
+const enable = (name, on) => { $(`tab-${name}`).disabled = !on; };
+for (const name of TABS) $(`tab-${name}`).addEventListener("click", () => openTab(name));
+$("tabs").addEventListener("keydown", (event) => {
+  const step = { ArrowRight: 1, ArrowLeft: -1 }[event.key];
+  if (!step) return;
+  const open = TABS.filter((name) => !$(`tab-${name}`).disabled);
+  const now = open.findIndex((name) => $(`tab-${name}`).getAttribute("aria-selected") === "true");
+  openTab(open[(now + step + open.length) % open.length], true);
+  event.preventDefault();
+});
+
+// ---- 1 the picture
+async function takeFiles(list) {
+  clearErrors();
+  const files = [...list];
+  if (!files.length) return;
+  const have = Object.fromEntries(all("#uploads li").map((item) => [item.dataset.role, true]));
+  const { found, left } = rolesOf(files, have, settings.roles);
+  if (left.length) return failed(new server.Failure(`${left[0].name}: is no file that this page takes (PNG, JPEG, TIFF; EXR, PFM, NPY, NPZ; JSON, TXT)`, ""), "");
+  if (found.picture && files.length === 1 && have.picture) await server.ask("start_over");
+  for (const [role, file] of Object.entries(found)) if (!(await send(role, file))) return;
+  await read();
+}
+
+async function send(role, file) {
+  if (file.size > settings.limits.bytes) {
+    failed(new server.Failure(`${file.name}: has ${(file.size / 2 ** 20).toFixed(0)} MB; up to ${(settings.limits.bytes / 2 ** 20).toFixed(0)} MB are taken`, role), "");
+    return false;
+  }
+  try {
+    await server.upload(role, file);
+    return true;
+  } catch (error) { failed(error, role); await refresh(); return false; }
+}
+
+async function refresh() { showUploads((await server.ask("state")).files); }
+
+function showUploads(files) {
+  $("uploads").replaceChildren(...Object.entries(files).map(([role, name]) => {
+    const item = document.createElement("li");
+    item.dataset.role = role;
+    const button = Object.assign(document.createElement("button"), { type: "button", textContent: "✕", ariaLabel: `Remove ${name}` });
+    button.addEventListener("click", async () => { await server.ask("forget", { role }); await read(); });
+    item.append(Object.assign(document.createElement("span"), { className: "role", textContent: "right" in files && role === "picture" ? "Left" : NAMES[role] }),
+      Object.assign(document.createElement("span"), { className: "name", textContent: name, title: name }), button);
+    return item;
+  }));
+  const any = Object.keys(files).length > 0;
+  $("reading").hidden = !any || "right" in files || "calib" in files;
+  for (const [kind, on] of [["depth", "depth" in files], ["estimate", !("depth" in files)]]) document.querySelector(`[data-for="${kind}"]`).hidden = !on;
+}
+
+function fieldsOfReading() {
+  const values = Object.fromEntries(new FormData($("fields")));
+  if (!$("fields").elements.resize_depth.checked) delete values.resize_depth;
+  return values;
+}
+
+async function read() {
+  clearErrors();
+  noSource();
+  const state = await server.ask("state");
+  showUploads(state.files);
+  if (!Object.keys(state.files).length) return;
+  await shownWhile(async () => showSource(await server.ask("read", fieldsOfReading())), "picture");
+}
+
+async function shownWhile(work, fallback) {
+  document.body.ariaBusy = "true";
+  $("busy").hidden = false;
+  try { await work(); } catch (error) { failed(error, fallback); } finally { document.body.ariaBusy = "false"; $("busy").hidden = true; }
+}
+
+function noSource() {
+  source = result = sceneOf = null;
+  marker.reset();
+  $("empty").hidden = false;
+  document.body.classList.remove("loaded");
+  for (const id of ["marker", "source-bar", "card-marks", "card-move", "card-do", "card-home"]) $(id).hidden = true;
+  for (const name of ["preview", "result", "scene"]) enable(name, false);
+  for (const line of all("[data-fact]")) line.textContent = "";
+  for (const id of ["read-warnings", "result-warnings"]) warnings(id, []);
+  $("mask-fact").textContent = "";
+  $("candidate-row").hidden = true;
+  openTab("source");
+}
+
+async function showSource(state) {
+  source = state.source;
+  showUploads(state.files);
+  for (const [name, value] of Object.entries(state.fields ?? {})) {
+    const field = $("fields").elements[name];
+    if (field && field.type !== "checkbox") field.value = value; else if (field) field.checked = Boolean(value);
+  }
+  for (const line of all("[data-fact]")) line.textContent = source.facts[line.dataset.fact] ?? "";
+  warnings("read-warnings", state.warnings);
+  for (const id of ["marker", "source-bar", "card-marks", "card-do"]) $(id).hidden = false;
+  $("card-move").hidden = source.pair;
+  $("empty").hidden = true;
+  document.body.classList.add("loaded");
+  document.documentElement.style.setProperty("--aspect", source.width / source.height);
+  document.querySelector('input[name="shown"][value="color"]').checked = true;
+  marker.reset();
+  marker.show(await server.bitmap("source"), source.width, source.height);
+  showMarkButtons();
+  enable("preview", !source.pair);
+  openTab("source");
+}
+
+$("files").addEventListener("change", () => { takeFiles($("files").files); $("files").value = ""; });
+for (const name of ["dragover", "dragenter"]) document.addEventListener(name, (event) => { event.preventDefault(); $("drop").classList.add("over"); $("empty").classList.add("over"); });
+for (const name of ["dragleave", "drop"]) document.addEventListener(name, () => { $("drop").classList.remove("over"); $("empty").classList.remove("over"); });
+document.addEventListener("drop", (event) => { event.preventDefault(); takeFiles(event.dataTransfer.files); });
+$("fields").addEventListener("submit", (event) => { event.preventDefault(); read(); });
+for (const input of all('input[name="shown"]')) input.addEventListener("change", () => shownWhile(async () => {
+  marker.show(await server.bitmap("source", { kind: chosen("shown") }), source.width, source.height);
+}, "picture"));
+
+function offer(list, id, titles = {}) {
+  $(id).replaceChildren(...list.map((name) => Object.assign(document.createElement("option"), { value: name, textContent: titles[name] ?? name })));
+}
+
+function showSettings() {
+  $("examples").replaceChildren(...Object.entries(settings.examples).map(([name, title]) => {
+    const button = Object.assign(document.createElement("button"), { type: "button", textContent: title });
+    button.dataset.example = name;
+    button.addEventListener("click", () => shownWhile(async () => {
+      clearErrors();
+      noSource();
+      $("fields").reset();
+      await showSource(await server.ask("example", { name }));
+    }, ""));
+    return button;
+  }));
+  $("role-inputs").replaceChildren(...Object.entries(settings.roles).map(([role, endings]) => {
+    const row = Object.assign(document.createElement("div"), { className: "file-row" });
+    const label = Object.assign(document.createElement("label"), { htmlFor: `file-${role}`, textContent: NAMES[role] });
+    const input = Object.assign(document.createElement("input"), { type: "file", id: `file-${role}`, accept: endings.join(",") });
+    input.addEventListener("change", async () => {
+      clearErrors();
+      if (input.files[0] && await send(role, input.files[0])) await read();
+      input.value = "";
+    });
+    row.append(label, input);
+    return row;
+  }));
+  $("files").accept = [...new Set(Object.values(settings.roles).flat())].join(",");
+  offer(settings.fillers, "filler");
+  offer(settings.recipes, "recipe", { paper: "paper, as published" });
+}
+
+// ---- 2 marks
+const marker = new Marker($("canvas"), () => sendMarks());
+let marking = 0;
+
+function showMarkButtons() {
+  $("undo").disabled = $("clear").disabled = !marker.marks.length;
+}
+
+async function sendMarks() {
+  showMarkButtons();
+  const number = ++marking;
+  clearErrors("marks");
+  await shownWhile(async () => {
+    const told = await server.ask("mark", { marks: marker.marks, with_shadow: $("shadow").checked, candidate: $("candidate").value || "thing", grow: Number($("grow").value) });
+    if (number !== marking) return;
+    marker.setMask(told.share > 0 ? await server.bitmap("mask") : null);
+    const notes = told.notes.length ? `; ${told.notes.join("; ")}` : "";
+    $("mask-fact").textContent = told.share > 0 ? `${percent(told.share)} of the picture${notes}` : "";
+    $("candidate-row").hidden = told.candidates.length < 2;
+    offer(told.candidates, "candidate");
+    $("candidate").value = told.chosen;
+    askPreview(true);
+  }, "marks");
+}
+
+for (const input of all('input[name="tool"]')) input.addEventListener("change", () => {
+  marker.tool = chosen("tool");
+  $("brush-row").hidden = !["add", "erase"].includes(marker.tool);
+  if ($("pane-source").hidden) openTab("source");
+});
+$("brush").addEventListener("input", () => { marker.brush = Number($("brush").value); $("brush").nextElementSibling.textContent = `${marker.brush} px`; });
+$("grow").addEventListener("input", () => { $("grow").nextElementSibling.textContent = `${$("grow").value} px`; });
+$("grow").addEventListener("change", () => { if (marker.marks.length) sendMarks(); });
+$("shadow").addEventListener("change", () => { if (marker.marks.length) sendMarks(); });
+$("candidate").addEventListener("change", () => sendMarks());
+$("undo").addEventListener("click", () => marker.undo());
+$("clear").addEventListener("click", () => marker.clear());
+
+// ---- 3 camera
+const UNITS = { yaw: "°", pitch: "°", dolly: " m", pivot: " m" };
+let asking = false, again = false;
+
+function wish() {
+  return {
+    yaw: Number($("yaw").value), pitch: Number($("pitch").value), dolly: Number($("dolly").value),
+    pivot: $("auto-pivot").checked ? "auto" : Number($("pivot").value),
+    filler: $("filler").value, recipe: $("recipe").value, dilate: $("dilate").value, seed: $("seed").value, min_confidence: $("min_confidence").value,
+  };
+}
+
+const moved = () => ["yaw", "pitch", "dolly"].some((name) => Number($(name).value) !== 0);
+
+function showMove() {
+  for (const [name, unit] of Object.entries(UNITS)) $(name).nextElementSibling.textContent = `${$(name).value}${unit}`;
+  $("pivot").disabled = $("auto-pivot").checked;
+}
+
+// One preview at a time: while one is under way only the newest wish waits.
+async function askPreview(quiet = false) {
+  if (!source || source.pair || (quiet && $("pane-preview").hidden)) return;
+  if (asking) { again = true; return; }
+  asking = true;
+  try {
+    do {
+      again = false;
+      const { blob, headers } = await server.fetched("preview", wish());
+      await server.showIn($("preview"), blob);
+      showPreviewLegend(headers.get("X-Holes") ?? "");
+      clearErrors("move");
+    } while (again);
+  } catch (error) { failed(error, "move"); } finally { asking = false; }
+}
+
+function showPreviewLegend(text) {
+  const colors = { crack: [245, 245, 245], disoccluded: [213, 94, 0], flying: [240, 228, 66], out_of_view: [0, 114, 178], sensor: [204, 121, 167], object: [0, 158, 115] };
+  const rows = text.split(", ").filter(Boolean).map((row) => { const [name, share] = row.split("="); return { name: name.replaceAll("_", " "), color: colors[name], share: Number(share) }; });
+  if (rows.length) legend("preview-legend", rows); else $("preview-legend").textContent = "Nothing is unknown from here.";
+}
+
+for (const name of Object.keys(UNITS)) $(name).addEventListener("input", () => { showMove(); openTab("preview"); askPreview(); });
+$("auto-pivot").addEventListener("change", () => { showMove(); openTab("preview"); askPreview(); });
+$("reset-move").addEventListener("click", () => {
+  for (const [name, value] of Object.entries({ yaw: 0, pitch: 0, dolly: 0, pivot: 2.5 })) $(name).value = value;
+  $("auto-pivot").checked = false;
+  showMove();
+  askPreview();
+});
+$("tab-preview").addEventListener("click", () => askPreview());
+
+// ---- 4 complete
+async function complete() {
+  clearErrors();
+  setRunning(true);
+  try {
+    await server.ask("complete", wish());
+    await follow();
+  } catch (error) { failed(error, "method"); } finally { setRunning(false); }
+}
+
+async function follow() {
+  for (;;) {
+    const told = await server.ask("run");
+    $("progress").value = told.share ?? 0;
+    $("run-words").textContent = { waiting: "waiting for another visitor's", running: STAGES[told.stage] ?? told.stage ?? "" }[told.state] ?? "";
+    if (told.state === "done") { $("run-words").textContent = `${told.seconds.toFixed(1)} s`; return showResult(told.result); }
+    if (told.state === "cancelled" || told.state === "none") { $("run-words").textContent = "cancelled"; return; }
+    await new Promise((done) => setTimeout(done, 200));
+  }
+}
+
+function setRunning(on) {
+  running = on;
+  $("complete").disabled = on;
+  $("cancel").hidden = $("progress").hidden = !on;
+  if (on) { $("progress").value = 0; $("run-words").textContent = ""; }
+}
+
+$("complete").addEventListener("click", complete);
+$("cancel").addEventListener("click", () => server.ask("cancel").catch((error) => failed(error, "method")));
+
+// ---- the result
+const compare = new Compare($("compare"), $("split"), readPixel);
+let askedPicture = 0;
+
+async function showResult(told) {
+  result = told;
+  sceneOf = null;
+  for (const name of ["result", "scene"]) enable(name, true);
+  $("card-home").hidden = false;
+  $("sides").hidden = !told.pair;
+  document.querySelector('input[name="kind"][value="image"]').checked = true;
+  document.querySelector('input[name="side"][value="left"]').checked = true;
+  warnings("result-warnings", told.nothing_visible ? ["nothing of the scene is visible from there, so nothing could be filled", ...told.warnings] : told.warnings);
+  offer(told.how.files, "single");
+  $("command").textContent = told.how.command;
+  $("python").textContent = told.how.python;
+  $("mask-file").textContent = told.how.mask_file ? `${told.how.mask_file} comes with the zip.` : "";
+  compare.split(50);
+  openTab("result");
+  await showKind();
+}
+
+const right = () => Boolean(result.pair && chosen("side") === "right");
+
+async function showKind() {
+  const number = ++askedPicture, kind = chosen("kind");
+  const before = { image: result.moved || right() ? "known" : "source", depth: "depth_known" }[kind] ?? "image";
+  const names = { source: "before", known: "known from here", depth_known: "known depth", image: kind === "image" ? "completed" : "completed picture" };
+  $("readout").textContent = "Click a pixel: its depth, 3-D point, origin and confidence.";
+  $("cross").hidden = true;
+  try {
+    const [first, second] = await Promise.all([before, kind].map((one) => server.fetched("picture", { kind: one, right: right() })));
+    if (number !== askedPicture) return;
+    await Promise.all([server.showIn($("before"), first.blob), server.showIn($("after"), second.blob)]);
+    $("before-name").textContent = names[before];
+    $("after-name").textContent = { depth: "completed depth", hole_type: "hole types", origin: "origin", confidence: "confidence" }[kind] ?? "completed";
+    $("before").alt = names[before];
+    $("after").alt = $("after-name").textContent;
+    showLegend(kind);
+  } catch (error) { failed(error, "home"); }
+}
+
+function showLegend(kind) {
+  const told = result.legends[right() ? "right" : "left"], rows = told[kind];
+  $("ramp").hidden = kind !== "depth" && kind !== "confidence";
+  legend("legend", Array.isArray(rows) ? rows : []);
+  if (kind === "depth") ramp(told.depth.colors, told.depth.metres.map((v) => `${v} m`));
+  if (kind === "confidence") ramp(Array.from({ length: 24 }, (_, i) => Array(3).fill(Math.round(i * 255 / 23))), ["0 filled, unsure", "0.5", "1 measured"]);
+}
+
+function ramp(colors, ticks) {
+  const svg = document.createElementNS("http://www.w3.org/2000/svg", "svg");
+  svg.setAttribute("viewBox", `0 0 ${colors.length} 1`);
+  svg.setAttribute("preserveAspectRatio", "none");
+  svg.setAttribute("aria-hidden", "true");
+  colors.forEach((color, i) => {
+    const rect = svg.appendChild(document.createElementNS(svg.namespaceURI, "rect"));
+    for (const [name, value] of [["x", i], ["width", 1.05], ["height", 1], ["fill", `rgb(${color.join(" ")})`]]) rect.setAttribute(name, value);
+  });
+  $("ramp").querySelector(".bar").replaceChildren(svg);
+  $("ramp").querySelector(".ticks").replaceChildren(...ticks.map((text) => Object.assign(document.createElement("span"), { textContent: text })));
+}
+
+async function readPixel(across, down) {
+  if (!result) return;
+  try {
+    const told = await server.ask("pixel", { x: Math.floor(across * result.width), y: Math.floor(down * result.height), right: right() });
+    $("cross").hidden = false;
+    $("cross").style.left = `${100 * (told.x + 0.5) / result.width}%`;
+    $("cross").style.top = `${100 * (told.y + 0.5) / result.height}%`;
+    const depth = told.depth === null ? "no depth" : told.depth === "sky" ? "sky" : `${told.depth.toFixed(3)} m`;
+    const rows = [["pixel", `${told.x}, ${told.y}`], ["depth", depth], ["point", told.point ? `${told.point.map((v) => v.toFixed(3)).join(", ")} m` : "none"], ["origin", told.origin], ["confidence", told.confidence.toFixed(2)]];
+    if (told.hole_type !== "none") rows.push(["was", told.hole_type]);
+    $("readout").replaceChildren(...rows.flatMap(([name, value], i) => [`${i ? " · " : ""}${name} `, Object.assign(document.createElement("b"), { textContent: value })]));
+  } catch (error) { failed(error, "home"); }
+}
+
+for (const input of all('input[name="kind"], input[name="side"]')) input.addEventListener("change", showKind);
+
+// ---- 3-D
+let view3d = null;
+
+async function showScene() {
+  if (!result || sceneOf === result) { view3d?.draw(); return; }
+  const wanted = result;
+  $("scene-fact").textContent = "loading …";
+  try {
+    const { blob, headers } = await server.fetched("scene");
+    const glb = await readGlb(blob);
+    if (wanted !== result) return;
+    view3d ??= new SceneView($("scene"));
+    view3d.show(glb, result.start, result.palette);
+    sceneOf = wanted;
+    const step = Number(headers.get("X-Step"));
+    $("scene-fact").textContent = glb ? `${glb.count.toLocaleString("en")} points${step > 1 ? `, every ${step}rd or so pixel of each row and column` : ""}; drag to turn, wheel to come nearer, Shift and drag to move` : "there is nothing but sky";
+    if (step > 1) $("scene-fact").textContent = $("scene-fact").textContent.replace(`every ${step}rd or so pixel of each row and column`, `1 pixel in ${step * step}; the zip has all`);
+    showSceneLegend();
+  } catch (error) { $("scene-fact").textContent = ""; failed(error, "home"); }
+}
+
+function showSceneLegend() {
+  const mode = Number(chosen("scene-color"));
+  if (mode === 1) legend("scene-legend", result.legends.scene.map(({ name, color }) => ({ name, color })));
+  else if (mode === 2) legend("scene-legend", [{ name: "0 filled, unsure", color: [212, 56, 26] }, { name: "0.5", color: [250, 217, 89] }, { name: "1 measured", color: [41, 140, 204] }]);
+  else legend("scene-legend", []);
+}
+
+for (const input of all('input[name="scene-color"]')) input.addEventListener("change", () => { if (view3d) { view3d.mode = Number(input.value); view3d.draw(); } showSceneLegend(); });
+$("scene-home").addEventListener("click", () => view3d?.home());
+
+// ---- take home
+async function download(action, fields, name) {
+  clearErrors("home");
+  $("home-words").textContent = "packing …";
+  try { server.save((await server.fetched(action, fields)).blob, name); } catch (error) { failed(error, "home"); } finally { $("home-words").textContent = ""; }
+}
+
+$("zip").addEventListener("click", () => download("zip", {}, "dlama.zip"));
+$("get-single").addEventListener("click", () => download("file", { name: $("single").value }, $("single").value.split("/").at(-1)));
+for (const button of all("[data-copy]")) button.addEventListener("click", async () => {
+  await navigator.clipboard?.writeText($(button.dataset.copy).textContent).catch(() => {});
+  button.textContent = "Copied";
+  setTimeout(() => { button.textContent = "Copy"; }, 1500);
+});
+
+// ---- the page itself
+$("theme").addEventListener("click", () => {
+  const dark = document.documentElement.dataset.theme === "dark" || (!document.documentElement.dataset.theme && matchMedia("(prefers-color-scheme: dark)").matches);
+  document.documentElement.dataset.theme = dark ? "light" : "dark";
+  try { localStorage.setItem("dlama-theme", document.documentElement.dataset.theme); } catch { /* it is chosen for this page alone */ }
+  view3d?.draw();
+});
+$("start-over").addEventListener("click", async () => {
+  clearErrors();
+  await server.ask("start_over").catch((error) => failed(error));
+  $("fields").reset();
+  showUploads({});
+  noSource();
+});
+addEventListener("pagehide", () => server.leave());
+setInterval(() => { if (source) server.ask("alive").catch(() => {}); }, 60000);
+
+async function start(message = "") {
+  try {
+    const begun = await server.begin((why) => { noSource(); showUploads({}); start(why); });
+    settings = begun.settings;
+    showSettings();
+    showMove();
+    if (message) { $("general").textContent = message; $("general").hidden = false; }
+    if (!begun.state) return;
+    showUploads(begun.state.files);
+    if (begun.state.source) {
+      await showSource(begun.state);
+      marker.setMarks(begun.state.marks ?? []);
+      showMarkButtons();
+      if (begun.state.masked) marker.setMask(await server.bitmap("mask"));
+    }
+    if (begun.state.result) await showResult(begun.state.result);
+    if (begun.state.run) { setRunning(true); await follow().finally(() => setRunning(false)); }
+  } catch (error) { failed(error); }
+}
+
+start();

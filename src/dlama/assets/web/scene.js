@@ -1,0 +1,190 @@
+// A GLB of ours (one textured mesh with _ORIGIN and _CONFIDENCE) in; its picture on a canvas, turned by the pointer, out.
+const VERTEX = `#version 300 es
+in vec3 position; in vec2 uv; in float origin; in float confidence;
+uniform mat4 clip; out vec2 at; flat out int code; out float sure;
+void main() { gl_Position = clip * vec4(position, 1.0); at = uv; code = int(origin + 0.5); sure = confidence; gl_PointSize = 2.0; }`;
+const FRAGMENT = `#version 300 es
+precision highp float;
+in vec2 at; flat in int code; in float sure; out vec4 color;
+uniform sampler2D picture; uniform int mode; uniform vec3 palette[8];
+void main() {
+  vec3 seen = texture(picture, at).rgb;
+  float light = 0.35 + 0.65 * dot(seen, vec3(0.299, 0.587, 0.114));
+  if (mode == 1) seen = palette[clamp(code, 0, 7)] * light;
+  if (mode == 2) seen = mix(vec3(0.83, 0.22, 0.10), mix(vec3(0.98, 0.85, 0.35), vec3(0.16, 0.55, 0.80), clamp(2.0 * sure - 1.0, 0.0, 1.0)), clamp(2.0 * sure, 0.0, 1.0)) * light;
+  color = vec4(seen, 1.0);
+}`;
+
+export async function readGlb(blob) {
+  const data = await blob.arrayBuffer(), head = new DataView(data);
+  if (head.getUint32(0, true) !== 0x46546c67) throw new Error("no GLB");
+  const length = head.getUint32(12, true);
+  const json = JSON.parse(new TextDecoder().decode(new Uint8Array(data, 20, length)));
+  const start = 20 + length + 8, primitive = json.meshes?.[0]?.primitives?.[0];
+  if (!primitive) return null;
+  const taken = (number) => {
+    const accessor = json.accessors[number], view = json.bufferViews[accessor.bufferView];
+    return { accessor, offset: start + (view.byteOffset ?? 0) + (accessor.byteOffset ?? 0), length: view.byteLength, stride: view.byteStride ?? 0 };
+  };
+  const image = json.images && json.bufferViews[json.images[0].bufferView];
+  const texture = image && await createImageBitmap(new Blob([new Uint8Array(data, start + (image.byteOffset ?? 0), image.byteLength)], { type: "image/png" }));
+  const attributes = {};
+  for (const [name, key] of [["POSITION", "position"], ["TEXCOORD_0", "uv"], ["_ORIGIN", "origin"], ["_CONFIDENCE", "confidence"]]) {
+    if (primitive.attributes[name] !== undefined) attributes[key] = taken(primitive.attributes[name]);
+  }
+  const indices = primitive.indices === undefined ? null : taken(primitive.indices);
+  return { data, attributes, indices, texture, middle: json.nodes[0].translation ?? [0, 0, 0], count: attributes.position.accessor.count };
+}
+
+const SIZES = { SCALAR: 1, VEC2: 2, VEC3: 3, VEC4: 4 };
+const sub = (a, b) => a.map((v, i) => v - b[i]);
+const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
+const unit = (a) => { const n = Math.hypot(...a) || 1; return a.map((v) => v / n); };
+const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+const along = (a, b, s) => a.map((v, i) => v + s * b[i]);
+
+function times(a, b) {
+  const out = new Float32Array(16);
+  for (let c = 0; c < 4; c++) for (let r = 0; r < 4; r++) for (let k = 0; k < 4; k++) out[4 * c + r] += a[4 * k + r] * b[4 * c + k];
+  return out;
+}
+
+export class SceneView {
+  constructor(canvas) {
+    this.canvas = canvas;
+    this.mode = 0;
+    this.gl = null;
+    this.pointers = new Map();
+    canvas.addEventListener("pointerdown", (event) => { canvas.setPointerCapture(event.pointerId); this.pointers.set(event.pointerId, [event.clientX, event.clientY]); });
+    canvas.addEventListener("pointermove", (event) => this.drag(event));
+    for (const name of ["pointerup", "pointercancel"]) canvas.addEventListener(name, (event) => this.pointers.delete(event.pointerId));
+    canvas.addEventListener("wheel", (event) => { event.preventDefault(); this.zoom(Math.exp(Math.max(-1, Math.min(1, event.deltaY / 400)))); }, { passive: false });
+    canvas.addEventListener("contextmenu", (event) => event.preventDefault());
+    canvas.addEventListener("keydown", (event) => this.key(event));
+    new ResizeObserver(() => this.draw()).observe(canvas);
+  }
+
+  get ready() { return Boolean(this.gl && this.count); }
+
+  // start: { world_from_cam (4 x 4, rows), pivot (m), fovy (degrees) } in OpenCV axes; palette: rows of RGB 0..255.
+  show(glb, start, palette) {
+    this.start = start;
+    this.count = 0;
+    if (!glb) return;
+    const gl = this.gl ??= this.begin();
+    if (!gl) throw new Error("this browser shows no 3-D (WebGL 2 is off); scene.glb in the zip opens in other viewers");
+    gl.uniform3fv(gl.getUniformLocation(this.program, "palette"), palette.flat().map((v) => v / 255));
+    gl.bindVertexArray(this.vertices = gl.createVertexArray());
+    for (const name of ["position", "uv", "origin", "confidence"]) {
+      const place = gl.getAttribLocation(this.program, name), found = glb.attributes[name];
+      if (!found || place < 0) continue;
+      const { accessor, offset, length, stride } = found;
+      gl.bindBuffer(gl.ARRAY_BUFFER, gl.createBuffer());
+      gl.bufferData(gl.ARRAY_BUFFER, new Uint8Array(glb.data, offset, length), gl.STATIC_DRAW);
+      gl.enableVertexAttribArray(place);
+      gl.vertexAttribPointer(place, SIZES[accessor.type], accessor.componentType, Boolean(accessor.normalized), stride, 0);
+    }
+    this.points = !glb.indices;
+    this.count = glb.indices ? glb.indices.accessor.count : glb.count;
+    if (glb.indices) {
+      gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, gl.createBuffer());
+      gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, new Uint8Array(glb.data, glb.indices.offset, glb.indices.length), gl.STATIC_DRAW);
+    }
+    gl.bindTexture(gl.TEXTURE_2D, gl.createTexture());
+    gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA, gl.RGBA, gl.UNSIGNED_BYTE, glb.texture);
+    for (const [name, value] of [[gl.TEXTURE_MIN_FILTER, gl.LINEAR], [gl.TEXTURE_WRAP_S, gl.CLAMP_TO_EDGE], [gl.TEXTURE_WRAP_T, gl.CLAMP_TO_EDGE]]) gl.texParameteri(gl.TEXTURE_2D, name, value);
+    this.middle = glb.middle;
+    this.home();
+  }
+
+  begin() {
+    const gl = this.canvas.getContext("webgl2", { antialias: true, preserveDrawingBuffer: true });
+    if (!gl) return null;
+    const program = this.program = gl.createProgram();
+    for (const [kind, code] of [[gl.VERTEX_SHADER, VERTEX], [gl.FRAGMENT_SHADER, FRAGMENT]]) {
+      const shader = gl.createShader(kind);
+      gl.shaderSource(shader, code);
+      gl.compileShader(shader);
+      if (!gl.getShaderParameter(shader, gl.COMPILE_STATUS)) throw new Error(gl.getShaderInfoLog(shader));
+      gl.attachShader(program, shader);
+    }
+    gl.linkProgram(program);
+    gl.useProgram(program);
+    gl.enable(gl.DEPTH_TEST);
+    return gl;
+  }
+
+  home() {
+    const pose = this.start.world_from_cam, column = (c) => [pose[0][c], -pose[1][c], -pose[2][c]];
+    this.eye = column(3);
+    this.target = along(this.eye, column(2), this.start.pivot);
+    this.up = unit(column(1).map((v) => -v));
+    this.draw();
+  }
+
+  turn(dx, dy) {
+    let away = sub(this.eye, this.target);
+    const spin = (v, axis, angle) => {
+      const c = Math.cos(angle), s = Math.sin(angle), k = cross(axis, v), d = dot(axis, v) * (1 - c);
+      return v.map((_, i) => v[i] * c + k[i] * s + axis[i] * d);
+    };
+    const right = unit(cross(this.up, away));
+    const tilted = spin(away, right, -dy);
+    if (Math.abs(dot(unit(tilted), this.up)) < 0.985) away = tilted;
+    this.eye = along(this.target, spin(away, this.up, -dx), 1);
+    this.draw();
+  }
+
+  zoom(factor) { this.eye = along(this.target, sub(this.eye, this.target), factor); this.draw(); }
+
+  pan(dx, dy) {
+    const away = sub(this.eye, this.target), right = unit(cross(this.up, away)), high = unit(cross(away, right)), size = Math.hypot(...away);
+    for (const name of ["eye", "target"]) this[name] = along(along(this[name], right, -dx * size), high, dy * size);
+    this.draw();
+  }
+
+  drag(event) {
+    const before = this.pointers.get(event.pointerId);
+    if (!before || !this.ready) return;
+    const [dx, dy] = [(event.clientX - before[0]) / this.canvas.clientHeight, (event.clientY - before[1]) / this.canvas.clientHeight];
+    if (this.pointers.size === 2) {
+      const other = [...this.pointers].find(([id]) => id !== event.pointerId)[1];
+      const far = (at) => Math.hypot(at[0] - other[0], at[1] - other[1]) || 1;
+      this.zoom(far(before) / far([event.clientX, event.clientY]));
+    } else if (event.shiftKey || event.buttons === 2 || event.buttons === 4) this.pan(dx, dy);
+    else this.turn(dx * 2, dy * 2);
+    this.pointers.set(event.pointerId, [event.clientX, event.clientY]);
+  }
+
+  key(event) {
+    const turned = { ArrowLeft: [0.08, 0], ArrowRight: [-0.08, 0], ArrowUp: [0, 0.08], ArrowDown: [0, -0.08] }[event.key];
+    if (!this.ready) return;
+    if (turned) this.turn(...turned);
+    else if (event.key === "+" || event.key === "=") this.zoom(0.9);
+    else if (event.key === "-") this.zoom(1.1);
+    else if (event.key === "0" || event.key === "Home") this.home();
+    else return;
+    event.preventDefault();
+  }
+
+  draw() {
+    if (!this.ready || !this.canvas.clientWidth) return;
+    const gl = this.gl, ratio = Math.min(window.devicePixelRatio || 1, 2);
+    const [width, height] = [Math.round(this.canvas.clientWidth * ratio), Math.round(this.canvas.clientHeight * ratio)];
+    if (this.canvas.width !== width || this.canvas.height !== height) [this.canvas.width, this.canvas.height] = [width, height];
+    const color = getComputedStyle(this.canvas).backgroundColor.match(/[\d.]+/g).map(Number);
+    gl.viewport(0, 0, width, height);
+    gl.clearColor(color[0] / 255, color[1] / 255, color[2] / 255, 1);
+    gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
+    const z = unit(sub(this.eye, this.target)), x = unit(cross(this.up, z)), y = cross(z, x);
+    const eye = sub(this.eye, this.middle);
+    const look = new Float32Array([x[0], y[0], z[0], 0, x[1], y[1], z[1], 0, x[2], y[2], z[2], 0, -dot(x, eye), -dot(y, eye), -dot(z, eye), 1]);
+    const size = Math.hypot(...sub(this.eye, this.target)), near = size / 200, far = size * 400;
+    const focal = 1 / Math.tan(this.start.fovy * Math.PI / 360), aspect = width / height, wide = this.start.aspect > aspect ? aspect / this.start.aspect : 1;
+    const lens = new Float32Array([focal * wide / aspect, 0, 0, 0, 0, focal * wide, 0, 0, 0, 0, (far + near) / (near - far), -1, 0, 0, 2 * far * near / (near - far), 0]);
+    gl.uniformMatrix4fv(gl.getUniformLocation(this.program, "clip"), false, times(lens, look));
+    gl.uniform1i(gl.getUniformLocation(this.program, "mode"), this.mode);
+    if (this.points) gl.drawArrays(gl.POINTS, 0, this.count);
+    else gl.drawElements(gl.TRIANGLES, this.count, gl.UNSIGNED_INT, 0);
+  }
+}

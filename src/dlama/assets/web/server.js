@@ -1,0 +1,66 @@
+// Requests to the server in; its answers out. A visit is one open page: its number is kept for a reload, and for nothing else.
+const KEY = "dlama-visit";
+let visit = "";
+let onGone = () => {};
+
+export class Failure extends Error {
+  constructor(message, field, status) { super(message); this.field = field; this.status = status; }
+}
+
+async function post(path, body, headers = {}) {
+  let answer;
+  try {
+    answer = await fetch(path, { method: "POST", body, headers: { "X-Dlama-Visit": visit, ...headers } });
+  } catch (error) {
+    throw new Failure("the server does not answer; is dlama serve still running?", "", 0);
+  }
+  if (answer.ok) return answer;
+  const said = await answer.json().catch(() => ({ error: `the server said ${answer.status}`, field: "" }));
+  if (answer.status === 410) { sessionStorage.removeItem(KEY); onGone(said.error); }
+  throw new Failure(said.error, said.field, answer.status);
+}
+
+// Begin, or go on with, a visit: the server's settings, and what it still knows of us (null: nothing).
+export async function begin(gone) {
+  onGone = () => {};
+  visit = sessionStorage.getItem(KEY) ?? "";
+  const settings = await (await post("/api/settings", "{}")).json();
+  let state = visit ? await ask("state").catch(() => null) : null;
+  if (!state) {
+    visit = (await (await post("/api/visit", "{}")).json()).visit;
+    sessionStorage.setItem(KEY, visit);
+  }
+  onGone = gone;
+  return { settings, state };
+}
+
+export const ask = async (action, fields = {}) => (await post(`/api/${action}`, JSON.stringify(fields))).json();
+
+// A picture or a file: { blob, headers }.
+export async function fetched(action, fields = {}) {
+  const answer = await post(`/api/${action}`, JSON.stringify(fields));
+  return { blob: await answer.blob(), headers: answer.headers };
+}
+
+export const bitmap = async (action, fields) => createImageBitmap((await fetched(action, fields)).blob);
+
+export const upload = async (role, file) =>
+  (await post(`/api/upload?role=${role}`, file, { "X-Name": encodeURIComponent(file.name) })).json();
+
+export function leave() { if (visit) navigator.sendBeacon("/api/leave", visit); }
+
+// Put a blob into an <img>, and let go of what it showed before.
+export function showIn(image, blob) {
+  const old = image.src;
+  image.src = URL.createObjectURL(blob);
+  if (old.startsWith("blob:")) URL.revokeObjectURL(old);
+  return image.decode().catch(() => {});
+}
+
+export function save(blob, name) {
+  const link = document.createElement("a");
+  link.href = URL.createObjectURL(blob);
+  link.download = name;
+  link.click();
+  setTimeout(() => URL.revokeObjectURL(link.href), 10000);
+}

@@ -1,0 +1,233 @@
+"""Uploaded files and the fields beside them in; an RGB-D picture or a stereo pair, and what was found in them, out."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path, PurePosixPath, PureWindowsPath
+from typing import Any
+
+import cv2
+import numpy as np
+
+import dlama
+from dlama.files.cameras import camera_for
+from dlama.files.rasters.images import picture_hw
+from dlama.files.rgbd import nearest_pixels
+from dlama.geometry.rgbd import RGBD, UInt8Array, depth_range_in_words, percent
+from dlama.web.failures import PageError
+
+PICTURES = (".png", ".jpg", ".jpeg", ".tif", ".tiff")
+ROLES: dict[str, tuple[str, ...]] = {
+    "picture": PICTURES,
+    "depth": (".png", ".tif", ".tiff", ".exr", ".pfm", ".npy", ".npz"),
+    "camera": (".json", ".txt"),
+    "right": PICTURES,
+    "calib": (".txt", ".json"),
+}
+"""What a visitor can hand in -> the endings its file may have."""
+LONGEST_NAME = 80
+NUMBERS = ("fov", "fx", "fy", "cx", "cy", "pixel_center", "depth_scale", "depth_range", "far", "camera_height")
+TEXTS = {"channel": r"[\w.]{1,40}", "resize_depth": "nearest", "depth_model": r"[\w-]{1,40}"}
+OF_DEPTH_FILE = ("depth_scale", "depth_range", "channel", "resize_depth")
+OF_ESTIMATE = ("depth_model", "metres_at", "camera_height")
+
+
+@dataclass(frozen=True)
+class Upload:
+    """A file that a visitor handed in."""
+
+    name: str
+    """What the visitor calls it: shown, and written into commands; never opened."""
+    path: Path
+    """Where it lies meanwhile: the visit's folder, the role and a known ending."""
+
+
+@dataclass(frozen=True, eq=False)
+class Source:
+    """What was read."""
+
+    rgbd: RGBD
+    """The picture with its depth; of a pair the left one, with the depth that matching gives."""
+    options: Mapping[str, Any]
+    """Keyword arguments of `read_rgbd` that differ from its defaults."""
+    intrinsics_from: str
+    facts: Mapping[str, str]
+    """Field of the page -> what was found, in words."""
+    pair: tuple[UInt8Array, UInt8Array, dlama.StereoRig] | None = None
+    """Left, right and their cameras, of a stereo pair."""
+    files: Mapping[str, Upload] = field(default_factory=dict)
+
+
+def file_name(name: str, role: str, taken: Mapping[str, Upload]) -> tuple[str, str]:
+    """A visitor's name without folders and odd signs, of a role and unlike those of other roles, and its ending.
+
+    PageError: an ending that the role does not take.
+    """
+    last = PureWindowsPath(PurePosixPath(name).name).name
+    clean = re.sub(r"[^\w.()+ -]", "_", last).strip(". -") or role
+    suffix = Path(clean).suffix.lower()
+    if role not in ROLES:
+        raise PageError(f"{role[:20]!r} is no file that this page takes; one of {', '.join(ROLES)} is wanted")
+    if suffix not in ROLES[role]:
+        raise PageError(f"{clean}: ends in {suffix or 'nothing'}; one of {' '.join(ROLES[role])} is wanted", role)
+    clean = clean[: -len(suffix)][: LONGEST_NAME - len(suffix)] + clean[-len(suffix) :]
+    while clean in {upload.name for other, upload in taken.items() if other != role}:
+        clean = f"{role}-{clean}"
+    return clean, suffix
+
+
+def read_options(fields: Mapping[str, Any]) -> dict[str, Any]:
+    """Keyword arguments of `read_rgbd` from the fields of the page; empty ones are left out. PageError."""
+    options: dict[str, Any] = {}
+    for name in NUMBERS:
+        if fields.get(name) not in (None, ""):
+            options[name] = number(name, fields[name])
+    for name, pattern in TEXTS.items():
+        if fields.get(name) not in (None, ""):
+            text = str(fields[name])
+            if not re.fullmatch(pattern, text):
+                raise PageError(
+                    f"{name} is {text[:40]!r}; {'a name' if name != 'resize_depth' else pattern} is wanted", "scale"
+                )
+            options[name] = text
+    known = str(fields.get("metres_at") or "").split()
+    if known:
+        options["metres_at"] = tuple(known_depth(text) for text in known[:20])
+    return options
+
+
+def known_depth(text: str) -> tuple[float, float, float]:
+    """(x, y, metres) of `X,Y=D`. PageError."""
+    parts = re.fullmatch(r"([\d.]+),([\d.]+)=([\d.]+)", text)
+    try:
+        if parts is None:
+            raise ValueError
+        x, y, metres = map(float, parts.groups())
+    except ValueError:
+        raise PageError(
+            f"metres_at is {text[:40]!r}; X,Y=D is wanted: a pixel and its depth in metres, such as 320,400=2.5",
+            "known",
+        ) from None
+    return x, y, metres
+
+
+def number(name: str, value: Any, where: str | None = None) -> float:
+    """A finite number. PageError."""
+    try:
+        found = float(value)
+    except (TypeError, ValueError):
+        found = math.nan
+    if not math.isfinite(found):
+        field_name = where or ("camera" if name in NUMBERS[:6] else "known" if name == "camera_height" else "scale")
+        raise PageError(f"{name} is {str(value)[:40]!r}; a number is wanted", field_name)
+    return found
+
+
+def check_size(upload: Upload, most_pixels: int, role: str) -> None:
+    """Raise PageError where a picture says that it is larger than this page takes."""
+    if upload.path.suffix in PICTURES:
+        height, width = picture_hw(upload.path)
+        if height * width > most_pixels:
+            raise PageError(
+                f"{upload.name}: is {width}x{height} pixels; this page takes up to {most_pixels / 1e6:.0f} million, "
+                "scale it down or use the command line",
+                role,
+            )
+
+
+def read_source(files: Mapping[str, Upload], fields: Mapping[str, Any]) -> Source:
+    """What the files of a visit hold. InputError."""
+    if "picture" not in files:
+        raise PageError("a picture is wanted", "picture")
+    return read_pair(files, fields) if "right" in files or "calib" in files else read_picture(files, fields)
+
+
+def read_picture(files: Mapping[str, Upload], fields: Mapping[str, Any]) -> Source:
+    """A picture with its depth file, or with estimated depth."""
+    options = read_options(fields)
+    depth = files["depth"].path if "depth" in files else None
+    for name in OF_ESTIMATE if depth else OF_DEPTH_FILE:
+        options.pop(name, None)
+    lens: dict[str, Any] = {
+        name: options[name] for name in ("fov", "fx", "fy", "cx", "cy", "pixel_center") if name in options
+    }
+    if "camera" in files:
+        lens["camera"] = files["camera"].path
+    image = files["picture"].path
+    if depth is None:
+        rgbd = dlama.read_rgbd(image, **options, **({"camera": lens["camera"]} if "camera" in lens else {}))
+        source = str((rgbd.estimate or {})["field_of_view"]["from"])
+    else:
+        camera, source = camera_for(picture_hw(image), image=image, **lens)
+        rest = {name: value for name, value in options.items() if name not in lens}
+        rgbd = dlama.read_rgbd(image, depth, camera=camera, **rest)
+    used = {role: files[role] for role in ("picture", "depth", "camera") if role in files}
+    return Source(rgbd, options, source, facts_of(rgbd, options, source, used), files=used)
+
+
+def read_pair(files: Mapping[str, Upload], fields: Mapping[str, Any]) -> Source:
+    """A rectified stereo pair, matched once so that its left picture has depth to click on."""
+    for role, what in (("right", "the right picture"), ("calib", "the calibration, calib.txt or JSON,")):
+        if role not in files:
+            raise PageError(f"{what} of the stereo pair is wanted", role)
+    left, right = dlama.read_color(files["picture"].path), dlama.read_color(files["right"].path)
+    rig = dlama.read_stereo_calib(files["calib"].path, hw=(left.shape[0], left.shape[1]))
+    done = dlama.stereo(left, right, rig)
+    view = done.views[0]
+    rgbd = RGBD(left, view.depth, rig.left)
+    used = {role: files[role] for role in ("picture", "right", "calib")}
+    source = f"calib {files['calib'].path.name}"
+    facts = facts_of(rgbd, {}, source, used) | {"calib": f"baseline {rig.baseline_m:.4g} m"}
+    return Source(rgbd, {}, source, facts, (left, right, rig), used)
+
+
+def facts_of(rgbd: RGBD, options: Mapping[str, Any], lens_from: str, files: Mapping[str, Upload]) -> dict[str, str]:
+    """Field of the page -> what was found there, in words."""
+    width, height = rgbd.camera.wh
+    facts = {
+        "picture": f"{width} x {height} pixels",
+        "camera": f"{rgbd.camera.fov_deg:.1f}° wide, fx {rgbd.camera.fx:.1f} px, {said_of(lens_from)}",
+        "depth": f"{depth_range_in_words(rgbd.depth)}, {percent(rgbd.missing)} missing, {percent(rgbd.far)} sky",
+    }
+    if rgbd.estimate is not None:
+        about = dict(rgbd.estimate)
+        facts["depth"] = f"estimated by {about['estimator']}: {depth_range_in_words(rgbd.depth)}"
+        facts["known"] = f"scale: {str(about['scale']['rule']).replace('_', ' ')}"
+    elif "depth" in files:
+        facts["scale"] = scale_in_words(files["depth"].path.suffix, options)
+    return facts
+
+
+def said_of(lens_from: str) -> str:
+    """Where the lens comes from: `assumed`, or `from ...`."""
+    return lens_from if lens_from == "assumed" else f"from {lens_from}"
+
+
+def scale_in_words(suffix: str, options: Mapping[str, Any]) -> str:
+    """Which scale a depth file was read with."""
+    if "depth_range" in options:
+        return f"1.0 is {options['depth_range']:g} m"
+    if "depth_scale" in options:
+        return f"{options['depth_scale']:g} units per metre, as you said"
+    whole = suffix in (".png", ".tif", ".tiff")
+    return "1000 units per metre (millimetres, usual for 16 bits)" if whole else "read as metres"
+
+
+def small(source: RGBD, longest: int) -> RGBD:
+    """The picture at a size whose longer side is at most `longest` pixels; each depth is that of a pixel, never a mean."""
+    width, height = source.camera.wh
+    factor = longest / max(width, height)
+    if factor >= 1:
+        return source
+    wide, high = max(1, round(width * factor)), max(1, round(height * factor))
+    color = np.asarray(cv2.resize(source.color, (wide, high), interpolation=cv2.INTER_AREA), np.uint8)
+    return dataclasses.replace(
+        source,
+        color=color,
+        depth=nearest_pixels(source.depth, (high, wide)),
+        camera=source.camera.resized(wide, high),
+    )

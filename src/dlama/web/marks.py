@@ -1,0 +1,149 @@
+"""What a visitor marked on the picture (clicks, a box, brush strokes) in; the mask of what is to go out."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import cv2
+import numpy as np
+
+import dlama
+from dlama.geometry.holes import dilated, eroded
+from dlama.geometry.rgbd import BoolArray
+from dlama.web.failures import PageError
+from dlama.web.inputs import number
+
+MOST_MARKS, MOST_POINTS, MOST_GROWTH = 200, 20_000, 60
+"""Marks, points of all strokes together, and pixels that a mask is grown or shrunk by, at most."""
+
+
+@dataclass(frozen=True)
+class Stroke:
+    """A line painted with a round brush."""
+
+    points: tuple[tuple[float, float], ...]
+    """x right, y down, pixels."""
+    radius: float
+    """Pixels."""
+    adds: bool
+    """Whether it adds to the mask, or takes from it."""
+
+
+@dataclass(frozen=True)
+class Marks:
+    """Everything marked, as the page lists it."""
+
+    clicks: tuple[tuple[float, float], ...] = ()
+    not_clicks: tuple[tuple[float, float], ...] = ()
+    box: tuple[float, float, float, float] | None = None
+    strokes: tuple[Stroke, ...] = ()
+    with_shadow: bool = False
+    candidate: str = "thing"
+    grow: int = 0
+    """Pixels; negative: the mask shrinks."""
+
+    @property
+    def points_at(self) -> bool:
+        """Whether clicks or a box point at a thing."""
+        return bool(self.clicks or self.box)
+
+    @property
+    def any(self) -> bool:
+        """Whether anything is marked."""
+        return self.points_at or any(stroke.adds for stroke in self.strokes)
+
+    @property
+    def in_words(self) -> bool:
+        """Whether clicks and a box alone say it, as the command line can; strokes and growth need a mask file."""
+        return self.points_at and not self.strokes and self.grow == 0
+
+
+def read_marks(fields: Mapping[str, Any]) -> Marks:
+    """The marks that the page sent. PageError."""
+    listed = fields.get("marks") or []
+    if not isinstance(listed, list) or len(listed) > MOST_MARKS:
+        raise PageError(f"marks must be a list of at most {MOST_MARKS}", "marks")
+    clicks: list[tuple[float, float]] = []
+    not_clicks: list[tuple[float, float]] = []
+    strokes, box, points = [], None, 0
+    for mark in listed:
+        kind = mark.get("kind") if isinstance(mark, dict) else None
+        if kind in ("click", "not"):
+            (clicks if kind == "click" else not_clicks).append(point(mark.get("at")))
+        elif kind == "box":
+            box = numbers(mark.get("box"), 4)
+        elif kind in ("add", "erase"):
+            line = mark.get("points")
+            points += len(line) if isinstance(line, list) else 0
+            if not isinstance(line, list) or not line or points > MOST_POINTS:
+                raise PageError(f"a stroke must have points, all strokes together at most {MOST_POINTS}", "marks")
+            radius = min(max(number("radius", mark.get("radius"), "marks"), 0.5), 500.0)
+            strokes.append(Stroke(tuple(map(point, line)), radius, kind == "add"))
+        else:
+            raise PageError("a mark is a click, not, box, add or erase", "marks")
+    grow = round(number("grow", fields.get("grow") or 0, "marks"))
+    if abs(grow) > MOST_GROWTH:
+        raise PageError(f"grow is {grow} px; {-MOST_GROWTH} to {MOST_GROWTH} is wanted", "marks")
+    reading = str(fields.get("candidate") or "thing")[:20]
+    shadow = fields.get("with_shadow") is True
+    return Marks(tuple(clicks), tuple(not_clicks), box, tuple(strokes), shadow, reading, grow)  # type: ignore[arg-type]
+
+
+def point(value: Any) -> tuple[float, float]:
+    """x, y. PageError."""
+    x, y = numbers(value, 2)
+    return x, y
+
+
+def numbers(value: Any, count: int) -> tuple[float, ...]:
+    """So many finite numbers. PageError."""
+    if not isinstance(value, list) or len(value) != count:
+        raise PageError(f"{count} numbers are wanted for a mark", "marks")
+    return tuple(round(number("mark", each, "marks"), 1) for each in value)
+
+
+def pointing(marks: Marks) -> dict[str, Any]:
+    """Keyword arguments of `find_mask`, of those that the page sets."""
+    return {
+        "clicks": marks.clicks,
+        "not_clicks": marks.not_clicks,
+        "box": marks.box,
+        "candidate": marks.candidate,
+        "with_shadow": marks.with_shadow,
+    }
+
+
+def find(session: dlama.MaskSession, marks: Marks) -> dlama.ObjectMask | None:
+    """The thing that clicks or a box mean; None where there are none. InputError."""
+    if marks.points_at:
+        return session.find(**pointing(marks))
+    if marks.not_clicks and not marks.strokes:
+        raise PageError("a click beside the thing corrects; click on the thing first", "marks")
+    return None
+
+
+def mask_of(hw: tuple[int, int], marks: Marks, found: dlama.ObjectMask | None) -> BoolArray:
+    """H x W bool, True = remove: what was found, then the strokes in their order, then grown or shrunk."""
+    mask = np.zeros(hw, np.uint8) if found is None else found.mask.astype(np.uint8)
+    for stroke in marks.strokes:
+        paint(mask, stroke)
+    painted = mask > 0
+    return dilated(painted, marks.grow) if marks.grow >= 0 else eroded(painted, -marks.grow)
+
+
+def paint(mask: np.ndarray, stroke: Stroke) -> None:
+    """One stroke into a uint8 mask."""
+    corners = np.rint(np.array(stroke.points)).astype(np.int32)
+    limit = 4 * max(mask.shape)
+    corners = np.clip(corners, -limit, limit)
+    value, radius = int(stroke.adds), max(1, round(stroke.radius))
+    cv2.polylines(mask, [corners.reshape(-1, 1, 2)], False, value, 2 * radius)
+    for x, y in corners[[0, -1]].tolist():
+        cv2.circle(mask, (x, y), radius, value, -1)
+
+
+def others(found: dlama.ObjectMask | None) -> Sequence[str]:
+    """Names of the readings that an ambiguous click has."""
+    return () if found is None else tuple(found.candidates)

@@ -1,0 +1,215 @@
+"""What was read, marked, rendered or completed in; pictures that a browser shows, and what one pixel holds, out."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from typing import Any
+
+import cv2
+import numpy as np
+
+import dlama
+from dlama.files.results.completion import places
+from dlama.geometry.figures.false_color import (
+    HOLE_PALETTE,
+    ORIGIN_PALETTE,
+    depth_limits,
+    depth_picture,
+    hatched,
+    hole_picture,
+    origin_picture,
+)
+from dlama.geometry.projection import lift
+from dlama.geometry.rendering import render
+from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
+from dlama.geometry.scene import Scene
+from dlama.geometry.view import HoleType, Origin, View
+from dlama.web.failures import PageError
+from dlama.web.inputs import small
+from dlama.web.wishes import Wish
+
+PREVIEW_PX = 256
+KINDS = ("image", "known", "hole_type", "origin", "confidence", "depth", "depth_known", "source")
+RAMP_STEPS = 24
+
+
+def png(values: np.ndarray) -> bytes:
+    """H x W (grey) or H x W x 3 RGB uint8 as PNG; quick rather than small."""
+    picture = values[..., ::-1] if values.ndim == 3 else values
+    done, data = cv2.imencode(".png", np.ascontiguousarray(picture), [cv2.IMWRITE_PNG_COMPRESSION, 1])
+    assert done
+    return bytes(data)
+
+
+def mask_png(mask: BoolArray) -> bytes:
+    """255 = remove."""
+    return png(mask.astype(np.uint8) * 255)
+
+
+class Preview:
+    """The scene at 256 pixels: what the source shows of it from any camera, holes in the colours of their types."""
+
+    def __init__(self, rgbd: RGBD, mask: BoolArray | None) -> None:
+        self.rgbd = small(rgbd, PREVIEW_PX)
+        view = View.from_rgbd(self.rgbd)
+        self.objects: tuple[View, ...] = ()
+        if mask is not None and mask.any() and not mask.all():
+            width, height = self.rgbd.camera.wh
+            gone = cv2.resize(mask.astype(np.uint8), (width, height), interpolation=cv2.INTER_AREA) > 0
+            if not gone.all():
+                self.objects = (view.without(~gone, HoleType.NONE),)
+                view = view.without(gone, HoleType.OBJECT)
+        self.scene = Scene((view,), self.objects)
+
+    def show(self, wish: Wish) -> tuple[UInt8Array, dict[str, float]]:
+        """From where the wish puts the camera: H x W x 3, and the share of each hole type (0..1)."""
+        view = render(self.scene, wish.camera(self.rgbd), fine=False)
+        codes = np.where(view.color_hole, view.hole_type, 0).astype(np.uint8)
+        counts = np.bincount(codes.ravel(), minlength=len(HOLE_PALETTE)) / codes.size
+        shares = {code.name.lower(): round(float(counts[code]), 4) for code in HoleType if code and counts[code]}
+        return hole_picture(view.color, codes), shares
+
+
+def result_views(done: dlama.Completion, right: bool) -> tuple[View, View]:
+    """The completed view that is looked at, and the same before filling. PageError."""
+    stands = places(done)
+    if not right:
+        chosen = stands[""]
+    elif "right/" in stands:
+        chosen = stands["right/"]
+    else:
+        raise PageError("there is no right view; the result is no stereo pair")
+    before = next(warped for view, warped in zip(done.views, done.warped) if view is chosen)
+    return chosen, before
+
+
+def result_picture(done: dlama.Completion, kind: str, right: bool = False) -> UInt8Array:
+    """One of KINDS as H x W x 3. PageError."""
+    view, before = result_views(done, right)
+    if kind not in KINDS:
+        raise PageError(f"kind is {kind[:20]!r}; one of {', '.join(KINDS)} is wanted")
+    lo, hi = limits(done)
+    if kind == "image":
+        return hatched(view.color, view.color_hole)
+    if kind == "source":
+        return done.source.color
+    if kind == "known":
+        return hatched(before.color, before.color_hole)
+    if kind == "hole_type":
+        return hole_picture(view.color, view.hole_type)
+    if kind == "origin":
+        return origin_picture(view.origin)
+    if kind == "confidence":
+        return np.repeat(np.rint(view.confidence * 255).astype(np.uint8)[..., None], 3, 2)
+    if kind == "depth_known":
+        return depth_picture(before.depth, before.hole, lo, hi)
+    return depth_picture(view.depth, view.hole, lo, hi)
+
+
+def limits(done: dlama.Completion) -> tuple[float, float]:
+    """The nearest and the farthest depth of the colours, metres."""
+    return depth_limits(done.source.depth, *(view.depth for view in done.views))
+
+
+def legends(done: dlama.Completion, right: bool = False) -> dict[str, Any]:
+    """What the colours mean: hole types and origins that occur with their shares, and the depth scale."""
+    view, _ = result_views(done, right)
+    return {
+        "hole_type": shares(view.hole_type, HoleType, HOLE_PALETTE, skip=0),
+        "origin": shares(view.origin, Origin, ORIGIN_PALETTE),
+        "depth": depth_ramp(*limits(done)),
+    }
+
+
+def scene_origins(done: dlama.Completion) -> list[dict[str, Any]]:
+    """Name and colour of each origin that occurs in the scene."""
+    found = {int(code) for layer in done.scene.layers for code in np.unique(layer.origin[~layer.hole])}
+    return [
+        {"name": code.name.lower().replace("_", " "), "color": list(ORIGIN_PALETTE[code])}
+        for code in Origin
+        if code in found
+    ]
+
+
+def shares(codes: UInt8Array, names: Any, palette: Any, skip: int = -1) -> list[dict[str, Any]]:
+    """Name, colour and share of each code that occurs."""
+    counts = np.bincount(codes.ravel(), minlength=len(palette)) / max(codes.size, 1)
+    return [
+        {"name": code.name.lower().replace("_", " "), "color": list(palette[code]), "share": float(counts[code])}
+        for code in names
+        if counts[code] and int(code) != skip
+    ]
+
+
+def depth_ramp(lo: float, hi: float) -> dict[str, Any]:
+    """The colours from the nearest to the farthest depth, in equal steps of 1 / depth, and metres along them."""
+    inverse = np.linspace(1 / lo, 1 / hi, RAMP_STEPS)
+    colors = depth_picture((1 / inverse).astype(np.float32)[None], None, lo, hi)[0]
+    marks = [float(f"{1 / value:.2g}") for value in np.linspace(1 / lo, 1 / hi, 5)]
+    return {"colors": colors.tolist(), "metres": marks}
+
+
+def pixel(view: View, x: int, y: int) -> dict[str, Any]:
+    """What a pixel of a view holds: depth (m), point (world, m), origin, confidence, hole type. PageError."""
+    width, height = view.camera.wh
+    if not (0 <= x < width and 0 <= y < height):
+        raise PageError(f"{x},{y} lies outside the picture, which is {width}x{height}")
+    depth = float(view.depth[y, x])
+    told: dict[str, Any] = {
+        "x": x,
+        "y": y,
+        "color": view.color[y, x].tolist(),
+        "origin": Origin(int(view.origin[y, x])).name.lower().replace("_", " "),
+        "hole_type": HoleType(int(view.hole_type[y, x])).name.lower().replace("_", " "),
+        "confidence": round(float(view.confidence[y, x]), 3),
+        "depth": None if depth <= 0 else "sky" if np.isinf(depth) else round(depth, 4),
+        "point": None,
+    }
+    if 0 < depth < np.inf:
+        one = RGBD(view.color[y : y + 1, x : x + 1], view.depth[y : y + 1, x : x + 1], view.camera.cropped(x, y, 1, 1))
+        told["point"] = [round(float(value), 4) for value in lift(one).points[0]]
+    return told
+
+
+def standpoint(view: View) -> dict[str, Any]:
+    """Where the 3-D view begins: the view's pose, the distance it turns about (m), its angle (degrees, vertical) and aspect."""
+    camera, valid = view.camera, view.depth[view.valid]
+    return {
+        "world_from_cam": camera.world_from_cam.tolist(),
+        "pivot": float(np.median(valid)) if valid.size else 1.0,
+        "fovy": math.degrees(2 * math.atan(camera.height / (2 * camera.fy))),
+        "aspect": camera.width / camera.height,
+    }
+
+
+def source_depth(rgbd: RGBD) -> tuple[UInt8Array, dict[str, Any]]:
+    """The depth that was read, in colours, and their scale."""
+    lo, hi = depth_limits(rgbd.depth)
+    return depth_picture(rgbd.depth, None, lo, hi), depth_ramp(lo, hi)
+
+
+def thinned(scene: Scene, most: int) -> tuple[Scene, int]:
+    """The scene with every n-th pixel of every n-th row of its layers (n odd), so that it has at most about `most` points; n."""
+    pixels = sum(layer.hole.size - int(layer.hole.sum()) for layer in scene.layers)
+    step = 1
+    while pixels / step**2 > most:
+        step += 2
+    return (scene, 1) if step == 1 else (Scene(tuple(_every(layer, step) for layer in scene.layers)), step)
+
+
+def _every(view: View, step: int) -> View:
+    """Each pixel kept stands for the step x step pixels round it."""
+
+    def cut(values: np.ndarray) -> np.ndarray:
+        return np.ascontiguousarray(values[step // 2 :: step, step // 2 :: step])
+
+    camera, depth = view.camera, cut(view.depth)
+    small_camera = dataclasses.replace(
+        camera, width=depth.shape[1], height=depth.shape[0],
+        fx=camera.fx / step, fy=camera.fy / step, cx=camera.cx / step, cy=camera.cy / step,
+    )  # fmt: skip
+    fields: dict[str, Float32Array | UInt8Array | BoolArray] = {
+        name: cut(getattr(view, name)) for name in ("color", "hole", "hole_type", "origin", "confidence")
+    }
+    return View(camera=small_camera, depth=depth, **fields)  # type: ignore[arg-type]

@@ -1,0 +1,203 @@
+"""A result in; its files (a zip, single ones), and the command and the Python lines that make them again, out."""
+
+from __future__ import annotations
+
+import io
+import json
+import shlex
+import tempfile
+import zipfile
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import dlama
+from dlama.files.rasters.pictures import write_mask
+from dlama.files.results.completion import RESULTS, as_json, file_names
+from dlama.files.scenes.textured_mesh import write_textured_glb
+from dlama.geometry.trajectories import PIVOT_M
+from dlama.web.failures import PageError, shown
+from dlama.web.inputs import Source
+from dlama.web.marks import Marks, pointing
+from dlama.web.pictures import thinned
+from dlama.web.visits import Result
+from dlama.web.wishes import Wish
+
+OUT = "out"
+MASK = "mask.png"
+ON_PAGE_POINTS = 600_000
+PACKED = (".json", ".txt", ".ply", ".glb", ".pfm")
+"""Endings that a zip makes smaller."""
+
+
+def verb_of(source: Source, masked: bool) -> str:
+    """The verb that does it."""
+    return "stereo" if source.pair is not None else "remove" if masked else "view"
+
+
+def needs_mask_file(result: Result) -> bool:
+    """Whether the command line takes the mask as a file: painted, grown, or of a stereo pair."""
+    return result.mask is not None and not (
+        result.source.pair is None and result.marks is not None and result.marks.in_words
+    )
+
+
+def command(result: Result) -> list[str]:
+    """The words of the command line."""
+    source, files = result.source, {role: upload.name for role, upload in result.source.files.items()}
+    verb = verb_of(source, result.mask is not None)
+    words = ["dlama", verb, files["picture"]]
+    if verb == "stereo":
+        words += [files["right"], "--calib", files["calib"]]
+        words += ["--mask", MASK] if result.mask is not None else []
+    else:
+        words += [files["depth"]] if "depth" in files else []
+        words += [MASK] if needs_mask_file(result) else []
+        words += ["--camera", files["camera"]] if "camera" in files else []
+        words += option_words(source.options)
+        if result.mask is not None and not needs_mask_file(result) and result.marks is not None:
+            words += marks_words(result.marks)
+        words += move_words(result.wish, needed=verb == "view")
+    return [*words, *option_words(result.wish.method), "-o", OUT]
+
+
+def option_words(options: Mapping[str, Any]) -> list[str]:
+    """Keyword arguments as flags."""
+    words = []
+    for name, value in options.items():
+        flag = f"--{name.replace('_', '-')}"
+        if name == "metres_at":
+            words += [flag, *(f"{x:g},{y:g}={metres:g}" for x, y, metres in value)]
+        else:
+            words += [flag, said(value)]
+    return words
+
+
+def said(value: Any) -> str:
+    """A value as it is typed."""
+    return repr(value).removesuffix(".0") if isinstance(value, float) else str(value)
+
+
+def marks_words(marks: Marks) -> list[str]:
+    """Clicks and a box as flags."""
+    words = []
+    for flag, points in (("--click", marks.clicks), ("--not", marks.not_clicks)):
+        if points:
+            words += [flag, *(",".join(map(said, one)) for one in points)]
+    if marks.box:
+        words.append(f"--box={','.join(map(said, marks.box))}")
+    if marks.candidate != "thing":
+        words += ["--candidate", marks.candidate]
+    return [*words, "--with-shadow"] if marks.with_shadow else words
+
+
+def move_words(wish: Wish, needed: bool) -> list[str]:
+    """The camera's move as flags; `needed`: at least one."""
+    moves = {"yaw": wish.yaw, "pitch": wish.pitch, "dolly": wish.dolly}
+    words = [f"--{name}={said(value)}" for name, value in moves.items() if value]
+    if not words and needed:
+        words = ["--yaw=0"]
+    return [*words, f"--pivot={said(wish.pivot)}"] if words and wish.pivot != PIVOT_M else words
+
+
+def python_lines(result: Result) -> str:
+    """The same in Python."""
+    source, files = result.source, {role: upload.name for role, upload in result.source.files.items()}
+    lines = ["import dlama", ""]
+    method = keywords(result.wish.method)
+    if source.pair is not None:
+        lines += [
+            f"left, right = dlama.read_color({files['picture']!r}), dlama.read_color({files['right']!r})",
+            f"rig = dlama.read_stereo_calib({files['calib']!r}, hw=left.shape[:2])",
+        ]
+        masked = [f"mask=dlama.read_mask({MASK!r})"] if result.mask is not None else []
+        lines.append(f"done = dlama.stereo({', '.join(['left', 'right', 'rig', *masked, *method])})")
+    else:
+        lens = [f"camera={files['camera']!r}"] if "camera" in files else []
+        given = [repr(files[role]) for role in ("picture", "depth") if role in files]
+        lines.append(f"rgbd = dlama.read_rgbd({', '.join([*given, *lens, *keywords(source.options)])})")
+        move = keywords({name: value for name, value in result.wish.move.items() if name == "pivot" or value})
+        move = [word for word in move if word != f"pivot={PIVOT_M!r}"]
+        if result.mask is None:
+            lines.append(f"done = dlama.view({', '.join(['rgbd', *move, *method])})")
+        else:
+            lines += mask_lines(result)
+            lines.append(f"done = dlama.remove({', '.join(['rgbd', 'mask', *move, *method])})")
+    return "\n".join([*lines, f"dlama.write(done, {OUT!r})", ""])
+
+
+def mask_lines(result: Result) -> list[str]:
+    """How the mask comes about in Python."""
+    if needs_mask_file(result) or result.marks is None:
+        return [f"mask = dlama.read_mask({MASK!r})"]
+    empty: tuple[Any, ...] = ((), None, "thing", False)
+    words = keywords({name: value for name, value in pointing(result.marks).items() if value not in empty})
+    return [f"mask = dlama.find_mask({', '.join(['rgbd', *words])}).mask"]
+
+
+def keywords(options: Mapping[str, Any]) -> list[str]:
+    """`name=value` of each."""
+    return [f"{name}={list(value) if name in ('clicks', 'not_clicks') else value!r}" for name, value in options.items()]
+
+
+def how(result: Result) -> dict[str, Any]:
+    """For the page: the command line, the Python lines, and which file they read that the zip brings."""
+    return {
+        "command": shlex.join(command(result)),
+        "python": python_lines(result),
+        "mask_file": MASK if needs_mask_file(result) else "",
+        "files": file_names(result.done),
+    }
+
+
+def written(result: Result, folder: Path, only: tuple[str, ...] | None = None) -> Path:
+    """Write a result as the command line does, to `folder`/out; with the mask beside it where the command reads one."""
+    roles = {"picture": "left" if result.source.pair is not None else "image"}
+    inputs = {roles.get(role, role): upload.path for role, upload in result.source.files.items()}
+    names = {upload.path: upload.name for upload in result.source.files.values()}
+    if needs_mask_file(result) and result.mask is not None:
+        inputs["mask"] = folder / MASK
+        names[folder / MASK] = MASK
+        write_mask(folder / MASK, result.mask)
+    if result.object_mask and not needs_mask_file(result):
+        result.done.meta["object_mask"] = result.object_mask
+    lens_from = shown(result.source.intrinsics_from, names)
+    out = dlama.write(result.done, folder / OUT, only=only, inputs=inputs, intrinsics_from=lens_from)
+    meta = json.loads((out / "meta.json").read_text("utf-8"))
+    for entry in meta["inputs"].values():
+        entry["path"] = names[Path(entry["path"])]
+    (out / "meta.json").write_text(as_json(meta), encoding="utf-8")
+    return out
+
+
+def zipped(result: Result, parent: Path) -> bytes:
+    """Every file of the command line, the mask where it reads one, and commands.txt with how to do it again."""
+    stream = io.BytesIO()
+    with tempfile.TemporaryDirectory(dir=parent) as name:
+        out = written(result, Path(name))
+        with zipfile.ZipFile(stream, "w") as archive:
+            for path in sorted(each for each in out.rglob("*") if each.is_file()):
+                kind = zipfile.ZIP_DEFLATED if path.suffix in PACKED else zipfile.ZIP_STORED
+                archive.write(path, f"{OUT}/{path.relative_to(out).as_posix()}", kind, compresslevel=1)
+            if needs_mask_file(result):
+                archive.write(Path(name) / MASK, MASK)
+            archive.writestr("commands.txt", f"{shlex.join(command(result))}\n\n{python_lines(result)}")
+    return stream.getvalue()
+
+
+def single(result: Result, file: str, parent: Path) -> bytes:
+    """One file of the result. PageError for a name that it has not."""
+    if file not in file_names(result.done):
+        raise PageError(f"{file[:40]!r} is no file of this result")
+    group = next((name for name, files in RESULTS.items() if file.rpartition("/")[2] in files), "preview")
+    with tempfile.TemporaryDirectory(dir=parent) as name:
+        return (written(result, Path(name), (group,)) / file).read_bytes()
+
+
+def glb_for_page(result: Result, parent: Path) -> tuple[bytes, int]:
+    """The scene without what was removed as GLB, thinned so that a browser turns it smoothly, and the step of that."""
+    scene, step = thinned(result.done.scene, ON_PAGE_POINTS)
+    with tempfile.TemporaryDirectory(dir=parent) as name:
+        path = Path(name) / "scene.glb"
+        write_textured_glb(path, scene)
+        return path.read_bytes(), step

@@ -1,0 +1,33 @@
+"""Files handed in to a visit as a browser does, and a completion waited for."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from dlama.web import api
+from dlama.web.visits import Result, Visit
+
+LIMITS = api.Limits()
+
+
+def hand_in(visit: Visit, role: str, path: Path, name: str | None = None) -> dict[str, Any]:
+    """One file."""
+    return api.keep_upload(visit, role, name or path.name, LIMITS, lambda file: file.write(path.read_bytes()))
+
+
+def open_frame(visit: Visit, frame: Path, **fields: Any) -> dict[str, Any]:
+    """The small frame's picture and depth, read."""
+    hand_in(visit, "picture", frame / "image.png")
+    hand_in(visit, "depth", frame / "depth.png")
+    return api.read(visit, {"fov": "60", **fields})
+
+
+def completed(visit: Visit, **fields: Any) -> Result:
+    """A completion begun and waited for."""
+    api.complete(visit, {"filler": "telea", **fields})
+    assert visit.run is not None
+    visit.run.join()
+    told = api.run(visit, {})
+    assert told["state"] == "done" and visit.result is not None
+    return visit.result

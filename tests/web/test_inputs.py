@@ -1,0 +1,154 @@
+"""What a visitor hands in: names, fields, facts, errors beside their field (oracles: by hand, the reader's own numbers)."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+from handing_in import hand_in, open_frame
+
+from dlama.errors import CameraError, DepthError, DlamaError, FileError, InputError
+from dlama.geometry.camera import Camera
+from dlama.geometry.rgbd import RGBD
+from dlama.web import api
+from dlama.web.failures import PageError, field_of, shown
+from dlama.web.inputs import Upload, file_name, known_depth, read_options, small
+from dlama.web.visits import Visit
+
+
+@pytest.mark.parametrize(
+    ("given", "kept"),
+    [
+        ("photo.JPG", "photo.JPG"),
+        ("../../etc/x.png", "x.png"),
+        ("C:\\pictures\\a b.png", "a b.png"),
+        ("über (1).png", "über (1).png"),
+        ("$(rm)`;'.png", "_(rm)___.png"),
+        ("-o.png", "o.png"),
+        ("a" * 200 + ".png", "a" * 76 + ".png"),
+    ],
+)
+def test_names_lose_folders_and_odd_signs(given: str, kept: str) -> None:
+    """By hand; a name that another role has gets the role in front."""
+    assert file_name(given, "picture", {})[0] == kept
+    taken = {"picture": Upload(kept, Path("picture.png"))}
+    assert file_name(given, "depth" if kept.endswith("png") else "right", taken)[0].endswith(kept)
+
+
+@pytest.mark.parametrize(
+    ("name", "role"), [("a.exe", "picture"), ("a.jpg", "depth"), ("noending", "calib"), ("a.png", "oops")]
+)
+def test_other_endings_are_refused(name: str, role: str) -> None:
+    """The message says which are taken."""
+    with pytest.raises(PageError, match="is wanted"):
+        file_name(name, role, {})
+
+
+def test_fields_become_options() -> None:
+    """By hand; empty ones say nothing."""
+    fields = {
+        "fov": "65.5",
+        "far": 30,
+        "depth_scale": "",
+        "metres_at": "3,4=2.5 5,6=7",
+        "resize_depth": "nearest",
+        "else": "x",
+    }
+    assert read_options(fields) == {
+        "fov": 65.5,
+        "far": 30.0,
+        "resize_depth": "nearest",
+        "metres_at": ((3, 4, 2.5), (5, 6, 7)),
+    }
+    for name, value, field in (("fov", "wide", "camera"), ("far", "inf", "scale"), ("metres_at", "3=4", "known")):
+        with pytest.raises(PageError) as caught:
+            read_options({name: value})
+        assert caught.value.field == field
+    assert known_depth("320,400=2.5") == (320, 400, 2.5)
+
+
+def test_what_was_found_is_told(visit: Visit, frame: Path) -> None:
+    """Closed form: a camera of 60 degrees, a wall at 4 m, a box at 2 m, millimetres."""
+    facts = open_frame(visit, frame)["source"]["facts"]
+    assert facts["picture"] == "64 x 48 pixels"
+    assert facts["camera"] == "60.0° wide, fx 55.4 px, from fov"
+    assert facts["depth"] == "2 to 4 m, 0 % missing, 0 % sky"
+    assert facts["scale"].startswith("1000 units per metre")
+    api.read(visit, {"fov": 60, "depth_scale": "500"})
+    assert visit.source is not None and visit.source.facts["scale"] == "500 units per metre, as you said"
+    assert visit.source.rgbd.depth.max() == pytest.approx(8)
+
+
+@pytest.mark.parametrize(
+    ("fields", "field"),
+    [
+        ({}, "camera"),
+        ({"fov": "200"}, "camera"),
+        ({"fov": "60", "depth_scale": "-1"}, "scale"),
+        ({"fov": 60, "far": 0.5}, "depth"),
+    ],
+)
+def test_errors_stand_beside_their_field(fields: dict[str, Any], field: str, visit: Visit, frame: Path) -> None:
+    """By hand: what is missing or wrong, and where it is put right."""
+    hand_in(visit, "picture", frame / "image.png")
+    hand_in(visit, "depth", frame / "depth.png")
+    with pytest.raises(DlamaError) as caught:
+        api.read(visit, fields)
+    files = {role: upload.path for role, upload in visit.files.items()}
+    assert field_of(caught.value, files) == field
+
+
+def test_a_damaged_file_is_named_as_the_visitor_names_it(visit: Visit, frame: Path) -> None:
+    """Nothing of where it lies is told."""
+    hand_in(visit, "picture", frame / "image.png")
+    (frame / "broken.exr").write_bytes(b"no exr")
+    hand_in(visit, "depth", frame / "broken.exr", "my depth.exr")
+    with pytest.raises(FileError) as caught:
+        api.read(visit, {"fov": 60})
+    message = shown(str(caught.value), visit.names())
+    assert message.startswith("my depth.exr: ") and str(visit.folder) not in message
+    assert field_of(caught.value, {role: upload.path for role, upload in visit.files.items()}) == "depth"
+
+
+def test_kinds_of_errors_have_fields() -> None:
+    """By hand."""
+    assert field_of(CameraError("left_K is wrong"), {}) == "camera"
+    assert field_of(DepthError("nothing"), {}) == "depth"
+    assert field_of(InputError("seed is -1; more is wanted"), {}) == "method"
+    assert field_of(InputError("clicks holds 3,4, which lies on a wall"), {}) == "marks"
+    assert field_of(InputError("something"), {}) == ""
+
+
+def test_a_new_picture_forgets_what_came_of_the_old(visit: Visit, frame: Path) -> None:
+    """Its marks and results are not the new one's."""
+    open_frame(visit, frame)
+    api.mark(visit, {"marks": [{"kind": "click", "at": [30, 24]}]})
+    hand_in(visit, "picture", frame / "image.png", "other.png")
+    assert visit.source is None and visit.mask is None and visit.result is None
+    assert visit.files["picture"].name == "other.png"
+
+
+@pytest.mark.parametrize("name", api.EXAMPLES)
+def test_examples_open(name: str, visit: Visit) -> None:
+    """Each of them; of a pair the left picture has depth to click on."""
+    told = api.example(visit, {"name": name})
+    assert (told["source"]["width"], told["source"]["pair"]) == (512, name == "pair")
+    assert visit.source is not None and visit.source.rgbd.valid.mean() > 0.5
+    assert told["source"]["estimated"] == (name == "photo")
+    with pytest.raises(PageError, match="one of street"):
+        api.example(visit, {"name": "../street"})
+
+
+def test_the_small_picture_is_the_same_scene() -> None:
+    """Closed form: colours are means, depths are some pixel's, and the lens sees the same width."""
+    depth = np.arange(1, 601, dtype=np.float32).reshape(20, 30)
+    color = np.repeat(np.arange(0, 240, 8, dtype=np.uint8)[None, :, None], 20, 0).repeat(3, 2)
+    rgbd = RGBD(color, depth, Camera.from_fov(30, 20, 70))
+    less = small(rgbd, 15)
+    assert less.camera.wh == (15, 10) and less.camera.fov_deg == pytest.approx(70)
+    assert np.isin(less.depth, depth).all()
+    np.testing.assert_array_equal(less.color, cv2.resize(color, (15, 10), interpolation=cv2.INTER_AREA))
+    assert small(rgbd, 30) is rgbd

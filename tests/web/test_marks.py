@@ -1,0 +1,158 @@
+"""What is marked, and the mask it makes (oracles: closed forms, find_mask itself)."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+from handing_in import completed, open_frame
+
+import dlama
+from dlama.errors import MaskError
+from dlama.web import api, pictures
+from dlama.web.failures import PageError
+from dlama.web.marks import Marks, Stroke, mask_of, read_marks
+from dlama.web.visits import Visit
+from dlama.web.wishes import read_wish
+
+
+def test_clicks_are_find_mask(visit: Visit, frame: Path) -> None:
+    """Oracle: find_mask; the mask picture says the same; undoing the click leaves nothing."""
+    open_frame(visit, frame)
+    told = api.mark(visit, {"marks": [{"kind": "click", "at": [30, 24]}, {"kind": "not", "at": [5, 5]}]})
+    assert visit.source is not None
+    wanted = dlama.find_mask(visit.source.rgbd, clicks=[(30, 24)], not_clicks=[(5, 5)]).mask
+    np.testing.assert_array_equal(visit.mask, wanted)
+    assert told["share"] == pytest.approx(float(wanted.mean()))
+    blob = api.mask(visit, {})
+    assert isinstance(blob, api.Blob)
+    read = cv2.imdecode(np.frombuffer(blob.data, np.uint8), cv2.IMREAD_UNCHANGED)
+    np.testing.assert_array_equal(read == 255, wanted)
+    assert api.mark(visit, {"marks": []})["share"] == 0 and visit.mask is None
+
+
+def test_strokes_paint_and_erase() -> None:
+    """Closed form: a disc round a point, a line as wide as the brush, and an eraser that takes it away; order counts."""
+    rows, columns = np.mgrid[:40, :60]
+    disc = mask_of((40, 60), Marks(strokes=(Stroke(((20, 15),), 6, True),)), None)
+    away = np.hypot(columns - 20, rows - 15)
+    assert disc[away <= 5].all() and not disc[away > 7].any()
+    line = mask_of((40, 60), Marks(strokes=(Stroke(((5, 20), (50, 20)), 4, True),)), None)
+    assert line[17:24, 10:45].all() and not line[:14].any() and not line[27:].any()
+    add, erase = Stroke(((20, 15),), 6, True), Stroke(((20, 15),), 20, False)
+    assert not mask_of((40, 60), Marks(strokes=(add, erase)), None).any()
+    assert mask_of((40, 60), Marks(strokes=(erase, add)), None).any()
+
+
+@pytest.mark.parametrize("grow", [-3, 0, 4])
+def test_grow_and_shrink(grow: int) -> None:
+    """Oracle: OpenCV's distance to the border of the mask."""
+    stroke = Stroke(((30, 20),), 9, True)
+    plain = mask_of((40, 60), Marks(strokes=(stroke,)), None)
+    changed = mask_of((40, 60), Marks(strokes=(stroke,), grow=grow), None)
+    outside = cv2.distanceTransform((~plain).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+    inside = cv2.distanceTransform(plain.astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+    if grow >= 0:
+        assert changed[outside <= grow].all() and not changed[outside > grow + 1].any()
+    else:
+        assert changed[inside > 1 - grow].all() and not changed[inside < -grow].any()
+
+
+@pytest.mark.parametrize(
+    "fields",
+    [
+        {"marks": "click"},
+        {"marks": [{"kind": "else"}]},
+        {"marks": [{"kind": "click", "at": [1]}]},
+        {"marks": [{"kind": "click", "at": ["x", 2]}]},
+        {"marks": [{"kind": "add", "points": [], "radius": 3}]},
+        {"marks": [{"kind": "add", "points": [[0, 0]] * 20_001, "radius": 3}]},
+        {"marks": [{"kind": "click", "at": [1, 2]}] * 201},
+        {"marks": [], "grow": 100},
+    ],
+)
+def test_marks_that_are_none(fields: dict[str, Any]) -> None:
+    """Refused, beside the marks."""
+    with pytest.raises(PageError) as caught:
+        read_marks(fields)
+    assert caught.value.field == "marks"
+
+
+def test_a_click_on_nothing_is_told_beside_the_marks(visit: Visit, frame: Path) -> None:
+    """The wall is no thing; outside the picture is nowhere; a correction needs something to correct."""
+    open_frame(visit, frame)
+    for mark in ({"kind": "click", "at": [60, 4]}, {"kind": "click", "at": [600, 4]}, {"kind": "not", "at": [6, 4]}):
+        with pytest.raises((MaskError, dlama.InputError)):
+            api.mark(visit, {"marks": [mark]})
+
+
+def test_preview_is_what_the_new_camera_sees(visit: Visit, frame: Path) -> None:
+    """Oracle: at the source camera the picture itself, bit for bit; with the object marked its pixels in the colour of
+    `object`, and all others as they were."""
+    open_frame(visit, frame)
+    assert visit.source is not None
+    rgbd = visit.source.rgbd
+    picture, shares = pictures.Preview(rgbd, None).show(read_wish({}))
+    np.testing.assert_array_equal(picture, rgbd.color)
+    assert shares == {}
+    mask = dlama.find_mask(rgbd, clicks=[(30, 24)]).mask
+    picture, shares = pictures.Preview(rgbd, mask).show(read_wish({}))
+    np.testing.assert_array_equal(picture[~mask], rgbd.color[~mask])
+    assert (picture[mask] == pictures.HOLE_PALETTE[6]).all()
+    assert shares == {"object": pytest.approx(float(mask.mean()), abs=1e-4)}
+    moved, _ = pictures.Preview(rgbd, None).show(read_wish({"yaw": 20}))
+    assert (moved != rgbd.color).any()
+
+
+@pytest.mark.parametrize(
+    ("fields", "field"),
+    [
+        ({"yaw": "x"}, "move"),
+        ({"yaw": 400}, "move"),
+        ({"pivot": -1}, "move"),
+        ({"filler": "lama"}, "method"),
+        ({"seed": -1}, "method"),
+        ({"min_confidence": 2}, "method"),
+        ({"recipe": "x"}, "method"),
+    ],
+)
+def test_wishes_that_cannot_be(fields: dict[str, Any], field: str) -> None:
+    """Beside the camera, or the method."""
+    with pytest.raises(PageError) as caught:
+        read_wish(fields)
+    assert caught.value.field == field
+
+
+def test_a_pixel_tells_what_it_holds(visit: Visit, frame: Path) -> None:
+    """Closed form: a pixel of the wall 4 m ahead, through a lens of 60 degrees."""
+    open_frame(visit, frame)
+    told = api.source_pixel(visit, {"x": 2, "y": 3})
+    rgbd = visit.needed_source().rgbd
+    camera = rgbd.camera
+    assert told["depth"] == pytest.approx(4)
+    assert told["point"] == pytest.approx(
+        [(2.5 - camera.cx) / camera.fx * 4, (3.5 - camera.cy) / camera.fy * 4, 4], abs=1e-3
+    )
+    assert (told["origin"], told["confidence"]) == ("measured", 1.0)
+    result = completed(visit, yaw=10)
+    view = result.done.view
+    told = api.pixel(visit, {"x": 40, "y": 20})
+    assert told["depth"] == pytest.approx(float(view.depth[20, 40]), abs=1e-4)
+    with pytest.raises(PageError, match="outside"):
+        api.pixel(visit, {"x": 64, "y": 0})
+
+
+def test_thinned_scenes_keep_their_place(visit: Visit, frame: Path) -> None:
+    """Oracle: each point of the thinned scene is one of the whole scene's."""
+    open_frame(visit, frame)
+    scene = completed(visit, yaw=10).done.scene
+    less, step = pictures.thinned(scene, 1000)
+    assert step in (3, 5)
+    for one, whole in zip(less.layers, scene.layers):
+        kept, all_of_it = dlama.lift(one).points, dlama.lift(whole).points
+        assert len(kept) and len(kept) < len(all_of_it)
+        nearest = [np.abs(all_of_it - point).sum(1).min() for point in kept[::17]]
+        assert max(nearest) < 1e-5

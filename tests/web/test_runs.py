@@ -1,0 +1,129 @@
+"""Runs: progress, cancelling, failing, one at a time (oracle: what the work itself notes down)."""
+
+from __future__ import annotations
+
+import gc
+import logging
+import threading
+import time
+import warnings
+import weakref
+from pathlib import Path
+
+import pytest
+from handing_in import completed, open_frame
+
+from dlama.errors import InputError
+from dlama.web import api
+from dlama.web.failures import PageError
+from dlama.web.listening import ears, listening
+from dlama.web.runs import Run
+from dlama.web.visits import Visit, Visits
+
+LOG = logging.getLogger("dlama")
+
+
+def test_stages_and_warnings_of_its_own_thread_are_heard() -> None:
+    """Those of another thread are not."""
+    with ears():
+
+        def work() -> str:
+            LOG.info("fill")
+            other = threading.Thread(target=lambda: LOG.info("another"))
+            other.start()
+            other.join()
+            warnings.warn("a doubt", UserWarning, stacklevel=1)
+            return "result"
+
+        run = Run(work, 1)
+        run.start()
+        run.join()
+    assert (run.state, run.result, run.stages, run.stage, run.warnings) == ("done", "result", 1, "fill", ["a doubt"])
+    assert run.progress()["share"] == 1.0
+
+
+def test_warnings_go_elsewhere_where_nobody_listens() -> None:
+    """As before: to whoever caught them."""
+    with warnings.catch_warnings(record=True) as caught, ears():
+        warnings.warn("one", UserWarning, stacklevel=1)
+        with listening() as heard:
+            warnings.warn("two", UserWarning, stacklevel=1)
+    assert [str(one.message) for one in caught] == ["one"] and heard == ["two"]
+
+
+def test_a_run_is_cancelled_between_two_steps() -> None:
+    """Work that would go on for ever ends, no handler of errors catches it, and the next run is not kept waiting."""
+    began, steps = threading.Event(), []
+
+    def work() -> None:
+        while True:
+            try:
+                began.set()
+                time.sleep(0.01)
+                steps.append(1)
+            except Exception:
+                steps.append(-1)
+
+    run = Run(work, 1)
+    run.start()
+    assert began.wait(10)
+    run.cancel(wait=10)
+    run.join()
+    assert run.state == "cancelled" and run.result is None and -1 not in steps
+    after = Run(lambda: 7, 1)
+    after.start()
+    after.join()
+    assert after.result == 7
+
+
+def test_one_at_a_time_and_who_waits_can_be_cancelled() -> None:
+    """A second run waits for the first; cancelled while it waits, it never begins."""
+    go, order = threading.Event(), []
+    first = Run(lambda: (go.wait(10), order.append("first")), 1)
+    second, third = Run(lambda: order.append("second"), 1), Run(lambda: order.append("third"), 1)
+    for run in (first, second, third):
+        run.start()
+        time.sleep(0.05)
+    assert (first.state, second.state) == ("running", "waiting")
+    third.cancel(wait=10)
+    go.set()
+    for run in (first, second, third):
+        run.join()
+    assert order == ["first", "second"] and third.state == "cancelled"
+
+
+def test_errors_of_a_run_are_told_once(visit: Visit, frame: Path) -> None:
+    """As the library says them; then the page can begin another."""
+    open_frame(visit, frame)
+    visit.run = Run(lambda: (_ for _ in ()).throw(InputError("pivot is 3; more is wanted")), 1)
+    visit.run.start()
+    visit.run.join()
+    with pytest.raises(InputError, match="pivot is 3"):
+        api.run(visit, {})
+    assert api.run(visit, {})["state"] == "none"
+
+
+def test_a_completion_can_be_cancelled(visit: Visit) -> None:
+    """In the middle; no result is kept, and the same visit completes afterwards."""
+    api.example(visit, {"name": "street"})
+    api.complete(visit, {"yaw": 20})
+    run = visit.run
+    assert run is not None
+    with pytest.raises(PageError, match="under way"):
+        api.complete(visit, {"yaw": 20})
+    api.cancel(visit, {})
+    run.join()
+    assert api.run(visit, {})["state"] == "cancelled" and visit.result is None
+    assert completed(visit, yaw=1).done.views
+
+
+def test_nothing_of_earlier_results_is_kept(visits: Visits, frame: Path) -> None:
+    """Oracle: weak references to the results of earlier runs, and of a visit that ended."""
+    visit = visits.begin()
+    open_frame(visit, frame)
+    results = [weakref.ref(completed(visit, yaw=turn).done) for turn in (1, 2, 3)]
+    gc.collect()
+    assert [ref() is None for ref in results] == [True, True, False]
+    visits.end(visit.id)
+    gc.collect()
+    assert results[-1]() is None and not visit.folder.exists()

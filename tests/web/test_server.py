@@ -1,0 +1,208 @@
+"""What the server answers, and to whom (oracles: the rules of HTTP, and what lies on disk)."""
+
+from __future__ import annotations
+
+import http.client
+import io
+import json
+import zipfile
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from dlama.errors import InputError
+from dlama.web.api import Limits
+from dlama.web.server import Server, serving
+
+
+def ask(
+    server: Server, method: str, path: str, body: bytes | dict[str, Any] = b"", **headers: str
+) -> tuple[int, dict[str, str], bytes]:
+    """Status, headers and body of one request; `_` of a header's name stands for a dash."""
+    connection = http.client.HTTPConnection("127.0.0.1", server.port, timeout=60)
+    data = json.dumps(body).encode() if isinstance(body, dict) else body
+    connection.request(method, path, data, {name.replace("_", "-"): value for name, value in headers.items()})
+    answer = connection.getresponse()
+    found = answer.status, dict(answer.getheaders()), answer.read()
+    connection.close()
+    return found
+
+
+class Page:
+    """An open page, as a browser's."""
+
+    def __init__(self, server: Server) -> None:
+        self.server = server
+        self.visit = ""
+        self.visit = self.post("visit")["visit"]
+
+    def post(self, action: str, body: bytes | dict[str, Any] = b"{}", status: int = 200, **headers: str) -> Any:
+        """JSON or bytes of an action."""
+        code, told, data = ask(self.server, "POST", f"/api/{action}", body, X_Dlama_Visit=self.visit, **headers)
+        assert code == status, data
+        return json.loads(data) if told["Content-Type"] == "application/json" else data
+
+    def upload(self, role: str, data: bytes, name: str, status: int = 200) -> Any:
+        """A file."""
+        return self.post(f"upload?role={role}", data, status, X_Name=name)
+
+
+def open_frame(page: Page, frame: Path) -> None:
+    """The small frame's picture and depth, read."""
+    page.upload("picture", (frame / "image.png").read_bytes(), "image.png")
+    page.upload("depth", (frame / "depth.png").read_bytes(), "depth.png")
+    page.post("read", {"fov": "60"})
+
+
+def test_page_and_its_files_come_from_this_server_alone(server: Server) -> None:
+    """Each comes with the policy that forbids everything else; no address of another host stands in them."""
+    for path, kind in (("/", "text/html"), ("/page.js", "text/javascript"), ("/page.css", "text/css")):
+        status, headers, data = ask(server, "GET", path)
+        assert status == 200 and headers["Content-Type"].startswith(kind)
+        assert headers["Content-Security-Policy"].startswith("default-src 'none'")
+        assert b"//" not in data.replace(b"http://www.w3.org/", b"").replace(b"//\n", b"") or b"https:" not in data
+
+
+@pytest.mark.parametrize(
+    "path",
+    ["/../server.py", "/%2e%2e/server.py", "//etc/passwd", "/etc/passwd", "/page.css/..", "/.git", "/api/zip", "/page"],
+)
+def test_no_path_is_opened(server: Server, path: str) -> None:
+    """Only the page's own files have addresses."""
+    assert ask(server, "GET", path)[0] == 404
+
+
+def test_only_pages_of_this_server_are_answered(server: Server) -> None:
+    """Without the page's header (which no other site can send), from another host's name, with another method: refused."""
+    assert ask(server, "POST", "/api/visit", b"{}")[0] == 403
+    assert ask(server, "POST", "/api/visit", b"{}", X_Dlama_Visit="", Host="evil.example")[0] == 401
+    assert ask(server, "GET", "/", Host="evil.example:80")[0] == 403
+    assert ask(server, "GET", "/", Host=f"localhost:{server.port}")[0] == 200
+    assert ask(server, "OPTIONS", "/api/visit")[0] == 501
+    assert len(server.visits) == 0
+
+
+def test_a_token_is_asked_for(temporary: Path) -> None:
+    """With one, nothing is answered without it; its address sets a cookie that opens the page."""
+    import threading
+
+    with pytest.raises(InputError, match="give token"), serving("0.0.0.0", 0, None, Limits()):
+        pass
+    with serving("127.0.0.1", 0, "secret", Limits()) as server:
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        assert ask(server, "GET", "/")[0] == 401
+        assert ask(server, "GET", "/page.js")[0] == 401
+        assert ask(server, "GET", "/?token=wrong")[0] == 401
+        assert ask(server, "POST", "/api/visit", b"{}", X_Dlama_Visit="")[0] == 401
+        status, headers, _ = ask(server, "GET", "/?token=secret")
+        assert (status, headers["Location"]) == (303, "/")
+        cookie = headers["Set-Cookie"]
+        assert "HttpOnly" in cookie and "SameSite=Strict" in cookie
+        opened = cookie.partition(";")[0]
+        assert ask(server, "GET", "/", Cookie=opened)[0] == 200
+        assert ask(server, "POST", "/api/visit", b"{}", Cookie=opened, X_Dlama_Visit="")[0] == 200
+        assert ask(server, "POST", "/api/visit", b"{}", Cookie="dlama-1=secret", X_Dlama_Visit="")[0] == 401
+        server.shutdown()
+
+
+def test_a_port_that_is_taken(server: Server) -> None:
+    """One line says which."""
+    told = f"host and port are 127.0.0.1 and {server.port}: .*give another port"
+    with pytest.raises(InputError, match=told), serving("127.0.0.1", server.port, None, Limits()):
+        pass
+
+
+def test_all_of_a_visit(server: Server, frame: Path, temporary: Path) -> None:
+    """Hand in, mark, preview, complete, take home; then nothing of it is left on disk."""
+    page = Page(server)
+    open_frame(page, frame)
+    assert page.post("mark", {"marks": [{"kind": "click", "at": [30, 24]}]})["share"] > 0.05
+    for action, fields in (("mask", {}), ("source", {}), ("source", {"kind": "depth"}), ("preview", {"yaw": 5})):
+        assert page.post(action, fields).startswith(b"\x89PNG")
+    page.post("complete", {"yaw": 5, "filler": "telea"})
+    while (told := page.post("run"))["state"] in ("waiting", "running"):
+        pass
+    assert told["state"] == "done" and told["result"]["removed"]
+    for kind in ("image", "known", "hole_type", "origin", "confidence", "depth", "depth_known", "source"):
+        assert page.post("picture", {"kind": kind}).startswith(b"\x89PNG")
+    assert page.post("pixel", {"x": 3, "y": 4})["depth"] == pytest.approx(4, abs=1)
+    assert page.post("scene")[:4] == b"glTF"
+    assert "out/meta.json" in zipfile.ZipFile(io.BytesIO(page.post("zip"))).namelist()
+    assert page.post("state")["result"]["how"]["command"].startswith("dlama remove image.png depth.png --fov 60")
+    assert [path.name for path in temporary.rglob("*.png")]
+    server.visits.end(page.visit)
+    assert list(temporary.rglob("*.*")) == list(temporary.iterdir())
+    assert "start again" in page.post("state", status=410)["error"]
+
+
+def test_two_visitors_are_apart(server: Server, frame: Path) -> None:
+    """Neither sees the other's files, and a made-up number is nobody's."""
+    first, second = Page(server), Page(server)
+    open_frame(first, frame)
+    assert second.post("state")["files"] == {}
+    assert second.post("source", status=400)["field"] == "picture"
+    assert first.visit != second.visit and len(first.visit) >= 32
+    second.visit = first.visit[:-1] + ("a" if first.visit[-1] != "a" else "b")
+    second.post("source", status=410)
+
+
+def test_what_is_handed_in_is_bounded(server: Server, frame: Path) -> None:
+    """Bytes, pixels, fields and pages; a refused file is not kept."""
+    page = Page(server)
+    assert "up to 1 MB are taken" in page.upload("picture", b"x" * (2**20 + 1), "a.png", 413)["error"]
+    import cv2
+    import numpy as np
+
+    large = cv2.imencode(".png", np.zeros((1200, 1000, 3), np.uint8))[1].tobytes()
+    told = page.upload("picture", large, "large.png", 400)
+    assert told == {
+        "error": "large.png: is 1000x1200 pixels; this page takes up to 1 million, scale it down or use the command line",
+        "field": "picture",
+    }
+    assert page.upload("picture", b"", "a.png", 400)["error"] == "the file is empty"
+    assert page.post("state")["files"] == {}
+    page.post("read", b"[" * 2**20 + b"]", status=413)
+    page.post("read", b"[" * 10_000, status=400)
+    Page(server), Page(server)
+    assert "no more are taken" in ask_refused(server)
+
+
+def ask_refused(server: Server) -> str:
+    """What a page too many is told."""
+    status, _, data = ask(server, "POST", "/api/visit", b"{}", X_Dlama_Visit="")
+    assert status == 503
+    return str(json.loads(data)["error"])
+
+
+def test_a_page_that_leaves_is_forgotten(server: Server, frame: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Soon after it says so, unless it comes back, as a page that is loaded again does."""
+    page, other = Page(server), Page(server)
+    open_frame(page, frame)
+    server.visits.leave(page.visit)
+    page.post("alive")
+    monkeypatch.setattr("dlama.web.visits.LEAVING_SECONDS", -1.0)
+    server.visits.sweep()
+    page.post("alive")
+    server.visits.leave(other.visit)
+    server.visits.sweep()
+    other.post("alive", status=410)
+
+
+def test_a_killed_server_leaves_nothing_for_long(temporary: Path) -> None:
+    """The folder of one that ended without removing it goes when the next begins (oracle: its name, its dead process)."""
+    import subprocess
+    import sys
+
+    dead = subprocess.Popen([sys.executable, "-c", ""])
+    dead.wait()
+    with serving("127.0.0.1", 0, None, Limits()) as server:
+        name = server.visits.root.name
+    import os
+
+    left = temporary / name.replace(str(os.getpid()), str(dead.pid), 1)
+    left.mkdir()
+    (left / "picture.jpg").write_bytes(b"somebody's")
+    with serving("127.0.0.1", 0, None, Limits()):
+        assert not left.exists()
+    assert list(temporary.iterdir()) == []

@@ -1,0 +1,135 @@
+"""What is taken home is what the command line and the Python lines write (oracle: both are run, and bytes compared)."""
+
+from __future__ import annotations
+
+import io
+import json
+import shlex
+import zipfile
+from pathlib import Path
+from typing import Any
+
+import pytest
+from handing_in import completed, hand_in, open_frame
+
+import dlama
+from dlama.apps.cli import main
+from dlama.errors import InputError
+from dlama.web import api, take_home
+from dlama.web.visits import Result, Visit
+
+CLICK = {"kind": "click", "at": [30, 24]}
+WISHES: dict[str, tuple[list[dict[str, Any]], dict[str, Any], dict[str, Any]]] = {
+    "view": ([], {}, {"yaw": 8, "dolly": -0.25}),
+    "nothing asked": ([], {}, {}),
+    "clicked": ([CLICK], {}, {"pitch": -4.5, "pivot": 3}),
+    "clicked, with shadow": ([CLICK], {"with_shadow": True}, {}),
+    "box": ([{"kind": "box", "box": [17, 14, 26, 24]}], {}, {"yaw": -6, "pivot": "auto"}),
+    "painted": ([{"kind": "add", "points": [[30, 20], [30, 28]], "radius": 5}], {}, {"yaw": 5, "seed": 3}),
+    "clicked and grown": ([CLICK], {"grow": 2}, {"min_confidence": 0.2, "dilate": 1}),
+}
+
+
+def files_below(folder: Path) -> dict[str, bytes]:
+    """Name -> bytes, of every file."""
+    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+def unpacked(result: Result, visit: Visit) -> dict[str, bytes]:
+    """The zip's files."""
+    with zipfile.ZipFile(io.BytesIO(take_home.zipped(result, visit.folder))) as archive:
+        assert archive.testzip() is None
+        return {name: archive.read(name) for name in archive.namelist()}
+
+
+def same_files(mine: dict[str, bytes], theirs: dict[str, bytes], meta: bool) -> None:
+    """Every byte but those of times; of the Python lines' meta.json also what only the command line knows."""
+    assert set(mine) == set(theirs)
+    for name, data in mine.items():
+        if not name.endswith("meta.json"):
+            assert data == theirs[name], name
+    if meta:
+        both = [json.loads(files["meta.json"]) for files in (mine, theirs)]
+        for one in both:
+            one.pop("seconds")
+            for entry in one["inputs"].values():
+                entry["path"] = Path(entry["path"]).name
+        assert both[0] == both[1]
+
+
+@pytest.mark.parametrize("name", WISHES)
+def test_command_and_python_lines_write_the_same_bytes(
+    name: str, frame: Path, visit: Visit, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each is run in a folder with the visitor's files and those of the zip."""
+    marks, about, wish = WISHES[name]
+    open_frame(visit, frame)
+    api.mark(visit, {"marks": marks, **about})
+    result = completed(visit, **wish)
+    packed = unpacked(result, visit)
+    mine = {each.removeprefix("out/"): data for each, data in packed.items() if each.startswith("out/")}
+    how = take_home.how(result)
+    assert packed["commands.txt"].decode() == f"{how['command']}\n\n{how['python']}"
+    assert (take_home.MASK in packed) == bool(how["mask_file"])
+    for kind in ("command", "python"):
+        place = tmp_path / kind
+        place.mkdir()
+        for each in ("image.png", "depth.png"):
+            (place / each).write_bytes((frame / each).read_bytes())
+        if how["mask_file"]:
+            (place / "mask.png").write_bytes(packed["mask.png"])
+        monkeypatch.chdir(place)
+        if kind == "command":
+            main(shlex.split(how["command"])[1:])
+        else:
+            exec(compile(how["python"], "lines", "exec"), {})
+        same_files(mine, files_below(place / "out"), meta=kind == "command")
+
+
+def test_the_same_of_a_stereo_pair(visit: Visit, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The example that ships, with a painted mask, by its command."""
+    api.example(visit, {"name": "pair"})
+    api.mark(visit, {"marks": [{"kind": "add", "points": [[262, 310], [262, 400]], "radius": 40}]})
+    result = completed(visit)
+    packed = unpacked(result, visit)
+    for each in ("street.jpg", "right.jpg", "calib.txt"):
+        (tmp_path / each).write_bytes((dlama.example() / each).read_bytes())
+    (tmp_path / "mask.png").write_bytes(packed["mask.png"])
+    monkeypatch.chdir(tmp_path)
+    main(shlex.split(take_home.how(result)["command"])[1:])
+    mine = {each.removeprefix("out/"): data for each, data in packed.items() if each.startswith("out/")}
+    same_files(mine, files_below(tmp_path / "out"), meta=True)
+
+
+def test_single_files_are_those_of_the_zip(frame: Path, visit: Visit) -> None:
+    """Oracle: the zip; a name that the result has not is refused, also one that leads elsewhere."""
+    open_frame(visit, frame)
+    result = completed(visit, yaw=4)
+    packed = unpacked(result, visit)
+    assert result.done.meta and set(take_home.how(result)["files"]) == {
+        name.removeprefix("out/") for name in packed if name.startswith("out/")
+    }
+    for name in ("image.png", "scene.ply", "depth.exr"):
+        assert take_home.single(result, name, visit.folder) == packed[f"out/{name}"]
+    for name in ("../picture.png", "/etc/passwd", "background.ply", ""):
+        with pytest.raises(InputError, match="is no file of this result"):
+            take_home.single(result, name, visit.folder)
+
+
+def test_names_that_a_shell_would_take_apart(frame: Path, visit: Visit) -> None:
+    """Round trip: what the command says splits into the visitor's names again."""
+    hand_in(visit, "picture", frame / "image.png", "my photo; rm -rf (1).png")
+    hand_in(visit, "depth", frame / "depth.png", "my photo; rm -rf (1).png")
+    api.read(visit, {"fov": 60})
+    words = shlex.split(take_home.how(completed(visit, yaw=2))["command"])
+    assert words[2:4] == ["my photo_ rm -rf (1).png", "depth-my photo_ rm -rf (1).png"]
+
+
+def test_nothing_of_it_stays_on_disk(frame: Path, visit: Visit) -> None:
+    """Zip, single files and the 3-D scene are made in the visit's folder and leave nothing but the uploads."""
+    open_frame(visit, frame)
+    result = completed(visit, yaw=4)
+    take_home.zipped(result, visit.folder)
+    take_home.single(result, "image.png", visit.folder)
+    take_home.glb_for_page(result, visit.folder)
+    assert sorted(path.name for path in visit.folder.rglob("*")) == ["depth.png", "picture.png"]
