@@ -34,7 +34,7 @@ NETWORK_FILLERS = tuple(name for name, record in FILLERS.items() if record.needs
 NEEDED = {"scikit-image": "skimage", "scipy": "scipy", "matplotlib": "matplotlib", "jinja2": "jinja2"}
 YAW_NEAR = 0.5
 """Degrees by which a pair's yaw may differ from the one asked for."""
-Protocol = Literal["vpi", "ori", "sii"]
+Protocol = Literal["vpi", "ori", "sii", "mask"]
 MINUTE = 60.0
 """Seconds between two lines about progress where there is no terminal."""
 
@@ -43,8 +43,8 @@ MINUTE = 60.0
 class Cases:
     """Which cases of the data set are run."""
 
-    protocol: Annotated[tuple[Protocol, ...], option("vpi|ori|sii ...", "all that the data set has")] = ()
-    """View change, object removal, stereo."""
+    protocol: Annotated[tuple[Protocol, ...], option("vpi|ori|sii|mask ...", "vpi ori sii, as the data set has")] = ()
+    """View change, object removal, stereo; and how well the removed object's mask is found by clicks and boxes."""
     scenes: Annotated[tuple[str, ...], option("SCENE ...", "all")] = ()
     """Only these scenes."""
     yaws: Annotated[tuple[float, ...], option("DEG ...", "all")] = ()
@@ -85,7 +85,7 @@ class Cases:
         if missing:
             raise InputError(f"{dataset.name} has no cases of {missing[0]}; it has {', '.join(has) or 'none at all'}")
         cases: list[Case] = []
-        for name in self.protocol or has:
+        for name in self.protocol or [one for one in has if one != "mask"]:
             cases += [case for case in dataset.of(name) if self.has_yaw(case)][: self.limit]
         if not cases:
             known = sorted({abs(case.yaw) for case in dataset.cases if case.yaw is not None})

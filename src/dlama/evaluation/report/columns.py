@@ -18,10 +18,10 @@ PAPER_SHAPE: tuple[Which, ...] = tuple(
 )
 """The columns of the paper's tables 1 and 2."""
 
-HIGHER = ("ssim", "psnr", "delta", "precision", "recall", "fscore", "coverage", "iou", "untouched")
+HIGHER = ("ssim", "psnr", "delta", "precision", "recall", "fscore", "coverage", "iou", "border", "untouched")
 LOWER = (
     *("lpips", "mse", "mae", "rmse", "absrel", "accuracy", "completeness", "bad", "epe", "seconds", "peak", "error"),
-    *("difference", "offset", "spread", "leak", "violation", "broken", "changed", "photometric"),
+    *("difference", "offset", "spread", "leak", "violation", "broken", "changed", "photometric", "alarm"),
 )
 """Words with which names of metrics begin, or which are in them."""
 
@@ -31,6 +31,7 @@ MODALITIES = {
     "depth_m": "depth",
     "cloud": "cloud",
     "disparity": "disparity",
+    "mask": "mask",
 }
 METRICS = {
     "ssim": "SSIM",
@@ -41,6 +42,9 @@ METRICS = {
     "rmse": "RMSE",
     "absrel": "AbsRel",
     "epe": "EPE, px",
+    "iou": "IoU",
+    "border_f": "border F",
+    "false_alarm": "false alarms, %",
     "mask_ratio": "mask ratio, %",
     "share": "share of the picture, %",
 }

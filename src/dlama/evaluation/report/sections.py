@@ -26,6 +26,7 @@ PROTOCOLS = {
     "vpi": "View change (VPI)",
     "ori": "Object removal (ORI)",
     "sii": "Stereo (SII)",
+    "mask": "Object masks (MASK)",
 }
 EXPLAINED = {
     "vpi": "VPI, virtual projected inpainting: a source frame is shown from the camera of a target frame, its holes are "
@@ -34,10 +35,24 @@ EXPLAINED = {
     "compared with the true frame without the object.",
     "sii": "SII, stereoscopic image inpainting: an object is removed from both views of a rectified stereo pair or, where "
     "there are no masks, the right view is made from the left; the result is compared with the true pair.",
+    "mask": "MASK, a thing pointed at: its mask is found by clicks (one, then up to three corrections) and by a box, "
+    "compared with the true mask and with GrabCut alone, and used to remove the thing.",
 }
 """A sentence each for readers who do not know the paper's abbreviations."""
 HIDDEN = ("unseen", "disoccluded", "out-of-view", "object", "mask", "mask-right")
 """Regions that the source camera did not see, by the truth: what a filler is for."""
+POINTED = (
+    "click",
+    "clicks-2",
+    "clicks-3",
+    "clicks-4",
+    "box",
+    "click-estimated-depth",
+    "grabcut-box",
+    "grabcut-click",
+    "shadow",
+)
+"""Masks by how they were found (protocol MASK)."""
 KNOWN = ("seen", "ring", "outside", "shadow", "whole")
 INTEREST = tuple(
     (modality, metric)
@@ -46,6 +61,7 @@ INTEREST = tuple(
         "depth": ("ssim", "lpips", "mse"),
         "depth_m": ("mae", "absrel", "delta1.05", "delta1.25"),
         "disparity": ("bad-1", "bad-2", "epe"),
+        "mask": ("iou", "border_f", "recall", "precision", "false_alarm"),
         "cloud": ("accuracy", "completeness", "fscore_0.02", "fscore_0.05", "fscore_0.10"),
     }.items()
     for metric in metrics
@@ -67,10 +83,19 @@ REMOVAL: tuple[Which, ...] = tuple(
         *(("cloud", "fscore_0.05"), ("disparity", "bad-1")),
     )
 )
-VARIANT_METRICS: tuple[Which, ...] = tuple(
-    (region, modality, metric)
-    for region in ("whole", "unseen", "mask")
-    for modality, metric in (("rgb", "ssim"), ("rgb", "lpips"), ("rgb", "mse"), ("depth", "mse"), ("depth_m", "mae"))
+VARIANT_METRICS: tuple[Which, ...] = (
+    *(
+        (region, modality, metric)
+        for region in ("whole", "unseen", "mask")
+        for modality, metric in (
+            ("rgb", "ssim"),
+            ("rgb", "lpips"),
+            ("rgb", "mse"),
+            ("depth", "mse"),
+            ("depth_m", "mae"),
+        )
+    ),
+    ("shadow", "rgb", "mse"),
 )
 
 
@@ -218,13 +243,16 @@ class _Place:
 
     def region_tables(self) -> tuple[Table, ...]:
         """Regions that were hidden, and those that were not; all yaws together."""
+        masks = [which for which in self._interesting(POINTED) if which[1] == "mask"]
         titles = {"Hidden regions": HIDDEN, "Known regions": KNOWN}
-        tables = [self._side_by_side(self._interesting(regions), title) for title, regions in titles.items()]
-        return _there(tables)
+        chosen = {
+            title: [which for which in self._interesting(of) if which[1] != "mask"] for title, of in titles.items()
+        }
+        return _there([self._side_by_side(found, title) for title, found in {"Masks": masks, **chosen}.items()])
 
     def more_tables(self) -> tuple[Table, ...]:
         """What is neither of a common metric nor of the method as named."""
-        shown = {*self._interesting(HIDDEN), *self._interesting(KNOWN)}
+        shown = {*self._interesting(HIDDEN), *self._interesting(KNOWN), *self._interesting(POINTED)}
         rest = [which for which in self.every if which not in shown]
         main = VARIANT_METRICS
         different = variants(

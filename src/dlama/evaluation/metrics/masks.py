@@ -1,0 +1,66 @@
+"""Two masks in; how well they agree out. Where to click next, and which pixels a thing's shadow darkens, by the truth."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from dlama.geometry.holes import dilated, eroded
+from dlama.geometry.rgbd import BoolArray, UInt8Array
+from dlama.perception.masks.prompt import Box
+
+BORDER_PX = 2
+"""Distance up to which two borders agree."""
+DARKER = 0.1
+"""Share of its luma that a pixel loses at least in a shadow,"""
+DARKER_LEVELS = 3.0
+"""and levels of 0..255: less is compression."""
+EDGE_PX = 2
+"""Round the thing colours are mixes of it and what lies behind it."""
+
+
+def iou(found: BoolArray, true: BoolArray) -> float:
+    """Intersection over union, 0..1; 0 where both are empty."""
+    return float((found & true).sum() / max((found | true).sum(), 1))
+
+
+def border_f(found: BoolArray, true: BoolArray) -> float:
+    """Harmonic mean of the shares of each border that lie within BORDER_PX of the other (Martin et al. 2004), 0..1."""
+    one, other = (mask & ~eroded(mask, 1) for mask in (found, true))
+    if not one.any() or not other.any():
+        return 0.0
+    precise = (one & dilated(other, BORDER_PX)).sum() / one.sum()
+    complete = (other & dilated(one, BORDER_PX)).sum() / other.sum()
+    return float(2 * precise * complete / max(precise + complete, 1e-9))
+
+
+def innermost(where: BoolArray) -> tuple[int, int]:
+    """x, y of the pixel farthest from where `where` (H x W, not empty) ends; the picture's rim ends it too."""
+    distance = cv2.distanceTransform(np.pad(where.astype(np.uint8), 1), cv2.DIST_L2, 5)[1:-1, 1:-1]
+    row, column = np.unravel_index(int(distance.argmax()), distance.shape)
+    return int(column), int(row)
+
+
+def largest_region(where: BoolArray) -> BoolArray:
+    """The largest 8-connected region of `where` (H x W, not empty)."""
+    _, labels, stats, _ = cv2.connectedComponentsWithStats(where.astype(np.uint8), connectivity=8)
+    return np.asarray(labels == 1 + int(stats[1:, cv2.CC_STAT_AREA].argmax()))
+
+
+def box_of(mask: BoolArray, larger: float) -> Box:
+    """x, y, width, height of the box of a mask (H x W, not empty), grown by a share of its sides."""
+    rows, columns = np.flatnonzero(mask.any(1)), np.flatnonzero(mask.any(0))
+    high, wide = float(np.ptp(rows) + 1), float(np.ptp(columns) + 1)
+    return columns[0] - larger / 2 * wide, rows[0] - larger / 2 * high, (1 + larger) * wide, (1 + larger) * high
+
+
+def darkened(color: UInt8Array, without: UInt8Array, mask: BoolArray) -> BoolArray:
+    """H x W, True where a thing takes away a tenth of the light or more, outside its mask; means of 3 x 3 px are compared.
+
+    color, without: H x W x 3, the picture with and without the thing.
+    """
+    outside = (~dilated(mask, EDGE_PX)).astype(np.float32)
+    count = np.maximum(cv2.blur(outside, (3, 3)), 1e-6)
+    luma = [cv2.cvtColor(each, cv2.COLOR_RGB2GRAY).astype(np.float32) for each in (color, without)]
+    shown, true = (cv2.blur(each * outside, (3, 3)) / count for each in luma)
+    return np.asarray((true - shown >= np.maximum(DARKER * true, DARKER_LEVELS)) & (outside > 0))

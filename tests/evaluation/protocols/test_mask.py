@@ -1,0 +1,61 @@
+"""MASK on the square before the wall: a click and a box find it (closed form), and the removal is scored as ORI scores it."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+from square_world import FILLED, SOURCE, SQUARE_IN_SOURCE, WALL, constant_filler, frame, rectangle, values
+
+from dlama.datasets.frames import Case, Dataset, RemovalTruth, ViewTruth
+from dlama.errors import InputError
+from dlama.evaluation.protocols import PROTOCOLS
+from dlama.evaluation.protocols.mask import CLICKS, shadow_measures
+from dlama.evaluation.protocols.methods import Method, ProtocolSettings
+
+__all__ = ["constant_filler"]
+QUICK = ProtocolSettings(lpips=False, mask_changes=(), ring_px=8)
+TRUTH = RemovalTruth(frame(SOURCE, SQUARE_IN_SOURCE), frame(SOURCE, None), SQUARE_IN_SOURCE)
+
+
+def test_the_square_is_found_and_removed(constant_filler: str) -> None:
+    """IoU and border F of 1 by every click and by the box; the region of the true mask is off by what the filler wrote."""
+    (plain,) = PROTOCOLS["mask"](TRUTH, Method("paper", constant_filler), QUICK)
+    found = values(plain.measures)
+    for name in (*CLICKS, "box"):
+        assert found[name, "mask", "iou"] == found[name, "mask", "border_f"] == 1
+    assert found["mask", "rgb", "mse"] == (WALL - FILLED) ** 2
+    assert found["shadow", "mask", "false_alarm"] == 0
+    assert {("grabcut-box", "mask", "iou"), ("click-estimated-depth", "mask", "iou")} <= set(found)
+
+
+def test_variants_remove_with_other_masks(constant_filler: str) -> None:
+    """The found mask is the true one and there is no shadow: all three runs score alike."""
+    settings = dataclasses.replace(QUICK, mask_changes=(3,))
+    runs = PROTOCOLS["mask"](TRUTH, Method("paper", constant_filler), settings)
+    assert [run.variant for run in runs] == ["", "true-mask", "with-shadow"]
+    errors = {values(run.measures)["mask", "rgb", "mse"] for run in runs}
+    assert len(errors) == 1
+
+
+def test_a_shadow_that_is_not_found_is_not_recalled() -> None:
+    """A dark strip far from the square, which nothing casts: recall 0, and no precision where nothing was found."""
+    color = TRUTH.source.color.copy()
+    color[rectangle((56, 64))] = 50
+    dark = dataclasses.replace(TRUTH, source=dataclasses.replace(TRUTH.source, color=color))
+    assert [(one.metric, one.value) for one in shadow_measures(dark)] == [("recall", 0)]
+
+
+def test_every_removal_is_a_case_of_masks() -> None:
+    case = Case("ori", "toy", "room", "one", lambda: TRUTH)
+    (mask,) = Dataset("toy", "made-up", None, (), (case,)).of("mask")
+    assert mask.protocol == "mask" and mask.key == "mask__toy__room__one" and mask.load() is TRUTH
+
+
+def test_what_is_no_removal_is_refused() -> None:
+    with pytest.raises(InputError, match="mask: the case holds a ViewTruth"):
+        PROTOCOLS["mask"](ViewTruth(TRUTH.source, TRUTH.without), Method("paper", "telea"), QUICK)
+    empty = dataclasses.replace(TRUTH, mask=np.zeros_like(TRUTH.mask))
+    with pytest.raises(InputError, match="a RemovalTruth with a mask"):
+        PROTOCOLS["mask"](empty, Method("paper", "telea"), QUICK)
