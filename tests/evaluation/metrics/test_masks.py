@@ -21,8 +21,8 @@ def test_iou_of_shifted_squares() -> None:
 
 
 def test_borders_agree_within_two_pixels() -> None:
-    """One or two pixels off is agreement, far off is none. Five to the side, of the 76 pixels of the border 17 above, 17 below and
-    4 of the right side lie within 2 px of the other's."""
+    """One or two pixels off is agreement, far off is none. Five to the side, of the 76 pixels of the border 17 above, 17
+    below and 4 of the right side lie within 2 px of the other's."""
     assert border_f(square(10, 10), square(11, 11)) == 1
     assert border_f(square(0, 0), square(38, 38)) == 0
     assert border_f(square(10, 10), square(10, 10) & False) == 0
