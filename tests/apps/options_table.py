@@ -337,6 +337,8 @@ BATCH = {
     "threads": Reach("--threads 2", "batch.threads", 2),
     "resume": Reach("--no-resume", "batch.resume", False),
     "stop_after_failures": Reach("--stop-after-failures 3", "batch.stop_after_failures", 3),
+    "ray": Reach("--ray auto", "batch.ray", "auto"),
+    "gpus_per_worker": Reach("--gpus-per-worker 0.25", "batch.gpus_per_worker", 0.25),
     "dry_run": Reach("--dry-run --verb view", "planned_lines.verb", "view"),
 }
 SERVE = {

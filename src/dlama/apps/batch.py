@@ -66,6 +66,10 @@ class Running:
     """Run jobs again that are done with the same inputs and options."""
     stop_after_failures: Annotated[int | None, option("N", "never")] = None
     """Begin no new job after so many failures."""
+    ray: Annotated[str | None, option("local|auto|HOST:PORT", "processes of this computer")] = None
+    """Run on a Ray cluster; all its nodes must see inputs and results under the same names."""
+    gpus_per_worker: Annotated[float, option("SHARE", "0")] = 0.0
+    """On a cluster: the share of a GPU that each worker is given."""
     dry_run: Annotated[bool, option("", "off")] = False
     """Run nothing; say how many jobs there are and show the first ten as they would run."""
 

@@ -7,12 +7,13 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from importlib.util import find_spec
 from itertools import islice
 from pathlib import Path
 from typing import Any, Protocol
 
 from dlama.completion.memory import available_bytes, processor_count
-from dlama.errors import InputError, OutputError
+from dlama.errors import InputError, MissingExtraError, OutputError
 from dlama.files.atomic_write import PathLike
 from dlama.files.drafts import remove_abandoned
 from dlama.jobs.job import Job, job_of
@@ -21,7 +22,7 @@ from dlama.jobs.manifest import Manifest
 from dlama.jobs.parameters import KNOWN, VERBS
 from dlama.jobs.perform import Task, given_up, work
 from dlama.jobs.result import JobResult
-from dlama.jobs.storage import Output, folder_of, local
+from dlama.jobs.storage import Output, folder_of, is_address, local
 from dlama.workers.memory import PROCESS_BYTES, check_count
 from dlama.workers.pool import TRIES, Ended, Pool
 
@@ -65,6 +66,8 @@ def batch(
     ordered: bool = False,
     resume: bool = True,
     stop_after_failures: int | None = None,
+    ray: str | None = None,
+    gpus_per_worker: float = 0.0,
     progress: Progress | None = None,
     **defaults: Any,
 ) -> Iterator[JobResult]:
@@ -83,6 +86,8 @@ def batch(
         ordered: results come in the order of the list; default: as they end.
         resume: False: every job is run again.
         stop_after_failures: no new job is begun after so many failures of this run.
+        ray: run on a Ray cluster: local, auto, or HOST:PORT; all its nodes must see the inputs and `out` under the same names.
+        gpus_per_worker: on a cluster, the share of a GPU that each worker is given.
         progress: called as results come.
         defaults: parameters of all jobs whose verb takes them (fov=65, filler="migan").
 
@@ -90,14 +95,14 @@ def batch(
         InputError: a list that cannot be read, two jobs of the same id, an unknown parameter; before anything is run where the
             list can be read twice.
         OutputError: OUT cannot be written, or another run is writing there.
+        MissingExtraError: a cluster, an address or Parquet, and the package for it is not installed.
     """
-    chosen = workers_for(workers, threads)
     source = JobList(jobs, verb, checked_defaults(verb, defaults))
     if stop_after_failures is not None and stop_after_failures < 1:
         raise InputError(f"stop_after_failures is {stop_after_failures}; 1 or more is wanted")
-    output = Output(str(out))
+    output = Output(str(out) if is_address(str(out)) else str(Path(local(str(out))).absolute()))
     settings = Settings(output, ordered, resume, stop_after_failures, progress or (lambda *_: None))
-    return _run(source, settings, lambda: Pool(work, *chosen))
+    return _run(source, settings, starter(workers, threads, ray, gpus_per_worker))
 
 
 @dataclass(frozen=True)
@@ -152,6 +157,25 @@ def checked_defaults(verb: str | None, defaults: Mapping[str, Any]) -> dict[str,
             raise InputError(f"{name} is no parameter of a verb; known are {', '.join(KNOWN)}")
     given = {name: value for name, value in defaults.items() if value is not None}
     return {name: str(Path(value).absolute()) if isinstance(value, Path) else value for name, value in given.items()}
+
+
+def starter(workers: int | None, threads: int | None, ray: str | None, gpus_per_worker: float) -> Callable[[], Workers]:
+    """What starts the workers. InputError: numbers that cannot be. MissingExtraError: Ray is not installed."""
+    if ray is None:
+        if gpus_per_worker:
+            raise InputError(f"gpus_per_worker is {gpus_per_worker} without ray; it is for clusters")
+        chosen = workers_for(workers, threads)
+        return lambda: Pool(work, *chosen)
+    for name, value in (("workers", workers), ("threads", threads)):
+        if value is not None and value < 1:
+            raise InputError(f"{name} is {value}; 1 or more is wanted")
+    if gpus_per_worker < 0:
+        raise InputError(f"gpus_per_worker is {gpus_per_worker}; 0 or more is wanted")
+    if find_spec("ray") is None:
+        raise MissingExtraError(f"ray={ray}", "ray", "batch")
+    from dlama.jobs.on_ray import RayWorkers
+
+    return lambda: RayWorkers(work, ray, workers, threads, gpus_per_worker)
 
 
 def workers_for(workers: int | None, threads: int | None) -> tuple[int, int]:
@@ -233,7 +257,8 @@ class _Run:
                 self.workers.submit(task)
                 self.under_way += 1
             yield from self.handed()
-            if self.under_way and not (more and self.workers.free and not self.is_full()):
+            can_begin = self.again or (more and not self.is_full())
+            if (more or self.again or self.under_way) and not (can_begin and self.workers.free):
                 for ended in self.workers.wait():
                     self.under_way -= 1
                     self.end(ended)
@@ -272,6 +297,8 @@ class _Run:
         task: Task = ended.task
         if ended.died is None:
             self.add(task.number, ended.answer)
+        elif ended.blameless:
+            self.again.append(task)
         elif task.attempt < TRIES:
             self.again.append(replace(task, attempt=task.attempt + 1))
         else:

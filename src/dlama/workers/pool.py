@@ -40,6 +40,8 @@ class Ended:
     """What the function returned."""
     died: str | None = None
     """How its process ended before it could answer, in words; None: it did answer."""
+    blameless: bool = False
+    """It was not what the process ran when it died, or the whole computer died: that counts as no try."""
 
 
 @dataclass(eq=False)

@@ -1,0 +1,189 @@
+"""A Ray cluster in; workers on its nodes that run tasks as `dlama.workers.pool.Pool` does on this computer, out.
+
+Ray is the scheduler: it places one actor a worker, starts one elsewhere when one is lost, and says which node died. Each actor
+keeps its networks and kernels open and has a short queue of its own, so that it never waits for the driver; no more results than
+these queues hold are ever under way. Files are read and written by the actors, on shared storage; rows alone come back.
+"""
+
+from __future__ import annotations
+
+import os
+import time
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+from dlama.errors import InputError, MissingExtraError, first_line
+from dlama.workers.pool import OUT_OF_MEMORY, Ended
+from dlama.workers.threads import limit_threads
+
+AHEAD = 3
+"""Tasks in the queue of an actor, with the one under way."""
+NODE_SECONDS = 3.0
+"""How long a cluster may take to notice that a node is dead, after an actor on it is."""
+USAGE = "RAY_USAGE_STATS_ENABLED"
+
+
+class _Actor:
+    """What runs on a node. Ray makes an actor of it."""
+
+    def __init__(self, work: Callable[[Any], Any], threads: int) -> None:
+        limit_threads(threads)
+        self.work = work
+
+    def node(self) -> str:
+        """Where it is; answered when it is ready."""
+        import ray
+
+        return str(ray.get_runtime_context().get_node_id())
+
+    def run(self, task: Any) -> Any:
+        """One task."""
+        try:
+            return self.work(task)
+        except MemoryError:
+            os._exit(OUT_OF_MEMORY)
+
+
+@dataclass(eq=False)
+class _Worker:
+    handle: Any
+    ready: Any
+    """Its node's name, to come."""
+    node: str = ""
+    """Empty: it is not ready."""
+    queue: deque[tuple[Any, Any]] = field(default_factory=deque)
+    """(result to come, task), in the order in which they run."""
+
+
+class RayWorkers:
+    """Actors that each run one task at a time. To be closed."""
+
+    def __init__(
+        self, work: Callable[[Any], Any], address: str, workers: int | None, threads: int | None, gpus_per_worker: float
+    ) -> None:
+        """address: local (a cluster of this computer alone), auto (the one that this node belongs to), or HOST:PORT.
+
+        Raises MissingExtraError: Ray is not installed; InputError: no such cluster, or one without room for a worker.
+        """
+        self.ray = _ray()
+        self._started = _connect(self.ray, address)
+        self.work, self.threads, self.gpus = work, threads or 1, gpus_per_worker
+        room = self._room()
+        if room < 1:
+            self.close()
+            raise InputError(
+                f"ray={address} has no room for a worker: {self.ray.cluster_resources()}; fewer threads or a smaller "
+                "gpus_per_worker is wanted"
+            )
+        self.count = workers or room
+        self._workers: list[_Worker] = []
+        for _ in range(self.count):
+            self._start()
+
+    @property
+    def free(self) -> int:
+        """How many tasks can be handed in now."""
+        return sum(AHEAD - len(one.queue) for one in self._workers if one.node)
+
+    def submit(self, task: Any) -> None:
+        """Hand in a task, to the shortest queue; only while one is `free`."""
+        worker = min((one for one in self._workers if one.node), key=lambda one: len(one.queue))
+        worker.queue.append((worker.handle.run.remote(task), task))
+
+    def wait(self) -> list[Ended]:
+        """The tasks that ended; none, where an actor has become ready."""
+        owners = {one.ready: one for one in self._workers if not one.node}
+        owners |= {ref: one for one in self._workers for ref, _ in one.queue}
+        self.ray.wait(list(owners), num_returns=1)
+        done, _ = self.ray.wait(list(owners), num_returns=len(owners), timeout=0)
+        ends: list[Ended] = []
+        for ref in done:
+            worker = owners[ref]
+            if worker in self._workers:  # and has not died with an earlier one of its tasks
+                ends += self._heard(worker, ref)
+        return ends
+
+    def close(self) -> None:
+        """End all actors, and the cluster if it was started for them."""
+        for worker in getattr(self, "_workers", []):
+            self.ray.kill(worker.handle)
+        if self._started:
+            self.ray.shutdown()
+
+    def _room(self) -> int:
+        """How many workers the cluster holds."""
+        has = self.ray.cluster_resources()
+        room = int(has.get("CPU", 0) // self.threads)
+        return min(room, int(has.get("GPU", 0) / self.gpus)) if self.gpus else room
+
+    def _start(self) -> None:
+        made = self.ray.remote(_Actor).options(num_cpus=self.threads, num_gpus=self.gpus, max_restarts=0)
+        handle = made.remote(self.work, self.threads)
+        self._workers.append(_Worker(handle, handle.node.remote()))
+
+    def _heard(self, worker: _Worker, ref: Any) -> list[Ended]:
+        """One answer of an actor; where it has died, what became of all in its queue."""
+        try:
+            answer = self.ray.get(ref)
+        except self.ray.exceptions.RayActorError as error:
+            return self._lost(worker, error)
+        if ref is worker.ready:
+            worker.node = answer
+            return []
+        task = next(task for one, task in worker.queue if one is ref)
+        worker.queue = deque(pair for pair in worker.queue if pair[0] is not ref)
+        return [Ended(task, answer)]
+
+    def _lost(self, worker: _Worker, error: Exception) -> list[Ended]:
+        """The task under way is to blame unless the whole node has died; those behind it never are."""
+        self._workers.remove(worker)
+        self._start()
+        blameless = self._node_died(worker.node, str(error))
+        how = "its node died" if blameless else first_line(error)
+        ends: list[Ended] = []
+        for ref, task in worker.queue:
+            try:
+                ends.append(Ended(task, self.ray.get(ref, timeout=0)))  # it was answered before
+            except (self.ray.exceptions.RayActorError, self.ray.exceptions.GetTimeoutError):
+                ends.append(Ended(task, died=how, blameless=blameless))
+                blameless = True
+        return ends
+
+    def _node_died(self, node: str, message: str) -> bool:
+        if not node or "node has died" in message:
+            return True
+        until = time.monotonic() + NODE_SECONDS
+        while time.monotonic() < until:
+            if not any(one["NodeID"] == node and one["Alive"] for one in self.ray.nodes()):
+                return True
+            time.sleep(0.1)
+        return False
+
+
+def _connect(ray: Any, address: str) -> bool:
+    """Whether a cluster was joined or started here, and is to be left at the end."""
+    if ray.is_initialized():
+        return False
+    os.environ.setdefault(USAGE, "0")
+    options: dict[str, Any] = {"log_to_driver": False, "logging_level": "ERROR"}
+    if address == "local":
+        ray.init(address="local", include_dashboard=False, **options)
+        return True
+    try:
+        ray.init(address=address, **options)
+    except (ConnectionError, RuntimeError, ValueError) as error:
+        raise InputError(
+            f"ray={address}: no such cluster ({first_line(error)}); local, auto or HOST:PORT is wanted"
+        ) from error
+    return True
+
+
+def _ray() -> Any:
+    try:
+        import ray
+        import ray.exceptions
+    except ImportError as error:
+        raise MissingExtraError("a Ray cluster", "ray", "batch") from error
+    return ray

@@ -1,0 +1,61 @@
+"""A cluster of several nodes on this computer (oracles: the same list on processes, byte for byte; the list itself)."""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+sys.path.append(str(Path(__file__).parent))  # worker processes look for `small_jobs` where this process does
+from small_jobs import FAST, FLAG, contents, small_frame, table, view_rows, write_csv
+
+from dlama.errors import InputError, MissingExtraError
+from dlama.jobs import batch as room
+from dlama.jobs.batch import batch
+from dlama.jobs.result import JobResult
+
+with_ray = pytest.mark.skipif(importlib.util.find_spec("ray") is None, reason="ray is not installed: extra `batch`")
+
+
+@with_ray
+def test_a_lost_node_and_lost_workers_lose_no_job(tmp_path: Path) -> None:
+    """One node is killed in the middle, one job kills its worker once, another always: all rows are there, none twice, and
+    results are those of local processes."""
+    rows = view_rows(12)
+    rows[4:4] = [{**rows[0], "id": name} for name in ("killed-1", "killed-9")]
+    path = write_csv(small_frame(tmp_path) / "jobs.csv", rows)
+    environment = {**os.environ, FLAG: str(tmp_path), "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+    words = [sys.executable, str(Path(__file__).with_name("ray_run.py")), str(path), str(tmp_path / "out"), "3"]
+    done = subprocess.run(words, capture_output=True, text=True, env=environment, timeout=600)
+    seen = [JobResult.from_json(line[4:]) for line in done.stdout.splitlines() if line.startswith("row ")]
+    assert sorted(row.id for row in seen) == sorted(str(row["id"]) for row in rows), done.stderr[-2000:]
+    failures = {row.id: row for row in seen if row.status == "failed"}
+    assert set(failures) == {"killed-9"} and failures["killed-9"].error_kind == "WorkerDied"
+    assert list(table(tmp_path / "out")) == [row["id"] for row in rows]
+    alive = write_csv(tmp_path / "local.csv", [row for row in rows if row["id"] != "killed-9"])
+    assert {row.status for row in batch(alive, tmp_path / "local", workers=1, **FAST)} == {"done"}
+    ours, local = contents(tmp_path / "out"), contents(tmp_path / "local")
+    assert list(ours) == list(local)
+    assert [name for name in ours if ours[name] != local[name]] == []
+
+
+def test_without_ray_the_pip_line_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Before anything is run (oracle: the message)."""
+    monkeypatch.setattr(room, "find_spec", lambda name: None)
+    with pytest.raises(MissingExtraError, match=r"ray=local needs the package 'ray': pip install 'dlama\[batch\]'"):
+        batch([], "out", ray="local")
+    with pytest.raises(InputError, match=r"gpus_per_worker is 0\.5 without ray"):
+        batch([], "out", gpus_per_worker=0.5)
+
+
+@with_ray
+def test_numbers_that_cannot_be() -> None:
+    """Before a cluster is started."""
+    with pytest.raises(InputError, match="workers is 0"):
+        batch([], "out", ray="local", workers=0)
+    with pytest.raises(InputError, match="gpus_per_worker is -1"):
+        batch([], "out", ray="local", gpus_per_worker=-1)
