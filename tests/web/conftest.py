@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from apps.small_frame import small_frame
-from dlama.web.api import Limits
+from dlama.web.answers import Limits
 from dlama.web.server import Server, serving
 from dlama.web.visits import Visit, Visits, open_visits
 

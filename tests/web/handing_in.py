@@ -5,10 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from dlama.web import api
+from dlama.web import api, results
+from dlama.web.answers import Limits
 from dlama.web.visits import Result, Visit
 
-LIMITS = api.Limits()
+LIMITS = Limits()
 
 
 def hand_in(visit: Visit, role: str, path: Path, name: str | None = None) -> dict[str, Any]:
@@ -25,9 +26,9 @@ def open_frame(visit: Visit, frame: Path, **fields: Any) -> dict[str, Any]:
 
 def completed(visit: Visit, **fields: Any) -> Result:
     """A completion begun and waited for."""
-    api.complete(visit, {"filler": "telea", **fields})
+    results.complete(visit, {"filler": "telea", **fields})
     assert visit.run is not None
     visit.run.join()
-    told = api.run(visit, {})
+    told = results.run(visit, {})
     assert told["state"] == "done" and visit.result is not None
     return visit.result

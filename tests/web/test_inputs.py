@@ -14,7 +14,7 @@ from dlama.errors import CameraError, DepthError, DlamaError, FileError, InputEr
 from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import RGBD
 from dlama.web import api
-from dlama.web.failures import PageError, field_of, shown
+from dlama.web.failures import PageError, field_of, in_words_of_the_page, shown
 from dlama.web.inputs import Upload, file_name, known_depth, read_options, small
 from dlama.web.visits import Visit
 
@@ -111,6 +111,22 @@ def test_a_damaged_file_is_named_as_the_visitor_names_it(visit: Visit, frame: Pa
     message = shown(str(caught.value), visit.names())
     assert message.startswith("my depth.exr: ") and str(visit.folder) not in message
     assert field_of(caught.value, {role: upload.path for role, upload in visit.files.items()}) == "depth"
+
+
+@pytest.mark.parametrize(
+    ("message", "told"),
+    [
+        ("give fov, or `camera`, a file", "give the field of view, or a camera file, a file"),
+        ("or give resize_depth=nearest", "or give “Bring depth to the picture's size”"),
+        ("a.json: fx is 3 and the camera is far", "a.json: fx is 3 and the camera is far"),
+        ("clicks holds 3,4, which lies on a wall; far away", "a click holds 3,4, which lies on a wall; far away"),
+        ("no depth is nearer than `far`, 3 m", "no depth is nearer than where the sky begins, 3 m"),
+        ("fov.json: no such file", "fov.json: no such file"),
+    ],
+)  # fmt: skip
+def test_messages_speak_of_the_page(message: str, told: str) -> None:
+    """By hand: parameters get the names of the page's fields, words of sentences and of files stay."""
+    assert in_words_of_the_page(message) == told
 
 
 def test_kinds_of_errors_have_fields() -> None:

@@ -12,7 +12,8 @@ from handing_in import completed, open_frame
 
 import dlama
 from dlama.errors import MaskError
-from dlama.web import api, pictures
+from dlama.web import api, pictures, results
+from dlama.web.answers import Blob
 from dlama.web.failures import PageError
 from dlama.web.marks import Marks, Stroke, mask_of, read_marks
 from dlama.web.visits import Visit
@@ -28,7 +29,7 @@ def test_clicks_are_find_mask(visit: Visit, frame: Path) -> None:
     np.testing.assert_array_equal(visit.mask, wanted)
     assert told["share"] == pytest.approx(float(wanted.mean()))
     blob = api.mask(visit, {})
-    assert isinstance(blob, api.Blob)
+    assert isinstance(blob, Blob)
     read = cv2.imdecode(np.frombuffer(blob.data, np.uint8), cv2.IMREAD_UNCHANGED)
     np.testing.assert_array_equal(read == 255, wanted)
     assert api.mark(visit, {"marks": []})["share"] == 0 and visit.mask is None
@@ -139,10 +140,10 @@ def test_a_pixel_tells_what_it_holds(visit: Visit, frame: Path) -> None:
     assert (told["origin"], told["confidence"]) == ("measured", 1.0)
     result = completed(visit, yaw=10)
     view = result.done.view
-    told = api.pixel(visit, {"x": 40, "y": 20})
+    told = results.pixel(visit, {"x": 40, "y": 20})
     assert told["depth"] == pytest.approx(float(view.depth[20, 40]), abs=1e-4)
     with pytest.raises(PageError, match="outside"):
-        api.pixel(visit, {"x": 64, "y": 0})
+        results.pixel(visit, {"x": 64, "y": 0})
 
 
 def test_thinned_scenes_keep_their_place(visit: Visit, frame: Path) -> None:

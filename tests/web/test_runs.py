@@ -14,7 +14,7 @@ import pytest
 from handing_in import completed, open_frame
 
 from dlama.errors import InputError
-from dlama.web import api
+from dlama.web import api, results
 from dlama.web.failures import PageError
 from dlama.web.listening import ears, listening
 from dlama.web.runs import Run
@@ -51,8 +51,8 @@ def test_warnings_go_elsewhere_where_nobody_listens() -> None:
     assert [str(one.message) for one in caught] == ["one"] and heard == ["two"]
 
 
-def test_a_run_is_cancelled_between_two_steps() -> None:
-    """Work that would go on for ever ends, no handler of errors catches it, and the next run is not kept waiting."""
+def test_a_run_is_cancelled_at_its_next_stage() -> None:
+    """Work that would go on for ever ends, no handler of errors catches it, and the next run gets its turn."""
     began, steps = threading.Event(), []
 
     def work() -> None:
@@ -60,20 +60,33 @@ def test_a_run_is_cancelled_between_two_steps() -> None:
             try:
                 began.set()
                 time.sleep(0.01)
-                steps.append(1)
+                LOG.info("a stage")
             except Exception:
                 steps.append(-1)
 
-    run = Run(work, 1)
-    run.start()
-    assert began.wait(10)
-    run.cancel(wait=10)
-    run.join()
-    assert run.state == "cancelled" and run.result is None and -1 not in steps
-    after = Run(lambda: 7, 1)
-    after.start()
-    after.join()
+    with ears():
+        run = Run(work, 1)
+        run.start()
+        assert began.wait(10)
+        run.cancel()
+        assert run.state == "cancelled" and not run.active
+        run.join()
+        assert run.state == "cancelled" and run.result is None and steps == []
+        after = Run(lambda: 7, 1)
+        after.start()
+        after.join()
     assert after.result == 7
+
+
+def test_what_a_cancelled_run_gives_is_dropped() -> None:
+    """Where no stage comes any more, it ends by itself, and its result is nobody's."""
+    go = threading.Event()
+    run = Run(lambda: go.wait(10), 1)
+    run.start()
+    run.cancel()
+    go.set()
+    run.join()
+    assert (run.state, run.result) == ("cancelled", None)
 
 
 def test_one_at_a_time_and_who_waits_can_be_cancelled() -> None:
@@ -85,7 +98,7 @@ def test_one_at_a_time_and_who_waits_can_be_cancelled() -> None:
         run.start()
         time.sleep(0.05)
     assert (first.state, second.state) == ("running", "waiting")
-    third.cancel(wait=10)
+    third.cancel()
     go.set()
     for run in (first, second, third):
         run.join()
@@ -99,21 +112,21 @@ def test_errors_of_a_run_are_told_once(visit: Visit, frame: Path) -> None:
     visit.run.start()
     visit.run.join()
     with pytest.raises(InputError, match="pivot is 3"):
-        api.run(visit, {})
-    assert api.run(visit, {})["state"] == "none"
+        results.run(visit, {})
+    assert results.run(visit, {})["state"] == "none"
 
 
 def test_a_completion_can_be_cancelled(visit: Visit) -> None:
     """In the middle; no result is kept, and the same visit completes afterwards."""
     api.example(visit, {"name": "street"})
-    api.complete(visit, {"yaw": 20})
+    results.complete(visit, {"yaw": 20})
     run = visit.run
     assert run is not None
     with pytest.raises(PageError, match="under way"):
-        api.complete(visit, {"yaw": 20})
-    api.cancel(visit, {})
+        results.complete(visit, {"yaw": 20})
+    results.cancel(visit, {})
     run.join()
-    assert api.run(visit, {})["state"] == "cancelled" and visit.result is None
+    assert results.run(visit, {})["state"] == "cancelled" and visit.result is None
     assert completed(visit, yaw=1).done.views
 
 

@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 from dlama.errors import InputError
-from dlama.web.api import Limits
+from dlama.web.answers import Limits
 from dlama.web.server import Server, serving
 
 

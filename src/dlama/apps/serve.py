@@ -35,7 +35,7 @@ def serve(
         max_megapixels: The largest picture that is taken, in millions of pixels.
         max_pages: How many pages can be open at once; each holds its pictures in memory.
     """
-    from dlama.web.api import Limits
+    from dlama.web.answers import Limits
     from dlama.web.server import is_loopback, serving
 
     if token is None and not is_loopback(host):

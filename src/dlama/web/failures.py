@@ -18,6 +18,23 @@ FIELDS = (
     ("method", ("filler", "model", "recipe", "seed", "min_confidence", "mode", "clip", "depth_by")),
 )
 """Field of the page -> parameters that a message may name."""
+WORDS = {
+    "fov": "the field of view",
+    "camera": "a camera file",
+    "depth_scale": "units per metre",
+    "depth_range": "what 1.0 means",
+    "far": "where the sky begins",
+    "resize_depth=nearest": "“Bring depth to the picture's size”",
+    "metres_at": "known depths",
+    "camera_height": "the camera's height above the ground",
+    "clicks": "a click",
+    "not_clicks": "a click beside the thing",
+    "dilate": "growth of the hole",
+    "min_confidence": "“Leave open below”",
+}
+"""Parameter that a message of the library names -> what the page calls it."""
+PLAIN_WORDS = ("camera", "far", "clicks", "dilate")
+"""Those that sentences have too: they are parameters only in backticks, or where a clause begins with them."""
 KINDS: tuple[tuple[type[DlamaError], str], ...] = ((CameraError, "camera"), (DepthError, "depth"), (MaskError, "marks"))
 """Kind of an error -> the field it is about where nothing else says so."""
 
@@ -56,3 +73,14 @@ def shown(message: str, names: Mapping[Path, str]) -> str:
         return message
     longest_first = "|".join(re.escape(word) for word in sorted(words, key=len, reverse=True))
     return re.sub(rf"(?<![\w.-])(?:{longest_first})(?![\w-])", lambda match: words[match[0]], message)
+
+
+def in_words_of_the_page(message: str) -> str:
+    """A message of the library, which names parameters, with what the page calls them."""
+    for name, words in WORDS.items():
+        message = message.replace(f"`{name}`", words)
+        if name in PLAIN_WORDS:
+            message = re.sub(rf"(^|: |; )(give |){name}(?= is | hold)", rf"\1\2{words}", message)
+        else:
+            message = re.sub(rf"(?<![\w./-]){re.escape(name)}(?![\w./-])", words, message)
+    return message

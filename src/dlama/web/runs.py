@@ -1,24 +1,28 @@
-"""A completion that was asked for in; its progress, and in the end its result, out. It can be cancelled at any time."""
+"""A completion that was asked for in; its progress, and in the end its result, out. It can be cancelled at any time.
+
+A run ends at the next stage that the library logs: an exception thrown into a thread from outside could hit a compiler or an
+allocation half way, which ends in a crash. Its visitor need not wait for that: a cancelled run counts as ended at once.
+"""
 
 from __future__ import annotations
 
-import ctypes
 import threading
 import time
 import traceback
 from collections.abc import Callable
+from contextlib import suppress
 from typing import Any
 
 from dlama.errors import DlamaError
 from dlama.web.listening import listening
 
 ONE_AT_A_TIME = threading.Semaphore(1)
-"""A completion uses all cores and much memory; the next visitor's waits."""
-CANCEL_SECONDS = 0.05
+"""A completion uses all cores and much memory; the next one waits for its turn."""
+POLL_SECONDS = 0.05
 
 
 class Cancelled(BaseException):
-    """Raised inside a run that its visitor cancelled; no handler of the library's takes it for an error."""
+    """Raised inside the work that its visitor cancelled; no handler of errors takes it."""
 
 
 class Run:
@@ -27,7 +31,7 @@ class Run:
     def __init__(self, work: Callable[[], Any], expected: int) -> None:
         self.work = work
         self.finish: Callable[[Any], Any] = _same
-        """What becomes of what `work` gives."""
+        """What becomes of what `work` gives, in the same thread."""
         self.expected = expected
         """About as many stages as it has."""
         self.state = "waiting"
@@ -57,26 +61,15 @@ class Run:
         share = 1.0 if self.state == "done" else min(0.95, self.stages / (self.expected + 1))
         return {"state": self.state, "stage": self.stage, "share": round(share, 3), "seconds": round(seconds, 1)}
 
-    def cancel(self, wait: float = 0.0) -> None:
-        """Stop it between two steps of its Python code; its result is dropped. Waits up to so many seconds for its end."""
+    def cancel(self) -> None:
+        """Drop it, now for its visitor, and for the machine at its next stage."""
         self._cancel.set()
         if self.active:
             self.state = "cancelled"
-        deadline = time.monotonic() + wait
-        while self._thread.is_alive():
-            self._raise_inside()
-            if time.monotonic() >= deadline:
-                return
-            self._thread.join(CANCEL_SECONDS)
 
     def join(self) -> None:
         """Wait for its end."""
         self._thread.join()
-
-    def _raise_inside(self) -> None:
-        number = self._thread.ident
-        if number is not None:
-            ctypes.pythonapi.PyThreadState_SetAsyncExc(ctypes.c_ulong(number), ctypes.py_object(Cancelled))
 
     def _heard(self, message: str) -> None:
         if self._cancel.is_set():
@@ -85,37 +78,33 @@ class Run:
         self.stage = message
 
     def _run(self) -> None:
+        while not ONE_AT_A_TIME.acquire(timeout=POLL_SECONDS):
+            if self._cancel.is_set():
+                return
         try:
-            while not ONE_AT_A_TIME.acquire(timeout=0.1):
-                if self._cancel.is_set():
-                    return
-            try:
-                if not self._cancel.is_set():
+            if not self._cancel.is_set():
+                self.state = "running"
+                with suppress(Cancelled), listening(self._heard) as self.warnings:
                     self._work()
-            finally:
-                ONE_AT_A_TIME.release()
-        except Cancelled:
-            self.state = "cancelled"
         finally:
+            ONE_AT_A_TIME.release()
             self.work, self.finish = _nothing, _same
-            self.seconds = time.monotonic() - self.started
+            self._end()
 
     def _work(self) -> None:
-        self.state = "running"
-        with listening(self._heard) as warned:
-            self.warnings = warned
-            try:
-                result = self.finish(self.work())
-            except Exception as error:
-                self.error = error
-                if not isinstance(error, DlamaError):
-                    traceback.print_exc()
+        try:
+            self.result = self.finish(self.work())
+        except Exception as error:
+            self.error = error
+            if not isinstance(error, DlamaError):
+                traceback.print_exc()
+
+    def _end(self) -> None:
+        self.seconds = time.monotonic() - self.started
         if self._cancel.is_set():
-            self.state = "cancelled"
-        elif self.error is not None:
-            self.state = "failed"
+            self.state, self.result = "cancelled", None
         else:
-            self.result, self.state = result, "done"
+            self.state = "done" if self.error is None else "failed"
 
 
 def _nothing() -> None:

@@ -1,58 +1,29 @@
-"""HTTP requests in; the page, its files and the answers of `api` out. Nothing but the standard library.
+"""An address in; a server there that hands each connection to `handler`, and forgets its visits at the end, out.
 
-Who may ask: only pages of this server (every request of the API carries a header that no other site can send), only under this
-machine's own names while the server listens on it alone, and, where a token is asked for, only who has it.
+Nothing but the standard library.
 """
 
 from __future__ import annotations
 
-import hmac
-import http.cookies
-import json
 import os
 import socket
 import sys
 import threading
 import traceback
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager, suppress
-from http import HTTPStatus
-from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from collections.abc import Iterator
+from contextlib import contextmanager
+from http.server import ThreadingHTTPServer
 from pathlib import Path
 from typing import Any
-from urllib.parse import parse_qs, unquote, urlsplit
 
-from dlama.errors import DlamaError, InputError
-from dlama.web import api
-from dlama.web.failures import PageError, field_of, shown
+from dlama.errors import InputError
+from dlama.web.answers import Limits
+from dlama.web.handler import LOOPBACK, TYPES, Handler
 from dlama.web.listening import ears
-from dlama.web.visits import Visit, Visits, open_visits
+from dlama.web.visits import Visits, open_visits
 
 ASSETS = Path(__file__).parents[1] / "assets" / "web"
-TYPES = {
-    ".html": "text/html; charset=utf-8",
-    ".css": "text/css; charset=utf-8",
-    ".js": "text/javascript; charset=utf-8",
-    ".svg": "image/svg+xml",
-}
-MOST_JSON = 2**20
-"""Bytes of a request's fields."""
 MOST_CONNECTIONS = 64
-CHUNK = 2**18
-SECONDS = 60
-"""A connection that says nothing for so long is closed."""
-POLICY = (
-    "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob:; connect-src 'self'; "
-    "form-action 'self'; base-uri 'none'; frame-ancestors 'none'"
-)
-"""What the browser lets the page load: nothing from anywhere else."""
-LOOPBACK = ("localhost", "127.0.0.1", "::1")
-ASK_FOR_TOKEN = """<!doctype html><html lang="en"><meta charset="utf-8"><title>dlama</title>
-<meta name="viewport" content="width=device-width"><link rel="stylesheet" href="/page.css">
-<main class="gate"><h1>dlama</h1><p>This page asks for the token that <code>dlama serve</code> printed.</p>
-<form><label for="token">Token</label><input id="token" name="token" type="password" autocomplete="off" autofocus>
-<button class="primary">Open</button></form></main></html>
-"""
 
 
 class Server(ThreadingHTTPServer):
@@ -61,7 +32,7 @@ class Server(ThreadingHTTPServer):
     daemon_threads = True
     request_queue_size = 64
 
-    def __init__(self, address: tuple[str, int], visits: Visits, token: str | None, limits: api.Limits) -> None:
+    def __init__(self, address: tuple[str, int], visits: Visits, token: str | None, limits: Limits) -> None:
         self.visits = visits
         self.token = token
         self.limits = limits
@@ -108,211 +79,13 @@ class Server(ThreadingHTTPServer):
         self.visits.sweep()
 
 
-class Handler(BaseHTTPRequestHandler):
-    """One connection of a browser."""
-
-    protocol_version = "HTTP/1.1"
-    server_version = "dlama"
-    sys_version = ""
-    timeout = SECONDS
-    server: Server
-
-    def log_message(self, format: str, *args: Any) -> None:
-        """Nothing of what visitors do is written down."""
-
-    def do_GET(self) -> None:
-        """The page and its files."""
-        address = urlsplit(self.path)
-        given = parse_qs(address.query).get("token", [""])[0]
-        if not self._host_is_ours():
-            self._say(HTTPStatus.FORBIDDEN, "this address is not one that dlama serve listens on")
-        elif self.server.token and given and same(given, self.server.token):
-            cookie = f"{self._cookie_name()}={self.server.token}; Path=/; HttpOnly; SameSite=Strict"
-            self._reply(HTTPStatus.SEE_OTHER, b"", "text/plain", {"Location": "/", "Set-Cookie": cookie})
-        elif not self._has_token() and address.path != "/page.css":
-            self._reply(HTTPStatus.UNAUTHORIZED, ASK_FOR_TOKEN.encode(), TYPES[".html"])
-        else:
-            name = "/page.html" if address.path == "/" else address.path
-            data = self.server.files.get(name)
-            if data is None:
-                self._say(HTTPStatus.NOT_FOUND, "there is no such page")
-            else:
-                self._reply(HTTPStatus.OK, data, TYPES[Path(name).suffix])
-
-    do_HEAD = do_GET
-
-    def do_POST(self) -> None:
-        """Uploads and actions."""
-        address = urlsplit(self.path)
-        if not self._host_is_ours() or not self._has_token():
-            self._refuse(HTTPStatus.UNAUTHORIZED, "this page asks for a token; open it anew")
-            return
-        if address.path == "/api/leave":
-            self.server.visits.leave(self._body(200).decode("ascii", "replace"))
-            self._json({})
-            return
-        number = self.headers.get("X-Dlama-Visit")
-        if number is None:
-            self._refuse(HTTPStatus.FORBIDDEN, "requests of other pages are not answered")
-            return
-        visit: Visit | None = None
-        try:
-            if address.path in ("/api/visit", "/api/settings"):
-                self._body(MOST_JSON)
-                begins = address.path == "/api/visit"
-                limits = self.server.limits
-                self._json({"visit": self.server.visits.begin().id} if begins else api.settings(limits))
-                return
-            visit = self.server.visits.find(number)
-            self._act(visit, address.path.removeprefix("/api/"), parse_qs(address.query))
-        except DlamaError as error:
-            self._failed(error, visit)
-        except MemoryError:
-            self._refuse(HTTPStatus.BAD_REQUEST, "this machine's memory is too small for that; take a smaller picture")
-        except OSError:
-            raise
-        except Exception as error:
-            traceback.print_exc()
-            self._refuse(HTTPStatus.INTERNAL_SERVER_ERROR, f"a fault of dlama: {type(error).__name__}: {error}")
-
-    def _act(self, visit: Visit, name: str, query: Mapping[str, list[str]]) -> None:
-        if name == "upload":
-            role = query.get("role", [""])[0]
-            given = unquote(self.headers.get("X-Name", ""))
-            self._json(api.keep_upload(visit, role, given, self.server.limits, self._stream))
-            return
-        action = api.ACTIONS.get(name)
-        if action is None:
-            raise PageError("there is no such action", status=404)
-        fields = self._fields()
-        if name in api.UNLOCKED:
-            answer = action(visit, fields)
-        else:
-            with visit.lock:
-                if visit.closed:
-                    raise PageError("this page was closed; start again", status=410)
-                answer = action(visit, fields)
-        if isinstance(answer, api.Blob):
-            self._blob(answer)
-        else:
-            self._json(answer)
-
-    def _fields(self) -> dict[str, Any]:
-        body = self._body(MOST_JSON)
-        try:
-            fields = json.loads(body or b"{}")
-        except (ValueError, RecursionError):
-            raise PageError("the fields are no JSON") from None
-        if not isinstance(fields, dict):
-            raise PageError("the fields are no JSON object")
-        return fields
-
-    def _length(self, most: int) -> int:
-        given = self.headers.get("Content-Length") or "0"
-        if "Transfer-Encoding" in self.headers or not given.isdecimal():
-            self.close_connection = True
-            raise PageError("the length of what is sent must be said", status=411)
-        if int(given) > most:
-            self.close_connection = True
-            self._drop(min(int(given), 4 * most))  # a browser reads the answer only once it has sent all
-            raise PageError(f"that is {int(given) / 2**20:.0f} MB; up to {most / 2**20:.0f} MB are taken", status=413)
-        return int(given)
-
-    def _drop(self, left: int) -> None:
-        while left > 0:
-            part = self.rfile.read(min(CHUNK, left))
-            if not part:
-                return
-            left -= len(part)
-
-    def _body(self, most: int) -> bytes:
-        return self.rfile.read(self._length(most))
-
-    def _stream(self, file: Any) -> None:
-        left = self._length(self.server.limits.bytes)
-        if not left:
-            raise PageError("the file is empty")
-        while left:
-            part = self.rfile.read(min(CHUNK, left))
-            if not part:
-                raise PageError("the upload was broken off")
-            file.write(part)
-            left -= len(part)
-
-    def _failed(self, error: DlamaError, visit: Visit | None) -> None:
-        files = {role: upload.path for role, upload in visit.files.items()} if visit else {}
-        names = visit.names() if visit else {}
-        status = error.status if isinstance(error, PageError) else 400
-        field = field_of(error, files)
-        if not field and self.path.startswith("/api/upload"):
-            field = parse_qs(urlsplit(self.path).query).get("role", [""])[0][:20]
-        self.close_connection = True  # its body may not have been read
-        self._json({"error": shown(str(error), names), "field": field}, HTTPStatus(status))
-
-    def _refuse(self, status: HTTPStatus, message: str) -> None:
-        self.close_connection = True
-        self._json({"error": message, "field": ""}, status)
-
-    def _say(self, status: HTTPStatus, message: str) -> None:
-        self._reply(status, message.encode(), "text/plain; charset=utf-8")
-
-    def _json(self, values: Mapping[str, Any], status: HTTPStatus = HTTPStatus.OK) -> None:
-        self._reply(status, json.dumps(values).encode(), "application/json")
-
-    def _blob(self, blob: api.Blob) -> None:
-        headers = dict(blob.headers or {})
-        if blob.name:
-            headers["Content-Disposition"] = f'attachment; filename="{blob.name}"'
-        self._reply(HTTPStatus.OK, blob.data, blob.kind, headers)
-
-    def _reply(self, status: HTTPStatus, data: bytes, kind: str, headers: Mapping[str, str] | None = None) -> None:
-        self.send_response(status)
-        always = {
-            "Content-Type": kind,
-            "Content-Length": str(len(data)),
-            "Cache-Control": "no-store",
-            "Content-Security-Policy": POLICY,
-            "X-Content-Type-Options": "nosniff",
-            "Referrer-Policy": "no-referrer",
-        }
-        for name, value in {**always, **(headers or {})}.items():
-            self.send_header(name, value)
-        if self.close_connection:
-            self.send_header("Connection", "close")
-        self.end_headers()
-        if self.command != "HEAD":
-            self.wfile.write(data)
-
-    def _host_is_ours(self) -> bool:
-        host = urlsplit(f"//{self.headers.get('Host', '')}").hostname or ""
-        return not self.server.local or host in LOOPBACK
-
-    def _cookie_name(self) -> str:
-        return f"dlama-{self.server.port}"
-
-    def _has_token(self) -> bool:
-        if not self.server.token:
-            return True
-        cookies = http.cookies.SimpleCookie()
-        with suppress(http.cookies.CookieError):
-            cookies.load(self.headers.get("Cookie", ""))
-        given = cookies.get(self._cookie_name())
-        bearer = self.headers.get("Authorization", "").removeprefix("Bearer ")
-        return same(given.value if given else bearer, self.server.token)
-
-
-def same(given: str, token: str) -> bool:
-    """Whether two texts are equal, in a time that does not tell where they differ."""
-    return hmac.compare_digest(given.encode("utf-8", "replace"), token.encode())
-
-
 def is_loopback(host: str) -> bool:
     """Whether only this machine reaches an address."""
     return host in LOOPBACK or host.startswith("127.")
 
 
 @contextmanager
-def serving(host: str, port: int, token: str | None, limits: api.Limits) -> Iterator[Server]:
+def serving(host: str, port: int, token: str | None, limits: Limits) -> Iterator[Server]:
     """A server that listens; `serve_forever` answers. At the end it forgets all visits. InputError: the address cannot be had."""
     if not is_loopback(host) and not token:
         raise InputError(f"host is {host}: a token is wanted where other machines can reach the page; give token")

@@ -92,10 +92,10 @@ class Visit:
         self.source = self.mask = self.found = self.session = self.result = self.run = None
         self.marks, self.listed, self.preview = Marks(), [], {}
 
-    def stop(self, wait: float = 0.0) -> None:
+    def stop(self) -> None:
         """Cancel what is under way."""
         if self.run is not None:
-            self.run.cancel(wait)
+            self.run.cancel()
 
 
 class Visits:

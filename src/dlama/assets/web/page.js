@@ -1,86 +1,13 @@
 // The page: from the picture over marks and camera to the result. What the server says is shown beside the field it is about.
-import * as server from "/server.js";
-import { Compare } from "/compare.js";
 import { rolesOf } from "/files.js";
 import { Marker } from "/marker.js";
-import { SceneView, readGlb } from "/scene.js";
+import { $, TABS, all, chosen, clearErrors, enable, failed, legend, offer, onOpen, openTab, percent, ramp, warnings } from "/messages.js";
+import { noResult, repaint, showResult } from "/result.js";
+import * as server from "/server.js";
 
-const $ = (id) => document.getElementById(id);
-const all = (selector) => [...document.querySelectorAll(selector)];
-const chosen = (name) => document.querySelector(`input[name="${name}"]:checked`).value;
 const NAMES = { picture: "Picture", depth: "Depth", camera: "Camera", right: "Right", calib: "Calibration" };
 const STAGES = { render: "rendering", fill: "filling", fuse: "fusing", exchange: "what the other eye saw" };
-let settings, source = null, result = null, sceneOf = null, running = false;
-
-// ---- messages
-function clearErrors(...fields) {
-  for (const line of all("[data-error]")) if (!fields.length || fields.includes(line.dataset.error)) line.hidden = true;
-  if (!fields.length) $("general").hidden = true;
-}
-
-function failed(error, fallback = "") {
-  const said = error?.message ?? String(error), wanted = error?.field || fallback;
-  const place = (wanted && document.querySelector(`[data-error="${wanted}"]`)) || (fallback && document.querySelector(`[data-error="${fallback}"]`));
-  const shown = place && (place.offsetParent !== null || place.closest("section")?.offsetParent != null || !place.closest("[hidden]")) ? place : $("general");
-  shown.textContent = said;
-  shown.hidden = false;
-  const folded = shown.closest("details");
-  if (folded) { folded.hidden = false; folded.open = true; }
-  const pane = shown.closest('[role="tabpanel"]');
-  if (pane?.hidden) openTab(pane.id.replace("pane-", ""));
-  shown.scrollIntoView({ block: "nearest" });
-  if (!error?.status && !(error instanceof server.Failure)) console.error(error);
-}
-
-function warnings(id, list) {
-  $(id).replaceChildren(...(list ?? []).map((text) => Object.assign(document.createElement("p"), { className: "note warning", textContent: text })));
-}
-
-function swatch(color) {
-  const svg = document.createElementNS("http://www.w3.org/2000/svg", "svg");
-  svg.setAttribute("width", 14);
-  svg.setAttribute("height", 14);
-  svg.setAttribute("aria-hidden", "true");
-  const rect = svg.appendChild(document.createElementNS(svg.namespaceURI, "rect"));
-  for (const [name, value] of [["width", 14], ["height", 14], ["fill", `rgb(${color.join(" ")})`]]) rect.setAttribute(name, value);
-  return svg;
-}
-
-const percent = (share) => (share >= 0.0005 ? `${(100 * share).toFixed(1)} %` : "<0.1 %");
-
-function legend(id, rows) {
-  $(id).replaceChildren(...rows.map(({ name, color, share }) => {
-    const item = document.createElement("li");
-    item.append(swatch(color), share === undefined ? name : `${name} ${percent(share)}`);
-    return item;
-  }));
-}
-
-// ---- tabs
-const TABS = ["source", "preview", "result", "scene"];
-
-function openTab(name, focus = false) {
-  for (const one of TABS) {
-    const tab = $(`tab-${one}`), on = one === name;
-    tab.setAttribute("aria-selected", on);
-    tab.tabIndex = on ? 0 : -1;
-    $(`pane-${one}`).hidden = !on;
-    if (on && focus) tab.focus();
-  }
-  if (name === "scene") showScene();
-  if (name === "source") marker.draw();
-}
-
-const enable = (name, on) => { $(`tab-${name}`).disabled = !on; };
-for (const name of TABS) $(`tab-${name}`).addEventListener("click", () => openTab(name));
-$("tabs").addEventListener("keydown", (event) => {
-  const step = { ArrowRight: 1, ArrowLeft: -1 }[event.key];
-  if (!step) return;
-  const open = TABS.filter((name) => !$(`tab-${name}`).disabled);
-  const now = open.findIndex((name) => $(`tab-${name}`).getAttribute("aria-selected") === "true");
-  openTab(open[(now + step + open.length) % open.length], true);
-  event.preventDefault();
-});
+let settings, source = null;
 
 // ---- 1 the picture
 async function takeFiles(list) {
@@ -145,12 +72,14 @@ async function shownWhile(work, fallback) {
 }
 
 function noSource() {
-  source = result = sceneOf = null;
+  source = null;
+  noResult();
+  $("run-words").textContent = "";
   marker.reset();
   $("empty").hidden = false;
   document.body.classList.remove("loaded");
   for (const id of ["marker", "source-bar", "card-marks", "card-move", "card-do", "card-home"]) $(id).hidden = true;
-  for (const name of ["preview", "result", "scene"]) enable(name, false);
+  for (const name of TABS.slice(1)) enable(name, false);
   for (const line of all("[data-fact]")) line.textContent = "";
   for (const id of ["read-warnings", "result-warnings"]) warnings(id, []);
   $("mask-fact").textContent = "";
@@ -173,6 +102,7 @@ async function showSource(state) {
   document.body.classList.add("loaded");
   document.documentElement.style.setProperty("--aspect", source.width / source.height);
   document.querySelector('input[name="shown"][value="color"]').checked = true;
+  $("source-ramp").hidden = true;
   marker.reset();
   marker.show(await server.bitmap("source"), source.width, source.height);
   showMarkButtons();
@@ -186,12 +116,12 @@ for (const name of ["dragleave", "drop"]) document.addEventListener(name, () => 
 document.addEventListener("drop", (event) => { event.preventDefault(); takeFiles(event.dataTransfer.files); });
 $("fields").addEventListener("submit", (event) => { event.preventDefault(); read(); });
 for (const input of all('input[name="shown"]')) input.addEventListener("change", () => shownWhile(async () => {
-  marker.show(await server.bitmap("source", { kind: chosen("shown") }), source.width, source.height);
+  const { blob, headers } = await server.fetched("source", { kind: chosen("shown") });
+  marker.show(await createImageBitmap(blob), source.width, source.height);
+  const scale = JSON.parse(headers.get("X-Ramp") ?? "null");
+  $("source-ramp").hidden = !scale;
+  if (scale) ramp("source-ramp", scale.colors, scale.metres.map((v) => `${v} m`));
 }, "picture"));
-
-function offer(list, id, titles = {}) {
-  $(id).replaceChildren(...list.map((name) => Object.assign(document.createElement("option"), { value: name, textContent: titles[name] ?? name })));
-}
 
 function showSettings() {
   $("examples").replaceChildren(...Object.entries(settings.examples).map(([name, title]) => {
@@ -225,6 +155,7 @@ function showSettings() {
 // ---- 2 marks
 const marker = new Marker($("canvas"), () => sendMarks());
 let marking = 0;
+onOpen.source = () => marker.draw();
 
 function showMarkButtons() {
   $("undo").disabled = $("clear").disabled = !marker.marks.length;
@@ -271,8 +202,6 @@ function wish() {
     filler: $("filler").value, recipe: $("recipe").value, dilate: $("dilate").value, seed: $("seed").value, min_confidence: $("min_confidence").value,
   };
 }
-
-const moved = () => ["yaw", "pitch", "dolly"].some((name) => Number($(name).value) !== 0);
 
 function showMove() {
   for (const [name, unit] of Object.entries(UNITS)) $(name).nextElementSibling.textContent = `${$(name).value}${unit}`;
@@ -325,7 +254,7 @@ async function follow() {
   for (;;) {
     const told = await server.ask("run");
     $("progress").value = told.share ?? 0;
-    $("run-words").textContent = { waiting: "waiting for another visitor's", running: STAGES[told.stage] ?? told.stage ?? "" }[told.state] ?? "";
+    $("run-words").textContent = { waiting: "waiting for its turn", running: STAGES[told.stage] ?? told.stage ?? "" }[told.state] ?? "";
     if (told.state === "done") { $("run-words").textContent = `${told.seconds.toFixed(1)} s`; return showResult(told.result); }
     if (told.state === "cancelled" || told.state === "none") { $("run-words").textContent = "cancelled"; return; }
     await new Promise((done) => setTimeout(done, 200));
@@ -333,7 +262,6 @@ async function follow() {
 }
 
 function setRunning(on) {
-  running = on;
   $("complete").disabled = on;
   $("cancel").hidden = $("progress").hidden = !on;
   if (on) { $("progress").value = 0; $("run-words").textContent = ""; }
@@ -342,137 +270,12 @@ function setRunning(on) {
 $("complete").addEventListener("click", complete);
 $("cancel").addEventListener("click", () => server.ask("cancel").catch((error) => failed(error, "method")));
 
-// ---- the result
-const compare = new Compare($("compare"), $("split"), readPixel);
-let askedPicture = 0;
-
-async function showResult(told) {
-  result = told;
-  sceneOf = null;
-  for (const name of ["result", "scene"]) enable(name, true);
-  $("card-home").hidden = false;
-  $("sides").hidden = !told.pair;
-  document.querySelector('input[name="kind"][value="image"]').checked = true;
-  document.querySelector('input[name="side"][value="left"]').checked = true;
-  warnings("result-warnings", told.nothing_visible ? ["nothing of the scene is visible from there, so nothing could be filled", ...told.warnings] : told.warnings);
-  offer(told.how.files, "single");
-  $("command").textContent = told.how.command;
-  $("python").textContent = told.how.python;
-  $("mask-file").textContent = told.how.mask_file ? `${told.how.mask_file} comes with the zip.` : "";
-  compare.split(50);
-  openTab("result");
-  await showKind();
-}
-
-const right = () => Boolean(result.pair && chosen("side") === "right");
-
-async function showKind() {
-  const number = ++askedPicture, kind = chosen("kind");
-  const before = { image: result.moved || right() ? "known" : "source", depth: "depth_known" }[kind] ?? "image";
-  const names = { source: "before", known: "known from here", depth_known: "known depth", image: kind === "image" ? "completed" : "completed picture" };
-  $("readout").textContent = "Click a pixel: its depth, 3-D point, origin and confidence.";
-  $("cross").hidden = true;
-  try {
-    const [first, second] = await Promise.all([before, kind].map((one) => server.fetched("picture", { kind: one, right: right() })));
-    if (number !== askedPicture) return;
-    await Promise.all([server.showIn($("before"), first.blob), server.showIn($("after"), second.blob)]);
-    $("before-name").textContent = names[before];
-    $("after-name").textContent = { depth: "completed depth", hole_type: "hole types", origin: "origin", confidence: "confidence" }[kind] ?? "completed";
-    $("before").alt = names[before];
-    $("after").alt = $("after-name").textContent;
-    showLegend(kind);
-  } catch (error) { failed(error, "home"); }
-}
-
-function showLegend(kind) {
-  const told = result.legends[right() ? "right" : "left"], rows = told[kind];
-  $("ramp").hidden = kind !== "depth" && kind !== "confidence";
-  legend("legend", Array.isArray(rows) ? rows : []);
-  if (kind === "depth") ramp(told.depth.colors, told.depth.metres.map((v) => `${v} m`));
-  if (kind === "confidence") ramp(Array.from({ length: 24 }, (_, i) => Array(3).fill(Math.round(i * 255 / 23))), ["0 filled, unsure", "0.5", "1 measured"]);
-}
-
-function ramp(colors, ticks) {
-  const svg = document.createElementNS("http://www.w3.org/2000/svg", "svg");
-  svg.setAttribute("viewBox", `0 0 ${colors.length} 1`);
-  svg.setAttribute("preserveAspectRatio", "none");
-  svg.setAttribute("aria-hidden", "true");
-  colors.forEach((color, i) => {
-    const rect = svg.appendChild(document.createElementNS(svg.namespaceURI, "rect"));
-    for (const [name, value] of [["x", i], ["width", 1.05], ["height", 1], ["fill", `rgb(${color.join(" ")})`]]) rect.setAttribute(name, value);
-  });
-  $("ramp").querySelector(".bar").replaceChildren(svg);
-  $("ramp").querySelector(".ticks").replaceChildren(...ticks.map((text) => Object.assign(document.createElement("span"), { textContent: text })));
-}
-
-async function readPixel(across, down) {
-  if (!result) return;
-  try {
-    const told = await server.ask("pixel", { x: Math.floor(across * result.width), y: Math.floor(down * result.height), right: right() });
-    $("cross").hidden = false;
-    $("cross").style.left = `${100 * (told.x + 0.5) / result.width}%`;
-    $("cross").style.top = `${100 * (told.y + 0.5) / result.height}%`;
-    const depth = told.depth === null ? "no depth" : told.depth === "sky" ? "sky" : `${told.depth.toFixed(3)} m`;
-    const rows = [["pixel", `${told.x}, ${told.y}`], ["depth", depth], ["point", told.point ? `${told.point.map((v) => v.toFixed(3)).join(", ")} m` : "none"], ["origin", told.origin], ["confidence", told.confidence.toFixed(2)]];
-    if (told.hole_type !== "none") rows.push(["was", told.hole_type]);
-    $("readout").replaceChildren(...rows.flatMap(([name, value], i) => [`${i ? " · " : ""}${name} `, Object.assign(document.createElement("b"), { textContent: value })]));
-  } catch (error) { failed(error, "home"); }
-}
-
-for (const input of all('input[name="kind"], input[name="side"]')) input.addEventListener("change", showKind);
-
-// ---- 3-D
-let view3d = null;
-
-async function showScene() {
-  if (!result || sceneOf === result) { view3d?.draw(); return; }
-  const wanted = result;
-  $("scene-fact").textContent = "loading …";
-  try {
-    const { blob, headers } = await server.fetched("scene");
-    const glb = await readGlb(blob);
-    if (wanted !== result) return;
-    view3d ??= new SceneView($("scene"));
-    view3d.show(glb, result.start, result.palette);
-    sceneOf = wanted;
-    const step = Number(headers.get("X-Step"));
-    $("scene-fact").textContent = glb ? `${glb.count.toLocaleString("en")} points${step > 1 ? `, every ${step}rd or so pixel of each row and column` : ""}; drag to turn, wheel to come nearer, Shift and drag to move` : "there is nothing but sky";
-    if (step > 1) $("scene-fact").textContent = $("scene-fact").textContent.replace(`every ${step}rd or so pixel of each row and column`, `1 pixel in ${step * step}; the zip has all`);
-    showSceneLegend();
-  } catch (error) { $("scene-fact").textContent = ""; failed(error, "home"); }
-}
-
-function showSceneLegend() {
-  const mode = Number(chosen("scene-color"));
-  if (mode === 1) legend("scene-legend", result.legends.scene.map(({ name, color }) => ({ name, color })));
-  else if (mode === 2) legend("scene-legend", [{ name: "0 filled, unsure", color: [212, 56, 26] }, { name: "0.5", color: [250, 217, 89] }, { name: "1 measured", color: [41, 140, 204] }]);
-  else legend("scene-legend", []);
-}
-
-for (const input of all('input[name="scene-color"]')) input.addEventListener("change", () => { if (view3d) { view3d.mode = Number(input.value); view3d.draw(); } showSceneLegend(); });
-$("scene-home").addEventListener("click", () => view3d?.home());
-
-// ---- take home
-async function download(action, fields, name) {
-  clearErrors("home");
-  $("home-words").textContent = "packing …";
-  try { server.save((await server.fetched(action, fields)).blob, name); } catch (error) { failed(error, "home"); } finally { $("home-words").textContent = ""; }
-}
-
-$("zip").addEventListener("click", () => download("zip", {}, "dlama.zip"));
-$("get-single").addEventListener("click", () => download("file", { name: $("single").value }, $("single").value.split("/").at(-1)));
-for (const button of all("[data-copy]")) button.addEventListener("click", async () => {
-  await navigator.clipboard?.writeText($(button.dataset.copy).textContent).catch(() => {});
-  button.textContent = "Copied";
-  setTimeout(() => { button.textContent = "Copy"; }, 1500);
-});
-
 // ---- the page itself
 $("theme").addEventListener("click", () => {
   const dark = document.documentElement.dataset.theme === "dark" || (!document.documentElement.dataset.theme && matchMedia("(prefers-color-scheme: dark)").matches);
   document.documentElement.dataset.theme = dark ? "light" : "dark";
   try { localStorage.setItem("dlama-theme", document.documentElement.dataset.theme); } catch { /* it is chosen for this page alone */ }
-  view3d?.draw();
+  repaint();
 });
 $("start-over").addEventListener("click", async () => {
   clearErrors();

@@ -1,0 +1,93 @@
+// Messages, legends, scales and tabs: what the page says, and which pane is open.
+import { Failure } from "/server.js";
+
+export const $ = (id) => document.getElementById(id);
+export const all = (selector) => [...document.querySelectorAll(selector)];
+export const chosen = (name) => document.querySelector(`input[name="${name}"]:checked`).value;
+export function offer(list, id, titles = {}) {
+  $(id).replaceChildren(...list.map((name) => Object.assign(document.createElement("option"), { value: name, textContent: titles[name] ?? name })));
+}
+
+// ---- messages
+export function clearErrors(...fields) {
+  for (const line of all("[data-error]")) if (!fields.length || fields.includes(line.dataset.error)) line.hidden = true;
+  if (!fields.length) $("general").hidden = true;
+}
+
+export function failed(error, fallback = "") {
+  const said = error?.message ?? String(error), wanted = error?.field || fallback;
+  const place = (wanted && document.querySelector(`[data-error="${wanted}"]`)) || (fallback && document.querySelector(`[data-error="${fallback}"]`));
+  const shown = place && (place.offsetParent !== null || place.closest("section")?.offsetParent != null || !place.closest("[hidden]")) ? place : $("general");
+  shown.textContent = said;
+  shown.hidden = false;
+  const folded = shown.closest("details");
+  if (folded) { folded.hidden = false; folded.open = true; }
+  const pane = shown.closest('[role="tabpanel"]');
+  if (pane?.hidden) openTab(pane.id.replace("pane-", ""));
+  shown.scrollIntoView({ block: "nearest" });
+  if (!error?.status && !(error instanceof Failure)) console.error(error);
+}
+
+export function warnings(id, list) {
+  $(id).replaceChildren(...(list ?? []).map((text) => Object.assign(document.createElement("p"), { className: "note warning", textContent: text })));
+}
+
+function swatch(color) {
+  const svg = document.createElementNS("http://www.w3.org/2000/svg", "svg");
+  svg.setAttribute("width", 14);
+  svg.setAttribute("height", 14);
+  svg.setAttribute("aria-hidden", "true");
+  const rect = svg.appendChild(document.createElementNS(svg.namespaceURI, "rect"));
+  for (const [name, value] of [["width", 14], ["height", 14], ["fill", `rgb(${color.join(" ")})`]]) rect.setAttribute(name, value);
+  return svg;
+}
+
+export const percent = (share) => (share >= 0.0005 ? `${(100 * share).toFixed(1)} %` : "<0.1 %");
+
+export function legend(id, rows) {
+  $(id).replaceChildren(...rows.map(({ name, color, share }) => {
+    const item = document.createElement("li");
+    item.append(swatch(color), share === undefined ? name : `${name} ${percent(share)}`);
+    return item;
+  }));
+}
+
+export function ramp(id, colors, ticks) {
+  const svg = document.createElementNS("http://www.w3.org/2000/svg", "svg");
+  svg.setAttribute("viewBox", `0 0 ${colors.length} 1`);
+  svg.setAttribute("preserveAspectRatio", "none");
+  svg.setAttribute("aria-hidden", "true");
+  colors.forEach((color, i) => {
+    const rect = svg.appendChild(document.createElementNS(svg.namespaceURI, "rect"));
+    for (const [name, value] of [["x", i], ["width", 1.05], ["height", 1], ["fill", `rgb(${color.join(" ")})`]]) rect.setAttribute(name, value);
+  });
+  $(id).querySelector(".bar").replaceChildren(svg);
+  $(id).querySelector(".ticks").replaceChildren(...ticks.map((text) => Object.assign(document.createElement("span"), { textContent: text })));
+}
+
+// ---- tabs
+export const TABS = ["source", "preview", "result", "scene"];
+// What is to happen when one of them is opened.
+export const onOpen = {};
+
+export function openTab(name, focus = false) {
+  for (const one of TABS) {
+    const tab = $(`tab-${one}`), on = one === name;
+    tab.setAttribute("aria-selected", on);
+    tab.tabIndex = on ? 0 : -1;
+    $(`pane-${one}`).hidden = !on;
+    if (on && focus) tab.focus();
+  }
+  onOpen[name]?.();
+}
+
+export const enable = (name, on) => { $(`tab-${name}`).disabled = !on; };
+for (const name of TABS) $(`tab-${name}`).addEventListener("click", () => openTab(name));
+$("tabs").addEventListener("keydown", (event) => {
+  const step = { ArrowRight: 1, ArrowLeft: -1 }[event.key];
+  if (!step) return;
+  const open = TABS.filter((name) => !$(`tab-${name}`).disabled);
+  const now = open.findIndex((name) => $(`tab-${name}`).getAttribute("aria-selected") === "true");
+  openTab(open[(now + step + open.length) % open.length], true);
+  event.preventDefault();
+});

@@ -1,0 +1,122 @@
+// A result in; before and after, its maps, its pixels, its scene in 3-D and its files out.
+import { Compare } from "/compare.js";
+import { $, all, chosen, clearErrors, enable, failed, legend, offer, onOpen, openTab, ramp, warnings } from "/messages.js";
+import { SceneView, readGlb } from "/scene.js";
+import * as server from "/server.js";
+
+// ---- the result
+const compare = new Compare($("compare"), $("split"), readPixel);
+let askedPicture = 0, result = null, sceneOf = null;
+
+export function noResult() { result = sceneOf = null; }
+
+export async function showResult(told) {
+  result = told;
+  sceneOf = null;
+  for (const name of ["result", "scene"]) enable(name, true);
+  $("card-home").hidden = false;
+  $("sides").hidden = !told.pair;
+  document.querySelector('input[name="kind"][value="image"]').checked = true;
+  document.querySelector('input[name="side"][value="left"]').checked = true;
+  warnings("result-warnings", told.nothing_visible ? ["nothing of the scene is visible from there, so nothing could be filled", ...told.warnings] : told.warnings);
+  offer(told.how.files, "single");
+  $("command").textContent = told.how.command;
+  $("python").textContent = told.how.python;
+  $("mask-file").textContent = told.how.mask_file ? `${told.how.mask_file} comes with the zip.` : "";
+  compare.split(50);
+  openTab("result");
+  await showKind();
+}
+
+const right = () => Boolean(result.pair && chosen("side") === "right");
+
+async function showKind() {
+  const number = ++askedPicture, kind = chosen("kind");
+  const before = { image: result.moved || right() ? "known" : "source", depth: "depth_known" }[kind] ?? "image";
+  const names = { source: "before", known: "known from here", depth_known: "known depth", image: kind === "image" ? "completed" : "completed picture" };
+  $("readout").textContent = "Click a pixel: its depth, 3-D point, origin and confidence.";
+  $("cross").hidden = true;
+  try {
+    const [first, second] = await Promise.all([before, kind].map((one) => server.fetched("picture", { kind: one, right: right() })));
+    if (number !== askedPicture) return;
+    await Promise.all([server.showIn($("before"), first.blob), server.showIn($("after"), second.blob)]);
+    $("before-name").textContent = names[before];
+    $("after-name").textContent = { depth: "completed depth", hole_type: "hole types", origin: "origin", confidence: "confidence" }[kind] ?? "completed";
+    $("before").alt = names[before];
+    $("after").alt = $("after-name").textContent;
+    showLegend(kind);
+  } catch (error) { failed(error, "home"); }
+}
+
+function showLegend(kind) {
+  const told = result.legends[right() ? "right" : "left"], rows = told[kind];
+  $("ramp").hidden = kind !== "depth" && kind !== "confidence";
+  legend("legend", Array.isArray(rows) ? rows : []);
+  if (kind === "depth") ramp("ramp", told.depth.colors, told.depth.metres.map((v) => `${v} m`));
+  if (kind === "confidence") ramp("ramp", Array.from({ length: 24 }, (_, i) => Array(3).fill(Math.round(i * 255 / 23))), ["0 filled, unsure", "0.5", "1 measured"]);
+}
+
+async function readPixel(across, down) {
+  if (!result) return;
+  try {
+    const told = await server.ask("pixel", { x: Math.floor(across * result.width), y: Math.floor(down * result.height), right: right() });
+    $("cross").hidden = false;
+    $("cross").style.left = `${100 * (told.x + 0.5) / result.width}%`;
+    $("cross").style.top = `${100 * (told.y + 0.5) / result.height}%`;
+    const depth = told.depth === null ? "no depth" : told.depth === "sky" ? "sky" : `${told.depth.toFixed(3)} m`;
+    const rows = [["pixel", `${told.x}, ${told.y}`], ["depth", depth], ["point", told.point ? `${told.point.map((v) => v.toFixed(3)).join(", ")} m` : "none"], ["origin", told.origin], ["confidence", told.confidence.toFixed(2)]];
+    if (told.hole_type !== "none") rows.push(["was", told.hole_type]);
+    $("readout").replaceChildren(...rows.flatMap(([name, value], i) => [`${i ? " · " : ""}${name} `, Object.assign(document.createElement("b"), { textContent: value })]));
+  } catch (error) { failed(error, "home"); }
+}
+
+for (const input of all('input[name="kind"], input[name="side"]')) input.addEventListener("change", showKind);
+
+// ---- 3-D
+let view3d = null;
+
+async function showScene() {
+  if (!result || sceneOf === result) { view3d?.draw(); return; }
+  const wanted = result;
+  $("scene-fact").textContent = "loading …";
+  try {
+    const { blob, headers } = await server.fetched("scene");
+    const glb = await readGlb(blob);
+    if (wanted !== result) return;
+    view3d ??= new SceneView($("scene"));
+    view3d.show(glb, result.start, result.palette);
+    sceneOf = wanted;
+    const step = Number(headers.get("X-Step"));
+    const share = step > 1 ? `, 1 pixel in ${step * step}; the zip has all` : "";
+    $("scene-fact").textContent = glb ? `${glb.count.toLocaleString("en")} points${share}; drag to turn, wheel to come nearer, Shift and drag to move` : "there is nothing but sky";
+    showSceneLegend();
+  } catch (error) { $("scene-fact").textContent = ""; failed(error, "home"); }
+}
+
+function showSceneLegend() {
+  const mode = Number(chosen("scene-color"));
+  if (mode === 1) legend("scene-legend", result.legends.scene.map(({ name, color }) => ({ name, color })));
+  else if (mode === 2) legend("scene-legend", [{ name: "0 filled, unsure", color: [212, 56, 26] }, { name: "0.5", color: [250, 217, 89] }, { name: "1 measured", color: [41, 140, 204] }]);
+  else legend("scene-legend", []);
+}
+
+for (const input of all('input[name="scene-color"]')) input.addEventListener("change", () => { if (view3d) { view3d.mode = Number(input.value); view3d.draw(); } showSceneLegend(); });
+onOpen.scene = showScene;
+$("scene-home").addEventListener("click", () => view3d?.home());
+
+export function repaint() { view3d?.draw(); }
+
+// ---- take home
+async function download(action, fields, name) {
+  clearErrors("home");
+  $("home-words").textContent = "packing …";
+  try { server.save((await server.fetched(action, fields)).blob, name); } catch (error) { failed(error, "home"); } finally { $("home-words").textContent = ""; }
+}
+
+$("zip").addEventListener("click", () => download("zip", {}, "dlama.zip"));
+$("get-single").addEventListener("click", () => download("file", { name: $("single").value }, $("single").value.split("/").at(-1)));
+for (const button of all("[data-copy]")) button.addEventListener("click", async () => {
+  await navigator.clipboard?.writeText($(button.dataset.copy).textContent).catch(() => {});
+  button.textContent = "Copied";
+  setTimeout(() => { button.textContent = "Copy"; }, 1500);
+});

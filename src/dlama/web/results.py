@@ -1,0 +1,125 @@
+"""A visit and a wish in; the completion under way, and what the page shows and saves of its result, out: actions of `api`."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import dlama
+from dlama.web import pictures, take_home
+from dlama.web.answers import Blob, Fields, pixel_of
+from dlama.web.failures import PageError, in_words_of_the_page, shown
+from dlama.web.marks import pointing
+from dlama.web.runs import Run
+from dlama.web.visits import Result, Visit
+from dlama.web.wishes import read_wish
+
+EXPECTED_STAGES = {"view": 4, "remove": 4, "stereo": 6}
+"""What a completion logs."""
+
+
+def complete(visit: Visit, fields: Fields) -> dict[str, Any]:
+    """Begin the completion; `run` tells how far it is."""
+    source, mask, marks = visit.needed_source(), visit.mask, visit.marks
+    wish = read_wish(fields)
+    wish.camera(source.rgbd)
+    if visit.run is not None and visit.run.active:
+        raise PageError("a completion is under way; cancel it first")
+    found = visit.found[1] if visit.found else None
+    about: dict[str, Any] = {}
+    if mask is not None and found is not None and marks.in_words and source.pair is None:
+        told = {"masker": found.masker, "candidate": found.chosen, "notes": list(found.notes)}
+        about = {**pointing(marks), "mask_model": None, **told}
+
+    def work() -> dlama.Completion:
+        if source.pair is not None:
+            return dlama.stereo(*source.pair, mask=mask, **wish.method)
+        if mask is None:
+            return dlama.view(source.rgbd, **wish.move, **wish.method)
+        return dlama.remove(source.rgbd, mask, **wish.move, **wish.method)
+
+    verb = take_home.verb_of(source, mask is not None)
+    started = Run(work, EXPECTED_STAGES[verb])
+    started.finish = lambda done: Result(  # made in the run's thread, so that `run` finds it whole
+        done, source, wish, marks if mask is not None else None, mask, about, tuple(started.warnings)
+    )
+    visit.run, visit.result = started, None
+    started.start()
+    return started.progress()
+
+
+def run(visit: Visit, fields: Fields) -> dict[str, Any]:
+    """How far the completion is; at its end its result. Raises what it failed with."""
+    if visit.run is None:
+        return {"state": "none"}
+    told = visit.run.progress()
+    if visit.run.state == "failed":
+        error, visit.run = visit.run.error, None
+        raise error or RuntimeError("the run failed")
+    if visit.run.state == "done":
+        visit.result, visit.run = visit.run.result, None
+    if visit.result is not None and told["state"] == "done":
+        told["result"] = told_result(visit.result)
+    return told
+
+
+def cancel(visit: Visit, fields: Fields) -> dict[str, Any]:
+    """Stop the completion."""
+    visit.stop()
+    return {"state": "cancelled"}
+
+
+def told_result(result: Result) -> dict[str, Any]:
+    """What came out, for the page."""
+    done, names = result.done, {upload.path: upload.name for upload in result.source.files.values()}
+    view = pictures.result_views(done, False)[0]
+    sides = ("left", "right") if result.source.pair is not None else ("left",)
+    return {
+        "width": view.camera.width,
+        "height": view.camera.height,
+        "pair": result.source.pair is not None,
+        "moved": not view.camera.same_view_as(result.source.rgbd.camera),
+        "removed": result.mask is not None,
+        "hole_share": done.meta["hole_share"],
+        "nothing_visible": done.meta["nothing_visible"],
+        "seconds": done.meta["seconds"],
+        "warnings": [in_words_of_the_page(shown(text, names)) for text in result.warnings],
+        "legends": {
+            **{side: pictures.legends(done, side == "right") for side in sides},
+            "scene": pictures.scene_origins(done),
+        },
+        "start": pictures.standpoint(view),
+        "palette": [list(color) for color in pictures.ORIGIN_PALETTE],
+        "how": take_home.how(result),
+    }
+
+
+def picture(visit: Visit, fields: Fields) -> Blob:
+    """A picture of the result; `kind`, and `right` of a pair."""
+    done = visit.needed_result().done
+    return Blob(
+        pictures.png(pictures.result_picture(done, str(fields.get("kind")), fields.get("right") is True)), "image/png"
+    )
+
+
+def pixel(visit: Visit, fields: Fields) -> dict[str, Any]:
+    """What a pixel of the result holds; `x`, `y`, and `right` of a pair."""
+    view, _ = pictures.result_views(visit.needed_result().done, fields.get("right") is True)
+    return pictures.pixel(view, *pixel_of(fields))
+
+
+def scene(visit: Visit, fields: Fields) -> Blob:
+    """The completed scene as GLB, for the page."""
+    data, step = take_home.glb_for_page(visit.needed_result(), visit.folder)
+    return Blob(data, "model/gltf-binary", headers={"X-Step": str(step)})
+
+
+def package(visit: Visit, fields: Fields) -> Blob:
+    """Everything as a zip."""
+    return Blob(take_home.zipped(visit.needed_result(), visit.folder), "application/zip", "dlama.zip")
+
+
+def file(visit: Visit, fields: Fields) -> Blob:
+    """One file of the result; `name`, one of those the result lists."""
+    name = str(fields.get("name"))
+    data = take_home.single(visit.needed_result(), name, visit.folder)
+    return Blob(data, "application/octet-stream", name.rpartition("/")[2])

@@ -1,0 +1,281 @@
+"""The page in a real browser: every step a visitor takes (oracles: what is shown, the pixels of the canvas, the downloaded zip).
+
+Runs where playwright is installed and a Chromium is found; elsewhere it is skipped and says so.
+"""
+
+from __future__ import annotations
+
+import shutil
+import threading
+import zipfile
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+
+from dlama.web.answers import Limits
+from dlama.web.server import Server, serving
+
+playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed (extra test)")
+CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no chromium is on the path")
+WITHOUT_GPU = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+PATIENCE = 120_000
+"""Milliseconds: kernels may have to be compiled first."""
+
+
+@pytest.fixture(scope="module")
+def serve() -> Iterator[Server]:
+    """A server for all tests of this file."""
+    with serving("127.0.0.1", 0, None, Limits(megabytes=8, visits=40)) as opened:
+        thread = threading.Thread(target=opened.serve_forever, kwargs={"poll_interval": 0.05})
+        thread.start()
+        yield opened
+        opened.shutdown()
+        thread.join()
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    """One browser; each page gets a profile of its own."""
+    with playwright.sync_playwright() as started:
+        opened = started.chromium.launch(executable_path=CHROMIUM, args=WITHOUT_GPU)
+        yield opened
+        opened.close()
+
+
+class Pages:
+    """Opens pages, and notes what they ask elsewhere and what goes wrong in them."""
+
+    def __init__(self, browser: Any, address: str) -> None:
+        self.browser, self.address = browser, address
+        self.contexts: list[Any] = []
+        self.elsewhere: list[str] = []
+        self.errors: list[str] = []
+
+    def open(self, width: int = 1280, height: int = 860, **options: Any) -> Any:
+        """A page of its own profile, ready."""
+        context = self.browser.new_context(viewport={"width": width, "height": height}, **options)
+        context.set_default_timeout(PATIENCE)
+        self.contexts.append(context)
+        page = context.new_page()
+        page.on("request", lambda request: self.note(request.url))
+        page.on("pageerror", lambda error: self.errors.append(str(error)))
+        page.goto(self.address)
+        page.locator("[data-example=street]").wait_for()
+        return page
+
+    def note(self, url: str) -> None:
+        """An address that was asked for."""
+        if not url.startswith((self.address, "blob:", "data:")):
+            self.elsewhere.append(url)
+
+
+@pytest.fixture
+def pages(browser: Any, serve: Server) -> Iterator[Pages]:
+    """Pages that, at the end, asked nobody else for anything and threw nothing."""
+    opened = Pages(browser, f"http://127.0.0.1:{serve.port}/")
+    yield opened
+    for context in opened.contexts:
+        context.close()
+    assert opened.elsewhere == [] and opened.errors == []
+
+
+def hand_in(page: Any, frame: Path, fov: str = "60") -> None:
+    """The small frame's picture and depth; the lens is asked for, beside its field, and given."""
+    page.set_input_files("#files", [frame / "image.png", frame / "depth.png"])
+    complaint = page.locator('[data-error="camera"]')
+    playwright.expect(complaint).to_contain_text("how wide the camera sees")
+    page.fill("#fov", fov)
+    page.get_by_role("button", name="Read again").click()
+    page.locator("#marker").wait_for()
+    playwright.expect(complaint).to_be_hidden()
+
+
+def click(page: Any, x: float, y: float) -> None:
+    """A click on a pixel of the small frame."""
+    box = page.locator("#canvas").bounding_box()
+    page.mouse.click(box["x"] + box["width"] * (x + 0.5) / 64, box["y"] + box["height"] * (y + 0.5) / 48)
+
+
+def slide(page: Any, name: str, value: str) -> None:
+    """A slider moved."""
+    page.locator(f"#{name}").fill(value)
+
+
+def choose(page: Any, name: str, value: str) -> None:
+    """One of several, as the keyboard or a click on its words chooses it."""
+    page.locator(f'input[name="{name}"][value="{value}"]').check(force=True)
+
+
+def complete(page: Any) -> None:
+    """Complete, and wait for the result."""
+    page.locator("#complete").click()
+    page.locator("#after[src]").wait_for()
+    page.locator("#pane-result").wait_for()
+
+
+def pixels(page: Any, selector: str) -> np.ndarray:
+    """What is on the screen there."""
+    return cv2.imdecode(np.frombuffer(page.locator(selector).screenshot(), np.uint8), cv2.IMREAD_COLOR)
+
+
+def test_the_whole_way(pages: Pages, frame: Path, tmp_path: Path) -> None:
+    """Hand in, click, preview, complete, compare, read a pixel, turn in 3-D, take the zip home."""
+    page = pages.open(accept_downloads=True)
+    hand_in(page, frame)
+    before = pixels(page, "#canvas")
+    click(page, 30, 24)
+    playwright.expect(page.locator("#mask-fact")).to_contain_text("% of the picture")
+    changed = np.abs(pixels(page, "#canvas").astype(int) - before).max(2) > 10
+    assert 0.05 < changed.mean() < 0.5
+    slide(page, "yaw", "12")
+    playwright.expect(page.locator("#preview-legend")).to_contain_text("object")
+    playwright.expect(page.locator('output[for="yaw"]')).to_have_text("12°")
+    page.locator("#method summary").click()
+    page.select_option("#filler", "telea")
+    complete(page)
+    playwright.expect(page.locator("#before-name")).to_have_text("known from here")
+    page.locator("#compare").click(position={"x": 20, "y": 200})
+    playwright.expect(page.locator("#readout")).to_contain_text("confidence")
+    for kind in ("depth", "hole_type", "origin", "confidence"):
+        choose(page, "kind", kind)
+        playwright.expect(page.locator("#after-name")).to_contain_text(kind.split("_")[0])
+    page.get_by_role("tab", name="3-D").click()
+    playwright.expect(page.locator("#scene-fact")).to_contain_text("points")
+    shown = pixels(page, "#scene")
+    assert len(np.unique(shown.reshape(-1, 3), axis=0)) > 50
+    box = page.locator("#scene").bounding_box()
+    page.mouse.move(box["x"] + 300, box["y"] + 200)
+    page.mouse.down()
+    page.mouse.move(box["x"] + 380, box["y"] + 220, steps=4)
+    page.mouse.up()
+    turned = pixels(page, "#scene")
+    assert (turned != shown).any(2).mean() > 0.05
+    choose(page, "scene-color", "1")
+    assert (pixels(page, "#scene") != turned).any(2).mean() > 0.05
+    with page.expect_download() as download:
+        page.get_by_role("button", name="Everything as zip").click()
+    download.value.save_as(tmp_path / "home.zip")
+    with zipfile.ZipFile(tmp_path / "home.zip") as archive:
+        assert archive.testzip() is None and "out/scene.glb" in archive.namelist()
+    playwright.expect(page.locator("#command")).to_contain_text("--click 30,24 --yaw=12")
+
+
+def test_marks_are_undone_and_painted(pages: Pages, frame: Path) -> None:
+    """Undo takes the last mark back; a box, a stroke and the eraser each change the mask; the keyboard marks too."""
+    page = pages.open()
+    hand_in(page, frame)
+    fact = page.locator("#mask-fact")
+    click(page, 30, 24)
+    playwright.expect(fact).not_to_be_empty()
+    page.get_by_role("button", name="Undo").click()
+    playwright.expect(fact).to_be_empty()
+    choose(page, "tool", "add")
+    slide(page, "brush", "4")
+    click(page, 12, 12)
+    playwright.expect(fact).to_contain_text("%")
+    share = fact.inner_text()
+    slide(page, "grow", "3")
+    page.locator("#grow").dispatch_event("change")
+    playwright.expect(fact).not_to_have_text(share)
+    choose(page, "tool", "erase")
+    slide(page, "brush", "60")
+    click(page, 12, 12)
+    playwright.expect(page.locator('[data-error="marks"]')).to_contain_text("nothing is left of the mask")
+    page.get_by_role("button", name="Clear").click()
+    playwright.expect(page.locator('[data-error="marks"]')).to_be_hidden()
+    choose(page, "tool", "click")
+    page.locator("#canvas").focus()
+    page.keyboard.press("ArrowRight")
+    page.keyboard.press("Enter")
+    playwright.expect(fact).to_contain_text("%")
+    page.keyboard.press("Backspace")
+    playwright.expect(fact).to_be_empty()
+
+
+def test_bad_files_are_told_beside_their_field(pages: Pages, frame: Path, tmp_path: Path) -> None:
+    """A damaged picture, an ending that is none, a file too large: each says so, and the page goes on."""
+    page = pages.open()
+    (tmp_path / "broken.png").write_bytes(b"\x89PNG and nothing")
+    page.set_input_files("#files", tmp_path / "broken.png")
+    playwright.expect(page.locator('[data-error="picture"]')).to_contain_text("broken.png")
+    assert str(tmp_path) not in page.inner_text("body") and ".dlama-draft" not in page.inner_text("body")
+    (tmp_path / "a.exe").write_bytes(b"x")
+    page.set_input_files("#files", tmp_path / "a.exe")
+    playwright.expect(page.locator("#general")).to_contain_text("a.exe: is no file that this page takes")
+    (tmp_path / "large.png").write_bytes(bytes(9 * 2**20))
+    page.set_input_files("#files", tmp_path / "large.png")
+    playwright.expect(page.get_by_text("has 9 MB; up to 8 MB are taken")).to_be_visible()
+    page.get_by_role("button", name="Start over").click()
+    hand_in(page, frame)
+
+
+def test_two_visitors_do_not_see_each_other(pages: Pages, frame: Path) -> None:
+    """Each has its own picture."""
+    first, second = pages.open(), pages.open()
+    hand_in(first, frame)
+    second.reload()
+    second.locator("[data-example=street]").wait_for()
+    assert second.locator("#uploads li").count() == 0 and not second.locator("#marker").is_visible()
+
+
+def test_a_completion_is_cancelled(pages: Pages) -> None:
+    """The page says so at once, and completes afterwards."""
+    page = pages.open()
+    page.locator("[data-example=street]").click()
+    page.locator("#marker").wait_for()
+    slide(page, "yaw", "20")
+    page.locator("#complete").click()
+    page.locator("#cancel").click()
+    playwright.expect(page.locator("#run-words")).to_have_text("cancelled")
+    playwright.expect(page.locator("#tab-result")).to_be_disabled()
+    slide(page, "yaw", "2")
+    complete(page)
+
+
+def test_loading_again_in_the_middle_loses_nothing(pages: Pages, frame: Path) -> None:
+    """The picture, the marks and the result are there again."""
+    page = pages.open()
+    hand_in(page, frame)
+    click(page, 30, 24)
+    playwright.expect(page.locator("#mask-fact")).not_to_be_empty()
+    page.reload()
+    page.locator("#marker").wait_for()
+    playwright.expect(page.locator("#undo")).to_be_enabled()
+    playwright.expect(page.locator("#fov")).to_have_value("60")
+    page.locator("#complete").click()
+    page.reload()
+    page.locator("#pane-result").wait_for()
+    playwright.expect(page.locator("#command")).to_contain_text("--click 30,24")
+
+
+@pytest.mark.parametrize("width", [1280, 390])
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_it_fits_and_is_named(width: int, scheme: str, pages: Pages, frame: Path) -> None:
+    """No sideways scrolling; every control has a name and every picture a text; the theme is the system's until changed."""
+    page = pages.open(width, 844, color_scheme=scheme)
+    hand_in(page, frame)
+    complete(page)
+    assert page.evaluate("document.documentElement.scrollWidth") <= width
+    unnamed = page.evaluate(
+        """[...document.querySelectorAll('input, select, button, canvas')].filter((one) => !one.closest('[hidden]') &&
+           !(one.labels?.length || one.ariaLabel || one.textContent.trim())).map((one) => one.outerHTML)"""
+    )
+    assert unnamed == []
+    assert page.evaluate("[...document.images].every((one) => one.hasAttribute('alt'))")
+    dark = page.evaluate("getComputedStyle(document.body).backgroundColor") == "rgb(18, 21, 26)"
+    assert dark == (scheme == "dark")
+    page.locator("#theme").click()
+    assert (page.evaluate("getComputedStyle(document.body).backgroundColor") == "rgb(18, 21, 26)") != dark
+
+
+def test_a_photo_alone(pages: Pages) -> None:
+    """Depth is estimated, which the page says."""
+    page = pages.open()
+    page.locator("[data-example=photo]").click()
+    page.locator("#marker").wait_for()
+    playwright.expect(page.locator('.under [data-fact="depth"]')).to_contain_text("estimated by")
