@@ -1,17 +1,18 @@
 """The confidence of filled pixels: trained on procedural worlds, and held against the truth there and elsewhere.
 
-    python benchmarks/confidence.py train [--worlds 56] [--seed 0]      writes src/dlama/assets/confidence/confidence.npz
+    python benchmarks/confidence.py train [--worlds N] [--seed 0]      writes src/dlama/assets/confidence/confidence.npz
     python benchmarks/confidence.py measure [--worlds 8] [--data ../shared]
 
 `measure` prints, for held-out worlds and for the street and kitchen data where they are there: the expected calibration error
 (ECE, ten bins of equal width) of this confidence and of the distance formula that it replaced, and the area between the
-sparsification curve and the one an oracle would give (AUSE, in units of the mean error) for depth and colour, of both and of a
-random order; the ratio is that of the first two.
+sparsification curve and the one an oracle would give (AUSE, in units of the mean error) for depth (ordered by confidence) and
+colour (by its expected error), of the formula and of a random order; the ratio is that of the first two.
 """
 
 from __future__ import annotations
 
 import argparse
+import dataclasses
 import itertools
 import os
 from collections.abc import Iterator, Sequence
@@ -31,14 +32,22 @@ from dlama.inpainters import filling
 from dlama.training.data.augment import with_faults
 from dlama.worlds.dataset import worlds
 
+SETS = 20, 20, 28, 28
+"""Worlds of each set that is trained on."""
 TRAINED_FROM, HELD_OUT_FROM = 500_000, 700_000
 """First seeds of the worlds that are trained on, and of those that are not."""
-FILLERS = ("layered", "layered", "telea")
+FILLERS = ("layered", "layered", "telea", "migan")
 SIZE = 256
 YAWS = (10, 20, 30, 45, 60)
+MISPLACED = 0.006
+"""Of a true picture's width: how far it lies aside at most, as poses and calibrations of real frames are not exact."""
 PIXELS = 1500
 """Hole pixels that each filled view gives."""
-HIDDEN, STEPS, BATCH, RATE = 12, 1500, 4096, 2e-3
+HIDDEN, STEPS, BATCH, RATE = 24, 2500, 4096, 2e-3
+LAPLACE = 0.3
+"""Weight of the expected errors' likelihood beside the probabilities' cross entropy."""
+LOGS = (-6.0, 1.0), (-4.0, 3.0)
+"""Limits of the logarithm of an expected error of depth (in filled depths) and of colour (in COLOR_WITHIN levels)."""
 NOISE, DECAY = 0.3, 0.1
 """Of features (in standard deviations) and of weights (times the rate): without them a few worlds are learned by heart."""
 
@@ -52,6 +61,8 @@ class Rows(NamedTuple):
     """N x 2 bool: depth and colour right; depth right."""
     errors: np.ndarray
     """N x 2: relative depth error (clipped at 1), colour error in levels (mean over channels)."""
+    off: np.ndarray
+    """N: depth error in filled depths (|z - true z| / z, at most 1); NaN where far was filled."""
     formula: np.ndarray
     """N: confidence by distance, as it was before."""
 
@@ -79,6 +90,9 @@ def rows_of(
     with np.errstate(invalid="ignore"):
         off = np.where(both_far, 0, np.abs(z - true_z) / np.where(np.isinf(true_z), 1, true_z))
     off = np.minimum(np.where(np.isfinite(off) & np.isfinite(true_z) | both_far, off, 1), 1)
+    finite = np.isfinite(z)
+    with np.errstate(invalid="ignore", over="ignore"):
+        in_depths = np.where(finite, np.minimum(np.abs(true_z - z) / np.where(finite, z, 1), 1), np.nan)
     painted = color[view.hole][chosen] * gain
     levels = np.abs(painted - truth.color[view.hole][chosen]).mean(1)
     levels = np.where(view.color_hole[view.hole][chosen], levels, 0)
@@ -87,31 +101,53 @@ def rows_of(
         room.fill_features(view, color, depth)[chosen],
         np.stack([depth_right & (levels <= room.COLOR_WITHIN), depth_right], 1),
         np.stack([off, levels], 1),
+        in_depths,
         by_distance(view)[view.hole][chosen],
     )
 
 
-def filled_rows(case: Case, filler: str, faults: bool, rng: np.random.Generator) -> Rows | None:
+def as_recorded(rgbd: RGBD, rng: np.random.Generator, misplaced: float = 0.0) -> RGBD:
+    """The picture as a camera would have it: less sharp, noisy, brighter or darker, and up to `misplaced` widths aside."""
+    picture = cv2.GaussianBlur(rgbd.color.astype(np.float32), (0, 0), rng.uniform(0.4, 1.0))
+    picture = picture * rng.uniform(0.95, 1.05) + rng.normal(0, rng.uniform(1, 5), picture.shape)
+    shift = np.hstack([np.eye(2), rng.uniform(-misplaced, misplaced, (2, 1)) * rgbd.camera.width])
+    color = np.clip(np.rint(picture), 0, 255).astype(np.uint8)
+    if not misplaced:
+        return dataclasses.replace(rgbd, color=color)
+    moved = [
+        cv2.warpAffine(part, shift, rgbd.camera.wh, flags=how, borderMode=cv2.BORDER_REPLICATE)
+        for part, how in ((color, cv2.INTER_LINEAR), (rgbd.depth, cv2.INTER_NEAREST))
+    ]
+    return dataclasses.replace(rgbd, color=moved[0], depth=moved[1])
+
+
+def filled_rows(
+    case: Case, filler: str, faults: bool, rng: np.random.Generator, recorded_by_camera: bool = False
+) -> Rows | None:
     """Every view that is filled for a case, with its truth."""
     truth = case.load()
     source = with_faults(truth.source, rng, sensor_holes=True) if faults else truth.source
+    if recorded_by_camera:
+        source = as_recorded(source, rng)
     if isinstance(truth, RemovalTruth):
         frames, mask, camera = [truth.without], truth.mask, truth.source.camera
     else:
         frames, mask, camera = [truth.target], None, truth.target.camera
+    if recorded_by_camera:
+        frames = [as_recorded(frame, rng, MISPLACED) for frame in frames]
     parts: list[Rows] = []
 
-    def recorded(view: View, color: np.ndarray, depth: np.ndarray) -> np.ndarray:
+    def recorded(view: View, color: np.ndarray, depth: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         for frame in frames:
             if frame.camera.same_view_as(view.camera) and view.color_hole.any():
                 parts.append(rows_of(view, color, depth, frame, gain_of(view, frame, truth.exposure_varies), rng))
-        return view.confidence
+        return view.confidence, np.zeros((*view.hole.shape, 2), np.float32)
 
-    kept, filling.fill_confidence = filling.fill_confidence, recorded
+    kept, filling.judge_fill = filling.judge_fill, recorded
     try:
         complete(source, [camera], mask=mask, filler=filler)
     finally:
-        filling.fill_confidence = kept
+        filling.judge_fill = kept
     return Rows.together(parts) if parts else None
 
 
@@ -132,7 +168,7 @@ def world_rows(count: int, seed: int, first: int) -> Iterator[Rows]:
         removals = [case for case in cases if case.protocol == "ori"]
         for case in [*rng.permutation(np.array(views, object))[:4], *rng.permutation(np.array(removals, object))[:2]]:
             filler = FILLERS[int(rng.integers(len(FILLERS)))]
-            found = filled_rows(case, filler, number % 4 > 0, rng)
+            found = filled_rows(case, filler, number % 4 > 0, rng, number % 2 > 0)
             if found is not None:
                 yield found
         print(f"\r{number + 1} worlds", end="", flush=True)
@@ -140,11 +176,16 @@ def world_rows(count: int, seed: int, first: int) -> Iterator[Rows]:
 
 
 def train(rows: Rows, seed: int) -> dict[str, np.ndarray]:
-    """Weights by Adam on the cross entropy of both outputs."""
+    """Weights by Adam: the cross entropy of both probabilities, and the Laplace likelihood of both errors, log b + |e| / b, whose
+    best b is the mean of |e|."""
     rng = np.random.default_rng(seed)
     mean, spread = rows.features.mean(0), rows.features.std(0) + 1e-3
-    x_all, y_all = ((rows.features - mean) / spread).astype(np.float32), rows.right.astype(np.float32)
-    sizes = (room.FEATURES, HIDDEN, HIDDEN, 2)
+    x_all = np.clip((rows.features - mean) / spread, -room.REACH, room.REACH).astype(np.float32)
+    y_all, far = rows.right.astype(np.float32), np.isnan(rows.off)
+    e_all = np.stack([np.where(far, 0, rows.off), rows.errors[:, 1] / room.COLOR_WITHIN], 1).astype(np.float32)
+    counted = np.stack([~far, rows.errors[:, 1] > 0], 1).astype(np.float32)  # 0: the colour was measured
+    lowest, highest = np.array(LOGS, np.float32).T
+    sizes = (room.FEATURES, HIDDEN, HIDDEN, room.OUTPUTS)
     weights = [rng.normal(0, np.sqrt(2 / a), (a, b)).astype(np.float32) for a, b in itertools.pairwise(sizes)]
     numbers = [part for weight in weights for part in (weight, np.zeros(weight.shape[1], np.float32))]
     first, second = [np.zeros_like(n) for n in numbers], [np.zeros_like(n) for n in numbers]
@@ -153,8 +194,10 @@ def train(rows: Rows, seed: int) -> dict[str, np.ndarray]:
         activations = [x_all[pick] + NOISE * rng.standard_normal((BATCH, room.FEATURES), np.float32)]
         for k in range(3):
             out = activations[-1] @ numbers[2 * k] + numbers[2 * k + 1]
-            activations.append(np.maximum(out, 0) if k < 2 else 1 / (1 + np.exp(-out)))
-        error = (activations[3] - y_all[pick]) / BATCH
+            activations.append(np.maximum(out, 0) if k < 2 else out)
+        p, log_b = 1 / (1 + np.exp(-out[:, :2])), np.clip(out[:, 2:], lowest, highest)
+        off_by, within = e_all[pick] * np.exp(-log_b), (out[:, 2:] > lowest) & (out[:, 2:] < highest)
+        error = np.hstack([p - y_all[pick], LAPLACE * counted[pick] * within * (1 - off_by)]) / BATCH
         gradients: list[np.ndarray] = []
         for k in (2, 1, 0):
             gradients = [activations[k].T @ error, error.sum(0), *gradients]
@@ -165,9 +208,11 @@ def train(rows: Rows, seed: int) -> dict[str, np.ndarray]:
             v += 0.001 * (g * g - v)
             n -= (rate * (m / (1 - 0.9**step) / (np.sqrt(v / (1 - 0.999**step)) + 1e-8) + DECAY * n)).astype(np.float32)
         if step % 500 == 0:
-            p = np.clip(activations[3], 1e-6, 1 - 1e-6)
-            y = y_all[pick]
-            print(f"step {step}: cross entropy {-(y * np.log(p) + (1 - y) * np.log(1 - p)).mean():.4f}")
+            p, y = np.clip(p, 1e-6, 1 - 1e-6), y_all[pick]
+            entropy = -(y * np.log(p) + (1 - y) * np.log(1 - p)).mean()
+            print(
+                f"step {step}: cross entropy {entropy:.4f}, of errors {(counted[pick] * (log_b + off_by)).mean():.4f}"
+            )
     named = {f"{kind}{k}": numbers[2 * k + place] for k in range(3) for place, kind in enumerate(("weight", "bias"))}
     return {"mean": mean.astype(np.float32), "spread": spread.astype(np.float32), **named}
 
@@ -190,12 +235,23 @@ def sparsification_area(order: np.ndarray, error: np.ndarray) -> float:
 
 
 def shown(name: str, rows: Rows) -> None:
-    p = room.confidence_network()(rows.features)[:, 0]
-    right = rows.right[:, 0]
+    probabilities, expected = room.confidence_network()(rows.features)
+    p, right = probabilities[:, 0], rows.right[:, 0]
     noise = np.random.default_rng(0).random(len(p))
-    areas = [[sparsification_area(order, rows.errors[:, k]) for order in (p, rows.formula, noise)] for k in range(2)]
+    painted = rows.errors[:, 1] > 0
+    areas = [
+        [sparsification_area(order[which], rows.errors[which, k]) for order in (sure, rows.formula, noise)]
+        for k, (sure, which) in enumerate(((p, np.ones_like(painted)), (-expected[:, 1], painted)))
+    ]
     errors = f"{calibration_error(p, right):6.3f} {calibration_error(rows.formula, right):7.3f}"
     parts = [f" {a:6.3f} {b:7.3f} {c:6.3f} {a / b:6.2f}" for a, b, c in areas]
+    finite = ~np.isnan(rows.off)
+    for k, (said, actual, scale) in enumerate(
+        ((expected[finite, 0], rows.off[finite], 100), (expected[painted, 1], rows.errors[painted, 1], 1))
+    ):
+        tenths = np.array_split(np.argsort(said, kind="stable"), 10)
+        found = "  ".join(f"{scale * said[part].mean():.3g} {scale * actual[part].mean():.3g}" for part in tenths)
+        print(f"    {('depth, % of it', 'colour, levels')[k]}, expected and actual by decile: {found}")
     print(f"{name:22} {len(p):8} {right.mean():6.3f} | {errors} |{' |'.join(parts)}", flush=True)
 
 
@@ -203,7 +259,9 @@ def measured(count: int, data: Path | None) -> None:
     print(
         "                         pixels  right |  ECE  formula | AUSE depth, formula, random, ratio | AUSE colour, likewise"
     )
-    shown("worlds, held out", Rows.together(list(world_rows(count, 0, HELD_OUT_FROM))))
+    shown(
+        "worlds, held out", Rows.together([*world_rows(count, 0, HELD_OUT_FROM), *world_rows(count, 1, HELD_OUT_FROM)])
+    )
     if data is None:
         return
     rng = np.random.default_rng(0)
@@ -228,7 +286,9 @@ def main() -> None:
     if asked.what == "measure":
         measured(asked.worlds or 8, asked.data and Path(asked.data))
         return
-    weights = train(Rows.together(list(world_rows(asked.worlds or 56, asked.seed, TRAINED_FROM))), asked.seed)
+    sets = SETS if asked.worlds is None else (asked.worlds,)
+    rows = [part for number, count in enumerate(sets) for part in world_rows(count, asked.seed + number, TRAINED_FROM)]
+    weights = train(Rows.together(rows), asked.seed)
     room.WEIGHTS.parent.mkdir(exist_ok=True)
     np.savez(room.WEIGHTS, **weights)
     print(f"{room.WEIGHTS}: {sum(array.size for array in weights.values())} numbers")

@@ -14,7 +14,14 @@ from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.view import HoleType, View
 from dlama.inpainters import confidence as room
-from dlama.inpainters.confidence import FEATURES, ConfidenceNetwork, confidence_network, fill_confidence, fill_features
+from dlama.inpainters.confidence import (
+    FEATURES,
+    OUTPUTS,
+    ConfidenceNetwork,
+    confidence_network,
+    fill_confidence,
+    fill_features,
+)
 from dlama.worlds.dataset import world
 
 
@@ -36,14 +43,14 @@ def holed(size: int = 96, scale: float = 1.0) -> tuple[View, np.ndarray, np.ndar
 
 def test_the_network_is_what_its_weights_say() -> None:
     """Closed form: zero weights leave the last bias, a unit weight passes one feature on."""
-    zeros = [np.zeros(shape, np.float32) for shape in ((FEATURES, 4), (4, 4), (4, 2))]
-    biases = [np.zeros(4, np.float32), np.zeros(4, np.float32), np.array([0.0, np.log(3)], np.float32)]
+    zeros = [np.zeros(shape, np.float32) for shape in ((FEATURES, 4), (4, 4), (4, OUTPUTS))]
+    biases = [np.zeros(4, np.float32), np.zeros(4, np.float32), np.array([0.0, np.log(3), 0, 0], np.float32)]
     layers = tuple(zip(zeros, biases))
     network = ConfidenceNetwork(np.zeros(FEATURES, np.float32), np.ones(FEATURES, np.float32), layers)
     features = np.ones((5, FEATURES), np.float32)
-    assert np.allclose(network(features), [[0.5, 0.75]] * 5)
+    assert np.allclose(network(features)[0], [[0.5, 0.75]] * 5)
     zeros[0][2, 0] = zeros[1][0, 0] = zeros[2][0, 0] = 1
-    assert np.allclose(network(2 * features)[:, 0], 1 / (1 + np.exp(-2)))
+    assert np.allclose(network(2 * features)[0][:, 0], 1 / (1 + np.exp(-2)))
 
 
 def test_known_pixels_keep_theirs_and_depth_alone_is_surer() -> None:

@@ -12,6 +12,7 @@ import cv2
 import numpy as np
 
 from dlama.completion.pair import MatchedPair
+from dlama.completion.steps import with_errors_of
 from dlama.geometry.camera import Float64Array
 from dlama.geometry.fusion import with_layer
 from dlama.geometry.projection import depth_from_inverse
@@ -20,7 +21,7 @@ from dlama.geometry.rgbd import BoolArray, UInt8Array
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import HoleType, Origin, View
 from dlama.geometry.visibility import Law, lawful_depth
-from dlama.inpainters.confidence import fill_confidence
+from dlama.inpainters.confidence import judge_fill
 from dlama.inpainters.layered.surfaces import continue_surfaces
 from dlama.perception.stereo_matching import nearest_columns
 
@@ -72,11 +73,13 @@ def with_continued_depth(view: View, law: Law, seed: int) -> View:
     proposed = depth_from_inverse(continue_surfaces(view, law, seed).inverse_depth)
     view = dataclasses.replace(view, depth=np.where(view.valid, proposed, view.depth))
     depth, _ = lawful_depth(view, np.where(depth_only, proposed, view.depth), depth_only, law)
+    confidence, errors = judge_fill(view, view.color, depth)
     return dataclasses.replace(
         view,
         depth=depth,
         hole=view.hole & ~depth_only,
-        confidence=np.where(depth_only, fill_confidence(view, view.color, depth), view.confidence),
+        confidence=np.where(depth_only, confidence, view.confidence),
+        errors=np.where(depth_only[..., None], errors, 0 if view.errors is None else view.errors).astype(np.float32),
     )
 
 
@@ -98,6 +101,7 @@ def with_lent(view: View, lender: View, law: Law, mode: Mode) -> View:
         hole=view.hole & ~lent,
         origin=np.where(lent, shown.origin, view.origin),
         confidence=np.where(lent, shown.confidence, view.confidence),
+        errors=with_errors_of(view, shown, lent),
     )
 
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from dlama.completion.completion import StereoCompletion
-from dlama.completion.report import Record, meta_data
+from dlama.completion.report import Record, expected_errors, meta_data
 from dlama.completion.steps import Plan
 from dlama.errors import InputError, ShapeError
 from dlama.geometry.camera import StereoRig
@@ -99,7 +99,7 @@ class CompletedPair:
         left, right = (disparity_from_depth(view.depth, **lens) for view in self.views)
         agreement = consistency(self.views[0].color, self.views[1].color, left, right)
         source = View.from_rgbd(self.source)
-        meta = meta_data(self.plan, filler, source, self.before, self.record)
+        meta = meta_data(self.plan, filler, source, self.before, self.record) | expected_errors(self.views)
         meta["stereo"] = {**lens, **self.about, "consistency": dataclasses.asdict(agreement)}
         return StereoCompletion(self.views, self.before, self.scene, source, meta, left, right, agreement)
 

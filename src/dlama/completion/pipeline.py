@@ -15,7 +15,7 @@ from dlama.completion.frames.sources import about_source, starting_scene
 from dlama.completion.memory import check_memory
 from dlama.completion.plausible import warn_of_scale, warn_of_unknown
 from dlama.completion.recipes import DepthBy, Recipe, checked_seed, find_recipe
-from dlama.completion.report import Clock, Record, meta_data
+from dlama.completion.report import Clock, Record, expected_errors, meta_data
 from dlama.completion.steps import (
     Dilation,
     Plan,
@@ -112,4 +112,6 @@ def complete(
     meta = about_source(rgbd, start) | meta_data(
         plan, filler, source, warped, Record(fills, clock.seconds, grown_mask, grown_holes)
     )
-    return Completion(tuple(views), tuple(warped), scene, source, meta).with_min_confidence(min_confidence)
+    return Completion(tuple(views), tuple(warped), scene, source, meta | expected_errors(views)).with_min_confidence(
+        min_confidence
+    )

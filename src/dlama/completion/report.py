@@ -16,7 +16,7 @@ from dlama.completion.steps import NO_DILATION, Dilation, Plan
 from dlama.geometry.holes import hole_shares
 from dlama.geometry.rendering import flying
 from dlama.geometry.rgbd import RGBD
-from dlama.geometry.view import View
+from dlama.geometry.view import Origin, View
 from dlama.inpainters.filling import FillReport, Inpainter
 
 LOG = logging.getLogger("dlama")
@@ -85,6 +85,18 @@ def depth_source(rgbd: RGBD) -> dict[str, Any]:
     if rgbd.estimate is None:
         return {"depth": "measured"}
     return {"depth": "estimated", "depth_estimate": dict(rgbd.estimate)}
+
+
+def expected_errors(views: Sequence[View]) -> dict[str, Any]:
+    """`expected_error` of meta.json: means over what was filled in each view, of depth in metres (where that is finite) and of
+    colour in levels; None where nothing was."""
+    depths, colors = [], []
+    for view in views:
+        painted, filled = view.filled, np.isin(view.origin, (Origin.FILLED, Origin.DEPTH_FILLED)) & ~view.hole
+        metres = view.depth_error[filled & np.isfinite(view.depth_error)]
+        depths.append(round(float(metres.mean(dtype=np.float64)), 5) if metres.size else None)
+        colors.append(round(float(view.color_error[painted].mean(dtype=np.float64)), 3) if painted.any() else None)
+    return {"expected_error": {"depth_m": depths, "color_levels": colors}}
 
 
 def share(where: np.ndarray) -> float:

@@ -21,6 +21,7 @@ from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import HoleType, Origin, View
 from dlama.geometry.visibility import Law, lawful_depth
+from dlama.inpainters.confidence import SUREST
 from dlama.inpainters.filling import FillReport, Inpainter, inpaint
 from dlama.inpainters.grey_depth import with_grey_depth
 from dlama.inpainters.layered.depth_first import depth_first
@@ -142,11 +143,20 @@ def close_holes(law: Law, view: View, earlier: View, *, measured: bool = False) 
         depth=depth,
         hole=view.hole & ~closed,
         origin=np.where(of_color, origin, view.origin),
-        confidence=np.where(closed, earlier.confidence, view.confidence),
+        confidence=np.where(closed, np.where(again, np.float32(SUREST), earlier.confidence), view.confidence),
+        errors=with_errors_of(view, earlier, closed),
     )
     if view.frame is not None and earlier.frame is not None:
         known = dataclasses.replace(known, frame=np.where(of_color, earlier.frame, view.frame))
     return known, FillReport(0, moved, 0, {})
+
+
+def with_errors_of(view: View, other: View, where: BoolArray) -> Float32Array | None:
+    """The expected errors of a view, in the pixels of `where` (H x W bool) those of another one of the same camera."""
+    if other.errors is None:
+        return view.errors
+    own = np.zeros_like(other.errors) if view.errors is None else view.errors
+    return np.where(where[..., None], other.errors, own)
 
 
 def fuse_new(scene: Scene, before: View, known: View, filled: View) -> Scene:

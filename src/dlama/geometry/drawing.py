@@ -69,14 +69,20 @@ class Canvas:
     """H x W, Origin codes."""
     confidence: Float32Array
     """H x W, in 0..1."""
+    errors: Float32Array | None = None
+    """H x W x 2, as `View.errors`; None: they are not drawn."""
 
     @classmethod
-    def empty(cls, camera: Camera) -> Canvas:
-        """A canvas of the camera's size on which nothing is drawn."""
+    def empty(cls, camera: Camera, errors: bool = False) -> Canvas:
+        """A canvas of the camera's size on which nothing is drawn; `errors`: expected errors are drawn, too."""
         hw = camera.hw
-        return cls(
-            np.zeros((*hw, 3), np.uint8), np.zeros(hw, np.float32), np.zeros(hw, np.uint8), np.zeros(hw, np.float32)
+        planes = (
+            np.zeros((*hw, 3), np.uint8),
+            np.zeros(hw, np.float32),
+            np.zeros(hw, np.uint8),
+            np.zeros(hw, np.float32),
         )
+        return cls(*planes, np.zeros((*hw, 2), np.float32) if errors else None)
 
     def buffers(self) -> tuple[UInt8Array, Float32Array, UInt8Array, Float32Array]:
         """Colour, depth, origin and confidence, in the order in which kernels take them."""
@@ -92,6 +98,13 @@ class Canvas:
             wins &= ~from_source(self.origin)
         self.color[wins], self.depth[wins] = other.color[wins], other.depth[wins]
         self.origin[wins], self.confidence[wins] = other.origin[wins], other.confidence[wins]
+        if self.errors is not None and other.errors is not None:
+            self.errors[wins] = other.errors[wins]
+
+    def put_errors(self, layer: View, where: BoolArray, rows: np.ndarray, columns: np.ndarray) -> None:
+        """The expected errors of a layer's pixels (rows, columns: N) in the pixels of `where` (H x W bool, N True)."""
+        if self.errors is not None and layer.errors is not None:
+            self.errors[where] = layer.errors[rows, columns]
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,6 +172,8 @@ def draw_as_points(grid: Grid, canvas: Canvas) -> None:
     in_bands(raster.draw_points, parts, grid.depth, grid.matrix, grid.offset, NEAR, *room, wbuf, index, band=1)
     pixels = layer.color.reshape(-1, 3), layer.origin.ravel(), layer.confidence.ravel()
     in_bands(shading.shade_points, hw[0], wbuf, index, *pixels, *canvas.buffers())
+    drawn = wbuf[0] > 0
+    canvas.put_errors(layer, drawn, *np.divmod(index[0][drawn], layer.camera.width))
 
 
 def draw_as_surface(grid: Grid, joined: UInt8Array, camera: Camera, canvas: Canvas) -> None:
@@ -174,6 +189,9 @@ def draw_as_surface(grid: Grid, joined: UInt8Array, camera: Camera, canvas: Canv
     in_bands(shading.shade_surface, rows, *found, layer.origin, layer.confidence, *canvas.buffers())
     if grid.fine:
         in_bands(shading.average_shrunk, rows, *found, canvas.color)
+    if canvas.errors is not None:
+        nearest = (where[wbuf > 0] + np.float32(0.5)).astype(np.intp)
+        canvas.put_errors(layer, wbuf > 0, nearest[:, 1], nearest[:, 0])
 
 
 def copy_onto(canvas: Canvas, layer: View) -> None:
@@ -190,6 +208,8 @@ def copy_where(canvas: Canvas, layer: View, where: BoolArray) -> None:
     np.copyto(canvas.depth, layer.depth, where=where)
     np.copyto(canvas.origin, layer.origin, where=where)
     np.copyto(canvas.confidence, layer.confidence, where=where)
+    if canvas.errors is not None and layer.errors is not None:
+        np.copyto(canvas.errors, layer.errors, where=where[..., None])
 
 
 def draw_far(grid: Grid, camera: Camera, canvas: Canvas) -> None:
@@ -207,7 +227,14 @@ def draw_far(grid: Grid, camera: Camera, canvas: Canvas) -> None:
     columns = np.flatnonzero(far[rows[0] : rows[-1] + 1].any(0))
     box = np.array([columns[0], columns[-1], rows[0], rows[-1]])
     sky = far, box, far_blocks(far, grid.fine)
+    empty = canvas.depth == 0
     in_bands(shading.shade_far, camera.height, matrix, *sky, *pixels, *canvas.buffers())
+    if canvas.errors is not None:
+        drawn = empty & np.isposinf(canvas.depth)
+        row, column = np.nonzero(drawn)
+        x, y, ahead = matrix @ np.stack([column + 0.5, row + 0.5, np.ones(len(row))])
+        rows, columns = (np.clip(part / ahead, 0, n - 1).astype(np.intp) for part, n in zip((y, x), layer.camera.hw))
+        canvas.put_errors(layer, drawn, rows, columns)
 
 
 def transformed(depth: Float32Array, matrix: Float64Array, offset: Float64Array) -> tuple[Float32Array, ...]:

@@ -63,11 +63,14 @@ def render(
     merged = merge_frames(scene, camera, mode, fine) if scene.numbers else None
     layers = scene.layers if mode == "surface" else without_overlap(scene)
     grids = [Grid.of(layer, camera, mode, fine) for layer in layers[len(scene.numbers) :]]
-    canvas = Canvas.empty(camera) if merged is None else merged.canvas
+    errors = any(layer.errors is not None for layer in layers)
+    canvas = Canvas.empty(camera, errors) if merged is None else merged.canvas
+    if errors and canvas.errors is None:
+        canvas.errors = np.zeros((*camera.hw, 2), np.float32)
     for number, grid in enumerate(grids):
         if number or merged is not None:
             measured = bool(from_source(grid.layer.origin).any())
-            canvas.put(draw(grid, camera, Canvas.empty(camera)), tolerance=0.005, over_measured=measured)
+            canvas.put(draw(grid, camera, Canvas.empty(camera, errors)), tolerance=0.005, over_measured=measured)
         else:
             draw(grid, camera, canvas)
             if grid.own_camera:
@@ -88,6 +91,7 @@ def render(
         origin=canvas.origin,
         confidence=canvas.confidence,
         frame=None if merged is None else merged.frame * np.uint16(canvas.origin != Origin.FILLED),
+        errors=canvas.errors,
     )
 
 

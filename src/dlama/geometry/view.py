@@ -92,6 +92,9 @@ class View:
     """H x W in 0..1; 1 = measured."""
     frame: UInt16Array | None = None
     """H x W, 1 + the number of the frame that a pixel comes from, 0 = none; of scenes of many frames only."""
+    errors: Float32Array | None = None
+    """H x W x 2, what was filled is expected to be off by: its depth in metres (+inf where it was filled as far), its colour in
+    levels of 8 bit (mean over the channels). 0 where it was measured, and in holes; None: nothing was filled."""
 
     def __post_init__(self) -> None:
         hw = self.camera.hw
@@ -105,6 +108,8 @@ class View:
         }
         if self.frame is not None:
             fields["frame"] = (hw, np.uint16)
+        if self.errors is not None:
+            fields["errors"] = ((*hw, 2), np.float32)
         checked_fields(self, "view", fields, " for this camera")
 
     @classmethod
@@ -160,6 +165,20 @@ class View:
         """H x W, True where a filler wrote colour and depth."""
         return self.origin == Origin.FILLED
 
+    @property
+    def depth_error(self) -> Float32Array:
+        """H x W metres that the depth is expected to be off by (`errors`); 0 where nothing was filled."""
+        return np.zeros(self.camera.hw, np.float32) if self.errors is None else self.errors[..., 0]
+
+    @property
+    def color_error(self) -> Float32Array:
+        """H x W levels of 8 bit that the colour is expected to be off by (`errors`); 0 where nothing was filled."""
+        return np.zeros(self.camera.hw, np.float32) if self.errors is None else self.errors[..., 1]
+
+    def errors_where(self, where: BoolArray) -> Float32Array | None:
+        """`errors` in the pixels of `where` (H x W bool), 0 in all others."""
+        return None if self.errors is None else np.where(where[..., None], self.errors, np.float32(0))
+
     def left_open(self, where: BoolArray) -> View:
         """The same view with what was filled in the pixels of `where` (H x W bool) taken back: unknown, depth 0, origin UNKNOWN.
 
@@ -173,6 +192,7 @@ class View:
             hole=self.hole | where,
             origin=np.where(where, np.uint8(Origin.UNKNOWN), self.origin),
             confidence=np.where(where, np.float32(0), self.confidence),
+            errors=self.errors_where(~where),
         )
 
     def without(self, where: BoolArray, hole_type: HoleType) -> View:
@@ -186,4 +206,5 @@ class View:
             hole_type=np.where(where, np.uint8(hole_type), self.hole_type),
             origin=self.origin * keep,
             confidence=self.confidence * keep,
+            errors=self.errors_where(keep),
         )

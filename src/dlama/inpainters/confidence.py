@@ -32,7 +32,9 @@ FINE, BROAD = 0.005, 0.02
 """Sigma, as a share of the diagonal, of the surroundings in which contrast is measured."""
 TYPES = (HoleType.DISOCCLUDED, HoleType.OUT_OF_VIEW, HoleType.SENSOR, HoleType.OBJECT)
 """Hole types that the network tells apart from the rest (cracks and flying pixels)."""
-FEATURES = 19
+FEATURES, OUTPUTS = 27, 4
+REACH = 3.0
+"""Standard deviations of the training data beyond which a feature says no more."""
 SUREST = 0.99
 """Largest probability of a filled pixel; 1 is what was measured."""
 WEIGHTS = Path(__file__).parents[1] / "assets" / "confidence" / "confidence.npz"
@@ -47,16 +49,19 @@ class ConfidenceNetwork:
     spread: Float32Array
     """FEATURES, standard deviations."""
     layers: tuple[tuple[Float32Array, Float32Array], ...]
-    """(in x out weights, out biases) of each layer; the last one has two outputs."""
+    """(in x out weights, out biases) of each layer; the last one has OUTPUTS."""
 
-    def __call__(self, features: Float32Array) -> Float32Array:
-        """N x 2 probabilities of N x FEATURES: that depth and colour are right, that depth is; never surer than SUREST."""
-        x = (features - self.mean) / self.spread
+    def __call__(self, features: Float32Array) -> tuple[Float32Array, Float32Array]:
+        """Of N x FEATURES: N x 2 probabilities (that depth and colour are right, that depth is; never surer than SUREST), and
+        N x 2 expected errors: of depth in filled depths (0..1), of colour in levels."""
+        x = np.clip((features - self.mean) / self.spread, -REACH, REACH)
         for weight, bias in self.layers[:-1]:
             x = np.maximum(x @ weight + bias, 0)
         weight, bias = self.layers[-1]
-        p = 1 / (1 + np.exp(-np.clip(x @ weight + bias, -30, 30)))
-        return np.clip(p, 1 - SUREST, SUREST).astype(np.float32)
+        out = np.clip(x @ weight + bias, -30, 30)
+        p = 1 / (1 + np.exp(-out[:, :2]))
+        errors = np.minimum(np.exp(out[:, 2:]), (1, 255 / COLOR_WITHIN)) * (1, COLOR_WITHIN)
+        return np.clip(p, 1 - SUREST, SUREST).astype(np.float32), errors.astype(np.float32)
 
 
 @functools.cache
@@ -72,20 +77,31 @@ def confidence_network(path: Path = WEIGHTS) -> ConfidenceNetwork:
 
 
 def fill_confidence(view: View, color: UInt8Array, depth: Float32Array) -> Float32Array:
-    """H x W in 0..1: in the view's hole the probability that a filled pixel is right, elsewhere the view's own confidence.
+    """The first that `judge_fill` gives."""
+    return judge_fill(view, color, depth)[0]
 
-    Where only depth was filled (the colour is measured), the probability that the depth is right.
+
+def judge_fill(view: View, color: UInt8Array, depth: Float32Array) -> tuple[Float32Array, Float32Array]:
+    """How far a fill can be trusted: confidence (H x W) and expected errors (H x W x 2).
+
+    Confidence is, in the view's hole, the probability that a filled pixel is right; where only depth was filled (the colour is
+    measured), that the depth is; elsewhere the view's own. Errors are those of `View.errors`: of depth in metres, at most the
+    depth itself, +inf where it is far; of colour in levels, 0 where it is measured; elsewhere the view's own, or 0.
 
     Args:
         view: with its holes.
         color: H x W x 3 uint8, filled.
         depth: H x W metres, filled; +inf = far.
     """
-    out = view.confidence.copy()
+    confidence = view.confidence.copy()
+    errors = np.zeros((*view.hole.shape, 2), np.float32) if view.errors is None else view.errors.copy()
     if view.hole.any():
-        both, depth_alone = confidence_network()(fill_features(view, color, depth)).T
-        out[view.hole] = np.where(view.color_hole[view.hole], both, np.maximum(both, depth_alone))
-    return out
+        probabilities, expected = confidence_network()(fill_features(view, color, depth))
+        both, depth_alone = probabilities.T
+        painted = view.color_hole[view.hole]
+        confidence[view.hole] = np.where(painted, both, np.maximum(both, depth_alone))
+        errors[view.hole] = np.stack([expected[:, 0] * depth[view.hole], expected[:, 1] * painted], 1)
+    return confidence, errors
 
 
 def fill_features(view: View, color: UInt8Array, depth: Float32Array) -> Float32Array:
@@ -105,6 +121,10 @@ def fill_features(view: View, color: UInt8Array, depth: Float32Array) -> Float32
     mean, contrast = local_contrast(known_grey, ~hole, BROAD * diagonal)
     _, grain = local_contrast(known_grey, ~hole, FINE * diagonal)
     _, relief = local_contrast(log_w, with_depth, BROAD * diagonal)
+    _, unrest = local_contrast(log_w, with_depth, FINE * diagonal)
+    level, _ = local_contrast(log_w, with_depth, BROAD * diagonal)
+    known_share = cv2.GaussianBlur((~hole).astype(np.float32), (0, 0), BROAD * diagonal)
+    nearest_grey = known_grey.ravel()[rim]
     slope = np.hypot(cv2.Scharr(log_w, cv2.CV_32F, 1, 0), cv2.Scharr(log_w, cv2.CV_32F, 0, 1)) * diagonal / 32
     painted = grey[hole]
     return np.stack(
@@ -125,11 +145,26 @@ def fill_features(view: View, color: UInt8Array, depth: Float32Array) -> Float32
             np.full(len(rim), np.log(hole.mean()), np.float32),
             painted / 255,
             local_contrast(grey, np.ones_like(hole), FINE * diagonal)[1][hole] / 25,
+            np.log1p(np.abs(painted - nearest_grey)),
+            np.log1p(np.abs(nearest_grey - mean.ravel()[rim])),
+            np.abs(log_w.ravel()[rim] - level.ravel()[rim]),
+            known_share[hole],
+            np.log1p(100 * unrest.ravel()[rim]),
+            np.full(len(rim), noise_of(known_grey, ~hole), np.float32),
+            np.full(len(rim), noise_of(log_w, with_depth, 1000), np.float32),
+            np.full(len(rim), (view.hole_type == HoleType.SENSOR).mean(), np.float32),
         ],
         1,
         dtype=np.float32,
         casting="same_kind",
     )
+
+
+def noise_of(values: Float32Array, known: BoolArray, scale: float = 1) -> float:
+    """Median step between neighbours of known pixels and the mean of theirs (four), as log(1 + scale * step)."""
+    inside = cv2.erode(known.view(np.uint8), np.ones((3, 3), np.uint8)) > 0
+    steps = np.abs(cv2.Laplacian(values, cv2.CV_32F))[inside] / 4
+    return float(np.log1p(scale * np.median(steps))) if steps.size else 0.0
 
 
 def mean_of_channels(color: UInt8Array) -> Float32Array:

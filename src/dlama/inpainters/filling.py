@@ -16,7 +16,7 @@ import numpy as np
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.geometry.view import Origin, View
 from dlama.geometry.visibility import Law, lawful_depth
-from dlama.inpainters.confidence import fill_confidence
+from dlama.inpainters.confidence import judge_fill
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,6 +31,8 @@ class Fill:
     """Pixels the filler itself already moved to keep the visibility law."""
     notes: dict[str, Any] = field(default_factory=dict)
     """What the filler adds to meta.json (planes found, model, provider ...)."""
+    errors: Float32Array | None = None
+    """H x W x 2, what the filler itself expects to be off by, as `View.errors`; None: the confidence network says it."""
 
 
 Inpainter = Callable[[View, Law, int], Fill]
@@ -83,13 +85,17 @@ def inpaint(view: View, inpainter: Inpainter, law: Law, seed: int = 0) -> tuple[
     depth, moved = lawful_depth(view, fill.depth, hole, law)
     color = np.where(view.color_hole[..., None], fill.color, view.color)
     filled_origin = np.where(view.color_hole, np.uint8(Origin.FILLED), np.uint8(Origin.DEPTH_FILLED))
+    confidence, errors = judge_fill(view, color, depth)
+    if fill.errors is not None:
+        errors = np.where(hole[..., None], fill.errors, errors)
     filled = dataclasses.replace(
         view,
         color=color,
         depth=np.where(hole, depth, view.depth),
         hole=np.zeros_like(hole),
         origin=np.where(hole, filled_origin, view.origin),
-        confidence=fill_confidence(view, color, depth),
+        confidence=confidence,
+        errors=errors,
     )
     left = int(law.violations(view.camera, filled.depth, hole).sum())
     return filled, FillReport(int(hole.sum()), fill.law_moves + moved, left, fill.notes)
