@@ -73,8 +73,8 @@ def test_every_filler_has_them_where_it_filled(filler: str) -> None:
 
 
 def test_they_are_calibrated_on_held_out_worlds() -> None:
-    """Truth: over six worlds and two fillers, by decile of what is expected, the actual mean error is nowhere more than 1.5 times as
-    large, within a factor of two of it where it is large, and rises with it; over all pixels both are within 35 %."""
+    """Truth: over six worlds and two fillers, by decile of what is expected, the actual mean error is nowhere more than 1.5 times
+    as large, within a factor of two of it where it is large, and rises with it; over all pixels both are within 35 %."""
     expected, actual = [[], []], [[], []]  # type: ignore[var-annotated]
     for seed in HELD_OUT:
         for filler in ("layered", "telea"):
@@ -148,7 +148,7 @@ def test_a_later_camera_takes_them_over() -> None:
     for view in done.views:
         assert view.errors is not None
         filled_here = view.filled & (view.confidence < SUREST)
-        assert filled_here.sum() > 0.9 * view.filled.sum() and (view.color_error[filled_here] > 0).all()
+        assert filled_here.sum() > 0.8 * view.filled.sum() and (view.color_error[filled_here] > 0).all()
         assert not view.color_error[~view.filled].any()
 
 
