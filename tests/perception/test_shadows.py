@@ -52,3 +52,24 @@ def test_a_click_with_its_shadow() -> None:
     assert found.shadow is not None
     assert (found.shadow & ~found.mask).sum() == 0
     assert (found.mask & shadow).sum() > 0.75 * shadow.sum()
+
+
+def test_a_pattern_is_no_shadow() -> None:
+    """Dark stripes all over the ground, one of which touches the box: what is everywhere is no shadow."""
+    rgbd, mask, _ = lit_and_shadow(1.0)
+    points = rays(CAMERA) * rgbd.depth[..., None]
+    stripe = (np.floor(points[..., 0] / 0.35).astype(int) % 2 == 0) & ~mask & (rgbd.depth < 7.9)
+    color = np.where(stripe[..., None], rgbd.color * 0.6, rgbd.color).astype(np.uint8)
+    assert not find_shadow(RGBD(color, rgbd.depth, CAMERA), mask).any()
+
+
+def test_a_shadow_in_estimated_depth() -> None:
+    """The box leans against a bent ground, as networks say it; it is taken to stand upright where its foot is."""
+    rgbd, mask, shadow = lit_and_shadow(0.5)
+    v, u = np.mgrid[: mask.shape[0], : mask.shape[1]]
+    w = 1 / rgbd.depth * (1 + 0.04 * np.sin(u / 40) * np.cos(v / 30))
+    w = np.where(mask, w + 0.3 * (1 / WORLD.rgbd(CAMERA).depth - w), w)
+    bent = RGBD(rgbd.color, (1 / w).astype(np.float32), CAMERA, {"estimator": "none"})
+    found = find_shadow(bent, mask)
+    assert (found & shadow).sum() > 0.6 * shadow.sum()
+    assert (found & shadow).sum() > 0.75 * found.sum()

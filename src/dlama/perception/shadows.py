@@ -16,6 +16,8 @@ from dlama.geometry.holes import dilated
 from dlama.geometry.projection import rays
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array
 from dlama.perception.masks.supports import Planes, planes_of
+from dlama.perception.planes import plane_values
+from dlama.perception.shadow_search import best_direction, pixels_of, surface_of
 
 DARKER = 0.1
 """Natural logarithm by which a shadow is darker at least; a tenth."""
@@ -29,22 +31,14 @@ AROUND = 1.6
 """The lit surface is looked at as far from the thing as this many times its diagonal in the picture."""
 ROUNDS = 8
 """Of the robust fit of the lit surface."""
-SLOPES = (0.15, 0.3, 0.45, 0.6, 0.8, 1.0, 1.25, 1.6, 2.0, 2.6, 3.4, 4.5)
-"""Lengths of a shadow over the height of what casts it, that are tried."""
-DIRECTIONS = 36
-"""And directions over the surface."""
 POINTS = 4000
-"""Pixels of the thing that are thrown for each of them."""
-CELL_PX = 4
-"""Width of the cells in which thrown shapes are compared with what is dark."""
-CONTRAST = 0.08
-"""Least difference in darkness between a thrown shape and what lies round it."""
-CERTAIN = 25.0
-"""Least number of standard deviations of that difference, as even as the surface is."""
-OFF_COLOR = 0.08
-"""Natural logarithm by which a shadow's red or blue may differ from its green, beside a sixth of its darkness."""
-EVENLY = 0.75
-"""Share of a thrown shape that must be darker than half way."""
+"""Pixels of the thing that are thrown for each direction of light."""
+CERTAIN = 3.5
+"""Least score of a thrown shape (`shadow_search`)."""
+OFF_COLOR = 0.1
+"""Natural logarithm by which a shadow's red or blue may differ from its green, beside a fifth of its darkness."""
+BENT = 0.2
+"""Share by which estimated inverse depth of the ground may differ from its plane."""
 SMALLEST_PX = 25
 LARGEST = 4.0
 """A shadow covers no more pixels than this many times the thing."""
@@ -101,8 +95,11 @@ def ground_of(rgbd: RGBD, mask: BoolArray, found: Planes) -> Ground | None:
     camera = rgbd.camera
     a, b, c = found.planes[number - 1]
     normal = np.array([a * camera.fx, b * camera.fy, a * camera.cx + b * camera.cy + c])
-    surface = (found.label == number) & rgbd.valid & ~mask
-    return Ground(normal, np.asarray(surface))
+    surface = found.label == number
+    if rgbd.estimate is not None:  # estimated ground bends
+        value = plane_values(found.planes[number - 1 : number], mask.shape)[0]
+        surface = np.abs(value - found.w) < BENT * found.w
+    return Ground(normal, np.asarray(surface & rgbd.valid & ~mask))
 
 
 def darkness(rgbd: RGBD, mask: BoolArray, surface: BoolArray, window: int) -> Float32Array | None:
@@ -171,29 +168,12 @@ def thrown_shadow(rgbd: RGBD, mask: BoolArray, ground: Ground, dark: Float32Arra
     none = np.zeros(mask.shape, np.bool_)
     if len(points) < SMALLEST_PX:
         return none
-    n = ground.normal
-    up = -n / np.linalg.norm(n)
+    up = -ground.normal / np.linalg.norm(ground.normal)
     foot = points - rise[:, None] * up
-    one = np.cross(up, [0.0, 0.0, 1.0])
-    one /= max(float(np.linalg.norm(one)), 1e-9)
-    two = np.cross(up, one)
-    seen = usable & (dark != 0)
-    mean, weight = cells(dark, seen), cells(np.ones_like(dark), seen)
-    mean = np.asarray(mean / np.maximum(weight, 1e-6), np.float32)
-    spread = cell_spread(mean, weight)
-    best, light = 0.0, None
-    for slope in SLOPES:
-        for turn in range(DIRECTIONS):
-            angle = 2 * np.pi * turn / DIRECTIONS
-            over = slope * (np.cos(angle) * one + np.sin(angle) * two)
-            shape = thrown_cells(foot + rise[:, None] * over, rgbd, mean.shape)
-            score = certainty(shape, mean, weight, spread)
-            if score > best:
-                best, light = score, over
-    if light is None or best < CERTAIN:
+    found = best_direction(foot, rise, up, rgbd, surface_of(rgbd, dark, usable & (dark != 0)))
+    if found is None or found.score < CERTAIN:
         return none
-    place = pixels_of(foot + rise[:, None] * light, rgbd)
-    none.ravel()[place] = True
+    none.ravel()[pixels_of(foot + rise[:, None] * found.over, rgbd)] = True
     shape = cv2.morphologyEx(none.astype(np.uint8), cv2.MORPH_CLOSE, np.ones((9, 9), np.uint8)) > 0
     shape &= usable
     if shape.sum() < SMALLEST_PX:
@@ -209,61 +189,19 @@ def thrown_shadow(rgbd: RGBD, mask: BoolArray, ground: Ground, dark: Float32Arra
 
 
 def thing_points(rgbd: RGBD, mask: BoolArray, ground: Ground) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """N x 3 points of the thing in camera axes, and their heights over the surface in metres."""
+    """N x 3 points of the thing in camera axes, and their heights over the surface in metres.
+
+    Where depth is estimated, which leans things against the ground, the thing stands upright at the depth of its foot.
+    """
     rows, columns = np.nonzero(mask & rgbd.valid)
     keep = slice(None, None, max(1, len(rows) // POINTS))
-    points = rays(rgbd.camera)[rows[keep], columns[keep]] * rgbd.depth[rows[keep], columns[keep]][:, None]
+    directions, depth = rays(rgbd.camera)[rows[keep], columns[keep]], rgbd.depth[rows[keep], columns[keep]]
+    if rgbd.estimate is not None and len(rows):
+        foot = rays(rgbd.camera)[rows[-1], int(np.median(columns[rows > rows[-1] - 3]))]
+        depth = np.full_like(depth, 1 / max(float(foot @ ground.normal), 1e-6))
+    points = directions * depth[:, None]
     rise = (1 - points @ ground.normal) / np.linalg.norm(ground.normal)
     return points, np.maximum(rise, 0)
-
-
-def cells(values: Float32Array, where: BoolArray) -> Float32Array:
-    """Sums of values over cells of CELL_PX x CELL_PX pixels, over `where`, divided by the cells' size."""
-    height, width = -(-values.shape[0] // CELL_PX), -(-values.shape[1] // CELL_PX)
-    padded = np.zeros((height * CELL_PX, width * CELL_PX), np.float32)
-    padded[: values.shape[0], : values.shape[1]] = np.where(where, values, 0)
-    return np.asarray(padded.reshape(height, CELL_PX, width, CELL_PX).mean((1, 3)), np.float32)
-
-
-def cell_spread(mean: Float32Array, weight: Float32Array) -> float:
-    """Standard deviation of darkness from cell to cell, robust."""
-    values = mean[(weight > 0.5) & (mean < 0)]
-    return max(1.4826 * float(np.median(np.abs(values))) if values.size > 20 else 0.0, 0.02)
-
-
-def thrown_cells(points: NDArray[np.float64], rgbd: RGBD, hw: tuple[int, int]) -> BoolArray:
-    """Which cells the thrown points fall into, gaps of a cell closed."""
-    pixels = pixels_of(points, rgbd)
-    shape = np.zeros(hw, np.uint8)
-    shape[pixels // rgbd.camera.width // CELL_PX, pixels % rgbd.camera.width // CELL_PX] = 1
-    return np.asarray(cv2.morphologyEx(shape, cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8)) > 0)
-
-
-def certainty(shape: BoolArray, mean: Float32Array, weight: Float32Array, spread: float) -> float:
-    """How many standard deviations the cells of a shape are darker than those round it; 0 where it is less than CONTRAST."""
-    grown = cv2.dilate(shape.astype(np.uint8), np.ones((3, 3), np.uint8))
-    ring = (cv2.dilate(grown, np.ones((5, 5), np.uint8)) > 0) & (grown == 0)
-    inside, outside = weight[shape], weight[ring]
-    if inside.sum() < 4 or outside.sum() < 4:
-        return 0.0
-    dark = float((mean[shape] * inside).sum() / inside.sum())
-    lit = float((mean[ring] * outside).sum() / outside.sum())
-    if dark - max(lit, 0) < CONTRAST or dark < DARKER / 2:
-        return 0.0
-    even = float((inside * (mean[shape] > (dark + lit) / 2)).sum() / inside.sum())
-    return (
-        (dark - lit) / spread * float(np.sqrt(min(inside.sum(), 4 * outside.sum()))) * (2 * even - 1) * (even >= EVENLY)
-    )
-
-
-def pixels_of(points: NDArray[np.float64], rgbd: RGBD) -> NDArray[np.int64]:
-    """Flat, unique indices of the pixels that points in camera axes fall into."""
-    camera = rgbd.camera
-    front = points[points[:, 2] > 1e-3]
-    u = np.floor(front[:, 0] / front[:, 2] * camera.fx + camera.cx).astype(np.int64)
-    v = np.floor(front[:, 1] / front[:, 2] * camera.fy + camera.cy).astype(np.int64)
-    seen = (u >= 0) & (u < camera.width) & (v >= 0) & (v < camera.height)
-    return np.unique(v[seen] * camera.width + u[seen])
 
 
 def same_color(rgbd: RGBD, region: BoolArray, lit: BoolArray, darker: float) -> bool:
@@ -271,7 +209,7 @@ def same_color(rgbd: RGBD, region: BoolArray, lit: BoolArray, darker: float) -> 
     ratio = np.log(rgbd.color[lit].astype(np.float64) + 4).mean(0) - np.log(
         rgbd.color[region].astype(np.float64) + 4
     ).mean(0)
-    return bool(np.abs(ratio - ratio[1]).max() <= OFF_COLOR + darker / 6)
+    return bool(np.abs(ratio - ratio[1]).max() <= OFF_COLOR + darker / 5)
 
 
 def touching(where: BoolArray, other: BoolArray) -> BoolArray:

@@ -16,10 +16,9 @@ from dlama.errors import MaskError
 from dlama.geometry.projection import inverse_depth
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
 from dlama.perception.masks.prompt import Prompt
+from dlama.perception.masks.supports import ESTIMATED_NOISE
 from dlama.perception.planes import find_planes, plane_values
 
-PLANE_NOISE = 0.02
-"""Error of estimated inverse depth over its median, for the search of the ground's plane."""
 AS_NEAR = 0.1
 """Share by which inverse depth may differ from that at the click in the first guess."""
 ON_GROUND = 0.06
@@ -64,7 +63,7 @@ def rough_depth(rgbd: RGBD) -> RoughDepth:
     lower = np.zeros(w.shape, np.bool_)
     lower[len(w) // 2 :] = True
     best, chosen, slope = 0, None, 0.0
-    for plane in find_planes(w, valid, 0, PLANE_NOISE * middle):
+    for plane in find_planes(w, valid, 0, ESTIMATED_NOISE * middle):
         value = plane_values(plane[None], w.shape)[0]
         held = int((np.abs(value - w) < 0.05 * np.maximum(w, middle / 2))[lower].sum())
         if plane[1] > 0 and held > best:

@@ -27,6 +27,8 @@ BEHIND = 1.015
 """Inverse depth of a plane over that of a pixel beside it, from which on the pixel lies behind the plane."""
 NOISY = 6.0
 """Both differ by so many standard deviations of the noise at least."""
+ESTIMATED_NOISE = 0.02
+"""Error of estimated inverse depth over its median, from which its planes are told."""
 BORDER_PX = 2
 
 
@@ -60,6 +62,8 @@ def planes_of(rgbd: RGBD, seed: int = 0) -> Planes:
     """The planes of a picture, most supported first; none where depth is all missing or far."""
     w, valid, known = inverse_depth(rgbd.depth), rgbd.valid, ~rgbd.missing
     noise = noise_level(w, valid) if valid.any() else 0.0
+    if rgbd.estimate is not None and valid.any():
+        noise = max(noise, ESTIMATED_NOISE * float(np.median(w[valid])))
     planes = find_planes(w, valid, seed, noise)
     label = label_known(w, valid, rgbd.far, planes, noise)
     behind = tuple(behind_share(w, known, label == n + 1, plane, noise) for n, plane in enumerate(planes))
