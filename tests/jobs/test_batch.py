@@ -218,22 +218,23 @@ def test_a_run_that_can_write_nothing_ends(tmp_path: Path, monkeypatch: pytest.M
     """Results that cannot be written, one after the other, end the run with the reason; later it goes on from there."""
     small_frame(tmp_path)
 
-    from dlama.jobs.perform import failed
+    from dlama.jobs.perform import Task, failed
+    from dlama.workers.pool import Ended
 
-    def no_space(self: object, task: room.Task) -> None:
+    def no_space(self: object, task: Task) -> None:
         self.tasks.append(task)  # type: ignore[attr-defined]
 
     class Full:
         count, free = 1, 1
 
         def __init__(self, *_: object) -> None:
-            self.tasks: list[room.Task] = []
+            self.tasks: list[Task] = []
 
         submit = no_space
 
-        def wait(self) -> list[room.Ended]:
+        def wait(self) -> list[Ended]:
             tasks, self.tasks = self.tasks, []
-            return [room.Ended(task, failed(task.job, OutputError("out: no space left on device"))) for task in tasks]
+            return [Ended(task, failed(task.job, OutputError("out: no space left on device"))) for task in tasks]
 
         def close(self) -> None: ...
 

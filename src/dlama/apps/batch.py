@@ -50,6 +50,10 @@ class Which:
     """Where a picture's depth lies: 'depth/{stem}.png'; {stem} is its name, {name} that with suffix, {folder} its folder."""
     masks: Annotated[str | None, option("PATTERN")] = None
     """The same of its mask."""
+    data: Annotated[Path | None, option("DATASET")] = None
+    """A data set, as `dlama evaluate` reads them: view and depth take its frames, remove its removals, stereo its pairs."""
+    layout: Annotated[str | None, option("NAME", "recognised")] = None
+    """How the data set lies on disk."""
     verb: Annotated[Literal["view", "remove", "stereo", "depth"] | None, option("VERB", "as the list says")] = None
     """view, remove, stereo or depth, of jobs that do not say it."""
 
@@ -66,6 +70,8 @@ class Running:
     """Run jobs again that are done with the same inputs and options."""
     stop_after_failures: Annotated[int | None, option("N", "never")] = None
     """Begin no new job after so many failures."""
+    pack: Annotated[int | None, option("N", "a folder each")] = None
+    """Put results into tar shards of N, as the webdataset package reads them: DIR/shards/000000.tar, ..."""
     ray: Annotated[str | None, option("local|auto|HOST:PORT", "processes of this computer")] = None
     """Run on a Ray cluster; all its nodes must see inputs and results under the same names."""
     gpus_per_worker: Annotated[float, option("SHARE", "0")] = 0.0
@@ -117,13 +123,14 @@ def batch(
         only: What is written beside meta.json: image, depth, hole, origin, confidence, points, mesh, scene, preview.
     """
     if words[:1] == ("report",):
-        raise InputError("report is not there yet")
+        write_page(words[1:], report)
+        return
     with reported("batch", report) as result:
         import dlama
         from dlama.jobs.result import Totals
 
         defaults = given(move, lens, reading, estimating, masking, pointing, pair, method) | {"only": only}
-        jobs = source(words, which)
+        jobs = source(words, which, defaults)
         if running.dry_run:
             for line in planned_lines(jobs, which.verb, defaults):
                 result.add(line)
@@ -133,11 +140,23 @@ def batch(
         totals = Totals()
         options = {name: value for name, value in dataclasses.asdict(running).items() if name != "dry_run"}
         with shown_progress(report, totals) as progress:
+            defaults = {} if which.data else defaults  # a data set's jobs have theirs
             for row in dlama.batch(jobs, output, verb=which.verb, progress=progress, **options, **defaults):
                 totals.add(row)
         result.add("\n".join(totals.lines(str(output))), **totals.values(str(output)))
     if totals.failed:
         raise SystemExit(FAILED)
+
+
+def write_page(words: Sequence[str], report: Report) -> None:
+    """`dlama batch report OUT`."""
+    from dlama.jobs.report.write import write_report
+
+    if len(words) != 1:
+        raise InputError(f"report {' '.join(words)}: one folder of results is wanted: dlama batch report OUT")
+    with reported("batch report", report) as result:
+        page = write_report(words[0])
+        result.add(page, report=page)
 
 
 def given(*groups: Any) -> dict[str, Any]:
@@ -151,16 +170,22 @@ def given(*groups: Any) -> dict[str, Any]:
     return found
 
 
-def source(words: Sequence[str], which: Which) -> Any:
-    """The list, or the pictures of a pattern. InputError: neither, or both."""
+def source(words: Sequence[str], which: Which, defaults: dict[str, Any]) -> Any:
+    """The list, the pictures of a pattern, or the frames of a data set. InputError: none of them, or two."""
+    from dlama.jobs.lists.data_sets import DatasetJobs
     from dlama.jobs.lists.folders import Pictures
 
-    if len(words) + (which.images is not None) != 1:
+    if len(words) + (which.images is not None) + (which.data is not None) != 1:
         raise InputError(
-            f"{len(words)} lists and images={which.images}; one list of jobs, or images=PATTERN, is wanted"
+            f"{len(words)} lists, images={which.images} and data={which.data}; one list of jobs, "
+            "images=PATTERN or data=DATASET is wanted"
         )
     if which.images is None and (which.depths or which.masks):
         raise InputError("depths and masks go with images=PATTERN")
+    if which.data is not None:
+        return DatasetJobs(which.data, which.verb, which.layout, defaults)
+    if which.layout is not None:
+        raise InputError("layout goes with data=DATASET")
     return words[0] if words else Pictures(str(which.images), which.depths, which.masks)
 
 
@@ -174,11 +199,17 @@ def planned_lines(jobs: Any, verb: str | None, defaults: dict[str, Any]) -> Iter
         counts[job.verb] = counts.get(job.verb, 0) + 1
         wrong += job.error is not None
         if number < SHOWN_JOBS:
-            options = " ".join(f"{name}={value}" for name, value in job.parameters.items())
+            options = " ".join(f"{name}={shown_value(value)}" for name, value in job.parameters.items())
             shown.append(f"  {job.id}: {job.verb or '?'} {job.error or options}")
     kinds = ", ".join(f"{count} {name or 'without a verb'}" for name, count in counts.items())
     yield f"{sum(counts.values())} jobs ({kinds}), {wrong} of them cannot be run; the first ones:"
     yield from shown
+
+
+def shown_value(value: Any) -> str:
+    """As it would be typed."""
+    parts = value if isinstance(value, (list, tuple)) else (value,)
+    return ",".join(f"{one:g}" if isinstance(one, float) else str(one) for one in parts)
 
 
 @contextmanager

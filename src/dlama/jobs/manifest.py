@@ -212,13 +212,7 @@ class Manifest:
 
     def _is_there(self, row: JobResult) -> bool:
         """Whether the result lies where its row says: in its folder, or in a tar shard."""
-        if not row.folder.endswith(".tar"):
-            return self.output.has(row.id)
-        place = self.output.of(row.folder)
-        if self.output.is_remote:
-            system, inside = file_system(place)
-            return bool(system.exists(inside))
-        return Path(place).is_file()
+        return self.output.exists(row.folder) if row.folder.endswith(".tar") else self.output.has(row.folder)
 
     def _new_shard(self) -> None:
         if self._writer is not None:

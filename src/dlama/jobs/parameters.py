@@ -197,8 +197,11 @@ KNOWN = tuple(dict.fromkeys(name for names in VERBS.values() for name in names))
 """Every parameter of every verb."""
 
 
-def checked(verb: str, given: Mapping[str, Any]) -> dict[str, Any]:
-    """The values of a job's parameters. InputError: an unknown verb or parameter, a value that cannot be, one that is missing."""
+def checked(verb: str, given: Mapping[str, Any], loaded: bool = False) -> dict[str, Any]:
+    """The values of a job's parameters. InputError: an unknown verb or parameter, a value that cannot be, one that is missing.
+
+    loaded: its inputs come from a data set, so none need be named.
+    """
     if verb not in VERBS:
         raise InputError(f"verb is {verb!r}; one of {', '.join(VERBS)} is wanted")
     known = VERBS[verb]
@@ -206,7 +209,7 @@ def checked(verb: str, given: Mapping[str, Any]) -> dict[str, Any]:
         if name not in known:
             raise InputError(f"{name} says nothing to {verb}; its parameters are {', '.join(known)}")
     for name in NEEDED[verb]:
-        if name not in given:
+        if name not in given and not loaded:
             raise InputError(f"{name} is missing; {verb} wants {', '.join(NEEDED[verb])}")
     found = {name: known[name](name, value) for name, value in given.items()}
     orbit = {name: found.get(name) for name in ("yaw", "pitch", "dolly")}

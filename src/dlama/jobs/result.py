@@ -52,6 +52,8 @@ class JobResult:
     warnings: tuple[str, ...] = ()
     trace: str = ""
     """Of an error that dlama does not know, where it came from."""
+    replaces: str = ""
+    """The tar shard that holds an earlier result, until this one is packed."""
     kept: bool = False
     """An earlier run had done it."""
 
@@ -79,7 +81,7 @@ class JobResult:
         return row
 
 
-CSV_COLUMNS = tuple(one.name for one in dataclasses.fields(JobResult) if one.name not in ("trace", "kept"))
+CSV_COLUMNS = tuple(one.name for one in dataclasses.fields(JobResult) if one.name not in ("trace", "replaces", "kept"))
 
 
 def csv_writer(stream: TextIO) -> Any:

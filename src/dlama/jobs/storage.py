@@ -104,9 +104,13 @@ class Output:
 
     def has(self, name: str) -> bool:
         """Whether a whole result lies there."""
+        return self.exists(f"{name}/{MARKER}")
+
+    def exists(self, name: str) -> bool:
+        """Whether a file lies there."""
         if not self.is_remote:
-            return Path(self.of(name), MARKER).is_file()
-        system, inside = file_system(self.of(f"{name}/{MARKER}"))
+            return Path(self.of(name)).is_file()
+        system, inside = file_system(self.of(name))
         return bool(system.exists(inside))
 
     @contextmanager

@@ -1,0 +1,127 @@
+"""The rows of a manifest in; throughput over time, failures in groups, and which results are shown, out. Any number of rows."""
+
+from __future__ import annotations
+
+import heapq
+import random
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+
+from dlama.jobs.result import JobResult
+
+SHOWN = 12
+"""Pictures of one contact sheet."""
+EXAMPLES = 3
+"""Jobs that are named of each group of failures."""
+BARS = 48
+"""Bars of the throughput, at most."""
+SECONDS = (1, 2, 5, 10, 20, 30, 60, 120, 300, 600, 1200, 1800, 3600, 7200, 14400, 28800, 86400, 604800)
+"""Widths that a bar may have."""
+PLACE = re.compile(r"(?:\w+://|[A-Za-z]:)?[^\s:;,']*[/\\][^\s:;,']*")
+NUMBER = re.compile(r"\d+(?:\.\d+)?")
+
+
+@dataclass
+class Group:
+    """Failures that say the same, but for names and numbers."""
+
+    kind: str
+    message: str
+    """Names of files as FILE, numbers as N."""
+    count: int = 0
+    examples: list[JobResult] = field(default_factory=list)
+
+
+@dataclass
+class Summary:
+    """What the page shows."""
+
+    done: int = 0
+    failed: int = 0
+    groups: dict[tuple[str, str], Group] = field(default_factory=dict)
+    seconds: float = 0.0
+    stages: dict[str, float] = field(default_factory=dict)
+    hosts: dict[str, int] = field(default_factory=dict)
+    peak_mib: float = 0.0
+    law_moves: int = 0
+    law_violations: int = 0
+    hole_share: float = 0.0
+    finished: dict[int, int] = field(default_factory=dict)
+    """Second -> results that ended in it."""
+    at_random: list[JobResult] = field(default_factory=list)
+    largest_holes: list[tuple[float, str, JobResult]] = field(default_factory=list)
+    most_moves: list[tuple[float, str, JobResult]] = field(default_factory=list)
+
+    def groups_by_size(self) -> list[Group]:
+        """The largest first."""
+        return sorted(self.groups.values(), key=lambda one: (-one.count, one.kind, one.message))
+
+    def worst(self, of: str) -> list[JobResult]:
+        """The results with the largest holes, or the most law moves; the worst first."""
+        kept = self.largest_holes if of == "holes" else self.most_moves
+        return [row for value, _, row in sorted(kept, key=lambda one: one[:2], reverse=True) if value > 0]
+
+
+def summarise(rows: Iterable[JobResult], seed: int = 0) -> Summary:
+    """One pass over the rows; the random ones are drawn by reservoir, so that each result is as likely as any other."""
+    found, draw = Summary(), random.Random(seed)
+    for row in rows:
+        second = int(row.finished)
+        found.finished[second] = found.finished.get(second, 0) + 1
+        if row.host:
+            found.hosts[row.host] = found.hosts.get(row.host, 0) + 1
+        if row.status == "failed":
+            _add_failure(found, row)
+            continue
+        found.done += 1
+        found.seconds += row.seconds
+        found.peak_mib = max(found.peak_mib, row.peak_mib or 0.0)
+        found.law_moves += row.law_moves or 0
+        found.law_violations += row.law_violations or 0
+        found.hole_share += row.hole_share or 0.0
+        for stage, seconds in row.seconds_by_stage.items():
+            found.stages[stage] = found.stages.get(stage, 0.0) + seconds
+        if len(found.at_random) < SHOWN:
+            found.at_random.append(row)
+        elif (place := draw.randrange(found.done)) < SHOWN:
+            found.at_random[place] = row
+        _keep(found.largest_holes, row.hole_share or 0.0, row)
+        _keep(found.most_moves, float(row.law_moves or 0), row)
+    return found
+
+
+def without_names(message: str) -> str:
+    """A message with FILE for names of files and N for numbers, so that messages of one cause are equal."""
+    return NUMBER.sub("N", PLACE.sub("FILE", message))
+
+
+def throughput(finished: dict[int, int]) -> tuple[int, list[tuple[int, int]]]:
+    """Width of a bar in seconds, and (its first second, results that ended in it), idle times between them too, BARS at most."""
+    if not finished:
+        return SECONDS[0], []
+    first, last = min(finished), max(finished)
+    width = next((one for one in SECONDS if (last - first) / one < BARS), (last - first) // BARS + 1)
+    start = first - first % width
+    counts = dict.fromkeys(range(start, last + 1, width), 0)
+    for second, count in finished.items():
+        counts[start + (second - start) // width * width] += count
+    return width, list(counts.items())
+
+
+def _add_failure(found: Summary, row: JobResult) -> None:
+    found.failed += 1
+    key = row.error_kind, without_names(row.error)
+    group = found.groups.setdefault(key, Group(*key))
+    group.count += 1
+    if len(group.examples) < EXAMPLES:
+        group.examples.append(row)
+
+
+def _keep(kept: list[tuple[float, str, JobResult]], value: float, row: JobResult) -> None:
+    """The SHOWN largest, equal ones by id."""
+    entry = value, row.id, row
+    if len(kept) < SHOWN:
+        heapq.heappush(kept, entry)
+    elif entry[:2] > kept[0][:2]:
+        heapq.heapreplace(kept, entry)

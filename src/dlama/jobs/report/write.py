@@ -1,0 +1,176 @@
+"""A batch's folder in; OUT/report.html out: throughput, failures in groups, random results and the worst."""
+
+from __future__ import annotations
+
+import base64
+import io
+import tarfile
+import time
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from dlama.errors import FileError, MissingExtraError
+from dlama.files.atomic_write import PathLike, new_file
+from dlama.jobs.manifest import FOLDER, Manifest
+from dlama.jobs.report.summary import Summary, summarise, throughput
+from dlama.jobs.result import JobResult
+from dlama.jobs.storage import Output, is_address, local, opened
+from dlama.workers.progress import duration
+
+PARTS = Path(__file__).parents[2] / "assets" / "report"
+"""batch.html, and style.css, which `dlama evaluate` has too."""
+THUMBNAIL = 420
+"""Pixels of a shown picture's longer side."""
+PICTURES = ("preview.png", "image.png")
+"""What is shown of a result: the first of these that it has. A preview has source, hole and result side by side."""
+
+
+@dataclass(frozen=True)
+class Shown:
+    """A picture of a contact sheet."""
+
+    name: str
+    caption: str
+    link: str
+    """The result's folder, from the page."""
+    picture: str
+    """A data URL; empty: it has none."""
+
+
+def write_report(out: PathLike) -> str:
+    """Write OUT/report.html, which loads nothing else, and return its path.
+
+    Raises:
+        FileError: there is no batch.
+        OutputError: the page cannot be written.
+        MissingExtraError: jinja2 is not installed.
+    """
+    place = str(out)
+    output = Output(place)
+    if not output.is_remote and not Path(local(place), FOLDER).is_dir():
+        raise FileError(f"{place}: holds no results of `dlama batch`; there is no folder {FOLDER} in it")
+    template = _template()
+    with Manifest(output, read_only=True) as manifest:
+        found = summarise(manifest.rows())
+    text = template.render(**values(found, output))
+    target = output.of("report.html")
+    if output.is_remote:
+        from dlama.jobs.manifest import opened_to_write
+
+        with opened_to_write(target) as stream:
+            stream.write(text)
+        return target
+    with new_file(target) as draft:
+        draft.write_text(text, encoding="utf-8")
+    return target
+
+
+def values(found: Summary, output: Output) -> dict[str, Any]:
+    """What the template takes."""
+    width, bars = throughput(found.finished)
+    begun, ended = min(found.finished, default=0), max(found.finished, default=0)
+    done = max(found.done, 1)
+    facts = [
+        ("done", f"{found.done}"),
+        ("failed", f"{found.failed}"),
+        ("first and last result", f"{_clock(begun)} to {_clock(ended)} UTC, {duration(ended - begun)}"),
+        ("seconds a job", f"{found.seconds / done:.2f}"),
+        ("of these", ", ".join(f"{stage} {seconds / done:.2f}" for stage, seconds in found.stages.items())),
+        ("hosts", ", ".join(f"{host} ({count})" for host, count in sorted(found.hosts.items()))),
+        ("peak memory of a worker", f"{found.peak_mib:.0f} MiB"),
+        ("unknown before filling", f"{found.hole_share / done:.1%} of a picture, on the average"),
+        ("filled pixels moved behind what was measured", f"{found.law_moves}"),
+        ("that still hide what was measured", f"{found.law_violations}"),
+    ]
+    sheets = [
+        ("At random", "drawn from all results", _sheet(found.at_random, output)),
+        ("Largest holes", "the largest share of the picture was unknown", _sheet(found.worst("holes"), output)),
+        ("Most law moves", "most filled pixels had to be moved", _sheet(found.worst("moves"), output)),
+    ]
+    return {
+        "title": f"Batch {Path(local(output.place)).name or output.place}",
+        "facts": [(name, text) for name, text in facts if text],
+        "groups": found.groups_by_size(),
+        "failed": found.failed,
+        "bars": _bars(width, bars),
+        "bar_width": duration(width),
+        "most": max((count for _, count in bars), default=0),
+        "begin": _clock(bars[0][0]) if bars else "",
+        "end": _clock(bars[-1][0] + width) if bars else "",
+        "sheets": [sheet for sheet in sheets if sheet[2]],
+    }
+
+
+def _bars(width: int, bars: list[tuple[int, int]]) -> list[dict[str, Any]]:
+    """x, width and height of each bar in a box of 100 x 100, and what it says."""
+    most = max((count for _, count in bars), default=1) or 1
+    step = 100 / max(len(bars), 1)
+    return [
+        {
+            "x": round(number * step, 3),
+            "width": round(0.86 * step, 3),
+            "height": round(100 * count / most, 2),
+            "label": f"{_clock(start)}: {count} results in {duration(width)}",
+        }
+        for number, (start, count) in enumerate(bars)
+    ]
+
+
+def _sheet(rows: Iterable[JobResult], output: Output) -> list[Shown]:
+    shown = []
+    for row in rows:
+        parts = [row.verb]
+        parts += [] if row.hole_share is None else [f"{row.hole_share:.1%} unknown"]
+        parts += [f"{row.law_moves} moved"] if row.law_moves else []
+        shown.append(
+            Shown(row.id, ", ".join(parts), "" if is_address(output.place) else row.folder, _picture(row, output))
+        )
+    return shown
+
+
+def _picture(row: JobResult, output: Output) -> str:
+    """A small JPEG of a result as a data URL; empty where it has no picture or is gone."""
+    from PIL import Image
+
+    for name in PICTURES:
+        try:
+            with Image.open(io.BytesIO(_read(row, name, output))) as picture:
+                small = picture.convert("RGB")
+        except (OSError, KeyError, FileError):
+            continue
+        scale = THUMBNAIL / max(small.size)
+        width, height = (max(1, round(side * min(1.0, scale))) for side in small.size)
+        buffer = io.BytesIO()
+        small.resize((width, height), Image.Resampling.LANCZOS).save(buffer, "JPEG", quality=85)
+        return f"data:image/jpeg;base64,{base64.b64encode(buffer.getvalue()).decode()}"
+    return ""
+
+
+def _read(row: JobResult, name: str, output: Output) -> bytes:
+    """A file of a result: of its folder, or of its tar shard. OSError, KeyError or FileError where there is none."""
+    if not row.folder.endswith(".tar"):
+        with opened(output.of(f"{row.folder}/{name}"), "rb") as stream:
+            return bytes(stream.read())
+    from dlama.jobs.tar_shards import key_of
+
+    with opened(output.of(row.folder), "rb") as stream, tarfile.open(fileobj=stream) as shard:
+        member = shard.extractfile(f"{key_of(row.id)}.{name}")
+        return member.read() if member else b""
+
+
+def _clock(second: float) -> str:
+    return time.strftime("%Y-%m-%d %H:%M:%S", time.gmtime(second))
+
+
+def _template() -> Any:
+    try:
+        from jinja2 import Environment, FileSystemLoader, StrictUndefined
+    except ImportError as error:
+        raise MissingExtraError("the report", "jinja2", "batch") from error
+    made = Environment(
+        loader=FileSystemLoader(PARTS), autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    )
+    made.globals["part"] = lambda name: (PARTS / name).read_text(encoding="utf-8").strip()
+    return made.get_template("batch.html")

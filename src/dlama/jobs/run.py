@@ -1,0 +1,207 @@
+"""Jobs, where their results go, and workers in; every job run, its row entered, and its result, as soon as it is there, out."""
+
+from __future__ import annotations
+
+import heapq
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Protocol
+
+from dlama.errors import OutputError
+from dlama.files.drafts import remove_abandoned
+from dlama.jobs.job import Job
+from dlama.jobs.manifest import Manifest
+from dlama.jobs.perform import Task, given_up, work
+from dlama.jobs.result import JobResult
+from dlama.jobs.storage import Output, local
+from dlama.jobs.tar_shards import STAGED, Packer
+from dlama.workers.pool import TRIES, Ended
+
+Progress = Callable[[JobResult | None, int, int | None], object]
+"""Called with what has just ended (None: at the start), and how many of how many are done; None: it is not known."""
+WINDOW = 8
+"""Results a worker that may wait for an earlier one, where they are wanted in order."""
+AT_ONCE = 64
+"""Rows that are looked at before results are handed out."""
+UNWRITTEN = 4
+"""Results, one after the other, that could not be written, after which a run ends: a full disk."""
+
+
+class Workers(Protocol):
+    """What runs tasks: `dlama.workers.pool.Pool`, or the actors of a Ray cluster."""
+
+    count: int
+
+    @property
+    def free(self) -> int:
+        """How many tasks can be handed in now."""
+
+    def submit(self, task: Task) -> None:
+        """Hand in one."""
+
+    def wait(self) -> list[Ended]:
+        """What has ended; waits for at least one."""
+
+    def close(self) -> None:
+        """End all workers."""
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How a run goes."""
+
+    output: Output
+    ordered: bool = False
+    resume: bool = True
+    stop_after_failures: int | None = None
+    pack: int | None = None
+    progress: Progress = lambda *_: None
+
+
+def run_jobs(
+    source: Iterable[Job], can_be_read_twice: bool, settings: Settings, start: Callable[[], Workers]
+) -> Iterator[JobResult]:
+    """Every job's result. InputError: two of one id, before anything runs where the jobs can be read twice. OutputError."""
+    _remove_drafts(settings.output)
+    with Manifest(settings.output) as manifest:
+        total = None
+        if can_be_read_twice:
+            for number, job in enumerate(source):
+                manifest.plan(number, job.id, job.where)
+            total = manifest.planned
+        workers = start()
+        try:
+            yield from _Run(source, settings, manifest, workers, total).results()
+        except BaseException:
+            with suppress(OutputError):
+                manifest.write_table()
+            raise
+        finally:
+            workers.close()
+            _remove_drafts(settings.output)  # also those of workers that ended a moment after their killed driver
+        manifest.write_table()
+
+
+def _remove_drafts(output: Output) -> None:
+    """What processes that have ended left half-made."""
+    if not output.is_remote:
+        remove_abandoned(Path(local(output.place)).absolute(), again=True)
+
+
+@dataclass
+class _Run:
+    """One run under way."""
+
+    source: Iterable[Job]
+    settings: Settings
+    manifest: Manifest
+    workers: Workers
+    total: int | None
+    begun: int = 0
+    """Jobs taken from the list."""
+    handed_out: int = 0
+    failures: int = 0
+    unwritten: int = 0
+    under_way: int = 0
+    again: deque[Task] = field(default_factory=deque)
+    """Tasks whose process died."""
+    packer: Packer | None = None
+    ready: list[tuple[int, JobResult]] = field(default_factory=list)
+    """Results not yet handed out, a heap by number where they are wanted in order."""
+
+    def results(self) -> Iterator[JobResult]:
+        """All of them."""
+        self.settings.progress(None, 0, self.total)
+        if self.settings.pack is not None:
+            self.packer = Packer(self.settings.output, self.manifest, self.settings.pack)
+        jobs = iter(self.source)
+        more = True
+        while more or self.under_way or self.again:
+            while self.workers.free and len(self.ready) < AT_ONCE:
+                task = self.again.popleft() if self.again else None
+                if task is None and more and not self.is_full():
+                    task, more = self.next_task(jobs)
+                if task is None:
+                    break
+                self.workers.submit(task)
+                self.under_way += 1
+            yield from self.handed()
+            can_begin = self.again or (more and not self.is_full())
+            if (more or self.again or self.under_way) and not (can_begin and self.workers.free):
+                for ended in self.workers.wait():
+                    self.under_way -= 1
+                    self.end(ended)
+                yield from self.handed()
+        if self.packer is not None:
+            self.packer.pack()
+        yield from self.handed()
+
+    def is_full(self) -> bool:
+        """Whether too many results wait for an earlier one."""
+        return self.settings.ordered and self.begun - self.handed_out >= WINDOW * self.workers.count
+
+    def next_task(self, jobs: Iterator[Job]) -> tuple[Task | None, bool]:
+        """The next job that is to be run, None: none of the next few is; and whether the list may have more."""
+        limit = self.settings.stop_after_failures
+        for _ in range(AT_ONCE):
+            if limit is not None and self.failures >= limit:
+                return None, False
+            job = next(jobs, None)
+            if job is None:
+                return None, False
+            number, self.begun = self.begun, self.begun + 1
+            if self.total is None:
+                self.manifest.plan(number, job.id, job.where)
+            kept = self.manifest.kept(job) if self.settings.resume and not job.error else None
+            if kept is not None:
+                self.add(number, kept)
+            elif job.error:
+                self.add(number, work(Task(job, self.settings.output)))
+            else:
+                return Task(job, self.settings.output, STAGED if self.packer else "", number=number), True
+            if self.is_full():
+                break
+        return None, True
+
+    def end(self, ended: Ended) -> None:
+        """A task has ended, or its process has."""
+        task: Task = ended.task
+        if ended.died is None:
+            self.add(task.number, ended.answer)
+        elif ended.blameless:
+            self.again.append(task)
+        elif task.attempt < TRIES:
+            self.again.append(replace(task, attempt=task.attempt + 1))
+        else:
+            self.add(task.number, given_up(task.job, ended.died, task.attempt))
+
+    def add(self, number: int, row: JobResult) -> None:
+        """Enter a result; OutputError where nothing can be written any more."""
+        if not row.kept:
+            before = self.manifest.find(row.id)
+            if self.packer is not None and before is not None:
+                row = replace(
+                    row, replaces=before.replaces or (before.folder if before.folder.endswith(".tar") else "")
+                )
+            self.manifest.add(row)
+        if self.packer is not None:
+            self.packer.add(row)
+        self.failures += row.status == "failed"
+        self.unwritten = self.unwritten + 1 if row.error_kind == "OutputError" else 0
+        heapq.heappush(self.ready, (number, row)) if self.settings.ordered else self.ready.append((number, row))
+        if self.unwritten >= UNWRITTEN:
+            raise OutputError(
+                f"the last {UNWRITTEN} results could not be written ({row.error}); what is done is kept, and the same command "
+                "goes on from there"
+            )
+
+    def handed(self) -> Iterator[JobResult]:
+        """The results that can be handed out now."""
+        while self.ready and (not self.settings.ordered or self.ready[0][0] == self.handed_out):
+            _, row = heapq.heappop(self.ready) if self.settings.ordered else self.ready.pop(0)
+            self.handed_out += 1
+            self.settings.progress(row, self.handed_out, self.total)
+            yield row

@@ -1,0 +1,145 @@
+"""Results in; tar shards of N of them, as the webdataset package reads them, out.
+
+A sample's key is its job's id, its files follow one after the other: `kitchen/0001.image.png`, `kitchen/0001.meta.json`. A key
+ends at its first dot, so dots of an id are written %2E (and % as %25).
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import io
+import shutil
+import tarfile
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from dlama.errors import OutputError, system_errors
+from dlama.files.atomic_write import new_file
+from dlama.jobs.manifest import Manifest, opened_to_write
+from dlama.jobs.result import JobResult
+from dlama.jobs.storage import Output, file_system, opened
+
+FOLDER, STAGED = "shards", "staged/"
+"""Below OUT: the shards, and results that wait for theirs."""
+
+
+def key_of(name: str) -> str:
+    """The key of a job's sample."""
+    return name.replace("%", "%25").replace(".", "%2E")
+
+
+def id_of(key: str) -> str:
+    """The job's id of a sample."""
+    return key.replace("%2E", ".").replace("%25", "%")
+
+
+@dataclass
+class Packer:
+    """Takes results as they end and packs each N of them. A result that is packed no longer lies in its folder."""
+
+    output: Output
+    manifest: Manifest
+    size: int
+    waiting: list[JobResult] = field(default_factory=list)
+
+    def add(self, row: JobResult) -> None:
+        """A result that lies in `staged/`; OutputError where the shard that is full now cannot be written."""
+        if row.status == "done" and row.folder.startswith(STAGED):
+            self.waiting.append(row)
+            if len(self.waiting) >= self.size:
+                self.pack()
+
+    @system_errors(OutputError)
+    def pack(self) -> None:
+        """All that wait into one shard. Samples that they replace leave their old shards first; the rows follow last."""
+        if not self.waiting:
+            return
+        replaced: dict[str, set[str]] = {}
+        for row in self.waiting:
+            if row.replaces:
+                replaced.setdefault(row.replaces, set()).add(key_of(row.id))
+        for shard, keys in replaced.items():
+            self._leave_out(shard, keys)
+        name = f"{FOLDER}/{self._next():06d}.tar"
+        self._write(name, (member for row in self.waiting for member in self._members(row)))
+        for row in self.waiting:
+            self.manifest.add(dataclasses.replace(row, folder=name, replaces=""))
+        for row in self.waiting:
+            self._remove(row)
+        self.waiting = []
+
+    def _members(self, row: JobResult) -> Iterator[tuple[str, bytes]]:
+        """The files of a result; in a shard the folders inside it are part of a file's ending (`right.image.png`)."""
+        for name in self._names(row.folder):
+            with opened(self.output.of(f"{row.folder}/{name}"), "rb") as stream:
+                yield f"{key_of(row.id)}.{name.replace('/', '.')}", stream.read()
+
+    def _names(self, folder: str) -> list[str]:
+        place = self.output.of(folder)
+        if not self.output.is_remote:
+            return sorted(one.relative_to(place).as_posix() for one in Path(place).rglob("*") if one.is_file())
+        system, inside = file_system(place)
+        return sorted(one[len(inside) :].strip("/") for one in system.find(inside))
+
+    def _write(self, name: str, members: Iterable[tuple[str, bytes]]) -> None:
+        target = self.output.of(name)
+        if self.output.is_remote:
+            with opened_to_write(target, "wb") as stream:
+                _tar(stream, members)
+            return
+        Path(target).parent.mkdir(exist_ok=True)
+        with new_file(target) as draft, draft.open("wb") as stream:
+            _tar(stream, members)
+
+    def _leave_out(self, shard: str, keys: set[str]) -> None:
+        """Write a shard again without these samples; an empty one goes."""
+        if not self.output.exists(shard):  # somebody has taken it away
+            return
+        with opened(self.output.of(shard), "rb") as stream, tarfile.open(fileobj=stream) as old:
+            members = [(one.name, old.extractfile(one)) for one in old.getmembers()]
+            kept = [(name, file.read()) for name, file in members if file and _key_in(name) not in keys]
+        if kept:
+            self._write(shard, kept)
+        elif self.output.is_remote:
+            system, inside = file_system(self.output.of(shard))
+            system.rm_file(inside)
+        else:
+            Path(self.output.of(shard)).unlink()
+
+    def _next(self) -> int:
+        """The number after the last shard's."""
+        return 1 + max((int(Path(name).stem) for name in self._shards() if Path(name).stem.isdigit()), default=-1)
+
+    def _shards(self) -> list[str]:
+        place = self.output.of(FOLDER)
+        if not self.output.is_remote:
+            return [one.name for one in Path(place).glob("*.tar")]
+        system, inside = file_system(place)
+        return [one for one in system.ls(inside, detail=False) if one.endswith(".tar")] if system.exists(inside) else []
+
+    def _remove(self, row: JobResult) -> None:
+        place = self.output.of(row.folder)
+        if self.output.is_remote:
+            system, inside = file_system(place)
+            system.rm(inside, recursive=True)
+            return
+        shutil.rmtree(place, ignore_errors=True)
+        for folder in Path(place).parents:  # of ids with slashes; OUT itself has the manifest
+            if folder == Path(self.output.of("")) or any(folder.iterdir()):
+                break
+            folder.rmdir()
+
+
+def _key_in(name: str) -> str:
+    """The key of a member: up to the first dot of its last part, as webdataset has it."""
+    folder, slash, last = name.rpartition("/")
+    return f"{folder}{slash}{last.split('.', 1)[0]}"
+
+
+def _tar(stream: object, members: Iterable[tuple[str, bytes]]) -> None:
+    with tarfile.open(fileobj=stream, mode="w|", format=tarfile.GNU_FORMAT) as shard:  # type: ignore[call-overload]
+        for name, content in members:
+            about = tarfile.TarInfo(name)
+            about.size = len(content)
+            shard.addfile(about, io.BytesIO(content))

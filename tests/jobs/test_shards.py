@@ -1,0 +1,94 @@
+"""Tar shards (oracles: the webdataset package, the same list without shards)."""
+
+from __future__ import annotations
+
+import json
+import sys
+import tarfile
+from itertools import chain
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+sys.path.append(str(Path(__file__).parent))  # worker processes look for `small_jobs` where this process does
+from small_jobs import FAST, contents, small_frame, table, view_rows, write_csv
+
+import dlama
+from dlama.errors import InputError
+from dlama.jobs.batch import batch
+from dlama.jobs.tar_shards import id_of, key_of
+
+
+def run(folder: Path, rows: list[dict[str, Any]], out: str = "out", **options: Any) -> list[dlama.JobResult]:
+    """The results of a list in shards of 3."""
+    path = write_csv(small_frame(folder) / "jobs.csv", rows)
+    return list(batch(path, folder / out, **{**FAST, "workers": 1, "pack": 3} | options))
+
+
+def keys(folder: Path) -> dict[str, list[str]]:
+    """Shard -> keys of its samples, in order."""
+    found = {}
+    for path in sorted((folder / "shards").iterdir()):
+        with tarfile.open(path) as shard:
+            names = [name for name in shard.getnames() if name.endswith(".meta.json")]
+        found[path.name] = [name.removesuffix(".meta.json") for name in names]
+    return found
+
+
+@pytest.mark.filterwarnings("ignore")  # files that webdataset leaves open
+def test_webdataset_reads_what_was_written(tmp_path: Path) -> None:
+    """Every sample once, its files byte for byte those of the run without shards; an id's dots stay out of the ending."""
+    webdataset = pytest.importorskip("webdataset")
+    rows = [*view_rows(6), {**view_rows(1)[0], "id": "v1.5/a%b.c"}]
+    assert {row.status for row in run(tmp_path, rows)} == {"done"}
+    run(tmp_path, rows, "plain", pack=None)
+    plain = contents(tmp_path / "plain")
+    shards = sorted(str(path) for path in (tmp_path / "out" / "shards").iterdir())
+    assert [Path(path).name for path in shards] == ["000000.tar", "000001.tar", "000002.tar"]
+    seen = {}
+    for sample in webdataset.WebDataset(shards, shardshuffle=False):
+        name = id_of(sample["__key__"])
+        seen[name] = sample
+        for file in ("image.png", "depth.png", "depth.exr"):
+            assert sample[file] == plain[f"{name}/{file}"]
+        assert json.loads(sample["meta.json"])["inputs"].keys() == {"image", "depth"}
+    assert sorted(seen) == sorted(str(row["id"]) for row in rows)
+    assert not (tmp_path / "out" / "staged").exists()
+    written = table(tmp_path / "out")
+    assert {row["folder"] for row in written.values()} == {f"shards/00000{n}.tar" for n in range(3)}
+
+
+def test_a_rerun_keeps_shards_and_what_is_done_again_leaves_its_old_one(tmp_path: Path) -> None:
+    """Oracle: the keys of all shards: each id once, also after a change and after a shard was lost."""
+    rows = view_rows(6)
+    run(tmp_path, rows, ordered=True)
+    assert all(row.kept for row in run(tmp_path, rows))
+    rows[1]["yaw"] = 20
+    assert [row.id for row in run(tmp_path, rows) if not row.kept] == ["v/001"]
+    assert keys(tmp_path / "out") == {
+        "000000.tar": ["v/000", "v/002"], "000001.tar": ["v/003", "v/004", "v/005"], "000002.tar": ["v/001"],
+    }  # fmt: skip
+    (tmp_path / "out" / "shards" / "000001.tar").unlink()
+    assert sorted(row.id for row in run(tmp_path, rows) if not row.kept) == ["v/003", "v/004", "v/005"]
+    assert sorted(chain(*keys(tmp_path / "out").values())) == [row["id"] for row in rows]
+
+
+def test_what_waits_is_packed_by_the_next_run(tmp_path: Path) -> None:
+    """A run that is left in the middle: nothing is done twice, and every id is in one shard at the end."""
+    rows = view_rows(5)
+    path = write_csv(small_frame(tmp_path) / "jobs.csv", rows)
+    first = batch(path, tmp_path / "out", workers=1, pack=4, **FAST)
+    done = {next(first).id, next(first).id}
+    first.close()  # type: ignore[attr-defined]
+    results = run(tmp_path, rows, pack=4)
+    assert done <= {row.id for row in results if row.kept}
+    assert sorted(chain(*keys(tmp_path / "out").values())) == [row["id"] for row in rows]
+
+
+def test_keys_and_numbers() -> None:
+    """Round trip; two ids never share a key."""
+    for name in ("a", "a.b/c.d", "100%", "%2E", "a%.b"):
+        assert id_of(key_of(name)) == name and "." not in key_of(name)
+    with pytest.raises(InputError, match="pack is 0"):
+        batch([], "out", pack=0)
