@@ -50,6 +50,19 @@ def test_a_period_goes_on_in_perspective(tilt_deg, period):
     assert 10 * np.log10(255**2 / error) > 36
 
 
+def test_what_is_far_and_no_sky_keeps_its_texture():
+    """Closed form: waves at infinity, as a building is whose depth ends before it; 25 dB where their mean colour reaches 19.
+    Nothing of a sky whose contrast is below what counts as texture is copied: noise of one level leaves none."""
+    camera = Camera.from_fov(256, 256, 80)
+    v, u = np.mgrid[:256, :256] + 0.5
+    truth, hole = waves(u, v, 24.0), border_and_gap(256)
+    w, label = np.zeros((256, 256), np.float32), np.zeros((256, 256), np.int32)
+    filled = synthesize(np.where(hole[..., None], np.uint8(0), truth), hole, w, label, camera)
+    assert 10 * np.log10(255**2 / np.mean((filled[hole].astype(float) - truth[hole]) ** 2)) > 25
+    sky = np.random.default_rng(0).integers(150, 153, truth.shape, dtype=np.uint8)
+    assert synthesize(sky, hole, w, label, camera)[hole].std() < 0.6
+
+
 @pytest.mark.parametrize("kind", [-1, 0, 1])
 def test_constant_colour_stays_constant(kind):
     """Law: a surface of one colour is filled with exactly that colour."""

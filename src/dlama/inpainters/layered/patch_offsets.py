@@ -29,6 +29,8 @@ MOST_OFFSETS = 28
 GRAIN = 9.0
 """Grey levels (standard deviation) of fine detail that are kept though they do not correlate: as smooth as the eye allows, and
 no smoother."""
+FAR_CONTRAST = 3.0
+"""Median size of fine detail, in grey levels, from which what is far is no sky."""
 OUTLIER = 4.0
 """Standard deviations, by the median, at which detail is cut before it is compared."""
 SEAM_COST = 0.01
@@ -55,12 +57,14 @@ def copied_detail(grid: TextureGrid, region: HoleRegion, bases: Bases, rng: np.r
     nothing = CopiedDetail(
         np.zeros((2, 3)), np.zeros((1, 2)), np.full(shape, -1, np.int32), np.zeros((*shape, 3), np.float32)
     )
-    # Copied sky ends in hard edges, and where there is no plane, neither scale nor slant is known: measured, no gain.
-    if region.label < 1:
+    # Where there is no plane, neither scale nor slant is known: measured, no gain.
+    if region.label < 0 or region.sources.sum() < 24 or len(region.pixels) < 2 * grid.base_cell_size**2:
         return nothing
-    if region.sources.sum() < 24 or len(region.pixels) < 2 * grid.base_cell_size**2:
+    axes = np.eye(2, 3) if region.label == 0 else _plane_axes(grid, region, rng)
+    search = _OffsetSearch(grid, region, bases, axes, rng)
+    # Copied sky ends in hard edges: measured. What is far and no sky (depth that ends at 10 m) has texture.
+    if region.label == 0 and search.contrast() < FAR_CONTRAST:
         return nothing
-    search = _OffsetSearch(grid, region, bases, _plane_axes(grid, region, rng), rng)
     offsets = search.chosen_offsets(rng)
     return search.assigned(offsets) if len(offsets) else nothing
 
@@ -106,6 +110,10 @@ class _OffsetSearch:
     def _outlier(self, band: Float32Array) -> np.float32:
         """Grey levels from which detail counts no more: a few bright spots would correlate with each other, whatever the rest."""
         return np.float32(OUTLIER * 1.4826 * np.median(np.abs(band[self.region.sources])) + 1)
+
+    def contrast(self) -> float:
+        """Median over the known cells of the size of fine detail, in grey levels."""
+        return float(np.median(np.sqrt((self.bands[1][self.region.sources] ** 2).mean(-1))))
 
     def _detail_above(self, base: Float32Array) -> Float32Array:
         """Known colour minus a base, rows x cols x 3 cells; 0 where unknown."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,6 +55,14 @@ class TextureGrid:
         trusted = trusted_labels(hole, inverse_depth, label)
         cells = shrink(color, inverse_depth, trusted, cell_size)
         return cls(color, hole, inverse_depth, label, camera, trusted, cell_size, *cells)
+
+    def for_copying(self, label: int) -> TextureGrid:
+        """The grid itself; for what is far (label 0) with that at 1 m, so that translations by pixels move it."""
+        if label != 0:
+            return self
+        near = np.where(self.label == 0, np.float32(1), self.inverse_depth)
+        near_cells = np.where(self.cell_label == 0, np.float32(1), self.cell_inverse_depth)
+        return replace(self, inverse_depth=near, cell_inverse_depth=near_cells)
 
     @property
     def base_cell_size(self) -> int:

@@ -74,12 +74,12 @@ def synthesize(
         if not region.sources.any():
             continue
         bases = base_colors(grid, region)
-        detail = copied_detail(grid, region, bases, rng)
+        detail = copied_detail(grid.for_copying(region.label), region, bases, rng)
         paint(
             out,
             grid.color,
             region.pixels,
-            grid.inverse_depth,
+            grid.for_copying(region.label).inverse_depth,
             region.trusted(grid),
             region.label,
             detail.axes,
