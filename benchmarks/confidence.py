@@ -25,6 +25,7 @@ import numpy as np
 from dlama.completion.pipeline import complete
 from dlama.datasets.frames import Case, RemovalTruth
 from dlama.datasets.layouts import open_dataset
+from dlama.evaluation.metrics.reliability import by_distance, calibration, sparsification_area
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.view import View
 from dlama.inpainters import confidence as room
@@ -71,13 +72,6 @@ class Rows(NamedTuple):
         return cls(*(np.concatenate(columns) for columns in zip(*parts)))
 
 
-def by_distance(view: View) -> np.ndarray:
-    """H x W: 0.5 at the rim (0.75 where colour is measured), halved every 5 % of the diagonal: the formula before."""
-    distance = cv2.distanceTransform(view.hole.astype(np.uint8), cv2.DIST_L2, 5)
-    top = np.where(view.color_hole, 0.5, 0.75)
-    return top * np.exp2(-distance / (0.05 * np.hypot(*view.hole.shape)))
-
-
 def rows_of(
     view: View, color: np.ndarray, depth: np.ndarray, truth: RGBD, gain: np.ndarray, rng: np.random.Generator
 ) -> Rows:
@@ -102,7 +96,7 @@ def rows_of(
         np.stack([depth_right & (levels <= room.COLOR_WITHIN), depth_right], 1),
         np.stack([off, levels], 1),
         in_depths,
-        by_distance(view)[view.hole][chosen],
+        by_distance(view.hole, view.color_hole)[view.hole][chosen],
     )
 
 
@@ -217,23 +211,6 @@ def train(rows: Rows, seed: int) -> dict[str, np.ndarray]:
     return {"mean": mean.astype(np.float32), "spread": spread.astype(np.float32), **named}
 
 
-def calibration_error(p: np.ndarray, right: np.ndarray) -> float:
-    """Expected calibration error over ten bins of equal width."""
-    bins = np.minimum((p * 10).astype(int), 9)
-    return sum(abs(p[bins == b].mean() - right[bins == b].mean()) * (bins == b).mean() for b in np.unique(bins))
-
-
-def sparsification_area(order: np.ndarray, error: np.ndarray) -> float:
-    """Area between the curve (mean error of what is left when the least sure are taken away) and the oracle's, in mean errors."""
-
-    def curve(by: np.ndarray) -> np.ndarray:
-        kept = error[np.argsort(by, kind="stable")]  # least sure first
-        sums = np.cumsum(kept[::-1])[::-1] / np.arange(len(kept), 0, -1)
-        return sums[(np.linspace(0, 0.99, 100) * len(kept)).astype(int)] / max(error.mean(), 1e-9)
-
-    return float((curve(order) - curve(-error)).mean())
-
-
 def shown(name: str, rows: Rows) -> None:
     probabilities, expected = room.confidence_network()(rows.features)
     p, right = probabilities[:, 0], rows.right[:, 0]
@@ -243,7 +220,7 @@ def shown(name: str, rows: Rows) -> None:
         [sparsification_area(order[which], rows.errors[which, k]) for order in (sure, rows.formula, noise)]
         for k, (sure, which) in enumerate(((p, np.ones_like(painted)), (-expected[:, 1], painted)))
     ]
-    errors = f"{calibration_error(p, right):6.3f} {calibration_error(rows.formula, right):7.3f}"
+    errors = f"{calibration(p, right).error:6.3f} {calibration(rows.formula, right).error:7.3f}"
     parts = [f" {a:6.3f} {b:7.3f} {c:6.3f} {a / b:6.2f}" for a, b, c in areas]
     finite = ~np.isnan(rows.off)
     for k, (said, actual, scale) in enumerate(

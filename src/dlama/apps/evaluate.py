@@ -180,6 +180,7 @@ def evaluate(
     needs_extra()
     check_folder_apart(output, {"data set": dataset, "camera": cases.camera})
     from dlama.evaluation.protocols import PROTOCOLS
+    from dlama.evaluation.report.reliability import reliability_lines
     from dlama.evaluation.report.write import write_report
     from dlama.evaluation.runner.run import run
 
@@ -188,7 +189,9 @@ def evaluate(
         with shown_progress(found.name, report) as progress:
             done = run(found.cases, chosen, PROTOCOLS, settings, output, jobs=jobs, progress=progress)
         command = command_line(dataset, output, cases, methods)
-        write_report(output, found, done, settings, seed=methods.seed, command=command)
+        summary = write_report(output, found, done, settings, seed=methods.seed, command=command)
+        for line in reliability_lines(summary):
+            result.add(line)
         result.add(summary_line(done, output), **summary_values(done, output))
     if done.failures:
         raise SystemExit(FAILED)

@@ -21,6 +21,7 @@ from dlama.evaluation.metrics.clouds import cloud_scores
 from dlama.evaluation.metrics.pictures import channel_gain, depth_8bit, mse_map, region_mean
 from dlama.evaluation.metrics.regions import removal_regions
 from dlama.evaluation.protocols.methods import Measure, Method, MethodRun, ProtocolSettings, Scored, run_method
+from dlama.evaluation.protocols.reliability import reliability_measures
 from dlama.evaluation.protocols.scores import Gain, Reference, artifact_measures, picture_panel
 from dlama.geometry.camera import Float64Array
 from dlama.geometry.cloud import PointCloud
@@ -74,6 +75,7 @@ def removal_measures(run: MethodRun, reference: Reference, truth: RemovalTruth) 
         *reference.metre_measures(view.depth, run.without_depth()),
         *untouched(view, truth.source, reference.regions["outside"], reference.settings.clip_m),
         *cloud_measures(run, truth.without, inside),
+        *reliability_measures(run, reference),
         *artifact_measures(run, view, reference.exposed(view.color), inside, "mask", truth.without, truth.source),
         run.timing(),
     ]

@@ -27,6 +27,7 @@ from dlama.evaluation.metrics.disparity import disparity_errors, left_right_diff
 from dlama.evaluation.metrics.regions import stereo_regions
 from dlama.evaluation.protocols.methods import Measure, Method, MethodRun, ProtocolSettings, Scored, no_fill, run_method
 from dlama.evaluation.protocols.ori import cloud_measures
+from dlama.evaluation.protocols.reliability import reliability_measures
 from dlama.evaluation.protocols.scores import Reference, artifact_measures, leak_measures, picture_panel
 from dlama.geometry.camera import StereoRig
 from dlama.geometry.projection import depth_from_disparity, disparity_from_depth
@@ -90,6 +91,7 @@ def score_removal(truth: StereoTruth, method: Method, settings: ProtocolSettings
         if truth.metric:
             measures += [*left.depth_measures(view.depth), *left.metre_measures(view.depth)]
             measures += cloud_measures(run, truth.without_left, truth.mask_left)
+            measures += reliability_measures(run, left, 0)
         measures += pair_measures(run, truth, truth.mask_left)
         measures += artifact_measures(run, view, left.exposed(view.color), truth.mask_left, "mask", truth.without_left)
     source = RGBD(truth.left, depth_of(truth.disparity_left, truth.rig), truth.rig.left)

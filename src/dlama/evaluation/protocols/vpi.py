@@ -17,6 +17,7 @@ from dlama.errors import InputError
 from dlama.evaluation.metrics.pictures import channel_gain
 from dlama.evaluation.metrics.regions import source_visibility
 from dlama.evaluation.protocols.methods import Measure, Method, MethodRun, ProtocolSettings, Scored, run_method
+from dlama.evaluation.protocols.reliability import reliability_measures
 from dlama.evaluation.protocols.scores import Reference, artifact_measures, leak_measures, picture_panel
 from dlama.geometry.rgbd import RGBD
 
@@ -63,6 +64,7 @@ def view_measures(run: MethodRun, reference: Reference, truth: ViewTruth, target
         *reference.depth_measures(view.depth),
         *reference.metre_measures(view.depth, run.without_depth()),
         *leak_measures(run, target, reference.regions["seen"]),
+        *reliability_measures(run, reference),
         *artifact_measures(
             run, view, reference.exposed(view.color), reference.regions["unseen"], "unseen", target, truth.source
         ),

@@ -102,6 +102,22 @@ def dots(
     return Figure(caption, tuple(plots), has_intervals=_has_intervals(summary, protocol, dataset))
 
 
+def against_diagonal(
+    lines: dict[str, list[tuple[float, float]]], axis_names: tuple[str, str], caption: str, place: tuple[str, ...]
+) -> Figure:
+    """Shares (0..1) against shares: a line a method through its points, and the diagonal on which both are equal."""
+    sheet, axes = _sheet(PLOT_INCHES[0], PLOT_INCHES[0])
+    axes.plot([0, 1], [0, 1], color=OTHER, linewidth=0.8)
+    for method, points in lines.items():
+        if points:
+            axes.plot(*zip(*points), markersize=3.5, linewidth=1.4, **_style(list(lines), method))
+    axes.set_xlabel(axis_names[0])
+    axes.set_ylabel(axis_names[1])
+    axes.set_aspect("equal")
+    plot = _svg(sheet, f"{caption}: {axis_names[1]} by {axis_names[0]}", (*place, caption))
+    return Figure(caption, (plot,), _legend(list(lines), False, (*place, caption)), has_intervals=False)
+
+
 def _has_intervals(summary: Summary, protocol: str, dataset: str) -> bool:
     return any(one.low is not None for one in summary.of(protocol=protocol, dataset=dataset).values())
 

@@ -21,7 +21,19 @@ PAPER_SHAPE: tuple[Which, ...] = tuple(
 HIGHER = ("ssim", "psnr", "delta", "precision", "recall", "fscore", "coverage", "iou", "border", "untouched")
 LOWER = (
     *("lpips", "mse", "mae", "rmse", "absrel", "accuracy", "completeness", "bad", "epe", "seconds", "peak", "error"),
-    *("difference", "offset", "spread", "leak", "violation", "broken", "changed", "photometric", "alarm"),
+    *(
+        "difference",
+        "offset",
+        "spread",
+        "leak",
+        "violation",
+        "broken",
+        "changed",
+        "photometric",
+        "alarm",
+        "ece",
+        "ause",
+    ),
 )
 """Words with which names of metrics begin, or which are in them."""
 
@@ -32,6 +44,7 @@ MODALITIES = {
     "cloud": "cloud",
     "disparity": "disparity",
     "mask": "mask",
+    "confidence": "confidence",
 }
 METRICS = {
     "ssim": "SSIM",

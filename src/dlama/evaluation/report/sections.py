@@ -6,9 +6,11 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 from dlama.evaluation.protocols.methods import NO_FILL
+from dlama.evaluation.protocols.reliability import MODALITY as CONFIDENCE
 from dlama.evaluation.report.charts import Figure, curves, dots
 from dlama.evaluation.report.columns import MASK_RATIO, PAPER_MASK_RATIO, PAPER_SHAPE, PAPER_SOURCE, Which
 from dlama.evaluation.report.paired_comparison import paired_comparison
+from dlama.evaluation.report.reliability import RELIABILITY_TEXT, reliability_figure, reliability_tables
 from dlama.evaluation.report.summary import ALL, Summary
 from dlama.evaluation.report.tables import (
     Table,
@@ -142,6 +144,11 @@ def _protocol_sections(place: _Place) -> Iterator[Section]:
         yield Section(f"{protocol}-unseen", f"{name}: unseen", text, place.hidden_figures(), place.hidden_tables())
     else:
         yield Section(f"{protocol}-regions", name, _REGION_TEXT, place.region_figures(), place.removal_tables())
+    reliable = reliability_tables(place.summary, protocol, place.dataset, place.drawn)
+    if reliable:
+        figure = reliability_figure(place.summary, protocol, place.dataset, place.drawn)
+        title = f"{name}: confidence"
+        yield Section(f"{protocol}-confidence", title, RELIABILITY_TEXT, (figure,) if figure else (), reliable)
     more = place.more_tables()
     if more:
         yield Section(f"{protocol}-more", f"{name}: artifacts and variants", "", tables=more)
@@ -253,7 +260,7 @@ class _Place:
     def more_tables(self) -> tuple[Table, ...]:
         """What is neither of a common metric nor of the method as named."""
         shown = {*self._interesting(HIDDEN), *self._interesting(KNOWN), *self._interesting(POINTED)}
-        rest = [which for which in self.every if which not in shown]
+        rest = [which for which in self.every if which not in shown and which[1] != CONFIDENCE]
         main = VARIANT_METRICS
         different = variants(
             self.summary, self.protocol, self.dataset, main, "Variants: another mask, another dilation"

@@ -1,0 +1,60 @@
+"""Probabilities of being right, expected errors and the truth in; how far they can be relied on out. Pure.
+
+Calibration: of what is said to be right with probability p, a share p is (Guo et al. 2017). Sparsification: when the least sure
+pixels are taken away, the mean error of the rest should fall as fast as when the worst are (Ilg et al. 2018).
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from dlama.geometry.camera import Float64Array
+from dlama.geometry.rgbd import BoolArray
+
+BINS = 10
+"""Of equal width, 0..1."""
+STEPS = np.linspace(0, 0.99, 100)
+"""Shares that are taken away."""
+
+
+class Bins(NamedTuple):
+    """BINS numbers each, as shares of all pixels: how many there are, the sum of what is said of them, and how many are right."""
+
+    share: Float64Array
+    said: Float64Array
+    right: Float64Array
+
+    @property
+    def error(self) -> float:
+        """Expected calibration error: what is said and what is right, apart, over all bins."""
+        return float(np.abs(self.said - self.right).sum())
+
+
+def calibration(said: NDArray[np.floating], right: BoolArray) -> Bins:
+    """Bins of N probabilities and of whether each was right."""
+    number = np.minimum((said * BINS).astype(int), BINS - 1)
+    sums = [np.bincount(number, weights=part, minlength=BINS) for part in (np.ones(len(said)), said, right)]
+    return Bins(*(one.astype(np.float64) / len(said) for one in sums))
+
+
+def sparsification_area(sure: NDArray[np.floating], error: NDArray[np.floating]) -> float:
+    """Area between two curves, in mean errors: the mean error of what is left when the least sure (N numbers) of N errors are
+    taken away, and when the largest are. 0: the order is perfect."""
+
+    def curve(by: NDArray[np.floating]) -> Float64Array:
+        kept = error[np.argsort(by, kind="stable")].astype(np.float64)  # least sure first
+        left = np.cumsum(kept[::-1])[::-1] / np.arange(len(kept), 0, -1)
+        return np.asarray(left[(STEPS * len(kept)).astype(int)] / max(float(error.mean()), 1e-9))
+
+    return float((curve(sure) - curve(-error)).mean())
+
+
+def by_distance(hole: BoolArray, color_hole: BoolArray) -> Float64Array:
+    """H x W, a confidence by a formula, to be compared with: 0.5 at the rim of a hole (0.75 where the colour is measured), halved
+    every 5 % of the diagonal."""
+    distance = cv2.distanceTransform(hole.astype(np.uint8), cv2.DIST_L2, 5)
+    return np.asarray(np.where(color_hole, 0.5, 0.75) * np.exp2(-distance / (0.05 * np.hypot(*hole.shape))), np.float64)

@@ -1,0 +1,63 @@
+"""A run's completed view and the truth in; how far its confidence and expected errors can be relied on, as measures, out.
+
+Region `filled`: what was a hole of the method's own view and is comparable. Modality `confidence`.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dlama.evaluation.metrics.reliability import by_distance, calibration, sparsification_area
+from dlama.evaluation.protocols.methods import Measure, MethodRun
+from dlama.evaluation.protocols.scores import Reference
+from dlama.inpainters.confidence import COLOR_WITHIN, DEPTH_WITHIN
+
+REGION, MODALITY = "filled", "confidence"
+
+
+def reliability_measures(run: MethodRun, reference: Reference, number: int = -1) -> list[Measure]:
+    """Of one view of a run; nothing of the baseline that fills nothing, where depth is not known, and of hardly any pixels.
+
+    right, said: share that is right, and mean confidence; ece; ause_depth, ause_color (ordered by expected error), each also
+    by distance from the rim and at random; expected and actual errors of depth (m, at most the depth itself) and colour (levels);
+    bin_K_share, bin_K_said, bin_K_right: the reliability curve, as shares of all filled pixels.
+    """
+    if not run.method.fills or reference.depth is None:
+        return []
+    warped, view = run.completion.warped[number], run.view(number)
+    where = reference.within(warped.hole & ~view.hole & (reference.depth > 0))
+    if where.sum() < reference.settings.smallest_region:
+        return []
+    clip = np.float32(np.inf if run.clip_m is None else run.clip_m)
+    z, true_z = view.depth[where], np.minimum(reference.depth, clip)[where]
+    painted = warped.color_hole[where]
+    levels = np.abs(reference.exposed(view.color)[where].astype(np.float32) - reference.color[where]).mean(1) * painted
+    same_far, finite = np.isinf(z) & np.isinf(true_z), np.isfinite(z) & np.isfinite(true_z)
+    off = np.where(finite, np.abs(np.where(finite, z, 1) - np.where(finite, true_z, 1)), np.inf)
+    relative = np.where(same_far, 0, np.minimum(off / np.where(finite, true_z, 1), 1))
+    right = (relative <= DEPTH_WITHIN) & (levels <= COLOR_WITHIN)
+    said = view.confidence[where]
+    bins = calibration(said, right)
+    found = {"right": float(right.mean()), "said": float(said.mean()), "ece": bins.error}
+    distance = by_distance(warped.hole, warped.color_hole)[where]
+    random = np.random.default_rng(run.method.seed).random(len(said))
+    for order, name in ((said, ""), (distance, "_distance"), (random, "_random")):
+        found[f"ause_depth{name}"] = sparsification_area(order, relative)
+    if painted.any():
+        sure = -view.color_error[where]
+        for order, name in ((sure, ""), (distance, "_distance"), (random, "_random")):
+            found[f"ause_color{name}"] = sparsification_area(order[painted], levels[painted])
+        found |= {
+            "expected_color": float(view.color_error[where][painted].mean()),
+            "actual_color": float(levels[painted].mean()),
+        }
+    if np.isfinite(z).any():
+        some = np.isfinite(z)
+        found |= {
+            "expected_depth": float(view.depth_error[where][some].mean()),
+            "actual_depth": float(np.minimum(off[some], z[some]).mean()),
+        }
+    for k, numbers in enumerate(zip(*bins)):
+        found |= {f"bin_{k}_{name}": float(value) for name, value in zip(bins._fields, numbers)}
+    suffix = reference.suffix
+    return [Measure(REGION + suffix, MODALITY, metric, value) for metric, value in found.items()]

@@ -1,0 +1,112 @@
+"""Reliability of a run against the truth, and what the report says of it (oracles: the same from view and truth, by hand)."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from dlama.datasets.frames import ViewTruth
+from dlama.evaluation.metrics.reliability import BINS
+from dlama.evaluation.protocols import vpi
+from dlama.evaluation.protocols.methods import Measure, Method, MethodRun, ProtocolSettings
+from dlama.evaluation.protocols.reliability import MODALITY, REGION, reliability_measures
+from dlama.evaluation.report.reliability import (
+    bins_of,
+    reliability_figure,
+    reliability_lines,
+    reliability_tables,
+    values_of,
+)
+from dlama.evaluation.report.summary import Summary, summarise
+from dlama.evaluation.runner.store import Row
+from dlama.worlds.dataset import world
+
+SETTINGS = ProtocolSettings(lpips=False)
+
+
+@pytest.fixture(scope="module")
+def scored() -> tuple[MethodRun, ViewTruth, dict[str, float]]:
+    """A world from 25 degrees further right, filled, its truth, and its measures by name."""
+    made = world(900_003)
+    truth = ViewTruth(made.frame(made.camera(0, 96)), made.frame(made.camera(25, 96)))
+    run = vpi.run_method(Method("dlama", "telea"), truth.source, truth.target.camera)
+    measures = reliability_measures(run, vpi.reference_of(truth, truth.target, SETTINGS, with_object=False))
+    assert {(one.region, one.modality) for one in measures} == {(REGION, MODALITY)}
+    return run, truth, {one.metric: one.value for one in measures}
+
+
+def test_right_said_and_errors_by_hand(scored: tuple[MethodRun, ViewTruth, dict[str, float]]) -> None:
+    """Oracle: the definition, pixel by pixel, from the completed view and the true frame."""
+    run, truth, found = scored
+    view, hole = run.view(), run.completion.warped[-1].hole
+    right, said, levels = [], [], []
+    for row, column in np.argwhere(hole & (truth.target.depth > 0)):
+        z, true_z = float(view.depth[row, column]), float(truth.target.depth[row, column])
+        near = (z == true_z) if np.isinf(true_z) or np.isinf(z) else abs(z - true_z) <= 0.05 * true_z
+        off = np.abs(view.color[row, column].astype(float) - truth.target.color[row, column]).mean()
+        right.append(near and off <= 25)
+        said.append(float(view.confidence[row, column]))
+        levels.append(off)
+    assert found["right"] == pytest.approx(np.mean(right), abs=1e-6)
+    assert found["said"] == pytest.approx(np.mean(said), abs=1e-5)
+    assert found["actual_color"] == pytest.approx(np.mean(levels), abs=1e-3)
+    assert found["expected_color"] == pytest.approx(view.color_error[hole & (truth.target.depth > 0)].mean(), rel=1e-4)
+
+
+def test_bins_add_up_to_the_calibration_error(scored: tuple[MethodRun, ViewTruth, dict[str, float]]) -> None:
+    """Closed form: shares add to 1, sums to what is said and right, differences to the ECE."""
+    found = scored[2]
+    share, said, right = ([found[f"bin_{k}_{name}"] for k in range(BINS)] for name in ("share", "said", "right"))
+    assert sum(share) == pytest.approx(1) and sum(said) == pytest.approx(found["said"], abs=1e-5)
+    assert sum(right) == pytest.approx(found["right"])
+    assert sum(abs(a - b) for a, b in zip(said, right)) == pytest.approx(found["ece"])
+
+
+def test_confidence_orders_better_than_chance(scored: tuple[MethodRun, ViewTruth, dict[str, float]]) -> None:
+    """Truth: of a world that was not trained on."""
+    found = scored[2]
+    for what in ("depth", "color"):
+        assert 0 <= found[f"ause_{what}"] < found[f"ause_{what}_random"]
+
+
+def test_the_baseline_says_nothing(scored: tuple[MethodRun, ViewTruth, dict[str, float]]) -> None:
+    """It fills nothing, so there is nothing to rely on; so it is where the truth's depth is not known."""
+    run, truth, _ = scored
+    reference = vpi.reference_of(truth, truth.target, SETTINGS, with_object=False)
+    assert reliability_measures(MethodRun(Method("dlama", "none"), run.completion, 0.0), reference) == []
+
+
+def summary_of(measures: dict[str, float]) -> Summary:
+    """Two frames: the measures, and the same with everything said to be wrong."""
+    rows = []
+    for frame, factor in (("a", 1.0), ("b", 0.0)):
+        for name, value in measures.items():
+            kept = value * (factor if name.endswith("right") else 1)
+            one = Measure(REGION, MODALITY, name, kept)
+            rows.append(Row("vpi", "made", frame, frame, 20.0, "dlama", "telea", *one))
+    return summarise(rows)
+
+
+def test_the_report_pools_all_frames(scored: tuple[MethodRun, ViewTruth, dict[str, float]]) -> None:
+    """Closed form: the curve is the mean of both frames' bins; the ECE that of the mean, not the mean of both."""
+    found = scored[2]
+    summary = summary_of(found)
+    bins = bins_of(summary, "vpi", "made", "dlama/telea")
+    assert bins is not None
+    np.testing.assert_allclose(bins.right, [found[f"bin_{k}_right"] / 2 for k in range(BINS)])
+    values = values_of(summary, "vpi", "made", "dlama/telea")
+    assert values["ece"] == pytest.approx(sum(abs(found[f"bin_{k}_said"] - bins.right[k]) for k in range(BINS)))
+    table, curve = reliability_tables(summary, "vpi", "made", ["dlama/telea"])
+    assert len(table.rows) == len(curve.rows) == 1 and len(curve.head) == 1 + BINS
+    assert table.rows[0][3].text == f"{values['ece']:.3f}"
+    figure = reliability_figure(summary, "vpi", "made", ["dlama/telea"])
+    assert figure is not None and figure.plots[0].startswith("<svg")
+    (line,) = reliability_lines(summary)
+    assert line.startswith("confidence of dlama/telea, vpi on made: right") and f"ECE {values['ece']:.3f}" in line
+
+
+def test_a_summary_without_confidence_has_no_section() -> None:
+    summary = summarise([Row("vpi", "made", "a", "a", 20.0, "dlama", "telea", "whole", "rgb", "ssim", 0.5)])
+    assert reliability_tables(summary, "vpi", "made", ["dlama/telea"]) == ()
+    assert reliability_figure(summary, "vpi", "made", ["dlama/telea"]) is None
+    assert reliability_lines(summary) == []
