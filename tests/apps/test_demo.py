@@ -28,10 +28,17 @@ def pixels(path: Path) -> np.ndarray:
         return np.array(picture)
 
 
-def test_three_jobs_and_a_joint_sheet(demo: Path) -> None:
+def test_all_jobs_and_a_joint_sheet(demo: Path) -> None:
     """Beside them what they read, and nothing else."""
-    assert sorted(path.name for path in demo.iterdir()) == ["inputs", "preview.png", "remove", "stereo", "view"]
-    assert all((demo / job / "preview.png").is_file() for job in ("remove", "stereo", "view"))
+    assert sorted(path.name for path in demo.iterdir()) == [
+        "inputs",
+        "photo",
+        "preview.png",
+        "remove",
+        "stereo",
+        "view",
+    ]
+    assert all((demo / job / "preview.png").is_file() for job in ("photo", "remove", "stereo", "view"))
     assert pixels(demo / "preview.png").shape[1] >= 1200
     assert all(path.read_bytes() == (ASSETS / path.name).read_bytes() for path in (demo / "inputs").iterdir())
 
@@ -46,6 +53,15 @@ def test_removal_comes_near_the_answer(demo: Path) -> None:
     truth = read_depth(ASSETS / "depth_without.png")
     off = np.abs(read_depth(demo / "remove" / "depth.exr")[mask] - truth[mask]) / truth[mask]
     assert np.median(off) < 0.02
+
+
+def test_a_click_on_the_photo_alone_takes_barrel_and_shadow(demo: Path) -> None:
+    """What is taken holds nine tenths of the drawn mask of barrel and shadow, and is mostly that."""
+    drawn = pixels(ASSETS / "mask.png") == 255
+    taken = pixels(demo / "photo" / "hole_type.png") == 6
+    assert (taken & drawn).sum() > 0.9 * drawn.sum() and (taken & drawn).sum() > 0.6 * taken.sum()
+    meta = json.loads((demo / "photo" / "meta.json").read_text("utf-8"))
+    assert meta["depth"] == "estimated" and meta["object_mask"]["clicks"] == [[256.0, 345.0]]
 
 
 def test_stereo_depth_is_the_rendered_depth(demo: Path) -> None:

@@ -50,7 +50,7 @@ from dlama.apps.worlds import worlds
 
 DESCRIPTION = (
     "Completes what a camera could not see: the scene from another viewpoint, without an object, or as a stereo pair, "
-    "filled in colour and in depth. `dlama demo` shows all three; `dlama VERB --help` explains each; `dlama --version`."
+    "filled in colour and in depth. `dlama demo` shows all of it; `dlama VERB --help` explains each; `dlama --version`."
 )
 DEMO_FOLDER = Annotated[Path, option("DIR", "dlama-demo", aliases=["-o"])]
 
@@ -173,16 +173,16 @@ def stereo(
 
 
 def demo(method: Method, report: Report, output: DEMO_FOLDER = Path("dlama-demo"), only: Only = None) -> None:
-    """All three jobs on the street scene that comes with dlama: another view, an object removed, a stereo pair.
+    """All jobs on the street scene that comes with dlama: another view, an object removed, a stereo pair, a photo without depth.
 
     Args:
-        output: Directory for the results: view/, remove/, stereo/, a joint preview.png, and the pictures used in inputs/.
+        output: Directory for the results: view/, remove/, stereo/, photo/, a joint preview.png, and the pictures used in inputs/.
         only: What is written of each job beside meta.json: image, depth, hole, origin, confidence, disparity, points, mesh,
             scene, preview.
     """
     from dlama.apps.demo import demo
 
-    with reported("demo", report) as result, stages_bar("demo", 3 * STAGES, report):
+    with reported("demo", report) as result, stages_bar("demo", 4 * STAGES, report):
         demo(output, method, result, only)
 
 
