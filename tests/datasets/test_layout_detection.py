@@ -30,6 +30,7 @@ MARKS = {
     "scannet": ("color/", "depth/", "pose/", "intrinsic/"),
     "tsdf-fusion": ("camera-intrinsics.txt", "frame-000000.depth.png", "frame-000000.pose.txt"),
     "redwood": ("trajectory.log", "depth/", "image/"),
+    "colmap": ("sparse/0/cameras.txt", "sparse/0/images.txt", "images/"),
     "nerfstudio": ("transforms.json", "images/"),
 }
 """Names that make a folder look like a layout; a folder ends with /."""

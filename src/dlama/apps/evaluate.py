@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
 
 from tyro.conf import Positional
 
+from dlama.apps.evaluate_sequence import evaluate_sequence
 from dlama.apps.options import RECIPES, CameraFile, Metres, Output, Report, Seed, option
 from dlama.apps.places import check_folder_apart
 from dlama.apps.terminal.output import counting_bar, print_line, reported
@@ -35,6 +36,7 @@ NEEDED = {"scikit-image": "skimage", "scipy": "scipy", "matplotlib": "matplotlib
 YAW_NEAR = 0.5
 """Degrees by which a pair's yaw may differ from the one asked for."""
 Protocol = Literal["vpi", "ori", "sii", "mask"]
+Asked = Literal["vpi", "ori", "sii", "mask", "sequence"]
 MINUTE = 60.0
 """Seconds between two lines about progress where there is no terminal."""
 
@@ -43,8 +45,11 @@ MINUTE = 60.0
 class Cases:
     """Which cases of the data set are run."""
 
-    protocol: Annotated[tuple[Protocol, ...], option("vpi|ori|sii|mask ...", "vpi ori sii, as the data set has")] = ()
-    """View change, object removal, stereo; and how well the removed object's mask is found by clicks and boxes."""
+    protocol: Annotated[
+        tuple[Asked, ...], option("vpi|ori|sii|mask ...|sequence", "vpi ori sii, as the data set has")
+    ] = ()
+    """View change, object removal, stereo; and how well the removed object's mask is found by clicks and boxes. Or sequence,
+    alone: held-out frames made of 1, 2, 4 and 8 others."""
     scenes: Annotated[tuple[str, ...], option("SCENE ...", "all")] = ()
     """Only these scenes."""
     yaws: Annotated[tuple[float, ...], option("DEG ...", "all")] = ()
@@ -85,7 +90,8 @@ class Cases:
         if missing:
             raise InputError(f"{dataset.name} has no cases of {missing[0]}; it has {', '.join(has) or 'none at all'}")
         cases: list[Case] = []
-        for name in self.protocol or [one for one in has if one != "mask"]:
+        wanted: list[Protocol] = [one for one in self.protocol if one != "sequence"]
+        for name in wanted or [one for one in has if one != "mask"]:
             cases += [case for case in dataset.of(name) if self.has_yaw(case)][: self.limit]
         if not cases:
             known = sorted({abs(case.yaw) for case in dataset.cases if case.yaw is not None})
@@ -179,6 +185,9 @@ def evaluate(
     """
     needs_extra()
     check_folder_apart(output, {"data set": dataset, "camera": cases.camera})
+    if "sequence" in cases.protocol:
+        evaluate_sequence(dataset, output, report, vars(cases))
+        return
     from dlama.evaluation.protocols import PROTOCOLS
     from dlama.evaluation.report.reliability import reliability_lines
     from dlama.evaluation.report.write import write_report

@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from dlama.datasets.colmap import colmap, looks_like_colmap
 from dlama.datasets.easysynth.dataset import easysynth, looks_like_easysynth
 from dlama.datasets.frames import Dataset, Gamma
 from dlama.datasets.nerfstudio import looks_like_nerfstudio, nerfstudio
@@ -62,6 +63,7 @@ LAYOUTS: dict[str, Layout] = {
         "camera-intrinsics.txt and frame-*.pose.txt", looks_like_tsdf_fusion, tsdf_fusion, _POSED_BARE
     ),
     "redwood": Layout("trajectory.log and a folder depth", looks_like_trajectory_log, trajectory_log, _POSED_BARE),
+    "colmap": Layout("cameras and images (.txt or .bin) in sparse/0 or sparse", looks_like_colmap, colmap, _POSED),
     "nerfstudio": Layout("transforms.json", looks_like_nerfstudio, nerfstudio, _POSED),
 }
 """Every layout by the name that `layout` takes."""

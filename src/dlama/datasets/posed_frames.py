@@ -19,6 +19,7 @@ from dlama.errors import CameraError, FileError, ShapeError
 from dlama.files.atomic_write import PathLike
 from dlama.files.cameras import checked_camera, read_camera
 from dlama.files.checked_fields import FileFields, Intrinsics, read_json_fields
+from dlama.files.rasters.colmap_depth import read_colmap_depth
 from dlama.files.rasters.depth import read_depth
 from dlama.files.rasters.images import picture_hw
 from dlama.files.rasters.pictures import read_color_of_camera
@@ -161,6 +162,8 @@ def _of_open3d(fields: FileFields) -> Lens:
 
 
 def _metres(files: FrameFiles) -> Float32Array:
+    if files.depth.suffix == ".bin":
+        return read_colmap_depth(files.depth)
     depth = read_depth(files.depth, depth_scale=files.units_per_metre)
     if not files.far_code:
         depth[np.isposinf(depth)] = 0

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 import re
 import time
 import warnings
@@ -14,6 +15,7 @@ from dlama import __version__
 from dlama.completion.frames.stepwise import plan_for, steps_for, taken, taken_up
 from dlama.completion.memory import check_memory
 from dlama.datasets.camera_paths import cameras_for
+from dlama.datasets.colmap_model import write_model
 from dlama.datasets.frames import Frame
 from dlama.datasets.nerfstudio_writer import FOLDERS, write_transforms, write_view
 from dlama.datasets.posed_frames import CameraOption
@@ -26,6 +28,7 @@ from dlama.files.scenes.clouds import write_ply
 from dlama.files.scenes.scene_npz import read_scene, write_npz
 from dlama.files.scenes.textured_mesh import write_textured_glb
 from dlama.geometry.camera import Camera
+from dlama.geometry.cloud import PointCloud
 from dlama.geometry.frames.gathering import scene as scene_of
 from dlama.geometry.frames.thinning import thinned
 from dlama.geometry.fusion import scene_cloud
@@ -33,6 +36,8 @@ from dlama.geometry.rgbd import RGBD, BoolArray
 from dlama.geometry.scene import Scene
 
 LOG = logging.getLogger("dlama")
+COLMAP_POINTS = 200_000
+"""Points of the COLMAP model; scene.ply has all."""
 Progress = Callable[[int, int, str, bool], None]
 """Told after each view: how many are done, of how many, which one, and whether an earlier run had done it."""
 
@@ -59,7 +64,8 @@ def sequence(
     """Complete a data set of posed frames: what one frame lacks comes from the others, only the rest is filled, once.
 
     Writes a data set in nerfstudio's layout: transforms.json, images/, depth/ (mm), hole/ (255 = filled), origin/, source/ (the
-    frame each pixel comes from); and scene.npz, scene.ply, scene.glb, meta.json. A run that was killed goes on frame by frame. A
+    frame each pixel comes from); and scene.npz, scene.ply, scene.glb, meta.json, and sparse/0, a COLMAP model
+    of it as text. A run that was killed goes on frame by frame. A
     frame that cannot be read, comes twice or contradicts all others is warned of and left out.
 
     Args:
@@ -118,8 +124,8 @@ def sequence(
         "filled_share": {name: shares[name] for name in ordered},
         "views_from_earlier_run": reused,
     }
-    write_transforms(target, ordered, names, {})
-    write_scene(target, whole)
+    write_transforms(target, ordered, names, {"ply_file_path": "scene.ply"})
+    write_scene(target, whole, ordered)
     meta["seconds"] = round(time.perf_counter() - started, 3)
     with new_file(target / "meta.json") as draft:
         draft.write_text(as_json(meta), encoding="utf-8")
@@ -185,10 +191,20 @@ def masks_by_number(masks: Mapping[str, BoolArray], names: Sequence[str]) -> dic
     return found
 
 
-def write_scene(folder: Path, whole: Scene) -> None:
-    """scene.npz without loss; scene.ply and scene.glb with every surface once, without removed things. Raises OutputError."""
+def write_scene(folder: Path, whole: Scene, cameras: Mapping[str, Camera]) -> None:
+    """scene.npz without loss; scene.ply and scene.glb with every surface once, without removed things; sparse/0, a COLMAP model
+    of the views with some of the points, for trainers of splats. Raises OutputError."""
     LOG.info("write scene")
     write_npz(folder / "scene.npz", whole.layers[0], whole)
     once = thinned(whole)
-    write_ply(folder / "scene.ply", scene_cloud(once, objects=False))
+    cloud = scene_cloud(once, objects=False)
+    write_ply(folder / "scene.ply", cloud)
     write_textured_glb(folder / "scene.glb", once)
+    (folder / "sparse" / "0").mkdir(parents=True, exist_ok=True)
+    write_model(folder / "sparse" / "0", {f"{name}.png": camera for name, camera in cameras.items()}, some_of(cloud))
+
+
+def some_of(cloud: PointCloud, most: int = COLMAP_POINTS) -> PointCloud:
+    """Evenly chosen points of a cloud, `most` at most."""
+    step = max(1, math.ceil(len(cloud) / most))
+    return PointCloud(cloud.points[::step], cloud.color[::step], cloud.origin[::step], cloud.confidence[::step])

@@ -1,0 +1,109 @@
+"""Many frames: dlama beside nearest-wins of points and Open3D's TSDF (VoxelBlockGrid) with Telea, on held-out frames.
+
+python benchmarks/sequence.py DATASET --held 5 11 17 --counts 1 4 --width 320 -o sequence.md
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from dlama.datasets.scene_frames import open_frames
+from dlama.evaluation.protocols.methods import ProtocolSettings
+from dlama.evaluation.protocols.sequence import (
+    METHODS,
+    Made,
+    SequenceMethod,
+    score_sequence,
+    table,
+    with_telea,
+)
+from dlama.geometry.camera import Camera
+from dlama.geometry.rgbd import RGBD
+
+VOXEL_M = 0.01
+TRUNCATION = 4.0
+"""Voxels."""
+
+
+def tsdf(sources: Sequence[RGBD], camera: Camera) -> Made:
+    """Open3D's VoxelBlockGrid of all frames (TSDF), ray cast from the camera, and Telea's filling."""
+    import open3d as o3d
+
+    core, far, weight = o3d.core, 20.0, 1.0
+    kinds = (core.float32, core.float32, core.float32)
+    grid = o3d.t.geometry.VoxelBlockGrid(
+        ("tsdf", "weight", "color"), kinds, ((1), (1), (3)), voxel_size=VOXEL_M, block_resolution=16, block_count=20000
+    )
+    for each in sources:
+        depth = o3d.t.geometry.Image(core.Tensor(np.where(np.isfinite(each.depth), each.depth, 0).astype(np.float32)))
+        color = o3d.t.geometry.Image(core.Tensor(each.color.astype(np.float32)))
+        lens, pose = (core.Tensor(matrix) for matrix in matrices(each.camera))
+        blocks = grid.compute_unique_block_coordinates(depth, lens, pose, 1.0, far, TRUNCATION)
+        grid.integrate(blocks, depth, color, lens, lens, pose, 1.0, far, TRUNCATION)
+    lens, pose = (core.Tensor(matrix) for matrix in matrices(camera))
+    found = grid.ray_cast(
+        grid.hashmap().key_tensor(), lens, pose, *camera.wh, ["depth", "color"], 1.0, 0.1, far, weight, TRUNCATION
+    )
+    shown = found["depth"].numpy()[..., 0]
+    return with_telea(
+        found["color"].numpy().round().clip(0, 255).astype(np.uint8), shown.astype(np.float32), shown <= 0
+    )
+
+
+def matrices(camera: Camera) -> tuple[np.ndarray, np.ndarray]:
+    """Open3D's intrinsic matrix (first pixel's centre at 0.0), and world to camera."""
+    lens = camera.K.copy()
+    lens[:2, 2] -= 0.5
+    return lens, np.ascontiguousarray(camera.cam_from_world)
+
+
+def resized(rgbd: RGBD, width: int | None) -> RGBD:
+    """The frame at another width: colours by area means, depth from the nearest pixel."""
+    if width is None:
+        return rgbd
+    camera = rgbd.camera.resized(width, round(width * rgbd.camera.height / rgbd.camera.width))
+    color = cv2.resize(rgbd.color, camera.wh, interpolation=cv2.INTER_AREA)
+    return RGBD(color, cv2.resize(rgbd.depth, camera.wh, interpolation=cv2.INTER_NEAREST), camera)
+
+
+def in_its_own_process() -> SequenceMethod:
+    """The TSDF in another process: Open3D's threads stall beside those of onnxruntime, which measures LPIPS."""
+    pool = ProcessPoolExecutor(1, mp_context=get_context("spawn"))
+    return lambda sources, camera: pool.submit(tsdf, sources, camera).result()
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("dataset", type=Path)
+    parser.add_argument("--held", type=int, nargs="+", default=[6, 15, 24, 33, 42])
+    parser.add_argument("--counts", type=int, nargs="+", default=[1, 2, 4, 8])
+    parser.add_argument("--width", type=int)
+    parser.add_argument("--without-tsdf", action="store_true")
+    parser.add_argument("-o", "--output", type=Path)
+    options = parser.parse_args()
+    listed = open_frames(options.dataset)
+    frames = [resized(each.load(), options.width) for each in listed]
+    methods = dict(METHODS)
+    if not options.without_tsdf:
+        methods["TSDF + Telea"] = in_its_own_process()
+    names = [each.name for each in listed]
+    rows = list(score_sequence(frames, options.held, names, ProtocolSettings(), methods, options.counts))
+    parts = [
+        f"**{region}**\n\n{table(rows, region)}"
+        for region in ("whole", "seen by one", "seen by several", "seen by none")
+    ]
+    text = "\n\n".join(parts) + "\n"
+    print(text)
+    if options.output is not None:
+        options.output.write_text(text, encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

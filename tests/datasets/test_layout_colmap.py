@@ -1,0 +1,113 @@
+"""COLMAP folders: text and binary models, depth as PNG and of dense workspaces (oracles: the closed-form world, round trips)."""
+
+from __future__ import annotations
+
+import struct
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dlama.datasets.colmap_model import read_model, write_model
+from dlama.datasets.layouts import detect
+from dlama.datasets.scene_frames import open_frames
+from dlama.errors import CameraError, FileError
+from dlama.files.rasters.depth import write_depth_png
+from dlama.files.rasters.pictures import write_color
+from dlama.geometry.camera import Camera
+from dlama.geometry.cloud import PointCloud
+from dlama.geometry.projection import lift
+from worlds import Plane, World, moved
+
+LENS = Camera(48, 36, 40.0, 41.0, 24.5, 17.5)
+WORLD = World((Plane((0, 0, 3), (0.2, 0.1, -1)),))
+CAMERAS = {f"shot {n}.png".replace(" ", "_"): moved(LENS, (3 * n, -7 * n, 2 * n), (0.2 * n, 0.1, 0)) for n in range(3)}
+NO_POINTS = PointCloud(np.zeros((0, 3)), np.zeros((0, 3), np.uint8), np.zeros(0, np.uint8), np.zeros(0, np.float32))
+
+
+def folder_of(root: Path, binary: bool, dense: bool) -> Path:
+    """The three frames as COLMAP has them."""
+    for each in ("images", "depth", "sparse/0", "stereo/depth_maps"):
+        (root / each).mkdir(parents=True)
+    for name, camera in CAMERAS.items():
+        rgbd = WORLD.rgbd(camera)
+        write_color(root / "images" / name, rgbd.color)
+        if dense:
+            data = f"{LENS.width}&{LENS.height}&1&".encode() + rgbd.depth.astype("<f4").tobytes()
+            (root / "stereo" / "depth_maps" / f"{name}.geometric.bin").write_bytes(data)
+        else:
+            write_depth_png(root / "depth" / name, rgbd.depth)
+    write_model(root / "sparse" / "0", CAMERAS, NO_POINTS)
+    if binary:
+        as_binary(root / "sparse" / "0")
+    return root
+
+
+def as_binary(model: Path) -> None:
+    """The text files written anew by COLMAP's binary layout, each image with two points."""
+    rows = [line.split() for line in (model / "cameras.txt").read_text().splitlines() if not line.startswith("#")]
+    data = struct.pack("<Q", len(rows))
+    for row in rows:
+        data += struct.pack("<iiQQ4d", int(row[0]), 1, int(row[2]), int(row[3]), *map(float, row[4:]))
+    (model / "cameras.bin").write_bytes(data)
+    rows = [
+        line.split() for line in (model / "images.txt").read_text().splitlines() if line and not line.startswith("#")
+    ]
+    data = struct.pack("<Q", len(rows))
+    for row in rows:
+        data += struct.pack("<i7di", int(row[0]), *map(float, row[1:8]), int(row[8])) + row[9].encode() + b"\0"
+        data += struct.pack("<Q", 2) + struct.pack("<ddq", 1, 2, -1) * 2
+    (model / "images.bin").write_bytes(data)
+    for name in ("cameras.txt", "images.txt", "points3D.txt"):
+        (model / name).unlink()
+
+
+@pytest.mark.parametrize("binary", [False, True])
+@pytest.mark.parametrize("dense", [False, True])
+def test_frames_are_the_ones_written(tmp_path: Path, binary: bool, dense: bool) -> None:
+    """Round trip: pose to 1e-9, depth as the file has it, colour bit for bit."""
+    root = folder_of(tmp_path / "room", binary, dense)
+    assert detect(root) == "colmap"
+    frames = open_frames(root)
+    assert [each.name for each in frames] == [name.removesuffix(".png") for name in CAMERAS]
+    for each, camera in zip(frames, CAMERAS.values()):
+        found, truth = each.load(), WORLD.rgbd(camera)
+        np.testing.assert_allclose(found.camera.world_from_cam, camera.world_from_cam, atol=1e-9)
+        assert found.camera.same_lens_as(LENS)
+        np.testing.assert_array_equal(found.color, truth.color)
+        assert np.abs(found.depth - truth.depth).max() < (1e-6 if dense else 6e-4)
+
+
+def test_points_carry_colour_and_confidence(tmp_path: Path) -> None:
+    """Text of points3D: the cloud's own numbers."""
+    cloud = lift(WORLD.rgbd(LENS))
+    write_model(tmp_path, CAMERAS, cloud)
+    rows = np.array([line.split() for line in (tmp_path / "points3D.txt").read_text().splitlines()[1:]], float)
+    np.testing.assert_allclose(rows[:, 1:4], cloud.points, atol=1e-6)
+    np.testing.assert_array_equal(rows[:, 4:7], cloud.color)
+    assert (rows[:, 7] == 0).all() and len(read_model(tmp_path)) == 3
+
+
+def test_damaged_models_are_named(tmp_path: Path) -> None:
+    """Truncated binary, a distorted lens, a camera that is not there, no depth: file and reason."""
+    root = folder_of(tmp_path / "a", True, False)
+    images = root / "sparse" / "0" / "images.bin"
+    images.write_bytes(images.read_bytes()[:100])
+    with pytest.raises(FileError, match=r"images\.bin: ends (early|within a name)"):
+        open_frames(root)
+    root = folder_of(tmp_path / "b", False, False)
+    cameras = root / "sparse" / "0" / "cameras.txt"
+    text = cameras.read_text()
+    cameras.write_text(text.replace("PINHOLE 48 36 40.0", "SIMPLE_RADIAL 48 36 40.0").replace(" 41.0", "", 1))
+    with pytest.raises(
+        CameraError, match=r"cameras\.txt:2:3: (camera model SIMPLE_RADIAL has|the camera is distorted)"
+    ):
+        open_frames(root)
+    cameras.write_text("\n".join(text.splitlines()[:2]))
+    with pytest.raises(FileError, match="has camera 2, which cameras does not hold"):
+        open_frames(root)
+    cameras.write_text(text)
+    for path in (root / "depth").iterdir():
+        path.unlink()
+    with pytest.raises(FileError, match="none of the model's 3 images has a depth map"):
+        open_frames(root)
