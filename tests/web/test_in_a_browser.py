@@ -247,7 +247,8 @@ def test_loading_again_in_the_middle_loses_nothing(pages: Pages, frame: Path) ->
     page.locator("#marker").wait_for()
     playwright.expect(page.locator("#undo")).to_be_enabled()
     playwright.expect(page.locator("#fov")).to_have_value("60")
-    page.locator("#complete").click()
+    with page.expect_response("**/api/complete"):
+        page.locator("#complete").click()
     page.reload()
     page.locator("#pane-result").wait_for()
     playwright.expect(page.locator("#command")).to_contain_text("--click 30,24")

@@ -116,6 +116,17 @@ def test_errors_of_a_run_are_told_once(visit: Visit, frame: Path) -> None:
     assert results.run(visit, {})["state"] == "none"
 
 
+def test_a_page_loaded_again_hears_of_a_run_that_ended_meanwhile(visit: Visit, frame: Path) -> None:
+    """Its state says so, and asking for the run gives the result."""
+    open_frame(visit, frame)
+    results.complete(visit, {"yaw": 3, "filler": "telea"})
+    assert visit.run is not None
+    visit.run.join()
+    assert api.state(visit, {})["run"]["state"] == "done"
+    assert results.run(visit, {})["result"]["moved"]
+    assert "run" not in api.state(visit, {}) and "result" in api.state(visit, {})
+
+
 def test_a_completion_can_be_cancelled(visit: Visit) -> None:
     """In the middle; no result is kept, and the same visit completes afterwards."""
     api.example(visit, {"name": "street"})

@@ -5,6 +5,10 @@ from __future__ import annotations
 import http.client
 import io
 import json
+import os
+import subprocess
+import sys
+import threading
 import zipfile
 from pathlib import Path
 from typing import Any
@@ -85,8 +89,6 @@ def test_only_pages_of_this_server_are_answered(server: Server) -> None:
 
 def test_a_token_is_asked_for(temporary: Path) -> None:
     """With one, nothing is answered without it; its address sets a cookie that opens the page."""
-    import threading
-
     with pytest.raises(InputError, match="give token"), serving("0.0.0.0", 0, None, Limits()):
         pass
     with serving("127.0.0.1", 0, "secret", Limits()) as server:
@@ -189,17 +191,52 @@ def test_a_page_that_leaves_is_forgotten(server: Server, frame: Path, monkeypatc
     other.post("alive", status=410)
 
 
+def test_a_visit_that_is_being_answered_keeps_nobody_waiting(server: Server, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It is forgotten once it has been answered; meanwhile the server goes on."""
+    page = Page(server)
+    visit = server.visits.find(page.visit)
+    held, go = threading.Event(), threading.Event()
+
+    def answering() -> None:
+        with visit.lock:
+            held.set()
+            go.wait(10)
+
+    thread = threading.Thread(target=answering)
+    thread.start()
+    assert held.wait(10)
+    monkeypatch.setattr("dlama.web.visits.LEAVING_SECONDS", -1.0)
+    server.visits.leave(page.visit)
+    assert ask(server, "GET", "/")[0] == 200 and len(server.visits) == 1
+    go.set()
+    thread.join()
+    server.visits.sweep()
+    assert len(server.visits) == 0
+
+
+def test_the_first_page_needs_no_model(temporary: Path) -> None:
+    """Oracle: sys.modules of a fresh interpreter that has answered with the page and begun a visit."""
+    code = (
+        "import http.client, sys, threading\nfrom dlama.web.answers import Limits\nfrom dlama.web.server import serving\n"
+        "with serving('127.0.0.1', 0, None, Limits()) as server:\n"
+        "    threading.Thread(target=server.serve_forever, daemon=True).start()\n"
+        "    line = http.client.HTTPConnection('127.0.0.1', server.port)\n"
+        "    for method, path in (('GET', '/'), ('POST', '/api/settings'), ('POST', '/api/visit')):\n"
+        "        line.request(method, path, headers={'X-Dlama-Visit': ''})\n"
+        "        assert line.getresponse().read()\n"
+        "    server.shutdown()\n"
+        "print([name for name in ('onnxruntime', 'onnx', 'openvino', 'torch') if name in sys.modules])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=600, check=True)
+    assert done.stdout.strip() == "[]"
+
+
 def test_a_killed_server_leaves_nothing_for_long(temporary: Path) -> None:
     """The folder of one that ended without removing it goes when the next begins (oracle: its name, its dead process)."""
-    import subprocess
-    import sys
-
     dead = subprocess.Popen([sys.executable, "-c", ""])
     dead.wait()
     with serving("127.0.0.1", 0, None, Limits()) as server:
         name = server.visits.root.name
-    import os
-
     left = temporary / name.replace(str(os.getpid()), str(dead.pid), 1)
     left.mkdir()
     (left / "picture.jpg").write_bytes(b"somebody's")

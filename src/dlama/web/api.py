@@ -74,7 +74,7 @@ def state(visit: Visit, fields: Fields) -> dict[str, Any]:
     told: dict[str, Any] = {"files": files, "fields": visit.fields}
     if visit.source is not None:
         told |= {"source": described(visit), "marks": visit.listed, "masked": visit.mask is not None}
-    if visit.run is not None and visit.run.active:
+    if visit.run is not None and visit.run.state != "cancelled":  # done or failed: the page has not asked since
         told["run"] = visit.run.progress()
     if visit.result is not None:
         told["result"] = results.told_result(visit.result)

@@ -159,8 +159,11 @@ class Visits:
         for visit in visits:
             working = visit.run is not None and visit.run.active
             limit = LEAVING_SECONDS if visit.leaving else IDLE_SECONDS
-            if now - visit.seen > limit and (visit.leaving or not working):
-                self.end(visit.id)
+            if now - visit.seen > limit and (visit.leaving or not working) and visit.lock.acquire(blocking=False):
+                try:  # one that is being answered is left for the next time
+                    self.end(visit.id)
+                finally:
+                    visit.lock.release()
 
     def __len__(self) -> int:
         return len(self._open)
