@@ -80,21 +80,20 @@ def clocks() -> Iterator[dict[str, float]]:
 
 def throughput(folder: Path, jobs: int, fillers: list[str]) -> None:
     """Jobs a second of a shell loop, of one warm process, and of batches with 1 and 2 workers."""
-    print(
-        "filler   how                jobs/s     per job: wall s   processor s   against the limit   against the shell loop"
-    )
+    print("                                     per job (s)           times the shell loop     share of the limit")
+    print("filler   how                jobs/s    wall   processor     by wall   by processor   by wall   by processor")
     for filler in fillers:
-        found = {"shell loop": shell_loop(folder, filler)}
-        found["in-process limit"] = alone(folder, filler, jobs)
+        found = {"shell loop": shell_loop(folder, filler), "in-process limit": alone(folder, filler, jobs)}
         for workers in (1, 2):
             found[f"batch, {workers} worker{'s' * (workers > 1)}"] = batched(folder, filler, jobs * workers, workers)
         limit, shell = found["in-process limit"], found["shell loop"]
         for how, one in found.items():
             count = 2 if how.endswith("workers") else 1
-            against = limit["wall"] / one["wall"] / count
+            times = [shell[clock] / one[clock] for clock in ("wall", "processor")]
+            shares = limit["wall"] / one["wall"] / count, limit["processor"] / one["processor"]
             print(
-                f"{filler:8} {how:18} {1 / one['wall']:6.2f} {one['wall']:15.3f} {one['processor']:15.3f}"
-                f" {against:12.0%} of {count}x {shell['wall'] / one['wall']:15.1f}x"
+                f"{filler:8} {how:18} {1 / one['wall']:6.2f} {one['wall']:7.3f} {one['processor']:11.3f}"
+                f" {times[0]:11.1f} {times[1]:14.1f} {shares[0]:9.0%} {shares[1]:14.0%}"
             )
 
 
@@ -129,14 +128,15 @@ def alone(folder: Path, filler: str, count: int) -> dict[str, float]:
 
 
 def batched(folder: Path, filler: str, count: int, workers: int) -> dict[str, float]:
-    """A batch on processes: from the first result of each worker on, so without their start, which a long run does not notice."""
-    path = write_list(folder / "jobs.csv", count + workers, filler=filler, only=ONLY)
-    out = folder / f"batch-{filler}-{workers}"
-    with clocks() as took:
-        found = [row.finished for row in dlama.batch(path, out, workers=workers, threads=1)]
-    found.sort()
-    wall = (found[-1] - found[workers - 1]) / (len(found) - workers)
-    return {"wall": wall, "processor": took["processor"] / len(found)}
+    """A batch on processes, without their start, which a long run does not notice."""
+    took, found = [dict[str, float](), dict[str, float]()], list[float]()
+    for number, size in enumerate((workers, count + workers)):  # the first, short one is what the start costs
+        path = write_list(folder / "jobs.csv", size, filler=filler, only=ONLY)
+        with clocks() as took[number]:
+            out = folder / f"batch-{filler}-{workers}-{number}"
+            found = sorted(row.finished for row in dlama.batch(path, out, workers=workers, threads=1))
+    wall = (found[-1] - found[workers - 1]) / count
+    return {"wall": wall, "processor": (took[1]["processor"] - took[0]["processor"]) / count}
 
 
 def nothing(task: Task) -> JobResult:

@@ -243,3 +243,22 @@ def test_a_run_that_can_write_nothing_ends(tmp_path: Path, monkeypatch: pytest.M
         with pytest.raises(OutputError, match=r"no space left on device.*the same command goes on from there"):
             run(tmp_path, view_rows(9))
     assert {row.status for row in run(tmp_path, view_rows(9))} == {"done"}
+
+
+def test_a_full_disk_is_told_with_the_result_and_leaves_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The message names where the file was to lie, not where it was made (oracle: by hand); no draft stays."""
+    from dlama.files.rasters import pictures
+    from dlama.jobs.perform import Task, work
+    from dlama.jobs.storage import Output
+
+    def full(path: Path, color: object) -> None:
+        raise OSError(28, "No space left on device", str(path))
+
+    monkeypatch.setattr(pictures, "write_color", full)
+    source = room.JobList(write_csv(small_frame(tmp_path) / "jobs.csv", view_rows(1)), None, FAST)
+    row = work(Task(next(iter(source)), Output(str(tmp_path / "out"))))
+    assert row.error == f"{tmp_path}/out/v/000/image.png: no space left on device"
+    assert row.error_kind == "OutputError"
+    assert list((tmp_path / "out").iterdir()) == []

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import socket
 import statistics
 import time
@@ -14,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from dlama.errors import DlamaError, InputError
+from dlama.files.drafts import DRAFT
 from dlama.jobs.inputs import JobInputs
 from dlama.jobs.job import Job
 from dlama.jobs.parameters import (
@@ -31,6 +33,8 @@ from dlama.jobs.storage import MARKER, Output, fetched, is_address, stamp
 from dlama.models.verify import sha256_of
 from dlama.workers.memory import peak_mib, reset_peak
 
+HALF_MADE = re.compile(rf"\S*?{re.escape(DRAFT)}[^/]*-job/(?:{re.escape(DRAFT)}[^/]*-)?result\b")
+"""The path of a result while it is made; a message names the one that it was to have."""
 RESULT = "result"
 """The folder of a result while it is made."""
 
@@ -60,6 +64,7 @@ def work(task: Task) -> JobResult:
             raise
         except Exception as error:
             row = failed(job, error)
+            row = replace(row, error=HALF_MADE.sub(lambda _: task.output.of(job.id), row.error))
     return replace(
         row,
         seconds=round(time.perf_counter() - started, 4),

@@ -1,0 +1,66 @@
+"""A server that speaks S3, on this computer (oracle: the same list on this computer's file system, byte for byte)."""
+
+from __future__ import annotations
+
+import sys
+import uuid
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+sys.path.append(str(Path(__file__).parent))  # worker processes look for `small_jobs` where this process does
+from small_jobs import FAST, contents, small_frame, view_rows, write_csv
+
+from dlama.jobs.batch import batch
+
+pytest.importorskip("s3fs", reason="s3fs is not installed")
+server = pytest.importorskip("moto.server", reason="moto is not installed")
+
+
+@pytest.fixture
+def bucket(monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
+    """A bucket of its own on a server of moto's; worker processes find it by the environment."""
+    import s3fs
+
+    running = server.ThreadedMotoServer(port=0, verbose=False)
+    running.start()
+    host, port = running.get_host_and_port()
+    for name, value in (
+        ("AWS_ENDPOINT_URL", f"http://{host}:{port}"),
+        ("AWS_ACCESS_KEY_ID", "one"),
+        ("AWS_SECRET_ACCESS_KEY", "two"),
+        ("AWS_DEFAULT_REGION", "us-east-1"),
+    ):
+        monkeypatch.setenv(name, value)
+    s3fs.S3FileSystem.clear_instance_cache()
+    name = f"frames-{uuid.uuid4().hex[:8]}"  # servers in one process share their memory
+    s3fs.S3FileSystem().mkdir(name)
+    yield f"s3://{name}"
+    s3fs.S3FileSystem.clear_instance_cache()
+    running.stop()
+
+
+@pytest.mark.filterwarnings("ignore")  # of moto's and botocore's own
+@pytest.mark.parametrize("pack", [None, 2])
+def test_list_inputs_and_results_on_a_server(bucket: str, tmp_path: Path, pack: int | None) -> None:
+    """By worker processes; a second run keeps all of it."""
+    import s3fs
+
+    system = s3fs.S3FileSystem()
+    write_csv(small_frame(tmp_path) / "jobs.csv", view_rows(3))
+    for name in ("image.png", "depth.png", "jobs.csv"):
+        system.put_file(str(tmp_path / name), f"{bucket}/in/{name}")
+    results = list(batch(f"{bucket}/in/jobs.csv", f"{bucket}/out", workers=1, pack=pack, **FAST))
+    assert [row.status for row in results] == ["done"] * 3, results[0].error
+    assert all(row.kept for row in batch(f"{bucket}/in/jobs.csv", f"{bucket}/out", workers=1, pack=pack, **FAST))
+    names = {name.partition("/out/")[2] for name in system.find(f"{bucket}/out")}
+    if pack:
+        assert {"shards/000000.tar", "shards/000001.tar", "manifest.csv"} < names
+        assert not [name for name in names if name.startswith("staged")]
+        return
+    list(batch(tmp_path / "jobs.csv", tmp_path / "out", workers=1, **FAST))
+    local = contents(tmp_path / "out")
+    assert {name for name in names if name.startswith("v/")} == set(local)
+    for name, content in local.items():
+        assert name.endswith("meta.json") or system.cat_file(f"{bucket}/out/{name}") == content
