@@ -120,10 +120,9 @@ def fill_features(view: View, color: UInt8Array, depth: Float32Array) -> Float32
     known_grey, grey = mean_of_channels(view.color), mean_of_channels(color)
     mean, contrast = local_contrast(known_grey, ~hole, BROAD * diagonal)
     _, grain = local_contrast(known_grey, ~hole, FINE * diagonal)
-    _, relief = local_contrast(log_w, with_depth, BROAD * diagonal)
+    level, relief = local_contrast(log_w, with_depth, BROAD * diagonal)
     _, unrest = local_contrast(log_w, with_depth, FINE * diagonal)
-    level, _ = local_contrast(log_w, with_depth, BROAD * diagonal)
-    known_share = cv2.GaussianBlur((~hole).astype(np.float32), (0, 0), BROAD * diagonal)
+    known_share = blurred((~hole).astype(np.float32), BROAD * diagonal)
     nearest_grey = known_grey.ravel()[rim]
     slope = np.hypot(cv2.Scharr(log_w, cv2.CV_32F, 1, 0), cv2.Scharr(log_w, cv2.CV_32F, 0, 1)) * diagonal / 32
     painted = grey[hole]
@@ -163,13 +162,21 @@ def fill_features(view: View, color: UInt8Array, depth: Float32Array) -> Float32
 def noise_of(values: Float32Array, known: BoolArray, scale: float = 1) -> float:
     """Median step between neighbours of known pixels and the mean of theirs (four), as log(1 + scale * step)."""
     inside = cv2.erode(known.view(np.uint8), np.ones((3, 3), np.uint8)) > 0
-    steps = np.abs(cv2.Laplacian(values, cv2.CV_32F))[inside] / 4
+    steps = np.abs(cv2.Laplacian(values, cv2.CV_32F))[inside][::4] / 4
     return float(np.log1p(scale * np.median(steps))) if steps.size else 0.0
 
 
 def mean_of_channels(color: UInt8Array) -> Float32Array:
     """H x W float32 mean of H x W x 3 uint8."""
     return np.asarray(cv2.transform(color.astype(np.float32), np.full((1, 3), 1 / 3, np.float32)), np.float32)
+
+
+def blurred(values: Float32Array, sigma: float) -> Float32Array:
+    """H x W under a Gaussian of `sigma` pixels; computed at a coarser size where it is broad."""
+    by = max(1, int(sigma // 2))
+    size = max(1, values.shape[1] // by), max(1, values.shape[0] // by)
+    coarse = cv2.GaussianBlur(cv2.resize(values, size, interpolation=cv2.INTER_AREA), (0, 0), max(sigma / by, 0.5))
+    return np.asarray(cv2.resize(coarse, (values.shape[1], values.shape[0])), np.float32)
 
 
 def local_contrast(values: Float32Array, known: BoolArray, sigma: float) -> tuple[Float32Array, Float32Array]:

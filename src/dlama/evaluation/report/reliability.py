@@ -13,7 +13,7 @@ from dlama.evaluation.report.summary import ALL, Key, Summary
 from dlama.evaluation.report.tables import EMPTY, Cell, Table
 
 RELIABILITY_TEXT = (
-    "How far the confidence of filled pixels can be relied on. Right: depth within 5 % and colour within 25 levels of the truth. "
+    "How far the confidence of filled pixels can be relied on. Right: depth within 5 % and colour within 25 levels. "
     "ECE: expected calibration error, ten bins over all frames. AUSE: area between the sparsification curve and an oracle's, in "
     "mean errors (0: what is least sure is what is most wrong), of depth by confidence, of colour by its expected error; beside "
     "it that of the distance from the rim of the hole, and of a random order. Expected errors beside the actual ones, of depth "
@@ -21,7 +21,7 @@ RELIABILITY_TEXT = (
 )
 COLUMNS = {
     "right": "right",
-    "said": "mean confidence",
+    "said": "said",
     "ece": "ECE",
     "ause_depth": "AUSE depth",
     "ause_depth_distance": "by distance",
@@ -29,9 +29,9 @@ COLUMNS = {
     "ause_color": "AUSE colour",
     "ause_color_distance": "by distance",
     "ause_color_random": "random",
-    "expected_depth": "expected depth error, m",
+    "expected_depth": "depth, m: expected",
     "actual_depth": "actual",
-    "expected_color": "expected colour error, levels",
+    "expected_color": "colour: expected",
     "actual_color": "actual",
 }
 
