@@ -150,6 +150,15 @@ class Manifest:
             csv_writer(stream).writerows(row.csv_row() for row in self.rows())
         return target
 
+    def leave_nothing(self) -> None:
+        """Remove the folders that were made for rows, where there are no rows."""
+        if not self.output.is_remote:
+            with contextlib.suppress(OSError):
+                if not any(self._folder.glob("*.jsonl")):
+                    (self._folder / "lock").unlink()
+                self._folder.rmdir()
+                Path(self.output.of("")).rmdir()
+
     def close(self) -> None:
         """Write what is still to be written."""
         with contextlib.ExitStack() as stack:

@@ -69,8 +69,12 @@ def run_jobs(
     with Manifest(settings.output) as manifest:
         total = None
         if can_be_read_twice:
-            for number, job in enumerate(source):
-                manifest.plan(number, job.id, job.where)
+            try:
+                for number, job in enumerate(source):
+                    manifest.plan(number, job.id, job.where)
+            except BaseException:
+                manifest.leave_nothing()
+                raise
             total = manifest.planned
         workers = start()
         try:

@@ -1,0 +1,116 @@
+"""`dlama batch` as a user meets it (oracles: lines by hand, the files that are there)."""
+
+from __future__ import annotations
+
+import json
+import re
+import signal
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import dlama
+from dlama.apps import batch as verb
+from dlama.apps.cli import main
+from dlama.apps.terminal.streams import Stopped
+from dlama.jobs.result import JobResult
+
+LIST = """id,verb,image,depth,yaw,_note
+a/1,view,image.png,depth.png,5,hello
+a/2,view,image.png,depth.png,-5,
+bad,view,nothing.png,depth.png,5,
+"""
+OPTIONS = ["--fov", "60", "--filler", "telea", "--only", "image", "--workers", "1"]
+
+
+@pytest.fixture
+def jobs(frame: Path, monkeypatch: pytest.MonkeyPatch) -> str:
+    """A list of three, one of them without its picture, in the working folder."""
+    monkeypatch.chdir(frame)
+    Path("jobs.csv").write_text(LIST)
+    return "jobs.csv"
+
+
+def test_a_list_its_rerun_and_its_page(jobs: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """What is printed, exit code 1 for the bad row, what is kept the second time, and the page."""
+    with pytest.raises(SystemExit) as stop:
+        main(["batch", jobs, "-o", "out", *OPTIONS])
+    told = capsys.readouterr()
+    assert stop.value.code == 1
+    assert told.err == f"error: bad: {Path.cwd()}/nothing.png: no such file\n"
+    lines = told.out.splitlines()
+    assert lines[0] == "out:" and lines[1].split() == ["done", "2"]
+    assert lines[2].split() == ["failed", "1:", "1", "FileError"]
+    assert lines[-1].split() == ["rows", "out/manifest.csv"]
+    assert sorted(path.name for path in Path("out/a/1").iterdir()) == ["image.png", "meta.json"]
+    with pytest.raises(SystemExit):
+        main(["batch", jobs, "-o", "out", "--json", "--quiet", *OPTIONS])
+    found = json.loads(capsys.readouterr().out)
+    counts = {name: found[name] for name in ("verb", "done", "kept", "failed", "failures")}
+    assert counts == {"verb": "batch", "done": 2, "kept": 2, "failed": 1, "failures": {"FileError": 1}}
+    main(["batch", "report", "out"])
+    assert capsys.readouterr().out == "out/report.html\n"
+    assert "no such file" in Path("out/report.html").read_text(encoding="utf-8")
+
+
+def test_a_dry_run_runs_nothing(jobs: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """The first jobs as they would run, defaults filled in; no folder is made."""
+    main(["batch", jobs, "--dry-run", "--fov", "60", "--only", "image,depth"])
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0] == "3 jobs (3 view), 0 of them cannot be run; the first ones:"
+    here = Path.cwd()
+    assert lines[1] == f"  a/1: view fov=60 only=image,depth image={here}/image.png depth={here}/depth.png yaw=5"
+    assert not Path("out").exists()
+    main(["batch", "--images", "im*.png", "--depths", "depth.png", "--verb", "view", "--dry-run"])
+    assert "1 of them cannot be run" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["batch", "jobs.csv"], "--output is missing"),
+        (["batch", "-o", "out"], "0 lists, --images None and --data None; one list of jobs"),
+        (["batch", "jobs.csv", "--images", "*.png", "-o", "out"], r"1 lists, --images \*.png"),
+        (["batch", "nothing.csv", "-o", "out"], "nothing.csv: cannot be read: no such file or directory"),
+        (["batch", "jobs.csv", "-o", "out", "--workers", "0"], "--workers is 0; 1 or more is wanted"),
+        (["batch", "jobs.csv", "-o", "out", "--gpus-per-worker", "1"], r"--gpus-per-worker is 1.0 without --?ray"),
+        (["batch", "jobs.csv", "-o", "out", "--depths", "x"], "depths and masks go with"),
+        (["batch", "report"], "one folder of results is wanted"),
+        (["batch", "report", "nowhere"], "nowhere: holds no results of `dlama batch`"),
+    ],
+)
+def test_what_cannot_be_is_one_line(
+    jobs: str, words: list[str], message: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Exit code 2; nothing is left behind."""
+    with pytest.raises(SystemExit) as stop:
+        main(words)
+    assert stop.value.code == 2
+    told = capsys.readouterr().err
+    assert re.search(message, told), told
+    assert told.count("\n") == 1 and not Path("out").exists()
+
+
+def test_progress_and_ctrl_c(jobs: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without a terminal lines come in time, with failures by kind; a signal says that nothing is lost."""
+
+    def slow(*_: Any, progress: Any, **__: Any) -> Iterator[JobResult]:
+        progress(None, 0, 10)
+        row = JobResult("x", "failed", "view", "DepthError", "no depth")
+        progress(row, 1, 10)
+        yield row
+        while "progress" not in (told := capsys.readouterr().err):
+            pass
+        seen.append(told)
+        raise Stopped(signal.SIGINT)
+
+    seen: list[str] = []
+    monkeypatch.setattr(verb, "MINUTE", 0.01)
+    monkeypatch.setattr(dlama, "batch", slow)
+    with pytest.raises(SystemExit) as stop:
+        main(["batch", jobs, "-o", "out"])
+    assert stop.value.code == 130
+    assert "progress: batch: 1 of 10 done (10 %), " in seen[0] and "1 DepthError failed" in seen[0]
+    assert "interrupted; what is done is kept, and the same command goes on from there" in capsys.readouterr().err
