@@ -1,6 +1,6 @@
-"""Speed and memory, everything measured side by side in one run: rendering against Open3D, the main job, start-up, 4K.
+"""Speed and memory, everything measured side by side in one run: rendering against Open3D, the main job, masks, start-up, 4K.
 
-    python benchmarks/speed.py [--image street.jpg --depth depth.png --fov 90] [--skip-open3d] [--skip-4k]
+    python benchmarks/speed.py [--image street.jpg --depth depth.png --fov 90] [--skip-open3d] [--skip-4k] [--only-masks]
 
 Medians over repeated runs after one warm-up; the ratio column is what counts, absolute times depend on the machine. The input
 defaults to the demo frame that ships in the package.
@@ -23,6 +23,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+import dlama
 from dlama.completion.pipeline import complete
 from dlama.geometry.camera import Camera
 from dlama.geometry.rendering import render
@@ -115,6 +116,32 @@ def print_view(rgbd: RGBD) -> float:
     return taken / rgbd.depth.size
 
 
+def print_masks(rgbd: RGBD) -> None:
+    """Wall and processor time, as other programs may run beside it; networks open, kernels compiled."""
+    click = [(0.5 * rgbd.camera.width, 0.67 * rgbd.camera.height)]
+    session = dlama.MaskSession(rgbd)
+    known = [(*click[0], 3.0)]
+    photo = dlama.estimate_depth(rgbd.color, rgbd.camera, metres_at=known).rgbd
+    jobs: dict[str, Callable[[], object]] = {
+        "mask by a click, with depth": lambda: dlama.find_mask(rgbd, clicks=click),
+        "a further click (MaskSession)": lambda: session.find(clicks=click),
+        "mask and shadow, with depth": lambda: dlama.find_mask(rgbd, clicks=click, with_shadow=True),
+        "mask by a click, estimated depth": lambda: dlama.find_mask(photo, clicks=click),
+        "depth of a photo": lambda: dlama.estimate_depth(rgbd.color, rgbd.camera, metres_at=known),
+        "what stands out (salient)": lambda: dlama.find_mask(rgbd.color, masker="salient"),
+    }
+    print(f"\nmasks and depth of a photo, {rgbd.camera.width}x{rgbd.camera.height} (s)          processor")
+    for name, job in jobs.items():
+        job()
+        walls, busy = [], []
+        for _ in range(7):
+            started = time.perf_counter(), time.process_time()
+            job()
+            walls.append(time.perf_counter() - started[0])
+            busy.append(time.process_time() - started[1])
+        print(f"  {name:34} {statistics.median(walls):7.3f} {statistics.median(busy):10.3f}")
+
+
 def print_commands(image: Path, depth: Path, fov: float) -> None:
     print("\ncommands from a cold start (s)")
     command = [sys.executable, "-m", "dlama"]
@@ -154,10 +181,15 @@ def main() -> None:
     parser.add_argument("--skip-open3d", action="store_true")
     parser.add_argument("--skip-4k", action="store_true")
     parser.add_argument("--skip-commands", action="store_true")
+    parser.add_argument("--only-masks", action="store_true")
     args = parser.parse_args()
     rgbd = frame(args.image, args.depth, args.fov)
+    if args.only_masks:
+        print_masks(rgbd)
+        return
     print_rendering(rgbd, args.skip_open3d)
     per_pixel = print_view(rgbd)
+    print_masks(rgbd)
     if not args.skip_commands:
         print_commands(args.image, args.depth, args.fov)
     if not args.skip_4k:
