@@ -23,6 +23,9 @@ DETAIL = 12.0
 FINE_PX, BORDER_PX = 2.0, 4.0
 """What is finer than the first is detail; what is nearer to a border than the second is the border's own."""
 
+MARGIN_PX = 32
+"""What is looked at beside what is blurred."""
+
 
 def softened(color: UInt8Array, hole: BoolArray, unseen: BoolArray, label: NDArray[np.int32]) -> UInt8Array:
     """H x W x 3 colours, blurred round borders between surfaces in the hole pixels that are `unseen`.
@@ -36,12 +39,18 @@ def softened(color: UInt8Array, hole: BoolArray, unseen: BoolArray, label: NDArr
     away = cv2.distanceTransform((~border).astype(np.uint8), cv2.DIST_L2, 5)
     sigma = WIDTH * np.maximum(distance - SHARP * max(hole.shape), 0) * (hole & unseen)
     sigma *= np.clip(REACH - away / np.maximum(sigma, 1e-3), 0, 1)
-    picture = color.astype(np.float32)
+    level = (np.log2(np.maximum(sigma, 1)) + np.minimum(sigma, 1)).astype(np.float32)
+    if level.max() == 0:
+        return color
+    rows, columns = (np.flatnonzero(level.any(axis)) for axis in (1, 0))
+    box = tuple(slice(max(0, ends[0] - MARGIN_PX), ends[-1] + MARGIN_PX + 1) for ends in (rows, columns))
+    picture, level, away = color[box].astype(np.float32), level[box], away[box]
     detail = np.clip(picture - cv2.GaussianBlur(picture, (0, 0), FINE_PX), -DETAIL, DETAIL)
-    level = np.log2(np.maximum(sigma, 1)) + np.minimum(sigma, 1)
     kept = np.clip(away / BORDER_PX - 1, 0, 1) * np.clip(level, 0, 1)
-    out = blurred_by_level(picture, level.astype(np.float32)) + detail * kept[..., None]
-    return np.asarray(np.clip(np.round(out), 0, 255), np.uint8)
+    soft = blurred_by_level(picture, level) + detail * kept[..., None]
+    out = color.copy()
+    out[box] = np.clip(np.round(soft), 0, 255)
+    return out
 
 
 def borders(label: NDArray[np.int32]) -> BoolArray:

@@ -33,6 +33,8 @@ RIM = (0.05, 0.3, 1.0, 3.0)
 """Cost at the rim of the hole of a surface that meets the known one, is hidden by it, is hidden sky, stands before it."""
 REACH = 0.05
 """Share of the picture's longer side at which a surface last seen that much farther off costs one full jump."""
+STREAKS = 0.2
+"""Width of those surroundings (sigma) over the distance from the rim."""
 FAR_SAMPLES = 256
 """Far directions that stand for all of a source camera's."""
 LEEWAY = 1.03
@@ -78,7 +80,7 @@ class CoarseView:
         )
         pick = np.ix_(rows, columns)
         hole = cells_with_holes(view.hole, camera.wh)
-        smooth = surface_kernels.far_side(w[pick], hole)
+        smooth = without_streaks(surface_kernels.far_side(w[pick], hole), hole)
         candidates = np.concatenate([smooth[None], np.zeros_like(smooth)[None], plane_values(planes, camera.hw, step)])
         in_view = hole & cells_with_holes(view.hole & (view.hole_type != HoleType.OUT_OF_VIEW), camera.wh)
         return cls(camera, hole, in_view, w[pick], label[pick], candidates.astype(np.float32))
@@ -159,6 +161,19 @@ class CoarseView:
             angle = angle_to_far(with_larger_pixels(self.camera, 4), law)  # smooth: a quarter of the cells is enough
             out[1] = np.minimum(out[1], self.camera.fx * enlarged(angle, self.camera.wh))
         return out
+
+
+def without_streaks(smooth: Float32Array, hole: BoolArray) -> Float32Array:
+    """The inverse depth of no plane (h x w, of a hole), each cell the mean of its surroundings in the hole, the wider the farther
+    from the rim: it comes from few rays, and their ends jump."""
+    where = (hole & (smooth > 0)).astype(np.float32)
+    sigma = STREAKS * cv2.distanceTransform(hole.astype(np.uint8), cv2.DIST_L2, 5)
+    out = smooth.copy()
+    for width in (1.0, 2.0, 4.0, 8.0):
+        total, count = (cv2.GaussianBlur(a, (0, 0), width) for a in (smooth * where, where))
+        mean = total / np.maximum(count, 1e-6)
+        out += where * np.clip(np.log2(np.maximum(sigma / width, 1)), 0, 1) * (mean - out)
+    return np.asarray(out, np.float32)
 
 
 def angle_to_far(camera: Camera, law: Law) -> Float32Array:
