@@ -97,7 +97,7 @@ def test_clouds_hold_each_pixel_once_by_origin() -> None:
     depth-filled = the sensor hole; nothing reprojected, nothing unknown, no far point."""
     scene, frame, taken = ball_removed()
     plus, minus = scene_cloud(scene), scene_cloud(scene, objects=False)
-    expected = {
+    expected = dict.fromkeys(Origin, 0) | {
         Origin.UNKNOWN: 0,
         Origin.MEASURED: int(frame.valid.sum()),
         Origin.REPROJECTED: 0,

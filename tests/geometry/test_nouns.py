@@ -142,7 +142,7 @@ def test_view_without_leaves_typed_holes() -> None:
 
 def test_filled_is_what_a_filler_wrote() -> None:
     """Closed form: origin FILLED, and only that."""
-    origin = np.array([list(Origin)[:3], list(Origin)[3:]], np.uint8)
+    origin = np.array([list(Origin)[:3], list(Origin)[3:6]], np.uint8)
     np.testing.assert_array_equal(View(**{**view_fields(), "origin": origin}).filled, [[0, 0, 0], [0, 1, 0]])
 
 
@@ -155,6 +155,7 @@ def test_codes_are_fixed() -> None:
         "DEPTH_FILLED": 3,
         "FILLED": 4,
         "ESTIMATED": 5,
+        "ELSEWHERE": 6,
     }
     assert {kind.name: int(kind) for kind in HoleType} == {
         "NONE": 0,

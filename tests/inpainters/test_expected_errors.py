@@ -24,7 +24,7 @@ from dlama.inpainters.filling import Fill, inpaint
 from dlama.training.data.augment import flying, noisy, quantised
 from dlama.worlds.dataset import world
 
-HELD_OUT = (900_011, 900_012, 900_015, 900_018, 900_021, 900_024)
+HELD_OUT = (900_011, 900_012, 900_015, 900_018)
 """Seeds of worlds; those below 900 000 may have been trained on."""
 
 
@@ -73,8 +73,8 @@ def test_every_filler_has_them_where_it_filled(filler: str) -> None:
 
 
 def test_they_are_calibrated_on_held_out_worlds() -> None:
-    """Truth: over six worlds and two fillers, by decile of what is expected, the actual mean error is nowhere more than 1.5 times
-    as large, within a factor of two of it where it is large, and rises with it; over all pixels both are within 35 %."""
+    """Truth: over four worlds and two fillers, by decile of what is expected, the actual mean error is nowhere more than 1.5
+    times as large, within a factor of two of it where it is large, and rises with it; over all pixels both are within 35 %."""
     expected, actual = [[], []], [[], []]  # type: ignore[var-annotated]
     for seed in HELD_OUT:
         for filler in ("layered", "telea"):

@@ -121,3 +121,31 @@ def test_a_key_holds_all_of_it() -> None:
         cache_key("case", "method", settings, made_up.truth),
     ]
     assert len(set(keys)) == len(keys) and keys[0] == cache_key("case", "method", settings, made_up.protocol)
+
+
+@pytest.mark.parametrize("package", ["opencv-python-headless", "numba", "onnxruntime"])
+def test_another_version_of_what_computes_makes_results_stale(monkeypatch: pytest.MonkeyPatch, package: str) -> None:
+    """Each by itself; a package that only draws does not count."""
+    version = room.metadata.version
+    key = functools.partial(cache_key, "case", "method", ProtocolSettings(), made_up.protocol)
+    before = key()
+    for changed, stale in (("matplotlib", False), (package, True)):
+        monkeypatch.setattr(
+            room.metadata, "version", lambda name, new=changed: "99.9" if name == new else version(name)
+        )
+        room.versions.cache_clear()
+        assert (key() != before) == stale
+    room.versions.cache_clear()
+
+
+def test_another_provider_and_other_weights_make_results_stale(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Who runs the networks, and the weights of the confidence network."""
+    key = functools.partial(cache_key, "case", "method", ProtocolSettings(), made_up.protocol)
+    monkeypatch.delenv("DLAMA_PROVIDER", raising=False)
+    keys = {key()}
+    monkeypatch.setattr(room, "default_provider", lambda: "another")
+    keys.add(key())
+    (tmp_path / "weights.npz").write_bytes(b"other")
+    monkeypatch.setattr(room, "WEIGHTS", (str(tmp_path / "weights.npz"),))
+    keys.add(key())
+    assert len(keys) == 3

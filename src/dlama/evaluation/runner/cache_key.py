@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import enum
 import functools
@@ -9,6 +10,7 @@ import hashlib
 import json
 import pickle
 from collections.abc import Callable, Mapping
+from importlib import metadata
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +20,7 @@ from dlama.datasets.frames import Case
 from dlama.evaluation.metrics.pictures import SETTINGS as METRIC_SETTINGS
 from dlama.evaluation.protocols.methods import Method, ProtocolSettings
 from dlama.inpainters import FILLERS, model_file
+from dlama.models.network_file import default_provider
 from dlama.models.verify import sha256_of
 
 ROOMS = (
@@ -41,9 +44,35 @@ SOURCE = Path(__file__).parents[2]
 """src/dlama."""
 
 
+PACKAGES = (
+    *("numpy", "numba", "opencv-python-headless", "opencv-python", "onnxruntime", "onnxruntime-gpu", "openvino"),
+    *("scikit-image", "scipy", "pillow", "OpenEXR"),
+)
+"""Other people's code that decides about numbers: another version of one makes results stale."""
+WEIGHTS = ("assets/confidence/confidence.npz",)
+"""Files with weights that every method uses (those of a filler are in its method's hash)."""
+
+
 def cache_key(case: str, method: str, settings: ProtocolSettings, protocol: Callable[..., Any]) -> str:
-    """The key of one result: 16 hexadecimal digits of its case's and method's hashes, all settings, and dlama's own code."""
-    return short_hash([code_hash(), case, method, METRIC_SETTINGS, settings, protocol])
+    """The key of one result: 16 hexadecimal digits of its case's and method's hashes, all settings, dlama's own code, and what it
+    computes with."""
+    return short_hash([code_hash(), computing(), case, method, METRIC_SETTINGS, settings, protocol])
+
+
+def computing() -> dict[str, Any]:
+    """What results are computed with: versions of packages, who runs networks, weights that come with dlama."""
+    weights = {name: _file_sha256(SOURCE / name) for name in WEIGHTS if (SOURCE / name).is_file()}
+    return {"versions": versions(), "provider": default_provider(), "weights": weights}
+
+
+@functools.lru_cache(maxsize=1)
+def versions() -> dict[str, str]:
+    """Of the PACKAGES that are installed."""
+    found = {}
+    for name in PACKAGES:
+        with contextlib.suppress(metadata.PackageNotFoundError):
+            found[name] = metadata.version(name)
+    return found
 
 
 def short_hash(value: Any) -> str:
