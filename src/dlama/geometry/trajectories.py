@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-import cv2
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -102,6 +101,8 @@ def between(cameras: Sequence[Camera], count: int) -> list[Camera]:
 
 def _power(rotation: Float64Array, share: float) -> Float64Array:
     """A share of a rotation: about the same axis, by so much of the angle."""
+    import cv2  # not above: --help reads this file
+
     vector = cv2.Rodrigues(rotation)[0]
     return np.asarray(cv2.Rodrigues(vector * share)[0], np.float64)
 
