@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import json
 import secrets
+import socket
+from contextlib import suppress
 from typing import Annotated
+from urllib.parse import quote
 
 from dlama.apps.options import Report, option
 from dlama.apps.terminal.output import reported
+from dlama.errors import InputError
 
 Host = Annotated[str, option("ADDRESS", "127.0.0.1")]
 Port = Annotated[int, option("N", "7860")]
@@ -39,14 +44,21 @@ def serve(
     from dlama.web.server import is_loopback, serving
 
     if token is None and not is_loopback(host):
+        if report.quiet:
+            raise InputError(f"host is {host} and quiet is on: nobody would be told the token that is made; give token")
         token = secrets.token_urlsafe(16)
     limits = Limits(max_megabytes, max_megapixels, max_pages)
-    with reported("serve", report) as result, serving(host, port, token, limits) as server:
-        shown = f"[{host}]" if ":" in host else host
-        address = f"http://{shown}:{server.port}/" + (f"?token={token}" if token else "")
-        if not report.quiet and not report.json:
+    with reported("serve", report), serving(host, port, token, limits) as server:
+        address = address_of(host, server.port, token)
+        if report.json:
+            print(json.dumps({"verb": "serve", "address": address}), flush=True)
+        elif not report.quiet:
             print(f"{address}  (Ctrl-C ends it)", flush=True)
-        try:
+        with suppress(KeyboardInterrupt):
             server.serve_forever()
-        except KeyboardInterrupt:
-            result.add("ended; nothing of the visitors' pictures is left", address=address)
+
+
+def address_of(host: str, port: int, token: str | None) -> str:
+    """What is typed into the browser; a host that means every address of this machine is called by its name."""
+    name = socket.gethostname() if host in ("0.0.0.0", "::", "") else f"[{host}]" if ":" in host else host
+    return f"http://{name}:{port}/" + (f"?token={quote(token)}" if token else "")

@@ -6,6 +6,7 @@ machine's own names while the server listens on it alone, and, where a token is 
 
 from __future__ import annotations
 
+import hashlib
 import hmac
 import http.cookies
 import json
@@ -83,7 +84,7 @@ class Handler(BaseHTTPRequestHandler):
         if not self._host_is_ours():
             self._say(HTTPStatus.FORBIDDEN, "this address is not one that dlama serve listens on")
         elif self.server.token and given and same(given, self.server.token):
-            cookie = f"{self._cookie_name()}={self.server.token}; Path=/; HttpOnly; SameSite=Strict"
+            cookie = f"{self._cookie_name()}={digest(self.server.token)}; Path=/; HttpOnly; SameSite=Strict"
             self._reply(HTTPStatus.SEE_OTHER, b"", "text/plain", {"Location": "/", "Set-Cookie": cookie})
         elif not self._has_token() and address.path != "/page.css":
             self._reply(HTTPStatus.UNAUTHORIZED, ASK_FOR_TOKEN.encode(), TYPES[".html"])
@@ -254,7 +255,12 @@ class Handler(BaseHTTPRequestHandler):
             cookies.load(self.headers.get("Cookie", ""))
         given = cookies.get(self._cookie_name())
         bearer = self.headers.get("Authorization", "").removeprefix("Bearer ")
-        return same(given.value if given else bearer, self.server.token)
+        return same(given.value, digest(self.server.token)) if given else same(bearer, self.server.token)
+
+
+def digest(token: str) -> str:
+    """What the cookie holds: a token may have signs that cookies cannot hold."""
+    return hashlib.sha256(token.encode()).hexdigest()
 
 
 def same(given: str, token: str) -> bool:

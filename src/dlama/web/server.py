@@ -5,7 +5,6 @@ Nothing but the standard library.
 
 from __future__ import annotations
 
-import os
 import socket
 import sys
 import threading
@@ -89,16 +88,14 @@ def serving(host: str, port: int, token: str | None, limits: Limits) -> Iterator
     """A server that listens; `serve_forever` answers. At the end it forgets all visits. InputError: the address cannot be had."""
     if not is_loopback(host) and not token:
         raise InputError(f"host is {host}: a token is wanted where other machines can reach the page; give token")
+    if not 0 <= port <= 65535:
+        raise InputError(f"port is {port}; 0 to 65535 is wanted")
     with ears(), open_visits(limits.visits) as visits:
         try:
             server = Server((host, port), visits, token, limits)
-        except (OSError, OverflowError) as error:
-            reason = (
-                os.strerror(error.errno)
-                if isinstance(error, OSError) and error.errno and error.errno > 0
-                else str(error)
-            )
-            raise InputError(f"host and port are {host} and {port}: {reason.lower()}; give another port") from error
+        except OSError as error:
+            reason = (error.strerror or str(error)).lower()
+            raise InputError(f"host and port are {host} and {port}: {reason}; give another host or port") from error
         try:
             yield server
         finally:

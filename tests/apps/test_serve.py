@@ -1,0 +1,60 @@
+"""`dlama serve` from the command line (oracles: what it prints, the page at that address, what lies on disk)."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import urllib.request
+from pathlib import Path
+
+import pytest
+
+from dlama.apps.cli import main
+from dlama.apps.serve import address_of
+
+
+def test_it_serves_until_it_is_ended(tmp_path: Path) -> None:
+    """The printed address answers; a signal ends it with code 0, and its folder of uploads is gone."""
+    words = [sys.executable, "-m", "dlama", "serve", "--port", "0", "--token", "a b&c", "--json"]
+    environment = {**os.environ, "TMPDIR": str(tmp_path)}
+    with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment) as running:
+        assert running.stdout is not None
+        told = json.loads(running.stdout.readline())
+        assert told["verb"] == "serve" and "token=a%20b%26c" in told["address"]
+        try:
+            assert len(list(tmp_path.iterdir())) == 1
+            opener = urllib.request.build_opener(urllib.request.HTTPCookieProcessor())
+            with opener.open(told["address"], timeout=60) as answer:
+                assert b"<title>dlama</title>" in answer.read()
+        finally:  # whatever failed, it must not go on for ever
+            running.send_signal(signal.SIGTERM)
+            _, errors = running.communicate(timeout=60)
+        assert (running.returncode, errors) == (0, "")
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["--port", "99999"], "--port is 99999; 0 to 65535 is wanted"),
+        (["--host", "nowhere.invalid", "--token", "x"], "nowhere.invalid and 7860: "),
+        (["--host", "0.0.0.0", "--quiet"], "give --token"),
+    ],
+)
+def test_what_cannot_be_served(words: list[str], told: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """One line, exit code 2."""
+    with pytest.raises(SystemExit) as stop:
+        main(["serve", *words])
+    assert stop.value.code == 2
+    line = capsys.readouterr().err
+    assert line.startswith("error: ") and told in line and line.count("\n") == 1
+
+
+def test_addresses() -> None:
+    """By hand."""
+    assert address_of("127.0.0.1", 7860, None) == "http://127.0.0.1:7860/"
+    assert address_of("::1", 80, None) == "http://[::1]:80/"
+    assert "0.0.0.0" not in address_of("0.0.0.0", 80, "x")
