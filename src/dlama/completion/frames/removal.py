@@ -30,7 +30,7 @@ RIM_PX = 3
 """A mask's rim that is not carried: masks reach a little over the thing."""
 EDGE_PX = 2
 """By which a region grows back to the depth edges that told it from others."""
-REACH = 0.3
+REACH = 1.5
 """How far a thing reaches beyond what the masked frames show of it, in sides of a square as large as that."""
 BOX_GROWS = 0.15
 """Of the thing's diagonal, by which its box grows: other frames see sides of it that the masked ones do not."""
@@ -144,11 +144,16 @@ def _carried_to(
     agrees = np.abs(seen.depth - frame.depth) <= AGREES * frame.depth
     seeds = seen.valid & frame.valid & agrees
     near = choose_frames([scene.layers[place] for place in masks], frame.camera)
+    behind = np.zeros_like(
+        nothing
+    )  # a thing's points all lie behind its mask, in every masked frame that they are in view of
     for number, (place, mask) in enumerate(masks.items()):
         if number in near:
-            beside = seen_outside(points, scene.layers[place], mask)
-            candidates &= ~beside
+            beside, within, in_view = against(points, scene.layers[place], mask)
+            candidates &= ~beside & (within | ~in_view)
             seeds &= ~beside
+            behind |= within
+    candidates &= behind
     if not seeds.any():
         return nothing
     candidates &= dilated(seeds, max(2 * RIM_PX, round(REACH * float(np.sqrt(seeds.sum())))))
@@ -156,15 +161,18 @@ def _carried_to(
     return with_missing(found | (dilated(found, EDGE_PX) & candidates), frame, seen.valid)
 
 
-def seen_outside(points: np.ndarray, masked: View, mask: BoolArray) -> BoolArray:
-    """H x W, True at points (H x W x 3) that a masked frame shows outside its mask."""
+def against(points: np.ndarray, masked: View, mask: BoolArray) -> tuple[BoolArray, BoolArray, BoolArray]:
+    """Points (H x W x 3) held against a masked frame, H x W each: those that it shows outside its mask, those on a line of sight
+    of its mask (grown by RIM_PX), and those in its view."""
     pixels, z = project(points.reshape(-1, 3), masked.camera)
     width, height = masked.camera.wh
     inside = (z > 0) & (pixels >= 0).all(1) & (pixels[:, 0] < width) & (pixels[:, 1] < height)
     x, y = np.where(inside[:, None], pixels, 0).astype(np.intp).T
     there = np.where(masked.hole, 0, masked.depth)[y, x]
     shown = inside & (np.abs(there - z) <= AGREES * z) & ~mask[y, x]
-    return np.asarray(shown.reshape(points.shape[:2]))
+    within = inside & dilated(mask, RIM_PX)[y, x]
+    hw = points.shape[:2]
+    return shown.reshape(hw), within.reshape(hw), inside.reshape(hw)
 
 
 def not_at_edges(frame: View) -> BoolArray:
