@@ -80,9 +80,10 @@ class CoarseView:
         )
         pick = np.ix_(rows, columns)
         hole = cells_with_holes(view.hole, camera.wh)
-        smooth = without_streaks(surface_kernels.far_side(w[pick], hole), hole)
-        candidates = np.concatenate([smooth[None], np.zeros_like(smooth)[None], plane_values(planes, camera.hw, step)])
+        smooth = surface_kernels.far_side(w[pick], hole)
         in_view = hole & cells_with_holes(view.hole & (view.hole_type != HoleType.OUT_OF_VIEW), camera.wh)
+        smooth = np.where(in_view, smooth, without_streaks(smooth, hole & ~in_view))
+        candidates = np.concatenate([smooth[None], np.zeros_like(smooth)[None], plane_values(planes, camera.hw, step)])
         return cls(camera, hole, in_view, w[pick], label[pick], candidates.astype(np.float32))
 
     def label_costs(self, law: Law) -> Float32Array:
