@@ -211,6 +211,14 @@ def test_bad_files_are_told_beside_their_field(pages: Pages, frame: Path, tmp_pa
     page.set_input_files("#files", tmp_path / "large.png")
     playwright.expect(page.get_by_text("has 9 MB; up to 8 MB are taken")).to_be_visible()
     page.get_by_role("button", name="Start over").click()
+    (tmp_path / "calib.json").write_text('{"K": 3}')
+    page.set_input_files("#files", [frame / "image.png", tmp_path / "calib.json"])
+    playwright.expect(page.locator('[data-error="right"]')).to_contain_text(
+        "the right picture of the stereo pair is wanted"
+    )
+    page.set_input_files("#file-right", frame / "image.png")
+    playwright.expect(page.locator('[data-error="calib"]')).to_contain_text("calib.json: field 'K' is not known")
+    page.get_by_role("button", name="Start over").click()
     hand_in(page, frame)
 
 
