@@ -73,3 +73,14 @@ def test_sky_alone_is_refused() -> None:
     sky = np.full(CAMERA.hw, np.inf, np.float32)
     with pytest.raises(MaskError, match="missing or far everywhere"):
         find_mask(RGBD(scene()[0], sky, CAMERA, {"estimator": "none"}), clicks=[CLICK])
+
+
+def test_a_click_on_nothing_is_refused() -> None:
+    """On plain ground there is no thing, nor in the sky; one line says so."""
+    color, depth, _ = scene()
+    with pytest.raises(MaskError, match="clicks holds 20,115, where nothing stands apart"):
+        find_mask(RGBD(color, bent(depth), CAMERA, {"estimator": "none"}), clicks=[(20, 115)])
+    sky = bent(depth)
+    sky[:30] = np.inf
+    with pytest.raises(MaskError, match="clicks holds 20,5, which lies on the sky"):
+        find_mask(RGBD(color, sky, CAMERA, {"estimator": "none"}), clicks=[(20, 5)])

@@ -32,6 +32,8 @@ LARGEST_COLOR = 0.1
 """Share of the picture from which such a region says nothing of the thing."""
 SEED_PX = 3
 """Radius of a click."""
+NOTHING = 6.0
+"""A mask of fewer pixels than this for each click, times the square of SEED_PX, is the clicks alone."""
 SMALLEST_SIDE = 0.06
 """Of the window, over the picture's height."""
 MARGIN = 0.25
@@ -52,6 +54,8 @@ class RoughDepth:
     ground: BoolArray
     ground_w: Float32Array | None
     """H x W inverse depth of the ground's plane; None: no ground was found."""
+    far: BoolArray
+    """H x W, True on the sky."""
 
 
 def rough_depth(rgbd: RGBD) -> RoughDepth:
@@ -69,18 +73,24 @@ def rough_depth(rgbd: RGBD) -> RoughDepth:
         if plane[1] > 0 and held > best:
             best, chosen, slope = held, value, float(plane[1])
     if chosen is None:
-        return RoughDepth(rgbd.color, w, np.zeros(w.shape, np.bool_), None)
+        return RoughDepth(rgbd.color, w, np.zeros(w.shape, np.bool_), None, rgbd.far)
     step = max(3, len(w) // 64)
     smooth, rise = cv2.blur(w, (2 * step + 1, 3)), np.zeros_like(w)
     rise[step:-step] = (smooth[2 * step :] - smooth[: -2 * step]) / (2 * step)
+    rise[:step], rise[-step:] = rise[step], rise[-step - 1]  # the picture's rim is as steep as what lies beside it
     away = np.abs(chosen - w) / np.maximum(w, 1e-6)
     ground = (away < ON_GROUND) & (rise > SLOPE_ON * slope) | (away < ABOUT_GROUND) & (rise > SLOPE_ABOUT * slope)
     ground = cv2.morphologyEx(ground.astype(np.uint8), cv2.MORPH_OPEN, np.ones((9, 9), np.uint8)) > 0
-    return RoughDepth(rgbd.color, w, np.asarray(ground), chosen)
+    return RoughDepth(rgbd.color, w, np.asarray(ground), chosen, rgbd.far)
 
 
 def rough_candidates(rough: RoughDepth, prompt: Prompt) -> dict[str, BoolArray]:
-    """The H x W mask as `thing`. Raises MaskError where nothing is cut out."""
+    """The H x W mask as `thing`. Raises MaskError where nothing is cut out, or the sky is clicked."""
+    if prompt.clicks and all(rough.far[pixel] for pixel in Prompt.pixels(prompt.clicks)):
+        row, column = Prompt.pixels(prompt.clicks)[0]
+        raise MaskError(
+            f"clicks holds {column},{row}, which lies on the sky: nothing stands apart there; click on a thing"
+        )
     state = np.full(prompt.hw, cv2.GC_BGD, np.uint8)
     if prompt.box is not None:
         state[prompt.box_slices] = cv2.GC_PR_FGD
@@ -96,10 +106,14 @@ def rough_candidates(rough: RoughDepth, prompt: Prompt) -> dict[str, BoolArray]:
     mask = cut(rough.color, state)
     if prompt.clicks:
         mask = hanging_together(mask, prompt)
+        if mask.sum() < NOTHING * len(prompt.clicks) * SEED_PX**2:
+            row, column = Prompt.pixels(prompt.clicks)[0]
+            raise MaskError(
+                f"clicks holds {column},{row}, where nothing stands apart in colour or rough depth; "
+                "click amid a thing, or give a box round it"
+            )
     if not mask.any():
-        raise MaskError(
-            "nothing stands out there in estimated depth and colour; more clicks, a box, or depth are wanted"
-        )
+        raise MaskError("box holds nothing that stands apart in colour; a box round a thing is wanted, or clicks on it")
     return {"thing": mask}
 
 
