@@ -32,7 +32,7 @@ LARGEST_COLOR = 0.1
 """Share of the picture from which such a region says nothing of the thing."""
 SEED_PX = 3
 """Radius of a click."""
-NOTHING = 6.0
+NOTHING = 8.0
 """A mask of fewer pixels than this for each click, times the square of SEED_PX, is the clicks alone."""
 SMALLEST_SIDE = 0.06
 """Of the window, over the picture's height."""
