@@ -69,6 +69,7 @@ FILLERS: dict[str, FillerRecord] = {
     "navier-stokes": FillerRecord("dlama.inpainters.opencv:navier_stokes"),
     "lama": FillerRecord("dlama.inpainters.networks.lama:lama_filler", needs_model=True),
     "migan": FillerRecord("dlama.inpainters.networks.migan:migan_filler", True, "migan/migan-512.onnx"),
+    "choice": FillerRecord("dlama.inpainters.choice.filler:choice_filler", True, "choice/choice.onnx"),
     "joint": FillerRecord("dlama.inpainters.networks.joint:joint_filler", needs_model=True),
     "pair": FillerRecord("dlama.inpainters.networks.pair:pair_filler", needs_model=True),
 }

@@ -51,9 +51,9 @@ class Graph:
         self.nodes.append(_onnx().helper.make_node(kind, inputs, names, name=f"{kind}{len(self.nodes)}", **attributes))
         return names[0] if outputs == 1 else names
 
-    def add_named(self, name: str, kind: str, *inputs: str) -> str:
+    def add_named(self, name: str, kind: str, *inputs: str, **attributes: Any) -> str:
         """One node whose only output has that name: for the ends of the graph."""
-        self.nodes.append(_onnx().helper.make_node(kind, inputs, [name], name=name))
+        self.nodes.append(_onnx().helper.make_node(kind, inputs, [name], name=name, **attributes))
         return name
 
     def conv(

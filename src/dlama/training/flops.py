@@ -12,10 +12,13 @@ from dataclasses import dataclass
 
 from dlama.errors import InputError
 from dlama.nets.architecture import (
+    JUDGE_STRIDE,
     DiscriminatorSettings,
     GeneratorSettings,
+    JudgeSettings,
     discriminator_shapes,
     generator_shapes,
+    judge_shapes,
 )
 from dlama.training.kinds import SAMPLES
 from dlama.training.settings import TrainSettings
@@ -71,6 +74,10 @@ class NetworkCost:
 def network_cost(settings: TrainSettings, side: int | None = None) -> NetworkCost:
     """The cost of a run's networks at `side` x `side` pixels (default: those it is trained at)."""
     size = side or settings.data.size
+    if settings.network.kind.guesses:
+        judge = settings.network.judge
+        flop = judge_flop(judge, settings.network.kind.guesses, size, size)
+        return NetworkCost(parameters(judge_shapes(judge)), 0, flop, 0.0, size)
     generator, discriminator = settings.network.generator, settings.network.discriminator
     return NetworkCost(
         parameters(generator_shapes(generator)),
@@ -95,6 +102,19 @@ def generator_flop(s: GeneratorSettings, height: int, width: int) -> float:
         total += 2 * _conv(s.channels_at(level), s.channels_at(level + 1), 3, below)  # down, and up again
     coarse = (height // s.multiple, width // s.multiple)
     return total + 2 * s.blocks * _ffc(s.local_channels, s.global_channels, *coarse)
+
+
+def judge_flop(s: JudgeSettings, guesses: int, height: int, width: int) -> float:
+    """FLOP of the judge's convolutions for one picture with so many guesses, forward."""
+    total = 0.0
+    for name, shape in judge_shapes(s).items():
+        if name.endswith("weight"):
+            middle = name.startswith(("trunk.down1", "trunk.block1", "trunk.blend1", "trunk.up2"))
+            coarse = name.startswith(("trunk.down2", "trunk.block2", "trunk.block3", "trunk.up1"))
+            side = JUDGE_STRIDE * (2 if middle else 4 if coarse else 1)
+            shared = name.startswith(("trunk", "of_context", "errors")) or ".shared" in name
+            total += 2.0 * math.prod(shape) * (height // side) * (width // side) * (1 if shared else guesses)
+    return total
 
 
 def discriminator_flop(s: DiscriminatorSettings, height: int, width: int) -> float:

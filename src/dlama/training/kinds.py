@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-Planes = Literal["rgb", "rgbd", "stereo", "stereo-two-masks"]
+Planes = Literal["rgb", "rgbd", "stereo", "stereo-two-masks", "choice"]
 """The keys of PLANES."""
 
 
@@ -30,6 +30,8 @@ class PlanesKind:
     """Mask planes."""
     has_depth: bool = False
     """Whether the last plane of the output is inverse depth."""
+    guesses: int = 0
+    """Guesses that a sample brings along: the network judges them and paints nothing."""
 
 
 PLANES: dict[str, PlanesKind] = {
@@ -50,6 +52,9 @@ PLANES: dict[str, PlanesKind] = {
         views=2,
         masks=2,
     ),
+    "choice": PlanesKind(
+        5, 4, "colour and depth with the best of several guesses (the judge of filler `choice`)", has_depth=True, guesses=4
+    ),
 }
 
 
@@ -65,6 +70,8 @@ class SampleKind:
     """The kind of dataset case that samples can be made of: frame, removal, stereo (see `data.cases.TrainingCase`)."""
     cases_required: bool = False
     """Whether there are no samples without such cases."""
+    crops: bool = False
+    """Whether samples are crops with guesses, made beforehand (`data.guess_crops`)."""
     worlds: bool = False
     """Whether the samples that no case gives are made of procedural worlds; shares are `data.cases` and 1 less that."""
     per_core: float | None = None
@@ -80,5 +87,6 @@ SAMPLES: dict[str, SampleKind] = {
     "frame": SampleKind(cases="frame", cases_required=True),
     "removal": SampleKind(photos="optional", cases="removal", worlds=True, per_core=19.0),
     "stereo": SampleKind(views=(2,), photos="optional", cases="stereo", worlds=True, per_core=17.0),
+    "guesses": SampleKind(crops=True),
 }
 """Names are those of `data.mixture` in settings files; `sketch` are the scenes of `data.samples.toy_scenes`."""

@@ -95,6 +95,21 @@ def _big() -> TrainSettings:
     )
 
 
+def _choice() -> TrainSettings:
+    intervals = LoopSettings(log_every=20, validate_every=200, sheet_every=400, checkpoint_every=200)
+    return TrainSettings(
+        "choice",
+        network=NetworkSettings("choice", width=24),
+        loss=LossSettings(
+            adversarial=0.0, feature_matching=0.0, perceptual=6.0, trunk="lpips", l1_known=0.0, l1_hole=30.0, depth_l1=0.0,
+            depth_gradient=0.0, depth_normal=0.0, depth_law=0.0, depth_choice=10.0, expected_error=0.1,
+        ),
+        optimiser=OptimiserSettings(warm_up=50, decay="cosine", clip=10.0, average=0.99),
+        data=DataSettings(size=256, mixture={"guesses": 1.0}, held_out=40, workers=0),
+        loop=replace(intervals, steps=1200, batch=8, accelerator="cpu"),
+    )  # fmt: skip
+
+
 def _on_a_gpu(purpose: str, settings: TrainSettings) -> Preset:
     """With an estimated speed: these were not timed on a GPU."""
     return Preset(purpose, settings, str(estimate(settings)))
@@ -104,6 +119,7 @@ PRESETS: dict[str, Preset] = {
     "tiny": Preset("one minute on a CPU: does the whole loop work?", _tiny(), "60 on one EPYC core"),
     "mini-rgbd": Preset("colour and depth, on a CPU", _mini("rgbd", "world"), MINI),
     "mini-stereo": Preset("both pictures of a pair, on a CPU", _mini("stereo", "stereo"), MINI),
+    "choice": Preset("the judge of filler `choice`, on a CPU", _choice(), "4 on one EPYC core"),
     "small-rgbd": _on_a_gpu("colour and depth, on one GPU", _small("rgbd", "world")),
     "small-stereo": _on_a_gpu("both pictures of a pair, on one GPU", _small("stereo", "stereo")),
     "big-rgbd": _on_a_gpu("colour and depth in big-lama's shape; start from its weights", _big()),

@@ -10,10 +10,10 @@ from dataclasses import dataclass, field, fields
 from typing import Any, Literal
 
 from dlama.errors import InputError
-from dlama.nets.architecture import DiscriminatorSettings, GeneratorSettings
+from dlama.nets.architecture import DiscriminatorSettings, GeneratorSettings, JudgeSettings
 from dlama.training.kinds import PLANES, SAMPLES, Planes, PlanesKind
 
-TRUNKS = ("auto", "resnet50-dilated", "vgg16", "alexnet", "random")
+TRUNKS = ("auto", "resnet50-dilated", "vgg16", "alexnet", "random", "lpips")
 """Names of the perceptual term's frozen network."""
 
 
@@ -23,7 +23,8 @@ class NetworkSettings:
 
     planes: Planes = "rgbd"
     """rgb: 4 -> 3; rgbd: 5 -> 4 (colour, depth, mask last); stereo: 7 -> 6 (left, right, one mask, the union of both);
-    stereo-two-masks: 8 -> 6 (left, right, left mask, right mask)."""
+    stereo-two-masks: 8 -> 6 (left, right, left mask, right mask); choice: the judge of several guesses, whose only size is
+    `width`."""
     width: int = 32
     """Generator's channels after the stem (ngf)."""
     blocks: int = 6
@@ -39,6 +40,8 @@ class NetworkSettings:
     start: str | None = None
     """A LaMa checkpoint or safetensors file to go on from: planes it lacks are added with zero weights, so that at step
     0 colour is filled as before. Width, blocks and the rest must be its own."""
+    judge_sees_depth: bool = True
+    """Of choice: whether depth is among what it judges by."""
     frozen_norms: bool = False
     """Batch norms keep their statistics (fine-tuning with small batches), only their scales and shifts learn."""
 
@@ -56,6 +59,11 @@ class NetworkSettings:
         """The architecture as `dlama.nets` takes it."""
         planes_in, planes_out = self.kind.inputs, self.kind.outputs
         return GeneratorSettings(planes_in, planes_out, self.width, self.downsamplings, self.blocks, self.global_ratio)
+
+    @property
+    def judge(self) -> JudgeSettings:
+        """The same of the judge of guesses."""
+        return JudgeSettings(width=self.width, use_depth=self.judge_sees_depth)
 
     @property
     def discriminator(self) -> DiscriminatorSettings:
@@ -105,9 +113,13 @@ class LossSettings:
     """1 - cosine between normals: planes are flat in inverse depth too."""
     depth_law: float = 30.0
     """By how much filled depth is nearer than the visibility law allows."""
+    depth_choice: float = 0.0
+    """Of choice: difference of normalised inverse depth that the judge's weights of the guesses make one expect."""
+    expected_error: float = 0.0
+    """Of choice: negative logarithm of the likelihood (Laplace) of the result's errors under the expected ones."""
     trunk: str = "auto"
-    """Network of the perceptual term: resnet50-dilated, vgg16, alexnet, random (frozen random weights, no file); auto: found
-    by the names of the tensors in `trunk_weights`, random without a file."""
+    """Network of the perceptual term: resnet50-dilated, vgg16, alexnet, random (frozen random weights, no file), lpips (the
+    distance of the evaluation, from the file that ships, in place of equation 5); auto: found by the names of the tensors in `trunk_weights`, random without a file."""
     trunk_weights: str | None = None
     """Its weight file: .safetensors or .pth."""
     trunk_width: int = 32
@@ -120,9 +132,9 @@ class LossSettings:
             if isinstance(value, float) and not 0 <= value < float("inf"):
                 raise InputError(f"loss.{each.name} is {value}; 0 or more is wanted")
         _at_least("loss", self, 1, "penalty_every", "trunk_width")
-        if self.trunk == "random" and self.trunk_weights:
-            raise InputError("loss.trunk is 'random', which has no weights, but loss.trunk_weights names a file")
-        if self.trunk not in ("auto", "random") and not self.trunk_weights:
+        if self.trunk in ("random", "lpips") and self.trunk_weights:
+            raise InputError(f"loss.trunk is {self.trunk!r}, which takes no weights, but loss.trunk_weights names a file")
+        if self.trunk not in ("auto", "random", "lpips") and not self.trunk_weights:
             raise InputError(f"loss.trunk is {self.trunk!r}; loss.trunk_weights must name its weight file")
 
     @property

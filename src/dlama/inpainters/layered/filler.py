@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from dlama.geometry.projection import depth_from_inverse, inverse_depth
-from dlama.geometry.rgbd import Float32Array
+from dlama.geometry.rgbd import Float32Array, UInt8Array
 from dlama.geometry.view import HoleType, View
 from dlama.geometry.visibility import Law, lawful_depth
 from dlama.inpainters.filling import Fill
@@ -18,24 +18,22 @@ from dlama.perception.planes import SKY, SMOOTH
 def layered(view: View, law: Law, seed: int = 0) -> Fill:
     """Continue planes, sky and smooth surfaces into the holes, move them behind what was measured, then paint them."""
     surfaces, depth, moved = surfaces_behind(view, law, seed)
-    color = view.color
-    if view.color_hole.any():
-        w = np.where(view.hole, inverse_depth(depth), surfaces.inverse_depth)
-        label = np.where(np.abs(w - surfaces.inverse_depth) > 0.05 * w, np.int32(SMOOTH), surfaces.label)
-        label = np.where(view.hole & (w == 0), np.int32(SKY), label)
-        color = synthesize(
-            view.color,
-            view.color_hole,
-            w,
-            label.astype(np.int32),
-            view.camera,
-            seed=seed,
-            sky=law.far_color,
-            unseen=view.hole_type == HoleType.OUT_OF_VIEW,
-        )
-        color = hedged(view, color, view.color_hole, w)
-    notes = {"planes": len(surfaces.planes)}
-    return Fill(color, depth, moved, notes)
+    color = painted(view, surfaces, depth, law, seed)
+    color = hedged(view, color, view.color_hole, np.where(view.hole, inverse_depth(depth), surfaces.inverse_depth))
+    return Fill(color, depth, moved, {"planes": len(surfaces.planes)})
+
+
+def painted(view: View, surfaces: Surfaces, depth: Float32Array, law: Law, seed: int) -> UInt8Array:
+    """H x W x 3: the view's colours, and in its colour holes each surface with texture of its own; depth: H x W m, filled."""
+    if not view.color_hole.any():
+        return view.color
+    w = np.where(view.hole, inverse_depth(depth), surfaces.inverse_depth)
+    label = np.where(np.abs(w - surfaces.inverse_depth) > 0.05 * w, np.int32(SMOOTH), surfaces.label)
+    label = np.where(view.hole & (w == 0), np.int32(SKY), label).astype(np.int32)
+    unseen = view.hole_type == HoleType.OUT_OF_VIEW
+    return synthesize(
+        view.color, view.color_hole, w, label, view.camera, seed=seed, sky=law.far_color, unseen=unseen
+    )
 
 
 def surfaces_behind(view: View, law: Law, seed: int) -> tuple[Surfaces, Float32Array, int]:

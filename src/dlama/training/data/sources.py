@@ -14,9 +14,11 @@ import numpy as np
 from dlama.datasets.layouts import LAYOUTS, detect, open_dataset
 from dlama.errors import FileError, InputError, system_errors
 from dlama.training.data.cases import KIND_NAMES, TrainingCase, split_cases, training_cases
+from dlama.training.data.guess_crops import holds_crops
 from dlama.training.data.pack_format import read_pack
 from dlama.training.data.photos import Photo, folder_photos, split_photos
 from dlama.training.data.samples.dataset import DatasetPairs, DatasetRemovals, DatasetViews
+from dlama.training.data.samples.guesses import GuessSamples
 from dlama.training.data.samples.photos import HoleMaker, PhotoSamples, WarpedPhotoSamples, hole_of_world
 from dlama.training.data.samples.toy_scenes import ToyScenes
 from dlama.training.data.samples.world_views import WorldSet
@@ -71,6 +73,8 @@ class TrainingData:
 
     photos: tuple[Photo, ...] = ()
     cases: tuple[TrainingCase, ...] = ()
+    crops: tuple[Path, ...] = ()
+    """Folders of crops with guesses."""
 
     def of(self, kind: str) -> tuple[TrainingCase, ...]:
         """The cases of one kind: frame, removal, stereo."""
@@ -114,11 +118,12 @@ def find_training_data(data: Sequence[Path]) -> TrainingData:
     """The photos and cases of folders of pictures, datasets and packs. InputError, FileError."""
     photos: list[Photo] = []
     cases: list[TrainingCase] = []
-    for path in map(Path, data):
+    crops = tuple(path for path in map(Path, data) if holds_crops(path))
+    for path in (path for path in map(Path, data) if path not in crops):
         more_photos, more_cases = read_pack(path) if path.is_file() else _in_folder(path)
         photos += more_photos
         cases += more_cases
-    return TrainingData(tuple(photos), tuple(cases))
+    return TrainingData(tuple(photos), tuple(cases), crops)
 
 
 def _in_folder(path: Path) -> tuple[Sequence[Photo], Sequence[TrainingCase]]:
@@ -149,6 +154,14 @@ def _check_use(kinds: set[str], data: Sequence[Path], found: TrainingData) -> No
     for kind in sorted(kinds):
         if SAMPLES[kind].cases_required and not found.of(str(SAMPLES[kind].cases)):
             raise InputError(f"data.mixture has {kind!r}, which needs a posed data set, but `data` names {named}")
+    for kind in sorted(kinds):
+        if SAMPLES[kind].crops and not found.crops:
+            raise InputError(
+                f"data.mixture has {kind!r}, which needs a folder of crops with guesses (benchmarks/choice.py makes one), "
+                f"but `data` names {named}"
+            )
+    if found.crops and any(SAMPLES[kind].crops for kind in kinds):
+        return
     if data and not (found.photos and _use_photos(kinds)) and not _used_cases(found, kinds):
         raise InputError(f"data.mixture is {', '.join(sorted(kinds))}, which has no use for `data`: {named}")
 
@@ -167,7 +180,7 @@ def _split(found: TrainingData, kinds: set[str], split: Split) -> TrainingData:
     """The photos and cases of one split that these kinds use."""
     photos = split_photos(found.photos, split) if found.photos and _use_photos(kinds) else ()
     used = _used_cases(found, kinds)
-    return TrainingData(photos, split_cases(used, split) if used else ())
+    return TrainingData(photos, split_cases(used, split) if used else (), found.crops)
 
 
 def _toy_scenes(settings: TrainSettings, found: TrainingData, split: Split) -> SampleSource:
@@ -205,6 +218,10 @@ def _views(settings: TrainSettings, found: TrainingData, split: Split) -> Sample
     return DatasetViews(found.of("frame"), settings.network, settings.data.size)
 
 
+def _guesses(settings: TrainSettings, found: TrainingData, split: Split) -> SampleSource:
+    return GuessSamples(found.crops, settings.network, split, settings.data.size)
+
+
 def _world_set(settings: TrainSettings, found: TrainingData, split: Split) -> WorldSet:
     return WorldSet(split, settings.data.size, found.photos)
 
@@ -223,5 +240,6 @@ MAKERS: dict[str, Callable[[TrainSettings, TrainingData, Split], SampleSource]] 
     "frame": _views,
     "removal": _removals,
     "stereo": _pairs,
+    "guesses": _guesses,
 }
 """Source of each kind in `kinds.SAMPLES`."""

@@ -15,7 +15,7 @@ from torch import Tensor, nn
 from torch.nn.functional import avg_pool2d, pad
 
 from dlama.files.atomic_write import new_file
-from dlama.training.data.batches import Batch, composited, hole_planes
+from dlama.training.data.batches import Batch, composited, hole_planes, network_input
 from dlama.training.losses.pixels import TOLERANCE
 from dlama.training.settings import NetworkSettings, TrainSettings
 
@@ -38,8 +38,8 @@ def metric_names(network: NetworkSettings) -> list[str]:
 @torch.no_grad()
 def outputs_of(network: nn.Module, batch: Batch, settings: TrainSettings, device: torch.device) -> Tensor:
     """The network's outputs (B x P x H x W, float32) on the CPU, computed in batches as large as the run's."""
-    parts = [network(part.to(device)).float().cpu() for part in batch["input"].split(settings.loop.batch)]
-    return torch.cat(parts)
+    parts = [network(part.to(device)).float().cpu() for part in network_input(batch).split(settings.loop.batch)]
+    return torch.cat(parts)[:, : batch["target"].shape[1]]
 
 
 def scores_of(network: nn.Module, batch: Batch, settings: TrainSettings, device: torch.device) -> dict[str, float]:

@@ -13,6 +13,7 @@ from torch import Tensor, nn
 from torch.nn.functional import mse_loss
 
 from dlama.errors import FileError
+from dlama.training.losses.lpips import LpipsLoss
 from dlama.training.losses.pixels import precise
 from dlama.training.losses.trunks import IMAGENET_MEAN, IMAGENET_STD, LPIPS_TRUNKS, random_trunk, read_trunk
 from dlama.training.settings import LossSettings
@@ -79,8 +80,10 @@ def reference_picture(size: int = 128) -> Tensor:
     return (0.45 + 0.25 * (noise - noise.mean()) / noise.std()).clamp(0, 1)
 
 
-def perceptual_loss(settings: LossSettings) -> PerceptualLoss:
+def perceptual_loss(settings: LossSettings) -> PerceptualLoss | LpipsLoss:
     """As the settings say; FileError where their weight file is not there or is no such trunk."""
+    if settings.trunk == "lpips":
+        return LpipsLoss()
     if settings.trunk_weights is None:
         return PerceptualLoss(random_trunk(settings.trunk_width), "random", scaled=True)
     path = Path(settings.trunk_weights).expanduser()

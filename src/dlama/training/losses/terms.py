@@ -15,7 +15,7 @@ from torch import Tensor
 
 from dlama.nets.discriminator import Discriminator
 from dlama.training.data.batches import Batch, any_hole, hole_planes, pictures
-from dlama.training.losses import adversarial, pixels
+from dlama.training.losses import adversarial, choice, pixels
 from dlama.training.losses.pixels import precise
 from dlama.training.settings import LossSettings, NetworkSettings
 
@@ -55,7 +55,8 @@ class LossInputs:
     @functools.cached_property
     def depth(self) -> tuple[Tensor, Tensor, Tensor]:
         """Inverse depth of output and truth, and where it is known; B x 1 x H x W."""
-        return self.precise_output[:, -1:], self.batch["target"][:, -1:], self.batch["known_depth"]
+        plane = self.network.kind.outputs - 1
+        return self.precise_output[:, plane : plane + 1], self.batch["target"][:, -1:], self.batch["known_depth"]
 
     @functools.cached_property
     def discriminated(self) -> tuple[Tensor, Sequence[Tensor], Sequence[Tensor]]:
@@ -91,6 +92,14 @@ def _perceptual(x: LossInputs) -> Tensor:
     return x.perceptual(pictures(x.output, x.network), truth)
 
 
+def _depth_choice(x: LossInputs) -> Tensor:
+    return choice.depth_choice(x.precise_output, x.batch)
+
+
+def _expected_error(x: LossInputs) -> Tensor:
+    return choice.error_likelihood(x.precise_output, x.batch)
+
+
 @dataclass(frozen=True)
 class Term:
     """One term of the generator's loss."""
@@ -99,6 +108,8 @@ class Term:
     """Without its weight."""
     of_depth: bool = False
     """Only for networks whose output has depth."""
+    of_choice: bool = False
+    """Only for the judge of guesses."""
     in_float32: bool = False
     """Computed outside autocast: differences and sums of pixels."""
 
@@ -110,6 +121,8 @@ GENERATOR_TERMS: dict[str, Term] = {
     "depth_gradient": Term(lambda x: pixels.gradient_matching(*x.depth), of_depth=True, in_float32=True),
     "depth_normal": Term(lambda x: pixels.normal_consistency(*x.depth), of_depth=True, in_float32=True),
     "depth_law": Term(_depth_law, of_depth=True, in_float32=True),
+    "depth_choice": Term(_depth_choice, of_choice=True, in_float32=True),
+    "expected_error": Term(_expected_error, of_choice=True, in_float32=True),
     "perceptual": Term(_perceptual),
     "adversarial": Term(lambda x: adversarial.generator_loss(precise(x.discriminated[0]))),
     "feature_matching": Term(lambda x: adversarial.feature_matching(x.discriminated[1], x.discriminated[2])),
@@ -123,7 +136,9 @@ def used_terms(weights: LossSettings, network: NetworkSettings) -> list[str]:
     return [
         name
         for name, term in GENERATOR_TERMS.items()
-        if getattr(weights, name) and (network.has_depth or not term.of_depth)
+        if getattr(weights, name)
+        and (network.has_depth or not term.of_depth)
+        and (network.kind.guesses or not term.of_choice)
     ]
 
 

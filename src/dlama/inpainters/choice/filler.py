@@ -1,0 +1,95 @@
+"""The filler `choice`: a view with holes in; colours mixed and depth taken from the guesses that the judge trusts, out."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dlama.geometry.projection import depth_from_inverse
+from dlama.geometry.rgbd import BoolArray
+from dlama.geometry.view import View
+from dlama.geometry.visibility import Law, lawful_depth
+from dlama.inpainters import ASSETS
+from dlama.inpainters.choice.guesses import GUESSES, Guess, Plug, guess_of_filler, make_guesses, plugs_of
+from dlama.inpainters.choice.judge import Verdict, is_judge, judged, open_judge
+from dlama.inpainters.choice.mixing import chosen_depth, enlarged_maps, mixed_color, softmax, to_size
+from dlama.inpainters.choice.planes import JudgePlanes
+from dlama.inpainters.filling import Fill, Inpainter
+from dlama.inpainters.networks.contract import from_metadata
+from dlama.inpainters.networks.engine import open_engine
+from dlama.inpainters.networks.joint import joint_filler
+from dlama.inpainters.networks.lama import lama_filler
+from dlama.inpainters.networks.migan import migan_filler
+from dlama.models.network_file import NetworkFile
+
+JUDGE = ASSETS / "choice" / "choice.onnx"
+"""The judge that ships."""
+
+
+def choice_filler(model: str | Path) -> Inpainter:
+    """The filler with the judge of that file; any other network that fills (LaMa, MI-GAN, joint) becomes one more guess.
+
+    FileError where the file is neither.
+    """
+    path = Path(model).expanduser()
+    if path == JUDGE or is_judge(NetworkFile(path).metadata):
+        return choice_of(open_judge(path))
+    name = path.stem
+    return choice_of(open_judge(JUDGE), {name: guess_of_filler(name, network_filler(path))})
+
+
+def network_filler(path: Path) -> Inpainter:
+    """The filler that runs a network file, by what the file says of itself."""
+    engine = open_engine(path)
+    contract = from_metadata(engine.metadata, str(path))
+    if contract is None or contract.network == "migan":
+        return migan_filler(path)
+    return joint_filler(path) if "depth" in contract.out_planes else lama_filler(path)
+
+
+def choice_of(judge: NetworkFile, more: dict[str, Plug] | None = None, guesses: tuple[str, ...] = tuple(GUESSES)) -> Inpainter:
+    """The filler of a judge, with guesses by name and more guesses. InputError: an unknown guess."""
+    plugs = [*plugs_of(guesses), *(more or {}).values()]
+
+    def choice(view: View, law: Law, seed: int) -> Fill:
+        made = make_guesses(view, law, seed, plugs)
+        return chosen_fill(view, law, made, judge)
+
+    return choice
+
+
+def chosen_fill(view: View, law: Law, guesses: tuple[Guess, ...], judge: NetworkFile) -> Fill:
+    """What the judge makes of the guesses of a view."""
+    planes = JudgePlanes.of(view, [one.color for one in guesses], [one.inverse_depth for one in guesses])
+    hw, padded = planes.context.shape[1:], planes.padded()
+    verdict = judged(judge, padded)
+    color = view.color
+    if view.color_hole.any():
+        mixture = mixed_color([one.color for one in guesses], padded.guesses[:, :3], verdict.base, verdict.detail, hw)
+        color = np.where(view.color_hole[..., None], mixture, view.color)
+    w = np.stack([one.inverse_depth for one in guesses])
+    taken = chosen_depth(verdict.depth, list(w), view.hole, hw)
+    depth, moved = lawful_depth(view, depth_from_inverse(np.take_along_axis(w, taken[None], 0)[0]), view.hole, law)
+    return Fill(color, depth, moved, notes(view, guesses, verdict, hw, taken, judge))
+
+
+def notes(
+    view: View, guesses: tuple[Guess, ...], verdict: Verdict, hw: tuple[int, int], taken: np.ndarray, judge: NetworkFile
+) -> dict[str, Any]:
+    """For meta.json: which guesses ran, and the share that each had of the holes' colours, detail and depth."""
+    where = view.color_hole
+
+    def shares(logits: np.ndarray) -> list[float]:
+        maps = (to_size(one, hw, where.shape) for one in softmax(enlarged_maps(logits)))
+        return [_mean(one, where) for one in maps]
+
+    depth = [_mean(taken == number, view.hole) for number in range(len(guesses))]
+    parts = zip(guesses, shares(verdict.base), shares(verdict.detail), depth)
+    share = {one.name: {"color": base, "detail": detail, "depth": d} for one, base, detail, d in parts}
+    return {"guesses": [one.name for one in guesses], "guess_shares": share, "judge": judge.notes}
+
+
+def _mean(values: np.ndarray, where: BoolArray) -> float:
+    return round(float(values[where].mean()), 4) if where.any() else 0.0

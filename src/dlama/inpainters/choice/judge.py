@@ -1,0 +1,88 @@
+"""The judge's network file and the planes of a view's guesses in; how far each guess is trusted, and the expected errors, out."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+
+from dlama.errors import FileError
+from dlama.geometry.rgbd import Float32Array
+from dlama.inpainters.choice.planes import CONTEXT, GUESS, MULTIPLE, JudgePlanes
+from dlama.models.network_file import NetworkFile, cores, default_provider, file_stamp
+from dlama.models.records import CONTRACT_KEY
+from dlama.models.verify import sha256_of
+
+NETWORK = "judge"
+"""What its contract calls the network."""
+VERSION = 1
+STRIDE = 4
+"""The judge's maps are so many times smaller than its planes."""
+
+
+@dataclass(frozen=True, eq=False)
+class Verdict:
+    """What the judge says of the guesses of a view; maps are STRIDE times smaller than its padded planes."""
+
+    base: Float32Array
+    """K x h x w logits: whose base colours count."""
+    detail: Float32Array
+    """K x h x w logits: whose detail."""
+    depth: Float32Array
+    """K x h x w logits: whose depth is taken."""
+    color_error: Float32Array
+    """h x w: expected absolute error of colour, mean over channels, 0..1."""
+    depth_error: Float32Array
+    """h x w: expected absolute error of depth, relative, 1 at most."""
+
+
+def judge_metadata(weights: Path, licence: str) -> dict[str, str]:
+    """What stands in the ONNX file of a judge: its contract and where it comes from; weights: the file it was made of."""
+    about = {
+        "version": VERSION,
+        "network": NETWORK,
+        "context": CONTEXT,
+        "guess": GUESS,
+        "multiple": MULTIPLE,
+        "licence": licence,
+        "sha256": sha256_of(weights),
+    }
+    return {CONTRACT_KEY: json.dumps(about)}
+
+
+def is_judge(metadata: Mapping[str, str]) -> bool:
+    """Whether a network file's metadata is that of a judge."""
+    try:
+        return json.loads(metadata.get(CONTRACT_KEY, "{}")).get("network") == NETWORK
+    except (ValueError, AttributeError):
+        return False
+
+
+def open_judge(path: Path) -> NetworkFile:
+    """The judge of a file, kept open. FileError where it is none, or one of other planes."""
+    return _opened(path, file_stamp(path), default_provider(), cores())
+
+
+@lru_cache(maxsize=2)
+def _opened(path: Path, stamp: tuple[int, int], provider: str | None, threads: int) -> NetworkFile:
+    network = NetworkFile(path, provider, threads)
+    if not is_judge(network.metadata):
+        raise FileError(f"{path}: is no judge of guesses by its contract ({CONTRACT_KEY})")
+    about = json.loads(network.metadata[CONTRACT_KEY])
+    if about.get("version") != VERSION or [about.get("context"), about.get("guess")] != [list(CONTEXT), list(GUESS)]:
+        raise FileError(f"{path}: judges planes of another version of dlama; {list(CONTEXT)} and {list(GUESS)} are wanted")
+    return network
+
+
+def judged(network: NetworkFile, planes: JudgePlanes) -> Verdict:
+    """The judge's verdict on padded planes (`JudgePlanes.padded`)."""
+    logits, errors = network.run_all({"context": planes.context[None], "guesses": planes.guesses})
+    if not (np.isfinite(logits).all() and np.isfinite(errors).all()):
+        raise FileError(f"{network.path}: the judge gave values that are not finite")
+    base, detail, depth = logits.transpose(1, 0, 2, 3)
+    color_error, depth_error = np.exp(errors[0])
+    return Verdict(base, detail, depth, color_error, np.minimum(depth_error, 1))

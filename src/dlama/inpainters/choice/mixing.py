@@ -1,0 +1,93 @@
+"""Guesses and a verdict on them in; the mixed colours, and for each pixel the guess whose depth is taken, out.
+
+Colours are mixed in two bands, the base (what a blur leaves) and the detail (the rest): where guesses agree on nothing else their
+mean colour errs least, and the detail of one of them still shows texture. Depth is never mixed: a mean of two surfaces is none.
+`nets.judge` does the same on tensors, for training.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
+from dlama.inpainters.choice.judge import STRIDE
+
+BASE_KERNEL = (0.054489, 0.244201, 0.402620, 0.244201, 0.054489)
+"""A Gaussian of sigma 1 over the means of STRIDE x STRIDE pixels."""
+REGION = 4.0
+"""Sigma, in pixels that the judge sees, of the blur that makes regions of the choice of depth."""
+
+
+def mixed_color(
+    colors: Sequence[UInt8Array], seen: Float32Array, base: Float32Array, detail: Float32Array, seen_hw: tuple[int, int]
+) -> UInt8Array:
+    """H x W x 3 colours.
+
+    Args:
+        colors: of K guesses, H x W x 3.
+        seen: K x 3 x h x w in 0..1, the same as the judge saw them: padded, and smaller where the view is large.
+        base, detail: the verdict's logits.
+        seen_hw: height and width of what the judge saw, without padding.
+    """
+    bases = [base_of(one.transpose(1, 2, 0)) for one in seen]
+    weights = softmax(base)
+    hw = colors[0].shape[:2]
+    mixture = to_view(sum(w[..., None] * one for w, one in zip(weights, bases)), seen_hw, hw)
+    for weight, color, one in zip(softmax(enlarged_maps(detail)), colors, bases):
+        mixture += to_size(weight, seen_hw, hw)[..., None] * (color / np.float32(255) - to_view(one, seen_hw, hw))
+    return np.round(np.clip(mixture, 0, 1) * 255).astype(np.uint8)
+
+
+def base_of(picture: Float32Array) -> Float32Array:
+    """h x w x 3 -> h/4 x w/4 x 3: means of STRIDE x STRIDE pixels under BASE_KERNEL."""
+    size = picture.shape[1] // STRIDE, picture.shape[0] // STRIDE
+    small = cv2.resize(np.ascontiguousarray(picture), size, interpolation=cv2.INTER_AREA)
+    kernel = np.float32(BASE_KERNEL)
+    return np.asarray(cv2.sepFilter2D(small, cv2.CV_32F, kernel, kernel, borderType=cv2.BORDER_REPLICATE), np.float32)
+
+
+def chosen_depth(
+    depth: Float32Array, inverse_depths: Sequence[Float32Array], hole: BoolArray, seen_hw: tuple[int, int]
+) -> NDArray[np.intp]:
+    """H x W numbers of the guesses whose depth is taken; depth: the verdict's logits, hole: H x W.
+
+    Guesses of equal depth stand together: the first of them is named, with all their weight.
+    """
+    votes = [to_size(one, seen_hw, hole.shape) for one in softmax(enlarged_maps(depth))]
+    first = [next(j for j, other in enumerate(inverse_depths) if other is one or np.array_equal(other, one))
+             for one in inverse_depths]  # fmt: skip
+    sigma = REGION * max(hole.shape) / max(seen_hw)
+    together = np.zeros((len(votes), *hole.shape), np.float32)
+    for vote, number in zip(votes, first):
+        together[number] += cv2.GaussianBlur(vote * hole, (0, 0), sigma)
+    return together.argmax(0)
+
+
+def enlarged_maps(maps: Float32Array) -> Float32Array:
+    """K x h/4 x w/4 -> K x h x w, bilinear."""
+    size = STRIDE * maps.shape[2], STRIDE * maps.shape[1]
+    return np.stack([cv2.resize(one, size, interpolation=cv2.INTER_LINEAR) for one in maps])
+
+
+def to_view(small: Float32Array, seen_hw: tuple[int, int], hw: tuple[int, int]) -> Float32Array:
+    """A map at a STRIDE-th of the padded planes (h/4 x w/4 x 3) in the view's size, H x W x 3."""
+    size = STRIDE * small.shape[1], STRIDE * small.shape[0]
+    return to_size(np.asarray(cv2.resize(small, size, interpolation=cv2.INTER_LINEAR)), seen_hw, hw)
+
+
+def to_size(seen: Float32Array, seen_hw: tuple[int, int], hw: tuple[int, int]) -> Float32Array:
+    """A map in the size of the padded planes (h x w or h x w x 3) in the view's size."""
+    inner = seen[: seen_hw[0], : seen_hw[1]]
+    if seen_hw == tuple(hw):
+        return np.array(inner, np.float32)
+    return np.asarray(cv2.resize(inner, (hw[1], hw[0]), interpolation=cv2.INTER_LINEAR), np.float32)
+
+
+def softmax(logits: Float32Array) -> Float32Array:
+    """K x ... -> weights that add up to 1 over K."""
+    raised = np.exp(logits - logits.max(0))
+    return np.asarray(raised / raised.sum(0), np.float32)

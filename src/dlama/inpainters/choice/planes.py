@@ -1,0 +1,97 @@
+"""A view with holes and guesses at it in; the planes that the judge sees, all in 0..1 and free of metres, out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from dlama.geometry.holes import nearest_known
+from dlama.geometry.projection import inverse_depth
+from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
+from dlama.geometry.view import HoleType, View
+
+CONTEXT = ("red", "green", "blue", "depth", "disoccluded", "out of view", "object", "distance", "colour hole", "hole")
+"""Planes that all guesses share: what is known (0 in the hole), why the rest is not, how far it lies from what is."""
+GUESS = ("red", "green", "blue", "depth")
+"""Planes of one guess."""
+TYPES = (HoleType.DISOCCLUDED, HoleType.OUT_OF_VIEW, HoleType.OBJECT)
+"""Hole types with a plane of their own."""
+FARTHEST = 512.0
+"""Pixels to what is known that stand at 1."""
+LARGEST = 640
+"""Longer side in pixels that the judge sees; larger views are shown smaller."""
+MULTIPLE = 16
+"""Height and width of what it sees are multiples of this."""
+
+
+@dataclass(frozen=True, eq=False)
+class JudgePlanes:
+    """What the judge sees of a view, in the view's size or smaller."""
+
+    context: Float32Array
+    """C x h x w, in the order of CONTEXT."""
+    guesses: Float32Array
+    """K x 4 x h x w, in the order of GUESS; known pixels are the view's."""
+
+    @classmethod
+    def of(cls, view: View, colors: Sequence[UInt8Array], inverse_depths: Sequence[Float32Array]) -> JudgePlanes:
+        """Planes of a view and of the colours (H x W x 3) and inverse depths (H x W, 1/m) of its guesses."""
+        scale = depth_scale(view)
+        context = context_planes(view, scale)
+        guesses = [
+            np.concatenate([color.transpose(2, 0, 1) / np.float32(255), nearness(w, scale)[None]])
+            for color, w in zip(colors, inverse_depths)
+        ]
+        return cls(context, np.stack(guesses).astype(np.float32)).at_most(LARGEST)
+
+    def padded(self) -> JudgePlanes:
+        """The planes with rows and columns repeated at the lower and right border, so that sides are multiples of MULTIPLE."""
+        height, width = self.context.shape[1:]
+        by = ((0, 0), (0, -height % MULTIPLE), (0, -width % MULTIPLE))
+        return JudgePlanes(np.pad(self.context, by, mode="edge"), np.pad(self.guesses, ((0, 0), *by), mode="edge"))
+
+    def at_most(self, side: int) -> JudgePlanes:
+        """The planes, made smaller where their longer side is larger than `side` pixels."""
+        height, width = self.context.shape[1:]
+        by = side / max(height, width)
+        if by >= 1:
+            return self
+        size = max(1, round(width * by)), max(1, round(height * by))
+        planes = np.concatenate([self.context, self.guesses.reshape(-1, height, width)])
+        small = np.stack([cv2.resize(plane, size, interpolation=cv2.INTER_AREA) for plane in planes])
+        count = len(CONTEXT)
+        return JudgePlanes(small[:count], small[count:].reshape(-1, len(GUESS), *small.shape[1:]))
+
+
+def context_planes(view: View, scale: float) -> Float32Array:
+    """C x H x W in the order of CONTEXT; scale: 1/m that stands at 0.5."""
+    known_w = inverse_depth(np.where(view.hole, np.float32(0), view.depth))
+    planes = [
+        *(view.color * ~view.hole[..., None]).transpose(2, 0, 1) / np.float32(255),
+        nearness(known_w, scale),
+        *(view.hole & (view.hole_type == kind) for kind in TYPES),
+        distance_plane(view.hole),
+        view.color_hole,
+        view.hole,
+    ]
+    return np.stack(planes, dtype=np.float32, casting="unsafe")
+
+
+def depth_scale(view: View) -> float:
+    """The inverse depth (1/m) that stands at 0.5: the median of the view's known surfaces."""
+    known = view.depth[view.valid]
+    return 1 / float(np.median(known)) if known.size else 1.0
+
+
+def nearness(w: Float32Array, scale: float) -> Float32Array:
+    """H x W in 0..1 of inverse depth (1/m): 0 = far, 0.5 = `scale`, 1 = at the camera."""
+    return np.asarray(w / (w + np.float32(scale)), np.float32)
+
+
+def distance_plane(hole: BoolArray) -> Float32Array:
+    """H x W in 0..1: logarithm of the distance to the nearest known pixel, of FARTHEST pixels at 1."""
+    distance, _ = nearest_known(~hole)
+    return np.minimum(np.log1p(distance) / np.float32(np.log1p(FARTHEST)), 1).astype(np.float32)

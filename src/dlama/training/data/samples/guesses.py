@@ -1,0 +1,77 @@
+"""Crops with guesses in a folder in -> samples of planes `choice`, see `batches.Batch`, out.
+
+Light, mirror and the order of the guesses are drawn anew for each sample. The target's known pixels are the view's own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from dlama.errors import FileError, InputError
+from dlama.training.data.augment import CONTRAST, GAIN, GAMMA, TINT
+from dlama.training.data.guess_crops import INDEX, LEVELS, SIDE, GuessCrop, read_crop
+from dlama.training.settings import NetworkSettings
+
+
+class GuessSamples:
+    """Kind `guesses`, see `sources.SampleSource`. InputError: planes that are no guesses. FileError: folders without crops."""
+
+    def __init__(self, folders: Sequence[Path], network: NetworkSettings, split: str, size: int = SIDE) -> None:
+        if not network.kind.guesses:
+            raise InputError(f"data.mixture has 'guesses', which trains planes 'choice'; they are {network.planes!r}")
+        if size != SIDE:
+            raise InputError(f"data.size is {size} and crops with guesses have {SIDE}; {SIDE} is wanted")
+        self.paths = tuple(path for folder in folders for path in sorted((folder / split).glob("*.npz")))
+        self.count = network.kind.guesses
+        if not self.paths:
+            raise FileError(f"{', '.join(map(str, folders))}: no crop with guesses in the folder {split}")
+        for folder in folders:
+            names = (folder / split / INDEX).read_text("utf-8").split()
+            if len(names) != self.count:
+                raise FileError(f"{folder / split / INDEX}: names {len(names)} guesses; {self.count} are wanted")
+
+    def __len__(self) -> int:
+        return len(self.paths)
+
+    def sample(self, index: int, rng: np.random.Generator) -> dict[str, np.ndarray]:
+        """One crop as a sample."""
+        made = planes_of_crop(read_crop(self.paths[index]), rng.permutation(self.count), random_light(rng))
+        if rng.random() < 0.5:
+            return made
+        return {name: np.ascontiguousarray(planes[..., ::-1]) for name, planes in made.items()}
+
+
+def random_light(rng: np.random.Generator) -> np.ndarray:
+    """3 x 256 float32 in 0..1: what each level of each channel becomes."""
+    gain = (1 + rng.uniform(-GAIN, GAIN)) * (1 + rng.uniform(-TINT, TINT, 3))
+    power, contrast = 2.0 ** rng.uniform(-GAMMA, GAMMA), 1 + rng.uniform(-CONTRAST, CONTRAST)
+    levels = np.linspace(0, 1, 256)[None] ** power * gain[:, None]
+    return np.clip((levels - 0.5) * contrast + 0.5, 0, 1).astype(np.float32)
+
+
+def planes_of_crop(crop: GuessCrop, order: np.ndarray, light: np.ndarray) -> dict[str, np.ndarray]:
+    """The sample of a crop, its guesses in the given order, its colours through `light` (3 x 256)."""
+    context = crop.context / np.float32(255)
+    hole = (crop.context[-1:] > 0).astype(np.float32)
+    known, *depths = crop.depth / np.float32(LEVELS)
+    color = np.stack([lit(one, light) for one in crop.color[order]])
+    guesses = np.concatenate([color, np.stack(depths)[order][:, None]], 1)
+    seen = np.concatenate([lit(crop.context[:3], light), known[None]]) * (1 - hole)
+    target = np.concatenate([lit(crop.true_color, light), (crop.true_depth / np.float32(LEVELS))[None]])
+    return {
+        "input": np.concatenate([seen, hole]).astype(np.float32),
+        "context": context[4:-1],
+        "guesses": guesses.reshape(-1, *hole.shape[1:]).astype(np.float32),
+        "target": target.astype(np.float32),
+        "mask": hole,
+        "known_depth": crop.true_known[None].astype(np.float32),
+        "limit": np.full(hole.shape, np.inf, np.float32),
+    }
+
+
+def lit(color: np.ndarray, light: np.ndarray) -> np.ndarray:
+    """3 x H x W uint8 through 3 x 256."""
+    return np.stack([table[levels] for table, levels in zip(light, color)])
