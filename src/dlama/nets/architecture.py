@@ -251,8 +251,8 @@ class JudgeSettings:
 JUDGE_STRIDE, JUDGE_MULTIPLE = 4, 16
 """The judge's maps are so many times smaller than the picture, whose sides are multiples of JUDGE_MULTIPLE."""
 JUDGE_HEADS, JUDGE_ERRORS = 3, 2
-"""Logits of a guess: of its base colour, of its detail, of its depth. Logarithms of expected absolute errors: of colour (mean over
-channels, 0..1), of depth (relative, 1 at most)."""
+"""Logits of a guess: of its base colour, of its detail, of its depth. Logarithms of expected absolute errors: of colour (mean
+over channels, 0..1), of depth (relative, 1 at most)."""
 
 
 def judge_shapes(s: JudgeSettings) -> dict[str, tuple[int, ...]]:

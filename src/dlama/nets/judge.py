@@ -16,7 +16,7 @@ from dlama.nets.architecture import JUDGE_ERRORS, JUDGE_HEADS, JUDGE_MULTIPLE, J
 LEAST_LOG, MOST_LOG = -7.0, 1.0
 """Bounds of the logarithms of expected errors."""
 BASE_KERNEL = (0.054489, 0.244201, 0.402620, 0.244201, 0.054489)
-"""A Gaussian of sigma 1 over the means of JUDGE_STRIDE x JUDGE_STRIDE pixels: what it leaves of a guess is its base, the rest its detail."""
+"""A Gaussian of sigma 1 over means of squares of JUDGE_STRIDE pixels: what it leaves of a guess is its base, the rest detail."""
 
 
 class Residual(nn.Module):
@@ -189,7 +189,7 @@ def one_hot(weights: Tensor) -> Tensor:
 
 
 def mixed_color(colors: Tensor, base: Tensor, detail: Tensor) -> Tensor:
-    """Colours B x K x 3 x H x W, weights of their bases B x K x h x w and of their details B x K x H x W -> B x 3 x H x W, 0..1."""
+    """Colours B x K x 3 x H x W, weights of bases B x K x h x w and of details B x K x H x W -> B x 3 x H x W in 0..1."""
     with torch.no_grad():
         bases = bases_of(colors)
         details = colors - enlarged(bases.flatten(0, 1)).unflatten(0, colors.shape[:2])
@@ -198,7 +198,7 @@ def mixed_color(colors: Tensor, base: Tensor, detail: Tensor) -> Tensor:
 
 
 def bases_of(colors: Tensor) -> Tensor:
-    """B x K x 3 x H x W -> B x K x 3 x h x w: means of JUDGE_STRIDE x JUDGE_STRIDE pixels under BASE_KERNEL, borders replicated."""
+    """B x K x 3 x H x W -> B x K x 3 x h x w: means of squares of pixels under BASE_KERNEL, borders replicated."""
     small = avg_pool2d(colors.flatten(0, 1), JUDGE_STRIDE)
     kernel, reach = colors.new_tensor(BASE_KERNEL), len(BASE_KERNEL) // 2
     padded = pad(small, (reach,) * 4, mode="replicate").flatten(0, 1)[:, None]

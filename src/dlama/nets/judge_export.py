@@ -1,17 +1,25 @@
 """The judge's weights and metadata in -> an ONNX file out; needs numpy and onnx, no torch.
 
-Inputs: context 1 x C x H x W and guesses K x 4 x H x W. Outputs: logits K x 3 x h x w and errors 1 x 2 x h x w, h = H / 4. K, H and W
-are free, H and W multiples of 16. Large tensors are stored in half precision and computed with in single precision.
+Inputs: context 1 x C x H x W and guesses K x 4 x H x W. Outputs: logits K x 3 x h x w and errors 1 x 2 x h x w, h = H / 4. K, H
+and W are free, H and W multiples of 16. Large tensors are stored in half precision and computed with in single precision.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from dlama.nets.architecture import JUDGE_ERRORS, JUDGE_HEADS, JUDGE_STRIDE, JudgeSettings, judge_shapes, refuse_differences
+from dlama.nets.architecture import (
+    JUDGE_ERRORS,
+    JUDGE_HEADS,
+    JUDGE_STRIDE,
+    JudgeSettings,
+    judge_shapes,
+    refuse_differences,
+)
 from dlama.nets.onnx_graph import IR_VERSION, OPSET, Graph, write_model
 
 LOG_BOUNDS = (-7.0, 1.0)
@@ -43,7 +51,9 @@ class _Writer:
         """Names of the logits and of the errors."""
         g = self.g
         if not self.settings.use_depth:
-            context, guesses = (self._without_depth(x, n) for x, n in ((context, self.settings.context_planes), (guesses, 4)))
+            context, guesses = (
+                self._without_depth(x, n) for x, n in ((context, self.settings.context_planes), (guesses, 4))
+            )
         apart = g.add("Sub", guesses, g.add("ReduceMean", guesses, axes=[0], keepdims=1))
         both = g.add("Concat", guesses, g.add("Mul", apart, g.constant(APART)), axis=1)
         seen = self.conv("of_context", context, stride=JUDGE_STRIDE)
@@ -85,14 +95,14 @@ class _Writer:
 
     def doubled(self, x: str) -> str:
         scales = self.g.constant([1, 1, 2, 2])
-        how = {"mode": "linear", "coordinate_transformation_mode": "half_pixel"}
+        how: dict[str, Any] = {"mode": "linear", "coordinate_transformation_mode": "half_pixel"}
         return str(self.g.add("Resize", x, "", scales, **how))
 
     def conv(self, name: str, x: str, stride: int = 1, dilation: int = 1) -> str:
         weight, bias = self.state[f"{name}.weight"], self.state.get(f"{name}.bias")
         kernel = weight.shape[2]
         reach = 0 if kernel == stride else dilation * (kernel // 2)
-        layout = {"kernel_shape": [kernel] * 2, "strides": [stride] * 2, "dilations": [dilation] * 2}
+        layout: dict[str, Any] = {"kernel_shape": [kernel] * 2, "strides": [stride] * 2, "dilations": [dilation] * 2}
         stored = self.g.add("Cast", self.g.constant(weight, np.float16), to=1)
         biases = [] if bias is None else [self.g.constant(bias)]
         return str(self.g.add("Conv", x, stored, *biases, pads=[reach] * 4, **layout))
@@ -108,7 +118,7 @@ class _Writer:
         helper, kind, g, s = onnx.helper, onnx.TensorProto.FLOAT, self.g, self.settings
         tensors = [onnx.numpy_helper.from_array(array, name) for name, array in g.constants.items()]
 
-        def end(name: str, *shape: int | str) -> object:
+        def end(name: str, *shape: int | str) -> Any:
             return helper.make_tensor_value_info(name, kind, list(shape))
 
         inputs = [

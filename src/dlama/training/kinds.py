@@ -53,7 +53,11 @@ PLANES: dict[str, PlanesKind] = {
         masks=2,
     ),
     "choice": PlanesKind(
-        5, 4, "colour and depth with the best of several guesses (the judge of filler `choice`)", has_depth=True, guesses=4
+        5,
+        4,
+        "colour and depth with the best of several guesses (the judge of filler `choice`)",
+        has_depth=True,
+        guesses=4,
     ),
 }
 

@@ -101,12 +101,12 @@ def _choice() -> TrainSettings:
         "choice",
         network=NetworkSettings("choice", width=24),
         loss=LossSettings(
-            adversarial=0.0, feature_matching=0.0, perceptual=6.0, trunk="lpips", l1_known=0.0, l1_hole=30.0, depth_l1=0.0,
+            adversarial=0.0, feature_matching=0.0, perceptual=15.0, trunk="lpips", l1_known=0.0, l1_hole=30.0, depth_l1=0.0,
             depth_gradient=0.0, depth_normal=0.0, depth_law=0.0, depth_choice=10.0, expected_error=0.1,
         ),
-        optimiser=OptimiserSettings(warm_up=50, decay="cosine", clip=10.0, average=0.99),
-        data=DataSettings(size=256, mixture={"guesses": 1.0}, held_out=40, workers=0),
-        loop=replace(intervals, steps=1200, batch=8, accelerator="cpu"),
+        optimiser=OptimiserSettings(generator_rate=2e-3, warm_up=30, decay="cosine", clip=10.0, average=0.98),
+        data=DataSettings(size=192, mixture={"guesses": 1.0}, held_out=40, workers=0),
+        loop=replace(intervals, steps=1200, batch=8, precision="bf16", accelerator="cpu"),
     )  # fmt: skip
 
 

@@ -118,8 +118,9 @@ class LossSettings:
     expected_error: float = 0.0
     """Of choice: negative logarithm of the likelihood (Laplace) of the result's errors under the expected ones."""
     trunk: str = "auto"
-    """Network of the perceptual term: resnet50-dilated, vgg16, alexnet, random (frozen random weights, no file), lpips (the
-    distance of the evaluation, from the file that ships, in place of equation 5); auto: found by the names of the tensors in `trunk_weights`, random without a file."""
+    """Network of the perceptual term: resnet50-dilated, vgg16, alexnet, random (frozen random weights, no file); lpips (the
+    distance of the evaluation, from the file that ships, in place of equation 5); auto: found by the names of the tensors in
+    `trunk_weights`, random without a file."""
     trunk_weights: str | None = None
     """Its weight file: .safetensors or .pth."""
     trunk_width: int = 32
@@ -133,7 +134,9 @@ class LossSettings:
                 raise InputError(f"loss.{each.name} is {value}; 0 or more is wanted")
         _at_least("loss", self, 1, "penalty_every", "trunk_width")
         if self.trunk in ("random", "lpips") and self.trunk_weights:
-            raise InputError(f"loss.trunk is {self.trunk!r}, which takes no weights, but loss.trunk_weights names a file")
+            raise InputError(
+                f"loss.trunk is {self.trunk!r}, which takes no weights, but loss.trunk_weights names a file"
+            )
         if self.trunk not in ("auto", "random", "lpips") and not self.trunk_weights:
             raise InputError(f"loss.trunk is {self.trunk!r}; loss.trunk_weights must name its weight file")
 

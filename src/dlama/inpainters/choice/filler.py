@@ -49,7 +49,9 @@ def network_filler(path: Path) -> Inpainter:
     return joint_filler(path) if "depth" in contract.out_planes else lama_filler(path)
 
 
-def choice_of(judge: NetworkFile, more: dict[str, Plug] | None = None, guesses: tuple[str, ...] = tuple(GUESSES)) -> Inpainter:
+def choice_of(
+    judge: NetworkFile, more: dict[str, Plug] | None = None, guesses: tuple[str, ...] = tuple(GUESSES)
+) -> Inpainter:
     """The filler of a judge, with guesses by name and more guesses. InputError: an unknown guess."""
     plugs = [*plugs_of(guesses), *(more or {}).values()]
 

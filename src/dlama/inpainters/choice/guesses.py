@@ -23,6 +23,7 @@ from dlama.inpainters.layered.depth_first import occluders
 from dlama.inpainters.layered.filler import painted, surfaces_behind
 from dlama.inpainters.layered.surfaces import Surfaces
 from dlama.inpainters.networks.migan import migan_filler
+from dlama.inpainters.networks.view_tensors import FAR_SHARE
 from dlama.inpainters.opencv import telea
 
 DIFFUSED_SIZE = 512
@@ -134,7 +135,11 @@ def _smooth(ground: Ground, spread: Spread) -> tuple[UInt8Array, Float32Array]:
     w = inverse_depth(np.where(view.hole, np.float32(0), view.depth))
     colors = _spread_small(view.color.astype(np.float32), ~(view.color_hole | ground.occluders), spread)
     depths = _spread_small(w[..., None], ~(view.hole | ground.occluders), spread)
-    return np.round(np.clip(colors, 0, 255)).astype(np.uint8), depth_from_inverse(np.maximum(depths[..., 0], 0))
+    spread_w = np.maximum(depths[..., 0], 0)
+    if view.valid.any():  # what is spread from sky alone is sky, not some kilometres off
+        least = np.float32(FAR_SHARE * w[view.valid].min())
+        spread_w = np.where(spread_w < least, np.float32(0) if view.far.any() else least, spread_w)
+    return np.round(np.clip(colors, 0, 255)).astype(np.uint8), depth_from_inverse(spread_w)
 
 
 def _spread_small(values: Float32Array, known: BoolArray, spread: Spread) -> Float32Array:

@@ -74,7 +74,9 @@ def _opened(path: Path, stamp: tuple[int, int], provider: str | None, threads: i
         raise FileError(f"{path}: is no judge of guesses by its contract ({CONTRACT_KEY})")
     about = json.loads(network.metadata[CONTRACT_KEY])
     if about.get("version") != VERSION or [about.get("context"), about.get("guess")] != [list(CONTEXT), list(GUESS)]:
-        raise FileError(f"{path}: judges planes of another version of dlama; {list(CONTEXT)} and {list(GUESS)} are wanted")
+        raise FileError(
+            f"{path}: judges planes of another version of dlama; {list(CONTEXT)} and {list(GUESS)} are wanted"
+        )
     return network
 
 

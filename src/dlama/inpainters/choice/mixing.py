@@ -46,7 +46,7 @@ def base_of(picture: Float32Array) -> Float32Array:
     """h x w x 3 -> h/4 x w/4 x 3: means of STRIDE x STRIDE pixels under BASE_KERNEL."""
     size = picture.shape[1] // STRIDE, picture.shape[0] // STRIDE
     small = cv2.resize(np.ascontiguousarray(picture), size, interpolation=cv2.INTER_AREA)
-    kernel = np.float32(BASE_KERNEL)
+    kernel = np.array(BASE_KERNEL, np.float32)
     return np.asarray(cv2.sepFilter2D(small, cv2.CV_32F, kernel, kernel, borderType=cv2.BORDER_REPLICATE), np.float32)
 
 

@@ -1,7 +1,7 @@
 """Worlds and photos in -> crops of completed views, each with all guesses and the truth, in a folder, out; and read again.
 
-Views are those of run time: `complete` itself renders them, and a filler that only looks records what it is asked to fill. Guesses
-cost most of the time, so they are made once (`python benchmarks/choice.py crops`) and trained on many times.
+Views are those of run time: `complete` itself renders them, and a filler that only looks records what it is asked to fill.
+Guesses cost most of the time, so they are made once (`python benchmarks/choice.py crops`) and trained on many times.
 """
 
 from __future__ import annotations
@@ -82,7 +82,7 @@ class Asked:
 
 
 def write_crops(folder: Path, count: int, photos: Sequence[Photo], seed: int, split: str = "train") -> int:
-    """Add crops to `folder`/`split` until it has `count`. Returns how many were made. OutputError."""
+    """Add crops (2 MB each) to `folder`/`split` until it has `count`. Returns how many were made. OutputError."""
     folder = folder / split
     folder.mkdir(parents=True, exist_ok=True)
     (folder / INDEX).write_text("\n".join(GUESSES) + "\n", "utf-8")
@@ -91,7 +91,7 @@ def write_crops(folder: Path, count: int, photos: Sequence[Photo], seed: int, sp
         if number >= count:
             break
         with new_file(folder / f"{number:05}.npz") as draft, draft.open("wb") as stream:
-            np.savez_compressed(stream, **{one.name: getattr(crop, one.name) for one in fields(crop)})
+            np.savez(stream, **{one.name: getattr(crop, one.name) for one in fields(crop)})
         number, made = number + 1, made + 1
     return made
 
@@ -158,9 +158,7 @@ def measured(frame: RGBD, rng: np.random.Generator) -> RGBD:
     return structured_light(frame, rng) if how < 0.75 else stereo_matcher(frame, rng)
 
 
-def asked_by_pipeline(
-    source: RGBD, camera: Camera, mask: BoolArray | None, truths: Sequence[RGBD]
-) -> list[Asked]:
+def asked_by_pipeline(source: RGBD, camera: Camera, mask: BoolArray | None, truths: Sequence[RGBD]) -> list[Asked]:
     """The views that `complete` has filled, those whose truth is given."""
     found: list[Asked] = []
 

@@ -87,7 +87,7 @@ def _noisy(w: Float32Array, sigma: float, grain: float, rng: np.random.Generator
 
 def _shifted(w: Float32Array, rng: np.random.Generator) -> Float32Array:
     """Moved by up to MISALIGNED pixels."""
-    move = np.float32([[1, 0, rng.uniform(-1, 1) * MISALIGNED], [0, 1, rng.uniform(-0.5, 0.5) * MISALIGNED]])
+    move = np.array([[1, 0, rng.uniform(-1, 1) * MISALIGNED], [0, 1, rng.uniform(-0.5, 0.5) * MISALIGNED]], np.float32)
     size = w.shape[1], w.shape[0]
     moved = cv2.warpAffine(w, move, size, flags=cv2.INTER_NEAREST, borderMode=cv2.BORDER_REPLICATE)
     return np.asarray(moved, np.float32)

@@ -44,7 +44,9 @@ class TrainingModule(pl.LightningModule):
         self.generator: Generator | GuessMixer = initial_generator(settings.network)
         self.discriminator = Discriminator(settings.network.discriminator) if settings.loss.uses_discriminator else None
         self.average = moving_average(self.generator)
-        self.perceptual: PerceptualLoss | LpipsLoss | None = perceptual_loss(settings.loss) if settings.loss.perceptual else None
+        self.perceptual: PerceptualLoss | LpipsLoss | None = (
+            perceptual_loss(settings.loss) if settings.loss.perceptual else None
+        )
         self.step, self.samples, self.restored, self.bad_in_a_row = 0, 0, 0, 0
         self.latest: dict[str, Tensor] = {}
         self.saved_optimisers: list[dict[str, Any]] | None = None

@@ -1,7 +1,7 @@
 """The judge's output and its batch in -> what the choice of depth costs, and how likely its errors are, out.
 
-Output planes as of `nets.judge.GuessMixer`: three of colour, inverse depth, the logarithms of both expected errors, the weights of
-the guesses' depths. Inverse depth is nearness u = w / (w + w0) of inverse depth w, 0 = far.
+Output planes as of `nets.judge.GuessMixer`: three of colour, inverse depth, the logarithms of both expected errors, the weights
+of the guesses' depths. Inverse depth is nearness u = w / (w + w0) of inverse depth w, 0 = far.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ FIRST_LOG, FIRST_WEIGHT = 4, 6
 
 
 def depth_choice(output: Tensor, batch: Batch) -> Tensor:
-    """The expected absolute difference of inverse depth, if a guess were drawn by the weights: never less by averaging two guesses.
+    """The absolute difference of inverse depth to expect if a guess were drawn by the weights; averaging two never helps.
 
     Mean over the hole of the samples whose true depth is known there.
     """

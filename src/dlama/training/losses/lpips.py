@@ -1,4 +1,4 @@
-"""Pictures B x 3 x H x W in 0..1, output and truth, in -> LPIPS (AlexNet, v0.1), a scalar, out; its weights ship with the package."""
+"""Pictures B x 3 x H x W in 0..1, output and truth, in -> LPIPS (AlexNet v0.1), a scalar, out; its weights ship."""
 
 from __future__ import annotations
 

@@ -22,10 +22,10 @@ class GuessSamples:
     def __init__(self, folders: Sequence[Path], network: NetworkSettings, split: str, size: int = SIDE) -> None:
         if not network.kind.guesses:
             raise InputError(f"data.mixture has 'guesses', which trains planes 'choice'; they are {network.planes!r}")
-        if size != SIDE:
-            raise InputError(f"data.size is {size} and crops with guesses have {SIDE}; {SIDE} is wanted")
+        if size > SIDE:
+            raise InputError(f"data.size is {size} and crops with guesses have {SIDE}; {SIDE} at most is wanted")
         self.paths = tuple(path for folder in folders for path in sorted((folder / split).glob("*.npz")))
-        self.count = network.kind.guesses
+        self.count, self.size = network.kind.guesses, size
         if not self.paths:
             raise FileError(f"{', '.join(map(str, folders))}: no crop with guesses in the folder {split}")
         for folder in folders:
@@ -39,9 +39,19 @@ class GuessSamples:
     def sample(self, index: int, rng: np.random.Generator) -> dict[str, np.ndarray]:
         """One crop as a sample."""
         made = planes_of_crop(read_crop(self.paths[index]), rng.permutation(self.count), random_light(rng))
+        box = self.square(made["mask"][0], rng)
+        made = {name: planes[:, box[0], box[1]] for name, planes in made.items()}
         if rng.random() < 0.5:
-            return made
+            return {name: np.ascontiguousarray(planes) for name, planes in made.items()}
         return {name: np.ascontiguousarray(planes[..., ::-1]) for name, planes in made.items()}
+
+    def square(self, hole: np.ndarray, rng: np.random.Generator) -> tuple[slice, slice]:
+        """Rows and columns of a random square of the crop, of the run's size, whose hole is neither empty nor full."""
+        while True:
+            top, left = (int(start) for start in rng.integers(0, SIDE - self.size + 1, 2))
+            box = slice(top, top + self.size), slice(left, left + self.size)
+            if 0 < hole[box].mean() < 1:
+                return box
 
 
 def random_light(rng: np.random.Generator) -> np.ndarray:
