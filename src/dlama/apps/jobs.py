@@ -112,7 +112,9 @@ def summary_line(meta: dict[str, Any], place: object, seconds: float) -> str:
         why += f", {depth_only:.1%} lacked only depth"
     if meta["nothing_visible"]:
         why = "; nothing of the scene is visible from there, so nothing could be filled"
-    return f"{place}: {unknown:.1%} was unknown{why}, filler {meta['filler']}, {seconds:.1f} s"
+    ran = meta.get("notes", {}).get("guesses")
+    guesses = f" ({', '.join(ran)})" if ran else ""
+    return f"{place}: {unknown:.1%} was unknown{why}, filler {meta['filler']}{guesses}, {seconds:.1f} s"
 
 
 def summary_values(meta: dict[str, Any], place: Path, files: list[str]) -> dict[str, Any]:

@@ -38,8 +38,20 @@ CameraFile = Annotated[Path | None, option("FILE.json")]
 Image = Annotated[Path, option("IMAGE", None)]
 Depth = Annotated[Path | None, option("DEPTH", "estimated from the picture")]
 DepthAndMask = Annotated[tuple[Path, ...], option("[DEPTH] [MASK]", None)]
-RESULTS = ("image", "depth", "hole", "origin", "confidence", "disparity", "points", "mesh", "scene", "preview")
-"""Names of what is written."""
+RESULTS = (
+    "image",
+    "depth",
+    "hole",
+    "origin",
+    "confidence",
+    "disparity",
+    "points",
+    "mesh",
+    "scene",
+    "preview",
+    "choice",
+)
+"""Names of what is written; choice only where it is named."""
 Only = Annotated[str | None, option("NAME,...", "all")]
 Seed = Annotated[int, option("N", "0")]
 Output = Annotated[Path, option("DIR", None, aliases=["-o"])]
@@ -202,7 +214,8 @@ class Method:
 
     filler: Annotated[str, option("|".join(FILLERS), "layered")] = "layered"
     """What fills the holes: layered continues planes and sky from behind, telea and navier-stokes diffuse; migan runs
-    a network that comes with the package; lama, joint and pair (stereo only) run that of --model."""
+    a network that comes with the package; choice lets another one judge the guesses of four (with --model FILE of a
+    fifth); lama, joint and pair (stereo only) run that of --model."""
     model: Annotated[str | None, option("FILE|NAME")] = None
     """Network of --filler lama, migan, joint or pair: an ONNX file, a LaMa checkpoint, or a name of `dlama models list`."""
     recipe: Annotated[str, option("|".join(RECIPES), "dlama")] = "dlama"

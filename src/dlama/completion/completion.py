@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, TypeVar
 
@@ -15,7 +15,7 @@ from dlama.geometry.figures.html import Panel, figure, strip
 from dlama.geometry.figures.show import show_html
 from dlama.geometry.fusion import scene_cloud, scene_mesh
 from dlama.geometry.mesh import Mesh
-from dlama.geometry.rgbd import Float32Array
+from dlama.geometry.rgbd import Float32Array, UInt8Array
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import Origin, View
 from dlama.perception.stereo_agreement import StereoConsistency
@@ -39,6 +39,9 @@ class Completion:
     """The source view as given."""
     meta: dict[str, Any]
     """Recipe, filler, hole shares, law moves and violations, seconds per stage; JSON-ready (docs/conventions.md)."""
+    choices: tuple[UInt8Array | None, ...] = field(default=(), kw_only=True)
+    """For each view H x W: 1 + the number of the guess (in meta["notes"]["guesses"]) that counts most in a filled pixel, 0 =
+    known; None for fillers that do not choose. Empty where nobody keeps them."""
 
     def __repr__(self) -> str:
         sizes = sorted({f"{view.camera.width}x{view.camera.height}" for view in self.views})

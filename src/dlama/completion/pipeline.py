@@ -29,7 +29,7 @@ from dlama.completion.steps import (
 from dlama.errors import InputError
 from dlama.geometry.camera import Camera
 from dlama.geometry.rendering import Mode
-from dlama.geometry.rgbd import RGBD, BoolArray
+from dlama.geometry.rgbd import RGBD, BoolArray, UInt8Array
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
 from dlama.inpainters import find_filler
@@ -95,6 +95,7 @@ def complete(
     views: list[View] = []
     grown_holes: list[Dilation] = []
     fills = [*source_fills]
+    choices: list[UInt8Array | None] = []
     for camera in cameras:
         with clock("render"):
             before, grown_hole = warp(plan, scene, camera)
@@ -107,11 +108,13 @@ def complete(
         views.append(view)
         grown_holes.append(grown_hole)
         fills += [taken_over, filled]
+        own = [one for one in source_fills if camera.same_view_as(source.camera)]
+        choices.append(next((one.choice for one in (filled, *own) if one.choice is not None), None))
     if mask is None:
         warn_of_unknown(source, warped)
     meta = about_source(rgbd, start) | meta_data(
         plan, filler, source, warped, Record(fills, clock.seconds, grown_mask, grown_holes)
     )
-    return Completion(tuple(views), tuple(warped), scene, source, meta | expected_errors(views)).with_min_confidence(
-        min_confidence
-    )
+    meta |= expected_errors(views)
+    done = Completion(tuple(views), tuple(warped), scene, source, meta, choices=tuple(choices))
+    return done.with_min_confidence(min_confidence)

@@ -31,6 +31,9 @@ class Fill:
     """Pixels the filler itself already moved to keep the visibility law."""
     notes: dict[str, Any] = field(default_factory=dict)
     """What the filler adds to meta.json (planes found, model, provider ...)."""
+    choice: UInt8Array | None = None
+    """H x W, of a filler that chooses among guesses: 1 + the number of the guess with most weight (in
+    `notes["guesses"]`), 0 = known."""
     errors: Float32Array | None = None
     """H x W x 2, what the filler itself expects to be off by, as `View.errors`; None: the confidence network says it."""
 
@@ -68,6 +71,8 @@ class FillReport:
     """Filled pixels that break it still (0, or a bug)."""
     notes: dict[str, Any]
     """The filler's own."""
+    choice: UInt8Array | None = None
+    """As of Fill."""
 
 
 def inpaint(view: View, inpainter: Inpainter, law: Law, seed: int = 0) -> tuple[View, FillReport]:
@@ -98,4 +103,4 @@ def inpaint(view: View, inpainter: Inpainter, law: Law, seed: int = 0) -> tuple[
         errors=errors,
     )
     left = int(law.violations(view.camera, filled.depth, hole).sum())
-    return filled, FillReport(int(hole.sum()), fill.law_moves + moved, left, fill.notes)
+    return filled, FillReport(int(hole.sum()), fill.law_moves + moved, left, fill.notes, fill.choice)

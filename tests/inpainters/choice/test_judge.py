@@ -111,6 +111,18 @@ def test_equal_depths_vote_together():
     assert (chosen_depth(logits, [other, same, same + 1], hole, (16, 16)) == 0).all()
 
 
+def test_another_depth_is_taken_only_where_it_is_sure():
+    """Closed form: the left third trusts the second guess by 0.97, the middle by 0.6, the rest the first by 0.9."""
+    weights = np.full((2, 16, 48), 0.5, np.float32)
+    for columns, share in ((np.s_[:16], 0.97), (np.s_[16:32], 0.6), (np.s_[32:], 0.1)):
+        weights[:, :, columns] = np.array([1 - share, share], np.float32)[:, None, None]
+    hole, depths = np.ones((64, 192), bool), [np.zeros((64, 192), np.float32), np.ones((64, 192), np.float32)]
+    weights[0, 8:, 16:] = 0.95
+    weights[1, 8:, 16:] = 0.05
+    found = chosen_depth(np.log(weights), depths, hole, (64, 192))
+    assert (found[:, :40] == 1).all() and (found[:, 90:] == 0).all()
+
+
 def test_large_views_are_judged_smaller():
     """Closed form: a constant stays what it is at the smaller size, and sides are multiples after padding."""
     planes = JudgePlanes(np.full((len(CONTEXT), 900, 1300), 0.25, np.float32), np.ones((2, 4, 900, 1300), np.float32))

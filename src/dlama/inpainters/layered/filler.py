@@ -31,9 +31,7 @@ def painted(view: View, surfaces: Surfaces, depth: Float32Array, law: Law, seed:
     label = np.where(np.abs(w - surfaces.inverse_depth) > 0.05 * w, np.int32(SMOOTH), surfaces.label)
     label = np.where(view.hole & (w == 0), np.int32(SKY), label).astype(np.int32)
     unseen = view.hole_type == HoleType.OUT_OF_VIEW
-    return synthesize(
-        view.color, view.color_hole, w, label, view.camera, seed=seed, sky=law.far_color, unseen=unseen
-    )
+    return synthesize(view.color, view.color_hole, w, label, view.camera, seed=seed, sky=law.far_color, unseen=unseen)
 
 
 def surfaces_behind(view: View, law: Law, seed: int) -> tuple[Surfaces, Float32Array, int]:
