@@ -5,7 +5,7 @@
     python benchmarks/choice.py measure FOLDER [--judge RUN/choice.onnx]
 
 `measure` prints, over the holes of the held-out crops: mean absolute and squared error of colour (0..1), LPIPS over the share of
-the hole, and the mean absolute error of normalised inverse depth, of each guess, of their mean, and of what the judge makes of them.
+the hole, and the mean absolute error of normalised inverse depth: of each guess, of their mean, of the judge's mixture.
 """
 
 from __future__ import annotations

@@ -15,7 +15,7 @@ from dlama.completion.pipeline import complete
 from dlama.completion.verbs import remove
 from dlama.errors import InputError, OutputError
 from dlama.files.rasters.depth import read_depth
-from dlama.files.results.completion import RESULTS, write
+from dlama.files.results.completion import ON_REQUEST, RESULTS, write
 from dlama.files.scenes import textured_mesh
 from dlama.files.scenes.scene_npz import read_npz
 from dlama.geometry.camera import Camera
@@ -153,8 +153,9 @@ def test_only_what_is_asked_for_is_written(
 
 
 def test_the_names_of_results_cover_every_file(folder: Path) -> None:
-    """Law: each written file belongs to exactly one name; only a pair has disparities."""
-    files = [file for name, group in RESULTS.items() if name != "disparity" for file in group]
+    """Law: each written file belongs to exactly one name; only a pair has disparities, and some are written on request alone."""
+    left_out = ("disparity", *ON_REQUEST)
+    files = [file for name, group in RESULTS.items() if name not in left_out for file in group]
     assert sorted([*files, "meta.json"]) == sorted(path.name for path in folder.iterdir())
 
 

@@ -52,7 +52,7 @@ RESULTS = (
     "choice",
 )
 """Names of what is written; choice only where it is named."""
-Only = Annotated[str | None, option("NAME,...", "all")]
+Only = Annotated[str | None, option("NAME,...", "all but choice")]
 Seed = Annotated[int, option("N", "0")]
 Output = Annotated[Path, option("DIR", None, aliases=["-o"])]
 
