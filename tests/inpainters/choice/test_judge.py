@@ -112,9 +112,9 @@ def test_equal_depths_vote_together():
 
 
 def test_another_depth_is_taken_only_where_it_is_sure():
-    """Closed form: the left third trusts the second guess by 0.97, the middle by 0.6, the rest the first by 0.9."""
+    """Closed form: the left third trusts the second guess by 0.995, the middle by 0.6, the rest the first by 0.9."""
     weights = np.full((2, 16, 48), 0.5, np.float32)
-    for columns, share in ((np.s_[:16], 0.97), (np.s_[16:32], 0.6), (np.s_[32:], 0.1)):
+    for columns, share in ((np.s_[:16], 0.995), (np.s_[16:32], 0.6), (np.s_[32:], 0.1)):
         weights[:, :, columns] = np.array([1 - share, share], np.float32)[:, None, None]
     hole, depths = np.ones((64, 192), bool), [np.zeros((64, 192), np.float32), np.ones((64, 192), np.float32)]
     weights[0, 8:, 16:] = 0.95
