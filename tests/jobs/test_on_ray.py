@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 sys.path.append(str(Path(__file__).parent))  # worker processes look for `small_jobs` where this process does
+from ray_run import NO_CLUSTER
 from small_jobs import FAST, FLAG, contents, small_frame, table, view_rows, write_csv
 
 from dlama.errors import InputError, MissingExtraError
@@ -31,6 +32,8 @@ def test_a_lost_node_and_lost_workers_lose_no_job(tmp_path: Path) -> None:
     environment = {**os.environ, FLAG: str(tmp_path), "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
     words = [sys.executable, str(Path(__file__).with_name("ray_run.py")), str(path), str(tmp_path / "out"), "3"]
     done = subprocess.run(words, capture_output=True, text=True, env=environment, timeout=600)
+    if done.returncode == NO_CLUSTER:
+        pytest.skip(f"Ray's own processes did not start: {done.stderr[-200:]}")
     seen = [JobResult.from_json(line[4:]) for line in done.stdout.splitlines() if line.startswith("row ")]
     assert sorted(row.id for row in seen) == sorted(str(row["id"]) for row in rows), done.stderr[-2000:]
     failures = {row.id: row for row in seen if row.status == "failed"}
