@@ -28,7 +28,7 @@ from dlama.geometry.rgbd import RGBD, UInt8Array
 
 CUT_M = 10.0
 """Where EasySynth's depth ends by default."""
-CELL = 300
+CELL = 160
 """Width of a picture on the sheet."""
 
 Case = Callable[[], tuple[Completion, UInt8Array | None]]
@@ -110,11 +110,16 @@ def beside(before: Path, after: Path, sheet: Path, wanted: list[str]) -> None:
         width = new.shape[1] // 3
         row = np.hstack([new[:, :width], old[:, width : 2 * width], new[:, width:]])
         row = cv2.resize(row, (4 * CELL, round(CELL * row.shape[0] / width)), interpolation=cv2.INTER_AREA)
-        cv2.putText(row, file.stem, (6, 16), cv2.FONT_HERSHEY_SIMPLEX, 0.5, (0, 0, 255), 1, cv2.LINE_AA)
+        cv2.putText(row, file.stem, (6, 16), cv2.FONT_HERSHEY_SIMPLEX, 0.45, (0, 0, 255), 1, cv2.LINE_AA)
         rows.append(row)
     if not rows:
         sys.exit(f"{before} and {after} share no pictures")
-    cv2.imwrite(str(sheet), np.vstack(rows), [cv2.IMWRITE_JPEG_QUALITY, 80])
+    while len(rows) % 2:
+        rows.append(np.zeros_like(rows[-1]))
+    tallest = max(row.shape[0] for row in rows)
+    rows = [np.pad(row, ((0, tallest - row.shape[0]), (0, 0), (0, 0))) for row in rows]
+    rows = [np.hstack(rows[k : k + 2]) for k in range(0, len(rows), 2)]
+    cv2.imwrite(str(sheet), np.vstack(rows), [cv2.IMWRITE_JPEG_QUALITY, 50] if sheet.suffix == ".jpg" else [])
 
 
 def main() -> None:
