@@ -119,7 +119,7 @@ def beside(before: Path, after: Path, sheet: Path, wanted: list[str]) -> None:
     tallest = max(row.shape[0] for row in rows)
     rows = [np.pad(row, ((0, tallest - row.shape[0]), (0, 0), (0, 0))) for row in rows]
     rows = [np.hstack(rows[k : k + 2]) for k in range(0, len(rows), 2)]
-    cv2.imwrite(str(sheet), np.vstack(rows), [cv2.IMWRITE_JPEG_QUALITY, 50] if sheet.suffix == ".jpg" else [])
+    cv2.imwrite(str(sheet), np.vstack(rows), [cv2.IMWRITE_JPEG_QUALITY, 40] if sheet.suffix == ".jpg" else [])
 
 
 def main() -> None:
