@@ -62,19 +62,19 @@ MUTANTS: tuple[Mutant, ...] = (
         ),
     ),
     *faults(
-        "apps/worlds.py",
+        "apps/verbs/worlds.py",
         OPTIONS,
         ("--textures is dropped", '"textures": textures}', '"textures": None}'),
         ("--no-shadows is dropped", '"shadows": shadows', '"shadows": True'),
     ),
     *faults(
-        "apps/evaluate.py",
+        "apps/verbs/evaluate.py",
         OPTIONS,
         ("evaluate --camera is dropped", "camera=self.camera", "camera=None"),
         ("evaluate --seed is dropped", "seed=self.seed) for name", "seed=0) for name"),
     ),
     *faults(
-        "apps/train.py",
+        "apps/verbs/train.py",
         OPTIONS,
         ("train --max-minutes is dropped", "=max_minutes, resume", "=None, resume"),
         ("train --steps is dropped", "trunk, steps=steps", "trunk, steps=None"),
@@ -129,12 +129,12 @@ MUTANTS: tuple[Mutant, ...] = (
         ("the spline's border is black", "cv2.BORDER_REFLECT_101", "cv2.BORDER_CONSTANT"),
     ),
     *faults(
-        "datasets/numbered_frames.py",
+        "datasets/posed/numbered_frames.py",
         "tests/datasets/test_layout_numbered_frames.py",
         ("7-Scenes' colour camera on the other side", "[1, 0, 0, -0.025]", "[1, 0, 0, 0.025]"),
     ),
     *faults(
-        "datasets/view_pairs.py",
+        "datasets/posed/view_pairs.py",
         "tests/datasets/test_layout_detection.py",
         ("pairs that hardly overlap", "MIN_OVERLAP = 0.1", "MIN_OVERLAP = 0.0"),
         ("pairs overlap whatever their depth", "LANDS_WITHIN = 0.05", "LANDS_WITHIN = 0.5"),

@@ -14,7 +14,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from dlama.datasets.scene_frames import open_frames
+from dlama.datasets.sequences.scene_frames import open_frames
 from dlama.evaluation.protocols.methods import ProtocolSettings
 from dlama.evaluation.protocols.sequence import (
     METHODS,

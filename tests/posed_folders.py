@@ -9,7 +9,7 @@ import numpy as np
 from PIL import Image
 
 from dlama.datasets.frames import Dataset, ViewTruth
-from dlama.datasets.posed_frames import PosedFrame
+from dlama.datasets.posed.posed_frames import PosedFrame
 from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import RGBD
 from worlds import Plane, Sphere, World, moved

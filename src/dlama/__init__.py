@@ -21,7 +21,7 @@ if TYPE_CHECKING:  # what type checkers and editors read; a test holds it equal 
     from dlama.completion.verbs import remove as remove
     from dlama.completion.verbs import view as view
     from dlama.datasets.diagnosis import diagnose as diagnose
-    from dlama.datasets.sequence import sequence as sequence
+    from dlama.datasets.sequences.sequence import sequence as sequence
     from dlama.errors import CameraError as CameraError
     from dlama.errors import DepthError as DepthError
     from dlama.errors import DlamaError as DlamaError
@@ -122,7 +122,7 @@ MODULES = {
     "remove": "completion.verbs",
     "render_path": "completion.paths",
     "render": "geometry.rendering",
-    "sequence": "datasets.sequence",
+    "sequence": "datasets.sequences.sequence",
     "scene": "geometry.frames.gathering",
     "stereo": "completion.stereo",
     "view": "completion.verbs",

@@ -12,9 +12,9 @@ from typing import Any
 import pytest
 
 import dlama
-from dlama.apps import batch as verb
 from dlama.apps.cli import main
 from dlama.apps.terminal.streams import Stopped
+from dlama.apps.verbs import batch as verb
 from dlama.jobs.result import JobResult
 
 LIST = """id,verb,image,depth,yaw,_note

@@ -10,7 +10,7 @@ import pytest
 from PIL import Image
 
 from dlama.apps.cli import main
-from dlama.apps.demo import ASSETS
+from dlama.apps.verbs.demo import ASSETS
 from dlama.files.rasters.depth import read_depth, read_disparity
 
 

@@ -9,9 +9,9 @@ from pathlib import Path
 
 import pytest
 
-from dlama.apps import evaluate as verb
 from dlama.apps.cli import main
-from dlama.apps.evaluate import Cases, Methods, command_line, needs_extra
+from dlama.apps.verbs import evaluate as verb
+from dlama.apps.verbs.evaluate import Cases, Methods, command_line, needs_extra
 from dlama.errors import InputError, MissingExtraError
 from dlama.evaluation import protocols
 from dlama.evaluation.protocols.methods import Method, ProtocolSettings, Scored

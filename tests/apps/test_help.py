@@ -15,10 +15,10 @@ import pytest
 from tyro.conf import Positional
 
 import dlama
-from dlama.apps import evaluate as evaluate_verb
 from dlama.apps import options
 from dlama.apps.cli import VERBS, main
 from dlama.apps.terminal.flags import flags_of, with_flags
+from dlama.apps.verbs import evaluate as evaluate_verb
 
 COMMANDS = [[verb] for verb in VERBS if verb != "models"] + [
     ["models", word] for word in ("list", "info", "pull", "convert", "verify")

@@ -22,8 +22,8 @@ import pytest
 from options_table import BASE, TABLE
 
 import dlama
-from dlama.apps import model_verbs
 from dlama.apps.cli import VERBS, main
+from dlama.apps.verbs import model_verbs
 from dlama.datasets.frames import Case, Dataset
 
 CASES = (
@@ -97,20 +97,8 @@ def calls(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Calls:
 
         monkeypatch.setattr(owner, name, stand_in)
 
-    for module in (
-        "jobs",
-        "cli",
-        "doctor",
-        "evaluate",
-        "worlds",
-        "train",
-        "model_verbs",
-        "sequence",
-        "batch",
-        "show",
-        "video",
-        "serve",
-    ):
+    verbs = ("doctor", "evaluate", "worlds", "train", "model_verbs", "sequence", "batch", "show", "video", "serve")
+    for module in ("jobs", "cli", *(f"verbs.{verb}" for verb in verbs)):
         spy(f"dlama.apps.{module}.reported", through=True)
     _spy_on_jobs(spy)
     _spy_on_the_rest(spy)
@@ -148,14 +136,14 @@ def _spy_on_jobs(spy: Callable[..., None]) -> None:
     spy("dlama.perception.object_masks.find_mask", found)
     spy("dlama.perception.object_masks.completed", found)
     spy("dlama.files.semantic_classes.semantic_picture", Path("semantic.png"))
-    spy("dlama.apps.masks.write_found", [])
-    spy("dlama.apps.masks.found_line", "")
-    spy("dlama.apps.masks.found_values", {})
+    spy("dlama.apps.verbs.masks.write_found", [])
+    spy("dlama.apps.verbs.masks.found_line", "")
+    spy("dlama.apps.verbs.masks.found_values", {})
     spy("dlama.apps.jobs.summary_line", "")
     spy("dlama.apps.jobs.summary_values", {})
-    spy("dlama.apps.demo.demo_panels", [])
-    spy("dlama.apps.demo.demo_legend", [])
-    spy("dlama.apps.demo.write_contact_sheet")
+    spy("dlama.apps.verbs.demo.demo_panels", [])
+    spy("dlama.apps.verbs.demo.demo_legend", [])
+    spy("dlama.apps.verbs.demo.write_contact_sheet")
 
 
 def _spy_on_the_rest(spy: Callable[..., None]) -> None:
@@ -163,26 +151,27 @@ def _spy_on_the_rest(spy: Callable[..., None]) -> None:
     spy("dlama.worlds.dataset.open_dataset_or_worlds", Dataset("toy", "made-up", None, (), CASES))
     spy("dlama.evaluation.runner.run.run", SimpleNamespace(stored=(), reused=0, stale=0, failures=()))
     spy("dlama.evaluation.report.write.write_report")
+    spy("dlama.evaluation.report.reliability.reliability_lines", [])
     spy("dlama.worlds.writer.write_worlds", [])
     spy("dlama.diagnose", ())
     spy("dlama.sequence", {})
-    spy("dlama.datasets.sequence.read_scene_of", ([], "scene", {}))
-    spy("dlama.datasets.camera_paths.path_for", [])
+    spy("dlama.datasets.sequences.sequence.read_scene_of", ([], "scene", {}))
+    spy("dlama.datasets.sequences.camera_paths.path_for", [])
     spy("dlama.render_path", [])
     spy("dlama.files.results.video.write_video", 1)
-    spy("dlama.apps.sequence.mask_files", {"3": Path("a.png")})
-    spy("dlama.apps.sequence.summary_line", "")
-    spy("dlama.apps.sequence.summary_values", {})
+    spy("dlama.apps.verbs.sequence.mask_files", {"3": Path("a.png")})
+    spy("dlama.apps.verbs.sequence.summary_line", "")
+    spy("dlama.apps.verbs.sequence.summary_values", {})
     spy("dlama.batch", ())
-    spy("dlama.apps.batch.planned_lines", ())
+    spy("dlama.apps.verbs.batch.planned_lines", ())
     spy("dlama.apps.viewer.contents.contents_of", "contents")
     spy("dlama.apps.viewer.server.serve", "address")
     spy("dlama.models.pull.pull", Path("pulled"))
-    spy("dlama.apps.model_verbs.record", through=True)
-    spy("dlama.apps.model_verbs.verify", SimpleNamespace(state="verified", path="", detail=""))
-    spy("dlama.apps.model_verbs.convert", [])
-    spy("dlama.apps.model_verbs.source_of", lambda model: Path(model))
-    spy("dlama.apps.model_verbs.size_and_sha256", (3, "abc"))
+    spy("dlama.apps.verbs.model_verbs.record", through=True)
+    spy("dlama.apps.verbs.model_verbs.verify", SimpleNamespace(state="verified", path="", detail=""))
+    spy("dlama.apps.verbs.model_verbs.convert", [])
+    spy("dlama.apps.verbs.model_verbs.source_of", lambda model: Path(model))
+    spy("dlama.apps.verbs.model_verbs.size_and_sha256", (3, "abc"))
 
 
 @pytest.fixture

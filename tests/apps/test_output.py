@@ -12,9 +12,9 @@ from PIL import Image
 from small_frame import FAST, pixels, refused, run
 
 import dlama
-from dlama.apps import evaluate
 from dlama.apps.cli import main
 from dlama.apps.options import RESULTS, Report
+from dlama.apps.verbs import evaluate
 
 VIEW = ("view", "image.png", "depth.png", "--fov", 60, "--yaw", 12, *FAST)
 

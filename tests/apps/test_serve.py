@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from dlama.apps.cli import main
-from dlama.apps.serve import address_of
+from dlama.apps.verbs.serve import address_of
 
 
 def test_it_serves_until_it_is_ended(tmp_path: Path) -> None:

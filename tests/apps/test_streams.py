@@ -10,9 +10,9 @@ from pathlib import Path
 
 import pytest
 
-from dlama.apps.demo import ASSETS
 from dlama.apps.terminal.output import errors_as_lines
 from dlama.apps.terminal.streams import PLAINLY
+from dlama.apps.verbs.demo import ASSETS
 
 PICTURE = f"{ASSETS / 'street.jpg'} {ASSETS / 'depth.png'} --fov 90 --yaw 5 --only image -o out"
 

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from dlama.apps.demo import ASSETS
+from dlama.apps.verbs.demo import ASSETS
 
 WORDS = [
     *("view", str(ASSETS / "street.jpg"), str(ASSETS / "depth.png"), "--fov", "90", "--yaw", "5"),

@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dlama.datasets.colmap_model import read_model, write_model
 from dlama.datasets.layouts import detect
-from dlama.datasets.scene_frames import open_frames
+from dlama.datasets.posed.colmap_model import read_model, write_model
+from dlama.datasets.sequences.scene_frames import open_frames
 from dlama.errors import CameraError, FileError
 from dlama.files.rasters.depth import write_depth_png
 from dlama.files.rasters.pictures import write_color

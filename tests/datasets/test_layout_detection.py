@@ -12,9 +12,9 @@ import pytest
 
 from dlama.datasets.frames import Dataset
 from dlama.datasets.layouts import LAYOUTS, detect, open_dataset
-from dlama.datasets.numbered_frames import numbered_frames, tsdf_fusion
-from dlama.datasets.posed_frames import PosedFrame, lens_for, posed_frame
-from dlama.datasets.view_pairs import Overlaps, posed_dataset, view_pairs
+from dlama.datasets.posed.numbered_frames import numbered_frames, tsdf_fusion
+from dlama.datasets.posed.posed_frames import PosedFrame, lens_for, posed_frame
+from dlama.datasets.posed.view_pairs import Overlaps, posed_dataset, view_pairs
 from dlama.errors import FileError, InputError
 from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import RGBD

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from dlama.datasets.layouts import open_dataset
-from dlama.datasets.nerfstudio import lens_of
+from dlama.datasets.posed.nerfstudio import lens_of
 from dlama.errors import CameraError, FileError, InputError
 from dlama.files.checked_fields import FileFields
 from posed_folders import check_frames, truth, write_codes16, write_picture

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from dlama.datasets.layouts import open_dataset
-from dlama.datasets.numbered_frames import DEPTH_LENS, load_registered_depth, moved_depth
-from dlama.datasets.posed_frames import FrameFiles
+from dlama.datasets.posed.numbered_frames import DEPTH_LENS, load_registered_depth, moved_depth
+from dlama.datasets.posed.posed_frames import FrameFiles
 from dlama.errors import CameraError, FileError, ShapeError
 from dlama.files.cameras import write_camera
 from dlama.geometry.camera import Camera

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from dlama.datasets.layouts import open_dataset
-from dlama.datasets.rotations import rotation_of
+from dlama.datasets.posed.rotations import rotation_of
 from dlama.errors import CameraError, FileError, InputError
 from dlama.files.cameras import write_camera
 from posed_folders import AXIS, LENS, TURNS, cameras, check_frames, truth, write_codes16, write_picture

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dlama.datasets.rotations import quaternion_of, rotation_deg, rotation_of
+from dlama.datasets.posed.rotations import quaternion_of, rotation_deg, rotation_of
 
 
 def about(axis: list[float], degrees: float) -> np.ndarray:

@@ -12,10 +12,10 @@ import pytest
 from PIL import Image
 
 import dlama
-from dlama.datasets import sequence as module
-from dlama.datasets.camera_paths import VIEWS_OF_PATH
-from dlama.datasets.nerfstudio_writer import write_transforms, write_view
-from dlama.datasets.scene_frames import open_frames, sliced
+from dlama.datasets.posed.nerfstudio_writer import write_transforms, write_view
+from dlama.datasets.sequences import sequence as module
+from dlama.datasets.sequences.camera_paths import VIEWS_OF_PATH
+from dlama.datasets.sequences.scene_frames import open_frames, sliced
 from dlama.errors import FileError, InputError
 from dlama.files.cameras import camera_as_json
 from dlama.geometry.camera import Camera

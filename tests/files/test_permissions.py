@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from dlama.apps.demo import ASSETS
+from dlama.apps.verbs.demo import ASSETS
 from dlama.errors import FileError, OutputError, system_errors
 
 CALLS = {

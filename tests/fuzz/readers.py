@@ -22,8 +22,8 @@ from PIL import Image
 
 from dlama.datasets.easysynth.text_files import METRIC_HEADER, UNREAL_HEADER, read_poses, read_rig
 from dlama.datasets.layouts import open_dataset
+from dlama.datasets.posed.trajectory_log import read_log
 from dlama.datasets.text_tables import read_pose
-from dlama.datasets.trajectory_log import read_log
 from dlama.evaluation.protocols.methods import Measure, Panel
 from dlama.evaluation.report.panels import choose, read_strip
 from dlama.evaluation.runner.store import Stored, StoredRun, read_stored, result_rows, timing_rows, write_stored

@@ -35,7 +35,7 @@ def test_names_are_those_of_the_command_line(verb: str) -> None:
 
 def test_defaults_of_the_command_line_are_parameters() -> None:
     """Every option of `dlama batch` that is no matter of the run is a parameter of some verb; all but input files are there."""
-    from dlama.apps.batch import Running, Which
+    from dlama.apps.verbs.batch import Running, Which
 
     own = {one.name for group in (Running, Which) for one in dataclasses.fields(group)}
     offered = set(options_of(COMMANDS["batch"])) - own - {"words", "output", "quiet", "json"}

@@ -1,1 +1,1 @@
-"""The command line: words in; files, lines on the terminal and exit codes out. Begin with `cli`; verbs have own files."""
+"""The command line: words in; files, lines on the terminal and exit codes out. Begin with `cli`, then `verbs`."""

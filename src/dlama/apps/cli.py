@@ -11,14 +11,8 @@ import tyro
 from tyro.conf import FlagCreatePairsOff, OmitArgPrefixes, Positional
 
 import dlama
-from dlama.apps.batch import EXAMPLES as BATCH_EXAMPLES
-from dlama.apps.batch import batch
-from dlama.apps.depth import depth as depth_of_photo
-from dlama.apps.doctor import doctor
-from dlama.apps.evaluate import evaluate
+from dlama.apps.examples import EXAMPLES
 from dlama.apps.jobs import STAGES, job
-from dlama.apps.masks import mask as mask_of_thing
-from dlama.apps.model_verbs import models
 from dlama.apps.options import (
     Depth,
     DepthAndMask,
@@ -38,15 +32,20 @@ from dlama.apps.options import (
 )
 from dlama.apps.places import check_folder_apart
 from dlama.apps.pointing import Pointing
-from dlama.apps.sequence import sequence
-from dlama.apps.serve import serve
-from dlama.apps.show import show
 from dlama.apps.terminal.flags import flags_of, with_flags
 from dlama.apps.terminal.output import errors_as_lines, reported, stages_bar
-from dlama.apps.train import EXAMPLES as TRAINING_EXAMPLES
-from dlama.apps.train import pack, train
-from dlama.apps.video import video
-from dlama.apps.worlds import worlds
+from dlama.apps.verbs.batch import batch
+from dlama.apps.verbs.depth import depth as depth_of_photo
+from dlama.apps.verbs.doctor import doctor
+from dlama.apps.verbs.evaluate import evaluate
+from dlama.apps.verbs.masks import mask as mask_of_thing
+from dlama.apps.verbs.model_verbs import models
+from dlama.apps.verbs.sequence import sequence
+from dlama.apps.verbs.serve import serve
+from dlama.apps.verbs.show import show
+from dlama.apps.verbs.train import pack, train
+from dlama.apps.verbs.video import video
+from dlama.apps.verbs.worlds import worlds
 
 DESCRIPTION = (
     "Completes what a camera could not see: the scene from another viewpoint, without an object, or as a stereo pair, "
@@ -180,7 +179,7 @@ def demo(method: Method, report: Report, output: DEMO_FOLDER = Path("dlama-demo"
         only: What is written of each job beside meta.json: image, depth, hole, origin, confidence, disparity, points, mesh,
             scene, preview.
     """
-    from dlama.apps.demo import demo
+    from dlama.apps.verbs.demo import demo
 
     with reported("demo", report) as result, stages_bar("demo", 4 * STAGES, report):
         demo(output, method, result, only)
@@ -215,84 +214,6 @@ VERBS: dict[str, Callable[..., Any]] = {
 }
 
 
-EXAMPLES: dict[str, tuple[str, ...]] = {
-    "view": (
-        "dlama view photo.jpg depth.png --fov 65 --yaw 20 -o out",
-        "dlama view photo.jpg --yaw 8 --metres-at 320,400=2.5 -o out",
-        "dlama view photo.jpg depth.exr --camera cam.json --yaw -10 --pitch 5 --pivot auto -o out",
-        "dlama view photo.jpg depth.png --camera cam.json --to target.json --only image,depth -o out",
-    ),
-    "remove": (
-        "dlama remove photo.jpg depth.png --click 150,250 --with-shadow --fov 65 -o out",
-        "dlama remove photo.jpg depth.png mask.png --fov 65 -o out",
-        "dlama remove photo.jpg depth.png mask.png --fov 65 --yaw 20 -o out",
-        "dlama remove photo.jpg mask.png -o out",
-        "dlama remove color.jpeg depth.exr semantic.png --mask-class barrel --fov 90 --depth-range 10 -o out",
-    ),
-    "mask": (
-        "dlama mask photo.jpg depth.png --fov 65 --click 150,250 -o mask.png",
-        "dlama mask photo.jpg --box 120,90,60,200 -o mask.png",
-        "dlama mask photo.jpg depth.png --fov 65 --click 150,250 --not 200,310 -o mask.png",
-        "dlama mask photo.jpg --click 150,250 --masker segment-anything --mask-model mobile-sam -o mask.png",
-    ),
-    "stereo": (
-        "dlama stereo left.png right.png --calib calib.txt -o out",
-        "dlama stereo left.png right.png --calib calib.json --mask left_mask.png -o out",
-        "dlama stereo left.png right.png --calib calib.txt --click 150,250 --with-shadow -o out",
-    ),
-    "sequence": (
-        "dlama sequence room -o out",
-        "dlama sequence room --frames 0:480:10 --mask frame-000030=mask.png -o out",
-        "dlama sequence room --views orbit -o out",
-    ),
-    "video": (
-        "dlama video out/scene.npz --path spiral --seconds 6 -o out.mp4",
-        "dlama video room --frames ::5 --path orbit --width 640 -o orbit.webp",
-    ),
-    "depth": (
-        "dlama depth photo.jpg -o out",
-        "dlama depth photo.jpg --fov 65 --metres-at 320,400=2.5 100,90=7 -o out",
-        "dlama depth photo.jpg --depth-model moge-small -o out",
-    ),
-    "batch": BATCH_EXAMPLES,
-    "doctor": (
-        "dlama doctor photo.jpg depth.png --fov 65",
-        "dlama doctor photo.jpg depth.png mask.png --camera cam.json",
-        "dlama doctor left.png right.png --calib calib.txt",
-        "dlama doctor room",
-    ),
-    "show": (
-        "dlama show out",
-        "dlama show out/scene.ply --max-points 1000000",
-        "dlama show room --port 9000",
-    ),
-    "models": (
-        "dlama models list",
-        "dlama models pull big-lama",
-        "dlama models convert big-lama.pt -o big-lama.onnx",
-    ),
-    "evaluate": (
-        "dlama evaluate worlds -o dlama-report",
-        "dlama evaluate street --protocol vpi --fillers layered telea migan --model migan=migan.onnx --jobs 2 -o out",
-        "dlama evaluate room --layout tum --camera cam.json --limit 20 --no-variants -o out",
-    ),
-    "worlds": (
-        "dlama worlds",
-        "dlama worlds --count 8 --kind street --seed 1 -o worlds",
-    ),
-    **TRAINING_EXAMPLES,
-    "demo": (
-        "dlama demo",
-        "dlama demo -o /tmp/demo",
-    ),
-    "serve": (
-        "dlama serve",
-        "dlama serve --port 8000",
-        "dlama serve --host 0.0.0.0 --token SECRET",
-    ),
-    "version": ("dlama version",),
-}
-"""What `dlama VERB --help` shows below its first line."""
 CONFIG = (OmitArgPrefixes, FlagCreatePairsOff)
 
 

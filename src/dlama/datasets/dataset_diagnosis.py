@@ -10,8 +10,8 @@ import numpy as np
 
 from dlama.datasets.frames import Dataset, Frame, RemovalTruth, StereoTruth
 from dlama.datasets.layouts import detect, open_dataset
-from dlama.datasets.posed_frames import CameraOption
-from dlama.datasets.view_pairs import NoPairsError
+from dlama.datasets.posed.posed_frames import CameraOption
+from dlama.datasets.posed.view_pairs import NoPairsError
 from dlama.errors import InputError
 from dlama.geometry.rgbd import RGBD, BoolArray, counted, depth_range_in_words
 from dlama.perception.diagnosis.finding import Finding, Observed

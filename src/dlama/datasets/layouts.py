@@ -6,24 +6,24 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from dlama.datasets.colmap import colmap, looks_like_colmap
 from dlama.datasets.easysynth.dataset import easysynth, looks_like_easysynth
 from dlama.datasets.frames import Dataset, Gamma
-from dlama.datasets.nerfstudio import looks_like_nerfstudio, nerfstudio
-from dlama.datasets.numbered_frames import (
+from dlama.datasets.pairs_json import looks_like_pairs, pairs_json
+from dlama.datasets.posed.colmap import colmap, looks_like_colmap
+from dlama.datasets.posed.nerfstudio import looks_like_nerfstudio, nerfstudio
+from dlama.datasets.posed.numbered_frames import (
     looks_like_seven_scenes,
     looks_like_tsdf_fusion,
     seven_scenes,
     tsdf_fusion,
 )
-from dlama.datasets.pairs_json import looks_like_pairs, pairs_json
-from dlama.datasets.posed_frames import CameraOption
+from dlama.datasets.posed.posed_frames import CameraOption
+from dlama.datasets.posed.scannet import looks_like_scannet, scannet
+from dlama.datasets.posed.trajectory_log import looks_like_trajectory_log, trajectory_log
+from dlama.datasets.posed.tum import looks_like_tum, tum
 from dlama.datasets.removal_folder import looks_like_removal, removal_folder
-from dlama.datasets.scannet import looks_like_scannet, scannet
 from dlama.datasets.stereo_folder import looks_like_stereo, stereo_folder
 from dlama.datasets.text_tables import LEVELS, check_scenes, folders_in
-from dlama.datasets.trajectory_log import looks_like_trajectory_log, trajectory_log
-from dlama.datasets.tum import looks_like_tum, tum
 from dlama.errors import FileError, InputError, system_errors
 
 

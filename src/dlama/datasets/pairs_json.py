@@ -10,9 +10,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from dlama.datasets.frames import Case, Dataset
-from dlama.datasets.posed_frames import FrameFiles, Lens, PosedFrame, json_lens, posed_frame, units_per_metre
+from dlama.datasets.posed.posed_frames import FrameFiles, Lens, PosedFrame, json_lens, posed_frame, units_per_metre
+from dlama.datasets.posed.view_pairs import pair_case
 from dlama.datasets.text_tables import pose_at, scene_folders
-from dlama.datasets.view_pairs import pair_case
 from dlama.errors import FileError
 from dlama.files.checked_fields import FileFields, read_json_fields
 

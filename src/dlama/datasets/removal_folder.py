@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from dlama.datasets.frames import Case, Dataset, RemovalTruth
-from dlama.datasets.posed_frames import FrameFiles, json_lens, load_rgbd, posed_frame, units_per_metre
+from dlama.datasets.posed.posed_frames import FrameFiles, json_lens, load_rgbd, posed_frame, units_per_metre
 from dlama.datasets.text_tables import scene_folders
 from dlama.errors import FileError, ShapeError
 from dlama.files.checked_fields import read_json_fields

@@ -58,6 +58,9 @@ class Scene:
         layers, objects = frames + counted(len(self.layers), "layer"), counted(len(self.objects), "removed object")
         return f"Scene({layers}, {objects}, first layer {self.layers[0]!r})"
 
+    def _repr_png_(self) -> bytes:
+        return self.layers[0]._repr_png_()
+
     def _repr_html_(self) -> str:
         cloud = concatenated([lift(layer) for layer in self.layers])
         cam_from_world = self.layers[0].camera.cam_from_world

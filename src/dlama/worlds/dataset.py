@@ -16,7 +16,7 @@ import numpy as np
 
 from dlama.datasets.frames import Case, Dataset, Frame, Gamma, RemovalTruth, StereoTruth, ViewTruth
 from dlama.datasets.layouts import check_limit, narrowed, open_dataset, refuse_unused
-from dlama.datasets.posed_frames import CameraOption
+from dlama.datasets.posed.posed_frames import CameraOption
 from dlama.errors import FileError, InputError, system_errors
 from dlama.geometry.camera import Camera, StereoRig
 from dlama.geometry.projection import disparity_from_depth

@@ -60,6 +60,7 @@ def test_every_noun_shows_itself_and_loads_nothing() -> None:
         assert not any(address in content for address in NOWHERE_ELSE)
         assert len(content) < 300_000
         assert Image.open(io.BytesIO(noun._repr_png_())).format == "PNG"
+    assert done.scene._repr_png_() == done.scene.layers[0]._repr_png_()
     small = np.asarray(pictures(rgbd._repr_html_())[0].resize((8, 8)), float)
     truth = np.asarray(Image.fromarray(np.asarray(rgbd.color)).resize((8, 8), Image.Resampling.BOX), float)
     assert np.abs(small - truth).mean() < 12  # the picture itself, not the depth

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from dlama.apps.viewer.contents import Contents
-from dlama.datasets.rotations import quaternion_of, rotation_of
+from dlama.datasets.posed.rotations import quaternion_of, rotation_of
 from dlama.geometry.camera import Camera, Float64Array
 from dlama.geometry.cloud import concatenated
 

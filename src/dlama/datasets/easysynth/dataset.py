@@ -26,8 +26,8 @@ from dlama.datasets.easysynth.listing import (
     sequence_folders,
 )
 from dlama.datasets.frames import Case, Dataset, Gamma, Protocol, Truth
-from dlama.datasets.posed_frames import PosedFrame
-from dlama.datasets.rotations import rotation_deg
+from dlama.datasets.posed.posed_frames import PosedFrame
+from dlama.datasets.posed.rotations import rotation_deg
 from dlama.errors import CameraError, FileError
 from dlama.files.semantic_classes import CLASSES_FILE, RGB, class_color
 from dlama.geometry.camera import Float64Array, inverse_pose

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dlama.datasets.rotations import QUATERNION_TOLERANCE, quaternion_of, rotation_of
+from dlama.datasets.posed.rotations import QUATERNION_TOLERANCE, quaternion_of, rotation_of
 from dlama.errors import CameraError, FileError
 from dlama.files.checked_fields import FileFields, json_fields
 from dlama.files.semantic_classes import unreal_text

@@ -13,11 +13,11 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
 
 from tyro.conf import Positional
 
-from dlama.apps.evaluate_sequence import evaluate_sequence
 from dlama.apps.options import RECIPES, CameraFile, Metres, Output, Report, Seed, option
 from dlama.apps.places import check_folder_apart
 from dlama.apps.terminal.output import counting_bar, print_line, reported
 from dlama.apps.terminal.streams import ending, exit_code
+from dlama.apps.verbs.evaluate_sequence import evaluate_sequence
 from dlama.errors import InputError, MissingExtraError
 from dlama.inpainters import FILLERS
 

@@ -17,9 +17,17 @@ from pathlib import Path
 import numpy as np
 
 from dlama.datasets.frames import Dataset
-from dlama.datasets.posed_frames import CameraOption, FrameFiles, Lens, PosedFrame, lens_for, load_depth, posed_frame
+from dlama.datasets.posed.posed_frames import (
+    CameraOption,
+    FrameFiles,
+    Lens,
+    PosedFrame,
+    lens_for,
+    load_depth,
+    posed_frame,
+)
+from dlama.datasets.posed.view_pairs import read_posed
 from dlama.datasets.text_tables import files_in, read_pose
-from dlama.datasets.view_pairs import read_posed
 from dlama.errors import FileError, ShapeError
 from dlama.files.cameras import checked_camera
 from dlama.files.rasters.pictures import read_color_of_camera

@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 
 from dlama.datasets.frames import Case, Dataset, ViewTruth
-from dlama.datasets.posed_frames import PosedFrame
-from dlama.datasets.rotations import rotation_deg
+from dlama.datasets.posed.posed_frames import PosedFrame
+from dlama.datasets.posed.rotations import rotation_deg
 from dlama.datasets.text_tables import scene_folders
 from dlama.errors import FileError, InputError
 from dlama.geometry.camera import Camera, Float64Array

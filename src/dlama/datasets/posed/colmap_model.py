@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dlama.datasets.rotations import quaternion_of, rotation_of
+from dlama.datasets.posed.rotations import quaternion_of, rotation_of
 from dlama.datasets.text_tables import pose_at, read_rows
 from dlama.errors import CameraError, FileError
 from dlama.files.atomic_write import new_file

@@ -14,13 +14,13 @@ from typing import Any
 from dlama import __version__
 from dlama.completion.frames.stepwise import plan_for, steps_for, taken, taken_up
 from dlama.completion.memory import check_memory
-from dlama.datasets.camera_paths import cameras_for
-from dlama.datasets.colmap_model import write_model
 from dlama.datasets.frames import Frame
-from dlama.datasets.nerfstudio_writer import FOLDERS, write_transforms, write_view
-from dlama.datasets.posed_frames import CameraOption
-from dlama.datasets.scene_frames import open_frames, sliced
-from dlama.datasets.sequence_state import SequenceState
+from dlama.datasets.posed.colmap_model import write_model
+from dlama.datasets.posed.nerfstudio_writer import FOLDERS, write_transforms, write_view
+from dlama.datasets.posed.posed_frames import CameraOption
+from dlama.datasets.sequences.camera_paths import cameras_for
+from dlama.datasets.sequences.scene_frames import open_frames, sliced
+from dlama.datasets.sequences.state import SequenceState
 from dlama.errors import DlamaError, FileError, InputError, OutputError, first_line, system_errors
 from dlama.files.atomic_write import PathLike, new_file
 from dlama.files.results.completion import as_json

@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
-from dlama.datasets.nerfstudio import CV_FROM_GL, DEPTH_UNIT, UNIT
-from dlama.datasets.nerfstudio import NAME as TRANSFORMS
+from dlama.datasets.posed.nerfstudio import CV_FROM_GL, DEPTH_UNIT, UNIT
+from dlama.datasets.posed.nerfstudio import NAME as TRANSFORMS
 from dlama.files.atomic_write import new_file
 from dlama.files.rasters.depth import write_depth_png
 from dlama.files.rasters.pictures import save_picture, write_codes, write_color, write_mask

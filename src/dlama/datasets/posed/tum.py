@@ -15,10 +15,10 @@ from pathlib import Path
 import numpy as np
 
 from dlama.datasets.frames import Dataset
-from dlama.datasets.posed_frames import CameraOption, FrameFiles, Lens, PosedFrame, lens_for, posed_frame
-from dlama.datasets.rotations import QUATERNION_TOLERANCE, rotation_of
+from dlama.datasets.posed.posed_frames import CameraOption, FrameFiles, Lens, PosedFrame, lens_for, posed_frame
+from dlama.datasets.posed.rotations import QUATERNION_TOLERANCE, rotation_of
+from dlama.datasets.posed.view_pairs import LOG, read_posed
 from dlama.datasets.text_tables import Row, pose_at, read_rows
-from dlama.datasets.view_pairs import LOG, read_posed
 from dlama.errors import FileError
 from dlama.geometry.camera import Float64Array
 

@@ -9,10 +9,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from dlama.datasets.colmap_model import ColmapImage, read_model
 from dlama.datasets.frames import Dataset
-from dlama.datasets.posed_frames import FrameFiles, Lens, PosedFrame, posed_frame
-from dlama.datasets.view_pairs import LOG, read_posed
+from dlama.datasets.posed.colmap_model import ColmapImage, read_model
+from dlama.datasets.posed.posed_frames import FrameFiles, Lens, PosedFrame, posed_frame
+from dlama.datasets.posed.view_pairs import LOG, read_posed
 from dlama.errors import FileError
 
 MODEL_FOLDERS = ("sparse/0", "sparse", "")

@@ -11,9 +11,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from dlama.datasets.frames import Dataset
-from dlama.datasets.posed_frames import CameraOption, FrameFiles, Lens, PosedFrame, lens_for, posed_frame
+from dlama.datasets.posed.posed_frames import CameraOption, FrameFiles, Lens, PosedFrame, lens_for, posed_frame
+from dlama.datasets.posed.view_pairs import read_posed
 from dlama.datasets.text_tables import files_in, matrix_of, pose_at, read_rows
-from dlama.datasets.view_pairs import read_posed
 from dlama.errors import FileError
 from dlama.geometry.camera import Float64Array
 

@@ -13,9 +13,17 @@ from pathlib import Path
 import numpy as np
 
 from dlama.datasets.frames import Dataset
-from dlama.datasets.posed_frames import CameraOption, FrameFiles, Lens, PosedFrame, lens_for, posed_frame, text_lens
+from dlama.datasets.posed.posed_frames import (
+    CameraOption,
+    FrameFiles,
+    Lens,
+    PosedFrame,
+    lens_for,
+    posed_frame,
+    text_lens,
+)
+from dlama.datasets.posed.view_pairs import LOG, read_posed
 from dlama.datasets.text_tables import files_in, pose_at, read_matrix
-from dlama.datasets.view_pairs import LOG, read_posed
 from dlama.errors import CameraError, FileError
 
 FOLDERS = ("color", "depth", "pose")

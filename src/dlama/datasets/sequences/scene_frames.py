@@ -10,7 +10,7 @@ from typing import TypeVar
 from dlama.datasets.easysynth.listing import sequence_folders
 from dlama.datasets.frames import Frame
 from dlama.datasets.layouts import LAYOUTS, detect, refuse_unused
-from dlama.datasets.posed_frames import CameraOption
+from dlama.datasets.posed.posed_frames import CameraOption
 from dlama.errors import FileError, InputError, system_errors
 from dlama.files.atomic_write import PathLike
 

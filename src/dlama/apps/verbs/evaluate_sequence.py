@@ -22,8 +22,8 @@ def evaluate_sequence(dataset: str, output: Path, report: Report, cases: Mapping
 
     cases: the options protocol, scenes, layout, camera, depth_range and limit by name.
     """
-    from dlama.datasets.scene_frames import open_frames
-    from dlama.datasets.sequence import load_frames
+    from dlama.datasets.sequences.scene_frames import open_frames
+    from dlama.datasets.sequences.sequence import load_frames
     from dlama.evaluation.protocols.methods import ProtocolSettings
     from dlama.evaluation.protocols.sequence import APART, COUNTS, Row, score_sequence, table
     from dlama.files.atomic_write import new_directory

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Annotated
 from tyro.conf import Positional
 
 from dlama.apps.options import Report, option
-from dlama.apps.sequence import Filler, Source
 from dlama.apps.terminal.output import counting_bar, reported
+from dlama.apps.verbs.sequence import Filler, Source
 
 if TYPE_CHECKING:
     from dlama.geometry.rgbd import UInt8Array
@@ -41,8 +41,8 @@ def video(
         width: Of the video; its height follows.
     """
     import dlama
-    from dlama.datasets.camera_paths import path_for
-    from dlama.datasets.sequence import read_scene_of
+    from dlama.datasets.sequences.camera_paths import path_for
+    from dlama.datasets.sequences.sequence import read_scene_of
     from dlama.files.results.video import check_video, write_video
 
     started = time.perf_counter()

@@ -14,9 +14,9 @@ from pathlib import Path
 import numpy as np
 
 from dlama.datasets.frames import Dataset
-from dlama.datasets.posed_frames import FrameFiles, Lens, PosedFrame, posed_frame, units_per_metre
+from dlama.datasets.posed.posed_frames import FrameFiles, Lens, PosedFrame, posed_frame, units_per_metre
+from dlama.datasets.posed.view_pairs import LOG, read_posed
 from dlama.datasets.text_tables import pose_at
-from dlama.datasets.view_pairs import LOG, read_posed
 from dlama.errors import CameraError, FileError
 from dlama.files.checked_fields import FileFields, Intrinsics, read_json_fields
 from dlama.geometry.camera import Float64Array
