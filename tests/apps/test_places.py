@@ -28,7 +28,9 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     small_frame(tmp_path)
     (tmp_path / "scenes").mkdir()
     (tmp_path / "model.pt").write_bytes(b"weights")
-    (tmp_path / "pack.dlama").write_bytes(b"pack")
+    for name in ("pack.dlama", "scene.webp"):
+        (tmp_path / name).write_bytes(b"pack")
+    (tmp_path / "jobs.csv").write_text("id,verb,image,yaw\na,view,image.png,5\n")
     monkeypatch.chdir(tmp_path)
 
     def worked(*_: Any, **__: Any) -> None:
@@ -58,9 +60,13 @@ REFUSED = {
     "worlds": ("worlds --textures scenes -o scenes", "(folder of textures)"),
     "train": ("train tiny --data scenes -o scenes", "(--data scenes)"),
     "pack": ("pack pack.dlama -o pack.dlama", "--output is pack.dlama, an input of this run (data pack.dlama)"),
+    "sequence": ("sequence scenes -o scenes", "--output is scenes, an input of this run (data set)"),
+    "video": ("video scene.webp -o scene.webp", "--output is scene.webp, an input of this run (what is shown)"),
+    "batch": ("batch jobs.csv -o .", "--output is ., the folder of the list of jobs jobs.csv"),
+    "batch, of a data set": ("batch --data scenes -o scenes", "an input of this run (folder of frames)"),
     "models": ("models convert model.pt -o model.onnx", "--output is model.onnx, an input of this run (weights)"),
 }
-WITHOUT_BOTH = {"demo", "doctor", "version"}
+WITHOUT_BOTH = {"demo", "doctor", "version", "show", "serve"}
 """Verbs that read nothing of the user's, or write nothing."""
 
 

@@ -52,16 +52,17 @@ def test_no_hole_opens_where_one_of_the_cameras_saw_what_is_there(world: World) 
 
 
 def test_sky_stays_sky_between_the_cameras() -> None:
-    """Law: at most 0.5 % of the world's sky stays open; where closing draws sky, most of it is sky in the world."""
-    done, right, drawn = filled(OUTDOORS), 0, 0
+    """Law: at most 0.5 % of the world's sky stays open; closing draws sky over at most 0.1 % of a view that is none."""
+    done, drawn = filled(OUTDOORS), 0
     for yaw in BETWEEN:
         camera = orbit(CAMERA, yaw)
         sky = np.isinf(OUTDOORS.trace(camera)[0])
         view, plain = render(done.scene, camera), render(done.scene, camera, close=False)
         assert (view.hole & sky).sum() <= 0.005 * sky.sum(), yaw
         closed = plain.hole & view.far
-        right, drawn = right + int((closed & sky).sum()), drawn + int(closed.sum())
-    assert drawn > 30 and right > 0.75 * drawn
+        assert (closed & ~sky).mean() <= 0.001, yaw
+        drawn += int(closed.sum())
+    assert drawn > 0
 
 
 @worlds

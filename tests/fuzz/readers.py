@@ -28,12 +28,13 @@ from dlama.evaluation.protocols.methods import Measure, Panel
 from dlama.evaluation.report.panels import choose, read_strip
 from dlama.evaluation.runner.store import Stored, StoredRun, read_stored, result_rows, timing_rows, write_stored
 from dlama.evaluation.runner.strips import jpeg, strip
-from dlama.files.cameras import read_camera, read_stereo_calib
+from dlama.files.cameras import read_camera, read_cameras, read_stereo_calib
+from dlama.files.rasters.colmap_depth import read_colmap_depth
 from dlama.files.rasters.depth import read_depth, read_disparity, write_depth_exr, write_disparity_pfm
 from dlama.files.rasters.images import picture_hw
 from dlama.files.rasters.pictures import read_color, read_mask
 from dlama.files.scenes.clouds import read_ply, write_ply
-from dlama.files.scenes.scene_npz import read_npz, write_npz
+from dlama.files.scenes.scene_npz import read_npz, read_scene, write_npz
 from dlama.files.semantic_classes import read_classes
 from dlama.geometry.camera import Camera
 from dlama.geometry.projection import lift
@@ -97,6 +98,12 @@ def summed(data: bytes) -> bytes:
         out += struct.pack(">I", max(0, len(body) - 4)) + body + struct.pack(">I", zlib.crc32(body))
         at += 12 + length
     return out
+
+
+def both_scenes(path: Path) -> None:
+    """The view and its scene, and the scene alone."""
+    read_npz(path)
+    read_scene(path)
 
 
 def zipped(name: str, **others: bytes) -> Callable[[bytes], bytes]:
@@ -213,6 +220,8 @@ def tables() -> list[Reader]:
 
     return [
         Reader("camera.json", json.dumps({**LENS, "world_from_cam": POSE}).encode(), read_camera),
+        Reader("cameras.json", json.dumps([{**LENS, "name": "a"}, {**LENS, "world_from_cam": POSE}]).encode(), read_cameras),
+        Reader("a.geometric.bin", b"12&9&1&" + DEPTH.astype("<f4").tobytes(), read_colmap_depth),
         Reader("calib.txt", calib, lambda path: (read_camera(path), read_stereo_calib(path))),
         Reader("pair.json", json.dumps(pair).encode(), read_stereo_calib),
         Reader("rig.json", json.dumps(rig).encode(), read_rig),
@@ -263,7 +272,7 @@ def arrays() -> list[Reader]:
         Reader("disparity.png", picture("PNG", codes), read_disparity, summed),
         Reader("mask.png", picture("PNG", mask), read_mask, summed),
         Reader("class.png", picture("PNG", COLOR), lambda path: read_mask(path, mask_class="1,2,3"), summed, "no pixel shows"),
-        *(Reader(f"scene.{name}.npz", data, read_npz, zipped(name, **{k: v for k, v in parts.items() if k != name}))
+        *(Reader(f"scene.{name}.npz", data, both_scenes, zipped(name, **{k: v for k, v in parts.items() if k != name}))
           for name, data in parts.items() if not name.startswith("layer")),
         Reader("binary.ply", made(lambda path: write_ply(path, cloud), ".ply"), read_ply),
         Reader("ascii.ply", ply, read_ply),

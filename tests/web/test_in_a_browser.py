@@ -96,8 +96,11 @@ def hand_in(page: Any, frame: Path, fov: str = "60") -> None:
 
 
 def click(page: Any, x: float, y: float) -> None:
-    """A click on a pixel of the small frame."""
-    box = page.locator("#canvas").bounding_box()
+    """A click on a pixel of the small frame, once the page has come to rest."""
+    box, before = page.locator("#canvas").bounding_box(), None
+    while box != before:
+        page.wait_for_timeout(100)
+        box, before = page.locator("#canvas").bounding_box(), box
     page.mouse.click(box["x"] + box["width"] * (x + 0.5) / 64, box["y"] + box["height"] * (y + 0.5) / 48)
 
 

@@ -74,7 +74,7 @@ def view(
         image: The colour picture: PNG, JPEG or TIFF.
         depth: Its depth, same size: 16-bit PNG or TIFF (millimetres), EXR, PFM, NPY or NPZ; without it, it is estimated.
         output: Directory for the results, made if need be; files of the same names are replaced.
-        only: What is written beside meta.json: image, depth, hole, origin, confidence, points, mesh, scene, preview.
+        only: What is written beside meta.json: image, depth, hole, origin, confidence, points, mesh, scene, preview, choice.
     """
     with job("view", report) as this:
         check_folder_apart(output, {"image": image, "depth": depth})
@@ -106,7 +106,7 @@ def remove(
         depth_and_mask: Its depth, same size (16-bit PNG or TIFF, EXR, PFM, NPY or NPZ; without it, it is estimated), and the
             object in the picture: black and white, 255 = remove; --click or --box say it in place of that file.
         output: Directory for the results, made if need be; files of the same names are replaced.
-        only: What is written beside meta.json: image, depth, hole, origin, confidence, points, mesh, scene, preview.
+        only: What is written beside meta.json: image, depth, hole, origin, confidence, points, mesh, scene, preview, choice.
     """
     with job("remove", report) as this:
         target = move.settings()
@@ -153,7 +153,7 @@ def stereo(
         max_disparity: The largest disparity looked for.
         far: What is measured at or beyond this is far (sky).
         only: What is written beside meta.json: image, depth, hole, origin, confidence,
-            disparity, points, mesh, scene, preview.
+            disparity, points, mesh, scene, preview, choice.
     """
     with job("stereo", report) as this:
         files = {"left": left, "right": right, "mask": mask, "mask_right": mask_right, "disparity": disparity}
@@ -177,7 +177,7 @@ def demo(method: Method, report: Report, output: DEMO_FOLDER = Path("dlama-demo"
     Args:
         output: Directory for the results: view/, remove/, stereo/, photo/, a joint preview.png, and the pictures used in inputs/.
         only: What is written of each job beside meta.json: image, depth, hole, origin, confidence, disparity, points, mesh,
-            scene, preview.
+            scene, preview, choice.
     """
     from dlama.apps.verbs.demo import demo
 

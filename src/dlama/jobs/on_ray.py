@@ -8,7 +8,6 @@ these queues hold are ever under way. Files are read and written by the actors, 
 from __future__ import annotations
 
 import os
-import time
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -20,8 +19,8 @@ from dlama.workers.threads import limit_threads
 
 AHEAD = 3
 """Tasks in the queue of an actor, with the one under way."""
-NODE_SECONDS = 3.0
-"""How long a cluster may take to notice that a node is dead, after an actor on it is."""
+NODE_SECONDS = 30.0
+"""How long a node may take to answer, after an actor on it has died; one that does not has died too."""
 USAGE = "RAY_USAGE_STATS_ENABLED"
 
 
@@ -44,6 +43,11 @@ class _Actor:
             return self.work(task)
         except MemoryError:
             os._exit(OUT_OF_MEMORY)
+
+
+def _answer() -> bool:
+    """What a node that is alive answers."""
+    return True
 
 
 @dataclass(eq=False)
@@ -152,14 +156,15 @@ class RayWorkers:
         return ends
 
     def _node_died(self, node: str, message: str) -> bool:
+        """Ask the node itself: its cluster may take long to notice that it has died with its actors."""
         if not node or "node has died" in message:
             return True
-        until = time.monotonic() + NODE_SECONDS
-        while time.monotonic() < until:
-            if not any(one["NodeID"] == node and one["Alive"] for one in self.ray.nodes()):
-                return True
-            time.sleep(0.1)
-        return False
+        there = self.ray.util.scheduling_strategies.NodeAffinitySchedulingStrategy(node, soft=False)
+        asked = self.ray.remote(_answer).options(num_cpus=0, max_retries=0, scheduling_strategy=there).remote()
+        try:
+            return not self.ray.get(asked, timeout=NODE_SECONDS)
+        except (self.ray.exceptions.RayError, self.ray.exceptions.GetTimeoutError):
+            return True
 
 
 def _connect(ray: Any, address: str) -> bool:
@@ -184,6 +189,7 @@ def _ray() -> Any:
     try:
         import ray
         import ray.exceptions
+        import ray.util.scheduling_strategies
     except ImportError as error:
         raise MissingExtraError("a Ray cluster", "ray", "batch") from error
     return ray

@@ -237,8 +237,9 @@ def test_every_term_has_a_weight():
     assert used_terms(LossSettings(**nothing), NetworkSettings("rgbd")) == []
     for name, term in GENERATOR_TERMS.items():
         weights = LossSettings(**nothing | {name: 2.0})
-        assert used_terms(weights, NetworkSettings("rgbd")) == [name]
-        assert used_terms(weights, NetworkSettings("rgb")) == ([] if term.of_depth else [name])
+        assert used_terms(weights, NetworkSettings("choice")) == [name]
+        assert used_terms(weights, NetworkSettings("rgbd")) == ([] if term.of_choice else [name])
+        assert used_terms(weights, NetworkSettings("rgb")) == ([] if term.of_depth or term.of_choice else [name])
     of_depth = [name for name, term in GENERATOR_TERMS.items() if term.of_depth]
     assert of_depth == ["depth_l1", "depth_gradient", "depth_normal", "depth_law"]
 

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from tyro.conf import Positional
 
 from dlama.apps.options import Estimating, Lens, Masking, Method, Move, Only, Reading, Report, option
+from dlama.apps.places import check_folder_apart
 from dlama.apps.pointing import Pointing
 from dlama.apps.terminal.output import counting_bar, print_line, reported
 from dlama.apps.terminal.streams import ending, exit_code
@@ -137,6 +138,7 @@ def batch(
             return
         if output is None:
             raise InputError("output is missing; a directory for the results is wanted: -o DIR")
+        check_folder_apart(output, {"folder of frames": which.data, "list of jobs": local_list(words)})
         totals = Totals()
         options = {name: value for name, value in dataclasses.asdict(running).items() if name != "dry_run"}
         with shown_progress(report, totals) as progress:
@@ -146,6 +148,11 @@ def batch(
         result.add("\n".join(totals.lines(str(output))), **totals.values(str(output)))
     if totals.failed:
         raise SystemExit(FAILED)
+
+
+def local_list(words: Sequence[str]) -> Path | None:
+    """The list of jobs, where it is a file of this computer's."""
+    return Path(words[0]) if words and "://" not in words[0] else None
 
 
 def write_page(words: Sequence[str], report: Report) -> None:

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from tyro.conf import Positional
 
 from dlama.apps.options import RECIPES, CameraFile, Masking, Metres, Output, Radius, Report, Seed, option
+from dlama.apps.places import check_folder_apart
 from dlama.apps.terminal.output import counting_bar, print_line, reported
 from dlama.apps.terminal.streams import ending, exit_code
 from dlama.errors import InputError
@@ -92,6 +93,7 @@ def sequence(
 
     started = time.perf_counter()
     with reported("sequence", report) as result:
+        check_folder_apart(output, {"data set": dataset, "folder of masks": masks})
         found = read_masks(mask_files(mask, masks), masking)
         with shown_progress("sequence", report) as progress:
             options = {"masks": found, "recipe": recipe, "dilate": dilate, "views": views, **vars(source)}

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 from tyro.conf import Positional
 
 from dlama.apps.options import Report, option
+from dlama.apps.places import check_file_apart
 from dlama.apps.terminal.output import counting_bar, reported
 from dlama.apps.verbs.sequence import Filler, Source
 
@@ -48,6 +49,7 @@ def video(
     started = time.perf_counter()
     with reported("video", report) as result, counting_bar("video", report) as bar:
         check_video(output)
+        check_file_apart(output, {"what is shown": source})
         options = dict(vars(frames))
         _, scene, _ = read_scene_of(source, options.pop("frames"), **options)
         cameras = path_for(path, scene, seconds, fps, width)
