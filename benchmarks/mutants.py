@@ -48,13 +48,17 @@ MUTANTS: tuple[Mutant, ...] = (
         ("--max-disparity is dropped", '"max_disparity": max_disparity', '"max_disparity": None'),
     ),
     *faults(
-        "apps/jobs.py",
+        "jobs/inputs.py",
         OPTIONS,
         (
             "--soft-mask and --mask-polarity are dropped",
-            "return read_mask(path, **masking.settings())",
+            "return read_mask(path, **options)",
             "return read_mask(path)",
         ),
+    ),
+    *faults(
+        "apps/jobs.py",
+        OPTIONS,
         (
             "--depth-scale, --far, --channel are dropped",
             "reading.settings() | estimating.settings()",
@@ -140,7 +144,7 @@ MUTANTS: tuple[Mutant, ...] = (
         ("pairs overlap whatever their depth", "LANDS_WITHIN = 0.05", "LANDS_WITHIN = 0.5"),
     ),
     *faults(
-        "files/meshes.py",
+        "files/scenes/meshes.py",
         "tests/files/test_clouds.py",
         ("GLB without the sRGB curve", "((level + 0.055) / 1.055) ** 2.4", "level"),
         ("GLB's curve has no straight part", "level <= 0.04045, level / 12.92", "level < 0, level / 12.92"),
@@ -151,7 +155,7 @@ MUTANTS: tuple[Mutant, ...] = (
         ("resize_depth half a pixel off", "(np.arange(n) + 0.5) * old / n", "np.arange(n) * old / n"),
     ),
     *faults(
-        "files/results.py",
+        "files/results/completion.py",
         "tests/files/test_results.py",
         (
             "hole.png leaves out what lacked only depth",
@@ -268,7 +272,7 @@ MUTANTS: tuple[Mutant, ...] = (
     ),
     *faults(
         "training/data/masks.py",
-        "tests/training/data/test_masks.py",
+        "tests/training/data/test_random_masks.py",
         ("masks of any area", "SMALLEST, LARGEST = 0.005, 0.7", "SMALLEST, LARGEST = 0.0, 1.0"),
         ("wide masks are narrower", "(0.04, 0.8), (0.02, 0.4), (1, 3)", "(0.04, 0.8), (0.02, 0.3), (1, 3)"),
     ),
