@@ -21,8 +21,11 @@ from dlama.jobs.result import JobResult
 
 with_ray = pytest.mark.skipif(importlib.util.find_spec("ray") is None, reason="ray is not installed: extra `batch`")
 
+slow = pytest.mark.skipif("DLAMA_CLUSTER" not in os.environ, reason="takes a minute: DLAMA_CLUSTER=1 runs it")
+
 
 @with_ray
+@slow
 def test_a_lost_node_and_lost_workers_lose_no_job(tmp_path: Path) -> None:
     """One node is killed in the middle, one job kills its worker once, another always: all rows are there, none twice, and
     results are those of local processes."""
