@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from dlama.errors import MissingExtraError
-from dlama.models.records import CONTRACT_KEY
+from dlama.models.contracts import CONTRACT_KEY
 
 TYPES = {"float32": "tensor(float)", "uint8": "tensor(uint8)"}
 

@@ -14,9 +14,6 @@ Contract: TypeAlias = Literal[
     "lama-weights", "migan-pipeline", "alexnet-weights", "lpips-heads", "depth-network", "mask-network"
 ]
 
-CONTRACT_KEY = "dlama.contract"
-"""Key of the ONNX metadata under which a file's contract stands, as JSON (`dlama models convert` writes it)."""
-
 
 @dataclass(frozen=True)
 class Record:

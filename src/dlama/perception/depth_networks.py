@@ -5,10 +5,9 @@ How a network wants its picture and what its numbers mean is data, a DepthContra
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import cv2
@@ -16,8 +15,8 @@ import numpy as np
 
 from dlama.errors import DepthError, FileError, InputError
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
+from dlama.models.contracts import CONTRACT_KEY, contract_metadata, read_contract
 from dlama.models.network_file import NetworkFile
-from dlama.models.records import CONTRACT_KEY
 
 Gives = Literal["depth", "inverse depth", "points"]
 KINDS: tuple[Gives, ...] = ("depth", "inverse depth", "points")
@@ -82,7 +81,7 @@ class DepthContract:
 
     def metadata(self) -> dict[str, str]:
         """The ONNX metadata that says all this."""
-        return {CONTRACT_KEY: json.dumps({"network": NETWORK, **asdict(self)})}
+        return contract_metadata(NETWORK, self)
 
 
 @dataclass(frozen=True, eq=False)
@@ -171,20 +170,4 @@ def squeezed(network: NetworkFile, contract: DepthContract, out: np.ndarray, giv
 def contract_of_file(network: NetworkFile) -> DepthContract | None:
     """The contract that stands in a file's metadata; None where there is none. FileError where it is another network's."""
     text = network.metadata.get(CONTRACT_KEY)
-    if text is None:
-        return None
-    try:
-        words = json.loads(text)
-        if words.get("network") != NETWORK:
-            raise FileError(
-                f"{network.path}: is a network {words.get('network')!r} by its contract; {NETWORK} is wanted"
-            )
-        known = {one.name for one in fields(DepthContract)}
-        listed: dict[str, Any] = {
-            name: tuple(value) if isinstance(value, list) else value for name, value in words.items() if name in known
-        }
-        return DepthContract(**listed)
-    except FileError:
-        raise
-    except (ValueError, TypeError, AttributeError) as error:
-        raise FileError(f"{network.path}: its contract cannot be read ({error})") from error
+    return None if text is None else read_contract(DepthContract, text, NETWORK, network.path)

@@ -6,8 +6,7 @@ How a network wants its pictures and what its numbers mean is data, a StereoCont
 
 from __future__ import annotations
 
-import json
-from dataclasses import asdict, dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -16,8 +15,8 @@ import numpy as np
 
 from dlama.errors import FileError, InputError
 from dlama.geometry.rgbd import Float32Array, UInt8Array
+from dlama.models.contracts import CONTRACT_KEY, contract_metadata, read_contract
 from dlama.models.network_file import NetworkFile
-from dlama.models.records import CONTRACT_KEY
 from dlama.perception.stereo_matching import check_pictures, zero_where_inconsistent
 
 NETWORK = "stereo matching"
@@ -74,7 +73,7 @@ class StereoContract:
 
     def metadata(self) -> dict[str, str]:
         """The ONNX metadata that says all this."""
-        return {CONTRACT_KEY: json.dumps({"network": NETWORK, **asdict(self)})}
+        return contract_metadata(NETWORK, self)
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,23 +135,4 @@ def contract_of(file: NetworkFile) -> StereoContract:
             f"{file.path}: says nothing about what it takes and gives; {beside.name} beside it is wanted, such as "
             '{"network": "stereo matching", "scale": 1, "multiple": 32, "sign": -1} for RAFT-Stereo'
         )
-    try:
-        words = json.loads(text)
-        if words.get("network") != NETWORK:
-            raise FileError(
-                f"{file.path}: is a network {words.get('network')!r} by its contract; {NETWORK!r} is wanted"
-            )
-        known = {one.name for one in fields(StereoContract)}
-        strange = sorted(set(words) - known - {"network", "version"})
-        if strange:
-            raise FileError(f"{file.path}: its contract has {', '.join(strange)}; known are {', '.join(sorted(known))}")
-        listed: dict[str, Any] = {
-            key: tuple(one) if isinstance(one, list) else one for key, one in words.items() if key in known
-        }
-        return StereoContract(**listed)
-    except FileError:
-        raise
-    except InputError as error:
-        raise FileError(f"{file.path}: {error}") from error
-    except (ValueError, TypeError, AttributeError) as error:
-        raise FileError(f"{file.path}: its contract cannot be read ({error})") from error
+    return read_contract(StereoContract, text, NETWORK, file.path, strict=True)

@@ -13,8 +13,8 @@ import numpy as np
 from dlama.errors import FileError
 from dlama.geometry.rgbd import Float32Array
 from dlama.inpainters.choice.planes import CONTEXT, GUESS, MULTIPLE, JudgePlanes
+from dlama.models.contracts import CONTRACT_KEY
 from dlama.models.network_file import NetworkFile, cores, default_provider, file_stamp
-from dlama.models.records import CONTRACT_KEY
 from dlama.models.verify import sha256_of
 
 NETWORK = "judge"

@@ -16,7 +16,7 @@ import numpy as np
 
 from dlama.errors import FileError, InputError
 from dlama.geometry.rgbd import BoolArray, Float32Array
-from dlama.models.records import CONTRACT_KEY
+from dlama.models.contracts import CONTRACT_KEY
 from dlama.models.verify import sha256_of
 
 CONTRACT_VERSION = 1

@@ -6,11 +6,10 @@ picture is data, a PairContract; what a decoder takes follows from the names of 
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 import cv2
 import numpy as np
@@ -18,8 +17,8 @@ import numpy as np
 from dlama.errors import FileError, InputError, MaskError
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
 from dlama.models.cache import locate
+from dlama.models.contracts import CONTRACT_KEY, contract_metadata, read_contract
 from dlama.models.network_file import NetworkFile
-from dlama.models.records import CONTRACT_KEY
 from dlama.perception.depth_networks import IMAGENET
 from dlama.perception.masks.prompt import Prompt
 
@@ -79,7 +78,7 @@ class PairContract:
 
     def metadata(self) -> dict[str, str]:
         """The ONNX metadata of the encoder that says all this."""
-        return {CONTRACT_KEY: json.dumps({"network": NETWORK, **asdict(self)})}
+        return contract_metadata(NETWORK, self)
 
 
 @dataclass(frozen=True, eq=False)
@@ -224,23 +223,7 @@ def find_pair(mask_model: object) -> tuple[NetworkFile, NetworkFile, PairContrac
 def contract_of_file(encoder: NetworkFile) -> PairContract | None:
     """The contract in an encoder's metadata; None where there is none. FileError where it is another network's."""
     text = encoder.metadata.get(CONTRACT_KEY)
-    if text is None:
-        return None
-    try:
-        words = json.loads(text)
-        if words.get("network") != NETWORK:
-            raise FileError(
-                f"{encoder.path}: is a network {words.get('network')!r} by its contract; {NETWORK} is wanted"
-            )
-        known = {one.name for one in fields(PairContract)}
-        listed: dict[str, Any] = {
-            name: tuple(value) if isinstance(value, list) else value for name, value in words.items() if name in known
-        }
-        return PairContract(**listed)
-    except FileError:
-        raise
-    except (ValueError, TypeError, AttributeError) as error:
-        raise FileError(f"{encoder.path}: its contract cannot be read ({error})") from error
+    return None if text is None else read_contract(PairContract, text, NETWORK, encoder.path)
 
 
 PAIRS: dict[str, PairContract] = {
