@@ -21,7 +21,7 @@ import numpy as np
 from dlama.inpainters.networks.contract import generator_contract
 from dlama.inpainters.networks.engine import Engine
 from dlama.nets.architecture import GeneratorSettings, generator_shapes
-from dlama.nets.export import onnx_bytes
+from dlama.nets.export.generator import onnx_bytes
 
 
 def model_file(folder: Path) -> Path:

@@ -27,7 +27,7 @@ import torch
 from dlama.inpainters.networks.contract import generator_contract
 from dlama.models.openvino import OpenVinoSession
 from dlama.nets.architecture import GeneratorSettings, generator_shapes
-from dlama.nets.export import onnx_bytes
+from dlama.nets.export.generator import onnx_bytes
 from dlama.nets.generator import generator_from_state
 
 

@@ -74,8 +74,8 @@ def convert(source: Path, target: Path, licence: str) -> list[str]:
     An .onnx file is taken for the published MI-GAN pipeline, any other for a LaMa checkpoint.
     """
     from dlama.nets.checkpoints import read_generator
-    from dlama.nets.export import export_onnx
-    from dlama.nets.migan_export import export_migan
+    from dlama.nets.export.generator import export_onnx
+    from dlama.nets.export.migan import export_migan
 
     weights = None if source.suffix.lower() == ".onnx" else read_generator(source)
     try:

@@ -1,10 +1,9 @@
 """Networks, tensors only: architecture and files need numpy alone, modules need torch, export needs onnx.
 
 architecture   settings <-> names and shapes, no torch
-ffc, generator, discriminator   the torch modules (extra `train`)
+ffc, generator, discriminator, judge   the torch modules (extra `train`)
 safetensors_file, torch_file   weights on disk -> named arrays, no foreign code run
 checkpoints    a file of anybody's -> checked weights of one network
 surgery        more input and output planes for trained weights
-export, onnx_graph   checked weights and metadata -> an ONNX file
-migan_export, lpips_export   other people's published networks -> the ONNX files that ship
+export/        checked weights and metadata -> an ONNX file
 """

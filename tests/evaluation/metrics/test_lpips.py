@@ -157,7 +157,7 @@ def test_the_shipped_file_is_small_and_carries_its_notices() -> None:
 def test_the_shipped_file_is_what_the_export_makes(weights_dir: Path, tmp_path: Path) -> None:
     """Round trip: the same nodes and constants from the weights as they lie in DLAMA_DATA."""
     onnx = pytest.importorskip("onnx", reason="writing an ONNX file needs onnx: pip install 'dlama[onnx]'")
-    from dlama.nets.lpips_export import export_lpips
+    from dlama.nets.export.lpips import export_lpips
 
     files = [weights_dir / name for name in ("alexnet_features.safetensors", "lpips_alex_lin.safetensors")]
     made = onnx.load(export_lpips(files[0], files[1], tmp_path / "alex.onnx"))
@@ -168,7 +168,7 @@ def test_the_shipped_file_is_what_the_export_makes(weights_dir: Path, tmp_path: 
 def test_other_weights_are_refused(weights_dir: Path, tmp_path: Path) -> None:
     """Trunk and heads exchanged: the file and the first missing tensor are named."""
     from dlama.errors import FileError
-    from dlama.nets.lpips_export import export_lpips
+    from dlama.nets.export.lpips import export_lpips
 
     files = [weights_dir / name for name in ("alexnet_features.safetensors", "lpips_alex_lin.safetensors")]
     with pytest.raises(FileError, match=r"lpips_alex_lin.*features\.0\.weight is nothing"):

@@ -15,7 +15,7 @@ from dlama.inpainters.choice.mixing import chosen_depth, enlarged_maps, mixed_co
 from dlama.inpainters.choice.planes import CONTEXT, GUESS, JudgePlanes
 from dlama.models.network_file import NetworkFile
 from dlama.nets.architecture import JudgeSettings, judge_shapes
-from dlama.nets.judge_export import export_judge
+from dlama.nets.export.judge import export_judge
 
 torch = pytest.importorskip("torch")
 

@@ -188,7 +188,7 @@ def generator_metadata(settings: Generator, source: Path, licence: str) -> dict[
 
 
 def migan_metadata(pipeline: Path, licence: str) -> dict[str, str]:
-    """ONNX metadata for MI-GAN's generator (`dlama.nets.migan_export`): its contract, the licence, and of the pipeline file its
+    """ONNX metadata for MI-GAN's generator (`dlama.nets.export.migan`): its contract, the licence, and of the pipeline file its
     name and sha256."""
     contract = Contract(
         (*COLOR, "mask"),

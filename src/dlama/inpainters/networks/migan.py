@@ -1,6 +1,6 @@
 """MI-GAN: a view with holes in; colour, and depth as a grey picture, out. The network ships in the package.
 
-Cracks are closed by diffusion first: the network collapses on them. The generator that ships (`dlama.nets.migan_export`) fills
+Cracks are closed by diffusion first: the network collapses on them. The generator that ships (`dlama.nets.export.migan`) fills
 crops of 512 x 512. A user may give the published pipeline file instead (uint8, mask 255 = keep), which crops, resizes
 and blends by itself: there the hole is grown so that what lies in it does not leak, and pre-filled, because given black it
 leaves a dark frame. Depth is 8-bit inverse depth, and still better than diffusion's (street s03, yaw 20: 0.11 m of mean

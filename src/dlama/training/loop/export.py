@@ -15,10 +15,10 @@ from dlama import __version__
 from dlama.inpainters.choice.judge import judge_metadata
 from dlama.inpainters.networks.contract import DEPTH_PLANE, generator_metadata
 from dlama.nets.checkpoints import read_generator
-from dlama.nets.export import export_onnx
+from dlama.nets.export.generator import export_onnx
+from dlama.nets.export.judge import export_judge
 from dlama.nets.generator import Generator
 from dlama.nets.judge import GuessMixer
-from dlama.nets.judge_export import export_judge
 from dlama.nets.safetensors_file import write_safetensors
 from dlama.training.flops import network_cost
 from dlama.training.settings import TrainSettings

@@ -9,7 +9,7 @@ import torch
 from torch import Tensor, nn
 
 from dlama.errors import MissingExtraError
-from dlama.nets.lpips_export import CONVOLUTIONS, EPSILON, SCALE, SHIFT
+from dlama.nets.export.lpips import CONVOLUTIONS, EPSILON, SCALE, SHIFT
 from dlama.training.losses.pixels import precise
 
 FILE = Path(__file__).parents[2] / "assets" / "lpips" / "alex.onnx"

@@ -15,7 +15,7 @@ import numpy as np
 from dlama.errors import ShapeError
 from dlama.nets.architecture import STEM, GeneratorSettings, generator_shapes, refuse_differences
 from dlama.nets.checkpoints import GeneratorWeights
-from dlama.nets.onnx_graph import Graph, PlaneTransform, plane_transform, write_model
+from dlama.nets.export.onnx_graph import Graph, PlaneTransform, plane_transform, write_model
 
 EPSILON = 1e-5  # of torch's batch norms, which the published network leaves as they are
 

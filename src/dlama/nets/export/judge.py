@@ -20,7 +20,7 @@ from dlama.nets.architecture import (
     judge_shapes,
     refuse_differences,
 )
-from dlama.nets.onnx_graph import IR_VERSION, OPSET, Graph, write_model
+from dlama.nets.export.onnx_graph import IR_VERSION, OPSET, Graph, write_model
 
 LOG_BOUNDS = (-7.0, 1.0)
 """Of the expected errors' logarithms, as in `nets.judge`."""

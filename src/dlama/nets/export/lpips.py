@@ -7,7 +7,7 @@ computed once for many pictures. Weights are stored as float16 and cast in the g
 
 The file that ships (src/dlama/assets/lpips/alex.onnx) was made by
 
-    python -m dlama.nets.lpips_export alexnet_features.safetensors lpips_alex_lin.safetensors alex.onnx
+    python -m dlama.nets.export.lpips alexnet_features.safetensors lpips_alex_lin.safetensors alex.onnx
 
 which needs the package onnx. Keys: features.{0,3,6,8,10}.{weight,bias} as torchvision names them, lin{0..4}.weight.
 """
@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 
 from dlama.errors import FileError
-from dlama.nets.onnx_graph import IR_VERSION, OPSET, Graph, write_model
+from dlama.nets.export.onnx_graph import IR_VERSION, OPSET, Graph, write_model
 from dlama.nets.safetensors_file import read_safetensors
 
 SHIFT, SCALE = (-0.030, -0.088, -0.188), (0.458, 0.448, 0.450)

@@ -28,7 +28,7 @@ from typing import Any
 import numpy as np
 
 from dlama.errors import FileError, MissingExtraError, first_line
-from dlama.nets.onnx_graph import Graph, write_model
+from dlama.nets.export.onnx_graph import Graph, write_model
 
 SIDE = 512
 """Height and width that the generator takes, in pixels."""

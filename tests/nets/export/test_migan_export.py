@@ -15,7 +15,7 @@ from dlama.errors import FileError  # noqa: E402
 from dlama.inpainters import model_file  # noqa: E402
 from dlama.inpainters.networks.contract import migan_metadata  # noqa: E402
 from dlama.inpainters.networks.engine import open_engine  # noqa: E402
-from dlama.nets import migan_export  # noqa: E402
+from dlama.nets.export import migan as migan_export  # noqa: E402
 
 FED, GIVES = "/Concat_23_output_0", "/model/synthesis/b512/Add_1_output_0"
 """Of the published graph: what its generator takes (0.5 = keep, -0.5 = fill; known colour in -1..1) and gives (-1..1)."""

@@ -13,8 +13,8 @@ onnxruntime = pytest.importorskip(
 from dlama.errors import OutputError, ShapeError  # noqa: E402
 from dlama.nets.architecture import GeneratorSettings  # noqa: E402
 from dlama.nets.checkpoints import read_generator  # noqa: E402
-from dlama.nets.export import export_onnx, onnx_bytes  # noqa: E402
-from dlama.nets.onnx_graph import Graph, plane_transform  # noqa: E402
+from dlama.nets.export.generator import export_onnx, onnx_bytes  # noqa: E402
+from dlama.nets.export.onnx_graph import Graph, plane_transform  # noqa: E402
 
 SIZES = [(16, 16), (16, 200), (40, 72), (88, 64), (104, 136), (264, 24)]
 

@@ -1,0 +1,6 @@
+"""Checked weights and metadata in; an ONNX file out. Needs numpy and onnx, no torch.
+
+onnx_graph   a graph, node by node
+generator, judge   dlama's own networks
+migan, lpips   other people's published networks -> the ONNX files that ship
+"""
