@@ -23,7 +23,7 @@ from dlama.datasets.frames import StereoTruth
 from dlama.datasets.layouts import open_dataset
 from dlama.evaluation.metrics.disparity import seen_in_right
 from dlama.geometry.rgbd import Float32Array, UInt8Array
-from dlama.perception.stereo_matching import disparity_pair
+from dlama.perception.stereo.matching import disparity_pair
 
 Matcher = Callable[[UInt8Array, UInt8Array], Float32Array]
 FOLDERS = ("stereo", "motorcycle", "data/stereo", "data/motorcycle", "street")

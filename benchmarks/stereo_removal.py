@@ -19,7 +19,7 @@ from dlama.completion.stereo import stereo
 from dlama.datasets.frames import StereoTruth
 from dlama.datasets.layouts import open_dataset
 from dlama.geometry.view import HoleType
-from dlama.perception.stereo_matching import nearest_columns
+from dlama.perception.stereo.matching import nearest_columns
 
 NEAR_PX = 38
 """Disparity from which a pixel is the motorcycle's."""

@@ -67,7 +67,7 @@ if TYPE_CHECKING:  # what type checkers and editors read; a test holds it equal 
     from dlama.perception.object_masks import MaskSession as MaskSession
     from dlama.perception.object_masks import ObjectMask as ObjectMask
     from dlama.perception.object_masks import find_mask as find_mask
-    from dlama.perception.stereo_agreement import StereoConsistency as StereoConsistency
+    from dlama.perception.stereo.agreement import StereoConsistency as StereoConsistency
 
 __version__ = "0.1.0"
 
@@ -101,7 +101,7 @@ MODULES = {
     "Scene": "geometry.scene",
     "ShapeError": "errors",
     "StereoCompletion": "completion.completion",
-    "StereoConsistency": "perception.stereo_agreement",
+    "StereoConsistency": "perception.stereo.agreement",
     "StereoRig": "geometry.camera",
     "View": "geometry.view",
     "batch": "jobs.batch",

@@ -18,7 +18,7 @@ from dlama.geometry.mesh import Mesh
 from dlama.geometry.rgbd import Float32Array, UInt8Array
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import Origin, View
-from dlama.perception.stereo_agreement import StereoConsistency
+from dlama.perception.stereo.agreement import StereoConsistency
 
 C = TypeVar("C", bound="Completion")
 MOST_VIEWS = 3

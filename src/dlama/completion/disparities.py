@@ -11,9 +11,9 @@ import numpy as np
 
 from dlama.errors import InputError, ShapeError
 from dlama.geometry.rgbd import Float32Array, UInt8Array
-from dlama.perception.stereo_checks import doubts, refuse_identical
-from dlama.perception.stereo_matching import Matcher, carried_disparity, disparity_pair
-from dlama.perception.stereo_networks import NetworkMatcher
+from dlama.perception.stereo.checks import doubts, refuse_identical
+from dlama.perception.stereo.matching import Matcher, carried_disparity, disparity_pair
+from dlama.perception.stereo.networks import NetworkMatcher
 
 
 @dataclass(frozen=True, eq=False)

@@ -23,7 +23,7 @@ from dlama.geometry.view import HoleType, Origin, View
 from dlama.geometry.visibility import Law, lawful_depth
 from dlama.inpainters.confidence import judge_fill
 from dlama.inpainters.layered.surfaces import continue_surfaces
-from dlama.perception.stereo_matching import nearest_columns
+from dlama.perception.stereo.matching import nearest_columns
 
 UNCLIPPED = (8, 247)
 """Levels between which a channel tells how much brighter one picture is than the other."""

@@ -19,8 +19,8 @@ from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
 from dlama.inpainters.filling import Inpainter
-from dlama.perception.stereo_agreement import carry_mask, consistency
-from dlama.perception.stereo_matching import Matcher, disparity_pair
+from dlama.perception.stereo.agreement import carry_mask, consistency
+from dlama.perception.stereo.matching import Matcher, disparity_pair
 
 FAR_PX = 0.5
 """Disparity (with doffs) below which depth is no more than a guess: such pixels are far."""

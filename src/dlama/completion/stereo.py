@@ -52,7 +52,7 @@ from dlama.geometry.view import HoleType, Origin, View
 from dlama.inpainters import find_filler
 from dlama.inpainters.filling import Inpainter
 from dlama.inpainters.networks.pair import PairFiller
-from dlama.perception.stereo_matching import Matcher
+from dlama.perception.stereo.matching import Matcher
 
 RightView = Literal["given", "synthesised"]
 """What becomes of the right picture where no object is removed."""
@@ -93,7 +93,7 @@ def stereo(
         right_view: "given": both pictures stay bit for bit and both get depth; "synthesised": the right view is made from the
             left one, without a mask only. Default: given; synthesised by a recipe that fills the new view first (paper).
         disparity: H x W px of the left view, 0 = unknown; default: found.
-        matcher: what finds it: an ONNX network with a contract (`dlama.perception.stereo_networks`), or a function
+        matcher: what finds it: an ONNX network with a contract (`dlama.perception.stereo.networks`), or a function
             (left, right) -> both disparities; default: semi-global matching.
         max_disparity: px, the largest disparity looked for; default: found.
         far: metres; what is measured at or beyond it is far (sky); default: what half a pixel of disparity cannot tell

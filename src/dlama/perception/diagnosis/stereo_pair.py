@@ -6,7 +6,7 @@ import numpy as np
 
 from dlama.geometry.rgbd import UInt8Array
 from dlama.perception.diagnosis.finding import Finding
-from dlama.perception.stereo_checks import SAME_ROW, Corners, doubt_of_corners, matched_corners
+from dlama.perception.stereo.checks import SAME_ROW, Corners, doubt_of_corners, matched_corners
 
 SAME_LEVELS = 1.0
 """Mean difference of colours (of 255) up to which two pictures are the same."""

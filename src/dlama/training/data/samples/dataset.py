@@ -23,7 +23,7 @@ from dlama.geometry.rgbd import RGBD, BoolArray, UInt8Array
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
 from dlama.geometry.visibility import Law
-from dlama.perception.stereo_agreement import carry_mask
+from dlama.perception.stereo.agreement import carry_mask
 from dlama.training.data.augment import mirrored, relit
 from dlama.training.data.cases import StereoPair, TrainingCase
 from dlama.training.data.crops import Crop, random_crop, resized

@@ -11,8 +11,8 @@ import pytest
 from onnx import TensorProto, helper, numpy_helper
 
 from dlama.errors import FileError, InputError
-from dlama.perception.stereo_matching import carried_disparity
-from dlama.perception.stereo_networks import NetworkMatcher, StereoContract
+from dlama.perception.stereo.matching import carried_disparity
+from dlama.perception.stereo.networks import NetworkMatcher, StereoContract
 
 SHIFT = 6
 

@@ -11,7 +11,7 @@ import numpy as np
 from dlama.errors import MaskError, ShapeError
 from dlama.geometry.holes import with_nearest
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
-from dlama.perception.stereo_matching import TOLERANCE_PX, check_pictures, nearest_columns
+from dlama.perception.stereo.matching import TOLERANCE_PX, check_pictures, nearest_columns
 
 
 @dataclass(frozen=True)

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from dlama.errors import InputError, MaskError, ShapeError
-from dlama.perception import stereo_matching
-from dlama.perception.stereo_agreement import carry_mask, consistency
-from dlama.perception.stereo_matching import disparity_pair
+from dlama.perception.stereo import matching as stereo_matching
+from dlama.perception.stereo.agreement import carry_mask, consistency
+from dlama.perception.stereo.matching import disparity_pair
 
 HEIGHT, WIDTH = 90, 160
 Array = np.ndarray

@@ -10,7 +10,7 @@ import pytest
 
 import dlama
 from dlama.errors import InputError
-from dlama.perception.stereo_checks import doubts, matched_corners, refuse_identical
+from dlama.perception.stereo.checks import doubts, matched_corners, refuse_identical
 
 Array = np.ndarray
 KNOWN = np.ones((512, 512), np.float32)

@@ -17,7 +17,7 @@ from dlama.errors import FileError, InputError
 from dlama.geometry.rgbd import Float32Array, UInt8Array
 from dlama.models.contracts import CONTRACT_KEY, contract_metadata, read_contract
 from dlama.models.network_file import NetworkFile
-from dlama.perception.stereo_matching import check_pictures, zero_where_inconsistent
+from dlama.perception.stereo.matching import check_pictures, zero_where_inconsistent
 
 NETWORK = "stereo matching"
 """What stands as `network` in the contract of such a file."""
@@ -78,7 +78,7 @@ class StereoContract:
 
 @dataclass(frozen=True, eq=False)
 class NetworkMatcher:
-    """A network ready to match pairs; a Matcher of `dlama.perception.stereo_matching`."""
+    """A network ready to match pairs; a Matcher of `dlama.perception.stereo.matching`."""
 
     file: NetworkFile
     contract: StereoContract
