@@ -31,7 +31,7 @@ def faults(file: str, tests: str, *each: tuple[str, str, str]) -> tuple[Mutant, 
 
 
 OPTIONS = "tests/apps/test_options_reach.py"
-PAIR = "tests/completion/test_stereo_options.py"
+PAIR = "tests/completion/stereo/test_stereo_options.py"
 LAYERS = "tests/geometry/test_layer_precedence.py"
 MUTANTS: tuple[Mutant, ...] = (
     *faults(
@@ -277,7 +277,7 @@ MUTANTS: tuple[Mutant, ...] = (
         ("wide masks are narrower", "(0.04, 0.8), (0.02, 0.4), (1, 3)", "(0.04, 0.8), (0.02, 0.3), (1, 3)"),
     ),
     *faults(
-        "completion/pair.py",
+        "completion/stereo/pair.py",
         PAIR,
         ("stereo has no far limit", "np.where(depth >= far, np.float32(np.inf), depth)", "depth"),
         ("depth forgets doffs", "baseline_m=rig.baseline_m, doffs=rig.doffs)", "baseline_m=rig.baseline_m)"),
@@ -286,13 +286,13 @@ MUTANTS: tuple[Mutant, ...] = (
         ("the right mask is not used", "if mask_right is None else checked", "if True else checked"),
     ),
     *faults(
-        "completion/stereo.py",
+        "completion/stereo/stereo.py",
         PAIR,
         ("the matcher has no range", "max_disparity=max_disparity)", "max_disparity=None)"),
     ),
     *faults(
-        "completion/stereo.py",
-        "tests/completion/test_both_eyes.py",
+        "completion/stereo/stereo.py",
+        "tests/completion/stereo/test_both_eyes.py",
         (
             "the scene lacks the right picture's own pixels",
             "scene = with_seen_alone(scene, lender, law, recipe.mode)",

@@ -15,7 +15,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from dlama.completion.stereo import stereo
+from dlama.completion.stereo.stereo import stereo
 from dlama.datasets.frames import StereoTruth
 from dlama.datasets.layouts import open_dataset
 from dlama.geometry.view import HoleType

@@ -17,7 +17,7 @@ if TYPE_CHECKING:  # what type checkers and editors read; a test holds it equal 
     from dlama.completion.paths import render_path as render_path
     from dlama.completion.pipeline import complete as complete
     from dlama.completion.recipes import Recipe as Recipe
-    from dlama.completion.stereo import stereo as stereo
+    from dlama.completion.stereo.stereo import stereo as stereo
     from dlama.completion.verbs import remove as remove
     from dlama.completion.verbs import view as view
     from dlama.datasets.diagnosis import diagnose as diagnose
@@ -124,7 +124,7 @@ MODULES = {
     "render": "geometry.rendering",
     "sequence": "datasets.sequences.sequence",
     "scene": "geometry.frames.gathering",
-    "stereo": "completion.stereo",
+    "stereo": "completion.stereo.stereo",
     "view": "completion.verbs",
     "write": "files.results.completion",
     "write_depth": "files.results.estimated_depth",

@@ -1,4 +1,5 @@
-"""An RGBD or a stereo pair in; a Completion out.
+"""An RGBD, a stereo pair or many frames in; a Completion out.
 
-Begin at `pipeline`; `steps` has each of its steps, `stereo` does the same for a pair, `recipes` says how.
+Begin at `pipeline`; `steps` has each of its steps, `recipes` says how. `stereo/` does the same for a pair, `frames/` for many
+frames.
 """

@@ -6,10 +6,10 @@ import dataclasses
 
 import numpy as np
 
-from dlama.completion.pair import CompletedPair, MatchedPair
 from dlama.completion.recipes import Recipe
 from dlama.completion.report import Clock, Record
 from dlama.completion.steps import Plan, fill, filler_of_recipe, law_of, take_out
+from dlama.completion.stereo.pair import CompletedPair, MatchedPair
 from dlama.geometry.holes import dilated
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.scene import Scene

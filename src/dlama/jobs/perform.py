@@ -138,7 +138,7 @@ def _remove(this: JobInputs, job: Job, p: Mapping[str, Any], output: Path) -> No
 
 
 def _stereo(this: JobInputs, job: Job, p: Mapping[str, Any], output: Path) -> None:
-    from dlama.completion.stereo import stereo
+    from dlama.completion.stereo.stereo import stereo
 
     options: Any = _taken(p, ("right_view", "matcher", "max_disparity", "far"))
     if job.load:

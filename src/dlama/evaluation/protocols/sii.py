@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from dlama.completion.completion import StereoCompletion
-from dlama.completion.stereo import stereo
+from dlama.completion.stereo.stereo import stereo
 from dlama.datasets.frames import StereoTruth, Truth
 from dlama.errors import InputError
 from dlama.evaluation.metrics.disparity import disparity_errors, left_right_difference

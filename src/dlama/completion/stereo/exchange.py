@@ -11,8 +11,8 @@ import dataclasses
 import cv2
 import numpy as np
 
-from dlama.completion.pair import MatchedPair
 from dlama.completion.steps import with_errors_of
+from dlama.completion.stereo.pair import MatchedPair
 from dlama.geometry.camera import Float64Array
 from dlama.geometry.fusion import with_layer
 from dlama.geometry.projection import depth_from_inverse

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 import dlama
-from dlama.completion import disparities as pairs
 from dlama.completion.completion import StereoCompletion
-from dlama.completion.exchange import color_gain
-from dlama.completion.pair import MatchedPair
-from dlama.completion.stereo import stereo
+from dlama.completion.stereo import disparities as pairs
+from dlama.completion.stereo.exchange import color_gain
+from dlama.completion.stereo.pair import MatchedPair
+from dlama.completion.stereo.stereo import stereo
 from dlama.errors import InputError
 from dlama.geometry.camera import Camera, StereoRig
 from dlama.geometry.rendering import render

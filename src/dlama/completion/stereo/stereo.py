@@ -17,17 +17,7 @@ from typing import Literal
 import numpy as np
 
 from dlama.completion.completion import StereoCompletion
-from dlama.completion.disparities import find_matches
-from dlama.completion.exchange import (
-    color_gain,
-    lent_share,
-    with_continued_depth,
-    with_gain,
-    with_lent,
-    with_seen_alone,
-)
 from dlama.completion.memory import check_memory
-from dlama.completion.pair import CompletedPair, MatchedPair, check_pair, default_far, masks_of_pair
 from dlama.completion.published import clipped, complete_pair_one_by_one
 from dlama.completion.recipes import DepthBy, Recipe, checked_seed, find_recipe
 from dlama.completion.report import Clock, Record
@@ -41,6 +31,16 @@ from dlama.completion.steps import (
     law_of,
     take_out,
 )
+from dlama.completion.stereo.disparities import find_matches
+from dlama.completion.stereo.exchange import (
+    color_gain,
+    lent_share,
+    with_continued_depth,
+    with_gain,
+    with_lent,
+    with_seen_alone,
+)
+from dlama.completion.stereo.pair import CompletedPair, MatchedPair, check_pair, default_far, masks_of_pair
 from dlama.errors import InputError
 from dlama.geometry.camera import StereoRig
 from dlama.geometry.fusion import fuse

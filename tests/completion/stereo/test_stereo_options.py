@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from dlama.completion import disparities as pairs
 from dlama.completion.completion import StereoCompletion
-from dlama.completion.pair import MatchedPair, default_far, depth_in_metres, masks_of_pair
-from dlama.completion.stereo import stereo
+from dlama.completion.stereo import disparities as pairs
+from dlama.completion.stereo.pair import MatchedPair, default_far, depth_in_metres, masks_of_pair
+from dlama.completion.stereo.stereo import stereo
 from dlama.geometry.camera import Camera, StereoRig
 from dlama.geometry.holes import dilated
 from dlama.geometry.rgbd import RGBD

@@ -7,9 +7,9 @@ import dataclasses
 import numpy as np
 import pytest
 
-from dlama.completion import disparities as pairs
-from dlama.completion.pair import AS_NEAR, OBJECT_REACH, nearest_of_object, without_bleeding
-from dlama.completion.stereo import stereo
+from dlama.completion.stereo import disparities as pairs
+from dlama.completion.stereo.pair import AS_NEAR, OBJECT_REACH, nearest_of_object, without_bleeding
+from dlama.completion.stereo.stereo import stereo
 from dlama.geometry.camera import Camera, StereoRig
 from worlds import Box, Plane, World
 
