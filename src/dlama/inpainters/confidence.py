@@ -12,8 +12,10 @@ from __future__ import annotations
 import functools
 import io
 import zipfile
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -35,6 +37,8 @@ TYPES = (HoleType.DISOCCLUDED, HoleType.OUT_OF_VIEW, HoleType.SENSOR, HoleType.O
 FEATURES, OUTPUTS = 27, 4
 REACH = 3.0
 """Standard deviations of the training data beyond which a feature says no more."""
+PIECE = 1 << 15
+"""Pixels that the network judges at a time."""
 SUREST = 0.99
 """Largest probability of a filled pixel; 1 is what was measured."""
 WEIGHTS = Path(__file__).parents[1] / "assets" / "confidence" / "confidence.npz"
@@ -96,7 +100,7 @@ def judge_fill(view: View, color: UInt8Array, depth: Float32Array) -> tuple[Floa
     confidence = view.confidence.copy()
     errors = np.zeros((*view.hole.shape, 2), np.float32) if view.errors is None else view.errors.copy()
     if view.hole.any():
-        probabilities, expected = confidence_network()(fill_features(view, color, depth))
+        probabilities, expected = in_pieces(confidence_network(), feature_rows(view, color, depth))
         both, depth_alone = probabilities.T
         painted = view.color_hole[view.hole]
         confidence[view.hole] = np.where(painted, both, np.maximum(both, depth_alone))
@@ -104,59 +108,71 @@ def judge_fill(view: View, color: UInt8Array, depth: Float32Array) -> tuple[Floa
     return confidence, errors
 
 
+def in_pieces(network: ConfidenceNetwork, rows: Float32Array) -> tuple[Float32Array, Float32Array]:
+    """What the network says of FEATURES x N `rows`, a piece at a time: what it computes on the way is twice as large as they."""
+    probabilities, expected = np.empty((2, rows.shape[1], 2), np.float32)
+    for start in range(0, rows.shape[1], PIECE):
+        piece = slice(start, start + PIECE)
+        probabilities[piece], expected[piece] = network(np.ascontiguousarray(rows[:, piece].T))
+    return probabilities, expected
+
+
 def fill_features(view: View, color: UInt8Array, depth: Float32Array) -> Float32Array:
     """N x FEATURES of the N hole pixels, row by row; arguments as of `fill_confidence`. No feature depends on the picture's size
     in pixels or on the scene's scale."""
+    return np.ascontiguousarray(feature_rows(view, color, depth).T)
+
+
+def feature_rows(view: View, color: UInt8Array, depth: Float32Array) -> Float32Array:
+    """FEATURES x N, as `fill_features`: one feature after the other, each written where it belongs and forgotten."""
+    rows = np.empty((FEATURES, np.count_nonzero(view.hole)), np.float32)
+    for row, feature in zip(rows, each_feature(view, color, depth), strict=True):
+        row[:] = feature
+    return rows
+
+
+def each_feature(view: View, color: UInt8Array, depth: Float32Array) -> Iterator[np.ndarray | np.floating[Any]]:
+    """FEATURES times N values, or one that holds for all."""
     hole = view.hole
     diagonal = float(np.hypot(*hole.shape))
     distance, nearest = nearest_known(~hole)
-    rim = nearest[hole]
+    rim, distance = nearest[hole], distance[hole]
+    del nearest
+    yield np.log1p(distance / (0.01 * diagonal))
+    yield distance / diagonal
+    for kind in TYPES:
+        yield view.hole_type[hole] == kind
     known_w = inverse_depth(np.where(hole, np.float32(0), view.depth))
     w = inverse_depth(np.where(hole, depth, view.depth))
     typical = float(np.median(known_w[known_w > 0])) if (known_w > 0).any() else 1.0
-    of_type = [view.hole_type[hole] == kind for kind in TYPES]
-    with_depth, rim_w = view.valid, known_w.ravel()[rim]
     log_w = np.log(np.maximum(w, np.float32(0.02 * typical)) / typical)
+    here, there = log_w[hole], log_w.ravel()[rim]
+    yield here
+    yield there
+    yield np.abs(here - there)
+    yield w[hole] == 0
+    yield known_w.ravel()[rim] == 0
+    del w, known_w, here
     known_grey, grey = mean_of_channels(view.color), mean_of_channels(color)
-    mean, contrast = local_contrast(known_grey, ~hole, BROAD * diagonal)
-    _, grain = local_contrast(known_grey, ~hole, FINE * diagonal)
-    level, relief = local_contrast(log_w, with_depth, BROAD * diagonal)
-    _, unrest = local_contrast(log_w, with_depth, FINE * diagonal)
-    known_share = blurred((~hole).astype(np.float32), BROAD * diagonal)
-    nearest_grey = known_grey.ravel()[rim]
-    slope = np.hypot(cv2.Scharr(log_w, cv2.CV_32F, 1, 0), cv2.Scharr(log_w, cv2.CV_32F, 0, 1)) * diagonal / 32
-    painted = grey[hole]
-    return np.stack(
-        [
-            np.log1p(distance[hole] / (0.01 * diagonal)),
-            (distance[hole] / diagonal),
-            *of_type,
-            log_w[hole],
-            log_w.ravel()[rim],
-            np.abs(log_w[hole] - log_w.ravel()[rim]),
-            w[hole] == 0,
-            rim_w == 0,
-            np.log1p(contrast.ravel()[rim]),
-            np.log1p(grain.ravel()[rim]),
-            np.log1p(10 * relief.ravel()[rim]),
-            np.log1p(slope[hole]),
-            np.log1p(np.abs(painted - mean.ravel()[rim])),
-            np.full(len(rim), np.log(hole.mean()), np.float32),
-            painted / 255,
-            local_contrast(grey, np.ones_like(hole), FINE * diagonal)[1][hole] / 25,
-            np.log1p(np.abs(painted - nearest_grey)),
-            np.log1p(np.abs(nearest_grey - mean.ravel()[rim])),
-            np.abs(log_w.ravel()[rim] - level.ravel()[rim]),
-            known_share[hole],
-            np.log1p(100 * unrest.ravel()[rim]),
-            np.full(len(rim), noise_of(known_grey, ~hole), np.float32),
-            np.full(len(rim), noise_of(log_w, with_depth, 1000), np.float32),
-            np.full(len(rim), (view.hole_type == HoleType.SENSOR).mean(), np.float32),
-        ],
-        1,
-        dtype=np.float32,
-        casting="same_kind",
-    )
+    mean, contrast = (of.ravel()[rim] for of in local_contrast(known_grey, ~hole, BROAD * diagonal))
+    yield np.log1p(contrast)
+    yield np.log1p(local_contrast(known_grey, ~hole, FINE * diagonal)[1].ravel()[rim])
+    level, relief = (of.ravel()[rim] for of in local_contrast(log_w, view.valid, BROAD * diagonal))
+    yield np.log1p(10 * relief)
+    yield np.log1p((np.hypot(*(cv2.Scharr(log_w, cv2.CV_32F, *way) for way in ((1, 0), (0, 1)))) * diagonal / 32)[hole])
+    painted, nearest_grey = grey[hole], known_grey.ravel()[rim]
+    yield np.log1p(np.abs(painted - mean))
+    yield np.float32(np.log(hole.mean()))
+    yield painted / 255
+    yield local_contrast(grey, np.ones_like(hole), FINE * diagonal)[1][hole] / 25
+    yield np.log1p(np.abs(painted - nearest_grey))
+    yield np.log1p(np.abs(nearest_grey - mean))
+    yield np.abs(there - level)
+    yield blurred((~hole).astype(np.float32), BROAD * diagonal)[hole]
+    yield np.log1p(100 * local_contrast(log_w, view.valid, FINE * diagonal)[1].ravel()[rim])
+    yield np.float32(noise_of(known_grey, ~hole))
+    yield np.float32(noise_of(log_w, view.valid, 1000))
+    yield np.float32((view.hole_type == HoleType.SENSOR).mean())
 
 
 def noise_of(values: Float32Array, known: BoolArray, scale: float = 1) -> float:

@@ -35,18 +35,19 @@ def hedged(view: View, color: UInt8Array, hole: BoolArray, w: Float32Array) -> U
     unsure = LARGEST_SHARE * (1 - np.exp(-distance / (REACH * max(w.shape))))
     share = unsure * np.clip(2 * (1 - w[out_of_view] / middle), 0, 1)
     out = color.copy()
-    blend = color[out_of_view] * (1 - share[:, None]) + smooth_guess(view)[out_of_view] * share[:, None]
+    blend = color[out_of_view] * (1 - share[:, None]) + smooth_guess(view, out_of_view) * share[:, None]
     out[out_of_view] = np.round(blend)
     return out
 
 
-def smooth_guess(view: View) -> Float32Array:
-    """H x W x 3: the mean of two guesses that know nothing of surfaces, `pull_push` and `telea_guess`.
+def smooth_guess(view: View, where: BoolArray) -> Float32Array:
+    """N x 3, for the N pixels of `where` (H x W): the mean of two guesses blind to surfaces, `pull_push` and `telea_guess`.
 
     Street dev scenes, +-10 to +-60 degrees: against pull-push alone at a share of 0.55 the squared error falls by 8 to 13 %,
     LPIPS by up to 1 %.
     """
-    return np.asarray((pull_push(view) + telea_guess(view)) / 2, np.float32)
+    pulled = pull_push(view)[where]
+    return np.asarray((pulled + telea_guess(view)[where]) / 2, np.float32)
 
 
 def telea_guess(view: View) -> Float32Array:
@@ -69,8 +70,12 @@ def pull_push(view: View) -> Float32Array:
         levels.append((cv2.pyrDown(levels[-1][0]), cv2.pyrDown(levels[-1][1])))
     color, weight = levels[-1]
     mean = color / np.maximum(weight, 1e-6)[..., None]
-    for color, weight in reversed(levels[:-1]):
+    for color, weight in reversed(levels[1:-1]):
         coarser = cv2.pyrUp(mean, dstsize=(weight.shape[1], weight.shape[0])).reshape(color.shape)
         known = np.minimum(weight, 1)[..., None]
         mean = color / np.maximum(weight, 1e-6)[..., None] * known + coarser * (1 - known)
-    return mean.astype(np.float32)
+    if len(levels) > 1:
+        mean = np.reshape(cv2.pyrUp(mean, dstsize=view.hole.shape[::-1]), view.color.shape)
+    spread = np.asarray(mean, np.float32)
+    np.copyto(spread, view.color, where=~view.hole[..., None])
+    return spread

@@ -102,11 +102,16 @@ def trusted_labels(hole: BoolArray, inverse_depth: Float32Array, label: Int32Arr
     Two pixels' distance from holes and nearer surfaces are wanted, of surfaces that then have no pixel left less.
     """
     trusted = np.where(trusted_sources(hole, inverse_depth, label, 2), label, UNTRUSTED).astype(np.int32)
-    wanted, found = np.unique(label[hole]), np.unique(trusted)
+    wanted, found = labels_in(label[hole]), labels_in(trusted)
     for reach in (1, 0):
         missing = np.setdiff1d(wanted, found)
         if len(missing):
             near = np.isin(label, missing) & trusted_sources(hole, inverse_depth, label, reach)
             trusted[near] = label[near]
-            found = np.unique(trusted)
+            found = labels_in(trusted)
     return trusted
+
+
+def labels_in(label: Int32Array) -> NDArray[np.int64]:
+    """The labels (>= UNTRUSTED) that occur, in order."""
+    return np.flatnonzero(np.bincount(label.ravel() - UNTRUSTED)) + UNTRUSTED

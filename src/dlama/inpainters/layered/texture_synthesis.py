@@ -20,7 +20,7 @@ from dlama.inpainters.layered.kernels import base_color as base_kernels
 from dlama.inpainters.layered.kernels.patch_offsets import paint
 from dlama.inpainters.layered.patch_offsets import Bases, copied_detail
 from dlama.inpainters.layered.softening import softened
-from dlama.inpainters.layered.texture_grid import UNTRUSTED, HoleRegion, Int32Array, TextureGrid
+from dlama.inpainters.layered.texture_grid import UNTRUSTED, HoleRegion, Int32Array, TextureGrid, labels_in
 
 GREY = 128
 """Colour where nothing at all is known."""
@@ -108,7 +108,7 @@ def hole_regions(grid: TextureGrid) -> Iterator[HoleRegion]:
     holes = np.flatnonzero(grid.hole)
     labels = grid.label.ravel()[holes]
     rest = np.ones(len(holes), np.bool_)
-    for label in np.unique(labels[labels >= 0]).tolist():
+    for label in labels_in(labels[labels >= 0]).tolist():
         sources, here = grid.cell_label == label, labels == label
         if sources.sum() >= LEAST_CELLS or label == 0:
             rest &= ~here
