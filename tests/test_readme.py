@@ -10,9 +10,12 @@ from pathlib import Path
 import pytest
 
 from dlama.apps.cli import EXAMPLES, VERBS, main
+from dlama.apps.terminal.flags import flags_of
 
 ROOT = Path(__file__).parent.parent
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
+NOTES = sorted((ROOT / "src").rglob("*.md"))
+"""Of what ships."""
 FIGURE = ROOT / "docs" / "method.svg"
 ROOMS = {path.name for path in (ROOT / "src" / "dlama").iterdir() if path.is_dir()}
 
@@ -42,9 +45,14 @@ def test_first_command_is_the_demo_and_second_the_tests() -> None:
     assert second.strip() == "pip install torch==2.13.0 && pip install -e '.[test]' && python -m pytest"
 
 
-SHOWN = [
-    line.split("#")[0].strip() for block in blocks("sh") for line in block.splitlines() if line.startswith("dlama ")
-]
+def commands(page: Path) -> list[str]:
+    """The lines of its sh blocks that begin with dlama, those after && too, without their comments."""
+    fenced = re.findall(r"^```sh\n(.*?)^```", page.read_text("utf-8"), re.DOTALL | re.MULTILINE)
+    parts = [part.split(" #")[0].strip() for block in fenced for part in re.split(r"\n|&&", block)]
+    return [part for part in parts if part.startswith("dlama ")]
+
+
+SHOWN = sorted({line for page in PAGES for line in commands(page)})
 HELPED = [line for lines in EXAMPLES.values() for line in lines]
 
 
@@ -56,7 +64,7 @@ READING = ("view", "remove", "stereo")
 def test_shown_commands_are_understood(
     line: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Every command in README and --help gets past the parser: it then misses its files, or, where it would start a long
+    """Every command in README, docs and --help gets past the parser: it then misses its files, or, where it would start a long
     run or fetch something, does nothing because its verb does nothing here."""
     words = shlex.split(line)[1:]
     assert words[0] in VERBS
@@ -74,14 +82,23 @@ def test_shown_commands_are_understood(
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda path: path.name)
+def test_options_named_in_sentences_exist(page: Path) -> None:
+    """`dlama VERB ... --option` in a sentence: the verb has that option (a command with the files left out)."""
+    spans = [span.split() for span in re.findall(r"`dlama ([^`]+)`", page.read_text("utf-8"))]
+    named = [(words[0], flag) for words in spans for flag in words if words[0] in VERBS and re.match(r"--[a-z]", flag)]
+    known = {verb: {*flags_of(VERBS[verb]).values(), "--help"} for verb, _ in named}
+    assert [(verb, flag) for verb, flag in named if flag not in known[verb]] == []
+
+
+@pytest.mark.parametrize("page", [*PAGES, *NOTES], ids=lambda path: path.relative_to(ROOT).as_posix())
 def test_named_files_exist(page: Path) -> None:
-    """Links and `src/...` paths lead somewhere."""
+    """Links, and paths that begin with a folder of the repository, lead somewhere."""
     text = page.read_text("utf-8")
     links = [link for link in re.findall(r"\]\(([^)#]+)\)", text) if "://" not in link]
     missing = [link for link in links if not (page.parent / link).exists()]
-    paths = re.findall(r"`(src/[\w/.]+)`", text)
-    assert missing + [path for path in paths if not (ROOT / path).exists()] == []
-    assert links
+    paths = re.findall(r"(?<![\w/.])((?:src|tests|benchmarks|examples|docs)/[\w/.-]+\.\w+)", text)
+    assert missing + [path for path in paths if "NAME" not in path and not (ROOT / path).exists()] == []
+    assert links or page in NOTES
 
 
 def test_figure_names_files_that_exist() -> None:
