@@ -224,6 +224,7 @@ SEQUENCE = {
     "mask": Reach("--mask 3=a.png", "mask_files.named", ("3=a.png",)),
     "masks": Reach("--masks folder", "mask_files.folder", Path("folder")),
     "views": Reach("--views orbit", "sequence.views", "orbit"),
+    "only": Reach("--only scene,video", "sequence.only", ("scene", "video")),
     "frames": Reach("--frames 0:9:3", "sequence.frames", "0:9:3"),
     "layout": Reach("--layout tum", "sequence.layout", "tum"),
     "scene": Reach("--scene kitchen", "sequence.scene", "kitchen"),

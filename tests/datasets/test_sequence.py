@@ -67,7 +67,7 @@ def test_what_is_written_is_read_back(room: Path, tmp_path: Path) -> None:
         assert np.median(np.abs(done.depth - truth)[~known]) < 0.01
     assert {path.name for path in (tmp_path / "out").iterdir()} == {
         "images", "depth", "hole", "origin", "source", "transforms.json", "meta.json", "scene.npz", "scene.ply", "scene.glb",
-        "sparse",
+        "sparse", meta["video"],
     }  # fmt: skip
 
 

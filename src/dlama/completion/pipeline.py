@@ -28,6 +28,8 @@ from dlama.completion.steps import (
 )
 from dlama.errors import InputError
 from dlama.geometry.camera import Camera
+from dlama.geometry.frames.gathering import FrameSource
+from dlama.geometry.frames.stored import StoredView
 from dlama.geometry.rendering import Mode
 from dlama.geometry.rgbd import RGBD, BoolArray, UInt8Array
 from dlama.geometry.scene import Scene
@@ -37,7 +39,7 @@ from dlama.inpainters.filling import Inpainter
 
 
 def complete(
-    rgbd: RGBD | Scene | Sequence[RGBD],
+    rgbd: RGBD | Scene | Sequence[FrameSource],
     cameras: Sequence[Camera],
     *,
     mask: BoolArray | Mapping[int, BoolArray] | None = None,
@@ -58,7 +60,8 @@ def complete(
     saw is used, and only what none saw is filled.
 
     Args:
-        rgbd: The picture with metric depth, and its camera; or posed frames of one scene, as a list or as `scene` made of them.
+        rgbd: The picture with metric depth, and its camera; or posed frames of one scene (or functions that read them), as a
+            list or as `scene` made of them.
         cameras: Where to look from, in the world of the picture's camera.
         mask: H x W bool, True = remove: takes an object out everywhere. Of many frames: number of a frame -> its mask, for one
             frame or several; the other frames' masks follow from the thing's shape.
@@ -83,7 +86,7 @@ def complete(
         raise InputError("cameras is empty; one camera or more is wanted (rgbd.camera is the picture's own)")
     start = starting_scene(rgbd, chosen)
     source = start.layers[0]
-    check_memory((*(frame.camera for frame in start.measured), *cameras))
+    check_memory((*(one.camera for one in start.measured if not isinstance(one, StoredView)), *cameras))
     warn_of_scale(source)
     inpainter = filler_of_recipe(find_filler(filler, model), chosen)
     given, grown_mask = take_out_of(start, mask, chosen.dilate)

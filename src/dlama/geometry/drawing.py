@@ -130,6 +130,7 @@ class Grid:
     @classmethod
     def of(cls, layer: View, camera: Camera, mode: Mode, fine: bool) -> Grid:
         """The layer without flying pixels, its neighbours joined into surfaces (mode "surface"), ready for `camera`."""
+        layer = layer.read()
         depth, fly, w = without_flying(layer)
         joined = joined_neighbours(w, layer.camera) if mode == "surface" else None
         own_camera = layer.camera.same_view_as(camera)

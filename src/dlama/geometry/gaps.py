@@ -15,7 +15,7 @@ from dlama.geometry.drawing import Canvas
 from dlama.geometry.projection import depth_from_inverse, inverse_depth
 from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.geometry.scene import Scene
-from dlama.geometry.view import HoleType, Origin
+from dlama.geometry.view import Origin
 
 WIDEST = 2
 """px along a row or a column: a gap up to this is a seam."""
@@ -57,7 +57,7 @@ class Ends(NamedTuple):
 def closable(scene: Scene) -> bool:
     """True if a scene was filled, and nothing that was filled has been left open again for want of confidence."""
     filled = scene.layers[len(scene.measured) :]
-    return bool(filled) and not any((layer.hole & (layer.hole_type != HoleType.NONE)).any() for layer in filled)
+    return bool(filled) and not any(layer.was_left_open for layer in filled)
 
 
 def close_gaps(canvas: Canvas) -> None:

@@ -109,6 +109,7 @@ def lift(source: RGBD | View) -> PointCloud:
     """
     if isinstance(source, RGBD):
         source = View.from_rgbd(source)
+    source = source.read()
     valid = source.valid
     rows, columns = np.nonzero(valid)
     camera = source.camera

@@ -16,6 +16,7 @@ from dlama.geometry.drawing import MODES as MODES
 from dlama.geometry.drawing import NEAR, Canvas, Grid, draw, draw_far, spans, transformed
 from dlama.geometry.drawing import Mode as Mode
 from dlama.geometry.drawing import flying as flying
+from dlama.geometry.frames.extent import may_show
 from dlama.geometry.frames.merging import merge_frames
 from dlama.geometry.gaps import closable, close_gaps
 from dlama.geometry.holes import with_nearest
@@ -61,9 +62,11 @@ def render(
     scene = as_scene(source)
     fine = fine and mode == "surface"
     merged = merge_frames(scene, camera, mode, fine) if scene.numbers else None
-    layers = scene.layers if mode == "surface" else without_overlap(scene)
-    grids = [Grid.of(layer, camera, mode, fine) for layer in layers[len(scene.numbers) :]]
-    errors = any(layer.errors is not None for layer in layers)
+    layers = scene.layers[len(scene.numbers) :] if mode == "surface" else without_overlap(scene)
+    if merged is not None:
+        layers = tuple(layer for layer in layers if may_show(layer, camera))
+    grids = [Grid.of(layer, camera, mode, fine) for layer in layers]
+    errors = any(layer.has_errors for layer in scene.layers)
     canvas = Canvas.empty(camera, errors) if merged is None else merged.canvas
     if errors and canvas.errors is None:
         canvas.errors = np.zeros((*camera.hw, 2), np.float32)
@@ -95,10 +98,13 @@ def render(
     )
 
 
-def without_overlap(scene: Scene) -> list[View]:
-    """The layers; of the later ones only what they add: overlaps join surfaces, points would be there twice."""
-    later = (layer.without(~(contribution(layer) | layer.far), HoleType.NONE) for layer in scene.layers[1:])
-    return [scene.layers[0], *later]
+def without_overlap(scene: Scene) -> tuple[View, ...]:
+    """The layers that are no frames; of all but the first only what they add: overlaps join surfaces, points would be doubled."""
+    later = (
+        layer.without(~(contribution(layer) | layer.far), HoleType.NONE)
+        for layer in scene.layers[max(1, len(scene.numbers)) :]
+    )
+    return (*(() if scene.numbers else scene.layers[:1]), *later)
 
 
 def as_scene(source: RGBD | View | Scene) -> Scene:

@@ -8,6 +8,7 @@ from __future__ import annotations
 import dataclasses
 from dataclasses import dataclass
 from enum import IntEnum
+from functools import cached_property
 
 import numpy as np
 
@@ -174,6 +175,35 @@ class View:
     def color_error(self) -> Float32Array:
         """H x W levels of 8 bit that the colour is expected to be off by (`errors`); 0 where nothing was filled."""
         return np.zeros(self.camera.hw, np.float32) if self.errors is None else self.errors[..., 1]
+
+    def read(self) -> View:
+        """The view with its pixels in memory: itself (a `StoredView` reads them)."""
+        return self
+
+    @cached_property
+    def origins(self) -> frozenset[int]:
+        """The Origin codes of its pixels."""
+        return frozenset(np.flatnonzero(np.bincount(self.origin.ravel(), minlength=1)).tolist())
+
+    @property
+    def shows_source(self) -> bool:
+        """True if it holds pixels that the source view itself shows (`from_source`)."""
+        return bool(self.origins & {Origin.MEASURED, Origin.ESTIMATED})
+
+    @cached_property
+    def has_holes(self) -> bool:
+        """True if there is a hole in it."""
+        return bool(self.hole.any())
+
+    @cached_property
+    def has_errors(self) -> bool:
+        """True if it says what filled pixels are expected to be off by."""
+        return self.errors is not None
+
+    @cached_property
+    def was_left_open(self) -> bool:
+        """True if a pixel of it is a hole that has a type."""
+        return bool((self.hole & (self.hole_type != HoleType.NONE)).any())
 
     def errors_where(self, where: BoolArray) -> Float32Array | None:
         """`errors` in the pixels of `where` (H x W bool), 0 in all others."""

@@ -12,6 +12,8 @@ import cv2
 import numpy as np
 
 from dlama.geometry.camera import Camera
+from dlama.geometry.frames.choosing import MOST_FRAMES, choose_frames
+from dlama.geometry.frames.coarse import coarse_camera, coarse_depth
 from dlama.geometry.kernels import visibility as kernels
 from dlama.geometry.kernels.jit import in_bands
 from dlama.geometry.projection import px_from_px
@@ -23,6 +25,10 @@ MAX_ROUNDS = 8
 """Passes over all source cameras after which what still breaks the law is put at infinity."""
 SIGMAS, EXACT, EDGES_PX = 3.0, 1e-3, 2
 """Standard deviations of the depth of many frames that the law leaves, relative noise that is none, and how far edges are off."""
+HELD_BYTES = 256_000_000
+"""Depth of all frames up to which the law holds all of it; beyond, it is made for each camera."""
+MOST_COARSE = 24
+"""Frames beyond those that are drawn for a camera whose coarse depth counts for its law."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,15 +38,41 @@ class Law:
     measured: tuple[tuple[Camera, Float32Array], ...]
     far_color: UInt8Array | None = None
     """Mean RGB of the far pixels (sky) that were measured, for views that show none of them; None: there were none."""
+    scene: Scene | None = None
+    """Of so many frames that their depth is not held: the scene, and `near` gives the law for a camera."""
 
     @classmethod
     def of(cls, scene: Scene) -> Law:
         """The law that a scene's measured layers and removed objects lay down; of many frames, within their measured noise."""
+        if scene.numbers and sum(4 * one.camera.width * one.camera.height for one in scene.measured) > HELD_BYTES:
+            return cls((), scene=scene)
+        return cls._of(scene)
+
+    def near(self, camera: Camera) -> Law:
+        """The law that matters for a camera: itself; of very many frames, that of those which are drawn for it, and of some more
+        their coarse depth, the nearest of blocks of pixels."""
+        if self.scene is None:
+            return self
+        whole = self.scene
+        places = choose_frames(whole.measured, camera, MOST_FRAMES + MOST_COARSE)
+        layers = [whole.layers[place] for place in places[:MOST_FRAMES]]
+        taken = [one for one in whole.objects if any(one.camera.same_view_as(each.camera) for each in layers)]
+        one = Law._of(Scene(tuple(layers), tuple(taken)), whole.noise)
+        coarse = [
+            (coarse_camera(each.camera), within_noise(coarse_depth(each), whole.noise))
+            for each in (whole.layers[place] for place in places[MOST_FRAMES:])
+        ]
+        return Law((*one.measured, *coarse), one.far_color)
+
+    @classmethod
+    def _of(cls, scene: Scene, noise: tuple[float, float] | None = None) -> Law:
+        noise = scene.noise if scene.numbers else noise
         measured: list[tuple[Camera, Float32Array]] = []
         sky = [layer.color[layer.far & from_source(layer.origin)] for layer in scene.layers]
         for layer in (*scene.layers, *scene.objects):
-            if not from_source(layer.origin).any():
+            if not layer.shows_source:
                 continue
+            layer = layer.read()
             depth = np.where(from_source(layer.origin), layer.depth, np.float32(0))
             for number, (camera, known) in enumerate(measured):
                 if camera.same_view_as(layer.camera):
@@ -48,8 +80,8 @@ class Law:
                     break
             else:
                 measured.append((layer.camera, depth))
-        if scene.numbers:
-            measured = [(camera, within_noise(depth, scene.noise)) for camera, depth in measured]
+        if noise is not None:
+            measured = [(camera, within_noise(depth, noise)) for camera, depth in measured]
         far = np.concatenate(sky)
         return cls(tuple(measured), far.mean(0).astype(np.uint8) if len(far) else None)
 
@@ -113,10 +145,10 @@ def lawful_depth(view: View, depth: Float32Array, where: BoolArray, law: Law) ->
     Returns:
         H x W metres, and how many pixels had to be moved.
     """
-    lawful, moved = law.project(view.camera, depth, where)
+    lawful, moved = law.near(view.camera).project(view.camera, depth, where)
     return lawful, int(moved.sum())
 
 
 def violations(view: View, law: Law) -> BoolArray:
     """H x W, True at the filled pixels of a view that break the law."""
-    return law.violations(view.camera, view.depth, view.filled)
+    return law.near(view.camera).violations(view.camera, view.depth, view.filled)

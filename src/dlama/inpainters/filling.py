@@ -86,6 +86,7 @@ def inpaint(view: View, inpainter: Inpainter, law: Law, seed: int = 0) -> tuple[
         return view, FillReport(0, 0, 0, {})
     if not (view.valid | view.far).any():
         return view, FillReport(0, 0, 0, {"nothing_visible": True})
+    law = law.near(view.camera)
     fill = inpainter(view, law, seed)
     depth, moved = lawful_depth(view, fill.depth, hole, law)
     color = np.where(view.color_hole[..., None], fill.color, view.color)

@@ -22,11 +22,12 @@ def evaluate_sequence(dataset: str, output: Path, report: Report, cases: Mapping
 
     cases: the options protocol, scenes, layout, camera, depth_range and limit by name.
     """
+    from dlama.datasets.sequences.loading import ReadFrames, read_views
     from dlama.datasets.sequences.scene_frames import open_frames
-    from dlama.datasets.sequences.sequence import load_frames
     from dlama.evaluation.protocols.methods import ProtocolSettings
     from dlama.evaluation.protocols.sequence import APART, COUNTS, Row, score_sequence, table
     from dlama.files.atomic_write import new_directory
+    from dlama.geometry.frames.stored import PixelCache
 
     if cases["protocol"] != ("sequence",):
         raise InputError("protocol sequence goes alone, it takes other cases than the others")
@@ -35,8 +36,8 @@ def evaluate_sequence(dataset: str, output: Path, report: Report, cases: Mapping
     with reported("evaluate", report) as result, counting_bar("sequence", report) as bar:
         options = {name: cases[name] for name in ("layout", "camera", "depth_range")}
         listed = open_frames(dataset, **options, scene=next(iter(cases["scenes"]), None))
-        loaded, _ = load_frames(listed)
-        names, frames = list(loaded), list(loaded.values())
+        names = list(read_views(listed, PixelCache())[0])
+        frames = ReadFrames([frame for frame in listed if frame.name in names])
         if len(frames) < APART + 1:
             raise InputError(f"{dataset}: has {len(frames)} frames; {APART + 1} or more are wanted")
         count = min(cases["limit"] or HELD_OUT, len(frames))

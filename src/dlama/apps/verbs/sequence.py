@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from tyro.conf import Positional
 
-from dlama.apps.options import RECIPES, CameraFile, Masking, Metres, Output, Radius, Report, Seed, option
+from dlama.apps.options import RECIPES, CameraFile, Masking, Metres, Output, Radius, Report, Seed, names_in, option
 from dlama.apps.places import check_folder_apart
 from dlama.apps.terminal.output import counting_bar, print_line, reported
 from dlama.apps.terminal.streams import ending, exit_code
@@ -76,6 +76,7 @@ def sequence(
     recipe: Annotated[str, option("|".join(RECIPES), "dlama")] = "dlama",
     dilate: Radius = None,
     views: Annotated[str, option("frames|orbit|spiral|dolly|CAMERAS.json", "frames")] = "frames",
+    only: Annotated[str | None, option("NAME,...", "all")] = None,
 ) -> None:
     """Many posed frames of one scene, completed: what one frame lacks another one shows, and only the rest is filled, once.
 
@@ -88,6 +89,7 @@ def sequence(
         dilate: Grow the masks by this many pixels before the thing leaves (3).
         views: Which cameras are completed: the frames' own, a path from the middle frame, or those of a file (a list of cameras
             as --to of dlama view takes one, each with an optional name).
+        only: What is written beside the views: scene, points, mesh, colmap, video (.mp4 with the extra video, else .webp).
     """
     import dlama
 
@@ -97,6 +99,7 @@ def sequence(
         found = read_masks(mask_files(mask, masks), masking)
         with shown_progress("sequence", report) as progress:
             options = {"masks": found, "recipe": recipe, "dilate": dilate, "views": views, **vars(source)}
+            options["only"] = names_in(only)
             meta = dlama.sequence(dataset, output, progress=progress, **options, **filler.settings())
         result.add(summary_line(meta, output, time.perf_counter() - started), **summary_values(meta, output))
 

@@ -43,7 +43,7 @@ def video(
     """
     import dlama
     from dlama.datasets.sequences.camera_paths import path_for
-    from dlama.datasets.sequences.sequence import read_scene_of
+    from dlama.datasets.sequences.loading import read_scene_of
     from dlama.files.results.video import check_video, write_video
 
     started = time.perf_counter()

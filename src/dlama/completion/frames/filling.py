@@ -45,7 +45,7 @@ def filling_order(plan: Plan, cameras: Sequence[Camera]) -> list[int]:
     """Places of the frames to fill; where a thing is removed, those first that see most of what no frame shows behind it."""
     frames = plan.given.measured
     wanted = {place for camera in cameras for place in choose_frames(frames, camera)} if cameras else range(len(frames))
-    places = sorted(place for place in wanted if frames[place].hole.any())
+    places = sorted(place for place in wanted if frames[place].has_holes)
     if not plan.given.objects:
         return places
     unseen = {place: unseen_behind(plan, frames[place].camera) for place in places}

@@ -2,35 +2,45 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any
 
 from dlama.completion.published import clipped
 from dlama.completion.recipes import Recipe
 from dlama.completion.report import depth_source
 from dlama.errors import InputError
-from dlama.geometry.frames.gathering import scene
+from dlama.geometry.frames.gathering import FrameSource, scene
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import Origin, View
 
 
-def starting_scene(given: RGBD | Scene | Sequence[RGBD], recipe: Recipe) -> Scene:
+def starting_scene(given: RGBD | Scene | Sequence[FrameSource], recipe: Recipe) -> Scene:
     """The scene that a completion starts from, clipped as the recipe says. InputError: a scene cannot be clipped any more."""
     if isinstance(given, RGBD):
         return Scene((View.from_rgbd(clipped(given, recipe.clip)),))
     if not isinstance(given, Scene):
-        return scene([clipped(frame, recipe.clip) for frame in given])
+        return scene([_clipped(frame, recipe.clip) for frame in given])
     if recipe.clip is not None:
         raise InputError(f"clip is {recipe.clip} m: a scene cannot be clipped; give its frames instead")
     return given
 
 
-def about_source(given: RGBD | Scene | Sequence[RGBD], start: Scene) -> dict[str, Any]:
+def _clipped(frame: FrameSource, clip: float | None) -> FrameSource:
+    """The frame, or what reads it, clipped."""
+    return clipped(frame, clip) if isinstance(frame, RGBD) else partial(_read_clipped, frame, clip)
+
+
+def _read_clipped(read: Callable[[], RGBD], clip: float | None) -> RGBD:
+    return clipped(read(), clip)
+
+
+def about_source(given: RGBD | Scene | Sequence[FrameSource], start: Scene) -> dict[str, Any]:
     """For meta.json: where depth comes from; of many frames their numbers, gains and noise."""
     if isinstance(given, RGBD):
         return depth_source(given)
-    estimated = any((layer.origin == Origin.ESTIMATED).any() for layer in start.measured)
+    estimated = any(Origin.ESTIMATED in layer.origins for layer in start.measured)
     about: dict[str, Any] = {"depth": "estimated" if estimated else "measured"}
     if start.numbers:
         about["frames"] = {

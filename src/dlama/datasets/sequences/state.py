@@ -6,6 +6,7 @@ import hashlib
 import json
 import shutil
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -14,11 +15,15 @@ import numpy as np
 from dlama.completion.frames.stepwise import Added, Step
 from dlama.errors import FileError
 from dlama.files.atomic_write import new_file
-from dlama.files.scenes.scene_npz import read_npz, write_npz
+from dlama.files.scenes.scene_npz import read_layer, read_npz, write_npz
+from dlama.geometry.frames.stored import PixelCache, StoredView
 from dlama.geometry.scene import Scene
+from dlama.geometry.view import View
 
 FOLDER = ".dlama-sequence"
 """In the output, while the run lasts."""
+FORMAT = 2
+"""Of the files there; what another one left is not gone on with."""
 
 
 class SequenceState:
@@ -26,7 +31,8 @@ class SequenceState:
 
     def __init__(self, output: Path, settings: Mapping[str, Any], scene: Scene, version: str) -> None:
         self.folder = output / FOLDER
-        self.mark = fingerprint(settings, scene, version)
+        self.mark = fingerprint({**settings, "format": FORMAT}, scene, version)
+        self.cache = PixelCache()
         self._settings = self.folder / "settings.json"
 
     def begin(self) -> bool:
@@ -49,15 +55,32 @@ class SequenceState:
         if not file.is_file():
             return None
         try:
-            view, scene = read_npz(file)
+            view, scene = read_npz(file, self.cache)
         except FileError:
             return None
-        return Added(view, scene.layers[1:], next(iter(scene.objects), None))
+        return self._added(view, scene)
 
-    def keep(self, step: Step, added: Added) -> None:
-        """The step is done. Raises OutputError."""
-        layers = (added.view, *added.layers)
-        write_npz(self._file(step), added.view, Scene(layers, () if added.frame is None else (added.frame,)))
+    def keep(self, step: Step, added: Added) -> Added:
+        """The step is done; the same, whose layers are read from the file when they are needed. Raises OutputError."""
+        layers = (*(() if added.frame is None else (added.frame,)), *added.layers)
+        numbers = () if added.frame is None else (0,)
+        nothing = () if layers else (added.view,)
+        scene = Scene(layers or nothing, nothing, numbers, tuple((1.0, 1.0, 1.0) for _ in numbers))
+        file = self._file(step)
+        write_npz(file, added.view, scene)
+        stored = [
+            StoredView.of(layer.camera, partial(read_layer, file, f"layer{number}_"), self.cache, layer)
+            for number, layer in enumerate(scene.layers)
+        ]
+        return self._added(added.view, Scene(tuple(stored), nothing, numbers, scene.gains))
+
+    @staticmethod
+    def _added(view: View, scene: Scene) -> Added:
+        """Of a scene as `keep` writes it: first the frame, where it has numbers; an object: nothing was added."""
+        if scene.objects:
+            return Added(view, (), None)
+        frames = len(scene.numbers)
+        return Added(view, scene.layers[frames:], scene.layers[0] if frames else None)
 
     def end(self) -> None:
         """All is done: nothing is left of this."""
@@ -70,7 +93,8 @@ class SequenceState:
 def fingerprint(settings: Mapping[str, Any], scene: Scene, version: str) -> str:
     """Changes with any pixel, any pose and any setting."""
     digest = hashlib.sha256(json.dumps([dict(settings), version], sort_keys=True, default=str).encode())
-    for layer in (*scene.layers, *scene.objects):
+    for stored in (*scene.layers, *scene.objects):
+        layer = stored.read()
         for array in (layer.camera.world_from_cam, layer.camera.K, layer.color, layer.depth, layer.hole):
             digest.update(np.ascontiguousarray(array).tobytes())
     return digest.hexdigest()

@@ -8,8 +8,10 @@ many frames; `numbers gains noise` of a scene of many.
 
 from __future__ import annotations
 
+import re
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -19,9 +21,12 @@ from dlama.files.atomic_write import PathLike, new_file
 from dlama.files.rasters.float_files import read_npy
 from dlama.files.rasters.images import existing
 from dlama.geometry.camera import Camera
+from dlama.geometry.frames.stored import CACHE_BYTES, PixelCache, StoredView
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
 
+OF_LAYER = re.compile(r"(layer|object)\d+_")
+"""How the name of a layer's array begins."""
 Gains = tuple[float, float, float]
 ERRORS = ("depth_error", "color_error")
 """Planes of `View.errors`, where there are any: metres, levels."""
@@ -34,20 +39,24 @@ SMALL_SCENE, LARGEST_RATIO = 256_000_000, 100
 
 
 def write_npz(path: PathLike, view: View, scene: Scene) -> None:
-    """Write everything that is known, without loss; `numpy.load` opens it. Raises OutputError."""
-    arrays = _arrays("", view)
-    for name, layers in (("layer", scene.layers), ("object", scene.objects)):
-        for number, layer in enumerate(layers):
-            arrays |= _arrays(f"{name}{number}_", layer)
-    if scene.numbers:
-        arrays |= {"numbers": np.array(scene.numbers), "gains": np.array(scene.gains), "noise": np.array(scene.noise)}
+    """Write everything that is known, without loss; `numpy.load` opens it. Layer by layer. Raises OutputError."""
     with (
         new_file(path) as draft,
         zipfile.ZipFile(draft, "w", zipfile.ZIP_DEFLATED, compresslevel=ZIP_LEVEL) as archive,
     ):
-        for key, array in arrays.items():
+        for key, array in _all_arrays(view, scene):
             with archive.open(f"{key}.npy", "w", force_zip64=True) as entry:
                 np.lib.format.write_array(entry, np.asanyarray(array), allow_pickle=False)
+
+
+def _all_arrays(view: View, scene: Scene) -> Iterator[tuple[str, np.ndarray]]:
+    yield from _arrays("", view).items()
+    for name, layers in (("layer", scene.layers), ("object", scene.objects)):
+        for number, layer in enumerate(layers):
+            yield from _arrays(f"{name}{number}_", layer).items()
+    if scene.numbers:
+        frames = {"numbers": np.array(scene.numbers), "gains": np.array(scene.gains), "noise": np.array(scene.noise)}
+        yield from frames.items()
 
 
 def read_scene(path: PathLike) -> Scene:
@@ -56,15 +65,21 @@ def read_scene(path: PathLike) -> Scene:
 
 
 @system_errors(FileError)
-def read_npz(path: PathLike) -> tuple[View, Scene]:
-    """What `write_npz` wrote. Raises FileError."""
+def read_npz(path: PathLike, cache: PixelCache | None = None) -> tuple[View, Scene]:
+    """What `write_npz` wrote. All of it is read and checked; layers that together exceed CACHE_BYTES, and all with a `cache`, are
+    read again when they are needed, so that the file has to stay. Raises FileError.
+    """
     file = existing(path)
     try:
-        arrays = _loaded(file)
-        layers, objects = (
-            [_view(prefix, arrays) for prefix in _prefixes(name, arrays)] for name in ("layer", "object")
-        )
-        return _view("", arrays), Scene(tuple(layers), tuple(objects), *_frames(arrays))
+        with zipfile.ZipFile(file) as archive:
+            total = _check_claims(archive, file)
+            held = None if cache is None and total <= CACHE_BYTES else (cache or PixelCache())
+            layers, objects = (
+                [_layer(archive, prefix, file, held) for prefix in _prefixes(name, archive)]
+                for name in ("layer", "object")
+            )
+            whole = _arrays_of(archive, "")
+            return _view("", whole), Scene(tuple(layers), tuple(objects), *_frames(whole))
     except KeyError as error:
         raise FileError(f"{file}: has no array called {error}; a scene.npz of dlama is wanted") from error
     except DlamaError as error:
@@ -73,23 +88,39 @@ def read_npz(path: PathLike) -> tuple[View, Scene]:
         raise FileError(f"{file}: is damaged, truncated or no NPZ file ({error})") from error
 
 
-def _loaded(file: Path) -> dict[str, np.ndarray]:
-    """The arrays of an NPZ by name. FileError: far more bytes than such a file holds, which a small file can claim."""
+def _check_claims(archive: zipfile.ZipFile, file: Path) -> int:
+    """Bytes of all arrays. FileError: far more than such a file holds, which a small file can claim."""
+    total = sum(part.file_size for part in archive.infolist())
+    if total > max(SMALL_SCENE, LARGEST_RATIO * file.stat().st_size):
+        raise FileError(f"says it holds {total / 1e6:.0f} MB in {file.stat().st_size / 1e6:.1f} MB; that is no scene")
+    return total
+
+
+def _layer(archive: zipfile.ZipFile, prefix: str, file: Path, cache: PixelCache | None) -> View:
+    view = _view(prefix, _arrays_of(archive, prefix))
+    return view if cache is None else StoredView.of(view.camera, partial(read_layer, file, prefix), cache, view)
+
+
+@system_errors(FileError)
+def read_layer(file: Path, prefix: str) -> View:
+    """One layer of a scene.npz, whose arrays have names that begin like that: layer0_, object0_. Raises FileError."""
     with zipfile.ZipFile(file) as archive:
-        parts = archive.infolist()
-        total = sum(part.file_size for part in parts)
-        if total > max(SMALL_SCENE, LARGEST_RATIO * file.stat().st_size):
-            raise FileError(
-                f"says it holds {total / 1e6:.0f} MB in {file.stat().st_size / 1e6:.1f} MB; that is no scene"
-            )
-        arrays = {}
-        for part in parts:
+        return _view(prefix, _arrays_of(archive, prefix))
+
+
+def _arrays_of(archive: zipfile.ZipFile, prefix: str) -> dict[str, np.ndarray]:
+    """The arrays of one layer by name; with prefix "" those that belong to none."""
+    arrays = {}
+    for part in archive.infolist():
+        name = part.filename.removesuffix(".npy")
+        if name.startswith(prefix) if prefix else not OF_LAYER.match(name):
             with archive.open(part) as stream:
-                arrays[part.filename.removesuffix(".npy")] = read_npy(stream, part.file_size)
-        return arrays
+                arrays[name] = read_npy(stream, part.file_size)
+    return arrays
 
 
 def _arrays(prefix: str, view: View) -> dict[str, np.ndarray]:
+    view = view.read()
     fields: dict[str, np.ndarray] = {
         "rgb": view.color,
         "depth": view.depth,
@@ -128,9 +159,10 @@ def _view(prefix: str, arrays: Mapping[str, np.ndarray]) -> View:
     return View(camera, color, depth, hole, types, origin, confidence, arrays.get(f"{prefix}frame"), errors)
 
 
-def _prefixes(name: str, arrays: Mapping[str, np.ndarray]) -> list[str]:
+def _prefixes(name: str, archive: zipfile.ZipFile) -> list[str]:
     """layer0_, layer1_, ... as far as they go."""
+    there = {part.filename.removesuffix(".npy") for part in archive.infolist()}
     found: list[str] = []
-    while f"{name}{len(found)}_rgb" in arrays:
+    while f"{name}{len(found)}_rgb" in there:
         found.append(f"{name}{len(found)}_")
     return found

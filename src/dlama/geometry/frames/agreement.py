@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
+from weakref import WeakKeyDictionary
 
 import cv2
 import numpy as np
 
 from dlama.geometry.camera import Float64Array
-from dlama.geometry.frames.choosing import Samples
+from dlama.geometry.frames.choosing import samples_of
 from dlama.geometry.projection import project
 from dlama.geometry.rgbd import Float32Array
 from dlama.geometry.view import View
@@ -24,6 +26,8 @@ ENOUGH = 20
 """Samples that a pair of frames has to share."""
 ALL_PAIRS = 64
 """Frames up to which each is held against every other; beyond, against those 1, 2, 4, 8, ... places on."""
+MOST_PAIRS = ALL_PAIRS**2
+"""Pairs of which all samples are held; of more, every second, third, ... sample."""
 
 
 @dataclass(frozen=True)
@@ -41,17 +45,46 @@ class Overlap:
     ratio: Float64Array
     """N x 3: logarithm of the other's colour by this one's, of samples that neither clips."""
 
+    def thinned(self, every: int) -> Overlap:
+        """With every so many of the samples; those that agree or were looked through stay counted."""
+        if every == 1:
+            return self
+        return dataclasses.replace(
+            self, depth=self.depth[::every], error=self.error[::every], ratio=self.ratio[::every]
+        )
+
 
 class Judged:
-    """A frame made ready to be held against others."""
+    """What a frame is held against others by: its samples and their colours, small enough for all frames at once."""
 
     def __init__(self, view: View) -> None:
-        self.camera = view.camera
-        self.samples = Samples(view)
-        self.blurred = cv2.blur(view.color, (BLUR_PX, BLUR_PX)).astype(np.float32)
-        self.colors = self.blurred[self.samples.rows, self.samples.columns]
+        self.camera, self.samples = view.camera, samples_of(view)
+        self.colors = blurred(view)[self.samples.rows, self.samples.columns]
+
+
+_judged: WeakKeyDictionary[View, Judged] = WeakKeyDictionary()
+
+
+def judged(view: View) -> Judged:
+    """A view made ready to be held against others, once."""
+    if view not in _judged:
+        _judged[view] = Judged(view)
+    return _judged[view]
+
+
+class Pictures:
+    """What a frame holds others against: its whole pictures, of one frame at a time."""
+
+    def __init__(self, view: View) -> None:
+        view = view.read()
+        self.camera, self.blurred = view.camera, blurred(view)
         depth = np.where(view.hole | np.isinf(view.depth), np.float32(0), view.depth)
         self.inverse = np.divide(1, depth, out=np.zeros_like(depth), where=depth > 0)
+
+
+def blurred(view: View) -> Float32Array:
+    """H x W x 3, mean colours round each pixel."""
+    return cv2.blur(view.color, (BLUR_PX, BLUR_PX)).astype(np.float32)
 
 
 def pairs_of(count: int) -> list[tuple[int, int]]:
@@ -63,7 +96,23 @@ def pairs_of(count: int) -> list[tuple[int, int]]:
     return [*one_way, *((j, i) for i, j in one_way)]
 
 
-def overlap(one: Judged, other: Judged) -> Overlap:
+def overlaps(views: Sequence[View]) -> dict[tuple[int, int], Overlap]:
+    """What each pair of frames (`pairs_of`) says: (i, j) -> the samples of i seen by j. Each frame's pixels are read twice."""
+    pairs = pairs_of(len(views))
+    every = max(1, len(pairs) // MOST_PAIRS)
+    ready = [judged(view) for view in views]
+    seen_by: dict[int, list[int]] = {}
+    for i, j in pairs:
+        seen_by.setdefault(j, []).append(i)
+    found = {}
+    for j, places in sorted(seen_by.items()):
+        pictures = Pictures(views[j])
+        for i in places:
+            found[i, j] = overlap(ready[i], pictures).thinned(every)
+    return {pair: found[pair] for pair in pairs}
+
+
+def overlap(one: Judged, other: Pictures) -> Overlap:
     """The samples of `one` seen by `other`."""
     pixels, z = project(one.samples.points, other.camera)
     inside = (z > 0) & (pixels >= 0.5).all(1) & (pixels < np.array(other.camera.wh) - 0.5).all(1)
@@ -118,6 +167,8 @@ def fitted_gains(count: int, found: dict[tuple[int, int], Overlap]) -> Float64Ar
 
     Least squares over the median ratio of each pair that shares enough samples. 1 where nothing says anything.
     """
+    if count > ALL_PAIRS:
+        return _gains_of_many(count, found)
     rows, wanted, weights = [], [], []
     for (i, j), each in found.items():
         if len(each.ratio) >= ENOUGH:
@@ -135,4 +186,18 @@ def fitted_gains(count: int, found: dict[tuple[int, int], Overlap]) -> Float64Ar
         np.vstack([np.array(wanted) * weight, np.zeros((count, 3))]),
     )
     logs = np.linalg.lstsq(system, right, rcond=None)[0]
+    return np.exp(logs - logs.mean(0))
+
+
+def _gains_of_many(count: int, found: dict[tuple[int, int], Overlap]) -> Float64Array:
+    """The same by normal equations, which take count x count numbers however many pairs there are."""
+    system, right = 1e-6 * np.eye(count), np.zeros((count, 3))
+    for (i, j), each in found.items():
+        if len(each.ratio) >= ENOUGH:
+            weight, wanted = len(each.ratio), np.median(each.ratio, axis=0)
+            system[[i, j], [i, j]] += weight
+            system[[i, j], [j, i]] -= weight
+            right[i] += weight * wanted
+            right[j] -= weight * wanted
+    logs = np.linalg.solve(system, right)
     return np.exp(logs - logs.mean(0))

@@ -1,16 +1,18 @@
 """The frames of a scene and a camera in; the few of them that matter for it out, each chosen for what it adds.
 
-Cost: each frame is sampled at about SAMPLES pixels, which are projected into the camera; a view costs so many projections a frame
-(some 0.1 ms each), and renderings only of those that were chosen.
+Cost: each frame is sampled once, at about SAMPLES pixels. Of the frames whose samples' box is in view the samples are projected
+into the camera (some 0.1 ms a frame); only those that were chosen are rendered, and only their pixels are read.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from dlama.geometry.camera import Camera, Float64Array
+from dlama.geometry.frames.extent import boxes_of, in_view
 from dlama.geometry.projection import project
 from dlama.geometry.view import View
 
@@ -30,6 +32,7 @@ class Samples:
     """A frame at every few pixels: points in the world, and what it shows there."""
 
     def __init__(self, view: View) -> None:
+        view = view.read()
         grid = [
             np.minimum((np.arange(n) + 0.5) * size / n, size - 1).astype(np.intp)
             for n, size in zip(SAMPLES, view.camera.hw)
@@ -49,6 +52,18 @@ class Samples:
         )
         pose = camera.world_from_cam
         self.points: Float64Array = local @ pose[:3, :3].T + pose[:3, 3]
+        self.box = boxes_of([self.points])[0]
+        """8 x 3, the corners of the box that holds them; NaN where there are none."""
+
+
+_samples: WeakKeyDictionary[View, Samples] = WeakKeyDictionary()
+
+
+def samples_of(view: View) -> Samples:
+    """The samples of a view, taken once."""
+    if view not in _samples:
+        _samples[view] = Samples(view)
+    return _samples[view]
 
 
 def choose_frames(frames: Sequence[View], camera: Camera, most: int = MOST_FRAMES) -> list[int]:
@@ -60,32 +75,33 @@ def choose_frames(frames: Sequence[View], camera: Camera, most: int = MOST_FRAME
     own = [place for place, frame in enumerate(frames) if frame.camera.same_view_as(camera)][:1]
     if len(frames) == 1:
         return [0]
-    quality, nearest = _seen(frames, camera)
-    cells = quality * (nearest * OCCLUDED <= nearest.min(0))
+    samples = [samples_of(frame) for frame in frames]
+    visible = [int(place) for place in np.flatnonzero(in_view(np.stack([one.box for one in samples]), camera))]
+    quality, nearest = _seen([frames[place] for place in visible], [samples[place] for place in visible], camera)
+    cells = quality * (nearest * OCCLUDED <= nearest.min(0, initial=np.inf))
     counts = np.zeros(cells.shape[1], np.intp)
-    chosen: list[int] = []
     for place in own:
-        counts[cells[place] > 0] += 1
-        chosen.append(place)
-    left = [place for place in range(len(frames)) if place not in chosen]
+        counts += (cells[[row for row, one in enumerate(visible) if one == place]] > 0).any(0)
+    chosen: list[int] = [*own]
+    left = [row for row, place in enumerate(visible) if place not in own]
     while left and len(chosen) < most:
         gains = cells[left] @ WORTH[np.minimum(counts, len(WORTH) - 1)]
         best = int(np.argmax(gains))
-        if gains[best] < LEAST_WORTH and chosen:
+        if gains[best] == 0 or (gains[best] < LEAST_WORTH and chosen):
             break
-        chosen.append(left.pop(best))
-        counts[cells[chosen[-1]] > 0] += 1
-    return chosen
+        row = left.pop(best)
+        chosen.append(visible[row])
+        counts[cells[row] > 0] += 1
+    return chosen or [0]
 
 
-def _seen(frames: Sequence[View], camera: Camera) -> tuple[Float64Array, Float64Array]:
+def _seen(frames: Sequence[View], sampled: Sequence[Samples], camera: Camera) -> tuple[Float64Array, Float64Array]:
     """N x cells: how well each frame shows a cell of the camera's picture (0..1), and its nearest depth there (inf = none)."""
     rows, columns = SAMPLES
     quality = np.zeros((len(frames), rows * columns))
     nearest = np.full((len(frames), rows * columns), np.inf)
     center = camera.world_from_cam[:3, 3]
-    for place, frame in enumerate(frames):
-        samples = Samples(frame)
+    for place, (frame, samples) in enumerate(zip(frames, sampled)):
         pixels, z = project(samples.points, camera)
         inside = (z > 0) & (pixels >= 0).all(1) & (pixels[:, 0] < camera.width) & (pixels[:, 1] < camera.height)
         if not inside.any():

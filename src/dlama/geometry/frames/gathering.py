@@ -3,24 +3,37 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 
 import numpy as np
 
 from dlama.errors import InputError, ShapeError
 from dlama.geometry.camera import Float64Array
-from dlama.geometry.frames.agreement import ENOUGH, Judged, Overlap, fitted_gains, fitted_noise, overlap, pairs_of
+from dlama.geometry.frames.agreement import ENOUGH, Overlap, fitted_gains, fitted_noise, judged, overlaps
+from dlama.geometry.frames.coarse import coarse_depth
+from dlama.geometry.frames.stored import PixelCache, StoredView
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
 
 SAME_GAIN = 0.01
 """Gains that all lie nearer to 1 than this are none."""
+SAME_POSE = 1e-6
+"""Of the entries of two poses that may be the same."""
 OUTLIER = 0.5
 """A frame is an outlier if it agrees with the others so many times less than their median does."""
 
 
-def scene(frames: Sequence[RGBD], *, names: Sequence[str] | None = None) -> Scene:
+FrameSource = RGBD | Callable[[], RGBD]
+"""A frame, or what reads it: a function without arguments, which is called again when its pixels are needed again."""
+
+
+def scene(
+    frames: Sequence[FrameSource],
+    *,
+    names: Sequence[str] | None = None,
+) -> Scene:
     """The scene that several posed frames show, in their one world. One frame gives the scene of one picture.
 
     Its views come from all frames: depths within the measured noise are one surface, a point that as many frames looked through
@@ -29,23 +42,61 @@ def scene(frames: Sequence[RGBD], *, names: Sequence[str] | None = None) -> Scen
     `View.frame`) count the frames as given, from 0.
 
     Args:
-        frames: Pictures with metric depth, of one size; their cameras stand in one world.
+        frames: Pictures with metric depth, of one size; their cameras stand in one world. In the place of a picture a function
+            that reads it: then only some 60 pictures of 640x480 are in memory at a time, however many there are.
         names: What messages call them; their numbers by default.
     Raises:
         InputError: no frame, frames of different sizes (ShapeError), or of which no two show the same surfaces.
     """
     called = [f"frame {number}" for number in range(len(frames))] if names is None else list(names)
-    _check(frames, called)
-    views = [View.from_rgbd(frame) for frame in frames]
+    if not frames:
+        raise InputError("frames is empty; one posed RGB-D frame or more is wanted")
+    if len(called) != len(frames):
+        raise InputError(f"names has {len(called)} names for {len(frames)} frames; as many are wanted")
+    cache = PixelCache()
+    return gathered([view_of(frame, name, cache) for frame, name in zip(frames, called)], called)
+
+
+def view_of(frame: FrameSource, name: str, cache: PixelCache) -> View:
+    """The source view of a frame, held in the cache where it can be read again. InputError: no depth."""
+    if isinstance(frame, RGBD):
+        return _with_depth(View.from_rgbd(frame), name)
+    first = View.from_rgbd(frame())
+    view = StoredView.of(first.camera, partial(_source_view, frame), cache, first)
+    _with_depth(view, name)
+    judged(view), coarse_depth(view), view.has_holes, view.has_errors
+    return view
+
+
+def _source_view(frame: Callable[[], RGBD]) -> View:
+    return View.from_rgbd(frame())
+
+
+def _with_depth(view: View, name: str) -> View:
+    if not view.shows_source:
+        raise InputError(f"{name} has no depth at all; leave it out")
+    return view
+
+
+def gathered(views: Sequence[View], called: Sequence[str]) -> Scene:
+    """The scene of the frames' source views; `called`: their names. As `scene`."""
+    for view, name in zip(views, called):
+        first = views[0].camera
+        if view.camera.hw != first.hw:
+            raise ShapeError(
+                f"{name} is {view.camera.width}x{view.camera.height} and {called[0]} {first.width}x{first.height}; frames of "
+                "one size are wanted"
+            )
     if len(views) == 1:
         return Scene((views[0],))
     kept = _without_duplicates(views, called)
     if len(kept) == 1:
         return Scene((views[kept[0]],))
-    judged = {place: Judged(views[place]) for place in kept}
-    found = {(kept[i], kept[j]): overlap(judged[kept[i]], judged[kept[j]]) for i, j in pairs_of(len(kept))}
+    pairs = overlaps([views[place] for place in kept])
+    found = {(kept[i], kept[j]): each for (i, j), each in pairs.items()}
     kept = _without_outliers(kept, found, called)
-    left = {(kept.index(i), kept.index(j)): each for (i, j), each in found.items() if i in kept and j in kept}
+    row = {place: number for number, place in enumerate(kept)}
+    left = {(row[i], row[j]): each for (i, j), each in found.items() if i in row and j in row}
     gains = fitted_gains(len(kept), left)
     if (np.abs(gains - 1) < SAME_GAIN).all():
         gains = np.ones_like(gains)
@@ -57,31 +108,17 @@ def scene(frames: Sequence[RGBD], *, names: Sequence[str] | None = None) -> Scen
     )
 
 
-def _check(frames: Sequence[RGBD], called: Sequence[str]) -> None:
-    if not frames:
-        raise InputError("frames is empty; one posed RGB-D frame or more is wanted")
-    if len(called) != len(frames):
-        raise InputError(f"names has {len(called)} names for {len(frames)} frames; as many are wanted")
-    first = frames[0].camera
-    for frame, name in zip(frames, called):
-        if frame.camera.hw != first.hw:
-            raise ShapeError(
-                f"{name} is {frame.camera.width}x{frame.camera.height} and {called[0]} {first.width}x{first.height}; frames of "
-                "one size are wanted"
-            )
-        if not (frame.valid | frame.far).any():
-            raise InputError(f"{name} has no depth at all; leave it out")
-
-
 def _without_duplicates(views: Sequence[View], called: Sequence[str]) -> list[int]:
     """Places of the frames, each picture once."""
+    poses = np.stack([view.camera.world_from_cam for view in views])
     kept: list[int] = []
     for place, view in enumerate(views):
-        twin = next((other for other in kept if _same(views[other], view)), None)
+        near = np.abs(poses[kept] - poses[place]).max((1, 2), initial=0) <= SAME_POSE
+        twin = next((kept[row] for row in np.flatnonzero(near) if _same(views[kept[row]], view)), None)
         if twin is None:
             kept.append(place)
         else:
-            warnings.warn(f"{called[place]} is {called[twin]} once more; it is left out", UserWarning, stacklevel=3)
+            warnings.warn(f"{called[place]} is {called[twin]} once more; it is left out", UserWarning, stacklevel=4)
     return kept
 
 
@@ -116,9 +153,12 @@ def _without_outliers(kept: list[int], found: dict[tuple[int, int], Overlap], ca
 
 def _agreement(kept: Sequence[int], found: dict[tuple[int, int], Overlap]) -> Float64Array:
     """Of each frame: share of points on the other's surface, among those on it or looked through, both ways; NaN: none."""
-    shares = []
-    for place in kept:
-        own = [each for (i, j), each in found.items() if place in (i, j) and i in kept and j in kept]
-        agree, through = sum(each.agree for each in own), sum(each.through for each in own)
-        shares.append(agree / (agree + through) if agree + through >= ENOUGH else np.nan)
-    return np.array(shares)
+    row = {place: number for number, place in enumerate(kept)}
+    agree, through = np.zeros(len(kept)), np.zeros(len(kept))
+    for pair, each in found.items():
+        if pair[0] in row and pair[1] in row:
+            for place in pair:
+                agree[row[place]] += each.agree
+                through[row[place]] += each.through
+    total = agree + through
+    return np.where(total >= ENOUGH, agree / np.maximum(total, 1), np.nan)

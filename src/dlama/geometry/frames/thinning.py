@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import dataclasses
+from functools import partial
 
 import cv2
 import numpy as np
 
 from dlama.geometry.frames.choosing import choose_frames
 from dlama.geometry.frames.merging import nearest_around
+from dlama.geometry.frames.stored import StoredView, unpacked
 from dlama.geometry.projection import project, rays
-from dlama.geometry.rgbd import BoolArray
+from dlama.geometry.rgbd import BoolArray, UInt8Array
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import HoleType, Origin, View
 
@@ -27,21 +29,28 @@ def thinned(scene: Scene) -> Scene:
     """
     if not scene.numbers:
         return scene
-    layers = []
+    layers: list[View] = []
     for place, frame in enumerate(scene.measured):
         added = new_points(scene, place)
-        ring = cv2.dilate(added.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
-        layer = frame.without(~ring, HoleType.NONE)
-        origin = np.where(added | layer.hole, layer.origin, np.uint8(Origin.REPROJECTED))
-        color = np.clip(np.rint(layer.color * np.array(scene.gains[place])), 0, 255).astype(np.uint8)
         if added.any() or not place:
-            layers.append(dataclasses.replace(layer, origin=origin, color=color))
+            make = partial(with_new_points, frame, np.packbits(added), scene.gains[place])
+            layers.append(StoredView.of(frame.camera, make, frame.cache) if isinstance(frame, StoredView) else make())
     return Scene((*layers, *scene.layers[len(scene.numbers) :]), scene.objects)
+
+
+def with_new_points(frame: View, bits: UInt8Array, gain: tuple[float, float, float]) -> View:
+    """A frame in the scene's brightness with the pixels `bits` (H x W bool, as `numpy.packbits` packs it) and a rim of one."""
+    added = unpacked(bits, frame.camera)
+    ring = cv2.dilate(added.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
+    layer = frame.read().without(~ring, HoleType.NONE)
+    origin = np.where(added | layer.hole, layer.origin, np.uint8(Origin.REPROJECTED))
+    color = np.clip(np.rint(layer.color * np.array(gain)), 0, 255).astype(np.uint8)
+    return dataclasses.replace(layer, origin=origin, color=color)
 
 
 def new_points(scene: Scene, place: int) -> BoolArray:
     """H x W, True at the pixels of a frame that no earlier frame shows and no other frame looked through."""
-    frame = scene.layers[place]
+    frame = scene.layers[place].read()
     held = [one for one in choose_frames(scene.measured, frame.camera, MOST_HELD_AGAINST) if one != place]
     added = frame.valid.copy()
     rows, columns = np.nonzero(added)
@@ -57,6 +66,7 @@ def new_points(scene: Scene, place: int) -> BoolArray:
 
 def _dropped(points: np.ndarray, scene: Scene, other: View, earlier: bool) -> BoolArray:
     """N, True at points that another frame looked through, or, where it comes earlier, has itself."""
+    other = other.read()
     pixels, z = project(points, other.camera)
     width, height = other.camera.wh
     inside = (z > 0) & (pixels >= 0).all(1) & (pixels[:, 0] < width) & (pixels[:, 1] < height)

@@ -1,0 +1,95 @@
+"""A data set of posed frames, or a scene.npz, in; its scene, whose pixels are read when they are needed, and the names out."""
+
+from __future__ import annotations
+
+import re
+import warnings
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import overload
+
+from dlama.datasets.frames import Frame
+from dlama.datasets.posed.posed_frames import CameraOption
+from dlama.datasets.sequences.scene_frames import open_frames, sliced
+from dlama.errors import DlamaError, FileError, InputError, first_line
+from dlama.files.atomic_write import PathLike
+from dlama.files.scenes.scene_npz import read_scene
+from dlama.geometry.frames.gathering import gathered, view_of
+from dlama.geometry.frames.stored import PixelCache
+from dlama.geometry.rgbd import RGBD, BoolArray
+from dlama.geometry.scene import Scene
+from dlama.geometry.view import View
+
+
+def read_scene_of(
+    dataset: PathLike,
+    which: str | None = None,
+    layout: str | None = None,
+    scene: str | None = None,
+    camera: CameraOption = None,
+    depth_range: float | None = None,
+) -> tuple[list[str], Scene, dict[str, str]]:
+    """The names of the frames, the scene of them, and those that could not be read with why. A scene.npz is one already."""
+    if Path(dataset).suffix.lower() == ".npz":
+        if which is not None:
+            raise InputError(f"frames is {which}, and {dataset} is a scene; its frames cannot be chosen any more")
+        found = read_scene(dataset)
+        return [f"frame-{number:04d}" for number in range(max(found.numbers, default=0) + 1)], found, {}
+    chosen = sliced(open_frames(dataset, layout, camera=camera, depth_range=depth_range, scene=scene), which)
+    views, damaged = read_views(chosen, PixelCache())
+    if not views:
+        raise FileError(
+            f"{dataset}: not one of its {len(chosen)} frames can be read; the first: {next(iter(damaged.values()))}"
+        )
+    return list(views), gathered(list(views.values()), list(views)), damaged
+
+
+def read_views(frames: Sequence[Frame], cache: PixelCache) -> tuple[dict[str, View], dict[str, str]]:
+    """Name -> source view, which is read again when it is needed and no longer in the cache; and name -> why it cannot be read.
+
+    Each damaged frame is warned of.
+    """
+    views, damaged = dict[str, View](), dict[str, str]()
+    for frame in frames:
+        try:
+            views[frame.name] = view_of(frame.load, frame.name, cache)
+        except DlamaError as error:
+            damaged[frame.name] = first_line(error)
+            warnings.warn(f"frame {frame.name} is left out: {first_line(error)}", UserWarning, stacklevel=3)
+    return views, damaged
+
+
+class ReadFrames(Sequence[RGBD]):
+    """Frames of a data set by place, each read when it is asked for."""
+
+    def __init__(self, frames: Sequence[Frame]) -> None:
+        self._frames = frames
+
+    def __len__(self) -> int:
+        return len(self._frames)
+
+    @overload
+    def __getitem__(self, place: int) -> RGBD: ...
+    @overload
+    def __getitem__(self, place: slice) -> ReadFrames: ...
+    def __getitem__(self, place: int | slice) -> RGBD | ReadFrames:
+        return ReadFrames(self._frames[place]) if isinstance(place, slice) else self._frames[place].load()
+
+
+def masks_by_number(masks: Mapping[str, BoolArray], names: Sequence[str]) -> dict[int, BoolArray]:
+    """Number of a frame -> mask, of frames by name or by place. Raises InputError: no such frame."""
+    found: dict[int, BoolArray] = {}
+    for name, mask in masks.items():
+        if name in names:
+            number = list(names).index(name)
+        elif re.fullmatch(r"\d+", name) and int(name) < len(names):
+            number = int(name)
+        else:
+            few = ", ".join(names[:3]) + (f", ... {names[-1]}" if len(names) > 3 else "")
+            raise InputError(
+                f"mask is for frame {name}, which is not there; a name ({few}) or a place, 0 to {len(names) - 1}, is wanted"
+            )
+        if number in found:
+            raise InputError(f"mask: frame {names[number]} has two; one mask a frame is wanted")
+        found[number] = mask
+    return found

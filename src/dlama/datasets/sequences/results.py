@@ -1,0 +1,128 @@
+"""The completed scene of a sequence and its cameras in; scene files, meshes, points, a COLMAP model and a video out."""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+
+from dlama.datasets.posed.colmap_model import write_model
+from dlama.errors import InputError
+from dlama.files.rasters.pictures import read_color
+from dlama.files.results.video import write_video
+from dlama.files.scenes.clouds import write_ply
+from dlama.files.scenes.scene_npz import write_npz
+from dlama.files.scenes.textured_mesh import write_textured_glb
+from dlama.geometry.camera import Camera
+from dlama.geometry.cloud import PointCloud, concatenated
+from dlama.geometry.frames.thinning import thinned
+from dlama.geometry.projection import lift
+from dlama.geometry.rgbd import UInt8Array
+from dlama.geometry.scene import Scene, contribution
+from dlama.geometry.view import HoleType, View
+
+LOG = logging.getLogger("dlama")
+RESULTS = ("scene", "points", "mesh", "colmap", "video")
+"""What is written beside the views: scene.npz, scene.ply, scene.glb, sparse/0, and video.mp4 or video.webp."""
+MOST_POINTS, MOST_MESHED = 10_000_000, 4_000_000
+"""Points of scene.ply, of more every second, third, ...; points of the frames in scene.glb, those first that add most."""
+COLMAP_POINTS = 200_000
+"""Points of the COLMAP model."""
+FPS = 12.0
+"""Views that the video shows a second."""
+MOST_ANIMATED, ANIMATED_WIDTH = 240, 480
+"""Pictures of a WebP, which is held in memory whole, and their width; MP4 has all, as they are."""
+
+
+def checked_results(only: Sequence[str] | None) -> tuple[str, ...]:
+    """Names of what is to be written; None: all. InputError: an unknown name."""
+    for name in only or ():
+        if name not in RESULTS:
+            raise InputError(f"only names {name!r}; of {', '.join(RESULTS)} some are wanted")
+    return tuple(RESULTS if only is None else only)
+
+
+def write_whole(folder: Path, whole: Scene, cameras: Mapping[str, Camera], wanted: Sequence[str]) -> dict[str, Any]:
+    """What of RESULTS is wanted of the scene as a whole; for meta.json: what was left out of it. Raises OutputError.
+
+    Points and mesh have every surface once, without removed things.
+    """
+    about: dict[str, Any] = {}
+    if "scene" in wanted:
+        LOG.info("write scene")
+        write_npz(folder / "scene.npz", whole.layers[0], whole)
+    if {"points", "mesh", "colmap"} & set(wanted):
+        once = thinned(whole)
+        counts = [int(contribution(layer.read()).sum()) for layer in once.layers]
+        if {"points", "colmap"} & set(wanted):
+            cloud = cloud_of(once, max(1, math.ceil(sum(counts) / MOST_POINTS)))
+            about["points"] = {"of": sum(counts), "written": len(cloud)}
+            if "points" in wanted:
+                write_ply(folder / "scene.ply", cloud)
+            if "colmap" in wanted:
+                (folder / "sparse" / "0").mkdir(parents=True, exist_ok=True)
+                views = {f"{name}.png": camera for name, camera in cameras.items()}
+                write_model(folder / "sparse" / "0", views, some_of(cloud))
+            del cloud
+        if "mesh" in wanted:
+            meshed = largest(once, counts)
+            about["meshed_layers"] = {"of": len(once.layers), "written": len(meshed.layers)}
+            write_textured_glb(folder / "scene.glb", meshed)
+    return about
+
+
+def cloud_of(scene: Scene, step: int) -> PointCloud:
+    """The points that each layer adds, of each every `step`-th."""
+    return concatenated(
+        [
+            some_of(lift(View.without(layer.read(), ~contribution(layer), HoleType.NONE)), step=step)
+            for layer in scene.layers
+        ]
+    )
+
+
+def largest(scene: Scene, counts: Sequence[int], most: int = MOST_MESHED) -> Scene:
+    """The scene with those layers only that add most points (`counts`), up to `most` points in all, one at least."""
+    order = np.argsort([-count for count in counts], kind="stable")
+    total = np.cumsum([counts[place] for place in order])
+    kept = sorted(int(place) for place in order[: max(1, int((total <= most).sum()))])
+    return Scene(tuple(scene.layers[place] for place in kept))
+
+
+def some_of(cloud: PointCloud, most: int = COLMAP_POINTS, step: int | None = None) -> PointCloud:
+    """Every `step`-th point of a cloud, evenly; where it is not given, so that there are `most` at most."""
+    step = max(1, math.ceil(len(cloud) / most)) if step is None else step
+    return PointCloud(cloud.points[::step], cloud.color[::step], cloud.origin[::step], cloud.confidence[::step])
+
+
+def write_views_video(folder: Path, names: Sequence[str]) -> str:
+    """The views that lie in images/, one after the other: video.mp4 where PyAV is installed, else video.webp; its name.
+
+    Holes were filled once for all of them, so that nothing flickers. Raises OutputError.
+    """
+    LOG.info("write video")
+    if find_spec("av") is not None:
+        write_video(folder / "video.mp4", pictures(folder, names), FPS)
+        return "video.mp4"
+    step = max(1, math.ceil(len(names) / MOST_ANIMATED))
+    write_video(folder / "video.webp", pictures(folder, names[::step], ANIMATED_WIDTH), FPS / step)
+    return "video.webp"
+
+
+def pictures(folder: Path, names: Sequence[str], widest: int | None = None) -> Iterator[UInt8Array]:
+    """The colours of views by name, scaled to the first one's size, and to a width where they are wider."""
+    size = None
+    for name in names:
+        color = read_color(folder / "images" / f"{name}.png")
+        if size is None:
+            height, width = color.shape[:2]
+            scale = 1.0 if widest is None else min(1.0, widest / width)
+            size = round(width * scale), round(height * scale)
+        same = color.shape[1::-1] == size
+        yield color if same else np.asarray(cv2.resize(color, size, interpolation=cv2.INTER_AREA), np.uint8)

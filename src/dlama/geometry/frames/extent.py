@@ -1,0 +1,58 @@
+"""Views and a camera in; which of them can show anything there, from the boxes that hold their points, out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from weakref import WeakKeyDictionary
+
+import numpy as np
+
+from dlama.geometry.camera import Camera, Float64Array
+from dlama.geometry.projection import lift
+from dlama.geometry.rgbd import BoolArray
+from dlama.geometry.view import View
+
+MARGIN = 0.05
+"""Of the picture's size: what lies so far outside may still reach in, as rims are drawn a little larger."""
+_corners: WeakKeyDictionary[View, Float64Array | None] = WeakKeyDictionary()
+
+
+def may_show(view: View, camera: Camera) -> bool:
+    """False where nothing of a view can be seen from a camera. Its pixels are read once, the box of its points is kept."""
+    if view not in _corners:
+        whole = view.read()
+        points = lift(whole).points
+        ends = np.stack([points.min(0), points.max(0)]) if len(points) else np.zeros((2, 0))
+        _corners[view] = None if whole.far.any() else corners_of(ends)
+    corners = _corners[view]
+    return corners is None or (len(corners) > 0 and bool(in_view(corners[None], camera)[0]))
+
+
+def corners_of(ends: Float64Array) -> Float64Array:
+    """8 x 3, the corners of the box between two points (2 x 3); 0 x 3 of none."""
+    if ends.shape[1] == 0:
+        return np.zeros((0, 3))
+    return np.stack(np.meshgrid(*ends.T, indexing="ij"), -1).reshape(8, 3)
+
+
+def in_view(corners: Float64Array, camera: Camera) -> BoolArray:
+    """N, False for boxes (N x 8 x 3, corners in the world) that lie wholly beside the camera's field of view, or behind it."""
+    pose = camera.world_from_cam
+    local = (corners - pose[:3, 3]) @ pose[:3, :3]
+    x, y, z = np.moveaxis(local, -1, 0)
+    wide, high = MARGIN * camera.width, MARGIN * camera.height
+    sides = (
+        z,
+        x * camera.fx + (camera.cx + wide) * z,
+        (camera.width + wide - camera.cx) * z - x * camera.fx,
+        y * camera.fy + (camera.cy + high) * z,
+        (camera.height + high - camera.cy) * z - y * camera.fy,
+    )
+    with np.errstate(invalid="ignore"):
+        return np.asarray(np.all([(side >= 0).any(1) for side in sides], axis=0))
+
+
+def boxes_of(parts: Sequence[Float64Array]) -> Float64Array:
+    """N x 8 x 3, the boxes that hold N sets of points (M x 3 each); NaN for no points, which are in no view."""
+    empty = np.full((8, 3), np.nan)
+    return np.stack([corners_of(np.stack([p.min(0), p.max(0)])) if len(p) else empty for p in parts])

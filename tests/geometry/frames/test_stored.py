@@ -1,0 +1,157 @@
+"""Frames that are read when they are needed (oracles: the same frames in memory, bit for bit; the cache's limit)."""
+
+from __future__ import annotations
+
+import dataclasses
+import gc
+import pickle
+import weakref
+from collections.abc import Callable
+from functools import partial
+
+import numpy as np
+import pytest
+
+import dlama
+from dlama.geometry import visibility
+from dlama.geometry.camera import Camera
+from dlama.geometry.frames import gathering
+from dlama.geometry.frames.choosing import MOST_FRAMES
+from dlama.geometry.frames.coarse import BLOCK, coarse_camera, coarse_depth
+from dlama.geometry.frames.extent import may_show
+from dlama.geometry.frames.stored import PixelCache, StoredView, bytes_of
+from dlama.geometry.rendering import render
+from dlama.geometry.rgbd import RGBD
+from dlama.geometry.scene import Scene
+from dlama.geometry.view import HoleType, View
+from dlama.geometry.visibility import Law
+from worlds import Box, Plane, World, moved
+
+LENS = Camera.from_fov(48, 36, 70)
+WORLD = World((Plane((0, 0, 4), (0.1, 0, -1)), Plane((0, 1.2, 0), (0, -1, 0)), Box((-1.2, -0.6, 2.8), (-1.0, 2, 3.0))))
+PLACES = np.linspace(-1.5, 1.5, 60)
+CAMERAS = [moved(LENS, (0, -8 * x, 0), (x, 0.02 * (n % 3), 0)) for n, x in enumerate(PLACES)]
+ONE = bytes_of(View.from_rgbd(WORLD.rgbd(CAMERAS[0])))
+LIMIT = 12 * ONE
+TARGET = moved(LENS, (0, 1, 0), (0.03, 0.02, 0.05))
+
+
+class Reader:
+    """Reads frames of the world, and knows how often, and how many views it gave are still alive."""
+
+    def __init__(self) -> None:
+        self.times = 0
+        self.given: list[weakref.ref[RGBD]] = []
+
+    def __call__(self, camera: Camera) -> RGBD:
+        self.times += 1
+        rgbd = WORLD.rgbd(camera)
+        depth = rgbd.depth.copy()
+        depth[10:14, 20:26] = 0
+        found = RGBD(rgbd.color, depth, camera)
+        self.given.append(weakref.ref(found))
+        return found
+
+    def alive(self) -> int:
+        gc.collect()
+        return sum(one() is not None for one in self.given)
+
+
+@pytest.fixture
+def limited(monkeypatch: pytest.MonkeyPatch) -> list[PixelCache]:
+    """The caches that scenes make, of twelve frames."""
+    made: list[PixelCache] = []
+
+    def cache() -> PixelCache:
+        made.append(PixelCache(LIMIT))
+        return made[-1]
+
+    monkeypatch.setattr(gathering, "PixelCache", cache)
+    return made
+
+
+def readers(reader: Reader) -> list[Callable[[], RGBD]]:
+    return [partial(reader, camera) for camera in CAMERAS]
+
+
+def test_results_are_those_of_frames_in_memory(limited: list[PixelCache]) -> None:
+    """Bit for bit, with a removal; and never more than the limit is held."""
+    reader = Reader()
+    stored = dlama.scene(readers(reader)[::3])
+    eager = dlama.scene([reader(camera) for camera in CAMERAS[::3]])
+    assert stored.gains == eager.gains and stored.noise == eager.noise and stored.numbers == eager.numbers
+    mask = WORLD.trace(CAMERAS[21])[1] == 2
+    one, other = (dlama.complete(each, [TARGET], mask={7: mask}) for each in (stored, eager))
+    for plane in ("color", "depth", "origin", "confidence", "frame"):
+        np.testing.assert_array_equal(getattr(one.view, plane), getattr(other.view, plane))
+    assert one.meta["law_violations"] == 0 and limited[0].reads > 40
+    assert limited[0].bytes <= LIMIT
+
+
+def test_a_camera_touches_few_frames_and_few_are_alive(limited: list[PixelCache]) -> None:
+    """Each frame is read at most twice to gather the scene; then a camera reads no more than MOST_FRAMES; 12 are held."""
+    reader = Reader()
+    found = dlama.scene(readers(reader))
+    assert len(found.numbers) == 60 and reader.times <= 2 * 60 + 12
+    assert reader.alive() <= 12  # what was read lives on in the views that the cache holds, and nowhere else
+    before = reader.times
+    render(found, TARGET)
+    assert reader.times - before <= MOST_FRAMES
+    assert limited[0].bytes <= LIMIT and limited[0].reads == reader.times
+
+
+def test_the_law_of_very_many_frames_is_made_for_each_camera(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What it forbids is a part of what the law of all forbids (oracle: that), and it forbids most of it."""
+    eager = dlama.scene([Reader()(camera) for camera in CAMERAS])
+    whole = Law.of(eager)
+    monkeypatch.setattr(visibility, "HELD_BYTES", 1000)
+    near = Law.of(eager).near(TARGET)
+    assert MOST_FRAMES <= len(near.measured) < 60
+    depth = render(eager, TARGET).depth * np.float32(0.7)
+    every = np.ones(depth.shape, bool)
+    broken, part = whole.violations(TARGET, depth, every), near.violations(TARGET, depth, every)
+    assert not (part & ~broken).any() and part.sum() > 0.95 * broken.sum()
+
+
+def test_coarse_depth_is_the_nearest_of_each_block() -> None:
+    """Oracle: a loop; and a block's ray goes through the block's middle."""
+    view = View.from_rgbd(Reader()(CAMERAS[3]))
+    coarse, camera = coarse_depth(view), coarse_camera(LENS)
+    assert coarse.shape == camera.hw == (5, 6)
+    for row, column in ((0, 0), (2, 4), (1, 2)):
+        block = view.depth[row * BLOCK : (row + 1) * BLOCK, column * BLOCK : (column + 1) * BLOCK]
+        assert coarse[row, column] == (0 if block.size < BLOCK**2 or (block == 0).any() else block.min())
+    assert camera.fx * BLOCK == pytest.approx(LENS.fx) and camera.cx * BLOCK == pytest.approx(LENS.cx)
+
+
+def test_views_beside_the_picture_are_not_drawn() -> None:
+    """Law: what `may_show` turns down renders as nothing; what is seen is never turned down."""
+    seen = []
+    for yaw in range(0, 360, 30):
+        camera = moved(LENS, (0, yaw, 0), (0, 0, 0))
+        shown = not render(View.from_rgbd(WORLD.rgbd(LENS)), camera).hole.all()
+        assert may_show(View.from_rgbd(WORLD.rgbd(LENS)), camera) or not shown
+        seen.append(may_show(View.from_rgbd(WORLD.rgbd(LENS)), camera))
+    assert not all(seen) and any(seen)
+
+
+def test_a_stored_view_is_a_view() -> None:
+    """Round trips: replaced, pickled, with a part taken out; none of them holds pixels beyond its cache."""
+    reader = Reader()
+    plain, cache = View.from_rgbd(reader(LENS)), PixelCache(0)
+    stored = StoredView.of(LENS, partial(_view, LENS), cache)
+    assert isinstance(stored, View) and cache.reads == 0 and stored.camera is LENS
+    again = dataclasses.replace(stored, depth=stored.depth * 2)
+    assert type(again) is View
+    np.testing.assert_array_equal(again.depth, plain.depth * 2)
+    where = plain.depth > 3
+    taken = stored.without(where, HoleType.OBJECT)
+    assert isinstance(taken, StoredView)
+    for mine, theirs in ((taken, plain.without(where, HoleType.OBJECT)), (pickle.loads(pickle.dumps(stored)), plain)):
+        np.testing.assert_array_equal(mine.color, theirs.color)
+        np.testing.assert_array_equal(mine.hole_type, theirs.hole_type)
+    assert cache.bytes == 0 and Scene((stored,)).layers[0] is stored
+
+
+def _view(camera: Camera) -> View:
+    return View.from_rgbd(Reader()(camera))
