@@ -98,8 +98,17 @@ with errors_as_lines(), new_directory("out") as folder:
 def test_signals_end_with_one_line_and_leave_nothing(
     tmp_path: Path, number: signal.Signals, line: str, code: int
 ) -> None:
+    def heard() -> None:
+        """A suite started in the background or by nohup hands ignored signals on to its children."""
+        signal.signal(number, signal.SIG_DFL)
+
     with subprocess.Popen(
-        [sys.executable, "-c", STOPPED], cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        [sys.executable, "-c", STOPPED],
+        cwd=tmp_path,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        preexec_fn=heard,
     ) as run:
         assert run.stdout is not None and run.stdout.readline() == "ready\n"
         run.send_signal(number)
