@@ -13,8 +13,8 @@ import pytest
 
 import dlama
 from dlama.apps.cli import main
+from dlama.apps.terminal import progress as terminal_progress
 from dlama.apps.terminal.streams import Stopped
-from dlama.apps.verbs import batch as verb
 from dlama.jobs.result import JobResult
 
 LIST = """id,verb,image,depth,yaw,_note
@@ -107,7 +107,7 @@ def test_progress_and_ctrl_c(jobs: str, capsys: pytest.CaptureFixture[str], monk
         raise Stopped(signal.SIGINT)
 
     seen: list[str] = []
-    monkeypatch.setattr(verb, "MINUTE", 0.01)
+    monkeypatch.setattr(terminal_progress, "MINUTE", 0.01)
     monkeypatch.setattr(dlama, "batch", slow)
     with pytest.raises(SystemExit) as stop:
         main(["batch", jobs, "-o", "out"])

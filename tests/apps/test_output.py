@@ -14,6 +14,7 @@ from small_frame import FAST, pixels, refused, run
 import dlama
 from dlama.apps.cli import main
 from dlama.apps.options import RESULTS, Report
+from dlama.apps.terminal import progress as terminal_progress
 from dlama.apps.verbs import evaluate
 
 VIEW = ("view", "image.png", "depth.png", "--fov", 60, "--yaw", 12, *FAST)
@@ -119,7 +120,7 @@ def test_version_flag(capsys: pytest.CaptureFixture[str]) -> None:
 
 def test_a_line_a_minute(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
     """Without a terminal long runs say how far they are, on standard error alone, and --quiet says nothing."""
-    monkeypatch.setattr(evaluate, "MINUTE", 0.01)
+    monkeypatch.setattr(terminal_progress, "MINUTE", 0.01)
     with evaluate.shown_progress("street", Report()) as progress:
         progress(None, 2, 20)
         err = ""

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import dataclasses
-import sys
+import functools
 import time
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, nullcontext
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -16,8 +16,8 @@ from tyro.conf import Positional
 from dlama.apps.options import Estimating, Lens, Masking, Method, Move, Only, Reading, Report, option
 from dlama.apps.places import check_folder_apart
 from dlama.apps.pointing import Pointing
-from dlama.apps.terminal.output import counting_bar, print_line, reported
-from dlama.apps.terminal.streams import ending, exit_code
+from dlama.apps.terminal.output import print_line, reported
+from dlama.apps.terminal.progress import bar_or_lines
 from dlama.errors import InputError
 
 if TYPE_CHECKING:
@@ -26,8 +26,6 @@ if TYPE_CHECKING:
 
 FAILED = 1
 """Exit code where some jobs could not be run."""
-MINUTE = 60.0
-"""Seconds between two lines about progress where there is no terminal."""
 SHOWN_FAILURES = 20
 """Failures that are told as they happen; the manifest has all."""
 SHOWN_JOBS = 10
@@ -230,24 +228,18 @@ def shown_progress(report: Report, totals: Any) -> Iterator[Progress]:
     def line(seconds: float) -> str:
         return progress_line("batch", kept=totals.kept, failed=totals.kinds_line(), seconds=seconds, **state)
 
-    try:
-        silent = report.quiet or sys.stderr.isatty()
-        minutes = nullcontext() if silent else line_every(line, lambda one: print_line("progress", one), every=MINUTE)
-        with counting_bar("batch", report) as bar, minutes:
+    with bar_or_lines("batch", report, functools.partial(line_every, line)) as (bar, _):
 
-            def progress(row: JobResult | None, done: int, total: int | None) -> None:
-                state.update(done=done, total=total)
-                if row is not None and row.status == "failed":
-                    if totals.failed < SHOWN_FAILURES:
-                        print_line("error", f"{row.id}: {row.error}")
-                    elif totals.failed == SHOWN_FAILURES:
-                        print_line("error", "more jobs failed; the manifest has them all")
-                if bar is not None:
-                    rate = 60 * max(0, done - totals.kept) / max(1e-3, time.monotonic() - started)
-                    failed = totals.kinds_line()
-                    bar(done, total, f"batch: {rate:.1f} a minute{f', {failed} failed' if failed else ''}")
+        def progress(row: JobResult | None, done: int, total: int | None) -> None:
+            state.update(done=done, total=total)
+            if row is not None and row.status == "failed":
+                if totals.failed < SHOWN_FAILURES:
+                    print_line("error", f"{row.id}: {row.error}")
+                elif totals.failed == SHOWN_FAILURES:
+                    print_line("error", "more jobs failed; the manifest has them all")
+            if bar is not None:
+                rate = 60 * max(0, done - totals.kept) / max(1e-3, time.monotonic() - started)
+                failed = totals.kinds_line()
+                bar(done, total, f"batch: {rate:.1f} a minute{f', {failed} failed' if failed else ''}")
 
-            yield progress
-    except KeyboardInterrupt as error:
-        print_line("error", f"{ending(error)}; what is done is kept, and the same command goes on from there")
-        raise SystemExit(exit_code(error)) from None
+        yield progress

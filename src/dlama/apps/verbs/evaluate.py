@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import shlex
-import sys
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, nullcontext
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
@@ -15,8 +15,8 @@ from tyro.conf import Positional
 
 from dlama.apps.options import RECIPES, CameraFile, Metres, Output, Report, Seed, option
 from dlama.apps.places import check_folder_apart
-from dlama.apps.terminal.output import counting_bar, print_line, reported
-from dlama.apps.terminal.streams import ending, exit_code
+from dlama.apps.terminal.output import print_line, reported
+from dlama.apps.terminal.progress import bar_or_lines
 from dlama.apps.verbs.evaluate_sequence import evaluate_sequence
 from dlama.errors import InputError, MissingExtraError
 from dlama.inpainters import FILLERS
@@ -37,8 +37,6 @@ YAW_NEAR = 0.5
 """Degrees by which a pair's yaw may differ from the one asked for."""
 Protocol = Literal["vpi", "ori", "sii", "mask"]
 Asked = Literal["vpi", "ori", "sii", "mask", "sequence"]
-MINUTE = 60.0
-"""Seconds between two lines about progress where there is no terminal."""
 
 
 @dataclass(frozen=True)
@@ -248,27 +246,18 @@ def shown_progress(title: str, report: Report) -> Iterator[Progress]:
     from dlama.evaluation.report.write import failure_line
     from dlama.evaluation.runner.progress import progress_lines
 
-    def write(line: str) -> None:
-        print_line("progress", line)
+    with bar_or_lines(title, report, functools.partial(progress_lines, title)) as (bar, count):
 
-    try:
-        without_lines = report.quiet or sys.stderr.isatty()
-        minutes = nullcontext() if without_lines else progress_lines(title, write, every=MINUTE)
-        with counting_bar(title, report) as bar, minutes as count:
+        def progress(outcome: Any, done: int, total: int) -> None:
+            if outcome is not None and outcome.error:
+                print_line("error", failure_line(outcome))
+            if count is not None:
+                count(outcome, done, total)
+            if bar is not None:
+                case = f": {outcome.case.scene} {outcome.case.frame}" if outcome else ""
+                bar(done, total, f"{title}{case}")
 
-            def progress(outcome: Any, done: int, total: int) -> None:
-                if outcome is not None and outcome.error:
-                    print_line("error", failure_line(outcome))
-                if count is not None:
-                    count(outcome, done, total)
-                if bar is not None:
-                    case = f": {outcome.case.scene} {outcome.case.frame}" if outcome else ""
-                    bar(done, total, f"{title}{case}")
-
-            yield progress
-    except KeyboardInterrupt as error:
-        print_line("error", f"{ending(error)}; what is done is kept, and the same command goes on from there")
-        raise SystemExit(exit_code(error)) from None
+        yield progress
 
 
 def _words(value: Any) -> Sequence[str]:

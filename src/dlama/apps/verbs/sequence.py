@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import sys
+import functools
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, nullcontext
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -14,16 +14,14 @@ from tyro.conf import Positional
 
 from dlama.apps.options import RECIPES, CameraFile, Masking, Metres, Output, Radius, Report, Seed, names_in, option
 from dlama.apps.places import check_folder_apart
-from dlama.apps.terminal.output import counting_bar, print_line, reported
-from dlama.apps.terminal.streams import ending, exit_code
+from dlama.apps.terminal.output import reported
+from dlama.apps.terminal.progress import bar_or_lines
 from dlama.errors import InputError
 from dlama.inpainters import FILLERS
 
 if TYPE_CHECKING:
     from dlama.geometry.rgbd import BoolArray
 
-MINUTE = 60.0
-"""Seconds between two lines about progress where there is no terminal."""
 PICTURES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp")
 
 
@@ -157,19 +155,11 @@ def shown_progress(title: str, report: Report) -> Iterator[Callable[[int, int, s
         total = counts["total"] or None
         return progress_line(title, kept=counts["kept"], done=counts["done"], total=total, failed=0, seconds=seconds)
 
-    try:
-        without_lines = report.quiet or sys.stderr.isatty()
-        lines = (
-            nullcontext() if without_lines else line_every(line, lambda one: print_line("progress", one), every=MINUTE)
-        )
-        with counting_bar(title, report) as bar, lines:
+    with bar_or_lines(title, report, functools.partial(line_every, line)) as (bar, _):
 
-            def progress(done: int, total: int, name: str, earlier: bool) -> None:
-                counts.update(done=done, total=total, kept=counts["kept"] + earlier)
-                if bar is not None:
-                    bar(done, total, f"{title}: {name}")
+        def progress(done: int, total: int, name: str, earlier: bool) -> None:
+            counts.update(done=done, total=total, kept=counts["kept"] + earlier)
+            if bar is not None:
+                bar(done, total, f"{title}: {name}")
 
-            yield progress
-    except KeyboardInterrupt as error:
-        print_line("error", f"{ending(error)}; what is done is kept, and the same command goes on from there")
-        raise SystemExit(exit_code(error)) from None
+        yield progress
