@@ -1,4 +1,7 @@
-"""Fixtures of all tests; this folder is on the import path, so `worlds` and `reference.*` import from any test."""
+"""Fixtures of all tests, and how many processes run them.
+
+This folder is on the import path, so `worlds` and `reference.*` import from any test.
+"""
 
 from __future__ import annotations
 
@@ -6,6 +9,19 @@ import os
 from pathlib import Path
 
 import pytest
+
+if "PYTEST_XDIST_WORKER" in os.environ:  # torch is not loaded yet; its threads would fight with the other process's
+    os.environ.setdefault("OMP_NUM_THREADS", "1")
+
+TESTS = Path(__file__).parent
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_auto_num_workers(config: pytest.Config) -> int:
+    """Two processes for the whole suite; none for a part of it, which would take longer: each of them loads everything."""
+    whole = all(Path(named).resolve() in (TESTS, TESTS.parent) for named in config.args)
+    option = config.option
+    return min(2, os.cpu_count() or 1) if whole and not option.keyword and option.capture != "no" else 0
 
 
 @pytest.fixture(scope="session")

@@ -25,7 +25,7 @@ def test_a_notebook_is_stored_without_outputs(path: Path) -> None:
 def test_a_notebook_runs(path: Path, tmp_path: Path) -> None:
     """No cell fails; a cell that ends in a noun shows HTML that loads nothing from elsewhere, less than 1 MB in all."""
     notebook = nbformat.read(path, as_version=4)
-    nbclient.NotebookClient(notebook, timeout=300, resources={"metadata": {"path": str(tmp_path)}}).execute()
+    nbclient.NotebookClient(notebook, timeout=600, resources={"metadata": {"path": str(tmp_path)}}).execute()
     shown = [
         output.data["text/html"]
         for cell in notebook.cells

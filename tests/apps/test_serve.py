@@ -27,11 +27,11 @@ def test_it_serves_until_it_is_ended(tmp_path: Path) -> None:
         try:
             assert len(list(tmp_path.iterdir())) == 1
             opener = urllib.request.build_opener(urllib.request.HTTPCookieProcessor())
-            with opener.open(told["address"], timeout=60) as answer:
+            with opener.open(told["address"], timeout=600) as answer:
                 assert b"<title>dlama</title>" in answer.read()
         finally:  # whatever failed, it must not go on for ever
             running.send_signal(signal.SIGTERM)
-            _, errors = running.communicate(timeout=60)
+            _, errors = running.communicate(timeout=600)
         assert (running.returncode, errors) == (0, "")
     assert list(tmp_path.iterdir()) == []
 

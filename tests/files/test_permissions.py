@@ -84,7 +84,7 @@ def test_what_may_not_be_read_or_written_is_named(tmp_path: Path, place: str) ->
         cwd="/",
         capture_output=True,
         text=True,
-        timeout=300,
+        timeout=600,
     )
     for path in root.iterdir():
         path.chmod(0o700)

@@ -67,7 +67,7 @@ def test_a_run_is_cancelled_at_its_next_stage() -> None:
     with ears():
         run = Run(work, 1)
         run.start()
-        assert began.wait(10)
+        assert began.wait(600)
         run.cancel()
         assert run.state == "cancelled" and not run.active
         run.join()
@@ -81,7 +81,7 @@ def test_a_run_is_cancelled_at_its_next_stage() -> None:
 def test_what_a_cancelled_run_gives_is_dropped() -> None:
     """Where no stage comes any more, it ends by itself, and its result is nobody's."""
     go = threading.Event()
-    run = Run(lambda: go.wait(10), 1)
+    run = Run(lambda: go.wait(600), 1)
     run.start()
     run.cancel()
     go.set()
@@ -92,11 +92,13 @@ def test_what_a_cancelled_run_gives_is_dropped() -> None:
 def test_one_at_a_time_and_who_waits_can_be_cancelled() -> None:
     """A second run waits for the first; cancelled while it waits, it never begins."""
     go, order = threading.Event(), []
-    first = Run(lambda: (go.wait(10), order.append("first")), 1)
+    first = Run(lambda: (go.wait(600), order.append("first")), 1)
     second, third = Run(lambda: order.append("second"), 1), Run(lambda: order.append("third"), 1)
-    for run in (first, second, third):
+    first.start()
+    while first.state == "waiting":
+        time.sleep(0.01)
+    for run in (second, third):
         run.start()
-        time.sleep(0.05)
     assert (first.state, second.state) == ("running", "waiting")
     third.cancel()
     go.set()

@@ -24,7 +24,7 @@ def ask(
     server: Server, method: str, path: str, body: bytes | dict[str, Any] = b"", **headers: str
 ) -> tuple[int, dict[str, str], bytes]:
     """Status, headers and body of one request; `_` of a header's name stands for a dash."""
-    connection = http.client.HTTPConnection("127.0.0.1", server.port, timeout=60)
+    connection = http.client.HTTPConnection("127.0.0.1", server.port, timeout=600)
     data = json.dumps(body).encode() if isinstance(body, dict) else body
     connection.request(method, path, data, {name.replace("_", "-"): value for name, value in headers.items()})
     answer = connection.getresponse()
@@ -200,11 +200,11 @@ def test_a_visit_that_is_being_answered_keeps_nobody_waiting(server: Server, mon
     def answering() -> None:
         with visit.lock:
             held.set()
-            go.wait(10)
+            go.wait(600)
 
     thread = threading.Thread(target=answering)
     thread.start()
-    assert held.wait(10)
+    assert held.wait(600)
     monkeypatch.setattr("dlama.web.visits.LEAVING_SECONDS", -1.0)
     server.visits.leave(page.visit)
     assert ask(server, "GET", "/")[0] == 200 and len(server.visits) == 1

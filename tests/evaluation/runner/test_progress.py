@@ -24,7 +24,7 @@ def test_lines_come_while_a_case_is_under_way(tmp_path: Path) -> None:
             two.set()
 
     def waits(truth: object, *words: object) -> list[object]:
-        assert two.wait(30)
+        assert two.wait(600)
         return []
 
     dataset = made_up_dataset(1, (10.0,))
@@ -46,7 +46,7 @@ def test_failures_are_counted_and_the_thread_ends(tmp_path: Path) -> None:
     dataset, methods = made_up_dataset(1, (10.0,)), (METHODS[0], Method("paper", "bad"))
     with progress_lines("toy", write, every=0.01) as progress:
         run(dataset.cases, methods, {"vpi": made_up.protocol}, ProtocolSettings(), tmp_path, progress=progress)
-        assert written.wait(30)
+        assert written.wait(600)
     count = len(lines)
     assert "toy: 2 of 2 done (100 %), " in lines[-1] and lines[-1].endswith(", 1 failed")
     assert threading.active_count() == before

@@ -191,6 +191,6 @@ def test_kernels_without_compilation_are_said() -> None:
     for value, count in (("1", 1), ("0", 0)):
         environment = {**os.environ, "NUMBA_DISABLE_JIT": value}
         done = subprocess.run(
-            [sys.executable, "-c", code], env=environment, capture_output=True, text=True, timeout=120
+            [sys.executable, "-c", code], env=environment, capture_output=True, text=True, timeout=600
         )
         assert done.returncode == 0 and done.stderr.count("UserWarning: NUMBA_DISABLE_JIT is set") == count
