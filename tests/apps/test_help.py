@@ -137,3 +137,13 @@ def test_words_that_are_no_parameters_stay() -> None:
     ):
         assert with_flags(line, flags) == line
     assert with_flags("max_disparity and far contradict each other", flags).startswith("--max-disparity and far")
+
+
+def test_fields_of_files_stay_and_settings_of_the_loop_are_options() -> None:
+    """The camera's file has no --fx; `dlama train --devices` sets loop.devices."""
+    field = "cam.json: camera fx is 1e+300 px; at most 1e+07 px is wanted"
+    assert with_flags(field, flags_of(VERBS["view"])) == field
+    flags = flags_of(VERBS["train"])
+    assert with_flags("loop.devices is 9999; 2 are here", flags) == "--devices is 9999; 2 are here"
+    assert with_flags("data.size 64 and loop.batch 9 take 1 GB", flags) == "data.size 64 and --batch 9 take 1 GB"
+    assert with_flags("mine.json: loop.steps is True", flags) == "mine.json: loop.steps is True"

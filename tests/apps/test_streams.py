@@ -77,13 +77,15 @@ def test_wrong_words_are_refused_with_a_closed_standard_output(tmp_path: Path, w
 
 
 STOPPED = """
-import sys, time
+import signal, sys, time
+signal.signal(signal.SIGINT, signal.default_int_handler)  # nohup and shells' background jobs ignore both, as do their children
+signal.signal(signal.SIGHUP, signal.SIG_DFL)
 from dlama.apps.terminal.output import errors_as_lines
 from dlama.files.atomic_write import new_directory
 with errors_as_lines(), new_directory("out") as folder:
     (folder / "half.txt").write_text("half")
     print("ready", flush=True)
-    time.sleep(60)
+    time.sleep(600)
 """
 
 

@@ -19,7 +19,7 @@ from tyro.conf import Positional
 SYMBOLS = frozenset({"fx", "fy", "cx", "cy", "fov", "yaw"})
 """Parameters without an underscore that are no words."""
 BEFORE = r"(?:(?<=give )|(?<=with )|(?<=without )|(?<=see )|(?<=choose )|(?<=\())"
-NO_FIELD = r"(?<!\.json: )(?<!\.txt: )"
+NO_FIELD = r"(?<!\.json: )(?<!\.txt: )(?<!\.json: camera )(?<!\.txt: camera )"
 """Right after the name of such a file stands one of its fields."""
 START = r"(?:(?<=^)|(?<=: )|(?<=; )|(?<=, ))"
 
@@ -59,5 +59,6 @@ def with_flags(message: str, flags: dict[str, str]) -> str:
         anywhere = "_" in name or name in SYMBOLS
         message = re.sub(rf"`{name}`", flag, message)
         message = re.sub(rf"{word}=", f"{flag} ", message)
+        message = re.sub(rf"{NO_FIELD}(?<![\w./-])loop\.{name}(?![\w./-])", flag, message)  # `train` sets its loop
         message = re.sub(word if anywhere else rf"{START}{word}(?= is )|{BEFORE}{word}", flag, message)
     return message
