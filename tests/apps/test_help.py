@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
+import functools
 import inspect
+import io
 import re
 import subprocess
 import sys
@@ -25,12 +28,14 @@ COMMANDS = [[verb] for verb in VERBS if verb != "models"] + [
 ]
 
 
-def help_of(words: list[str], capsys: pytest.CaptureFixture[str]) -> str:
+@functools.cache
+def page_of(*words: str) -> str:
     """What a command's --help prints."""
-    with pytest.raises(SystemExit) as stop:
+    shown = io.StringIO()
+    with contextlib.redirect_stdout(shown), pytest.raises(SystemExit) as stop:
         main([*words, "--help"])
     assert stop.value.code == 0
-    return capsys.readouterr().out
+    return shown.getvalue()
 
 
 def rows(shown: str) -> list[str]:
@@ -48,9 +53,9 @@ def rows(shown: str) -> list[str]:
 
 
 @pytest.mark.parametrize("words", COMMANDS, ids=" ".join)
-def test_every_option_shows_its_default_or_is_required(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+def test_every_option_shows_its_default_or_is_required(words: list[str]) -> None:
     """Oracle: the rows themselves; `--help` alone has no default."""
-    found = [row for row in rows(help_of(words, capsys)) if not row.startswith("-h, --help")]
+    found = [row for row in rows(page_of(*words)) if not row.startswith("-h, --help")]
     assert [row for row in found if not re.search(r"\((default: \S[^()]*|required)\)$", row)] == []
 
 
@@ -108,11 +113,11 @@ OPTIONS = sorted({(verb, name, flag) for verb in VERBS for name, flag in flags_o
 
 
 @pytest.mark.parametrize(("verb", "name", "flag"), OPTIONS, ids=lambda value: str(value))
-def test_each_parameter_becomes_its_flag(verb: str, name: str, flag: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_each_parameter_becomes_its_flag(verb: str, name: str, flag: str) -> None:
     """In each place where a message names a parameter; the flag is one that the verb's help shows (oracle: help)."""
     flags = flags_of(VERBS[verb])
     if verb != "models":
-        assert re.search(rf"{flag}\b(?!-)", help_of([verb], capsys))
+        assert re.search(rf"{flag}\b(?!-)", page_of(verb))
     assert with_flags(f"{name} is 3; more is wanted", flags) == f"{flag} is 3; more is wanted"
     assert with_flags(f"a.png: no depth: give {name}", flags) == f"a.png: no depth: give {flag}"
     assert with_flags(f"wanted: {name}=3 or `{name}`", flags) == f"wanted: {flag} 3 or {flag}"

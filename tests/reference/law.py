@@ -12,6 +12,8 @@ from worlds import pixels_of, rays_of
 
 STEP = 1e-4
 """Relative length of a step of the march."""
+PART = 2000
+"""Steps that are looked at together."""
 FARTHEST = 1e5
 """Metres at which the march gives up."""
 BORDER = 1e-6
@@ -56,10 +58,15 @@ def march(
 
     inf where none up to FARTHEST does.
     """
-    steps = depth * np.exp(STEP * np.arange(int(np.log(FARTHEST / depth) / STEP)))
-    points = camera.world_from_cam[:3, 3] + steps[:, None] * rays_of(camera)[row, column]
-    firsts = []
-    for tolerant in (True, False):
-        lawful = np.flatnonzero(~in_front(source, measured, points, tolerant)[0])
-        firsts.append(float(steps[lawful[0]]) if len(lawful) else np.inf)
+    count = int(np.log(FARTHEST / depth) / STEP)
+    centre, ray = camera.world_from_cam[:3, 3], rays_of(camera)[row, column]
+    firsts = [np.inf, np.inf]
+    for begin in range(0, count, PART):
+        steps = depth * np.exp(STEP * np.arange(begin, min(count, begin + PART)))
+        points = centre + steps[:, None] * ray
+        for n, tolerant in enumerate((True, False)):
+            if firsts[n] == np.inf and (lawful := ~in_front(source, measured, points, tolerant)[0]).any():
+                firsts[n] = float(steps[lawful.argmax()])
+        if firsts[1] < np.inf:  # what keeps it without tolerance keeps it with
+            break
     return firsts[0], firsts[1]
