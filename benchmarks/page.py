@@ -36,9 +36,9 @@ class Page:
         assert answer.status == 200, data
         return data
 
-    def complete(self, **wish: Any) -> None:
+    def complete(self, **request: Any) -> None:
         """Complete, and wait."""
-        self.post("complete", **wish)
+        self.post("complete", **request)
         while json.loads(self.post("run"))["state"] in ("waiting", "running"):
             time.sleep(0.02)
 

@@ -14,10 +14,10 @@ import dlama
 from dlama.errors import MaskError
 from dlama.web import api, pictures, results
 from dlama.web.answers import Blob
+from dlama.web.completion_request import read_request
 from dlama.web.failures import PageError
 from dlama.web.marks import Marks, Stroke, mask_of, read_marks
 from dlama.web.visits import Visit
-from dlama.web.wishes import read_wish
 
 
 def test_clicks_are_find_mask(visit: Visit, frame: Path) -> None:
@@ -96,15 +96,15 @@ def test_preview_is_what_the_new_camera_sees(visit: Visit, frame: Path) -> None:
     open_frame(visit, frame)
     assert visit.source is not None
     rgbd = visit.source.rgbd
-    picture, shares = pictures.Preview(rgbd, None).show(read_wish({}))
+    picture, shares = pictures.Preview(rgbd, None).show(read_request({}))
     np.testing.assert_array_equal(picture, rgbd.color)
     assert shares == {}
     mask = dlama.find_mask(rgbd, clicks=[(30, 24)]).mask
-    picture, shares = pictures.Preview(rgbd, mask).show(read_wish({}))
+    picture, shares = pictures.Preview(rgbd, mask).show(read_request({}))
     np.testing.assert_array_equal(picture[~mask], rgbd.color[~mask])
     assert (picture[mask] == pictures.HOLE_PALETTE[6]).all()
     assert shares == {"object": pytest.approx(float(mask.mean()), abs=1e-4)}
-    moved, _ = pictures.Preview(rgbd, None).show(read_wish({"yaw": 20}))
+    moved, _ = pictures.Preview(rgbd, None).show(read_request({"yaw": 20}))
     assert (moved != rgbd.color).any()
 
 
@@ -120,10 +120,10 @@ def test_preview_is_what_the_new_camera_sees(visit: Visit, frame: Path) -> None:
         ({"recipe": "x"}, "method"),
     ],
 )
-def test_wishes_that_cannot_be(fields: dict[str, Any], field: str) -> None:
+def test_requests_that_cannot_be(fields: dict[str, Any], field: str) -> None:
     """Beside the camera, or the method."""
     with pytest.raises(PageError) as caught:
-        read_wish(fields)
+        read_request(fields)
     assert caught.value.field == field
 
 

@@ -16,8 +16,8 @@ from handing_in import completed, open_frame
 from dlama.errors import InputError
 from dlama.web import api, results
 from dlama.web.failures import PageError
-from dlama.web.listening import ears, listening
 from dlama.web.runs import Run
+from dlama.web.thread_messages import messages_by_thread, messages_of_thread
 from dlama.web.visits import Visit, Visits
 
 LOG = logging.getLogger("dlama")
@@ -25,7 +25,7 @@ LOG = logging.getLogger("dlama")
 
 def test_stages_and_warnings_of_its_own_thread_are_heard() -> None:
     """Those of another thread are not."""
-    with ears():
+    with messages_by_thread():
 
         def work() -> str:
             LOG.info("fill")
@@ -44,9 +44,9 @@ def test_stages_and_warnings_of_its_own_thread_are_heard() -> None:
 
 def test_warnings_go_elsewhere_where_nobody_listens() -> None:
     """As before: to whoever caught them."""
-    with warnings.catch_warnings(record=True) as caught, ears():
+    with warnings.catch_warnings(record=True) as caught, messages_by_thread():
         warnings.warn("one", UserWarning, stacklevel=1)
-        with listening() as heard:
+        with messages_of_thread() as heard:
             warnings.warn("two", UserWarning, stacklevel=1)
     assert [str(one.message) for one in caught] == ["one"] and heard == ["two"]
 
@@ -64,7 +64,7 @@ def test_a_run_is_cancelled_at_its_next_stage() -> None:
             except Exception:
                 steps.append(-1)
 
-    with ears():
+    with messages_by_thread():
         run = Run(work, 1)
         run.start()
         assert began.wait(600)

@@ -19,7 +19,7 @@ from dlama.web import api, take_home
 from dlama.web.visits import Result, Visit
 
 CLICK = {"kind": "click", "at": [30, 24]}
-WISHES: dict[str, tuple[list[dict[str, Any]], dict[str, Any], dict[str, Any]]] = {
+REQUESTS: dict[str, tuple[list[dict[str, Any]], dict[str, Any], dict[str, Any]]] = {
     "view": ([], {}, {"yaw": 8, "dolly": -0.25}),
     "nothing asked": ([], {}, {}),
     "clicked": ([CLICK], {}, {"pitch": -4.5, "pivot": 3}),
@@ -57,15 +57,15 @@ def same_files(mine: dict[str, bytes], theirs: dict[str, bytes], meta: bool) -> 
         assert both[0] == both[1]
 
 
-@pytest.mark.parametrize("name", WISHES)
+@pytest.mark.parametrize("name", REQUESTS)
 def test_command_and_python_lines_write_the_same_bytes(
     name: str, frame: Path, visit: Visit, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Each is run in a folder with the visitor's files and those of the zip."""
-    marks, about, wish = WISHES[name]
+    marks, about, request = REQUESTS[name]
     open_frame(visit, frame)
     api.mark(visit, {"marks": marks, **about})
-    result = completed(visit, **wish)
+    result = completed(visit, **request)
     packed = unpacked(result, visit)
     mine = {each.removeprefix("out/"): data for each, data in packed.items() if each.startswith("out/")}
     how = take_home.how(result)

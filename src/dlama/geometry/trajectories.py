@@ -1,4 +1,4 @@
-"""Trajectories: a camera and a wish in (orbit, dolly), the moved camera out (paper, eq. 1). Same lens, new pose."""
+"""Trajectories: a camera and a move (orbit, dolly) in, the moved camera out (paper, eq. 1). Same lens, new pose."""
 
 from __future__ import annotations
 

@@ -14,12 +14,12 @@ import dlama
 from dlama.errors import DlamaError
 from dlama.web import pictures, results
 from dlama.web.answers import Blob, Fields, Limits, pixel_of
+from dlama.web.completion_request import PAGE_FILLERS, RECIPES, read_request
 from dlama.web.failures import PageError, in_words_of_the_page, shown
 from dlama.web.inputs import ROLES, Upload, check_size, file_name, read_source
-from dlama.web.listening import listening
 from dlama.web.marks import find, mask_of, others, pointing, read_marks
+from dlama.web.thread_messages import messages_of_thread
 from dlama.web.visits import Visit
-from dlama.web.wishes import PAGE_FILLERS, RECIPES, read_wish
 
 EXAMPLES: dict[str, tuple[str, dict[str, str], dict[str, Any]]] = {
     "street": ("Street", {"picture": "street.jpg", "depth": "depth.png", "camera": "camera.json"}, {}),
@@ -116,7 +116,7 @@ def read(visit: Visit, fields: Fields) -> dict[str, Any]:
     visit.fields = {
         name: value for name, value in fields.items() if isinstance(value, (str, int, float)) and len(str(value)) < 400
     }
-    with listening() as warned:
+    with messages_of_thread() as warned:
         visit.source = read_source(visit.files, visit.fields)
     return {**state(visit, fields), "warnings": [in_words_of_the_page(shown(text, visit.names())) for text in warned]}
 
@@ -187,10 +187,10 @@ def mask(visit: Visit, fields: Fields) -> Blob:
 def preview(visit: Visit, fields: Fields) -> Blob:
     """256 pixels of what is known from where the camera is to stand; shares of the hole types in a header."""
     source = visit.needed_source()
-    wish = read_wish(fields)
+    request = read_request(fields)
     if "small" not in visit.preview:
         visit.preview["small"] = pictures.Preview(source.rgbd, visit.mask)
-    picture, shares = visit.preview["small"].show(wish)
+    picture, shares = visit.preview["small"].show(request)
     told = ", ".join(f"{name}={share}" for name, share in shares.items())
     return Blob(pictures.png(picture), "image/png", headers={"X-Holes": told})
 

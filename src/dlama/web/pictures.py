@@ -25,9 +25,9 @@ from dlama.geometry.rendering import render
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import HoleType, Origin, View
+from dlama.web.completion_request import CompletionRequest
 from dlama.web.failures import PageError
 from dlama.web.inputs import small
-from dlama.web.wishes import Wish
 
 PREVIEW_PX = 256
 KINDS = ("image", "known", "hole_type", "origin", "confidence", "depth", "depth_known", "source")
@@ -62,9 +62,9 @@ class Preview:
                 view = view.without(gone, HoleType.OBJECT)
         self.scene = Scene((view,), self.objects)
 
-    def show(self, wish: Wish) -> tuple[UInt8Array, dict[str, float]]:
-        """From where the wish puts the camera: H x W x 3, and the share of each hole type (0..1)."""
-        view = render(self.scene, wish.camera(self.rgbd), fine=False)
+    def show(self, request: CompletionRequest) -> tuple[UInt8Array, dict[str, float]]:
+        """From where the request puts the camera: H x W x 3, and the share of each hole type (0..1)."""
+        view = render(self.scene, request.camera(self.rgbd), fine=False)
         codes = np.where(view.color_hole, view.hole_type, 0).astype(np.uint8)
         counts = np.bincount(codes.ravel(), minlength=len(HOLE_PALETTE)) / codes.size
         shares = {code.name.lower(): round(float(counts[code]), 4) for code in HoleType if code and counts[code]}

@@ -1,4 +1,4 @@
-"""A visit and a wish in; the completion under way, and what the page shows and saves of its result, out: actions of `api`."""
+"""A visit and a request in; the completion under way, and what the page shows and saves of its result, out: actions of `api`."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ from typing import Any
 import dlama
 from dlama.web import pictures, take_home
 from dlama.web.answers import Blob, Fields, pixel_of
+from dlama.web.completion_request import read_request
 from dlama.web.failures import PageError, in_words_of_the_page, shown
 from dlama.web.marks import pointing
 from dlama.web.runs import Run
 from dlama.web.visits import Result, Visit
-from dlama.web.wishes import read_wish
 
 EXPECTED_STAGES = {"view": 4, "remove": 4, "stereo": 6}
 """What a completion logs."""
@@ -20,8 +20,8 @@ EXPECTED_STAGES = {"view": 4, "remove": 4, "stereo": 6}
 def complete(visit: Visit, fields: Fields) -> dict[str, Any]:
     """Begin the completion; `run` tells how far it is."""
     source, mask, marks = visit.needed_source(), visit.mask, visit.marks
-    wish = read_wish(fields)
-    wish.camera(source.rgbd)
+    request = read_request(fields)
+    request.camera(source.rgbd)  # refused at once, not when the work begins
     if visit.run is not None and visit.run.active:
         raise PageError("a completion is under way; cancel it first")
     found = visit.found[1] if visit.found else None
@@ -32,15 +32,15 @@ def complete(visit: Visit, fields: Fields) -> dict[str, Any]:
 
     def work() -> dlama.Completion:
         if source.pair is not None:
-            return dlama.stereo(*source.pair, mask=mask, **wish.method)
+            return dlama.stereo(*source.pair, mask=mask, **request.method)
         if mask is None:
-            return dlama.view(source.rgbd, **wish.move, **wish.method)
-        return dlama.remove(source.rgbd, mask, **wish.move, **wish.method)
+            return dlama.view(source.rgbd, **request.move, **request.method)
+        return dlama.remove(source.rgbd, mask, **request.move, **request.method)
 
     verb = take_home.verb_of(source, mask is not None)
     started = Run(work, EXPECTED_STAGES[verb])
     started.finish = lambda done: Result(  # made in the run's thread, so that `run` finds it whole
-        done, source, wish, marks if mask is not None else None, mask, about, tuple(started.warnings)
+        done, source, request, marks if mask is not None else None, mask, about, tuple(started.warnings)
     )
     visit.run, visit.result = started, None
     started.start()

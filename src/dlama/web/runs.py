@@ -14,7 +14,7 @@ from contextlib import suppress
 from typing import Any
 
 from dlama.errors import DlamaError
-from dlama.web.listening import listening
+from dlama.web.thread_messages import messages_of_thread
 
 ONE_AT_A_TIME = threading.Semaphore(1)
 """A completion uses all cores and much memory; the next one waits for its turn."""
@@ -71,7 +71,7 @@ class Run:
         """Wait for its end."""
         self._thread.join()
 
-    def _heard(self, message: str) -> None:
+    def _on_message(self, message: str) -> None:
         if self._cancel.is_set():
             raise Cancelled
         self.stages += 1
@@ -84,7 +84,7 @@ class Run:
         try:
             if not self._cancel.is_set():
                 self.state = "running"
-                with suppress(Cancelled), listening(self._heard) as self.warnings:
+                with suppress(Cancelled), messages_of_thread(self._on_message) as self.warnings:
                     self._work()
         finally:
             ONE_AT_A_TIME.release()

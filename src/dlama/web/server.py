@@ -18,7 +18,7 @@ from typing import Any
 from dlama.errors import InputError
 from dlama.web.answers import Limits
 from dlama.web.handler import LOOPBACK, TYPES, Handler
-from dlama.web.listening import ears
+from dlama.web.thread_messages import messages_by_thread
 from dlama.web.visits import Visits, open_visits
 
 ASSETS = Path(__file__).parents[1] / "assets" / "web"
@@ -90,7 +90,7 @@ def serving(host: str, port: int, token: str | None, limits: Limits) -> Iterator
         raise InputError(f"host is {host}: a token is wanted where other machines can reach the page; give token")
     if not 0 <= port <= 65535:
         raise InputError(f"port is {port}; 0 to 65535 is wanted")
-    with ears(), open_visits(limits.visits) as visits:
+    with messages_by_thread(), open_visits(limits.visits) as visits:
         try:
             server = Server((host, port), visits, token, limits)
         except OSError as error:

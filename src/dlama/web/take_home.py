@@ -16,12 +16,12 @@ from dlama.files.rasters.pictures import write_mask
 from dlama.files.results.completion import RESULTS, as_json, file_names
 from dlama.files.scenes.textured_mesh import write_textured_glb
 from dlama.geometry.trajectories import PIVOT_M
+from dlama.web.completion_request import CompletionRequest
 from dlama.web.failures import PageError, shown
 from dlama.web.inputs import Source
 from dlama.web.marks import Marks, pointing
 from dlama.web.pictures import thinned
 from dlama.web.visits import Result
-from dlama.web.wishes import Wish
 
 OUT = "out"
 MASK = "mask.png"
@@ -57,8 +57,8 @@ def command(result: Result) -> list[str]:
         words += option_words(source.options)
         if result.mask is not None and not needs_mask_file(result) and result.marks is not None:
             words += marks_words(result.marks)
-        words += move_words(result.wish, needed=verb == "view")
-    return [*words, *option_words(result.wish.method), "-o", OUT]
+        words += move_words(result.request, needed=verb == "view")
+    return [*words, *option_words(result.request.method), "-o", OUT]
 
 
 def option_words(options: Mapping[str, Any]) -> list[str]:
@@ -91,20 +91,20 @@ def marks_words(marks: Marks) -> list[str]:
     return [*words, "--with-shadow"] if marks.with_shadow else words
 
 
-def move_words(wish: Wish, needed: bool) -> list[str]:
+def move_words(request: CompletionRequest, needed: bool) -> list[str]:
     """The camera's move as flags; `needed`: at least one."""
-    moves = {"yaw": wish.yaw, "pitch": wish.pitch, "dolly": wish.dolly}
+    moves = {"yaw": request.yaw, "pitch": request.pitch, "dolly": request.dolly}
     words = [f"--{name}={said(value)}" for name, value in moves.items() if value]
     if not words and needed:
         words = ["--yaw=0"]
-    return [*words, f"--pivot={said(wish.pivot)}"] if words and wish.pivot != PIVOT_M else words
+    return [*words, f"--pivot={said(request.pivot)}"] if words and request.pivot != PIVOT_M else words
 
 
 def python_lines(result: Result) -> str:
     """The same in Python."""
     source, files = result.source, {role: upload.name for role, upload in result.source.files.items()}
     lines = ["import dlama", ""]
-    method = keywords(result.wish.method)
+    method = keywords(result.request.method)
     if source.pair is not None:
         lines += [
             f"left, right = dlama.read_color({files['picture']!r}), dlama.read_color({files['right']!r})",
@@ -116,7 +116,7 @@ def python_lines(result: Result) -> str:
         lens = [f"camera={files['camera']!r}"] if "camera" in files else []
         given = [repr(files[role]) for role in ("picture", "depth") if role in files]
         lines.append(f"rgbd = dlama.read_rgbd({', '.join([*given, *lens, *keywords(source.options)])})")
-        move = keywords({name: value for name, value in result.wish.move.items() if name == "pivot" or value})
+        move = keywords({name: value for name, value in result.request.move.items() if name == "pivot" or value})
         move = [word for word in move if word != f"pivot={PIVOT_M!r}"]
         if result.mask is None:
             lines.append(f"done = dlama.view({', '.join(['rgbd', *move, *method])})")

@@ -16,11 +16,11 @@ from typing import Any
 import dlama
 from dlama.files.drafts import DRAFT, held, name_of, remove_abandoned
 from dlama.geometry.rgbd import BoolArray
+from dlama.web.completion_request import CompletionRequest
 from dlama.web.failures import PageError
 from dlama.web.inputs import Source, Upload
 from dlama.web.marks import Marks
 from dlama.web.runs import Run
-from dlama.web.wishes import Wish
 
 IDLE_SECONDS = 600.0
 """A visit that sends nothing for so long is forgotten (the page sends a sign of life every minute)."""
@@ -34,7 +34,7 @@ class Result:
 
     done: dlama.Completion
     source: Source
-    wish: Wish
+    request: CompletionRequest
     marks: Marks | None
     """What was to go; None: nothing."""
     mask: BoolArray | None

@@ -195,7 +195,7 @@ $("clear").addEventListener("click", () => marker.clear());
 const UNITS = { yaw: "°", pitch: "°", dolly: " m", pivot: " m" };
 let asking = false, again = false;
 
-function wish() {
+function request() {
   return {
     yaw: Number($("yaw").value), pitch: Number($("pitch").value), dolly: Number($("dolly").value),
     pivot: $("auto-pivot").checked ? "auto" : Number($("pivot").value),
@@ -208,7 +208,7 @@ function showMove() {
   $("pivot").disabled = $("auto-pivot").checked;
 }
 
-// One preview at a time: while one is under way only the newest wish waits.
+// One preview at a time: while one is under way only the newest request waits.
 async function askPreview(quiet = false) {
   if (!source || source.pair || (quiet && $("pane-preview").hidden)) return;
   if (asking) { again = true; return; }
@@ -216,7 +216,7 @@ async function askPreview(quiet = false) {
   try {
     do {
       again = false;
-      const { blob, headers } = await server.fetched("preview", wish());
+      const { blob, headers } = await server.fetched("preview", request());
       await server.showIn($("preview"), blob);
       showPreviewLegend(headers.get("X-Holes") ?? "");
       clearErrors("move");
@@ -245,7 +245,7 @@ async function complete() {
   clearErrors();
   setRunning(true);
   try {
-    await server.ask("complete", wish());
+    await server.ask("complete", request());
     await follow();
   } catch (error) { failed(error, "method"); } finally { setRunning(false); }
 }

@@ -20,7 +20,7 @@ LIMITS = {"yaw": 180.0, "pitch": 89.0, "dolly": 1000.0, "pivot": 10_000.0}
 
 
 @dataclass(frozen=True)
-class Wish:
+class CompletionRequest:
     """Where the camera is to stand, and how the scene is to be completed."""
 
     yaw: float = 0.0
@@ -43,7 +43,7 @@ class Wish:
         return target_camera(rgbd, **self.move)
 
 
-def read_wish(fields: Mapping[str, Any]) -> Wish:
+def read_request(fields: Mapping[str, Any]) -> CompletionRequest:
     """What the page asked for. PageError."""
     values: dict[str, Any] = {}
     for name, most in LIMITS.items():
@@ -58,7 +58,7 @@ def read_wish(fields: Mapping[str, Any]) -> Wish:
             raise PageError(
                 f"{name} is {values[name]:g}; {0 if name == 'pivot' else -most:g} to {most:g} is wanted", "move"
             )
-    return Wish(**values, method=read_method(fields))
+    return CompletionRequest(**values, method=read_method(fields))
 
 
 def read_method(fields: Mapping[str, Any]) -> dict[str, Any]:

@@ -11,36 +11,36 @@ from contextlib import contextmanager
 LOG = logging.getLogger("dlama")
 
 
-class Heard(threading.local):
-    """Who listens in this thread."""
+class _Receivers(threading.local):
+    """What takes the messages of this thread."""
 
     stage: Callable[[str], None] | None = None
     warned: list[str] | None = None
 
 
-_heard = Heard()
+_receivers = _Receivers()
 
 
 class _Stages(logging.Handler):
-    """Hands what is logged to whoever listens in the thread that logs it."""
+    """Hands what is logged to the receiver of the thread that logs it."""
 
     def emit(self, record: logging.LogRecord) -> None:
-        if _heard.stage is not None:
-            _heard.stage(record.getMessage())
+        if _receivers.stage is not None:
+            _receivers.stage(record.getMessage())
 
 
 @contextmanager
-def ears() -> Iterator[None]:
-    """While this is open `listening` hears; of other threads warnings go where they went before."""
+def messages_by_thread() -> Iterator[None]:
+    """While this is open `messages_of_thread` works; warnings of other threads go where they went before."""
     handler, level = _Stages(), LOG.level
     with warnings.catch_warnings():
         before = warnings.showwarning
 
         def show(message: Warning | str, category: type[Warning], filename: str, lineno: int, *rest: object) -> None:
-            if _heard.warned is None:
+            if _receivers.warned is None:
                 before(message, category, filename, lineno, *rest)  # type: ignore[arg-type]
-            elif str(message) not in _heard.warned:
-                _heard.warned.append(str(message))
+            elif str(message) not in _receivers.warned:
+                _receivers.warned.append(str(message))
 
         warnings.simplefilter("always", UserWarning)
         warnings.showwarning = show  # type: ignore[assignment]
@@ -54,11 +54,11 @@ def ears() -> Iterator[None]:
 
 
 @contextmanager
-def listening(stage: Callable[[str], None] | None = None) -> Iterator[list[str]]:
+def messages_of_thread(stage: Callable[[str], None] | None = None) -> Iterator[list[str]]:
     """The warnings of this thread, as a list that grows; `stage` is called with each message that is logged."""
-    before = _heard.stage, _heard.warned
-    _heard.stage, _heard.warned = stage, []
+    before = _receivers.stage, _receivers.warned
+    _receivers.stage, _receivers.warned = stage, []
     try:
-        yield _heard.warned
+        yield _receivers.warned
     finally:
-        _heard.stage, _heard.warned = before
+        _receivers.stage, _receivers.warned = before
