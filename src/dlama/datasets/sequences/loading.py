@@ -6,7 +6,6 @@ import re
 import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import overload
 
 from dlama.datasets.frames import Frame
 from dlama.datasets.posed.posed_frames import CameraOption
@@ -16,7 +15,7 @@ from dlama.files.atomic_write import PathLike
 from dlama.files.scenes.scene_npz import read_scene
 from dlama.geometry.frames.gathering import gathered, view_of
 from dlama.geometry.frames.stored import PixelCache
-from dlama.geometry.rgbd import RGBD, BoolArray
+from dlama.geometry.rgbd import BoolArray
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
 
@@ -57,23 +56,6 @@ def read_views(frames: Sequence[Frame], cache: PixelCache) -> tuple[dict[str, Vi
             damaged[frame.name] = first_line(error)
             warnings.warn(f"frame {frame.name} is left out: {first_line(error)}", UserWarning, stacklevel=3)
     return views, damaged
-
-
-class ReadFrames(Sequence[RGBD]):
-    """Frames of a data set by place, each read when it is asked for."""
-
-    def __init__(self, frames: Sequence[Frame]) -> None:
-        self._frames = frames
-
-    def __len__(self) -> int:
-        return len(self._frames)
-
-    @overload
-    def __getitem__(self, place: int) -> RGBD: ...
-    @overload
-    def __getitem__(self, place: slice) -> ReadFrames: ...
-    def __getitem__(self, place: int | slice) -> RGBD | ReadFrames:
-        return ReadFrames(self._frames[place]) if isinstance(place, slice) else self._frames[place].load()
 
 
 def masks_by_number(masks: Mapping[str, BoolArray], names: Sequence[str]) -> dict[int, BoolArray]:

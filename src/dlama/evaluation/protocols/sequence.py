@@ -96,12 +96,13 @@ def score_sequence(
     settings: ProtocolSettings,
     methods: Mapping[str, SequenceMethod] = METHODS,
     counts: Sequence[int] = COUNTS,
+    apart: int = APART,
 ) -> Iterator[Row]:
     """The numbers of every held-out frame (places), with every number of sources, by every method. Raises what they raise."""
     for place in held_out:
         truth = frames[place]
         for count in counts:
-            sources = [frames[one] for one in sources_of(place, count, len(frames))]
+            sources = [frames[one] for one in sources_of(place, count, len(frames), apart)]
             if len(sources) < count:
                 continue
             regions = seen_by(sources, truth, settings.seen_tolerance)
@@ -141,6 +142,7 @@ def table(rows: Sequence[Row], region: str) -> str:
     """Means over the held-out frames as a Markdown table: a line for each number of sources and method."""
     head = ("frames", "method", "hole %", "SSIM", "LPIPS", "MSE", "depth MAE (m)", "s (processor)")
     lines = [f"| {' | '.join(head)} |", "|---" * len(head) + "|"]
+    rows = [row for row in rows if row.measure.region in ("whole", region)]
     for count in sorted({row.frames for row in rows}):
         for method in dict.fromkeys(row.method for row in rows):
             own = [row for row in rows if row.frames == count and row.method == method]
