@@ -1,4 +1,4 @@
-"""The command line, run in this process on a small made-up frame (oracles: the issue's option names, the files' own readers)."""
+"""The command line, run in this process on a small made-up frame (oracles: names of options and files, the files' readers)."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ RESULT_FILES = {
 }  # fmt: skip
 
 
-def test_help_names_every_option_of_the_issue(capsys: pytest.CaptureFixture[str]) -> None:
-    """Oracle: the issue's list, verb by verb."""
+def test_help_names_every_option(capsys: pytest.CaptureFixture[str]) -> None:
+    """Oracle: a list, verb by verb."""
     shared = "--output --filler --recipe --mode --dilate --dilate-holes --clip --seed"
     source = "--camera --fx --fy --cx --cy --fov --pixel-center --depth-scale --depth-range --resize-depth --far"
     source += " --depth-model --metres-at --camera-height --no-sharpen"
@@ -52,7 +52,7 @@ def test_help_says_the_signs(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 def test_view_writes_every_file(frame: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Oracle: the issue's list of files; hole.png is where hole_type.png is not 0; one summary line."""
+    """Oracle: a list of files; hole.png is where hole_type.png is not 0; one summary line."""
     out = run(frame, "view", "image.png", "depth.png", "--fov", 60, "--yaw", 12, *FAST)
     assert {path.name for path in out.iterdir()} == RESULT_FILES
     hole = pixels(out / "hole.png")

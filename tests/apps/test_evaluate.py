@@ -1,4 +1,4 @@
-"""`dlama evaluate` and `dlama worlds`, run in this process on a world of 64 px (oracles: the issue's lists, CSV read by csv)."""
+"""`dlama evaluate` and `dlama worlds`, in this process on a world of 64 px (oracles: lists of options and columns, csv)."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ def test_worlds_say_what_to_do_next(tmp_path: Path, capsys: pytest.CaptureFixtur
 
 
 def test_evaluate_end_to_end(small_worlds: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Oracles: the issue's header, regions and modalities; every recipe with every filler; a second run does nothing."""
+    """Oracles: the header, regions and modalities; every recipe with every filler; a second run does nothing."""
     words = (
         "--yaws",
         "20",
@@ -207,7 +207,7 @@ def test_a_missing_extra_is_named_first(monkeypatch: pytest.MonkeyPatch) -> None
 
 
 def test_help_names_every_option(capsys: pytest.CaptureFixture[str]) -> None:
-    """Oracle: the issue's list of options."""
+    """Oracle: a list of options."""
     wanted = {
         "evaluate": "--protocol --recipes --fillers --model --scenes --yaws --limit --layout --depth-range --jobs --seed "
         "--no-variants --output",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import contextlib
 import dataclasses
 import functools
@@ -10,16 +11,17 @@ import io
 import re
 import subprocess
 import sys
+import textwrap
 import typing
 from collections.abc import Callable, Iterator
-from typing import Any, get_args
+from typing import Any, TypeGuard, get_args
 
 import pytest
 from tyro.conf import Positional
 
 import dlama
 from dlama.apps import options
-from dlama.apps.cli import VERBS, main
+from dlama.apps.cli import VERBS, main, with_joined_lines
 from dlama.apps.terminal.flags import flags_of, with_flags
 from dlama.apps.verbs import evaluate as evaluate_verb
 
@@ -80,6 +82,23 @@ def test_shown_defaults_are_the_defaults(verb: str) -> None:
             values = default if isinstance(default, tuple) else (default,)
             words = " ".join(f"{value:g}" if isinstance(value, float) else f"{value}" for value in values)
             assert not words or shown == f"(default: {words})", name
+
+
+@pytest.mark.parametrize("verb", VERBS)
+def test_line_breaks_of_the_source_are_not_shown(verb: str) -> None:
+    """Where the source breaks a description help would break it too, in the middle of a sentence (oracle: the source)."""
+    assert not re.search(r"\n {5,}\S", with_joined_lines(str(VERBS[verb].__doc__)))
+    for hint in typing.get_type_hints(VERBS[verb]).values():
+        if dataclasses.is_dataclass(hint):
+            (parsed,) = ast.parse(textwrap.dedent(inspect.getsource(typing.cast(type, hint)))).body
+            assert isinstance(parsed, ast.ClassDef)
+            texts = [one.value.value for one in parsed.body[1:] if isinstance(one, ast.Expr) and is_text(one.value)]
+            assert [text for text in texts if "\n" in text] == []
+
+
+def is_text(node: ast.expr) -> TypeGuard[Any]:
+    """Whether it is a string, as a docstring is."""
+    return isinstance(node, ast.Constant) and isinstance(node.value, str)
 
 
 def test_names_in_help_are_those_of_the_library() -> None:

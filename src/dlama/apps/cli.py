@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import inspect
+import re
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -235,7 +237,13 @@ def main(args: Sequence[str] | None = None) -> None:
 def run_verb(name: str, words: Sequence[str]) -> None:
     """One verb with its options; the errors of the library name flags."""
     verb = VERBS[name]
+    verb.__doc__ = with_joined_lines(str(verb.__doc__))
     examples = "\n".join(f"$ {line}" for line in EXAMPLES[name])
-    described = f"{str(verb.__doc__).splitlines()[0]}\n\n{examples}"
+    described = f"{verb.__doc__.splitlines()[0]}\n\n{examples}"
     with errors_as_lines(lambda message: with_flags(message, flags_of(verb))):
         tyro.cli(verb, prog=f"dlama {name}", description=described, args=words, config=CONFIG)
+
+
+def with_joined_lines(docstring: str) -> str:
+    """A docstring with each of its Args in one line: tyro shows line breaks, and those of the source mean nothing."""
+    return re.sub(r"\n {8}(?=\S)", " ", inspect.cleandoc(docstring))

@@ -25,10 +25,13 @@ RECIPES = ("dlama", "paper")
 """Names of the recipes, the default first."""
 
 
-def option(metavar: str, default: str | None = "none", **names: Any) -> Any:
-    """How --help shows one option: what stands for its value, and its default; None: it is required."""
+def option(metavar: str, default: str | None = "none", **others: Any) -> Any:
+    """How --help shows one option: what stands for its value, and its default; None: it is required.
+
+    others: of `tyro.conf.arg`: aliases, name; help, in place of a docstring of two lines, whose line break tyro would show.
+    """
     hint = "(required)" if default is None else f"(default: {default})"
-    return arg(metavar=metavar, help_behavior_hint=hint, **names)
+    return arg(metavar=metavar, help_behavior_hint=hint, **others)
 
 
 Degrees = Annotated[float | None, option("DEG", "0")]
@@ -36,8 +39,8 @@ Metres = Annotated[float | None, option("METRES")]
 Radius = Annotated[int | None, option("PX", "the recipe's")]
 CameraFile = Annotated[Path | None, option("FILE.json")]
 Image = Annotated[Path, option("IMAGE", None)]
-Depth = Annotated[Path | None, option("DEPTH", "estimated from the picture")]
-DepthAndMask = Annotated[tuple[Path, ...], option("[DEPTH] [MASK]", None)]
+Depth = Annotated[Path | None, option("[DEPTH]", "estimated from the picture")]
+DepthAndMask = Annotated[tuple[Path, ...], option("[DEPTH] [MASK]", "depth is estimated")]
 RESULTS = (
     "image",
     "depth",
@@ -177,9 +180,16 @@ KnownDepths = Annotated[tuple[str, ...], option("X,Y=D ...", "none")]
 class Estimating:
     """Depth of a picture that comes without: by which network, and what is known of its scale."""
 
-    depth_model: Annotated[str | None, option("NAME|FILE|NAME=FILE", "tcmonodepth, which ships")] = None
-    """Network that estimates depth: depth-anything-small, or in metres depth-anything-indoor, depth-anything-outdoor and
-    moge-small (`dlama models pull` gets them); or an ONNX file with a contract; NAME=FILE: a file with that one's contract."""
+    depth_model: Annotated[
+        str | None,
+        option(
+            "NAME|FILE|NAME=FILE",
+            "tcmonodepth, which ships",
+            help="Network that estimates depth: depth-anything-small, or in metres depth-anything-indoor, "
+            "depth-anything-outdoor and moge-small (`dlama models pull` gets them); or an ONNX file with a contract; "
+            "NAME=FILE: a file with that one's contract.",
+        ),
+    ] = None
     metres_at: KnownDepths = ()
     """Known depths: the pixel x to the right, y down, and its metres along the optical axis; several fit better."""
     camera_height: Metres = None
@@ -212,12 +222,18 @@ class Masking:
 class Method:
     """How the scene is completed."""
 
-    filler: Annotated[str, option("|".join(FILLERS), "layered")] = "layered"
-    """What fills the holes: layered continues planes and sky from behind, telea and navier-stokes diffuse; migan runs
-    a network that comes with the package; choice lets another one judge the guesses of four (with --model FILE of a
-    fifth); lama, joint and pair (stereo only) run that of --model."""
+    filler: Annotated[
+        str,
+        option(
+            "|".join(FILLERS),
+            "layered",
+            help="What fills the holes: layered continues planes and sky from behind, telea and navier-stokes diffuse; "
+            "migan runs a network that comes with the package; choice lets another one judge the guesses of four (with "
+            "--model FILE of a fifth); lama, joint and pair (stereo only) run that of --model.",
+        ),
+    ] = "layered"
     model: Annotated[str | None, option("FILE|NAME")] = None
-    """Network of --filler lama, migan, joint or pair: an ONNX file, a LaMa checkpoint, or a name of `dlama models list`."""
+    """Network of --filler lama, migan, choice, joint, pair: an ONNX file, a LaMa checkpoint, a name of `dlama models list`."""
     recipe: Annotated[str, option("|".join(RECIPES), "dlama")] = "dlama"
     """dlama: surfaces, metric depth; paper: as published (points, 10 m clip, 8-bit depth, 3 px dilation)."""
     mode: Annotated[Literal["surface", "points"] | None, option("surface|points", "the recipe's")] = None
@@ -229,8 +245,7 @@ class Method:
     clip: Annotated[float | None, option("METRES", "the recipe's")] = None
     """Put everything at or beyond this depth, sky too, at this depth (paper: 10)."""
     depth_by: Annotated[Literal["surfaces", "filler"] | None, option("surfaces|filler", "the recipe's")] = None
-    """What fills depth beside telea, navier-stokes, lama and migan: surfaces continued behind the hole (dlama), or the filler
-    itself (paper)."""
+    """Depth beside telea, navier-stokes, lama, migan: surfaces continued behind the hole (dlama), or the filler's own (paper)."""
     seed: Seed = 0
     """Fillers draw their random numbers from this; the same seed gives the same pixels."""
     min_confidence: Annotated[float, option("P", "0")] = 0.0

@@ -39,9 +39,14 @@ class Pointing:
     """The class of this name in the EasySynth semantic picture that belongs to IMAGE (in SemanticImage/ beside its folder)."""
     masker: Annotated[str | None, option("|".join(MASKERS), MASKERS[0])] = None
     """What finds the thing: rgbd by depth and colour, salient by a network that ships, segment-anything by a pair of networks."""
-    mask_model: Annotated[str | None, option("NAME|NAME=ENCODER,DECODER")] = None
-    """Networks of --masker segment-anything: sam-vit-b, mobile-sam or efficient-sam (`dlama models pull` gets NAME-encoder and
-    NAME-decoder), or two ONNX files."""
+    mask_model: Annotated[
+        str | None,
+        option(
+            "NAME|NAME=ENCODER,DECODER",
+            help="Networks of --masker segment-anything: sam-vit-b, mobile-sam or efficient-sam (`dlama models pull` gets "
+            "NAME-encoder and NAME-decoder), or two ONNX files.",
+        ),
+    ] = None
     candidate: Annotated[str, option("part|thing|group", "thing")] = "thing"
     """Which reading of an ambiguous click; `dlama mask` says which there are."""
     with_shadow: Annotated[bool, option("", "off")] = False

@@ -18,7 +18,7 @@ DepthBy = Literal["surfaces", "filler"]
 class Recipe:
     """How a scene is completed. Contradictions raise InputError.
 
-    A recipe of one's own: `dataclasses.replace(RECIPES["dlama"], name="mine", footprint=True)`.
+    What is not given is as in `dlama`. A recipe of one's own: `Recipe("mine", footprint=True)`.
     """
 
     name: str

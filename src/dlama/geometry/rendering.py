@@ -44,16 +44,23 @@ def render(
     fine: bool = True,
     close: bool = True,
 ) -> View:
-    """The scene from `camera`.
+    """The scene from `camera`. Holes have colour 0, depth 0 and a HoleType.
 
-    Holes carry colour 0, depth 0 and a HoleType (`types=False` leaves them all OUT_OF_VIEW, which is faster). At a layer's
-    own camera its pixels come back bit for bit. Flying pixels are rejected only when the pose changes. A surface's colours are
-    read between source pixels by cubic B-spline, and averaged where the source is drawn smaller; `fine=False` reads them
-    bilinearly, which blurs, in two thirds of the time. In a scene that was filled, gaps of
-    up to 2 px and sky that goes on are closed (origin FILLED; `close_gaps`), unless it was thinned by confidence; `close=False`
-    leaves them open. The frames of a scene of many are merged pixel by pixel (`dlama.geometry.frames.merging`); what was filled
-    is drawn on top of them, where nothing was measured in front. A bare PointCloud has no grid to triangulate, so it renders as
-    points; asking for a surface raises InputError.
+    At a layer's own camera its pixels come back bit for bit. Flying pixels are rejected only when the pose changes. The frames
+    of a scene of many are merged pixel by pixel (`dlama.geometry.frames.merging`); what was filled is drawn on top of them, where
+    nothing was measured in front.
+
+    Args:
+        source: What is seen; of a PointCloud `mode` "points" alone, since it has no pixel grid to triangulate.
+        camera: Where from, in the world of the source.
+        mode: "surface" (the pixel grid as triangles, cut at depth edges) or "points" (each pixel to the nearest one).
+        types: Say of each hole why it is one; False leaves them all OUT_OF_VIEW, which is faster.
+        fine: Read a surface's colours between source pixels by cubic B-spline, averaged where the source is drawn smaller; False
+            reads them bilinearly, which blurs, in two thirds of the time.
+        close: In a scene that was filled, close gaps of up to 2 px and sky that goes on (origin FILLED; `close_gaps`), unless it
+            was thinned by confidence; False leaves them open.
+    Raises:
+        InputError: an unknown mode, or a surface of a PointCloud.
     """
     if mode not in MODES:
         raise InputError(f"mode is {mode!r}; one of {', '.join(MODES)} is wanted")

@@ -93,7 +93,7 @@ class Outline(HTMLParser):
 
 
 def test_all_files_are_there_and_small(report: Path) -> None:
-    """The issue's list; below 20 MB."""
+    """All that a report has; below 20 MB."""
     assert set(FILES) | {"cases", "panels"} == {path.name for path in report.iterdir()}
     assert (report / "report.html").stat().st_size < 20e6
 

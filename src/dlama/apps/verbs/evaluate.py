@@ -44,10 +44,14 @@ class Cases:
     """Which cases of the data set are run."""
 
     protocol: Annotated[
-        tuple[Asked, ...], option("vpi|ori|sii|mask ...|sequence", "vpi ori sii, as the data set has")
+        tuple[Asked, ...],
+        option(
+            "vpi|ori|sii|mask ...|sequence",
+            "vpi ori sii, as the data set has",
+            help="View change, object removal, stereo; and how well the removed object's mask is found by clicks and boxes. "
+            "Or sequence, alone: held-out frames made of 1, 2, 4 and 8 others.",
+        ),
     ] = ()
-    """View change, object removal, stereo; and how well the removed object's mask is found by clicks and boxes. Or sequence,
-    alone: held-out frames made of 1, 2, 4 and 8 others."""
     scenes: Annotated[tuple[str, ...], option("SCENE ...", "all")] = ()
     """Only these scenes."""
     yaws: Annotated[tuple[float, ...], option("DEG ...", "all")] = ()
@@ -116,7 +120,7 @@ class Methods:
         "telea",
         NO_FILL,
     )
-    """Of none, layered, telea, navier-stokes, lama, migan, joint; none leaves the holes as they are."""
+    """Of none, layered, telea, navier-stokes, lama, migan, choice, joint, pair (stereo only); none leaves holes as they are."""
     model: Annotated[tuple[str, ...], option("FILLER=FILE|NAME ...")] = ()
     """The network of a filler that runs one: an ONNX file, a LaMa checkpoint, or a name of `dlama models list`."""
     seed: Seed = 0

@@ -71,7 +71,8 @@ def write(
     Args:
         completion: What `view`, `remove`, `stereo` or `complete` gave.
         directory: Files of the same names in it are replaced, all others stay.
-        only: Names of RESULTS, such as ("image", "depth"); None: all but those ON_REQUEST. meta.json is always written.
+        only: Of "image", "depth", "hole", "origin", "confidence", "disparity" (of pairs), "points", "mesh", "scene", "preview"
+            and "choice"; None: all but "choice". meta.json is always written.
         inputs: Role -> file; path and SHA-256 of each go into meta.json.
         intrinsics_from: In words, where the source camera's intrinsics come from.
         seconds: Stages before the completion, such as reading, for meta.json.
