@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from dlama.apps.options import Estimating, Lens, Masking, Only, Reading, Report, names_in
 from dlama.apps.terminal.output import Result, reported, stages_bar
+from dlama.errors import InputError
 from dlama.jobs.inputs import JobInputs
 
 if TYPE_CHECKING:
@@ -70,8 +71,6 @@ class Job(JobInputs):
         self, path: Path | None, masking: Masking, pointing: Pointing, left: Path
     ) -> BoolArray | Callable[[dlama.RGBD], BoolArray] | None:
         """The mask of the left picture of a pair: of its file, or found in the depth that the pair gives. InputError: both."""
-        from dlama.errors import InputError
-
         if not pointing.given:
             return self.optional_mask(path, masking)
         if path is not None:

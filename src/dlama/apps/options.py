@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from tyro.conf import arg
 
+from dlama.apps.model_files import model_for
 from dlama.errors import InputError
 from dlama.geometry.trajectories import PIVOT_M
 from dlama.inpainters import FILLERS
@@ -260,6 +261,4 @@ class Method:
 
     def network(self) -> Path | None:
         """The ONNX file of --model; a checkpoint is converted once, into the cache."""
-        from dlama.apps.model_files import model_for
-
         return None if self.model is None else model_for(self.model)

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from dlama.errors import InputError
 from dlama.jobs.pointing import find_pointed
 
 if TYPE_CHECKING:
@@ -86,7 +87,6 @@ class JobInputs:
 
     def optional_disparity(self, path: Path | None, scale: float | None) -> Float32Array | None:
         """A disparity, where one is given."""
-        from dlama.errors import InputError
         from dlama.files.rasters.depth import read_disparity
 
         if path is None:

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from dlama.completion.verbs import target_camera
 from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.trajectories import PIVOT_M
@@ -38,8 +39,6 @@ class CompletionRequest:
 
     def camera(self, rgbd: RGBD) -> Camera:
         """Where it stands. InputError."""
-        from dlama.completion.verbs import target_camera
-
         return target_camera(rgbd, **self.move)
 
 

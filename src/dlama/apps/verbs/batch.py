@@ -13,12 +13,15 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from tyro.conf import Positional
 
+import dlama
 from dlama.apps.options import Estimating, Lens, Masking, Method, Move, Only, Reading, Report, option
 from dlama.apps.places import check_folder_apart
 from dlama.apps.pointing import Pointing
 from dlama.apps.terminal.output import print_line, reported
 from dlama.apps.terminal.progress import bar_or_lines
 from dlama.errors import InputError
+from dlama.jobs.result import Totals
+from dlama.workers.progress import line_every, progress_line
 
 if TYPE_CHECKING:
     from dlama.jobs.batch import Progress
@@ -126,9 +129,6 @@ def batch(
         write_page(words[1:], report)
         return
     with reported("batch", report) as result:
-        import dlama
-        from dlama.jobs.result import Totals
-
         defaults = given(move, lens, reading, estimating, masking, pointing, pair, method) | {"only": only}
         jobs = source(words, which, defaults)
         if running.dry_run:
@@ -221,8 +221,6 @@ def shown_value(value: Any) -> str:
 @contextmanager
 def shown_progress(report: Report, totals: Any) -> Iterator[Progress]:
     """A bar on a terminal, a line a minute elsewhere; the first failures as a line each. Ctrl-C says that nothing is lost."""
-    from dlama.workers.progress import line_every, progress_line
-
     state: dict[str, Any] = {"done": 0, "total": None}
     started = time.monotonic()
 

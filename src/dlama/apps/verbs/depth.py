@@ -9,6 +9,7 @@ from tyro.conf import Positional
 from dlama.apps.jobs import job
 from dlama.apps.options import Estimating, Image, Lens, Metres, Output, Reading, Report
 from dlama.apps.places import check_folder_apart
+from dlama.geometry.rgbd import depth_range_in_words
 
 
 def depth(
@@ -28,7 +29,6 @@ def depth(
         far: Depth at or beyond this is far (sky).
     """
     from dlama.files.results.estimated_depth import FILES, write_depth
-    from dlama.geometry.rgbd import depth_range_in_words
 
     with job("depth", report) as this:
         check_folder_apart(output, {"image": image})

@@ -8,6 +8,7 @@ from typing import Annotated
 
 from tyro.conf import Positional
 
+import dlama
 from dlama.apps.options import Lens, Masking, Reading, Report, option
 from dlama.apps.terminal.flags import flags_of, with_flags
 from dlama.apps.terminal.output import reported
@@ -38,8 +39,6 @@ def doctor(
         calib: The inputs are a stereo pair, and this its calibration.
         layout: How the data set lies on disk, as for dlama evaluate.
     """
-    import dlama
-
     with reported("doctor", report) as result:
         options = {**lens.settings(), **reading.settings(), **masking.settings()}
         found = dlama.diagnose(first, second, mask, calib=calib, layout=layout, **options)

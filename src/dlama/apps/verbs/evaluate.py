@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
 
 from tyro.conf import Positional
 
+from dlama.apps.model_files import model_for
 from dlama.apps.options import RECIPES, CameraFile, Metres, Output, Report, Seed, option
 from dlama.apps.places import check_folder_apart
 from dlama.apps.terminal.output import print_line, reported
@@ -146,8 +147,6 @@ class Methods:
 
     def models(self) -> dict[str, Path]:
         """Filler -> its ONNX file; a checkpoint is converted once, into the cache."""
-        from dlama.apps.model_files import model_for
-
         found: dict[str, Path] = {}
         for word in self.model:
             filler, equals, file = word.partition("=")

@@ -12,6 +12,7 @@ from dlama.apps.options import Depth, Estimating, Image, Lens, Reading, Report, 
 from dlama.apps.places import check_file_apart
 from dlama.apps.pointing import Pointing
 from dlama.errors import InputError
+from dlama.geometry.rgbd import RGBD
 
 if TYPE_CHECKING:
     import dlama
@@ -51,7 +52,6 @@ def write_found(found: dlama.ObjectMask, picture: dlama.RGBD | UInt8Array, outpu
     """The mask, and beside it NAME_overlay.png: the thing tinted and outlined. OutputError."""
     from dlama.files.rasters.pictures import write_color, write_mask
     from dlama.files.results.preview import tinted
-    from dlama.geometry.rgbd import RGBD
 
     overlay = overlay_of(output)
     write_mask(output, found.mask)

@@ -12,12 +12,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from tyro.conf import Positional
 
+import dlama
+from dlama.apps.model_files import model_for
 from dlama.apps.options import RECIPES, CameraFile, Masking, Metres, Output, Radius, Report, Seed, names_in, option
 from dlama.apps.places import check_folder_apart
 from dlama.apps.terminal.output import reported
 from dlama.apps.terminal.progress import bar_or_lines
 from dlama.errors import InputError
 from dlama.inpainters import FILLERS
+from dlama.workers.progress import line_every, progress_line
 
 if TYPE_CHECKING:
     from dlama.geometry.rgbd import BoolArray
@@ -54,8 +57,6 @@ class Filler:
 
     def settings(self) -> dict[str, Any]:
         """As keyword arguments of the library."""
-        from dlama.apps.model_files import model_for
-
         network = None if self.model is None else model_for(self.model)
         return {"filler": self.filler, "model": network, "seed": self.seed}
 
@@ -89,8 +90,6 @@ def sequence(
             as --to of dlama view takes one, each with an optional name).
         only: What is written beside the views: scene, points, mesh, colmap, video (.mp4 with the extra video, else .webp).
     """
-    import dlama
-
     started = time.perf_counter()
     with reported("sequence", report) as result:
         check_folder_apart(output, {"data set": dataset, "folder of masks": masks})
@@ -147,8 +146,6 @@ def summary_values(meta: dict[str, Any], output: Path) -> dict[str, Any]:
 @contextmanager
 def shown_progress(title: str, report: Report) -> Iterator[Callable[[int, int, str, bool], None]]:
     """A bar with the time left on a terminal, a line a minute elsewhere. Ctrl-C says that nothing is lost."""
-    from dlama.workers.progress import line_every, progress_line
-
     counts = {"kept": 0, "done": 0, "total": 0}
 
     def line(seconds: float) -> str:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from tyro.conf import Positional
 
+import dlama
 from dlama.apps.options import Report, option
 from dlama.apps.places import check_file_apart
 from dlama.apps.terminal.output import counting_bar, reported
@@ -41,7 +42,6 @@ def video(
         fps: Pictures a second.
         width: Of the video; its height follows.
     """
-    import dlama
     from dlama.datasets.sequences.camera_paths import path_for
     from dlama.datasets.sequences.loading import read_scene_of
     from dlama.files.results.video import check_video, write_video

@@ -13,10 +13,11 @@ from typing import Any
 
 from dlama.errors import FileError, MissingExtraError
 from dlama.files.atomic_write import PathLike, new_file
-from dlama.jobs.manifest import FOLDER, Manifest
+from dlama.jobs.manifest import FOLDER, Manifest, opened_to_write
 from dlama.jobs.report.summary import Summary, summarise, throughput
 from dlama.jobs.result import JobResult
 from dlama.jobs.storage import Output, is_address, local, opened
+from dlama.jobs.tar_shards import key_of
 from dlama.workers.progress import duration
 
 PARTS = Path(__file__).parents[2] / "assets" / "report"
@@ -57,8 +58,6 @@ def write_report(out: PathLike) -> str:
     text = template.render(**values(found, output))
     target = output.of("report.html")
     if output.is_remote:
-        from dlama.jobs.manifest import opened_to_write
-
         with opened_to_write(target) as stream:
             stream.write(text)
         return target
@@ -153,8 +152,6 @@ def _read(row: JobResult, name: str, output: Output) -> bytes:
     if not row.folder.endswith(".tar"):
         with opened(output.of(f"{row.folder}/{name}"), "rb") as stream:
             return bytes(stream.read())
-    from dlama.jobs.tar_shards import key_of
-
     with opened(output.of(row.folder), "rb") as stream, tarfile.open(fileobj=stream) as shard:
         member = shard.extractfile(f"{key_of(row.id)}.{name}")
         return member.read() if member else b""
