@@ -10,6 +10,7 @@ from dlama.geometry.view import HoleType, View
 from dlama.geometry.visibility import Law, lawful_depth
 from dlama.inpainters.filling import Fill
 from dlama.inpainters.layered.hedging import hedged
+from dlama.inpainters.layered.remaining_shadows import fading_out, shadow_beside
 from dlama.inpainters.layered.surfaces import Surfaces, continue_surfaces
 from dlama.inpainters.layered.texture_synthesis import synthesize
 from dlama.perception.planes import SKY, SMOOTH
@@ -31,7 +32,10 @@ def painted(view: View, surfaces: Surfaces, depth: Float32Array, law: Law, seed:
     label = np.where(np.abs(w - surfaces.inverse_depth) > 0.05 * w, np.int32(SMOOTH), surfaces.label)
     label = np.where(view.hole & (w == 0), np.int32(SKY), label).astype(np.int32)
     unseen = view.hole_type == HoleType.OUT_OF_VIEW
-    return synthesize(view.color, view.color_hole, w, label, view.camera, seed=seed, sky=law.far_color, unseen=unseen)
+    shadow = shadow_beside(view, label)
+    known = view.color, view.color_hole, w, label, view.camera
+    color = synthesize(*known, seed=seed, sky=law.far_color, unseen=unseen, spoiled=shadow)
+    return fading_out(color, shadow, view.color_hole, label) if shadow.any() else color
 
 
 def surfaces_behind(view: View, law: Law, seed: int) -> tuple[Surfaces, Float32Array, int]:

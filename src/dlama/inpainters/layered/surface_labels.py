@@ -19,7 +19,7 @@ from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.geometry.view import HoleType, View
 from dlama.geometry.visibility import Law
 from dlama.inpainters.layered.kernels import surfaces as surface_kernels
-from dlama.perception.planes import plane_values
+from dlama.perception.planes import SMOOTH, plane_values
 
 GRID = 256
 """Longer side of the coarse grid."""
@@ -35,6 +35,16 @@ REACH = 0.05
 """Share of the picture's longer side at which a surface last seen that much farther off costs one full jump."""
 STREAKS = 0.2
 """Width of those surroundings (sigma) over the distance from the rim."""
+AROUND = 31
+"""Width, in cells, of what counts as round a cell."""
+SURROUNDED = 0.3
+"""Share of that which a plane must hold to surround what lies on none."""
+RELIEF = 0.06
+"""Relative inverse depth by which that may stand out of the plane or back from it, and belong to it: a door, a sill."""
+CHORD = 25.0
+"""Cells over which a surface was seen going on in a direction, on the mean, so that it is believed to go on as far as any."""
+NARROWEST = 3.0
+"""Most times that distances count which lead out of a narrower one: a pillar goes on upwards and not sideways."""
 FAR_SAMPLES = 256
 """Far directions that stand for all of a source camera's."""
 LEEWAY = 1.03
@@ -151,17 +161,55 @@ class CoarseView:
     def distance_to_known(self, law: Law) -> Float32Array:
         """L x h x w, cells to the nearest known cell of each label (a large number if there is none).
 
+        In view, cells count more in directions in which a surface is nowhere seen going on: a pillar beside the hole ends there.
         For the sky also the angle to where a source camera saw it, which may be outside this view.
         """
         out = np.full(self.candidates.shape, 1e3, np.float32)
+        surrounded = self.with_relief()
         for number in range(len(self.candidates)):
             there = ~self.hole & (self.label == number - 1)
             if there.any():
-                out[number] = cv2.distanceTransform((~there).astype(np.uint8), cv2.DIST_L2, 5)
+                plain = distance_from(there)
+                there = ~self.hole & (surrounded == number - 1)
+                within = distance_from(there, mean_chords(there)) if there.any() else np.float32(1e3)
+                out[number] = np.where(self.hole_in_view, within, plain)
         if law.has_far:
             angle = angle_to_far(with_larger_pixels(self.camera, 4), law)  # smooth: a quarter of the cells is enough
             out[1] = np.minimum(out[1], self.camera.fx * enlarged(angle, self.camera.wh))
         return out
+
+    def with_relief(self) -> NDArray[np.int32]:
+        """h x w labels; what lies on no plane but nearly on the one that surrounds it (a door, a sill) has that one's."""
+        out = self.label.copy()
+        loose = ~self.hole & (self.label == SMOOTH) & (self.inverse_depth > 0)
+        most = np.full(self.label.shape, SURROUNDED * AROUND**2, np.float32)
+        for number, value in enumerate(self.candidates[2:], start=1):
+            on = (self.label == number) & ~self.hole
+            count = cv2.boxFilter(on.astype(np.float32), -1, (AROUND, AROUND), normalize=False)
+            near = loose & (np.abs(value - self.inverse_depth) < RELIEF * self.inverse_depth) & (count > most)
+            out[near], most[near] = number, count[near]
+        return out
+
+
+def mean_chords(there: BoolArray) -> tuple[float, float]:
+    """Mean length of the runs of True along columns and along rows of an h x w grid, over the cells that are in them."""
+    chords = []
+    for lines in (there.T, there):
+        steps = np.diff(np.pad(lines, ((0, 0), (1, 1))).astype(np.int8), axis=1)
+        length = (np.nonzero(steps < 0)[1] - np.nonzero(steps > 0)[1]).astype(np.float64)
+        chords.append(float((length**2).sum() / max(length.sum(), 1)))
+    return chords[0], chords[1]
+
+
+def distance_from(there: BoolArray, chords: tuple[float, float] = (CHORD, CHORD)) -> Float32Array:
+    """h x w distance to the nearest True of `there`, in cells; rows and columns count more where its chords are short."""
+    along, across = (float(np.clip(CHORD / max(length, 1e-6), 1, NARROWEST)) for length in chords)
+    if along == across == 1:
+        return np.asarray(cv2.distanceTransform((~there).astype(np.uint8), cv2.DIST_L2, 5), np.float32)
+    height, width = there.shape
+    wh = max(1, round(width * across)), max(1, round(height * along))
+    larger = cv2.resize((~there).astype(np.uint8), wh, interpolation=cv2.INTER_NEAREST)
+    return enlarged(np.asarray(cv2.distanceTransform(larger, cv2.DIST_L2, 5), np.float32), (width, height))
 
 
 def without_streaks(smooth: Float32Array, hole: BoolArray) -> Float32Array:

@@ -48,11 +48,20 @@ class TextureGrid:
 
     @classmethod
     def of(
-        cls, color: UInt8Array, hole: BoolArray, inverse_depth: Float32Array, label: Int32Array, camera: Camera
+        cls,
+        color: UInt8Array,
+        hole: BoolArray,
+        inverse_depth: Float32Array,
+        label: Int32Array,
+        camera: Camera,
+        spoiled: BoolArray | None = None,
     ) -> TextureGrid:
-        """The grid of C-contiguous arrays of one size."""
+        """The grid of C-contiguous arrays of one size; what is `spoiled` (H x W) is copied only where all of its surface is."""
         cell_size = max(1, -(-max(hole.shape) // WORK_SIZE))
         trusted = trusted_labels(hole, inverse_depth, label)
+        if spoiled is not None and spoiled.any():
+            kept = np.where(spoiled, np.int32(UNTRUSTED), trusted)
+            trusted = np.where(np.isin(trusted, labels_in(kept)), kept, trusted)
         cells = shrink(color, inverse_depth, trusted, cell_size)
         return cls(color, hole, inverse_depth, label, camera, trusted, cell_size, *cells)
 

@@ -46,6 +46,7 @@ def synthesize(
     seed: int = 0,
     sky: UInt8Array | None = None,
     unseen: BoolArray | None = None,
+    spoiled: BoolArray | None = None,
 ) -> UInt8Array:
     """Colour for the hole, from known pixels of the same surface; known pixels come back bit-identical.
 
@@ -65,6 +66,7 @@ def synthesize(
         np.ascontiguousarray(inverse_depth, np.float32),
         np.ascontiguousarray(label, np.int32),
         camera,
+        spoiled,
     )
     out[hole] = GREY
     if not hole.all():

@@ -1,0 +1,82 @@
+"""Shadows that stay when a thing is taken out: nothing is painted with them, and what is painted begins as dark as they are."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dlama.geometry.camera import Camera
+from dlama.geometry.holes import dilated
+from dlama.geometry.rgbd import RGBD
+from dlama.geometry.scene import Scene
+from dlama.geometry.view import HoleType, View
+from dlama.geometry.visibility import Law
+from dlama.inpainters.layered.filler import layered
+from dlama.inpainters.layered.remaining_shadows import fading_out, shadow_beside
+from worlds import Plane, World
+
+CAMERA = Camera.from_fov(160, 120, 60)
+LIT, DARK = 170, 90
+THING = np.s_[50:80, 60:100]
+
+
+def ground_without_thing(*shadows: tuple[slice, slice]) -> tuple[View, np.ndarray]:
+    """A floor of one grey of which a box is a hole, darker under the given shadows; and which of it is dark."""
+    world = World((Plane((0, 0, 4), (0, 0.5, -1)),)).rgbd(CAMERA)
+    dark = np.zeros(CAMERA.hw, bool)
+    for shadow in shadows:
+        dark[shadow] = True
+    grey = np.where(dark, DARK, LIT) + np.random.default_rng(0).integers(-4, 5, CAMERA.hw)
+    color = np.repeat(grey[..., None], 3, 2).astype(np.uint8)
+    view = View.from_rgbd(RGBD(color, world.depth, CAMERA))
+    hole = np.zeros(CAMERA.hw, bool)
+    hole[THING] = True
+    return view.without(hole, HoleType.OBJECT), dark & ~hole
+
+
+BESIDE = np.s_[74:92, 60:110]
+
+
+def test_a_shadow_beside_the_thing_is_found() -> None:
+    """Closed form: the dark pixels but for their rim, and nothing 3 px beyond it; none where nothing is dark, and none that
+    lies apart from the thing."""
+    view, dark = ground_without_thing(BESIDE)
+    label = np.ones(CAMERA.hw, np.int32)
+    found = shadow_beside(view, label)
+    assert found[dark].mean() > 0.85 and not (found & ~dilated(dark, 3)).any() and not (found & view.hole).any()
+    assert not shadow_beside(ground_without_thing()[0], label).any()
+    assert not shadow_beside(ground_without_thing(np.s_[100:110, 20:60])[0], label).any()
+
+
+def test_a_pattern_is_no_shadow() -> None:
+    """Law: what is as dark farther off as beside the thing is a pattern of the ground."""
+    tiles = [np.s_[row : row + 12, column : column + 16] for row in (52, 80, 104) for column in range(4, 160, 40)]
+    assert not shadow_beside(ground_without_thing(*tiles, BESIDE)[0], np.ones(CAMERA.hw, np.int32)).any()
+
+
+def test_holes_of_other_kinds_have_no_shadow() -> None:
+    """Law: what hides part of a view from elsewhere was not taken out."""
+    view, _ = ground_without_thing(BESIDE)
+    other = view.without(view.hole, HoleType.DISOCCLUDED)
+    assert not shadow_beside(other, np.ones(CAMERA.hw, np.int32)).any()
+
+
+def test_ground_is_painted_lit_where_its_shadow_was() -> None:
+    """Closed form: 8 px inside the hole the floor is lit; at its rim with the shadow it is half way to it."""
+    view, _ = ground_without_thing(BESIDE)
+    color = layered(view, Law.of(Scene((view,)))).color[..., 0].astype(float)
+    assert abs(color[54:70, 66:94].mean() - LIT) < 4
+    assert abs(color[79, 66:94].mean() - DARK) < 0.6 * (LIT - DARK)
+
+
+def test_only_the_shadow_s_own_surface_fades() -> None:
+    """Closed form: one step at the rim, e times less after FADE of the longer side; other surfaces keep every bit."""
+    shadow, hole = np.zeros((2, 100, 250), bool)
+    shadow[60:], hole[20:60] = True, True
+    numbers = np.where(np.arange(250) < 125, 1, 2) * np.ones((100, 1), np.int32)
+    numbers[60:] = 1
+    painted = np.where(shadow[..., None], np.uint8(100), np.full((100, 250, 3), 200, np.uint8))
+    got = fading_out(painted, shadow, hole, numbers).astype(float)
+    step = 200 - got[20:60, 40, 0][::-1]
+    np.testing.assert_allclose(step[:6], 100 * np.exp(-np.arange(1, 7) / (0.008 * 250)), atol=6)
+    np.testing.assert_array_equal(got[:60, 140:], painted[:60, 140:])
+    np.testing.assert_array_equal(got[60:], painted[60:])
