@@ -61,11 +61,17 @@ def piped(folder: Path, *words: str, **environment: str) -> tuple[str, str]:
 
 def test_a_pipe_sees_one_line_and_the_first_run_one_more(tmp_path: Path) -> None:
     """No bar, no colours: one summary line on standard output. While kernels are compiled one line on standard error says so;
-    once they are kept, or with --quiet, it stays empty (oracle: an empty folder for numba's cache, then the same one)."""
-    cache = {"NUMBA_CACHE_DIR": str(tmp_path / "kernels")}
+    once they are kept it stays empty (oracle: an empty folder for numba's cache, then the same one). With --quiet too, when one
+    has to be compiled again."""
+    kernels = tmp_path / "kernels"
+    cache = {"NUMBA_CACHE_DIR": str(kernels)}
     shown, errors = piped(tmp_path, *WORDS, **cache)
     assert re.fullmatch(r"note: compiling kernels, [^\n]* seconds[^\n]*\n", errors)
     assert shown.count("\n") == 1 and "\x1b" not in shown
     shown, errors = piped(tmp_path, *WORDS, **cache)
     assert errors == "" and shown.count("\n") == 1
-    assert piped(tmp_path, *WORDS, "--quiet", NUMBA_CACHE_DIR=str(tmp_path / "other")) == ("", "")
+    kept = {path.name for path in kernels.rglob("*.nbi")}
+    lost = next(path for path in kernels.rglob("depth_edges.*.nbi"))
+    lost.unlink()
+    assert piped(tmp_path, *WORDS, "--quiet", **cache) == ("", "")
+    assert {path.name for path in kernels.rglob("*.nbi")} == kept

@@ -72,7 +72,7 @@ def test_every_case_meets_every_method_in_order(tmp_path: Path) -> None:
 
 
 def test_csv_has_the_header_and_every_digit(tmp_path: Path) -> None:
-    """Oracles: the issue's header; the protocol's own numbers, read back equal; variants joined with a +."""
+    """Oracles: the stated header; the protocol's own numbers, read back equal; variants joined with a +."""
     done = evaluated(made_up_dataset(1, (10.0, None)), tmp_path, Method("dlama", "telea"))
     text = written(tmp_path, done).decode()
     assert (
