@@ -53,6 +53,13 @@ def test_three_states_of_depth() -> None:
     assert rgbd.depth[1, 1] == 0 and rgbd.depth.dtype == np.float32
 
 
+@pytest.mark.parametrize("kind", ["bool", "object", "str", "complex"])
+def test_depth_that_is_no_number_is_refused(kind: str) -> None:
+    """A mask handed in as depth would be a wall at 1 m."""
+    with pytest.raises(DepthError, match=r"depth is \S+; metres as numbers are wanted"):
+        RGBD(COLOR, np.ones((2, 3), kind), CAMERA)
+
+
 def test_depth_of_another_dtype_becomes_float32() -> None:
     """Closed form: float64 metres come in, float32 stand there; what was handed in is left alone."""
     given = np.full((2, 3), 0.1)

@@ -53,6 +53,8 @@ class RGBD:
                 f"the camera is {self.camera.width}x{self.camera.height} and the picture "
                 f"{depth.shape[1]}x{depth.shape[0]}; both must have the same size"
             )
+        if depth.dtype.kind not in "fiu":
+            raise DepthError(f"depth is {depth.dtype}; metres as numbers are wanted")
         depth = np.array(depth, np.float32)
         depth[np.isnan(depth)] = 0
         if (depth < 0).any():
