@@ -73,7 +73,7 @@ def view(
     """The scene from another viewpoint, with what was hidden filled in.
 
     Args:
-        image: The colour picture: PNG, JPEG or TIFF.
+        image: The colour picture: PNG, JPEG or TIFF. Or a scene.npz: the camera moves from its middle frame.
         depth: Its depth, same size: 16-bit PNG or TIFF (millimetres), EXR, PFM, NPY or NPZ; without it, it is estimated.
         output: Directory for the results, made if need be; files of the same names are replaced.
         only: What is written beside meta.json: image, depth, hole, origin, confidence, points, mesh, scene, preview, choice.
@@ -81,8 +81,12 @@ def view(
     with job("view", report) as this:
         check_folder_apart(output, {"image": image, "depth": depth})
         target = move.required().settings()
-        rgbd = this.rgbd(image, depth, lens, reading, estimating)
-        this.write(dlama.view(rgbd, **target, **method.settings()), output, only)
+        given = (
+            this.scene(image, depth, (lens, reading, estimating))
+            if image.suffix.lower() == ".npz"
+            else this.rgbd(image, depth, lens, reading, estimating)
+        )
+        this.write(dlama.view(given, **target, **method.settings()), output, only)
 
 
 def remove(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import statistics
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -39,6 +39,21 @@ class Job(JobInputs):
     ) -> dlama.RGBD:
         """A picture, its depth (estimated, where there is no file) and its camera."""
         return self.read_picture(image, depth, lens.settings(), reading.settings() | estimating.settings())
+
+    def scene(self, file: Path, depth: Path | None, options: Sequence[Any]) -> dlama.Scene:
+        """A completed scene. InputError: a depth file, or options (those of a verb, by class) that say how a picture is read."""
+        from dlama.errors import InputError
+        from dlama.files.scenes.scene_npz import read_scene
+
+        if depth is not None:
+            raise InputError(f"{file}: is a scene, which has its depth; {depth} says nothing to it")
+        for one in options:
+            for field_, value in vars(one).items():
+                if value != getattr(type(one)(), field_):
+                    raise InputError(f"{field_} says nothing to a scene ({file.name}); it is for pictures")
+        self.inputs["scene"] = file
+        with self.reading(file):
+            return read_scene(file)
 
     def mask(self, path: Path, masking: Masking, role: str = "mask") -> BoolArray:
         """A mask, True = remove."""

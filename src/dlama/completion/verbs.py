@@ -12,13 +12,15 @@ from dlama.errors import InputError
 from dlama.geometry.camera import Camera
 from dlama.geometry.rendering import Mode
 from dlama.geometry.rgbd import RGBD, BoolArray
+from dlama.geometry.scene import Scene
 from dlama.geometry.trajectories import PIVOT_M, median_pivot, orbit
 from dlama.geometry.trajectories import dolly as dollied
+from dlama.geometry.view import View
 from dlama.inpainters.filling import Inpainter
 
 
 def target_camera(
-    rgbd: RGBD,
+    rgbd: RGBD | View,
     camera: Camera | None = None,
     *,
     yaw: float = 0.0,
@@ -39,7 +41,7 @@ def target_camera(
 
 
 def view(
-    rgbd: RGBD,
+    rgbd: RGBD | Scene,
     camera: Camera | None = None,
     *,
     yaw: float = 0.0,
@@ -60,7 +62,7 @@ def view(
     """The scene from another viewpoint, holes filled in colour and depth.
 
     Args:
-        rgbd: The picture with metric depth, and its camera.
+        rgbd: The picture with metric depth, and its camera; or a scene, whose middle frame the camera moves from.
         camera: The target camera, instead of an orbit and a dolly.
         yaw: Degrees; positive: the camera moves to its right round the pivot and turns left.
         pitch: Degrees; positive: the camera moves up and looks down.
@@ -71,7 +73,8 @@ def view(
     Raises:
         InputError: a camera and an orbit, an unknown name, options that contradict each other.
     """
-    target = target_camera(rgbd, camera, yaw=yaw, pitch=pitch, pivot=pivot, dolly=dolly)
+    source = rgbd.measured[len(rgbd.measured) // 2] if isinstance(rgbd, Scene) else rgbd
+    target = target_camera(source, camera, yaw=yaw, pitch=pitch, pivot=pivot, dolly=dolly)
     chosen = find_recipe(recipe, mode=mode, dilate=dilate, dilate_holes=dilate_holes, clip=clip, depth_by=depth_by)
     return complete(rgbd, [target], filler=filler, model=model, recipe=chosen, seed=seed, min_confidence=min_confidence)
 

@@ -1,4 +1,4 @@
-"""The folder of a data set in; what is wrong with its frames, pairs and poses, and what was understood, out."""
+"""The folder of a data set, or a scene.npz, in; what is wrong with its frames, pairs and poses, and what was understood, out."""
 
 from __future__ import annotations
 
@@ -11,6 +11,8 @@ import numpy as np
 from dlama.datasets.frames import Dataset, Frame, RemovalTruth, StereoTruth
 from dlama.datasets.layouts import detect, open_dataset
 from dlama.datasets.posed.posed_frames import CameraOption
+from dlama.datasets.posed.scene_file import LAYOUT as SCENE
+from dlama.datasets.posed.scene_file import is_scene_file
 from dlama.datasets.posed.view_pairs import NoPairsError
 from dlama.errors import InputError
 from dlama.geometry.rgbd import RGBD, BoolArray, counted, depth_range_in_words
@@ -65,7 +67,7 @@ def _opened(root: Path, layout: str | None, camera: CameraOption) -> tuple[Datas
     try:
         return open_dataset(root, layout, camera=camera), []
     except NoPairsError as error:
-        name = layout or detect(root)
+        name = layout or (SCENE if is_scene_file(root) else detect(root))
         return Dataset(root.name, name, root, error.frames, ()), [Finding("no-overlap", "fault", 0.9, str(error))]
 
 

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Literal
 
 from dlama.datasets.dataset_diagnosis import diagnose_dataset
+from dlama.datasets.posed.scene_file import is_scene_file
 from dlama.errors import InputError
 from dlama.files.atomic_write import PathLike
 from dlama.files.diagnosis import DepthOptions, diagnose_pair, diagnose_rgbd
@@ -39,7 +40,7 @@ def diagnose(
     """What is wrong with inputs, how sure that is, and the option that mends it; the last finding says what was understood.
 
     Args:
-        first: A picture; or, with `calib`, the left one of a stereo pair; or the folder of a data set.
+        first: A picture; or, with `calib`, the left one of a stereo pair; or the folder of a data set, or a scene.npz.
         second: The picture's depth, or the right picture.
         mask: What is to be removed from the picture.
         calib: The calibration of a stereo pair.
@@ -54,7 +55,7 @@ def diagnose(
     Raises:
         InputError: no depth and no right picture is given, or one that says nothing to these inputs.
     """
-    if Path(first).is_dir():
+    if Path(first).is_dir() or (second is None and is_scene_file(Path(first))):
         _refuse(first, {"second": second, "mask": mask, "calib": calib})
         return tuple(diagnose_dataset(Path(first), layout, camera))
     if second is None:

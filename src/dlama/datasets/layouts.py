@@ -19,6 +19,8 @@ from dlama.datasets.posed.numbered_frames import (
 )
 from dlama.datasets.posed.posed_frames import CameraOption
 from dlama.datasets.posed.scannet import looks_like_scannet, scannet
+from dlama.datasets.posed.scene_file import LAYOUT as SCENE
+from dlama.datasets.posed.scene_file import is_scene_file, scene_file
 from dlama.datasets.posed.trajectory_log import looks_like_trajectory_log, trajectory_log
 from dlama.datasets.posed.tum import looks_like_tum, tum
 from dlama.datasets.removal_folder import looks_like_removal, removal_folder
@@ -81,7 +83,7 @@ def open_dataset(
     gamma: Gamma | None = None,
     removal_object: str | None = None,
 ) -> Dataset:
-    """The data set in a folder; its layout is recognised unless `layout` names it.
+    """The data set in a folder, or the frames of a scene.npz; its layout is recognised unless `layout` names it.
 
     `depth_range` in metres, `gamma` (how 8-bit depth is encoded) and `removal_object`, a semantic class (easysynth), and
     `camera`, a camera file (tum, 7-scenes, scannet, tsdf-fusion, redwood), are refused where a layout has no use for them.
@@ -91,6 +93,9 @@ def open_dataset(
     check_limit(limit)
     particular = {"depth_range": depth_range, "gamma": gamma, "removal_object": removal_object, "camera": camera}
     root = Path(path)
+    if is_scene_file(root):
+        refuse_unused(SCENE, frozenset(), {"layout": layout, **particular})
+        return narrowed(scene_file(root, limit=limit), scenes, limit)
     if layout is not None and layout not in LAYOUTS:
         raise InputError(f"layout '{layout}' is not known; known are {', '.join(LAYOUTS)}")
     if not root.is_dir():
@@ -128,7 +133,8 @@ def refuse_unused(name: str, known: frozenset[str], options: Mapping[str, object
     for option, value in options.items():
         if value is not None and option not in known:
             takers = [each for each, layout in LAYOUTS.items() if option in layout.options]
-            raise InputError(f"{option} says nothing to a data set of layout {name}; it is for {', '.join(takers)}")
+            for_others = f"; it is for {', '.join(takers)}" if takers else ""
+            raise InputError(f"{option} says nothing to a data set of layout {name}{for_others}")
 
 
 def narrowed(dataset: Dataset, scenes: Sequence[str] | None, limit: int | None) -> Dataset:

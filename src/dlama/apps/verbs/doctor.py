@@ -18,7 +18,7 @@ FOUND = 1
 
 
 def doctor(
-    first: Positional[Annotated[Path, option("IMAGE|LEFT|DATASET", None)]],
+    first: Positional[Annotated[Path, option("IMAGE|LEFT|DATASET|SCENE.npz", None)]],
     second: Positional[Annotated[Path | None, option("DEPTH|RIGHT")]] = None,
     mask: Positional[Annotated[Path | None, option("MASK")]] = None,
     /,
@@ -33,7 +33,7 @@ def doctor(
     """Says what is wrong with inputs, how sure that is, and the option that mends it. Exit code 1 where something is.
 
     Args:
-        first: The colour picture; with --calib the left one of a stereo pair; or the folder of a data set.
+        first: The colour picture; with --calib the left one of a stereo pair; or the folder of a data set, or a scene.npz.
         second: The picture's depth, or the right picture.
         mask: What is to be removed: black and white, 255 = remove.
         calib: The inputs are a stereo pair, and this its calibration.

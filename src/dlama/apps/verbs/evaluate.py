@@ -180,7 +180,7 @@ def evaluate(
     """Methods measured on frames with ground truth: the paper's tables, and a report. Goes on where it was interrupted.
 
     Args:
-        dataset: The folder of a data set, or worlds[:COUNT[:SEED]] for generated ones where no folder is called so.
+        dataset: The folder of a data set, a scene.npz, or worlds[:COUNT[:SEED]] for generated ones where no folder is called so.
         output: Directory for report.html, summary.md, summary.json, results.csv, timings.csv, and what a later run takes over.
         jobs: Processes; each computes on one core.
     """

@@ -21,6 +21,8 @@ def evaluate_sequence(dataset: str, output: Path, report: Report, cases: Mapping
 
     cases: the options protocol, scenes, layout, camera, depth_range, gamma, removal_object and limit by name.
     """
+    from dlama.datasets.frames import Dataset
+    from dlama.datasets.posed.view_pairs import NoPairsError
     from dlama.evaluation.protocols.methods import ProtocolSettings
     from dlama.evaluation.protocols.sequence import table
     from dlama.evaluation.protocols.sequence_removal import removal_table
@@ -38,7 +40,10 @@ def evaluate_sequence(dataset: str, output: Path, report: Report, cases: Mapping
 
         names = ("layout", "camera", "depth_range", "gamma", "removal_object")
         options = {name: cases[name] for name in names}
-        found = open_dataset_or_worlds(dataset, **options, scenes=cases["scenes"] or None)
+        try:
+            found = open_dataset_or_worlds(dataset, **options, scenes=cases["scenes"] or None)
+        except NoPairsError as error:  # pairs of frames are for the other protocols
+            found = Dataset(Path(dataset).name, "", Path(dataset), error.frames, ())
         rows = list(rows_of(found, cases["limit"], ProtocolSettings(), progress))
         parts = [f"**{region}**\n\n{table(rows, region)}" for region in REGIONS]
         removed = [row for row in rows if row.measure.region == "hidden"]

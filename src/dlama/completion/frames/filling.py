@@ -66,7 +66,7 @@ def fill_frame(plan: Plan, scene: Scene, place: int) -> tuple[Scene, list[FillRe
 
 def completed_frame(plan: Plan, scene: Scene, place: int) -> tuple[Scene, View, list[FillReport]]:
     """The same, and the completed view of the frame's own camera."""
-    LOG.info("fill frame %d", plan.given.numbers[place])
+    LOG.info("fill frame %d", (plan.given.numbers or (0,))[place])
     before, _ = warp(plan, scene, plan.given.layers[place].camera)
     known, taken_over = show_earlier_fill(plan, scene, before)
     view, filled = fill(plan, known)

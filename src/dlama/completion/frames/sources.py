@@ -21,14 +21,16 @@ def starting_scene(given: RGBD | Scene | Sequence[FrameSource], recipe: Recipe) 
     if isinstance(given, RGBD):
         return Scene((View.from_rgbd(clipped(given, recipe.clip)),))
     if not isinstance(given, Scene):
-        return scene([_clipped(frame, recipe.clip) for frame in given])
+        return scene([clipped_frame(frame, recipe.clip) for frame in given])
     if recipe.clip is not None:
         raise InputError(f"clip is {recipe.clip} m: a scene cannot be clipped; give its frames instead")
     return given
 
 
-def _clipped(frame: FrameSource, clip: float | None) -> FrameSource:
+def clipped_frame(frame: FrameSource, clip: float | None) -> FrameSource:
     """The frame, or what reads it, clipped."""
+    if clip is None:
+        return frame
     return clipped(frame, clip) if isinstance(frame, RGBD) else partial(_read_clipped, frame, clip)
 
 

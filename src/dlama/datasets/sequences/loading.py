@@ -7,6 +7,7 @@ import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from dlama.completion.frames.sources import clipped_frame
 from dlama.datasets.frames import Frame
 from dlama.datasets.posed.posed_frames import CameraOption
 from dlama.datasets.sequences.scene_frames import open_frames, sliced
@@ -27,15 +28,21 @@ def read_scene_of(
     scene: str | None = None,
     camera: CameraOption = None,
     depth_range: float | None = None,
+    clip: float | None = None,
 ) -> tuple[list[str], Scene, dict[str, str]]:
-    """The names of the frames, the scene of them, and those that could not be read with why. A scene.npz is one already."""
+    """The names of the frames, the scene of them, and those that could not be read with why. A scene.npz is one already.
+
+    clip: metres, as of `complete`.
+    """
     if Path(dataset).suffix.lower() == ".npz":
         if which is not None:
             raise InputError(f"frames is {which}, and {dataset} is a scene; its frames cannot be chosen any more")
+        if clip is not None:
+            raise InputError(f"recipe clips depth at {clip:g} m, and {dataset} is a scene; give its frames instead")
         found = read_scene(dataset)
         return [f"frame-{number:04d}" for number in range(max(found.numbers, default=0) + 1)], found, {}
     chosen = sliced(open_frames(dataset, layout, camera=camera, depth_range=depth_range, scene=scene), which)
-    views, damaged = read_views(chosen, PixelCache())
+    views, damaged = read_views(chosen, PixelCache(), clip)
     if not views:
         raise FileError(
             f"{dataset}: not one of its {len(chosen)} frames can be read; the first: {next(iter(damaged.values()))}"
@@ -43,7 +50,9 @@ def read_scene_of(
     return list(views), gathered(list(views.values()), list(views)), damaged
 
 
-def read_views(frames: Sequence[Frame], cache: PixelCache) -> tuple[dict[str, View], dict[str, str]]:
+def read_views(
+    frames: Sequence[Frame], cache: PixelCache, clip: float | None = None
+) -> tuple[dict[str, View], dict[str, str]]:
     """Name -> source view, which is read again when it is needed and no longer in the cache; and name -> why it cannot be read.
 
     Each damaged frame is warned of.
@@ -51,7 +60,7 @@ def read_views(frames: Sequence[Frame], cache: PixelCache) -> tuple[dict[str, Vi
     views, damaged = dict[str, View](), dict[str, str]()
     for frame in frames:
         try:
-            views[frame.name] = view_of(frame.load, frame.name, cache)
+            views[frame.name] = view_of(clipped_frame(frame.load, clip), frame.name, cache)
         except DlamaError as error:
             damaged[frame.name] = first_line(error)
             warnings.warn(f"frame {frame.name} is left out: {first_line(error)}", UserWarning, stacklevel=3)

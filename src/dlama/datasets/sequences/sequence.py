@@ -11,6 +11,7 @@ from typing import Any
 from dlama import __version__
 from dlama.completion.frames.stepwise import Step, plan_for, steps_for, taken, taken_up
 from dlama.completion.memory import check_memory
+from dlama.completion.recipes import find_recipe
 from dlama.completion.steps import Plan
 from dlama.datasets.posed.nerfstudio_writer import FOLDERS, write_transforms, write_view
 from dlama.datasets.posed.posed_frames import CameraOption
@@ -86,7 +87,8 @@ def sequence(
         InputError: what `scene` and `complete` refuse, a mask for a frame that is not there; FileError, OutputError.
     """
     started, target, wanted = time.perf_counter(), Path(output), checked_results(only)
-    names, given, damaged = read_scene_of(dataset, frames, layout, scene, camera, depth_range)
+    clip = find_recipe(recipe).clip
+    names, given, damaged = read_scene_of(dataset, frames, layout, scene, camera, depth_range, clip)
     kept = [names[number] for number in given.numbers or (0,)]
     cameras = cameras_for(views, given)
     check_memory([given.layers[0].camera] * (2 * MOST_FRAMES))

@@ -94,7 +94,7 @@ def read_stored(path: PathLike) -> Stored:
     except FileError:
         raise
     except Image.UnidentifiedImageError as error:
-        raise FileError(f"{file}: is no readable PNG, JPEG or TIFF picture") from error
+        raise FileError(f"{file}: is no readable PNG, JPEG or TIFF picture{_if_scene(file)}") from error
     except Exception as error:  # decoders raise OSError, SyntaxError, ValueError, struct.error, ... on damaged files
         raise FileError(f"{file}: is damaged or truncated ({str(error) or type(error).__name__})") from error
 
@@ -122,7 +122,7 @@ def _header(file: Path) -> tuple[tuple[int, int], int]:
     except FileError:
         raise
     except Exception as error:
-        raise FileError(f"{file}: is no readable PNG, JPEG or TIFF picture") from error
+        raise FileError(f"{file}: is no readable PNG, JPEG or TIFF picture{_if_scene(file)}") from error
 
 
 @contextmanager
@@ -213,3 +213,8 @@ def _exif(picture: Image.Image) -> tuple[int, float | None]:
         return 1, None
     focal = float(focal) if isinstance(focal, (int, float)) and focal > 0 else None
     return orientation if orientation in range(2, 9) else 1, focal
+
+
+def _if_scene(file: Path) -> str:
+    """What to do with a scene.npz that was given as a picture."""
+    return "; a scene goes into view, sequence, video and show" if file.suffix.lower() == ".npz" else ""

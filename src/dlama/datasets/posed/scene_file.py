@@ -1,0 +1,60 @@
+"""A scene.npz in; the measured frames of it as a data set of posed frames, and the cases between them, out.
+
+Depth that was filled counts as missing. A scene out of which a thing was taken is refused: what it hid is no truth.
+"""
+
+from __future__ import annotations
+
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from dlama.datasets.frames import Dataset
+from dlama.datasets.posed.posed_frames import PosedFrame
+from dlama.datasets.posed.view_pairs import posed_dataset
+from dlama.errors import InputError
+from dlama.files.scenes.scene_npz import read_layer, read_scene
+from dlama.geometry.camera import Camera
+from dlama.geometry.rgbd import RGBD, Float32Array
+from dlama.geometry.view import from_source
+
+LAYOUT = "scene"
+"""What the layout of such a file is called."""
+
+
+def is_scene_file(path: Path) -> bool:
+    """Whether it is called like a scene."""
+    return path.suffix.lower() == ".npz" and path.is_file()
+
+
+def scene_file(path: Path, *, limit: int | None = None) -> Dataset:
+    """The frames of a scene.npz, in their order. Raises FileError, InputError."""
+    found = read_scene(path)
+    if found.objects:
+        raise InputError(
+            f"{path}: is a scene without what was removed from it; one of frames as they were taken is wanted"
+        )
+    frames = [
+        PosedFrame(
+            path.stem,
+            f"frame-{number:04d}",
+            partial(load_frame, path, place),
+            world_from_cam=found.layers[place].camera.world_from_cam,
+            load_depth=partial(load_frame_depth, path, place),
+        )
+        for place, number in enumerate(found.numbers or (0,))
+    ]
+    return posed_dataset(LAYOUT, path, frames, limit)
+
+
+def load_frame(path: Path, place: int) -> RGBD:
+    """A frame as it was measured. Raises FileError."""
+    view = read_layer(path, f"layer{place}_")
+    return RGBD(view.color, np.where(from_source(view.origin), view.depth, np.float32(0)), view.camera)
+
+
+def load_frame_depth(path: Path, place: int) -> tuple[Float32Array, Camera]:
+    """Its depth (H x W metres) and camera."""
+    frame = load_frame(path, place)
+    return frame.depth, frame.camera
