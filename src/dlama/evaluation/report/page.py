@@ -1,22 +1,19 @@
 """Sections, panels and the settings behind them in; one HTML page that loads nothing else out.
 
-The templates, the style and the script lie in src/dlama/assets/report; Jinja2 escapes whatever is not marked as HTML.
+The template is page.html of src/dlama/assets/report.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
-from dlama.errors import MissingExtraError
 from dlama.evaluation.report.panels import ShownPanel
 from dlama.evaluation.report.sections import Section
 from dlama.evaluation.report.tables import Table
+from dlama.evaluation.report.templates import template
 from dlama.evaluation.runner.strips import COLOR_FULL, COLUMNS, DEPTH_FULL
 
-PARTS = Path(__file__).parents[2] / "assets" / "report"
-"""page.html, table.html, panels.html, style.css and script.js."""
 CHOICES = ("protocol", "yaw", "method")
 """The fields of a panel by which readers choose."""
 
@@ -40,10 +37,8 @@ def page(
     Raises:
         MissingExtraError: jinja2 is not installed.
     """
-    return (
-        _environment()
-        .get_template("page.html")
-        .render(
+    return str(
+        template("page.html", "evaluate").render(
             title=title,
             about=about,
             explained=explained,
@@ -68,14 +63,3 @@ def flattened(about: Mapping[str, Any], before: str = "") -> Iterator[tuple[str,
         else:
             text = ", ".join(map(str, value)) if isinstance(value, (list, tuple)) else str(value)
             yield f"{before}{name}".replace("_", " "), text
-
-
-def _environment() -> Any:
-    try:
-        from jinja2 import Environment, FileSystemLoader, StrictUndefined
-    except ImportError as error:
-        raise MissingExtraError("the report", "jinja2", "evaluate") from error
-    loader = FileSystemLoader(PARTS)
-    made = Environment(loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
-    made.globals["part"] = lambda name: (PARTS / name).read_text(encoding="utf-8").strip()
-    return made

@@ -11,7 +11,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from dlama.errors import FileError, MissingExtraError
+from dlama.errors import FileError
+from dlama.evaluation.report.templates import template
 from dlama.files.atomic_write import PathLike, new_file
 from dlama.jobs.manifest import FOLDER, Manifest, opened_to_write
 from dlama.jobs.report.summary import Summary, summarise, throughput
@@ -20,8 +21,6 @@ from dlama.jobs.storage import Output, is_address, local, opened
 from dlama.jobs.tar_shards import key_of
 from dlama.workers.progress import duration
 
-PARTS = Path(__file__).parents[2] / "assets" / "report"
-"""batch.html, and style.css, which `dlama evaluate` has too."""
 THUMBNAIL = 420
 """Pixels of a shown picture's longer side."""
 PICTURES = ("preview.png", "image.png")
@@ -52,10 +51,10 @@ def write_report(out: PathLike) -> str:
     output = Output(place)
     if not output.is_remote and not Path(local(place), FOLDER).is_dir():
         raise FileError(f"{place}: holds no results of `dlama batch`; there is no folder {FOLDER} in it")
-    template = _template()
+    page = template("batch.html", "batch")
     with Manifest(output, read_only=True) as manifest:
         found = summarise(manifest.rows())
-    text = template.render(**values(found, output))
+    text = page.render(**values(found, output))
     target = output.of("report.html")
     if output.is_remote:
         with opened_to_write(target) as stream:
@@ -159,15 +158,3 @@ def _read(row: JobResult, name: str, output: Output) -> bytes:
 
 def _clock(second: float) -> str:
     return time.strftime("%Y-%m-%d %H:%M:%S", time.gmtime(second))
-
-
-def _template() -> Any:
-    try:
-        from jinja2 import Environment, FileSystemLoader, StrictUndefined
-    except ImportError as error:
-        raise MissingExtraError("the report", "jinja2", "batch") from error
-    made = Environment(
-        loader=FileSystemLoader(PARTS), autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
-    )
-    made.globals["part"] = lambda name: (PARTS / name).read_text(encoding="utf-8").strip()
-    return made.get_template("batch.html")
