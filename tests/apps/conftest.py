@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from small_frame import small_frame
 
+from box_frame import small_frame
 from dlama.geometry.kernels import jit
 
 

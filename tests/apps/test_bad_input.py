@@ -8,7 +8,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from small_frame import FAST, refused
+from running import FAST, refused
 
 
 def test_nothing_says_where_to_go(frame: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 
 import pytest
-from small_frame import FAST, refused
+from running import FAST, refused
 
 from dlama.completion import memory
 from dlama.errors import InputError
@@ -50,7 +50,7 @@ def test_a_dilation_of_holes_over_the_whole_picture(
     frame: Path, capsys: pytest.CaptureFixture[str], option: list[str]
 ) -> None:
     """Nothing is known any more: it says so and ends at once."""
-    from small_frame import run
+    from running import run
 
     run(frame, "view", "image.png", "depth.png", "--fov", 60, "--yaw", 5, *FAST, *option)
     assert "nothing" in capsys.readouterr().out

@@ -9,8 +9,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from small_frame import CAMERA, FAST, WORLD, pixels, run
+from running import FAST, pixels, run
 
+from box_frame import CAMERA, WORLD
 from dlama.apps.cli import main
 from dlama.files.rasters.depth import write_depth_exr
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from PIL import Image
-from small_frame import FAST, pixels, refused, run
+from running import FAST, pixels, refused, run
 
 import dlama
 from dlama.files.scenes.clouds import read_ply

@@ -7,8 +7,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from small_frame import FAST, pixels, refused, run, small_frame
+from running import FAST, pixels, refused, run
 
+from box_frame import small_frame
 from dlama.apps.cli import main
 
 

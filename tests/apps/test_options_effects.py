@@ -10,7 +10,7 @@ import numpy as np
 import OpenEXR
 import pytest
 from PIL import Image
-from small_frame import FAST, pixels, run
+from running import FAST, pixels, run
 
 from dlama.files.rasters.depth import read_depth
 

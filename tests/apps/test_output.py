@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 from PIL import Image
-from small_frame import FAST, pixels, refused, run
+from running import FAST, pixels, refused, run
 
 import dlama
 from dlama.apps.cli import main

@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from small_frame import small_frame
 
 import dlama
+from box_frame import small_frame
 from dlama.apps import cli
 from dlama.apps.cli import VERBS, main
 

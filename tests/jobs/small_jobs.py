@@ -10,31 +10,13 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from PIL import Image
-
-from dlama.geometry.camera import Camera
 from dlama.jobs import perform
 from dlama.jobs.perform import Task
 from dlama.jobs.result import JobResult
-from worlds import Box, Plane, World
 
-CAMERA = Camera.from_fov(64, 48, 60)
-WORLD = World((Plane((0, 0, 4), (0, 0, 1)), Box((-0.5, -0.4, 2.0), (0.4, 0.5, 2.4))))
 FAST: dict[str, Any] = {"fov": 60, "filler": "telea", "only": "image,depth"}
 FLAG = "DLAMA_TEST_FLAG"
 """Environment variable: a folder; a job whose id is killed-N ends its process until N files lie in it."""
-
-
-def small_frame(folder: Path) -> Path:
-    """The folder with image.png, depth.png (mm), mask.png (the box) of a box before a wall."""
-    folder.mkdir(exist_ok=True, parents=True)
-    rgbd = WORLD.rgbd(CAMERA)
-    _, shown = WORLD.trace(CAMERA)
-    Image.fromarray(rgbd.color).save(folder / "image.png")
-    Image.fromarray((rgbd.depth * 1000).round().astype(np.uint16)).save(folder / "depth.png")
-    Image.fromarray(((shown == 1) * 255).astype(np.uint8)).save(folder / "mask.png")
-    return folder
 
 
 def view_rows(count: int) -> list[dict[str, Any]]:

@@ -11,9 +11,10 @@ from pathlib import Path
 import pytest
 
 sys.path.append(str(Path(__file__).parent))  # worker processes look for `small_jobs` where this process does
-from small_jobs import FAST, FLAG, contents, deadly_work, small_frame, table, view_rows, write_csv
+from small_jobs import FAST, FLAG, contents, deadly_work, table, view_rows, write_csv
 
 import dlama
+from box_frame import small_frame
 from dlama.errors import InputError, OutputError
 from dlama.jobs import batch as room
 from dlama.jobs.batch import batch

@@ -14,8 +14,9 @@ import pytest
 from PIL import Image
 
 sys.path.append(str(Path(__file__).parent))
-from small_jobs import FAST, small_frame, view_rows, write_csv
+from small_jobs import FAST, view_rows, write_csv
 
+from box_frame import small_frame
 from dlama.errors import FileError
 from dlama.jobs.batch import batch
 from dlama.jobs.report.summary import BARS, SHOWN, summarise, throughput, without_names

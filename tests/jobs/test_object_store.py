@@ -10,8 +10,9 @@ from pathlib import Path
 import pytest
 
 sys.path.append(str(Path(__file__).parent))  # worker processes look for `small_jobs` where this process does
-from small_jobs import FAST, contents, small_frame, view_rows, write_csv
+from small_jobs import FAST, contents, view_rows, write_csv
 
+from box_frame import small_frame
 from dlama.jobs.batch import batch
 
 pytest.importorskip("s3fs", reason="s3fs is not installed")

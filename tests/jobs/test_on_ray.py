@@ -12,8 +12,9 @@ import pytest
 
 sys.path.append(str(Path(__file__).parent))  # worker processes look for `small_jobs` where this process does
 from ray_run import NO_CLUSTER
-from small_jobs import FAST, FLAG, contents, small_frame, table, view_rows, write_csv
+from small_jobs import FAST, FLAG, contents, table, view_rows, write_csv
 
+from box_frame import small_frame
 from dlama.errors import InputError, MissingExtraError
 from dlama.jobs import batch as room
 from dlama.jobs.batch import batch

@@ -12,9 +12,10 @@ from typing import Any
 import pytest
 
 sys.path.append(str(Path(__file__).parent))  # worker processes look for `small_jobs` where this process does
-from small_jobs import FAST, contents, small_frame, table, view_rows, write_csv
+from small_jobs import FAST, contents, table, view_rows, write_csv
 
 import dlama
+from box_frame import small_frame
 from dlama.errors import InputError
 from dlama.jobs.batch import batch
 from dlama.jobs.tar_shards import id_of, key_of

@@ -10,8 +10,9 @@ from typing import Any
 import pytest
 
 sys.path.append(str(Path(__file__).parent))
-from small_jobs import FAST, contents, small_frame, view_rows, write_csv
+from small_jobs import FAST, contents, view_rows, write_csv
 
+from box_frame import small_frame
 from dlama.errors import FileError
 from dlama.jobs import batch as room
 from dlama.jobs.batch import batch

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from apps.small_frame import small_frame
+from box_frame import small_frame
 from dlama.web.answers import Limits
 from dlama.web.server import Server, serving
 from dlama.web.visits import Visit, Visits, open_visits

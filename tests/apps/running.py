@@ -1,4 +1,4 @@
-"""A small made-up frame on disk, and `dlama` run on it in this process."""
+"""`dlama` run in this process on files of a folder; what it wrote or refused."""
 
 from __future__ import annotations
 
@@ -10,22 +10,8 @@ import pytest
 from PIL import Image
 
 from dlama.apps.cli import main
-from dlama.geometry.camera import Camera
-from worlds import Box, Plane, World
 
-CAMERA = Camera.from_fov(64, 48, 60)
-WORLD = World((Plane((0, 0, 4), (0, 0, 1)), Box((-0.5, -0.4, 2.0), (0.4, 0.5, 2.4))))
 FAST = ["--filler", "telea"]
-
-
-def small_frame(folder: Path) -> Path:
-    """The folder with image.png, depth.png (mm), mask.png (the box) of a box before a wall."""
-    rgbd = WORLD.rgbd(CAMERA)
-    _, shown = WORLD.trace(CAMERA)
-    Image.fromarray(rgbd.color).save(folder / "image.png")
-    Image.fromarray((rgbd.depth * 1000).round().astype(np.uint16)).save(folder / "depth.png")
-    Image.fromarray(((shown == 1) * 255).astype(np.uint8)).save(folder / "mask.png")
-    return folder
 
 
 def pixels(path: Path) -> np.ndarray:
