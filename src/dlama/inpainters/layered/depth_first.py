@@ -14,6 +14,7 @@ from dlama.geometry.visibility import Law
 from dlama.inpainters.filling import Fill, Inpainter, Painter
 from dlama.inpainters.layered.filler import surfaces_behind
 from dlama.inpainters.layered.hedging import hedged
+from dlama.inpainters.layered.remaining_shadows import fading_out, shadow_beside
 from dlama.inpainters.layered.surfaces import Surfaces
 from dlama.perception.planes import plane_values_at
 
@@ -47,7 +48,11 @@ def depth_first(inpainter: Inpainter) -> Inpainter:
         notes = inpainter.notes() | {"depth_as": "surfaces continued", "planes": len(surfaces.planes)}
         if not view.color_hole.any():
             return Fill(view.color, depth, moved, notes)
-        color = inpainter.paint(view.color, view.color_hole | occluders(view, surfaces, depth))
+        shadow = shadow_beside(view, surfaces.label)
+        color = inpainter.paint(view.color, view.color_hole | shadow | occluders(view, surfaces, depth))
+        if shadow.any():
+            color = np.where(view.color_hole[..., None], color, view.color)
+            color = fading_out(color, shadow, view.color_hole, surfaces.label)
         w = inverse_depth(np.where(view.hole, depth, view.depth))
         return Fill(hedged(view, color, view.color_hole, w), depth, moved, notes)
 
