@@ -36,8 +36,11 @@ def test_all_jobs_and_a_joint_sheet(demo: Path) -> None:
         "preview.png",
         "remove",
         "stereo",
+        "video.webp",
         "view",
     ]
+    with Image.open(demo / "video.webp") as video:
+        assert video.n_frames == 2 * 16 - 2 and video.size == (256, 256)  # type: ignore[attr-defined]
     assert all((demo / job / "preview.png").is_file() for job in ("photo", "remove", "stereo", "view"))
     assert pixels(demo / "preview.png").shape[1] >= 1200
     assert all(path.read_bytes() == (ASSETS / path.name).read_bytes() for path in (demo / "inputs").iterdir())

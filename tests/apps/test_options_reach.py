@@ -143,6 +143,7 @@ def _spy_on_jobs(spy: Callable[..., None]) -> None:
     spy("dlama.apps.jobs.summary_values", {})
     spy("dlama.apps.verbs.demo.demo_panels", [])
     spy("dlama.apps.verbs.demo.demo_legend", [])
+    spy("dlama.apps.verbs.demo.demo_video")
     spy("dlama.apps.verbs.demo.write_contact_sheet")
 
 

@@ -151,6 +151,29 @@ def test_a_scene_file_goes_on(room: Path, tmp_path: Path) -> None:
     assert list(meta["filled_share"]) == ["x"]
 
 
+def test_one_frame_is_a_sequence(room: Path, tmp_path: Path) -> None:
+    """With a thing removed, too (oracle: the world without the ball); only what is asked for is written."""
+    mask = WORLD.trace(CAMERAS["img-1"])[1] == 3
+    meta = dlama.sequence(room, tmp_path / "out", frames="1:2", masks={"img-1": mask}, only=["video"])
+    done = open_frames(tmp_path / "out")[0].load()
+    assert list(meta["filled_share"]) == ["img-1"] and meta["video"].startswith("video.")
+    truth = World(SHAPES).trace(done.camera)[0]
+    assert np.median(np.abs(done.depth - truth)[mask] / truth[mask]) < 0.02
+    assert not {"scene.npz", "scene.ply", "scene.glb", "sparse"} & {path.name for path in (tmp_path / "out").iterdir()}
+    with pytest.raises(
+        InputError, match="only names 'pictures'; of scene, points, mesh, colmap, video some are wanted"
+    ):
+        dlama.sequence(room, tmp_path / "none", only=["pictures"])
+
+
+def test_the_recipe_of_the_paper_clips_frames(room: Path, tmp_path: Path) -> None:
+    """Frames of a folder are clipped; a scene cannot be any more, which one line says."""
+    dlama.sequence(room, tmp_path / "out", recipe="paper", filler="telea", only=["scene"])
+    assert max(one.load().depth.max() for one in open_frames(tmp_path / "out")) <= 10
+    with pytest.raises(InputError, match=r"recipe clips depth at 10 m, and .* is a scene; give its frames instead"):
+        dlama.sequence(tmp_path / "out" / "scene.npz", tmp_path / "next", recipe="paper")
+
+
 def test_damaged_frames_are_named_and_left_out(room: Path, tmp_path: Path) -> None:
     """The others are completed; with none left there is one line."""
     (room / "depth" / "img-2.png").write_bytes(b"no picture")

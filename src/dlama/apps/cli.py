@@ -181,7 +181,8 @@ def demo(method: Method, report: Report, output: DEMO_FOLDER = Path("dlama-demo"
     """All jobs on the street scene that comes with dlama: another view, an object removed, a stereo pair, a photo without depth.
 
     Args:
-        output: Directory for the results: view/, remove/, stereo/, photo/, a joint preview.png, and the pictures used in inputs/.
+        output: Directory for the results: view/, remove/, stereo/, photo/, a joint preview.png, a small video.webp,
+            and the pictures used in inputs/.
         only: What is written of each job beside meta.json: image, depth, hole, origin, confidence, disparity, points, mesh,
             scene, preview, choice.
     """

@@ -17,8 +17,8 @@ from dlama.geometry.view import View
 from dlama.inpainters import find_filler
 from dlama.inpainters.filling import Inpainter, inpaint
 
-KEYS = 9
-"""Cameras of a path, evenly, for which the scene is filled before any view is made."""
+KEYS, CAMERAS_PER_KEY = 9, 5
+"""Cameras of a path, evenly, for which the scene is filled before any view is made: so many at most, one in so many."""
 KEPT = 2e-4
 """Share of a view: what is left open and more than this becomes part of the scene, too."""
 
@@ -51,7 +51,8 @@ def render_path(
 
 def _views(scene: Scene, cameras: list[Camera], inpainter: Inpainter, seed: int) -> Iterator[View]:
     recipe = find_recipe("dlama")
-    places = sorted({round(number * (len(cameras) - 1) / (KEYS - 1)) for number in range(KEYS)})
+    keys = min(KEYS, max(2, len(cameras) // CAMERAS_PER_KEY))
+    places = sorted({round(number * (len(cameras) - 1) / (keys - 1)) for number in range(keys)})
     whole = complete(scene, [cameras[place] for place in places], filler=inpainter, seed=seed).scene
     law = law_of(Scene(whole.measured, whole.objects, whole.numbers, whole.gains, whole.noise), recipe)
     fill = filler_of_recipe(inpainter, recipe)

@@ -14,6 +14,8 @@ from dlama.apps.terminal.output import Result
 from dlama.files.atomic_write import new_directory
 from dlama.files.results.contact_sheet import write_contact_sheet
 from dlama.files.results.preview import demo_legend, demo_panels
+from dlama.files.results.video import write_video
+from dlama.geometry.trajectories import between
 
 ASSETS = dlama.example()
 """Picture, depth, mask, camera and stereo pair; its README names their sources."""
@@ -23,6 +25,8 @@ YAW = 20.0
 """Degrees by which the demo's camera moves to the right."""
 BARREL = "256,345"
 """A pixel on the barrel."""
+VIDEO_PICTURES, VIDEO_PX, VIDEO_FPS = 16, 256, 12.0
+"""Of the demo's video: pictures on the way there, their width, and how many are shown a second."""
 FOV = 90.0
 """Degrees, of the street's camera."""
 
@@ -66,8 +70,16 @@ JOBS = {
 """Sub-directory -> what the joint sheet calls the job, and the job."""
 
 
+def demo_video(path: Path, done: dlama.Completion) -> None:
+    """The way from the source camera to the view's and back, small, as an animated WebP. Raises OutputError."""
+    cameras = between([done.source.camera, done.view.camera], VIDEO_PICTURES)
+    small = [one.resized(VIDEO_PX, round(VIDEO_PX * one.height / one.width)) for one in cameras]
+    pictures = [view.color for view in dlama.render_path(done.scene, small)]
+    write_video(path, [*pictures, *pictures[-2:0:-1]], VIDEO_FPS)
+
+
 def demo(output: Path, method: Method, result: Result, only: Only = None) -> None:
-    """Each job's results to a folder of `output`, what they read to inputs/, and preview.png of all.
+    """Each job's results to a folder of `output`, what they read to inputs/, preview.png of all, and video.webp.
 
     `result` takes a line for each. Raises OutputError; then nothing is left behind.
     """
@@ -85,4 +97,7 @@ def demo(output: Path, method: Method, result: Result, only: Only = None) -> Non
             shutil.copyfile(ASSETS / name, folder / "inputs" / name)
         title = "dlama completes what a camera could not see"
         write_contact_sheet(folder / "preview.png", title, panels, demo_legend(completions))
-    result.add(f"{output / 'preview.png'}: all four side by side", output=str(output))
+        demo_video(folder / "video.webp", completions[0])
+    result.add(
+        f"{output / 'preview.png'}: all four side by side; video.webp: on the way to the first", output=str(output)
+    )

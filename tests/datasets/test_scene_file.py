@@ -1,0 +1,89 @@
+"""A scene.npz as a data set (oracles: the frames that went in, round trips)."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import dlama
+from dlama.datasets.layouts import open_dataset
+from dlama.datasets.posed.view_pairs import NoPairsError
+from dlama.datasets.sequences.scene_frames import sliced
+from dlama.errors import FileError, InputError
+from dlama.files.scenes.scene_npz import read_npz, write_npz
+from dlama.geometry.camera import Camera
+from dlama.geometry.frames.stored import PixelCache, StoredView
+from dlama.geometry.rgbd import RGBD
+from worlds import Box, Plane, World, moved
+
+LENS = Camera.from_fov(48, 36, 70)
+WORLD = World((Plane((0, 0, 4), (0.1, 0, -1)), Box((-0.3, -0.6, 2.4), (0.1, 2, 2.6))))
+CAMERAS = [moved(LENS, (0, -14 * n, 0), (0.3 * n, 0, 0)) for n in range(3)]
+
+
+def frame(camera: Camera) -> RGBD:
+    rgbd = WORLD.rgbd(camera)
+    depth = rgbd.depth.copy()
+    depth[10:14, 20:26] = 0
+    return RGBD(rgbd.color, depth, camera)
+
+
+@pytest.fixture(scope="module")
+def file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Three frames, completed at one camera."""
+    path = tmp_path_factory.mktemp("scene") / "room.npz"
+    done = dlama.complete([frame(camera) for camera in CAMERAS], [CAMERAS[1]])
+    write_npz(path, done.view, done.scene)
+    return path
+
+
+def test_its_frames_are_those_that_went_in(file: Path) -> None:
+    """Depth that was filled is missing again; pairs of frames are cases."""
+    found = open_dataset(file)
+    assert (found.layout, [one.name for one in found.frames]) == ("scene", ["frame-0000", "frame-0001", "frame-0002"])
+    assert found.of("vpi")
+    for one, camera in zip(found.frames, CAMERAS):
+        read, given = one.load(), frame(camera)
+        np.testing.assert_array_equal(read.color, given.color)
+        np.testing.assert_array_equal(read.depth, given.depth)
+        assert read.camera.same_view_as(camera)
+
+
+def test_what_says_nothing_to_a_scene_is_refused(file: Path, tmp_path: Path) -> None:
+    """One line each."""
+    with pytest.raises(InputError, match="layout says nothing to a data set of layout scene"):
+        open_dataset(file, "tum")
+    with pytest.raises(InputError, match=r"camera says nothing to a data set of layout scene; it is for tum, 7-scenes"):
+        open_dataset(file, camera=LENS)
+    with pytest.raises(FileError, match="no such folder"):
+        open_dataset(tmp_path / "none.npz")
+    mask = WORLD.trace(CAMERAS[0])[1] == 1
+    done = dlama.complete([frame(camera) for camera in CAMERAS], [CAMERAS[0]], mask={0: mask})
+    write_npz(tmp_path / "gone.npz", done.view, done.scene)
+    with pytest.raises(InputError, match="is a scene without what was removed from it"):
+        open_dataset(tmp_path / "gone.npz")
+    alone = dlama.complete(frame(LENS), [LENS])
+    write_npz(tmp_path / "one.npz", alone.view, alone.scene)
+    with pytest.raises(NoPairsError):
+        open_dataset(tmp_path / "one.npz")
+
+
+def test_doctor_and_view_take_one(file: Path) -> None:
+    """What the doctor understood; a view from the middle frame is that of `complete` (law)."""
+    assert dlama.diagnose(file)[-1].what.startswith("room.npz: ")
+    scene = dlama.read_scene(file)
+    target = dlama.orbit(scene.layers[1].camera, 4.0, 0.0, 2.5)
+    np.testing.assert_array_equal(dlama.view(scene, yaw=4).view.color, dlama.complete(scene, [target]).view.color)
+
+
+def test_layers_of_a_file_are_read_when_they_are_needed(file: Path) -> None:
+    """With a cache that holds nothing: the same bits as of the file read whole."""
+    cache = PixelCache(0)
+    whole, stored = read_npz(file)[1], read_npz(file, cache)[1]
+    assert all(isinstance(layer, StoredView) for layer in stored.layers)
+    for mine, theirs in zip(stored.layers, whole.layers):
+        for plane in ("color", "depth", "hole", "origin", "confidence"):
+            np.testing.assert_array_equal(getattr(mine, plane), getattr(theirs, plane))
+    assert cache.bytes == 0 and sliced(whole.layers, ":1") == (whole.layers[0],)
