@@ -186,6 +186,14 @@ def test_misspelt_option_exits_with_2(capsys: pytest.CaptureFixture[str]) -> Non
     assert "--yaww" in capsys.readouterr().err
 
 
+def test_a_list_that_is_given_twice_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
+    """The first values would be lost without a word."""
+    with pytest.raises(SystemExit) as ended:
+        main(["sequence", "room", "-o", "out", "--mask", "0=a.png", "--mask", "1=b.png"])
+    assert ended.value.code == 2
+    assert "--mask is given twice; all its values behind one --mask are wanted" in capsys.readouterr().err
+
+
 def test_version(capsys: pytest.CaptureFixture[str]) -> None:
     """One line per package (oracle: the package's own number)."""
     import dlama

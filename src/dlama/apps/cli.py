@@ -34,7 +34,7 @@ from dlama.apps.options import (
 )
 from dlama.apps.places import check_folder_apart
 from dlama.apps.pointing import Pointing
-from dlama.apps.terminal.flags import flags_of, with_flags
+from dlama.apps.terminal.flags import flags_of, repeated_list, with_flags
 from dlama.apps.terminal.output import errors_as_lines, reported, stages_bar
 from dlama.apps.verbs.batch import batch
 from dlama.apps.verbs.depth import depth as depth_of_photo
@@ -48,6 +48,7 @@ from dlama.apps.verbs.show import show
 from dlama.apps.verbs.train import pack, train
 from dlama.apps.verbs.video import video
 from dlama.apps.verbs.worlds import worlds
+from dlama.errors import InputError
 
 DESCRIPTION = (
     "Completes what a camera could not see: the scene from another viewpoint, without an object, or as a stereo pair, "
@@ -246,6 +247,9 @@ def run_verb(name: str, words: Sequence[str]) -> None:
     examples = "\n".join(f"$ {line}" for line in EXAMPLES[name])
     described = f"{verb.__doc__.splitlines()[0]}\n\n{examples}"
     with errors_as_lines(lambda message: with_flags(message, flags_of(verb))):
+        twice = repeated_list(verb, words)
+        if twice is not None:
+            raise InputError(f"{twice} is given twice; all its values behind one {twice} are wanted")
         tyro.cli(verb, prog=f"dlama {name}", description=described, args=words, config=CONFIG)
 
 

@@ -11,7 +11,7 @@ import dataclasses
 import inspect
 import re
 import typing
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 from tyro.conf import Positional
@@ -26,10 +26,20 @@ START = r"(?:(?<=^)|(?<=: )|(?<=; )|(?<=, ))"
 
 def flags_of(verb: Callable[..., Any]) -> dict[str, str]:
     """Parameter -> flag, of all options of a verb; what is positional has none."""
-    return dict(_flags(verb))
+    return {name: flag for name, flag, _ in _flags(verb)}
 
 
-def _flags(taker: Callable[..., Any]) -> Iterator[tuple[str, str]]:
+def repeated_list(verb: Callable[..., Any], words: Sequence[str]) -> str | None:
+    """The flag of an option with several values that is given twice, of which only the last values would count; None: none is."""
+    for _, flag, hint in _flags(verb):
+        kind = typing.get_args(hint)[0] if hasattr(hint, "__metadata__") else hint
+        if typing.get_origin(kind) is tuple and sum(word.partition("=")[0] == flag for word in words) > 1:
+            return flag
+    return None
+
+
+def _flags(taker: Callable[..., Any]) -> Iterator[tuple[str, str, Any]]:
+    """Name, flag and type of each option."""
     hints = typing.get_type_hints(taker, include_extras=True)
     for name, parameter in inspect.signature(taker).parameters.items():
         hint = hints[name]
@@ -40,9 +50,9 @@ def _flags(taker: Callable[..., Any]) -> Iterator[tuple[str, str]]:
         elif Positional not in getattr(hint, "__metadata__", ()):
             named = next((note.name for note in getattr(hint, "__metadata__", ()) if getattr(note, "name", None)), None)
             if named is not None:
-                yield name, f"--{named}"
+                yield name, f"--{named}", hint
                 continue
-            yield name, f"--{'no-' if parameter.default is True else ''}{name.replace('_', '-')}"
+            yield name, f"--{'no-' if parameter.default is True else ''}{name.replace('_', '-')}", hint
 
 
 def _classes(hint: Any) -> list[Any]:
