@@ -195,7 +195,7 @@ def demo(method: Method, report: Report, output: DEMO_FOLDER = Path("dlama-demo"
 
 def version() -> None:
     """The versions of dlama and of what it computes with."""
-    from dlama.files.results.completion import versions
+    from dlama.files.results.meta_json import versions
 
     print("\n".join(f"{name} {number}" for name, number in versions().items()))
 

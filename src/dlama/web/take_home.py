@@ -13,7 +13,8 @@ from typing import Any
 
 import dlama
 from dlama.files.rasters.pictures import write_mask
-from dlama.files.results.completion import RESULTS, as_json, file_names
+from dlama.files.results.completion import RESULTS, file_names
+from dlama.files.results.meta_json import as_json
 from dlama.files.scenes.textured_mesh import write_textured_glb
 from dlama.geometry.trajectories import PIVOT_M
 from dlama.web.completion_request import CompletionRequest

@@ -19,7 +19,7 @@ from dlama.datasets.posed.nerfstudio import NAME as TRANSFORMS
 from dlama.files.atomic_write import new_file
 from dlama.files.rasters.depth import write_depth_png
 from dlama.files.rasters.pictures import save_picture, write_codes, write_color, write_mask
-from dlama.files.results.completion import as_json
+from dlama.files.results.meta_json import as_json
 from dlama.geometry.camera import Camera
 from dlama.geometry.figures.false_color import ORIGIN_PALETTE
 from dlama.geometry.view import View

@@ -21,7 +21,7 @@ from dlama.datasets.sequences.results import checked_results, write_views_video,
 from dlama.datasets.sequences.state import SequenceState
 from dlama.errors import OutputError, system_errors
 from dlama.files.atomic_write import PathLike, new_file
-from dlama.files.results.completion import as_json
+from dlama.files.results.meta_json import as_json
 from dlama.geometry.camera import Camera
 from dlama.geometry.frames.choosing import MOST_FRAMES
 from dlama.geometry.rgbd import BoolArray

@@ -1,1 +1,1 @@
-"""A completion in; a directory of named results and its preview out. Begin with `completion`."""
+"""A completion in; a directory of named results, what meta.json says of them, and a preview out. Begin with `completion`."""

@@ -11,8 +11,9 @@ from dlama.completion.report import depth_source
 from dlama.files.atomic_write import PathLike, new_directory
 from dlama.files.cameras import camera_as_json, write_camera
 from dlama.files.rasters.depth import write_depth_exr, write_depth_png
-from dlama.files.results.completion import as_json, check_inputs_stay, hashed, legends, versions
+from dlama.files.results.completion import check_inputs_stay
 from dlama.files.results.contact_sheet import write_contact_sheet
+from dlama.files.results.meta_json import as_json, hashed, legends, versions
 from dlama.files.scenes.clouds import write_ply
 from dlama.geometry.figures.false_color import SKY, depth_limits, depth_picture
 from dlama.geometry.projection import lift

@@ -16,6 +16,7 @@ import numpy as np
 import torch
 from torch.utils.data import DataLoader, Dataset, Sampler, default_collate
 
+from dlama.completion.memory import processor_count
 from dlama.geometry.kernels.jit import use_threads
 from dlama.training.data.batches import Batch, check_sample
 from dlama.training.data.sources import SampleSource
@@ -101,8 +102,7 @@ def worker_count(settings: TrainSettings) -> int:
     """Number of processes that make samples, for each process that trains."""
     if settings.data.workers is not None:
         return settings.data.workers
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    return max(1, cores // settings.loop.devices - 1)
+    return max(1, processor_count() // settings.loop.devices - 1)
 
 
 @functools.lru_cache(maxsize=2)

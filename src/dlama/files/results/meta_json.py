@@ -1,0 +1,84 @@
+"""A completion and what it was made of in; the text of its meta.json out."""
+
+from __future__ import annotations
+
+import json
+import platform
+import re
+from collections.abc import Mapping
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dlama import __version__
+from dlama.completion.completion import Completion
+from dlama.files.atomic_write import PathLike
+from dlama.files.cameras import camera_as_json
+from dlama.geometry.figures.false_color import HOLE_PALETTE, ORIGIN_PALETTE
+from dlama.geometry.view import HoleType, Origin
+from dlama.models.verify import sha256_of
+
+
+def described(completion: Completion, intrinsics_from: str) -> dict[str, Any]:
+    """The head of meta.json: where the views stand, what their codes mean, which versions made them."""
+    return {
+        "dlama": __version__,
+        "source_camera": {**camera_as_json(completion.source.camera), "intrinsics_from": intrinsics_from},
+        "cameras": [camera_as_json(view.camera) for view in completion.views],
+        **completion.meta,
+        "legends": legends(),
+        "versions": versions(),
+    }
+
+
+def legends() -> dict[str, dict[str, Any]]:
+    """What the codes of the code pictures mean and how they are coloured."""
+    return {
+        "hole_type.png": {str(int(code)): [code.name.lower(), list(HOLE_PALETTE[code])] for code in HoleType},
+        "origin.png": {str(int(code)): [code.name.lower(), list(ORIGIN_PALETTE[code])] for code in Origin},
+        "hole.png": {"0": "known", "255": "unknown before filling, after dilation: every pixel that was written"},
+        "depth.png": {"0": "missing", "1..65534": "millimetres", "65535": "far (sky)"},
+        "scene.glb": {"colour": "texture, sRGB, unlit", "far": "sky has no triangles; scene.npz has it"},
+        "depth.exr": {"0": "missing", "inf": "far (sky)", "else": "metres"},
+    }
+
+
+def versions() -> dict[str, str]:
+    """Versions of what computes the result; a package that is not installed is left out."""
+    found = {"dlama": __version__, "python": platform.python_version()}
+    for name in ("numpy", "numba", "opencv-python-headless", "opencv-python", "pillow", "OpenEXR"):
+        try:
+            found[name.split("-python")[0]] = metadata.version(name)
+        except metadata.PackageNotFoundError:
+            continue
+    return found
+
+
+def hashed(inputs: Mapping[str, PathLike], addresses: Mapping[str, str] | None = None) -> dict[str, dict[str, str]]:
+    """Role -> path (or its address) and SHA-256 of each input file. Raises FileError."""
+    named = {role: (addresses or {}).get(role, str(path)) for role, path in inputs.items()}
+    return {role: {"path": named[role], "sha256": sha256_of(Path(path))} for role, path in inputs.items()}
+
+
+def as_json(meta: Mapping[str, Any]) -> str:
+    """Indented JSON with rows of numbers on one line each."""
+    text = json.dumps(json_ready(dict(meta)), indent=2, allow_nan=False)
+    rows = re.compile(r"\[\n\s+([^\[\]{}]*?)\n\s+\]")
+    return rows.sub(lambda row: "[" + re.sub(r"\s*\n\s*", " ", row[1]) + "]", text) + "\n"
+
+
+def json_ready(value: Any) -> Any:
+    """NumPy numbers and arrays, and not-a-numbers, as JSON can hold them."""
+    if isinstance(value, dict):
+        return {str(key): json_ready(one) for key, one in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [json_ready(one) for one in value]
+    if isinstance(value, np.ndarray):
+        return json_ready(value.tolist())
+    if isinstance(value, np.generic):
+        return json_ready(value.item())
+    if isinstance(value, float) and not np.isfinite(value):
+        return None
+    return value
