@@ -13,6 +13,7 @@ from dlama.apps.options import Estimating, Lens, Masking, Only, Reading, Report,
 from dlama.apps.terminal.output import Result, reported, stages_bar
 from dlama.errors import InputError
 from dlama.jobs.inputs import JobInputs
+from dlama.jobs.pointing import mask_and_pointing
 
 if TYPE_CHECKING:
     import dlama
@@ -42,7 +43,6 @@ class Job(JobInputs):
 
     def scene(self, file: Path, depth: Path | None, options: Sequence[Any]) -> dlama.Scene:
         """A completed scene. InputError: a depth file, or options (those of a verb, by class) that say how a picture is read."""
-        from dlama.errors import InputError
         from dlama.files.scenes.scene_npz import read_scene
 
         if depth is not None:
@@ -89,7 +89,7 @@ class Job(JobInputs):
         if not pointing.given:
             return self.optional_mask(path, masking)
         if path is not None:
-            raise InputError(f"a mask file ({path}) and clicks or a box were both given; one of them is wanted")
+            raise mask_and_pointing(path)
         return lambda rgbd: self.pointed(rgbd, pointing, left)
 
     def optional_mask(self, path: Path | None, masking: Masking, role: str = "mask") -> BoolArray | None:

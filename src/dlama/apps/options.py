@@ -18,6 +18,7 @@ from dlama.errors import InputError
 from dlama.geometry.trajectories import PIVOT_M
 from dlama.inpainters import FILLERS
 from dlama.jobs.parameters import check_move, check_one_target, known_depths
+from dlama.jobs.pointing import mask_and_pointing
 
 if TYPE_CHECKING:
     from dlama.geometry.camera import Camera
@@ -162,7 +163,7 @@ def split_depth_and_mask(files: Sequence[Path], pointed: bool = False) -> tuple[
     """The depth file, if there is one, and the mask, which comes last; no mask where the thing is pointed at. InputError."""
     if pointed:
         if len(files) > 1:
-            raise InputError(f"a mask file ({files[1]}) and clicks or a box were both given; one of them is wanted")
+            raise mask_and_pointing(files[1])
         return (files[0] if files else None), None
     if not files:
         raise InputError(

@@ -27,7 +27,7 @@ from dlama.jobs.parameters import (
     POINTING,
     READING,
 )
-from dlama.jobs.pointing import is_pointed, mask_settings
+from dlama.jobs.pointing import is_pointed, mask_and_pointing, mask_settings
 from dlama.jobs.result import JobResult
 from dlama.jobs.storage import MARKER, Output, fetched, is_address, stamp
 from dlama.models.verify import sha256_of
@@ -195,7 +195,7 @@ def _is_pointed(p: Mapping[str, Any]) -> bool:
     if not is_pointed(p):
         return False
     if "mask" in p:
-        raise InputError(f"a mask file ({p['mask']}) and clicks or a box were both given; one of them is wanted")
+        raise mask_and_pointing(p["mask"])
     return True
 
 

@@ -21,6 +21,11 @@ def is_pointed(given: Mapping[str, Any]) -> bool:
     return any(given.get(name) for name in words) or given.get("masker") == "salient"
 
 
+def mask_and_pointing(mask: object) -> InputError:
+    """The error where a mask file was given beside clicks or a box."""
+    return InputError(f"a mask file ({mask}) and clicks or a box were both given; one of them is wanted")
+
+
 def mask_settings(
     *,
     click: Sequence[Any] = (),
