@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from tyro.conf import arg
 
-from dlama.apps.model_files import model_for
+from dlama.apps import model_files
 from dlama.errors import InputError
 from dlama.geometry.trajectories import PIVOT_M
 from dlama.inpainters import FILLERS
@@ -262,4 +262,4 @@ class Method:
 
     def network(self) -> Path | None:
         """The ONNX file of --model; a checkpoint is converted once, into the cache."""
-        return None if self.model is None else model_for(self.model)
+        return None if self.model is None else model_files.model_for(self.model)

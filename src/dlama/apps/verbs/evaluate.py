@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
 
 from tyro.conf import Positional
 
-from dlama.apps.model_files import model_for
+from dlama.apps import model_files
 from dlama.apps.options import RECIPES, CameraFile, Metres, Output, Report, Seed, option
 from dlama.apps.places import check_folder_apart
 from dlama.apps.terminal.output import print_line, reported
@@ -156,7 +156,7 @@ class Methods:
                 )
             if filler not in self.fillers:
                 raise InputError(f"--model {word} has no use: {filler} is not among --fillers {' '.join(self.fillers)}")
-            found[filler] = model_for(file)
+            found[filler] = model_files.model_for(file)
         return found
 
     def settings(self) -> ProtocolSettings:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from tyro.conf import Positional
 
 import dlama
-from dlama.apps.model_files import model_for
+from dlama.apps import model_files
 from dlama.apps.options import RECIPES, CameraFile, Masking, Metres, Output, Radius, Report, Seed, names_in, option
 from dlama.apps.places import check_folder_apart
 from dlama.apps.terminal.output import reported
@@ -57,7 +57,7 @@ class Filler:
 
     def settings(self) -> dict[str, Any]:
         """As keyword arguments of the library."""
-        network = None if self.model is None else model_for(self.model)
+        network = None if self.model is None else model_files.model_for(self.model)
         return {"filler": self.filler, "model": network, "seed": self.seed}
 
 
