@@ -23,6 +23,7 @@ NAMES = {
     "StereoConsistency", "StereoRig", "View",
     "CameraError", "DepthError", "DlamaError", "FileError", "InputError", "MaskError", "MissingExtraError", "OutputError",
     "ShapeError",
+    "align_frames",
     "complete", "diagnose", "estimate_depth", "example", "find_mask", "fuse", "inpaint", "lift", "orbit", "read_camera",
     "read_color", "read_mask", "read_rgbd", "read_stereo_calib", "remove", "read_scene",
     "render", "render_path", "scene", "sequence", "stereo", "view", "write",

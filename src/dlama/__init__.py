@@ -42,6 +42,7 @@ if TYPE_CHECKING:  # what type checkers and editors read; a test holds it equal 
     from dlama.geometry.camera import Camera as Camera
     from dlama.geometry.camera import StereoRig as StereoRig
     from dlama.geometry.cloud import PointCloud as PointCloud
+    from dlama.geometry.frames.alignment import align_frames as align_frames
     from dlama.geometry.frames.gathering import scene as scene
     from dlama.geometry.fusion import fuse as fuse
     from dlama.geometry.mesh import Mesh as Mesh
@@ -105,6 +106,7 @@ MODULES = {
     "StereoRig": "geometry.camera",
     "View": "geometry.view",
     "batch": "jobs.batch",
+    "align_frames": "geometry.frames.alignment",
     "complete": "completion.pipeline",
     "diagnose": "datasets.diagnosis",
     "estimate_depth": "perception.monocular",

@@ -225,6 +225,7 @@ SEQUENCE = {
     "masks": Reach("--masks folder", "mask_files.folder", Path("folder")),
     "views": Reach("--views orbit", "sequence.views", "orbit"),
     "only": Reach("--only scene,video", "sequence.only", ("scene", "video")),
+    "align": Reach("--align", "sequence.align", True),
     "frames": Reach("--frames 0:9:3", "sequence.frames", "0:9:3"),
     "layout": Reach("--layout tum", "sequence.layout", "tum"),
     "scene": Reach("--scene kitchen", "sequence.scene", "kitchen"),

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import logging
 import re
 import warnings
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 
 from dlama.completion.frames.sources import clipped_frame
@@ -14,11 +17,14 @@ from dlama.datasets.sequences.scene_frames import open_frames, sliced
 from dlama.errors import DlamaError, FileError, InputError, first_line
 from dlama.files.atomic_write import PathLike
 from dlama.files.scenes.scene_npz import read_scene
+from dlama.geometry.frames.alignment import Features, alignment, features_of, placed
 from dlama.geometry.frames.gathering import gathered, view_of
 from dlama.geometry.frames.stored import PixelCache
 from dlama.geometry.rgbd import BoolArray
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
+
+LOG = logging.getLogger("dlama")
 
 
 def read_scene_of(
@@ -29,10 +35,11 @@ def read_scene_of(
     camera: CameraOption = None,
     depth_range: float | None = None,
     clip: float | None = None,
+    align: bool = False,
 ) -> tuple[list[str], Scene, dict[str, str]]:
     """The names of the frames, the scene of them, and those that could not be read with why. A scene.npz is one already.
 
-    clip: metres, as of `complete`.
+    clip: metres, as of `complete`. align: poses are made to agree with the pictures, where they do not (`align_frames`).
     """
     if Path(dataset).suffix.lower() == ".npz":
         if which is not None:
@@ -42,12 +49,29 @@ def read_scene_of(
         found = read_scene(dataset)
         return [f"frame-{number:04d}" for number in range(max(found.numbers, default=0) + 1)], found, {}
     chosen = sliced(open_frames(dataset, layout, camera=camera, depth_range=depth_range, scene=scene), which)
-    views, damaged = read_views(chosen, PixelCache(), clip)
+    views, damaged = read_views(aligned(chosen) if align else chosen, PixelCache(), clip)
     if not views:
         raise FileError(
             f"{dataset}: not one of its {len(chosen)} frames can be read; the first: {next(iter(damaged.values()))}"
         )
     return list(views), gathered(list(views.values()), list(views)), damaged
+
+
+def aligned(frames: Sequence[Frame]) -> list[Frame]:
+    """The frames with poses that agree with their pictures; those that cannot be read stay as they are."""
+    features = dict[int, Features]()
+    for place, frame in enumerate(frames):
+        with suppress(DlamaError):
+            features[place] = features_of(frame.load())
+    found = alignment(list(features.values()))
+    if found.poses is None:
+        return list(frames)
+    LOG.info("align frames: %.1f px apart before, %.1f px after", found.before_px, found.after_px)
+    poses = dict(zip(features, found.poses))
+    return [
+        replace(frame, load=placed(frame.load, poses[place])) if place in poses else frame
+        for place, frame in enumerate(frames)
+    ]
 
 
 def read_views(

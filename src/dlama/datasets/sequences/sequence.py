@@ -60,6 +60,7 @@ def sequence(
     dilate: int | None = None,
     seed: int = 0,
     only: Sequence[str] | None = None,
+    align: bool = False,
     progress: Progress | None = None,
 ) -> dict[str, Any]:
     """Complete a data set of posed frames: what one frame lacks comes from the others, only the rest is filled, once.
@@ -80,6 +81,7 @@ def sequence(
         layout, scene, camera, depth_range: Of the data set, as in `dlama evaluate`; `scene` of several.
         filler, model, recipe, dilate, seed: As in `complete`.
         only: What of scene, points, mesh, colmap and video is written beside the views; None: all.
+        align: Poses are made to agree with the pictures first, where they do not; the results then have the new poses.
         progress: Told after each view.
     Returns:
         What meta.json holds.
@@ -88,7 +90,7 @@ def sequence(
     """
     started, target, wanted = time.perf_counter(), Path(output), checked_results(only)
     clip = find_recipe(recipe).clip
-    names, given, damaged = read_scene_of(dataset, frames, layout, scene, camera, depth_range, clip)
+    names, given, damaged = read_scene_of(dataset, frames, layout, scene, camera, depth_range, clip, align)
     kept = [names[number] for number in given.numbers or (0,)]
     cameras = cameras_for(views, given)
     check_memory([given.layers[0].camera] * (2 * MOST_FRAMES))
@@ -113,6 +115,7 @@ def sequence(
         "frames": {"names": kept, "gains": [list(gain) for gain in given.gains], "noise": list(given.noise)},
         "left_out": damaged | {name: "see warnings" for name in names if name not in kept and name not in damaged},
         "recipe": recipe,
+        "aligned": align,
         "filler": filler,
         "seed": seed,
         "masked_frames": sorted(masks or {}),

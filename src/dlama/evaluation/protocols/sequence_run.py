@@ -9,6 +9,7 @@ from dlama.errors import InputError
 from dlama.evaluation.protocols.methods import ProtocolSettings
 from dlama.evaluation.protocols.sequence import COUNTS, METHODS, Row, score_sequence
 from dlama.evaluation.protocols.sequence_removal import score_removal
+from dlama.geometry.frames.alignment import align_frames
 from dlama.geometry.rgbd import RGBD
 
 HELD_OUT = 5
@@ -22,15 +23,15 @@ Progress = Callable[[int, int, str], None]
 class ReadFrames(Sequence[RGBD]):
     """Frames of a data set by place, each read when it is asked for."""
 
-    def __init__(self, frames: Sequence[Frame]) -> None:
-        self._frames = frames
+    def __init__(self, loaders: Sequence[Callable[[], RGBD]]) -> None:
+        self._loaders = loaders
 
     def __len__(self) -> int:
-        return len(self._frames)
+        return len(self._loaders)
 
     def __getitem__(self, place):  # type: ignore[no-untyped-def]
         """The frame, read; or some of them, not read."""
-        return ReadFrames(self._frames[place]) if isinstance(place, slice) else self._frames[place].load()
+        return ReadFrames(self._loaders[place]) if isinstance(place, slice) else self._loaders[place]()
 
 
 def rows_of(dataset: Dataset, limit: int | None, settings: ProtocolSettings, progress: Progress) -> Iterator[Row]:
@@ -41,11 +42,12 @@ def rows_of(dataset: Dataset, limit: int | None, settings: ProtocolSettings, pro
         raise InputError(f"{dataset.name}: no scene of it has {APART + 1} posed frames; so many or more are wanted")
     parts = [(name, place) for name, frames in scenes.items() for place in held_out(len(frames), limit)]
     removals = [name for name in scenes if any(case.scene == name for case in dataset.of("ori"))]
+    read = {name: ReadFrames(align_frames([frame.load for frame in frames])) for name, frames in scenes.items()}
     for done, (name, place) in enumerate(parts):
         frames = scenes[name]
         names = [f"{name}/{frame.name}" if len(scenes) > 1 else frame.name for frame in frames]
         progress(done, len(parts) + len(removals), names[place])
-        yield from score_sequence(ReadFrames(frames), [place], names, settings, METHODS, COUNTS, apart=apart_in(frames))
+        yield from score_sequence(read[name], [place], names, settings, METHODS, COUNTS, apart=apart_in(frames))
     for done, name in enumerate(removals, len(parts)):
         progress(done, len(parts) + len(removals), f"{name}, removal")
         cases = sorted((case for case in dataset.of("ori") if case.scene == name), key=lambda case: abs(case.yaw or 0))

@@ -1,0 +1,188 @@
+"""Posed RGB-D frames of one scene in; the same with poses under which they agree out (bundle adjustment of poses alone).
+
+SIFT features of two frames (Lowe 2004) are matched where the given poses say that they lie near each other. Points keep the depth
+that their frame measured; the poses are moved so that points fall on the pixels, and on the depths, of the other frames.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import TypeVar
+
+import cv2
+import numpy as np
+
+from dlama.geometry.camera import Camera, Float64Array
+from dlama.geometry.frames.pose_system import Matches, adjusted, offsets
+from dlama.geometry.rgbd import RGBD, Float32Array
+
+Source = TypeVar("Source", RGBD, Callable[[], RGBD])
+FEATURES = 900
+"""Of a frame, the clearest ones."""
+WIDEST = 640
+"""px, the longer side at which features are looked for."""
+REACH = 0.032
+"""Of the picture's width: how far a feature may lie from where the given poses say."""
+STEPS = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32)
+"""Places in the sequence between two frames that are held against each other."""
+CLOSEST, CLEARER = 0.25, 0.64
+"""Largest squared distance of two descriptors (in 0..2) of one feature, and of the next best match's the share it may be."""
+ENOUGH = 12
+"""Matches that a pair of frames needs."""
+ONE_SURFACE = 1.03
+"""Largest depth by smallest within 5 px of a feature whose depth counts."""
+FITS_PX, BETTER = 1.0, 0.75
+"""Poses under which the features of half the pairs lie within so many pixels stay; others must get better by this factor."""
+
+
+@dataclass(frozen=True, eq=False)
+class Features:
+    """Of one frame; at the size at which they were found."""
+
+    camera: Camera
+    pixels: Float64Array
+    """N x 2."""
+    descriptors: Float32Array
+    """N x 128, square roots of shares (RootSIFT: Arandjelovic and Zisserman 2012), so that a scalar product is a similarity."""
+    depth: Float64Array
+    """N metres; 0 = none, or at a depth edge."""
+
+
+@dataclass(frozen=True, eq=False)
+class Alignment:
+    """What became of the poses of frames."""
+
+    poses: tuple[Float64Array, ...] | None
+    """world_from_cam of each frame; None: the given ones stay."""
+    before_px: float
+    """How far apart two frames show one point under the given poses: the median of the pairs' medians. NaN: nothing matches."""
+    after_px: float
+    """The same under the new poses."""
+
+
+def align_frames(frames: Sequence[Source]) -> list[Source]:
+    """The frames with poses that agree with their pictures; the same frames where they fit already, or show no features.
+
+    Poses of hand-held sequences are off by centimetres, and a picture's time is not its depth's: one thing then lies several
+    pixels apart in two frames. Poses move by as little as it takes (given ones count as known to 2 cm and half a degree);
+    pixels and depths stay as they are, and so does the world on average.
+
+    Args:
+        frames: Posed frames of one scene, or functions that read them, in the order in which they were taken. Each is read once
+            here.
+    """
+    found = alignment([features_of(frame if isinstance(frame, RGBD) else frame()) for frame in frames])
+    if found.poses is None:
+        return list(frames)
+    return [placed(frame, pose) for frame, pose in zip(frames, found.poses)]
+
+
+def alignment(found: Sequence[Features]) -> Alignment:
+    """Poses under which the features of frames agree, unless the given ones fit, or nothing better is found."""
+    matches = all_matches(found)
+    if matches is None:
+        return Alignment(None, np.nan, np.nan)
+    cameras = [each.camera for each in found]
+    before = offsets(matches, cameras)
+    if before <= FITS_PX:
+        return Alignment(None, before, before)
+    poses = adjusted(matches, cameras)
+    after = offsets(matches, [dataclasses.replace(camera, world_from_cam=pose) for camera, pose in zip(cameras, poses)])
+    return Alignment(tuple(poses), before, after) if after <= BETTER * before else Alignment(None, before, before)
+
+
+def placed(frame: Source, pose: Float64Array) -> Source:
+    """The frame with another pose (world_from_cam)."""
+    if not isinstance(frame, RGBD):
+        return partial(read_and_placed, frame, pose)
+    return dataclasses.replace(frame, camera=dataclasses.replace(frame.camera, world_from_cam=pose))
+
+
+def read_and_placed(read: Callable[[], RGBD], pose: Float64Array) -> RGBD:
+    """The frame that `read` gives, with another pose."""
+    frame = read()
+    return dataclasses.replace(frame, camera=dataclasses.replace(frame.camera, world_from_cam=pose))
+
+
+def features_of(frame: RGBD) -> Features:
+    """The clearest features of a frame, with its depth there."""
+    shrunk = min(1.0, WIDEST / max(frame.camera.wh))
+    width, height = (max(1, round(shrunk * side)) for side in frame.camera.wh)
+    camera = frame.camera.resized(width, height) if shrunk < 1 else frame.camera
+    grey = cv2.cvtColor(frame.color, cv2.COLOR_RGB2GRAY)
+    if shrunk < 1:
+        grey = cv2.resize(grey, (width, height), interpolation=cv2.INTER_AREA)
+    points, descriptors = cv2.SIFT.create(FEATURES, contrastThreshold=0.02).detectAndCompute(grey, None)
+    if descriptors is None:
+        return Features(camera, np.zeros((0, 2)), np.zeros((0, 128), np.float32), np.zeros(0))
+    pixels = np.array([point.pt for point in points], np.float64) + 0.5
+    shares = descriptors / np.maximum(descriptors.sum(1, keepdims=True), 1e-6)
+    depth = np.where(frame.valid, frame.depth, np.float32(0))
+    square = np.ones((5, 5), np.uint8)
+    nearest, farthest = cv2.erode(depth, square), cv2.dilate(depth, square)
+    x, y = np.clip(pixels * frame.camera.wh / camera.wh, 0, np.array(frame.camera.wh) - 1).astype(np.intp).T
+    smooth = (nearest[y, x] > 0) & (farthest[y, x] < ONE_SURFACE * nearest[y, x])
+    return Features(
+        camera, pixels, np.sqrt(shares).astype(np.float32), np.where(smooth, depth[y, x], 0).astype(np.float64)
+    )
+
+
+def all_matches(found: Sequence[Features]) -> Matches | None:
+    """The matches of all pairs of frames, both ways; None where there are none."""
+    parts = []
+    for i in range(len(found)):
+        for j in (i + step for step in STEPS if i + step < len(found)):
+            here, there = matched(found[i], found[j])
+            if len(here) >= ENOUGH:
+                parts.append(pair_matches(i, j, found[i], found[j], here, there))
+                back = found[j].depth[there] > 0
+                if back.sum() >= ENOUGH:
+                    parts.append(pair_matches(j, i, found[j], found[i], there[back], here[back]))
+    return Matches.concatenated(parts) if parts else None
+
+
+def pair_matches(i: int, j: int, one: Features, other: Features, here: np.ndarray, there: np.ndarray) -> Matches:
+    """The matches of a pair: features `here` of one frame and `there` of the other, by number."""
+    camera, depth = one.camera, one.depth[here]
+    x, y = one.pixels[here].T
+    points = np.stack([(x - camera.cx) / camera.fx * depth, (y - camera.cy) / camera.fy * depth, depth], 1)
+    places = np.full(len(here), i), np.full(len(here), j)
+    return Matches(*places, points, other.pixels[there], other.depth[there], np.zeros(1, np.intp))
+
+
+def matched(one: Features, other: Features) -> tuple[np.ndarray, np.ndarray]:
+    """Numbers of the features of two frames that show one point: `one` has its depth, `other` shows it where that says."""
+    nothing = np.zeros(0, np.intp), np.zeros(0, np.intp)
+    at = in_other(one, other)
+    ahead = np.flatnonzero(np.isfinite(at[:, 0]))
+    if not len(ahead) or not len(other.pixels):
+        return nothing
+    at = at[ahead]
+    apart = (at[:, None, 0] - other.pixels[None, :, 0]) ** 2 + (at[:, None, 1] - other.pixels[None, :, 1]) ** 2
+    distance = 2 - 2 * one.descriptors[ahead] @ other.descriptors.T
+    distance[apart > (REACH * other.camera.width) ** 2] = np.inf
+    best, back = distance.argmin(1), distance.argmin(0)
+    number = np.arange(len(ahead))
+    closest = distance[number, best]
+    twins = ((other.pixels[None] - other.pixels[best][:, None]) ** 2).sum(-1) < 4  # one place, several orientations
+    distance[twins] = np.inf
+    good = (closest < CLOSEST) & (closest < CLEARER * distance.min(1)) & (back[best] == number)
+    return ahead[good], best[good]
+
+
+def in_other(one: Features, other: Features) -> Float64Array:
+    """N x 2, where the other frame shows one's features under the given poses; NaN without depth, or out of view by far."""
+    camera, to = one.camera, other.camera
+    rays = np.stack([(one.pixels[:, 0] - camera.cx) / camera.fx, (one.pixels[:, 1] - camera.cy) / camera.fy], 1)
+    local = np.concatenate([rays, np.ones((len(rays), 1))], 1) * one.depth[:, None]
+    step = to.cam_from_world @ camera.world_from_cam
+    x, y, z = (local @ step[:3, :3].T + step[:3, 3]).T
+    seen = (one.depth > 0) & (z > 0.05)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        at = np.stack([to.fx * x / z + to.cx, to.fy * y / z + to.cy], 1)
+    reach = REACH * to.width
+    seen &= (at > -reach).all(1) & (at < np.array(to.wh) + reach).all(1)
+    return np.where(seen[:, None], at, np.nan)

@@ -1,0 +1,92 @@
+"""Alignment of posed frames (oracles: the exact poses of a generated world; the identity where poses fit; a dense solver)."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from functools import partial
+
+import cv2
+import numpy as np
+import pytest
+
+from dlama.geometry.frames.alignment import align_frames, all_matches, features_of, placed
+from dlama.geometry.frames.pose_system import _solved, offsets
+from dlama.geometry.rgbd import RGBD
+from dlama.worlds.dataset import world
+
+YAWS = (-4, 0, 4)
+
+
+@pytest.fixture(scope="module")
+def exact() -> list[RGBD]:
+    made = world(3)
+    return [made.frame(made.camera(yaw, 256)) for yaw in YAWS]
+
+
+@pytest.fixture(scope="module")
+def drifted(exact: list[RGBD]) -> list[RGBD]:
+    """The same with poses off by 2 cm and a degree."""
+    rng = np.random.default_rng(1)
+    poses = []
+    for frame in exact:
+        pose = frame.camera.world_from_cam.copy()
+        pose[:3, :3] = cv2.Rodrigues(np.radians(rng.normal(0, 0.8, 3)))[0] @ pose[:3, :3]
+        pose[:3, 3] += rng.normal(0, 0.02, 3)
+        poses.append(pose)
+    return [placed(frame, pose) for frame, pose in zip(exact, poses)]
+
+
+def apart(frames: Sequence[RGBD], exact: Sequence[RGBD]) -> float:
+    """Median, over pairs, of the pixels between where one frame's points are seen and where they should be."""
+    found = [features_of(frame) for frame in exact]
+    matches = all_matches(found)
+    assert matches is not None
+    return offsets(matches, [frame.camera for frame in frames])
+
+
+def test_exact_poses_stay(exact: list[RGBD]) -> None:
+    """What fits is given back, the same objects."""
+    assert all(one is other for one, other in zip(align_frames(exact), exact))
+
+
+def test_drifted_poses_agree_again(exact: list[RGBD], drifted: list[RGBD]) -> None:
+    """Of several pixels under the drifted poses less than one is left; pictures and depths are untouched."""
+    aligned = align_frames(drifted)
+    assert apart(drifted, exact) > 2
+    assert apart(aligned, exact) < 0.8
+    for one, other in zip(aligned, exact):
+        np.testing.assert_array_equal(one.color, other.color)
+        np.testing.assert_array_equal(one.depth, other.depth)
+        pose = one.camera.world_from_cam
+        np.testing.assert_allclose(pose[:3, :3] @ pose[:3, :3].T, np.eye(3), atol=1e-9)
+
+
+def test_functions_that_read_are_aligned_as_frames_are(drifted: list[RGBD]) -> None:
+    """The same poses, and the frames are read again."""
+    lazy = align_frames([partial(dataclasses.replace, frame) for frame in drifted])
+    for read, frame in zip(lazy, align_frames(drifted)):
+        np.testing.assert_array_equal(read().camera.world_from_cam, frame.camera.world_from_cam)
+
+
+def test_frames_without_features_stay(exact: list[RGBD]) -> None:
+    """Grey pictures say nothing about poses."""
+    grey = [dataclasses.replace(frame, color=np.full_like(frame.color, 128)) for frame in exact[:2]]
+    assert all(one is other for one, other in zip(align_frames(grey), grey))
+
+
+def test_solver_against_a_dense_one() -> None:
+    """Conjugate gradients give what numpy's solver gives."""
+    rng = np.random.default_rng(0)
+    one, other = np.array([0, 0, 1, 2]), np.array([1, 2, 2, 3])
+    blocks = rng.normal(0, 1, (4, 6, 6))
+    diagonal = np.broadcast_to(40 * np.eye(6), (4, 6, 6)).copy()
+    right = rng.normal(0, 1, (4, 6))
+    dense = np.zeros((24, 24))
+    for place, block in enumerate(diagonal):
+        dense[6 * place : 6 * place + 6, 6 * place : 6 * place + 6] = block
+    for i, j, block in zip(one, other, blocks):
+        dense[6 * i : 6 * i + 6, 6 * j : 6 * j + 6] = block
+        dense[6 * j : 6 * j + 6, 6 * i : 6 * i + 6] = block.T
+    wanted = np.linalg.solve(dense, right.ravel())
+    np.testing.assert_allclose(_solved(diagonal, blocks, one, other, right).ravel(), wanted, atol=1e-4)
