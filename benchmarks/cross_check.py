@@ -20,7 +20,6 @@ import cv2
 import numpy as np
 
 from dlama.completion.pipeline import complete
-from dlama.completion.published import clipped
 from dlama.completion.recipes import RECIPES
 from dlama.completion.steps import Plan, fill, filler_of_recipe, law_of, warp
 from dlama.evaluation.metrics.pictures import depth_8bit
@@ -29,7 +28,7 @@ from dlama.evaluation.protocols.scores import Reference
 from dlama.geometry import rendering
 from dlama.geometry.camera import Camera
 from dlama.geometry.projection import lift
-from dlama.geometry.rgbd import RGBD
+from dlama.geometry.rgbd import RGBD, clipped
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
 from dlama.inpainters import find_filler

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -143,3 +143,10 @@ def checked_fields(
                 f"{called}.{name} is {array.dtype} {array.shape}; {np.dtype(dtype)} {shape} is wanted{wanted}"
             )
         object.__setattr__(noun, name, read_only(array))
+
+
+def clipped(rgbd: RGBD, clip: float | None) -> RGBD:
+    """The picture with everything at or beyond `clip` metres, sky too, at `clip`; as it is where `clip` is None."""
+    if clip is None:
+        return rgbd
+    return replace(rgbd, depth=np.minimum(rgbd.depth, np.float32(clip)))

@@ -6,12 +6,11 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
 
-from dlama.completion.published import clipped
 from dlama.completion.recipes import Recipe
 from dlama.completion.report import depth_source
 from dlama.errors import InputError
 from dlama.geometry.frames.gathering import FrameSource, scene
-from dlama.geometry.rgbd import RGBD
+from dlama.geometry.rgbd import RGBD, clipped
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import Origin, View
 

@@ -18,7 +18,6 @@ import numpy as np
 
 from dlama.completion.completion import StereoCompletion
 from dlama.completion.memory import check_memory
-from dlama.completion.published import clipped, complete_pair_one_by_one
 from dlama.completion.recipes import DepthBy, Recipe, checked_seed, find_recipe
 from dlama.completion.report import Clock, Record
 from dlama.completion.steps import (
@@ -41,12 +40,13 @@ from dlama.completion.stereo.exchange import (
     with_seen_alone,
 )
 from dlama.completion.stereo.pair import CompletedPair, MatchedPair, check_pair, default_far, masks_of_pair
+from dlama.completion.stereo.published import complete_pair_one_by_one
 from dlama.errors import InputError
 from dlama.geometry.camera import StereoRig
 from dlama.geometry.fusion import fuse
 from dlama.geometry.holes import dilated
 from dlama.geometry.rendering import Mode, render
-from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
+from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array, clipped
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import HoleType, Origin, View
 from dlama.inpainters import find_filler

@@ -1,4 +1,4 @@
-"""What only the published recipe does (D-LaMa, sec. 3 and 4): depth clipped at 10 m; the pictures of a pair filled one by one."""
+"""A pair and the published recipe (D-LaMa, sec. 3 and 4) in; its pictures, filled one by one and then matched, out."""
 
 from __future__ import annotations
 
@@ -11,17 +11,10 @@ from dlama.completion.report import Clock, Record
 from dlama.completion.steps import Plan, fill, filler_of_recipe, law_of, take_out
 from dlama.completion.stereo.pair import CompletedPair, MatchedPair
 from dlama.geometry.holes import dilated
-from dlama.geometry.rgbd import RGBD
+from dlama.geometry.rgbd import RGBD, clipped
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import HoleType, Origin, View
 from dlama.inpainters.filling import FillReport, Inpainter
-
-
-def clipped(rgbd: RGBD, clip: float | None) -> RGBD:
-    """The picture with everything at or beyond `clip` metres, sky too, at `clip`; as it is where `clip` is None."""
-    if clip is None:
-        return rgbd
-    return dataclasses.replace(rgbd, depth=np.minimum(rgbd.depth, np.float32(clip)))
 
 
 def complete_pair_one_by_one(
