@@ -1,8 +1,8 @@
 """A scene of many frames and the masks of a thing in some of them in; the scene without that thing, in every frame, out.
 
 The masked frames say where the thing's points lie and, just as well, which points beside it are not its own. In every other frame
-those pixels are its own that show such a point, and what is one surface with them, within the thing's box, and that no masked
-frame shows outside its mask.
+those pixels are its own that show such a point, and those that follow on from them in depth and stand in front of the background
+around them (`foreground`), within the thing's box, and that no masked frame shows outside its mask.
 """
 
 from __future__ import annotations
@@ -12,14 +12,13 @@ from collections.abc import Mapping
 import cv2
 import numpy as np
 
+from dlama.completion.frames.foreground import grown_over, in_front
 from dlama.completion.plausible import warn_of_mask
 from dlama.completion.steps import NO_DILATION, Dilation, take_out
 from dlama.errors import InputError, MaskError
-from dlama.geometry.drawing import mesh_grid
 from dlama.geometry.frames.agreement import AGREES
 from dlama.geometry.frames.choosing import choose_frames
 from dlama.geometry.holes import checked_mask, dilated, eroded
-from dlama.geometry.kernels.depth_edges import DOWN, RIGHT
 from dlama.geometry.projection import project, rays
 from dlama.geometry.rendering import render
 from dlama.geometry.rgbd import BoolArray
@@ -29,10 +28,10 @@ from dlama.geometry.view import HoleType, View
 RIM_PX = 3
 """A mask's rim that is not carried: masks reach a little over the thing."""
 EDGE_PX = 2
-"""By which a region grows back to the depth edges that told it from others."""
+"""By which a region grows at its edges: there depths are between two surfaces."""
 REACH = 1.5
 """How far a thing reaches beyond what the masked frames show of it, in sides of a square as large as that."""
-BOX_GROWS = 0.15
+BOX_GROWS = 0.25
 """Of the thing's diagonal, by which its box grows: other frames see sides of it that the masked ones do not."""
 THICK = 0.7
 """Of the thing's largest extent: how thick it may be along the line of sight of the masked frames."""
@@ -103,9 +102,16 @@ def carried(scene: Scene, masks: Mapping[int, BoolArray]) -> list[BoolArray]:
 
 
 def inner(frame: View, mask: BoolArray) -> View:
-    """What the mask shows of a frame, without the mask's rim (with it, where the mask is thin)."""
-    core = eroded(mask, RIM_PX)
-    return frame.without(~(core if (core & frame.valid).any() else mask), HoleType.NONE)
+    """What the mask shows of a frame, without the rim of its wide parts: what is thin is rim altogether."""
+    wide = opened(mask, RIM_PX)
+    core = (eroded(mask, RIM_PX) | (mask & ~wide)) & frame.valid
+    return frame.without(~(core if core.any() else mask), HoleType.NONE)
+
+
+def opened(mask: BoolArray, radius: int) -> BoolArray:
+    """H x W, without the parts that a square of 2 radius + 1 px does not fit into."""
+    kernel = np.ones((2 * radius + 1,) * 2, np.uint8)
+    return cv2.morphologyEx(mask.astype(np.uint8), cv2.MORPH_OPEN, kernel) > 0
 
 
 def points_of(view: View) -> np.ndarray:
@@ -156,9 +162,13 @@ def _carried_to(
     candidates &= behind
     if not seeds.any():
         return nothing
-    candidates &= dilated(seeds, max(2 * RIM_PX, round(REACH * float(np.sqrt(seeds.sum())))))
-    found = connected(candidates & not_at_edges(frame), seeds)
-    return with_missing(found | (dilated(found, EDGE_PX) & candidates), frame, seen.valid)
+    size = max(int(seeds.sum()), *(int(mask.sum()) for mask in masks.values()))
+    candidates &= dilated(seeds, max(2 * RIM_PX, round(REACH * float(np.sqrt(size)))))
+    seeds &= candidates
+    found = grown_over(seeds, in_front(frame, candidates) | seeds, frame.depth)
+    return with_missing(
+        closed(found, candidates | frame.hole) | (dilated(found, EDGE_PX) & candidates), frame, seen.valid
+    )
 
 
 def against(points: np.ndarray, masked: View, mask: BoolArray) -> tuple[BoolArray, BoolArray, BoolArray]:
@@ -175,21 +185,11 @@ def against(points: np.ndarray, masked: View, mask: BoolArray) -> tuple[BoolArra
     return shown.reshape(hw), within.reshape(hw), inside.reshape(hw)
 
 
-def not_at_edges(frame: View) -> BoolArray:
-    """H x W, False at the pixels beside a depth edge, by which regions are told apart."""
-    joined = mesh_grid(frame)[1]
-    inside = np.ones(joined.shape, bool)
-    inside[:, :-1] &= (joined[:, :-1] & RIGHT) > 0
-    inside[:-1] &= (joined[:-1] & DOWN) > 0
-    return inside
-
-
-def connected(candidates: BoolArray, seeds: BoolArray) -> BoolArray:
-    """The regions of the candidates that hold a seed, and the seeds themselves, with small gaps closed."""
-    labels = cv2.connectedComponents(candidates.astype(np.uint8), connectivity=4)[1]
-    wanted = np.unique(labels[candidates & seeds])
-    found = (np.isin(labels, wanted[wanted > 0]) | seeds).astype(np.uint8)
-    return cv2.morphologyEx(found, cv2.MORPH_CLOSE, np.ones((5, 5), np.uint8)) > 0
+def closed(found: BoolArray, allowed: BoolArray) -> BoolArray:
+    """H x W, with small gaps closed where that is allowed."""
+    return found | (
+        (cv2.morphologyEx(found.astype(np.uint8), cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8)) > 0) & allowed
+    )
 
 
 def with_missing(found: BoolArray, frame: View, shown: BoolArray) -> BoolArray:

@@ -1,0 +1,70 @@
+"""Pixels of a frame that may be a thing's in; those that stand in front of what lies around them, and are one thing, out."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from dlama.geometry.holes import dilated
+from dlama.geometry.rgbd import BoolArray, Float32Array
+from dlama.geometry.view import View
+
+IN_FRONT = 0.02
+"""By which share a thing's inverse depth exceeds that of the background behind it."""
+AROUND_PX = 12
+"""How much of the surroundings the background is made of."""
+ROUNDS = 300
+"""Of relaxation, after a start from coarse to fine."""
+NEXT_PX, NEXT = 2, 0.05
+"""Pixels and relative depth between two parts of one thing."""
+
+
+def in_front(frame: View, candidates: BoolArray) -> BoolArray:
+    """The candidates (H x W) that lie nearer than the background, which goes on from the other pixels around them.
+
+    Planes are linear in inverse depth, so the background is harmonic in it.
+    """
+    out = np.zeros_like(candidates)
+    rows, columns = np.nonzero(candidates)
+    if not len(rows):
+        return out
+    part = tuple(slice(max(0, one.min() - AROUND_PX), one.max() + AROUND_PX + 1) for one in (rows, columns))
+    inverse = np.divide(1, frame.depth, out=np.zeros_like(frame.depth), where=frame.valid)[part]
+    known = (frame.valid | frame.far)[part] & ~dilated(candidates[part], 1)
+    out[part] = candidates[part] & (inverse > (1 + IN_FRONT) * harmonic(inverse, known))
+    return out
+
+
+def harmonic(values: Float32Array, known: BoolArray) -> Float32Array:
+    """H x W, the values where they are known, between them the smoothest that joins them."""
+    found = from_coarse(values, known)
+    for _ in range(ROUNDS):
+        edged = cv2.copyMakeBorder(found, 1, 1, 1, 1, cv2.BORDER_REPLICATE)
+        around = edged[:-2, 1:-1] + edged[2:, 1:-1] + edged[1:-1, :-2] + edged[1:-1, 2:]
+        found = np.where(known, values, around / 4)
+    return found
+
+
+def from_coarse(values: Float32Array, known: BoolArray) -> Float32Array:
+    """The values where they are known, elsewhere means of the known ones, of the smallest neighbourhood that has any."""
+    if known.all() or min(values.shape) <= 2:
+        mean = values[known].mean() if known.any() else 0.0
+        return np.where(known, values, np.float32(mean))
+    height, width = values.shape
+    size = (width + 1) // 2, (height + 1) // 2
+    total = cv2.resize(np.where(known, values, np.float32(0)), size, interpolation=cv2.INTER_AREA)
+    share = cv2.resize(known.astype(np.float32), size, interpolation=cv2.INTER_AREA)
+    coarse = from_coarse(np.divide(total, share, out=np.zeros_like(total), where=share > 0), share > 0)
+    return np.where(known, values, cv2.resize(coarse, (width, height), interpolation=cv2.INTER_LINEAR))
+
+
+def grown_over(seeds: BoolArray, allowed: BoolArray, depth: Float32Array) -> BoolArray:
+    """The seeds and all allowed pixels that are one thing with them: from each to the next a few pixels and little depth."""
+    found, kernel = seeds.copy(), np.ones((2 * NEXT_PX + 1,) * 2, np.uint8)
+    while True:
+        nearest = cv2.erode(np.where(found, depth, np.float32(np.inf)), kernel)
+        farthest = cv2.dilate(np.where(found, depth, np.float32(0)), kernel)
+        new = allowed & ~found & (depth >= nearest * (1 - NEXT)) & (depth <= farthest * (1 + NEXT))
+        if not new.any():
+            return found
+        found |= new

@@ -1,0 +1,65 @@
+"""Masks carried from one frame to others (oracles: the exact masks of generated worlds; the closed form of a tilted plane)."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import dlama
+from dlama.completion.frames.foreground import grown_over, harmonic, in_front
+from dlama.completion.frames.removal import carried
+from dlama.geometry.camera import Camera
+from dlama.geometry.rgbd import RGBD
+from dlama.geometry.view import View
+from dlama.worlds.dataset import world
+
+YAWS = (0, -10)
+
+
+@pytest.mark.parametrize(("seed", "least"), [(3, 0.75), (4, 0.9)], ids=["a bicycle seen from behind", "a stool"])
+def test_a_mask_follows_the_thing(seed: int, least: float) -> None:
+    """The carried mask covers nearly all of the thing, and little else: intersection over union with the exact one."""
+    made = world(seed)
+    cameras = [made.camera(yaw, 128) for yaw in YAWS]
+    exact = [made.raycast(camera).group == made.object_index for camera in cameras]
+    found = carried(dlama.scene([made.frame(camera) for camera in cameras]), {0: exact[0]})
+    np.testing.assert_array_equal(found[0], exact[0])
+    assert (found[1] & exact[1]).sum() > 0.95 * exact[1].sum()
+    assert (found[1] & exact[1]).sum() / (found[1] | exact[1]).sum() > least
+
+
+def plane_with_a_post() -> tuple[RGBD, np.ndarray]:
+    """A tilted plane, in inverse depth linear, and a post 3 px wide at 1.5 m before it; True at the post."""
+    x, y = np.meshgrid(np.arange(60), np.arange(50))
+    depth = (1 / (0.2 + 0.004 * y + 0.001 * x)).astype(np.float32)
+    post = (np.abs(x - 30) <= 1) & (y >= 10) & (y < 40)
+    depth[post] = 1.5
+    return RGBD(np.zeros((50, 60, 3), np.uint8), depth, Camera.from_fov(60, 50, 60)), post
+
+
+def test_the_background_goes_on_behind() -> None:
+    """Within a region of a plane the harmonic surface is that plane."""
+    y = np.broadcast_to(np.arange(40, dtype=np.float32)[:, None], (40, 40))
+    plane = (0.2 + 0.01 * y).astype(np.float32)
+    known = np.ones((40, 40), bool)
+    known[15:25, 12:30] = False
+    np.testing.assert_allclose(harmonic(np.where(known, plane, 0).astype(np.float32), known), plane, rtol=0.01)
+
+
+def test_a_post_stands_in_front_and_the_ground_does_not() -> None:
+    """Of candidates on both only those of the post."""
+    rgbd, post = plane_with_a_post()
+    candidates = np.zeros_like(post)
+    candidates[8:42, 24:37] = True
+    np.testing.assert_array_equal(in_front(View.from_rgbd(rgbd), candidates), post)
+    assert not in_front(View.from_rgbd(rgbd), np.zeros_like(post)).any()
+
+
+def test_growth_stops_at_another_depth() -> None:
+    """From one pixel over the whole post, not onto what is allowed and lies elsewhere in depth or apart."""
+    rgbd, post = plane_with_a_post()
+    seeds = np.zeros_like(post)
+    seeds[20, 30] = True
+    far_away = np.zeros_like(post)
+    far_away[20:30, 34:38] = True
+    np.testing.assert_array_equal(grown_over(seeds, post | far_away, rgbd.depth), post)
