@@ -60,8 +60,7 @@ def complete(
     saw is used, and only what none saw is filled.
 
     Args:
-        rgbd: The picture with metric depth, and its camera; or posed frames of one scene (or functions that read them), as a
-            list or as `scene` made of them.
+        rgbd: The picture with metric depth; or posed frames of one scene (or functions that read them), or `scene` of them.
         cameras: Where to look from, in the world of the picture's camera.
         mask: H x W bool, True = remove: takes an object out everywhere. Of many frames: number of a frame -> its mask, for one
             frame or several; the other frames' masks follow from the thing's shape.

@@ -98,11 +98,8 @@ def sequence(
     plan = plan_for(given, numbered, filler=filler, model=model, recipe=recipe, dilate=dilate, seed=seed)
     steps = steps_for(plan, kept, cameras)
     settings = {"filler": filler, "model": str(model), "recipe": recipe, "dilate": dilate, "seed": seed}
-    settings["views"] = [step.key for step in steps]  # type: ignore[assignment]
-    state = SequenceState(target, settings, plan.given, __version__)
-    done = completed(
-        plan, steps, state, target, lambda step: step.name or f"{kept[step.place or 0]} (on the way)", progress
-    )
+    state = SequenceState(target, settings | {"views": [step.key for step in steps]}, plan.given, __version__)
+    done = completed(plan, steps, state, target, kept, progress)
     shown = {step.name: step.camera for step in steps if step.name is not None}
     ordered = {name: shown[name] for name in (kept if cameras is None else cameras)}
     write_transforms(target, ordered, names, {"ply_file_path": "scene.ply"} if "points" in wanted else {})
@@ -135,10 +132,13 @@ def completed(
     steps: Sequence[Step],
     state: SequenceState,
     target: Path,
-    called: Callable[[Step], str],
+    names: Sequence[str],
     progress: Progress | None,
 ) -> Done:
-    """The steps one after the other, each kept as soon as it is done, and its view written into `target`. Raises OutputError."""
+    """The steps one after the other, each kept as soon as it is done, and its view written into `target`. Raises OutputError.
+
+    names: of the frames.
+    """
     resumed = state.begin()
     for folder in FOLDERS:
         (target / folder).mkdir(exist_ok=True)
@@ -155,5 +155,5 @@ def completed(
         if step.name is not None:
             done.filled[step.name] = round(float(added.view.filled.mean()), 6)
         if progress is not None:
-            progress(number + 1, len(steps), called(step), earlier)
+            progress(number + 1, len(steps), step.name or f"{names[step.place or 0]} (on the way)", earlier)
     return done
