@@ -56,8 +56,7 @@ def complete(
 ) -> Completion:
     """Complete the scene of one RGB-D picture, or of many frames, from several cameras, one after the other, into one Scene.
 
-    Each camera sees what the earlier ones filled, so views re-rendered from the Scene agree. Of many frames all that any of them
-    saw is used, and only what none saw is filled.
+    Each camera sees what the earlier ones filled, so that views agree. Of many frames only what none of them saw is filled.
 
     Args:
         rgbd: The picture with metric depth; or posed frames of one scene (or functions that read them), or `scene` of them.
@@ -76,8 +75,7 @@ def complete(
         min_confidence: 0..1; what is filled and less sure stays open at the end, in views and scene.
 
     Raises:
-        InputError: no camera, an unknown name, options that contradict each other, views that memory cannot hold,
-            a mask that cannot be used (MaskError).
+        InputError: no camera, an unknown name, options in contradiction, too large views, a mask of no use (MaskError).
     """
     chosen = find_recipe(recipe, mode=mode, dilate=dilate, dilate_holes=dilate_holes, clip=clip, depth_by=depth_by)
     checked_seed(seed)

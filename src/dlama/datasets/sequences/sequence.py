@@ -66,10 +66,9 @@ def sequence(
     """Complete a data set of posed frames: what one frame lacks comes from the others, only the rest is filled, once.
 
     Writes a data set in nerfstudio's layout: transforms.json, images/, depth/ (mm), hole/ (255 = filled), origin/, source/ (the
-    frame each pixel comes from); and scene.npz, scene.ply, scene.glb, meta.json, and sparse/0, a COLMAP model
-    of it as text; and a video of the views. A run that was killed goes on frame by frame. A
-    frame that cannot be read, comes twice or contradicts all others is warned of and left out. Pixels are read when they are
-    needed: memory does not grow with the number of frames.
+    frame each pixel comes from); scene.npz, scene.ply, scene.glb, meta.json, sparse/0 (a COLMAP model as text), and a video of
+    the views. A run that was killed goes on frame by frame. A frame that cannot be read, comes twice or contradicts all others
+    is warned of and left out. Pixels are read when they are needed: memory hardly grows with the number of frames.
 
     Args:
         dataset: The folder of posed frames, in any layout that `dlama evaluate` reads; or a scene.npz.
