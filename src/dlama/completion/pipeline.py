@@ -17,14 +17,11 @@ from dlama.completion.plausible import warn_of_scale, warn_of_unknown
 from dlama.completion.recipes import DepthBy, Recipe, checked_seed, find_recipe
 from dlama.completion.report import Clock, Record, expected_errors, meta_data
 from dlama.completion.steps import (
-    Dilation,
+    CompletedView,
     Plan,
-    fill,
+    complete_view,
     filler_of_recipe,
-    fuse_new,
     law_of,
-    show_earlier_fill,
-    warp,
 )
 from dlama.errors import InputError
 from dlama.geometry.camera import Camera
@@ -35,7 +32,7 @@ from dlama.geometry.rgbd import RGBD, BoolArray, UInt8Array
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
 from dlama.inpainters import find_filler
-from dlama.inpainters.filling import Inpainter
+from dlama.inpainters.filling import FillReport, Inpainter
 
 
 def complete(
@@ -91,30 +88,24 @@ def complete(
     clock = Clock()
     with clock("fill"):
         scene, source_fills = fill_first(plan, start, cameras)
-    warped: list[View] = []
-    views: list[View] = []
-    grown_holes: list[Dilation] = []
-    fills = [*source_fills]
-    choices: list[UInt8Array | None] = []
+    completed: list[CompletedView] = []
     for camera in cameras:
-        with clock("render"):
-            before, grown_hole = warp(plan, scene, camera)
-            known, taken_over = show_earlier_fill(plan, scene, before)
-        with clock("fill"):
-            view, filled = fill(plan, known)
-        with clock("fuse"):
-            scene = fuse_new(scene, before, known, view)
-        warped.append(before)
-        views.append(view)
-        grown_holes.append(grown_hole)
-        fills += [taken_over, filled]
-        own = [one for one in source_fills if camera.same_view_as(source.camera)]
-        choices.append(next((one.choice for one in (filled, *own) if one.choice is not None), None))
+        found, scene = complete_view(plan, scene, camera, clock)
+        completed.append(found)
+    views, warped = tuple(one.view for one in completed), tuple(one.before for one in completed)
     if mask is None:
         warn_of_unknown(source, warped)
-    meta = about_source(rgbd, start) | meta_data(
-        plan, filler, source, warped, Record(fills, clock.seconds, grown_mask, grown_holes)
-    )
-    meta |= expected_errors(views)
-    done = Completion(tuple(views), tuple(warped), scene, source, meta, choices=tuple(choices))
-    return done.with_min_confidence(min_confidence)
+    fills = [*source_fills, *(report for one in completed for report in one.reports)]
+    record = Record(fills, clock.seconds, grown_mask, [one.grown for one in completed])
+    meta = about_source(rgbd, start) | meta_data(plan, filler, source, warped, record) | expected_errors(views)
+    choices = tuple(choice_of(one, source, source_fills) for one in completed)
+    return Completion(views, warped, scene, source, meta, choices=choices).with_min_confidence(min_confidence)
+
+
+def choice_of(completed: CompletedView, source: View, source_fills: Sequence[FillReport]) -> UInt8Array | None:
+    """H x W: the number of the guess that counts most in each pixel (`Fill.choice`), of a filler that chooses; else None.
+
+    At the source's own camera that of the source's fill, where nothing was left to fill.
+    """
+    own = source_fills if completed.view.camera.same_view_as(source.camera) else ()
+    return next((one.choice for one in (completed.reports[1], *own) if one.choice is not None), None)

@@ -6,8 +6,10 @@ take out (eq. 11) -> fill the source -> warp, mask (eq. 2-4) -> earlier fill -> 
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -55,6 +57,19 @@ class Dilation(NamedTuple):
 
 
 NO_DILATION = Dilation(0, 0)
+
+
+class CompletedView(NamedTuple):
+    """The view of one camera before and after."""
+
+    before: View
+    """What the measurements show of it, holes typed."""
+    view: View
+    """Completed."""
+    grown: Dilation
+    """How its hole grew."""
+    reports: tuple[FillReport, FillReport]
+    """Of what earlier views had filled already, and of what was filled anew."""
 
 
 def filler_of_recipe(filler: Inpainter, recipe: Recipe) -> Inpainter:
@@ -162,3 +177,17 @@ def with_errors_of(view: View, other: View, where: BoolArray) -> Float32Array | 
 def fuse_new(scene: Scene, before: View, known: View, filled: View) -> Scene:
     """The scene with what was filled anew; holes of `before` that `known` had closed already come from the scene itself."""
     return fuse(scene, filled, before.hole & ~known.hole)
+
+
+def complete_view(
+    plan: Plan, scene: Scene, camera: Camera, clock: Callable[[str], AbstractContextManager[Any]] = nullcontext
+) -> tuple[CompletedView, Scene]:
+    """The view of one camera, completed, and the scene with what was filled for it. clock: counts seconds by stage."""
+    with clock("render"):
+        before, grown_hole = warp(plan, scene, camera)
+        known, taken_over = show_earlier_fill(plan, scene, before)
+    with clock("fill"):
+        view, filled = fill(plan, known)
+    with clock("fuse"):
+        larger = fuse_new(scene, before, known, view)
+    return CompletedView(before, view, grown_hole, (taken_over, filled)), larger

@@ -13,7 +13,7 @@ from pathlib import Path
 from dlama.completion.frames.filling import completed_frame, filling_order
 from dlama.completion.frames.removal import take_out_of
 from dlama.completion.recipes import checked_seed, find_recipe
-from dlama.completion.steps import Plan, fill, filler_of_recipe, fuse_new, law_of, show_earlier_fill, warp
+from dlama.completion.steps import Plan, complete_view, filler_of_recipe, law_of
 from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import BoolArray
 from dlama.geometry.scene import Scene
@@ -88,11 +88,8 @@ def taken(plan: Plan, scene: Scene, step: Step) -> Added:
         frame = larger.layers[step.place]
         new = frame if frame is not scene.layers[step.place] else None
         return Added(view, larger.layers[len(scene.layers) :], new)
-    before, _ = warp(plan, scene, step.camera)
-    known, _ = show_earlier_fill(plan, scene, before)
-    view, _ = fill(plan, known)
-    larger = fuse_new(scene, before, known, view)
-    return Added(view, larger.layers[len(scene.layers) :], None)
+    completed, larger = complete_view(plan, scene, step.camera)
+    return Added(completed.view, larger.layers[len(scene.layers) :], None)
 
 
 def taken_up(scene: Scene, step: Step, added: Added) -> Scene:
