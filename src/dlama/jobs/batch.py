@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from importlib.util import find_spec
-from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -150,8 +149,3 @@ def workers_for(workers: int | None, threads: int | None) -> tuple[int, int]:
     fitting = cores if free is None else max(1, min(cores, int(free / PROCESS_BYTES)))
     count = workers or max(1, fitting // (threads or 1))
     return count, threads or max(1, cores // count)
-
-
-def first_jobs(source: JobList, count: int = 10) -> list[Job]:
-    """The first jobs of a list."""
-    return list(islice(iter(source), count))

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from dlama.geometry.figures.false_color import HOLE_PALETTE, ORIGIN_PALETTE, RGB
+from dlama.geometry.figures.false_color import HOLE_PALETTE, RGB
 from dlama.geometry.rgbd import UInt8Array
-from dlama.geometry.view import HoleType, Origin
+from dlama.geometry.view import HoleType
 
 
 def hole_legend(hole_type: UInt8Array) -> list[tuple[str, RGB]]:
@@ -18,11 +18,6 @@ def hole_legend(hole_type: UInt8Array) -> list[tuple[str, RGB]]:
         for code in HoleType
         if code and counts[code]
     ]
-
-
-def origin_legend() -> list[tuple[str, RGB]]:
-    """(name, colour) of every origin."""
-    return [(code.name.lower().replace("_", " "), ORIGIN_PALETTE[code]) for code in Origin]
 
 
 def percent(share: float) -> str:
