@@ -14,6 +14,7 @@ import pytest
 import dlama
 from corruptions import SPOILT, observed
 from dlama.geometry.camera import Camera
+from dlama.perception.diagnosis.depth_code import coded_depth
 from dlama.perception.diagnosis.depth_scale import extent_of
 from dlama.perception.diagnosis.finding import Finding, Observed, certainty, in_words
 from dlama.perception.diagnosis.lens import lens, options_of_lens
@@ -164,6 +165,18 @@ def test_how_sure_in_words() -> None:
     assert certainty(0, 1) == 0.5 and certainty(1, 1) == 0.75 and certainty(50, 1) == 0.99
     assert Finding("x", "fault", 0.95, "a", "b").line == "a: b (sure)"
     assert Finding("understood", "fine", 1.0, "a").line == "a"
+
+
+@pytest.mark.skipif("DLAMA_DATA" not in os.environ, reason="needs DLAMA_DATA")
+def test_the_bend_of_a_kinects_depth_is_told_though_its_noise_is_as_large() -> None:
+    """Oracle: distance along the ray that was put in; as it was recorded nothing is said."""
+    folder = Path(os.environ["DLAMA_DATA"]) / "data" / "kitchen_sequence"
+    files = zip(sorted((folder / "images").iterdir()), sorted((folder / "depth").iterdir()), strict=True)
+    for color, depth in list(files)[::12]:
+        seen = observed(dlama.read_rgbd(color, depth, camera=Camera(640, 480, 526, 526, 320, 237)))
+        assert coded_depth(seen) == []
+        (finding,) = coded_depth(SPOILT["radial"][0](seen))
+        assert finding.check == "radial-depth"
 
 
 @pytest.mark.skipif("DLAMA_DATA" not in os.environ, reason="needs DLAMA_DATA")
