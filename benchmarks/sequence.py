@@ -1,6 +1,7 @@
 """Many frames: dlama beside nearest-wins of points and Open3D's TSDF (VoxelBlockGrid) with Telea, on held-out frames.
 
 python benchmarks/sequence.py DATASET --held 5 11 17 --counts 1 4 --width 320 -o sequence.md
+python benchmarks/sequence.py worlds:3 --held 3 --counts 1 2 4 -o worlds.md        # generated, poses are exact
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from dlama.datasets.frames import Frame
 from dlama.datasets.sequences.scene_frames import open_frames
 from dlama.evaluation.protocols.methods import ProtocolSettings
 from dlama.evaluation.protocols.sequence import (
@@ -24,9 +26,11 @@ from dlama.evaluation.protocols.sequence import (
     table,
     with_telea,
 )
+from dlama.evaluation.protocols.sequence_run import apart_in, in_order
 from dlama.geometry.camera import Camera
 from dlama.geometry.frames.alignment import align_frames
 from dlama.geometry.rgbd import RGBD
+from dlama.worlds.dataset import open_dataset_or_worlds
 
 VOXEL_M = 0.01
 TRUNCATION = 4.0
@@ -101,9 +105,18 @@ def timed_tsdf(sources: Sequence[RGBD], camera: Camera) -> tuple[Made, float]:
     return made, time.process_time() - started
 
 
+def scenes_of(dataset: str) -> dict[str, list[Frame]]:
+    """The frames of each scene of a folder or of generated worlds, in order."""
+    if Path(dataset).is_dir():
+        return {Path(dataset).name: list(open_frames(dataset))}
+    frames = open_dataset_or_worlds(dataset).frames
+    names = dict.fromkeys(one.scene for one in frames)
+    return {name: in_order([one for one in frames if one.scene == name]) for name in names}
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("dataset", type=Path)
+    parser.add_argument("dataset", help="a folder, or worlds:N")
     parser.add_argument("--held", type=int, nargs="+", default=[6, 15, 24, 33, 42])
     parser.add_argument("--counts", type=int, nargs="+", default=[1, 2, 4, 8])
     parser.add_argument("--width", type=int)
@@ -111,16 +124,16 @@ def main() -> None:
     parser.add_argument("--without-tsdf", action="store_true")
     parser.add_argument("-o", "--output", type=Path)
     options = parser.parse_args()
-    listed = open_frames(options.dataset)
-    frames = [each.load() for each in listed]
-    if not options.given_poses:
-        frames = align_frames(frames)
-    frames = [resized(each, options.width) for each in frames]
     methods = dict(METHODS)
     if not options.without_tsdf:
         methods["TSDF + Telea"] = InItsOwnProcess()
-    names = [each.name for each in listed]
-    rows = list(score_sequence(frames, options.held, names, ProtocolSettings(), methods, options.counts))
+    rows = []
+    for name, listed in scenes_of(options.dataset).items():
+        loaded = [each.load() for each in listed]
+        frames = [resized(each, options.width) for each in (loaded if options.given_poses else align_frames(loaded))]
+        names = [f"{name}/{each.name}" for each in listed]
+        apart = apart_in(listed)
+        rows += score_sequence(frames, options.held, names, ProtocolSettings(), methods, options.counts, apart=apart)
     parts = [
         f"**{region}**\n\n{table(rows, region)}"
         for region in ("whole", "seen by one", "seen by several", "seen by none")
