@@ -57,7 +57,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("dataset", type=Path)
     parser.add_argument("--held", type=int, nargs=2, default=[30, 21])
-    parser.add_argument("--seed", type=int, default=4)
+    parser.add_argument("--seed", type=int, default=6)
     parser.add_argument("-o", "--output", type=Path, required=True)
     options = parser.parse_args()
     loaded = dlama.align_frames([each.load() for each in open_frames(options.dataset)])

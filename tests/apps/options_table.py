@@ -248,6 +248,7 @@ VIDEO = {
     "layout": Reach("--layout tum", "read_scene_of.layout", "tum"),
     "scene": Reach("--scene kitchen", "read_scene_of.scene", "kitchen"),
     "camera": Reach("--camera cam.json", "read_scene_of.camera", Path("cam.json")),
+    "align": Reach("--align", "read_scene_of.align", True),
     "depth_range": Reach("--depth-range 10", "read_scene_of.depth_range", 10.0),
     "filler": Reach("--filler telea", "render_path.filler", "telea"),
     "model": Reach("--model m.onnx", "render_path.model", Path("cache/m.onnx")),

@@ -42,6 +42,8 @@ class Source:
     """The camera file of a layout that has none of its own (tum, 7-scenes, redwood)."""
     depth_range: Metres = None
     """EasySynth: metres that 1.0 stands for in its depth files."""
+    align: Annotated[bool, option("", "poses stay")] = False
+    """Make the poses agree with the pictures first, where they are off by a pixel or more, as hand-held ones are."""
 
 
 @dataclass(frozen=True)
@@ -76,7 +78,6 @@ def sequence(
     dilate: Radius = None,
     views: Annotated[str, option("frames|orbit|spiral|dolly|CAMERAS.json", "frames")] = "frames",
     only: Annotated[str | None, option("NAME,...", "all")] = None,
-    align: Annotated[bool, option("", "poses stay")] = False,
 ) -> None:
     """Many posed frames of one scene, completed: what one frame lacks another one shows, and only the rest is filled, once.
 
@@ -89,7 +90,6 @@ def sequence(
         dilate: Grow the masks by this many pixels before the thing leaves (3).
         views: Which cameras are completed: the frames' own, a path from the middle frame, or those of a file (a list of cameras
             as --to of dlama view takes one, each with an optional name).
-        align: Make the poses agree with the pictures first, where they are off by a pixel or more, as hand-held ones are.
         only: What is written beside the views: scene, points, mesh, colmap, video (.mp4 with the extra video, else .webp).
     """
     started = time.perf_counter()
@@ -98,7 +98,7 @@ def sequence(
         found = read_masks(mask_files(mask, masks), masking)
         with shown_progress("sequence", report) as progress:
             options = {"masks": found, "recipe": recipe, "dilate": dilate, "views": views, **vars(source)}
-            options["only"], options["align"] = names_in(only), align
+            options["only"] = names_in(only)
             meta = dlama.sequence(dataset, output, progress=progress, **options, **filler.settings())
         result.add(summary_line(meta, output, time.perf_counter() - started), **summary_values(meta, output))
 

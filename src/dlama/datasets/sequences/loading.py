@@ -46,6 +46,8 @@ def read_scene_of(
             raise InputError(f"frames is {which}, and {dataset} is a scene; its frames cannot be chosen any more")
         if clip is not None:
             raise InputError(f"recipe clips depth at {clip:g} m, and {dataset} is a scene; give its frames instead")
+        if align:
+            raise InputError(f"align is on, and {dataset} is a scene; align the frames that it is made of")
         found = read_scene(dataset)
         return [f"frame-{number:04d}" for number in range(max(found.numbers, default=0) + 1)], found, {}
     chosen = sliced(open_frames(dataset, layout, camera=camera, depth_range=depth_range, scene=scene), which)
