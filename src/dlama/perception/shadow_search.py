@@ -1,197 +1,141 @@
-"""A thing's points over the plane it stands on, and how dark that is, in; the direction of light that explains a shadow out.
+"""A thing's points over the plane it stands on, and the picture, in; the direction of light that explains a shadow best out.
 
-For each direction the thing's shape is thrown on the plane, and how much darker it is than its surroundings is compared with how
-much darker the same shape would be elsewhere on the plane: what a texture does anywhere is no shadow.
+For each direction the thing's shape is thrown on the plane. Along the border of a shadow the picture grows lighter outwards by
+much the same step everywhere, whatever the surface's pattern: the flux of the gradient of log luma through the border of the
+thrown shape, which is the sum of the gradient's divergence inside it (Gauss), is compared with what a border of that length has
+by chance.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array
+from dlama.geometry.kernels.jit import in_bands
+from dlama.geometry.rgbd import RGBD, BoolArray, UInt8Array
+from dlama.perception.kernels.shadows import DIRECTIONS_A_TASK, throw_shapes
 
-SLOPES = (0.15, 0.3, 0.45, 0.6, 0.8, 1.0, 1.25, 1.6, 2.0, 2.6, 3.4, 4.5)
+SLOPES = np.array((0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.72, 0.86, 1.0, 1.2, 1.45, 1.75, 2.1, 2.6, 3.2))
 """Lengths of a shadow over the height of what casts it, that are tried."""
-DIRECTIONS = 36
+TURNS = 48
 """And directions over the surface."""
-CELL_PX = 4
-"""Width of the cells in which thrown shapes are compared with what is dark."""
-CONTRAST = 0.07
-"""Least difference in darkness between a thrown shape and what lies round it."""
-EVENLY = 0.6
-"""Share of a thrown shape that must be darker than half way."""
-TEXTURE = 0.04
-"""Contrast that a shape may have anywhere, at least: added (squared) to what it has elsewhere on the surface."""
-MOST_CELLS = 100
-"""Cells from which on a larger shape is no surer."""
-LONG = 2.0
+FINE_SLOPES = np.linspace(0.82, 1.18, 7)
+"""Around the best of them: factors of the slope,"""
+FINE_TURNS = np.linspace(-2 / 3, 2 / 3, 5)
+"""and steps of the direction."""
+REFINED = 6
+LONG = 2.5
 """Slope from which on shadows are rare: a low sun."""
-OFF_COLOR = (0.05, 0.25)
-"""Natural logarithm by which a shadow's red or blue differs from its green: so much, and so much of its contrast."""
-ALIKE = 0.6
-"""Directions with this share of the best score and within TURNS of it are weighed by their extent, too."""
-TURNS = 2
-FEWEST_PLACES = 30
-"""Places on the surface that a shape is compared with."""
-
-
-@dataclass(frozen=True, eq=False)
-class Surface:
-    """What is known of the plane, in cells of CELL_PX."""
-
-    dark: Float32Array
-    """Mean darkness (natural logarithm) of each cell."""
-    level: tuple[Float32Array, Float32Array, Float32Array]
-    """Mean logarithm of red, green and blue."""
-    weight: Float32Array
-    """Share of each cell that is seen of the surface."""
+SIDE_PX = 256
+"""The picture is made smaller by a whole factor, to about this many pixels along its longer side."""
+BLUR_PX = 1.2
+STEEPEST = 0.08
+"""Gradients (of the logarithm, a pixel) count up to here: a line of the pattern is no more than a shadow's border."""
+SHORTEST_PX = 20
+"""Of a shape's border."""
+FEWEST_PX = 8
+OTHER = 0.6
+"""Directions that differ by more than this share of the best one's throw explain something else."""
 
 
 @dataclass(frozen=True, eq=False)
 class Thrown:
-    """A thing's shape thrown by one direction of light."""
+    """The direction of light that explains most, and how well."""
 
     over: NDArray[np.float64]
-    """Metres over the surface for each metre of height."""
-    slope: float
-    turn: int
-    shape: BoolArray
-    """Cells."""
-    score: float
-    middle: float
-    """Darkness half way between the shape and what lies round it."""
-
-
-def cells(values: np.ndarray, where: BoolArray) -> Float32Array:
-    """Sums of values over cells of CELL_PX x CELL_PX pixels, over `where`, divided by the cells' size."""
-    height, width = -(-values.shape[0] // CELL_PX), -(-values.shape[1] // CELL_PX)
-    padded = np.zeros((height * CELL_PX, width * CELL_PX), np.float32)
-    padded[: values.shape[0], : values.shape[1]] = np.where(where, values, 0)
-    return np.asarray(padded.reshape(height, CELL_PX, width, CELL_PX).mean((1, 3)), np.float32)
-
-
-def surface_of(rgbd: RGBD, dark: Float32Array, seen: BoolArray) -> Surface:
-    """The surface in cells. dark: H x W; seen: H x W, True where the surface is seen."""
-    weight = cells(np.ones_like(dark), seen)
-    share = np.maximum(weight, 1e-6)
-    level = np.log(rgbd.color.astype(np.float32) + 4)
-    red, green, blue, mean = (
-        np.asarray(cells(one, seen) / share, np.float32) for one in (*np.moveaxis(level, 2, 0), dark)
-    )
-    return Surface(mean, (red, green, blue), weight)
+    """Metres over the surface for each metre of height, in camera axes."""
+    strength: float
+    """Flux over its standard deviation by chance; less for a low sun."""
+    next_best: float
+    """The same of the best direction that is quite another."""
+    step: float
+    """Mean gradient of the logarithm outwards, a pixel."""
 
 
 def best_direction(
-    foot: NDArray[np.float64], rise: NDArray[np.float64], up: NDArray[np.float64], rgbd: RGBD, surface: Surface
+    foot: NDArray[np.float64], rise: NDArray[np.float64], up: NDArray[np.float64], rgbd: RGBD, seen: BoolArray
 ) -> Thrown | None:
-    """The thrown shape that stands out most; None where none does.
+    """The direction whose thrown shape stands out most; None where no shape falls on what is seen.
 
     foot: N x 3 points of the thing dropped on the surface, rise: their N heights in metres, up: the surface's normal.
+    seen: H x W, True where the surface is seen.
     """
-    found = list(candidates(foot, rise, up, rgbd, surface))
-    if not found:
+    search = Search(foot, rise, up, rgbd, seen)
+    slopes, turns = (each.ravel() for each in np.meshgrid(SLOPES, np.arange(TURNS) * 1.0, indexing="ij"))
+    coarse = search.strengths(slopes, turns)[0]
+    top = np.argsort(-coarse, kind="stable")[:REFINED]
+    factors, shifts = (each.ravel() for each in np.meshgrid(FINE_SLOPES, FINE_TURNS, indexing="ij"))
+    near = np.outer(slopes[top], factors).ravel(), np.add.outer(turns[top], shifts).ravel()
+    fine, steps = search.strengths(*near)
+    best = int(fine.argmax())
+    if fine[best] <= 0:
         return None
-    best = max(found, key=lambda one: one.score)
-    near = [
-        one
-        for one in found
-        if one.score >= ALIKE * best.score and (one.turn - best.turn + TURNS) % DIRECTIONS <= 2 * TURNS
-    ]
-    fullest = max(near, key=lambda one: held(one.shape, surface, best.middle))
-    return replace(fullest, score=best.score, middle=best.middle)
+    over = search.over(near[0][best : best + 1], near[1][best : best + 1])[0]
+    apart = np.linalg.norm(search.over(slopes, turns) - over, axis=1) > OTHER * np.linalg.norm(over)
+    return Thrown(over, float(fine[best]), float(coarse[apart].max(initial=0.0)), float(steps[best]))
 
 
-def held(shape: BoolArray, surface: Surface, middle: float) -> float:
-    """How much of what is darker than `middle` a shape holds, less what is lighter."""
-    return float((surface.weight[shape] * (surface.dark[shape] - middle)).sum())
+class Search:
+    """What does not depend on the direction."""
+
+    def __init__(
+        self,
+        foot: NDArray[np.float64],
+        rise: NDArray[np.float64],
+        up: NDArray[np.float64],
+        rgbd: RGBD,
+        seen: BoolArray,
+    ) -> None:
+        camera = rgbd.camera
+        step = max(1, round(max(seen.shape) / SIDE_PX))
+        height, width = seen.shape[0] // step, seen.shape[1] // step
+        whole = seen[: height * step, : width * step].reshape(height, step, width, step)
+        self.seen = np.ascontiguousarray(whole.all((1, 3)))
+        small = cv2.resize(rgbd.color[: height * step, : width * step], (width, height), interpolation=cv2.INTER_AREA)
+        self.divergence, self.spread = divergence_of(np.asarray(small, np.uint8), self.seen)
+        self.foot, self.rise = np.ascontiguousarray(foot), np.ascontiguousarray(rise)
+        self.lens = np.array([camera.fx, camera.fy, camera.cx, camera.cy]) / step
+        one = np.cross(up, [0.0, 0.0, 1.0])
+        self.one = one / max(float(np.linalg.norm(one)), 1e-9)
+        self.two = np.cross(up, self.one)
+
+    def over(self, slopes: NDArray[np.float64], turns: NDArray[np.float64]) -> NDArray[np.float64]:
+        """K x 3: metres over the surface for each metre of height, in camera axes."""
+        angle = 2 * np.pi * turns / TURNS
+        return np.asarray(slopes[:, None] * (np.outer(np.cos(angle), self.one) + np.outer(np.sin(angle), self.two)))
+
+    def strengths(
+        self, slopes: NDArray[np.float64], turns: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Of K directions: the strength of their thrown shapes, and the mean step at their borders."""
+        out = np.zeros((len(slopes), 3))
+        stamps = np.zeros((-(-len(slopes) // DIRECTIONS_A_TASK), *self.seen.shape), np.int32)
+        args = self.foot, self.rise, self.over(slopes, turns), self.lens, self.divergence, self.seen, stamps, out
+        in_bands(throw_shapes, len(slopes), *args, band=DIRECTIONS_A_TASK)
+        flux, pixels, border = out.T
+        strength = flux / (self.spread * np.sqrt(np.maximum(border, SHORTEST_PX))) / (1 + (slopes / LONG) ** 2)
+        return np.where(pixels < FEWEST_PX, 0, strength), flux / np.maximum(border, 1)
 
 
-def candidates(
-    foot: NDArray[np.float64], rise: NDArray[np.float64], up: NDArray[np.float64], rgbd: RGBD, surface: Surface
-) -> Iterator[Thrown]:
-    """The shapes of all directions that are darker than their surroundings, evenly."""
-    one = np.cross(up, [0.0, 0.0, 1.0])
-    one /= max(float(np.linalg.norm(one)), 1e-9)
-    two = np.cross(up, one)
-    for slope in SLOPES:
-        for turn in range(DIRECTIONS):
-            angle = 2 * np.pi * turn / DIRECTIONS
-            over = slope * (np.cos(angle) * one + np.sin(angle) * two)
-            shape = thrown_cells(foot + rise[:, None] * over, rgbd, surface.dark.shape)
-            score, middle = certainty(shape, surface)
-            if score > 0:
-                yield Thrown(over, slope, turn, shape, score / (1 + (slope / LONG) ** 2), middle)
-
-
-def certainty(shape: BoolArray, surface: Surface) -> tuple[float, float]:
-    """How surely the cells of a shape are darker than those round it by a shadow (0: they are not), and the darkness half way."""
-    ring = ring_of(shape)
-    weight = surface.weight
-    inside, outside = weight[shape], weight[ring]
-    if inside.sum() < 4 or outside.sum() < 4:
-        return 0.0, 0.0
-    dark, lit = (float((surface.dark[w] * weight[w]).sum() / weight[w].sum()) for w in (shape, ring))
-    contrast, middle = dark - lit, (dark + lit) / 2
-    even = float((inside * (surface.dark[shape] > middle)).sum() / inside.sum())
-    clear = float((outside * (surface.dark[ring] < middle)).sum() / outside.sum())
-    if contrast < CONTRAST or even < EVENLY:
-        return 0.0, 0.0
-    ratio = [
-        float((c[ring] * outside).sum() / outside.sum() - (c[shape] * inside).sum() / inside.sum())
-        for c in surface.level
-    ]
-    off = max(abs(ratio[0] - ratio[1]), abs(ratio[2] - ratio[1]))
-    usual = contrast_elsewhere(shape, ring, surface)
-    score = contrast / np.hypot(usual, TEXTURE) * min(float(inside.sum()), MOST_CELLS) ** 0.25 * (even + clear - 1)
-    score *= np.exp(-((off / (OFF_COLOR[0] + OFF_COLOR[1] * contrast)) ** 2))
-    return max(float(score), 0.0), middle
-
-
-def ring_of(shape: BoolArray) -> BoolArray:
-    """The cells round a shape, one cell away from it and two wide."""
-    grown = cv2.dilate(shape.astype(np.uint8), np.ones((3, 3), np.uint8))
-    return np.asarray((cv2.dilate(grown, np.ones((5, 5), np.uint8)) > 0) & (grown == 0))
-
-
-def contrast_elsewhere(shape: BoolArray, ring: BoolArray, surface: Surface) -> float:
-    """Standard deviation (robust) of the contrast that the same shape has at other places of the surface, beside this one."""
-    rows, columns = np.flatnonzero((shape | ring).any(1)), np.flatnonzero((shape | ring).any(0))
-    top, left, high, wide = int(rows[0]), int(columns[0]), int(np.ptp(rows)) + 1, int(np.ptp(columns)) + 1
-    box = slice(top, top + high), slice(left, left + wide)
-    kernels = [where[box].astype(np.float32) for where in (shape, ring)]
-    weighted = surface.dark * surface.weight
-    sums = [placed(weighted, kernel) for kernel in kernels]
-    counts = [placed(surface.weight, kernel) for kernel in kernels]
-    contrast = sums[0] / np.maximum(counts[0], 1e-3) - sums[1] / np.maximum(counts[1], 1e-3)
-    whole = (counts[0] > 0.6 * kernels[0].sum()) & (counts[1] > 0.5 * kernels[1].sum())
-    v, u = np.mgrid[: contrast.shape[0], : contrast.shape[1]]
-    apart = whole & ((np.abs(u - left) > 0.7 * wide) | (np.abs(v - top) > 0.7 * high))
-    places = apart & (np.abs(v - top) <= max(high, 6))
-    if places.sum() < FEWEST_PLACES:
-        places = apart
-    if places.sum() < FEWEST_PLACES:
-        return 0.1
-    found = contrast[places]
-    middle = float(np.median(found))
-    return max(1.4826 * float(np.median(np.abs(found - middle))), float(np.percentile(found, 90)) - middle)
-
-
-def placed(values: Float32Array, kernel: Float32Array) -> Float32Array:
-    """Sum of values under a kernel whose upper left cell lies at each cell."""
-    return np.asarray(cv2.filter2D(values, -1, kernel, anchor=(0, 0), borderType=cv2.BORDER_CONSTANT), np.float32)
-
-
-def thrown_cells(points: NDArray[np.float64], rgbd: RGBD, hw: tuple[int, int]) -> BoolArray:
-    """Which cells the thrown points fall into, gaps of a cell closed."""
-    pixels = pixels_of(points, rgbd)
-    shape = np.zeros(hw, np.uint8)
-    shape[pixels // rgbd.camera.width // CELL_PX, pixels % rgbd.camera.width // CELL_PX] = 1
-    return np.asarray(cv2.morphologyEx(shape, cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8)) > 0)
+def divergence_of(color: UInt8Array, seen: BoolArray) -> tuple[NDArray[np.float64], float]:
+    """H x W divergence of the clipped gradient of log luma between pixels that are seen, and the gradient's RMS."""
+    level = np.log(cv2.cvtColor(color, cv2.COLOR_RGB2GRAY).astype(np.float32) + 4)
+    there = seen.astype(np.float32)
+    share = cv2.GaussianBlur(there, (0, 0), BLUR_PX)
+    smooth = cv2.GaussianBlur(level * there, (0, 0), BLUR_PX) / np.maximum(share, 1e-3)
+    inner = cv2.erode(seen.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
+    out, squares = np.zeros(seen.shape), []
+    for axis in (0, 1):
+        both = inner & np.roll(inner, -1, axis)
+        both[(-1, slice(None)) if axis == 0 else (slice(None), -1)] = False
+        step = np.where(both, np.clip(np.roll(smooth, -1, axis) - smooth, -STEEPEST, STEEPEST), 0)
+        out += step - np.roll(step, 1, axis)
+        squares.append(step[inner] ** 2)
+    spread = float(np.sqrt(np.concatenate(squares).mean())) if inner.any() else 0.0
+    return out, max(spread, 1e-3)
 
 
 def pixels_of(points: NDArray[np.float64], rgbd: RGBD) -> NDArray[np.int64]:

@@ -1,0 +1,70 @@
+"""Numba kernel of shadows: a thing's points and directions of light in; what each thrown shape holds of a map out."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dlama.geometry.camera import Float64Array
+from dlama.geometry.kernels.jit import Whole, kernel
+from dlama.geometry.rgbd import BoolArray
+
+DIRECTIONS_A_TASK = 16
+
+
+@kernel
+def throw_shapes(
+    first: Whole,
+    last: Whole,
+    foot: Float64Array,
+    rise: Float64Array,
+    over: Float64Array,
+    lens: Float64Array,
+    values: Float64Array,
+    seen: BoolArray,
+    stamps: NDArray[np.int32],
+    out: Float64Array,
+) -> None:
+    """For directions first <= k < last: out[k] = sum of values, count of pixels, count of those at the shape's border.
+
+    Each point covers 2 x 2 pixels; only pixels of `seen` count.
+
+    foot: N x 3 points on the surface in camera axes; rise: N heights, m. over: K x 3, metres over the surface for each metre
+    of height. lens: fx, fy, cx, cy. values, seen: H x W. stamps: as many H x W planes of zeros as there are tasks of
+    DIRECTIONS_A_TASK directions. out: K x 3.
+    """
+    height, width = values.shape
+    for k in range(first, last):
+        stamp, mark = stamps[k // DIRECTIONS_A_TASK], k + 1
+        top, bottom, left, right = height, -1, width, -1
+        for i in range(len(foot)):
+            z = foot[i, 2] + rise[i] * over[k, 2]
+            if z <= 1e-3:
+                continue
+            x = (foot[i, 0] + rise[i] * over[k, 0]) / z * lens[0] + lens[2]
+            y = (foot[i, 1] + rise[i] * over[k, 1]) / z * lens[1] + lens[3]
+            if not (-1 <= x < width and -1 <= y < height):
+                continue
+            column, row = int(math.floor(x)), int(math.floor(y))
+            for v in range(max(row, 0), min(row + 2, height)):
+                for u in range(max(column, 0), min(column + 2, width)):
+                    stamp[v, u] = mark
+                    top, bottom = min(top, v), max(bottom, v)
+                    left, right = min(left, u), max(right, u)
+        for v in range(top, bottom + 1):
+            for u in range(left, right + 1):
+                if stamp[v, u] != mark or not seen[v, u]:
+                    continue
+                out[k, 0] += values[v, u]
+                out[k, 1] += 1
+                if v == 0 or u == 0 or v == height - 1 or u == width - 1:
+                    continue
+                if (
+                    stamp[v - 1, u] != mark
+                    or stamp[v + 1, u] != mark
+                    or stamp[v, u - 1] != mark
+                    or stamp[v, u + 1] != mark
+                ):
+                    out[k, 2] += 1
