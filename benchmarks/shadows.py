@@ -23,6 +23,7 @@ from dlama.evaluation.protocols.mask import SMALLEST_SHADOW_PX
 from dlama.geometry.holes import dilated
 from dlama.perception import shadows as room
 from dlama.perception.masks.supports import planes_of
+from dlama.perception.shadow_search import Scale
 from dlama.worlds.dataset import open_dataset_or_worlds, world, worlds
 
 RIDGE = 1.0
@@ -34,7 +35,7 @@ def true_shadow(truth: RemovalTruth) -> np.ndarray:
     return darkened(truth.source.color, truth.without.color, truth.mask)
 
 
-def rows_of(truths: Iterator[RemovalTruth]) -> tuple[np.ndarray, np.ndarray]:
+def rows_of(truths: Iterator[RemovalTruth], scale: Scale) -> tuple[np.ndarray, np.ndarray]:
     """N x features, and N: whether the thrown shape is right."""
     features, right = [], []
     for truth in truths:
@@ -42,7 +43,7 @@ def rows_of(truths: Iterator[RemovalTruth]) -> tuple[np.ndarray, np.ndarray]:
         if ground is None:
             continue
         usable = ground.surface & ~dilated(truth.mask, room.EDGE_PX)
-        thrown = room.thrown_shape(truth.source, truth.mask, ground, usable)
+        thrown = room.thrown_shape(truth.source, truth.mask, ground, usable, scale)
         if thrown is None:
             continue
         true = true_shadow(truth)
@@ -66,14 +67,18 @@ def fitted(features: np.ndarray, right: np.ndarray) -> np.ndarray:
 
 
 def train(count: int, seed: int) -> None:
-    cases = (case for case in worlds(count, seed=seed).cases if case.protocol == "ori" and case.yaw == 0)
-    features, right = rows_of(case.load() for case in cases)
+    for scale in room.WEIGHTS:
+        cases = (case for case in worlds(count, seed=seed).cases if case.protocol == "ori" and case.yaw == 0)
+        report(scale, *rows_of((case.load() for case in cases), scale))
+
+
+def report(scale: Scale, features: np.ndarray, right: np.ndarray) -> None:
     half = np.arange(len(right)) % 2 == 0
     said = np.zeros(len(right))
     for held in (half, ~half):
         weights = fitted(features[~held], right[~held])
         said[held] = 1 / (1 + np.exp(-(features[held] @ weights[:-1] + weights[-1])))
-    print(f"{len(right)} thrown shapes, {right.mean():.2f} right")
+    print(f"scale {scale}: {len(right)} thrown shapes, {right.mean():.2f} right")
     for least in (0.3, 0.4, 0.5, 0.6, 0.7, 0.8):
         taken = said >= least
         print(

@@ -63,6 +63,21 @@ def test_a_pattern_is_no_shadow() -> None:
     assert not find_shadow(RGBD(color, rgbd.depth, CAMERA), mask).any()
 
 
+def test_a_shadow_that_fades_is_followed() -> None:
+    """A dark core at the foot, and round it a light that returns over a metre."""
+    rgbd, mask, _ = lit_and_shadow(1.0)
+    points = rays(CAMERA) * rgbd.depth[..., None]
+    apart = np.hypot(
+        np.maximum(0, np.abs(points[..., 0] + 0.05) - 0.25), np.maximum(0, np.abs(points[..., 2] - 2.8) - 0.2)
+    )
+    ground = ~mask & (np.abs(points[..., 1] - 1) < 0.01)
+    lost = np.where(ground, 0.6 * np.exp(-apart / 0.2), 0)
+    color = np.clip(rgbd.color * (1 - lost[..., None]), 0, 255).astype(np.uint8)
+    found, true = find_shadow(RGBD(color, rgbd.depth, CAMERA), mask), lost > 0.1
+    assert (found & true).sum() > 0.5 * true.sum()
+    assert (found & true).sum() > 0.75 * found.sum()
+
+
 def test_a_shadow_in_estimated_depth() -> None:
     """The box leans against a bent ground, as networks say it; it is taken to stand upright where its foot is."""
     rgbd, mask, shadow = lit_and_shadow(0.5)

@@ -31,9 +31,10 @@ LONG = 2.5
 """Slope from which on shadows are rare: a low sun."""
 SIDE_PX = 256
 """The picture is made smaller by a whole factor, to about this many pixels along its longer side."""
-BLUR_PX = 1.2
-STEEPEST = 0.08
-"""Gradients (of the logarithm, a pixel) count up to here: a line of the pattern is no more than a shadow's border."""
+Scale = tuple[float, float]
+"""Blur in px, and the steepest gradient (of the logarithm, a pixel) that counts: a line of a pattern is no more than a border."""
+SHARP, SOFT = (1.2, 0.08), (4.0, 0.05)
+"""For borders of hard shadows, and of soft ones."""
 SHORTEST_PX = 20
 """Of a shape's border."""
 FEWEST_PX = 8
@@ -56,14 +57,19 @@ class Thrown:
 
 
 def best_direction(
-    foot: NDArray[np.float64], rise: NDArray[np.float64], up: NDArray[np.float64], rgbd: RGBD, seen: BoolArray
+    foot: NDArray[np.float64],
+    rise: NDArray[np.float64],
+    up: NDArray[np.float64],
+    rgbd: RGBD,
+    seen: BoolArray,
+    scale: Scale,
 ) -> Thrown | None:
     """The direction whose thrown shape stands out most; None where no shape falls on what is seen.
 
     foot: N x 3 points of the thing dropped on the surface, rise: their N heights in metres, up: the surface's normal.
-    seen: H x W, True where the surface is seen.
+    seen: H x W, True where the surface is seen. scale: SHARP or SOFT.
     """
-    search = Search(foot, rise, up, rgbd, seen)
+    search = Search(foot, rise, up, rgbd, seen, scale)
     slopes, turns = (each.ravel() for each in np.meshgrid(SLOPES, np.arange(TURNS) * 1.0, indexing="ij"))
     coarse = search.strengths(slopes, turns)[0]
     top = np.argsort(-coarse, kind="stable")[:REFINED]
@@ -88,6 +94,7 @@ class Search:
         up: NDArray[np.float64],
         rgbd: RGBD,
         seen: BoolArray,
+        scale: Scale,
     ) -> None:
         camera = rgbd.camera
         step = max(1, round(max(seen.shape) / SIDE_PX))
@@ -95,7 +102,7 @@ class Search:
         whole = seen[: height * step, : width * step].reshape(height, step, width, step)
         self.seen = np.ascontiguousarray(whole.all((1, 3)))
         small = cv2.resize(rgbd.color[: height * step, : width * step], (width, height), interpolation=cv2.INTER_AREA)
-        self.divergence, self.spread = divergence_of(np.asarray(small, np.uint8), self.seen)
+        self.divergence, self.spread = divergence_of(np.asarray(small, np.uint8), self.seen, scale)
         self.foot, self.rise = np.ascontiguousarray(foot), np.ascontiguousarray(rise)
         self.lens = np.array([camera.fx, camera.fy, camera.cx, camera.cy]) / step
         one = np.cross(up, [0.0, 0.0, 1.0])
@@ -120,18 +127,19 @@ class Search:
         return np.where(pixels < FEWEST_PX, 0, strength), flux / np.maximum(border, 1)
 
 
-def divergence_of(color: UInt8Array, seen: BoolArray) -> tuple[NDArray[np.float64], float]:
+def divergence_of(color: UInt8Array, seen: BoolArray, scale: Scale) -> tuple[NDArray[np.float64], float]:
     """H x W divergence of the clipped gradient of log luma between pixels that are seen, and the gradient's RMS."""
+    blur, steepest = scale
     level = np.log(cv2.cvtColor(color, cv2.COLOR_RGB2GRAY).astype(np.float32) + 4)
     there = seen.astype(np.float32)
-    share = cv2.GaussianBlur(there, (0, 0), BLUR_PX)
-    smooth = cv2.GaussianBlur(level * there, (0, 0), BLUR_PX) / np.maximum(share, 1e-3)
+    share = cv2.GaussianBlur(there, (0, 0), blur)
+    smooth = cv2.GaussianBlur(level * there, (0, 0), blur) / np.maximum(share, 1e-3)
     inner = cv2.erode(seen.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
     out, squares = np.zeros(seen.shape), []
     for axis in (0, 1):
         both = inner & np.roll(inner, -1, axis)
         both[(-1, slice(None)) if axis == 0 else (slice(None), -1)] = False
-        step = np.where(both, np.clip(np.roll(smooth, -1, axis) - smooth, -STEEPEST, STEEPEST), 0)
+        step = np.where(both, np.clip(np.roll(smooth, -1, axis) - smooth, -steepest, steepest), 0)
         out += step - np.roll(step, 1, axis)
         squares.append(step[inner] ** 2)
     spread = float(np.sqrt(np.concatenate(squares).mean())) if inner.any() else 0.0

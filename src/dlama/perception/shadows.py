@@ -17,7 +17,7 @@ from dlama.geometry.projection import rays
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array
 from dlama.perception.masks.supports import Planes, planes_of
 from dlama.perception.planes import plane_values
-from dlama.perception.shadow_search import Thrown, best_direction, pixels_of
+from dlama.perception.shadow_search import SHARP, SOFT, Scale, Thrown, best_direction, pixels_of
 
 DARKER = 0.1
 """Natural logarithm by which a shadow is darker at least; a tenth."""
@@ -28,15 +28,27 @@ EDGE_PX = 2
 AROUND = 1.6
 """The lit surface is looked at as far from the thing as this many times its diagonal in the picture."""
 ROUNDS = 8
-"""Of the robust fit of the lit surface."""
+"""Of the robust fit of the lit surface, and of growing."""
+PLAIN = 4.0
+"""A surface is plain where a shadow is darker by so many standard deviations of its lit part: it may be followed far."""
+SOFT_WINDOW_PX, SOFT_EVEN, FADED = 15, 0.035, 0.75
+"""Shadows fade over a surface whose darkness over such windows has at most this standard deviation; less dark is less than this
+share of the shadow's own darkness: what is darker is another thing's."""
+MORE = 1.01
+"""Factor by which a shadow grows in a round, at least."""
 POINTS = 8000
 """Pixels of the thing that are thrown for each direction of light."""
 FEATURES = "strength over next best", "strength", "step", "even and clear", "contrast", "off in colour", "over pattern"
 """What speaks for a thrown shape being a shadow: `features_of`."""
-WEIGHTS = (3.027, 1.401, 0.903, 3.322, 0.765, -1.893, 0.079, -1.249)
-"""Of FEATURES, and a constant; fitted on 120 worlds by `python benchmarks/shadows.py train`."""
+WEIGHTS = {
+    SHARP: (3.027, 1.401, 0.903, 3.322, 0.765, -1.893, 0.079, -1.249),
+    SOFT: (2.148, 0.585, -1.594, 1.615, 3.260, 0.527, 0.250, -4.860),
+}
+"""Of FEATURES at each scale, and a constant; fitted on 120 worlds by `python benchmarks/shadows.py train`."""
 CERTAIN = 0.6
 """Least probability of a shadow: of worlds held out 84 % of the right shapes are taken, and 95 % of those taken are right."""
+PLAIN_CERTAIN = 0.2
+"""The same of soft borders where the surface is plain: wrong shapes come from patterns."""
 BENT = 0.2
 """Share by which estimated inverse depth of the ground may differ from its plane."""
 SMALLEST_PX = 25
@@ -64,11 +76,13 @@ def find_shadow(rgbd: RGBD, mask: BoolArray, found: Planes | None = None) -> Boo
     if ground is None:
         return none
     usable = ground.surface & ~dilated(mask, EDGE_PX)
-    thrown = thrown_shape(rgbd, mask, ground, usable)
-    if thrown is None or certainty(thrown[1]) < CERTAIN:
-        return none
-    shadow = in_picture(rgbd, mask, ground, usable, thrown[0])
-    return none if shadow is None or shadow.sum() > LARGEST * mask.sum() else shadow
+    for scale, weights in WEIGHTS.items():
+        thrown = thrown_shape(rgbd, mask, ground, usable, scale)
+        plain = scale == SOFT and is_plain(rgbd, mask, ground, usable)
+        if thrown is not None and certainty(thrown[1], weights) >= (PLAIN_CERTAIN if plain else CERTAIN):
+            shadow = in_picture(rgbd, mask, ground, usable, thrown[0])
+            return none if shadow is None or shadow.sum() > LARGEST * mask.sum() else shadow
+    return none
 
 
 def ground_of(rgbd: RGBD, mask: BoolArray, found: Planes) -> Ground | None:
@@ -144,8 +158,14 @@ def around(mask: BoolArray) -> BoolArray:
     return out
 
 
+def unevenness(dark: Float32Array, usable: BoolArray) -> float:
+    """Standard deviation of the darkness of the lit surface, from its brighter half: shadows are in the darker one."""
+    values = dark[usable & (dark < 0)]
+    return 1.4826 * float(np.median(np.abs(values))) if values.size > 50 else 0.0
+
+
 def thrown_shape(
-    rgbd: RGBD, mask: BoolArray, ground: Ground, usable: BoolArray
+    rgbd: RGBD, mask: BoolArray, ground: Ground, usable: BoolArray, scale: Scale
 ) -> tuple[BoolArray, NDArray[np.float64]] | None:
     """The thing's shape thrown over the surface (H x W bool) by the light that explains most, and what speaks for it: FEATURES.
 
@@ -156,7 +176,7 @@ def thrown_shape(
         return None
     up = -ground.normal / np.linalg.norm(ground.normal)
     foot = points - rise[:, None] * up
-    found = best_direction(foot, rise, up, rgbd, usable)
+    found = best_direction(foot, rise, up, rgbd, usable, scale)
     if found is None:
         return None
     shape = filled_shape(foot + rise[:, None] * found.over, rgbd, usable)
@@ -184,10 +204,10 @@ def features_of(rgbd: RGBD, shape: BoolArray, ring: BoolArray, found: Thrown) ->
     )
 
 
-def certainty(features: NDArray[np.float64]) -> float:
+def certainty(features: NDArray[np.float64], weights: tuple[float, ...]) -> float:
     """Probability (0..1) that a thrown shape is the thing's shadow: a logistic regression, fitted on worlds
     (`benchmarks/shadows.py`)."""
-    return float(1 / (1 + np.exp(-(features @ np.array(WEIGHTS[:-1]) + WEIGHTS[-1]))))
+    return float(1 / (1 + np.exp(-(features @ np.array(weights[:-1]) + weights[-1]))))
 
 
 def reach_of(shape: BoolArray) -> int:
@@ -213,14 +233,37 @@ def in_picture(rgbd: RGBD, mask: BoolArray, ground: Ground, usable: BoolArray, s
     dark = darkness(rgbd, mask, ground.surface, WINDOW_PX)
     if dark is None or not shape.any():
         return None
-    level = np.log(rgbd.color.astype(np.float32) + 4)
-    ring = ring_of(shape, usable)
-    deep = max(DARKER, float(level[ring].mean() - level[shape].mean()) if ring.any() else 0.0)
-    near = dilated(shape, max(2, reach_of(shape) // 2))
-    about = touching(usable & near & (dark > deep / 2), shape).astype(np.uint8)
-    shadow = shape | (cv2.morphologyEx(about, cv2.MORPH_OPEN, np.ones((3, 3), np.uint8)) > 0)
+    deep = max(DARKER, float(np.median(dark[shape])))
+    even = deep > PLAIN * unevenness(dark, usable)
+    shadow = shape
+    for _ in range(ROUNDS if even else 1):
+        near = usable & dilated(shadow, max(2, reach_of(shape) // 2))
+        about = touching(near & (dark > deep / 2), shape).astype(np.uint8)
+        larger = shadow | (cv2.morphologyEx(about, cv2.MORPH_OPEN, np.ones((3, 3), np.uint8)) > 0)
+        if larger.sum() < MORE * shadow.sum():
+            break
+        shadow = larger
+    shadow |= fading(rgbd, mask, ground, usable, shadow, deep)
     contact = dilated(shadow, EDGE_PX + 2) & dilated(mask, EDGE_PX + 1)
     return np.asarray((shadow | contact) & ground.surface & ~mask)
+
+
+def is_plain(rgbd: RGBD, mask: BoolArray, ground: Ground, usable: BoolArray) -> bool:
+    """True where the lit surface shows no pattern, averaged over SOFT_WINDOW_PX."""
+    dark = darkness(rgbd, mask, ground.surface, SOFT_WINDOW_PX)
+    return dark is not None and unevenness(dark, usable) <= SOFT_EVEN
+
+
+def fading(rgbd: RGBD, mask: BoolArray, ground: Ground, usable: BoolArray, shadow: BoolArray, deep: float) -> BoolArray:
+    """What goes on from a shadow, less dark, down to DARKER: where the surface is plain enough for that to be told."""
+    dark = darkness(rgbd, mask, ground.surface, SOFT_WINDOW_PX)
+    if dark is None or unevenness(dark, usable) > SOFT_EVEN:
+        return np.zeros_like(shadow)
+    less = usable & (dark > DARKER) & (dark < FADED * deep)
+    opened = cv2.morphologyEx(less.astype(np.uint8), cv2.MORPH_OPEN, np.ones((5, 5), np.uint8)) > 0
+    both = touching(opened | shadow, shadow)
+    beyond = both & ~dilated(shadow, SOFT_WINDOW_PX // 2 + 1)  # a hard border, averaged, fades over half the window
+    return both if beyond.sum() > 0.5 * shadow.sum() else np.zeros_like(shadow)
 
 
 def thing_points(rgbd: RGBD, mask: BoolArray, ground: Ground) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
