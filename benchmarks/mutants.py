@@ -57,7 +57,7 @@ MUTANTS: tuple[Mutant, ...] = (
         ),
     ),
     *faults(
-        "apps/jobs.py",
+        "apps/command.py",
         OPTIONS,
         (
             "--depth-scale, --far, --channel are dropped",

@@ -98,7 +98,7 @@ def calls(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Calls:
         monkeypatch.setattr(owner, name, stand_in)
 
     verbs = ("doctor", "evaluate", "worlds", "train", "model_verbs", "sequence", "batch", "show", "video", "serve")
-    for module in ("jobs", "cli", *(f"verbs.{verb}" for verb in verbs)):
+    for module in ("command", "cli", *(f"verbs.{verb}" for verb in verbs)):
         spy(f"dlama.apps.{module}.reported", through=True)
     _spy_on_jobs(spy)
     _spy_on_the_rest(spy)
@@ -139,8 +139,8 @@ def _spy_on_jobs(spy: Callable[..., None]) -> None:
     spy("dlama.apps.verbs.masks.write_found", [])
     spy("dlama.apps.verbs.masks.found_line", "")
     spy("dlama.apps.verbs.masks.found_values", {})
-    spy("dlama.apps.jobs.summary_line", "")
-    spy("dlama.apps.jobs.summary_values", {})
+    spy("dlama.apps.command.summary_line", "")
+    spy("dlama.apps.command.summary_values", {})
     spy("dlama.apps.verbs.demo.demo_panels", [])
     spy("dlama.apps.verbs.demo.demo_legend", [])
     spy("dlama.apps.verbs.demo.demo_video")

@@ -13,8 +13,8 @@ import tyro
 from tyro.conf import FlagCreatePairsOff, OmitArgPrefixes, Positional
 
 import dlama
+from dlama.apps.command import STAGES, command
 from dlama.apps.examples import EXAMPLES
-from dlama.apps.jobs import STAGES, job
 from dlama.apps.options import (
     Depth,
     DepthAndMask,
@@ -79,7 +79,7 @@ def view(
         output: Directory for the results, made if need be; files of the same names are replaced.
         only: What is written beside meta.json: image, depth, hole, origin, confidence, points, mesh, scene, preview, choice.
     """
-    with job("view", report) as this:
+    with command("view", report) as this:
         check_folder_apart(output, {"image": image, "depth": depth})
         target = move.required().settings()
         given = (
@@ -115,7 +115,7 @@ def remove(
         output: Directory for the results, made if need be; files of the same names are replaced.
         only: What is written beside meta.json: image, depth, hole, origin, confidence, points, mesh, scene, preview, choice.
     """
-    with job("remove", report) as this:
+    with command("remove", report) as this:
         target = move.settings()
         depth, mask = split_depth_and_mask(depth_and_mask, pointing.given)
         check_folder_apart(output, {"image": image, "depth": depth, "mask": mask})
@@ -162,7 +162,7 @@ def stereo(
         only: What is written beside meta.json: image, depth, hole, origin, confidence,
             disparity, points, mesh, scene, preview, choice.
     """
-    with job("stereo", report) as this:
+    with command("stereo", report) as this:
         files = {"left": left, "right": right, "mask": mask, "mask_right": mask_right, "disparity": disparity}
         check_folder_apart(output, files)
         pair = this.pair(left, right, calib)

@@ -7,7 +7,7 @@ import warnings
 from pathlib import Path
 
 import dlama
-from dlama.apps.jobs import Job
+from dlama.apps.command import Command
 from dlama.apps.options import Lens, Masking, Method, Only, Reading
 from dlama.apps.pointing import Pointing
 from dlama.apps.terminal.output import Result
@@ -31,33 +31,33 @@ FOV = 90.0
 """Degrees, of the street's camera."""
 
 
-def demo_view(job: Job, method: Method) -> dlama.Completion:
+def demo_view(this: Command, method: Method) -> dlama.Completion:
     """The street from 20 degrees further right."""
-    rgbd = job.rgbd(ASSETS / "street.jpg", ASSETS / "depth.png", Lens(camera=ASSETS / "camera.json"), Reading())
+    rgbd = this.rgbd(ASSETS / "street.jpg", ASSETS / "depth.png", Lens(camera=ASSETS / "camera.json"), Reading())
     return dlama.view(rgbd, yaw=YAW, **method.settings())
 
 
-def demo_remove(job: Job, method: Method) -> dlama.Completion:
+def demo_remove(this: Command, method: Method) -> dlama.Completion:
     """The street without the barrel and its shadow."""
-    rgbd = job.rgbd(ASSETS / "street.jpg", ASSETS / "depth.png", Lens(camera=ASSETS / "camera.json"), Reading())
-    return dlama.remove(rgbd, job.mask(ASSETS / "mask.png", Masking()), **method.settings())
+    rgbd = this.rgbd(ASSETS / "street.jpg", ASSETS / "depth.png", Lens(camera=ASSETS / "camera.json"), Reading())
+    return dlama.remove(rgbd, this.mask(ASSETS / "mask.png", Masking()), **method.settings())
 
 
-def demo_stereo(job: Job, method: Method) -> dlama.Completion:
+def demo_stereo(this: Command, method: Method) -> dlama.Completion:
     """Depth from the stereo pair, and both pictures without the barrel."""
-    pair = job.pair(ASSETS / "street.jpg", ASSETS / "right.jpg", ASSETS / "calib.txt")
-    return dlama.stereo(*pair, mask=job.mask(ASSETS / "mask.png", Masking()), **method.settings())
+    pair = this.pair(ASSETS / "street.jpg", ASSETS / "right.jpg", ASSETS / "calib.txt")
+    return dlama.stereo(*pair, mask=this.mask(ASSETS / "mask.png", Masking()), **method.settings())
 
 
-def demo_photo(job: Job, method: Method) -> dlama.Completion:
+def demo_photo(this: Command, method: Method) -> dlama.Completion:
     """The street from the photo alone: depth is estimated, the barrel clicked, its shadow taken."""
     photo = ASSETS / "street.jpg"
     with warnings.catch_warnings():
         warnings.filterwarnings(
             "ignore", "the scale of the estimated depth"
         )  # meta.json says it; the demo shows no metres
-        rgbd = job.rgbd(photo, None, Lens(fov=FOV), Reading())
-    mask = job.pointed(rgbd, Pointing(click=(BARREL,), with_shadow=True), photo)
+        rgbd = this.rgbd(photo, None, Lens(fov=FOV), Reading())
+    mask = this.pointed(rgbd, Pointing(click=(BARREL,), with_shadow=True), photo)
     return dlama.remove(rgbd, mask, **method.settings())
 
 
@@ -86,10 +86,10 @@ def demo(output: Path, method: Method, result: Result, only: Only = None) -> Non
     panels, completions = [], []
     with new_directory(output) as folder:
         for name, (title, complete) in JOBS.items():
-            job = Job()
-            done = complete(job, method)
-            job.write(done, folder / name, only, shown=output / name)
-            result.add(job.result.lines[0], **{name: job.result.values})
+            this = Command()
+            done = complete(this, method)
+            this.write(done, folder / name, only, shown=output / name)
+            result.add(this.result.lines[0], **{name: this.result.values})
             panels += demo_panels(title, done)
             completions.append(done)
         (folder / "inputs").mkdir(exist_ok=True)

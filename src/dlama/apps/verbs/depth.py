@@ -6,7 +6,7 @@ import time
 
 from tyro.conf import Positional
 
-from dlama.apps.jobs import job
+from dlama.apps.command import command
 from dlama.apps.options import Estimating, Image, Lens, Metres, Output, Reading, Report
 from dlama.apps.places import check_folder_apart
 from dlama.geometry.rgbd import depth_range_in_words
@@ -30,7 +30,7 @@ def depth(
     """
     from dlama.files.results.estimated_depth import FILES, write_depth
 
-    with job("depth", report) as this:
+    with command("depth", report) as this:
         check_folder_apart(output, {"image": image})
         rgbd = this.rgbd(image, None, lens, Reading(far=far), estimating)
         write_depth(rgbd, output, inputs=this.inputs, seconds={"read": round(this.read_seconds, 4)})

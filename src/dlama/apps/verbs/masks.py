@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from tyro.conf import Positional
 
-from dlama.apps.jobs import job
+from dlama.apps.command import command
 from dlama.apps.options import Depth, Estimating, Image, Lens, Reading, Report, option
 from dlama.apps.places import check_file_apart
 from dlama.apps.pointing import Pointing
@@ -39,7 +39,7 @@ def mask(
             where the masker needs it.
         output: The mask, 255 = the thing; beside it MASK_overlay.png shows it in the picture.
     """
-    with job("mask", report) as this:
+    with command("mask", report) as this:
         for file in (output, overlay_of(output)):
             check_file_apart(file, {"image": image, "depth": depth})
         picture = this.picture(image, depth, lens, reading, estimating, needs_depth=pointing.needs_depth)

@@ -1,4 +1,4 @@
-"""The options of one job in; what was read by them, and the result, written and told in one line, out."""
+"""The options of one command in; what was read by them, and the result, written and told in one line, out."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from dlama.geometry.rgbd import BoolArray, UInt8Array
 
 STAGES = 20
-"""About as many as a job logs: the length of the bar."""
+"""About as many as a command logs: the length of the bar."""
 SHOWN = 5e-4
 """The smallest share of a picture that the summary line names: 0.1 % when rounded."""
 
@@ -30,8 +30,8 @@ NO_ESTIMATE = Estimating()
 
 
 @dataclass
-class Job(JobInputs):
-    """What one job of the command line has read so far; its Result takes what it has written."""
+class Command(JobInputs):
+    """What one command has read so far; its Result takes what it has written."""
 
     result: Result = field(default_factory=Result)
 
@@ -105,10 +105,10 @@ class Job(JobInputs):
 
 
 @contextmanager
-def job(verb: str, report: Report) -> Iterator[Job]:
-    """A job under way: a bar while it lasts, its Result at the end."""
+def command(verb: str, report: Report) -> Iterator[Command]:
+    """A command under way: a bar while it lasts, its Result at the end."""
     with reported(verb, report) as result, stages_bar(verb, STAGES, report):
-        yield Job(result=result)
+        yield Command(result=result)
 
 
 def summary_line(meta: dict[str, Any], place: object, seconds: float) -> str:
