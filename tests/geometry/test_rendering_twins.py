@@ -7,6 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 
+from dlama.geometry import drawing
 from dlama.geometry.camera import Camera
 from dlama.geometry.drawing import (
     NEAR,
@@ -77,22 +78,24 @@ def carried(view: View, row: np.ndarray, column: np.ndarray) -> tuple[np.ndarray
     return np.where(origin == Origin.MEASURED, Origin.REPROJECTED, origin), view.confidence[row, column]
 
 
-def mesh_of(frame: RGBD) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def mesh_of(frame: RGBD, least: float = 0.0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Depth without flying pixels, right and lower joints, all from the twins."""
     ratio = edge_ratio(frame.camera)
-    depth = np.where(edges.flying(inverse_depth(frame.depth), ratio), np.float32(0), frame.depth)
-    return depth, *edges.joints(inverse_depth(depth), ratio)
+    depth = np.where(edges.flying(inverse_depth(frame.depth), ratio, least), np.float32(0), frame.depth)
+    return depth, *edges.joints(inverse_depth(depth), ratio, least)
 
 
+@pytest.mark.parametrize("least", [0.0, 0.03])
 @pytest.mark.parametrize("seed", SEEDS)
-def test_joints_and_flying_pixels(seed: int) -> None:
-    """Twin: every joint and every flying pixel of the grid."""
+def test_joints_and_flying_pixels(seed: int, least: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Twin: every joint and every flying pixel of the grid, whatever noise there is."""
+    monkeypatch.setattr(drawing, "step_by_noise", lambda *_: least)
     frame, _, _ = pair(seed)
     view = View.from_rgbd(frame)
     w = inverse_depth(frame.depth)
-    np.testing.assert_array_equal(flying(view), edges.flying(w, edge_ratio(frame.camera)))
+    np.testing.assert_array_equal(flying(view), edges.flying(w, edge_ratio(frame.camera), least))
     depth, joined = mesh_grid(view)
-    twin_depth, right, down = mesh_of(frame)
+    twin_depth, right, down = mesh_of(frame, least)
     np.testing.assert_array_equal(depth, twin_depth)
     np.testing.assert_array_equal((joined & RIGHT)[:, :-1] > 0, right)
     np.testing.assert_array_equal((joined & DOWN)[:-1] > 0, down)

@@ -22,6 +22,10 @@ from dlama.geometry.view import Origin, View, from_source
 Mode = Literal["surface", "points"]
 MODES: tuple[Mode, ...] = ("surface", "points")
 
+NOISE_REACH, NOISE_LINES, NOISE_STEPS, NOISY = 4, 32, 4.0, 2.5
+"""Pixels over which noise is looked at; rows and columns that are; its standard deviations that are no edge; those that tear."""
+NOISE_SAMPLES = 1000
+"""Fewer pixels do not tell noise from edges."""
 NEAR = 1e-3
 """Metres in front of the camera at which rendering begins."""
 MAX_PARTS = 4
@@ -36,6 +40,26 @@ def edge_ratio(camera: Camera) -> float:
     return float(np.clip(6.0 / camera.fx, 0.01, 0.03))
 
 
+def step_by_noise(w: Float32Array, ratio: float) -> float:
+    """Step in inverse depth (1/m) between neighbouring pixels that noise alone makes; 0 where `ratio` covers it at the median.
+
+    w: as `edges` wants it. Matched depth is off by a share of a pixel of disparity, wherever: far walls must not be torn by
+    it. From the median second difference over NOISE_REACH px, of straight lines 0, of some NOISE_LINES rows and columns.
+    """
+    k, bends, levels = NOISE_REACH, [], []
+    for lines in (w, w.T):
+        some = lines[edges.PAD : -edges.PAD : max(1, len(lines) // NOISE_LINES), edges.PAD : -edges.PAD]
+        before, here, after = some[:, : -2 * k], some[:, k:-k], some[:, 2 * k :]
+        known = (before > 0) & (here > 0) & (after > 0)
+        bends.append(np.abs(here - (before + after) / 2)[known])
+        levels.append(here[known])
+    bend, level = np.concatenate(bends), np.concatenate(levels)
+    if bend.size < NOISE_SAMPLES:
+        return 0.0
+    noise = float(np.median(bend)) / (0.6745 * np.sqrt(1.5))
+    return NOISE_STEPS * noise if NOISY * noise > ratio * float(np.median(level)) else 0.0
+
+
 def flying(view: View) -> BoolArray:
     """H x W, True at flying pixels: depth strictly between two surfaces that are neighbours there, joined to neither."""
     return without_flying(view)[1]
@@ -45,7 +69,9 @@ def without_flying(layer: View) -> tuple[Float32Array, BoolArray, Float32Array]:
     """Depth without holes and flying pixels (0), which pixels fly, and inverse depth as `edges` wants it (with a margin)."""
     w = edges.inverse_with_margin(layer.depth, layer.hole)
     depth, fly = np.empty_like(layer.depth), np.empty_like(layer.hole)
-    in_bands(edges.reject_flying, len(depth), w, layer.depth, layer.hole, edge_ratio(layer.camera), depth, fly)
+    ratio = edge_ratio(layer.camera)
+    least = step_by_noise(w, ratio)
+    in_bands(edges.reject_flying, len(depth), w, layer.depth, layer.hole, ratio, least, depth, fly)
     w[edges.PAD : -edges.PAD, edges.PAD : -edges.PAD][fly] = 0
     return depth, fly, w
 
@@ -53,7 +79,8 @@ def without_flying(layer: View) -> tuple[Float32Array, BoolArray, Float32Array]:
 def joined_neighbours(w: Float32Array, camera: Camera) -> UInt8Array:
     """H x W bits RIGHT (1), DOWN (2): is a pixel joined to its right, its lower neighbour? w: as of `without_flying`."""
     joined = np.empty(camera.hw, np.uint8)
-    in_bands(edges.join, len(joined), w, edge_ratio(camera), joined)
+    ratio = edge_ratio(camera)
+    in_bands(edges.join, len(joined), w, ratio, step_by_noise(w, ratio), joined)
     return joined
 
 

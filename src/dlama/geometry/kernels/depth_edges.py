@@ -50,8 +50,11 @@ def is_slope(w: Float32Array, r: Whole, c: Whole, dr: Whole, dc: Whole) -> Flag:
 
 
 @kernel
-def join(first: Whole, last: Whole, w: Float32Array, ratio: Real, out: UInt8Array) -> None:
-    """uint8 H x W: bit RIGHT / DOWN set where a vertex is joined to its right / lower neighbour."""
+def join(first: Whole, last: Whole, w: Float32Array, ratio: Real, least: Real, out: UInt8Array) -> None:
+    """uint8 H x W: bit RIGHT / DOWN set where a vertex is joined to its right / lower neighbour.
+
+    Joined are slopes, and steps up to `ratio` of the larger inverse depth, or up to `least` (1/m), the noise, if that is more.
+    """
     surely = np.float32(ratio * 0.99999)  # a quick look in single precision first: few pixels need the exact one
     for row in range(first, last):
         r = row + PAD
@@ -65,16 +68,21 @@ def join(first: Whole, last: Whole, w: Float32Array, ratio: Real, out: UInt8Arra
                 continue
             for way in range(2):  # one call of is_slope in a loop: every other one would be compiled again
                 other = w[r + way, column + 4 - way]
-                if abs(other - here) <= ratio * max(other, here) or is_slope(w, r, column + PAD, way, 1 - way):
+                within = abs(other - here) <= least and other > 0
+                if (
+                    within
+                    or abs(other - here) <= ratio * max(other, here)
+                    or is_slope(w, r, column + PAD, way, 1 - way)
+                ):
                     flags |= DOWN if way else RIGHT
             out[row, column] = flags
 
 
 @piece
-def lies_between(here: Real, one: Real, other: Real, share: Real) -> Flag:
+def lies_between(here: Real, one: Real, other: Real, share: Real, least: Real) -> Flag:
     """True if `here` is between both neighbours, and further from each than surfaces are joined over."""
     low, high = min(one, other), max(one, other)
-    return (low > 0) & (low < here * share) & (here < high * share)
+    return (low > 0) & (low < here * share) & (here < high * share) & (low < here - least) & (here < high - least)
 
 
 @kernel
@@ -85,10 +93,13 @@ def reject_flying(
     depth: Float32Array,
     hole: BoolArray,
     ratio: Real,
+    least: Real,
     out_depth: Float32Array,
     out_flying: BoolArray,
 ) -> None:
     """Vertices strictly between two surfaces along a row or a column, joined to neither: marked, and left out of the depth.
+
+    ratio, least: as of `join`.
 
     depth: H x W metres; out_depth: the same without holes and flying pixels (0).
     """
@@ -97,8 +108,8 @@ def reject_flying(
         r = row + PAD
         for column in range(depth.shape[1]):
             c, here = column + PAD, w[r, column + PAD]
-            across = lies_between(here, w[r, c - 1], w[r, c + 1], roughly)
-            out_flying[row, column] = across | lies_between(here, w[r - 1, c], w[r + 1, c], roughly)
+            across = lies_between(here, w[r, c - 1], w[r, c + 1], roughly, least)
+            out_flying[row, column] = across | lies_between(here, w[r - 1, c], w[r + 1, c], roughly, least)
             out_depth[row, column] = np.float32(0) if hole[row, column] else depth[row, column]
         for column in range(depth.shape[1]):
             if not out_flying[row, column]:
@@ -107,7 +118,7 @@ def reject_flying(
             out_flying[row, column] = False
             for way in range(2):
                 r0, c0 = r - way, c - 1 + way
-                if not lies_between(here, w[r0, c0], w[r + way, c + 1 - way], 1 - ratio):
+                if not lies_between(here, w[r0, c0], w[r + way, c + 1 - way], 1 - ratio, least):
                     continue
                 if is_slope(w, r0, c0, way, 1 - way) or is_slope(w, r, c, way, 1 - way):
                     continue
