@@ -106,7 +106,7 @@ def _choice() -> TrainSettings:
         ),
         optimiser=OptimiserSettings(generator_rate=2e-3, warm_up=30, decay="cosine", clip=10.0, average=0.98),
         data=DataSettings(size=192, mixture={"guesses": 1.0}, held_out=40, workers=0),
-        loop=replace(intervals, steps=1200, batch=8, precision="bf16", accelerator="cpu"),
+        loop=replace(intervals, steps=900, batch=8, precision="bf16", accelerator="cpu"),
     )  # fmt: skip
 
 

@@ -39,7 +39,7 @@ class NetworkSettings:
     """Its layers with stride 2."""
     start: str | None = None
     """A LaMa checkpoint or safetensors file to go on from: planes it lacks are added with zero weights, so that at step
-    0 colour is filled as before. Width, blocks and the rest must be its own."""
+    0 colour is filled as before. Width, blocks and the rest must be its own. Of choice: the ONNX file of a judge."""
     judge_sees_depth: bool = True
     """Of choice: whether depth is among what it judges by."""
     frozen_norms: bool = False

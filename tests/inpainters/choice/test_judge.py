@@ -15,7 +15,7 @@ from dlama.inpainters.choice.mixing import chosen_depth, enlarged_maps, mixed_co
 from dlama.inpainters.choice.planes import CONTEXT, GUESS, JudgePlanes
 from dlama.models.network_file import NetworkFile
 from dlama.nets.architecture import JudgeSettings, judge_shapes
-from dlama.nets.export.judge import export_judge
+from dlama.nets.export.judge import export_judge, read_judge
 
 torch = pytest.importorskip("torch")
 
@@ -137,6 +137,19 @@ def test_shapes_are_those_of_the_network():
     for width in (8, 24):
         settings = JudgeSettings(width=width)
         assert {name: tuple(one.shape) for name, one in Judge(settings).state_dict().items()} == judge_shapes(settings)
+
+
+def test_weights_come_back_from_the_file(tmp_path):
+    """Round trip: every tensor, whose numbers fit half precision; FileError for another width and for no ONNX file."""
+    judge = random_judge()
+    path = file_of(judge, tmp_path).path
+    state = read_judge(judge.settings, path)
+    for name, tensor in judge.state_dict().items():
+        np.testing.assert_array_equal(state[name], tensor.numpy())
+    (tmp_path / "text.onnx").write_text("no network")
+    for settings, file in ((JudgeSettings(width=24), path), (judge.settings, tmp_path / "text.onnx")):
+        with pytest.raises(FileError, match="judge|ONNX"):
+            read_judge(settings, file)
 
 
 def test_files_that_are_no_judge_are_refused(tmp_path):

@@ -62,7 +62,7 @@ def train(
             samples are made of.
         max_minutes: Stop after so long, with a checkpoint and the network as it is then.
         resume: Go on with the run in this directory, exactly as if it had never stopped.
-        start: A LaMa checkpoint to start from; planes it lacks are added.
+        start: A LaMa checkpoint to start from; planes it lacks are added. Of choice: the ONNX file of a judge.
         trunk: Weights of the perceptual trunk: dilated ResNet-50, VGG-16 or AlexNet (.safetensors, .pth).
         steps: Batches until the end.
         batch: Samples of a batch, on each device.

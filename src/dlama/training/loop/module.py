@@ -15,6 +15,7 @@ from torch import Tensor, nn
 from dlama.errors import DlamaError, InputError
 from dlama.nets.checkpoints import read_generator
 from dlama.nets.discriminator import Discriminator
+from dlama.nets.export.judge import read_judge
 from dlama.nets.generator import Generator, generator_from_state
 from dlama.nets.judge import GuessMixer
 from dlama.nets.surgery import widen
@@ -189,7 +190,7 @@ def initial_generator(network: NetworkSettings) -> Generator | GuessMixer:
         InputError: it is another network than the settings describe, planes apart.
     """
     if network.kind.guesses:
-        return GuessMixer(network.judge, network.kind.guesses)
+        return initial_mixer(network)
     if network.start is None:
         return Generator(network.generator)
     weights = read_generator(Path(network.start).expanduser())
@@ -200,6 +201,15 @@ def initial_generator(network: NetworkSettings) -> Generator | GuessMixer:
         raise InputError(f"{network.start}: is {weights.settings}; the settings say {network.generator}")
     state = widen(weights.state, network.generator.in_channels, network.generator.out_channels)
     return generator_from_state(state).train()
+
+
+def initial_mixer(network: NetworkSettings) -> GuessMixer:
+    """The judge with its mixture, new or that of the file `network.start`. FileError: no judge of that width."""
+    mixer = GuessMixer(network.judge, network.kind.guesses)
+    if network.start is not None:
+        state = read_judge(network.judge, Path(network.start).expanduser())
+        mixer.judge.load_state_dict({name: torch.from_numpy(values) for name, values in state.items()})
+    return mixer
 
 
 def moving_average(network: nn.Module) -> nn.Module:
