@@ -148,7 +148,7 @@ def test_weights_come_back_from_the_file(tmp_path):
         np.testing.assert_array_equal(state[name], tensor.numpy())
     (tmp_path / "text.onnx").write_text("no network")
     for settings, file in ((JudgeSettings(width=24), path), (judge.settings, tmp_path / "text.onnx")):
-        with pytest.raises(FileError, match="judge|ONNX"):
+        with pytest.raises(FileError, match=r"judge|ONNX"):
             read_judge(settings, file)
 
 
