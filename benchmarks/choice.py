@@ -20,6 +20,7 @@ from dlama.inpainters.choice.filler import JUDGE
 from dlama.inpainters.choice.judge import judged, open_judge
 from dlama.inpainters.choice.mixing import chosen_depth, mixed_color
 from dlama.inpainters.choice.planes import JudgePlanes
+from dlama.inpainters.choice.priors import with_priors
 from dlama.training.data.guess_crops import INDEX, LEVELS, GuessCrop, read_crop, write_crops
 from dlama.training.data.photos import folder_photos, split_photos
 
@@ -46,7 +47,7 @@ def answers(crop: GuessCrop, names: list[str], judge: Path) -> dict[str, tuple[n
     colors = [np.ascontiguousarray(one.transpose(1, 2, 0)) for one in crop.color]
     found = dict(zip(names, zip(colors, depths)))
     found["mean"] = np.round(np.mean(colors, 0)).astype(np.uint8), np.mean(depths, 0)
-    verdict, hw = judged(open_judge(judge), planes), planes.context.shape[1:]
+    verdict, hw = with_priors(judged(open_judge(judge), planes), names, planes), planes.context.shape[1:]
     color = mixed_color(colors, planes.guesses[:, :3], verdict.base, verdict.detail, hw)
     taken = chosen_depth(verdict.depth, depths, crop.context[-1] > 0, hw)
     found["judge"] = color, np.take_along_axis(np.stack(depths), taken[None], 0)[0]

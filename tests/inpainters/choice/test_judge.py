@@ -10,7 +10,7 @@ import onnx
 import pytest
 
 from dlama.errors import FileError, ShapeError
-from dlama.inpainters.choice.judge import judge_metadata, judged, open_judge
+from dlama.inpainters.choice.judge import MARGIN, hole_box, judge_metadata, judged, open_judge
 from dlama.inpainters.choice.mixing import chosen_depth, enlarged_maps, mixed_color, softmax
 from dlama.inpainters.choice.planes import CONTEXT, GUESS, JudgePlanes
 from dlama.models.network_file import NetworkFile
@@ -137,6 +137,25 @@ def test_shapes_are_those_of_the_network():
     for width in (8, 24):
         settings = JudgeSettings(width=width)
         assert {name: tuple(one.shape) for name, one in Judge(settings).state_dict().items()} == judge_shapes(settings)
+
+
+def test_the_judge_sees_the_hole_and_what_is_round_it(tmp_path):
+    """Oracle: the verdict on the crop alone, in its place; 0 elsewhere. Closed form: the box, in steps of 16 pixels."""
+    planes = random_planes(3, 320, 480)
+    planes.context[-1] = 0
+    planes.context[-1, 10:20, 250:260] = 1
+    rows, columns = hole_box(planes.context[-1] > 0)
+    assert (rows, columns) == (slice(0, 128), slice((250 - MARGIN) // 16 * 16, 368))
+    file = file_of(random_judge(), tmp_path)
+    found = judged(file, planes)
+    crop = judged(file, JudgePlanes(planes.context[:, rows, columns], planes.guesses[:, :, rows, columns]))
+    place = np.s_[..., :32, columns.start // 4 : 92]
+    for name, whole in vars(found).items():
+        np.testing.assert_allclose(whole[place], vars(crop)[name], atol=1e-5)
+        rest = whole.copy()
+        rest[place] = 0
+        assert not rest.any()
+    assert hole_box(np.zeros((32, 48), bool)) == (slice(0, 32), slice(0, 48))
 
 
 def test_weights_come_back_from_the_file(tmp_path):

@@ -20,6 +20,7 @@ from dlama.inpainters.choice.guesses import GUESSES, Guess, Plug, guess_of_fille
 from dlama.inpainters.choice.judge import Verdict, is_judge, judged, open_judge
 from dlama.inpainters.choice.mixing import chosen_depth, enlarged_maps, mixed_color, softmax, to_size
 from dlama.inpainters.choice.planes import JudgePlanes
+from dlama.inpainters.choice.priors import with_priors
 from dlama.inpainters.filling import Fill, Inpainter
 from dlama.inpainters.layered.hedging import hedged
 from dlama.inpainters.networks.contract import from_metadata
@@ -71,7 +72,7 @@ def chosen_fill(view: View, law: Law, guesses: tuple[Guess, ...], judge: Network
     """What the judge makes of the guesses of a view."""
     planes = JudgePlanes.of(view, [one.color for one in guesses], [one.inverse_depth for one in guesses])
     hw, padded = planes.context.shape[1:], planes.padded()
-    verdict = judged(judge, padded)
+    verdict = with_priors(judged(judge, padded), [one.name for one in guesses], padded)
     color = view.color
     if view.color_hole.any():
         mixture = mixed_color([one.color for one in guesses], padded.guesses[:, :3], verdict.base, verdict.detail, hw)

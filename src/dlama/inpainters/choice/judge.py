@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from dlama.errors import FileError
-from dlama.geometry.rgbd import Float32Array
+from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.inpainters.choice.planes import CONTEXT, GUESS, MULTIPLE, JudgePlanes
 from dlama.models.contracts import CONTRACT_KEY
 from dlama.models.network_file import NetworkFile, cores, default_provider, file_stamp
@@ -22,6 +22,8 @@ NETWORK = "judge"
 VERSION = 1
 STRIDE = 4
 """The judge's maps are so many times smaller than its planes."""
+MARGIN = 96
+"""Pixels round the hole that the judge sees."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,10 +83,30 @@ def _opened(path: Path, stamp: tuple[int, int], provider: str | None, threads: i
 
 
 def judged(network: NetworkFile, planes: JudgePlanes) -> Verdict:
-    """The judge's verdict on padded planes (`JudgePlanes.padded`)."""
-    logits, errors = network.run_all({"context": planes.context[None], "guesses": planes.guesses})
+    """The judge's verdict on padded planes (`JudgePlanes.padded`). It sees the hole and MARGIN pixels round it; elsewhere, where
+    all guesses are what is known, logits and errors are 0."""
+    rows, columns = hole_box(planes.context[-1] > 0)
+    seen = {"context": planes.context[None], "guesses": planes.guesses}
+    logits, errors = network.run_all(
+        {name: np.ascontiguousarray(part[..., rows, columns]) for name, part in seen.items()}
+    )
     if not (np.isfinite(logits).all() and np.isfinite(errors).all()):
         raise FileError(f"{network.path}: the judge gave values that are not finite")
-    base, detail, depth = logits.transpose(1, 0, 2, 3)
-    color_error, depth_error = np.exp(errors[0])
-    return Verdict(base, detail, depth, color_error, np.minimum(depth_error, 1))
+    count, (height, width) = len(planes.guesses), planes.context.shape[1:]
+    maps = np.zeros((3 * count + 2, height // STRIDE, width // STRIDE), np.float32)
+    at = [slice(part.start // STRIDE, part.stop // STRIDE) for part in (rows, columns)]
+    maps[: 3 * count, at[0], at[1]] = logits.transpose(1, 0, 2, 3).reshape(3 * count, *logits.shape[2:])
+    maps[3 * count :, at[0], at[1]] = np.minimum(np.exp(errors[0]), [[[np.inf]], [[1]]])
+    return Verdict(maps[:count], maps[count : 2 * count], maps[2 * count : -2], maps[-2], maps[-1])
+
+
+def hole_box(hole: BoolArray) -> tuple[slice, slice]:
+    """Rows and columns of the hole (H x W, sides multiples of MULTIPLE) with MARGIN pixels round it, in steps of MULTIPLE; all
+    of the picture where there is no hole."""
+    found = []
+    for axis, length in enumerate(hole.shape):
+        where = np.flatnonzero(hole.any(1 - axis))
+        first, last = (int(where[0]), int(where[-1])) if where.size else (0, length - 1)
+        start = max(0, first - MARGIN) // MULTIPLE * MULTIPLE
+        found.append(slice(start, min(length, -(-(last + 1 + MARGIN) // MULTIPLE) * MULTIPLE)))
+    return found[0], found[1]

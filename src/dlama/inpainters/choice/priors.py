@@ -1,0 +1,63 @@
+"""The judge's verdict in; the same with what is known of fillers beforehand, and against invented detail, out.
+
+The judge never learns which filler made a guess. Two rules that it cannot see, settled on street s03 and s05 (docs/choice.md).
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+
+import cv2
+import numpy as np
+
+from dlama.geometry.rgbd import BoolArray, Float32Array
+from dlama.inpainters.choice.judge import STRIDE, Verdict
+from dlama.inpainters.choice.planes import CONTEXT, JudgePlanes
+
+PRIORS = {"layered": 2.0}
+"""Name of a guess -> what is added to its logits of colour; 0 for the others. Surfaces with their own texture are never an
+invention."""
+INVENTED = 3.0
+"""What a guess loses in its logits of colour for each factor e by which it has more detail than is known round the hole. Only
+inside the source's picture: out of view, things unlike the known ones are to be expected."""
+FINE, ROUND = 3.0, 4.0
+"""Sigmas in pixels: a picture less its blur is its detail; the neighbourhood over which the detail of a guess is averaged."""
+AROUND = 0.05
+"""Sigma, as a share of the diagonal, of the surroundings whose known detail counts."""
+LEAST = 1 / 255
+"""Detail (0..1) below which guesses are equally plain."""
+
+
+def with_priors(verdict: Verdict, names: Sequence[str], planes: JudgePlanes) -> Verdict:
+    """The verdict with other logits of colour; names: of the K guesses, planes: padded, as the judge saw them."""
+    prior = np.array([PRIORS.get(name, 0.0) for name in names], np.float32)[:, None, None]
+    change = prior - np.float32(INVENTED) * invented(planes)
+    return dataclasses.replace(verdict, base=verdict.base + change, detail=verdict.detail + change)
+
+
+def invented(planes: JudgePlanes) -> Float32Array:
+    """K x h x w (STRIDE times smaller than the planes): logarithm of how many times more detail a guess has than the known pixels
+    round about, 0 at least; 0 out of the source's view."""
+    known = planes.context[CONTEXT.index("hole")] == 0
+    inside = 1 - planes.context[CONTEXT.index("out of view")]
+    details = [detail_of(one[:3].mean(0)) for one in planes.guesses]
+    there = known_mean(details[0], known)
+    size = known.shape[1] // STRIDE, known.shape[0] // STRIDE
+    found = []
+    for detail in details:
+        times = np.log((cv2.GaussianBlur(detail, (0, 0), ROUND) + LEAST) / (there + LEAST))
+        found.append(cv2.resize(np.maximum(times, 0) * inside, size, interpolation=cv2.INTER_AREA))
+    return np.stack(found).astype(np.float32)
+
+
+def detail_of(grey: Float32Array) -> Float32Array:
+    """H x W magnitudes of what a blur takes away."""
+    return np.abs(grey - cv2.GaussianBlur(grey, (0, 0), FINE)).astype(np.float32)
+
+
+def known_mean(values: Float32Array, known: BoolArray) -> Float32Array:
+    """H x W: mean of the known values round each pixel; 0 where none are near."""
+    sigma, weight = AROUND * float(np.hypot(*known.shape)), known.astype(np.float32)
+    share = np.maximum(cv2.GaussianBlur(weight, (0, 0), sigma), 1e-3)
+    return np.asarray(cv2.GaussianBlur(values * weight, (0, 0), sigma) / share, np.float32)
