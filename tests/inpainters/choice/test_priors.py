@@ -6,7 +6,7 @@ import numpy as np
 
 from dlama.inpainters.choice.judge import STRIDE, Verdict
 from dlama.inpainters.choice.planes import CONTEXT, JudgePlanes
-from dlama.inpainters.choice.priors import PRIORS, invented, with_priors
+from dlama.inpainters.choice.priors import DEPTH_PRIORS, PRIORS, invented, with_priors
 
 SIDE = 64
 
@@ -31,7 +31,7 @@ def test_stripes_in_a_plain_picture_are_invented():
 
 
 def test_a_prior_goes_with_the_name():
-    """Closed form: equal logits come apart by the prior of `layered`, wherever it stands; depth and errors stay."""
+    """Closed form: equal logits come apart by the prior of `layered`, wherever it stands; errors stay."""
     maps = np.zeros((2, SIDE // STRIDE, SIDE // STRIDE), np.float32)
     verdict = Verdict(maps, maps, maps, maps[0], maps[0])
     seen = planes(out_of_view=True)
@@ -39,4 +39,5 @@ def test_a_prior_goes_with_the_name():
         found = with_priors(verdict, names, seen)
         for part in (found.base, found.detail):
             np.testing.assert_allclose((part[0] - part[1])[6:10, 6:10], sign * PRIORS["layered"])
-        assert found.depth is verdict.depth and found.color_error is verdict.color_error
+        np.testing.assert_allclose(found.depth[0] - found.depth[1], sign * DEPTH_PRIORS["layered"])
+        assert found.color_error is verdict.color_error

@@ -96,7 +96,7 @@ def judged(network: NetworkFile, planes: JudgePlanes) -> Verdict:
     maps = np.zeros((3 * count + 2, height // STRIDE, width // STRIDE), np.float32)
     at = [slice(part.start // STRIDE, part.stop // STRIDE) for part in (rows, columns)]
     maps[: 3 * count, at[0], at[1]] = logits.transpose(1, 0, 2, 3).reshape(3 * count, *logits.shape[2:])
-    maps[3 * count :, at[0], at[1]] = np.minimum(np.exp(errors[0]), [[[np.inf]], [[1]]])
+    maps[3 * count :, at[0], at[1]] = np.minimum(np.exp(errors[0]), np.array([np.inf, 1], np.float32)[:, None, None])
     return Verdict(maps[:count], maps[count : 2 * count], maps[2 * count : -2], maps[-2], maps[-1])
 
 

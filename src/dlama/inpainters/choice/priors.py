@@ -18,6 +18,8 @@ from dlama.inpainters.choice.planes import CONTEXT, JudgePlanes
 PRIORS = {"layered": 2.0}
 """Name of a guess -> what is added to its logits of colour; 0 for the others. Surfaces with their own texture are never an
 invention."""
+DEPTH_PRIORS = {"layered": 4.0}
+"""The same for depth. Without it depth was worse than that of continued surfaces: 8 % in squared error on street s06 and s08."""
 INVENTED = 3.0
 """What a guess loses in its logits of colour for each factor e by which it has more detail than is known round the hole. Only
 inside the source's picture: out of view, things unlike the known ones are to be expected."""
@@ -30,10 +32,13 @@ LEAST = 1 / 255
 
 
 def with_priors(verdict: Verdict, names: Sequence[str], planes: JudgePlanes) -> Verdict:
-    """The verdict with other logits of colour; names: of the K guesses, planes: padded, as the judge saw them."""
-    prior = np.array([PRIORS.get(name, 0.0) for name in names], np.float32)[:, None, None]
+    """The verdict with other logits; names: of the K guesses, planes: padded, as the judge saw them."""
+    prior, depth_prior = (
+        np.array([known.get(name, 0.0) for name in names], np.float32)[:, None, None] for known in (PRIORS, DEPTH_PRIORS)
+    )
     change = prior - np.float32(INVENTED) * invented(planes)
-    return dataclasses.replace(verdict, base=verdict.base + change, detail=verdict.detail + change)
+    depth = verdict.depth + depth_prior
+    return dataclasses.replace(verdict, base=verdict.base + change, detail=verdict.detail + change, depth=depth)
 
 
 def invented(planes: JudgePlanes) -> Float32Array:
