@@ -45,7 +45,7 @@ def export_judge(
 def read_judge(settings: JudgeSettings, path: Path) -> dict[str, np.ndarray]:
     """Name -> float32 array of a judge that `export_judge` wrote: what `export_judge` takes. FileError: another file."""
     import onnx
-    from google.protobuf.message import DecodeError
+    from google.protobuf.message import DecodeError  # type: ignore[import-untyped]
 
     writer = _Writer(settings, {name: np.zeros(shape, np.float32) for name, shape in judge_shapes(settings).items()})
     writer.judge("context", "guesses")
