@@ -18,8 +18,9 @@ from dlama.inpainters.choice.planes import CONTEXT, JudgePlanes
 PRIORS = {"layered": 2.0}
 """Name of a guess -> what is added to its logits of colour; 0 for the others. Surfaces with their own texture are never an
 invention."""
-DEPTH_PRIORS = {"layered": 4.0}
-"""The same for depth. Without it depth was worse than that of continued surfaces: 8 % in squared error on street s06 and s08."""
+DEPTH_PRIORS = {"layered": 20.0}
+"""The same for depth: continued surfaces win wherever they are among the guesses. Squared error on street s06 and s08 was 8 %
+higher without it and 6 % higher at 4."""
 INVENTED = 3.0
 """What a guess loses in its logits of colour for each factor e by which it has more detail than is known round the hole. Only
 inside the source's picture: out of view, things unlike the known ones are to be expected."""
