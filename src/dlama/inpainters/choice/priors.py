@@ -35,7 +35,8 @@ LEAST = 1 / 255
 def with_priors(verdict: Verdict, names: Sequence[str], planes: JudgePlanes) -> Verdict:
     """The verdict with other logits; names: of the K guesses, planes: padded, as the judge saw them."""
     prior, depth_prior = (
-        np.array([known.get(name, 0.0) for name in names], np.float32)[:, None, None] for known in (PRIORS, DEPTH_PRIORS)
+        np.array([known.get(name, 0.0) for name in names], np.float32)[:, None, None]
+        for known in (PRIORS, DEPTH_PRIORS)
     )
     change = prior - np.float32(INVENTED) * invented(planes)
     depth = verdict.depth + depth_prior
