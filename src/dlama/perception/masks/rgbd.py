@@ -4,26 +4,23 @@ and what hangs together with the click stays.
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dlama.errors import MaskError
-from dlama.geometry.holes import dilated, nearest_known
+from dlama.geometry.holes import nearest_known
 from dlama.geometry.projection import inverse_depth
-from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array
+from dlama.geometry.rgbd import RGBD, BoolArray
 from dlama.perception.kernels.regions import join_regions
 from dlama.perception.masks.borders import to_picture_edges, with_foot
 from dlama.perception.masks.cuts import nearer_to
+from dlama.perception.masks.pieces import GROUP_GAP, THING_GAP, Pieces, Pixel, color_bins, merged
 from dlama.perception.masks.prompt import Prompt
 from dlama.perception.masks.rough import rough_candidates, rough_depth
 from dlama.perception.masks.supports import Planes, is_ground, planes_of, supports_for
 from dlama.perception.planes import noise_level
-
-Pixel = tuple[int, int]
-"""(row, column)."""
 
 REACH_PX = 2
 """Pixels this far apart may be one piece: a spoke drawn one pixel wide has gaps."""
@@ -33,14 +30,6 @@ SLOPE = 4.0
 """and this much more for each metre that the two pixels are apart: a surface seen at 76 degrees."""
 NOISE_STEP = 4.0
 """The same in standard deviations of the noise."""
-THING_GAP = 0.15
-"""Share of depth up to which pieces that touch in the picture are one thing: a lamp's shade hangs before its pole."""
-GROUP_GAP = 0.3
-"""The same for a group of things."""
-TOUCHING_PX = 3
-LARGER = 3.0
-"""A piece that is so many times larger than what was clicked, and covers LARGE_SHARE, is another thing."""
-LARGE_SHARE = 0.05
 SNAP_PX = 6
 """A click beside a thin thing means the nearest pixel of a thing within so many px."""
 PATCH = 3.0
@@ -53,23 +42,6 @@ MOST_NOISE = 0.02
 """Standard deviation of inverse depth over its median, from which on the picture leads."""
 IN_BOX = 0.7
 """Share of a piece that a box must hold if the piece is to be a part of the thing."""
-
-
-@dataclass(frozen=True, eq=False)
-class Pieces:
-    """The picture without its supporting surfaces, in pieces that hang together."""
-
-    depth: Float32Array
-    free: BoolArray
-    """H x W, True where a thing may be: depth is valid, and no supporting plane."""
-    label: NDArray[np.int32]
-    """H x W: pixels of one piece have one number; of no meaning where not free."""
-    support: BoolArray
-    """H x W, True on planes that things stand on or before."""
-
-    def at(self, pixel: Pixel) -> BoolArray:
-        """H x W, True on the piece at a pixel; nowhere if none is there."""
-        return self.free & (self.label == self.label[pixel]) & bool(self.free[pixel])
 
 
 def rgbd_masker(rgbd: RGBD, model: None) -> Callable[[Prompt], tuple[dict[str, BoolArray], tuple[str, ...]]]:
@@ -156,7 +128,7 @@ def find_pieces(rgbd: RGBD, support: BoolArray, noise: float) -> Pieces:
     allowed = (step + np.where(apart < 1.5, SLOPE, SLOPE / 3) * apart / focal).astype(np.float32)
     parent = np.arange(free.size, dtype=np.int32)
     join_regions(rgbd.depth, free, offsets, allowed, parent)
-    return Pieces(rgbd.depth, free, parent.reshape(free.shape), support)
+    return Pieces(rgbd.depth, free, parent.reshape(free.shape), support, color_bins(rgbd.color), focal)
 
 
 def snapped(pieces: Pieces, seed: Pixel) -> Pixel:
@@ -171,27 +143,6 @@ def snapped(pieces: Pieces, seed: Pixel) -> Pixel:
         )
     row, column = divmod(int(nearest[seed]), pieces.free.shape[1])
     return row, column
-
-
-def merged(pieces: Pieces, start: BoolArray, gap: float, barred: set[int]) -> BoolArray:
-    """`start` and all pieces that touch it in the picture and differ in depth by no more than a share `gap` of it, and so on.
-
-    barred: numbers of pieces that do not belong to it.
-    """
-    thing = start.copy()
-    depth, label = pieces.depth.ravel(), pieces.label.ravel()
-    while gap:
-        pixels = np.flatnonzero(dilated(thing, TOUCHING_PX) & pieces.free & ~thing)
-        here, there = depth[pixels], depth[nearest_known(thing)[1].ravel()[pixels]]
-        close = np.abs(here - there) <= gap * np.minimum(here, there)
-        labels, counts = np.unique(label[pixels[close]], return_counts=True)
-        most = max(LARGER * thing.sum(), LARGE_SHARE * thing.size)
-        sizes = np.bincount(label[pieces.free.ravel()], minlength=thing.size)
-        chosen = [n for n, count in zip(labels, counts) if count > 1 and n not in barred and sizes[n] <= most]
-        if not chosen:
-            break
-        thing |= pieces.free & np.isin(pieces.label, chosen)
-    return thing
 
 
 def finished(
@@ -245,7 +196,7 @@ def boxed(rgbd: RGBD, found: Planes, prompt: Prompt) -> dict[str, BoolArray]:
     usable = np.where(whole, held, 0) if held[whole].max(initial=0) >= 0.1 * held.max() else held
     main = int(usable.argmax())
     kept = pieces.free & inside & (whole[pieces.label] | (pieces.label == main))
-    cropped = Pieces(pieces.depth, kept, pieces.label, pieces.support)
+    cropped = dataclasses.replace(pieces, free=kept)
     start = kept & (pieces.label == main)
     barred = {int(pieces.label[p]) for p in Prompt.pixels(prompt.not_clicks) if pieces.free[p]} - {main}
     masks = {}

@@ -1,0 +1,143 @@
+"""Pieces of a picture that hang together, and some of them, in; those that are one thing with them out."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from dlama.geometry.holes import dilated, nearest_known
+from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
+
+Pixel = tuple[int, int]
+"""(row, column)."""
+
+THING_GAP = 0.15
+"""Share of depth up to which pieces that touch in the picture are one thing: a lamp's shade hangs before its pole."""
+GROUP_GAP = 0.3
+"""The same for a group of things."""
+TOUCHING_PX = 3
+LARGER = 3.0
+"""A piece that is so many times larger than what was clicked, and covers LARGE_SHARE, is another thing."""
+LARGE_SHARE = 0.05
+MOSTLY = 0.5
+"""Share of the border between two pieces of one thing where their depths are that near: before a bed stands a stool, which
+touches it at its foot alone."""
+SOME_COLOR = 0.15
+"""Share of colours that two pieces have in common, from which on less of the border will do,"""
+SAME_COLOR = 0.25
+"""and from which on a smaller piece farther behind belongs to the thing (the hind leg of a chair),"""
+SMALLER = 0.25
+"""if it has no more than this share of its pixels,"""
+BEHIND_SIZE = 0.4
+"""and is behind it by no more than this share of its size."""
+CRACK_COLOR = 0.5
+"""Colours in common of two pieces beside a crack: the leaves of a folding screen,"""
+CRACK_SIZE = 0.05
+"""which is no wider than this share of their size,"""
+CRACK_SHARE = 1 / 64
+"""and than this share of the picture's longer side,"""
+CRACK_LENGTH = 0.25
+"""and as long as this share of the piece's longer side."""
+SMALL_SHARE = 0.05
+"""A piece that has less than this share of the thing's pixels may touch it anywhere: a spoke before the ground."""
+LEAST_PX = 40
+"""A piece with fewer pixels has no colours of its own."""
+
+
+@dataclass(frozen=True, eq=False)
+class Pieces:
+    """The picture without its supporting surfaces, in pieces that hang together."""
+
+    depth: Float32Array
+    free: BoolArray
+    """H x W, True where a thing may be: depth is valid, and no supporting plane."""
+    label: NDArray[np.int32]
+    """H x W: pixels of one piece have one number; of no meaning where not free."""
+    support: BoolArray
+    """H x W, True on planes that things stand on or before."""
+    bins: NDArray[np.int32]
+    """H x W: coarse colour of each pixel, as `color_bins` gives it."""
+    focal: float
+    """px."""
+
+    def at(self, pixel: Pixel) -> BoolArray:
+        """H x W, True on the piece at a pixel; nowhere if none is there."""
+        return self.free & (self.label == self.label[pixel]) & bool(self.free[pixel])
+
+    def size_of(self, where: BoolArray) -> float:
+        """Diagonal in metres of a region (H x W), as if it stood upright."""
+        rows, columns = np.nonzero(where)
+        return float(np.median(self.depth[where]) / self.focal * np.hypot(np.ptp(rows), np.ptp(columns)))
+
+    def common_color(self, one: BoolArray, other: BoolArray) -> float:
+        """Share of colours (0..1) that two regions have in common: intersection of histograms (Swain & Ballard 1991)."""
+        shares = [np.bincount(self.bins[where], minlength=BINS) / max(int(where.sum()), 1) for where in (one, other)]
+        return float(np.minimum(*shares).sum())
+
+
+BINS = 10 * 16 * 16
+
+
+def color_bins(color: UInt8Array) -> NDArray[np.int32]:
+    """H x W: which of BINS boxes of CIELAB each colour is in."""
+    lab = cv2.cvtColor(color, cv2.COLOR_RGB2LAB).astype(np.int32)
+    return np.asarray((lab[..., 0] * 10 // 256 * 16 + lab[..., 1] // 16) * 16 + lab[..., 2] // 16, np.int32)
+
+
+def merged(pieces: Pieces, start: BoolArray, gap: float, barred: set[int]) -> BoolArray:
+    """`start` and all pieces that belong to it, and those that belong to these, and so on. gap 0: `start` alone.
+
+    gap: share of depth by which pieces that touch in the picture may differ. barred: numbers of pieces that do not belong to it.
+    """
+    thing, size = start.copy(), pieces.size_of(start)
+    sizes = np.bincount(pieces.label[pieces.free], minlength=thing.size)
+    while gap:
+        most = max(LARGER * thing.sum(), LARGE_SHARE * thing.size)
+        chosen = [n for n in belonging(pieces, thing, gap, size, sizes) if n not in barred and sizes[n] <= most]
+        if not chosen:
+            break
+        thing |= pieces.free & np.isin(pieces.label, chosen)
+    return thing
+
+
+def belonging(pieces: Pieces, thing: BoolArray, gap: float, size: float, sizes: NDArray[np.int64]) -> Iterator[int]:
+    """Numbers of the pieces that are one thing with `thing` (H x W): they touch it, stand close behind it, or beside a crack.
+
+    size: metres of what was clicked. sizes: pixels of each piece.
+    """
+    reach = max(TOUCHING_PX, round(CRACK_SHARE * max(thing.shape)))
+    pixels = np.flatnonzero(dilated(thing, reach) & pieces.free & ~thing)
+    distance, nearest = nearest_known(thing)
+    away, depth = distance.ravel()[pixels], pieces.depth.ravel()
+    here, there = depth[pixels], depth[nearest.ravel()[pixels]]
+    step, nearer = np.abs(here - there), np.minimum(here, there)
+    labels = pieces.label.ravel()[pixels]
+    for number in np.unique(labels).tolist():
+        of_it = labels == number
+        border = of_it & (away <= TOUCHING_PX)
+        close = int((step <= gap * nearer)[border].sum())
+        if close > 1 and (sizes[number] < SMALL_SHARE * thing.sum() or close >= MOSTLY * border.sum()):
+            yield number
+            continue
+        if sizes[number] < LEAST_PX:
+            continue
+        piece = pieces.free & (pieces.label == number)
+        common = pieces.common_color(thing, piece)
+        behind = border & (step <= BEHIND_SIZE * size)
+        crack = of_it & (np.hypot(step, away * nearer / pieces.focal) <= CRACK_SIZE * size)
+        if (
+            (close > 1 and common >= SOME_COLOR)
+            or (behind.sum() > 1 and common >= SAME_COLOR and sizes[number] <= SMALLER * thing.sum())
+            or (common >= CRACK_COLOR and crack.sum() >= CRACK_LENGTH * longer_side(piece))
+        ):
+            yield number
+
+
+def longer_side(where: BoolArray) -> int:
+    """Pixels of the longer side of the box round a region."""
+    rows, columns = np.nonzero(where)
+    return int(max(np.ptp(rows), np.ptp(columns))) + 1
