@@ -1,7 +1,8 @@
 """Hedging: painted colours in; the same with less contrast where nobody can know what is there, out.
 
 Outside the source's view, far things are a guess: does the wall end, does the sky begin? With the distance from what was seen
-the painted colours are blended with a smooth guess. Near planes (ground, table) are sure to continue and stay as painted.
+what is coarse in the painted colours is blended with a smooth guess; fine detail stays. Near planes (ground, table) are sure to
+continue and stay as painted.
 """
 
 from __future__ import annotations
@@ -17,6 +18,8 @@ LARGEST_SHARE = 0.7
 """Largest share of the smooth guess, itself the mean of two: guesses with errors alike err least when they count alike."""
 REACH = 0.04
 """Share of the picture's longer side over which painted colours become unsure (1 - 1/e of the way to LARGEST_SHARE)."""
+DETAIL_PX = 3.0
+"""Sigma of the blur that leaves what is blended; finer detail stays as painted: paving goes on."""
 TELEA_SIZE = 512
 """Longer side of the picture that Telea fills, in pixels: it is a blur in any case."""
 
@@ -35,8 +38,11 @@ def hedged(view: View, color: UInt8Array, hole: BoolArray, w: Float32Array) -> U
     unsure = LARGEST_SHARE * (1 - np.exp(-distance / (REACH * max(w.shape))))
     share = unsure * np.clip(2 * (1 - w[out_of_view] / middle), 0, 1)
     out = color.copy()
-    blend = color[out_of_view] * (1 - share[:, None]) + smooth_guess(view, out_of_view) * share[:, None]
-    out[out_of_view] = np.round(blend)
+    there = out_of_view.astype(np.float32)
+    sums, weight = (cv2.GaussianBlur(a, (0, 0), DETAIL_PX) for a in (color * there[..., None], there))
+    coarse = sums[out_of_view] / weight[out_of_view, None]
+    blend = color[out_of_view] + share[:, None] * (smooth_guess(view, out_of_view) - coarse)
+    out[out_of_view] = np.clip(np.round(blend), 0, 255)
     return out
 
 

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dlama.geometry.camera import Camera
+from dlama.geometry.holes import nearest_known
 from dlama.geometry.projection import rays
 from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.geometry.view import HoleType, View
@@ -59,6 +60,12 @@ IN_FRONT = 1.05
 """Relative inverse depth from which one plane stands before another."""
 LEAST_CELLS = 50
 """Fewer known cells say nothing about the order of surfaces."""
+REACHES = 0.3
+"""Square roots of a thing's visible area by which it goes on out of view, if it has no plane."""
+ENDING_COST = 1.5
+"""Largest cost of a surface out of view that should have ended. It grows twice as fast as any distance counts."""
+BESIDE, CUT_CELLS = 2, 3
+"""Cells from what is out of view within which so many known cells of a plane make it one that the border cuts."""
 LEAST_INVERSE_DEPTH = 1e-3
 """Planes are not continued beyond 1 km: there they are horizon."""
 
@@ -101,6 +108,7 @@ class CoarseView:
         penalty = self.extrapolation_cost()
         penalty[0] += SMOOTH_PENALTY
         penalty[1:] += ORDER_COST * self.out_of_order()
+        penalty += self.ending_cost()
         unary = surface_kernels.unary_costs(
             self.candidates,
             self.allowed(law),
@@ -157,6 +165,26 @@ class CoarseView:
                 if front != back and before[seen].mean() < OUT_OF_ORDER:
                     out[back] |= before
         return out & self.hole_in_view
+
+    def ending_cost(self) -> Float32Array:
+        """L x h x w cost, out of view, of what should have ended: planes that end within the picture, and what has no plane (a
+        tree that the border cuts) farther from its nearest thing than that is large (REACHES). Planes that the border cuts go on.
+        """
+        out = np.zeros(self.candidates.shape, np.float32)
+        unseen = self.hole & ~self.hole_in_view
+        if not unseen.any():
+            return out
+        beside = cv2.dilate(unseen.astype(np.uint8), np.ones((2 * BESIDE + 1, 2 * BESIDE + 1), np.uint8)) > 0
+        for number in range(2, len(out)):
+            if (beside & ~self.hole & (self.label == number - 1)).sum() < CUT_CELLS:
+                out[number] = ENDING_COST * unseen
+        loose = ~self.hole & (self.label == SMOOTH)
+        if loose.any():
+            thing, area = cv2.connectedComponentsWithStats(loose.astype(np.uint8), connectivity=8)[1:3]
+            distance, nearest = nearest_known(loose)
+            reach = REACHES * np.sqrt(area[thing.ravel()[nearest], cv2.CC_STAT_AREA])
+            out[0] = np.minimum(2 * np.maximum(distance - reach, 0) / (REACH * GRID), ENDING_COST) * unseen
+        return out
 
     def distance_to_known(self, law: Law) -> Float32Array:
         """L x h x w, cells to the nearest known cell of each label (a large number if there is none).
