@@ -62,7 +62,7 @@ LEAST_CELLS = 50
 """Fewer known cells say nothing about the order of surfaces."""
 REACHES = 0.3
 """Square roots of a thing's visible area by which it goes on out of view, if it has no plane."""
-ENDING_COST = 1.5
+ENDING_COST = 1.0
 """Largest cost of a surface out of view that should have ended. It grows twice as fast as any distance counts."""
 BESIDE, CUT_CELLS = 2, 3
 """Cells from what is out of view within which so many known cells of a plane make it one that the border cuts."""
