@@ -84,3 +84,10 @@ def test_a_click_on_nothing_is_refused() -> None:
     sky[:30] = np.inf
     with pytest.raises(MaskError, match="clicks holds 20,5, which lies on the sky"):
         find_mask(RGBD(color, sky, CAMERA, {"estimator": "none"}), clicks=[(20, 5)])
+
+
+def test_a_click_on_the_background_is_refused_in_rough_depth() -> None:
+    """The wall fills the upper rim and more than half of the picture: no thing. (A box may say that it is meant.)"""
+    color, depth, _ = scene()
+    with pytest.raises(MaskError, match="clicks holds 20,10, where more than half of the picture"):
+        find_mask(RGBD(color, bent(depth), CAMERA, {"estimator": "none"}), clicks=[(20, 10)])

@@ -118,7 +118,7 @@ def belonging(pieces: Pieces, thing: BoolArray, gap: float, size: float, sizes: 
     labels = pieces.label.ravel()[pixels]
     for number in np.unique(labels).tolist():
         of_it = labels == number
-        border = of_it & (away <= TOUCHING_PX)
+        border = of_it & (away <= TOUCHING_PX + 0.5)
         close = int((step <= gap * nearer)[border].sum())
         if close > 1 and (sizes[number] < SMALL_SHARE * thing.sum() or close >= MOSTLY * border.sum()):
             yield number

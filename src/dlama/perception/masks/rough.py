@@ -42,6 +42,8 @@ SURROUNDINGS = 0.6
 """and so far beyond it the colours of what is no thing are learnt."""
 ROUNDS = 5
 """Of GrabCut."""
+BACKGROUND = 0.5
+"""Share of the picture and of its upper rim, from which on what a click finds is no thing."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,6 +113,12 @@ def rough_candidates(rough: RoughDepth, prompt: Prompt) -> dict[str, BoolArray]:
             raise MaskError(
                 f"clicks holds {column},{row}, where nothing stands apart in colour or rough depth; "
                 "click amid a thing, or give a box round it"
+            )
+        if prompt.box is None and mask.mean() > BACKGROUND and mask[0].mean() > BACKGROUND:
+            row, column = Prompt.pixels(prompt.clicks)[0]
+            raise MaskError(
+                f"clicks holds {column},{row}, where more than half of the picture and of its upper rim hang together: "
+                "that is background (sky, wall); click on a thing, or give a box round it"
             )
     if not mask.any():
         raise MaskError("box holds nothing that stands apart in colour; a box round a thing is wanted, or clicks on it")
