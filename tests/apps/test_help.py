@@ -173,6 +173,18 @@ def test_words_that_are_no_parameters_stay() -> None:
     assert with_flags("max_disparity and far contradict each other", flags).startswith("--max-disparity and far")
 
 
+@pytest.mark.parametrize(
+    "line, shown",
+    [
+        ("clicks holds 3,4, which lies on the sky", "--click holds 3,4, which lies on the sky"),
+        ("clicks and not_clicks both hold pixel 3,4", "--click and --not both hold pixel 3,4"),
+        ("fewer clicks are wanted", "fewer clicks are wanted"),
+    ],
+)
+def test_lists_of_the_library_are_options_that_are_given_again(line: str, shown: str) -> None:
+    assert with_flags(line, flags_of(VERBS["remove"])) == shown
+
+
 def test_fields_of_files_stay_and_settings_of_the_loop_are_options() -> None:
     """The camera's file has no --fx; `dlama train --devices` sets loop.devices."""
     field = "cam.json: camera fx is 1e+300 px; at most 1e+07 px is wanted"
