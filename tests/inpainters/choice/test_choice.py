@@ -16,7 +16,7 @@ from dlama.geometry.view import HoleType, View
 from dlama.geometry.visibility import Law
 from dlama.inpainters import find_filler
 from dlama.inpainters.choice.filler import JUDGE, choice_of, chosen_fill
-from dlama.inpainters.choice.guesses import GUESSES, Guess, guess_of_filler, make_guesses, plugs_of
+from dlama.inpainters.choice.guesses import GUESSES, Guess, guess_of_filler, make_guesses, makers_of
 from dlama.inpainters.choice.judge import open_judge
 from dlama.inpainters.filling import Fill, inpaint
 from worlds import Box, Plane, Sphere, World, moved
@@ -50,7 +50,7 @@ def test_every_size_is_filled_lawfully(size):
 def test_the_guesses_that_ship_all_run():
     """Oracle: the closed list; known pixels of every guess are the view's; the notes name them and their shares add up to 1."""
     view, law = moved_view()
-    made = make_guesses(view, law, 0, plugs_of(tuple(GUESSES)))
+    made = make_guesses(view, law, 0, makers_of(tuple(GUESSES)))
     assert [one.name for one in made] == list(GUESSES)
     for one in made:
         np.testing.assert_array_equal(one.color[~view.color_hole], view.color[~view.color_hole])
@@ -64,7 +64,7 @@ def test_the_guesses_that_ship_all_run():
 def test_order_of_guesses_changes_nothing():
     """Law of sets: colours within a level, depth bit for bit."""
     view, law = moved_view()
-    made = make_guesses(view, law, 0, plugs_of(("layered", "telea", "pull-push")))
+    made = make_guesses(view, law, 0, makers_of(("layered", "telea", "pull-push")))
     one, other = (chosen_fill(view, law, guesses, open_judge(JUDGE)) for guesses in (made, made[::-1]))
     assert np.abs(one.color.astype(int) - other.color).max() <= 1
     np.testing.assert_array_equal(one.depth, other.depth)
@@ -73,7 +73,7 @@ def test_order_of_guesses_changes_nothing():
 def test_a_single_guess_is_the_fill():
     """Law: K = 1 gives that guess back."""
     view, law = moved_view()
-    (made,) = make_guesses(view, law, 0, plugs_of(("layered",)))
+    (made,) = make_guesses(view, law, 0, makers_of(("layered",)))
     fill = chosen_fill(view, law, (made,), open_judge(JUDGE))
     np.testing.assert_array_equal(fill.color, made.color)
     with np.errstate(divide="ignore"):
@@ -83,7 +83,7 @@ def test_a_single_guess_is_the_fill():
 def test_where_all_guesses_agree_the_answer_is_theirs():
     """Closed form: equal guesses, whatever the weights; out of view they are hedged besides."""
     view, law = moved_view()
-    (made,) = make_guesses(view, law, 0, plugs_of(("telea",)))
+    (made,) = make_guesses(view, law, 0, makers_of(("telea",)))
     fill = chosen_fill(view, law, (made, Guess("twin", made.color, made.inverse_depth)), open_judge(JUDGE))
     plain = view.hole_type != HoleType.OUT_OF_VIEW
     assert np.abs(fill.color.astype(int) - made.color)[plain].max() <= 1
@@ -117,11 +117,11 @@ def test_depth_alone_is_chosen_where_colours_are_known():
 def test_unknown_guesses_are_refused():
     """Oracle: the message lists the known ones."""
     with pytest.raises(InputError, match="guess is 'magic'; one of layered, migan, telea, pull-push is wanted"):
-        plugs_of(("layered", "magic"))
+        makers_of(("layered", "magic"))
     with pytest.raises(InputError, match="each once"):
-        plugs_of(("telea", "telea"))
+        makers_of(("telea", "telea"))
     with pytest.raises(InputError, match="guesses are none"):
-        plugs_of(())
+        makers_of(())
 
 
 def test_both_recipes_take_it():

@@ -16,7 +16,7 @@ from dlama.geometry.rgbd import BoolArray
 from dlama.geometry.view import View
 from dlama.geometry.visibility import Law, lawful_depth
 from dlama.inpainters import ASSETS
-from dlama.inpainters.choice.guesses import GUESSES, Guess, Plug, guess_of_filler, make_guesses, plugs_of
+from dlama.inpainters.choice.guesses import GUESSES, Guess, GuessMaker, guess_of_filler, make_guesses, makers_of
 from dlama.inpainters.choice.judge import Verdict, is_judge, judged, open_judge
 from dlama.inpainters.choice.mixing import chosen_depth, enlarged_maps, mixed_color, softmax, to_size
 from dlama.inpainters.choice.planes import JudgePlanes
@@ -56,13 +56,13 @@ def network_filler(path: Path) -> Inpainter:
 
 
 def choice_of(
-    judge: NetworkFile, more: dict[str, Plug] | None = None, guesses: tuple[str, ...] = tuple(GUESSES)
+    judge: NetworkFile, more: dict[str, GuessMaker] | None = None, guesses: tuple[str, ...] = tuple(GUESSES)
 ) -> Inpainter:
     """The filler of a judge, with guesses by name and more guesses. InputError: an unknown guess."""
-    plugs = [*plugs_of(guesses), *(more or {}).values()]
+    makers = [*makers_of(guesses), *(more or {}).values()]
 
     def choice(view: View, law: Law, seed: int) -> Fill:
-        made = make_guesses(view, law, seed, plugs)
+        made = make_guesses(view, law, seed, makers)
         return chosen_fill(view, law, made, judge)
 
     return choice

@@ -1,0 +1,70 @@
+"""Values known at some pixels in; the same continued smoothly into all others, out: pull-push and Telea, blind to surfaces."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import cv2
+import numpy as np
+
+from dlama.geometry.rgbd import BoolArray, Float32Array
+from dlama.inpainters.opencv import telea
+
+LARGEST = 512
+"""Longer side of the picture in which `spread_small` spreads, in pixels: the result is a blur in any case."""
+
+Spread = Callable[[np.ndarray, BoolArray], Float32Array]
+"""(H x W x C values, H x W known) -> H x W x C, known values continued into the rest."""
+
+
+def spread_small(values: np.ndarray, known: BoolArray, spread: Spread) -> Float32Array:
+    """As `spread`, computed with LARGEST pixels at most and enlarged; uint8 values are rounded to levels before that."""
+    height, width = known.shape
+    by = min(1.0, LARGEST / max(height, width))
+    size = max(1, round(width * by)), max(1, round(height * by))
+    share = cv2.resize(known.astype(np.float32), size, interpolation=cv2.INTER_AREA)[..., None]
+    small = cv2.resize(values * np.float32(known[..., None]), size, interpolation=cv2.INTER_AREA)
+    small = small.reshape(*share.shape[:2], -1)
+    filled = spread((small / np.maximum(share, 1e-6)).astype(np.float32), share[..., 0] >= 0.5)
+    back = cv2.resize(filled.astype(values.dtype), (width, height), interpolation=cv2.INTER_LINEAR)
+    return np.asarray(back, np.float32).reshape(height, width, -1)
+
+
+def telea_spread(values: np.ndarray, known: BoolArray) -> Float32Array:
+    """As Spread, by Telea: three channels (levels of 8 bit) in 8 bit, one in 16."""
+    if not known.any():
+        return np.asarray(values, np.float32)
+    if values.shape[2] == 3:
+        return telea.paint(np.round(np.clip(values, 0, 255)).astype(np.uint8), ~known).astype(np.float32)
+    scale = float(values[known].max()) / 65535 or 1.0
+    levels: np.ndarray = np.round(np.clip(values[..., 0] / scale, 0, 65535)).astype(np.uint16)
+    return (telea.paint(levels, ~known) * np.float32(scale))[..., None]
+
+
+def pull_push(values: np.ndarray, known: BoolArray) -> Float32Array:
+    """As Spread: coarser the farther off (pull-push, Gortler et al. 1996); known values stay as they are."""
+    weight = known.astype(np.float32)
+    levels: list[tuple[np.ndarray, np.ndarray]] = [(values * weight[..., None], weight)]
+    while max(levels[-1][1].shape) > 2:
+        levels.append((_halved(levels[-1][0]), cv2.pyrDown(levels[-1][1])))
+    sums, weight = levels[-1]
+    mean = sums / np.maximum(weight, 1e-6)[..., None]
+    for sums, weight in reversed(levels[1:-1]):
+        share = np.minimum(weight, 1)[..., None]
+        mean = sums / np.maximum(weight, 1e-6)[..., None] * share + _doubled(mean, weight.shape) * (1 - share)
+    if len(levels) > 1:
+        mean = _doubled(mean, known.shape)
+    out = np.asarray(mean, np.float32)
+    np.copyto(out, values, where=known[..., None])
+    return out
+
+
+def _halved(values: np.ndarray) -> np.ndarray:
+    """H x W x C at half the size, under a Gaussian."""
+    small = cv2.pyrDown(values)
+    return small.reshape(*small.shape[:2], -1)
+
+
+def _doubled(values: np.ndarray, hw: tuple[int, ...]) -> np.ndarray:
+    """H x W x C at twice the size, about: hw."""
+    return cv2.pyrUp(values, dstsize=(hw[1], hw[0])).reshape(*hw, -1)
