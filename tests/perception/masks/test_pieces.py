@@ -61,3 +61,18 @@ def test_things_of_generated_worlds(seed: int, size: int) -> None:
     true = seen.group == made.object_index
     found = find_mask(RGBD(seen.color, seen.depth, made.camera(0, size)), clicks=[innermost(true)]).mask
     assert iou(found, true) > 0.9
+
+
+def test_dashes_within_a_ring_belong_to_it() -> None:
+    """Spokes seen as dashes, drawn into depth; what lies farther behind, or outside the ring, is no part of it."""
+    v, u = np.mgrid[:240, :320]
+    away = np.hypot(v - 120, u - 160)
+    ring, outside = (away > 70) & (away < 80), (np.abs(v - 120) < 2) & (u > 250) & (u < 260)
+    spokes = (np.abs(v - 120) < 3) & (((u - 160) % 17) < 6) & (away < 62)
+    behind = np.hypot(v - 150, u - 160) < 6
+    color = np.full((240, 320, 3), 160, np.uint8)
+    color[ring | spokes | behind | outside] = 40
+    depth = np.select([ring | spokes | outside, behind], [2.6, 3.4], 6.0).astype(np.float32)
+    found = find_mask(RGBD(color, depth, CAMERA), clicks=[(235, 120)])
+    assert (found.mask == (ring | spokes)).all()
+    assert iou(found.candidates["part"], ring) > 0.99

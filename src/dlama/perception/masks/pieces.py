@@ -43,7 +43,8 @@ CRACK_SHARE = 1 / 64
 CRACK_LENGTH = 0.25
 """and as long as this share of the piece's longer side."""
 SMALL_SHARE = 0.05
-"""A piece that has less than this share of the thing's pixels may touch it anywhere: a spoke before the ground."""
+"""A piece that has less than this share of the thing's pixels may touch it anywhere (a spoke before the ground),"""
+"""or lie within its outline, as near as its nearest pixel by the gap: dashes of a spoke that is thinner than a pixel."""
 LEAST_PX = 40
 """A piece with fewer pixels has no colours of its own."""
 
@@ -110,8 +111,9 @@ def belonging(pieces: Pieces, thing: BoolArray, gap: float, size: float, sizes: 
     size: metres of what was clicked. sizes: pixels of each piece.
     """
     reach = max(TOUCHING_PX, round(CRACK_SHARE * max(thing.shape)))
-    pixels = np.flatnonzero(dilated(thing, reach) & pieces.free & ~thing)
     distance, nearest = nearest_known(thing)
+    yield from enclosed(pieces, thing, gap, sizes, nearest)
+    pixels = np.flatnonzero(dilated(thing, reach) & pieces.free & ~thing)
     away, depth = distance.ravel()[pixels], pieces.depth.ravel()
     here, there = depth[pixels], depth[nearest.ravel()[pixels]]
     step, nearer = np.abs(here - there), np.minimum(here, there)
@@ -135,6 +137,27 @@ def belonging(pieces: Pieces, thing: BoolArray, gap: float, size: float, sizes: 
             or (common >= CRACK_COLOR and crack.sum() >= CRACK_LENGTH * longer_side(piece))
         ):
             yield number
+
+
+def enclosed(
+    pieces: Pieces, thing: BoolArray, gap: float, sizes: NDArray[np.int64], nearest: NDArray[np.int64]
+) -> list[int]:
+    """Numbers of the small pieces that lie wholly within the outline of `thing` (H x W) and are as near.
+
+    sizes: pixels of each piece. nearest: H x W, which pixel of the thing is nearest, counted row by row.
+    """
+    pixels = np.flatnonzero(filled_outline(thing) & pieces.free & ~thing)
+    labels, depth = pieces.label.ravel()[pixels], pieces.depth.ravel()
+    here, there = depth[pixels], depth[nearest.ravel()[pixels]]
+    near = labels[np.abs(here - there) <= gap * np.minimum(here, there)]
+    numbers, counts = np.unique(near, return_counts=True)
+    return [int(n) for n in numbers[(counts == sizes[numbers]) & (counts < SMALL_SHARE * thing.sum())]]
+
+
+def filled_outline(where: BoolArray) -> BoolArray:
+    """A region (H x W) with its holes."""
+    outlines, _ = cv2.findContours(where.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+    return np.asarray(cv2.drawContours(np.zeros(where.shape, np.uint8), outlines, -1, 1, cv2.FILLED) > 0)
 
 
 def longer_side(where: BoolArray) -> int:
