@@ -111,3 +111,12 @@ def test_damaged_models_are_named(tmp_path: Path) -> None:
         path.unlink()
     with pytest.raises(FileError, match="none of the model's 3 images has a depth map"):
         open_frames(root)
+
+
+def test_two_pictures_of_one_name_are_refused(tmp_path: Path) -> None:
+    """Oracle: law; frames are told apart by name, so of two the second would replace the first."""
+    root = folder_of(tmp_path / "room", binary=False, dense=False)
+    images = root / "sparse" / "0" / "images.txt"
+    images.write_text(images.read_text().replace("shot_1.png", "shot_0.jpg"))
+    with pytest.raises(FileError, match=r"two frames have pictures called shot_0 \(scene room\); different names"):
+        open_frames(root)

@@ -127,7 +127,10 @@ def test_bad_fields_are_named(tmp_path: Path, change: dict[str, Any], message: s
         ({"transform_matrix": [[1, 0], [0, 1]]}, r"frames\[1\]: transform_matrix is .*a 4x4 matrix"),
         ({"transform_matrix": np.diag([1, 1, -1, 1]).tolist()}, r"frames\[1\]: transform_matrix: .*a mirroring"),
         ({"depth_file_path": 3}, r"frames\[1\]: depth_file_path is 3; a text is wanted"),
-        ({"file_path": "images/f0.png"}, r"two frames have pictures called f0; different names are wanted"),
+        (
+            {"file_path": "images/f0.png"},
+            r"two frames have pictures called f0 \(scene \w+\); different names are wanted",
+        ),
     ],
 )
 def test_bad_frames_are_named(tmp_path: Path, change: dict[str, Any], message: str) -> None:

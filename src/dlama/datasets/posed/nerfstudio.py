@@ -56,7 +56,6 @@ def _frames(scene: str, folder: Path) -> list[PosedFrame]:
         LOG.warning(
             "%s: %d of %d frames have no depth and are left out", folder, len(listed) - len(frames), len(listed)
         )
-    _check_names(fields, frames)
     return frames
 
 
@@ -101,12 +100,3 @@ def _distortion_px(intrinsics: Intrinsics, hw: tuple[int, int], fields: FileFiel
     across = x * radial + 2 * p1 * x * y + p2 * (square + 2 * x * x)
     down = y * radial + p1 * (square + 2 * y * y) + 2 * p2 * x * y
     return float(np.hypot(fx * across, fy * down).max())
-
-
-def _check_names(fields: FileFields, frames: Sequence[PosedFrame]) -> None:
-    """Frames are told apart by the name of their picture alone."""
-    seen: set[str] = set()
-    for frame in frames:
-        if frame.name in seen:
-            raise FileError(f"{fields.path}: two frames have pictures called {frame.name}; different names are wanted")
-        seen.add(frame.name)

@@ -70,13 +70,15 @@ def read_posed(
 
 
 def posed_dataset(layout: str, root: Path, frames: Iterable[PosedFrame], limit: int | None = None) -> Dataset:
-    """A data set of posed frames (scene after scene) with the cases of `view_pairs`; raises FileError if none is found.
+    """A data set of posed frames (scene after scene) with the cases of `view_pairs`; raises FileError if none is found, and
+    where two frames of a scene have one name.
 
     limit: so many cases at most; 0: no pairs are looked for, the frames alone are wanted.
     """
     frames = tuple(frames)
     cases: list[Case] = []
     name = root.resolve().name
+    _check_names(root, frames)
     if limit == 0:
         return Dataset(name, layout, root, frames, ())
     for scene in dict.fromkeys(frame.scene for frame in frames):
@@ -91,6 +93,17 @@ def posed_dataset(layout: str, root: Path, frames: Iterable[PosedFrame], limit: 
             frames,
         )
     return Dataset(name, layout, root, frames, tuple(cases))
+
+
+def _check_names(root: Path, frames: Iterable[PosedFrame]) -> None:
+    """Frames of a scene are told apart by their names alone, which are those of their pictures."""
+    seen: set[tuple[str, str]] = set()
+    for frame in frames:
+        if (frame.scene, frame.name) in seen:
+            raise FileError(
+                f"{root}: two frames have pictures called {frame.name} (scene {frame.scene}); different names are wanted"
+            )
+        seen.add((frame.scene, frame.name))
 
 
 def view_pairs(
