@@ -120,3 +120,13 @@ def test_two_pictures_of_one_name_are_refused(tmp_path: Path) -> None:
     images.write_text(images.read_text().replace("shot_1.png", "shot_0.jpg"))
     with pytest.raises(FileError, match=r"two frames have pictures called shot_0 \(scene room\); different names"):
         open_frames(root)
+
+
+@pytest.mark.parametrize("points", ["", "1.0 2.0 -1 " * 5])
+def test_names_with_blanks(tmp_path: Path, points: str) -> None:
+    """Oracle: by hand; COLMAP writes a name as it is, and a line of points (three numbers each, or none) below each image."""
+    root = folder_of(tmp_path / "room", binary=False, dense=False)
+    model = root / "sparse" / "0"
+    pairs = [line for line in (model / "images.txt").read_text().splitlines() if line and not line.startswith("#")]
+    (model / "images.txt").write_text("\n".join(f"{line.replace('shot_', 'my shot ')}\n{points}" for line in pairs))
+    assert [image.name for image in read_model(model)] == ["my shot 0.png", "my shot 1.png", "my shot 2.png"]

@@ -85,13 +85,14 @@ def _pinhole(where: str, model: str, numbers: list[float]) -> Intrinsics:
 
 
 def _text_images(path: Path, cameras: Mapping[int, ColmapCamera]) -> list[ColmapImage]:
-    found = []
-    for row in read_rows(path):
-        if len(row.words) != 10:  # the points of the image before, by threes
-            continue
+    found, points = [], 0
+    for row in read_rows(path):  # a name may hold blanks, so more than ten words may be an image too
+        if len(row.words) < 10 or (len(row.words) > 10 and row.line == points):
+            continue  # the points of the image before, by threes
+        points = row.line + 1
         quaternion = np.array([row.number(place) for place in (2, 3, 4, 1)])
         shift = np.array([row.number(place) for place in (5, 6, 7)])
-        found.append(_image(row.at(0), row.words[9], int(row.number(8)), cameras, quaternion, shift))
+        found.append(_image(row.at(0), " ".join(row.words[9:]), int(row.number(8)), cameras, quaternion, shift))
     return found
 
 
