@@ -210,3 +210,11 @@ def test_easysynths_own_options_reach_its_reader(tmp_path: Path, monkeypatch: py
     for option, flag in (({"gamma": "srgb"}, "gamma"), ({"removal_object": "x"}, "removal_object")):
         with pytest.raises(InputError, match=f"{flag} says nothing .* it is for easysynth"):
             open_dataset(tmp_path, "tum", **option)
+
+
+def test_two_folders_that_make_one_scene_are_refused(tmp_path: Path) -> None:
+    """Oracle: law; a/b is called a_b as a scene, so beside a_b one of the two would be lost."""
+    scene(tmp_path / "a" / "b")
+    scene(tmp_path / "a_b")
+    with pytest.raises(FileError, match=r"b: is called a_b as a scene, and so is .*a_b; folders of other names are"):
+        open_dataset(tmp_path, layout="tsdf-fusion")

@@ -108,8 +108,8 @@ def scene_folders(
 ) -> dict[str, Path]:
     """The folders that hold a scene, by its name: the root, or those up to two levels below; of them the wanted `scenes`.
 
-    `chess/seq-01` becomes `chess_seq-01`. Raises FileError when there is none (`looked_for` says what was looked for),
-    InputError for a scene that is not there.
+    `chess/seq-01` becomes `chess_seq-01`. Raises FileError when there is none (`looked_for` says what was looked for) and when
+    two have one name, InputError for a scene that is not there.
     """
     if not root.is_dir():
         raise FileError(f"{root}: no such folder")
@@ -121,7 +121,14 @@ def scene_folders(
         raise FileError(
             f"{root}: holds no such data set, nor do the folders up to two levels below; looked for {looked_for}"
         )
-    by_name = {"_".join(folder.relative_to(root).parts) or root.resolve().name: folder for folder in found}
+    by_name: dict[str, Path] = {}
+    for folder in found:
+        name = "_".join(folder.relative_to(root).parts) or root.resolve().name
+        if name in by_name:
+            raise FileError(
+                f"{folder}: is called {name} as a scene, and so is {by_name[name]}; folders of other names are wanted"
+            )
+        by_name[name] = folder
     check_scenes(sorted(by_name, key=natural_order), scenes)
     kept = [name for name in by_name if scenes is None or name in scenes]
     return {name: by_name[name] for name in sorted(kept, key=natural_order)}
