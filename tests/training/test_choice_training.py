@@ -87,6 +87,21 @@ def test_samples_keep_the_contract(folder):
         read_crop(folder / "train" / INDEX)
 
 
+@pytest.mark.parametrize("hole", [0, 255])
+def test_crops_that_teach_nothing_are_named(folder, hole):
+    """Law: a crop that is all hole or has none is refused (squares of it were drawn for ever), as is one that was cut off."""
+    path = folder / "train" / "00000.npz"
+    crop = random_crop(0)
+    crop.context[-2:] = hole
+    np.savez(path, **vars(crop))
+    network = PRESETS["choice"].settings.network
+    with pytest.raises(FileError, match=rf"00000\.npz: its hole is {'full' if hole else 'empty'}"):
+        GuessSamples([folder], network, "train", 64).sample(0, np.random.default_rng(0))
+    path.write_bytes(path.read_bytes()[:-1000])
+    with pytest.raises(FileError, match=r"00000\.npz: is no crop with guesses"):
+        read_crop(path)
+
+
 def test_terms_of_choice():
     """Closed form: weights 3/4 and 1/4 of guesses off by 0 and 0.4; log b + e / b."""
     output = torch.zeros(1, 8, 2, 2)

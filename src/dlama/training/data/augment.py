@@ -105,10 +105,7 @@ def mirrored(sample: dict[str, np.ndarray], rng: np.random.Generator, views: int
 def relit(sample: dict[str, np.ndarray], rng: np.random.Generator, colors: int) -> dict[str, np.ndarray]:
     """The sample with another brightness, contrast, gamma and tint of its `colors` colour planes, in input and target alike; the
     hole stays 0."""
-    gain = (1 + rng.uniform(-GAIN, GAIN)) * (1 + rng.uniform(-TINT, TINT, 3))
-    power, contrast = 2.0 ** rng.uniform(-GAMMA, GAMMA), 1 + rng.uniform(-CONTRAST, CONTRAST)
-    levels = np.linspace(0, 1, 256)[None] ** power * gain[:, None]
-    table = np.clip((levels - 0.5) * contrast + 0.5, 0, 1).astype(np.float32)
+    table = random_light(rng)
     made, hole = dict(sample), sample["mask"].repeat(colors // len(sample["mask"]), 0)
     for key in ("input", "target"):
         planes = made[key].copy()
@@ -119,6 +116,14 @@ def relit(sample: dict[str, np.ndarray], rng: np.random.Generator, colors: int) 
             planes[:colors] *= 1 - hole
         made[key] = planes
     return made
+
+
+def random_light(rng: np.random.Generator) -> Float32Array:
+    """3 x 256 in 0..1: what each level of each channel becomes under another brightness, contrast, gamma and tint."""
+    gain = (1 + rng.uniform(-GAIN, GAIN)) * (1 + rng.uniform(-TINT, TINT, 3))
+    power, contrast = 2.0 ** rng.uniform(-GAMMA, GAMMA), 1 + rng.uniform(-CONTRAST, CONTRAST)
+    levels = np.linspace(0, 1, 256)[None] ** power * gain[:, None]
+    return np.clip((levels - 0.5) * contrast + 0.5, 0, 1).astype(np.float32)
 
 
 def _views_exchanged(planes: np.ndarray) -> np.ndarray:

@@ -16,7 +16,7 @@ import cv2
 import numpy as np
 
 from dlama.completion.pipeline import complete
-from dlama.errors import DlamaError, FileError
+from dlama.errors import DlamaError, FileError, first_line
 from dlama.files.atomic_write import new_file
 from dlama.geometry.camera import Camera
 from dlama.geometry.projection import inverse_depth
@@ -104,10 +104,10 @@ def holds_crops(folder: Path) -> bool:
 def read_crop(path: Path) -> GuessCrop:
     """FileError where the file is none."""
     try:
-        with np.load(path) as arrays:
+        with path.open("rb") as stream, np.load(stream) as arrays:
             return GuessCrop(**{one.name: arrays[one.name] for one in fields(GuessCrop)})
-    except (OSError, KeyError, ValueError) as error:
-        raise FileError(f"{path}: is no crop with guesses ({error})") from error
+    except Exception as error:  # OSError, KeyError, ValueError, BadZipFile, zlib.error, ...
+        raise FileError(f"{path}: is no crop with guesses ({first_line(error)})") from error
 
 
 def crops(photos: Sequence[Photo], seed: int, split: str) -> Iterator[GuessCrop]:

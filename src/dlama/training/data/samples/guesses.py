@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from dlama.errors import FileError, InputError
-from dlama.training.data.augment import CONTRAST, GAIN, GAMMA, TINT
+from dlama.training.data.augment import random_light
 from dlama.training.data.guess_crops import INDEX, LEVELS, SIDE, GuessCrop, read_crop
 from dlama.training.settings import NetworkSettings
 
@@ -37,8 +37,12 @@ class GuessSamples:
         return len(self.paths)
 
     def sample(self, index: int, rng: np.random.Generator) -> dict[str, np.ndarray]:
-        """One crop as a sample."""
+        """One crop as a sample. FileError: a file that is damaged, or a crop without a hole or without anything known."""
         made = planes_of_crop(read_crop(self.paths[index]), rng.permutation(self.count), random_light(rng))
+        if not 0 < made["mask"].mean() < 1:
+            raise FileError(
+                f"{self.paths[index]}: its hole is {'full' if made['mask'].any() else 'empty'}; neither is wanted"
+            )
         box = self.square(made["mask"][0], rng)
         made = {name: planes[:, box[0], box[1]] for name, planes in made.items()}
         if rng.random() < 0.5:
@@ -52,14 +56,6 @@ class GuessSamples:
             box = slice(top, top + self.size), slice(left, left + self.size)
             if 0 < hole[box].mean() < 1:
                 return box
-
-
-def random_light(rng: np.random.Generator) -> np.ndarray:
-    """3 x 256 float32 in 0..1: what each level of each channel becomes."""
-    gain = (1 + rng.uniform(-GAIN, GAIN)) * (1 + rng.uniform(-TINT, TINT, 3))
-    power, contrast = 2.0 ** rng.uniform(-GAMMA, GAMMA), 1 + rng.uniform(-CONTRAST, CONTRAST)
-    levels = np.linspace(0, 1, 256)[None] ** power * gain[:, None]
-    return np.clip((levels - 0.5) * contrast + 0.5, 0, 1).astype(np.float32)
 
 
 def planes_of_crop(crop: GuessCrop, order: np.ndarray, light: np.ndarray) -> dict[str, np.ndarray]:
