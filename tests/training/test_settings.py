@@ -64,6 +64,7 @@ def test_what_a_file_leaves_out_keeps_its_default():
     "make",
     [
         lambda: LossSettings(adversarial=-1.0),
+        lambda: LossSettings(adversarial=-1),
         lambda: LossSettings(perceptual=float("nan")),
         lambda: LossSettings(trunk="vgg16"),
         lambda: LossSettings(trunk="random", trunk_weights="x.pth"),

@@ -130,7 +130,7 @@ class LossSettings:
         one_of("loss.trunk", self.trunk, TRUNKS)
         for each in fields(self):
             value = getattr(self, each.name)
-            if isinstance(value, float) and not 0 <= value < float("inf"):
+            if isinstance(value, (int, float)) and not 0 <= value < float("inf"):
                 raise InputError(f"loss.{each.name} is {value}; 0 or more is wanted")
         _at_least("loss", self, 1, "penalty_every", "trunk_width")
         if self.trunk in ("random", "lpips") and self.trunk_weights:
