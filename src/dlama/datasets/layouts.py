@@ -44,6 +44,10 @@ class Layout:
     afterwards where not."""
 
 
+class SeveralLayoutsError(InputError):
+    """A folder that is a data set, of one layout as well as of another."""
+
+
 _FOLDERS = frozenset({"scenes"})
 _POSED = frozenset({"scenes", "limit"})
 _POSED_BARE = _POSED | {"camera"}
@@ -109,12 +113,12 @@ def open_dataset(
 
 
 def detect(root: Path) -> str:
-    """The name of the layout a folder has; raises InputError that lists what was looked for, or what fits."""
+    """The name of the layout a folder has; raises InputError that lists what was looked for, SeveralLayoutsError what fits."""
     level = [root]
     for _ in range(LEVELS):
         found = [name for name, each in LAYOUTS.items() if any(each.looks_like(folder) for folder in level)]
         if len(found) > 1:
-            raise InputError(f"{root}: may be {' or '.join(found)}; say which by layout=NAME")
+            raise SeveralLayoutsError(f"{root}: may be {' or '.join(found)}; say which by layout=NAME")
         if found:
             return found[0]
         level = [each for folder in level for each in folders_in(folder)]

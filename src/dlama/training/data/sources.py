@@ -11,7 +11,7 @@ from typing import Literal, Protocol
 
 import numpy as np
 
-from dlama.datasets.layouts import LAYOUTS, detect, open_dataset
+from dlama.datasets.layouts import LAYOUTS, SeveralLayoutsError, detect, open_dataset
 from dlama.errors import FileError, InputError, system_errors
 from dlama.training.data.cases import KIND_NAMES, TrainingCase, split_cases, training_cases
 from dlama.training.data.guess_crops import holds_crops
@@ -132,9 +132,9 @@ def _in_folder(path: Path) -> tuple[Sequence[Photo], Sequence[TrainingCase]]:
         raise FileError(f"{path}: no such file or folder; pictures, a data set or a pack is wanted")
     try:
         layout = detect(path)
-    except InputError as error:
-        if " may be " in str(error):  # of two layouts: a dataset, and no folder of pictures
-            raise
+    except SeveralLayoutsError:
+        raise
+    except InputError:  # of no layout
         return folder_photos(path), ()
     cases = training_cases(open_dataset(path, layout))
     if not cases:

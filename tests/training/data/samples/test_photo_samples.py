@@ -15,6 +15,7 @@ from dlama.geometry.rgbd import RGBD
 from dlama.training.data.batches import check_sample
 from dlama.training.data.photos import Photo, folder_photos, read_photo, split_photos, square_crop
 from dlama.training.data.samples.photos import PhotoSamples, WarpedPhotoSamples, hole_of_world, there_and_back
+from dlama.training.data.sources import find_training_data
 from dlama.training.settings import NetworkSettings
 
 RGB = NetworkSettings("rgb")
@@ -102,6 +103,14 @@ def test_splits_share_no_photo_and_keep_videos_together() -> None:
     assert len(one[0]) == len(one[1]) == 1
     with pytest.raises(InputError, match="two or more"):
         split_photos(photos[:1], "train")
+
+
+def test_a_folder_whose_name_says_may_be(tmp_path: Path) -> None:
+    """Law: what a folder holds says whether it is a data set, not the words of its path."""
+    (tmp_path / "it may be photos").mkdir()
+    for name in "ab":
+        Image.fromarray(ramp(1)).save(tmp_path / "it may be photos" / f"{name}.png")
+    assert len(find_training_data([tmp_path / "it may be photos"]).photos) == 2
 
 
 def test_what_cannot_be_learned_from(tmp_path: Path) -> None:
