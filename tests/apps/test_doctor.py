@@ -34,3 +34,27 @@ def test_json_has_the_findings(capsys: pytest.CaptureFixture[str]) -> None:
     told = json.loads(capsys.readouterr().out)
     assert [each["check"] for each in told["findings"]] == ["fov-radians", "understood"]
     assert set(told["findings"][0]) == {"check", "severity", "sure", "what", "mend"}
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ([*STREET[:2], "--depth-range", "0"], "--depth-range is 0.0; a number > 0 is wanted"),
+        ([*STREET[:2], "--depth-scale", "-1"], "--depth-scale is -1.0; a number > 0 is wanted"),
+        (
+            [*STREET[:2], "--depth-scale", "1", "--depth-range", "1"],
+            "--depth-scale and --depth-range contradict each other",
+        ),
+        ([*STREET[:2], "--layout", "tum"], "--layout is tum; it says nothing to these inputs"),
+        ([str(dlama.example()), "--fov", "90"], "--fov is 90.0; it says nothing to these inputs"),
+        ([str(dlama.example()), "--soft-mask"], "--soft-mask is True; it says nothing to these inputs"),
+    ],
+)
+def test_options_that_cannot_be_heeded_are_named(
+    words: list[str], message: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Law: what is given is heeded or refused, in one line."""
+    with pytest.raises(SystemExit):
+        main(["doctor", *words])
+    captured = capsys.readouterr()
+    assert message in captured.out + captured.err

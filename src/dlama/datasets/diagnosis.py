@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 from dlama.datasets.dataset_diagnosis import diagnose_dataset
 from dlama.datasets.posed.scene_file import is_scene_file
@@ -12,6 +13,9 @@ from dlama.files.atomic_write import PathLike
 from dlama.files.diagnosis import DepthOptions, diagnose_pair, diagnose_rgbd
 from dlama.geometry.camera import Camera
 from dlama.perception.diagnosis.finding import Finding
+
+DEFAULTS = {"pixel_center": 0.5, "mask_polarity": "fill", "soft_mask": False}
+"""Of options of `diagnose` that are not None."""
 
 
 def diagnose(
@@ -55,23 +59,26 @@ def diagnose(
     Raises:
         InputError: no depth and no right picture is given, or one that says nothing to these inputs.
     """
+    intrinsics = {"fx": fx, "fy": fy, "cx": cx, "cy": cy, "fov": fov, "pixel_center": pixel_center}
+    reading = DepthOptions(depth_scale, depth_range, channel, far, resize_depth)
+    masking = {"mask_polarity": mask_polarity, "soft_mask": soft_mask, "mask_class": mask_class}
+    of_picture = intrinsics | vars(reading) | masking
     if Path(first).is_dir() or (second is None and is_scene_file(Path(first))):
-        _refuse(first, {"second": second, "mask": mask, "calib": calib})
+        _refuse(first, {"second": second, "mask": mask, "calib": calib, **of_picture})
         return tuple(diagnose_dataset(Path(first), layout, camera))
     if second is None:
         raise InputError(
             f"{Path(first)}: is no folder of a data set; a picture needs its depth, a left picture its right one"
         )
     if calib is not None:
-        _refuse(first, {"mask": mask})
+        _refuse(first, {"mask": mask, "layout": layout, "camera": camera, **of_picture})
         return tuple(diagnose_pair(first, second, calib))
-    lens = {"camera": camera, "fx": fx, "fy": fy, "cx": cx, "cy": cy, "fov": fov, "pixel_center": pixel_center}
-    reading = DepthOptions(depth_scale, depth_range, channel, far, resize_depth)
-    masking = {"mask_polarity": mask_polarity, "soft_mask": soft_mask, "mask_class": mask_class}
+    _refuse(first, {"layout": layout})
+    lens = {"camera": camera, **intrinsics}
     return tuple(diagnose_rgbd(first, second, mask, lens_options=lens, depth_options=reading, mask_options=masking))
 
 
-def _refuse(first: PathLike, others: dict[str, PathLike | None]) -> None:
+def _refuse(first: PathLike, others: Mapping[str, Any]) -> None:
     for name, value in others.items():
-        if value is not None:
+        if value is not None and value != DEFAULTS.get(name):
             raise InputError(f"{Path(first)}: {name} is {value}; it says nothing to these inputs")

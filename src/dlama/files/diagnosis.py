@@ -14,7 +14,14 @@ import numpy as np
 from dlama.errors import CameraError, InputError
 from dlama.files.atomic_write import PathLike
 from dlama.files.cameras import FILM_DIAGONAL_MM, camera_for, read_stereo_calib
-from dlama.files.rasters.depth import FAR_CODE, FAR_METRES, MILLIMETRES, eight_bit_advice, stored_numbers
+from dlama.files.rasters.depth import (
+    FAR_CODE,
+    FAR_METRES,
+    MILLIMETRES,
+    check_depth_options,
+    eight_bit_advice,
+    stored_numbers,
+)
 from dlama.files.rasters.images import SUFFIXES, as_shown, orientation_of, read_stored
 from dlama.files.rasters.pictures import eight_bit_rgb, read_color, read_mask
 from dlama.files.rgbd import SAME_PROPORTIONS, nearest_pixels
@@ -117,6 +124,7 @@ def _observed(
     image: PathLike, depth: PathLike, color: UInt8Array, options: DepthOptions
 ) -> tuple[list[Finding], Observed]:
     """The stored numbers and what is wrong with how they are stored; a camera is put in later."""
+    check_depth_options(options.depth_scale, options.depth_range, options.far)
     name = Path(depth).name
     numbers = stored_numbers(depth, "depth", options.channel, eight_bit=True)
     found, whole = [], numbers.dtype.kind != "f"

@@ -49,9 +49,7 @@ def read_depth(
     multiplies values normalised to 0..1, where 1 is far. NaN is missing; infinity, and depth >= `far` metres, is far.
     Raises FileError, or DepthError: 8-bit, colour, negative, nothing valid, or a median outside 0.05..500 m.
     """
-    _check_positive(depth_scale=depth_scale, depth_range=depth_range, far=far)
-    if depth_scale is not None and depth_range is not None:
-        raise DepthError("depth_scale and depth_range contradict each other; give one")
+    check_depth_options(depth_scale, depth_range, far)
     values = stored_numbers(path, "depth", channel)
     _check_not_negative(path, values, "depth")
     if values.dtype.kind == "f":
@@ -226,6 +224,13 @@ def _check_not_negative(path: PathLike, values: np.ndarray, what: str) -> None:
             f"{path}: {int(negative.sum())} of {values.size} {what} values are negative (smallest {values.min():.6g}); "
             "values >= 0 are wanted, 0 = missing"
         )
+
+
+def check_depth_options(depth_scale: float | None, depth_range: float | None, far: float | None) -> None:
+    """Raise DepthError for an option of `read_depth` that is no number > 0, and for two that contradict each other."""
+    _check_positive(depth_scale=depth_scale, depth_range=depth_range, far=far)
+    if depth_scale is not None and depth_range is not None:
+        raise DepthError("depth_scale and depth_range contradict each other; give one")
 
 
 def _check_positive(**options: float | None) -> None:
