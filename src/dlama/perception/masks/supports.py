@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -113,8 +112,3 @@ def height_above(found: Planes, support: BoolArray) -> Float32Array:
     out = np.zeros(support.shape, np.float32)
     out[rows, columns] = found.w[rows, columns] / np.maximum(value, 1e-9) - 1
     return out
-
-
-def window_sum(where: BoolArray, size: int) -> Float32Array:
-    """H x W: how many pixels of a window of `size` px round each pixel are True."""
-    return np.asarray(cv2.boxFilter(where.astype(np.float32), -1, (size, size), normalize=False), np.float32)
