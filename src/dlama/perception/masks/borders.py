@@ -19,6 +19,8 @@ FOOT_STEP = 0.0012
 """and by this relative step in inverse depth at least."""
 SHARP = 0.7
 """Share of a depth step that a sharp edge makes within one pixel."""
+WIDE_PX = 4
+"""Pixels to either side between which the whole step lies, sharp or not."""
 BAND_PX = 3
 """Reach in px of the band in which the picture decides, where depth is noisy, blurred or missing."""
 HOLE_PX = 12
@@ -44,13 +46,17 @@ def edges_are_sharp(rgbd: RGBD, found: Planes, thing: BoolArray) -> bool:
     """True if depth alone says where the thing ends: no noise, and steps at its border within one pixel."""
     if found.noise:
         return False
-    w, width = found.w, 4
-    steps = []
+    w, known, steps = found.w, ~rgbd.missing, []
     for axis in (0, 1):
-        border = thing & ~np.roll(thing, -1, axis) & rgbd.valid & (np.roll(rgbd.depth, -1, axis) > 0)
-        one = np.abs(w - np.roll(w, -1, axis))[border]
-        wide = np.abs(np.roll(w, width, axis) - np.roll(w, -width, axis))[border]
-        steps.append(np.where(wide > 0.1 * w[border], one / np.maximum(wide, 1e-9), np.nan))
+        last = w.shape[axis] - 1
+        place = np.arange(last)
+        before, after = w.take(place, axis), w.take(place + 1, axis)
+        inside, beside = thing.take(place, axis), thing.take(place + 1, axis)
+        border = (inside != beside) & known.take(place, axis) & known.take(place + 1, axis)
+        one = np.abs(before - after)[border]
+        ends = [w.take(np.clip(place + by, 0, last), axis)[border] for by in (-WIDE_PX, WIDE_PX)]
+        wide = np.abs(ends[0] - ends[1])
+        steps.append(np.where(wide > 0.1 * np.maximum(before, after)[border], one / np.maximum(wide, 1e-9), np.nan))
     both = np.concatenate(steps)
     both = both[~np.isnan(both)]
     return bool(both.size and np.median(both) > SHARP)
