@@ -91,3 +91,12 @@ def test_a_click_on_the_background_is_refused_in_rough_depth() -> None:
     color, depth, _ = scene()
     with pytest.raises(MaskError, match="clicks holds 20,10, where more than half of the picture"):
         find_mask(RGBD(color, bent(depth), CAMERA, {"estimator": "none"}), clicks=[(20, 10)])
+
+
+@pytest.mark.parametrize("height", [2, 3, 6])
+def test_a_strip_of_a_few_rows_is_one_line_or_a_mask(height: int) -> None:
+    """Law: a picture lower than the window in which the ground's slope is measured is no error of the program."""
+    depth = np.random.default_rng(0).uniform(1, 9, (height, 100)).astype(np.float32)
+    rgbd = RGBD(np.zeros((height, 100, 3), np.uint8), depth, Camera.from_fov(100, height, 60), {"estimator": "noise"})
+    with pytest.raises(MaskError, match="clicks holds 50,1"):
+        find_mask(rgbd, clicks=[(50, 1)])

@@ -76,7 +76,7 @@ def rough_depth(rgbd: RGBD) -> RoughDepth:
             best, chosen, slope = held, value, float(plane[1])
     if chosen is None:
         return RoughDepth(rgbd.color, w, np.zeros(w.shape, np.bool_), None, rgbd.far)
-    step = max(3, len(w) // 64)
+    step = max(1, min(max(3, len(w) // 64), (len(w) - 1) // 2))
     smooth, rise = cv2.blur(w, (2 * step + 1, 3)), np.zeros_like(w)
     rise[step:-step] = (smooth[2 * step :] - smooth[: -2 * step]) / (2 * step)
     rise[:step], rise[-step:] = rise[step], rise[-step - 1]  # the picture's rim is as steep as what lies beside it
