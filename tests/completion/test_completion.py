@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
+import numpy as np
 import pytest
 from small_street import CAMERA, MASK, completed, street
 
 from dlama.completion import completion as module
 from dlama.completion.pipeline import complete
-from dlama.completion.verbs import remove
+from dlama.completion.verbs import remove, view
 from dlama.errors import InputError
+from dlama.geometry.camera import Camera
 from dlama.geometry.trajectories import orbit
 
 
@@ -46,3 +50,12 @@ def test_no_camera_is_refused_where_there_is_nothing_to_do() -> None:
     assert len(done.mesh.vertices) > 100
     with pytest.raises(InputError, match="the completion has no view"):
         print(done.view)
+
+
+@pytest.mark.parametrize("verb", [view, lambda color, **move: remove(color, np.eye(8, dtype=bool), **move)])
+def test_a_picture_without_depth_is_refused_with_advice(verb: Callable[..., object]) -> None:
+    """Law: the first thing that people try, an array of colours, gets the names of what makes an RGBD of it."""
+    with pytest.raises(InputError, match=r"rgbd is of type ndarray; an RGBD is wanted.*read_rgbd.*estimate_depth"):
+        verb(np.zeros((8, 8, 3), np.uint8), yaw=5)
+    with pytest.raises(InputError, match=r"frame 0 is of type ndarray; an RGBD \(a picture with depth\) is wanted"):
+        complete(np.zeros((8, 8, 3), np.uint8), [Camera.from_fov(8, 8, 60)])  # type: ignore[arg-type]

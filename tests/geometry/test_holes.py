@@ -162,3 +162,9 @@ def test_values_spread_outside_are_the_nearest_known() -> None:
     np.testing.assert_array_equal(with_nearest(values, known)[0, :, 0], [2, 2, 2, 3, 3, 3])
     assert with_nearest(values, ~known & known) is values
     assert with_nearest(values, known | True) is values
+
+
+def test_a_mask_that_is_no_array_is_refused() -> None:
+    """Law: MaskError, as for an array of another type."""
+    with pytest.raises(MaskError, match=r"mask is of type list; a bool array H x W is wanted"):
+        checked_mask([[True, False]], (1, 2))  # type: ignore[arg-type]

@@ -32,6 +32,11 @@ def target_camera(
 
     Positive yaw moves the camera to its right around the pivot, positive pitch up; a positive dolly moves it forward.
     """
+    if not isinstance(rgbd, (RGBD, View)):
+        raise InputError(
+            f"rgbd is of type {type(rgbd).__name__}; an RGBD is wanted, a picture with depth: "
+            "`read_rgbd` reads it from files, `estimate_depth(color).rgbd` estimates the depth of a picture"
+        )
     if camera is not None:
         if yaw or pitch or dolly:
             raise InputError("a target camera and an orbit or dolly were both given; one of them is wanted")

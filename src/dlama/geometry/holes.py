@@ -72,6 +72,8 @@ def with_nearest(values: np.ndarray, known: BoolArray) -> np.ndarray:
 
 def checked_mask(mask: np.ndarray, hw: tuple[int, int]) -> BoolArray:
     """The mask, if it is a bool picture of the right size that removes something and leaves something; else MaskError."""
+    if not isinstance(mask, np.ndarray):
+        raise MaskError(f"mask is of type {type(mask).__name__}; a bool array H x W is wanted, True = remove")
     if mask.dtype != np.bool_ or mask.ndim != 2:
         raise MaskError(f"mask is {mask.dtype} with shape {mask.shape}; bool H x W is wanted, True = remove")
     if mask.shape != hw:

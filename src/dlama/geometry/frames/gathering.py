@@ -61,6 +61,10 @@ def view_of(frame: FrameSource, name: str, cache: PixelCache) -> View:
     """The source view of a frame, held in the cache where it can be read again. InputError: no depth."""
     if isinstance(frame, RGBD):
         return _with_depth(View.from_rgbd(frame), name)
+    if not callable(frame):
+        raise InputError(
+            f"{name} is of type {type(frame).__name__}; an RGBD (a picture with depth) is wanted, or what reads one"
+        )
     first = View.from_rgbd(frame())
     view = StoredView.of(first.camera, partial(_source_view, frame), cache, first)
     _with_depth(view, name)
