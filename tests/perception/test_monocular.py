@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import warnings
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -190,3 +191,21 @@ def test_names_are_those_of_the_catalogue() -> None:
     assert {name for name, record in CATALOGUE.items() if record.contract == "depth-network"} == set(others)
     assert find_estimator(DEFAULT)[0] == DEFAULT
     assert dataclasses.is_dataclass(ESTIMATORS[first].contract)
+
+
+@pytest.mark.parametrize(
+    "picture",
+    [
+        np.zeros((0, 0, 3), np.uint8),
+        np.zeros((8, 8), np.uint8),
+        np.zeros((8, 8, 4), np.uint8),
+        np.zeros((8, 8, 3)),
+        [[1, 2], [3, 4]],
+        None,
+    ],
+)
+@pytest.mark.parametrize("use", [estimate_depth, lambda picture: dlama.find_mask(picture, masker="salient")])
+def test_what_is_no_picture_is_refused(use: Callable[[Any], object], picture: Any) -> None:
+    """Law: one message for whatever takes a picture without depth."""
+    with pytest.raises(ShapeError, match=r"(colour|picture) is \w+ \(.*\); uint8 H x W x 3 is wanted"):
+        use(picture)

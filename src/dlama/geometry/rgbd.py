@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from dlama.errors import DepthError, ShapeError
 from dlama.geometry.camera import Camera
@@ -38,9 +38,7 @@ class RGBD:
     """How the depth was estimated from the picture (model, scale, field of view), JSON-ready; None: it was measured."""
 
     def __post_init__(self) -> None:
-        color, depth = np.asarray(self.color), np.asarray(self.depth)
-        if color.dtype != np.uint8 or color.ndim != 3 or color.shape[2] != 3:
-            raise ShapeError(f"colour is {color.dtype} {color.shape}; uint8 H x W x 3 is wanted")
+        color, depth = checked_color(self.color), np.asarray(self.depth)
         if depth.shape != color.shape[:2]:
             raise ShapeError(
                 f"depth is {depth.shape[1]}x{depth.shape[0]} and the picture {color.shape[1]}x{color.shape[0]}; "
@@ -91,6 +89,14 @@ class RGBD:
     def missing(self) -> BoolArray:
         """H x W, True where the sensor said nothing."""
         return self.depth == 0
+
+
+def checked_color(color: ArrayLike, name: str = "colour") -> UInt8Array:
+    """The picture as an array; ShapeError, which calls it `name`, unless it is uint8 H x W x 3 with a pixel or more."""
+    array = np.asarray(color)
+    if array.dtype != np.uint8 or array.ndim != 3 or array.shape[2] != 3 or not array.size:
+        raise ShapeError(f"{name} is {array.dtype} {array.shape}; uint8 H x W x 3 is wanted")
+    return array
 
 
 def percent(where: BoolArray) -> str:

@@ -20,7 +20,7 @@ import numpy as np
 
 from dlama.errors import DepthError, InputError, ShapeError
 from dlama.geometry.camera import Camera
-from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
+from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array, checked_color
 from dlama.models.cache import locate
 from dlama.models.network_file import NetworkFile, cores, default_provider, file_stamp
 from dlama.models.records import CATALOGUE
@@ -98,10 +98,11 @@ def estimate_depth(
     With neither metres_at nor camera_height nor a metric network the median depth is taken to be 3 m. Warns of what is assumed.
 
     Raises:
-        InputError: an unknown name, options that contradict each other or the picture, a picture that shows nothing.
+        InputError: an unknown name, options that contradict each other or the picture, a picture that shows nothing, or that is
+            none (ShapeError).
         FileError: a network file that is missing, or does not keep its contract.
     """
-    check_picture(color)
+    color = checked_picture(color)
     name, estimator = find_estimator(depth_model)
     prediction = estimator(color)
     camera, fov_notes, shift = camera_of(color, camera, prediction)
@@ -130,15 +131,15 @@ def estimate_depth(
     return DepthEstimate(RGBD(color, depth, camera, meta), scale.metres(values, far))
 
 
-def check_picture(color: UInt8Array) -> None:
-    """ShapeError for what is no picture; DepthError for one without any contrast."""
-    if color.dtype != np.uint8 or color.ndim != 3 or color.shape[2] != 3:
-        raise ShapeError(f"colour is {color.dtype} {color.shape}; uint8 H x W x 3 is wanted")
+def checked_picture(color: UInt8Array) -> UInt8Array:
+    """The picture as an array; ShapeError for what is none, DepthError for one without any contrast."""
+    color = checked_color(color)
     low, high = np.percentile(color, (1, 99), axis=(0, 1))
     if float((high - low).max()) < LEAST_CONTRAST:
         raise DepthError(
             "the picture has nearly one colour all over: there is nothing to estimate depth from; give depth"
         )
+    return color
 
 
 def find_estimator(depth_model: str | Path | Estimator) -> tuple[str, Estimator]:

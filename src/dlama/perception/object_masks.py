@@ -9,10 +9,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from dlama.errors import InputError, MaskError
-from dlama.geometry.rgbd import RGBD, BoolArray, UInt8Array, read_only
+from dlama.geometry.rgbd import RGBD, BoolArray, UInt8Array, checked_color, read_only
 from dlama.perception.masks.prompt import Box, Point, Prompt
 from dlama.perception.shadows import find_shadow
 
@@ -64,7 +62,8 @@ class MaskSession:
         self, picture: RGBD | UInt8Array, *, masker: str | None = None, mask_model: MaskModel | None = None
     ) -> None:
         """Parameters and errors as `find_mask`; nothing is computed yet."""
-        self.picture, self.masker, self.mask_model = picture, masker or "rgbd", mask_model
+        self.picture = picture if isinstance(picture, RGBD) else checked_color(picture, "picture")
+        self.masker, self.mask_model = masker or "rgbd", mask_model
         if self.masker not in MASKERS:
             raise InputError(f"masker is {masker!r}; one of {', '.join(MASKERS)} is wanted")
         record = MASKERS[self.masker]
@@ -92,7 +91,7 @@ class MaskSession:
         if candidate not in CANDIDATES:
             raise InputError(f"candidate is {candidate!r}; one of {', '.join(CANDIDATES)} is wanted")
         picture = self.picture
-        hw = picture.depth.shape if isinstance(picture, RGBD) else np.asarray(picture).shape[:2]
+        hw = picture.depth.shape if isinstance(picture, RGBD) else picture.shape[:2]
         prompt = Prompt((hw[0], hw[1]), tuple(map(tuple, clicks)), tuple(map(tuple, not_clicks)), box and tuple(box))  # type: ignore[arg-type]
         if MASKERS[self.masker].needs_prompt and not prompt.clicks and prompt.box is None:
             raise InputError("clicks and box are both missing; give clicks on the thing, or a box round it")
@@ -151,6 +150,7 @@ def find_mask(
 
     Raises:
         InputError: an unknown masker or candidate, nothing that says what is meant, a click or box outside the picture.
+        ShapeError: a picture that is none.
         MaskError: nothing that stands apart is there.
         FileError: a network that is missing, or does not keep its contract.
     """

@@ -16,7 +16,7 @@ from dlama.errors import FileError, MaskError, ShapeError, system_errors
 from dlama.files.atomic_write import PathLike, new_file
 from dlama.files.rasters.images import read_stored
 from dlama.files.semantic_classes import class_color
-from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
+from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array, checked_color
 
 LOWEST_WHITE = 247
 HIGHEST_BLACK = 8
@@ -101,8 +101,7 @@ def read_mask(
 
 def write_color(path: PathLike, color: UInt8Array) -> None:
     """Write uint8 H x W x 3 RGB; the kind of file follows the name (PNG, TIFF, JPEG). Raises OutputError."""
-    if color.dtype != np.uint8 or color.ndim != 3 or color.shape[2] != 3:
-        raise ShapeError(f"{path}: colour is {color.dtype} {color.shape}; uint8 H x W x 3 is wanted")
+    color = checked_color(color, f"{path}: colour")
     jpeg = Path(path).suffix.lower() in (".jpg", ".jpeg")
     save_picture(
         path, Image.fromarray(np.ascontiguousarray(color)), **({"quality": 95, "subsampling": 0} if jpeg else {})

@@ -9,9 +9,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.random import Generator
 
-from dlama.errors import ShapeError
 from dlama.files.rasters.pictures import read_color
-from dlama.geometry.rgbd import UInt8Array
+from dlama.geometry.rgbd import UInt8Array, checked_color
 from dlama.worlds.materials import panels, textures
 from dlama.worlds.materials.textures import Range
 from dlama.worlds.raycast.shape_rows import FIT, MIRROR, WRAP
@@ -121,6 +120,4 @@ def read_photo(photo: Photo) -> UInt8Array:
     """The picture; raises FileError where the file is none, ShapeError where the array is none."""
     if isinstance(photo, Path):
         return read_color(photo)
-    if photo.dtype != np.uint8 or photo.ndim != 3 or photo.shape[2] != 3 or not photo.size:
-        raise ShapeError(f"a texture is {photo.dtype} {photo.shape}; uint8 H x W x 3 is wanted")
-    return photo
+    return checked_color(photo, "a texture")
