@@ -50,7 +50,7 @@ def tiny_encoder(path: Path, contract: PairContract, name: str) -> Path:
     return saved(path, nodes, (taken, given), {"shape": np.array([1, 1, 1, 1])}, contract.metadata())
 
 
-def tiny_decoder(path: Path, batched: bool = False) -> Path:
+def tiny_decoder(path: Path, batched: bool = False, scores: tuple[float, ...] = SCORES) -> Path:
     """Discs of RADII round the first point (given in the pixels of the shown picture, drawn on HW by the share of the sides).
 
     SAM: point_coords 1 x N x 2, orig_im_size float; EfficientSAM: batched_point_coords 1 x 1 x N x 2, orig_im_size int64.
@@ -75,13 +75,13 @@ def tiny_decoder(path: Path, batched: bool = False) -> Path:
     masks, count = "output_masks" if batched else "masks", [1, 1, 3] if batched else [1, 3]
     given = [
         helper.make_tensor_value_info(masks, float_, [*count, height, width]),
-        helper.make_tensor_value_info("iou_predictions", float_, count),
+        helper.make_tensor_value_info("iou_predictions", float_, [*count[:-1], len(scores)]),
     ]
     constants = {
         "flat": np.array([-1, 2]), "first": np.array([0]), "x": np.array([0]), "y": np.array([1]),
         "u": (side * u).astype(np.float32), "v": (side * v).astype(np.float32),
         "limits": (side * np.array(RADII, np.float32) ** 2 * side)[:, None, None].astype(np.float32),
-        "shape": np.array([*count, height, width]), "scores": np.array(SCORES, np.float32).reshape(count),
+        "shape": np.array([*count, height, width]), "scores": np.array(scores, np.float32).reshape([*count[:-1], -1]),
         "nothing": np.float32(0),
     }  # fmt: skip
     nodes = [
@@ -192,6 +192,8 @@ def test_what_cannot_run_is_one_line(tmp_path: Path) -> None:
     refused("sam-vit-x", InputError, "mask_model is 'sam-vit-x'; one of sam-vit-b")
     refused((decoder, decoder), InputError, "carries no contract")
     refused((encoder, tmp_path / "none.onnx"), FileError, "no such model file")
+    few = tiny_decoder(tmp_path / "few.onnx", scores=SCORES[:2])
+    refused((encoder, few), FileError, "few.onnx: gave 3 masks and 2 scores; as many are wanted")
     refused((encoder, encoder), FileError, "takes an input 'x', which no known decoder has")
     refused(f"mobile-sam={encoder},{decoder}", FileError, "one float picture, HWC, is wanted")
     model = onnx.load(str(encoder))

@@ -102,7 +102,12 @@ class EmbeddedPicture:
             raise FileError(
                 f"{self.decoder.path}: gave {found}; masks (or output_masks) of {height} x {width} and iou_predictions are wanted"
             )
-        return masks.reshape(-1, *self.hw).astype(np.float32), np.asarray(scores, np.float32).ravel()
+        flat = masks.reshape(-1, *self.hw).astype(np.float32), np.asarray(scores, np.float32).ravel()
+        if not 0 < len(flat[0]) == len(flat[1]):
+            raise FileError(
+                f"{self.decoder.path}: gave {len(flat[0])} masks and {len(flat[1])} scores; as many are wanted"
+            )
+        return flat
 
     def feed(self, prompt: Prompt) -> dict[str, np.ndarray]:
         """The decoder's inputs by name; FileError where it takes others."""
