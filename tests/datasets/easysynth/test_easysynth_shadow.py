@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import warnings
+
 import numpy as np
 
 from dlama.datasets.easysynth.shadow import cast_shadow
@@ -35,3 +37,13 @@ def test_no_shadow_is_told_where_there_is_none() -> None:
     brighter[35:50, 20:40] += 40
     for each in (source, brighter, source - 20):
         assert cast_shadow(each, without, mask) is None
+
+
+def test_an_object_that_fills_the_picture_casts_none_that_is_seen() -> None:
+    """Law: nothing is left outside it to compare, which is no warning of numpy either."""
+    mask = np.ones((12, 12), bool)
+    mask[0] = False
+    color = np.zeros((12, 12, 3), np.uint8)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert cast_shadow(color, color, mask) is None

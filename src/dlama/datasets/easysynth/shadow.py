@@ -34,6 +34,8 @@ def cast_shadow(color: UInt8Array, without: UInt8Array, mask: BoolArray) -> Bool
     if not mask.any() or mask.all():
         return None
     near = dilated(mask, EDGE_PX)
+    if near.all():
+        return None
     before, after = (np.asarray(cv2.cvtColor(each, cv2.COLOR_RGB2GRAY), np.float32) for each in (color, without))
     if np.abs(np.median((after - before)[~near])) > SAME_EXPOSURE_LEVELS:
         return None
