@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
-from dlama.errors import LONGEST, FileError, OutputError
+import pickle
+
+import pytest
+
+from dlama.datasets.posed.view_pairs import NoPairsError
+from dlama.errors import LONGEST, DlamaError, FileError, InputError, MissingExtraError, OutputError
 
 
 def test_a_message_with_a_very_long_value_is_shortened() -> None:
@@ -11,3 +16,18 @@ def test_a_message_with_a_very_long_value_is_shortened() -> None:
         assert str(kind("a.json: fx is 7; more is wanted")) == "a.json: fx is 7; more is wanted"
         shown = str(kind(f"a.json: fx is {'9' * 5000}; more is wanted"))
         assert shown.startswith("a.json: fx is 999") and shown.endswith("999; more is wanted") and len(shown) <= LONGEST
+
+
+@pytest.mark.parametrize(
+    "error",
+    [
+        InputError("fov is 0"),
+        OutputError("out: no space left on device"),
+        MissingExtraError("dlama show", "viser", "view"),
+        NoPairsError("room: no two frames overlap", ()),
+    ],
+)
+def test_errors_travel_between_processes(error: DlamaError) -> None:
+    """Round trip: a pool that sends results by pickle breaks where it cannot send an error."""
+    again = pickle.loads(pickle.dumps(error))
+    assert type(again) is type(error) and str(again) == str(error) and vars(again) == vars(error)

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import Any
 
 LONGEST = 1200
 """Characters of a message."""
@@ -26,6 +27,16 @@ class DlamaError(Exception):
     def __str__(self) -> str:
         text = super().__str__()
         return text if len(text) <= LONGEST else f"{text[: 2 * LONGEST // 3]} ... {text[-LONGEST // 4 :]}"
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _again, (type(self), self.args, self.__dict__)  # __init__ may take other parameters than the message
+
+
+def _again(kind: type[DlamaError], args: tuple[Any, ...], attributes: dict[str, Any]) -> DlamaError:
+    """An error as another process raised it."""
+    error = kind.__new__(kind, *args)
+    error.__dict__.update(attributes)
+    return error
 
 
 class InputError(DlamaError, ValueError):
