@@ -42,11 +42,6 @@ def available_bytes() -> int | None:
     return min(found) if found else None
 
 
-def processor_count() -> int:
-    """Cores that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
 def _of_machine() -> int | None:
     try:
         for line in Path("/proc/meminfo").read_text("ascii").splitlines():

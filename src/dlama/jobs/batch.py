@@ -8,7 +8,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-from dlama.completion.memory import available_bytes, processor_count
+from dlama.completion.memory import available_bytes
 from dlama.errors import InputError, MissingExtraError
 from dlama.files.atomic_write import PathLike
 from dlama.jobs.job import Job, job_of
@@ -18,6 +18,7 @@ from dlama.jobs.perform import work
 from dlama.jobs.result import JobResult
 from dlama.jobs.run import Progress, Settings, Workers, run_jobs
 from dlama.jobs.storage import Output, folder_of, is_address, local
+from dlama.models.network_file import processor_count
 from dlama.workers.memory import PROCESS_BYTES, check_count
 from dlama.workers.pool import Pool
 

@@ -33,10 +33,13 @@ PROVIDER_VARIABLE = "DLAMA_PROVIDER"
 
 
 def cores() -> int:
-    """Cores this process may use; OMP_NUM_THREADS says fewer, as it does to every other library."""
+    """Cores that networks use: those of this process; OMP_NUM_THREADS says fewer, as it does to every other library."""
     asked = os.environ.get("OMP_NUM_THREADS", "")
-    if asked.isdigit() and int(asked) > 0:
-        return int(asked)
+    return int(asked) if asked.isdecimal() and int(asked) > 0 else processor_count()
+
+
+def processor_count() -> int:
+    """Cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 

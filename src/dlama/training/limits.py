@@ -10,8 +10,9 @@ from __future__ import annotations
 import shutil
 from pathlib import Path
 
-from dlama.completion.memory import GB, available_bytes, processor_count
+from dlama.completion.memory import GB, available_bytes
 from dlama.errors import InputError, OutputError
+from dlama.models.network_file import processor_count
 from dlama.nets.architecture import GeneratorSettings, discriminator_shapes, generator_shapes
 from dlama.training.flops import parameters
 from dlama.training.settings import TrainSettings

@@ -5,8 +5,9 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from dlama.completion.memory import GB, available_bytes, processor_count
+from dlama.completion.memory import GB, available_bytes
 from dlama.errors import InputError
+from dlama.models.network_file import processor_count
 
 LEAST = 2
 """Processes that are allowed on any computer: one can read while the other computes."""

@@ -16,8 +16,8 @@ import numpy as np
 import torch
 from torch.utils.data import DataLoader, Dataset, Sampler, default_collate
 
-from dlama.completion.memory import processor_count
 from dlama.geometry.kernels.jit import use_threads
+from dlama.models.network_file import processor_count
 from dlama.training.data.batches import Batch, check_sample
 from dlama.training.data.sources import SampleSource
 from dlama.training.settings import TrainSettings
