@@ -44,6 +44,21 @@ def eroded(mask: BoolArray, radius: int) -> BoolArray:
     return mask.copy() if radius == 0 else cv2.erode(mask.astype(np.uint8), disc(radius)) > 0
 
 
+def square(side: int) -> np.ndarray:
+    """Kernel of `opened` and `closed`: side x side pixels, uint8."""
+    return np.ones((side, side), np.uint8)
+
+
+def opened(mask: BoolArray, kernel: np.ndarray) -> BoolArray:
+    """The mask (H x W) without the parts that the kernel (`square`, `disc`) does not fit into: thin ones and small ones."""
+    return cv2.morphologyEx(mask.astype(np.uint8), cv2.MORPH_OPEN, kernel) > 0
+
+
+def closed(mask: BoolArray, kernel: np.ndarray) -> BoolArray:
+    """The mask (H x W) with its gaps that the kernel (`square`, `disc`) does not fit into."""
+    return cv2.morphologyEx(mask.astype(np.uint8), cv2.MORPH_CLOSE, kernel) > 0
+
+
 def nearest_known(known: BoolArray) -> tuple[Float32Array, NDArray[np.intp]]:
     """The nearest pixel of `known` (H x W bool), for every pixel.
 

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-import cv2
 import numpy as np
 
 from dlama.completion.frames.foreground import grown_over, in_front
@@ -18,7 +17,7 @@ from dlama.completion.steps import NO_DILATION, Dilation, take_out
 from dlama.errors import InputError, MaskError
 from dlama.geometry.frames.agreement import AGREES
 from dlama.geometry.frames.choosing import choose_frames
-from dlama.geometry.holes import checked_mask, dilated, eroded
+from dlama.geometry.holes import checked_mask, closed, dilated, eroded, opened, square
 from dlama.geometry.projection import project, rays
 from dlama.geometry.rendering import render
 from dlama.geometry.rgbd import BoolArray
@@ -103,15 +102,9 @@ def carried(scene: Scene, masks: Mapping[int, BoolArray]) -> list[BoolArray]:
 
 def inner(frame: View, mask: BoolArray) -> View:
     """What the mask shows of a frame, without the rim of its wide parts: what is thin is rim altogether."""
-    wide = opened(mask, RIM_PX)
+    wide = opened(mask, square(2 * RIM_PX + 1))
     core = (eroded(mask, RIM_PX) | (mask & ~wide)) & frame.valid
     return frame.without(~(core if core.any() else mask), HoleType.NONE)
-
-
-def opened(mask: BoolArray, radius: int) -> BoolArray:
-    """H x W, without the parts that a square of 2 radius + 1 px does not fit into."""
-    kernel = np.ones((2 * radius + 1,) * 2, np.uint8)
-    return cv2.morphologyEx(mask.astype(np.uint8), cv2.MORPH_OPEN, kernel) > 0
 
 
 def points_of(view: View) -> np.ndarray:
@@ -167,7 +160,7 @@ def _carried_to(
     seeds &= candidates
     found = grown_over(seeds, in_front(frame, candidates) | seeds, frame.depth)
     return with_missing(
-        closed(found, candidates | frame.hole) | (dilated(found, EDGE_PX) & candidates), frame, seen.valid
+        gaps_closed(found, candidates | frame.hole) | (dilated(found, EDGE_PX) & candidates), frame, seen.valid
     )
 
 
@@ -185,11 +178,9 @@ def against(points: np.ndarray, masked: View, mask: BoolArray) -> tuple[BoolArra
     return shown.reshape(hw), within.reshape(hw), inside.reshape(hw)
 
 
-def closed(found: BoolArray, allowed: BoolArray) -> BoolArray:
+def gaps_closed(found: BoolArray, allowed: BoolArray) -> BoolArray:
     """H x W, with small gaps closed where that is allowed."""
-    return found | (
-        (cv2.morphologyEx(found.astype(np.uint8), cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8)) > 0) & allowed
-    )
+    return found | (closed(found, square(3)) & allowed)
 
 
 def with_missing(found: BoolArray, frame: View, shown: BoolArray) -> BoolArray:

@@ -16,6 +16,7 @@ import numpy as np
 from dlama.geometry.camera import Camera, Float64Array
 from dlama.geometry.drawing import Canvas, Grid, Mode, draw, draw_far
 from dlama.geometry.frames.choosing import MOST_FRAMES, choose_frames
+from dlama.geometry.holes import opened, square
 from dlama.geometry.kernels import merging as kernels
 from dlama.geometry.kernels.depth_edges import DOWN, RIGHT
 from dlama.geometry.kernels.jit import in_bands
@@ -127,8 +128,7 @@ def _keep_own(canvas: Canvas, best: UInt16Array, own: View) -> None:
 
 def slivers(where: BoolArray) -> BoolArray:
     """The parts of a region that are narrower than NARROWEST px: what shines through between misaligned edges."""
-    kernel = np.ones((NARROWEST, NARROWEST), np.uint8)
-    return where & ~(cv2.morphologyEx(where.astype(np.uint8), cv2.MORPH_OPEN, kernel) > 0)
+    return where & ~opened(where, square(NARROWEST))
 
 
 def _drop(canvas: Canvas, best: UInt16Array, where: BoolArray) -> None:

@@ -11,6 +11,7 @@ import numpy as np
 from dlama.geometry.frames.choosing import choose_frames
 from dlama.geometry.frames.merging import nearest_around
 from dlama.geometry.frames.stored import StoredView, unpacked
+from dlama.geometry.holes import opened, square
 from dlama.geometry.projection import project, rays
 from dlama.geometry.rgbd import BoolArray, UInt8Array
 from dlama.geometry.scene import Scene
@@ -61,7 +62,7 @@ def new_points(scene: Scene, place: int) -> BoolArray:
     for other in held:
         drop |= _dropped(points, scene, scene.layers[other], other < place)
     added[rows, columns] = ~drop
-    return cv2.morphologyEx(added.astype(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8)) > 0
+    return opened(added, square(3))
 
 
 def _dropped(points: np.ndarray, scene: Scene, other: View, earlier: bool) -> BoolArray:

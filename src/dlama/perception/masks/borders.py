@@ -5,7 +5,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from dlama.geometry.holes import dilated, disc, eroded, nearest_known
+from dlama.geometry.holes import dilated, disc, eroded, nearest_known, opened
 from dlama.geometry.rgbd import RGBD, BoolArray
 from dlama.perception.masks.supports import Planes, height_above
 
@@ -71,8 +71,7 @@ def to_picture_edges(rgbd: RGBD, found: Planes, thing: BoolArray) -> BoolArray:
     missing = rgbd.missing & dilated(thing, HOLE_PX)
     band = missing
     if not edges_are_sharp(rgbd, found, thing):
-        core = cv2.morphologyEx(thing.astype(np.uint8), cv2.MORPH_OPEN, disc(BAND_PX)) > 0
-        thin = thing & ~dilated(core, 1)
+        thin = thing & ~dilated(opened(thing, disc(BAND_PX)), 1)
         band = missing | (dilated(thing, BAND_PX) & ~eroded(thing, BAND_PX) & ~thin)
     band &= ~eroded(thing, BAND_PX)
     if not band.any() or not (thing & ~band).any():
