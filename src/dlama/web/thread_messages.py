@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import logging
 import threading
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-LOG = logging.getLogger("dlama")
+from dlama.workers.progress import log_messages
 
 
 class _Receivers(threading.local):
@@ -21,19 +20,16 @@ class _Receivers(threading.local):
 _receivers = _Receivers()
 
 
-class _Stages(logging.Handler):
+def _stage(message: str) -> None:
     """Hands what is logged to the receiver of the thread that logs it."""
-
-    def emit(self, record: logging.LogRecord) -> None:
-        if _receivers.stage is not None:
-            _receivers.stage(record.getMessage())
+    if _receivers.stage is not None:
+        _receivers.stage(message)
 
 
 @contextmanager
 def messages_by_thread() -> Iterator[None]:
     """While this is open `messages_of_thread` works; warnings of other threads go where they went before."""
-    handler, level = _Stages(), LOG.level
-    with warnings.catch_warnings():
+    with warnings.catch_warnings(), log_messages(_stage):
         before = warnings.showwarning
 
         def show(message: Warning | str, category: type[Warning], filename: str, lineno: int, *rest: object) -> None:
@@ -44,13 +40,7 @@ def messages_by_thread() -> Iterator[None]:
 
         warnings.simplefilter("always", UserWarning)
         warnings.showwarning = show  # type: ignore[assignment]
-        LOG.addHandler(handler)
-        LOG.setLevel(logging.INFO)
-        try:
-            yield
-        finally:
-            LOG.removeHandler(handler)
-            LOG.setLevel(level)
+        yield
 
 
 @contextmanager

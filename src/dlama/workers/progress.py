@@ -1,11 +1,14 @@
-"""How much of a run is done in; a line about it, and one a minute where no bar can be drawn, out."""
+"""How much of a run is done, and what it logs, in; a line about it, one a minute where no bar can be drawn, and messages out."""
 
 from __future__ import annotations
 
+import logging
 import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+
+LOG = logging.getLogger("dlama")
 
 
 @contextmanager
@@ -29,6 +32,24 @@ def line_every(line: Callable[[float], str], write: Callable[[str], object], *, 
     finally:
         ended.set()
         thread.join()
+
+
+@contextmanager
+def log_messages(show: Callable[[str], object], log: logging.Logger = LOG) -> Iterator[None]:
+    """What dlama, or one part of it, logs meanwhile (level INFO), message by message, in the thread that logs it."""
+
+    class Messages(logging.Handler):
+        def emit(self, record: logging.LogRecord) -> None:
+            show(record.getMessage())
+
+    handler, level = Messages(), log.level
+    log.addHandler(handler)
+    log.setLevel(logging.INFO)
+    try:
+        yield
+    finally:
+        log.removeHandler(handler)
+        log.setLevel(level)
 
 
 def progress_line(title: str, *, kept: int, done: int, total: int | None, failed: int | str, seconds: float) -> str:

@@ -25,8 +25,8 @@ from dlama.apps.terminal.streams import (
     signals_raise,
 )
 from dlama.errors import DlamaError
+from dlama.workers.progress import log_messages
 
-LOG = logging.getLogger("dlama")
 KERNELS = logging.getLogger("dlama.kernels")
 """Says that kernels are being compiled (`geometry.kernels.jit`, which is too heavy to be imported here)."""
 
@@ -142,24 +142,6 @@ def print_line(kind: str, message: str) -> None:
 
     style = {"error": "bold red", "warning": "bold yellow"}.get(kind, "bold")
     Console(stderr=True, soft_wrap=True).print(Text.assemble((f"{kind}: ", style), line))
-
-
-@contextmanager
-def log_messages(show: Callable[[str], None], log: logging.Logger = LOG) -> Iterator[None]:
-    """What dlama, or one part of it, logs meanwhile, message by message."""
-
-    class Messages(logging.Handler):
-        def emit(self, record: logging.LogRecord) -> None:
-            show(record.getMessage())
-
-    handler, level = Messages(), log.level
-    log.addHandler(handler)
-    log.setLevel(logging.INFO)
-    try:
-        yield
-    finally:
-        log.removeHandler(handler)
-        log.setLevel(level)
 
 
 @contextmanager

@@ -13,8 +13,9 @@ from tyro.conf import Positional
 
 from dlama.apps.options import Report, Seed, option
 from dlama.apps.places import check_file_apart, check_folder_apart
-from dlama.apps.terminal.output import log_messages, reported
+from dlama.apps.terminal.output import reported
 from dlama.errors import InputError, MissingExtraError
+from dlama.workers.progress import log_messages
 
 if TYPE_CHECKING:
     from dlama.training.loop.train import TrainingResult
