@@ -287,24 +287,16 @@ def test_the_shipped_migan_continues_a_wall(height: int, width: int) -> None:
     assert report.notes["model"] == "migan-512.onnx" and report.law_violations == 0
 
 
-@pytest.fixture(scope="module")
-def migan(data_dir: Path) -> Path:
-    path = data_dir / "weights" / "migan_pipeline_v2.onnx"
-    if not path.is_file():
-        pytest.skip(f"{path} is not there")
-    return path
-
-
-def test_migan_continues_a_plane(migan: Path) -> None:
+def test_migan_continues_a_plane(migan_pipeline: Path) -> None:
     """Closed form, loosely: a grey wall at 2 m goes on grey and at about 2 m; known pixels bit for bit."""
     color = np.random.default_rng(0).integers(118, 138, (256, 256, 3), np.uint8)
     frame = RGBD(color, np.full((256, 256), 2, np.float32), Camera.from_fov(256, 256, 60))
     taken = np.zeros((256, 256), bool)
     taken[90:150, 100:170] = True
     view = View.from_rgbd(frame).without(taken, HoleType.OBJECT)
-    after, report = inpaint(view, find_filler("migan", migan), NOTHING)
+    after, report = inpaint(view, find_filler("migan", migan_pipeline), NOTHING)
     unchanged(view, after)
     assert abs(after.color[taken].astype(float) - 128).mean() < 15
     assert abs(after.depth[taken] - 2).mean() < 0.1
-    assert report.notes["model"] == migan.name and report.notes["model_sha256"].startswith("6f1f3530a1a2")
+    assert report.notes["model"] == migan_pipeline.name and report.notes["model_sha256"].startswith("6f1f3530a1a2")
     assert dataclasses.asdict(report)["law_violations"] == 0

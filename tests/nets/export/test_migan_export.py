@@ -21,17 +21,9 @@ FED, GIVES = "/Concat_23_output_0", "/model/synthesis/b512/Add_1_output_0"
 """Of the published graph: what its generator takes (0.5 = keep, -0.5 = fill; known colour in -1..1) and gives (-1..1)."""
 
 
-@pytest.fixture(scope="module")
-def pipeline(data_dir: Path) -> Path:
-    path = data_dir / "weights" / "migan_pipeline_v2.onnx"
-    if not path.is_file():
-        pytest.skip(f"{path} is not there")
-    return path
-
-
-def published_generator(pipeline: Path) -> Any:
+def published_generator(migan_pipeline: Path) -> Any:
     """The nodes between FED and GIVES, untouched."""
-    model = onnx.load(str(pipeline))
+    model = onnx.load(str(migan_pipeline))
     made_by = {name: number for number, node in enumerate(model.graph.node) for name in node.output}
     needed: set[int] = set()
     todo = [GIVES]
@@ -71,31 +63,31 @@ def example() -> tuple[np.ndarray, np.ndarray]:
 
 
 @pytest.fixture(scope="module")
-def truth(pipeline: Path, example: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
+def truth(migan_pipeline: Path, example: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
     """3 x 512 x 512 colours in 0..1 of the published generator."""
     picture, hole = example
     fed = np.concatenate([(~hole - np.float32(0.5))[None], (2 * picture - 1) * ~hole])[None].astype(np.float32)
-    return np.clip(run(published_generator(pipeline), fed)[0] / 2 + 0.5, 0, 1)
+    return np.clip(run(published_generator(migan_pipeline), fed)[0] / 2 + 0.5, 0, 1)
 
 
 def test_folding_changes_nothing(
-    pipeline: Path, example: tuple[np.ndarray, np.ndarray], truth: np.ndarray, monkeypatch: pytest.MonkeyPatch
+    migan_pipeline: Path, example: tuple[np.ndarray, np.ndarray], truth: np.ndarray, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """In single precision the picture is the published one, to rounding (2 grey levels are wanted)."""
     monkeypatch.setattr(migan_export, "HALF_FROM", 1 << 60)
-    model = migan_export.generator_bytes(migan_export.read_weights(pipeline), "x", {})
+    model = migan_export.generator_bytes(migan_export.read_weights(migan_pipeline), "x", {})
     picture, hole = example
     planes = np.concatenate([picture * ~hole, hole[None].astype(np.float32)])[None]
     assert abs(np.clip(run(model, planes)[0], 0, 1) - truth).max() * 255 < 0.05
 
 
 def test_the_file_that_ships(
-    pipeline: Path, example: tuple[np.ndarray, np.ndarray], truth: np.ndarray, tmp_path: Path
+    migan_pipeline: Path, example: tuple[np.ndarray, np.ndarray], truth: np.ndarray, tmp_path: Path
 ) -> None:
     """It is what the command in the docstring makes, to the byte; half precision costs a tenth of a grey level; at most 15 MB."""
     shipped = model_file("migan")
     assert shipped is not None and shipped.stat().st_size < 15e6
-    made = migan_export.export_migan(pipeline, tmp_path / "migan-512.onnx", migan_metadata(pipeline, "MIT"))
+    made = migan_export.export_migan(migan_pipeline, tmp_path / "migan-512.onnx", migan_metadata(migan_pipeline, "MIT"))
     assert made.read_bytes() == shipped.read_bytes()
     picture, hole = example
     filled = open_engine(shipped).fill(picture[None], hole)[0]
