@@ -180,6 +180,7 @@ def test_damaged_frames_are_named_and_left_out(room: Path, tmp_path: Path) -> No
     with pytest.warns(UserWarning, match="frame img-2 is left out"):
         meta = dlama.sequence(room, tmp_path / "out")
     assert list(meta["left_out"]) == ["img-2"] and len(meta["filled_share"]) == 3
+    assert meta["model"] is None and meta["dilate"] == 3  # which network ran, and how far masks grew, is said too
     for name in CAMERAS:
         (room / "depth" / f"{name}.png").write_bytes(b"no picture")
     with pytest.warns(UserWarning), pytest.raises(FileError, match="not one of its 4 frames can be read"):

@@ -101,18 +101,16 @@ def sequence(
     done = completed(plan, steps, state, target, kept, progress)
     shown = {step.name: step.camera for step in steps if step.name is not None}
     ordered = {name: shown[name] for name in (kept if cameras is None else cameras)}
-    write_transforms(target, ordered, names, {"ply_file_path": "scene.ply"} if "points" in wanted else {})
-    about = write_whole(target, done.scene, ordered, wanted)
-    if "video" in wanted:
-        about["video"] = write_views_video(target, list(ordered))
+    about = written(target, done.scene, ordered, names, wanted)
     meta = {
         "dlama": __version__,
         "dataset": str(dataset),
-        "frames": {"names": kept, "gains": [list(gain) for gain in given.gains], "noise": list(given.noise)},
-        "left_out": damaged | {name: "see warnings" for name in names if name not in kept and name not in damaged},
+        **about_frames(names, kept, given, damaged),
         "recipe": recipe,
+        "dilate": plan.recipe.dilate,
         "aligned": align,
         "filler": filler,
+        "model": None if model is None else str(model),
         "seed": seed,
         "masked_frames": sorted(masks or {}),
         "filled_share": {name: done.filled[name] for name in ordered},
@@ -124,6 +122,29 @@ def sequence(
         draft.write_text(as_json(meta), encoding="utf-8")
     state.end()
     return meta
+
+
+def about_frames(names: Sequence[str], kept: Sequence[str], given: Scene, damaged: Mapping[str, str]) -> dict[str, Any]:
+    """For meta.json: the frames that the scene is made of (`kept` of those with `names`), and why others were left out."""
+    contradict = [name for name in names if name not in kept and name not in damaged]
+    return {
+        "frames": {"names": list(kept), "gains": [list(gain) for gain in given.gains], "noise": list(given.noise)},
+        "left_out": dict(damaged) | dict.fromkeys(contradict, "see warnings"),
+    }
+
+
+def written(
+    target: Path, scene: Scene, cameras: Mapping[str, Camera], names: Sequence[str], wanted: Sequence[str]
+) -> dict[str, Any]:
+    """What is made of all views, written: transforms.json and those of RESULTS that are wanted; for meta.json: what was left out.
+
+    cameras: of the views, by name; names: of the frames. Raises OutputError.
+    """
+    write_transforms(target, cameras, names, {"ply_file_path": "scene.ply"} if "points" in wanted else {})
+    about = write_whole(target, scene, cameras, wanted)
+    if "video" in wanted:
+        about["video"] = write_views_video(target, list(cameras))
+    return about
 
 
 def completed(
