@@ -134,12 +134,17 @@ def estimate_depth(
 def checked_picture(color: UInt8Array) -> UInt8Array:
     """The picture as an array; ShapeError for what is none, DepthError for one without any contrast."""
     color = checked_color(color)
-    low, high = np.percentile(color, (1, 99), axis=(0, 1))
-    if float((high - low).max()) < LEAST_CONTRAST:
+    if contrast(color) < LEAST_CONTRAST:
         raise DepthError(
             "the picture has nearly one colour all over: there is nothing to estimate depth from; give depth"
         )
     return color
+
+
+def contrast(color: UInt8Array) -> float:
+    """Grey levels between the darkest and the brightest hundredth of a picture (H x W x 3), in the channel where most lie."""
+    low, high = np.percentile(color, (1, 99), axis=(0, 1))
+    return float((high - low).max())
 
 
 def find_estimator(depth_model: str | Path | Estimator) -> tuple[str, Estimator]:

@@ -11,9 +11,7 @@ from numpy.typing import NDArray
 
 from dlama.geometry.holes import dilated, nearest_known
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
-
-Pixel = tuple[int, int]
-"""(row, column)."""
+from dlama.perception.masks.prompt import Pixel
 
 THING_GAP = 0.15
 """Share of depth up to which pieces that touch in the picture are one thing: a lamp's shade hangs before its pole."""

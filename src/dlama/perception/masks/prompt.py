@@ -13,6 +13,8 @@ from dlama.geometry.rgbd import BoolArray
 
 Point = tuple[float, float]
 """x to the right, y down, in pixels: (3, 5) is in column 3, row 5, as is (3.9, 5.9)."""
+Pixel = tuple[int, int]
+"""(row, column)."""
 Box = tuple[float, float, float, float]
 """x and y of the upper left corner, width and height, in pixels."""
 

@@ -16,8 +16,9 @@ from dlama.geometry.rgbd import RGBD, BoolArray
 from dlama.perception.kernels.regions import join_regions
 from dlama.perception.masks.borders import to_picture_edges, with_foot
 from dlama.perception.masks.cuts import nearer_to
-from dlama.perception.masks.pieces import GROUP_GAP, THING_GAP, Pieces, Pixel, color_bins, merged
-from dlama.perception.masks.prompt import Prompt
+from dlama.perception.masks.photo import PhotoMasker
+from dlama.perception.masks.pieces import GROUP_GAP, THING_GAP, Pieces, color_bins, merged
+from dlama.perception.masks.prompt import Pixel, Prompt
 from dlama.perception.masks.rough import rough_candidates, rough_depth
 from dlama.perception.masks.supports import Planes, is_ground, planes_of, supports_for
 from dlama.perception.planes import noise_level
@@ -46,9 +47,12 @@ IN_BOX = 0.7
 
 def rgbd_masker(rgbd: RGBD, model: None) -> Callable[[Prompt], tuple[dict[str, BoolArray], tuple[str, ...]]]:
     """The masker of one picture: its planes are found once. Where its depth was estimated or is noisy the picture leads."""
-    if rgbd.estimate is not None or is_noisy(rgbd):
-        rough, note = rough_depth(rgbd), ROUGH if rgbd.estimate is not None else NOISY
-        return lambda prompt: (rough_candidates(rough, prompt), (note,))
+    if rgbd.estimate is not None:
+        photo = PhotoMasker(rgbd, rough_depth(rgbd))
+        return lambda prompt: (photo.candidates(prompt), (ROUGH,))
+    if is_noisy(rgbd):
+        rough = rough_depth(rgbd)
+        return lambda prompt: (rough_candidates(rough, prompt), (NOISY,))
     found = planes_of(rgbd)
     return lambda prompt: rgbd_candidates(rgbd, found, prompt)
 

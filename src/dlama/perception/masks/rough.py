@@ -102,10 +102,7 @@ def rough_candidates(rough: RoughDepth, prompt: Prompt) -> dict[str, BoolArray]:
             inside = window_of(rough, guess, pixel)
             state[inside] = np.where(state[inside] == cv2.GC_BGD, cv2.GC_PR_BGD, state[inside])
         state[guess & prompt.inside] = cv2.GC_PR_FGD
-    for points, kind in ((prompt.clicks, cv2.GC_FGD), (prompt.not_clicks, cv2.GC_BGD)):
-        for row, column in Prompt.pixels(points):
-            cv2.circle(state, (column, row), SEED_PX, int(kind), -1)
-    mask = cut(rough.color, state)
+    mask = cut(rough.color, seeded(state, prompt))
     if prompt.clicks:
         mask = hanging_together(mask, prompt)
         if mask.sum() < NOTHING * len(prompt.clicks) * SEED_PX**2:
@@ -114,15 +111,29 @@ def rough_candidates(rough: RoughDepth, prompt: Prompt) -> dict[str, BoolArray]:
                 f"clicks holds {column},{row}, where nothing stands apart in colour or rough depth; "
                 "click amid a thing, or give a box round it"
             )
-        if prompt.box is None and mask.mean() > BACKGROUND and mask[0].mean() > BACKGROUND:
-            row, column = Prompt.pixels(prompt.clicks)[0]
-            raise MaskError(
-                f"clicks holds {column},{row}, where more than half of the picture and of its upper rim hang together: "
-                "that is background (sky, wall); click on a thing, or give a box round it"
-            )
+        if prompt.box is None:
+            refuse_background(mask, prompt)
     if not mask.any():
         raise MaskError("box holds nothing that stands apart in colour; a box round a thing is wanted, or clicks on it")
     return {"thing": mask}
+
+
+def seeded(state: UInt8Array, prompt: Prompt) -> UInt8Array:
+    """GrabCut's codes (H x W, changed) with the clicks in them."""
+    for points, kind in ((prompt.clicks, cv2.GC_FGD), (prompt.not_clicks, cv2.GC_BGD)):
+        for row, column in Prompt.pixels(points):
+            cv2.circle(state, (column, row), SEED_PX, int(kind), -1)
+    return state
+
+
+def refuse_background(mask: BoolArray, prompt: Prompt) -> None:
+    """MaskError where what the clicks find is half of the picture and of its upper rim."""
+    if mask.mean() > BACKGROUND and mask[0].mean() > BACKGROUND:
+        row, column = Prompt.pixels(prompt.clicks)[0]
+        raise MaskError(
+            f"clicks holds {column},{row}, where more than half of the picture and of its upper rim hang together: "
+            "that is background (sky, wall); click on a thing, or give a box round it"
+        )
 
 
 def first_guess(rough: RoughDepth, pixel: tuple[int, int]) -> BoolArray:
@@ -131,9 +142,9 @@ def first_guess(rough: RoughDepth, pixel: tuple[int, int]) -> BoolArray:
     around = slice(max(row - 2, 0), row + 3), slice(max(column - 2, 0), column + 3)
     here = float(np.median(rough.w[around]))
     near = (np.abs(rough.w - here) < AS_NEAR * here) & ~rough.ground
-    seeded = near.astype(np.uint8)
-    cv2.circle(seeded, (column, row), SEED_PX, 1, -1)
-    _, labels = cv2.connectedComponents(seeded, connectivity=8)
+    clicked = near.astype(np.uint8)
+    cv2.circle(clicked, (column, row), SEED_PX, 1, -1)
+    _, labels = cv2.connectedComponents(clicked, connectivity=8)
     guess = labels == labels[row, column]
     same = color_region(rough.color, pixel)
     return np.asarray(guess | same if same.mean() < LARGEST_COLOR else guess)

@@ -17,6 +17,7 @@ from dlama.errors import MaskError
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
 from dlama.models.network_file import NetworkFile
 from dlama.perception.masks.prompt import Prompt
+from dlama.perception.monocular import LEAST_CONTRAST, contrast
 
 MODEL = Path(__file__).parents[2] / "assets" / "u2netp" / "u2netp.onnx"
 SIDE = 320
@@ -43,6 +44,10 @@ def salient_masker(
 
 def saliency(color: UInt8Array) -> Float32Array:
     """H x W, 0..1: how much each pixel of a picture (H x W x 3, RGB) stands out. MaskError: nothing does."""
+    if contrast(color) < LEAST_CONTRAST:
+        raise MaskError(
+            "the picture has nearly one colour all over: nothing stands out in it; another picture is wanted"
+        )
     small = cv2.resize(color, (SIDE, SIDE), interpolation=cv2.INTER_AREA).astype(np.float32)
     planes = (small / max(float(small.max()), 1e-6) - MEAN) / DEVIATION
     net = network()

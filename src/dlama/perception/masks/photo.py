@@ -1,0 +1,187 @@
+"""A picture whose depth is estimated and clicks or a box in; masks of the thing meant out. What stands out round the click leads.
+
+The network of `salient` finds what stands out in a picture; in windows round a click that is mostly the thing clicked. It runs
+in two windows, and in the whole picture where those show nothing at the click; where nothing stands out there `rough` decides.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from dlama.errors import MaskError
+from dlama.geometry.holes import dilated, disc, eroded
+from dlama.geometry.rgbd import RGBD, BoolArray, UInt8Array
+from dlama.perception.masks.borders import decided_by_color
+from dlama.perception.masks.prompt import Pixel, Prompt
+from dlama.perception.masks.rough import (
+    RoughDepth,
+    cut,
+    hanging_together,
+    refuse_background,
+    rough_candidates,
+)
+from dlama.perception.masks.rough import seeded as with_seeds
+from dlama.perception.masks.salient import SIDE, saliency
+
+WINDOWS = (0.75, 0.5)
+"""Sides of the windows round a click, over the root of the picture's area."""
+CLICK_PX = 3
+"""A click means what stands out within so many pixels."""
+SURER = 0.05
+"""The smaller window's mask is taken where it is surer by so much than the larger one's: the network is often sure of both."""
+DIFFERENT = 0.9
+"""Intersection over union up to which two masks are two readings of a click."""
+BOX_MARGIN = 0.15
+"""The window of a box is so much larger on each side, over the box's longer side."""
+
+Window = tuple[slice, slice]
+
+
+@dataclass(frozen=True, eq=False)
+class Reading:
+    """What a click may mean."""
+
+    mask: BoolArray
+    """H x W."""
+    sure: float
+    """How much stands out what is clicked, 0..1, less the share of the window's rim that the mask runs over."""
+
+
+class PhotoMasker:
+    """The masker of one picture: the network runs once for each window of each click."""
+
+    def __init__(self, rgbd: RGBD, rough: RoughDepth) -> None:
+        self.rgbd, self.rough = rgbd, rough
+        self.known: dict[Pixel, list[Reading]] = {}
+
+    def candidates(self, prompt: Prompt) -> dict[str, BoolArray]:
+        """H x W masks: thing; part, group where a click has a smaller or a larger reading. Errors as `rough_candidates`."""
+        if prompt.box is not None:
+            return self.boxed(prompt)
+        clicks, away = Prompt.pixels(prompt.clicks), Prompt.pixels(prompt.not_clicks)
+        mask, others = np.zeros(prompt.hw, np.bool_), list[BoolArray]()
+        for pixel in clicks:
+            if mask[pixel]:
+                continue
+            readings = sorted(self.readings(pixel), key=lambda one: -agreement(one, clicks, away))
+            if not readings:
+                return rough_candidates(self.rough, prompt)
+            mask |= readings[0].mask
+            others += [one.mask for one in readings[1:]] if len(clicks) == 1 and not away else []
+        if any(mask[pixel] for pixel in away):
+            mask = without(self.rgbd.color, mask, prompt)
+        refuse_background(mask, prompt)
+        return named(mask, others)
+
+    def readings(self, pixel: Pixel) -> list[Reading]:
+        """What a click at (row, column) may mean; nothing where nothing stands out there."""
+        if pixel not in self.known:
+            hw = self.rough.w.shape
+            sides = [round(share * float(np.sqrt(hw[0] * hw[1]))) for share in WINDOWS]
+            found = [
+                dataclasses.replace(one, sure=one.sure - number * SURER)
+                for number, side in enumerate(sides)
+                if (one := self.reading(pixel, window_round(pixel, side, hw)))
+            ]
+            whole = None if found else self.reading(pixel, (slice(0, hw[0]), slice(0, hw[1])))
+            self.known[pixel] = found or ([whole] if whole else [])
+        return self.known[pixel]
+
+    def reading(self, pixel: Pixel, window: Window) -> Reading | None:
+        """What stands out in a window at a pixel of it and hangs together; None where nothing does."""
+        try:
+            level = saliency(np.ascontiguousarray(self.rgbd.color[window]))
+        except MaskError:
+            return None
+        row, column = pixel[0] - window[0].start, pixel[1] - window[1].start
+        _, labels = cv2.connectedComponents((level > 0.5).astype(np.uint8), connectivity=8)
+        near = (
+            slice(max(row - CLICK_PX, 0), row + CLICK_PX + 1),
+            slice(max(column - CLICK_PX, 0), column + CLICK_PX + 1),
+        )
+        counts = np.bincount(labels[near].ravel())
+        counts[0] = 0
+        if not counts.any():
+            return None
+        part = labels == int(counts.argmax())
+        mask = np.zeros(self.rough.w.shape, np.bool_)
+        mask[window] = part
+        return Reading(refined(self.rgbd, mask, part.shape), float(level[near].max()) - rim_share(mask, window))
+
+    def boxed(self, prompt: Prompt) -> dict[str, BoolArray]:
+        """What stands out in the box; what `rough` finds where nothing does."""
+        rows, columns = prompt.box_slices
+        margin = round(BOX_MARGIN * max(rows.stop - rows.start, columns.stop - columns.start)) + 4
+        window = (
+            slice(max(rows.start - margin, 0), rows.stop + margin),
+            slice(max(columns.start - margin, 0), columns.stop + margin),
+        )
+        mask = np.zeros(prompt.hw, np.bool_)
+        try:
+            mask[window] = saliency(np.ascontiguousarray(self.rgbd.color[window])) > 0.5
+        except MaskError:
+            return rough_candidates(self.rough, prompt)
+        mask &= prompt.inside
+        if prompt.clicks:
+            mask = hanging_together(mask, prompt)
+        if not mask.any() or not all(mask[pixel] for pixel in Prompt.pixels(prompt.clicks)):
+            return rough_candidates(self.rough, prompt)
+        if any(mask[pixel] for pixel in Prompt.pixels(prompt.not_clicks)):
+            mask = without(self.rgbd.color, mask, prompt)
+        return {"thing": mask}
+
+
+def window_round(pixel: Pixel, side: int, hw: tuple[int, ...]) -> Window:
+    """Rows and columns of the square about a pixel, moved into the picture, no larger than that."""
+    lengths = [min(side, length) for length in hw]
+    starts = [int(np.clip(at - n / 2, 0, length - n)) for at, n, length in zip(pixel, lengths, hw)]
+    return slice(starts[0], starts[0] + lengths[0]), slice(starts[1], starts[1] + lengths[1])
+
+
+def rim_share(mask: BoolArray, window: Window) -> float:
+    """Pixels at which a mask runs over the window's rim, where that is not the picture's, over the window's longer side."""
+    part, (rows, columns) = mask[window], window
+    sides = (
+        (rows.start > 0, part[0]),
+        (rows.stop < mask.shape[0], part[-1]),
+        (columns.start > 0, part[:, 0]),
+        (columns.stop < mask.shape[1], part[:, -1]),
+    )
+    return sum(int(line.sum()) for inner, line in sides if inner) / max(part.shape)
+
+
+def agreement(reading: Reading, clicks: list[Pixel], away: list[Pixel]) -> float:
+    """How well a reading agrees with all clicks: those on the thing that it holds, less those beside it."""
+    holds, wrong = (sum(bool(reading.mask[pixel]) for pixel in pixels) for pixels in (clicks, away))
+    return reading.sure + holds - wrong
+
+
+def refined(rgbd: RGBD, mask: BoolArray, window_hw: tuple[int, ...]) -> BoolArray:
+    """The mask with its border cut along colours where a pixel of the network is several of the picture's; thin parts stay."""
+    reach = round(max(window_hw) / SIDE)
+    if reach < 2:
+        return mask
+    core = cv2.morphologyEx(mask.astype(np.uint8), cv2.MORPH_OPEN, disc(2 * reach)) > 0
+    band = dilated(core, reach) & ~eroded(core, reach) & ~(mask & ~dilated(core, 1))
+    return decided_by_color(rgbd, mask, band) if band.any() and (mask & ~band).any() else mask
+
+
+def without(color: UInt8Array, mask: BoolArray, prompt: Prompt) -> BoolArray:
+    """The mask cut anew along the picture's colours, without what clicks beside the thing mean."""
+    state = np.full(mask.shape, cv2.GC_BGD, np.uint8)
+    state[mask] = cv2.GC_PR_FGD
+    found = cut(color, with_seeds(state, prompt))
+    return hanging_together(found, prompt) if prompt.clicks else found
+
+
+def named(mask: BoolArray, others: list[BoolArray]) -> dict[str, BoolArray]:
+    """The mask as `thing`, and other readings that differ from it: a smaller one as `part`, a larger one as `group`."""
+    out = {"thing": mask}
+    for other in others:
+        if (mask & other).sum() < DIFFERENT * (mask | other).sum():
+            out.setdefault("part" if other.sum() < mask.sum() else "group", other)
+    return out

@@ -1,0 +1,102 @@
+"""Clicks and boxes in a picture whose depth is estimated, against the true pixels of a drawn scene, and closed forms."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import pytest
+
+from dlama import RGBD, Camera, MaskError, MaskSession, find_mask
+from dlama.evaluation.metrics.masks import box_of, iou
+from dlama.geometry.rgbd import BoolArray, UInt8Array
+from dlama.perception.masks import photo
+from dlama.perception.masks.photo import named, rim_share, window_round
+
+SIDE = 192
+BAND = (96, 132)
+"""x, y on a white band of the post."""
+
+
+def striped_post() -> tuple[UInt8Array, BoolArray]:
+    """An orange post with white bands on grey ground before a pale wall, and where it is."""
+    rng = np.random.default_rng(0)
+    color = np.full((SIDE, SIDE, 3), (205, 210, 215), np.uint8)
+    color[90:] = (110, 110, 112)
+    post = np.zeros((SIDE, SIDE), np.uint8)
+    cv2.fillPoly(post, [np.array([(84, 70), (108, 70), (116, 160), (76, 160)])], 1)
+    color[post > 0] = (225, 95, 20)
+    for top in (84, 120):
+        rows = slice(top, top + 20)
+        color[rows][post[rows] > 0] = (240, 240, 235)
+    noisy = color.astype(np.int16) + rng.integers(-6, 7, color.shape)
+    return np.clip(noisy, 0, 255).astype(np.uint8), post > 0
+
+
+def without_the_thing() -> RGBD:
+    """The picture with a depth that shows the ground and the wall alone, as networks miss what is thin."""
+    rows = np.arange(SIDE)[:, None] + np.zeros((1, SIDE))
+    depth = np.where(rows < 90, 8.0, 8.0 / (1 + np.maximum(rows - 90, 0) / 25)).astype(np.float32)
+    return RGBD(striped_post()[0], depth, Camera.from_fov(SIDE, SIDE, 60), {"estimator": "none"})
+
+
+def test_a_click_on_a_band_finds_the_whole_thing_that_depth_does_not_show() -> None:
+    """The true pixels of the post; what stands out is one thing, whatever its colours."""
+    found = find_mask(without_the_thing(), clicks=[BAND])
+    assert iou(found.mask, striped_post()[1]) > 0.9
+    assert "found in estimated depth" in found.notes[0]
+
+
+def test_a_box_finds_the_thing_in_it() -> None:
+    true = striped_post()[1]
+    found = find_mask(without_the_thing(), box=box_of(true, 0.05)).mask
+    assert iou(found, true) > 0.9
+
+
+def test_clicks_beside_the_thing_are_none_of_it() -> None:
+    """The corrected mask holds the click, and not what a click beside it takes away."""
+    mask = find_mask(without_the_thing(), clicks=[BAND], not_clicks=[(96, 78)]).mask
+    assert mask[132, 96] and not mask[78, 96] and (mask & ~striped_post()[1]).sum() < 0.1 * mask.sum()
+
+
+def test_the_network_runs_once_for_each_window_of_a_click(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two windows for a click; the same click with another beside it asks for none."""
+    runs, real = [], photo.saliency
+    monkeypatch.setattr(photo, "saliency", lambda color: runs.append(color.shape[:2]) or real(color))
+    session = MaskSession(without_the_thing())
+    session.find(clicks=[BAND])
+    session.find(clicks=[BAND], not_clicks=[(10, 10)])
+    assert runs == [(144, 144), (96, 96)]
+
+
+def test_a_window_without_contrast_shows_nothing() -> None:
+    """The network stretches what it says to 0..1: in a window of one colour it would find something in nothing."""
+    color, rgbd = striped_post()[0], without_the_thing()
+    color[:] = 128
+    with pytest.raises(MaskError, match="clicks holds 96,132"):
+        find_mask(RGBD(color, rgbd.depth, rgbd.camera, rgbd.estimate), clicks=[BAND])
+
+
+@pytest.mark.parametrize("pixel", [(0, 0), (99, 159), (50, 80), (99, 0)])
+def test_a_window_holds_its_click_and_lies_in_the_picture(pixel: tuple[int, int]) -> None:
+    """Closed form: as large as asked for, or as the picture."""
+    for side, height in ((60, 60), (130, 100)):
+        rows, columns = window_round(pixel, side, (100, 160))
+        assert (rows.stop - rows.start, columns.stop - columns.start) == (height, side)
+        assert 0 <= rows.start <= pixel[0] < rows.stop <= 100 and 0 <= columns.start <= pixel[1] < columns.stop <= 160
+
+
+def test_only_rims_within_the_picture_cut_a_mask_off() -> None:
+    """Counted by hand: 4 pixels at the right rim of the window; those at the picture's own rim do not count."""
+    mask = np.zeros((20, 20), np.bool_)
+    mask[0:4, 0:10] = True
+    assert rim_share(mask, (slice(0, 10), slice(0, 10))) == pytest.approx(0.4)
+    assert rim_share(mask, (slice(0, 20), slice(0, 20))) == 0
+
+
+def test_other_readings_are_named_by_size() -> None:
+    """A smaller one is a part, a larger one a group; one that is nearly the same is none."""
+    small, thing, large, same = (np.zeros((10, 10), np.bool_) for _ in range(4))
+    small[:2], thing[:5], large[:], same[:5] = True, True, True, True
+    same[0, 0] = False
+    assert set(named(thing, [small, large, same])) == {"thing", "part", "group"}
+    assert set(named(thing, [same])) == {"thing"}
