@@ -187,7 +187,8 @@ def complete_view(
         before, grown_hole = warp(plan, scene, camera)
         known, taken_over = show_earlier_fill(plan, scene, before)
     with clock("fill"):
-        view, filled = fill(plan, known)
+        placed = dataclasses.replace(plan, law=plan.law.with_placed_edges(scene))
+        view, filled = fill(placed, known)
     with clock("fuse"):
         larger = fuse_new(scene, before, known, view)
     return CompletedView(before, view, grown_hole, (taken_over, filled)), larger

@@ -15,6 +15,8 @@ from dlama.geometry.kernels import shading
 from dlama.geometry.kernels.footprints import draw_rim, rim
 from dlama.geometry.kernels.jit import in_bands, threads
 from dlama.geometry.kernels.sampling import far_blocks, smooth_quads, spline
+from dlama.geometry.picture_edges import edge_ratio as edge_ratio
+from dlama.geometry.picture_edges import placed_edges
 from dlama.geometry.projection import px_from_px
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.geometry.view import Origin, View, from_source
@@ -30,14 +32,6 @@ NEAR = 1e-3
 """Metres in front of the camera at which rendering begins."""
 MAX_PARTS = 4
 """Threads that draw points at once, each into a z-buffer of its own."""
-
-
-def edge_ratio(camera: Camera) -> float:
-    """Relative step in inverse depth between neighbouring pixels above which they need a slope to be one surface.
-
-    A surface seen at 80 degrees changes by 5.7 / f per pixel; the floor of 1 % is a depth sensor's noise.
-    """
-    return float(np.clip(6.0 / camera.fx, 0.01, 0.03))
 
 
 def step_by_noise(w: Float32Array, ratio: float) -> float:
@@ -66,12 +60,16 @@ def flying(view: View) -> BoolArray:
 
 
 def without_flying(layer: View) -> tuple[Float32Array, BoolArray, Float32Array]:
-    """Depth without holes and flying pixels (0), which pixels fly, and inverse depth as `edges` wants it (with a margin)."""
-    w = edges.inverse_with_margin(layer.depth, layer.hole)
-    depth, fly = np.empty_like(layer.depth), np.empty_like(layer.hole)
+    """Depth without holes and flying pixels (0), its edges where the picture has them, which pixels fly, and inverse depth as
+    `edges` wants it (with a margin)."""
+    placed, mixed, _ = placed_edges(layer)
+    unknown = layer.hole | mixed
+    w = edges.inverse_with_margin(placed, unknown)
+    depth, fly = np.empty_like(placed), np.empty_like(layer.hole)
     ratio = edge_ratio(layer.camera)
     least = step_by_noise(w, ratio)
-    in_bands(edges.reject_flying, len(depth), w, layer.depth, layer.hole, ratio, least, depth, fly)
+    in_bands(edges.reject_flying, len(depth), w, placed, unknown, ratio, least, depth, fly)
+    fly |= mixed
     w[edges.PAD : -edges.PAD, edges.PAD : -edges.PAD][fly] = 0
     return depth, fly, w
 

@@ -6,7 +6,7 @@ Seen from a source camera, filled depth is never in front of what was measured t
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -16,6 +16,7 @@ from dlama.geometry.frames.choosing import MOST_FRAMES, choose_frames
 from dlama.geometry.frames.coarse import coarse_camera, coarse_depth
 from dlama.geometry.kernels import visibility as kernels
 from dlama.geometry.kernels.jit import in_bands
+from dlama.geometry.picture_edges import placed_edges
 from dlama.geometry.projection import px_from_px
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.geometry.scene import Scene
@@ -84,6 +85,17 @@ class Law:
             measured = [(camera, within_noise(depth, noise)) for camera, depth in measured]
         far = np.concatenate(sky)
         return cls(tuple(measured), far.mean(0).astype(np.uint8) if len(far) else None)
+
+    def with_placed_edges(self, scene: Scene) -> Law:
+        """The law with the scene's frames as they are drawn (`placed_edges`): beside misplaced edges depth that was filled counts
+        as measured, and an edge lies where the picture has it, if that forbids more."""
+        measured = list(self.measured)
+        for layer in scene.measured:
+            for number, (camera, known) in enumerate(measured):
+                if camera is layer.camera:
+                    placed = placed_edges(layer)
+                    measured[number] = camera, np.where(placed.beside, np.maximum(known, placed.depth), known)
+        return replace(self, measured=tuple(measured))
 
     @property
     def has_far(self) -> bool:

@@ -1,0 +1,166 @@
+"""Numba kernels of misplaced depth edges: inverse depth and colours in; the same with edges where the colours have them out."""
+
+from __future__ import annotations
+
+from dlama.geometry.kernels.jit import Real, Whole, kernel, piece
+from dlama.geometry.rgbd import BoolArray, Float32Array
+
+ROOM = 10
+"""Numbers that `fit` needs of a row."""
+
+
+@piece
+def likeness(color: Float32Array, row: Whole, column: Whole, y: Whole, x: Whole, width: Real) -> Real:
+    """1 for one and the same colour, 0 from `width` (levels, root of the sum over the channels) on."""
+    red = color[y, x, 0] - color[row, column, 0]
+    green = color[y, x, 1] - color[row, column, 1]
+    blue = color[y, x, 2] - color[row, column, 2]
+    return max(0.0, 1.0 - (red * red + green * green + blue * blue) / (width * width))
+
+
+@piece
+def fit(room: Float32Array, row: Whole, otherwise: Real) -> Real:
+    """Value at (0, 0) of the plane with the weighted sums room[row] = (1, x, y, xx, xy, yy, w, wx, wy), least squares."""
+    n, x, y = room[row, 0], room[row, 1], room[row, 2]
+    xx, xy, yy = room[row, 3] + 0.5 * n, room[row, 4], room[row, 5] + 0.5 * n
+    w, wx, wy = room[row, 6], room[row, 7], room[row, 8]
+    determinant = n * (xx * yy - xy * xy) - x * (x * yy - xy * y) + y * (x * xy - xx * y)
+    if determinant <= 1e-9:
+        return otherwise
+    return (w * (xx * yy - xy * xy) - x * (wx * yy - xy * wy) + y * (wx * xy - xx * wy)) / determinant
+
+
+@kernel
+def snap(
+    first: Whole,
+    last: Whole,
+    w: Float32Array,
+    band: BoolArray,
+    color: Float32Array,
+    ratio: Real,
+    radius: Whole,
+    width: Real,
+    better: Real,
+    room: Float32Array,
+    out: Float32Array,
+) -> None:
+    """In the band, pixels that look like another surface near by and not like their own get the inverse depth of that one.
+
+    w: H x W, 0 = unknown; color: H x W x 3 float32. ratio: relative step of one surface between neighbours; radius: px looked at;
+    better: times that the other surface's mean likeness must be its own's. room: H x ROOM. out: H x W.
+    """
+    rows, columns = w.shape
+    for row in range(first, last):
+        for column in range(columns):
+            here = w[row, column]
+            out[row, column] = here
+            if not band[row, column] or here <= 0:
+                continue
+            own, owns, other, others = 0.0, 1e-3, 0.0, 1e-3
+            most, best = 0.0, 0.0
+            for y in range(max(0, row - radius), min(rows, row + radius + 1)):
+                for x in range(max(0, column - radius), min(columns, column + radius + 1)):
+                    there = w[y, x]
+                    if there <= 0 or (y + x + row + column) % 2 == 1:
+                        continue
+                    away = float(max(abs(y - row), abs(x - column)))
+                    weight = (1.0 if not band[y, x] else 0.3) / (2.0 + away)
+                    like = likeness(color, row, column, y, x, width)
+                    if abs(there - here) <= ratio * (2.0 + away) * max(there, here):
+                        if away > 0:
+                            own += weight * like
+                            owns += weight
+                    else:
+                        other += weight * like
+                        others += weight
+                        if weight * like > most:
+                            most, best = weight * like, there * 1.0
+            if most <= 0 or other / others <= better * own / owns + 0.1:
+                continue
+            for k in range(9):
+                room[row, k] = 0
+            for y in range(max(0, row - radius), min(rows, row + radius + 1)):
+                for x in range(max(0, column - radius), min(columns, column + radius + 1)):
+                    there = w[y, x]
+                    if there <= 0 or abs(there - best) > ratio * (2.0 + radius) * best:
+                        continue
+                    weight = likeness(color, row, column, y, x, width) * (1.0 if not band[y, x] else 0.1)
+                    right, down = float(x - column), float(y - row)
+                    room[row, 0] += weight
+                    room[row, 1] += weight * right
+                    room[row, 2] += weight * down
+                    room[row, 3] += weight * right * right
+                    room[row, 4] += weight * right * down
+                    room[row, 5] += weight * down * down
+                    room[row, 6] += weight * there
+                    room[row, 7] += weight * there * right
+                    room[row, 8] += weight * there * down
+            near = ratio * (2.0 + radius) * best
+            out[row, column] = min(max(fit(room, row, best), best - near), best + near)
+
+
+@kernel
+def mixed(
+    first: Whole,
+    last: Whole,
+    w: Float32Array,
+    rim: BoolArray,
+    color: Float32Array,
+    ratio: Real,
+    radius: Whole,
+    share: Real,
+    contrast: Real,
+    spreads: Real,
+    room: Float32Array,
+    out: BoolArray,
+) -> None:
+    """True at pixels behind the rim whose colour lies between their own side's and the nearer one's, from `share` of that on.
+
+    rim: H x W, within RIM of an edge; contrast: levels by which the mean colours of the sides differ at least; spreads: standard
+    deviations of its own side's by which the colour stands out of it; the rest as of `snap`.
+    """
+    rows, columns = w.shape
+    for row in range(first, last):
+        for column in range(columns):
+            here = w[row, column]
+            out[row, column] = False
+            if not rim[row, column] or here <= 0:
+                continue
+            for k in range(8):
+                room[row, k] = 0
+            for y in range(max(0, row - radius), min(rows, row + radius + 1)):
+                for x in range(max(0, column - radius), min(columns, column + radius + 1)):
+                    there = w[y, x]
+                    if rim[y, x] or there <= 0:
+                        continue
+                    away = float(max(abs(y - row), abs(x - column)))
+                    same = abs(there - here) <= ratio * (2.0 + away) * max(there, here)
+                    if there < here and not same:
+                        continue
+                    side = 0 if same else 4
+                    room[row, side] += 1
+                    for k in range(3):
+                        room[row, side + 1 + k] += color[y, x, k]
+            if room[row, 0] < 3 or room[row, 4] < 3:
+                continue
+            for k in range(3):
+                room[row, 1 + k] /= room[row, 0]
+                room[row, 5 + k] = room[row, 5 + k] / room[row, 4] - room[row, 1 + k]
+            apart = room[row, 5] ** 2 + room[row, 6] ** 2 + room[row, 7] ** 2
+            if apart < contrast * contrast:
+                continue
+            along, spread = 0.0, 0.0
+            for k in range(3):
+                along += (color[row, column, k] - room[row, 1 + k]) * room[row, 5 + k]
+            if along < share * apart:
+                continue
+            for y in range(max(0, row - radius), min(rows, row + radius + 1)):
+                for x in range(max(0, column - radius), min(columns, column + radius + 1)):
+                    away = float(max(abs(y - row), abs(x - column)))
+                    if rim[y, x] or abs(w[y, x] - here) > ratio * (2.0 + away) * max(w[y, x], here):
+                        continue
+                    one = 0.0
+                    for k in range(3):
+                        one += (color[y, x, k] - room[row, 1 + k]) * room[row, 5 + k]
+                    spread += one * one
+            out[row, column] = along * along * room[row, 0] > spreads * spreads * spread

@@ -1,0 +1,145 @@
+"""A view whose depth edges lie beside those of its picture in; its depth with the edges where the picture has them out.
+
+A depth camera and a matcher place edges a few pixels off: pixels of a table get the depth of the cabinet behind it, and the
+other way round. In the view itself nothing shows it; from elsewhere they are a torn fringe on both. How far off is measured.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+from weakref import WeakKeyDictionary
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from dlama.geometry.camera import Camera
+from dlama.geometry.holes import with_nearest
+from dlama.geometry.kernels.jit import in_bands
+from dlama.geometry.kernels.picture_edges import ROOM, mixed, snap
+from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
+from dlama.geometry.view import Origin, View
+
+JUMP = 0.06
+"""Relative step of inverse depth between neighbours that is an edge."""
+LOOKED_AT = 8
+"""Pixels to either side of a depth edge in which the picture's edge is looked for."""
+LINES = 3
+"""Every so many rows and columns are looked at."""
+STRONG, STANDS_OUT = 20.0, 2.0
+"""Levels (mean over channels) that a picture's edge steps at least, and times the median step around it."""
+LEAST_EDGES = 40
+"""Fewer edges say nothing."""
+REACHED = 0.8
+"""Share of the edges that lie within the reach in which pixels are moved."""
+BETTER = 2.0
+"""Times the likeness to its own surface with which a pixel must resemble another one."""
+RIM, MIXED, CONTRAST, SPREADS = 1, 0.3, 40.0, 2.0
+"""Pixels beside an edge (and its own two) that may be mixed of both sides; the other side's share from which they are; the levels
+(root of the sum over channels) that the sides differ by; standard deviations by which the mixture stands out of its own side."""
+UNLIKE = 60.0
+"""Levels (root of the sum over channels) from which two colours have nothing in common."""
+
+
+class PlacedEdges(NamedTuple):
+    """A view's depth with its edges where the picture has them."""
+
+    depth: Float32Array
+    """H x W metres: that of pixels beside misplaced edges is that of the surface whose colours they have."""
+    mixed: BoolArray
+    """H x W, True behind an edge where a colour is mixed with that of what stands before it."""
+    beside: BoolArray
+    """H x W, True within the reach of misplaced edges; nowhere, where edges are where the picture has them."""
+
+
+PLACED: WeakKeyDictionary[View, PlacedEdges] = WeakKeyDictionary()
+"""What was found, as long as the views live: each is drawn several times."""
+
+
+def placed_edges(view: View) -> PlacedEdges:
+    """Depth with its edges where the picture has them: the depth itself where they are, or where nothing tells."""
+    placed = PLACED.get(view)
+    if placed is None:
+        placed = PLACED[view] = _placed(view)
+    return placed
+
+
+def _placed(view: View) -> PlacedEdges:
+    known = view.valid
+    reach = edge_uncertainty(view)
+    if not reach:
+        none = np.zeros_like(view.hole)
+        return PlacedEdges(view.depth, none, none)
+    w = np.divide(np.float32(1), view.depth, out=np.zeros_like(view.depth), where=known)
+    band = near_jumps(with_nearest(w, known), reach)
+    color = view.color.astype(np.float32)
+    ratio = edge_ratio(view.camera)
+    out, room = np.empty_like(w), np.empty((len(w), ROOM), np.float32)
+    in_bands(snap, len(w), w, band, color, ratio, 2 * reach, UNLIKE, BETTER, room, out)
+    rim, neither = near_jumps(with_nearest(out, known), RIM), np.empty_like(known)
+    in_bands(
+        mixed,
+        len(w),
+        out,
+        rim,
+        color,
+        ratio,
+        2 * reach,
+        MIXED,
+        CONTRAST,
+        SPREADS,
+        room,
+        neither,
+    )
+    depth = np.where(out != w, 1 / np.maximum(out, np.float32(1e-6)), view.depth)
+    return PlacedEdges(depth.astype(np.float32), neither, band & known)
+
+
+def edge_ratio(camera: Camera) -> float:
+    """Relative step in inverse depth between neighbouring pixels above which they need a slope to be one surface.
+
+    A surface seen at 80 degrees changes by 5.7 / f per pixel; the floor of 1 % is a depth sensor's noise.
+    """
+    return float(np.clip(6.0 / camera.fx, 0.01, 0.03))
+
+
+def near_jumps(w: Float32Array, reach: int) -> BoolArray:
+    """H x W, True within `reach` px of a jump of inverse depth (H x W, known everywhere)."""
+    square = np.ones((2 * reach + 1, 2 * reach + 1), np.uint8)
+    return np.asarray(cv2.dilate(jumps(w).astype(np.uint8), square) > 0)
+
+
+def jumps(w: Float32Array) -> BoolArray:
+    """H x W, True where inverse depth (H x W, known everywhere) jumps to a neighbour."""
+    around = np.ones((3, 3), np.uint8)
+    high, low = cv2.dilate(w, around), cv2.erode(w, around)
+    return np.asarray(high - low > JUMP * high)
+
+
+def edge_uncertainty(view: View) -> int:
+    """Pixels by which measured depth edges lie beside the picture's: those of REACHED of them; 0 where half of them do not."""
+    measured = view.valid & (view.origin == Origin.MEASURED)
+    if measured.sum() < LEAST_EDGES:
+        return 0
+    w = np.divide(np.float32(1), view.depth, out=np.zeros_like(view.depth), where=measured)
+    w = with_nearest(w, measured | view.far)
+    off = np.concatenate([edge_offsets(w, view.color), edge_offsets(w.T, view.color.transpose(1, 0, 2))])
+    if len(off) < LEAST_EDGES or np.median(off) == 0:
+        return 0
+    return int(np.quantile(off, REACHED))
+
+
+def edge_offsets(w: Float32Array, color: UInt8Array) -> NDArray[np.int64]:
+    """N distances in px, along some rows, of lone depth edges from the nearest edge of the picture that is strong there."""
+    w, color = w[LINES - 1 :: LINES], color[LINES - 1 :: LINES]
+    before, after = w[:, :-1], w[:, 1:]
+    jump = np.abs(after - before) > JUMP * np.maximum(before, after)
+    rows, columns = np.nonzero(jump[:, LOOKED_AT:-LOOKED_AT])
+    around = columns[:, None] + np.arange(2 * LOOKED_AT + 1)
+    lone = jump[rows[:, None], around].sum(1) == 1
+    rows, around = rows[lone, None], around[lone]
+    step = np.abs(color[rows, around + 1].astype(np.float32) - color[rows, around]).mean(2)
+    highest = step.max(1, initial=0)
+    clear = (highest > STRONG) & (highest > STANDS_OUT * np.median(step, 1)) if len(step) else np.zeros(0, np.bool_)
+    distance = np.abs(np.arange(-LOOKED_AT, LOOKED_AT + 1))
+    return np.where(step[clear] > highest[clear, None] / 2, distance, LOOKED_AT).min(1, initial=LOOKED_AT)

@@ -1,0 +1,110 @@
+"""Edges of depth beside those of the picture: how far off, what moves where, and what never does (oracles: closed forms)."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+import dlama
+from dlama.geometry.camera import Camera
+from dlama.geometry.kernels.picture_edges import ROOM, snap
+from dlama.geometry.picture_edges import BETTER, UNLIKE, edge_uncertainty, placed_edges
+from dlama.geometry.rgbd import RGBD
+from dlama.geometry.scene import Scene
+from dlama.geometry.view import View
+from dlama.geometry.visibility import Law
+
+WIDTH, HEIGHT, EDGE = 160, 144, 80
+TABLE, WALL = (200, 160, 90), (40, 60, 130)
+CAMERA = Camera.from_fov(WIDTH, HEIGHT, 60)
+
+
+def depth_of(edge: np.ndarray | int) -> np.ndarray:
+    """A slanted table at about 1 m to the left of a column (one for all rows, or H), a wall at 2 m to its right."""
+    columns = np.arange(WIDTH)
+    near = 1 / (1 - 0.001 * columns)
+    return np.where(columns < np.reshape(edge, (-1, 1)), near, 2.0).repeat(HEIGHT if np.ndim(edge) == 0 else 1, 0)
+
+
+def frame(edge: np.ndarray | int, camera: Camera = CAMERA) -> RGBD:
+    """The picture's edge at column EDGE, with grain of 3 levels; that of depth where it is said."""
+    color = np.where((np.arange(WIDTH) < EDGE)[:, None], TABLE, WALL)[None].repeat(HEIGHT, 0)
+    grain = np.random.default_rng(0).normal(0, 3, color.shape)
+    return RGBD(np.clip(color + grain, 0, 255).astype(np.uint8), depth_of(edge).astype(np.float32), camera)
+
+
+def torn() -> np.ndarray:
+    """H columns: a depth edge 2 px off on the mean, ragged by as much."""
+    return EDGE + np.random.default_rng(1).choice([-3, -2, 0, 1, 2, 3], HEIGHT)
+
+
+@pytest.mark.parametrize("off", [-4, -3, 2, 4])
+def test_how_far_edges_are_off_is_measured(off: int) -> None:
+    """Closed form: depth moved by so many pixels."""
+    assert edge_uncertainty(View.from_rgbd(frame(EDGE + off))) == abs(off)
+
+
+def test_edges_in_their_place_are_left_alone() -> None:
+    """The very same depth, and nothing is beside an edge: nothing changes for clean data."""
+    view = View.from_rgbd(frame(EDGE))
+    placed = placed_edges(view)
+    assert placed.depth is view.depth and not placed.mixed.any() and not placed.beside.any()
+
+
+@pytest.mark.parametrize("edge", [EDGE - 3, EDGE + 2, torn()], ids=["table too small", "too large", "torn"])
+def test_pixels_go_to_the_surface_they_look_like(edge: np.ndarray | int) -> None:
+    """Oracle: the scene itself, whose edge is where the picture has it; planes are continued, not copied."""
+    found = placed_edges(View.from_rgbd(frame(edge)))
+    kept = ~found.mixed
+    np.testing.assert_allclose(found.depth[kept], depth_of(EDGE)[kept], rtol=2e-3)
+    assert found.mixed.mean() < 0.01
+
+
+def test_the_own_view_is_untouched_and_no_fringe_is_seen_from_elsewhere() -> None:
+    """Bit for bit at home; from the side, nothing at the wall's depth has the table's colour, nor the other way round."""
+    source = frame(torn())
+    home = dlama.render(source, source.camera)
+    np.testing.assert_array_equal(home.color, source.color)
+    np.testing.assert_array_equal(home.depth, source.depth)
+    side = np.eye(4)
+    side[0, 3] = 0.1
+    view = dlama.render(source, dataclasses.replace(CAMERA, world_from_cam=side))
+    wall = ~view.hole & (view.depth > 1.5)
+    like_table = np.abs(view.color.astype(int) - TABLE).sum(2) < np.abs(view.color.astype(int) - WALL).sum(2)
+    assert not (like_table & wall).any() and not (~like_table & ~view.hole & ~wall).any()
+
+
+def test_things_thinner_than_the_reach_stay() -> None:
+    """A pole of 3 px whose depth is right stays, though all of it is near an edge that is not."""
+    source = frame(EDGE + 3)
+    color, depth = source.color.copy(), source.depth.copy()
+    color[:, 120:123], depth[:, 120:123] = (240, 240, 240), 1.2
+    found = placed_edges(View.from_rgbd(RGBD(color, depth, CAMERA)))
+    assert found.beside[:, 120:123].all()
+    np.testing.assert_array_equal(found.depth[:, 120:123], depth[:, 120:123])
+
+
+def test_the_kernel_moves_nothing_where_colours_tell_nothing() -> None:
+    """Grey on grey: no pixel looks more like the other surface, so none moves."""
+    w = (1 / depth_of(EDGE)).astype(np.float32)
+    out, room = np.empty_like(w), np.empty((HEIGHT, ROOM), np.float32)
+    grey = np.full((*w.shape, 3), 128, np.float32)
+    snap(0, HEIGHT, w, np.ones(w.shape, np.bool_), grey, 0.03, 6, UNLIKE, BETTER, room, out)
+    np.testing.assert_array_equal(out, w)
+
+
+def test_depth_filled_beside_a_misplaced_edge_counts_for_the_law() -> None:
+    """Where the sensor gave none beside the edge, the wall that was filled there must not be hidden by more table."""
+    source = frame(torn())
+    depth = source.depth.copy()
+    depth[:, EDGE : EDGE + 4] = 0
+    measured = Scene((View.from_rgbd(RGBD(source.color, depth, CAMERA)),))
+    filled = dlama.complete(RGBD(source.color, depth, CAMERA), [CAMERA]).scene
+    law = Law.of(measured)
+    where = np.zeros(depth.shape, np.bool_)
+    where[:, EDGE + 1 : EDGE + 3] = True
+    table = np.full(depth.shape, 1.1, np.float32)
+    assert not law.violations(CAMERA, table, where).any()
+    assert law.with_placed_edges(filled).violations(CAMERA, table, where)[where].mean() > 0.9
