@@ -102,4 +102,4 @@ def test_depth_of_a_photo_as_files(frame: Path, capsys: pytest.CaptureFixture[st
     assert set(cloud.origin) == {Origin.ESTIMATED}
     meta = meta_of(out)
     assert meta["depth"] == "estimated" and meta["depth_estimate"]["scale"]["rule"] == "metres_at"
-    assert "scale: metres at" in capsys.readouterr().out
+    assert "scale from --metres-at" in capsys.readouterr().out

@@ -11,6 +11,14 @@ from dlama.apps.options import Estimating, Image, Lens, Metres, Output, Reading,
 from dlama.apps.places import check_folder_apart
 from dlama.geometry.rgbd import depth_range_in_words
 
+SCALES = {
+    "metric model": "as the network says",
+    "metres_at": "from --metres-at",
+    "camera_height": "from --camera-height",
+    "assumed": "assumed",
+}
+"""Rule of `perception.depth_scale.Scale` -> where the scale comes from, in words."""
+
 
 def depth(
     image: Positional[Image],
@@ -35,7 +43,7 @@ def depth(
         rgbd = this.rgbd(image, None, lens, Reading(far=far), estimating)
         write_depth(rgbd, output, inputs=this.inputs, seconds={"read": round(this.read_seconds, 4)})
         about = dict(rgbd.estimate or {})
-        rule = about["scale"]["rule"].replace("_", " ")
-        line = f"{output}: {depth_range_in_words(rgbd.depth)}, by {about['estimator']}, scale: {rule}"
+        scale = SCALES.get(about["scale"]["rule"], about["scale"]["rule"])
+        line = f"{output}: {depth_range_in_words(rgbd.depth)}, by {about['estimator']}, scale {scale}"
         values = {"output": str(output), "files": list(FILES), "depth_estimate": about}
         this.result.add(f"{line}, {time.perf_counter() - this.started:.1f} s", **values)
