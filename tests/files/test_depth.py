@@ -175,6 +175,10 @@ def test_float_tiff(tmp_path: Path) -> None:
         (np.zeros((3, 4), np.float32), r"no pixel has a depth \(12 of 12 missing, 0 far"),
         (np.full((3, 4), np.nan, np.float32), "no pixel has a depth"),
         (np.full((3, 4), np.inf, np.float32), r"no pixel has a depth \(0 of 12 missing, 12 far"),
+        (
+            np.full((3, 4), 5e9),
+            r"every depth lies beyond 1e\+06 m with depth_scale=1 \(the nearest at 5e\+09 m\); is it the number",
+        ),
         (np.array([[1, -2, -0.5]], np.float32), r"2 of 3 depth values are negative \(smallest -2\)"),
         (np.array([[1, -np.inf]], np.float32), "negative"),
         (np.array([[5, -2]], np.int16), "negative"),

@@ -61,6 +61,7 @@ def read_depth(
         scale = depth_scale or MILLIMETRES
         depth = depth_from_mm(values, scale)
     depth[np.isnan(depth)] = 0
+    _check_not_all_far(path, depth, f"depth_scale={scale:g}" if depth_range is None else f"depth_range={depth_range:g}")
     depth[depth > FAR_METRES] = np.inf
     _check_plausible(path, depth, scale, depth_range)
     if depth_range is None:
@@ -193,6 +194,18 @@ def _metres_from_floats(
             "in metres (EasySynth), or depth_scale=1 if these are metres"
         )
     return values.astype(np.float32)
+
+
+def _check_not_all_far(path: PathLike, depth: Float32Array, option: str) -> None:
+    """DepthError, which names the option that makes metres of it, where every depth lies beyond what counts as infinity."""
+    valid = depth[_valid(depth)]
+    if valid.size and valid.min() > FAR_METRES:
+        raise DepthError(
+            f"{path}: every depth lies beyond {FAR_METRES:g} m with {option} (the nearest at {valid.min():.4g} m); "
+            "is it the number of units that make a metre, 1000 for millimetres?"
+            if option.startswith("depth_scale")
+            else f"{path}: every depth lies beyond {FAR_METRES:g} m with {option}; metres are wanted"
+        )
 
 
 def _check_plausible(path: PathLike, depth: Float32Array, scale: float, depth_range: float | None) -> None:
