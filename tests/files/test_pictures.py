@@ -11,6 +11,7 @@ import pytest
 from PIL import Image
 
 from dlama.errors import FileError, MaskError, ShapeError
+from dlama.files.rasters.depth import write_depth_png
 from dlama.files.rasters.pictures import read_color, read_mask, write_codes, write_color, write_grey, write_mask
 
 COLOR = np.random.default_rng(0).integers(0, 256, (14, 19, 3)).astype(np.uint8)
@@ -120,6 +121,9 @@ def test_grey_mask_is_refused_unless_soft(tmp_path: Path) -> None:
     with pytest.raises(MaskError, match=r"4 of 6 pixels.*values 9, 127, 128, 246.*soft_mask"):
         read_mask(path)
     assert read_mask(path, soft_mask=True).tolist() == [[False, False, False, True, True, True]]
+    write_depth_png(tmp_path / "depth.png", np.full((2, 3), 5.0, np.float32))
+    with pytest.raises(MaskError, match=r"depth\.png: 6 of 6 pixels.* is it the depth, and the mask not given\?"):
+        read_mask(tmp_path / "depth.png")
 
 
 @pytest.mark.parametrize(
