@@ -25,7 +25,7 @@ from dlama.datasets.posed.trajectory_log import looks_like_trajectory_log, traje
 from dlama.datasets.posed.tum import looks_like_tum, tum
 from dlama.datasets.removal_folder import looks_like_removal, removal_folder
 from dlama.datasets.stereo_folder import looks_like_stereo, stereo_folder
-from dlama.datasets.text_tables import LEVELS, check_scenes, folders_in
+from dlama.datasets.text_tables import LEVELS, check_folder, check_scenes, folders_in
 from dlama.errors import FileError, InputError, system_errors
 
 
@@ -102,8 +102,7 @@ def open_dataset(
         return narrowed(scene_file(root, limit=limit), scenes, limit)
     if layout is not None and layout not in LAYOUTS:
         raise InputError(f"layout '{layout}' is not known; known are {', '.join(LAYOUTS)}")
-    if not root.is_dir():
-        raise FileError(f"{root}: no such folder; the folder of a data set is wanted")
+    check_folder(root)
     name = layout if layout is not None else detect(root)
     chosen = LAYOUTS[name]
     refuse_unused(name, chosen.options, particular)

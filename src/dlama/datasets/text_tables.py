@@ -111,8 +111,7 @@ def scene_folders(
     `chess/seq-01` becomes `chess_seq-01`. Raises FileError when there is none (`looked_for` says what was looked for) and when
     two have one name, InputError for a scene that is not there.
     """
-    if not root.is_dir():
-        raise FileError(f"{root}: no such folder")
+    check_folder(root)
     level, found = [root], []
     for _ in range(LEVELS):
         found += [folder for folder in level if holds_frames(folder)]
@@ -132,6 +131,13 @@ def scene_folders(
     check_scenes(sorted(by_name, key=natural_order), scenes)
     kept = [name for name in by_name if scenes is None or name in scenes]
     return {name: by_name[name] for name in sorted(kept, key=natural_order)}
+
+
+def check_folder(root: Path) -> None:
+    """Raise FileError where the folder of a data set is not there, or is no folder."""
+    if not root.is_dir():
+        what = "is a file" if root.exists() else "no such folder"
+        raise FileError(f"{root}: {what}; the folder of a data set is wanted")
 
 
 def folders_in(folder: Path) -> list[Path]:

@@ -28,6 +28,7 @@ from dlama.datasets.easysynth.listing import (
 from dlama.datasets.frames import Case, Dataset, Gamma, Protocol, Truth
 from dlama.datasets.posed.posed_frames import PosedFrame
 from dlama.datasets.posed.rotations import rotation_deg
+from dlama.datasets.text_tables import check_folder
 from dlama.errors import CameraError, FileError
 from dlama.files.semantic_classes import CLASSES_FILE, RGB, class_color
 from dlama.geometry.camera import Float64Array, inverse_pose
@@ -111,8 +112,7 @@ def _turned_deg(source: Float64Array, target: Float64Array) -> float:
 
 
 def _scenes(root: Path) -> list[tuple[Path, list[Path]]]:
-    if not root.is_dir():
-        raise FileError(f"{root}: no such folder")
+    check_folder(root)
     found = sequence_folders(root)
     if not found:
         raise FileError(
