@@ -83,7 +83,7 @@ class Camera:
     def from_fov(cls, width: int, height: int, fov_deg: float, world_from_cam: ArrayLike | None = None) -> Camera:
         """Camera with square pixels, centred, from its horizontal field of view in degrees (0 < fov < 180)."""
         if not 0 < fov_deg < 180:
-            raise CameraError(f"field of view is {fov_deg} degrees; a value between 0 and 180 is wanted")
+            raise CameraError(f"fov is {fov_deg:g} degrees; a field of view between 0 and 180 is wanted")
         focal = 0.5 * width / math.tan(math.radians(fov_deg) / 2)
         pose = np.eye(4) if world_from_cam is None else np.asarray(world_from_cam, np.float64)
         return cls(width, height, focal, focal, width / 2, height / 2, pose)

@@ -223,7 +223,7 @@ def check_move(**moves: Any) -> None:
     """InputError where nothing says where the new camera stands."""
     if all(value is None for value in moves.values()):
         raise InputError(
-            "nothing says where the new camera stands: give yaw=DEG (positive: to the right), pitch, dolly, "
+            "nothing says where the new camera stands: give yaw=DEG (positive: to the right), pitch=DEG, dolly=METRES "
             "or to=TARGET.json"
         )
 

@@ -94,7 +94,7 @@ class MaskSession:
         hw = picture.depth.shape if isinstance(picture, RGBD) else picture.shape[:2]
         prompt = Prompt((hw[0], hw[1]), tuple(map(tuple, clicks)), tuple(map(tuple, not_clicks)), box and tuple(box))  # type: ignore[arg-type]
         if MASKERS[self.masker].needs_prompt and not prompt.clicks and prompt.box is None:
-            raise InputError("clicks and box are both missing; give clicks on the thing, or a box round it")
+            raise InputError("clicks and `box` are both missing; give clicks on the thing, or a `box` round it")
         if with_shadow and not isinstance(picture, RGBD):
             raise InputError("with_shadow needs depth and the picture has none; an RGBD is wanted")
         masks, notes = self._pointed(prompt)
