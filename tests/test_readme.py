@@ -101,6 +101,14 @@ def test_named_files_exist(page: Path) -> None:
     assert links or page in NOTES
 
 
+def test_the_map_of_the_package_leads_somewhere() -> None:
+    """Files and folders of CONTRIBUTING.md's tables are there, seen from src/dlama."""
+    rows = [line for line in (ROOT / "CONTRIBUTING.md").read_text("utf-8").splitlines() if line.startswith("|")]
+    named = [path for row in rows for path in re.findall(r"`([\w/]+(?:\.\w+|/))`", row)]
+    assert len(named) > 40
+    assert [path for path in named if not (ROOT / "src" / "dlama" / path).exists() and path != "meta.json"] == []
+
+
 def test_figure_names_files_that_exist() -> None:
     """The monospaced words of method.svg are files of the package; a folder above a file is its folder."""
     words = [word.strip(" …") for word in re.findall(r">([\w/]+(?:\.py|/)[ …]*)<", FIGURE.read_text("utf-8"))]
