@@ -224,7 +224,7 @@ def _tensorboard(run: Path, step: int) -> Any:
         from torch.utils.tensorboard import SummaryWriter
     except ImportError:
         LOG.info(
-            "no TensorBoard files are written, since it is not installed (pip install tensorboard); metrics.csv is"
+            "no TensorBoard files are written, since it is not installed (pip install 'dlama[train]'); metrics.csv is"
         )
         return None
     return SummaryWriter(str(run / "tensorboard"), purge_step=step + 1 if step else None)
