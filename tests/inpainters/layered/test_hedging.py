@@ -63,6 +63,23 @@ def test_fine_detail_stays_where_colours_are_hedged() -> None:
     assert np.abs(contrast - 40).max() <= 2 + DRIFT
 
 
+def test_surfaces_keep_their_borders_and_their_contrast() -> None:
+    """Closed form: of a dark and a light surface, with coarse stripes on the dark one, each moves as a whole: the border stays
+    one pixel wide and the stripes as far apart as painted; and both lean on what is known, 200, 100, 50."""
+    view = view_of()
+    color, label = painted(view), np.ones(HW, np.int32)
+    color[:20, 40:], label[:20] = 230, 0
+    color[20:, 40:50], color[20:, 50:] = 60, 90
+    out = hedged(view, color, view.hole, np.zeros(HW, np.float32), label).astype(int)
+    moved = (out - color)[:, 50:]
+    assert (np.abs(np.diff(moved[:20, :, 0], axis=0)) <= 2).all() and (
+        np.abs(np.diff(moved[20:, :, 0], axis=0)) <= 2
+    ).all()
+    assert (out[19, 45:, 0] - out[20, 45:, 0] > 40).all()
+    assert (np.abs(out[20:, 50] - out[20:, 49] - 30) <= 8).all()
+    assert (moved[:20, :, 2] < -40).all() and (moved[20:, :, 0] > 30).all()
+
+
 @pytest.mark.parametrize("kind", [HoleType.DISOCCLUDED, HoleType.OBJECT, HoleType.CRACK])
 def test_only_what_is_out_of_view_is_a_guess(kind: HoleType) -> None:
     """Holes of other types keep their painted colours; so do pixels whose colour was not painted."""

@@ -138,23 +138,6 @@ def test_another_thing_on_the_same_plane_lends_nothing():
         assert not found[:, :60].any() and found[100, 104:126].all() and found[100, 230:250].all()
 
 
-def test_borders_out_of_view_are_the_softer_the_farther_off():
-    """Closed form: two smooth surfaces that end at a border; 100 px from what is known it is several times as wide as beside
-    it. The same border in a hole that is in view stays one pixel wide, and surfaces away from borders keep their colour."""
-    camera = Camera.from_fov(240, 120, 80)
-    color, w = np.full((120, 240, 3), 40, np.uint8), np.full((120, 240), 0.25, np.float32)
-    color[60:], w[60:] = 200, 0.5
-    label = np.where(w > 0.3, np.int32(2), np.int32(1))
-    hole = np.zeros(w.shape, bool)
-    hole[:, 60:] = True
-    seen = synthesize(color, hole, w, label, camera)
-    far = synthesize(color, hole, w, label, camera, unseen=hole)
-    between = [((picture > 60) & (picture < 180)).all(2).sum(0) for picture in (seen, far)]
-    assert between[0].max() <= 1 and between[1][62] <= 1 and between[1][160] > 4 * max(between[1][70], 1)
-    np.testing.assert_array_equal(far[:10], 40)
-    np.testing.assert_array_equal(far[~hole], color[~hole])
-
-
 def random_scene(rng: np.random.Generator, shape: tuple[int, int]):
     """Anything of that size: noise, random holes, labels and depths."""
     label = rng.integers(-1, 3, shape).astype(np.int32)

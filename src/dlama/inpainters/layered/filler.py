@@ -6,7 +6,7 @@ import numpy as np
 
 from dlama.geometry.projection import depth_from_inverse, inverse_depth
 from dlama.geometry.rgbd import Float32Array, UInt8Array
-from dlama.geometry.view import HoleType, View
+from dlama.geometry.view import View
 from dlama.geometry.visibility import Law, lawful_depth
 from dlama.inpainters.filling import Fill
 from dlama.inpainters.layered.hedging import hedged
@@ -20,7 +20,8 @@ def layered(view: View, law: Law, seed: int = 0) -> Fill:
     """Continue planes, sky and smooth surfaces into the holes, move them behind what was measured, then paint them."""
     surfaces, depth, moved = surfaces_behind(view, law, seed)
     color = painted(view, surfaces, depth, law, seed)
-    color = hedged(view, color, view.color_hole, np.where(view.hole, inverse_depth(depth), surfaces.inverse_depth))
+    w = np.where(view.hole, inverse_depth(depth), surfaces.inverse_depth)
+    color = hedged(view, color, view.color_hole, w, surfaces.label)
     return Fill(color, depth, moved, {"planes": len(surfaces.planes)})
 
 
@@ -31,10 +32,9 @@ def painted(view: View, surfaces: Surfaces, depth: Float32Array, law: Law, seed:
     w = np.where(view.hole, inverse_depth(depth), surfaces.inverse_depth)
     label = np.where(np.abs(w - surfaces.inverse_depth) > 0.05 * w, np.int32(SMOOTH), surfaces.label)
     label = np.where(view.hole & (w == 0), np.int32(SKY), label).astype(np.int32)
-    unseen = view.hole_type == HoleType.OUT_OF_VIEW
     shadow = shadow_beside(view, label)
     known = view.color, view.color_hole, w, label, view.camera
-    color = synthesize(*known, seed=seed, sky=law.far_color, unseen=unseen, spoiled=shadow)
+    color = synthesize(*known, seed=seed, sky=law.far_color, spoiled=shadow)
     return fading_out(color, shadow, view.color_hole, label) if shadow.any() else color
 
 

@@ -20,6 +20,7 @@ from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.geometry.view import HoleType, View
 from dlama.geometry.visibility import Law
 from dlama.inpainters.layered.kernels import surfaces as surface_kernels
+from dlama.inpainters.layered.out_of_view import above_horizon, seen_going_on
 from dlama.perception.planes import SMOOTH, plane_values
 
 GRID = 256
@@ -63,9 +64,7 @@ LEAST_CELLS = 50
 REACHES = 0.3
 """Square roots of a thing's visible area by which it goes on out of view, if it has no plane."""
 ENDING_COST = 1.0
-"""Largest cost of a surface out of view that should have ended. It grows twice as fast as any distance counts."""
-BESIDE, CUT_CELLS = 2, 3
-"""Cells from what is out of view within which so many known cells of a plane make it one that the border cuts."""
+"""Largest cost of what has no plane and should have ended. It grows twice as fast as any distance counts."""
 LEAST_INVERSE_DEPTH = 1e-3
 """Planes are not continued beyond 1 km: there they are horizon."""
 
@@ -105,14 +104,18 @@ class CoarseView:
 
     def label_costs(self, law: Law) -> Float32Array:
         """h x w x L cost of each label after belief propagation (lower is better)."""
-        penalty = self.extrapolation_cost()
-        penalty[0] += SMOOTH_PENALTY
+        unseen = self.hole & ~self.hole_in_view
+        known = self.hole, unseen, self.inverse_depth, self.label
+        on, penalty = seen_going_on(self.camera, self.candidates, *known)
+        penalty += (1 - on) * self.extrapolation_cost()
+        penalty[0] += SMOOTH_PENALTY + self.ending_cost()
         penalty[1:] += ORDER_COST * self.out_of_order()
-        penalty += self.ending_cost()
+        distance = self.distance_to_known(law)
+        distance += on * (distance.min(0) - distance)  # what is seen on its line is as near as anything
         unary = surface_kernels.unary_costs(
             self.candidates,
             self.allowed(law),
-            self.distance_to_known(law),
+            distance,
             self.hole,
             self.inverse_depth,
             self.label,
@@ -167,30 +170,23 @@ class CoarseView:
         return out & self.hole_in_view
 
     def ending_cost(self) -> Float32Array:
-        """L x h x w cost, out of view, of what should have ended: planes that end within the picture, and what has no plane (a
-        tree that the border cuts) farther from its nearest thing than that is large (REACHES). Planes that the border cuts go on.
-        """
-        out = np.zeros(self.candidates.shape, np.float32)
-        unseen = self.hole & ~self.hole_in_view
-        if not unseen.any():
-            return out
-        beside = cv2.dilate(unseen.astype(np.uint8), np.ones((2 * BESIDE + 1, 2 * BESIDE + 1), np.uint8)) > 0
-        for number in range(2, len(out)):
-            if (beside & ~self.hole & (self.label == number - 1)).sum() < CUT_CELLS:
-                out[number] = ENDING_COST * unseen
+        """h x w cost, out of view, of what has no plane (a tree that the border cuts) farther from its nearest thing than that is
+        large (REACHES)."""
         loose = ~self.hole & (self.label == SMOOTH)
-        if loose.any():
-            thing, area = cv2.connectedComponentsWithStats(loose.astype(np.uint8), connectivity=8)[1:3]
-            distance, nearest = nearest_known(loose)
-            reach = REACHES * np.sqrt(area[thing.ravel()[nearest], cv2.CC_STAT_AREA])
-            out[0] = np.minimum(2 * np.maximum(distance - reach, 0) / (REACH * GRID), ENDING_COST) * unseen
-        return out
+        if not loose.any():
+            return np.zeros(self.hole.shape, np.float32)
+        thing, area = cv2.connectedComponentsWithStats(loose.astype(np.uint8), connectivity=8)[1:3]
+        distance, nearest = nearest_known(loose)
+        reach = REACHES * np.sqrt(area[thing.ravel()[nearest], cv2.CC_STAT_AREA])
+        cost = np.minimum(2 * np.maximum(distance - reach, 0) / (REACH * GRID), ENDING_COST)
+        return np.asarray(cost * (self.hole & ~self.hole_in_view), np.float32)
 
     def distance_to_known(self, law: Law) -> Float32Array:
         """L x h x w, cells to the nearest known cell of each label (a large number if there is none).
 
         In view, cells count more in directions in which a surface is nowhere seen going on: a pillar beside the hole ends there.
-        For the sky also the angle to where a source camera saw it, which may be outside this view.
+        For the sky also the angle to where a source camera saw it, which may be outside this view; out of view and above the
+        horizon it counts at most one full jump more than what is nearest.
         """
         out = np.full(self.candidates.shape, 1e3, np.float32)
         surrounded = self.with_relief()
@@ -204,6 +200,9 @@ class CoarseView:
         if law.has_far:
             angle = angle_to_far(with_larger_pixels(self.camera, 4), law)  # smooth: a quarter of the cells is enough
             out[1] = np.minimum(out[1], self.camera.fx * enlarged(angle, self.camera.wh))
+            cells = np.bincount(self.label[~self.hole].clip(0), minlength=len(self.candidates) - 1)[1:]
+            open_air = self.hole & ~self.hole_in_view & above_horizon(self.camera, self.candidates[2:], cells)
+            out[1] = np.where(open_air, np.minimum(out[1], out.min(0) + REACH * GRID), out[1])
         return out
 
     def with_relief(self) -> NDArray[np.int32]:

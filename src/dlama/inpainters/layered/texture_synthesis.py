@@ -19,7 +19,6 @@ from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.inpainters.layered.kernels import base_color as base_kernels
 from dlama.inpainters.layered.kernels.patch_offsets import paint
 from dlama.inpainters.layered.patch_offsets import Bases, copied_detail
-from dlama.inpainters.layered.softening import softened
 from dlama.inpainters.layered.texture_grid import UNTRUSTED, HoleRegion, Int32Array, TextureGrid, labels_in
 
 GREY = 128
@@ -45,16 +44,14 @@ def synthesize(
     *,
     seed: int = 0,
     sky: UInt8Array | None = None,
-    unseen: BoolArray | None = None,
     spoiled: BoolArray | None = None,
 ) -> UInt8Array:
     """Colour for the hole, from known pixels of the same surface; known pixels come back bit-identical.
 
     color: H x W x 3 uint8 (RGB; ignored in the hole). hole: H x W bool, True = to be filled. inverse_depth: H x W
     float32, 1/m, 0 = sky, filled everywhere. label: H x W int32, -1 = non-planar, 0 = sky, k >= 1 = the k-th plane,
-    filled everywhere. camera gives K. sky: RGB of a sky of which this picture shows nothing. unseen: H x W,
-    True where a hole is out of view and borders get softer with the distance from what is known; None: nowhere. The same seed
-    gives the same bits. Raises ShapeError.
+    filled everywhere. camera gives K. sky: RGB of a sky of which this picture shows nothing. The same
+    seed gives the same bits. Raises ShapeError.
     """
     _check(color, hole, inverse_depth, label, camera)
     out = np.array(color)
@@ -91,7 +88,7 @@ def synthesize(
             detail.gains,
             detail.offsets,
         )
-    return out if unseen is None else softened(out, hole, unseen, grid.label)
+    return out
 
 
 def _check(color: UInt8Array, hole: BoolArray, inverse_depth: Float32Array, label: Int32Array, camera: Camera) -> None:

@@ -1,0 +1,135 @@
+"""Line kernels: known surfaces on a grid and a direction in each plane in; what is seen along it, out (numba)."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dlama.geometry.camera import Float64Array
+from dlama.geometry.kernels.jit import Real, Whole, in_bands, kernel, piece
+from dlama.geometry.rgbd import BoolArray, Float32Array
+
+CLEAR = 3
+"""Known cells on a line, the nearest ones, by which more must lie on a plane than behind it, or fewer, to say which it is."""
+ENDS = 4
+"""Cells in a row on which a line looks behind a plane where the plane ends."""
+SAME = 1.06
+"""Ratio of inverse depths up to which what is known lies on the plane: doors, sills and panes do."""
+
+
+@piece
+def along_line(
+    plane: Float64Array,
+    own: Whole,
+    w: Float32Array,
+    label: NDArray[np.int32],
+    hole: BoolArray,
+    away: Float32Array,
+    row: Real,
+    column: Real,
+    dr: Real,
+    dc: Real,
+) -> tuple[Real, Real]:
+    """(first, length): cells to the plane on a line and over how many it is seen; length 0 where the line looks behind it, first
+    -1 where nothing on it says."""
+    height, width = w.shape
+    y, x = np.float64(row), np.float64(column)
+    jump = 1.0
+    first, start, on, behind, gone, said, steps = -1.0, -1.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    while True:
+        size = jump if jump > 1.0 else 1.0
+        y += dr * size
+        x += dc * size
+        steps += size
+        r, c = np.int64(math.floor(y + 0.5)), np.int64(math.floor(x + 0.5))
+        value = plane[0] * x + plane[1] * y + plane[2]
+        if r < 0 or c < 0 or r >= height or c >= width or value <= 1e-3:
+            break
+        if hole[r, c]:
+            jump = np.float64(away[r, c]) - 1.5
+            continue
+        jump = 1.0
+        known = np.float64(w[r, c])
+        if known > SAME * value:  # it stands before the plane, which may go on behind it
+            continue
+        if known * SAME >= value and label[r, c] > 0 and label[r, c] != own:  # where two planes meet
+            continue
+        if start < 0:
+            start = steps
+        if known * SAME < value:
+            behind += 1.0
+            gone += 1.0
+        else:
+            if first < 0:
+                first = steps
+            on += 1.0
+            gone = 0.0
+        if said == 0 and abs(on - behind) >= CLEAR:
+            said = 1.0 if on > behind else -1.0
+        if said < 0 or (said > 0 and gone >= ENDS):
+            break
+    if said > 0:
+        return first, on
+    return (start, 0.0) if said < 0 else (-1.0, 0.0)
+
+
+@kernel
+def line_rows(
+    begin: Whole,
+    end: Whole,
+    planes: Float64Array,
+    towards: Float64Array,
+    w: Float32Array,
+    label: NDArray[np.int32],
+    hole: BoolArray,
+    away: Float32Array,
+    asking: BoolArray,
+    stride: Whole,
+    first: Float32Array,
+    length: Float32Array,
+) -> None:
+    """Rows of `seen_on_lines`."""
+    for row in range(begin, end):
+        for column in range(first.shape[2]):
+            y, x = row * stride, column * stride
+            if not asking[y, x]:
+                continue
+            for k in range(len(planes)):
+                if planes[k, 0] * x + planes[k, 1] * y + planes[k, 2] <= 1e-3:
+                    continue
+                dc, dr = towards[k, 0] - towards[k, 2] * x, towards[k, 1] - towards[k, 2] * y
+                size = math.sqrt(dc * dc + dr * dr)
+                if size < 1e-9:
+                    continue
+                dc, dr = dc / size, dr / size
+                for _way in range(2):
+                    found, cells = along_line(planes[k], k + 1, w, label, hole, away, y, x, dr, dc)
+                    if found > 0 and (first[k, row, column] < 0 or found < first[k, row, column]):
+                        first[k, row, column] = found
+                        length[k, row, column] = cells
+                    dc, dr = -dc, -dr
+
+
+def seen_on_lines(
+    planes: NDArray[np.float64],
+    towards: NDArray[np.float64],
+    w: Float32Array,
+    label: NDArray[np.int32],
+    hole: BoolArray,
+    away: Float32Array,
+    asking: BoolArray,
+    stride: int,
+) -> tuple[Float32Array, Float32Array]:
+    """K x h' x w': cells from each asking cell to where a plane is seen on its line, and over how many cells it is seen there.
+
+    planes: K x 3, w = a x + b y + c over cells (first cell: x = y = 0); towards: K x 3, homogeneous vanishing point of each one's
+    lines; w, label: h x w inverse depth and label of the known cells; hole, asking: h x w; away: h x w, cells to what is known.
+    Every stride-th row and column is asked. -1: nothing on the line says; length 0: the line looks behind the plane.
+    """
+    height, width = (-(-size // stride) for size in hole.shape)
+    first = np.full((len(planes), height, width), -1, np.float32)
+    length = np.zeros_like(first)
+    in_bands(line_rows, height, planes, towards, w, label, hole, away, asking, stride, first, length, band=8)
+    return first, length

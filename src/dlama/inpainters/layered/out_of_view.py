@@ -1,0 +1,158 @@
+"""Out of view: known surfaces on a coarse grid in; where each is seen going on along its lines, what it costs elsewhere, out.
+
+A wall that the border cuts goes on along its horizontals as high as it is seen, and about as far: of what is seen over T cells
+and goes on unseen, the share T / (T + t) goes on for t more. It hides what is behind it. Where a line looks past the wall, at the
+sky above it or at what stands behind its end, it has ended; what no line of its plane meets was never seen going there.
+"""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from dlama.geometry.camera import Camera
+from dlama.geometry.projection import rays
+from dlama.geometry.rgbd import BoolArray, Float32Array
+from dlama.inpainters.layered.kernels.lines import seen_on_lines
+
+UPRIGHT = 0.5
+"""Sine of the angle between a plane's normal and up from which it has horizontals of its own."""
+LEVEL = 0.8
+"""Cosine of the angle between a plane's normal and the camera's vertical from which it may be the ground."""
+STRIDE, STRIDE_ACROSS = 2, 4
+"""Cells between the cells whose lines are looked at: along the horizontals, and across."""
+GOES_ON = 0.5
+"""Cost, per log(1 + t / T), of a plane that goes on t cells along its horizontals of which it is seen over T."""
+GOES_ACROSS = 1.0
+"""The same across them, where nothing is seen along: an eave is seen narrow."""
+MOST_HIDDEN = 3.0
+"""Largest cost of what such a plane hides: log(1 + T / t)."""
+PAST = 2.0
+"""Cost of a plane where its line looks past it, and where no line meets it."""
+FLOATING = 41
+"""Cells up to which what is seen past a plane above and below belongs together: nothing hangs in the air."""
+IN_FRONT = 1.05
+"""Relative inverse depth from which a plane hides another surface."""
+LEAST_LENGTH = 1e-12
+
+
+def seen_going_on(
+    camera: Camera,
+    candidates: Float32Array,
+    hole: BoolArray,
+    unseen: BoolArray,
+    w: Float32Array,
+    label: NDArray[np.int32],
+) -> tuple[Float32Array, Float32Array]:
+    """(on, cost), both L x h x w, 0 but in `unseen` cells: 0..1, how much of a plane its line shows; cost of each label.
+
+    camera: of the grid; candidates: L x h x w inverse depth (1/m) of no plane, sky, planes; hole, unseen (its part out of view):
+    h x w; w, label: h x w, of the known cells.
+    """
+    on, cost = np.zeros(candidates.shape, np.float32), np.zeros(candidates.shape, np.float32)
+    if not unseen.any() or len(candidates) < 3:
+        return on, cost
+    planes = plane_coefficients(candidates[2:])
+    cells = np.bincount(label[~hole].clip(0), minlength=len(planes) + 1)[1:]
+    along, across = vanishing_points(planes, camera, cells)
+    away = np.asarray(cv2.distanceTransform(hole.astype(np.uint8), cv2.DIST_L2, 5), np.float32)
+    first, length = seen_on_lines(planes, along, w, label, hole, away, unseen, STRIDE)
+    other_first, other_length = seen_on_lines(planes, across, w, label, hole, away, unseen, STRIDE_ACROSS)
+    few = candidates[:, ::STRIDE, ::STRIDE], unseen[::STRIDE, ::STRIDE]
+    few_on, few_cost = np.zeros_like(few[0]), np.zeros_like(few[0])
+    hidden = np.zeros_like(few[0])
+    for k, value in enumerate(few[0][2:], start=2):
+        ends = looks_past(first[k - 2], length[k - 2])
+        there = (length[k - 2] > 0) & ~ends
+        farther = np.maximum(first[k - 2], 1) / np.maximum(length[k - 2], 1)
+        few_on[k] = there
+        few_cost[k] = np.where(there, GOES_ON * np.log1p(farther), PAST * ends)
+        others = enlarged_like(other_first[k - 2], ends), enlarged_like(other_length[k - 2], ends)
+        nothing = ~there & ~ends & (first[k - 2] < 0)
+        across_it = GOES_ACROSS * np.log1p(np.maximum(others[0], 1) / np.maximum(others[1], 1))
+        few_cost[k] += nothing * np.where(others[1] > 0, across_it, PAST * (others[0] < 0))
+        hides = there * np.minimum(np.log1p(1 / farther), MOST_HIDDEN)
+        np.maximum(hidden, hides * (IN_FRONT * few[0] < value), out=hidden)
+    for number, (a, b) in enumerate(zip(few_on, few_cost + hidden)):
+        for out, values in ((on, a), (cost, b)):
+            out[number] = spread_over(values, few[1], hole.shape) * unseen
+    return on, cost
+
+
+def looks_past(first: Float32Array, length: Float32Array) -> BoolArray:
+    """h x w, True where a plane has ended: its line looks past it, or hangs between those that do (FLOATING) or the rim.
+
+    first, length: h x w, as of `seen_on_lines`, one plane's.
+    """
+    past = (first > 0) & (length == 0)
+    above = np.cumsum(first > 0, axis=0) == 0
+    kernel = np.ones((FLOATING // STRIDE | 1, 1), np.uint8)
+    both = cv2.copyMakeBorder(
+        (past | above).astype(np.uint8), len(kernel), len(kernel), 0, 0, cv2.BORDER_CONSTANT, value=0
+    )
+    closed = cv2.morphologyEx(both, cv2.MORPH_CLOSE, kernel)[len(kernel) : -len(kernel)] > 0
+    return np.asarray(past | (closed & (length > 0)))
+
+
+def spread_over(values: Float32Array, where: BoolArray, hw: tuple[int, int]) -> Float32Array:
+    """Values of every STRIDE-th cell (h' x w'), known in `where`, interpolated to h x w cells."""
+    height, width = (STRIDE * size for size in values.shape)
+    weight = where.astype(np.float32)
+    sums, total = (cv2.resize(a, (width, height), interpolation=cv2.INTER_LINEAR) for a in (values * weight, weight))
+    return np.asarray((sums / np.maximum(total, 1e-6))[: hw[0], : hw[1]], np.float32)
+
+
+def enlarged_like(values: Float32Array, other: np.ndarray) -> Float32Array:
+    """Cells of a coarser grid repeated to the shape of a finer one."""
+    by = STRIDE_ACROSS // STRIDE
+    return np.asarray(np.repeat(np.repeat(values, by, 0), by, 1)[: other.shape[0], : other.shape[1]], np.float32)
+
+
+def plane_coefficients(candidates: Float32Array) -> NDArray[np.float64]:
+    """K x 3 (a, b, c), w = a x + b y + c over cells (the first: x = y = 0), of K x h x w inverse depths."""
+    corner = candidates[:, 0, 0].astype(np.float64)
+    height, width = (max(size - 1, 1) for size in candidates.shape[1:])
+    steps = (candidates[:, 0, -1] - corner) / width, (candidates[:, -1, 0] - corner) / height
+    return np.stack([*steps, corner], axis=1).reshape(-1, 3)
+
+
+def normals(planes: NDArray[np.float64], camera: Camera) -> NDArray[np.float64]:
+    """K x 3 unit normals, in camera axes, of planes w = a x + b y + c over cells."""
+    a, b, c = planes.T
+    n = np.stack([a * camera.fx, b * camera.fy, a * (camera.cx - 0.5) + b * (camera.cy - 0.5) + c], axis=1)
+    return np.asarray(n / np.maximum(np.linalg.norm(n, axis=1, keepdims=True), LEAST_LENGTH), np.float64)
+
+
+def upwards(normal: NDArray[np.float64], cells: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Up in camera axes: the normal (K x 3) of the level plane with most cells (K), else the camera's own."""
+    level = np.flatnonzero((np.abs(normal[:, 1]) > LEVEL) & (cells > 0))
+    if not len(level):
+        return np.array([0.0, -1.0, 0.0])
+    ground = normal[level[cells[level].argmax()]]
+    return np.asarray(-ground * np.sign(ground[1]))
+
+
+def vanishing_points(
+    planes: NDArray[np.float64], camera: Camera, cells: NDArray[np.int64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """K x 3 and K x 3, homogeneous, in cells: where the horizontals of each plane meet, and its lines at right angles to them.
+
+    A level plane has those of the largest upright one, or lines from left to right; cells: K, how many are known of each.
+    """
+    normal = normals(planes, camera)
+    up = upwards(normal, cells)
+    direction = np.cross(normal, up)
+    upright = np.linalg.norm(direction, axis=1) > UPRIGHT
+    main = direction[upright][cells[upright].argmax()] if upright.any() else np.cross(up, [0.0, 0.0, 1.0])
+    direction = np.where(upright[:, None], direction, main)
+    K = np.array([[camera.fx, 0, camera.cx - 0.5], [0, camera.fy, camera.cy - 0.5], [0, 0, 1]])
+    points = [d @ K.T for d in (direction, np.cross(normal, direction))]
+    along, across = (p / np.maximum(np.linalg.norm(p, axis=1, keepdims=True), LEAST_LENGTH) for p in points)
+    return along, across
+
+
+def above_horizon(camera: Camera, candidates: Float32Array, cells: NDArray[np.int64]) -> BoolArray:
+    """h x w, True in cells of the grid's camera that look upwards; candidates: K x h x w of the planes, cells: K."""
+    up = upwards(normals(plane_coefficients(candidates), camera), cells)
+    return np.asarray(rays(camera) @ up > 0)

@@ -1,0 +1,122 @@
+"""What goes on where no camera looked: walls as high and as far as they are seen, and nothing that is small (oracles: closed-form
+worlds, and lines counted by hand)."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import pytest
+
+from dlama.geometry.camera import Camera
+from dlama.geometry.rendering import render
+from dlama.geometry.scene import Scene
+from dlama.geometry.view import View
+from dlama.geometry.visibility import Law
+from dlama.inpainters.filling import inpaint
+from dlama.inpainters.layered.filler import layered
+from dlama.inpainters.layered.kernels.lines import seen_on_lines
+from dlama.inpainters.layered.out_of_view import above_horizon, looks_past, seen_going_on, vanishing_points
+from worlds import Box, Plane, Shape, World, moved
+
+CAMERA = Camera.from_fov(160, 120, 60)
+FLOOR = Plane((0, 1, 0), (0, 1, 0))
+FRONT = Box((-40, -1.2, 6), (40, 1, 7))
+"""A house front that the picture's border cuts on both sides, with sky above it."""
+WALL_45 = np.array([[-1 / CAMERA.fx, 0.0, 1 + (CAMERA.cx - 0.5) / CAMERA.fx]]) / 4
+"""Inverse depth over cells of the wall z - x = 4: w = (1 - x / z) / 4."""
+
+
+def turned(shapes: tuple[Shape, ...], yaw: float) -> tuple[View, View, np.ndarray, np.ndarray]:
+    """The world seen by CAMERA, shown to a camera turned by yaw: before and after filling; true depth and shape there."""
+    world, target = World(shapes), moved(CAMERA, turn=(0, yaw, 0))
+    scene = Scene((View.from_rgbd(world.rgbd(CAMERA)),))
+    before = render(scene, target)
+    return before, inpaint(before, layered, Law.of(scene))[0], *world.trace(target)
+
+
+@pytest.mark.parametrize("yaw", [25, -25])
+def test_a_cut_wall_goes_on_under_a_straight_roof_line(yaw: float) -> None:
+    """Closed form: beside the picture the front is the same plane to 1 % and ends at its own top, the sky is above and the floor
+    below: of the pixels that the source did not see at most 4 % have another surface, all of them beside borders."""
+    before, filled, depth, shape = turned((FLOOR, FRONT), yaw)
+    hole = before.hole
+    assert (hole & (shape == 1)).sum() > 800 and (hole & np.isposinf(depth)).sum() > 800
+    same = (filled.far == np.isposinf(depth)) & (
+        filled.far | (np.abs(filled.depth / np.where(filled.far, 1, depth) - 1) < 0.01)
+    )
+    assert same[hole].mean() > 0.96
+    assert same[hole & (shape == 1)].mean() > 0.95
+
+
+@pytest.mark.parametrize("side", [1, -1])
+def test_a_cut_pole_ends_before_the_wall_behind_it(side: int) -> None:
+    """Law: a pole of which the border leaves 9 px goes on for less than 1.6 times that; the wall behind it goes on beyond, as it
+    truly is (2 %)."""
+    pole = Box((min(1.6 * side, 3 * side), -1.1, 3), (max(1.6 * side, 3 * side), 1, 3.3))
+    before, filled, *_ = turned((FLOOR, FRONT, pole), 25.0 * side)
+    truth = World((FLOOR, FRONT)).trace(before.camera)[0]
+    wall = (truth > 5.5) & np.isfinite(truth)
+    seen = ~before.hole & (before.depth < 3.6) & (truth > 4.5)
+    near = before.hole & (filled.depth < 3.6) & (truth > 4.5)
+    assert seen.sum() > 500 and near.sum() < 1.6 * seen.sum()
+    beyond = before.hole & wall & ~near
+    assert beyond.sum() > 1500
+    assert (np.abs(filled.depth[beyond] / truth[beyond] - 1) < 0.02).mean() > 0.95
+
+
+def test_lines_count_what_they_meet() -> None:
+    """By hand: a plane at 4 m seen in 30 columns, sky above row 10, a thing before it in 6 columns beside the hole: lines from
+    the hole skip the thing, find the plane after it and count its cells; in the sky they look past it; upright lines meet nothing."""
+    w, label = np.full((40, 60), 0.25, np.float32), np.ones((40, 60), np.int32)
+    w[:10], label[:10] = 0, 0
+    hole = np.zeros(w.shape, bool)
+    hole[:, :24] = True
+    w[20:, 24:30], label[20:, 24:30] = 0.5, -1
+    away = cv2.distanceTransform(hole.astype(np.uint8), cv2.DIST_L2, 5)
+    plane, level = np.array([[0.0, 0.0, 0.25]]), np.array([[1.0, 0.0, 0.0]])
+    first, length = seen_on_lines(plane, level, w, label, hole, away, hole, 1)
+    for row, start, count in ((5, 24, 0), (15, 24, 36), (30, 30, 30)):
+        np.testing.assert_allclose(first[0, row, :24], start - np.arange(24), atol=1)
+        np.testing.assert_array_equal(length[0, row, :24], count)
+    assert (first[0, :, 24:] == -1).all()
+    upwards = seen_on_lines(plane, np.array([[0.0, 1.0, 0.0]]), w, label, hole, away, hole, 1)
+    assert (upwards[0] == -1).all()
+
+
+def test_nothing_hangs_in_the_air() -> None:
+    """By hand: of rows that see the plane those between rows that look past it have ended, and those below the picture's rim;
+    those with nothing below them have not."""
+    first, length = np.full((30, 3), 5, np.float32), np.zeros((30, 3), np.float32)
+    length[10:14, 0] = length[10:, 1] = length[4:14, 2] = 9
+    first[:4, 2] = -1
+    ended = looks_past(first, length)
+    assert ended[:, 0].all() and ended[:10, 1].all() and not ended[10:, 1].any() and ended[4:, 2].all()
+
+
+def test_lines_of_walls_are_level() -> None:
+    """Closed form: K applied to what is level in a wall that runs away from a camera at 45 degrees, and to what is upright."""
+    along, across = vanishing_points(WALL_45, CAMERA, np.array([100]))
+    wanted = CAMERA.K @ [1, 0, 1]
+    np.testing.assert_allclose(along[0][:2] / along[0][2], wanted[:2] / wanted[2] - 0.5, atol=1e-6)
+    assert abs(across[0][2]) < 1e-9 and abs(across[0][0]) < 1e-9
+
+
+def test_the_horizon_is_that_of_the_floor() -> None:
+    """Closed form: with a floor in sight of a camera turned 20 degrees down, the horizon is the floor's vanishing line."""
+    camera = moved(CAMERA, turn=(-20, 0, 0))
+    depth = World((Plane((0, 1, 0), (0, 1, 0)),)).trace(camera)[0]
+    rows, columns = np.indices(CAMERA.hw)
+    design = np.stack([columns.ravel(), rows.ravel(), np.ones(rows.size)], 1)[np.isfinite(depth).ravel()]
+    plane = np.linalg.lstsq(design, 1 / depth[np.isfinite(depth)], rcond=None)[0]
+    candidates = (plane[0] * columns + plane[1] * rows + plane[2]).astype(np.float32)[None]
+    np.testing.assert_array_equal(above_horizon(CAMERA, candidates, np.array([100])), candidates[0] < 0)
+
+
+def test_nothing_is_said_in_view() -> None:
+    """Law: cells whose hole is in view, and views without planes, cost nothing and go on nowhere."""
+    hole = np.ones((20, 30), bool)
+    for count in (2, 4):
+        candidates = np.full((count, *hole.shape), 0.25, np.float32)
+        known = ~hole, np.full(hole.shape, 0.25, np.float32), np.ones(hole.shape, np.int32)
+        for part in seen_going_on(Camera.from_fov(30, 20, 60), candidates, hole, *known):
+            assert part.shape == candidates.shape and not part.any()
