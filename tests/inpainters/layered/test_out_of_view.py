@@ -66,7 +66,7 @@ def test_a_cut_pole_ends_before_the_wall_behind_it(side: int) -> None:
 
 def test_lines_count_what_they_meet() -> None:
     """By hand: a plane at 4 m seen in 30 columns, sky above row 10, a thing before it in 6 columns beside the hole: lines from
-    the hole skip the thing, find the plane after it and count its cells; in the sky they look past it; upright lines meet nothing."""
+    the hole skip it, find the plane after it and count its cells; in the sky they look past it; upright ones meet nothing."""
     w, label = np.full((40, 60), 0.25, np.float32), np.ones((40, 60), np.int32)
     w[:10], label[:10] = 0, 0
     hole = np.zeros(w.shape, bool)
