@@ -170,6 +170,15 @@ def test_what_is_handed_in_is_bounded(server: Server, frame: Path) -> None:
     assert "no more are taken" in ask_refused(server)
 
 
+def test_lengths_that_cannot_be_are_refused(server: Server, capfd: pytest.CaptureFixture[str]) -> None:
+    """Law: an answer for each, and no traceback on the server's terminal."""
+    assert ask(server, "POST", "/api/leave", b"x" * 300)[0] == 413
+    for given in ("9" * 5000, "-1", "many"):
+        assert ask(server, "POST", "/api/leave", b"", Content_Length=given)[0] == 411
+        assert ask(server, "POST", "/api/visit", b"", Content_Length=given, X_Dlama_Visit="")[0] == 411
+    assert capfd.readouterr().err == ""
+
+
 def ask_refused(server: Server) -> str:
     """What a page too many is told."""
     status, _, data = ask(server, "POST", "/api/visit", b"{}", X_Dlama_Visit="")

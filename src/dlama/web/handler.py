@@ -33,6 +33,10 @@ TYPES = {
 }
 MOST_JSON = 2**20
 """Bytes of a request's fields."""
+MOST_LEAVING = 200
+"""Bytes of the number of a visit that ends."""
+MOST_DIGITS = 18
+"""Of the length of what is sent."""
 CHUNK = 2**18
 SECONDS = 60
 """A connection that says nothing for so long is closed."""
@@ -105,8 +109,7 @@ class Handler(BaseHTTPRequestHandler):
             self._refuse(HTTPStatus.UNAUTHORIZED, "this page asks for a token; open it anew")
             return
         if address.path == "/api/leave":
-            self.server.visits.leave(self._body(200).decode("ascii", "replace"))
-            self._json({})
+            self._leave()
             return
         number = self.headers.get("X-Dlama-Visit")
         if number is None:
@@ -131,6 +134,13 @@ class Handler(BaseHTTPRequestHandler):
         except Exception as error:
             traceback.print_exc()
             self._refuse(HTTPStatus.INTERNAL_SERVER_ERROR, f"a fault of dlama: {type(error).__name__}: {error}")
+
+    def _leave(self) -> None:
+        try:
+            self.server.visits.leave(self._body(MOST_LEAVING).decode("ascii", "replace"))
+            self._json({})
+        except PageError as error:
+            self._failed(error, None)
 
     def _act(self, visit: Visit, name: str, query: Mapping[str, list[str]]) -> None:
         if name == "upload":
@@ -166,7 +176,7 @@ class Handler(BaseHTTPRequestHandler):
 
     def _length(self, most: int) -> int:
         given = self.headers.get("Content-Length") or "0"
-        if "Transfer-Encoding" in self.headers or not given.isdecimal():
+        if "Transfer-Encoding" in self.headers or not given.isdecimal() or len(given) > MOST_DIGITS:
             self.close_connection = True
             raise PageError("the length of what is sent must be said", status=411)
         if int(given) > most:
