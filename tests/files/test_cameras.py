@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from PIL import Image
 
 from dlama.errors import CameraError, FileError, InputError
-from dlama.files.cameras import camera_as_json, camera_for, read_camera, read_stereo_calib, write_camera
+from dlama.files.cameras import camera_as_json, camera_for, read_camera, read_cameras, read_stereo_calib, write_camera
 from dlama.geometry.camera import Camera
 
 TURN = np.array([[0, 0, 1, 0.1], [0, 1, 0, -2], [-1, 0, 0, 1e6 + 0.123456789], [0, 0, 0, 1.0]])
@@ -236,3 +236,14 @@ def test_shipped_calibration_reads() -> None:
     camera = read_camera(folder / "camera.json", hw=(512, 512))
     assert camera.same_view_as(rig.left) and (camera.fx, camera.cx, camera.cy) == (256, 256, 256)
     assert rig.baseline_m == 0.12 and rig.doffs == 0
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [("[" * 100_000, "is no JSON"), ('[{"width": 3,}]', r"cameras\.json:1:14: is no JSON"), ("3", "holds no list")],
+)
+def test_a_list_of_cameras_that_is_none(tmp_path: Path, text: str, words: str) -> None:
+    """Law: FileError with line and column, lists in lists without end too."""
+    (tmp_path / "cameras.json").write_text(text)
+    with pytest.raises(FileError, match=words):
+        read_cameras(tmp_path / "cameras.json")

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from dlama.errors import CameraError, FileError, system_errors
 from dlama.files.atomic_write import PathLike, new_file
-from dlama.files.checked_fields import FileFields, Intrinsics, read_calib_txt, read_json_fields
+from dlama.files.checked_fields import FileFields, Intrinsics, json_text, json_value, read_calib_txt, read_json_fields
 from dlama.files.rasters.images import existing, read_stored
 from dlama.geometry.camera import Camera, StereoRig
 from dlama.perception.diagnosis.lens import looks_like_radians
@@ -58,10 +58,7 @@ def read_cameras(path: PathLike) -> dict[str, Camera]:
     Raises FileError, CameraError, naming the camera and the field.
     """
     file = existing(path)
-    try:
-        listed = json.loads(file.read_text(encoding="utf-8-sig"))
-    except ValueError as error:
-        raise FileError(f"{file}: is no JSON ({error})") from error
+    listed = json_value(file, json_text(file))
     if not isinstance(listed, list) or not listed:
         raise FileError(f"{file}: holds no list; a list of cameras, each with width, height, fx, ..., is wanted")
     whole, cameras = FileFields(file, {}), dict[str, Camera]()

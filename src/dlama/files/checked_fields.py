@@ -6,6 +6,7 @@ import json
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -133,28 +134,37 @@ def read_json_fields(path: PathLike, known: Sequence[str] | None = None) -> File
     Raises FileError (no JSON: with line and column), CameraError (unknown field).
     """
     file = existing(path)
-    try:
-        text = file.read_text(encoding="utf-8-sig")
-    except ValueError as error:
-        raise FileError(f"{file}: is no JSON ({error})") from error
-    fields = json_fields(file, text)
+    fields = json_fields(file, json_text(file))
     unknown = [name for name in fields.values if known is not None and name not in known]
     if unknown:
         raise CameraError(f"{file}: field '{unknown[0]}' is not known; known are {', '.join(known or ())}")
     return fields
 
 
+def json_text(file: Path) -> str:
+    """The text of a JSON file that is there; raises FileError where it is no UTF-8."""
+    try:
+        return file.read_text(encoding="utf-8-sig")
+    except ValueError as error:
+        raise FileError(f"{file}: is no JSON ({error})") from error
+
+
 def json_fields(path: PathLike, text: str) -> FileFields:
     """The fields of a JSON object as text; raises FileError that names `path`, line and column."""
+    values = json_value(path, text)
+    if not isinstance(values, dict):
+        raise FileError(f"{path}:1:1: holds a JSON {type(values).__name__}; an object with named fields is wanted")
+    return FileFields(path, values)
+
+
+def json_value(path: PathLike, text: str) -> Any:
+    """What a JSON text holds; raises FileError that names `path`, line and column."""
     try:
-        values = json.loads(text)
+        return json.loads(text)
     except json.JSONDecodeError as error:
         raise FileError(f"{path}:{error.lineno}:{error.colno}: is no JSON ({error.msg})") from error
     except (ValueError, RecursionError) as error:
         raise FileError(f"{path}: is no JSON ({error})") from error
-    if not isinstance(values, dict):
-        raise FileError(f"{path}:1:1: holds a JSON {type(values).__name__}; an object with named fields is wanted")
-    return FileFields(path, values)
 
 
 def read_calib_txt(path: PathLike) -> FileFields:
