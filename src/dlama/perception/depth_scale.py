@@ -28,6 +28,13 @@ PATCH = 2
 """Known pixels are read as the median of those up to so many px away."""
 LEVEL = math.cos(math.radians(40))
 """Least cosine between the ground's normal and the camera's y axis."""
+RULES = {
+    "metric model": "scale as the network says",
+    "metres_at": "scale from metres_at",
+    "camera_height": "scale from camera_height",
+    "assumed": "scale assumed",
+}
+"""`Scale.rule` -> where the scale comes from, in words, parameters by their names."""
 GROUND_NOISE = 0.02
 """Of estimated inverse depth on planes, relative to the median; RANSAC takes planes for what they are within 2.5 of it."""
 
@@ -41,7 +48,7 @@ class Scale:
     shift: float = 0.0
     """1/m; only of inverse depth."""
     rule: str = "metric model"
-    """`metric model`, `metres_at`, `camera_height` or `assumed`."""
+    """A key of RULES."""
     about: Mapping[str, Any] = field(default_factory=dict)
     """What it follows from, JSON-ready."""
 

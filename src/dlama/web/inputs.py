@@ -18,7 +18,8 @@ from dlama.files.cameras import camera_for
 from dlama.files.rasters.images import picture_hw
 from dlama.files.rgbd import nearest_pixels
 from dlama.geometry.rgbd import RGBD, UInt8Array, depth_range_in_words, percent
-from dlama.web.failures import PageError
+from dlama.perception.depth_scale import RULES
+from dlama.web.failures import PageError, in_words_of_the_page
 
 PICTURES = (".png", ".jpg", ".jpeg", ".tif", ".tiff")
 ROLES: dict[str, tuple[str, ...]] = {
@@ -196,7 +197,7 @@ def facts_of(rgbd: RGBD, options: Mapping[str, Any], lens_from: str, files: Mapp
     if rgbd.estimate is not None:
         about = dict(rgbd.estimate)
         facts["depth"] = f"estimated by {about['estimator']}: {depth_range_in_words(rgbd.depth)}"
-        facts["known"] = f"scale: {str(about['scale']['rule']).replace('_', ' ')}"
+        facts["known"] = in_words_of_the_page(RULES[about["scale"]["rule"]])
     elif "depth" in files:
         facts["scale"] = scale_in_words(files["depth"].path.suffix, options)
     return facts

@@ -9,15 +9,8 @@ from tyro.conf import Positional
 from dlama.apps.command import command
 from dlama.apps.options import Estimating, Image, Lens, Metres, Output, Reading, Report
 from dlama.apps.places import check_folder_apart
+from dlama.apps.terminal.flags import flags_of, with_flags
 from dlama.geometry.rgbd import depth_range_in_words
-
-SCALES = {
-    "metric model": "as the network says",
-    "metres_at": "from --metres-at",
-    "camera_height": "from --camera-height",
-    "assumed": "assumed",
-}
-"""Rule of `perception.depth_scale.Scale` -> where the scale comes from, in words."""
 
 
 def depth(
@@ -37,13 +30,14 @@ def depth(
         far: Depth at or beyond this is far (sky).
     """
     from dlama.files.results.estimated_depth import FILES, write_depth
+    from dlama.perception.depth_scale import RULES
 
     with command("depth", report) as this:
         check_folder_apart(output, {"image": image})
         rgbd = this.rgbd(image, None, lens, Reading(far=far), estimating)
         write_depth(rgbd, output, inputs=this.inputs, seconds={"read": round(this.read_seconds, 4)})
         about = dict(rgbd.estimate or {})
-        scale = SCALES.get(about["scale"]["rule"], about["scale"]["rule"])
-        line = f"{output}: {depth_range_in_words(rgbd.depth)}, by {about['estimator']}, scale {scale}"
+        scale = with_flags(RULES[about["scale"]["rule"]], flags_of(depth))
+        line = f"{output}: {depth_range_in_words(rgbd.depth)}, by {about['estimator']}, {scale}"
         values = {"output": str(output), "files": list(FILES), "depth_estimate": about}
         this.result.add(f"{line}, {time.perf_counter() - this.started:.1f} s", **values)
