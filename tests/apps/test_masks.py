@@ -31,7 +31,8 @@ def test_a_click_writes_mask_and_overlay(tmp_path: Path, capsys: pytest.CaptureF
         (["--click", "30"], "--click is '30'; X,Y in pixels is wanted"),
         (["--box", "1,2,3"], "--box is '1,2,3'; X,Y,W,H in pixels is wanted"),
         (["--click", "300,2"], "lies outside the picture"),
-        ([], "both missing"),
+        ([], "nothing says which thing is meant: give --click X,Y on it, --box X,Y,W,H round it"),
+        (["--not", "3,3"], "--click and --box are both missing"),
     ],
 )
 def test_bad_pointing(tmp_path: Path, capsys: pytest.CaptureFixture[str], words: list[str], line: str) -> None:
@@ -42,6 +43,17 @@ def test_bad_pointing(tmp_path: Path, capsys: pytest.CaptureFixture[str], words:
     assert stop.value.code == 2
     assert line in capsys.readouterr().err
     assert not (folder / "found.png").exists()
+
+
+@pytest.mark.parametrize("words", [["mask"], ["mask", "--click", "30"], ["remove", "--box", "1,2"]])
+def test_bad_pointing_is_refused_before_depth_is_estimated(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], words: list[str]
+) -> None:
+    """Law: one line, without the warnings about a scale that is assumed for nothing."""
+    folder = small_frame(tmp_path)
+    with pytest.raises(SystemExit):
+        main([words[0], str(folder / "image.png"), "--fov", "60", *words[1:], "-o", str(folder / "found.png")])
+    assert capsys.readouterr().err.startswith("error: ")
 
 
 def test_remove_takes_a_click_in_place_of_a_mask(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -54,7 +54,8 @@ class Pointing:
 
     @property
     def given(self) -> bool:
-        """Whether anything is pointed at."""
+        """Whether anything is pointed at. InputError, before anything is read, for words that are no pixels."""
+        self.settings()
         return is_pointed(dataclasses.asdict(self))
 
     @property

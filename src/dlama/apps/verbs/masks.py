@@ -42,6 +42,10 @@ def mask(
     with command("mask", report) as this:
         for file in (output, overlay_of(output)):
             check_file_apart(file, {"image": image, "depth": depth})
+        if not pointing.given:
+            raise InputError(
+                "nothing says which thing is meant: give --click X,Y on it, --box X,Y,W,H round it, --salient or --class NAME"
+            )
         picture = this.picture(image, depth, lens, reading, estimating, needs_depth=pointing.needs_depth)
         found = pointing.find(picture, image)
         files = write_found(found, picture, output)
