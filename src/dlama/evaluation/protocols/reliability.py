@@ -6,13 +6,22 @@ Region `filled`: what was a hole of the method's own view and is comparable. Mod
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dlama.evaluation.metrics.reliability import by_distance, calibration, sparsification_area
 from dlama.evaluation.protocols.methods import Measure, MethodRun
 from dlama.evaluation.protocols.scores import Reference
+from dlama.geometry.rgbd import Float32Array
 from dlama.inpainters.confidence import COLOR_WITHIN, DEPTH_WITHIN
 
 REGION, MODALITY = "filled", "confidence"
+
+
+def depth_off(z: Float32Array, true_z: Float32Array) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
+    """By how much N depths are off: metres (inf where one of both is far), and as a share of the truth, 0..1 (0: both far)."""
+    same_far, finite = np.isinf(z) & np.isinf(true_z), np.isfinite(z) & np.isfinite(true_z)
+    off = np.where(finite, np.abs(np.where(finite, z, 1) - np.where(finite, true_z, 1)), np.inf)
+    return off, np.where(same_far, 0, np.minimum(off / np.where(finite, true_z, 1), 1))
 
 
 def reliability_measures(run: MethodRun, reference: Reference, number: int = -1) -> list[Measure]:
@@ -32,9 +41,7 @@ def reliability_measures(run: MethodRun, reference: Reference, number: int = -1)
     z, true_z = view.depth[where], np.minimum(reference.depth, clip)[where]
     painted = warped.color_hole[where]
     levels = np.abs(reference.exposed(view.color)[where].astype(np.float32) - reference.color[where]).mean(1) * painted
-    same_far, finite = np.isinf(z) & np.isinf(true_z), np.isfinite(z) & np.isfinite(true_z)
-    off = np.where(finite, np.abs(np.where(finite, z, 1) - np.where(finite, true_z, 1)), np.inf)
-    relative = np.where(same_far, 0, np.minimum(off / np.where(finite, true_z, 1), 1))
+    off, relative = depth_off(z, true_z)
     right = (relative <= DEPTH_WITHIN) & (levels <= COLOR_WITHIN)
     said = view.confidence[where]
     bins = calibration(said, right)
