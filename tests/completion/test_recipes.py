@@ -6,6 +6,7 @@ import dataclasses
 import inspect
 from collections.abc import Callable
 
+import numpy as np
 import pytest
 
 import dlama
@@ -61,6 +62,7 @@ def test_changes_replace_and_none_does_not() -> None:
     [
         ({"mode": "voxels"}, "mode is 'voxels'; one of surface, points is wanted"),
         ({"dilate": -1}, "dilate is -1 px; 0 or more"),
+        ({"dilate": 1.5}, "dilate is 1.5 px; 0 or more is wanted, a whole number"),
         ({"dilate_holes": -2}, "dilate_holes is -2 px; 0 or more"),
         ({"clip": 0.0}, "clip is 0.0 m; more than 0"),
         ({"clip": float("nan")}, "clip is nan m; more than 0"),
@@ -97,7 +99,8 @@ def test_the_options_of_a_recipe_are_typed(verb: Callable[..., object]) -> None:
 def test_seeds_are_bounded_wherever_they_are_given() -> None:
     """As NumPy's generators and numba's take them; an evaluation's method refuses them before any case is run."""
     assert checked_seed(0) == 0 and checked_seed(2**32 - 1) == 2**32 - 1
-    for seed in (-1, 2**32):
+    assert checked_seed(np.int64(7)) == 7  # type: ignore[arg-type]
+    for seed in (-1, 2**32, 1.5):
         for make in (checked_seed, lambda seed: Method("dlama", "telea", seed=seed)):
             with pytest.raises(InputError, match=f"seed is {seed}"):
                 make(seed)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from dataclasses import dataclass
+from numbers import Integral
 from typing import Any, Literal
 
 from dlama.errors import InputError
@@ -48,8 +49,9 @@ class Recipe:
         if self.mode not in MODES:
             raise InputError(f"mode is {self.mode!r}; one of {', '.join(MODES)} is wanted")
         for name in ("dilate", "dilate_holes"):
-            if getattr(self, name) < 0:
-                raise InputError(f"{name} is {getattr(self, name)} px; 0 or more is wanted")
+            value = getattr(self, name)
+            if not isinstance(value, Integral) or value < 0:
+                raise InputError(f"{name} is {value} px; 0 or more is wanted, a whole number")
         if self.clip is not None and not 0 < self.clip < math.inf:
             raise InputError(f"clip is {self.clip} m; more than 0 is wanted")
         if self.eight_bit_depth and self.clip is None:
@@ -78,7 +80,7 @@ RECIPES: dict[str, Recipe] = {
 
 def checked_seed(seed: int) -> int:
     """The seed, if it is 0 to 2**32 - 1, as NumPy's generators take it; else InputError."""
-    if not 0 <= seed < SEEDS:
+    if not isinstance(seed, Integral) or not 0 <= seed < SEEDS:
         raise InputError(f"seed is {seed}; a whole number from 0 to {SEEDS - 1} is wanted")
     return seed
 
