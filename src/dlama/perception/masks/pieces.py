@@ -15,6 +15,8 @@ from dlama.perception.masks.prompt import Pixel
 
 THING_GAP = 0.15
 """Share of depth up to which pieces that touch in the picture are one thing: a lamp's shade hangs before its pole."""
+SIZE_GAP = 0.15
+"""It may be this share of the size of what was clicked, too: the lid of a large bin lies far behind its front."""
 GROUP_GAP = 0.3
 """The same for a group of things."""
 TOUCHING_PX = 3
@@ -39,7 +41,9 @@ CRACK_SIZE = 0.05
 CRACK_SHARE = 1 / 64
 """and than this share of the picture's longer side,"""
 CRACK_LENGTH = 0.25
-"""and as long as this share of the piece's longer side."""
+"""and as long as this share of the piece's longer side. Or one stands over the other: nothing else holds what ends in the air,"""
+OVER = 0.5
+"""and this share of the narrower one's columns are the other's, too: the parts of a statue."""
 SMALL_SHARE = 0.05
 """A piece that has less than this share of the thing's pixels may touch it anywhere (a spoke before the ground),"""
 """or lie within its outline, as near as its nearest pixel by the gap: dashes of a spoke that is thinner than a pixel."""
@@ -119,7 +123,7 @@ def belonging(pieces: Pieces, thing: BoolArray, gap: float, size: float, sizes: 
     for number in np.unique(labels).tolist():
         of_it = labels == number
         border = of_it & (away <= TOUCHING_PX + 0.5)
-        close = int((step <= gap * nearer)[border].sum())
+        close = int((step <= np.maximum(gap * nearer, SIZE_GAP * size))[border].sum())
         if close > 1 and (sizes[number] < SMALL_SHARE * thing.sum() or close >= MOSTLY * border.sum()):
             yield number
             continue
@@ -133,8 +137,23 @@ def belonging(pieces: Pieces, thing: BoolArray, gap: float, size: float, sizes: 
             (close > 1 and common >= SOME_COLOR)
             or (behind.sum() > 1 and common >= SAME_COLOR and sizes[number] <= SMALLER * thing.sum())
             or (common >= CRACK_COLOR and crack.sum() >= CRACK_LENGTH * longer_side(piece))
+            or (common >= CRACK_COLOR and not border.any() and stacked(thing, piece) and behind_by(step[of_it], size))
         ):
             yield number
+
+
+def behind_by(step: Float32Array, size: float) -> bool:
+    """Whether the least of some steps in depth, m, is within what is one thing's."""
+    return bool(step.min() <= BEHIND_SIZE * size)
+
+
+def stacked(one: BoolArray, other: BoolArray) -> bool:
+    """Whether one of two regions (H x W) ends where the other begins, below or above it."""
+    rows = [np.flatnonzero(where.any(1)) for where in (one, other)]
+    columns = [where.any(0) for where in (one, other)]
+    upper, lower = sorted(rows, key=lambda each: int(each[0]))
+    narrower = min(int(each.sum()) for each in columns)
+    return bool(upper[-1] < lower[0] and (columns[0] & columns[1]).sum() >= OVER * narrower)
 
 
 def enclosed(
