@@ -15,7 +15,16 @@ from dlama.geometry.visibility import Law
 from dlama.inpainters.filling import inpaint
 from dlama.inpainters.layered.filler import layered
 from dlama.inpainters.layered.kernels.lines import seen_on_lines
-from dlama.inpainters.layered.out_of_view import above_horizon, looks_past, seen_going_on, vanishing_points
+from dlama.inpainters.layered.out_of_view import (
+    ENDING_COST,
+    REACHES,
+    above_horizon,
+    ending_cost,
+    looks_past,
+    seen_going_on,
+    vanishing_points,
+)
+from dlama.perception.planes import SMOOTH
 from worlds import Box, Plane, Shape, World, moved
 
 CAMERA = Camera.from_fov(160, 120, 60)
@@ -118,5 +127,24 @@ def test_nothing_is_said_in_view() -> None:
     for count in (2, 4):
         candidates = np.full((count, *hole.shape), 0.25, np.float32)
         known = ~hole, np.full(hole.shape, 0.25, np.float32), np.ones(hole.shape, np.int32)
-        for part in seen_going_on(Camera.from_fov(30, 20, 60), candidates, hole, *known):
+        for part in seen_going_on(Camera.from_fov(30, 20, 60), candidates, hole, *known, np.ones(count - 2, bool)):
             assert part.shape == candidates.shape and not part.any()
+
+
+def test_what_ends_within_the_picture_does_not_go_on_outside_it() -> None:
+    """Closed form: of planes that are not followed the one that the border cuts costs nothing, one that ends before it
+    ENDING_COST; a square thing without a plane nothing up to REACHES of its side, then more, ENDING_COST at most."""
+    hole, label = np.zeros((60, 100), bool), np.full((60, 100), 1, np.int32)
+    hole[:, 60:] = True
+    label[20:40, 10:30] = 2
+    label[20:40, 40:60] = SMOOTH
+    not_followed, jump = np.zeros(2, bool), 12.8
+    assert not ending_cost(hole, np.zeros_like(hole), label, not_followed, jump).any()
+    assert not ending_cost(hole, hole, label, ~not_followed, jump)[1:].any()
+    loose, sky, cut, ended = ending_cost(hole, hole, label, not_followed, jump)
+    assert not sky.any() and not cut.any()
+    np.testing.assert_array_equal(ended, ENDING_COST * hole.astype(np.float32))
+    distance = np.arange(60, 100) - 59
+    wanted = np.clip(2 * (distance - REACHES * 20) / jump, 0, ENDING_COST)
+    np.testing.assert_allclose(loose[30, 60:], wanted, atol=0.01)
+    assert not loose[~hole].any() and wanted[5] == 0 and wanted[-1] == ENDING_COST

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
-
 import numpy as np
 import pytest
 
@@ -13,18 +11,14 @@ from dlama.geometry.view import HoleType, View
 from dlama.geometry.visibility import Law
 from dlama.inpainters.layered.kernels import surfaces as surface_kernels
 from dlama.inpainters.layered.surface_labels import (
-    ENDING_COST,
-    GRID,
     IN_FRONT,
     LEAST_INVERSE_DEPTH,
-    REACH,
-    REACHES,
     CoarseView,
     distance_from,
     mean_chords,
     without_streaks,
 )
-from dlama.perception.planes import SKY, SMOOTH, find_planes, label_known
+from dlama.perception.planes import SKY, find_planes, label_known
 from worlds import Box, Plane, World, moved
 
 
@@ -77,21 +71,6 @@ def wall_with_hole(planes: tuple[float, ...] = (0.25,)) -> CoarseView:
     hole = np.zeros((12, 16), bool)
     hole[:6] = True
     return grid(np.where(hole, 0, 0.25), hole, np.where(hole, -1, 1), planes)
-
-
-def test_what_has_no_plane_ends_out_of_view() -> None:
-    """Closed form: a square thing without a plane costs nothing up to REACHES of its side, then more, ENDING_COST at most;
-    nothing in view."""
-    hole, label = np.zeros((60, 100), bool), np.full((60, 100), 1)
-    hole[:, 60:] = True
-    label[20:40, 40:60] = SMOOTH
-    coarse = grid(np.full(hole.shape, 0.25), hole, label, (0.25, 0.3))
-    assert not coarse.ending_cost().any()
-    loose = dataclasses.replace(coarse, hole_in_view=np.zeros_like(hole)).ending_cost()
-    distance = np.arange(60, 100) - 59
-    wanted = np.clip(2 * (distance - REACHES * 20) / (REACH * GRID), 0, ENDING_COST)
-    np.testing.assert_allclose(loose[30, 60:], wanted, atol=0.01)
-    assert not loose[~hole].any() and wanted[5] == 0 and wanted[-1] == ENDING_COST
 
 
 def test_planes_nearer_or_farther_than_all_that_is_known_cost() -> None:

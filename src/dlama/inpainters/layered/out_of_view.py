@@ -12,14 +12,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dlama.geometry.camera import Camera
+from dlama.geometry.holes import nearest_known
 from dlama.geometry.projection import rays
 from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.inpainters.layered.kernels.lines import seen_on_lines
+from dlama.perception.planes import SMOOTH
 
 UPRIGHT = 0.5
 """Sine of the angle between a plane's normal and up from which it has horizontals of its own."""
 LEVEL = 0.8
 """Cosine of the angle between a plane's normal and the camera's vertical from which it may be the ground."""
+FOLLOWED = 0.02
+"""Share of the known cells that a plane must hold to be followed along lines."""
 STRIDE, STRIDE_ACROSS = 2, 4
 """Cells between the cells whose lines are looked at: along the horizontals, and across."""
 GOES_ON = 0.5
@@ -34,6 +38,12 @@ FLOATING = 41
 """Cells up to which what is seen past a plane above and below belongs together: nothing hangs in the air."""
 IN_FRONT = 1.05
 """Relative inverse depth from which a plane hides another surface."""
+REACHES = 0.3
+"""Square roots of a thing's visible area by which it goes on out of view, if it has no plane."""
+ENDING_COST = 1.0
+"""Largest cost of a surface out of view that should have ended. It grows twice as fast as any distance counts."""
+BESIDE, CUT_CELLS = 2, 3
+"""Cells from what is out of view within which so many known cells of a plane make it one that the border cuts."""
 LEAST_LENGTH = 1e-12
 
 
@@ -44,14 +54,15 @@ def seen_going_on(
     unseen: BoolArray,
     w: Float32Array,
     label: NDArray[np.int32],
+    followed: BoolArray,
 ) -> tuple[Float32Array, Float32Array]:
     """(on, cost), both L x h x w, 0 but in `unseen` cells: 0..1, how much of a plane its line shows; cost of each label.
 
     camera: of the grid; candidates: L x h x w inverse depth (1/m) of no plane, sky, planes; hole, unseen (its part out of view):
-    h x w; w, label: h x w, of the known cells.
+    h x w; w, label: h x w, of the known cells; followed: K, the planes that lines are looked at for.
     """
     on, cost = np.zeros(candidates.shape, np.float32), np.zeros(candidates.shape, np.float32)
-    if not unseen.any() or len(candidates) < 3:
+    if not unseen.any() or not followed.any():
         return on, cost
     planes = plane_coefficients(candidates[2:])
     cells = np.bincount(label[~hole].clip(0), minlength=len(planes) + 1)[1:]
@@ -62,7 +73,8 @@ def seen_going_on(
     few = candidates[:, ::STRIDE, ::STRIDE], unseen[::STRIDE, ::STRIDE]
     few_on, few_cost = np.zeros_like(few[0]), np.zeros_like(few[0])
     hidden = np.zeros_like(few[0])
-    for k, value in enumerate(few[0][2:], start=2):
+    for k in 2 + np.flatnonzero(followed):
+        value = few[0][k]
         ends = looks_past(first[k - 2], length[k - 2])
         there = (length[k - 2] > 0) & ~ends
         farther = np.maximum(first[k - 2], 1) / np.maximum(length[k - 2], 1)
@@ -78,6 +90,30 @@ def seen_going_on(
         for out, values in ((on, a), (cost, b)):
             out[number] = spread_over(values, few[1], hole.shape) * unseen
     return on, cost
+
+
+def ending_cost(
+    hole: BoolArray, unseen: BoolArray, label: NDArray[np.int32], followed: BoolArray, jump: float
+) -> Float32Array:
+    """L x h x w cost in `unseen` cells of what should have ended: planes that are not followed (K) and end within the picture,
+    and what has no plane (a tree that the border cuts) farther from its nearest thing than that is large (REACHES).
+
+    hole, unseen: h x w; label: h x w; jump: cells of distance that cost 1.
+    """
+    out = np.zeros((2 + len(followed), *hole.shape), np.float32)
+    if not unseen.any():
+        return out
+    beside = cv2.dilate(unseen.astype(np.uint8), np.ones((2 * BESIDE + 1, 2 * BESIDE + 1), np.uint8)) > 0
+    for number in 2 + np.flatnonzero(~followed):
+        if (beside & ~hole & (label == number - 1)).sum() < CUT_CELLS:
+            out[number] = ENDING_COST * unseen
+    loose = ~hole & (label == SMOOTH)
+    if loose.any():
+        thing, area = cv2.connectedComponentsWithStats(loose.astype(np.uint8), connectivity=8)[1:3]
+        distance, nearest = nearest_known(loose)
+        reach = REACHES * np.sqrt(area[thing.ravel()[nearest], cv2.CC_STAT_AREA])
+        out[0] = np.minimum(2 * np.maximum(distance - reach, 0) / jump, ENDING_COST) * unseen
+    return out
 
 
 def looks_past(first: Float32Array, length: Float32Array) -> BoolArray:

@@ -14,13 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dlama.geometry.camera import Camera
-from dlama.geometry.holes import nearest_known
 from dlama.geometry.projection import rays
 from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.geometry.view import HoleType, View
 from dlama.geometry.visibility import Law
 from dlama.inpainters.layered.kernels import surfaces as surface_kernels
-from dlama.inpainters.layered.out_of_view import above_horizon, seen_going_on
+from dlama.inpainters.layered.out_of_view import FOLLOWED, above_horizon, ending_cost, seen_going_on
 from dlama.perception.planes import SMOOTH, plane_values
 
 GRID = 256
@@ -61,10 +60,6 @@ IN_FRONT = 1.05
 """Relative inverse depth from which one plane stands before another."""
 LEAST_CELLS = 50
 """Fewer known cells say nothing about the order of surfaces."""
-REACHES = 0.3
-"""Square roots of a thing's visible area by which it goes on out of view, if it has no plane."""
-ENDING_COST = 1.0
-"""Largest cost of what has no plane and should have ended. It grows twice as fast as any distance counts."""
 LEAST_INVERSE_DEPTH = 1e-3
 """Planes are not continued beyond 1 km: there they are horizon."""
 
@@ -84,10 +79,18 @@ class CoarseView:
     """h x w, of the known cells."""
     candidates: Float32Array
     """L x h x w inverse depth (1/m) that each label would give: no plane, sky, planes."""
+    exact: bool = True
+    """The depth has no noise to speak of: planes can be followed along lines."""
 
     @classmethod
     def of(
-        cls, view: View, w: Float32Array, label: NDArray[np.int32], planes: NDArray[np.float64], step: float
+        cls,
+        view: View,
+        w: Float32Array,
+        label: NDArray[np.int32],
+        planes: NDArray[np.float64],
+        step: float,
+        exact: bool = True,
     ) -> CoarseView:
         """The grid of cells `step` pixels wide. w, label: H x W inverse depth and label of the known pixels; planes: K x 3."""
         camera = with_larger_pixels(view.camera, step)
@@ -100,15 +103,17 @@ class CoarseView:
         in_view = hole & cells_with_holes(view.hole & (view.hole_type != HoleType.OUT_OF_VIEW), camera.wh)
         smooth = np.where(in_view, smooth, without_streaks(smooth, hole & ~in_view))
         candidates = np.concatenate([smooth[None], np.zeros_like(smooth)[None], plane_values(planes, camera.hw, step)])
-        return cls(camera, hole, in_view, w[pick], label[pick], candidates.astype(np.float32))
+        return cls(camera, hole, in_view, w[pick], label[pick], candidates.astype(np.float32), exact)
 
     def label_costs(self, law: Law) -> Float32Array:
         """h x w x L cost of each label after belief propagation (lower is better)."""
         unseen = self.hole & ~self.hole_in_view
+        followed = self.followed()
         known = self.hole, unseen, self.inverse_depth, self.label
-        on, penalty = seen_going_on(self.camera, self.candidates, *known)
+        on, penalty = seen_going_on(self.camera, self.candidates, *known, followed)
         penalty += (1 - on) * self.extrapolation_cost()
-        penalty[0] += SMOOTH_PENALTY + self.ending_cost()
+        penalty += ending_cost(self.hole, unseen, self.label, followed, REACH * GRID)
+        penalty[0] += SMOOTH_PENALTY
         penalty[1:] += ORDER_COST * self.out_of_order()
         distance = self.distance_to_known(law)
         distance += on * (distance.min(0) - distance)  # what is seen on its line is as near as anything
@@ -169,17 +174,10 @@ class CoarseView:
                     out[back] |= before
         return out & self.hole_in_view
 
-    def ending_cost(self) -> Float32Array:
-        """h x w cost, out of view, of what has no plane (a tree that the border cuts) farther from its nearest thing than that is
-        large (REACHES)."""
-        loose = ~self.hole & (self.label == SMOOTH)
-        if not loose.any():
-            return np.zeros(self.hole.shape, np.float32)
-        thing, area = cv2.connectedComponentsWithStats(loose.astype(np.uint8), connectivity=8)[1:3]
-        distance, nearest = nearest_known(loose)
-        reach = REACHES * np.sqrt(area[thing.ravel()[nearest], cv2.CC_STAT_AREA])
-        cost = np.minimum(2 * np.maximum(distance - reach, 0) / (REACH * GRID), ENDING_COST)
-        return np.asarray(cost * (self.hole & ~self.hole_in_view), np.float32)
+    def followed(self) -> BoolArray:
+        """K bool, the planes that are followed along lines out of view: all large ones, where depth is exact."""
+        cells = np.bincount(self.label[~self.hole].clip(0), minlength=len(self.candidates) - 1)[1:]
+        return np.asarray((cells >= FOLLOWED * (~self.hole).sum()) & self.exact)
 
     def distance_to_known(self, law: Law) -> Float32Array:
         """L x h x w, cells to the nearest known cell of each label (a large number if there is none).

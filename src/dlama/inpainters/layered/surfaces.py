@@ -41,7 +41,7 @@ def continue_surfaces(view: View, law: Law, seed: int = 0) -> Surfaces:
     label = label_known(w, view.valid, view.far, planes, noise)
     w = denoised(w, label, planes, noise)
     step = max(1.0, max(w.shape) / GRID)
-    coarse = CoarseView.of(view, w, label, planes, step)
+    coarse = CoarseView.of(view, w, label, planes, step, exact=not noise)
     return upsampled(view, w, label, planes, coarse, coarse.label_costs(law))
 
 
