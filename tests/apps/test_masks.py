@@ -56,6 +56,14 @@ def test_bad_pointing_is_refused_before_depth_is_estimated(
     assert capsys.readouterr().err.startswith("error: ")
 
 
+def test_a_mask_of_a_photo_alone_warns_of_no_metres(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Law: a mask does not change with the scale of estimated depth, nor with an assumed lens, so nothing is said of them."""
+    folder = small_frame(tmp_path)
+    main(["mask", str(folder / "image.png"), "--box", "15,12,30,28", "-o", str(folder / "found.png")])
+    said = capsys.readouterr()
+    assert said.err == "" and "found in estimated depth" in said.out
+
+
 def test_remove_takes_a_click_in_place_of_a_mask(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """With the box clicked the wall's depth comes back there (oracle: the plane at 4 m); meta.json says how it was found."""
     folder = small_frame(tmp_path)

@@ -100,3 +100,11 @@ def test_a_strip_of_a_few_rows_is_one_line_or_a_mask(height: int) -> None:
     rgbd = RGBD(np.zeros((height, 100, 3), np.uint8), depth, Camera.from_fov(100, height, 60), {"estimator": "noise"})
     with pytest.raises(MaskError, match="clicks holds 50,1"):
         find_mask(rgbd, clicks=[(50, 1)])
+
+
+def test_the_ground_itself_is_refused_in_rough_depth() -> None:
+    """A plain floor that runs along the lower rim is no thing."""
+    color, depth, _ = scene()
+    smooth = cv2.GaussianBlur(color, (0, 0), 3)
+    with pytest.raises(MaskError, match=r"clicks holds 130,116, (which lies on the ground|where nothing stands apart)"):
+        find_mask(RGBD(smooth, bent(depth), CAMERA, {"estimator": "none"}), clicks=[(130, 116)])

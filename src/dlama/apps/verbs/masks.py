@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -17,6 +18,9 @@ from dlama.geometry.rgbd import RGBD
 if TYPE_CHECKING:
     import dlama
     from dlama.geometry.rgbd import UInt8Array
+
+ASSUMED = "the (scale of the estimated depth|field of view) is assumed"
+"""Warnings of a picture whose depth is estimated; a mask in it depends on neither."""
 
 
 def mask(
@@ -46,7 +50,10 @@ def mask(
             raise InputError(
                 "nothing says which thing is meant: give --click X,Y on it, --box X,Y,W,H round it, --salient or --class NAME"
             )
-        picture = this.picture(image, depth, lens, reading, estimating, needs_depth=pointing.needs_depth)
+        with warnings.catch_warnings():
+            if depth is None and not pointing.with_shadow:
+                warnings.filterwarnings("ignore", ASSUMED)
+            picture = this.picture(image, depth, lens, reading, estimating, needs_depth=pointing.needs_depth)
         found = pointing.find(picture, image)
         files = write_found(found, picture, output)
         this.result.add(found_line(found, output, this.seconds), **found_values(found, files))

@@ -52,7 +52,7 @@ class Prompt:
                 raise InputError(f"box is {wide:g} x {high:g} pixels; a width and a height of 1 or more are wanted")
             if x >= width or y >= height or x + wide <= 0 or y + high <= 0:
                 raise InputError(
-                    f"box {x:g},{y:g},{wide:g},{high:g} lies outside the picture, which is {width}x{height}; "
+                    f"box is {x:g},{y:g},{wide:g},{high:g}, which lies outside the picture of {width}x{height}; "
                     "x,y,width,height of a part of it are wanted"
                 )
 

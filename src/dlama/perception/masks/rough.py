@@ -46,6 +46,9 @@ ROUNDS = 5
 BACKGROUND = 0.5
 """Share of the picture and of its upper rim, from which on what a click finds is no thing."""
 
+ALL_GROUND = 0.8
+"""Share of a mask on the ground, from which on it is the ground itself where it runs along the picture's lower rim."""
+
 
 @dataclass(frozen=True, eq=False)
 class RoughDepth:
@@ -113,6 +116,7 @@ def rough_candidates(rough: RoughDepth, prompt: Prompt) -> dict[str, BoolArray]:
             )
         if prompt.box is None:
             refuse_background(mask, prompt)
+            refuse_ground(rough, mask, prompt)
     if not mask.any():
         raise MaskError("box holds nothing that stands apart in colour; a box round a thing is wanted, or clicks on it")
     return {"thing": mask}
@@ -133,6 +137,16 @@ def refuse_background(mask: BoolArray, prompt: Prompt) -> None:
         raise MaskError(
             f"clicks holds {column},{row}, where more than half of the picture and of its upper rim hang together: "
             "that is background (sky, wall); click on a thing, or give a box round it"
+        )
+
+
+def refuse_ground(rough: RoughDepth, mask: BoolArray, prompt: Prompt) -> None:
+    """MaskError where what the clicks find is ground, and runs along most of the picture's lower rim."""
+    if rough.ground[mask].mean() > ALL_GROUND and mask[-1].mean() > BACKGROUND:
+        row, column = Prompt.pixels(prompt.clicks)[0]
+        raise MaskError(
+            f"clicks holds {column},{row}, which lies on the ground: nothing stands apart there; "
+            "click on a thing, or give a box round it"
         )
 
 

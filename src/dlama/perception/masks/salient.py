@@ -62,10 +62,23 @@ def saliency(color: UInt8Array) -> Float32Array:
 
 
 def salient_candidates(level: Float32Array, prompt: Prompt) -> tuple[dict[str, BoolArray], tuple[str, ...]]:
-    """The H x W mask of what stands out, as `thing`; within the box where there is one. MaskError: nothing does."""
+    """The H x W mask of what stands out, as `thing`; within the box, and the pieces with a click, where there are any.
+
+    Pieces that hold a pixel of not_clicks are left out. MaskError: nothing stands out there.
+    """
     mask = (level > 0.5) & prompt.inside
     if not mask.any():
         raise MaskError(
             "box holds nothing that stands out in the picture; another box, or clicks on the thing, are wanted"
         )
-    return {"thing": np.asarray(mask)}, ()
+    _, labels = cv2.connectedComponents(mask.astype(np.uint8), connectivity=8)
+    for column, row in prompt.clicks:
+        if not labels[int(row), int(column)]:
+            raise MaskError(
+                f"clicks holds {column:g},{row:g}, where nothing stands out in the picture; click on a thing that does, "
+                "or choose another masker"
+            )
+    if prompt.clicks:
+        mask &= np.isin(labels, [labels[pixel] for pixel in Prompt.pixels(prompt.clicks)])
+    away = {int(labels[pixel]) for pixel in Prompt.pixels(prompt.not_clicks)} - {0}
+    return {"thing": np.asarray(mask & ~np.isin(labels, list(away)))}, ()
