@@ -18,6 +18,7 @@ from dlama.geometry.projection import rays
 from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.geometry.view import HoleType, View
 from dlama.geometry.visibility import Law
+from dlama.inpainters.layered.colored_reach import colors_of_cells, distances_by_color
 from dlama.inpainters.layered.kernels import surfaces as surface_kernels
 from dlama.inpainters.layered.out_of_view import FOLLOWED, above_horizon, ending_cost, seen_going_on
 from dlama.perception.planes import SMOOTH, plane_values
@@ -79,6 +80,10 @@ class CoarseView:
     """h x w, of the known cells."""
     candidates: Float32Array
     """L x h x w inverse depth (1/m) that each label would give: no plane, sky, planes."""
+    color: Float32Array
+    """h x w x 3: mean colours of the cells."""
+    colored: BoolArray
+    """h x w, True in cells of the hole that lack depth alone: their colours were measured."""
     exact: bool = True
     """The depth has no noise to speak of: planes can be followed along lines."""
 
@@ -103,7 +108,9 @@ class CoarseView:
         in_view = hole & cells_with_holes(view.hole & (view.hole_type != HoleType.OUT_OF_VIEW), camera.wh)
         smooth = np.where(in_view, smooth, without_streaks(smooth, hole & ~in_view))
         candidates = np.concatenate([smooth[None], np.zeros_like(smooth)[None], plane_values(planes, camera.hw, step)])
-        return cls(camera, hole, in_view, w[pick], label[pick], candidates.astype(np.float32), exact)
+        colored = hole & ~cells_with_holes(view.color_hole, camera.wh)
+        known = w[pick], label[pick], candidates.astype(np.float32)
+        return cls(camera, hole, in_view, *known, colors_of_cells(view.color, colored), colored, exact)
 
     def label_costs(self, law: Law) -> Float32Array:
         """h x w x L cost of each label after belief propagation (lower is better)."""
@@ -183,8 +190,9 @@ class CoarseView:
         """L x h x w, cells to the nearest known cell of each label (a large number if there is none).
 
         In view, cells count more in directions in which a surface is nowhere seen going on: a pillar beside the hole ends there.
-        For the sky also the angle to where a source camera saw it, which may be outside this view; out of view and above the
-        horizon it counts at most one full jump more than what is nearest.
+        Where depth alone is missing, surfaces go on as their colours do. For the sky also the angle to where a source camera saw
+        it, which may be outside this view; out of view and above the horizon it counts at most one full jump more than what is
+        nearest.
         """
         out = np.full(self.candidates.shape, 1e3, np.float32)
         surrounded = self.with_relief()
@@ -195,6 +203,9 @@ class CoarseView:
                 there = ~self.hole & (surrounded == number - 1)
                 within = distance_from(there, mean_chords(there)) if there.any() else np.float32(1e3)
                 out[number] = np.where(self.hole_in_view, within, plain)
+        if self.colored.any():
+            known = (self.label == np.arange(-1, len(out) - 1)[:, None, None]) & ~self.hole
+            out = np.where(self.colored, distances_by_color(known, self.colored, self.color), out)
         if law.has_far:
             angle = angle_to_far(with_larger_pixels(self.camera, 4), law)  # smooth: a quarter of the cells is enough
             out[1] = np.minimum(out[1], self.camera.fx * enlarged(angle, self.camera.wh))
@@ -273,15 +284,8 @@ def cells_with_holes(hole: BoolArray, wh: tuple[int, int]) -> BoolArray:
 def with_larger_pixels(camera: Camera, step: float) -> Camera:
     """The camera with pixels exactly `step` times as large; its picture has a whole number of them, so it ends elsewhere."""
     width, height = max(1, round(camera.width / step)), max(1, round(camera.height / step))
-    return dataclasses.replace(
-        camera,
-        width=width,
-        height=height,
-        fx=camera.fx / step,
-        fy=camera.fy / step,
-        cx=camera.cx / step,
-        cy=camera.cy / step,
-    )
+    smaller = {name: getattr(camera, name) / step for name in ("fx", "fy", "cx", "cy")}
+    return dataclasses.replace(camera, width=width, height=height, **smaller)
 
 
 def enlarged(values: Float32Array, wh: tuple[int, int]) -> Float32Array:
