@@ -64,7 +64,7 @@ def snap(
                     if there <= 0 or (y + x + row + column) % 2 == 1:
                         continue
                     away = float(max(abs(y - row), abs(x - column)))
-                    weight = (1.0 if not band[y, x] else 0.3) / (2.0 + away)
+                    weight = (1.0 if not band[y, x] else 0.1) / (2.0 + away)
                     like = likeness(color, row, column, y, x, width)
                     if abs(there - here) <= ratio * (2.0 + away) * max(there, here):
                         if away > 0:
