@@ -76,6 +76,15 @@ def test_a_window_without_contrast_shows_nothing() -> None:
         find_mask(RGBD(color, rgbd.depth, rgbd.camera, rgbd.estimate), clicks=[BAND])
 
 
+def test_a_thing_that_the_windows_cut_off_is_found_whole(monkeypatch: pytest.MonkeyPatch) -> None:
+    """With a network that finds all that is red, the red bar across the picture comes back, not what a window shows of it."""
+    monkeypatch.setattr(photo, "saliency", lambda color: (color[..., 0] > 200).astype(np.float32))
+    color, rgbd = np.full((SIDE, SIDE, 3), 90, np.uint8), without_the_thing()
+    color[80:120, 8:184] = (220, 30, 30)
+    found = find_mask(RGBD(color, rgbd.depth, rgbd.camera, rgbd.estimate), clicks=[(96, 100)]).mask
+    assert (found == (color[..., 0] > 200)).all()
+
+
 @pytest.mark.parametrize("pixel", [(0, 0), (99, 159), (50, 80), (99, 0)])
 def test_a_window_holds_its_click_and_lies_in_the_picture(pixel: tuple[int, int]) -> None:
     """Closed form: as large as asked for, or as the picture."""

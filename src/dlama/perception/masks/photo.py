@@ -1,7 +1,8 @@
 """A picture whose depth is estimated and clicks or a box in; masks of the thing meant out. What stands out round the click leads.
 
 The network of `salient` finds what stands out in a picture; in windows round a click that is mostly the thing clicked. It runs
-in two windows, and in the whole picture where those show nothing at the click; where nothing stands out there `rough` decides.
+in two windows, and in the whole picture where those show nothing at the click or cut it off; `rough` decides where nothing
+stands out.
 """
 
 from __future__ import annotations
@@ -35,6 +36,8 @@ SURER = 0.05
 """The smaller window's mask is taken where it is surer by so much than the larger one's: the network is often sure of both."""
 DIFFERENT = 0.9
 """Intersection over union up to which two masks are two readings of a click."""
+CUT_OFF = 0.2
+"""Share of a window's rim that a mask runs over, from which on the whole picture is asked, too."""
 BOX_MARGIN = 0.15
 """The window of a box is so much larger on each side, over the box's longer side."""
 
@@ -47,6 +50,8 @@ class Reading:
 
     mask: BoolArray
     """H x W."""
+    cut: float
+    """Share of the window's rim that the mask runs over."""
     sure: float
     """How much stands out what is clicked, 0..1, less the share of the window's rim that the mask runs over."""
 
@@ -71,7 +76,8 @@ class PhotoMasker:
             if not readings:
                 return rough_candidates(self.rough, prompt)
             mask |= readings[0].mask
-            others += [one.mask for one in readings[1:]] if len(clicks) == 1 and not away else []
+            if len(clicks) == 1 and not away:
+                others = [one.mask for one in readings[1:] if one.cut <= CUT_OFF]
         if any(mask[pixel] for pixel in away):
             mask = without(self.rgbd.color, mask, prompt)
         refuse_background(mask, prompt)
@@ -82,14 +88,17 @@ class PhotoMasker:
         if pixel not in self.known:
             hw = self.rough.w.shape
             sides = [round(share * float(np.sqrt(hw[0] * hw[1]))) for share in WINDOWS]
-            found = [
-                dataclasses.replace(one, sure=one.sure - number * SURER)
-                for number, side in enumerate(sides)
-                if (one := self.reading(pixel, window_round(pixel, side, hw)))
-            ]
-            whole = None if found else self.reading(pixel, (slice(0, hw[0]), slice(0, hw[1])))
-            self.known[pixel] = found or ([whole] if whole else [])
+            found = self.in_windows(pixel, [window_round(pixel, side, hw) for side in sides])
+            if not found or max(found, key=lambda one: one.sure).cut > CUT_OFF:
+                whole = self.in_windows(pixel, [(slice(0, hw[0]), slice(0, hw[1]))])
+                found += [dataclasses.replace(one, sure=one.sure - len(WINDOWS) * SURER) for one in whole]
+            self.known[pixel] = found
         return self.known[pixel]
+
+    def in_windows(self, pixel: Pixel, windows: list[Window]) -> list[Reading]:
+        """The readings of a click in windows; those of later windows must be surer by SURER each."""
+        found = [(number, self.reading(pixel, window)) for number, window in enumerate(windows)]
+        return [dataclasses.replace(one, sure=one.sure - number * SURER) for number, one in found if one]
 
     def reading(self, pixel: Pixel, window: Window) -> Reading | None:
         """What stands out in a window at a pixel of it and hangs together; None where nothing does."""
@@ -110,7 +119,8 @@ class PhotoMasker:
         part = labels == int(counts.argmax())
         mask = np.zeros(self.rough.w.shape, np.bool_)
         mask[window] = part
-        return Reading(refined(self.rgbd, mask, part.shape), float(level[near].max()) - rim_share(mask, window))
+        cut_off = rim_share(mask, window)
+        return Reading(refined(self.rgbd, mask, part.shape), cut_off, float(level[near].max()) - cut_off)
 
     def boxed(self, prompt: Prompt) -> dict[str, BoolArray]:
         """What stands out in the box; what `rough` finds where nothing does."""
