@@ -20,6 +20,7 @@ NAME = "pairs.json"
 
 
 def looks_like_pairs(root: Path) -> bool:
+    """True where a folder holds pairs.json."""
     return (root / NAME).is_file()
 
 

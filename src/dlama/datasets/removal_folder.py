@@ -46,6 +46,7 @@ class RemovalFiles:
 
 
 def looks_like_removal(root: Path) -> bool:
+    """True where a folder holds the colours with the object and without it."""
     return (root / "with.color.png").is_file() and (root / "without.color.png").is_file()
 
 

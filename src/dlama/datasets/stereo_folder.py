@@ -44,6 +44,7 @@ class StereoFiles:
 
 
 def looks_like_stereo(root: Path) -> bool:
+    """True where a folder holds a left and a right picture."""
     return any((root / left).is_file() and (root / right).is_file() for left, right in _PICTURES)
 
 

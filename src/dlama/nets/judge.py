@@ -29,6 +29,7 @@ class Residual(nn.Module):
         nn.init.zeros_(self.second.weight)
 
     def forward(self, x: Tensor) -> Tensor:
+        """B x C x H x W -> the same shape."""
         return x + self.second(self.first(x.relu()).relu())
 
 
@@ -147,6 +148,7 @@ class GuessMixer(nn.Module):
         self.judge, self.guesses = Judge(settings), guesses
 
     def forward(self, planes: Tensor) -> Tensor:
+        """See the class."""
         context, guesses = split_planes(planes, self.judge.settings)
         kept = self._kept(planes.device) if self.training else torch.arange(self.guesses)
         logits, errors = self.judge(context, guesses[:, kept])

@@ -63,10 +63,12 @@ class Serves(Protocol):
     files: Mapping[str, bytes]
 
     @property
-    def port(self) -> int: ...
+    def port(self) -> int:
+        """Where it listens."""
 
     @property
-    def local(self) -> bool: ...
+    def local(self) -> bool:
+        """Whether this machine alone reaches it."""
 
 
 class Handler(BaseHTTPRequestHandler):

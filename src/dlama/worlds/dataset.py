@@ -98,12 +98,15 @@ class WorldSettings:
 
     @property
     def scene(self) -> str:
+        """Name of the scene."""
         return f"w{self.seed:03d}"
 
     def world(self) -> World:
+        """The world, built anew."""
         return world(self.seed, kind=self.kind, textures=self.textures, shadows=self.shadows, antialias=self.antialias)
 
     def camera(self, yaw: float) -> Camera:
+        """The camera at a yaw (degrees) of its orbit."""
         return self.world().camera(yaw, self.size)
 
 

@@ -21,6 +21,7 @@ DENSE, DENSE_KINDS = "stereo/depth_maps", (".geometric.bin", ".photometric.bin")
 
 
 def looks_like_colmap(root: Path) -> bool:
+    """True where a model lies in a folder, and no transforms.json of nerfstudio, which often has one beside it."""
     return model_folder(root) is not None and not (root / "transforms.json").is_file()
 
 

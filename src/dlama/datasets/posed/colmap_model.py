@@ -124,6 +124,7 @@ class _Bytes:
         self.path, self.data, self.at = path, path.read_bytes(), 0
 
     def take(self, kinds: str) -> tuple[float, ...]:
+        """The next fields, of `struct` kinds such as "idd"; FileError where the file ends before."""
         size = struct.calcsize("<" + kinds)
         if self.at + size > len(self.data):
             raise FileError(f"{self.path}: ends early, at byte {len(self.data)}; it is truncated, or no COLMAP file")
@@ -131,6 +132,7 @@ class _Bytes:
         return struct.unpack_from("<" + kinds, self.data, self.at - size)
 
     def text(self) -> str:
+        """The next name, up to its NUL; FileError where none comes."""
         end = self.data.find(b"\0", self.at)
         if end < 0:
             raise FileError(f"{self.path}: ends within a name; it is truncated, or no COLMAP file")
@@ -138,6 +140,7 @@ class _Bytes:
         return self.data[start:end].decode("utf-8", "replace")
 
     def skip(self, count: int) -> None:
+        """Pass over so many bytes; FileError where there are fewer."""
         if count < 0 or self.at + count > len(self.data):
             raise FileError(f"{self.path}: ends early, at byte {len(self.data)}; it is truncated, or no COLMAP file")
         self.at += count

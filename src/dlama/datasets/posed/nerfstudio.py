@@ -33,6 +33,7 @@ SHOWS_PX = 0.5
 
 
 def looks_like_nerfstudio(root: Path) -> bool:
+    """True where a folder holds transforms.json."""
     return (root / NAME).is_file()
 
 

@@ -45,10 +45,12 @@ TSDF_INTRINSICS = "camera-intrinsics.txt"
 
 
 def looks_like_seven_scenes(root: Path) -> bool:
+    """True where numbered frames lie in a folder, and tsdf-fusion's intrinsics neither there nor above."""
     return has_numbered_frames(root) and not any((each / TSDF_INTRINSICS).is_file() for each in (root, root.parent))
 
 
 def looks_like_tsdf_fusion(root: Path) -> bool:
+    """True where numbered frames lie in a folder, and tsdf-fusion's intrinsics there or above."""
     return has_numbered_frames(root) and any((each / TSDF_INTRINSICS).is_file() for each in (root, root.parent))
 
 

@@ -31,6 +31,7 @@ INTRINSICS = "intrinsic/intrinsic_color.txt"
 
 
 def looks_like_scannet(root: Path) -> bool:
+    """True where a folder holds color/, depth/ and pose/."""
     return all((root / name).is_dir() for name in FOLDERS)
 
 

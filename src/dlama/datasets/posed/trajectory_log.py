@@ -27,6 +27,7 @@ LINES = 5
 
 
 def looks_like_trajectory_log(root: Path) -> bool:
+    """True where a folder holds depth/ and a log of poses."""
     return any((root / name).is_file() for name in LOGS) and (root / "depth").is_dir()
 
 

@@ -33,6 +33,7 @@ ADVICE = (
 
 
 def looks_like_tum(root: Path) -> bool:
+    """True where a folder holds all three listings."""
     return all((root / name).is_file() for name in LISTINGS)
 
 

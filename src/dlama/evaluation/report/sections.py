@@ -179,6 +179,7 @@ class _Place:
 
     @property
     def has_yaws(self) -> bool:
+        """Whether there are cases with a yaw."""
         return bool(self.yaws)
 
     @property

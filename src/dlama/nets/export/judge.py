@@ -97,6 +97,7 @@ class _Writer:
         return logits, g.add_named("errors", "Clip", errors, *bounds)
 
     def trunk(self, x: str) -> str:
+        """The U-Net of `nets.judge.Trunk`: 1 x C x h x w -> 1 x width x h x w."""
         g = self.g
         fine = self.conv("trunk.enter", x)
         middle = self.residual("trunk.block1", self.conv("trunk.down1", g.add("Relu", fine), stride=2))
@@ -108,10 +109,12 @@ class _Writer:
         return self.residual("trunk.blend2", g.add("Add", fine, up))
 
     def residual(self, name: str, x: str, dilation: int = 1) -> str:
+        """`nets.judge.Residual`: x + conv(relu(conv(relu(x))))."""
         inner = self.conv(f"{name}.first", self.g.add("Relu", x), dilation=dilation)
         return str(self.g.add("Add", x, self.conv(f"{name}.second", self.g.add("Relu", inner))))
 
     def join(self, name: str, own: str, shared: str) -> str:
+        """`nets.judge.Join`: K x own x h x w and 1 x shared x h x w -> K x out x h x w."""
         return str(self.g.add("Add", self.conv(f"{name}.own", own), self.conv(f"{name}.shared", shared)))
 
     def pooled(self, h: str) -> str:
@@ -120,11 +123,13 @@ class _Writer:
         return str(self.g.add("Concat", *pools, axis=1))
 
     def doubled(self, x: str) -> str:
+        """Twice the height and width, bilinear."""
         scales = self.g.constant([1, 1, 2, 2])
         how: dict[str, Any] = {"mode": "linear", "coordinate_transformation_mode": "half_pixel"}
         return str(self.g.add("Resize", x, "", scales, **how))
 
     def conv(self, name: str, x: str, stride: int = 1, dilation: int = 1) -> str:
+        """A convolution with the state's weights of that name, stored as float16."""
         self.layers.append(name)
         weight, bias = self.state[f"{name}.weight"], self.state.get(f"{name}.bias")
         kernel = weight.shape[2]
@@ -140,6 +145,7 @@ class _Writer:
         return str(self.g.add("Mul", x, self.g.constant(keep)))
 
     def model(self, logits: str, errors: str, metadata: Mapping[str, str]) -> bytes:
+        """The bytes of the ONNX file with these outputs and metadata."""
         import onnx
 
         helper, kind, g, s = onnx.helper, onnx.TensorProto.FLOAT, self.g, self.settings

@@ -115,6 +115,7 @@ def separable(rgbd: RGBD, found: Planes, prompt: Prompt) -> tuple[list[Pixel], l
 
 
 def has_near(free: BoolArray, pixel: Pixel) -> bool:
+    """Whether a free pixel (H x W bool) lies within SNAP_PX of a pixel."""
     row, column = pixel
     window = slice(max(row - SNAP_PX, 0), row + SNAP_PX + 1), slice(max(column - SNAP_PX, 0), column + SNAP_PX + 1)
     return bool(free[window].any())

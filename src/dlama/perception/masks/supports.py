@@ -94,6 +94,7 @@ def supports_for(found: Planes, seeds: list[tuple[int, int]], box: BoolArray | N
 
 
 def stands_before(found: Planes, number: int, seeds: list[tuple[int, int]]) -> bool:
+    """Whether all seeds (row, column) lie before the plane `number`, by more than noise."""
     values = [(found.w[seed], found.value_at(number, *seed)) for seed in seeds]
     return all(here > BEFORE * plane and here > plane + NOISY * found.noise for here, plane in values)
 
