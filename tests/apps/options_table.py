@@ -65,7 +65,7 @@ def each(path: str, values: Iterable[Any]) -> Callable[[Any], bool]:
 BASE = {
     "view": "image.png depth.png -o out --fov 60 --yaw 5",
     "remove": "image.png depth.png mask.png -o out --fov 60",
-    "mask": "image.png depth.png -o mask.png --fov 60",
+    "mask": "image.png depth.png --click 9,9 -o mask.png --fov 60",
     "stereo": "left.png right.png --calib calib.txt -o out --mask mask.png",
     "depth": "image.png -o out --fov 60",
     "batch": "jobs.csv -o out",
@@ -108,7 +108,7 @@ POINTING = {
 
 
 def pointed(instead_of: str) -> dict[str, Reach]:
-    """The same options in place of a mask file."""
+    """The same options in place of a mask file, or of another way to point."""
     return {name: dataclasses.replace(reach, drop=(instead_of,)) for name, reach in POINTING.items()}
 
 
@@ -375,7 +375,7 @@ TABLE: dict[str, dict[str, Reach]] = {
         "output": Reach("-o elsewhere", "write_depth.directory", Path("elsewhere"), ("-o out",)),
     },
     "mask": {
-        **PICTURE, **LENS, **READING, **ESTIMATING, **POINTING, **REPORT,
+        **PICTURE, **LENS, **READING, **ESTIMATING, **pointed("--click 9,9"), **REPORT,
         "output": Reach("-o found.png", "write_found.output", Path("found.png"), ("-o mask.png",)),
     },
     "stereo": {**PAIR, **MASKING, **pointed("--mask mask.png"), **method("stereo"), **REPORT, "output": OUTPUT, "only": ONLY},
