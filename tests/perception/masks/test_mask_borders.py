@@ -5,10 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from dlama import find_mask
+from dlama.evaluation.metrics.masks import innermost, iou
 from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import RGBD
 from dlama.perception.masks.borders import edges_are_sharp
 from dlama.perception.masks.supports import Planes
+from worlds import Box, Plane, World
 
 SIDE = 60
 
@@ -24,3 +27,13 @@ def test_a_step_is_sharp_within_one_pixel_at_any_border_of_the_picture(ramp: int
     rgbd = RGBD(np.zeros((SIDE, SIDE, 3), np.uint8), 1 / w, Camera.from_fov(SIDE, SIDE, 60))
     found = Planes(w, np.zeros((0, 3)), np.full(w.shape, -1, np.int32), (), 0.0)
     assert edges_are_sharp(rgbd, found, thing) == (ramp == 1)
+
+
+def test_a_carpet_is_no_foot_of_what_stands_on_it() -> None:
+    """The true pixels of a box on a layer of 1 cm, which rises over the ground as a foot does, but goes on beyond it."""
+    camera = Camera.from_fov(320, 240, 70)
+    carpet, box = Box((-1.5, 0.99, 2.0), (0.5, 1.0, 3.6)), Box((-0.3, 0.2, 2.6), (0.1, 0.99, 2.9))
+    made = World((Plane((0, 1, 0), (0, -1, 0)), Plane((0, 0, 6), (0, 0, -1)), carpet, box))
+    shown = made.trace(camera)[1] == 3
+    found = find_mask(made.rgbd(camera), clicks=[innermost(shown)]).mask
+    assert iou(found, shown) > 0.98

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 
 from dlama.geometry.holes import dilated, disc, eroded, nearest_known, opened
-from dlama.geometry.rgbd import RGBD, BoolArray
+from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array
 from dlama.perception.masks.supports import Planes, height_above
 
 FOOT_PX = 12
@@ -17,6 +17,8 @@ FOOT_NOISE = 5.0
 """A foot rises over the plane by so many standard deviations of the plane's own unevenness,"""
 FOOT_STEP = 0.0012
 """and by this relative step in inverse depth at least."""
+LAYER = 0.5
+"""What rises has less than this share of its pixels near the thing if it is a layer of its own on the plane."""
 SHARP = 0.7
 """Share of a depth step that a sharp edge makes within one pixel."""
 WIDE_PX = 4
@@ -37,9 +39,25 @@ def with_foot(found: Planes, support: BoolArray, thing: BoolArray) -> BoolArray:
     step = height_above(found, support)
     around = dilated(thing, 4 * FOOT_PX) & support
     unevenness = 1.4826 * float(np.median(np.abs(step[around])))
-    rises = near & (step > max(FOOT_STEP, FOOT_NOISE * unevenness))
+    least = max(FOOT_STEP, FOOT_NOISE * unevenness)
+    rises = near & over_layers(step, support & (step > least), near, least)
     _, labels = cv2.connectedComponents((thing | rises).astype(np.uint8), connectivity=8)
     return np.asarray(np.isin(labels, np.unique(labels[thing])) & (thing | rises))
+
+
+def over_layers(step: Float32Array, rising: BoolArray, near: BoolArray, least: float) -> BoolArray:
+    """H x W, True where pixels rise over the plane, and over a thin layer on it (a carpet) that goes on beyond `near`.
+
+    step: H x W relative height. rising: H x W, where that is over `least`. near: H x W, where a foot may be.
+    """
+    count, layers = cv2.connectedComponents(rising.astype(np.uint8), connectivity=8)
+    sizes, held = np.bincount(layers.ravel(), minlength=count), np.bincount(layers[near], minlength=count)
+    out = rising.copy()
+    layered = (held > 0) & (held < LAYER * sizes)
+    for number in np.flatnonzero(layered[1:]) + 1:
+        layer = layers == number
+        out &= ~layer | (step > float(np.median(step[layer & ~near])) + least)
+    return out
 
 
 def edges_are_sharp(rgbd: RGBD, found: Planes, thing: BoolArray) -> bool:
