@@ -1,12 +1,12 @@
 """Shadows of things: the certainty of a thrown shape fitted on procedural worlds, and what is found held against the truth.
 
-    python benchmarks/shadows.py train [--worlds 120] [--seed 40000]       prints WEIGHTS of src/dlama/perception/shadows.py
-    python benchmarks/shadows.py measure [worlds:16:3000 ../shared/street ...] [--every 2]
+    python benchmarks/shadows.py train [--worlds 120] [--seed 40000]   prints WEIGHTS of src/dlama/perception/shadows/thrown.py
+    python benchmarks/shadows.py measure [worlds:16:3000 ../shared/street ...] [--every 2] [--removal]
 
 `train` throws each thing's shape by the light that explains most, calls it right where more than half of it lies in the true
 shadow, and fits a logistic regression to the features; half of the worlds in turn are held out for the printed rates. `measure`
 prints recall and precision of what is found with the true mask, by scene (of worlds together), frames without a shadow apart;
-`oracle` is the shape thrown by the true light, in worlds, where that is known: what no better search could exceed.
+with `--removal` also the squared error of colour in the true shadow after the thing is removed with and without what is found.
 """
 
 from __future__ import annotations
@@ -17,14 +17,17 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from dlama.completion.verbs import remove
 from dlama.datasets.frames import RemovalTruth
 from dlama.evaluation.metrics.masks import darkened
 from dlama.evaluation.protocols.mask import SMALLEST_SHADOW_PX
 from dlama.geometry.holes import dilated
-from dlama.perception import shadows as room
 from dlama.perception.masks.supports import planes_of
-from dlama.perception.shadow_search import Scale
-from dlama.worlds.dataset import open_dataset_or_worlds, world, worlds
+from dlama.perception.shadows.find import find_shadow
+from dlama.perception.shadows.ground import EDGE_PX, ground_of, thing_points
+from dlama.perception.shadows.search import Scale
+from dlama.perception.shadows.thrown import WEIGHTS, standing, thrown_shape
+from dlama.worlds.dataset import open_dataset_or_worlds, worlds
 
 RIDGE = 1.0
 """Squared weights, of features in standard deviations, count so much."""
@@ -39,16 +42,17 @@ def rows_of(truths: Iterator[RemovalTruth], scale: Scale) -> tuple[np.ndarray, n
     """N x features, and N: whether the thrown shape is right."""
     features, right = [], []
     for truth in truths:
-        ground = room.ground_of(truth.source, truth.mask, planes_of(truth.source))
+        ground = ground_of(truth.source, truth.mask, planes_of(truth.source))
         if ground is None:
             continue
-        usable = ground.surface & ~dilated(truth.mask, room.EDGE_PX)
-        thrown = room.thrown_shape(truth.source, truth.mask, ground, usable, scale)
+        usable = ground.surface & ~dilated(truth.mask, EDGE_PX)
+        thing = standing(*thing_points(truth.source, truth.mask, ground), ground)
+        thrown = thrown_shape(truth.source, usable, thing, scale)
         if thrown is None:
             continue
-        true = true_shadow(truth)
-        features.append(thrown[1])
-        right.append(true.sum() >= SMALLEST_SHADOW_PX and (true & thrown[0]).sum() > 0.5 * thrown[0].sum())
+        true, shape = true_shadow(truth), thrown[1]
+        features.append(thrown[2])
+        right.append(true.sum() >= SMALLEST_SHADOW_PX and (true & shape).sum() > 0.5 * shape.sum())
     return np.array(features), np.array(right, np.float64)
 
 
@@ -67,7 +71,7 @@ def fitted(features: np.ndarray, right: np.ndarray) -> np.ndarray:
 
 
 def train(count: int, seed: int) -> None:
-    for scale in room.WEIGHTS:
+    for scale in WEIGHTS:
         cases = (case for case in worlds(count, seed=seed).cases if case.protocol == "ori" and case.yaw == 0)
         report(scale, *rows_of((case.load() for case in cases), scale))
 
@@ -87,29 +91,25 @@ def report(scale: Scale, features: np.ndarray, right: np.ndarray) -> None:
     print(f"WEIGHTS = ({', '.join(f'{each:.3f}' for each in fitted(features, right))})")
 
 
-def oracle(truth: RemovalTruth, seed: int) -> np.ndarray | None:
-    """The shape thrown by the true light, grown as what is found is."""
-    rgbd, mask = truth.source, truth.mask
-    ground = room.ground_of(rgbd, mask, planes_of(rgbd))
-    if ground is None:
-        return None
-    to_light = rgbd.camera.world_from_cam[:3, :3].T @ np.array(world(seed).light.to_light)
-    up = -ground.normal / np.linalg.norm(ground.normal)
-    points, rise = room.thing_points(rgbd, mask, ground)
-    over = up - to_light / max(float(to_light @ up), 1e-3)
-    usable = ground.surface & ~dilated(mask, room.EDGE_PX)
-    shape = room.filled_shape(points - rise[:, None] * up + rise[:, None] * over, rgbd, usable)
-    return room.in_picture(rgbd, mask, ground, usable, shape)
-
-
 def rates(found: np.ndarray, true: np.ndarray) -> tuple[float, float]:
     both = float((found & true).sum())
     return both / max(float(true.sum()), 1.0), both / found.sum() if found.any() else float("nan")
 
 
-def measure(names: Sequence[str], every: int) -> None:
-    print("| frames | with a shadow | found in | recall | precision | false alarms, % | oracle: recall | precision |")
-    print("|---|---|---|---|---|---|---|---|")
+def errors(truth: RemovalTruth, true: np.ndarray, found: np.ndarray) -> tuple[float, float]:
+    """Mean squared error of colour in the true shadow, removed with the thing's mask alone and with the shadow that is found."""
+    out = []
+    for mask in (truth.mask, truth.mask | found):
+        off = remove(truth.source, mask).view.color[true].astype(np.float64) - truth.without.color[true]
+        out.append(float((off**2).mean()))
+        if not found.any():
+            return out[0], out[0]
+    return out[0], out[1]
+
+
+def measure(names: Sequence[str], every: int, removal: bool) -> None:
+    print("| frames | with a shadow | found in | recall | precision | false alarms, % | MSE without, with |")
+    print("|---|---|---|---|---|---|---|")
     for name in names:
         groups: dict[str, list[tuple[float, ...]]] = defaultdict(list)
         alarms: dict[str, list[float]] = defaultdict(list)
@@ -118,19 +118,18 @@ def measure(names: Sequence[str], every: int) -> None:
         for case in [case for case in cases if case.yaw == 0] if generated else cases[::every]:
             truth = case.load()
             assert isinstance(truth, RemovalTruth)
-            true, found = true_shadow(truth), room.find_shadow(truth.source, truth.mask)
+            true, found = true_shadow(truth), find_shadow(truth.source, truth.mask)
             group = name if generated else case.scene
             if true.sum() < SMALLEST_SHADOW_PX:
                 alarms[group].append(100 * float(found.mean()))
                 continue
-            best = oracle(truth, int(case.scene[1:])) if generated else None
-            groups[group].append((*rates(found, true), *(rates(best, true) if best is not None else (np.nan, np.nan))))
+            groups[group].append((*rates(found, true), *(errors(truth, true, found) if removal else (np.nan, np.nan))))
         for group in sorted({*groups, *alarms}):
             rows, false = np.array(groups[group]).reshape(-1, 4), alarms[group] or [0.0]
             means = [float(np.nanmean(column)) if np.isfinite(column).any() else float("nan") for column in rows.T]
             print(
                 f"| {group} | {len(rows)} | {np.isfinite(rows[:, 1]).sum()} | {means[0]:.2f} | {means[1]:.2f} "
-                f"| {np.mean(false):.2f} (worst {max(false):.2f}) of {len(alarms[group])} | {means[2]:.2f} | {means[3]:.2f} |",
+                f"| {np.mean(false):.2f} (worst {max(false):.2f}) of {len(alarms[group])} | {means[2]:.0f}, {means[3]:.0f} |",
                 flush=True,
             )
 
@@ -142,11 +141,12 @@ def main() -> None:
     parser.add_argument("--worlds", type=int, default=120)
     parser.add_argument("--seed", type=int, default=40_000)
     parser.add_argument("--every", type=int, default=1, help="only each such frame of a folder")
+    parser.add_argument("--removal", action="store_true", help="also remove the thing, with and without its shadow")
     given = parser.parse_args()
     if given.what == "train":
         train(given.worlds, given.seed)
     else:
-        measure(given.names, given.every)
+        measure(given.names, given.every, given.removal)
 
 
 if __name__ == "__main__":

@@ -12,7 +12,7 @@ from typing import Any
 from dlama.errors import InputError, MaskError
 from dlama.geometry.rgbd import RGBD, BoolArray, UInt8Array, checked_color, read_only
 from dlama.perception.masks.prompt import Box, Point, Prompt
-from dlama.perception.shadows import find_shadow
+from dlama.perception.shadows.find import find_shadow
 
 MaskModel = str | Path | tuple[str | Path, str | Path]
 """A name of `dlama.perception.masks.segment_anything.PAIRS`, `NAME=ENCODER,DECODER`, or the two files of a pair."""

@@ -29,7 +29,7 @@ from dlama.geometry.rgbd import BoolArray, UInt8Array
 from dlama.perception.masks.prompt import Box, Point
 from dlama.perception.monocular import estimate_depth
 from dlama.perception.object_masks import MaskSession
-from dlama.perception.shadows import find_shadow
+from dlama.perception.shadows.find import find_shadow
 
 CLICKS = ("click", "clicks-2", "clicks-3", "clicks-4")
 """Regions: one click, and with one to three corrections."""

@@ -7,9 +7,10 @@ import pytest
 
 from dlama import find_mask
 from dlama.geometry.camera import Camera
+from dlama.geometry.holes import eroded
 from dlama.geometry.projection import rays
 from dlama.geometry.rgbd import RGBD, BoolArray
-from dlama.perception.shadows import find_shadow
+from dlama.perception.shadows.find import find_shadow
 from worlds import Box, Plane, World
 
 CAMERA = Camera.from_fov(240, 180, 70)
@@ -71,7 +72,7 @@ def test_a_shadow_that_fades_is_followed() -> None:
         np.maximum(0, np.abs(points[..., 0] + 0.05) - 0.25), np.maximum(0, np.abs(points[..., 2] - 2.8) - 0.2)
     )
     ground = ~mask & (np.abs(points[..., 1] - 1) < 0.01)
-    lost = np.where(ground, 0.6 * np.exp(-apart / 0.2), 0)
+    lost = np.where(ground, 0.6 * np.exp(-apart / 0.35), 0)
     color = np.clip(rgbd.color * (1 - lost[..., None]), 0, 255).astype(np.uint8)
     found, true = find_shadow(RGBD(color, rgbd.depth, CAMERA), mask), lost > 0.1
     assert (found & true).sum() > 0.5 * true.sum()
@@ -88,3 +89,16 @@ def test_a_shadow_in_estimated_depth() -> None:
     found = find_shadow(bent, mask)
     assert (found & shadow).sum() > 0.6 * shadow.sum()
     assert (found & shadow).sum() > 0.75 * found.sum()
+
+
+def test_another_thing_in_the_shadow_is_never_covered() -> None:
+    """Law: only the surface is covered. A second box stands where the first one's shadow falls, as dark as that; where it meets
+    the ground, which is both, a pixel is allowed."""
+    rgbd, mask, shadow = lit_and_shadow(0.5)
+    world = World((*WORLD.shapes, Box((0.5, 0.6, 2.4), (0.8, 1.0, 2.7))))
+    shown = world.trace(CAMERA)[1]
+    color = np.where((shown == 3)[..., None], np.uint8(70), rgbd.color)
+    found = find_shadow(RGBD(color, world.rgbd(CAMERA).depth, CAMERA), mask)
+    assert found.any() and (shown == 3).sum() > 100
+    assert not (found & eroded(shown != 0, 1)).any()
+    assert (found & shadow & (shown == 0)).sum() > 0.75 * found.sum()

@@ -51,7 +51,9 @@ class Thrown:
     strength: float
     """Flux over its standard deviation by chance; less for a low sun."""
     next_best: float
-    """The same of the best direction that is quite another."""
+    """The same of the best direction that is quite another,"""
+    next_over: NDArray[np.float64]
+    """and that direction, as `over`."""
     step: float
     """Mean gradient of the logarithm outwards, a pixel."""
 
@@ -80,8 +82,10 @@ def best_direction(
     if fine[best] <= 0:
         return None
     over = search.over(near[0][best : best + 1], near[1][best : best + 1])[0]
-    apart = np.linalg.norm(search.over(slopes, turns) - over, axis=1) > OTHER * np.linalg.norm(over)
-    return Thrown(over, float(fine[best]), float(coarse[apart].max(initial=0.0)), float(steps[best]))
+    every = search.over(slopes, turns)
+    others = np.where(np.linalg.norm(every - over, axis=1) > OTHER * np.linalg.norm(over), coarse, 0)
+    second = int(others.argmax())
+    return Thrown(over, float(fine[best]), max(float(others[second]), 0.0), every[second], float(steps[best]))
 
 
 class Search:

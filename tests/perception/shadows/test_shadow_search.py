@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from dlama.perception.kernels.shadows import DIRECTIONS_A_TASK, throw_shapes
-from dlama.perception.shadow_search import SHARP, divergence_of
+from dlama.perception.shadows.search import SHARP, divergence_of
 
 
 def test_thrown_shapes_against_a_twin() -> None:

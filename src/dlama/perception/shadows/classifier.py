@@ -1,0 +1,149 @@
+"""Planes of a crop round a thing in; the probability that each pixel lies in its shadow out, or none where nothing is certain.
+
+Three small classifiers that ship (`assets/shadow`, made by `benchmarks/shadow_classifier.py`): which thrown shape is right, which
+pixels belong to the shadow that was thrown there, and whether what comes out is a shadow at all.
+"""
+
+from __future__ import annotations
+
+import functools
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from dlama.geometry.rgbd import BoolArray, Float32Array
+from dlama.perception.shadows.features import FEWEST_PX, candidate_features, insides, pixel_features
+
+MODEL = Path(__file__).parents[2] / "assets" / "shadow" / "shadow.npz"
+CLIP = 5.0
+"""Standard deviations that features are clipped to."""
+TRIED = 2
+"""Thrown shapes that are followed, the likeliest first,"""
+LIKELY = 0.04
+"""of those at least so probable."""
+CERTAIN = 0.4
+"""Least probability that what is found is the thing's shadow."""
+SHADOW = 0.5
+"""Least probability of a pixel."""
+
+
+@dataclass(frozen=True, eq=False)
+class Perceptron:
+    """Features -> probability: standardised, through layers with ReLU between them, then the logistic function."""
+
+    mean: Float32Array
+    spread: Float32Array
+    layers: tuple[tuple[Float32Array, Float32Array], ...]
+    """Weights (inputs x outputs) and biases."""
+
+    def __call__(self, features: Float32Array) -> Float32Array:
+        """N of N x features."""
+        h = np.clip((features - self.mean) / self.spread, -CLIP, CLIP)
+        for number, (weight, bias) in enumerate(self.layers):
+            h = (np.maximum(h, 0) if number else h) @ weight + bias
+        return np.asarray(1 / (1 + np.exp(-h[:, 0])), np.float32)
+
+
+PARTS = "candidate", "pixel", "verdict"
+
+
+@functools.cache
+def classifiers(path: Path = MODEL) -> dict[str, Perceptron]:
+    """PARTS of the file, read once a process."""
+    with np.load(path) as file:
+        return {part: read_part(dict(file), part) for part in PARTS}
+
+
+def read_part(arrays: dict[str, np.ndarray], part: str) -> Perceptron:
+    count = sum(name.startswith(f"{part}.weight") for name in arrays)
+    layers = tuple(
+        (arrays[f"{part}.weight{n}"].astype(np.float32), arrays[f"{part}.bias{n}"].astype(np.float32))
+        for n in range(count)
+    )
+    return Perceptron(arrays[f"{part}.mean"], arrays[f"{part}.spread"], layers)
+
+
+@dataclass(frozen=True, eq=False)
+class Likely:
+    """What a thrown shape leads to."""
+
+    shape: BoolArray
+    """h x w: where it was thrown."""
+    probability: Float32Array
+    """h x w: of each pixel of the surface."""
+    features: Float32Array
+    """What speaks for it in the end: `verdict_features`."""
+
+
+def likely_shadows(planes: Float32Array, parts: dict[str, Perceptron]) -> list[Likely]:
+    """The likeliest shapes followed to where their shadow ends."""
+    features, shapes = candidate_features(planes), insides(planes)
+    there = np.isfinite(features).all(1)
+    sure = np.where(there, parts["candidate"](np.nan_to_num(features)), 0)
+    out = []
+    for number in np.argsort(-sure, kind="stable")[:TRIED]:
+        if sure[number] < LIKELY:
+            break
+        rows, where = pixel_features(planes, shapes[number], float(sure[number]))
+        said = np.zeros(where.shape, np.float32)
+        said[where] = parts["pixel"](rows)
+        last = verdict_features(planes, shapes[number], said, float(sure[number]), features[number], sure)
+        out.append(Likely(shapes[number], said, last))
+    return out
+
+
+def verdict_features(
+    planes: Float32Array,
+    shape: BoolArray,
+    said: Float32Array,
+    sure: float,
+    features: Float32Array,
+    all_sure: np.ndarray,
+) -> Float32Array:
+    """What speaks for the region that a shape leads to: how sure its pixels are and those elsewhere, the step at its border, and
+    the shape's own features."""
+    where, dark = planes[4] > 0.5, planes[9]
+    region = touching(said > SHADOW, shape)
+    out = cv2.distanceTransform((~region).astype(np.uint8), cv2.DIST_L2, 3)
+    ring, rest = (out > 2) & (out < 8) & where, (out >= 8) & where
+    enough = region.sum() >= FEWEST_PX <= ring.sum()
+    inner = region & (cv2.erode(region.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0)
+    inner = inner if inner.sum() >= FEWEST_PX else region
+    deep = float(np.median(dark[inner])) if enough else 0.0
+    around, spread = (float(np.median(dark[ring])), float(dark[ring].std())) if enough else (0.0, 0.0)
+    middle = (deep + around) / 2
+    own = [
+        float(np.log(sure + 1e-3) - np.log(1 - sure + 1e-3)),
+        float(np.sort(all_sure)[-2]) if len(all_sure) > 1 else 0.0,
+        float(said[shape].mean()) if shape.any() else 0.0,
+        float(said[region].mean()) if enough else 0.0,
+        float(said[ring].mean()) if enough else 0.0,
+        float(np.log1p(region.sum()) - np.log1p(shape.sum())),
+        float((said[rest] > SHADOW).mean()) if rest.sum() > 50 else 0.0,
+        deep - around,
+        min((deep - around) / max(spread, 0.05), 4.0),
+        float((dark[inner] > middle).mean() + (dark[ring] < middle).mean()) - 1 if enough else 0.0,
+        float((dark[rest] > middle).mean()) if rest.sum() > 50 else 0.5,
+        float(region[shape].mean()) if shape.any() else 0.0,
+    ]
+    return np.array([*own, *features], np.float32)
+
+
+def touching(where: BoolArray, other: BoolArray) -> BoolArray:
+    """The 8-connected regions of `where` that touch `other`."""
+    _, labels = cv2.connectedComponents(where.astype(np.uint8), connectivity=8)
+    numbers = np.unique(labels[where & other])
+    return np.asarray(np.isin(labels, numbers) & where)
+
+
+def shadow_probability(planes: Float32Array, path: Path = MODEL) -> tuple[Float32Array, BoolArray] | None:
+    """h x w: probability of each pixel, and where the shape was thrown; None where no shape leads to a certain shadow."""
+    parts = classifiers(path)
+    found = likely_shadows(planes, parts)
+    if not found:
+        return None
+    sure = parts["verdict"](np.stack([one.features for one in found]))
+    best = found[int(sure.argmax())]
+    return (best.probability, best.shape) if sure.max() >= CERTAIN else None

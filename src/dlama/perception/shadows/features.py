@@ -1,0 +1,188 @@
+"""Planes of a crop round a thing in; what speaks for a thrown shape, and for a pixel of the surface, being its shadow, out.
+
+Of a shape: how sure the search was, how far it agrees with the others, its darkness against its surroundings and against the
+surface elsewhere. Of a pixel: darkness at several scales against that of the shape, distances, how common its colour is on the
+surface and how common it would be were it lit, darkness on the way to the thing.
+"""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from dlama.geometry.rgbd import BoolArray, Float32Array
+from dlama.perception.shadows.planes import FAR, LOG_RANGE
+
+WINDOWS = 9, 19, 41
+"""Pixels of the crop over which darkness is averaged."""
+COLORS, DARKEST, BRIGHTEST = 24, -2.5, 1.5
+"""Bins of log colour a channel, and what they cover."""
+LIGHTER = 0.12, 0.25, 0.45, 0.8
+"""By how much the colour of a pixel is raised when its lit partner is looked for."""
+STEPS = 8
+"""Samples on the way to the thing."""
+REACH = 20.0
+"""Pixels of the crop: distances to a shape are told up to this."""
+FEWEST_PX = 6
+LOW, CONTACT = 0.15, 0.15
+"""What is lower than this share of the thing's height is its foot; shadows round it lie within this share of its size."""
+LEAST_DEEP = 0.05
+
+
+def insides(planes: Float32Array) -> list[BoolArray]:
+    """The thrown shapes of the crop, and the surface round the thing's foot, where the surface is seen."""
+    where = planes[4] > 0.5
+    thrown = [np.asarray((plane > 0.5 * plane.max()) & (plane > 0) & where) for plane in planes[10:]]
+    return [*thrown, round_foot(planes) & where]
+
+
+def round_foot(planes: Float32Array) -> BoolArray:
+    """h x w, True within CONTACT of the thing's size of its lowest part."""
+    thing = planes[3] > 0.5
+    low = thing & (planes[6] < LOW / 2)
+    low = low if low.any() else thing
+    if not low.any():
+        return low
+    apart = cv2.distanceTransform((~low).astype(np.uint8), cv2.DIST_L2, 5)
+    return np.asarray((apart < max(5.0, CONTACT * float(np.sqrt(thing.sum())))) & ~thing)
+
+
+def candidate_features(planes: Float32Array) -> Float32Array:
+    """K x features of the K thrown shapes; rows of nan where there is none."""
+    where, thing = planes[4] > 0.5, planes[3] > 0.5
+    shapes, dark = insides(planes), planes[9]
+    apart = cv2.distanceTransform((~thing).astype(np.uint8), cv2.DIST_L2, 5)
+    common, raised = (plane_of(each, where) for each in (rarity(planes, where)[0], np.max(rarity(planes, where)[1], 0)))
+    sure = [*(float(plane.max()) for plane in planes[10:]), 0.0]
+    rows = []
+    for number, inside in enumerate(shapes):
+        if inside.sum() < FEWEST_PX:
+            rows.append([np.nan] * CANDIDATE_FEATURES)
+            continue
+        out = cv2.distanceTransform((~inside).astype(np.uint8), cv2.DIST_L2, 3)
+        ring, rest = (out > 2) & (out < 10) & where, (out >= 10) & where
+        ring = ring if ring.sum() >= FEWEST_PX else where
+        deep, around = float(np.median(dark[inside])), float(np.median(dark[ring]))
+        middle = (deep + around) / 2
+        ratio = planes[:3, ring].mean(1) - planes[:3, inside].mean(1)
+        agree = [overlap(inside, other) if n != number else 0.0 for n, other in enumerate(shapes)]
+        agree[2] = 0.0 if number in (0, 2) else agree[2]  # the second best is another one by choice
+        spread = float(dark[ring].std())
+        rows.append(
+            [
+                sure[number], sure[3], *(float(number == kind) for kind in range(5)), max(agree[:4]), agree[3], sum(agree[:4]),
+                deep, deep - around, float((dark[inside] > middle).mean() + (dark[ring] < middle).mean()) - 1,
+                min((deep - around) / max(spread, LEAST_DEEP), 4.0), spread,
+                min(float(np.abs(ratio - ratio[1]).max()) / max(float(abs(ratio[1])), 0.05), 3.0),
+                float((dark[rest] > middle).mean()) if rest.sum() > 50 else 0.5,
+                float(common[inside].mean() - common[ring].mean()), float((raised - common)[inside].mean()),
+                float(np.log(inside.sum() / max(float(thing.sum()), 1.0))), float(np.log(inside.sum())),
+                min(float(apart[inside].min()), 40.0) / 10, float(where.mean()),
+            ]
+        )  # fmt: skip
+    return np.array(rows, np.float32)
+
+
+CANDIDATE_FEATURES = 23
+
+
+def overlap(one: BoolArray, other: BoolArray) -> float:
+    """Intersection over the smaller."""
+    return float((one & other).sum()) / max(float(min(one.sum(), other.sum())), 1.0)
+
+
+def plane_of(values: np.ndarray, where: BoolArray) -> Float32Array:
+    out = np.zeros(where.shape, np.float32)
+    out[where] = values
+    return out
+
+
+def pixel_features(planes: Float32Array, shape: BoolArray, sure: float) -> tuple[Float32Array, BoolArray]:
+    """N x features, and h x w: the N pixels of the crop where the surface is seen. shape: h x w, where the shadow was thrown,
+    with `sure` its probability."""
+    where, thing = planes[4] > 0.5, planes[3] > 0.5
+    there, dark = where.astype(np.float32), planes[9] * (planes[4] > 0.5)
+    inside = shape & where
+    out = cv2.distanceTransform((~inside).astype(np.uint8), cv2.DIST_L2, 3)
+    within = cv2.distanceTransform(inside.astype(np.uint8), cv2.DIST_L2, 3)
+    ring = (out > 2) & (out < 10) & where
+    deep = float(np.median(dark[inside])) if inside.any() else 0.0
+    around = float(np.median(dark[ring])) if ring.sum() >= FEWEST_PX else 0.0
+    scale = max(deep, LEAST_DEEP)
+    smooth = [masked_mean(dark, there, window) for window in WINDOWS]
+    spread = np.sqrt(np.maximum(masked_mean(dark * dark, there, WINDOWS[1]) - smooth[1] ** 2, 0))
+    apart, nearest = nearest_of(thing)
+    tall = max(float(np.sqrt(thing.sum())), 4.0)
+    right, away = (FAR * np.arctanh(np.clip(planes[n], -0.999, 0.999)) for n in (7, 8))
+    ratio = planes[:3] - (planes[:3, ring].mean(1) if ring.sum() >= FEWEST_PX else np.zeros(3))[:, None, None]
+    flat = [dark, *smooth, spread, masked_mean(there, np.ones_like(there), WINDOWS[1])]
+    flat += [np.clip(each / scale, -1.5, 2.5) for each in (dark, smooth[0], smooth[1])]
+    flat += [np.clip((out - within) / REACH, -1, 1), np.exp(-out / 5), np.clip((out - within) / tall, -1, 2)]
+    flat += [ratio[0] - ratio[1], ratio[2] - ratio[1], ratio[1]]
+    flat += [np.log(np.hypot(right, away) + 0.1), np.clip(away, -4, 4), np.log(apart + 1), np.minimum(apart / tall, 3)]
+    flat += [np.clip(way_to(smooth[0], there, target) / scale, -1, 2) for target in (nearest, foot_of(thing))]
+    columns = [np.asarray(plane, np.float32)[where] for plane in flat]
+    common, raised = rarity(planes, where)
+    columns += [common, *(each - common for each in raised)]
+    columns += [np.full(len(common), value, np.float32) for value in (sure, deep, deep - around)]
+    return np.stack(columns, 1).astype(np.float32), where
+
+
+def rarity(planes: Float32Array, where: BoolArray) -> tuple[np.ndarray, list[np.ndarray]]:
+    """N logarithms of how common the colour of each pixel of the surface is there, and how common it were if it was LIGHTER."""
+    color = planes[:3, where].T * LOG_RANGE
+    place = (np.clip((color - DARKEST) / (BRIGHTEST - DARKEST), 0, 0.9999) * COLORS).astype(int)
+    counts = np.zeros((COLORS,) * 3, np.float32)
+    np.add.at(counts, tuple(place.T), 1)
+    for axis in range(3):
+        counts += (np.roll(counts, 1, axis) + np.roll(counts, -1, axis) - 2 * counts) / 4
+    share = np.log(counts / max(len(color), 1) + 1e-4)
+    raised = []
+    for more in LIGHTER:
+        higher = (np.clip((color + more - DARKEST) / (BRIGHTEST - DARKEST), 0, 0.9999) * COLORS).astype(int)
+        raised.append(share[tuple(higher.T)])
+    return share[tuple(place.T)], raised
+
+
+def nearest_of(thing: BoolArray) -> tuple[Float32Array, tuple[Float32Array, Float32Array]]:
+    """Distance to the thing, and column and row of its nearest pixel, each h x w."""
+    if not thing.any():
+        far = np.full(thing.shape, 64, np.float32)
+        return far, (np.zeros_like(far), np.zeros_like(far))
+    away = (~thing).astype(np.uint8)
+    apart, labels = cv2.distanceTransformWithLabels(away, cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL)
+    rows, columns = np.nonzero(thing)
+    table = np.zeros((int(labels.max()) + 1, 2), np.float32)
+    table[labels[rows, columns]] = np.stack([columns, rows], 1)
+    target = table[labels]
+    return np.asarray(apart, np.float32), (target[..., 0].copy(), target[..., 1].copy())
+
+
+def foot_of(thing: BoolArray) -> tuple[Float32Array, Float32Array]:
+    """Column and row of the middle of the thing's lower end, as planes."""
+    rows, columns = np.nonzero(thing)
+    if not len(rows):
+        return np.zeros(thing.shape, np.float32), np.zeros(thing.shape, np.float32)
+    low = rows >= rows.max() - 0.1 * np.ptp(rows)
+    return (
+        np.full(thing.shape, np.median(columns[low]), np.float32),
+        np.full(thing.shape, np.median(rows[low]), np.float32),
+    )
+
+
+def way_to(values: Float32Array, there: Float32Array, target: tuple[Float32Array, Float32Array]) -> Float32Array:
+    """h x w: mean of `values` where the surface is seen, on the way from each pixel to its target."""
+    rows, columns = (each.astype(np.float32) for each in np.mgrid[: values.shape[0], : values.shape[1]])
+    total, count = np.zeros_like(values), np.full(values.shape, 1e-3, np.float32)
+    for share in (np.arange(STEPS) + 0.5) / STEPS:
+        x = (columns + share * (target[0] - columns)).astype(np.float32)
+        y = (rows + share * (target[1] - rows)).astype(np.float32)
+        total += cv2.remap(values * there, x, y, cv2.INTER_NEAREST)
+        count += cv2.remap(there, x, y, cv2.INTER_NEAREST)
+    return np.asarray(total / count, np.float32)
+
+
+def masked_mean(values: Float32Array, where: Float32Array, window: int) -> Float32Array:
+    """h x w: mean over windows, of what counts."""
+    size = (window, window)
+    return np.asarray(cv2.blur(values * where, size) / np.maximum(cv2.blur(where, size), 1e-3), np.float32)

@@ -1,0 +1,47 @@
+"""A picture with depth and the mask of a thing in; the shadow that the thing casts on the surface it stands on out.
+
+Shapes are thrown by the lights that explain most; three classifiers fitted on procedural worlds say which of them is right, which
+pixels are in the shadow, and whether there is one at all. Only the surface is ever covered, never another thing.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dlama.geometry.holes import dilated
+from dlama.geometry.rgbd import RGBD, BoolArray
+from dlama.perception.masks.supports import Planes, planes_of
+from dlama.perception.shadows.classifier import SHADOW, shadow_probability, touching
+from dlama.perception.shadows.ground import EDGE_PX, ground_of
+from dlama.perception.shadows.growing import grown
+from dlama.perception.shadows.planes import shadow_planes
+from dlama.perception.shadows.thrown import SMALLEST_PX
+
+NEAR_PX = 5
+"""A shadow touches the shape that was thrown, or comes so near the thing."""
+LARGEST = 4.0
+"""It covers no more pixels than this many times the thing."""
+
+
+def find_shadow(rgbd: RGBD, mask: BoolArray, found: Planes | None = None) -> BoolArray:
+    """H x W bool, True in the shadow of the thing under `mask`, which is no part of it; False everywhere where there is none.
+
+    found: the planes of the picture, where they are known already.
+    """
+    none = np.zeros(mask.shape, np.bool_)
+    ground = ground_of(rgbd, mask, found or planes_of(rgbd))
+    if ground is None:
+        return none
+    planes, crop = shadow_planes(rgbd, mask, ground)
+    answer = shadow_probability(planes)
+    if answer is None:
+        return none
+    probability, shape = (crop.large(each.astype(np.float32), mask.shape) for each in answer)
+    usable = ground.surface & ~dilated(mask, EDGE_PX)
+    thrown = (shape > 0.5) & usable
+    shadow = touching((probability > SHADOW) & usable, thrown | dilated(mask, NEAR_PX))
+    shadow |= grown(rgbd, mask, ground, usable, thrown)
+    if not SMALLEST_PX <= shadow.sum() <= LARGEST * mask.sum():
+        return none
+    contact = dilated(shadow, EDGE_PX + 2) & dilated(mask, EDGE_PX + 1)
+    return np.asarray((shadow | contact) & ground.surface & ~mask)

@@ -1,0 +1,149 @@
+"""A thing's points over the surface in; its shape thrown by the lights that explain most, and how sure each is, out.
+
+A shadow on a plane is the thing's own shape thrown along the light, darker than the lit surface by a nearly constant ratio.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from dlama.geometry.holes import dilated
+from dlama.geometry.projection import rays
+from dlama.geometry.rgbd import RGBD, BoolArray
+from dlama.perception.shadows.ground import Ground
+from dlama.perception.shadows.search import SHARP, SOFT, Scale, Thrown, best_direction, pixels_of
+
+FEATURES = "strength over next best", "strength", "step", "even and clear", "contrast", "off in colour", "over pattern"
+"""What speaks for a thrown shape being a shadow: `features_of`."""
+WEIGHTS = {
+    SHARP: (3.027, 1.401, 0.903, 3.322, 0.765, -1.893, 0.079, -1.249),
+    SOFT: (2.148, 0.585, -1.594, 1.615, 3.260, 0.527, 0.250, -4.860),
+}
+"""Of FEATURES at each scale, and a constant; fitted on 120 worlds by `python benchmarks/shadows.py train`."""
+SMALLEST_PX = 25
+LEAST_SURE = 0.15
+"""What is thrown without any certainty."""
+TALLEST, LOWEST = 4.0, 0.04
+"""What stands lower or higher over the surface than these many times the thing's height is not thrown in common."""
+COMMON_POINTS = 4000
+STRONG = 20.0
+"""Strength of a shape thrown in common that counts as certain."""
+
+
+@dataclass(frozen=True, eq=False)
+class Standing:
+    """A thing's points over the surface that it stands on."""
+
+    foot: NDArray[np.float64]
+    """N x 3, dropped on the surface, camera axes."""
+    rise: NDArray[np.float64]
+    """N heights, m."""
+    up: NDArray[np.float64]
+    """The surface's normal, towards the camera."""
+
+    def thrown(self, over: NDArray[np.float64], rgbd: RGBD, usable: BoolArray) -> BoolArray:
+        """H x W: the shape thrown by a light (metres over the surface for each metre of height), on `usable`."""
+        return filled_shape(self.foot + self.rise[:, None] * over, rgbd, usable)
+
+
+def standing(points: NDArray[np.float64], rise: NDArray[np.float64], ground: Ground) -> Standing:
+    up = -ground.normal / np.linalg.norm(ground.normal)
+    return Standing(points - rise[:, None] * up, rise, up)
+
+
+def thrown_shapes(
+    rgbd: RGBD, ground: Ground, usable: BoolArray, thing: Standing, tall: float
+) -> list[tuple[float, BoolArray] | None]:
+    """How sure it is and H x W: the best shape at each scale, the second best at the fine one, and the one thrown by the light
+    that explains all that stands on the surface together. usable: H x W, True where the surface is seen; tall: metres."""
+    if len(thing.foot) < SMALLEST_PX:
+        return [None] * 4
+    out: list[tuple[float, BoolArray] | None] = []
+    second = None
+    for scale in (SHARP, SOFT):
+        made = thrown_shape(rgbd, usable, thing, scale)
+        if made is None:
+            out.append(None)
+            continue
+        found, shape, features = made
+        sure = LEAST_SURE + (1 - LEAST_SURE) * certainty(features, WEIGHTS[scale])
+        out.append((sure, shape))
+        if scale == SHARP and found.next_best > 0:
+            share = found.next_best / max(found.strength, 1e-6)
+            second = sure * share, thing.thrown(found.next_over, rgbd, usable)
+    return [*out, second, in_common(rgbd, ground, usable, thing, tall)]
+
+
+def thrown_shape(
+    rgbd: RGBD, usable: BoolArray, thing: Standing, scale: Scale
+) -> tuple[Thrown, BoolArray, NDArray[np.float64]] | None:
+    """The light that explains most, the shape that it throws (H x W) and what speaks for it: FEATURES. None: there is none."""
+    found = best_direction(thing.foot, thing.rise, thing.up, rgbd, usable, scale)
+    if found is None:
+        return None
+    shape = thing.thrown(found.over, rgbd, usable)
+    ring = ring_of(shape, usable)
+    if shape.sum() < SMALLEST_PX or ring.sum() < SMALLEST_PX:
+        return None
+    return found, shape, np.array([*features_of(rgbd, shape, ring, found)])
+
+
+def in_common(
+    rgbd: RGBD, ground: Ground, usable: BoolArray, thing: Standing, tall: float
+) -> tuple[float, BoolArray] | None:
+    """The thing's shape thrown by the light that explains the shadows of all that stands on the surface."""
+    there = rgbd.valid & ~ground.surface
+    every = rays(rgbd.camera)[there] * rgbd.depth[there][:, None]
+    height = (1 - every @ ground.normal) / float(np.linalg.norm(ground.normal))
+    keep = np.flatnonzero((height > LOWEST * tall) & (height < TALLEST * tall))
+    keep = keep[:: max(1, len(keep) // COMMON_POINTS)]
+    if len(keep) < SMALLEST_PX:
+        return None
+    others = standing(every[keep], height[keep], ground)
+    found = best_direction(others.foot, others.rise, others.up, rgbd, usable, SHARP)
+    return None if found is None else (float(np.tanh(found.strength / STRONG)), thing.thrown(found.over, rgbd, usable))
+
+
+def features_of(rgbd: RGBD, shape: BoolArray, ring: BoolArray, found: Thrown) -> tuple[float, ...]:
+    """What speaks for a thrown shape being a shadow, in the order of FEATURES. ring: H x W, True on the surface round it."""
+    level = np.log(rgbd.color.astype(np.float32) + 4)
+    inside, outside = level[shape], level[ring]
+    ratio = outside.mean(0) - inside.mean(0)
+    contrast = float(ratio.mean())
+    middle = float(np.median(inside[:, 1]) + np.median(outside[:, 1])) / 2
+    return (
+        float(np.log(max(found.strength / max(found.next_best, 1.0), 0.1))),
+        float(np.log(max(found.strength, 1.0))),
+        float(np.log(max(found.step, 0.003))),
+        float((inside[:, 1] < middle).mean() + (outside[:, 1] > middle).mean()) - 1,
+        float(np.log(np.clip(contrast, 0.03, 1.0))),
+        min(float(np.abs(ratio - ratio[1]).max()) / max(contrast, 0.05), 2.0),
+        float(np.clip(contrast / max(float(outside[:, 1].std()), 0.05), 0, 4)),
+    )
+
+
+def certainty(features: NDArray[np.float64], weights: tuple[float, ...]) -> float:
+    """Probability (0..1) that a thrown shape is the thing's shadow: a logistic regression, fitted on worlds
+    (`benchmarks/shadows.py`)."""
+    return float(1 / (1 + np.exp(-(features @ np.array(weights[:-1]) + weights[-1]))))
+
+
+def reach_of(shape: BoolArray) -> int:
+    """Pixels by which a thrown shape may be off: a tenth of its size."""
+    return 4 + round(0.1 * float(np.sqrt(shape.sum())))
+
+
+def ring_of(shape: BoolArray, usable: BoolArray) -> BoolArray:
+    """The surface round a thrown shape, as far from it as it may be off."""
+    return np.asarray(usable & dilated(shape, reach_of(shape) + 4) & ~dilated(shape, 4))
+
+
+def filled_shape(points: NDArray[np.float64], rgbd: RGBD, usable: BoolArray) -> BoolArray:
+    """H x W: where N x 3 points in camera axes fall, gaps between them closed, on `usable`."""
+    shape = np.zeros(usable.shape, np.uint8)
+    shape.ravel()[pixels_of(points, rgbd)] = 1
+    return np.asarray(usable & (cv2.morphologyEx(shape, cv2.MORPH_CLOSE, np.ones((9, 9), np.uint8)) > 0))

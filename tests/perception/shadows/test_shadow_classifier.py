@@ -1,0 +1,91 @@
+"""The shadow's classifiers: their contract, a slow twin, and what can be said without any training."""
+
+from __future__ import annotations
+
+import itertools
+import math
+
+import numpy as np
+import pytest
+
+from dlama.perception.shadows.classifier import (
+    CLIP,
+    MODEL,
+    PARTS,
+    Perceptron,
+    classifiers,
+    shadow_probability,
+    touching,
+)
+from dlama.perception.shadows.features import CANDIDATE_FEATURES, candidate_features, pixel_features
+from dlama.perception.shadows.planes import PLANES, crop_round
+
+FLAT = np.zeros((len(PLANES), 96, 128), np.float32)
+FLAT[4:6] = 1  # surface all over the picture
+FLAT[3, 30:60, 50:70], FLAT[4, 30:60, 50:70] = 1, 0
+
+
+def with_shape() -> np.ndarray:
+    """A thing on an even surface whose shape was thrown to its right."""
+    planes = FLAT.copy()
+    planes[10, 50:60, 72:100] = 0.5
+    return planes
+
+
+def test_the_file_that_ships_fits_the_features() -> None:
+    """Contract: each part takes as many features as are made, and gives one probability a row."""
+    parts = classifiers()
+    assert tuple(parts) == PARTS and MODEL.stat().st_size < 100_000
+    planes = with_shape()
+    candidates = candidate_features(planes)
+    assert candidates.shape == (len(PLANES[10:]) + 1, CANDIDATE_FEATURES)
+    rows, where = pixel_features(planes, planes[10] > 0, 0.5)
+    assert len(rows) == where.sum() == (planes[4] > 0.5).sum()
+    for part, features in (("candidate", np.nan_to_num(candidates)), ("pixel", rows)):
+        said = parts[part](features)
+        assert said.shape == (len(features),) and (said >= 0).all() and (said <= 1).all()
+
+
+def test_a_perceptron_against_its_literal_twin() -> None:
+    """Oracle: one sample and one neuron at a time."""
+    rng = np.random.default_rng(0)
+    sizes = (5, 4, 3, 1)
+    layers = tuple((rng.normal(size=(a, b)), rng.normal(size=b)) for a, b in itertools.pairwise(sizes))
+    mean, spread = rng.normal(size=5), rng.uniform(0.1, 2, 5)
+    samples = rng.normal(0, 4, (7, 5))
+    said = Perceptron(mean, spread, layers)(samples)
+    for sample, value in zip(samples, said):
+        h = [min(max((x - m) / s, -CLIP), CLIP) for x, m, s in zip(sample, mean, spread)]
+        for number, (weight, bias) in enumerate(layers):
+            h = [x if number == 0 else max(x, 0.0) for x in h]
+            h = [sum(x * w for x, w in zip(h, column)) + b for column, b in zip(weight.T, bias)]
+        assert value == pytest.approx(1 / (1 + math.exp(-h[0])), rel=1e-5)
+
+
+def test_on_an_even_surface_there_is_no_shadow() -> None:
+    """Nothing is darker than anything else: whatever was thrown there, it is none."""
+    assert shadow_probability(FLAT) is None
+    assert shadow_probability(with_shape()) is None
+
+
+def test_a_crop_and_back() -> None:
+    """Round trip: a square of a picture lies where it was, up to a pixel at its border, and nothing outside the crop is known."""
+    mask = np.zeros((400, 600), np.bool_)
+    mask[150:250, 300:340] = True
+    crop = crop_round(mask)
+    square = np.zeros(mask.shape, np.float32)
+    square[200:300, 350:420] = 1
+    back = crop.large(np.asarray(crop.small(square), np.float32), mask.shape)
+    apart = (back > 0.5) ^ (square > 0.5)
+    assert apart.sum() <= 2 * (100 + 70)
+    outside = np.ones(mask.shape, np.bool_)
+    outside[crop.rows, crop.columns] = False
+    assert outside.any() and not back[outside].any()
+
+
+def test_touching_regions() -> None:
+    where = np.zeros((10, 10), np.bool_)
+    where[1:3, 1:3] = where[3, 3] = where[7:9, 7:9] = True
+    other = np.zeros_like(where)
+    other[1, 1] = True
+    assert touching(where, other).sum() == 5
