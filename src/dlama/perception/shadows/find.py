@@ -19,6 +19,8 @@ from dlama.perception.shadows.thrown import SMALLEST_PX
 
 NEAR_PX = 5
 """A shadow touches the shape that was thrown, or comes so near the thing."""
+PLAUSIBLE = 0.1
+"""What darkness alone adds has this mean probability at least: elsewhere it is the pattern that is dark."""
 LARGEST = 4.0
 """It covers no more pixels than this many times the thing."""
 
@@ -40,7 +42,9 @@ def find_shadow(rgbd: RGBD, mask: BoolArray, found: Planes | None = None) -> Boo
     usable = ground.surface & ~dilated(mask, EDGE_PX)
     thrown = (shape > 0.5) & usable
     shadow = touching((probability > SHADOW) & usable, thrown | dilated(mask, NEAR_PX))
-    shadow |= grown(rgbd, mask, ground, usable, thrown)
+    further = grown(rgbd, mask, ground, usable, thrown)
+    if further.any() and probability[further].mean() > PLAUSIBLE:
+        shadow |= further
     if not SMALLEST_PX <= shadow.sum() <= LARGEST * mask.sum():
         return none
     contact = dilated(shadow, EDGE_PX + 2) & dilated(mask, EDGE_PX + 1)

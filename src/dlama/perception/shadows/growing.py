@@ -1,7 +1,7 @@
 """A shape that was thrown, and the picture, in; the shadow that goes on from it where the surface is plain enough out.
 
-What the thing's hidden side casts touches the shape and is as dark; soft borders fade. On patterns neither can be told by darkness
-alone, and nothing is added.
+What the thing's hidden side casts touches the shape and is as dark; soft borders fade. On patterns darkness alone tells neither,
+and nothing is added.
 """
 
 from __future__ import annotations
