@@ -17,6 +17,9 @@ from dlama.inpainters.layered.filler import layered
 from dlama.inpainters.layered.kernels.lines import seen_on_lines
 from dlama.inpainters.layered.out_of_view import (
     ENDING_COST,
+    GOES_ON,
+    MOST_HIDDEN,
+    PAST,
     REACHES,
     above_horizon,
     ending_cost,
@@ -90,6 +93,25 @@ def test_lines_count_what_they_meet() -> None:
     assert (first[0, :, 24:] == -1).all()
     upwards = seen_on_lines(plane, np.array([[0.0, 1.0, 0.0]]), w, label, hole, away, hole, 1)
     assert (upwards[0] == -1).all()
+
+
+def test_cost_of_a_wall_that_goes_on_and_of_one_that_has_ended() -> None:
+    """Closed form: t cells from a wall seen over 36, below its top, it costs GOES_ON log(1 + t / 36), the sky behind it
+    log(1 + 36 / t); at the height of the sky beside it, PAST, and the sky nothing."""
+    w, label = np.full((40, 60), 0.25, np.float32), np.ones((40, 60), np.int32)
+    w[:20], label[:20] = 0, 0
+    hole = np.zeros(w.shape, bool)
+    hole[:, :24] = True
+    candidates = np.stack([np.full(w.shape, value, np.float32) for value in (0.25, 0, 0.25)])
+    on, cost = seen_going_on(Camera.from_fov(60, 40, 60), candidates, hole, hole, w, label, np.ones(1, bool))
+    away = 24 - np.arange(4, 20)
+    for row in (26, 34):
+        np.testing.assert_allclose(on[2, row, 4:20], 1, atol=1e-3)
+        np.testing.assert_allclose(cost[2, row, 4:20], GOES_ON * np.log1p(away / 36), atol=0.03)
+        np.testing.assert_allclose(cost[1, row, 4:20], np.minimum(np.log1p(36 / away), MOST_HIDDEN), atol=0.2)
+    for row in (4, 12):
+        np.testing.assert_allclose(cost[2, row, 4:20], PAST, atol=1e-3)
+        assert not on[2, row, 4:20].any() and not cost[1, row, 4:20].any()
 
 
 def test_nothing_hangs_in_the_air() -> None:
