@@ -2,7 +2,7 @@
 
 The network of `salient` finds what stands out in a picture; in windows round a click that is mostly the thing clicked. It runs
 in two windows, and in the whole picture where those show nothing at the click or cut it off; `rough` decides where nothing
-stands out.
+stands out, and in boxes.
 """
 
 from __future__ import annotations
@@ -38,8 +38,6 @@ DIFFERENT = 0.9
 """Intersection over union up to which two masks are two readings of a click."""
 CUT_OFF = 0.2
 """Share of a window's rim that a mask runs over, from which on the whole picture is asked, too."""
-BOX_MARGIN = 0.15
-"""The window of a box is so much larger on each side, over the box's longer side."""
 
 Window = tuple[slice, slice]
 
@@ -66,7 +64,7 @@ class PhotoMasker:
     def candidates(self, prompt: Prompt) -> dict[str, BoolArray]:
         """H x W masks: thing; part, group where a click has a smaller or a larger reading. Errors as `rough_candidates`."""
         if prompt.box is not None:
-            return self.boxed(prompt)
+            return rough_candidates(self.rough, prompt)
         clicks, away = Prompt.pixels(prompt.clicks), Prompt.pixels(prompt.not_clicks)
         mask, others = np.zeros(prompt.hw, np.bool_), list[BoolArray]()
         for pixel in clicks:
@@ -121,28 +119,6 @@ class PhotoMasker:
         mask[window] = part
         cut_off = rim_share(mask, window)
         return Reading(refined(self.rgbd, mask, part.shape), cut_off, float(level[near].max()) - cut_off)
-
-    def boxed(self, prompt: Prompt) -> dict[str, BoolArray]:
-        """What stands out in the box; what `rough` finds where nothing does."""
-        rows, columns = prompt.box_slices
-        margin = round(BOX_MARGIN * max(rows.stop - rows.start, columns.stop - columns.start)) + 4
-        window = (
-            slice(max(rows.start - margin, 0), rows.stop + margin),
-            slice(max(columns.start - margin, 0), columns.stop + margin),
-        )
-        mask = np.zeros(prompt.hw, np.bool_)
-        try:
-            mask[window] = saliency(np.ascontiguousarray(self.rgbd.color[window])) > 0.5
-        except MaskError:
-            return rough_candidates(self.rough, prompt)
-        mask &= prompt.inside
-        if prompt.clicks:
-            mask = hanging_together(mask, prompt)
-        if not mask.any() or not all(mask[pixel] for pixel in Prompt.pixels(prompt.clicks)):
-            return rough_candidates(self.rough, prompt)
-        if any(mask[pixel] for pixel in Prompt.pixels(prompt.not_clicks)):
-            mask = without(self.rgbd.color, mask, prompt)
-        return {"thing": mask}
 
 
 def window_round(pixel: Pixel, side: int, hw: tuple[int, ...]) -> Window:
