@@ -5,7 +5,8 @@
     python benchmarks/choice.py measure FOLDER [--judge RUN/choice.onnx]
 
 `measure` prints, over the holes of the held-out crops: mean absolute and squared error of colour (0..1), LPIPS over the share of
-the hole, and the mean absolute error of normalised inverse depth: of each guess, of their mean, of the judge's mixture.
+the hole, and the mean absolute error of normalised inverse depth: of each guess, of their mean, of the judge's mixture
+without and with the rules of `inpainters.choice.priors`.
 """
 
 from __future__ import annotations
@@ -47,10 +48,11 @@ def answers(crop: GuessCrop, names: list[str], judge: Path) -> dict[str, tuple[n
     colors = [np.ascontiguousarray(one.transpose(1, 2, 0)) for one in crop.color]
     found = dict(zip(names, zip(colors, depths)))
     found["mean"] = np.round(np.mean(colors, 0)).astype(np.uint8), np.mean(depths, 0)
-    verdict, hw = with_priors(judged(open_judge(judge), planes), names, planes), planes.context.shape[1:]
-    color = mixed_color(colors, planes.guesses[:, :3], verdict.base, verdict.detail, hw)
-    taken = chosen_depth(verdict.depth, depths, crop.context[-1] > 0, hw)
-    found["judge"] = color, np.take_along_axis(np.stack(depths), taken[None], 0)[0]
+    hw, alone = planes.context.shape[1:], judged(open_judge(judge), planes)
+    for name, verdict in (("judge alone", alone), ("with its rules", with_priors(alone, names, planes))):
+        color = mixed_color(colors, planes.guesses[:, :3], verdict.base, verdict.detail, hw)
+        taken = chosen_depth(verdict.depth, depths, crop.context[-1] > 0, hw)
+        found[name] = color, np.take_along_axis(np.stack(depths), taken[None], 0)[0]
     return found
 
 
@@ -71,9 +73,9 @@ def measure(asked: argparse.Namespace) -> None:
             distance = sum(float(((a - b) ** 2).sum(0).mean()) for a, b in taps)
             wrong = np.abs(depth - crop.true_depth / LEVELS)[depth_hole].mean() if depth_hole.any() else np.nan
             rows.setdefault(name, []).append((np.abs(off).mean(), (off**2).mean(), distance / hole.mean(), wrong))
-    print("                 L1     MSE   LPIPS   depth")
+    print("                     L1     MSE   LPIPS   depth")
     for name, values in rows.items():
-        print(f"{name:12}", *(f"{value:7.4f}" for value in np.nanmean(values, 0)))
+        print(f"{name:16}", *(f"{value:7.4f}" for value in np.nanmean(values, 0)))
 
 
 def main() -> None:
