@@ -108,3 +108,10 @@ def test_depth_filled_beside_a_misplaced_edge_counts_for_the_law() -> None:
     table = np.full(depth.shape, 1.1, np.float32)
     assert not law.violations(CAMERA, table, where).any()
     assert law.with_placed_edges(filled).violations(CAMERA, table, where)[where].mean() > 0.9
+
+
+def test_the_law_knows_whether_edges_are_misplaced() -> None:
+    """A frame whose depth edge lies 3 px beside the picture's, and one whose edges coincide."""
+    for source, misplaced in ((frame(torn()), True), (frame(EDGE), False)):
+        scene = Scene((View.from_rgbd(source),))
+        assert Law.of(scene).with_placed_edges(scene).misplaced_edges is misplaced

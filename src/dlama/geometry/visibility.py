@@ -39,6 +39,8 @@ class Law:
     measured: tuple[tuple[Camera, Float32Array], ...]
     far_color: UInt8Array | None = None
     """Mean RGB of the far pixels (sky) that were measured, for views that show none of them; None: there were none."""
+    misplaced_edges: bool = False
+    """True where depth edges of what was measured lie beside those of its picture (`with_placed_edges`), as a sensor's do."""
     scene: Scene | None = None
     """Of so many frames that their depth is not held: the scene, and `near` gives the law for a camera."""
 
@@ -89,13 +91,14 @@ class Law:
     def with_placed_edges(self, scene: Scene) -> Law:
         """The law with the scene's frames as they are drawn (`placed_edges`): beside misplaced edges depth that was filled counts
         as measured, and an edge lies where the picture has it, if that forbids more."""
-        measured = list(self.measured)
+        measured, misplaced = list(self.measured), self.misplaced_edges
         for layer in scene.measured:
             for number, (camera, known) in enumerate(measured):
                 if camera is layer.camera:
                     placed = placed_edges(layer)
                     measured[number] = camera, np.where(placed.beside, np.maximum(known, placed.depth), known)
-        return replace(self, measured=tuple(measured))
+                    misplaced |= bool(placed.beside.any())
+        return replace(self, measured=tuple(measured), misplaced_edges=misplaced)
 
     @property
     def has_far(self) -> bool:

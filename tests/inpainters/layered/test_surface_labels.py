@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -148,3 +150,13 @@ def test_what_stands_out_of_a_wall_a_little_belongs_to_it() -> None:
     w[20:30, 10:20], w[20:30, 50:60] = 1 / 3.84, 1 / 3.6
     got = grid(w, hole, label, (0.25,)).with_relief()
     assert (got[20:30, 10:20] == 1).all() and (got[20:30, 50:60] == -1).all() and (got[hole] == -1).all()
+
+
+def test_planes_are_followed_from_a_share_of_the_known_cells() -> None:
+    """Closed form: the share of each plane's cells against the least; none under noise (infinite)."""
+    coarse, _ = floor_and_wall(HoleType.OUT_OF_VIEW)
+    known = ~coarse.hole
+    shares = np.array([(coarse.label[known] == k).mean() for k in (1, 2)])
+    for least in (0.0, float(shares.mean()), np.inf):
+        np.testing.assert_array_equal(dataclasses.replace(coarse, followed_from=least).followed()[:2], shares >= least)
+    assert shares.min() < shares.mean()

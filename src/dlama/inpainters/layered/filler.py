@@ -6,11 +6,12 @@ import numpy as np
 
 from dlama.geometry.projection import depth_from_inverse, inverse_depth
 from dlama.geometry.rgbd import Float32Array, UInt8Array
-from dlama.geometry.view import View
+from dlama.geometry.view import HoleType, View
 from dlama.geometry.visibility import Law, lawful_depth
 from dlama.inpainters.filling import Fill
 from dlama.inpainters.layered.hedging import hedged
 from dlama.inpainters.layered.remaining_shadows import fading_out, shadow_beside
+from dlama.inpainters.layered.softening import softened
 from dlama.inpainters.layered.surfaces import Surfaces, continue_surfaces
 from dlama.inpainters.layered.texture_synthesis import synthesize
 from dlama.perception.planes import SKY, SMOOTH
@@ -22,6 +23,8 @@ def layered(view: View, law: Law, seed: int = 0) -> Fill:
     color = painted(view, surfaces, depth, law, seed)
     w = np.where(view.hole, inverse_depth(depth), surfaces.inverse_depth)
     color = hedged(view, color, view.color_hole, w, surfaces.label)
+    if law.misplaced_edges:  # where surfaces end is a guess upon a guess
+        color = softened(color, view.color_hole, view.hole_type == HoleType.OUT_OF_VIEW, surfaces.label)
     return Fill(color, depth, moved, {"planes": len(surfaces.planes)})
 
 

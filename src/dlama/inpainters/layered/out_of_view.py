@@ -22,8 +22,9 @@ UPRIGHT = 0.5
 """Sine of the angle between a plane's normal and up from which it has horizontals of its own."""
 LEVEL = 0.8
 """Cosine of the angle between a plane's normal and the camera's vertical from which it may be the ground."""
-FOLLOWED = 0.02
-"""Share of the known cells that a plane must hold to be followed along lines."""
+FOLLOWED, FOLLOWED_MISPLACED = 0.02, 0.15
+"""Share of the known cells that a plane must hold to be followed along lines; where depth edges lie beside those of the picture
+small planes end anywhere."""
 STRIDE, STRIDE_ACROSS = 2, 4
 """Cells between the cells whose lines are looked at: along the horizontals, and across."""
 GOES_ON = 0.5

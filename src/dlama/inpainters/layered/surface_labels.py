@@ -84,8 +84,8 @@ class CoarseView:
     """h x w x 3: mean colours of the cells."""
     colored: BoolArray
     """h x w, True in cells of the hole that lack depth alone: their colours were measured."""
-    exact: bool = True
-    """The depth has no noise to speak of: planes can be followed along lines."""
+    followed_from: float = FOLLOWED
+    """Share of the known cells that a plane must hold to be followed along lines out of view."""
 
     @classmethod
     def of(
@@ -95,7 +95,7 @@ class CoarseView:
         label: NDArray[np.int32],
         planes: NDArray[np.float64],
         step: float,
-        exact: bool = True,
+        followed_from: float = FOLLOWED,
     ) -> CoarseView:
         """The grid of cells `step` pixels wide. w, label: H x W inverse depth and label of the known pixels; planes: K x 3."""
         camera = with_larger_pixels(view.camera, step)
@@ -110,7 +110,7 @@ class CoarseView:
         candidates = np.concatenate([smooth[None], np.zeros_like(smooth)[None], plane_values(planes, camera.hw, step)])
         colored = hole & ~cells_with_holes(view.color_hole, camera.wh)
         known = w[pick], label[pick], candidates.astype(np.float32)
-        return cls(camera, hole, in_view, *known, colors_of_cells(view.color, colored), colored, exact)
+        return cls(camera, hole, in_view, *known, colors_of_cells(view.color, colored), colored, followed_from)
 
     def label_costs(self, law: Law) -> Float32Array:
         """h x w x L cost of each label after belief propagation (lower is better)."""
@@ -182,9 +182,9 @@ class CoarseView:
         return out & self.hole_in_view
 
     def followed(self) -> BoolArray:
-        """K bool, the planes that are followed along lines out of view: all large ones, where depth is exact."""
+        """K bool, the planes that are followed along lines out of view: the large ones."""
         cells = np.bincount(self.label[~self.hole].clip(0), minlength=len(self.candidates) - 1)[1:]
-        return np.asarray((cells >= FOLLOWED * (~self.hole).sum()) & self.exact)
+        return np.asarray(cells >= self.followed_from * (~self.hole).sum())
 
     def distance_to_known(self, law: Law) -> Float32Array:
         """L x h x w, cells to the nearest known cell of each label (a large number if there is none).

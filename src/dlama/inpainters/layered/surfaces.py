@@ -17,6 +17,7 @@ from dlama.geometry.projection import inverse_depth
 from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.geometry.view import View
 from dlama.geometry.visibility import Law
+from dlama.inpainters.layered.out_of_view import FOLLOWED, FOLLOWED_MISPLACED
 from dlama.inpainters.layered.surface_labels import GRID, CoarseView, enlarged
 from dlama.perception.planes import SMOOTH, denoised, find_planes, label_known, noise_level, plane_values_at
 
@@ -41,7 +42,8 @@ def continue_surfaces(view: View, law: Law, seed: int = 0) -> Surfaces:
     label = label_known(w, view.valid, view.far, planes, noise)
     w = denoised(w, label, planes, noise)
     step = max(1.0, max(w.shape) / GRID)
-    coarse = CoarseView.of(view, w, label, planes, step, exact=not noise)
+    followed_from = np.inf if noise else FOLLOWED_MISPLACED if law.misplaced_edges else FOLLOWED
+    coarse = CoarseView.of(view, w, label, planes, step, followed_from)
     return upsampled(view, w, label, planes, coarse, coarse.label_costs(law))
 
 
