@@ -211,8 +211,9 @@ def tables() -> list[Reader]:
     unreal = ",".join(UNREAL_HEADER).encode() + b"\n0,1,2,3,0,0,0,1,0\n1,1,2,3,0,0,0,1,1\n"
     metric = ",".join(METRIC_HEADER).encode() + b"\n0,1,2,3,1,0,0,0,10,10,6,4\n"
     pose = "\n".join(" ".join(map(str, row)) for row in POSE).encode()
-    tum = {"rgb.txt": b"1.0 c.png\n2.0 c.png\n", "depth.txt": b"1.0 d.png\n2.0 d.png\n",
-           "groundtruth.txt": b"1.0 0 0 0 0 0 0 1\n2.0 0.1 0 0 0 0 0 1\n", "camera.json": camera, **pictures}  # fmt: skip
+    tum = {"rgb.txt": b"1.0 c.png\n2.0 e.png\n", "depth.txt": b"1.0 d.png\n2.0 d.png\n",
+           "groundtruth.txt": b"1.0 0 0 0 0 0 0 1\n2.0 0.1 0 0 0 0 0 1\n", "camera.json": camera,
+           "e.png": pictures["c.png"], **pictures}  # fmt: skip
     contract = contract_of_planes(3).metadata()[CONTRACT_KEY].encode()
 
     def text(read: Callable[[str, str], Any]) -> Callable[[Path], Any]:
