@@ -17,6 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from dlama.evaluation.metrics.lpips import Lpips
+from dlama.geometry.rgbd import BoolArray, UInt8Array
 from dlama.inpainters.choice.filler import JUDGE
 from dlama.inpainters.choice.judge import judged, open_judge
 from dlama.inpainters.choice.mixing import chosen_depth, mixed_color
@@ -56,23 +57,28 @@ def answers(crop: GuessCrop, names: list[str], judge: Path) -> dict[str, tuple[n
     return found
 
 
+def color_errors(color: UInt8Array, truth: UInt8Array, hole: BoolArray, lpips: Lpips) -> tuple[float, float, float]:
+    """Of colours (H x W x 3) in the hole (H x W): mean absolute and squared error (0..1), LPIPS over the share of the hole."""
+    shown = np.where(hole[..., None], color, truth)
+    off = (shown.astype(np.float32) - truth)[hole] / 255
+    taps = zip(lpips.features(shown), lpips.features(truth))
+    distance = sum(float(((a - b) ** 2).sum(0).mean()) for a, b in taps)
+    return float(np.abs(off).mean()), float((off**2).mean()), distance / float(hole.mean())
+
+
 def measure(asked: argparse.Namespace) -> None:
     folder, lpips = asked.folder / "held_out", Lpips()
-    names, rows = (folder / INDEX).read_text("utf-8").split(), {}
+    names = (folder / INDEX).read_text("utf-8").split()
+    rows: dict[str, list[tuple[float, ...]]] = {}
     for path in sorted(folder.glob("*.npz")):
         crop = read_crop(path)
         hole, depth_hole = crop.context[-2] > 0, (crop.context[-1] > 0) & (crop.true_known > 0)
         if hole.mean() < 0.01:
             continue
-        truth = crop.true_color.transpose(1, 2, 0)
-        true_features = lpips.features(np.ascontiguousarray(truth))
+        truth = np.ascontiguousarray(crop.true_color.transpose(1, 2, 0))
         for name, (color, depth) in answers(crop, names, asked.judge).items():
-            shown = np.where(hole[..., None], color, truth)
-            off = (shown.astype(np.float32) - truth)[hole] / 255
-            taps = zip(lpips.features(np.ascontiguousarray(shown)), true_features)
-            distance = sum(float(((a - b) ** 2).sum(0).mean()) for a, b in taps)
             wrong = np.abs(depth - crop.true_depth / LEVELS)[depth_hole].mean() if depth_hole.any() else np.nan
-            rows.setdefault(name, []).append((np.abs(off).mean(), (off**2).mean(), distance / hole.mean(), wrong))
+            rows.setdefault(name, []).append((*color_errors(color, truth, hole, lpips), wrong))
     print("                     L1     MSE   LPIPS   depth")
     for name, values in rows.items():
         print(f"{name:16}", *(f"{value:7.4f}" for value in np.nanmean(values, 0)))
