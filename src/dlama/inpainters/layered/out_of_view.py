@@ -39,7 +39,7 @@ FLOATING = 41
 """Cells up to which what is seen past a plane above and below belongs together: nothing hangs in the air."""
 IN_FRONT = 1.05
 """Relative inverse depth from which a plane hides another surface."""
-REACHES = 1.0
+REACHES = 0.3
 """Square roots of a thing's visible area by which it goes on out of view, if it has no plane."""
 ENDING_COST = 1.0
 """Largest cost of a surface out of view that should have ended. It grows twice as fast as any distance counts."""
