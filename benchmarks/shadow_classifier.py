@@ -21,8 +21,9 @@ import torch
 from torch import nn
 from torch.nn.functional import binary_cross_entropy_with_logits
 
-from dlama.perception.shadows.classifier import CLIP, PARTS, SHADOW, Likely, Perceptron, likely_shadows, touching
-from dlama.perception.shadows.features import candidate_features, insides, pixel_features
+from dlama.geometry.holes import touching
+from dlama.perception.shadows.classifier import CLIP, PARTS, SHADOW, Likely, Perceptron, likely_shadows
+from dlama.perception.shadows.features import candidate_features, color_shares, insides, pixel_features
 from dlama.training.data.shadow_crops import write_shadow_crops
 
 TRAIN_SEED, HELD_OUT_SEED = 50_000, 90_000
@@ -64,8 +65,12 @@ def right_shapes(planes: np.ndarray, target: np.ndarray) -> np.ndarray:
     return np.array([true.sum() >= FEWEST_PX and (one & true).sum() > 0.5 * max(one.sum(), 1) for one in shapes])
 
 
+def candidates_of(planes: np.ndarray) -> np.ndarray:
+    return candidate_features(planes, insides(planes), color_shares(planes))
+
+
 def fit_candidates(crops: Sequence[Crop]) -> Perceptron:
-    features = np.concatenate([candidate_features(planes) for planes, _ in crops])
+    features = np.concatenate([candidates_of(planes) for planes, _ in crops])
     right = np.concatenate([right_shapes(*crop) for crop in crops])
     there = np.isfinite(features).all(1)
     return logistic(features[there], right[there].astype(np.float64))
@@ -101,12 +106,13 @@ def fit_pixels(crops: Sequence[Crop], candidates: Perceptron, seed: int) -> Perc
         if (target > 0.5).sum() < FEWEST_PX:
             continue
         shapes, right = insides(planes), np.flatnonzero(right_shapes(planes, target))
-        sure = candidates(np.nan_to_num(candidate_features(planes)))
+        shares = color_shares(planes)
+        sure = candidates(np.nan_to_num(candidate_features(planes, shapes, shares)))
         used = [(shapes[number], max(float(sure[number]), 0.4)) for number in right]
         used.append((as_thrown(target > 0.5, planes[4] > 0.5, rng), float(rng.uniform(0.4, 1))))
         for shape, certain in used:
             if shape.sum() > 10:
-                features, where = pixel_features(planes, shape, certain)
+                features, where = pixel_features(planes, shape, certain, shares)
                 rows, true, weight = pixel_rows(features, target[where], rng)
                 made.append((rows, true, weight / len(used)))
     return perceptron(*(np.concatenate(part).astype(np.float32) for part in zip(*made)), seed)

@@ -24,9 +24,9 @@ from dlama.evaluation.protocols.mask import SMALLEST_SHADOW_PX
 from dlama.geometry.holes import dilated
 from dlama.perception.masks.supports import planes_of
 from dlama.perception.shadows.find import find_shadow
-from dlama.perception.shadows.ground import EDGE_PX, ground_of, thing_points
+from dlama.perception.shadows.ground import EDGE_PX, ground_of, standing, thing_points
 from dlama.perception.shadows.search import Scale
-from dlama.perception.shadows.thrown import WEIGHTS, standing, thrown_shape
+from dlama.perception.shadows.thrown import WEIGHTS, thrown_shape
 from dlama.worlds.dataset import open_dataset_or_worlds, worlds
 
 RIDGE = 1.0

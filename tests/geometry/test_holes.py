@@ -20,6 +20,7 @@ from dlama.geometry.holes import (
     nearest_known,
     opened,
     square,
+    touching,
     with_nearest,
 )
 from dlama.geometry.rgbd import RGBD
@@ -186,3 +187,13 @@ def test_opened_and_closed_by_places_of_the_kernel(kernel: np.ndarray) -> None:
     np.testing.assert_array_equal(opened(mask, kernel), covered)
     inside = np.s_[5:-5, 5:-5]
     np.testing.assert_array_equal(closed(~mask, kernel)[inside], ~covered[inside])
+
+
+def test_touching_regions() -> None:
+    """By hand: a region that meets the other in one pixel, and its corner; not the region far off."""
+    where = np.zeros((10, 10), np.bool_)
+    where[1:3, 1:3] = where[3, 3] = where[7:9, 7:9] = True
+    other = np.zeros_like(where)
+    other[1, 1] = True
+    found = touching(where, other)
+    assert found.sum() == 5 and not found[7:9, 7:9].any()

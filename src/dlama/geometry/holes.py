@@ -59,6 +59,13 @@ def closed(mask: BoolArray, kernel: np.ndarray) -> BoolArray:
     return cv2.morphologyEx(mask.astype(np.uint8), cv2.MORPH_CLOSE, kernel) > 0
 
 
+def touching(where: BoolArray, other: BoolArray) -> BoolArray:
+    """The 8-connected regions of `where` (H x W) that share a pixel with `other` (H x W)."""
+    _, labels = cv2.connectedComponents(where.astype(np.uint8), connectivity=8)
+    numbers = np.unique(labels[where & other])
+    return np.asarray(np.isin(labels, numbers) & where)
+
+
 def nearest_known(known: BoolArray) -> tuple[Float32Array, NDArray[np.intp]]:
     """The nearest pixel of `known` (H x W bool), for every pixel.
 

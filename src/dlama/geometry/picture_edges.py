@@ -17,6 +17,7 @@ from dlama.geometry.camera import Camera
 from dlama.geometry.holes import with_nearest
 from dlama.geometry.kernels.jit import in_bands
 from dlama.geometry.kernels.picture_edges import ROOM, mixed, snap
+from dlama.geometry.projection import inverse_depth
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.geometry.view import Origin, View
 
@@ -70,7 +71,7 @@ def _placed(view: View) -> PlacedEdges:
     if not reach:
         none = np.zeros_like(view.hole)
         return PlacedEdges(view.depth, none, none)
-    w = np.divide(np.float32(1), view.depth, out=np.zeros_like(view.depth), where=known)
+    w = inverse_depth(np.where(known, view.depth, np.float32(0)))
     band = near_jumps(with_nearest(w, known), reach)
     color = view.color.astype(np.float32)
     ratio = edge_ratio(view.camera)
@@ -121,8 +122,7 @@ def edge_uncertainty(view: View) -> int:
     measured = view.valid & (view.origin == Origin.MEASURED)
     if measured.sum() < LEAST_EDGES:
         return 0
-    w = np.divide(np.float32(1), view.depth, out=np.zeros_like(view.depth), where=measured)
-    w = with_nearest(w, measured | view.far)
+    w = with_nearest(inverse_depth(np.where(measured, view.depth, np.float32(0))), measured | view.far)
     off = np.concatenate([edge_offsets(w, view.color), edge_offsets(w.T, view.color.transpose(1, 0, 2))])
     if len(off) < LEAST_EDGES or np.median(off) == 0:
         return 0

@@ -15,9 +15,14 @@ from dlama.perception.shadows.classifier import (
     Perceptron,
     classifiers,
     shadow_probability,
-    touching,
 )
-from dlama.perception.shadows.features import CANDIDATE_FEATURES, candidate_features, pixel_features
+from dlama.perception.shadows.features import (
+    CANDIDATE_FEATURES,
+    candidate_features,
+    color_shares,
+    insides,
+    pixel_features,
+)
 from dlama.perception.shadows.planes import PLANES, crop_round
 
 FLAT = np.zeros((len(PLANES), 96, 128), np.float32)
@@ -37,9 +42,10 @@ def test_the_file_that_ships_fits_the_features() -> None:
     parts = classifiers()
     assert tuple(parts) == PARTS and MODEL.stat().st_size < 100_000
     planes = with_shape()
-    candidates = candidate_features(planes)
+    shares = color_shares(planes)
+    candidates = candidate_features(planes, insides(planes), shares)
     assert candidates.shape == (len(PLANES[10:]) + 1, CANDIDATE_FEATURES)
-    rows, where = pixel_features(planes, planes[10] > 0, 0.5)
+    rows, where = pixel_features(planes, planes[10] > 0, 0.5, shares)
     assert len(rows) == where.sum() == (planes[4] > 0.5).sum()
     for part, features in (("candidate", np.nan_to_num(candidates)), ("pixel", rows)):
         said = parts[part](features)
@@ -81,11 +87,3 @@ def test_a_crop_and_back() -> None:
     outside = np.ones(mask.shape, np.bool_)
     outside[crop.rows, crop.columns] = False
     assert outside.any() and not back[outside].any()
-
-
-def test_touching_regions() -> None:
-    where = np.zeros((10, 10), np.bool_)
-    where[1:3, 1:3] = where[3, 3] = where[7:9, 7:9] = True
-    other = np.zeros_like(where)
-    other[1, 1] = True
-    assert touching(where, other).sum() == 5

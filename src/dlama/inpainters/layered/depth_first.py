@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from dlama.geometry.holes import dilated, nearest_known
+from dlama.geometry.holes import dilated, nearest_known, touching
 from dlama.geometry.projection import inverse_depth
 from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.geometry.view import HoleType, View
@@ -75,9 +75,7 @@ def occluders(view: View, surfaces: Surfaces, depth: Float32Array) -> BoolArray:
     edge = cv2.dilate(w, np.ones((3, 3), np.uint8)) > STEP * w
     thing = view.valid & ~edge & ~np.isin(surfaces.label, goes_on) & (distance <= WHOLE * max(w.shape))
     thing &= w > inverse_depth(depth).ravel()[nearest]
-    number = cv2.connectedComponents(thing.astype(np.uint8), connectivity=8)[1]
-    thing &= np.isin(number, np.unique(number[beside & thing]))
-    return beside | (dilated(thing, MIXED_PX) & view.valid)
+    return beside | (dilated(touching(thing, beside), MIXED_PX) & view.valid)
 
 
 def standing_before(

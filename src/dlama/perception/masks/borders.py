@@ -5,7 +5,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from dlama.geometry.holes import dilated, disc, eroded, nearest_known, opened
+from dlama.geometry.holes import dilated, disc, eroded, nearest_known, opened, touching
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array
 from dlama.perception.masks.supports import Planes, height_above
 
@@ -41,8 +41,7 @@ def with_foot(found: Planes, support: BoolArray, thing: BoolArray) -> BoolArray:
     unevenness = 1.4826 * float(np.median(np.abs(step[around])))
     least = max(FOOT_STEP, FOOT_NOISE * unevenness)
     rises = near & over_layers(step, support & (step > least), near, least)
-    _, labels = cv2.connectedComponents((thing | rises).astype(np.uint8), connectivity=8)
-    return np.asarray(np.isin(labels, np.unique(labels[thing])) & (thing | rises))
+    return touching(thing | rises, thing)
 
 
 def over_layers(step: Float32Array, rising: BoolArray, near: BoolArray, least: float) -> BoolArray:

@@ -13,8 +13,9 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from dlama.geometry.holes import touching
 from dlama.geometry.rgbd import BoolArray, Float32Array
-from dlama.perception.shadows.features import FEWEST_PX, candidate_features, insides, pixel_features
+from dlama.perception.shadows.features import FEWEST_PX, candidate_features, color_shares, insides, pixel_features
 
 MODEL = Path(__file__).parents[2] / "assets" / "shadow" / "shadow.npz"
 CLIP = 5.0
@@ -53,7 +54,8 @@ PARTS = "candidate", "pixel", "verdict"
 def classifiers(path: Path = MODEL) -> dict[str, Perceptron]:
     """PARTS of the file, read once a process."""
     with np.load(path) as file:
-        return {part: read_part(dict(file), part) for part in PARTS}
+        arrays = dict(file)
+    return {part: read_part(arrays, part) for part in PARTS}
 
 
 def read_part(arrays: dict[str, np.ndarray], part: str) -> Perceptron:
@@ -79,14 +81,15 @@ class Likely:
 
 def likely_shadows(planes: Float32Array, parts: dict[str, Perceptron]) -> list[Likely]:
     """The likeliest shapes followed to where their shadow ends."""
-    features, shapes = candidate_features(planes), insides(planes)
+    shapes, shares = insides(planes), color_shares(planes)
+    features = candidate_features(planes, shapes, shares)
     there = np.isfinite(features).all(1)
     sure = np.where(there, parts["candidate"](np.nan_to_num(features)), 0)
     out = []
     for number in np.argsort(-sure, kind="stable")[:TRIED]:
         if sure[number] < LIKELY:
             break
-        rows, where = pixel_features(planes, shapes[number], float(sure[number]))
+        rows, where = pixel_features(planes, shapes[number], float(sure[number]), shares)
         said = np.zeros(where.shape, np.float32)
         said[where] = parts["pixel"](rows)
         last = verdict_features(planes, shapes[number], said, float(sure[number]), features[number], sure)
@@ -129,13 +132,6 @@ def verdict_features(
         float(region[shape].mean()) if shape.any() else 0.0,
     ]
     return np.array([*own, *features], np.float32)
-
-
-def touching(where: BoolArray, other: BoolArray) -> BoolArray:
-    """The 8-connected regions of `where` that touch `other`."""
-    _, labels = cv2.connectedComponents(where.astype(np.uint8), connectivity=8)
-    numbers = np.unique(labels[where & other])
-    return np.asarray(np.isin(labels, numbers) & where)
 
 
 def shadow_probability(planes: Float32Array, path: Path = MODEL) -> tuple[Float32Array, BoolArray] | None:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
+from dlama.geometry.holes import nearest_known
 from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.perception.shadows.planes import FAR, LOG_RANGE
 
@@ -27,6 +28,10 @@ FEWEST_PX = 6
 LOW, CONTACT = 0.15, 0.15
 """What is lower than this share of the thing's height is its foot; shadows round it lie within this share of its size."""
 LEAST_DEEP = 0.05
+
+
+ColorShares = tuple[np.ndarray, list[np.ndarray]]
+"""N logarithms of how common the colour of each of N pixels of the surface is there, and how common it were if it was LIGHTER."""
 
 
 def insides(planes: Float32Array) -> list[BoolArray]:
@@ -47,12 +52,11 @@ def round_foot(planes: Float32Array) -> BoolArray:
     return np.asarray((apart < max(5.0, CONTACT * float(np.sqrt(thing.sum())))) & ~thing)
 
 
-def candidate_features(planes: Float32Array) -> Float32Array:
-    """K x features of the K thrown shapes; rows of nan where there is none."""
-    where, thing = planes[4] > 0.5, planes[3] > 0.5
-    shapes, dark = insides(planes), planes[9]
+def candidate_features(planes: Float32Array, shapes: list[BoolArray], shares: ColorShares) -> Float32Array:
+    """K x features of the K thrown shapes; rows of nan where there is none. shapes: `insides`, shares: `color_shares`."""
+    where, thing, dark = planes[4] > 0.5, planes[3] > 0.5, planes[9]
     apart = cv2.distanceTransform((~thing).astype(np.uint8), cv2.DIST_L2, 5)
-    common, raised = (plane_of(each, where) for each in (rarity(planes, where)[0], np.max(rarity(planes, where)[1], 0)))
+    common, raised = (plane_of(each, where) for each in (shares[0], np.max(shares[1], 0)))
     sure = [*(float(plane.max()) for plane in planes[10:]), 0.0]
     rows = []
     for number, inside in enumerate(shapes):
@@ -97,9 +101,11 @@ def plane_of(values: np.ndarray, where: BoolArray) -> Float32Array:
     return out
 
 
-def pixel_features(planes: Float32Array, shape: BoolArray, sure: float) -> tuple[Float32Array, BoolArray]:
+def pixel_features(
+    planes: Float32Array, shape: BoolArray, sure: float, shares: ColorShares
+) -> tuple[Float32Array, BoolArray]:
     """N x features, and h x w: the N pixels of the crop where the surface is seen. shape: h x w, where the shadow was thrown,
-    with `sure` its probability."""
+    with `sure` its probability; shares: `color_shares`."""
     where, thing = planes[4] > 0.5, planes[3] > 0.5
     there, dark = where.astype(np.float32), planes[9] * (planes[4] > 0.5)
     inside = shape & where
@@ -122,15 +128,15 @@ def pixel_features(planes: Float32Array, shape: BoolArray, sure: float) -> tuple
     flat += [np.log(np.hypot(right, away) + 0.1), np.clip(away, -4, 4), np.log(apart + 1), np.minimum(apart / tall, 3)]
     flat += [np.clip(way_to(smooth[0], there, target) / scale, -1, 2) for target in (nearest, foot_of(thing))]
     columns = [np.asarray(plane, np.float32)[where] for plane in flat]
-    common, raised = rarity(planes, where)
+    common, raised = shares
     columns += [common, *(each - common for each in raised)]
     columns += [np.full(len(common), value, np.float32) for value in (sure, deep, deep - around)]
     return np.stack(columns, 1).astype(np.float32), where
 
 
-def rarity(planes: Float32Array, where: BoolArray) -> tuple[np.ndarray, list[np.ndarray]]:
-    """N logarithms of how common the colour of each pixel of the surface is there, and how common it were if it was LIGHTER."""
-    color = planes[:3, where].T * LOG_RANGE
+def color_shares(planes: Float32Array) -> ColorShares:
+    """How common colours are on the surface."""
+    color = planes[:3, planes[4] > 0.5].T * LOG_RANGE
     place = (np.clip((color - DARKEST) / (BRIGHTEST - DARKEST), 0, 0.9999) * COLORS).astype(int)
     counts = np.zeros((COLORS,) * 3, np.float32)
     np.add.at(counts, tuple(place.T), 1)
@@ -149,13 +155,9 @@ def nearest_of(thing: BoolArray) -> tuple[Float32Array, tuple[Float32Array, Floa
     if not thing.any():
         far = np.full(thing.shape, 64, np.float32)
         return far, (np.zeros_like(far), np.zeros_like(far))
-    away = (~thing).astype(np.uint8)
-    apart, labels = cv2.distanceTransformWithLabels(away, cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL)
-    rows, columns = np.nonzero(thing)
-    table = np.zeros((int(labels.max()) + 1, 2), np.float32)
-    table[labels[rows, columns]] = np.stack([columns, rows], 1)
-    target = table[labels]
-    return np.asarray(apart, np.float32), (target[..., 0].copy(), target[..., 1].copy())
+    apart, nearest = nearest_known(thing)
+    rows, columns = np.divmod(nearest, thing.shape[1])
+    return apart, (columns.astype(np.float32), rows.astype(np.float32))
 
 
 def foot_of(thing: BoolArray) -> tuple[Float32Array, Float32Array]:

@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from dlama.geometry.holes import dilated
+from dlama.geometry.holes import dilated, touching
 from dlama.geometry.rgbd import RGBD, BoolArray
 from dlama.perception.masks.supports import Planes, planes_of
-from dlama.perception.shadows.classifier import SHADOW, shadow_probability, touching
-from dlama.perception.shadows.ground import EDGE_PX, ground_of
+from dlama.perception.shadows.classifier import SHADOW, shadow_probability
+from dlama.perception.shadows.ground import EDGE_PX, darkness, ground_of
 from dlama.perception.shadows.growing import grown
 from dlama.perception.shadows.planes import shadow_planes
 from dlama.perception.shadows.thrown import SMALLEST_PX
@@ -34,7 +34,8 @@ def find_shadow(rgbd: RGBD, mask: BoolArray, found: Planes | None = None) -> Boo
     ground = ground_of(rgbd, mask, found or planes_of(rgbd))
     if ground is None:
         return none
-    planes, crop = shadow_planes(rgbd, mask, ground)
+    dark = darkness(rgbd, mask, ground.surface)
+    planes, crop = shadow_planes(rgbd, mask, ground, dark)
     answer = shadow_probability(planes)
     if answer is None:
         return none
@@ -42,7 +43,7 @@ def find_shadow(rgbd: RGBD, mask: BoolArray, found: Planes | None = None) -> Boo
     usable = ground.surface & ~dilated(mask, EDGE_PX)
     thrown = (shape > 0.5) & usable
     shadow = touching((probability > SHADOW) & usable, thrown | dilated(mask, NEAR_PX))
-    further = grown(rgbd, mask, ground, usable, thrown)
+    further = grown(rgbd, mask, ground, usable, thrown, dark)
     if further.any() and probability[further].mean() > PLAUSIBLE:
         shadow |= further
     if not SMALLEST_PX <= shadow.sum() <= LARGEST * mask.sum():

@@ -38,6 +38,24 @@ class Ground:
     """H x W, True where it is seen."""
 
 
+@dataclass(frozen=True, eq=False)
+class Standing:
+    """A thing's points over the surface that it stands on."""
+
+    foot: NDArray[np.float64]
+    """N x 3, dropped on the surface, camera axes."""
+    rise: NDArray[np.float64]
+    """N heights, m."""
+    up: NDArray[np.float64]
+    """The surface's normal, towards the camera."""
+
+
+def standing(points: NDArray[np.float64], rise: NDArray[np.float64], ground: Ground) -> Standing:
+    """Of N x 3 points in camera axes and their heights over the surface."""
+    up = -ground.normal / np.linalg.norm(ground.normal)
+    return Standing(points - rise[:, None] * up, rise, up)
+
+
 def ground_of(rgbd: RGBD, mask: BoolArray, found: Planes) -> Ground | None:
     """The plane that holds most of what is seen just below and beside the lower part of the thing; None where there is none."""
     rows = np.flatnonzero(mask.any(1))
@@ -82,15 +100,7 @@ def darkness(rgbd: RGBD, mask: BoolArray, surface: BoolArray, window: int = WIND
     v, u = v[keep], u[keep]
     value = smooth[v, u].astype(np.float64)
     height, width = mask.shape
-    design = quadratic(u / width, v / height)
-    weight = np.ones(len(v))
-    for _ in range(ROUNDS):
-        root = np.sqrt(weight)
-        fit = np.linalg.lstsq(design * root[:, None], value * root, rcond=None)[0]
-        off = value - design @ fit
-        spread = max(1.4826 * float(np.median(np.abs(off))), 0.02)
-        scaled = off / np.where(off < 0, 2.0 * spread, 4.0 * spread)
-        weight = np.clip(1 - scaled**2, 0, None) ** 2 + 1e-6
+    fit = robust_fit(quadratic(u / width, v / height), value)
     rows, columns = np.nonzero(surface & near)
     lit = quadratic(columns / width, rows / height) @ fit
     out = np.zeros(mask.shape, np.float32)
@@ -98,7 +108,21 @@ def darkness(rgbd: RGBD, mask: BoolArray, surface: BoolArray, window: int = WIND
     return out
 
 
+def robust_fit(design: NDArray[np.float64], value: NDArray[np.float64]) -> NDArray[np.float64]:
+    """C coefficients of the lit surface: design (N x C) @ C ~ value (N), where what is much darker counts less each round."""
+    weight = np.ones(len(value))
+    for _ in range(ROUNDS):
+        root = np.sqrt(weight)
+        fit = np.linalg.lstsq(design * root[:, None], value * root, rcond=None)[0]
+        off = value - design @ fit
+        spread = max(1.4826 * float(np.median(np.abs(off))), 0.02)
+        scaled = off / np.where(off < 0, 2.0 * spread, 4.0 * spread)
+        weight = np.clip(1 - scaled**2, 0, None) ** 2 + 1e-6
+    return np.asarray(fit)
+
+
 def quadratic(u: np.ndarray, v: np.ndarray) -> NDArray[np.float64]:
+    """N x 6: the terms of a quadratic over N points, for `robust_fit`."""
     return np.stack([np.ones_like(u), u, v, u * u, u * v, v * v], 1).astype(np.float64)
 
 

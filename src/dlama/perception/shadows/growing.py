@@ -6,12 +6,10 @@ and nothing is added.
 
 from __future__ import annotations
 
-import cv2
 import numpy as np
 
-from dlama.geometry.holes import dilated
+from dlama.geometry.holes import dilated, opened, square, touching
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array
-from dlama.perception.shadows.classifier import touching
 from dlama.perception.shadows.ground import Ground, darkness
 
 DARKER = 0.1
@@ -25,9 +23,13 @@ ROUNDS, MORE = 8, 1.01
 """Of growing, and the factor by which a shadow grows in a round, at least."""
 
 
-def grown(rgbd: RGBD, mask: BoolArray, ground: Ground, usable: BoolArray, shape: BoolArray) -> BoolArray:
-    """H x W: `shape` with what touches it and is darker than half of its darkness, and what fades from that."""
-    dark = darkness(rgbd, mask, ground.surface)
+def grown(
+    rgbd: RGBD, mask: BoolArray, ground: Ground, usable: BoolArray, shape: BoolArray, dark: Float32Array | None
+) -> BoolArray:
+    """H x W: `shape` with what touches it and is darker than half of its darkness, and what fades from that.
+
+    dark: H x W, `darkness` of the surface.
+    """
     if dark is None or not shape.any():
         return np.zeros_like(shape)
     deep = max(DARKER, float(np.median(dark[shape])))
@@ -36,8 +38,7 @@ def grown(rgbd: RGBD, mask: BoolArray, ground: Ground, usable: BoolArray, shape:
         shadow = shape
         for _ in range(ROUNDS):
             near = usable & dilated(shadow, reach_of(shape))
-            about = touching(near & (dark > deep / 2), shape).astype(np.uint8)
-            larger = shadow | (cv2.morphologyEx(about, cv2.MORPH_OPEN, np.ones((3, 3), np.uint8)) > 0)
+            larger = shadow | opened(touching(near & (dark > deep / 2), shape), square(3))
             if larger.sum() < MORE * shadow.sum():
                 break
             shadow = larger
@@ -46,7 +47,7 @@ def grown(rgbd: RGBD, mask: BoolArray, ground: Ground, usable: BoolArray, shape:
 
 def reach_of(shape: BoolArray) -> int:
     """Pixels by which a shape may be off."""
-    return max(2, 2 + round(0.05 * float(np.sqrt(shape.sum()))))
+    return 2 + round(0.05 * float(np.sqrt(shape.sum())))
 
 
 def unevenness(dark: Float32Array, usable: BoolArray) -> float:
@@ -61,7 +62,6 @@ def fading(rgbd: RGBD, mask: BoolArray, ground: Ground, usable: BoolArray, shado
     if dark is None or unevenness(dark, usable) > SOFT_EVEN:
         return np.zeros_like(shadow)
     less = usable & (dark > DARKER) & (dark < FADED * deep)
-    opened = cv2.morphologyEx(less.astype(np.uint8), cv2.MORPH_OPEN, np.ones((5, 5), np.uint8)) > 0
-    both = touching(opened | shadow, shadow)
+    both = touching(opened(less, square(5)) | shadow, shadow)
     beyond = both & ~dilated(shadow, SOFT_WINDOW_PX // 2 + 1)  # a hard border, averaged, fades over half the window
     return both if beyond.sum() > 0.5 * shadow.sum() else np.zeros_like(shadow)

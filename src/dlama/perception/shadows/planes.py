@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from dlama.geometry.holes import dilated
 from dlama.geometry.projection import rays
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array
-from dlama.perception.shadows.ground import EDGE_PX, Ground, darkness, thing_points
-from dlama.perception.shadows.thrown import standing, thrown_shapes
+from dlama.perception.shadows.ground import EDGE_PX, Ground, standing, thing_points
+from dlama.perception.shadows.thrown import thrown_shapes
 
 SIDE, MULTIPLE = 320, 16
 """Longer side of the crop in its own pixels, and what its sides are multiples of."""
@@ -73,8 +73,11 @@ def crop_round(mask: BoolArray) -> Crop:
     return Crop(slice(top, bottom), slice(left, right), scale)
 
 
-def shadow_planes(rgbd: RGBD, mask: BoolArray, ground: Ground) -> tuple[Float32Array, Crop]:
-    """PLANES x h x w, sides multiples of MULTIPLE and at most SIDE, and where in the picture that is."""
+def shadow_planes(rgbd: RGBD, mask: BoolArray, ground: Ground, dark: Float32Array | None) -> tuple[Float32Array, Crop]:
+    """PLANES x h x w, sides multiples of MULTIPLE and at most SIDE, and where in the picture that is.
+
+    dark: H x W, `darkness` of the surface.
+    """
     crop = crop_round(mask)
     usable = ground.surface & ~dilated(mask, EDGE_PX)
     wide, high = crop.size
@@ -88,7 +91,6 @@ def shadow_planes(rgbd: RGBD, mask: BoolArray, ground: Ground) -> tuple[Float32A
     points, rise = thing_points(rgbd, mask, ground)
     tall = max(float(np.quantile(rise, 0.98)), 0.02) if len(rise) else 1.0
     view[6:9] = places(rgbd, ground, crop, points, rise, tall)
-    dark = darkness(rgbd, mask, ground.surface)
     if dark is not None:
         view[9] = np.clip(crop.small(dark), -1.5, 1.5)
     for plane, shape in zip(view[10:], thrown_shapes(rgbd, ground, usable, standing(points, rise, ground), tall)):

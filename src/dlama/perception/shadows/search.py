@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from dlama.geometry.kernels.jit import in_bands
 from dlama.geometry.rgbd import RGBD, BoolArray, UInt8Array
 from dlama.perception.kernels.shadows import DIRECTIONS_A_TASK, throw_shapes
+from dlama.perception.shadows.ground import Standing
 
 SLOPES = np.array((0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.72, 0.86, 1.0, 1.2, 1.45, 1.75, 2.1, 2.6, 3.2))
 """Lengths of a shadow over the height of what casts it, that are tried."""
@@ -58,20 +59,12 @@ class Thrown:
     """Mean gradient of the logarithm outwards, a pixel."""
 
 
-def best_direction(
-    foot: NDArray[np.float64],
-    rise: NDArray[np.float64],
-    up: NDArray[np.float64],
-    rgbd: RGBD,
-    seen: BoolArray,
-    scale: Scale,
-) -> Thrown | None:
+def best_direction(thing: Standing, rgbd: RGBD, seen: BoolArray, scale: Scale) -> Thrown | None:
     """The direction whose thrown shape stands out most; None where no shape falls on what is seen.
 
-    foot: N x 3 points of the thing dropped on the surface, rise: their N heights in metres, up: the surface's normal.
     seen: H x W, True where the surface is seen. scale: SHARP or SOFT.
     """
-    search = Search(foot, rise, up, rgbd, seen, scale)
+    search = Search(thing, rgbd, seen, scale)
     slopes, turns = (each.ravel() for each in np.meshgrid(SLOPES, np.arange(TURNS) * 1.0, indexing="ij"))
     coarse = search.strengths(slopes, turns)[0]
     top = np.argsort(-coarse, kind="stable")[:REFINED]
@@ -91,15 +84,7 @@ def best_direction(
 class Search:
     """What does not depend on the direction."""
 
-    def __init__(
-        self,
-        foot: NDArray[np.float64],
-        rise: NDArray[np.float64],
-        up: NDArray[np.float64],
-        rgbd: RGBD,
-        seen: BoolArray,
-        scale: Scale,
-    ) -> None:
+    def __init__(self, thing: Standing, rgbd: RGBD, seen: BoolArray, scale: Scale) -> None:
         camera = rgbd.camera
         step = max(1, round(max(seen.shape) / SIDE_PX))
         height, width = seen.shape[0] // step, seen.shape[1] // step
@@ -107,11 +92,11 @@ class Search:
         self.seen = np.ascontiguousarray(whole.all((1, 3)))
         small = cv2.resize(rgbd.color[: height * step, : width * step], (width, height), interpolation=cv2.INTER_AREA)
         self.divergence, self.spread = divergence_of(np.asarray(small, np.uint8), self.seen, scale)
-        self.foot, self.rise = np.ascontiguousarray(foot), np.ascontiguousarray(rise)
+        self.foot, self.rise = np.ascontiguousarray(thing.foot), np.ascontiguousarray(thing.rise)
         self.lens = np.array([camera.fx, camera.fy, camera.cx, camera.cy]) / step
-        one = np.cross(up, [0.0, 0.0, 1.0])
+        one = np.cross(thing.up, [0.0, 0.0, 1.0])
         self.one = one / max(float(np.linalg.norm(one)), 1e-9)
-        self.two = np.cross(up, self.one)
+        self.two = np.cross(thing.up, self.one)
 
     def over(self, slopes: NDArray[np.float64], turns: NDArray[np.float64]) -> NDArray[np.float64]:
         """K x 3: metres over the surface for each metre of height, in camera axes."""

@@ -5,16 +5,13 @@ A shadow on a plane is the thing's own shape thrown along the light, darker than
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from dlama.geometry.holes import dilated
+from dlama.geometry.holes import closed, dilated, square
 from dlama.geometry.projection import rays
 from dlama.geometry.rgbd import RGBD, BoolArray
-from dlama.perception.shadows.ground import Ground
+from dlama.perception.shadows.ground import Ground, Standing, standing
 from dlama.perception.shadows.search import SHARP, SOFT, Scale, Thrown, best_direction, pixels_of
 
 FEATURES = "strength over next best", "strength", "step", "even and clear", "contrast", "off in colour", "over pattern"
@@ -32,27 +29,6 @@ TALLEST, LOWEST = 4.0, 0.04
 COMMON_POINTS = 4000
 STRONG = 20.0
 """Strength of a shape thrown in common that counts as certain."""
-
-
-@dataclass(frozen=True, eq=False)
-class Standing:
-    """A thing's points over the surface that it stands on."""
-
-    foot: NDArray[np.float64]
-    """N x 3, dropped on the surface, camera axes."""
-    rise: NDArray[np.float64]
-    """N heights, m."""
-    up: NDArray[np.float64]
-    """The surface's normal, towards the camera."""
-
-    def thrown(self, over: NDArray[np.float64], rgbd: RGBD, usable: BoolArray) -> BoolArray:
-        """H x W: the shape thrown by a light (metres over the surface for each metre of height), on `usable`."""
-        return filled_shape(self.foot + self.rise[:, None] * over, rgbd, usable)
-
-
-def standing(points: NDArray[np.float64], rise: NDArray[np.float64], ground: Ground) -> Standing:
-    up = -ground.normal / np.linalg.norm(ground.normal)
-    return Standing(points - rise[:, None] * up, rise, up)
 
 
 def thrown_shapes(
@@ -74,7 +50,7 @@ def thrown_shapes(
         out.append((sure, shape))
         if scale == SHARP and found.next_best > 0:
             share = found.next_best / max(found.strength, 1e-6)
-            second = sure * share, thing.thrown(found.next_over, rgbd, usable)
+            second = sure * share, shape_thrown(thing, found.next_over, rgbd, usable)
     return [*out, second, in_common(rgbd, ground, usable, thing, tall)]
 
 
@@ -82,10 +58,10 @@ def thrown_shape(
     rgbd: RGBD, usable: BoolArray, thing: Standing, scale: Scale
 ) -> tuple[Thrown, BoolArray, NDArray[np.float64]] | None:
     """The light that explains most, the shape that it throws (H x W) and what speaks for it: FEATURES. None: there is none."""
-    found = best_direction(thing.foot, thing.rise, thing.up, rgbd, usable, scale)
+    found = best_direction(thing, rgbd, usable, scale)
     if found is None:
         return None
-    shape = thing.thrown(found.over, rgbd, usable)
+    shape = shape_thrown(thing, found.over, rgbd, usable)
     ring = ring_of(shape, usable)
     if shape.sum() < SMALLEST_PX or ring.sum() < SMALLEST_PX:
         return None
@@ -104,8 +80,10 @@ def in_common(
     if len(keep) < SMALLEST_PX:
         return None
     others = standing(every[keep], height[keep], ground)
-    found = best_direction(others.foot, others.rise, others.up, rgbd, usable, SHARP)
-    return None if found is None else (float(np.tanh(found.strength / STRONG)), thing.thrown(found.over, rgbd, usable))
+    found = best_direction(others, rgbd, usable, SHARP)
+    if found is None:
+        return None
+    return float(np.tanh(found.strength / STRONG)), shape_thrown(thing, found.over, rgbd, usable)
 
 
 def features_of(rgbd: RGBD, shape: BoolArray, ring: BoolArray, found: Thrown) -> tuple[float, ...]:
@@ -142,8 +120,8 @@ def ring_of(shape: BoolArray, usable: BoolArray) -> BoolArray:
     return np.asarray(usable & dilated(shape, reach_of(shape) + 4) & ~dilated(shape, 4))
 
 
-def filled_shape(points: NDArray[np.float64], rgbd: RGBD, usable: BoolArray) -> BoolArray:
-    """H x W: where N x 3 points in camera axes fall, gaps between them closed, on `usable`."""
-    shape = np.zeros(usable.shape, np.uint8)
-    shape.ravel()[pixels_of(points, rgbd)] = 1
-    return np.asarray(usable & (cv2.morphologyEx(shape, cv2.MORPH_CLOSE, np.ones((9, 9), np.uint8)) > 0))
+def shape_thrown(thing: Standing, over: NDArray[np.float64], rgbd: RGBD, usable: BoolArray) -> BoolArray:
+    """H x W: the shape thrown by a light (metres over the surface for each metre of height), gaps closed, on `usable`."""
+    shape = np.zeros(usable.shape, np.bool_)
+    shape.ravel()[pixels_of(thing.foot + thing.rise[:, None] * over, rgbd)] = True
+    return np.asarray(usable & closed(shape, square(9)))

@@ -14,11 +14,12 @@ import cv2
 import numpy as np
 
 from dlama.evaluation.metrics.masks import darkened
+from dlama.files.atomic_write import new_file
 from dlama.geometry.camera import Camera
 from dlama.geometry.holes import dilated, eroded
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
 from dlama.perception.masks.supports import planes_of
-from dlama.perception.shadows.ground import EDGE_PX, ground_of
+from dlama.perception.shadows.ground import EDGE_PX, darkness, ground_of
 from dlama.perception.shadows.planes import shadow_planes
 from dlama.training.data.augment import with_faults
 from dlama.training.data.sensors import photographed, stereo_matcher, structured_light
@@ -58,7 +59,7 @@ def shadow_crop(seed: int, textures: Textures = None) -> tuple[Float32Array, Flo
     ground = ground_of(source, mask, planes_of(source)) if mask.any() else None
     if ground is None:
         return None
-    planes, crop = shadow_planes(source, mask, ground)
+    planes, crop = shadow_planes(source, mask, ground, darkness(source, mask, ground.surface))
     target = np.full(planes.shape[1:], -1, np.float32)
     wide, high = crop.size
     counts = crop.small(ground.surface & ~dilated(mask, EDGE_PX)) > 0.5
@@ -190,8 +191,6 @@ def write_shadow_crops(folder: Path, count: int, seed: int, textures: Path | Non
         made = shadow_crop(number, textures if number % 2 else None)
         if made is not None:
             planes, target = made
-            beside = file.with_suffix(".part")
-            with beside.open("wb") as out:
-                np.savez(out, planes=planes.astype(np.float16), target=target.astype(np.float16))
-            beside.replace(file)
+            with new_file(file) as draft, draft.open("wb") as stream:
+                np.savez(stream, planes=planes.astype(np.float16), target=target.astype(np.float16))
     return len(list(folder.glob("*.npz")))
