@@ -66,7 +66,7 @@ def seen_going_on(
     if not unseen.any() or not followed.any():
         return on, cost
     planes = plane_coefficients(candidates[2:])
-    cells = np.bincount(label[~hole].clip(0), minlength=len(planes) + 1)[1:]
+    cells = cells_of_planes(label, hole, len(planes))
     along, across = vanishing_points(planes, camera, cells)
     away = np.asarray(cv2.distanceTransform(hole.astype(np.uint8), cv2.DIST_L2, 5), np.float32)
     first, length = seen_on_lines(planes, along, w, label, hole, away, unseen, STRIDE)
@@ -187,6 +187,11 @@ def vanishing_points(
     points = [d @ K.T for d in (direction, np.cross(normal, direction))]
     along, across = (p / np.maximum(np.linalg.norm(p, axis=1, keepdims=True), LEAST_LENGTH) for p in points)
     return along, across
+
+
+def cells_of_planes(label: NDArray[np.int32], hole: BoolArray, count: int) -> NDArray[np.int64]:
+    """How many known cells each of `count` planes holds. label, hole: h x w."""
+    return np.bincount(label[~hole].clip(0), minlength=count + 1)[1:]
 
 
 def above_horizon(camera: Camera, candidates: Float32Array, cells: NDArray[np.int64]) -> BoolArray:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from dlama.geometry.holes import nearest_known
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.geometry.view import HoleType, View
+from dlama.perception.shadows.ground import quadratic, robust_fit
 
 GRID = 256
 """Longer side of the coarse picture on which shadows are looked for."""
@@ -27,8 +28,6 @@ REACH = 1.0
 """A shadow is looked for within this many times the root of the thing's area."""
 LEAST_CELLS = 60
 """Fewer cells of a surface farther off say nothing about its pattern."""
-ROUNDS = 8
-"""Of the robust fit of the lit surface."""
 FADE = 0.008
 """Share of the picture's longer side over which painted ground gets lit, from its shadow on."""
 RIM_SIGMA = 2.0
@@ -123,21 +122,10 @@ def shadow_on(surface: BoolArray, level: Float32Array, distance: Float32Array, r
 
 
 def lit_surface(level: Float32Array, where: BoolArray) -> Float32Array:
-    """h x w: a quadratic over pixels, fitted to `level` in `where` so that what is much darker counts less each round."""
+    """h x w: a quadratic over pixels in `where`, fitted to `level` by `robust_fit`; elsewhere `level` itself."""
     rows, columns = np.nonzero(where)
     height, width = where.shape
     design, value = quadratic(columns / width, rows / height), level[rows, columns].astype(np.float64)
-    weight = np.ones(len(value))
-    for _ in range(ROUNDS):
-        root = np.sqrt(weight)
-        fit = np.linalg.lstsq(design * root[:, None], value * root, rcond=None)[0]
-        off = value - design @ fit
-        spread = max(1.4826 * float(np.median(np.abs(off))), 0.02)
-        weight = np.clip(1 - (off / np.where(off < 0, 2 * spread, 4 * spread)) ** 2, 0, None) ** 2 + 1e-6
     out = level.copy()
-    out[rows, columns] = design @ fit
+    out[rows, columns] = design @ robust_fit(design, value)
     return out
-
-
-def quadratic(u: NDArray[np.float64], v: NDArray[np.float64]) -> NDArray[np.float64]:
-    return np.stack([np.ones_like(u), u, v, u * u, u * v, v * v], 1)

@@ -20,7 +20,7 @@ from dlama.geometry.view import HoleType, View
 from dlama.geometry.visibility import Law
 from dlama.inpainters.layered.colored_reach import colors_of_cells, distances_by_color
 from dlama.inpainters.layered.kernels import surfaces as surface_kernels
-from dlama.inpainters.layered.out_of_view import FOLLOWED, above_horizon, ending_cost, seen_going_on
+from dlama.inpainters.layered.out_of_view import FOLLOWED, above_horizon, cells_of_planes, ending_cost, seen_going_on
 from dlama.perception.planes import SMOOTH, plane_values
 
 GRID = 256
@@ -183,7 +183,7 @@ class CoarseView:
 
     def followed(self) -> BoolArray:
         """K bool, the planes that are followed along lines out of view: the large ones."""
-        cells = np.bincount(self.label[~self.hole].clip(0), minlength=len(self.candidates) - 1)[1:]
+        cells = cells_of_planes(self.label, self.hole, len(self.candidates) - 2)
         return np.asarray(cells >= self.followed_from * (~self.hole).sum())
 
     def distance_to_known(self, law: Law) -> Float32Array:
@@ -209,7 +209,7 @@ class CoarseView:
         if law.has_far:
             angle = angle_to_far(with_larger_pixels(self.camera, 4), law)  # smooth: a quarter of the cells is enough
             out[1] = np.minimum(out[1], self.camera.fx * enlarged(angle, self.camera.wh))
-            cells = np.bincount(self.label[~self.hole].clip(0), minlength=len(self.candidates) - 1)[1:]
+            cells = cells_of_planes(self.label, self.hole, len(self.candidates) - 2)
             open_air = self.hole & ~self.hole_in_view & above_horizon(self.camera, self.candidates[2:], cells)
             out[1] = np.where(open_air, np.minimum(out[1], out.min(0) + REACH * GRID), out[1])
         return out
