@@ -3,18 +3,23 @@
 from __future__ import annotations
 
 import dataclasses
+from functools import partial
 
 import numpy as np
 import pytest
 
 import dlama
+from dlama.geometry import visibility
 from dlama.geometry.camera import Camera
+from dlama.geometry.frames import gathering
+from dlama.geometry.frames.stored import PixelCache
 from dlama.geometry.kernels.picture_edges import ROOM, snap
 from dlama.geometry.picture_edges import BETTER, UNLIKE, edge_uncertainty, placed_edges
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
 from dlama.geometry.visibility import Law
+from dlama.inpainters.filling import Fill
 
 WIDTH, HEIGHT, EDGE = 160, 144, 80
 TABLE, WALL = (200, 160, 90), (40, 60, 130)
@@ -115,3 +120,29 @@ def test_the_law_knows_whether_edges_are_misplaced() -> None:
     for source, misplaced in ((frame(torn()), True), (frame(EDGE), False)):
         scene = Scene((View.from_rgbd(source),))
         assert Law.of(scene).with_placed_edges(scene).misplaced_edges is misplaced
+
+
+@pytest.mark.parametrize("read_anew", [False, True], ids=["in memory", "read anew"])
+@pytest.mark.parametrize("held", [visibility.HELD_BYTES, 1000], ids=["held", "made for each camera"])
+def test_fillers_know_of_misplaced_edges_however_frames_are_kept(
+    held: int, read_anew: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Law: whether the law of all frames is held or made for each camera, and whether frames are read again, edges are placed."""
+    monkeypatch.setattr(visibility, "HELD_BYTES", held)
+    monkeypatch.setattr(gathering, "PixelCache", lambda: PixelCache(0))
+    laws: list[Law] = []
+
+    def recording(view: View, law: Law, seed: int) -> Fill:
+        laws.append(law)
+        return Fill(view.color, np.full(view.hole.shape, np.inf, np.float32))
+
+    def source(off: float) -> RGBD:
+        pose = np.eye(4)
+        pose[0, 3] = off
+        return frame(torn(), dataclasses.replace(CAMERA, world_from_cam=pose))
+
+    frames = [partial(source, off) if read_anew else source(off) for off in (0.0, 0.002)]
+    side = np.eye(4)
+    side[0, 3] = 0.1
+    dlama.complete(frames, [dataclasses.replace(CAMERA, world_from_cam=side)], filler=recording)
+    assert laws and laws[-1].misplaced_edges

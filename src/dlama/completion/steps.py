@@ -187,7 +187,7 @@ def complete_view(
         before, grown_hole = warp(plan, scene, camera)
         known, taken_over = show_earlier_fill(plan, scene, before)
     with clock("fill"):
-        placed = dataclasses.replace(plan, law=plan.law.with_placed_edges(scene))
+        placed = dataclasses.replace(plan, law=plan.law.near(camera).with_placed_edges(scene))
         view, filled = fill(placed, known)
     with clock("fuse"):
         larger = fuse_new(scene, before, known, view)

@@ -90,12 +90,12 @@ class Law:
 
     def with_placed_edges(self, scene: Scene) -> Law:
         """The law with the scene's frames as they are drawn (`placed_edges`): beside misplaced edges depth that was filled counts
-        as measured, and an edge lies where the picture has it, if that forbids more."""
+        as measured, and an edge lies where the picture has it, if that forbids more. Of very many frames: of the law `near`."""
         measured, misplaced = list(self.measured), self.misplaced_edges
         for layer in scene.measured:
             for number, (camera, known) in enumerate(measured):
-                if camera is layer.camera:
-                    placed = placed_edges(layer)
+                if camera.same_view_as(layer.camera):
+                    placed = placed_edges(layer.read())
                     measured[number] = camera, np.where(placed.beside, np.maximum(known, placed.depth), known)
                     misplaced |= bool(placed.beside.any())
         return replace(self, measured=tuple(measured), misplaced_edges=misplaced)
