@@ -191,5 +191,7 @@ def test_fields_of_files_stay_and_settings_of_the_loop_are_options() -> None:
     assert with_flags(field, flags_of(VERBS["view"])) == field
     flags = flags_of(VERBS["train"])
     assert with_flags("loop.devices is 9999; 2 are here", flags) == "--devices is 9999; 2 are here"
+    begun = "network.start is 'b.ckpt', the run to resume has 'a.ckpt'"
+    assert with_flags(begun, flags).startswith("--start is 'b.ckpt'")
     assert with_flags("data.size 64 and loop.batch 9 take 1 GB", flags) == "data.size 64 and --batch 9 take 1 GB"
     assert with_flags("mine.json: loop.steps is True", flags) == "mine.json: loop.steps is True"

@@ -69,7 +69,9 @@ def with_flags(message: str, flags: dict[str, str]) -> str:
         anywhere = "_" in name or name in SYMBOLS
         message = re.sub(rf"`{name}`", flag, message)
         message = re.sub(rf"{word}=", f"{flag} ", message)
-        message = re.sub(rf"{NO_FIELD}(?<![\w./-])loop\.{name}(?![\w./-])", flag, message)  # `train` sets its loop
+        message = re.sub(
+            rf"{NO_FIELD}(?<![\w./-])(?:loop|network)\.{name}(?![\w./-])", flag, message
+        )  # `train` sets them
         several = rf"(?<![\w./-]){name}s(?![\w./-])"  # `clicks` takes what --click gives, one by one
         message = re.sub(several if "_" in name else rf"{START}{several}(?= holds | and )", flag, message)
         message = re.sub(word if anywhere else rf"{START}{word}(?= is )|{BEFORE}{word}", flag, message)

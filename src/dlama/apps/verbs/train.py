@@ -80,7 +80,16 @@ def train(
     check_folder_apart(
         output, {f"data {path}": path for path in data}, {"settings": settings, "start": start, "trunk": trunk}
     )
-    chosen = chosen_settings(settings, start, trunk, steps=steps, batch=batch, precision=precision, devices=devices)
+    chosen = chosen_settings(
+        settings,
+        start,
+        trunk,
+        output if resume else None,
+        steps=steps,
+        batch=batch,
+        precision=precision,
+        devices=devices,
+    )
     require_training()
     from dlama.training.loop import train as loop
 
@@ -124,11 +133,24 @@ def summary(done: TrainingResult) -> tuple[str, dict[str, Any]]:
     return line, {"output": str(done.run), "step": done.step, "ended": done.ended, "network": network}
 
 
-def chosen_settings(name: str, start: Path | None, trunk: Path | None, **loop: Any) -> TrainSettings:
-    """A file's or a preset's settings with what the command line says put in; InputError."""
+def chosen_settings(
+    name: str, start: Path | None, trunk: Path | None, run: Path | None = None, **loop: Any
+) -> TrainSettings:
+    """A file's or a preset's settings with what the command line says put in; InputError.
+
+    run: directory of a run to resume, which began with the weights that neither the command line nor the settings name.
+    """
+    from dlama.training.loop.run_files import SETTINGS
     from dlama.training.presets import settings_of
 
     found = settings_of(name)
+    if run is not None and (run / SETTINGS).is_file():
+        begun = settings_of(run / SETTINGS)
+        if found.network.start is None:
+            found = replace(found, network=replace(found.network, start=begun.network.start))
+        if found.loss.trunk_weights is None and begun.loss.trunk_weights is not None:
+            weights = begun.loss.trunk_weights
+            found = replace(found, loss=replace(found.loss, trunk=begun.loss.trunk, trunk_weights=weights))
     if start is not None:
         found = replace(found, network=replace(found.network, start=str(start)))
     if trunk is not None:
