@@ -66,6 +66,8 @@ def test_changes_replace_and_none_does_not() -> None:
         ({"dilate_holes": -2}, "dilate_holes is -2 px; 0 or more"),
         ({"clip": 0.0}, "clip is 0.0 m; more than 0"),
         ({"clip": float("nan")}, "clip is nan m; more than 0"),
+        ({"clip": "3"}, "clip is '3' m; more than 0"),
+        ({"dilate": "3"}, "dilate is '3' px; 0 or more"),
         ({"eight_bit_depth": True}, "8-bit depth needs clip"),
         ({"eight_bit_depth": True, "clip": 10.0}, "8-bit depth is the filler's; depth_by 'filler'"),
         ({"depth_by": "luck"}, "depth_by is 'luck'; surfaces or filler"),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from typing import Any
 
 import numpy as np
 import pytest
@@ -259,3 +260,28 @@ def test_target_cameras() -> None:
     nothing = RGBD(frame.color, np.zeros_like(frame.depth), CAMERA)
     with pytest.raises(DepthError, match="no valid value"):
         target_camera(nothing, yaw=10, pivot="auto")
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"yaw": "10"}, "yaw is '10'; a finite angle in degrees is wanted"),
+        ({"pivot": "far"}, "pivot is 'far'; a distance"),
+        ({"pivot": "2"}, "pivot is '2'; a distance"),
+        ({"camera": "cam.json"}, "camera is of type str; a Camera is wanted"),
+        ({"min_confidence": "1"}, "min_confidence is '1'; a probability"),
+        ({"filler": 3}, "filler is 3; one of layered, "),
+    ],
+)
+def test_parameters_of_another_type_are_refused(given: dict[str, Any], message: str) -> None:
+    """Message: names the parameter, what came and what is wanted; no bare TypeError."""
+    with pytest.raises(InputError, match=message):
+        view(street(), **given)
+
+
+def test_cameras_are_cameras() -> None:
+    frame = street()
+    with pytest.raises(InputError, match="cameras is one Camera; a list"):
+        complete(frame, CAMERA)  # type: ignore[arg-type]
+    with pytest.raises(InputError, match=r"cameras\[1\] is of type str; a Camera"):
+        complete(frame, [CAMERA, "cam.json"])  # type: ignore[list-item]

@@ -253,3 +253,18 @@ def test_cameras_say_what_they_are_in_one_line() -> None:
     right = left.at(pose_of((0, 0, 0), (0.125, 0, 0)))
     assert repr(right) == "Camera(640x480, 90 degrees wide, at (0.125, 0, 0) m)"
     assert repr(StereoRig(left, right)) == "StereoRig(640x480, 90 degrees wide, baseline 0.125 m)"
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        (("64", 48, 60), "camera width is '64'"),
+        ((64, None, 60), "camera height is None"),
+        ((64, 48, "60"), "fov is '60' degrees"),
+        ((64, 48, float("nan")), "fov is nan degrees"),
+    ],
+)
+def test_numbers_of_another_type_are_refused(given: tuple[Any, ...], message: str) -> None:
+    """Message: names the field and what came; no bare TypeError."""
+    with pytest.raises(CameraError, match=message):
+        Camera.from_fov(*given)

@@ -78,6 +78,7 @@ def complete(
     checked_seed(seed)
     if not cameras and mask is None:
         raise InputError("cameras is empty; one camera or more is wanted (rgbd.camera is the picture's own)")
+    check_cameras(cameras)
     start = starting_scene(rgbd, chosen)
     source = start.layers[0]
     check_memory((*(one.camera for one in start.measured if not isinstance(one, StoredView)), *cameras))
@@ -100,6 +101,15 @@ def complete(
     meta = about_source(rgbd, start) | meta_data(plan, filler, source, warped, record) | expected_errors(views)
     choices = tuple(choice_of(one, source, source_fills) for one in completed)
     return Completion(views, warped, scene, source, meta, choices=choices).with_min_confidence(min_confidence)
+
+
+def check_cameras(cameras: Sequence[Camera]) -> None:
+    """InputError where these are no cameras."""
+    if isinstance(cameras, Camera):
+        raise InputError("cameras is one Camera; a list of them is wanted")
+    for number, camera in enumerate(cameras):
+        if not isinstance(camera, Camera):
+            raise InputError(f"cameras[{number}] is of type {type(camera).__name__}; a Camera is wanted")
 
 
 def choice_of(completed: CompletedView, source: View, source_fills: Sequence[FillReport]) -> UInt8Array | None:

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 from dataclasses import dataclass
 from numbers import Integral
 from typing import Any, Literal
 
 from dlama.errors import InputError
+from dlama.geometry.camera import is_finite
 from dlama.geometry.rendering import MODES, Mode
 
 DepthBy = Literal["surfaces", "filler"]
@@ -51,9 +51,9 @@ class Recipe:
         for name in ("dilate", "dilate_holes"):
             value = getattr(self, name)
             if not isinstance(value, Integral) or value < 0:
-                raise InputError(f"{name} is {value} px; 0 or more is wanted, a whole number")
-        if self.clip is not None and not 0 < self.clip < math.inf:
-            raise InputError(f"clip is {self.clip} m; more than 0 is wanted")
+                raise InputError(f"{name} is {value!r} px; 0 or more is wanted, a whole number")
+        if self.clip is not None and not (is_finite(self.clip) and self.clip > 0):
+            raise InputError(f"clip is {self.clip!r} m; more than 0 is wanted")
         if self.eight_bit_depth and self.clip is None:
             raise InputError("8-bit depth needs clip, the depth of level 255")
         if self.depth_by not in ("surfaces", "filler"):
@@ -81,7 +81,7 @@ RECIPES: dict[str, Recipe] = {
 def checked_seed(seed: int) -> int:
     """The seed, if it is 0 to 2**32 - 1, as NumPy's generators take it; else InputError."""
     if not isinstance(seed, Integral) or not 0 <= seed < SEEDS:
-        raise InputError(f"seed is {seed}; a whole number from 0 to {SEEDS - 1} is wanted")
+        raise InputError(f"seed is {seed!r}; a whole number from 0 to {SEEDS - 1} is wanted")
     return seed
 
 

@@ -38,10 +38,12 @@ def target_camera(
             "`read_rgbd` reads it from files, `estimate_depth(color).rgbd` estimates the depth of a picture"
         )
     if camera is not None:
+        if not isinstance(camera, Camera):
+            raise InputError(f"camera is of type {type(camera).__name__}; a Camera is wanted (`read_camera` reads one)")
         if yaw or pitch or dolly:
             raise InputError("a target camera and an orbit or dolly were both given; one of them is wanted")
         return camera
-    distance = median_pivot(rgbd.depth) if pivot == "auto" else float(pivot)
+    distance = median_pivot(rgbd.depth) if pivot == "auto" else pivot
     return dollied(orbit(rgbd.camera, yaw, pitch, distance), dolly)
 
 

@@ -13,6 +13,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from dataclasses import dataclass, field
+from numbers import Real
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -33,6 +34,22 @@ SMALLEST_FOCAL_PX = 1e-3
 """Pixels: any shorter focal length sees a half space."""
 FARTHEST_M = 1e9
 """Metres: no camera stands farther from the world's origin (geo-referenced ones up to 1e7)."""
+
+
+def is_finite(value: object) -> bool:
+    """True for a finite number; False for nan, infinity, a whole number that no float holds, and what is no number at all."""
+    try:
+        return math.isfinite(value)  # type: ignore[arg-type]
+    except (TypeError, OverflowError):
+        return False
+
+
+def _check_size(width: int, height: int) -> None:
+    for name, value in (("width", width), ("height", height)):
+        if not is_finite(value):
+            raise CameraError(f"camera {name} is {value!r}; a whole number of pixels is wanted")
+    if width < 1 or height < 1:
+        raise CameraError(f"camera size is {width}x{height}; width and height must be at least 1")
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,16 +76,12 @@ class Camera:
     """4x4 rigid motion, camera to world, metres."""
 
     def __post_init__(self) -> None:
-        if self.width < 1 or self.height < 1:
-            raise CameraError(f"camera size is {self.width}x{self.height}; width and height must be at least 1")
+        _check_size(self.width, self.height)
         for name in ("fx", "fy", "cx", "cy"):
             value = getattr(self, name)
-            try:
-                finite = math.isfinite(value)
-            except OverflowError:  # a whole number that no float holds
-                raise CameraError(f"camera {name} is beyond 1e308; a finite number of pixels is wanted") from None
-            if not finite:
-                raise CameraError(f"camera {name} is {value}; a finite number of pixels is wanted")
+            if not is_finite(value):
+                shown = "beyond 1e308" if isinstance(value, int) else repr(value)
+                raise CameraError(f"camera {name} is {shown}; a finite number of pixels is wanted")
             if abs(value) > LARGEST_PX:
                 raise CameraError(f"camera {name} is {value:g} px; at most {LARGEST_PX:g} px is wanted")
         for name in ("fx", "fy"):
@@ -82,8 +95,10 @@ class Camera:
     @classmethod
     def from_fov(cls, width: int, height: int, fov_deg: float, world_from_cam: ArrayLike | None = None) -> Camera:
         """Camera with square pixels, centred, from its horizontal field of view in degrees (0 < fov < 180)."""
-        if not 0 < fov_deg < 180:
-            raise CameraError(f"fov is {fov_deg:g} degrees; a field of view between 0 and 180 is wanted")
+        if not is_finite(fov_deg) or not 0 < fov_deg < 180:
+            shown = f"{fov_deg:g}" if isinstance(fov_deg, Real) else repr(fov_deg)
+            raise CameraError(f"fov is {shown} degrees; a field of view between 0 and 180 is wanted")
+        _check_size(width, height)
         focal = 0.5 * width / math.tan(math.radians(fov_deg) / 2)
         pose = np.eye(4) if world_from_cam is None else np.asarray(world_from_cam, np.float64)
         return cls(width, height, focal, focal, width / 2, height / 2, pose)

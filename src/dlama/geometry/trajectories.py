@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dlama.errors import DepthError, InputError
-from dlama.geometry.camera import FARTHEST_M, Camera, Float64Array
+from dlama.geometry.camera import FARTHEST_M, Camera, Float64Array, is_finite
 
 PIVOT_M = 2.5
 """Default distance, metres ahead on the optical axis, of the point a camera orbits about (the paper's centroid, sec. 4)."""
@@ -25,10 +25,10 @@ def orbit(camera: Camera, yaw: float, pitch: float = 0.0, pivot: float = PIVOT_M
     With pivot = 0 the camera turns in place. Raises InputError on angles that are not finite or pivot < 0.
     """
     for name, value in (("yaw", yaw), ("pitch", pitch)):
-        if not math.isfinite(value):
-            raise InputError(f"{name} is {value}; a finite angle in degrees is wanted")
-    if not 0 <= pivot <= FARTHEST_M:
-        raise InputError(f"pivot is {pivot}; a distance >= 0 in metres, ahead of the camera, is wanted")
+        if not is_finite(value):
+            raise InputError(f"{name} is {value!r}; a finite angle in degrees is wanted")
+    if not is_finite(pivot) or not 0 <= pivot <= FARTHEST_M:
+        raise InputError(f"pivot is {pivot!r}; a distance >= 0 in metres, ahead of the camera, is wanted")
     center = np.array([0.0, 0.0, pivot])
     turned_from_source = _rotation_x(pitch) @ _rotation_y(yaw)
     source_from_turned = np.eye(4)
@@ -42,8 +42,8 @@ def dolly(camera: Camera, metres: float) -> Camera:
 
     Raises InputError when `metres` is not finite.
     """
-    if not abs(metres) <= FARTHEST_M:
-        raise InputError(f"dolly is {metres}; a finite distance in metres, at most {FARTHEST_M:g}, is wanted")
+    if not is_finite(metres) or not abs(metres) <= FARTHEST_M:
+        raise InputError(f"dolly is {metres!r}; a finite distance in metres, at most {FARTHEST_M:g}, is wanted")
     pose = camera.world_from_cam.copy()
     pose[:3, 3] += metres * pose[:3, 2]
     return camera.at(pose)

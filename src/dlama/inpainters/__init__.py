@@ -40,6 +40,8 @@ def find_filler(filler: str | Inpainter, model: str | Path | None = None) -> Inp
     if not isinstance(filler, str):
         if model is not None:
             raise InputError(f"model is {model} and the filler a function; a model goes with a filler's name")
+        if not callable(filler):
+            raise InputError(f"filler is {filler!r}; one of {', '.join(FILLERS)} is wanted, or a function")
         return filler
     file = model_file(filler, model)
     found: Any = pkgutil.resolve_name(FILLERS[filler].entry_point)
