@@ -81,7 +81,7 @@ MUTANTS: tuple[Mutant, ...] = (
         "apps/verbs/train.py",
         OPTIONS,
         ("train --max-minutes is dropped", "=max_minutes, resume", "=None, resume"),
-        ("train --steps is dropped", "trunk, steps=steps", "trunk, steps=None"),
+        ("train --steps is dropped", "steps=steps,", "steps=None,"),
         ("pack --size is dropped", "size=size, seed=seed)", "size=256, seed=seed)"),
     ),
     *faults(

@@ -22,7 +22,7 @@ from torch import nn
 from torch.nn.functional import binary_cross_entropy_with_logits
 
 from dlama.geometry.holes import touching
-from dlama.perception.shadows.classifier import CLIP, PARTS, SHADOW, Likely, Perceptron, likely_shadows
+from dlama.perception.shadows.classifier import CLIP, PARTS, SHADOW, Classifier, Likely, likely_shadows
 from dlama.perception.shadows.features import candidate_features, color_shares, insides, pixel_features
 from dlama.training.data.shadow_crops import write_shadow_crops
 
@@ -45,7 +45,7 @@ def loaded(folder: Path) -> list[Crop]:
     return out
 
 
-def logistic(features: np.ndarray, right: np.ndarray) -> Perceptron:
+def logistic(features: np.ndarray, right: np.ndarray) -> Classifier:
     """Logistic regression by Newton's method, features in standard deviations."""
     middle, spread = features.mean(0), features.std(0) + 1e-3
     design = np.c_[np.clip((features - middle) / spread, -CLIP, CLIP), np.ones(len(features))]
@@ -56,7 +56,7 @@ def logistic(features: np.ndarray, right: np.ndarray) -> Perceptron:
         curve = (design * (said * (1 - said))[:, None]).T @ design + np.diag(ridge)
         weights -= np.linalg.solve(curve, design.T @ (said - right) + ridge * weights)
     layer = weights[:-1, None].astype(np.float32), weights[-1:].astype(np.float32)
-    return Perceptron(middle.astype(np.float32), spread.astype(np.float32), (layer,))
+    return Classifier(middle.astype(np.float32), spread.astype(np.float32), (layer,))
 
 
 def right_shapes(planes: np.ndarray, target: np.ndarray) -> np.ndarray:
@@ -69,7 +69,7 @@ def candidates_of(planes: np.ndarray) -> np.ndarray:
     return candidate_features(planes, insides(planes), color_shares(planes))
 
 
-def fit_candidates(crops: Sequence[Crop]) -> Perceptron:
+def fit_candidates(crops: Sequence[Crop]) -> Classifier:
     features = np.concatenate([candidates_of(planes) for planes, _ in crops])
     right = np.concatenate([right_shapes(*crop) for crop in crops])
     there = np.isfinite(features).all(1)
@@ -99,7 +99,7 @@ def pixel_rows(features: np.ndarray, target: np.ndarray, rng: np.random.Generato
     return features[chosen], np.clip(target[chosen], 0, 1), np.concatenate(weight) / max(len(dark), 250)
 
 
-def fit_pixels(crops: Sequence[Crop], candidates: Perceptron, seed: int) -> Perceptron:
+def fit_pixels(crops: Sequence[Crop], candidates: Classifier, seed: int) -> Classifier:
     rng = np.random.default_rng(seed)
     made = []
     for planes, target in crops:
@@ -118,7 +118,7 @@ def fit_pixels(crops: Sequence[Crop], candidates: Perceptron, seed: int) -> Perc
     return perceptron(*(np.concatenate(part).astype(np.float32) for part in zip(*made)), seed)
 
 
-def perceptron(features: np.ndarray, true: np.ndarray, weight: np.ndarray, seed: int) -> Perceptron:
+def perceptron(features: np.ndarray, true: np.ndarray, weight: np.ndarray, seed: int) -> Classifier:
     """By AdamW with noise on the features, which keeps it from learning few crops by heart."""
     torch.manual_seed(seed)
     mean, spread = features.mean(0), features.std(0) + np.float32(1e-3)
@@ -140,7 +140,7 @@ def perceptron(features: np.ndarray, true: np.ndarray, weight: np.ndarray, seed:
         optimiser.step()
     print(f"pixels: {len(x)} of {sizes[0]} features, last loss {float(loss.detach()):.4f}", flush=True)
     layers = tuple((one.weight.detach().numpy().T.copy(), one.bias.detach().numpy().copy()) for one in linear)
-    return Perceptron(mean, spread, layers)
+    return Classifier(mean, spread, layers)
 
 
 def rates(likely: Likely, target: np.ndarray) -> tuple[float, float]:
@@ -155,7 +155,7 @@ def good(likely: Likely, target: np.ndarray) -> bool:
     return bool((target > 0.5).sum() >= FEWEST_PX and 2 * recall * precision > GOOD * (recall + precision))
 
 
-def fitted(crops: Sequence[Crop], seed: int) -> dict[str, Perceptron]:
+def fitted(crops: Sequence[Crop], seed: int) -> dict[str, Classifier]:
     """All PARTS: the verdict on what classifiers of the other half of the crops say."""
     features, right = [], []
     for half in (0, 1):
@@ -172,7 +172,7 @@ def fitted(crops: Sequence[Crop], seed: int) -> dict[str, Perceptron]:
     return {"candidate": candidates, "pixel": fit_pixels(crops, candidates, seed), "verdict": verdict}
 
 
-def report(crops: Sequence[Crop], parts: dict[str, Perceptron]) -> None:
+def report(crops: Sequence[Crop], parts: dict[str, Classifier]) -> None:
     """Of held-out crops: recall and precision where there is a shadow, and what is found where there is none."""
     rows = []
     for planes, target in crops:
@@ -193,13 +193,11 @@ def report(crops: Sequence[Crop], parts: dict[str, Perceptron]) -> None:
         )
 
 
-def save(parts: dict[str, Perceptron], path: Path) -> None:
+def save(parts: dict[str, Classifier], path: Path) -> None:
     arrays = {}
     for name in PARTS:
-        arrays |= {f"{name}.mean": parts[name].mean, f"{name}.spread": parts[name].spread}
-        for number, (weight, bias) in enumerate(parts[name].layers):
-            arrays |= {f"{name}.weight{number}": weight, f"{name}.bias{number}": bias}
-    np.savez_compressed(path, **{name: array.astype(np.float32) for name, array in arrays.items()})
+        arrays |= parts[name].arrays(f"{name}.")
+    np.savez_compressed(path, **arrays)
 
 
 def main() -> None:

@@ -88,5 +88,5 @@ def test_it_tells_right_from_wrong() -> None:
 
 def test_a_damaged_file_is_named(tmp_path: Path) -> None:
     (tmp_path / "weights.npz").write_bytes(b"PK\x03\x04 no archive")
-    with pytest.raises(FileError, match=r"weights\.npz: the confidence network cannot be read"):
+    with pytest.raises(FileError, match=r"weights\.npz: cannot be read as a file of weights"):
         confidence_network(tmp_path / "weights.npz")

@@ -10,21 +10,18 @@ depth round each pixel, never at which filler ran. It was trained on procedural 
 from __future__ import annotations
 
 import functools
-import io
-import zipfile
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import cv2
 import numpy as np
 
-from dlama.errors import FileError
 from dlama.geometry.holes import nearest_known
 from dlama.geometry.projection import inverse_depth
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.geometry.view import HoleType, View
+from dlama.models.perceptron import Perceptron, read_arrays
 
 DEPTH_WITHIN = 0.05
 """Relative error up to which a depth is right."""
@@ -44,25 +41,13 @@ SUREST = 0.99
 WEIGHTS = Path(__file__).parents[1] / "assets" / "confidence" / "confidence.npz"
 
 
-@dataclass(frozen=True, eq=False)
-class ConfidenceNetwork:
-    """Weights of a perceptron with two hidden layers."""
-
-    mean: Float32Array
-    """FEATURES, of the training data."""
-    spread: Float32Array
-    """FEATURES, standard deviations."""
-    layers: tuple[tuple[Float32Array, Float32Array], ...]
-    """(in x out weights, out biases) of each layer; the last one has OUTPUTS."""
+class ConfidenceNetwork(Perceptron):
+    """FEATURES in, OUTPUTS out."""
 
     def __call__(self, features: Float32Array) -> tuple[Float32Array, Float32Array]:
         """Of N x FEATURES: N x 2 probabilities (that depth and colour are right, that depth is; never surer than SUREST), and
         N x 2 expected errors: of depth in filled depths (0..1), of colour in levels."""
-        x = np.clip((features - self.mean) / self.spread, -REACH, REACH)
-        for weight, bias in self.layers[:-1]:
-            x = np.maximum(x @ weight + bias, 0)
-        weight, bias = self.layers[-1]
-        out = np.clip(x @ weight + bias, -30, 30)
+        out = np.clip(self.outputs(features, REACH), -30, 30)
         p = 1 / (1 + np.exp(-out[:, :2]))
         errors = np.minimum(np.exp(out[:, 2:]), (1, 255 / COLOR_WITHIN)) * (1, COLOR_WITHIN)
         return np.clip(p, 1 - SUREST, SUREST).astype(np.float32), errors.astype(np.float32)
@@ -71,13 +56,7 @@ class ConfidenceNetwork:
 @functools.cache
 def confidence_network(path: Path = WEIGHTS) -> ConfidenceNetwork:
     """The network that ships. FileError where the file is damaged."""
-    try:
-        with np.load(io.BytesIO(path.read_bytes())) as arrays:
-            mean, spread = arrays["mean"], arrays["spread"]
-            layers = tuple((arrays[f"weight{k}"], arrays[f"bias{k}"]) for k in range(3))
-    except (OSError, KeyError, ValueError, zipfile.BadZipFile) as error:
-        raise FileError(f"{path}: the confidence network cannot be read ({error}); reinstall dlama") from error
-    return ConfidenceNetwork(mean, spread, layers)
+    return ConfidenceNetwork.of(read_arrays(path), path, layers=3, inputs=FEATURES, outputs=OUTPUTS)
 
 
 def fill_confidence(view: View, color: UInt8Array, depth: Float32Array) -> Float32Array:

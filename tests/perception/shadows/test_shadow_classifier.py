@@ -12,7 +12,7 @@ from dlama.perception.shadows.classifier import (
     CLIP,
     MODEL,
     PARTS,
-    Perceptron,
+    Classifier,
     classifiers,
     shadow_probability,
 )
@@ -40,7 +40,7 @@ def with_shape() -> np.ndarray:
 def test_the_file_that_ships_fits_the_features() -> None:
     """Contract: each part takes as many features as are made, and gives one probability a row."""
     parts = classifiers()
-    assert tuple(parts) == PARTS and MODEL.stat().st_size < 100_000
+    assert tuple(parts) == tuple(PARTS) and MODEL.stat().st_size < 100_000
     planes = with_shape()
     shares = color_shares(planes)
     candidates = candidate_features(planes, insides(planes), shares)
@@ -59,7 +59,7 @@ def test_a_perceptron_against_its_literal_twin() -> None:
     layers = tuple((rng.normal(size=(a, b)), rng.normal(size=b)) for a, b in itertools.pairwise(sizes))
     mean, spread = rng.normal(size=5), rng.uniform(0.1, 2, 5)
     samples = rng.normal(0, 4, (7, 5))
-    said = Perceptron(mean, spread, layers)(samples)
+    said = Classifier(mean, spread, layers)(samples)
     for sample, value in zip(samples, said):
         h = [min(max((x - m) / s, -CLIP), CLIP) for x, m, s in zip(sample, mean, spread)]
         for number, (weight, bias) in enumerate(layers):

@@ -15,6 +15,7 @@ import numpy as np
 
 from dlama.geometry.holes import touching
 from dlama.geometry.rgbd import BoolArray, Float32Array
+from dlama.models.perceptron import Perceptron, read_arrays
 from dlama.perception.shadows.features import FEWEST_PX, candidate_features, color_shares, insides, pixel_features
 
 MODEL = Path(__file__).parents[2] / "assets" / "shadow" / "shadow.npz"
@@ -30,41 +31,25 @@ SHADOW = 0.5
 """Least probability of a pixel."""
 
 
-@dataclass(frozen=True, eq=False)
-class Perceptron:
-    """Features -> probability: standardised, through layers with ReLU between them, then the logistic function."""
-
-    mean: Float32Array
-    spread: Float32Array
-    layers: tuple[tuple[Float32Array, Float32Array], ...]
-    """Weights (inputs x outputs) and biases."""
+class Classifier(Perceptron):
+    """Features in, a probability out."""
 
     def __call__(self, features: Float32Array) -> Float32Array:
-        """N of N x features."""
-        h = np.clip((features - self.mean) / self.spread, -CLIP, CLIP)
-        for number, (weight, bias) in enumerate(self.layers):
-            h = (np.maximum(h, 0) if number else h) @ weight + bias
-        return np.asarray(1 / (1 + np.exp(-h[:, 0])), np.float32)
+        """N of N x F features."""
+        return np.asarray(1 / (1 + np.exp(-self.outputs(features, CLIP)[:, 0])), np.float32)
 
 
-PARTS = "candidate", "pixel", "verdict"
+PARTS = {"candidate": 1, "pixel": 3, "verdict": 1}
+"""The classifiers, and their numbers of layers."""
 
 
 @functools.cache
-def classifiers(path: Path = MODEL) -> dict[str, Perceptron]:
-    """PARTS of the file, read once a process."""
-    with np.load(path) as file:
-        arrays = dict(file)
-    return {part: read_part(arrays, part) for part in PARTS}
-
-
-def read_part(arrays: dict[str, np.ndarray], part: str) -> Perceptron:
-    count = sum(name.startswith(f"{part}.weight") for name in arrays)
-    layers = tuple(
-        (arrays[f"{part}.weight{n}"].astype(np.float32), arrays[f"{part}.bias{n}"].astype(np.float32))
-        for n in range(count)
-    )
-    return Perceptron(arrays[f"{part}.mean"], arrays[f"{part}.spread"], layers)
+def classifiers(path: Path = MODEL) -> dict[str, Classifier]:
+    """PARTS of the file, read once a process. FileError where it is damaged."""
+    arrays = read_arrays(path)
+    return {
+        part: Classifier.of(arrays, path, layers=layers, outputs=1, prefix=f"{part}.") for part, layers in PARTS.items()
+    }
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,7 +64,7 @@ class Likely:
     """What speaks for it in the end: `verdict_features`."""
 
 
-def likely_shadows(planes: Float32Array, parts: dict[str, Perceptron]) -> list[Likely]:
+def likely_shadows(planes: Float32Array, parts: dict[str, Classifier]) -> list[Likely]:
     """The likeliest shapes followed to where their shadow ends."""
     shapes, shares = insides(planes), color_shares(planes)
     features = candidate_features(planes, shapes, shares)
