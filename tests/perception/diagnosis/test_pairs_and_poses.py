@@ -147,3 +147,21 @@ def test_what_says_nothing_to_a_folder_is_refused(tmp_path: Path) -> None:
         dlama.diagnose(tmp_path, "depth.png")
     (finding,) = dlama.diagnose(tmp_path)
     assert finding.check == "reading"
+
+
+def test_poses_far_from_the_origin_are_checked() -> None:
+    """Geo-referenced metres: a thousand times as far no camera may stand, and that convention is none."""
+    frames = []
+    for yaw in (0.0, 5.0, 10.0):
+        frame = world(3).frame(world(3).camera(yaw, 96))
+        pose = frame.camera.world_from_cam.copy()
+        pose[:3, 3] += 4e5, 0, 5.5e6
+        frames.append(dlama.RGBD(frame.color, frame.depth, frame.camera.at(pose)))
+    assert pose_faults(frames, "utm") == []
+
+
+@pytest.mark.parametrize("hw", [(1, 1), (4, 300), (62, 200)])
+def test_pairs_too_small_for_corners_say_nothing(hw: tuple[int, int]) -> None:
+    rng = np.random.default_rng(0)
+    left, right = (rng.integers(0, 255, (*hw, 3), np.uint8) for _ in range(2))
+    assert checks(left, right) == []

@@ -195,3 +195,23 @@ def test_real_and_rendered_pictures(name: str | None) -> None:
             assert findings_of(observed(rgbd)) == []
         elif name not in ("inverted mask", *(("normalised",) if number else ("1/256 m read as mm",))):
             assert faults(SPOILT[name][0](observed(rgbd))) & set(SPOILT[name][1])
+
+
+@pytest.mark.parametrize("wh", [(1000, 80), (80, 1000), (640, 12), (400, 2), (5, 5), (4, 3), (1, 1)])
+def test_strips_and_tiny_pictures_are_no_error(wh: tuple[int, int]) -> None:
+    """Noise of any shape: findings, whatever they are, and no traceback."""
+    rng, (width, height) = np.random.default_rng(0), wh
+    values, color = rng.uniform(1, 3, (height, width)), rng.integers(0, 255, (height, width, 3), np.uint8)
+    mask = rng.random((height, width)) < 0.3
+    seen = Observed(color, values, 1.0, Camera.from_fov(width, height, 60), mask)
+    assert all(isinstance(finding, Finding) for finding in findings_of(seen))
+
+
+def test_a_shift_is_found_in_a_strip() -> None:
+    """Oracle: by how much depth was rolled, in the middle tenth of a picture."""
+    seen = world(3)
+    rows = slice(120, 145)
+    rolled = np.roll(seen.values, 14, 1)[rows]
+    camera = seen.camera.cropped(0, 120, 256, 25)
+    found = findings_of(Observed(seen.color[rows], rolled, seen.units, camera, whole=True))
+    assert "shifted-depth" in [each.check for each in found]

@@ -144,6 +144,8 @@ def square_parts(values: Floats, camera: Camera) -> Parts:
 def _grid(hw: tuple[int, ...], parts: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """Rows and columns (T x N) of the samples of all parts of one size."""
     side = min(hw) // parts
+    if side < 2:
+        return np.empty((0, SIDE * SIDE), np.intp), np.empty((0, SIDE * SIDE), np.intp)
     within = np.linspace(0, side - 1, SIDE).round().astype(np.intp)
     starts = [np.arange(0, n - side + 1, max(side // 2, 1)) for n in hw]
     y, x = (each.ravel() for each in np.meshgrid(*starts, indexing="ij"))

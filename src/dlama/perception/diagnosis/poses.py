@@ -13,6 +13,7 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 
+from dlama.errors import CameraError
 from dlama.geometry.camera import Camera, Float64Array, inverse_pose
 from dlama.geometry.projection import project, rays
 from dlama.geometry.rgbd import RGBD, Float32Array
@@ -194,7 +195,11 @@ def sample(frame: RGBD) -> Sampled:
 def landing(one: Sampled, other: Sampled, undo: Undo = np.array) -> Landing:
     """Points of one frame carried into another, each pose changed by `undo`."""
     pose, target = (undo(np.array(each.camera.world_from_cam)) for each in (one, other))
-    pixels, z = project(one.points @ pose[:3, :3].T + pose[:3, 3], other.camera.at(target))
+    try:
+        moved = other.camera.at(target)
+    except CameraError:  # far from the world's origin already, and scaled: no camera stands there
+        return Landing(0.0, 1.0)
+    pixels, z = project(one.points @ pose[:3, :3].T + pose[:3, 3], moved)
     with np.errstate(invalid="ignore"):
         inside = (z > 0) & (pixels >= 0).all(1) & (pixels < other.camera.wh).all(1)
     columns, rows = pixels[inside].astype(np.intp).T

@@ -103,7 +103,9 @@ def peak_of(image: Floats, other: Floats) -> Peak:
     """
     width = image.shape[2]
     reach, near = max(4, round(REACH * width)), max(1, round(ALIGNED * width))
-    hw = [cv2.getOptimalDFTSize(n + reach) for n in image.shape[1:]]
+    hw = [
+        cv2.getOptimalDFTSize(max(n + reach, 2 * reach + 1)) for n in image.shape[1:]
+    ]  # a strip is less high than that
     total = np.zeros((2 * reach + 1, 2 * reach + 1))
     for one, two in zip(image, other):
         first, second = (np.fft.rfft2(_flat(edges), hw) for edges in (one, two))
@@ -155,5 +157,5 @@ def _inside(edges: Floats) -> Floats:
 
 
 def _shrunk(picture: Floats, step: int) -> Floats:
-    size = picture.shape[1] // step, picture.shape[0] // step
+    size = max(1, picture.shape[1] // step), max(1, picture.shape[0] // step)
     return np.asarray(cv2.resize(picture, size, interpolation=cv2.INTER_AREA), np.float32)
