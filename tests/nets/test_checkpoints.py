@@ -15,6 +15,7 @@ from dlama.nets.checkpoints import read_discriminator, read_generator, read_tens
 from dlama.nets.safetensors_file import write_safetensors
 
 SMALL = GeneratorSettings(width=8, blocks=1)
+SPLIT, NOTHING = "model.4.ffc.convl2{}.weight", np.zeros((0, 32, 3, 3), np.float32)
 NEEDS_TORCH = "writing a torch file needs torch: pip install 'dlama[train]'"
 
 
@@ -148,6 +149,10 @@ def test_half_precision_is_converted_and_said(tmp_path, random_state):
         (
             lambda s: s.pop("model.1.ffc.convl2l.weight"),
             r"no tensor is called model\.1\.ffc\.convl2l\.weight; the first",
+        ),
+        (
+            lambda s: s.update(dict.fromkeys((SPLIT.format("l"), SPLIT.format("g")), NOTHING)),
+            "0 of 64 channels are global",
         ),
         (lambda s: s.update({"ema.model.1.ffc.convl2l.weight": s["model.1.ffc.convl2l.weight"]}), "2 networks have"),
     ],

@@ -100,3 +100,13 @@ def test_what_cannot_be_written_is_refused(tmp_path):
         write_safetensors(tmp_path / "w.safetensors", {"c": np.zeros(1, np.complex64)})
     with pytest.raises(OutputError, match="cannot be written"):
         write_safetensors(tmp_path / "missing" / "w.safetensors", TENSORS)
+    (tmp_path / "folder").mkdir()
+    with pytest.raises(OutputError, match="folder: cannot be written"):
+        write_safetensors(tmp_path / "folder", TENSORS)
+    assert [path.name for path in tmp_path.iterdir()] == ["folder"]
+
+
+def test_a_file_that_is_not_there_is_named(tmp_path):
+    """Oracle: the error of the tree."""
+    with pytest.raises(FileError, match=r"none\.safetensors: cannot be read"):
+        read_safetensors(tmp_path / "none.safetensors")

@@ -6,14 +6,16 @@ import json
 import pickle
 import shutil
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from dlama.datasets.easysynth.dataset import easysynth
 from dlama.datasets.frames import RemovalTruth, StereoTruth, ViewTruth
-from dlama.errors import InputError, OutputError
+from dlama.errors import FileError, InputError, OutputError
 from dlama.files import drafts
+from dlama.files.rasters.pictures import write_color
 from dlama.worlds.dataset import world, worlds
 from dlama.worlds.writer import write_worlds
 
@@ -143,6 +145,33 @@ def test_bad_numbers_are_refused() -> None:
         worlds(1, yaws=(-10, 10))
     with pytest.raises(InputError, match="kind is 'cave'"):
         worlds(1, kind="cave")  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"count": "4"}, "count is '4'; a whole number >= 1"),
+        ({"seed": 1.5}, "seed is 1.5; a whole number >= 0"),
+        ({"size": 64.5}, "size is 64.5; a whole number >= 1"),
+        ({"yaws": ("10",)}, "yaws are"),
+    ],
+)
+def test_numbers_of_another_type_are_refused(given: dict[str, Any], message: str) -> None:
+    """At once, not when the first frame is loaded; no bare TypeError."""
+    with pytest.raises(InputError, match=message):
+        worlds(**given)
+    if "seed" in given:
+        with pytest.raises(InputError, match=message):
+            world(**given)
+
+
+def test_a_folder_of_textures_may_be_a_text(tmp_path: Path) -> None:
+    """Oracle: the same folder as a path."""
+    write_color(tmp_path / "photo.png", np.random.default_rng(0).integers(0, 255, (16, 16, 3), np.uint8))
+    one, other = (worlds(1, size=16, textures=folder).frames[0].load() for folder in (tmp_path, str(tmp_path)))
+    np.testing.assert_array_equal(one.color, other.color)
+    with pytest.raises(FileError, match="none: is no folder"):
+        worlds(1, textures=str(tmp_path / "none"))
 
 
 @pytest.mark.parametrize("seed", [97, *range(1_000_000_000, 1_000_000_030)])

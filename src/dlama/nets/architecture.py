@@ -153,7 +153,7 @@ def settings_from_state(shapes: Shapes, activation: str = "sigmoid") -> Generato
     to_local = _shape(shapes, f"model.{first - 1}.ffc.convl2l.weight", 4)[0]
     to_global = _shape(shapes, f"model.{first - 1}.ffc.convl2g.weight", 4)[0]
     head = _shape(shapes, f"model.{first + blocks + 3 * downsamplings + 2}.weight", 4)
-    ratio = to_global / (to_local + to_global)
+    ratio = to_global / max(to_local + to_global, 1)  # of none at all no share is one that a generator has
     settings = GeneratorSettings(stem[1], head[0], stem[0], downsamplings, blocks, ratio, activation)
     refuse_differences(shapes, generator_shapes(settings), "generator")
     return settings

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from dlama.errors import FileError, OutputError
+from dlama.nets.whole_file import write_whole
 
 DTYPES = {
     "F64": np.float64, "F32": np.float32, "F16": np.float16, "BF16": np.uint16,
@@ -35,7 +36,10 @@ def read_safetensors(path: Path) -> tuple[dict[str, np.ndarray], dict[str, str],
     Raises:
         FileError: truncated, no safetensors at all, or a header that does not fit the bytes.
     """
-    data = path.read_bytes()
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise FileError(f"{path}: cannot be read ({error})") from error
     header, start = _header(path, data)
     notes = header.pop("__metadata__", {})
     if not isinstance(notes, dict) or not all(isinstance(value, str) for value in notes.values()):
@@ -67,12 +71,7 @@ def write_safetensors(path: Path, tensors: Mapping[str, np.ndarray], metadata: M
         end += len(blobs[-1])
     text = json.dumps(header).encode()
     text += b" " * (-len(text) % 8)
-    beside = path.with_name(path.name + ".part")
-    try:
-        beside.write_bytes(b"".join([struct.pack("<Q", len(text)), text, *blobs]))
-        beside.replace(path)
-    except OSError as error:
-        raise OutputError(f"{path}: cannot be written ({error})") from error
+    write_whole(path, b"".join([struct.pack("<Q", len(text)), text, *blobs]))
 
 
 def looks_like_safetensors(head: bytes) -> bool:

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache, partial
+from numbers import Integral
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +19,7 @@ from dlama.datasets.frames import Case, Dataset, Frame, Gamma, RemovalTruth, Ste
 from dlama.datasets.layouts import check_limit, narrowed, open_dataset, refuse_unused
 from dlama.datasets.posed.posed_frames import CameraOption
 from dlama.errors import FileError, InputError, system_errors
-from dlama.geometry.camera import Camera, StereoRig
+from dlama.geometry.camera import Camera, StereoRig, is_finite
 from dlama.geometry.projection import disparity_from_depth
 from dlama.geometry.rgbd import RGBD, Float32Array
 from dlama.worlds.layouts.random_scene import build
@@ -34,7 +35,7 @@ LAYOUT = "worlds"
 DEFAULT_COUNT = 4
 """How many worlds the bare name generates."""
 
-Textures = Path | Sequence[np.ndarray] | None
+Textures = str | Path | Sequence[np.ndarray] | None
 
 
 @system_errors(FileError)
@@ -47,12 +48,16 @@ def world(
     seed, take the place of most procedural textures. `kind`: "street" or "room", drawn by the seed where None.
     Raises InputError, FileError (no pictures, or one that cannot be read), ShapeError.
     """
-    if seed < 0:
-        raise InputError(f"seed is {seed}; a whole number >= 0 is wanted")
+    _check_whole("seed", seed, 0)
     _check_kind(kind)
     if textures is None or isinstance(textures, str | Path):
         return _from_seed(seed, kind, None if textures is None else Path(textures), shadows, antialias)
     return _built(seed, kind, textures, shadows, antialias)
+
+
+def _check_whole(name: str, value: int, least: int) -> None:
+    if not isinstance(value, Integral) or value < least:
+        raise InputError(f"{name} is {value!r}; a whole number >= {least} is wanted")
 
 
 def _check_kind(kind: str | None) -> None:
@@ -128,7 +133,7 @@ def worlds(
     Raises InputError.
     """
     every = world_settings(count, seed, size, kind, shadows, antialias, textures)
-    if not all(0 < yaw < 180 for yaw in yaws):
+    if not all(is_finite(yaw) and 0 < yaw < 180 for yaw in yaws):
         raise InputError(f"yaws are {tuple(yaws)}; degrees between 0 and 180 are wanted, each is used with both signs")
     orbit = yaw_order(tuple(yaws))
     frames, cases = [], []
@@ -146,10 +151,11 @@ def world_settings(
     count: int, seed: int, size: int, kind: Kind | None, shadows: bool, antialias: bool, textures: Textures
 ) -> list[WorldSettings]:
     """The settings of `count` worlds of the seeds `seed`, `seed` + 1 ...; raises InputError, FileError (no textures there)."""
-    if count < 1 or seed < 0 or size < 1:
-        raise InputError(f"count is {count}, seed {seed}, size {size}; count >= 1, seed >= 0 and size >= 1 are wanted")
+    for name, value, least in (("count", count, 1), ("seed", seed, 0), ("size", size, 1)):
+        _check_whole(name, value, least)
     _check_kind(kind)
-    pictures = textures if textures is None or isinstance(textures, Path) else tuple(textures)
+    folder = Path(textures) if isinstance(textures, str) else textures
+    pictures = folder if folder is None or isinstance(folder, Path) else tuple(folder)
     if isinstance(pictures, Path):
         _pictures(pictures)
     return [WorldSettings(seed + n, kind, pictures, shadows, antialias, size) for n in range(count)]

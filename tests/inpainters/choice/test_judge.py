@@ -166,7 +166,11 @@ def test_weights_come_back_from_the_file(tmp_path):
     for name, tensor in judge.state_dict().items():
         np.testing.assert_array_equal(state[name], tensor.numpy())
     (tmp_path / "text.onnx").write_text("no network")
-    for settings, file in ((JudgeSettings(width=24), path), (judge.settings, tmp_path / "text.onnx")):
+    damaged = onnx.load(path)
+    damaged.graph.initializer[0].raw_data = damaged.graph.initializer[0].raw_data[:-3]
+    onnx.save(damaged, tmp_path / "damaged.onnx")
+    others = [(judge.settings, tmp_path / name) for name in ("text.onnx", "damaged.onnx")]
+    for settings, file in ((JudgeSettings(width=24), path), *others):
         with pytest.raises(FileError, match=r"judge|ONNX"):
             read_judge(settings, file)
 

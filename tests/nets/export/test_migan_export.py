@@ -104,4 +104,8 @@ def test_other_files_are_refused(tmp_path: Path) -> None:
     onnx.save(onnx.helper.make_model(onnx.helper.make_graph([], "empty", [], [])), str(tmp_path / "empty.onnx"))
     with pytest.raises(FileError, match=r"empty\.onnx: has no tensor .*the published MI-GAN pipeline is wanted"):
         migan_export.export_migan(tmp_path / "empty.onnx", tmp_path / "out.onnx", {})
+    added = onnx.helper.make_node("Add", ["x", "onnx::Add_7"], ["y"], name="/model/some/Add")
+    onnx.save(onnx.helper.make_model(onnx.helper.make_graph([added], "other", [], [])), str(tmp_path / "other.onnx"))
+    with pytest.raises(FileError, match=r"other\.onnx: has no tensor .*the published MI-GAN pipeline is wanted"):
+        migan_export.export_migan(tmp_path / "other.onnx", tmp_path / "out.onnx", {})
     assert not (tmp_path / "out.onnx").exists()

@@ -15,7 +15,8 @@ import numpy as np
 from dlama.errors import ShapeError
 from dlama.nets.architecture import STEM, GeneratorSettings, generator_shapes, refuse_differences
 from dlama.nets.checkpoints import GeneratorWeights
-from dlama.nets.export.onnx_graph import Graph, PlaneTransform, plane_transform, write_model
+from dlama.nets.export.onnx_graph import Graph, PlaneTransform, plane_transform
+from dlama.nets.whole_file import write_whole
 
 EPSILON = 1e-5  # of torch's batch norms, which the published network leaves as they are
 
@@ -33,7 +34,7 @@ def export_onnx(weights: GeneratorWeights, path: Path | str, metadata: Mapping[s
     """
     target = Path(path)
     data = onnx_bytes(weights.settings, weights.state, metadata)
-    return write_model(target, data)
+    return write_whole(target, data)
 
 
 def onnx_bytes(settings: GeneratorSettings, state: Mapping[str, np.ndarray], metadata: Mapping[str, str]) -> bytes:

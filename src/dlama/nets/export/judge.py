@@ -21,7 +21,8 @@ from dlama.nets.architecture import (
     judge_shapes,
     refuse_differences,
 )
-from dlama.nets.export.onnx_graph import IR_VERSION, OPSET, Graph, write_model
+from dlama.nets.export.onnx_graph import IR_VERSION, OPSET, Graph
+from dlama.nets.whole_file import write_whole
 
 LOG_BOUNDS = (-7.0, 1.0)
 """Of the expected errors' logarithms, as in `nets.judge`."""
@@ -39,7 +40,7 @@ def export_judge(
     refuse_differences({name: a.shape for name, a in state.items()}, judge_shapes(settings), "judge")
     writer = _Writer(settings, state)
     logits, errors = writer.judge("context", "guesses")
-    return write_model(path, writer.model(logits, errors, metadata))
+    return write_whole(path, writer.model(logits, errors, metadata))
 
 
 def read_judge(settings: JudgeSettings, path: Path) -> dict[str, np.ndarray]:
@@ -52,9 +53,9 @@ def read_judge(settings: JudgeSettings, path: Path) -> dict[str, np.ndarray]:
     with system_errors(FileError):
         try:
             graph = onnx.load(path).graph
-        except DecodeError as error:
-            raise FileError(f"{path}: is no ONNX file ({error})") from error
-    stored = {one.name: onnx.numpy_helper.to_array(one) for one in graph.initializer}
+            stored = {one.name: onnx.numpy_helper.to_array(one) for one in graph.initializer}
+        except (DecodeError, ValueError, TypeError) as error:
+            raise FileError(f"{path}: is no ONNX file, or a damaged one ({error})") from error
     cast = {node.output[0]: node.input[0] for node in graph.node if node.op_type == "Cast"}
     layers = [node for node in graph.node if node.op_type == "Conv"]
     state: dict[str, np.ndarray] = {}

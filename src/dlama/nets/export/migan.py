@@ -28,7 +28,8 @@ from typing import Any
 import numpy as np
 
 from dlama.errors import FileError, MissingExtraError, first_line
-from dlama.nets.export.onnx_graph import Graph, write_model
+from dlama.nets.export.onnx_graph import Graph
+from dlama.nets.whole_file import write_whole
 
 SIDE = 512
 """Height and width that the generator takes, in pixels."""
@@ -75,7 +76,7 @@ def export_migan(pipeline: Path, target: Path, metadata: Mapping[str, str]) -> P
         MissingExtraError: onnx is not installed.
     """
     data = generator_bytes(read_weights(pipeline), pipeline.name, metadata)
-    return write_model(target, data)
+    return write_whole(target, data)
 
 
 def read_weights(pipeline: Path) -> Weights:
@@ -87,16 +88,17 @@ def read_weights(pipeline: Path) -> Weights:
         raise MissingExtraError("taking the generator out of the MI-GAN pipeline", "onnx", "onnx") from error
     try:
         graph = onnx.load(str(pipeline)).graph
+        tensors = {tensor.name: numpy_helper.to_array(tensor) for tensor in graph.initializer}
     except Exception as error:  # protobuf's errors share no base class
         raise FileError(f"{pipeline}: cannot be read as ONNX ({first_line(error)})") from error
-    tensors = {tensor.name: numpy_helper.to_array(tensor) for tensor in graph.initializer}
     aliases = {node.output[0]: node.input[0] for node in graph.node if node.op_type == "Identity"}
     noise = {}
     for node in graph.node:
         for name in node.input if node.op_type == "Add" else ():
             if name.startswith("onnx::Add_"):
                 layer = node.name.removeprefix("/model/").removesuffix("/Add").replace("/", ".")
-                noise[layer] = np.asarray(tensors[aliases.get(name, name)], np.float32)
+                if (stored := aliases.get(name, name)) in tensors:  # other networks add what is no constant
+                    noise[layer] = np.asarray(tensors[stored], np.float32)
     return Weights(tensors, aliases, noise)
 
 

@@ -10,12 +10,11 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from dlama.errors import MissingExtraError, OutputError
+from dlama.errors import MissingExtraError
 
 OPSET = 17
 IR_VERSION = 8
@@ -196,14 +195,3 @@ def _onnx() -> Any:
     except ImportError as error:
         raise MissingExtraError("writing an ONNX file", "onnx", "onnx") from error
     return onnx
-
-
-def write_model(target: Path, data: bytes) -> Path:
-    """Write a serialized model, beside and moved, so that no half file is ever left; returns `target`. Raises OutputError."""
-    beside = target.with_name(target.name + ".part")
-    try:
-        beside.write_bytes(data)
-        beside.replace(target)
-    except OSError as error:
-        raise OutputError(f"{target}: cannot be written ({error})") from error
-    return target

@@ -1,0 +1,22 @@
+"""Bytes in; a file that holds all of them, or none at all, out. (`nets` imports nothing of dlama but its errors.)"""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from pathlib import Path
+
+from dlama.errors import OutputError
+
+
+def write_whole(target: Path, data: bytes) -> Path:
+    """Write the bytes beside the target and move them there; returns the target. OutputError, and nothing is left beside it."""
+    beside = target.with_name(target.name + ".part")
+    try:
+        beside.write_bytes(data)
+        beside.replace(target)
+    except OSError as error:
+        raise OutputError(f"{target}: cannot be written ({error})") from error
+    finally:
+        with suppress(OSError):
+            beside.unlink(missing_ok=True)
+    return target
