@@ -36,19 +36,20 @@ def make(asked: argparse.Namespace) -> None:
 
 def planes_of(crop: GuessCrop) -> JudgePlanes:
     """What the judge sees of a crop."""
-    context = crop.context / np.float32(255)
+    context = np.asarray(crop.context / np.float32(255), np.float32)
     known, *depths = crop.depth / np.float32(LEVELS)
     context[3] = known
     context[:3] *= 1 - context[-1]
-    return JudgePlanes(context, np.concatenate([crop.color / np.float32(255), np.stack(depths)[:, None]], 1))
+    guesses = np.concatenate([crop.color / np.float32(255), np.stack(depths)[:, None]], 1)
+    return JudgePlanes(context, np.asarray(guesses, np.float32))
 
 
 def answers(crop: GuessCrop, names: list[str], judge: Path) -> dict[str, tuple[np.ndarray, np.ndarray]]:
     """Name -> colours (S x S x 3) and normalised inverse depth (S x S)."""
     planes, depths = planes_of(crop), list(crop.depth[1:] / np.float32(LEVELS))
     colors = [np.ascontiguousarray(one.transpose(1, 2, 0)) for one in crop.color]
-    found = dict(zip(names, zip(colors, depths)))
-    found["mean"] = np.round(np.mean(colors, 0)).astype(np.uint8), np.mean(depths, 0)
+    found: dict[str, tuple[np.ndarray, np.ndarray]] = dict(zip(names, zip(colors, depths)))
+    found["mean"] = np.asarray(np.round(np.mean(colors, 0)), np.uint8), np.asarray(np.mean(depths, 0))
     hw, alone = planes.context.shape[1:], judged(open_judge(judge), planes)
     for name, verdict in (("judge alone", alone), ("with its rules", with_priors(alone, names, planes))):
         color = mixed_color(colors, planes.guesses[:, :3], verdict.base, verdict.detail, hw)
