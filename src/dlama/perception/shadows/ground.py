@@ -51,7 +51,7 @@ class Standing:
 
 
 def standing(points: NDArray[np.float64], rise: NDArray[np.float64], ground: Ground) -> Standing:
-    """Of N x 3 points in camera axes and their heights over the surface."""
+    """The thing of which these are the points (N x 3, camera axes) and their heights over the surface (N, m)."""
     up = -ground.normal / np.linalg.norm(ground.normal)
     return Standing(points - rise[:, None] * up, rise, up)
 

@@ -37,7 +37,7 @@ def grown(
     if deep > PLAIN * unevenness(dark, usable):
         shadow = shape
         for _ in range(ROUNDS):
-            near = usable & dilated(shadow, reach_of(shape))
+            near = usable & dilated(shadow, growth_px(shape))
             larger = shadow | opened(touching(near & (dark > deep / 2), shape), square(3))
             if larger.sum() < MORE * shadow.sum():
                 break
@@ -45,8 +45,8 @@ def grown(
     return shadow | fading(rgbd, mask, ground, usable, shape | shadow, deep)
 
 
-def reach_of(shape: BoolArray) -> int:
-    """Pixels by which a shape may be off."""
+def growth_px(shape: BoolArray) -> int:
+    """Pixels by which a shadow may grow in one round: a twentieth of the shape's size."""
     return 2 + round(0.05 * float(np.sqrt(shape.sum())))
 
 

@@ -28,6 +28,7 @@ FINE_SLOPES = np.linspace(0.82, 1.18, 7)
 FINE_TURNS = np.linspace(-2 / 3, 2 / 3, 5)
 """and steps of the direction."""
 REFINED = 6
+"""Of the coarse directions, the best ones, round which finer steps are tried."""
 LONG = 2.5
 """Slope from which on shadows are rare: a low sun."""
 SIDE_PX = 256
@@ -37,8 +38,9 @@ Scale = tuple[float, float]
 SHARP, SOFT = (1.2, 0.08), (4.0, 0.05)
 """For borders of hard shadows, and of soft ones."""
 SHORTEST_PX = 20
-"""Of a shape's border."""
+"""Of a shape's border: a shorter one is judged as if it was so long, for little of it says little."""
 FEWEST_PX = 8
+"""Of the thrown shape on what is seen of the surface; a smaller one has no strength."""
 OTHER = 0.6
 """Directions that differ by more than this share of the best one's throw explain something else."""
 
@@ -82,7 +84,8 @@ def best_direction(thing: Standing, rgbd: RGBD, seen: BoolArray, scale: Scale) -
 
 
 class Search:
-    """What does not depend on the direction."""
+    """What is the same for every direction: the picture made smaller and its divergence, the thing's points, and two axes that
+    span the surface."""
 
     def __init__(self, thing: Standing, rgbd: RGBD, seen: BoolArray, scale: Scale) -> None:
         camera = rgbd.camera

@@ -22,11 +22,13 @@ WEIGHTS = {
 }
 """Of FEATURES at each scale, and a constant; fitted on 120 worlds by `python benchmarks/shadows.py train`."""
 SMALLEST_PX = 25
+"""Fewer points of a thing, or fewer pixels of a shape or of the ring round it, say nothing."""
 LEAST_SURE = 0.15
-"""What is thrown without any certainty."""
+"""Value of a thrown shape of which nothing is certain; a certain one has 1."""
 TALLEST, LOWEST = 4.0, 0.04
 """What stands lower or higher over the surface than these many times the thing's height is not thrown in common."""
 COMMON_POINTS = 4000
+"""Of all that stands on the surface, at most, for the search of their common light."""
 STRONG = 20.0
 """Strength of a shape thrown in common that counts as certain."""
 
