@@ -15,6 +15,7 @@ from dlama.completion.verbs import remove, target_camera, view
 from dlama.errors import DepthError, InputError, MaskError
 from dlama.geometry.camera import Camera
 from dlama.geometry.holes import dilated
+from dlama.geometry.rendering import render
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.scene import Scene
 from dlama.geometry.trajectories import dolly, orbit
@@ -280,7 +281,17 @@ def test_parameters_of_another_type_are_refused(given: dict[str, Any], message: 
 
 
 def test_cameras_are_cameras() -> None:
+    """Message: the class that is wanted, and what gives one."""
     frame = street()
+    for call in (
+        lambda: render(frame, "cam.json"),
+        lambda: orbit("cam.json", 3.0),
+        lambda: RGBD(frame.color, frame.depth, "c"),
+    ):
+        with pytest.raises(InputError, match="camera is of type str; a Camera is wanted"):
+            call()
+    with pytest.raises(InputError, match="source is of type ndarray; an RGBD, View, Scene"):
+        render(frame.color, CAMERA)  # type: ignore[arg-type]
     with pytest.raises(InputError, match="cameras is one Camera; a list"):
         complete(frame, CAMERA)  # type: ignore[arg-type]
     with pytest.raises(InputError, match=r"cameras\[1\] is of type str; a Camera"):

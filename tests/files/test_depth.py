@@ -229,6 +229,7 @@ def test_contradictions_and_wrong_options(tmp_path: Path) -> None:
         ({"depth_scale": 0.0}, "depth_scale is 0"),
         ({"depth_range": -3.0}, "depth_range is -3"),
         ({"far": float("nan")}, "far is nan"),
+        ({"depth_scale": "1000"}, "depth_scale is '1000'; a number > 0"),
     ):
         with pytest.raises(DepthError, match=words):
             read_depth(tmp_path / "d.npy", **options)

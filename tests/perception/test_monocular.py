@@ -146,6 +146,7 @@ def test_smaller_maps_are_enlarged_in_inverse_depth() -> None:
         ({"metres_at": [(70, 5, 2.0)]}, InputError, "metres_at 70,5=2: lies outside the 64x48 picture; x of 0 to 63"),
         ({"metres_at": [(7, 5, -2.0)]}, InputError, "metres_at 7,5=-2: -2 m is no distance"),
         ({"metres_at": [(7, 5, 2.0)], "camera_height": 1.5}, InputError, "metres_at and camera_height contradict"),
+        ({"camera_height": "1.5"}, InputError, "camera_height is '1.5' m; a number above 0"),
         ({"camera_height": 0.0}, InputError, "camera_height is 0 m; a number above 0"),
         ({"camera_height": 1.5}, InputError, "no ground is seen.*give metres_at"),
         ({"metres_at": [(2, 2, 1.0), (31, 24, 9.0)]}, InputError, "metres_at contradicts the picture"),

@@ -24,7 +24,7 @@ from dlama.completion.steps import (
     law_of,
 )
 from dlama.errors import InputError
-from dlama.geometry.camera import Camera
+from dlama.geometry.camera import Camera, check_camera
 from dlama.geometry.frames.gathering import FrameSource
 from dlama.geometry.frames.stored import StoredView
 from dlama.geometry.rendering import Mode
@@ -108,8 +108,7 @@ def check_cameras(cameras: Sequence[Camera]) -> None:
     if isinstance(cameras, Camera):
         raise InputError("cameras is one Camera; a list of them is wanted")
     for number, camera in enumerate(cameras):
-        if not isinstance(camera, Camera):
-            raise InputError(f"cameras[{number}] is of type {type(camera).__name__}; a Camera is wanted")
+        check_camera(camera, f"cameras[{number}]")
 
 
 def choice_of(completed: CompletedView, source: View, source_fills: Sequence[FillReport]) -> UInt8Array | None:

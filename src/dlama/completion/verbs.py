@@ -9,7 +9,7 @@ from dlama.completion.completion import Completion
 from dlama.completion.pipeline import complete
 from dlama.completion.recipes import DepthBy, Recipe, find_recipe
 from dlama.errors import InputError
-from dlama.geometry.camera import Camera
+from dlama.geometry.camera import Camera, check_camera
 from dlama.geometry.rendering import Mode
 from dlama.geometry.rgbd import RGBD, BoolArray
 from dlama.geometry.scene import Scene
@@ -38,8 +38,7 @@ def target_camera(
             "`read_rgbd` reads it from files, `estimate_depth(color).rgbd` estimates the depth of a picture"
         )
     if camera is not None:
-        if not isinstance(camera, Camera):
-            raise InputError(f"camera is of type {type(camera).__name__}; a Camera is wanted (`read_camera` reads one)")
+        check_camera(camera)
         if yaw or pitch or dolly:
             raise InputError("a target camera and an orbit or dolly were both given; one of them is wanted")
         return camera

@@ -6,6 +6,7 @@ import json
 import math
 import warnings
 from collections.abc import Sequence
+from numbers import Real
 from pathlib import Path
 from typing import Any
 
@@ -147,6 +148,9 @@ def camera_for(
         raise CameraError(f"pixel_center is {pixel_center}; 0.5 or 0.0 is wanted")
     numbers = {"fx": fx, "fy": fy, "cx": cx, "cy": cy}
     given = [name for name, value in numbers.items() if value is not None]
+    for name, value in {**numbers, "fov": fov}.items():
+        if value is not None and not isinstance(value, Real):
+            raise CameraError(f"{name} is {value!r}; a number is wanted")
     _check_one_source(camera, given, fov)
     if camera is not None:
         if isinstance(camera, Camera):

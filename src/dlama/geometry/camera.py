@@ -18,7 +18,7 @@ from numbers import Real
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from dlama.errors import CameraError
+from dlama.errors import CameraError, InputError
 
 Float64Array = NDArray[np.float64]
 
@@ -189,6 +189,12 @@ class Camera:
     def same_view_as(self, other: Camera) -> bool:
         """True if a picture of one is a picture of the other: same lens, same pose (within 1e-9)."""
         return self.same_lens_as(other) and float(np.abs(self.world_from_cam - other.world_from_cam).max()) <= 1e-9
+
+
+def check_camera(camera: object, name: str = "camera") -> None:
+    """Raise InputError, which calls it `name`, unless it is a Camera."""
+    if not isinstance(camera, Camera):
+        raise InputError(f"{name} is of type {type(camera).__name__}; a Camera is wanted (`read_camera` reads one)")
 
 
 @dataclass(frozen=True, eq=False)

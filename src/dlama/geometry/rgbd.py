@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dlama.errors import DepthError, ShapeError
-from dlama.geometry.camera import Camera
+from dlama.geometry.camera import Camera, check_camera
 from dlama.geometry.figures.false_color import depth_picture
 from dlama.geometry.figures.html import Panel, figure, strip
 
@@ -46,6 +46,7 @@ class RGBD:
                 if depth.ndim == 2
                 else f"depth has shape {depth.shape}; H x W is wanted"
             )
+        check_camera(self.camera)
         if self.camera.hw != depth.shape:
             raise ShapeError(
                 f"the camera is {self.camera.width}x{self.camera.height} and the picture "

@@ -19,7 +19,7 @@ import cv2
 import numpy as np
 
 from dlama.errors import DepthError, InputError, ShapeError
-from dlama.geometry.camera import Camera
+from dlama.geometry.camera import Camera, check_camera
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array, checked_color
 from dlama.models.cache import locate
 from dlama.models.network_file import NetworkFile, cores, default_provider, file_stamp
@@ -200,6 +200,8 @@ def camera_of(
 ) -> tuple[Camera, dict[str, Any], float]:
     """The camera of the picture, for meta.json where it comes from, and the shift of z that its points take."""
     height, width = color.shape[:2]
+    if camera is not None:
+        check_camera(camera)
     if camera is not None and camera.hw != (height, width):
         raise ShapeError(
             f"the camera is {camera.width}x{camera.height} and the picture {width}x{height}; both must have the same size"

@@ -11,6 +11,7 @@ from dlama.completion.completion import StereoCompletion
 from dlama.completion.stereo import disparities as pairs
 from dlama.completion.stereo.pair import MatchedPair, default_far, depth_in_metres, masks_of_pair
 from dlama.completion.stereo.stereo import stereo
+from dlama.errors import InputError
 from dlama.geometry.camera import Camera, StereoRig
 from dlama.geometry.holes import dilated
 from dlama.geometry.rgbd import RGBD
@@ -145,3 +146,19 @@ def test_a_mask_may_be_found_in_the_matched_depth(monkeypatch: pytest.MonkeyPatc
     np.testing.assert_array_equal(found.views[0].color, given.views[0].color)
     (source,) = seen
     np.testing.assert_allclose(np.median(source.depth[source.valid]), 5.0, rtol=0.05)
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"left": "left.png"}, "left is of type str; a picture is wanted"),
+        ({"rig": "calib.txt"}, "rig is of type str; a StereoRig is wanted"),
+        ({"far": "10"}, "far is '10' m; more than 0"),
+        ({"max_disparity": "64"}, "max_disparity is '64'; a number of pixels"),
+    ],
+)
+def test_options_of_another_type_are_refused(given: dict[str, Any], message: str) -> None:
+    """Message: names the parameter, what came and what is wanted; no bare TypeError."""
+    pictures = {name: np.full((*rig().left.hw, 3), level, np.uint8) for name, level in (("left", 90), ("right", 99))}
+    with pytest.raises(InputError, match=message):
+        stereo(**{**pictures, "rig": rig(), **given})

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass, field
+from numbers import Real
 from typing import Any
 
 import numpy as np
@@ -111,9 +112,13 @@ def default_far(rig: StereoRig) -> float:
 
 def check_pair(left: UInt8Array, right: UInt8Array, rig: StereoRig, far: float) -> None:
     """Raise ShapeError where a picture has not the rig's size, InputError where `far` is no distance."""
-    if not far > 0:
-        raise InputError(f"far is {far} m; more than 0 is wanted")
+    if not isinstance(far, Real) or not far > 0:
+        raise InputError(f"far is {far!r} m; more than 0 is wanted")
     for name, picture in (("left", left), ("right", right)):
+        if not isinstance(picture, np.ndarray):
+            raise InputError(
+                f"{name} is of type {type(picture).__name__}; a picture is wanted, uint8 H x W x 3 (`read_color` reads one)"
+            )
         if picture.shape[:2] != rig.left.hw:
             raise ShapeError(
                 f"the {name} picture is {picture.shape[1]}x{picture.shape[0]} and the calibration "

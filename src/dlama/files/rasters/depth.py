@@ -15,6 +15,7 @@ from dlama.files.rasters.depth_checks import warn_of_inverse
 from dlama.files.rasters.float_files import read_array, read_exr, read_pfm, write_exr, write_pfm
 from dlama.files.rasters.images import SUFFIXES, existing, read_stored
 from dlama.files.rasters.pictures import save_picture
+from dlama.geometry.camera import is_finite
 from dlama.geometry.rgbd import Float32Array
 
 __all__ = [
@@ -248,8 +249,8 @@ def check_depth_options(depth_scale: float | None, depth_range: float | None, fa
 
 def _check_positive(**options: float | None) -> None:
     for name, value in options.items():
-        if value is not None and not (value > 0 and np.isfinite(value)):
-            raise DepthError(f"{name} is {value}; a number > 0 is wanted")
+        if value is not None and not (is_finite(value) and value > 0):
+            raise DepthError(f"{name} is {value!r}; a number > 0 is wanted")
 
 
 def _valid(depth: np.ndarray) -> np.ndarray:

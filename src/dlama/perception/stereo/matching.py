@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from numbers import Real
 
 import cv2
 import numpy as np
@@ -72,6 +73,9 @@ def disparity_pair(
     Raises ShapeError when the pictures are no such pair, InputError when the range is empty, or wider than the picture.
     """
     check_pictures(left, right)
+    for name, value in (("min_disparity", min_disparity), ("max_disparity", max_disparity)):
+        if value is not None and not isinstance(value, Real):
+            raise InputError(f"{name} is {value!r}; a number of pixels is wanted")
     if max_disparity is None:
         max_disparity = _estimated_maximum(left, right, min_disparity)
     else:
