@@ -26,7 +26,7 @@ NOTHING = Law(())
 def flat(view: View, metres: float) -> tuple[Surfaces, np.ndarray]:
     """Surfaces without planes, so many metres away everywhere, and that depth."""
     w = np.full(view.depth.shape, 1 / metres, np.float32)
-    return Surfaces(w, np.full(w.shape, -1, np.int32), np.zeros((0, 3))), 1 / w
+    return Surfaces(w, np.full(w.shape, -1, np.int32), np.zeros((0, 3)), np.zeros(w.shape, np.int32)), 1 / w
 
 
 def step(kind: HoleType = HoleType.DISOCCLUDED) -> View:
@@ -117,7 +117,10 @@ def test_a_thing_that_stands_before_the_hole_is_an_occluder_as_a_whole() -> None
     found = occluders(view, surfaces, filled)
     assert found[box].all() and not found[~dilated(box, MIXED_PX)].any()
     one_plane = Surfaces(
-        surfaces.inverse_depth, np.where(box | hole, 1, -1).astype(np.int32), np.array([[0, 0, 1 / 3]])
+        surfaces.inverse_depth,
+        np.where(box | hole, 1, -1).astype(np.int32),
+        np.array([[0, 0, 1 / 3]]),
+        surfaces.things,
     )
     np.testing.assert_array_equal(np.flatnonzero(occluders(view, one_plane, filled).any(0)), np.arange(200 - BAND, 200))
 

@@ -22,7 +22,7 @@ def layered(view: View, law: Law, seed: int = 0) -> Fill:
     surfaces, depth, moved = surfaces_behind(view, law, seed)
     color = painted(view, surfaces, depth, law, seed)
     w = np.where(view.hole, inverse_depth(depth), surfaces.inverse_depth)
-    color = hedged(view, color, view.color_hole, w, surfaces.label)
+    color = hedged(view, color, view.color_hole, w, surfaces.parts)
     if law.misplaced_edges:  # where surfaces end is a guess upon a guess
         color = softened(color, view.color_hole, view.hole_type == HoleType.OUT_OF_VIEW, surfaces.label)
     return Fill(color, depth, moved, {"planes": len(surfaces.planes)})
@@ -33,7 +33,7 @@ def painted(view: View, surfaces: Surfaces, depth: Float32Array, law: Law, seed:
     if not view.color_hole.any():
         return view.color
     w = np.where(view.hole, inverse_depth(depth), surfaces.inverse_depth)
-    label = np.where(np.abs(w - surfaces.inverse_depth) > 0.05 * w, np.int32(SMOOTH), surfaces.label)
+    label = np.where(np.abs(w - surfaces.inverse_depth) > 0.05 * w, np.int32(SMOOTH), surfaces.parts)
     label = np.where(view.hole & (w == 0), np.int32(SKY), label).astype(np.int32)
     shadow = shadow_beside(view, label)
     known = view.color, view.color_hole, w, label, view.camera

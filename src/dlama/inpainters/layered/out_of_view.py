@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dlama.geometry.camera import Camera
-from dlama.geometry.holes import nearest_known
+from dlama.geometry.holes import dilated
 from dlama.geometry.projection import rays
 from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.inpainters.layered.kernels.lines import seen_on_lines
@@ -39,8 +39,6 @@ FLOATING = 41
 """Cells up to which what is seen past a plane above and below belongs together: nothing hangs in the air."""
 IN_FRONT = 1.05
 """Relative inverse depth from which a plane hides another surface."""
-REACHES = 0.3
-"""Square roots of a thing's visible area by which it goes on out of view, if it has no plane."""
 ENDING_COST = 1.0
 """Largest cost of a surface out of view that should have ended. It grows twice as fast as any distance counts."""
 BESIDE, CUT_CELLS = 2, 3
@@ -94,27 +92,27 @@ def seen_going_on(
 
 
 def ending_cost(
-    hole: BoolArray, unseen: BoolArray, label: NDArray[np.int32], followed: BoolArray, jump: float
+    hole: BoolArray, unseen: BoolArray, label: NDArray[np.int32], followed: BoolArray, beyond: Float32Array, jump: float
 ) -> Float32Array:
     """L x h x w cost in `unseen` cells of what should have ended: planes that are not followed (K) and end within the picture,
-    and what has no plane (a tree that the border cuts) farther from its nearest thing than that is large (REACHES).
+    and what has no plane (a tree that the border cuts) `beyond` where it goes on.
 
-    hole, unseen: h x w; label: h x w; jump: cells of distance that cost 1.
+    hole, unseen: h x w; label: h x w; beyond: h x w cells, of `cut_things`; jump: cells of distance that cost 1.
     """
     out = np.zeros((2 + len(followed), *hole.shape), np.float32)
     if not unseen.any():
         return out
-    beside = cv2.dilate(unseen.astype(np.uint8), np.ones((2 * BESIDE + 1, 2 * BESIDE + 1), np.uint8)) > 0
+    beside = next_to(unseen)
     for number in 2 + np.flatnonzero(~followed):
         if (beside & ~hole & (label == number - 1)).sum() < CUT_CELLS:
             out[number] = ENDING_COST * unseen
-    loose = ~hole & (label == SMOOTH)
-    if loose.any():
-        thing, area = cv2.connectedComponentsWithStats(loose.astype(np.uint8), connectivity=8)[1:3]
-        distance, nearest = nearest_known(loose)
-        reach = REACHES * np.sqrt(area[thing.ravel()[nearest], cv2.CC_STAT_AREA])
-        out[0] = np.minimum(2 * np.maximum(distance - reach, 0) / jump, ENDING_COST) * unseen
+    out[0] = np.minimum(2 * beyond / jump, ENDING_COST) * unseen
     return out
+
+
+def next_to(unseen: BoolArray) -> BoolArray:
+    """h x w, True in cells up to BESIDE cells from `unseen` ones."""
+    return dilated(unseen, BESIDE)
 
 
 def looks_past(first: Float32Array, length: Float32Array) -> BoolArray:

@@ -19,8 +19,9 @@ from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.geometry.view import HoleType, View
 from dlama.geometry.visibility import Law
 from dlama.inpainters.layered.colored_reach import colors_of_cells, distances_by_color
+from dlama.inpainters.layered.cut_things import RELIEF, CutThings, cut_things, loose_cells
 from dlama.inpainters.layered.kernels import surfaces as surface_kernels
-from dlama.inpainters.layered.out_of_view import FOLLOWED, above_horizon, cells_of_planes, ending_cost, seen_going_on
+from dlama.inpainters.layered.out_of_view import FOLLOWED, above_horizon, cells_of_planes, ending_cost, next_to, seen_going_on
 from dlama.perception.planes import SMOOTH, plane_values
 
 GRID = 256
@@ -41,8 +42,6 @@ AROUND = 31
 """Width, in cells, of what counts as round a cell."""
 SURROUNDED = 0.3
 """Share of that which a plane must hold to surround what lies on none."""
-RELIEF = 0.06
-"""Relative inverse depth by which that may stand out of the plane or back from it, and belong to it: a door, a sill."""
 CHORD = 25.0
 """Cells over which a surface was seen going on in a direction, on the mean, so that it is believed to go on as far as any."""
 NARROWEST = 3.0
@@ -51,6 +50,8 @@ FAR_SAMPLES = 256
 """Far directions that stand for all of a source camera's."""
 LEEWAY = 1.03
 """Relative depth by which a plane may break the visibility law and still be a candidate."""
+HIDDEN_COST = 2.0
+"""Cost of what stands behind a thing that the border cuts, where that goes on."""
 EXTRAPOLATION_COST = 6.0
 """Cost of a plane e times nearer or farther than anything known."""
 ORDER_COST = 3.0
@@ -84,6 +85,8 @@ class CoarseView:
     """h x w x 3: mean colours of the cells."""
     colored: BoolArray
     """h x w, True in cells of the hole that lack depth alone: their colours were measured."""
+    things: CutThings
+    """Where what lies on no plane goes on out of view."""
     followed_from: float = FOLLOWED
     """Share of the known cells that a plane must hold to be followed along lines out of view."""
 
@@ -106,11 +109,15 @@ class CoarseView:
         hole = cells_with_holes(view.hole, camera.wh)
         smooth = surface_kernels.far_side(w[pick], hole)
         in_view = hole & cells_with_holes(view.hole & (view.hole_type != HoleType.OUT_OF_VIEW), camera.wh)
-        smooth = np.where(in_view, smooth, without_streaks(smooth, hole & ~in_view))
-        candidates = np.concatenate([smooth[None], np.zeros_like(smooth)[None], plane_values(planes, camera.hw, step)])
+        unseen = hole & ~in_view
+        on_planes = plane_values(planes, camera.hw, step)
+        things = cut_things(w[pick], loose_cells(w[pick], label[pick], on_planes, hole), next_to(unseen))
+        smooth = np.where(in_view, smooth, without_streaks(smooth, unseen))
+        smooth = np.where(unseen & (things.number > 0), things.inverse_depth[things.number], smooth)
+        candidates = np.concatenate([smooth[None], np.zeros_like(smooth)[None], on_planes])
         colored = hole & ~cells_with_holes(view.color_hole, camera.wh)
         known = w[pick], label[pick], candidates.astype(np.float32)
-        return cls(camera, hole, in_view, *known, colors_of_cells(view.color, colored), colored, followed_from)
+        return cls(camera, hole, in_view, *known, colors_of_cells(view.color, colored), colored, things, followed_from)
 
     def label_costs(self, law: Law) -> Float32Array:
         """h x w x L cost of each label after belief propagation (lower is better)."""
@@ -119,7 +126,9 @@ class CoarseView:
         known = self.hole, unseen, self.inverse_depth, self.label
         on, penalty = seen_going_on(self.camera, self.candidates, *known, followed)
         penalty += (1 - on) * self.extrapolation_cost()
-        penalty += ending_cost(self.hole, unseen, self.label, followed, REACH * GRID)
+        penalty += ending_cost(self.hole, unseen, self.label, followed, self.things.beyond, REACH * GRID)
+        on[0] = unseen & (self.things.number > 0)
+        penalty[1:] += HIDDEN_COST * (on[0] * (self.candidates[1:] < self.candidates[0]))
         penalty[0] += SMOOTH_PENALTY
         penalty[1:] += ORDER_COST * self.out_of_order()
         distance = self.distance_to_known(law)

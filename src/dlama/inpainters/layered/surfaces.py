@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 from dlama.geometry.holes import nearest_known, with_nearest
 from dlama.geometry.projection import inverse_depth
 from dlama.geometry.rgbd import BoolArray, Float32Array
-from dlama.geometry.view import View
+from dlama.geometry.view import HoleType, View
 from dlama.geometry.visibility import Law
+from dlama.inpainters.layered.cut_things import ONE_THING
 from dlama.inpainters.layered.out_of_view import FOLLOWED, FOLLOWED_MISPLACED
 from dlama.inpainters.layered.surface_labels import GRID, CoarseView, enlarged
 from dlama.perception.planes import SMOOTH, denoised, find_planes, label_known, noise_level, plane_values_at
@@ -32,6 +33,13 @@ class Surfaces:
     """H x W; -1 = no plane, 0 = sky, k = k-th plane."""
     planes: NDArray[np.float64]
     """K x 3, w = a u + b v + c in pixels of the view."""
+    things: NDArray[np.int32]
+    """H x W; n = n-th thing without a plane that the border cuts and that goes on out of view, 0 = none."""
+
+    @property
+    def parts(self) -> NDArray[np.int32]:
+        """H x W; the label, and K + n for the n-th cut thing."""
+        return np.where(self.things > 0, len(self.planes) + self.things, self.label).astype(np.int32)
 
 
 def continue_surfaces(view: View, law: Law, seed: int = 0) -> Surfaces:
@@ -76,7 +84,19 @@ def upsampled(
     out, filled = w.copy(), label.copy()
     out[rows, columns] = np.where(labels == SMOOTH, smooth[rows, columns], np.where(labels > 0, on_plane, 0))
     filled[rows, columns] = labels
-    return Surfaces(out, filled, planes)
+    return Surfaces(out, filled, planes, enlarged_things(view, out, filled, coarse))
+
+
+def enlarged_things(view: View, w: Float32Array, label: NDArray[np.int32], coarse: CoarseView) -> NDArray[np.int32]:
+    """H x W: the number of the cut thing in the nearest cell, where the pixel lies on no plane and as far off as that.
+
+    w, label: H x W, filled.
+    """
+    numbers, depths = coarse.things.number, coarse.things.inverse_depth
+    numbers = cv2.resize(numbers, view.camera.wh, interpolation=cv2.INTER_NEAREST)
+    typical = depths[numbers]
+    same = (w < ONE_THING * typical) & (w * ONE_THING > typical) & (label == SMOOTH)
+    return np.where(same & ~(view.hole & (view.hole_type != HoleType.OUT_OF_VIEW)), numbers, 0)
 
 
 def rim_correction(
