@@ -15,7 +15,7 @@ from dlama.geometry.scene import Scene
 from dlama.geometry.view import HoleType, Origin, View
 from dlama.geometry.visibility import Law
 from dlama.inpainters.filling import Fill, Painter
-from dlama.inpainters.layered.depth_first import BAND, MIXED_PX, NEARER, depth_first, occluders
+from dlama.inpainters.layered.depth_first import BAND, MIXED_PX, NEARER, depth_first, occluders, seams
 from dlama.inpainters.layered.filler import layered, surfaces_behind
 from dlama.inpainters.layered.hedging import hedged
 from dlama.inpainters.layered.surfaces import Surfaces
@@ -123,6 +123,24 @@ def test_a_thing_that_stands_before_the_hole_is_an_occluder_as_a_whole() -> None
         surfaces.things,
     )
     np.testing.assert_array_equal(np.flatnonzero(occluders(view, one_plane, filled).any(0)), np.arange(200 - BAND, 200))
+
+
+def test_a_seam_along_an_occluder_hides_it_from_nobody() -> None:
+    """Law: where the fill continues the occluder's own face for a few pixels into the hole, it is an occluder all the same; a
+    face that goes on over half of the hole is none."""
+    box, hole = np.zeros((2, 160, 320), bool)
+    box[40:120, 140:200], hole[40:120, 200:240] = True, True
+    depth = np.where(box, 1, 3).astype(np.float32)
+    frame = RGBD(np.zeros((160, 320, 3), np.uint8), depth, Camera.from_fov(320, 160, 90))
+    view = View.from_rgbd(frame).without(hole, HoleType.DISOCCLUDED)
+    for width, hidden in ((5, True), (25, False)):
+        goes_on = box.copy()
+        goes_on[40:120, 200 : 200 + width] = True
+        label = np.where(goes_on, 1, -1).astype(np.int32)
+        w = np.where(goes_on, 1, 1 / 3).astype(np.float32)
+        surfaces = Surfaces(w, label, np.array([[0, 0, 1.0]]), np.zeros(w.shape, np.int32))
+        assert seams(label, hole).any() == hidden
+        assert occluders(view, surfaces, 1 / w)[60:100, 150:198].all() == hidden
 
 
 def test_beside_a_hole_that_lacks_depth_alone_nothing_is_hidden() -> None:

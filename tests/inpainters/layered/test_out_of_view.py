@@ -20,14 +20,12 @@ from dlama.inpainters.layered.out_of_view import (
     GOES_ON,
     MOST_HIDDEN,
     PAST,
-    REACHES,
     above_horizon,
     ending_cost,
     looks_past,
     seen_going_on,
     vanishing_points,
 )
-from dlama.perception.planes import SMOOTH
 from worlds import Box, Plane, Shape, World, moved
 
 CAMERA = Camera.from_fov(160, 120, 60)
@@ -155,18 +153,16 @@ def test_nothing_is_said_in_view() -> None:
 
 def test_what_ends_within_the_picture_does_not_go_on_outside_it() -> None:
     """Closed form: of planes that are not followed the one that the border cuts costs nothing, one that ends before it
-    ENDING_COST; a square thing without a plane nothing up to REACHES of its side, then more, ENDING_COST at most."""
+    ENDING_COST; what has no plane nothing where it goes on, twice a jump of what lies beyond, ENDING_COST at most."""
     hole, label = np.zeros((60, 100), bool), np.full((60, 100), 1, np.int32)
     hole[:, 60:] = True
     label[20:40, 10:30] = 2
-    label[20:40, 40:60] = SMOOTH
+    beyond = np.tile(np.maximum(np.arange(100, dtype=np.float32) - 65, 0), (60, 1))
     not_followed, jump = np.zeros(2, bool), 12.8
-    assert not ending_cost(hole, np.zeros_like(hole), label, not_followed, jump).any()
-    assert not ending_cost(hole, hole, label, ~not_followed, jump)[1:].any()
-    loose, sky, cut, ended = ending_cost(hole, hole, label, not_followed, jump)
+    assert not ending_cost(hole, np.zeros_like(hole), label, not_followed, beyond, jump).any()
+    assert not ending_cost(hole, hole, label, ~not_followed, beyond, jump)[1:].any()
+    loose, sky, cut, ended = ending_cost(hole, hole, label, not_followed, beyond, jump)
     assert not sky.any() and not cut.any()
     np.testing.assert_array_equal(ended, ENDING_COST * hole.astype(np.float32))
-    distance = np.arange(60, 100) - 59
-    wanted = np.clip(2 * (distance - REACHES * 20) / jump, 0, ENDING_COST)
-    np.testing.assert_allclose(loose[30, 60:], wanted, atol=0.01)
-    assert not loose[~hole].any() and wanted[5] == 0 and wanted[-1] == ENDING_COST
+    np.testing.assert_allclose(loose, np.clip(2 * beyond / jump, 0, ENDING_COST) * hole, atol=1e-5)
+    assert not loose[:, :66].any() and loose[30, 99] == ENDING_COST

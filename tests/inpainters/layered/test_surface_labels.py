@@ -11,13 +11,13 @@ from dlama.geometry.camera import Camera
 from dlama.geometry.projection import inverse_depth
 from dlama.geometry.view import HoleType, View
 from dlama.geometry.visibility import Law
+from dlama.inpainters.layered.cut_things import CutThings
+from dlama.inpainters.layered.distances import distance_from, mean_chords
 from dlama.inpainters.layered.kernels import surfaces as surface_kernels
 from dlama.inpainters.layered.surface_labels import (
     IN_FRONT,
     LEAST_INVERSE_DEPTH,
     CoarseView,
-    distance_from,
-    mean_chords,
     without_streaks,
 )
 from dlama.perception.planes import SKY, find_planes, label_known
@@ -66,7 +66,8 @@ def grid(inverse_depth: np.ndarray, hole: np.ndarray, label: np.ndarray, planes:
     values = np.stack([np.full(hole.shape, value, np.float32) for value in (0.3, 0, *planes)])
     camera = Camera.from_fov(hole.shape[1], hole.shape[0], 60)
     known = inverse_depth.astype(np.float32), label.astype(np.int32), values
-    return CoarseView(camera, hole, hole, *known, np.zeros((*hole.shape, 3), np.float32), np.zeros_like(hole))
+    nothing = CutThings(np.zeros(hole.shape, np.float32), np.zeros(hole.shape, np.int32), np.zeros(1, np.float32))
+    return CoarseView(camera, hole, hole, *known, np.zeros((*hole.shape, 3), np.float32), np.zeros_like(hole), nothing)
 
 
 def wall_with_hole(planes: tuple[float, ...] = (0.25,)) -> CoarseView:

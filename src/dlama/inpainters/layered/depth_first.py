@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from dlama.geometry.holes import dilated, nearest_known, touching
+from dlama.geometry.holes import dilated, nearest_known, opened, square, touching
 from dlama.geometry.projection import inverse_depth
 from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.geometry.view import HoleType, View
@@ -23,10 +23,13 @@ BAND = 24
 WHOLE = 0.25
 """Share of the picture's longer side up to which the rest of that occluder is kept from it too: a network that sees the stripes
 of a barrel continues them into the hole beside it."""
-GOES_ON = 0.02
-"""Share of what was hidden from which a surface counts as going on there: then it is no occluder as a whole."""
+GOES_ON, MOSTLY = 0.02, 0.5
+"""Share of what was hidden from which a surface counts as going on there: then it is no occluder as a whole. The second where
+most of it stands before the hole."""
 MIXED_PX = 3
 """Pixels round an occluder that may hold some of its colour."""
+SEAM = 6
+"""Half the width, in pixels, up to which a plane in a wider hole is a seam along what it belongs to."""
 STEP = 1.1
 """Ratio of neighbouring depths at which the occluder ends."""
 NEARER = 0.9
@@ -54,7 +57,7 @@ def depth_first(inpainter: Inpainter) -> Inpainter:
             color = np.where(view.color_hole[..., None], color, view.color)
             color = fading_out(color, shadow, view.color_hole, surfaces.label)
         w = inverse_depth(np.where(view.hole, depth, view.depth))
-        return Fill(hedged(view, color, view.color_hole, w), depth, moved, notes)
+        return Fill(hedged(view, color, view.color_hole, w, things=surfaces.things), depth, moved, notes)
 
     return fill
 
@@ -64,18 +67,33 @@ def occluders(view: View, surfaces: Surfaces, depth: Float32Array) -> BoolArray:
 
     surfaces: as continued; depth: H x W metres, filled. First what stands beside the hole, then the rest of that thing.
     """
-    distance, nearest = nearest_known(view.color_hole)
-    beside = standing_before(view, surfaces, depth, (distance <= BAND) & view.valid, nearest)
+    distance, nearest = nearest_known(view.color_hole & ~seams(surfaces.label, view.color_hole))
+    near = (distance <= BAND) & view.valid
+    beside = standing_before(view, surfaces, depth, near, nearest)
     hidden = view.color_hole & (view.hole_type != HoleType.OUT_OF_VIEW)
     if not beside.any() or not hidden.any():
         return beside
-    counts = np.bincount(surfaces.label[hidden & (surfaces.label > 0)], minlength=1)
-    goes_on = np.flatnonzero(counts > GOES_ON * hidden.sum())
+    filled, there, before = (
+        np.bincount(surfaces.label[of].clip(0), minlength=len(surfaces.planes) + 1) for of in (hidden, near, beside)
+    )
+    least = np.where(2 * before < there, GOES_ON, MOSTLY)[1:]
+    goes_on = 1 + np.flatnonzero(filled[1:] > least * hidden.sum())
     w = inverse_depth(np.where(view.hole, np.float32(np.inf), view.depth))
     edge = cv2.dilate(w, np.ones((3, 3), np.uint8)) > STEP * w
     thing = view.valid & ~edge & ~np.isin(surfaces.label, goes_on) & (distance <= WHOLE * max(w.shape))
     thing &= w > inverse_depth(depth).ravel()[nearest]
     return beside | (dilated(touching(thing, beside), MIXED_PX) & view.valid)
+
+
+def seams(label: NDArray[np.int32], hole: BoolArray) -> BoolArray:
+    """H x W, True where a plane goes on in the hole no wider than SEAM px while the hole is wider: the rim of an occluder that
+    the grid of cells drew too large. label, hole: H x W."""
+    kernel = square(2 * SEAM + 1)
+    out = np.zeros(hole.shape, np.bool_)
+    for number in np.unique(label[hole & (label > 0)]):
+        part = hole & (label == number)
+        out |= part & ~opened(part, kernel)
+    return out & opened(hole, kernel)
 
 
 def standing_before(

@@ -16,7 +16,6 @@ from dlama.geometry.holes import dilated
 from dlama.geometry.projection import rays
 from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.inpainters.layered.kernels.lines import seen_on_lines
-from dlama.perception.planes import SMOOTH
 
 UPRIGHT = 0.5
 """Sine of the angle between a plane's normal and up from which it has horizontals of its own."""

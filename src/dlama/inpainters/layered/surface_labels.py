@@ -14,14 +14,27 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dlama.geometry.camera import Camera
-from dlama.geometry.projection import rays
 from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.geometry.view import HoleType, View
 from dlama.geometry.visibility import Law
-from dlama.inpainters.layered.colored_reach import colors_of_cells, distances_by_color
-from dlama.inpainters.layered.cut_things import RELIEF, CutThings, cut_things, loose_cells
+from dlama.inpainters.layered.cut_things import RELIEF, CutThings, cut_things
+from dlama.inpainters.layered.distances import (
+    angle_to_far,
+    colors_of_cells,
+    distance_from,
+    distances_by_color,
+    enlarged,
+    mean_chords,
+)
 from dlama.inpainters.layered.kernels import surfaces as surface_kernels
-from dlama.inpainters.layered.out_of_view import FOLLOWED, above_horizon, cells_of_planes, ending_cost, next_to, seen_going_on
+from dlama.inpainters.layered.out_of_view import (
+    FOLLOWED,
+    above_horizon,
+    cells_of_planes,
+    ending_cost,
+    next_to,
+    seen_going_on,
+)
 from dlama.perception.planes import SMOOTH, plane_values
 
 GRID = 256
@@ -42,12 +55,6 @@ AROUND = 31
 """Width, in cells, of what counts as round a cell."""
 SURROUNDED = 0.3
 """Share of that which a plane must hold to surround what lies on none."""
-CHORD = 25.0
-"""Cells over which a surface was seen going on in a direction, on the mean, so that it is believed to go on as far as any."""
-NARROWEST = 3.0
-"""Most times that distances count which lead out of a narrower one: a pillar goes on upwards and not sideways."""
-FAR_SAMPLES = 256
-"""Far directions that stand for all of a source camera's."""
 LEEWAY = 1.03
 """Relative depth by which a plane may break the visibility law and still be a candidate."""
 HIDDEN_COST = 2.0
@@ -111,7 +118,7 @@ class CoarseView:
         in_view = hole & cells_with_holes(view.hole & (view.hole_type != HoleType.OUT_OF_VIEW), camera.wh)
         unseen = hole & ~in_view
         on_planes = plane_values(planes, camera.hw, step)
-        things = cut_things(w[pick], loose_cells(w[pick], label[pick], on_planes, hole), next_to(unseen))
+        things = cut_things(w[pick], label[pick], on_planes, hole, next_to(unseen))
         smooth = np.where(in_view, smooth, without_streaks(smooth, unseen))
         smooth = np.where(unseen & (things.number > 0), things.inverse_depth[things.number], smooth)
         candidates = np.concatenate([smooth[None], np.zeros_like(smooth)[None], on_planes])
@@ -236,27 +243,6 @@ class CoarseView:
         return out
 
 
-def mean_chords(there: BoolArray) -> tuple[float, float]:
-    """Mean length of the runs of True along columns and along rows of an h x w grid, over the cells that are in them."""
-    chords = []
-    for lines in (there.T, there):
-        steps = np.diff(np.pad(lines, ((0, 0), (1, 1))).astype(np.int8), axis=1)
-        length = (np.nonzero(steps < 0)[1] - np.nonzero(steps > 0)[1]).astype(np.float64)
-        chords.append(float((length**2).sum() / max(length.sum(), 1)))
-    return chords[0], chords[1]
-
-
-def distance_from(there: BoolArray, chords: tuple[float, float] = (CHORD, CHORD)) -> Float32Array:
-    """h x w distance to the nearest True of `there`, in cells; rows and columns count more where its chords are short."""
-    along, across = (float(np.clip(CHORD / max(length, 1e-6), 1, NARROWEST)) for length in chords)
-    if along == across == 1:
-        return np.asarray(cv2.distanceTransform((~there).astype(np.uint8), cv2.DIST_L2, 5), np.float32)
-    height, width = there.shape
-    wh = max(1, round(width * across)), max(1, round(height * along))
-    larger = cv2.resize((~there).astype(np.uint8), wh, interpolation=cv2.INTER_NEAREST)
-    return enlarged(np.asarray(cv2.distanceTransform(larger, cv2.DIST_L2, 5), np.float32), (width, height))
-
-
 def without_streaks(smooth: Float32Array, hole: BoolArray) -> Float32Array:
     """The inverse depth of no plane (h x w, of a hole), each cell the mean of its surroundings in the hole, the wider the farther
     from the rim: it comes from few rays, and their ends jump."""
@@ -270,21 +256,6 @@ def without_streaks(smooth: Float32Array, hole: BoolArray) -> Float32Array:
     return np.asarray(out, np.float32)
 
 
-def angle_to_far(camera: Camera, law: Law) -> Float32Array:
-    """H x W radians between each pixel's direction and the nearest direction in which a source camera saw far pixels."""
-    directions = rays(camera) @ camera.world_from_cam[:3, :3].T
-    directions /= np.linalg.norm(directions, axis=2, keepdims=True)
-    nearest = np.full(camera.hw, -1.0)
-    for source, measured in law.measured:
-        rows, columns = np.nonzero(np.isposinf(measured))
-        some = slice(None, None, max(1, len(rows) // FAR_SAMPLES))
-        far = rays(source)[rows[some], columns[some]] @ source.world_from_cam[:3, :3].T
-        far /= np.linalg.norm(far, axis=1, keepdims=True)
-        for block in range(0, len(far), 32):
-            np.maximum(nearest, (directions @ far[block : block + 32].T).max(2), out=nearest)
-    return np.arccos(np.clip(nearest, -1, 1)).astype(np.float32)
-
-
 def cells_with_holes(hole: BoolArray, wh: tuple[int, int]) -> BoolArray:
     """Coarse cells that hold a hole pixel, so that a hole one pixel wide is not missed."""
     return cv2.resize(hole.astype(np.float32), wh, interpolation=cv2.INTER_AREA) > 0
@@ -295,10 +266,3 @@ def with_larger_pixels(camera: Camera, step: float) -> Camera:
     width, height = max(1, round(camera.width / step)), max(1, round(camera.height / step))
     smaller = {name: getattr(camera, name) / step for name in ("fx", "fy", "cx", "cy")}
     return dataclasses.replace(camera, width=width, height=height, **smaller)
-
-
-def enlarged(values: Float32Array, wh: tuple[int, int]) -> Float32Array:
-    """A coarse picture bilinearly enlarged to the view."""
-    return np.asarray(
-        cv2.resize(np.ascontiguousarray(values, np.float32), wh, interpolation=cv2.INTER_LINEAR), np.float32
-    )

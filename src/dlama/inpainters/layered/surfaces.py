@@ -18,8 +18,9 @@ from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.geometry.view import HoleType, View
 from dlama.geometry.visibility import Law
 from dlama.inpainters.layered.cut_things import ONE_THING
+from dlama.inpainters.layered.distances import enlarged
 from dlama.inpainters.layered.out_of_view import FOLLOWED, FOLLOWED_MISPLACED
-from dlama.inpainters.layered.surface_labels import GRID, CoarseView, enlarged
+from dlama.inpainters.layered.surface_labels import GRID, CoarseView
 from dlama.perception.planes import SMOOTH, denoised, find_planes, label_known, noise_level, plane_values_at
 
 
@@ -92,11 +93,10 @@ def enlarged_things(view: View, w: Float32Array, label: NDArray[np.int32], coars
 
     w, label: H x W, filled.
     """
-    numbers, depths = coarse.things.number, coarse.things.inverse_depth
-    numbers = cv2.resize(numbers, view.camera.wh, interpolation=cv2.INTER_NEAREST)
-    typical = depths[numbers]
+    cells = cv2.resize(coarse.things.number, view.camera.wh, interpolation=cv2.INTER_NEAREST)
+    typical = coarse.things.inverse_depth[cells]
     same = (w < ONE_THING * typical) & (w * ONE_THING > typical) & (label == SMOOTH)
-    return np.where(same & ~(view.hole & (view.hole_type != HoleType.OUT_OF_VIEW)), numbers, 0)
+    return np.where(same & ~(view.hole & (view.hole_type != HoleType.OUT_OF_VIEW)), cells, 0).astype(np.int32)
 
 
 def rim_correction(

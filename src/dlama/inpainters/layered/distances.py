@@ -1,0 +1,84 @@
+"""Known surfaces of a coarse grid in; how far each cell is from them, straight on, along colours or by angle, out."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from dlama.geometry.camera import Camera
+from dlama.geometry.kernels.jit import in_bands
+from dlama.geometry.projection import rays
+from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
+from dlama.geometry.visibility import Law
+from dlama.inpainters.layered.kernels.reach import sweep_by_color
+
+CHORD = 25.0
+"""Cells over which a surface was seen going on in a direction, on the mean, so that it is believed to go on as far as any."""
+NARROWEST = 3.0
+"""Most times that distances count which lead out of a narrower one: a pillar goes on upwards and not sideways."""
+FAR_SAMPLES = 256
+"""Far directions that stand for all of a source camera's."""
+COLOR_STEP, DEAREST = 20.0, 20.0
+"""Levels (root of the sum over channels) between neighbouring cells that make a step twice as long; the most that they add."""
+ROUNDS = 2
+"""Sweeps there and back: ways that wind more often are not found."""
+
+
+def colors_of_cells(color: UInt8Array, colored: BoolArray) -> Float32Array:
+    """h x w x 3 mean colours of an H x W picture, if any cell of `colored` (h x w) wants them; else 0."""
+    if not colored.any():
+        return np.zeros((*colored.shape, 3), np.float32)
+    return cv2.resize(color, colored.shape[::-1], interpolation=cv2.INTER_AREA).astype(np.float32)
+
+
+def distances_by_color(known: BoolArray, colored: BoolArray, color: Float32Array) -> Float32Array:
+    """L x h x w lengths, in cells, of the shortest ways through the `colored` cells from those of `known`, longer across colours.
+
+    known: L x h x w, the known cells of each surface; colored: h x w; color: h x w x 3. 1000 where no way leads.
+    """
+    out = np.where(known, np.float32(0), np.float32(1e3))
+    in_bands(sweep_by_color, len(out), out, colored, color, COLOR_STEP, DEAREST, ROUNDS, band=1)
+    return out
+
+
+def mean_chords(there: BoolArray) -> tuple[float, float]:
+    """Mean length of the runs of True along columns and along rows of an h x w grid, over the cells that are in them."""
+    chords = []
+    for lines in (there.T, there):
+        steps = np.diff(np.pad(lines, ((0, 0), (1, 1))).astype(np.int8), axis=1)
+        length = (np.nonzero(steps < 0)[1] - np.nonzero(steps > 0)[1]).astype(np.float64)
+        chords.append(float((length**2).sum() / max(length.sum(), 1)))
+    return chords[0], chords[1]
+
+
+def distance_from(there: BoolArray, chords: tuple[float, float] = (CHORD, CHORD)) -> Float32Array:
+    """h x w distance to the nearest True of `there`, in cells; rows and columns count more where its chords are short."""
+    along, across = (float(np.clip(CHORD / max(length, 1e-6), 1, NARROWEST)) for length in chords)
+    if along == across == 1:
+        return np.asarray(cv2.distanceTransform((~there).astype(np.uint8), cv2.DIST_L2, 5), np.float32)
+    height, width = there.shape
+    wh = max(1, round(width * across)), max(1, round(height * along))
+    larger = cv2.resize((~there).astype(np.uint8), wh, interpolation=cv2.INTER_NEAREST)
+    return enlarged(np.asarray(cv2.distanceTransform(larger, cv2.DIST_L2, 5), np.float32), (width, height))
+
+
+def angle_to_far(camera: Camera, law: Law) -> Float32Array:
+    """H x W radians between each pixel's direction and the nearest direction in which a source camera saw far pixels."""
+    directions = rays(camera) @ camera.world_from_cam[:3, :3].T
+    directions /= np.linalg.norm(directions, axis=2, keepdims=True)
+    nearest = np.full(camera.hw, -1.0)
+    for source, measured in law.measured:
+        rows, columns = np.nonzero(np.isposinf(measured))
+        some = slice(None, None, max(1, len(rows) // FAR_SAMPLES))
+        far = rays(source)[rows[some], columns[some]] @ source.world_from_cam[:3, :3].T
+        far /= np.linalg.norm(far, axis=1, keepdims=True)
+        for block in range(0, len(far), 32):
+            np.maximum(nearest, (directions @ far[block : block + 32].T).max(2), out=nearest)
+    return np.arccos(np.clip(nearest, -1, 1)).astype(np.float32)
+
+
+def enlarged(values: Float32Array, wh: tuple[int, int]) -> Float32Array:
+    """A coarse picture bilinearly enlarged to the view."""
+    return np.asarray(
+        cv2.resize(np.ascontiguousarray(values, np.float32), wh, interpolation=cv2.INTER_LINEAR), np.float32
+    )

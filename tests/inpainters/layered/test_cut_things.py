@@ -1,0 +1,127 @@
+"""What the border cuts goes on as a circle would (oracles: discs and posts drawn whole, then cut; laws)."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from dlama.geometry.camera import Camera
+from dlama.geometry.holes import dilated
+from dlama.geometry.rgbd import RGBD
+from dlama.geometry.view import HoleType, View
+from dlama.geometry.visibility import Law
+from dlama.inpainters import find_filler
+from dlama.inpainters.filling import Inpainter, inpaint
+from dlama.inpainters.layered.cut_things import Chord, CutThings, cut_things, leafy, solidity
+from dlama.inpainters.layered.depth_first import depth_first
+from dlama.inpainters.layered.filler import layered
+from dlama.perception.planes import SMOOTH
+
+HW, BORDER = (120, 160), 110
+ROWS, COLUMNS = np.indices(HW)
+UNSEEN = BORDER <= COLUMNS
+WALL, THING = 0.1, 0.5
+"""Inverse depths, 1/m."""
+
+
+def cut(thing: np.ndarray, w: np.ndarray | None = None) -> CutThings:
+    """Of a thing (h x w) before a wall, all but for what lies beyond the BORDER known."""
+    w = np.where(thing, THING, WALL).astype(np.float32) if w is None else w
+    label = np.where(thing, SMOOTH, 1).astype(np.int32)
+    return cut_things(w, label, np.full((1, *HW), WALL), UNSEEN, dilated(UNSEEN, 2))
+
+
+@pytest.mark.parametrize("inside", [-10, -6, 0, 8])
+def test_a_disc_goes_on_as_the_circle_that_it_is(inside: int) -> None:
+    """Truth: of a disc of 20 cells, with its middle so many cells before the border, what nobody sees is found."""
+    disc = np.hypot(ROWS - 60, COLUMNS - (BORDER - inside)) <= 20
+    found = cut(disc)
+    beyond, truth = (found.number > 0) & UNSEEN, disc & UNSEEN
+    assert (beyond & truth).sum() > 0.8 * (beyond | truth).sum()
+    assert found.inverse_depth[1:] == pytest.approx([THING]) and (found.number[disc & ~UNSEEN & near(disc)] == 1).all()
+    assert not found.beyond[beyond].any() and found.beyond[60, -1] > 0
+
+
+def near(disc: np.ndarray) -> np.ndarray:
+    """h x w, True up to a chord's length from the border."""
+    return BORDER - np.ptp(np.nonzero(disc & (COLUMNS == BORDER - 1))[0]) < COLUMNS
+
+
+def test_a_post_that_is_cut_across_ends() -> None:
+    """Closed form: a bar of 60 x 5 cells goes on for less than its width."""
+    bar = (np.abs(ROWS - 60) <= 2) & (COLUMNS > BORDER - 60)
+    found = cut(bar)
+    assert not (found.number > 0)[:, BORDER + 5 :].any()
+
+
+def test_what_runs_along_the_border_is_not_cut() -> None:
+    """Law: a strip of 4 cells beside the border may end there; nothing goes on."""
+    strip = (COLUMNS >= BORDER - 4) & (np.abs(ROWS - 60) < 25)
+    assert not cut(strip).number.any()
+
+
+def test_things_at_different_depths_are_two() -> None:
+    """Law: a disc before a farther one: two numbers, two inverse depths, and the nearer one is in front where both go on."""
+    first, second = (np.hypot(ROWS - row, COLUMNS - BORDER) <= 18 for row in (45, 70))
+    w = np.where(first, 0.5, np.where(second, 0.25, WALL)).astype(np.float32)
+    found = cut(first | second, w)
+    assert sorted(found.inverse_depth[1:].tolist()) == pytest.approx([0.25, 0.5])
+    both = first & second & UNSEEN
+    assert both.sum() > 50 and (found.inverse_depth[found.number[both]] == 0.5).mean() > 0.8
+
+
+def test_nothing_goes_on_where_nothing_is_cut() -> None:
+    """Law: a disc inside the picture has no number; `beyond` is the distance from it."""
+    disc = np.hypot(ROWS - 60, COLUMNS - 40) <= 10
+    found = cut(disc)
+    assert not found.number.any() and found.inverse_depth.tolist() == [0]
+    assert found.beyond[60, 60] == pytest.approx(10, abs=0.5)
+    assert (cut(np.zeros(HW, bool)).beyond == 1e3).all()
+
+
+def test_what_nearly_lies_on_a_plane_is_no_thing() -> None:
+    """Law: a sill, 3 % before the wall, is the wall's."""
+    disc = np.hypot(ROWS - 60, COLUMNS - BORDER) <= 20
+    assert not cut(disc, np.where(disc, 1.03 * WALL, WALL).astype(np.float32)).number.any()
+
+
+def test_the_chord_is_where_the_border_runs() -> None:
+    """Closed form: 21 cells of a column lie round their middle; one cell is 1 long."""
+    line = (COLUMNS == 50) & (np.abs(ROWS - 60) <= 10)
+    chord = Chord.of(line)
+    assert (
+        chord.length == pytest.approx(21)
+        and chord.middle.tolist() == [60, 50]
+        and abs(chord.along[0]) == pytest.approx(1)
+    )
+    assert Chord.of((ROWS == 3) & (COLUMNS == 4)).length == 1
+
+
+def test_only_things_full_of_gaps_are_ragged() -> None:
+    """Closed form: a square is solid, every second column of it half of that; the bumps have mean 0 and deviation 1."""
+    square = (np.abs(ROWS - 60) <= 15) & (np.abs(COLUMNS - 60) <= 15)
+    assert solidity(square) == 1
+    assert solidity(square & (COLUMNS % 2 == 1)) == pytest.approx(16 / 31)
+    assert leafy(HW).mean() == pytest.approx(0, abs=0.05) and leafy(HW).std() == pytest.approx(1, abs=1e-3)
+
+
+@pytest.mark.parametrize("filler", [layered, depth_first(find_filler("telea"))], ids=["layered", "telea"])
+def test_a_bush_goes_on_with_its_own_colours_whoever_paints(filler: Inpainter) -> None:
+    """Truth: a dark green bush full of gaps before a bright wall, cut in the middle: out of view it is as near and as green, and
+    beside it the wall goes on."""
+    camera = Camera.from_fov(256, 192, 60)
+    rows, columns = np.indices(camera.hw)
+    rng = np.random.default_rng(0)
+    leaves = np.kron(rng.uniform(2.2, 4.2, (64, 86)), np.ones((3, 3)))[: camera.height, : camera.width]
+    bush = (np.hypot(rows - 80, columns - 176) <= 50) & (leaves < 3.8)
+    depth = np.where(bush, leaves, 8).astype(np.float32)
+    color = np.where(bush[..., None], (30, 90, 20), 210) + rng.normal(0, 6, (*camera.hw, 1))
+    frame = RGBD(np.clip(color, 0, 255).astype(np.uint8), depth, camera)
+    unseen = columns >= 176
+    view = View.from_rgbd(frame).without(unseen, HoleType.OUT_OF_VIEW)
+    done, _ = inpaint(view, filler, Law(()))
+    inner, outer = (np.hypot(rows - 80, columns - 176) <= radius for radius in (35, 70))
+    assert (done.depth[unseen & inner] < 5).mean() > 0.9
+    assert (done.depth[unseen & ~outer] > 7).mean() > 0.9
+    np.testing.assert_allclose(done.color[unseen & inner].mean(0), (30, 90, 20), atol=25)
+    assert done.color[unseen & ~outer].mean() > 150
