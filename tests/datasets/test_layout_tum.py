@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 from dlama.datasets.layouts import open_dataset
-from dlama.datasets.posed.rotations import rotation_of
 from dlama.errors import CameraError, FileError, InputError
 from dlama.files.cameras import write_camera
+from dlama.geometry.rotations import rotation_of
 from posed_folders import AXIS, LENS, TURNS, cameras, check_frames, truth, write_codes16, write_picture
 
 TIMES = [1305031102.175304 + 0.1 * number for number in range(len(TURNS))]

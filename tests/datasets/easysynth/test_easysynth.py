@@ -16,8 +16,8 @@ from dlama.datasets.easysynth.text_files import opencv_pose, read_poses, unreal_
 from dlama.datasets.easysynth.writer import write_scene
 from dlama.datasets.frames import RemovalTruth, StereoTruth, ViewTruth
 from dlama.datasets.posed.posed_frames import PosedFrame
-from dlama.datasets.posed.rotations import quaternion_of, rotation_of
 from dlama.errors import CameraError, DepthError, FileError, InputError, MaskError
+from dlama.geometry.rotations import quaternion_of, rotation_of
 from dlama.geometry.trajectories import dolly, orbit
 from rendered_walls import CAMERA, CLASSES, edit_json, frame
 from worlds import moved, rotation

@@ -14,7 +14,7 @@ import dlama
 from corruptions import POSES, moved
 from dlama.datasets.dataset_diagnosis import diagnose_dataset
 from dlama.datasets.layouts import open_dataset
-from dlama.perception.diagnosis.poses import pose_faults, quaternion, quaternion_reordered
+from dlama.perception.diagnosis.poses import pose_faults, quaternion_reordered
 from dlama.perception.diagnosis.stereo_pair import pair_findings
 from dlama.worlds.layouts.random_scene import build
 from dlama.worlds.world import World
@@ -87,12 +87,12 @@ def test_conventions(name: str, seed: int) -> None:
     assert [each.check for each in pose_faults(moved(hand_held(seed), spoil), "scene")] == [wanted]
 
 
-def test_quaternions_of_rotations() -> None:
-    """Oracle: a quarter turn about z is (0, 0, sin 45, cos 45), and the right order gives the pose back."""
+def test_quaternions_in_another_order() -> None:
+    """Oracle: a quarter turn about z, (0, 0, s, s), is one about x with z put first; in its own order it comes back."""
     pose = np.eye(4)
     pose[:3, :3] = [[0, -1, 0], [1, 0, 0], [0, 0, 1]]
-    found = quaternion(pose[:3, :3])
-    assert np.allclose(found * np.sign(found[3]), (0, 0, 0.5**0.5, 0.5**0.5))
+    turned = quaternion_reordered(pose, (2, 0, 1, 3))
+    assert np.allclose(turned[:3, :3], [[1, 0, 0], [0, 0, -1], [0, 1, 0]])
     assert np.allclose(quaternion_reordered(pose, (0, 1, 2, 3)), pose)
 
 

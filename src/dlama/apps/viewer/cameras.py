@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from dlama.apps.viewer.contents import Contents
-from dlama.datasets.posed.rotations import quaternion_of, rotation_of
 from dlama.geometry.camera import Camera, Float64Array
 from dlama.geometry.cloud import concatenated
+from dlama.geometry.rotations import quaternion_of, rotation_of
 
 SAVED_WIDTH = 1280
 """Pixels of a saved picture."""

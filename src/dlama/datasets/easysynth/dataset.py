@@ -27,11 +27,11 @@ from dlama.datasets.easysynth.listing import (
 )
 from dlama.datasets.frames import Case, Dataset, Gamma, Protocol, Truth
 from dlama.datasets.posed.posed_frames import PosedFrame
-from dlama.datasets.posed.rotations import rotation_deg
 from dlama.datasets.text_tables import check_folder
 from dlama.errors import CameraError, FileError
 from dlama.files.semantic_classes import CLASSES_FILE, RGB, class_color
 from dlama.geometry.camera import Float64Array, inverse_pose
+from dlama.geometry.rotations import rotation_deg
 
 LAYOUT = "easysynth"
 OBJECT_CLASS = "object"

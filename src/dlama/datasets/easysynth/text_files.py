@@ -15,11 +15,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dlama.datasets.posed.rotations import QUATERNION_TOLERANCE, quaternion_of, rotation_of
 from dlama.errors import CameraError, FileError
 from dlama.files.checked_fields import FileFields, json_fields
 from dlama.files.semantic_classes import unreal_text
 from dlama.geometry.camera import Camera, Float64Array
+from dlama.geometry.rotations import QUATERNION_TOLERANCE, quaternion_of, rotation_of
 
 OPENCV_FROM_UNREAL = np.array([[0.0, 1, 0], [0, 0, -1], [1, 0, 0]])
 """x = Y, y = -Z, z = X."""

@@ -14,13 +14,13 @@ from pathlib import Path
 
 import numpy as np
 
-from dlama.datasets.posed.rotations import quaternion_of, rotation_of
 from dlama.datasets.text_tables import pose_at, read_rows
 from dlama.errors import CameraError, FileError
 from dlama.files.atomic_write import new_file
 from dlama.files.checked_fields import Intrinsics
 from dlama.geometry.camera import Camera, Float64Array, inverse_pose
 from dlama.geometry.cloud import PointCloud
+from dlama.geometry.rotations import quaternion_of, rotation_of
 
 MODELS = {0: "SIMPLE_PINHOLE", 1: "PINHOLE", 2: "SIMPLE_RADIAL", 3: "RADIAL", 4: "OPENCV"}
 PARAMETERS = {"SIMPLE_PINHOLE": 3, "PINHOLE": 4, "SIMPLE_RADIAL": 4, "RADIAL": 5, "OPENCV": 8}

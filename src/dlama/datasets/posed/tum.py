@@ -16,11 +16,11 @@ import numpy as np
 
 from dlama.datasets.frames import Dataset
 from dlama.datasets.posed.posed_frames import CameraOption, FrameFiles, Lens, PosedFrame, lens_for, posed_frame
-from dlama.datasets.posed.rotations import QUATERNION_TOLERANCE, rotation_of
 from dlama.datasets.posed.view_pairs import LOG, read_posed
 from dlama.datasets.text_tables import Row, pose_at, read_rows
 from dlama.errors import FileError
 from dlama.geometry.camera import Float64Array
+from dlama.geometry.rotations import QUATERNION_TOLERANCE, rotation_of
 
 LISTINGS = ("rgb.txt", "depth.txt", "groundtruth.txt")
 NEAREST_S = 0.02

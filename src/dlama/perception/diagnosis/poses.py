@@ -17,6 +17,7 @@ from dlama.errors import CameraError
 from dlama.geometry.camera import Camera, Float64Array, inverse_pose
 from dlama.geometry.projection import project, rays
 from dlama.geometry.rgbd import RGBD, Float32Array
+from dlama.geometry.rotations import quaternion_of, rotation_of
 from dlama.perception.diagnosis.finding import Finding, certainty
 
 SAMPLES = 2500
@@ -52,28 +53,10 @@ class Convention(NamedTuple):
 
 def quaternion_reordered(pose: Float64Array, order: tuple[int, int, int, int]) -> Float64Array:
     """The pose whose quaternion has its numbers in another order (x y z w of the one read, at these places)."""
-    x, y, z, w = (quaternion(pose[:3, :3])[place] for place in order)
+    read = quaternion_of(pose[:3, :3])
     out = pose.copy()
-    out[:3, :3] = [
-        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-    ]
+    out[:3, :3] = rotation_of([read[place] for place in order])
     return out
-
-
-def quaternion(rotation: Float64Array) -> Float64Array:
-    """x y z w of a rotation: the eigenvector of Bar-Itzhack's symmetric matrix (2000)."""
-    (a, b, c), (d, e, f), (g, h, i) = rotation
-    matrix = np.array(
-        [
-            [a - e - i, b + d, c + g, h - f],
-            [b + d, e - a - i, f + h, c - g],
-            [c + g, f + h, i - a - e, d - b],
-            [h - f, c - g, d - b, a + e + i],
-        ]
-    )
-    return np.asarray(np.linalg.eigh(matrix)[1][:, -1], np.float64)
 
 
 def _transposed(pose: Float64Array) -> Float64Array:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dlama.datasets.posed.rotations import quaternion_of, rotation_deg, rotation_of
+from dlama.geometry.rotations import quaternion_of, rotation_deg, rotation_of
 
 
 def about(axis: list[float], degrees: float) -> np.ndarray:
@@ -31,3 +31,9 @@ def test_quaternions_there_and_back(degrees: float) -> None:
     assert quaternion[3] >= 0 and np.linalg.norm(quaternion) == pytest.approx(1)
     np.testing.assert_allclose(rotation_of(quaternion), rotation, atol=1e-12)
     np.testing.assert_allclose(rotation_of(3 * quaternion), rotation, atol=1e-12)
+
+
+def test_a_quarter_turn() -> None:
+    """Closed form: about z it is (0, 0, sin 45, cos 45)."""
+    found = quaternion_of(np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]]))
+    np.testing.assert_allclose(found, (0, 0, 0.5**0.5, 0.5**0.5), atol=1e-12)
