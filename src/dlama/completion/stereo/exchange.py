@@ -8,16 +8,16 @@ from __future__ import annotations
 
 import dataclasses
 
-import cv2
 import numpy as np
 
 from dlama.completion.steps import with_errors_of
 from dlama.completion.stereo.pair import MatchedPair
 from dlama.geometry.camera import Float64Array
 from dlama.geometry.fusion import with_layer
+from dlama.geometry.holes import opened, square
 from dlama.geometry.projection import depth_from_inverse
 from dlama.geometry.rendering import Mode, render
-from dlama.geometry.rgbd import BoolArray, UInt8Array
+from dlama.geometry.rgbd import UInt8Array
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import HoleType, Origin, View
 from dlama.geometry.visibility import Law, lawful_depth
@@ -110,9 +110,7 @@ def with_seen_alone(scene: Scene, view: View, law: Law, mode: Mode) -> Scene:
     seen = ~view.hole & ((view.origin == Origin.MEASURED) | (view.origin == Origin.DEPTH_FILLED))
     alone = seen & render(scene, view.camera, mode, types=False, close=False).hole
     alone &= ~law.violations(view.camera, view.depth, alone)
-    kernel = np.ones((NARROWEST, NARROWEST), np.uint8)
-    opened: BoolArray = cv2.morphologyEx(alone.astype(np.uint8), cv2.MORPH_OPEN, kernel) > 0
-    return with_layer(scene, view, opened)
+    return with_layer(scene, view, opened(alone, square(NARROWEST)))
 
 
 def lent_share(view: View, before: View) -> float:

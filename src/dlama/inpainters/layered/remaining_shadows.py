@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from dlama.geometry.holes import nearest_known
+from dlama.geometry.holes import nearest_known, opened, square
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.geometry.view import HoleType, View
 from dlama.perception.shadows.ground import quadratic, robust_fit
@@ -113,12 +113,10 @@ def shadow_on(surface: BoolArray, level: Float32Array, distance: Float32Array, r
         return np.zeros_like(surface)
     dark = lit_surface(level, near | beyond) - level
     core = max(DARKER, CLEARLY * float(np.quantile(dark[beyond], USUAL)))
-    darker = cv2.morphologyEx(
-        (near & (dark > max(FAINTEST, core / 2))).astype(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3))
-    )
-    number = cv2.connectedComponents(darker, connectivity=4)[1]
-    touching = np.unique(number[near & (distance <= 2) & (dark > core)])
-    return np.isin(number, touching[touching > 0])
+    darker = opened(near & (dark > max(FAINTEST, core / 2)), square(3))
+    number = cv2.connectedComponents(darker.astype(np.uint8), connectivity=4)[1]
+    beside = np.unique(number[near & (distance <= 2) & (dark > core)])
+    return np.isin(number, beside[beside > 0])
 
 
 def lit_surface(level: Float32Array, where: BoolArray) -> Float32Array:
