@@ -12,7 +12,7 @@ from dlama.geometry.view import HoleType, View
 from dlama.geometry.visibility import Law
 from dlama.inpainters import find_filler
 from dlama.inpainters.filling import Inpainter, inpaint
-from dlama.inpainters.layered.cut_things import Chord, CutThings, cut_things, leafy, solidity
+from dlama.inpainters.layered.cut_things import Chord, CutThings, cut_things, leafy
 from dlama.inpainters.layered.depth_first import depth_first
 from dlama.inpainters.layered.filler import layered
 from dlama.perception.planes import SMOOTH
@@ -24,6 +24,10 @@ WALL, THING = 0.1, 0.5
 """Inverse depths, 1/m."""
 
 
+GAPS = np.random.default_rng(0).random(HW) < 0.2
+"""Between leaves."""
+
+
 def cut(thing: np.ndarray, w: np.ndarray | None = None) -> CutThings:
     """Of a thing (h x w) before a wall, all but for what lies beyond the BORDER known."""
     w = np.where(thing, THING, WALL).astype(np.float32) if w is None else w
@@ -33,30 +37,31 @@ def cut(thing: np.ndarray, w: np.ndarray | None = None) -> CutThings:
 
 @pytest.mark.parametrize("inside", [-10, -6, 0, 8])
 def test_a_disc_goes_on_as_the_circle_that_it_is(inside: int) -> None:
-    """Truth: of a disc of 20 cells, with its middle so many cells before the border, what nobody sees is found."""
+    """Truth: of a disc of 20 cells full of gaps, its middle so many cells before the border, what nobody sees is found."""
     disc = np.hypot(ROWS - 60, COLUMNS - (BORDER - inside)) <= 20
-    found = cut(disc)
+    found = cut(disc & ~GAPS)
     beyond, truth = (found.number > 0) & UNSEEN, disc & UNSEEN
-    assert (beyond & truth).sum() > 0.8 * (beyond | truth).sum()
-    assert found.inverse_depth[1:] == pytest.approx([THING]) and (found.number[disc & ~UNSEEN & near(disc)] == 1).all()
+    assert (beyond & truth).sum() > 0.65 * (beyond | truth).sum()
+    assert found.inverse_depth[1:] == pytest.approx([THING])
+    assert (found.number[disc & ~GAPS & (COLUMNS >= BORDER - 5) & ~UNSEEN] == 1).all()
     assert not found.beyond[beyond].any() and found.beyond[60, -1] > 0
 
 
-def near(disc: np.ndarray) -> np.ndarray:
-    """h x w, True up to a chord's length from the border."""
-    return BORDER - np.ptp(np.nonzero(disc & (COLUMNS == BORDER - 1))[0]) < COLUMNS
+def test_what_is_solid_ends() -> None:
+    """Law: an eave or a bench, without gaps, has no number."""
+    assert not cut(np.hypot(ROWS - 60, COLUMNS - BORDER) <= 20).number.any()
 
 
 def test_a_post_that_is_cut_across_ends() -> None:
     """Closed form: a bar of 60 x 5 cells goes on for less than its width."""
-    bar = (np.abs(ROWS - 60) <= 2) & (COLUMNS > BORDER - 60)
+    bar = (np.abs(ROWS - 60) <= 2) & (COLUMNS > BORDER - 60) & ~GAPS
     found = cut(bar)
     assert not (found.number > 0)[:, BORDER + 5 :].any()
 
 
 def test_what_runs_along_the_border_is_not_cut() -> None:
     """Law: a strip of 4 cells beside the border may end there; nothing goes on."""
-    strip = (COLUMNS >= BORDER - 4) & (np.abs(ROWS - 60) < 25)
+    strip = (COLUMNS >= BORDER - 4) & (np.abs(ROWS - 60) < 25) & ~GAPS
     assert not cut(strip).number.any()
 
 
@@ -64,7 +69,7 @@ def test_things_at_different_depths_are_two() -> None:
     """Law: a disc before a farther one: two numbers, two inverse depths, and the nearer one is in front where both go on."""
     first, second = (np.hypot(ROWS - row, COLUMNS - BORDER) <= 18 for row in (45, 70))
     w = np.where(first, 0.5, np.where(second, 0.25, WALL)).astype(np.float32)
-    found = cut(first | second, w)
+    found = cut((first | second) & ~GAPS, w)
     assert sorted(found.inverse_depth[1:].tolist()) == pytest.approx([0.25, 0.5])
     both = first & second & UNSEEN
     assert both.sum() > 50 and (found.inverse_depth[found.number[both]] == 0.5).mean() > 0.8
@@ -80,9 +85,13 @@ def test_nothing_goes_on_where_nothing_is_cut() -> None:
 
 
 def test_what_nearly_lies_on_a_plane_is_no_thing() -> None:
-    """Law: a sill, 3 % before the wall, is the wall's."""
-    disc = np.hypot(ROWS - 60, COLUMNS - BORDER) <= 20
-    assert not cut(disc, np.where(disc, 1.03 * WALL, WALL).astype(np.float32)).number.any()
+    """Law: a thing 3 % before the wall round it is the wall's; on a plane that is elsewhere by chance it is one."""
+    disc = (np.hypot(ROWS - 60, COLUMNS - BORDER) <= 20) & ~GAPS
+    w = np.where(disc, 1.03 * WALL, WALL).astype(np.float32)
+    assert not cut(disc, w).number.any()
+    label, elsewhere = np.where(disc, SMOOTH, 1).astype(np.int32), np.stack([np.full(HW, WALL), np.full(HW, THING)])
+    w = np.where(disc, 1.03 * THING, WALL).astype(np.float32)
+    assert cut_things(w, label, elsewhere, UNSEEN, dilated(UNSEEN, 2)).number.any()
 
 
 def test_the_chord_is_where_the_border_runs() -> None:
@@ -97,12 +106,10 @@ def test_the_chord_is_where_the_border_runs() -> None:
     assert Chord.of((ROWS == 3) & (COLUMNS == 4)).length == 1
 
 
-def test_only_things_full_of_gaps_are_ragged() -> None:
-    """Closed form: a square is solid, every second column of it half of that; the bumps have mean 0 and deviation 1."""
-    square = (np.abs(ROWS - 60) <= 15) & (np.abs(COLUMNS - 60) <= 15)
-    assert solidity(square) == 1
-    assert solidity(square & (COLUMNS % 2 == 1)) == pytest.approx(16 / 31)
+def test_bumps_are_even_and_the_same_at_every_call() -> None:
+    """Law: mean 0, standard deviation 1, no chance."""
     assert leafy(HW).mean() == pytest.approx(0, abs=0.05) and leafy(HW).std() == pytest.approx(1, abs=1e-3)
+    np.testing.assert_array_equal(leafy(HW), leafy(HW))
 
 
 @pytest.mark.parametrize("filler", [layered, depth_first(find_filler("telea"))], ids=["layered", "telea"])

@@ -11,7 +11,7 @@ import pytest
 from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.view import HoleType, View
-from dlama.inpainters.layered.hedging import LARGEST_SHARE, REACH, hedged, smooth_guess
+from dlama.inpainters.layered.hedging import LARGEST_SHARE, REACH, SHARE_APART, SHARE_OF_SKY, hedged, smooth_guess
 
 HW = (40, 60)
 DRIFT = 4
@@ -70,7 +70,7 @@ def test_surfaces_keep_their_borders_and_their_contrast() -> None:
     one pixel wide and the stripes as far apart as painted; and both lean on what is known, 200, 100, 50."""
     view = view_of()
     color, label = painted(view), np.ones(HW, np.int32)
-    color[:20, 40:], label[:20] = 230, 0
+    color[:20, 40:], label[:20] = 230, 2
     color[20:, 40:50], color[20:, 50:] = 60, 90
     out = hedged(view, color, view.hole, np.zeros(HW, np.float32), label).astype(int)
     moved = (out - color)[:, 50:]
@@ -80,6 +80,17 @@ def test_surfaces_keep_their_borders_and_their_contrast() -> None:
     assert (out[19, 45:, 0] - out[20, 45:, 0] > 40).all()
     assert (np.abs(out[20:, 50] - out[20:, 49] - 30) <= 8).all()
     assert (moved[:20, :, 2] < -40).all() and (moved[20:, :, 0] > 30).all()
+
+
+def test_the_sky_stays_sky() -> None:
+    """Closed form: far from what is known a surface leans on it as 0.6 to 0.2 of the sky."""
+    view, color, far = view_of(), painted(view_of()), np.zeros(HW, np.float32)
+    sky, wall = (
+        hedged(view, color, view.hole, far, np.full(HW, label, np.int32)).astype(float) - color for label in (0, 1)
+    )
+    there = np.abs(wall[:, 50:]) > 15
+    assert there.any()
+    np.testing.assert_allclose((sky[:, 50:] / wall[:, 50:])[there], SHARE_OF_SKY / SHARE_APART, atol=0.06)
 
 
 def test_what_the_border_cuts_gets_its_own_colours_from_whoever_paints() -> None:

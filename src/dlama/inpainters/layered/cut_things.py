@@ -19,6 +19,10 @@ from dlama.geometry.holes import closed, dilated, nearest_known, square
 from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.perception.planes import SMOOTH
 
+AROUND = 31
+"""Width, in cells, of what counts as round a cell."""
+SURROUNDED = 0.3
+"""Share of that which a plane must hold to surround what lies on none."""
 RELIEF = 0.06
 """Relative inverse depth by which what lies on no plane may stand out of one or back from it and belong to it: a door, a sill."""
 TOGETHER = 6
@@ -31,6 +35,8 @@ ENDS = 4.0
 """Times that a cell outside the circle counts."""
 GAPS = 7
 """Side, in cells, of the square that closes the gaps between leaves."""
+SOLID = 0.85
+"""Share of a thing in what it covers with its gaps closed, above which it is no foliage: an eave, a bench."""
 RAGGED, LEAVES = 0.3, 1.5
 """Share of the radius by which the outline of a thing that is nothing but gaps goes in and out (standard deviation), and cells
 of its bumps (sigma)."""
@@ -90,7 +96,7 @@ def cut_things(
     w, label, hole: h x w inverse depth and label of the known cells; on_planes: K x h x w inverse depth of the planes; beside:
     h x w, cells next to what is out of view.
     """
-    loose = ~hole & (label == SMOOTH) & (w > 0) & (np.abs(on_planes - w) > RELIEF * w).all(0)
+    loose = ~hole & (label == SMOOTH) & (w > 0) & ~relief(w, label, on_planes, hole)
     cut = loose & beside
     number, depths = np.zeros(loose.shape, np.int32), [0.0]
     beyond = nearest_known(loose)[0] if loose.any() else np.full(loose.shape, 1e3, np.float32)
@@ -98,16 +104,29 @@ def cut_things(
         return CutThings(beyond, number, np.zeros(1, np.float32))
     rows, columns = np.indices(loose.shape, np.float32)
     for here, chord in cut_parts(w, loose, cut):
+        whole = closed(here, square(GAPS))
+        solidity = float(here.sum() / whole.sum())
         circle = chord.circle(here)
-        if circle is None:
+        if circle is None or solidity > SOLID:
             continue
         (row, column), radius = circle
-        bumps = RAGGED * (1 - solidity(here)) * leafy(loose.shape)
+        bumps = RAGGED * (1 - solidity) * leafy(loose.shape)
         away = np.hypot(rows - row, columns - column) - radius * (1 + bumps)
         beyond = np.minimum(beyond, ENDS * np.maximum(away, 0)).astype(np.float32)
         depths.append(float(np.median(w[here & cut])))
         number[here | ((away <= 0) & ~loose & (depths[-1] > np.array(depths)[number]))] = len(depths) - 1
     return CutThings(beyond, number, np.array(depths, np.float32))
+
+
+def relief(w: Float32Array, label: NDArray[np.int32], on_planes: NDArray[np.floating], hole: BoolArray) -> BoolArray:
+    """h x w, True where a cell lies nearly on the plane that most known cells round it are on. Arguments as of `cut_things`."""
+    known = cv2.boxFilter((~hole).astype(np.float32), -1, (AROUND, AROUND), normalize=False)
+    out = np.zeros(hole.shape, np.bool_)
+    for number, value in enumerate(on_planes, start=1):
+        there = ~hole & (label == number)
+        count = cv2.boxFilter(there.astype(np.float32), -1, (AROUND, AROUND), normalize=False)
+        out |= (np.abs(value - w) < RELIEF * w) & (count > SURROUNDED * known)
+    return out
 
 
 def cut_parts(w: Float32Array, loose: BoolArray, cut: BoolArray) -> Iterator[tuple[BoolArray, Chord]]:
@@ -122,11 +141,6 @@ def cut_parts(w: Float32Array, loose: BoolArray, cut: BoolArray) -> Iterator[tup
             left &= ~here
             chord = Chord.of(here & cut)
             yield here & (nearest_known(here & cut)[0] <= chord.length), chord
-
-
-def solidity(thing: BoolArray) -> float:
-    """Share of a thing (h x w) of what it covers with its gaps closed."""
-    return float(thing.sum() / max(1, closed(thing, square(GAPS)).sum()))
 
 
 def leafy(hw: tuple[int, ...]) -> Float32Array:

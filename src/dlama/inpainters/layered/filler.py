@@ -22,7 +22,7 @@ def layered(view: View, law: Law, seed: int = 0) -> Fill:
     surfaces, depth, moved = surfaces_behind(view, law, seed)
     color = painted(view, surfaces, depth, law, seed)
     w = np.where(view.hole, inverse_depth(depth), surfaces.inverse_depth)
-    color = hedged(view, color, view.color_hole, w, surfaces.parts)
+    color = hedged(view, color, view.color_hole & (surfaces.things == 0), w, surfaces.parts)
     if law.misplaced_edges:  # where surfaces end is a guess upon a guess
         color = softened(color, view.color_hole, view.hole_type == HoleType.OUT_OF_VIEW, surfaces.label)
     return Fill(color, depth, moved, {"planes": len(surfaces.planes)})

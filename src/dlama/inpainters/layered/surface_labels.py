@@ -17,7 +17,7 @@ from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.geometry.view import HoleType, View
 from dlama.geometry.visibility import Law
-from dlama.inpainters.layered.cut_things import RELIEF, CutThings, cut_things
+from dlama.inpainters.layered.cut_things import AROUND, RELIEF, SURROUNDED, CutThings, cut_things
 from dlama.inpainters.layered.distances import (
     angle_to_far,
     colors_of_cells,
@@ -51,10 +51,6 @@ REACH = 0.05
 """Share of the picture's longer side at which a surface last seen that much farther off costs one full jump."""
 STREAKS = 0.2
 """Width of those surroundings (sigma) over the distance from the rim."""
-AROUND = 31
-"""Width, in cells, of what counts as round a cell."""
-SURROUNDED = 0.3
-"""Share of that which a plane must hold to surround what lies on none."""
 LEEWAY = 1.03
 """Relative depth by which a plane may break the visibility law and still be a candidate."""
 HIDDEN_COST = 2.0
