@@ -7,7 +7,7 @@ import pytest
 
 from dlama.errors import ShapeError
 from dlama.geometry.camera import Camera
-from dlama.inpainters.layered.texture_grid import TextureGrid
+from dlama.inpainters.layered.texture_grid import UNTRUSTED, TextureGrid, trusted_labels
 from dlama.inpainters.layered.texture_synthesis import GREY, SKY_COLOR, hole_regions, synthesize
 
 
@@ -197,3 +197,16 @@ def test_arrays_of_another_picture_are_refused():
         synthesize(color, hole, w, label[:, :8], camera)
     with pytest.raises(ShapeError, match="uint8 and bool"):
         synthesize(color, hole.astype(np.uint8), w, label, camera)
+
+
+def test_leaves_may_be_copied_though_none_is_far_from_its_rim() -> None:
+    """Law: of leaves 3 px wide with cracks between them nothing is 2 px from a hole, so they are trusted nearer to it; of a broad
+    surface the margin stays."""
+    rows, columns = np.indices((96, 128))
+    bush = (rows < 60) & (columns >= 50)
+    leaves = bush & (rows % 8 < 3) & (columns % 8 < 3)
+    hole = (bush & ~leaves) | ((columns < 8) & (rows > 70))
+    label = np.where(bush, 2, 1).astype(np.int32)
+    trusted = trusted_labels(hole, np.where(bush, 0.5, 0.1).astype(np.float32), label)
+    assert (trusted[leaves] == 2).all()
+    assert (trusted[74:90, 20:40] == 1).all() and (trusted[74:, 8:10] == UNTRUSTED).all()

@@ -14,8 +14,9 @@ from dlama.inpainters.layered.kernels.cells import shrink, trusted_sources
 Int32Array = NDArray[np.int32]
 UNTRUSTED = -2
 """Label of what must not be copied: holes, and pixels beside a nearer surface, whose colour may be mixed."""
-FEW = 100
-"""Pixels of a surface up to which it is trusted nearer to what may be mixed into it: leaves have no other."""
+FEW, SHARE_LEFT = 100, 0.25
+"""Pixels and share of a surface up to which what is left of it is too little, and more of it is trusted, nearer to what may be
+mixed into it: leaves have no other."""
 WORK_SIZE = 256
 """Longer side, in cells, of the grid on which texture is compared."""
 
@@ -110,19 +111,20 @@ class HoleRegion:
 def trusted_labels(hole: BoolArray, inverse_depth: Float32Array, label: Int32Array) -> Int32Array:
     """H x W: the label of every pixel that may be copied, UNTRUSTED elsewhere.
 
-    Two pixels' distance from holes and nearer surfaces are wanted, of surfaces that then have FEW pixels left less.
+    Two pixels' distance from holes and nearer surfaces are wanted; less where that leaves too little (FEW, SHARE_LEFT).
     """
     trusted = np.where(trusted_sources(hole, inverse_depth, label, 2), label, UNTRUSTED).astype(np.int32)
-    wanted, found = labels_in(label[hole]), labels_in(trusted, FEW)
+    wanted = labels_in(label[hole])
+    known = np.bincount(label[~hole] - UNTRUSTED, minlength=label.max() - UNTRUSTED + 1)
     for reach in (1, 0):
-        missing = np.setdiff1d(wanted, found)
+        left = np.bincount(trusted.ravel() - UNTRUSTED, minlength=len(known))
+        missing = np.setdiff1d(wanted, np.flatnonzero(left > np.maximum(FEW, SHARE_LEFT * known)) + UNTRUSTED)
         if len(missing):
             near = np.isin(label, missing) & trusted_sources(hole, inverse_depth, label, reach)
             trusted[near] = label[near]
-            found = labels_in(trusted, FEW)
     return trusted
 
 
-def labels_in(label: Int32Array, least: int = 1) -> NDArray[np.int64]:
-    """The labels (>= UNTRUSTED) that at least so many pixels have, in order."""
-    return np.flatnonzero(np.bincount(label.ravel() - UNTRUSTED) >= least) + UNTRUSTED
+def labels_in(label: Int32Array) -> NDArray[np.int64]:
+    """The labels (>= UNTRUSTED) that occur, in order."""
+    return np.flatnonzero(np.bincount(label.ravel() - UNTRUSTED)) + UNTRUSTED
