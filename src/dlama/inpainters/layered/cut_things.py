@@ -1,6 +1,6 @@
-"""Cut things: cells without a plane that the border cuts in; where such things go on out of view, taken for round, out.
+"""Cut things: known cells in; where foliage that the border cuts goes on out of view, taken for round, out.
 
-A tree or a person that the border of the picture cuts goes on beyond it. How far, the cut says: a chord of length L that parts an
+A tree or a bush that the border of the picture cuts goes on beyond it. How far, the cut says: a chord of length L that parts an
 area A from a circle says its radius R and the angle t at its middle, A / L^2 = (t - sin t cos t) / (4 sin^2 t) and L = 2 R sin t,
 and the circle goes on for R (1 + cos t). A post that is cut across ends, a crown of which a narrow strip is seen goes on; it is
 believed up to L.
@@ -19,12 +19,11 @@ from dlama.geometry.holes import closed, dilated, nearest_known, square
 from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.perception.planes import SMOOTH
 
-AROUND = 31
-"""Width, in cells, of what counts as round a cell."""
-SURROUNDED = 0.3
-"""Share of that which a plane must hold to surround what lies on none."""
-RELIEF = 0.06
-"""Relative inverse depth by which what lies on no plane may stand out of one or back from it and belong to it: a door, a sill."""
+REACHES = 0.3
+"""Square roots of its visible area by which whatever has no plane goes on out of view."""
+STEP, AROUND, DENSE = 1.03, 15, 0.08
+"""Foliage is where, of the pairs of neighbours in a window of AROUND cells, a share of DENSE or more are this ratio of depths
+apart. A window across one straight outline has 0.03."""
 TOGETHER = 6
 """Cells round each cell of a cut within which the next one belongs to it: between leaves and twigs."""
 ONE_THING = 1.6
@@ -35,8 +34,6 @@ ENDS = 4.0
 """Times that a cell outside the circle counts."""
 GAPS = 7
 """Side, in cells, of the square that closes the gaps between leaves."""
-SOLID = 0.85
-"""Share of a thing in what it covers with its gaps closed, above which it is no foliage: an eave, a bench."""
 RAGGED, LEAVES = 0.3, 1.5
 """Share of the radius by which the outline of a thing that is nothing but gaps goes in and out (standard deviation), and cells
 of its bumps (sigma)."""
@@ -88,26 +85,24 @@ class Chord(NamedTuple):
         return self.middle - np.sign(heights.mean()) * radius * np.cos(angle) * outwards, float(radius)
 
 
-def cut_things(
-    w: Float32Array, label: NDArray[np.int32], on_planes: NDArray[np.floating], hole: BoolArray, beside: BoolArray
-) -> CutThings:
+def cut_things(w: Float32Array, label: NDArray[np.int32], hole: BoolArray, beside: BoolArray) -> CutThings:
     """Where they go on.
 
-    w, label, hole: h x w inverse depth and label of the known cells; on_planes: K x h x w inverse depth of the planes; beside:
-    h x w, cells next to what is out of view.
+    w, label, hole: h x w inverse depth and label of the known cells; beside: h x w, cells next to what is out of view.
     """
-    loose = ~hole & (label == SMOOTH) & (w > 0) & ~relief(w, label, on_planes, hole)
-    cut = loose & beside
+    loose = ~hole & (label == SMOOTH)
+    leaves = loose & foliage(w, ~hole & (w > 0))
+    cut = leaves & beside
     number, depths = np.zeros(loose.shape, np.int32), [0.0]
-    beyond = nearest_known(loose)[0] if loose.any() else np.full(loose.shape, 1e3, np.float32)
+    beyond = distance_to_loose(loose)
     if not cut.any():
         return CutThings(beyond, number, np.zeros(1, np.float32))
     rows, columns = np.indices(loose.shape, np.float32)
-    for here, chord in cut_parts(w, loose, cut):
+    for here, chord in cut_parts(w, leaves, cut):
         whole = closed(here, square(GAPS))
         solidity = float(here.sum() / whole.sum())
         circle = chord.circle(here)
-        if circle is None or solidity > SOLID:
+        if circle is None:
             continue
         (row, column), radius = circle
         bumps = RAGGED * (1 - solidity) * leafy(loose.shape)
@@ -118,21 +113,32 @@ def cut_things(
     return CutThings(beyond, number, np.array(depths, np.float32))
 
 
-def relief(w: Float32Array, label: NDArray[np.int32], on_planes: NDArray[np.floating], hole: BoolArray) -> BoolArray:
-    """h x w, True where a cell lies nearly on the plane that most known cells round it are on. Arguments as of `cut_things`."""
-    known = cv2.boxFilter((~hole).astype(np.float32), -1, (AROUND, AROUND), normalize=False)
-    out = np.zeros(hole.shape, np.bool_)
-    for number, value in enumerate(on_planes, start=1):
-        there = ~hole & (label == number)
-        count = cv2.boxFilter(there.astype(np.float32), -1, (AROUND, AROUND), normalize=False)
-        out |= (np.abs(value - w) < RELIEF * w) & (count > SURROUNDED * known)
-    return out
+def distance_to_loose(loose: BoolArray) -> Float32Array:
+    """h x w cells to the nearest of `loose` (h x w), less what each thing goes on for (REACHES); 1000 if none is."""
+    if not loose.any():
+        return np.full(loose.shape, 1e3, np.float32)
+    thing, area = cv2.connectedComponentsWithStats(loose.astype(np.uint8), connectivity=8)[1:3]
+    distance, nearest = nearest_known(loose)
+    reach = REACHES * np.sqrt(area[thing.ravel()[nearest], cv2.CC_STAT_AREA])
+    return np.maximum(distance - reach, 0).astype(np.float32)
 
 
-def cut_parts(w: Float32Array, loose: BoolArray, cut: BoolArray) -> Iterator[tuple[BoolArray, Chord]]:
+def foliage(w: Float32Array, known: BoolArray) -> BoolArray:
+    """h x w, True where depth has steps everywhere. w: h x w inverse depth of the `known` cells (h x w)."""
+    steps, pairs = np.zeros((2, *w.shape), np.float32)
+    depth = np.log(np.where(known, w, 1))
+    for ahead, behind in (((slice(1, None),), (slice(-1),)), ((slice(None), slice(1, None)), (slice(None), slice(-1)))):
+        both = known[ahead] & known[behind]
+        pairs[behind] += both
+        steps[behind] += both & (np.abs(depth[ahead] - depth[behind]) > np.log(STEP))
+    steps, pairs = (cv2.boxFilter(each, -1, (AROUND, AROUND), normalize=False) for each in (steps, pairs))
+    return np.asarray(steps >= DENSE * np.maximum(pairs, 1))
+
+
+def cut_parts(w: Float32Array, leaves: BoolArray, cut: BoolArray) -> Iterator[tuple[BoolArray, Chord]]:
     """Each thing that is cut: h x w, its known cells as far from the chord as that is long; its chord. Arguments: h x w."""
     part = cv2.connectedComponents(dilated(cut, TOGETHER).astype(np.uint8), connectivity=8)[1]
-    own = np.where(loose, part.ravel()[nearest_known(cut)[1]], 0)
+    own = np.where(leaves, part.ravel()[nearest_known(cut)[1]], 0)
     for number in np.unique(part[cut]):
         left = own == number
         while (left & cut).any():

@@ -17,7 +17,7 @@ from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.geometry.view import HoleType, View
 from dlama.geometry.visibility import Law
-from dlama.inpainters.layered.cut_things import AROUND, RELIEF, SURROUNDED, CutThings, cut_things
+from dlama.inpainters.layered.cut_things import CutThings, cut_things
 from dlama.inpainters.layered.distances import (
     angle_to_far,
     colors_of_cells,
@@ -51,6 +51,12 @@ REACH = 0.05
 """Share of the picture's longer side at which a surface last seen that much farther off costs one full jump."""
 STREAKS = 0.2
 """Width of those surroundings (sigma) over the distance from the rim."""
+AROUND = 31
+"""Width, in cells, of what counts as round a cell."""
+SURROUNDED = 0.3
+"""Share of that which a plane must hold to surround what lies on none."""
+RELIEF = 0.06
+"""Relative inverse depth by which that may stand out of the plane or back from it, and belong to it: a door, a sill."""
 LEEWAY = 1.03
 """Relative depth by which a plane may break the visibility law and still be a candidate."""
 HIDDEN_COST = 2.0
@@ -114,7 +120,7 @@ class CoarseView:
         in_view = hole & cells_with_holes(view.hole & (view.hole_type != HoleType.OUT_OF_VIEW), camera.wh)
         unseen = hole & ~in_view
         on_planes = plane_values(planes, camera.hw, step)
-        things = cut_things(w[pick], label[pick], on_planes, hole, next_to(unseen))
+        things = cut_things(w[pick], label[pick], hole, next_to(unseen))
         smooth = np.where(in_view, smooth, without_streaks(smooth, unseen))
         smooth = np.where(unseen & (things.number > 0), things.inverse_depth[things.number], smooth)
         candidates = np.concatenate([smooth[None], np.zeros_like(smooth)[None], on_planes])
