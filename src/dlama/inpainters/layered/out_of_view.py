@@ -32,6 +32,9 @@ GOES_ACROSS = 1.0
 """The same across them, where nothing is seen along: an eave is seen narrow."""
 MOST_HIDDEN = 3.0
 """Largest cost of what such a plane hides: log(1 + T / t)."""
+BETWEEN = 0.5
+"""How far what is seen both ways counts as near. At 1 dis-occlusions of s06 err 5 % less, of s08 34 % more, for a thing's own far
+side may be there (0.5: -2 and 0 %; ten worlds: street -3 %, depth of rooms -7 %)."""
 PAST = 2.0
 """Cost of a plane where its line looks past it, and where no line meets it."""
 FLOATING = 41
@@ -66,8 +69,8 @@ def seen_going_on(
     cells = cells_of_planes(label, hole, len(planes))
     along, across = vanishing_points(planes, camera, cells)
     away = np.asarray(cv2.distanceTransform(hole.astype(np.uint8), cv2.DIST_L2, 5), np.float32)
-    first, length = seen_on_lines(planes, along, w, label, hole, away, unseen, STRIDE)
-    other_first, other_length = seen_on_lines(planes, across, w, label, hole, away, unseen, STRIDE_ACROSS)
+    first, length, _ = seen_on_lines(planes, along, w, label, hole, away, unseen, STRIDE)
+    other_first, other_length, _ = seen_on_lines(planes, across, w, label, hole, away, unseen, STRIDE_ACROSS)
     few = candidates[:, ::STRIDE, ::STRIDE], unseen[::STRIDE, ::STRIDE]
     few_on, few_cost = np.zeros_like(few[0]), np.zeros_like(few[0])
     hidden = np.zeros_like(few[0])
@@ -88,6 +91,28 @@ def seen_going_on(
         for out, values in ((on, a), (cost, b)):
             out[number] = spread_over(values, few[1], hole.shape) * unseen
     return on, cost
+
+
+def seen_both_ways(
+    camera: Camera,
+    candidates: Float32Array,
+    hole: BoolArray,
+    hidden: BoolArray,
+    w: Float32Array,
+    label: NDArray[np.int32],
+    followed: BoolArray,
+) -> Float32Array:
+    """L x h x w, BETWEEN in `hidden` cells (h x w, of the hole, in view) where a plane is seen along its horizontals both ways:
+    it goes on between; 0 elsewhere. The rest as of `seen_going_on`."""
+    on = np.zeros(candidates.shape, np.float32)
+    if not hidden.any() or not followed.any():
+        return on
+    planes = plane_coefficients(candidates[2:])
+    along, _ = vanishing_points(planes, camera, cells_of_planes(label, hole, len(planes)))
+    away = np.asarray(cv2.distanceTransform(hole.astype(np.uint8), cv2.DIST_L2, 5), np.float32)
+    both = seen_on_lines(planes, along, w, label, hole, away, hidden, 1)[2]
+    on[2:] = BETWEEN * (both & followed[:, None, None])
+    return on
 
 
 def ending_cost(

@@ -33,6 +33,7 @@ from dlama.inpainters.layered.out_of_view import (
     cells_of_planes,
     ending_cost,
     next_to,
+    seen_both_ways,
     seen_going_on,
 )
 from dlama.perception.planes import SMOOTH, plane_values
@@ -140,6 +141,8 @@ class CoarseView:
         penalty[1:] += HIDDEN_COST * (on[0] * (self.candidates[1:] < self.candidates[0]))
         penalty[0] += SMOOTH_PENALTY
         penalty[1:] += ORDER_COST * self.out_of_order()
+        hidden = self.hole_in_view & ~self.colored
+        on += seen_both_ways(self.camera, self.candidates, self.hole, hidden, self.inverse_depth, self.label, followed)
         distance = self.distance_to_known(law)
         distance += on * (distance.min(0) - distance)  # what is seen on its line is as near as anything
         unary = surface_kernels.unary_costs(

@@ -89,6 +89,7 @@ def line_rows(
     stride: Whole,
     first: Float32Array,
     length: Float32Array,
+    both: BoolArray,
 ) -> None:
     """Rows of `seen_on_lines`."""
     for row in range(begin, end):
@@ -104,12 +105,15 @@ def line_rows(
                 if size < 1e-9:
                     continue
                 dc, dr = dc / size, dr / size
+                ways = 0
                 for _way in range(2):
                     found, cells = along_line(planes[k], k + 1, w, label, hole, away, y, x, dr, dc)
+                    ways += cells > 0
                     if found > 0 and (first[k, row, column] < 0 or found < first[k, row, column]):
                         first[k, row, column] = found
                         length[k, row, column] = cells
                     dc, dr = -dc, -dr
+                both[k, row, column] = ways == 2
 
 
 def seen_on_lines(
@@ -121,15 +125,16 @@ def seen_on_lines(
     away: Float32Array,
     asking: BoolArray,
     stride: int,
-) -> tuple[Float32Array, Float32Array]:
+) -> tuple[Float32Array, Float32Array, BoolArray]:
     """K x h' x w': cells from each asking cell to where a plane is seen on its line, and over how many cells it is seen there.
 
     planes: K x 3, w = a x + b y + c over cells (first cell: x = y = 0); towards: K x 3, homogeneous vanishing point of each one's
     lines; w, label: h x w inverse depth and label of the known cells; hole, asking: h x w; away: h x w, cells to what is known.
     Every stride-th row and column is asked. -1: nothing on the line says; length 0: the line looks behind the plane.
+    The third: True where it is seen both ways.
     """
     height, width = (-(-size // stride) for size in hole.shape)
     first = np.full((len(planes), height, width), -1, np.float32)
-    length = np.zeros_like(first)
-    in_bands(line_rows, height, planes, towards, w, label, hole, away, asking, stride, first, length, band=8)
-    return first, length
+    length, both = np.zeros_like(first), np.zeros(first.shape, np.bool_)
+    in_bands(line_rows, height, planes, towards, w, label, hole, away, asking, stride, first, length, both, band=8)
+    return first, length, both
