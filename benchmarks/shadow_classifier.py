@@ -1,11 +1,13 @@
 """The classifiers that find a thing's shadow: crops of procedural worlds to fit them on, and the file that ships.
 
-    python benchmarks/shadow_classifier.py crops FOLDER [--photos ../shared/photos] [--count 600] [--held-out 60]
+    python benchmarks/shadow_classifier.py crops FOLDER [--photos ../shared/photos] [--count 1200] [--held-out 160]
+    python benchmarks/shadow_network.py FOLDER [-o src/dlama/assets/shadow/shadow.onnx]
     python benchmarks/shadow_classifier.py train FOLDER [-o src/dlama/assets/shadow/shadow.npz]
 
 A thrown shape is right where more than half of it lies in the true shadow. Pixels are learnt on right shapes alone, and on parts
-of the true shadow moved by a few pixels. What a shape leads to is right where its F-score is GOOD or more; the verdict is fitted
-on answers of classifiers that never saw the crop (two folds). `train` prints rates on the held-out crops.
+of the true shadow moved by a few pixels. What a shape leads to, or the network marks, is right where its F-score is GOOD or more;
+the verdict is fitted on each fifth crop, which neither the network nor the other classifiers have seen. `train` prints rates on
+the held-out crops.
 """
 
 from __future__ import annotations
@@ -22,8 +24,10 @@ from torch import nn
 from torch.nn.functional import binary_cross_entropy_with_logits
 
 from dlama.geometry.holes import touching
+from dlama.models.network_file import NetworkFile
 from dlama.perception.shadows.classifier import CLIP, PARTS, SHADOW, Classifier, Likely, likely_shadows
 from dlama.perception.shadows.features import candidate_features, color_shares, insides, pixel_features
+from dlama.perception.shadows.network import NETWORK
 from dlama.training.data.shadow_crops import write_shadow_crops
 
 TRAIN_SEED, HELD_OUT_SEED = 50_000, 90_000
@@ -32,6 +36,7 @@ FEWEST_PX, GOOD = 25, 0.5
 PIXELS, BATCH, STEPS, RATE, NOISE, DECAY = 800, 4096, 900, 4e-3, 0.08, 2e-2
 HIDDEN = 32, 16
 RIDGE, NEWTON_STEPS = 3.0, 30
+FIFTH = 5
 
 Crop = tuple[np.ndarray, np.ndarray]
 """Planes, and the share of each pixel that is shadow (-1: does not count)."""
@@ -155,29 +160,24 @@ def good(likely: Likely, target: np.ndarray) -> bool:
     return bool((target > 0.5).sum() >= FEWEST_PX and 2 * recall * precision > GOOD * (recall + precision))
 
 
-def fitted(crops: Sequence[Crop], seed: int) -> dict[str, Classifier]:
-    """All PARTS: the verdict on what classifiers of the other half of the crops say."""
-    features, right = [], []
-    for half in (0, 1):
-        others, own = crops[1 - half :: 2], crops[half::2]
-        parts = {"candidate": fit_candidates(others)}
-        parts["pixel"] = fit_pixels(others, parts["candidate"], seed)
-        for planes, target in own:
-            for likely in likely_shadows(planes, parts):
-                features.append(likely.features)
-                right.append(good(likely, target))
-    candidates = fit_candidates(crops)
-    verdict = logistic(np.array(features), np.array(right, np.float64))
-    print(f"verdict: {len(right)} shapes followed, {np.mean(right):.2f} right")
-    return {"candidate": candidates, "pixel": fit_pixels(crops, candidates, seed), "verdict": verdict}
+def fitted(crops: Sequence[Crop], network: NetworkFile, seed: int) -> dict[str, Classifier]:
+    """All PARTS: the verdict on each fifth crop, which neither the network nor the other parts have seen."""
+    others, own = [crop for number, crop in enumerate(crops) if number % FIFTH], crops[::FIFTH]
+    parts = {"candidate": fit_candidates(others)}
+    parts["pixel"] = fit_pixels(others, parts["candidate"], seed)
+    found = [(likely, target) for planes, target in own for likely in likely_shadows(planes, parts, network)]
+    right = np.array([good(likely, target) for likely, target in found], np.float64)
+    print(f"verdict: {len(right)} answers, {right.mean():.2f} right", flush=True)
+    parts["verdict"] = logistic(np.array([likely.features for likely, _ in found]), right)
+    return parts
 
 
-def report(crops: Sequence[Crop], parts: dict[str, Classifier]) -> None:
+def report(crops: Sequence[Crop], parts: dict[str, Classifier], network: NetworkFile) -> None:
     """Of held-out crops: recall and precision where there is a shadow, and what is found where there is none."""
     rows = []
     for planes, target in crops:
         best, sure = None, 0.0
-        for likely in likely_shadows(planes, parts):
+        for likely in likely_shadows(planes, parts, network):
             said = float(parts["verdict"](likely.features[None])[0])
             best, sure = (likely, said) if said > sure else (best, sure)
         true = (target > 0.5).sum() >= FEWEST_PX
@@ -205,9 +205,10 @@ def main() -> None:
     parser.add_argument("what", choices=("crops", "train"))
     parser.add_argument("folder", type=Path)
     parser.add_argument("--photos", type=Path)
-    parser.add_argument("--count", type=int, default=600)
-    parser.add_argument("--held-out", type=int, default=60)
+    parser.add_argument("--count", type=int, default=1200)
+    parser.add_argument("--held-out", type=int, default=160)
     parser.add_argument("-o", "--output", type=Path, default=Path("shadow.npz"))
+    parser.add_argument("--network", type=Path, default=NETWORK)
     parser.add_argument("--seed", type=int, default=0)
     given = parser.parse_args()
     if given.what == "crops":
@@ -216,9 +217,10 @@ def main() -> None:
         return
     torch.set_num_threads(1)
     crops = loaded(given.folder / "train")
-    parts = fitted(crops, given.seed)
+    network = NetworkFile(given.network, "cpu", threads=1)
+    parts = fitted(crops, network, given.seed)
     print(f"{len(crops)} crops, {sum(float((t > 0.5).sum() >= FEWEST_PX) for _, t in crops):.0f} with a shadow")
-    report(loaded(given.folder / "held_out"), parts)
+    report(loaded(given.folder / "held_out"), parts, network)
     save(parts, given.output)
 
 

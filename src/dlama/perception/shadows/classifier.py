@@ -1,7 +1,8 @@
 """Planes of a crop round a thing in; the probability that each pixel lies in its shadow out, or none where nothing is certain.
 
-Three small classifiers that ship (`assets/shadow`, made by `benchmarks/shadow_classifier.py`): which thrown shape is right, which
-pixels belong to the shadow that was thrown there, and whether what comes out is a shadow at all.
+Four parts that ship (`assets/shadow`): the network that marks pixels (`network`), and three small classifiers, made by
+`benchmarks/shadow_classifier.py`: which thrown shape is right, which pixels belong to the shadow that was thrown there, and
+whether what comes out of either is a shadow at all.
 """
 
 from __future__ import annotations
@@ -13,10 +14,12 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from dlama.geometry.holes import touching
+from dlama.geometry.holes import dilated, touching
 from dlama.geometry.rgbd import BoolArray, Float32Array
+from dlama.models.network_file import NetworkFile
 from dlama.models.perceptron import Perceptron, read_arrays
 from dlama.perception.shadows.features import FEWEST_PX, candidate_features, color_shares, insides, pixel_features
+from dlama.perception.shadows.network import network_probability
 
 MODEL = Path(__file__).parents[2] / "assets" / "shadow" / "shadow.npz"
 CLIP = 5.0
@@ -25,10 +28,12 @@ TRIED = 2
 """Thrown shapes that are followed, the likeliest first,"""
 LIKELY = 0.04
 """of those at least so probable."""
-CERTAIN = 0.4
+CERTAIN = 0.35
 """Least probability that what is found is the thing's shadow."""
 SHADOW = 0.5
 """Least probability of a pixel."""
+SMALLEST_MARKED = 25
+"""Fewer pixels that the network marks are nothing."""
 
 
 class Classifier(Perceptron):
@@ -54,20 +59,24 @@ def classifiers(path: Path = MODEL) -> dict[str, Classifier]:
 
 @dataclass(frozen=True, eq=False)
 class Likely:
-    """What a thrown shape leads to."""
+    """What a thrown shape leads to, or what the network marks."""
 
     shape: BoolArray
-    """h x w: where it was thrown."""
+    """h x w: where it was thrown, or is marked."""
     probability: Float32Array
-    """h x w: of each pixel of the surface."""
+    """h x w: of each pixel of the surface, by the network, and where a shape was thrown the mean of it and the perceptron."""
     features: Float32Array
-    """What speaks for it in the end: `verdict_features`."""
+    """What speaks for it in the end: `verdict_features`, `agreement`, and whether the network marks it."""
 
 
-def likely_shadows(planes: Float32Array, parts: dict[str, Classifier]) -> list[Likely]:
-    """The likeliest shapes followed to where their shadow ends."""
-    shapes, shares = insides(planes), color_shares(planes)
-    features = candidate_features(planes, shapes, shares)
+def likely_shadows(planes: Float32Array, parts: dict[str, Classifier], file: NetworkFile | None = None) -> list[Likely]:
+    """The likeliest shapes followed to where their shadow ends, and what the network (`file`, or the one that ships) marks."""
+    shares = color_shares(planes)
+    marked = network_probability(planes, shares, file)
+    region, surface = marked > SHADOW, planes[4] > 0.5
+    shapes = insides(planes)
+    every = candidate_features(planes, [*shapes, region], shares)
+    features, own = every[:-1], every[-1]
     there = np.isfinite(features).all(1)
     sure = np.where(there, parts["candidate"](np.nan_to_num(features)), 0)
     out = []
@@ -78,8 +87,23 @@ def likely_shadows(planes: Float32Array, parts: dict[str, Classifier]) -> list[L
         said = np.zeros(where.shape, np.float32)
         said[where] = parts["pixel"](rows)
         last = verdict_features(planes, shapes[number], said, float(sure[number]), features[number], sure)
-        out.append(Likely(shapes[number], said, last))
+        last = np.r_[last, agreement(marked, said > SHADOW, surface), 0]
+        out.append(Likely(shapes[number], np.asarray((said + marked) / 2, np.float32), last))
+    if region.sum() >= SMALLEST_MARKED:
+        certain = float(parts["candidate"](own[None])[0])
+        last = verdict_features(planes, region, marked, certain, own, sure)
+        out.append(Likely(region, marked, np.r_[last, agreement(marked, region, surface), 1]))
     return out
+
+
+def agreement(marked: Float32Array, region: BoolArray, where: BoolArray) -> Float32Array:
+    """What the network's probabilities (h x w) say of a region on the surface: their means in it, round it and where they are
+    high, the intersection of both over their union, and how much the network marks in all."""
+    ring = dilated(region, 6) & ~dilated(region, 1) & where
+    high = marked > SHADOW
+    both = float((high & region).sum()) / max(float((high | region).sum()), 1.0)
+    means = [float(marked[each].mean()) if each.any() else 0.0 for each in (region, ring, high)]
+    return np.array([*means, both, np.log1p(float(high.sum()))], np.float32)
 
 
 def verdict_features(
@@ -120,7 +144,7 @@ def verdict_features(
 
 
 def shadow_probability(planes: Float32Array, path: Path = MODEL) -> tuple[Float32Array, BoolArray] | None:
-    """h x w: probability of each pixel, and where the shape was thrown; None where no shape leads to a certain shadow."""
+    """h x w: probability of each pixel, and where the shape was thrown; None where nothing leads to a certain shadow."""
     parts = classifiers(path)
     found = likely_shadows(planes, parts)
     if not found:

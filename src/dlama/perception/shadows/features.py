@@ -53,11 +53,12 @@ def round_foot(planes: Float32Array) -> BoolArray:
 
 
 def candidate_features(planes: Float32Array, shapes: list[BoolArray], shares: ColorShares) -> Float32Array:
-    """K x features of the K thrown shapes; rows of nan where there is none. shapes: `insides`, shares: `color_shares`."""
+    """K x features of the K thrown shapes; rows of nan where there is none. shapes: `insides`, and
+    maybe a region more; shares: `color_shares`."""
     where, thing, dark = planes[4] > 0.5, planes[3] > 0.5, planes[9]
     apart = cv2.distanceTransform((~thing).astype(np.uint8), cv2.DIST_L2, 5)
     common, raised = (plane_of(each, where) for each in (shares[0], np.max(shares[1], 0)))
-    sure = [*(float(plane.max()) for plane in planes[10:]), 0.0]
+    sure = [*(float(plane.max()) for plane in planes[10:]), 0.0, 0.0]
     rows = []
     for number, inside in enumerate(shapes):
         if inside.sum() < FEWEST_PX:

@@ -1,7 +1,7 @@
 """A picture with depth and the mask of a thing in; the shadow that the thing casts on the surface it stands on out.
 
-Shapes are thrown by the lights that explain most; three classifiers fitted on procedural worlds say which of them is right, which
-pixels are in the shadow, and whether there is one at all. Only the surface is ever covered, never another thing.
+Shapes are thrown by the lights that explain most; a network and three classifiers made on procedural worlds say which of them is
+right, which pixels are in the shadow, and whether there is one at all. Only the surface is ever covered, never another thing.
 """
 
 from __future__ import annotations

@@ -18,7 +18,7 @@ from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array
 from dlama.perception.shadows.ground import EDGE_PX, Ground, standing, thing_points
 from dlama.perception.shadows.thrown import thrown_shapes
 
-SIDE, MULTIPLE = 320, 16
+SIDE, MULTIPLE = 320, 32
 """Longer side of the crop in its own pixels, and what its sides are multiples of."""
 PLANES = (
     "red", "green", "blue", "thing", "surface", "picture", "height", "right", "away", "darkness", "sharp", "soft",

@@ -28,20 +28,37 @@ from dlama.worlds.layouts.random_scene import direction_to_light
 from dlama.worlds.raycast.shape_rows import CASTS, GROUP, LIT
 from dlama.worlds.world import World
 
-AS_IT_IS = 0.4
+AS_IT_IS = 0.35
 """Share of crops of a world's own object, in its own light, by its own camera."""
-NATIVE, SOFT = 0.5, 0.36
+NATIVE, SOFT = 0.4, 0.46
 """Of the others, share in a sun or lamp and in a soft light; the rest is without a shadow of the thing."""
 SIZES = (288, 336, 384)
 FEWEST_PX, LARGEST_SHARE = 0.0015, 0.2
 """Of the picture: a thing that is chosen."""
-LIGHTS, DOME, LIGHT_PX = 6, 6, 128
+LIGHTS, DOME, LIGHT_PX = 12, 12, 128
 """Directions of a lobe and of the sky of a soft light, and the side of the pictures that they are looked at in."""
 
 
 def shadow_crop(seed: int, textures: Textures = None) -> tuple[Float32Array, Float32Array] | None:
     """Planes (`shadow_planes`) and h x w: the share of each pixel that is shadow, -1 where it does not count (off the surface,
     outside the picture). None: nothing in that world stands on a surface."""
+    case = shadow_case(seed, textures)
+    if case is None:
+        return None
+    source, mask, true = case
+    ground = ground_of(source, mask, planes_of(source)) if mask.any() else None
+    if ground is None:
+        return None
+    planes, crop = shadow_planes(source, mask, ground, darkness(source, mask, ground.surface))
+    target = np.full(planes.shape[1:], -1, np.float32)
+    wide, high = crop.size
+    counts = crop.small(ground.surface & ~dilated(mask, EDGE_PX)) > 0.5
+    target[:high, :wide] = np.where(counts, crop.small(true), -1)
+    return planes, target
+
+
+def shadow_case(seed: int, textures: Textures = None) -> tuple[RGBD, BoolArray, BoolArray] | None:
+    """A frame as it is measured, the mask of a thing, and its true shadow (H x W). None: no thing is in sight."""
     rng = np.random.default_rng((seed, 12))
     made = world(seed, textures=textures)
     as_it_is = bool(rng.random() < AS_IT_IS)
@@ -55,16 +72,7 @@ def shadow_crop(seed: int, textures: Textures = None) -> tuple[Float32Array, Flo
     made = dataclasses.replace(made, object_index=chosen)
     source, without, mask = lit_pair(made, camera, rng, 0.0 if as_it_is else float(rng.random()))
     true = darkened(source.color, without, mask)
-    source, mask = as_measured(source, mask, rng)
-    ground = ground_of(source, mask, planes_of(source)) if mask.any() else None
-    if ground is None:
-        return None
-    planes, crop = shadow_planes(source, mask, ground, darkness(source, mask, ground.surface))
-    target = np.full(planes.shape[1:], -1, np.float32)
-    wide, high = crop.size
-    counts = crop.small(ground.surface & ~dilated(mask, EDGE_PX)) > 0.5
-    target[:high, :wide] = np.where(counts, crop.small(true), -1)
-    return planes, target
+    return *as_measured(source, mask, rng), true
 
 
 def seen_from(made: World, rng: np.random.Generator) -> Camera:

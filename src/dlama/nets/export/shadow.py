@@ -1,0 +1,87 @@
+"""Weights of the shadow's U-Net (`nets.shadow`) and metadata in; an ONNX file out. Needs numpy and onnx, no torch.
+
+Input: planes B x C x H x W. Output: logits B x H x W; B, H and W free, H and W multiples of 32. Batch norms are folded into the
+convolutions before them (in float64), weights stored in half precision and computed with in single precision.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dlama.nets.export.onnx_graph import Graph
+from dlama.nets.whole_file import write_whole
+
+EPSILON = 1e-5  # of torch's batch norms
+
+
+def export_shadow(state: Mapping[str, np.ndarray], path: Path, metadata: Mapping[str, str]) -> Path:
+    """Write the ONNX file; equal input gives equal bytes. state: name -> float32 array, `ShadowNet.state_dict`.
+
+    Raises OutputError, MissingExtraError without onnx.
+    """
+    writer = _Writer(state)
+    logits = writer.logits("planes")
+    planes = state["down1.0.weight"].shape[1]
+    model = writer.g.model(
+        ("planes", ["batch", planes, "height", "width"]), (logits, ["batch", "height", "width"]), metadata
+    )
+    return write_whole(path, bytes(model.SerializeToString(deterministic=True)))
+
+
+class _Writer:
+    """Layers by their names in `state`, one after another into a graph."""
+
+    def __init__(self, state: Mapping[str, np.ndarray]) -> None:
+        self.state, self.g = state, Graph()
+
+    def logits(self, planes: str) -> str:
+        """Name of the logits."""
+        g = self.g
+        one = self.block("down1", planes, stride=2)
+        two = self.block("block2", self.block("down2", one, stride=2))
+        three = self.block("block3", self.block("down3", two, stride=2))
+        four = self.block("down4", three, stride=2)
+        five = self.block("down5", four, stride=2)
+        most = g.add("ReduceMax", five, axes=[2, 3], keepdims=1)
+        both = g.add("Add", self.conv("own", five), self.conv("whole", most))
+        h = g.add("Relu", both)
+        for number, seen in ((4, four), (3, three), (2, two), (1, one)):
+            joined = self.block(f"join{number}", g.add("Concat", self.doubled(h), seen, axis=1))
+            h = self.block(f"up{number}", joined)
+        shuffled = g.add("DepthToSpace", self.conv("head", h), blocksize=2, mode="CRD")
+        return g.add_named("logits", "Squeeze", shuffled, g.ints(1))
+
+    def block(self, name: str, x: str, stride: int = 1) -> str:
+        """`nets.shadow.Block`."""
+        weight = self.state[f"{name}.0.weight"].astype(np.float64)
+        gain, shift, mean, variance = (
+            self.state[f"{name}.1.{part}"].astype(np.float64)
+            for part in ("weight", "bias", "running_mean", "running_var")
+        )
+        scale = gain / np.sqrt(variance + EPSILON)
+        return str(self.g.add("Relu", self.layer(x, weight * scale[:, None, None, None], shift - mean * scale, stride)))
+
+    def conv(self, name: str, x: str) -> str:
+        """A convolution as it is."""
+        return self.layer(x, self.state[f"{name}.weight"], self.state.get(f"{name}.bias"), 1)
+
+    def layer(self, x: str, weight: np.ndarray, bias: np.ndarray | None, stride: int) -> str:
+        """A convolution whose weights are stored as float16."""
+        reach = weight.shape[2] // 2
+        stored = self.g.add("Cast", self.g.constant(weight, np.float16), to=1)
+        biases = [] if bias is None else [self.g.constant(bias)]
+        how: dict[str, Any] = {"kernel_shape": list(weight.shape[2:]), "strides": [stride] * 2, "pads": [reach] * 4}
+        return str(self.g.add("Conv", x, stored, *biases, **how))
+
+    def doubled(self, x: str) -> str:
+        """Twice the height and width, each pixel four times."""
+        how: dict[str, Any] = {
+            "mode": "nearest",
+            "coordinate_transformation_mode": "asymmetric",
+            "nearest_mode": "floor",
+        }
+        return str(self.g.add("Resize", x, "", self.g.constant([1, 1, 2, 2]), **how))

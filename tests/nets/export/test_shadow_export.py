@@ -1,0 +1,50 @@
+"""The shadow's U-Net as an ONNX file, against the torch module that it was made from."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dlama.errors import ShapeError
+from dlama.models.network_file import NetworkFile
+
+torch = pytest.importorskip("torch")
+pytest.importorskip("onnx")
+
+from dlama.nets.export.shadow import export_shadow  # noqa: E402
+from dlama.nets.shadow import SHADOW_MULTIPLE, ShadowNet  # noqa: E402
+
+
+def small_network() -> ShadowNet:
+    """Random weights and batch norms that are no identity."""
+    torch.manual_seed(0)
+    network = ShadowNet(5)
+    for layer in network.modules():
+        if isinstance(layer, torch.nn.BatchNorm2d):
+            layer.running_mean.normal_(0, 0.1)
+            layer.running_var.uniform_(0.5, 2)
+            layer.weight.data.uniform_(0.5, 1.5)
+            layer.bias.data.normal_(0, 0.1)
+    return network.eval()
+
+
+def test_the_file_says_what_the_module_says(tmp_path: Path) -> None:
+    """Oracle: torch, up to the half precision of the weights; equal weights give equal bytes."""
+    network = small_network()
+    state = {name: tensor.numpy() for name, tensor in network.state_dict().items()}
+    file = export_shadow(state, tmp_path / "shadow.onnx", {"dlama.what": "a test"})
+    planes = torch.randn(2, 5, SHADOW_MULTIPLE, 2 * SHADOW_MULTIPLE)
+    with torch.no_grad():
+        expected = network(planes).numpy()
+    opened = NetworkFile(file)
+    np.testing.assert_allclose(opened.run({"planes": planes.numpy()}), expected, atol=2e-3)
+    assert opened.metadata["dlama.what"] == "a test"
+    again = export_shadow(state, tmp_path / "again.onnx", {"dlama.what": "a test"})
+    assert file.read_bytes() == again.read_bytes()
+
+
+def test_other_sides_are_refused() -> None:
+    with pytest.raises(ShapeError, match="multiples of 32"):
+        small_network()(torch.zeros(1, 5, 48, 64))

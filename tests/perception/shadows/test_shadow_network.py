@@ -1,0 +1,36 @@
+"""The shadow's network: its contract, and closed forms of the planes that only it sees."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from dlama.perception.shadows.features import color_shares
+from dlama.perception.shadows.network import LOG_SHARE, NETWORK, network, network_planes, network_probability
+from dlama.perception.shadows.planes import MULTIPLE, PLANES, SIDE
+
+FLAT = np.zeros((len(PLANES), 96, 128), np.float32)
+FLAT[4:6] = 1  # surface all over the picture
+FLAT[3, 30:60, 50:70], FLAT[4, 30:60, 50:70] = 1, 0
+
+
+def test_the_file_that_ships_fits_the_planes() -> None:
+    """Contract: it takes the planes that are made, at sides that crops have, and gives one probability a pixel of the surface."""
+    assert NETWORK.stat().st_size < 500_000 and SIDE % MULTIPLE == 0
+    assert next(iter(network().inputs.values()))[1][1] == len(network_planes(FLAT))
+    said = network_probability(FLAT, color_shares(FLAT))
+    assert said.shape == FLAT.shape[1:] and (said >= 0).all() and (said <= 1).all()
+    assert not said[FLAT[4] < 0.5].any()
+
+
+def test_how_common_colours_are() -> None:
+    """Closed form: the shares of a surface of two colours are those of their pixels, and what is dark would be as common as the
+    lit part if it was lit."""
+    planes = FLAT.copy()
+    planes[:3, 80:, 64:] = -0.45 / 2  # darker by one of the steps that lit partners are looked for at
+    where = planes[4] > 0.5
+    dark = planes[0][where] < -0.1
+    share, raised = (plane[where] for plane in network_planes(planes)[len(PLANES) :])
+    expected = np.log((~dark).sum() / dark.sum())
+    assert LOG_SHARE * (share[~dark].mean() - share[dark].mean()) == pytest.approx(expected, abs=0.05)
+    assert LOG_SHARE * raised[dark].mean() == pytest.approx(expected, abs=0.05)
