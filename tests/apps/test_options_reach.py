@@ -102,13 +102,9 @@ def calls(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Calls:
         spy(f"dlama.apps.{module}.reported", through=True)
     _spy_on_jobs(spy)
     _spy_on_the_rest(spy)
-    spy("dlama.web.server.serving", lambda **_: nullcontext(SimpleNamespace(port=1, serve_forever=_interrupted)))
+    spy("dlama.web.server.serving", lambda **_: nullcontext(SimpleNamespace(port=1, serve_forever=lambda: None)))
     monkeypatch.chdir(tmp_path)
     return made
-
-
-def _interrupted() -> None:
-    raise KeyboardInterrupt
 
 
 def _spy_on_jobs(spy: Callable[..., None]) -> None:

@@ -5,14 +5,19 @@ from __future__ import annotations
 import json
 import secrets
 import socket
-from contextlib import suppress
-from typing import Annotated
+import threading
+from typing import TYPE_CHECKING, Annotated
 from urllib.parse import quote
 
 from dlama.apps.options import Report, option
 from dlama.apps.terminal.output import reported
 from dlama.errors import InputError
 
+if TYPE_CHECKING:
+    from dlama.web.server import Server
+
+WAKES_SECONDS = 1.0
+"""How often the wait for the end is interrupted: on Windows Ctrl-C is noticed between waits alone."""
 Host = Annotated[str, option("ADDRESS", "127.0.0.1")]
 Port = Annotated[int, option("N", "7860")]
 Token = Annotated[str | None, option("TEXT", "one is made where other machines can reach the page")]
@@ -54,8 +59,19 @@ def serve(
             print(json.dumps({"verb": "serve", "address": address}), flush=True)
         elif not report.quiet:
             print(f"{address}  (Ctrl-C ends it)", flush=True)
-        with suppress(KeyboardInterrupt):
-            server.serve_forever()
+        serve_until_interrupted(server)
+
+
+def serve_until_interrupted(server: Server) -> None:
+    """Connections are taken in a thread of their own: a signal raises in the main one, where it interrupts the wait alone (in the
+    midst of taking a connection it ended that, and the server went on)."""
+    thread = threading.Thread(target=server.serve_forever, name="dlama serve", daemon=True)
+    thread.start()
+    try:
+        while thread.is_alive():
+            thread.join(WAKES_SECONDS)
+    except KeyboardInterrupt:
+        server.shutdown()
 
 
 def address_of(host: str, port: int, token: str | None) -> str:
