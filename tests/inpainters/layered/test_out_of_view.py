@@ -21,6 +21,7 @@ from dlama.inpainters.layered.out_of_view import (
     GOES_ON,
     MOST_HIDDEN,
     PAST,
+    PlaneLines,
     above_horizon,
     ending_cost,
     looks_past,
@@ -106,11 +107,11 @@ def test_a_wall_seen_on_both_sides_goes_on_between() -> None:
     hole[34:, 50:] = True
     candidates = np.stack([np.full(w.shape, value, np.float32) for value in (0.25, 0, 0.25)])
     known = hole, hole, w, label
-    camera = Camera.from_fov(60, 40, 60)
-    on = seen_both_ways(camera, candidates, *known, np.ones(1, bool))
+    lines = PlaneLines.of(Camera.from_fov(60, 40, 60), candidates, hole, label)
+    on = seen_both_ways(lines, candidates, *known, np.ones(1, bool))
     assert (on[2, 12:28, 22:28] == BETWEEN).all() and not on[2, 1:8, 22:28].any() and not on[2, 36:, 52:].any()
     assert not on[:2].any() and not on[2][~hole].any()
-    assert not seen_both_ways(camera, candidates, *known, np.zeros(1, bool)).any()
+    assert not seen_both_ways(lines, candidates, *known, np.zeros(1, bool)).any()
 
 
 def test_cost_of_a_wall_that_goes_on_and_of_one_that_has_ended() -> None:
@@ -121,7 +122,8 @@ def test_cost_of_a_wall_that_goes_on_and_of_one_that_has_ended() -> None:
     hole = np.zeros(w.shape, bool)
     hole[:, :24] = True
     candidates = np.stack([np.full(w.shape, value, np.float32) for value in (0.25, 0, 0.25)])
-    on, cost = seen_going_on(Camera.from_fov(60, 40, 60), candidates, hole, hole, w, label, np.ones(1, bool))
+    lines = PlaneLines.of(Camera.from_fov(60, 40, 60), candidates, hole, label)
+    on, cost = seen_going_on(lines, candidates, hole, hole, w, label, np.ones(1, bool))
     away = 24 - np.arange(4, 20)
     for row in (26, 34):
         np.testing.assert_allclose(on[2, row, 4:20], 1, atol=1e-3)
@@ -167,7 +169,8 @@ def test_nothing_is_said_in_view() -> None:
     for count in (2, 4):
         candidates = np.full((count, *hole.shape), 0.25, np.float32)
         known = ~hole, np.full(hole.shape, 0.25, np.float32), np.ones(hole.shape, np.int32)
-        for part in seen_going_on(Camera.from_fov(30, 20, 60), candidates, hole, *known, np.ones(count - 2, bool)):
+        lines = PlaneLines.of(Camera.from_fov(30, 20, 60), candidates, hole, known[2])
+        for part in seen_going_on(lines, candidates, hole, *known, np.ones(count - 2, bool)):
             assert part.shape == candidates.shape and not part.any()
 
 

@@ -69,9 +69,8 @@ def with_flags(message: str, flags: dict[str, str]) -> str:
         anywhere = "_" in name or name in SYMBOLS
         message = re.sub(rf"`{name}`", flag, message)
         message = re.sub(rf"{word}=", f"{flag} ", message)
-        message = re.sub(
-            rf"{NO_FIELD}(?<![\w./-])(?:loop|network)\.{name}(?![\w./-])", flag, message
-        )  # `train` sets them
+        # `train` sets fields of these two
+        message = re.sub(rf"{NO_FIELD}(?<![\w./-])(?:loop|network)\.{name}(?![\w./-])", flag, message)
         several = rf"(?<![\w./-]){name}s(?![\w./-])"  # `clicks` takes what --click gives, one by one
         message = re.sub(several if "_" in name else rf"{START}{several}(?= holds | and )", flag, message)
         message = re.sub(word if anywhere else rf"{START}{word}(?= is )|{BEFORE}{word}", flag, message)

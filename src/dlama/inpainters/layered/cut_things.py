@@ -91,13 +91,14 @@ def cut_things(w: Float32Array, label: NDArray[np.int32], hole: BoolArray, besid
     w, label, hole: h x w inverse depth and label of the known cells; beside: h x w, cells next to what is out of view.
     """
     loose = ~hole & (label == SMOOTH)
-    leaves = loose & foliage(w, ~hole & (w > 0))
-    cut = leaves & beside
     number, depths = np.zeros(loose.shape, np.int32), [0.0]
     beyond = distance_to_loose(loose)
+    leaves = loose & foliage(w, ~hole & (w > 0)) if (loose & beside).any() else np.zeros_like(loose)
+    cut = leaves & beside
     if not cut.any():
         return CutThings(beyond, number, np.zeros(1, np.float32))
     rows, columns = np.indices(loose.shape, np.float32)
+    bumps = leafy(loose.shape)
     for here, chord in cut_parts(w, leaves, cut):
         whole = closed(here, square(GAPS))
         solidity = float(here.sum() / whole.sum())
@@ -105,8 +106,8 @@ def cut_things(w: Float32Array, label: NDArray[np.int32], hole: BoolArray, besid
         if circle is None:
             continue
         (row, column), radius = circle
-        bumps = RAGGED * (1 - solidity) * leafy(loose.shape)
-        away = np.hypot(rows - row, columns - column) - radius * (1 + bumps)
+        outline = radius * (1 + RAGGED * (1 - solidity) * bumps)
+        away = np.hypot(rows - row, columns - column) - outline
         beyond = np.minimum(beyond, ENDS * np.maximum(away, 0)).astype(np.float32)
         depths.append(float(np.median(w[here & cut])))
         number[here | ((away <= 0) & ~loose & (depths[-1] > np.array(depths)[number]))] = len(depths) - 1
@@ -143,10 +144,15 @@ def cut_parts(w: Float32Array, leaves: BoolArray, cut: BoolArray) -> Iterator[tu
         left = own == number
         while (left & cut).any():
             typical = np.quantile(w[left & cut], 0.5, method="lower")
-            here = left & (w < ONE_THING * typical) & (w * ONE_THING > typical)
+            here = left & as_far(w, typical)
             left &= ~here
             chord = Chord.of(here & cut)
             yield here & (nearest_known(here & cut)[0] <= chord.length), chord
+
+
+def as_far(w: Float32Array, typical: float | Float32Array) -> BoolArray:
+    """True where inverse depths are those of one thing of a `typical` inverse depth, up to ONE_THING."""
+    return np.asarray((w < ONE_THING * typical) & (w * ONE_THING > typical))
 
 
 def leafy(hw: tuple[int, ...]) -> Float32Array:

@@ -7,6 +7,8 @@ sky above it or at what stands behind its end, it has ended; what no line of its
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -48,8 +50,29 @@ BESIDE, CUT_CELLS = 2, 3
 LEAST_LENGTH = 1e-12
 
 
+class PlaneLines(NamedTuple):
+    """Planes on a grid of cells and their lines, to be looked along."""
+
+    planes: NDArray[np.float64]
+    """K x 3 (a, b, c), w = a x + b y + c over cells."""
+    along: NDArray[np.float64]
+    """K x 3, homogeneous, in cells: where the horizontals of each plane meet."""
+    across: NDArray[np.float64]
+    """K x 3: where its lines at right angles to them meet."""
+    away: Float32Array
+    """h x w cells to what is known."""
+
+    @classmethod
+    def of(cls, camera: Camera, candidates: Float32Array, hole: BoolArray, label: NDArray[np.int32]) -> PlaneLines:
+        """camera: of the grid; candidates: L x h x w inverse depth (1/m) of no plane, sky, planes; hole, label: h x w."""
+        planes = plane_coefficients(candidates[2:])
+        points = vanishing_points(planes, camera, cells_of_planes(label, hole, len(planes)))
+        away = np.asarray(cv2.distanceTransform(hole.astype(np.uint8), cv2.DIST_L2, 5), np.float32)
+        return cls(planes, *points, away)
+
+
 def seen_going_on(
-    camera: Camera,
+    lines: PlaneLines,
     candidates: Float32Array,
     hole: BoolArray,
     unseen: BoolArray,
@@ -59,16 +82,13 @@ def seen_going_on(
 ) -> tuple[Float32Array, Float32Array]:
     """(on, cost), both L x h x w, 0 but in `unseen` cells: 0..1, how much of a plane its line shows; cost of each label.
 
-    camera: of the grid; candidates: L x h x w inverse depth (1/m) of no plane, sky, planes; hole, unseen (its part out of view):
+    lines: of the grid; candidates: L x h x w inverse depth (1/m) of no plane, sky, planes; hole, unseen (its part out of view):
     h x w; w, label: h x w, of the known cells; followed: K, the planes that lines are looked at for.
     """
     on, cost = np.zeros(candidates.shape, np.float32), np.zeros(candidates.shape, np.float32)
     if not unseen.any() or not followed.any():
         return on, cost
-    planes = plane_coefficients(candidates[2:])
-    cells = cells_of_planes(label, hole, len(planes))
-    along, across = vanishing_points(planes, camera, cells)
-    away = np.asarray(cv2.distanceTransform(hole.astype(np.uint8), cv2.DIST_L2, 5), np.float32)
+    planes, along, across, away = lines
     first, length, _ = seen_on_lines(planes, along, w, label, hole, away, unseen, STRIDE)
     other_first, other_length, _ = seen_on_lines(planes, across, w, label, hole, away, unseen, STRIDE_ACROSS)
     few = candidates[:, ::STRIDE, ::STRIDE], unseen[::STRIDE, ::STRIDE]
@@ -94,7 +114,7 @@ def seen_going_on(
 
 
 def seen_both_ways(
-    camera: Camera,
+    lines: PlaneLines,
     candidates: Float32Array,
     hole: BoolArray,
     hidden: BoolArray,
@@ -107,10 +127,7 @@ def seen_both_ways(
     on = np.zeros(candidates.shape, np.float32)
     if not hidden.any() or not followed.any():
         return on
-    planes = plane_coefficients(candidates[2:])
-    along, _ = vanishing_points(planes, camera, cells_of_planes(label, hole, len(planes)))
-    away = np.asarray(cv2.distanceTransform(hole.astype(np.uint8), cv2.DIST_L2, 5), np.float32)
-    both = seen_on_lines(planes, along, w, label, hole, away, hidden, 1)[2]
+    both = seen_on_lines(lines.planes, lines.along, w, label, hole, lines.away, hidden, 1)[2]
     on[2:] = BETWEEN * (both & followed[:, None, None])
     return on
 

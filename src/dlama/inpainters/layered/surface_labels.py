@@ -29,6 +29,7 @@ from dlama.inpainters.layered.distances import (
 from dlama.inpainters.layered.kernels import surfaces as surface_kernels
 from dlama.inpainters.layered.out_of_view import (
     FOLLOWED,
+    PlaneLines,
     above_horizon,
     cells_of_planes,
     ending_cost,
@@ -134,7 +135,8 @@ class CoarseView:
         unseen = self.hole & ~self.hole_in_view
         followed = self.followed()
         known = self.hole, unseen, self.inverse_depth, self.label
-        on, penalty = seen_going_on(self.camera, self.candidates, *known, followed)
+        lines = PlaneLines.of(self.camera, self.candidates, self.hole, self.label)
+        on, penalty = seen_going_on(lines, self.candidates, *known, followed)
         penalty += (1 - on) * self.extrapolation_cost()
         penalty += ending_cost(self.hole, unseen, self.label, followed, self.things.beyond, REACH * GRID)
         on[0] = unseen & (self.things.number > 0)
@@ -142,7 +144,7 @@ class CoarseView:
         penalty[0] += SMOOTH_PENALTY
         penalty[1:] += ORDER_COST * self.out_of_order()
         hidden = self.hole_in_view & ~self.colored
-        on += seen_both_ways(self.camera, self.candidates, self.hole, hidden, self.inverse_depth, self.label, followed)
+        on += seen_both_ways(lines, self.candidates, self.hole, hidden, self.inverse_depth, self.label, followed)
         distance = self.distance_to_known(law)
         distance += on * (distance.min(0) - distance)  # what is seen on its line is as near as anything
         unary = surface_kernels.unary_costs(

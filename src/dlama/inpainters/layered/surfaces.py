@@ -17,7 +17,7 @@ from dlama.geometry.projection import inverse_depth
 from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.geometry.view import HoleType, View
 from dlama.geometry.visibility import Law
-from dlama.inpainters.layered.cut_things import ONE_THING
+from dlama.inpainters.layered.cut_things import as_far
 from dlama.inpainters.layered.distances import enlarged
 from dlama.inpainters.layered.out_of_view import FOLLOWED, FOLLOWED_MISPLACED
 from dlama.inpainters.layered.surface_labels import GRID, CoarseView
@@ -94,8 +94,7 @@ def enlarged_things(view: View, w: Float32Array, label: NDArray[np.int32], coars
     w, label: H x W, filled.
     """
     cells = cv2.resize(coarse.things.number, view.camera.wh, interpolation=cv2.INTER_NEAREST)
-    typical = coarse.things.inverse_depth[cells]
-    same = (w < ONE_THING * typical) & (w * ONE_THING > typical) & (label == SMOOTH)
+    same = as_far(w, coarse.things.inverse_depth[cells]) & (label == SMOOTH)
     return np.where(same & ~(view.hole & (view.hole_type != HoleType.OUT_OF_VIEW)), cells, 0).astype(np.int32)
 
 

@@ -103,9 +103,8 @@ def peak_of(image: Floats, other: Floats) -> Peak:
     """
     width = image.shape[2]
     reach, near = max(4, round(REACH * width)), max(1, round(ALIGNED * width))
-    hw = [
-        cv2.getOptimalDFTSize(max(n + reach, 2 * reach + 1)) for n in image.shape[1:]
-    ]  # a strip is less high than that
+    # a strip may be less high than the shifts that are looked for
+    hw = [cv2.getOptimalDFTSize(max(n + reach, 2 * reach + 1)) for n in image.shape[1:]]
     total = np.zeros((2 * reach + 1, 2 * reach + 1))
     for one, two in zip(image, other):
         first, second = (np.fft.rfft2(_flat(edges), hw) for edges in (one, two))

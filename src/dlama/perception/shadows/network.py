@@ -1,7 +1,7 @@
 """Planes of a crop round a thing in; the probability of each pixel lying in its shadow out, by a small U-Net that ships.
 
 Beside the planes the network sees how common the colour of each pixel is on the surface, and how common it would be were it lit.
-`benchmarks/shadow_classifier.py` trains it.
+`benchmarks/shadow_network.py` trains it.
 """
 
 from __future__ import annotations

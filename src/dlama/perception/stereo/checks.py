@@ -43,9 +43,8 @@ class Corners:
 def matched_corners(left: UInt8Array, right: UInt8Array) -> Corners:
     """Distinct ORB corners (Rublee et al. 2011) of two pictures (H x W x 3, RGB) that are each other's best match."""
     finder = cv2.ORB.create(FEATURES)
-    if (
-        min(*left.shape[:2], *right.shape[:2]) <= 2 * finder.getEdgeThreshold()
-    ):  # too small for any, or for OpenCV at all
+    # too small for any, or for OpenCV at all
+    if min(*left.shape[:2], *right.shape[:2]) <= 2 * finder.getEdgeThreshold():
         return Corners(np.zeros((0, 2)), 0)
     grey = [cv2.cvtColor(np.ascontiguousarray(picture), cv2.COLOR_RGB2GRAY) for picture in (left, right)]
     (here, ours), (there, theirs) = [finder.detectAndCompute(picture, None) for picture in grey]
