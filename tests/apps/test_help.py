@@ -170,6 +170,8 @@ def test_words_that_are_no_parameters_stay() -> None:
         "--max-disparity is 3 px",
     ):
         assert with_flags(line, flags) == line
+    fields = "camera.json: field 'K' is not known; known are width, fx, fy, cx, cy, pixel_center"
+    assert with_flags(fields, flags_of(VERBS["view"])) == fields
     assert with_flags("max_disparity and far contradict each other", flags).startswith("--max-disparity and far")
 
 

@@ -21,6 +21,8 @@ SYMBOLS = frozenset({"fx", "fy", "cx", "cy", "fov", "yaw"})
 BEFORE = r"(?:(?<=give )|(?<=with )|(?<=without )|(?<=see )|(?<=choose )|(?<=\())"
 NO_FIELD = r"(?<!\.json: )(?<!\.txt: )(?<!\.json: camera )(?<!\.txt: camera )"
 """Right after the name of such a file stands one of its fields."""
+KNOWN = " is not known; known are "
+"""What stands between a field that a file should not have and those that it may have."""
 START = r"(?:(?<=^)|(?<=: )|(?<=; )|(?<=, ))"
 
 
@@ -63,7 +65,8 @@ def _classes(hint: Any) -> list[Any]:
 
 
 def with_flags(message: str, flags: dict[str, str]) -> str:
-    """The message with flags in place of the parameters it names."""
+    """The message with flags in place of the parameters it names; what a file's fields are called, after `KNOWN`, stays."""
+    message, known, fields = message.partition(KNOWN)
     for name, flag in flags.items():
         word = rf"{NO_FIELD}(?<![\w./-]){name}(?![\w./-])"
         anywhere = "_" in name or name in SYMBOLS
@@ -74,4 +77,4 @@ def with_flags(message: str, flags: dict[str, str]) -> str:
         several = rf"(?<![\w./-]){name}s(?![\w./-])"  # `clicks` takes what --click gives, one by one
         message = re.sub(several if "_" in name else rf"{START}{several}(?= holds | and )", flag, message)
         message = re.sub(word if anywhere else rf"{START}{word}(?= is )|{BEFORE}{word}", flag, message)
-    return message
+    return message + known + fields
