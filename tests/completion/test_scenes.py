@@ -271,7 +271,7 @@ def test_target_cameras() -> None:
         ({"pivot": "2"}, "pivot is '2'; a distance"),
         ({"camera": "cam.json"}, "camera is of type str; a Camera is wanted"),
         ({"min_confidence": "1"}, "min_confidence is '1'; a probability"),
-        ({"filler": 3}, "filler is 3; one of layered, "),
+        ({"filler": 3}, "filler is of type int; a string or a function is wanted"),
     ],
 )
 def test_parameters_of_another_type_are_refused(given: dict[str, Any], message: str) -> None:
@@ -290,9 +290,11 @@ def test_cameras_are_cameras() -> None:
     ):
         with pytest.raises(InputError, match="camera is of type str; a Camera is wanted"):
             call()
-    with pytest.raises(InputError, match="source is of type ndarray; an RGBD, View, Scene"):
+    with pytest.raises(
+        InputError, match="source is of type ndarray; an RGBD, a View, a Scene or a PointCloud is wanted"
+    ):
         render(frame.color, CAMERA)  # type: ignore[arg-type]
-    with pytest.raises(InputError, match="cameras is one Camera; a list"):
+    with pytest.raises(InputError, match="cameras is of type Camera; a list of Cameras is wanted"):
         complete(frame, CAMERA)  # type: ignore[arg-type]
     with pytest.raises(InputError, match=r"cameras\[1\] is of type str; a Camera"):
         complete(frame, [CAMERA, "cam.json"])  # type: ignore[list-item]

@@ -23,8 +23,8 @@ def test_more_processes_than_the_computer_holds_are_refused(
     monkeypatch.setattr(memory, "processor_count", lambda: cores)
     monkeypatch.setattr(memory, "available_bytes", lambda: free)
     with pytest.raises(InputError, match=message):
-        memory.check_count(jobs, "jobs")
-    memory.check_count(min(cores, 2), "jobs")
+        memory.check_processes(jobs, "jobs")
+    memory.check_processes(min(cores, 2), "jobs")
 
 
 def test_memory_is_of_the_case_and_not_of_the_past() -> None:

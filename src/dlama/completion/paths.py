@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
+from dlama.arguments import check_arguments
 from dlama.completion.pipeline import complete
 from dlama.completion.recipes import find_recipe
 from dlama.completion.steps import filler_of_recipe, law_of
@@ -43,6 +44,7 @@ def render_path(
     Raises:
         InputError: no cameras, an unknown name.
     """
+    check_arguments(render_path, locals())
     if not cameras:
         raise InputError("cameras is empty; a path of one camera or more is wanted")
     inpainter = find_filler(filler, model)

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from dlama.arguments import check_arguments
 from dlama.completion.completion import Completion
 from dlama.completion.frames.filling import fill_first
 from dlama.completion.frames.removal import take_out_of
@@ -24,7 +25,7 @@ from dlama.completion.steps import (
     law_of,
 )
 from dlama.errors import InputError
-from dlama.geometry.camera import Camera, check_camera
+from dlama.geometry.camera import Camera
 from dlama.geometry.frames.gathering import FrameSource
 from dlama.geometry.frames.stored import StoredView
 from dlama.geometry.rendering import Mode
@@ -74,11 +75,11 @@ def complete(
     Raises:
         InputError: no camera, an unknown name, options in contradiction, too large views, a mask of no use (MaskError).
     """
+    check_arguments(complete, locals())
     chosen = find_recipe(recipe, mode=mode, dilate=dilate, dilate_holes=dilate_holes, clip=clip, depth_by=depth_by)
     checked_seed(seed)
     if not cameras and mask is None:
         raise InputError("cameras is empty; one camera or more is wanted (rgbd.camera is the picture's own)")
-    check_cameras(cameras)
     start = starting_scene(rgbd, chosen)
     source = start.layers[0]
     check_memory((*(one.camera for one in start.measured if not isinstance(one, StoredView)), *cameras))
@@ -101,14 +102,6 @@ def complete(
     meta = about_source(rgbd, start) | meta_data(plan, filler, source, warped, record) | expected_errors(views)
     choices = tuple(choice_of(one, source, source_fills) for one in completed)
     return Completion(views, warped, scene, source, meta, choices=choices).with_min_confidence(min_confidence)
-
-
-def check_cameras(cameras: Sequence[Camera]) -> None:
-    """InputError where these are no cameras."""
-    if isinstance(cameras, Camera):
-        raise InputError("cameras is one Camera; a list of them is wanted")
-    for number, camera in enumerate(cameras):
-        check_camera(camera, f"cameras[{number}]")
 
 
 def choice_of(completed: CompletedView, source: View, source_fills: Sequence[FillReport]) -> UInt8Array | None:

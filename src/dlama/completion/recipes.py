@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from numbers import Integral
 from typing import Any, Literal
 
+from dlama.arguments import check
 from dlama.errors import InputError
 from dlama.geometry.camera import is_finite
 from dlama.geometry.rendering import MODES, Mode
@@ -46,8 +47,10 @@ class Recipe:
     """Fill sensor holes and removed objects in the source view, then move; else move first, as the paper does."""
 
     def __post_init__(self) -> None:
-        if self.mode not in MODES:
+        if not isinstance(self.mode, str) or self.mode not in MODES:
             raise InputError(f"mode is {self.mode!r}; one of {', '.join(MODES)} is wanted")
+        for name in ("eight_bit_depth", "law", "footprint", "source_first"):
+            check(getattr(self, name), bool, name)
         for name in ("dilate", "dilate_holes"):
             value = getattr(self, name)
             if not isinstance(value, Integral) or value < 0:
@@ -56,7 +59,7 @@ class Recipe:
             raise InputError(f"clip is {self.clip!r} m; more than 0 is wanted")
         if self.eight_bit_depth and self.clip is None:
             raise InputError("8-bit depth needs clip, the depth of level 255")
-        if self.depth_by not in ("surfaces", "filler"):
+        if not isinstance(self.depth_by, str) or self.depth_by not in ("surfaces", "filler"):
             raise InputError(f"depth_by is {self.depth_by!r}; surfaces or filler is wanted")
         if self.eight_bit_depth and self.depth_by != "filler":
             raise InputError("8-bit depth is the filler's; depth_by 'filler' is wanted with it")

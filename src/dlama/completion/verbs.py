@@ -5,11 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Literal
 
+from dlama.arguments import check_arguments
 from dlama.completion.completion import Completion
 from dlama.completion.pipeline import complete
 from dlama.completion.recipes import DepthBy, Recipe, find_recipe
 from dlama.errors import InputError
-from dlama.geometry.camera import Camera, check_camera
+from dlama.geometry.camera import Camera
 from dlama.geometry.rendering import Mode
 from dlama.geometry.rgbd import RGBD, BoolArray
 from dlama.geometry.scene import Scene
@@ -32,17 +33,11 @@ def target_camera(
 
     Positive yaw moves the camera to its right around the pivot, positive pitch up; a positive dolly moves it forward.
     """
-    if not isinstance(rgbd, (RGBD, View)):
-        raise InputError(
-            f"rgbd is of type {type(rgbd).__name__}; an RGBD is wanted, a picture with depth: "
-            "`read_rgbd` reads it from files, `estimate_depth(color).rgbd` estimates the depth of a picture"
-        )
     if camera is not None:
-        check_camera(camera)
         if yaw or pitch or dolly:
             raise InputError("a target camera and an orbit or dolly were both given; one of them is wanted")
         return camera
-    distance = median_pivot(rgbd.depth) if pivot == "auto" else pivot
+    distance = median_pivot(rgbd.depth) if isinstance(pivot, str) and pivot == "auto" else pivot
     return dollied(orbit(rgbd.camera, yaw, pitch, distance), dolly)
 
 
@@ -79,6 +74,7 @@ def view(
     Raises:
         InputError: a camera and an orbit, an unknown name, options that contradict each other.
     """
+    check_arguments(view, locals())
     source = rgbd.measured[len(rgbd.measured) // 2] if isinstance(rgbd, Scene) else rgbd
     target = target_camera(source, camera, yaw=yaw, pitch=pitch, pivot=pivot, dolly=dolly)
     chosen = find_recipe(recipe, mode=mode, dilate=dilate, dilate_holes=dilate_holes, clip=clip, depth_by=depth_by)
@@ -109,6 +105,7 @@ def remove(
 
     All other arguments as in `view`, and what it raises; MaskError for a mask that is empty, full or of another size.
     """
+    check_arguments(remove, locals())
     target = target_camera(rgbd, camera, yaw=yaw, pitch=pitch, pivot=pivot, dolly=dolly)
     chosen = find_recipe(recipe, mode=mode, dilate=dilate, dilate_holes=dilate_holes, clip=clip, depth_by=depth_by)
     return complete(

@@ -6,9 +6,10 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal
 
+from dlama.arguments import check_arguments, check_number
 from dlama.datasets.dataset_diagnosis import diagnose_dataset
 from dlama.datasets.posed.scene_file import is_scene_file
-from dlama.errors import InputError
+from dlama.errors import FileError, InputError, system_errors
 from dlama.files.atomic_write import PathLike
 from dlama.files.diagnosis import DepthOptions, diagnose_pair, diagnose_rgbd
 from dlama.geometry.camera import Camera
@@ -18,6 +19,7 @@ DEFAULTS = {"pixel_center": 0.5, "mask_polarity": "fill", "soft_mask": False}
 """Of options of `diagnose` that are not None."""
 
 
+@system_errors(FileError)
 def diagnose(
     first: PathLike,
     second: PathLike | None = None,
@@ -59,7 +61,10 @@ def diagnose(
     Raises:
         InputError: no depth and no right picture is given, or one that says nothing to these inputs.
     """
+    check_arguments(diagnose, locals())
     intrinsics = {"fx": fx, "fy": fy, "cx": cx, "cy": cy, "fov": fov, "pixel_center": pixel_center}
+    for name, value in (intrinsics | {"depth_scale": depth_scale, "depth_range": depth_range, "far": far}).items():
+        check_number(value, name)
     reading = DepthOptions(depth_scale, depth_range, channel, far, resize_depth)
     masking = {"mask_polarity": mask_polarity, "soft_mask": soft_mask, "mask_class": mask_class}
     of_picture = intrinsics | vars(reading) | masking

@@ -36,7 +36,7 @@ def new_file(path: PathLike) -> Iterator[Path]:
 
     Folders on the way are not made. Raises OutputError when the place cannot be written.
     """
-    target = _named(path)
+    target = checked_name(path)
     draft = target.with_name(name_of(DRAFT, target.name))
     nested = in_a_draft(target.absolute())
     try:
@@ -66,7 +66,7 @@ def new_directory(path: PathLike) -> Iterator[Path]:
     Files of the same names are replaced, all others stay. On failure everything goes, also folders that were made on the way.
     Raises OutputError when the place cannot be written, or a file and a folder have the same name.
     """
-    target = _named(path)
+    target = checked_name(path)
     made: list[Path] = []
     with ExitStack() as owned:
         try:
@@ -88,7 +88,7 @@ def new_directory(path: PathLike) -> Iterator[Path]:
             raise
 
 
-def _named(path: PathLike) -> Path:
+def checked_name(path: PathLike) -> Path:
     """The path, if a file can be called so; else OutputError."""
     if "\0" in str(path):
         raise OutputError(f"{str(path).encode('unicode_escape').decode('ascii')}: cannot be written: no name holds NUL")

@@ -13,11 +13,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from dlama.arguments import check_arguments
 from dlama.errors import CameraError, FileError, system_errors
 from dlama.files.atomic_write import PathLike, new_file
 from dlama.files.checked_fields import FileFields, Intrinsics, json_text, json_value, read_calib_txt, read_json_fields
 from dlama.files.rasters.images import existing, read_stored
-from dlama.geometry.camera import Camera, StereoRig
+from dlama.geometry.camera import Camera, StereoRig, check_pixel_center
 from dlama.perception.diagnosis.lens import looks_like_radians
 
 FILM_DIAGONAL_MM = math.hypot(36, 24)
@@ -40,6 +41,7 @@ def read_camera(path: PathLike, *, hw: tuple[int, int] | None = None) -> Camera:
     centre: 0.5, the default, or 0.0), optional `world_from_cam` (4x4). `hw` is the size the picture has; another size
     in the file is an error. Raises FileError, CameraError; warns of a principal point outside the picture.
     """
+    check_arguments(read_camera, locals())
     if _is_calib_txt(path):
         fields = read_calib_txt(path)
         return checked_camera(path, fields.size(hw), fields.intrinsics("cam0"), 0.0)
@@ -86,6 +88,7 @@ def read_stereo_calib(path: PathLike, *, hw: tuple[int, int] | None = None) -> S
     minus cx of the left) one may be left out; where both are given they must agree within 0.01 px. A file without a size
     takes `hw`. Raises FileError, CameraError; warns of a principal point outside the picture.
     """
+    check_arguments(read_stereo_calib, locals())
     if _is_calib_txt(path):
         fields, left_K, right_K, center = read_calib_txt(path), "cam0", "cam1", 0.0
         baseline = fields.number("baseline") / 1000
@@ -144,8 +147,7 @@ def camera_for(
     the EXIF focal length of `image`. `cx`, `cy` default to the centre; `pixel_center` says where they put the first pixel's
     centre. `world_from_cam` replaces the file's pose. Raises CameraError: two sources, or none (the message explains fov).
     """
-    if pixel_center not in (0.0, 0.5):
-        raise CameraError(f"pixel_center is {pixel_center}; 0.5 or 0.0 is wanted")
+    check_pixel_center(pixel_center)
     numbers = {"fx": fx, "fy": fy, "cx": cx, "cy": cy}
     given = [name for name, value in numbers.items() if value is not None]
     for name, value in {**numbers, "fov": fov}.items():

@@ -10,6 +10,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from dlama.arguments import check_arguments
 from dlama.errors import FileError, InputError, ShapeError, system_errors
 from dlama.files.atomic_write import PathLike
 from dlama.files.cameras import camera_for
@@ -65,6 +66,7 @@ def read_rgbd(
         CameraError: no camera, two cameras, or one that cannot be.
         ShapeError: picture, depth and camera are of different sizes.
     """
+    check_arguments(read_rgbd, locals())
     lens: dict[str, Any] = {
         "camera": camera,
         "fx": fx,
@@ -81,8 +83,14 @@ def read_rgbd(
             if value is not None:
                 raise InputError(f"{name} is given without a depth file; it says how one is read")
         return estimated_rgbd(image, lens, depth_model or DEFAULT, far, options)
-    for name, value in (options | {"depth_model": depth_model, "sharpen": not sharpen}).items():
-        if not (value is None or value is False or value == ()):
+    of_estimate = {
+        "metres_at": len(metres_at) > 0,
+        "camera_height": camera_height is not None,
+        "sharpen": not sharpen,
+        "depth_model": depth_model is not None,
+    }
+    for name, is_given in of_estimate.items():
+        if is_given:
             raise InputError(
                 f"`{name}` and a depth file contradict each other: it is for pictures without depth; give one of them"
             )

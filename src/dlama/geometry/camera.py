@@ -12,13 +12,15 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import sys
 from dataclasses import dataclass, field
 from numbers import Real
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from dlama.errors import CameraError, InputError
+from dlama.arguments import check
+from dlama.errors import CameraError
 
 Float64Array = NDArray[np.float64]
 
@@ -44,10 +46,17 @@ def is_finite(value: object) -> bool:
         return False
 
 
+def shown(value: object) -> str:
+    """A number for messages, in six digits; anything else as Python shows it."""
+    if isinstance(value, int) and abs(value) > sys.float_info.max:
+        return "beyond 1e308"
+    return f"{value:g}" if isinstance(value, Real) else repr(value)
+
+
 def _check_size(width: int, height: int) -> None:
     for name, value in (("width", width), ("height", height)):
-        if not is_finite(value):
-            raise CameraError(f"camera {name} is {value!r}; a whole number of pixels is wanted")
+        if not is_finite(value) or value % 1:
+            raise CameraError(f"camera {name} is {shown(value)}; a whole number of pixels is wanted")
     if width < 1 or height < 1:
         raise CameraError(f"camera size is {width}x{height}; width and height must be at least 1")
 
@@ -80,8 +89,7 @@ class Camera:
         for name in ("fx", "fy", "cx", "cy"):
             value = getattr(self, name)
             if not is_finite(value):
-                shown = "beyond 1e308" if isinstance(value, int) else repr(value)
-                raise CameraError(f"camera {name} is {shown}; a finite number of pixels is wanted")
+                raise CameraError(f"camera {name} is {shown(value)}; a finite number of pixels is wanted")
             if abs(value) > LARGEST_PX:
                 raise CameraError(f"camera {name} is {value:g} px; at most {LARGEST_PX:g} px is wanted")
         for name in ("fx", "fy"):
@@ -96,11 +104,10 @@ class Camera:
     def from_fov(cls, width: int, height: int, fov_deg: float, world_from_cam: ArrayLike | None = None) -> Camera:
         """Camera with square pixels, centred, from its horizontal field of view in degrees (0 < fov < 180)."""
         if not is_finite(fov_deg) or not 0 < fov_deg < 180:
-            shown = f"{fov_deg:g}" if isinstance(fov_deg, Real) else repr(fov_deg)
-            raise CameraError(f"fov is {shown} degrees; a field of view between 0 and 180 is wanted")
+            raise CameraError(f"fov is {shown(fov_deg)} degrees; a field of view between 0 and 180 is wanted")
         _check_size(width, height)
         focal = 0.5 * width / math.tan(math.radians(fov_deg) / 2)
-        pose = np.eye(4) if world_from_cam is None else np.asarray(world_from_cam, np.float64)
+        pose = np.eye(4) if world_from_cam is None else checked_pose(world_from_cam)
         return cls(width, height, focal, focal, width / 2, height / 2, pose)
 
     @classmethod
@@ -124,11 +131,10 @@ class Camera:
         Raises:
             CameraError: K is of another form, pixel_center another number, or the camera is none (see the class).
         """
-        if pixel_center not in (0.0, 0.5):
-            raise CameraError(f"pixel_center is {pixel_center:g}; 0.5 or 0.0 is wanted")
+        check_pixel_center(pixel_center)
         fx, fy, cx, cy = intrinsics_of(K)
         border = 0.5 - pixel_center
-        pose = np.eye(4) if world_from_cam is None else np.asarray(world_from_cam, np.float64)
+        pose = np.eye(4) if world_from_cam is None else checked_pose(world_from_cam)
         return cls(width, height, fx, fy, cx + border, cy + border, pose)
 
     @property
@@ -162,13 +168,16 @@ class Camera:
 
     def at(self, world_from_cam: ArrayLike) -> Camera:
         """The same camera at another pose."""
-        return dataclasses.replace(self, world_from_cam=np.asarray(world_from_cam, np.float64))
+        return dataclasses.replace(self, world_from_cam=checked_pose(world_from_cam))
 
     def cropped(self, x: int, y: int, width: int, height: int) -> Camera:
         """The camera of a part of the picture: `width` x `height` pixels, the upper left one being column x, row y.
 
         The part may reach beyond the picture. Raises CameraError when the part is empty.
         """
+        for name, value in (("x", x), ("y", y)):
+            if not is_finite(value):
+                raise CameraError(f"{name} is {shown(value)}; a number of pixels is wanted")
         return dataclasses.replace(self, width=width, height=height, cx=self.cx - x, cy=self.cy - y)
 
     def resized(self, width: int, height: int) -> Camera:
@@ -176,6 +185,7 @@ class Camera:
 
         Raises CameraError when the size is not positive.
         """
+        _check_size(width, height)
         across, down = width / self.width, height / self.height
         focal, centre = (self.fx * across, self.fy * down), (self.cx * across, self.cy * down)
         return Camera(width, height, *focal, *centre, self.world_from_cam)
@@ -191,10 +201,10 @@ class Camera:
         return self.same_lens_as(other) and float(np.abs(self.world_from_cam - other.world_from_cam).max()) <= 1e-9
 
 
-def check_camera(camera: object, name: str = "camera") -> None:
-    """Raise InputError, which calls it `name`, unless it is a Camera."""
-    if not isinstance(camera, Camera):
-        raise InputError(f"{name} is of type {type(camera).__name__}; a Camera is wanted (`read_camera` reads one)")
+def check_pixel_center(value: object) -> None:
+    """Raise CameraError unless it is 0.5 or 0.0, the two places where files put the first pixel's centre."""
+    if not isinstance(value, Real) or value not in (0.0, 0.5):
+        raise CameraError(f"pixel_center is {shown(value)}; 0.5 or 0.0 is wanted")
 
 
 @dataclass(frozen=True, eq=False)
@@ -211,6 +221,8 @@ class StereoRig:
 
     def __post_init__(self) -> None:
         left, right = self.left, self.right
+        check(left, Camera, "left")
+        check(right, Camera, "right")
         if left.hw != right.hw:
             raise CameraError(
                 f"the left camera is {left.width}x{left.height}, the right {right.width}x{right.height}; one size is wanted"
@@ -251,13 +263,23 @@ def intrinsics_of(K: ArrayLike, called: str = "K") -> tuple[float, float, float,
 
     Raises CameraError for a matrix of any other form; the message begins with `called`.
     """
-    matrix = np.array(K, np.float64)
-    if matrix.shape != (3, 3):
-        raise CameraError(f"{called} has shape {matrix.shape}; a 3x3 matrix is wanted")
+    matrix = _matrix(K, called, (3, 3))
     (fx, skew, cx), (zero, fy, cy), last = matrix.tolist()
     if not np.abs([skew, zero, last[0], last[1], last[2] - 1]).max() <= K_TOLERANCE:
         raise CameraError(f"{called} is {matrix.tolist()}; fx 0 cx / 0 fy cy / 0 0 1 is wanted (no skew)")
     return fx, fy, cx, cy
+
+
+def _matrix(values: ArrayLike, called: str, shape: tuple[int, int]) -> Float64Array:
+    """A float64 copy. CameraError, which calls it `called`: no numbers, or of another shape."""
+    wanted = f"a {shape[0]}x{shape[1]} matrix is wanted"
+    try:
+        matrix = np.array(values, np.float64)
+    except (TypeError, ValueError, OverflowError) as error:
+        raise CameraError(f"{called} is of type {type(values).__name__} and holds no numbers; {wanted}") from error
+    if matrix.shape != shape:
+        raise CameraError(f"{called} has shape {matrix.shape}; {wanted}")
+    return matrix
 
 
 def inverse_pose(b_from_a: Float64Array) -> Float64Array:
@@ -273,9 +295,7 @@ def checked_pose(pose: ArrayLike) -> Float64Array:
 
     The rotation is replaced by the nearest exact one, so that published poses rounded to a few digits compose cleanly.
     """
-    matrix = np.array(pose, np.float64)
-    if matrix.shape != (4, 4):
-        raise CameraError(f"world_from_cam has shape {matrix.shape}; a 4x4 matrix is wanted")
+    matrix = _matrix(pose, "world_from_cam", (4, 4))
     if not np.isfinite(matrix).all():
         raise CameraError("world_from_cam holds NaN or infinity; a finite rigid motion is wanted")
     if np.abs(matrix[:3, 3]).max() > FARTHEST_M:

@@ -9,7 +9,7 @@ import numpy as np
 
 from dlama.geometry.camera import Float64Array
 from dlama.geometry.figures.points import turning_points
-from dlama.geometry.rgbd import Float32Array, UInt8Array, checked_fields, counted
+from dlama.geometry.rgbd import Float32Array, UInt8Array, checked_fields, counted, row_count
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,7 +26,7 @@ class PointCloud:
     """N, in 0..1."""
 
     def __post_init__(self) -> None:
-        count = len(self.points)
+        count = row_count(self.points)
         fields: dict[str, tuple[tuple[int, ...], type]] = {
             "points": ((count, 3), np.float64),
             "color": ((count, 3), np.uint8),

@@ -7,6 +7,8 @@ import dataclasses
 import cv2
 import numpy as np
 
+from dlama.arguments import check_arguments
+from dlama.errors import ShapeError
 from dlama.geometry.cloud import PointCloud, concatenated
 from dlama.geometry.drawing import mesh_grid
 from dlama.geometry.kernels.depth_edges import DOWN, RIGHT
@@ -30,6 +32,10 @@ def fuse(scene: Scene, view: View, known: BoolArray | None = None) -> Scene:
         known: H x W bool, filled pixels that come from the scene itself (filled for an earlier camera). They are not added again,
             nor are filled pixels without a hole type, which were rendered from it.
     """
+    check_arguments(fuse, locals())
+    if known is not None and (np.shape(known) != view.camera.hw or np.asarray(known).dtype != np.bool_):
+        given = np.asarray(known)
+        raise ShapeError(f"known is {given.dtype} {given.shape}; bool {view.camera.hw}, as the view is, is wanted")
     depth_only = (view.origin == Origin.DEPTH_FILLED) & (view.hole_type == HoleType.SENSOR)
     for layer in scene.layers:
         if layer.camera.same_view_as(view.camera):

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from dlama.errors import ShapeError
 from dlama.geometry.camera import Float64Array
 from dlama.geometry.cloud import extent_in_words
-from dlama.geometry.rgbd import Float32Array, UInt8Array, checked_fields, counted
+from dlama.geometry.rgbd import Float32Array, UInt8Array, checked_fields, counted, row_count
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,7 +29,7 @@ class Mesh:
     """N, in 0..1."""
 
     def __post_init__(self) -> None:
-        count, faces = len(self.vertices), len(self.triangles)
+        count, faces = row_count(self.vertices), row_count(self.triangles)
         fields: dict[str, tuple[tuple[int, ...], type]] = {
             "vertices": ((count, 3), np.float64),
             "triangles": ((faces, 3), np.int32),

@@ -10,6 +10,7 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
+from dlama.arguments import check_arguments
 from dlama.errors import CameraError, DepthError, ShapeError
 from dlama.geometry.camera import Camera, Float64Array
 from dlama.geometry.cloud import PointCloud
@@ -107,6 +108,7 @@ def lift(source: RGBD | View) -> PointCloud:
 
     Far and missing pixels have no point. An RGBD's points are MEASURED with confidence 1, or ESTIMATED; a View's carry its own.
     """
+    check_arguments(lift, locals())
     if isinstance(source, RGBD):
         source = View.from_rgbd(source)
     source = source.read()

@@ -9,8 +9,9 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
+from dlama.arguments import check_arguments
 from dlama.errors import InputError
-from dlama.geometry.camera import Camera, check_camera
+from dlama.geometry.camera import Camera
 from dlama.geometry.cloud import PointCloud
 from dlama.geometry.drawing import MODES as MODES
 from dlama.geometry.drawing import NEAR, Canvas, Grid, draw, draw_far, spans, transformed
@@ -62,7 +63,7 @@ def render(
     Raises:
         InputError: an unknown mode, or a surface of a PointCloud.
     """
-    check_camera(camera)
+    check_arguments(render, locals())
     if mode not in MODES:
         raise InputError(f"mode is {mode!r}; one of {', '.join(MODES)} is wanted")
     if isinstance(source, PointCloud):
@@ -119,8 +120,6 @@ def as_scene(source: RGBD | View | Scene) -> Scene:
     """Anything that renders, as a scene."""
     if isinstance(source, RGBD):
         source = View.from_rgbd(source)
-    if not isinstance(source, (View, Scene)):
-        raise InputError(f"source is of type {type(source).__name__}; an RGBD, View, Scene or PointCloud is wanted")
     return Scene((source,)) if isinstance(source, View) else source
 
 

@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from dlama.arguments import check
 from dlama.errors import DepthError, ShapeError
-from dlama.geometry.camera import Camera, check_camera
+from dlama.geometry.camera import Camera
 from dlama.geometry.figures.false_color import depth_picture
 from dlama.geometry.figures.html import Panel, figure, strip
 
@@ -46,7 +47,7 @@ class RGBD:
                 if depth.ndim == 2
                 else f"depth has shape {depth.shape}; H x W is wanted"
             )
-        check_camera(self.camera)
+        check(self.camera, Camera, "camera")
         if self.camera.hw != depth.shape:
             raise ShapeError(
                 f"the camera is {self.camera.width}x{self.camera.height} and the picture "
@@ -145,11 +146,20 @@ def checked_fields(
     """Freeze a noun's array fields, each of which must have its shape and dtype; else ShapeError (`wanted`: for what)."""
     for name, (shape, dtype) in fields.items():
         array = getattr(noun, name)
+        if not isinstance(array, np.ndarray):
+            raise ShapeError(
+                f"{called}.{name} is of type {type(array).__name__}; an array of {np.dtype(dtype)} is wanted"
+            )
         if array.shape != shape or array.dtype != dtype:
             raise ShapeError(
                 f"{called}.{name} is {array.dtype} {array.shape}; {np.dtype(dtype)} {shape} is wanted{wanted}"
             )
         object.__setattr__(noun, name, read_only(array))
+
+
+def row_count(array: np.ndarray) -> int:
+    """Rows of a noun's array; 0 of what is none, which `checked_fields` then refuses."""
+    return len(array) if isinstance(array, np.ndarray) and array.ndim else 0
 
 
 def clipped(rgbd: RGBD, clip: float | None) -> RGBD:

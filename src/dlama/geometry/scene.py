@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
+from dlama.arguments import check
 from dlama.errors import ShapeError
 from dlama.geometry.cloud import concatenated
 from dlama.geometry.figures.points import turning_points
@@ -39,7 +42,11 @@ class Scene:
 
     def __post_init__(self) -> None:
         for name in ("layers", "objects"):
+            check(getattr(self, name), Iterable[View], name)
             object.__setattr__(self, name, tuple(getattr(self, name)))
+            check(getattr(self, name), tuple[View, ...], name)
+        for name in ("numbers", "gains"):
+            check(getattr(self, name), Sequence[Any], name)
         if not self.layers:
             raise ShapeError("a scene has no layers; at least one is wanted")
         if not len(self.numbers) == len(self.gains) <= len(self.layers):

@@ -8,8 +8,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
+from dlama.arguments import check_arguments
 from dlama.errors import DepthError, InputError
-from dlama.geometry.camera import FARTHEST_M, Camera, Float64Array, check_camera, is_finite
+from dlama.geometry.camera import FARTHEST_M, Camera, Float64Array, is_finite
 
 PIVOT_M = 2.5
 """Default distance, metres ahead on the optical axis, of the point a camera orbits about (the paper's centroid, sec. 4)."""
@@ -24,7 +25,7 @@ def orbit(camera: Camera, yaw: float, pitch: float = 0.0, pivot: float = PIVOT_M
     p' = C + R_x(pitch) R_y(yaw) (p - C) with C = (0, 0, pivot).
     With pivot = 0 the camera turns in place. Raises InputError on angles that are not finite or pivot < 0.
     """
-    check_camera(camera)
+    check_arguments(orbit, locals())
     for name, value in (("yaw", yaw), ("pitch", pitch)):
         if not is_finite(value):
             raise InputError(f"{name} is {value!r}; a finite angle in degrees is wanted")

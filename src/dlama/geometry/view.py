@@ -12,6 +12,7 @@ from functools import cached_property
 
 import numpy as np
 
+from dlama.arguments import check
 from dlama.geometry.camera import Camera
 from dlama.geometry.figures.false_color import depth_picture, hatched, origin_picture
 from dlama.geometry.figures.html import Panel, figure, strip
@@ -98,6 +99,7 @@ class View:
     levels of 8 bit (mean over the channels). 0 where it was measured, and in holes; None: nothing was filled."""
 
     def __post_init__(self) -> None:
+        check(self.camera, Camera, "view.camera")
         hw = self.camera.hw
         fields: dict[str, tuple[tuple[int, ...], type]] = {
             "color": ((*hw, 3), np.uint8),
@@ -116,6 +118,7 @@ class View:
     @classmethod
     def from_rgbd(cls, rgbd: RGBD) -> View:
         """The source view: all measured (or with estimated depth), sensor holes (no depth, known colour) marked as such."""
+        check(rgbd, RGBD, "rgbd")
         missing = rgbd.missing
         known, sure = (Origin.MEASURED, 1.0) if rgbd.estimate is None else (Origin.ESTIMATED, ESTIMATED_CONFIDENCE)
         return cls(

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 
+from dlama.arguments import check
 from dlama.geometry.camera import Camera
 from dlama.geometry.frames.choosing import MOST_FRAMES, choose_frames
 from dlama.geometry.frames.coarse import coarse_camera, coarse_depth
@@ -47,6 +48,7 @@ class Law:
     @classmethod
     def of(cls, scene: Scene) -> Law:
         """The law that a scene's measured layers and removed objects lay down; of many frames, within their measured noise."""
+        check(scene, Scene, "scene")
         if scene.numbers and sum(4 * one.camera.width * one.camera.height for one in scene.measured) > HELD_BYTES:
             return cls((), scene=scene)
         return cls._of(scene)

@@ -13,6 +13,8 @@ from typing import Any
 
 import numpy as np
 
+from dlama.arguments import check, check_arguments
+from dlama.errors import ShapeError
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.geometry.view import Origin, View
 from dlama.geometry.visibility import Law, lawful_depth
@@ -75,19 +77,33 @@ class FillReport:
     """As of Fill."""
 
 
+def checked_fill(fill: Fill, view: View) -> Fill:
+    """The fill, if it is one for this view; else InputError (no Fill) or ShapeError: the filler has a fault."""
+    check(fill, Fill, "what the filler returned")
+    hw = view.camera.hw
+    wanted = {"color": (*hw, 3), "depth": hw, "errors": (*hw, 2), "choice": hw}
+    for name, shape in wanted.items():
+        array = getattr(fill, name)
+        if np.shape(array) != shape and not (array is None and name in ("errors", "choice")):
+            raise ShapeError(f"the filler's {name} has shape {np.shape(array)}; {shape} is wanted for this view")
+    return fill
+
+
 def inpaint(view: View, inpainter: Inpainter, law: Law, seed: int = 0) -> tuple[View, FillReport]:
     """Fill all holes of a view; the view comes back without holes, with a report.
 
     Holes with measured colour (origin DEPTH_FILLED: sensor holes of a source view) get depth only. A view in which nothing
     at all is known comes back as it is, with the note `nothing_visible`.
+    Raises InputError: the filler returns no Fill, or one of another size.
     """
+    check_arguments(inpaint, locals())
     hole = view.hole
     if not hole.any():
         return view, FillReport(0, 0, 0, {})
     if not (view.valid | view.far).any():
         return view, FillReport(0, 0, 0, {"nothing_visible": True})
     law = law.near(view.camera)
-    fill = inpainter(view, law, seed)
+    fill = checked_fill(inpainter(view, law, seed), view)
     depth, moved = lawful_depth(view, fill.depth, hole, law)
     color = np.where(view.color_hole[..., None], fill.color, view.color)
     filled_origin = np.where(view.color_hole, np.uint8(Origin.FILLED), np.uint8(Origin.DEPTH_FILLED))

@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from importlib.util import find_spec
+from numbers import Integral
 from pathlib import Path
 from typing import Any
 
+from dlama.arguments import check, check_arguments, check_count, check_number
 from dlama.completion.memory import available_bytes
 from dlama.errors import InputError, MissingExtraError
-from dlama.files.atomic_write import PathLike
+from dlama.files.atomic_write import PathLike, checked_name
 from dlama.jobs.job import Job, job_of
 from dlama.jobs.lists.tables import rows as rows_of
 from dlama.jobs.parameters import KNOWN, VERBS
@@ -19,7 +21,7 @@ from dlama.jobs.result import JobResult
 from dlama.jobs.run import Progress, Settings, Workers, run_jobs
 from dlama.jobs.storage import Output, folder_of, is_address, local
 from dlama.models.network_file import processor_count
-from dlama.workers.memory import PROCESS_BYTES, check_count
+from dlama.workers.memory import PROCESS_BYTES, check_processes
 from dlama.workers.pool import Pool
 
 Source = PathLike | Iterable[Mapping[str, Any]]
@@ -68,12 +70,13 @@ def batch(
         OutputError: OUT cannot be written, or another run is writing there.
         MissingExtraError: a cluster, an address or Parquet, and the package for it is not installed.
     """
+    check_arguments(batch, locals())
     source = JobList(jobs, verb, checked_defaults(verb, defaults))
-    if stop_after_failures is not None and stop_after_failures < 1:
-        raise InputError(f"stop_after_failures is {stop_after_failures}; 1 or more is wanted")
+    check_count(stop_after_failures, "stop_after_failures")
+    check_count(pack, "pack")
+    check_number(gpus_per_worker, "gpus_per_worker", "a share of a GPU, 0 or more,")
+    checked_name(out)
     output = Output(str(out) if is_address(str(out)) else str(Path(local(str(out))).absolute()))
-    if pack is not None and pack < 1:
-        raise InputError(f"pack is {pack}; 1 or more is wanted")
     settings = Settings(output, ordered, resume, stop_after_failures, pack, progress or (lambda *_: None))
     return run_jobs(source, source.can_be_read_twice, settings, starter(workers, threads, ray, gpus_per_worker))
 
@@ -107,6 +110,7 @@ class JobList:
             if isinstance(one, Job):
                 yield one
             else:
+                check(one, Mapping[str, Any], f"job {number}")
                 yield job_of(one, self.defaults, str(Path.cwd()), f"job {number}", self.verb)
 
 
@@ -128,9 +132,8 @@ def starter(workers: int | None, threads: int | None, ray: str | None, gpus_per_
             raise InputError(f"gpus_per_worker is {gpus_per_worker} without ray; it is for clusters")
         chosen = workers_for(workers, threads)
         return lambda: Pool(work, *chosen)
-    for name, value in (("workers", workers), ("threads", threads)):
-        if value is not None and value < 1:
-            raise InputError(f"{name} is {value}; 1 or more is wanted")
+    check_count(workers, "workers")
+    check_count(threads, "threads")
     if gpus_per_worker < 0:
         raise InputError(f"gpus_per_worker is {gpus_per_worker}; 0 or more is wanted")
     if find_spec("ray") is None:
@@ -144,9 +147,9 @@ def workers_for(workers: int | None, threads: int | None) -> tuple[int, int]:
     """Processes and threads of each. InputError: below 1, or more than this computer holds."""
     cores, free = processor_count(), available_bytes()
     if workers is not None:
-        check_count(workers, "workers")
-    if threads is not None and not 1 <= threads <= max(cores, 2):
-        raise InputError(f"threads is {threads}; 1 to {cores}, as many as this computer has cores, is wanted")
+        check_processes(workers, "workers")
+    if threads is not None and not (isinstance(threads, Integral) and 1 <= threads <= max(cores, 2)):
+        raise InputError(f"threads is {threads!r}; 1 to {cores}, as many as this computer has cores, is wanted")
     fitting = cores if free is None else max(1, min(cores, int(free / PROCESS_BYTES)))
     count = workers or max(1, fitting // (threads or 1))
     return count, threads or max(1, cores // count)

@@ -59,6 +59,7 @@ class NetworkFile:
     memory_pattern: bool = True
     """Whether ONNX Runtime plans the memory of a whole run at once: faster (LaMa 20 %, MI-GAN 10 %), and more memory."""
 
+    @system_errors(FileError)
     def __post_init__(self) -> None:
         if not self.path.is_file():
             raise FileError(f"{self.path}: no such model file")
@@ -148,6 +149,7 @@ class NetworkFile:
             raise FileError(f"{self.path}: failed on {sizes} ({first_line(error)})") from error
 
 
+@system_errors(FileError)
 @system_errors(FileError)
 def file_stamp(path: Path) -> tuple[int, int]:
     """Time of change in ns, and bytes: what tells a file from a newer one of the same name. FileError where there is none."""

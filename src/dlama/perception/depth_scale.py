@@ -9,13 +9,12 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from numbers import Real
 from typing import Any
 
 import numpy as np
 
 from dlama.errors import DepthError, InputError
-from dlama.geometry.camera import Camera, is_finite
+from dlama.geometry.camera import Camera, is_finite, shown
 from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.perception.planes import find_planes, fit_plane
 
@@ -147,8 +146,7 @@ def value_at(values: Float32Array, x: float, y: float, metres: float) -> float:
 def scale_of_ground(values: Float32Array, inverse: bool, camera: Camera, camera_height: float) -> Scale:
     """The factor that puts the camera so high (m) above the largest plane that looks like ground. InputError where none does."""
     if not (is_finite(camera_height) and camera_height > 0):
-        shown = f"{camera_height:g}" if isinstance(camera_height, Real) else repr(camera_height)
-        raise InputError(f"camera_height is {shown} m; a number above 0 is wanted")
+        raise InputError(f"camera_height is {shown(camera_height)} m; a number above 0 is wanted")
     w = values if inverse else np.divide(1, values, out=np.zeros_like(values), where=(values > 0) & np.isfinite(values))
     plane = ground_plane(w, camera)
     if plane is None:

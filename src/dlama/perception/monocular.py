@@ -18,8 +18,9 @@ from typing import Any
 import cv2
 import numpy as np
 
-from dlama.errors import DepthError, InputError, ShapeError
-from dlama.geometry.camera import Camera, check_camera
+from dlama.arguments import check, check_arguments
+from dlama.errors import DepthError, FileError, InputError, ShapeError, system_errors
+from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array, checked_color
 from dlama.models.cache import locate
 from dlama.models.network_file import NetworkFile, cores, default_provider, file_stamp
@@ -102,9 +103,11 @@ def estimate_depth(
             none (ShapeError).
         FileError: a network file that is missing, or does not keep its contract.
     """
+    check_arguments(estimate_depth, locals())
     color = checked_picture(color)
     name, estimator = find_estimator(depth_model)
     prediction = estimator(color)
+    check(prediction, DepthPrediction, f"what the function {name} returned")
     camera, fov_notes, shift = camera_of(color, camera, prediction)
     values, inverse, far = at_picture_size(prediction, camera, shift)
     moved = sharpened(values, color, inverse) if sharpen else values
@@ -147,6 +150,7 @@ def contrast(color: UInt8Array) -> float:
     return float((high - low).max())
 
 
+@system_errors(FileError)
 def find_estimator(depth_model: str | Path | Estimator) -> tuple[str, Estimator]:
     """The name and the function of an estimator; parameters and errors as `estimate_depth`."""
     if not isinstance(depth_model, (str, Path)):
@@ -200,8 +204,6 @@ def camera_of(
 ) -> tuple[Camera, dict[str, Any], float]:
     """The camera of the picture, for meta.json where it comes from, and the shift of z that its points take."""
     height, width = color.shape[:2]
-    if camera is not None:
-        check_camera(camera)
     if camera is not None and camera.hw != (height, width):
         raise ShapeError(
             f"the camera is {camera.width}x{camera.height} and the picture {width}x{height}; both must have the same size"

@@ -9,6 +9,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+from dlama.arguments import check_arguments
 from dlama.errors import InputError, MaskError
 from dlama.geometry.rgbd import RGBD, BoolArray, UInt8Array, checked_color, read_only
 from dlama.perception.masks.prompt import Box, Point, Prompt
@@ -92,7 +93,10 @@ class MaskSession:
             raise InputError(f"candidate is {candidate!r}; one of {', '.join(CANDIDATES)} is wanted")
         picture = self.picture
         hw = picture.depth.shape if isinstance(picture, RGBD) else picture.shape[:2]
-        prompt = Prompt((hw[0], hw[1]), tuple(map(tuple, clicks)), tuple(map(tuple, not_clicks)), box and tuple(box))  # type: ignore[arg-type]
+        on, beside = ([(x, y) for x, y in points] for points in (clicks, not_clicks))
+        prompt = Prompt(
+            (hw[0], hw[1]), tuple(on), tuple(beside), None if box is None else (box[0], box[1], box[2], box[3])
+        )
         if MASKERS[self.masker].needs_prompt and not prompt.clicks and prompt.box is None:
             raise InputError("clicks and `box` are both missing; give clicks on the thing, or a `box` round it")
         if with_shadow and not isinstance(picture, RGBD):
@@ -154,6 +158,7 @@ def find_mask(
         MaskError: nothing that stands apart is there.
         FileError: a network that is missing, or does not keep its contract.
     """
+    check_arguments(find_mask, locals())
     session = MaskSession(picture, masker=masker, mask_model=mask_model)
     return session.find(clicks=clicks, not_clicks=not_clicks, box=box, candidate=candidate, with_shadow=with_shadow)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
+from dlama.arguments import check_count
 from dlama.completion.memory import GB, available_bytes
 from dlama.errors import InputError
 from dlama.models.network_file import processor_count
@@ -15,11 +16,10 @@ PROCESS_BYTES = 3e8
 """Memory that a process takes at least: libraries, kernels and a small picture."""
 
 
-def check_count(count: int, name: str) -> None:
+def check_processes(count: int, name: str) -> None:
     """InputError for processes that this computer has no cores or no memory for; `name`: the parameter that asks for them."""
     cores, free = processor_count(), available_bytes()
-    if count < 1:
-        raise InputError(f"{name} is {count}; 1 or more is wanted")
+    check_count(count, name)
     if count > max(cores, LEAST):
         raise InputError(f"{name} is {count}; this computer has {cores} processor cores, so at most {cores} is wanted")
     if count > 1 and free is not None and count * PROCESS_BYTES > free:

@@ -75,9 +75,10 @@ def matcher_for(matcher: str | Path | Matcher | None, max_disparity: float | Non
 
 def of_given(disparity: Float32Array, hw: tuple[int, int]) -> tuple[Float32Array, Float32Array]:
     """A left disparity (H x W px; 0, NaN, inf = unknown) and what it says of the right view. Raises ShapeError, InputError."""
-    if disparity.shape != hw:
-        raise ShapeError(f"disparity is {disparity.shape} and the pictures {hw}; the same is wanted")
-    left = np.where(np.isfinite(disparity), disparity, 0).astype(np.float32)
+    given = np.asarray(disparity)
+    if given.shape != hw or given.dtype.kind not in "fiu":
+        raise ShapeError(f"disparity is {given.dtype} {given.shape} and the pictures {hw}; px as numbers are wanted")
+    left = np.where(np.isfinite(given), given, 0).astype(np.float32)
     if not left.any():
         raise InputError("disparity has no known pixel")
     return left, carried_disparity(left)

@@ -16,7 +16,7 @@ from dlama.errors import InputError, ShapeError
 from dlama.geometry.camera import StereoRig
 from dlama.geometry.holes import checked_mask
 from dlama.geometry.projection import depth_from_disparity, disparity_from_depth
-from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
+from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array, checked_color
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
 from dlama.inpainters.filling import Inpainter
@@ -119,6 +119,7 @@ def check_pair(left: UInt8Array, right: UInt8Array, rig: StereoRig, far: float) 
             raise InputError(
                 f"{name} is of type {type(picture).__name__}; a picture is wanted, uint8 H x W x 3 (`read_color` reads one)"
             )
+        checked_color(picture, name)
         if picture.shape[:2] != rig.left.hw:
             raise ShapeError(
                 f"the {name} picture is {picture.shape[1]}x{picture.shape[0]} and the calibration "

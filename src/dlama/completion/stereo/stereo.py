@@ -16,6 +16,7 @@ from typing import Literal
 
 import numpy as np
 
+from dlama.arguments import check_arguments
 from dlama.completion.completion import StereoCompletion
 from dlama.completion.memory import check_memory
 from dlama.completion.recipes import DepthBy, Recipe, checked_seed, find_recipe
@@ -104,6 +105,7 @@ def stereo(
         InputError: options that contradict each other, pictures of another size than the rig's (ShapeError), a mask that
             cannot be used (MaskError).
     """
+    check_arguments(stereo, locals())
     if not isinstance(rig, StereoRig):
         raise InputError(f"rig is of type {type(rig).__name__}; a StereoRig is wanted (`read_stereo_calib` reads one)")
     far = default_far(rig) if far is None else far

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from dlama import __version__
+from dlama.arguments import check_arguments
 from dlama.completion.frames.stepwise import Step, plan_for, steps_for, taken, taken_up
 from dlama.completion.memory import check_memory
 from dlama.completion.recipes import find_recipe
@@ -87,6 +88,7 @@ def sequence(
     Raises:
         InputError: what `scene` and `complete` refuse, a mask for a frame that is not there; FileError, OutputError.
     """
+    check_arguments(sequence, locals())
     started, target, wanted = time.perf_counter(), Path(output), checked_results(only)
     clip = find_recipe(recipe).clip
     names, given, damaged = read_scene_of(dataset, frames, layout, scene, camera, depth_range, clip, align)

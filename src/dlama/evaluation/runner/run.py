@@ -17,7 +17,7 @@ from dlama.evaluation.runner.store import Stored, read_stored, stem
 from dlama.evaluation.runner.strips import is_whole_jpeg
 from dlama.evaluation.runner.worker import Outcome, ProtocolFunction, Task
 from dlama.files.atomic_write import new_file
-from dlama.workers.memory import check_count
+from dlama.workers.memory import check_processes
 
 Progress = Callable[[Outcome | None, int, int], None]
 """Called with what has just ended (None: kept from an earlier run), and how many of how many are done."""
@@ -95,7 +95,7 @@ def write_errors(folder: Path, failures: Sequence[Outcome]) -> None:
 
 
 def _check(cases: Sequence[Case], methods: Sequence[Method], jobs: int) -> None:
-    check_count(jobs, "jobs")
+    check_processes(jobs, "jobs")
     if not cases or not methods:
         raise InputError(f"{len(cases)} cases and {len(methods)} methods leave nothing to evaluate")
     for kind, names in (("cases", [case.key for case in cases]), ("methods", [method.label for method in methods])):

@@ -12,6 +12,7 @@ from typing import Any, Literal
 import numpy as np
 from PIL import Image
 
+from dlama.arguments import check_arguments
 from dlama.errors import FileError, MaskError, ShapeError, system_errors
 from dlama.files.atomic_write import PathLike, new_file
 from dlama.files.rasters.images import read_stored
@@ -31,6 +32,7 @@ def read_color(path: PathLike) -> UInt8Array:
     PNG, JPEG, TIFF. 16 bit keep their high byte, grey is repeated, palettes are looked up, alpha is dropped. Turned as
     viewers show it, where EXIF says so; masks and depth pictures are, too. Raises FileError: missing, damaged or float.
     """
+    check_arguments(read_color, locals())
     return eight_bit_rgb(read_stored(path).values, path)
 
 
@@ -80,6 +82,7 @@ def read_mask(
         FileError: the file is missing or damaged.
         MaskError: the mask is grey, coloured, empty or full, or the class is not known.
     """
+    check_arguments(read_mask, locals())
     if mask_polarity not in ("fill", "known"):
         raise MaskError(f"mask_polarity is {mask_polarity!r}; 'fill' (255 = remove) or 'known' (255 = keep) is wanted")
     if mask_class is not None:

@@ -10,6 +10,7 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
+from dlama.arguments import check_arguments
 from dlama.completion.completion import Completion, StereoCompletion
 from dlama.errors import InputError, OutputError, system_errors
 from dlama.files.atomic_write import PathLike, new_directory
@@ -76,6 +77,7 @@ def write(
         OutputError: the directory cannot be written, or a result would replace one of `inputs`.
         FileError: an input cannot be read.
     """
+    check_arguments(write, locals())
     names = checked_results(only)
     target, started = Path(directory), time.perf_counter()
     check_inputs_stay(target, file_names(completion, names), inputs or {})

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from dlama import __version__
+from dlama.arguments import check_arguments
 from dlama.completion.report import depth_source
 from dlama.files.atomic_write import PathLike, new_directory
 from dlama.files.cameras import camera_as_json, write_camera
@@ -45,6 +46,7 @@ def write_depth(
         OutputError: the directory cannot be written, or a result would replace one of `inputs`.
         FileError: an input cannot be read.
     """
+    check_arguments(write_depth, locals())
     target, started = Path(directory), time.perf_counter()
     check_inputs_stay(target, FILES, inputs or {})
     meta = {

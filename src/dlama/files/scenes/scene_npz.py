@@ -16,6 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
+from dlama.arguments import check_arguments
 from dlama.errors import DlamaError, FileError, system_errors
 from dlama.files.atomic_write import PathLike, new_file
 from dlama.files.rasters.float_files import read_npy
@@ -61,6 +62,7 @@ def _all_arrays(view: View, scene: Scene) -> Iterator[tuple[str, np.ndarray]]:
 
 def read_scene(path: PathLike) -> Scene:
     """The scene in a scene.npz, as `write` and `dlama sequence` make it. It renders; `complete` goes on with it. FileError."""
+    check_arguments(read_scene, locals())
     return read_npz(path)[1]
 
 

@@ -15,6 +15,7 @@ from typing import TypeVar
 import cv2
 import numpy as np
 
+from dlama.arguments import check_arguments
 from dlama.geometry.camera import Camera, Float64Array
 from dlama.geometry.frames.pose_system import Matches, adjusted, offsets
 from dlama.geometry.rgbd import RGBD, Float32Array
@@ -74,6 +75,7 @@ def align_frames(frames: Sequence[Source]) -> list[Source]:
         frames: Posed frames of one scene, or functions that read them, in the order in which they were taken. Each is read once
             here.
     """
+    check_arguments(align_frames, locals())
     found = alignment([features_of(frame if isinstance(frame, RGBD) else frame()) for frame in frames])
     if found.poses is None:
         return list(frames)

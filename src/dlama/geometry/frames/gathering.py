@@ -8,6 +8,7 @@ from functools import partial
 
 import numpy as np
 
+from dlama.arguments import check_arguments
 from dlama.errors import InputError, ShapeError
 from dlama.geometry.camera import Float64Array
 from dlama.geometry.frames.agreement import ENOUGH, Overlap, fitted_gains, fitted_noise, judged, overlaps
@@ -48,6 +49,7 @@ def scene(
     Raises:
         InputError: no frame, frames of different sizes (ShapeError), or of which no two show the same surfaces.
     """
+    check_arguments(scene, locals())
     called = [f"frame {number}" for number in range(len(frames))] if names is None else list(names)
     if not frames:
         raise InputError("frames is empty; one posed RGB-D frame or more is wanted")

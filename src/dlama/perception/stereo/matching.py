@@ -9,12 +9,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from numbers import Real
 
 import cv2
 import numpy as np
 
+from dlama.arguments import check_number
 from dlama.errors import InputError, ShapeError
+from dlama.geometry.camera import is_finite, shown
 from dlama.geometry.projection import SMALLEST_DISPARITY
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 
@@ -74,13 +75,12 @@ def disparity_pair(
     """
     check_pictures(left, right)
     for name, value in (("min_disparity", min_disparity), ("max_disparity", max_disparity)):
-        if value is not None and not isinstance(value, Real):
-            raise InputError(f"{name} is {value!r}; a number of pixels is wanted")
+        check_number(value, name, "a number of pixels")
     if max_disparity is None:
         max_disparity = _estimated_maximum(left, right, min_disparity)
     else:
         _check_reach(left.shape[1], min_disparity, max_disparity)
-    if not (math.isfinite(min_disparity) and math.isfinite(max_disparity) and min_disparity < max_disparity):
+    if not (is_finite(min_disparity) and is_finite(max_disparity) and min_disparity < max_disparity):
         raise InputError(
             f"disparity range is {min_disparity}..{max_disparity} px; min_disparity < max_disparity is wanted"
         )
@@ -97,7 +97,7 @@ def _check_reach(width: int, min_disparity: float, max_disparity: float) -> None
     scale = 2 if width <= DOUBLED_UP_TO_PX else 1
     most, asked = min(width, LARGEST_STEP // scale), max(-min_disparity, max_disparity)
     if asked > most:
-        raise InputError(f"max_disparity is {asked:g} px; at most {most} px is wanted in pictures {width} px wide")
+        raise InputError(f"max_disparity is {shown(asked)} px; at most {most} px is wanted in pictures {width} px wide")
 
 
 def _scale_of_whole(shape: tuple[int, ...], span: float) -> float:

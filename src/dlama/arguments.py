@@ -1,0 +1,187 @@
+"""A public function and its arguments in; InputError out where one of them is not of the type that the signature says.
+
+The signature is the rule: what a parameter is annotated with is what it is checked against. Three kinds are left to the function
+itself, whose message says more: numbers (their range and unit), arrays (their shape and dtype), the names of a closed set.
+"""
+
+from __future__ import annotations
+
+import functools
+import inspect
+import os
+import types
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence, Sized
+from numbers import Integral, Real
+from pathlib import Path
+from typing import Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
+
+import numpy as np
+
+from dlama.errors import InputError
+
+ROWS = (Sequence, tuple, list)
+"""Annotations that a list, a tuple or a set fits: what has a length and can be gone through."""
+UNCHECKED = (int, float, np.ndarray, object, Any)
+"""Types of what the functions check themselves."""
+WORDS: dict[Any, str] = {
+    **dict.fromkeys((Sequence, tuple, list, Iterable), "a list"),
+    str: "a string",
+    bool: "True or False",
+    Real: "a number",
+    Callable: "a function",
+    Mapping: "a dict",
+    Literal: "a name",
+}
+WHERE_FROM = {
+    "Camera": " (`read_camera` reads one)",
+    "StereoRig": " (`read_stereo_calib` reads one)",
+    "RGBD": " (`read_rgbd` reads a picture with depth, `estimate_depth(color).rgbd` estimates the depth of one)",
+    "Scene": " (`scene` makes one of frames, `read_scene` reads one)",
+    "View": " (`render` gives one)",
+    "Completion": " (`view`, `remove`, `stereo` and `complete` give one)",
+    "Law": " (`Law.of(scene)` gives one)",
+}
+"""Name of a type -> where a user gets one from."""
+
+
+def check_arguments(function: Callable[..., Any], given: Mapping[str, object]) -> None:
+    """The first line of a public function: InputError where one of its arguments (`locals()`) is not of its parameter's type.
+
+    The message names the parameter, or its element (`inputs['depth']`, `cameras[1]`), the type that came and what is wanted.
+    """
+    for name, annotation in _annotations(function).items():
+        if name in given:
+            check(given[name], annotation, name)
+
+
+@functools.lru_cache(None)
+def _annotations(function: Callable[..., Any]) -> dict[str, Any]:
+    """Parameter -> what it is annotated with; without **others, and what is returned."""
+    hints, parameters = get_type_hints(function), inspect.signature(function).parameters
+    return {name: hints[name] for name, one in parameters.items() if one.kind is not one.VAR_KEYWORD}
+
+
+def check(value: object, annotation: Any, name: str) -> None:
+    """Raise InputError, which calls the value `name`, where it is not of the annotated type."""
+    complaint = _complaint(value, annotation, name)
+    if complaint:
+        raise InputError(complaint)
+
+
+def check_number(value: object, name: str, what: str = "a number") -> None:
+    """Raise InputError, which calls the value `name`, unless it is a number (or None); `what`: what is wanted, in words."""
+    if value is not None and not isinstance(value, Real):
+        raise InputError(f"{name} is {value!r}; {what} is wanted")
+
+
+def check_count(value: object, name: str) -> None:
+    """Raise InputError, which calls the value `name`, unless it is a whole number of 1 or more (or None)."""
+    if value is not None and not (isinstance(value, Integral) and int(value) >= 1):
+        raise InputError(f"{name} is {value!r}; 1 or more is wanted, a whole number")
+
+
+def _complaint(value: object, annotation: Any, name: str) -> str:
+    """What is wrong with a value; "" where it fits."""
+    kind, inner = get_origin(annotation) or annotation, get_args(annotation)
+    members = annotation.__constraints__ if isinstance(annotation, TypeVar) else inner
+    if kind in (Union, types.UnionType) or isinstance(annotation, TypeVar):
+        return _complaint_of_union(value, members, name) if members else ""
+    if _numbers_in(annotation):
+        return _complaint_of_numbers(value, annotation, name)
+    if not _is_a(value, kind, inner):
+        return _not_a(value, [annotation], name)
+    return next(filter(None, (_complaint(*element) for element in _elements(value, kind, inner, name))), "")
+
+
+def _complaint_of_union(value: object, members: Sequence[Any], name: str) -> str:
+    """As `_complaint`, of a value that one of several types must fit."""
+    found = [_complaint(value, member, name) for member in members]
+    if "" in found:
+        return ""
+    inner = [one for one, member in zip(found, members) if one != _not_a(value, [member], name)]  # of its elements
+    return inner[0] if inner else _not_a(value, [member for member in members if member is not types.NoneType], name)
+
+
+def _numbers_in(annotation: Any) -> tuple[int | None, ...]:
+    """How many numbers a list of numbers has along each axis, None: any; () for what is no list of numbers."""
+    kind, inner = get_origin(annotation), get_args(annotation)
+    if kind not in ROWS or not inner:
+        return ()
+    length = None if kind is not tuple or Ellipsis in inner else len(inner)
+    if inner[0] in (int, float):
+        return (length,)
+    return (length, *_numbers_in(inner[0])) if _numbers_in(inner[0]) else ()
+
+
+def _complaint_of_numbers(value: object, annotation: Any, name: str) -> str:
+    """As `_complaint`, of a list or array of numbers, or of tuples of numbers."""
+    counts = _numbers_in(annotation)
+    try:
+        found = np.array(list(value) if isinstance(value, (set, frozenset)) else value)
+    except ValueError:  # rows of several lengths
+        found = np.array(None)
+    if counts[0] is None and found.shape[:1] == (0,):
+        return ""
+    fits = found.ndim == len(counts) and all(count in (None, size) for count, size in zip(counts, found.shape))
+    if fits and found.dtype.kind in "iufb":
+        return ""
+    wanted = (
+        f"{counts[-1] or 'some'} numbers are" if len(counts) == 1 else f"a list of tuples of {counts[-1]} numbers is"
+    )
+    came = repr(value) if np.size(found) < 20 else f"of type {type(value).__name__} with shape {found.shape}"
+    return f"{name} is {came}; {wanted} wanted"
+
+
+def _not_a(value: object, wanted: Sequence[Any], name: str) -> str:
+    came = "None" if value is None else f"of type {type(value).__name__}"
+    where_from = next((WHERE_FROM[one.__name__] for one in wanted if getattr(one, "__name__", "") in WHERE_FROM), "")
+    return f"{name} is {came}; {in_words(wanted)} is wanted{where_from}"
+
+
+def _is_a(value: object, kind: Any, inner: tuple[Any, ...]) -> bool:
+    """Whether a value is of a type; its elements are looked at by themselves."""
+    if kind in ROWS:
+        if isinstance(value, str):
+            return inner[:1] == (str,)  # one name in place of a list of one
+        return (
+            isinstance(value, Sized)
+            and isinstance(value, Iterable)
+            and not isinstance(value, (bytes, Mapping, np.ndarray))
+        )
+    if kind is bool:
+        return value is None or isinstance(value, (bool, np.bool_, Integral))
+    if kind is Literal:
+        return isinstance(value, str)
+    if kind is Iterable and isinstance(value, np.ndarray) and value.ndim == 0:
+        return False
+    return kind in UNCHECKED or not isinstance(kind, type) or isinstance(value, kind)
+
+
+def _elements(value: Any, kind: Any, inner: tuple[Any, ...], name: str) -> Iterator[tuple[object, Any, str]]:
+    """What a list or dict holds: each value, its annotation, and its name in messages."""
+    if kind is Mapping:
+        yield from ((key, inner[0], f"the key {key!r} of {name}") for key in value)
+        of_values = Real if inner[1] is float else inner[1]
+        yield from ((element, of_values, f"{name}[{key!r}]") for key, element in value.items())
+    elif kind in ROWS and inner and not isinstance(value, str):
+        yield from ((element, inner[0], f"{name}[{i}]") for i, element in enumerate(value))
+
+
+def in_words(wanted: Sequence[Any]) -> str:
+    """Types for people: `an RGBD or a Scene`, `a path`, `a list of Cameras`."""
+    kinds = [get_origin(one) or one for one in wanted]
+    is_path = os.PathLike in kinds or Path in kinds
+    left = [one for one, kind in zip(wanted, kinds) if not (is_path and kind in (str, os.PathLike, Path))]
+    words = [*(["a path"] if is_path else []), *dict.fromkeys(_word(one) for one in left)]
+    return " or ".join(filter(None, (", ".join(words[:-1]), words[-1])))
+
+
+def _word(annotation: Any) -> str:
+    kind, inner = get_origin(annotation) or annotation, get_args(annotation)
+    if kind in ROWS and inner:
+        members = inner[0].__constraints__ if isinstance(inner[0], TypeVar) else get_args(inner[0]) or inner[:1]
+        return "a list of " + " or ".join(_word(one).partition(" ")[2] + "s" for one in members)
+    if kind in WORDS:
+        return WORDS[kind]
+    name = str(getattr(kind, "__name__", kind))
+    return f"{'an' if name[0] in 'AEIO' or name.startswith('RGB') else 'a'} {name}"

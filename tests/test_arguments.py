@@ -1,0 +1,201 @@
+"""Arguments of wrong types (oracles: the signatures themselves; laws: a DlamaError or a result, never another error, and what
+is given stays as it was)."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+import pytest
+
+import dlama
+from dlama.arguments import check, check_arguments, check_count, check_number
+from dlama.errors import DlamaError, InputError
+from dlama.files.atomic_write import PathLike
+
+pytestmark = pytest.mark.filterwarnings("ignore::UserWarning")
+
+W, H = 32, 24
+COLOR = np.random.default_rng(0).integers(0, 255, (H, W, 3), dtype=np.uint8)
+DEPTH = np.full((H, W), 2, np.float32)
+DEPTH[5:15, 10:20] = 1
+CAMERA = dlama.Camera.from_fov(W, H, 60)
+RGBD = dlama.RGBD(COLOR, DEPTH, CAMERA)
+RIG = dlama.StereoRig(
+    CAMERA, dlama.Camera.from_fov(W, H, 60, [[1, 0, 0, 0.1], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])
+)
+SCENE = dlama.scene([RGBD])
+VIEW = dlama.render(RGBD, dlama.orbit(CAMERA, 10))
+EXAMPLE = dlama.example()
+
+
+def fill_with_grey(view: dlama.View, law: dlama.Law, seed: int) -> dlama.Fill:
+    """The least of a filler."""
+    return dlama.Fill(np.full_like(view.color, 128), np.full_like(view.depth, 3))
+
+
+GOOD: dict[str, dict[str, Any]] = {
+    "align_frames": {"frames": [RGBD, RGBD]},
+    "batch": {"jobs": [], "out": "out", "workers": 1},
+    "complete": {"rgbd": RGBD, "cameras": [CAMERA], "filler": fill_with_grey},
+    "diagnose": {"first": "nothing.png", "second": "nothing.exr"},
+    "estimate_depth": {"color": COLOR[:8, :8], "depth_model": lambda color: None},
+    "find_mask": {"picture": RGBD, "clicks": [(1, 1)]},
+    "fuse": {"scene": SCENE, "view": VIEW},
+    "inpaint": {"view": VIEW, "inpainter": fill_with_grey, "law": dlama.Law.of(SCENE)},
+    "lift": {"source": RGBD},
+    "orbit": {"camera": CAMERA, "yaw": 3},
+    "read_camera": {"path": EXAMPLE / "camera.json"},
+    "read_color": {"path": EXAMPLE / "mask.png"},
+    "read_mask": {"path": EXAMPLE / "mask.png"},
+    "read_rgbd": {"image": "nothing.png", "depth": "nothing.exr"},
+    "read_scene": {"path": "nothing.npz"},
+    "read_stereo_calib": {"path": EXAMPLE / "calib.txt"},
+    "remove": {"rgbd": RGBD, "mask": DEPTH < 2, "filler": fill_with_grey},
+    "render": {"source": RGBD, "camera": CAMERA},
+    "render_path": {"scene": SCENE, "cameras": [CAMERA], "filler": fill_with_grey},
+    "scene": {"frames": [RGBD]},
+    "sequence": {"dataset": "nothing", "output": "out"},
+    "stereo": {"left": COLOR, "right": COLOR, "rig": RIG, "disparity": 2 * DEPTH, "filler": fill_with_grey},
+    "view": {"rgbd": RGBD, "filler": fill_with_grey},
+    "write": {"completion": None, "directory": "out", "only": "hole"},
+    "write_depth": {"rgbd": RGBD, "directory": "out"},
+    "Camera": {"width": W, "height": H, "fx": 20.0, "fy": 20.0, "cx": 16.0, "cy": 12.0},
+    "Camera.from_K": {"K": CAMERA.K, "width": W, "height": H},
+    "Camera.from_fov": {"width": W, "height": H, "fov_deg": 60},
+    "Law.of": {"scene": SCENE},
+    "Mesh": {
+        "vertices": np.zeros((3, 3)),
+        "triangles": np.array([[0, 1, 2]], np.int32),
+        "color": np.zeros((3, 3), np.uint8),
+        "origin": np.zeros(3, np.uint8),
+        "confidence": np.zeros(3, np.float32),
+    },
+    "PointCloud": {name: getattr(dlama.lift(RGBD), name) for name in ("points", "color", "origin", "confidence")},
+    "RGBD": {"color": COLOR, "depth": DEPTH, "camera": CAMERA},
+    "Recipe": {"name": "mine"},
+    "Scene": {"layers": [VIEW]},
+    "StereoRig": {"left": RIG.left, "right": RIG.right},
+    "View": {name: getattr(VIEW, name) for name in VIEW.__dataclass_fields__},
+    "View.from_rgbd": {"rgbd": RGBD},
+}
+"""Public functions, and types that are made from arguments, with arguments that cost little."""
+
+BAD = {
+    "None": None, "text": "abc", "no text": "", "number": 1.5, "negative": -1, "NaN": np.nan, "beyond any float": 10**400,
+    "true": True, "list": [1], "no list": [], "list of None": [None], "dict": {"a": [1]}, "object": object(), "bytes": b"a",
+    "a function": lambda *_: None, "float16": DEPTH.astype(np.float16), "objects": DEPTH.astype(object),
+    "no array": np.zeros((0, 0)),
+    "0-d": np.array(1.0), "NaNs": np.full((H, W), np.nan), "strided": COLOR[::-1, ::2], "one pixel": COLOR[:1, :1],
+    "an RGBD": RGBD, "a View": VIEW, "a Camera": CAMERA, "no path": "a\0b", "a long name": "x" * 5000,
+}  # fmt: skip
+"""Values that fit few parameters."""
+
+
+def in_order(result: object) -> object:
+    """A result; of what is computed when it is asked for, all of it."""
+    return list(result) if isinstance(result, Iterator) else result
+
+
+@pytest.mark.parametrize("name", GOOD)
+def test_bad_arguments_get_an_error_of_dlama(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Law: whatever one argument is, the function does its work or raises a DlamaError, and arrays stay as they were."""
+    monkeypatch.chdir(tmp_path)
+    function: Any = dlama
+    for part in name.split("."):
+        function = getattr(function, part)
+    good = GOOD[name] | ({"completion": dlama.view(RGBD, filler=fill_with_grey)} if name == "write" else {})
+    others = {}
+    for parameter in inspect.signature(function).parameters:
+        if parameter not in ("defaults", "progress"):
+            for called, bad in BAD.items():
+                before = np.array(bad, copy=True) if isinstance(bad, np.ndarray) else None
+                try:
+                    in_order(function(**{**good, parameter: bad}))
+                except DlamaError:
+                    pass
+                except Exception as error:
+                    others[f"{parameter}: {called}"] = repr(error)
+                if before is not None:
+                    np.testing.assert_array_equal(before, bad, err_msg=f"{parameter}: {called}")
+    assert others == {}
+
+
+def test_every_public_function_is_among_them() -> None:
+    """Guard: a public function that is added is put to the law above."""
+    functions = {name for name in dlama.__all__ if inspect.isfunction(getattr(dlama, name))}
+    assert functions - {"example"} <= set(GOOD)
+
+
+def a_function(
+    camera: dlama.Camera,
+    cameras: Sequence[dlama.Camera] = (),
+    inputs: Mapping[str, PathLike] | None = None,
+    seconds: Mapping[str, float] | None = None,
+    filler: str | Callable[[], object] = "layered",
+    hw: tuple[int, int] | None = None,
+    clicks: Sequence[tuple[float, float]] = (),
+    only: Sequence[str] | None = None,
+    sharpen: bool = True,
+    mode: Literal["surface", "points"] | None = None,
+) -> None:
+    """Parameters of the kinds that public functions have."""
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"camera": "cam.json"}, r"^camera is of type str; a Camera is wanted \(`read_camera` reads one\)$"),
+        ({"camera": None}, "^camera is None; a Camera is wanted"),
+        ({"cameras": CAMERA}, "^cameras is of type Camera; a list of Cameras is wanted$"),
+        ({"cameras": [CAMERA, "cam.json"]}, r"^cameras\[1\] is of type str; a Camera is wanted"),
+        ({"inputs": [("depth", "depth.png")]}, "^inputs is of type list; a dict is wanted$"),
+        ({"inputs": {"depth": 3}}, r"^inputs\['depth'\] is of type int; a path is wanted$"),
+        ({"inputs": {3: "depth.png"}}, "^the key 3 of inputs is of type int; a string is wanted$"),
+        ({"seconds": {"read": "1"}}, r"^seconds\['read'\] is of type str; a number is wanted$"),
+        ({"filler": 3}, "^filler is of type int; a string or a function is wanted$"),
+        ({"hw": (3,)}, r"^hw is \(3,\); 2 numbers are wanted$"),
+        ({"hw": DEPTH}, r"^hw is of type ndarray with shape \(24, 32\); 2 numbers are wanted$"),
+        ({"clicks": [(1, 2, 3)]}, r"^clicks is \[\(1, 2, 3\)\]; a list of tuples of 2 numbers is wanted$"),
+        ({"clicks": [(1, "2")]}, "^clicks is .*; a list of tuples of 2 numbers is wanted$"),
+        ({"clicks": (1, 2)}, r"^clicks is \(1, 2\); a list of tuples of 2 numbers is wanted$"),
+        ({"only": 3}, "^only is of type int; a list of strings is wanted$"),
+        ({"sharpen": "no"}, "^sharpen is of type str; True or False is wanted$"),
+        ({"mode": 3}, "^mode is of type int; a name is wanted$"),
+    ],
+)
+def test_the_message_names_the_parameter_what_came_and_what_is_wanted(given: dict[str, object], message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        check_arguments(a_function, {"camera": CAMERA, **given})
+
+
+def test_what_fits_passes() -> None:
+    """Law: the types of the signature, and what stands for them: arrays of numbers, one name for a list of one, None."""
+    for given in (
+        {"cameras": (CAMERA,)}, {"inputs": {"depth": Path("a.png")}}, {"seconds": {"read": np.float32(1)}}, {"filler": print},
+        {"hw": np.array([3, 4])}, {"clicks": np.ones((3, 2))}, {"clicks": []}, {"only": "image"}, {"only": {"image"}},
+        {"sharpen": np.True_}, {"mode": "surface"}, {"inputs": None},
+    ):  # fmt: skip
+        check_arguments(a_function, {"camera": CAMERA, **given})
+    check(1.5, Any, "anything")
+    check_number(None, "far"), check_number(np.float64(2), "far"), check_count(np.int64(1), "workers")
+
+
+def test_numbers_and_counts() -> None:
+    with pytest.raises(InputError, match="far is '2'; a number is wanted"):
+        check_number("2", "far")
+    for bad in (0, 1.0, "2", np.nan):
+        with pytest.raises(InputError, match=r"workers is .*; 1 or more is wanted, a whole number"):
+            check_count(bad, "workers")
+
+
+def test_a_filler_that_returns_no_fill_is_told_so() -> None:
+    """Law: the message is about the filler; before, a bare AttributeError came from inside."""
+    with pytest.raises(InputError, match="what the filler returned is None; a Fill is wanted"):
+        dlama.view(RGBD, yaw=10, filler=lambda view, law, seed: None)  # type: ignore[arg-type, return-value]
+    small = dlama.Fill(COLOR[:3, :3], DEPTH[:3, :3])
+    with pytest.raises(InputError, match=r"the filler's color has shape \(3, 3, 3\); \(24, 32, 3\) is wanted"):
+        dlama.inpaint(VIEW, lambda view, law, seed: small, dlama.Law(()))
