@@ -6,13 +6,17 @@ import dataclasses
 import inspect
 import typing
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from dlama.apps.cli import VERBS as COMMANDS
 from dlama.errors import InputError
-from dlama.jobs.parameters import FILES, KNOWN, NETWORKS, VERBS, checked
+from dlama.jobs.batch import checked_defaults
+from dlama.jobs.job import job_of
+from dlama.jobs.parameters import FILES, KNOWN, NEEDED, NETWORKS, VERBS, checked
 from dlama.jobs.perform import PERFORM
 
 
@@ -21,6 +25,34 @@ def options_of(taker: Callable[..., Any]) -> Iterator[str]:
     hints = typing.get_type_hints(taker, include_extras=True)
     for name in inspect.signature(taker).parameters:
         yield from options_of(hints[name]) if dataclasses.is_dataclass(hints[name]) else [name]
+
+
+JSON_VALUES = (
+    3, -1, 1.5, float("nan"), True, [], [1], [None], [[1, 2]], [[1, 2, 3]], {}, {"a": 1}, 10**400, "abc", "1,2", "nan,1",
+    "1e999,2", ["a"], [{"x": 1}], "a\0b", [1, 2, 3], b"x", object(), np.array([1, 2]), Path("a.png"),
+)  # fmt: skip
+"""What may stand in a row by mistake."""
+
+
+@pytest.mark.parametrize("verb", VERBS)
+def test_no_value_of_a_row_ends_the_run(verb: str) -> None:
+    """Law: a bad value is the error of its job; `only: 3` and `click: 5` had ended the whole run with a TypeError."""
+    files = dict.fromkeys(NEEDED[verb], "a.png")
+    for name in VERBS[verb]:
+        for value in JSON_VALUES:
+            job = job_of({"id": "a", "verb": verb, **files, name: value}, {}, "/list", "jobs.jsonl: line 1")
+            assert job.error is None or job.error.startswith("jobs.jsonl: line 1: ")
+            assert len(job.options_hash) == 16
+
+
+def test_a_path_in_a_row_is_a_file() -> None:
+    """Rows in Python hold paths as well as texts; a file among the defaults is one of the working directory."""
+    job = job_of({"id": "a", "verb": "depth", "image": Path("rgb", "a.png")}, {}, "/list", "job 1")
+    assert job.error is None and job.files == {"image": str(Path("/list/rgb/a.png"))}
+    given = checked_defaults(None, {"camera": "cam.json", "depth_model": "moge-small", "to": Path("to.json"), "fov": 3})
+    here = Path.cwd()
+    wanted = {"camera": str(here / "cam.json"), "depth_model": "moge-small", "to": str(here / "to.json"), "fov": 3}
+    assert given == wanted
 
 
 @pytest.mark.parametrize("verb", VERBS)

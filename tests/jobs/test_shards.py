@@ -8,6 +8,7 @@ import tarfile
 from itertools import chain
 from pathlib import Path
 from typing import Any
+from urllib.parse import unquote
 
 import pytest
 
@@ -16,9 +17,13 @@ from small_jobs import FAST, contents, table, view_rows, write_csv
 
 import dlama
 from box_frame import small_frame
-from dlama.errors import InputError
+from dlama.errors import InputError, OutputError
 from dlama.jobs.batch import batch
-from dlama.jobs.tar_shards import id_of, key_of
+from dlama.jobs.manifest import Manifest
+from dlama.jobs.report.write import write_report
+from dlama.jobs.result import JobResult
+from dlama.jobs.storage import Output
+from dlama.jobs.tar_shards import Packer, key_of
 
 
 def run(folder: Path, rows: list[dict[str, Any]], out: str = "out", **options: Any) -> list[dlama.JobResult]:
@@ -49,7 +54,7 @@ def test_webdataset_reads_what_was_written(tmp_path: Path) -> None:
     assert [Path(path).name for path in shards] == ["000000.tar", "000001.tar", "000002.tar"]
     seen = {}
     for sample in webdataset.WebDataset(shards, shardshuffle=False):
-        name = id_of(sample["__key__"])
+        name = unquote(sample["__key__"])
         seen[name] = sample
         for file in ("image.png", "depth.png", "depth.exr"):
             assert sample[file] == plain[f"{name}/{file}"]
@@ -75,6 +80,21 @@ def test_a_rerun_keeps_shards_and_what_is_done_again_leaves_its_old_one(tmp_path
     assert sorted(chain(*keys(tmp_path / "out").values())) == [row["id"] for row in rows]
 
 
+def test_a_damaged_shard_is_named(tmp_path: Path) -> None:
+    """Law: no bare error; the page about the run is written without its pictures, and what to do is said."""
+    shard = tmp_path / "shards" / "000000.tar"
+    shard.parent.mkdir()
+    shard.write_bytes(b"no tar file" * 100)
+    (tmp_path / "staged" / "a").mkdir(parents=True)
+    output = Output(str(tmp_path))
+    with Manifest(output) as manifest:
+        manifest.add(JobResult("a", "done", "view", folder="shards/000000.tar", hole_share=0.5))
+        assert "Largest holes" in Path(write_report(tmp_path)).read_text("utf-8")
+        again = JobResult("a", "done", "view", folder="staged/a", replaces="shards/000000.tar")
+        with pytest.raises(OutputError, match=r"000000\.tar: is no whole tar file .* remove it"):
+            Packer(output, manifest, 1).add(again)
+
+
 def test_what_waits_is_packed_by_the_next_run(tmp_path: Path) -> None:
     """A run that is left in the middle: nothing is done twice, and every id is in one shard at the end."""
     rows = view_rows(5)
@@ -88,8 +108,8 @@ def test_what_waits_is_packed_by_the_next_run(tmp_path: Path) -> None:
 
 
 def test_keys_and_numbers() -> None:
-    """Round trip; two ids never share a key."""
+    """Round trip by the standard library's reader of %2E; two ids never share a key."""
     for name in ("a", "a.b/c.d", "100%", "%2E", "a%.b"):
-        assert id_of(key_of(name)) == name and "." not in key_of(name)
+        assert unquote(key_of(name)) == name and "." not in key_of(name)
     with pytest.raises(InputError, match="pack is 0"):
         batch([], "out", pack=0)

@@ -6,10 +6,7 @@ import pytest
 
 from dlama.errors import ShapeError
 from dlama.nets.architecture import (
-    DiscriminatorSettings,
     GeneratorSettings,
-    discriminator_settings_from_state,
-    discriminator_shapes,
     generator_shapes,
     settings_from_state,
 )
@@ -35,12 +32,6 @@ def test_every_published_name_and_shape(big_lama_shapes):
 def test_settings_come_back_from_shapes(settings):
     """Oracle: round trip."""
     assert settings_from_state(generator_shapes(settings), settings.activation) == settings
-
-
-def test_discriminator_settings_come_back_from_shapes():
-    """Oracle: round trip."""
-    settings = DiscriminatorSettings(4, 16, 5)
-    assert discriminator_settings_from_state(discriminator_shapes(settings)) == settings
 
 
 @pytest.mark.parametrize(

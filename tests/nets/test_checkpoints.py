@@ -11,7 +11,7 @@ import pytest
 
 from dlama.errors import FileError
 from dlama.nets.architecture import DiscriminatorSettings, GeneratorSettings
-from dlama.nets.checkpoints import read_discriminator, read_generator, read_tensors
+from dlama.nets.checkpoints import read_generator, read_tensors
 from dlama.nets.safetensors_file import write_safetensors
 
 SMALL = GeneratorSettings(width=8, blocks=1)
@@ -61,9 +61,6 @@ def test_official_lightning_checkpoint(tmp_path, random_state):
         "left in the file: 25 tensors of discriminator, 1 tensors of loss_resnet_pl, epoch, global_step, "
         "pytorch-lightning_version, callbacks, hparams, optimizer_states",
     )
-    judge = read_discriminator(tmp_path / "best.ckpt")
-    assert judge.settings == DiscriminatorSettings(3, 8, 3)
-    _same(judge.state, {name: tensor.numpy() for name, tensor in _judge(torch).items()})
 
 
 def _judge(torch):

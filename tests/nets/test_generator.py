@@ -9,7 +9,7 @@ torch = pytest.importorskip("torch", reason="the networks need torch: pip instal
 
 from dlama.errors import ShapeError  # noqa: E402
 from dlama.nets.architecture import GeneratorSettings, discriminator_shapes, generator_shapes  # noqa: E402
-from dlama.nets.discriminator import Discriminator, DiscriminatorSettings, discriminator_from_state  # noqa: E402
+from dlama.nets.discriminator import Discriminator, DiscriminatorSettings  # noqa: E402
 from dlama.nets.ffc import FourierUnit  # noqa: E402
 from dlama.nets.generator import Generator, generator_from_state  # noqa: E402
 
@@ -36,7 +36,9 @@ def test_discriminator_agrees_with_the_published_code(discriminator_vector):
     """Oracle: frozen vector, scores and every activation."""
     state, ends = discriminator_vector
     with torch.inference_mode():
-        scores, features = discriminator_from_state(state)(torch.from_numpy(ends["real"].copy()))
+        judge = Discriminator(DiscriminatorSettings(3, 8, 3))
+        judge.load_state_dict({name: torch.from_numpy(np.array(array)) for name, array in state.items()})
+        scores, features = judge.eval()(torch.from_numpy(ends["real"].copy()))
     np.testing.assert_allclose(scores, ends["eval_scores_real"], rtol=0, atol=1e-5)
     assert len(features) == 4
     for i, feature in enumerate(features):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from importlib.util import find_spec
@@ -13,9 +14,9 @@ from dlama.arguments import check, check_arguments, check_count, check_number
 from dlama.completion.memory import available_bytes
 from dlama.errors import InputError, MissingExtraError
 from dlama.files.atomic_write import PathLike, checked_name
-from dlama.jobs.job import Job, job_of
+from dlama.jobs.job import Job, job_of, resolved
 from dlama.jobs.lists.tables import rows as rows_of
-from dlama.jobs.parameters import KNOWN, VERBS
+from dlama.jobs.parameters import FILES, KNOWN, NETWORKS, VERBS
 from dlama.jobs.perform import work
 from dlama.jobs.result import JobResult
 from dlama.jobs.run import Progress, Settings, Workers, run_jobs
@@ -115,14 +116,18 @@ class JobList:
 
 
 def checked_defaults(verb: str | None, defaults: Mapping[str, Any]) -> dict[str, Any]:
-    """Those that are given (not None). InputError: an unknown verb, or a parameter that no verb has."""
+    """Those that are given (not None), files as whole paths. InputError: an unknown verb, or a parameter that no verb has."""
     if verb is not None and verb not in VERBS:
         raise InputError(f"verb is {verb!r}; one of {', '.join(VERBS)} is wanted")
     for name in defaults:
         if name not in KNOWN:
             raise InputError(f"{name} is no parameter of a verb; known are {', '.join(KNOWN)}")
-    given = {name: value for name, value in defaults.items() if value is not None}
-    return {name: str(Path(value).absolute()) if isinstance(value, Path) else value for name, value in given.items()}
+    here = str(Path.cwd())  # of which workers on other computers know nothing
+    return {
+        name: resolved(os.fspath(value), here, name in FILES) if name in (*FILES, *NETWORKS) else value
+        for name, value in defaults.items()
+        if value is not None
+    }
 
 
 def starter(workers: int | None, threads: int | None, ray: str | None, gpus_per_worker: float) -> Callable[[], Workers]:

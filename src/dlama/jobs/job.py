@@ -63,7 +63,7 @@ def job_of(row: Mapping[str, Any], defaults: Mapping[str, Any], base: str, where
         where: for messages.
         verb: of rows without one.
     """
-    given = {name: value for name, value in row.items() if value not in ("", None) and not str(name).startswith("_")}
+    given = {name: value for name, value in row.items() if not _is_empty(value) and not str(name).startswith("_")}
     name = checked_id(str(given.pop("id", "")), where)
     called = str(given.pop("verb", verb or ""))
     try:
@@ -77,6 +77,11 @@ def job_of(row: Mapping[str, Any], defaults: Mapping[str, Any], base: str, where
         if role in values and role in given:
             values[role] = resolved(values[role], base, role in FILES)
     return Job(name, called, values, where)
+
+
+def _is_empty(value: object) -> bool:
+    """Whether a cell of a list says nothing."""
+    return value is None or (isinstance(value, str) and not value)
 
 
 def checked_id(name: str, where: str) -> str:

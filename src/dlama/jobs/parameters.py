@@ -6,6 +6,7 @@ Names and meanings are those of the command line; a test holds the two equal.
 from __future__ import annotations
 
 import math
+import os
 import re
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
@@ -18,10 +19,11 @@ YES, NO = ("true", "yes", "on", "1"), ("false", "no", "off", "0")
 
 
 def text(name: str, value: Any) -> str:
-    """Any text."""
-    if not isinstance(value, str):
+    """Any text; of a path its text."""
+    found = os.fspath(value) if isinstance(value, os.PathLike) else value
+    if not isinstance(found, str) or "\0" in found:
         raise InputError(f"{name} is {value!r}; a text is wanted")
-    return value
+    return found
 
 
 def number(name: str, value: Any) -> float:
@@ -32,7 +34,7 @@ def number(name: str, value: Any) -> float:
         found = float(value)
         if not math.isfinite(found):
             raise ValueError
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise InputError(f"{name} is {value!r}; a number is wanted") from None
     return found
 
@@ -57,7 +59,7 @@ def one_of(*names: str) -> Parse:
     """One of these words."""
 
     def parse(name: str, value: Any) -> str:
-        if value not in names:
+        if not isinstance(value, str) or value not in names:
             raise InputError(f"{name} is {value!r}; one of {', '.join(names)} is wanted")
         return str(value)
 
@@ -66,7 +68,7 @@ def one_of(*names: str) -> Parse:
 
 def pivot(name: str, value: Any) -> float | str:
     """Metres, or auto."""
-    return "auto" if value == "auto" else number(name, value)
+    return "auto" if isinstance(value, str) and value == "auto" else number(name, value)
 
 
 def numbers(name: str, value: Any, count: int, wanted: str) -> list[float]:
@@ -74,7 +76,7 @@ def numbers(name: str, value: Any, count: int, wanted: str) -> list[float]:
     parts = value.split(",") if isinstance(value, str) else value
     try:
         found = [float(part) for part in parts]
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         found = []
     if len(found) != count:
         raise InputError(f"{name} is {value!r}; {wanted} in pixels is wanted")
@@ -83,7 +85,7 @@ def numbers(name: str, value: Any, count: int, wanted: str) -> list[float]:
 
 def points(name: str, value: Any) -> list[list[float]]:
     """`X,Y X,Y`, or a list of pairs."""
-    return [numbers(name, one, 2, "X,Y") for one in _several(value)]
+    return [numbers(name, one, 2, "X,Y") for one in _several(name, value, "X,Y")]
 
 
 def box(name: str, value: Any) -> list[float]:
@@ -110,18 +112,26 @@ def known_depths(typed: Sequence[str]) -> tuple[tuple[float, float, float], ...]
 
 def metres_at(name: str, value: Any) -> tuple[tuple[float, float, float], ...]:
     """`X,Y=D X,Y=D`, or a list of such texts or of threes."""
-    words = [one if isinstance(one, str) else "{},{}={}".format(*one) for one in _several(value)]
-    return known_depths(words)
+    wanted = "X,Y=D"
+    words = [one if isinstance(one, str) else _several(name, one, wanted, 3) for one in _several(name, value, wanted)]
+    return known_depths([one if isinstance(one, str) else "{},{}={}".format(*one) for one in words])
 
 
 def results(name: str, value: Any) -> tuple[str, ...]:
     """`NAME,NAME`, or a list of names; `write` knows which there are."""
-    names = value.split(",") if isinstance(value, str) else value
+    names = value.split(",") if isinstance(value, str) else _several(name, value, "NAME,NAME")
     return tuple(str(one).strip() for one in names if str(one).strip())
 
 
-def _several(value: Any) -> Sequence[Any]:
-    return value.split() if isinstance(value, str) else value
+def _several(name: str, value: Any, wanted: str, count: int | None = None) -> Sequence[Any]:
+    """A list (of `count`), or the words of a text; InputError, which says what is `wanted`, for what is neither."""
+    try:
+        found = value.split() if isinstance(value, str) else list(value)
+    except TypeError:
+        found = None
+    if found is None or (count is not None and len(found) != count):
+        raise InputError(f"{name} is {value!r}; {wanted} is wanted, or a list")
+    return found
 
 
 MOVE: dict[str, Parse] = {"yaw": number, "pitch": number, "pivot": pivot, "dolly": number, "to": text}

@@ -14,7 +14,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from dlama.errors import OutputError, system_errors
+from dlama.errors import OutputError, first_line, system_errors
 from dlama.files.atomic_write import new_file
 from dlama.jobs.manifest import Manifest, opened_to_write
 from dlama.jobs.result import JobResult
@@ -27,11 +27,6 @@ FOLDER, STAGED = "shards", "staged/"
 def key_of(name: str) -> str:
     """The key of a job's sample."""
     return name.replace("%", "%25").replace(".", "%2E")
-
-
-def id_of(key: str) -> str:
-    """The job's id of a sample."""
-    return key.replace("%2E", ".").replace("%25", "%")
 
 
 @dataclass
@@ -96,9 +91,15 @@ class Packer:
         """Write a shard again without these samples; an empty one goes."""
         if not self.output.exists(shard):  # somebody has taken it away
             return
-        with opened(self.output.of(shard), "rb") as stream, tarfile.open(fileobj=stream) as old:
-            members = [(one.name, old.extractfile(one)) for one in old.getmembers()]
-            kept = [(name, file.read()) for name, file in members if file and _key_in(name) not in keys]
+        try:
+            with opened(self.output.of(shard), "rb") as stream, tarfile.open(fileobj=stream) as old:
+                members = [(one.name, old.extractfile(one)) for one in old.getmembers()]
+                kept = [(name, file.read()) for name, file in members if file and _key_in(name) not in keys]
+        except tarfile.TarError as error:
+            raise OutputError(
+                f"{self.output.of(shard)}: is no whole tar file ({first_line(error)}), so results in it cannot be replaced; "
+                "remove it, and what it held is run again"
+            ) from error
         if kept:
             self._write(shard, kept)
         elif self.output.is_remote:

@@ -159,17 +159,6 @@ def settings_from_state(shapes: Shapes, activation: str = "sigmoid") -> Generato
     return settings
 
 
-def discriminator_settings_from_state(shapes: Shapes) -> DiscriminatorSettings:
-    """The discriminator those tensors belong to; ShapeError names the first that differ."""
-    first = _shape(shapes, "model0.0.weight", 4)
-    last = 0
-    while f"model{last + 1}.0.weight" in shapes:
-        last += 1
-    settings = DiscriminatorSettings(in_channels=first[1], width=first[0], layers=max(last - 1, 1))
-    refuse_differences(shapes, discriminator_shapes(settings), "discriminator")
-    return settings
-
-
 def refuse_differences(came: Shapes, wanted: Shapes, what: str, show: int = 3) -> None:
     """Raise ShapeError unless names and shapes agree exactly, naming the first of each kind that differ."""
     missing = [name for name in wanted if name not in came]

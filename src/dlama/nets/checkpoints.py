@@ -16,11 +16,8 @@ import numpy as np
 from dlama.errors import FileError, ShapeError
 from dlama.nets.architecture import (
     STEM,
-    DiscriminatorSettings,
     GeneratorSettings,
     Shapes,
-    discriminator_settings_from_state,
-    discriminator_shapes,
     generator_shapes,
     settings_from_state,
 )
@@ -28,7 +25,6 @@ from dlama.nets.safetensors_file import looks_like_safetensors, read_safetensors
 from dlama.nets.torch_file import TorchFile
 
 COUNTER = ".num_batches_tracked"
-DISCRIMINATOR_STEM = "model0.0.weight"
 
 
 @dataclass(frozen=True)
@@ -47,20 +43,6 @@ class GeneratorWeights:
     """What a user should be told: what else the file holds and was left, what was converted."""
 
 
-@dataclass(frozen=True)
-class DiscriminatorWeights:
-    """The tensors of one discriminator, complete and finite, and where they come from."""
-
-    settings: DiscriminatorSettings
-    """Read from the tensors' shapes."""
-    state: dict[str, np.ndarray]
-    """Published name -> float32 array (int64 scalars for the batch norms' counters)."""
-    source: Path
-    """The file."""
-    notes: tuple[str, ...]
-    """What else the file holds and was left, what was converted."""
-
-
 def read_generator(path: Path | str, activation: str | None = None) -> GeneratorWeights:
     """The generator in that file.
 
@@ -71,7 +53,7 @@ def read_generator(path: Path | str, activation: str | None = None) -> Generator
         FileError: no such file, truncated, no archive, no generator in it, half of one, NaN in it.
     """
     file = _open(Path(path))
-    prefix = _prefix(file, STEM)
+    prefix = _prefix(file)
     shapes = _without_prefix(file.shapes, prefix)
     chosen = activation or file.metadata.get("activation", "sigmoid")
     try:
@@ -81,18 +63,6 @@ def read_generator(path: Path | str, activation: str | None = None) -> Generator
     state, notes = _checked_state(file, prefix, generator_shapes(settings))
     left = (*_unread(file, prefix), *notes)
     return GeneratorWeights(settings, state, file.path, file.kind, left)
-
-
-def read_discriminator(path: Path | str) -> DiscriminatorWeights:
-    """The discriminator in that file, for training to go on; FileError as `read_generator`."""
-    file = _open(Path(path))
-    prefix = _prefix(file, DISCRIMINATOR_STEM)
-    try:
-        settings = discriminator_settings_from_state(_with_counters(_without_prefix(file.shapes, prefix)))
-    except ShapeError as error:
-        raise FileError(f"{path}: {_where(prefix)}{error}") from error
-    state, notes = _checked_state(file, prefix, discriminator_shapes(settings))
-    return DiscriminatorWeights(settings, state, file.path, (*_unread(file, prefix), *notes))
 
 
 def read_tensors(path: Path | str) -> dict[str, np.ndarray]:
@@ -140,16 +110,15 @@ def _open(path: Path) -> _File:
     raise FileError(f"{path}: neither a torch archive nor safetensors (it begins with {head[:9]!r})")
 
 
-def _prefix(file: _File, stem: str) -> str:
+def _prefix(file: _File) -> str:
     """What stands before the published names; where several networks have them, the one called generator is meant."""
-    found = [name[: -len(stem)] for name in file.shapes if name == stem or name.endswith("." + stem)]
+    found = [name[: -len(STEM)] for name in file.shapes if name == STEM or name.endswith("." + STEM)]
     if len(found) > 1:
-        wanted = "discriminator." if stem == DISCRIMINATOR_STEM else "generator."
-        found = [prefix for prefix in found if prefix in (wanted, f"model.{wanted}")] or found
+        found = [prefix for prefix in found if prefix in ("generator.", "model.generator.")] or found
     if len(found) != 1:
         what = f"{len(found)} networks have" if found else "no tensor is called"
         raise FileError(
-            f"{file.path}: {what} {stem}; the first of {len(file.shapes)} names: {_first_of(list(file.shapes))}"
+            f"{file.path}: {what} {STEM}; the first of {len(file.shapes)} names: {_first_of(list(file.shapes))}"
         )
     return found[0]
 

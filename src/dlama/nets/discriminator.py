@@ -5,14 +5,9 @@ Isola et al. 2017, in the configuration of Suvorov et al. 2022; attribute names 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
-import numpy as np
-import torch
 from torch import Tensor, nn
 
 from dlama.nets.architecture import DiscriminatorSettings as DiscriminatorSettings
-from dlama.nets.architecture import discriminator_settings_from_state
 
 
 class Discriminator(nn.Module):
@@ -38,10 +33,3 @@ class Discriminator(nn.Module):
             x = getattr(self, f"model{layer}")(x)
             features.append(x)
         return getattr(self, f"model{self.settings.layers + 1}")(x), features
-
-
-def discriminator_from_state(state: Mapping[str, np.ndarray]) -> Discriminator:
-    """A discriminator in eval mode that holds those float32 arrays, loaded strictly; ShapeError names what differs."""
-    net = Discriminator(discriminator_settings_from_state({name: array.shape for name, array in state.items()}))
-    net.load_state_dict({name: torch.from_numpy(np.array(array)) for name, array in state.items()}, strict=True)
-    return net.eval()

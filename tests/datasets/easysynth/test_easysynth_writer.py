@@ -14,7 +14,6 @@ from dlama.datasets.easysynth.writer import (
     StereoSequence,
     write_scene,
     write_sequence,
-    write_stereo_sequence,
 )
 from dlama.datasets.frames import RemovalTruth, StereoTruth, ViewTruth
 from dlama.errors import CameraError, InputError, OutputError, ShapeError
@@ -202,7 +201,7 @@ def test_what_cannot_be_written_is_refused(tmp_path: Path) -> None:
             write_sequence(tmp_path / "s", "s", frames, **{"depth_range": 10, "classes": color, **changes})
     skew = StereoSequence((frame,), (shot(moved(CAMERA, shift=(0.1, 0.05, 0))),))
     with pytest.raises(CameraError, match="baseline"):
-        write_stereo_sequence(tmp_path / "s", "s", skew, depth_range=10, classes=color)
+        write_scene(tmp_path, "s", {"stereo_with": skew}, depth_range=10, classes=color)
     with pytest.raises(InputError, match="1 frames left and 0 right"):
-        write_stereo_sequence(tmp_path / "s", "s", StereoSequence((frame,), ()), depth_range=10, classes=color)
+        write_scene(tmp_path, "s", {"stereo_with": StereoSequence((frame,), ())}, depth_range=10, classes=color)
     assert list(tmp_path.iterdir()) == []

@@ -14,7 +14,7 @@ torch = pytest.importorskip("torch", reason="training needs torch: pip install '
 from toy_runs import Exploit  # noqa: E402
 
 from dlama.errors import FileError, ShapeError  # noqa: E402
-from dlama.nets.discriminator import discriminator_from_state  # noqa: E402
+from dlama.nets.discriminator import Discriminator, DiscriminatorSettings  # noqa: E402
 from dlama.nets.safetensors_file import read_safetensors  # noqa: E402
 from dlama.training.data.batches import check_sample, composited, hole_planes, pictures  # noqa: E402
 from dlama.training.data.samples.toy_scenes import ToyScenes  # noqa: E402
@@ -48,7 +48,9 @@ def number(value):
 def vector():
     """A fresh discriminator in train mode, the batch of it, and the published values."""
     arrays, _, _ = read_safetensors(VECTORS)
-    judge = discriminator_from_state({k.removeprefix("state."): v for k, v in arrays.items() if k.startswith("state.")})
+    judge = Discriminator(DiscriminatorSettings(3, 8, 3))
+    named = {name.removeprefix("state."): array for name, array in arrays.items() if name.startswith("state.")}
+    judge.load_state_dict({name: torch.from_numpy(np.array(array)) for name, array in named.items()})
     ends = {k: torch.from_numpy(np.array(v)) for k, v in arrays.items() if not k.startswith("state.")}
     return judge.train(), {"target": ends["real"], "mask": ends["mask"]}, ends
 

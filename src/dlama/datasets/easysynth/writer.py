@@ -93,24 +93,6 @@ def write_sequence(
         _write_mono(draft, name, frames, style, camera)
 
 
-def write_stereo_sequence(
-    folder: Path,
-    name: str,
-    frames: StereoSequence,
-    *,
-    depth_range: float,
-    classes: Mapping[str, RGB],
-    color: ColorFormat = "png",
-) -> None:
-    """Write a rig's sequence (cameras c0 = left and c1 = right) as `write_sequence` does; the left camera is the rig's pose.
-
-    Raises CameraError as well where a pair is not rectified, or the baseline changes.
-    """
-    style = _Style(depth_range, classes, color)
-    with _new(folder) as draft:
-        _write_stereo(draft, name, frames, style)
-
-
 def write_scene(
     root: Path,
     scene: str,

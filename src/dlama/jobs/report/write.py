@@ -136,7 +136,7 @@ def _picture(row: JobResult, output: Output) -> str:
         try:
             with Image.open(io.BytesIO(_read(row, name, output))) as picture:
                 small = picture.convert("RGB")
-        except (OSError, KeyError, FileError):
+        except (OSError, KeyError, FileError, tarfile.TarError):  # gone, or damaged
             continue
         scale = THUMBNAIL / max(small.size)
         width, height = (max(1, round(side * min(1.0, scale))) for side in small.size)
