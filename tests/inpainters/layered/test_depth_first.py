@@ -26,7 +26,7 @@ NOTHING = Law(())
 def flat(view: View, metres: float) -> tuple[Surfaces, np.ndarray]:
     """Surfaces without planes, so many metres away everywhere, and that depth."""
     w = np.full(view.depth.shape, 1 / metres, np.float32)
-    return Surfaces(w, np.full(w.shape, -1, np.int32), np.zeros((0, 3)), np.zeros(w.shape, np.int32)), 1 / w
+    return Surfaces(w, np.full(w.shape, -1, np.int32), np.zeros((0, 3)), np.full(w.shape, -1, np.int32)), 1 / w
 
 
 def step(kind: HoleType = HoleType.DISOCCLUDED) -> View:
@@ -120,7 +120,7 @@ def test_a_thing_that_stands_before_the_hole_is_an_occluder_as_a_whole() -> None
         surfaces.inverse_depth,
         np.where(box | hole, 1, -1).astype(np.int32),
         np.array([[0, 0, 1 / 3]]),
-        surfaces.things,
+        surfaces.leaves,
     )
     np.testing.assert_array_equal(np.flatnonzero(occluders(view, one_plane, filled).any(0)), np.arange(200 - BAND, 200))
 
@@ -138,7 +138,7 @@ def test_a_seam_along_an_occluder_hides_it_from_nobody() -> None:
         goes_on[40:120, 200 : 200 + width] = True
         label = np.where(goes_on, 1, -1).astype(np.int32)
         w = np.where(goes_on, 1, 1 / 3).astype(np.float32)
-        surfaces = Surfaces(w, label, np.array([[0, 0, 1.0]]), np.zeros(w.shape, np.int32))
+        surfaces = Surfaces(w, label, np.array([[0, 0, 1.0]]), np.full(w.shape, -1, np.int32))
         assert seams(label, hole).any() == hidden
         assert occluders(view, surfaces, 1 / w)[60:100, 150:198].all() == hidden
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
-
 import cv2
 import numpy as np
 import pytest
@@ -91,25 +89,6 @@ def test_the_sky_stays_sky() -> None:
     there = np.abs(wall[:, 50:]) > 15
     assert there.any()
     np.testing.assert_allclose((sky[:, 50:] / wall[:, 50:])[there], SHARE_OF_SKY / SHARE_APART, atol=0.06)
-
-
-def test_what_the_border_cuts_gets_its_own_colours_from_whoever_paints() -> None:
-    """Closed form: of a thing of one colour, which goes on out of view, nothing painted stays; beside it all is as without."""
-    view = view_of()
-    things = np.zeros(HW, np.int32)
-    things[10:30, 20:60] = 1
-    own = np.zeros((*HW, 3), np.uint8)
-    own[...] = view.color
-    own[(things > 0) & ~view.hole] = 10, 80, 30
-    view = dataclasses.replace(view, color=own)
-    color, near = painted(view), np.full(HW, 0.5, np.float32)
-    out = hedged(view, color, view.hole, near, things=things)
-    beside = view.hole & (things == 0)
-    np.testing.assert_array_equal(out[beside], hedged(view, color, view.hole, near)[beside])
-    inside = np.zeros(HW, bool)
-    inside[12:28, 42:58] = True
-    colors = out[inside & view.hole].astype(int)
-    np.testing.assert_allclose(colors, np.tile((10, 80, 30), (len(colors), 1)), atol=2 + DRIFT)
 
 
 @pytest.mark.parametrize("kind", [HoleType.DISOCCLUDED, HoleType.OBJECT, HoleType.CRACK])

@@ -17,6 +17,7 @@ from dlama.inpainters.layered.filler import layered
 from dlama.inpainters.layered.kernels.lines import seen_on_lines
 from dlama.inpainters.layered.out_of_view import (
     BETWEEN,
+    CROWN_COST,
     ENDING_COST,
     GOES_ON,
     MOST_HIDDEN,
@@ -189,3 +190,5 @@ def test_what_ends_within_the_picture_does_not_go_on_outside_it() -> None:
     np.testing.assert_array_equal(ended, ENDING_COST * hole.astype(np.float32))
     np.testing.assert_allclose(loose, np.clip(2 * beyond / jump, 0, ENDING_COST) * hole, atol=1e-5)
     assert not loose[:, :66].any() and loose[30, 99] == ENDING_COST
+    crown = ending_cost(hole, hole, label, not_followed, np.full_like(beyond, np.inf), jump)[0]
+    np.testing.assert_array_equal(crown, CROWN_COST * hole.astype(np.float32))

@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from dlama.geometry.holes import closed, dilated, nearest_known, square
+from dlama.geometry.holes import dilated, nearest_known
 from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.perception.planes import SMOOTH
 
@@ -30,14 +30,10 @@ ONE_THING = 1.6
 """Ratio of inverse depths up to which what is cut is one thing."""
 THIN = 8
 """Cells: a thing that is seen no farther from the cut than this may run along the border, uncut."""
-ENDS = 4.0
-"""Times that a cell outside the circle counts."""
+RIM = 1.1
+"""Radii up to which a circle is drawn, for its rim is single leaves."""
 GAPS = 7
 """Side, in cells, of the square that closes the gaps between leaves."""
-RAGGED, LEAVES = 0.3, 1.5
-"""Share of the radius by which the outline of a thing that is nothing but gaps goes in and out (standard deviation), and cells
-of its bumps (sigma)."""
-
 ANGLES = np.linspace(2 * np.arctan(0.5), 3.1, 256)
 """Half the angle, in radians, of the part of a circle that a chord parts, from where the rest is as high as the chord is long."""
 SHARES = (ANGLES - np.sin(ANGLES) * np.cos(ANGLES)) / (4 * np.sin(ANGLES) ** 2)
@@ -48,11 +44,13 @@ class CutThings(NamedTuple):
     """Where things go on out of view, on a grid of cells."""
 
     beyond: Float32Array
-    """h x w cells to the nearest thing, or, each counting ENDS times, to where one goes on; 0 there."""
+    """h x w cells to where the nearest of what has no plane may go on; inf where that is cut foliage."""
     number: NDArray[np.int32]
     """h x w: 1..N where known cells of a cut thing are and where it goes on, 0 elsewhere."""
     inverse_depth: Float32Array
     """N + 1, 1/m, of each thing; the first is 0."""
+    circle: Float32Array
+    """N + 1 x 3: row and column of its centre and its radius, in cells; the first is 0."""
 
 
 class Chord(NamedTuple):
@@ -91,27 +89,24 @@ def cut_things(w: Float32Array, label: NDArray[np.int32], hole: BoolArray, besid
     w, label, hole: h x w inverse depth and label of the known cells; beside: h x w, cells next to what is out of view.
     """
     loose = ~hole & (label == SMOOTH)
-    number, depths = np.zeros(loose.shape, np.int32), [0.0]
+    number, depths, circles = np.zeros(loose.shape, np.int32), [0.0], [(0.0, 0.0, 0.0)]
     beyond = distance_to_loose(loose)
     leaves = loose & foliage(w, ~hole & (w > 0)) if (loose & beside).any() else np.zeros_like(loose)
     cut = leaves & beside
     if not cut.any():
-        return CutThings(beyond, number, np.zeros(1, np.float32))
+        return CutThings(beyond, number, np.zeros(1, np.float32), np.zeros((1, 3), np.float32))
     rows, columns = np.indices(loose.shape, np.float32)
-    bumps = leafy(loose.shape)
     for here, chord in cut_parts(w, leaves, cut):
-        whole = closed(here, square(GAPS))
-        solidity = float(here.sum() / whole.sum())
         circle = chord.circle(here)
         if circle is None:
             continue
         (row, column), radius = circle
-        outline = radius * (1 + RAGGED * (1 - solidity) * bumps)
-        away = np.hypot(rows - row, columns - column) - outline
-        beyond = np.minimum(beyond, ENDS * np.maximum(away, 0)).astype(np.float32)
+        goes_on = np.hypot(rows - row, columns - column) <= RIM * radius
         depths.append(float(np.median(w[here & cut])))
-        number[here | ((away <= 0) & ~loose & (depths[-1] > np.array(depths)[number]))] = len(depths) - 1
-    return CutThings(beyond, number, np.array(depths, np.float32))
+        circles.append((row, column, radius))
+        number[here | (goes_on & ~loose & (depths[-1] > np.array(depths)[number]))] = len(depths) - 1
+    beyond[hole & (number.ravel()[nearest_known(loose)[1]] > 0)] = np.inf
+    return CutThings(beyond, number, np.array(depths, np.float32), np.array(circles, np.float32))
 
 
 def distance_to_loose(loose: BoolArray) -> Float32Array:
@@ -153,9 +148,3 @@ def cut_parts(w: Float32Array, leaves: BoolArray, cut: BoolArray) -> Iterator[tu
 def as_far(w: Float32Array, typical: float | Float32Array) -> BoolArray:
     """True where inverse depths are those of one thing of a `typical` inverse depth, up to ONE_THING."""
     return np.asarray((w < ONE_THING * typical) & (w * ONE_THING > typical))
-
-
-def leafy(hw: tuple[int, ...]) -> Float32Array:
-    """h x w bumps of LEAVES cells, mean 0, standard deviation 1, the same at every call."""
-    bumps = cv2.GaussianBlur(np.random.default_rng(0).normal(size=hw).astype(np.float32), (0, 0), LEAVES)
-    return np.asarray(bumps / max(float(bumps.std()), 1e-6), np.float32)

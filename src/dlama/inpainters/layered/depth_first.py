@@ -12,7 +12,7 @@ from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.geometry.view import HoleType, View
 from dlama.geometry.visibility import Law
 from dlama.inpainters.filling import Fill, Inpainter, Painter
-from dlama.inpainters.layered.filler import surfaces_behind
+from dlama.inpainters.layered.filler import surfaces_behind, with_leaves
 from dlama.inpainters.layered.hedging import hedged
 from dlama.inpainters.layered.remaining_shadows import fading_out, shadow_beside
 from dlama.inpainters.layered.surfaces import Surfaces
@@ -57,7 +57,7 @@ def depth_first(inpainter: Inpainter) -> Inpainter:
             color = np.where(view.color_hole[..., None], color, view.color)
             color = fading_out(color, shadow, view.color_hole, surfaces.label)
         w = inverse_depth(np.where(view.hole, depth, view.depth))
-        return Fill(hedged(view, color, view.color_hole, w, things=surfaces.things), depth, moved, notes)
+        return Fill(with_leaves(hedged(view, color, view.color_hole, w), view, surfaces), depth, moved, notes)
 
     return fill
 

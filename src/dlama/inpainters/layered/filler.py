@@ -22,7 +22,7 @@ def layered(view: View, law: Law, seed: int = 0) -> Fill:
     surfaces, depth, moved = surfaces_behind(view, law, seed)
     color = painted(view, surfaces, depth, law, seed)
     w = np.where(view.hole, inverse_depth(depth), surfaces.inverse_depth)
-    color = hedged(view, color, view.color_hole & (surfaces.things == 0), w, surfaces.parts)
+    color = hedged(view, color, view.color_hole & (surfaces.leaves < 0), w, surfaces.label)
     if law.misplaced_edges:  # where surfaces end is a guess upon a guess
         color = softened(color, view.color_hole, view.hole_type == HoleType.OUT_OF_VIEW, surfaces.label)
     return Fill(color, depth, moved, {"planes": len(surfaces.planes)})
@@ -33,12 +33,23 @@ def painted(view: View, surfaces: Surfaces, depth: Float32Array, law: Law, seed:
     if not view.color_hole.any():
         return view.color
     w = np.where(view.hole, inverse_depth(depth), surfaces.inverse_depth)
-    label = np.where(np.abs(w - surfaces.inverse_depth) > 0.05 * w, np.int32(SMOOTH), surfaces.parts)
+    label = np.where(np.abs(w - surfaces.inverse_depth) > 0.05 * w, np.int32(SMOOTH), surfaces.label)
     label = np.where(view.hole & (w == 0), np.int32(SKY), label).astype(np.int32)
     shadow = shadow_beside(view, label)
-    known = view.color, view.color_hole, w, label, view.camera
+    leafy = with_leaves(view.color, view, surfaces)
+    known = leafy, view.color_hole & (surfaces.leaves < 0), w, label, view.camera
     color = synthesize(*known, seed=seed, sky=law.far_color, spoiled=shadow)
     return fading_out(color, shadow, view.color_hole, label) if shadow.any() else color
+
+
+def with_leaves(color: UInt8Array, view: View, surfaces: Surfaces) -> UInt8Array:
+    """H x W x 3 colours with those of the leaves where foliage goes on in the view's colour holes."""
+    leafy = view.color_hole & (surfaces.leaves >= 0)
+    if not leafy.any():
+        return color
+    out = color.copy()
+    out[leafy] = view.color.reshape(-1, 3)[surfaces.leaves[leafy]]
+    return out
 
 
 def surfaces_behind(view: View, law: Law, seed: int) -> tuple[Surfaces, Float32Array, int]:

@@ -38,13 +38,11 @@ def hedged(
     hole: BoolArray,
     w: Float32Array,
     label: NDArray[np.int32] | None = None,
-    things: NDArray[np.int32] | None = None,
 ) -> UInt8Array:
     """H x W x 3 colours: `color`, blended with `smooth_guess` in the hole pixels out of view.
 
     color: H x W x 3, painted; hole: H x W, the pixels that were painted; w: H x W inverse depth (1/m), filled everywhere;
-    label: H x W, the surface of each pixel: each is blended for itself, over WIDE instead of DETAIL_PX; things: H x W, the number
-    of what the border cuts, where it is known and goes on, 0 elsewhere: what paints does not know of it, so it gets its colours.
+    label: H x W, the surface of each pixel: each is blended for itself, over WIDE instead of DETAIL_PX.
     """
     out_of_view = hole & (view.hole_type == HoleType.OUT_OF_VIEW)
     known = w[~view.hole]
@@ -57,11 +55,6 @@ def hedged(
     share = largest * unsure * np.clip(2 * (1 - w[out_of_view] / middle), 0, 1)
     out = color.copy()
     guess = smooth_guess(view, out_of_view)
-    if things is not None:
-        for number in np.unique(things[out_of_view & (things > 0)]):
-            own = things[out_of_view] == number
-            guess[own] = pull_push(view.color, ~view.hole & (things == number))[out_of_view][own]
-            share[own] = 1
     if label is None:
         step = guess - blurred(color, out_of_view)
     else:

@@ -45,6 +45,8 @@ IN_FRONT = 1.05
 """Relative inverse depth from which a plane hides another surface."""
 ENDING_COST = 1.0
 """Largest cost of a surface out of view that should have ended. It grows twice as fast as any distance counts."""
+CROWN_COST = 3.0
+"""Cost of what has no plane beside foliage that the border cuts: that goes on as its circle."""
 BESIDE, CUT_CELLS = 2, 3
 """Cells from what is out of view within which so many known cells of a plane make it one that the border cuts."""
 LEAST_LENGTH = 1e-12
@@ -147,7 +149,7 @@ def ending_cost(
     for number in 2 + np.flatnonzero(~followed):
         if (beside & ~hole & (label == number - 1)).sum() < CUT_CELLS:
             out[number] = ENDING_COST * unseen
-    out[0] = np.minimum(2 * beyond / jump, ENDING_COST) * unseen
+    out[0] = np.where(np.isinf(beyond), CROWN_COST, np.minimum(2 * beyond / jump, ENDING_COST)) * unseen
     return out
 
 

@@ -61,8 +61,6 @@ RELIEF = 0.06
 """Relative inverse depth by which that may stand out of the plane or back from it, and belong to it: a door, a sill."""
 LEEWAY = 1.03
 """Relative depth by which a plane may break the visibility law and still be a candidate."""
-HIDDEN_COST = 2.0
-"""Cost of what stands behind a thing that the border cuts, where that goes on."""
 EXTRAPOLATION_COST = 6.0
 """Cost of a plane e times nearer or farther than anything known."""
 ORDER_COST = 3.0
@@ -124,7 +122,6 @@ class CoarseView:
         on_planes = plane_values(planes, camera.hw, step)
         things = cut_things(w[pick], label[pick], hole, next_to(unseen))
         smooth = np.where(in_view, smooth, without_streaks(smooth, unseen))
-        smooth = np.where(unseen & (things.number > 0), things.inverse_depth[things.number], smooth)
         candidates = np.concatenate([smooth[None], np.zeros_like(smooth)[None], on_planes])
         colored = hole & ~cells_with_holes(view.color_hole, camera.wh)
         known = w[pick], label[pick], candidates.astype(np.float32)
@@ -139,8 +136,6 @@ class CoarseView:
         on, penalty = seen_going_on(lines, self.candidates, *known, followed)
         penalty += (1 - on) * self.extrapolation_cost()
         penalty += ending_cost(self.hole, unseen, self.label, followed, self.things.beyond, REACH * GRID)
-        on[0] = unseen & (self.things.number > 0)
-        penalty[1:] += HIDDEN_COST * (on[0] * (self.candidates[1:] < self.candidates[0]))
         penalty[0] += SMOOTH_PENALTY
         penalty[1:] += ORDER_COST * self.out_of_order()
         hidden = self.hole_in_view & ~self.colored

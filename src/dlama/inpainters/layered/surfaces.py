@@ -15,10 +15,11 @@ from numpy.typing import NDArray
 from dlama.geometry.holes import nearest_known, with_nearest
 from dlama.geometry.projection import inverse_depth
 from dlama.geometry.rgbd import BoolArray, Float32Array
-from dlama.geometry.view import HoleType, View
+from dlama.geometry.view import View
 from dlama.geometry.visibility import Law
-from dlama.inpainters.layered.cut_things import as_far
 from dlama.inpainters.layered.distances import enlarged
+from dlama.inpainters.layered.foliage import copied_leaves
+from dlama.inpainters.layered.kernels.quilt import GAP
 from dlama.inpainters.layered.out_of_view import FOLLOWED, FOLLOWED_MISPLACED
 from dlama.inpainters.layered.surface_labels import GRID, CoarseView
 from dlama.perception.planes import SMOOTH, denoised, find_planes, label_known, noise_level, plane_values_at
@@ -34,13 +35,8 @@ class Surfaces:
     """H x W; -1 = no plane, 0 = sky, k = k-th plane."""
     planes: NDArray[np.float64]
     """K x 3, w = a u + b v + c in pixels of the view."""
-    things: NDArray[np.int32]
-    """H x W; n = n-th thing without a plane that the border cuts and that goes on out of view, 0 = none."""
-
-    @property
-    def parts(self) -> NDArray[np.int32]:
-        """H x W; the label, and K + n for the n-th cut thing."""
-        return np.where(self.things > 0, len(self.planes) + self.things, self.label).astype(np.int32)
+    leaves: NDArray[np.int32]
+    """H x W; the known pixel (flat) of the leaf that a hole pixel is copied from, where foliage goes on; negative elsewhere."""
 
 
 def continue_surfaces(view: View, law: Law, seed: int = 0) -> Surfaces:
@@ -53,7 +49,7 @@ def continue_surfaces(view: View, law: Law, seed: int = 0) -> Surfaces:
     step = max(1.0, max(w.shape) / GRID)
     followed_from = np.inf if noise else FOLLOWED_MISPLACED if law.misplaced_edges else FOLLOWED
     coarse = CoarseView.of(view, w, label, planes, step, followed_from)
-    return upsampled(view, w, label, planes, coarse, coarse.label_costs(law))
+    return upsampled(view, w, label, planes, coarse, coarse.label_costs(law), seed)
 
 
 def upsampled(
@@ -63,12 +59,16 @@ def upsampled(
     planes: NDArray[np.float64],
     coarse: CoarseView,
     costs: Float32Array,
+    seed: int = 0,
 ) -> Surfaces:
     """Costs of the labels (h x w x L) interpolated to every hole pixel; each takes the label of least cost and its inverse depth.
+    Where foliage goes on, it stands before that.
 
     w, label: H x W, of the known pixels; planes: K x 3.
     """
     spread = with_nearest(costs, coarse.hole)
+    no_plane = coarse.candidates[0]
+    smooth = enlarged(with_nearest(no_plane, coarse.hole & (no_plane > 0)), view.camera.wh)
     best = np.full(w.shape, np.inf, np.float32)
     chosen = np.full(w.shape, SMOOTH, np.int32)
     for number in range(costs.shape[2]):
@@ -78,24 +78,15 @@ def upsampled(
         chosen[better] = number - 1
     rows, columns = np.nonzero(view.hole)
     labels = chosen[rows, columns]
-    no_plane = coarse.candidates[0]
-    smooth = enlarged(with_nearest(no_plane, coarse.hole & (no_plane > 0)), view.camera.wh)
     on_plane = plane_values_at(planes, labels, rows, columns)
     on_plane = np.maximum(0, on_plane + rim_correction(view.hole, w, label, planes, labels))
     out, filled = w.copy(), label.copy()
     out[rows, columns] = np.where(labels == SMOOTH, smooth[rows, columns], np.where(labels > 0, on_plane, 0))
     filled[rows, columns] = labels
-    return Surfaces(out, filled, planes, enlarged_things(view, out, filled, coarse))
-
-
-def enlarged_things(view: View, w: Float32Array, label: NDArray[np.int32], coarse: CoarseView) -> NDArray[np.int32]:
-    """H x W: the number of the cut thing in the nearest cell, where the pixel lies on no plane and as far off as that.
-
-    w, label: H x W, filled.
-    """
-    cells = cv2.resize(coarse.things.number, view.camera.wh, interpolation=cv2.INTER_NEAREST)
-    same = as_far(w, coarse.things.inverse_depth[cells]) & (label == SMOOTH)
-    return np.where(same & ~(view.hole & (view.hole_type != HoleType.OUT_OF_VIEW)), cells, 0).astype(np.int32)
+    leaves = copied_leaves(view, w, coarse.things, seed)
+    leaf = (leaves >= 0) & (w.ravel()[np.maximum(leaves, 0)] > out)
+    out[leaf], filled[leaf] = w.ravel()[leaves[leaf]], SMOOTH
+    return Surfaces(out, filled, planes, np.where(leaf, leaves, GAP).astype(np.int32))
 
 
 def rim_correction(

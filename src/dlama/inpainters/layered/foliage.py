@@ -1,0 +1,178 @@
+"""Foliage: known leaves and the circles as which cut crowns go on in; the leaf that each pixel there is copied from, out.
+
+Blocks of the known crown are quilted where it goes on, leaves and the gaps between them: leaves are as large and as bright, and
+the crown is as dense, as it is seen to be.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from dlama.geometry.holes import closed, eroded, nearest_known, opened, square
+from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
+from dlama.geometry.view import HoleType, View
+from dlama.inpainters.layered.cut_things import GAPS, CutThings, as_far
+from dlama.inpainters.layered.kernels.quilt import GAP, OUTSIDE, UNDECIDED, quilt
+
+AROUND = 1.4
+"""Radii round the middle of a crown within which its leaves are looked for."""
+SOLID, FLAT = 6, 1.01
+"""Cells a side of a square that is no leaf if it has no step, ratios of neighbouring depths of more than FLAT, in it."""
+FEW, SHARE_LEFT = 100, 0.1
+"""Pixels and share of the leaves from which those alone are copied that border on leaves only: others are mixed with what is
+behind them."""
+BLOCK, SMALLEST = 8, 6
+"""Cells a side of a block, and pixels a side of the smallest: a strip narrower than that shows no leaves."""
+LEAST_BLOCKS, LEAFY = 8, 0.02
+"""Fewer known blocks show too little; share of a block that leaves hold."""
+APART = 0.6
+"""Distance of blocks over their side."""
+TRIED = 24
+"""Known blocks, at random, that are compared for each place."""
+COLOR_SCALE = 80.0
+"""Grey levels between two leaves that count as much as a leaf where a gap should be."""
+RADIAL, UPRIGHT = 2.0, 0.7
+"""How much a radius from the middle, and one of height, counts by which blocks differ: crowns are sparse at the rim."""
+RAGGED, BY_LIGHT = 0.06, 0.7
+"""Share of the radius by which the rim of a crown is taken off in the mean; how much of that it goes in and out for a standard
+deviation of bumps as large as leaves, and of the leaves' brightness: bright leaves stand before dark ones."""
+
+
+@dataclass(frozen=True, eq=False)
+class Crown:
+    """A cut crown and what is round it, h x w pixels of a view."""
+
+    color: UInt8Array
+    """h x w x 3."""
+    leaf: BoolArray
+    """h x w: known leaves."""
+    behind: BoolArray
+    """h x w: known, and farther off."""
+    unseen: BoolArray
+    """h x w: holes out of view."""
+    hidden: BoolArray
+    """h x w: dis-occluded holes."""
+    goes_on: BoolArray
+    """h x w: where of what is out of view the crown goes on."""
+    circle: NDArray[np.float64]
+    """Row, column and radius, in pixels."""
+    cell: float
+    """Pixels a side of the cells on which it was found."""
+
+    def copied(self, rng: np.random.Generator) -> NDArray[np.int32]:
+        """h x w: the known pixel (flat) of the leaf that a hole pixel is copied from, negative where it is none."""
+        within = closed(self.leaf, self.square(GAPS))
+        nearest = np.where(self.behind, GAP, nearest_known(self.pure_leaves())[1])
+        known = np.where(within, nearest, np.where(self.behind, GAP, OUTSIDE))
+        out = np.where(self.hidden & closed(self.leaf, self.square(GAPS / 2)), known, OUTSIDE)
+        own = self.unseen & closed(self.goes_on | within, self.square(2))
+        state = np.where(own, UNDECIDED, known).astype(np.int32)
+        if self.quilt(state, (within | self.behind) & ~own, rng):
+            inside = self.depth_inside(own | within) > self.rim(state, own)
+            out = np.where(own & inside, state, out)
+        return out.astype(np.int32)
+
+    def square(self, cells: float) -> np.ndarray:
+        """A square of about that many cells a side, in pixels, an odd number."""
+        return square(round(cells * self.cell) | 1)
+
+    def pure_leaves(self) -> BoolArray:
+        """h x w: known leaves with none but leaves beside them; all if those are too few."""
+        inner = eroded(self.leaf, 1)
+        return inner if inner.sum() > max(FEW, SHARE_LEFT * self.leaf.sum()) else self.leaf
+
+    def quilt(self, state: NDArray[np.int32], known: BoolArray, rng: np.random.Generator) -> bool:
+        """`state` (h x w, as of `kernels.quilt`) decided in place from blocks of `known` pixels (h x w); False: too few."""
+        side, corners = self.known_blocks(known)
+        if not len(corners):
+            return False
+        pitch = max(1, int(APART * side))
+        places = np.unique(np.argwhere(state == UNDECIDED) // pitch, axis=0) * pitch - (side - pitch) // 2
+        middle = np.clip(places + side // 2, 0, np.array(state.shape) - 1)
+        order = np.argsort(nearest_known(self.leaf)[0][tuple(middle.T)], kind="stable")
+        first, known_first = places[order].astype(np.int32), corners.astype(np.int32)
+        tried = rng.integers(0, len(corners), (len(first), TRIED)).astype(np.int32)
+        bumps = leafy(state.shape, max(1.0, side / 8))
+        marks = self.marks(first, side), tried, self.marks(corners, side)
+        quilt(state, self.color, first, known_first, *marks, side, max(1, side // 8), COLOR_SCALE, bumps)
+        return True
+
+    def known_blocks(self, known: BoolArray) -> tuple[int, NDArray[np.int64]]:
+        """Pixels a side, and N x 2 corners (row, column), of blocks of `known` pixels (h x w) with leaves; N = 0: too few."""
+        side = max(SMALLEST, round(BLOCK * self.cell))
+        while side >= SMALLEST:
+            filled = (cv2.boxFilter(a.astype(np.float32), -1, (side, side), anchor=(0, 0)) for a in (known, self.leaf))
+            whole, leaves = (a[: 1 - side, : 1 - side] for a in filled)
+            step = max(1, side // 6)
+            corners = np.argwhere(((whole > 1 - 0.5 / side**2) & (leaves > LEAFY))[::step, ::step]) * step
+            if len(corners) >= LEAST_BLOCKS:
+                return side, corners
+            side = side * 2 // 3
+        return side, np.zeros((0, 2), np.int64)
+
+    def marks(self, corners: NDArray[np.integer], side: int) -> Float32Array:
+        """N x 2: what of their places blocks should have alike; corners: N x 2."""
+        away = (corners + side / 2 - self.circle[:2]) / self.circle[2]
+        return np.stack([RADIAL * np.hypot(*away.T), UPRIGHT * away[:, 0]], 1).astype(np.float32)
+
+    def depth_inside(self, body: BoolArray) -> Float32Array:
+        """h x w pixels from what is not `body` (h x w); the picture ends, the body does not."""
+        grown = cv2.copyMakeBorder(body.astype(np.uint8), 1, 1, 1, 1, cv2.BORDER_REPLICATE)
+        return np.asarray(cv2.distanceTransform(grown, cv2.DIST_L2, 5)[1:-1, 1:-1], np.float32)
+
+    def rim(self, state: NDArray[np.int32], own: BoolArray) -> Float32Array:
+        """h x w pixels of the crown's rim that are taken off. state: h x w, decided; own: h x w, where the crown goes on."""
+        light = self.color.reshape(-1, 3)[np.maximum(state, 0)].mean(-1)
+        brighter = (light - light[own].mean()) / (light[own].std() + 1)
+        rim = 1 + BY_LIGHT * (leafy(own.shape, self.cell) - brighter)
+        return np.asarray(RAGGED * self.circle[2] * rim, np.float32)
+
+
+def copied_leaves(view: View, w: Float32Array, things: CutThings, seed: int = 0) -> NDArray[np.int32]:
+    """H x W: the known pixel (flat) of the leaf that a hole pixel is copied from, negative where it is none.
+
+    w: H x W inverse depth of the known pixels; things: on a grid of cells.
+    """
+    out = np.full(w.shape, OUTSIDE, np.int32)
+    cell = max(w.shape) / max(things.number.shape)
+    rng = np.random.default_rng(seed)
+    for number, circle in enumerate((things.circle * cell).astype(np.float64)):
+        first, last = (np.clip(circle[:2] + by * AROUND * circle[2], 0, w.shape).astype(np.int64) for by in (-1, 1))
+        if number == 0 or (last - first).min() < SMALLEST:
+            continue
+        box = slice(first[0], last[0]), slice(first[1], last[1])
+        leaves = crown(view, w, things, number, box).copied(rng)
+        rows, columns = np.divmod(leaves, leaves.shape[1])
+        flat = (rows + first[0]) * w.shape[1] + columns + first[1]
+        np.copyto(out[box], flat.astype(np.int32), where=leaves >= 0)
+    return out
+
+
+def crown(view: View, w: Float32Array, things: CutThings, number: int, box: tuple[slice, slice]) -> Crown:
+    """The crown of a number within a box of the view. The rest as of `copied_leaves`."""
+    cell = max(w.shape) / max(things.number.shape)
+    depth = things.inverse_depth[number]
+    own = (cv2.resize(things.number, view.camera.wh, interpolation=cv2.INTER_NEAREST) == number)[box]
+    hole, kind, w = view.hole[box], view.hole_type[box], w[box]
+    known = ~hole & as_far(w, depth)
+    leaf = closed(own, square(round(GAPS * cell) | 1)) & known & ~solid(w, known, round(SOLID * cell) | 1)
+    unseen, hidden = (hole & (kind == each) for each in (HoleType.OUT_OF_VIEW, HoleType.DISOCCLUDED))
+    circle = things.circle[number] * cell - (box[0].start, box[1].start, 0)
+    behind = ~hole & ~leaf & (w < depth)
+    return Crown(np.ascontiguousarray(view.color[box]), leaf, behind, unseen, hidden, own & unseen, circle, cell)
+
+
+def solid(w: Float32Array, known: BoolArray, side: int) -> BoolArray:
+    """h x w, True in squares of `side` pixels without steps of depth. w: h x w inverse depth of the `known` pixels (h x w)."""
+    least, most = cv2.erode(np.where(known, w, 0), square(3)), cv2.dilate(w, square(3))
+    return opened(known & (most < FLAT**2 * least), square(side))
+
+
+def leafy(hw: tuple[int, ...], size: float) -> Float32Array:
+    """h x w bumps `size` pixels wide (sigma), mean 0, standard deviation 1, the same at every call."""
+    bumps = cv2.GaussianBlur(np.random.default_rng(0).normal(size=hw).astype(np.float32), (0, 0), size)
+    return np.asarray(bumps / max(float(bumps.std()), 1e-6), np.float32)

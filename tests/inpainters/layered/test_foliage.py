@@ -1,0 +1,115 @@
+"""Leaves are copied where a cut crown goes on (oracles: literal twin, a bush drawn whole and then cut, laws)."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from dlama.geometry.camera import Camera
+from dlama.geometry.rgbd import RGBD
+from dlama.geometry.view import HoleType, View
+from dlama.geometry.visibility import Law
+from dlama.inpainters import find_filler
+from dlama.inpainters.filling import Inpainter, inpaint
+from dlama.inpainters.layered.cut_things import CutThings
+from dlama.inpainters.layered.depth_first import depth_first
+from dlama.inpainters.layered.filler import layered
+from dlama.inpainters.layered.foliage import copied_leaves, leafy, solid
+from dlama.inpainters.layered.kernels.quilt import GAP, OUTSIDE, RIM, RIM_BUMPS, UNDECIDED, quilt
+from reference.quilting import quilted
+
+CAMERA = Camera.from_fov(256, 192, 60)
+ROWS, COLUMNS = np.indices(CAMERA.hw)
+BORDER = 176
+GREEN, WALL = (30, 90, 20), 210
+
+
+def bush_before_a_wall(seed: int = 0) -> tuple[View, np.ndarray]:
+    """A dark green bush, a fifth of it gaps, before a bright wall, known up to the BORDER; where its leaves are."""
+    rng = np.random.default_rng(seed)
+    leaves = np.kron(rng.uniform(2.2, 4.2, (64, 86)), np.ones((3, 3)))[: CAMERA.height, : CAMERA.width]
+    bush = (np.hypot(ROWS - 80, COLUMNS - BORDER) <= 50) & (leaves < 3.8)
+    depth = np.where(bush, leaves, 8).astype(np.float32)
+    color = np.where(bush[..., None], GREEN, WALL) + rng.normal(0, 6, (*CAMERA.hw, 1))
+    frame = RGBD(np.clip(color, 0, 255).astype(np.uint8), depth, CAMERA)
+    return View.from_rgbd(frame).without(COLUMNS >= BORDER, HoleType.OUT_OF_VIEW), bush
+
+
+@pytest.mark.parametrize("filler", [layered, depth_first(find_filler("telea"))], ids=["layered", "telea"])
+def test_a_bush_goes_on_with_its_own_leaves_whoever_paints(filler: Inpainter) -> None:
+    """Truth: out of view the bush is as green, uneven and dense, at the depths of its leaves; beside it the wall goes on."""
+    view, bush = bush_before_a_wall()
+    done, _ = inpaint(view, filler, Law(()))
+    unseen = COLUMNS >= BORDER
+    inner, outer = (np.hypot(ROWS - 80, COLUMNS - BORDER) <= radius for radius in (35, 70))
+    leaf = done.depth < 5
+    assert leaf[unseen & inner].mean() == pytest.approx(bush[unseen & inner].mean(), abs=0.12)
+    assert (done.depth[unseen & ~outer] > 7).mean() > 0.9
+    np.testing.assert_allclose(done.color[unseen & inner & leaf].mean(0), GREEN, atol=8)
+    np.testing.assert_allclose(done.color[unseen & inner & leaf].std(0), view.color[~unseen & bush].std(0), rtol=0.3)
+    assert done.color[unseen & ~outer].mean() > 150
+
+
+def things_of(number: np.ndarray, circle: tuple[float, float, float], w: float = 0.33) -> CutThings:
+    """One thing, whose cells are pixels."""
+    two = np.array([0, w], np.float32), np.array([(0, 0, 0), circle], np.float32)
+    return CutThings(np.zeros(number.shape, np.float32), number.astype(np.int32), *two)
+
+
+def test_leaves_are_copied_from_leaves() -> None:
+    """Law: every pixel that is copied is a known one of the bush, none comes out of where the crown does not go on; the same seed
+    gives the same leaves."""
+    view, bush = bush_before_a_wall()
+    w = np.where(view.hole, 0, 1 / np.where(view.hole, 1, view.depth)).astype(np.float32)
+    number = np.hypot(ROWS - 80, COLUMNS - BORDER) <= 50
+    things = things_of(number & (view.hole | bush), (80, BORDER, 50))
+    leaves = copied_leaves(view, w, things, seed=1)
+    assert (leaves[number & view.hole] >= 0).mean() > 0.5
+    assert not (leaves >= 0)[~view.hole | (np.hypot(ROWS - 80, COLUMNS - BORDER) > 55)].any()
+    assert (bush & ~view.hole).ravel()[leaves[leaves >= 0]].all()
+    np.testing.assert_array_equal(leaves, copied_leaves(view, w, things, seed=1))
+
+
+def test_too_narrow_a_strip_shows_no_leaves() -> None:
+    """Law: of a bush of which three columns are seen nothing is copied."""
+    view, _ = bush_before_a_wall()
+    narrow = view.without(COLUMNS < BORDER - 3, HoleType.SENSOR)
+    w = np.where(narrow.hole, 0, 1 / np.where(narrow.hole, 1, narrow.depth)).astype(np.float32)
+    number = (np.hypot(ROWS - 80, COLUMNS - BORDER) <= 50) & (narrow.hole_type != HoleType.SENSOR)
+    assert (copied_leaves(narrow, w, things_of(number, (80, BORDER, 50))) < 0).all()
+
+
+def test_what_has_no_steps_is_no_leaf() -> None:
+    """Closed form: of a slope of 0.3 % a pixel all is solid; where neighbours differ by 5 % nothing; what is unknown is not."""
+    known = np.ones(CAMERA.hw, bool)
+    known[:, :5] = False
+    slope = (0.2 * 1.003**COLUMNS).astype(np.float32)
+    np.testing.assert_array_equal(solid(slope, known, 13)[:, 6:], np.ones_like(known)[:, 6:])
+    assert not solid(slope, known, 13)[:, :5].any()
+    assert not solid(np.where((ROWS + COLUMNS) % 2, 0.2, 0.21).astype(np.float32), known, 13).any()
+
+
+def test_bumps_are_even_and_the_same_at_every_call() -> None:
+    """Law: mean 0, standard deviation 1, no chance."""
+    bumps = leafy((120, 160), 1.5)
+    assert bumps.mean() == pytest.approx(0, abs=0.05) and bumps.std() == pytest.approx(1, abs=1e-3)
+    np.testing.assert_array_equal(bumps, leafy((120, 160), 1.5))
+
+
+@pytest.mark.parametrize("stride", [1, 2])
+def test_quilting_is_as_its_twin(stride: int) -> None:
+    """Oracle: literal twin, on a picture half of which is undecided, with gaps, and a block that reaches over the border."""
+    rng = np.random.default_rng(3)
+    hw, side = (24, 30), 6
+    color = rng.integers(0, 256, (*hw, 3), dtype=np.uint8)
+    state = np.where(rng.random(hw) < 0.2, GAP, np.arange(24 * 30).reshape(hw)).astype(np.int32)
+    state[:, 15:], state[:3, :4] = UNDECIDED, OUTSIDE
+    places = np.array([(y, x) for x in (13, 17, 21, 26) for y in (-2, 2, 6, 10, 14, 18, 21)], np.int32)
+    corners = np.array([(y, x) for y in (4, 9, 15, 18) for x in (0, 4, 8)], np.int32)
+    own, there = (rng.random((len(a), 2)).astype(np.float32) for a in (places, corners))
+    tried = rng.integers(0, len(corners), (len(places), 5)).astype(np.int32)
+    bumps = rng.normal(size=hw).astype(np.float32)
+    wanted = quilted(state, color, places, corners, own, tried, there, side, stride, 80.0, RIM + -RIM_BUMPS * bumps)
+    quilt(state, color, places, corners, own, tried, there, side, stride, 80.0, bumps)
+    np.testing.assert_array_equal(state, wanted)
+    assert not (state == UNDECIDED).any() and (state == OUTSIDE).sum() == 12
