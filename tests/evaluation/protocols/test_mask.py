@@ -27,7 +27,11 @@ def test_the_square_is_found_and_removed(constant_filler: str) -> None:
         assert found[name, "mask", "iou"] == found[name, "mask", "border_f"] == 1
     assert found["mask", "rgb", "mse"] == (WALL - FILLED) ** 2
     assert found["shadow", "mask", "false_alarm"] == 0
-    assert {("grabcut-box", "mask", "iou"), ("click-estimated-depth", "mask", "iou")} <= set(found)
+    assert {
+        ("grabcut-box", "mask", "iou"),
+        ("click-estimated-depth", "mask", "iou"),
+        ("box-estimated-depth", "mask", "iou"),
+    } <= set(found)
 
 
 def test_variants_remove_with_other_masks(constant_filler: str) -> None:

@@ -11,6 +11,8 @@ from dlama.evaluation.metrics.masks import box_of, iou
 from dlama.geometry.rgbd import BoolArray, UInt8Array
 from dlama.perception.masks import photo
 from dlama.perception.masks.photo import named, rim_share, window_round
+from dlama.perception.masks.prompt import Prompt
+from dlama.perception.masks.rough import rough_candidates, rough_depth
 
 SIDE = 192
 BAND = (96, 132)
@@ -50,6 +52,35 @@ def test_a_box_finds_the_thing_in_it() -> None:
     true = striped_post()[1]
     found = find_mask(without_the_thing(), box=box_of(true, 0.05)).mask
     assert iou(found, true) > 0.9
+
+
+def test_what_stands_out_and_fills_a_box_is_the_thing(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The bright pixels stand out, which are the post and, outside the box, a lamp: to the pixel, without the lamp."""
+    color, true = striped_post()
+    color[:90][~true[:90]] = 60
+    color[20:30, 20:30] = 250
+    monkeypatch.setattr(photo, "saliency", lambda window: (window[..., 0] > 170).astype(np.float32))
+    picture = RGBD(color, without_the_thing().depth, Camera.from_fov(SIDE, SIDE, 60), {"estimator": "none"})
+    np.testing.assert_array_equal(find_mask(picture, box=box_of(true, 0.05)).mask, true)
+
+
+def test_what_fills_little_of_a_box_is_not_the_thing(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A thin line stands out: the mask is what colours cut out, as without the network."""
+    monkeypatch.setattr(photo, "saliency", lambda color: np.eye(len(color), dtype=np.float32))
+    box = box_of(striped_post()[1], 0.05)
+    picture = without_the_thing()
+    prompt = Prompt(picture.depth.shape, box=box)
+    masker = photo.PhotoMasker(picture, rough_depth(picture))
+    assert masker.filling(prompt.box_slices) is None
+    np.testing.assert_array_equal(masker.candidates(prompt)["thing"], rough_candidates(masker.rough, prompt)["thing"])
+
+
+def test_how_much_of_a_box_is_filled() -> None:
+    """Closed form: boxes of 10 x 6 and 8 x 3 pixels, one in the other; and nothing at all."""
+    box, mask = (slice(2, 12), slice(4, 10)), np.zeros((20, 20), np.bool_)
+    assert photo.filled(box, mask) == 0
+    mask[3, 5] = mask[10, 7] = mask[0, 0] = True
+    assert photo.filled(box, mask) == pytest.approx(8 * 3 / 60)
 
 
 def test_clicks_beside_the_thing_are_none_of_it() -> None:

@@ -97,6 +97,7 @@ def found_masks(truth: RemovalTruth) -> tuple[dict[str, BoolArray], float]:
         warnings.simplefilter("ignore")  # of a scale that is assumed: it does not matter here
         photo = MaskSession(estimate_depth(color, truth.source.camera).rgbd)
     masks["click-estimated-depth"] = found_or_nothing(photo, true, clicks=[innermost(true)])
+    masks["box-estimated-depth"] = found_or_nothing(photo, true, box=box_of(true, BOX_LARGER))
     (x, y), (height, width) = innermost(true), true.shape
     masks["grabcut-box"] = grabcut(color, box_of(true, BOX_LARGER))
     masks["grabcut-click"] = grabcut(color, (x - width / 4, y - height / 4, width / 2, height / 2))

@@ -50,6 +50,7 @@ POINTED = (
     "clicks-4",
     "box",
     "click-estimated-depth",
+    "box-estimated-depth",
     "grabcut-box",
     "grabcut-click",
     "shadow",

@@ -1,8 +1,8 @@
 """A picture whose depth is estimated and clicks or a box in; masks of the thing meant out. What stands out round the click leads.
 
 The network of `salient` finds what stands out in a picture; in windows round a click that is mostly the thing clicked. It runs
-in two windows, and in the whole picture where those show nothing at the click or cut it off; `rough` decides where nothing
-stands out, and in boxes.
+in two windows, and in the whole picture where those show nothing at the click or cut it off. Round a box it runs in three, and
+what stands out is taken where it fills the box. `rough` decides where nothing stands out, or something else than the box says.
 """
 
 from __future__ import annotations
@@ -39,6 +39,12 @@ DIFFERENT = 0.9
 CUT_OFF = 0.2
 """Share of a window's rim that a mask runs over, from which on the whole picture is asked, too."""
 
+BOX_WINDOWS = (1.25, 1.6, 2.2)
+"""Sides of the windows round a box, over its longer side; SMALLEST_WINDOW px at least."""
+SMALLEST_WINDOW = 48
+FILLS = 0.75
+"""Intersection over union of a box and that of what stands out in it, from which on that is the thing meant."""
+
 Window = tuple[slice, slice]
 
 
@@ -64,7 +70,7 @@ class PhotoMasker:
     def candidates(self, prompt: Prompt) -> dict[str, BoolArray]:
         """H x W masks: thing; part, group where a click has a smaller or a larger reading. Errors as `rough_candidates`."""
         if prompt.box is not None:
-            return rough_candidates(self.rough, prompt)
+            return self.boxed(prompt)
         clicks, away = Prompt.pixels(prompt.clicks), Prompt.pixels(prompt.not_clicks)
         mask, others = np.zeros(prompt.hw, np.bool_), list[BoolArray]()
         for pixel in clicks:
@@ -80,6 +86,38 @@ class PhotoMasker:
             mask = without(self.rgbd.color, mask, prompt)
         refuse_background(mask, prompt)
         return named(mask, others)
+
+    def boxed(self, prompt: Prompt) -> dict[str, BoolArray]:
+        """What stands out in the box where it fills that, beside what its colours cut out; clicks leave it to the colours."""
+        filling = None if prompt.clicks or prompt.not_clicks else self.filling(prompt.box_slices)
+        if filling is None:
+            return rough_candidates(self.rough, prompt)
+        try:
+            others = list(rough_candidates(self.rough, prompt).values())
+        except MaskError:
+            others = []
+        return named(filling, others)
+
+    def filling(self, box: Window) -> BoolArray | None:
+        """H x W: what stands out in a box by the mean of the windows round it; None where that does not fill FILLS of the box."""
+        hw = self.rough.w.shape
+        sides = [side.indices(length)[:2] for side, length in zip(box, hw)]
+        longest = max(stop - start for start, stop in sides)
+        row, column = ((start + stop) // 2 for start, stop in sides)
+        windows = [
+            window_round((row, column), max(SMALLEST_WINDOW, round(share * longest)), hw) for share in BOX_WINDOWS
+        ]
+        total = np.zeros(hw, np.float32)
+        try:
+            for window in windows:
+                total[window] += saliency(np.ascontiguousarray(self.rgbd.color[window]))
+        except MaskError:
+            return None
+        mask, inside = total > len(windows) / 2, np.zeros(hw, np.bool_)
+        if not mask[box].any():
+            return None
+        inside[box] = refined(self.rgbd, mask, (longest,))[box]
+        return inside if filled(box, inside) >= FILLS else None
 
     def readings(self, pixel: Pixel) -> list[Reading]:
         """What a click at (row, column) may mean; nothing where nothing stands out there."""
@@ -126,6 +164,13 @@ def window_round(pixel: Pixel, side: int, hw: tuple[int, ...]) -> Window:
     lengths = [min(side, length) for length in hw]
     starts = [int(np.clip(at - n / 2, 0, length - n)) for at, n, length in zip(pixel, lengths, hw)]
     return slice(starts[0], starts[0] + lengths[0]), slice(starts[1], starts[1] + lengths[1])
+
+
+def filled(box: Window, mask: BoolArray) -> float:
+    """Intersection over union of a box (rows, columns) and the box round a mask (H x W) within it."""
+    part = mask[box]
+    rows, columns = np.flatnonzero(part.any(1)), np.flatnonzero(part.any(0))
+    return float((np.ptp(rows) + 1) * (np.ptp(columns) + 1) / part.size) if len(rows) else 0.0
 
 
 def rim_share(mask: BoolArray, window: Window) -> float:
