@@ -143,6 +143,8 @@ def test_nothing_hangs_in_the_air() -> None:
     first[:4, 2] = -1
     ended = looks_past(first, length)
     assert ended[:, 0].all() and ended[:10, 1].all() and not ended[10:, 1].any() and ended[4:, 2].all()
+    floating = looks_past(first, length, floating=True)
+    np.testing.assert_array_equal(floating, (first > 0) & (length == 0))
 
 
 def test_lines_of_walls_are_level() -> None:

@@ -23,9 +23,8 @@ UPRIGHT = 0.5
 """Sine of the angle between a plane's normal and up from which it has horizontals of its own."""
 LEVEL = 0.8
 """Cosine of the angle between a plane's normal and the camera's vertical from which it may be the ground."""
-FOLLOWED, FOLLOWED_MISPLACED = 0.02, 0.15
-"""Share of the known cells that a plane must hold to be followed along lines; where depth edges lie beside those of the picture
-small planes end anywhere."""
+FOLLOWED = 0.02
+"""Share of the known cells that a plane must hold to be followed along lines."""
 STRIDE, STRIDE_ACROSS = 2, 4
 """Cells between the cells whose lines are looked at: along the horizontals, and across."""
 GOES_ON = 0.5
@@ -63,6 +62,8 @@ class PlaneLines(NamedTuple):
     """K x 3: where its lines at right angles to them meet."""
     away: Float32Array
     """h x w cells to what is known."""
+    by_edges: BoolArray
+    """K, True where they run along the plane's own edges (`plane_edges`): a table top, which hangs before what is below it."""
 
     @classmethod
     def of(cls, camera: Camera, candidates: Float32Array, hole: BoolArray, label: NDArray[np.int32]) -> PlaneLines:
@@ -70,7 +71,7 @@ class PlaneLines(NamedTuple):
         planes = plane_coefficients(candidates[2:])
         points = vanishing_points(planes, camera, cells_of_planes(label, hole, len(planes)))
         away = np.asarray(cv2.distanceTransform(hole.astype(np.uint8), cv2.DIST_L2, 5), np.float32)
-        return cls(planes, *points, away)
+        return cls(planes, *points, away, np.zeros(len(planes), np.bool_))
 
 
 def seen_going_on(
@@ -90,7 +91,7 @@ def seen_going_on(
     on, cost = np.zeros(candidates.shape, np.float32), np.zeros(candidates.shape, np.float32)
     if not unseen.any() or not followed.any():
         return on, cost
-    planes, along, across, away = lines
+    planes, along, across, away = lines[:4]
     first, length, _ = seen_on_lines(planes, along, w, label, hole, away, unseen, STRIDE)
     other_first, other_length, _ = seen_on_lines(planes, across, w, label, hole, away, unseen, STRIDE_ACROSS)
     few = candidates[:, ::STRIDE, ::STRIDE], unseen[::STRIDE, ::STRIDE]
@@ -98,7 +99,7 @@ def seen_going_on(
     hidden = np.zeros_like(few[0])
     for k in 2 + np.flatnonzero(followed):
         value = few[0][k]
-        ends = looks_past(first[k - 2], length[k - 2])
+        ends = looks_past(first[k - 2], length[k - 2], floating=lines.by_edges[k - 2])
         there = (length[k - 2] > 0) & ~ends
         farther = np.maximum(first[k - 2], 1) / np.maximum(length[k - 2], 1)
         few_on[k] = there
@@ -158,12 +159,15 @@ def next_to(unseen: BoolArray) -> BoolArray:
     return dilated(unseen, BESIDE)
 
 
-def looks_past(first: Float32Array, length: Float32Array) -> BoolArray:
-    """h x w, True where a plane has ended: its line looks past it, or hangs between those that do (FLOATING) or the rim.
+def looks_past(first: Float32Array, length: Float32Array, floating: bool = False) -> BoolArray:
+    """h x w, True where a plane has ended: its line looks past it, or, if it is not `floating`, hangs between those that do
+    (FLOATING) or the rim.
 
     first, length: h x w, as of `seen_on_lines`, one plane's.
     """
     past = (first > 0) & (length == 0)
+    if floating:
+        return past
     above = np.cumsum(first > 0, axis=0) == 0
     kernel = np.ones((FLOATING // STRIDE | 1, 1), np.uint8)
     both = cv2.copyMakeBorder(

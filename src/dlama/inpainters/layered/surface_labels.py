@@ -19,6 +19,7 @@ from dlama.geometry.view import HoleType, View
 from dlama.geometry.visibility import Law
 from dlama.inpainters.layered.cut_things import CutThings, cut_things
 from dlama.inpainters.layered.distances import (
+    CHORD,
     angle_to_far,
     colors_of_cells,
     distance_from,
@@ -37,6 +38,7 @@ from dlama.inpainters.layered.out_of_view import (
     seen_both_ways,
     seen_going_on,
 )
+from dlama.inpainters.layered.plane_edges import along_edges
 from dlama.perception.planes import SMOOTH, plane_values
 
 GRID = 256
@@ -98,6 +100,8 @@ class CoarseView:
     """Where what lies on no plane goes on out of view."""
     followed_from: float = FOLLOWED
     """Share of the known cells that a plane must hold to be followed along lines out of view."""
+    solid: bool = False
+    """Whether its chords must also be CHORD cells long (geometric mean): where depth is off at edges, slats end anywhere."""
 
     @classmethod
     def of(
@@ -108,6 +112,7 @@ class CoarseView:
         planes: NDArray[np.float64],
         step: float,
         followed_from: float = FOLLOWED,
+        solid: bool = False,
     ) -> CoarseView:
         """The grid of cells `step` pixels wide. w, label: H x W inverse depth and label of the known pixels; planes: K x 3."""
         camera = with_larger_pixels(view.camera, step)
@@ -125,7 +130,9 @@ class CoarseView:
         candidates = np.concatenate([smooth[None], np.zeros_like(smooth)[None], on_planes])
         colored = hole & ~cells_with_holes(view.color_hole, camera.wh)
         known = w[pick], label[pick], candidates.astype(np.float32)
-        return cls(camera, hole, in_view, *known, colors_of_cells(view.color, colored), colored, things, followed_from)
+        return cls(
+            camera, hole, in_view, *known, colors_of_cells(view.color, colored), colored, things, followed_from, solid
+        )
 
     def label_costs(self, law: Law) -> Float32Array:
         """h x w x L cost of each label after belief propagation (lower is better)."""
@@ -133,6 +140,8 @@ class CoarseView:
         followed = self.followed()
         known = self.hole, unseen, self.inverse_depth, self.label
         lines = PlaneLines.of(self.camera, self.candidates, self.hole, self.label)
+        lines = along_edges(lines, self.camera, self.candidates, *known)
+        followed |= lines.by_edges
         on, penalty = seen_going_on(lines, self.candidates, *known, followed)
         penalty += (1 - on) * self.extrapolation_cost()
         penalty += ending_cost(self.hole, unseen, self.label, followed, self.things.beyond, REACH * GRID)
@@ -200,9 +209,13 @@ class CoarseView:
         return out & self.hole_in_view
 
     def followed(self) -> BoolArray:
-        """K bool, the planes that are followed along lines out of view: the large ones."""
+        """K bool, the planes that are followed along lines out of view: the large ones, or the large and `solid`."""
         cells = cells_of_planes(self.label, self.hole, len(self.candidates) - 2)
-        return np.asarray(cells >= self.followed_from * (~self.hole).sum())
+        out = np.asarray(cells >= self.followed_from * (~self.hole).sum())
+        for k in np.flatnonzero(out & self.solid):
+            along, across = mean_chords(~self.hole & (self.label == k + 1))
+            out[k] = along * across >= CHORD**2
+        return out
 
     def distance_to_known(self, law: Law) -> Float32Array:
         """L x h x w, cells to the nearest known cell of each label (a large number if there is none).

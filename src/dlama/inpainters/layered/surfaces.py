@@ -20,7 +20,7 @@ from dlama.geometry.visibility import Law
 from dlama.inpainters.layered.distances import enlarged
 from dlama.inpainters.layered.foliage import copied_leaves
 from dlama.inpainters.layered.kernels.quilt import GAP
-from dlama.inpainters.layered.out_of_view import FOLLOWED, FOLLOWED_MISPLACED
+from dlama.inpainters.layered.out_of_view import FOLLOWED
 from dlama.inpainters.layered.surface_labels import GRID, CoarseView
 from dlama.perception.planes import SMOOTH, denoised, find_planes, label_known, noise_level, plane_values_at
 
@@ -47,8 +47,8 @@ def continue_surfaces(view: View, law: Law, seed: int = 0) -> Surfaces:
     label = label_known(w, view.valid, view.far, planes, noise)
     w = denoised(w, label, planes, noise)
     step = max(1.0, max(w.shape) / GRID)
-    followed_from = np.inf if noise else FOLLOWED_MISPLACED if law.misplaced_edges else FOLLOWED
-    coarse = CoarseView.of(view, w, label, planes, step, followed_from)
+    followed_from = np.inf if noise else FOLLOWED
+    coarse = CoarseView.of(view, w, label, planes, step, followed_from, law.misplaced_edges)
     return upsampled(view, w, label, planes, coarse, coarse.label_costs(law), seed)
 
 
