@@ -330,11 +330,13 @@ BATCH = {
     "max_disparity": default("--max-disparity 40", "max_disparity", 40.0),
     "words": instead("other.csv", "batch.jobs", "other.csv", "jobs.csv"),
     "output": Reach("-o elsewhere", "batch.out", Path("elsewhere"), ("-o out",)),
-    "images": Reach("--images x/*.png", "batch.jobs", attribute("images", "x/*.png"), ("jobs.csv",)),
+    "images": Reach("--images x/*.png --verb depth", "batch.jobs", attribute("images", "x/*.png"), ("jobs.csv",)),
     "depths": Reach(
-        "--images x --depths y/{stem}.png", "batch.jobs", attribute("depths", "y/{stem}.png"), ("jobs.csv",)
+        "--images x --depths y/{stem}.png --verb view", "batch.jobs", attribute("depths", "y/{stem}.png"), ("jobs.csv",)
     ),
-    "masks": Reach("--images x --masks z/{stem}.png", "batch.jobs", attribute("masks", "z/{stem}.png"), ("jobs.csv",)),
+    "masks": Reach(
+        "--images x --masks z/{stem}.png --verb remove", "batch.jobs", attribute("masks", "z/{stem}.png"), ("jobs.csv",)
+    ),
     "verb": Reach("--verb view", "batch.verb", "view"),
     "workers": Reach("--workers 2", "batch.workers", 2),
     "threads": Reach("--threads 2", "batch.threads", 2),

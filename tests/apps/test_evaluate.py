@@ -165,8 +165,8 @@ def test_bad_words_are_refused_before_anything_runs(
     out, place = str(tmp_path / "out"), str(small_worlds)
     wanted = {
         ("--fillers", "lama"): "filler 'lama' runs a network: --model lama=FILE is wanted",
-        ("--fillers", "best"): "filler is 'best'; one of none, layered",
-        ("--recipes", "best"): "recipe is 'best'; one of dlama, paper",
+        ("--fillers", "best"): "--fillers is 'best'; one of none, layered",
+        ("--recipes", "best"): "--recipes is 'best'; one of dlama, paper",
         ("--model", "lama"): "--model is 'lama'; FILLER=FILE is wanted",
         ("--model", "telea=a.onnx"): "FILLER one of lama, migan, choice, joint",
         ("--model", "lama=a.onnx"): "lama is not among --fillers",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import os
 import shutil
 import subprocess
@@ -313,4 +314,13 @@ def test_names_that_no_file_can_have(tmp_path: Path) -> None:
         for place in (new_file, new_directory):
             with pytest.raises(OutputError, match="cannot be written"), place(tmp_path / name):
                 pass
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_full_disk_is_told_by_where_the_file_was_to_lie(tmp_path: Path) -> None:
+    """Law: a message names the place that the user gave, not the draft beside it."""
+    at_once = new_directory(tmp_path / "out")
+    with pytest.raises(OutputError) as told, at_once as folder, new_directory(folder / "b") as b, new_file(b / "c.png"):
+        raise OSError(errno.ENOSPC, "No space left on device")
+    assert str(told.value) == f"{tmp_path / 'out' / 'b' / 'c.png'}: cannot be written: no space left on device"
     assert list(tmp_path.iterdir()) == []

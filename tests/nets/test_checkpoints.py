@@ -184,7 +184,7 @@ def test_counters_may_be_absent(tmp_path, random_state):
 @pytest.mark.parametrize(
     ("data", "message"),
     [
-        (None, "cannot be read"),
+        (None, "no such file"),
         (b"", "neither a torch archive nor safetensors"),
         (b"<html>not found</html>", "neither a torch archive nor safetensors"),
         (b"\x80\x02}q\x00.", "a bare pickle"),

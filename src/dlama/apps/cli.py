@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 import inspect
 import re
 import sys
@@ -34,7 +35,7 @@ from dlama.apps.options import (
 )
 from dlama.apps.places import check_folder_apart
 from dlama.apps.pointing import Pointing
-from dlama.apps.terminal.flags import flags_of, repeated_list, with_flags
+from dlama.apps.terminal.flags import flags_of, repeated_list, with_flags, wrong_value
 from dlama.apps.terminal.output import errors_as_lines, reported, stages_bar
 from dlama.apps.verbs.batch import batch
 from dlama.apps.verbs.depth import depth as depth_of_photo
@@ -119,8 +120,9 @@ def remove(
         target = move.settings()
         depth, mask = split_depth_and_mask(depth_and_mask, pointing.given)
         check_folder_apart(output, {"image": image, "depth": depth, "mask": mask})
+        of_file = this.optional_mask(mask, masking)  # before depth is estimated, which takes longer
         rgbd = this.rgbd(image, depth, lens, reading, estimating)
-        object_mask = this.pointed(rgbd, pointing, image) if mask is None else this.mask(mask, masking)
+        object_mask = this.pointed(rgbd, pointing, image) if of_file is None else of_file
         this.write(dlama.remove(rgbd, object_mask, **target, **method.settings()), output, only)
 
 
@@ -235,6 +237,10 @@ def main(args: Sequence[str] | None = None) -> None:
         run_verb(words[0], words[1:])
     else:
         with errors_as_lines():
+            if words and not words[0].startswith("-"):
+                meant = difflib.get_close_matches(words[0], VERBS, 1)
+                hint = f"did you mean {meant[0]}? " if meant else ""
+                raise InputError(f"{words[0]!r} is no verb of dlama; {hint}One of {', '.join(VERBS)} is wanted")
             tyro.extras.subcommand_cli_from_dict(
                 VERBS, prog="dlama", description=DESCRIPTION, args=words, config=CONFIG
             )
@@ -250,6 +256,9 @@ def run_verb(name: str, words: Sequence[str]) -> None:
         twice = repeated_list(verb, words)
         if twice is not None:
             raise InputError(f"{twice} is given twice; all its values behind one {twice} are wanted")
+        wrong = wrong_value(verb, words)
+        if wrong is not None:
+            raise InputError(wrong)
         tyro.cli(verb, prog=f"dlama {name}", description=described, args=words, config=CONFIG)
 
 

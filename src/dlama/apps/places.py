@@ -12,11 +12,13 @@ Inputs = Mapping[str, Path | str | None]
 
 
 def check_folder_apart(output: Path, inputs: Inputs, beside: Inputs | None = None) -> None:
-    """Raise OutputError where the directory `output` is the folder of an input, or is itself the input.
+    """Raise OutputError where the directory `output` is the folder of an input, is itself the input, or is a file.
 
     Results have names like image.png and depth.png, and are placed as one folder. beside: inputs that may lie in the output
     (a camera file, a network), where no result has their name (which is checked when results are written).
     """
+    if _is_file(output):
+        raise OutputError(f"{output}: cannot be written: it is a file, a directory is wanted")
     for role, path in _given(inputs):
         if _same(output, path) and path.is_dir():
             raise OutputError(f"output is {output}, an input of this run ({role}); give another directory")
@@ -32,6 +34,14 @@ def check_file_apart(output: Path, inputs: Inputs) -> None:
     for role, path in _given(inputs):
         if _same(output, path):
             raise OutputError(f"output is {output}, an input of this run ({role}); give another name")
+
+
+def _is_file(path: Path) -> bool:
+    """Whether a file is there; what cannot be looked at is reported when it is written."""
+    try:
+        return path.is_file()
+    except OSError:
+        return False
 
 
 def _given(inputs: Inputs) -> list[tuple[str, Path]]:

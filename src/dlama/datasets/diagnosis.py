@@ -71,6 +71,8 @@ def diagnose(
     if Path(first).is_dir() or (second is None and is_scene_file(Path(first))):
         _refuse(first, {"second": second, "mask": mask, "calib": calib, **of_picture})
         return tuple(diagnose_dataset(Path(first), layout, camera))
+    if second is None and not Path(first).exists():
+        raise InputError(f"{Path(first)}: no such file or folder")
     if second is None:
         raise InputError(
             f"{Path(first)}: is no folder of a data set; a picture needs its depth, a left picture its right one"

@@ -69,7 +69,7 @@ LAYOUTS: dict[str, Layout] = {
         "camera-intrinsics.txt and frame-*.pose.txt", looks_like_tsdf_fusion, tsdf_fusion, _POSED_BARE
     ),
     "redwood": Layout("trajectory.log and a folder depth", looks_like_trajectory_log, trajectory_log, _POSED_BARE),
-    "colmap": Layout("cameras and images (.txt or .bin) in sparse/0 or sparse", looks_like_colmap, colmap, _POSED),
+    "colmap": Layout("images and cameras (.txt or .bin) in sparse/0 or sparse", looks_like_colmap, colmap, _POSED),
     "nerfstudio": Layout("transforms.json", looks_like_nerfstudio, nerfstudio, _POSED),
 }
 """Every layout by the name that `layout` takes."""

@@ -82,7 +82,9 @@ def new_directory(path: PathLike) -> Iterator[Path]:
                 _place(draft, place)
             except OSError as error:
                 raise OutputError(f"{target}: cannot be written: {_reason(error)}") from error
-        except BaseException:
+        except BaseException as error:
+            if isinstance(error, OutputError):  # of a file in it: that is known by where it was to lie
+                error.args = tuple(str(one).replace(str(draft), str(target)) for one in error.args)
             shutil.rmtree(draft, ignore_errors=True)
             _remove_made(made)
             raise

@@ -146,7 +146,7 @@ def json_text(file: Path) -> str:
     try:
         return file.read_text(encoding="utf-8-sig")
     except ValueError as error:
-        raise FileError(f"{file}: is no JSON ({error})") from error
+        raise FileError(f"{file}: is no JSON: it is no text in UTF-8") from error
 
 
 def json_fields(path: PathLike, text: str) -> FileFields:

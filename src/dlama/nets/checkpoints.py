@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dlama.errors import FileError, ShapeError
+from dlama.errors import FileError, ShapeError, system_errors
 from dlama.nets.architecture import (
     STEM,
     GeneratorSettings,
@@ -83,11 +83,8 @@ class _File:
 
 def _open(path: Path) -> _File:
     """Told apart by the first bytes, since all of these are found under all of the suffixes."""
-    try:
-        with path.open("rb") as file:
-            head = file.read(16)
-    except OSError as error:
-        raise FileError(f"{path}: cannot be read ({error})") from error
+    with system_errors(FileError), path.open("rb") as file:
+        head = file.read(16)
     if head.startswith(b"PK"):
         archive = TorchFile(path)
         shapes = {name: tensor.shape for name, tensor in archive.tensors.items()}

@@ -35,12 +35,16 @@ def line_every(line: Callable[[float], str], write: Callable[[str], object], *, 
 
 
 @contextmanager
-def log_messages(show: Callable[[str], object], log: logging.Logger = LOG) -> Iterator[None]:
-    """What dlama, or one part of it, logs meanwhile (level INFO), message by message, in the thread that logs it."""
+def log_messages(
+    show: Callable[[str], object], log: logging.Logger = LOG, without: logging.Logger | None = None
+) -> Iterator[None]:
+    """What dlama, or one part of it (`without` a part of that), logs meanwhile (level INFO), message by message, in the thread
+    that logs it."""
 
     class Messages(logging.Handler):
         def emit(self, record: logging.LogRecord) -> None:
-            show(record.getMessage())
+            if without is None or record.name != without.name:
+                show(record.getMessage())
 
     handler, level = Messages(), log.level
     log.addHandler(handler)

@@ -9,7 +9,9 @@ from __future__ import annotations
 
 import dataclasses
 import inspect
+import itertools
 import re
+import types
 import typing
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any
@@ -19,10 +21,13 @@ from tyro.conf import Positional
 SYMBOLS = frozenset({"fx", "fy", "cx", "cy", "fov", "yaw"})
 """Parameters without an underscore that are no words."""
 BEFORE = r"(?:(?<=give )|(?<=with )|(?<=without )|(?<=see )|(?<=choose )|(?<=\())"
-NO_FIELD = r"(?<!\.json: )(?<!\.txt: )(?<!\.json: camera )(?<!\.txt: camera )"
-"""Right after the name of such a file stands one of its fields."""
-KNOWN = " is not known; known are "
-"""What stands between a field that a file should not have and those that it may have."""
+NO_FIELD = r"(?<!\.json: )(?<!\.txt: )(?<!\.json: camera )(?<!\.txt: camera )(?<!field ')"
+"""Right after the name of such a file, or the word, stands one of its fields."""
+KNOWN = re.compile(r"( is (?:not known|no parameter); known are |; the columns are )")
+"""What stands before the names of the fields or columns that a file has, or may have."""
+FLAG = re.compile("--|-[a-z]", re.IGNORECASE)
+"""How a flag begins, and no negative number."""
+WANTED = {float: "a number", int: "a whole number"}
 START = r"(?:(?<=^)|(?<=: )|(?<=; )|(?<=, ))"
 
 
@@ -38,6 +43,46 @@ def repeated_list(verb: Callable[..., Any], words: Sequence[str]) -> str | None:
         if typing.get_origin(kind) is tuple and sum(word.partition("=")[0] == flag for word in words) > 1:
             return flag
     return None
+
+
+def wrong_value(verb: Callable[..., Any], words: Sequence[str]) -> str | None:
+    """What is wrong with the first value that is no number, or no word of those that there are: a line; None: nothing is."""
+    hints = {flag: _without_notes(hint) for _, flag, hint in _flags(verb)}
+    for place, word in enumerate(words):
+        name, equals, value = word.partition("=")
+        flag = name.replace("_", "-")
+        if flag not in hints:
+            continue
+        several = typing.get_origin(hints[flag]) is tuple
+        kinds = _kinds(typing.get_args(hints[flag])[0] if several else hints[flag])
+        behind = itertools.takewhile(lambda one: not FLAG.match(one), words[place + 1 :])
+        for given in [value] if equals else itertools.islice(behind, None if several else 1):
+            if not any(_fits(given, kind) for kind in kinds):
+                names = [WANTED[kind] if kind in WANTED else str(kind) for kind in kinds if kind is not type(None)]
+                return f"{flag} is {given!r}; {', '.join(names[:-1])}{' or ' if names[1:] else ''}{names[-1]} is wanted"
+    return None
+
+
+def _without_notes(hint: Any) -> Any:
+    return typing.get_args(hint)[0] if hasattr(hint, "__metadata__") else hint
+
+
+def _kinds(hint: Any) -> list[Any]:
+    """What one value may be: types, and words."""
+    hint = _without_notes(hint)
+    if typing.get_origin(hint) in (typing.Union, types.UnionType):
+        return [kind for part in typing.get_args(hint) for kind in _kinds(part)]
+    return list(typing.get_args(hint)) if typing.get_origin(hint) is typing.Literal else [hint]
+
+
+def _fits(value: str, kind: Any) -> bool:
+    if kind not in WANTED:
+        return value == kind if isinstance(kind, str) else kind is not type(None) or value == "None"
+    try:
+        kind(value)
+    except ValueError:
+        return False
+    return True
 
 
 def _flags(taker: Callable[..., Any]) -> Iterator[tuple[str, str, Any]]:
@@ -66,7 +111,7 @@ def _classes(hint: Any) -> list[Any]:
 
 def with_flags(message: str, flags: dict[str, str]) -> str:
     """The message with flags in place of the parameters it names; what a file's fields are called, after `KNOWN`, stays."""
-    message, known, fields = message.partition(KNOWN)
+    message, *of_file = KNOWN.split(message, maxsplit=1)
     for name, flag in flags.items():
         word = rf"{NO_FIELD}(?<![\w./-]){name}(?![\w./-])"
         anywhere = "_" in name or name in SYMBOLS
@@ -77,4 +122,4 @@ def with_flags(message: str, flags: dict[str, str]) -> str:
         several = rf"(?<![\w./-]){name}s(?![\w./-])"  # `clicks` takes what --click gives, one by one
         message = re.sub(several if "_" in name else rf"{START}{several}(?= holds | and )", flag, message)
         message = re.sub(word if anywhere else rf"{START}{word}(?= is )|{BEFORE}{word}", flag, message)
-    return message + known + fields
+    return "".join([message, *of_file])

@@ -192,6 +192,8 @@ def source(words: Sequence[str], which: Which, defaults: dict[str, Any]) -> Any:
         return DatasetJobs(which.data, which.verb, which.layout, defaults)
     if which.layout is not None:
         raise InputError("layout goes with data=DATASET")
+    if which.images is not None and which.verb is None:
+        raise InputError("nothing says what is done with the pictures: give verb=VERB, one of view, remove, depth")
     return words[0] if words else Pictures(str(which.images), which.depths, which.masks)
 
 

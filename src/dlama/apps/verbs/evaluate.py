@@ -135,11 +135,11 @@ class Methods:
 
         for name in self.recipes:
             if name not in RECIPES:
-                raise InputError(f"recipe is {name!r}; one of {', '.join(RECIPES)} is wanted")
+                raise InputError(f"recipes is {name!r}; one of {', '.join(RECIPES)} is wanted")
         models = self.models()
         for filler in self.fillers:
             if filler not in (NO_FILL, *FILLERS):
-                raise InputError(f"filler is {filler!r}; one of {', '.join((NO_FILL, *FILLERS))} is wanted")
+                raise InputError(f"fillers is {filler!r}; one of {', '.join((NO_FILL, *FILLERS))} is wanted")
             if filler in NETWORK_FILLERS and FILLERS[filler].shipped is None and filler not in models:
                 raise InputError(f"filler {filler!r} runs a network: --model {filler}=FILE is wanted")
         fillers, recipes = dict.fromkeys(self.fillers), dict.fromkeys(self.recipes)

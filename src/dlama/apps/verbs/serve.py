@@ -45,6 +45,9 @@ def serve(
         max_megapixels: The largest picture that is taken, in millions of pixels.
         max_pages: How many pages can be open at once; each holds its pictures in memory.
     """
+    for name, value in (("max_megabytes", max_megabytes), ("max_megapixels", max_megapixels), ("max_pages", max_pages)):
+        if not value > 0:
+            raise InputError(f"{name} is {value:g}; more than 0 is wanted")
     from dlama.web.answers import Limits
     from dlama.web.server import is_loopback, serving
 

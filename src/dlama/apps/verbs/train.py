@@ -13,7 +13,7 @@ from tyro.conf import Positional
 
 from dlama.apps.options import Report, Seed, option
 from dlama.apps.places import check_file_apart, check_folder_apart
-from dlama.apps.terminal.output import reported
+from dlama.apps.terminal.output import KERNELS, reported
 from dlama.errors import InputError, MissingExtraError
 from dlama.workers.progress import log_messages
 
@@ -185,7 +185,7 @@ def require_training() -> None:
 
 def logged(report: Report) -> AbstractContextManager[None]:
     """What training logs, on standard error, unless --quiet."""
-    return nullcontext() if report.quiet else log_messages(print_note)
+    return nullcontext() if report.quiet else log_messages(print_note, without=KERNELS)
 
 
 def print_note(message: str) -> None:

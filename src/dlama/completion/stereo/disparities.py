@@ -76,8 +76,12 @@ def matcher_for(matcher: str | Path | Matcher | None, max_disparity: float | Non
 def of_given(disparity: Float32Array, hw: tuple[int, int]) -> tuple[Float32Array, Float32Array]:
     """A left disparity (H x W px; 0, NaN, inf = unknown) and what it says of the right view. Raises ShapeError, InputError."""
     given = np.asarray(disparity)
-    if given.shape != hw or given.dtype.kind not in "fiu":
-        raise ShapeError(f"disparity is {given.dtype} {given.shape} and the pictures {hw}; px as numbers are wanted")
+    if given.ndim != 2 or given.dtype.kind not in "fiu":
+        raise ShapeError(f"disparity is {given.dtype} {given.shape}; px as numbers, H x W, are wanted")
+    if given.shape != hw:
+        raise ShapeError(
+            f"disparity is {given.shape[1]}x{given.shape[0]} and the pictures {hw[1]}x{hw[0]}; both must have the same size"
+        )
     left = np.where(np.isfinite(given), given, 0).astype(np.float32)
     if not left.any():
         raise InputError("disparity has no known pixel")

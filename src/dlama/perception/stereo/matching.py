@@ -82,7 +82,7 @@ def disparity_pair(
         _check_reach(left.shape[1], min_disparity, max_disparity)
     if not (is_finite(min_disparity) and is_finite(max_disparity) and min_disparity < max_disparity):
         raise InputError(
-            f"disparity range is {min_disparity}..{max_disparity} px; min_disparity < max_disparity is wanted"
+            f"max_disparity is {shown(max_disparity)} px; more than {shown(min_disparity)} px, the smallest, is wanted"
         )
     limits = min_disparity, max_disparity
     whole = _searched(left, right, limits, WHOLE, _scale_of_whole(left.shape, max_disparity - min_disparity))

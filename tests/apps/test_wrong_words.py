@@ -1,0 +1,70 @@
+"""Words that no verb takes (law: one line that names the flag, what came and what is wanted; exit code 2; nothing is read)."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from running import refused
+
+from dlama.apps.cli import VERBS, main
+from dlama.apps.terminal.flags import flags_of, with_flags
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ("view a.png --yaw ten", "--yaw is 'ten'; a number is wanted"),
+        ("view a.png --yaw=-1,5", "--yaw is '-1,5'; a number is wanted"),
+        ("view a.png --pitch -10deg", "--pitch is '-10deg'; a number is wanted"),
+        ("view a.png --depth_scale mm", "--depth-scale is 'mm'; a number is wanted"),
+        ("view a.png --pivot here", "--pivot is 'here'; a number or auto is wanted"),
+        ("view a.png --seed 1.5", "--seed is '1.5'; a whole number is wanted"),
+        ("view a.png --mode mesh", "--mode is 'mesh'; surface or points is wanted"),
+        ("view a.png --resize-depth linear", "--resize-depth is 'linear'; nearest is wanted"),
+        ("remove a.png --mask-polarity white", "--mask-polarity is 'white'; fill or known is wanted"),
+        ("evaluate data --yaws 10 ten", "--yaws is 'ten'; a number is wanted"),
+        ("evaluate data --protocol vpi all", "--protocol is 'all'; vpi, ori, sii, mask or sequence is wanted"),
+        ("serve --port abc", "--port is 'abc'; a whole number is wanted"),
+        ("serve --max-pages 0", "--max-pages is 0; more than 0 is wanted"),
+        ("serve --max-megapixels nan", "--max-megapixels is nan; more than 0 is wanted"),
+        ("viwe a.png", "'viwe' is no verb of dlama; did you mean view? One of view, remove, "),
+        ("photo.png", "'photo.png' is no verb of dlama; One of view, remove, "),
+        ("batch --images *.png -o out", "give --verb VERB, one of view, remove, depth"),
+    ],
+)
+def test_one_line_says_what_is_wrong(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], words: str, message: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(SystemExit) as stop:
+        main(words.split())
+    told = capsys.readouterr()
+    assert stop.value.code == 2 and told.out == ""
+    assert told.err.startswith("error: ") and told.err.count("\n") == 1 and message in told.err
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_file_is_no_directory_for_results(frame: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Before anything is computed: `dlama depth` had estimated the depth first."""
+    with pytest.raises(SystemExit):
+        main(["depth", str(frame / "image.png"), "-o", str(frame / "depth.png")])
+    assert capsys.readouterr().err.endswith("depth.png: cannot be written: it is a file, a directory is wanted\n")
+
+
+def test_a_bad_mask_is_told_before_depth_is_estimated(frame: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """One line, no warning of an estimate before it."""
+    assert "the mask not given?" in refused(capsys, frame, "remove", "image.png", "depth.png", "--fov", 60)
+
+
+@pytest.mark.parametrize(
+    "message",
+    [
+        "camera.json: field 'fx' is missing; it has width, height",
+        "jobs.csv: line 1: column 'picture' is no parameter; known are id, verb, image, fx, depth_scale, mask_model",
+        "jobs.csv: line 1: there is no column id; the columns are fx, depth_scale",
+    ],
+)
+def test_fields_of_files_are_no_flags(message: str) -> None:
+    """Law: what stands in a file is called as there; the first had been `field '--fx'`."""
+    assert with_flags(message, flags_of(VERBS["batch"])) == message
