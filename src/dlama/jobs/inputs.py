@@ -1,4 +1,7 @@
-"""The files of one job in; what was read from them, timed, and the result written with their hashes, out."""
+"""The files of one job in; what was read from them, timed, and the result written with their hashes, out.
+
+The command line's options are read by this file too: what computes is imported where it is used, so that `--help` is quick.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""One job in; its results in a folder, and a row that says what came of it, out. Runs in any process."""
+"""One job in; its results in a folder, and a row that says what came of it, out. Runs in any process.
+
+What computes is imported where it is used: the process that hands out jobs computes nothing, and stays small.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""What is pointed at in a picture, as options say it, in; the mask of the thing out."""
+"""What is pointed at in a picture, as options say it, in; the mask of the thing out.
+
+The command line's options are read by this file too: what computes is imported where it is used.
+"""
 
 from __future__ import annotations
 

@@ -20,6 +20,8 @@ from dlama.apps.pointing import Pointing
 from dlama.apps.terminal.output import print_line, reported
 from dlama.apps.terminal.progress import bar_or_lines
 from dlama.errors import InputError
+from dlama.jobs.lists.data_sets import DatasetJobs
+from dlama.jobs.lists.folders import Pictures
 from dlama.jobs.result import Totals
 from dlama.workers.progress import line_every, progress_line
 
@@ -178,9 +180,6 @@ def given(*groups: Any) -> dict[str, Any]:
 
 def source(words: Sequence[str], which: Which, defaults: dict[str, Any]) -> Any:
     """The list, the pictures of a pattern, or the frames of a data set. InputError: none of them, or two."""
-    from dlama.jobs.lists.data_sets import DatasetJobs
-    from dlama.jobs.lists.folders import Pictures
-
     if len(words) + (which.images is not None) + (which.data is not None) != 1:
         raise InputError(
             f"{len(words)} lists, images={which.images} and data={which.data}; one list of jobs, "

@@ -8,6 +8,7 @@ import shlex
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
 
@@ -209,8 +210,6 @@ def evaluate(
 
 def needs_extra() -> None:
     """MissingExtraError before anything is computed, where the report could not be written in the end."""
-    from importlib.util import find_spec
-
     for package, module in NEEDED.items():
         if find_spec(module) is None:
             raise MissingExtraError("dlama evaluate", package, "evaluate")

@@ -10,7 +10,9 @@ from typing import Any
 
 from dlama.apps.options import Report
 from dlama.apps.terminal.output import counting_bar, reported
+from dlama.datasets.frames import Dataset
 from dlama.errors import InputError
+from dlama.files.atomic_write import new_directory
 
 COLUMNS = ("held_out", "frames", "method", "region", "modality", "metric", "value")
 REGIONS = ("whole", "seen by one", "seen by several", "seen by none")
@@ -21,13 +23,11 @@ def evaluate_sequence(dataset: str, output: Path, report: Report, cases: Mapping
 
     cases: the options protocol, scenes, layout, camera, depth_range, gamma, removal_object and limit by name.
     """
-    from dlama.datasets.frames import Dataset
     from dlama.datasets.posed.view_pairs import NoPairsError
     from dlama.evaluation.protocols.methods import ProtocolSettings
     from dlama.evaluation.protocols.sequence import table
     from dlama.evaluation.protocols.sequence_removal import removal_table
     from dlama.evaluation.protocols.sequence_run import rows_of
-    from dlama.files.atomic_write import new_directory
     from dlama.worlds.dataset import open_dataset_or_worlds
 
     if cases["protocol"] != ("sequence",):

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from numbers import Real
 from typing import Any
 
+import cv2
 import numpy as np
 
 from dlama.completion.completion import StereoCompletion
@@ -149,8 +150,6 @@ def nearest_of_object(disparity: Float32Array, mask: BoolArray) -> Float32Array:
 
     What is hidden lies behind the object; how far behind, the noise of the matched object must not decide.
     """
-    import cv2
-
     none = np.float32(-1e9)  # not 0: with doffs a thing may have a negative disparity
     of_object = np.where(mask & (disparity != 0), disparity, none)
     kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * OBJECT_REACH + 1,) * 2)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 
+import cv2
 import numpy as np
 
 from dlama.geometry.kernels.jit import Real, Whole, inlined, piece
@@ -32,8 +33,6 @@ GREEN, BLUE, ONE_ON, TWO_ON, THREE_ON = (np.uintp(number) for number in (1, 2, 3
 
 def spline(color: UInt8Array) -> Float32Array:
     """H W 3 coefficients, flat, of the cubic B-spline that passes through every pixel's colour."""
-    import cv2
-
     inverse = math.sqrt(3) * POLE ** np.abs(np.arange(-REACH, REACH + 1))
     inverse = (inverse / inverse.sum()).astype(np.float32)
     knots = cv2.sepFilter2D(color, cv2.CV_32F, inverse, inverse, borderType=cv2.BORDER_REFLECT_101)
@@ -65,8 +64,6 @@ def far_blocks(far: BoolArray, fine: bool) -> UInt8Array:
 
 def eroded(mask: UInt8Array, size: int, before: int) -> UInt8Array:
     """1 where the size x size pixels, `before` of them above and left of this one, are all 1 and inside the picture."""
-    import cv2
-
     around = np.ones((size, size), np.uint8)
     kept = cv2.erode(mask, around, anchor=(before, before), borderType=cv2.BORDER_CONSTANT, borderValue=0)
     return np.asarray(kept, np.uint8)

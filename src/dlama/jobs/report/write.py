@@ -11,6 +11,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from PIL import Image
+
 from dlama.errors import FileError
 from dlama.evaluation.report.templates import template
 from dlama.files.atomic_write import PathLike, new_file
@@ -130,8 +132,6 @@ def _sheet(rows: Iterable[JobResult], output: Output) -> list[Shown]:
 
 def _picture(row: JobResult, output: Output) -> str:
     """A small JPEG of a result as a data URL; empty where it has no picture or is gone."""
-    from PIL import Image
-
     for name in PICTURES:
         try:
             with Image.open(io.BytesIO(_read(row, name, output))) as picture:
