@@ -218,7 +218,7 @@ MUTANTS: tuple[Mutant, ...] = (
     *faults(
         "inpainters/layered/filler.py",
         "tests/inpainters/layered/test_layered.py",
-        ("the sky's colour is not handed on", "sky=law.far_color", "sky=None"),
+        ("the sky's colour is not handed on", "sky=law.sky", "sky=None"),
     ),
     *faults(
         "inpainters/networks/migan.py",

@@ -19,7 +19,7 @@ import dlama
 NAMES = {
     "JobResult", "batch",
     "Camera", "Completion", "DepthEstimate", "DepthPrediction", "Fill", "FillReport", "Finding", "HoleType", "Inpainter", "Law",
-    "MaskSession", "Mesh", "ObjectMask", "Origin", "PointCloud", "RGBD", "Recipe", "Scene", "StereoCompletion",
+    "MaskSession", "Mesh", "ObjectMask", "Origin", "PointCloud", "RGBD", "Recipe", "Scene", "Sky", "StereoCompletion",
     "StereoConsistency", "StereoRig", "View",
     "CameraError", "DepthError", "DlamaError", "FileError", "InputError", "MaskError", "MissingExtraError", "OutputError",
     "ShapeError",

@@ -50,6 +50,7 @@ if TYPE_CHECKING:  # what type checkers and editors read; a test holds it equal 
     from dlama.geometry.rendering import render as render
     from dlama.geometry.rgbd import RGBD as RGBD
     from dlama.geometry.scene import Scene as Scene
+    from dlama.geometry.sky import Sky as Sky
     from dlama.geometry.trajectories import orbit as orbit
     from dlama.geometry.view import HoleType as HoleType
     from dlama.geometry.view import Origin as Origin
@@ -100,6 +101,7 @@ MODULES = {
     "RGBD": "geometry.rgbd",
     "Recipe": "completion.recipes",
     "Scene": "geometry.scene",
+    "Sky": "geometry.sky",
     "ShapeError": "errors",
     "StereoCompletion": "completion.completion",
     "StereoConsistency": "perception.stereo.agreement",

@@ -236,8 +236,8 @@ def test_the_law_remembers_the_sky_that_was_measured() -> None:
     camera = Camera.from_fov(3, 1, 60)
     source = View.from_rgbd(RGBD(color, np.array([[np.inf, np.inf, 2]], np.float32), camera))
     law = Law.of(Scene((source,)))
-    assert law.has_far and law.far_color is not None
-    np.testing.assert_array_equal(law.far_color, (15, 30, 40))
+    assert law.has_far and law.sky is not None
+    np.testing.assert_array_equal(law.sky.mean, (15, 30, 40))
     below = source.without(np.array([[True, True, False]]), HoleType.OBJECT)
     filled, _ = inpaint(below, find_filler("telea"), law)
     for scene in (Scene((below,)), Scene((below, filled))):

@@ -19,8 +19,9 @@ from dlama.geometry.kernels import visibility as kernels
 from dlama.geometry.kernels.jit import in_bands
 from dlama.geometry.picture_edges import placed_edges
 from dlama.geometry.projection import px_from_px
-from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
+from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.geometry.scene import Scene
+from dlama.geometry.sky import Sky
 from dlama.geometry.view import View, from_source
 
 MAX_ROUNDS = 8
@@ -38,8 +39,8 @@ class Law:
     """What the source cameras measured: for each, H x W depth in metres, 0 = nothing measured, +inf = far."""
 
     measured: tuple[tuple[Camera, Float32Array], ...]
-    far_color: UInt8Array | None = None
-    """Mean RGB of the far pixels (sky) that were measured, for views that show none of them; None: there were none."""
+    sky: Sky | None = None
+    """The colours of the far pixels that were measured, for views that show few of them; None: there were none."""
     misplaced_edges: bool = False
     """True where depth edges of what was measured lie beside those of its picture (`with_placed_edges`), as a sensor's do."""
     scene: Scene | None = None
@@ -67,13 +68,12 @@ class Law:
             (coarse_camera(each.camera), within_noise(coarse_depth(each), whole.noise))
             for each in (whole.layers[place] for place in places[MOST_FRAMES:])
         ]
-        return Law((*one.measured, *coarse), one.far_color)
+        return Law((*one.measured, *coarse), one.sky)
 
     @classmethod
     def _of(cls, scene: Scene, noise: tuple[float, float] | None = None) -> Law:
         noise = scene.noise if scene.numbers else noise
         measured: list[tuple[Camera, Float32Array]] = []
-        sky = [layer.color[layer.far & from_source(layer.origin)] for layer in scene.layers]
         for layer in (*scene.layers, *scene.objects):
             if not layer.shows_source:
                 continue
@@ -87,8 +87,8 @@ class Law:
                 measured.append((layer.camera, depth))
         if noise is not None:
             measured = [(camera, within_noise(depth, noise)) for camera, depth in measured]
-        far = np.concatenate(sky)
-        return cls(tuple(measured), far.mean(0).astype(np.uint8) if len(far) else None)
+        frames = ((layer.camera, layer.color, layer.far & from_source(layer.origin)) for layer in scene.layers)
+        return cls(tuple(measured), Sky.of(frames))
 
     def with_placed_edges(self, scene: Scene) -> Law:
         """The law with the scene's frames as they are drawn (`placed_edges`): beside misplaced edges depth that was filled counts
@@ -105,7 +105,7 @@ class Law:
     @property
     def has_far(self) -> bool:
         """True if a source camera measured far pixels (sky)."""
-        return self.far_color is not None
+        return self.sky is not None
 
     def violations(self, camera: Camera, depth: Float32Array, where: BoolArray) -> BoolArray:
         """H x W bool, True at pixels of `where` (H x W bool) whose `depth` (H x W metres, seen from `camera`) breaks the law."""

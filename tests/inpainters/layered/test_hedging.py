@@ -8,8 +8,17 @@ import pytest
 
 from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import RGBD
+from dlama.geometry.sky import Sky
 from dlama.geometry.view import HoleType, View
-from dlama.inpainters.layered.hedging import LARGEST_SHARE, REACH, SHARE_APART, SHARE_OF_SKY, hedged, smooth_guess
+from dlama.inpainters.layered.hedging import (
+    CLEAR,
+    LARGEST_SHARE,
+    REACH,
+    SHARE_APART,
+    SHARE_OF_SKY,
+    hedged,
+    smooth_guess,
+)
 
 HW = (40, 60)
 DRIFT = 4
@@ -81,7 +90,8 @@ def test_surfaces_keep_their_borders_and_their_contrast() -> None:
 
 
 def test_the_sky_stays_sky() -> None:
-    """Closed form: far from what is known a surface leans on it as 0.6 to 0.2 of the sky."""
+    """Closed form: far from what is known a surface leans on the smooth guess as SHARE_APART to SHARE_OF_SKY of the sky; with a
+    sky that knows where up is, as much at the horizon, and by as much less as it is high of CLEAR."""
     view, color, far = view_of(), painted(view_of()), np.zeros(HW, np.float32)
     sky, wall = (
         hedged(view, color, view.hole, far, np.full(HW, label, np.int32)).astype(float) - color for label in (0, 1)
@@ -89,6 +99,12 @@ def test_the_sky_stays_sky() -> None:
     there = np.abs(wall[:, 50:]) > 15
     assert there.any()
     np.testing.assert_allclose((sky[:, 50:] / wall[:, 50:])[there], SHARE_OF_SKY / SHARE_APART, atol=0.06)
+    frame = view.camera, view.color, ~view.hole
+    known = Sky.of([frame])
+    high = hedged(view, color, view.hole, far, np.zeros(HW, np.int32), known).astype(float) - color
+    rows, columns = np.indices(HW).astype(float) + 0.5
+    share = np.clip(1 - np.abs(known.heights(view.camera, columns, rows)) / CLEAR, 0, 1)[..., None]
+    np.testing.assert_allclose(high, sky * share, atol=1.5)
 
 
 @pytest.mark.parametrize("kind", [HoleType.DISOCCLUDED, HoleType.OBJECT, HoleType.CRACK])

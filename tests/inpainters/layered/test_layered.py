@@ -9,6 +9,7 @@ from dlama.geometry.camera import Camera
 from dlama.geometry.holes import dilated
 from dlama.geometry.rendering import render
 from dlama.geometry.scene import Scene
+from dlama.geometry.sky import Sky
 from dlama.geometry.view import HoleType, View
 from dlama.geometry.visibility import Law
 from dlama.inpainters.filling import inpaint
@@ -138,7 +139,8 @@ def test_sky_that_only_the_source_saw_has_its_colour() -> None:
     view = wall.without(upper, HoleType.OUT_OF_VIEW)
     measured = ((CAMERA, np.where(upper, np.float32(np.inf), wall.depth)),)
     skies = np.array([[10, 200, 30], [190, 20, 210]], np.uint8)
-    one, other = (inpaint(view, layered, Law(measured, sky))[0] for sky in skies)
+    same = np.ones((*CAMERA.hw, 1), np.uint8)
+    one, other = (inpaint(view, layered, Law(measured, Sky.of([(CAMERA, same * sky, upper)])))[0] for sky in skies)
     np.testing.assert_array_equal(one.far, upper)
     seen = (one.color.astype(float) - other.color) / (skies[0].astype(float) - skies[1])
     assert seen[:40].min() > 1 / 4 and not seen[60:].any()

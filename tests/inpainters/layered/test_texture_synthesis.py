@@ -7,6 +7,7 @@ import pytest
 
 from dlama.errors import ShapeError
 from dlama.geometry.camera import Camera
+from dlama.geometry.sky import Sky
 from dlama.inpainters.layered.texture_grid import UNTRUSTED, TextureGrid, trusted_labels
 from dlama.inpainters.layered.texture_synthesis import GREY, SKY_COLOR, hole_regions, synthesize
 
@@ -178,6 +179,26 @@ def test_nothing_known_is_grey_and_an_unseen_sky_is_pale():
     assert (synthesize(color, hole, w, label, camera)[:10] == GREY).all()
     w[:10], label[:10] = 0, 0
     assert (synthesize(color, hole, w, label, camera)[:10] == SKY_COLOR).all()
+
+
+@pytest.mark.parametrize("known_rows", [0, 6])
+def test_the_sky_goes_on_by_height(known_rows: int) -> None:
+    """Truth: a sky darker the higher; with some of it known in this view, 12 levels darker than in the source pictures, it joins
+    that without a step; with none it is that of the source pictures."""
+    camera = Camera.from_fov(64, 48, 60)
+    up, middle, slope = np.array([0.0, -1, 0]), np.array((150.0, 170, 200)), np.array((-150.0, -120, -60))
+    sky = Sky(up, 0.0, middle, slope, np.zeros(3), np.full(3, 255.0))
+    truth = sky.seen_from(camera)
+    label = np.zeros((48, 64), np.int32)
+    label[40:] = 1
+    hole = np.zeros((48, 64), bool)
+    hole[: 40 - known_rows] = True
+    color = np.clip(np.where(label[..., None] == 0, truth - 12, 90), 0, 255).astype(np.uint8)
+    out = synthesize(color, hole, np.where(label, 0.2, 0).astype(np.float32), label, camera, sky=sky).astype(float)
+    if known_rows:
+        np.testing.assert_allclose(out[40 - known_rows - 4 : 40 - known_rows], truth[30:34] - 12, atol=4)
+    else:
+        np.testing.assert_allclose(out[hole], truth[hole], atol=3)
 
 
 def test_a_plane_that_is_nowhere_seen_takes_what_lies_at_its_depth():

@@ -22,7 +22,7 @@ def layered(view: View, law: Law, seed: int = 0) -> Fill:
     surfaces, depth, moved = surfaces_behind(view, law, seed)
     color = painted(view, surfaces, depth, law, seed)
     w = np.where(view.hole, inverse_depth(depth), surfaces.inverse_depth)
-    color = hedged(view, color, view.color_hole & (surfaces.leaves < 0), w, surfaces.label)
+    color = hedged(view, color, view.color_hole & (surfaces.leaves < 0), w, surfaces.label, law.sky)
     if law.misplaced_edges:  # where surfaces end is a guess upon a guess
         color = softened(color, view.color_hole, view.hole_type == HoleType.OUT_OF_VIEW, surfaces.label)
     return Fill(color, depth, moved, {"planes": len(surfaces.planes)})
@@ -38,7 +38,7 @@ def painted(view: View, surfaces: Surfaces, depth: Float32Array, law: Law, seed:
     shadow = shadow_beside(view, label)
     leafy = with_leaves(view.color, view, surfaces)
     known = leafy, view.color_hole & (surfaces.leaves < 0), w, label, view.camera
-    color = synthesize(*known, seed=seed, sky=law.far_color, spoiled=shadow)
+    color = synthesize(*known, seed=seed, sky=law.sky, spoiled=shadow)
     return fading_out(color, shadow, view.color_hole, label) if shadow.any() else color
 
 

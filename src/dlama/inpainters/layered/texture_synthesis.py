@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from dlama.errors import ShapeError
 from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
+from dlama.geometry.sky import Sky
 from dlama.inpainters.layered.kernels import base_color as base_kernels
 from dlama.inpainters.layered.kernels.patch_offsets import paint
 from dlama.inpainters.layered.patch_offsets import Bases, copied_detail
@@ -43,14 +44,14 @@ def synthesize(
     camera: Camera,
     *,
     seed: int = 0,
-    sky: UInt8Array | None = None,
+    sky: Sky | None = None,
     spoiled: BoolArray | None = None,
 ) -> UInt8Array:
     """Colour for the hole, from known pixels of the same surface; known pixels come back bit-identical.
 
     color: H x W x 3 uint8 (RGB; ignored in the hole). hole: H x W bool, True = to be filled. inverse_depth: H x W
     float32, 1/m, 0 = sky, filled everywhere. label: H x W int32, -1 = non-planar, 0 = sky, k >= 1 = the k-th plane,
-    filled everywhere. camera gives K. sky: RGB of a sky of which this picture shows nothing. The same
+    filled everywhere. camera gives K. sky: of all source pictures. The same
     seed gives the same bits. Raises ShapeError.
     """
     _check(color, hole, inverse_depth, label, camera)
@@ -66,13 +67,17 @@ def synthesize(
         spoiled,
     )
     out[hole] = GREY
-    if not hole.all():
-        out[hole & (grid.label == 0)] = SKY_COLOR if sky is None else sky
+    open_air = hole & (grid.label == 0) & ~hole.all()
+    under = None if sky is None or not open_air.any() else sky.seen_from(camera, grid.base_cell_size)
+    if under is None:
+        out[open_air] = SKY_COLOR
+    else:
+        out[open_air] = enlarged_colors(under, grid)[open_air]
     rng = np.random.default_rng(seed)
     for region in hole_regions(grid):
         if not region.sources.any():
             continue
-        bases = base_colors(grid, region)
+        bases = base_colors(grid, region, under)
         detail = copied_detail(grid.for_copying(region.label), region, bases, rng)
         paint(
             out,
@@ -131,10 +136,17 @@ def apart(grid: TextureGrid, pixels: NDArray[np.int64], sources: BoolArray) -> B
     return away if (sources & ~away).sum() >= LEAST_CELLS else np.zeros_like(away)
 
 
-def base_colors(grid: TextureGrid, region: HoleRegion) -> Bases:
-    """The smooth colour fields of one region, on the base grid."""
+def enlarged_colors(colors: Float32Array, grid: TextureGrid) -> UInt8Array:
+    """H x W x 3: colours of the base grid, interpolated."""
+    (rows, cols), size, (height, width) = colors.shape[:2], grid.base_cell_size, grid.hole.shape
+    large = cv2.resize(colors, (cols * size, rows * size), interpolation=cv2.INTER_LINEAR)
+    return np.round(large[:height, :width]).astype(np.uint8)
+
+
+def base_colors(grid: TextureGrid, region: HoleRegion, sky: Float32Array | None = None) -> Bases:
+    """The smooth colour fields of one region, on the base grid; sky: that of all source pictures, on that grid."""
     if region.label >= 0:
-        return surface_bases(grid, region)
+        return surface_bases(grid, region, sky if region.label == 0 else None)
     base = depth_base(grid, region)
     return base, base
 
@@ -176,15 +188,18 @@ def _mean_behind(base: Float32Array, depth: Float32Array, far: Float32Array) -> 
     return sums[count] / np.maximum(count, 1)[:, None], count > 0
 
 
-def surface_bases(grid: TextureGrid, region: HoleRegion) -> Bases:
+def surface_bases(grid: TextureGrid, region: HoleRegion, under: Float32Array | None = None) -> Bases:
     """A slightly and a strongly blurred picture of one surface's known cells, continued into the hole.
 
-    First by a pyramid, then as a screened membrane (Laplace's equation).
+    First by a pyramid, then as a screened membrane (Laplace's equation); under: colours known beforehand, on the base grid, from
+    which only differences are continued.
     """
     weight = region.sources.astype(np.float32)
     sums, weights = base_kernels.pull(grid.cell_color * weight[..., None], weight)
     rows, cols = np.divmod(region.pixels, grid.hole.shape[1])
     cells = np.unique((rows // grid.base_cell_size) * weights.shape[1] + cols // grid.base_cell_size)
+    if under is not None:
+        sums -= under * weights[..., None]
     known = weights > 0
     usable = known.copy()
     usable.ravel()[cells] = True
@@ -193,6 +208,8 @@ def surface_bases(grid: TextureGrid, region: HoleRegion) -> Bases:
     for sigma in (2.0, 7.0):
         blurred, share = (cv2.GaussianBlur(a, (0, 0), sigma, borderType=cv2.BORDER_CONSTANT) for a in (sums, weights))
         fields.append(_continued(np.asarray(blurred, np.float32), np.asarray(share, np.float32), usable, cells))
+    if under is not None:
+        fields = [field + under for field in fields]
     return fields[0], fields[1]
 
 
