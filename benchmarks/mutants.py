@@ -105,7 +105,7 @@ MUTANTS: tuple[Mutant, ...] = (
         ("far pixels are fused twice", "depth_only & ~layer.valid & ~layer.far", "depth_only & ~layer.valid"),
     ),
     *faults(
-        "geometry/picture_edges.py",
+        "geometry/drawing/picture_edges.py",
         LAYERS,
         ("surfaces are cut at 0.5 % instead of 1 %", "6.0 / camera.fx, 0.01,", "6.0 / camera.fx, 0.005,"),
         ("surfaces are cut at 2 % instead of 1 %", "6.0 / camera.fx, 0.01,", "6.0 / camera.fx, 0.02,"),

@@ -7,9 +7,9 @@ import dataclasses
 import numpy as np
 import pytest
 
-from dlama.geometry import drawing
 from dlama.geometry.camera import Camera
-from dlama.geometry.drawing import (
+from dlama.geometry.drawing import layers
+from dlama.geometry.drawing.layers import (
     NEAR,
     edge_ratio,
     flying,
@@ -89,7 +89,7 @@ def mesh_of(frame: RGBD, least: float = 0.0) -> tuple[np.ndarray, np.ndarray, np
 @pytest.mark.parametrize("seed", SEEDS)
 def test_joints_and_flying_pixels(seed: int, least: float, monkeypatch: pytest.MonkeyPatch) -> None:
     """Twin: every joint and every flying pixel of the grid, whatever noise there is."""
-    monkeypatch.setattr(drawing, "step_by_noise", lambda *_: least)
+    monkeypatch.setattr(layers, "step_by_noise", lambda *_: least)
     frame, _, _ = pair(seed)
     view = View.from_rgbd(frame)
     w = inverse_depth(frame.depth)

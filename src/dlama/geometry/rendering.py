@@ -13,13 +13,13 @@ from dlama.arguments import check_arguments
 from dlama.errors import InputError
 from dlama.geometry.camera import Camera
 from dlama.geometry.cloud import PointCloud
-from dlama.geometry.drawing import MODES as MODES
-from dlama.geometry.drawing import NEAR, Canvas, Grid, draw, draw_far, spans, transformed
-from dlama.geometry.drawing import Mode as Mode
-from dlama.geometry.drawing import flying as flying
+from dlama.geometry.drawing.gaps import closable, close_gaps
+from dlama.geometry.drawing.layers import MODES as MODES
+from dlama.geometry.drawing.layers import NEAR, Canvas, Grid, draw, draw_far, spans, transformed
+from dlama.geometry.drawing.layers import Mode as Mode
+from dlama.geometry.drawing.layers import flying as flying
 from dlama.geometry.frames.extent import may_show
 from dlama.geometry.frames.merging import merge_frames
-from dlama.geometry.gaps import closable, close_gaps
 from dlama.geometry.holes import with_nearest
 from dlama.geometry.kernels import hole_types as hole_kernels
 from dlama.geometry.kernels.jit import in_bands

@@ -13,11 +13,11 @@ import numpy as np
 
 from dlama.arguments import check
 from dlama.geometry.camera import Camera
+from dlama.geometry.drawing.picture_edges import placed_edges
 from dlama.geometry.frames.choosing import MOST_FRAMES, choose_frames
 from dlama.geometry.frames.coarse import coarse_camera, coarse_depth
 from dlama.geometry.kernels import visibility as kernels
 from dlama.geometry.kernels.jit import in_bands
-from dlama.geometry.picture_edges import placed_edges
 from dlama.geometry.projection import px_from_px
 from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.geometry.scene import Scene

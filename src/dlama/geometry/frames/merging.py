@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 
 from dlama.geometry.camera import Camera, Float64Array
-from dlama.geometry.drawing import Canvas, Grid, Mode, draw, draw_far
+from dlama.geometry.drawing.layers import Canvas, Grid, Mode, draw, draw_far
 from dlama.geometry.frames.choosing import MOST_FRAMES, choose_frames
 from dlama.geometry.holes import opened, square
 from dlama.geometry.kernels import merging as kernels

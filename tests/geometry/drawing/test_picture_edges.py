@@ -11,10 +11,10 @@ import pytest
 import dlama
 from dlama.geometry import visibility
 from dlama.geometry.camera import Camera
+from dlama.geometry.drawing.picture_edges import BETTER, UNLIKE, edge_uncertainty, placed_edges
 from dlama.geometry.frames import gathering
 from dlama.geometry.frames.stored import PixelCache
 from dlama.geometry.kernels.picture_edges import ROOM, snap
-from dlama.geometry.picture_edges import BETTER, UNLIKE, edge_uncertainty, placed_edges
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import View

@@ -9,14 +9,14 @@ from typing import Literal
 import numpy as np
 
 from dlama.geometry.camera import Camera, Float64Array
+from dlama.geometry.drawing.picture_edges import edge_ratio as edge_ratio
+from dlama.geometry.drawing.picture_edges import placed_edges
 from dlama.geometry.kernels import depth_edges as edges
 from dlama.geometry.kernels import rasterize as raster
 from dlama.geometry.kernels import shading
 from dlama.geometry.kernels.footprints import draw_rim, rim
 from dlama.geometry.kernels.jit import in_bands, threads
 from dlama.geometry.kernels.sampling import far_blocks, smooth_quads, spline
-from dlama.geometry.picture_edges import edge_ratio as edge_ratio
-from dlama.geometry.picture_edges import placed_edges
 from dlama.geometry.projection import px_from_px
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.geometry.view import Origin, View, from_source

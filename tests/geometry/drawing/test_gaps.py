@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from dlama.geometry.camera import Camera
-from dlama.geometry.drawing import Canvas
-from dlama.geometry.gaps import SKY, SURE_SEAM, SURE_SKY, WIDEST, close_gaps
+from dlama.geometry.drawing.gaps import SKY, SURE_SEAM, SURE_SKY, WIDEST, close_gaps
+from dlama.geometry.drawing.layers import Canvas
 from dlama.geometry.view import Origin
 
 WIDTH, HEIGHT = 50, 9
