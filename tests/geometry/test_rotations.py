@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dlama.geometry.rotations import quaternion_of, rotation_deg, rotation_of
+from dlama.geometry.rotations import quaternion_of, rotation_deg, rotation_of, slerp
 
 
 def about(axis: list[float], degrees: float) -> np.ndarray:
@@ -31,6 +31,16 @@ def test_quaternions_there_and_back(degrees: float) -> None:
     assert quaternion[3] >= 0 and np.linalg.norm(quaternion) == pytest.approx(1)
     np.testing.assert_allclose(rotation_of(quaternion), rotation, atol=1e-12)
     np.testing.assert_allclose(rotation_of(3 * quaternion), rotation, atol=1e-12)
+
+
+@pytest.mark.parametrize("degrees", [0.0, 1e-7, 20.0, 179.0, -120.0])
+def test_between_two_rotations(degrees: float) -> None:
+    """Closed form: a share of the turn about one axis is a turn by that share of its angle; its ends are the two."""
+    start, axis = rotation_of(about([0.2, 0.5, -0.4], 37)), [0.3, -0.8, 0.52]
+    end = start @ rotation_of(about(axis, degrees))
+    for share in (0.0, 0.25, 0.7, 1.0):
+        wanted = start @ rotation_of(about(axis, share * degrees))
+        np.testing.assert_allclose(slerp(start, end, share), wanted, atol=1e-12)
 
 
 def test_a_quarter_turn() -> None:

@@ -37,6 +37,18 @@ def quaternion_of(rotation: Float64Array) -> Float64Array:
     return quaternion if quaternion[3] >= 0 else -quaternion
 
 
+def slerp(start: Float64Array, end: Float64Array, share: float) -> Float64Array:
+    """The 3x3 rotation that lies between two, at a constant angular speed, the short way round (Shoemake 1985)."""
+    one, other = quaternion_of(start), quaternion_of(end)
+    cosine = float(one @ other)
+    if cosine < 0:  # the same rotation, the short way round
+        other, cosine = -other, -cosine
+    angle = np.arccos(min(cosine, 1.0))
+    if share == 0 or angle < 1e-9:
+        return start
+    return rotation_of((np.sin((1 - share) * angle) * one + np.sin(share * angle) * other) / np.sin(angle))
+
+
 def rotation_deg(rotations: Float64Array, other: Float64Array) -> Float64Array:
     """Degrees (N), 0..180, between each of N x 3 x 3 rotations and one 3x3 rotation.
 

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from dlama.arguments import check_arguments
 from dlama.errors import DepthError, InputError
 from dlama.geometry.camera import FARTHEST_M, Camera, Float64Array, is_finite
+from dlama.geometry.rotations import slerp
 
 PIVOT_M = 2.5
 """Default distance, metres ahead on the optical axis, of the point a camera orbits about (the paper's centroid, sec. 4)."""
@@ -95,18 +96,10 @@ def between(cameras: Sequence[Camera], count: int) -> list[Camera]:
         one, other = cameras[left].world_from_cam, cameras[min(left + 1, len(cameras) - 1)].world_from_cam
         share = float(place) - left
         pose = np.eye(4)
-        pose[:3, :3] = one[:3, :3] @ _power(one[:3, :3].T @ other[:3, :3], share)
+        pose[:3, :3] = slerp(one[:3, :3], other[:3, :3], share)
         pose[:3, 3] = (1 - share) * one[:3, 3] + share * other[:3, 3]
         found.append(cameras[0].at(pose))
     return found
-
-
-def _power(rotation: Float64Array, share: float) -> Float64Array:
-    """A share of a rotation: about the same axis, by so much of the angle."""
-    import cv2  # not above: --help reads this file
-
-    vector = cv2.Rodrigues(rotation)[0]
-    return np.asarray(cv2.Rodrigues(vector * share)[0], np.float64)
 
 
 def _turns(count: int) -> list[float]:

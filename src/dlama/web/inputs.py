@@ -15,18 +15,17 @@ import numpy as np
 
 import dlama
 from dlama.files.cameras import camera_for
-from dlama.files.rasters.images import picture_hw
+from dlama.files.rasters.images import SUFFIXES, picture_hw
 from dlama.files.rgbd import nearest_pixels
 from dlama.geometry.rgbd import RGBD, UInt8Array, depth_range_in_words, percent
 from dlama.perception.depth_scale import RULES
 from dlama.web.failures import PageError, in_words_of_the_page
 
-PICTURES = (".png", ".jpg", ".jpeg", ".tif", ".tiff")
 ROLES: dict[str, tuple[str, ...]] = {
-    "picture": PICTURES,
+    "picture": SUFFIXES,
     "depth": (".png", ".tif", ".tiff", ".exr", ".pfm", ".npy", ".npz"),
     "camera": (".json", ".txt"),
-    "right": PICTURES,
+    "right": SUFFIXES,
     "calib": (".txt", ".json"),
 }
 """What a visitor can hand in -> the endings its file may have."""
@@ -130,7 +129,7 @@ def number(name: str, value: Any, where: str | None = None) -> float:
 
 def check_size(upload: Upload, most_pixels: int, role: str) -> None:
     """Raise PageError where a picture says that it is larger than this page takes."""
-    if upload.path.suffix in PICTURES:
+    if upload.path.suffix in SUFFIXES:
         height, width = picture_hw(upload.path)
         if height * width > most_pixels:
             raise PageError(

@@ -10,8 +10,8 @@ import pytest
 
 import dlama
 from dlama.apps.viewer import contents, server
-from dlama.apps.viewer.cameras import between
-from dlama.files.scenes.clouds import read_ply
+from dlama.apps.viewer.cameras import camera_on_path
+from dlama.files.scenes.clouds import read_ply, write_ply
 from dlama.files.scenes.scene_npz import read_npz
 from dlama.geometry.cloud import PointCloud
 from dlama.geometry.figures.false_color import ORIGIN_PALETTE
@@ -48,12 +48,21 @@ def test_a_ply_is_told_apart_too(results: Path) -> None:
     assert "measured" in shown.clouds and not shown.frames and shown.scene is None
 
 
+def test_what_another_frame_saw_is_measured(tmp_path: Path) -> None:
+    """Law: ELSEWHERE is measured, by another frame than the one whose view it fills; it was shown as filled."""
+    write_ply(tmp_path / "seen.ply", cloud(4, dlama.Origin.ELSEWHERE))
+    assert list(contents.contents_of(tmp_path / "seen.ply").clouds) == ["measured"]
+
+
 def test_what_cannot_be_shown_is_said(tmp_path: Path) -> None:
     (tmp_path / "notes.txt").write_text("x")
     with pytest.raises(dlama.FileError, match="no such file or folder"):
         contents.contents_of(tmp_path / "none.npz")
     with pytest.raises(dlama.InputError, match=r"notes\.txt: is a \.txt file; a scene\.npz, a \.ply or a folder"):
         contents.contents_of(tmp_path / "notes.txt")
+    (tmp_path / "notes").write_text("x")
+    with pytest.raises(dlama.InputError, match="notes: is a file without an ending; a scene"):
+        contents.contents_of(tmp_path / "notes")
     with pytest.raises(dlama.InputError, match="no data set of a known layout"):
         contents.contents_of(tmp_path)
 
@@ -86,12 +95,12 @@ def test_a_path_goes_through_its_cameras_and_turns_evenly() -> None:
     start = dlama.Camera.from_fov(64, 48, 60)
     cameras = [shifted(dlama.orbit(start, yaw, pivot=0), x) for x, yaw in ((0, 0), (2, 60), (4, 60))]
     for number, camera in enumerate(cameras):
-        assert np.allclose(between(cameras, number).world_from_cam, camera.world_from_cam, atol=1e-9)
-    half = between(cameras, 0.5).world_from_cam
+        assert np.allclose(camera_on_path(cameras, number).world_from_cam, camera.world_from_cam, atol=1e-9)
+    half = camera_on_path(cameras, 0.5).world_from_cam
     assert np.allclose(half[:3, :3], dlama.orbit(start, 30, pivot=0).world_from_cam[:3, :3], atol=1e-9)
     straight = [shifted(start, x) for x in (0, 2, 4, 6)]
-    assert np.allclose(between(straight, 1.25).world_from_cam[:3, 3], (2.5, 0, 0), atol=1e-9)
-    assert np.allclose(between(cameras[:1], 0.7).world_from_cam, cameras[0].world_from_cam)
+    assert np.allclose(camera_on_path(straight, 1.25).world_from_cam[:3, 3], (2.5, 0, 0), atol=1e-9)
+    assert np.allclose(camera_on_path(cameras[:1], 0.7).world_from_cam, cameras[0].world_from_cam)
 
 
 def shifted(camera: dlama.Camera, x: float) -> dlama.Camera:

@@ -25,8 +25,6 @@ from dlama.workers.progress import line_every, progress_line
 if TYPE_CHECKING:
     from dlama.geometry.rgbd import BoolArray
 
-PICTURES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp")
-
 
 @dataclass(frozen=True)
 class Source:
@@ -112,6 +110,8 @@ def read_masks(files: dict[str, Path], masking: Masking) -> dict[str, BoolArray]
 
 def mask_files(named: Sequence[str], folder: Path | None) -> dict[str, Path]:
     """Frame -> file, from FRAME=FILE words and from the names in a folder. InputError."""
+    from dlama.files.rasters.images import SUFFIXES
+
     files: dict[str, Path] = {}
     for word in named:
         frame, equals, file = word.partition("=")
@@ -123,7 +123,7 @@ def mask_files(named: Sequence[str], folder: Path | None) -> dict[str, Path]:
     if folder is not None:
         if not folder.is_dir():
             raise InputError(f"masks is {folder}; a folder of masks with the names of their frames is wanted")
-        listed = sorted(path for path in folder.iterdir() if path.suffix.lower() in PICTURES)
+        listed = sorted(path for path in folder.iterdir() if path.suffix.lower() in SUFFIXES)
         if not listed:
             raise InputError(f"masks is {folder}, which holds no picture")
         files |= {path.stem: path for path in listed if path.stem not in files}

@@ -10,13 +10,13 @@ import numpy as np
 from dlama.apps.viewer.contents import Contents
 from dlama.geometry.camera import Camera, Float64Array
 from dlama.geometry.cloud import concatenated
-from dlama.geometry.rotations import quaternion_of, rotation_of
+from dlama.geometry.rotations import quaternion_of, rotation_of, slerp
 
 SAVED_WIDTH = 1280
 """Pixels of a saved picture."""
 
 
-def between(cameras: Sequence[Camera], at: float) -> Camera:
+def camera_on_path(cameras: Sequence[Camera], at: float) -> Camera:
     """The camera at `at` (0 .. len - 1) on a path through the cameras: places by a Catmull-Rom spline, turns by slerp.
 
     The lens is that of the camera before.
@@ -36,18 +36,6 @@ def catmull_rom(points: Float64Array, share: float) -> Float64Array:
     linear, quadratic = end - before, 2 * before - 5 * start + 4 * end - after
     cubic = 3 * start - before - 3 * end + after
     return np.asarray((2 * start + linear * share + quadratic * share**2 + cubic * share**3) / 2)
-
-
-def slerp(start: Float64Array, end: Float64Array, share: float) -> Float64Array:
-    """The rotation (3 x 3) that lies between two, at a constant angular speed (Shoemake 1985)."""
-    one, other = quaternion_of(start), quaternion_of(end)
-    cosine = float(one @ other)
-    if cosine < 0:  # the same rotation, the short way round
-        other, cosine = -other, -cosine
-    angle = np.arccos(min(cosine, 1.0))
-    if angle < 1e-9:
-        return start
-    return rotation_of((np.sin((1 - share) * angle) * one + np.sin(share * angle) * other) / np.sin(angle))
 
 
 def camera_of(client: Any) -> Camera:

@@ -24,7 +24,8 @@ UNSURE, SURE = (213, 94, 0), (86, 180, 233)
 """RGB of confidence 0 and 1; people who do not tell red from green tell these apart."""
 MOST_FRAMES = 100
 """Of a data set, evenly spread; each costs a picture and its points."""
-FROM_SOURCE = (Origin.MEASURED, Origin.REPROJECTED, Origin.ESTIMATED)
+SEEN = (Origin.MEASURED, Origin.REPROJECTED, Origin.ESTIMATED, Origin.ELSEWHERE)
+"""Origins of what a picture shows; the rest was filled."""
 
 
 @dataclass(frozen=True)
@@ -62,7 +63,8 @@ def contents_of(path: Path) -> Contents:
         )
     kinds: dict[str, Callable[[Path], Contents]] = {".npz": of_scene, ".ply": of_ply}
     if path.suffix.lower() not in kinds:
-        raise InputError(f"{path}: is a {path.suffix or 'nameless'} file; a scene.npz, a .ply or a folder is wanted")
+        kind = f"a {path.suffix} file" if path.suffix else "a file without an ending"
+        raise InputError(f"{path}: is {kind}; a scene.npz, a .ply or a folder is wanted")
     return kinds[path.suffix.lower()](path)
 
 
@@ -84,14 +86,14 @@ def of_scene(file: Path) -> Contents:
 def points_of(layer: View, added: BoolArray) -> tuple[PointCloud, PointCloud]:
     """(measured, filled): the points that a layer adds to its scene (H x W bool), by where they come from."""
     cloud, adds = lift(layer), added[layer.valid]
-    known = np.isin(cloud.origin, FROM_SOURCE)
+    known = np.isin(cloud.origin, SEEN)
     return chosen(cloud, adds & known), chosen(cloud, adds & ~known)
 
 
 def of_ply(file: Path) -> Contents:
     """The points of a file, by their origins where it has them."""
     cloud = read_ply(file)
-    known = np.isin(cloud.origin, FROM_SOURCE)
+    known = np.isin(cloud.origin, SEEN)
     return Contents(str(file), nonempty({"measured": chosen(cloud, known), "filled": chosen(cloud, ~known)}, file))
 
 

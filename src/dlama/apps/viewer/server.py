@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
-from dlama.apps.viewer.cameras import between, camera_of, go_to, overview, wxyz
+from dlama.apps.viewer.cameras import camera_of, camera_on_path, go_to, overview, wxyz
 from dlama.apps.viewer.contents import Contents, chosen, colors, sampled
 from dlama.errors import InputError, MissingExtraError
 from dlama.files.cameras import camera_as_json
@@ -205,7 +205,9 @@ class Viewer:
         """The path as a line through its cameras."""
         self.server.scene.remove_by_name("/path")
         if len(self.path) > 1:
-            places = [between(self.path, at).world_from_cam[:3, 3] for at in np.linspace(0, len(self.path) - 1, 100)]
+            places = [
+                camera_on_path(self.path, at).world_from_cam[:3, 3] for at in np.linspace(0, len(self.path) - 1, 100)
+            ]
             segments = np.stack([places[:-1], places[1:]], axis=1).astype(np.float32)
             self.server.scene.add_line_segments(
                 "/path", segments, (240, 228, 66), thickness=2.0, thickness_units="screen"
@@ -219,7 +221,7 @@ class Viewer:
         pause = threading.Event()
         steps = round((len(self.path) - 1) * SECONDS_PER_CAMERA * STEPS_PER_SECOND)
         for at in np.linspace(0, len(self.path) - 1, steps + 1):
-            camera = between(self.path, float(at))
+            camera = camera_on_path(self.path, float(at))
             go_to(event.client, camera, look_ahead=1.0)
             pause.wait(1 / STEPS_PER_SECOND)
 
