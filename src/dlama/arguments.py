@@ -8,7 +8,9 @@ from __future__ import annotations
 
 import functools
 import inspect
+import math
 import os
+import sys
 import types
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence, Sized
 from numbers import Integral, Real
@@ -78,6 +80,21 @@ def check_count(value: object, name: str) -> None:
     """Raise InputError, which calls the value `name`, unless it is a whole number of 1 or more (or None)."""
     if value is not None and not (isinstance(value, Integral) and int(value) >= 1):
         raise InputError(f"{name} is {value!r}; 1 or more is wanted, a whole number")
+
+
+def is_finite(value: object) -> bool:
+    """True for a finite number; False for nan, infinity, a whole number that no float holds, and what is no number at all."""
+    try:
+        return math.isfinite(value)  # type: ignore[arg-type]
+    except (TypeError, OverflowError):
+        return False
+
+
+def shown(value: object) -> str:
+    """A number for messages, in six digits; anything else as Python shows it."""
+    if isinstance(value, int) and abs(value) > sys.float_info.max:
+        return "beyond 1e308"
+    return f"{value:g}" if isinstance(value, Real) else repr(value)
 
 
 def _complaint(value: object, annotation: Any, name: str) -> str:

@@ -77,7 +77,7 @@ def test_a_dry_run_runs_nothing(jobs: str, capsys: pytest.CaptureFixture[str]) -
         (["batch", "jobs.csv", "-o", "out", "--workers", "0"], "--workers is 0; 1 or more is wanted"),
         (["batch", "jobs.csv", "-o", "out", "--gpus-per-worker", "1"], r"--gpus-per-worker is 1.0 without --?ray"),
         (["batch", "jobs.csv", "-o", "out", "--depths", "x"], "depths and masks go with"),
-        (["batch", "report"], "one folder of results is wanted"),
+        (["batch", "report"], "batch report is given 0 folders; one is wanted"),
         (["batch", "report", "nowhere"], "nowhere: holds no results of `dlama batch`"),
     ],
 )

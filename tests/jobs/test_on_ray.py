@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import os
+import socket
 import subprocess
 import sys
 from pathlib import Path
@@ -18,6 +19,7 @@ from box_frame import small_frame
 from dlama.errors import InputError, MissingExtraError
 from dlama.jobs import batch as room
 from dlama.jobs.batch import batch
+from dlama.jobs.on_ray import _connect
 from dlama.jobs.result import JobResult
 
 with_ray = pytest.mark.skipif(importlib.util.find_spec("ray") is None, reason="ray is not installed: extra `batch`")
@@ -66,3 +68,18 @@ def test_numbers_that_cannot_be() -> None:
         batch([], "out", ray="local", workers=0)
     with pytest.raises(InputError, match="gpus_per_worker is -1"):
         batch([], "out", ray="local", gpus_per_worker=-1)
+
+
+def test_a_cluster_that_is_not_there_is_told_at_once() -> None:
+    """Law: HOST:PORT that takes no connection ends before Ray tries for minutes; so does what is no port."""
+
+    class NoRay:
+        @staticmethod
+        def is_initialized() -> bool:
+            return False
+
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        free = server.getsockname()[1]
+    for address in (f"127.0.0.1:{free}", "127.0.0.1:port"):
+        with pytest.raises(InputError, match=rf"ray={address}: no such cluster .*; local, auto or HOST:PORT is wanted"):
+            _connect(NoRay(), address)

@@ -8,8 +8,8 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from dlama.arguments import is_finite
 from dlama.errors import InputError
-from dlama.geometry.camera import is_finite
 from dlama.geometry.cloud import PointCloud
 from dlama.geometry.figures.false_color import depth_limits, depth_picture, hole_picture
 from dlama.geometry.figures.html import Panel, figure, strip

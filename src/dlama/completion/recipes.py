@@ -7,9 +7,8 @@ from dataclasses import dataclass
 from numbers import Integral
 from typing import Any, Literal
 
-from dlama.arguments import check
+from dlama.arguments import check, is_finite
 from dlama.errors import InputError
-from dlama.geometry.camera import is_finite
 from dlama.geometry.rendering import MODES, Mode
 
 DepthBy = Literal["surfaces", "filler"]

@@ -12,14 +12,13 @@ from __future__ import annotations
 
 import dataclasses
 import math
-import sys
 from dataclasses import dataclass, field
 from numbers import Real
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from dlama.arguments import check
+from dlama.arguments import check, is_finite, shown
 from dlama.errors import CameraError
 
 Float64Array = NDArray[np.float64]
@@ -36,21 +35,6 @@ SMALLEST_FOCAL_PX = 1e-3
 """Pixels: any shorter focal length sees a half space."""
 FARTHEST_M = 1e9
 """Metres: no camera stands farther from the world's origin (geo-referenced ones up to 1e7)."""
-
-
-def is_finite(value: object) -> bool:
-    """True for a finite number; False for nan, infinity, a whole number that no float holds, and what is no number at all."""
-    try:
-        return math.isfinite(value)  # type: ignore[arg-type]
-    except (TypeError, OverflowError):
-        return False
-
-
-def shown(value: object) -> str:
-    """A number for messages, in six digits; anything else as Python shows it."""
-    if isinstance(value, int) and abs(value) > sys.float_info.max:
-        return "beyond 1e308"
-    return f"{value:g}" if isinstance(value, Real) else repr(value)
 
 
 def _check_size(width: int, height: int) -> None:

@@ -8,9 +8,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dlama.arguments import check_arguments
+from dlama.arguments import check_arguments, is_finite
 from dlama.errors import DepthError, InputError
-from dlama.geometry.camera import FARTHEST_M, Camera, Float64Array, is_finite
+from dlama.geometry.camera import FARTHEST_M, Camera, Float64Array
 from dlama.geometry.rotations import slerp
 
 PIVOT_M = 2.5

@@ -8,6 +8,7 @@ these queues hold are ever under way. Files are read and written by the actors, 
 from __future__ import annotations
 
 import os
+import socket
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -21,6 +22,8 @@ AHEAD = 3
 """Tasks in the queue of an actor, with the one under way."""
 NODE_SECONDS = 30.0
 """How long a node may take to answer, after an actor on it has died; one that does not has died too."""
+ANSWER_SECONDS = 10.0
+"""How long the head of a cluster may take to answer."""
 USAGE = "RAY_USAGE_STATS_ENABLED"
 
 
@@ -177,12 +180,20 @@ def _connect(ray: Any, address: str) -> bool:
         ray.init(address="local", include_dashboard=False, **options)
         return True
     try:
+        _check_answers(address)
         ray.init(address=address, **options)
-    except (ConnectionError, RuntimeError, ValueError) as error:
+    except (OSError, RuntimeError, ValueError) as error:
         raise InputError(
             f"ray={address}: no such cluster ({first_line(error)}); local, auto or HOST:PORT is wanted"
         ) from error
     return True
+
+
+def _check_answers(address: str) -> None:
+    """OSError or ValueError where HOST:PORT takes no connection: Ray itself would try for minutes."""
+    host, colon, port = address.rpartition(":")
+    if colon and "://" not in address:
+        socket.create_connection((host.strip("[]"), int(port)), ANSWER_SECONDS).close()
 
 
 def _ray() -> Any:

@@ -13,8 +13,9 @@ from typing import Any
 
 import numpy as np
 
+from dlama.arguments import is_finite, shown
 from dlama.errors import DepthError, InputError
-from dlama.geometry.camera import Camera, is_finite, shown
+from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.perception.planes import find_planes, fit_plane
 

@@ -15,11 +15,12 @@ from pathlib import Path
 
 import numpy as np
 
+from dlama.arguments import is_finite
 from dlama.datasets.frames import Case, Dataset, Frame, Gamma, RemovalTruth, StereoTruth, ViewTruth
 from dlama.datasets.layouts import check_limit, narrowed, open_dataset, refuse_unused
 from dlama.datasets.posed.posed_frames import CameraOption
 from dlama.errors import FileError, InputError, system_errors
-from dlama.geometry.camera import Camera, StereoRig, is_finite
+from dlama.geometry.camera import Camera, StereoRig
 from dlama.geometry.projection import disparity_from_depth
 from dlama.geometry.rgbd import RGBD, Float32Array
 from dlama.worlds.layouts.random_scene import build

@@ -161,7 +161,7 @@ def write_page(words: Sequence[str], report: Report) -> None:
     from dlama.jobs.report.write import write_report
 
     if len(words) != 1:
-        raise InputError(f"report {' '.join(words)}: one folder of results is wanted: dlama batch report OUT")
+        raise InputError(f"batch report is given {len(words)} folders; one is wanted: dlama batch report OUT")
     with reported("batch report", report) as result:
         page = write_report(words[0])
         result.add(page, report=page)

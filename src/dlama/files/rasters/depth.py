@@ -9,13 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
+from dlama.arguments import is_finite
 from dlama.errors import DepthError, FileError, system_errors
 from dlama.files.atomic_write import PathLike
 from dlama.files.rasters.depth_checks import warn_of_inverse
 from dlama.files.rasters.float_files import read_array, read_exr, read_pfm, write_exr, write_pfm
 from dlama.files.rasters.images import SUFFIXES, existing, read_stored
 from dlama.files.rasters.pictures import save_picture
-from dlama.geometry.camera import is_finite
 from dlama.geometry.rgbd import Float32Array
 
 __all__ = [

@@ -13,9 +13,8 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from dlama.arguments import check_number
+from dlama.arguments import check_number, is_finite, shown
 from dlama.errors import InputError, ShapeError
-from dlama.geometry.camera import is_finite, shown
 from dlama.geometry.projection import SMALLEST_DISPARITY
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 
@@ -81,9 +80,7 @@ def disparity_pair(
     else:
         _check_reach(left.shape[1], min_disparity, max_disparity)
     if not (is_finite(min_disparity) and is_finite(max_disparity) and min_disparity < max_disparity):
-        raise InputError(
-            f"max_disparity is {shown(max_disparity)} px; more than {shown(min_disparity)} px, the smallest, is wanted"
-        )
+        raise InputError(f"max_disparity is {shown(max_disparity)} px; more than {shown(min_disparity)} px is wanted")
     limits = min_disparity, max_disparity
     whole = _searched(left, right, limits, WHOLE, _scale_of_whole(left.shape, max_disparity - min_disparity))
     fine = _searched(left, right, limits, FINE, 2 if left.shape[1] <= DOUBLED_UP_TO_PX else 1)
