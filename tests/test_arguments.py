@@ -67,6 +67,7 @@ GOOD: dict[str, dict[str, Any]] = {
     "Camera.from_K": {"K": CAMERA.K, "width": W, "height": H},
     "Camera.from_fov": {"width": W, "height": H, "fov_deg": 60},
     "Law.of": {"scene": SCENE},
+    "MaskSession": {"picture": RGBD},
     "Mesh": {
         "vertices": np.zeros((3, 3)),
         "triangles": np.array([[0, 1, 2]], np.int32),

@@ -58,9 +58,9 @@ def check_arguments(function: Callable[..., Any], given: Mapping[str, object]) -
 
 @functools.lru_cache(None)
 def _annotations(function: Callable[..., Any]) -> dict[str, Any]:
-    """Parameter -> what it is annotated with; without **others, and what is returned."""
+    """Parameter -> what it is annotated with; without self, **others, and what is returned."""
     hints, parameters = get_type_hints(function), inspect.signature(function).parameters
-    return {name: hints[name] for name, one in parameters.items() if one.kind is not one.VAR_KEYWORD}
+    return {name: hints[name] for name, one in parameters.items() if name in hints and one.kind is not one.VAR_KEYWORD}
 
 
 def check(value: object, annotation: Any, name: str) -> None:

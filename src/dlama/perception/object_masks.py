@@ -63,6 +63,7 @@ class MaskSession:
         self, picture: RGBD | UInt8Array, *, masker: str | None = None, mask_model: MaskModel | None = None
     ) -> None:
         """Parameters and errors as `find_mask`; nothing is computed yet."""
+        check_arguments(MaskSession.__init__, locals())
         self.picture = picture if isinstance(picture, RGBD) else checked_color(picture, "picture")
         self.masker, self.mask_model = masker or "rgbd", mask_model
         if self.masker not in MASKERS:
@@ -89,6 +90,7 @@ class MaskSession:
         with_shadow: bool = False,
     ) -> ObjectMask:
         """The mask of the thing that clicks or a box mean; parameters and errors as `find_mask`."""
+        check_arguments(MaskSession.find, locals())
         if candidate not in CANDIDATES:
             raise InputError(f"candidate is {candidate!r}; one of {', '.join(CANDIDATES)} is wanted")
         picture = self.picture
@@ -158,7 +160,6 @@ def find_mask(
         MaskError: nothing that stands apart is there.
         FileError: a network that is missing, or does not keep its contract.
     """
-    check_arguments(find_mask, locals())
     session = MaskSession(picture, masker=masker, mask_model=mask_model)
     return session.find(clicks=clicks, not_clicks=not_clicks, box=box, candidate=candidate, with_shadow=with_shadow)
 
