@@ -324,3 +324,11 @@ def test_a_full_disk_is_told_by_where_the_file_was_to_lie(tmp_path: Path) -> Non
         raise OSError(errno.ENOSPC, "No space left on device")
     assert str(told.value) == f"{tmp_path / 'out' / 'b' / 'c.png'}: cannot be written: no space left on device"
     assert list(tmp_path.iterdir()) == []
+
+
+def test_what_an_encoder_says_of_a_draft_is_said_of_the_file(tmp_path: Path) -> None:
+    """Law: as above, of libraries that put the path into their own message (OpenEXR)."""
+    target = tmp_path / "depth.exr"
+    with pytest.raises(OutputError) as told, new_file(target) as draft:
+        raise OSError(f'Failed to write pixel data to image file "{draft}"')
+    assert str(told.value) == f'{target}: cannot be written: Failed to write pixel data to image file "{target}"'

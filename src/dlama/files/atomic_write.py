@@ -53,7 +53,8 @@ def new_file(path: PathLike) -> Iterator[Path]:
     except OSError as error:
         if isinstance(error, OutputError):
             raise
-        raise OutputError(f"{target}: cannot be written: {_reason(error)}") from error
+        reason = _reason(error).replace(str(draft), str(target))
+        raise OutputError(f"{target}: cannot be written: {reason}") from error
     finally:
         with contextlib.suppress(OSError):
             draft.unlink(missing_ok=True)
