@@ -29,13 +29,17 @@ class JobInputs:
     """What one job has read so far, of which files."""
 
     inputs: dict[str, Path] = field(default_factory=dict)
+    """Role (image, depth, mask, ...) -> the file that was read."""
     addresses: dict[str, str] = field(default_factory=dict)
     """Role -> where an input came from, of those that were fetched from elsewhere."""
     intrinsics_from: str = ""
+    """In words, where the source camera's intrinsics come from."""
     read_seconds: float = 0.0
+    """Spent in `reading`."""
     object_mask: dict[str, Any] = field(default_factory=dict)
     """How the mask was found, where it was pointed at."""
     started: float = field(default_factory=time.perf_counter)
+    """By `time.perf_counter`."""
 
     @property
     def seconds(self) -> float:

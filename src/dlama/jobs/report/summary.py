@@ -40,17 +40,27 @@ class Summary:
     done: int = 0
     failed: int = 0
     groups: dict[tuple[str, str], Group] = field(default_factory=dict)
+    """(kind, message without names) -> the failures that say it."""
     seconds: float = 0.0
+    """Of all jobs that are done."""
     stages: dict[str, float] = field(default_factory=dict)
+    """Stage -> seconds."""
     hosts: dict[str, int] = field(default_factory=dict)
+    """Name -> results that ended there, failed ones too."""
     peak_mib: float = 0.0
+    """The largest of any worker."""
     law_moves: int = 0
+    """Filled pixels that were moved behind what was measured."""
     law_violations: int = 0
+    """Filled pixels that still hide it."""
     hole_share: float = 0.0
+    """Summed; divided by `done` it is the mean."""
     finished: dict[int, int] = field(default_factory=dict)
     """Second -> results that ended in it."""
     at_random: list[JobResult] = field(default_factory=list)
+    """SHOWN results, each as likely as any other."""
     largest_holes: list[tuple[float, str, JobResult]] = field(default_factory=list)
+    """Heaps of (value, id, result): the SHOWN largest."""
     most_moves: list[tuple[float, str, JobResult]] = field(default_factory=list)
 
     def groups_by_size(self) -> list[Group]:
