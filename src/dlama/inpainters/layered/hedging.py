@@ -26,7 +26,7 @@ DETAIL_PX = 3.0
 """Sigma of the blur that leaves what is blended; finer detail stays as painted: paving goes on."""
 SHARE_APART = 0.6
 """Largest share where each surface is blended for itself."""
-SHARE_OF_SKY, CLEAR = 0.4, 0.5
+SHARE_OF_SKY, CLEAR = 0.4, 0.75
 """The same of the sky at the horizon, where houses and trees may stand; it falls to 0 at this height (sine of the elevation).
 Lower heights look clearer and err more: street, +-10 to +-40, squared error .7: +2, .5: +6, .35: +9 %, LPIPS -0.1 %."""
 WIDE = 0.1
