@@ -27,11 +27,11 @@ from dlama.perception.shadows.find import find_shadow
 from dlama.perception.shadows.ground import EDGE_PX, ground_of, standing, thing_points
 from dlama.perception.shadows.search import Scale
 from dlama.perception.shadows.thrown import WEIGHTS, thrown_shape
+from dlama.training.logistic import logistic_weights
 from dlama.worlds.dataset import open_dataset_or_worlds, worlds
 
 RIDGE = 1.0
 """Squared weights, of features in standard deviations, count so much."""
-NEWTON_STEPS = 30
 
 
 def true_shadow(truth: RemovalTruth) -> np.ndarray:
@@ -57,15 +57,9 @@ def rows_of(truths: Iterator[RemovalTruth], scale: Scale) -> tuple[np.ndarray, n
 
 
 def fitted(features: np.ndarray, right: np.ndarray) -> np.ndarray:
-    """Weights of the features as they are, and the constant last: logistic regression by Newton's method."""
+    """Weights of the features as they are, and the constant last: logistic regression."""
     middle, spread = features.mean(0), features.std(0)
-    design = np.c_[(features - middle) / spread, np.ones(len(features))]
-    ridge = RIDGE * np.r_[np.ones(features.shape[1]), 1e-6]
-    weights = np.zeros(design.shape[1])
-    for _ in range(NEWTON_STEPS):
-        said = 1 / (1 + np.exp(-design @ weights))
-        curve = (design * (said * (1 - said))[:, None]).T @ design + np.diag(ridge)
-        weights -= np.linalg.solve(curve, design.T @ (said - right) + ridge * weights)
+    weights = logistic_weights((features - middle) / spread, right, RIDGE)
     plain = weights[:-1] / spread
     return np.r_[plain, weights[-1] - plain @ middle]
 
