@@ -28,38 +28,24 @@ from dlama.models.network_file import NetworkFile
 from dlama.perception.shadows.classifier import CLIP, PARTS, SHADOW, Classifier, Likely, likely_shadows
 from dlama.perception.shadows.features import candidate_features, color_shares, insides, pixel_features
 from dlama.perception.shadows.network import NETWORK
-from dlama.training.data.shadow_crops import write_shadow_crops
+from dlama.training.data.shadow_crops import ShadowCrops, write_shadow_crops
+from dlama.training.logistic import logistic_weights
 
 TRAIN_SEED, HELD_OUT_SEED = 50_000, 90_000
 FEWEST_PX, GOOD = 25, 0.5
 """Pixels of a crop's shadow that count as one; the F-score of a right answer."""
 PIXELS, BATCH, STEPS, RATE, NOISE, DECAY = 800, 4096, 900, 4e-3, 0.08, 2e-2
 HIDDEN = 32, 16
-RIDGE, NEWTON_STEPS = 3.0, 30
-FIFTH = 5
+RIDGE = 3.0
 
 Crop = tuple[np.ndarray, np.ndarray]
 """Planes, and the share of each pixel that is shadow (-1: does not count)."""
 
 
-def loaded(folder: Path) -> list[Crop]:
-    out = []
-    for path in sorted(folder.glob("*.npz")):
-        with np.load(path) as file:
-            out.append((file["planes"].astype(np.float32), file["target"].astype(np.float32)))
-    return out
-
-
 def logistic(features: np.ndarray, right: np.ndarray) -> Classifier:
-    """Logistic regression by Newton's method, features in standard deviations."""
+    """Logistic regression, features in standard deviations."""
     middle, spread = features.mean(0), features.std(0) + 1e-3
-    design = np.c_[np.clip((features - middle) / spread, -CLIP, CLIP), np.ones(len(features))]
-    ridge = RIDGE * np.r_[np.ones(features.shape[1]), 1e-6]
-    weights = np.zeros(design.shape[1])
-    for _ in range(NEWTON_STEPS):
-        said = 1 / (1 + np.exp(-design @ weights))
-        curve = (design * (said * (1 - said))[:, None]).T @ design + np.diag(ridge)
-        weights -= np.linalg.solve(curve, design.T @ (said - right) + ridge * weights)
+    weights = logistic_weights(np.clip((features - middle) / spread, -CLIP, CLIP), right, RIDGE)
     layer = weights[:-1, None].astype(np.float32), weights[-1:].astype(np.float32)
     return Classifier(middle.astype(np.float32), spread.astype(np.float32), (layer,))
 
@@ -160,9 +146,9 @@ def good(likely: Likely, target: np.ndarray) -> bool:
     return bool((target > 0.5).sum() >= FEWEST_PX and 2 * recall * precision > GOOD * (recall + precision))
 
 
-def fitted(crops: Sequence[Crop], network: NetworkFile, seed: int) -> dict[str, Classifier]:
+def fitted(crops: ShadowCrops, network: NetworkFile, seed: int) -> dict[str, Classifier]:
     """All PARTS: the verdict on each fifth crop, which neither the network nor the other parts have seen."""
-    others, own = [crop for number, crop in enumerate(crops) if number % FIFTH], crops[::FIFTH]
+    others, own = crops.fifths()
     parts = {"candidate": fit_candidates(others)}
     parts["pixel"] = fit_pixels(others, parts["candidate"], seed)
     found = [(likely, target) for planes, target in own for likely in likely_shadows(planes, parts, network)]
@@ -216,11 +202,11 @@ def main() -> None:
             print(name, write_shadow_crops(given.folder / name, count, seed, given.photos), "crops")
         return
     torch.set_num_threads(1)
-    crops = loaded(given.folder / "train")
+    crops = ShadowCrops.of(given.folder / "train")
     network = NetworkFile(given.network, "cpu", threads=1)
     parts = fitted(crops, network, given.seed)
     print(f"{len(crops)} crops, {sum(float((t > 0.5).sum() >= FEWEST_PX) for _, t in crops):.0f} with a shadow")
-    report(loaded(given.folder / "held_out"), parts, network)
+    report(ShadowCrops.of(given.folder / "held_out"), parts, network)
     save(parts, given.output)
 
 

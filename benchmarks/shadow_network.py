@@ -21,13 +21,14 @@ from torch.nn.functional import binary_cross_entropy_with_logits
 
 from dlama.nets.export.shadow import export_shadow
 from dlama.nets.shadow import ShadowNet
+from dlama.perception.shadows.crop import SIDE
 from dlama.perception.shadows.network import network_planes
-from dlama.perception.shadows.planes import MULTIPLE, PLANES, SIDE
+from dlama.perception.shadows.planes import MULTIPLE, PLANES, THROWN
+from dlama.training.data.shadow_crops import ShadowCrops
 
-FIFTH = 5
 FEWEST_PX = 25
 """Pixels of a crop's shadow that count as one."""
-EPOCHS, BATCH, RATE, WARM, DECAY = 24, 8, 2e-3, 100, 2e-2
+EPOCHS, BATCH, RATE, WARM, DECAY = 12, 8, 2e-3, 100, 2e-2
 BUCKET = 64
 """Crops that are sorted by their size before they are put into batches."""
 RARER, OVERLAP = 8.0, 0.5
@@ -41,29 +42,22 @@ ABOUT = {
 }
 
 Crop = tuple[np.ndarray, np.ndarray]
-"""The network's planes, and the share of each pixel that is shadow (-1: does not count); half precision."""
-
-
-def loaded(folder: Path) -> list[Crop]:
-    out = []
-    for path in sorted(folder.glob("*.npz")):
-        with np.load(path) as file:
-            out.append((network_planes(file["planes"].astype(np.float32)).astype(np.float16), file["target"]))
-    return out
+"""The network's planes, and the share of each pixel that is shadow (-1: does not count)."""
 
 
 def varied(planes: np.ndarray, target: np.ndarray, rng: np.random.Generator) -> Crop:
     """A crop mirrored, in another contrast and tint, at another scale, some thrown shapes left out."""
-    planes, target = planes.astype(np.float32), target.astype(np.float32)
+    planes = network_planes(planes)
     if rng.random() < 0.5:
         planes, target = planes[:, :, ::-1].copy(), target[:, ::-1].copy()
         planes[PLANES.index("right")] *= -1
     contrast = np.float32(np.exp(rng.normal(0, 0.15)))
     planes[:3] = contrast * planes[:3] + rng.normal(0, 0.04, (3, 1, 1)) * planes[PLANES.index("picture")]
-    planes[PLANES.index("darkness")] *= contrast
+    for name in ("darkness", "ambient"):
+        planes[PLANES.index(name)] *= contrast
     if rng.random() < 0.3:
         planes[:3] = planes[rng.permutation(3)]
-    for number in range(PLANES.index("sharp"), len(PLANES)):
+    for number in range(THROWN, len(PLANES)):
         planes[number] *= 0 if rng.random() < 0.12 else np.clip(1 + rng.normal(0, 0.1), 0, 1.2)
     if rng.random() < SCALED:
         scale = rng.uniform(*SCALES)
@@ -97,12 +91,11 @@ def loss_of(logits: Tensor, targets: Tensor) -> Tensor:
     return (entropy.sum((1, 2)) / pixels + OVERLAP * (area >= FEWEST_PX / 2) * apart).mean()
 
 
-def batches(crops: Sequence[Crop], rng: np.random.Generator) -> list[np.ndarray]:
-    """Numbers of crops of about one size, in a drawn order."""
-    order = rng.permutation(len(crops))
+def batches(sizes: np.ndarray, rng: np.random.Generator) -> list[np.ndarray]:
+    """Numbers of crops of about one size, in a drawn order. sizes: N x 2."""
+    order = rng.permutation(len(sizes))
     buckets = [order[start : start + BUCKET] for start in range(0, len(order), BUCKET)]
-    sides = [[crops[n][1].shape for n in bucket] for bucket in buckets]
-    order = np.concatenate([bucket[np.lexsort(np.array(side).T)] for bucket, side in zip(buckets, sides)])
+    order = np.concatenate([bucket[np.lexsort(sizes[bucket].T)] for bucket in buckets])
     every = [order[start : start + BATCH] for start in range(0, len(order) - BATCH + 1, BATCH)]
     return [every[n] for n in rng.permutation(len(every))]
 
@@ -111,13 +104,14 @@ def trained(crops: Sequence[Crop], others: Sequence[Crop], epochs: int, seed: in
     """The network after `epochs`, by AdamW; the loss of `others` is printed."""
     torch.manual_seed(seed)
     rng = np.random.default_rng(seed)
-    network = ShadowNet(len(crops[0][0])).to(memory_format=torch.channels_last)  # type: ignore[call-overload]
+    network = ShadowNet(len(network_planes(crops[0][0]))).to(memory_format=torch.channels_last)  # type: ignore[call-overload]
     optimiser = torch.optim.AdamW(network.parameters(), RATE, weight_decay=DECAY)
     steps, step = epochs * (len(crops) // BATCH), 0
+    sizes = np.array([target.shape for _, target in crops])
     for epoch in range(epochs):
         network.train()
         losses = []
-        for numbers in batches(crops, rng):
+        for numbers in batches(sizes, rng):
             for group in optimiser.param_groups:
                 group["lr"] = RATE * min(1, (step + 1) / WARM) * 0.5 * (1 + np.cos(np.pi * step / steps))
             planes, targets = batch_of([varied(*crops[n], rng) for n in numbers])
@@ -138,7 +132,7 @@ def trained(crops: Sequence[Crop], others: Sequence[Crop], epochs: int, seed: in
 @torch.no_grad()
 def mean_loss(network: ShadowNet, crops: Sequence[Crop]) -> float:
     network.eval()
-    pairs = (batch_of([crop]) for crop in crops)
+    pairs = (batch_of([(network_planes(planes), target)]) for planes, target in crops)
     return float(np.mean([float(loss_of(network(planes), targets)) for planes, targets in pairs]))
 
 
@@ -150,9 +144,8 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0)
     given = parser.parse_args()
     torch.set_num_threads(1)
-    every = loaded(given.folder / "train")
-    print(f"{len(every)} crops", flush=True)
-    others, crops = every[::FIFTH], [crop for number, crop in enumerate(every) if number % FIFTH]
+    crops, others = ShadowCrops.of(given.folder / "train").fifths()
+    print(f"{len(crops)} crops, {len(others)} others", flush=True)
     network = trained(crops, others, given.epochs, given.seed)
     state = {name: tensor.numpy() for name, tensor in network.state_dict().items()}
     export_shadow(state, given.output, ABOUT)

@@ -16,6 +16,7 @@ from dlama.perception.shadows.classifier import (
     classifiers,
     shadow_probability,
 )
+from dlama.perception.shadows.crop import crop_round
 from dlama.perception.shadows.features import (
     CANDIDATE_FEATURES,
     candidate_features,
@@ -23,7 +24,7 @@ from dlama.perception.shadows.features import (
     insides,
     pixel_features,
 )
-from dlama.perception.shadows.planes import PLANES, crop_round
+from dlama.perception.shadows.planes import PLANES, THROWN
 
 FLAT = np.zeros((len(PLANES), 96, 128), np.float32)
 FLAT[4:6] = 1  # surface all over the picture
@@ -33,7 +34,7 @@ FLAT[3, 30:60, 50:70], FLAT[4, 30:60, 50:70] = 1, 0
 def with_shape() -> np.ndarray:
     """A thing on an even surface whose shape was thrown to its right."""
     planes = FLAT.copy()
-    planes[10, 50:60, 72:100] = 0.5
+    planes[THROWN, 50:60, 72:100] = 0.5
     return planes
 
 
@@ -44,8 +45,8 @@ def test_the_file_that_ships_fits_the_features() -> None:
     planes = with_shape()
     shares = color_shares(planes)
     candidates = candidate_features(planes, insides(planes), shares)
-    assert candidates.shape == (len(PLANES[10:]) + 1, CANDIDATE_FEATURES)
-    rows, where = pixel_features(planes, planes[10] > 0, 0.5, shares)
+    assert candidates.shape == (len(PLANES[THROWN:]) + 2, CANDIDATE_FEATURES)
+    rows, where = pixel_features(planes, planes[THROWN] > 0, 0.5, shares)
     assert len(rows) == where.sum() == (planes[4] > 0.5).sum()
     for part, features in (("candidate", np.nan_to_num(candidates)), ("pixel", rows)):
         said = parts[part](features)

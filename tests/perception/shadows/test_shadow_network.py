@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from dlama.perception.shadows.crop import SIDE
 from dlama.perception.shadows.features import color_shares
 from dlama.perception.shadows.network import LOG_SHARE, NETWORK, network, network_planes, network_probability
-from dlama.perception.shadows.planes import MULTIPLE, PLANES, SIDE
+from dlama.perception.shadows.planes import MULTIPLE, PLANES
 
 FLAT = np.zeros((len(PLANES), 96, 128), np.float32)
 FLAT[4:6] = 1  # surface all over the picture

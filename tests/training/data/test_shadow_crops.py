@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from dlama.perception.shadows.planes import MULTIPLE, PLANES
-from dlama.training.data.shadow_crops import shadow_crop, write_shadow_crops
+from dlama.training.data.shadow_crops import ShadowCrops, shadow_crop, write_shadow_crops
 
 
 def test_a_seed_says_it_all_and_truth_lies_on_the_surface(tmp_path: Path) -> None:
@@ -19,6 +19,13 @@ def test_a_seed_says_it_all_and_truth_lies_on_the_surface(tmp_path: Path) -> Non
     assert all(side % MULTIPLE == 0 for side in target.shape)
     assert target.max() <= 1 and (target[planes[4] < 0.25] == -1).all()
     assert write_shadow_crops(tmp_path, 1, 54_003, None) == 1
-    with np.load(tmp_path / "54003.npz") as file:
-        np.testing.assert_allclose(file["planes"], planes, atol=2e-3)
-        np.testing.assert_allclose(file["target"], target, atol=1e-3)
+    (stored,) = ShadowCrops.of(tmp_path)
+    np.testing.assert_allclose(stored[0], planes, atol=2e-3)
+    np.testing.assert_allclose(stored[1], target, atol=1e-3)
+
+
+def test_fifths_share_nothing_and_leave_nothing_out() -> None:
+    files = [Path(f"{number}.npz") for number in range(12)]
+    most, fifth = ShadowCrops(files).fifths()
+    assert len(most) == 9 and fifth.files == [files[0], files[5], files[10]]
+    assert sorted(most.files + fifth.files) == sorted(files)

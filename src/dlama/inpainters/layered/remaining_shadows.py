@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from dlama.geometry.holes import nearest_known, opened, square
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.geometry.view import HoleType, View
-from dlama.perception.shadows.ground import quadratic, robust_fit
+from dlama.perception.shadows.lit_surface import quadratic, robust_fit
 
 GRID = 256
 """Longer side of the coarse picture on which shadows are looked for."""

@@ -12,7 +12,7 @@ import numpy as np
 
 from dlama.geometry.holes import nearest_known
 from dlama.geometry.rgbd import BoolArray, Float32Array
-from dlama.perception.shadows.planes import FAR, LOG_RANGE
+from dlama.perception.shadows.planes import FAR, LOG_RANGE, THROWN
 
 WINDOWS = 9, 19, 41
 """Pixels of the crop over which darkness is averaged."""
@@ -28,6 +28,8 @@ FEWEST_PX = 6
 LOW, CONTACT = 0.15, 0.15
 """What is lower than this share of the thing's height is its foot; shadows round it lie within this share of its size."""
 LEAST_DEEP = 0.05
+OCCLUDED = 0.3
+"""Where the thing hides so much of the sky is its shape on an overcast day."""
 
 
 ColorShares = tuple[np.ndarray, list[np.ndarray]]
@@ -35,10 +37,10 @@ ColorShares = tuple[np.ndarray, list[np.ndarray]]
 
 
 def insides(planes: Float32Array) -> list[BoolArray]:
-    """The thrown shapes of the crop, and the surface round the thing's foot, where the surface is seen."""
+    """The thrown shapes of the crop, where the thing hides much of the sky, and the surface round its foot; where it is seen."""
     where = planes[4] > 0.5
-    thrown = [np.asarray((plane > 0.5 * plane.max()) & (plane > 0) & where) for plane in planes[10:]]
-    return [*thrown, round_foot(planes) & where]
+    thrown = [np.asarray((plane > 0.5 * plane.max()) & (plane > 0) & where) for plane in planes[THROWN:]]
+    return [*thrown, np.asarray((planes[10] > OCCLUDED) & where), round_foot(planes) & where]
 
 
 def round_foot(planes: Float32Array) -> BoolArray:
@@ -58,7 +60,7 @@ def candidate_features(planes: Float32Array, shapes: list[BoolArray], shares: Co
     where, thing, dark = planes[4] > 0.5, planes[3] > 0.5, planes[9]
     apart = cv2.distanceTransform((~thing).astype(np.uint8), cv2.DIST_L2, 5)
     common, raised = (plane_of(each, where) for each in (shares[0], np.max(shares[1], 0)))
-    sure = [*(float(plane.max()) for plane in planes[10:]), 0.0, 0.0]
+    sure = [*(float(plane.max()) for plane in planes[THROWN:]), 0.0, 0.0, 0.0]
     rows = []
     for number, inside in enumerate(shapes):
         if inside.sum() < FEWEST_PX:
@@ -75,20 +77,20 @@ def candidate_features(planes: Float32Array, shapes: list[BoolArray], shares: Co
         spread = float(dark[ring].std())
         rows.append(
             [
-                sure[number], sure[3], *(float(number == kind) for kind in range(5)), max(agree[:4]), agree[3], sum(agree[:4]),
+                sure[number], sure[3], *(float(number == kind) for kind in range(6)), max(agree[:4]), agree[3], sum(agree[:4]),
                 deep, deep - around, float((dark[inside] > middle).mean() + (dark[ring] < middle).mean()) - 1,
                 min((deep - around) / max(spread, LEAST_DEEP), 4.0), spread,
                 min(float(np.abs(ratio - ratio[1]).max()) / max(float(abs(ratio[1])), 0.05), 3.0),
                 float((dark[rest] > middle).mean()) if rest.sum() > 50 else 0.5,
                 float(common[inside].mean() - common[ring].mean()), float((raised - common)[inside].mean()),
                 float(np.log(inside.sum() / max(float(thing.sum()), 1.0))), float(np.log(inside.sum())),
-                min(float(apart[inside].min()), 40.0) / 10, float(where.mean()),
+                min(float(apart[inside].min()), 40.0) / 10, float(where.mean()), float(planes[11, inside].mean()),
             ]
         )  # fmt: skip
     return np.array(rows, np.float32)
 
 
-CANDIDATE_FEATURES = 23
+CANDIDATE_FEATURES = 25
 
 
 def overlap(one: BoolArray, other: BoolArray) -> float:
@@ -128,6 +130,7 @@ def pixel_features(
     flat += [ratio[0] - ratio[1], ratio[2] - ratio[1], ratio[1]]
     flat += [np.log(np.hypot(right, away) + 0.1), np.clip(away, -4, 4), np.log(apart + 1), np.minimum(apart / tall, 3)]
     flat += [np.clip(way_to(smooth[0], there, target) / scale, -1, 2) for target in (nearest, foot_of(thing))]
+    flat += [planes[10], planes[11], np.clip(planes[11] / scale, 0, 2.5)]
     columns = [np.asarray(plane, np.float32)[where] for plane in flat]
     common, raised = shares
     columns += [common, *(each - common for each in raised)]

@@ -1,7 +1,8 @@
 """A picture with depth and the mask of a thing in; the shadow that the thing casts on the surface it stands on out.
 
-Shapes are thrown by the lights that explain most; a network and three classifiers made on procedural worlds say which of them is
-right, which pixels are in the shadow, and whether there is one at all. Only the surface is ever covered, never another thing.
+Shapes are thrown by the lights that explain most and by the sky; a network and three classifiers made on procedural worlds say
+which of them is right, which pixels are in the shadow, and whether there is one at all. Only the surface is ever covered, never
+another thing.
 """
 
 from __future__ import annotations
@@ -12,8 +13,10 @@ from dlama.geometry.holes import dilated, touching
 from dlama.geometry.rgbd import RGBD, BoolArray
 from dlama.perception.masks.supports import Planes, planes_of
 from dlama.perception.shadows.classifier import SHADOW, shadow_probability
-from dlama.perception.shadows.ground import EDGE_PX, darkness, ground_of
-from dlama.perception.shadows.growing import grown
+from dlama.perception.shadows.ground import EDGE_PX, ground_of
+from dlama.perception.shadows.growing import grown, under_the_sky
+from dlama.perception.shadows.lit_surface import darkness
+from dlama.perception.shadows.occlusion import ambient_occlusion
 from dlama.perception.shadows.planes import shadow_planes
 from dlama.perception.shadows.thrown import SMALLEST_PX
 
@@ -21,6 +24,8 @@ NEAR_PX = 5
 """A shadow touches the shape that was thrown, or comes so near the thing."""
 PLAUSIBLE = 0.1
 """What darkness alone adds has this mean probability at least: elsewhere it is the pattern that is dark."""
+FAINT = 0.02
+"""And what the sky explains this one: it is faint."""
 LARGEST = 4.0
 """It covers no more pixels than this many times the thing."""
 
@@ -34,8 +39,9 @@ def find_shadow(rgbd: RGBD, mask: BoolArray, found: Planes | None = None) -> Boo
     ground = ground_of(rgbd, mask, found or planes_of(rgbd))
     if ground is None:
         return none
-    dark = darkness(rgbd, mask, ground.surface)
-    planes, crop = shadow_planes(rgbd, mask, ground, dark)
+    occlusion = ambient_occlusion(rgbd, mask, ground)
+    dark = darkness(rgbd, mask, ground.surface, occlusion)
+    planes, crop = shadow_planes(rgbd, mask, ground, occlusion, dark)
     answer = shadow_probability(planes)
     if answer is None:
         return none
@@ -43,9 +49,12 @@ def find_shadow(rgbd: RGBD, mask: BoolArray, found: Planes | None = None) -> Boo
     usable = ground.surface & ~dilated(mask, EDGE_PX)
     thrown = (shape > 0.5) & usable
     shadow = touching((probability > SHADOW) & usable, thrown | dilated(mask, NEAR_PX))
-    further = grown(rgbd, mask, ground, usable, thrown, dark)
+    further = grown(rgbd, mask, ground, usable, thrown)
     if further.any() and probability[further].mean() > PLAUSIBLE:
         shadow |= further
+    soft = under_the_sky(rgbd, mask, ground, usable, shadow, occlusion) & ~shadow
+    if soft.any() and probability[soft].mean() > FAINT:
+        shadow |= soft
     if not SMALLEST_PX <= shadow.sum() <= LARGEST * mask.sum():
         return none
     contact = dilated(shadow, EDGE_PX + 2) & dilated(mask, EDGE_PX + 1)

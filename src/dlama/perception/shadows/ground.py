@@ -1,27 +1,20 @@
-"""A picture with depth and a thing's mask in; the plane it stands on, how dark that is, and the thing's points over it, out."""
+"""A picture with depth and a thing's mask in; the plane it stands on, and the thing's points over it, out."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from dlama.geometry.holes import dilated
 from dlama.geometry.projection import rays
-from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array
+from dlama.geometry.rgbd import RGBD, BoolArray
 from dlama.perception.masks.supports import Planes
 from dlama.perception.planes import plane_values
 
-WINDOW_PX = 5
-"""Darkness is averaged over so many pixels."""
 EDGE_PX = 2
 """Pixels round the thing that are mixes of it and its surroundings."""
-AROUND = 1.6
-"""The lit surface is looked at as far from the thing as this many times its diagonal in the picture."""
-ROUNDS = 8
-"""Of the robust fit of the lit surface."""
 POINTS = 8000
 """Pixels of the thing that are thrown for each direction of light."""
 BENT = 0.2
@@ -76,63 +69,6 @@ def ground_of(rgbd: RGBD, mask: BoolArray, found: Planes) -> Ground | None:
         value = plane_values(found.planes[number - 1 : number], mask.shape)[0]
         surface = np.abs(value - found.w) < BENT * found.w
     return Ground(normal, np.asarray(surface & rgbd.valid & ~mask))
-
-
-def darkness(rgbd: RGBD, mask: BoolArray, surface: BoolArray, window: int = WINDOW_PX) -> Float32Array | None:
-    """H x W: natural logarithm of the lit surface's luma over what is seen, averaged over
-    windows; 0 off the surface. None: too little is seen.
-
-    The lit surface is a quadratic over pixels, fitted so that what is much darker counts less each round (Tukey's weights, the
-    darker side cut sooner).
-    """
-    near = around(mask)
-    usable = surface & near & ~dilated(mask, EDGE_PX)
-    if usable.sum() < 200:
-        return None
-    luma = cv2.cvtColor(rgbd.color, cv2.COLOR_RGB2GRAY).astype(np.float32) + 4
-    level = np.log(luma)
-    inside = (surface & ~dilated(mask, EDGE_PX)).astype(np.float32)
-    size = (window, window)
-    total, count = cv2.blur(level * inside, size), cv2.blur(inside, size)
-    smooth = np.where(count > 0, total / np.maximum(count, 1e-6), level)
-    v, u = np.nonzero(usable)
-    keep = slice(None, None, max(1, len(v) // 20000))
-    v, u = v[keep], u[keep]
-    value = smooth[v, u].astype(np.float64)
-    height, width = mask.shape
-    fit = robust_fit(quadratic(u / width, v / height), value)
-    rows, columns = np.nonzero(surface & near)
-    lit = quadratic(columns / width, rows / height) @ fit
-    out = np.zeros(mask.shape, np.float32)
-    out[rows, columns] = lit - smooth[rows, columns]
-    return out
-
-
-def robust_fit(design: NDArray[np.float64], value: NDArray[np.float64]) -> NDArray[np.float64]:
-    """C coefficients of the lit surface: design (N x C) @ C ~ value (N), where what is much darker counts less each round."""
-    weight = np.ones(len(value))
-    for _ in range(ROUNDS):
-        root = np.sqrt(weight)
-        fit = np.linalg.lstsq(design * root[:, None], value * root, rcond=None)[0]
-        off = value - design @ fit
-        spread = max(1.4826 * float(np.median(np.abs(off))), 0.02)
-        scaled = off / np.where(off < 0, 2.0 * spread, 4.0 * spread)
-        weight = np.clip(1 - scaled**2, 0, None) ** 2 + 1e-6
-    return np.asarray(fit)
-
-
-def quadratic(u: np.ndarray, v: np.ndarray) -> NDArray[np.float64]:
-    """N x 6: the terms of a quadratic over N points, for `robust_fit`."""
-    return np.stack([np.ones_like(u), u, v, u * u, u * v, v * v], 1).astype(np.float64)
-
-
-def around(mask: BoolArray) -> BoolArray:
-    """H x W, True in the box of the mask grown by AROUND of its diagonal."""
-    rows, columns = np.flatnonzero(mask.any(1)), np.flatnonzero(mask.any(0))
-    reach = int(AROUND * np.hypot(np.ptp(rows) + 1, np.ptp(columns) + 1))
-    out = np.zeros(mask.shape, np.bool_)
-    out[max(rows[0] - reach, 0) : rows[-1] + reach + 1, max(columns[0] - reach, 0) : columns[-1] + reach + 1] = True
-    return out
 
 
 def thing_points(rgbd: RGBD, mask: BoolArray, ground: Ground) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

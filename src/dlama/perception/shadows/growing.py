@@ -1,6 +1,7 @@
 """A shape that was thrown, and the picture, in; the shadow that goes on from it where the surface is plain enough out.
 
-What the thing's hidden side casts touches the shape and is as dark; soft borders fade. On patterns darkness alone tells neither,
+What the thing's hidden side casts touches the shape and is as dark; soft borders fade; on overcast days they fade as much as the
+thing hides of the sky. On patterns darkness alone tells neither,
 and nothing is added.
 """
 
@@ -10,7 +11,8 @@ import numpy as np
 
 from dlama.geometry.holes import dilated, opened, square, touching
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array
-from dlama.perception.shadows.ground import Ground, darkness
+from dlama.perception.shadows.ground import Ground
+from dlama.perception.shadows.lit_surface import around, darkness, sky_lost
 
 DARKER = 0.1
 """Natural logarithm by which a shadow is darker at least; a tenth."""
@@ -19,19 +21,18 @@ PLAIN = 4.0
 SOFT_WINDOW_PX, SOFT_EVEN, FADED = 15, 0.035, 0.75
 """Shadows fade over a surface whose darkness over such windows has at most this standard deviation; less dark is less than this
 share of the shadow's own darkness: what is darker is another thing's."""
+EVEN, RIM_PX = 0.07, 4
+"""The sky's share is told where it leaves no more than this unexplained (mean of the logarithm), outside a shadow's rim."""
 ROUNDS, MORE = 8, 1.01
 """Of growing, and the factor by which a shadow grows in a round, at least."""
 
 
-def grown(
-    rgbd: RGBD, mask: BoolArray, ground: Ground, usable: BoolArray, shape: BoolArray, dark: Float32Array | None
-) -> BoolArray:
-    """H x W: `shape` with what touches it and is darker than half of its darkness, and what fades from that.
-
-    dark: H x W, `darkness` of the surface.
-    """
-    if dark is None or not shape.any():
+def grown(rgbd: RGBD, mask: BoolArray, ground: Ground, usable: BoolArray, shape: BoolArray) -> BoolArray:
+    """H x W: `shape` with what touches it and is darker than half of its darkness, and what fades from that."""
+    told = darkness(rgbd, mask, ground.surface, None)
+    if told is None or not shape.any():
         return np.zeros_like(shape)
+    dark = told.dark
     deep = max(DARKER, float(np.median(dark[shape])))
     shadow = np.zeros_like(shape)
     if deep > PLAIN * unevenness(dark, usable):
@@ -42,7 +43,27 @@ def grown(
             if larger.sum() < MORE * shadow.sum():
                 break
             shadow = larger
-    return shadow | fading(rgbd, mask, ground, usable, shape | shadow, deep)
+    softly = darkness(rgbd, mask, ground.surface, None, SOFT_WINDOW_PX)
+    return shadow if softly is None else shadow | fading(softly.dark, usable, shape | shadow, deep)
+
+
+def under_the_sky(
+    rgbd: RGBD, mask: BoolArray, ground: Ground, usable: BoolArray, shadow: BoolArray, occlusion: Float32Array
+) -> BoolArray:
+    """H x W: the surface that is darker because the thing hides the sky from it, as is told by what lies outside `shadow`.
+
+    occlusion: H x W, `ambient_occlusion`. Where a hard shadow explains what is dark near the thing, little is left for the sky;
+    on patterns a tenth is not told.
+    """
+    outside = ground.surface & ~dilated(shadow, RIM_PX)
+    told = darkness(rgbd, mask, outside, occlusion)
+    if told is None:
+        return np.zeros_like(shadow)
+    rest = (told.dark - told.ambient)[outside & usable & around(mask)]
+    if not rest.size or np.abs(rest).mean() > EVEN:
+        return np.zeros_like(shadow)
+    darker = usable & (told.share * sky_lost(occlusion) > DARKER)
+    return touching(darker, shadow | dilated(mask, RIM_PX))
 
 
 def growth_px(shape: BoolArray) -> int:
@@ -56,10 +77,12 @@ def unevenness(dark: Float32Array, usable: BoolArray) -> float:
     return 1.4826 * float(np.median(np.abs(values))) if values.size > 50 else 0.0
 
 
-def fading(rgbd: RGBD, mask: BoolArray, ground: Ground, usable: BoolArray, shadow: BoolArray, deep: float) -> BoolArray:
-    """What goes on from a shadow, less dark, down to DARKER: where the surface is plain enough for that to be told."""
-    dark = darkness(rgbd, mask, ground.surface, SOFT_WINDOW_PX)
-    if dark is None or unevenness(dark, usable) > SOFT_EVEN:
+def fading(dark: Float32Array, usable: BoolArray, shadow: BoolArray, deep: float) -> BoolArray:
+    """What goes on from a shadow, less dark, down to DARKER: where the surface is plain enough for that to be told.
+
+    dark: H x W, of the surface, averaged over SOFT_WINDOW_PX.
+    """
+    if unevenness(dark, usable) > SOFT_EVEN:
         return np.zeros_like(shadow)
     less = usable & (dark > DARKER) & (dark < FADED * deep)
     both = touching(opened(less, square(5)) | shadow, shadow)

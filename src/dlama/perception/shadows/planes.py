@@ -1,82 +1,41 @@
 """A picture, a thing's mask and the surface it stands on in; the planes of a crop round it that its shadow is judged by out.
 
 Log colour against the lit surface, where thing and surface are, height and place over the surface in heights of the thing, the
-darkness map, and the thing's shape thrown by the lights that explain most.
+darkness map, how much of the sky the thing hides and the darkness that this explains, and the thing's shape thrown by the lights
+that explain most.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from dlama.geometry.holes import dilated
 from dlama.geometry.projection import rays
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array
+from dlama.perception.shadows.crop import Crop, crop_round
 from dlama.perception.shadows.ground import EDGE_PX, Ground, standing, thing_points
+from dlama.perception.shadows.lit_surface import Darkness
 from dlama.perception.shadows.thrown import thrown_shapes
 
-SIDE, MULTIPLE = 320, 32
-"""Longer side of the crop in its own pixels, and what its sides are multiples of."""
+MULTIPLE = 32
+"""The sides of the planes are multiples of this many pixels; the crop's longer side has `crop.SIDE`."""
 PLANES = (
-    "red", "green", "blue", "thing", "surface", "picture", "height", "right", "away", "darkness", "sharp", "soft",
-    "second", "common",
+    "red", "green", "blue", "thing", "surface", "picture", "height", "right", "away", "darkness", "occluded",
+    "ambient", "sharp", "soft", "second", "common",
 )  # fmt: skip
-ASIDE, BELOW, ABOVE = 1.6, 1.2, 0.5
-"""The crop reaches as far from the thing as these times its diagonal in the picture."""
-LARGEST_SCALE = 2.0
-"""Small crops are enlarged by no more than this."""
+THROWN = PLANES.index("sharp")
+"""From this plane on they are shapes that were thrown."""
 LOG_RANGE, FAR = 2.0, 4.0
 """Logarithms of colour, and heights of the thing, that are 1 in a plane (the latter through tanh)."""
 
 
-@dataclass(frozen=True)
-class Crop:
-    """The part of a picture that a shadow is looked for in."""
+def shadow_planes(
+    rgbd: RGBD, mask: BoolArray, ground: Ground, occlusion: Float32Array, dark: Darkness | None
+) -> tuple[Float32Array, Crop]:
+    """PLANES x h x w, sides multiples of MULTIPLE and at most `crop.SIDE`, and where in the picture that is.
 
-    rows: slice
-    columns: slice
-    scale: float
-    """Pixels of the crop in one of the picture."""
-
-    @property
-    def size(self) -> tuple[int, int]:
-        """Width and height of the crop; what is right of and below it is empty."""
-        wide, high = self.columns.stop - self.columns.start, self.rows.stop - self.rows.start
-        return min(SIDE, max(1, round(wide * self.scale))), min(SIDE, max(1, round(high * self.scale)))
-
-    def small(self, picture: np.ndarray) -> np.ndarray:
-        """The crop of a picture (H x W or H x W x 3) at the crop's size, float32."""
-        part = np.ascontiguousarray(picture[self.rows, self.columns]).astype(np.float32)
-        how = cv2.INTER_AREA if self.scale < 1 else cv2.INTER_LINEAR
-        return cv2.resize(part, self.size, interpolation=how)
-
-    def large(self, plane: Float32Array, hw: tuple[int, int]) -> Float32Array:
-        """A plane of the crop back in a picture of H x W, 0 outside the crop."""
-        wide, high = self.size
-        out = np.zeros(hw, np.float32)
-        box = out[self.rows, self.columns]
-        box[:] = cv2.resize(plane[:high, :wide], box.shape[::-1], interpolation=cv2.INTER_LINEAR)
-        return out
-
-
-def crop_round(mask: BoolArray) -> Crop:
-    """The crop that a thing's shadow is looked for in."""
-    rows, columns = np.flatnonzero(mask.any(1)), np.flatnonzero(mask.any(0))
-    height, width = mask.shape
-    diagonal = float(np.hypot(np.ptp(rows) + 1, np.ptp(columns) + 1)) + 8
-    top, bottom = max(0, int(rows[0] - ABOVE * diagonal)), min(height, int(rows[-1] + BELOW * diagonal) + 1)
-    left, right = max(0, int(columns[0] - ASIDE * diagonal)), min(width, int(columns[-1] + ASIDE * diagonal) + 1)
-    scale = min(LARGEST_SCALE, SIDE / max(bottom - top, right - left))
-    return Crop(slice(top, bottom), slice(left, right), scale)
-
-
-def shadow_planes(rgbd: RGBD, mask: BoolArray, ground: Ground, dark: Float32Array | None) -> tuple[Float32Array, Crop]:
-    """PLANES x h x w, sides multiples of MULTIPLE and at most SIDE, and where in the picture that is.
-
-    dark: H x W, `darkness` of the surface.
+    occlusion: H x W, `ambient_occlusion`. dark: of the surface.
     """
     crop = crop_round(mask)
     usable = ground.surface & ~dilated(mask, EDGE_PX)
@@ -92,8 +51,10 @@ def shadow_planes(rgbd: RGBD, mask: BoolArray, ground: Ground, dark: Float32Arra
     tall = max(float(np.quantile(rise, 0.98)), 0.02) if len(rise) else 1.0
     view[6:9] = places(rgbd, ground, crop, points, rise, tall)
     if dark is not None:
-        view[9] = np.clip(crop.small(dark), -1.5, 1.5)
-    for plane, shape in zip(view[10:], thrown_shapes(rgbd, ground, usable, standing(points, rise, ground), tall)):
+        view[9] = np.clip(crop.small(dark.dark), -1.5, 1.5)
+        view[11] = np.clip(crop.small(dark.ambient), 0, 1.5)
+    view[10] = crop.small(occlusion)
+    for plane, shape in zip(view[THROWN:], thrown_shapes(rgbd, ground, usable, standing(points, rise, ground), tall)):
         if shape is not None:
             plane[:] = shape[0] * crop.small(shape[1])
     return out, crop

@@ -8,6 +8,7 @@ masks that are a pixel off and bent depth are added afterwards.
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 from pathlib import Path
 
 import cv2
@@ -19,7 +20,9 @@ from dlama.geometry.camera import Camera
 from dlama.geometry.holes import dilated, eroded
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
 from dlama.perception.masks.supports import planes_of
-from dlama.perception.shadows.ground import EDGE_PX, darkness, ground_of
+from dlama.perception.shadows.ground import EDGE_PX, ground_of
+from dlama.perception.shadows.lit_surface import darkness
+from dlama.perception.shadows.occlusion import ambient_occlusion
 from dlama.perception.shadows.planes import shadow_planes
 from dlama.training.data.augment import with_faults
 from dlama.training.data.sensors import photographed, stereo_matcher, structured_light
@@ -35,7 +38,8 @@ NATIVE, SOFT = 0.4, 0.46
 SIZES = (288, 336, 384)
 FEWEST_PX, LARGEST_SHARE = 0.0015, 0.2
 """Of the picture: a thing that is chosen."""
-LIGHTS, DOME, LIGHT_PX = 12, 12, 128
+FIFTH = 5
+LIGHTS, DOME, LIGHT_PX = 12, 24, 128
 """Directions of a lobe and of the sky of a soft light, and the side of the pictures that they are looked at in."""
 
 
@@ -49,7 +53,9 @@ def shadow_crop(seed: int, textures: Textures = None) -> tuple[Float32Array, Flo
     ground = ground_of(source, mask, planes_of(source)) if mask.any() else None
     if ground is None:
         return None
-    planes, crop = shadow_planes(source, mask, ground, darkness(source, mask, ground.surface))
+    occlusion = ambient_occlusion(source, mask, ground)
+    dark = darkness(source, mask, ground.surface, occlusion)
+    planes, crop = shadow_planes(source, mask, ground, occlusion, dark)
     target = np.full(planes.shape[1:], -1, np.float32)
     wide, high = crop.size
     counts = crop.small(ground.surface & ~dilated(mask, EDGE_PX)) > 0.5
@@ -131,7 +137,7 @@ def softly_lit(
     for number in range(DOME):  # by the cosine to the vertical
         around, out = 2.4 * number + rng.uniform(0, 0.5), np.sqrt((number + rng.random()) / DOME)
         dome.append(np.array([out * np.cos(around), -np.sqrt(1 - out**2) - 0.02, out * np.sin(around)]))
-    share = float(rng.choice([0.0, 1.0, rng.random()], p=[0.2, 0.35, 0.45]))
+    share = float(rng.choice([0.0, 1.0, rng.random()], p=[0.4, 0.2, 0.4]))
     weights = [share / LIGHTS] * LIGHTS + [(1 - share) / DOME] * DOME
     fast = dataclasses.replace(made, antialias=False)
     maps = np.zeros((2, LIGHT_PX, LIGHT_PX), np.float32)
@@ -144,12 +150,13 @@ def softly_lit(
             seen = at.raycast(small, object=shown)
             plane += weight * ((seen.light == LIT) | (seen.group < 0))
     maps = maps / max(sum(w for w, d in zip(weights, lobe + dome) if d[1] < -0.05), 1e-6)
-    depth = float(rng.uniform(0.12, 0.85)) * (1 + rng.uniform(-0.12, 0.12, 3))
+    overcast = 1 - share  # there nearly all light comes from the sky
+    depth = float(rng.uniform(0.12 + 0.38 * overcast, 0.85 + 0.15 * overcast)) * (1 + rng.uniform(-0.12, 0.12, 3))
     out = []
     for picture, plane in zip((color, plain), maps):
         soft = cv2.GaussianBlur(plane, (0, 0), 0.6 + 2 * (1 - share))
         lost = 1 - cv2.resize(soft, picture.shape[1::-1], interpolation=cv2.INTER_LINEAR)
-        linear = (picture / np.float32(255)) ** 2.2 * (1 - depth * np.clip(lost, 0, 1)[..., None])
+        linear = (picture / np.float32(255)) ** 2.2 * np.maximum(1 - depth * np.clip(lost, 0, 1)[..., None], 0)
         out.append(np.clip(255 * linear ** (1 / 2.2), 0, 255).astype(np.uint8))
     return out[0], out[1]
 
@@ -202,3 +209,28 @@ def write_shadow_crops(folder: Path, count: int, seed: int, textures: Path | Non
             with new_file(file) as draft, draft.open("wb") as stream:
                 np.savez(stream, planes=planes.astype(np.float16), target=target.astype(np.float16))
     return len(list(folder.glob("*.npz")))
+
+
+class ShadowCrops(Sequence[tuple[Float32Array, Float32Array]]):
+    """The crops of a folder by `write_shadow_crops`, in the order of their seeds, each read when it is asked for."""
+
+    def __init__(self, files: Sequence[Path]) -> None:
+        self.files = list(files)
+
+    @classmethod
+    def of(cls, folder: Path) -> ShadowCrops:
+        return cls(sorted(folder.glob("*.npz"), key=lambda file: int(file.stem)))
+
+    def __len__(self) -> int:
+        return len(self.files)
+
+    def __getitem__(self, number: int) -> tuple[Float32Array, Float32Array]:  # type: ignore[override]
+        """Planes and target, as `shadow_crop`."""
+        with np.load(self.files[number]) as file:
+            return file["planes"].astype(np.float32), file["target"].astype(np.float32)
+
+    def fifths(self) -> tuple[ShadowCrops, ShadowCrops]:
+        """Four crops of five, for the network and the classifiers of shapes and pixels, and each fifth, for the verdict on their
+        answers."""
+        others = [file for number, file in enumerate(self.files) if number % FIFTH]
+        return ShadowCrops(others), ShadowCrops(self.files[::FIFTH])

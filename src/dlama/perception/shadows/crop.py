@@ -1,0 +1,62 @@
+"""A thing's mask in; the part of the picture that its shadow is looked for in, and back, out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from dlama.geometry.rgbd import BoolArray, Float32Array
+
+SIDE = 320
+"""Longer side of the crop in its own pixels."""
+ASIDE, BELOW, ABOVE = 1.6, 1.2, 0.5
+"""The crop reaches as far from the thing as these times its diagonal in the picture."""
+LARGEST_SCALE = 2.0
+"""Small crops are enlarged by no more than this."""
+
+
+@dataclass(frozen=True)
+class Crop:
+    """The part of a picture that a shadow is looked for in."""
+
+    rows: slice
+    columns: slice
+    scale: float
+    """Pixels of the crop in one of the picture."""
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Width and height of the crop; what is right of and below it is empty."""
+        wide, high = self.columns.stop - self.columns.start, self.rows.stop - self.rows.start
+        return min(SIDE, max(1, round(wide * self.scale))), min(SIDE, max(1, round(high * self.scale)))
+
+    def small(self, picture: np.ndarray) -> np.ndarray:
+        """The crop of a picture (H x W or H x W x 3) at the crop's size, float32."""
+        part = np.ascontiguousarray(picture[self.rows, self.columns]).astype(np.float32)
+        how = cv2.INTER_AREA if self.scale < 1 else cv2.INTER_LINEAR
+        return cv2.resize(part, self.size, interpolation=how)
+
+    def large(self, plane: Float32Array, hw: tuple[int, int]) -> Float32Array:
+        """A plane of the crop back in a picture of H x W, 0 outside the crop."""
+        wide, high = self.size
+        return self.placed(plane[:high, :wide], hw)
+
+    def placed(self, plane: Float32Array, hw: tuple[int, int]) -> Float32Array:
+        """A plane that covers just the crop, of any size, in a picture of H x W; 0 outside the crop."""
+        out = np.zeros(hw, np.float32)
+        box = out[self.rows, self.columns]
+        box[:] = cv2.resize(plane, box.shape[::-1], interpolation=cv2.INTER_LINEAR)
+        return out
+
+
+def crop_round(mask: BoolArray) -> Crop:
+    """The crop that a thing's shadow is looked for in."""
+    rows, columns = np.flatnonzero(mask.any(1)), np.flatnonzero(mask.any(0))
+    height, width = mask.shape
+    diagonal = float(np.hypot(np.ptp(rows) + 1, np.ptp(columns) + 1)) + 8
+    top, bottom = max(0, int(rows[0] - ABOVE * diagonal)), min(height, int(rows[-1] + BELOW * diagonal) + 1)
+    left, right = max(0, int(columns[0] - ASIDE * diagonal)), min(width, int(columns[-1] + ASIDE * diagonal) + 1)
+    scale = min(LARGEST_SCALE, SIDE / max(bottom - top, right - left))
+    return Crop(slice(top, bottom), slice(left, right), scale)

@@ -1,0 +1,116 @@
+"""A picture, the surface a thing stands on and how much of the sky the thing hides from it in; how dark the surface is out.
+
+The surface, were it lit, is a quadratic over pixels. What the thing keeps from it of the light of the whole sky is fitted, too:
+where a wide thing stands on an overcast day, all that is seen round it is darker.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from dlama.geometry.holes import dilated
+from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array
+from dlama.perception.shadows.ground import EDGE_PX
+
+WINDOW_PX = 5
+"""Darkness is averaged over so many pixels."""
+AROUND = 1.6
+"""The lit surface is looked at as far from the thing as this many times its diagonal in the picture."""
+ROUNDS = 8
+"""Of the robust fit of the lit surface."""
+FEWEST_PX = 200
+"""Of the surface round the thing: fewer say nothing."""
+POINTS = 20000
+"""Pixels that the fit is made with, about."""
+MOST_HIDDEN = 0.95
+"""A point from which more of the sky is hidden gets light from elsewhere."""
+ALL_FROM_THE_SKY = 1 / 2.2
+"""Logarithm of levels over that of light, where all light comes from the sky: the gamma of pictures. No surface loses more."""
+
+
+@dataclass(frozen=True, eq=False)
+class Darkness:
+    """How dark a surface is."""
+
+    dark: Float32Array
+    """H x W: natural logarithm of the lit surface's luma over what is seen, averaged over windows; 0 off the surface."""
+    ambient: Float32Array
+    """H x W: the part of it that the light of the sky explains, which the thing keeps from the surface; 0 or more."""
+    share: float
+    """Of the light that comes from the sky, as an exponent: levels fall by the share of the sky that is seen to this power."""
+
+
+def darkness(
+    rgbd: RGBD, mask: BoolArray, surface: BoolArray, occlusion: Float32Array | None, window: int = WINDOW_PX
+) -> Darkness | None:
+    """How dark the surface is round the thing under `mask`; None: too little of it is seen.
+
+    occlusion: H x W, `ambient_occlusion`; None: the sky explains nothing. Both parts are fitted so that what is much darker
+    counts less each round (Tukey's weights, the darker side cut sooner).
+    """
+    near = around(mask)
+    usable = surface & near & ~dilated(mask, EDGE_PX)
+    if usable.sum() < FEWEST_PX:
+        return None
+    smooth = smooth_level(rgbd, surface & ~dilated(mask, EDGE_PX), window)
+    hidden = np.zeros(mask.shape) if occlusion is None else sky_lost(occlusion)
+    v, u = np.nonzero(usable)
+    keep = slice(None, None, max(1, len(v) // POINTS))
+    v, u = v[keep], u[keep]
+    height, width = mask.shape
+    design, value = quadratic(u / width, v / height), smooth[v, u].astype(np.float64)
+    share = 0.0
+    if occlusion is not None:
+        fit = robust_fit(np.c_[design, -hidden[v, u]], value)
+        share = float(np.clip(fit[-1], 0, ALL_FROM_THE_SKY))
+    if occlusion is None or share != fit[-1]:
+        fit = robust_fit(design, value + share * hidden[v, u])
+    rows, columns = np.nonzero(surface & near)
+    dark, ambient = np.zeros((2, *mask.shape), np.float32)
+    dark[rows, columns] = quadratic(columns / width, rows / height) @ fit[:6] - smooth[rows, columns]
+    ambient[rows, columns] = share * hidden[rows, columns]
+    return Darkness(dark, ambient, share)
+
+
+def sky_lost(occlusion: Float32Array) -> NDArray[np.float64]:
+    """H x W: natural logarithm of the whole sky's light over what the thing leaves of it."""
+    return np.asarray(-np.log(1 - np.minimum(occlusion, MOST_HIDDEN)), np.float64)
+
+
+def smooth_level(rgbd: RGBD, surface: BoolArray, window: int) -> Float32Array:
+    """H x W: natural logarithm of luma, averaged over the part of windows that shows the surface."""
+    level = np.log(cv2.cvtColor(rgbd.color, cv2.COLOR_RGB2GRAY).astype(np.float32) + 4)
+    inside = surface.astype(np.float32)
+    total, count = (cv2.blur(each, (window, window)) for each in (level * inside, inside))
+    return np.asarray(np.where(count > 0, total / np.maximum(count, 1e-6), level), np.float32)
+
+
+def robust_fit(design: NDArray[np.float64], value: NDArray[np.float64]) -> NDArray[np.float64]:
+    """C coefficients of the lit surface: design (N x C) @ C ~ value (N), where what is much darker counts less each round."""
+    weight = np.ones(len(value))
+    for _ in range(ROUNDS):
+        root = np.sqrt(weight)
+        fit = np.linalg.lstsq(design * root[:, None], value * root, rcond=None)[0]
+        off = value - design @ fit
+        spread = max(1.4826 * float(np.median(np.abs(off))), 0.02)
+        scaled = off / np.where(off < 0, 2.0 * spread, 4.0 * spread)
+        weight = np.clip(1 - scaled**2, 0, None) ** 2 + 1e-6
+    return np.asarray(fit)
+
+
+def quadratic(u: np.ndarray, v: np.ndarray) -> NDArray[np.float64]:
+    """N x 6: the terms of a quadratic over N points, for `robust_fit`."""
+    return np.stack([np.ones_like(u), u, v, u * u, u * v, v * v], 1).astype(np.float64)
+
+
+def around(mask: BoolArray) -> BoolArray:
+    """H x W, True in the box of the mask grown by AROUND of its diagonal."""
+    rows, columns = np.flatnonzero(mask.any(1)), np.flatnonzero(mask.any(0))
+    reach = int(AROUND * np.hypot(np.ptp(rows) + 1, np.ptp(columns) + 1))
+    out = np.zeros(mask.shape, np.bool_)
+    out[max(rows[0] - reach, 0) : rows[-1] + reach + 1, max(columns[0] - reach, 0) : columns[-1] + reach + 1] = True
+    return out

@@ -1,0 +1,79 @@
+"""A thing's mask and the surface it stands on in; how much of the sky the thing hides from each point of the surface out.
+
+Ambient occlusion: the light of an overcast sky comes from everywhere above, most of it steeply (the cosine law), and a point of
+the surface lacks the share of it that the thing stands before. The thing's points are thrown on the surface by directions that
+carry a like share of that light each; the side that is not seen is taken to lie half the thing's width behind the one that is.
+"""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from dlama.geometry.holes import square
+from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array
+from dlama.perception.shadows.crop import crop_round
+from dlama.perception.shadows.ground import Ground, Standing, standing, thing_points
+
+DIRECTIONS = 64
+"""That carry the same share of the sky's light."""
+GOLDEN = 2.39996
+"""Radians between one direction and the next, round the vertical."""
+POINTS = 2000
+"""Of the thing, at most, at each of LAYERS of its thickness."""
+THICK, LAYERS = 0.5, 5
+"""A thing is taken to be so thick, in its widths."""
+COARSE = 2
+"""Pixels of the crop (`crop.SIDE`) in one of the map."""
+BLUR_PX = 1.5
+"""Of the map, which smooths the steps between directions."""
+
+
+def ambient_occlusion(rgbd: RGBD, mask: BoolArray, ground: Ground) -> Float32Array:
+    """H x W, 0 (sees the whole sky) to 1, on the plane that the thing under `mask` stands on; 0 far from it."""
+    crop = crop_round(mask)
+    wide, high = (-(-side // COARSE) for side in crop.size)
+    total = np.zeros((high, wide), np.float32)
+    thing = thickened(standing(*thing_points(rgbd, mask, ground), ground))
+    camera, scale = rgbd.camera, crop.scale / COARSE
+    for over in sky_directions(thing.up):
+        points = thing.foot + thing.rise[:, None] * over
+        front = points[points[:, 2] > 1e-3]
+        u = (front[:, 0] / front[:, 2] * camera.fx + camera.cx - crop.columns.start) * scale
+        v = (front[:, 1] / front[:, 2] * camera.fy + camera.cy - crop.rows.start) * scale
+        seen = (u >= 0) & (u < wide) & (v >= 0) & (v < high)
+        shape = np.zeros((high, wide), np.uint8)
+        shape[v[seen].astype(int), u[seen].astype(int)] = 1
+        total += cv2.morphologyEx(shape, cv2.MORPH_CLOSE, square(5))
+    smooth = cv2.GaussianBlur(total / DIRECTIONS, (0, 0), BLUR_PX)
+    return crop.placed(np.asarray(smooth, np.float32), mask.shape)
+
+
+def thickened(thing: Standing) -> Standing:
+    """The thing with copies of its points behind those that are seen, along the surface, over half of its width."""
+    if not len(thing.foot):
+        return thing
+    keep = slice(None, None, max(1, len(thing.foot) // POINTS))
+    across, behind = axes(thing.up)
+    place = thing.foot @ across
+    width = float(np.quantile(place, 0.98) - np.quantile(place, 0.02))
+    layers = [thing.foot[keep] + back * behind for back in np.linspace(0, THICK * width, LAYERS)]
+    return Standing(np.concatenate(layers), np.tile(thing.rise[keep], LAYERS), thing.up)
+
+
+def axes(up: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Two unit vectors along the surface whose normal is `up`: across the view, and away from the camera."""
+    across = np.cross(up, [0.0, 0.0, 1.0])
+    across /= max(float(np.linalg.norm(across)), 1e-9)
+    behind = np.cross(up, across)
+    return across, behind if behind[2] > 0 else -behind
+
+
+def sky_directions(up: NDArray[np.float64]) -> NDArray[np.float64]:
+    """DIRECTIONS x 3: metres over the surface for each metre of height, in camera axes; as dense as the cosine to `up`."""
+    number = np.arange(DIRECTIONS)
+    sine2, turn = (number + 0.5) / DIRECTIONS, GOLDEN * number
+    across, behind = axes(up)
+    slope = np.sqrt(sine2 / (1 - sine2))
+    return np.asarray(slope[:, None] * (np.outer(np.cos(turn), across) + np.outer(np.sin(turn), behind)))

@@ -1,0 +1,117 @@
+"""How much of the sky a thing hides against closed forms, and the lit surface of an overcast day against a made one."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from dlama.geometry.camera import Camera
+from dlama.geometry.projection import rays
+from dlama.geometry.rgbd import RGBD, BoolArray
+from dlama.perception.masks.supports import planes_of
+from dlama.perception.shadows.ground import Ground, ground_of
+from dlama.perception.shadows.growing import under_the_sky
+from dlama.perception.shadows.lit_surface import darkness
+from dlama.perception.shadows.occlusion import ambient_occlusion, axes, sky_directions
+from worlds import Box, Plane, World
+
+CAMERA = Camera.from_fov(320, 240, 90)
+GROUND, BACK = Plane((0, 1, 0), (0, -1, 0)), Plane((0, 0, 9), (0, 0, -1))
+
+
+def seen(thing: Box) -> tuple[RGBD, BoolArray, Ground, np.ndarray]:
+    """The frame, the thing's mask, the ground, and the points seen."""
+    world = World((GROUND, BACK, thing))
+    rgbd, shown = world.rgbd(CAMERA), world.trace(CAMERA)[1]
+    mask = shown == 2
+    ground = ground_of(rgbd, mask, planes_of(rgbd))
+    assert ground is not None
+    return rgbd, mask, ground, rays(CAMERA) * rgbd.depth[..., None]
+
+
+def test_before_a_wide_wall() -> None:
+    """Closed form: at the distance d before the middle of a wide wall of height h, (1 - d / hypot(d, h)) / 2 of the
+    light is hidden."""
+    rgbd, mask, ground, points = seen(Box((-2.1, 0.1, 2.2), (2.1, 1.0, 2.3)))
+    hidden = ambient_occlusion(rgbd, mask, ground)
+    apart = 2.2 - points[..., 2]
+    middle = ground.surface & (np.abs(points[..., 0]) < 0.3)
+    for near in (0.25, 0.4, 0.55):
+        some = middle & (apart > near) & (apart < near + 0.1)
+        true = (1 - apart[some] / np.hypot(apart[some], 0.9)) / 2
+        assert some.sum() > 100
+        assert hidden[some].mean() == pytest.approx(true.mean(), abs=0.035)
+
+
+def test_it_falls_with_the_distance_and_is_nothing_far_away() -> None:
+    rgbd, mask, ground, points = seen(Box((-0.3, 0.2, 2.6), (0.3, 1.0, 3.0)))
+    hidden = ambient_occlusion(rgbd, mask, ground)
+    assert hidden.min() >= 0 and hidden.max() <= 1
+    apart = np.hypot(points[..., 0], points[..., 2] - 2.6)
+    means = [float(hidden[ground.surface & (np.abs(apart - d) < 0.1)].mean()) for d in (0.4, 0.7, 1.1, 1.6)]
+    assert means == sorted(means, reverse=True) and means[0] > 0.1 and means[-1] < 0.05
+
+
+def test_directions_carry_the_cosine_law() -> None:
+    """Closed form: under the cosine law the mean cosine to the vertical is 2 / 3, its mean square 1 / 2; all round it is even."""
+    up = np.array([0.1, -0.9, 0.2]) / np.linalg.norm([0.1, -0.9, 0.2])
+    over = sky_directions(up)
+    cosine = 1 / np.sqrt(1 + (over**2).sum(1))
+    assert np.abs(over @ up).max() < 1e-9
+    assert cosine.mean() == pytest.approx(2 / 3, abs=0.01) and (cosine**2).mean() == pytest.approx(1 / 2, abs=0.01)
+    across, behind = axes(up)
+    assert np.abs((over * cosine[:, None]).mean(0) @ np.stack([across, behind], 1)).max() < 0.03
+
+
+def test_the_lit_surface_of_an_overcast_day() -> None:
+    """A ground of one grey that loses what is hidden of its light: the fit tells how dark it is, though all near it is, too."""
+    rgbd, mask, ground, _ = seen(Box((-0.8, 0.2, 2.6), (0.8, 1.0, 3.2)))
+    hidden = ambient_occlusion(rgbd, mask, ground)
+    level = (
+        160 * np.where(ground.surface, (1 - hidden) ** 0.4, 1) - 4 + np.random.default_rng(0).normal(0, 2, mask.shape)
+    )
+    gray = np.repeat(np.clip(level, 0, 255).astype(np.uint8)[..., None], 3, 2)
+    made = RGBD(gray, rgbd.depth, CAMERA)
+    told, blind = (darkness(made, mask, ground.surface, each) for each in (hidden, np.zeros_like(hidden)))
+    assert told is not None and blind is not None and not blind.ambient.any()
+    dark = ground.surface & (hidden > 0.2) & (hidden < 0.9)
+    true = -0.4 * np.log(1 - hidden[dark])
+    assert np.abs(told.dark[dark] - true).mean() < 0.03 < np.abs(blind.dark[dark] - true).mean()
+    assert np.abs(told.ambient[dark] - true).mean() < 0.03
+
+
+def test_no_more_light_is_lost_than_there_is() -> None:
+    """Law: were all light the sky's, levels fell by the gamma's root of it; a darker foot has other causes."""
+    rgbd, mask, ground, _ = seen(Box((-0.8, 0.2, 2.6), (0.8, 1.0, 3.2)))
+    hidden = ambient_occlusion(rgbd, mask, ground)
+    level = np.repeat((200 * (1 - np.minimum(hidden, 0.95)) ** 1.2).astype(np.uint8)[..., None], 3, 2)
+    told = darkness(RGBD(level, rgbd.depth, CAMERA), mask, ground.surface, hidden)
+    assert told is not None
+    assert (told.ambient <= -np.log(1 - np.minimum(hidden, 0.95)) / 2.2 + 1e-6).all() and told.ambient.max() > 0.3
+
+
+def test_a_thing_that_brightens_keeps_nothing_from_the_surface() -> None:
+    """Law: light that the thing throws on the ground is no negative shadow."""
+    rgbd, mask, ground, _ = seen(Box((-0.8, 0.2, 2.6), (0.8, 1.0, 3.2)))
+    hidden = ambient_occlusion(rgbd, mask, ground)
+    gray = np.repeat(np.clip(100 * (1 + hidden), 0, 255).astype(np.uint8)[..., None], 3, 2)
+    told = darkness(RGBD(gray, rgbd.depth, CAMERA), mask, ground.surface, hidden)
+    assert told is not None and not told.ambient.any()
+
+
+@pytest.mark.parametrize("contrast", [0, 40])
+def test_the_rim_of_a_soft_shadow(contrast: int) -> None:
+    """The ground loses what is hidden of the sky: of a smooth one all is found that is a tenth darker, from its core on; on tiles
+    whose levels differ by several times that nothing is told."""
+    rgbd, mask, ground, _ = seen(Box((-0.8, 0.2, 2.6), (0.8, 1.0, 3.2)))
+    hidden = ambient_occlusion(rgbd, mask, ground)
+    tiles = contrast * ((np.indices(mask.shape) // 16).sum(0) % 2)
+    level = ((150 + tiles) * np.where(ground.surface, (1 - hidden) ** 0.4, 1)).astype(np.uint8)
+    made = RGBD(np.repeat(level[..., None], 3, 2), rgbd.depth, CAMERA)
+    core, true = ground.surface & (hidden > 0.6), ground.surface & (hidden > 1 - np.exp(-0.1 / 0.4))
+    found = under_the_sky(made, mask, ground, ground.surface, core, hidden)
+    assert core.any()
+    if contrast:
+        assert not found.any()
+    else:
+        assert (found & true).sum() > 0.85 * max(true.sum(), found.sum())
