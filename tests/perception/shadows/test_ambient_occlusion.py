@@ -9,10 +9,11 @@ from dlama.geometry.camera import Camera
 from dlama.geometry.projection import rays
 from dlama.geometry.rgbd import RGBD, BoolArray
 from dlama.perception.masks.supports import planes_of
-from dlama.perception.shadows.ground import Ground, ground_of
+from dlama.perception.shadows.crop import crop_round
+from dlama.perception.shadows.ground import Ground, axes, ground_of, standing, thing_points
 from dlama.perception.shadows.growing import under_the_sky
 from dlama.perception.shadows.lit_surface import darkness
-from dlama.perception.shadows.occlusion import ambient_occlusion, axes, sky_directions
+from dlama.perception.shadows.occlusion import ambient_occlusion, sky_directions
 from worlds import Box, Plane, World
 
 CAMERA = Camera.from_fov(320, 240, 90)
@@ -29,11 +30,17 @@ def seen(thing: Box) -> tuple[RGBD, BoolArray, Ground, np.ndarray]:
     return rgbd, mask, ground, rays(CAMERA) * rgbd.depth[..., None]
 
 
+def hidden_from(rgbd: RGBD, mask: BoolArray, ground: Ground) -> np.ndarray:
+    """H x W: how much of the sky the thing under the mask hides."""
+    thing = standing(*thing_points(rgbd, mask, ground), ground)
+    return ambient_occlusion(thing, rgbd.camera, crop_round(mask))
+
+
 def test_before_a_wide_wall() -> None:
     """Closed form: at the distance d before the middle of a wide wall of height h, (1 - d / hypot(d, h)) / 2 of the
     light is hidden."""
     rgbd, mask, ground, points = seen(Box((-2.1, 0.1, 2.2), (2.1, 1.0, 2.3)))
-    hidden = ambient_occlusion(rgbd, mask, ground)
+    hidden = hidden_from(rgbd, mask, ground)
     apart = 2.2 - points[..., 2]
     middle = ground.surface & (np.abs(points[..., 0]) < 0.3)
     for near in (0.25, 0.4, 0.55):
@@ -45,7 +52,7 @@ def test_before_a_wide_wall() -> None:
 
 def test_it_falls_with_the_distance_and_is_nothing_far_away() -> None:
     rgbd, mask, ground, points = seen(Box((-0.3, 0.2, 2.6), (0.3, 1.0, 3.0)))
-    hidden = ambient_occlusion(rgbd, mask, ground)
+    hidden = hidden_from(rgbd, mask, ground)
     assert hidden.min() >= 0 and hidden.max() <= 1
     apart = np.hypot(points[..., 0], points[..., 2] - 2.6)
     means = [float(hidden[ground.surface & (np.abs(apart - d) < 0.1)].mean()) for d in (0.4, 0.7, 1.1, 1.6)]
@@ -66,7 +73,7 @@ def test_directions_carry_the_cosine_law() -> None:
 def test_the_lit_surface_of_an_overcast_day() -> None:
     """A ground of one grey that loses what is hidden of its light: the fit tells how dark it is, though all near it is, too."""
     rgbd, mask, ground, _ = seen(Box((-0.8, 0.2, 2.6), (0.8, 1.0, 3.2)))
-    hidden = ambient_occlusion(rgbd, mask, ground)
+    hidden = hidden_from(rgbd, mask, ground)
     level = (
         160 * np.where(ground.surface, (1 - hidden) ** 0.4, 1) - 4 + np.random.default_rng(0).normal(0, 2, mask.shape)
     )
@@ -83,7 +90,7 @@ def test_the_lit_surface_of_an_overcast_day() -> None:
 def test_no_more_light_is_lost_than_there_is() -> None:
     """Law: were all light the sky's, levels fell by the gamma's root of it; a darker foot has other causes."""
     rgbd, mask, ground, _ = seen(Box((-0.8, 0.2, 2.6), (0.8, 1.0, 3.2)))
-    hidden = ambient_occlusion(rgbd, mask, ground)
+    hidden = hidden_from(rgbd, mask, ground)
     level = np.repeat((200 * (1 - np.minimum(hidden, 0.95)) ** 1.2).astype(np.uint8)[..., None], 3, 2)
     told = darkness(RGBD(level, rgbd.depth, CAMERA), mask, ground.surface, hidden)
     assert told is not None
@@ -93,7 +100,7 @@ def test_no_more_light_is_lost_than_there_is() -> None:
 def test_a_thing_that_brightens_keeps_nothing_from_the_surface() -> None:
     """Law: light that the thing throws on the ground is no negative shadow."""
     rgbd, mask, ground, _ = seen(Box((-0.8, 0.2, 2.6), (0.8, 1.0, 3.2)))
-    hidden = ambient_occlusion(rgbd, mask, ground)
+    hidden = hidden_from(rgbd, mask, ground)
     gray = np.repeat(np.clip(100 * (1 + hidden), 0, 255).astype(np.uint8)[..., None], 3, 2)
     told = darkness(RGBD(gray, rgbd.depth, CAMERA), mask, ground.surface, hidden)
     assert told is not None and not told.ambient.any()
@@ -104,7 +111,7 @@ def test_the_rim_of_a_soft_shadow(contrast: int) -> None:
     """The ground loses what is hidden of the sky: of a smooth one all is found that is a tenth darker, from its core on; on tiles
     whose levels differ by several times that nothing is told."""
     rgbd, mask, ground, _ = seen(Box((-0.8, 0.2, 2.6), (0.8, 1.0, 3.2)))
-    hidden = ambient_occlusion(rgbd, mask, ground)
+    hidden = hidden_from(rgbd, mask, ground)
     tiles = contrast * ((np.indices(mask.shape) // 16).sum(0) % 2)
     level = ((150 + tiles) * np.where(ground.surface, (1 - hidden) ** 0.4, 1)).astype(np.uint8)
     made = RGBD(np.repeat(level[..., None], 3, 2), rgbd.depth, CAMERA)

@@ -106,8 +106,6 @@ def stereo(
             cannot be used (MaskError).
     """
     check_arguments(stereo, locals())
-    if not isinstance(rig, StereoRig):
-        raise InputError(f"rig is of type {type(rig).__name__}; a StereoRig is wanted (`read_stereo_calib` reads one)")
     far = default_far(rig) if far is None else far
     check_pair(left, right, rig, far)
     if mask is None and mask_right is not None:

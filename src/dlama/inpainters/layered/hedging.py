@@ -28,7 +28,8 @@ SHARE_APART = 0.6
 """Largest share where each surface is blended for itself."""
 SHARE_OF_SKY, CLEAR = 0.4, 0.75
 """The same of the sky at the horizon, where houses and trees may stand; it falls to 0 at this height (sine of the elevation).
-Lower heights look clearer and err more: street, +-10 to +-40, squared error .7: +2, .5: +6, .35: +9 %, LPIPS -0.1 %."""
+Lower heights look clearer and err more: squared error of street, +-10 to +-40, at .7, .5 and .35 is 2, 6 and 9 % more than with a
+share of .2 at all heights, LPIPS .1 % less."""
 WIDE = 0.1
 """The same of one surface, as a share of the picture's longer side."""
 GRID = 128

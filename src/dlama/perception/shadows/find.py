@@ -15,8 +15,6 @@ from dlama.perception.masks.supports import Planes, planes_of
 from dlama.perception.shadows.classifier import SHADOW, shadow_probability
 from dlama.perception.shadows.ground import EDGE_PX, ground_of
 from dlama.perception.shadows.growing import grown, under_the_sky
-from dlama.perception.shadows.lit_surface import darkness
-from dlama.perception.shadows.occlusion import ambient_occlusion
 from dlama.perception.shadows.planes import shadow_planes
 from dlama.perception.shadows.thrown import SMALLEST_PX
 
@@ -39,9 +37,7 @@ def find_shadow(rgbd: RGBD, mask: BoolArray, found: Planes | None = None) -> Boo
     ground = ground_of(rgbd, mask, found or planes_of(rgbd))
     if ground is None:
         return none
-    occlusion = ambient_occlusion(rgbd, mask, ground)
-    dark = darkness(rgbd, mask, ground.surface, occlusion)
-    planes, crop = shadow_planes(rgbd, mask, ground, occlusion, dark)
+    planes, crop, occlusion = shadow_planes(rgbd, mask, ground)
     answer = shadow_probability(planes)
     if answer is None:
         return none

@@ -49,6 +49,22 @@ def standing(points: NDArray[np.float64], rise: NDArray[np.float64], ground: Gro
     return Standing(points - rise[:, None] * up, rise, up)
 
 
+def axes(up: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Two unit vectors along the surface whose normal is `up`: across the view, and away from the camera."""
+    across = np.cross(up, [0.0, 0.0, 1.0])
+    across /= max(float(np.linalg.norm(across)), 1e-9)
+    return across, np.cross(across, up)
+
+
+def over_surface(up: NDArray[np.float64], slopes: np.ndarray, angles: np.ndarray) -> NDArray[np.float64]:
+    """K x 3: how light throws a point, in metres over the surface for each metre of height, camera axes.
+
+    slopes: K, how far; angles: K, where to, in radians from the first of the `axes` of the surface towards the second.
+    """
+    across, behind = axes(up)
+    return np.asarray(slopes[:, None] * (np.outer(np.cos(angles), across) + np.outer(np.sin(angles), behind)))
+
+
 def ground_of(rgbd: RGBD, mask: BoolArray, found: Planes) -> Ground | None:
     """The plane that holds most of what is seen just below and beside the lower part of the thing; None where there is none."""
     rows = np.flatnonzero(mask.any(1))

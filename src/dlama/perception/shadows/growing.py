@@ -1,8 +1,7 @@
 """A shape that was thrown, and the picture, in; the shadow that goes on from it where the surface is plain enough out.
 
 What the thing's hidden side casts touches the shape and is as dark; soft borders fade; on overcast days they fade as much as the
-thing hides of the sky. On patterns darkness alone tells neither,
-and nothing is added.
+thing hides of the sky. On patterns darkness alone tells none of this, and nothing is added.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""A thing's mask and the surface it stands on in; how much of the sky the thing hides from each point of the surface out.
+"""A thing's points over the surface it stands on in; how much of the sky it hides from each point of the surface out.
 
 Ambient occlusion: the light of an overcast sky comes from everywhere above, most of it steeply (the cosine law), and a point of
 the surface lacks the share of it that the thing stands before. The thing's points are thrown on the surface by directions that
@@ -11,10 +11,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from dlama.geometry.camera import Camera
 from dlama.geometry.holes import square
-from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array
-from dlama.perception.shadows.crop import crop_round
-from dlama.perception.shadows.ground import Ground, Standing, standing, thing_points
+from dlama.geometry.rgbd import Float32Array
+from dlama.perception.shadows.crop import Crop
+from dlama.perception.shadows.ground import Standing, axes, over_surface
 
 DIRECTIONS = 64
 """That carry the same share of the sky's light."""
@@ -30,13 +31,11 @@ BLUR_PX = 1.5
 """Of the map, which smooths the steps between directions."""
 
 
-def ambient_occlusion(rgbd: RGBD, mask: BoolArray, ground: Ground) -> Float32Array:
-    """H x W, 0 (sees the whole sky) to 1, on the plane that the thing under `mask` stands on; 0 far from it."""
-    crop = crop_round(mask)
+def ambient_occlusion(thing: Standing, camera: Camera, crop: Crop) -> Float32Array:
+    """H x W of the camera, 0 (sees the whole sky) to 1, on the plane that a thing stands on; 0 outside the crop round it."""
     wide, high = (-(-side // COARSE) for side in crop.size)
     total = np.zeros((high, wide), np.float32)
-    thing = thickened(standing(*thing_points(rgbd, mask, ground), ground))
-    camera, scale = rgbd.camera, crop.scale / COARSE
+    thing, scale = thickened(thing), crop.scale / COARSE
     for over in sky_directions(thing.up):
         points = thing.foot + thing.rise[:, None] * over
         front = points[points[:, 2] > 1e-3]
@@ -47,7 +46,7 @@ def ambient_occlusion(rgbd: RGBD, mask: BoolArray, ground: Ground) -> Float32Arr
         shape[v[seen].astype(int), u[seen].astype(int)] = 1
         total += cv2.morphologyEx(shape, cv2.MORPH_CLOSE, square(5))
     smooth = cv2.GaussianBlur(total / DIRECTIONS, (0, 0), BLUR_PX)
-    return crop.placed(np.asarray(smooth, np.float32), mask.shape)
+    return crop.placed(np.asarray(smooth, np.float32), camera.hw)
 
 
 def thickened(thing: Standing) -> Standing:
@@ -62,18 +61,8 @@ def thickened(thing: Standing) -> Standing:
     return Standing(np.concatenate(layers), np.tile(thing.rise[keep], LAYERS), thing.up)
 
 
-def axes(up: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Two unit vectors along the surface whose normal is `up`: across the view, and away from the camera."""
-    across = np.cross(up, [0.0, 0.0, 1.0])
-    across /= max(float(np.linalg.norm(across)), 1e-9)
-    behind = np.cross(up, across)
-    return across, behind if behind[2] > 0 else -behind
-
-
 def sky_directions(up: NDArray[np.float64]) -> NDArray[np.float64]:
     """DIRECTIONS x 3: metres over the surface for each metre of height, in camera axes; as dense as the cosine to `up`."""
     number = np.arange(DIRECTIONS)
     sine2, turn = (number + 0.5) / DIRECTIONS, GOLDEN * number
-    across, behind = axes(up)
-    slope = np.sqrt(sine2 / (1 - sine2))
-    return np.asarray(slope[:, None] * (np.outer(np.cos(turn), across) + np.outer(np.sin(turn), behind)))
+    return over_surface(up, np.sqrt(sine2 / (1 - sine2)), turn)

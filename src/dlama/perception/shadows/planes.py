@@ -15,7 +15,8 @@ from dlama.geometry.projection import rays
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array
 from dlama.perception.shadows.crop import Crop, crop_round
 from dlama.perception.shadows.ground import EDGE_PX, Ground, standing, thing_points
-from dlama.perception.shadows.lit_surface import Darkness
+from dlama.perception.shadows.lit_surface import darkness
+from dlama.perception.shadows.occlusion import ambient_occlusion
 from dlama.perception.shadows.thrown import thrown_shapes
 
 MULTIPLE = 32
@@ -30,34 +31,33 @@ LOG_RANGE, FAR = 2.0, 4.0
 """Logarithms of colour, and heights of the thing, that are 1 in a plane (the latter through tanh)."""
 
 
-def shadow_planes(
-    rgbd: RGBD, mask: BoolArray, ground: Ground, occlusion: Float32Array, dark: Darkness | None
-) -> tuple[Float32Array, Crop]:
-    """PLANES x h x w, sides multiples of MULTIPLE and at most `crop.SIDE`, and where in the picture that is.
-
-    occlusion: H x W, `ambient_occlusion`. dark: of the surface.
-    """
+def shadow_planes(rgbd: RGBD, mask: BoolArray, ground: Ground) -> tuple[Float32Array, Crop, Float32Array]:
+    """PLANES x h x w, sides multiples of MULTIPLE and at most `crop.SIDE`; where in the picture that is; and H x W, how much of
+    the sky the thing hides."""
     crop = crop_round(mask)
+    points, rise = thing_points(rgbd, mask, ground)
+    thing = standing(points, rise, ground)
+    occlusion = ambient_occlusion(thing, rgbd.camera, crop)
+    dark = darkness(rgbd, mask, ground.surface, occlusion)
     usable = ground.surface & ~dilated(mask, EDGE_PX)
     wide, high = crop.size
     out = np.zeros((len(PLANES), -(-high // MULTIPLE) * MULTIPLE, -(-wide // MULTIPLE) * MULTIPLE), np.float32)
     view = out[:, :high, :wide]
-    thing, surface = crop.small(mask), crop.small(usable)
+    surface = crop.small(usable)
     level = np.log(crop.small(rgbd.color) + 4)
     lit = np.median(level[surface > 0.5], 0) if (surface > 0.5).any() else np.median(level, (0, 1))
     view[0:3] = np.clip((level - lit) / LOG_RANGE, -1.5, 1.5).transpose(2, 0, 1)
-    view[3], view[4], view[5] = thing, surface, 1
-    points, rise = thing_points(rgbd, mask, ground)
+    view[3], view[4], view[5] = crop.small(mask), surface, 1
     tall = max(float(np.quantile(rise, 0.98)), 0.02) if len(rise) else 1.0
     view[6:9] = places(rgbd, ground, crop, points, rise, tall)
     if dark is not None:
         view[9] = np.clip(crop.small(dark.dark), -1.5, 1.5)
         view[11] = np.clip(crop.small(dark.ambient), 0, 1.5)
     view[10] = crop.small(occlusion)
-    for plane, shape in zip(view[THROWN:], thrown_shapes(rgbd, ground, usable, standing(points, rise, ground), tall)):
+    for plane, shape in zip(view[THROWN:], thrown_shapes(rgbd, ground, usable, thing, tall)):
         if shape is not None:
             plane[:] = shape[0] * crop.small(shape[1])
-    return out, crop
+    return out, crop, occlusion
 
 
 def places(

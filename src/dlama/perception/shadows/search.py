@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from dlama.geometry.kernels.jit import in_bands
 from dlama.geometry.rgbd import RGBD, BoolArray, UInt8Array
 from dlama.perception.kernels.shadows import DIRECTIONS_A_TASK, throw_shapes
-from dlama.perception.shadows.ground import Standing
+from dlama.perception.shadows.ground import Standing, over_surface
 
 SLOPES = np.array((0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.72, 0.86, 1.0, 1.2, 1.45, 1.75, 2.1, 2.6, 3.2))
 """Lengths of a shadow over the height of what casts it, that are tried."""
@@ -84,8 +84,7 @@ def best_direction(thing: Standing, rgbd: RGBD, seen: BoolArray, scale: Scale) -
 
 
 class Search:
-    """What is the same for every direction: the picture made smaller and its divergence, the thing's points, and two axes that
-    span the surface."""
+    """What is the same for every direction: the picture made smaller and its divergence, the thing's points, and what is up."""
 
     def __init__(self, thing: Standing, rgbd: RGBD, seen: BoolArray, scale: Scale) -> None:
         camera = rgbd.camera
@@ -97,14 +96,11 @@ class Search:
         self.divergence, self.spread = divergence_of(np.asarray(small, np.uint8), self.seen, scale)
         self.foot, self.rise = np.ascontiguousarray(thing.foot), np.ascontiguousarray(thing.rise)
         self.lens = np.array([camera.fx, camera.fy, camera.cx, camera.cy]) / step
-        one = np.cross(thing.up, [0.0, 0.0, 1.0])
-        self.one = one / max(float(np.linalg.norm(one)), 1e-9)
-        self.two = np.cross(thing.up, self.one)
+        self.up = thing.up
 
     def over(self, slopes: NDArray[np.float64], turns: NDArray[np.float64]) -> NDArray[np.float64]:
         """K x 3: metres over the surface for each metre of height, in camera axes."""
-        angle = 2 * np.pi * turns / TURNS
-        return np.asarray(slopes[:, None] * (np.outer(np.cos(angle), self.one) + np.outer(np.sin(angle), self.two)))
+        return over_surface(self.up, slopes, -2 * np.pi * turns / TURNS)
 
     def strengths(
         self, slopes: NDArray[np.float64], turns: NDArray[np.float64]

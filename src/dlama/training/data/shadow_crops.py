@@ -21,8 +21,6 @@ from dlama.geometry.holes import dilated, eroded
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
 from dlama.perception.masks.supports import planes_of
 from dlama.perception.shadows.ground import EDGE_PX, ground_of
-from dlama.perception.shadows.lit_surface import darkness
-from dlama.perception.shadows.occlusion import ambient_occlusion
 from dlama.perception.shadows.planes import shadow_planes
 from dlama.training.data.augment import with_faults
 from dlama.training.data.sensors import photographed, stereo_matcher, structured_light
@@ -53,9 +51,7 @@ def shadow_crop(seed: int, textures: Textures = None) -> tuple[Float32Array, Flo
     ground = ground_of(source, mask, planes_of(source)) if mask.any() else None
     if ground is None:
         return None
-    occlusion = ambient_occlusion(source, mask, ground)
-    dark = darkness(source, mask, ground.surface, occlusion)
-    planes, crop = shadow_planes(source, mask, ground, occlusion, dark)
+    planes, crop, _ = shadow_planes(source, mask, ground)
     target = np.full(planes.shape[1:], -1, np.float32)
     wide, high = crop.size
     counts = crop.small(ground.surface & ~dilated(mask, EDGE_PX)) > 0.5
