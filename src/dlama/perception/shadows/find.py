@@ -13,6 +13,7 @@ from dlama.geometry.holes import dilated, touching
 from dlama.geometry.rgbd import RGBD, BoolArray
 from dlama.perception.masks.supports import Planes, planes_of
 from dlama.perception.shadows.classifier import SHADOW, shadow_probability
+from dlama.perception.shadows.contrast import stands_out
 from dlama.perception.shadows.ground import EDGE_PX, ground_of
 from dlama.perception.shadows.growing import grown, under_the_sky
 from dlama.perception.shadows.planes import shadow_planes
@@ -51,7 +52,7 @@ def find_shadow(rgbd: RGBD, mask: BoolArray, found: Planes | None = None) -> Boo
     soft = under_the_sky(rgbd, mask, ground, usable, shadow, occlusion) & ~shadow
     if soft.any() and probability[soft].mean() > FAINT:
         shadow |= soft
-    if not SMALLEST_PX <= shadow.sum() <= LARGEST * mask.sum():
+    if not SMALLEST_PX <= shadow.sum() <= LARGEST * mask.sum() or not stands_out(rgbd, shadow, usable):
         return none
     contact = dilated(shadow, EDGE_PX + 2) & dilated(mask, EDGE_PX + 1)
     return np.asarray((shadow | contact) & ground.surface & ~mask)
