@@ -11,6 +11,7 @@ from dlama.geometry.visibility import Law, lawful_depth
 from dlama.inpainters.filling import Fill
 from dlama.inpainters.layered.hedging import hedged
 from dlama.inpainters.layered.remaining_shadows import fading_out, shadow_beside
+from dlama.inpainters.layered.rims import led_in
 from dlama.inpainters.layered.softening import softened
 from dlama.inpainters.layered.surfaces import Surfaces, continue_surfaces
 from dlama.inpainters.layered.texture_synthesis import synthesize
@@ -39,6 +40,8 @@ def painted(view: View, surfaces: Surfaces, depth: Float32Array, law: Law, seed:
     leafy = with_leaves(view.color, view, surfaces)
     known = leafy, view.color_hole & (surfaces.leaves < 0), w, label, view.camera
     color = synthesize(*known, seed=seed, sky=law.sky, spoiled=shadow)
+    in_view = known[1] & (view.hole_type != HoleType.OUT_OF_VIEW)
+    color = led_in(color, view.color_hole, in_view, w, label, shadow)
     return fading_out(color, shadow, view.color_hole, label) if shadow.any() else color
 
 
