@@ -5,6 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from dlama.geometry.camera import Camera
+from dlama.geometry.rgbd import RGBD
+from dlama.geometry.view import HoleType, View
+from dlama.geometry.visibility import Law
+from dlama.inpainters.layered import filler
 from dlama.inpainters.layered.kernels.rims import beside
 from dlama.inpainters.layered.rims import led_in
 
@@ -69,3 +74,16 @@ def test_other_surfaces_and_what_is_spoiled_or_out_of_view_lend_nothing() -> Non
         led_in(painted, hole, nothing, w, label, nothing),
     ):
         np.testing.assert_array_equal(result, painted)
+
+
+@pytest.mark.parametrize("kind", [HoleType.DISOCCLUDED, HoleType.OBJECT, HoleType.OUT_OF_VIEW])
+def test_beside_a_removed_thing_nothing_is_led_in(kind: HoleType, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Law: scraps of its shadow lie there; dis-occlusions are led into, what is out of view is not."""
+    picture, hole, _ = ledge(6)
+    view = View.from_rgbd(RGBD(picture, np.full(HW, 5, np.float32), Camera.from_fov(HW[1], HW[0], 60))).without(
+        hole, kind
+    )
+    asked = []
+    monkeypatch.setattr(filler, "led_in", lambda color, hole, where, *_: asked.append(where) or color)
+    filler.layered(view, Law(()))
+    np.testing.assert_array_equal(asked[0], hole & (kind == HoleType.DISOCCLUDED))

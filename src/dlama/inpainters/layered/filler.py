@@ -17,6 +17,9 @@ from dlama.inpainters.layered.surfaces import Surfaces, continue_surfaces
 from dlama.inpainters.layered.texture_synthesis import synthesize
 from dlama.perception.planes import SKY, SMOOTH
 
+NOT_LED_IN = (HoleType.OUT_OF_VIEW, HoleType.OBJECT)
+"""Holes into which nothing is led from their rims: beside a removed thing lie scraps of it and of its shadow."""
+
 
 def layered(view: View, law: Law, seed: int = 0) -> Fill:
     """Continue planes, sky and smooth surfaces into the holes, move them behind what was measured, then paint them."""
@@ -40,8 +43,8 @@ def painted(view: View, surfaces: Surfaces, depth: Float32Array, law: Law, seed:
     leafy = with_leaves(view.color, view, surfaces)
     known = leafy, view.color_hole & (surfaces.leaves < 0), w, label, view.camera
     color = synthesize(*known, seed=seed, sky=law.sky, spoiled=shadow)
-    in_view = known[1] & (view.hole_type != HoleType.OUT_OF_VIEW)
-    color = led_in(color, view.color_hole, in_view, w, label, shadow)
+    hidden = known[1] & ~np.isin(view.hole_type, NOT_LED_IN)
+    color = led_in(color, view.color_hole, hidden, w, label, shadow)
     return fading_out(color, shadow, view.color_hole, label) if shadow.any() else color
 
 

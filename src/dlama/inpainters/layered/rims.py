@@ -33,7 +33,7 @@ def led_in(
 ) -> UInt8Array:
     """H x W x 3 colours, those of `where` blended with their own surface's known ones beside the hole.
 
-    color: H x W x 3, painted; hole: H x W, what was painted; where: H x W, its pixels in view; w, label: H x W inverse depth
+    color: H x W x 3, painted; hole: H x W, what was painted; where: H x W, its pixels that change; w, label: H x W inverse depth
     (1/m) and surface of all pixels; spoiled: H x W, known pixels whose colours do not go on.
     """
     distance = np.asarray(cv2.distanceTransform(hole.astype(np.uint8), cv2.DIST_L2, 5), np.float32)
