@@ -1,6 +1,6 @@
 """The classifiers that find a thing's shadow: crops of procedural worlds to fit them on, and the file that ships.
 
-    python benchmarks/shadow_classifier.py crops FOLDER [--photos ../shared/photos] [--count 1200] [--held-out 160]
+    python benchmarks/shadow_classifier.py crops FOLDER [--photos ../shared/photos] [--count 1200] [--paved 0] [--held-out 160]
     python benchmarks/shadow_network.py FOLDER [-o src/dlama/assets/shadow/shadow.onnx]
     python benchmarks/shadow_classifier.py train FOLDER [-o src/dlama/assets/shadow/shadow.npz]
 
@@ -31,7 +31,7 @@ from dlama.perception.shadows.network import NETWORK
 from dlama.training.data.shadow_crops import ShadowCrops, write_shadow_crops
 from dlama.training.logistic import logistic_weights
 
-TRAIN_SEED, HELD_OUT_SEED = 50_000, 90_000
+TRAIN_SEED, PAVED_SEED, HELD_OUT_SEED = 50_000, 55_000, 90_000
 FEWEST_PX, GOOD = 25, 0.5
 """Pixels of a crop's shadow that count as one; the F-score of a right answer."""
 PIXELS, BATCH, STEPS, RATE, NOISE, DECAY = 800, 4096, 900, 4e-3, 0.08, 2e-2
@@ -192,6 +192,7 @@ def main() -> None:
     parser.add_argument("folder", type=Path)
     parser.add_argument("--photos", type=Path)
     parser.add_argument("--count", type=int, default=1200)
+    parser.add_argument("--paved", type=int, default=0, help="so many more, on blocks between joints")
     parser.add_argument("--held-out", type=int, default=160)
     parser.add_argument("-o", "--output", type=Path, default=Path("shadow.npz"))
     parser.add_argument("--network", type=Path, default=NETWORK)
@@ -200,6 +201,8 @@ def main() -> None:
     if given.what == "crops":
         for name, count, seed in (("held_out", given.held_out, HELD_OUT_SEED), ("train", given.count, TRAIN_SEED)):
             print(name, write_shadow_crops(given.folder / name, count, seed, given.photos), "crops")
+        number = write_shadow_crops(given.folder / "train", given.paved, PAVED_SEED, given.photos, paved=True)
+        print("train", number, "crops with those on paving")
         return
     torch.set_num_threads(1)
     crops = ShadowCrops.of(given.folder / "train")

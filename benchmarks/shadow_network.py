@@ -49,12 +49,12 @@ def varied(planes: np.ndarray, target: np.ndarray, rng: np.random.Generator) -> 
     """A crop mirrored, in another contrast and tint, at another scale, some thrown shapes left out."""
     planes = network_planes(planes)
     if rng.random() < 0.5:
-        planes, target = planes[:, :, ::-1].copy(), target[:, ::-1].copy()
+        planes, target = cv2.flip(planes.reshape(-1, target.shape[1]), 1).reshape(planes.shape), cv2.flip(target, 1)
         planes[PLANES.index("right")] *= -1
     contrast = np.float32(np.exp(rng.normal(0, 0.15)))
     planes[:3] = contrast * planes[:3] + rng.normal(0, 0.04, (3, 1, 1)) * planes[PLANES.index("picture")]
-    for name in ("darkness", "ambient"):
-        planes[PLANES.index(name)] *= contrast
+    for number in (PLANES.index("darkness"), PLANES.index("ambient"), -1):
+        planes[number] *= contrast
     if rng.random() < 0.3:
         planes[:3] = planes[rng.permutation(3)]
     for number in range(THROWN, len(PLANES)):
@@ -101,7 +101,7 @@ def batches(sizes: np.ndarray, rng: np.random.Generator) -> list[np.ndarray]:
 
 
 def trained(crops: Sequence[Crop], others: Sequence[Crop], epochs: int, seed: int) -> ShadowNet:
-    """The network after `epochs`, by AdamW; the loss of `others` is printed."""
+    """The network after `epochs`, by AdamW, its layers computed in bfloat16; the loss of `others` is printed."""
     torch.manual_seed(seed)
     rng = np.random.default_rng(seed)
     network = ShadowNet(len(network_planes(crops[0][0]))).to(memory_format=torch.channels_last)  # type: ignore[call-overload]
@@ -115,7 +115,9 @@ def trained(crops: Sequence[Crop], others: Sequence[Crop], epochs: int, seed: in
             for group in optimiser.param_groups:
                 group["lr"] = RATE * min(1, (step + 1) / WARM) * 0.5 * (1 + np.cos(np.pi * step / steps))
             planes, targets = batch_of([varied(*crops[n], rng) for n in numbers])
-            loss = loss_of(network(planes), targets)
+            with torch.autocast("cpu", torch.bfloat16):
+                logits = network(planes)
+            loss = loss_of(logits.float(), targets)
             optimiser.zero_grad()
             loss.backward()
             optimiser.step()

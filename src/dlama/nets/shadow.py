@@ -12,7 +12,7 @@ from torch.nn.functional import interpolate, pixel_shuffle
 
 from dlama.errors import ShapeError
 
-WIDTHS = 16, 24, 40, 48, 48
+WIDTHS = 16, 24, 48, 64, 64
 """Channels at each size."""
 SHADOW_MULTIPLE = 2 ** len(WIDTHS)
 """What height and width of the crop are multiples of."""

@@ -23,8 +23,9 @@ from dlama.perception.shadows.features import (
     color_shares,
     insides,
     pixel_features,
+    tone_steps,
 )
-from dlama.perception.shadows.planes import PLANES, THROWN
+from dlama.perception.shadows.planes import LOG_RANGE, PLANES, THROWN
 
 FLAT = np.zeros((len(PLANES), 96, 128), np.float32)
 FLAT[4:6] = 1  # surface all over the picture
@@ -88,3 +89,21 @@ def test_a_crop_and_back() -> None:
     outside = np.ones(mask.shape, np.bool_)
     outside[crop.rows, crop.columns] = False
     assert outside.any() and not back[outside].any()
+
+
+@pytest.mark.parametrize("stained", [False, True])
+def test_a_shadow_darkens_all_tones_alike(stained: bool) -> None:
+    """Closed form: on columns of many levels a shadow of one step shifts every percentile by it; a stain of the dark third of
+    them shifts those alone."""
+    planes = FLAT.copy()
+    level = np.tile((np.arange(planes.shape[2]) // 4 % 6 - 2.5) / 10, (planes.shape[1], 1)).astype(np.float32)
+    region = np.zeros(level.shape, np.bool_)
+    region[66:90, 12:108] = True
+    darker = 0.3 * (region & (level < -0.1)) if stained else 0.3 * region
+    planes[:3] = (level - darker) / LOG_RANGE
+    *steps, light, least = tone_steps(planes, region)
+    if stained:
+        assert steps[1] == pytest.approx(0.3, abs=0.07) and abs(steps[-2]) < 0.07 and least < 0.2
+    else:
+        np.testing.assert_allclose(steps, 0.3, atol=0.07)
+        assert light == pytest.approx(1, abs=0.25) and least == pytest.approx(1, abs=0.25)

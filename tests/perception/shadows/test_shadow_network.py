@@ -7,7 +7,14 @@ import pytest
 
 from dlama.perception.shadows.crop import SIDE
 from dlama.perception.shadows.features import color_shares
-from dlama.perception.shadows.network import LOG_SHARE, NETWORK, network, network_planes, network_probability
+from dlama.perception.shadows.network import (
+    LOG_SHARE,
+    NETWORK,
+    darkness_by_hue,
+    network,
+    network_planes,
+    network_probability,
+)
 from dlama.perception.shadows.planes import MULTIPLE, PLANES
 
 FLAT = np.zeros((len(PLANES), 96, 128), np.float32)
@@ -31,7 +38,26 @@ def test_how_common_colours_are() -> None:
     planes[:3, 80:, 64:] = -0.45 / 2  # darker by one of the steps that lit partners are looked for at
     where = planes[4] > 0.5
     dark = planes[0][where] < -0.1
-    share, raised = (plane[where] for plane in network_planes(planes)[len(PLANES) :])
+    share, raised, _ = (plane[where] for plane in network_planes(planes)[len(PLANES) :])
     expected = np.log((~dark).sum() / dark.sum())
     assert LOG_SHARE * (share[~dark].mean() - share[dark].mean()) == pytest.approx(expected, abs=0.05)
     assert LOG_SHARE * raised[dark].mean() == pytest.approx(expected, abs=0.05)
+
+
+def test_darkness_by_hue() -> None:
+    """Closed form: a rug that is darker than the floor all over is not dark by its hue; a shadow over both is, by one step."""
+    planes = FLAT.copy()
+    planes[:3, :, :64] += np.array([-0.1, -0.4, -0.35], np.float32)[:, None, None]  # logarithms / 2
+    shadow = np.zeros(FLAT.shape[1:], np.bool_)
+    shadow[60:70, 20:110] = True
+    planes[:3, shadow] -= 0.2
+    found = darkness_by_hue(planes)
+    inner = np.zeros_like(shadow)
+    inner[64:67] = shadow[64:67]
+    rug, floor = np.arange(128) < 60, np.arange(128) > 70
+    for side in (rug, floor):
+        lit = (planes[4] > 0.5) & side & ~shadow
+        lit[56:74] = False
+        assert found[inner & side].mean() - found[lit].mean() == pytest.approx(0.4, abs=0.02)
+        assert abs(found[lit].mean()) < 0.08
+    assert not found[planes[4] < 0.5].any()

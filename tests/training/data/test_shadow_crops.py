@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 
 import numpy as np
 
+from dlama.geometry.projection import rays
 from dlama.perception.shadows.planes import MULTIPLE, PLANES
-from dlama.training.data.shadow_crops import ShadowCrops, shadow_crop, write_shadow_crops
+from dlama.training.data.shadow_crops import LOW_M, ShadowCrops, shadow_crop, with_paving, write_shadow_crops
+from dlama.worlds.dataset import world
+from dlama.worlds.raycast.shape_rows import GROUND_GROUP, LAYER
 
 
 def test_a_seed_says_it_all_and_truth_lies_on_the_surface(tmp_path: Path) -> None:
@@ -29,3 +33,19 @@ def test_fifths_share_nothing_and_leave_nothing_out() -> None:
     most, fifth = ShadowCrops(files).fifths()
     assert len(most) == 9 and fifth.files == [files[0], files[5], files[10]]
     assert sorted(most.files + fifth.files) == sorted(files)
+
+
+def test_new_paving_changes_the_colours_of_the_ground_alone() -> None:
+    """Laws: shapes, depth and whatever is no ground stay to the byte; the ground has another texture; the world that was given,
+    too, is as before."""
+    before = dataclasses.replace(world(50_003), antialias=False)
+    camera = before.camera(size=96)
+    laid = with_paving(before, np.random.default_rng(0))
+    old, new = before.raycast(camera), laid.raycast(camera)
+    np.testing.assert_array_equal(new.depth, old.depth)
+    np.testing.assert_array_equal(new.group, old.group)
+    changed = (new.color != old.color).any(-1)
+    low = (camera.world_from_cam[1, 3] + (rays(camera) * old.depth[..., None])[..., 1]) > -LOW_M
+    assert not changed[(old.group != GROUND_GROUP) | ~low].any()
+    assert changed[(old.group == GROUND_GROUP) & low].mean() > 0.9
+    assert len(before.textures) + 1 == len(laid.textures) and before.shapes[:, LAYER].max() < len(before.textures)

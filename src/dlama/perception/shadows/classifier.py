@@ -18,7 +18,14 @@ from dlama.geometry.holes import dilated, touching
 from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.models.network_file import NetworkFile
 from dlama.models.perceptron import Perceptron, read_arrays
-from dlama.perception.shadows.features import FEWEST_PX, candidate_features, color_shares, insides, pixel_features
+from dlama.perception.shadows.features import (
+    FEWEST_PX,
+    candidate_features,
+    color_shares,
+    insides,
+    pixel_features,
+    tone_steps,
+)
 from dlama.perception.shadows.network import network_probability
 
 MODEL = Path(__file__).parents[2] / "assets" / "shadow" / "shadow.npz"
@@ -28,7 +35,7 @@ TRIED = 2
 """Thrown shapes that are followed, the likeliest first,"""
 LIKELY = 0.04
 """of those at least so probable."""
-CERTAIN = 0.5
+CERTAIN = 0.6
 """Least probability that what is found is the thing's shadow."""
 SHADOW = 0.5
 """Least probability of a pixel."""
@@ -66,7 +73,7 @@ class Likely:
     probability: Float32Array
     """h x w: of each pixel of the surface, by the network, and where a shape was thrown the mean of it and the perceptron."""
     features: Float32Array
-    """What speaks for it in the end: `verdict_features`, `agreement`, and whether the network marks it."""
+    """What speaks for it in the end: `verdict_features`, `agreement`, whether the network marks it, and `tone_steps`."""
 
 
 def likely_shadows(planes: Float32Array, parts: dict[str, Classifier], file: NetworkFile | None = None) -> list[Likely]:
@@ -87,12 +94,15 @@ def likely_shadows(planes: Float32Array, parts: dict[str, Classifier], file: Net
         said = np.zeros(where.shape, np.float32)
         said[where] = parts["pixel"](rows)
         last = verdict_features(planes, shapes[number], said, float(sure[number]), features[number], sure)
-        last = np.r_[last, agreement(marked, said > SHADOW, surface), 0]
-        out.append(Likely(shapes[number], np.asarray((said + marked) / 2, np.float32), last))
+        mean = np.asarray((said + marked) / 2, np.float32)
+        tones = tone_steps(planes, touching(mean > SHADOW, shapes[number]))
+        last = np.r_[last, agreement(marked, said > SHADOW, surface), 0, tones]
+        out.append(Likely(shapes[number], mean, last))
     if region.sum() >= SMALLEST_MARKED:
         certain = float(parts["candidate"](own[None])[0])
         last = verdict_features(planes, region, marked, certain, own, sure)
-        out.append(Likely(region, marked, np.r_[last, agreement(marked, region, surface), 1]))
+        tones = tone_steps(planes, region)
+        out.append(Likely(region, marked, np.r_[last, agreement(marked, region, surface), 1, tones]))
     return out
 
 
@@ -143,12 +153,13 @@ def verdict_features(
     return np.array([*own, *features], np.float32)
 
 
-def shadow_probability(planes: Float32Array, path: Path = MODEL) -> tuple[Float32Array, BoolArray] | None:
-    """h x w: probability of each pixel, and where the shape was thrown; None where nothing leads to a certain shadow."""
+def shadow_probability(planes: Float32Array, path: Path = MODEL) -> tuple[Float32Array, BoolArray, float] | None:
+    """h x w: probability of each pixel, and where the shape was thrown; and how certain that is. None where nothing leads to a
+    certain shadow."""
     parts = classifiers(path)
     found = likely_shadows(planes, parts)
     if not found:
         return None
     sure = parts["verdict"](np.stack([one.features for one in found]))
     best = found[int(sure.argmax())]
-    return (best.probability, best.shape) if sure.max() >= CERTAIN else None
+    return (best.probability, best.shape, float(sure.max())) if sure.max() >= CERTAIN else None

@@ -23,8 +23,9 @@ STEPS = 1.0
 
 
 def stands_out(rgbd: RGBD, shadow: BoolArray, usable: BoolArray) -> bool:
-    """Whether the ground round a shadow (H x W) is lighter by more than the fine pattern's standard deviation, which is taken
-    where it is less, in the shadow or round it. usable: H x W, where the surface is seen. True where too little is seen."""
+    """Whether the ground round a shadow (H x W) is lighter, in the median or in the mean, by more than its fine pattern's
+    standard deviation, in the shadow or round it, whichever is less. usable: H x W, where the surface is seen. True where too
+    little of it is seen."""
     inside = shadow & usable
     reach = RING_PX + round(RING_SHARE * float(np.sqrt(shadow.sum())))
     ring = dilated(shadow, reach) & ~dilated(shadow, GAP_PX) & usable
@@ -32,7 +33,9 @@ def stands_out(rgbd: RGBD, shadow: BoolArray, usable: BoolArray) -> bool:
         return True
     level = np.log(cv2.cvtColor(rgbd.color, cv2.COLOR_RGB2GRAY).astype(np.float32) + 4)
     fine = fine_pattern(level, usable)
-    step = float(np.median(level[ring]) - np.median(level[inside]))
+    step = max(
+        float(how(level[ring]) - how(level[inside])) for how in (np.median, np.mean)
+    )  # of two materials one errs
     return step > STEPS * min(float(fine[inside].std()), float(fine[ring].std()))
 
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from dlama.geometry.holes import nearest_known
+from dlama.geometry.holes import dilated, nearest_known
 from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.perception.shadows.planes import FAR, LOG_RANGE, THROWN
 
@@ -28,6 +28,9 @@ FEWEST_PX = 6
 LOW, CONTACT = 0.15, 0.15
 """What is lower than this share of the thing's height is its foot; shadows round it lie within this share of its size."""
 LEAST_DEEP = 0.05
+TONES, TONES_PX, ENOUGH_PX = (5, 10, 25, 50, 75, 90, 95), 12, 30
+"""Percentiles of the surface's level, the width of the ring that a region is held against, and how many pixels say enough."""
+TONE_STEPS = len(TONES) + 2
 OCCLUDED = 0.3
 """Where the thing hides so much of the sky is its shape on an overcast day."""
 
@@ -93,6 +96,24 @@ def candidate_features(planes: Float32Array, shapes: list[BoolArray], shares: Co
 CANDIDATE_FEATURES = 25
 
 
+def tone_steps(planes: Float32Array, region: BoolArray) -> Float32Array:
+    """TONE_STEPS numbers: by how much the surface round a region (h x w) is lighter than in it, at each of TONES; and the step of
+    the light tones and the least step, over that of the middle one. A shadow darkens all tones alike, joints and stains few."""
+    where = planes[4] > 0.5
+    inside = region & where
+    if inside.sum() < FEWEST_PX:
+        return np.zeros(TONE_STEPS, np.float32)
+    level = cv2.blur(planes[:3].mean(0) * LOG_RANGE, (2, 2))
+    ring = dilated(region, TONES_PX) & ~dilated(region, 3) & where
+    ring = ring if ring.sum() >= ENOUGH_PX else where
+    inner = cv2.erode(inside.astype(np.uint8), np.ones((5, 5), np.uint8)) > 0
+    inner = inner if inner.sum() >= ENOUGH_PX else inside
+    steps = np.percentile(level[ring], TONES) - np.percentile(level[inner], TONES)
+    middle = max(float(steps[TONES.index(50)]), LEAST_DEEP)
+    shares = np.clip([steps[TONES.index(90)] / middle, steps.min() / middle], -1, 2)
+    return np.array([*np.clip(steps, -1, 1.5), *shares], np.float32)
+
+
 def overlap(one: BoolArray, other: BoolArray) -> float:
     """Intersection over the smaller."""
     return float((one & other).sum()) / max(float(min(one.sum(), other.sum())), 1.0)
@@ -142,8 +163,8 @@ def color_shares(planes: Float32Array) -> ColorShares:
     """How common colours are on the surface."""
     color = planes[:3, planes[4] > 0.5].T * LOG_RANGE
     place = (np.clip((color - DARKEST) / (BRIGHTEST - DARKEST), 0, 0.9999) * COLORS).astype(int)
-    counts = np.zeros((COLORS,) * 3, np.float32)
-    np.add.at(counts, tuple(place.T), 1)
+    flat = (place[:, 0] * COLORS + place[:, 1]) * COLORS + place[:, 2]
+    counts = np.bincount(flat, minlength=COLORS**3).astype(np.float32).reshape((COLORS,) * 3)
     for axis in range(3):
         counts += (np.roll(counts, 1, axis) + np.roll(counts, -1, axis) - 2 * counts) / 4
     share = np.log(counts / max(len(color), 1) + 1e-4)

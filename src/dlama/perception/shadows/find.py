@@ -25,6 +25,8 @@ PLAUSIBLE = 0.1
 """What darkness alone adds has this mean probability at least: elsewhere it is the pattern that is dark."""
 FAINT = 0.02
 """And what the sky explains this one: it is faint."""
+TRUSTED = 0.8
+"""From this certainty on a shadow need not stand out from the surface's pattern."""
 LARGEST = 4.0
 """It covers no more pixels than this many times the thing."""
 
@@ -42,7 +44,7 @@ def find_shadow(rgbd: RGBD, mask: BoolArray, found: Planes | None = None) -> Boo
     answer = shadow_probability(planes)
     if answer is None:
         return none
-    probability, shape = (crop.large(each.astype(np.float32), mask.shape) for each in answer)
+    probability, shape = (crop.large(each.astype(np.float32), mask.shape) for each in answer[:2])
     usable = ground.surface & ~dilated(mask, EDGE_PX)
     thrown = (shape > 0.5) & usable
     shadow = touching((probability > SHADOW) & usable, thrown | dilated(mask, NEAR_PX))
@@ -52,7 +54,9 @@ def find_shadow(rgbd: RGBD, mask: BoolArray, found: Planes | None = None) -> Boo
     soft = under_the_sky(rgbd, mask, ground, usable, shadow, occlusion) & ~shadow
     if soft.any() and probability[soft].mean() > FAINT:
         shadow |= soft
-    if not SMALLEST_PX <= shadow.sum() <= LARGEST * mask.sum() or not stands_out(rgbd, shadow, usable):
+    if not SMALLEST_PX <= shadow.sum() <= LARGEST * mask.sum():
+        return none
+    if answer[2] < TRUSTED and not stands_out(rgbd, shadow, usable):
         return none
     contact = dilated(shadow, EDGE_PX + 2) & dilated(mask, EDGE_PX + 1)
     return np.asarray((shadow | contact) & ground.surface & ~mask)

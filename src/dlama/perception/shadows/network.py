@@ -9,15 +9,19 @@ from __future__ import annotations
 import functools
 from pathlib import Path
 
+import cv2
 import numpy as np
 
 from dlama.geometry.rgbd import Float32Array
 from dlama.models.network_file import NetworkFile
 from dlama.perception.shadows.features import ColorShares, color_shares
+from dlama.perception.shadows.planes import LOG_RANGE
 
 NETWORK = Path(__file__).parents[2] / "assets" / "shadow" / "shadow.onnx"
 LOG_SHARE = 4.0
 """Logarithms of shares that are 1 in a plane."""
+HUES, HUE_RANGE, HUE_BLUR_PX = 32, 1.0, 1.0
+"""Bins of the logarithms of red and blue over green, how far from 0 they reach, and the blur of colours before."""
 
 
 @functools.cache
@@ -27,13 +31,32 @@ def network() -> NetworkFile:
 
 
 def network_planes(planes: Float32Array, shares: ColorShares | None = None) -> Float32Array:
-    """The planes with two more: how common each colour is on the surface, and how much more common it would be were it lit."""
+    """The planes with three more: how common each colour is on the surface, how much more common it would be were it lit, and
+    how dark it is against what has its hue (`darkness_by_hue`)."""
     where = planes[4] > 0.5
     share, raised = shares or color_shares(planes)
-    added = np.zeros((2, *where.shape), np.float32)
+    added = np.zeros((3, *where.shape), np.float32)
     if where.any():
         added[0, where], added[1, where] = share / LOG_SHARE, (np.max(raised, 0) - share) / LOG_SHARE
+        added[2] = darkness_by_hue(planes)
     return np.concatenate([planes, added])
+
+
+def darkness_by_hue(planes: Float32Array) -> Float32Array:
+    """h x w: mean logarithm of level of all of the surface that has about the same ratios of red, green and blue, over that of
+    the pixel; a shadow is as far below its own material on a rug as on the floor beside it. 0 off the surface."""
+    where = planes[4] > 0.5
+    color = np.stack([cv2.GaussianBlur(plane, (0, 0), HUE_BLUR_PX) for plane in planes[:3]])[:, where] * LOG_RANGE
+    ratios = np.clip((np.stack([color[0] - color[1], color[2] - color[1]]) / HUE_RANGE + 1) / 2, 0, 0.9999)
+    place, level = (ratios * HUES).astype(int), color.mean(0)
+    flat = place[0] * HUES + place[1]
+    count, total = (
+        cv2.GaussianBlur(np.bincount(flat, each, HUES**2).astype(np.float32).reshape(HUES, HUES), (0, 0), 1.0)
+        for each in (None, level)
+    )
+    out = np.zeros(where.shape, np.float32)
+    out[where] = (total / np.maximum(count, 1e-3)).ravel()[flat] - level
+    return out
 
 
 def network_probability(planes: Float32Array, shares: ColorShares, file: NetworkFile | None = None) -> Float32Array:

@@ -2,7 +2,8 @@
 
 A thing of a world is chosen, its picture taken with and without it under one of three lights: the world's own sun or lamp, a
 light of many directions whose penumbra grows with height, or none that throws the thing's shadow. Sensor noise, JPEG, exposure,
-masks that are a pixel off and bent depth are added afterwards.
+masks that are a pixel off and bent depth are added afterwards. The ground of some worlds is laid anew with blocks between joints:
+cobbles, slabs, tiles and boards, whose own tones differ as much as a shadow's from the lit ground.
 """
 
 from __future__ import annotations
@@ -26,7 +27,10 @@ from dlama.training.data.augment import with_faults
 from dlama.training.data.sensors import photographed, stereo_matcher, structured_light
 from dlama.worlds.dataset import Textures, world
 from dlama.worlds.layouts.random_scene import direction_to_light
+from dlama.worlds.materials.textures import CLOUDY, FINE, GRAIN, ROUGH, color, courses
+from dlama.worlds.raycast import shape_rows as k
 from dlama.worlds.raycast.shape_rows import CASTS, GROUP, LIT
+from dlama.worlds.scene_builder import SceneBuilder
 from dlama.worlds.world import World
 
 AS_IT_IS = 0.35
@@ -36,15 +40,19 @@ NATIVE, SOFT = 0.4, 0.46
 SIZES = (288, 336, 384)
 FEWEST_PX, LARGEST_SHARE = 0.0015, 0.2
 """Of the picture: a thing that is chosen."""
+WIDE_M, LOW_M, TILE_M = 1.0, 0.4, (0.8, 5.0)
+"""What is paved is so wide and lies within LOW_M of the ground's height; the pattern comes again after TILE_M."""
 FIFTH = 5
 LIGHTS, DOME, LIGHT_PX = 12, 24, 128
 """Directions of a lobe and of the sky of a soft light, and the side of the pictures that they are looked at in."""
 
 
-def shadow_crop(seed: int, textures: Textures = None) -> tuple[Float32Array, Float32Array] | None:
+def shadow_crop(
+    seed: int, textures: Textures = None, *, paved: bool = False
+) -> tuple[Float32Array, Float32Array] | None:
     """Planes (`shadow_planes`) and h x w: the share of each pixel that is shadow, -1 where it does not count (off the surface,
-    outside the picture). None: nothing in that world stands on a surface."""
-    case = shadow_case(seed, textures)
+    outside the picture). None: nothing in that world stands on a surface. paved: `with_paving`."""
+    case = shadow_case(seed, textures, paved=paved)
     if case is None:
         return None
     source, mask, true = case
@@ -59,10 +67,14 @@ def shadow_crop(seed: int, textures: Textures = None) -> tuple[Float32Array, Flo
     return planes, target
 
 
-def shadow_case(seed: int, textures: Textures = None) -> tuple[RGBD, BoolArray, BoolArray] | None:
+def shadow_case(
+    seed: int, textures: Textures = None, *, paved: bool = False
+) -> tuple[RGBD, BoolArray, BoolArray] | None:
     """A frame as it is measured, the mask of a thing, and its true shadow (H x W). None: no thing is in sight."""
     rng = np.random.default_rng((seed, 12))
     made = world(seed, textures=textures)
+    if paved:
+        made = with_paving(made, np.random.default_rng((seed, 13)))
     as_it_is = bool(rng.random() < AS_IT_IS)
     if not as_it_is and rng.random() < 0.6:
         to_light = direction_to_light(float(rng.uniform(0, 360)), float(rng.uniform(18, 75)))
@@ -75,6 +87,34 @@ def shadow_case(seed: int, textures: Textures = None) -> tuple[RGBD, BoolArray, 
     source, without, mask = lit_pair(made, camera, rng, 0.0 if as_it_is else float(rng.random()))
     true = darkened(source.color, without, mask)
     return *as_measured(source, mask, rng), true
+
+
+def with_paving(made: World, rng: np.random.Generator) -> World:
+    """The world with a new ground, floor and pavements: blocks of one material between joints."""
+    shapes = made.shapes.copy()
+    top = shapes[:, k.CENTRE + 1] - shapes[:, k.HALF + 1]  # y points down
+    flat = (shapes[:, [k.HALF, k.HALF + 2]] > WIDE_M / 2).all(1) & (np.abs(shapes[:, k.TURN + 4]) > 0.999)
+    ground = flat & (shapes[:, GROUP] == k.GROUND_GROUP) & (np.abs(top) < LOW_M)
+    builder = SceneBuilder()
+    builder.layer(paving_blocks(rng))
+    shapes[ground, k.LAYER], shapes[ground, k.MODE] = len(made.textures), k.WRAP
+    shapes[ground, k.TILE : k.TILE + 2] = np.exp(rng.uniform(*np.log(TILE_M)))
+    shapes[ground, k.TINT : k.TINT + 3], shapes[ground, k.STAIN] = 1, rng.uniform(0, 0.4)
+    return dataclasses.replace(made, shapes=shapes, textures=np.concatenate([made.textures, builder.texels()]))
+
+
+def paving_blocks(rng: np.random.Generator) -> UInt8Array:
+    """256 x 256 x 4: rows of blocks, of any size, with narrow or wide, dark or light joints, even or mixed in tone."""
+    rows = int(rng.integers(3, 25))
+    columns = max(1, int(rows * rng.choice([0.15, 0.33, 0.5, 0.7, 1.0])))
+    base = color(rng, (0.0, 0.15) if rng.random() < 0.7 else (0.0, 1.0), (0.0, 0.35), (0.35, 0.85))
+    joints = float(rng.uniform(0.2, 0.8) if rng.random() < 0.85 else rng.uniform(1.0, 1.4))
+    mortar = base[0] * joints, base[1] * joints, base[2] * joints
+    bond, spread = float(rng.choice([0.0, 0.33, 0.5])), float(rng.uniform(0.03, 0.3))
+    wobble = float(rng.uniform(0, 0.05)) if rng.random() < 0.5 else 0.0
+    grain = int(rng.choice([FINE, ROUGH, CLOUDY, GRAIN]))
+    joint = float(rng.uniform(0.015, 0.15))
+    return courses(rng, rows, columns, joint, base, mortar, bond=bond, spread=spread, wobble=wobble, grain=grain)
 
 
 def seen_from(made: World, rng: np.random.Generator) -> Camera:
@@ -191,15 +231,15 @@ def bent(rgbd: RGBD, mask: BoolArray, rng: np.random.Generator) -> RGBD:
     return RGBD(rgbd.color, (1 / np.maximum(w, 1e-3)).astype(np.float32), rgbd.camera, {"estimator": "bent"})
 
 
-def write_shadow_crops(folder: Path, count: int, seed: int, textures: Path | None) -> int:
+def write_shadow_crops(folder: Path, count: int, seed: int, textures: Path | None, *, paved: bool = False) -> int:
     """`count` crops of the seeds from `seed` on as NAME.npz (`planes`, `target`, half precision); how many there are. Half of the
-    worlds have photos as textures, where there are any; what is there already stays."""
+    worlds have photos as textures, where there are any; what is there already stays. paved: `with_paving`."""
     folder.mkdir(parents=True, exist_ok=True)
     for number in range(seed, seed + count):
         file = folder / f"{number}.npz"
         if file.exists():
             continue
-        made = shadow_crop(number, textures if number % 2 else None)
+        made = shadow_crop(number, textures if number % 2 else None, paved=paved)
         if made is not None:
             planes, target = made
             with new_file(file) as draft, draft.open("wb") as stream:
