@@ -11,10 +11,14 @@ from dlama.geometry.visibility import Law, lawful_depth
 from dlama.inpainters.filling import Fill
 from dlama.inpainters.layered.hedging import hedged
 from dlama.inpainters.layered.remaining_shadows import fading_out, shadow_beside
+from dlama.inpainters.layered.rims import led_in
 from dlama.inpainters.layered.softening import softened
 from dlama.inpainters.layered.surfaces import Surfaces, continue_surfaces
 from dlama.inpainters.layered.texture_synthesis import synthesize
 from dlama.perception.planes import SKY, SMOOTH
+
+NOT_LED_IN = (HoleType.OUT_OF_VIEW, HoleType.OBJECT)
+"""Holes into which nothing is led from their rims: beside a removed thing lie scraps of it and of its shadow."""
 
 
 def layered(view: View, law: Law, seed: int = 0) -> Fill:
@@ -39,6 +43,8 @@ def painted(view: View, surfaces: Surfaces, depth: Float32Array, law: Law, seed:
     leafy = with_leaves(view.color, view, surfaces)
     known = leafy, view.color_hole & (surfaces.leaves < 0), w, label, view.camera
     color = synthesize(*known, seed=seed, sky=law.sky, spoiled=shadow)
+    hidden = known[1] & ~np.isin(view.hole_type, NOT_LED_IN)
+    color = led_in(color, view.color_hole, hidden, w, label, shadow)
     return fading_out(color, shadow, view.color_hole, label) if shadow.any() else color
 
 

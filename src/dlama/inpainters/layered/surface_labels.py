@@ -17,7 +17,7 @@ from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.geometry.view import HoleType, View
 from dlama.geometry.visibility import Law
-from dlama.inpainters.layered.cut_things import CutThings, cut_things
+from dlama.inpainters.layered.cut_things import CutThings, cut_things, foliage
 from dlama.inpainters.layered.distances import (
     CHORD,
     angle_to_far,
@@ -27,6 +27,7 @@ from dlama.inpainters.layered.distances import (
     enlarged,
     mean_chords,
 )
+from dlama.inpainters.layered.gaps import surface_behind
 from dlama.inpainters.layered.kernels import surfaces as surface_kernels
 from dlama.inpainters.layered.out_of_view import (
     FOLLOWED,
@@ -150,10 +151,17 @@ class CoarseView:
         hidden = self.hole_in_view & ~self.colored
         on += seen_both_ways(lines, self.candidates, self.hole, hidden, self.inverse_depth, self.label, followed)
         distance = self.distance_to_known(law)
+        allowed = self.allowed(law)
+        hidden &= distance[1] - distance.min(0) >= REACH * GRID  # no sky near
+        hidden &= ~foliage(self.inverse_depth, ~self.hole & (self.inverse_depth > 0))  # and it shows through leaves
+        smooth, gap = surface_behind(self.camera, self.candidates[0], hidden, law, allowed)
+        candidates = np.concatenate([smooth[None], self.candidates[1:]])
+        allowed[0] |= gap
+        distance[0, gap] = distance.min(0)[gap]
         distance += on * (distance.min(0) - distance)  # what is seen on its line is as near as anything
         unary = surface_kernels.unary_costs(
-            self.candidates,
-            self.allowed(law),
+            candidates,
+            allowed,
             distance,
             self.hole,
             self.inverse_depth,
@@ -162,7 +170,7 @@ class CoarseView:
             penalty,
             np.array(RIM),
         )
-        return surface_kernels.beliefs(unary, self.candidates, self.hole, POTTS, ROUNDS)
+        return surface_kernels.beliefs(unary, candidates, self.hole, POTTS, ROUNDS)
 
     def allowed(self, law: Law) -> BoolArray:
         """L x h x w, False where a label is impossible: behind the camera, never seen, or against the law by over 3 %."""

@@ -1,0 +1,67 @@
+"""Rim kernels: a picture and its surfaces in; at some pixels, the mean of their surface's known pixels near by, out (numba)."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dlama.geometry.kernels.jit import Real, Whole, in_bands, kernel
+from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
+
+
+@kernel
+def beside_rows(
+    first: Whole,
+    last: Whole,
+    color: UInt8Array,
+    where: BoolArray,
+    known: NDArray[np.int32],
+    label: NDArray[np.int32],
+    w: Float32Array,
+    reach: Whole,
+    apart: Real,
+    out: Float32Array,
+    found: BoolArray,
+) -> None:
+    """Rows of `beside`."""
+    height, width = where.shape
+    for y in range(first, last):
+        for x in range(width):
+            if not where[y, x]:
+                continue
+            total, red, green, blue = 0.0, 0.0, 0.0, 0.0
+            for j in range(max(0, y - reach), min(height, y + reach + 1)):
+                for i in range(max(0, x - reach), min(width, x + reach + 1)):
+                    square = (j - y) * (j - y) + (i - x) * (i - x)
+                    if square > reach * reach or known[j, i] != label[y, x]:
+                        continue
+                    if abs(w[j, i] - w[y, x]) > apart * w[y, x]:
+                        continue
+                    share = 1.0 / (square * square)
+                    total += share
+                    red += share * color[j, i, 0]
+                    green += share * color[j, i, 1]
+                    blue += share * color[j, i, 2]
+            if total > 0:
+                out[y, x, 0], out[y, x, 1], out[y, x, 2] = red / total, green / total, blue / total
+                found[y, x] = True
+
+
+def beside(
+    color: UInt8Array,
+    where: BoolArray,
+    known: NDArray[np.int32],
+    label: NDArray[np.int32],
+    w: Float32Array,
+    reach: int,
+    apart: float,
+) -> tuple[Float32Array, BoolArray]:
+    """H x W x 3 mean of the known pixels of the same surface at most `reach` px away, by the inverse fourth power of distance, at
+    the pixels of `where` (H x W); and where there are any.
+
+    color: H x W x 3; known: H x W label of pixels that count, another number than any label elsewhere (and in `where`); label, w:
+    H x W label and inverse depth of all; apart: relative inverse depth up to which two pixels of one label are one surface.
+    """
+    out, found = np.zeros(color.shape, np.float32), np.zeros(where.shape, np.bool_)
+    in_bands(beside_rows, len(where), color, where, known, label, w, reach, float(apart), out, found)
+    return out, found

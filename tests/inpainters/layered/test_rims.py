@@ -1,0 +1,89 @@
+"""What is known beside a hole is led into it: as the slow twin does, along ledges, and no farther than it should."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from dlama.geometry.camera import Camera
+from dlama.geometry.rgbd import RGBD
+from dlama.geometry.view import HoleType, View
+from dlama.geometry.visibility import Law
+from dlama.inpainters.layered import filler
+from dlama.inpainters.layered.kernels.rims import beside
+from dlama.inpainters.layered.rims import led_in
+
+HW = 24, 30
+
+
+def beside_slowly(color, where, known, label, w, reach, apart):  # type: ignore[no-untyped-def]
+    """The literal twin: for each pixel, the weighted mean over a mask of all others."""
+    rows, columns = np.indices(where.shape)
+    out, found = np.zeros(color.shape), np.zeros(where.shape, bool)
+    for y, x in np.argwhere(where):
+        square = (rows - y) ** 2 + (columns - x) ** 2
+        counts = (square <= reach**2) & (known == label[y, x]) & (np.abs(w - w[y, x]) <= apart * w[y, x])
+        if counts.any():
+            out[y, x] = np.average(color[counts], axis=0, weights=1 / square[counts] ** 2.0)
+            found[y, x] = True
+    return out, found
+
+
+def test_the_kernel_agrees_with_its_slow_twin() -> None:
+    rng = np.random.default_rng(0)
+    color = rng.integers(0, 256, (*HW, 3), np.uint8)
+    label = rng.integers(-1, 3, HW).astype(np.int32)
+    w = rng.uniform(0.3, 0.35, HW).astype(np.float32)
+    where = rng.random(HW) < 0.4
+    known = np.where(where, -2, label).astype(np.int32)
+    got, found = beside(color, where, known, label, w, 3, 0.08)
+    wanted, there = beside_slowly(color, where, known, label, w, 3, 0.08)
+    np.testing.assert_array_equal(found, there)
+    np.testing.assert_allclose(got, wanted, rtol=1e-5)
+    assert found.sum() > 100
+
+
+def ledge(width: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """A wall with a ledge, a hole `width` px wide across it, and the wall as painted grey in the hole."""
+    truth = np.full((*HW, 3), 200, np.uint8)
+    truth[10:14] = 40
+    hole = np.zeros(HW, bool)
+    hole[:, 10 : 10 + width] = True
+    return truth, hole, np.where(hole[..., None], np.uint8(120), truth)
+
+
+@pytest.mark.parametrize("width", [3, 6])
+def test_a_ledge_goes_on_through_a_narrow_hole(width: int) -> None:
+    """Oracle: the wall without the hole; what was painted is grey all over. Known pixels stay bit for bit."""
+    truth, hole, painted = ledge(width)
+    flat = np.full(HW, 0.2, np.float32), np.ones(HW, np.int32), np.zeros(HW, bool)
+    out = led_in(painted, hole, hole, *flat)
+    np.testing.assert_array_equal(out[~hole], painted[~hole])
+    before, after = (((a.astype(float) - truth)[hole] ** 2).mean() for a in (painted, out))
+    assert after < before / 2
+
+
+def test_other_surfaces_and_what_is_spoiled_or_out_of_view_lend_nothing() -> None:
+    """Law: a hole none of whose own surface is known beside it, or that is not asked for, comes back as it was painted."""
+    _, hole, painted = ledge(6)
+    w, label, nothing = np.full(HW, 0.2, np.float32), np.ones(HW, np.int32), np.zeros(HW, bool)
+    for result in (
+        led_in(painted, hole, hole, w, np.where(hole, 2, label).astype(np.int32), nothing),
+        led_in(painted, hole, hole, np.where(hole, np.float32(0.1), w), label, nothing),
+        led_in(painted, hole, hole, w, label, ~hole),
+        led_in(painted, hole, nothing, w, label, nothing),
+    ):
+        np.testing.assert_array_equal(result, painted)
+
+
+@pytest.mark.parametrize("kind", [HoleType.DISOCCLUDED, HoleType.OBJECT, HoleType.OUT_OF_VIEW])
+def test_beside_a_removed_thing_nothing_is_led_in(kind: HoleType, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Law: scraps of its shadow lie there; dis-occlusions are led into, what is out of view is not."""
+    picture, hole, _ = ledge(6)
+    view = View.from_rgbd(RGBD(picture, np.full(HW, 5, np.float32), Camera.from_fov(HW[1], HW[0], 60))).without(
+        hole, kind
+    )
+    asked = []
+    monkeypatch.setattr(filler, "led_in", lambda color, hole, where, *_: asked.append(where) or color)
+    filler.layered(view, Law(()))
+    np.testing.assert_array_equal(asked[0], hole & (kind == HoleType.DISOCCLUDED))
