@@ -30,6 +30,13 @@ def test_stripes_in_a_plain_picture_are_invented():
     np.testing.assert_array_equal(invented(planes(out_of_view=True))[:, 6:10, 6:10], 0)
 
 
+def test_which_guess_is_first_says_nothing_about_what_is_known():
+    """Law of sets: guesses the other way round, bit for bit; what one paints beside the hole is not what is known there."""
+    seen = planes(out_of_view=False)
+    turned = JudgePlanes(seen.context, seen.guesses[::-1].copy())
+    np.testing.assert_array_equal(invented(turned), invented(seen)[::-1])
+
+
 def test_a_prior_goes_with_the_name():
     """Closed form: equal logits come apart by the prior of `layered`, wherever it stands; errors stay."""
     maps = np.zeros((2, SIDE // STRIDE, SIDE // STRIDE), np.float32)

@@ -48,8 +48,9 @@ def invented(planes: JudgePlanes) -> Float32Array:
     round about, 0 at least; 0 out of the source's view."""
     known = planes.context[CONTEXT.index("hole")] == 0
     inside = 1 - planes.context[CONTEXT.index("out of view")]
-    details = [detail_of(one[:3].mean(0)) for one in planes.guesses]
-    there = known_mean(details[0], known)
+    greys = [one[:3].mean(0) for one in planes.guesses]
+    details = [detail_of(one, np.ones_like(known)) for one in greys]
+    there = known_mean(detail_of(greys[0], known), known)
     size = known.shape[1] // STRIDE, known.shape[0] // STRIDE
     found = []
     for detail in details:
@@ -58,9 +59,11 @@ def invented(planes: JudgePlanes) -> Float32Array:
     return np.stack(found).astype(np.float32)
 
 
-def detail_of(grey: Float32Array) -> Float32Array:
-    """H x W magnitudes of what a blur takes away."""
-    return np.abs(grey - cv2.GaussianBlur(grey, (0, 0), FINE)).astype(np.float32)
+def detail_of(grey: Float32Array, known: BoolArray) -> Float32Array:
+    """H x W magnitudes of what a blur of the known pixels takes away; beside a hole no guess has a say in it."""
+    weight = known.astype(np.float32)
+    blurred, share = (cv2.GaussianBlur(a, (0, 0), FINE) for a in (grey * weight, weight))
+    return np.abs(grey - blurred / np.maximum(share, np.float32(1e-3))).astype(np.float32)
 
 
 def known_mean(values: Float32Array, known: BoolArray) -> Float32Array:
