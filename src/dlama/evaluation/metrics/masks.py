@@ -55,7 +55,7 @@ def box_of(mask: BoolArray, larger: float) -> Box:
 
 
 def darkened(color: UInt8Array, without: UInt8Array, mask: BoolArray) -> BoolArray:
-    """H x W, True where a thing takes away a tenth of the light or more, outside its mask; means of 3 x 3 px are compared.
+    """H x W, True where a thing takes away a tenth of the luma or more, outside its mask; means of 3 x 3 px are compared.
 
     color, without: H x W x 3, the picture with and without the thing.
     """
