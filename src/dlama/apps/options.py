@@ -16,7 +16,7 @@ from tyro.conf import arg
 from dlama.apps import model_files
 from dlama.errors import InputError
 from dlama.geometry.trajectories import PIVOT_M
-from dlama.inpainters import FILLERS
+from dlama.inpainters import AUTO, FILLER_NAMES
 from dlama.jobs.parameters import check_move, check_one_target, known_depths
 from dlama.jobs.pointing import mask_and_pointing
 
@@ -227,15 +227,17 @@ class Method:
     filler: Annotated[
         str,
         option(
-            "|".join(FILLERS),
-            "layered",
+            "|".join(FILLER_NAMES),
+            AUTO,
             help="What fills the holes: layered continues planes and sky from behind, telea and navier-stokes diffuse; "
-            "migan runs a network that comes with the package; choice lets another one judge the guesses of four (with "
-            "--model FILE of a fifth); lama, joint and pair (stereo only) run that of --model.",
+            "migan runs a network that comes with the package, patchmatch copies patches of the picture to where that one "
+            "guesses them; auto is layered, or patchmatch where depth is estimated; choice lets another one judge the "
+            "guesses of four (with --model FILE of a fifth); lama, joint and pair (stereo only) run that of --model.",
         ),
-    ] = "layered"
+    ] = AUTO
     model: Annotated[str | None, option("FILE|NAME")] = None
-    """Network of --filler lama, migan, choice, joint, pair: an ONNX file, a LaMa checkpoint, a name of `dlama models list`."""
+    """Network of --filler lama, migan, patchmatch, choice, joint, pair: an ONNX file, a LaMa checkpoint, or a name of
+    `dlama models list`."""
     recipe: Annotated[str, option("|".join(RECIPES), "dlama")] = "dlama"
     """dlama: surfaces, metric depth; paper: as published (points, 10 m clip, 8-bit depth, 3 px dilation)."""
     mode: Annotated[Literal["surface", "points"] | None, option("surface|points", "the recipe's")] = None

@@ -12,7 +12,7 @@ from dlama.arguments import check_arguments
 from dlama.completion.completion import Completion
 from dlama.completion.frames.filling import fill_first
 from dlama.completion.frames.removal import take_out_of
-from dlama.completion.frames.sources import about_source, starting_scene
+from dlama.completion.frames.sources import about_source, has_estimated_depth, starting_scene
 from dlama.completion.memory import check_memory
 from dlama.completion.plausible import warn_of_scale, warn_of_unknown
 from dlama.completion.recipes import DepthBy, Recipe, checked_seed, find_recipe
@@ -32,7 +32,7 @@ from dlama.geometry.rendering import Mode
 from dlama.geometry.rgbd import RGBD, BoolArray, UInt8Array
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
-from dlama.inpainters import find_filler
+from dlama.inpainters import AUTO, chosen_filler, find_filler
 from dlama.inpainters.filling import FillReport, Inpainter
 
 
@@ -41,7 +41,7 @@ def complete(
     cameras: Sequence[Camera],
     *,
     mask: BoolArray | Mapping[int, BoolArray] | None = None,
-    filler: str | Inpainter = "layered",
+    filler: str | Inpainter = AUTO,
     model: str | Path | None = None,
     recipe: str | Recipe = "dlama",
     mode: Mode | None = None,
@@ -61,7 +61,8 @@ def complete(
         cameras: Where to look from, in the world of the picture's camera.
         mask: H x W bool, True = remove: takes an object out everywhere. Of many frames: number of a frame -> its mask, for one
             frame or several; the other frames' masks follow from the thing's shape.
-        filler: What fills the holes: a name, or a function (view, law, seed) -> Fill.
+        filler: What fills the holes: a name, or a function (view, law, seed) -> Fill. "auto": `layered` where depth was measured,
+            `patchmatch` where it was estimated.
         model: The network file of a filler that runs one.
         recipe: `dlama`, `paper` or a Recipe. The next five replace single settings of it; None leaves them.
         mode: "surface" (the pixel grid as triangles, cut at depth edges) or "points" (each pixel to the nearest one).
@@ -84,6 +85,7 @@ def complete(
     source = start.layers[0]
     check_memory((*(one.camera for one in start.measured if not isinstance(one, StoredView)), *cameras))
     warn_of_scale(source)
+    filler = chosen_filler(filler, estimated=has_estimated_depth(start))
     inpainter = filler_of_recipe(find_filler(filler, model), chosen)
     given, grown_mask = take_out_of(start, mask, chosen.dilate)
     plan = Plan(chosen, inpainter, seed, given, law_of(given, chosen))

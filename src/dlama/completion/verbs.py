@@ -17,6 +17,7 @@ from dlama.geometry.scene import Scene
 from dlama.geometry.trajectories import PIVOT_M, median_pivot, orbit
 from dlama.geometry.trajectories import dolly as dollied
 from dlama.geometry.view import View
+from dlama.inpainters import AUTO
 from dlama.inpainters.filling import Inpainter
 
 
@@ -49,7 +50,7 @@ def view(
     pitch: float = 0.0,
     pivot: float | Literal["auto"] = PIVOT_M,
     dolly: float = 0.0,
-    filler: str | Inpainter = "layered",
+    filler: str | Inpainter = AUTO,
     model: str | Path | None = None,
     recipe: str | Recipe = "dlama",
     mode: Mode | None = None,
@@ -90,7 +91,7 @@ def remove(
     pitch: float = 0.0,
     pivot: float | Literal["auto"] = PIVOT_M,
     dolly: float = 0.0,
-    filler: str | Inpainter = "layered",
+    filler: str | Inpainter = AUTO,
     model: str | Path | None = None,
     recipe: str | Recipe = "dlama",
     mode: Mode | None = None,

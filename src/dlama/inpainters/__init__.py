@@ -1,7 +1,8 @@
 """Fillers: a View with holes in; the same View without holes out. FILLERS, at the foot, is the closed list of their names.
 
-Begin with `filling` (what a filler is, what `inpaint` guarantees), then `layered/` (the default) and `networks/`. This file
-imports no filler: the command line's help reads the names, and a filler's code is imported when it is looked up.
+Begin with `filling` (what a filler is, what `inpaint` guarantees), then `layered/` (the default where depth was measured),
+`patchmatch/` (where it was estimated) and `networks/`. This file imports no filler: the command line's help reads the names, and
+a filler's code is imported when it is looked up.
 """
 
 from __future__ import annotations
@@ -9,7 +10,7 @@ from __future__ import annotations
 import pkgutil
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from dlama.errors import InputError
 
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
     from dlama.inpainters.filling import Inpainter
 
 
+Given = TypeVar("Given")
 ASSETS = Path(__file__).parents[1] / "assets"
 
 
@@ -32,6 +34,19 @@ class FillerRecord:
     """The network file that ships in the package, under assets/; it runs where no other is given."""
 
 
+AUTO = "auto"
+"""The default: the filler that suits the depth."""
+MEASURED, ESTIMATED = "layered", "patchmatch"
+"""What it stands for. Planes of estimated depth are bent and torn: what is painted on them is, too."""
+
+
+def chosen_filler(filler: Given, *, estimated: bool = False) -> Given | str:
+    """The filler as given; for AUTO the name that it stands for. estimated: the depth is that of a network."""
+    if isinstance(filler, str) and filler == AUTO:
+        return ESTIMATED if estimated else MEASURED
+    return filler
+
+
 def find_filler(filler: str | Inpainter, model: str | Path | None = None) -> Inpainter:
     """The filler of that name, with its network file if it runs one; a function is a filler already and comes back.
 
@@ -41,7 +56,7 @@ def find_filler(filler: str | Inpainter, model: str | Path | None = None) -> Inp
         if model is not None:
             raise InputError(f"model is {model} and the filler a function; a model goes with a filler's name")
         if not callable(filler):
-            raise InputError(f"filler is {filler!r}; one of {', '.join(FILLERS)} is wanted, or a function")
+            raise InputError(f"filler is {filler!r}; one of {', '.join(FILLER_NAMES)} is wanted, or a function")
         return filler
     file = model_file(filler, model)
     found: Any = pkgutil.resolve_name(FILLERS[filler].entry_point)
@@ -54,7 +69,7 @@ def model_file(filler: str, model: str | Path | None = None) -> Path | None:
     InputError: an unknown name, or a model missing or given to a filler that takes none.
     """
     if filler not in FILLERS:
-        raise InputError(f"filler is {filler!r}; one of {', '.join(FILLERS)} is wanted")
+        raise InputError(f"filler is {filler!r}; one of {', '.join(FILLER_NAMES)} is wanted")
     record = FILLERS[filler]
     if not record.needs_model and model is not None:
         raise InputError(f"model is {model} and filler {filler!r} runs no network; no model is wanted")
@@ -71,8 +86,12 @@ FILLERS: dict[str, FillerRecord] = {
     "navier-stokes": FillerRecord("dlama.inpainters.opencv:navier_stokes"),
     "lama": FillerRecord("dlama.inpainters.networks.lama:lama_filler", needs_model=True),
     "migan": FillerRecord("dlama.inpainters.networks.migan:migan_filler", True, "migan/migan-512.onnx"),
+    "patchmatch": FillerRecord("dlama.inpainters.patchmatch.filler:patchmatch_filler", True, "migan/migan-512.onnx"),
     "choice": FillerRecord("dlama.inpainters.choice.filler:choice_filler", True, "choice/choice.onnx"),
     "joint": FillerRecord("dlama.inpainters.networks.joint:joint_filler", needs_model=True),
     "pair": FillerRecord("dlama.inpainters.networks.pair:pair_filler", needs_model=True),
 }
-"""Name -> record; the default comes first."""
+"""Name -> record; the default for measured depth comes first."""
+
+FILLER_NAMES = (AUTO, *FILLERS)
+"""What a user may ask for; the default comes first."""

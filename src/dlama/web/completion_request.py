@@ -10,12 +10,12 @@ from dlama.completion.verbs import target_camera
 from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.trajectories import PIVOT_M
-from dlama.inpainters import FILLERS
+from dlama.inpainters import AUTO, FILLERS
 from dlama.web.failures import PageError
 from dlama.web.inputs import number
 
 RECIPES = ("dlama", "paper")
-PAGE_FILLERS = tuple(name for name, record in FILLERS.items() if not record.needs_model or record.shipped)
+PAGE_FILLERS = (AUTO, *(name for name, record in FILLERS.items() if not record.needs_model or record.shipped))
 """Fillers that run without a file of the user's."""
 LIMITS = {"yaw": 180.0, "pitch": 89.0, "dolly": 1000.0, "pivot": 10_000.0}
 

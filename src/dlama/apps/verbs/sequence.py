@@ -19,7 +19,7 @@ from dlama.apps.places import check_folder_apart
 from dlama.apps.terminal.output import reported
 from dlama.apps.terminal.progress import bar_or_lines
 from dlama.errors import InputError
-from dlama.inpainters import FILLERS
+from dlama.inpainters import AUTO, FILLER_NAMES
 from dlama.workers.progress import line_every, progress_line
 
 if TYPE_CHECKING:
@@ -48,7 +48,7 @@ class Source:
 class Filler:
     """What fills what no frame saw."""
 
-    filler: Annotated[str, option("|".join(FILLERS), "layered")] = "layered"
+    filler: Annotated[str, option("|".join(FILLER_NAMES), AUTO)] = AUTO
     """What fills the holes, as for dlama view."""
     model: Annotated[str | None, option("FILE|NAME")] = None
     """Network of a filler that runs one, as for dlama view."""

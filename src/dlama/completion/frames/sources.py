@@ -37,12 +37,16 @@ def _read_clipped(read: Callable[[], RGBD], clip: float | None) -> RGBD:
     return clipped(read(), clip)
 
 
+def has_estimated_depth(scene: Scene) -> bool:
+    """Whether some of its depth is a network's."""
+    return any(Origin.ESTIMATED in layer.origins for layer in scene.measured)
+
+
 def about_source(given: RGBD | Scene | Sequence[FrameSource], start: Scene) -> dict[str, Any]:
     """For meta.json: where depth comes from; of many frames their numbers, gains and noise."""
     if isinstance(given, RGBD):
         return depth_source(given)
-    estimated = any(Origin.ESTIMATED in layer.origins for layer in start.measured)
-    about: dict[str, Any] = {"depth": "estimated" if estimated else "measured"}
+    about: dict[str, Any] = {"depth": "estimated" if has_estimated_depth(start) else "measured"}
     if start.numbers:
         about["frames"] = {
             "numbers": list(start.numbers),

@@ -27,6 +27,7 @@ from dlama.geometry.camera import Camera
 from dlama.geometry.frames.choosing import MOST_FRAMES
 from dlama.geometry.rgbd import BoolArray
 from dlama.geometry.scene import Scene
+from dlama.inpainters import AUTO, chosen_filler
 
 Progress = Callable[[int, int, str, bool], None]
 """Told after each view: how many are done, of how many, which one, and whether an earlier run had done it."""
@@ -55,7 +56,7 @@ def sequence(
     scene: str | None = None,
     camera: CameraOption = None,
     depth_range: float | None = None,
-    filler: str = "layered",
+    filler: str = AUTO,
     model: str | Path | None = None,
     recipe: str = "dlama",
     dilate: int | None = None,
@@ -89,6 +90,7 @@ def sequence(
         InputError: what `scene` and `complete` refuse, a mask for a frame that is not there; FileError, OutputError.
     """
     check_arguments(sequence, locals())
+    filler = chosen_filler(filler)
     started, target, wanted = time.perf_counter(), Path(output), checked_results(only)
     clip = find_recipe(recipe).clip
     names, given, damaged = read_scene_of(dataset, frames, layout, scene, camera, depth_range, clip, align)

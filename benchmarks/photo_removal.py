@@ -1,0 +1,160 @@
+"""Things removed from single photos without depth, filler beside filler; prints a table, writes a sheet of pictures.
+
+    python benchmarks/photo_removal.py ../shared
+    python benchmarks/photo_removal.py ../shared --seed 8 --photos 40 --sheet sheet.jpg
+
+Truth: the street's pictures without their object, the bin without its things, and photos that lose the shape of the thing that
+stands out of another photo: what it hides is known. Measured over what was filled, the truth pasted outside it; photos are drawn by
+the seed. The shadow of a removed thing stays in `street`, for all alike.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+import warnings
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+import dlama
+from dlama.evaluation.metrics.lpips import Lpips
+from dlama.geometry.rgbd import BoolArray, UInt8Array
+from dlama.geometry.view import Origin
+
+FILLERS = ("telea", "layered", "migan", "choice", "patchmatch")
+SHARES = (0.04, 0.35)
+"""Of a picture, that the shape of a thing may take."""
+SIDE = 300
+"""Height of the sheet's pictures in pixels."""
+Score = tuple[float, float, float]
+"""Squared error of the colours, LPIPS, seconds of processor time."""
+
+
+@dataclass(frozen=True)
+class Removal:
+    """A photo, what is to go, and what is behind it."""
+
+    kind: str
+    photo: Path
+    mask: BoolArray
+    truth: UInt8Array
+
+
+def pictures(folder: Path) -> Iterator[Removal]:
+    """The street's four objects and the bin's things."""
+    for scene in ("s03", "s05", "s06", "s08"):
+        seen, without = (
+            folder / "street" / scene / kind / "CameraComponent" / "ColorImage" / f"{scene}_{kind}.0000.jpeg"
+            for kind in ("with", "without")
+        )
+        semantic = read_color(seen.parent.with_name("SemanticImage") / f"{scene}_with.0000.png")
+        yield Removal("street", seen, (semantic == (255, 0, 0)).all(-1), read_color(without))
+    things = folder / "data" / "bin_removal"
+    mask = dlama.read_mask(things / "object_mask.png")
+    yield Removal("bin", things / "with.color.png", mask, read_color(things / "without.color.png"))
+
+
+def photos(folder: Path, count: int, seed: int) -> Iterator[Removal]:
+    """Photos that lose the shape of another's thing: `count` of imagenet, a third as many of urban100, a quarter of camvid."""
+    rng = np.random.default_rng(seed)
+    drawn = in_any_order(folder / "photos" / "imagenet", rng)
+    shapes = [shape for file in drawn[count : 5 * count] if (shape := shape_of_thing(file)) is not None]
+    sets = {"imagenet": drawn[:count]}
+    for name, share in (("urban100", 3), ("camvid", 4)):
+        sets[name] = in_any_order(folder / "photos" / name, rng)[: count // share]
+    for name, files in sets.items():
+        for number, file in enumerate(files):
+            color = read_color(file)
+            yield Removal(name, file, in_the_middle(shapes[number % len(shapes)], color.shape[:2]), color)
+
+
+def in_any_order(folder: Path, rng: np.random.Generator) -> list[Path]:
+    """Its pictures."""
+    files = sorted(folder.glob("*.[jp][pn]g"))
+    return [files[i] for i in rng.permutation(len(files))]
+
+
+def shape_of_thing(file: Path) -> BoolArray | None:
+    """What stands out of a photo; None where nothing does, or too little or too much."""
+    try:
+        shape = dlama.find_mask(read_color(file), masker="salient").mask
+    except dlama.DlamaError:
+        return None
+    return shape if SHARES[0] < shape.mean() < SHARES[1] else None
+
+
+def in_the_middle(shape: BoolArray, hw: tuple[int, ...]) -> BoolArray:
+    """The shape in a picture of that height and width, as large as fits."""
+    side = min(hw)
+    top, left = (hw[0] - side) // 2, (hw[1] - side) // 2
+    out = np.zeros(hw, np.bool_)
+    large = cv2.resize(shape.astype(np.uint8), (side, side), interpolation=cv2.INTER_NEAREST)
+    out[top : top + side, left : left + side] = large > 0
+    return out
+
+
+def read_color(file: Path) -> UInt8Array:
+    """H x W x 3 RGB."""
+    picture = cv2.imread(str(file))
+    if picture is None:
+        raise SystemExit(f"{file} is no picture, or not there")
+    return np.ascontiguousarray(picture[..., ::-1])
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("folder", type=Path, help="with street, data and photos in it")
+    parser.add_argument("--photos", type=int, default=24, help="how many of imagenet")
+    parser.add_argument("--seed", type=int, default=7)
+    parser.add_argument("--fillers", nargs="+", default=FILLERS)
+    parser.add_argument("--sheet", type=Path, help="a picture of all cases: known, each filler, truth")
+    options = parser.parse_args()
+    warnings.simplefilter("ignore")
+    lpips, rows = Lpips(), []
+    scores: dict[tuple[str, str], list[Score]] = {}
+    for case in [*pictures(options.folder), *photos(options.folder, options.photos, options.seed)]:
+        rgbd, shown = dlama.read_rgbd(case.photo), []
+        for filler in options.fillers:
+            started = time.process_time()
+            done = dlama.remove(rgbd, case.mask, filler=filler).view
+            spent, hole = time.process_time() - started, done.origin == Origin.FILLED
+            pasted = np.where(hole[..., None], done.color, case.truth)
+            squared = float(((pasted.astype(float) - case.truth) ** 2)[hole].mean())
+            scores.setdefault((case.kind, filler), []).append((squared, lpips.region(pasted, case.truth, hole), spent))
+            shown.append(done.color)
+        known = np.where(hole[..., None], np.uint8([255, 0, 255]), rgbd.color)
+        rows.append([known, *shown, case.truth])
+    print_table(scores, options.fillers)
+    if options.sheet:
+        write_sheet(rows, options.sheet)
+
+
+def print_table(scores: dict[tuple[str, str], list[Score]], fillers: Sequence[str]) -> None:
+    """One row a filler: squared error and LPIPS of each kind, their means over all cases, seconds of processor time each."""
+    kinds = list(dict.fromkeys(kind for kind, _ in scores))
+    print("| filler | " + " | ".join(f"{kind} MSE, LPIPS" for kind in kinds) + " | all MSE, LPIPS | s |")
+    print("|---" * (len(kinds) + 3) + "|")
+    for filler in fillers:
+        groups = [scores[kind, filler] for kind in kinds]
+        groups.append([one for group in groups for one in group])
+        cells = [f"{np.mean([s[0] for s in group]):.0f}, {np.mean([s[1] for s in group]):.3f}" for group in groups]
+        print(f"| {filler} | " + " | ".join(cells) + f" | {np.mean([s[2] for s in groups[-1]]):.2f} |")
+
+
+def write_sheet(rows: list[list[UInt8Array]], file: Path) -> None:
+    """All cases below each other, each picture SIDE pixels high."""
+    lines = []
+    for row in rows:
+        size = SIDE * row[0].shape[1] // row[0].shape[0], SIDE
+        lines.append(np.concatenate([cv2.resize(one, size, interpolation=cv2.INTER_AREA) for one in row], 1))
+    width = max(line.shape[1] for line in lines)
+    padded = [np.pad(line, ((0, 0), (0, width - line.shape[1]), (0, 0)), constant_values=255) for line in lines]
+    cv2.imwrite(str(file), np.concatenate(padded)[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, 88])
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,197 @@
+"""A picture with a hole and a rough guess of it in; the hole painted with patches of the picture's own, out.
+
+After Wexler, Shechtman & Irani, "Space-time completion of video" (2007), with the matching of Barnes et al., "PatchMatch" (2009),
+and the texture channels of Newson et al., "Video inpainting of complex scenes" (2014): from the coarsest picture to the finest,
+every patch that touches the hole looks for the known patch most like it, and the hole's pixels become what these say of them. A
+patch from near by, above all from about the same height, is preferred, so that ground stays below walls and joints keep their
+scale; and one that is used often is avoided, so that no small piece is repeated.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from dlama.geometry.kernels.jit import in_bands
+from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
+from dlama.inpainters.patchmatch import kernels
+from dlama.inpainters.patchmatch.pyramid import Level, dilated_by_patch, pyramid
+
+LEAN_DOWN, LEAN_ACROSS = 10000.0, 2500.0
+"""Squared grey levels that a patch from as far off as the picture's longer side costs more, below or above, and beside."""
+USED_AGAIN = 30.0
+"""Squared grey levels for each time that a source is used beyond once."""
+ROUNDS, UPDATES = 6, 400_000
+"""Rounds of matching and voting a level, and how many patches are matched in all of them where the hole is large."""
+MATCHINGS = 2
+"""Steps of PatchMatch a round."""
+NEAR = 16.0
+"""Pixels of the first random step in all but the first of them."""
+PAIRS = 4_000_000
+"""Patches that are compared where all are, in the coarsest picture."""
+CERTAIN = 1.3
+"""By how much less a patch counts for each pixel that its middle lies deeper in the hole."""
+SOFT, WIDE = 4.0, 1e3
+"""How much more a better patch counts in the rounds, wherever its middle is (pixels)."""
+SHARP, NARROW = 8.0, 1.4
+"""The same in the last round: the best patches alone count, near their middle, as means of many are blurred."""
+BAND = 512
+"""Patches per task."""
+DRAWN = 65536
+"""Random numbers drawn a level."""
+
+
+def complete_picture(picture: UInt8Array, hole: BoolArray, guess: UInt8Array, seed: int = 0) -> UInt8Array:
+    """H x W x 3: the picture with its hole painted from known patches; known pixels as they are.
+
+    picture, guess: H x W x 3 uint8 RGB; hole: H x W. Where no patch of 7 x 7 px is known the guess comes back. The same seed
+    gives the same bits.
+    """
+    out = np.where(hole[..., None], guess, picture)
+    levels = pyramid(picture, hole, guess) if hole.any() else []
+    if not levels or not levels[0].sources.any():
+        return out
+    rng = np.random.default_rng(seed)
+    coarser: Search | None = None
+    for i in reversed(range(len(levels))):
+        search = Search.of(levels[i], rng, lean_of(max(hole.shape) / 2**i))
+        if coarser is None:
+            search.compare_all(rng)
+        else:
+            search.go_on_from(coarser)
+        rounds = int(np.clip(UPDATES // len(search.targets), 1, ROUNDS))
+        for turn in range(rounds):
+            search.match(turn)
+            search.vote(last=i == 0 and turn == rounds - 1)
+        coarser = search
+    out[hole] = np.clip(np.round(search.values[hole][:, :3]), 0, 255)
+    return out
+
+
+def lean_of(side: float) -> Float32Array:
+    """What distance and use cost, as `kernels.penalty` reads it; side: the longer side in pixels of this level."""
+    return np.array([LEAN_DOWN / side**2, LEAN_ACROSS / side**2, USED_AGAIN], np.float32)
+
+
+@dataclass
+class Search:
+    """The patches of one level that touch the hole, and the known patch that each is like; changes as it goes on."""
+
+    values: Float32Array
+    """H x W x 5, as of Level; the hole's change."""
+    sources: BoolArray
+    """H x W."""
+    pixels: NDArray[np.int32]
+    """M x 2, the hole's."""
+    targets: NDArray[np.int32]
+    """N x 2, the middles of patches that touch it."""
+    number: NDArray[np.int32]
+    """H x W, of each target, else -1."""
+    trust: Float32Array
+    """N: how much a target's patch counts."""
+    lean: Float32Array
+    random: NDArray[np.float64]
+    found: NDArray[np.int32]
+    """N x 2, the middle of the known patch."""
+    cost: Float32Array
+    """N: how far the two are apart."""
+
+    @classmethod
+    def of(cls, level: Level, rng: np.random.Generator, lean: Float32Array) -> Search:
+        """The search before it begins."""
+        touched = dilated_by_patch(level.hole)
+        targets = np.argwhere(touched).astype(np.int32)
+        number = np.full(level.hole.shape, -1, np.int32)
+        number[touched] = np.arange(len(targets))
+        depth = cv2.distanceTransform(level.hole.astype(np.uint8), cv2.DIST_L2, 3)[touched]
+        trust = (CERTAIN ** -np.minimum(depth, 200)).astype(np.float32)
+        pixels = np.argwhere(level.hole).astype(np.int32)
+        random = rng.uniform(-1, 1, (DRAWN, 2))
+        found, cost = np.zeros_like(targets), np.full(len(targets), np.inf, np.float32)
+        return cls(level.values.copy(), level.sources, pixels, targets, number, trust, lean, random, found, cost)
+
+    def compare_all(self, rng: np.random.Generator) -> None:
+        """Every target with every known patch, or with as many drawn ones as PAIRS allow."""
+        sources = np.argwhere(self.sources).astype(np.int32)
+        most = max(1, PAIRS // len(self.targets))
+        if len(sources) > most:
+            sources = sources[np.sort(rng.permutation(len(sources))[:most])]
+        used = np.zeros(self.sources.shape, np.float32)
+        self._run(kernels.search_rows, self.values, self.targets, sources, self.lean, used, self.found, self.cost)
+
+    def go_on_from(self, coarser: Search) -> None:
+        """Begin with what the coarser level (half the size) found, and with its colours."""
+        parent = self.targets // 2
+        above = coarser.number[parent[:, 0], parent[:, 1]]
+        moved = 2 * (coarser.found[above] - parent) + self.targets
+        moved = np.where((above >= 0)[:, None], moved, self.targets)
+        self.found[:] = nearest_source(self.sources, moved)
+        self.cost[:] = 1
+        self._paint(SOFT, WIDE, self.trust)
+        self._weigh()
+
+    def match(self, turn: int) -> None:
+        """Look for better patches: among the neighbours' and at random."""
+        used = self._used()
+        for step in range(MATCHINGS):
+            reach = float(max(self.sources.shape)) if step == 0 else NEAR
+            now = self.found.copy()
+            self._run(
+                kernels.match_rows,
+                self.values,
+                self.targets,
+                self.number,
+                self.sources,
+                self.lean,
+                used,
+                self.random,
+                104729 * (turn * MATCHINGS + step),
+                reach,
+                now,
+                self.found,
+                self.cost,
+            )
+
+    def vote(self, *, last: bool) -> None:
+        """The hole's values as the patches found say; sharp in the last round."""
+        if last:
+            self._paint(SHARP, NARROW, np.ones_like(self.trust))
+        else:
+            self._paint(SOFT, WIDE, self.trust)
+            self._weigh()
+
+    def _paint(self, sharpness: float, width_px: float, trust: Float32Array) -> None:
+        out = np.empty((len(self.pixels), self.values.shape[2]), np.float32)
+        rows = (self.values, self.pixels, self.number, self.found, self.cost, trust, sharpness, width_px, out)
+        in_bands(kernels.vote_rows, len(self.pixels), *rows, band=BAND)
+        self.values[self.pixels[:, 0], self.pixels[:, 1]] = out
+
+    def _weigh(self) -> None:
+        self._run(kernels.cost_rows, self.values, self.targets, self.found, self.lean, self._used(), self.cost)
+
+    def _used(self) -> Float32Array:
+        """H x W: how many times each known pixel is used."""
+        width = self.sources.shape[1]
+        flat = self.found[:, 0].astype(np.int64) * width + self.found[:, 1]
+        times = np.bincount(flat, minlength=self.sources.size).reshape(self.sources.shape)
+        side = 2 * kernels.HALF + 1
+        return np.asarray(cv2.blur(times.astype(np.float32), (side, side)), np.float32)
+
+    def _run(self, kernel: Callable[..., None], *arguments: Any) -> None:
+        in_bands(kernel, len(self.targets), *arguments, band=BAND)
+
+
+def nearest_source(sources: BoolArray, places: NDArray[np.int32]) -> NDArray[np.int32]:
+    """N x 2: the known patch nearest to each place (N x 2, row and column; those beyond the border count as on it)."""
+    number = cv2.distanceTransformWithLabels(
+        (~sources).astype(np.uint8), cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL
+    )[1]
+    middle = np.zeros((int(number.max()) + 1, 2), np.int32)
+    middle[number[sources]] = np.argwhere(sources)
+    inside = [np.clip(places[:, axis], 0, sources.shape[axis] - 1) for axis in (0, 1)]
+    return middle[number[inside[0], inside[1]]]

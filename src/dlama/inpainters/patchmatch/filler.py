@@ -1,0 +1,34 @@
+"""`patchmatch`: a view with holes in; the same painted with patches of the known picture, structure as MI-GAN guesses it, out.
+
+The network says roughly what is there, the picture how it looks: nothing is painted that the picture does not show somewhere.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from dlama.geometry.rgbd import BoolArray, UInt8Array
+from dlama.geometry.view import View
+from dlama.geometry.visibility import Law
+from dlama.inpainters.filling import Fill, Inpainter, Painter
+from dlama.inpainters.networks.migan import migan_filler
+from dlama.inpainters.opencv import telea
+from dlama.inpainters.patchmatch.completion import complete_picture
+
+
+def patchmatch_filler(model: str | Path) -> Inpainter:
+    """The filler with its network: MI-GAN's generator, or the published pipeline. FileError where the file is neither."""
+    network = migan_filler(model)
+    assert isinstance(network, Painter)
+
+    def fill(view: View, law: Law, seed: int) -> Fill:
+        return Fill(paint(view.color, view.color_hole), telea(view, law, seed).depth, notes=notes())
+
+    def paint(picture: UInt8Array, hole: BoolArray) -> UInt8Array:
+        return complete_picture(picture, hole, network.paint(picture, hole))
+
+    def notes() -> dict[str, Any]:
+        return {"guess": network.notes()}
+
+    return Painter(fill, paint, notes)

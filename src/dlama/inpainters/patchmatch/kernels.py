@@ -1,0 +1,214 @@
+"""Places in a picture in; for each the known patch that is most like its own, and what patches vote for, out (numba)."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dlama.geometry.kernels.jit import Real, Whole, kernel, piece
+from dlama.geometry.rgbd import BoolArray, Float32Array
+
+HALF = 3
+"""Patches are squares of 2 HALF + 1 pixels."""
+NEIGHBOURS = 8
+"""Places whose patch is tried, moved along: four beside, four up to LEAP pixels off."""
+LEAP = 6
+MOST_USED = 5.0
+"""Times a source is used beyond which its penalty grows no further."""
+
+Places = NDArray[np.int32]
+"""N x 2: rows and columns."""
+
+
+@piece
+def difference(
+    values: Float32Array, row: Whole, column: Whole, source_row: Whole, source_column: Whole, limit: Real
+) -> Real:
+    """Mean over the patch round (row, column) of squared differences, summed over channels; `limit` or more is not exact.
+
+    What lies beyond the border is left out; the source's patch is whole.
+    """
+    height, width, channels = values.shape
+    total, count = 0.0, 0
+    top, bottom = max(-HALF, -row), min(HALF, height - 1 - row)
+    left, right = max(-HALF, -column), min(HALF, width - 1 - column)
+    pixels = (bottom - top + 1) * (right - left + 1)
+    for j in range(top, bottom + 1):
+        for i in range(left, right + 1):
+            for k in range(channels):
+                step = np.float64(values[row + j, column + i, k]) - values[source_row + j, source_column + i, k]
+                total += step * step
+        count += right - left + 1
+        if total >= limit * pixels:
+            return total / pixels
+    return total / max(count, 1)
+
+
+@piece
+def penalty(
+    row: Whole, column: Whole, source_row: Whole, source_column: Whole, lean: Float32Array, used: Float32Array
+) -> Real:
+    """What is added to the difference of a patch: for its distance (lean: per px^2, along rows and columns) and for its use."""
+    down, across = np.float64(source_row - row), np.float64(source_column - column)
+    again = min(max(np.float64(used[source_row, source_column]) - 1.0, 0.0), MOST_USED)
+    return lean[0] * down * down + lean[1] * across * across + lean[2] * again
+
+
+@kernel
+def search_rows(
+    first: Whole,
+    last: Whole,
+    values: Float32Array,
+    targets: Places,
+    sources: Places,
+    lean: Float32Array,
+    used: Float32Array,
+    found: Places,
+    cost: Float32Array,
+) -> None:
+    """The best of all `sources` for targets [first, last): `found` and `cost` are written."""
+    for t in range(first, last):
+        row, column = int(targets[t, 0]), int(targets[t, 1])
+        least = np.inf
+        for s in range(len(sources)):
+            source_row, source_column = int(sources[s, 0]), int(sources[s, 1])
+            more = penalty(row, column, source_row, source_column, lean, used)
+            if more >= least:
+                continue
+            value = more + difference(values, row, column, source_row, source_column, least - more)
+            if value < least:
+                least = value
+                found[t, 0], found[t, 1] = source_row, source_column
+        cost[t] = least
+
+
+@kernel
+def match_rows(
+    first: Whole,
+    last: Whole,
+    values: Float32Array,
+    targets: Places,
+    number: NDArray[np.int32],
+    is_source: BoolArray,
+    lean: Float32Array,
+    used: Float32Array,
+    random: NDArray[np.float64],
+    start: Whole,
+    reach: Real,
+    now: Places,
+    found: Places,
+    cost: Float32Array,
+) -> None:
+    """One round of PatchMatch for targets [first, last): the patches of neighbours moved along, then random ones ever nearer.
+
+    After Barnes et al., "PatchMatch" (2009); neighbours are read from the round before, so bands do not depend on each other.
+    number: H x W, of each target, else -1; random: K x 2 in -1 .. 1, read from `start` on; reach: px of the first random step;
+    now: N x 2, of the round before; found, cost: of this one, in place.
+    """
+    height, width = is_source.shape
+    for t in range(first, last):
+        row, column = int(targets[t, 0]), int(targets[t, 1])
+        best_row, best_column = int(now[t, 0]), int(now[t, 1])
+        least = np.float64(cost[t])
+        draw = (t * 7919 + start) % len(random)
+        radius = reach
+        q = 0
+        while q < NEIGHBOURS or radius >= 1:
+            if q < NEIGHBOURS:
+                leap = 1 if q < 4 else 1 + int(abs(random[draw, 0]) * LEAP)
+                down = leap if q % 4 == 0 else (-leap if q % 4 == 1 else 0)
+                across = leap if q % 4 == 2 else (-leap if q % 4 == 3 else 0)
+                other_row, other_column = row + down, column + across
+                inside = 0 <= other_row < height and 0 <= other_column < width
+                neighbour = int(number[other_row, other_column]) if inside else -1
+                if neighbour >= 0:
+                    source_row = int(now[neighbour, 0]) - down
+                    source_column = int(now[neighbour, 1]) - across
+                else:
+                    source_row, source_column = -1, -1
+            else:
+                source_row = best_row + int(random[draw, 0] * radius)
+                source_column = best_column + int(random[draw, 1] * radius)
+                radius = radius * 0.5
+            q += 1
+            draw = (draw + 1) % len(random)
+            if source_row < 0 or source_column < 0 or source_row >= height or source_column >= width:
+                continue
+            if not is_source[source_row, source_column]:
+                continue
+            more = penalty(row, column, source_row, source_column, lean, used)
+            if more >= least:
+                continue
+            value = more + difference(values, row, column, source_row, source_column, least - more)
+            if value < least:
+                best_row, best_column, least = source_row, source_column, value
+        found[t, 0], found[t, 1], cost[t] = best_row, best_column, least
+
+
+@kernel
+def cost_rows(
+    first: Whole,
+    last: Whole,
+    values: Float32Array,
+    targets: Places,
+    found: Places,
+    lean: Float32Array,
+    used: Float32Array,
+    cost: Float32Array,
+) -> None:
+    """`cost` of targets [first, last) with the patches `found`, after the values have changed."""
+    for t in range(first, last):
+        row, column = int(targets[t, 0]), int(targets[t, 1])
+        source_row, source_column = int(found[t, 0]), int(found[t, 1])
+        more = penalty(row, column, source_row, source_column, lean, used)
+        cost[t] = more + difference(values, row, column, source_row, source_column, np.inf)
+
+
+@kernel
+def vote_rows(
+    first: Whole,
+    last: Whole,
+    values: Float32Array,
+    pixels: Places,
+    number: NDArray[np.int32],
+    found: Places,
+    cost: Float32Array,
+    trust: Float32Array,
+    sharpness: Real,
+    width_px: Real,
+    out: Float32Array,
+) -> None:
+    """Hole pixels [first, last) become a mean of what the patches over them hold there.
+
+    A patch counts exp(-sharpness cost / (2 mean cost)), by the trust in its target, and less the farther its middle is off (a
+    Gaussian of width_px). out: M x C, for the M pixels.
+    """
+    height, width, channels = values.shape
+    for p in range(first, last):
+        row, column = int(pixels[p, 0]), int(pixels[p, 1])
+        top, bottom = max(-HALF, -row), min(HALF, height - 1 - row)
+        left, right = max(-HALF, -column), min(HALF, width - 1 - column)
+        mean, least, count = 0.0, np.inf, 0.0
+        for j in range(top, bottom + 1):
+            for i in range(left, right + 1):
+                t = int(number[row + j, column + i])
+                if t >= 0:
+                    mean += np.float64(cost[t])
+                    least = min(least, np.float64(cost[t]))
+                    count += 1.0
+        scale = sharpness / (2.0 * (mean / count + 1e-3))
+        for k in range(channels):
+            out[p, k] = 0.0
+        total = 0.0
+        for j in range(top, bottom + 1):
+            for i in range(left, right + 1):
+                t = int(number[row + j, column + i])
+                if t >= 0:
+                    off = np.float64(j * j + i * i) / (2.0 * width_px * width_px)
+                    weight = np.exp(-(np.float64(cost[t]) - least) * scale - off) * np.float64(trust[t])
+                    total += weight
+                    source_row, source_column = int(found[t, 0]) - j, int(found[t, 1]) - i
+                    for k in range(channels):
+                        out[p, k] += weight * np.float64(values[source_row, source_column, k])
+        for k in range(channels):
+            out[p, k] /= total

@@ -1,0 +1,145 @@
+"""Holes painted with patches of the picture (oracles: patterns that go on, laws)."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+import dlama
+from dlama.errors import InputError
+from dlama.geometry.camera import Camera
+from dlama.geometry.kernels import jit
+from dlama.geometry.rgbd import RGBD
+from dlama.geometry.view import HoleType, View
+from dlama.geometry.visibility import Law
+from dlama.inpainters import AUTO, FILLER_NAMES, FILLERS, chosen_filler, find_filler
+from dlama.inpainters.filling import Painter, inpaint
+from dlama.inpainters.patchmatch.completion import complete_picture, nearest_source
+from dlama.inpainters.patchmatch.pyramid import described, halved, pyramid
+
+ROWS, COLUMNS = np.indices((96, 128))
+HOLE = (np.abs(ROWS - 50) < 14) & (np.abs(COLUMNS - 60) < 17)
+
+
+def brick_wall() -> np.ndarray:
+    """Bricks of 16 x 8 px with joints, every other row half a brick aside, each with its grain."""
+    aside = 8 * (ROWS // 8 % 2)
+    joint = (ROWS % 8 < 2) | ((COLUMNS + aside) % 16 < 2)
+    grain = np.tile(np.random.default_rng(1).normal(0, 6, (16, 16)), (6, 8))
+    wall = np.where(joint[..., None], (200, 200, 190), (150, 70, 50)) + grain[..., None]
+    return np.clip(wall, 0, 255).astype(np.uint8)
+
+
+def guess_of(picture: np.ndarray) -> np.ndarray:
+    """The picture's mean colour all over: nothing of the pattern."""
+    return np.broadcast_to(picture[~HOLE].mean(0).astype(np.uint8), picture.shape).copy()
+
+
+def test_a_pattern_goes_on_whatever_the_guess() -> None:
+    """Truth: a wall whose pattern repeats; of a grey guess of it hardly a pixel is left wrong."""
+    wall = brick_wall()
+    blind = np.where(HOLE[..., None], np.uint8(0), wall)
+    done = complete_picture(blind, HOLE, guess_of(wall))
+    np.testing.assert_array_equal(done[~HOLE], wall[~HOLE])
+    wrong = np.abs(done.astype(int) - wall).max(-1)[HOLE]
+    assert (wrong <= 12).mean() > 0.9
+
+
+def test_nothing_is_painted_that_the_picture_does_not_show() -> None:
+    """Law: a guess full of red in a picture of blue above green leaves no red, and ground stays below."""
+    picture = np.where((ROWS < 50)[..., None], np.uint8([40, 60, 200]), np.uint8([40, 160, 60])).astype(np.uint8)
+    red = np.broadcast_to(np.uint8([250, 20, 20]), picture.shape)
+    done = complete_picture(picture, HOLE, np.where((np.abs(ROWS - 50) < 8)[..., None], red, picture).astype(np.uint8))
+    assert done[HOLE][:, 0].max() <= 41
+    blue = done[..., 2] > done[..., 1]
+    assert blue[HOLE & (ROWS < 42)].all() and not blue[HOLE & (ROWS > 58)].any()
+
+
+def test_the_same_bits_with_any_number_of_threads(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Law: bands do not depend on each other; another seed draws other patches."""
+    noise = np.random.default_rng(3).integers(0, 256, (96, 128, 3), np.uint8)
+    results = []
+    for threads in (1, 3):
+        monkeypatch.setattr(jit, "_most_threads", [threads])
+        results.append(complete_picture(noise, HOLE, guess_of(noise), seed=5))
+    np.testing.assert_array_equal(*results)
+    assert (complete_picture(noise, HOLE, guess_of(noise), seed=6) != results[0]).any()
+
+
+@pytest.mark.parametrize("hole", [np.ones((40, 40), np.bool_), np.indices((40, 40))[1] % 5 == 0], ids=["all", "bars"])
+def test_without_a_known_patch_the_guess_stays(hole: np.ndarray) -> None:
+    """Law: where no patch is whole, there is nothing to paint with."""
+    picture = np.random.default_rng(0).integers(0, 256, (40, 40, 3), np.uint8)
+    guess = np.full_like(picture, 90)
+    np.testing.assert_array_equal(complete_picture(picture, hole, guess), np.where(hole[..., None], guess, picture))
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (5, 90), (33, 47)])
+def test_any_size(shape: tuple[int, int]) -> None:
+    """Law: small and odd pictures come back filled, known pixels as they were."""
+    picture = np.random.default_rng(0).integers(0, 256, (*shape, 3), np.uint8)
+    hole = np.zeros(shape, np.bool_)
+    hole[: shape[0] // 2 + 1, : shape[1] // 3 + 1] = True
+    done = complete_picture(picture, hole, np.full_like(picture, 128))
+    np.testing.assert_array_equal(done[~hole], picture[~hole])
+    assert done.shape == picture.shape and done.dtype == np.uint8
+
+
+def test_coarser_pictures_are_means_of_what_is_known() -> None:
+    """Closed form: a flat picture stays flat beside a hole; the coarsest hole is narrow; the guess fills it."""
+    values, weight = np.full((9, 12, 2), 7, np.float32), np.ones((9, 12), np.float32)
+    weight[2:5, 3:8] = 0
+    small, known = halved(values, weight)
+    assert small.shape == (5, 6, 2) and known.shape == (5, 6)
+    np.testing.assert_allclose(small[known > 0.5], 7, rtol=1e-5)
+    picture = np.full((96, 128, 3), 50, np.uint8)
+    levels = pyramid(picture, HOLE, np.full_like(picture, 90))
+    assert len(levels) > 1 and levels[0].values.shape[:2] == HOLE.shape
+    for level in levels:
+        assert (level.values[~level.hole][:, :3] < 52).all() and level.values[level.hole][:, :3].max() > 80
+        assert not (level.sources & level.hole).any()
+
+
+def test_texture_is_the_mean_change_between_known_neighbours() -> None:
+    """Closed form: a ramp of 4 levels a column changes by 4 across and by 0 along."""
+    ramp = np.repeat(4 * np.indices((20, 30))[1][..., None], 3, 2).astype(np.uint8)
+    texture = described(ramp, np.ones((20, 30), np.bool_))[5:-5, 5:-5, 3:]
+    np.testing.assert_allclose(texture, np.broadcast_to([8.0, 0.0], texture.shape), atol=1e-4)
+
+
+def test_the_nearest_source_is_nearest() -> None:
+    """Twin: of all distances the least; a place beyond the border counts as on it."""
+    rng = np.random.default_rng(2)
+    sources = rng.random((30, 40)) < 0.02
+    places = rng.integers(-5, 50, (60, 2)).astype(np.int32)
+    inside = np.clip(places, 0, (29, 39))
+    apart = ((inside[:, None] - np.argwhere(sources)) ** 2).sum(-1)
+    found = ((nearest_source(sources, places) - inside) ** 2).sum(-1)
+    np.testing.assert_allclose(np.sqrt(found), np.sqrt(apart.min(1)), atol=0.4)
+
+
+def test_as_a_filler_it_continues_surfaces_and_says_what_ran() -> None:
+    """Law: a Painter as others are; depth is that of the wall behind, and the notes name the network of the guess."""
+    filler = find_filler("patchmatch")
+    assert isinstance(filler, Painter)
+    wall, camera = brick_wall(), Camera.from_fov(128, 96, 60)
+    view = View.from_rgbd(RGBD(wall, np.full((96, 128), 3, np.float32), camera)).without(HOLE, HoleType.OBJECT)
+    done, report = inpaint(view, filler, Law(()))
+    np.testing.assert_allclose(done.depth, 3, rtol=1e-3)
+    assert "migan" in str(report.notes["guess"])
+
+
+def test_auto_is_the_filler_that_suits_the_depth() -> None:
+    """Law: layered where depth was measured, patchmatch where it was estimated; meta data say which; a name is that name."""
+    assert FILLER_NAMES[0] == AUTO and set(FILLER_NAMES) == {AUTO, *FILLERS}
+    rgbd = RGBD(brick_wall(), np.full((96, 128), 3, np.float32), Camera.from_fov(128, 96, 60))
+    estimated = dataclasses.replace(rgbd, estimate={"estimator": "mine"})
+    assert dlama.remove(rgbd, HOLE).meta["filler"] == "layered"
+    done = dlama.remove(estimated, HOLE)
+    assert done.meta["filler"] == "patchmatch" and done.meta["depth"] == "estimated"
+    assert dlama.remove(estimated, HOLE, filler="layered").meta["filler"] == "layered"
+    assert chosen_filler("telea", estimated=True) == "telea"
+    with pytest.raises(InputError, match="filler is 'lama-xl'; one of auto, layered"):
+        dlama.remove(rgbd, HOLE, filler="lama-xl")

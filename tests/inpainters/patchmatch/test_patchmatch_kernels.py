@@ -1,0 +1,92 @@
+"""Matching and voting of patches (oracles: literal twins in numpy)."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from dlama.inpainters.patchmatch import kernels
+from dlama.inpainters.patchmatch.kernels import HALF
+from dlama.inpainters.patchmatch.pyramid import dilated_by_patch, whole_patches
+
+LEAN = np.array([3.0, 0.5, 7.0], np.float32)
+RNG = np.random.default_rng(4)
+HEIGHT, WIDTH = 22, 26
+VALUES = RNG.uniform(0, 255, (HEIGHT, WIDTH, 5)).astype(np.float32)
+HOLE = np.zeros((HEIGHT, WIDTH), np.bool_)
+HOLE[0:6, 15:21] = True
+TARGETS = np.argwhere(dilated_by_patch(HOLE)).astype(np.int32)
+SOURCES = np.argwhere(whole_patches(HOLE)).astype(np.int32)
+USED = RNG.uniform(0, 8, HOLE.shape).astype(np.float32)
+
+
+def cost(row: int, column: int, source_row: int, source_column: int) -> float:
+    """Mean over the patch's pixels in the picture of squared differences, and what distance and use cost."""
+    steps = [
+        ((VALUES[row + j, column + i].astype(float) - VALUES[source_row + j, source_column + i]) ** 2).sum()
+        for j in range(-HALF, HALF + 1)
+        for i in range(-HALF, HALF + 1)
+        if 0 <= row + j < HEIGHT and 0 <= column + i < WIDTH
+    ]
+    far = 3.0 * (row - source_row) ** 2 + 0.5 * (column - source_column) ** 2
+    return float(np.mean(steps)) + far + 7.0 * min(max(float(USED[source_row, source_column]) - 1, 0), kernels.MOST_USED)
+
+
+def twin() -> tuple[np.ndarray, np.ndarray]:
+    """The best source of every target, and its cost."""
+    costs = np.array([[cost(*target, *source) for source in SOURCES.tolist()] for target in TARGETS.tolist()])
+    return SOURCES[costs.argmin(1)], costs.min(1)
+
+
+def test_all_compared_is_the_least_of_a_literal_twin() -> None:
+    """Twin: every source compared with every target, at the border too."""
+    found, least = np.zeros_like(TARGETS), np.zeros(len(TARGETS), np.float32)
+    kernels.search_rows(0, len(TARGETS), VALUES, TARGETS, SOURCES, LEAN, USED, found, least)
+    sources, costs = twin()
+    np.testing.assert_array_equal(found, sources)
+    np.testing.assert_allclose(least, costs, rtol=1e-5)
+    again = np.zeros_like(least)
+    kernels.cost_rows(0, len(TARGETS), VALUES, TARGETS, found, LEAN, USED, again)
+    np.testing.assert_allclose(again, costs, rtol=1e-5)
+
+
+def test_one_lucky_patch_tells_the_others() -> None:
+    """Truth: noise in which a block comes twice; all patches of the one find the other, and no round makes one worse."""
+    values = RNG.uniform(0, 255, (60, 64, 5)).astype(np.float32)
+    values[20:44, 34:58] = values[20:44, 4:28]
+    hole = np.zeros((60, 64), np.bool_)
+    hole[26:38, 40:52] = True
+    targets, sources = (np.argwhere(which(hole)).astype(np.int32) for which in (dilated_by_patch, whole_patches))
+    number = np.full(hole.shape, -1, np.int32)
+    number[targets[:, 0], targets[:, 1]] = np.arange(len(targets))
+    found = sources[RNG.integers(0, len(sources), len(targets))]
+    free, used, random = np.zeros(3, np.float32), np.zeros(hole.shape, np.float32), RNG.uniform(-1, 1, (4096, 2))
+    costs = np.empty(len(targets), np.float32)
+    kernels.cost_rows(0, len(targets), values, targets, found, free, used, costs)
+    for turn in range(60):
+        before, now = costs.copy(), found.copy()
+        places = values, targets, number, whole_patches(hole), free, used, random, 977 * turn, 60.0, now
+        kernels.match_rows(0, len(targets), *places, found, costs)
+        assert (costs <= before).all()
+    np.testing.assert_array_equal(found - targets, np.broadcast_to([0, -30], targets.shape))
+    np.testing.assert_array_equal(costs, 0)
+
+
+@pytest.mark.parametrize(("sharpness", "width_px"), [(4.0, 1e3), (8.0, 1.4)])
+def test_votes_are_the_weighted_mean_of_a_literal_twin(sharpness: float, width_px: float) -> None:
+    """Twin: exp(-sharpness cost / 2 mean cost) times trust times a Gaussian, over all patches that cover the pixel."""
+    number = np.full(HOLE.shape, -1, np.int32)
+    number[TARGETS[:, 0], TARGETS[:, 1]] = np.arange(len(TARGETS))
+    found = SOURCES[RNG.integers(0, len(SOURCES), len(TARGETS))]
+    costs, trust = (RNG.uniform(1, 9, len(TARGETS)).astype(np.float32) for _ in range(2))
+    pixels = np.argwhere(HOLE).astype(np.int32)
+    out = np.empty((len(pixels), 5), np.float32)
+    kernels.vote_rows(0, len(pixels), VALUES, pixels, number, found, costs, trust, sharpness, width_px, out)
+    for pixel, mine in zip(pixels.tolist(), out):
+        over = [(j, i) for j in range(-HALF, HALF + 1) for i in range(-HALF, HALF + 1)]
+        over = [(j, i) for j, i in over if 0 <= pixel[0] + j < HEIGHT and 0 <= pixel[1] + i < WIDTH]
+        patch = np.array([number[pixel[0] + j, pixel[1] + i] for j, i in over])
+        off = np.array([j * j + i * i for j, i in over])
+        weight = np.exp(-sharpness * costs[patch] / (2 * costs[patch].mean()) - off / (2 * width_px**2)) * trust[patch]
+        held = np.array([VALUES[found[t, 0] - j, found[t, 1] - i] for t, (j, i) in zip(patch, over)])
+        np.testing.assert_allclose(mine, np.average(held, axis=0, weights=weight), rtol=2e-3)
