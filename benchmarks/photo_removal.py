@@ -4,8 +4,8 @@
     python benchmarks/photo_removal.py ../shared --seed 8 --photos 40 --sheet sheet.jpg
 
 Truth: the street's pictures without their object, the bin without its things, and photos that lose the shape of the thing that
-stands out of another photo: what it hides is known. Measured over what was filled, the truth pasted outside it; photos are drawn by
-the seed. The shadow of a removed thing stays in `street`, for all alike.
+stands out of another photo: what it hides is known. Measured over what was filled, the truth pasted outside it. The seed draws
+the photos; the shadow of a removed thing stays in `street`, for all alike.
 """
 
 from __future__ import annotations

@@ -45,12 +45,18 @@ def quiet(color: UInt8Array, camera: Camera | None = CAMERA, **options: Any) -> 
 
 
 def test_exact_depth_through_an_estimator_gives_what_depth_gives() -> None:
-    """Oracle: the same depth, given as measured: every pixel of every result bit for bit; only origin and confidence differ."""
+    """Oracle: the same depth, given as measured: every pixel of every result bit for bit; only origin and confidence differ.
+
+    With one filler for both: `auto` takes another one for estimated depth.
+    """
     color = RGBD_OF_WORLD.color
     estimate = estimate_depth(color, CAMERA, depth_model=knowing(RGBD_OF_WORLD), sharpen=False)
     np.testing.assert_array_equal(estimate.depth, RGBD_OF_WORLD.depth)
     mask = WORLD.trace(CAMERA)[1] == 1
-    for make in (lambda one: dlama.view(one, yaw=12), lambda one: dlama.remove(one, mask, yaw=5)):
+    for make in (
+        lambda one: dlama.view(one, yaw=12, filler="layered"),
+        lambda one: dlama.remove(one, mask, yaw=5, filler="layered"),
+    ):
         ours, theirs = make(estimate.rgbd), make(RGBD_OF_WORLD)
         for name in ("color", "depth", "hole", "hole_type"):
             np.testing.assert_array_equal(getattr(ours.view, name), getattr(theirs.view, name), err_msg=name)

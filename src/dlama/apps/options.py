@@ -236,8 +236,7 @@ class Method:
         ),
     ] = AUTO
     model: Annotated[str | None, option("FILE|NAME")] = None
-    """Network of --filler lama, migan, patchmatch, choice, joint, pair: an ONNX file, a LaMa checkpoint, or a name of
-    `dlama models list`."""
+    """Network of --filler lama, migan, patchmatch, choice, joint, pair: an ONNX or LaMa file, a name of `dlama models list`."""
     recipe: Annotated[str, option("|".join(RECIPES), "dlama")] = "dlama"
     """dlama: surfaces, metric depth; paper: as published (points, 10 m clip, 8-bit depth, 3 px dilation)."""
     mode: Annotated[Literal["surface", "points"] | None, option("surface|points", "the recipe's")] = None

@@ -29,7 +29,9 @@ def cost(row: int, column: int, source_row: int, source_column: int) -> float:
         if 0 <= row + j < HEIGHT and 0 <= column + i < WIDTH
     ]
     far = 3.0 * (row - source_row) ** 2 + 0.5 * (column - source_column) ** 2
-    return float(np.mean(steps)) + far + 7.0 * min(max(float(USED[source_row, source_column]) - 1, 0), kernels.MOST_USED)
+    return (
+        float(np.mean(steps)) + far + 7.0 * min(max(float(USED[source_row, source_column]) - 1, 0), kernels.MOST_USED)
+    )
 
 
 def twin() -> tuple[np.ndarray, np.ndarray]:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from dlama.geometry.holes import dilated, nearest_known, opened, square, touching
 from dlama.geometry.projection import inverse_depth
 from dlama.geometry.rgbd import BoolArray, Float32Array
-from dlama.geometry.view import HoleType, View
+from dlama.geometry.view import HoleType, Origin, View
 from dlama.geometry.visibility import Law
 from dlama.inpainters.filling import Fill, Inpainter, Painter
 from dlama.inpainters.layered.filler import surfaces_behind, with_leaves
@@ -103,6 +103,8 @@ def standing_before(
 
     That surface is continued to where the known pixel is: ground that comes towards the camera hides nothing. Not at the
     picture's old border: what lies beyond it is hidden by nothing. Nor at a hole that lacks depth alone: its colours are known.
+    Nor beside a removed object by estimated depth: behind things that is off by more than they stand apart, and without what
+    surrounds it nothing is left to fill the hole with.
     """
     rows, columns = np.nonzero(where)
     hole_pixel = nearest[rows, columns]
@@ -110,6 +112,9 @@ def standing_before(
     labels = surfaces.label.ravel()[hole_pixel]
     continued = plane_values_at(surfaces.planes, labels, rows, columns)
     before = NEARER / view.depth[rows, columns] > np.maximum(continued, filled)
+    before &= view.hole_type.ravel()[hole_pixel] != HoleType.OUT_OF_VIEW
+    guessed = view.origin[rows, columns] == Origin.ESTIMATED
+    before &= ~guessed | (view.hole_type.ravel()[hole_pixel] != HoleType.OBJECT)
     out = np.zeros(view.hole.shape, np.bool_)
-    out[rows, columns] = before & (view.hole_type.ravel()[hole_pixel] != HoleType.OUT_OF_VIEW)
+    out[rows, columns] = before
     return out
