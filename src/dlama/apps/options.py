@@ -248,7 +248,7 @@ class Method:
     clip: Annotated[float | None, option("METRES", "the recipe's")] = None
     """Put everything at or beyond this depth, sky too, at this depth (paper: 10)."""
     depth_by: Annotated[Literal["surfaces", "filler"] | None, option("surfaces|filler", "the recipe's")] = None
-    """Depth beside telea, navier-stokes, lama, migan: surfaces continued behind the hole (dlama), or the filler's own (paper)."""
+    """Depth beside telea, navier-stokes, lama, migan, patchmatch: surfaces continued behind the hole, or the filler's own."""
     seed: Seed = 0
     """Fillers draw their random numbers from this; the same seed gives the same pixels."""
     min_confidence: Annotated[float, option("P", "0")] = 0.0
