@@ -125,6 +125,21 @@ def test_a_thing_that_stands_before_the_hole_is_an_occluder_as_a_whole() -> None
     np.testing.assert_array_equal(np.flatnonzero(occluders(view, one_plane, filled).any(0)), np.arange(200 - BAND, 200))
 
 
+def test_estimated_depth_says_less_of_occluders() -> None:
+    """Law: it does not tell where a thing ends, only what stands within BAND beside a dis-occlusion; beside a removed thing
+    it hides nothing."""
+    depth = np.full((60, 160), 3, np.float32)
+    depth[:, :100] = 1
+    hole = np.broadcast_to(np.arange(160) // 10 == 10, depth.shape)
+    frame = RGBD(np.zeros((60, 160, 3), np.uint8), depth, Camera.from_fov(160, 60, 60))
+    guessed = dataclasses.replace(frame, estimate={"estimator": "mine"})
+    for kind, reach in ((HoleType.DISOCCLUDED, BAND), (HoleType.OBJECT, 0)):
+        measured, estimated = (View.from_rgbd(one).without(hole, kind) for one in (frame, guessed))
+        assert occluders(measured, *flat(measured, 3))[:, 62:98].all()
+        found = np.flatnonzero(occluders(estimated, *flat(estimated, 3)).any(0))
+        np.testing.assert_array_equal(found, np.arange(100 - reach, 100))
+
+
 def test_a_seam_along_an_occluder_hides_it_from_nobody() -> None:
     """Law: where the fill continues the occluder's own face for a few pixels into the hole, it is an occluder all the same; a
     face that goes on over half of the hole is none."""

@@ -71,7 +71,9 @@ def occluders(view: View, surfaces: Surfaces, depth: Float32Array) -> BoolArray:
     near = (distance <= BAND) & view.valid
     beside = standing_before(view, surfaces, depth, near, nearest)
     hidden = view.color_hole & (view.hole_type != HoleType.OUT_OF_VIEW)
-    if not beside.any() or not hidden.any():
+    if (
+        not beside.any() or not hidden.any() or (view.origin == Origin.ESTIMATED).any()
+    ):  # estimated things have no clear end
         return beside
     filled, there, before = (
         np.bincount(surfaces.label[of].clip(0), minlength=len(surfaces.planes) + 1) for of in (hidden, near, beside)
