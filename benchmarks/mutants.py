@@ -294,6 +294,18 @@ MUTANTS: tuple[Mutant, ...] = (
         ("wide masks are narrower", "(0.04, 0.8), (0.02, 0.4), (1, 3)", "(0.04, 0.8), (0.02, 0.3), (1, 3)"),
     ),
     *faults(
+        "inpainters/patchmatch/kernels.py",
+        "tests/inpainters/patchmatch/test_patchmatch_kernels.py",
+        ("distance costs nothing", "lean[0] * down * down", "0.0 * down * down"),
+        ("patches are not handed on", "int(now[neighbour, 0]) - down", "int(now[neighbour, 0])"),
+        ("trust in a target is dropped", "* np.float64(trust[t])", "* 1.0"),
+    ),
+    *faults(
+        "inpainters/__init__.py",
+        "tests/inpainters/patchmatch/test_patchmatch.py",
+        ("auto is one filler for all depth", "return ESTIMATED if estimated else MEASURED", "return MEASURED"),
+    ),
+    *faults(
         "completion/stereo/pair.py",
         PAIR,
         ("stereo has no far limit", "np.where(depth >= far, np.float32(np.inf), depth)", "depth"),
