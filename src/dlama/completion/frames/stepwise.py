@@ -18,7 +18,7 @@ from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import BoolArray
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
-from dlama.inpainters import AUTO, chosen_filler, find_filler
+from dlama.inpainters import find_filler
 from dlama.inpainters.filling import Inpainter
 
 
@@ -54,7 +54,7 @@ def plan_for(
     scene: Scene,
     masks: Mapping[int, BoolArray] | None = None,
     *,
-    filler: str | Inpainter = AUTO,
+    filler: str | Inpainter = "layered",
     model: str | Path | None = None,
     recipe: str = "dlama",
     dilate: int | None = None,
@@ -62,7 +62,6 @@ def plan_for(
 ) -> Plan:
     """What stays the same while the scene of many frames is completed step by step. Raises InputError, as `complete`."""
     chosen = find_recipe(recipe, dilate=dilate)
-    filler = chosen_filler(filler)
     inpainter = filler_of_recipe(find_filler(filler, model), chosen)
     given, _ = take_out_of(scene, masks or None, chosen.dilate)
     return Plan(chosen, inpainter, checked_seed(seed), given, law_of(given, chosen))

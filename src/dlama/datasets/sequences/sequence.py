@@ -105,7 +105,6 @@ def sequence(
     done = completed(plan, steps, state, target, kept, progress)
     shown = {step.name: step.camera for step in steps if step.name is not None}
     ordered = {name: shown[name] for name in (kept if cameras is None else cameras)}
-    about = written(target, done.scene, ordered, names, wanted)
     meta = {
         "dlama": __version__,
         "dataset": str(dataset),
@@ -119,7 +118,7 @@ def sequence(
         "masked_frames": sorted(masks or {}),
         "filled_share": {name: done.filled[name] for name in ordered},
         "views_from_earlier_run": done.reused,
-        **about,
+        **written(target, done.scene, ordered, names, wanted),
         "seconds": round(time.perf_counter() - started, 3),
     }
     with new_file(target / "meta.json") as draft:

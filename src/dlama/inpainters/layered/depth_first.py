@@ -71,9 +71,8 @@ def occluders(view: View, surfaces: Surfaces, depth: Float32Array) -> BoolArray:
     near = (distance <= BAND) & view.valid
     beside = standing_before(view, surfaces, depth, near, nearest)
     hidden = view.color_hole & (view.hole_type != HoleType.OUT_OF_VIEW)
-    if (
-        not beside.any() or not hidden.any() or (view.origin == Origin.ESTIMATED).any()
-    ):  # estimated things have no clear end
+    guessed = (view.origin == Origin.ESTIMATED).any()  # by estimated depth nobody knows where a thing ends
+    if guessed or not beside.any() or not hidden.any():
         return beside
     filled, there, before = (
         np.bincount(surfaces.label[of].clip(0), minlength=len(surfaces.planes) + 1) for of in (hidden, near, beside)
@@ -114,9 +113,9 @@ def standing_before(
     labels = surfaces.label.ravel()[hole_pixel]
     continued = plane_values_at(surfaces.planes, labels, rows, columns)
     before = NEARER / view.depth[rows, columns] > np.maximum(continued, filled)
-    before &= view.hole_type.ravel()[hole_pixel] != HoleType.OUT_OF_VIEW
-    guessed = view.origin[rows, columns] == Origin.ESTIMATED
-    before &= ~guessed | (view.hole_type.ravel()[hole_pixel] != HoleType.OBJECT)
+    why = view.hole_type.ravel()[hole_pixel]
+    before &= why != HoleType.OUT_OF_VIEW
+    before &= (why != HoleType.OBJECT) | (view.origin[rows, columns] != Origin.ESTIMATED)
     out = np.zeros(view.hole.shape, np.bool_)
     out[rows, columns] = before
     return out

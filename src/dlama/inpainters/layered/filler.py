@@ -41,10 +41,9 @@ def painted(view: View, surfaces: Surfaces, depth: Float32Array, law: Law, seed:
     label = np.where(view.hole & (w == 0), np.int32(SKY), label).astype(np.int32)
     shadow = shadow_beside(view, label)
     leafy = with_leaves(view.color, view, surfaces)
-    known = leafy, view.color_hole & (surfaces.leaves < 0), w, label, view.camera
-    color = synthesize(*known, seed=seed, sky=law.sky, spoiled=shadow)
-    hidden = known[1] & ~np.isin(view.hole_type, NOT_LED_IN)
-    color = led_in(color, view.color_hole, hidden, w, label, shadow)
+    open_ = view.color_hole & (surfaces.leaves < 0)
+    color = synthesize(leafy, open_, w, label, view.camera, seed=seed, sky=law.sky, spoiled=shadow)
+    color = led_in(color, view.color_hole, open_ & ~np.isin(view.hole_type, NOT_LED_IN), w, label, shadow)
     return fading_out(color, shadow, view.color_hole, label) if shadow.any() else color
 
 

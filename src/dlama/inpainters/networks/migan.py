@@ -20,7 +20,7 @@ from dlama.geometry.projection import inverse_depth
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.geometry.view import View
 from dlama.geometry.visibility import Law
-from dlama.inpainters.filling import Fill, Inpainter, Painter
+from dlama.inpainters.filling import Fill, Painter
 from dlama.inpainters.networks.engine import Engine, open_engine
 from dlama.inpainters.networks.tiling import Layout, fill_crops
 from dlama.inpainters.networks.view_tensors import DepthPlane, color_from_planes, color_planes
@@ -37,7 +37,7 @@ NETWORK_SIDE = 512
 PIPELINE_INPUTS = {"image": "tensor(uint8)", "mask": "tensor(uint8)"}
 
 
-def migan_filler(model: str | Path | Engine) -> Inpainter:
+def migan_filler(model: str | Path | Engine) -> Painter:
     """A filler of MI-GAN: a file (or an engine) of its generator, or of the published pipeline (inputs image and mask, uint8).
 
     FileError where the file is neither.

@@ -17,6 +17,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from dlama.geometry.holes import nearest_known
 from dlama.geometry.kernels.jit import in_bands
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.inpainters.patchmatch import kernels
@@ -188,10 +189,6 @@ class Search:
 
 def nearest_source(sources: BoolArray, places: NDArray[np.int32]) -> NDArray[np.int32]:
     """N x 2: the known patch nearest to each place (N x 2, row and column; those beyond the border count as on it)."""
-    number = cv2.distanceTransformWithLabels(
-        (~sources).astype(np.uint8), cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL
-    )[1]
-    middle = np.zeros((int(number.max()) + 1, 2), np.int32)
-    middle[number[sources]] = np.argwhere(sources)
     inside = [np.clip(places[:, axis], 0, sources.shape[axis] - 1) for axis in (0, 1)]
-    return middle[number[inside[0], inside[1]]]
+    flat = nearest_known(sources)[1][inside[0], inside[1]]
+    return np.stack(np.divmod(flat, sources.shape[1]), 1).astype(np.int32)

@@ -11,16 +11,15 @@ from typing import Any
 from dlama.geometry.rgbd import BoolArray, UInt8Array
 from dlama.geometry.view import View
 from dlama.geometry.visibility import Law
-from dlama.inpainters.filling import Fill, Inpainter, Painter
+from dlama.inpainters.filling import Fill, Painter
 from dlama.inpainters.networks.migan import migan_filler
 from dlama.inpainters.opencv import telea
 from dlama.inpainters.patchmatch.completion import complete_picture
 
 
-def patchmatch_filler(model: str | Path) -> Inpainter:
+def patchmatch_filler(model: str | Path) -> Painter:
     """The filler with its network: MI-GAN's generator, or the published pipeline. FileError where the file is neither."""
     network = migan_filler(model)
-    assert isinstance(network, Painter)
 
     def fill(view: View, law: Law, seed: int) -> Fill:
         return Fill(paint(view.color, view.color_hole), telea(view, law, seed).depth, notes=notes())

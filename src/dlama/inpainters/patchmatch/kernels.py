@@ -29,7 +29,7 @@ def difference(
     What lies beyond the border is left out; the source's patch is whole.
     """
     height, width, channels = values.shape
-    total, count = 0.0, 0
+    total = 0.0
     top, bottom = max(-HALF, -row), min(HALF, height - 1 - row)
     left, right = max(-HALF, -column), min(HALF, width - 1 - column)
     pixels = (bottom - top + 1) * (right - left + 1)
@@ -38,10 +38,9 @@ def difference(
             for k in range(channels):
                 step = np.float64(values[row + j, column + i, k]) - values[source_row + j, source_column + i, k]
                 total += step * step
-        count += right - left + 1
         if total >= limit * pixels:
-            return total / pixels
-    return total / max(count, 1)
+            break
+    return total / pixels
 
 
 @piece

@@ -33,10 +33,8 @@ def stands_out(rgbd: RGBD, shadow: BoolArray, usable: BoolArray) -> bool:
         return True
     level = np.log(cv2.cvtColor(rgbd.color, cv2.COLOR_RGB2GRAY).astype(np.float32) + 4)
     fine = fine_pattern(level, usable)
-    step = max(
-        float(how(level[ring]) - how(level[inside])) for how in (np.median, np.mean)
-    )  # of two materials one errs
-    return step > STEPS * min(float(fine[inside].std()), float(fine[ring].std()))
+    steps = [float(how(level[ring]) - how(level[inside])) for how in (np.median, np.mean)]  # of two materials one errs
+    return max(steps) > STEPS * min(float(fine[inside].std()), float(fine[ring].std()))
 
 
 def fine_pattern(level: Float32Array, usable: BoolArray) -> Float32Array:

@@ -45,6 +45,7 @@ def find_shadow(rgbd: RGBD, mask: BoolArray, found: Planes | None = None) -> Boo
     if answer is None:
         return none
     probability, shape = (crop.large(each.astype(np.float32), mask.shape) for each in answer[:2])
+    certain = answer[2]
     usable = ground.surface & ~dilated(mask, EDGE_PX)
     thrown = (shape > 0.5) & usable
     shadow = touching((probability > SHADOW) & usable, thrown | dilated(mask, NEAR_PX))
@@ -56,7 +57,7 @@ def find_shadow(rgbd: RGBD, mask: BoolArray, found: Planes | None = None) -> Boo
         shadow |= soft
     if not SMALLEST_PX <= shadow.sum() <= LARGEST * mask.sum():
         return none
-    if answer[2] < TRUSTED and not stands_out(rgbd, shadow, usable):
+    if certain < TRUSTED and not stands_out(rgbd, shadow, usable):
         return none
     contact = dilated(shadow, EDGE_PX + 2) & dilated(mask, EDGE_PX + 1)
     return np.asarray((shadow | contact) & ground.surface & ~mask)
