@@ -11,6 +11,7 @@ the photos; the shadow of a removed thing stays in `street`, for all alike.
 from __future__ import annotations
 
 import argparse
+import itertools
 import time
 import warnings
 from collections.abc import Iterator, Sequence
@@ -21,7 +22,10 @@ import cv2
 import numpy as np
 
 import dlama
+from dlama.datasets.frames import RemovalTruth
+from dlama.datasets.layouts import open_dataset
 from dlama.evaluation.metrics.lpips import Lpips
+from dlama.files.rasters.pictures import read_color
 from dlama.geometry.rgbd import BoolArray, UInt8Array
 from dlama.geometry.view import Origin
 
@@ -39,23 +43,18 @@ class Removal:
     """A photo, what is to go, and what is behind it."""
 
     kind: str
-    photo: Path
+    color: UInt8Array
     mask: BoolArray
     truth: UInt8Array
 
 
 def pictures(folder: Path) -> Iterator[Removal]:
-    """The street's four objects and the bin's things."""
-    for scene in ("s03", "s05", "s06", "s08"):
-        seen, without = (
-            folder / "street" / scene / kind / "CameraComponent" / "ColorImage" / f"{scene}_{kind}.0000.jpeg"
-            for kind in ("with", "without")
-        )
-        semantic = read_color(seen.parent.with_name("SemanticImage") / f"{scene}_with.0000.png")
-        yield Removal("street", seen, (semantic == (255, 0, 0)).all(-1), read_color(without))
-    things = folder / "data" / "bin_removal"
-    mask = dlama.read_mask(things / "object_mask.png")
-    yield Removal("bin", things / "with.color.png", mask, read_color(things / "without.color.png"))
+    """The street's four objects, from where their orbits begin, and the bin's things."""
+    for kind, where in {"street": folder / "street", "bin": folder / "data" / "bin_removal"}.items():
+        for _, of_scene in itertools.groupby(open_dataset(where).of("ori"), lambda case: case.scene):
+            found = next(of_scene).load()
+            assert isinstance(found, RemovalTruth)
+            yield Removal(kind, found.source.color, found.mask, found.without.color)
 
 
 def photos(folder: Path, count: int, seed: int) -> Iterator[Removal]:
@@ -69,7 +68,7 @@ def photos(folder: Path, count: int, seed: int) -> Iterator[Removal]:
     for name, files in sets.items():
         for number, file in enumerate(files):
             color = read_color(file)
-            yield Removal(name, file, in_the_middle(shapes[number % len(shapes)], color.shape[:2]), color)
+            yield Removal(name, color, in_the_middle(shapes[number % len(shapes)], color.shape[:2]), color)
 
 
 def in_any_order(folder: Path, rng: np.random.Generator) -> list[Path]:
@@ -97,14 +96,6 @@ def in_the_middle(shape: BoolArray, hw: tuple[int, ...]) -> BoolArray:
     return out
 
 
-def read_color(file: Path) -> UInt8Array:
-    """H x W x 3 RGB."""
-    picture = cv2.imread(str(file))
-    if picture is None:
-        raise SystemExit(f"{file} is no picture, or not there")
-    return np.ascontiguousarray(picture[..., ::-1])
-
-
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder", type=Path, help="with street, data and photos in it")
@@ -117,7 +108,7 @@ def main() -> None:
     lpips, rows = Lpips(), []
     scores: dict[tuple[str, str], list[Score]] = {}
     for case in [*pictures(options.folder), *photos(options.folder, options.photos, options.seed)]:
-        rgbd, shown = dlama.read_rgbd(case.photo), []
+        rgbd, shown = dlama.estimate_depth(case.color).rgbd, []
         for filler in options.fillers:
             started = time.process_time()
             done = dlama.remove(rgbd, case.mask, filler=filler).view
