@@ -152,7 +152,7 @@ def _spy_on_the_rest(spy: Callable[..., None]) -> None:
     spy("dlama.worlds.writer.write_worlds", [])
     spy("dlama.diagnose", ())
     spy("dlama.sequence", {})
-    spy("dlama.datasets.sequences.loading.read_scene_of", ([], "scene", {}))
+    spy("dlama.datasets.sequences.loading.read_scene_of", ([], SimpleNamespace(measured=()), {}))
     spy("dlama.datasets.sequences.camera_paths.path_for", [])
     spy("dlama.render_path", [])
     spy("dlama.files.results.video.write_video", 1)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 from collections.abc import Callable
 from pathlib import Path
@@ -12,6 +13,7 @@ import pytest
 from PIL import Image
 
 import dlama
+from dlama.apps.cli import main
 from dlama.datasets.posed.nerfstudio_writer import write_transforms, write_view
 from dlama.datasets.sequences import sequence as module
 from dlama.datasets.sequences.camera_paths import VIEWS_OF_PATH
@@ -149,6 +151,23 @@ def test_a_scene_file_goes_on(room: Path, tmp_path: Path) -> None:
     assert found.numbers == (0, 1, 2, 3) and len(found.gains) == 4
     meta = dlama.sequence(tmp_path / "out" / "scene.npz", tmp_path / "next", views={"x": LENS})
     assert list(meta["filled_share"]) == ["x"]
+
+
+def test_auto_is_the_filler_that_suits_the_scene(
+    room: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Law: `patchmatch` where the scene's depth was estimated, `layered` where it was measured, in sequence and in video; the
+    last line and meta.json say which."""
+    monkeypatch.chdir(tmp_path)
+    guessed = dataclasses.replace(frame("img-1"), estimate={"estimator": "mine"})
+    dlama.write(dlama.complete(guessed, [guessed.camera]), "one", only=["scene"])
+    for source, depth, filler in (("one/scene.npz", "estimated", "patchmatch"), (str(room), "measured", "layered")):
+        main(["sequence", source, "-o", depth, "--only", "scene", *(["--frames", "1:2"] * (depth == "measured"))])
+        assert f"filled, filler {filler}, " in capsys.readouterr().out
+        meta = json.loads(Path(depth, "meta.json").read_text())
+        assert (meta["depth"], meta["filler"]) == (depth, filler)
+        main(["video", f"{depth}/scene.npz", "-o", "v.webp", "--seconds", ".1", "--fps", "20", "--json"])
+        assert json.loads(capsys.readouterr().out)["filler"] == filler
 
 
 def test_one_frame_is_a_sequence(room: Path, tmp_path: Path) -> None:

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from dlama.arguments import check_arguments
-from dlama.completion.frames.sources import has_estimated_depth
+from dlama.completion.frames.sources import filler_for
 from dlama.completion.pipeline import complete
 from dlama.completion.recipes import find_recipe
 from dlama.completion.steps import filler_of_recipe, law_of
@@ -16,7 +16,7 @@ from dlama.geometry.fusion import fuse
 from dlama.geometry.rendering import render
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
-from dlama.inpainters import AUTO, chosen_filler, find_filler
+from dlama.inpainters import AUTO, find_filler
 from dlama.inpainters.filling import Inpainter, inpaint
 
 KEYS, CAMERAS_PER_KEY = 9, 5
@@ -48,7 +48,7 @@ def render_path(
     check_arguments(render_path, locals())
     if not cameras:
         raise InputError("cameras is empty; a path of one camera or more is wanted")
-    inpainter = find_filler(chosen_filler(filler, estimated=has_estimated_depth(scene)), model)
+    inpainter = find_filler(filler_for(scene, filler), model)
     return _views(scene, list(cameras), inpainter, seed)
 
 

@@ -12,7 +12,7 @@ from dlama.arguments import check_arguments
 from dlama.completion.completion import Completion
 from dlama.completion.frames.filling import fill_first
 from dlama.completion.frames.removal import take_out_of
-from dlama.completion.frames.sources import about_source, has_estimated_depth, starting_scene
+from dlama.completion.frames.sources import about_source, filler_for, starting_scene
 from dlama.completion.memory import check_memory
 from dlama.completion.plausible import warn_of_scale, warn_of_unknown
 from dlama.completion.recipes import DepthBy, Recipe, checked_seed, find_recipe
@@ -32,7 +32,7 @@ from dlama.geometry.rendering import Mode
 from dlama.geometry.rgbd import RGBD, BoolArray, UInt8Array
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
-from dlama.inpainters import AUTO, chosen_filler, find_filler
+from dlama.inpainters import AUTO, find_filler
 from dlama.inpainters.filling import FillReport, Inpainter
 
 
@@ -85,7 +85,7 @@ def complete(
     source = start.layers[0]
     check_memory((*(one.camera for one in start.measured if not isinstance(one, StoredView)), *cameras))
     warn_of_scale(source)
-    filler = chosen_filler(filler, estimated=has_estimated_depth(start))
+    filler = filler_for(start, filler)
     inpainter = filler_of_recipe(find_filler(filler, model), chosen)
     given, grown_mask = take_out_of(start, mask, chosen.dilate)
     plan = Plan(chosen, inpainter, seed, given, law_of(given, chosen))

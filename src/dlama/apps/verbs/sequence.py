@@ -131,17 +131,18 @@ def mask_files(named: Sequence[str], folder: Path | None) -> dict[str, Path]:
 
 
 def summary_line(meta: dict[str, Any], output: Path, seconds: float) -> str:
-    """One line: how many views of how many frames, what share was filled, what was left out, how long it took."""
+    """One line: how many views of how many frames, what was left out, what share was filled by which filler, how long it took."""
     shares, count = meta["filled_share"].values(), len(meta["frames"]["names"])
     mean = sum(shares) / max(len(shares), 1)
     out = f", {len(meta['left_out'])} left out ({', '.join(list(meta['left_out'])[:3])})" if meta["left_out"] else ""
     earlier = f", {meta['views_from_earlier_run']} from an earlier run" if meta["views_from_earlier_run"] else ""
-    return f"{output}: {len(shares)} views of {count} frames{out}, {mean:.1%} filled{earlier}, {seconds:.1f} s"
+    how = f"{mean:.1%} filled{earlier}, filler {meta['filler']}, {seconds:.1f} s"
+    return f"{output}: {len(shares)} views of {count} frames{out}, {how}"
 
 
 def summary_values(meta: dict[str, Any], output: Path) -> dict[str, Any]:
     """The same, JSON-ready."""
-    names = ("filled_share", "left_out", "views_from_earlier_run", "masked_frames")
+    names = ("filler", "filled_share", "left_out", "views_from_earlier_run", "masked_frames")
     return {"output": str(output), "frames": meta["frames"]["names"], **{name: meta[name] for name in names}}
 
 

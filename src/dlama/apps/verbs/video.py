@@ -42,6 +42,7 @@ def video(
         fps: Pictures a second.
         width: Of the video; its height follows.
     """
+    from dlama.completion.frames.sources import filler_for
     from dlama.datasets.sequences.camera_paths import path_for
     from dlama.datasets.sequences.loading import read_scene_of
     from dlama.files.results.video import check_video, write_video
@@ -53,7 +54,8 @@ def video(
         options = dict(vars(frames))
         _, scene, _ = read_scene_of(source, options.pop("frames"), **options)
         cameras = path_for(path, scene, seconds, fps, width)
-        views = dlama.render_path(scene, cameras, **filler.settings())
+        chosen = filler_for(scene, filler.filler)
+        views = dlama.render_path(scene, cameras, **filler.settings() | {"filler": chosen})
 
         def pictures() -> Iterator[UInt8Array]:
             for number, view in enumerate(views, 1):
@@ -62,5 +64,5 @@ def video(
                 yield view.color
 
         count = write_video(output, pictures(), fps)
-        line = f"{output}: {count} pictures, {count / fps:.1f} s at {fps:g} a second, {time.perf_counter() - started:.1f} s"
-        result.add(line, output=str(output), pictures=count)
+        line = f"{output}: {count} pictures, {count / fps:.1f} s at {fps:g} a second, filler {chosen}"
+        result.add(f"{line}, {time.perf_counter() - started:.1f} s", output=str(output), pictures=count, filler=chosen)

@@ -13,6 +13,7 @@ from dlama.geometry.frames.gathering import FrameSource, scene
 from dlama.geometry.rgbd import RGBD, clipped
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import Origin, View
+from dlama.inpainters import Given, chosen_filler
 
 
 def starting_scene(given: RGBD | Scene | Sequence[FrameSource], recipe: Recipe) -> Scene:
@@ -42,11 +43,21 @@ def has_estimated_depth(scene: Scene) -> bool:
     return any(Origin.ESTIMATED in layer.origins for layer in scene.measured)
 
 
+def kind_of_depth(scene: Scene) -> str:
+    """For meta.json: `estimated`, or `measured`."""
+    return "estimated" if has_estimated_depth(scene) else "measured"
+
+
+def filler_for(start: Scene, filler: Given) -> Given | str:
+    """The filler as given; for `auto` the name of the one that suits the depth of the scene."""
+    return chosen_filler(filler, estimated=has_estimated_depth(start))
+
+
 def about_source(given: RGBD | Scene | Sequence[FrameSource], start: Scene) -> dict[str, Any]:
     """For meta.json: where depth comes from; of many frames their numbers, gains and noise."""
     if isinstance(given, RGBD):
         return depth_source(given)
-    about: dict[str, Any] = {"depth": "estimated" if has_estimated_depth(start) else "measured"}
+    about: dict[str, Any] = {"depth": kind_of_depth(start)}
     if start.numbers:
         about["frames"] = {
             "numbers": list(start.numbers),

@@ -10,6 +10,7 @@ from typing import Any
 
 from dlama import __version__
 from dlama.arguments import check_arguments
+from dlama.completion.frames.sources import filler_for, kind_of_depth
 from dlama.completion.frames.stepwise import Step, plan_for, steps_for, taken, taken_up
 from dlama.completion.memory import check_memory
 from dlama.completion.recipes import find_recipe
@@ -27,7 +28,7 @@ from dlama.geometry.camera import Camera
 from dlama.geometry.frames.choosing import MOST_FRAMES
 from dlama.geometry.rgbd import BoolArray
 from dlama.geometry.scene import Scene
-from dlama.inpainters import AUTO, chosen_filler
+from dlama.inpainters import AUTO
 
 Progress = Callable[[int, int, str, bool], None]
 """Told after each view: how many are done, of how many, which one, and whether an earlier run had done it."""
@@ -90,10 +91,10 @@ def sequence(
         InputError: what `scene` and `complete` refuse, a mask for a frame that is not there; FileError, OutputError.
     """
     check_arguments(sequence, locals())
-    filler = chosen_filler(filler)
     started, target, wanted = time.perf_counter(), Path(output), checked_results(only)
     clip = find_recipe(recipe).clip
     names, given, damaged = read_scene_of(dataset, frames, layout, scene, camera, depth_range, clip, align)
+    filler = filler_for(given, filler)
     kept = [names[number] for number in given.numbers or (0,)]
     cameras = cameras_for(views, given)
     check_memory([given.layers[0].camera] * (2 * MOST_FRAMES))
@@ -108,6 +109,7 @@ def sequence(
     meta = {
         "dlama": __version__,
         "dataset": str(dataset),
+        "depth": kind_of_depth(given),
         **about_frames(names, kept, given, damaged),
         "recipe": recipe,
         "dilate": plan.recipe.dilate,
