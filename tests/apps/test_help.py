@@ -24,6 +24,7 @@ from dlama.apps import options
 from dlama.apps.cli import VERBS, main, with_joined_lines
 from dlama.apps.terminal.flags import flags_of, with_flags
 from dlama.apps.verbs import evaluate as evaluate_verb
+from dlama.inpainters import FILLERS
 
 COMMANDS = [[verb] for verb in VERBS if verb != "models"] + [
     ["models", word] for word in ("list", "info", "pull", "convert", "verify")
@@ -113,6 +114,13 @@ def test_names_in_help_are_those_of_the_library() -> None:
     assert evaluate_verb.NO_FILL == NO_FILL
     assert get_args(evaluate_verb.Protocol) == get_args(Protocol)
     assert inspect.signature(dlama.view).parameters["pivot"].default == options.PIVOT_M
+
+
+def test_help_names_every_filler() -> None:
+    """Oracle: the library's list, in the help of the verbs that fill, and of the one that measures."""
+    for verb in ("view", "sequence", "evaluate"):
+        missing = [name for name in FILLERS if not re.search(rf"\b{name}\b", re.sub(r"-\s+", "-", page_of(verb)))]
+        assert not missing, (verb, missing)
 
 
 PROBE = """

@@ -63,7 +63,7 @@ def test_a_painter_gets_both_pictures_apart_and_its_channels_are_averaged() -> N
     it was shown is the colours, and the grey metres with nothing in the hole."""
     shown: list[np.ndarray] = []
 
-    def paint(picture: np.ndarray, hole: np.ndarray) -> np.ndarray:
+    def paint(picture: np.ndarray, hole: np.ndarray, seed: int) -> np.ndarray:
         shown.append(picture.copy())
         return np.where(hole[..., None], np.array([30, 60, 90], np.uint8), picture)
 

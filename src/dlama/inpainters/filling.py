@@ -42,8 +42,8 @@ class Fill:
 
 Inpainter = Callable[[View, Law, int], Fill]
 """A filler: (view with holes, visibility law, seed) -> Fill. Deterministic for one seed."""
-Paint = Callable[[UInt8Array, BoolArray], UInt8Array]
-"""(H x W x 3 picture, H x W hole) -> H x W x 3 picture with the hole filled."""
+Paint = Callable[[UInt8Array, BoolArray, int], UInt8Array]
+"""(H x W x 3 picture, H x W hole, seed) -> H x W x 3 picture with the hole filled. Deterministic for one seed."""
 
 
 @dataclass(frozen=True)

@@ -29,8 +29,8 @@ def diffuse(view: View, law: Law, seed: int, *, method: str) -> Fill:
     return Fill(paint(view.color, view.hole, method=method), depth_of_levels(levels, scale))
 
 
-def paint(picture: np.ndarray, hole: BoolArray, *, method: str) -> np.ndarray:
-    """A picture (uint8 H x W x 3, or uint16 H x W) with the hole filled by cv2.inpaint."""
+def paint(picture: np.ndarray, hole: BoolArray, seed: int = 0, *, method: str) -> np.ndarray:
+    """A picture (uint8 H x W x 3, or uint16 H x W) with the hole filled by cv2.inpaint, which draws nothing from the seed."""
     flag = {"telea": cv2.INPAINT_TELEA, "navier-stokes": cv2.INPAINT_NS}[method]
     return np.asarray(cv2.inpaint(picture, hole.astype(np.uint8), RADIUS, flag), picture.dtype)
 

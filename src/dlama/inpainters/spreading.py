@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 
 from dlama.geometry.rgbd import BoolArray, Float32Array
-from dlama.inpainters.opencv import telea
+from dlama.inpainters.opencv import paint
 
 LARGEST = 512
 """Longer side of the picture in which `spread_small` spreads, in pixels: the result is a blur in any case."""
@@ -35,10 +35,10 @@ def telea_spread(values: np.ndarray, known: BoolArray) -> Float32Array:
     if not known.any():
         return np.asarray(values, np.float32)
     if values.shape[2] == 3:
-        return telea.paint(np.round(np.clip(values, 0, 255)).astype(np.uint8), ~known).astype(np.float32)
+        return paint(np.round(np.clip(values, 0, 255)).astype(np.uint8), ~known, method="telea").astype(np.float32)
     scale = float(values[known].max()) / 65535 or 1.0
     levels: np.ndarray = np.round(np.clip(values[..., 0] / scale, 0, 65535)).astype(np.uint16)
-    return (telea.paint(levels, ~known) * np.float32(scale))[..., None]
+    return (paint(levels, ~known, method="telea") * np.float32(scale))[..., None]
 
 
 def pull_push(values: np.ndarray, known: BoolArray) -> Float32Array:

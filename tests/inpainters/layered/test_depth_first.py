@@ -42,7 +42,7 @@ def step(kind: HoleType = HoleType.DISOCCLUDED) -> View:
 def recording(shown: list[np.ndarray]) -> Painter:
     """Paints 99; remembers which pixels it was told to fill."""
 
-    def paint(picture: np.ndarray, hole: np.ndarray) -> np.ndarray:
+    def paint(picture: np.ndarray, hole: np.ndarray, seed: int) -> np.ndarray:
         shown.append(hole)
         return np.full_like(picture, 99)
 

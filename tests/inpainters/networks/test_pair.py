@@ -38,7 +38,7 @@ def test_each_picture_is_painted_in_sight_of_the_other(tmp_path: Path, left: boo
     hole, other_hole = np.zeros((2, 40, 48), bool)
     hole[5:15, 5:20], other_hole[20:30, 10:30] = True, True
     paint = filler(echo_mask(tmp_path / "p.onnx", 6, **SIX)).painter(other, other_hole, left=left).paint
-    painted = paint(mine, hole)
+    painted = paint(mine, hole, 0)
     np.testing.assert_array_equal(painted[~hole], mine[~hole])
     np.testing.assert_array_equal(painted[hole], 128)
 
@@ -49,7 +49,7 @@ def test_left_and_right_come_from_their_own_planes(tmp_path: Path) -> None:
     picture, hole = np.zeros((24, 24, 3), np.uint8), np.ones((24, 24), bool)
     hole[:4] = False
     for left, wanted in ((True, (51, 102, 153)), (False, (255, 0, 204))):
-        painted = filler(model).painter(picture, np.zeros_like(hole), left=left).paint(picture, hole)
+        painted = filler(model).painter(picture, np.zeros_like(hole), left=left).paint(picture, hole, 0)
         np.testing.assert_array_equal(painted[hole], np.broadcast_to(wanted, (20 * 24, 3)))
 
 
@@ -75,7 +75,7 @@ def test_two_masks_are_each_pictures_own(tmp_path: Path, left: bool, hw: tuple[i
     painter = pair_filler(open_engine(two_mask_probe(tmp_path / "p.onnx"), budget=budget)).painter(
         other, other_hole, left=left
     )
-    painted = painter.paint(mine, hole)
+    painted = painter.paint(mine, hole, 0)
     np.testing.assert_array_equal(painted[~hole], mine[~hole])
     np.testing.assert_array_equal(painted[hole][:, 0], 204)
     np.testing.assert_array_equal(painted[hole][:, 1], (102 if left else 153) * other_hole[hole])
@@ -132,7 +132,7 @@ def test_two_masks_by_hand_and_what_is_wrong_with_a_file(tmp_path: Path) -> None
     bare = written(tmp_path / "bare.onnx", 6, np.full((6, 8), 0.2) * (np.arange(8) == 7), about={})
     picture, hole = np.zeros((24, 24, 3), np.uint8), np.zeros((24, 24), bool)
     hole[8:16, 8:16] = True
-    painted = pair_filler(bare, contract_of_planes(6, 2)).painter(picture, hole, left=True).paint(picture, hole)
+    painted = pair_filler(bare, contract_of_planes(6, 2)).painter(picture, hole, left=True).paint(picture, hole, 0)
     np.testing.assert_array_equal(painted[hole], 51)
     lying = written(tmp_path / "lying.onnx", 6, np.zeros((6, 7)), **EIGHT)
     nan = two_mask_probe(tmp_path / "nan.onnx", np.nan)
@@ -142,7 +142,7 @@ def test_two_masks_by_hand_and_what_is_wrong_with_a_file(tmp_path: Path) -> None
         (nan, FileError, r"nan\.onnx: the network gave values that are not finite"),
     ):
         with pytest.raises(error, match=told):
-            pair_filler(model).painter(picture, hole, left=True).paint(picture, hole)
+            pair_filler(model).painter(picture, hole, left=True).paint(picture, hole, 0)
 
 
 @pytest.mark.parametrize("left", [True, False])
@@ -165,7 +165,9 @@ def test_a_trained_and_exported_network_of_two_masks_runs(tmp_path: Path, left: 
     wanted = Engine(model).run({"planes": fed})[0].reshape(2, 3, 48, 48).transpose(0, 2, 3, 1) * 255
     assert wanted.std() > 0.1, "an answer that tells pictures apart"
     mine, theirs = (0, 1) if left else (1, 0)
-    painted = pair_filler(model).painter(pictures[theirs], holes[theirs], left=left).paint(pictures[mine], holes[mine])
+    painted = (
+        pair_filler(model).painter(pictures[theirs], holes[theirs], left=left).paint(pictures[mine], holes[mine], 0)
+    )
     np.testing.assert_allclose(painted[holes[mine]], wanted[mine][holes[mine]], atol=0.5001)
     np.testing.assert_array_equal(painted[~holes[mine]], pictures[mine][~holes[mine]])
 

@@ -131,6 +131,18 @@ def test_as_a_filler_it_continues_surfaces_and_says_what_ran() -> None:
     assert "migan" in str(report.notes["guess"])
 
 
+@pytest.mark.parametrize("recipe", ["dlama", "paper"])
+def test_the_seed_reaches_the_patches(recipe: str) -> None:
+    """Law: the same seed gives the same bits, another one other patches, on continued surfaces and as the paper does it."""
+    noise = np.random.default_rng(3).integers(0, 256, (96, 128, 3), np.uint8)
+    rgbd = RGBD(noise, np.full((96, 128), 3, np.float32), Camera.from_fov(128, 96, 60))
+    first, same, other = (
+        dlama.remove(rgbd, HOLE, filler="patchmatch", recipe=recipe, seed=seed).view.color for seed in (5, 5, 6)
+    )
+    np.testing.assert_array_equal(first, same)
+    assert (first != other)[HOLE].any() and (first == other)[~HOLE].mean() > 0.9
+
+
 def test_auto_is_the_filler_that_suits_the_depth() -> None:
     """Law: layered where depth was measured, patchmatch where it was estimated; meta data say which; a name is that name."""
     assert FILLER_NAMES[0] == AUTO and set(FILLER_NAMES) == {AUTO, *FILLERS}

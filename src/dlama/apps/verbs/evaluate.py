@@ -122,7 +122,7 @@ class Methods:
         "telea",
         NO_FILL,
     )
-    """Of none, layered, telea, navier-stokes, lama, migan, choice, joint, pair (stereo only); none leaves holes as they are."""
+    """Of none (holes stay), layered, telea, navier-stokes, lama, migan, patchmatch, choice, joint, pair (stereo only)."""
     model: Annotated[tuple[str, ...], option("FILLER=FILE|NAME ...")] = ()
     """The network of a filler that runs one: an ONNX file, a LaMa checkpoint, or a name of `dlama models list`."""
     seed: Seed = 0

@@ -103,7 +103,7 @@ def painter_guess(name: str, painter: Inpainter) -> GuessMaker:
         view = prepared.view
         color = view.color
         if view.color_hole.any():
-            color = painter.paint(view.color, view.color_hole | prepared.occluders)
+            color = painter.paint(view.color, view.color_hole | prepared.occluders, prepared.seed)
         return prepared.guess(name, color, prepared.depth)
 
     return make

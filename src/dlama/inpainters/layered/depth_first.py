@@ -52,7 +52,7 @@ def depth_first(inpainter: Inpainter) -> Inpainter:
         if not view.color_hole.any():
             return Fill(view.color, depth, moved, notes)
         shadow = shadow_beside(view, surfaces.label)
-        color = inpainter.paint(view.color, view.color_hole | shadow | occluders(view, surfaces, depth))
+        color = inpainter.paint(view.color, view.color_hole | shadow | occluders(view, surfaces, depth), seed)
         if shadow.any():
             color = np.where(view.color_hole[..., None], color, view.color)
             color = fading_out(color, shadow, view.color_hole, surfaces.label)

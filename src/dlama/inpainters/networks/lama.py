@@ -34,7 +34,7 @@ def lama_filler(model: str | Path | Engine, contract: Contract | None = None) ->
     def lama(view: View, law: Law, seed: int) -> Fill:
         return fill_color_and_depth(view, checked())
 
-    def paint(picture: UInt8Array, hole: BoolArray) -> UInt8Array:
+    def paint(picture: UInt8Array, hole: BoolArray, seed: int) -> UInt8Array:
         return color_from_planes(checked().fill(color_planes(picture)[None], hole)[0])
 
     return Painter(lama, paint, lambda: network.notes)

@@ -49,8 +49,8 @@ def migan_filler(model: str | Path | Engine) -> Painter:
         color = fill_picture(view.color, diffused.color, view.color_hole, network)
         return Fill(color, fill_depth(view, diffused.depth, network), notes=network.notes)
 
-    def paint(picture: UInt8Array, hole: BoolArray) -> UInt8Array:
-        return fill_picture(picture, telea.paint(picture, hole), hole, network)
+    def paint(picture: UInt8Array, hole: BoolArray, seed: int) -> UInt8Array:
+        return fill_picture(picture, telea.paint(picture, hole, seed), hole, network)
 
     return Painter(migan, paint, lambda: network.notes)
 

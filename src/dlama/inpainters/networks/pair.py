@@ -41,7 +41,7 @@ class PairFiller:
     def painter(self, other: UInt8Array, other_hole: BoolArray, *, left: bool) -> Painter:
         """Fills the left (or the right) picture; other: H x W x 3, the other one, with the pixels not known of it."""
 
-        def paint(picture: UInt8Array, hole: BoolArray) -> UInt8Array:
+        def paint(picture: UInt8Array, hole: BoolArray, seed: int) -> UInt8Array:
             require_planes(self.network.contract, 6, str(self.network.path), "pair")
             order = slice(None) if left else slice(None, None, -1)
             planes = np.concatenate([color_planes(picture), color_planes(other)][order])

@@ -22,10 +22,10 @@ def patchmatch_filler(model: str | Path) -> Painter:
     network = migan_filler(model)
 
     def fill(view: View, law: Law, seed: int) -> Fill:
-        return Fill(paint(view.color, view.color_hole), telea(view, law, seed).depth, notes=notes())
+        return Fill(paint(view.color, view.color_hole, seed), telea(view, law, seed).depth, notes=notes())
 
-    def paint(picture: UInt8Array, hole: BoolArray) -> UInt8Array:
-        return complete_picture(picture, hole, network.paint(picture, hole))
+    def paint(picture: UInt8Array, hole: BoolArray, seed: int) -> UInt8Array:
+        return complete_picture(picture, hole, network.paint(picture, hole, seed), seed)
 
     def notes() -> dict[str, Any]:
         return {"guess": network.notes()}
