@@ -9,6 +9,8 @@ import numpy as np
 import onnx
 from onnx import TensorProto, helper, numpy_helper
 
+from dlama.inpainters.networks.contract import MASKS, PLANES, Contract
+
 NAMES = ("red", "green", "blue", "depth")
 
 
@@ -50,6 +52,11 @@ def contract(planes: int) -> dict:
         "multiple": 8,
         "minimum": 16,
     }
+
+
+def contract_of_planes(count: int, masks: int = 1) -> Contract:
+    """One by hand, for a file without: of a network that gives 3, 4 or 6 planes and takes so many masks."""
+    return Contract((*PLANES[count], *MASKS[masks]), PLANES[count])
 
 
 def constant(path: Path, planes: int, *values: float, **changes) -> Path:

@@ -41,12 +41,12 @@ from dlama.geometry.projection import lift
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
-from dlama.inpainters.networks.contract import CONTRACT_KEY, contract_of_planes, from_metadata
+from dlama.inpainters.networks.contract import CONTRACT_KEY, Contract, from_metadata
 from dlama.models.cache import expected_sha256, expected_size
 from dlama.models.network_file import NetworkFile
 from dlama.models.records import CATALOGUE
-from dlama.nets.checkpoints import read_tensors
 from dlama.nets.safetensors_file import read_safetensors, write_safetensors
+from dlama.nets.torch_file import TorchFile
 from dlama.training.data.pack import pack
 from dlama.training.data.pack_format import read_pack
 from dlama.training.presets import PRESETS, from_json, to_json
@@ -57,6 +57,7 @@ DEPTH = (1 + 5 * RNG.random((9, 12))).astype(np.float32)
 CAMERA = Camera.from_fov(12, 9, 60)
 LENS = {"width": 12, "height": 9, "fx": 10.5, "fy": 10.5, "cx": 6.0, "cy": 4.5, "pixel_center": 0.5}
 POSE = np.eye(4).tolist()
+CONTRACT = Contract(("red", "green", "blue", "mask"), ("red", "green", "blue"))
 
 
 @dataclass(frozen=True)
@@ -147,6 +148,12 @@ def read_beside(name: str, others: dict[str, bytes], read: Callable[[Path], Any]
     return run
 
 
+def every_tensor(path: Path) -> None:
+    """All tensors of a torch file."""
+    file = TorchFile(path)
+    file.read(file.tensors)
+
+
 def every_case(path: Path) -> None:
     """All photos and cases of a pack."""
     photos, cases = read_pack(path)
@@ -191,7 +198,7 @@ def onnx_file() -> bytes:
     ends = [helper.make_tensor_value_info(name, TensorProto.FLOAT, ["b", 4, "h", "w"]) for name in ("a", "b")]
     graph = helper.make_graph([helper.make_node("Identity", ["a"], ["b"])], "tiny", ends[:1], ends[1:])
     model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=8)
-    helper.set_model_props(model, contract_of_planes(3).metadata())
+    helper.set_model_props(model, CONTRACT.metadata())
     return bytes(model.SerializeToString())
 
 
@@ -214,7 +221,7 @@ def tables() -> list[Reader]:
     tum = {"rgb.txt": b"1.0 c.png\n2.0 e.png\n", "depth.txt": b"1.0 d.png\n2.0 d.png\n",
            "groundtruth.txt": b"1.0 0 0 0 0 0 0 1\n2.0 0.1 0 0 0 0 0 1\n", "camera.json": camera,
            "e.png": pictures["c.png"], **pictures}  # fmt: skip
-    contract = contract_of_planes(3).metadata()[CONTRACT_KEY].encode()
+    contract = CONTRACT.metadata()[CONTRACT_KEY].encode()
 
     def text(read: Callable[[str, str], Any]) -> Callable[[Path], Any]:
         return lambda path: read(path.read_bytes().decode("utf-8", "replace"), str(path))
@@ -291,10 +298,10 @@ def networks() -> list[Reader]:
     photo = next(name for name in inside if name.endswith(".webp"))
     return [
         Reader("weights.safetensors", weights, read_safetensors),
-        Reader("pickle.pt", torch_pickle(), read_tensors, zipped("a/data.pkl", **storage)),
-        Reader("object.pt", pickle.dumps({"state_dict": {"w": 1}, "x": [{}, (1, "a")]}, 2), read_tensors,
+        Reader("pickle.pt", torch_pickle(), every_tensor, zipped("a/data.pkl", **storage)),
+        Reader("object.pt", pickle.dumps({"state_dict": {"w": 1}, "x": [{}, (1, "a")]}, 2), every_tensor,
                zipped("a/data.pkl", **storage), "pickle"),
-        Reader("whole.pt", zipped("a/data.pkl", **storage)(torch_pickle()), read_tensors),
+        Reader("whole.pt", zipped("a/data.pkl", **storage)(torch_pickle()), every_tensor),
         Reader("index.pack", inside["index.json"], every_case, zipped("index.json", **{photo: inside[photo]})),
         Reader("photo.pack", inside[photo], every_case, zipped(photo, **{"index.json": inside["index.json"]})),
         Reader("whole.pack", packed, every_case),

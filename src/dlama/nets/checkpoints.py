@@ -65,12 +65,6 @@ def read_generator(path: Path | str, activation: str | None = None) -> Generator
     return GeneratorWeights(settings, state, file.path, file.kind, left)
 
 
-def read_tensors(path: Path | str) -> dict[str, np.ndarray]:
-    """Every tensor of such a file under its own name, as stored (bfloat16 widened): for networks that are not ours."""
-    file = _open(Path(path))
-    return {name: array for name, (array, _) in file.load(list(file.shapes)).items()}
-
-
 @dataclass(frozen=True)
 class _File:
     path: Path

@@ -19,7 +19,6 @@ from dlama.geometry.view import HoleType, Origin, View
 from dlama.geometry.visibility import Law
 from dlama.inpainters import find_filler
 from dlama.inpainters.filling import inpaint
-from dlama.inpainters.networks.contract import contract_of_planes
 from dlama.inpainters.networks.engine import Engine, OpenEngines, open_engine
 from dlama.inpainters.networks.lama import lama_filler
 from dlama.inpainters.networks.migan import (
@@ -31,7 +30,7 @@ from dlama.inpainters.networks.migan import (
     smooth_within_steps,
 )
 from dlama.models.network_file import PROVIDERS
-from tiny_networks import constant, contract, echo_mask, written
+from tiny_networks import constant, contract, contract_of_planes, echo_mask, written
 
 pytest.importorskip("onnxruntime")
 NOTHING = Law(())

@@ -11,10 +11,9 @@ import dlama
 from dlama.errors import FileError, InputError
 from dlama.geometry.view import HoleType, Origin
 from dlama.inpainters import find_filler
-from dlama.inpainters.networks.contract import contract_of_planes
 from dlama.inpainters.networks.engine import Engine, open_engine
 from dlama.inpainters.networks.pair import PairFiller, fill_pair, pair_filler
-from tiny_networks import constant, echo_mask, written
+from tiny_networks import constant, contract_of_planes, echo_mask, written
 
 DEMO = Path(dlama.__file__).parent / "assets" / "demo"
 PLANES = ["red", "green", "blue", "other red", "other green", "other blue"]

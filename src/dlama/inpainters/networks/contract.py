@@ -202,19 +202,6 @@ def migan_metadata(pipeline: Path, licence: str) -> dict[str, str]:
     return contract.metadata(licence=licence, source=pipeline.name, source_sha256=sha256_of(pipeline))
 
 
-def contract_of_planes(count: int, masks: int = 1) -> Contract:
-    """The contract of a LaMa, given by hand for a file without one. InputError for other numbers than these.
-
-    count: planes it gives, 3 (colour), 4 (colour and depth) or 6 (a pair); masks: those it takes, of a pair 1 (the union of both
-    holes) or 2 (left, right), else 1.
-    """
-    if count not in (3, 4, 6):
-        raise InputError(f"contract: {count} planes; 3 (colour), 4 (colour and depth) or 6 (a pair) are wanted")
-    if masks not in MASKS:
-        raise InputError(f"contract: {masks} masks; 1, or 2 of a pair, are wanted")
-    return Contract((*PLANES[count], *MASKS[masks]), PLANES[count])
-
-
 def from_metadata(metadata: Mapping[str, str], file: str) -> Contract | None:
     """The contract that stands in a file's metadata; None where there is none, FileError where it cannot be read."""
     text = metadata.get(CONTRACT_KEY)

@@ -36,7 +36,7 @@ class Engine(NetworkFile):
         if found is None:
             raise InputError(
                 f"{self.path}: carries no contract (metadata key dlama.contract); `dlama models convert` writes files "
-                "that do, and a contract can be given by hand"
+                "that do; in Python `dlama.inpainters.networks.contract.Contract` says one by hand"
             )
         ends = list(self.inputs.values())
         if len(ends) != 1 or ends[0][0] != "tensor(float)" or len(ends[0][1]) != 4:

@@ -17,7 +17,6 @@ from dlama.geometry.rendering import render
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
 from dlama.geometry.visibility import Law
-from dlama.inpainters.networks.contract import contract_of_planes
 from dlama.inpainters.networks.view_tensors import DepthPlane, robust_scale
 from dlama.training.data.batches import check_sample
 from dlama.training.data.samples import views as view_samples
@@ -28,6 +27,7 @@ from dlama.training.data.samples.world_views import WorldSet
 from dlama.training.data.samples.worlds import WorldPairs, WorldRemovals, WorldSamples
 from dlama.training.data.sources import source_for
 from dlama.training.settings import DataSettings, NetworkSettings, TrainSettings
+from tiny_networks import contract_of_planes
 from worlds import pixels_of, points_of
 
 RGBD_NET = NetworkSettings("rgbd")
