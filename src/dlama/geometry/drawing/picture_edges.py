@@ -120,10 +120,15 @@ def jumps(w: Float32Array) -> BoolArray:
 def edge_uncertainty(view: View) -> int:
     """Pixels by which measured depth edges lie beside the picture's: those of REACHED of them; 0 where half of them do not."""
     measured = view.valid & (view.origin == Origin.MEASURED)
+    return edges_beside(view.color, view.depth, measured, view.far)
+
+
+def edges_beside(color: UInt8Array, depth: Float32Array, measured: BoolArray, far: BoolArray) -> int:
+    """As `edge_uncertainty`, of depth (H x W metres) where it is measured or far."""
     if measured.sum() < LEAST_EDGES:
         return 0
-    w = with_nearest(inverse_depth(np.where(measured, view.depth, np.float32(0))), measured | view.far)
-    off = np.concatenate([edge_offsets(w, view.color), edge_offsets(w.T, view.color.transpose(1, 0, 2))])
+    w = with_nearest(inverse_depth(np.where(measured, depth, np.float32(0))), measured | far)
+    off = np.concatenate([edge_offsets(w, color), edge_offsets(w.T, color.transpose(1, 0, 2))])
     if len(off) < LEAST_EDGES or np.median(off) == 0:
         return 0
     return int(np.quantile(off, REACHED))

@@ -8,6 +8,7 @@ import numpy as np
 from dlama.geometry.holes import dilated, disc, eroded, nearest_known, opened, touching
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array
 from dlama.perception.masks.supports import Planes, height_above
+from dlama.perception.planes import tolerance
 
 FOOT_PX = 12
 """How far from the thing its foot may reach over the plane it stands on,"""
@@ -17,6 +18,8 @@ FOOT_NOISE = 5.0
 """A foot rises over the plane by so many standard deviations of the plane's own unevenness,"""
 FOOT_STEP = 0.0012
 """and by this relative step in inverse depth at least."""
+LEAST_UNDER = 10
+"""Pixels of a plane that a thing touches at least if it stands on it."""
 LAYER = 0.5
 """What rises has less than this share of its pixels near the thing if it is a layer of its own on the plane."""
 SHARP = 0.7
@@ -31,9 +34,7 @@ HOLE_PX = 12
 
 def with_foot(found: Planes, support: BoolArray, thing: BoolArray) -> BoolArray:
     """The thing and the pixels of a supporting plane that hang together with it and rise a little over the plane."""
-    near = dilated(thing, FOOT_PX) & support
-    here, there = found.w, found.w.ravel()[nearest_known(thing)[1]]
-    near &= np.abs(here - there) <= FOOT_GAP * np.maximum(here, there)
+    near = dilated(thing, FOOT_PX) & support & as_near(found, thing)
     if not near.any():
         return thing
     step = height_above(found, support)
@@ -42,6 +43,12 @@ def with_foot(found: Planes, support: BoolArray, thing: BoolArray) -> BoolArray:
     least = max(FOOT_STEP, FOOT_NOISE * unevenness)
     rises = near & over_layers(step, support & (step > least), near, least)
     return touching(thing | rises, thing)
+
+
+def as_near(found: Planes, thing: BoolArray) -> BoolArray:
+    """H x W, True where inverse depth differs from that of the nearest pixel of the thing by no more than FOOT_GAP."""
+    here, there = found.w, found.w.ravel()[nearest_known(thing & (found.w > 0))[1]]
+    return np.asarray(np.abs(here - there) <= FOOT_GAP * np.maximum(here, there))
 
 
 def over_layers(step: Float32Array, rising: BoolArray, near: BoolArray, least: float) -> BoolArray:
@@ -94,6 +101,28 @@ def to_picture_edges(rgbd: RGBD, found: Planes, thing: BoolArray) -> BoolArray:
     if not band.any() or not (thing & ~band).any():
         return thing
     return decided_by_color(rgbd, thing, band)
+
+
+def lost_foot(found: Planes, thing: BoolArray, support: BoolArray, most: float = FOOT_PX) -> BoolArray:
+    """H x W, True where what the thing stands on may be its foot, which rises over it by less than planes may err by.
+
+    That is as far along the plane, towards the camera, as inverse depth needs to grow by so much, and no farther than `most` px
+    (as far as that, if it is more than FOOT_PX).
+    """
+    out = np.zeros_like(thing)
+    under = support & dilated(thing, 3)
+    drawn = thing.astype(np.uint8)
+    for number in np.unique(found.label[under]):
+        slope = found.planes[number - 1][:2]
+        steep, on_it = float(np.hypot(*slope)), under & (found.label == number)
+        if steep <= 0 or on_it.sum() < LEAST_UNDER:
+            continue
+        middle = np.median(found.w[on_it], keepdims=True)
+        length = most if most > FOOT_PX else min(float(tolerance(middle, found.noise)[0]) / steep, most)
+        for step in np.arange(1, length + 1):
+            by = np.array([[1, 0, slope[0] / steep * step], [0, 1, slope[1] / steep * step]], np.float32)
+            out |= cv2.warpAffine(drawn, by, thing.shape[::-1], flags=cv2.INTER_NEAREST) > 0
+    return out & ~thing & (as_near(found, thing) | (found.w <= 0))
 
 
 def decided_by_color(rgbd: RGBD, thing: BoolArray, band: BoolArray, rounds: int = 2) -> BoolArray:

@@ -17,6 +17,7 @@ from dlama.errors import MaskError
 from dlama.geometry.holes import dilated, disc, eroded, opened
 from dlama.geometry.rgbd import RGBD, BoolArray, UInt8Array
 from dlama.perception.masks.borders import decided_by_color
+from dlama.perception.masks.confirmed import rim_share
 from dlama.perception.masks.prompt import Pixel, Prompt
 from dlama.perception.masks.rough import (
     RoughDepth,
@@ -171,18 +172,6 @@ def filled(box: Window, mask: BoolArray) -> float:
     part = mask[box]
     rows, columns = np.flatnonzero(part.any(1)), np.flatnonzero(part.any(0))
     return float((np.ptp(rows) + 1) * (np.ptp(columns) + 1) / part.size) if len(rows) else 0.0
-
-
-def rim_share(mask: BoolArray, window: Window) -> float:
-    """Pixels at which a mask runs over the window's rim, where that is not the picture's, over the window's longer side."""
-    part, (rows, columns) = mask[window], window
-    sides = (
-        (rows.start > 0, part[0]),
-        (rows.stop < mask.shape[0], part[-1]),
-        (columns.start > 0, part[:, 0]),
-        (columns.stop < mask.shape[1], part[:, -1]),
-    )
-    return sum(int(line.sum()) for inner, line in sides if inner) / max(part.shape)
 
 
 def agreement(reading: Reading, clicks: list[Pixel], away: list[Pixel]) -> float:

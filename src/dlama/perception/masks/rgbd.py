@@ -1,5 +1,7 @@
-"""A picture with depth and clicks or a box in; the mask of the thing meant out. No network: supporting surfaces are taken away,
-and what hangs together with the click stays.
+"""A picture with depth and clicks or a box in; the mask of the thing meant out.
+
+Supporting surfaces are taken away, and what hangs together with the click stays. Where depth edges lie beside the picture's, as
+a camera's do, what stands out in the picture has a say, too (`confirmed`), and the outline follows the picture (`outlines`).
 """
 
 from __future__ import annotations
@@ -10,12 +12,15 @@ from collections.abc import Callable
 import numpy as np
 
 from dlama.errors import MaskError
+from dlama.geometry.drawing.picture_edges import edges_beside
 from dlama.geometry.holes import nearest_known
 from dlama.geometry.projection import inverse_depth
 from dlama.geometry.rgbd import RGBD, BoolArray
 from dlama.perception.kernels.regions import join_regions
 from dlama.perception.masks.borders import to_picture_edges, with_foot
+from dlama.perception.masks.confirmed import Confirmed, confirmed, doubts
 from dlama.perception.masks.cuts import nearer_to
+from dlama.perception.masks.outlines import on_picture
 from dlama.perception.masks.photo import PhotoMasker
 from dlama.perception.masks.pieces import GROUP_GAP, THING_GAP, Pieces, color_bins, merged
 from dlama.perception.masks.prompt import Pixel, Prompt
@@ -54,7 +59,8 @@ def rgbd_masker(rgbd: RGBD, model: None) -> Callable[[Prompt], tuple[dict[str, B
         rough = rough_depth(rgbd)
         return lambda prompt: (rough_candidates(rough, prompt), (NOISY,))
     found = planes_of(rgbd)
-    return lambda prompt: rgbd_candidates(rgbd, found, prompt)
+    beside = edges_beside(rgbd.color, rgbd.depth, rgbd.valid, rgbd.far)
+    return lambda prompt: rgbd_candidates(rgbd, found, prompt, beside)
 
 
 def is_noisy(rgbd: RGBD) -> bool:
@@ -65,13 +71,16 @@ def is_noisy(rgbd: RGBD) -> bool:
     return noise_level(w, rgbd.valid) > MOST_NOISE * float(np.median(w[rgbd.valid]))
 
 
-def rgbd_candidates(rgbd: RGBD, found: Planes, prompt: Prompt) -> tuple[dict[str, BoolArray], tuple[str, ...]]:
+def rgbd_candidates(
+    rgbd: RGBD, found: Planes, prompt: Prompt, beside: int = 0
+) -> tuple[dict[str, BoolArray], tuple[str, ...]]:
     """H x W masks by name (part, thing, group; those that differ), and notes.
 
+    beside: px by which depth edges lie beside those of the picture; 0: they do not.
     Raises MaskError where nothing that stands apart is meant: the sky, the ground, missing depth.
     """
     if not prompt.clicks:
-        return boxed(rgbd, found, prompt), ()
+        return boxed(rgbd, found, prompt, beside), ()
     seeds, flat, support = separable(rgbd, found, prompt)
     pieces = find_pieces(rgbd, support, found.noise)
     seeds = [snapped(pieces, seed) for seed in seeds]
@@ -79,9 +88,16 @@ def rgbd_candidates(rgbd: RGBD, found: Planes, prompt: Prompt) -> tuple[dict[str
     own = sum((pieces.at(seed) for seed in seeds), np.zeros(rgbd.depth.shape, np.bool_))
     whole = merged(pieces, own, THING_GAP, set()).sum()
     barred = {int(pieces.label[p]) for p in away if not own[p] and pieces.at(p).sum() < BARRED * whole}
-    masks: dict[str, BoolArray] = {}
-    for name, gap in (("thing", THING_GAP), ("part", 0.0), ("group", GROUP_GAP)):
-        masks[name] = finished(rgbd, found, pieces, merged(pieces, own, gap, barred), prompt, seeds + flat)
+    gaps = (("thing", THING_GAP), ("part", 0.0), ("group", GROUP_GAP))
+    raw = {name: merged(pieces, own, gap, barred) for name, gap in gaps}
+    clicked = seeds + flat
+    if not beside:
+        return distinct({name: finished(rgbd, found, pieces, raw[name], prompt, clicked) for name in raw}), ()
+    raw = distinct(raw)
+    sure = confirmed(rgbd, found, pieces, with_foot(found, pieces.support, raw["thing"]), prompt)
+    masks = {"thing": finished(rgbd, found, pieces, sure.thing, prompt, clicked, beside, sure)}
+    for name in [each for each in raw if each != "thing"]:
+        masks[name] = finished(rgbd, found, pieces, raw[name], prompt, clicked, beside)
     return distinct(masks), ()
 
 
@@ -151,7 +167,14 @@ def snapped(pieces: Pieces, seed: Pixel) -> Pixel:
 
 
 def finished(
-    rgbd: RGBD, found: Planes, pieces: Pieces, mask: BoolArray, prompt: Prompt, clicks: list[Pixel]
+    rgbd: RGBD,
+    found: Planes,
+    pieces: Pieces,
+    mask: BoolArray,
+    prompt: Prompt,
+    clicks: list[Pixel],
+    beside: int = 0,
+    sure: Confirmed | None = None,
 ) -> BoolArray:
     """The mask with its foot, without what is nearer to a click beside it, inside the box, its border on the picture's edges."""
     if prompt.box is not None:
@@ -162,7 +185,10 @@ def finished(
         wanted[pixel] = True
     for pixel in Prompt.pixels(prompt.not_clicks):
         unwanted[pixel] = True
-    mask = to_picture_edges(rgbd, found, mask)
+    if beside:
+        mask = on_picture(rgbd.color, mask, doubts(rgbd, found, pieces, mask, beside, sure))
+    else:
+        mask = to_picture_edges(rgbd, found, mask)
     for pixel in zip(*np.nonzero(unwanted & mask)):
         mask = mask & ~patch(rgbd, ~mask, (int(pixel[0]), int(pixel[1])), wanted)
     for pixel in zip(*np.nonzero(wanted & ~mask)):
@@ -188,7 +214,7 @@ def patch(rgbd: RGBD, mask: BoolArray, pixel: Pixel, against: BoolArray) -> Bool
     return nearer_to(rgbd, seed, (against | rim) & window & ~mask & ~seed, window & ~mask)
 
 
-def boxed(rgbd: RGBD, found: Planes, prompt: Prompt) -> dict[str, BoolArray]:
+def boxed(rgbd: RGBD, found: Planes, prompt: Prompt, beside: int) -> dict[str, BoolArray]:
     """The thing in a box: the pieces that the box holds almost whole, as far as they touch the largest of them."""
     inside = prompt.inside
     pieces = find_pieces(rgbd, supports_for(found, [], inside), found.noise)
@@ -206,7 +232,7 @@ def boxed(rgbd: RGBD, found: Planes, prompt: Prompt) -> dict[str, BoolArray]:
     barred = {int(pieces.label[p]) for p in Prompt.pixels(prompt.not_clicks) if pieces.free[p]} - {main}
     masks = {}
     for name, gap in (("thing", GROUP_GAP), ("part", 0.0)):
-        masks[name] = finished(rgbd, found, cropped, merged(cropped, start, gap, barred), prompt, [])
+        masks[name] = finished(rgbd, found, cropped, merged(cropped, start, gap, barred), prompt, [], beside)
     return distinct(masks)
 
 

@@ -1,0 +1,97 @@
+"""Numba kernels of outlines: colours and what is surely thing or surroundings in; how likely, and which, open pixels are, out."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dlama.geometry.kernels.jit import Whole, kernel
+from dlama.geometry.rgbd import BoolArray, Float32Array
+
+
+@kernel
+def color_odds(
+    first: Whole,
+    last: Whole,
+    lab: Float32Array,
+    open_: BoolArray,
+    inside: BoolArray,
+    outside: BoolArray,
+    reach: Whole,
+    spread: float,
+    floor: float,
+    least: Whole,
+    odds: Float32Array,
+) -> None:
+    """Log odds that open pixels have the thing's colours, by Parzen windows over the sure pixels about each.
+
+    lab: H x W x 3 CIELAB. open_, inside, outside: H x W bool. reach: pixels to either side that are looked at, every second one.
+    spread: standard deviation of a colour, CIELAB units. floor: density of colours that neither side has. least: fewer samples
+    of a side say nothing. odds: H x W float32, set where open in rows first..last.
+    """
+    rows, columns = open_.shape
+    scale = -0.5 / (spread * spread)
+    for row in range(first, last):
+        for column in range(columns):
+            if not open_[row, column]:
+                continue
+            ours, theirs = 0.0, 0.0
+            here, there = 0, 0
+            for r in range(max(row - reach, 0), min(row + reach + 1, rows), 2):
+                for c in range(max(column - reach, 0), min(column + reach + 1, columns), 2):
+                    one, other = inside[r, c], outside[r, c]
+                    if not one and not other:
+                        continue
+                    light = lab[r, c, 0] - lab[row, column, 0]
+                    red = lab[r, c, 1] - lab[row, column, 1]
+                    blue = lab[r, c, 2] - lab[row, column, 2]
+                    density = np.exp(scale * (light * light + red * red + blue * blue))
+                    if one:
+                        ours += density
+                        here += 1
+                    else:
+                        theirs += density
+                        there += 1
+            odds[row, column] = 0.0
+            if here >= least and there >= least:
+                odds[row, column] = np.log((ours / here + floor) / (theirs / there + floor))
+
+
+@kernel
+def relax(
+    across: Float32Array,
+    down: Float32Array,
+    open_: BoolArray,
+    pull: Float32Array,
+    wanted: Float32Array,
+    over: float,
+    level: Float32Array,
+) -> float:
+    """One sweep of successive over-relaxation of a random walker with priors over open pixels (Grady 2005).
+
+    across, down: H x W, how strongly a pixel holds on to its right and its lower neighbour. pull, wanted: H x W, how strongly it
+    is drawn to which level. over: 1..2. level: H x W, 0..1, changed where open. Returns the largest change.
+    """
+    rows, columns = level.shape
+    most = 0.0
+    for row in range(rows):
+        for column in range(columns):
+            if not open_[row, column]:
+                continue
+            weight = float(pull[row, column])
+            total = weight * wanted[row, column]
+            if column > 0:
+                total += across[row, column - 1] * level[row, column - 1]
+                weight += across[row, column - 1]
+            if column < columns - 1:
+                total += across[row, column] * level[row, column + 1]
+                weight += across[row, column]
+            if row > 0:
+                total += down[row - 1, column] * level[row - 1, column]
+                weight += down[row - 1, column]
+            if row < rows - 1:
+                total += down[row, column] * level[row + 1, column]
+                weight += down[row, column]
+            change = over * (total / weight - level[row, column])
+            level[row, column] += change
+            most = max(most, abs(change))
+    return most

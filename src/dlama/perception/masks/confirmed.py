@@ -1,0 +1,237 @@
+"""A mask of a depth camera's depth and the picture in; the mask put right by what stands out in the picture round it, out.
+
+The network of `salient` runs in a window about what depth found. Where both show one thing, each surface that mostly lies in
+what stands out belongs to it (the seat of a chair, which depth alone takes for a support), and one that mostly does not is
+another thing (a table that touches the chair in the picture). Where depth hardly steps along the outline, as of a book that
+leans on a wall, what stands out about the click is asked alone.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from dlama.errors import MaskError
+from dlama.geometry.holes import dilated, disc, eroded, nearest_known, opened, square
+from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
+from dlama.perception.masks.borders import FOOT_PX, HOLE_PX, lost_foot
+from dlama.perception.masks.outlines import Doubt
+from dlama.perception.masks.pieces import THING_GAP, Pieces, filled_outline
+from dlama.perception.masks.prompt import Pixel, Prompt
+from dlama.perception.masks.rough import color_region
+from dlama.perception.masks.salient import saliency
+from dlama.perception.masks.supports import Planes
+
+WINDOW = 1.8
+"""Side of the window about what depth found, over its longer side; SMALLEST_WINDOW px at least."""
+SMALLEST_WINDOW = 64
+CLICK_WINDOWS = (0.5, 0.25)
+"""Sides of windows about a click alone, over the root of the picture's area."""
+CLICK_PX = 3
+"""A click means what stands out within so many pixels."""
+BELONGS, OTHER = 0.6, 0.35
+"""Share of a surface in what stands out, from which on it belongs to the thing, and up to which it does not."""
+THIN_PX = 6
+"""if it is wider than twice this: thin legs do not stand out."""
+ONE_THING = 0.7
+"""Intersection over union of what stands out and of its surfaces, from which on both show one thing."""
+SAME = 0.5
+"""The same with which what stands out says where the outline of depth is, no more."""
+APART = 4
+FLAT = 0.025
+"""Median relative step of depth along an outline, below which depth does not say where the thing ends."""
+SURE, CUT_OFF = 0.9, 0.02
+"""What stands out about a click alone is taken from this level on, and if it runs over no more than this share of its rim."""
+EVEN, EVEN_PX, CONVEX = (0.005, 0.12), 9, 0.8
+"""A region of one colour, without what is narrower than so many px, is a thing if it covers this share of the picture (from, to)
+and of its convex hull."""
+
+
+@dataclass(frozen=True, eq=False)
+class StandsOut:
+    """What stands out in a window at the clicks."""
+
+    level: Float32Array
+    """H x W, 0..1; 0 outside the window."""
+    part: BoolArray
+    """H x W, True where that is more than half and hangs together with a click."""
+    cut: float
+    """Share of the window's rim, where that is not the picture's, that the part runs over."""
+
+
+@dataclass(frozen=True, eq=False)
+class Confirmed:
+    """What depth and the picture say together."""
+
+    thing: BoolArray
+    """H x W."""
+    shown: StandsOut | None
+    """What stands out, where it says where the outline is."""
+    agreed: bool
+    """Whether both show one thing."""
+
+
+def confirmed(rgbd: RGBD, found: Planes, pieces: Pieces, thing: BoolArray, prompt: Prompt) -> Confirmed:
+    """What depth found (H x W), put right by what stands out round it; as it is where that shows something else."""
+    shown = standing_out(rgbd.color, window_about(thing), prompt)
+    best, agreed = (thing, 0.0) if shown is None else of_surfaces(rgbd, found, pieces, thing, shown)
+    if agreed >= ONE_THING:
+        return Confirmed(best, shown, True)
+    if shown is None or along_outline(rgbd, thing) < FLAT:
+        alone = about_click(rgbd.color, prompt)
+        if alone is not None:
+            return Confirmed(alone.part, alone, True)
+        even = even_region(rgbd.color, Prompt.pixels(prompt.clicks)[0])
+        if even is not None and shown is None:
+            return Confirmed(even, None, False)
+    return Confirmed(thing, shown if shown is not None and overlap(shown.part, thing) >= SAME else None, False)
+
+
+def doubts(rgbd: RGBD, found: Planes, pieces: Pieces, mask: BoolArray, beside: int, sure: Confirmed | None) -> Doubt:
+    """What depth leaves open about a mask (H x W): pixels without depth near it, and its foot; more of both where it stands out.
+
+    beside: px by which depth edges lie beside the picture's. sure: what stands out there; None: it was not asked.
+    """
+    unknown = (rgbd.missing & dilated(mask, HOLE_PX)) | lost_foot(found, mask, pieces.support)
+    if sure is None or sure.shown is None:
+        return Doubt(beside, unknown)
+    if sure.agreed:
+        body = opened(mask, disc(THIN_PX))
+        near = (rgbd.missing & dilated(mask, 2 * HOLE_PX)) | lost_foot(found, body, pieces.support, 2 * FOOT_PX)
+        unknown |= sure.shown.part & near
+    return Doubt(beside, unknown, sure.shown.level, sure.shown.part if sure.agreed else None)
+
+
+def about_click(color: UInt8Array, prompt: Prompt) -> StandsOut | None:
+    """What surely stands out in a window about the first click and is not cut off by it."""
+    height, width = color.shape[:2]
+    for share in CLICK_WINDOWS:
+        side = round(share * float(np.sqrt(height * width)))
+        window = square_about(Prompt.pixels(prompt.clicks)[0], side, (height, width))
+        alone = standing_out(color, window, prompt)
+        if alone is not None and alone.cut <= CUT_OFF and float(alone.level[alone.part].mean()) >= SURE:
+            return alone
+    return None
+
+
+def even_region(color: UInt8Array, pixel: Pixel) -> BoolArray | None:
+    """H x W, what hangs together with a pixel by its colour, if that has the shape of a thing: a dark screen, a door."""
+    _, labels = cv2.connectedComponents(opened(color_region(color, pixel), square(EVEN_PX)).astype(np.uint8))
+    region = filled_outline(labels == labels[pixel]) if labels[pixel] else np.zeros(labels.shape, np.bool_)
+    if not EVEN[0] <= region.mean() <= EVEN[1]:
+        return None
+    hull = cv2.convexHull(cv2.findNonZero(region.astype(np.uint8)))
+    drawn = cv2.fillConvexPoly(np.zeros(region.shape, np.uint8), hull, 1)
+    return region if region.sum() >= CONVEX * drawn.sum() else None
+
+
+def overlap(one: BoolArray, other: BoolArray) -> float:
+    """Intersection over union, 0..1."""
+    return float((one & other).sum() / max((one | other).sum(), 1))
+
+
+def of_surfaces(
+    rgbd: RGBD, found: Planes, pieces: Pieces, thing: BoolArray, shown: StandsOut
+) -> tuple[BoolArray, float]:
+    """H x W: the surfaces that belong to what stands out, and how well they agree with it, 0..1, but for missing depth near by.
+
+    A surface that depth left out must be as near as the thing beside it, and a plane's must hold most of the plane: what is seen
+    through a chair's back is no part of it.
+    """
+    number = surfaces_of(found, pieces)
+    count = int(number.max()) + 1
+    sizes, held, had = (
+        np.bincount(number[where].ravel(), minlength=count)
+        for where in (rgbd.valid, rgbd.valid & shown.part, rgbd.valid & thing)
+    )
+    share, was = held / np.maximum(sizes, 1), had / np.maximum(sizes, 1) >= 0.5
+    here, there = rgbd.depth, rgbd.depth.ravel()[nearest_known(thing & rgbd.valid)[1]]
+    near = rgbd.valid & (np.abs(here - there) <= THING_GAP * np.minimum(here, there))
+    close = np.bincount(number[near], minlength=count) >= 0.5 * sizes
+    plane = np.zeros(count, np.intp)
+    plane[number] = np.maximum(found.label, 0)
+    of_plane = np.array([1.0, *(found.share(n, shown.part) for n in range(len(found.planes)))])
+    added = ~was & close & (share >= BELONGS) & (of_plane[plane] >= BELONGS)
+    solid = np.bincount(number[opened(thing, disc(THIN_PX))], minlength=count) >= 0.5 * sizes
+    other = (share <= OTHER) & solid
+    chosen = ((was & ~other) | added)[number] & rgbd.valid
+    return chosen, overlap(chosen, shown.part & ~(rgbd.missing & dilated(thing, 2 * HOLE_PX)))
+
+
+def surfaces_of(found: Planes, pieces: Pieces) -> NDArray[np.int32]:
+    """H x W: pixels of one surface have one number: parts of planes that hang together, and pieces on no plane."""
+    out, first = np.zeros(pieces.depth.shape, np.int32), 1
+    for plane in range(1, len(found.planes) + 1):
+        count, labels = cv2.connectedComponents((found.label == plane).astype(np.uint8), connectivity=4)
+        out = np.where(labels > 0, labels + (first - 1), out)
+        first += count - 1
+    rest = pieces.free & (found.label < 1)
+    _, numbers = np.unique(pieces.label[rest], return_inverse=True)
+    out[rest] = first + numbers
+    return np.asarray(out, np.int32)
+
+
+def along_outline(rgbd: RGBD, thing: BoolArray) -> float:
+    """Median relative step of depth across the outline of a mask (H x W), of means over APART px; 0 where none is known."""
+    window = (2 * APART + 1, 2 * APART + 1)
+    means = []
+    for where in (rgbd.valid & thing, rgbd.valid & ~thing):
+        count = cv2.boxFilter(where.astype(np.float32), -1, window, normalize=False)
+        total = cv2.boxFilter(np.where(where, rgbd.depth, np.float32(0)), -1, window, normalize=False)
+        means.append(np.where(count > APART, total / np.maximum(count, 1), np.nan))
+    steps = (means[1] / means[0])[thing & ~eroded(thing, 1)]
+    known = steps[np.isfinite(steps)]
+    return float(np.median(np.abs(known - 1))) if known.size else 0.0
+
+
+def window_about(thing: BoolArray) -> tuple[slice, slice]:
+    """The square about a mask (H x W)."""
+    rows, columns = np.flatnonzero(thing.any(1)), np.flatnonzero(thing.any(0))
+    side = max(SMALLEST_WINDOW, round(WINDOW * max(int(np.ptp(rows)), int(np.ptp(columns)))))
+    middle = int(rows[0] + rows[-1]) // 2, int(columns[0] + columns[-1]) // 2
+    return square_about(middle, side, thing.shape)
+
+
+def square_about(pixel: Pixel, side: int, hw: tuple[int, ...]) -> tuple[slice, slice]:
+    """Rows and columns of the square about a pixel, as far as it lies in the picture."""
+    first = [max(at - side // 2, 0) for at in pixel]
+    last = [min(at + side // 2 + 1, length) for at, length in zip(pixel, hw)]
+    return slice(first[0], last[0]), slice(first[1], last[1])
+
+
+def standing_out(color: UInt8Array, window: tuple[slice, slice], prompt: Prompt) -> StandsOut | None:
+    """What stands out in a window at the clicks; None where nothing does, or a click beside the thing stands out with it."""
+    try:
+        within = saliency(np.ascontiguousarray(color[window]))
+    except MaskError:
+        return None
+    level = np.zeros(color.shape[:2], np.float32)
+    level[window] = within
+    _, labels = cv2.connectedComponents((level > 0.5).astype(np.uint8), connectivity=8)
+    chosen = set[int]()
+    for row, column in Prompt.pixels(prompt.clicks):
+        near = labels[max(row - CLICK_PX, 0) : row + CLICK_PX + 1, max(column - CLICK_PX, 0) : column + CLICK_PX + 1]
+        counts = np.bincount(near.ravel())
+        counts[0] = 0
+        if not counts.any():
+            return None
+        chosen.add(int(counts.argmax()))
+    part = np.isin(labels, list(chosen))
+    if any(part[pixel] for pixel in Prompt.pixels(prompt.not_clicks)):
+        return None
+    return StandsOut(level, part, rim_share(part, window))
+
+
+def rim_share(mask: BoolArray, window: tuple[slice, slice]) -> float:
+    """Pixels at which a mask runs over the window's rim, where that is not the picture's, over the window's longer side."""
+    part, (rows, columns) = mask[window], window
+    sides = (
+        (rows.start > 0, part[0]),
+        (rows.stop < mask.shape[0], part[-1]),
+        (columns.start > 0, part[:, 0]),
+        (columns.stop < mask.shape[1], part[:, -1]),
+    )
+    return sum(int(line.sum()) for inner, line in sides if inner) / max(part.shape)

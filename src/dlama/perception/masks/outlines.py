@@ -1,0 +1,201 @@
+"""A mask of measured depth whose edges lie beside the picture's in; the mask with its outline on the picture's edges out.
+
+A depth camera places edges a few pixels off, and loses the foot of a thing in the noise of what it stands on. So the outline is
+first moved as a whole to where the picture steps most along it, and then pixels about it go to the side whose colours they
+have, thing or surroundings close by (Parzen windows); a random walker (Grady 2006) that cannot cross the picture's edges decides
+where colours do not.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from dlama.geometry.holes import dilated, disc, eroded, opened
+from dlama.geometry.kernels.jit import in_bands
+from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
+from dlama.perception.kernels.outlines import color_odds, relax
+from dlama.perception.masks.pieces import filled_outline
+
+MORE_PX = 2
+"""Beyond the distance at which depth edges lie from the picture's: pixels that colours decide on."""
+THIN_PX = 2
+"""The same in parts that are narrower than that."""
+FRINGE = 3.0
+"""Such parts are noise if they have fewer pixels than this many times the square of that distance."""
+SAMPLED_PX = 14
+"""Beyond the open pixels: how far about a pixel its colours are learnt."""
+SPREAD = 6.0
+"""CIELAB units by which colours of one thing differ: noise and compression."""
+FLOOR = 0.01
+"""Density of colours that neither side has."""
+LEAST_SAMPLES = 6
+MOST_ODDS = 3.0
+"""Log odds that colours count for at most."""
+DEPTH_ODDS = 1.0
+"""Log odds that depth counts for at the end of its uncertainty."""
+SHOWN, SHOWN_ALONE = 0.5, 0.8
+"""How much what stands out in the picture counts, beside colours, and how much where depth does not say anything."""
+FOOT_MARGIN = 12
+"""Pixels by which a foot or missing depth may lie outside a mask."""
+PULL = 0.3
+"""How strongly a pixel is drawn to what its colour says, over how strongly it holds on to an equal neighbour."""
+CLINGS = 1e-3
+"""How strongly pixels across the clearest edge hold on to each other."""
+OVER, SWEEPS, SETTLED = 1.8, 200, 2e-3
+"""Of successive over-relaxation."""
+GAIN, LESS = 0.15, 0.02
+"""Share by which the picture's step along an outline must be larger if that is to be moved, and by which it counts less for each
+pixel that the outline is moved."""
+STRONGEST, LEAST_STEP = 0.9, 10.0
+"""A step counts for no more than this quantile of all steps, or this many CIELAB units."""
+SMALLEST_HOLE = 12
+"""Holes of a mask with fewer pixels are closed."""
+
+
+@dataclass(frozen=True, eq=False)
+class Doubt:
+    """What depth leaves open about a mask."""
+
+    reach: int
+    """px by which depth edges lie beside the picture's."""
+    unknown: BoolArray
+    """H x W, pixels of which depth does not say whether they belong to it: they have none, or may be its foot."""
+    level: Float32Array | None = None
+    """H x W, 0..1: how much each pixel stands out in the picture."""
+    agreed: BoolArray | None = None
+    """H x W: what stands out, where that and depth show one thing."""
+
+    def within(self, box: tuple[slice, slice]) -> Doubt:
+        """That of a part of the picture."""
+        level = None if self.level is None else self.level[box]
+        return Doubt(self.reach, self.unknown[box], level, None if self.agreed is None else self.agreed[box])
+
+
+def on_picture(color: UInt8Array, thing: BoolArray, doubt: Doubt) -> BoolArray:
+    """The mask (H x W) with its outline on the picture's edges. color: H x W x 3."""
+    rows, columns = np.nonzero(thing if doubt.agreed is None else thing | doubt.agreed)
+    margin = FOOT_MARGIN + 2 * doubt.reach + SAMPLED_PX + 4
+    box = (
+        slice(max(rows.min() - margin, 0), rows.max() + margin + 1),
+        slice(max(columns.min() - margin, 0), columns.max() + margin + 1),
+    )
+    smooth = cv2.GaussianBlur(np.ascontiguousarray(color[box]), (0, 0), 0.7)
+    lab = cv2.cvtColor(smooth.astype(np.float32) / np.float32(255), cv2.COLOR_RGB2LAB)
+    out = thing.copy()
+    out[box] = cropped(np.asarray(lab, np.float32), thing[box], doubt.within(box))
+    return out
+
+
+def cropped(lab: Float32Array, thing: BoolArray, doubt: Doubt) -> BoolArray:
+    """`on_picture` of a part of the picture; lab: H x W x 3 CIELAB."""
+    wide = doubt.reach + MORE_PX
+    thing = without_fringe(thing, wide)
+    move = best_move(lab, thing, doubt.reach)
+    thing, unknown = (moved(each, move) for each in (thing, doubt.unknown))
+    thin = thin_parts(thing, wide)
+    inside = (eroded(thing, wide) & ~unknown) | (eroded(thing, THIN_PX) & thin)
+    about = dilated(thing, wide) | dilated(unknown & ~thing, MORE_PX)
+    if doubt.agreed is not None:
+        about |= doubt.agreed & doubt.unknown
+    seen_through = eroded(~thing, THIN_PX) & thin_parts(~thing, wide) & ~unknown
+    outside = ~(about | inside) | seen_through
+    open_ = ~inside & ~outside
+    if not inside.any() or not open_.any() or not outside.any():
+        return thing
+    odds = by_color(lab, open_, inside | thin, outside, wide + SAMPLED_PX)
+    odds += np.where(unknown, 0, np.where(thin, DEPTH_ODDS, depth_odds(thing, wide)))
+    if doubt.level is not None:
+        shown = np.clip(np.log((doubt.level + 0.01) / (1.01 - doubt.level)), -MOST_ODDS, MOST_ODDS)
+        shown *= np.where(unknown, SHOWN_ALONE, SHOWN)
+        odds += np.where(dilated(thin, wide), np.maximum(shown, 0), shown)
+    return tidied(walked(lab, open_, odds, inside) > 0.5, inside | thin)
+
+
+def by_color(lab: Float32Array, open_: BoolArray, ours: BoolArray, theirs: BoolArray, reach: int) -> Float32Array:
+    """H x W log odds, within MOST_ODDS, that open pixels have the colours of ours about them, not theirs; 0 elsewhere."""
+    odds = np.zeros(open_.shape, np.float32)
+    in_bands(color_odds, len(lab), lab, open_, ours, theirs, reach, SPREAD, FLOOR, LEAST_SAMPLES, odds)
+    return np.clip(odds, -MOST_ODDS, MOST_ODDS)
+
+
+def thin_parts(thing: BoolArray, wide: int) -> BoolArray:
+    """H x W, True on parts of a mask that are narrower than twice `wide`."""
+    return thing & ~dilated(opened(thing, disc(wide)), 1)
+
+
+def without_fringe(thing: BoolArray, wide: int) -> BoolArray:
+    """The mask (H x W) without thin parts of few pixels, which noise leaves along an outline; as it is if it has no others."""
+    _, labels, stats, _ = cv2.connectedComponentsWithStats(
+        thin_parts(filled_outline(thing), wide).astype(np.uint8), connectivity=8
+    )
+    small = np.flatnonzero(stats[:, cv2.CC_STAT_AREA] < FRINGE * wide**2)
+    kept = thing & ~np.isin(labels, small[small > 0])
+    return np.asarray(kept if kept.any() else thing)
+
+
+def depth_odds(thing: BoolArray, wide: int) -> Float32Array:
+    """H x W log odds: how far within or beyond the outline of depth a pixel lies."""
+    ours, theirs = (cv2.distanceTransform(each.astype(np.uint8), cv2.DIST_L2, 5) for each in (thing, ~thing))
+    return np.asarray(np.clip((ours - theirs) / wide, -1, 1) * DEPTH_ODDS, np.float32)
+
+
+def walked(lab: Float32Array, open_: BoolArray, odds: Float32Array, inside: BoolArray) -> Float32Array:
+    """H x W, 0..1: how likely a random walker from each open pixel ends on the thing. Others: 1 inside, else 0."""
+    holds = []
+    steps = [(np.diff(lab, axis=axis) ** 2).sum(2) for axis in (1, 0)]
+    about = open_ | inside
+    both = np.concatenate([steps[0][about[:, 1:]], steps[1][about[1:]]])
+    usual = 2 * max(float(both.mean()), 1e-3)
+    for axis, step in zip((1, 0), steps):
+        hold = np.zeros(open_.shape, np.float32)
+        (hold[:, :-1] if axis else hold[:-1])[...] = np.exp(-step / usual) + CLINGS
+        holds.append(hold)
+    pull = (PULL * np.abs(np.tanh(odds / 2))).astype(np.float32)
+    wanted = (1 / (1 + np.exp(-odds))).astype(np.float32)
+    level = np.where(open_, wanted, inside).astype(np.float32)
+    for _ in range(SWEEPS):
+        if relax(holds[0], holds[1], open_, pull, wanted, OVER, level) < SETTLED:
+            break
+    return level
+
+
+def best_move(lab: Float32Array, thing: BoolArray, reach: int) -> tuple[int, int]:
+    """Rows and columns by which the outline must move to lie where the picture steps most; none unless clearly better."""
+    across, down = (np.zeros(thing.shape, np.float32) for _ in range(2))
+    across[:, 1:-1] = np.sqrt(((lab[:, 2:] - lab[:, :-2]) ** 2).sum(2))
+    down[1:-1] = np.sqrt(((lab[2:] - lab[:-2]) ** 2).sum(2))
+    shape = cv2.GaussianBlur(thing.astype(np.float32), (0, 0), 1.5)
+    rise_down, rise_across = np.gradient(shape)
+    rows, columns = np.nonzero(thing & ~eroded(thing, 1))
+    norm = np.hypot(rise_down, rise_across)[rows, columns] + 1e-6
+    normal = np.abs(rise_down[rows, columns]) / norm, np.abs(rise_across[rows, columns]) / norm
+    bound = max(float(np.quantile(np.maximum(across, down), STRONGEST)), LEAST_STEP)
+    best, least, chosen = -1.0, 0.0, (0, 0)
+    for r in range(-reach, reach + 1):
+        for c in range(-reach, reach + 1):
+            v, u = np.clip(rows + r, 0, len(lab) - 1), np.clip(columns + c, 0, lab.shape[1] - 1)
+            step = np.minimum(normal[0] * down[v, u] + normal[1] * across[v, u], bound).mean()
+            score = float(step) * (1 - LESS * float(np.hypot(r, c)))
+            if (r, c) == (0, 0):
+                least = score
+            if score > best:
+                best, chosen = score, (r, c)
+    return chosen if best > (1 + GAIN) * least else (0, 0)
+
+
+def moved(mask: BoolArray, by: tuple[int, int]) -> BoolArray:
+    """A mask (H x W) moved by rows and columns."""
+    shift = np.array([[1, 0, by[1]], [0, 1, by[0]]], np.float32)
+    return np.asarray(cv2.warpAffine(mask.astype(np.uint8), shift, mask.shape[::-1], flags=cv2.INTER_NEAREST) > 0)
+
+
+def tidied(mask: BoolArray, inside: BoolArray) -> BoolArray:
+    """The parts of a mask (H x W) that hold something of `inside`, holes of a few pixels closed."""
+    _, labels = cv2.connectedComponents(mask.astype(np.uint8), connectivity=8)
+    mask = mask & np.isin(labels, np.unique(labels[inside & mask]))
+    _, labels, stats, _ = cv2.connectedComponentsWithStats((~mask).astype(np.uint8), connectivity=4)
+    small = np.flatnonzero(stats[:, cv2.CC_STAT_AREA] < SMALLEST_HOLE)
+    return np.asarray(mask | np.isin(labels, small[small > 0]))
