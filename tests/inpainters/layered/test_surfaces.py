@@ -246,9 +246,10 @@ def test_labels_and_depths_behind_a_removed_box() -> None:
 
 def test_a_plane_seen_nowhere_else_and_pixels_alone() -> None:
     """Law: with too few pixels for any plane, the hole takes the far side of its rim: 4 m, not 1 m."""
-    depth = np.array([[1, 0, 0, 0, 0, 4, 4]], np.float32)
+    depth = np.array([[1, 4, 4, 4, 4, 4, 4]], np.float32)
     frame = RGBD(np.zeros((1, 7, 3), np.uint8), depth, Camera.from_fov(7, 1, 60))
-    surfaces = continue_surfaces(View.from_rgbd(frame), Law(()))
+    taken = np.array([[0, 1, 1, 1, 1, 0, 0]], np.bool_)
+    surfaces = continue_surfaces(View.from_rgbd(frame).without(taken, HoleType.OBJECT), Law(()))
     np.testing.assert_allclose(surfaces.inverse_depth[0, 3:], 0.25, rtol=1e-5)
     assert (surfaces.inverse_depth[0, 1:5] <= 1).all()
     assert Plane((0, 0, 4), (0, 0, 1)).distance(np.array([0, 0, 1 / surfaces.inverse_depth[0, 3]])) < 1e-3

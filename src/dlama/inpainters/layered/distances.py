@@ -1,4 +1,4 @@
-"""Known surfaces of a coarse grid in; how far each cell is from them, straight on, along colours or by angle, out."""
+"""Known surfaces of a coarse grid in; how far each cell is from them, straight on or by angle, out."""
 
 from __future__ import annotations
 
@@ -6,11 +6,9 @@ import cv2
 import numpy as np
 
 from dlama.geometry.camera import Camera
-from dlama.geometry.kernels.jit import in_bands
 from dlama.geometry.projection import rays
-from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
+from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.geometry.visibility import Law
-from dlama.inpainters.layered.kernels.reach import sweep_by_color
 
 CHORD = 25.0
 """Cells over which a surface was seen going on in a direction, on the mean, so that it is believed to go on as far as any."""
@@ -18,27 +16,6 @@ NARROWEST = 3.0
 """Most times that distances count which lead out of a narrower one: a pillar goes on upwards and not sideways."""
 FAR_SAMPLES = 256
 """Far directions that stand for all of a source camera's."""
-COLOR_STEP, DEAREST = 20.0, 20.0
-"""Levels (root of the sum over channels) between neighbouring cells that make a step twice as long; the most that they add."""
-ROUNDS = 2
-"""Sweeps there and back: ways that wind more often are not found."""
-
-
-def colors_of_cells(color: UInt8Array, colored: BoolArray) -> Float32Array:
-    """h x w x 3 mean colours of an H x W picture, if any cell of `colored` (h x w) wants them; else 0."""
-    if not colored.any():
-        return np.zeros((*colored.shape, 3), np.float32)
-    return cv2.resize(color, colored.shape[::-1], interpolation=cv2.INTER_AREA).astype(np.float32)
-
-
-def distances_by_color(known: BoolArray, colored: BoolArray, color: Float32Array) -> Float32Array:
-    """L x h x w lengths, in cells, of the shortest ways through the `colored` cells from those of `known`, longer across colours.
-
-    known: L x h x w, the known cells of each surface; colored: h x w; color: h x w x 3. 1000 where no way leads.
-    """
-    out = np.where(known, np.float32(0), np.float32(1e3))
-    in_bands(sweep_by_color, len(out), out, colored, color, COLOR_STEP, DEAREST, ROUNDS, band=1)
-    return out
 
 
 def mean_chords(there: BoolArray) -> tuple[float, float]:

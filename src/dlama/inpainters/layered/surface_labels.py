@@ -21,9 +21,7 @@ from dlama.inpainters.layered.cut_things import CutThings, cut_things, foliage
 from dlama.inpainters.layered.distances import (
     CHORD,
     angle_to_far,
-    colors_of_cells,
     distance_from,
-    distances_by_color,
     enlarged,
     mean_chords,
 )
@@ -93,10 +91,6 @@ class CoarseView:
     """h x w, of the known cells."""
     candidates: Float32Array
     """L x h x w inverse depth (1/m) that each label would give: no plane, sky, planes."""
-    color: Float32Array
-    """h x w x 3: mean colours of the cells."""
-    colored: BoolArray
-    """h x w, True in cells of the hole that lack depth alone: their colours were measured."""
     things: CutThings
     """Where what lies on no plane goes on out of view."""
     followed_from: float = FOLLOWED
@@ -129,11 +123,8 @@ class CoarseView:
         things = cut_things(w[pick], label[pick], hole, next_to(unseen))
         smooth = np.where(in_view, smooth, without_streaks(smooth, unseen))
         candidates = np.concatenate([smooth[None], np.zeros_like(smooth)[None], on_planes])
-        colored = hole & ~cells_with_holes(view.color_hole, camera.wh)
         known = w[pick], label[pick], candidates.astype(np.float32)
-        return cls(
-            camera, hole, in_view, *known, colors_of_cells(view.color, colored), colored, things, followed_from, solid
-        )
+        return cls(camera, hole, in_view, *known, things, followed_from, solid)
 
     def label_costs(self, law: Law) -> Float32Array:
         """h x w x L cost of each label after belief propagation (lower is better)."""
@@ -148,7 +139,7 @@ class CoarseView:
         penalty += ending_cost(self.hole, unseen, self.label, followed, self.things.beyond, REACH * GRID)
         penalty[0] += SMOOTH_PENALTY
         penalty[1:] += ORDER_COST * self.out_of_order()
-        hidden = self.hole_in_view & ~self.colored
+        hidden = self.hole_in_view.copy()
         on += seen_both_ways(lines, self.candidates, self.hole, hidden, self.inverse_depth, self.label, followed)
         distance = self.distance_to_known(law)
         allowed = self.allowed(law)
@@ -229,7 +220,7 @@ class CoarseView:
         """L x h x w, cells to the nearest known cell of each label (a large number if there is none).
 
         In view, cells count more in directions in which a surface is nowhere seen going on: a pillar beside the hole ends there.
-        Where depth alone is missing, surfaces go on as their colours do. For the sky also the angle to where a source camera saw
+        For the sky also the angle to where a source camera saw
         it, which may be outside this view; out of view and above the horizon it counts at most one full jump more than what is
         nearest.
         """
@@ -242,9 +233,6 @@ class CoarseView:
                 there = ~self.hole & (surrounded == number - 1)
                 within = distance_from(there, mean_chords(there)) if there.any() else np.float32(1e3)
                 out[number] = np.where(self.hole_in_view, within, plain)
-        if self.colored.any():
-            known = (self.label == np.arange(-1, len(out) - 1)[:, None, None]) & ~self.hole
-            out = np.where(self.colored, distances_by_color(known, self.colored, self.color), out)
         if law.has_far:
             angle = angle_to_far(with_larger_pixels(self.camera, 4), law)  # smooth: a quarter of the cells is enough
             out[1] = np.minimum(out[1], self.camera.fx * enlarged(angle, self.camera.wh))

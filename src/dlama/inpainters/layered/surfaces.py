@@ -1,11 +1,13 @@
 """Surface continuation: a view's known surfaces in; inverse depth and a surface label for every hole pixel out.
 
 Ground and walls continue as the planes they are, the sky continues as sky, what is neither is interpolated from the far side
-of the hole. Which surface continues where, `surface_labels` decides on a coarse grid.
+of the hole. Which surface continues where, `surface_labels` decides on a coarse grid; where depth alone is missing, the colours
+do (`missing_depth`).
 """
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass
 
 import cv2
@@ -22,6 +24,7 @@ from dlama.inpainters.layered.foliage import copied_leaves
 from dlama.inpainters.layered.kernels.quilt import GAP
 from dlama.inpainters.layered.out_of_view import FOLLOWED
 from dlama.inpainters.layered.surface_labels import GRID, CoarseView
+from dlama.inpainters.missing_depth.along_colors import DepthByColor, along_colors
 from dlama.perception.planes import SMOOTH, denoised, find_planes, label_known, noise_level, plane_values_at
 
 
@@ -46,10 +49,27 @@ def continue_surfaces(view: View, law: Law, seed: int = 0) -> Surfaces:
     planes = find_planes(w, view.valid, seed, noise)
     label = label_known(w, view.valid, view.far, planes, noise)
     w = denoised(w, label, planes, noise)
+    missing = view.hole & ~view.color_hole
+    by_color = along_colors(view.color, missing, w, label, planes, view.hole) if missing.any() else None
+    if by_color is not None and (by_color.reached | ~view.hole).all():
+        return Surfaces(by_color.inverse_depth, by_color.label, planes, np.full(w.shape, GAP, np.int32))
     step = max(1.0, max(w.shape) / GRID)
     followed_from = np.inf if noise else FOLLOWED
     coarse = CoarseView.of(view, w, label, planes, step, followed_from, law.misplaced_edges)
-    return upsampled(view, w, label, planes, coarse, coarse.label_costs(law), seed)
+    found = upsampled(view, w, label, planes, coarse, coarse.label_costs(law), seed)
+    return found if by_color is None else with_depth_by_color(found, by_color)
+
+
+def with_depth_by_color(found: Surfaces, by_color: DepthByColor) -> Surfaces:
+    """The surfaces, those of pixels that lack depth alone as their colours say. What is found for other holes looks past such
+    pixels at what was measured."""
+    there = by_color.reached
+    return dataclasses.replace(
+        found,
+        inverse_depth=np.where(there, by_color.inverse_depth, found.inverse_depth),
+        label=np.where(there, by_color.label, found.label),
+        leaves=np.where(there, np.int32(GAP), found.leaves),
+    )
 
 
 def upsampled(

@@ -1,0 +1,91 @@
+"""Known surfaces and the colours of the whole picture in; inverse depth and label of pixels that lack depth alone out.
+
+A depth camera sees nothing at the rim of its picture, beside near things, on glass and on what is black, where the colours are
+all there. Every such pixel belongs to the known pixel that is nearest by a way along which colours stay as they are, and goes
+on as that one's plane; what lies on no plane runs smoothly between what is known, but not across edges of the picture.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from dlama.geometry.holes import with_nearest
+from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
+from dlama.inpainters.missing_depth.kernels import nearest_by_color, relax
+from dlama.perception.planes import SMOOTH, plane_values_at
+
+BLUR = 1.5
+"""Standard deviation in px by which colours are blurred first: noise is no edge."""
+STEP, DEAREST, ROUNDS = 8.0, 60.0, 2
+"""Of `nearest_by_color`: levels that make a way twice as long, the most they add, sweeps there and back."""
+FARTHEST = 1e6
+"""A way longer than any."""
+FADING = 16.0
+"""Pixels over which a plane's residual at the known pixel fades out."""
+MOST = 3.0
+"""Times nearer or farther than the known pixel up to which its plane is believed."""
+SOFT, POWER, JUMP, KEEP, OVER, SWEEPS = 2.0, 3.0, 0.1, 0.01, 1.8, 80
+"""Of `relax`: levels between neighbours that begin to part them and how strongly, the relative step of inverse depth up to which
+nothing does, how much each keeps to its own value, the factor of over-relaxation, sweeps."""
+
+
+class DepthByColor(NamedTuple):
+    """What the colours say of a view."""
+
+    inverse_depth: Float32Array
+    """H x W, 1/m: as known, and where it was missing and could be reached."""
+    label: NDArray[np.int32]
+    """H x W: -1 no plane, 0 sky, k on the k-th plane."""
+    reached: BoolArray
+    """H x W, True where depth alone was missing and a way leads from a known pixel."""
+
+
+def along_colors(
+    color: UInt8Array,
+    missing: BoolArray,
+    w: Float32Array,
+    label: NDArray[np.int32],
+    planes: NDArray[np.float64],
+    hole: BoolArray,
+) -> DepthByColor:
+    """Inverse depth and labels of the pixels of `missing` that a way leads to.
+
+    color: H x W x 3; missing: H x W, True where depth alone is; w: H x W 1/m and label: H x W (-1 no plane, 0 sky, k on the
+    k-th plane) of known pixels; planes: K x 3; hole: H x W, True where depth is unknown: `missing`, and where colours are, too.
+    """
+    smooth_color = cv2.GaussianBlur(with_nearest(color, missing | ~hole).astype(np.float32), (0, 0), BLUR)
+    source = np.where(hole, -1, np.arange(hole.size, dtype=np.int32).reshape(hole.shape)).astype(np.int32)
+    distance = np.where(hole, np.float32(FARTHEST), np.float32(0))
+    nearest_by_color(distance, source, missing, smooth_color, STEP, DEAREST, ROUNDS)
+    reached = missing & (source >= 0)
+    known = source[reached]
+    out, labels = w.copy(), label.copy()
+    labels[reached] = label.ravel()[known]
+    out[reached] = continued(w, label.ravel()[known], planes, np.nonzero(reached), known)
+    loose = reached & (labels == SMOOTH)
+    relax(out, np.flatnonzero(loose).astype(np.int32), out.copy(), smooth_color, SOFT, POWER, JUMP, KEEP, OVER, SWEEPS)
+    return DepthByColor(out, labels, reached)
+
+
+def continued(
+    w: Float32Array,
+    labels: NDArray[np.int32],
+    planes: NDArray[np.float64],
+    at: tuple[NDArray[np.int64], ...],
+    known: NDArray[np.int32],
+) -> NDArray[np.float64]:
+    """N inverse depths at the pixels `at` (rows, columns): those of the planes of their known pixels, or the known ones' own.
+
+    w: H x W; labels: N, of the known pixels; known: N, flat.
+    """
+    rows, columns = np.divmod(known.astype(np.int64), w.shape[1])
+    own = w.ravel()[known].astype(np.float64)
+    on_plane = plane_values_at(planes, labels, at[0], at[1])
+    believed = (labels > 0) & (on_plane * MOST > own) & (on_plane < MOST * own)
+    residual = own - plane_values_at(planes, labels, rows, columns)
+    fading = np.exp(-np.hypot(at[0] - rows, at[1] - columns) / FADING)
+    return np.where(believed, on_plane + residual * fading, own)
