@@ -57,7 +57,8 @@ def along_colors(
     color: H x W x 3; missing: H x W, True where depth alone is; w: H x W 1/m and label: H x W (-1 no plane, 0 sky, k on the
     k-th plane) of known pixels; planes: K x 3; hole: H x W, True where depth is unknown: `missing`, and where colours are, too.
     """
-    smooth_color = cv2.GaussianBlur(with_nearest(color, missing | ~hole).astype(np.float32), (0, 0), BLUR)
+    seen = with_nearest(color, missing | ~hole).astype(np.float32)
+    smooth_color = np.asarray(cv2.GaussianBlur(seen, (0, 0), BLUR), np.float32)
     source = np.where(hole, -1, np.arange(hole.size, dtype=np.int32).reshape(hole.shape)).astype(np.int32)
     distance = np.where(hole, np.float32(FARTHEST), np.float32(0))
     nearest_by_color(distance, source, missing, smooth_color, STEP, DEAREST, ROUNDS)
