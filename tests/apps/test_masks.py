@@ -11,6 +11,7 @@ from running import FAST, pixels, refused, run
 
 from box_frame import small_frame
 from dlama.apps.cli import main
+from dlama.apps.pointing import told_of_mask
 
 
 def test_a_click_writes_mask_and_overlay(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -71,6 +72,20 @@ def test_remove_takes_a_click_in_place_of_a_mask(tmp_path: Path, capsys: pytest.
     true = pixels(folder / "mask.png") > 0
     assert abs(pixels(out / "depth.png")[true].astype(float) - 4000).max() < 40
     assert json.loads((out / "meta.json").read_text("utf-8"))["object_mask"]["clicks"] == [[30.0, 25.0]]
+
+
+def test_what_to_know_of_a_mask_is_in_the_last_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Law: of `mask` and of `remove` alike, once; a shadow that is not there has no share."""
+    folder = small_frame(tmp_path)
+    words = ["image.png", "depth.png", "--click", "30,25", "--with-shadow", "--fov", "60"]
+    run(folder, "remove", *words, *FAST)
+    removed = capsys.readouterr().out
+    main(["mask", *(str(folder / word) if ".png" in word else word for word in words), "-o", str(folder / "found.png")])
+    found = capsys.readouterr().out
+    for line in (removed, found):
+        assert line.count("; no shadow found, ") == 1 and "of it shadow" not in line
+    assert told_of_mask("thing", ["part", "thing", "group"], ["look"]) == "; --candidate part or group differs; look"
+    assert told_of_mask("thing", ["thing"], []) == ""
 
 
 def test_remove_wants_one_way_of_saying_what(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from dlama.apps.options import Estimating, Lens, Masking, Only, Reading, Report, names_in
+from dlama.apps.pointing import told_of_mask
 from dlama.apps.terminal.output import Result, reported, stages_bar
 from dlama.errors import InputError
 from dlama.jobs.inputs import JobInputs
@@ -112,7 +113,7 @@ def command(verb: str, report: Report) -> Iterator[Command]:
 
 
 def summary_line(meta: dict[str, Any], place: object, seconds: float) -> str:
-    """One line: where it lies, what share was unknown and why, which filler filled it, how long it took.
+    """One line: where it lies, what share was unknown and why, which filler filled it, what to know of the mask, seconds.
 
     Shares are means over the views. Pixels that lacked only depth have a share of their own; they are of type `sensor`.
     """
@@ -127,8 +128,10 @@ def summary_line(meta: dict[str, Any], place: object, seconds: float) -> str:
     if meta["nothing_visible"]:
         why = "; nothing of the scene is visible from there, so nothing could be filled"
     ran = meta.get("notes", {}).get("guesses")
-    guesses = f" ({', '.join(ran)})" if ran else ""
-    return f"{place}: {unknown:.1%} was unknown{why}, filler {meta['filler']}{guesses}, {seconds:.1f} s"
+    how = f", filler {meta['filler']}" + (f" ({', '.join(ran)})" if ran else "")
+    if pointed := meta.get("object_mask"):
+        how += told_of_mask(pointed["candidate"], pointed["candidates"], pointed["notes"])
+    return f"{place}: {unknown:.1%} was unknown{why}{how}, {seconds:.1f} s"
 
 
 def summary_values(meta: dict[str, Any], place: Path, files: list[str]) -> dict[str, Any]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -73,3 +74,10 @@ class Pointing:
     def find(self, picture: dlama.RGBD | UInt8Array, image: Path) -> dlama.ObjectMask:
         """The thing in a picture, read from `image`. InputError and its kin."""
         return find_pointed(picture, image, self.settings(), self.object_class)
+
+
+def told_of_mask(chosen: str, candidates: Iterable[str], notes: Iterable[str]) -> str:
+    """For the last line: which other readings of the clicks there are, and what to know of the mask; "" where nothing is."""
+    others = [name for name in candidates if name != chosen]
+    differs = [f"--candidate {' or '.join(others)} differs"] if others else []
+    return "".join(f"; {one}" for one in [*differs, *notes])

@@ -88,7 +88,12 @@ class JobInputs:
     ) -> BoolArray:
         """The mask of what is pointed at in a picture, read from `image`; how it was found goes into meta.json."""
         found = find_pointed(rgbd, image, settings, object_class)
-        about = {"masker": found.masker, "candidate": found.chosen, "notes": list(found.notes)}
+        about = {
+            "masker": found.masker,
+            "candidate": found.chosen,
+            "candidates": found.shares,
+            "notes": list(found.notes),
+        }
         self.object_mask = {**settings, **about}
         return found.mask
 

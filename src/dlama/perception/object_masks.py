@@ -17,6 +17,9 @@ from dlama.perception.shadows.find import find_shadow
 
 MaskModel = str | Path | tuple[str | Path, str | Path]
 """A name of `dlama.perception.masks.segment_anything.PAIRS`, `NAME=ENCODER,DECODER`, or the two files of a pair."""
+MOST = 0.5
+"""Share of the picture: a thing that is larger is hardly what was meant."""
+TOO_MUCH = "more than half of the picture: say what does not belong to it, or give a box"
 Pointed = Callable[[Prompt], tuple[dict[str, BoolArray], tuple[str, ...]]]
 """What is pointed at -> H x W masks by name (part, thing, group; those that differ), and notes."""
 
@@ -51,6 +54,11 @@ class ObjectMask:
     """H x W, True in the shadow that the thing casts, a part of `mask`; None where it was not asked for."""
     notes: tuple[str, ...] = ()
     """What a user should know, in words."""
+
+    @property
+    def shares(self) -> dict[str, float]:
+        """Of the picture, by candidate."""
+        return {name: round(float(mask.mean()), 6) for name, mask in self.candidates.items()}
 
 
 class MaskSession:
@@ -108,6 +116,8 @@ class MaskSession:
         if not masks:
             raise MaskError("nothing of the thing is left; fewer not_clicks are wanted")
         chosen = candidate if candidate in masks else next(iter(masks))
+        if masks[chosen].mean() > MOST:
+            notes = (*notes, TOO_MUCH)
         return completed(picture, masks, chosen, self.masker, with_shadow, notes)
 
 

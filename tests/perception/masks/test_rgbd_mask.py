@@ -8,6 +8,7 @@ import pytest
 from dlama import DlamaError, InputError, MaskError, find_mask
 from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import RGBD, BoolArray
+from dlama.perception.object_masks import TOO_MUCH
 from worlds import Box, Plane, World
 
 CAMERA = Camera.from_fov(160, 120, 70)
@@ -113,3 +114,10 @@ def test_the_sky_is_no_thing() -> None:
     rgbd = RGBD(np.zeros((40, 50, 3), np.uint8), depth, Camera.from_fov(50, 40, 60))
     with pytest.raises(MaskError, match="lies on the sky"):
         find_mask(rgbd, clicks=[(25, 3)])
+
+
+def test_what_is_more_than_half_of_the_picture_is_told(scene: tuple[RGBD, np.ndarray]) -> None:
+    """Law: a click on a thing that fills most of the picture gives it, with a note; the small box has none."""
+    large = World((Plane((0, 0, 5), (0, 0, -1)), Box((-1.2, -1.0, 2.6), (1.4, 1.0, 3.2))))
+    assert find_mask(large.rgbd(CAMERA), clicks=[(60, 45)]).notes == (TOO_MUCH,)
+    assert find_mask(scene[0], clicks=[middle(scene[1] == 2)]).notes == ()

@@ -11,7 +11,7 @@ from tyro.conf import Positional
 from dlama.apps.command import command
 from dlama.apps.options import Depth, Estimating, Image, Lens, Reading, Report, option
 from dlama.apps.places import check_file_apart
-from dlama.apps.pointing import Pointing
+from dlama.apps.pointing import Pointing, told_of_mask
 from dlama.errors import InputError
 from dlama.geometry.rgbd import RGBD
 
@@ -80,12 +80,9 @@ def overlay_of(output: Path) -> Path:
 
 def found_line(found: dlama.ObjectMask, output: Path, seconds: float) -> str:
     """One line: where the mask lies, how large it is, which other readings there are."""
-    others = [name for name in found.candidates if name != found.chosen]
-    rest = f", --candidate {' or '.join(others)} differs" if others else ""
-    shadow = "" if found.shadow is None else f", {found.shadow.mean():.1%} of it shadow"
-    notes = "".join(f"; {note}" for note in found.notes)
-    line = f"{output}: {found.chosen} by {found.masker}, {found.mask.mean():.1%} of the picture"
-    return f"{line}{shadow}{rest}{notes}, {seconds:.1f} s"
+    shadow = "" if found.shadow is None or not found.shadow.any() else f", {found.shadow.mean():.1%} of it shadow"
+    line = f"{output}: {found.chosen} by {found.masker}, {found.mask.mean():.1%} of the picture{shadow}"
+    return f"{line}{told_of_mask(found.chosen, found.candidates, found.notes)}, {seconds:.1f} s"
 
 
 def found_values(found: dlama.ObjectMask, files: list[Path]) -> dict[str, Any]:
@@ -94,7 +91,7 @@ def found_values(found: dlama.ObjectMask, files: list[Path]) -> dict[str, Any]:
         "files": [str(file) for file in files],
         "masker": found.masker,
         "candidate": found.chosen,
-        "candidates": {name: round(float(mask.mean()), 6) for name, mask in found.candidates.items()},
+        "candidates": found.shares,
         "shadow_share": None if found.shadow is None else round(float(found.shadow.mean()), 6),
         "share": round(float(found.mask.mean()), 6),
         "notes": list(found.notes),

@@ -19,6 +19,7 @@ from dlama.apps.places import check_folder_apart
 from dlama.apps.terminal.output import reported
 from dlama.apps.terminal.progress import bar_or_lines
 from dlama.errors import InputError
+from dlama.geometry.rgbd import counted
 from dlama.inpainters import AUTO, FILLER_NAMES
 from dlama.workers.progress import line_every, progress_line
 
@@ -137,7 +138,7 @@ def summary_line(meta: dict[str, Any], output: Path, seconds: float) -> str:
     out = f", {len(meta['left_out'])} left out ({', '.join(list(meta['left_out'])[:3])})" if meta["left_out"] else ""
     earlier = f", {meta['views_from_earlier_run']} from an earlier run" if meta["views_from_earlier_run"] else ""
     how = f"{mean:.1%} filled{earlier}, filler {meta['filler']}, {seconds:.1f} s"
-    return f"{output}: {len(shares)} views of {count} frames{out}, {how}"
+    return f"{output}: {counted(len(shares), 'view')} of {counted(count, 'frame')}{out}, {how}"
 
 
 def summary_values(meta: dict[str, Any], output: Path) -> dict[str, Any]:

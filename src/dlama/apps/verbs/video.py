@@ -14,6 +14,7 @@ from dlama.apps.options import Report, option
 from dlama.apps.places import check_file_apart
 from dlama.apps.terminal.output import counting_bar, reported
 from dlama.apps.verbs.sequence import Filler, Source
+from dlama.geometry.rgbd import counted
 
 if TYPE_CHECKING:
     from dlama.geometry.rgbd import UInt8Array
@@ -64,5 +65,5 @@ def video(
                 yield view.color
 
         count = write_video(output, pictures(), fps)
-        line = f"{output}: {count} pictures, {count / fps:.1f} s at {fps:g} a second, filler {chosen}"
+        line = f"{output}: {counted(count, 'picture')}, {count / fps:.1f} s at {fps:g} a second, filler {chosen}"
         result.add(f"{line}, {time.perf_counter() - started:.1f} s", output=str(output), pictures=count, filler=chosen)

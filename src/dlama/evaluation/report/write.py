@@ -24,6 +24,7 @@ from dlama.evaluation.runner.run import Results
 from dlama.evaluation.runner.store import result_rows, timing_rows, write_rows
 from dlama.evaluation.runner.worker import Outcome
 from dlama.files.atomic_write import new_file
+from dlama.geometry.rgbd import counted
 
 FILES = ("results.csv", "timings.csv", "summary.json", "summary.md", "report.html")
 PACKAGES = ("numpy", "numba", "opencv-python-headless", "onnxruntime", "scikit-image", "scipy", "matplotlib")
@@ -58,8 +59,7 @@ def about(dataset: Dataset, run: Results, settings: ProtocolSettings, seed: int,
     cases = {(one.protocol, one.scene, one.frame) for one in run.stored}
     scenes = list(dict.fromkeys(one.scene for one in run.stored))
     methods = {(one.recipe, one.filler) for one in run.stored}
-    counted = (_counted(len(cases), "case"), _counted(len(scenes), "scene"), _counted(len(methods), "method"))
-    lead = "{} of {}, {}.".format(*counted)
+    lead = f"{counted(len(cases), 'case')} of {counted(len(scenes), 'scene')}, {counted(len(methods), 'method')}."
     failed = f" {len(run.failures)} failed and count nowhere." if run.failures else ""
     warned = sorted({line for one in run.stored for line in one.warnings})
     return {
@@ -74,10 +74,6 @@ def about(dataset: Dataset, run: Results, settings: ProtocolSettings, seed: int,
         "versions": versions(),
         **({"warnings": warned} if warned else {}),
     }
-
-
-def _counted(number: int, what: str) -> str:
-    return f"{number} {what}{'s' if number != 1 else ''}"
 
 
 def settings_hash(settings: ProtocolSettings) -> str:

@@ -35,7 +35,7 @@ class Finding:
     @property
     def line(self) -> str:
         """All of it in one line."""
-        mend = f": {self.mend}" if self.mend else ""
+        mend = f"{'' if self.what.endswith('?') else ':'} {self.mend}" if self.mend else ""
         return f"{self.what}{mend}{'' if self.severity == 'fine' else f' ({in_words(self.sure)})'}"
 
 
