@@ -34,7 +34,7 @@ def test_good_input_gets_no_warning() -> None:
 
 
 def test_an_inverted_mask() -> None:
-    with pytest.warns(UserWarning, match=r"the mask removes 80 % of the picture.*mask_polarity=known"):
+    with pytest.warns(UserWarning, match=r"the mask removes 80 % of the picture.*mask_polarity turns it round"):
         remove(GOOD, ~MASK, filler="telea", dilate=0)
 
 

@@ -209,3 +209,11 @@ def test_writers_refuse_other_arrays(tmp_path: Path) -> None:
         with pytest.raises(ShapeError):
             write()
     assert not any(tmp_path.iterdir())
+
+
+def test_files_of_a_result_given_as_a_picture_say_what_goes_where(tmp_path: Path) -> None:
+    """Message: the scene itself goes elsewhere; of points and mesh it is the scene beside them."""
+    for name, told in (("s.npz", "a scene goes into view"), ("s.ply", r"the scene\.npz of the result goes into view")):
+        (tmp_path / name).write_bytes(b"ply\n")
+        with pytest.raises(FileError, match=told):
+            read_color(tmp_path / name)

@@ -201,6 +201,8 @@ def test_network_fillers_want_their_file_and_the_others_none() -> None:
     for name in (name for name, record in FILLERS.items() if record.needs_model and record.shipped is None):
         with pytest.raises(InputError, match=f"model is missing: filler '{name}' runs a network"):
             find_filler(name)
+    with pytest.raises(InputError, match="`dlama models pull big-lama` gets one"):
+        find_filler("lama")
     with pytest.raises(InputError, match=r"model is weights\.onnx and filler 'telea' runs no network"):
         find_filler("telea", "weights.onnx")
 

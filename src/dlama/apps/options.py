@@ -16,7 +16,7 @@ from tyro.conf import arg
 from dlama.apps import model_files
 from dlama.errors import InputError
 from dlama.geometry.trajectories import PIVOT_M
-from dlama.inpainters import AUTO, FILLER_NAMES
+from dlama.inpainters import AUTO
 from dlama.jobs.parameters import check_move, check_one_target, known_depths
 from dlama.jobs.pointing import mask_and_pointing
 
@@ -220,21 +220,25 @@ class Masking:
         return dataclasses.asdict(self)
 
 
+FillerName = Annotated[
+    str,
+    option(
+        "NAME",
+        AUTO,
+        help="What fills the holes: layered continues planes and sky from behind, telea and navier-stokes diffuse; "
+        "migan runs a network that comes with the package, patchmatch copies patches of the picture to where that one "
+        "guesses them; auto is layered, or patchmatch where depth is estimated; choice lets another one judge the "
+        "guesses of four (with --model FILE of a fifth); lama, joint and pair (stereo only) run that of --model.",
+    ),
+]
+"""One of FILLER_NAMES, which the library checks."""
+
+
 @dataclass(frozen=True)
 class Method:
     """How the scene is completed."""
 
-    filler: Annotated[
-        str,
-        option(
-            "|".join(FILLER_NAMES),
-            AUTO,
-            help="What fills the holes: layered continues planes and sky from behind, telea and navier-stokes diffuse; "
-            "migan runs a network that comes with the package, patchmatch copies patches of the picture to where that one "
-            "guesses them; auto is layered, or patchmatch where depth is estimated; choice lets another one judge the "
-            "guesses of four (with --model FILE of a fifth); lama, joint and pair (stereo only) run that of --model.",
-        ),
-    ] = AUTO
+    filler: FillerName = AUTO
     model: Annotated[str | None, option("FILE|NAME")] = None
     """Network of --filler lama, migan, patchmatch, choice, joint, pair: an ONNX or LaMa file, a name of `dlama models list`."""
     recipe: Annotated[str, option("|".join(RECIPES), "dlama")] = "dlama"

@@ -37,7 +37,7 @@ def warn_of_mask(mask: BoolArray) -> None:
     if looks_inverted(mask):
         _warn(
             f"the mask removes {100 * float(mask.mean()):.0f} % of the picture: if it marks what stays, it is inverted "
-            "(give mask_polarity=known)"
+            "(mask_polarity turns it round)"
         )
 
 

@@ -32,6 +32,8 @@ class FillerRecord:
     """Whether it runs a network file."""
     shipped: str | None = None
     """The network file that ships in the package, under assets/; it runs where no other is given."""
+    source: str = "`dlama train` makes one"
+    """Where to have a network file from, of a filler that runs one that does not ship."""
 
 
 AUTO = "auto"
@@ -74,7 +76,7 @@ def model_file(filler: str, model: str | Path | None = None) -> Path | None:
     if not record.needs_model and model is not None:
         raise InputError(f"model is {model} and filler {filler!r} runs no network; no model is wanted")
     if record.needs_model and model is None and record.shipped is None:
-        raise InputError(f"model is missing: filler {filler!r} runs a network file (`dlama models pull` gets one)")
+        raise InputError(f"model is missing: filler {filler!r} runs a network file ({record.source})")
     if model is not None:
         return Path(model)
     return None if record.shipped is None else ASSETS / record.shipped
@@ -84,7 +86,9 @@ FILLERS: dict[str, FillerRecord] = {
     "layered": FillerRecord("dlama.inpainters.layered.filler:layered"),
     "telea": FillerRecord("dlama.inpainters.opencv:telea"),
     "navier-stokes": FillerRecord("dlama.inpainters.opencv:navier_stokes"),
-    "lama": FillerRecord("dlama.inpainters.networks.lama:lama_filler", needs_model=True),
+    "lama": FillerRecord(
+        "dlama.inpainters.networks.lama:lama_filler", needs_model=True, source="`dlama models pull big-lama` gets one"
+    ),
     "migan": FillerRecord("dlama.inpainters.networks.migan:migan_filler", True, "migan/migan-512.onnx"),
     "patchmatch": FillerRecord("dlama.inpainters.patchmatch.filler:patchmatch_filler", True, "migan/migan-512.onnx"),
     "choice": FillerRecord("dlama.inpainters.choice.filler:choice_filler", True, "choice/choice.onnx"),

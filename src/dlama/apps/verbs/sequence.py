@@ -14,13 +14,25 @@ from tyro.conf import Positional
 
 import dlama
 from dlama.apps import model_files
-from dlama.apps.options import RECIPES, CameraFile, Masking, Metres, Output, Radius, Report, Seed, names_in, option
+from dlama.apps.options import (
+    RECIPES,
+    CameraFile,
+    FillerName,
+    Masking,
+    Metres,
+    Output,
+    Radius,
+    Report,
+    Seed,
+    names_in,
+    option,
+)
 from dlama.apps.places import check_folder_apart
 from dlama.apps.terminal.output import reported
 from dlama.apps.terminal.progress import bar_or_lines
 from dlama.errors import InputError
 from dlama.geometry.rgbd import counted
-from dlama.inpainters import AUTO, FILLER_NAMES
+from dlama.inpainters import AUTO
 from dlama.workers.progress import line_every, progress_line
 
 if TYPE_CHECKING:
@@ -49,8 +61,7 @@ class Source:
 class Filler:
     """What fills what no frame saw."""
 
-    filler: Annotated[str, option("|".join(FILLER_NAMES), AUTO)] = AUTO
-    """What fills the holes, as for dlama view."""
+    filler: FillerName = AUTO
     model: Annotated[str | None, option("FILE|NAME")] = None
     """Network of a filler that runs one, as for dlama view."""
     seed: Seed = 0

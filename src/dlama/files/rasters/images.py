@@ -216,5 +216,7 @@ def _exif(picture: Image.Image) -> tuple[int, float | None]:
 
 
 def _if_scene(file: Path) -> str:
-    """What to do with a scene.npz that was given as a picture."""
-    return "; a scene goes into view, sequence, video and show" if file.suffix.lower() == ".npz" else ""
+    """What to do with a scene.npz, or with points or a mesh of a result, that was given as a picture."""
+    suffix = file.suffix.lower()
+    which = "a scene" if suffix == ".npz" else "the scene.npz of the result" if suffix in (".ply", ".glb") else ""
+    return f"; {which} goes into view, sequence, video and show" if which else ""
