@@ -10,6 +10,7 @@ import dataclasses
 import functools
 import importlib
 import inspect
+import pkgutil
 import typing
 from collections.abc import Callable, Iterator
 from contextlib import nullcontext
@@ -73,8 +74,16 @@ def test_the_list_of_options_sees_a_new_one() -> None:
     assert list(options_of(verb)) == ["place", "inner", "outer"]
 
 
+@pytest.fixture(scope="module")
+def loaded() -> None:
+    """Everything but training, before any stand-in is there: a module that is loaded beside one would keep it for later tests."""
+    for module in pkgutil.walk_packages(dlama.__path__, "dlama."):
+        if module.name.split(".")[1] not in ("nets", "training", "__main__"):
+            importlib.import_module(module.name)
+
+
 @pytest.fixture
-def calls(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Calls:
+def calls(loaded: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Calls:
     """What the library's functions were called with, by the functions' names; none of them computes anything."""
     made: Calls = {}
 
@@ -112,9 +121,7 @@ def _spy_on_jobs(spy: Callable[..., None]) -> None:
     done = SimpleNamespace(meta={})
     about = {"field_of_view": {"from": "fov"}, "estimator": "a network", "scale": {"rule": "assumed"}}
     spy("dlama.files.results.estimated_depth.write_depth")
-    spy(
-        "dlama.files.rgbd.read_rgbd", SimpleNamespace(estimate=about, depth=np.ones((3, 4)))
-    )  # first: its module must not be loaded with the stand-ins below
+    spy("dlama.files.rgbd.read_rgbd", SimpleNamespace(estimate=about, depth=np.ones((3, 4))))
     spy("dlama.files.rasters.images.picture_hw", (3, 4))
     spy("dlama.files.cameras.camera_for", ("camera", "words"))
     spy("dlama.files.cameras.read_camera", "target")
