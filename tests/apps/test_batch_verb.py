@@ -59,12 +59,21 @@ def test_a_dry_run_runs_nothing(jobs: str, capsys: pytest.CaptureFixture[str]) -
     """The first jobs as they would run, defaults filled in; no folder is made."""
     main(["batch", jobs, "--dry-run", "--fov", "60", "--only", "image,depth"])
     lines = capsys.readouterr().out.splitlines()
-    assert lines[0] == "3 jobs (3 view), 0 of them cannot be run; the first ones:"
+    assert lines[0] == "3 jobs (3 view), 1 of them cannot be run; the first ones:"
+    assert lines[3] == f"  bad: view {Path.cwd()}/nothing.png: no such file"
     here = Path.cwd()
     assert lines[1] == f"  a/1: view fov=60 only=image,depth image={here}/image.png depth={here}/depth.png yaw=5"
     assert not Path("out").exists()
     main(["batch", "--images", "im*.png", "--depths", "depth.png", "--verb", "view", "--dry-run"])
     assert "1 of them cannot be run" in capsys.readouterr().out
+    late = [{"id": str(number), "verb": "view", "image": "image.png"} for number in range(10)]
+    late.append({"id": "last", "verb": "view", "image": "image.png", "filler": "glue"})
+    Path("late.jsonl").write_text("\n".join(map(json.dumps, late)))
+    main(["batch", "late.jsonl", "--dry-run"])
+    last = capsys.readouterr().out.splitlines()[-2:]
+    assert last[0] == "the first of the others that cannot be run:" and last[1].startswith(
+        "  last: view late.jsonl: line 11: filler"
+    )
 
 
 @pytest.mark.parametrize(

@@ -12,6 +12,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from dlama.errors import InputError
+from dlama.inpainters import FILLER_NAMES
 
 Parse = Callable[[str, Any], Any]
 """(name, value as typed or from JSON) -> value. Raises InputError."""
@@ -165,7 +166,7 @@ POINTING: dict[str, Parse] = {
     "with_shadow": switch,
 }
 METHOD: dict[str, Parse] = {
-    "filler": text,
+    "filler": one_of(*FILLER_NAMES),
     "model": text,
     "recipe": text,
     "mode": one_of("surface", "points"),

@@ -20,6 +20,7 @@ from dlama.apps.pointing import Pointing
 from dlama.apps.terminal.output import print_line, reported
 from dlama.apps.terminal.progress import bar_or_lines
 from dlama.errors import InputError
+from dlama.geometry.rgbd import counted
 from dlama.jobs.lists.data_sets import DatasetJobs
 from dlama.jobs.lists.folders import Pictures
 from dlama.jobs.result import Totals
@@ -27,6 +28,7 @@ from dlama.workers.progress import line_every, progress_line
 
 if TYPE_CHECKING:
     from dlama.jobs.batch import Progress
+    from dlama.jobs.job import Job
     from dlama.jobs.result import JobResult
 
 FAILED = 1
@@ -197,20 +199,34 @@ def source(words: Sequence[str], which: Which, defaults: dict[str, Any]) -> Any:
 
 
 def planned_lines(jobs: Any, verb: str | None, defaults: dict[str, Any]) -> Iterator[str]:
-    """What --dry-run says: how many jobs of each verb, how many cannot be run, and the first ones."""
+    """What --dry-run says: how many jobs of each verb, how many cannot be run, the first ones, and what is wrong with others."""
     from dlama.jobs.batch import JobList, checked_defaults
 
     counts: dict[str, int] = {}
-    wrong, shown = 0, []
+    wrong, shown, later = 0, list[str](), list[str]()
     for number, job in enumerate(JobList(jobs, verb, checked_defaults(verb, defaults))):
         counts[job.verb] = counts.get(job.verb, 0) + 1
-        wrong += job.error is not None
+        error = job.error or missing_file(job)
+        wrong += error is not None
+        options = " ".join(f"{name}={shown_value(value)}" for name, value in job.parameters.items())
         if number < SHOWN_JOBS:
-            options = " ".join(f"{name}={shown_value(value)}" for name, value in job.parameters.items())
-            shown.append(f"  {job.id}: {job.verb or '?'} {job.error or options}")
+            shown.append(f"  {job.id}: {job.verb or '?'} {error or options}")
+        elif error is not None and len(later) < SHOWN_JOBS:
+            later.append(f"  {job.id}: {job.verb or '?'} {error}")
     kinds = ", ".join(f"{count} {name or 'without a verb'}" for name, count in counts.items())
-    yield f"{sum(counts.values())} jobs ({kinds}), {wrong} of them cannot be run; the first ones:"
+    yield f"{counted(sum(counts.values()), 'job')} ({kinds}), {wrong} of them cannot be run; the first ones:"
     yield from shown
+    if later:
+        yield "the first of the others that cannot be run:"
+        yield from later
+
+
+def missing_file(job: Job) -> str | None:
+    """Which input of a job, of those on this disk, is not there; None: none."""
+    from dlama.jobs.storage import is_address, local
+
+    files = (path for path in job.files.values() if not is_address(path))
+    return next((f"{path}: no such file" for path in files if not Path(local(path)).exists()), None)
 
 
 def shown_value(value: Any) -> str:
