@@ -5,6 +5,7 @@ reposition (eq. 1) -> render, mask (eq. 2-4) -> fill (sec. 3.3) -> fuse (eq. 10,
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -22,6 +23,7 @@ from dlama.completion.steps import (
     Plan,
     complete_view,
     filler_of_recipe,
+    halo,
     law_of,
 )
 from dlama.errors import InputError
@@ -66,7 +68,8 @@ def complete(
         model: The network file of a filler that runs one.
         recipe: `dlama`, `paper` or a Recipe. The next five replace single settings of it; None leaves them.
         mode: "surface" (the pixel grid as triangles, cut at depth edges) or "points" (each pixel to the nearest one).
-        dilate: px by which the mask grows.
+        dilate: px by which the mask grows. None: the recipe's; `dlama` adds 3 px to it in a single picture whose depth edges lie
+            beside its own edges, as a depth camera's do: compression and blur spread colours. meta.json has the sum.
         dilate_holes: px by which the holes of the new views grow.
         clip: metres; everything at or beyond, sky too, is put there.
         depth_by: "surfaces" or "filler": what fills depth beside a filler of pictures.
@@ -87,6 +90,8 @@ def complete(
     warn_of_scale(source)
     filler = filler_for(start, filler)
     inpainter = filler_of_recipe(find_filler(filler, model), chosen)
+    if mask is not None and dilate is None and recipe == "dlama" and not start.numbers:
+        chosen = dataclasses.replace(chosen, dilate=chosen.dilate + halo(source))
     given, grown_mask = take_out_of(start, mask, chosen.dilate)
     plan = Plan(chosen, inpainter, seed, given, law_of(given, chosen))
     clock = Clock()

@@ -16,6 +16,7 @@ import numpy as np
 from dlama.completion.recipes import Recipe
 from dlama.errors import MaskError
 from dlama.geometry.camera import Camera
+from dlama.geometry.drawing.picture_edges import edge_uncertainty
 from dlama.geometry.fusion import fuse
 from dlama.geometry.holes import checked_mask, dilated, grown
 from dlama.geometry.rendering import render
@@ -57,6 +58,7 @@ class Dilation(NamedTuple):
 
 
 NO_DILATION = Dilation(0, 0)
+HALO_PX = 3
 
 
 class CompletedView(NamedTuple):
@@ -77,6 +79,15 @@ def filler_of_recipe(filler: Inpainter, recipe: Recipe) -> Inpainter:
     if recipe.depth_by == "surfaces":
         return depth_first(filler)
     return with_grey_depth(filler, recipe.clip) if recipe.eight_bit_depth and recipe.clip is not None else filler
+
+
+def halo(source: View) -> int:
+    """px beyond its outline to which a thing's colours are spread in a picture: HALO_PX where a depth camera took it, else 0.
+
+    That a camera did is seen by depth edges that lie beside those of the picture. Its pictures are compressed, sharpened and
+    blurred; a rim of such colours stays where a thing is taken out tightly.
+    """
+    return HALO_PX if edge_uncertainty(source) else 0
 
 
 def take_out(source: View, mask: BoolArray | None, radius: int) -> tuple[Scene, Dilation]:

@@ -108,7 +108,18 @@ def remove(
     """
     check_arguments(remove, locals())
     target = target_camera(rgbd, camera, yaw=yaw, pitch=pitch, pivot=pivot, dolly=dolly)
-    chosen = find_recipe(recipe, mode=mode, dilate=dilate, dilate_holes=dilate_holes, clip=clip, depth_by=depth_by)
     return complete(
-        rgbd, [target], mask=mask, filler=filler, model=model, recipe=chosen, seed=seed, min_confidence=min_confidence
+        rgbd,
+        [target],
+        mask=mask,
+        filler=filler,
+        model=model,
+        recipe=recipe,
+        mode=mode,
+        dilate=dilate,
+        dilate_holes=dilate_holes,
+        clip=clip,
+        depth_by=depth_by,
+        seed=seed,
+        min_confidence=min_confidence,
     )

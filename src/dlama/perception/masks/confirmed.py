@@ -8,6 +8,7 @@ leans on a wall, what stands out about the click is asked alone.
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass
 
 import cv2
@@ -90,19 +91,34 @@ def confirmed(rgbd: RGBD, found: Planes, pieces: Pieces, thing: BoolArray, promp
     return Confirmed(thing, shown if shown is not None and overlap(shown.part, thing) >= SAME else None, False)
 
 
-def doubts(rgbd: RGBD, found: Planes, pieces: Pieces, mask: BoolArray, beside: int, sure: Confirmed | None) -> Doubt:
+def doubts(
+    rgbd: RGBD, found: Planes, support: BoolArray, mask: BoolArray, beside: int, sure: Confirmed | None
+) -> Doubt:
     """What depth leaves open about a mask (H x W): pixels without depth near it, and its foot; more of both where it stands out.
 
-    beside: px by which depth edges lie beside the picture's. sure: what stands out there; None: it was not asked.
+    support: H x W, True on planes that things stand on. beside: px by which depth edges lie beside the picture's. sure: what
+    stands out there; None: it was not asked.
     """
-    unknown = (rgbd.missing & dilated(mask, HOLE_PX)) | lost_foot(found, mask, pieces.support)
+    box = around(mask, 2 * max(FOOT_PX, HOLE_PX) + 2)
+    near = dataclasses.replace(found, w=found.w[box], label=found.label[box])
+    part, missing, under = mask[box], rgbd.missing[box], support[box]
+    unknown = np.zeros(mask.shape, np.bool_)
+    unknown[box] = (missing & dilated(part, HOLE_PX)) | lost_foot(near, part, under)
     if sure is None or sure.shown is None:
         return Doubt(beside, unknown)
     if sure.agreed:
-        body = opened(mask, disc(THIN_PX))
-        near = (rgbd.missing & dilated(mask, 2 * HOLE_PX)) | lost_foot(found, body, pieces.support, 2 * FOOT_PX)
-        unknown |= sure.shown.part & near
+        far = lost_foot(near, opened(part, disc(THIN_PX)), under, 2 * FOOT_PX)
+        unknown[box] |= sure.shown.part[box] & ((missing & dilated(part, 2 * HOLE_PX)) | far)
     return Doubt(beside, unknown, sure.shown.level, sure.shown.part if sure.agreed else None)
+
+
+def around(mask: BoolArray, margin: int) -> tuple[slice, slice]:
+    """Rows and columns of the box round a mask (H x W, not empty), so many pixels larger on each side."""
+    rows, columns = np.flatnonzero(mask.any(1)), np.flatnonzero(mask.any(0))
+    return (
+        slice(max(int(rows[0]) - margin, 0), int(rows[-1]) + margin + 1),
+        slice(max(int(columns[0]) - margin, 0), int(columns[-1]) + margin + 1),
+    )
 
 
 def about_click(color: UInt8Array, prompt: Prompt) -> StandsOut | None:

@@ -86,16 +86,17 @@ def rgbd_candidates(
     seeds = [snapped(pieces, seed) for seed in seeds]
     away = [pixel for pixel in Prompt.pixels(prompt.not_clicks) if pieces.free[pixel]]
     own = sum((pieces.at(seed) for seed in seeds), np.zeros(rgbd.depth.shape, np.bool_))
-    whole = merged(pieces, own, THING_GAP, set()).sum()
-    barred = {int(pieces.label[p]) for p in away if not own[p] and pieces.at(p).sum() < BARRED * whole}
+    most = BARRED * merged(pieces, own, THING_GAP, set()).sum() if away else 0
+    barred = {int(pieces.label[p]) for p in away if not own[p] and pieces.at(p).sum() < most}
     gaps = (("thing", THING_GAP), ("part", 0.0), ("group", GROUP_GAP))
-    raw = {name: merged(pieces, own, gap, barred) for name, gap in gaps}
+    whole = {name: merged(pieces, own, gap, barred) & prompt.inside for name, gap in gaps}
+    raw = {name: with_foot(found, pieces.support, mask) for name, mask in whole.items()}
     clicked = seeds + flat
     if not beside:
         return distinct({name: finished(rgbd, found, pieces, raw[name], prompt, clicked) for name in raw}), ()
     raw = distinct(raw)
-    sure = confirmed(rgbd, found, pieces, with_foot(found, pieces.support, raw["thing"]), prompt)
-    masks = {"thing": finished(rgbd, found, pieces, sure.thing, prompt, clicked, beside, sure)}
+    sure = confirmed(rgbd, found, pieces, raw["thing"], prompt)
+    masks = {"thing": finished(rgbd, found, pieces, sure.thing & prompt.inside, prompt, clicked, beside, sure)}
     for name in [each for each in raw if each != "thing"]:
         masks[name] = finished(rgbd, found, pieces, raw[name], prompt, clicked, beside)
     return distinct(masks), ()
@@ -176,17 +177,14 @@ def finished(
     beside: int = 0,
     sure: Confirmed | None = None,
 ) -> BoolArray:
-    """The mask with its foot, without what is nearer to a click beside it, inside the box, its border on the picture's edges."""
-    if prompt.box is not None:
-        mask = mask & prompt.inside
-    mask = with_foot(found, pieces.support, mask)
+    """The mask with its border on the picture's edges, without what is nearer to a click beside it."""
     wanted, unwanted = (np.zeros(mask.shape, np.bool_) for _ in range(2))
     for pixel in clicks:
         wanted[pixel] = True
     for pixel in Prompt.pixels(prompt.not_clicks):
         unwanted[pixel] = True
-    if beside:
-        mask = on_picture(rgbd.color, mask, doubts(rgbd, found, pieces, mask, beside, sure))
+    if beside and mask.any():
+        mask = on_picture(rgbd.color, mask, doubts(rgbd, found, pieces.support, mask, beside, sure))
     else:
         mask = to_picture_edges(rgbd, found, mask)
     for pixel in zip(*np.nonzero(unwanted & mask)):
@@ -232,7 +230,8 @@ def boxed(rgbd: RGBD, found: Planes, prompt: Prompt, beside: int) -> dict[str, B
     barred = {int(pieces.label[p]) for p in Prompt.pixels(prompt.not_clicks) if pieces.free[p]} - {main}
     masks = {}
     for name, gap in (("thing", GROUP_GAP), ("part", 0.0)):
-        masks[name] = finished(rgbd, found, cropped, merged(cropped, start, gap, barred), prompt, [], beside)
+        mask = with_foot(found, pieces.support, merged(cropped, start, gap, barred) & inside)
+        masks[name] = finished(rgbd, found, cropped, mask, prompt, [], beside)
     return distinct(masks)
 
 

@@ -1,0 +1,45 @@
+"""How far a mask grows: a closed-form world whose depth is shifted against its picture, and whose picture is blurred."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import pytest
+
+from dlama.completion.verbs import remove
+from dlama.geometry.camera import Camera
+from dlama.geometry.rgbd import RGBD, BoolArray
+from worlds import Box, Plane, World
+
+CAMERA = Camera.from_fov(240, 180, 70)
+SHOWN = World((Plane((0, 1, 0), (0, -1, 0)), Plane((0, 0, 6), (0, 0, -1)), Box((-0.5, 0.0, 2.2), (0.5, 0.8, 2.8))))
+GREY, BLUE = (240, 240, 240), (30, 40, 120)
+
+
+def blurred(shift: int) -> tuple[RGBD, BoolArray]:
+    """Blue before grey with a soft outline, its depth moved by some rows and columns, and the true pixels of what is blue."""
+    depth, shown = SHOWN.trace(CAMERA)
+    color = np.array([GREY, GREY, BLUE], np.uint8)[shown]
+    soft = cv2.GaussianBlur(color, (0, 0), 2.0)
+    return RGBD(soft, np.roll(depth, (shift, shift), (0, 1)).astype(np.float32), CAMERA), shown == 2
+
+
+@pytest.mark.parametrize(("shift", "dilate", "grown"), [(0, None, 3), (4, None, 6), (4, 2, 2)])
+def test_a_mask_grows_by_more_in_a_depth_cameras_picture(shift: int, dilate: int | None, grown: int) -> None:
+    """By 3 px where depth lies on the picture, by 6 where it lies beside it, and by what is asked for: meta.json says so."""
+    rgbd, mask = blurred(shift)
+    done = remove(rgbd, mask, filler="telea", dilate=dilate)
+    assert done.meta["recipe"]["dilate"] == grown
+    again = remove(rgbd, mask, filler="telea", dilate=grown)
+    np.testing.assert_array_equal(done.view.color, again.view.color)
+
+
+def test_nothing_of_a_soft_outline_is_kept() -> None:
+    """The true picture without the thing is grey all over, and so must be all that is kept of the given one."""
+    rgbd, mask = blurred(4)
+    off = []
+    for dilate in (None, 3):
+        view = remove(rgbd, mask, filler="telea", dilate=dilate).view
+        off.append(np.abs(view.color.astype(int) - GREY[0])[~view.filled].max())
+    assert off[0] <= 1
+    assert off[1] > 5
