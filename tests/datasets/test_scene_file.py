@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 
 import numpy as np
@@ -49,6 +50,20 @@ def test_its_frames_are_those_that_went_in(file: Path) -> None:
         np.testing.assert_array_equal(read.color, given.color)
         np.testing.assert_array_equal(read.depth, given.depth)
         assert read.camera.same_view_as(camera)
+
+
+def test_a_scene_of_one_picture_is_no_data_set_and_estimated_depth_no_truth(tmp_path: Path) -> None:
+    """Law: one frame has no pair, which is no fault of it; depth that a network gave is told."""
+    guessed = dataclasses.replace(frame(CAMERAS[0]), estimate={"estimator": "mine"})
+    done = dlama.complete(guessed, [CAMERAS[0]], filler="telea")
+    write_npz(tmp_path / "one.npz", done.view, done.scene)
+    with (
+        pytest.warns(UserWarning, match="its depth is estimated"),
+        pytest.raises(NoPairsError, match="holds 1 frame; two or more"),
+    ):
+        open_dataset(tmp_path / "one.npz")
+    with pytest.warns(UserWarning, match="its depth is estimated"):
+        assert "no-overlap" not in {finding.check for finding in dlama.diagnose(tmp_path / "one.npz")}
 
 
 def test_what_says_nothing_to_a_scene_is_refused(file: Path, tmp_path: Path) -> None:

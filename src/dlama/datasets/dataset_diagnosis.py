@@ -68,7 +68,8 @@ def _opened(root: Path, layout: str | None, camera: CameraOption) -> tuple[Datas
         return open_dataset(root, layout, camera=camera), []
     except NoPairsError as error:
         name = layout or (SCENE if is_scene_file(root) else detect(root))
-        return Dataset(root.name, name, root, error.frames, ()), [Finding("no-overlap", "fault", 0.9, str(error))]
+        found = [Finding("no-overlap", "fault", 0.9, str(error))] if len(error.frames) > 1 else []
+        return Dataset(root.name, name, root, error.frames, ()), found
 
 
 def _of_picture(frame: RGBD, name: str, mask: BoolArray | None = None) -> list[Finding]:

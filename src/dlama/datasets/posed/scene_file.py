@@ -5,6 +5,7 @@ Depth that was filled counts as missing. A scene out of which a thing was taken 
 
 from __future__ import annotations
 
+import warnings
 from functools import partial
 from pathlib import Path
 
@@ -17,7 +18,7 @@ from dlama.errors import InputError
 from dlama.files.scenes.scene_npz import read_layer, read_scene
 from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import RGBD, Float32Array
-from dlama.geometry.view import from_source
+from dlama.geometry.view import Origin, from_source
 
 LAYOUT = "scene"
 """What the layout of such a file is called."""
@@ -29,12 +30,14 @@ def is_scene_file(path: Path) -> bool:
 
 
 def scene_file(path: Path, *, limit: int | None = None) -> Dataset:
-    """The frames of a scene.npz, in their order. Raises FileError, InputError."""
+    """The frames of a scene.npz, in their order; warns where their depth is estimated. Raises FileError, InputError."""
     found = read_scene(path)
     if found.objects:
         raise InputError(
             f"{path}: is a scene without what was removed from it; one of frames as they were taken is wanted"
         )
+    if any(Origin.ESTIMATED in layer.origins for layer in found.measured):
+        warnings.warn(f"{path}: its depth is estimated from pictures; it is no truth", UserWarning, stacklevel=2)
     frames = [
         PosedFrame(
             path.stem,

@@ -17,7 +17,7 @@ from dlama.datasets.text_tables import scene_folders
 from dlama.errors import FileError, InputError
 from dlama.geometry.camera import Camera, Float64Array
 from dlama.geometry.projection import project, rays
-from dlama.geometry.rgbd import RGBD, Float32Array
+from dlama.geometry.rgbd import RGBD, Float32Array, counted
 from dlama.geometry.rotations import rotation_deg
 
 LOG = logging.getLogger("dlama")
@@ -86,6 +86,10 @@ def posed_dataset(layout: str, root: Path, frames: Iterable[PosedFrame], limit: 
             left = None if limit is None else limit - len(cases)
             own = [frame for frame in frames if frame.scene == scene]
             cases += view_pairs(own, dataset=name, limit=left)
+    if len(frames) < 2:
+        raise NoPairsError(
+            f"{root}: holds {counted(len(frames), 'frame')}; two or more of one scene are wanted", frames
+        )
     if not cases:
         raise NoPairsError(
             f"{root}: no two of its {len(frames)} frames overlap by {MIN_OVERLAP:.0%} and turn by "
