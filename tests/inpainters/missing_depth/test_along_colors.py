@@ -10,9 +10,10 @@ import pytest
 
 import dlama
 from dlama.geometry.camera import Camera
+from dlama.geometry.kernels.along_colors import nearest_by_color
 from dlama.geometry.rgbd import RGBD
 from dlama.inpainters.missing_depth.along_colors import along_colors
-from dlama.inpainters.missing_depth.kernels import nearest_by_color, relax
+from dlama.inpainters.missing_depth.kernels import relax
 from dlama.perception.planes import SKY, SMOOTH
 
 WIDTH, HEIGHT = 192, 144
@@ -52,7 +53,7 @@ def test_sweeps_find_the_shortest_ways(known: list[tuple[int, int]]) -> None:
     source, distance = np.full(free.shape, -1, np.int32), np.full(free.shape, 1e6, np.float32)
     for one in known:
         free[one], source[one], distance[one] = False, np.ravel_multi_index(one, free.shape), 0
-    nearest_by_color(distance, source, free, color, 20.0, 20.0, 30)
+    nearest_by_color(distance, source, free, color, 20.0, 20.0, np.zeros_like(distance), 0.0, 0.0, 30)
     each = {int(np.ravel_multi_index(one, free.shape)): dijkstra(one, free, color, 20.0, 20.0) for one in known}
     shortest = np.minimum.reduce(list(each.values()))
     there = free & np.isfinite(shortest)

@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 
 from dlama.geometry.camera import Camera
 from dlama.geometry.holes import with_nearest
+from dlama.geometry.kernels.along_colors import nearest_by_color
 from dlama.geometry.kernels.jit import in_bands
-from dlama.geometry.kernels.picture_edges import ROOM, mixed, snap
+from dlama.geometry.kernels.picture_edges import ROOM, fitted, mixed
 from dlama.geometry.projection import inverse_depth
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.geometry.view import Origin, View
@@ -33,8 +34,12 @@ LEAST_EDGES = 40
 """Fewer edges say nothing."""
 REACHED = 0.8
 """Share of the edges that lie within the reach in which pixels are moved."""
-BETTER = 2.0
-"""Times the likeness to its own surface with which a pixel must resemble another one."""
+WIDER = 3
+"""Pixels beyond that reach that are moved, too, if colours say so: a fifth of the edges are farther off."""
+STEP, DEAREST, ROUNDS = 8.0, 60.0, 2
+"""Of `nearest_by_color`: levels that make a way twice as long, the most they add, sweeps."""
+FARTHEST, CONTRARY = 30.0, 2.0
+"""A way longer than that changes nothing; what a pixel adds whose measured depth is another surface's."""
 RIM, MIXED, CONTRAST, SPREADS = 1, 0.3, 40.0, 2.0
 """Pixels beside an edge (and its own two) that may be mixed of both sides; the other side's share from which they are; the levels
 (root of the sum over channels) that the sides differ by; standard deviations by which the mixture stands out of its own side."""
@@ -76,7 +81,9 @@ def _placed(view: View) -> PlacedEdges:
     color = view.color.astype(np.float32)
     ratio = edge_ratio(view.camera)
     out, room = np.empty_like(w), np.empty((len(w), ROOM), np.float32)
-    in_bands(snap, len(w), w, band, color, ratio, 2 * reach, UNLIKE, BETTER, room, out)
+    wide = near_jumps(with_nearest(w, known), min(reach + WIDER, LOOKED_AT))
+    target = other_surfaces(w, known, wide & known, color, ratio)
+    in_bands(fitted, len(w), w, wide, target, color, ratio, 2 * (reach + WIDER), UNLIKE, room, out)
     rim, neither = near_jumps(with_nearest(out, known), RIM), np.empty_like(known)
     in_bands(
         mixed,
@@ -94,6 +101,28 @@ def _placed(view: View) -> PlacedEdges:
     )
     depth = np.where(out != w, 1 / np.maximum(out, np.float32(1e-6)), view.depth)
     return PlacedEdges(depth.astype(np.float32), neither, band & known)
+
+
+def other_surfaces(
+    w: Float32Array, known: BoolArray, band: BoolArray, color: Float32Array, ratio: float
+) -> Float32Array:
+    """H x W inverse depth of the surface that pixels of the band belong to by their colours, where it is not their own; else 0.
+
+    w: H x W 1/m, of pixels that are `known`; band: H x W, those whose depth may be wrong; color: H x W x 3; ratio: `edge_ratio`.
+    """
+    sure = known & ~band
+    source = np.where(sure, np.arange(w.size, dtype=np.int32).reshape(w.shape), -1).astype(np.int32)
+    distance = np.where(sure, np.float32(0), np.float32(FARTHEST))
+    soft = np.asarray(cv2.medianBlur(color, 3), np.float32)  # grain is no edge
+    nearest_by_color(distance, source, band, soft, STEP, DEAREST, w, ratio, CONTRARY, ROUNDS)
+    rows, columns = np.nonzero(band & (source >= 0))
+    there, across = np.divmod(source[rows, columns], w.shape[1])
+    own, other = w[rows, columns], w[there, across]
+    away = np.maximum(np.abs(there - rows), np.abs(across - columns))
+    changed = np.abs(own - other) > ratio * (2 + away) * np.maximum(own, other)
+    out = np.zeros_like(w)
+    out[rows[changed], columns[changed]] = other[changed]
+    return out
 
 
 def edge_ratio(camera: Camera) -> float:

@@ -31,51 +31,31 @@ def fit(room: Float32Array, row: Whole, otherwise: Real) -> Real:
 
 
 @kernel
-def snap(
+def fitted(
     first: Whole,
     last: Whole,
     w: Float32Array,
     band: BoolArray,
+    target: Float32Array,
     color: Float32Array,
     ratio: Real,
     radius: Whole,
     width: Real,
-    better: Real,
     room: Float32Array,
     out: Float32Array,
 ) -> None:
-    """In the band, pixels that look like another surface near by and not like their own get the inverse depth of that one.
+    """Where `target` is not 0, the inverse depth of the plane through known pixels near by that are as near as it, least squares.
 
-    w: H x W, 0 = unknown; color: H x W x 3 float32. ratio: relative step of one surface between neighbours; radius: px looked at;
-    better: times that the other surface's mean likeness must be its own's. room: H x ROOM. out: H x W.
+    w: H x W, 0 = unknown; band: H x W, where w may be wrong: a pixel there counts a tenth; target: H x W; color: H x W x 3
+    float32: pixels `width` levels apart do not count. ratio: relative step of one surface between neighbours; radius: px looked
+    at; room: H x ROOM. out: H x W, elsewhere w.
     """
     rows, columns = w.shape
     for row in range(first, last):
         for column in range(columns):
-            here = w[row, column]
-            out[row, column] = here
-            if not band[row, column] or here <= 0:
-                continue
-            own, owns, other, others = 0.0, 1e-3, 0.0, 1e-3
-            most, best = 0.0, 0.0
-            for y in range(max(0, row - radius), min(rows, row + radius + 1)):
-                for x in range(max(0, column - radius), min(columns, column + radius + 1)):
-                    there = w[y, x]
-                    if there <= 0 or (y + x + row + column) % 2 == 1:
-                        continue
-                    away = float(max(abs(y - row), abs(x - column)))
-                    weight = (1.0 if not band[y, x] else 0.1) / (2.0 + away)
-                    like = likeness(color, row, column, y, x, width)
-                    if abs(there - here) <= ratio * (2.0 + away) * max(there, here):
-                        if away > 0:
-                            own += weight * like
-                            owns += weight
-                    else:
-                        other += weight * like
-                        others += weight
-                        if weight * like > most:
-                            most, best = weight * like, there * 1.0
-            if most <= 0 or other / others <= better * own / owns + 0.1:
+            out[row, column] = w[row, column]
+            best = target[row, column]
+            if best <= 0:
                 continue
             for k in range(9):
                 room[row, k] = 0
@@ -96,7 +76,7 @@ def snap(
                     room[row, 7] += weight * there * right
                     room[row, 8] += weight * there * down
             near = ratio * (2.0 + radius) * best
-            out[row, column] = min(max(fit(room, row, best), best - near), best + near)
+            out[row, column] = min(max(fit(room, row, best * 1.0), best - near), best + near)
 
 
 @kernel

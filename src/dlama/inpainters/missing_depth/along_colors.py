@@ -14,8 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dlama.geometry.holes import with_nearest
+from dlama.geometry.kernels.along_colors import nearest_by_color
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
-from dlama.inpainters.missing_depth.kernels import nearest_by_color, relax
+from dlama.inpainters.missing_depth.kernels import relax
 from dlama.perception.planes import SMOOTH, plane_values_at
 
 BLUR = 1.5
@@ -61,7 +62,7 @@ def along_colors(
     smooth_color = np.asarray(cv2.GaussianBlur(seen, (0, 0), BLUR), np.float32)
     source = np.where(hole, -1, np.arange(hole.size, dtype=np.int32).reshape(hole.shape)).astype(np.int32)
     distance = np.where(hole, np.float32(FARTHEST), np.float32(0))
-    nearest_by_color(distance, source, missing, smooth_color, STEP, DEAREST, ROUNDS)
+    nearest_by_color(distance, source, missing, smooth_color, STEP, DEAREST, w, 0.0, 0.0, ROUNDS)
     reached = missing & (source >= 0)
     known = source[reached]
     out, labels = w.copy(), label.copy()
