@@ -141,6 +141,7 @@ def test_the_whole_way(pages: Pages, frame: Path, tmp_path: Path) -> None:
     page.locator("#method summary").click()
     page.select_option("#filler", "telea")
     complete(page)
+    playwright.expect(page.locator("#run-words")).to_contain_text("telea, ")
     playwright.expect(page.locator("#before-name")).to_have_text("known from here")
     page.locator("#compare").click(position={"x": 20, "y": 200})
     playwright.expect(page.locator("#readout")).to_contain_text("confidence")

@@ -88,13 +88,7 @@ class JobInputs:
     ) -> BoolArray:
         """The mask of what is pointed at in a picture, read from `image`; how it was found goes into meta.json."""
         found = find_pointed(rgbd, image, settings, object_class)
-        about = {
-            "masker": found.masker,
-            "candidate": found.chosen,
-            "candidates": found.shares,
-            "notes": list(found.notes),
-        }
-        self.object_mask = {**settings, **about}
+        self.object_mask = {**settings, **found.about}
         return found.mask
 
     def optional_disparity(self, path: Path | None, scale: float | None) -> Float32Array | None:

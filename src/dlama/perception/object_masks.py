@@ -56,9 +56,10 @@ class ObjectMask:
     """What a user should know, in words."""
 
     @property
-    def shares(self) -> dict[str, float]:
-        """Of the picture, by candidate."""
-        return {name: round(float(mask.mean()), 6) for name, mask in self.candidates.items()}
+    def about(self) -> dict[str, Any]:
+        """How it was found, JSON-ready: masker, candidate, candidates (name -> share of the picture) and notes."""
+        shares = {name: round(float(mask.mean()), 6) for name, mask in self.candidates.items()}
+        return {"masker": self.masker, "candidate": self.chosen, "candidates": shares, "notes": list(self.notes)}
 
 
 class MaskSession:

@@ -27,8 +27,7 @@ def complete(visit: Visit, fields: Fields) -> dict[str, Any]:
     found = visit.found[1] if visit.found else None
     about: dict[str, Any] = {}
     if mask is not None and found is not None and marks.in_words and source.pair is None:
-        told = {"masker": found.masker, "candidate": found.chosen, "notes": list(found.notes)}
-        about = {**pointing(marks), "mask_model": None, **told}
+        about = {**pointing(marks), "mask_model": None, **found.about}
 
     def work() -> dlama.Completion:
         if source.pair is not None:
@@ -82,6 +81,7 @@ def told_result(result: Result) -> dict[str, Any]:
         "hole_share": done.meta["hole_share"],
         "nothing_visible": done.meta["nothing_visible"],
         "seconds": done.meta["seconds"],
+        "filler": done.meta["filler"],
         "warnings": [in_words_of_the_page(shown(text, names)) for text in result.warnings],
         "legends": {
             **{side: pictures.legends(done, side == "right") for side in sides},

@@ -89,10 +89,7 @@ def found_values(found: dlama.ObjectMask, files: list[Path]) -> dict[str, Any]:
     """The same, JSON-ready."""
     return {
         "files": [str(file) for file in files],
-        "masker": found.masker,
-        "candidate": found.chosen,
-        "candidates": found.shares,
+        **found.about,
         "shadow_share": None if found.shadow is None else round(float(found.shadow.mean()), 6),
         "share": round(float(found.mask.mean()), 6),
-        "notes": list(found.notes),
     }

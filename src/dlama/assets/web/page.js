@@ -255,7 +255,7 @@ async function follow() {
     const told = await server.ask("run");
     $("progress").value = told.share ?? 0;
     $("run-words").textContent = { waiting: "waiting for its turn", running: STAGES[told.stage] ?? told.stage ?? "" }[told.state] ?? "";
-    if (told.state === "done") { $("run-words").textContent = `${told.seconds.toFixed(1)} s`; return showResult(told.result); }
+    if (told.state === "done") { $("run-words").textContent = `${told.result.filler}, ${told.seconds.toFixed(1)} s`; return showResult(told.result); }
     if (told.state === "cancelled" || told.state === "none") { $("run-words").textContent = "cancelled"; return; }
     await new Promise((done) => setTimeout(done, 200));
   }
