@@ -13,7 +13,7 @@ from dlama.geometry.camera import Camera
 from dlama.geometry.kernels.along_colors import nearest_by_color
 from dlama.geometry.rgbd import RGBD
 from dlama.inpainters.missing_depth.along_colors import along_colors
-from dlama.inpainters.missing_depth.kernels import relax
+from dlama.inpainters.missing_depth.kernels import conductances, relax
 from dlama.perception.planes import SKY, SMOOTH
 
 WIDTH, HEIGHT = 192, 144
@@ -74,7 +74,9 @@ def test_what_lies_on_no_plane_is_relaxed_to_the_minimum() -> None:
     free = rng.random(shape) < 0.5
     free &= begin > 0
     values = begin.copy()
-    relax(values, np.flatnonzero(free).astype(np.int32), begin, color, 4.0, 2.0, 0.1, 0.05, 1.5, 400)
+    drawn = np.empty((*shape, 2), np.float32)
+    conductances(0, shape[0], drawn, np.ones(shape, np.bool_), begin, color, 4.0, 2.0, 0.1)
+    relax(values, np.flatnonzero(free).astype(np.int32), begin, drawn, 0.05, 1.5, 400)
     index = {tuple(map(int, one)): n for n, one in enumerate(np.argwhere(free))}
     matrix, right = np.zeros((len(index),) * 2), np.zeros(len(index))
     for (y, x), n in index.items():
@@ -83,12 +85,13 @@ def test_what_lies_on_no_plane_is_relaxed_to_the_minimum() -> None:
             if not (0 <= v < shape[0] and 0 <= u < shape[1]) or begin[v, u] == 0:
                 continue
             by_color = (1 + ((color[y, x] - color[v, u]) ** 2).sum() / 16) ** -2
-            drawn = max(by_color, (1 + ((begin[v, u] - begin[y, x]) / (0.1 * begin[y, x])) ** 2) ** -2)
-            matrix[n, n] += drawn
+            apart = (begin[v, u] - begin[y, x]) / (0.1 * max(begin[v, u], begin[y, x]))
+            weight = max(by_color, (1 + apart**2) ** -2)
+            matrix[n, n] += weight
             if free[v, u]:
-                matrix[n, index[v, u]] -= drawn
+                matrix[n, index[v, u]] -= weight
             else:
-                right[n] += drawn * begin[v, u]
+                right[n] += weight * begin[v, u]
     np.testing.assert_allclose(values[free], np.linalg.solve(matrix, right), rtol=1e-4)
     np.testing.assert_array_equal(values[~free], begin[~free])
 

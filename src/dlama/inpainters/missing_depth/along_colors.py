@@ -13,10 +13,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from dlama.geometry.holes import with_nearest
+from dlama.geometry.holes import dilated, with_nearest
 from dlama.geometry.kernels.along_colors import nearest_by_color
+from dlama.geometry.kernels.jit import in_bands
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
-from dlama.inpainters.missing_depth.kernels import relax
+from dlama.inpainters.missing_depth.kernels import conductances, relax
 from dlama.perception.planes import SMOOTH, plane_values_at
 
 BLUR = 1.5
@@ -30,8 +31,8 @@ FADING = 16.0
 MOST = 3.0
 """Times nearer or farther than the known pixel up to which its plane is believed."""
 SOFT, POWER, JUMP, KEEP, OVER, SWEEPS = 2.0, 3.0, 0.1, 0.01, 1.8, 80
-"""Of `relax`: levels between neighbours that begin to part them and how strongly, the relative step of inverse depth up to which
-nothing does, how much each keeps to its own value, the factor of over-relaxation, sweeps."""
+"""Of `conductances` and `relax`: levels between neighbours that begin to part them and how strongly, the relative step of inverse
+depth up to which nothing does, how much each keeps to its own value, the factor of over-relaxation, sweeps."""
 
 
 class DepthByColor(NamedTuple):
@@ -69,7 +70,9 @@ def along_colors(
     labels[reached] = label.ravel()[known]
     out[reached] = continued(w, label.ravel()[known], planes, np.nonzero(reached), known)
     loose = reached & (labels == SMOOTH)
-    relax(out, np.flatnonzero(loose).astype(np.int32), out.copy(), smooth_color, SOFT, POWER, JUMP, KEEP, OVER, SWEEPS)
+    begin, drawn = out.copy(), np.empty((*out.shape, 2), np.float32)
+    in_bands(conductances, len(out), drawn, dilated(loose, 1), begin, smooth_color, SOFT, POWER, JUMP)
+    relax(out, np.flatnonzero(loose).astype(np.int32), begin, drawn, KEEP, OVER, SWEEPS)
     return DepthByColor(out, labels, reached)
 
 
