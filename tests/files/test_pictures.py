@@ -212,8 +212,14 @@ def test_writers_refuse_other_arrays(tmp_path: Path) -> None:
 
 
 def test_files_of_a_result_given_as_a_picture_say_what_goes_where(tmp_path: Path) -> None:
-    """Message: the scene itself goes elsewhere; of points and mesh it is the scene beside them."""
+    """Message: the scene itself goes elsewhere; of points and mesh it is the scene beside them; other pictures are named."""
     for name, told in (("s.npz", "a scene goes into view"), ("s.ply", r"the scene\.npz of the result goes into view")):
         (tmp_path / name).write_bytes(b"ply\n")
         with pytest.raises(FileError, match=told):
             read_color(tmp_path / name)
+    for kind in ("WebP", "GIF", "BMP"):
+        Image.new("RGB", (8, 8)).save(tmp_path / "picture.png", format=kind)
+        with pytest.raises(FileError, match=f"is no readable PNG, JPEG or TIFF picture, but {kind}: save it as PNG"):
+            read_color(tmp_path / "picture.png")
+    with pytest.raises(FileError, match="no such file; addresses are for `dlama batch` alone"):
+        read_color("https:/somewhere/a.jpg")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import re
 import struct
 import warnings
 from collections.abc import Iterator
@@ -30,6 +31,16 @@ TIFF_WHOLE = {3: "H", 4: "I", 16: "Q"}
 """Types of whole numbers in a TIFF, as `struct` calls them."""
 LARGEST_PIXELS = 2**26
 """Pixels of the largest picture or array that is read (8192 x 8192): bounds the memory that a small file can ask for."""
+OTHER_PICTURES = {
+    "WebP": rb"RIFF....WEBP",
+    "HEIC": rb"....ftyp(hei|mif)",
+    "AVIF": rb"....ftypavi",
+    "GIF": rb"GIF8",
+    "BMP": rb"BM",
+}
+"""Kinds of pictures that are not read, and how their files begin."""
+ADDRESS = re.compile(r"[a-z][a-z0-9+]+:/")
+"""How an address begins; a path has one slash of its two."""
 SHOWN_NAME = 120
 """Characters of a file's name that an error shows."""
 
@@ -52,7 +63,8 @@ def existing(path: PathLike) -> Path:
     try:
         kind, size = file.is_dir(), file.stat().st_size
     except FileNotFoundError:
-        raise FileError(f"{shown_name(path)}: no such file") from None
+        fetched = "; addresses are for `dlama batch` alone" if ADDRESS.match(str(path)) else ""
+        raise FileError(f"{shown_name(path)}: no such file{fetched}") from None
     except (OSError, ValueError) as error:  # a name too long, with NUL, behind a closed folder, in a circle of links
         raise FileError(f"{shown_name(path)}: cannot be read ({getattr(error, 'strerror', '') or error})") from error
     if kind:
@@ -94,7 +106,7 @@ def read_stored(path: PathLike) -> Stored:
     except FileError:
         raise
     except Image.UnidentifiedImageError as error:
-        raise FileError(f"{file}: is no readable PNG, JPEG or TIFF picture{_if_scene(file)}") from error
+        raise FileError(f"{file}: is no readable PNG, JPEG or TIFF picture{_what_else(file)}") from error
     except Exception as error:  # decoders raise OSError, SyntaxError, ValueError, struct.error, ... on damaged files
         raise FileError(f"{file}: is damaged or truncated ({str(error) or type(error).__name__})") from error
 
@@ -122,7 +134,7 @@ def _header(file: Path) -> tuple[tuple[int, int], int]:
     except FileError:
         raise
     except Exception as error:
-        raise FileError(f"{file}: is no readable PNG, JPEG or TIFF picture{_if_scene(file)}") from error
+        raise FileError(f"{file}: is no readable PNG, JPEG or TIFF picture{_what_else(file)}") from error
 
 
 @contextmanager
@@ -215,8 +227,14 @@ def _exif(picture: Image.Image) -> tuple[int, float | None]:
     return orientation if orientation in range(2, 9) else 1, focal
 
 
-def _if_scene(file: Path) -> str:
-    """What to do with a scene.npz, or with points or a mesh of a result, that was given as a picture."""
+def _what_else(file: Path) -> str:
+    """What a file is that was given as a picture, and what to do with it: of another kind of pictures, a scene.npz, or points or
+    a mesh of a result."""
+    with file.open("rb") as stream:
+        head = stream.read(12)
+    found = next((kind for kind, begins in OTHER_PICTURES.items() if re.match(begins, head, re.DOTALL)), None)
+    if found is not None:
+        return f", but {found}: save it as PNG"
     suffix = file.suffix.lower()
     which = "a scene" if suffix == ".npz" else "the scene.npz of the result" if suffix in (".ply", ".glb") else ""
     return f"; {which} goes into view, sequence, video and show" if which else ""
