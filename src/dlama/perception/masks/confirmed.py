@@ -86,7 +86,7 @@ def confirmed(rgbd: RGBD, found: Planes, pieces: Pieces, thing: BoolArray, promp
         if alone is not None:
             return Confirmed(alone.part, alone, True)
         even = even_region(rgbd.color, Prompt.pixels(prompt.clicks)[0])
-        if even is not None and shown is None:
+        if even is not None and shown is None and filled_share(thing) < CONVEX:
             return Confirmed(even, None, False)
     return Confirmed(thing, shown if shown is not None and overlap(shown.part, thing) >= SAME else None, False)
 
@@ -137,11 +137,13 @@ def even_region(color: UInt8Array, pixel: Pixel) -> BoolArray | None:
     """H x W, what hangs together with a pixel by its colour, if that has the shape of a thing: a dark screen, a door."""
     _, labels = cv2.connectedComponents(opened(color_region(color, pixel), square(EVEN_PX)).astype(np.uint8))
     region = filled_outline(labels == labels[pixel]) if labels[pixel] else np.zeros(labels.shape, np.bool_)
-    if not EVEN[0] <= region.mean() <= EVEN[1]:
-        return None
+    return region if EVEN[0] <= region.mean() <= EVEN[1] and filled_share(region) >= CONVEX else None
+
+
+def filled_share(region: BoolArray) -> float:
+    """Share of its convex hull that a region (H x W, not empty) covers, 0..1."""
     hull = cv2.convexHull(cv2.findNonZero(region.astype(np.uint8)))
-    drawn = cv2.fillConvexPoly(np.zeros(region.shape, np.uint8), hull, 1)
-    return region if region.sum() >= CONVEX * drawn.sum() else None
+    return float(region.sum() / cv2.fillConvexPoly(np.zeros(region.shape, np.uint8), hull, 1).sum())
 
 
 def overlap(one: BoolArray, other: BoolArray) -> float:
