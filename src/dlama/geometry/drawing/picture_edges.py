@@ -34,6 +34,8 @@ LEAST_EDGES = 40
 """Fewer edges say nothing."""
 REACHED = 0.8
 """Share of the edges that lie within the reach in which pixels are moved."""
+CLEARLY = 2
+"""Pixels from which on depth edges clearly lie beside the picture's: a rendered picture's soft edges may do so by one."""
 WIDER = 3
 """Pixels beyond that reach that are moved, too, if colours say so: a fifth of the edges are farther off."""
 STEP, DEAREST, ROUNDS = 8.0, 60.0, 2

@@ -44,7 +44,8 @@ def color_odds(
                     light = lab[r, c, 0] - lab[row, column, 0]
                     red = lab[r, c, 1] - lab[row, column, 1]
                     blue = lab[r, c, 2] - lab[row, column, 2]
-                    density = np.exp(scale * (light * light + red * red + blue * blue))
+                    power = scale * (light * light + red * red + blue * blue)
+                    density = np.exp(power) if power > -12.5 else 0.0
                     if one:
                         ours += density
                         here += 1

@@ -39,8 +39,6 @@ THIN_PX = 6
 """if it is wider than twice this: thin legs do not stand out."""
 ONE_THING = 0.7
 """Intersection over union of what stands out and of its surfaces, from which on both show one thing."""
-SAME = 0.5
-"""The same with which what stands out says where the outline of depth is, no more."""
 APART = 4
 FLAT = 0.025
 """Median relative step of depth along an outline, below which depth does not say where the thing ends."""
@@ -70,9 +68,7 @@ class Confirmed:
     thing: BoolArray
     """H x W."""
     shown: StandsOut | None
-    """What stands out, where it says where the outline is."""
-    agreed: bool
-    """Whether both show one thing."""
+    """What stands out, where both show one thing."""
 
 
 def confirmed(rgbd: RGBD, found: Planes, pieces: Pieces, thing: BoolArray, prompt: Prompt) -> Confirmed:
@@ -80,15 +76,15 @@ def confirmed(rgbd: RGBD, found: Planes, pieces: Pieces, thing: BoolArray, promp
     shown = standing_out(rgbd.color, window_about(thing), prompt)
     best, agreed = (thing, 0.0) if shown is None else of_surfaces(rgbd, found, pieces, thing, shown)
     if agreed >= ONE_THING:
-        return Confirmed(best, shown, True)
+        return Confirmed(best, shown)
     if shown is None or along_outline(rgbd, thing) < FLAT:
         alone = about_click(rgbd.color, prompt)
         if alone is not None:
-            return Confirmed(alone.part, alone, True)
+            return Confirmed(alone.part, alone)
         even = even_region(rgbd.color, Prompt.pixels(prompt.clicks)[0])
         if even is not None and shown is None and filled_share(thing) < CONVEX:
-            return Confirmed(even, None, False)
-    return Confirmed(thing, shown if shown is not None and overlap(shown.part, thing) >= SAME else None, False)
+            return Confirmed(even, None)
+    return Confirmed(thing, None)
 
 
 def doubts(
@@ -106,10 +102,9 @@ def doubts(
     unknown[box] = (missing & dilated(part, HOLE_PX)) | lost_foot(near, part, under)
     if sure is None or sure.shown is None:
         return Doubt(beside, unknown)
-    if sure.agreed:
-        far = lost_foot(near, opened(part, disc(THIN_PX)), under, 2 * FOOT_PX)
-        unknown[box] |= sure.shown.part[box] & ((missing & dilated(part, 2 * HOLE_PX)) | far)
-    return Doubt(beside, unknown, sure.shown.level, sure.shown.part if sure.agreed else None)
+    far = lost_foot(near, opened(part, disc(THIN_PX)), under, 2 * FOOT_PX)
+    unknown[box] |= sure.shown.part[box] & ((missing & dilated(part, 2 * HOLE_PX)) | far)
+    return Doubt(beside, unknown, sure.shown.level, sure.shown.part)
 
 
 def around(mask: BoolArray, margin: int) -> tuple[slice, slice]:

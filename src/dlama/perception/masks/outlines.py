@@ -38,6 +38,8 @@ DEPTH_ODDS = 1.0
 """Log odds that depth counts for at the end of its uncertainty."""
 SHOWN, SHOWN_ALONE = 0.5, 0.8
 """How much what stands out in the picture counts, beside colours, and how much where depth does not say anything."""
+NEAR = 2
+"""It does so within this many times the distance that colours decide in, from the outline of what stands out."""
 FOOT_MARGIN = 12
 """Pixels by which a foot or missing depth may lie outside a mask."""
 PULL = 0.3
@@ -64,9 +66,9 @@ class Doubt:
     unknown: BoolArray
     """H x W, pixels of which depth does not say whether they belong to it: they have none, or may be its foot."""
     level: Float32Array | None = None
-    """H x W, 0..1: how much each pixel stands out in the picture."""
+    """H x W, 0..1: how much each pixel stands out in the picture, if that shows the same thing; with it `agreed`."""
     agreed: BoolArray | None = None
-    """H x W: what stands out, where that and depth show one thing."""
+    """H x W: what stands out of that thing."""
 
     def within(self, box: tuple[slice, slice]) -> Doubt:
         """That of a part of the picture."""
@@ -107,9 +109,10 @@ def cropped(lab: Float32Array, thing: BoolArray, doubt: Doubt) -> BoolArray:
         return thing
     odds = by_color(lab, open_, inside | thin, outside, wide + SAMPLED_PX)
     odds += np.where(unknown, 0, np.where(thin, DEPTH_ODDS, depth_odds(thing, wide)))
-    if doubt.level is not None:
+    if doubt.level is not None and doubt.agreed is not None:
         shown = np.clip(np.log((doubt.level + 0.01) / (1.01 - doubt.level)), -MOST_ODDS, MOST_ODDS)
-        shown *= np.where(unknown, SHOWN_ALONE, SHOWN)
+        its_outline = dilated(doubt.agreed & ~eroded(doubt.agreed, 1), NEAR * wide)
+        shown *= np.where(unknown, SHOWN_ALONE, np.where(its_outline, SHOWN, 0))
         odds += np.where(dilated(thin, wide), np.maximum(shown, 0), shown)
     return tidied(walked(lab, open_, odds, inside) > 0.5, inside | thin)
 

@@ -12,7 +12,7 @@ from collections.abc import Callable
 import numpy as np
 
 from dlama.errors import MaskError
-from dlama.geometry.drawing.picture_edges import edges_beside
+from dlama.geometry.drawing.picture_edges import CLEARLY, edges_beside
 from dlama.geometry.holes import nearest_known
 from dlama.geometry.projection import inverse_depth
 from dlama.geometry.rgbd import RGBD, BoolArray
@@ -60,7 +60,7 @@ def rgbd_masker(rgbd: RGBD, model: None) -> Callable[[Prompt], tuple[dict[str, B
         return lambda prompt: (rough_candidates(rough, prompt), (NOISY,))
     found = planes_of(rgbd)
     beside = edges_beside(rgbd.color, rgbd.depth, rgbd.valid, rgbd.far)
-    return lambda prompt: rgbd_candidates(rgbd, found, prompt, beside)
+    return lambda prompt: rgbd_candidates(rgbd, found, prompt, beside if beside >= CLEARLY else 0)
 
 
 def is_noisy(rgbd: RGBD) -> bool:
