@@ -67,6 +67,9 @@ def test_what_is_written_is_read_back(room: Path, tmp_path: Path) -> None:
         np.testing.assert_allclose(done.camera.world_from_cam, given.camera.world_from_cam, atol=1e-9)
         truth = WORLD.trace(given.camera)[0]
         assert np.median(np.abs(done.depth - truth)[~known]) < 0.01
+        origin = np.array(Image.open(tmp_path / "out" / "origin" / f"{each.name}.png"))
+        for told, code in (("filled_share", Origin.FILLED), ("depth_filled_share", Origin.DEPTH_FILLED)):
+            assert abs(meta[told][each.name] - (origin == code).mean()) < 1e-6
     assert {path.name for path in (tmp_path / "out").iterdir()} == {
         "images", "depth", "hole", "origin", "source", "transforms.json", "meta.json", "scene.npz", "scene.ply", "scene.glb",
         "sparse", meta["video"],
@@ -163,7 +166,7 @@ def test_auto_is_the_filler_that_suits_the_scene(
     dlama.write(dlama.complete(guessed, [guessed.camera]), "one", only=["scene"])
     for source, depth, filler in (("one/scene.npz", "estimated", "patchmatch"), (str(room), "measured", "layered")):
         main(["sequence", source, "-o", depth, "--only", "scene", *(["--frames", "1:2"] * (depth == "measured"))])
-        assert f"filled, filler {filler}, " in capsys.readouterr().out
+        assert f", filler {filler}, " in capsys.readouterr().out
         meta = json.loads(Path(depth, "meta.json").read_text())
         assert (meta["depth"], meta["filler"]) == (depth, filler)
         main(["video", f"{depth}/scene.npz", "-o", "v.webp", "--seconds", ".1", "--fps", "20", "--json"])

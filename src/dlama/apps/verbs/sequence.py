@@ -14,6 +14,7 @@ from tyro.conf import Positional
 
 import dlama
 from dlama.apps import model_files
+from dlama.apps.command import SHOWN
 from dlama.apps.options import (
     RECIPES,
     CameraFile,
@@ -145,16 +146,17 @@ def mask_files(named: Sequence[str], folder: Path | None) -> dict[str, Path]:
 def summary_line(meta: dict[str, Any], output: Path, seconds: float) -> str:
     """One line: how many views of how many frames, what was left out, what share was filled by which filler, how long it took."""
     shares, count = meta["filled_share"].values(), len(meta["frames"]["names"])
-    mean = sum(shares) / max(len(shares), 1)
+    mean, depth = (sum(meta[name].values()) / max(len(shares), 1) for name in ("filled_share", "depth_filled_share"))
     out = f", {len(meta['left_out'])} left out ({', '.join(list(meta['left_out'])[:3])})" if meta["left_out"] else ""
     earlier = f", {meta['views_from_earlier_run']} from an earlier run" if meta["views_from_earlier_run"] else ""
-    how = f"{mean:.1%} filled{earlier}, filler {meta['filler']}, {seconds:.1f} s"
+    alone = f", {depth:.1%} in depth alone" if depth >= SHOWN else ""
+    how = f"{mean:.1%} filled{alone}{earlier}, filler {meta['filler']}, {seconds:.1f} s"
     return f"{output}: {counted(len(shares), 'view')} of {counted(count, 'frame')}{out}, {how}"
 
 
 def summary_values(meta: dict[str, Any], output: Path) -> dict[str, Any]:
     """The same, JSON-ready."""
-    names = ("filler", "filled_share", "left_out", "views_from_earlier_run", "masked_frames")
+    names = ("filler", "filled_share", "depth_filled_share", "left_out", "views_from_earlier_run", "masked_frames")
     return {"output": str(output), "frames": meta["frames"]["names"], **{name: meta[name] for name in names}}
 
 

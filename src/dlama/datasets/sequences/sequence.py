@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -14,6 +14,7 @@ from dlama.completion.frames.sources import filler_for, kind_of_depth
 from dlama.completion.frames.stepwise import Step, plan_for, steps_for, taken, taken_up
 from dlama.completion.memory import check_memory
 from dlama.completion.recipes import find_recipe
+from dlama.completion.report import share
 from dlama.completion.steps import Plan
 from dlama.datasets.posed.nerfstudio_writer import FOLDERS, write_transforms, write_view
 from dlama.datasets.posed.posed_frames import CameraOption
@@ -28,6 +29,7 @@ from dlama.geometry.camera import Camera
 from dlama.geometry.frames.choosing import MOST_FRAMES
 from dlama.geometry.rgbd import BoolArray
 from dlama.geometry.scene import Scene
+from dlama.geometry.view import Origin
 from dlama.inpainters import AUTO
 
 Progress = Callable[[int, int, str, bool], None]
@@ -40,9 +42,19 @@ class Done:
 
     scene: Scene
     filled: dict[str, float] = field(default_factory=dict)
-    """View -> share of its pixels that were filled."""
+    """View -> share of its pixels that were filled, in colour and depth."""
+    depth_filled: dict[str, float] = field(default_factory=dict)
+    """The same, in depth alone: their colours were measured, and no frame had a depth."""
     reused: int = 0
     """Steps that an earlier run had done."""
+
+    def shares(self, names: Iterable[str]) -> dict[str, dict[str, float]]:
+        """Of the views with these names, for meta.json."""
+        order = list(names)
+        return {
+            "filled_share": {name: self.filled[name] for name in order},
+            "depth_filled_share": {name: self.depth_filled[name] for name in order},
+        }
 
 
 @system_errors(OutputError)
@@ -109,7 +121,6 @@ def sequence(
     meta = {
         "dlama": __version__,
         "dataset": str(dataset),
-        "depth": kind_of_depth(given),
         **about_frames(names, kept, given, damaged),
         "recipe": recipe,
         "dilate": plan.recipe.dilate,
@@ -118,7 +129,7 @@ def sequence(
         "model": None if model is None else str(model),
         "seed": seed,
         "masked_frames": sorted(masks or {}),
-        "filled_share": {name: done.filled[name] for name in ordered},
+        **done.shares(ordered),
         "views_from_earlier_run": done.reused,
         **written(target, done.scene, ordered, names, wanted),
         "seconds": round(time.perf_counter() - started, 3),
@@ -130,9 +141,11 @@ def sequence(
 
 
 def about_frames(names: Sequence[str], kept: Sequence[str], given: Scene, damaged: Mapping[str, str]) -> dict[str, Any]:
-    """For meta.json: the frames that the scene is made of (`kept` of those with `names`), and why others were left out."""
+    """For meta.json: where depth comes from, the frames that the scene is made of (`kept` of those with `names`), why others were
+    left out."""
     contradict = [name for name in names if name not in kept and name not in damaged]
     return {
+        "depth": kind_of_depth(given),
         "frames": {"names": list(kept), "gains": [list(gain) for gain in given.gains], "noise": list(given.noise)},
         "left_out": dict(damaged) | dict.fromkeys(contradict, "see warnings"),
     }
@@ -178,7 +191,8 @@ def completed(
             added = state.keep(step, added)
         done.scene, done.reused = taken_up(done.scene, step, added), done.reused + earlier
         if step.name is not None:
-            done.filled[step.name] = round(float(added.view.filled.mean()), 6)
+            done.filled[step.name] = share(added.view.filled)
+            done.depth_filled[step.name] = share(added.view.origin == Origin.DEPTH_FILLED)
         if progress is not None:
             progress(number + 1, len(steps), step.name or f"{names[step.place or 0]} (on the way)", earlier)
     return done
