@@ -79,6 +79,19 @@ def test_a_shadow_that_fades_is_followed() -> None:
     assert (found & true).sum() > 0.75 * found.sum()
 
 
+@pytest.mark.parametrize(("tone", "right"), [(0.65, (-1.6, 0.0)), (0.75, (-0.2, 2.0))])
+def test_a_rug_that_the_shadow_touches_is_no_part_of_it(tone: float, right: tuple[float, float]) -> None:
+    """A rug as dark as the shadow begins beside the box or under it: of what is there the shadow alone is found."""
+    rgbd, mask, shadow = lit_and_shadow(0.5)
+    points = rays(CAMERA) * rgbd.depth[..., None]
+    rug = (points[..., 0] > right[0]) & (points[..., 0] < right[1]) & (points[..., 2] > 2.1) & (points[..., 2] < 4)
+    rug &= ~mask & (np.abs(points[..., 1] - 1) < 0.01)
+    color = np.where(rug[..., None], rgbd.color * tone, rgbd.color).astype(np.uint8)
+    found = find_shadow(RGBD(color, rgbd.depth, CAMERA), mask)
+    assert (found & shadow).sum() > 0.75 * shadow.sum()
+    assert (found & rug & ~shadow).sum() < 0.2 * (rug & ~shadow).sum()
+
+
 def test_a_shadow_in_estimated_depth() -> None:
     """The box leans against a bent ground, as networks say it; it is taken to stand upright where its foot is."""
     rgbd, mask, shadow = lit_and_shadow(0.5)

@@ -22,7 +22,7 @@ from dlama.perception.shadows.thrown import SMALLEST_PX
 NEAR_PX = 5
 """A shadow touches the shape that was thrown, or comes so near the thing."""
 PLAUSIBLE = 0.1
-"""What darkness alone adds has this mean probability at least: elsewhere it is the pattern that is dark."""
+"""What darkness alone adds has this mean probability at least: elsewhere it is a rug or the pattern that is dark."""
 FAINT = 0.02
 """And what the sky explains this one: it is faint."""
 TRUSTED = 0.8
@@ -49,7 +49,7 @@ def find_shadow(rgbd: RGBD, mask: BoolArray, found: Planes | None = None) -> Boo
     usable = ground.surface & ~dilated(mask, EDGE_PX)
     thrown = (shape > 0.5) & usable
     shadow = touching((probability > SHADOW) & usable, thrown | dilated(mask, NEAR_PX))
-    further = grown(rgbd, mask, ground, usable, thrown)
+    further = grown(rgbd, mask, ground, usable, thrown) & ~shadow
     if further.any() and probability[further].mean() > PLAUSIBLE:
         shadow |= further
     soft = under_the_sky(rgbd, mask, ground, usable, shadow, occlusion) & ~shadow
