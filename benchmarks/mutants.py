@@ -301,6 +301,28 @@ MUTANTS: tuple[Mutant, ...] = (
         ("trust in a target is dropped", "* np.float64(trust[t])", "* 1.0"),
     ),
     *faults(
+        "inpainters/missing_depth/along_colors.py",
+        "tests/inpainters/missing_depth",
+        ("planes are not continued", "np.where(believed, on_plane + residual * fading, own)", "own"),
+        (
+            "nothing is relaxed from no plane",
+            "relax(out, np.flatnonzero(loose)",
+            "relax(out, np.flatnonzero(loose & False)",
+        ),
+        ("the sky is relaxed, too", "loose = reached & (labels == SMOOTH)", "loose = reached"),
+    ),
+    *faults(
+        "geometry/kernels/along_colors.py",
+        "tests/inpainters/missing_depth tests/geometry/drawing/test_picture_edges.py",
+        ("the known pixel's own colour is not asked", "+ min(own / (step * step), dearest)", ""),
+        ("what was measured does not count", "longer += contrary", "longer += 0.0"),
+    ),
+    *faults(
+        "geometry/drawing/picture_edges.py",
+        "tests/geometry/drawing/test_picture_edges.py",
+        ("no edge is moved beyond the reach", "WIDER = 3", "WIDER = 0"),
+    ),
+    *faults(
         "inpainters/__init__.py",
         "tests/inpainters/patchmatch/test_patchmatch.py",
         ("auto is one filler for all depth", "return ESTIMATED if estimated else MEASURED", "return MEASURED"),

@@ -90,12 +90,13 @@ def test_things_thinner_than_the_reach_stay() -> None:
     np.testing.assert_array_equal(found.depth[:, 120:123], depth[:, 120:123])
 
 
-def test_nothing_moves_where_colours_tell_nothing() -> None:
+@pytest.mark.parametrize("reach", [(7, 7), (6, 8)], ids=["in the middle", "the other surface is nearer"])
+def test_nothing_moves_where_colours_tell_nothing(reach: tuple[int, int]) -> None:
     """Grey on grey: no pixel belongs to the other surface, so none moves, up to the last column of the band."""
     w = (1 / depth_of(EDGE)).astype(np.float32)
     grey = np.full((*w.shape, 3), 128, np.float32)
     band = np.zeros(w.shape, np.bool_)
-    band[:, EDGE - 7 : EDGE + 7] = True
+    band[:, EDGE - reach[0] : EDGE + reach[1]] = True
     assert not other_surfaces(w, w > 0, band, grey, 0.02).any()
 
 

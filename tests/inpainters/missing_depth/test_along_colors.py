@@ -116,6 +116,17 @@ def test_only_missing_depth_is_reached_and_the_sky_stays_far() -> None:
     np.testing.assert_array_equal(got.label[got.reached], label[got.reached])
 
 
+def test_what_has_no_depth_as_a_whole_is_spanned() -> None:
+    """Law: between known ends on no plane, in one colour, inverse depth runs from one to the other without a step or a bump."""
+    w = np.where(np.arange(50) < 25, 0.5, 0.65).astype(np.float32)[None].repeat(20, 0)
+    missing = np.zeros(w.shape, np.bool_)
+    missing[:, 20:30] = True
+    color, label = np.full((*w.shape, 3), 40, np.uint8), np.full(w.shape, SMOOTH, np.int32)
+    got = along_colors(color, missing, np.where(missing, 0, w), label, np.zeros((0, 3)), missing).inverse_depth
+    steps = np.diff(got[:, 19:31], axis=1)
+    assert (steps > -1e-4).all() and steps.max() < 0.15 / 3
+
+
 @pytest.mark.parametrize("where", ["strip at the border", "patch over an edge"])
 def test_a_table_goes_on_as_far_as_its_colour(where: str) -> None:
     """A Kinect sees no depth in places: table, its edge and the floor below go on there as the colours do."""
