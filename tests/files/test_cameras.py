@@ -249,3 +249,14 @@ def test_a_list_of_cameras_that_is_none(tmp_path: Path, text: str, words: str) -
     (tmp_path / "cameras.json").write_text(text)
     with pytest.raises(FileError, match=words):
         read_cameras(tmp_path / "cameras.json")
+
+
+def test_a_matrix_in_the_place_of_four_numbers(tmp_path: Path) -> None:
+    """Round trip: K says what fx, fy, cx, cy do; both together, and what is no such matrix, are refused."""
+    fx, fy, cx, cy = (PLAIN[name] for name in ("fx", "fy", "cx", "cy"))
+    matrix = {"width": PLAIN["width"], "height": PLAIN["height"], "K": [[fx, 0, cx], [0, fy, cy], [0, 0, 1]]}
+    assert read_camera(saved(tmp_path / "k.json", matrix)).same_view_as(read_camera(saved(tmp_path / "p.json", PLAIN)))
+    with pytest.raises(CameraError, match="K and fx, fy, cx, cy are both given"):
+        read_camera(saved(tmp_path / "both.json", {**PLAIN, **matrix}))
+    with pytest.raises(CameraError, match=r"bad\.json: K"):
+        read_camera(saved(tmp_path / "bad.json", {**matrix, "K": [[fx, 0, cx], [0, fy, cy], [0, 0, 2]]}))

@@ -27,7 +27,7 @@ NO_INTRINSICS = (
     "nothing says how wide the camera sees: give fov, its horizontal field of view in degrees (phone main camera about 65, "
     "webcam 60, Kinect 57 to 63, EasySynth 90), or `camera`, a JSON file, or fx fy cx cy in pixels"
 )
-CAMERA_FIELDS = ("width", "height", "fx", "fy", "cx", "cy", "pixel_center", "world_from_cam", "comment")
+CAMERA_FIELDS = ("width", "height", "fx", "fy", "cx", "cy", "K", "pixel_center", "world_from_cam", "comment")
 STEREO_FIELDS = ("left_K", "right_K", "baseline_m", "doffs", "pixel_center", "width", "height", "comment")
 DOFFS_TOLERANCE = 0.01
 """Pixels by which doffs may differ from the principal points (published calibrations are rounded)."""
@@ -37,9 +37,9 @@ DOFFS_TOLERANCE = 0.01
 def read_camera(path: PathLike, *, hw: tuple[int, int] | None = None) -> Camera:
     """A camera from our JSON, or the left one of a Middlebury calib.txt.
 
-    JSON: `width, height, fx, fy, cx, cy` in pixels, optional `pixel_center` (where the file puts the first pixel's
-    centre: 0.5, the default, or 0.0), optional `world_from_cam` (4x4). `hw` is the size the picture has; another size
-    in the file is an error. Raises FileError, CameraError; warns of a principal point outside the picture.
+    JSON: `width, height` and `fx, fy, cx, cy` in pixels, or `K` (3x3) in the place of these four; optional `pixel_center` (where
+    the file puts the first pixel's centre: 0.5, the default, or 0.0) and `world_from_cam` (4x4). `hw` is the size the picture
+    has; another size in the file is an error. Raises FileError, CameraError; warns of a principal point outside the picture.
     """
     check_arguments(read_camera, locals())
     if _is_calib_txt(path):
@@ -49,7 +49,10 @@ def read_camera(path: PathLike, *, hw: tuple[int, int] | None = None) -> Camera:
 
 
 def _camera_of(fields: FileFields, hw: tuple[int, int] | None) -> Camera:
-    intrinsics = [fields.number(name) for name in ("fx", "fy", "cx", "cy")]
+    names = ("fx", "fy", "cx", "cy")
+    if "K" in fields and any(name in fields for name in names):
+        raise CameraError(f"{fields.path}: K and fx, fy, cx, cy are both given; one of them is wanted")
+    intrinsics = fields.intrinsics("K") if "K" in fields else [fields.number(name) for name in names]
     pose = fields.matrix("world_from_cam", (4, 4)) if "world_from_cam" in fields else None
     return checked_camera(fields.path, fields.size(hw, needed=True), intrinsics, fields.pixel_center(0.5), pose)
 
