@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import cv2
 import numpy as np
 import pytest
 
+import dlama
+from dlama.completion.frames.stepwise import plan_for
 from dlama.completion.verbs import remove
 from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import RGBD, BoolArray
@@ -43,3 +47,16 @@ def test_nothing_of_a_soft_outline_is_kept() -> None:
         off.append(np.abs(view.color.astype(int) - GREY[0])[~view.filled].max())
     assert off[0] <= 1
     assert off[1] > 5
+
+
+@pytest.mark.parametrize(("shift", "grown"), [(0, 3), (4, 6)])
+def test_masks_of_many_frames_grow_alike(shift: int, grown: int) -> None:
+    """Two frames of a depth camera, one of them masked: as from one frame, and in the frame it is carried to."""
+    rgbd, mask = blurred(shift)
+    beside = dataclasses.replace(rgbd.camera, world_from_cam=rgbd.camera.world_from_cam + 0.01 * np.eye(4, k=3))
+    frames = [rgbd, RGBD(rgbd.color, rgbd.depth, beside)]
+    done = dlama.complete(frames, [CAMERA], mask={0: mask}, filler="telea")
+    assert done.meta["recipe"]["dilate"] == grown
+    plan = plan_for(dlama.scene(frames), {0: mask}, filler="telea")
+    assert plan.recipe.dilate == grown
+    assert plan_for(dlama.scene(frames), filler="telea").recipe.dilate == 3

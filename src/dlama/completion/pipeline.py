@@ -5,14 +5,13 @@ reposition (eq. 1) -> render, mask (eq. 2-4) -> fill (sec. 3.3) -> fuse (eq. 10,
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from dlama.arguments import check_arguments
 from dlama.completion.completion import Completion
 from dlama.completion.frames.filling import fill_first
-from dlama.completion.frames.removal import take_out_of
+from dlama.completion.frames.removal import take_out_of, with_halo
 from dlama.completion.frames.sources import about_source, filler_for, starting_scene
 from dlama.completion.memory import check_memory
 from dlama.completion.plausible import warn_of_scale, warn_of_unknown
@@ -23,7 +22,6 @@ from dlama.completion.steps import (
     Plan,
     complete_view,
     filler_of_recipe,
-    halo,
     law_of,
 )
 from dlama.errors import InputError
@@ -90,8 +88,8 @@ def complete(
     warn_of_scale(source)
     filler = filler_for(start, filler)
     inpainter = filler_of_recipe(find_filler(filler, model), chosen)
-    if mask is not None and dilate is None and recipe == "dlama" and not start.numbers:
-        chosen = dataclasses.replace(chosen, dilate=chosen.dilate + halo(source))
+    if dilate is None and recipe == "dlama":
+        chosen = with_halo(chosen, start, mask)
     given, grown_mask = take_out_of(start, mask, chosen.dilate)
     plan = Plan(chosen, inpainter, seed, given, law_of(given, chosen))
     clock = Clock()

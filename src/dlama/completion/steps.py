@@ -59,6 +59,7 @@ class Dilation(NamedTuple):
 
 NO_DILATION = Dilation(0, 0)
 HALO_PX = 3
+"""Pixels beside its outline that hold some of a thing's colours in a depth camera's compressed, sharpened, blurred picture."""
 
 
 class CompletedView(NamedTuple):

@@ -98,7 +98,7 @@ def sequence(
         mask: A thing to remove from all frames, in one or several of them: a frame's name or its place from 0, and its mask.
         masks: The same: a folder of masks with the names of their frames.
         recipe: dlama, or paper as published (a scene.npz cannot be clipped as it wants).
-        dilate: Grow the masks by this many pixels before the thing leaves (3).
+        dilate: Grow the masks by this many pixels before the thing leaves (3; 6 in pictures of a depth camera).
         views: Which cameras are completed: the frames' own, a path from the middle frame, or those of a file (a list of cameras
             as --to of dlama view takes one, each with an optional name).
         only: What is written beside the views: scene, points, mesh, colmap, video (.mp4 with the extra video, else .webp).

@@ -7,13 +7,15 @@ around them (`foreground`), within the thing's box, and that no masked frame sho
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Mapping
 
 import numpy as np
 
 from dlama.completion.frames.foreground import grown_over, in_front
 from dlama.completion.plausible import warn_of_mask
-from dlama.completion.steps import NO_DILATION, Dilation, take_out
+from dlama.completion.recipes import Recipe
+from dlama.completion.steps import NO_DILATION, Dilation, halo, take_out
 from dlama.errors import InputError, MaskError
 from dlama.geometry.frames.agreement import AGREES
 from dlama.geometry.frames.choosing import choose_frames
@@ -36,6 +38,18 @@ THICK = 0.7
 """Of the thing's largest extent: how thick it may be along the line of sight of the masked frames."""
 OUTLIERS = (1.0, 99.0)
 """Percentiles of the thing's points that its box holds."""
+
+
+def with_halo(recipe: Recipe, scene: Scene, mask: BoolArray | Mapping[int, BoolArray] | None) -> Recipe:
+    """The recipe with masks grown by the widest halo of the pictures that have one; itself without a mask.
+
+    Raises InputError: a mask for a frame that is not there.
+    """
+    if mask is None:
+        return recipe
+    places = [_place(scene, number) for number in mask] if scene.numbers and isinstance(mask, Mapping) else [0]
+    wider = max((halo(scene.layers[place].read()) for place in places), default=0)
+    return dataclasses.replace(recipe, dilate=recipe.dilate + wider)
 
 
 def take_out_of(scene: Scene, mask: BoolArray | Mapping[int, BoolArray] | None, radius: int) -> tuple[Scene, Dilation]:

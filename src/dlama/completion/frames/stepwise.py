@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from dlama.completion.frames.filling import completed_frame, filling_order
-from dlama.completion.frames.removal import take_out_of
+from dlama.completion.frames.removal import take_out_of, with_halo
 from dlama.completion.recipes import checked_seed, find_recipe
 from dlama.completion.steps import Plan, complete_view, filler_of_recipe, law_of
 from dlama.geometry.camera import Camera
@@ -62,6 +62,8 @@ def plan_for(
 ) -> Plan:
     """What stays the same while the scene of many frames is completed step by step. Raises InputError, as `complete`."""
     chosen = find_recipe(recipe, dilate=dilate)
+    if dilate is None and recipe == "dlama":
+        chosen = with_halo(chosen, scene, masks or None)
     inpainter = filler_of_recipe(find_filler(filler, model), chosen)
     given, _ = take_out_of(scene, masks or None, chosen.dilate)
     return Plan(chosen, inpainter, checked_seed(seed), given, law_of(given, chosen))
