@@ -37,6 +37,23 @@ def test_color_of_other_writers(tmp_path: Path) -> None:
     assert np.abs(read_color(tmp_path / "c.jpg").astype(int) - SMOOTH).mean() < 3
 
 
+def test_webp_is_read_and_an_animated_one_refused(tmp_path: Path) -> None:
+    """Oracles: a lossless one that OpenCV wrote; Pillow's EXIF, by which the picture is turned."""
+    cv2.imwrite(str(tmp_path / "a.webp"), COLOR[..., ::-1], [cv2.IMWRITE_WEBP_QUALITY, 101])
+    assert np.array_equal(read_color(tmp_path / "a.webp"), COLOR)
+    picture, turned = Image.fromarray(COLOR), Image.Exif()
+    turned[0x0112] = 6
+    picture.save(tmp_path / "b.webp", lossless=True, exif=turned)
+    assert np.array_equal(read_color(tmp_path / "b.webp"), np.rot90(COLOR, -1))
+    picture.save(tmp_path / "c.webp", save_all=True, append_images=[Image.fromarray(255 - COLOR)])
+    with pytest.raises(FileError, match=r"c\.webp: holds more than one frame; a file with a single picture is wanted"):
+        read_color(tmp_path / "c.webp")
+    whole = (tmp_path / "a.webp").read_bytes()
+    (tmp_path / "d.webp").write_bytes(whole[: len(whole) // 2])
+    with pytest.raises(FileError, match=r"d\.webp: is damaged or truncated"):
+        read_color(tmp_path / "d.webp")
+
+
 @pytest.mark.parametrize("suffix", [".png", ".tif"])
 @pytest.mark.parametrize("channels", [1, 3, 4])
 def test_16_bit_keeps_the_high_byte(tmp_path: Path, suffix: str, channels: int) -> None:
@@ -217,9 +234,11 @@ def test_files_of_a_result_given_as_a_picture_say_what_goes_where(tmp_path: Path
         (tmp_path / name).write_bytes(b"ply\n")
         with pytest.raises(FileError, match=told):
             read_color(tmp_path / name)
-    for kind in ("WebP", "GIF", "BMP"):
+    for kind in ("GIF", "BMP"):
         Image.new("RGB", (8, 8)).save(tmp_path / "picture.png", format=kind)
-        with pytest.raises(FileError, match=f"is no readable PNG, JPEG or TIFF picture, but {kind}: save it as PNG"):
+        with pytest.raises(
+            FileError, match=f"is no readable PNG, JPEG, WebP or TIFF picture, but {kind}: save it as PNG"
+        ):
             read_color(tmp_path / "picture.png")
     with pytest.raises(FileError, match="no such file; addresses are for `dlama batch` alone"):
         read_color("https:/somewhere/a.jpg")

@@ -66,8 +66,8 @@ def complete(
         model: The network file of a filler that runs one.
         recipe: `dlama`, `paper` or a Recipe. The next five replace single settings of it; None leaves them.
         mode: "surface" (the pixel grid as triangles, cut at depth edges) or "points" (each pixel to the nearest one).
-        dilate: px by which the mask grows. None: the recipe's; `dlama` adds 3 px to it in a single picture whose depth edges lie
-            beside its own edges, as a depth camera's do: compression and blur spread colours. meta.json has the sum.
+        dilate: px by which the mask grows. None: the recipe's; `dlama` adds 3 px to it where depth edges lie beside those of
+            a masked picture, as a depth camera's do: compression and blur spread colours. meta.json has the sum.
         dilate_holes: px by which the holes of the new views grow.
         clip: metres; everything at or beyond, sky too, is put there.
         depth_by: "surfaces" or "filler": what fills depth beside a filler of pictures.

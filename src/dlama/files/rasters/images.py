@@ -1,4 +1,4 @@
-"""A PNG, JPEG or TIFF file in; its numbers out, exactly as stored and turned as viewers show them, whole or not at all."""
+"""A PNG, JPEG, WebP or TIFF file in; its numbers out, exactly as stored and turned as viewers show them, whole or not at all."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from PIL import Image
 from dlama.errors import FileError, system_errors
 from dlama.files.atomic_write import PathLike
 
-SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff")
+SUFFIXES = (".png", ".jpg", ".jpeg", ".webp", ".tif", ".tiff")
 EXIF_ORIENTATION = 0x0112
 EXIF_FOLDER = 0x8769
 EXIF_FOCAL_35MM = 0xA405
@@ -32,13 +32,14 @@ TIFF_WHOLE = {3: "H", 4: "I", 16: "Q"}
 LARGEST_PIXELS = 2**26
 """Pixels of the largest picture or array that is read (8192 x 8192): bounds the memory that a small file can ask for."""
 OTHER_PICTURES = {
-    "WebP": rb"RIFF....WEBP",
     "HEIC": rb"....ftyp(hei|mif)",
     "AVIF": rb"....ftypavi",
     "GIF": rb"GIF8",
     "BMP": rb"BM",
 }
 """Kinds of pictures that are not read, and how their files begin."""
+SEVERAL = {"TIFF": "page", "WEBP": "frame"}
+"""Kinds of files that may hold several pictures, and what these are called."""
 ADDRESS = re.compile(r"[a-z][a-z0-9+]+:/")
 """How an address begins; a path has one slash of its two."""
 SHOWN_NAME = 120
@@ -92,13 +93,15 @@ def check_pixels(file: PathLike, width: int, height: int) -> None:
 
 @system_errors(FileError)
 def read_stored(path: PathLike) -> Stored:
-    """The numbers of a PNG, JPEG or TIFF file. Raises FileError when it is missing, damaged, too large or of another kind."""
+    """The numbers of a PNG, JPEG, WebP or TIFF file. Raises FileError: missing, damaged, too large or of another kind."""
     file = existing(path)
     try:
         data, tiff_orientation = _as_stored(file.read_bytes())
         with _opened(file, data) as picture:
-            if picture.format == "TIFF" and getattr(picture, "n_frames", 1) > 1:
-                raise FileError(f"{file}: holds more than one page; a TIFF with a single picture is wanted")
+            if picture.format in SEVERAL and getattr(picture, "n_frames", 1) > 1:
+                raise FileError(
+                    f"{file}: holds more than one {SEVERAL[picture.format]}; a file with a single picture is wanted"
+                )
             exif_orientation, focal = _exif(picture)
             orientation = exif_orientation if picture.format != "TIFF" else tiff_orientation
             picture.load()
@@ -106,7 +109,7 @@ def read_stored(path: PathLike) -> Stored:
     except FileError:
         raise
     except Image.UnidentifiedImageError as error:
-        raise FileError(f"{file}: is no readable PNG, JPEG or TIFF picture{_what_else(file)}") from error
+        raise FileError(f"{file}: is no readable PNG, JPEG, WebP or TIFF picture{_what_else(file)}") from error
     except Exception as error:  # decoders raise OSError, SyntaxError, ValueError, struct.error, ... on damaged files
         raise FileError(f"{file}: is damaged or truncated ({str(error) or type(error).__name__})") from error
 
@@ -134,7 +137,7 @@ def _header(file: Path) -> tuple[tuple[int, int], int]:
     except FileError:
         raise
     except Exception as error:
-        raise FileError(f"{file}: is no readable PNG, JPEG or TIFF picture{_what_else(file)}") from error
+        raise FileError(f"{file}: is no readable PNG, JPEG, WebP or TIFF picture{_what_else(file)}") from error
 
 
 @contextmanager
@@ -142,7 +145,7 @@ def _opened(file: Path, data: bytes) -> Iterator[Image.Image]:
     """The picture of a file (of `data`, where there are any) before its pixels are read; FileError where they are too many."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # Pillow's remarks on damaged tags and large pictures
-        with Image.open(io.BytesIO(data) if data else file, formats=("PNG", "JPEG", "TIFF")) as picture:
+        with Image.open(io.BytesIO(data) if data else file, formats=("PNG", "JPEG", "WEBP", "TIFF")) as picture:
             check_pixels(file, picture.width, picture.height)
             yield picture
 

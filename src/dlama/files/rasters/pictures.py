@@ -29,7 +29,7 @@ PNG_LEVEL = 2
 def read_color(path: PathLike) -> UInt8Array:
     """A colour picture as uint8 H x W x 3 RGB.
 
-    PNG, JPEG, TIFF. 16 bit keep their high byte, grey is repeated, palettes are looked up, alpha is dropped. Turned as
+    PNG, JPEG, WebP, TIFF. 16 bit keep their high byte, grey is repeated, palettes are looked up, alpha is dropped. Turned as
     viewers show it, where EXIF says so; masks and depth pictures are, too. Raises FileError: missing, damaged or float.
     """
     check_arguments(read_color, locals())
@@ -72,7 +72,7 @@ def read_mask(
     """A mask as bool H x W, True = remove / fill.
 
     Args:
-        path: Black and white PNG, JPEG or TIFF; values <= 8 and >= 247 count as 0 and 255.
+        path: Black and white PNG, JPEG, WebP or TIFF; values <= 8 and >= 247 count as 0 and 255.
         mask_polarity: "fill": white (255) is removed; "known": white stays.
         soft_mask: Take a grey mask, values above 127 as white; else values between are refused.
         mask_class: The picture is an EasySynth semantic one; take the pixels of this class: "R,G,B" or a name.
