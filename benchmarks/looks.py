@@ -3,9 +3,11 @@
     python benchmarks/looks.py ../shared -o now                  # one PNG a case, and its numbers
     python benchmarks/looks.py --beside before now -o sheet.jpg  # before | after | truth of two such folders
 
-The cases are chosen by kind, not by result: a Kinect's room at about 10, 20, 30 and 40 degrees, a bin with things taken out, a
-street of which an object is taken out, streets from elsewhere, the same with depth that ends at 10 m, and the scene that comes
-with dlama, painted by MI-GAN. Numbers: squared colour error in what was a hole, and seconds of processor time.
+The cases are chosen by kind, not by result: a Kinect's room at about 10, 20, 30 and 40 degrees, the same room from 10 and 15
+degrees beside frames of a sequence, things in it that are clicked and taken out with their shadow (last: the frame itself), a
+bin with things taken out, a street of which an object is taken out, streets from elsewhere, the same with depth that ends at
+10 m, and the scene that comes with dlama, painted by MI-GAN. Numbers: squared colour error in what was a hole, and seconds of
+processor time.
 """
 
 from __future__ import annotations
@@ -28,6 +30,18 @@ from dlama.geometry.rgbd import RGBD, UInt8Array
 
 CUT_M = 10.0
 """Where EasySynth's depth ends by default."""
+CLICKS = {
+    "40": (229, 205),
+    "9": (473, 208),
+    "22": (282, 367),
+    "33": (392, 240),
+    "16": (212, 116),
+    "37": (374, 243),
+    "5": (293, 194),
+}
+"""Number of a frame of kitchen_sequence -> a pixel of a thing in it."""
+TURNS = (("10", -15), ("10", 10), ("26", 10), ("33", -15), ("33", 10), ("41", -15), ("41", 10))
+"""Number of a frame of kitchen_sequence, and degrees of yaw about the middle of what it shows."""
 CELL = 160
 """Width of a picture on the sheet."""
 
@@ -49,6 +63,11 @@ def without(truth: RemovalTruth, *, ends: bool = False, **settings: str) -> tupl
     return complete(source, [source.camera], mask=truth.mask, **settings), truth.without.color
 
 
+def clicked(frame: RGBD, at: tuple[int, int]) -> tuple[Completion, UInt8Array]:
+    """The frame without the thing at a pixel and its shadow, and the frame."""
+    return dlama.remove(frame, dlama.find_mask(frame, clicks=[at], with_shadow=True).mask), frame.color
+
+
 def demo(yaw: float | None, filler: str) -> tuple[Completion, None]:
     street = dlama.example()
     rgbd = dlama.read_rgbd(street / "street.jpg", street / "depth.png", camera=street / "camera.json")
@@ -63,6 +82,15 @@ def cases(shared: Path) -> Iterator[tuple[str, Case]]:
         yield f"kitchen-{number}-{case.yaw:.0f}deg", lambda case=case: seen_from(case.load())
         if number in (0, 4):
             yield f"kitchen-{number}-migan", lambda case=case: seen_from(case.load(), filler="migan")
+    frames = open_dataset(shared / "data/kitchen_sequence").frames
+    for number, at in CLICKS.items():
+        yield f"room-{number}-click", lambda frame=frames[int(number)], at=at: clicked(frame.load(), at)
+    for number, yaw in TURNS:
+        frame = frames[int(number)]
+        yield (
+            f"room-{number}-yaw{yaw:+d}",
+            lambda frame=frame, yaw=yaw: (dlama.view(frame.load(), yaw=yaw, pivot="auto"), None),
+        )
     bin_case = open_dataset(shared / "data/bin_removal").cases[0]
     yield "bin-removal", lambda: without(bin_case.load())
     for scene in ("s03", "s05", "s06", "s08"):
