@@ -11,9 +11,10 @@ import pytest
 import dlama
 from dlama.geometry.camera import Camera
 from dlama.geometry.kernels.along_colors import nearest_by_color
+from dlama.geometry.kernels.relaxing import relax
 from dlama.geometry.rgbd import RGBD
 from dlama.inpainters.missing_depth.along_colors import along_colors
-from dlama.inpainters.missing_depth.kernels import conductances, relax
+from dlama.inpainters.missing_depth.kernels import conductances
 from dlama.perception.planes import SKY, SMOOTH
 
 WIDTH, HEIGHT = 192, 144
@@ -74,9 +75,10 @@ def test_what_lies_on_no_plane_is_relaxed_to_the_minimum() -> None:
     free = rng.random(shape) < 0.5
     free &= begin > 0
     values = begin.copy()
-    drawn = np.empty((*shape, 2), np.float32)
-    conductances(0, shape[0], drawn, np.ones(shape, np.bool_), begin, color, 4.0, 2.0, 0.1)
-    relax(values, np.flatnonzero(free).astype(np.int32), begin, drawn, 0.05, 1.5, 400)
+    across, down = np.empty((2, *shape), np.float32)
+    conductances(0, shape[0], across, down, np.ones(shape, np.bool_), begin, color, 4.0, 2.0, 0.1)
+    for _ in range(400):
+        relax(across, down, free, np.full(shape, 0.05, np.float32), begin, 1.5, values)
     index = {tuple(map(int, one)): n for n, one in enumerate(np.argwhere(free))}
     matrix, right = np.zeros((len(index),) * 2), np.zeros(len(index))
     for (y, x), n in index.items():

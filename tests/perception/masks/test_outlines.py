@@ -10,8 +10,9 @@ from dlama import find_mask
 from dlama.evaluation.metrics.masks import border_f, innermost, iou
 from dlama.geometry.camera import Camera
 from dlama.geometry.drawing.picture_edges import edges_beside
+from dlama.geometry.kernels.relaxing import relax
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array
-from dlama.perception.kernels.outlines import color_odds, relax
+from dlama.perception.kernels.outlines import color_odds
 from dlama.perception.masks.outlines import CLINGS, PULL, Doubt, best_move, by_color, on_picture, walked
 from worlds import Box, Plane, World
 

@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 from dlama.geometry.holes import dilated, with_nearest
 from dlama.geometry.kernels.along_colors import nearest_by_color
 from dlama.geometry.kernels.jit import in_bands
+from dlama.geometry.kernels.relaxing import relax
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
-from dlama.inpainters.missing_depth.kernels import conductances, relax
+from dlama.inpainters.missing_depth.kernels import conductances
 from dlama.perception.planes import SMOOTH, plane_values_at
 
 BLUR = 1.5
@@ -30,9 +31,12 @@ FADING = 16.0
 """Pixels over which a plane's residual at the known pixel fades out."""
 MOST = 3.0
 """Times nearer or farther than the known pixel up to which its plane is believed."""
-SOFT, POWER, JUMP, KEEP, OVER, SWEEPS = 2.0, 3.0, 0.1, 0.01, 1.8, 80
-"""Of `conductances` and `relax`: levels between neighbours that begin to part them and how strongly, the relative step of inverse
-depth up to which nothing does, how much each keeps to its own value, the factor of over-relaxation, sweeps."""
+SOFT, POWER, JUMP = 2.0, 3.0, 0.1
+"""Of `conductances`: levels between neighbours that begin to part them and how strongly, and the relative step of inverse depth
+up to which nothing does."""
+KEEP, OVER, SWEEPS, SETTLED = 0.01, 1.8, 80, 1e-4
+"""Of `relax`: how much each pixel keeps to its own value, the factor of over-relaxation, most sweeps, and the change (1/m) of the
+last one."""
 
 
 class DepthByColor(NamedTuple):
@@ -69,11 +73,22 @@ def along_colors(
     out, labels = w.copy(), label.copy()
     labels[reached] = label.ravel()[known]
     out[reached] = continued(w, label.ravel()[known], planes, np.nonzero(reached), known)
-    loose = reached & (labels == SMOOTH)
-    begin, drawn = out.copy(), np.empty((*out.shape, 2), np.float32)
-    in_bands(conductances, len(out), drawn, dilated(loose, 1), begin, smooth_color, SOFT, POWER, JUMP)
-    relax(out, np.flatnonzero(loose).astype(np.int32), begin, drawn, KEEP, OVER, SWEEPS)
+    out = relaxed(out, reached & (labels == SMOOTH), smooth_color)
     return DepthByColor(out, labels, reached)
+
+
+def relaxed(w: Float32Array, loose: BoolArray, color: Float32Array) -> Float32Array:
+    """Inverse depth (H x W, 1/m) whose `loose` pixels (H x W) are drawn to their neighbours, less across edges of the picture.
+
+    color: H x W x 3.
+    """
+    across, down, level = np.empty_like(w), np.empty_like(w), w.copy()
+    in_bands(conductances, len(w), across, down, dilated(loose, 1), w, color, SOFT, POWER, JUMP)
+    keep = np.full_like(w, KEEP)
+    for _ in range(SWEEPS):
+        if relax(across, down, loose, keep, w, OVER, level) < SETTLED:
+            break
+    return level
 
 
 def continued(

@@ -15,8 +15,9 @@ import numpy as np
 
 from dlama.geometry.holes import dilated, disc, eroded, opened
 from dlama.geometry.kernels.jit import in_bands
+from dlama.geometry.kernels.relaxing import relax
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
-from dlama.perception.kernels.outlines import color_odds, relax
+from dlama.perception.kernels.outlines import color_odds
 from dlama.perception.masks.pieces import filled_outline
 
 MORE_PX = 2
@@ -32,6 +33,7 @@ SPREAD = 6.0
 FLOOR = 0.01
 """Density of colours that neither side has."""
 LEAST_SAMPLES = 6
+"""Fewer pixels of a side say nothing of its colours."""
 MOST_ODDS = 3.0
 """Log odds that colours count for at most."""
 DEPTH_ODDS = 1.0
