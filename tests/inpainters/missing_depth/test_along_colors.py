@@ -129,6 +129,19 @@ def test_what_has_no_depth_as_a_whole_is_spanned() -> None:
     assert (steps > -1e-4).all() and steps.max() < 0.15 / 3
 
 
+def test_bled_depth_of_a_matcher_does_not_spread() -> None:
+    """A wall on a plane, two pixels of it with the depth of what stood before it: in noisy depth the missing ones are wall."""
+    w = np.full((40, 60), 0.2, np.float32)
+    label = np.ones(w.shape, np.int32)
+    w[:, 28:30], label[:, 28:30] = 0.3, SMOOTH
+    missing = np.zeros(w.shape, np.bool_)
+    missing[:, 30:40] = True
+    color, plane = np.full((*w.shape, 3), 90, np.uint8), np.array([[0, 0, 0.2]])
+    given = np.where(missing, 0, w), np.where(missing, SMOOTH, label), plane, missing
+    assert np.allclose(along_colors(color, missing, *given, noisy=True).inverse_depth[missing], 0.2)
+    assert (along_colors(color, missing, *given).inverse_depth[missing] > 0.25).any()
+
+
 @pytest.mark.parametrize("where", ["strip at the border", "patch over an edge"])
 def test_a_table_goes_on_as_far_as_its_colour(where: str) -> None:
     """A Kinect sees no depth in places: table, its edge and the floor below go on there as the colours do."""

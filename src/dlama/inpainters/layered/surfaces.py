@@ -53,7 +53,9 @@ def continue_surfaces(view: View, law: Law, seed: int = 0) -> Surfaces:
     label = label_known(w, view.valid, view.far, planes, noise)
     w = denoised(w, label, planes, noise)
     missing = view.hole & ~view.color_hole
-    by_color = along_colors(view.color, missing, w, label, planes, view.hole) if missing.any() else None
+    by_color = None
+    if missing.any():
+        by_color = along_colors(view.color, missing, w, label, planes, view.hole, noisy=noise > 0)
     if by_color is not None and (by_color.reached | ~view.hole).all():
         return Surfaces(by_color.inverse_depth, by_color.label, planes, np.full(w.shape, GAP, np.int32))
     step = max(1.0, max(w.shape) / GRID)

@@ -27,6 +27,8 @@ STEP, DEAREST, ROUNDS = 8.0, 60.0, 2
 """Of `nearest_by_color`: levels that make a way twice as long, the most they add, sweeps there and back."""
 FARTHEST = 1e6
 """A way longer than any."""
+DETACHED = 15.0
+"""Pixels that ways from what lies on no plane count longer in noisy depth."""
 FADING = 16.0
 """Pixels over which a plane's residual at the known pixel fades out."""
 MOST = 3.0
@@ -57,16 +59,20 @@ def along_colors(
     label: NDArray[np.int32],
     planes: NDArray[np.float64],
     hole: BoolArray,
+    *,
+    noisy: bool = False,
 ) -> DepthByColor:
     """Inverse depth and labels of the pixels of `missing` that a way leads to.
 
     color: H x W x 3; missing: H x W, True where depth alone is; w: H x W 1/m and label: H x W (-1 no plane, 0 sky, k on the
     k-th plane) of known pixels; planes: K x 3; hole: H x W, True where depth is unknown: `missing`, and where colours are, too.
+    noisy: as a matcher's, whose depth bleeds: what lies on no plane counts as DETACHED px farther off.
     """
     seen = with_nearest(color, missing | ~hole).astype(np.float32)
     smooth_color = np.asarray(cv2.GaussianBlur(seen, (0, 0), BLUR), np.float32)
     source = np.where(hole, -1, np.arange(hole.size, dtype=np.int32).reshape(hole.shape)).astype(np.int32)
-    distance = np.where(hole, np.float32(FARTHEST), np.float32(0))
+    detached = np.where(label == SMOOTH, np.float32(DETACHED if noisy else 0), np.float32(0))
+    distance = np.where(hole, np.float32(FARTHEST), detached)
     nearest_by_color(distance, source, missing, smooth_color, STEP, DEAREST, w, 0.0, 0.0, ROUNDS)
     reached = missing & (source >= 0)
     known = source[reached]
