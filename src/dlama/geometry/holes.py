@@ -7,11 +7,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dlama.errors import InputError, MaskError
+from dlama.geometry.kernels.along_colors import nearest_by_color
 from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.geometry.view import HoleType, View
 
 LARGE = 24
 """Pixels: from this radius on a mask grows by distances to it, whose time does not depend on the radius."""
+STEP, DEAREST, ROUNDS = 8.0, 60.0, 2
+"""Of `nearest_by_color`: levels that make a way twice as long, the most they add, sweeps there and back."""
 
 
 def disc(radius: int) -> np.ndarray:
@@ -80,6 +83,37 @@ def nearest_known(known: BoolArray) -> tuple[Float32Array, NDArray[np.intp]]:
     of_label = np.zeros(labels.max() + 1, np.intp)
     of_label[labels[known]] = np.flatnonzero(known)
     return np.asarray(distance, np.float32), of_label[labels]
+
+
+def nearest_along_colors(
+    color: Float32Array,
+    known: BoolArray,
+    free: BoolArray,
+    w: Float32Array,
+    *,
+    longest: float,
+    start: Float32Array | float = 0.0,
+    ratio: float = 0.0,
+    contrary: float = 0.0,
+) -> NDArray[np.int32]:
+    """Flat index (H x W) of the pixel of `known` that a pixel of `free` belongs to by its colours; negative where no way leads.
+
+    color: H x W x 3 levels. w: H x W 1/m, 0 = unknown. longest: px, a longer way does not count; start: px by which ways from a
+    known pixel are longer; ratio, contrary: what a way against the measured depth costs. All as of the kernel `nearest_by_color`.
+    """
+    source = np.where(known, np.arange(known.size, dtype=np.int32).reshape(known.shape), -1).astype(np.int32)
+    distance = np.where(known, np.float32(start), np.float32(longest)).astype(np.float32)
+    nearest_by_color(distance, source, free, color, STEP, DEAREST, w, ratio, contrary, ROUNDS)
+    return source
+
+
+def box_around(mask: BoolArray, margin: int) -> tuple[slice, slice]:
+    """Rows and columns of the box round a mask (H x W, not empty), so many pixels larger on each side."""
+    rows, columns = np.flatnonzero(mask.any(1)), np.flatnonzero(mask.any(0))
+    return (
+        slice(max(int(rows[0]) - margin, 0), int(rows[-1]) + margin + 1),
+        slice(max(int(columns[0]) - margin, 0), int(columns[-1]) + margin + 1),
+    )
 
 
 def with_nearest(values: np.ndarray, known: BoolArray) -> np.ndarray:

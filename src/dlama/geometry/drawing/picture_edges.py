@@ -14,8 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dlama.geometry.camera import Camera
-from dlama.geometry.holes import with_nearest
-from dlama.geometry.kernels.along_colors import nearest_by_color
+from dlama.geometry.holes import nearest_along_colors, with_nearest
 from dlama.geometry.kernels.jit import in_bands
 from dlama.geometry.kernels.picture_edges import ROOM, fitted, mixed
 from dlama.geometry.projection import inverse_depth
@@ -38,8 +37,6 @@ CLEARLY = 2
 """Pixels from which on depth edges clearly lie beside the picture's: a rendered picture's soft edges may do so by one."""
 WIDER = 3
 """Pixels beyond that reach that are moved, too, if colours say so: a fifth of the edges are farther off."""
-STEP, DEAREST, ROUNDS = 8.0, 60.0, 2
-"""Of `nearest_by_color`: levels that make a way twice as long, the most they add, sweeps."""
 FARTHEST, CONTRARY = 30.0, 2.0
 """A way longer than that changes nothing; what a pixel adds whose measured depth is another surface's."""
 RIM, MIXED, CONTRAST, SPREADS = 1, 0.3, 40.0, 2.0
@@ -79,11 +76,11 @@ def _placed(view: View) -> PlacedEdges:
         none = np.zeros_like(view.hole)
         return PlacedEdges(view.depth, none, none)
     w = inverse_depth(np.where(known, view.depth, np.float32(0)))
-    band = near_jumps(with_nearest(w, known), reach)
+    whole = with_nearest(w, known)
+    band, wide = near_jumps(whole, reach), near_jumps(whole, min(reach + WIDER, LOOKED_AT))
     color = view.color.astype(np.float32)
     ratio = edge_ratio(view.camera)
     out, room = np.empty_like(w), np.empty((len(w), ROOM), np.float32)
-    wide = near_jumps(with_nearest(w, known), min(reach + WIDER, LOOKED_AT))
     target = other_surfaces(w, known, wide & known, color, ratio)
     in_bands(fitted, len(w), w, wide, target, color, ratio, 2 * (reach + WIDER), UNLIKE, room, out)
     rim, neither = near_jumps(with_nearest(out, known), RIM), np.empty_like(known)
@@ -112,11 +109,9 @@ def other_surfaces(
 
     w: H x W 1/m, of pixels that are `known`; band: H x W, those whose depth may be wrong; color: H x W x 3; ratio: `edge_ratio`.
     """
-    sure = known & ~band
-    source = np.where(sure, np.arange(w.size, dtype=np.int32).reshape(w.shape), -1).astype(np.int32)
-    distance = np.where(sure, np.float32(0), np.float32(FARTHEST))
     soft = np.asarray(cv2.medianBlur(color, 3), np.float32)  # grain is no edge
-    nearest_by_color(distance, source, band, soft, STEP, DEAREST, w, ratio, CONTRARY, ROUNDS)
+    sure = known & ~band
+    source = nearest_along_colors(soft, sure, band, w, longest=FARTHEST, ratio=ratio, contrary=CONTRARY)
     rows, columns = np.nonzero(band & (source >= 0))
     there, across = np.divmod(source[rows, columns], w.shape[1])
     own, other = w[rows, columns], w[there, across]

@@ -13,8 +13,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from dlama.geometry.holes import dilated, with_nearest
-from dlama.geometry.kernels.along_colors import nearest_by_color
+from dlama.geometry.holes import dilated, nearest_along_colors, with_nearest
 from dlama.geometry.kernels.jit import in_bands
 from dlama.geometry.kernels.relaxing import relax
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
@@ -23,8 +22,6 @@ from dlama.perception.planes import SMOOTH, plane_values_at
 
 BLUR = 1.5
 """Standard deviation in px by which colours are blurred first: noise is no edge."""
-STEP, DEAREST, ROUNDS = 8.0, 60.0, 2
-"""Of `nearest_by_color`: levels that make a way twice as long, the most they add, sweeps there and back."""
 FARTHEST = 1e6
 """A way longer than any."""
 DETACHED = 15.0
@@ -70,10 +67,8 @@ def along_colors(
     """
     seen = with_nearest(color, missing | ~hole).astype(np.float32)
     smooth_color = np.asarray(cv2.GaussianBlur(seen, (0, 0), BLUR), np.float32)
-    source = np.where(hole, -1, np.arange(hole.size, dtype=np.int32).reshape(hole.shape)).astype(np.int32)
-    detached = np.where(label == SMOOTH, np.float32(DETACHED if noisy else 0), np.float32(0))
-    distance = np.where(hole, np.float32(FARTHEST), detached)
-    nearest_by_color(distance, source, missing, smooth_color, STEP, DEAREST, w, 0.0, 0.0, ROUNDS)
+    start = (label == SMOOTH) * np.float32(DETACHED) if noisy else 0.0
+    source = nearest_along_colors(smooth_color, ~hole, missing, w, longest=FARTHEST, start=start)
     reached = missing & (source >= 0)
     known = source[reached]
     out, labels = w.copy(), label.copy()

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dlama.errors import MaskError
-from dlama.geometry.holes import dilated, disc, eroded, nearest_known, opened, square
+from dlama.geometry.holes import box_around, dilated, disc, eroded, nearest_known, opened, square
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
 from dlama.perception.masks.borders import FOOT_PX, HOLE_PX, lost_foot
 from dlama.perception.masks.outlines import Doubt
@@ -95,7 +95,7 @@ def doubts(
     support: H x W, True on planes that things stand on. beside: px by which depth edges lie beside the picture's. sure: what
     stands out there; None: it was not asked.
     """
-    box = around(mask, 2 * max(FOOT_PX, HOLE_PX) + 2)
+    box = box_around(mask, 2 * max(FOOT_PX, HOLE_PX) + 2)
     near = dataclasses.replace(found, w=found.w[box], label=found.label[box])
     part, missing, under = mask[box], rgbd.missing[box], support[box]
     unknown = np.zeros(mask.shape, np.bool_)
@@ -105,15 +105,6 @@ def doubts(
     far = lost_foot(near, opened(part, disc(THIN_PX)), under, 2 * FOOT_PX)
     unknown[box] |= sure.shown.part[box] & ((missing & dilated(part, 2 * HOLE_PX)) | far)
     return Doubt(beside, unknown, sure.shown.level, sure.shown.part)
-
-
-def around(mask: BoolArray, margin: int) -> tuple[slice, slice]:
-    """Rows and columns of the box round a mask (H x W, not empty), so many pixels larger on each side."""
-    rows, columns = np.flatnonzero(mask.any(1)), np.flatnonzero(mask.any(0))
-    return (
-        slice(max(int(rows[0]) - margin, 0), int(rows[-1]) + margin + 1),
-        slice(max(int(columns[0]) - margin, 0), int(columns[-1]) + margin + 1),
-    )
 
 
 def about_click(color: UInt8Array, prompt: Prompt) -> StandsOut | None:

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from dlama.geometry.holes import dilated, disc, eroded, opened
+from dlama.geometry.holes import box_around, dilated, disc, eroded, opened
 from dlama.geometry.kernels.jit import in_bands
 from dlama.geometry.kernels.relaxing import relax
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
@@ -80,12 +80,8 @@ class Doubt:
 
 def on_picture(color: UInt8Array, thing: BoolArray, doubt: Doubt) -> BoolArray:
     """The mask (H x W) with its outline on the picture's edges. color: H x W x 3."""
-    rows, columns = np.nonzero(thing if doubt.agreed is None else thing | doubt.agreed)
-    margin = FOOT_MARGIN + 2 * doubt.reach + SAMPLED_PX + 4
-    box = (
-        slice(max(rows.min() - margin, 0), rows.max() + margin + 1),
-        slice(max(columns.min() - margin, 0), columns.max() + margin + 1),
-    )
+    about = thing if doubt.agreed is None else thing | doubt.agreed
+    box = box_around(about, FOOT_MARGIN + 2 * doubt.reach + SAMPLED_PX + 4)
     smooth = cv2.GaussianBlur(np.ascontiguousarray(color[box]), (0, 0), 0.7)
     lab = cv2.cvtColor(smooth.astype(np.float32) / np.float32(255), cv2.COLOR_RGB2LAB)
     out = thing.copy()

@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 
 from dlama.errors import MaskError
-from dlama.geometry.holes import closed, opened, square
+from dlama.geometry.holes import box_around, closed, opened, square
 from dlama.geometry.projection import inverse_depth
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
 from dlama.perception.masks.prompt import Prompt
@@ -192,12 +192,9 @@ def window_of(rough: RoughDepth, guess: BoolArray, pixel: tuple[int, int]) -> tu
 
 def cut(color: UInt8Array, state: UInt8Array) -> BoolArray:
     """H x W, True on the thing by GrabCut from its codes (state, uint8 H x W); colours are learnt in the surroundings only."""
-    rows, columns = (np.flatnonzero((state != cv2.GC_BGD).any(axis)) for axis in (1, 0))
-    reach = int(SURROUNDINGS * max(np.ptp(rows), np.ptp(columns))) + 10
-    box = (
-        slice(max(rows[0] - reach, 0), rows[-1] + reach + 1),
-        slice(max(columns[0] - reach, 0), columns[-1] + reach + 1),
-    )
+    asked = state != cv2.GC_BGD
+    sides = [int(np.ptp(np.flatnonzero(asked.any(axis)))) for axis in (1, 0)]
+    box = box_around(asked, int(SURROUNDINGS * max(sides)) + 10)
     codes, picture = np.ascontiguousarray(state[box]), np.ascontiguousarray(color[box])
     sure = (codes == cv2.GC_BGD) | (codes == cv2.GC_PR_BGD)
     if sure.sum() >= 20 and (~sure).sum() >= 20:
