@@ -321,7 +321,26 @@ MUTANTS: tuple[Mutant, ...] = (
     *faults(
         "inpainters/__init__.py",
         "tests/inpainters/patchmatch/test_patchmatch.py",
-        ("auto is one filler for all depth", "return ESTIMATED if estimated else MEASURED", "return MEASURED"),
+        (
+            "auto is one filler for all depth",
+            "return ESTIMATED if estimated else CAMERA if misplaced else EXACT",
+            "return EXACT",
+        ),
+        ("a depth camera's frame is filled as exact depth", "else CAMERA if misplaced else EXACT", "else EXACT"),
+    ),
+    *faults(
+        "inpainters/patchmatch/kernels.py",
+        "tests/inpainters/patchmatch/test_patchmatch.py",
+        (
+            "patches of another surface cost the same",
+            "lean[1] * across * across + lean[2] * again + other",
+            "lean[1] * across * across + lean[2] * again",
+        ),
+    ),
+    *faults(
+        "inpainters/patchmatch/over_layers.py",
+        "tests/inpainters/patchmatch/test_patchmatch.py",
+        ("cracks are painted anew", "(REPAINTED, INNER))", "(tuple(HoleType), INNER))"),
     ),
     *faults(
         "completion/stereo/pair.py",

@@ -16,7 +16,7 @@ import numpy as np
 from dlama.completion.recipes import Recipe
 from dlama.errors import MaskError
 from dlama.geometry.camera import Camera
-from dlama.geometry.drawing.picture_edges import CLEARLY, edge_uncertainty
+from dlama.geometry.drawing.picture_edges import taken_by_camera
 from dlama.geometry.fusion import fuse
 from dlama.geometry.holes import checked_mask, dilated, grown
 from dlama.geometry.rendering import render
@@ -85,10 +85,9 @@ def filler_of_recipe(filler: Inpainter, recipe: Recipe) -> Inpainter:
 def halo(source: View) -> int:
     """px beyond its outline to which a thing's colours are spread in a picture: HALO_PX where a depth camera took it, else 0.
 
-    That a camera did is seen by depth edges that lie beside those of the picture. Its pictures are compressed, sharpened and
-    blurred; a rim of such colours stays where a thing is taken out tightly.
+    Its pictures are compressed, sharpened and blurred; a rim of such colours stays where a thing is taken out tightly.
     """
-    return HALO_PX if edge_uncertainty(source) >= CLEARLY else 0
+    return HALO_PX if taken_by_camera(source) else 0
 
 
 def take_out(source: View, mask: BoolArray | None, radius: int) -> tuple[Scene, Dilation]:

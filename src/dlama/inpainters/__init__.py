@@ -1,8 +1,8 @@
 """Fillers: a View with holes in; the same View without holes out. FILLERS, at the foot, is the closed list of their names.
 
-Begin with `filling` (what a filler is, what `inpaint` guarantees), then `layered/` (the default where depth was measured),
-`patchmatch/` (where it was estimated) and `networks/`. This file imports no filler: the command line's help reads the names, and
-a filler's code is imported when it is looked up.
+Begin with `filling` (what a filler is, what `inpaint` guarantees), then `layered/` (the default where depth fits its picture),
+`patchmatch/` (where a depth camera measured it, over `layered`, or where it was estimated) and `networks/`. This file imports no
+filler: the command line's help reads the names, and a filler's code is imported when it is looked up.
 """
 
 from __future__ import annotations
@@ -38,15 +38,19 @@ class FillerRecord:
 
 AUTO = "auto"
 """The default: the filler that suits the depth."""
-MEASURED, ESTIMATED = "layered", "patchmatch"
-"""What it stands for. Planes of estimated depth are bent and torn: what is painted on them is, too."""
+EXACT, CAMERA, ESTIMATED = "layered", "layered-patches", "patchmatch"
+"""What it stands for: where depth fits its picture (rendered, scanned), where a depth camera measured it, and where a network
+estimated it, whose planes are bent and torn: what is painted on them is, too."""
 
 
-def chosen_filler(filler: Given, *, estimated: bool = False) -> Given | str:
-    """The filler as given; for AUTO the name that it stands for. estimated: the depth is that of a network."""
-    if isinstance(filler, str) and filler == AUTO:
-        return ESTIMATED if estimated else MEASURED
-    return filler
+def chosen_filler(filler: Given, *, estimated: bool = False, misplaced: bool = False) -> Given | str:
+    """The filler as given; for AUTO the name that it stands for.
+
+    estimated: the depth is that of a network. misplaced: its edges lie beside those of the picture, as a depth camera's do.
+    """
+    if not (isinstance(filler, str) and filler == AUTO):
+        return filler
+    return ESTIMATED if estimated else CAMERA if misplaced else EXACT
 
 
 def find_filler(filler: str | Inpainter, model: str | Path | None = None) -> Inpainter:
@@ -91,11 +95,14 @@ FILLERS: dict[str, FillerRecord] = {
     ),
     "migan": FillerRecord("dlama.inpainters.networks.migan:migan_filler", True, "migan/migan-512.onnx"),
     "patchmatch": FillerRecord("dlama.inpainters.patchmatch.filler:patchmatch_filler", True, "migan/migan-512.onnx"),
+    "layered-patches": FillerRecord(
+        "dlama.inpainters.patchmatch.over_layers:layered_patches_filler", True, "migan/migan-512.onnx"
+    ),
     "choice": FillerRecord("dlama.inpainters.choice.filler:choice_filler", True, "choice/choice.onnx"),
     "joint": FillerRecord("dlama.inpainters.networks.joint:joint_filler", needs_model=True),
     "pair": FillerRecord("dlama.inpainters.networks.pair:pair_filler", needs_model=True),
 }
-"""Name -> record; the default for measured depth comes first."""
+"""Name -> record; the default for exact depth comes first."""
 
 FILLER_NAMES = (AUTO, *FILLERS)
 """What a user may ask for; the default comes first."""

@@ -12,11 +12,12 @@ from dlama.errors import InputError
 from dlama.geometry.camera import Camera
 from dlama.geometry.kernels import jit
 from dlama.geometry.rgbd import RGBD
+from dlama.geometry.scene import Scene
 from dlama.geometry.view import HoleType, View
 from dlama.geometry.visibility import Law
 from dlama.inpainters import AUTO, FILLER_NAMES, FILLERS, chosen_filler, find_filler
 from dlama.inpainters.filling import Painter, inpaint
-from dlama.inpainters.patchmatch.completion import complete_picture, nearest_source
+from dlama.inpainters.patchmatch.completion import QUICK, complete_picture, nearest_source
 from dlama.inpainters.patchmatch.pyramid import described, halved, pyramid
 
 ROWS, COLUMNS = np.indices((96, 128))
@@ -68,6 +69,18 @@ def test_the_same_bits_with_any_number_of_threads(monkeypatch: pytest.MonkeyPatc
     assert (complete_picture(noise, HOLE, guess_of(noise), seed=6) != results[0]).any()
 
 
+@pytest.mark.parametrize("own", [0, 1])
+def test_of_two_surfaces_the_own_one_is_copied(own: int) -> None:
+    """Law: between walls of 120 and 130 levels a guess of 125 becomes the level of the wall it is said to lie on."""
+    left = COLUMNS < 60
+    levels = np.array([120, 130], np.uint8)
+    picture = np.repeat(levels[np.where(left, 0, 1)][..., None], 3, 2)
+    label = np.where(HOLE, own, np.where(left, 0, 1))
+    done = complete_picture(picture, HOLE, np.full_like(picture, 125), label=label, effort=QUICK)
+    deep = (np.abs(ROWS - 50) < 10) & (np.abs(COLUMNS - 60) < 13)
+    assert np.abs(done[deep].astype(int) - levels[own]).mean() < 2
+
+
 @pytest.mark.parametrize("hole", [np.ones((40, 40), np.bool_), np.indices((40, 40))[1] % 5 == 0], ids=["all", "bars"])
 def test_without_a_known_patch_the_guess_stays(hole: np.ndarray) -> None:
     """Law: where no patch is whole, there is nothing to paint with."""
@@ -95,11 +108,12 @@ def test_coarser_pictures_are_means_of_what_is_known() -> None:
     assert small.shape == (5, 6, 2) and known.shape == (5, 6)
     np.testing.assert_allclose(small[known > 0.5], 7, rtol=1e-5)
     picture = np.full((96, 128, 3), 50, np.uint8)
-    levels = pyramid(picture, HOLE, np.full_like(picture, 90))
+    levels = pyramid(picture, HOLE, np.full_like(picture, 90), ROWS.astype(np.int32))
     assert len(levels) > 1 and levels[0].values.shape[:2] == HOLE.shape
     for level in levels:
         assert (level.values[~level.hole][:, :3] < 52).all() and level.values[level.hole][:, :3].max() > 80
         assert not (level.sources & level.hole).any()
+        assert level.label.shape == level.hole.shape and level.label[1, 0] == ROWS.shape[0] // level.hole.shape[0]
 
 
 def test_texture_is_the_mean_change_between_known_neighbours() -> None:
@@ -143,12 +157,41 @@ def test_the_seed_reaches_the_patches(recipe: str) -> None:
     assert (first != other)[HOLE].any() and (first == other)[~HOLE].mean() > 0.9
 
 
+def camera_frame(off: int, wall: np.ndarray) -> tuple[RGBD, np.ndarray]:
+    """A wall at 2 m behind a plain table at 1 m, whose depth ends `off` columns beside its picture; a hole in the wall."""
+    rows, columns = np.indices(wall.shape[:2])
+    color = np.where((columns < 40)[..., None], np.uint8([200, 160, 90]), wall).astype(np.uint8)
+    depth = np.where(columns - off < 40, 1, 2).astype(np.float32)
+    hole = (np.abs(rows - 50) < 12) & (np.abs(columns - 90) < 14)
+    return RGBD(color, depth, Camera.from_fov(128, len(rows), 60)), hole
+
+
+def test_over_layers_depth_is_that_of_layered_and_colours_are_the_pictures() -> None:
+    """Law: depth is the same to the bit, cracks are painted the same; truth: the wall's pattern goes on in the hole."""
+    rgbd, hole = camera_frame(4, brick_wall())
+    crack = (ROWS == 20) & (COLUMNS > 50)
+    view = View.from_rgbd(rgbd)
+    view = view.without(hole, HoleType.OBJECT).without(crack, HoleType.CRACK)
+    scene = Scene((view,))
+    law = Law.of(scene).with_placed_edges(scene)
+    fills = [find_filler(name)(view, law, 3) for name in ("layered", "layered-patches")]
+    np.testing.assert_array_equal(fills[0].depth, fills[1].depth)
+    np.testing.assert_array_equal(fills[0].color[crack], fills[1].color[crack])
+    assert (np.abs(fills[1].color[hole].astype(int) - rgbd.color[hole]).max(-1) <= 12).mean() > 0.8
+    assert "migan" in str(fills[1].notes["guess"]) and fills[1].notes["planes"] == fills[0].notes["planes"]
+
+
 def test_auto_is_the_filler_that_suits_the_depth() -> None:
-    """Law: layered where depth was measured, patchmatch where it was estimated; meta data say which; a name is that name."""
+    """Law: layered where depth fits its picture, over it patches where a depth camera measured it, patchmatch where it was
+    estimated; meta data say which; a name is that name."""
     assert FILLER_NAMES[0] == AUTO and set(FILLER_NAMES) == {AUTO, *FILLERS}
+    plain = np.random.default_rng(0).integers(60, 70, (144, 128, 3), np.uint8)
+    for off, name in ((0, "layered"), (4, "layered-patches")):
+        rgbd, hole = camera_frame(off, plain)
+        assert dlama.remove(rgbd, hole).meta["filler"] == name
+        assert dlama.remove(rgbd, hole, filler="layered").meta["filler"] == "layered"
     rgbd = RGBD(brick_wall(), np.full((96, 128), 3, np.float32), Camera.from_fov(128, 96, 60))
     estimated = dataclasses.replace(rgbd, estimate={"estimator": "mine"})
-    assert dlama.remove(rgbd, HOLE).meta["filler"] == "layered"
     done = dlama.remove(estimated, HOLE)
     assert done.meta["filler"] == "patchmatch" and done.meta["depth"] == "estimated"
     assert dlama.remove(estimated, HOLE, filler="layered").meta["filler"] == "layered"

@@ -9,7 +9,7 @@ from dlama.inpainters.patchmatch import kernels
 from dlama.inpainters.patchmatch.kernels import HALF
 from dlama.inpainters.patchmatch.pyramid import dilated_by_patch, whole_patches
 
-LEAN = np.array([3.0, 0.5, 7.0], np.float32)
+LEAN = np.array([3.0, 0.5, 7.0, 2000.0], np.float32)
 RNG = np.random.default_rng(4)
 HEIGHT, WIDTH = 22, 26
 VALUES = RNG.uniform(0, 255, (HEIGHT, WIDTH, 5)).astype(np.float32)
@@ -18,17 +18,19 @@ HOLE[0:6, 15:21] = True
 TARGETS = np.argwhere(dilated_by_patch(HOLE)).astype(np.int32)
 SOURCES = np.argwhere(whole_patches(HOLE)).astype(np.int32)
 USED = RNG.uniform(0, 8, HOLE.shape).astype(np.float32)
+LABEL = RNG.integers(0, 3, HOLE.shape).astype(np.int32)
 
 
 def cost(row: int, column: int, source_row: int, source_column: int) -> float:
-    """Mean over the patch's pixels in the picture of squared differences, and what distance and use cost."""
+    """Mean over the patch's pixels in the picture of squared differences, and what distance, use and another surface cost."""
     steps = [
         ((VALUES[row + j, column + i].astype(float) - VALUES[source_row + j, source_column + i]) ** 2).sum()
         for j in range(-HALF, HALF + 1)
         for i in range(-HALF, HALF + 1)
         if 0 <= row + j < HEIGHT and 0 <= column + i < WIDTH
     ]
-    far = 3.0 * (row - source_row) ** 2 + 0.5 * (column - source_column) ** 2
+    far = 2000.0 * (LABEL[row, column] != LABEL[source_row, source_column])
+    far += 3.0 * (row - source_row) ** 2 + 0.5 * (column - source_column) ** 2
     return (
         float(np.mean(steps)) + far + 7.0 * min(max(float(USED[source_row, source_column]) - 1, 0), kernels.MOST_USED)
     )
@@ -43,12 +45,12 @@ def twin() -> tuple[np.ndarray, np.ndarray]:
 def test_all_compared_is_the_least_of_a_literal_twin() -> None:
     """Twin: every source compared with every target, at the border too."""
     found, least = np.zeros_like(TARGETS), np.zeros(len(TARGETS), np.float32)
-    kernels.search_rows(0, len(TARGETS), VALUES, TARGETS, SOURCES, LEAN, USED, found, least)
+    kernels.search_rows(0, len(TARGETS), VALUES, TARGETS, SOURCES, LEAN, USED, LABEL, found, least)
     sources, costs = twin()
     np.testing.assert_array_equal(found, sources)
     np.testing.assert_allclose(least, costs, rtol=1e-5)
     again = np.zeros_like(least)
-    kernels.cost_rows(0, len(TARGETS), VALUES, TARGETS, found, LEAN, USED, again)
+    kernels.cost_rows(0, len(TARGETS), VALUES, TARGETS, found, LEAN, USED, LABEL, again)
     np.testing.assert_allclose(again, costs, rtol=1e-5)
 
 
@@ -64,12 +66,13 @@ def test_one_lucky_patch_tells_the_others() -> None:
     number[targets[:, 0], targets[:, 1]] = np.arange(len(targets))
     found = sources[RNG.integers(0, len(sources), len(targets))]
     found[100] = targets[100] + (0, -30)
-    free, used, random = np.zeros(3, np.float32), np.zeros(hole.shape, np.float32), RNG.uniform(-1, 1, (4096, 2))
+    free, used, random = np.zeros(4, np.float32), np.zeros(hole.shape, np.float32), RNG.uniform(-1, 1, (4096, 2))
+    one = np.zeros(hole.shape, np.int32)
     costs = np.empty(len(targets), np.float32)
-    kernels.cost_rows(0, len(targets), values, targets, found, free, used, costs)
+    kernels.cost_rows(0, len(targets), values, targets, found, free, used, one, costs)
     for turn in range(30):
         before, now = costs.copy(), found.copy()
-        places = values, targets, number, whole_patches(hole), free, used, random, 977 * turn, 0.0, now
+        places = values, targets, number, whole_patches(hole), free, used, one, random, 977 * turn, 0.0, now
         kernels.match_rows(0, len(targets), *places, found, costs)
         assert (costs <= before).all()
     np.testing.assert_array_equal(found - targets, np.broadcast_to([0, -30], targets.shape))

@@ -9,11 +9,12 @@ from typing import Any
 from dlama.completion.recipes import Recipe
 from dlama.completion.report import depth_source
 from dlama.errors import InputError
+from dlama.geometry.drawing.picture_edges import taken_by_camera
 from dlama.geometry.frames.gathering import FrameSource, scene
 from dlama.geometry.rgbd import RGBD, clipped
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import Origin, View
-from dlama.inpainters import Given, chosen_filler
+from dlama.inpainters import AUTO, Given, chosen_filler
 
 
 def starting_scene(given: RGBD | Scene | Sequence[FrameSource], recipe: Recipe) -> Scene:
@@ -50,7 +51,11 @@ def kind_of_depth(scene: Scene) -> str:
 
 def filler_for(start: Scene, filler: Given) -> Given | str:
     """The filler as given; for `auto` the name of the one that suits the depth of the scene."""
-    return chosen_filler(filler, estimated=has_estimated_depth(start))
+    if not (isinstance(filler, str) and filler == AUTO):
+        return filler
+    return chosen_filler(
+        filler, estimated=has_estimated_depth(start), misplaced=taken_by_camera(start.layers[0].read())
+    )
 
 
 def about_source(given: RGBD | Scene | Sequence[FrameSource], start: Scene) -> dict[str, Any]:

@@ -149,6 +149,11 @@ def edge_uncertainty(view: View) -> int:
     return edges_beside(view.color, view.depth, measured, view.far)
 
 
+def taken_by_camera(view: View) -> bool:
+    """Whether a depth camera took the picture: that its depth edges lie beside those of the picture says so."""
+    return edge_uncertainty(view) >= CLEARLY
+
+
 def edges_beside(color: UInt8Array, depth: Float32Array, measured: BoolArray, far: BoolArray) -> int:
     """As `edge_uncertainty`, of depth (H x W metres) where it is measured or far."""
     if measured.sum() < LEAST_EDGES:

@@ -27,14 +27,10 @@ LEAN_DOWN, LEAN_ACROSS = 10000.0, 2500.0
 """Squared grey levels that a patch from as far off as the picture's longer side costs more, below or above, and beside."""
 USED_AGAIN = 30.0
 """Squared grey levels for each time that a source is used beyond once."""
-ROUNDS, UPDATES = 6, 400_000
-"""Rounds of matching and voting a level, and how many patches are matched in all of them where the hole is large."""
-MATCHINGS = 2
-"""Steps of PatchMatch a round."""
+OTHER_SURFACE = 1000.0
+"""Squared grey levels that a patch whose middle lies on another surface costs more, where surfaces are given."""
 NEAR = 16.0
 """Pixels of the first random step in all but the first of them."""
-PAIRS = 4_000_000
-"""Patches that are compared where all are, in the coarsest picture."""
 CERTAIN = 1.3
 """By how much less a patch counts for each pixel that its middle lies deeper in the hole."""
 SOFT, WIDE = 4.0, 1e3
@@ -47,14 +43,40 @@ DRAWN = 65536
 """Random numbers drawn a level."""
 
 
-def complete_picture(picture: UInt8Array, hole: BoolArray, guess: UInt8Array, seed: int = 0) -> UInt8Array:
+@dataclass(frozen=True)
+class Effort:
+    """How long patches are looked for."""
+
+    rounds: int
+    """Of matching and voting a level,"""
+    updates: int
+    """and how many patches are matched in all of them where the hole is large."""
+    matchings: int
+    """Steps of PatchMatch a round."""
+    pairs: int
+    """Patches that are compared where all are, in the coarsest picture."""
+
+
+THOROUGH, QUICK = Effort(6, 400_000, 2, 4_000_000), Effort(4, 100_000, 1, 1_000_000)
+
+
+def complete_picture(
+    picture: UInt8Array,
+    hole: BoolArray,
+    guess: UInt8Array,
+    seed: int = 0,
+    *,
+    label: NDArray[np.int32] | None = None,
+    effort: Effort = THOROUGH,
+) -> UInt8Array:
     """H x W x 3: the picture with its hole painted from known patches; known pixels as they are.
 
-    picture, guess: H x W x 3 uint8 RGB; hole: H x W. Where no patch of 7 x 7 px is known the guess comes back. The same seed
-    gives the same bits.
+    picture, guess: H x W x 3 uint8 RGB; hole: H x W; label: H x W, the surface of each pixel, hole or not: patches of another
+    one cost more. Where no patch of 7 x 7 px is known the guess comes back. The same seed gives the same bits.
     """
     out = np.where(hole[..., None], guess, picture)
-    levels = pyramid(picture, hole, guess) if hole.any() else []
+    label = np.zeros(hole.shape, np.int32) if label is None else label.astype(np.int32)
+    levels = pyramid(picture, hole, guess, label) if hole.any() else []
     if not levels or not levels[0].sources.any():
         return out
     rng = np.random.default_rng(seed)
@@ -62,12 +84,12 @@ def complete_picture(picture: UInt8Array, hole: BoolArray, guess: UInt8Array, se
     for i in reversed(range(len(levels))):
         search = Search.of(levels[i], rng, lean_of(max(hole.shape) / 2**i))
         if coarser is None:
-            search.compare_all(rng)
+            search.compare_all(rng, effort.pairs)
         else:
             search.go_on_from(coarser)
-        rounds = int(np.clip(UPDATES // len(search.targets), 1, ROUNDS))
+        rounds = int(np.clip(effort.updates // len(search.targets), 1, effort.rounds))
         for turn in range(rounds):
-            search.match(turn)
+            search.match(turn, effort.matchings)
             search.vote(last=i == 0 and turn == rounds - 1)
         coarser = search
     out[hole] = np.clip(np.round(search.values[hole][:, :3]), 0, 255)
@@ -75,8 +97,8 @@ def complete_picture(picture: UInt8Array, hole: BoolArray, guess: UInt8Array, se
 
 
 def lean_of(side: float) -> Float32Array:
-    """What distance and use cost, as `kernels.penalty` reads it; side: the longer side in pixels of this level."""
-    return np.array([LEAN_DOWN / side**2, LEAN_ACROSS / side**2, USED_AGAIN], np.float32)
+    """What distance, use and another surface cost, as `kernels.penalty` reads it; side: the level's longer side in pixels."""
+    return np.array([LEAN_DOWN / side**2, LEAN_ACROSS / side**2, USED_AGAIN, OTHER_SURFACE], np.float32)
 
 
 @dataclass
@@ -87,6 +109,8 @@ class Search:
     """H x W x 5, as of Level; the hole's change."""
     sources: BoolArray
     """H x W."""
+    label: NDArray[np.int32]
+    """H x W, the surface of each pixel."""
     pixels: NDArray[np.int32]
     """M x 2, the hole's."""
     targets: NDArray[np.int32]
@@ -114,16 +138,20 @@ class Search:
         pixels = np.argwhere(level.hole).astype(np.int32)
         random = rng.uniform(-1, 1, (DRAWN, 2))
         found, cost = np.zeros_like(targets), np.full(len(targets), np.inf, np.float32)
-        return cls(level.values.copy(), level.sources, pixels, targets, number, trust, lean, random, found, cost)
+        return cls(
+            level.values.copy(), level.sources, level.label, pixels, targets, number, trust, lean, random, found, cost
+        )
 
-    def compare_all(self, rng: np.random.Generator) -> None:
-        """Every target with every known patch, or with as many drawn ones as PAIRS allow."""
+    def compare_all(self, rng: np.random.Generator, pairs: int) -> None:
+        """Every target with every known patch, or with as many drawn ones as `pairs` allow."""
         sources = np.argwhere(self.sources).astype(np.int32)
-        most = max(1, PAIRS // len(self.targets))
+        most = max(1, pairs // len(self.targets))
         if len(sources) > most:
             sources = sources[np.sort(rng.permutation(len(sources))[:most])]
         used = np.zeros(self.sources.shape, np.float32)
-        self._run(kernels.search_rows, self.values, self.targets, sources, self.lean, used, self.found, self.cost)
+        self._run(
+            kernels.search_rows, self.values, self.targets, sources, self.lean, used, self.label, self.found, self.cost
+        )
 
     def go_on_from(self, coarser: Search) -> None:
         """Begin with what the coarser level (half the size) found, and with its colours."""
@@ -136,10 +164,10 @@ class Search:
         self._paint(SOFT, WIDE, self.trust)
         self._weigh()
 
-    def match(self, turn: int) -> None:
-        """Look for better patches: among the neighbours' and at random."""
+    def match(self, turn: int, matchings: int) -> None:
+        """Look for better patches, so many times: among the neighbours' and at random."""
         used = self._used()
-        for step in range(MATCHINGS):
+        for step in range(matchings):
             reach = float(max(self.sources.shape)) if step == 0 else NEAR
             now = self.found.copy()
             self._run(
@@ -150,8 +178,9 @@ class Search:
                 self.sources,
                 self.lean,
                 used,
+                self.label,
                 self.random,
-                104729 * (turn * MATCHINGS + step),
+                104729 * (turn * matchings + step),
                 reach,
                 now,
                 self.found,
@@ -173,7 +202,9 @@ class Search:
         self.values[self.pixels[:, 0], self.pixels[:, 1]] = out
 
     def _weigh(self) -> None:
-        self._run(kernels.cost_rows, self.values, self.targets, self.found, self.lean, self._used(), self.cost)
+        self._run(
+            kernels.cost_rows, self.values, self.targets, self.found, self.lean, self._used(), self.label, self.cost
+        )
 
     def _used(self) -> Float32Array:
         """H x W: how many times each known pixel is used."""

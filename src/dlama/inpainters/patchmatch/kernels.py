@@ -45,12 +45,20 @@ def difference(
 
 @piece
 def penalty(
-    row: Whole, column: Whole, source_row: Whole, source_column: Whole, lean: Float32Array, used: Float32Array
+    row: Whole,
+    column: Whole,
+    source_row: Whole,
+    source_column: Whole,
+    lean: Float32Array,
+    used: Float32Array,
+    label: NDArray[np.int32],
 ) -> Real:
-    """What is added to the difference of a patch: for its distance (lean: per px^2, along rows and columns) and for its use."""
+    """What is added to the difference of a patch: for its distance (lean: per px^2, along rows and columns), for its use, and
+    where its middle lies on another surface (label: H x W)."""
     down, across = np.float64(source_row - row), np.float64(source_column - column)
     again = min(max(np.float64(used[source_row, source_column]) - 1.0, 0.0), MOST_USED)
-    return lean[0] * down * down + lean[1] * across * across + lean[2] * again
+    other = lean[3] if label[row, column] != label[source_row, source_column] else 0.0
+    return lean[0] * down * down + lean[1] * across * across + lean[2] * again + other
 
 
 @kernel
@@ -62,6 +70,7 @@ def search_rows(
     sources: Places,
     lean: Float32Array,
     used: Float32Array,
+    label: NDArray[np.int32],
     found: Places,
     cost: Float32Array,
 ) -> None:
@@ -71,7 +80,7 @@ def search_rows(
         least = np.inf
         for s in range(len(sources)):
             source_row, source_column = int(sources[s, 0]), int(sources[s, 1])
-            more = penalty(row, column, source_row, source_column, lean, used)
+            more = penalty(row, column, source_row, source_column, lean, used, label)
             if more >= least:
                 continue
             value = more + difference(values, row, column, source_row, source_column, least - more)
@@ -91,6 +100,7 @@ def match_rows(
     is_source: BoolArray,
     lean: Float32Array,
     used: Float32Array,
+    label: NDArray[np.int32],
     random: NDArray[np.float64],
     start: Whole,
     reach: Real,
@@ -135,7 +145,7 @@ def match_rows(
                 continue
             if not is_source[source_row, source_column]:
                 continue
-            more = penalty(row, column, source_row, source_column, lean, used)
+            more = penalty(row, column, source_row, source_column, lean, used, label)
             if more >= least:
                 continue
             value = more + difference(values, row, column, source_row, source_column, least - more)
@@ -153,13 +163,14 @@ def cost_rows(
     found: Places,
     lean: Float32Array,
     used: Float32Array,
+    label: NDArray[np.int32],
     cost: Float32Array,
 ) -> None:
     """`cost` of targets [first, last) with the patches `found`, after the values have changed."""
     for t in range(first, last):
         row, column = int(targets[t, 0]), int(targets[t, 1])
         source_row, source_column = int(found[t, 0]), int(found[t, 1])
-        more = penalty(row, column, source_row, source_column, lean, used)
+        more = penalty(row, column, source_row, source_column, lean, used, label)
         cost[t] = more + difference(values, row, column, source_row, source_column, np.inf)
 
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from dlama.geometry.holes import square
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
@@ -33,16 +34,18 @@ class Level:
     """H x W."""
     sources: BoolArray
     """H x W, the middles of patches that are whole and known."""
+    label: NDArray[np.int32]
+    """H x W, the surface of each pixel."""
 
 
-def pyramid(picture: UInt8Array, hole: BoolArray, guess: UInt8Array) -> list[Level]:
+def pyramid(picture: UInt8Array, hole: BoolArray, guess: UInt8Array, label: NDArray[np.int32]) -> list[Level]:
     """Levels from the picture itself to the coarsest, each half of the one before.
 
     picture, guess: H x W x 3 RGB; hole: H x W. The last level is the first in which the hole is as narrow as DEEPEST, or the last
     in which enough whole patches are known.
     """
     values, filled = described(picture, ~hole), described(guess, np.ones_like(hole))
-    levels = [Level(np.where(hole[..., None], filled, values), hole, whole_patches(hole))]
+    levels = [Level(np.where(hole[..., None], filled, values), hole, whole_patches(hole), label)]
     while deepest(hole) > DEEPEST and min(hole.shape) >= SMALLEST_SIDE:
         values, known = halved(values, (~hole).astype(np.float32))
         filled, _ = halved(filled, np.ones(hole.shape, np.float32))
@@ -50,7 +53,8 @@ def pyramid(picture: UInt8Array, hole: BoolArray, guess: UInt8Array) -> list[Lev
         sources = whole_patches(hole)
         if sources.sum() < FEWEST_SOURCES or not hole.any():
             break
-        levels.append(Level(np.where(hole[..., None], filled, values), hole, sources))
+        label = np.ascontiguousarray(label[::2, ::2])
+        levels.append(Level(np.where(hole[..., None], filled, values), hole, sources, label))
     return levels
 
 
