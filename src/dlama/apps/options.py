@@ -227,8 +227,9 @@ FillerName = Annotated[
         AUTO,
         help="What fills the holes: layered continues planes and sky from behind, telea and navier-stokes diffuse; "
         "migan runs a network that comes with the package, patchmatch copies patches of the picture to where that one "
-        "guesses them; auto is layered, or patchmatch where depth is estimated; choice lets another one judge the "
-        "guesses of four (with --model FILE of a fifth); lama, joint and pair (stereo only) run that of --model.",
+        "guesses them, layered-patches does so over layered; auto is layered, layered-patches in a depth camera's "
+        "picture, patchmatch where depth is estimated; choice lets another one judge the guesses of four (with "
+        "--model FILE of a fifth); lama, joint and pair (stereo only) run that of --model.",
     ),
 ]
 """One of FILLER_NAMES, which the library checks."""
@@ -240,7 +241,7 @@ class Method:
 
     filler: FillerName = AUTO
     model: Annotated[str | None, option("FILE|NAME")] = None
-    """Network of --filler lama, migan, patchmatch, choice, joint, pair: an ONNX or LaMa file, a name of `dlama models list`."""
+    """Network of a filler that runs one: an ONNX or LaMa file, or a name of `dlama models list`."""
     recipe: Annotated[str, option("|".join(RECIPES), "dlama")] = "dlama"
     """dlama: surfaces, metric depth; paper: as published (points, 10 m clip, 8-bit depth, 3 px dilation)."""
     mode: Annotated[Literal["surface", "points"] | None, option("surface|points", "the recipe's")] = None

@@ -88,6 +88,9 @@ def model_file(filler: str, model: str | Path | None = None) -> Path | None:
 
 FILLERS: dict[str, FillerRecord] = {
     "layered": FillerRecord("dlama.inpainters.layered.filler:layered"),
+    "layered-patches": FillerRecord(
+        "dlama.inpainters.patchmatch.over_layers:layered_patches_filler", True, "migan/migan-512.onnx"
+    ),
     "telea": FillerRecord("dlama.inpainters.opencv:telea"),
     "navier-stokes": FillerRecord("dlama.inpainters.opencv:navier_stokes"),
     "lama": FillerRecord(
@@ -95,9 +98,6 @@ FILLERS: dict[str, FillerRecord] = {
     ),
     "migan": FillerRecord("dlama.inpainters.networks.migan:migan_filler", True, "migan/migan-512.onnx"),
     "patchmatch": FillerRecord("dlama.inpainters.patchmatch.filler:patchmatch_filler", True, "migan/migan-512.onnx"),
-    "layered-patches": FillerRecord(
-        "dlama.inpainters.patchmatch.over_layers:layered_patches_filler", True, "migan/migan-512.onnx"
-    ),
     "choice": FillerRecord("dlama.inpainters.choice.filler:choice_filler", True, "choice/choice.onnx"),
     "joint": FillerRecord("dlama.inpainters.networks.joint:joint_filler", needs_model=True),
     "pair": FillerRecord("dlama.inpainters.networks.pair:pair_filler", needs_model=True),

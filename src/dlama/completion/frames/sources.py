@@ -53,9 +53,8 @@ def filler_for(start: Scene, filler: Given) -> Given | str:
     """The filler as given; for `auto` the name of the one that suits the depth of the scene."""
     if not (isinstance(filler, str) and filler == AUTO):
         return filler
-    return chosen_filler(
-        filler, estimated=has_estimated_depth(start), misplaced=taken_by_camera(start.layers[0].read())
-    )
+    misplaced = any(taken_by_camera(layer.read()) for layer in start.measured[:1])
+    return chosen_filler(filler, estimated=has_estimated_depth(start), misplaced=misplaced)
 
 
 def about_source(given: RGBD | Scene | Sequence[FrameSource], start: Scene) -> dict[str, Any]:
