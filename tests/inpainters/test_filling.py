@@ -191,7 +191,7 @@ def test_names_are_a_closed_set() -> None:
     for name, record in FILLERS.items():
         assert callable(pkgutil.resolve_name(record.entry_point)), name
     assert all(find_filler(name) is pkgutil.resolve_name(FILLERS[name].entry_point) for name in PLAIN)
-    with pytest.raises(InputError, match="filler is 'lama-xl'; one of auto, layered, telea, navier-stokes") as error:
+    with pytest.raises(InputError, match="filler is 'lama-xl'; one of auto, layered, layered-patches, telea") as error:
         find_filler("lama-xl")
     assert all(name in str(error.value) for name in FILLERS)
 

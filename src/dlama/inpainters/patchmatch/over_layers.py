@@ -2,7 +2,9 @@
 
 For pictures of a depth camera. Its planes are rough, and several materials lie on one of them, so that texture copied within a
 plane leaves seams and scraps; the picture itself knows better. Where the source picture shows what surrounds a hole MI-GAN
-guesses what is there; beyond its border, where the network would begin another room, the continued surfaces do.
+guesses what is there; beyond its border, where the network would begin another room, the continued surfaces do. What stands
+before a removed thing is hidden from both: a table would go on where the chair behind it was. Beside other holes it is not, for
+it is most of what there is to paint with.
 """
 
 from __future__ import annotations
@@ -11,13 +13,15 @@ import dataclasses
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
-from dlama.geometry.rgbd import UInt8Array
+from dlama.geometry.holes import nearest_known
+from dlama.geometry.rgbd import Float32Array, UInt8Array
 from dlama.geometry.view import HoleType, View
 from dlama.geometry.visibility import Law
 from dlama.inpainters.filling import Fill, Inpainter
+from dlama.inpainters.layered.depth_first import occluders
 from dlama.inpainters.layered.filler import layered_fill
+from dlama.inpainters.layered.surfaces import Surfaces
 from dlama.inpainters.networks.migan import migan_filler
 from dlama.inpainters.patchmatch.completion import QUICK, complete_picture
 
@@ -35,9 +39,17 @@ def layered_patches_filler(model: str | Path) -> Inpainter:
         done = layered_fill(view, law, seed, repaint)
         return dataclasses.replace(done, notes=done.notes | {"guess": network.notes()})
 
-    def repaint(view: View, color: UInt8Array, label: NDArray[np.int32], seed: int) -> UInt8Array:
+    def repaint(view: View, surfaces: Surfaces, depth: Float32Array, color: UInt8Array, seed: int) -> UInt8Array:
         hole, inner = (view.color_hole & np.isin(view.hole_type, types) for types in (REPAINTED, INNER))
-        guess = network.paint(color, inner, seed) if inner.any() else color
-        return complete_picture(color, hole, guess, seed, label=label, effort=QUICK)
+        if not hole.any():
+            return color
+        label, before = surfaces.label, np.zeros_like(hole)
+        if (removed := hole & (view.hole_type == HoleType.OBJECT)).any():
+            nearest = nearest_known(hole)[1]
+            before = occluders(view, surfaces, depth) & removed.ravel()[nearest]
+            label = np.where(before, label.ravel()[nearest], label)
+        guess = network.paint(color, inner | before, seed) if inner.any() else color
+        done = complete_picture(color, hole | before, guess, seed, label=label, effort=QUICK)
+        return np.where(before[..., None], color, done)
 
     return fill
