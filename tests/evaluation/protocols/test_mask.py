@@ -10,7 +10,7 @@ from square_world import FILLED, SOURCE, SQUARE_IN_SOURCE, WALL, constant_filler
 
 from dlama.datasets.frames import Case, Dataset, RemovalTruth, ViewTruth
 from dlama.errors import InputError
-from dlama.evaluation.protocols import PROTOCOLS
+from dlama.evaluation.protocols import PROTOCOLS, mask
 from dlama.evaluation.protocols.mask import CLICKS, shadow_measures
 from dlama.evaluation.protocols.methods import Method, ProtocolSettings
 
@@ -51,10 +51,26 @@ def test_a_shadow_that_is_not_found_is_not_recalled() -> None:
     assert [(one.metric, one.value) for one in shadow_measures(dark)] == [("recall", 0)]
 
 
+def test_the_contact_line_is_neither_right_nor_wrong(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The lower half of a shadow is found, and two pixels beside the square: precision 1; they alone are no alarm.
+
+    The true shadow is the strip of 8 x 20 px and, by means of 3 x 3 px, what touches a side of it: 10 x 22 but for the corners.
+    """
+    color, strip = TRUTH.source.color.copy(), rectangle((52, 60), (20, 40))
+    color[strip] = 50
+    dark = dataclasses.replace(TRUTH, source=dataclasses.replace(TRUTH.source, color=color))
+    contact, lower = rectangle((48, 50), (16, 48)), rectangle((52, 60), (30, 40))
+    monkeypatch.setattr(mask, "shadow_found", lambda truth: contact | lower)
+    found = {one.metric: one.value for one in shadow_measures(dark)}
+    assert found == {"recall": 8 * 10 / (10 * 22 - 4), "precision": 1}
+    monkeypatch.setattr(mask, "shadow_found", lambda truth: contact)
+    assert [(one.metric, one.value) for one in shadow_measures(TRUTH)] == [("false_alarm", 0)]
+
+
 def test_every_removal_is_a_case_of_masks() -> None:
     case = Case("ori", "toy", "room", "one", lambda: TRUTH)
-    (mask,) = Dataset("toy", "made-up", None, (), (case,)).of("mask")
-    assert mask.protocol == "mask" and mask.key == "mask__toy__room__one" and mask.load() is TRUTH
+    (pointed,) = Dataset("toy", "made-up", None, (), (case,)).of("mask")
+    assert pointed.protocol == "mask" and pointed.key == "mask__toy__room__one" and pointed.load() is TRUTH
 
 
 def test_what_is_no_removal_is_refused() -> None:

@@ -54,12 +54,17 @@ def box_of(mask: BoolArray, larger: float) -> Box:
     return columns[0] - larger / 2 * wide, rows[0] - larger / 2 * high, (1 + larger) * wide, (1 + larger) * high
 
 
+def away_from(mask: BoolArray) -> BoolArray:
+    """H x W, False under a thing and within EDGE_PX of it, where a mask with its shadow holds the contact line."""
+    return ~dilated(mask, EDGE_PX)
+
+
 def darkened(color: UInt8Array, without: UInt8Array, mask: BoolArray) -> BoolArray:
     """H x W, True where a thing takes away a tenth of the luma or more, outside its mask; means of 3 x 3 px are compared.
 
     color, without: H x W x 3, the picture with and without the thing.
     """
-    outside = (~dilated(mask, EDGE_PX)).astype(np.float32)
+    outside = away_from(mask).astype(np.float32)
     count = np.maximum(cv2.blur(outside, (3, 3)), 1e-6)
     luma = [cv2.cvtColor(each, cv2.COLOR_RGB2GRAY).astype(np.float32) for each in (color, without)]
     shown, true = (cv2.blur(each * outside, (3, 3)) / count for each in luma)

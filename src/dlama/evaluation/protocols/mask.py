@@ -8,6 +8,7 @@ alone, with the same box, and with a box of a quarter of the picture round the f
 The method removes the thing with the mask of one click; variant `true-mask` with the true one, `with-shadow` with its shadow
 too. Errors are taken in ORI's regions, `mask` being the true one. Region `shadow`, modality `mask`: which pixels that the thing
 darkens by a tenth or more (`darkened`) are found with the true mask; `false_alarm`: % of the picture found where there is none.
+The contact line, within 2 px of the thing, is compared with nothing.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ import numpy as np
 
 from dlama.datasets.frames import RemovalTruth, Truth
 from dlama.errors import InputError, MaskError
-from dlama.evaluation.metrics.masks import border_f, box_of, darkened, innermost, iou, largest_region
+from dlama.evaluation.metrics.masks import away_from, border_f, box_of, darkened, innermost, iou, largest_region
 from dlama.evaluation.protocols.methods import Measure, Method, ProtocolSettings, Scored, run_method
 from dlama.evaluation.protocols.ori import reference_of
 from dlama.evaluation.protocols.scores import picture_panel
@@ -155,7 +156,7 @@ def shadow_found(truth: RemovalTruth) -> BoolArray:
 
 def shadow_measures(truth: RemovalTruth) -> list[Measure]:
     """Recall and precision in pixels; where there is no shadow the share of the picture that is taken for one, in percent."""
-    found = shadow_found(truth)
+    found = shadow_found(truth) & away_from(truth.mask)
     true = darkened(truth.source.color, truth.without.color, truth.mask)
     if truth.compare is not None:
         found, true = found & truth.compare, true & truth.compare

@@ -35,7 +35,7 @@ TRIED = 2
 """Thrown shapes that are followed, the likeliest first,"""
 LIKELY = 0.04
 """of those at least so probable."""
-CERTAIN = 0.6
+CERTAIN = 0.3
 """Least probability that what is found is the thing's shadow."""
 SHADOW = 0.5
 """Least probability of a pixel."""
