@@ -201,6 +201,36 @@ def test_marks_are_undone_and_painted(pages: Pages, frame: Path) -> None:
     playwright.expect(fact).to_be_empty()
 
 
+def test_slow_answers_change_no_order(pages: Pages, frame: Path) -> None:
+    """Files handed in while starting over is under way stay (oracle: the list of files), and a mark that is taken back while its
+    mask is under way stays away (oracle: no mask is told)."""
+    page, held = pages.open(), []
+    hand_in(page, frame)
+    page.route("**/api/mask", lambda route: held.append(route))
+    click(page, 30, 24)
+    waiting(page, held)
+    page.get_by_role("button", name="Undo").click()
+    held.pop().continue_()
+    playwright.expect(page.locator("#busy")).to_be_hidden()
+    page.wait_for_timeout(300)
+    playwright.expect(page.locator("#mask-fact")).to_be_empty()
+    page.unroute("**/api/mask")
+    page.route("**/api/start_over", lambda route: held.append(route))
+    page.get_by_role("button", name="Start over").click()
+    waiting(page, held)
+    page.set_input_files("#files", [frame / "image.png", frame / "depth.png"])
+    page.wait_for_timeout(300)
+    held.pop().continue_()
+    playwright.expect(page.locator('[data-error="camera"]')).to_be_visible()
+    playwright.expect(page.locator("#uploads li")).to_have_count(2)
+
+
+def waiting(page: Any, held: list[Any]) -> None:
+    """Until a request is held back."""
+    while not held:
+        page.wait_for_timeout(50)
+
+
 def test_bad_files_are_told_beside_their_field(pages: Pages, frame: Path, tmp_path: Path) -> None:
     """A damaged picture, an ending that is none, a file too large: each says so, and the page goes on."""
     page = pages.open()

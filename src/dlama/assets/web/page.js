@@ -10,10 +10,13 @@ const STAGES = { render: "rendering", fill: "filling", fuse: "fusing", exchange:
 let settings, source = null;
 
 // ---- 1 the picture
-async function takeFiles(list) {
-  clearErrors();
+function takeFiles(list) {
   const files = [...list];
-  if (!files.length) return;
+  if (files.length) server.inTurn(() => taken(files));
+}
+
+async function taken(files) {
+  clearErrors();
   const have = Object.fromEntries(all("#uploads li").map((item) => [item.dataset.role, true]));
   const { found, left } = rolesOf(files, have, settings.roles);
   if (left.length) return failed(new server.Failure(`${left[0].name}: is no file that this page takes (PNG, JPEG, WebP, TIFF; EXR, PFM, NPY, NPZ; JSON, TXT)`, ""), "");
@@ -40,7 +43,7 @@ function showUploads(files) {
     const item = document.createElement("li");
     item.dataset.role = role;
     const button = Object.assign(document.createElement("button"), { type: "button", textContent: "✕", ariaLabel: `Remove ${name}` });
-    button.addEventListener("click", async () => { await server.ask("forget", { role }); await read(); });
+    button.addEventListener("click", () => server.inTurn(async () => { await server.ask("forget", { role }); await read(); }));
     item.append(Object.assign(document.createElement("span"), { className: "role", textContent: "right" in files && role === "picture" ? "Left" : NAMES[role] }),
       Object.assign(document.createElement("span"), { className: "name", textContent: name, title: name }), button);
     return item;
@@ -114,7 +117,7 @@ $("files").addEventListener("change", () => { takeFiles($("files").files); $("fi
 for (const name of ["dragover", "dragenter"]) document.addEventListener(name, (event) => { event.preventDefault(); $("drop").classList.add("over"); $("empty").classList.add("over"); });
 for (const name of ["dragleave", "drop"]) document.addEventListener(name, () => { $("drop").classList.remove("over"); $("empty").classList.remove("over"); });
 document.addEventListener("drop", (event) => { event.preventDefault(); takeFiles(event.dataTransfer.files); });
-$("fields").addEventListener("submit", (event) => { event.preventDefault(); read(); });
+$("fields").addEventListener("submit", (event) => { event.preventDefault(); server.inTurn(read); });
 for (const input of all('input[name="shown"]')) input.addEventListener("change", () => shownWhile(async () => {
   const { blob, headers } = await server.fetched("source", { kind: chosen("shown") });
   marker.show(await createImageBitmap(blob), source.width, source.height);
@@ -127,22 +130,22 @@ function showSettings() {
   $("examples").replaceChildren(...Object.entries(settings.examples).map(([name, title]) => {
     const button = Object.assign(document.createElement("button"), { type: "button", textContent: title });
     button.dataset.example = name;
-    button.addEventListener("click", () => shownWhile(async () => {
+    button.addEventListener("click", () => server.inTurn(() => shownWhile(async () => {
       clearErrors();
       noSource();
       $("fields").reset();
       await showSource(await server.ask("example", { name }));
-    }, ""));
+    }, "")));
     return button;
   }));
   $("role-inputs").replaceChildren(...Object.entries(settings.roles).map(([role, endings]) => {
     const row = Object.assign(document.createElement("div"), { className: "file-row" });
     const label = Object.assign(document.createElement("label"), { htmlFor: `file-${role}`, textContent: NAMES[role] });
     const input = Object.assign(document.createElement("input"), { type: "file", id: `file-${role}`, accept: endings.join(",") });
-    input.addEventListener("change", async () => {
-      clearErrors();
-      if (input.files[0] && await send(role, input.files[0])) await read();
+    input.addEventListener("change", () => {
+      const [file] = input.files;
       input.value = "";
+      if (file) server.inTurn(async () => { clearErrors(); if (await send(role, file)) await read(); });
     });
     row.append(label, input);
     return row;
@@ -161,13 +164,17 @@ function showMarkButtons() {
   $("undo").disabled = $("clear").disabled = !marker.marks.length;
 }
 
-async function sendMarks() {
+// Only the newest marks are sent; those before them that still wait for their turn are not.
+function sendMarks() {
   showMarkButtons();
   const number = ++marking;
+  server.inTurn(() => (number === marking && source ? findMask() : null));
+}
+
+async function findMask() {
   clearErrors("marks");
   await shownWhile(async () => {
     const told = await server.ask("mark", { marks: marker.marks, with_shadow: $("shadow").checked, candidate: $("candidate").value || "thing", grow: Number($("grow").value) });
-    if (number !== marking) return;
     marker.setMask(told.share > 0 ? await server.bitmap("mask") : null);
     const notes = told.notes.length ? `; ${told.notes.join("; ")}` : "";
     $("mask-fact").textContent = told.share > 0 ? `${percent(told.share)} of the picture${notes}` : "";
@@ -245,7 +252,7 @@ async function complete() {
   clearErrors();
   setRunning(true);
   try {
-    await server.ask("complete", request());
+    await server.inTurn(() => server.ask("complete", request()));
     await follow();
   } catch (error) { failed(error, "method"); } finally { setRunning(false); }
 }
@@ -277,13 +284,13 @@ $("theme").addEventListener("click", () => {
   try { localStorage.setItem("dlama-theme", document.documentElement.dataset.theme); } catch { /* it is chosen for this page alone */ }
   repaint();
 });
-$("start-over").addEventListener("click", async () => {
+$("start-over").addEventListener("click", () => server.inTurn(async () => {
   clearErrors();
   await server.ask("start_over").catch((error) => failed(error));
   $("fields").reset();
   showUploads({});
   noSource();
-});
+}));
 addEventListener("pagehide", () => server.leave());
 setInterval(() => { if (source) server.ask("alive").catch(() => {}); }, 60000);
 

@@ -42,6 +42,14 @@ export async function fetched(action, fields = {}) {
   return { blob: await answer.blob(), headers: answer.headers };
 }
 
+// What changes the visit goes one after the other, in the order it was asked for, however long an answer takes.
+let last = Promise.resolve();
+export function inTurn(work) {
+  const done = last.then(work);
+  last = done.catch(() => {});
+  return done;
+}
+
 export const bitmap = async (action, fields) => createImageBitmap((await fetched(action, fields)).blob);
 
 export const upload = async (role, file) =>
