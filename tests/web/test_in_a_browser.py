@@ -25,6 +25,7 @@ pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no chromium is on the 
 WITHOUT_GPU = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
 PATIENCE = 600_000
 """Milliseconds: kernels may have to be compiled first."""
+playwright.expect.set_options(timeout=60_000)
 
 
 @pytest.fixture(scope="module")

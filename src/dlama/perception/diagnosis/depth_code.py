@@ -21,6 +21,8 @@ SIDE = 20
 """Samples across one part."""
 PARTS = (2, 3, 4, 6)
 """Parts have the shorter side of the picture divided by these; each overlaps the next by half."""
+MOST_ALONG = 48
+"""So many in a row at most, evenly spread: strips would have thousands."""
 KNOWN_SHARE = 0.8
 """Of a part's samples that must have depth."""
 OUTLIERS = 4.0
@@ -148,7 +150,8 @@ def _grid(hw: tuple[int, ...], parts: int) -> tuple[NDArray[np.intp], NDArray[np
         return np.empty((0, SIDE * SIDE), np.intp), np.empty((0, SIDE * SIDE), np.intp)
     within = np.linspace(0, side - 1, SIDE).round().astype(np.intp)
     starts = [np.arange(0, n - side + 1, max(side // 2, 1)) for n in hw]
-    y, x = (each.ravel() for each in np.meshgrid(*starts, indexing="ij"))
+    spread = (each[np.linspace(0, len(each) - 1, min(len(each), MOST_ALONG)).astype(np.intp)] for each in starts)
+    y, x = (each.ravel() for each in np.meshgrid(*spread, indexing="ij"))
     return y[:, None] + np.repeat(within, SIDE), x[:, None] + np.tile(within, SIDE)
 
 
