@@ -35,10 +35,10 @@ def test_the_square_is_found_and_removed(constant_filler: str) -> None:
 
 
 def test_variants_remove_with_other_masks(constant_filler: str) -> None:
-    """The found mask is the true one and there is no shadow: all three runs score alike."""
+    """The found mask is the true one and there is no shadow: all runs score alike."""
     settings = dataclasses.replace(QUICK, mask_changes=(3,))
     runs = PROTOCOLS["mask"](TRUTH, Method("paper", constant_filler), settings)
-    assert [run.variant for run in runs] == ["", "true-mask", "with-shadow"]
+    assert [run.variant for run in runs] == ["", "clicks-2", "true-mask", "with-shadow"]
     errors = {values(run.measures)["mask", "rgb", "mse"] for run in runs}
     assert len(errors) == 1
 

@@ -5,10 +5,10 @@ region; the box of the true mask, 5 % larger; one click where depth is estimated
 alone, with the same box, and with a box of a quarter of the picture round the first click. Each is a region with `iou` and
 `border_f` of modality `mask`.
 
-The method removes the thing with the mask of one click; variant `true-mask` with the true one, `with-shadow` with its shadow
-too. Errors are taken in ORI's regions, `mask` being the true one. Region `shadow`, modality `mask`: which pixels that the thing
-darkens by a tenth or more (`darkened`) are found with the true mask; `false_alarm`: % of the picture found where there is none.
-The contact line, within 2 px of the thing, is compared with nothing.
+The method removes the thing with the mask of one click; variant `clicks-2` with that of one click and one correction, `true-mask`
+with the true one, `with-shadow` with its shadow too. Errors are taken in ORI's regions, `mask` being the true one. Region
+`shadow`, modality `mask`: which pixels that the thing darkens by a tenth or more (`darkened`) are found with the true mask;
+`false_alarm`: % of the picture found where there is none. The contact line, within 2 px of the thing, is compared with nothing.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ GRABCUT_ROUNDS = 5
 
 
 def score(truth: Truth, method: Method, settings: ProtocolSettings) -> list[Scored]:
-    """The masks, and the removal with that of one click; then the removal with the true mask, and with the shadow.
+    """The masks, and the removal with that of one click; then after a correction, with the true mask, and with the shadow.
 
     Raises:
         InputError: not a RemovalTruth, an empty mask, or what the completion raises.
@@ -56,7 +56,7 @@ def score(truth: Truth, method: Method, settings: ProtocolSettings) -> list[Scor
     ]
     measures += [*shadow_measures(truth), Measure("click", "time", "seconds", seconds)]
     found, shadow = masks["click"], shadow_found(truth)
-    removals = {"": found, "true-mask": truth.mask, "with-shadow": found | shadow}
+    removals = {"": found, CLICKS[1]: masks[CLICKS[1]], "true-mask": truth.mask, "with-shadow": found | shadow}
     if not settings.mask_changes:
         removals = {"": found}
     scored = []
