@@ -61,8 +61,8 @@ def complete(
         cameras: Where to look from, in the world of the picture's camera.
         mask: H x W bool, True = remove: takes an object out everywhere. Of many frames: number of a frame -> its mask, for one
             frame or several; the other frames' masks follow from the thing's shape.
-        filler: What fills the holes: a name, or a function (view, law, seed) -> Fill. "auto": `layered`, over it
-            `layered-patches` where a depth camera measured the depth, `patchmatch` where it was estimated.
+        filler: What fills the holes: a name, or a function (view, law, seed) -> Fill. "auto": `layered`;
+            `layered-patches` where a depth camera measured the depth, `patchmatch` where a network estimated it.
         model: The network file of a filler that runs one.
         recipe: `dlama`, `paper` or a Recipe. The next five replace single settings of it; None leaves them.
         mode: "surface" (the pixel grid as triangles, cut at depth edges) or "points" (each pixel to the nearest one).

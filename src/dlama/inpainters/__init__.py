@@ -43,13 +43,11 @@ EXACT, CAMERA, ESTIMATED = "layered", "layered-patches", "patchmatch"
 estimated it, whose planes are bent and torn: what is painted on them is, too."""
 
 
-def chosen_filler(filler: Given, *, estimated: bool = False, misplaced: bool = False) -> Given | str:
-    """The filler as given; for AUTO the name that it stands for.
+def auto_filler(*, estimated: bool = False, misplaced: bool = False) -> str:
+    """The name that AUTO stands for.
 
     estimated: the depth is that of a network. misplaced: its edges lie beside those of the picture, as a depth camera's do.
     """
-    if not (isinstance(filler, str) and filler == AUTO):
-        return filler
     return ESTIMATED if estimated else CAMERA if misplaced else EXACT
 
 

@@ -14,7 +14,7 @@ from dlama.geometry.frames.gathering import FrameSource, scene
 from dlama.geometry.rgbd import RGBD, clipped
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import Origin, View
-from dlama.inpainters import AUTO, Given, chosen_filler
+from dlama.inpainters import AUTO, Given, auto_filler
 
 
 def starting_scene(given: RGBD | Scene | Sequence[FrameSource], recipe: Recipe) -> Scene:
@@ -51,10 +51,10 @@ def kind_of_depth(scene: Scene) -> str:
 
 def filler_for(start: Scene, filler: Given) -> Given | str:
     """The filler as given; for `auto` the name of the one that suits the depth of the scene."""
-    if not (isinstance(filler, str) and filler == AUTO):
+    if filler != AUTO:
         return filler
     misplaced = any(taken_by_camera(layer.read()) for layer in start.measured[:1])
-    return chosen_filler(filler, estimated=has_estimated_depth(start), misplaced=misplaced)
+    return auto_filler(estimated=has_estimated_depth(start), misplaced=misplaced)
 
 
 def about_source(given: RGBD | Scene | Sequence[FrameSource], start: Scene) -> dict[str, Any]:

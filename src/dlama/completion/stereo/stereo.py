@@ -50,7 +50,7 @@ from dlama.geometry.rendering import Mode, render
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array, clipped
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import HoleType, Origin, View
-from dlama.inpainters import AUTO, chosen_filler, find_filler
+from dlama.inpainters import AUTO, auto_filler, find_filler
 from dlama.inpainters.filling import Inpainter
 from dlama.inpainters.networks.pair import PairFiller
 from dlama.perception.stereo.matching import Matcher
@@ -113,7 +113,7 @@ def stereo(
     checked_seed(seed)
     check_memory((rig.left, rig.right))
     chosen = find_recipe(recipe, mode=mode, dilate=dilate, dilate_holes=dilate_holes, clip=clip, depth_by=depth_by)
-    filler = chosen_filler(filler)
+    filler = auto_filler() if filler == AUTO else filler
     inpainter = find_filler(filler, model)
     if isinstance(inpainter, PairFiller) and chosen.depth_by != "surfaces":
         raise InputError(
