@@ -237,7 +237,7 @@ def test_files_of_a_result_given_as_a_picture_say_what_goes_where(tmp_path: Path
     for kind in ("GIF", "BMP"):
         Image.new("RGB", (8, 8)).save(tmp_path / "picture.png", format=kind)
         with pytest.raises(
-            FileError, match=f"is no readable PNG, JPEG, WebP or TIFF picture, but {kind}: save it as PNG"
+            FileError, match=f"is no readable PNG, JPEG, WebP, TIFF or HEIC picture, but {kind}: save it as PNG"
         ):
             read_color(tmp_path / "picture.png")
     with pytest.raises(FileError, match="no such file; addresses are for `dlama batch` alone"):

@@ -75,7 +75,7 @@ def view(
     """The scene from another viewpoint, with what was hidden filled in.
 
     Args:
-        image: The colour picture: PNG, JPEG, WebP or TIFF. Or a scene.npz: the camera moves from its middle frame.
+        image: The colour picture: PNG, JPEG, WebP, TIFF or HEIC. Or a scene.npz: the camera moves from its middle frame.
         depth: Its depth, same size: 16-bit PNG or TIFF (millimetres), EXR, PFM, NPY or NPZ; without it, it is estimated.
         output: Directory for the results, made if need be; files of the same names are replaced.
         only: What is written beside meta.json: image, depth, hole, origin, confidence, points, mesh, scene, preview, choice.
@@ -110,7 +110,7 @@ def remove(
     """The scene without an object: what it hid is restored, seen from the same place or from elsewhere.
 
     Args:
-        image: The colour picture: PNG, JPEG, WebP or TIFF.
+        image: The colour picture: PNG, JPEG, WebP, TIFF or HEIC.
         depth_and_mask: Its depth, same size (16-bit PNG or TIFF, EXR, PFM, NPY or NPZ; without it, it is estimated), and the
             object in the picture: black and white, 255 = remove; --click or --box say it in place of that file.
         output: Directory for the results, made if need be; files of the same names are replaced.

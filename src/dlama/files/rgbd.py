@@ -50,7 +50,7 @@ def read_rgbd(
     """Colour and metric depth of one camera; of a picture without depth, depth estimated from it.
 
     Args:
-        image: PNG, JPEG, WebP or TIFF; comes back as uint8 H x W x 3 RGB.
+        image: PNG, JPEG, WebP, TIFF or HEIC; comes back as uint8 H x W x 3 RGB.
         depth: 16-bit PNG or TIFF, EXR, PFM, NPY or NPZ; comes back as float32 H x W metres, 0 = missing, +inf = far. None: it
             is estimated, which the result's `estimate` says.
         camera: A Camera, or its file; else fx, fy, cx, cy, fov and pixel_center as in `camera_for`, or the picture's EXIF.

@@ -25,7 +25,7 @@ def depth(
     """The depth of a single picture, estimated by a network: depth files, a coloured preview, the camera and the points.
 
     Args:
-        image: The colour picture: PNG, JPEG, WebP or TIFF.
+        image: The colour picture: PNG, JPEG, WebP, TIFF or HEIC.
         output: Directory for the results, made if need be; files of the same names are replaced.
         far: Depth at or beyond this is far (sky).
     """

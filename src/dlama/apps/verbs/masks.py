@@ -38,7 +38,7 @@ def mask(
     """The mask of a thing that you point at: click on it, or draw a box round it.
 
     Args:
-        image: The colour picture: PNG, JPEG, WebP or TIFF.
+        image: The colour picture: PNG, JPEG, WebP, TIFF or HEIC.
         depth: Its depth, same size: 16-bit PNG or TIFF (millimetres), EXR, PFM, NPY or NPZ; without it, it is estimated
             where the masker needs it.
         output: The mask, 255 = the thing; beside it MASK_overlay.png shows it in the picture.

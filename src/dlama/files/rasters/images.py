@@ -1,4 +1,4 @@
-"""A PNG, JPEG, WebP or TIFF file in; its numbers out, exactly as stored and turned as viewers show them, whole or not at all."""
+"""A PNG, JPEG, WebP, TIFF or HEIC file in; its numbers out, as stored and turned as viewers show them, whole or not at all."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ import cv2
 import numpy as np
 from PIL import Image
 
-from dlama.errors import FileError, system_errors
+from dlama.errors import DlamaError, FileError, MissingExtraError, system_errors
 from dlama.files.atomic_write import PathLike
 
-SUFFIXES = (".png", ".jpg", ".jpeg", ".webp", ".tif", ".tiff")
+SUFFIXES = (".png", ".jpg", ".jpeg", ".webp", ".tif", ".tiff", ".heic", ".heif")
 EXIF_ORIENTATION = 0x0112
 EXIF_FOLDER = 0x8769
 EXIF_FOCAL_35MM = 0xA405
@@ -31,8 +31,9 @@ TIFF_WHOLE = {3: "H", 4: "I", 16: "Q"}
 """Types of whole numbers in a TIFF, as `struct` calls them."""
 LARGEST_PIXELS = 2**26
 """Pixels of the largest picture or array that is read (8192 x 8192): bounds the memory that a small file can ask for."""
+HEIC = re.compile(rb"....ftyp(hei|mif1)", re.DOTALL)
+"""How a HEIC file begins (ISO 23008-12, brands)."""
 OTHER_PICTURES = {
-    "HEIC": rb"....ftyp(hei|mif)",
     "AVIF": rb"....ftypavi",
     "GIF": rb"GIF8",
     "BMP": rb"BM",
@@ -93,7 +94,10 @@ def check_pixels(file: PathLike, width: int, height: int) -> None:
 
 @system_errors(FileError)
 def read_stored(path: PathLike) -> Stored:
-    """The numbers of a PNG, JPEG, WebP or TIFF file. Raises FileError: missing, damaged, too large or of another kind."""
+    """The numbers of a PNG, JPEG, WebP, TIFF or HEIC file.
+
+    Raises FileError: missing, damaged, too large or of another kind. MissingExtraError: HEIC, and pillow-heif is not installed.
+    """
     file = existing(path)
     try:
         data, tiff_orientation = _as_stored(file.read_bytes())
@@ -105,11 +109,12 @@ def read_stored(path: PathLike) -> Stored:
             exif_orientation, focal = _exif(picture)
             orientation = exif_orientation if picture.format != "TIFF" else tiff_orientation
             picture.load()
-            return Stored(as_shown(_values(picture, file, data), orientation), orientation, focal)
-    except FileError:
+            values, turned = _values(picture, file, data), _turned(picture)
+            return Stored(as_shown(values, orientation), orientation if turned == 1 else turned, focal)
+    except DlamaError:
         raise
     except Image.UnidentifiedImageError as error:
-        raise FileError(f"{file}: is no readable PNG, JPEG, WebP or TIFF picture{_what_else(file)}") from error
+        raise FileError(f"{file}: is no readable PNG, JPEG, WebP, TIFF or HEIC picture{_what_else(file)}") from error
     except Exception as error:  # decoders raise OSError, SyntaxError, ValueError, struct.error, ... on damaged files
         raise FileError(f"{file}: is damaged or truncated ({str(error) or type(error).__name__})") from error
 
@@ -133,11 +138,14 @@ def _header(file: Path) -> tuple[tuple[int, int], int]:
             tiff = stream.read(4) in TIFF_HEADS | BIG_TIFF_HEADS
         data, orientation = _as_stored(file.read_bytes()) if tiff else (b"", 1)
         with _opened(file, data) as picture:
-            return (picture.height, picture.width), orientation if tiff else _exif(picture)[0]
-    except FileError:
+            hw, turned = (picture.height, picture.width), _turned(picture)
+            if turned != 1:
+                return hw if turned < 5 else (hw[1], hw[0]), turned
+            return hw, orientation if tiff else _exif(picture)[0]
+    except DlamaError:
         raise
     except Exception as error:
-        raise FileError(f"{file}: is no readable PNG, JPEG, WebP or TIFF picture{_what_else(file)}") from error
+        raise FileError(f"{file}: is no readable PNG, JPEG, WebP, TIFF or HEIC picture{_what_else(file)}") from error
 
 
 @contextmanager
@@ -145,9 +153,30 @@ def _opened(file: Path, data: bytes) -> Iterator[Image.Image]:
     """The picture of a file (of `data`, where there are any) before its pixels are read; FileError where they are too many."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # Pillow's remarks on damaged tags and large pictures
-        with Image.open(io.BytesIO(data) if data else file, formats=("PNG", "JPEG", "WEBP", "TIFF")) as picture:
+        with file.open("rb") as stream:
+            heic = HEIC.match(stream.read(12))
+        source = io.BytesIO(data) if data else file
+        with _heic(file) if heic else Image.open(source, formats=("PNG", "JPEG", "WEBP", "TIFF")) as picture:
             check_pixels(file, picture.width, picture.height)
             yield picture
+
+
+def _heic(file: Path) -> Image.Image:
+    """The main picture of a HEIC file, 8 bits a channel; its decoder turns it as viewers show it."""
+    try:
+        import pillow_heif
+    except ImportError as error:
+        raise MissingExtraError(f"{file}: a HEIC picture", "pillow-heif", "heic") from error
+    opened = pillow_heif.open_heif(file)
+    check_pixels(file, *opened.size)
+    picture: Image.Image = opened.to_pillow()
+    return picture
+
+
+def _turned(picture: Image.Image) -> int:
+    """The orientation that a decoder has made good already, 1 to 8: that of HEIC."""
+    turned = picture.info.get("original_orientation") or 1
+    return int(turned) if turned in range(2, 9) else 1
 
 
 def _as_stored(data: bytes) -> tuple[bytes, int]:

@@ -29,8 +29,12 @@ PNG_LEVEL = 2
 def read_color(path: PathLike) -> UInt8Array:
     """A colour picture as uint8 H x W x 3 RGB.
 
-    PNG, JPEG, WebP, TIFF. 16 bit keep their high byte, grey is repeated, palettes are looked up, alpha is dropped. Turned as
-    viewers show it, where EXIF says so; masks and depth pictures are, too. Raises FileError: missing, damaged or float.
+    PNG, JPEG, WebP, TIFF, HEIC (extra `heic`). 16 bit keep their high byte, grey is repeated, palettes are looked up, alpha is
+    dropped. Turned as viewers show it, where EXIF says so; masks and depth pictures are, too.
+
+    Raises:
+        FileError: missing, damaged or float.
+        MissingExtraError: HEIC, and pillow-heif is not installed.
     """
     check_arguments(read_color, locals())
     return eight_bit_rgb(read_stored(path).values, path)

@@ -34,7 +34,7 @@ class Photo:
 
 
 def folder_photos(folder: Path) -> tuple[Photo, ...]:
-    """All PNG, JPEG, WebP and TIFF pictures in a folder and below, by path. FileError where there are none."""
+    """All PNG, JPEG, WebP, TIFF and HEIC pictures in a folder and below, by path. FileError where there are none."""
     if not folder.is_dir():
         raise FileError(f"{folder}: no such folder; a folder of pictures is wanted")
     with system_errors(FileError):
