@@ -20,7 +20,7 @@ from dlama.datasets.posed.posed_frames import FrameFiles, json_lens, load_rgbd, 
 from dlama.datasets.text_tables import scene_folders
 from dlama.errors import FileError, ShapeError
 from dlama.files.checked_fields import read_json_fields
-from dlama.files.rasters.pictures import read_mask
+from dlama.files.rasters.pictures import read_mask, read_region
 from dlama.geometry.rgbd import BoolArray
 
 NEEDED = (
@@ -84,17 +84,17 @@ def _files(folder: Path) -> RemovalFiles:
 def load_removal(files: RemovalFiles) -> RemovalTruth:
     """Read the frame with the object, the one without it and the masks; raises FileError, MaskError, DepthError, ShapeError."""
     source, without = load_rgbd(files.source), load_rgbd(files.without)
-    mask, compare, shadow = (_mask(path, source.camera.hw) for path in (files.mask, files.compare, files.shadow))
-    assert mask is not None
+    hw = source.camera.hw
+    mask = _of_size(files.mask, read_mask(files.mask), hw)
+    compare, shadow = (
+        None if path is None else _of_size(path, read_region(path), hw) for path in (files.compare, files.shadow)
+    )
     if shadow is not None:
         shadow = shadow & ~mask  # never part of the mask
     return RemovalTruth(source, without, mask, compare, shadow, files.exposure_varies)
 
 
-def _mask(path: Path | None, hw: tuple[int, int]) -> BoolArray | None:
-    if path is None:
-        return None
-    mask = read_mask(path)
+def _of_size(path: Path, mask: BoolArray, hw: tuple[int, int]) -> BoolArray:
     if mask.shape != hw:
         raise ShapeError(
             f"{path}: is {mask.shape[1]}x{mask.shape[0]} and the picture {hw[1]}x{hw[0]}; one size is wanted"

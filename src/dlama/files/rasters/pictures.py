@@ -106,6 +106,12 @@ def read_mask(
     return mask
 
 
+@system_errors(FileError)
+def read_region(path: PathLike) -> BoolArray:
+    """A black and white picture as bool H x W, True = white; unlike a mask it may be all white. FileError, MaskError (grey)."""
+    return _white(path, _grey(path), False)
+
+
 def write_color(path: PathLike, color: UInt8Array) -> None:
     """Write uint8 H x W x 3 RGB; the kind of file follows the name (PNG, TIFF, JPEG). Raises OutputError."""
     color = checked_color(color, f"{path}: colour")

@@ -1,0 +1,328 @@
+"""One suite over domains: fillers measured on streets, rooms, tables and worlds that differ in sensor and clutter.
+
+    python benchmarks/bench.py run ../shared -o now.jsonl [--methods dlama/auto paper/migan ...] [--split tune] [--workers 2]
+    python benchmarks/bench.py compare before.jsonl now.jsonl [--method dlama/auto] [--against paper/migan]
+    python benchmarks/bench.py looks now.jsonl
+
+`run` adds a line of JSON for each case and method and resumes where it stopped; each run of a split is counted in the file's
+first lines (`looks`). `compare` pairs cases, averages the relative change within a domain, then over domains, with bootstrap
+intervals over the cases of each domain. Colour is measured where the truth is known and unseen: in the mask of a removal, in what
+the source does not see of a view, by hole type; exposure between the frames of a pair is undone first, for all alike.
+
+Splits: `tune` may be looked at while something is made, `validate` decides between what was made, `test` is for the closing figures.
+Places of one room share a domain; no set of `test` shares frames with the others.
+"""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import json
+import os
+import time
+import warnings
+from collections import defaultdict
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dlama.datasets.frames import Case, RemovalTruth, Truth, ViewTruth
+from dlama.datasets.layouts import open_dataset
+from dlama.evaluation.protocols import ori, vpi
+from dlama.evaluation.protocols.methods import Measure, Method, ProtocolSettings
+from dlama.geometry.holes import dilated
+from dlama.geometry.rgbd import RGBD, BoolArray
+from dlama.perception.monocular import estimate_depth
+from dlama.training.data.samples.world_views import WorldSet, WorldViews
+from dlama.training.data.samples.worlds import OBJECT_SHARE, frame_without
+from dlama.training.data.sensors import photographed, stereo_matcher, structured_light
+
+SPLITS = ("tune", "validate", "test")
+SETS: dict[str, tuple[tuple[str, str, str], ...]] = {
+    # folder, scenes or frames ("" = all), domain
+    "tune": (
+        ("street", "s03", "street"), ("street", "s05", "street"), ("data/kitchen_vpi", "", "room"),
+        ("data/table_removal_a9", "", "table"), ("data/table_removal_a6", "", "table"), ("data/bin_removal", "", "table"),
+    ),
+    "validate": (
+        ("street", "s06", "street"), ("street", "s08", "street"), ("data/lab_removal_31", "", "room"),
+        ("data/dining_vpi", "", "room"), ("data/table_removal_b11", "", "table"), ("data/table_vpi", "", "table"),
+    ),
+    "test": (
+        ("data/lab_removal_39", "", "room"), ("data/shelf_sequence", "", "table"), ("data/table_removal_a11", "", "table"),
+    ),
+}  # fmt: skip
+STREET_YAWS = {"tune": (0, 20, -40), "validate": (0, -20, 40), "test": ()}
+"""Frames of the street in which the object is removed; views go to every yaw."""
+VIEW_YAWS = {"tune": (10, -20, 30, -40, 50, -60), "validate": (-10, 20, -30, 40, -50, 60), "test": ()}
+WORLDS = {"tune": (1000, 60), "validate": (2000, 60), "test": (3000, 60)}
+"""First number and count of the held-out worlds of a split: removals in clutter and views, in turn."""
+SHELF_EVERY = 8
+SENSORS = ("exact", "kinect", "matcher", "estimated")
+SETTINGS = ProtocolSettings(mask_changes=(), object_dilations=())
+KEPT = {
+    ("mask", "rgb"), ("unseen", "rgb"), ("disoccluded", "rgb"), ("out-of-view", "rgb"),
+    ("mask", "depth_m"), ("unseen", "depth_m"), ("disoccluded", "depth_m"),
+}  # fmt: skip
+METRICS = ("mse", "lpips", "mae")
+RELIABILITY = ("ece", "ause_depth", "ause_depth_distance", "ause_color", "ause_color_distance", "right", "said")
+SHOWN = (
+    "mask rgb lpips", "mask rgb mse", "mask depth_m mae", "unseen rgb lpips", "unseen rgb mse", "unseen depth_m mae",
+    "disoccluded rgb lpips", "disoccluded rgb mse", "out-of-view rgb lpips", "out-of-view rgb mse", "ece", "seconds",
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class BenchCase:
+    """One input with its truth, and where it counts."""
+
+    name: str
+    domain: str
+    load: Callable[[], Truth]
+
+
+def cases_of(split: str, shared: Path) -> Iterator[BenchCase]:
+    """All cases of a split."""
+    for folder, only, domain in SETS[split]:
+        for case in (*open_dataset(shared / folder).of("vpi"), *open_dataset(shared / folder).of("ori")):
+            if not only or case.scene == only:
+                if wanted_yaw(case, split, folder):
+                    yield BenchCase(f"{folder}/{case.scene}/{case.protocol}/{case.frame}", domain, case.load)
+    first, count = WORLDS[split]
+    for number in range(first, first + count):
+        sensor = SENSORS[number // 2 % len(SENSORS)]
+        kind = "removal" if number % 2 == 0 else "view"
+        name = f"worlds/{sensor}/{kind}/{number}"
+        yield BenchCase(name, "world" if sensor != "estimated" else "photo", partial(world_case, number, kind, sensor))
+
+
+def wanted_yaw(case: Case, split: str, folder: str) -> bool:
+    """Whether a frame of an orbit or a sequence is one of the suite's."""
+    if folder == "street":
+        return case.yaw in (VIEW_YAWS if case.protocol == "vpi" else STREET_YAWS)[split]
+    return folder != "data/shelf_sequence" or int("".join(filter(str.isdigit, case.frame)) or 0) % SHELF_EVERY == 0
+
+
+def world_case(number: int, kind: str, sensor: str) -> Truth:
+    """A world as a sensor sees it: a view of it, or an object in clutter removed."""
+    rng = np.random.default_rng([number, 5])
+    while True:
+        views = WorldSet("held_out", 512).views_of_world(number)
+        removed = cluttered_object(views, 0) if kind == "removal" else 0
+        if removed is not None and views.pairs:
+            break
+        number += 10_000
+    source, target = (0, 0) if kind == "removal" else views.pairs[0]
+    frame = as_seen(views.frame(source), sensor, rng)
+    if kind == "view":
+        return ViewTruth(frame, views.frame(target))
+    mask = views.raycast(source).group == removed
+    return RemovalTruth(frame, frame_without(views, source, removed, dilated(mask, 12)), mask)
+
+
+def cluttered_object(views: WorldViews, camera: int) -> int | None:
+    """The object of a fitting size with the most other objects right round it; None if there is none."""
+    group = views.raycast(camera).group
+    groups, counts = np.unique(group[group > 1], return_counts=True)
+    low, high = (share * group.size for share in OBJECT_SHARE)
+    cut_off = np.concatenate([group[0], group[:, 0], group[:, -1]])
+    fitting = np.setdiff1d(groups[(counts >= low) & (counts <= high)], cut_off)
+    if not len(fitting):
+        return None
+
+    def neighbours(number: int) -> float:
+        mask = group == number
+        ring = dilated(mask, 12) & ~mask
+        return len(np.unique(group[ring])) + float(np.isin(group[ring], groups).mean())
+
+    return int(max(fitting, key=neighbours))
+
+
+def as_seen(frame: RGBD, sensor: str, rng: np.random.Generator) -> RGBD:
+    """The frame as a sensor of that name gives it."""
+    if sensor == "exact":
+        return frame
+    frame = dataclasses.replace(frame, color=photographed(frame.color, rng))
+    if sensor == "estimated":
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            return scaled_estimate(frame)
+    return structured_light(frame, rng) if sensor == "kinect" else stereo_matcher(frame, rng)
+
+
+def scaled_estimate(frame: RGBD) -> RGBD:
+    """Depth estimated from the picture, at the true scale (median)."""
+    found = estimate_depth(frame.color, frame.camera).rgbd
+    there = (frame.depth > 0) & np.isfinite(frame.depth) & (found.depth > 0) & np.isfinite(found.depth)
+    factor = np.float32(np.median(frame.depth[there]) / np.median(found.depth[there])) if there.any() else np.float32(1)
+    return dataclasses.replace(found, depth=found.depth * factor)
+
+
+def measure(case: BenchCase, truth: Truth, method: Method) -> dict[str, Any]:
+    """The numbers of one case and method."""
+    protocol: Any = ori if isinstance(truth, RemovalTruth) else vpi
+    started = time.process_time()
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        scored = protocol.score(truth, method, SETTINGS)[0]
+    del started
+    return {name_of(one): one.value for one in scored.measures if kept(one)}
+
+
+def kept(one: Measure) -> bool:
+    """Whether a number is one of the suite's."""
+    if one.region == "filled":
+        return one.metric in RELIABILITY or one.metric.startswith("bin_")
+    if one.metric == "seconds":
+        return True
+    return one.metric in METRICS and (one.region, one.modality) in KEPT
+
+
+def name_of(one: Measure) -> str:
+    """As rows have it."""
+    if one.modality in ("confidence", "time"):
+        return one.metric
+    return f"{one.region} {one.modality} {one.metric}"
+
+
+def run_case(case: BenchCase, methods: Sequence[Method]) -> list[dict[str, Any]]:
+    """One case, all methods."""
+    truth = dataclasses.replace(case.load(), exposure_varies=not case.name.startswith("worlds"))
+    rows = []
+    for method in methods:
+        row: dict[str, Any] = {"case": case.name, "domain": case.domain, "method": method.label}
+        try:
+            row["measures"] = measure(case, truth, method)
+        except Exception as error:
+            row["error"] = f"{type(error).__name__}: {error}"
+        rows.append(row)
+    return rows
+
+
+def rows_of(path: Path) -> list[dict[str, Any]]:
+    """The lines of a file of results."""
+    return [json.loads(line) for line in path.read_text("utf-8").splitlines() if line] if path.exists() else []
+
+
+def run(asked: argparse.Namespace) -> None:
+    methods = [Method(*name.split("/")) for name in asked.methods]
+    done = {(row["case"], row["method"]) for row in rows_of(asked.output) if "case" in row}
+    cases = [case for split in asked.split for case in cases_of(split, asked.shared)]
+    cases = [case for case in cases if asked.only in case.name][:: asked.every]
+    todo = [(case, [one for one in methods if (case.name, one.label) not in done]) for case in cases]
+    with asked.output.open("a", encoding="utf-8") as stream, ProcessPoolExecutor(asked.workers) as pool:
+        stream.write(json.dumps({"look": asked.split, "at": time.strftime("%F %T")}) + "\n")
+        futures = [pool.submit(run_case, case, missing) for case, missing in todo if missing]
+        for number, future in enumerate(as_completed(futures), 1):
+            for row in future.result():
+                stream.write(json.dumps(row) + "\n")
+                if "error" in row:
+                    print(f"{row['case']} {row['method']}: {row['error']}")
+            stream.flush()
+            if number % 20 == 0:
+                print(f"{number} of {len(futures)}", flush=True)
+    summary(rows_of(asked.output))
+
+
+Table = dict[str, dict[str, dict[str, float]]]
+"""Method -> case -> measure -> value."""
+
+
+def table_of(rows: list[dict[str, Any]]) -> tuple[Table, dict[str, str]]:
+    """The rows by method and case, and each case's domain."""
+    table: Table = defaultdict(dict)
+    domains = {}
+    for row in rows:
+        if "measures" in row:
+            table[row["method"]][row["case"]] = row["measures"]
+            domains[row["case"]] = row["domain"]
+    return table, domains
+
+
+def summary(rows: list[dict[str, Any]]) -> None:
+    """Means by domain and method."""
+    table, domains = table_of(rows)
+    for domain in sorted(set(domains.values())):
+        print(f"\n{domain}\n{'':24}" + "".join(f"{name.replace(' rgb', '').replace('out-of-view', 'oov')[:14]:>15}" for name in SHOWN))
+        for method, of_method in table.items():
+            cells = []
+            for name in SHOWN:
+                values = [m[name] for case, m in of_method.items() if domains[case] == domain and name in m]
+                cells.append(f"{np.nanmean(values):15.4g}" if values else f"{'-':>15}")
+            print(f"{method:24}" + "".join(cells))
+
+
+def compare(asked: argparse.Namespace) -> None:
+    """The relative change of each measure, method against `--against`, paired by case."""
+    before, domains = table_of(rows_of(asked.before))
+    now, more = table_of(rows_of(asked.now))
+    domains |= more
+    base, mine = before[asked.against or asked.method], now[asked.method]
+    shared = [case for case in mine if case in base and asked.only in case]
+    rng = np.random.default_rng(0)
+    print(f"{len(shared)} cases; change in % of the mean, by domain, and the mean over domains with a 95 % interval")
+    for name in SHOWN:
+        by_domain: dict[str, list[tuple[float, float]]] = defaultdict(list)
+        for case in shared:
+            if name in mine[case] and name in base[case] and np.isfinite([mine[case][name], base[case][name]]).all():
+                by_domain[domains[case]].append((base[case][name], mine[case][name]))
+        if not by_domain:
+            continue
+        pairs = {domain: np.array(values) for domain, values in sorted(by_domain.items())}
+        changes = {domain: change_of(values) for domain, values in pairs.items()}
+        drawn = [
+            np.mean([change_of(v[rng.integers(len(v), size=len(v))]) for v in pairs.values()]) for _ in range(1000)
+        ]
+        low, high = np.percentile(drawn, (2.5, 97.5))
+        each = "  ".join(f"{domain} {value:+.1f} ({len(pairs[domain])})" for domain, value in changes.items())
+        print(f"{name:24} {np.mean(list(changes.values())):+6.1f}  [{low:+.1f}, {high:+.1f}]   {each}")
+
+
+def change_of(pairs: np.ndarray) -> float:
+    """% by which the second column's mean differs from the first's."""
+    before, now = pairs.mean(0)
+    return float(100 * (now / before - 1)) if before else 0.0
+
+
+def looks(asked: argparse.Namespace) -> None:
+    """How often each split was looked at."""
+    counts: dict[str, int] = defaultdict(int)
+    for row in rows_of(asked.before):
+        for split in row.get("look", ()):
+            counts[split] += 1
+    print(dict(counts))
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    verbs = parser.add_subparsers(required=True)
+    one = verbs.add_parser("run")
+    one.add_argument("shared", type=Path)
+    one.add_argument("-o", "--output", type=Path, required=True)
+    one.add_argument("--methods", nargs="+", default=["dlama/auto", "paper/migan", "paper/telea"])
+    one.add_argument("--split", nargs="+", choices=SPLITS, default=["tune"])
+    one.add_argument("--only", default="", help="part of a case's name")
+    one.add_argument("--every", type=int, default=1)
+    one.add_argument("--workers", type=int, default=os.cpu_count())
+    one.set_defaults(do=run)
+    two = verbs.add_parser("compare")
+    two.add_argument("before", type=Path)
+    two.add_argument("now", type=Path)
+    two.add_argument("--method", default="dlama/auto")
+    two.add_argument("--against")
+    two.add_argument("--only", default="")
+    two.set_defaults(do=compare)
+    three = verbs.add_parser("looks")
+    three.add_argument("before", type=Path)
+    three.set_defaults(do=looks)
+    asked = parser.parse_args()
+    asked.do(asked)
+
+
+if __name__ == "__main__":
+    main()
