@@ -29,17 +29,23 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
+from rules import RULES
 
 from dlama.datasets.frames import Case, RemovalTruth, Truth, ViewTruth
 from dlama.datasets.layouts import open_dataset
 from dlama.evaluation.protocols import ori, vpi
-from dlama.evaluation.protocols.methods import Measure, Method, ProtocolSettings
+from dlama.evaluation.metrics.depth import depth_errors
+from dlama.evaluation.metrics.lpips import Lpips
+from dlama.evaluation.metrics.pictures import mse_map
+from dlama.evaluation.protocols.methods import Method, ProtocolSettings, run_method
+from dlama.evaluation.protocols.reliability import reliability_measures
 from dlama.geometry.holes import dilated
-from dlama.geometry.rgbd import RGBD, BoolArray
+from dlama.geometry.rgbd import RGBD, BoolArray, UInt8Array
 from dlama.perception.monocular import estimate_depth
 from dlama.training.data.samples.world_views import WorldSet, WorldViews
-from dlama.training.data.samples.worlds import OBJECT_SHARE, frame_without
+from dlama.training.data.samples.worlds import frame_without
 from dlama.training.data.sensors import photographed, stereo_matcher, structured_light
 
 SPLITS = ("tune", "validate", "test")
@@ -57,23 +63,22 @@ SETS: dict[str, tuple[tuple[str, str, str], ...]] = {
         ("data/lab_removal_39", "", "room"), ("data/shelf_sequence", "", "table"), ("data/table_removal_a11", "", "table"),
     ),
 }  # fmt: skip
-STREET_YAWS = {"tune": (0, 20, -40), "validate": (0, -20, 40), "test": ()}
-"""Frames of the street in which the object is removed; views go to every yaw."""
+REMOVAL_FRAMES = {"tune": (0, 1, 4, 5, 8, 9, 12), "validate": (0, 2, 3, 6, 7, 10, 11), "test": ()}
+"""Frames of an orbit of the street in which the object is removed, and yaws of its views."""
 VIEW_YAWS = {"tune": (10, -20, 30, -40, 50, -60), "validate": (-10, 20, -30, 40, -50, 60), "test": ()}
 WORLDS = {"tune": (1000, 60), "validate": (2000, 60), "test": (3000, 60)}
 """First number and count of the held-out worlds of a split: removals in clutter and views, in turn."""
+SHARES, FARTHEST_M = (0.005, 0.12), 6.0
+"""Of the picture, that the removed object of a world covers, and its largest distance (median depth): no houses."""
 SHELF_EVERY = 8
 SENSORS = ("exact", "kinect", "matcher", "estimated")
 SETTINGS = ProtocolSettings(mask_changes=(), object_dilations=())
-KEPT = {
-    ("mask", "rgb"), ("unseen", "rgb"), ("disoccluded", "rgb"), ("out-of-view", "rgb"),
-    ("mask", "depth_m"), ("unseen", "depth_m"), ("disoccluded", "depth_m"),
-}  # fmt: skip
-METRICS = ("mse", "lpips", "mae")
-RELIABILITY = ("ece", "ause_depth", "ause_depth_distance", "ause_color", "ause_color_distance", "right", "said")
+MARGIN = 48
+"""Pixels round what is measured that LPIPS sees."""
+LPIPS = Lpips()
 SHOWN = (
-    "mask rgb lpips", "mask rgb mse", "mask depth_m mae", "unseen rgb lpips", "unseen rgb mse", "unseen depth_m mae",
-    "disoccluded rgb lpips", "disoccluded rgb mse", "out-of-view rgb lpips", "out-of-view rgb mse", "ece", "seconds",
+    "mask lpips", "mask mse", "mask mae", "unseen lpips", "unseen mse", "unseen mae",
+    "disoccluded lpips", "disoccluded mse", "out-of-view lpips", "out-of-view mse", "ece", "seconds",
 )  # fmt: skip
 
 
@@ -97,14 +102,16 @@ def cases_of(split: str, shared: Path) -> Iterator[BenchCase]:
     for number in range(first, first + count):
         sensor = SENSORS[number // 2 % len(SENSORS)]
         kind = "removal" if number % 2 == 0 else "view"
-        name = f"worlds/{sensor}/{kind}/{number}"
-        yield BenchCase(name, "world" if sensor != "estimated" else "photo", partial(world_case, number, kind, sensor))
+        name = f"worlds/{sensor}/{'ori' if kind == 'removal' else 'vpi'}/{number}"
+        yield BenchCase(name, "world" if sensor != "estimated" else "estimated", partial(world_case, number, kind, sensor))
 
 
 def wanted_yaw(case: Case, split: str, folder: str) -> bool:
     """Whether a frame of an orbit or a sequence is one of the suite's."""
     if folder == "street":
-        return case.yaw in (VIEW_YAWS if case.protocol == "vpi" else STREET_YAWS)[split]
+        if case.protocol == "ori":
+            return int(case.frame[-4:]) in REMOVAL_FRAMES[split]
+        return case.yaw in VIEW_YAWS[split]
     return folder != "data/shelf_sequence" or int("".join(filter(str.isdigit, case.frame)) or 0) % SHELF_EVERY == 0
 
 
@@ -127,11 +134,12 @@ def world_case(number: int, kind: str, sensor: str) -> Truth:
 
 def cluttered_object(views: WorldViews, camera: int) -> int | None:
     """The object of a fitting size with the most other objects right round it; None if there is none."""
-    group = views.raycast(camera).group
+    group, depth = views.raycast(camera).group, views.raycast(camera).depth
     groups, counts = np.unique(group[group > 1], return_counts=True)
-    low, high = (share * group.size for share in OBJECT_SHARE)
+    low, high = (share * group.size for share in SHARES)
     cut_off = np.concatenate([group[0], group[:, 0], group[:, -1]])
     fitting = np.setdiff1d(groups[(counts >= low) & (counts <= high)], cut_off)
+    fitting = np.array([number for number in fitting if np.median(depth[group == number]) < FARTHEST_M])
     if not len(fitting):
         return None
 
@@ -163,41 +171,66 @@ def scaled_estimate(frame: RGBD) -> RGBD:
     return dataclasses.replace(found, depth=found.depth * factor)
 
 
-def measure(case: BenchCase, truth: Truth, method: Method) -> dict[str, Any]:
-    """The numbers of one case and method."""
-    protocol: Any = ori if isinstance(truth, RemovalTruth) else vpi
-    started = time.process_time()
+def measure(truth: Truth, method: Method) -> dict[str, float]:
+    """The numbers of one case and method: squared error, LPIPS and depth error of each region that the source does not show."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        scored = protocol.score(truth, method, SETTINGS)[0]
-    del started
-    return {name_of(one): one.value for one in scored.measures if kept(one)}
+        if isinstance(truth, RemovalTruth):
+            reference, unknown = ori.reference_of(truth, SETTINGS), truth.mask
+            names = {"mask": truth.mask}
+            mask, camera = truth.mask, truth.source.camera
+        else:
+            assert isinstance(truth, ViewTruth)
+            reference, mask, camera = vpi.target_reference(truth, SETTINGS), None, truth.target.camera
+            unknown = reference.regions["unseen"]
+            names = {name: reference.regions[name] for name in ("unseen", "disoccluded", "out-of-view")}
+        run_ = run_method(method, truth.source, camera, mask)
+        view, unknown = run_.view(), reference.within(unknown)
+        mine = np.where(unknown[..., None], reference.exposed(view.color), reference.color)
+        squared = mse_map(reference.color, mine)
+        distance = lpips_map(reference.color, mine, unknown)
+        found = {"seconds": run_.seconds}
+        for name, region in names.items():
+            chosen = region & unknown
+            if chosen.sum() < SETTINGS.smallest_region:
+                continue
+            found |= {f"{name} mse": float(squared[chosen].mean()), f"{name} lpips": float(distance[chosen].mean())}
+            known = chosen & (reference.depth > 0)
+            if known.sum() >= SETTINGS.smallest_region:
+                found[f"{name} mae"] = depth_errors(view.depth, reference.depth, known, SETTINGS.clip_m)["mae"]
+        found |= {one.metric: one.value for one in reliability_measures(run_, reference)}
+    return found
 
 
-def kept(one: Measure) -> bool:
-    """Whether a number is one of the suite's."""
-    if one.region == "filled":
-        return one.metric in RELIABILITY or one.metric.startswith("bin_")
-    if one.metric == "seconds":
-        return True
-    return one.metric in METRICS and (one.region, one.modality) in KEPT
+def lpips_map(truth: UInt8Array, mine: UInt8Array, region: BoolArray) -> np.ndarray:
+    """H x W LPIPS, computed in the box of the region with a margin, 0 beyond it."""
+    rows, columns = (np.flatnonzero(region.any(axis)) for axis in (1, 0))
+    out = np.zeros(region.shape)
+    if rows.size:
+        box = tuple(
+            slice(max(0, each[0] - MARGIN), max(each[-1] + 1 + MARGIN, min(size, max(0, each[0] - MARGIN) + 64)))
+            for each, size in ((rows, region.shape[0]), (columns, region.shape[1]))
+        )
+        features = [LPIPS.features(np.ascontiguousarray(one[box])) for one in (truth, mine)]
+        out[box] = LPIPS.distance_map(*features, truth[box].shape[:2])
+    return out
 
 
-def name_of(one: Measure) -> str:
-    """As rows have it."""
-    if one.modality in ("confidence", "time"):
-        return one.metric
-    return f"{one.region} {one.modality} {one.metric}"
+def turn_off(rules: Sequence[str]) -> None:
+    """Run a worker without these rules."""
+    for rule in rules:
+        RULES[rule]()
 
 
 def run_case(case: BenchCase, methods: Sequence[Method]) -> list[dict[str, Any]]:
     """One case, all methods."""
+    cv2.setNumThreads(1)
     truth = dataclasses.replace(case.load(), exposure_varies=not case.name.startswith("worlds"))
     rows = []
     for method in methods:
         row: dict[str, Any] = {"case": case.name, "domain": case.domain, "method": method.label}
         try:
-            row["measures"] = measure(case, truth, method)
+            row["measures"] = measure(truth, method)
         except Exception as error:
             row["error"] = f"{type(error).__name__}: {error}"
         rows.append(row)
@@ -210,12 +243,15 @@ def rows_of(path: Path) -> list[dict[str, Any]]:
 
 
 def run(asked: argparse.Namespace) -> None:
+    os.environ["OMP_NUM_THREADS"] = "1"  # cases run side by side
     methods = [Method(*name.split("/")) for name in asked.methods]
     done = {(row["case"], row["method"]) for row in rows_of(asked.output) if "case" in row}
     cases = [case for split in asked.split for case in cases_of(split, asked.shared)]
     cases = [case for case in cases if asked.only in case.name][:: asked.every]
     todo = [(case, [one for one in methods if (case.name, one.label) not in done]) for case in cases]
-    with asked.output.open("a", encoding="utf-8") as stream, ProcessPoolExecutor(asked.workers) as pool:
+    with asked.output.open("a", encoding="utf-8") as stream, ProcessPoolExecutor(
+        asked.workers, initializer=turn_off, initargs=(asked.without,)
+    ) as pool:
         stream.write(json.dumps({"look": asked.split, "at": time.strftime("%F %T")}) + "\n")
         futures = [pool.submit(run_case, case, missing) for case, missing in todo if missing]
         for number, future in enumerate(as_completed(futures), 1):
@@ -248,7 +284,7 @@ def summary(rows: list[dict[str, Any]]) -> None:
     """Means by domain and method."""
     table, domains = table_of(rows)
     for domain in sorted(set(domains.values())):
-        print(f"\n{domain}\n{'':24}" + "".join(f"{name.replace(' rgb', '').replace('out-of-view', 'oov')[:14]:>15}" for name in SHOWN))
+        print(f"\n{domain}\n{'':24}" + "".join(f"{name.replace('out-of-view', 'oov')[:14]:>15}" for name in SHOWN))
         for method, of_method in table.items():
             cells = []
             for name in SHOWN:
@@ -306,6 +342,7 @@ def main() -> None:
     one.add_argument("-o", "--output", type=Path, required=True)
     one.add_argument("--methods", nargs="+", default=["dlama/auto", "paper/migan", "paper/telea"])
     one.add_argument("--split", nargs="+", choices=SPLITS, default=["tune"])
+    one.add_argument("--without", nargs="*", choices=RULES, default=[], help="rules that are turned off")
     one.add_argument("--only", default="", help="part of a case's name")
     one.add_argument("--every", type=int, default=1)
     one.add_argument("--workers", type=int, default=os.cpu_count())

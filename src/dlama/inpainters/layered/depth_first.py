@@ -52,7 +52,7 @@ def depth_first(inpainter: Inpainter) -> Inpainter:
         if not view.color_hole.any():
             return Fill(view.color, depth, moved, notes)
         shadow = shadow_beside(view, surfaces.label)
-        color = inpainter.paint(view.color, view.color_hole | shadow | occluders(view, surfaces, depth), seed)
+        color = inpainter.paint(view.color, view.color_hole | shadow | occluders(view, surfaces, depth, law), seed)
         if shadow.any():
             color = np.where(view.color_hole[..., None], color, view.color)
             color = fading_out(color, shadow, view.color_hole, surfaces.label)
@@ -62,14 +62,23 @@ def depth_first(inpainter: Inpainter) -> Inpainter:
     return fill
 
 
-def occluders(view: View, surfaces: Surfaces, depth: Float32Array) -> BoolArray:
+def occluders(view: View, surfaces: Surfaces, depth: Float32Array, law=None) -> BoolArray:
     """H x W, True in known pixels near a hole that are nearer than the surface filled into it: their colours do not belong there.
 
     surfaces: as continued; depth: H x W metres, filled. First what stands beside the hole, then the rest of that thing.
     """
+    import os
+    V = os.environ.get("DLAMA_V", "")
     distance, nearest = nearest_known(view.color_hole & ~seams(surfaces.label, view.color_hole))
     near = (distance <= BAND) & view.valid
     beside = standing_before(view, surfaces, depth, near, nearest)
+    keep = np.ones(beside.shape, bool)
+    is_object = (view.hole_type.ravel()[nearest] == HoleType.OBJECT)
+    if V.startswith("1"):
+        keep = ~is_object
+    if V.startswith("2") and law is not None:
+        keep = ~is_object | ~behind_object(view, law)
+    beside &= keep
     hidden = view.color_hole & (view.hole_type != HoleType.OUT_OF_VIEW)
     guessed = (view.origin == Origin.ESTIMATED).any()  # by estimated depth nobody knows where a thing ends
     if guessed or not beside.any() or not hidden.any():
@@ -83,7 +92,24 @@ def occluders(view: View, surfaces: Surfaces, depth: Float32Array) -> BoolArray:
     edge = cv2.dilate(w, np.ones((3, 3), np.uint8)) > STEP * w
     thing = view.valid & ~edge & ~np.isin(surfaces.label, goes_on) & (distance <= WHOLE * max(w.shape))
     thing &= w > inverse_depth(depth).ravel()[nearest]
-    return beside | (dilated(touching(thing, beside), MIXED_PX) & view.valid)
+    thing &= keep
+    return beside | (dilated(touching(thing, beside), MIXED_PX) & view.valid & keep)
+
+
+def behind_object(view, law):
+    """True where a known pixel is behind the removed object's nearest part."""
+    hole = view.hole_type == HoleType.OBJECT
+    obj = np.zeros(view.depth.shape, np.float32)
+    for camera, measured in law.measured:
+        if camera.same_view_as(view.camera):
+            obj = np.where(hole & (measured > 0) & np.isfinite(measured), measured, 0).astype(np.float32)
+    if not (obj > 0).any():
+        return np.zeros(hole.shape, bool)
+    core = (cv2.erode((obj > 0).astype(np.uint8), np.ones((9, 9), np.uint8)) > 0)
+    if not core.any():
+        core = obj > 0
+    _, at = nearest_known(core)
+    return view.far | (view.depth > 1.05 * obj.ravel()[at])
 
 
 def seams(label: NDArray[np.int32], hole: BoolArray) -> BoolArray:

@@ -36,7 +36,7 @@ def layered_fill(view: View, law: Law, seed: int, repaint: Repaint | None = None
     surfaces, depth, moved = surfaces_behind(view, law, seed)
     color = painted(view, surfaces, depth, law, seed)
     if repaint is not None:
-        color = repaint(view, surfaces, depth, color, seed)
+        color = repaint(view, surfaces, depth, color, seed, law)
     w = np.where(view.hole, inverse_depth(depth), surfaces.inverse_depth)
     color = hedged(view, color, view.color_hole & (surfaces.leaves < 0), w, surfaces.label, law.sky)
     if law.misplaced_edges:  # where surfaces end is a guess upon a guess

