@@ -9,8 +9,8 @@ first lines (`looks`). `compare` pairs cases, averages the relative change withi
 intervals over the cases of each domain. Colour is measured where the truth is known and unseen: in the mask of a removal, in what
 the source does not see of a view, by hole type; exposure between the frames of a pair is undone first, for all alike.
 
-Splits: `tune` may be looked at while something is made, `validate` decides between what was made, `test` is for the closing figures.
-Places of one room share a domain; no set of `test` shares frames with the others.
+Splits: `tune` may be looked at while something is made, `validate` decides between what was made, `test` is for the closing
+figures. Places of one room share a domain; no set of `test` shares frames with the others.
 """
 
 from __future__ import annotations
@@ -31,14 +31,13 @@ from typing import Any
 
 import cv2
 import numpy as np
-from rules import RULES
 
 from dlama.datasets.frames import Case, RemovalTruth, Truth, ViewTruth
 from dlama.datasets.layouts import open_dataset
-from dlama.evaluation.protocols import ori, vpi
 from dlama.evaluation.metrics.depth import depth_errors
 from dlama.evaluation.metrics.lpips import Lpips
 from dlama.evaluation.metrics.pictures import mse_map
+from dlama.evaluation.protocols import ori, vpi
 from dlama.evaluation.protocols.methods import Method, ProtocolSettings, run_method
 from dlama.evaluation.protocols.reliability import reliability_measures
 from dlama.geometry.holes import dilated
@@ -47,6 +46,7 @@ from dlama.perception.monocular import estimate_depth
 from dlama.training.data.samples.world_views import WorldSet, WorldViews
 from dlama.training.data.samples.worlds import frame_without
 from dlama.training.data.sensors import photographed, stereo_matcher, structured_light
+from rules import RULES
 
 SPLITS = ("tune", "validate", "test")
 SETS: dict[str, tuple[tuple[str, str, str], ...]] = {
@@ -95,15 +95,16 @@ def cases_of(split: str, shared: Path) -> Iterator[BenchCase]:
     """All cases of a split."""
     for folder, only, domain in SETS[split]:
         for case in (*open_dataset(shared / folder).of("vpi"), *open_dataset(shared / folder).of("ori")):
-            if not only or case.scene == only:
-                if wanted_yaw(case, split, folder):
-                    yield BenchCase(f"{folder}/{case.scene}/{case.protocol}/{case.frame}", domain, case.load)
+            if (not only or case.scene == only) and wanted_yaw(case, split, folder):
+                yield BenchCase(f"{folder}/{case.scene}/{case.protocol}/{case.frame}", domain, case.load)
     first, count = WORLDS[split]
     for number in range(first, first + count):
         sensor = SENSORS[number // 2 % len(SENSORS)]
         kind = "removal" if number % 2 == 0 else "view"
         name = f"worlds/{sensor}/{'ori' if kind == 'removal' else 'vpi'}/{number}"
-        yield BenchCase(name, "world" if sensor != "estimated" else "estimated", partial(world_case, number, kind, sensor))
+        yield BenchCase(
+            name, "world" if sensor != "estimated" else "estimated", partial(world_case, number, kind, sensor)
+        )
 
 
 def wanted_yaw(case: Case, split: str, folder: str) -> bool:
@@ -249,9 +250,10 @@ def run(asked: argparse.Namespace) -> None:
     cases = [case for split in asked.split for case in cases_of(split, asked.shared)]
     cases = [case for case in cases if asked.only in case.name][:: asked.every]
     todo = [(case, [one for one in methods if (case.name, one.label) not in done]) for case in cases]
-    with asked.output.open("a", encoding="utf-8") as stream, ProcessPoolExecutor(
-        asked.workers, initializer=turn_off, initargs=(asked.without,)
-    ) as pool:
+    with (
+        asked.output.open("a", encoding="utf-8") as stream,
+        ProcessPoolExecutor(asked.workers, initializer=turn_off, initargs=(asked.without,)) as pool,
+    ):
         stream.write(json.dumps({"look": asked.split, "at": time.strftime("%F %T")}) + "\n")
         futures = [pool.submit(run_case, case, missing) for case, missing in todo if missing]
         for number, future in enumerate(as_completed(futures), 1):

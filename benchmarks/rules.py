@@ -19,7 +19,9 @@ def _replace(place: str, name: str, value: Any) -> None:
 
 
 def _foliage() -> None:
-    _replace("inpainters.layered.surfaces", "copied_leaves", lambda view, w, things, seed=0: np.full(w.shape, -1, np.int32))
+    _replace(
+        "inpainters.layered.surfaces", "copied_leaves", lambda view, w, things, seed=0: np.full(w.shape, -1, np.int32)
+    )
     _no_cut_crowns()
 
 

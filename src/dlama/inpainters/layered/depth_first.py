@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from dlama.geometry.holes import dilated, nearest_known, opened, square, touching
+from dlama.geometry.holes import dilated, eroded, nearest_known, opened, square, touching
 from dlama.geometry.projection import inverse_depth
 from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.geometry.view import HoleType, Origin, View
@@ -34,6 +34,10 @@ STEP = 1.1
 """Ratio of neighbouring depths at which the occluder ends."""
 NEARER = 0.9
 """A known pixel nearer than this share of the depth filled beside it is an occluder."""
+BEHIND = 1.05
+"""A known pixel farther than this many times the depth of the removed object next to it lies behind it."""
+INNER_PX = (8, 4, 0)
+"""Pixels of the removed object's outline whose depth does not count, the first that leave some of it: masks are grown."""
 
 
 def depth_first(inpainter: Inpainter) -> Inpainter:
@@ -62,23 +66,17 @@ def depth_first(inpainter: Inpainter) -> Inpainter:
     return fill
 
 
-def occluders(view: View, surfaces: Surfaces, depth: Float32Array, law=None) -> BoolArray:
+def occluders(view: View, surfaces: Surfaces, depth: Float32Array, law: Law) -> BoolArray:
     """H x W, True in known pixels near a hole that are nearer than the surface filled into it: their colours do not belong there.
 
-    surfaces: as continued; depth: H x W metres, filled. First what stands beside the hole, then the rest of that thing.
+    surfaces: as continued; depth: H x W metres, filled. First what stands next to the hole, then the rest of that object. What
+    lies behind a removed object is its background, never an occluder of it.
     """
-    import os
-    V = os.environ.get("DLAMA_V", "")
     distance, nearest = nearest_known(view.color_hole & ~seams(surfaces.label, view.color_hole))
     near = (distance <= BAND) & view.valid
     beside = standing_before(view, surfaces, depth, near, nearest)
-    keep = np.ones(beside.shape, bool)
-    is_object = (view.hole_type.ravel()[nearest] == HoleType.OBJECT)
-    if V.startswith("1"):
-        keep = ~is_object
-    if V.startswith("2") and law is not None:
-        keep = ~is_object | ~behind_object(view, law)
-    beside &= keep
+    background = (view.hole_type.ravel()[nearest] == HoleType.OBJECT) & behind_removed(view, law)
+    beside &= ~background
     hidden = view.color_hole & (view.hole_type != HoleType.OUT_OF_VIEW)
     guessed = (view.origin == Origin.ESTIMATED).any()  # by estimated depth nobody knows where a thing ends
     if guessed or not beside.any() or not hidden.any():
@@ -92,24 +90,23 @@ def occluders(view: View, surfaces: Surfaces, depth: Float32Array, law=None) -> 
     edge = cv2.dilate(w, np.ones((3, 3), np.uint8)) > STEP * w
     thing = view.valid & ~edge & ~np.isin(surfaces.label, goes_on) & (distance <= WHOLE * max(w.shape))
     thing &= w > inverse_depth(depth).ravel()[nearest]
-    thing &= keep
-    return beside | (dilated(touching(thing, beside), MIXED_PX) & view.valid & keep)
+    return (beside | (dilated(touching(thing & ~background, beside), MIXED_PX) & view.valid)) & ~background
 
 
-def behind_object(view, law):
-    """True where a known pixel is behind the removed object's nearest part."""
-    hole = view.hole_type == HoleType.OBJECT
-    obj = np.zeros(view.depth.shape, np.float32)
+def behind_removed(view: View, law: Law) -> BoolArray:
+    """H x W, True in known pixels that lie behind the nearest part of a removed object: near ones too are its background.
+
+    The object's depth is what the law holds for this camera; all False where that is not known.
+    """
+    removed = np.zeros(view.depth.shape, np.float32)
     for camera, measured in law.measured:
         if camera.same_view_as(view.camera):
-            obj = np.where(hole & (measured > 0) & np.isfinite(measured), measured, 0).astype(np.float32)
-    if not (obj > 0).any():
-        return np.zeros(hole.shape, bool)
-    core = (cv2.erode((obj > 0).astype(np.uint8), np.ones((9, 9), np.uint8)) > 0)
-    if not core.any():
-        core = obj > 0
-    _, at = nearest_known(core)
-    return view.far | (view.depth > 1.05 * obj.ravel()[at])
+            removed = np.where((view.hole_type == HoleType.OBJECT) & np.isfinite(measured), measured, np.float32(0))
+    if not removed.any():
+        return np.zeros(view.hole.shape, np.bool_)
+    inner = next(inner for px in INNER_PX if (inner := eroded(removed > 0, px)).any())
+    nearest = nearest_known(inner)[1]
+    return view.far | (view.valid & (view.depth > BEHIND * removed.ravel()[nearest]))
 
 
 def seams(label: NDArray[np.int32], hole: BoolArray) -> BoolArray:

@@ -22,8 +22,8 @@ from dlama.perception.planes import SKY, SMOOTH
 NOT_LED_IN = (HoleType.OUT_OF_VIEW, HoleType.OBJECT)
 """Holes into which nothing is led from their rims: beside a removed thing lie scraps of it and of its shadow."""
 
-Repaint = Callable[[View, Surfaces, Float32Array, UInt8Array, int], UInt8Array]
-"""(view, continued surfaces, H x W metres filled, H x W x 3 painted colours, seed) -> H x W x 3, painted better."""
+Repaint = Callable[[View, Surfaces, Float32Array, UInt8Array, Law, int], UInt8Array]
+"""(view, continued surfaces, H x W metres filled, H x W x 3 painted colours, law, seed) -> H x W x 3, painted better."""
 
 
 def layered(view: View, law: Law, seed: int = 0) -> Fill:
@@ -36,7 +36,7 @@ def layered_fill(view: View, law: Law, seed: int, repaint: Repaint | None = None
     surfaces, depth, moved = surfaces_behind(view, law, seed)
     color = painted(view, surfaces, depth, law, seed)
     if repaint is not None:
-        color = repaint(view, surfaces, depth, color, seed, law)
+        color = repaint(view, surfaces, depth, color, law, seed)
     w = np.where(view.hole, inverse_depth(depth), surfaces.inverse_depth)
     color = hedged(view, color, view.color_hole & (surfaces.leaves < 0), w, surfaces.label, law.sky)
     if law.misplaced_edges:  # where surfaces end is a guess upon a guess

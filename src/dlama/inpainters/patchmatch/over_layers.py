@@ -3,8 +3,8 @@
 For pictures of a depth camera. Its planes are rough, and several materials lie on one of them, so that texture copied within a
 plane leaves seams and scraps; the picture itself knows better. Where the source picture shows what surrounds a hole MI-GAN
 guesses what is there; beyond its border, where the network would begin another room, the continued surfaces do. What stands
-before a removed thing is hidden from both: a table would go on where the chair behind it was. Beside other holes it is not, for
-it is most of what there is to paint with.
+in front of a removed object is hidden from both: a table would extend to where the chair behind it was. Next to other holes it is
+not, for it is most of what there is to paint with. Behind a removed object patches come from any surface.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ import dataclasses
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dlama.geometry.holes import nearest_known
 from dlama.geometry.rgbd import Float32Array, UInt8Array
@@ -39,18 +40,17 @@ def layered_patches_filler(model: str | Path) -> Inpainter:
         done = layered_fill(view, law, seed, repaint)
         return dataclasses.replace(done, notes=done.notes | {"guess": network.notes()})
 
-    def repaint(view: View, surfaces: Surfaces, depth: Float32Array, color: UInt8Array, seed: int, law=None) -> UInt8Array:
+    def repaint(
+        view: View, surfaces: Surfaces, depth: Float32Array, color: UInt8Array, law: Law, seed: int
+    ) -> UInt8Array:
         hole, inner = (view.color_hole & np.isin(view.hole_type, types) for types in (REPAINTED, INNER))
         if not hole.any():
             return color
-        label, before = surfaces.label, np.zeros_like(hole)
+        label: NDArray[np.int32] | None = surfaces.label
+        before = np.zeros_like(hole)
         if (removed := hole & (view.hole_type == HoleType.OBJECT)).any():
-            nearest = nearest_known(hole)[1]
-            before = occluders(view, surfaces, depth, law) & removed.ravel()[nearest]
-            label = np.where(before, label.ravel()[nearest], label)
-        import os
-        if "L" in os.environ.get("DLAMA_V", ""):
-            label = np.where(removed, 0, label) * 0
+            before = occluders(view, surfaces, depth, law) & removed.ravel()[nearest_known(hole)[1]]
+            label = None
         guess = network.paint(color, inner | before, seed) if inner.any() else color
         done = complete_picture(color, hole | before, guess, seed, label=label, effort=QUICK)
         return np.where(before[..., None], color, done)

@@ -9,8 +9,8 @@ inside its graph and carries gains and clips around small convolutions. Here the
   that of the output into the last ones, so that the network takes colours in 0..1, zero in the hole, and the mask, 1 = fill;
 * zero insertion, padding and a 4 x 4 filter become one transposed convolution.
 
-The noise that the published file adds is constant and belongs to a size, 512 x 512; smaller inputs get its upper left part. Weights of the large
-convolutions are stored in half precision and computed with in single precision.
+The noise that the published file adds is constant and belongs to a size, 512 x 512; smaller inputs get its upper left part.
+Weights of the large convolutions are stored in half precision and computed with in single precision.
 
 The file that ships (src/dlama/assets/migan/migan-512.onnx) was made by
 
@@ -103,8 +103,8 @@ def read_weights(pipeline: Path) -> Weights:
 
 
 def generator_bytes(weights: Weights, source: str, metadata: Mapping[str, str]) -> bytes:
-    """The ONNX model: `planes` 1 x 4 x H x W to `filled` 1 x 3 x H x W, H and W multiples of MULTIPLE up to SIDE. FileError where a
-    tensor is missing."""
+    """The ONNX model: `planes` 1 x 4 x H x W to `filled` 1 x 3 x H x W, H and W multiples of 128 up to SIDE. FileError where
+    a tensor is missing."""
     g = Graph()
     try:
         filled = _synthesis(g, weights, *_encoder(g, weights, _first(g, weights, "planes")))
