@@ -120,7 +120,7 @@ def remove(
         target = move.settings()
         depth, mask = split_depth_and_mask(depth_and_mask, pointing.given)
         check_folder_apart(output, {"image": image, "depth": depth, "mask": mask})
-        of_file = this.optional_mask(mask, masking)  # before depth is estimated, which takes longer
+        of_file = this.optional_mask(mask, masking, image)  # before depth is estimated, which takes longer
         rgbd = this.rgbd(image, depth, lens, reading, estimating)
         object_mask = this.pointed(rgbd, pointing, image) if of_file is None else of_file
         this.write(dlama.remove(rgbd, object_mask, **target, **method.settings()), output, only)
@@ -169,7 +169,10 @@ def stereo(
         check_folder_apart(output, files)
         pair = this.pair(left, right, calib)
         known = this.optional_disparity(disparity, disparity_scale)
-        masks = this.left_mask(mask, masking, pointing, left), this.optional_mask(mask_right, masking, "mask_right")
+        masks = (
+            this.left_mask(mask, masking, pointing, left),
+            this.optional_mask(mask_right, masking, right, "mask_right"),
+        )
         options = {
             "right_view": right_view,
             "matcher": matcher,

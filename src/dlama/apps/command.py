@@ -56,9 +56,9 @@ class Command(JobInputs):
         with self.reading(file):
             return read_scene(file)
 
-    def mask(self, path: Path, masking: Masking, role: str = "mask") -> BoolArray:
-        """A mask, True = remove."""
-        return self.read_mask_file(path, masking.settings(), role)
+    def mask(self, path: Path, masking: Masking, picture: Path, role: str = "mask") -> BoolArray:
+        """A mask of a picture, True = remove."""
+        return self.read_mask_file(path, masking.settings(), picture, role)
 
     def picture(
         self,
@@ -88,14 +88,14 @@ class Command(JobInputs):
     ) -> BoolArray | Callable[[dlama.RGBD], BoolArray] | None:
         """The mask of the left picture of a pair: of its file, or found in the depth that the pair gives. InputError: both."""
         if not pointing.given:
-            return self.optional_mask(path, masking)
+            return self.optional_mask(path, masking, left)
         if path is not None:
             raise mask_and_pointing(path)
         return lambda rgbd: self.pointed(rgbd, pointing, left)
 
-    def optional_mask(self, path: Path | None, masking: Masking, role: str = "mask") -> BoolArray | None:
+    def optional_mask(self, path: Path | None, masking: Masking, picture: Path, role: str = "mask") -> BoolArray | None:
         """A mask, where one is given."""
-        return None if path is None else self.mask(path, masking, role)
+        return None if path is None else self.mask(path, masking, picture, role)
 
     def write(self, done: dlama.Completion, output: Path, only: Only = None, shown: Path | None = None) -> None:
         """The result, or what --only names, to its directory; the line about it names that, or what is `shown` instead."""

@@ -75,13 +75,19 @@ class JobInputs:
             camera, self.intrinsics_from = camera_for(picture_hw(image), image=image, **lens)
             return read_rgbd(image, depth, camera=camera, **options)
 
-    def read_mask_file(self, path: Path, options: Mapping[str, Any], role: str = "mask") -> BoolArray:
-        """A mask, True = remove; options as of `read_mask`."""
+    def read_mask_file(
+        self, path: Path, options: Mapping[str, Any], picture: Path | None, role: str = "mask"
+    ) -> BoolArray:
+        """A mask of a picture, True = remove; options as of `read_mask`."""
+        from dlama.files.rasters.images import warn_of_turn
         from dlama.files.rasters.pictures import read_mask
 
         self.inputs[role] = path
         with self.reading(path):
-            return read_mask(path, **options)
+            mask = read_mask(path, **options)
+            if picture is not None:
+                warn_of_turn(picture, path)
+            return mask
 
     def find_pointed(
         self, rgbd: RGBD, image: Path, settings: Mapping[str, Any], object_class: str | None = None

@@ -134,7 +134,7 @@ def _remove(this: JobInputs, job: Job, p: Mapping[str, Any], output: Path) -> No
     elif hasattr(truth, "mask"):
         mask = truth.mask
     elif "mask" in p:
-        mask = this.read_mask_file(Path(p["mask"]), _taken(p, MASKING))
+        mask = this.read_mask_file(Path(p["mask"]), _taken(p, MASKING), _path(p, "image"))
     else:
         raise InputError("nothing says what is to be removed: give mask=FILE, click, box or salient")
     this.write_completion(remove(rgbd, mask, **_target(p), **_method(p)), output, p.get("only"))
@@ -152,8 +152,8 @@ def _stereo(this: JobInputs, job: Job, p: Mapping[str, Any], output: Path) -> No
         left, right, rig = this.pair(Path(p["left"]), Path(p["right"]), Path(p["calib"]))
         known = this.optional_disparity(_path(p, "disparity"), p.get("disparity_scale"))
         masks = [
-            None if role not in p else this.read_mask_file(Path(p[role]), _taken(p, MASKING), role)
-            for role in ("mask", "mask_right")
+            None if role not in p else this.read_mask_file(Path(p[role]), _taken(p, MASKING), _path(p, side), role)
+            for role, side in (("mask", "left"), ("mask_right", "right"))
         ]
     if _is_pointed(p):
         masks[0] = lambda rgbd: _pointed(this, p, rgbd, Path(p.get("left", "")))
