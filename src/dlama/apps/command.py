@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import statistics
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from dlama.apps.options import Estimating, Lens, Masking, Only, Reading, Report, names_in
+from dlama.apps.places import Inputs, check_folder_apart
 from dlama.apps.pointing import told_of_mask
 from dlama.apps.terminal.output import Result, reported, stages_bar
 from dlama.errors import InputError
+from dlama.jobs.early import check_options
 from dlama.jobs.inputs import JobInputs
 from dlama.jobs.pointing import mask_and_pointing
 
@@ -35,6 +37,23 @@ class Command(JobInputs):
     """What one command has read so far; its Result takes what it has written."""
 
     result: Result = field(default_factory=Result)
+
+    def check(
+        self,
+        output: Path,
+        only: Only,
+        read: Inputs,
+        image: Path | None,
+        *options: Mapping[str, Any],
+        removes: bool = False,
+    ) -> None:
+        """OutputError and InputError for whatever can be refused before anything is read: `output`, names, options.
+
+        read: the files that are read, by their roles; image: the picture, whose size tells whether points lie in it.
+        """
+        check_folder_apart(output, read)
+        given = {name: value for group in options for name, value in group.items()}
+        check_options({**given, "only": names_in(only)}, image, removes)
 
     def rgbd(
         self, image: Path, depth: Path | None, lens: Lens, reading: Reading, estimating: Estimating = NO_ESTIMATE

@@ -36,6 +36,8 @@ class JobInputs:
     """In words, where the source camera's intrinsics come from."""
     read_seconds: float = 0.0
     """Spent in `reading`."""
+    removed: BoolArray | None = None
+    """Of the object, in the picture or the left one of a pair; True = remove."""
     object_mask: dict[str, Any] = field(default_factory=dict)
     """How the mask was found, where it was pointed at."""
     started: float = field(default_factory=time.perf_counter)
@@ -85,8 +87,9 @@ class JobInputs:
         self.inputs[role] = path
         with self.reading(path):
             mask = read_mask(path, **options)
-            if picture is not None:
+            if picture is not None and picture.is_file():
                 warn_of_turn(picture, path)
+            self.removed = mask if role == "mask" else self.removed
             return mask
 
     def find_pointed(
@@ -94,7 +97,7 @@ class JobInputs:
     ) -> BoolArray:
         """The mask of what is pointed at in a picture, read from `image`; how it was found goes into meta.json."""
         found = find_pointed(rgbd, image, settings, object_class)
-        self.object_mask = {**settings, **found.about}
+        self.object_mask, self.removed = {**settings, **found.about}, found.mask
         return found.mask
 
     def optional_disparity(self, path: Path | None, scale: float | None) -> Float32Array | None:
@@ -135,6 +138,7 @@ class JobInputs:
             inputs=self.inputs,
             intrinsics_from=self.intrinsics_from,
             seconds=seconds,
+            mask=self.removed,
             **addresses,
         )
         return file_names(done, only)

@@ -26,7 +26,7 @@ from dlama.models.cache import locate, user_path
 from dlama.models.network_file import NetworkFile, cores, default_provider, file_stamp
 from dlama.models.records import CATALOGUE
 from dlama.perception.depth_networks import IMAGENET, DepthContract, DepthPrediction, contract_of_file, run
-from dlama.perception.depth_scale import scale_of
+from dlama.perception.depth_scale import check_known, scale_of
 from dlama.perception.point_maps import depth_of_points
 from dlama.perception.sharpening import sharpened
 
@@ -105,6 +105,7 @@ def estimate_depth(
     """
     check_arguments(estimate_depth, locals())
     color = checked_picture(color)
+    check_known(metres_at, camera_height, color.shape[:2])
     name, estimator = find_estimator(depth_model)
     prediction = estimator(color)
     check(prediction, DepthPrediction, f"what the function {name} returned")

@@ -20,7 +20,7 @@ from dlama.arguments import check_arguments
 from dlama.completion.completion import StereoCompletion
 from dlama.completion.memory import check_memory
 from dlama.completion.plausible import warn_of_scale
-from dlama.completion.recipes import DepthBy, Recipe, checked_seed, find_recipe
+from dlama.completion.recipes import DepthBy, Recipe, checked_confidence, checked_seed, find_recipe
 from dlama.completion.report import Clock, Record
 from dlama.completion.steps import (
     Plan,
@@ -118,6 +118,7 @@ def stereo(
     if mask is None and mask_right is not None:
         raise InputError("mask_right was given without mask; the mask of the left view is wanted too")
     checked_seed(seed)
+    checked_confidence(min_confidence)
     check_memory((rig.left, rig.right))
     chosen = find_recipe(recipe, mode=mode, dilate=dilate, dilate_holes=dilate_holes, clip=clip, depth_by=depth_by)
     filler = auto_filler() if filler == AUTO else filler
