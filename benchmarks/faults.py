@@ -24,7 +24,7 @@ import json
 import os
 import re
 import shutil
-import signal
+import struct
 import subprocess
 import sys
 import tempfile
@@ -37,22 +37,28 @@ SHIM = r"""
 #define _GNU_SOURCE
 #include <dlfcn.h>
 #include <errno.h>
+#include <fcntl.h>
 #include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/mman.h>
 #include <sys/uio.h>
 #include <unistd.h>
-static char under[512]; static long writes, renames, full_at, kill_at; static int after;
-void arm(const char *folder, long full, long kill, int behind) {
-  strncpy(under, folder, 511); writes = renames = 0; full_at = full; kill_at = kill; after = behind; }
-long count_writes(void) { return writes; }
-long count_renames(void) { return renames; }
+static char under[512]; static long none[2], *counts = none, full_at, kill_at; static int after;
+void arm(const char *folder, const char *file, long full, long kill, int behind) {
+  char all[2048]; snprintf(all, 2048, "%s|%s|%ld|%ld|%d", folder, file, full, kill, behind); setenv("DLAMA_ARM", all, 1);
+  int fd = open(file, O_RDWR); counts = mmap(0, 16, PROT_READ | PROT_WRITE, MAP_SHARED, fd, 0); close(fd);
+  strncpy(under, folder, 511); full_at = full; kill_at = kill; after = behind; }
+__attribute__((constructor)) static void again(void) {  /* in the processes that an armed one starts */
+  char folder[512], file[512]; long full, kill; int behind; const char *all = getenv("DLAMA_ARM");
+  if (all && sscanf(all, "%511[^|]|%511[^|]|%ld|%ld|%d", folder, file, &full, &kill, &behind) == 5)
+    arm(folder, file, full, kill, behind); }
 static int ours(int fd) {
   char link[64], path[1024]; if (!under[0]) return 0;
   snprintf(link, 64, "/proc/self/fd/%d", fd); ssize_t n = readlink(link, path, 1023);
   if (n < 0) return 0; path[n] = 0; return strncmp(path, under, strlen(under)) == 0; }
-static int no_room(int fd) { if (!ours(fd)) return 0; long n = __sync_add_and_fetch(&writes, 1); return full_at && n >= full_at; }
+static int no_room(int fd) { if (!ours(fd)) return 0; long n = __sync_add_and_fetch(counts, 1); return full_at && n >= full_at; }
 #define REAL(name) static __typeof__(&name) real; if (!real) real = (__typeof__(&name)) dlsym(RTLD_NEXT, #name)
 ssize_t write(int fd, const void *b, size_t n) {
   REAL(write); if (no_room(fd)) { errno = ENOSPC; return -1; } return real(fd, b, n); }
@@ -64,16 +70,16 @@ size_t fwrite(const void *b, size_t s, size_t n, FILE *f) {
   REAL(fwrite); if (no_room(fileno(f))) { errno = ENOSPC; return 0; } return real(b, s, n, f); }
 int rename(const char *a, const char *b) {
   REAL(rename); int mine = under[0] && strncmp(b, under, strlen(under)) == 0;
-  long n = mine ? __sync_add_and_fetch(&renames, 1) : 0;
+  long n = mine ? __sync_add_and_fetch(counts + 1, 1) : 0;
   if (n && n == kill_at && !after) kill(getpid(), SIGKILL);
   int done = real(a, b);
   if (n && n == kill_at && after) kill(getpid(), SIGKILL);
   return done; }
 """
-RESUMED = ("sequence", "evaluate", "batch")
+RESUMED = ("sequence", "worlds", "evaluate", "batch")
 """Verbs that leave what is done, and go on from there."""
 VOLATILE = re.compile(
-    r"(^|/)(meta\.json|report\.html|summary\.(json|md)|timings\.csv|manifest.*|provenance\.json)$|\.webp$"
+    r"(^|/)(meta\.json|cases/[^/]*\.json|report\.html|summary\.(json|md)|timings\.csv|manifest\.csv)$|\.webp$"
 )
 """Files that say how long it took; they must be whole, not the same."""
 
@@ -107,9 +113,9 @@ def verbs(folder: Path) -> dict[str, tuple[list[str], str]]:
     jobs = frame / "jobs.jsonl"
     rows = [{"id": f"j{n}", "verb": "view", "image": picture[0], "depth": picture[1], "yaw": n} for n in range(1, 3)]
     jobs.write_text("".join(json.dumps(row) + "\n" for row in rows))
-    run("worlds", "--count", "1", "--size", "48", "-o", str(folder / "worlds"))
-    run("view", *picture, *lens, *fast, "--yaw", "5", "--only", "scene", "-o", str(folder / "scene"))
-    scene = str(folder / "scene" / "scene.npz")
+    run("worlds", "--count", "1", "--size", "48", "-o", str(folder / "inputs" / "worlds"))
+    run("view", *picture, *lens, *fast, "--yaw", "5", "--only", "scene", "-o", str(folder / "inputs" / "scene"))
+    scene = str(folder / "inputs" / "scene" / "scene.npz")
     short = ["--protocol", "ori", "--limit", "1", "--recipes", "dlama", "--fillers", "telea", "--no-variants"]
     return {
         "view": (["view", *picture, *lens, *fast, "--yaw", "5"], "out"),
@@ -120,7 +126,7 @@ def verbs(folder: Path) -> dict[str, tuple[list[str], str]]:
         "sequence": (["sequence", scene, *fast], "out"),
         "video": (["video", scene, *fast, "--seconds", "0.2", "--fps", "10"], "out.webp"),
         "worlds": (["worlds", "--count", "1", "--size", "32"], "out"),
-        "evaluate": (["evaluate", str(folder / "worlds"), *short], "out"),
+        "evaluate": (["evaluate", str(folder / "inputs" / "worlds"), *short], "out"),
         "batch": (["batch", str(jobs), *lens, *fast, "--only", "image", "--workers", "1"], "out"),
     }
 
@@ -161,6 +167,7 @@ def obey_permissions() -> None:
     sets = (ctypes.c_uint32 * 6)()  # effective, permitted and inheritable, twice 32 bits
     libc.capget(header, sets)
     sets[0] &= ~(1 << 1)
+    sets[1] &= ~(1 << 1)  # access(2) asks what root may have
     libc.capset(header, sets)
 
 
@@ -192,6 +199,8 @@ def contents(place: Path) -> dict[str, str]:
     found = {}
     for path in files:
         name, data = path.relative_to(place.parent).as_posix(), path.read_bytes()
+        if "/manifest/" in name:  # a log of every run
+            continue
         if path.suffix == ".json":
             json.loads(data)
         found[name] = ("whole" if data else "empty") if VOLATILE.search(name) else hashlib.sha256(data).hexdigest()[:12]
@@ -199,8 +208,8 @@ def contents(place: Path) -> dict[str, str]:
 
 
 def hidden(place: Path) -> list[str]:
-    """Drafts beside and below."""
-    return [str(path) for path in place.parent.rglob(".dlama-*")]
+    """Drafts beside and below; what a sequence goes on from is none."""
+    return [str(path) for path in place.parent.rglob(".dlama-*") if path.name != ".dlama-sequence"]
 
 
 def one_line(told: str) -> bool:
@@ -214,7 +223,7 @@ class Bench:
 
     def __init__(self, name: str, words: list[str], target: str, folder: Path, library: ctypes.CDLL) -> None:
         self.name, self.words, self.library = name, words, library
-        self.place = folder / name / target
+        self.place, self.counts = folder / name / target, folder / "counts"
         self.place.parent.mkdir()
         self.count = {"injected": 0, "broken": 0}
         status, told = self.run()
@@ -235,29 +244,17 @@ class Bench:
             path.write_bytes(data)
 
     def armed(self, full: int = 0, kill: int = 0, after: bool = False) -> Callable[[], object]:
-        folder = os.fsencode(self.place.parent)
-        return lambda: self.library.arm(folder, ctypes.c_long(full), ctypes.c_long(kill), int(after))
+        """What a child does first: from the n-th write on the disk is full; SIGKILL at the n-th rename."""
+        self.counts.write_bytes(bytes(16))
+        words = os.fsencode(self.place.parent), os.fsencode(self.counts)
+        return lambda: self.library.arm(*words, ctypes.c_long(full), ctypes.c_long(kill), int(after))
 
     def counted(self) -> tuple[int, int]:
-        """Writes and renames of a run without a fault (of the verb's own process)."""
-        seen = self.place.parent.parent / "counts"
-
-        def note() -> None:
-            import atexit
-
-            counts = self.library.count_writes, self.library.count_renames
-            real = os._exit
-
-            def leave(code: int) -> None:
-                seen.write_text(" ".join(str(one()) for one in counts))
-                real(code)
-
-            os._exit = leave  # type: ignore[assignment]
-            atexit.unregister(leave)
-
-        with prepared(self.armed(), note):
+        """Writes and renames of a run without a fault."""
+        self.reset()
+        with prepared(self.armed()):
             self.run()
-        writes, renames = map(int, seen.read_text().split())
+        writes, renames = struct.unpack("ll", self.counts.read_bytes())
         return writes, renames
 
     def broke(self, what: str, told: str) -> None:
@@ -278,11 +275,16 @@ class Bench:
             with prepared(self.armed(full=n)):
                 status, told = self.run()
             self.count["injected"] += 1
-            kept = {name: one for name, one in contents(self.place).items() if name in self.right} == self.right
-            if status not in (1, 2) or not one_line(told) or not kept or hidden(self.place):
-                self.broke(
-                    f"full at write {n} of {writes} (exit {status}, kept {kept}, drafts {hidden(self.place)})", told
-                )
+            where, drafts, half = (
+                f"full at write {n} of {writes} (exit {status})",
+                hidden(self.place),
+                self.half_written(),
+            )
+            lost = [] if self.name in RESUMED else [name for name in self.right if name not in contents(self.place)]
+            if status not in (1, 2) or not one_line(told) or half or lost or drafts:
+                self.broke(f"{where}, half-written {half}, lost {lost}, drafts {drafts}", told)
+            elif self.name in RESUMED:
+                self.made_good(where)
 
     def kill(self, renames: int, every: int) -> None:
         for n, after in itertools.product(range(1, renames + 1, every), (False, True)):
@@ -291,12 +293,20 @@ class Bench:
                 status, told = self.run()
             self.count["injected"] += 1
             where = f"killed {'after' if after else 'before'} rename {n} of {renames}"
-            if status != -signal.SIGKILL:
-                continue  # in a worker of its own, which is replaced
-            half = self.half_written()
-            status, told = self.run()
-            if half or status != 0 or contents(self.place) != self.right or hidden(self.place):
-                self.broke(f"{where} (half-written {half}, next run {status}, drafts {hidden(self.place)})", told)
+            if half := self.half_written():
+                self.broke(f"{where} (exit {status}), half-written {half}", told)
+            else:
+                self.made_good(where)
+
+    def made_good(self, where: str) -> None:
+        """Run once more: everything is there, and nothing else."""
+        status, told = self.run()
+        found = contents(self.place)
+        differ = [name for name in {*found, *self.right} if found.get(name) != self.right.get(name)]
+        if status != 0 or differ or hidden(self.place):
+            self.broke(
+                f"{where}, then the next run (exit {status}): {differ} differ, drafts {hidden(self.place)}", told
+            )
 
     def read_only(self) -> None:
         for closed in (self.place.parent, self.place):
@@ -325,8 +335,10 @@ class Bench:
         with prepared(jumping):
             status, told = self.run()
         self.count["injected"] += 1
-        if status != 0 or contents(self.place) != self.right:
-            self.broke(f"a clock that jumps (exit {status})", told)
+        found = contents(self.place)
+        differ = [name for name in {*found, *self.right} if found.get(name) != self.right.get(name)]
+        if status != 0 or differ:
+            self.broke(f"a clock that jumps (exit {status}), {differ} differ", told)
 
 
 def main() -> int:

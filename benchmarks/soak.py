@@ -36,6 +36,8 @@ from dlama.web.server import Server, serving
 
 SIDE = 48
 """Pixels of a visitor's pictures."""
+BLENDED = 10
+"""Levels by which what is filled may differ from the picture's red; those of two visitors lie 50 apart."""
 STEPS = 5
 """Times that memory is printed."""
 
@@ -100,10 +102,11 @@ class Visitor(threading.Thread):
 
     def begin(self) -> None:
         """A new page, with an upload or two."""
-        if self.visit:
-            self.ask("leave", self.visit.encode())
+        old = self.visit
         status, found = self.ask("visit")
-        self.visit = json.loads(found)["visit"] if status == 200 else ""
+        if status == 200:  # else as many are open as may be; those that left are forgotten after a while
+            self.visit = json.loads(found)["visit"]
+            self.ask("leave", old.encode())
         self.upload()
 
     def upload(self, cut: bool = False) -> None:
@@ -115,7 +118,7 @@ class Visitor(threading.Thread):
     def own(self, found: bytes) -> None:
         """Every pixel that shows anything shows this visitor's red."""
         red = np.array(Image.open(io.BytesIO(found)).convert("RGB"))[..., 0].astype(int)
-        if np.abs(red[red > 0] - self.level).max(initial=0) > 2:
+        if np.abs(red[red > 0] - self.level).max(initial=0) > BLENDED:
             self.faults.append(f"a picture of another visitor: red {np.unique(red)[:8]} and not {self.level}")
 
     def look(self) -> None:
@@ -139,7 +142,7 @@ class Visitor(threading.Thread):
             if status != 200 or json.loads(found)["state"] not in ("waiting", "running"):
                 break
             time.sleep(0.02)
-        status, found = self.ask("picture", {"name": "image"})
+        status, found = self.ask("picture", {"kind": "image"})
         if status == 200:
             self.own(found)
 

@@ -88,7 +88,8 @@ def write_errors(folder: Path, failures: Sequence[Outcome]) -> None:
     entries = []
     for one in failures:
         place = f"errors/{stem(one.case, one.method)}.txt"
-        (folder / place).write_text(one.trace or f"{one.error}\n", encoding="utf-8", errors="backslashreplace")
+        with new_file(folder / place) as draft:
+            draft.write_text(one.trace or f"{one.error}\n", encoding="utf-8", errors="backslashreplace")
         names = {"protocol": one.case.protocol, "scene": one.case.scene, "frame": one.case.frame}
         entries.append({**names, "method": one.method.label, "error": one.error, "traceback": place})
     with new_file(folder / "errors.json") as draft:
