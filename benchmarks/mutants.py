@@ -52,8 +52,8 @@ MUTANTS: tuple[Mutant, ...] = (
         OPTIONS,
         (
             "--soft-mask and --mask-polarity are dropped",
-            "return read_mask(path, **options)",
-            "return read_mask(path)",
+            "mask = read_mask(path, **options)",
+            "mask = read_mask(path)",
         ),
     ),
     *faults(
@@ -364,6 +364,66 @@ MUTANTS: tuple[Mutant, ...] = (
             "scene = with_seen_alone(scene, lender, law, recipe.mode)",
             "pass",
         ),
+    ),
+    *faults(
+        "files/checked_fields.py",
+        "tests/files/test_cameras.py",
+        ("a field of a JSON may stand twice", "if len(found) < len(pairs):", "if False:"),
+        ("a field of a calib.txt may stand twice", "if len(dict(pairs)) < len(pairs):", "if False:"),
+    ),
+    *faults(
+        "files/cameras.py",
+        "tests/files/test_cameras.py",
+        ("any baseline is taken", "if not BASELINES_M[0] <= baseline <= BASELINES_M[1]:", "if baseline <= 0:"),
+        ("a baseline in metres is taken for millimetres", "baseline < SHORTEST_M:", "baseline < 0:"),
+        ("a baseline in millimetres is taken for metres", "baseline > LONGEST_M:", "baseline > 1e9:"),
+    ),
+    *faults(
+        "files/rasters/images.py",
+        "tests/files/test_pictures.py tests/files/test_orientation.py",
+        ("checksums are not looked at", "                _check_sums(file, data)", "                pass"),
+        ("a turn of one of two pictures is not seen", "if turned[0] == turned[1]:", "if True:"),
+    ),
+    *faults(
+        "apps/terminal/streams.py",
+        "tests/apps/test_bad_input.py",
+        ("marks of direction are printed", '("Cc", "Cf", "Zl", "Zp")', '("Cc",)'),
+        ("control characters are printed", '("Cc", "Cf", "Zl", "Zp")', '("Cf", "Zl", "Zp")'),
+    ),
+    *faults(
+        "jobs/early.py",
+        "tests/apps/test_places.py",
+        ("the seed is not checked early", 'checked_seed(one("seed", 0))', "None"),
+        ("points are not held against the picture early", 'Prompt(hw, on, beside, given.get("box"))', "pass"),
+        ("only the first wrong option is named", "for error in wrong)))", "for error in wrong[:1])))"),
+        ("a mask may be asked for where there is none", "and not removes:", "and False:"),
+    ),
+    *faults(
+        "jobs/on_ray.py",
+        "tests/jobs/test_on_ray.py",
+        ("a cluster without nodes is waited for", "if time.monotonic() - lost_at >= BACK_SECONDS:", "if False:"),
+        ("a node that comes back counts as lost", "                lost_at = None\n", ""),
+    ),
+    *faults(
+        "jobs/manifest.py",
+        "tests/jobs/test_batch.py",
+        ("rows are ordered by the clock alone", "max(time.time_ns(), last + 1)", "time.time_ns()"),
+    ),
+    *faults(
+        "models/download.py",
+        "tests/models/test_pull.py",
+        ("what is of no use is left", "if not (kept and _resumable_bytes(url, part)):", "if False:"),
+        ("what could be gone on from is removed", "if not (kept and _resumable_bytes(url, part)):", "if True:"),
+    ),
+    *faults(
+        "completion/stereo/disparities.py",
+        PAIR,
+        ("black pictures are matched", "if contrast(picture) < LEAST_CONTRAST:", "if False:"),
+    ),
+    *faults(
+        "web/handler.py",
+        "tests/web/test_server.py",
+        ("a full disk breaks the connection", "except (ConnectionError, TimeoutError):", "except OSError:"),
     ),
 )
 """All of them."""

@@ -101,7 +101,9 @@ POINTING = {
     "candidate": Reach("--click 1,2 --candidate part", "find_mask.candidate", "part"),
     "salient": Reach("--salient", "find_mask.masker", "salient"),
     "masker": Reach("--click 1,2 --masker segment-anything", "find_mask.masker", "segment-anything"),
-    "mask_model": Reach("--click 1,2 --mask-model mobile-sam", "find_mask.mask_model", "mobile-sam"),
+    "mask_model": Reach(
+        "--click 1,2 --masker segment-anything --mask-model mobile-sam", "find_mask.mask_model", "mobile-sam"
+    ),
     "object_class": Reach("--class barrel", "read_mask.mask_class", "barrel"),
     "with_shadow": Reach("--click 1,2 --with-shadow", "find_mask.with_shadow", True),
 }

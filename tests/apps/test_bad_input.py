@@ -10,6 +10,8 @@ import numpy as np
 import pytest
 from running import FAST, refused
 
+from dlama.apps.cli import main
+
 
 def test_nothing_says_where_to_go(frame: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """`view` without a move teaches --yaw; with two, both are named."""
@@ -92,6 +94,22 @@ def test_bad_camera_file(frame: Path, capsys: pytest.CaptureFixture[str], name: 
     (frame / "camera.json").write_text(json.dumps(fields))
     line = refused(capsys, frame, "view", "image.png", "depth.png", "--camera", "camera.json", "--yaw", 5)
     assert "camera.json" in line
+
+
+def test_control_characters_of_a_file_do_not_reach_the_terminal(
+    frame: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A field's name in a camera file, and a folder's name in a warning and in the last line (oracle: no control character)."""
+    (frame / "camera.json").write_text('{"\\u001b[31mred\\u0007\\u202e": 1}')
+    line = refused(capsys, frame, "view", "image.png", "depth.png", "--camera", "camera.json", "--yaw", 5)
+    assert r"field '\x1b[31mred\x07\u202e' is not known" in line
+    odd = frame / "odd\x1b[2J"
+    main(
+        ["view", str(frame / "image.png"), str(frame / "depth.png"), "--fov", "2", "--yaw", "5", *FAST, "-o", str(odd)]
+    )
+    printed = capsys.readouterr()
+    assert r"odd\x1b[2J" in printed.out and "warning" in printed.err
+    assert [sign for sign in printed.out + printed.err if not sign.isprintable() and sign != "\n"] == []
 
 
 def test_output_that_cannot_be_written(frame: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -93,7 +93,7 @@ def test_a_disparity_that_no_pair_has(frame: Path, capsys: pytest.CaptureFixture
     calib = {"left_K": [[55, 0, 32], [0, 55, 24], [0, 0, 1]], "doffs": 0, "baseline_m": 0.1, "width": 64, "height": 48}
     (frame / "calib.json").write_text(json.dumps(calib))
     for value in ("1e9", "65", "inf"):
-        words = "stereo", "image.png", "image.png", "--calib", "calib.json", "--max-disparity", value, *FAST
+        words = "stereo", "image.png", "mask.png", "--calib", "calib.json", "--max-disparity", value, *FAST
         assert "--max-disparity" in refused(capsys, frame, *words)
 
 

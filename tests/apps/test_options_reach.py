@@ -122,7 +122,7 @@ def _spy_on_jobs(spy: Callable[..., None]) -> None:
     about = {"field_of_view": {"from": "fov"}, "estimator": "a network", "scale": {"rule": "assumed"}}
     spy("dlama.files.results.estimated_depth.write_depth")
     spy("dlama.files.rgbd.read_rgbd", SimpleNamespace(estimate=about, depth=np.ones((3, 4))))
-    spy("dlama.files.rasters.images.picture_hw", (3, 4))
+    spy("dlama.files.rasters.images.picture_hw", (300, 400))
     spy("dlama.files.cameras.camera_for", ("camera", "words"))
     spy("dlama.files.cameras.read_camera", "target")
     spy("dlama.files.cameras.read_stereo_calib", "rig")

@@ -13,6 +13,7 @@ import dlama
 from box_frame import small_frame
 from dlama.apps import cli
 from dlama.apps.cli import VERBS, main
+from dlama.apps.terminal.flags import flags_of
 
 WORK = (
     "dlama.files.rgbd.read_rgbd",
@@ -97,3 +98,93 @@ def test_another_folder_beside_or_inside_is_fine(folder: Path) -> None:
     for place in ("out", "scenes"):
         with pytest.raises(AssertionError, match="something was read"):
             main(["view", "image.png", "depth.png", "--fov", "60", "--yaw", "5", "-o", place])
+
+
+LATE = {
+    "view": "view image.png --fov 60 --yaw 5 -o out",
+    "remove": "remove image.png --fov 60 --click 30,25 -o out",
+    "stereo": "stereo image.png image.png --calib calib.txt --click 30,25 -o out",
+    "depth": "depth image.png --fov 60 -o out",
+    "mask": "mask image.png --fov 60 --click 30,25 -o out.png",
+}
+WRONG = {
+    "--only image,colour": "--only is 'colour'; names of image, ",
+    "--only image,mask": "no object is removed",
+    "--filler magic": "--filler is 'magic'",
+    "--filler lama": "--model is missing: filler 'lama'",
+    "--recipe soup": "--recipe is 'soup'",
+    "--dilate -1": "--dilate is -1 px",
+    "--clip 0": "--clip is 0.0 m",
+    "--seed -1": "--seed is -1",
+    "--min-confidence 2": "--min-confidence is 2.0; a probability",
+    "--far -1": "--far is -1.0",
+    "--yaw nan": "--yaw is nan",
+    "--pivot -1 --yaw 3": "--pivot is -1.0",
+    "--metres-at 99,3=2": "--metres-at 99,3=2: lies outside the 64x48 picture",
+    "--metres-at 9,3=-2": "-2 m is no distance",
+    "--camera-height 0": "--camera-height is 0 m",
+    "--masker soup": "--masker is 'soup'",
+    "--candidate soup": "--candidate is 'soup'",
+    "--mask-model sam-vit-b": "--mask-model is given and the masker 'rgbd'",
+    "--click 300,2": "--click holds 300,2, which lies outside the picture",
+    "--box 900,2,3,3 --click 3,3": "--box is 900,2,3,3, which lies outside the picture of 64x48",
+    "-o loop": "loop: cannot be written: too many levels of symbolic links",
+    "-o image.png/out": "image.png is a file, a directory is expected",
+}
+"""Words -> what the line must say."""
+
+
+RIGHT = {
+    ("remove", "--only image,mask"),
+    ("stereo", "--only image,mask"),
+    ("mask", "-o loop"),
+    ("mask", "-o image.png/out"),
+}
+"""Of these verbs the words are right, or another message comes first."""
+
+
+def takes(verb: str, words: str) -> bool:
+    """Whether a verb has the options of some words."""
+    return {word for word in words.split() if re.fullmatch(r"--?[a-z].*", word)} <= {
+        *flags_of(VERBS[verb]).values(),
+        "-o",
+    }
+
+
+@pytest.mark.parametrize(
+    ("verb", "words"),
+    [(verb, words) for verb in LATE for words in WRONG if takes(verb, words) and (verb, words) not in RIGHT],
+)
+def test_what_can_be_refused_early_is(verb: str, words: str, folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Options, names and output folders are checked before pictures are read (oracle: readers that fail)."""
+    (folder / "loop").symlink_to("loop")
+    command = LATE[verb].split()
+    for flag in ("-o", "--click", "--yaw"):
+        if flag in words.split() and flag in command:
+            place = command.index(flag)
+            del command[place : place + 2]
+    with pytest.raises(SystemExit) as stop:
+        main([*command, *words.split()])
+    told = capsys.readouterr().err
+    assert stop.value.code == 2 and re.fullmatch(r"error: [^\n]+\n", told) and WRONG[words] in told, told
+
+
+def test_all_wrong_options_are_named_at_once(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """One line with every one of them, so that one run finds all (oracle: the words themselves)."""
+    wrong = ("--only image,colour", "--filler magic", "--dilate -1", "--seed -1", "--min-confidence 2", "--far -1")
+    with pytest.raises(SystemExit):
+        main([*LATE["remove"].split(), *" ".join(wrong).split()])
+    told = capsys.readouterr().err
+    assert (
+        told.count("\n") == 1 and [words for words in wrong if WRONG.get(words, "--only is 'colour'") not in told] == []
+    )
+
+
+def test_the_mask_that_a_click_found_is_written(tmp_path: Path) -> None:
+    """`mask` among --only: mask.png is the mask that was removed (oracle: that of `dlama mask` for the same click)."""
+    frame = small_frame(tmp_path)
+    files = [str(frame / "image.png"), str(frame / "depth.png"), "--fov", "60", "--click", "30,25"]
+    main(["mask", *files, "-o", str(frame / "found.png")])
+    main(["remove", *files, "--filler", "telea", "--only", "image,mask", "-o", str(frame / "out")])
+    assert (frame / "out" / "mask.png").read_bytes() == (frame / "found.png").read_bytes()
+    assert sorted(path.name for path in (frame / "out").iterdir()) == ["image.png", "mask.png", "meta.json"]

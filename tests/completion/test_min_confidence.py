@@ -56,5 +56,5 @@ def test_meta_says_it_and_bad_values_are_refused(completions: tuple[dlama.Comple
     assert sure.meta["left_open_share"] == [round(float(sure.view.hole.mean()), 6)]
     assert whole.with_min_confidence(0) is whole
     for wrong in (-0.1, 1.5, float("nan")):
-        with pytest.raises(InputError, match=f"min_confidence is {wrong}; a probability from 0 to 1 is wanted"):
+        with pytest.raises(InputError, match=f"min_confidence is {wrong}; a probability from 0 to 1 is expected"):
             whole.with_min_confidence(wrong)

@@ -66,7 +66,7 @@ def test_what_a_turn_alone_leaves_unknown(degrees: float) -> None:
 
 
 def test_millimetres_as_metres() -> None:
-    with pytest.warns(UserWarning, match=r"median depth is \d+ m: metres are wanted; divide millimetres by 1000"):
+    with pytest.warns(UserWarning, match=r"median depth is \d+ m: metres are expected; divide millimetres by 1000"):
         view(scaled(1000), yaw=5, filler="telea")
 
 
@@ -74,3 +74,9 @@ def test_a_field_of_view_in_radians() -> None:
     """1.0472 radians are 60 degrees."""
     with pytest.warns(UserWarning, match=r"fov is 1\.0472 degrees.*radians, give fov=60"):
         camera_for((48, 64), fov=1.0472)
+
+
+def test_a_scene_of_millimetres_is_warned_of() -> None:
+    """A clip, a known depth or a baseline that is a thousand times too small (oracle: the warning's number)."""
+    with pytest.warns(UserWarning, match=r"the median depth is 1e-09 m: metres are expected; check the clip"):
+        view(GOOD, yaw=1, clip=1e-9, filler="telea")

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import logging
 import math
+import os
 import pickle
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -151,3 +153,12 @@ def test_a_camera_of_another_size_is_refused_at_once(tmp_path: Path) -> None:
     (root / "camera.json").write_text('{"width": 640, "height": 480, "fx": 525, "fy": 525, "cx": 320, "cy": 240}')
     with pytest.raises(InputError, match=r"rgb/.*png: is 96x72, and .*camera\.json is for 640x480"):
         open_dataset(root)
+
+
+@pytest.mark.skipif(os.name == "nt" or sys.platform == "darwin", reason="names are text there")
+def test_names_that_are_no_text_are_refused(tmp_path: Path) -> None:
+    """Of scenes and of the set itself: results and hashes are made of them (oracle: the bytes of the name in the message)."""
+    for place in (tmp_path / os.fsdecode(b"set\xff"), tmp_path / "set" / os.fsdecode(b"set\xff")):
+        written(place)
+        with pytest.raises(FileError, match=r"the name b'set.xff' in it is no UTF-8 text; rename it"):
+            open_dataset(place if place.parent == tmp_path else place.parent)

@@ -134,6 +134,8 @@ def test_calib_txt(tmp_path: Path) -> None:
         ("width=741\n", "", "'width' is missing"),
         ("doffs=31.086", "doffs", "no Middlebury calib.txt"),
         ("; 0 0 1]\ndoffs", "; 0 0]\ndoffs", "cam1 is .*3x3"),
+        ("ndisp=70", "baseline=193.001", "field 'baseline' is given twice"),
+        ("baseline=193.001", "baseline=1e-300", "baseline is 1e-303 m; a distance of 1e-06 to 1e"),
     ],
 )
 def test_bad_calib_txt(tmp_path: Path, old: str, new: str, words: str) -> None:
@@ -260,3 +262,30 @@ def test_a_matrix_in_the_place_of_four_numbers(tmp_path: Path) -> None:
         read_camera(saved(tmp_path / "both.json", {**PLAIN, **matrix}))
     with pytest.raises(CameraError, match=r"bad\.json: K"):
         read_camera(saved(tmp_path / "bad.json", {**matrix, "K": [[fx, 0, cx], [0, fy, cy], [0, 0, 2]]}))
+
+
+@pytest.mark.parametrize("read", [read_camera, read_stereo_calib])
+def test_a_field_that_stands_twice_is_refused(tmp_path: Path, read: Any) -> None:
+    """At any depth of a JSON; oracle: the message names file and field."""
+    for text in ('{"fx": 1, "fx": 2}', '{"K": {"left_K": 0, "left_K": 0}}'):
+        with pytest.raises(
+            FileError, match=r"c\.json: field '(fx|left_K)' is given twice; each field is expected once"
+        ):
+            read(saved(tmp_path / "c.json", text))
+
+
+@pytest.mark.parametrize(
+    ("name", "values", "words"),
+    [
+        ("calib.txt", CALIB.replace("193.001", ".193"), r"calib\.txt: baseline is 0\.193 mm.* in metres, write 193"),
+        (
+            "calib.json",
+            {**STEREO, "baseline_m": 120},
+            r"calib\.json: baseline_m is 120 m.* in millimetres, write 0\.12",
+        ),
+    ],
+)
+def test_a_baseline_in_another_unit_is_warned_of(tmp_path: Path, name: str, values: object, words: str) -> None:
+    """Oracle: no camera pair is 0.2 mm wide; the number that is right stands in the message."""
+    with pytest.warns(UserWarning, match=words):
+        read_stereo_calib(saved(tmp_path / name, values), hw=(500, 741) if name.endswith("txt") else (240, 320))

@@ -16,10 +16,12 @@ import pytest
 import tifffile
 from PIL import Image, ImageOps
 
+import dlama
 from dlama.errors import CameraError, FileError, ShapeError
 from dlama.files.rasters.images import orientation_of, picture_hw, read_stored
 from dlama.files.rasters.pictures import read_color, read_color_of_camera, read_mask
 from dlama.files.rgbd import read_rgbd
+from dlama.jobs.inputs import JobInputs
 
 RNG = np.random.default_rng(0)
 PICTURES = {
@@ -136,6 +138,22 @@ def test_a_half_turn_of_one_of_them_is_warned_of(tmp_path: Path) -> None:
         image, depth, _ = rgbd_files(tmp_path, orientations)
         with pytest.warns(UserWarning, match=r"EXIF orientation 3.*clear the tag"):
             read_rgbd(image, depth, fov=60)
+
+
+@pytest.mark.parametrize("turned", [0, 2])
+def test_a_mask_turned_otherwise_than_its_picture_is_warned_of(tmp_path: Path, turned: int) -> None:
+    """Law: as of depth, a tag that only one of the two has is named, by the verbs and by the doctor."""
+    image, depth, mask = rgbd_files(tmp_path, tuple(3 if place == turned else 1 for place in range(3)))  # type: ignore[arg-type]
+    name = (image, depth, mask)[turned].name
+    with pytest.warns(UserWarning, match=rf"{name} is shown turned by its EXIF orientation 3.*clear the tag"):
+        JobInputs().read_mask_file(mask, {}, image)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        JobInputs().read_mask_file(mask, {}, mask)
+    if turned == 2:
+        assert any(
+            name in found.what for found in dlama.diagnose(image, depth, mask, fov=60) if found.check == "orientation"
+        )
 
 
 def test_a_camera_of_the_stored_size_is_refused(tmp_path: Path) -> None:

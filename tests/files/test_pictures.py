@@ -242,3 +242,15 @@ def test_files_of_a_result_given_as_a_picture_say_what_goes_where(tmp_path: Path
             read_color(tmp_path / "picture.png")
     with pytest.raises(FileError, match="no such file; addresses are for `dlama batch` alone"):
         read_color("https:/somewhere/a.jpg")
+
+
+def test_a_png_with_a_wrong_checksum_is_refused(tmp_path: Path) -> None:
+    """Every byte of a chunk is covered by its checksum, that of the pixels too (oracle: PNG 1.2, 3.4)."""
+    path = tmp_path / "a.png"
+    Image.fromarray(np.arange(192, dtype=np.uint8).reshape(8, 8, 3)).save(path)
+    data = path.read_bytes()
+    end = data.index(b"IEND") - 8  # in front of its length: the checksum of the pixels
+    path.write_bytes(data[:end] + bytes([data[end] ^ 1]) + data[end + 1 :])
+    for read in (read_color, read_mask):
+        with pytest.raises(FileError, match=r"a\.png: is damaged \(wrong checksum of the b'IDAT' chunk at byte 33\)"):
+            read(path)

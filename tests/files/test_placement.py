@@ -10,8 +10,11 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+import dlama
+from box_frame import CAMERA, WORLD
 from dlama.errors import OutputError
 from dlama.files import atomic_write, drafts
 from dlama.files.atomic_write import new_directory, new_file
@@ -332,3 +335,25 @@ def test_what_an_encoder_says_of_a_draft_is_said_of_the_file(tmp_path: Path) -> 
     with pytest.raises(OutputError) as told, new_file(target) as draft:
         raise OSError(f'Failed to write pixel data to image file "{draft}"')
     assert str(told.value) == f'{target}: cannot be written: Failed to write pixel data to image file "{target}"'
+
+
+def test_a_loop_of_links_is_refused(tmp_path: Path) -> None:
+    """Before anything is written; both links stay."""
+    (tmp_path / "a").symlink_to("b")
+    (tmp_path / "b").symlink_to("a")
+    with pytest.raises(OutputError, match="a: cannot be written: too many levels"), new_directory(tmp_path / "a"):
+        raise AssertionError("was opened")
+    with pytest.raises(OutputError, match="cannot be written"), new_directory(tmp_path / "a" / "out"):
+        raise AssertionError("was opened")
+    assert everything(tmp_path) == ["a", "b"]
+
+
+@pytest.mark.skipif(os.name == "nt" or sys.platform == "darwin", reason="names are text there")
+def test_results_go_to_names_that_are_no_text(tmp_path: Path) -> None:
+    """Every kind of file of a result is written to and read from a folder whose name is no UTF-8 (oracle: the arrays)."""
+    folder = Path(os.fsdecode(os.fsencode(tmp_path) + b"/out\xff"))
+    rgbd = WORLD.rgbd(CAMERA)
+    dlama.write(dlama.view(rgbd, CAMERA, filler="telea"), folder)
+    back = dlama.read_rgbd(folder / "image.png", folder / "depth.exr", fov=60)
+    assert np.array_equal(back.color, rgbd.color) and np.array_equal(back.depth, rgbd.depth)
+    assert np.array_equal(dlama.read_scene(folder / "scene.npz").layers[0].depth, rgbd.depth)

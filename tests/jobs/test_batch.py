@@ -18,6 +18,8 @@ from box_frame import small_frame
 from dlama.errors import InputError, OutputError
 from dlama.jobs import batch as room
 from dlama.jobs.batch import batch
+from dlama.jobs.manifest import Manifest
+from dlama.jobs.storage import Output
 
 
 def run(folder: Path, rows: list[dict[str, object]], **options: object) -> list[dlama.JobResult]:
@@ -263,3 +265,27 @@ def test_a_full_disk_is_told_with_the_result_and_leaves_nothing(
     assert row.error == f"{tmp_path}/out/v/000/image.png: no space left on device"
     assert row.error_kind == "OutputError"
     assert list((tmp_path / "out").iterdir()) == []
+
+
+def test_the_last_row_counts_also_where_the_clock_has_gone_back(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Law: of two rows of a job the later one counts, whatever the clock said (oracle: the order in which they were entered)."""
+    clock = iter((2_000, 1_000))
+    monkeypatch.setattr("dlama.jobs.manifest.time.time_ns", lambda: next(clock))
+    for status in ("failed", "done"):
+        with Manifest(Output(str(tmp_path))) as manifest:
+            manifest.add(dlama.JobResult("a", status))  # type: ignore[arg-type]
+    with Manifest(Output(str(tmp_path))) as manifest:
+        assert manifest.find("a").status == "done"  # type: ignore[union-attr]
+
+
+def test_options_that_cannot_be_are_one_failed_row_without_work(tmp_path: Path) -> None:
+    """All that is wrong in one row is said at once, before a picture is read; an id that is no text is refused."""
+    small_frame(tmp_path)
+    base = {"id": "a", "verb": "view", "image": "image.png", "depth": "depth.png", "yaw": 5}
+    (row,) = run(tmp_path, [{**base, "seed": -1, "dilate": -2, "min_confidence": 3}])
+    assert row.status == "failed" and row.seconds_by_stage == {}
+    assert all(word in row.error for word in ("seed is -1", "dilate is -2 px", "min_confidence is 3.0"))
+    with pytest.raises(InputError, match="a name that can be a folder"):
+        list(batch([{**base, "id": "a\udcff"}], tmp_path / "out", **FAST))

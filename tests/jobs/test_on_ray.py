@@ -8,6 +8,7 @@ import socket
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -16,8 +17,9 @@ from ray_run import NO_CLUSTER
 from small_jobs import FAST, FLAG, contents, table, view_rows, write_csv
 
 from box_frame import small_frame
-from dlama.errors import InputError, MissingExtraError
+from dlama.errors import DlamaError, InputError, MissingExtraError
 from dlama.jobs import batch as room
+from dlama.jobs import on_ray
 from dlama.jobs.batch import batch
 from dlama.jobs.on_ray import _connect
 from dlama.jobs.result import JobResult
@@ -83,3 +85,37 @@ def test_a_cluster_that_is_not_there_is_told_at_once() -> None:
     for address in (f"127.0.0.1:{free}", "127.0.0.1:port"):
         with pytest.raises(InputError, match=rf"ray={address}: no such cluster .*; local, auto or HOST:PORT is wanted"):
             _connect(NoRay(), address)
+
+
+class Lost:
+    """A cluster that answers nothing and has no node, but for the looks in `back`."""
+
+    def __init__(self, back: set[int]) -> None:
+        self.back, self.looks = back, 0
+
+    def wait(self, refs: list[Any], *, num_returns: int, timeout: float | None = None) -> tuple[list[Any], list[Any]]:
+        """Nothing, at once; it is never waited for without a limit."""
+        assert timeout is not None
+        self.looks += 1
+        return ([refs[0]], refs[1:]) if self.looks > 8 else ([], refs)
+
+    def cluster_resources(self) -> dict[str, float]:
+        """None, or room for one worker."""
+        return {"CPU": 1.0} if self.looks in self.back else {"node:head": 1.0}
+
+
+def test_a_cluster_without_nodes_ends_with_the_line_that_goes_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    """After BACK_SECONDS without one; a node that comes back in between begins the time anew (oracle: the clock's own ticks)."""
+    clock = iter(range(0, 10_000, 25))
+    monkeypatch.setattr(on_ray.time, "monotonic", lambda: float(next(clock)))
+    for back, ends in ((set(), True), ({3, 6}, False)):
+        workers = object.__new__(on_ray.RayWorkers)
+        workers.ray, workers.threads, workers.gpus = Lost(back), 1, 0.0  # type: ignore[assignment]
+        if ends:
+            with pytest.raises(
+                DlamaError, match=r"none came back within 120 s; what is done is kept, .* goes on from there"
+            ):
+                workers._wait_for_one(["a"])
+        else:
+            workers._wait_for_one(["a"])
+            assert workers.ray.looks == 9

@@ -12,7 +12,7 @@ import pytest
 
 from dlama.errors import FileError, InputError, OutputError
 from dlama.models import cache, records
-from dlama.models.cache import directory, locate, read_pins
+from dlama.models.cache import directory, locate, read_pins, user_path
 from dlama.models.records import CATALOGUE, Record, record
 from dlama.models.verify import verify
 
@@ -137,3 +137,12 @@ def test_migan_as_it_came(data_dir: Path, monkeypatch: pytest.MonkeyPatch) -> No
         pytest.skip("no weights/ among the real data")
     assert verify(record("migan-512")).state == "verified"
     assert locate("migan-512").name == "migan_pipeline_v2.onnx"
+
+
+def test_no_home_is_an_error_of_the_file(monkeypatch: pytest.MonkeyPatch) -> None:
+    """`~` where no home is known: every option that names a network (oracle: the message names it)."""
+    with pytest.raises(FileError, match=r"~nobody-x/m\.onnx: no home folder is known"):
+        user_path("~nobody-x/m.onnx")
+    monkeypatch.setenv("DLAMA_MODELS", "~nobody-x")
+    with pytest.raises(FileError, match="no home folder"):
+        directory()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import io
 import json
@@ -153,10 +154,24 @@ def test_a_server_that_answers_another_range(server: Server) -> None:
     ],
 )
 def test_servers_that_do_not_give_the_file(server: Server, cache_dir: Path, site: Site, message: str) -> None:
-    """Each has its own words; nothing is put in place."""
+    """Each has its own words; nothing is left behind, as none of these can be gone on from."""
     told = refused(a_record(server.add("/a", site)))
     assert re.search(message, told), told
-    assert not (cache_dir / "toy.pt").exists()
+    assert leftovers(cache_dir) == []
+
+
+def test_a_full_disk_leaves_nothing_that_is_of_no_use(
+    server: Server, cache_dir: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Law: the first write fails, so there is nothing to go on from (oracle: what lies in the directory)."""
+
+    def full(*_: object) -> int:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr("dlama.models.download._copy", full)
+    with pytest.raises(OSError, match="No space left"):
+        pull(a_record(server.add("/a", Site(BODY))))
+    assert leftovers(cache_dir) == []
 
 
 def test_chunked_replies_arrive(server: Server) -> None:

@@ -110,3 +110,9 @@ def test_a_file_that_is_not_there_is_named(tmp_path):
     """Oracle: the error of the tree."""
     with pytest.raises(FileError, match=r"none\.safetensors: cannot be read"):
         read_safetensors(tmp_path / "none.safetensors")
+
+
+def test_a_shape_that_no_array_has_is_refused(tmp_path):
+    """No number, and sides whose product numpy cannot address (oracle: the error names file and tensor)."""
+    with pytest.raises(FileError, match=r"bad\.safetensors: t: no array has shape \(0, 4611686018427387904"):
+        read_safetensors(_file(tmp_path, _entry(shape=(0, 2**62, 2**62), offsets=(0, 0)), b""))

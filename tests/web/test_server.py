@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import http.client
 import io
 import json
@@ -15,6 +16,7 @@ from typing import Any
 
 import pytest
 
+from box_frame import small_frame
 from dlama.errors import InputError
 from dlama.web.answers import Limits
 from dlama.web.server import Server, serving
@@ -252,3 +254,20 @@ def test_a_killed_server_leaves_nothing_for_long(temporary: Path) -> None:
     with serving("127.0.0.1", 0, None, Limits()):
         assert not left.exists()
     assert list(temporary.iterdir()) == []
+
+
+def test_a_full_disk_is_said_and_leaves_nothing(
+    server: Server, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """An upload that cannot be kept is answered in words, its half is removed, and the next one is taken."""
+    page, data = Page(server), (small_frame(tmp_path) / "image.png").read_bytes()
+
+    def full(*_: Any) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    with monkeypatch.context() as patched:
+        patched.setattr("dlama.web.api.check_size", full)
+        told = page.upload("picture", data, "image.png", status=507)
+    assert told == {"error": "the server cannot keep that: no space left on device", "field": ""}
+    assert [path for path in server.visits.root.rglob("*") if path.is_file()] == [] and capfd.readouterr().err == ""
+    page.upload("picture", data, "image.png")

@@ -9,7 +9,7 @@ import pytest
 
 from dlama.errors import InputError
 from dlama.geometry.camera import Camera
-from dlama.worlds.dataset import open_dataset_or_worlds
+from dlama.worlds.dataset import open_dataset_or_worlds, worlds
 from dlama.worlds.writer import write_worlds
 
 LENS = Camera.from_fov(64, 48, 70)
@@ -22,6 +22,7 @@ LENS = Camera.from_fov(64, 48, 70)
         ({"path": "worlds:3", "layout": "tum"}, r"'worlds:3' is generated and has no layout"),
         ({"path": "worlds:x"}, r"'worlds:x' is no name of generated worlds; worlds, worlds:COUNT"),
         ({"path": "worlds:0"}, r"'worlds:0' is no name of generated worlds"),
+        ({"path": "worlds:1000000000"}, r"count is 1000000000; a whole number from 1 to 10000 is expected"),
         ({"path": "worlds:1:2:3"}, r"'worlds:1:2:3' is no name of generated worlds"),
         ({"path": "worlds", "limit": 0}, r"limit is 0; a whole number >= 1"),
     ],
@@ -43,3 +44,9 @@ def test_a_folder_goes_before_the_name(tmp_path: Path, monkeypatch: pytest.Monke
     write_worlds(Path("worlds"), count=1, size=32)
     assert open_dataset_or_worlds("worlds").layout == "easysynth"
     assert open_dataset_or_worlds("worlds:1").layout == "worlds"
+
+
+def test_pictures_of_any_size_are_not_drawn() -> None:
+    """Before the first one, which would take hours (oracle: the limit stands in the message)."""
+    with pytest.raises(InputError, match="size is 1000000; a whole number from 1 to 8192 is expected"):
+        worlds(1, size=1_000_000)

@@ -14,7 +14,7 @@ import tyro
 from tyro.conf import FlagCreatePairsOff, OmitArgPrefixes, Positional
 
 import dlama
-from dlama.apps.command import STAGES, command
+from dlama.apps.command import STAGES, Command, command
 from dlama.apps.examples import EXAMPLES
 from dlama.apps.options import (
     Depth,
@@ -33,7 +33,6 @@ from dlama.apps.options import (
     option,
     split_depth_and_mask,
 )
-from dlama.apps.places import check_folder_apart
 from dlama.apps.pointing import Pointing
 from dlama.apps.terminal.flags import flags_of, repeated_list, with_flags, wrong_value
 from dlama.apps.terminal.output import errors_as_lines, reported, stages_bar
@@ -78,17 +77,26 @@ def view(
         image: The colour picture: PNG, JPEG, WebP, TIFF or HEIC. Or a scene.npz: the camera moves from its middle frame.
         depth: Its depth, same size: 16-bit PNG or TIFF (millimetres), EXR, PFM, NPY or NPZ; without it, it is estimated.
         output: Directory for the results, made if need be; files of the same names are replaced.
-        only: What is written beside meta.json: image, depth, hole, origin, confidence, points, mesh, scene, preview, choice.
     """
     with command("view", report) as this:
-        check_folder_apart(output, {"image": image, "depth": depth})
-        target = move.required().settings()
+        target, how = move.required().settings(), method.settings()
+        picture = None if image.suffix.lower() == ".npz" else image
+        this.check(
+            output,
+            only,
+            {"image": image, "depth": depth},
+            picture,
+            target,
+            reading.settings(),
+            estimating.settings(),
+            how,
+        )
         given = (
             this.scene(image, depth, (lens, reading, estimating))
-            if image.suffix.lower() == ".npz"
+            if picture is None
             else this.rgbd(image, depth, lens, reading, estimating)
         )
-        this.write(dlama.view(given, **target, **method.settings()), output, only)
+        this.write(dlama.view(given, **target, **how), output, only)
 
 
 def remove(
@@ -114,16 +122,16 @@ def remove(
         depth_and_mask: Its depth, same size (16-bit PNG or TIFF, EXR, PFM, NPY or NPZ; without it, it is estimated), and the
             object in the picture: black and white, 255 = remove; --click or --box say it in place of that file.
         output: Directory for the results, made if need be; files of the same names are replaced.
-        only: What is written beside meta.json: image, depth, hole, origin, confidence, points, mesh, scene, preview, choice.
     """
     with command("remove", report) as this:
-        target = move.settings()
+        target, how = move.settings(), method.settings()
         depth, mask = split_depth_and_mask(depth_and_mask, pointing.given)
-        check_folder_apart(output, {"image": image, "depth": depth, "mask": mask})
-        of_file = this.optional_mask(mask, masking)  # before depth is estimated, which takes longer
+        options = target, reading.settings(), estimating.settings(), pointing.settings(), how
+        this.check(output, only, {"image": image, "depth": depth, "mask": mask}, image, *options, removes=True)
+        of_file = this.optional_mask(mask, masking, image)  # before depth is estimated, which takes longer
         rgbd = this.rgbd(image, depth, lens, reading, estimating)
         object_mask = this.pointed(rgbd, pointing, image) if of_file is None else of_file
-        this.write(dlama.remove(rgbd, object_mask, **target, **method.settings()), output, only)
+        this.write(dlama.remove(rgbd, object_mask, **target, **how), output, only)
 
 
 def stereo(
@@ -161,21 +169,24 @@ def stereo(
         matcher: A network that finds the disparity: left and right picture in, disparity out, as its contract says.
         max_disparity: The largest disparity looked for.
         far: What is measured at or beyond this is far (sky).
-        only: What is written beside meta.json: image, depth, hole, origin, confidence,
-            disparity, points, mesh, scene, preview, choice.
     """
     with command("stereo", report) as this:
         files = {"left": left, "right": right, "mask": mask, "mask_right": mask_right, "disparity": disparity}
-        check_folder_apart(output, files)
+        how = method.settings()
+        removes = mask is not None or pointing.given
+        this.check(output, only, files, left, pointing.settings(), {"far": far}, how, removes=removes)
         pair = this.pair(left, right, calib)
         known = this.optional_disparity(disparity, disparity_scale)
-        masks = this.left_mask(mask, masking, pointing, left), this.optional_mask(mask_right, masking, "mask_right")
+        masks = (
+            this.left_mask(mask, masking, pointing, left),
+            this.optional_mask(mask_right, masking, right, "mask_right"),
+        )
         options = {
             "right_view": right_view,
             "matcher": matcher,
             "max_disparity": max_disparity,
             "far": far,
-            **method.settings(),
+            **how,
         }
         this.write(dlama.stereo(*pair, disparity=known, mask=masks[0], mask_right=masks[1], **options), output, only)
 
@@ -186,12 +197,11 @@ def demo(method: Method, report: Report, output: DEMO_FOLDER = Path("dlama-demo"
     Args:
         output: Directory for the results: view/, remove/, stereo/, photo/, a joint preview.png, a small video.webp,
             and the pictures used in inputs/.
-        only: What is written of each job beside meta.json: image, depth, hole, origin, confidence, disparity, points, mesh,
-            scene, preview, choice.
     """
     from dlama.apps.verbs.demo import demo
 
     with reported("demo", report) as result, stages_bar("demo", 4 * STAGES, report):
+        Command().check(output, only, {}, None, method.settings())
         demo(output, method, result, only)
 
 

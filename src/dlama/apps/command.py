@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import statistics
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from dlama.apps.options import Estimating, Lens, Masking, Only, Reading, Report, names_in
+from dlama.apps.places import Inputs, check_folder_apart
 from dlama.apps.pointing import told_of_mask
 from dlama.apps.terminal.output import Result, reported, stages_bar
 from dlama.errors import InputError
+from dlama.jobs.early import check_options
 from dlama.jobs.inputs import JobInputs
 from dlama.jobs.pointing import mask_and_pointing
 
@@ -36,6 +38,23 @@ class Command(JobInputs):
 
     result: Result = field(default_factory=Result)
 
+    def check(
+        self,
+        output: Path,
+        only: Only,
+        read: Inputs,
+        image: Path | None,
+        *options: Mapping[str, Any],
+        removes: bool = False,
+    ) -> None:
+        """OutputError and InputError for whatever can be refused before anything is read: `output`, names, options.
+
+        read: the files that are read, by their roles; image: the picture, whose size tells whether points lie in it.
+        """
+        check_folder_apart(output, read)
+        given = {name: value for group in options for name, value in group.items()}
+        check_options({**given, "only": names_in(only)}, image, removes)
+
     def rgbd(
         self, image: Path, depth: Path | None, lens: Lens, reading: Reading, estimating: Estimating = NO_ESTIMATE
     ) -> dlama.RGBD:
@@ -56,9 +75,9 @@ class Command(JobInputs):
         with self.reading(file):
             return read_scene(file)
 
-    def mask(self, path: Path, masking: Masking, role: str = "mask") -> BoolArray:
-        """A mask, True = remove."""
-        return self.read_mask_file(path, masking.settings(), role)
+    def mask(self, path: Path, masking: Masking, picture: Path, role: str = "mask") -> BoolArray:
+        """A mask of a picture, True = remove."""
+        return self.read_mask_file(path, masking.settings(), picture, role)
 
     def picture(
         self,
@@ -88,14 +107,14 @@ class Command(JobInputs):
     ) -> BoolArray | Callable[[dlama.RGBD], BoolArray] | None:
         """The mask of the left picture of a pair: of its file, or found in the depth that the pair gives. InputError: both."""
         if not pointing.given:
-            return self.optional_mask(path, masking)
+            return self.optional_mask(path, masking, left)
         if path is not None:
             raise mask_and_pointing(path)
         return lambda rgbd: self.pointed(rgbd, pointing, left)
 
-    def optional_mask(self, path: Path | None, masking: Masking, role: str = "mask") -> BoolArray | None:
+    def optional_mask(self, path: Path | None, masking: Masking, picture: Path, role: str = "mask") -> BoolArray | None:
         """A mask, where one is given."""
-        return None if path is None else self.mask(path, masking, role)
+        return None if path is None else self.mask(path, masking, picture, role)
 
     def write(self, done: dlama.Completion, output: Path, only: Only = None, shown: Path | None = None) -> None:
         """The result, or what --only names, to its directory; the line about it names that, or what is `shown` instead."""

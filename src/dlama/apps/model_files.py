@@ -9,10 +9,11 @@ import sys
 from pathlib import Path
 
 from dlama import __version__
+from dlama.apps.terminal.streams import printable
 from dlama.errors import FileError, OutputError, system_errors
 from dlama.files.atomic_write import new_file
 from dlama.inpainters.networks.contract import generator_metadata, migan_metadata
-from dlama.models.cache import directory, locate
+from dlama.models.cache import directory, locate, user_path
 from dlama.models.records import CATALOGUE
 from dlama.models.verify import sha256_of, size_and_sha256
 
@@ -41,9 +42,9 @@ def model_for(model: Path | str) -> Path:
     if target.is_file():
         if is_whole(target, beside):
             return target
-        print(f"note: {target}: is not as it was written; it is made anew", file=sys.stderr)
+        print(printable(f"note: {target}: is not as it was written; it is made anew"), file=sys.stderr)
     for note in convert(path, target, licence_of(size, sha256)):
-        print(f"note: {note}", file=sys.stderr)
+        print(printable(f"note: {note}"), file=sys.stderr)
     with new_file(beside) as draft:
         draft.write_text(f"{sha256_of(target)}\n", "ascii")
     return target
@@ -60,7 +61,7 @@ def is_whole(file: Path, beside: Path) -> bool:
 @system_errors(FileError)
 def source_of(model: Path | str) -> Path:
     """The file itself; a name of the catalogue stands for the file that was pulled, unless a file is called so."""
-    path = Path(model).expanduser()
+    path = user_path(model)
     if path.is_file():
         return path
     if str(model) in CATALOGUE:

@@ -55,9 +55,17 @@ RESULTS = (
     "scene",
     "preview",
     "choice",
+    "mask",
 )
-"""Names of what is written; choice only where it is named."""
-Only = Annotated[str | None, option("NAME,...", "all but choice")]
+"""Names of what is written; the last two only where they are named."""
+Only = Annotated[
+    str | None,
+    option(
+        "NAME,...",
+        "all but choice, mask",
+        help=f"What is written beside meta.json: {', '.join(RESULTS)} (disparity of pairs, mask of a removed object).",
+    ),
+]
 Seed = Annotated[int, option("N", "0")]
 Output = Annotated[Path, option("DIR", None, aliases=["-o"])]
 

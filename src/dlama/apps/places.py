@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import errno
+import os
 from collections.abc import Mapping
 from pathlib import Path
 
 from dlama.errors import OutputError
+from dlama.files.atomic_write import checked_name
 
 Inputs = Mapping[str, Path | str | None]
 """What a file or folder is to the verb (image, depth, data set) -> its path; None: not given."""
@@ -17,8 +20,7 @@ def check_folder_apart(output: Path, inputs: Inputs, beside: Inputs | None = Non
     Results have names like image.png and depth.png, and are placed as one folder. beside: inputs that may lie in the output
     (a camera file, a network), where no result has their name (which is checked when results are written).
     """
-    if _is_file(output):
-        raise OutputError(f"{output}: cannot be written: it is a file, a directory is wanted")
+    check_place(output)
     for role, path in _given(inputs):
         if _same(output, path) and path.is_dir():
             raise OutputError(f"output is {output}, an input of this run ({role}); give another directory")
@@ -34,14 +36,31 @@ def check_file_apart(output: Path, inputs: Inputs) -> None:
     for role, path in _given(inputs):
         if _same(output, path):
             raise OutputError(f"output is {output}, an input of this run ({role}); give another name")
+    check_place(output.parent)
+    wrong = "it is a directory" if output.is_dir() else "" if output.parent.is_dir() else "its folder is not there"
+    if wrong:
+        raise OutputError(f"{output}: cannot be written: {wrong}")
 
 
-def _is_file(path: Path) -> bool:
-    """Whether a file is there; what cannot be looked at is reported when it is written."""
+def check_place(output: Path) -> None:
+    """Raise OutputError where no directory `output` can be made or written to, as far as that can be told beforehand."""
+    wrong = ""
     try:
-        return path.is_file()
-    except OSError:
-        return False
+        place = Path(os.path.realpath(checked_name(output)))
+        while not os.path.lexists(place) and place != place.parent:
+            place = place.parent
+        if place.is_symlink():
+            wrong = os.strerror(errno.ELOOP).lower()
+        elif not place.is_dir():
+            wrong = f"{'it' if place.name == output.name else place} is a file, a directory is expected"
+        elif not os.access(place, os.W_OK | os.X_OK):
+            wrong = f"{place} is not writable"
+    except OSError as error:
+        if isinstance(error, OutputError):
+            raise
+        wrong = (error.strerror or str(error)).lower()
+    if wrong:
+        raise OutputError(f"{output}: cannot be written: {wrong}")
 
 
 def _given(inputs: Inputs) -> list[tuple[str, Path]]:

@@ -8,7 +8,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from dlama.arguments import is_finite
+from dlama.completion.recipes import checked_confidence
 from dlama.errors import InputError
 from dlama.geometry.cloud import PointCloud
 from dlama.geometry.figures.false_color import depth_limits, depth_picture, hole_picture
@@ -93,9 +93,7 @@ class Completion:
         min_confidence: 0..1; 0 leaves nothing open. What was measured always stays. meta says how much was left open.
         Raises InputError.
         """
-        if not is_finite(min_confidence) or not 0 <= min_confidence <= 1:
-            raise InputError(f"min_confidence is {min_confidence!r}; a probability from 0 to 1 is wanted")
-        if min_confidence == 0:
+        if checked_confidence(min_confidence) == 0:
             return self
         views = tuple(sure_enough(view, min_confidence) for view in self.views)
         layers = tuple(sure_enough(layer, min_confidence) for layer in self.scene.layers)

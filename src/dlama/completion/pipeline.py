@@ -15,7 +15,7 @@ from dlama.completion.frames.removal import take_out_of, with_halo
 from dlama.completion.frames.sources import about_source, filler_for, starting_scene
 from dlama.completion.memory import check_memory
 from dlama.completion.plausible import warn_of_scale, warn_of_unknown
-from dlama.completion.recipes import DepthBy, Recipe, checked_seed, find_recipe
+from dlama.completion.recipes import DepthBy, Recipe, checked_confidence, checked_seed, find_recipe
 from dlama.completion.report import Clock, Record, expected_errors, meta_data
 from dlama.completion.steps import (
     CompletedView,
@@ -80,6 +80,7 @@ def complete(
     check_arguments(complete, locals())
     chosen = find_recipe(recipe, mode=mode, dilate=dilate, dilate_holes=dilate_holes, clip=clip, depth_by=depth_by)
     checked_seed(seed)
+    checked_confidence(min_confidence)
     if not cameras and mask is None:
         raise InputError("cameras is empty; one camera or more is wanted (rgbd.camera is the picture's own)")
     start = starting_scene(rgbd, chosen)

@@ -9,12 +9,10 @@ import numpy as np
 
 from dlama.geometry.camera import Camera
 from dlama.geometry.projection import px_from_px
-from dlama.geometry.rgbd import RGBD, BoolArray
+from dlama.geometry.rgbd import PLAUSIBLE_M, RGBD, BoolArray
 from dlama.geometry.view import View
 from dlama.perception.diagnosis.masks import looks_inverted
 
-MOST_METRES = 500.0
-"""A median depth beyond is no room's and no street's."""
 MOST_UNKNOWN = 0.5
 """Share of a view: where more is unknown, depth and the camera's move do not fit together."""
 BEYOND_TURN = 0.1
@@ -26,9 +24,14 @@ EVERY = 4
 def warn_of_scale(rgbd: RGBD | View) -> None:
     """Depth that can hardly be metres."""
     median = median_depth(rgbd)
-    if median > MOST_METRES:
+    if median > PLAUSIBLE_M[1]:
         _warn(
-            f"the median depth is {median:.4g} m: metres are wanted; divide millimetres by 1000 (depth_scale=1000 of a file)"
+            f"the median depth is {median:.4g} m: metres are expected; divide millimetres by 1000 (depth_scale=1000 of a file)"
+        )
+    elif 0 < median < PLAUSIBLE_M[0]:
+        _warn(
+            f"the median depth is {median:.4g} m: metres are expected; check the clip, the known depth of an estimate, or the "
+            "baseline of a stereo pair"
         )
 
 

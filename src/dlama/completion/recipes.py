@@ -87,6 +87,13 @@ def checked_seed(seed: int) -> int:
     return seed
 
 
+def checked_confidence(min_confidence: float) -> float:
+    """The least confidence, if it is a probability; else InputError."""
+    if not is_finite(min_confidence) or not 0 <= min_confidence <= 1:
+        raise InputError(f"min_confidence is {min_confidence!r}; a probability from 0 to 1 is expected")
+    return min_confidence
+
+
 def find_recipe(
     name: str | Recipe,
     *,

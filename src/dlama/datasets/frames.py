@@ -7,11 +7,13 @@ read when `load` is called, so that a long listing costs nothing and a case can 
 from __future__ import annotations
 
 import dataclasses
+import os
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
+from dlama.errors import FileError
 from dlama.geometry.camera import StereoRig
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
 
@@ -119,6 +121,17 @@ class Dataset:
     """Its folder; None for generated worlds."""
     frames: tuple[Frame, ...]
     cases: tuple[Case, ...]
+
+    def __post_init__(self) -> None:
+        """FileError where a name is no text: results, reports and hashes are made of them."""
+        names = ((one.scene, one.name) for one in self.frames)
+        for name in dict.fromkeys(part for pair in ((self.name, ""), *names) for part in pair):
+            try:
+                name.encode()
+            except UnicodeEncodeError as error:
+                raise FileError(
+                    f"{self.root}: the name {os.fsencode(name)!r} in it is no UTF-8 text; rename it"
+                ) from error
 
     def of(self, protocol: Protocol) -> tuple[Case, ...]:
         """The cases of one protocol, in the data set's order; every removal is a case of `mask` too."""

@@ -71,7 +71,7 @@ def new_directory(path: PathLike) -> Iterator[Path]:
     made: list[Path] = []
     with ExitStack() as owned:
         try:
-            place = target.resolve()  # a link keeps pointing to its directory
+            place = Path(os.path.realpath(target))  # a link keeps pointing to its directory
             draft = _draft_directory(place, made)
             owned.enter_context(held(draft))
         except OSError as error:
@@ -101,6 +101,8 @@ def checked_name(path: PathLike) -> Path:
 def _draft_directory(target: Path, made: list[Path]) -> Path:
     """An empty directory on the same disk as `target`; folders made on the way are added to `made`, outermost first."""
     _finish_killed(target)
+    if target.is_symlink():  # what is left of a name when its links are followed
+        raise OSError(errno.ELOOP, os.strerror(errno.ELOOP))
     if target.exists() and not target.is_dir():
         raise NotADirectoryError("it is a file, a directory is wanted")
     for folder in [*reversed(target.parent.parents), target.parent]:

@@ -29,6 +29,10 @@ NO_INTRINSICS = (
 )
 CAMERA_FIELDS = ("width", "height", "fx", "fy", "cx", "cy", "K", "pixel_center", "world_from_cam", "comment")
 STEREO_FIELDS = ("left_K", "right_K", "baseline_m", "doffs", "pixel_center", "width", "height", "comment")
+BASELINES_M = (1e-6, 1e6)
+"""Metres between the cameras of a pair."""
+SHORTEST_M, LONGEST_M = 1e-3, 20.0
+"""Baselines beyond which the unit is probably another one."""
 DOFFS_TOLERANCE = 0.01
 """Pixels by which doffs may differ from the principal points (published calibrations are rounded)."""
 
@@ -94,12 +98,27 @@ def read_stereo_calib(path: PathLike, *, hw: tuple[int, int] | None = None) -> S
     check_arguments(read_stereo_calib, locals())
     if _is_calib_txt(path):
         fields, left_K, right_K, center = read_calib_txt(path), "cam0", "cam1", 0.0
-        baseline = fields.number("baseline") / 1000
+        name, metre = "baseline", 1000.0
     else:
         fields, left_K, right_K = read_json_fields(path, STEREO_FIELDS), "left_K", "right_K"
-        baseline, center = fields.number("baseline_m"), fields.pixel_center(0.5)
-    if baseline <= 0:
-        raise CameraError(f"{path}: the baseline is {baseline:g} m; a distance > 0 is wanted")
+        name, metre, center = "baseline_m", 1.0, fields.pixel_center(0.5)
+    baseline = fields.number(name) / metre
+    if not BASELINES_M[0] <= baseline <= BASELINES_M[1]:
+        raise CameraError(
+            f"{path}: the baseline is {baseline:g} m; a distance of {BASELINES_M[0]:g} to {BASELINES_M[1]:g} m is expected"
+        )
+    if name == "baseline" and baseline < SHORTEST_M:
+        warnings.warn(
+            f"{path}: baseline is {1000 * baseline:g} mm, as calib.txt counts; if it is in metres, write {1e6 * baseline:g}",
+            UserWarning,
+            stacklevel=3,
+        )
+    if name == "baseline_m" and baseline > LONGEST_M:
+        warnings.warn(
+            f"{path}: baseline_m is {baseline:g} m; if it is in millimetres, write {baseline / 1000:g}",
+            UserWarning,
+            stacklevel=3,
+        )
     left, right = _left_and_right(fields, left_K, right_K)
     pose = np.eye(4)
     pose[0, 3] = baseline

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -159,28 +160,48 @@ def json_fields(path: PathLike, text: str) -> FileFields:
 
 def json_value(path: PathLike, text: str) -> Any:
     """What a JSON text holds; raises FileError that names `path`, line and column."""
+    twice: list[str] = []
+
+    def fields(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+        found = dict(pairs)
+        if len(found) < len(pairs):
+            twice.append(_repeated(name for name, _ in pairs))
+        return found
+
     try:
-        return json.loads(text)
+        value = json.loads(text, object_pairs_hook=fields)
     except json.JSONDecodeError as error:
         raise FileError(f"{path}:{error.lineno}:{error.colno}: is no JSON ({error.msg})") from error
     except (ValueError, RecursionError) as error:
         raise FileError(f"{path}: is no JSON ({error})") from error
+    if twice:
+        raise FileError(f"{path}: field '{twice[0]}' is given twice; each field is expected once")
+    return value
+
+
+def _repeated(names: Iterable[str]) -> str:
+    """The name that is there more than once."""
+    return Counter(names).most_common(1)[0][0]
 
 
 def read_calib_txt(path: PathLike) -> FileFields:
     """The fields of a Middlebury calib.txt: lines `name=number` or `name=[a b c; d e f; g h i]`. Raises FileError."""
     file = existing(path)
-    values: dict[str, Any] = {}
+    pairs: list[tuple[str, Any]] = []
     try:
         for line in file.read_text(encoding="utf-8-sig").splitlines():
             if line.strip():
                 name, value = line.split("=", 1)
-                values[name.strip()] = _calib_value(value.strip())
+                pairs.append((name.strip(), _calib_value(value.strip())))
     except ValueError as error:
         raise FileError(
-            f"{file}: is no Middlebury calib.txt, lines 'name=value' are wanted ({str(error)[:200]})"
+            f"{file}: is no Middlebury calib.txt, lines 'name=value' are expected ({str(error)[:200]})"
         ) from error
-    return FileFields(file, values)
+    if len(dict(pairs)) < len(pairs):
+        raise FileError(
+            f"{file}: field '{_repeated(name for name, _ in pairs)}' is given twice; each field is expected once"
+        )
+    return FileFields(file, dict(pairs))
 
 
 def _calib_value(text: str) -> float | list[list[float]]:

@@ -22,7 +22,7 @@ from dlama.files.rasters.depth import (
     eight_bit_advice,
     stored_numbers,
 )
-from dlama.files.rasters.images import SUFFIXES, as_shown, orientation_of, read_stored
+from dlama.files.rasters.images import SUFFIXES, as_shown, orientation_of, read_stored, turned_apart
 from dlama.files.rasters.pictures import eight_bit_rgb, read_color, read_mask
 from dlama.files.rgbd import SAME_PROPORTIONS, nearest_pixels
 from dlama.geometry.camera import Camera
@@ -72,7 +72,7 @@ def diagnose_rgbd(
         return found
     seen = replace(seen, camera=camera)
     if mask is not None:
-        said, hole = _mask(mask, seen, mask_options)
+        said, hole = _mask(mask, image, seen, mask_options)
         found += said
         seen = replace(seen, mask=hole, names=(*seen.names[:2], Path(mask).name))
     skip = ("depth unit",) if any(finding.check == "eight-bit-depth" for finding in found) else ()
@@ -208,7 +208,9 @@ def _camera(image: PathLike, hw: tuple[int, ...], options: Mapping[str, Any]) ->
     return found + lens(camera, exif), camera
 
 
-def _mask(path: PathLike, seen: Observed, options: Mapping[str, Any]) -> tuple[list[Finding], BoolArray | None]:
+def _mask(
+    path: PathLike, image: PathLike, seen: Observed, options: Mapping[str, Any]
+) -> tuple[list[Finding], BoolArray | None]:
     try:
         mask = read_mask(path, **options)
     except InputError as error:
@@ -217,4 +219,6 @@ def _mask(path: PathLike, seen: Observed, options: Mapping[str, Any]) -> tuple[l
         (height, width), (h, w) = mask.shape, seen.values.shape
         what = f"{Path(path).name}: the mask is {width}x{height} and {seen.names[0]} {w}x{h}"
         return [Finding("size", "fault", 1.0, what, "scale the mask to the picture's size")], None
+    if turned := turned_apart(image, path):
+        return [Finding("orientation", "note", 0.5, turned, "clear the tag (exiftool -Orientation= FILE)")], mask
     return [], mask

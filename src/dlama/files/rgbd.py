@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal
@@ -14,11 +13,11 @@ from dlama.arguments import check_arguments
 from dlama.errors import FileError, InputError, ShapeError, system_errors
 from dlama.files.atomic_write import PathLike
 from dlama.files.cameras import camera_for
-from dlama.files.rasters.depth import read_depth
-from dlama.files.rasters.images import orientation_of, read_stored
+from dlama.files.rasters.depth import check_depth_options, read_depth
+from dlama.files.rasters.images import read_stored, turned_apart, warn_of_turn
 from dlama.files.rasters.pictures import read_color
 from dlama.geometry.camera import Camera
-from dlama.geometry.rgbd import RGBD, Float32Array
+from dlama.geometry.rgbd import RGBD, Float32Array, far_beyond
 from dlama.perception.monocular import DEFAULT, Estimator, estimate_depth
 
 SAME_PROPORTIONS = 0.02
@@ -67,6 +66,7 @@ def read_rgbd(
         ShapeError: picture, depth and camera are of different sizes.
     """
     check_arguments(read_rgbd, locals())
+    check_depth_options(depth_scale, depth_range, far)
     lens: dict[str, Any] = {
         "camera": camera,
         "fx": fx,
@@ -97,13 +97,15 @@ def read_rgbd(
     color = read_color(image)
     hw = color.shape[:2]
     metres = read_depth(depth, depth_scale=depth_scale, depth_range=depth_range, channel=channel, far=far)
-    turned = orientation_of(image), orientation_of(depth)
-    if turned[0] != turned[1]:
-        _check_turned(image, depth, hw, metres, turned)
+    if metres.shape != hw and metres.shape == hw[::-1] and (found := turned_apart(image, depth)):
+        raise ShapeError(
+            f"{found}: depth is {metres.shape[1]}x{metres.shape[0]} and the picture {hw[1]}x{hw[0]}; turn the one "
+            "without it the same way, or clear the tag (exiftool -Orientation= FILE)"
+        )
+    warn_of_turn(image, depth)
     if metres.shape != hw:
         metres = _resized(image, depth, metres, hw, resize_depth)
-    found, _ = camera_for(hw, image=image, **lens)
-    return RGBD(color, metres, found)
+    return RGBD(color, metres, camera_for(hw, image=image, **lens)[0])
 
 
 def estimated_rgbd(
@@ -122,27 +124,8 @@ def estimated_rgbd(
     about = dict(rgbd.estimate or {})
     if source:
         about["field_of_view"] = {**about["field_of_view"], "from": source}
-    depth = rgbd.depth if far is None else np.where(rgbd.depth >= far, np.float32(np.inf), rgbd.depth)
+    depth = rgbd.depth if far is None else far_beyond(rgbd.depth, far, f"{image}: estimated: ")
     return dataclasses.replace(rgbd, depth=depth, estimate=about)
-
-
-def _check_turned(
-    image: PathLike, depth: PathLike, hw: tuple[int, int], metres: Float32Array, turned: tuple[int, int]
-) -> None:
-    """Picture and depth whose EXIF orientations differ: ShapeError where depth lies across the picture, else a warning."""
-    which, other, tag = (image, depth, turned[0]) if turned[0] != 1 else (depth, image, turned[1])
-    found = f"{which} is shown turned by its EXIF orientation {tag}, {other} "
-    found += "has none" if 1 in turned else f"by {turned[1]}"
-    if metres.shape != hw and metres.shape == hw[::-1]:
-        raise ShapeError(
-            f"{found}: depth is {metres.shape[1]}x{metres.shape[0]} and the picture {hw[1]}x{hw[0]}; turn the one "
-            "without it the same way, or clear the tag (exiftool -Orientation= FILE)"
-        )
-    warnings.warn(
-        f"{found}; if both were made of the same stored pixels, clear the tag (exiftool -Orientation= FILE)",
-        UserWarning,
-        stacklevel=3,
-    )
 
 
 def _resized(

@@ -282,7 +282,7 @@ def checked_pose(pose: ArrayLike) -> Float64Array:
     matrix = _matrix(pose, "world_from_cam", (4, 4))
     if not np.isfinite(matrix).all():
         raise CameraError("world_from_cam holds NaN or infinity; a finite rigid motion is wanted")
-    if np.abs(matrix[:3, 3]).max() > FARTHEST_M:
+    if np.abs(matrix[:3, 3]).max() > FARTHEST_M * (1 + 1e-9):  # a product of poses is rounded
         raise CameraError(
             f"world_from_cam moves by {np.abs(matrix[:3, 3]).max():g} m; at most {FARTHEST_M:g} m is wanted"
         )

@@ -19,6 +19,8 @@ UInt8Array = NDArray[np.uint8]
 UInt16Array = NDArray[np.uint16]
 Float32Array = NDArray[np.float32]
 BoolArray = NDArray[np.bool_]
+PLAUSIBLE_M = (0.05, 500.0)
+"""Metres; a median depth outside is no room's and no street's: the scale is wrong."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,6 +162,19 @@ def checked_fields(
 def row_count(array: np.ndarray) -> int:
     """Rows of a noun's array; 0 of what is none, which `checked_fields` then refuses."""
     return len(array) if isinstance(array, np.ndarray) and array.ndim else 0
+
+
+def far_beyond(depth: Float32Array, far: float, source: str = "") -> Float32Array:
+    """The depth (H x W metres) with all at or beyond `far` metres as +inf.
+
+    Raises DepthError, which begins with `source`: nothing is nearer.
+    """
+    found = np.where(depth >= far, np.float32(np.inf), depth)
+    if not ((found > 0) & (found < np.inf)).any():
+        raise DepthError(
+            f"{source}no depth is nearer than `far`, {far:g} m; the scene has {depth_range_in_words(depth)}"
+        )
+    return found
 
 
 def clipped(rgbd: RGBD, clip: float | None) -> RGBD:

@@ -36,6 +36,8 @@ class JobInputs:
     """In words, where the source camera's intrinsics come from."""
     read_seconds: float = 0.0
     """Spent in `reading`."""
+    removed: BoolArray | None = None
+    """Of the object, in the picture or the left one of a pair; True = remove."""
     object_mask: dict[str, Any] = field(default_factory=dict)
     """How the mask was found, where it was pointed at."""
     started: float = field(default_factory=time.perf_counter)
@@ -75,20 +77,27 @@ class JobInputs:
             camera, self.intrinsics_from = camera_for(picture_hw(image), image=image, **lens)
             return read_rgbd(image, depth, camera=camera, **options)
 
-    def read_mask_file(self, path: Path, options: Mapping[str, Any], role: str = "mask") -> BoolArray:
-        """A mask, True = remove; options as of `read_mask`."""
+    def read_mask_file(
+        self, path: Path, options: Mapping[str, Any], picture: Path | None, role: str = "mask"
+    ) -> BoolArray:
+        """A mask of a picture, True = remove; options as of `read_mask`."""
+        from dlama.files.rasters.images import warn_of_turn
         from dlama.files.rasters.pictures import read_mask
 
         self.inputs[role] = path
         with self.reading(path):
-            return read_mask(path, **options)
+            mask = read_mask(path, **options)
+            if picture is not None and picture.is_file():
+                warn_of_turn(picture, path)
+            self.removed = mask if role == "mask" else self.removed
+            return mask
 
     def find_pointed(
         self, rgbd: RGBD, image: Path, settings: Mapping[str, Any], object_class: str | None = None
     ) -> BoolArray:
         """The mask of what is pointed at in a picture, read from `image`; how it was found goes into meta.json."""
         found = find_pointed(rgbd, image, settings, object_class)
-        self.object_mask = {**settings, **found.about}
+        self.object_mask, self.removed = {**settings, **found.about}, found.mask
         return found.mask
 
     def optional_disparity(self, path: Path | None, scale: float | None) -> Float32Array | None:
@@ -129,6 +138,7 @@ class JobInputs:
             inputs=self.inputs,
             intrinsics_from=self.intrinsics_from,
             seconds=seconds,
+            mask=self.removed,
             **addresses,
         )
         return file_names(done, only)

@@ -90,7 +90,7 @@ def checked_id(name: str, where: str) -> str:
         raise InputError(f"{where}: id is missing; every job needs one of its own")
     parts = name.split("/")
     if any(part in ("", ".", "..") or part != part.strip() for part in parts) or re.search(
-        r'[\\:*?"<>|\x00-\x1f]', name
+        r'[\\:*?"<>|\x00-\x1f\ud800-\udfff]', name
     ):
         raise InputError(f"{where}: id is {name!r}; a name that can be a folder is wanted, such as kitchen/0001")
     if parts[0] in RESERVED or parts[0].startswith("."):

@@ -118,8 +118,13 @@ class Manifest:
             self._new_shard()
         assert self._writer is not None
         place = self._writer.tell()
-        self._writer.write(row.as_json().encode() + b"\n")
-        self._writer.flush()
+        try:
+            self._writer.write(row.as_json().encode() + b"\n")
+            self._writer.flush()
+        except OSError as error:  # which names no file
+            raise OutputError(
+                f"{self._shards[-1]}: cannot be written: {(error.strerror or str(error)).lower()}"
+            ) from error
         self._index.execute("insert or replace into rows values (?, ?, ?)", (row.id, len(self._shards) - 1, place))
         self._shard_rows += 1
         if self.output.is_remote:
@@ -228,7 +233,9 @@ class Manifest:
             if self.output.is_remote:
                 self._send()
             self._writer.close()
-        path = self._folder / f"{time.time_ns():020d}-{os.getpid()}.jsonl"
+        last = max((int(path.name[:20]) for path in self._shards if path.name[:20].isdecimal()), default=0)
+        number = max(time.time_ns(), last + 1)  # read in this order, also where the clock has gone back
+        path = self._folder / f"{number:020d}-{os.getpid()}.jsonl"
         self._writer = path.open("ab")
         self._shards.append(path)
         self._shard_rows = 0

@@ -9,12 +9,13 @@ from __future__ import annotations
 
 import os
 import socket
+import time
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
-from dlama.errors import InputError, MissingExtraError, first_line
+from dlama.errors import DlamaError, InputError, MissingExtraError, first_line
 from dlama.workers.pool import OUT_OF_MEMORY, Ended
 from dlama.workers.threads import limit_threads
 
@@ -22,6 +23,10 @@ AHEAD = 3
 """Tasks in the queue of an actor, with the one under way."""
 NODE_SECONDS = 30.0
 """How long a node may take to answer, after an actor on it has died; one that does not has died too."""
+LOOK_SECONDS = 5.0
+"""How often it is looked whether there are nodes, while nothing is answered."""
+BACK_SECONDS = 120.0
+"""How long a cluster without any node that can run a worker is waited for."""
 ANSWER_SECONDS = 10.0
 """How long the head of a cluster may take to answer."""
 USAGE = "RAY_USAGE_STATS_ENABLED"
@@ -103,7 +108,7 @@ class RayWorkers:
         """The tasks that ended; none, where an actor has become ready."""
         owners = {one.ready: one for one in self._workers if not one.node}
         owners |= {ref: one for one in self._workers for ref, _ in one.queue}
-        self.ray.wait(list(owners), num_returns=1)
+        self._wait_for_one(list(owners))
         done, _ = self.ray.wait(list(owners), num_returns=len(owners), timeout=0)
         ends: list[Ended] = []
         for ref in done:
@@ -118,6 +123,20 @@ class RayWorkers:
             self.ray.kill(worker.handle)
         if self._started:
             self.ray.shutdown()
+
+    def _wait_for_one(self, answers: list[Any]) -> None:
+        """Until one of the answers is there. DlamaError: no node can run a worker any more, and none came for BACK_SECONDS."""
+        lost_at = None
+        while not self.ray.wait(answers, num_returns=1, timeout=LOOK_SECONDS)[0]:
+            if self._room() >= 1:
+                lost_at = None
+                continue
+            lost_at = lost_at or time.monotonic()
+            if time.monotonic() - lost_at >= BACK_SECONDS:
+                raise DlamaError(
+                    f"ray: no node of the cluster can run a worker, and none came back within {BACK_SECONDS:g} s; "
+                    "what is done is kept, and the same command goes on from there"
+                )
 
     def _room(self) -> int:
         """How many workers the cluster holds."""
@@ -176,13 +195,15 @@ def _connect(ray: Any, address: str) -> bool:
         return False
     os.environ.setdefault(USAGE, "0")
     options: dict[str, Any] = {"log_to_driver": False, "logging_level": "ERROR"}
-    if address == "local":
-        ray.init(address="local", include_dashboard=False, **options)
-        return True
     try:
+        if address == "local":
+            ray.init(address="local", include_dashboard=False, **options)
+            return True
         _check_answers(address)
         ray.init(address=address, **options)
-    except (OSError, RuntimeError, ValueError) as error:
+    except Exception as error:  # a node that does not start in time is a bare Exception
+        if address == "local":
+            raise DlamaError(f"ray=local: no cluster could be started here ({first_line(error)})") from error
         raise InputError(
             f"ray={address}: no such cluster ({first_line(error)}); local, auto or HOST:PORT is wanted"
         ) from error

@@ -19,6 +19,7 @@ from typing import Any
 
 from dlama.errors import DlamaError, InputError
 from dlama.files.drafts import DRAFT
+from dlama.jobs.early import check_options
 from dlama.jobs.inputs import JobInputs
 from dlama.jobs.job import Job
 from dlama.jobs.parameters import (
@@ -103,6 +104,7 @@ def _done(task: Task) -> JobResult:
     stamps = {role: stamp(path) for role, path in job.files.items()}  # before they are read: a change meanwhile is seen
     with task.output.staging() as folder, fetched(job.files) as files:
         this = JobInputs(addresses={role: path for role, path in job.files.items() if is_address(path)})
+        _check(job, files)
         PERFORM[job.verb](this, job, {**job.parameters, **files}, folder / RESULT)
         meta = json.loads((folder / RESULT / MARKER).read_text("utf-8"))
         hashes = {role: one["sha256"] for role, one in meta.get("inputs", {}).items()}
@@ -132,9 +134,9 @@ def _remove(this: JobInputs, job: Job, p: Mapping[str, Any], output: Path) -> No
     if _is_pointed(p):
         mask = _pointed(this, p, rgbd, Path(p.get("image", "")))
     elif hasattr(truth, "mask"):
-        mask = truth.mask
+        this.removed = mask = truth.mask
     elif "mask" in p:
-        mask = this.read_mask_file(Path(p["mask"]), _taken(p, MASKING))
+        mask = this.read_mask_file(Path(p["mask"]), _taken(p, MASKING), _path(p, "image"))
     else:
         raise InputError("nothing says what is to be removed: give mask=FILE, click, box or salient")
     this.write_completion(remove(rgbd, mask, **_target(p), **_method(p)), output, p.get("only"))
@@ -148,12 +150,13 @@ def _stereo(this: JobInputs, job: Job, p: Mapping[str, Any], output: Path) -> No
         truth = job.load()
         left, right, rig, known = truth.left, truth.right, truth.rig, None
         masks: list[Any] = [truth.mask_left, truth.mask_right]
+        this.removed = truth.mask_left
     else:
         left, right, rig = this.pair(Path(p["left"]), Path(p["right"]), Path(p["calib"]))
         known = this.optional_disparity(_path(p, "disparity"), p.get("disparity_scale"))
         masks = [
-            None if role not in p else this.read_mask_file(Path(p[role]), _taken(p, MASKING), role)
-            for role in ("mask", "mask_right")
+            None if role not in p else this.read_mask_file(Path(p[role]), _taken(p, MASKING), _path(p, side), role)
+            for role, side in (("mask", "left"), ("mask_right", "right"))
         ]
     if _is_pointed(p):
         masks[0] = lambda rgbd: _pointed(this, p, rgbd, Path(p.get("left", "")))
@@ -175,6 +178,16 @@ PERFORM: dict[str, Callable[[JobInputs, Job, Mapping[str, Any], Path], None]] = 
     "depth": _depth,
 }
 """Verb -> reads the inputs, calls the function of that name, and writes."""
+
+
+def _check(job: Job, files: Mapping[str, Any]) -> None:
+    """InputError where an option cannot be, before anything is computed."""
+    p = job.parameters
+    pointing = {name: value for name, value in _taken(p, POINTING).items() if name != "object_class"}
+    image = files.get("image", files.get("left"))
+    removes = job.verb == "remove" or job.load is not None or "mask" in p or is_pointed(p)
+    given = {**p, **(mask_settings(**pointing) if pointing else {})}
+    check_options(given, None if image is None else Path(image), removes)
 
 
 def _picture(this: JobInputs, p: Mapping[str, Any]) -> Any:

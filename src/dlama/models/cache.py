@@ -18,10 +18,18 @@ VARIABLE = "DLAMA_MODELS"
 PINS = "pins.json"
 
 
+def user_path(path: str | Path) -> Path:
+    """The path, a `~` at its beginning being the user's home; FileError where that is not known."""
+    try:
+        return Path(path).expanduser()
+    except RuntimeError as error:
+        raise FileError(f"{path}: no home folder is known that '~' could be; write the whole path") from error
+
+
 def directory() -> Path:
     """Where model files lie; need not exist yet."""
     named = os.environ.get(VARIABLE)
-    return Path(named).expanduser() if named else Path(platformdirs.user_cache_dir("dlama", appauthor=False)) / "models"
+    return user_path(named) if named else Path(platformdirs.user_cache_dir("dlama", appauthor=False)) / "models"
 
 
 def place(wanted: Record) -> Path:

@@ -69,6 +69,18 @@ def download(url: str, part: Path, size: int | None, progress: Progress | None, 
         Unusable: this address does not give the file; in words why.
         OutputError: the disk cannot be written.
     """
+    try:
+        return _downloaded(url, part, size, progress, timeout)
+    except BaseException as error:
+        kept = isinstance(error, (_BrokeOff, Offline)) or not isinstance(error, Unusable)
+        if not (kept and _resumable_bytes(url, part)):  # only what a later pull goes on from stays
+            part.unlink(missing_ok=True)
+            _state_file(part).unlink(missing_ok=True)
+        raise
+
+
+def _downloaded(url: str, part: Path, size: int | None, progress: Progress | None, timeout: float) -> bool:
+    """As `download`, which removes what is left of a failure."""
     resumed, before = False, -1
     for _ in range(TRIES):
         start_at = _resumable_bytes(url, part)
@@ -80,12 +92,6 @@ def download(url: str, part: Path, size: int | None, progress: Progress | None, 
         except _BrokeOff as error:
             broken = error
             before = start_at if part.is_file() else -1
-        except Offline:  # what has arrived is kept for the next pull
-            raise
-        except Unusable:
-            part.unlink(missing_ok=True)
-            _state_file(part).unlink(missing_ok=True)
-            raise
         else:
             _state_file(part).unlink(missing_ok=True)
             return resumed

@@ -110,7 +110,10 @@ def _tensor(path: Path, data: bytes, start: int, name: str, entry: Any) -> np.nd
         raise FileError(f"{path}: {name}: {end - begin} bytes for shape {str(shape)[:200]}, wanted {wanted}")
     if start + end > len(data):
         raise FileError(f"{path}: truncated at {name}: {start + end} bytes wanted, the file has {len(data)}")
-    array = np.frombuffer(data, dtype, math.prod(shape), start + begin).reshape(shape)
+    try:
+        array = np.frombuffer(data, dtype, math.prod(shape), start + begin).reshape(shape)
+    except ValueError as error:  # without any number, and yet of more than memory addresses: (0, 2**62, 2**62)
+        raise FileError(f"{path}: {name}: no array has shape {str(shape)[:200]} ({error})") from error
     return widen_bfloat16(array) if entry["dtype"] == "BF16" else array
 
 

@@ -86,8 +86,7 @@ def scale_of(
     right, y down. camera_height: metres of the camera above the ground. InputError where they contradict each other or the
     picture, DepthError where nothing has depth.
     """
-    if len(metres_at) and camera_height is not None:
-        raise InputError("metres_at and camera_height contradict each other; give one of them")
+    check_known(metres_at, camera_height, values.shape[:2])
     usable = (values > 0) & np.isfinite(values)
     if not usable.any():
         raise DepthError("no pixel has an estimated depth; give depth")
@@ -100,6 +99,24 @@ def scale_of(
     median = float(np.median(values[usable]))
     factor = 1 / (median * ASSUMED_MEDIAN_M) if inverse else ASSUMED_MEDIAN_M / median
     return Scale(inverse, factor, 0.0, "assumed", {"assumed_median_m": ASSUMED_MEDIAN_M})
+
+
+def check_known(
+    metres_at: Sequence[tuple[float, float, float]], camera_height: float | None, hw: tuple[int, ...] | None
+) -> None:
+    """Raise InputError for what cannot be known of a picture of that size: contradictions, no distances, pixels outside."""
+    if len(metres_at) and camera_height is not None:
+        raise InputError("metres_at and camera_height contradict each other; give one of them")
+    if camera_height is not None and not (is_finite(camera_height) and camera_height > 0):
+        raise InputError(f"camera_height is {shown(camera_height)} m; a number above 0 is expected")
+    for x, y, metres in metres_at:
+        at = f"metres_at {x:g},{y:g}={metres:g}"
+        if hw is not None and not (0 <= x < hw[1] and 0 <= y < hw[0]):
+            raise InputError(
+                f"{at}: lies outside the {hw[1]}x{hw[0]} picture; x of 0 to {hw[1] - 1}, y of 0 to {hw[0] - 1} are expected"
+            )
+        if not (metres > 0 and math.isfinite(metres)):
+            raise InputError(f"{at}: {metres:g} m is no distance; a number above 0 is expected")
 
 
 def scale_at_points(
@@ -127,27 +144,17 @@ def scale_at_points(
 
 
 def value_at(values: Float32Array, x: float, y: float, metres: float) -> float:
-    """The value at a pixel, a median over its neighbours. InputError: outside the picture, far, or a distance that is none."""
-    height, width = values.shape
-    at = f"metres_at {x:g},{y:g}={metres:g}"
-    if not (0 <= x < width and 0 <= y < height):
-        raise InputError(
-            f"{at}: lies outside the {width}x{height} picture; x of 0 to {width - 1}, y of 0 to {height - 1} are wanted"
-        )
-    if not (metres > 0 and math.isfinite(metres)):
-        raise InputError(f"{at}: {metres:g} m is no distance; a number above 0 is wanted")
+    """The value at a pixel, a median over its neighbours. InputError: it is far."""
     row, column = int(y), int(x)
     patch = values[max(0, row - PATCH) : row + PATCH + 1, max(0, column - PATCH) : column + PATCH + 1]
     patch = patch[(patch > 0) & np.isfinite(patch)]
     if not patch.size:
-        raise InputError(f"{at}: is sky by the estimated depth; give a pixel on a surface")
+        raise InputError(f"metres_at {x:g},{y:g}={metres:g}: is sky by the estimated depth; give a pixel on a surface")
     return float(np.median(patch))
 
 
 def scale_of_ground(values: Float32Array, inverse: bool, camera: Camera, camera_height: float) -> Scale:
     """The factor that puts the camera so high (m) above the largest plane that looks like ground. InputError where none does."""
-    if not (is_finite(camera_height) and camera_height > 0):
-        raise InputError(f"camera_height is {shown(camera_height)} m; a number above 0 is wanted")
     w = values if inverse else np.divide(1, values, out=np.zeros_like(values), where=(values > 0) & np.isfinite(values))
     plane = ground_plane(w, camera)
     if plane is None:

@@ -22,11 +22,11 @@ from dlama.arguments import check, check_arguments
 from dlama.errors import DepthError, FileError, InputError, ShapeError, system_errors
 from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array, checked_color
-from dlama.models.cache import locate
+from dlama.models.cache import locate, user_path
 from dlama.models.network_file import NetworkFile, cores, default_provider, file_stamp
 from dlama.models.records import CATALOGUE
 from dlama.perception.depth_networks import IMAGENET, DepthContract, DepthPrediction, contract_of_file, run
-from dlama.perception.depth_scale import scale_of
+from dlama.perception.depth_scale import check_known, scale_of
 from dlama.perception.point_maps import depth_of_points
 from dlama.perception.sharpening import sharpened
 
@@ -105,6 +105,7 @@ def estimate_depth(
     """
     check_arguments(estimate_depth, locals())
     color = checked_picture(color)
+    check_known(metres_at, camera_height, color.shape[:2])
     name, estimator = find_estimator(depth_model)
     prediction = estimator(color)
     check(prediction, DepthPrediction, f"what the function {name} returned")
@@ -166,7 +167,7 @@ def find_estimator(depth_model: str | Path | Estimator) -> tuple[str, Estimator]
         raise InputError(
             f"depth_model is {text!r}; one of {', '.join(ESTIMATORS)}, an ONNX file, or NAME=FILE is wanted"
         )
-    path = Path(text).expanduser()
+    path = user_path(text)
     network = opened(path)
     contract = contract_of_file(network) or _contract_of_bytes(network)
     if contract is None:
@@ -178,7 +179,7 @@ def find_estimator(depth_model: str | Path | Estimator) -> tuple[str, Estimator]
 
 
 def _of_file(path: Path, contract: DepthContract) -> Estimator:
-    network = opened(path.expanduser())
+    network = opened(user_path(path))
     return lambda color: run(network, contract, color)
 
 

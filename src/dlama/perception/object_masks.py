@@ -74,14 +74,9 @@ class MaskSession:
         """Parameters and errors as `find_mask`; nothing is computed yet."""
         check_arguments(MaskSession.__init__, locals())
         self.picture = picture if isinstance(picture, RGBD) else checked_color(picture, "picture")
-        self.masker, self.mask_model = masker or "rgbd", mask_model
-        if self.masker not in MASKERS:
-            raise InputError(f"masker is {masker!r}; one of {', '.join(MASKERS)} is wanted")
-        record = MASKERS[self.masker]
-        if record.needs_depth and not isinstance(picture, RGBD):
+        self.masker, self.mask_model = check_names(masker, mask_model), mask_model
+        if MASKERS[self.masker].needs_depth and not isinstance(picture, RGBD):
             raise InputError(f"masker {self.masker!r} needs depth and the picture has none; an RGBD is wanted")
-        if mask_model is not None and not record.takes_model:
-            raise InputError(f"mask_model is given and the masker {self.masker!r} runs no network of the user's choice")
 
     @cached_property
     def _pointed(self) -> Pointed:
@@ -100,8 +95,7 @@ class MaskSession:
     ) -> ObjectMask:
         """The mask of the thing that clicks or a box mean; parameters and errors as `find_mask`."""
         check_arguments(MaskSession.find, locals())
-        if candidate not in CANDIDATES:
-            raise InputError(f"candidate is {candidate!r}; one of {', '.join(CANDIDATES)} is wanted")
+        check_names(self.masker, self.mask_model, candidate)
         picture = self.picture
         hw = picture.depth.shape if isinstance(picture, RGBD) else picture.shape[:2]
         on, beside = ([(x, y) for x, y in points] for points in (clicks, not_clicks))
@@ -120,6 +114,18 @@ class MaskSession:
         if masks[chosen].mean() > MOST:
             notes = (*notes, TOO_MUCH)
         return completed(picture, masks, chosen, self.masker, with_shadow, notes)
+
+
+def check_names(masker: str | None, mask_model: MaskModel | None, candidate: str = "thing") -> str:
+    """The masker, by its name. InputError: an unknown masker or candidate, or networks for a masker that takes none."""
+    masker = masker or "rgbd"
+    if masker not in MASKERS:
+        raise InputError(f"masker is {masker!r}; one of {', '.join(MASKERS)} is expected")
+    if mask_model is not None and not MASKERS[masker].takes_model:
+        raise InputError(f"mask_model is given and the masker {masker!r} runs no network of the user's choice")
+    if candidate not in CANDIDATES:
+        raise InputError(f"candidate is {candidate!r}; one of {', '.join(CANDIDATES)} is expected")
+    return masker
 
 
 def completed(

@@ -131,8 +131,11 @@ class Handler(BaseHTTPRequestHandler):
             self._failed(error, visit)
         except MemoryError:
             self._refuse(HTTPStatus.BAD_REQUEST, "this machine's memory is too small for that; take a smaller picture")
-        except OSError:
+        except (ConnectionError, TimeoutError):  # the visitor's end
             raise
+        except OSError as error:  # of this machine's disk: full, read-only, broken
+            reason = (error.strerror or str(error)).lower()
+            self._refuse(HTTPStatus.INSUFFICIENT_STORAGE, f"the server cannot keep that: {reason}")
         except Exception as error:
             traceback.print_exc()
             self._refuse(HTTPStatus.INTERNAL_SERVER_ERROR, f"a fault of dlama: {type(error).__name__}: {error}")

@@ -33,6 +33,8 @@ PHOTOS = 12
 PICTURES = (".jpg", ".jpeg", ".png", ".webp", ".bmp")
 LAYOUT = "worlds"
 """Name of generated data sets, and of their layout."""
+MOST_WORLDS, MOST_PX = 10_000, 8192
+"""The longest list of worlds, and the longest side of their pictures; more would be listed or drawn for minutes or hours."""
 DEFAULT_COUNT = 4
 """How many worlds the bare name generates."""
 
@@ -56,9 +58,10 @@ def world(
     return _built(seed, kind, textures, shadows, antialias)
 
 
-def _check_whole(name: str, value: int, least: int) -> None:
-    if not isinstance(value, Integral) or value < least:
-        raise InputError(f"{name} is {value!r}; a whole number >= {least} is wanted")
+def _check_whole(name: str, value: int, least: int, most: int | None = None) -> None:
+    if not isinstance(value, Integral) or value < least or (most is not None and value > most):
+        limits = f">= {least}" if most is None else f"from {least} to {most}"
+        raise InputError(f"{name} is {value!r}; a whole number {limits} is expected")
 
 
 def _check_kind(kind: str | None) -> None:
@@ -152,8 +155,12 @@ def world_settings(
     count: int, seed: int, size: int, kind: Kind | None, shadows: bool, antialias: bool, textures: Textures
 ) -> list[WorldSettings]:
     """The settings of `count` worlds of the seeds `seed`, `seed` + 1 ...; raises InputError, FileError (no textures there)."""
-    for name, value, least in (("count", count, 1), ("seed", seed, 0), ("size", size, 1)):
-        _check_whole(name, value, least)
+    for name, value, least, most in (
+        ("count", count, 1, MOST_WORLDS),
+        ("seed", seed, 0, None),
+        ("size", size, 1, MOST_PX),
+    ):
+        _check_whole(name, value, least, most)
     _check_kind(kind)
     folder = Path(textures) if isinstance(textures, str) else textures
     pictures = folder if folder is None or isinstance(folder, Path) else tuple(folder)

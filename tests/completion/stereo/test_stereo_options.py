@@ -11,7 +11,7 @@ from dlama.completion.completion import StereoCompletion
 from dlama.completion.stereo import disparities as pairs
 from dlama.completion.stereo.pair import MatchedPair, default_far, depth_in_metres, masks_of_pair
 from dlama.completion.stereo.stereo import stereo
-from dlama.errors import InputError
+from dlama.errors import DepthError, InputError
 from dlama.geometry.camera import Camera, StereoRig
 from dlama.geometry.holes import dilated
 from dlama.geometry.rgbd import RGBD
@@ -97,6 +97,7 @@ def completed(monkeypatch: pytest.MonkeyPatch, asked: dict[str, Any] | None = No
     def matched(*_: Any, **words: Any) -> tuple[np.ndarray, np.ndarray]:
         (asked if asked is not None else {}).update(words)
         wall = np.full(CAMERA.hw, 4, np.float32)
+        wall[:4] = 8
         return wall, wall
 
     monkeypatch.setattr(pairs, "disparity_pair", matched)
@@ -114,10 +115,10 @@ def test_the_range_of_disparities_reaches_the_matcher(monkeypatch: pytest.Monkey
 
 @pytest.mark.parametrize("far", [None, 4.0])
 def test_far_is_where_it_is_put(far: float | None, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Closed form: the wall at 5 m is a wall by default, and sky where far begins at 4 m."""
+    """Closed form: the wall at 5 m, below 4 rows at 2.5 m, is a wall by default, and sky where far begins at 4 m."""
     done = completed(monkeypatch, far=far)
-    assert done.source.far.all() == (far is not None)
-    assert np.isinf(done.views[0].depth).all() == (far is not None)
+    assert done.source.far[4:].all() == (far is not None) and not done.source.far[:4].any()
+    assert np.isinf(done.views[0].depth[8:]).all() == (far is not None)
 
 
 @pytest.mark.parametrize("given", [True, False])
@@ -159,6 +160,30 @@ def test_a_mask_may_be_found_in_the_matched_depth(monkeypatch: pytest.MonkeyPatc
 )
 def test_options_of_another_type_are_refused(given: dict[str, Any], message: str) -> None:
     """Message: names the parameter, what came and what is wanted; no bare TypeError."""
-    pictures = {name: np.full((*rig().left.hw, 3), level, np.uint8) for name, level in (("left", 90), ("right", 99))}
+    texture = np.random.default_rng(0).integers(0, 256, (40, 70, 3)).astype(np.uint8)
+    pictures = {"left": texture[:, :60], "right": texture[:, 4:64]}
     with pytest.raises(InputError, match=message):
         stereo(**{**pictures, "rig": rig(), **given})
+
+
+def test_a_pair_without_contrast_is_refused_before_it_is_matched() -> None:
+    """Two black pictures, or one (oracle: the message names which); a disparity that is given needs no contrast."""
+    black = np.zeros((*CAMERA.hw, 3), np.uint8)
+    known = np.random.default_rng(0).integers(0, 256, (*CAMERA.hw, 3), dtype=np.uint8)
+
+    def matcher(left: np.ndarray, right: np.ndarray) -> Any:
+        raise AssertionError("was matched")
+
+    for pair, name in (((black, black), "left"), ((known, black), "right")):
+        with pytest.raises(InputError, match=f"the {name} picture has nearly one colour .* nothing to match"):
+            stereo(*pair, rig(), matcher=matcher)
+    with pytest.raises(InputError, match="identical"):
+        stereo(known, known, rig(), matcher=matcher)
+
+
+def test_a_far_limit_nearer_than_everything_is_refused() -> None:
+    """As of a depth file (oracle: the nearest depth of that disparity)."""
+    picture = np.random.default_rng(0).integers(0, 256, (*CAMERA.hw, 3), dtype=np.uint8)
+    disparity = np.full(CAMERA.hw, 4, np.float32)
+    with pytest.raises(DepthError, match=r"no depth is nearer than `far`, 1e-09 m; the scene has "):
+        stereo(picture, picture[:, ::-1].copy(), rig(), disparity=disparity, far=1e-9)

@@ -21,6 +21,7 @@ from dlama.apps.terminal.streams import (
     exit_code,
     failed_write,
     open_closed_streams,
+    printable,
     show_any_text,
     signals_raise,
 )
@@ -73,7 +74,7 @@ def reported(verb: str, report: Report) -> Iterator[Result]:
         seconds = round(time.perf_counter() - started, 3)
         print(json.dumps({"verb": verb, **result.values, "seconds": seconds, "warnings": warned}))
     elif not report.quiet:
-        print("\n".join(result.lines))
+        print(printable("\n".join(result.lines)))
 
 
 @contextmanager
@@ -132,7 +133,7 @@ def reason(error: OSError) -> str:
 
 def print_line(kind: str, message: str) -> None:
     """One line on standard error that begins with its kind (error, warning, note); never wrapped, and coloured on a terminal."""
-    line = " ".join(message.split())
+    line = printable(" ".join(message.split()))
     if not sys.stderr.isatty():
         with suppress(OSError):  # standard error is full: the work goes on
             print(f"{kind}: {line}", file=sys.stderr, flush=True)
@@ -153,10 +154,11 @@ def stages_bar(title: str, total: int, report: Report) -> Iterator[None]:
     from rich.console import Console
     from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
-    columns = (SpinnerColumn(), TextColumn("{task.description}"), BarColumn(24), TimeElapsedColumn())
+    text = TextColumn("{task.description}", markup=False)
+    columns = (SpinnerColumn(), text, BarColumn(24), TimeElapsedColumn())
     with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task(title, total=total)
-        with log_messages(lambda message: bar.update(task, advance=1, description=f"{title}: {message}")):
+        with log_messages(lambda message: bar.update(task, advance=1, description=printable(f"{title}: {message}"))):
             yield
 
 
@@ -167,9 +169,19 @@ def counting_bar(title: str, report: Report) -> Iterator[Any]:
         yield None
         return
     from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TimeElapsedColumn, TimeRemainingColumn
+    from rich.progress import (
+        BarColumn,
+        MofNCompleteColumn,
+        Progress,
+        TextColumn,
+        TimeElapsedColumn,
+        TimeRemainingColumn,
+    )
 
-    columns = ("{task.description}", BarColumn(24), MofNCompleteColumn(), TimeElapsedColumn(), TimeRemainingColumn())
+    text = TextColumn("{task.description}", markup=False)
+    columns = (text, BarColumn(24), MofNCompleteColumn(), TimeElapsedColumn(), TimeRemainingColumn())
     with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task(title, total=None)
-        yield lambda done, total, title=title: bar.update(task, completed=done, total=total, description=title)
+        yield lambda done, total, title=title: bar.update(
+            task, completed=done, total=total, description=printable(title)
+        )

@@ -14,6 +14,7 @@ import threading
 from collections.abc import Iterator
 from types import FrameType
 from typing import TextIO
+from unicodedata import category
 
 CANNOT_WRITE = 1
 """Exit code where standard output cannot be written."""
@@ -22,6 +23,8 @@ PLAIN = {
     "“": '"', "”": '"', "‘": "'", "’": "'", "─": "-", "━": "-", "│": "|", "┃": "|",
 } | dict.fromkeys("╭╮╰╯┌┐└┘├┤┬┴┼", "+")  # fmt: skip
 """Signs -> what is printed for them where the stream cannot show them."""
+UNPRINTABLE = ("Cc", "Cf", "Zl", "Zp")
+"""Unicode categories of signs that are not shown but act."""
 PLAINLY = "dlama-plainly"
 STOPPING = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
 
@@ -55,6 +58,14 @@ def _plainly(error: UnicodeError) -> tuple[str, int]:
         raise error
     failed = error.object[error.start : error.end]
     return "".join(PLAIN.get(sign) or sign.encode("ascii", "backslashreplace").decode() for sign in failed), error.end
+
+
+def printable(text: str) -> str:
+    """The text with what would act on a terminal (control characters but line breaks, marks of direction) escaped."""
+    return "".join(
+        sign if sign == "\n" or category(sign) not in UNPRINTABLE else sign.encode("unicode_escape").decode("ascii")
+        for sign in text
+    )
 
 
 codecs.register_error(PLAINLY, _plainly)

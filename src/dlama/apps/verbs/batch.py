@@ -126,8 +126,6 @@ def batch(
         words: The list: CSV, JSONL or Parquet with id, verb and the verb's options by their names (image, depth, yaw, ...), paths
             from its folder. All other options here hold for every job whose verb has them. `report OUT` makes OUT/report.html.
         output: Results go to DIR/ID/, and DIR/manifest.csv has a row for each job.
-        only: What is written beside meta.json: image, depth, hole, origin, confidence, disparity (of pairs), points, mesh,
-            scene, preview, choice.
     """
     if words[:1] == ("report",):
         write_page(words[1:], report)

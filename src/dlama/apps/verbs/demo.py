@@ -40,13 +40,15 @@ def demo_view(this: Command, method: Method) -> dlama.Completion:
 def demo_remove(this: Command, method: Method) -> dlama.Completion:
     """The street without the barrel and its shadow."""
     rgbd = this.rgbd(ASSETS / "street.jpg", ASSETS / "depth.png", Lens(camera=ASSETS / "camera.json"), Reading())
-    return dlama.remove(rgbd, this.mask(ASSETS / "mask.png", Masking()), **method.settings())
+    return dlama.remove(rgbd, this.mask(ASSETS / "mask.png", Masking(), ASSETS / "street.jpg"), **method.settings())
 
 
 def demo_stereo(this: Command, method: Method) -> dlama.Completion:
     """Depth from the stereo pair, and both pictures without the barrel."""
     pair = this.pair(ASSETS / "street.jpg", ASSETS / "right.jpg", ASSETS / "calib.txt")
-    return dlama.stereo(*pair, mask=this.mask(ASSETS / "mask.png", Masking()), **method.settings())
+    return dlama.stereo(
+        *pair, mask=this.mask(ASSETS / "mask.png", Masking(), ASSETS / "street.jpg"), **method.settings()
+    )
 
 
 def demo_photo(this: Command, method: Method) -> dlama.Completion:

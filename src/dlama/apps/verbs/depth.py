@@ -8,7 +8,6 @@ from tyro.conf import Positional
 
 from dlama.apps.command import command
 from dlama.apps.options import Estimating, Image, Lens, Metres, Output, Reading, Report
-from dlama.apps.places import check_folder_apart
 from dlama.apps.terminal.flags import flags_of, with_flags
 from dlama.geometry.rgbd import depth_range_in_words
 
@@ -33,7 +32,7 @@ def depth(
     from dlama.perception.depth_scale import RULES
 
     with command("depth", report) as this:
-        check_folder_apart(output, {"image": image})
+        this.check(output, None, {"image": image}, image, {"far": far}, estimating.settings())
         rgbd = this.rgbd(image, None, lens, Reading(far=far), estimating)
         write_depth(rgbd, output, inputs=this.inputs, seconds={"read": round(this.read_seconds, 4)})
         about = dict(rgbd.estimate or {})

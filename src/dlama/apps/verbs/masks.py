@@ -14,6 +14,7 @@ from dlama.apps.places import check_file_apart
 from dlama.apps.pointing import Pointing, told_of_mask
 from dlama.errors import InputError
 from dlama.geometry.rgbd import RGBD
+from dlama.jobs.early import check_options
 
 if TYPE_CHECKING:
     import dlama
@@ -50,6 +51,7 @@ def mask(
             raise InputError(
                 "nothing says which thing is meant: give --click X,Y on it, --box X,Y,W,H round it, --salient or --class NAME"
             )
+        check_options({**reading.settings(), **estimating.settings(), **pointing.settings()}, image)
         with warnings.catch_warnings():
             if depth is None and not pointing.with_shadow:
                 warnings.filterwarnings("ignore", ASSUMED)

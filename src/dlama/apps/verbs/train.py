@@ -14,6 +14,7 @@ from tyro.conf import Positional
 from dlama.apps.options import Report, Seed, option
 from dlama.apps.places import check_file_apart, check_folder_apart
 from dlama.apps.terminal.output import KERNELS, reported
+from dlama.apps.terminal.streams import printable
 from dlama.errors import InputError, MissingExtraError
 from dlama.workers.progress import log_messages
 
@@ -191,4 +192,4 @@ def logged(report: Report) -> AbstractContextManager[None]:
 def print_note(message: str) -> None:
     """One line on standard error; a full one does not end a training."""
     with suppress(OSError):
-        print(message, file=sys.stderr, flush=True)
+        print(printable(message), file=sys.stderr, flush=True)

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
+from dlama.apps.terminal.streams import printable
 from dlama.apps.viewer.cameras import camera_of, camera_on_path, go_to, overview, wxyz
 from dlama.apps.viewer.contents import Contents, chosen, colors, sampled
 from dlama.errors import InputError, MissingExtraError
@@ -41,7 +42,7 @@ def serve(contents: Contents, host: str, port: int, most_points: int, open_brows
         raise InputError(f"port is {port}; a number from 1 to 65535 is wanted")
     viewer = Viewer(contents, host, port, most_points)
     try:
-        print(f"{viewer.line}\n{viewer.address} (Ctrl-C ends it)", flush=True)
+        print(printable(f"{viewer.line}\n{viewer.address} (Ctrl-C ends it)"), flush=True)
         if open_browser:
             webbrowser.open(viewer.address)
         threading.Event().wait()

@@ -11,6 +11,7 @@ import numpy as np
 
 from dlama.errors import InputError, ShapeError
 from dlama.geometry.rgbd import Float32Array, UInt8Array
+from dlama.perception.monocular import LEAST_CONTRAST, contrast
 from dlama.perception.stereo.checks import doubts, refuse_identical
 from dlama.perception.stereo.matching import Matcher, carried_disparity, disparity_pair
 from dlama.perception.stereo.networks import NetworkMatcher
@@ -47,11 +48,16 @@ def find_matches(
     if len(named) > 1:
         raise InputError(f"{named[0]} and {named[1]} contradict each other; give one of them")
     match, notes = matcher_for(matcher, max_disparity)
+    refuse_identical(left, right)
     if disparity is None:
+        for name, picture in (("left", left), ("right", right)):
+            if contrast(picture) < LEAST_CONTRAST:
+                raise InputError(
+                    f"the {name} picture has nearly one colour all over: there is nothing to match; give `disparity`"
+                )
         found = match(left, right)
     else:
         found, notes = of_given(disparity, left.shape[:2]), {"matcher": "none: the disparity was given"}
-    refuse_identical(left, right)
     doubt = doubts(left, right, found[0])
     if doubt is not None:
         warnings.warn(doubt, UserWarning, stacklevel=3)

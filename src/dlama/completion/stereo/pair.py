@@ -111,10 +111,10 @@ def default_far(rig: StereoRig) -> float:
     return rig.left.fx * rig.baseline_m / FAR_PX
 
 
-def check_pair(left: UInt8Array, right: UInt8Array, rig: StereoRig, far: float) -> None:
+def check_pair(left: UInt8Array, right: UInt8Array, rig: StereoRig, far: float | None) -> None:
     """Raise ShapeError where a picture has not the rig's size, InputError where `far` is no distance."""
-    if not isinstance(far, Real) or not far > 0:
-        raise InputError(f"far is {far!r} m; more than 0 is wanted")
+    if far is not None and not (isinstance(far, Real) and far > 0):
+        raise InputError(f"far is {far!r} m; more than 0 is expected")
     for name, picture in (("left", left), ("right", right)):
         if not isinstance(picture, np.ndarray):
             raise InputError(

@@ -19,7 +19,8 @@ import numpy as np
 from dlama.arguments import check_arguments
 from dlama.completion.completion import StereoCompletion
 from dlama.completion.memory import check_memory
-from dlama.completion.recipes import DepthBy, Recipe, checked_seed, find_recipe
+from dlama.completion.plausible import warn_of_scale
+from dlama.completion.recipes import DepthBy, Recipe, checked_confidence, checked_seed, find_recipe
 from dlama.completion.report import Clock, Record
 from dlama.completion.steps import (
     Plan,
@@ -40,14 +41,21 @@ from dlama.completion.stereo.exchange import (
     with_lent,
     with_seen_alone,
 )
-from dlama.completion.stereo.pair import CompletedPair, MatchedPair, check_pair, default_far, masks_of_pair
+from dlama.completion.stereo.pair import (
+    CompletedPair,
+    MatchedPair,
+    check_pair,
+    default_far,
+    depth_in_metres,
+    masks_of_pair,
+)
 from dlama.completion.stereo.published import complete_pair_one_by_one
 from dlama.errors import InputError
 from dlama.geometry.camera import StereoRig
 from dlama.geometry.fusion import fuse
 from dlama.geometry.holes import dilated
 from dlama.geometry.rendering import Mode, render
-from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array, clipped
+from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array, clipped, far_beyond
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import HoleType, Origin, View
 from dlama.inpainters import AUTO, auto_filler, find_filler
@@ -106,11 +114,11 @@ def stereo(
             cannot be used (MaskError).
     """
     check_arguments(stereo, locals())
-    far = default_far(rig) if far is None else far
     check_pair(left, right, rig, far)
     if mask is None and mask_right is not None:
         raise InputError("mask_right was given without mask; the mask of the left view is wanted too")
     checked_seed(seed)
+    checked_confidence(min_confidence)
     check_memory((rig.left, rig.right))
     chosen = find_recipe(recipe, mode=mode, dilate=dilate, dilate_holes=dilate_holes, clip=clip, depth_by=depth_by)
     filler = auto_filler() if filler == AUTO else filler
@@ -125,7 +133,12 @@ def stereo(
             f"disparity is given and the recipe {chosen.name!r} matches the filled pictures anew; a matcher is wanted"
         )
     matches = find_matches(left, right, disparity=disparity, matcher=matcher, max_disparity=max_disparity)
-    pair = MatchedPair(rig, far, (left, right), matches.disparities, None, matches.match)
+    if far is not None:
+        far_beyond(depth_in_metres(matches.disparities[0], rig, np.inf), far)
+    pair = MatchedPair(
+        rig, default_far(rig) if far is None else far, (left, right), matches.disparities, None, matches.match
+    )
+    warn_of_scale(pair.left)
     found = mask(pair.left) if callable(mask) else mask
     masks = masks_of_pair(found, mask_right, matches.disparities[0], rig)
     pair = dataclasses.replace(pair, masks=masks)

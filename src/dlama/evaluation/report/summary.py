@@ -156,7 +156,7 @@ def write_summary(path: Path, summary: Summary) -> None:
     text = json.dumps(head, indent=2, ensure_ascii=False, allow_nan=False).rstrip("}").rstrip()
     body = ",\n    ".join(lines)
     with new_file(path) as draft:
-        draft.write_text(f'{text},\n  "means": [\n    {body}\n  ]\n}}\n', encoding="utf-8")
+        draft.write_text(f'{text},\n  "means": [\n    {body}\n  ]\n}}\n', encoding="utf-8", errors="backslashreplace")
 
 
 def _plain_mean(scenes: dict[str, list[float]]) -> Mean:

@@ -123,6 +123,6 @@ def summary_lines(
 def _write(path: Path, text: str) -> None:
     try:
         with new_file(path) as draft:
-            draft.write_text(text, encoding="utf-8")
+            draft.write_text(text, encoding="utf-8", errors="backslashreplace")
     except OSError as error:
         raise OutputError(f"{path}: cannot be written: {error}") from error

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -87,11 +88,14 @@ def write_errors(folder: Path, failures: Sequence[Outcome]) -> None:
     entries = []
     for one in failures:
         place = f"errors/{stem(one.case, one.method)}.txt"
-        (folder / place).write_text(one.trace or f"{one.error}\n", encoding="utf-8")
+        with new_file(folder / place) as draft:
+            draft.write_text(one.trace or f"{one.error}\n", encoding="utf-8", errors="backslashreplace")
         names = {"protocol": one.case.protocol, "scene": one.case.scene, "frame": one.case.frame}
         entries.append({**names, "method": one.method.label, "error": one.error, "traceback": place})
     with new_file(folder / "errors.json") as draft:
-        draft.write_text(json.dumps(entries, indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
+        draft.write_text(
+            json.dumps(entries, indent=2, ensure_ascii=False) + "\n", encoding="utf-8", errors="backslashreplace"
+        )
 
 
 def _check(cases: Sequence[Case], methods: Sequence[Method], jobs: int) -> None:
@@ -99,7 +103,7 @@ def _check(cases: Sequence[Case], methods: Sequence[Method], jobs: int) -> None:
     if not cases or not methods:
         raise InputError(f"{len(cases)} cases and {len(methods)} methods leave nothing to evaluate")
     for kind, names in (("cases", [case.key for case in cases]), ("methods", [method.label for method in methods])):
-        twice = sorted({name for name in names if names.count(name) > 1})
+        twice = sorted(name for name, count in Counter(names).items() if count > 1)
         if twice:
             raise InputError(f"two {kind} are called {twice[0]}; every one needs a name of its own")
 

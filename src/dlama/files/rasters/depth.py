@@ -16,7 +16,7 @@ from dlama.files.rasters.depth_checks import warn_of_inverse
 from dlama.files.rasters.float_files import read_array, read_exr, read_pfm, write_exr, write_pfm
 from dlama.files.rasters.images import SUFFIXES, existing, read_stored
 from dlama.files.rasters.pictures import save_picture
-from dlama.geometry.rgbd import Float32Array
+from dlama.geometry.rgbd import PLAUSIBLE_M, Float32Array, far_beyond
 
 __all__ = [
     "depth_from_mm", "mm_from_depth", "read_depth", "read_disparity", "read_pfm", "stored_numbers", "write_depth_exr",
@@ -29,8 +29,6 @@ MILLIMETRES = 1000.0
 """A metre."""
 FAR_METRES = 1e6
 """A stored depth beyond this is a renderer's word for infinity (Blender writes 1e10 behind everything)."""
-PLAUSIBLE = (0.05, 500.0)
-"""Metres; a median outside means that the scale is wrong."""
 KITTI_SCALE = 256.0
 
 
@@ -67,11 +65,7 @@ def read_depth(
     _check_plausible(path, depth, scale, depth_range)
     if depth_range is None:
         warn_of_inverse(path, depth)
-    if far is not None:
-        depth[depth >= far] = np.inf
-        if not _valid(depth).any():
-            raise DepthError(f"{path}: no depth is nearer than `far`, {far:g} m")
-    return depth
+    return depth if far is None else far_beyond(depth, far, f"{path}: ")
 
 
 @system_errors(FileError)
@@ -215,7 +209,7 @@ def _check_plausible(path: PathLike, depth: Float32Array, scale: float, depth_ra
         far = int(np.isposinf(depth).sum())
         raise DepthError(f"{path}: no pixel has a depth ({depth.size - far} of {depth.size} missing, {far} far)")
     median = float(np.median(valid))
-    if PLAUSIBLE[0] <= median <= PLAUSIBLE[1]:
+    if PLAUSIBLE_M[0] <= median <= PLAUSIBLE_M[1]:
         return
     raise DepthError(f"{path}: the median depth is {median:.4g} m, {_scale_advice(median, scale, depth_range)}")
 
@@ -224,11 +218,11 @@ def _scale_advice(median: float, scale: float, depth_range: float | None) -> str
     """What the scale probably is, in words that can be typed."""
     if depth_range is not None:
         return f"which no room or street has; is depth_range={depth_range:g} in metres?"
-    if PLAUSIBLE[0] <= median / 1000 <= PLAUSIBLE[1]:
+    if PLAUSIBLE_M[0] <= median / 1000 <= PLAUSIBLE_M[1]:
         return f"it looks like millimetres read as metres: depth_scale={scale * 1000:g}"
-    if PLAUSIBLE[0] <= median * 1000 <= PLAUSIBLE[1]:
+    if PLAUSIBLE_M[0] <= median * 1000 <= PLAUSIBLE_M[1]:
         return f"it looks like metres read as millimetres: depth_scale={scale / 1000:g}"
-    return f"{PLAUSIBLE[0]:g} to {PLAUSIBLE[1]:g} m is wanted; depth_scale says how many units make a metre"
+    return f"{PLAUSIBLE_M[0]:g} to {PLAUSIBLE_M[1]:g} m is wanted; depth_scale says how many units make a metre"
 
 
 def _check_not_negative(path: PathLike, values: np.ndarray, what: str) -> None:

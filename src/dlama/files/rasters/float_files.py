@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import math
 import re
 import struct
@@ -128,7 +129,7 @@ def read_exr(path: PathLike, channel: str | None = None) -> Float32Array:
     file = existing(path)
     check_exr_is_whole(file)
     try:
-        with OpenEXR.File(str(file), separate_channels=True) as exr:
+        with OpenEXR.File(_name_or_bytes(file), separate_channels=True) as exr:
             channels: dict[str, np.ndarray] = {}
             for part in exr.parts:
                 channels.update({name: each.pixels for name, each in part.channels.items() if name not in channels})
@@ -151,9 +152,21 @@ def write_exr(path: PathLike, channels: Mapping[str, np.ndarray]) -> None:
     with new_file(path) as draft:
         try:
             planes = {name: np.ascontiguousarray(values) for name, values in channels.items()}
-            OpenEXR.File(header, planes).write(str(draft))
-        except RuntimeError as error:  # how OpenEXR reports a full disk
+            place = _name_or_bytes(draft)
+            OpenEXR.File(header, planes).write(place)
+            if isinstance(place, io.BytesIO):
+                draft.write_bytes(place.getbuffer())
+        except (RuntimeError, TypeError) as error:  # how OpenEXR reports a full disk, and no stream before 3.5
             raise OSError(str(error)) from error
+
+
+def _name_or_bytes(file: Path) -> str | io.BytesIO:
+    """What OpenEXR takes for a file: its name, or its bytes where the name is no text."""
+    try:
+        str(file).encode()
+    except UnicodeEncodeError:
+        return io.BytesIO(file.read_bytes())
+    return str(file)
 
 
 def _check_windows(file: Path, header: dict[str, Any]) -> None:

@@ -6,6 +6,7 @@ import io
 import re
 import struct
 import warnings
+import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -108,6 +109,8 @@ def read_stored(path: PathLike) -> Stored:
                 )
             exif_orientation, focal = _exif(picture)
             orientation = exif_orientation if picture.format != "TIFF" else tiff_orientation
+            if picture.format == "PNG":
+                _check_sums(file, data)
             picture.load()
             values, turned = _values(picture, file, data), _turned(picture)
             return Stored(as_shown(values, orientation), orientation if turned == 1 else turned, focal)
@@ -129,6 +132,26 @@ def picture_hw(path: PathLike) -> tuple[int, int]:
 def orientation_of(path: PathLike) -> int:
     """How a picture file is turned to be shown, 1 to 8 as in EXIF; 1 for any other kind of file. Raises FileError."""
     return _header(existing(path))[1] if Path(path).suffix.lower() in SUFFIXES else 1
+
+
+def turned_apart(one: PathLike, other: PathLike) -> str:
+    """How the EXIF orientations of two pictures of the same pixels differ, in words; "": they do not. Raises FileError."""
+    turned = orientation_of(one), orientation_of(other)
+    if turned[0] == turned[1]:
+        return ""
+    which, another, tag = (one, other, turned[0]) if turned[0] != 1 else (other, one, turned[1])
+    found = f"{which} is shown turned by its EXIF orientation {tag}, {another} "
+    return found + ("has none" if 1 in turned else f"by {turned[1]}")
+
+
+def warn_of_turn(one: PathLike, other: PathLike) -> None:
+    """Warn (UserWarning) where the EXIF orientations of two pictures of the same pixels differ. Raises FileError."""
+    if found := turned_apart(one, other):
+        warnings.warn(
+            f"{found}; if both were made of the same stored pixels, clear the tag (exiftool -Orientation= FILE)",
+            UserWarning,
+            stacklevel=3,
+        )
 
 
 def _header(file: Path) -> tuple[tuple[int, int], int]:
@@ -171,6 +194,18 @@ def _heic(file: Path) -> Image.Image:
     check_pixels(file, *opened.size)
     picture: Image.Image = opened.to_pillow()
     return picture
+
+
+def _check_sums(file: Path, data: bytes) -> None:
+    """FileError where a chunk of a PNG has another checksum than its bytes: Pillow decodes pixels without looking at it."""
+    bytes_of, at = memoryview(data), 8
+    while at + 12 <= len(data):
+        end = at + 8 + int.from_bytes(bytes_of[at : at + 4], "big")
+        if end + 4 <= len(data) and zlib.crc32(bytes_of[at + 4 : end]) != int.from_bytes(
+            bytes_of[end : end + 4], "big"
+        ):
+            raise FileError(f"{file}: is damaged (wrong checksum of the {data[at + 4 : at + 8]!r} chunk at byte {at})")
+        at = end + 4
 
 
 def _turned(picture: Image.Image) -> int:

@@ -20,7 +20,7 @@ from dlama.files.results.preview import write_preview
 from dlama.files.scenes import clouds, textured_mesh
 from dlama.files.scenes import scene_npz as scenes
 from dlama.geometry.figures.false_color import CHOICE_PALETTE, HOLE_PALETTE, ORIGIN_PALETTE
-from dlama.geometry.rgbd import UInt8Array
+from dlama.geometry.rgbd import BoolArray, UInt8Array
 from dlama.geometry.view import View
 
 LOG = logging.getLogger("dlama")
@@ -40,9 +40,10 @@ RESULTS: dict[str, tuple[str, ...]] = {
     "scene": ("scene.npz",),
     "preview": ("preview.png",),
     "choice": ("choice.png",),
+    "mask": ("mask.png",),
 }
 """What `write` can be asked for by name -> its files, where the completion has them; meta.json is always written."""
-ON_REQUEST = ("choice",)
+ON_REQUEST = ("choice", "mask")
 """Those that are written only where they are named."""
 
 
@@ -56,6 +57,7 @@ def write(
     intrinsics_from: str = "given in Python",
     seconds: Mapping[str, float] | None = None,
     input_addresses: Mapping[str, str] | None = None,
+    mask: BoolArray | None = None,
 ) -> Path:
     """Write a completion to a directory (made if need be) and return it. If anything fails nothing is left behind.
 
@@ -65,20 +67,23 @@ def write(
     Args:
         completion: What `view`, `remove`, `stereo` or `complete` gave.
         directory: Files of the same names in it are replaced, all others stay.
-        only: Of "image", "depth", "hole", "origin", "confidence", "disparity" (of pairs), "points", "mesh", "scene", "preview"
-            and "choice"; None: all but "choice". meta.json is always written.
+        only: Of "image", "depth", "hole", "origin", "confidence", "disparity" (of pairs), "points", "mesh", "scene", "preview",
+            "choice" and "mask"; None: all but the last two. meta.json is always written.
         inputs: Role -> file; path and SHA-256 of each go into meta.json.
         intrinsics_from: In words, where the source camera's intrinsics come from.
         seconds: Stages before the completion, such as reading, for meta.json.
         input_addresses: Role -> what meta.json says in place of the path, of inputs that were fetched from elsewhere.
+        mask: H x W of the removed object, True = removed; what "mask" writes as mask.png.
 
     Raises:
-        InputError: a name in `only` that is not known.
+        InputError: a name in `only` that is not known, or "mask" without one.
         OutputError: the directory cannot be written, or a result would replace one of `inputs`.
         FileError: an input cannot be read.
     """
     check_arguments(write, locals())
     names = checked_results(only)
+    if "mask" in names and mask is None:
+        raise InputError("only names mask, and no object was removed whose mask could be written")
     target, started = Path(directory), time.perf_counter()
     check_inputs_stay(target, file_names(completion, names), inputs or {})
     meta = {**described(completion, intrinsics_from), "inputs": hashed(inputs or {}, input_addresses or {})}
@@ -87,6 +92,8 @@ def write(
         for place, view in places(completion).items():
             writers |= view_writers(folder / place, view, place, choice_of(completion, view))
         writers["preview.png"] = lambda: write_preview(folder / "preview.png", completion)
+        if mask is not None:
+            writers["mask.png"] = lambda: pictures.write_mask(folder / "mask.png", mask)
         wanted = {file for name in names for file in RESULTS[name]}
         writers = {file: writer for file, writer in writers.items() if file.rpartition("/")[2] in wanted}
         for file in writers:
@@ -104,7 +111,7 @@ def write(
 def file_names(completion: Completion, only: Sequence[str] | None = None) -> list[str]:
     """The files that `write` makes of a completion, relative to its directory, sorted. Raises InputError as `write` does."""
     wanted = {file for name in checked_results(only) for file in RESULTS[name]}
-    files = [*scene_writers(Path(), completion), "preview.png"]
+    files = [*scene_writers(Path(), completion), "preview.png", "mask.png"]
     files += ["background.ply"] if completion.scene.objects else []
     for place, view in places(completion).items():
         files += view_writers(Path(), view, place, choice_of(completion, view))

@@ -28,6 +28,7 @@ from dlama.inpainters.networks.engine import open_engine
 from dlama.inpainters.networks.joint import joint_filler
 from dlama.inpainters.networks.lama import lama_filler
 from dlama.inpainters.networks.migan import migan_filler
+from dlama.models.cache import user_path
 from dlama.models.network_file import NetworkFile
 
 JUDGE = ASSETS / "choice" / "choice.onnx"
@@ -39,7 +40,7 @@ def choice_filler(model: str | Path) -> Inpainter:
 
     FileError where the file is neither.
     """
-    path = Path(model).expanduser()
+    path = user_path(model)
     if path == JUDGE or is_judge(NetworkFile(path).metadata):
         return choice_of(open_judge(path))
     name = path.stem

@@ -15,6 +15,7 @@ from dlama.errors import FileError, InputError
 from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.inpainters.networks.contract import Contract, from_metadata
 from dlama.inpainters.networks.tiling import Layout, fill_crops
+from dlama.models.cache import user_path
 from dlama.models.network_file import NetworkFile, cores, default_provider, file_stamp
 
 BUDGET = 640 * 640
@@ -111,7 +112,7 @@ def open_engine(
     """
     if isinstance(model, Engine):
         return model
-    path = Path(model).expanduser()
+    path = user_path(model)
     provider, threads = provider or default_provider(), cores() if threads is None else threads
     stamp = file_stamp(path)
     key = path, stamp, contract, provider, threads, budget, memory_pattern

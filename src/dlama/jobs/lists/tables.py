@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import csv
-import json
 from collections.abc import Iterator, Mapping
 from typing import Any
 
 from dlama.errors import FileError, InputError, MissingExtraError, first_line
+from dlama.files.checked_fields import json_value
 from dlama.jobs.job import check_columns
 from dlama.jobs.storage import opened
 
@@ -52,12 +52,9 @@ def _json_rows(path: str) -> Iterator[Row]:
             if not line.strip():
                 continue
             where = f"{path}: line {number}"
-            try:
-                row = json.loads(line)
-            except ValueError as error:
-                raise FileError(f"{where}: is no JSON: {error}") from error
+            row = json_value(where, line)
             if not isinstance(row, dict):
-                raise FileError(f"{where}: is {type(row).__name__}; an object with id, verb and parameters is wanted")
+                raise FileError(f"{where}: is {type(row).__name__}; an object with id, verb and parameters is expected")
             check_columns(list(row), where)
             yield where, row
 

@@ -63,7 +63,7 @@ def write_report(out: PathLike) -> str:
             stream.write(text)
         return target
     with new_file(target) as draft:
-        draft.write_text(text, encoding="utf-8")
+        draft.write_text(text, encoding="utf-8", errors="backslashreplace")
     return target
 
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from dlama.errors import FileError, InputError, MaskError
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
-from dlama.models.cache import locate
+from dlama.models.cache import locate, user_path
 from dlama.models.contracts import CONTRACT_KEY, contract_metadata, read_contract
 from dlama.models.network_file import NetworkFile
 from dlama.perception.depth_networks import IMAGENET
@@ -215,7 +215,7 @@ def find_pair(mask_model: object) -> tuple[NetworkFile, NetworkFile, PairContrac
             files = [Path(one) for one in (after if contract else text).split(",")]
     if len(files) != 2:
         raise InputError(f"mask_model is {mask_model!r}; {wanted} is wanted")
-    encoder, decoder = (NetworkFile(file.expanduser()) for file in files)
+    encoder, decoder = (NetworkFile(user_path(file)) for file in files)
     contract = contract or contract_of_file(encoder)
     if contract is None:
         raise InputError(

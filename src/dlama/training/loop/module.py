@@ -5,7 +5,6 @@ from __future__ import annotations
 import copy
 import math
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import pytorch_lightning as pl
@@ -13,6 +12,7 @@ import torch
 from torch import Tensor, nn
 
 from dlama.errors import DlamaError, InputError
+from dlama.models.cache import user_path
 from dlama.nets.checkpoints import read_generator
 from dlama.nets.discriminator import Discriminator
 from dlama.nets.export.judge import read_judge
@@ -193,7 +193,7 @@ def initial_generator(network: NetworkSettings) -> Generator | GuessMixer:
         return initial_mixer(network)
     if network.start is None:
         return Generator(network.generator)
-    weights = read_generator(Path(network.start).expanduser())
+    weights = read_generator(user_path(network.start))
     found = replace(
         weights.settings, in_channels=network.generator.in_channels, out_channels=network.generator.out_channels
     )
@@ -207,7 +207,7 @@ def initial_mixer(network: NetworkSettings) -> GuessMixer:
     """The judge with its mixture, new or that of the file `network.start`. FileError: no judge of that width."""
     mixer = GuessMixer(network.judge, network.kind.guesses)
     if network.start is not None:
-        state = read_judge(network.judge, Path(network.start).expanduser())
+        state = read_judge(network.judge, user_path(network.start))
         mixer.judge.load_state_dict({name: torch.from_numpy(values) for name, values in state.items()})
     return mixer
 

@@ -6,13 +6,12 @@ are up to a hundred times larger, and outweigh every other term; so their layers
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import torch
 from torch import Tensor, nn
 from torch.nn.functional import mse_loss
 
 from dlama.errors import FileError
+from dlama.models.cache import user_path
 from dlama.training.losses.lpips import LpipsLoss
 from dlama.training.losses.pixels import precise
 from dlama.training.losses.trunks import IMAGENET_MEAN, IMAGENET_STD, LPIPS_TRUNKS, random_trunk, read_trunk
@@ -86,7 +85,7 @@ def perceptual_loss(settings: LossSettings) -> PerceptualLoss | LpipsLoss:
         return LpipsLoss()
     if settings.trunk_weights is None:
         return PerceptualLoss(random_trunk(settings.trunk_width), "random", scaled=True)
-    path = Path(settings.trunk_weights).expanduser()
+    path = user_path(settings.trunk_weights)
     if not path.is_file():
         raise FileError(f"{path}: no such file (loss.trunk_weights)")
     name, trunk = read_trunk(settings.trunk, path)

@@ -1,0 +1,97 @@
+"""The options of one job in; InputError, which names all that are wrong, before a picture is read or anything computed, out.
+
+The command line's options are read by this file too: what computes is imported where it is used.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+from dlama.errors import FileError, InputError
+from dlama.inpainters import AUTO, model_file
+
+
+def check_options(given: Mapping[str, Any], image: Path | None = None, removes: bool = True) -> None:
+    """Raise InputError for options of view, remove, stereo or depth that cannot be, all of them in one message.
+
+    given: by name, as `jobs.parameters` has them; points as `mask_settings` gives them. image: the picture that is pointed at.
+    removes: whether the job removes an object, whose mask can be written.
+    """
+    from dlama.completion.recipes import checked_confidence, checked_seed, find_recipe
+    from dlama.files.rasters.depth import check_depth_options
+    from dlama.files.results.completion import checked_results
+
+    def one(name: str, default: Any = None) -> Any:
+        return given[name] if given.get(name) is not None else default
+
+    changes = {name: given[name] for name in ("mode", "dilate", "dilate_holes", "clip", "depth_by") if name in given}
+    checks: list[Callable[[], Any]] = [
+        *(lambda name=name, value=value: find_recipe("dlama", **{name: value}) for name, value in changes.items()),
+        lambda: find_recipe(one("recipe", "dlama")),
+        lambda: _check_results(checked_results(given.get("only")), removes),
+        lambda: checked_seed(one("seed", 0)),
+        lambda: checked_confidence(one("min_confidence", 0.0)),
+        lambda: one("filler", AUTO) == AUTO or callable(given["filler"]) or model_file(given["filler"], one("model")),
+        lambda: check_depth_options(one("depth_scale"), one("depth_range"), one("far")),
+        lambda: _check_move(given),
+        lambda: _check_pointing(given, image),
+        lambda: _check_scale(given, image),
+    ]
+    wrong = []
+    for check in checks:
+        try:
+            check()
+        except InputError as error:
+            wrong.append(error)
+    if wrong:
+        raise type(wrong[0])("; ".join(dict.fromkeys(str(error) for error in wrong)))
+
+
+def _check_results(names: tuple[str, ...], removes: bool) -> None:
+    if "mask" in names and not removes:
+        raise InputError("only names mask, and no object is removed whose mask could be written")
+
+
+def _check_move(given: Mapping[str, Any]) -> None:
+    """An orbit and a dolly that no camera can make."""
+    from dlama.geometry.camera import Camera
+    from dlama.geometry.trajectories import PIVOT_M, dolly, orbit
+
+    pivot = given.get("pivot", PIVOT_M)
+    yaw, pitch, ahead = (given.get(name) or 0.0 for name in ("yaw", "pitch", "dolly"))
+    dolly(orbit(Camera.from_fov(2, 2, 60), yaw, pitch, PIVOT_M if pivot == "auto" else pivot), ahead)
+
+
+def _check_pointing(given: Mapping[str, Any], image: Path | None) -> None:
+    """What points at an object, held against the size of the picture."""
+    from dlama.perception.masks.prompt import Prompt
+    from dlama.perception.object_masks import check_names
+
+    if not {"clicks", "masker", "candidate"} & set(given):
+        return
+    check_names(given.get("masker"), given.get("mask_model"), given.get("candidate", "thing"))
+    hw = _size(image)
+    if hw is not None and (given.get("clicks") or given.get("not_clicks") or given.get("box")):
+        on, beside = (tuple(map(tuple, given.get(name, ()))) for name in ("clicks", "not_clicks"))
+        Prompt(hw, on, beside, given.get("box"))
+
+
+def _check_scale(given: Mapping[str, Any], image: Path | None) -> None:
+    """What is known of the scale of estimated depth."""
+    from dlama.perception.depth_scale import check_known
+
+    known, height = given.get("metres_at") or (), given.get("camera_height")
+    if known or height is not None:
+        check_known(known, height, _size(image))
+
+
+def _size(image: Path | None) -> tuple[int, int] | None:
+    """(height, width) of the picture; None where there is none that can be read, which its reader says."""
+    from dlama.files.rasters.images import picture_hw
+
+    try:
+        return None if image is None else picture_hw(image)
+    except FileError:
+        return None
