@@ -1,199 +1,308 @@
-"""Speed and memory, everything measured side by side in one run: rendering against Open3D, the main job, masks, start-up, 4K.
+"""Times, peak memory and bytes written of the main jobs; against another commit, the two run in turn and give ratios.
 
-    python benchmarks/speed.py [--image street.jpg --depth depth.png --fov 90] [--skip-open3d] [--skip-4k] [--only-masks]
+    python benchmarks/speed.py                                 # every row of this checkout, once
+    python benchmarks/speed.py --against 9b78cf1 --rounds 3    # ratios against that commit, with their spread
+    python benchmarks/speed.py --rows help photo-12mp          # some rows; --list names them
 
-Medians over repeated runs after one warm-up; the ratio column is what counts, absolute times depend on the machine. The input
-defaults to the demo frame that ships in the package.
+Each row runs in a process of its own, whose kernels are compiled before it is timed. `--against` unpacks the commit
+(`git archive`), runs it with the same packages, in turns A B B A, and prints the ratio new / old of each pair: median, least and
+largest. Processor time counts, as other programs may run on the machine. Real data are read from the folder in DLAMA_DATA.
 """
 
 from __future__ import annotations
 
 import argparse
+import io
+import json
 import os
 import resource
 import statistics
 import subprocess
 import sys
+import tarfile
 import tempfile
 import time
-from collections.abc import Callable
-from importlib import resources
+import warnings
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
-import cv2
-import numpy as np
-
-import dlama
-from dlama.completion.pipeline import complete
-from dlama.geometry.camera import Camera
-from dlama.geometry.rendering import render
-from dlama.geometry.rgbd import RGBD
-from dlama.geometry.trajectories import orbit
-from dlama.geometry.view import View
-
-DEMO = Path(str(resources.files("dlama"))) / "assets" / "demo"
-YAW = 20.0
+HERE = Path(__file__).resolve()
+ROOT = Path(__file__).resolve().parents[1]
+Figures = dict[str, float]
+"""Name of a figure -> its value: processor seconds, or what the name says."""
 
 
-def seconds(job: Callable[[], object], runs: int = 15) -> float:
-    """Median wall time of a call after one warm-up."""
+def demo_frame(width: int = 512, height: int = 512) -> Any:
+    """The frame that ships, at another size: depth by the nearest pixel, so that no new depths appear."""
+    import cv2
+    import numpy as np
+
+    import dlama
+
+    folder = Path(dlama.__file__).parent / "assets" / "demo"
+    color = cv2.imread(str(folder / "street.jpg"))[..., ::-1]
+    units = cv2.imread(str(folder / "depth.png"), cv2.IMREAD_UNCHANGED)
+    metres = np.where(units == 65535, np.float32(np.inf), units.astype(np.float32) / 1000)
+    color = cv2.resize(color, (width, height), interpolation=cv2.INTER_CUBIC)
+    metres = cv2.resize(metres, (width, height), interpolation=cv2.INTER_NEAREST)
+    return dlama.RGBD(np.ascontiguousarray(color), metres, dlama.Camera.from_fov(width, height, 90))
+
+
+def kinect_frame() -> Any:
+    """A frame of a depth camera, 640x480. KeyError without DLAMA_DATA."""
+    import dlama
+
+    stem = Path(os.environ["DLAMA_DATA"]) / "data" / "kitchen_vpi" / "frame-000024"
+    camera = dlama.Camera(640, 480, 526, 526, 320.5, 237.5)
+    return dlama.read_rgbd(f"{stem}.color.jpg", f"{stem}.depth.png", camera=camera)
+
+
+def photo(width: int) -> Any:
+    """A photo of that width, 3:2. KeyError without DLAMA_DATA."""
+    import cv2
+    import numpy as np
+
+    found = cv2.imread(str(Path(os.environ["DLAMA_DATA"]) / "photos" / "more" / "bench.jpg"))
+    large = cv2.resize(found, (width, 2 * width // 3), interpolation=cv2.INTER_CUBIC)
+    return np.ascontiguousarray(large[..., ::-1])
+
+
+class Laps:
+    """Processor time by stage."""
+
+    def __init__(self) -> None:
+        self.figures: Figures = {}
+
+    @contextmanager
+    def __call__(self, name: str) -> Iterator[None]:
+        begun, busy = time.perf_counter(), time.process_time()
+        yield
+        self.figures[name] = time.process_time() - busy
+        self.figures["wall"] = self.figures.get("wall", 0) + time.perf_counter() - begun
+
+
+def repeated(job: Callable[[], object], runs: int) -> Figures:
+    """Processor and wall time of a call, medians of some runs after one that is not counted."""
     job()
-    taken = []
-    for _ in range(runs):
-        started = time.perf_counter()
-        job()
-        taken.append(time.perf_counter() - started)
-    return statistics.median(taken)
+    laps = [Laps() for _ in range(runs)]
+    for lap in laps:
+        with lap("cpu"):
+            job()
+    return {name: statistics.median(lap.figures[name] for lap in laps) for name in ("cpu", "wall")}
 
 
-def frame(image: Path, depth: Path, fov: float) -> RGBD:
-    color = cv2.imread(str(image))[..., ::-1]
-    millimetres = cv2.imread(str(depth), cv2.IMREAD_UNCHANGED)
-    metres = millimetres.astype(np.float32) / 1000
-    metres[millimetres == 65535] = np.inf
-    height, width = metres.shape
-    return RGBD(np.ascontiguousarray(color), metres, Camera.from_fov(width, height, fov))
+def view(frame: Callable[[], Any], filler: str = "layered", runs: int = 1) -> Figures:
+    """A view in process, yaw 20; a small one compiles the kernels first."""
+    import dlama
+
+    dlama.view(demo_frame(256, 256), yaw=20, filler=filler)
+    rgbd = frame()
+    if runs > 1:
+        return repeated(lambda: dlama.view(rgbd, yaw=20, filler=filler), runs)
+    with (lap := Laps())("cpu"):
+        dlama.view(rgbd, yaw=20, filler=filler)
+    return lap.figures
 
 
-def resized(rgbd: RGBD, width: int, height: int) -> RGBD:
-    """The frame at another size (nearest depth, so that no new depths appear)."""
-    color = cv2.resize(rgbd.color, (width, height), interpolation=cv2.INTER_CUBIC)
-    depth = cv2.resize(rgbd.depth, (width, height), interpolation=cv2.INTER_NEAREST)
-    return RGBD(color, depth, Camera.from_fov(width, height, rgbd.camera.fov_deg))
+def removal_of_photo(width: int) -> Figures:
+    """Depth, a click, its removal and all files of a photo; stage by stage."""
+    import dlama
+
+    def run(color: Any, folder: str, lap: Laps) -> None:
+        with lap("depth"):
+            estimate = dlama.estimate_depth(color)
+        with lap("click"):
+            found = dlama.find_mask(estimate.rgbd, clicks=[(0.5 * color.shape[1], 0.62 * color.shape[0])])
+        with lap("removal"):
+            done = dlama.remove(estimate.rgbd, found.mask)
+        with lap("write"):
+            dlama.write(done, folder)
+
+    with tempfile.TemporaryDirectory() as folder:
+        run(photo(600), f"{folder}/small", Laps())
+        run(photo(width), f"{folder}/large", lap := Laps())
+        return lap.figures | written(Path(folder) / "large")
 
 
-def open3d_projection(rgbd: RGBD, camera: Camera) -> Callable[[], object]:
+def written(folder: Path) -> Figures:
+    """Megabytes of the files in a folder."""
+    return {"MB written": sum(file.stat().st_size for file in folder.rglob("*") if file.is_file()) / 1e6}
+
+
+def rendering(mode: str, types: bool) -> Figures:
+    """The demo frame drawn to yaw 20; where Open3D is installed the share of its projection's time, too."""
+    from dlama.geometry.rendering import render
+    from dlama.geometry.trajectories import orbit
+    from dlama.geometry.view import View
+
+    rgbd = demo_frame()
+    source, camera = View.from_rgbd(rgbd), orbit(rgbd.camera, 20)
+    figures = repeated(lambda: render(source, camera, mode, types), 25)  # type: ignore[arg-type]
+    try:
+        other = repeated(open3d_projection(rgbd, camera), 25)
+    except ImportError:
+        return figures
+    return figures | {"times as fast as Open3D": other["wall"] / figures["wall"]}
+
+
+def open3d_projection(rgbd: Any, camera: Any) -> Callable[[], object]:
     """Open3D's tensor RGBD -> cloud -> RGBD at the target camera."""
+    import numpy as np
     import open3d as o3d
 
     o3c = o3d.core
     color = o3d.t.geometry.Image(o3c.Tensor(rgbd.color.astype(np.float32) / 255))
     depth = o3d.t.geometry.Image(o3c.Tensor(np.where(rgbd.valid, rgbd.depth, 0)[..., None].astype(np.float32)))
     picture = o3d.t.geometry.RGBDImage(color, depth)
-    k = rgbd.camera.K - np.array([[0, 0, 0.5], [0, 0, 0.5], [0, 0, 0]])
-    intrinsics, extrinsics = o3c.Tensor(k), o3c.Tensor(camera.cam_from_world @ rgbd.camera.world_from_cam)
+    intrinsics = o3c.Tensor(rgbd.camera.K - np.array([[0, 0, 0.5], [0, 0, 0.5], [0, 0, 0]]))
+    extrinsics = o3c.Tensor(camera.cam_from_world @ rgbd.camera.world_from_cam)
+    limits = {"depth_scale": 1.0, "depth_max": 1000.0}
 
     def project() -> object:
-        cloud = o3d.t.geometry.PointCloud.create_from_rgbd_image(picture, intrinsics, depth_scale=1.0, depth_max=1000.0)
-        return cloud.project_to_rgbd_image(
-            camera.width, camera.height, intrinsics, extrinsics, depth_scale=1.0, depth_max=1000.0
-        )
+        cloud = o3d.t.geometry.PointCloud.create_from_rgbd_image(picture, intrinsics, **limits)
+        return cloud.project_to_rgbd_image(camera.width, camera.height, intrinsics, extrinsics, **limits)
 
     return project
 
 
-def command_seconds(arguments: list[str], runs: int, **settings: str) -> float:
-    taken = []
-    for _ in range(runs):
-        started = time.perf_counter()
-        subprocess.run(arguments, check=True, capture_output=True, env={**os.environ, **settings})
-        taken.append(time.perf_counter() - started)
-    return statistics.median(taken)
+def masks() -> Figures:
+    """A click in a frame with depth, and one in a photo."""
+    import dlama
 
-
-def print_rendering(rgbd: RGBD, skip_open3d: bool) -> None:
-    camera = orbit(rgbd.camera, YAW)
-    source = View.from_rgbd(rgbd)
-    print(f"\nrendering {rgbd.camera.width}x{rgbd.camera.height} to yaw {YAW:g} (ms)")
-    other = None if skip_open3d else seconds(open3d_projection(rgbd, camera))
-    if other is not None:
-        print(f"  Open3D create_from_rgbd_image + project_to_rgbd_image {1000 * other:8.2f}")
-    for mode, fine in (("points", False), ("surface", False), ("surface", True)):
-        for types in (False, True):
-            taken = seconds(lambda mode=mode, types=types, fine=fine: render(source, camera, mode, types, fine))
-            ratio = f"   Open3D / dlama {other / taken:5.1f}x" if other else ""
-            name = mode + (", bilinear" if mode == "surface" and not fine else "")
-            print(f"  dlama {name:18} {'with hole types' if types else '':16} {1000 * taken:8.2f}{ratio}")
-
-
-def print_view(rgbd: RGBD) -> float:
-    camera = orbit(rgbd.camera, YAW)
-    print(f"\nview in process, {rgbd.camera.width}x{rgbd.camera.height}, yaw {YAW:g} (s)")
-    taken = 0.0
-    for filler in ("telea", "navier-stokes", "layered"):
-        taken = seconds(lambda filler=filler: complete(rgbd, [camera], filler=filler), runs=5)
-        print(f"  {filler:14} {taken:7.3f}   {1e6 * taken / rgbd.depth.size:6.2f} us/pixel")
-    return taken / rgbd.depth.size
-
-
-def print_masks(rgbd: RGBD) -> None:
-    """Wall and processor time, as other programs may run beside it; networks open, kernels compiled."""
+    rgbd = demo_frame()
+    estimated = dlama.estimate_depth(rgbd.color, rgbd.camera).rgbd
     click = [(0.5 * rgbd.camera.width, 0.67 * rgbd.camera.height)]
-    session = dlama.MaskSession(rgbd)
-    known = [(*click[0], 3.0)]
-    photo = dlama.estimate_depth(rgbd.color, rgbd.camera, metres_at=known).rgbd
-    jobs: dict[str, Callable[[], object]] = {
-        "mask by a click, with depth": lambda: dlama.find_mask(rgbd, clicks=click),
-        "a further click (MaskSession)": lambda: session.find(clicks=click),
-        "mask and shadow, with depth": lambda: dlama.find_mask(rgbd, clicks=click, with_shadow=True),
-        "mask by a click, estimated depth": lambda: dlama.find_mask(photo, clicks=click),
-        "depth of a photo": lambda: dlama.estimate_depth(rgbd.color, rgbd.camera, metres_at=known),
-        "what stands out (salient)": lambda: dlama.find_mask(rgbd.color, masker="salient"),
-    }
-    print(f"\nmasks and depth of a photo, {rgbd.camera.width}x{rgbd.camera.height} (s)          processor")
-    for name, job in jobs.items():
-        job()
-        walls, busy = [], []
-        for _ in range(7):
-            started = time.perf_counter(), time.process_time()
-            job()
-            walls.append(time.perf_counter() - started[0])
-            busy.append(time.process_time() - started[1])
-        print(f"  {name:34} {statistics.median(walls):7.3f} {statistics.median(busy):10.3f}")
+    found = {"with depth": rgbd, "photo": estimated}
+    return {name: repeated(lambda one=one: dlama.find_mask(one, clicks=click), 5)["cpu"] for name, one in found.items()}
 
 
-def print_commands(image: Path, depth: Path, fov: float) -> None:
-    print("\ncommands from a cold start (s)")
-    command = [sys.executable, "-m", "dlama"]
-    bare = command_seconds([sys.executable, "-c", "import numpy"], 5)
-    imported = command_seconds([sys.executable, "-c", "import numpy, dlama"], 5)
-    print(f"  import dlama, beyond numpy {imported - bare:7.3f}")
-    print(f"  dlama --help               {command_seconds([*command, '--help'], 5):7.3f}")
+def stereo() -> Figures:
+    """The demo pair: disparity, and both pictures without the car."""
+    import cv2
+
+    import dlama
+
+    folder = Path(dlama.__file__).parent / "assets" / "demo"
+    pair = [cv2.imread(str(folder / name))[..., ::-1].copy() for name in ("street.jpg", "right.jpg")]
+    calibration = dlama.read_stereo_calib(folder / "calib.txt")
+    mask = cv2.imread(str(folder / "mask.png"), 0) > 127
+    return repeated(lambda: dlama.stereo(*pair, calibration, mask=mask), 2)
+
+
+def command(*words: str, runs: int = 5, cached: bool = True) -> Figures:
+    """A command from a cold start, its children counted; `cached`: its kernels were compiled before."""
+    import dlama
+
+    demo = Path(dlama.__file__).parent / "assets" / "demo"
+    taken, sizes = [], {}
     with tempfile.TemporaryDirectory() as folder:
-        view = [*command, "view", str(image), str(depth), "--fov", str(fov), "--yaw", str(YAW), "-o", f"{folder}/out"]
-        before = resource.getrusage(resource.RUSAGE_CHILDREN)
-        first = command_seconds(view, 1, NUMBA_CACHE_DIR=f"{folder}/kernels")
-        after = resource.getrusage(resource.RUSAGE_CHILDREN)
-        busy = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
-        print(f"  dlama view, first run ever {first:7.3f}   ({busy:.1f} s of processor time)")
-        print(f"  dlama view, kernels cached {command_seconds(view, 4, NUMBA_CACHE_DIR=f'{folder}/kernels'):7.3f}")
+        line = [sys.executable, "-m", "dlama", *(word.format(demo=demo, out=f"{folder}/out") for word in words)]
+        settings = os.environ | ({} if cached else {"NUMBA_CACHE_DIR": f"{folder}/kernels"})
+        for number in range(runs + cached):
+            begun, busy = time.perf_counter(), children()
+            subprocess.run(line, check=True, capture_output=True, env=settings)
+            if number or not cached:
+                taken.append((time.perf_counter() - begun, children() - busy))
+        if Path(folder, "out").exists():
+            sizes = written(Path(folder) / "out")
+    wall, cpu = (statistics.median(one) for one in zip(*taken))
+    return {"cpu": cpu, "wall": wall} | sizes
 
 
-def print_4k(rgbd: RGBD, per_pixel: float) -> None:
-    large = resized(rgbd, 3840, 2160)
-    camera = orbit(large.camera, YAW)
-    started = time.perf_counter()
-    complete(large, [camera])
-    taken = time.perf_counter() - started
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
-    print(f"\n3840x2160, layered: {taken:.1f} s, {1e6 * taken / large.depth.size:.2f} us/pixel")
-    print(
-        f"  time per pixel against {rgbd.depth.shape[1]}x{rgbd.depth.shape[0]}: {taken / large.depth.size / per_pixel:.2f}x"
-    )
-    print(f"  peak memory of this process: {peak:.2f} GiB")
+def children() -> float:
+    """Processor seconds of the processes that this one has started and that have ended."""
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
+
+
+VIEW = ("view", "{demo}/street.jpg", "{demo}/depth.png", "--fov", "90", "--yaw", "20", "-o", "{out}")
+ROWS: dict[str, Callable[[], Figures]] = {
+    "help": lambda: command("--help"),
+    "verb-help": lambda: command("view", "--help"),
+    "command": lambda: command(*VIEW, runs=3),
+    "first-run": lambda: command(*VIEW, runs=1, cached=False),
+    "points": lambda: rendering("points", False),
+    "points-types": lambda: rendering("points", True),
+    "surface": lambda: rendering("surface", False),
+    "surface-types": lambda: rendering("surface", True),
+    "view-512-telea": lambda: view(demo_frame, "telea", 3),
+    "view-512-layered": lambda: view(demo_frame, "layered", 3),
+    "view-kinect": lambda: view(kinect_frame, "auto", 2),
+    "view-1080p": lambda: view(lambda: demo_frame(1920, 1080), "auto"),
+    "view-4k": lambda: view(lambda: demo_frame(3840, 2160), "auto"),
+    "view-12mp": lambda: view(lambda: demo_frame(4000, 3000), "layered"),
+    "masks": masks,
+    "stereo": stereo,
+    "photo-2mp": lambda: removal_of_photo(1600),
+    "photo-12mp": lambda: removal_of_photo(4000),
+}
+"""Name -> what measures it, in a process of its own."""
+
+
+def measure(row: str) -> Figures:
+    """One row in this process, with the peak of its memory and of its children's."""
+    warnings.simplefilter("ignore")
+    figures = ROWS[row]()
+    peaks = (resource.getrusage(who).ru_maxrss for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
+    return figures | {"peak GB": max(peaks) * 1024 / 1e9}
+
+
+def in_checkout(source: Path, row: str) -> Figures | None:
+    """One row measured in a process that imports dlama from `source`; None where it fails, with its last line printed."""
+    line = [sys.executable, str(HERE), "--measure", row]
+    ended = subprocess.run(line, env=os.environ | {"PYTHONPATH": str(source)}, capture_output=True, text=True)
+    if ended.returncode:
+        print(f"{row}: {ended.stderr.strip().splitlines()[-1]}", file=sys.stderr)
+        return None
+    found: Figures = json.loads(ended.stdout.splitlines()[-1])
+    return found
+
+
+def compare(row: str, new: Path, old: Path, rounds: int) -> None:
+    """A row of both checkouts in turn, and the ratio new / old of each pair."""
+    pairs: list[tuple[Figures, Figures]] = []
+    for number in range(rounds + 1):  # the first compiles
+        first, second = ((new, old), (old, new))[number % 2]
+        found = {first: in_checkout(first, row), second: in_checkout(second, row)}
+        a, b = found[new], found[old]
+        if a is None or b is None:
+            return
+        if number:
+            pairs.append((a, b))
+    for name in pairs[0][0]:
+        a, b = (statistics.median(pair[side][name] for pair in pairs) for side in (0, 1))
+        ratios = sorted(pair[0][name] / max(pair[1][name], 1e-9) for pair in pairs)
+        spread = f"{statistics.median(ratios):6.2f}   {ratios[0]:5.2f} to {ratios[-1]:5.2f}"
+        print(f"{row:18} {name:24} {b:9.3f} {a:9.3f} {spread}", flush=True)
 
 
 def main() -> None:
+    """Rows of this checkout, or their ratios against a commit."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--image", type=Path, default=DEMO / "street.jpg")
-    parser.add_argument("--depth", type=Path, default=DEMO / "depth.png")
-    parser.add_argument("--fov", type=float, default=90.0)
-    parser.add_argument("--skip-open3d", action="store_true")
-    parser.add_argument("--skip-4k", action="store_true")
-    parser.add_argument("--skip-commands", action="store_true")
-    parser.add_argument("--only-masks", action="store_true")
-    args = parser.parse_args()
-    rgbd = frame(args.image, args.depth, args.fov)
-    if args.only_masks:
-        print_masks(rgbd)
-        return
-    print_rendering(rgbd, args.skip_open3d)
-    per_pixel = print_view(rgbd)
-    print_masks(rgbd)
-    if not args.skip_commands:
-        print_commands(args.image, args.depth, args.fov)
-    if not args.skip_4k:
-        print_4k(rgbd, per_pixel)
+    parser.add_argument("--against", metavar="COMMIT")
+    parser.add_argument("--rows", nargs="+", choices=ROWS, default=list(ROWS))
+    parser.add_argument("--rounds", type=int, default=3, help="pairs that are counted; one more warms up")
+    parser.add_argument("--list", action="store_true")
+    parser.add_argument("--measure", choices=ROWS, help=argparse.SUPPRESS)
+    given = parser.parse_args()
+    if given.list:
+        print("\n".join(ROWS))
+    elif given.measure:
+        print(json.dumps(measure(given.measure)))
+    elif given.against is None:
+        for row in given.rows:
+            figures = in_checkout(ROOT / "src", row) or {}
+            print(f"{row:18} " + "   ".join(f"{name} {value:.3f}" for name, value in figures.items()), flush=True)
+    else:
+        with tempfile.TemporaryDirectory() as folder:
+            packed = subprocess.run(["git", "archive", given.against, "src"], check=True, capture_output=True, cwd=ROOT)
+            with tarfile.open(fileobj=io.BytesIO(packed.stdout)) as archive:
+                archive.extractall(folder, filter="data")
+            print(f"{'row':18} {'figure':24} {given.against[:9]:>9} {'here':>9}  ratio   spread")
+            for row in given.rows:
+                compare(row, ROOT / "src", Path(folder) / "src", given.rounds)
 
 
 if __name__ == "__main__":

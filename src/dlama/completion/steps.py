@@ -163,8 +163,7 @@ def close_holes(law: Law, view: View, earlier: View, *, measured: bool = False) 
     of_color = closed & view.color_hole
     again = np.isin(earlier.origin, SEEN_AGAIN) & (not measured)
     origin = np.where(again, np.uint8(Origin.FILLED), earlier.origin)
-    known = dataclasses.replace(
-        view,
+    known = view.with_planes(
         color=np.where(of_color[..., None], earlier.color, view.color),
         depth=depth,
         hole=view.hole & ~closed,
@@ -173,7 +172,7 @@ def close_holes(law: Law, view: View, earlier: View, *, measured: bool = False) 
         errors=with_errors_of(view, earlier, closed),
     )
     if view.frame is not None and earlier.frame is not None:
-        known = dataclasses.replace(known, frame=np.where(of_color, earlier.frame, view.frame))
+        known = known.with_planes(frame=np.where(of_color, earlier.frame, view.frame))
     return known, FillReport(0, moved, 0, {})
 
 

@@ -55,9 +55,7 @@ def with_layer(scene: Scene, view: View, added: BoolArray) -> Scene:
     filled = np.isin(layer.origin, FILLED_BEFORE)
     origin = np.where(added | layer.hole | filled, layer.origin, np.uint8(Origin.REPROJECTED))
     types = np.where(added, layer.hole_type, np.uint8(HoleType.NONE))
-    return dataclasses.replace(
-        scene, layers=(*scene.layers, dataclasses.replace(layer, origin=origin, hole_type=types))
-    )
+    return dataclasses.replace(scene, layers=(*scene.layers, layer.with_planes(origin=origin, hole_type=types)))
 
 
 def scene_cloud(scene: Scene, objects: bool = True) -> PointCloud:

@@ -24,7 +24,7 @@ from dlama.geometry.holes import with_nearest
 from dlama.geometry.kernels import hole_types as hole_kernels
 from dlama.geometry.kernels.jit import in_bands
 from dlama.geometry.projection import project
-from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
+from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array, freeze
 from dlama.geometry.scene import Scene, contribution
 from dlama.geometry.view import HoleType, Origin, View, from_source
 
@@ -75,14 +75,14 @@ def render(
     if merged is not None:
         layers = tuple(layer for layer in layers if may_show(layer, camera))
     grids = [Grid.of(layer, camera, mode, fine) for layer in layers]
-    errors = any(layer.has_errors for layer in scene.layers)
-    canvas = Canvas.empty(camera, errors) if merged is None else merged.canvas
-    if errors and canvas.errors is None:
+    with_errors = any(layer.has_errors for layer in scene.layers)
+    canvas = Canvas.empty(camera, with_errors) if merged is None else merged.canvas
+    if with_errors and canvas.errors is None:
         canvas.errors = np.zeros((*camera.hw, 2), np.float32)
     for number, grid in enumerate(grids):
         if number or merged is not None:
             measured = bool(from_source(grid.layer.origin).any())
-            canvas.put(draw(grid, camera, Canvas.empty(camera, errors)), tolerance=0.005, over_measured=measured)
+            canvas.put(draw(grid, camera, Canvas.empty(camera, with_errors)), tolerance=0.005, over_measured=measured)
         else:
             draw(grid, camera, canvas)
             if grid.own_camera:
@@ -94,17 +94,11 @@ def render(
     hole = canvas.depth == 0
     if merged is not None:
         grids = merged.grids + grids
-    return View(
-        camera=camera,
-        color=canvas.color,
-        depth=canvas.depth,
-        hole=hole,
-        hole_type=hole_types(grids, scene.objects, camera, hole) if types else hole * np.uint8(HoleType.OUT_OF_VIEW),
-        origin=canvas.origin,
-        confidence=canvas.confidence,
-        frame=None if merged is None else merged.frame * np.uint16(canvas.origin != Origin.FILLED),
-        errors=canvas.errors,
-    )
+    kinds = hole_types(grids, scene.objects, camera, hole) if types else hole * np.uint8(HoleType.OUT_OF_VIEW)
+    frame = None if merged is None else freeze(merged.frame * np.uint16(canvas.origin != Origin.FILLED))
+    errors = None if canvas.errors is None else freeze(canvas.errors)
+    color, depth, origin, confidence = (freeze(plane) for plane in canvas.buffers())
+    return View(camera, color, depth, freeze(hole), freeze(kinds), origin, confidence, frame, errors)
 
 
 def without_overlap(scene: Scene) -> tuple[View, ...]:

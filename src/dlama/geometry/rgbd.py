@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
+import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -57,11 +58,13 @@ class RGBD:
             )
         if depth.dtype.kind not in "fiu":
             raise DepthError(f"depth is {depth.dtype}; metres as numbers are wanted")
-        depth = np.array(depth, np.float32)
-        depth[np.isnan(depth)] = 0
-        if (depth < 0).any():
-            raise DepthError(f"depth holds negative values (smallest {depth.min():.6g}); metres >= 0 are wanted")
-        depth.flags.writeable = False  # a copy of our own
+        depth = np.asarray(depth, np.float32)
+        least = depth.min()
+        if np.isnan(least):
+            depth = freeze(np.where(np.isnan(depth), np.float32(0), depth))
+            least = depth.min()
+        if least < 0:
+            raise DepthError(f"depth holds negative values (smallest {least:.6g}); metres >= 0 are wanted")
         object.__setattr__(self, "color", read_only(color))
         object.__setattr__(self, "depth", read_only(depth))
 
@@ -130,6 +133,24 @@ def read_only(array: np.ndarray) -> np.ndarray:
     copy = np.array(array, order="C")
     copy.flags.writeable = False
     return copy
+
+
+def freeze(array: np.ndarray) -> np.ndarray:
+    """An array that was just made and that nobody else holds, made read-only: `read_only` then need not copy it."""
+    array.flags.writeable = False
+    return array
+
+
+def select(array: np.ndarray, where: BoolArray) -> np.ndarray:
+    """The values (H x W or H x W x C) in the pixels of `where` (H x W bool), 0 in all others; read-only, nobody else holds it."""
+    if array.dtype == np.bool_:
+        return freeze(array & where)
+    return freeze(np.asarray(cv2.copyTo(array, where.view(np.uint8))))
+
+
+def paste(array: np.ndarray, where: BoolArray, onto: np.ndarray) -> None:
+    """Write the values (H x W or H x W x C) in the pixels of `where` (H x W bool) onto another array of that shape."""
+    cv2.copyTo(array, where.view(np.uint8), onto)
 
 
 def _frozen(array: np.ndarray) -> bool:

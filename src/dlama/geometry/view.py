@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from enum import IntEnum
 from functools import cached_property
 
+import cv2
 import numpy as np
 
 from dlama.arguments import check
@@ -24,7 +25,9 @@ from dlama.geometry.rgbd import (
     UInt16Array,
     checked_fields,
     depth_range_in_words,
+    freeze,
     percent,
+    select,
 )
 
 
@@ -125,10 +128,10 @@ class View:
             camera=rgbd.camera,
             color=rgbd.color,
             depth=rgbd.depth,
-            hole=missing,
-            hole_type=np.where(missing, HoleType.SENSOR, HoleType.NONE).astype(np.uint8),
-            origin=np.where(missing, Origin.DEPTH_FILLED, known).astype(np.uint8),
-            confidence=(~missing) * np.float32(sure),
+            hole=freeze(missing),
+            hole_type=freeze(missing * np.uint8(HoleType.SENSOR)),
+            origin=freeze(np.where(missing, np.uint8(Origin.DEPTH_FILLED), np.uint8(known))),
+            confidence=freeze((~missing) * np.float32(sure)),
         )
 
     def __repr__(self) -> str:
@@ -186,7 +189,7 @@ class View:
     @cached_property
     def origins(self) -> frozenset[int]:
         """The Origin codes of its pixels."""
-        return frozenset(np.flatnonzero(np.bincount(self.origin.ravel(), minlength=1)).tolist())
+        return frozenset(np.flatnonzero(cv2.calcHist([self.origin], [0], None, [256], [0, 256])).tolist())
 
     @property
     def shows_source(self) -> bool:
@@ -210,7 +213,12 @@ class View:
 
     def errors_where(self, where: BoolArray) -> Float32Array | None:
         """`errors` in the pixels of `where` (H x W bool), 0 in all others."""
-        return None if self.errors is None else np.where(where[..., None], self.errors, np.float32(0))
+        return None if self.errors is None else select(self.errors, where)
+
+    def with_planes(self, **planes: np.ndarray | None) -> View:
+        """The view with other planes by name, which were just made and nobody else holds: they are taken over, not copied."""
+        taken = {name: plane if plane is None else freeze(plane) for name, plane in planes.items()}
+        return dataclasses.replace(self, **taken)  # type: ignore[arg-type]
 
     def left_open(self, where: BoolArray) -> View:
         """The same view with what was filled in the pixels of `where` (H x W bool) taken back: unknown, depth 0, origin UNKNOWN.
@@ -218,26 +226,25 @@ class View:
         Measured colours stay; `hole_type` still says why the pixels had been empty.
         """
         colored = where & (self.origin != Origin.DEPTH_FILLED)
-        return dataclasses.replace(
-            self,
-            color=self.color * ~colored[..., None],
-            depth=np.where(where, np.float32(0), self.depth),
+        keep = ~where
+        return self.with_planes(
+            color=select(self.color, ~colored),
+            depth=select(self.depth, keep),
             hole=self.hole | where,
-            origin=np.where(where, np.uint8(Origin.UNKNOWN), self.origin),
-            confidence=np.where(where, np.float32(0), self.confidence),
-            errors=self.errors_where(~where),
+            origin=select(self.origin, keep),
+            confidence=select(self.confidence, keep),
+            errors=self.errors_where(keep),
         )
 
     def without(self, where: BoolArray, hole_type: HoleType) -> View:
         """The same view with the pixels of `where` (H x W bool) turned into holes of one type."""
         keep = ~where
-        return dataclasses.replace(
-            self,
-            color=self.color * keep[..., None],
-            depth=np.where(keep, self.depth, np.float32(0)),
+        return self.with_planes(
+            color=select(self.color, keep),
+            depth=select(self.depth, keep),
             hole=self.hole | where,
             hole_type=np.where(where, np.uint8(hole_type), self.hole_type),
-            origin=self.origin * keep,
-            confidence=self.confidence * keep,
+            origin=select(self.origin, keep),
+            confidence=select(self.confidence, keep),
             errors=self.errors_where(keep),
         )

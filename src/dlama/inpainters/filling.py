@@ -6,7 +6,6 @@ origin and confidence mark what was filled.
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
@@ -110,8 +109,7 @@ def inpaint(view: View, inpainter: Inpainter, law: Law, seed: int = 0) -> tuple[
     confidence, errors = judge_fill(view, color, depth)
     if fill.errors is not None:
         errors = np.where(hole[..., None], fill.errors, errors)
-    filled = dataclasses.replace(
-        view,
+    filled = view.with_planes(
         color=color,
         depth=np.where(hole, depth, view.depth),
         hole=np.zeros_like(hole),

@@ -18,7 +18,7 @@ from dlama.geometry.kernels.footprints import draw_rim, rim
 from dlama.geometry.kernels.jit import in_bands, threads
 from dlama.geometry.kernels.sampling import far_blocks, smooth_quads, spline
 from dlama.geometry.projection import px_from_px
-from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
+from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array, paste
 from dlama.geometry.view import Origin, View, from_source
 
 Mode = Literal["surface", "points"]
@@ -121,10 +121,12 @@ class Canvas:
         wins = (other.depth > 0) & ((self.depth == 0) | (other.depth < self.depth * (1 - tolerance)))
         if not over_measured:
             wins &= ~from_source(self.origin)
-        self.color[wins], self.depth[wins] = other.color[wins], other.depth[wins]
-        self.origin[wins], self.confidence[wins] = other.origin[wins], other.confidence[wins]
+        paste(other.color, wins, self.color)
+        paste(other.depth, wins, self.depth)
+        paste(other.origin, wins, self.origin)
+        paste(other.confidence, wins, self.confidence)
         if self.errors is not None and other.errors is not None:
-            self.errors[wins] = other.errors[wins]
+            paste(other.errors, wins, self.errors)
 
     def put_errors(self, layer: View, where: BoolArray, rows: np.ndarray, columns: np.ndarray) -> None:
         """The expected errors of a layer's pixels (rows, columns: N) in the pixels of `where` (H x W bool, N True)."""
@@ -224,18 +226,18 @@ def copy_onto(canvas: Canvas, layer: View) -> None:
     """The layer seen from its own camera: every finite pixel as it is; a sensor hole its colour, but no depth."""
     copy_where(canvas, layer, layer.valid)
     color_only = layer.hole & (layer.origin == Origin.DEPTH_FILLED)
-    np.copyto(canvas.color, layer.color, where=color_only[..., None])
-    np.copyto(canvas.origin, layer.origin, where=color_only)
+    paste(layer.color, color_only, canvas.color)
+    paste(layer.origin, color_only, canvas.origin)
 
 
 def copy_where(canvas: Canvas, layer: View, where: BoolArray) -> None:
     """The chosen pixels of a layer onto the canvas, as they are."""
-    np.copyto(canvas.color, layer.color, where=where[..., None])
-    np.copyto(canvas.depth, layer.depth, where=where)
-    np.copyto(canvas.origin, layer.origin, where=where)
-    np.copyto(canvas.confidence, layer.confidence, where=where)
+    paste(layer.color, where, canvas.color)
+    paste(layer.depth, where, canvas.depth)
+    paste(layer.origin, where, canvas.origin)
+    paste(layer.confidence, where, canvas.confidence)
     if canvas.errors is not None and layer.errors is not None:
-        np.copyto(canvas.errors, layer.errors, where=where[..., None])
+        paste(layer.errors, where, canvas.errors)
 
 
 def draw_far(grid: Grid, camera: Camera, canvas: Canvas) -> None:
