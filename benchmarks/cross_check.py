@@ -21,17 +21,16 @@ import numpy as np
 
 from dlama.completion.pipeline import complete
 from dlama.completion.recipes import RECIPES
-from dlama.completion.steps import Plan, fill, filler_of_recipe, law_of, warp
+from dlama.completion.start import Plan, plan_for, scene_of
+from dlama.completion.steps import fill, warp
 from dlama.evaluation.metrics.pictures import depth_8bit
 from dlama.evaluation.protocols.methods import ProtocolSettings
 from dlama.evaluation.protocols.scores import Reference
 from dlama.geometry import rendering
 from dlama.geometry.camera import Camera
 from dlama.geometry.projection import lift
-from dlama.geometry.rgbd import RGBD, clipped
-from dlama.geometry.scene import Scene
+from dlama.geometry.rgbd import RGBD
 from dlama.geometry.view import View
-from dlama.inpainters import find_filler
 
 SCENES = ("s03", "s05", "s06", "s08")
 REFERENCE = {
@@ -89,8 +88,7 @@ def to_the_letter(source: RGBD, target: Camera) -> Made:
 def paper_plan(source: RGBD) -> Plan:
     """The paper's recipe with Telea, about to move; nothing holds its depth to a law."""
     recipe = dataclasses.replace(RECIPES["paper"], law=False)
-    given = Scene((View.from_rgbd(clipped(source, recipe.clip)),))
-    return Plan(recipe, filler_of_recipe(find_filler("telea"), recipe), 0, given, law_of(given, recipe))
+    return plan_for(scene_of(source, recipe.clip), recipe, filler="telea")[0]
 
 
 def made(warped: View, filled: View) -> Made:

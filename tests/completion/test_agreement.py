@@ -66,7 +66,7 @@ def test_the_papers_views_agree_where_the_footprint_was_not_cut(filler: str) -> 
     done = several("paper", filler, True)
     for one, before in zip(done.views, done.warped):
         again = render(done.scene, one.camera, "points")
-        object_seen = ~render(Scene(done.scene.objects), one.camera, "points").hole
+        object_seen = ~render(Scene(done.scene.removals), one.camera, "points").hole
         assert object_seen.any() and before.hole[object_seen].all()
         assert not again.hole.any()
         assert disagreement(one, again)[~object_seen].mean() < 0.04

@@ -44,7 +44,7 @@ def test_one_line_says_what_it_is() -> None:
 
 def test_no_camera_is_refused_where_there_is_nothing_to_do() -> None:
     """Without a mask; with one the scene is there, and a view that is not says so."""
-    with pytest.raises(InputError, match="cameras is empty; one camera or more is wanted"):
+    with pytest.raises(InputError, match="cameras is empty; one camera or more is expected"):
         complete(street(), [])
     done = complete(street(), [], mask=MASK, filler="telea")
     assert len(done.mesh.vertices) > 100

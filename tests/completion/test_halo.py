@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 import dlama
-from dlama.completion.frames.stepwise import plan_for
 from dlama.completion.verbs import remove
 from dlama.geometry.camera import Camera
+from dlama.geometry.frames.removal import mask_growth
 from dlama.geometry.rgbd import RGBD, BoolArray
 from worlds import Box, Plane, World
 
@@ -57,6 +57,4 @@ def test_masks_of_many_frames_grow_alike(shift: int, grown: int) -> None:
     frames = [rgbd, RGBD(rgbd.color, rgbd.depth, beside)]
     done = dlama.complete(frames, [CAMERA], mask={0: mask}, filler="telea")
     assert done.meta["recipe"]["dilate"] == grown
-    plan = plan_for(dlama.scene(frames), {0: mask}, filler="telea")
-    assert plan.recipe.dilate == grown
-    assert plan_for(dlama.scene(frames), filler="telea").recipe.dilate == 3
+    assert mask_growth(dlama.scene(frames)).px == grown

@@ -10,8 +10,8 @@ from small_street import CAMERA, WORLD, street
 
 import dlama
 from dlama.completion.completion import Completion
-from dlama.completion.frames.removal import carried
 from dlama.errors import InputError
+from dlama.geometry.frames.removal import carry_masks
 from dlama.geometry.rendering import render
 from dlama.geometry.trajectories import orbit
 from dlama.geometry.view import Origin
@@ -79,7 +79,7 @@ def test_the_scene_shows_the_view_again() -> None:
 
 def test_a_mask_is_carried_to_all_frames() -> None:
     """From one frame to the others (oracle: where the ball is seen): nearly all of it, and little besides."""
-    for mask, found in zip(MASKS, carried(dlama.scene(FRAMES), {1: MASKS[1]})):
+    for mask, found in zip(MASKS, carry_masks(dlama.scene(FRAMES), {1: MASKS[1]})):
         assert (mask & found).sum() > 0.95 * mask.sum()
         assert (found & ~mask).sum() < 0.15 * mask.sum()
 

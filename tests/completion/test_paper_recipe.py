@@ -49,7 +49,7 @@ def test_the_papers_hole_is_the_union_with_the_footprint() -> None:
     through when only the reduced cloud is asked (eq. 4 without the union)."""
     union = completed("paper", "telea", True, -14.0)
     reduced = remove(street(), MASK, yaw=-14.0, filler="telea", recipe=replace(RECIPES["paper"], footprint=False))
-    footprint = ~render(Scene(union.scene.objects), union.view.camera, "points").hole
+    footprint = ~render(Scene(union.scene.removals), union.view.camera, "points").hole
     shining = footprint & ~reduced.warped[0].hole
     assert shining.sum() > 20
     np.testing.assert_array_equal(union.warped[0].hole, reduced.warped[0].hole | footprint)

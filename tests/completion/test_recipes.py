@@ -19,12 +19,13 @@ OPTIONS = ["mode", "dilate", "dilate_holes", "clip", "depth_by"]
 
 def test_the_two_recipes_are_what_the_docs_say() -> None:
     """Frozen: ours draws surfaces, fills the source first, clips nothing; the paper's draws points, clips at 10 m, writes
-    8-bit depth, adds the footprint; both dilate masks by 3 px and crack-free holes by none."""
+    8-bit depth, adds the footprint; masks grow by 3 px, ours by what the depth
+    asks for, and crack-free holes by none."""
     assert list(RECIPES) == ["dlama", "paper"] and all(name == one.name for name, one in RECIPES.items())
     assert dataclasses.asdict(find_recipe("dlama")) == {
         "name": "dlama",
         "mode": "surface",
-        "dilate": 3,
+        "dilate": None,
         "dilate_holes": 0,
         "clip": None,
         "eight_bit_depth": False,

@@ -79,7 +79,7 @@ def test_npz_is_everything(removal: Completion, folder: Path) -> None:
     assert (view.depth == removal.view.depth).all()
     assert (view.confidence == removal.view.confidence).all()
     assert len(scene.layers) == len(removal.scene.layers)
-    assert (scene.objects[0].color == removal.scene.objects[0].color).all()
+    assert (scene.removals[0].color == removal.scene.removals[0].color).all()
 
 
 def test_clouds(removal: Completion, folder: Path) -> None:

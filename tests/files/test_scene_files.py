@@ -42,12 +42,12 @@ def assert_same(a: View, b: View) -> None:
 
 @pytest.mark.parametrize("hw", [(5, 7), (1, 1), (1, 9)])
 def test_there_and_back(tmp_path: Path, hw: tuple[int, int]) -> None:
-    view, scene = view_of(0, hw), Scene((view_of(1, hw), view_of(2)), (view_of(3, hw),))
+    view, scene = view_of(0, hw), Scene((view_of(1, hw),), (view_of(3, hw),), (view_of(2),))
     write_npz(tmp_path / "scene.npz", view, scene)
     back, back_scene = read_npz(tmp_path / "scene.npz")
     assert_same(back, view)
-    assert len(back_scene.layers) == 2 and len(back_scene.objects) == 1
-    for mine, theirs in zip((*back_scene.layers, *back_scene.objects), (*scene.layers, *scene.objects)):
+    assert len(back_scene.frames) == len(back_scene.fills) == len(back_scene.removals) == 1
+    for mine, theirs in zip((*back_scene.layers, *back_scene.removals), (*scene.layers, *scene.removals)):
         assert_same(mine, theirs)
 
 

@@ -52,7 +52,7 @@ def test_the_new_layer_is_what_was_filled_and_a_rim() -> None:
     """Closed form: the right half FILLED, OVERLAP columns of known neighbours REPROJECTED, the rest a hole; old layers stay."""
     scene, filled = half_filled()
     fused = fuse(scene, filled)
-    assert len(fused.layers) == 2 and fused.layers[0] is scene.layers[0] and fused.objects == ()
+    assert len(fused.layers) == 2 and fused.layers[0] is scene.layers[0] and fused.removals == ()
     layer = fused.layers[1]
     expected = np.zeros(CAMERA.hw, np.uint8)
     expected[:, 24:], expected[:, 24 - OVERLAP : 24] = Origin.FILLED, Origin.REPROJECTED
@@ -84,7 +84,7 @@ def ball_removed() -> tuple[Scene, RGBD, np.ndarray]:
     scene = Scene((source.without(taken, HoleType.OBJECT),), (thing,))
     filled, _ = inpaint(scene.layers[0], find_filler("layered"), Law.of(scene))
     background = filled.without(filled.filled, HoleType.OBJECT)
-    return fuse(dataclasses.replace(scene, layers=(background,)), filled), frame, taken
+    return fuse(dataclasses.replace(scene, frames=(background,)), filled), frame, taken
 
 
 def counts(origin: np.ndarray) -> dict[Origin, int]:

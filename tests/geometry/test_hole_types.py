@@ -167,7 +167,7 @@ def test_a_second_layer_closes_what_it_sees() -> None:
     other = moved(SOURCE, shift=(1.6, 0, 0))
     target = TARGETS["aside"]
     views = [View.from_rgbd(world.rgbd(camera)) for camera in (SOURCE, other)]
-    both = render(Scene((views[0], views[1])), target)
+    both = render(Scene((views[0],), fills=(views[1],)), target)
     alone = [render(view, target).hole for view in views]
     np.testing.assert_array_equal(both.hole, alone[0] & alone[1])
     assert both.hole.sum() < 0.5 * min(hole.sum() for hole in alone)

@@ -41,7 +41,7 @@ def test_a_surface_is_cut_where_inverse_depth_steps(focal: float, ratio: float) 
 @pytest.mark.parametrize(("nearer", "shown"), [(0.004, RED), (0.006, GREEN)])
 def test_of_two_layers_of_one_surface_the_first_stays(nearer: float, shown: tuple[int, int, int]) -> None:
     """Closed form: a later layer covers an earlier one from 0.5 % nearer on; less is the same surface, measured twice."""
-    scene = Scene((wall(2, RED), wall(2 * (1 - nearer), GREEN)))
+    scene = Scene((wall(2, RED),), fills=(wall(2 * (1 - nearer), GREEN),))
     view = render(scene, moved(CAMERA, shift=(0.01, 0, 0)))
     np.testing.assert_array_equal(view.color[4:12, 6:18], np.broadcast_to(np.uint8(shown), (8, 12, 3)))
 
@@ -51,14 +51,14 @@ def test_nothing_filled_covers_what_was_measured_at_home(home: float) -> None:
     """Law: in its own camera a measured wall, and measured sky, stay before a filled layer half as far; a measured layer
     covers the wall. From elsewhere the filled layer is seen."""
     beside = moved(CAMERA, shift=(0, 0, 0.5))
-    filled = Scene((wall(home, RED), wall(0.5, GREEN, beside, Origin.FILLED)))
+    filled = Scene((wall(home, RED),), fills=(wall(0.5, GREEN, beside, Origin.FILLED),))
     at_home = render(filled, CAMERA)
     np.testing.assert_array_equal(at_home.depth, home)
     np.testing.assert_array_equal(at_home.color, filled.layers[0].color)
     elsewhere = render(filled, moved(CAMERA, shift=(0.05, 0, 0)))
     np.testing.assert_array_equal(elsewhere.color[6:10, 9:15], np.broadcast_to(np.uint8(GREEN), (4, 6, 3)))
     if home < np.inf:
-        measured = render(Scene((wall(home, RED), wall(0.5, GREEN, beside))), CAMERA)
+        measured = render(Scene((wall(home, RED),), fills=(wall(0.5, GREEN, beside),)), CAMERA)
         np.testing.assert_allclose(measured.depth[6:10, 9:15], 1, rtol=1e-5)
 
 

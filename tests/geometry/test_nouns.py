@@ -95,7 +95,7 @@ def test_arrays_are_read_only() -> None:
     for array in (rgbd.color, rgbd.depth, view.color, view.depth, view.hole, view.origin, cloud.points, cloud.color):
         with pytest.raises(ValueError, match="read-only"):
             array[0] = 0
-    for noun, name in ((rgbd, "depth"), (view, "hole"), (cloud, "points"), (Scene((view,)), "layers")):
+    for noun, name in ((rgbd, "depth"), (view, "hole"), (cloud, "points"), (Scene((view,)), "frames")):
         with pytest.raises(dataclasses.FrozenInstanceError):
             setattr(noun, name, None)
 
@@ -192,9 +192,9 @@ def test_concatenated_keeps_order_and_takes_nothing() -> None:
     assert len(both) == 3 and len(concatenated([])) == 0
 
 
-def test_a_scene_without_layers_is_refused() -> None:
+def test_a_scene_without_frames_is_refused() -> None:
     """Oracle: the error of the tree."""
-    with pytest.raises(ShapeError, match="no layers"):
+    with pytest.raises(ShapeError, match="frames is empty"):
         Scene(())
 
 
@@ -204,7 +204,7 @@ def test_pictures_say_what_they_are_in_one_line() -> None:
     assert repr(rgbd) == "RGBD(3x2, 1 to 3 m, 33 % missing)"
     view = View.from_rgbd(rgbd).without(np.array([[1, 0, 0], [0, 0, 0]], np.bool_), HoleType.OBJECT)
     assert repr(view) == "View(3x2, 2 to 3 m, 50 % hole, 0 % filled)"
-    assert repr(Scene((view,))) == f"Scene(1 layer, 0 removed objects, first layer {view!r})"
+    assert repr(Scene((view,))) == f"Scene(1 frame, 0 removals, 0 fills, first frame {view!r})"
     assert repr(RGBD(COLOR, np.zeros((2, 3), np.float32), CAMERA)) == "RGBD(3x2, no depth, 100 % missing)"
 
 
@@ -237,7 +237,7 @@ def test_nouns_keep_what_they_were_given() -> None:
     layers.clear()
     assert (rgbd.color == COLOR).all() and (behind.color == COLOR).all() and (rgbd.depth == 1).all()
     assert (view.color == COLOR).all() and not view.hole.any() and (view.depth == 1).all()
-    assert not cloud.points.any() and not mesh.vertices.any() and scene.layers == (view,)
+    assert not cloud.points.any() and not mesh.vertices.any() and scene.frames == (view,)
 
 
 def test_nouns_share_what_nobody_can_write_to() -> None:

@@ -133,7 +133,7 @@ def test_of_two_layers_the_nearest_wins(order: tuple[int, int], mode: Mode) -> N
     """
     camera = Camera.from_fov(24, 16, 60)
     views = plane_at(3, (255, 0, 0), camera), plane_at(1, (0, 255, 0), moved(camera, shift=(0, 0, 0.5)))
-    scene = Scene((views[order[0]], views[order[1]]))  # walls at z = 3 and z = 1.5
+    scene = Scene((views[order[0]],), fills=(views[order[1]],))  # walls at z = 3 and z = 1.5
     middle = np.s_[4:12, 6:18]
     for target, expected in ((camera, 1.5), (views[1].camera, 1), (moved(camera, shift=(0.05, 0, 0.1)), 1.4)):
         view = render(scene, target, mode)

@@ -251,7 +251,7 @@ def test_hole_types(seed: int, mode: str) -> None:
 def types_of(scene: Scene, target: Camera, hole: np.ndarray, crack_rank: int) -> tuple[np.ndarray, np.ndarray]:
     """Hole types from the twin of the sheet, and where rounding decides."""
     layer = scene.layers[0]
-    depth, own = closed_grid(layer, scene.objects)
+    depth, own = closed_grid(layer, scene.removals)
     x, y, z = pixels_of(target, points_of(layer.camera, depth.astype(np.float64)))
     mesh_depth, right, down = mesh_of(RGBD(layer.color, layer.depth, layer.camera))
     flying_rank, loose, strict = np.zeros((3, *hole.shape), np.uint8)

@@ -225,7 +225,7 @@ def test_a_scene_lays_down_what_was_measured_and_what_was_taken_out() -> None:
     taken = np.array([[True, False, False, False]])
     background, thing = source.without(taken, HoleType.OBJECT), source.without(~taken, HoleType.NONE)
     filled, _ = inpaint(background, find_filler("telea"), Law(()))
-    law = Law.of(Scene((background, filled.without(~filled.filled, HoleType.NONE)), (thing,)))
+    law = Law.of(Scene((background,), (thing,), (filled.without(~filled.filled, HoleType.NONE),)))
     assert len(law.measured) == 1
     np.testing.assert_array_equal(law.measured[0][1], frame.depth)
 
@@ -240,7 +240,7 @@ def test_the_law_remembers_the_sky_that_was_measured() -> None:
     np.testing.assert_array_equal(law.sky.mean, (15, 30, 40))
     below = source.without(np.array([[True, True, False]]), HoleType.OBJECT)
     filled, _ = inpaint(below, find_filler("telea"), law)
-    for scene in (Scene((below,)), Scene((below, filled))):
+    for scene in (Scene((below,)), Scene((below,), fills=(filled,))):
         assert not Law.of(scene).has_far
 
 

@@ -96,10 +96,13 @@ class Completion:
         if checked_confidence(min_confidence) == 0:
             return self
         views = tuple(sure_enough(view, min_confidence) for view in self.views)
-        layers = tuple(sure_enough(layer, min_confidence) for layer in self.scene.layers)
+        frames, fills = (
+            tuple(sure_enough(layer, min_confidence) for layer in layers)
+            for layers in (self.scene.frames, self.scene.fills)
+        )
         opened = [float((new.hole & ~old.hole).mean()) for new, old in zip(views, self.views)]
         meta = self.meta | {"min_confidence": min_confidence, "left_open_share": [round(share, 6) for share in opened]}
-        return replace(self, views=views, scene=replace(self.scene, layers=layers), meta=meta)
+        return replace(self, views=views, scene=replace(self.scene, frames=frames, fills=fills), meta=meta)
 
     @cached_property
     def completed(self) -> PointCloud:

@@ -6,10 +6,10 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from dlama.arguments import check_arguments
-from dlama.completion.frames.sources import filler_for
 from dlama.completion.pipeline import complete
 from dlama.completion.recipes import find_recipe
-from dlama.completion.steps import filler_of_recipe, law_of
+from dlama.completion.start import choose_filler, plan_for
+from dlama.completion.steps import beside_edges, fill
 from dlama.errors import InputError
 from dlama.geometry.camera import Camera
 from dlama.geometry.fusion import fuse
@@ -17,7 +17,7 @@ from dlama.geometry.rendering import render
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
 from dlama.inpainters import AUTO, find_filler
-from dlama.inpainters.filling import Inpainter, inpaint
+from dlama.inpainters.filling import Inpainter
 
 KEYS, CAMERAS_PER_KEY = 9, 5
 """Cameras of a path, evenly, for which the scene is filled before any view is made: so many at most, one in so many."""
@@ -47,21 +47,19 @@ def render_path(
     """
     check_arguments(render_path, locals())
     if not cameras:
-        raise InputError("cameras is empty; a path of one camera or more is wanted")
-    inpainter = find_filler(filler_for(scene, filler), model)
+        raise InputError("cameras is empty; a path of one camera or more is expected")
+    inpainter = find_filler(choose_filler(scene, filler, model).filler, model)
     return _views(scene, list(cameras), inpainter, seed)
 
 
-def _views(scene: Scene, cameras: list[Camera], inpainter: Inpainter, seed: int) -> Iterator[View]:
-    recipe = find_recipe("dlama")
+def _views(scene: Scene, cameras: list[Camera], filler: Inpainter, seed: int) -> Iterator[View]:
     keys = min(KEYS, max(2, len(cameras) // CAMERAS_PER_KEY))
     places = sorted({round(number * (len(cameras) - 1) / (keys - 1)) for number in range(keys)})
-    whole = complete(scene, [cameras[place] for place in places], filler=inpainter, seed=seed).scene
-    law = law_of(Scene(whole.measured, whole.objects, whole.numbers, whole.gains, whole.noise), recipe)
-    fill = filler_of_recipe(inpainter, recipe)
+    whole = complete(scene, [cameras[place] for place in places], filler=filler, seed=seed).scene
+    plan, _, _ = plan_for(whole, find_recipe("dlama"), filler=filler, seed=seed)
     for camera in cameras:
         open_view = render(whole, camera)
-        view, _ = inpaint(open_view, fill, law, seed)
+        view, _ = fill(beside_edges(plan, whole, camera), open_view)
         if float(open_view.hole.mean()) > KEPT:
             whole = fuse(whole, view, known=~open_view.hole)
         yield view

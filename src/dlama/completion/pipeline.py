@@ -10,20 +10,12 @@ from pathlib import Path
 
 from dlama.arguments import check_arguments
 from dlama.completion.completion import Completion
-from dlama.completion.frames.filling import fill_first
-from dlama.completion.frames.removal import take_out_of, with_halo
-from dlama.completion.frames.sources import about_source, filler_for, starting_scene
 from dlama.completion.memory import check_memory
 from dlama.completion.plausible import warn_of_scale, warn_of_unknown
-from dlama.completion.recipes import DepthBy, Recipe, checked_confidence, checked_seed, find_recipe
-from dlama.completion.report import Clock, Record, expected_errors, meta_data
-from dlama.completion.steps import (
-    CompletedView,
-    Plan,
-    complete_view,
-    filler_of_recipe,
-    law_of,
-)
+from dlama.completion.recipes import DepthBy, Recipe, checked_confidence, find_recipe
+from dlama.completion.report import Clock, Record, about_depth, expected_errors, meta_data
+from dlama.completion.start import plan_for, scene_of
+from dlama.completion.steps import CompletedView, Step, complete_step, frame_steps
 from dlama.errors import InputError
 from dlama.geometry.camera import Camera
 from dlama.geometry.frames.gathering import FrameSource
@@ -31,9 +23,8 @@ from dlama.geometry.frames.stored import StoredView
 from dlama.geometry.rendering import Mode
 from dlama.geometry.rgbd import RGBD, BoolArray, UInt8Array
 from dlama.geometry.scene import Scene
-from dlama.geometry.view import View
-from dlama.inpainters import AUTO, find_filler
-from dlama.inpainters.filling import FillReport, Inpainter
+from dlama.inpainters import AUTO
+from dlama.inpainters.filling import Inpainter
 
 
 def complete(
@@ -57,17 +48,18 @@ def complete(
     Each camera sees what the earlier ones filled, so that views agree. Of many frames only what none of them saw is filled.
 
     Args:
-        rgbd: The picture with metric depth; or posed frames of one scene (or functions that read them), or `scene` of them.
+        rgbd: The picture with metric depth; posed frames of one scene (or functions that read them); or a scene: of `scene`, of a
+            completion, which is gone on from, or of `read_scene`.
         cameras: Where to look from, in the world of the picture's camera.
-        mask: H x W bool, True = remove: takes an object out everywhere. Of many frames: number of a frame -> its mask, for one
-            frame or several; the other frames' masks follow from the thing's shape.
+        mask: H x W bool, True = remove, or number of a frame -> its mask: as of `Scene.without`, which it stands for.
         filler: What fills the holes: a name, or a function (view, law, seed) -> Fill. "auto": `layered`;
-            `layered-patches` where a depth camera measured the depth, `patchmatch` where a network estimated it.
-        model: The network file of a filler that runs one.
+            `layered-patches` where a depth camera measured the depth, `patchmatch` where a network estimated it. meta.json says
+            which, and why.
+        model: The network file of a filler that runs one, which is named.
         recipe: `dlama`, `paper` or a Recipe. The next five replace single settings of it; None leaves them.
         mode: "surface" (the pixel grid as triangles, cut at depth edges) or "points" (each pixel to the nearest one).
-        dilate: px by which the mask grows. None: the recipe's; `dlama` adds 3 px to it where depth edges lie beside those of
-            a masked picture, as a depth camera's do: compression and blur spread colours. meta.json has the sum.
+        dilate: px by which the mask grows. None: the recipe's; of `dlama` 3, and 3 more where depth edges lie beside those of
+            the picture, as a depth camera's do: compression and blur spread colours. meta.json says how many, and why.
         dilate_holes: px by which the holes of the new views grow.
         clip: metres; everything at or beyond, sky too, is put there.
         depth_by: "surfaces" or "filler": what fills depth beside a filler of pictures.
@@ -79,41 +71,35 @@ def complete(
     """
     check_arguments(complete, locals())
     chosen = find_recipe(recipe, mode=mode, dilate=dilate, dilate_holes=dilate_holes, clip=clip, depth_by=depth_by)
-    checked_seed(seed)
     checked_confidence(min_confidence)
     if not cameras and mask is None:
-        raise InputError("cameras is empty; one camera or more is wanted (rgbd.camera is the picture's own)")
-    start = starting_scene(rgbd, chosen)
-    source = start.layers[0]
-    check_memory((*(one.camera for one in start.measured if not isinstance(one, StoredView)), *cameras))
+        raise InputError("cameras is empty; one camera or more is expected (rgbd.camera is the picture's own)")
+    start = scene_of(rgbd, chosen.clip)
+    source = start.frames[0]
+    check_memory((*(one.camera for one in start.frames if not isinstance(one, StoredView)), *cameras))
     warn_of_scale(source)
-    filler = filler_for(start, filler)
-    inpainter = filler_of_recipe(find_filler(filler, model), chosen)
-    if dilate is None and recipe == "dlama":
-        chosen = with_halo(chosen, start, mask)
-    given, grown_mask = take_out_of(start, mask, chosen.dilate)
-    plan = Plan(chosen, inpainter, seed, given, law_of(given, chosen))
+    plan, scene, grown_mask = plan_for(start, chosen, mask, filler=filler, model=model, seed=seed)
     clock = Clock()
-    with clock("fill"):
-        scene, source_fills = fill_first(plan, start, cameras)
+    on_the_way: list[CompletedView] = []
     completed: list[CompletedView] = []
-    for camera in cameras:
-        found, scene = complete_view(plan, scene, camera, clock)
-        completed.append(found)
+    for step in (*frame_steps(plan, scene, cameras), *(Step(camera) for camera in cameras)):
+        found, scene = complete_step(plan, scene, step, clock)
+        (completed if step.place is None else on_the_way).append(found)
     views, warped = tuple(one.view for one in completed), tuple(one.before for one in completed)
     if mask is None:
         warn_of_unknown(source, warped)
-    fills = [*source_fills, *(report for one in completed for report in one.reports)]
+    fills = [report for one in (*on_the_way, *completed) for report in one.reports]
     record = Record(fills, clock.seconds, grown_mask, [one.grown for one in completed])
-    meta = about_source(rgbd, start) | meta_data(plan, filler, source, warped, record) | expected_errors(views)
-    choices = tuple(choice_of(one, source, source_fills) for one in completed)
+    meta = about_depth(rgbd, start) | meta_data(plan, source, warped, record) | expected_errors(views)
+    choices = tuple(choice_of(one, [*on_the_way, *completed]) for one in completed)
     return Completion(views, warped, scene, source, meta, choices=choices).with_min_confidence(min_confidence)
 
 
-def choice_of(completed: CompletedView, source: View, source_fills: Sequence[FillReport]) -> UInt8Array | None:
+def choice_of(completed: CompletedView, everything: Sequence[CompletedView]) -> UInt8Array | None:
     """H x W: the number of the guess that counts most in each pixel (`Fill.choice`), of a filler that chooses; else None.
 
-    At the source's own camera that of the source's fill, where nothing was left to fill.
+    Where nothing was left to fill, that of the view of the same camera that was filled before.
     """
-    own = source_fills if completed.view.camera.same_view_as(source.camera) else ()
-    return next((one.choice for one in (completed.reports[1], *own) if one.choice is not None), None)
+    same = (one for one in everything if one.view.camera.same_view_as(completed.view.camera))
+    found = (one.reports[1].choice for one in (completed, *same))
+    return next((choice for choice in found if choice is not None), None)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -35,13 +35,14 @@ def warn_of_scale(rgbd: RGBD | View) -> None:
         )
 
 
-def warn_of_mask(mask: BoolArray) -> None:
-    """A mask that takes most of the picture out."""
-    if looks_inverted(mask):
-        _warn(
-            f"the mask removes {100 * float(mask.mean()):.0f} % of the picture: if it marks what stays, it is inverted "
-            "(mask_polarity turns it round)"
-        )
+def warn_of_mask(mask: BoolArray | Mapping[int, BoolArray]) -> None:
+    """A mask, or one of several frames, that removes most of the picture."""
+    for one in mask.values() if isinstance(mask, Mapping) else (mask,):
+        if looks_inverted(one):
+            _warn(
+                f"the mask removes {100 * float(one.mean()):.0f} % of the picture: if it marks what stays, it is inverted "
+                "(mask_polarity turns it round)"
+            )
 
 
 def warn_of_unknown(rgbd: RGBD | View, warped: Sequence[View]) -> None:

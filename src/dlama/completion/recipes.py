@@ -26,8 +26,9 @@ class Recipe:
     """`dlama` or `paper`; further changes are listed beside it in meta.json."""
     mode: Mode = "surface"
     """How clouds are rendered: a cut triangle mesh, or nearest pixels."""
-    dilate: int = 3
-    """Radius in px by which an object mask grows before its pixels leave the cloud (disc kernel)."""
+    dilate: int | None = None
+    """Radius in px by which an object mask grows before its pixels leave the cloud (disc kernel); None: 3, and 3 more where a
+    depth camera took the pictures."""
     dilate_holes: int = 0
     """Radius in px by which the holes of the new view grow (disc kernel)."""
     clip: float | None = None
@@ -50,8 +51,7 @@ class Recipe:
             raise InputError(f"mode is {self.mode!r}; one of {', '.join(MODES)} is wanted")
         for name in ("eight_bit_depth", "law", "footprint", "source_first"):
             check(getattr(self, name), bool, name)
-        for name in ("dilate", "dilate_holes"):
-            value = getattr(self, name)
+        for name, value in (("dilate", self.dilate or 0), ("dilate_holes", self.dilate_holes)):
             if not isinstance(value, Integral) or value < 0:
                 raise InputError(f"{name} is {value!r} px; 0 or more is wanted, a whole number")
         if self.clip is not None and not (is_finite(self.clip) and self.clip > 0):
@@ -71,6 +71,7 @@ RECIPES: dict[str, Recipe] = {
     "paper": Recipe(
         "paper",
         mode="points",
+        dilate=3,
         clip=10.0,
         eight_bit_depth=True,
         depth_by="filler",

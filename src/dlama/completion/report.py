@@ -12,12 +12,13 @@ from typing import Any
 
 import numpy as np
 
-from dlama.completion.steps import NO_DILATION, Dilation, Plan
+from dlama.completion.start import NO_DILATION, Dilation, Plan
 from dlama.geometry.holes import hole_shares
 from dlama.geometry.rendering import flying
 from dlama.geometry.rgbd import RGBD
+from dlama.geometry.scene import Scene
 from dlama.geometry.view import Origin, View
-from dlama.inpainters.filling import FillReport, Inpainter
+from dlama.inpainters.filling import FillReport
 
 LOG = logging.getLogger("dlama")
 
@@ -48,9 +49,7 @@ class Record:
     """How the hole of each view grew."""
 
 
-def meta_data(
-    plan: Plan, filler: str | Inpainter, source: View, warped: Sequence[View], record: Record
-) -> dict[str, Any]:
+def meta_data(plan: Plan, source: View, warped: Sequence[View], record: Record) -> dict[str, Any]:
     """The meta data of a completion, JSON-ready (docs/conventions.md lists the fields). warped: the views before filling."""
     moved = any(not view.camera.same_view_as(source.camera) for view in warped)
     notes: dict[str, Any] = {}
@@ -58,7 +57,8 @@ def meta_data(
         notes.update(one.notes)
     return {
         "recipe": dataclasses.asdict(plan.recipe),
-        "filler": filler if isinstance(filler, str) else getattr(filler, "__name__", type(filler).__name__),
+        "filler": plan.filler,
+        "decisions": {name: dict(decision) for name, decision in plan.decisions.items()},
         "seed": plan.seed,
         "hole_share": [share(view.color_hole) for view in warped],
         "depth_only_share": [share(view.hole & ~view.color_hole) for view in warped],
@@ -85,6 +85,21 @@ def depth_source(rgbd: RGBD) -> dict[str, Any]:
     if rgbd.estimate is None:
         return {"depth": "measured"}
     return {"depth": "estimated", "depth_estimate": dict(rgbd.estimate)}
+
+
+def about_depth(given: object, start: Scene) -> dict[str, Any]:
+    """For meta.json: where the depth of a scene, made of what was given, comes from; of many frames their numbers, gains and
+    noise."""
+    if isinstance(given, RGBD):
+        return depth_source(given)
+    about: dict[str, Any] = {"depth": "estimated" if start.depth_profile.estimated else "measured"}
+    if len(start.frames) > 1:
+        about["frames"] = {
+            "numbers": list(start.numbers),
+            "gains": [[round(gain, 4) for gain in gains] for gains in start.gains],
+            "noise": {"metres": start.noise[0], "per_metre": start.noise[1]},
+        }
+    return about
 
 
 def expected_errors(views: Sequence[View]) -> dict[str, Any]:

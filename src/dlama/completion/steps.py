@@ -1,65 +1,45 @@
-"""The steps of the method, each a function from values to new values: `pipeline` and `stereo` put them in order.
+"""The steps of the method, each a function from values to new values: `pipeline`, `paths` and `stereo` put them in order.
 
-take out (eq. 11) -> fill the source -> warp, mask (eq. 2-4) -> earlier fill -> fill (sec. 3.3) -> fuse (eq. 10)
+fill each frame -> warp, mask (eq. 2-4) -> earlier fill -> fill (sec. 3.3) -> fuse (eq. 10)
+
+A frame lacks depth where its sensor gave none, and all of what is behind a removed object. What another frame measured there is
+used (`geometry.frames`); the rest is filled in the frame that sees most of it, and carried to the others.
 """
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable
+import logging
+from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from dlama.completion.recipes import Recipe
-from dlama.errors import MaskError
+from dlama.completion.start import NO_DILATION, Dilation, Plan
 from dlama.geometry.camera import Camera
-from dlama.geometry.drawing.picture_edges import taken_by_camera
+from dlama.geometry.frames.choosing import choose_frames
 from dlama.geometry.fusion import fuse
-from dlama.geometry.holes import checked_mask, dilated, grown
+from dlama.geometry.holes import grown
 from dlama.geometry.rendering import render
-from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import HoleType, Origin, View
 from dlama.geometry.visibility import Law, lawful_depth
 from dlama.inpainters.confidence import SUREST
-from dlama.inpainters.filling import FillReport, Inpainter, inpaint
-from dlama.inpainters.grey_depth import with_grey_depth
-from dlama.inpainters.layered.depth_first import depth_first
+from dlama.inpainters.filling import FillReport, inpaint
 
+LOG = logging.getLogger("dlama")
 NOTHING_FILLED = FillReport(0, 0, 0, {})
 SEEN_AGAIN = (Origin.REPROJECTED, Origin.ESTIMATED)
 """Origins of what the source view shows, seen from elsewhere."""
 
 
-@dataclass(frozen=True, eq=False)
-class Plan:
-    """What stays the same while one scene is completed."""
+class Step(NamedTuple):
+    """One view to be completed."""
 
-    recipe: Recipe
-    inpainter: Inpainter
-    """The filler, with the recipe's way of filling depth (`filler_of_recipe`)."""
-    seed: int
-    given: Scene
-    """The scene as measured, without the removed object; nothing is filled."""
-    law: Law
-    """What the measurements forbid filled depth to hide."""
-
-
-class Dilation(NamedTuple):
-    """What growing a mask or a hole cost."""
-
-    pixels: int
-    """Pixels of the mask or the hole before it grew."""
-    known_pixels_given_up: int
-    """Known pixels that it grew over."""
-
-
-NO_DILATION = Dilation(0, 0)
-HALO_PX = 3
-"""Pixels beside its outline that hold some of a thing's colours in a depth camera's compressed, sharpened, blurred picture."""
+    camera: Camera
+    place: int | None = None
+    """Of the frame in whose camera it is; None: another camera."""
 
 
 class CompletedView(NamedTuple):
@@ -75,78 +55,55 @@ class CompletedView(NamedTuple):
     """Of what earlier views had filled already, and of what was filled anew."""
 
 
-def filler_of_recipe(filler: Inpainter, recipe: Recipe) -> Inpainter:
-    """The filler with the recipe's way of filling depth: by surfaces, in 8-bit steps, or its own."""
-    if recipe.depth_by == "surfaces":
-        return depth_first(filler)
-    return with_grey_depth(filler, recipe.clip) if recipe.eight_bit_depth and recipe.clip is not None else filler
-
-
-def halo(source: View) -> int:
-    """px beyond its outline to which a thing's colours are spread in a picture: HALO_PX where a depth camera took it, else 0.
-
-    Its pictures are compressed, sharpened and blurred; a rim of such colours stays where a thing is taken out tightly.
-    """
-    return HALO_PX if taken_by_camera(source) else 0
-
-
-def take_out(source: View, mask: BoolArray | None, radius: int) -> tuple[Scene, Dilation]:
-    """The scene of one view without the object under `mask` (H x W bool) grown by `radius` px. Raises MaskError."""
-    if mask is None:
-        return Scene((source,)), NO_DILATION
-    larger = dilated(checked_mask(mask, source.camera.hw), radius)
-    if larger.all():
-        raise MaskError(f"dilate is {radius} px: the mask grown by that is full and leaves nothing to fill from")
-    removed = source.without(~larger, HoleType.NONE)
-    scene = Scene((source.without(larger, HoleType.OBJECT),), (removed,))
-    return scene, Dilation(int(mask.sum()), int(larger.sum()) - int(mask.sum()))
-
-
-def law_of(scene: Scene, recipe: Recipe, object_depth: Float32Array | None = None) -> Law:
-    """What the measurements of a scene forbid; nothing, where the recipe knows no law.
-
-    object_depth: H x W metres that count as measured at the removed object's pixels; None: its own.
-    """
-    if not recipe.law:
-        return Law(())
-    if object_depth is None:
-        return Law.of(scene)
-    objects = (dataclasses.replace(one, depth=np.where(one.hole, one.depth, object_depth)) for one in scene.objects)
-    return Law.of(dataclasses.replace(scene, objects=tuple(objects)))
-
-
 def fill(plan: Plan, view: View) -> tuple[View, FillReport]:
     """The view with all its holes filled under the plan's law, and what that did."""
     return inpaint(view, plan.inpainter, plan.law, plan.seed)
 
 
-def fill_source(plan: Plan) -> tuple[Scene, tuple[FillReport, ...]]:
-    """The given scene with its sensor holes and the object's background filled in the source view, if the recipe says so."""
-    source = plan.given.layers[0]
-    if not (plan.recipe.source_first and source.hole.any()):
-        return plan.given, ()
-    filled, report = fill(plan, source)
-    measured = filled.without(filled.filled, HoleType.OBJECT)
-    return fuse(dataclasses.replace(plan.given, layers=(measured,)), filled), (report,)
+def frame_steps(plan: Plan, scene: Scene, cameras: Sequence[Camera]) -> list[Step]:
+    """The frames to fill first, of those that matter for `cameras` (all, where there are none), as the recipe says.
+
+    Where an object is removed, those come first that see most of what no frame shows behind it.
+    """
+    frames = scene.frames
+    chosen = {place for camera in cameras for place in choose_frames(frames, camera)} if cameras else range(len(frames))
+    places = sorted(place for place in chosen if frames[place].has_holes) if plan.recipe.source_first else []
+    if len(places) > 1 and scene.removals:
+        unseen = {place: unseen_behind(plan, frames[place].camera) for place in places}
+        places.sort(key=lambda place: (-unseen[place], place))
+    return [Step(frames[place].camera, place) for place in places]
 
 
-def warp(plan: Plan, scene: Scene, camera: Camera) -> tuple[View, Dilation]:
-    """What the measurements alone show from `camera`: I', lambda' and M (eq. 2-4), the hole grown as the recipe says.
+def unseen_behind(plan: Plan, camera: Camera) -> int:
+    """Pixels of a frame behind a removed object that no other frame shows."""
+    view = measured_view(plan, plan.given, camera)
+    return int((view.hole & (view.hole_type == HoleType.OBJECT)).sum())
+
+
+def measured_view(plan: Plan, scene: Scene, camera: Camera) -> View:
+    """What the measurements alone show from `camera`: I', lambda' and M (eq. 2-4).
 
     Away from the source cameras the depth of sensor holes, filled there (in `scene`), counts as measured.
     """
-    home = any(camera.same_view_as(one.camera) for one in plan.given.measured)
-    base, mode = plan.given if home else scene, plan.recipe.mode
-    view = render(dataclasses.replace(base, layers=base.measured, objects=plan.given.objects), camera, mode)
-    if plan.recipe.footprint and plan.given.objects:
-        object_seen = render(Scene(plan.given.objects), camera, mode, types=False)
+    home = any(camera.same_view_as(one.camera) for one in plan.given.frames)
+    frames = plan.given.frames if home else scene.frames
+    view = render(dataclasses.replace(plan.given, frames=frames), camera, plan.recipe.mode, close=False)
+    if plan.recipe.footprint and plan.given.removals:
+        first, *others = plan.given.removals
+        object_seen = render(Scene((first,), fills=tuple(others)), camera, plan.recipe.mode, types=False)
         view = view.without(~object_seen.hole & ~view.hole, HoleType.OBJECT)
+    return view
+
+
+def warp(plan: Plan, scene: Scene, camera: Camera) -> tuple[View, Dilation]:
+    """The same with the hole grown as the recipe says."""
+    view = measured_view(plan, scene, camera)
     larger = grown(view, plan.recipe.dilate_holes)
     return larger, Dilation(int(view.hole.sum()), int((larger.hole & ~view.hole).sum()))
 
 
 def show_earlier_fill(plan: Plan, scene: Scene, before: View) -> tuple[View, FillReport]:
-    """The view with its holes closed where `scene` was filled for the source or for earlier cameras, and what that did."""
+    """The view with its holes closed where `scene` was filled for a frame or for earlier cameras, and what that did."""
     if scene is plan.given or not before.hole.any():
         return before, NOTHING_FILLED
     return close_holes(plan.law, before, render(scene, before.camera, plan.recipe.mode, types=False, close=False))
@@ -169,24 +126,41 @@ def close_holes(law: Law, view: View, earlier: View, *, measured: bool = False) 
         hole=view.hole & ~closed,
         origin=np.where(of_color, origin, view.origin),
         confidence=np.where(closed, np.where(again, np.float32(SUREST), earlier.confidence), view.confidence),
-        errors=with_errors_of(view, earlier, closed),
+        errors=view.errors_with(earlier, closed),
     )
     if view.frame is not None and earlier.frame is not None:
         known = known.with_planes(frame=np.where(of_color, earlier.frame, view.frame))
     return known, FillReport(0, moved, 0, {})
 
 
-def with_errors_of(view: View, other: View, where: BoolArray) -> Float32Array | None:
-    """The expected errors of a view, in the pixels of `where` (H x W bool) those of another one of the same camera."""
-    if other.errors is None:
-        return view.errors
-    own = np.zeros_like(other.errors) if view.errors is None else view.errors
-    return np.where(where[..., None], other.errors, own)
-
-
 def fuse_new(scene: Scene, before: View, known: View, filled: View) -> Scene:
     """The scene with what was filled anew; holes of `before` that `known` had closed already come from the scene itself."""
     return fuse(scene, filled, before.hole & ~known.hole)
+
+
+def complete_step(
+    plan: Plan, scene: Scene, step: Step, clock: Callable[[str], AbstractContextManager[Any]] = nullcontext
+) -> tuple[CompletedView, Scene]:
+    """The view of a step, completed, and the scene with what was filled for it. clock: counts seconds by stage."""
+    if step.place is None:
+        return complete_view(plan, scene, step.camera, clock)
+    with clock("fill"):
+        return complete_frame(plan, scene, step.place)
+
+
+def complete_frame(plan: Plan, scene: Scene, place: int) -> tuple[CompletedView, Scene]:
+    """One frame, completed after what other frames and earlier fills show of it; and the scene, in which it has depth wherever it
+    has a colour."""
+    LOG.info("fill frame %d", scene.numbers[place])
+    frame = scene.frames[place]
+    before = measured_view(plan, scene, frame.camera)
+    known, taken_over = show_earlier_fill(plan, scene, before)
+    view, filled = fill(plan, known)
+    colored = frame.hole & (frame.origin == Origin.DEPTH_FILLED)
+    if colored.any():
+        frames = (*scene.frames[:place], frame.with_pixels(view, colored), *scene.frames[place + 1 :])
+        scene = dataclasses.replace(scene, frames=frames)
+    return CompletedView(before, view, NO_DILATION, (taken_over, filled)), fuse_new(scene, before, known, view)
 
 
 def complete_view(
@@ -197,8 +171,12 @@ def complete_view(
         before, grown_hole = warp(plan, scene, camera)
         known, taken_over = show_earlier_fill(plan, scene, before)
     with clock("fill"):
-        placed = dataclasses.replace(plan, law=plan.law.near(camera).with_placed_edges(scene))
-        view, filled = fill(placed, known)
+        view, filled = fill(beside_edges(plan, scene, camera), known)
     with clock("fuse"):
         larger = fuse_new(scene, before, known, view)
     return CompletedView(before, view, grown_hole, (taken_over, filled)), larger
+
+
+def beside_edges(plan: Plan, scene: Scene, camera: Camera) -> Plan:
+    """The plan with the law for a camera that holds edges where the pictures have them (`Law.with_placed_edges`)."""
+    return dataclasses.replace(plan, law=plan.law.near(camera).with_placed_edges(scene))

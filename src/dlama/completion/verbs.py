@@ -1,7 +1,8 @@
-"""The two jobs on one picture: an RGB-D picture and where to look from (and what to take out) in; the completed scene out."""
+"""The two jobs on one picture: an RGB-D picture and where to look from (and what to remove) in; the completed scene out."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Literal
 
@@ -16,13 +17,12 @@ from dlama.geometry.rgbd import RGBD, BoolArray
 from dlama.geometry.scene import Scene
 from dlama.geometry.trajectories import PIVOT_M, median_pivot, orbit
 from dlama.geometry.trajectories import dolly as dollied
-from dlama.geometry.view import View
 from dlama.inpainters import AUTO
 from dlama.inpainters.filling import Inpainter
 
 
 def target_camera(
-    rgbd: RGBD | View,
+    rgbd: RGBD | Scene,
     camera: Camera | None = None,
     *,
     yaw: float = 0.0,
@@ -30,7 +30,8 @@ def target_camera(
     pivot: float | Literal["auto"] = PIVOT_M,
     dolly: float = 0.0,
 ) -> Camera:
-    """The camera to go to: `camera` itself, or the source camera orbited (degrees) about `pivot` (m) and dollied (m).
+    """The camera to go to: `camera` itself; or the picture's, of a scene the middle frame's, orbited (degrees) about `pivot` (m)
+    and dollied (m).
 
     Positive yaw moves the camera to its right around the pivot, positive pitch up; a positive dolly moves it forward.
     """
@@ -38,8 +39,9 @@ def target_camera(
         if yaw or pitch or dolly:
             raise InputError("a target camera and an orbit or dolly were both given; one of them is wanted")
         return camera
-    distance = median_pivot(rgbd.depth) if isinstance(pivot, str) and pivot == "auto" else pivot
-    return dollied(orbit(rgbd.camera, yaw, pitch, distance), dolly)
+    source = rgbd.frames[len(rgbd.frames) // 2] if isinstance(rgbd, Scene) else rgbd
+    distance = median_pivot(source.depth) if isinstance(pivot, str) and pivot == "auto" else pivot
+    return dollied(orbit(source.camera, yaw, pitch, distance), dolly)
 
 
 def view(
@@ -76,15 +78,14 @@ def view(
         InputError: a camera and an orbit, an unknown name, options that contradict each other.
     """
     check_arguments(view, locals())
-    source = rgbd.measured[len(rgbd.measured) // 2] if isinstance(rgbd, Scene) else rgbd
-    target = target_camera(source, camera, yaw=yaw, pitch=pitch, pivot=pivot, dolly=dolly)
+    target = target_camera(rgbd, camera, yaw=yaw, pitch=pitch, pivot=pivot, dolly=dolly)
     chosen = find_recipe(recipe, mode=mode, dilate=dilate, dilate_holes=dilate_holes, clip=clip, depth_by=depth_by)
     return complete(rgbd, [target], filler=filler, model=model, recipe=chosen, seed=seed, min_confidence=min_confidence)
 
 
 def remove(
-    rgbd: RGBD,
-    mask: BoolArray,
+    rgbd: RGBD | Scene,
+    mask: BoolArray | Mapping[int, BoolArray],
     camera: Camera | None = None,
     *,
     yaw: float = 0.0,
@@ -102,7 +103,9 @@ def remove(
     seed: int = 0,
     min_confidence: float = 0.0,
 ) -> Completion:
-    """The scene without the object under `mask` (H x W bool, True = remove), from the source camera or from elsewhere.
+    """The scene without the object under `mask`, from the source camera or from elsewhere.
+
+    mask: H x W bool, True = remove; of a scene of several frames number of a frame -> its mask.
 
     All other arguments as in `view`, and what it raises; MaskError for a mask that is empty, full or of another size.
     """

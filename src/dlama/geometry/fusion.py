@@ -55,18 +55,18 @@ def with_layer(scene: Scene, view: View, added: BoolArray) -> Scene:
     filled = np.isin(layer.origin, FILLED_BEFORE)
     origin = np.where(added | layer.hole | filled, layer.origin, np.uint8(Origin.REPROJECTED))
     types = np.where(added, layer.hole_type, np.uint8(HoleType.NONE))
-    return dataclasses.replace(scene, layers=(*scene.layers, layer.with_planes(origin=origin, hole_type=types)))
+    return dataclasses.replace(scene, fills=(*scene.fills, layer.with_planes(origin=origin, hole_type=types)))
 
 
 def scene_cloud(scene: Scene, objects: bool = True) -> PointCloud:
     """c+ (eq. 10: everything and what was filled) or, without the removed objects, c- (eq. 11)."""
-    layers = (*scene.layers, *scene.objects) if objects else scene.layers
+    layers = (*scene.layers, *scene.removals) if objects else scene.layers
     return concatenated([lift(layer.without(~contribution(layer), HoleType.NONE)) for layer in layers])
 
 
 def scene_mesh(scene: Scene, objects: bool = True) -> Mesh:
     """The scene's surfaces as one triangle mesh, cut where rendering cuts it. Far pixels have no vertices."""
-    layers = (*scene.layers, *scene.objects) if objects else scene.layers
+    layers = (*scene.layers, *scene.removals) if objects else scene.layers
     parts = [layer_mesh(layer) for layer in layers]
     starts = np.cumsum([0] + [len(part.vertices) for part in parts])
     return Mesh(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -156,4 +158,4 @@ def grown(view: View, radius: int) -> View:
         return view
     larger = view.without(given_up, HoleType.DISOCCLUDED)
     types = np.where(given_up, with_nearest(view.hole_type, view.hole), view.hole_type)
-    return View(view.camera, larger.color, larger.depth, larger.hole, types, larger.origin, larger.confidence)
+    return dataclasses.replace(larger, hole_type=types)

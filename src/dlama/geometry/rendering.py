@@ -70,8 +70,9 @@ def render(
         return render_cloud(source, camera, mode)
     scene = as_scene(source)
     fine = fine and mode == "surface"
-    merged = merge_frames(scene, camera, mode, fine) if scene.numbers else None
-    layers = scene.layers[len(scene.numbers) :] if mode == "surface" else without_overlap(scene)
+    merged = merge_frames(scene, camera, mode, fine) if len(scene.frames) > 1 else None
+    fills = scene.fills if mode == "surface" else without_overlap(scene.fills)
+    layers = fills if merged is not None else (*scene.frames, *fills)
     if merged is not None:
         layers = tuple(layer for layer in layers if may_show(layer, camera))
     grids = [Grid.of(layer, camera, mode, fine) for layer in layers]
@@ -94,20 +95,16 @@ def render(
     hole = canvas.depth == 0
     if merged is not None:
         grids = merged.grids + grids
-    kinds = hole_types(grids, scene.objects, camera, hole) if types else hole * np.uint8(HoleType.OUT_OF_VIEW)
+    kinds = hole_types(grids, scene.removals, camera, hole) if types else hole * np.uint8(HoleType.OUT_OF_VIEW)
     frame = None if merged is None else freeze(merged.frame * np.uint16(canvas.origin != Origin.FILLED))
     errors = None if canvas.errors is None else freeze(canvas.errors)
     color, depth, origin, confidence = (freeze(plane) for plane in canvas.buffers())
     return View(camera, color, depth, freeze(hole), freeze(kinds), origin, confidence, frame, errors)
 
 
-def without_overlap(scene: Scene) -> tuple[View, ...]:
-    """The layers that are no frames; of all but the first only what they add: overlaps join surfaces, points would be doubled."""
-    later = (
-        layer.without(~(contribution(layer) | layer.far), HoleType.NONE)
-        for layer in scene.layers[max(1, len(scene.numbers)) :]
-    )
-    return (*(() if scene.numbers else scene.layers[:1]), *later)
+def without_overlap(fills: tuple[View, ...]) -> tuple[View, ...]:
+    """Fills with only what they add to the scene: overlaps join surfaces, points would be doubled."""
+    return tuple(fill.without(~(contribution(fill) | fill.far), HoleType.NONE) for fill in fills)
 
 
 def as_scene(source: RGBD | View | Scene) -> Scene:
@@ -117,7 +114,7 @@ def as_scene(source: RGBD | View | Scene) -> Scene:
     return Scene((source,)) if isinstance(source, View) else source
 
 
-def hole_types(grids: list[Grid], objects: tuple[View, ...], camera: Camera, hole: BoolArray) -> UInt8Array:
+def hole_types(grids: list[Grid], removals: tuple[View, ...], camera: Camera, hole: BoolArray) -> UInt8Array:
     """H x W HoleType codes of the empty pixels of a scene (its grids, its removed objects) seen from `camera`."""
     count = cv2.integral(hole.view(np.uint8))
     ranks = np.zeros(hole.shape, np.uint8)
@@ -128,7 +125,7 @@ def hole_types(grids: list[Grid], objects: tuple[View, ...], camera: Camera, hol
         if grid.own_camera:
             np.maximum(ranks, RANK_OF_TYPE[layer.hole_type], out=ranks, where=hole)
         elif from_source(layer.origin).any():
-            depth, grid_rank = closed_grid(layer, objects)
+            depth, grid_rank = closed_grid(layer, removals)
             x, y, w = transformed(depth, grid.matrix, grid.offset)
             crack_rank = hole_kernels.CRACK_RANK if grid.joined is None else hole_kernels.DISOCCLUDED_RANK
             marks = grid_rank, crack_rank, hole, count, ranks
@@ -137,7 +134,7 @@ def hole_types(grids: list[Grid], objects: tuple[View, ...], camera: Camera, hol
     return np.asarray(TYPE_OF_RANK.take(ranks) * hole, np.uint8)
 
 
-def closed_grid(layer: View, objects: tuple[View, ...]) -> tuple[Float32Array, UInt8Array]:
+def closed_grid(layer: View, removals: tuple[View, ...]) -> tuple[Float32Array, UInt8Array]:
     """Depth of a layer with every gap closed, and the rank of the hole type of what was closed.
 
     Removed objects get their own depth back, sensor holes the depth of the nearest pixel, far pixels a large one.
@@ -146,7 +143,7 @@ def closed_grid(layer: View, objects: tuple[View, ...]) -> tuple[Float32Array, U
     rank = np.zeros(depth.shape, np.uint8)
     rank[layer.hole & (layer.hole_type == HoleType.SENSOR)] = hole_kernels.SENSOR_RANK
     rank[layer.hole & (layer.hole_type == HoleType.OBJECT)] = hole_kernels.OBJECT_RANK
-    for removed in objects:
+    for removed in removals:
         if removed.camera.same_view_as(layer.camera):
             depth = np.where((depth == 0) & removed.valid, removed.depth, depth)
     finite = (depth > 0) & (depth < np.inf)

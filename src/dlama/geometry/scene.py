@@ -1,16 +1,20 @@
-"""Scene: layers of views that together are everything known and filled; renders and lifts as one."""
+"""Scene: frames, what was removed from them and what was filled since; renders and lifts as one."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+import dataclasses
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
+from importlib import import_module
 from typing import Any
 
 import numpy as np
 
 from dlama.arguments import check
-from dlama.errors import ShapeError
+from dlama.errors import InputError, ShapeError
 from dlama.geometry.cloud import concatenated
+from dlama.geometry.drawing.picture_edges import DepthProfile, edge_uncertainty
 from dlama.geometry.figures.points import turning_points
 from dlama.geometry.projection import lift
 from dlama.geometry.rgbd import BoolArray, counted
@@ -22,55 +26,105 @@ FILLED_BEFORE = (Origin.FILLED, Origin.DEPTH_FILLED)
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """What is known of a scene: measured layers first, then what was filled, in the order it was fused.
+    """What is known of a scene: its frames, what was removed from them, and what was filled since.
 
-    Each layer is a View whose holes contribute nothing. Earlier layers win where two lie on one surface.
-    `objects` are layers that were taken out: they belong to c+ (eq. 10), not to c- (eq. 11).
+    One picture is a scene of one frame. Several frames are of equal rank: they are merged pixel by pixel. Holes of a view
+    contribute nothing. Of two fills on one surface the earlier one wins, and frames win over both.
     """
 
-    layers: tuple[View, ...]
-    """Background layers, the most trusted first; at least one."""
-    objects: tuple[View, ...] = ()
-    """Removed objects, as views from which all but the object is a hole."""
+    frames: tuple[View, ...]
+    """Pictures of the scene without what was removed; at least one. Where a sensor gave no depth, it may have been filled."""
+    removals: tuple[View, ...] = ()
+    """What was removed: views of frames from which all but the object is a hole. In c+ (eq. 10), not in c- (eq. 11)."""
+    fills: tuple[View, ...] = ()
+    """What was added since, in that order: what was filled, and what only the right camera of a stereo pair measured."""
     numbers: tuple[int, ...] = ()
-    """Of a scene of many frames: so many of the layers, the first ones, are frames of equal rank, which are merged pixel by
-    pixel; their numbers as they were given. Empty: the scene of one picture."""
+    """Of the frames, as they were given; 0, 1, 2 ... where none are given."""
     gains: tuple[tuple[float, float, float], ...] = ()
-    """For each of those frames: what its channels are multiplied by to have the scene's common brightness."""
+    """For each frame: what its channels are multiplied by to have the scene's common brightness; 1 where none are given."""
     noise: tuple[float, float] = (0.0, 0.0)
-    """Standard deviation of those frames' depth z, poses included: hypot(noise[0], noise[1] z^2) metres."""
+    """Standard deviation of the frames' depth z, poses included: hypot(noise[0], noise[1] z^2) metres."""
 
     def __post_init__(self) -> None:
-        for name in ("layers", "objects"):
+        for name in ("frames", "removals", "fills"):
             check(getattr(self, name), Iterable[View], name)
             object.__setattr__(self, name, tuple(getattr(self, name)))
             check(getattr(self, name), tuple[View, ...], name)
         for name in ("numbers", "gains"):
             check(getattr(self, name), Sequence[Any], name)
-        if not self.layers:
-            raise ShapeError("a scene has no layers; at least one is wanted")
-        if not len(self.numbers) == len(self.gains) <= len(self.layers):
-            raise ShapeError(
-                f"a scene has {len(self.layers)} layers, {len(self.numbers)} numbers of frames and {len(self.gains)} gains; "
-                "as many gains as numbers, and no more than layers, are wanted"
-            )
+        count = len(self.frames)
+        if not count:
+            raise ShapeError("frames is empty; a scene of one frame or more is expected")
+        for name, default in (("numbers", range(count)), ("gains", [(1.0, 1.0, 1.0)] * count)):
+            object.__setattr__(self, name, tuple(getattr(self, name) or default))
+            if len(getattr(self, name)) != count:
+                raise ShapeError(
+                    f"{name} has {len(getattr(self, name))} entries for {counted(count, 'frame')}; as many are expected"
+                )
 
     @property
-    def measured(self) -> tuple[View, ...]:
-        """The layers that are pictures: the frames, or the first layer."""
-        return self.layers[: max(1, len(self.numbers))]
+    def layers(self) -> tuple[View, ...]:
+        """The frames, then the fills: all that is seen of the scene."""
+        return (*self.frames, *self.fills)
+
+    @cached_property
+    def unfilled(self) -> Scene:
+        """The scene as it was measured, without what was removed: nothing is filled, also no depth of its frames."""
+        frames = tuple(frame.without_filled_depth() for frame in self.frames)
+        fills = tuple(fill for fill in self.fills if fill.shows_source)
+        same = (frames, fills) == (self.frames, self.fills)
+        return self if same else dataclasses.replace(self, frames=frames, fills=fills)
+
+    @cached_property
+    def depth_profile(self) -> DepthProfile:
+        """How the depth of its frames came about, by the first one as it was before anything was removed."""
+        estimated = any(Origin.ESTIMATED in frame.origins for frame in self.frames)
+        return DepthProfile(estimated, edge_uncertainty(self.original(0)))
+
+    def original(self, place: int) -> View:
+        """A frame, by its place, with what was removed put back."""
+        frame = self.frames[place].read()
+        for removed in self.removals:
+            if removed.camera.same_view_as(frame.camera):
+                frame = frame.with_pixels(removed.read(), removed.origin != Origin.UNKNOWN)
+        return frame
+
+    def without(self, mask: BoolArray | Mapping[int, BoolArray], dilate: int | None = None) -> Scene:
+        """The scene without the object under a mask. What was filled before is dropped: it was filled with the object in sight.
+
+        Args:
+            mask: H x W bool, True = remove, of a scene of one frame; or number of a frame -> its mask, for one frame or several.
+                The other frames' masks follow from the object's shape.
+            dilate: px by which the mask grows; None: 3, and 3 more where a depth camera took the pictures.
+        Raises:
+            MaskError: an empty or full mask, or one of another size; InputError: a frame that is not in the scene.
+        """
+        remove_object = import_module("dlama.geometry.frames.removal").remove_object  # it renders scenes: imported late
+        found: Scene = remove_object(self, mask, dilate).scene
+        return found
+
+    def place_of(self, number: int) -> int:
+        """Where the frame of that number stands in `frames`. InputError: there is none."""
+        if number in self.numbers:
+            return self.numbers.index(number)
+        first, last = self.numbers[0], self.numbers[-1]
+        known = f"{first} to {last}" if len(self.numbers) > 8 else ", ".join(map(str, self.numbers))
+        raise InputError(f"mask is for frame {number}, which is not in the scene; it has frames {known}")
 
     def __repr__(self) -> str:
-        frames = f"{counted(len(self.numbers), 'frame')}, " if self.numbers else ""
-        layers, objects = frames + counted(len(self.layers), "layer"), counted(len(self.objects), "removed object")
-        return f"Scene({layers}, {objects}, first layer {self.layers[0]!r})"
+        parts = (
+            counted(len(self.frames), "frame"),
+            counted(len(self.removals), "removal"),
+            counted(len(self.fills), "fill"),
+        )
+        return f"Scene({', '.join(parts)}, first frame {self.frames[0]!r})"
 
     def _repr_png_(self) -> bytes:
-        return self.layers[0]._repr_png_()
+        return self.frames[0]._repr_png_()
 
     def _repr_html_(self) -> str:
         cloud = concatenated([lift(layer) for layer in self.layers])
-        cam_from_world = self.layers[0].camera.cam_from_world
+        cam_from_world = self.frames[0].camera.cam_from_world
         return turning_points(repr(self), cloud.points, cloud.color, cloud.origin, cloud.confidence, cam_from_world)
 
 

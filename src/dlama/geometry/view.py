@@ -70,7 +70,7 @@ class HoleType(IntEnum):
     SENSOR = 5
     """The sensor gave colour but no depth."""
     OBJECT = 6
-    """Covered by the object that was taken out."""
+    """Covered by the object that was removed."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -202,6 +202,11 @@ class View:
         return bool(self.hole.any())
 
     @cached_property
+    def has_filled_depth(self) -> bool:
+        """True if a pixel of it has a measured colour and a depth that was filled."""
+        return Origin.DEPTH_FILLED in self.origins and bool(((self.origin == Origin.DEPTH_FILLED) & ~self.hole).any())
+
+    @cached_property
     def has_errors(self) -> bool:
         """True if it says what filled pixels are expected to be off by."""
         return self.errors is not None
@@ -221,20 +226,46 @@ class View:
         return dataclasses.replace(self, **taken)  # type: ignore[arg-type]
 
     def left_open(self, where: BoolArray) -> View:
-        """The same view with what was filled in the pixels of `where` (H x W bool) taken back: unknown, depth 0, origin UNKNOWN.
+        """The same view with what was filled in the pixels of `where` (H x W bool) unknown again, depth 0.
 
-        Measured colours stay; `hole_type` still says why the pixels had been empty.
+        Measured colours stay, with their origin; `hole_type` still says why the pixels had been empty.
         """
-        colored = where & (self.origin != Origin.DEPTH_FILLED)
+        guessed = where & (self.origin != Origin.DEPTH_FILLED)
         keep = ~where
         return self.with_planes(
-            color=select(self.color, ~colored),
+            color=select(self.color, ~guessed),
             depth=select(self.depth, keep),
             hole=self.hole | where,
-            origin=select(self.origin, keep),
+            origin=np.where(guessed, np.uint8(Origin.UNKNOWN), self.origin),
             confidence=select(self.confidence, keep),
+            frame=None if self.frame is None else self.frame * keep,
             errors=self.errors_where(keep),
         )
+
+    def without_filled_depth(self) -> View:
+        """A frame with its sensor holes as they were, their depth unknown; itself, where none was filled."""
+        if not self.has_filled_depth:
+            return self
+        return dataclasses.replace(self.left_open((self.origin == Origin.DEPTH_FILLED) & ~self.hole), errors=None)
+
+    def with_pixels(self, other: View, where: BoolArray) -> View:
+        """The same view with another one's pixels, of the same camera, in `where` (H x W bool); `hole_type` stays its own."""
+        return dataclasses.replace(
+            self,
+            color=np.where(where[..., None], other.color, self.color),
+            depth=np.where(where, other.depth, self.depth),
+            hole=np.where(where, other.hole, self.hole),
+            origin=np.where(where, other.origin, self.origin),
+            confidence=np.where(where, other.confidence, self.confidence),
+            errors=self.errors_with(other, where),
+        )
+
+    def errors_with(self, other: View, where: BoolArray) -> Float32Array | None:
+        """Its expected errors, in the pixels of `where` (H x W bool) those of another view of the same camera."""
+        if other.errors is None:
+            return self.errors
+        own = np.zeros_like(other.errors) if self.errors is None else self.errors
+        return np.where(where[..., None], other.errors, own)
 
     def without(self, where: BoolArray, hole_type: HoleType) -> View:
         """The same view with the pixels of `where` (H x W bool) turned into holes of one type."""
@@ -246,5 +277,6 @@ class View:
             hole_type=np.where(where, np.uint8(hole_type), self.hole_type),
             origin=select(self.origin, keep),
             confidence=select(self.confidence, keep),
+            frame=None if self.frame is None else self.frame * keep,
             errors=self.errors_where(keep),
         )

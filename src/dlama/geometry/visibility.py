@@ -50,7 +50,7 @@ class Law:
     def of(cls, scene: Scene) -> Law:
         """The law that a scene's measured layers and removed objects lay down; of many frames, within their measured noise."""
         check(scene, Scene, "scene")
-        if scene.numbers and sum(4 * one.camera.width * one.camera.height for one in scene.measured) > HELD_BYTES:
+        if len(scene.frames) > 1 and sum(4 * one.camera.width * one.camera.height for one in scene.frames) > HELD_BYTES:
             return cls((), scene=scene)
         return cls._of(scene)
 
@@ -60,21 +60,20 @@ class Law:
         if self.scene is None:
             return self
         whole = self.scene
-        places = choose_frames(whole.measured, camera, MOST_FRAMES + MOST_COARSE)
-        layers = [whole.layers[place] for place in places[:MOST_FRAMES]]
-        taken = [one for one in whole.objects if any(one.camera.same_view_as(each.camera) for each in layers)]
-        one = Law._of(Scene(tuple(layers), tuple(taken)), whole.noise)
+        places = choose_frames(whole.frames, camera, MOST_FRAMES + MOST_COARSE)
+        frames = [whole.frames[place] for place in places[:MOST_FRAMES]]
+        taken = [one for one in whole.removals if any(one.camera.same_view_as(each.camera) for each in frames)]
+        one = Law._of(Scene(tuple(frames), tuple(taken), noise=whole.noise))
         coarse = [
             (coarse_camera(each.camera), within_noise(coarse_depth(each), whole.noise))
-            for each in (whole.layers[place] for place in places[MOST_FRAMES:])
+            for each in (whole.frames[place] for place in places[MOST_FRAMES:])
         ]
         return Law((*one.measured, *coarse), one.sky)
 
     @classmethod
-    def _of(cls, scene: Scene, noise: tuple[float, float] | None = None) -> Law:
-        noise = scene.noise if scene.numbers else noise
+    def _of(cls, scene: Scene) -> Law:
         measured: list[tuple[Camera, Float32Array]] = []
-        for layer in (*scene.layers, *scene.objects):
+        for layer in (*scene.layers, *scene.removals):
             if not layer.shows_source:
                 continue
             layer = layer.read()
@@ -85,8 +84,8 @@ class Law:
                     break
             else:
                 measured.append((layer.camera, depth))
-        if noise is not None:
-            measured = [(camera, within_noise(depth, noise)) for camera, depth in measured]
+        if any(scene.noise):
+            measured = [(camera, within_noise(depth, scene.noise)) for camera, depth in measured]
         frames = ((layer.camera, layer.color, layer.far & from_source(layer.origin)) for layer in scene.layers)
         return cls(tuple(measured), Sky.of(frames))
 
@@ -94,7 +93,7 @@ class Law:
         """The law with the scene's frames as they are drawn (`placed_edges`): beside misplaced edges depth that was filled counts
         as measured, and an edge lies where the picture has it, if that forbids more. Of very many frames: of the law `near`."""
         measured, misplaced = list(self.measured), self.misplaced_edges
-        for layer in scene.measured:
+        for layer in scene.frames:
             for number, (camera, known) in enumerate(measured):
                 if camera.same_view_as(layer.camera):
                     placed = placed_edges(layer.read())

@@ -52,15 +52,12 @@ class Preview:
 
     def __init__(self, rgbd: RGBD, mask: BoolArray | None) -> None:
         self.rgbd = small(rgbd, PREVIEW_PX)
-        view = View.from_rgbd(self.rgbd)
-        self.objects: tuple[View, ...] = ()
+        self.scene = Scene((View.from_rgbd(self.rgbd),))
         if mask is not None and mask.any() and not mask.all():
             width, height = self.rgbd.camera.wh
             gone = cv2.resize(mask.astype(np.uint8), (width, height), interpolation=cv2.INTER_AREA) > 0
             if not gone.all():
-                self.objects = (view.without(~gone, HoleType.NONE),)
-                view = view.without(gone, HoleType.OBJECT)
-        self.scene = Scene((view,), self.objects)
+                self.scene = self.scene.without(gone, dilate=0)
 
     def show(self, request: CompletionRequest) -> tuple[UInt8Array, dict[str, float]]:
         """From where the request puts the camera: H x W x 3, and the share of each hole type (0..1)."""

@@ -37,7 +37,7 @@ def test_a_scene_is_told_apart_by_origin(results: Path) -> None:
     assert in_all == len(read_ply(results / "background.ply"))
     assert set(np.unique(shown.clouds["filled"].origin)) <= {dlama.Origin.FILLED, dlama.Origin.DEPTH_FILLED}
     assert set(np.unique(shown.clouds["measured"].origin)) == {dlama.Origin.MEASURED}
-    assert len(shown.clouds["removed object"]) == int(scene.objects[0].valid.sum())
+    assert len(shown.clouds["removed object"]) == int(scene.removals[0].valid.sum())
     assert [frame.camera.wh for frame in shown.frames] == [(512, 512)]
     assert contents.contents_of(results / "scene.npz").clouds.keys() == shown.clouds.keys()
 

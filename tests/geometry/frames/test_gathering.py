@@ -44,9 +44,9 @@ def test_noise_is_measured() -> None:
 
 
 def test_one_frame_is_the_scene_of_one_picture() -> None:
-    """Law: no numbers, one layer."""
+    """Law: one frame, number 0, of unit gain, without noise."""
     one = scene(frames()[:1])
-    assert one.numbers == () and len(one.layers) == 1
+    assert one.numbers == (0,) and len(one.layers) == 1 and one.gains == ((1, 1, 1),) and one.noise == (0, 0)
 
 
 def test_an_outlier_is_named_and_left_out() -> None:

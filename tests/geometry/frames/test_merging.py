@@ -38,8 +38,7 @@ def frames(noise: float = 0.0) -> list[RGBD]:
 
 def as_scene(frames: list[RGBD], noise: tuple[float, float] = (0.0, 0.0)) -> Scene:
     """Without any judgement of what they say of each other."""
-    ones = tuple((1.0, 1.0, 1.0) for _ in frames)
-    return Scene(tuple(View.from_rgbd(frame) for frame in frames), (), tuple(range(len(frames))), ones, noise)
+    return Scene(tuple(View.from_rgbd(frame) for frame in frames), noise=noise)
 
 
 def test_in_its_own_camera_a_frame_stays_bit_for_bit() -> None:

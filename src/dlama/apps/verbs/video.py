@@ -43,7 +43,7 @@ def video(
         fps: Pictures a second.
         width: Of the video; its height follows.
     """
-    from dlama.completion.frames.sources import filler_for
+    from dlama.completion.start import choose_filler
     from dlama.datasets.sequences.camera_paths import path_for
     from dlama.datasets.sequences.loading import read_scene_of
     from dlama.files.results.video import check_video, write_video
@@ -55,7 +55,7 @@ def video(
         options = dict(vars(frames))
         _, scene, _ = read_scene_of(source, options.pop("frames"), **options)
         cameras = path_for(path, scene, seconds, fps, width)
-        chosen = filler_for(scene, filler.filler)
+        chosen = choose_filler(scene, filler.filler, filler.model).name
         views = dlama.render_path(scene, cameras, **filler.settings() | {"filler": chosen})
 
         def pictures() -> Iterator[UInt8Array]:

@@ -73,7 +73,7 @@ def of_scene(file: Path) -> Contents:
     _, scene = read_npz(file)
     parts = [points_of(layer, contribution(layer)) for layer in scene.layers]
     known, filled = (concatenated([part[number] for part in parts]) for number in (0, 1))
-    removed = concatenated([lift(each) for each in scene.objects])
+    removed = concatenated([lift(each) for each in scene.removals])
     clouds = {"measured": known, "filled": filled, "removed object": removed}
     frames = tuple(
         Frame(f"{number}", layer.camera, layer.color)

@@ -10,7 +10,6 @@ import dataclasses
 
 import numpy as np
 
-from dlama.completion.steps import with_errors_of
 from dlama.completion.stereo.pair import MatchedPair
 from dlama.geometry.camera import Float64Array
 from dlama.geometry.fusion import with_layer
@@ -94,15 +93,7 @@ def with_lent(view: View, lender: View, law: Law, mode: Mode) -> View:
     shown = render(lender, view.camera, mode, types=False)
     lent = wanted & ~shown.hole
     lent &= ~law.violations(view.camera, shown.depth, lent)
-    return dataclasses.replace(
-        view,
-        color=np.where(lent[..., None], shown.color, view.color),
-        depth=np.where(lent, shown.depth, view.depth),
-        hole=view.hole & ~lent,
-        origin=np.where(lent, shown.origin, view.origin),
-        confidence=np.where(lent, shown.confidence, view.confidence),
-        errors=with_errors_of(view, shown, lent),
-    )
+    return view.with_pixels(shown, lent)
 
 
 def with_seen_alone(scene: Scene, view: View, law: Law, mode: Mode) -> Scene:

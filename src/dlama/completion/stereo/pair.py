@@ -11,16 +11,17 @@ import cv2
 import numpy as np
 
 from dlama.completion.completion import StereoCompletion
+from dlama.completion.recipes import Recipe
 from dlama.completion.report import Record, expected_errors, meta_data
-from dlama.completion.steps import Plan
+from dlama.completion.start import NO_DILATION, Dilation, Plan, scene_of
 from dlama.errors import InputError, ShapeError
 from dlama.geometry.camera import StereoRig
+from dlama.geometry.frames.removal import remove_object
 from dlama.geometry.holes import checked_mask
 from dlama.geometry.projection import depth_from_disparity, disparity_from_depth
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array, checked_color
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
-from dlama.inpainters.filling import Inpainter
 from dlama.perception.stereo.agreement import carry_mask, consistency
 from dlama.perception.stereo.matching import Matcher, disparity_pair
 
@@ -95,15 +96,24 @@ class CompletedPair:
     about: dict[str, Any] = field(default_factory=dict)
     """What became of the right picture, for meta.json: `right`, and where it was given `gain` and `lent_share`."""
 
-    def as_completion(self, rig: StereoRig, filler: str | Inpainter) -> StereoCompletion:
+    def as_completion(self, rig: StereoRig) -> StereoCompletion:
         """With the disparities of both views, how well they agree, and the meta data."""
         lens = {"fx": rig.left.fx, "baseline_m": rig.baseline_m, "doffs": rig.doffs}
         left, right = (disparity_from_depth(view.depth, **lens) for view in self.views)
         agreement = consistency(self.views[0].color, self.views[1].color, left, right)
         source = View.from_rgbd(self.source)
-        meta = meta_data(self.plan, filler, source, self.before, self.record) | expected_errors(self.views)
+        meta = meta_data(self.plan, source, self.before, self.record) | expected_errors(self.views)
         meta["stereo"] = {**lens, **self.about, "consistency": dataclasses.asdict(agreement)}
         return StereoCompletion(self.views, self.before, self.scene, source, meta, left, right, agreement)
+
+
+def without_object(pair: MatchedPair, recipe: Recipe) -> tuple[Scene, Dilation]:
+    """The scene of the left picture as the recipe clips it, without the object where one is removed, and how its mask grew."""
+    scene = scene_of(pair.left, recipe.clip)
+    if pair.masks is None:
+        return scene, NO_DILATION
+    removal = remove_object(scene, pair.masks[0], recipe.dilate)
+    return removal.scene, Dilation(removal.pixels, removal.known_pixels_given_up)
 
 
 def default_far(rig: StereoRig) -> float:

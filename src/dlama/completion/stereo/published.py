@@ -6,23 +6,22 @@ import dataclasses
 
 import numpy as np
 
-from dlama.completion.recipes import Recipe
 from dlama.completion.report import Clock, Record
-from dlama.completion.steps import Plan, fill, filler_of_recipe, law_of, take_out
-from dlama.completion.stereo.pair import CompletedPair, MatchedPair
+from dlama.completion.start import Plan, filler_of_recipe, law_of
+from dlama.completion.steps import fill
+from dlama.completion.stereo.pair import CompletedPair, MatchedPair, without_object
 from dlama.geometry.holes import dilated
 from dlama.geometry.rgbd import RGBD, clipped
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import HoleType, Origin, View
-from dlama.inpainters.filling import FillReport, Inpainter
+from dlama.inpainters.filling import FillReport
 
 
-def complete_pair_one_by_one(
-    pair: MatchedPair, recipe: Recipe, filler: Inpainter, seed: int, clock: Clock
-) -> CompletedPair:
+def complete_pair_one_by_one(pair: MatchedPair, draft: Plan, clock: Clock) -> CompletedPair:
     """The object removed from each picture of a pair, colour filled in each alone, then matched: depth is what matching finds."""
     assert pair.masks is not None
-    given, grown_mask = take_out(View.from_rgbd(clipped(pair.left, recipe.clip)), pair.masks[0], recipe.dilate)
+    recipe, inpainter = draft.recipe, filler_of_recipe(draft.inpainter, draft.recipe)
+    given, grown_mask = without_object(pair, recipe)
     flat = [RGBD(one.color, np.ones(one.color.shape[:2], np.float32), one.camera) for one in (pair.left, pair.right)]
     plans: list[Plan] = []
     before: list[View] = []
@@ -30,8 +29,8 @@ def complete_pair_one_by_one(
     fills: list[FillReport] = []
     for source, mask in zip(map(View.from_rgbd, flat), pair.masks):
         alone = Scene((source,))
-        plans.append(Plan(recipe, filler_of_recipe(filler, recipe), seed, alone, law_of(alone, recipe)))
-        before.append(source.without(dilated(mask, recipe.dilate), HoleType.OBJECT))
+        plans.append(dataclasses.replace(draft, inpainter=inpainter, given=alone, law=law_of(alone, recipe)))
+        before.append(source.without(dilated(mask, recipe.dilate or 0), HoleType.OBJECT))
         with clock("fill"):
             view, report = fill(plans[-1], before[-1])
         filled.append(view)
@@ -44,7 +43,7 @@ def complete_pair_one_by_one(
         for one, view in zip((again.left, again.right), filled)
     )
     record = Record(fills, clock.seconds, grown_mask)
-    scene = Scene((left,), given.objects)
+    scene = Scene((left,), given.removals)
     return CompletedPair(plans[0], pair.left, (before[0], before[1]), (left, right), scene, record, {"right": "given"})
 
 

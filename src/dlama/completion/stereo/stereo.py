@@ -1,6 +1,6 @@
 """A rectified pair and its rig in; depth, both views completed alike, disparities out (paper: SII).
 
-match -> take out -> left view: what the right camera saw there, then fill -> right view: likewise -> fuse
+match -> remove -> left view: what the right camera saw there, then fill -> right view: likewise -> fuse
 
 What one camera measured is used before anything is guessed, and both views agree by construction. The paper fills each view
 alone and matches afterwards (recipe `paper`); without an object it makes the right view from the left (right_view
@@ -22,16 +22,15 @@ from dlama.completion.memory import check_memory
 from dlama.completion.plausible import warn_of_scale
 from dlama.completion.recipes import DepthBy, Recipe, checked_confidence, checked_seed, find_recipe
 from dlama.completion.report import Clock, Record
-from dlama.completion.steps import (
+from dlama.completion.start import (
     Plan,
-    close_holes,
-    fill,
-    fill_source,
+    choose_filler,
     filler_of_recipe,
-    fuse_new,
     law_of,
-    take_out,
+    refuse_model_of_auto,
+    scene_of,
 )
+from dlama.completion.steps import close_holes, complete_step, fill, frame_steps, fuse_new
 from dlama.completion.stereo.disparities import find_matches
 from dlama.completion.stereo.exchange import (
     color_gain,
@@ -48,18 +47,21 @@ from dlama.completion.stereo.pair import (
     default_far,
     depth_in_metres,
     masks_of_pair,
+    without_object,
 )
 from dlama.completion.stereo.published import complete_pair_one_by_one
 from dlama.errors import InputError
 from dlama.geometry.camera import StereoRig
+from dlama.geometry.frames.removal import mask_growth
 from dlama.geometry.fusion import fuse
 from dlama.geometry.holes import dilated
 from dlama.geometry.rendering import Mode, render
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array, clipped, far_beyond
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import HoleType, Origin, View
-from dlama.inpainters import AUTO, auto_filler, find_filler
-from dlama.inpainters.filling import Inpainter
+from dlama.geometry.visibility import Law
+from dlama.inpainters import AUTO, find_filler
+from dlama.inpainters.filling import FillReport, Inpainter
 from dlama.inpainters.networks.pair import PairFiller
 from dlama.perception.stereo.matching import Matcher
 
@@ -91,7 +93,7 @@ def stereo(
     seed: int = 0,
     min_confidence: float = 0.0,
 ) -> StereoCompletion:
-    """Depth from a rectified pair; with `mask` the object is taken out of both views.
+    """Depth from a rectified pair; with `mask` the object is removed from both views.
 
     Args:
         left: uint8 H x W x 3, RGB.
@@ -121,8 +123,8 @@ def stereo(
     checked_confidence(min_confidence)
     check_memory((rig.left, rig.right))
     chosen = find_recipe(recipe, mode=mode, dilate=dilate, dilate_holes=dilate_holes, clip=clip, depth_by=depth_by)
-    filler = auto_filler() if filler == AUTO else filler
-    inpainter = find_filler(filler, model)
+    refuse_model_of_auto(filler, model)
+    inpainter = None if filler == AUTO else find_filler(filler, model)
     if isinstance(inpainter, PairFiller) and chosen.depth_by != "surfaces":
         raise InputError(
             f"depth_by is {chosen.depth_by!r} and the filler 'pair', which fills no depth; surfaces is wanted"
@@ -142,13 +144,20 @@ def stereo(
     found = mask(pair.left) if callable(mask) else mask
     masks = masks_of_pair(found, mask_right, matches.disparities[0], rig)
     pair = dataclasses.replace(pair, masks=masks)
+    start = scene_of(pair.left)
+    choice = choose_filler(start, filler)
+    decisions = choice.decision
+    if masks is not None:
+        growth = mask_growth(start, chosen.dilate)
+        chosen, decisions = dataclasses.replace(chosen, dilate=growth.px), decisions | {"mask_growth": growth._asdict()}
+    draft = Plan(chosen, inpainter or find_filler(choice.filler), seed, start, Law(()), choice.name, decisions)
     complete_pair = complete_pair_together
     if chosen_right_view(right_view, chosen, masks is not None) == "synthesised":
         complete_pair = synthesise_right
     elif one_by_one:
         complete_pair = complete_pair_one_by_one
-    done = complete_pair(pair, chosen, inpainter, seed, Clock())
-    completion = dataclasses.replace(done, about={**matches.notes, **done.about}).as_completion(rig, filler)
+    done = complete_pair(pair, draft, Clock())
+    completion = dataclasses.replace(done, about={**matches.notes, **done.about}).as_completion(rig)
     return completion.with_min_confidence(min_confidence)
 
 
@@ -163,29 +172,28 @@ def chosen_right_view(asked: RightView | None, recipe: Recipe, removing: bool) -
     return asked
 
 
-def complete_pair_together(
-    pair: MatchedPair, recipe: Recipe, filler: Inpainter, seed: int, clock: Clock
-) -> CompletedPair:
+def complete_pair_together(pair: MatchedPair, draft: Plan, clock: Clock) -> CompletedPair:
     """Both views completed: each first by what the other camera measured, then what neither did, filled in the left view."""
     clean, object_depth, gain = pair.without_bleeding(), pair.object_depth, color_gain(pair)
-    source = View.from_rgbd(clipped(clean.left, recipe.clip))
-    given, grown_mask = take_out(source, pair.masks and pair.masks[0], recipe.dilate)
+    recipe, filler = draft.recipe, draft.inpainter
+    given, grown_mask = without_object(clean, recipe)
     right_before = right_as_given(clean, recipe)
-    plan = Plan(recipe, left_filler(filler, pair, recipe), seed, given, law_of(given, recipe, object_depth))
-    both = Scene((*given.layers, right_before), given.objects)  # what the right picture measured counts for the law too
+    law = law_of(given, recipe, object_depth)
+    plan = dataclasses.replace(draft, inpainter=left_filler(filler, pair, recipe), given=given, law=law)
+    both = dataclasses.replace(given, fills=(right_before,))  # what the right picture measured counts for the law too
     law = law_of(both, recipe, object_depth)
 
     with clock("exchange"):
-        lender = right_before if pair.masks is None else with_continued_depth(right_before, law, seed)
+        lender = right_before if pair.masks is None else with_continued_depth(right_before, law, plan.seed)
         lender = with_gain(lender, gain)
-        open_left = given.layers[0]
+        open_left = given.frames[0]
         known_left = with_lent(open_left, lender, plan.law, recipe.mode)
     with clock("fill"):
         left, left_fill = fill(plan, known_left)
     with clock("fuse"):
         guessed_or_lent = open_left.color_hole
         measured = left.without(guessed_or_lent, HoleType.OBJECT)
-        scene = dataclasses.replace(given, layers=(measured,))
+        scene = dataclasses.replace(given, frames=(measured,))
         if pair.masks is not None:
             scene = with_seen_alone(scene, lender, law, recipe.mode)
         scene = fuse(scene, left)
@@ -211,13 +219,18 @@ def complete_pair_together(
     return CompletedPair(plan, clean.left, (left_before, right_before), (left, right), scene, record, exchanged)
 
 
-def synthesise_right(pair: MatchedPair, recipe: Recipe, filler: Inpainter, seed: int, clock: Clock) -> CompletedPair:
+def synthesise_right(pair: MatchedPair, draft: Plan, clock: Clock) -> CompletedPair:
     """The left view completed, and the right one made from it; of the right picture only the disparity is used."""
-    source = pair.left
-    given, _ = take_out(View.from_rgbd(clipped(source, recipe.clip)), None, recipe.dilate)
-    plan = Plan(recipe, left_filler(filler, pair, recipe), seed, given, law_of(given, recipe))
+    source, recipe, filler = pair.left, draft.recipe, draft.inpainter
+    scene = given = scene_of(source, recipe.clip)
+    plan = dataclasses.replace(
+        draft, inpainter=left_filler(filler, pair, recipe), given=given, law=law_of(given, recipe)
+    )
+    fills: list[FillReport] = []
+    for step in frame_steps(plan, given, ()):
+        found, scene = complete_step(plan, scene, step, clock)
+        fills += found.reports
     with clock("fill"):
-        scene, source_fills = fill_source(plan)
         left, left_fill = fill(plan, render(scene, pair.rig.left, recipe.mode, close=False))
     left_before = left_before_filling(source, scene)
     left = dataclasses.replace(
@@ -230,14 +243,14 @@ def synthesise_right(pair: MatchedPair, recipe: Recipe, filler: Inpainter, seed:
         right, right_fill = fill(plan, right_before)
     with clock("fuse"):
         scene = fuse(scene, right)
-    record = Record([*source_fills, left_fill, right_fill], clock.seconds)
+    record = Record([*fills, left_fill, right_fill], clock.seconds)
     about = {"right": "synthesised"}
     return CompletedPair(plan, source, (left_before, right_before), (left, right), scene, record, about)
 
 
 def left_before_filling(source: RGBD, scene: Scene) -> View:
     """The left view with its sensor holes open, and the object where `scene` has one removed."""
-    before, base = View.from_rgbd(source), scene.layers[0]
+    before, base = View.from_rgbd(source), scene.frames[0]
     removed = base.hole & (base.hole_type == HoleType.OBJECT)
     return before.without(removed, HoleType.OBJECT) if removed.any() else before
 
@@ -245,13 +258,15 @@ def left_before_filling(source: RGBD, scene: Scene) -> View:
 def right_as_given(pair: MatchedPair, recipe: Recipe) -> View:
     """The right picture with its depth; with the object open, where one is removed."""
     view = View.from_rgbd(clipped(pair.right, recipe.clip))
-    return view if pair.masks is None else view.without(dilated(pair.masks[1], recipe.dilate), HoleType.OBJECT)
+    return view if pair.masks is None else view.without(dilated(pair.masks[1], recipe.dilate or 0), HoleType.OBJECT)
 
 
 def left_filler(filler: Inpainter, pair: MatchedPair, recipe: Recipe) -> Inpainter:
     """The filler of the left view; one for pairs sees the right picture too, without the object."""
     if isinstance(filler, PairFiller):
-        unknown = np.zeros(pair.rig.right.hw, bool) if pair.masks is None else dilated(pair.masks[1], recipe.dilate)
+        unknown = (
+            np.zeros(pair.rig.right.hw, bool) if pair.masks is None else dilated(pair.masks[1], recipe.dilate or 0)
+        )
         filler = filler.painter(pair.colors[1], unknown, left=True)
     return filler_of_recipe(filler, recipe)
 

@@ -32,21 +32,21 @@ def is_scene_file(path: Path) -> bool:
 def scene_file(path: Path, *, limit: int | None = None) -> Dataset:
     """The frames of a scene.npz, in their order; warns where their depth is estimated. Raises FileError, InputError."""
     found = read_scene(path)
-    if found.objects:
+    if found.removals:
         raise InputError(
             f"{path}: is a scene without what was removed from it; one of frames as they were taken is wanted"
         )
-    if any(Origin.ESTIMATED in layer.origins for layer in found.measured):
+    if any(Origin.ESTIMATED in layer.origins for layer in found.frames):
         warnings.warn(f"{path}: its depth is estimated from pictures; it is no truth", UserWarning, stacklevel=2)
     frames = [
         PosedFrame(
             path.stem,
             f"frame-{number:04d}",
             partial(load_frame, path, place),
-            world_from_cam=found.layers[place].camera.world_from_cam,
+            world_from_cam=found.frames[place].camera.world_from_cam,
             load_depth=partial(load_frame_depth, path, place),
         )
-        for place, number in enumerate(found.numbers or (0,))
+        for place, number in enumerate(found.numbers)
     ]
     return posed_dataset(LAYOUT, path, frames, limit)
 

@@ -61,5 +61,5 @@ def path_for(path: str, scene: Scene, seconds: float, fps: float, width: int | N
 
 
 def _named(name: str, scene: Scene, count: int) -> list[Camera]:
-    middle = scene.measured[len(scene.measured) // 2]
+    middle = scene.frames[len(scene.frames) // 2]
     return named_path(name, middle.camera, count, median_pivot(np.where(middle.hole, 0, middle.depth)))

@@ -10,7 +10,7 @@ from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
-from dlama.completion.frames.sources import clipped_frame
+from dlama.completion.start import clipped_frame
 from dlama.datasets.frames import Frame
 from dlama.datasets.posed.posed_frames import CameraOption
 from dlama.datasets.sequences.scene_frames import open_frames, sliced
@@ -49,7 +49,7 @@ def read_scene_of(
         if align:
             raise InputError(f"align is on, and {dataset} is a scene; align the frames that it is made of")
         found = read_scene(dataset)
-        return [f"frame-{number:04d}" for number in range(max(found.numbers, default=0) + 1)], found, {}
+        return [f"frame-{number:04d}" for number in range(max(found.numbers) + 1)], found, {}
     chosen = sliced(open_frames(dataset, layout, camera=camera, depth_range=depth_range, scene=scene), which)
     views, damaged = read_views(aligned(chosen) if align else chosen, PixelCache(), clip)
     if not views:

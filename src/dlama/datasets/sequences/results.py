@@ -51,12 +51,12 @@ def checked_results(only: Sequence[str] | None) -> tuple[str, ...]:
 def write_whole(folder: Path, whole: Scene, cameras: Mapping[str, Camera], wanted: Sequence[str]) -> dict[str, Any]:
     """What of RESULTS is wanted of the scene as a whole; for meta.json: what was left out of it. Raises OutputError.
 
-    Points and mesh have every surface once, without removed things.
+    Points and mesh have every surface once, without removed objects.
     """
     about: dict[str, Any] = {}
     if "scene" in wanted:
         LOG.info("write scene")
-        write_npz(folder / "scene.npz", whole.layers[0], whole)
+        write_npz(folder / "scene.npz", whole.frames[0], whole)
     if {"points", "mesh", "colmap"} & set(wanted):
         once = thinned(whole)
         counts = [int(contribution(layer.read()).sum()) for layer in once.layers]

@@ -6,22 +6,21 @@ import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from dlama import __version__
 from dlama.arguments import check_arguments
-from dlama.completion.frames.sources import filler_for, kind_of_depth
-from dlama.completion.frames.stepwise import Step, plan_for, steps_for, taken, taken_up
 from dlama.completion.memory import check_memory
 from dlama.completion.recipes import find_recipe
 from dlama.completion.report import share
-from dlama.completion.steps import Plan
+from dlama.completion.start import Plan, plan_for
+from dlama.completion.steps import Step, complete_step, frame_steps
 from dlama.datasets.posed.nerfstudio_writer import FOLDERS, write_transforms, write_view
 from dlama.datasets.posed.posed_frames import CameraOption
 from dlama.datasets.sequences.camera_paths import cameras_for
 from dlama.datasets.sequences.loading import masks_by_number, read_scene_of
 from dlama.datasets.sequences.results import checked_results, write_views_video, write_whole
-from dlama.datasets.sequences.state import SequenceState
+from dlama.datasets.sequences.state import Added, SequenceState
 from dlama.errors import OutputError, system_errors
 from dlama.files.atomic_write import PathLike, new_file
 from dlama.files.results.meta_json import as_json
@@ -34,6 +33,16 @@ from dlama.inpainters import AUTO
 
 Progress = Callable[[int, int, str, bool], None]
 """Told after each view: how many are done, of how many, which one, and whether an earlier run had done it."""
+
+
+class NamedStep(NamedTuple):
+    """One view to be completed."""
+
+    name: str
+    """Of the frame, or of the camera."""
+    step: Step
+    shown: bool
+    """Whether it is asked for; a frame may be filled on the way to other cameras."""
 
 
 @dataclass
@@ -89,7 +98,7 @@ def sequence(
         dataset: The folder of posed frames, in any layout that `dlama evaluate` reads; or a scene.npz.
         output: Directory for the results.
         frames: Which frames: `FIRST:END:STEP`, places from 0.
-        masks: A frame's name, or its place from 0 -> H x W bool, True = remove: a thing that is taken out of all frames.
+        masks: A frame's name, or its place from 0 -> H x W bool, True = remove: an object that is removed from all frames.
         views: "frames": at the frames' own cameras; "orbit", "spiral" or "dolly": a path of 24 cameras from the middle frame; a
             JSON file with a list of cameras; or cameras by name.
         layout, scene, camera, depth_range: Of the data set, as in `dlama evaluate`; `scene` of several.
@@ -106,18 +115,18 @@ def sequence(
     started, target, wanted = time.perf_counter(), Path(output), checked_results(only)
     clip = find_recipe(recipe).clip
     names, given, damaged = read_scene_of(dataset, frames, layout, scene, camera, depth_range, clip, align)
-    filler = filler_for(given, filler)
-    kept = [names[number] for number in given.numbers or (0,)]
+    kept = [names[number] for number in given.numbers]
     cameras = cameras_for(views, given)
-    check_memory([given.layers[0].camera] * (2 * MOST_FRAMES))
+    check_memory([given.frames[0].camera] * (2 * MOST_FRAMES))
     numbered = masks_by_number(masks or {}, names)
-    plan = plan_for(given, numbered, filler=filler, model=model, recipe=recipe, dilate=dilate, seed=seed)
-    steps = steps_for(plan, kept, cameras)
-    settings = {"filler": filler, "model": str(model), "recipe": recipe, "dilate": dilate, "seed": seed}
-    state = SequenceState(target, settings | {"views": [step.key for step in steps]}, plan.given, __version__)
-    done = completed(plan, steps, state, target, kept, progress)
-    shown = {step.name: step.camera for step in steps if step.name is not None}
-    ordered = {name: shown[name] for name in (kept if cameras is None else cameras)}
+    chosen = find_recipe(recipe, dilate=dilate)
+    plan, start, _ = plan_for(given, chosen, numbered or None, filler=filler, model=model, seed=seed)
+    steps = steps_for(plan, start, kept, cameras)
+    settings = {"filler": plan.filler, "model": str(model), "recipe": recipe, "dilate": dilate, "seed": seed}
+    views_by_name = {"views": [(name, shown) for name, _, shown in steps]}
+    state = SequenceState(target, settings | views_by_name, start, __version__)
+    done = completed(plan, start, steps, state, target, progress)
+    ordered = cameras or {name: frame.camera for name, frame in zip(kept, given.frames)}
     meta = {
         "dlama": __version__,
         "dataset": str(dataset),
@@ -125,7 +134,8 @@ def sequence(
         "recipe": recipe,
         "dilate": plan.recipe.dilate,
         "aligned": align,
-        "filler": filler,
+        "filler": plan.filler,
+        "decisions": {name: dict(decision) for name, decision in plan.decisions.items()},
         "model": None if model is None else str(model),
         "seed": seed,
         "masked_frames": sorted(masks or {}),
@@ -145,7 +155,7 @@ def about_frames(names: Sequence[str], kept: Sequence[str], given: Scene, damage
     left out."""
     contradict = [name for name in names if name not in kept and name not in damaged]
     return {
-        "depth": kind_of_depth(given),
+        "depth": "estimated" if given.depth_profile.estimated else "measured",
         "frames": {"names": list(kept), "gains": [list(gain) for gain in given.gains], "noise": list(given.noise)},
         "left_out": dict(damaged) | dict.fromkeys(contradict, "see warnings"),
     }
@@ -165,34 +175,45 @@ def written(
     return about
 
 
-def completed(
-    plan: Plan,
-    steps: Sequence[Step],
-    state: SequenceState,
-    target: Path,
-    names: Sequence[str],
-    progress: Progress | None,
-) -> Done:
-    """The steps one after the other, each kept as soon as it is done, and its view written into `target`. Raises OutputError.
+def steps_for(plan: Plan, start: Scene, names: Sequence[str], cameras: Mapping[str, Camera] | None) -> list[NamedStep]:
+    """The views to complete, in order: the frames that matter, then the cameras (name -> camera; None: the frames' own).
 
     names: of the frames.
     """
+    order = frame_steps(plan, start, list((cameras or {}).values()))
+    if cameras is None:
+        places = [step.place for step in order]
+        order += [Step(frame.camera, place) for place, frame in enumerate(start.frames) if place not in places]
+    frames = [NamedStep(names[step.place or 0], step, cameras is None) for step in order]
+    return [*frames, *(NamedStep(name, Step(camera), True) for name, camera in (cameras or {}).items())]
+
+
+def completed(
+    plan: Plan,
+    start: Scene,
+    steps: Sequence[NamedStep],
+    state: SequenceState,
+    target: Path,
+    progress: Progress | None,
+) -> Done:
+    """The steps one after the other, each kept as soon as it is done, and its view written into `target`. Raises OutputError."""
     resumed = state.begin()
     for folder in FOLDERS:
         (target / folder).mkdir(exist_ok=True)
-    done = Done(plan.given)
-    for number, step in enumerate(steps):
-        added = state.of(step) if resumed else None
+    done = Done(start)
+    for number, (name, step, shown) in enumerate(steps):
+        added = state.of(number) if resumed else None
         earlier = added is not None
         if added is None:
-            added = taken(plan, done.scene, step)
-            if step.name is not None:
-                write_view(target, step.name, added.view)
-            added = state.keep(step, added)
-        done.scene, done.reused = taken_up(done.scene, step, added), done.reused + earlier
-        if step.name is not None:
-            done.filled[step.name] = share(added.view.filled)
-            done.depth_filled[step.name] = share(added.view.origin == Origin.DEPTH_FILLED)
+            found, larger = complete_step(plan, done.scene, step)
+            added = Added.by(step, found.view, done.scene, larger)
+            if shown:
+                write_view(target, name, added.view)
+            added = state.keep(number, added)
+        done.scene, done.reused = added.to(done.scene, step), done.reused + earlier
+        if shown:
+            done.filled[name] = share(added.view.filled)
+            done.depth_filled[name] = share(added.view.origin == Origin.DEPTH_FILLED)
         if progress is not None:
-            progress(number + 1, len(steps), step.name or f"{names[step.place or 0]} (on the way)", earlier)
+            progress(number + 1, len(steps), name if shown else f"{name} (on the way)", earlier)
     return done

@@ -6,24 +6,51 @@ import hashlib
 import json
 import shutil
 from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from dlama.completion.frames.stepwise import Added, Step
+from dlama.completion.steps import Step
 from dlama.errors import FileError
 from dlama.files.atomic_write import new_file
 from dlama.files.scenes.scene_npz import read_layer, read_npz, write_npz
 from dlama.geometry.frames.stored import PixelCache, StoredView
 from dlama.geometry.scene import Scene
-from dlama.geometry.view import View
+from dlama.geometry.view import HoleType, View
 
 FOLDER = ".dlama-sequence"
 """In the output, while the run lasts."""
-FORMAT = 2
+FORMAT = 3
 """Of the files there; what another one left is not gone on with."""
+
+
+@dataclass(frozen=True, eq=False)
+class Added:
+    """What a step found."""
+
+    view: View
+    """The completed view."""
+    fills: tuple[View, ...]
+    """What was filled for it."""
+    frame: View | None
+    """The frame itself with depth wherever it has a colour, where it is one that had none somewhere."""
+
+    @classmethod
+    def by(cls, step: Step, view: View, before: Scene, after: Scene) -> Added:
+        """What the step that completed this view changed."""
+        changed = step.place is not None and after.frames[step.place] is not before.frames[step.place]
+        frame = after.frames[step.place] if step.place is not None and changed else None
+        return cls(view, after.fills[len(before.fills) :], frame)
+
+    def to(self, scene: Scene, step: Step) -> Scene:
+        """The scene with it."""
+        frames = list(scene.frames)
+        if step.place is not None and self.frame is not None:
+            frames[step.place] = self.frame
+        return replace(scene, frames=tuple(frames), fills=(*scene.fills, *self.fills))
 
 
 class SequenceState:
@@ -49,51 +76,41 @@ class SequenceState:
                 draft.write_text(json.dumps({"mark": self.mark}), encoding="utf-8")
         return same
 
-    def of(self, step: Step) -> Added | None:
-        """What a step added, if it is done; a file that was cut off counts as not done."""
-        file = self._file(step)
+    def of(self, number: int) -> Added | None:
+        """What the step of that number added, if it is done; a file that was cut off counts as not done."""
+        file = self._file(number)
         if not file.is_file():
             return None
         try:
             view, scene = read_npz(file, self.cache)
         except FileError:
             return None
-        return self._added(view, scene)
+        return Added(view, scene.fills, None if scene.frames[0].read().hole.all() else scene.frames[0])
 
-    def keep(self, step: Step, added: Added) -> Added:
+    def keep(self, number: int, added: Added) -> Added:
         """The step is done; the same, whose layers are read from the file when they are needed. Raises OutputError."""
-        layers = (*(() if added.frame is None else (added.frame,)), *added.layers)
-        numbers = () if added.frame is None else (0,)
-        nothing = () if layers else (added.view,)
-        scene = Scene(layers or nothing, nothing, numbers, tuple((1.0, 1.0, 1.0) for _ in numbers))
-        file = self._file(step)
-        write_npz(file, added.view, scene)
-        stored = [
+        nothing = np.ones(added.view.camera.hw, bool)
+        frame = added.view.without(nothing, HoleType.NONE) if added.frame is None else added.frame
+        file = self._file(number)
+        write_npz(file, added.view, Scene((frame,), fills=added.fills))
+        kept, *fills = (
             StoredView.of(layer.camera, partial(read_layer, file, f"layer{number}_"), self.cache, layer)
-            for number, layer in enumerate(scene.layers)
-        ]
-        return self._added(added.view, Scene(tuple(stored), nothing, numbers, scene.gains))
-
-    @staticmethod
-    def _added(view: View, scene: Scene) -> Added:
-        """Of a scene as `keep` writes it: first the frame, where it has numbers; an object: nothing was added."""
-        if scene.objects:
-            return Added(view, (), None)
-        frames = len(scene.numbers)
-        return Added(view, scene.layers[frames:], scene.layers[0] if frames else None)
+            for number, layer in enumerate((frame, *added.fills))
+        )
+        return Added(added.view, tuple(fills), None if added.frame is None else kept)
 
     def end(self) -> None:
         """All is done: nothing is left of this."""
         shutil.rmtree(self.folder, ignore_errors=True)
 
-    def _file(self, step: Step) -> Path:
-        return self.folder / f"{hashlib.sha256(step.key.encode()).hexdigest()[:24]}.npz"
+    def _file(self, number: int) -> Path:
+        return self.folder / f"step-{number:06d}.npz"
 
 
 def fingerprint(settings: Mapping[str, Any], scene: Scene, version: str) -> str:
     """Changes with any pixel, any pose and any setting."""
     digest = hashlib.sha256(json.dumps([dict(settings), version], sort_keys=True, default=str).encode())
-    for stored in (*scene.layers, *scene.objects):
+    for stored in (*scene.layers, *scene.removals):
         layer = stored.read()
         for array in (layer.camera.world_from_cam, layer.camera.K, layer.color, layer.depth, layer.hole):
             digest.update(np.ascontiguousarray(array).tobytes())

@@ -112,7 +112,7 @@ def file_names(completion: Completion, only: Sequence[str] | None = None) -> lis
     """The files that `write` makes of a completion, relative to its directory, sorted. Raises InputError as `write` does."""
     wanted = {file for name in checked_results(only) for file in RESULTS[name]}
     files = [*scene_writers(Path(), completion), "preview.png", "mask.png"]
-    files += ["background.ply"] if completion.scene.objects else []
+    files += ["background.ply"] if completion.scene.removals else []
     for place, view in places(completion).items():
         files += view_writers(Path(), view, place, choice_of(completion, view))
     return sorted(["meta.json", *(file for file in files if file.rpartition("/")[2] in wanted)])
@@ -186,7 +186,7 @@ def scene_writers(folder: Path, completion: Completion) -> dict[str, Writer]:
 
     def points() -> None:
         clouds.write_ply(folder / "scene.ply", completion.background)
-        if completion.scene.objects:
+        if completion.scene.removals:
             shutil.copyfile(folder / "scene.ply", folder / "background.ply")
 
     writers: dict[str, Writer] = {
@@ -194,7 +194,7 @@ def scene_writers(folder: Path, completion: Completion) -> dict[str, Writer]:
         "scene.ply": points,
         "scene.npz": lambda: scenes.write_npz(folder / "scene.npz", main_view(completion), completion.scene),
     }
-    if completion.scene.objects:
+    if completion.scene.removals:
         writers["completed.ply"] = lambda: clouds.write_ply(folder / "completed.ply", completion.completed)
     if isinstance(completion, StereoCompletion):
         writers["disparity_left.pfm"] = lambda: depth.write_disparity_pfm(

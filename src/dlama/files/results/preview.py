@@ -37,7 +37,7 @@ def title(completion: Completion) -> str:
 
 def job_done(completion: Completion) -> str:
     """What was done, as the completion shows."""
-    removed = bool(completion.scene.objects)
+    removed = bool(completion.scene.removals)
     if isinstance(completion, StereoCompletion):
         return "Object removed from both pictures" if removed else "Depth from a stereo pair"
     several = f" ({len(completion.views)} views)" if len(completion.views) > 1 else ""
@@ -97,7 +97,7 @@ def demo_legend(completions: Sequence[Completion]) -> list[tuple[str, RGB]]:
 
 def source_panel(completion: Completion) -> Panel:
     """The source picture; what is to be removed is tinted and outlined."""
-    if not completion.scene.objects:
+    if not completion.scene.removals:
         return "source", completion.source.color
     taken = completion.scene.layers[0].hole_type == HoleType.OBJECT
     return "source, marked: to be removed", tinted(completion.source.color, taken)

@@ -2,15 +2,15 @@
 
 Keys (FIELD.md's interchange, extended): `rgb depth valid K world_from_cam origin confidence hole hole_type` of the view, where
 something was filled `depth_error` (metres) and `color_error` (levels) that are expected,
-and the same with the prefixes `layer0_ layer1_ ...` and `object0_ ...` of the scene's layers; `frame`, where a view comes from
-many frames; `numbers gains noise` of a scene of many.
+and the same with the prefixes `layer0_ layer1_ ...` of the scene's frames and fills and `object0_ ...` of its removals; `frame`,
+where a view comes from many frames; `numbers gains noise` of the frames, the first layers.
 """
 
 from __future__ import annotations
 
 import re
 import zipfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 
@@ -28,7 +28,8 @@ from dlama.geometry.view import View
 
 OF_LAYER = re.compile(r"(layer|object)\d+_")
 """How the name of a layer's array begins."""
-Gains = tuple[float, float, float]
+FRAMES = ("numbers", "gains", "noise")
+"""Of the scene's frames, its first layers."""
 ERRORS = ("depth_error", "color_error")
 """Planes of `View.errors`, where there are any: metres, levels."""
 ZIP_LEVEL = 1
@@ -52,12 +53,10 @@ def write_npz(path: PathLike, view: View, scene: Scene) -> None:
 
 def _all_arrays(view: View, scene: Scene) -> Iterator[tuple[str, np.ndarray]]:
     yield from _arrays("", view).items()
-    for name, layers in (("layer", scene.layers), ("object", scene.objects)):
+    for name, layers in (("layer", scene.layers), ("object", scene.removals)):
         for number, layer in enumerate(layers):
             yield from _arrays(f"{name}{number}_", layer).items()
-    if scene.numbers:
-        frames = {"numbers": np.array(scene.numbers), "gains": np.array(scene.gains), "noise": np.array(scene.noise)}
-        yield from frames.items()
+    yield from {name: np.array(getattr(scene, name)) for name in FRAMES}.items()
 
 
 def read_scene(path: PathLike) -> Scene:
@@ -81,7 +80,7 @@ def read_npz(path: PathLike, cache: PixelCache | None = None) -> tuple[View, Sce
                 for name in ("layer", "object")
             )
             whole = _arrays_of(archive, "")
-            return _view("", whole), Scene(tuple(layers), tuple(objects), *_frames(whole))
+            return _view("", whole), _scene(layers, objects, whole)
     except KeyError as error:
         raise FileError(f"{file}: has no array called {error}; a scene.npz of dlama is wanted") from error
     except DlamaError as error:
@@ -141,13 +140,18 @@ def _arrays(prefix: str, view: View) -> dict[str, np.ndarray]:
     return {prefix + name: array for name, array in fields.items()}
 
 
-def _frames(arrays: Mapping[str, np.ndarray]) -> tuple[tuple[int, ...], tuple[Gains, ...], tuple[float, float]]:
-    """Numbers, gains and noise of a scene of many frames; of one picture empty."""
-    if "numbers" not in arrays:
-        return (), (), (0.0, 0.0)
-    a, b = (float(one) for one in arrays["noise"])
-    gains = tuple((float(r), float(g), float(b)) for r, g, b in arrays["gains"])
-    return tuple(int(one) for one in arrays["numbers"]), gains, (a, b)
+def _scene(layers: Sequence[View], removals: Sequence[View], arrays: Mapping[str, np.ndarray]) -> Scene:
+    """The scene of its layers, frames first; a file without numbers, as earlier versions wrote of one picture, has one."""
+    numbers, gains, noise = (arrays.get(name, np.zeros(0)).tolist() for name in FRAMES)
+    count = len(numbers) or 1
+    return Scene(
+        tuple(layers[:count]),
+        tuple(removals),
+        tuple(layers[count:]),
+        tuple(numbers),
+        tuple((r, g, b) for r, g, b in gains),
+        (noise[0], noise[1]) if noise else (0.0, 0.0),
+    )
 
 
 def _view(prefix: str, arrays: Mapping[str, np.ndarray]) -> View:

@@ -33,7 +33,7 @@ def write_textured_glb(path: PathLike, scene: Scene, objects: bool = False) -> N
     objects: with the removed objects. Far pixels (sky) have no vertices, here as in `scene_mesh`; scene.npz has them. Without
     any vertex an empty scene is written. Raises OutputError.
     """
-    layers = (*scene.layers, *scene.objects) if objects else scene.layers
+    layers = (*scene.layers, *scene.removals) if objects else scene.layers
     document, blob = mesh_document(scene_mesh(scene, objects), colors=False)
     if document.meshes:
         texture, pixels = atlas(layers)

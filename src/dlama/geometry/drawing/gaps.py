@@ -56,8 +56,7 @@ class Ends(NamedTuple):
 
 def closable(scene: Scene) -> bool:
     """True if a scene was filled, and nothing that was filled has been left open again for want of confidence."""
-    filled = scene.layers[len(scene.measured) :]
-    return bool(filled) and not any(layer.was_left_open for layer in filled)
+    return bool(scene.fills) and not any(fill.was_left_open for fill in scene.fills)
 
 
 def close_gaps(canvas: Canvas) -> None:

@@ -46,6 +46,28 @@ UNLIKE = 60.0
 """Levels (root of the sum over channels) from which two colours have nothing in common."""
 
 
+class DepthProfile(NamedTuple):
+    """How the depth of a scene came about. What depends on it, the filler and the growth of masks, is chosen by it alone."""
+
+    estimated: bool
+    """A network estimated it from the picture."""
+    edges_off_px: int
+    """By which its edges lie beside those of the picture (`edge_uncertainty`)."""
+
+    @property
+    def from_depth_camera(self) -> bool:
+        """Whether a depth camera measured it: that its edges clearly lie beside those of the picture says so."""
+        return self.edges_off_px >= CLEARLY
+
+    @property
+    def reason(self) -> str:
+        """In words, for what is chosen by it."""
+        if self.estimated:
+            return "a network estimated the depth"
+        place = f"{self.edges_off_px} px beside the picture's" if self.edges_off_px else "on the picture's"
+        return f"depth edges lie {place}"
+
+
 class PlacedEdges(NamedTuple):
     """A view's depth with its edges where the picture has them."""
 
@@ -147,11 +169,6 @@ def edge_uncertainty(view: View) -> int:
     """Pixels by which measured depth edges lie beside the picture's: those of REACHED of them; 0 where half of them do not."""
     measured = view.valid & (view.origin == Origin.MEASURED)
     return edges_beside(view.color, view.depth, measured, view.far)
-
-
-def taken_by_camera(view: View) -> bool:
-    """Whether a depth camera took the picture: that its depth edges lie beside those of the picture says so."""
-    return edge_uncertainty(view) >= CLEARLY
 
 
 def edges_beside(color: UInt8Array, depth: Float32Array, measured: BoolArray, far: BoolArray) -> int:

@@ -70,7 +70,7 @@ def view_of(frame: FrameSource, name: str, cache: PixelCache) -> View:
     first = View.from_rgbd(frame())
     view = StoredView.of(first.camera, partial(_source_view, frame), cache, first)
     _with_depth(view, name)
-    judged(view), coarse_depth(view), view.has_holes, view.has_errors
+    judged(view), coarse_depth(view), view.has_holes, view.has_errors, view.has_filled_depth
     return view
 
 
@@ -97,7 +97,7 @@ def gathered(views: Sequence[View], called: Sequence[str]) -> Scene:
         return Scene((views[0],))
     kept = _without_duplicates(views, called)
     if len(kept) == 1:
-        return Scene((views[kept[0]],))
+        return Scene((views[kept[0]],), numbers=(kept[0],))
     pairs = overlaps([views[place] for place in kept])
     found = {(kept[i], kept[j]): each for (i, j), each in pairs.items()}
     kept = _without_outliers(kept, found, called)

@@ -46,8 +46,8 @@ class Merged:
 
 def merge_frames(scene: Scene, camera: Camera, mode: Mode, fine: bool, most: int = MOST_FRAMES) -> Merged:
     """The frames of a scene, merged as `camera` sees them. In the camera of a frame its own pixels stay bit for bit."""
-    places = choose_frames(scene.measured, camera, most)
-    frames = [scene.measured[place] for place in places]
+    places = choose_frames(scene.frames, camera, most)
+    frames = [scene.frames[place] for place in places]
     grids = [Grid.of(frame, camera, mode, fine) for frame in frames]
     drawn = [_drawn(grid, camera) for grid in grids]
     gains = np.array([scene.gains[place] for place in places])

@@ -148,6 +148,12 @@ class StoredView(View):
         load = partial(without_bits, self, np.packbits(where), hole_type)
         return StoredView.of(self.camera, load, self._cache)
 
+    def without_filled_depth(self) -> View:
+        """As of any view; the pixels are not held either."""
+        if not self.has_filled_depth:
+            return self
+        return StoredView.of(self.camera, partial(View.without_filled_depth, self), self._cache)
+
 
 def without_bits(view: View, bits: UInt8Array, hole_type: HoleType) -> View:
     """`View.without`, of a region as `numpy.packbits` packs it."""

@@ -28,15 +28,15 @@ def thinned(scene: Scene) -> Scene:
 
     Colours are in the scene's common brightness. A scene of one picture comes back as it is.
     """
-    if not scene.numbers:
+    if len(scene.frames) == 1:
         return scene
     layers: list[View] = []
-    for place, frame in enumerate(scene.measured):
+    for place, frame in enumerate(scene.frames):
         added = new_points(scene, place)
         if added.any() or not place:
             make = partial(with_new_points, frame, np.packbits(added), scene.gains[place])
             layers.append(StoredView.of(frame.camera, make, frame.cache) if isinstance(frame, StoredView) else make())
-    return Scene((*layers, *scene.layers[len(scene.numbers) :]), scene.objects)
+    return Scene(tuple(layers), scene.removals, scene.fills)
 
 
 def with_new_points(frame: View, bits: UInt8Array, gain: tuple[float, float, float]) -> View:
@@ -51,8 +51,8 @@ def with_new_points(frame: View, bits: UInt8Array, gain: tuple[float, float, flo
 
 def new_points(scene: Scene, place: int) -> BoolArray:
     """H x W, True at the pixels of a frame that no earlier frame shows and no other frame looked through."""
-    frame = scene.layers[place].read()
-    held = [one for one in choose_frames(scene.measured, frame.camera, MOST_HELD_AGAINST) if one != place]
+    frame = scene.frames[place].read()
+    held = [one for one in choose_frames(scene.frames, frame.camera, MOST_HELD_AGAINST) if one != place]
     added = frame.valid.copy()
     rows, columns = np.nonzero(added)
     depth = frame.depth[rows, columns].astype(np.float64)
@@ -60,7 +60,7 @@ def new_points(scene: Scene, place: int) -> BoolArray:
     points = (rays(frame.camera)[rows, columns] * depth[:, None]) @ pose[:3, :3].T + pose[:3, 3]
     drop = np.zeros(len(points), bool)
     for other in held:
-        drop |= _dropped(points, scene, scene.layers[other], other < place)
+        drop |= _dropped(points, scene, scene.frames[other], other < place)
     added[rows, columns] = ~drop
     return opened(added, square(3))
 

@@ -1,4 +1,4 @@
-"""Pixels of a frame that may be a thing's in; those that stand in front of what lies around them, and are one thing, out."""
+"""Pixels of a frame that may be an object's in; those that stand in front of what lies around them, and are one object, out."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.geometry.view import View
 
 IN_FRONT = 0.02
-"""By which share a thing's inverse depth exceeds that of the background behind it."""
+"""By which share an object's inverse depth exceeds that of the background behind it."""
 AROUND_PX = 12
 """How much of the surroundings the background is made of."""
 ROUNDS = 300
 """Of relaxation, after a start from coarse to fine."""
 NEXT_PX, NEXT = 2, 0.05
-"""Pixels and relative depth between two parts of one thing."""
+"""Pixels and relative depth between two parts of one object."""
 
 
 def in_front(frame: View, candidates: BoolArray) -> BoolArray:
@@ -59,7 +59,7 @@ def from_coarse(values: Float32Array, known: BoolArray) -> Float32Array:
 
 
 def grown_over(seeds: BoolArray, allowed: BoolArray, depth: Float32Array) -> BoolArray:
-    """The seeds and all allowed pixels that are one thing with them: from each to the next a few pixels and little depth."""
+    """The seeds and all allowed pixels that are one object with them: from each to the next a few pixels and little depth."""
     found, kernel = seeds.copy(), np.ones((2 * NEXT_PX + 1,) * 2, np.uint8)
     while True:
         nearest = cv2.erode(np.where(found, depth, np.float32(np.inf)), kernel)

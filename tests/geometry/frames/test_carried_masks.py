@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import dlama
-from dlama.completion.frames.foreground import grown_over, harmonic, in_front
-from dlama.completion.frames.removal import carried
 from dlama.geometry.camera import Camera
+from dlama.geometry.frames.foreground import grown_over, harmonic, in_front
+from dlama.geometry.frames.removal import carry_masks
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.view import View
 from dlama.worlds.dataset import world
@@ -22,7 +22,7 @@ def test_a_mask_follows_the_thing(seed: int, least: float) -> None:
     made = world(seed)
     cameras = [made.camera(yaw, 128) for yaw in YAWS]
     exact = [made.raycast(camera).group == made.object_index for camera in cameras]
-    found = carried(dlama.scene([made.frame(camera) for camera in cameras]), {0: exact[0]})
+    found = carry_masks(dlama.scene([made.frame(camera) for camera in cameras]), {0: exact[0]})
     np.testing.assert_array_equal(found[0], exact[0])
     assert (found[1] & exact[1]).sum() > 0.95 * exact[1].sum()
     assert (found[1] & exact[1]).sum() / (found[1] | exact[1]).sum() > least

@@ -1,0 +1,168 @@
+"""What a completion is given in; the scene that it starts from, and the plan of how it is completed, out.
+
+What is chosen for a scene is chosen here, once, with its reason: the filler that `auto` stands for, and by how much masks grow.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from dlama.completion.plausible import warn_of_mask
+from dlama.completion.recipes import Recipe, checked_seed
+from dlama.errors import InputError
+from dlama.geometry.frames.gathering import FrameSource, scene
+from dlama.geometry.frames.removal import remove_object
+from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, clipped
+from dlama.geometry.scene import Scene
+from dlama.geometry.view import View
+from dlama.geometry.visibility import Law
+from dlama.inpainters import AUTO, auto_filler, find_filler
+from dlama.inpainters.filling import Inpainter
+from dlama.inpainters.grey_depth import with_grey_depth
+from dlama.inpainters.layered.depth_first import depth_first
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """What stays the same while one scene is completed."""
+
+    recipe: Recipe
+    """With the px by which masks grew, where there are any."""
+    inpainter: Inpainter
+    """The filler, with the recipe's way of filling depth (`filler_of_recipe`)."""
+    seed: int
+    given: Scene
+    """The scene as measured, without removed objects; nothing is filled."""
+    law: Law
+    """What the measurements forbid filled depth to hide."""
+    filler: str
+    """The filler's name, for meta.json."""
+    decisions: Mapping[str, Mapping[str, Any]]
+    """For meta.json: what was chosen, and why."""
+
+
+class Dilation(NamedTuple):
+    """What growing masks or a hole cost."""
+
+    pixels: int
+    """Of the masks or the hole, before they grew."""
+    known_pixels_given_up: int
+    """Known pixels that they grew over."""
+
+
+NO_DILATION = Dilation(0, 0)
+
+
+@dataclass(frozen=True)
+class FillerChoice:
+    """A filler, and why that one."""
+
+    filler: str | Inpainter
+    reason: str
+
+    @property
+    def name(self) -> str:
+        """For meta.json."""
+        return (
+            self.filler
+            if isinstance(self.filler, str)
+            else getattr(self.filler, "__name__", type(self.filler).__name__)
+        )
+
+    @property
+    def decision(self) -> dict[str, dict[str, Any]]:
+        """For meta.json: the name, and why."""
+        return {"filler": {"name": self.name, "reason": self.reason}}
+
+
+def scene_of(given: RGBD | Scene | Sequence[FrameSource], clip: float | None = None) -> Scene:
+    """The scene that a completion starts from, clipped at `clip` metres. InputError: a scene cannot be clipped any more."""
+    if isinstance(given, RGBD):
+        return Scene((View.from_rgbd(clipped(given, clip)),))
+    if not isinstance(given, Scene):
+        return scene([clipped_frame(frame, clip) for frame in given])
+    if clip is not None:
+        raise InputError(f"clip is {clip} m: a scene cannot be clipped; give its frames instead")
+    return given
+
+
+def clipped_frame(frame: FrameSource, clip: float | None) -> FrameSource:
+    """The frame, or what reads it, clipped."""
+    if clip is None:
+        return frame
+    return clipped(frame, clip) if isinstance(frame, RGBD) else partial(_read_clipped, frame, clip)
+
+
+def _read_clipped(read: Callable[[], RGBD], clip: float | None) -> RGBD:
+    return clipped(read(), clip)
+
+
+def choose_filler(start: Scene, filler: str | Inpainter = AUTO, model: str | Path | None = None) -> FillerChoice:
+    """The filler as given; for `auto` the one that suits the depth of the scene. InputError: a model for `auto`."""
+    if filler != AUTO:
+        return FillerChoice(filler, "as given")
+    refuse_model_of_auto(filler, model)
+    profile = start.depth_profile
+    return FillerChoice(auto_filler(estimated=profile.estimated, misplaced=profile.from_depth_camera), profile.reason)
+
+
+def refuse_model_of_auto(filler: str | Inpainter, model: str | Path | None) -> None:
+    """Raise InputError where a model is given and the filler is `auto`: which one it chooses depends on the picture."""
+    if filler == AUTO and model is not None:
+        raise InputError(
+            f"model is {model} and filler 'auto', which chooses by the depth; name the filler that runs the model"
+        )
+
+
+def filler_of_recipe(filler: Inpainter, recipe: Recipe) -> Inpainter:
+    """The filler with the recipe's way of filling depth: by surfaces, in 8-bit steps, or its own."""
+    if recipe.depth_by == "surfaces":
+        return depth_first(filler)
+    return with_grey_depth(filler, recipe.clip) if recipe.eight_bit_depth and recipe.clip is not None else filler
+
+
+def law_of(given: Scene, recipe: Recipe, object_depth: Float32Array | None = None) -> Law:
+    """What the measurements of a scene forbid; nothing, where the recipe knows no law.
+
+    object_depth: H x W metres that count as measured at the removed object's pixels; None: its own.
+    """
+    if not recipe.law:
+        return Law(())
+    if object_depth is None:
+        return Law.of(given)
+    removals = tuple(replace(one, depth=np.where(one.hole, one.depth, object_depth)) for one in given.removals)
+    return Law.of(replace(given, removals=removals))
+
+
+def plan_for(
+    start: Scene,
+    recipe: Recipe,
+    mask: BoolArray | Mapping[int, BoolArray] | None = None,
+    *,
+    filler: str | Inpainter = AUTO,
+    model: str | Path | None = None,
+    seed: int = 0,
+) -> tuple[Plan, Scene, Dilation]:
+    """How a scene is completed, the scene that it goes on from, without what is masked, and how the masks grew.
+
+    Raises InputError, MaskError, as `complete`.
+    """
+    checked_seed(seed)
+    choice = choose_filler(start, filler, model)
+    inpainter, decisions, dilation = find_filler(choice.filler, model), choice.decision, NO_DILATION
+    if mask is not None:
+        removal = remove_object(start, mask, recipe.dilate)
+        warn_of_mask(mask)
+        start, recipe = removal.scene, replace(recipe, dilate=removal.growth.px)
+        decisions = decisions | {"mask_growth": removal.growth._asdict()}
+        dilation = Dilation(removal.pixels, removal.known_pixels_given_up)
+    given = start.unfilled
+    filler_with_depth = filler_of_recipe(inpainter, recipe)
+    plan = Plan(recipe, filler_with_depth, seed, given, law_of(given, recipe), choice.name, decisions)
+    return plan, start, dilation

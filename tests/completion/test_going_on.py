@@ -1,0 +1,155 @@
+"""A scene is gone on from: removal after removal, views after a removal, decisions the same however one asks (oracles: laws)."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+import pytest
+from small_street import BALL, CAMERA, MASK, WORLD, street
+from test_halo import blurred
+
+import dlama
+from dlama.completion.verbs import remove
+from dlama.errors import InputError
+from dlama.files.scenes.scene_npz import write_npz
+from dlama.geometry.camera import StereoRig
+from dlama.geometry.holes import grown
+from dlama.geometry.trajectories import orbit
+from dlama.geometry.view import HoleType, Origin, View
+from dlama.geometry.visibility import Law
+from dlama.inpainters import find_filler
+from dlama.inpainters.filling import Fill, Inpainter
+from worlds import moved
+
+BOX = WORLD.trace(CAMERA)[1] == 2
+ASIDE = orbit(CAMERA, 14)
+FRAME = street(sensor_holes=False)
+
+
+def recording() -> tuple[Inpainter, list[tuple[View, Law]]]:
+    """A filler that notes what it is given."""
+    telea, seen = find_filler("telea"), list[tuple[View, Law]]()
+
+    def fill(view: View, law: Law, seed: int) -> Fill:
+        seen.append((view, law))
+        return telea(view, law, seed)
+
+    return fill, seen
+
+
+def assert_same_view(one: View, other: View) -> None:
+    for name in ("color", "depth", "hole", "hole_type", "origin", "confidence"):
+        np.testing.assert_array_equal(getattr(one, name), getattr(other, name), err_msg=name)
+
+
+def test_a_second_removal_removes() -> None:
+    """Law: after a removal a second object goes too, and the first one stays away; both at once give the same bits."""
+    first = dlama.complete(FRAME, [CAMERA], mask=MASK, filler="telea")
+    second = dlama.complete(first.scene, [CAMERA], mask=BOX, filler="telea")
+    assert second.view.filled[MASK | BOX].all()
+    at_once = dlama.complete(FRAME, [CAMERA], mask=MASK | BOX, filler="telea")
+    assert_same_view(second.view, at_once.view)
+
+
+def test_a_removed_object_still_hides_what_is_behind_it() -> None:
+    """Law: completed again, also read back from a file, what is filled stays behind the removed object (its depth there)."""
+    done = remove(FRAME, MASK, filler="telea")
+    filler, seen = recording()
+    dlama.complete(done.scene, [ASIDE], filler=filler)
+    assert seen
+    for _, law in seen:
+        np.testing.assert_array_equal(law.measured[0][1][MASK], FRAME.depth[MASK])
+
+
+def test_a_scene_read_back_goes_on_alike(tmp_path: Path) -> None:
+    """Law: reading a saved scene and going on gives what going on at once gives, bit for bit."""
+    done = remove(FRAME, MASK, filler="telea")
+    write_npz(tmp_path / "scene.npz", done.view, done.scene)
+    read = dlama.read_scene(tmp_path / "scene.npz")
+    for mask in (None, BOX):
+        at_once, later = (dlama.complete(one, [ASIDE], mask=mask, filler="telea") for one in (done.scene, read))
+        assert_same_view(at_once.view, later.view)
+
+
+def test_without_can_be_called_again_and_again() -> None:
+    """Law: in any order, before and after completions, the same bits; the scene it is called on does not change."""
+    scene = dlama.scene([FRAME])
+    both = dlama.complete(scene.without(MASK | BOX), [ASIDE], filler="telea").view
+    one_by_one = scene.without(BOX).without(MASK)
+    assert len(one_by_one.removals) == 2 and not scene.removals
+    between = dlama.complete(scene.without(MASK), [CAMERA, ASIDE], filler="telea").scene.without(BOX)
+    for removed in (one_by_one, between):
+        view = dlama.complete(removed, [ASIDE], filler="telea").view
+        assert_same_view(view, both)
+        measured = view.origin == Origin.REPROJECTED
+        points = dlama.lift(view.without(~measured, HoleType.NONE)).points
+        assert not (BALL.distance(points) < 1e-3).any()
+
+
+def test_growing_holes_keeps_frame_and_errors() -> None:
+    """Law: outside what is given up they keep their bits, there they are 0."""
+    view = View.from_rgbd(street())
+    numbers = np.full(view.hole.shape, 3, np.uint16)
+    view = dataclasses.replace(view, frame=numbers, errors=np.ones((*view.hole.shape, 2), np.float32))
+    larger = grown(view, 2)
+    given_up = larger.hole & ~view.hole
+    assert given_up.any() and larger.frame is not None and larger.errors is not None
+    np.testing.assert_array_equal(larger.frame, np.where(given_up, 0, 3))
+    np.testing.assert_array_equal(larger.errors[..., 0], np.where(given_up, 0, 1))
+
+
+def test_a_hole_comes_from_no_frame() -> None:
+    """Law: what is removed from a view has the frame 0, "none"."""
+    view = dataclasses.replace(View.from_rgbd(FRAME), frame=np.full(CAMERA.hw, 2, np.uint16))
+    cut = view.without(MASK, HoleType.OBJECT)
+    assert cut.frame is not None
+    np.testing.assert_array_equal(cut.frame, np.where(MASK, 0, 2))
+
+
+def test_measured_colours_are_no_holes_where_depth_is_left_open() -> None:
+    """Law: a sensor hole whose filled depth is less sure than asked for keeps its colour and lacks depth alone."""
+    frame = street()
+    done = dlama.view(frame, filler="telea")
+    opened = done.with_min_confidence(0.99).view
+    assert opened.hole.any() and frame.missing[opened.hole].all() and not opened.color_hole.any()
+    np.testing.assert_array_equal(opened.color, frame.color)
+
+
+def test_a_recipe_and_its_name_grow_masks_alike() -> None:
+    """Law: in a depth camera's picture by 6 px, in both ways of saying `dlama`; meta.json says so, and why."""
+    rgbd, mask = blurred(4)
+    for recipe in (dlama.Recipe("dlama"), "dlama"):
+        meta = remove(rgbd, mask, filler="telea", recipe=recipe).meta
+        assert meta["recipe"]["dilate"] == 6
+        assert meta["decisions"]["mask_growth"]["px"] == 6
+        assert meta["decisions"]["mask_growth"]["reason"].startswith("depth edges lie ")
+    explicit = remove(rgbd, mask, filler="telea", dilate=2).meta["decisions"]["mask_growth"]
+    assert explicit == {"px": 2, "reason": "as given"}
+
+
+def test_auto_takes_no_model_whatever_the_picture() -> None:
+    """Message: a model goes with a filler's name; which one `auto` chooses depends on the picture. Everywhere the same."""
+    estimated = dataclasses.replace(FRAME, estimate={"model": "any"})
+    scene = dlama.scene([FRAME])
+    rig = StereoRig(CAMERA, moved(CAMERA, shift=(0.1, 0, 0)))
+    for run in (
+        lambda: dlama.view(FRAME, yaw=5, model="any.onnx"),
+        lambda: dlama.view(estimated, yaw=5, model="any.onnx"),
+        lambda: dlama.render_path(scene, [ASIDE], model="any.onnx"),
+        lambda: dlama.stereo(FRAME.color, FRAME.color, rig, model="any.onnx"),
+    ):
+        with pytest.raises(InputError, match=r"model is any.onnx and filler 'auto', which chooses by the depth"):
+            run()
+
+
+def test_a_path_is_filled_beside_the_edges_of_its_pictures() -> None:
+    """Law: where depth lies beside its picture, each view of a path is filled under the law of placed edges, as by `complete`."""
+    rgbd, _ = blurred(4)
+    cameras = [orbit(rgbd.camera, yaw, 0.0, 2.5) for yaw in (-25.0, 0.0, 25.0)]
+    filler, seen = recording()
+    for _ in dlama.render_path(dlama.scene([rgbd]), [cameras[0], orbit(rgbd.camera, -12.0), cameras[2]], filler=filler):
+        pass
+    away = [law.misplaced_edges for view, law in seen if not view.camera.same_view_as(rgbd.camera)]
+    assert len(away) >= 3 and all(away)
