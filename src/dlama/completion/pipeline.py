@@ -53,8 +53,8 @@ def complete(
         cameras: Where to look from, in the world of the picture's camera.
         mask: H x W bool, True = remove, or number of a frame -> its mask: as of `Scene.without`, which it stands for.
         filler: What fills the holes: a name, or a function (view, law, seed) -> Fill. "auto": `layered`;
-            `layered-patches` where a depth camera measured the depth, `patchmatch` where a network estimated it. meta.json says
-            which, and why.
+            `layered-patches` where a depth camera measured the depth or an object is removed, `patchmatch` where a network
+            estimated it. meta.json says which, and why.
         model: The network file of a filler that runs one, which is named.
         recipe: `dlama`, `paper` or a Recipe. The next five replace single settings of it; None leaves them.
         mode: "surface" (the pixel grid as triangles, cut at depth edges) or "points" (each pixel to the nearest one).

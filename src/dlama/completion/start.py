@@ -103,13 +103,20 @@ def _read_clipped(read: Callable[[], RGBD], clip: float | None) -> RGBD:
     return clipped(read(), clip)
 
 
-def choose_filler(start: Scene, filler: str | Inpainter = AUTO, model: str | Path | None = None) -> FillerChoice:
-    """The filler as given; for `auto` the one that suits the depth of the scene. InputError: a model for `auto`."""
+def choose_filler(
+    start: Scene, filler: str | Inpainter = AUTO, model: str | Path | None = None, *, removes: bool = False
+) -> FillerChoice:
+    """The filler as given; for `auto` the one that suits the depth of the scene, and whether an object is removed from it.
+
+    InputError: a model for `auto`.
+    """
     if filler != AUTO:
         return FillerChoice(filler, "as given")
     refuse_model_of_auto(filler, model)
     profile = start.depth_profile
-    return FillerChoice(auto_filler(estimated=profile.estimated, misplaced=profile.from_depth_camera), profile.reason)
+    removed = removes or bool(start.removals)
+    name = auto_filler(estimated=profile.estimated, misplaced=profile.from_depth_camera, removed=removed)
+    return FillerChoice(name, profile.reason + "; an object is removed" * removed)
 
 
 def refuse_model_of_auto(filler: str | Inpainter, model: str | Path | None) -> None:
@@ -154,7 +161,7 @@ def plan_for(
     Raises InputError, MaskError, as `complete`.
     """
     checked_seed(seed)
-    choice = choose_filler(start, filler, model)
+    choice = choose_filler(start, filler, model, removes=mask is not None)
     inpainter, decisions, dilation = find_filler(choice.filler, model), choice.decision, NO_DILATION
     if mask is not None:
         removal = remove_object(start, mask, recipe.dilate)

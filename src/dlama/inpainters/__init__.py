@@ -39,16 +39,17 @@ class FillerRecord:
 AUTO = "auto"
 """The default: the filler that suits the depth."""
 EXACT, CAMERA, ESTIMATED = "layered", "layered-patches", "patchmatch"
-"""What it stands for: where depth fits its picture (rendered, scanned), where a depth camera measured it, and where a network
-estimated it, whose planes are bent and torn: what is painted on them is, too."""
+"""What it stands for: where depth fits its picture (rendered, scanned), where a depth camera measured it or an object is removed,
+and where a network estimated it, whose planes are bent and torn: what is painted on them is, too."""
 
 
-def auto_filler(*, estimated: bool = False, misplaced: bool = False) -> str:
+def auto_filler(*, estimated: bool = False, misplaced: bool = False, removed: bool = False) -> str:
     """The name that AUTO stands for.
 
     estimated: the depth is that of a network. misplaced: its edges lie beside those of the picture, as a depth camera's do.
+    removed: an object is removed.
     """
-    return ESTIMATED if estimated else CAMERA if misplaced else EXACT
+    return ESTIMATED if estimated else CAMERA if misplaced or removed else EXACT
 
 
 def find_filler(filler: str | Inpainter, model: str | Path | None = None) -> Inpainter:

@@ -76,14 +76,14 @@ def test_depth_is_the_continued_surfaces_and_colour_the_painters() -> None:
 def test_occluders_beside_a_disocclusion_are_known_by_their_depth() -> None:
     """Closed form: the columns of the occluder that lie within BAND of the hole, and nothing of the wall."""
     view = step()
-    columns = np.flatnonzero(occluders(view, *flat(view, 3)).all(0))
+    columns = np.flatnonzero(occluders(view, *flat(view, 3), NOTHING).all(0))
     np.testing.assert_array_equal(columns, np.arange(36 - BAND, 36))
 
 
 def test_what_lies_beyond_the_picture_is_hidden_by_nothing() -> None:
     """Law: beside a hole that is out of view no known pixel is taken from the painter."""
     view = step(HoleType.OUT_OF_VIEW)
-    assert not occluders(view, *flat(view, 3)).any()
+    assert not occluders(view, *flat(view, 3), NOTHING).any()
 
 
 def test_ground_that_comes_towards_the_camera_hides_nothing() -> None:
@@ -101,7 +101,7 @@ def test_ground_that_comes_towards_the_camera_hides_nothing() -> None:
     assert (surfaces.label[hole] > 0).all() and ground[85 + BAND - 1] < NEARER * ground[84]
     box = np.zeros_like(hole)
     box[85:95, 100:110] = True
-    found = occluders(view, surfaces, filled)
+    found = occluders(view, surfaces, filled, NOTHING)
     assert found[box].all() and not found[~dilated(box, MIXED_PX)].any()
 
 
@@ -114,7 +114,7 @@ def test_a_thing_that_stands_before_the_hole_is_an_occluder_as_a_whole() -> None
     frame = RGBD(np.zeros((160, 320, 3), np.uint8), depth, Camera.from_fov(320, 160, 90))
     view = View.from_rgbd(frame).without(hole, HoleType.DISOCCLUDED)
     surfaces, filled = flat(view, 3)
-    found = occluders(view, surfaces, filled)
+    found = occluders(view, surfaces, filled, NOTHING)
     assert found[box].all() and not found[~dilated(box, MIXED_PX)].any()
     one_plane = Surfaces(
         surfaces.inverse_depth,
@@ -122,7 +122,7 @@ def test_a_thing_that_stands_before_the_hole_is_an_occluder_as_a_whole() -> None
         np.array([[0, 0, 1 / 3]]),
         surfaces.leaves,
     )
-    np.testing.assert_array_equal(np.flatnonzero(occluders(view, one_plane, filled).any(0)), np.arange(200 - BAND, 200))
+    np.testing.assert_array_equal(np.flatnonzero(occluders(view, one_plane, filled, NOTHING).any(0)), np.arange(200 - BAND, 200))
 
 
 def test_estimated_depth_says_less_of_occluders() -> None:
@@ -135,8 +135,8 @@ def test_estimated_depth_says_less_of_occluders() -> None:
     guessed = dataclasses.replace(frame, estimate={"estimator": "mine"})
     for kind, reach in ((HoleType.DISOCCLUDED, BAND), (HoleType.OBJECT, 0)):
         measured, estimated = (View.from_rgbd(one).without(hole, kind) for one in (frame, guessed))
-        assert occluders(measured, *flat(measured, 3))[:, 62:98].all()
-        found = np.flatnonzero(occluders(estimated, *flat(estimated, 3)).any(0))
+        assert occluders(measured, *flat(measured, 3), NOTHING)[:, 62:98].all()
+        found = np.flatnonzero(occluders(estimated, *flat(estimated, 3), NOTHING).any(0))
         np.testing.assert_array_equal(found, np.arange(100 - reach, 100))
 
 
@@ -155,14 +155,30 @@ def test_a_seam_along_an_occluder_hides_it_from_nobody() -> None:
         w = np.where(goes_on, 1, 1 / 3).astype(np.float32)
         surfaces = Surfaces(w, label, np.array([[0, 0, 1.0]]), np.full(w.shape, -1, np.int32))
         assert seams(label, hole).any() == hidden
-        assert occluders(view, surfaces, 1 / w)[60:100, 150:198].all() == hidden
+        assert occluders(view, surfaces, 1 / w, NOTHING)[60:100, 150:198].all() == hidden
+
+
+def test_what_lies_behind_a_removed_object_is_its_background() -> None:
+    """Law: by the depth of the removed object, at 2 m before a wall at 5 m. A box next to it at 3 m lies behind it and is shown to
+    the painter; one at 2 m stands next to it and is hidden, and so is the first where the object's depth is not known."""
+    depth = np.full((120, 200), 5, np.float32)
+    depth[30:90, 80:120] = 2
+    depth[60:90, 50:76], depth[60:90, 124:150] = 3, 2
+    frame = View.from_rgbd(RGBD(np.zeros((*depth.shape, 3), np.uint8), depth, Camera.from_fov(200, 120, 60)))
+    hole = np.zeros(depth.shape, bool)
+    hole[27:93, 77:123] = True
+    view = frame.without(hole, HoleType.OBJECT)
+    law = Law.of(Scene((view,), (frame.without(~hole, HoleType.NONE),)))
+    known, unknown = (occluders(view, *flat(view, 5), one) for one in (law, NOTHING))
+    assert not known[60:90, 50:76].any() and known[60:90, 126:148].all()
+    assert unknown[60:90, 54:74].all() and unknown[60:90, 126:148].all()
 
 
 def test_beside_a_hole_that_lacks_depth_alone_nothing_is_hidden() -> None:
     """Law: what is painted are colours; a sensor hole has its own, so nothing near it is an occluder."""
     view = step(HoleType.SENSOR)
     view = dataclasses.replace(view, origin=np.where(view.hole, np.uint8(Origin.DEPTH_FILLED), view.origin))
-    assert not occluders(view, *flat(view, 3)).any()
+    assert not occluders(view, *flat(view, 3), NOTHING).any()
 
 
 def test_a_sensor_hole_keeps_its_colour() -> None:

@@ -182,13 +182,14 @@ def test_over_layers_depth_is_that_of_layered_and_colours_are_the_pictures() -> 
 
 
 def test_auto_is_the_filler_that_suits_the_depth() -> None:
-    """Law: layered where depth fits its picture, over it patches where a depth camera measured it, patchmatch where it was
-    estimated; meta data say which; a name is that name."""
+    """Law: layered where depth fits its picture, over it patches where a depth camera measured it or an object is removed,
+    patchmatch where it was estimated; meta data say which; a name is that name."""
     assert FILLER_NAMES[0] == AUTO and set(FILLER_NAMES) == {AUTO, *FILLERS}
     plain = np.random.default_rng(0).integers(60, 70, (144, 128, 3), np.uint8)
     for off, name in ((0, "layered"), (4, "layered-patches")):
         rgbd, hole = camera_frame(off, plain)
-        assert dlama.remove(rgbd, hole).meta["filler"] == name
+        assert dlama.view(rgbd, yaw=5).meta["filler"] == name
+        assert dlama.remove(rgbd, hole).meta["filler"] == "layered-patches"
         assert dlama.remove(rgbd, hole, filler="layered").meta["filler"] == "layered"
     rgbd = RGBD(brick_wall(), np.full((96, 128), 3, np.float32), Camera.from_fov(128, 96, 60))
     estimated = dataclasses.replace(rgbd, estimate={"estimator": "mine"})

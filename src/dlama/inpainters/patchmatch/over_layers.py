@@ -1,6 +1,6 @@
 """`layered-patches`: a view with holes in; filled as `layered` does, its colours painted anew with patches of the picture, out.
 
-For pictures of a depth camera. Its planes are rough, and several materials lie on one of them, so that texture copied within a
+For removed objects, and for all holes in pictures of a depth camera. Its planes are rough, and several materials lie on one of them, so that texture copied within a
 plane leaves seams and scraps; the picture itself knows better. Where the source picture shows what surrounds a hole MI-GAN
 guesses what is there; beyond its border, where the network would begin another room, the continued surfaces do. What stands
 in front of a removed object is hidden from both: a table would extend to where the chair behind it was. Next to other holes it is
@@ -43,7 +43,9 @@ def layered_patches_filler(model: str | Path) -> Inpainter:
     def repaint(
         view: View, surfaces: Surfaces, depth: Float32Array, color: UInt8Array, law: Law, seed: int
     ) -> UInt8Array:
-        hole, inner = (view.color_hole & np.isin(view.hole_type, types) for types in (REPAINTED, INNER))
+        painted = REPAINTED if law.misplaced_edges else (HoleType.OBJECT,)
+        hole = view.color_hole & np.isin(view.hole_type, painted)
+        inner = hole & np.isin(view.hole_type, INNER)
         if not hole.any():
             return color
         label: NDArray[np.int32] | None = surfaces.label
