@@ -78,7 +78,7 @@ GOOD: dict[str, dict[str, Any]] = {
     "PointCloud": {name: getattr(dlama.lift(RGBD), name) for name in ("points", "color", "origin", "confidence")},
     "RGBD": {"color": COLOR, "depth": DEPTH, "camera": CAMERA},
     "Recipe": {"name": "mine"},
-    "Scene": {"layers": [VIEW]},
+    "Scene": {"frames": [VIEW]},
     "StereoRig": {"left": RIG.left, "right": RIG.right},
     "View": {name: getattr(VIEW, name) for name in VIEW.__dataclass_fields__},
     "View.from_rgbd": {"rgbd": RGBD},

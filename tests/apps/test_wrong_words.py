@@ -49,7 +49,7 @@ def test_a_file_is_no_directory_for_results(frame: Path, capsys: pytest.CaptureF
     """Before anything is computed: `dlama depth` had estimated the depth first."""
     with pytest.raises(SystemExit):
         main(["depth", str(frame / "image.png"), "-o", str(frame / "depth.png")])
-    assert capsys.readouterr().err.endswith("depth.png: cannot be written: it is a file, a directory is wanted\n")
+    assert capsys.readouterr().err.endswith("depth.png: cannot be written: it is a file, a directory is expected\n")
 
 
 def test_a_bad_mask_is_told_before_depth_is_estimated(frame: Path, capsys: pytest.CaptureFixture[str]) -> None:

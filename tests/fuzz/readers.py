@@ -32,7 +32,7 @@ from dlama.files.cameras import read_camera, read_cameras, read_stereo_calib
 from dlama.files.rasters.colmap_depth import read_colmap_depth
 from dlama.files.rasters.depth import read_depth, read_disparity, write_depth_exr, write_disparity_pfm
 from dlama.files.rasters.images import picture_hw
-from dlama.files.rasters.pictures import read_color, read_mask
+from dlama.files.rasters.pictures import read_color, read_mask, read_region
 from dlama.files.scenes.clouds import read_ply, write_ply
 from dlama.files.scenes.scene_npz import read_npz, read_scene, write_npz
 from dlama.files.semantic_classes import read_classes
@@ -279,6 +279,7 @@ def arrays() -> list[Reader]:
         Reader("disparity.pfm", made(lambda path: write_disparity_pfm(path, DEPTH), ".pfm"), read_disparity),
         Reader("disparity.png", picture("PNG", codes), read_disparity, summed),
         Reader("mask.png", picture("PNG", mask), read_mask, summed),
+        Reader("region.png", picture("PNG", mask), read_region, summed),
         Reader("class.png", picture("PNG", COLOR), lambda path: read_mask(path, mask_class="1,2,3"), summed, "no pixel shows"),
         *(Reader(f"scene.{name}.npz", data, both_scenes, zipped(name, **{k: v for k, v in parts.items() if k != name}))
           for name, data in parts.items() if not name.startswith("layer")),

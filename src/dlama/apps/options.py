@@ -236,8 +236,8 @@ FillerName = Annotated[
         help="What fills the holes: layered continues planes and sky from behind, telea and navier-stokes diffuse; "
         "migan runs a network that comes with the package, patchmatch copies patches of the picture to where that one "
         "guesses them, layered-patches does so over layered; auto is layered, layered-patches where an object is removed "
-        "or a depth camera took the picture, patchmatch where depth is estimated; choice lets another one judge the guesses of four (with "
-        "--model FILE of a fifth); lama, joint and pair (stereo only) run that of --model.",
+        "or a depth camera took the picture, patchmatch where depth is estimated; choice lets another one judge the "
+        "guesses of four (with --model FILE of a fifth); lama, joint and pair (stereo only) run that of --model.",
     ),
 ]
 """One of FILLER_NAMES, which the library checks."""

@@ -31,13 +31,17 @@ def check_folder_apart(output: Path, inputs: Inputs, beside: Inputs | None = Non
             raise OutputError(f"output is {output}, an input of this run ({role}); give another directory")
 
 
-def check_file_apart(output: Path, inputs: Inputs) -> None:
-    """Raise OutputError where the file `output` is an input, by any path or link, or the folder of one."""
+def check_file_apart(output: Path, inputs: Inputs, *, makes_folder: bool = False) -> None:
+    """Raise OutputError where the file `output` is an input, by any path or link, or the folder of one, or cannot be written.
+
+    makes_folder: the file's folder is made where it is not there.
+    """
     for role, path in _given(inputs):
         if _same(output, path):
             raise OutputError(f"output is {output}, an input of this run ({role}); give another name")
     check_place(output.parent)
-    wrong = "it is a directory" if output.is_dir() else "" if output.parent.is_dir() else "its folder is not there"
+    there = makes_folder or output.parent.is_dir()
+    wrong = "it is a directory" if output.is_dir() else "" if there else "its folder is not there"
     if wrong:
         raise OutputError(f"{output}: cannot be written: {wrong}")
 

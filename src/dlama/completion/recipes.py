@@ -51,7 +51,7 @@ class Recipe:
             raise InputError(f"mode is {self.mode!r}; one of {', '.join(MODES)} is wanted")
         for name in ("eight_bit_depth", "law", "footprint", "source_first"):
             check(getattr(self, name), bool, name)
-        for name, value in (("dilate", self.dilate or 0), ("dilate_holes", self.dilate_holes)):
+        for name, value in (("dilate", 0 if self.dilate is None else self.dilate), ("dilate_holes", self.dilate_holes)):
             if not isinstance(value, Integral) or value < 0:
                 raise InputError(f"{name} is {value!r} px; 0 or more is wanted, a whole number")
         if self.clip is not None and not (is_finite(self.clip) and self.clip > 0):

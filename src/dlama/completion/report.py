@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from dlama.completion.start import NO_DILATION, Dilation, Plan
+from dlama.geometry.drawing.picture_edges import DepthProfile
 from dlama.geometry.holes import hole_shares
 from dlama.geometry.rendering import flying
 from dlama.geometry.rgbd import RGBD
@@ -92,7 +93,7 @@ def about_depth(given: object, start: Scene) -> dict[str, Any]:
     noise."""
     if isinstance(given, RGBD):
         return depth_source(given)
-    about: dict[str, Any] = {"depth": "estimated" if start.depth_profile.estimated else "measured"}
+    about: dict[str, Any] = {"depth": "estimated" if DepthProfile.of(start).estimated else "measured"}
     if len(start.frames) > 1:
         about["frames"] = {
             "numbers": list(start.numbers),

@@ -16,6 +16,7 @@ import numpy as np
 from dlama.completion.plausible import warn_of_mask
 from dlama.completion.recipes import Recipe, checked_seed
 from dlama.errors import InputError
+from dlama.geometry.drawing.picture_edges import DepthProfile
 from dlama.geometry.frames.gathering import FrameSource, scene
 from dlama.geometry.frames.removal import remove_object
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, clipped
@@ -113,7 +114,7 @@ def choose_filler(
     if filler != AUTO:
         return FillerChoice(filler, "as given")
     refuse_model_of_auto(filler, model)
-    profile = start.depth_profile
+    profile = DepthProfile.of(start)
     removed = removes or bool(start.removals)
     name = auto_filler(estimated=profile.estimated, misplaced=profile.from_depth_camera, removed=removed)
     return FillerChoice(name, profile.reason + "; an object is removed" * removed)

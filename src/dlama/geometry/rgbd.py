@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
-import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -145,11 +144,15 @@ def select(array: np.ndarray, where: BoolArray) -> np.ndarray:
     """The values (H x W or H x W x C) in the pixels of `where` (H x W bool), 0 in all others; read-only, nobody else holds it."""
     if array.dtype == np.bool_:
         return freeze(array & where)
+    import cv2  # late: nouns load numpy alone
+
     return freeze(np.asarray(cv2.copyTo(array, where.view(np.uint8))))
 
 
 def paste(array: np.ndarray, where: BoolArray, onto: np.ndarray) -> None:
     """Write the values (H x W or H x W x C) in the pixels of `where` (H x W bool) onto another array of that shape."""
+    import cv2  # late: nouns load numpy alone
+
     cv2.copyTo(array, where.view(np.uint8), onto)
 
 

@@ -14,7 +14,6 @@ import numpy as np
 from dlama.arguments import check
 from dlama.errors import InputError, ShapeError
 from dlama.geometry.cloud import concatenated
-from dlama.geometry.drawing.picture_edges import DepthProfile, edge_uncertainty
 from dlama.geometry.figures.points import turning_points
 from dlama.geometry.projection import lift
 from dlama.geometry.rgbd import BoolArray, counted
@@ -74,12 +73,6 @@ class Scene:
         fills = tuple(fill for fill in self.fills if fill.shows_source)
         same = (frames, fills) == (self.frames, self.fills)
         return self if same else dataclasses.replace(self, frames=frames, fills=fills)
-
-    @cached_property
-    def depth_profile(self) -> DepthProfile:
-        """How the depth of its frames came about, by the first one as it was before anything was removed."""
-        estimated = any(Origin.ESTIMATED in frame.origins for frame in self.frames)
-        return DepthProfile(estimated, edge_uncertainty(self.original(0)))
 
     def original(self, place: int) -> View:
         """A frame, by its place, with what was removed put back."""

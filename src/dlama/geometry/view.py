@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from enum import IntEnum
 from functools import cached_property
 
-import cv2
 import numpy as np
 
 from dlama.arguments import check
@@ -189,6 +188,8 @@ class View:
     @cached_property
     def origins(self) -> frozenset[int]:
         """The Origin codes of its pixels."""
+        import cv2  # late: nouns load numpy alone
+
         return frozenset(np.flatnonzero(cv2.calcHist([self.origin], [0], None, [256], [0, 256])).tolist())
 
     @property

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dlama.completion.recipes import RECIPES
-from dlama.completion.steps import filler_of_recipe
+from dlama.completion.start import filler_of_recipe
 from dlama.errors import InputError
 from dlama.geometry.camera import Camera
 from dlama.geometry.rendering import render

@@ -122,7 +122,9 @@ def test_a_thing_that_stands_before_the_hole_is_an_occluder_as_a_whole() -> None
         np.array([[0, 0, 1 / 3]]),
         surfaces.leaves,
     )
-    np.testing.assert_array_equal(np.flatnonzero(occluders(view, one_plane, filled, NOTHING).any(0)), np.arange(200 - BAND, 200))
+    np.testing.assert_array_equal(
+        np.flatnonzero(occluders(view, one_plane, filled, NOTHING).any(0)), np.arange(200 - BAND, 200)
+    )
 
 
 def test_estimated_depth_says_less_of_occluders() -> None:
@@ -159,8 +161,8 @@ def test_a_seam_along_an_occluder_hides_it_from_nobody() -> None:
 
 
 def test_what_lies_behind_a_removed_object_is_its_background() -> None:
-    """Law: by the depth of the removed object, at 2 m before a wall at 5 m. A box next to it at 3 m lies behind it and is shown to
-    the painter; one at 2 m stands next to it and is hidden, and so is the first where the object's depth is not known."""
+    """Law: by the depth of the removed object, at 2 m before a wall at 5 m. A box next to it at 3 m lies behind it and is shown
+    to the painter; one at 2 m stands next to it and is hidden, and so is the first where the object's depth is not known."""
     depth = np.full((120, 200), 5, np.float32)
     depth[30:90, 80:120] = 2
     depth[60:90, 50:76], depth[60:90, 124:150] = 3, 2

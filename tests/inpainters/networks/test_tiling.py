@@ -160,8 +160,8 @@ def test_a_network_of_one_size_sees_only_that() -> None:
 
 
 def test_a_small_hole_costs_a_small_call() -> None:
-    """Closed form: in a picture as large as the network's largest side, a hole of 20 px with 48 px on each side fits in 128 px; one of
-    200 px needs 200 + 2 x 80 px, which is 384 in steps of 128; known pixels keep their bits."""
+    """Closed form: in a picture as large as the network's largest side, a hole of 20 px with 48 px on each side fits in 128 px;
+    one of 200 px needs 200 + 2 x 80 px, which is 384 in steps of 128; known pixels keep their bits."""
     planes = np.random.default_rng(2).random((1, 3, 512, 512), np.float32)
     for side, called in ((20, 128), (200, 384)):
         hole = np.zeros((512, 512), bool)

@@ -126,7 +126,7 @@ class Convert(Report):
         """Convert, and print what a user should know."""
         if self.output.suffix.lower() != ".onnx":
             raise OutputError(f"output is {self.output}; a name that ends in .onnx is wanted")
-        check_file_apart(self.output, {"weights": self.weights})
+        check_file_apart(self.output, {"weights": self.weights}, makes_folder=True)
         source = source_of(self.weights)
         licence = self.licence or licence_of(*size_and_sha256(source))
         with reported("models convert", self) as result:

@@ -19,6 +19,7 @@ from dlama.geometry.kernels.jit import in_bands
 from dlama.geometry.kernels.picture_edges import ROOM, fitted, mixed
 from dlama.geometry.projection import inverse_depth
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
+from dlama.geometry.scene import Scene
 from dlama.geometry.view import Origin, View
 
 JUMP = 0.06
@@ -59,6 +60,14 @@ class DepthProfile(NamedTuple):
         """Whether a depth camera measured it: that its edges clearly lie beside those of the picture says so."""
         return self.edges_off_px >= CLEARLY
 
+    @classmethod
+    def of(cls, scene: Scene) -> DepthProfile:
+        """That of a scene, by its first frame as it was before anything was removed."""
+        if scene not in PROFILES:
+            estimated = any(Origin.ESTIMATED in frame.origins for frame in scene.frames)
+            PROFILES[scene] = cls(estimated, edge_uncertainty(scene.original(0)))
+        return PROFILES[scene]
+
     @property
     def reason(self) -> str:
         """In words, for what is chosen by it."""
@@ -79,6 +88,8 @@ class PlacedEdges(NamedTuple):
     """H x W, True within the reach of misplaced edges; nowhere, where edges are where the picture has them."""
 
 
+PROFILES: WeakKeyDictionary[Scene, DepthProfile] = WeakKeyDictionary()
+"""What was found of scenes, as long as they live."""
 PLACED: WeakKeyDictionary[View, PlacedEdges] = WeakKeyDictionary()
 """What was found, as long as the views live: each is drawn several times."""
 

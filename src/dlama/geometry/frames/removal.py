@@ -15,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from dlama.errors import InputError, MaskError
+from dlama.geometry.drawing.picture_edges import DepthProfile
 from dlama.geometry.frames.agreement import AGREES
 from dlama.geometry.frames.choosing import choose_frames
 from dlama.geometry.frames.foreground import grown_over, in_front
@@ -67,7 +68,7 @@ def mask_growth(scene: Scene, dilate: int | None = None) -> Growth:
         if not isinstance(dilate, Integral) or dilate < 0:
             raise InputError(f"dilate is {dilate!r} px; a whole number, 0 or more, is expected")
         return Growth(int(dilate), "as given")
-    profile = scene.depth_profile
+    profile = DepthProfile.of(scene)
     return Growth(GROWTH_PX + HALO_PX * profile.from_depth_camera, profile.reason)
 
 

@@ -7,7 +7,7 @@ every guess that paints pictures paints over the same occluders. Any other fille
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -23,7 +23,6 @@ from dlama.inpainters.layered.filler import painted, surfaces_behind
 from dlama.inpainters.layered.surfaces import Surfaces
 from dlama.inpainters.networks.migan import migan_filler
 from dlama.inpainters.networks.view_tensors import FAR_SHARE
-from dlama.inpainters.patchmatch.completion import QUICK, complete_picture
 from dlama.inpainters.spreading import Spread, pull_push, spread_small, telea_spread
 
 
@@ -50,7 +49,6 @@ class PreparedView:
     """H x W metres, surfaces continued, lawful."""
     occluders: BoolArray
     """H x W, known pixels whose colours do not belong into the holes beside them."""
-    made: dict[str, UInt8Array] = field(default_factory=dict)
 
     @classmethod
     def of(cls, view: View, law: Law, seed: int) -> PreparedView:
@@ -84,25 +82,7 @@ def layered_guess(prepared: PreparedView) -> Guess:
 
 def migan_guess(prepared: PreparedView) -> Guess:
     """The network's colours on continued surfaces."""
-    return prepared.guess("migan", migan_colors(prepared), prepared.depth)
-
-
-def migan_colors(prepared: PreparedView) -> UInt8Array:
-    """H x W x 3, computed once for a prepared view."""
-    if "migan" not in prepared.made:
-        painter = migan_filler(ASSETS / str(FILLERS["migan"].shipped))
-        prepared.made["migan"] = painter.paint(
-            prepared.view.color, prepared.view.color_hole | prepared.occluders, prepared.seed
-        )
-    return prepared.made["migan"]
-
-
-def patches_guess(prepared: PreparedView) -> Guess:
-    """Patches of the picture where the network's guess has something like them."""
-    view, before = prepared.view, prepared.occluders
-    hole = view.color_hole | before
-    color = complete_picture(view.color, hole, migan_colors(prepared), prepared.seed, effort=QUICK)
-    return prepared.guess("patches", color, prepared.depth)
+    return painter_guess("migan", migan_filler(ASSETS / str(FILLERS["migan"].shipped)))(prepared)
 
 
 def telea_guess(prepared: PreparedView) -> Guess:
@@ -157,7 +137,6 @@ def _smooth(prepared: PreparedView, spread: Spread) -> tuple[UInt8Array, Float32
 GUESSES: dict[str, GuessMaker] = {
     "layered": layered_guess,
     "migan": migan_guess,
-    "patches": patches_guess,
     "telea": telea_guess,
     "pull-push": pull_push_guess,
 }

@@ -1,7 +1,8 @@
 """`layered-patches`: a view with holes in; filled as `layered` does, its colours painted anew with patches of the picture, out.
 
-For removed objects, and for all holes in pictures of a depth camera. Its planes are rough, and several materials lie on one of them, so that texture copied within a
-plane leaves seams and scraps; the picture itself knows better. Where the source picture shows what surrounds a hole MI-GAN
+For removed objects, and for all holes in pictures of a depth camera. Its planes are rough, and several materials lie on one of
+them, so that texture copied within a plane leaves seams and scraps; the picture itself knows better. Where the source picture
+shows what surrounds a hole MI-GAN
 guesses what is there; beyond its border, where the network would begin another room, the continued surfaces do. What stands
 in front of a removed object is hidden from both: a table would extend to where the chair behind it was. Next to other holes it is
 not, for it is most of what there is to paint with. Behind a removed object patches come from any surface.
