@@ -160,7 +160,7 @@ def _spy_on_the_rest(spy: Callable[..., None]) -> None:
     spy("dlama.diagnose", ())
     spy("dlama.sequence", {})
     spy("dlama.datasets.sequences.loading.read_scene_of", ([], SimpleNamespace(measured=()), {}))
-    spy("dlama.completion.start.choose_filler", SimpleNamespace(name="layered"))
+    spy("dlama.completion.start.choose_filler", lambda **given: SimpleNamespace(name=given["filler"]))
     spy("dlama.datasets.sequences.camera_paths.path_for", [])
     spy("dlama.render_path", [])
     spy("dlama.files.results.video.write_video", 1)
