@@ -323,10 +323,14 @@ MUTANTS: tuple[Mutant, ...] = (
         "tests/inpainters/patchmatch/test_patchmatch.py",
         (
             "auto is one filler for all depth",
-            "return ESTIMATED if estimated else CAMERA if misplaced else EXACT",
+            "return ESTIMATED if estimated else CAMERA if misplaced or removed else EXACT",
             "return EXACT",
         ),
-        ("a depth camera's frame is filled as exact depth", "else CAMERA if misplaced else EXACT", "else EXACT"),
+        (
+            "a depth camera's frame is filled as exact depth",
+            "else CAMERA if misplaced or removed else EXACT",
+            "else EXACT",
+        ),
     ),
     *faults(
         "inpainters/patchmatch/kernels.py",
@@ -340,7 +344,7 @@ MUTANTS: tuple[Mutant, ...] = (
     *faults(
         "inpainters/patchmatch/over_layers.py",
         "tests/inpainters/patchmatch/test_patchmatch.py",
-        ("cracks are painted anew", "(REPAINTED, INNER))", "(tuple(HoleType), INNER))"),
+        ("cracks are painted anew", "painted = REPAINTED if", "painted = tuple(HoleType) if"),
     ),
     *faults(
         "completion/stereo/pair.py",
