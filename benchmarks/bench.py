@@ -1,7 +1,9 @@
 """One suite over domains: fillers measured on streets, rooms, tables and worlds that differ in sensor and clutter.
 
     python benchmarks/bench.py run ../shared -o now.jsonl [--methods dlama/auto paper/migan ...] [--split tune] [--workers 2]
+        [--without RULE ... | --each RULE ...]
     python benchmarks/bench.py compare before.jsonl now.jsonl [--method dlama/auto] [--against paper/migan]
+    python benchmarks/bench.py rules now.jsonl
     python benchmarks/bench.py looks now.jsonl
 
 `run` adds a line of JSON for each case and method and resumes where it stopped; each run of a split is counted in the file's
@@ -46,7 +48,7 @@ from dlama.perception.monocular import estimate_depth
 from dlama.training.data.samples.world_views import WorldSet, WorldViews
 from dlama.training.data.samples.worlds import frame_without
 from dlama.training.data.sensors import photographed, stereo_matcher, structured_light
-from rules import RULES
+from rules import RULES, without
 
 SPLITS = ("tune", "validate", "test")
 SETS: dict[str, tuple[tuple[str, str, str], ...]] = {
@@ -79,6 +81,11 @@ LPIPS = Lpips()
 SHOWN = (
     "mask lpips", "mask mse", "mask mae", "unseen lpips", "unseen mse", "unseen mae",
     "disoccluded lpips", "disoccluded mse", "out-of-view lpips", "out-of-view mse", "ece", "seconds",
+)  # fmt: skip
+
+RULE_MEASURES = (
+    "mask lpips", "mask mse", "mask mae", "unseen lpips", "unseen mse", "unseen mae", "disoccluded lpips", "disoccluded mse",
+    "ece", "seconds",
 )  # fmt: skip
 
 
@@ -223,15 +230,25 @@ def turn_off(rules: Sequence[str]) -> None:
         RULES[rule]()
 
 
-def run_case(case: BenchCase, methods: Sequence[Method]) -> list[dict[str, Any]]:
-    """One case, all methods."""
+Run = tuple[Method, str]
+"""A method, and the rule that is switched off in it ("": none)."""
+
+
+def label_of(run_: Run) -> str:
+    """As results and `compare` name it: `dlama/auto`, `dlama/auto -foliage`."""
+    return f"{run_[0].label} -{run_[1]}" if run_[1] else run_[0].label
+
+
+def run_case(case: BenchCase, runs: Sequence[Run]) -> list[dict[str, Any]]:
+    """One case, all methods, with all rules and without each of some."""
     cv2.setNumThreads(1)
     truth = dataclasses.replace(case.load(), exposure_varies=not case.name.startswith("worlds"))
     rows = []
-    for method in methods:
-        row: dict[str, Any] = {"case": case.name, "domain": case.domain, "method": method.label}
+    for method, rule in runs:
+        row: dict[str, Any] = {"case": case.name, "domain": case.domain, "method": label_of((method, rule))}
         try:
-            row["measures"] = measure(truth, method)
+            with without(rule):
+                row["measures"] = measure(truth, method)
         except Exception as error:
             row["error"] = f"{type(error).__name__}: {error}"
         rows.append(row)
@@ -245,11 +262,11 @@ def rows_of(path: Path) -> list[dict[str, Any]]:
 
 def run(asked: argparse.Namespace) -> None:
     os.environ["OMP_NUM_THREADS"] = "1"  # cases run side by side
-    methods = [Method(*name.split("/")) for name in asked.methods]
+    runs = [(Method(*name.split("/")), rule) for name in asked.methods for rule in ("", *asked.each)]
     done = {(row["case"], row["method"]) for row in rows_of(asked.output) if "case" in row}
     cases = [case for split in asked.split for case in cases_of(split, asked.shared)]
     cases = [case for case in cases if asked.only in case.name][:: asked.every]
-    todo = [(case, [one for one in methods if (case.name, one.label) not in done]) for case in cases]
+    todo = [(case, [one for one in runs if (case.name, label_of(one)) not in done]) for case in cases]
     with (
         asked.output.open("a", encoding="utf-8") as stream,
         ProcessPoolExecutor(asked.workers, initializer=turn_off, initargs=(asked.without,)) as pool,
@@ -302,23 +319,54 @@ def compare(asked: argparse.Namespace) -> None:
     domains |= more
     base, mine = before[asked.against or asked.method], now[asked.method]
     shared = [case for case in mine if case in base and asked.only in case]
-    rng = np.random.default_rng(0)
     print(f"{len(shared)} cases; change in % of the mean, by domain, and the mean over domains with a 95 % interval")
     for name in SHOWN:
-        by_domain: dict[str, list[tuple[float, float]]] = defaultdict(list)
-        for case in shared:
-            if name in mine[case] and name in base[case] and np.isfinite([mine[case][name], base[case][name]]).all():
-                by_domain[domains[case]].append((base[case][name], mine[case][name]))
-        if not by_domain:
+        pairs = paired(base, mine, name, shared, domains)
+        if pairs:
+            print(f"{name:24} {change_in_words(pairs)}")
+
+
+def paired(
+    base: dict[str, dict[str, float]],
+    mine: dict[str, dict[str, float]],
+    name: str,
+    cases: list[str],
+    domains: dict[str, str],
+) -> dict[str, np.ndarray]:
+    """Domain -> N x 2: a measure of each case in the one table and in the other."""
+    pairs: dict[str, list[tuple[float, float]]] = defaultdict(list)
+    for case in cases:
+        both = base[case].get(name, np.nan), mine[case].get(name, np.nan)
+        if np.isfinite(both).all():
+            pairs[domains[case]].append(both)
+    return {domain: np.array(values) for domain, values in sorted(pairs.items())}
+
+
+def change_in_words(pairs: dict[str, np.ndarray]) -> str:
+    """The mean over domains, its interval, and each domain's change, in %."""
+    rng = np.random.default_rng(0)
+    changes = {domain: change_of(values) for domain, values in pairs.items()}
+    drawn = [np.mean([change_of(v[rng.integers(len(v), size=len(v))]) for v in pairs.values()]) for _ in range(1000)]
+    low, high = np.percentile(drawn, (2.5, 97.5))
+    each = "  ".join(f"{domain} {value:+.1f} ({len(pairs[domain])})" for domain, value in changes.items())
+    return f"{np.mean(list(changes.values())):+6.1f}  [{low:+.1f}, {high:+.1f}]   {each}"
+
+
+def rules(asked: argparse.Namespace) -> None:
+    """What each rule is worth: the change without it, of a file that `run --each` wrote."""
+    table, domains = table_of(rows_of(asked.before))
+    for method, mine in table.items():
+        base_method, _, rule = method.partition(" -")
+        base = table.get(base_method, {})
+        cases = [case for case in mine if case in base and asked.only in case]
+        changed = [case for case in cases if {**mine[case], "seconds": 0} != {**base[case], "seconds": 0}]
+        if not rule or not cases:
             continue
-        pairs = {domain: np.array(values) for domain, values in sorted(by_domain.items())}
-        changes = {domain: change_of(values) for domain, values in pairs.items()}
-        drawn = [
-            np.mean([change_of(v[rng.integers(len(v), size=len(v))]) for v in pairs.values()]) for _ in range(1000)
-        ]
-        low, high = np.percentile(drawn, (2.5, 97.5))
-        each = "  ".join(f"{domain} {value:+.1f} ({len(pairs[domain])})" for domain, value in changes.items())
-        print(f"{name:24} {np.mean(list(changes.values())):+6.1f}  [{low:+.1f}, {high:+.1f}]   {each}")
+        print(f"\n{base_method} without {rule}: differs in {len(changed)} of {len(cases)} cases")
+        for name in RULE_MEASURES:
+            pairs = paired(base, mine, name, cases, domains)
+            if pairs and (name == "seconds" or any((v[:, 0] != v[:, 1]).any() for v in pairs.values())):
+                print(f"    {name:18} {change_in_words(pairs)}")
 
 
 def change_of(pairs: np.ndarray) -> float:
@@ -345,6 +393,7 @@ def main() -> None:
     one.add_argument("--methods", nargs="+", default=["dlama/auto", "paper/migan", "paper/telea"])
     one.add_argument("--split", nargs="+", choices=SPLITS, default=["tune"])
     one.add_argument("--without", nargs="*", choices=RULES, default=[], help="rules that are turned off")
+    one.add_argument("--each", nargs="*", choices=RULES, default=[], help="rules that are turned off one at a time")
     one.add_argument("--only", default="", help="part of a case's name")
     one.add_argument("--every", type=int, default=1)
     one.add_argument("--workers", type=int, default=os.cpu_count())
@@ -356,6 +405,10 @@ def main() -> None:
     two.add_argument("--against")
     two.add_argument("--only", default="")
     two.set_defaults(do=compare)
+    four = verbs.add_parser("rules")
+    four.add_argument("before", type=Path)
+    four.add_argument("--only", default="")
+    four.set_defaults(do=rules)
     three = verbs.add_parser("looks")
     three.add_argument("before", type=Path)
     three.set_defaults(do=looks)

@@ -1,13 +1,34 @@
-"""Switches of the rules of filling: each name turns one rule off in this process. Used by `bench.py run --without RULE`; no
-option of the product. A rule stays that gains on data that it was not made on, in two domains at least (docs/benchmarks.md)."""
+"""Switches of the rules of filling: each name turns one rule off in this process, for `bench.py run --without RULE` and `--each`;
+no option of the product. A rule stays that gains on data that it was not made on, in two domains at least (docs/benchmarks.md)."""
 
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
+
+_REPLACED: list[tuple[Any, str, Any]] = []
+"""Owner, name and value from before, of all that is switched off now."""
+
+
+@contextlib.contextmanager
+def without(rule: str) -> Iterator[None]:
+    """Switch a rule off; "" is none."""
+    start = len(_REPLACED)
+    if rule:
+        RULES[rule]()
+    try:
+        yield
+    finally:
+        while len(_REPLACED) > start:
+            setattr(*_REPLACED.pop())
+
+
+def _set(owner: Any, name: str, value: Any) -> None:
+    _REPLACED.append((owner, name, getattr(owner, name)))
+    setattr(owner, name, value)
 
 
 def _replace(place: str, name: str, value: Any) -> None:
@@ -15,7 +36,7 @@ def _replace(place: str, name: str, value: Any) -> None:
 
     module = importlib.import_module(f"dlama.{place}")
     assert hasattr(module, name), f"{place}.{name}"
-    setattr(module, name, value)
+    _set(module, name, value)
 
 
 def _foliage() -> None:
@@ -84,7 +105,7 @@ def _of_coarse(method: str, value: Callable[[Any], Any]) -> Callable[[], None]:
     def switch() -> None:
         from dlama.inpainters.layered.surface_labels import CoarseView
 
-        setattr(CoarseView, method, value)
+        _set(CoarseView, method, value)
 
     return switch
 
