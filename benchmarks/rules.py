@@ -1,5 +1,5 @@
 """Switches of the rules of filling: each name turns one rule off in this process, for `bench.py run --without RULE` and `--each`;
-no option of the product. A rule stays that gains on data that it was not made on, in two domains at least (docs/benchmarks.md)."""
+no product option. A rule stays that gains on data that it was not made on, in two domains at least (docs/benchmarks.md)."""
 
 from __future__ import annotations
 
