@@ -42,13 +42,9 @@ from dlama.evaluation.metrics.pictures import mse_map
 from dlama.evaluation.protocols import ori, vpi
 from dlama.evaluation.protocols.methods import Method, ProtocolSettings, run_method
 from dlama.evaluation.protocols.reliability import reliability_measures
-from dlama.geometry.holes import dilated
-from dlama.geometry.rgbd import RGBD, BoolArray, UInt8Array
-from dlama.perception.monocular import estimate_depth
-from dlama.training.data.samples.world_views import WorldSet, WorldViews
-from dlama.training.data.samples.worlds import frame_without
-from dlama.training.data.sensors import photographed, stereo_matcher, structured_light
+from dlama.geometry.rgbd import BoolArray, UInt8Array
 from rules import RULES, without
+from world_cases import SENSORS, world_case
 
 SPLITS = ("tune", "validate", "test")
 SETS: dict[str, tuple[tuple[str, str, str], ...]] = {
@@ -70,10 +66,7 @@ REMOVAL_FRAMES = {"tune": (0, 1, 4, 5, 8, 9, 12), "validate": (0, 2, 3, 6, 7, 10
 VIEW_YAWS = {"tune": (10, -20, 30, -40, 50, -60), "validate": (-10, 20, -30, 40, -50, 60), "test": ()}
 WORLDS = {"tune": (1000, 60), "validate": (2000, 60), "test": (3000, 60)}
 """First number and count of the held-out worlds of a split: removals in clutter and views, in turn."""
-SHARES, FARTHEST_M = (0.005, 0.12), 6.0
-"""Of the picture, that the removed object of a world covers, and its largest distance (median depth): no houses."""
 SHELF_EVERY = 8
-SENSORS = ("exact", "kinect", "matcher", "estimated")
 SETTINGS = ProtocolSettings(mask_changes=(), object_dilations=())
 MARGIN = 48
 """Pixels round what is measured that LPIPS sees."""
@@ -121,62 +114,6 @@ def wanted_yaw(case: Case, split: str, folder: str) -> bool:
             return int(case.frame[-4:]) in REMOVAL_FRAMES[split]
         return case.yaw in VIEW_YAWS[split]
     return folder != "data/shelf_sequence" or int("".join(filter(str.isdigit, case.frame)) or 0) % SHELF_EVERY == 0
-
-
-def world_case(number: int, kind: str, sensor: str) -> Truth:
-    """A world as a sensor sees it: a view of it, or an object in clutter removed."""
-    rng = np.random.default_rng([number, 5])
-    while True:
-        views = WorldSet("held_out", 512).views_of_world(number)
-        removed = cluttered_object(views, 0) if kind == "removal" else 0
-        if removed is not None and views.pairs:
-            break
-        number += 10_000
-    source, target = (0, 0) if kind == "removal" else views.pairs[0]
-    frame = as_seen(views.frame(source), sensor, rng)
-    if kind == "view":
-        return ViewTruth(frame, views.frame(target))
-    mask = views.raycast(source).group == removed
-    return RemovalTruth(frame, frame_without(views, source, removed, dilated(mask, 12)), mask)
-
-
-def cluttered_object(views: WorldViews, camera: int) -> int | None:
-    """The object of a fitting size with the most other objects right round it; None if there is none."""
-    group, depth = views.raycast(camera).group, views.raycast(camera).depth
-    groups, counts = np.unique(group[group > 1], return_counts=True)
-    low, high = (share * group.size for share in SHARES)
-    cut_off = np.concatenate([group[0], group[:, 0], group[:, -1]])
-    fitting = np.setdiff1d(groups[(counts >= low) & (counts <= high)], cut_off)
-    fitting = np.array([number for number in fitting if np.median(depth[group == number]) < FARTHEST_M])
-    if not len(fitting):
-        return None
-
-    def neighbours(number: int) -> float:
-        mask = group == number
-        ring = dilated(mask, 12) & ~mask
-        return len(np.unique(group[ring])) + float(np.isin(group[ring], groups).mean())
-
-    return int(max(fitting, key=neighbours))
-
-
-def as_seen(frame: RGBD, sensor: str, rng: np.random.Generator) -> RGBD:
-    """The frame as a sensor of that name gives it."""
-    if sensor == "exact":
-        return frame
-    frame = dataclasses.replace(frame, color=photographed(frame.color, rng))
-    if sensor == "estimated":
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            return scaled_estimate(frame)
-    return structured_light(frame, rng) if sensor == "kinect" else stereo_matcher(frame, rng)
-
-
-def scaled_estimate(frame: RGBD) -> RGBD:
-    """Depth estimated from the picture, at the true scale (median)."""
-    found = estimate_depth(frame.color, frame.camera).rgbd
-    there = (frame.depth > 0) & np.isfinite(frame.depth) & (found.depth > 0) & np.isfinite(found.depth)
-    factor = np.float32(np.median(frame.depth[there]) / np.median(found.depth[there])) if there.any() else np.float32(1)
-    return dataclasses.replace(found, depth=found.depth * factor)
 
 
 def measure(truth: Truth, method: Method) -> dict[str, float]:
