@@ -107,8 +107,16 @@ MUTANTS: tuple[Mutant, ...] = (
     *faults(
         "geometry/drawing/picture_edges.py",
         LAYERS,
-        ("surfaces are cut at 0.5 % instead of 1 %", "6.0 / camera.fx, 0.01,", "6.0 / camera.fx, 0.005,"),
-        ("surfaces are cut at 2 % instead of 1 %", "6.0 / camera.fx, 0.01,", "6.0 / camera.fx, 0.02,"),
+        (
+            "surfaces are cut at 0.5 % instead of 1 %",
+            "6.0 * pixels / camera.fx, 0.01,",
+            "6.0 * pixels / camera.fx, 0.005,",
+        ),
+        (
+            "surfaces are cut at 2 % instead of 1 %",
+            "6.0 * pixels / camera.fx, 0.01,",
+            "6.0 * pixels / camera.fx, 0.02,",
+        ),
     ),
     *faults(
         "geometry/rendering.py",

@@ -5,12 +5,14 @@ from __future__ import annotations
 import dataclasses
 from functools import partial
 
+import cv2
 import numpy as np
 import pytest
 
 import dlama
 from dlama.geometry import visibility
 from dlama.geometry.camera import Camera
+from dlama.geometry.drawing.map_grid import MapGrid
 from dlama.geometry.drawing.picture_edges import edge_uncertainty, other_surfaces, placed_edges
 from dlama.geometry.frames import gathering
 from dlama.geometry.frames.stored import PixelCache
@@ -156,3 +158,45 @@ def test_fillers_know_of_misplaced_edges_however_frames_are_kept(
     side[0, 3] = 0.1
     dlama.complete(frames, [dataclasses.replace(CAMERA, world_from_cam=side)], filler=recording)
     assert laws and laws[-1].misplaced_edges
+
+
+def enlarged(source: RGBD, width: int, height: int) -> RGBD:
+    """The frame at another size: depth by the nearest pixel, the picture smoothly."""
+    color = cv2.resize(np.ascontiguousarray(source.color), (width, height), interpolation=cv2.INTER_CUBIC)
+    depth = cv2.resize(np.ascontiguousarray(source.depth), (width, height), interpolation=cv2.INTER_NEAREST)
+    return RGBD(color, depth, Camera.from_fov(width, height, 60))
+
+
+def slanted(edge: int) -> RGBD:
+    """As `frame`, with depth that changes along columns, too."""
+    source = frame(edge)
+    return RGBD(source.color, source.depth * np.linspace(1, 1.2, HEIGHT, dtype=np.float32)[:, None], CAMERA)
+
+
+@pytest.mark.parametrize("size", [(240, 180), (480, 432), (1100, 700)])
+def test_an_enlarged_depth_map_is_measured_in_its_own_pixels(size: tuple[int, int]) -> None:
+    """Closed form: edges that lie on the picture's do so enlarged; those 3 px off are off by as many times 3."""
+    assert edge_uncertainty(View.from_rgbd(enlarged(slanted(EDGE), *size))) == 0
+    off = edge_uncertainty(View.from_rgbd(enlarged(slanted(EDGE + 3), *size)))
+    assert off == round(3 * max(size[0] / WIDTH, size[1] / HEIGHT))
+
+
+def test_misplaced_edges_of_an_enlarged_map_are_placed() -> None:
+    """Oracle: the scene itself, enlarged; but for the coarse pixels next to the edge."""
+    found = placed_edges(View.from_rgbd(enlarged(slanted(EDGE + 3), 480, 432)))
+    true = enlarged(slanted(EDGE), 480, 432).depth
+    kept = ~found.mixed
+    np.testing.assert_allclose(found.depth[kept], true[kept], rtol=5e-3)
+    assert found.mixed.mean() < 0.02
+
+
+def test_the_pixels_of_an_enlarged_map_are_found() -> None:
+    """Closed form: blocks of 3 x 3 pixels; of a map that was not enlarged, and of two flat boxes, every pixel is its own."""
+    coarse = np.random.default_rng(0).uniform(1, 2, (60, 50)).astype(np.float32)
+    grid = MapGrid.of(coarse.repeat(3, 0).repeat(3, 1))
+    assert (grid.rows.pixel, grid.columns.pixel) == (3, 3)
+    np.testing.assert_array_equal(grid.of_map(coarse.repeat(3, 0).repeat(3, 1)), coarse)
+    np.testing.assert_array_equal(grid.enlarge(coarse), coarse.repeat(3, 0).repeat(3, 1))
+    flat = np.full((60, 50), 2, np.float32)
+    flat[10:20, 10:20] = 1
+    assert not MapGrid.of(coarse).enlarged and not MapGrid.of(flat).enlarged

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dlama.geometry.camera import Camera
+from dlama.geometry.drawing.map_grid import MapGrid
 from dlama.geometry.holes import nearest_along_colors, with_nearest
 from dlama.geometry.kernels.jit import in_bands
 from dlama.geometry.kernels.picture_edges import ROOM, fitted, mixed
@@ -103,26 +104,37 @@ def placed_edges(view: View) -> PlacedEdges:
 
 
 def _placed(view: View) -> PlacedEdges:
-    known = view.valid
     reach = edge_uncertainty(view)
     if not reach:
         none = np.zeros_like(view.hole)
         return PlacedEdges(view.depth, none, none)
-    w = inverse_depth(np.where(known, view.depth, np.float32(0)))
+    grid = MapGrid.of(view.depth)
+    depth, known = grid.of_map(view.depth), grid.of_map(view.valid)
+    ratio = edge_ratio(view.camera, grid.columns.pixel)
+    placed = place_edges(grid.picture(view.color), depth, known, round(reach / grid.largest), ratio)
+    if not grid.enlarged:
+        return placed
+    moved = grid.enlarge(placed.depth != depth) & view.valid
+    depth = np.where(moved, grid.enlarge(placed.depth), view.depth)
+    return PlacedEdges(depth, grid.enlarge(placed.mixed), grid.enlarge(placed.beside) & view.valid)
+
+
+def place_edges(color: UInt8Array, depth: Float32Array, known: BoolArray, reach: int, ratio: float) -> PlacedEdges:
+    """Depth (H x W metres, where `known`) with edges that lie up to `reach` px off where the picture has them."""
+    w = inverse_depth(np.where(known, depth, np.float32(0)))
     whole = with_nearest(w, known)
     band, wide = near_jumps(whole, reach), near_jumps(whole, min(reach + WIDER, LOOKED_AT))
-    color = view.color.astype(np.float32)
-    ratio = edge_ratio(view.camera)
+    levels = color.astype(np.float32)
     out, room = np.empty_like(w), np.empty((len(w), ROOM), np.float32)
-    target = other_surfaces(w, known, wide & known, color, ratio)
-    in_bands(fitted, len(w), w, wide, target, color, ratio, 2 * (reach + WIDER), UNLIKE, room, out)
+    target = other_surfaces(w, known, wide & known, levels, ratio)
+    in_bands(fitted, len(w), w, wide, target, levels, ratio, 2 * (reach + WIDER), UNLIKE, room, out)
     rim, neither = near_jumps(with_nearest(out, known), RIM), np.empty_like(known)
     in_bands(
         mixed,
         len(w),
         out,
         rim,
-        color,
+        levels,
         ratio,
         2 * reach,
         MIXED,
@@ -131,7 +143,7 @@ def _placed(view: View) -> PlacedEdges:
         room,
         neither,
     )
-    depth = np.where(out != w, 1 / np.maximum(out, np.float32(1e-6)), view.depth)
+    depth = np.where(out != w, 1 / np.maximum(out, np.float32(1e-6)), depth)
     return PlacedEdges(depth.astype(np.float32), neither, band & known)
 
 
@@ -155,12 +167,12 @@ def other_surfaces(
     return out
 
 
-def edge_ratio(camera: Camera) -> float:
-    """Relative step in inverse depth between neighbouring pixels above which they need a slope to be one surface.
+def edge_ratio(camera: Camera, pixels: float = 1.0) -> float:
+    """Relative step in inverse depth, over so many pixels, above which neighbours need a slope to be one surface.
 
     A surface seen at 80 degrees changes by 5.7 / f per pixel; the floor of 1 % is a depth sensor's noise.
     """
-    return float(np.clip(6.0 / camera.fx, 0.01, 0.03))
+    return float(np.clip(6.0 * pixels / camera.fx, 0.01, 0.03))
 
 
 def near_jumps(w: Float32Array, reach: int) -> BoolArray:
@@ -183,7 +195,18 @@ def edge_uncertainty(view: View) -> int:
 
 
 def edges_beside(color: UInt8Array, depth: Float32Array, measured: BoolArray, far: BoolArray) -> int:
-    """As `edge_uncertainty`, of depth (H x W metres) where it is measured or far."""
+    """As `edge_uncertainty`, of depth (H x W metres) where it is measured or far.
+
+    Where the depth map was enlarged to the size of the picture they are looked for at its own size; by less than CLEARLY of its
+    own pixels they are off for its coarseness alone: 0.
+    """
+    grid = MapGrid.of(depth)
+    off = edges_beside_in_map(*(grid.picture(color), *(grid.of_map(one) for one in (depth, measured, far))))
+    return off if not grid.enlarged else round(off * grid.largest) * (off >= CLEARLY)
+
+
+def edges_beside_in_map(color: UInt8Array, depth: Float32Array, measured: BoolArray, far: BoolArray) -> int:
+    """As `edges_beside`, of a depth map at its own size."""
     if measured.sum() < LEAST_EDGES:
         return 0
     w = with_nearest(inverse_depth(np.where(measured, depth, np.float32(0))), measured | far)
