@@ -12,13 +12,12 @@ from dlama.geometry.projection import inverse_depth
 from dlama.geometry.view import HoleType, View
 from dlama.geometry.visibility import Law
 from dlama.inpainters.layered.cut_things import CutThings
-from dlama.inpainters.layered.distances import distance_from, mean_chords
+from dlama.inpainters.layered.distances import mean_chords
 from dlama.inpainters.layered.kernels import surfaces as surface_kernels
 from dlama.inpainters.layered.surface_labels import (
     IN_FRONT,
     LEAST_INVERSE_DEPTH,
     CoarseView,
-    without_streaks,
 )
 from dlama.perception.planes import SKY, find_planes, label_known
 from worlds import Box, Plane, World, moved
@@ -78,13 +77,6 @@ def wall_with_hole(planes: tuple[float, ...] = (0.25,)) -> CoarseView:
     return grid(np.where(hole, 0, 0.25), hole, np.where(hole, -1, 1), planes)
 
 
-def test_planes_nearer_or_farther_than_all_that_is_known_cost() -> None:
-    """Closed form: 6 for each factor e beyond the wall's 4 m, on either side; nothing at the wall, nor for no plane and sky."""
-    cost = wall_with_hole((0.25, 0.5, 0.05)).extrapolation_cost()
-    wanted = (0, 0, 0, 6 * np.log(2), 6 * np.log(5))
-    np.testing.assert_allclose(cost, np.broadcast_to(np.float32(wanted)[:, None, None], cost.shape), atol=1e-5)
-
-
 def test_surfaces_out_of_order_cost_a_jump_of_three(monkeypatch: pytest.MonkeyPatch) -> None:
     """Closed form: of the costs before belief propagation, those of a surface behind one that it is nowhere seen behind."""
     coarse, _ = floor_and_wall(HoleType.OBJECT)
@@ -110,48 +102,12 @@ def test_sky_that_only_the_source_saw_goes_on_here() -> None:
     assert middle == pytest.approx(coarse.camera.fx * np.radians(60), rel=0.1)
 
 
-def test_streaks_go_and_slopes_stay() -> None:
-    """Closed form: inverse depth of a straight slope keeps its values in the middle of a hole; noise of single cells there falls
-    to a fifth and less, and what is no hole, or not known, stays as it is."""
-    hole = np.zeros((96, 128), bool)
-    hole[16:80, 16:112] = True
-    slope = np.where(hole, 0.2 + 0.001 * np.arange(128, dtype=np.float32), 0).astype(np.float32)
-    middle = np.s_[40:56, 50:78]
-    np.testing.assert_allclose(without_streaks(slope, hole)[middle], slope[middle], atol=2e-4)
-    noise = np.random.default_rng(0).normal(0, 0.01, hole.shape).astype(np.float32)
-    noisy = np.where(hole, slope + noise, 0).astype(np.float32)
-    noisy[50, 60] = 0
-    smoothed = without_streaks(noisy, hole)
-    assert np.delete((smoothed - slope)[middle].ravel(), 10 * 28 + 10).std() < 0.002
-    assert smoothed[50, 60] == 0 and (smoothed[~hole] == 0).all()
-
-
 def test_chords_of_a_pillar_are_its_height_and_width() -> None:
     """Closed form: of two runs of 30 and 10 along each column, each counts by its length: (900 + 100) / 40."""
     there = np.zeros((60, 50), bool)
     there[5:35, 10:14] = there[45:55, 10:14] = True
     assert mean_chords(there) == pytest.approx((25, 4))
     assert mean_chords(np.zeros_like(there)) == (0, 0)
-
-
-def test_a_pillar_is_far_to_its_sides_and_near_above() -> None:
-    """Closed form: distances to a surface as wide as any are Euclidean; sideways of a narrow one they count three times."""
-    there = np.zeros((80, 80), bool)
-    there[20:60, 38:42] = True
-    plain, narrow = distance_from(there), distance_from(there, mean_chords(there))
-    assert plain[40, 51] == pytest.approx(10, abs=0.6) and narrow[40, 51] == pytest.approx(30, abs=1.5)
-    assert plain[10, 40] == narrow[10, 40] == pytest.approx(10, abs=0.6)
-
-
-def test_what_stands_out_of_a_wall_a_little_belongs_to_it() -> None:
-    """Closed form: at 4 m, what lies on no plane and is 0.16 m before the wall has its label, what is 0.4 m before has none."""
-    hole = np.zeros((60, 80), bool)
-    hole[:2] = True
-    label, w = np.where(hole, -1, 1), np.full(hole.shape, 0.25)
-    label[20:30, 10:20] = label[20:30, 50:60] = -1
-    w[20:30, 10:20], w[20:30, 50:60] = 1 / 3.84, 1 / 3.6
-    got = grid(w, hole, label, (0.25,)).with_relief()
-    assert (got[20:30, 10:20] == 1).all() and (got[20:30, 50:60] == -1).all() and (got[hole] == -1).all()
 
 
 def test_planes_are_followed_from_a_share_of_the_known_cells() -> None:

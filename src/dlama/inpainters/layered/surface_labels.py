@@ -38,7 +38,7 @@ from dlama.inpainters.layered.out_of_view import (
     seen_going_on,
 )
 from dlama.inpainters.layered.plane_edges import along_edges
-from dlama.perception.planes import SMOOTH, plane_values
+from dlama.perception.planes import plane_values
 
 GRID = 256
 """Longer side of the coarse grid."""
@@ -52,18 +52,8 @@ RIM = (0.05, 0.3, 1.0, 3.0)
 """Cost at the rim of the hole of a surface that meets the known one, is hidden by it, is hidden sky, stands before it."""
 REACH = 0.05
 """Share of the picture's longer side at which a surface last seen that much farther off costs one full jump."""
-STREAKS = 0.2
-"""Width of those surroundings (sigma) over the distance from the rim."""
-AROUND = 31
-"""Width, in cells, of what counts as round a cell."""
-SURROUNDED = 0.3
-"""Share of that which a plane must hold to surround what lies on none."""
-RELIEF = 0.06
-"""Relative inverse depth by which that may stand out of the plane or back from it, and belong to it: a door, a sill."""
 LEEWAY = 1.03
 """Relative depth by which a plane may break the visibility law and still be a candidate."""
-EXTRAPOLATION_COST = 6.0
-"""Cost of a plane e times nearer or farther than anything known."""
 ORDER_COST = 3.0
 """Cost of a surface behind a plane that it is nowhere seen behind."""
 OUT_OF_ORDER = 0.02
@@ -121,7 +111,6 @@ class CoarseView:
         unseen = hole & ~in_view
         on_planes = plane_values(planes, camera.hw, step)
         things = cut_things(w[pick], label[pick], hole, next_to(unseen))
-        smooth = np.where(in_view, smooth, without_streaks(smooth, unseen))
         candidates = np.concatenate([smooth[None], np.zeros_like(smooth)[None], on_planes])
         known = w[pick], label[pick], candidates.astype(np.float32)
         return cls(camera, hole, in_view, *known, things, followed_from, solid)
@@ -135,7 +124,6 @@ class CoarseView:
         lines = along_edges(lines, self.camera, self.candidates, *known)
         followed |= lines.by_edges
         on, penalty = seen_going_on(lines, self.candidates, *known, followed)
-        penalty += (1 - on) * self.extrapolation_cost()
         penalty += ending_cost(self.hole, unseen, self.label, followed, self.things.beyond, REACH * GRID)
         penalty[0] += SMOOTH_PENALTY
         penalty[1:] += ORDER_COST * self.out_of_order()
@@ -178,18 +166,6 @@ class CoarseView:
                 out[number] &= ~law.violations(self.camera, depth, self.hole & possible)
         return out
 
-    def extrapolation_cost(self) -> Float32Array:
-        """L x h x w cost of planes nearer or farther than all that is known: extrapolation is less sure the farther it goes."""
-        cost = np.zeros(self.candidates.shape, np.float32)
-        finite = self.inverse_depth[~self.hole & (self.inverse_depth > 0)]
-        if finite.size:
-            farthest, nearest = np.quantile(finite, (0.02, 0.98))
-            planes = np.maximum(self.candidates[2:], LEAST_INVERSE_DEPTH)
-            cost[2:] = EXTRAPOLATION_COST * np.maximum(
-                0, np.maximum(np.log(planes / nearest), np.log(farthest / planes))
-            )
-        return cost
-
     def out_of_order(self) -> BoolArray:
         """(L - 1) x h x w, True where sky or a plane would stand behind a plane that it is nowhere seen behind.
 
@@ -219,20 +195,14 @@ class CoarseView:
     def distance_to_known(self, law: Law) -> Float32Array:
         """L x h x w, cells to the nearest known cell of each label (a large number if there is none).
 
-        In view, cells count more in directions in which a surface is nowhere seen going on: a pillar beside the hole ends there.
-        For the sky also the angle to where a source camera saw
-        it, which may be outside this view; out of view and above the horizon it counts at most one full jump more than what is
-        nearest.
+        For the sky also the angle to where a source camera saw it, which may be outside this view; out of view and above the
+        horizon it counts at most one full jump more than what is nearest.
         """
         out = np.full(self.candidates.shape, 1e3, np.float32)
-        surrounded = self.with_relief()
         for number in range(len(self.candidates)):
             there = ~self.hole & (self.label == number - 1)
             if there.any():
-                plain = distance_from(there)
-                there = ~self.hole & (surrounded == number - 1)
-                within = distance_from(there, mean_chords(there)) if there.any() else np.float32(1e3)
-                out[number] = np.where(self.hole_in_view, within, plain)
+                out[number] = distance_from(there)
         if law.has_far:
             angle = angle_to_far(with_larger_pixels(self.camera, 4), law)  # smooth: a quarter of the cells is enough
             out[1] = np.minimum(out[1], self.camera.fx * enlarged(angle, self.camera.wh))
@@ -240,31 +210,6 @@ class CoarseView:
             open_air = self.hole & ~self.hole_in_view & above_horizon(self.camera, self.candidates[2:], cells)
             out[1] = np.where(open_air, np.minimum(out[1], out.min(0) + REACH * GRID), out[1])
         return out
-
-    def with_relief(self) -> NDArray[np.int32]:
-        """h x w labels; what lies on no plane but nearly on the one that surrounds it (a door, a sill) has that one's."""
-        out = self.label.copy()
-        loose = ~self.hole & (self.label == SMOOTH) & (self.inverse_depth > 0)
-        most = np.full(self.label.shape, SURROUNDED * AROUND**2, np.float32)
-        for number, value in enumerate(self.candidates[2:], start=1):
-            on = (self.label == number) & ~self.hole
-            count = cv2.boxFilter(on.astype(np.float32), -1, (AROUND, AROUND), normalize=False)
-            near = loose & (np.abs(value - self.inverse_depth) < RELIEF * self.inverse_depth) & (count > most)
-            out[near], most[near] = number, count[near]
-        return out
-
-
-def without_streaks(smooth: Float32Array, hole: BoolArray) -> Float32Array:
-    """The inverse depth of no plane (h x w, of a hole), each cell the mean of its surroundings in the hole, the wider the farther
-    from the rim: it comes from few rays, and their ends jump."""
-    where = (hole & (smooth > 0)).astype(np.float32)
-    sigma = STREAKS * cv2.distanceTransform(hole.astype(np.uint8), cv2.DIST_L2, 5)
-    out = smooth.copy()
-    for width in (1.0, 2.0, 4.0, 8.0):
-        total, count = (cv2.GaussianBlur(a, (0, 0), width) for a in (smooth * where, where))
-        mean = total / np.maximum(count, 1e-6)
-        out += where * np.clip(np.log2(np.maximum(sigma / width, 1)), 0, 1) * (mean - out)
-    return np.asarray(out, np.float32)
 
 
 def cells_with_holes(hole: BoolArray, wh: tuple[int, int]) -> BoolArray:
