@@ -118,6 +118,16 @@ def _occluders() -> None:
     _replace("inpainters.layered.depth_first", "standing_before", lambda view, *rest: np.zeros_like(view.hole))
 
 
+def _chords() -> None:
+    from dlama.inpainters.layered import distances
+
+    _replace(
+        "inpainters.layered.surface_labels",
+        "distance_from",
+        lambda there, chords=None: distances.distance_from(there),
+    )
+
+
 def _priors() -> None:
     _replace("inpainters.choice.filler", "with_priors", lambda verdict, names, planes: verdict)
 
@@ -136,6 +146,8 @@ RULES: dict[str, Callable[[], None]] = {
     "gaps": _gaps,
     "rim-correction": _rim_correction,
     "order": _of_coarse("out_of_order", lambda self: np.zeros((len(self.candidates) - 1, *self.hole.shape), np.bool_)),
+    "relief": _of_coarse("with_relief", lambda self: self.label),
+    "chords": _chords,
     "seen-both-ways": _seen_both_ways,
     "ending-cost": _ending_cost,
     "seams": _seams,

@@ -12,7 +12,7 @@ from dlama.geometry.projection import inverse_depth
 from dlama.geometry.view import HoleType, View
 from dlama.geometry.visibility import Law
 from dlama.inpainters.layered.cut_things import CutThings
-from dlama.inpainters.layered.distances import mean_chords
+from dlama.inpainters.layered.distances import distance_from, mean_chords
 from dlama.inpainters.layered.kernels import surfaces as surface_kernels
 from dlama.inpainters.layered.surface_labels import (
     IN_FRONT,
@@ -108,6 +108,26 @@ def test_chords_of_a_pillar_are_its_height_and_width() -> None:
     there[5:35, 10:14] = there[45:55, 10:14] = True
     assert mean_chords(there) == pytest.approx((25, 4))
     assert mean_chords(np.zeros_like(there)) == (0, 0)
+
+
+def test_a_pillar_is_far_to_its_sides_and_near_above() -> None:
+    """Closed form: distances to a surface as wide as any are Euclidean; sideways of a narrow one they count three times."""
+    there = np.zeros((80, 80), bool)
+    there[20:60, 38:42] = True
+    plain, narrow = distance_from(there), distance_from(there, mean_chords(there))
+    assert plain[40, 51] == pytest.approx(10, abs=0.6) and narrow[40, 51] == pytest.approx(30, abs=1.5)
+    assert plain[10, 40] == narrow[10, 40] == pytest.approx(10, abs=0.6)
+
+
+def test_what_stands_out_of_a_wall_a_little_belongs_to_it() -> None:
+    """Closed form: at 4 m, what lies on no plane and is 0.16 m before the wall has its label, what is 0.4 m before has none."""
+    hole = np.zeros((60, 80), bool)
+    hole[:2] = True
+    label, w = np.where(hole, -1, 1), np.full(hole.shape, 0.25)
+    label[20:30, 10:20] = label[20:30, 50:60] = -1
+    w[20:30, 10:20], w[20:30, 50:60] = 1 / 3.84, 1 / 3.6
+    got = grid(w, hole, label, (0.25,)).with_relief()
+    assert (got[20:30, 10:20] == 1).all() and (got[20:30, 50:60] == -1).all() and (got[hole] == -1).all()
 
 
 def test_planes_are_followed_from_a_share_of_the_known_cells() -> None:

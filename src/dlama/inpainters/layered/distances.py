@@ -12,6 +12,8 @@ from dlama.geometry.visibility import Law
 
 CHORD = 25.0
 """Cells over which a surface was seen going on in a direction, on the mean, so that it is believed to go on as far as any."""
+NARROWEST = 3.0
+"""Most times that distances count which lead out of a narrower one: a pillar goes on upwards and not sideways."""
 FAR_SAMPLES = 256
 """Far directions that stand for all of a source camera's."""
 
@@ -26,9 +28,15 @@ def mean_chords(there: BoolArray) -> tuple[float, float]:
     return chords[0], chords[1]
 
 
-def distance_from(there: BoolArray) -> Float32Array:
-    """h x w distance to the nearest True of `there`, in cells."""
-    return np.asarray(cv2.distanceTransform((~there).astype(np.uint8), cv2.DIST_L2, 5), np.float32)
+def distance_from(there: BoolArray, chords: tuple[float, float] = (CHORD, CHORD)) -> Float32Array:
+    """h x w distance to the nearest True of `there`, in cells; rows and columns count more where its chords are short."""
+    along, across = (float(np.clip(CHORD / max(length, 1e-6), 1, NARROWEST)) for length in chords)
+    if along == across == 1:
+        return np.asarray(cv2.distanceTransform((~there).astype(np.uint8), cv2.DIST_L2, 5), np.float32)
+    height, width = there.shape
+    wh = max(1, round(width * across)), max(1, round(height * along))
+    larger = cv2.resize((~there).astype(np.uint8), wh, interpolation=cv2.INTER_NEAREST)
+    return enlarged(np.asarray(cv2.distanceTransform(larger, cv2.DIST_L2, 5), np.float32), (width, height))
 
 
 def angle_to_far(camera: Camera, law: Law) -> Float32Array:

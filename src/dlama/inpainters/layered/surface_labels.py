@@ -38,7 +38,7 @@ from dlama.inpainters.layered.out_of_view import (
     seen_going_on,
 )
 from dlama.inpainters.layered.plane_edges import along_edges
-from dlama.perception.planes import plane_values
+from dlama.perception.planes import SMOOTH, plane_values
 
 GRID = 256
 """Longer side of the coarse grid."""
@@ -52,6 +52,12 @@ RIM = (0.05, 0.3, 1.0, 3.0)
 """Cost at the rim of the hole of a surface that meets the known one, is hidden by it, is hidden sky, stands before it."""
 REACH = 0.05
 """Share of the picture's longer side at which a surface last seen that much farther off costs one full jump."""
+AROUND = 31
+"""Width, in cells, of what counts as round a cell."""
+SURROUNDED = 0.3
+"""Share of that which a plane must hold to surround what lies on none."""
+RELIEF = 0.06
+"""Relative inverse depth by which that may stand out of the plane or back from it, and belong to it: a door, a sill."""
 LEEWAY = 1.03
 """Relative depth by which a plane may break the visibility law and still be a candidate."""
 ORDER_COST = 3.0
@@ -195,20 +201,38 @@ class CoarseView:
     def distance_to_known(self, law: Law) -> Float32Array:
         """L x h x w, cells to the nearest known cell of each label (a large number if there is none).
 
-        For the sky also the angle to where a source camera saw it, which may be outside this view; out of view and above the
-        horizon it counts at most one full jump more than what is nearest.
+        In view, cells count more in directions in which a surface is nowhere seen going on: a pillar beside the hole ends there.
+        For the sky also the angle to where a source camera saw
+        it, which may be outside this view; out of view and above the horizon it counts at most one full jump more than what is
+        nearest.
         """
         out = np.full(self.candidates.shape, 1e3, np.float32)
+        surrounded = self.with_relief()
         for number in range(len(self.candidates)):
             there = ~self.hole & (self.label == number - 1)
             if there.any():
-                out[number] = distance_from(there)
+                plain = distance_from(there)
+                there = ~self.hole & (surrounded == number - 1)
+                within = distance_from(there, mean_chords(there)) if there.any() else np.float32(1e3)
+                out[number] = np.where(self.hole_in_view, within, plain)
         if law.has_far:
             angle = angle_to_far(with_larger_pixels(self.camera, 4), law)  # smooth: a quarter of the cells is enough
             out[1] = np.minimum(out[1], self.camera.fx * enlarged(angle, self.camera.wh))
             cells = cells_of_planes(self.label, self.hole, len(self.candidates) - 2)
             open_air = self.hole & ~self.hole_in_view & above_horizon(self.camera, self.candidates[2:], cells)
             out[1] = np.where(open_air, np.minimum(out[1], out.min(0) + REACH * GRID), out[1])
+        return out
+
+    def with_relief(self) -> NDArray[np.int32]:
+        """h x w labels; what lies on no plane but nearly on the one that surrounds it (a door, a sill) has that one's."""
+        out = self.label.copy()
+        loose = ~self.hole & (self.label == SMOOTH) & (self.inverse_depth > 0)
+        most = np.full(self.label.shape, SURROUNDED * AROUND**2, np.float32)
+        for number, value in enumerate(self.candidates[2:], start=1):
+            on = (self.label == number) & ~self.hole
+            count = cv2.boxFilter(on.astype(np.float32), -1, (AROUND, AROUND), normalize=False)
+            near = loose & (np.abs(value - self.inverse_depth) < RELIEF * self.inverse_depth) & (count > most)
+            out[near], most[near] = number, count[near]
         return out
 
 
