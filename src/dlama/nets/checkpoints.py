@@ -21,7 +21,7 @@ from dlama.nets.architecture import (
     generator_shapes,
     settings_from_state,
 )
-from dlama.nets.safetensors_file import looks_like_safetensors, read_safetensors
+from dlama.nets.safetensors_file import read_safetensors
 from dlama.nets.torch_file import TorchFile
 
 COUNTER = ".num_batches_tracked"
@@ -83,7 +83,7 @@ def _open(path: Path) -> _File:
         archive = TorchFile(path)
         shapes = {name: tensor.shape for name, tensor in archive.tensors.items()}
         return _File(path, archive.kind, shapes, {}, archive.others, archive.read)
-    if looks_like_safetensors(head):
+    if head[8:9] == b"{":  # after the length of its header
         arrays, codes, metadata = read_safetensors(path)
         shapes = {name: array.shape for name, array in arrays.items()}
         return _File(

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from dlama.errors import FileError
-from dlama.nets.safetensors_file import widen_bfloat16
+from dlama.nets.safetensors_file import DTYPES, widen_bfloat16
 from dlama.nets.torch_pickle import MOST_ITEMS, Inert, StoredTensor, read_pickle
 
 DEEPEST = 100
@@ -24,10 +24,8 @@ LONGEST_NAME = 1000
 LARGEST_SHARING = 4
 """How many times the bytes of the file its tensors may hold: tied weights share a storage."""
 STORAGES = {
-    "DoubleStorage": ("F64", np.float64), "FloatStorage": ("F32", np.float32), "HalfStorage": ("F16", np.float16),
-    "BFloat16Storage": ("BF16", np.uint16), "LongStorage": ("I64", np.int64), "IntStorage": ("I32", np.int32),
-    "ShortStorage": ("I16", np.int16), "CharStorage": ("I8", np.int8), "ByteStorage": ("U8", np.uint8),
-    "BoolStorage": ("BOOL", np.bool_),
+    "DoubleStorage": "F64", "FloatStorage": "F32", "HalfStorage": "F16", "BFloat16Storage": "BF16", "LongStorage": "I64",
+    "IntStorage": "I32", "ShortStorage": "I16", "CharStorage": "I8", "ByteStorage": "U8", "BoolStorage": "BOOL",
 }  # fmt: skip
 
 
@@ -86,11 +84,11 @@ class TorchFile:
         return {name: found[name] for name in wanted}
 
     def _dtype(self, name: str) -> np.dtype:
-        return np.dtype(STORAGES[self.tensors[name].storage][1])
+        return np.dtype(DTYPES[STORAGES[self.tensors[name].storage]])
 
     def _tensor(self, data: bytes, name: str, stored: StoredTensor) -> tuple[np.ndarray, str]:
-        code, dtype = STORAGES[stored.storage]
-        flat: np.ndarray = np.frombuffer(data, dtype, len(data) // np.dtype(dtype).itemsize)
+        code, dtype = STORAGES[stored.storage], self._dtype(name)
+        flat: np.ndarray = np.frombuffer(data, dtype, len(data) // dtype.itemsize)
         last = stored.offset + sum((side - 1) * step for side, step in zip(stored.shape, stored.strides))
         if 0 not in stored.shape and (last >= flat.size or math.prod(stored.shape) > flat.size):
             raise FileError(f"{self.path}: {name} {stored.shape} does not fit into its storage of {flat.size} numbers")
