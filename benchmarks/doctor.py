@@ -186,7 +186,7 @@ def odd_table(rows: Iterator[tuple[str, list[SmallFrame], list[dlama.RGBD]]]) ->
         told["good, frames named"][f"{source} tried"] += len(small)
         told["good, frames named"][source] += len(odd_frames(small, names))
         for name, (spoil, wanted, _) in FRAMES.items():
-            for number in range(0, len(small), 3):
+            for number in range(0, len(small), max(1, len(small) // 4)):
                 spoilt = [*small[:number], shrink(spoil(frames[number])), *small[number + 1 :]]
                 found = [(each.check, each.what.partition(":")[0]) for each in odd_frames(spoilt, names)]
                 told[name][f"{source} tried"] += 1
