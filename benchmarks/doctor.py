@@ -24,13 +24,15 @@ from dlama.datasets.layouts import open_dataset
 from dlama.geometry.camera import Camera
 from dlama.geometry.projection import depth_from_disparity
 from dlama.perception.diagnosis.finding import Observed
+from dlama.perception.diagnosis.landing import SmallFrame, shrink
+from dlama.perception.diagnosis.odd_frames import odd_frames
 from dlama.perception.diagnosis.poses import pose_faults
 from dlama.perception.diagnosis.rgbd_checks import findings_of
 from dlama.perception.diagnosis.stereo_pair import pair_findings
 from dlama.worlds.layouts.random_scene import build
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
-from corruptions import POSES, SPOILT, moved, observed
+from corruptions import FRAMES, POSES, SPOILT, moved, observed
 
 SIZE = 320
 KINECT = Camera(640, 480, 526, 526, 320, 237)
@@ -158,18 +160,61 @@ def pose_table(rows: list[tuple[str, list[dlama.RGBD]]]) -> None:
         )
 
 
+def odd_rows(count: int, folder: Path | None) -> Iterator[tuple[str, list[SmallFrame], list[dlama.RGBD]]]:
+    """Posed frames of one scene: orbits in worlds, and the folder's sequences."""
+    loaded = []
+    for seed in range(4000, 4000 + count):
+        made = build(seed, None, (), shadows=True, antialias=True)
+        cameras = (dlama.orbit(made.camera(0, 192), 8.0 * number, 3.0 * number) for number in range(6))
+        loaded.append(("worlds", [made.frame(camera) for camera in cameras]))
+    if folder is not None:
+        names = [
+            f"data/{name}" for name in ("dining_vpi", "kitchen_sequence", "kitchen_vpi", "shelf_sequence", "table_vpi")
+        ]
+        for name in (*names, *(f"street/s0{number}" for number in (3, 5, 6, 8))):
+            frames = open_dataset(folder / name).frames
+            loaded.append((name.partition("/")[0], [each.load() for each in frames if "without" not in each.name]))
+    for source, frames in loaded:
+        yield source, [shrink(frame) for frame in frames], frames
+
+
+def odd_table(rows: Iterator[tuple[str, list[SmallFrame], list[dlama.RGBD]]]) -> None:
+    """Each frame spoilt on its own: named alone and rightly / tried; and frames named in good scenes."""
+    told: dict[str, Counter[str]] = defaultdict(Counter)
+    for source, small, frames in rows:
+        names = [str(number) for number in range(len(small))]
+        told["good, frames named"][f"{source} tried"] += len(small)
+        told["good, frames named"][source] += len(odd_frames(small, names))
+        for name, (spoil, wanted, _) in FRAMES.items():
+            for number in range(0, len(small), max(1, len(small) // 4)):
+                spoilt = [*small[:number], shrink(spoil(frames[number])), *small[number + 1 :]]
+                found = [(each.check, each.what.partition(":")[0]) for each in odd_frames(spoilt, names)]
+                told[name][f"{source} tried"] += 1
+                told[name][source] += found == [(wanted, str(number))]
+                told[name][f"{source} others"] += any(other != str(number) for _, other in found)
+    print("\none odd frame of many, named / tried (runs in which another frame was named)")
+    for name, counts in told.items():
+        shares = (
+            f"{each} {counts[each]} / {counts[f'{each} tried']} ({counts[f'{each} others']})"
+            for each in ("worlds", "data", "street")
+        )
+        print(f"  {name}: {', '.join(shares)}", flush=True)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--data", type=Path, default=os.environ.get("DLAMA_DATA"))
     parser.add_argument("--worlds", type=int, default=100)
     parser.add_argument("--every", type=int, default=4)
-    parser.add_argument("--only", choices=("pictures", "pairs", "poses"), help="one of the three parts")
+    parser.add_argument("--only", choices=("pictures", "pairs", "poses", "frames"), help="one of the four parts")
     options = parser.parse_args()
     folder = None if options.data is None else Path(options.data)
     if options.only in (None, "pairs"):
         pair_table(list(stereo_pairs(options.worlds * 3 // 10, folder)))
     if options.only in (None, "poses"):
         pose_table(list(sequences(options.worlds * 3 // 10, folder)))
+    if options.only in (None, "frames"):
+        odd_table(odd_rows(options.worlds * 3 // 10, folder))
     if options.only in (None, "pictures"):
         pictures(options.worlds, folder, options.every)
 

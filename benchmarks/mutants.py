@@ -214,7 +214,6 @@ MUTANTS: tuple[Mutant, ...] = (
     *faults(
         "inpainters/layered/surface_labels.py",
         "tests/inpainters/layered/test_surface_labels.py",
-        ("extrapolation costs nothing", "EXTRAPOLATION_COST = 6.0", "EXTRAPOLATION_COST = 0.0"),
         ("the order of surfaces costs nothing", "ORDER_COST = 3.0", "ORDER_COST = 0.0"),
         ("sky seen by the source only is not continued", "(number == 1 and law.has_far)", "False"),
         (
@@ -352,7 +351,7 @@ MUTANTS: tuple[Mutant, ...] = (
     *faults(
         "inpainters/patchmatch/over_layers.py",
         "tests/inpainters/patchmatch/test_patchmatch.py",
-        ("cracks are painted anew", "painted = REPAINTED if", "painted = tuple(HoleType) if"),
+        ("cracks are painted anew", "REPAINTED if law", "tuple(HoleType) if law"),
     ),
     *faults(
         "completion/stereo/pair.py",

@@ -64,12 +64,8 @@ def _hedging() -> None:
             _replace(place, "hedged", lambda view, color, *rest, **more: color)
 
 
-def _softening() -> None:
-    _replace("inpainters.layered.filler", "softened", lambda color, *rest: color)
-
-
 def _remaining_shadows() -> None:
-    for place in ("inpainters.layered.filler", "inpainters.layered.depth_first"):
+    for place in ("inpainters.layered.filler", "inpainters.layered.depth_first", "inpainters.patchmatch.over_layers"):
         _replace(place, "shadow_beside", lambda view, label: np.zeros_like(view.hole))
 
 
@@ -87,14 +83,6 @@ def _gaps() -> None:
         "surface_behind",
         lambda camera, smooth, where, law, allowed: (smooth, np.zeros_like(where)),
     )
-
-
-def _specks() -> None:
-    _replace("inpainters.layered.surfaces", "without_specks", lambda label, hole: label)
-
-
-def _streaks() -> None:
-    _replace("inpainters.layered.surface_labels", "without_streaks", lambda smooth, hole: smooth)
 
 
 def _rim_correction() -> None:
@@ -152,15 +140,11 @@ def _depth_camera() -> None:
 RULES: dict[str, Callable[[], None]] = {
     "foliage": _foliage,
     "hedging": _hedging,
-    "softening": _softening,
     "remaining-shadows": _remaining_shadows,
     "rims": _rims,
     "plane-edges": _plane_edges,
     "gaps": _gaps,
-    "specks": _specks,
-    "streaks": _streaks,
     "rim-correction": _rim_correction,
-    "extrapolation": _of_coarse("extrapolation_cost", lambda self: np.zeros(self.candidates.shape, np.float32)),
     "order": _of_coarse("out_of_order", lambda self: np.zeros((len(self.candidates) - 1, *self.hole.shape), np.bool_)),
     "relief": _of_coarse("with_relief", lambda self: self.label),
     "chords": _chords,

@@ -8,10 +8,12 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
+from dlama.completion.verbs import view
 from dlama.datasets.frames import Dataset, ViewTruth
 from dlama.datasets.posed.posed_frames import PosedFrame
 from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import RGBD
+from whole_picture import check_same
 from worlds import Plane, Sphere, World, moved
 
 WORLD = World((Plane((0, 0, 3.2), (0.25, -0.1, -1)), Sphere((0.4, 0.2, 2.2), 0.45)))
@@ -62,7 +64,8 @@ def text_K(camera: Camera, size: int = 3) -> str:
 
 
 def check_frames(dataset: Dataset, *, half_unit_m: float = 0.00051, far: bool = False) -> None:
-    """Frames hold the true cameras, colours and depths, and lie on the world's surfaces; cases go between them.
+    """Frames hold the true cameras, colours and depths, lie on the world's surfaces and are what their own cameras see; cases go
+    between them.
 
     Oracle: the world's closed form. A wrong axis, pose, pixel centre, unit or order of frames fails here.
     """
@@ -81,6 +84,7 @@ def check_frames(dataset: Dataset, *, half_unit_m: float = 0.00051, far: bool = 
         assert np.abs(read.depth - true.depth)[known].max() <= half_unit_m
         assert read.depth[0, :2].tolist() == [0, np.inf if far else 0]
         check_on_surfaces(read, 2 * half_unit_m)
+        check_same(view(read, filler="telea"), read)
     assert [case.yaw for case in dataset.cases[:2]] == [10.0, 21.0]
     for case in dataset.cases:
         check_pair(case.load())

@@ -10,10 +10,12 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from dlama.completion.verbs import view
 from dlama.datasets.frames import RemovalTruth
 from dlama.datasets.layouts import open_dataset
 from dlama.errors import DlamaError, FileError, MaskError, ShapeError
 from posed_folders import LENS, truth, without_pose, write_codes16, write_picture
+from whole_picture import check_same
 
 
 def test_the_bin_is_as_its_description_says(data_dir: Path) -> None:
@@ -61,6 +63,8 @@ def test_a_made_folder_there_and_back(tmp_path: Path) -> None:
     """Oracle: what was written; without compare_region and shadow_mask there is none."""
     read = open_dataset(written(tmp_path)).cases[0].load()
     assert isinstance(read, RemovalTruth)
+    for frame in (read.source, read.without):
+        check_same(view(frame, filler="telea"), frame)
     assert read.source.camera.same_view_as(without_pose(LENS)) and read.without.camera.same_view_as(without_pose(LENS))
     assert (read.source.depth[20:40, 30:50] == 1.5).all() and (read.source.color[20:40, 30:50] == 7).all()
     assert np.array_equal(read.mask, read.source.depth == 1.5)

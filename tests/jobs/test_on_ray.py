@@ -26,11 +26,12 @@ from dlama.jobs.result import JobResult
 
 with_ray = pytest.mark.skipif(importlib.util.find_spec("ray") is None, reason="ray is not installed: extra `batch`")
 
-slow = pytest.mark.skipif("DLAMA_CLUSTER" not in os.environ, reason="takes a minute: DLAMA_CLUSTER=1 runs it")
+on_request = pytest.mark.skipif("DLAMA_CLUSTER" not in os.environ, reason="takes a minute: DLAMA_CLUSTER=1 runs it")
 
 
 @with_ray
-@slow
+@on_request
+@pytest.mark.slow
 def test_a_lost_node_and_lost_workers_lose_no_job(tmp_path: Path) -> None:
     """One node is killed in the middle, one job kills its worker once, another always: all rows are there, none twice, and
     results are those of local processes."""
@@ -52,6 +53,33 @@ def test_a_lost_node_and_lost_workers_lose_no_job(tmp_path: Path) -> None:
     ours, local = contents(tmp_path / "out"), contents(tmp_path / "local")
     assert list(ours) == list(local)
     assert [name for name in ours if ours[name] != local[name]] == []
+
+
+@with_ray
+@on_request
+@pytest.mark.slow
+def test_a_run_whose_only_node_dies_ends_and_is_resumed(tmp_path: Path) -> None:
+    """Killed after four of twenty results: an error, its exit code and what resumes; the same command then does the rest
+    (oracle: the list)."""
+    rows = view_rows(20)
+    path = write_csv(small_frame(tmp_path) / "jobs.csv", rows)
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+
+    def run(before: int) -> subprocess.CompletedProcess[str]:
+        words = [sys.executable, str(Path(__file__).with_name("ray_death.py")), str(path), str(tmp_path / "out")]
+        return subprocess.run([*words, str(before)], capture_output=True, text=True, env=environment, timeout=300)
+
+    died = run(4)
+    if "no cluster could be started here" in died.stderr:
+        pytest.skip(f"Ray's own processes did not start: {died.stderr[-200:]}")
+    assert died.returncode == 2, died.stderr[-2000:]
+    (error,) = [line for line in died.stderr.splitlines() if line.startswith("error: ")]
+    assert "no node of the cluster can run a worker" in error and "the same command goes on from there" in error
+    before = [row["id"] for row in table(tmp_path / "out").values() if row["status"] == "done"]
+    assert 4 <= len(before) < 20
+    resumed = run(1000)
+    assert resumed.returncode == 0, resumed.stderr[-2000:]
+    assert {row["id"]: row["status"] for row in table(tmp_path / "out").values()} == {row["id"]: "done" for row in rows}
 
 
 def test_without_ray_the_pip_line_is_told(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -17,13 +17,17 @@ from dlama.datasets.posed.view_pairs import NoPairsError
 from dlama.errors import InputError
 from dlama.geometry.rgbd import RGBD, BoolArray, counted, depth_range_in_words
 from dlama.perception.diagnosis.finding import Finding, Observed
+from dlama.perception.diagnosis.landing import SmallFrame, shrink
 from dlama.perception.diagnosis.lens import lens
+from dlama.perception.diagnosis.odd_frames import odd_frames
 from dlama.perception.diagnosis.poses import pose_faults
 from dlama.perception.diagnosis.rgbd_checks import findings_of
 from dlama.perception.diagnosis.stereo_pair import pair_findings
 
 SCENES, FRAMES, CASES = 3, 6, 3
 """At most so many scenes, frames in a row of each, and stereo or removal cases are looked at."""
+COMPARED = 100
+"""At most so many frames of a scene are compared with their neighbours."""
 
 
 def diagnose_dataset(root: Path, layout: str | None = None, camera: CameraOption = None) -> list[Finding]:
@@ -33,11 +37,9 @@ def diagnose_dataset(root: Path, layout: str | None = None, camera: CameraOption
         scenes = list(dict.fromkeys(frame.scene for frame in dataset.frames))[:SCENES]
         shown: list[RGBD] = []
         for scene in scenes:
-            chosen = frames_in_a_row([frame for frame in dataset.frames if frame.scene == scene])
-            frames = [frame.load() for frame in chosen]
-            shown += frames[:1]
-            found += _of_picture(frames[0], f"{scene}/{chosen[0].name}")
-            found += pose_faults(frames, scene)
+            said, first = _of_scene([frame for frame in dataset.frames if frame.scene == scene])
+            found += said
+            shown.append(first)
         for each in _of_cases(dataset):
             found += each
     except InputError as error:
@@ -50,6 +52,32 @@ def diagnose_dataset(root: Path, layout: str | None = None, camera: CameraOption
         parts += [f"{size.width}x{size.height}", f"{size.fov_deg:.3g} degrees wide"]
         parts.append(f"depth {depth_range_in_words(shown[0].depth)}")
     return [*found, Finding("understood", "fine", 1.0, f"{root.name}: {verdict} {', '.join(parts)}")]
+
+
+def _of_scene(frames: Sequence[Frame]) -> tuple[list[Finding], RGBD]:
+    """Findings on the frames of a scene, each read once, and the first frame in a row."""
+    scene, chosen = frames[0].scene, frames_in_a_row(frames)
+    row: dict[str, RGBD] = {}
+    small: dict[str, SmallFrame] = {}
+    for frame in {each.name: each for each in (*spread(frames), *chosen)}.values():
+        read = frame.load()
+        small[f"{scene}/{frame.name}"] = shrink(read)
+        if frame in chosen:
+            row[frame.name] = read
+    in_a_row = [row[frame.name] for frame in chosen]
+    first, name = in_a_row[0], f"{scene}/{chosen[0].name}"
+    found = pose_faults(in_a_row, scene)
+    if all(each.severity != "fault" for each in found):
+        # one odd frame also makes frames in a row fit badly, or changes their brightness
+        found = odd_frames(list(small.values()), list(small)) or found
+    odd_scale = any(each.check == "depth-scale" and each.what.startswith(f"{name}:") for each in found)
+    of_first = [each for each in _of_picture(first, name) if not (odd_scale and each.check == "depth-scale")]
+    return [*of_first, *found], first
+
+
+def spread(frames: Sequence[Frame]) -> list[Frame]:
+    """All frames of a scene, or as many as are compared with each other, evenly."""
+    return [frames[place] for place in np.linspace(0, len(frames) - 1, min(len(frames), COMPARED)).round().astype(int)]
 
 
 def frames_in_a_row(frames: Sequence[Frame]) -> list[Frame]:

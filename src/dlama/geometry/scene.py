@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from importlib import import_module
@@ -16,7 +16,7 @@ from dlama.errors import InputError, ShapeError
 from dlama.geometry.cloud import concatenated
 from dlama.geometry.figures.points import turning_points
 from dlama.geometry.projection import lift
-from dlama.geometry.rgbd import BoolArray, counted
+from dlama.geometry.rgbd import RGBD, BoolArray, counted
 from dlama.geometry.view import HoleType, Origin, View
 
 FILLED_BEFORE = (Origin.FILLED, Origin.DEPTH_FILLED)
@@ -74,13 +74,12 @@ class Scene:
         same = (frames, fills) == (self.frames, self.fills)
         return self if same else dataclasses.replace(self, frames=frames, fills=fills)
 
-    def original(self, place: int) -> View:
-        """A frame, by its place, with what was removed put back."""
-        frame = self.frames[place].read()
+    def original(self, layer: View) -> View:
+        """A frame or fill with what was removed from it put back."""
         for removed in self.removals:
-            if removed.camera.same_view_as(frame.camera):
-                frame = frame.with_pixels(removed.read(), removed.origin != Origin.UNKNOWN)
-        return frame
+            if removed.camera.same_view_as(layer.camera):
+                layer = layer.read().with_pixels(removed.read(), removed.origin != Origin.UNKNOWN)
+        return layer
 
     def without(self, mask: BoolArray | Mapping[int, BoolArray], dilate: int | None = None) -> Scene:
         """The scene without the object under a mask. What was filled before is dropped: it was filled with the object in sight.
@@ -94,6 +93,20 @@ class Scene:
         """
         remove_object = import_module("dlama.geometry.frames.removal").remove_object  # it renders scenes: imported late
         found: Scene = remove_object(self, mask, dilate).scene
+        return found
+
+    def with_frame(self, frame: RGBD | Callable[[], RGBD]) -> Scene:
+        """The scene with one more posed frame, of the next number; what is wrong with a frame is warned of, and it is left out.
+
+        What the frame measured takes the place of what was filled there. Removed objects are removed from it, too.
+
+        Args:
+            frame: A picture with metric depth, of the size of the others, its camera in the scene's world; or what reads it.
+        Raises:
+            InputError: no depth, another size (ShapeError), or of two frames both show nothing of the other.
+        """
+        add_frame = import_module("dlama.geometry.frames.adding").add_frame
+        found: Scene = add_frame(self, frame)
         return found
 
     def place_of(self, number: int) -> int:

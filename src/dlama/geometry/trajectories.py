@@ -129,5 +129,5 @@ def _rotation_y(degrees: float) -> Float64Array:
 
 
 def _cos_sin(degrees: float) -> tuple[float, float]:
-    radians = math.radians(degrees)
+    radians = math.radians(math.remainder(degrees, 360))  # a whole turn is none, to the last bit
     return math.cos(radians), math.sin(radians)

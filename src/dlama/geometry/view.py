@@ -45,6 +45,8 @@ class Origin(IntEnum):
     """In the view of one of a scene's frames: measured by another frame; where the colour is the frame's own, its depth alone."""
 
 
+DEPTH_FROM_OTHERS = (Origin.DEPTH_FILLED, Origin.ELSEWHERE)
+"""Origins, in a frame, of a pixel that has its own colour and, unless it is a hole, a depth that the frame did not measure."""
 ESTIMATED_CONFIDENCE = 0.6
 """Of a pixel with measured colour and estimated depth; 1 is measured, what is filled has 0.5 and less."""
 
@@ -204,8 +206,12 @@ class View:
 
     @cached_property
     def has_filled_depth(self) -> bool:
-        """True if a pixel of it has a measured colour and a depth that was filled."""
-        return Origin.DEPTH_FILLED in self.origins and bool(((self.origin == Origin.DEPTH_FILLED) & ~self.hole).any())
+        """True if a pixel of it has a measured colour and a depth that was filled, or that another frame measured."""
+        return bool(self.origins & set(DEPTH_FROM_OTHERS)) and bool(self._filled_depth.any())
+
+    @property
+    def _filled_depth(self) -> BoolArray:
+        return np.isin(self.origin, DEPTH_FROM_OTHERS) & ~self.hole
 
     @cached_property
     def has_errors(self) -> bool:
@@ -244,10 +250,17 @@ class View:
         )
 
     def without_filled_depth(self) -> View:
-        """A frame with its sensor holes as they were, their depth unknown; itself, where none was filled."""
+        """A frame with its sensor holes as they were, their depth unknown; itself, where it has depth from nowhere else."""
         if not self.has_filled_depth:
             return self
-        return dataclasses.replace(self.left_open((self.origin == Origin.DEPTH_FILLED) & ~self.hole), errors=None)
+        filled = self._filled_depth
+        return self.with_planes(
+            depth=select(self.depth, ~filled),
+            hole=self.hole | filled,
+            origin=np.where(filled, np.uint8(Origin.DEPTH_FILLED), self.origin),
+            confidence=select(self.confidence, ~filled),
+            errors=None,
+        )
 
     def with_pixels(self, other: View, where: BoolArray) -> View:
         """The same view with another one's pixels, of the same camera, in `where` (H x W bool); `hole_type` stays its own."""

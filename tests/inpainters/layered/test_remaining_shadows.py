@@ -7,11 +7,8 @@ import numpy as np
 from dlama.geometry.camera import Camera
 from dlama.geometry.holes import dilated
 from dlama.geometry.rgbd import RGBD
-from dlama.geometry.scene import Scene
 from dlama.geometry.view import HoleType, View
-from dlama.geometry.visibility import Law
-from dlama.inpainters.layered.filler import layered
-from dlama.inpainters.layered.remaining_shadows import fading_out, shadow_beside
+from dlama.inpainters.layered.remaining_shadows import shadow_beside
 from worlds import Plane, World
 
 CAMERA = Camera.from_fov(160, 120, 60)
@@ -58,25 +55,3 @@ def test_holes_of_other_kinds_have_no_shadow() -> None:
     view, _ = ground_without_thing(BESIDE)
     other = view.without(view.hole, HoleType.DISOCCLUDED)
     assert not shadow_beside(other, np.ones(CAMERA.hw, np.int32)).any()
-
-
-def test_ground_is_painted_lit_where_its_shadow_was() -> None:
-    """Closed form: 8 px inside the hole the floor is lit; at its rim with the shadow it is half way to it."""
-    view, _ = ground_without_thing(BESIDE)
-    color = layered(view, Law.of(Scene((view,)))).color[..., 0].astype(float)
-    assert abs(color[54:70, 66:94].mean() - LIT) < 4
-    assert abs(color[79, 66:94].mean() - DARK) < 0.6 * (LIT - DARK)
-
-
-def test_only_the_shadow_s_own_surface_fades() -> None:
-    """Closed form: one step at the rim, e times less after FADE of the longer side; other surfaces keep every bit."""
-    shadow, hole = np.zeros((2, 100, 250), bool)
-    shadow[60:], hole[20:60] = True, True
-    numbers = np.where(np.arange(250) < 125, 1, 2) * np.ones((100, 1), np.int32)
-    numbers[60:] = 1
-    painted = np.where(shadow[..., None], np.uint8(100), np.full((100, 250, 3), 200, np.uint8))
-    got = fading_out(painted, shadow, hole, numbers).astype(float)
-    step = 200 - got[20:60, 40, 0][::-1]
-    np.testing.assert_allclose(step[:6], 100 * np.exp(-np.arange(1, 7) / (0.008 * 250)), atol=6)
-    np.testing.assert_array_equal(got[:60, 140:], painted[:60, 140:])
-    np.testing.assert_array_equal(got[60:], painted[60:])

@@ -18,7 +18,6 @@ from dlama.inpainters.layered.surface_labels import (
     IN_FRONT,
     LEAST_INVERSE_DEPTH,
     CoarseView,
-    without_streaks,
 )
 from dlama.perception.planes import SKY, find_planes, label_known
 from worlds import Box, Plane, World, moved
@@ -78,13 +77,6 @@ def wall_with_hole(planes: tuple[float, ...] = (0.25,)) -> CoarseView:
     return grid(np.where(hole, 0, 0.25), hole, np.where(hole, -1, 1), planes)
 
 
-def test_planes_nearer_or_farther_than_all_that_is_known_cost() -> None:
-    """Closed form: 6 for each factor e beyond the wall's 4 m, on either side; nothing at the wall, nor for no plane and sky."""
-    cost = wall_with_hole((0.25, 0.5, 0.05)).extrapolation_cost()
-    wanted = (0, 0, 0, 6 * np.log(2), 6 * np.log(5))
-    np.testing.assert_allclose(cost, np.broadcast_to(np.float32(wanted)[:, None, None], cost.shape), atol=1e-5)
-
-
 def test_surfaces_out_of_order_cost_a_jump_of_three(monkeypatch: pytest.MonkeyPatch) -> None:
     """Closed form: of the costs before belief propagation, those of a surface behind one that it is nowhere seen behind."""
     coarse, _ = floor_and_wall(HoleType.OBJECT)
@@ -108,22 +100,6 @@ def test_sky_that_only_the_source_saw_goes_on_here() -> None:
     assert coarse.distance_to_known(Law(()))[1].min() == 1000
     middle = coarse.distance_to_known(sky)[1][5:7, 7:9].mean()
     assert middle == pytest.approx(coarse.camera.fx * np.radians(60), rel=0.1)
-
-
-def test_streaks_go_and_slopes_stay() -> None:
-    """Closed form: inverse depth of a straight slope keeps its values in the middle of a hole; noise of single cells there falls
-    to a fifth and less, and what is no hole, or not known, stays as it is."""
-    hole = np.zeros((96, 128), bool)
-    hole[16:80, 16:112] = True
-    slope = np.where(hole, 0.2 + 0.001 * np.arange(128, dtype=np.float32), 0).astype(np.float32)
-    middle = np.s_[40:56, 50:78]
-    np.testing.assert_allclose(without_streaks(slope, hole)[middle], slope[middle], atol=2e-4)
-    noise = np.random.default_rng(0).normal(0, 0.01, hole.shape).astype(np.float32)
-    noisy = np.where(hole, slope + noise, 0).astype(np.float32)
-    noisy[50, 60] = 0
-    smoothed = without_streaks(noisy, hole)
-    assert np.delete((smoothed - slope)[middle].ravel(), 10 * 28 + 10).std() < 0.002
-    assert smoothed[50, 60] == 0 and (smoothed[~hole] == 0).all()
 
 
 def test_chords_of_a_pillar_are_its_height_and_width() -> None:

@@ -14,7 +14,7 @@ from dlama.geometry.visibility import Law
 from dlama.inpainters.layered.distances import angle_to_far
 from dlama.inpainters.layered.kernels import surfaces as kernels
 from dlama.inpainters.layered.surface_labels import POTTS, RIM, cells_with_holes, with_larger_pixels
-from dlama.inpainters.layered.surfaces import continue_surfaces, rim_correction, without_specks
+from dlama.inpainters.layered.surfaces import continue_surfaces, rim_correction
 from dlama.perception.planes import SKY
 from reference import extension as twin
 from worlds import Box, Plane, World, moved
@@ -253,19 +253,3 @@ def test_a_plane_seen_nowhere_else_and_pixels_alone() -> None:
     np.testing.assert_allclose(surfaces.inverse_depth[0, 3:], 0.25, rtol=1e-5)
     assert (surfaces.inverse_depth[0, 1:5] <= 1).all()
     assert Plane((0, 0, 4), (0, 0, 1)).distance(np.array([0, 0, 1 / surfaces.inverse_depth[0, 3]])) < 1e-3
-
-
-def test_specks_of_labels_take_on_what_is_beside_them() -> None:
-    """Closed form: 8 pixels amid 200 change, 40 do not, nor what is known; a hole that is one speck stays."""
-    label = np.full((30, 30), 3, np.int32)
-    hole = np.zeros(label.shape, np.bool_)
-    hole[5:25, 5:25] = True
-    label[hole] = 1
-    label[8:12, 10:12] = 2
-    label[15:19, 12:22] = 2
-    wanted = label.copy()
-    wanted[8:12, 10:12] = 1
-    np.testing.assert_array_equal(without_specks(label, hole), wanted)
-    tiny = np.zeros_like(hole)
-    tiny[8:12, 10:12] = True
-    np.testing.assert_array_equal(without_specks(label, tiny), label)

@@ -66,7 +66,7 @@ class DepthProfile(NamedTuple):
         """That of a scene, by its first frame as it was before anything was removed."""
         if scene not in PROFILES:
             estimated = any(Origin.ESTIMATED in frame.origins for frame in scene.frames)
-            PROFILES[scene] = cls(estimated, edge_uncertainty(scene.original(0)))
+            PROFILES[scene] = cls(estimated, edge_uncertainty(scene.original(scene.frames[0])))
         return PROFILES[scene]
 
     @property

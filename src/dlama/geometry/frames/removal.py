@@ -12,9 +12,11 @@ from collections.abc import Mapping
 from numbers import Integral
 from typing import NamedTuple
 
+import cv2
 import numpy as np
 
 from dlama.errors import InputError, MaskError
+from dlama.geometry.camera import Camera
 from dlama.geometry.drawing.picture_edges import DepthProfile
 from dlama.geometry.frames.agreement import AGREES
 from dlama.geometry.frames.choosing import choose_frames
@@ -85,7 +87,7 @@ def remove_object(scene: Scene, mask: BoolArray | Mapping[int, BoolArray], dilat
             raise MaskError(f"dilate is {growth.px} px: the mask grown by that is full and leaves nothing to fill from")
         before, given_up = before + int(one.sum()), given_up + int(larger.sum()) - int(one.sum())
         if larger.any():
-            removed.append(layer.without(~larger, HoleType.NONE))
+            removed.append(removed_part(layer, one, larger))
             layer = layer.without(larger, HoleType.OBJECT if place < count else HoleType.NONE)
         layers.append(layer)
     without = dataclasses.replace(
@@ -95,6 +97,12 @@ def remove_object(scene: Scene, mask: BoolArray | Mapping[int, BoolArray], dilat
         fills=tuple(layers[count:]),
     )
     return Removal(without, growth, before, given_up)
+
+
+def removed_part(layer: View, mask: BoolArray, larger: BoolArray) -> View:
+    """What is removed from a layer: the pixels under its grown mask (`larger`); the hole type OBJECT is the mask itself."""
+    part = layer.without(~larger, HoleType.NONE)
+    return part.with_planes(hole_type=np.where(mask, np.uint8(HoleType.OBJECT), part.hole_type))
 
 
 def masks_by_place(scene: Scene, mask: BoolArray | Mapping[int, BoolArray]) -> dict[int, BoolArray]:
@@ -109,24 +117,76 @@ def masks_by_place(scene: Scene, mask: BoolArray | Mapping[int, BoolArray]) -> d
     return {place: checked_mask(one, scene.frames[place].camera.hw) for place, one in places.items()}
 
 
+class MaskedObject(NamedTuple):
+    """One object, as it is masked: with no other one."""
+
+    masks: dict[int, BoolArray]
+    """Place of a frame -> H x W."""
+    shown: Scene
+    """What the masks show of their frames."""
+    box: tuple[np.ndarray, np.ndarray]
+    """Lower and upper corner, in the world, of the box that holds it."""
+
+
 def carry_masks(scene: Scene, masks: Mapping[int, BoolArray]) -> list[BoolArray]:
     """H x W bool for each layer of the scene: the masks themselves (place of a frame -> mask), and in all others where the same
-    object is seen."""
+    objects are seen: each carried alone, in the frames as they were before anything was removed, so that no order matters.
+    """
     if len(masks) == len(scene.layers):
         return [masks[place] for place in range(len(masks))]
-    masked = dataclasses.replace(
-        scene,
-        frames=tuple(inner(scene.frames[place], mask) for place, mask in masks.items()),
-        removals=(),
-        fills=(),
-        numbers=tuple(masks),
-        gains=(),
-    )
-    box = box_of(masked)
-    return [
-        masks[place] if place in masks else _carried_to(layer, scene, masks, masked, box)
-        for place, layer in enumerate(scene.layers)
-    ]
+    frames = {place: scene.original(scene.frames[place]) for place in masks}
+    objects = separate_objects(frames, masks)
+    if not objects:
+        raise InputError(
+            "mask marks no pixel with depth, so it cannot be carried to the other frames; mask another frame"
+        )
+    found = []
+    for place, layer in enumerate(scene.layers):
+        mask = masks.get(place, np.zeros(layer.camera.hw, bool))
+        for one in objects:
+            if place not in one.masks:
+                mask = mask | _carried_to(scene.original(layer), frames, one)
+        found.append(mask)
+    return found
+
+
+def removed_from(scene: Scene, frame: View) -> BoolArray:
+    """H x W, where one more frame shows what was removed from the scene."""
+    masks = {}
+    for place, layer in enumerate(scene.layers):
+        of_layer = [one.hole_type == HoleType.OBJECT for one in scene.removals if one.camera.same_view_as(layer.camera)]
+        if of_layer:
+            masks[place] = np.logical_or.reduce(of_layer)
+    frames = {place: scene.original(scene.layers[place]) for place in masks}
+    found = [_carried_to(frame, frames, one) for one in separate_objects(frames, masks)]
+    return np.logical_or.reduce([np.zeros(frame.hole.shape, bool), *found])
+
+
+def separate_objects(frames: Mapping[int, View], masks: Mapping[int, BoolArray]) -> list[MaskedObject]:
+    """The masked objects that have depth (place of a frame -> frame, mask): connected parts of masks whose boxes meet are one."""
+    objects: list[MaskedObject] = []
+    for place, mask in masks.items():
+        count, labels = cv2.connectedComponents(dilated(mask, RIM_PX).astype(np.uint8))
+        for label in range(1, count):
+            one = masked_object(frames, {place: mask & (labels == label)})
+            while one is not None and (near := next((each for each in objects if boxes_meet(each.box, one.box)), None)):
+                objects.remove(near)
+                parts = near.masks | {each: part | near.masks.get(each, part) for each, part in one.masks.items()}
+                one = masked_object(frames, parts)
+            objects += [] if one is None else [one]
+    return objects
+
+
+def masked_object(frames: Mapping[int, View], masks: dict[int, BoolArray]) -> MaskedObject | None:
+    """The object under masks of frames (place -> H x W); None where they show no depth."""
+    shown = Scene(tuple(inner(frames[place], mask) for place, mask in masks.items()), numbers=tuple(masks))
+    box = box_of(shown)
+    return None if box is None else MaskedObject(masks, shown, box)
+
+
+def boxes_meet(one: tuple[np.ndarray, np.ndarray], other: tuple[np.ndarray, np.ndarray]) -> bool:
+    """Whether two boxes, each its lower and upper corner, have a point in common."""
+    return bool((one[0] <= other[1]).all() and (other[0] <= one[1]).all())
 
 
 def inner(frame: View, mask: BoolArray) -> View:
@@ -143,13 +203,11 @@ def points_of(view: View) -> np.ndarray:
     return (rays(view.camera) * depth[..., None]) @ pose[:3, :3].T + pose[:3, 3]
 
 
-def box_of(masked: Scene) -> tuple[np.ndarray, np.ndarray]:
-    """Lower and upper corner, in the world, of the box that holds the object; InputError where the masks show no depth."""
+def box_of(masked: Scene) -> tuple[np.ndarray, np.ndarray] | None:
+    """Lower and upper corner, in the world, of the box that holds the object; None where the masks show no depth."""
     points = [points_of(layer)[layer.valid] for layer in masked.frames]
     if not sum(map(len, points)):
-        raise InputError(
-            "mask marks no pixel with depth, so it cannot be carried to the other frames; mask another frame"
-        )
+        return None
     low, high = np.percentile(np.concatenate(points), OUTLIERS, axis=0)
     thick = THICK * float((high - low).max())
     backs = []  # where the far side of the object may lie, which the masked frames do not see
@@ -161,30 +219,28 @@ def box_of(masked: Scene) -> tuple[np.ndarray, np.ndarray]:
     return low - grow, high + grow
 
 
-def _carried_to(
-    frame: View, scene: Scene, masks: Mapping[int, BoolArray], masked: Scene, box: tuple[np.ndarray, np.ndarray]
-) -> BoolArray:
-    """Where a frame that has no mask shows the object."""
+def _carried_to(frame: View, frames: Mapping[int, View], masked: MaskedObject) -> BoolArray:
+    """Where a frame that has no mask shows the object; frames: by place, those that have masks."""
     nothing = np.zeros(frame.hole.shape, bool)
     points = points_of(frame)
-    candidates = frame.valid & ((points >= box[0]) & (points <= box[1])).all(-1)
-    seen = render(masked, frame.camera, types=False)
+    candidates = frame.valid & ((points >= masked.box[0]) & (points <= masked.box[1])).all(-1)
+    seen = render(masked.shown, frame.camera, types=False)
     agrees = np.abs(seen.depth - frame.depth) <= AGREES * frame.depth
     seeds = seen.valid & frame.valid & agrees
-    near = choose_frames([scene.frames[place] for place in masks], frame.camera)
+    near = choose_frames([frames[place] for place in masked.masks], frame.camera)
     behind = np.zeros_like(
         nothing
     )  # all points of an object lie behind its mask, in every masked frame that shows them
-    for number, (place, mask) in enumerate(masks.items()):
+    for number, (place, mask) in enumerate(masked.masks.items()):
         if number in near:
-            beside, within, in_view = against(points, scene.frames[place], mask)
+            beside, within, in_view = against(points, frames[place], mask)
             candidates &= ~beside & (within | ~in_view)
             seeds &= ~beside
             behind |= within
     candidates &= behind
     if not seeds.any():
         return nothing
-    size = max(int(seeds.sum()), *(int(mask.sum()) for mask in masks.values()))
+    size = max(int(seeds.sum()), *(int(mask.sum()) for mask in masked.masks.values()))
     candidates &= dilated(seeds, max(2 * RIM_PX, round(REACH * float(np.sqrt(size)))))
     seeds &= candidates
     found = grown_over(seeds, in_front(frame, candidates) | seeds, frame.depth)
@@ -196,15 +252,20 @@ def _carried_to(
 def against(points: np.ndarray, masked: View, mask: BoolArray) -> tuple[BoolArray, BoolArray, BoolArray]:
     """Points (H x W x 3) held against a masked frame, H x W each: those that it shows outside its mask, those on a line of sight
     of its mask (grown by RIM_PX), and those in its view."""
-    pixels, z = project(points.reshape(-1, 3), masked.camera)
-    width, height = masked.camera.wh
+    row, column, z, inside = pixels_of(points, masked.camera)
+    there = np.where(masked.hole, 0, masked.depth)[row, column]
+    shown = inside & (np.abs(there - z) <= AGREES * z) & ~mask[row, column]
+    return shown, inside & dilated(mask, RIM_PX)[row, column], inside
+
+
+def pixels_of(points: np.ndarray, camera: Camera) -> tuple[np.ndarray, np.ndarray, np.ndarray, BoolArray]:
+    """Row, column and depth in metres of world points (H x W x 3), and which are in the camera's view; H x W each."""
+    pixels, z = project(points.reshape(-1, 3), camera)
+    width, height = camera.wh
     inside = (z > 0) & (pixels >= 0).all(1) & (pixels[:, 0] < width) & (pixels[:, 1] < height)
-    x, y = np.where(inside[:, None], pixels, 0).astype(np.intp).T
-    there = np.where(masked.hole, 0, masked.depth)[y, x]
-    shown = inside & (np.abs(there - z) <= AGREES * z) & ~mask[y, x]
-    within = inside & dilated(mask, RIM_PX)[y, x]
+    column, row = np.where(inside[:, None], pixels, 0).astype(np.intp).T
     hw = points.shape[:2]
-    return shown.reshape(hw), within.reshape(hw), inside.reshape(hw)
+    return row.reshape(hw), column.reshape(hw), z.reshape(hw), inside.reshape(hw)
 
 
 def gaps_closed(found: BoolArray, allowed: BoolArray) -> BoolArray:

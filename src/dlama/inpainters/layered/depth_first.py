@@ -14,7 +14,7 @@ from dlama.geometry.visibility import Law
 from dlama.inpainters.filling import Fill, Inpainter, Painter
 from dlama.inpainters.layered.filler import surfaces_behind, with_leaves
 from dlama.inpainters.layered.hedging import hedged
-from dlama.inpainters.layered.remaining_shadows import fading_out, shadow_beside
+from dlama.inpainters.layered.remaining_shadows import shadow_beside
 from dlama.inpainters.layered.surfaces import Surfaces
 from dlama.perception.planes import plane_values_at
 
@@ -57,9 +57,6 @@ def depth_first(inpainter: Inpainter) -> Inpainter:
             return Fill(view.color, depth, moved, notes)
         shadow = shadow_beside(view, surfaces.label)
         color = inpainter.paint(view.color, view.color_hole | shadow | occluders(view, surfaces, depth, law), seed)
-        if shadow.any():
-            color = np.where(view.color_hole[..., None], color, view.color)
-            color = fading_out(color, shadow, view.color_hole, surfaces.label)
         w = inverse_depth(np.where(view.hole, depth, view.depth))
         return Fill(with_leaves(hedged(view, color, view.color_hole, w), view, surfaces), depth, moved, notes)
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 
 from dlama.geometry.projection import depth_from_inverse, inverse_depth
@@ -12,9 +10,8 @@ from dlama.geometry.view import HoleType, View
 from dlama.geometry.visibility import Law, lawful_depth
 from dlama.inpainters.filling import Fill
 from dlama.inpainters.layered.hedging import hedged
-from dlama.inpainters.layered.remaining_shadows import fading_out, shadow_beside
+from dlama.inpainters.layered.remaining_shadows import shadow_beside
 from dlama.inpainters.layered.rims import led_in
-from dlama.inpainters.layered.softening import softened
 from dlama.inpainters.layered.surfaces import Surfaces, continue_surfaces
 from dlama.inpainters.layered.texture_synthesis import synthesize
 from dlama.perception.planes import SKY, SMOOTH
@@ -22,26 +19,18 @@ from dlama.perception.planes import SKY, SMOOTH
 NOT_LED_IN = (HoleType.OUT_OF_VIEW, HoleType.OBJECT)
 """Holes into which nothing is led from their rims: beside a removed thing lie scraps of it and of its shadow."""
 
-Repaint = Callable[[View, Surfaces, Float32Array, UInt8Array, Law, int], UInt8Array]
-"""(view, continued surfaces, H x W metres filled, H x W x 3 painted colours, law, seed) -> H x W x 3, painted better."""
-
 
 def layered(view: View, law: Law, seed: int = 0) -> Fill:
     """Continue planes, sky and smooth surfaces into the holes, move them behind what was measured, then paint them."""
-    return layered_fill(view, law, seed)
-
-
-def layered_fill(view: View, law: Law, seed: int, repaint: Repaint | None = None) -> Fill:
-    """As `layered`; with `repaint`, which sees what is painted before colours out of view are hedged."""
     surfaces, depth, moved = surfaces_behind(view, law, seed)
-    color = painted(view, surfaces, depth, law, seed)
-    if repaint is not None:
-        color = repaint(view, surfaces, depth, color, law, seed)
-    w = np.where(view.hole, inverse_depth(depth), surfaces.inverse_depth)
-    color = hedged(view, color, view.color_hole & (surfaces.leaves < 0), w, surfaces.label, law.sky)
-    if law.misplaced_edges:  # where surfaces end is a guess upon a guess
-        color = softened(color, view.color_hole, view.hole_type == HoleType.OUT_OF_VIEW, surfaces.label)
+    color = blended_out_of_view(view, surfaces, depth, painted(view, surfaces, depth, law, seed), law)
     return Fill(color, depth, moved, {"planes": len(surfaces.planes)})
+
+
+def blended_out_of_view(view: View, surfaces: Surfaces, depth: Float32Array, color: UInt8Array, law: Law) -> UInt8Array:
+    """H x W x 3: painted colours (H x W x 3), each surface out of view blended with a smooth guess; depth: H x W m, filled."""
+    w = np.where(view.hole, inverse_depth(depth), surfaces.inverse_depth)
+    return hedged(view, color, view.color_hole & (surfaces.leaves < 0), w, surfaces.label, law.sky)
 
 
 def painted(view: View, surfaces: Surfaces, depth: Float32Array, law: Law, seed: int) -> UInt8Array:
@@ -55,8 +44,7 @@ def painted(view: View, surfaces: Surfaces, depth: Float32Array, law: Law, seed:
     leafy = with_leaves(view.color, view, surfaces)
     open_ = view.color_hole & (surfaces.leaves < 0)
     color = synthesize(leafy, open_, w, label, view.camera, seed=seed, sky=law.sky, spoiled=shadow)
-    color = led_in(color, view.color_hole, open_ & ~np.isin(view.hole_type, NOT_LED_IN), w, label, shadow)
-    return fading_out(color, shadow, view.color_hole, label) if shadow.any() else color
+    return led_in(color, view.color_hole, open_ & ~np.isin(view.hole_type, NOT_LED_IN), w, label, shadow)
 
 
 def with_leaves(color: UInt8Array, view: View, surfaces: Surfaces) -> UInt8Array:

@@ -9,8 +9,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from dlama.geometry.holes import nearest_known, opened, square
-from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
+from dlama.geometry.holes import opened, square
+from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.geometry.view import HoleType, View
 from dlama.perception.shadows.lit_surface import quadratic, robust_fit
 
@@ -28,10 +28,6 @@ REACH = 1.0
 """A shadow is looked for within this many times the root of the thing's area."""
 LEAST_CELLS = 60
 """Fewer cells of a surface farther off say nothing about its pattern."""
-FADE = 0.008
-"""Share of the picture's longer side over which painted ground gets lit, from its shadow on."""
-RIM_SIGMA = 2.0
-"""Pixels over which brightness is averaged at the rim."""
 
 
 def shadow_beside(view: View, label: NDArray[np.int32]) -> BoolArray:
@@ -61,44 +57,6 @@ def shadow_beside(view: View, label: NDArray[np.int32]) -> BoolArray:
     out = cv2.dilate(out.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
     full = cv2.resize(out.astype(np.uint8), (width, height), interpolation=cv2.INTER_NEAREST) > 0
     return np.asarray(full & ~view.hole)
-
-
-def fading_out(painted: UInt8Array, shadow: BoolArray, hole: BoolArray, label: NDArray[np.int32]) -> UInt8Array:
-    """H x W x 3: painted colours that begin as dark as the shadow beside them and are lit a little farther in.
-
-    painted: H x W x 3; shadow: H x W, known; hole: H x W, painted; label: H x W. Without this what was taken out stays visible
-    as a bright shape in its own shadow.
-    """
-    sigma = FADE * max(hole.shape)
-    distance, nearest = nearest_known(shadow)
-    inside = hole & (distance < 4 * sigma) & (label == label.ravel()[nearest])
-    if not inside.any():
-        return painted
-    box = bounds(
-        inside | (shadow & (cv2.dilate(inside.astype(np.uint8), np.ones((9, 9), np.uint8)) > 0)), round(3 * sigma)
-    )
-    picture, dark, inside, distance = painted[box].astype(np.float32), shadow[box], inside[box], distance[box]
-    there, own = mean_of(picture, dark, RIM_SIGMA), mean_of(picture, inside, RIM_SIGMA)
-    rim = inside & (distance < 2)
-    step = mean_of(there - own, rim, sigma)
-    out = painted.copy()
-    lit = picture + step * np.exp(-distance / sigma)[..., None]
-    out[box][inside] = np.clip(np.round(lit[inside]), 0, 255)
-    return out
-
-
-def mean_of(values: Float32Array, where: BoolArray, sigma: float) -> Float32Array:
-    """H x W x C: Gaussian mean of the values in `where`."""
-    weight = where.astype(np.float32)
-    sums = cv2.GaussianBlur(values * weight[..., None], (0, 0), sigma)
-    return np.asarray(sums / np.maximum(cv2.GaussianBlur(weight, (0, 0), sigma), 1e-6)[..., None], np.float32)
-
-
-def bounds(where: BoolArray, margin: int) -> tuple[slice, slice]:
-    """The box round `where`, grown."""
-    rows, columns = np.flatnonzero(where.any(1)), np.flatnonzero(where.any(0))
-    down, across = (slice(max(0, ends[0] - margin), ends[-1] + margin + 1) for ends in (rows, columns))
-    return down, across
 
 
 def shrunk(mask: BoolArray, wh: tuple[int, int], least: float) -> BoolArray:

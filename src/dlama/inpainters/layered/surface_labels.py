@@ -52,8 +52,6 @@ RIM = (0.05, 0.3, 1.0, 3.0)
 """Cost at the rim of the hole of a surface that meets the known one, is hidden by it, is hidden sky, stands before it."""
 REACH = 0.05
 """Share of the picture's longer side at which a surface last seen that much farther off costs one full jump."""
-STREAKS = 0.2
-"""Width of those surroundings (sigma) over the distance from the rim."""
 AROUND = 31
 """Width, in cells, of what counts as round a cell."""
 SURROUNDED = 0.3
@@ -62,8 +60,6 @@ RELIEF = 0.06
 """Relative inverse depth by which that may stand out of the plane or back from it, and belong to it: a door, a sill."""
 LEEWAY = 1.03
 """Relative depth by which a plane may break the visibility law and still be a candidate."""
-EXTRAPOLATION_COST = 6.0
-"""Cost of a plane e times nearer or farther than anything known."""
 ORDER_COST = 3.0
 """Cost of a surface behind a plane that it is nowhere seen behind."""
 OUT_OF_ORDER = 0.02
@@ -121,7 +117,6 @@ class CoarseView:
         unseen = hole & ~in_view
         on_planes = plane_values(planes, camera.hw, step)
         things = cut_things(w[pick], label[pick], hole, next_to(unseen))
-        smooth = np.where(in_view, smooth, without_streaks(smooth, unseen))
         candidates = np.concatenate([smooth[None], np.zeros_like(smooth)[None], on_planes])
         known = w[pick], label[pick], candidates.astype(np.float32)
         return cls(camera, hole, in_view, *known, things, followed_from, solid)
@@ -135,7 +130,6 @@ class CoarseView:
         lines = along_edges(lines, self.camera, self.candidates, *known)
         followed |= lines.by_edges
         on, penalty = seen_going_on(lines, self.candidates, *known, followed)
-        penalty += (1 - on) * self.extrapolation_cost()
         penalty += ending_cost(self.hole, unseen, self.label, followed, self.things.beyond, REACH * GRID)
         penalty[0] += SMOOTH_PENALTY
         penalty[1:] += ORDER_COST * self.out_of_order()
@@ -177,18 +171,6 @@ class CoarseView:
                 depth = np.where(possible, LEEWAY / np.maximum(value, 1e-6), np.inf).astype(np.float32)
                 out[number] &= ~law.violations(self.camera, depth, self.hole & possible)
         return out
-
-    def extrapolation_cost(self) -> Float32Array:
-        """L x h x w cost of planes nearer or farther than all that is known: extrapolation is less sure the farther it goes."""
-        cost = np.zeros(self.candidates.shape, np.float32)
-        finite = self.inverse_depth[~self.hole & (self.inverse_depth > 0)]
-        if finite.size:
-            farthest, nearest = np.quantile(finite, (0.02, 0.98))
-            planes = np.maximum(self.candidates[2:], LEAST_INVERSE_DEPTH)
-            cost[2:] = EXTRAPOLATION_COST * np.maximum(
-                0, np.maximum(np.log(planes / nearest), np.log(farthest / planes))
-            )
-        return cost
 
     def out_of_order(self) -> BoolArray:
         """(L - 1) x h x w, True where sky or a plane would stand behind a plane that it is nowhere seen behind.
@@ -252,19 +234,6 @@ class CoarseView:
             near = loose & (np.abs(value - self.inverse_depth) < RELIEF * self.inverse_depth) & (count > most)
             out[near], most[near] = number, count[near]
         return out
-
-
-def without_streaks(smooth: Float32Array, hole: BoolArray) -> Float32Array:
-    """The inverse depth of no plane (h x w, of a hole), each cell the mean of its surroundings in the hole, the wider the farther
-    from the rim: it comes from few rays, and their ends jump."""
-    where = (hole & (smooth > 0)).astype(np.float32)
-    sigma = STREAKS * cv2.distanceTransform(hole.astype(np.uint8), cv2.DIST_L2, 5)
-    out = smooth.copy()
-    for width in (1.0, 2.0, 4.0, 8.0):
-        total, count = (cv2.GaussianBlur(a, (0, 0), width) for a in (smooth * where, where))
-        mean = total / np.maximum(count, 1e-6)
-        out += where * np.clip(np.log2(np.maximum(sigma / width, 1)), 0, 1) * (mean - out)
-    return np.asarray(out, np.float32)
 
 
 def cells_with_holes(hole: BoolArray, wh: tuple[int, int]) -> BoolArray:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from dlama.geometry.holes import nearest_known, with_nearest
 from dlama.geometry.projection import inverse_depth
 from dlama.geometry.rgbd import BoolArray, Float32Array
-from dlama.geometry.view import HoleType, View
+from dlama.geometry.view import View
 from dlama.geometry.visibility import Law
 from dlama.inpainters.layered.distances import enlarged
 from dlama.inpainters.layered.foliage import copied_leaves
@@ -26,9 +26,6 @@ from dlama.inpainters.layered.out_of_view import FOLLOWED
 from dlama.inpainters.layered.surface_labels import GRID, CoarseView
 from dlama.inpainters.missing_depth.along_colors import DepthByColor, along_colors
 from dlama.perception.planes import SMOOTH, denoised, find_planes, label_known, noise_level, plane_values_at
-
-SPECK = 24
-"""Pixels of a region of one label amid others, behind a removed thing, that noise of known depth at the rim makes."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +58,7 @@ def continue_surfaces(view: View, law: Law, seed: int = 0) -> Surfaces:
     step = max(1.0, max(w.shape) / GRID)
     followed_from = np.inf if noise else FOLLOWED
     coarse = CoarseView.of(view, w, label, planes, step, followed_from, law.misplaced_edges)
-    found = upsampled(view, w, label, planes, coarse, coarse.label_costs(law), seed, specks=noise > 0)
+    found = upsampled(view, w, label, planes, coarse, coarse.label_costs(law), seed)
     return found if by_color is None else with_depth_by_color(found, by_color)
 
 
@@ -85,14 +82,11 @@ def upsampled(
     coarse: CoarseView,
     costs: Float32Array,
     seed: int = 0,
-    *,
-    specks: bool = False,
 ) -> Surfaces:
     """Costs of the labels (h x w x L) interpolated to every hole pixel; each takes the label of least cost and its inverse depth.
     Where foliage goes on, it stands before that.
 
-    w, label: H x W, of the known pixels; planes: K x 3. specks: depth is noisy: behind removed things specks of labels are taken
-    away.
+    w, label: H x W, of the known pixels; planes: K x 3.
     """
     spread = with_nearest(costs, coarse.hole)
     no_plane = coarse.candidates[0]
@@ -105,8 +99,6 @@ def upsampled(
         best[better] = cost[better]
         chosen[better] = number - 1
     rows, columns = np.nonzero(view.hole)
-    if specks:
-        chosen = without_specks(chosen, view.hole & (view.hole_type == HoleType.OBJECT))
     labels = chosen[rows, columns]
     on_plane = plane_values_at(planes, labels, rows, columns)
     on_plane = np.maximum(0, on_plane + rim_correction(view.hole, w, label, planes, labels))
@@ -117,17 +109,6 @@ def upsampled(
     leaf = (leaves >= 0) & (w.ravel()[np.maximum(leaves, 0)] > out)
     out[leaf], filled[leaf] = w.ravel()[leaves[leaf]], SMOOTH
     return Surfaces(out, filled, planes, np.where(leaf, leaves, GAP).astype(np.int32))
-
-
-def without_specks(label: NDArray[np.int32], hole: BoolArray) -> NDArray[np.int32]:
-    """Labels (H x W) of a hole (H x W) in which regions of fewer than SPECK pixels have the label of what is beside them."""
-    small = np.zeros(hole.shape, np.bool_)
-    for number in np.unique(label[hole]):
-        part = (hole & (label == number)).astype(np.uint8)
-        _, regions, stats, _ = cv2.connectedComponentsWithStats(part, connectivity=8)
-        small |= (part > 0) & (stats[regions, cv2.CC_STAT_AREA] < SPECK)
-    rest = hole & ~small
-    return np.where(small, with_nearest(label, rest), label) if small.any() and rest.any() else label
 
 
 def rim_correction(

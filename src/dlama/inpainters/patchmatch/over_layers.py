@@ -1,28 +1,28 @@
-"""`layered-patches`: a view with holes in; filled as `layered` does, its colours painted anew with patches of the picture, out.
+"""`layered-patches`: a view with holes in; depth as `layered` continues it, colours from patches of the picture, out.
 
 For removed objects, and for all holes in pictures of a depth camera. Its planes are rough, and several materials lie on one of
 them, so that texture copied within a plane leaves seams and scraps; the picture itself knows better. Where the source picture
-shows what surrounds a hole MI-GAN
-guesses what is there; beyond its border, where the network would begin another room, the continued surfaces do. What stands
-in front of a removed object is hidden from both: a table would extend to where the chair behind it was. Next to other holes it is
-not, for it is most of what there is to paint with. Behind a removed object patches come from any surface.
+shows what surrounds a hole MI-GAN guesses what is there; beyond its border, where the network would begin another room, the
+continued surfaces do. What stands in front of a removed object is hidden from both: a table would extend to where the chair
+behind it was. So is the object's shadow that stays beside it. Next to other holes nothing is hidden, for it is most of what there
+is to paint with. Behind a removed object patches come from any surface.
 """
 
 from __future__ import annotations
 
-import dataclasses
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dlama.geometry.holes import nearest_known
-from dlama.geometry.rgbd import Float32Array, UInt8Array
+from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.geometry.view import HoleType, View
 from dlama.geometry.visibility import Law
 from dlama.inpainters.filling import Fill, Inpainter
 from dlama.inpainters.layered.depth_first import occluders
-from dlama.inpainters.layered.filler import layered_fill
+from dlama.inpainters.layered.filler import blended_out_of_view, painted, surfaces_behind
+from dlama.inpainters.layered.remaining_shadows import shadow_beside
 from dlama.inpainters.layered.surfaces import Surfaces
 from dlama.inpainters.networks.migan import migan_filler
 from dlama.inpainters.patchmatch.completion import QUICK, complete_picture
@@ -30,7 +30,7 @@ from dlama.inpainters.patchmatch.completion import QUICK, complete_picture
 INNER = (HoleType.OBJECT, HoleType.DISOCCLUDED)
 """Holes that the network guesses."""
 REPAINTED = (*INNER, HoleType.OUT_OF_VIEW)
-"""Holes that are painted anew; cracks are too thin to gain by it."""
+"""Holes that patches paint; cracks are too thin to gain by it."""
 
 
 def layered_patches_filler(model: str | Path) -> Inpainter:
@@ -38,24 +38,32 @@ def layered_patches_filler(model: str | Path) -> Inpainter:
     network = migan_filler(model)
 
     def fill(view: View, law: Law, seed: int) -> Fill:
-        done = layered_fill(view, law, seed, repaint)
-        return dataclasses.replace(done, notes=done.notes | {"guess": network.notes()})
-
-    def repaint(
-        view: View, surfaces: Surfaces, depth: Float32Array, color: UInt8Array, law: Law, seed: int
-    ) -> UInt8Array:
-        painted = REPAINTED if law.misplaced_edges else (HoleType.OBJECT,)
-        hole = view.color_hole & np.isin(view.hole_type, painted)
+        surfaces, depth, moved = surfaces_behind(view, law, seed)
+        hole = view.color_hole & np.isin(view.hole_type, REPAINTED if law.misplaced_edges else (HoleType.OBJECT,))
         inner = hole & np.isin(view.hole_type, INNER)
-        if not hole.any():
-            return color
-        label: NDArray[np.int32] | None = surfaces.label
-        before = np.zeros_like(hole)
-        if (removed := hole & (view.hole_type == HoleType.OBJECT)).any():
-            before = occluders(view, surfaces, depth, law) & removed.ravel()[nearest_known(hole)[1]]
-            label = None
-        guess = network.paint(color, inner | before, seed) if inner.any() else color
-        done = complete_picture(color, hole | before, guess, seed, label=label, effort=QUICK)
-        return np.where(before[..., None], color, done)
+        color = view.color
+        if (view.color_hole & ~inner).any():
+            color = painted(view, surfaces, depth, law, seed)
+        if hole.any():
+            label, hidden = kept_from_patches(view, surfaces, depth, law, hole)
+            guess = network.paint(color, inner | hidden, seed) if inner.any() else color
+            done = complete_picture(color, hole | hidden, guess, seed, label=label, effort=QUICK)
+            color = np.where(hidden[..., None], color, done)
+        color = blended_out_of_view(view, surfaces, depth, color, law)
+        return Fill(color, depth, moved, {"planes": len(surfaces.planes), "guess": network.notes()})
 
     return fill
+
+
+def kept_from_patches(
+    view: View, surfaces: Surfaces, depth: Float32Array, law: Law, hole: BoolArray
+) -> tuple[NDArray[np.int32] | None, BoolArray]:
+    """(H x W surface that patches of a pixel should come from, or None for any; H x W known pixels that show none of it).
+
+    surfaces: as continued; depth: H x W metres, filled; hole: H x W, what patches paint.
+    """
+    removed = hole & (view.hole_type == HoleType.OBJECT)
+    if not removed.any():
+        return surfaces.label, np.zeros_like(hole)
+    before = occluders(view, surfaces, depth, law) & removed.ravel()[nearest_known(hole)[1]]
+    return None, before | shadow_beside(view, surfaces.label)

@@ -10,22 +10,15 @@ from collections.abc import Callable, Sequence
 from itertools import pairwise
 from typing import NamedTuple
 
-import cv2
 import numpy as np
 
 from dlama.errors import CameraError
-from dlama.geometry.camera import Camera, Float64Array, inverse_pose
-from dlama.geometry.projection import project, rays
-from dlama.geometry.rgbd import RGBD, Float32Array
+from dlama.geometry.camera import Float64Array, inverse_pose
+from dlama.geometry.rgbd import RGBD
 from dlama.geometry.rotations import quaternion_of, rotation_of
 from dlama.perception.diagnosis.finding import Finding, certainty
+from dlama.perception.diagnosis.landing import Landed, SmallFrame, land, shrink
 
-SAMPLES = 2500
-"""Points of a frame that are carried into the other."""
-FEWEST = 25
-"""Points that must land for anything to be said of a pair."""
-LANDS_WITHIN = 0.04
-"""Relative difference of depth at which a point counts as landed on what it is."""
 LEAST_LEAD = 1.3
 """Another convention must fit better by this factor,"""
 LEAST_FIT = 0.12
@@ -111,38 +104,14 @@ CONVENTIONS: dict[str, Convention] = {
 """The usual mistakes."""
 
 
-class Landing(NamedTuple):
-    """How well one frame lands in another."""
-
-    fit: float
-    """Share of the points that land on their depth, times the correlation of their brightness (0 where negative)."""
-    gain: float
-    """Brightness of the other frame over that of this one, where they land; 1 where none does."""
-
-
-class Sampled(NamedTuple):
-    """A frame, and some of its points."""
-
-    points: Float64Array
-    """N x 3 m, camera axes."""
-    brightness: Float64Array
-    """N grey levels of the points."""
-    depth: Float32Array
-    """H x W m."""
-    grey: Float64Array
-    """H x W."""
-    camera: Camera
-
-
 def pose_faults(frames: Sequence[RGBD], name: str) -> list[Finding]:
     """Findings on frames in a row (each overlapping the next), called `name` in messages."""
-    sampled = [sample(frame) for frame in frames]
-    pairs = list(pairwise(sampled))
-    if not pairs:
+    small = [shrink(frame) for frame in frames]
+    if len(small) < 2:
         return []
-    as_read = [landing(one, other) for one, other in pairs]
+    as_read = [land(*pair) for pair in pairwise(small)]
     fit = float(np.mean([each.fit for each in as_read]))
-    fits = {key: float(np.mean([landing(*pair, way.undo).fit for pair in pairs])) for key, way in CONVENTIONS.items()}
+    fits = {key: mean_fit(small, way.undo) for key, way in CONVENTIONS.items()}
     best = max(fits, key=lambda key: fits[key])
     lead = fits[best] / max(fit, 1e-3)
     if lead > LEAST_LEAD and fits[best] > LEAST_FIT:
@@ -153,8 +122,8 @@ def pose_faults(frames: Sequence[RGBD], name: str) -> list[Finding]:
     if fit < LEAST_FIT:
         what = f"{name}: frames in a row hardly fit each other ({_landed(fit)} of the points); no usual convention mends it"
         found.append(Finding("poses", "note", 0.6, what, "check that poses, depth and camera belong to these frames"))
-    gains = [each.gain for each in as_read if each.fit > LEAST_FIT]
-    most = max((max(gain, 1 / gain) for gain in gains), default=1.0)
+    gains = [gain(each) for each in as_read if each.fit > LEAST_FIT]
+    most = max((max(each, 1 / each) for each in gains), default=1.0)
     if most > EXPOSURE:
         what = f"{name}: exposure changes from frame to frame, up to {most:.2f} times as bright"
         found.append(
@@ -163,37 +132,20 @@ def pose_faults(frames: Sequence[RGBD], name: str) -> list[Finding]:
     return found
 
 
-def sample(frame: RGBD) -> Sampled:
-    """Points on a regular grid."""
-    valid = frame.valid
-    step = max(1, int(np.sqrt(valid.sum() / SAMPLES)))
-    chosen = np.zeros_like(valid)
-    chosen[step // 2 :: step, step // 2 :: step] = valid[step // 2 :: step, step // 2 :: step]
-    color = cv2.cvtColor(np.ascontiguousarray(frame.color), cv2.COLOR_RGB2GRAY)
-    grey = np.asarray(cv2.GaussianBlur(color, (0, 0), 1.5), np.float64)
-    points = rays(frame.camera)[chosen] * frame.depth[chosen][:, None]
-    return Sampled(points, grey[chosen], frame.depth, grey, frame.camera)
+def gain(landed: Landed) -> float:
+    """Brightness of the other frame over that of this one, where points land."""
+    return float((np.median(landed.second) + 1) / (np.median(landed.first) + 1))
 
 
-def landing(one: Sampled, other: Sampled, undo: Undo = np.array) -> Landing:
-    """Points of one frame carried into another, each pose changed by `undo`."""
-    pose, target = (undo(np.array(each.camera.world_from_cam)) for each in (one, other))
+def mean_fit(frames: Sequence[SmallFrame], undo: Undo) -> float:
+    """How well frames in a row land in the next one, each pose changed by `undo`."""
     try:
-        moved = other.camera.at(target)
+        moved = [
+            frame._replace(camera=frame.camera.at(undo(np.array(frame.camera.world_from_cam)))) for frame in frames
+        ]
     except CameraError:  # far from the world's origin already, and scaled: no camera stands there
-        return Landing(0.0, 1.0)
-    pixels, z = project(one.points @ pose[:3, :3].T + pose[:3, 3], moved)
-    with np.errstate(invalid="ignore"):
-        inside = (z > 0) & (pixels >= 0).all(1) & (pixels < other.camera.wh).all(1)
-    columns, rows = pixels[inside].astype(np.intp).T
-    lands = np.abs(other.depth[rows, columns] - z[inside]) < LANDS_WITHIN * z[inside]
-    if lands.sum() < FEWEST:
-        return Landing(0.0, 1.0)
-    first, second = one.brightness[inside][lands], other.grey[rows, columns][lands]
-    spread = float(first.std() * second.std())
-    agree = float(((first - first.mean()) * (second - second.mean())).mean()) / spread if spread > 0 else 0.0
-    gain = float((np.median(second) + 1) / (np.median(first) + 1))
-    return Landing(float(lands.sum() / len(z)) * max(agree, 0.0), gain)
+        return 0.0
+    return float(np.mean([land(*pair).fit for pair in pairwise(moved)]))
 
 
 def _landed(share: float) -> str:

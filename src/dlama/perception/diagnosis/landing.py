@@ -1,0 +1,91 @@
+"""Posed frames in, made small; which points of one land in another at the depth that was measured there, and how well colours
+agree, out."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+
+from dlama.geometry.camera import Camera, Float64Array
+from dlama.geometry.projection import project, rays
+from dlama.geometry.rgbd import RGBD, Float32Array
+
+WIDTH = 240
+"""Frames are compared in pictures of about so many pixels across."""
+POINTS = 2000
+"""Points of a frame that are carried into another."""
+LANDS_WITHIN = 0.04
+"""Relative difference of depth at which a point counts as landed."""
+FEWEST = 25
+"""Points that must land for anything to be said of two frames."""
+
+
+class SmallFrame(NamedTuple):
+    """A frame made small, and some of its points."""
+
+    points: Float64Array
+    """N x 3 m, camera axes."""
+    brightness: Float64Array
+    """N grey levels of the points."""
+    depth: Float32Array
+    """h x w m."""
+    grey: Float32Array
+    """h x w grey levels."""
+    camera: Camera
+    """Of the small pictures."""
+
+
+class Landed(NamedTuple):
+    """Points of one frame that land in another at the depth that was measured there."""
+
+    share: float
+    """Of all points."""
+    first: Float64Array
+    """Their grey levels,"""
+    second: Float64Array
+    """and those measured where they land."""
+
+    @property
+    def fit(self) -> float:
+        """The share, times the correlation of the grey levels (0 where negative)."""
+        if len(self.first) < FEWEST or min(self.first.std(), self.second.std()) == 0:
+            return 0.0
+        return self.share * max(float(np.corrcoef(self.first, self.second)[0, 1]), 0.0)
+
+
+def shrink(frame: RGBD) -> SmallFrame:
+    """Every n-th depth, and the mean grey around it."""
+    hw = frame.depth.shape
+    step = max(1, min(round(max(hw) / WIDTH), *hw))
+    h, w = (n // step for n in hw)
+    depth = np.array(frame.depth[step // 2 :: step, step // 2 :: step][:h, :w])
+    grey = cv2.cvtColor(np.ascontiguousarray(frame.color[: h * step, : w * step]), cv2.COLOR_RGB2GRAY)
+    means = np.asarray(cv2.resize(grey.astype(np.float32), (w, h), interpolation=cv2.INTER_AREA), np.float32)
+    camera = frame.camera.cropped(0, 0, w * step, h * step).resized(w, h)
+    known = np.flatnonzero((depth > 0) & np.isfinite(depth))
+    chosen = known[np.linspace(0, len(known) - 1, min(len(known), POINTS)).astype(np.intp)]
+    points = rays(camera).reshape(-1, 3)[chosen] * depth.ravel()[chosen, None]
+    return SmallFrame(points, means.ravel()[chosen].astype(np.float64), depth, means, camera)
+
+
+def land(one: SmallFrame, other: SmallFrame) -> Landed:
+    """Points of one frame that land in the other."""
+    z, depth, first, second = carry(one, other)
+    lands = np.abs(depth - z) < LANDS_WITHIN * z
+    return Landed(float(lands.sum() / max(len(one.points), 1)), first[lands], second[lands])
+
+
+def carry(one: SmallFrame, other: SmallFrame) -> tuple[Float64Array, Float64Array, Float64Array, Float64Array]:
+    """Depth and grey level of the points of one frame that come to lie on a pixel of the other with depth: (theirs, the one
+    measured there) of each."""
+    pose = one.camera.world_from_cam
+    pixels, z = project(one.points @ pose[:3, :3].T + pose[:3, 3], other.camera)
+    with np.errstate(invalid="ignore"):
+        inside = (z > 0) & (pixels >= 0).all(1) & (pixels < other.camera.wh).all(1)
+    columns, rows = pixels[inside].astype(np.intp).T
+    depth = other.depth[rows, columns].astype(np.float64)
+    known = (depth > 0) & np.isfinite(depth)
+    grey = other.grey[rows, columns].astype(np.float64)
+    return z[inside][known], depth[known], one.brightness[inside][known], grey[known]

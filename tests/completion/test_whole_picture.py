@@ -1,0 +1,139 @@
+"""A view from where the picture was taken is the picture: every pixel of it, by every filler, from every kind of input."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from small_street import street
+
+import dlama
+from dlama.completion.verbs import target_camera, view
+from dlama.datasets.layouts import open_dataset
+from dlama.files.rasters.depth import write_depth_exr, write_depth_png
+from dlama.geometry.camera import Camera
+from dlama.geometry.rgbd import RGBD
+from dlama.inpainters import FILLER_NAMES, FILLERS
+from dlama.inpainters.filling import Fill
+from dlama.worlds.layouts.random_scene import build
+from dlama.worlds.writer import write_worlds
+from posed_folders import write_picture
+from tiny_networks import constant
+from whole_picture import check_same
+
+RUN_AS_THEY_ARE = [
+    name for name in FILLER_NAMES if name not in FILLERS or FILLERS[name].shipped or not FILLERS[name].needs_model
+]
+
+FRAME = street()
+
+
+def refuse(*_: object) -> Fill:
+    """A filler for views in which nothing is to be filled."""
+    raise AssertionError("a view without a hole was filled")
+
+
+@st.composite
+def frames(draw: st.DrawFn) -> RGBD:
+    """Any picture: of any size from 1x1, any lens and pose, far pixels too, also as views into larger arrays."""
+    rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
+    h, w = draw(st.integers(1, 24)), draw(st.integers(1, 24))
+    depth = np.exp(rng.uniform(np.log(1e-2), np.log(draw(st.sampled_from((2.0, 50.0, 9e4)))), (2 * h, w)))[::2]
+    kind = rng.random((h, w))
+    depth[kind < draw(st.sampled_from((0.0, 0.3, 1.0)))] = np.inf
+    fx, fy, cx, cy = (float(rng.uniform(low, high)) for low, high in ((5, 90), (5, 90), (-w, 2 * w), (-h, 2 * h)))
+    turn, _ = np.linalg.qr(rng.normal(size=(3, 3)))
+    pose = np.eye(4)
+    pose[:3, :3] = turn * np.sign(np.linalg.det(turn))
+    pose[:3, 3] = rng.normal(0, draw(st.sampled_from((0.0, 1.0, 5e6))), 3)
+    color = rng.integers(0, 256, (h, 2 * w, 3), np.uint8)[:, ::2]
+    return RGBD(color, depth.astype(np.float32), Camera(w, h, fx, fy, cx, cy, pose))
+
+
+@pytest.mark.filterwarnings("ignore:the median depth is")
+@settings(max_examples=100, deadline=None)
+@given(frames(), st.sampled_from((0.0, 360.0, -360.0, 720.0)), st.sampled_from((0.0, 360.0)))
+def test_any_picture_seen_from_its_own_camera_is_itself(frame: RGBD, yaw: float, pitch: float) -> None:
+    """Law, after whole turns too: nothing is filled, so that no filler can matter."""
+    camera = target_camera(frame, yaw=yaw, pitch=pitch)
+    np.testing.assert_array_equal(camera.world_from_cam, frame.camera.world_from_cam)
+    check_same(view(frame, yaw=yaw, pitch=pitch, filler=refuse), frame)
+
+
+@given(st.integers(-179, 179), st.integers(-89, 89))
+def test_whole_turns_more_are_the_same_camera(yaw: int, pitch: int) -> None:
+    """Law, to the last bit."""
+    one = target_camera(FRAME, yaw=float(yaw), pitch=float(pitch))
+    np.testing.assert_array_equal(
+        target_camera(FRAME, yaw=yaw + 360.0, pitch=pitch - 360.0).world_from_cam, one.world_from_cam
+    )
+
+
+@pytest.mark.parametrize("filler", FILLER_NAMES)
+def test_no_filler_changes_a_whole_picture(filler: str, tmp_path: Path) -> None:
+    """Law; the networks of fillers that ship none paint everything in one colour."""
+    planes = {"lama": 3, "joint": 4}
+    if filler == "pair":
+        pytest.skip("a pair's filler fills two pictures: tests/completion/stereo")
+    model = constant(tmp_path / "net.onnx", planes[filler], *[0.3] * planes[filler]) if filler in planes else None
+    frame = street(sensor_holes=False)
+    check_same(view(frame, filler=filler, model=model), frame)
+
+
+@pytest.mark.parametrize("filler", RUN_AS_THEY_ARE)
+def test_every_filler_leaves_measured_pixels(filler: str) -> None:
+    """Law: with depth missing in two places that depth alone is filled, and its colour stays."""
+    check_same(view(street(), filler=filler), street())
+
+
+@pytest.mark.parametrize("filler", RUN_AS_THEY_ARE)
+def test_yaw_of_0_and_of_360_agree(filler: str) -> None:
+    """Law: every array of the results is equal."""
+    one, two = (view(street(), yaw=yaw, filler=filler).view for yaw in (0.0, 360.0))
+    for name in ("color", "depth", "origin", "confidence", "hole_type"):
+        np.testing.assert_array_equal(getattr(one, name), getattr(two, name), err_msg=name)
+
+
+@pytest.mark.parametrize("suffix", ["png", "npy", "npz", "exr"])
+def test_files_of_a_picture(suffix: str, tmp_path: Path) -> None:
+    """Law: what was read is what is seen, whatever file depth lay in; float files hold it as it is."""
+    true = street(sensor_holes=False)
+    write_picture(tmp_path / "color.png", true.color)
+    depth = tmp_path / f"depth.{suffix}"
+    {"png": write_depth_png, "npy": np.save, "npz": save_npz, "exr": write_depth_exr}[suffix](depth, true.depth)
+    frame = dlama.read_rgbd(tmp_path / "color.png", depth, camera=true.camera)
+    np.testing.assert_array_equal(frame.color, true.color)
+    if suffix != "png":
+        np.testing.assert_array_equal(frame.depth, true.depth)
+    check_same(view(frame, filler=refuse), frame)
+
+
+def save_npz(path: Path, depth: np.ndarray) -> None:
+    np.savez(path, depth=depth)
+
+
+def test_a_saved_scene(tmp_path: Path) -> None:
+    """Law: a scene.npz of one picture, read back, shows it."""
+    frame = street(sensor_holes=False)
+    dlama.write(view(frame, filler=refuse), tmp_path / "out", only=["scene"])
+    scene = dlama.read_scene(tmp_path / "out" / "scene.npz")
+    check_same(view(scene, filler=refuse), frame)
+
+
+def test_a_scene_of_two_frames_seen_from_either() -> None:
+    """Law: each frame is itself, whatever the other one adds."""
+    made = build(12, None, (), shadows=True, antialias=True)
+    frames = [made.frame(made.camera(yaw, 64)) for yaw in (0.0, 15.0)]
+    for frame in frames:
+        check_same(view(dlama.scene(frames), frame.camera, filler=refuse), frame)
+
+
+def test_frames_of_an_easysynth_folder(tmp_path: Path) -> None:
+    """Law; posed layouts are held to it where their readers are tested (posed_folders.py)."""
+    write_worlds(tmp_path, count=1, size=48, seed=3)
+    for frame in open_dataset(tmp_path).frames[:4]:
+        read = frame.load()
+        check_same(view(read, filler=refuse), read)

@@ -1,0 +1,154 @@
+"""One frame of many with another depth scale, lens or colour curve (oracle: the fault that was put in; good frames have none)."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Sequence
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+import dlama
+from corruptions import FRAMES, with_depth, with_focal
+from dlama.datasets.layouts import open_dataset
+from dlama.datasets.posed.nerfstudio_writer import write_transforms
+from dlama.files.rasters.depth import write_depth_png
+from dlama.perception.diagnosis.finding import Finding
+from dlama.perception.diagnosis.landing import shrink
+from dlama.perception.diagnosis.odd_frames import multiply, odd_frames
+from dlama.worlds.layouts.random_scene import build
+
+needs_data = pytest.mark.skipif("DLAMA_DATA" not in os.environ, reason="needs DLAMA_DATA")
+
+
+@cache
+def orbit(seed: int) -> tuple[dlama.RGBD, ...]:
+    """Six frames of a world, 8 degrees apart."""
+    made = build(seed, None, (), shadows=True, antialias=True)
+    return tuple(made.frame(dlama.orbit(made.camera(0, 128), 8.0 * n, 3.0 * n)) for n in range(6))
+
+
+def spoilt(frames: Sequence[dlama.RGBD], number: int, name: str) -> list[dlama.RGBD]:
+    return [FRAMES[name][0](frame) if place == number else frame for place, frame in enumerate(frames)]
+
+
+def odd(frames: Sequence[dlama.RGBD]) -> list[Finding]:
+    return odd_frames([shrink(frame) for frame in frames], [str(number) for number in range(len(frames))])
+
+
+@pytest.mark.parametrize("seed", range(3, 9))
+def test_good_frames_are_silent(seed: int) -> None:
+    assert odd(orbit(seed)) == []
+
+
+@pytest.mark.parametrize("number", [0, 3])
+@pytest.mark.parametrize("seed", [3, 12])
+@pytest.mark.parametrize("name", FRAMES)
+def test_the_odd_frame_is_named_with_what_mends_it(name: str, seed: int, number: int) -> None:
+    (finding,) = odd(spoilt(orbit(seed), number, name))
+    _, check, mend = FRAMES[name]
+    assert (finding.check, finding.severity) == (check, "fault")
+    assert finding.what.startswith(f"{number}:") and mend in finding.mend
+
+
+def test_two_odd_frames_are_both_named() -> None:
+    frames = spoilt(spoilt(orbit(3), 0, "depth times 5"), 5, "focal length times 1.2")
+    assert [(each.check, each.what[0]) for each in odd(frames)] == [("depth-scale", "0"), ("focal-length", "5")]
+
+
+def test_of_three_frames_the_odd_one_is_told_apart() -> None:
+    (finding,) = odd(spoilt(orbit(3)[:3], 1, "depth over 5"))
+    assert finding.what.startswith("1: depth is 5 times too small")
+
+
+def test_of_two_frames_none_is_the_odd_one() -> None:
+    assert odd(spoilt(orbit(3)[:2], 1, "depth over 5")) == []
+
+
+def test_exposure_and_white_balance_are_no_gamma() -> None:
+    """Oracle: gains in linear light, on one frame of six."""
+    gains = np.array((0.45, 0.6, 0.8)) ** (1 / 2.2)
+    for seed in (3, 5, 12):
+        frames = list(orbit(seed))
+        frames[2] = dlama.RGBD((frames[2].color * gains).astype(np.uint8), frames[2].depth, frames[2].camera)
+        assert odd(frames) == []
+
+
+def test_a_zoomed_picture_with_its_own_lens_is_not_odd() -> None:
+    """Oracle: a world seen by a camera of another focal length is seen rightly."""
+    made, frames = build(3, None, (), shadows=True, antialias=True), list(orbit(3))
+    frames[2] = made.frame(with_focal(1.3)(frames[2]).camera)
+    assert odd(frames) == []
+
+
+def test_frames_that_are_all_wrong_alike_are_not_odd() -> None:
+    assert odd([with_depth(5.0)(frame) for frame in orbit(3)]) == []
+
+
+def test_multiplied_twice_is_the_frame_again() -> None:
+    """Oracle: there and back."""
+    frame = shrink(orbit(3)[0])
+    back = multiply(multiply(frame, depth=4.0, focal=1.25), depth=0.25, focal=0.8)
+    assert np.allclose(back.points, frame.points) and np.array_equal(back.depth, frame.depth)
+
+
+@pytest.mark.parametrize("hw", [(1, 1), (1, 600), (700, 2)])
+def test_strips_and_empty_depth_say_nothing(hw: tuple[int, int]) -> None:
+    camera = dlama.Camera.from_fov(hw[1], hw[0], 60)
+    for depth in (0.0, 2.0, np.inf):
+        frame = dlama.RGBD(np.zeros((*hw, 3), np.uint8), np.full(hw, depth, np.float32), camera)
+        assert odd([frame] * 4) == []
+
+
+def write_frames(folder: Path, frames: Sequence[dlama.RGBD]) -> None:
+    """As nerfstudio lays them out, each with its own lens; whole millimetres."""
+    for name in ("images", "depth"):
+        (folder / name).mkdir()
+    for number, frame in enumerate(frames):
+        Image.fromarray(frame.color).save(folder / "images" / f"{number}.png")
+        write_depth_png(folder / "depth" / f"{number}.png", frame.depth)
+    write_transforms(folder, {str(number): frame.camera for number, frame in enumerate(frames)}, [], {})
+
+
+@pytest.mark.parametrize("name", FRAMES)
+def test_one_line_names_the_frame_of_a_data_set(name: str, tmp_path: Path) -> None:
+    """Oracle: the fault; the first frame in a row is also looked at on its own, which adds no second line."""
+    write_frames(tmp_path, spoilt(orbit(12), 0, name))
+    found = dlama.diagnose(tmp_path)
+    assert [each.check for each in found] == [FRAMES[name][1], "understood"]
+    assert found[0].what.startswith(f"{tmp_path.name}/0:")
+
+
+def test_a_good_data_set_is_silent(tmp_path: Path) -> None:
+    write_frames(tmp_path, orbit(12))
+    assert [each.check for each in dlama.diagnose(tmp_path)] == ["understood"]
+
+
+@pytest.mark.parametrize("factor", [5.0, 0.2])
+def test_a_scale_wrong_in_all_of_a_data_set(factor: float, tmp_path: Path) -> None:
+    """Oracle: the listing's unit was multiplied."""
+    write_frames(tmp_path, orbit(12))
+    listing = json.loads((tmp_path / "transforms.json").read_text("utf-8"))
+    listing["depth_unit_scale_factor"] *= factor
+    (tmp_path / "transforms.json").write_text(json.dumps(listing), "utf-8")
+    found = dlama.diagnose(tmp_path)
+    assert [each.check for each in found if each.severity == "fault"] == ["pose-scale"]
+    assert f"multiply translations by {factor:g}, or divide depth by it" in found[0].mend
+
+
+@needs_data
+@pytest.mark.parametrize("name", ["dining_vpi", "kitchen_sequence", "kitchen_vpi", "shelf_sequence", "table_vpi"])
+def test_real_frames(name: str) -> None:
+    """Oracle: the sets are good; each fault put into the second frame is named, but a curve where the set is too dark for it."""
+    frames = [each.load() for each in open_dataset(Path(os.environ["DLAMA_DATA"]) / "data" / name).frames[:15]]
+    assert odd(frames) == []
+    for fault, (_, check, _) in FRAMES.items():
+        found = odd(spoilt(frames, 1, fault))
+        assert [(each.check, each.what[0]) for each in found] == [(check, "1")] or (name, fault) == (
+            "dining_vpi",
+            "linear",
+        )
