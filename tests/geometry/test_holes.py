@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dlama.errors import InputError, MaskError
+from dlama.errors import InputError, InputTypeError, MaskError
 from dlama.geometry.camera import Camera
 from dlama.geometry.holes import (
     checked_mask,
@@ -169,8 +169,8 @@ def test_values_spread_outside_are_the_nearest_known() -> None:
 
 
 def test_a_mask_that_is_no_array_is_refused() -> None:
-    """Law: MaskError, as for an array of another type."""
-    with pytest.raises(MaskError, match=r"mask is of type list; a bool array H x W is wanted"):
+    """Message: a TypeError, which is an InputError, too."""
+    with pytest.raises(InputTypeError, match=r"mask is of type list; a bool array H x W is expected"):
         checked_mask([[True, False]], (1, 2))  # type: ignore[arg-type]
 
 
