@@ -21,8 +21,9 @@ from dlama.completion.verbs import remove
 from dlama.files.scenes.meshes import write_glb
 from dlama.files.scenes.textured_mesh import write_textured_glb
 from dlama.geometry.camera import Camera
+from dlama.geometry.decimation import decimate
 from dlama.geometry.fusion import scene_mesh
-from dlama.geometry.mesh import Mesh
+from dlama.geometry.mesh import Mesh, joined_meshes
 from worlds import Box, Plane, World
 
 CAMERA = Camera.from_fov(64, 48, 60)
@@ -83,19 +84,20 @@ def on_axes(mesh: Mesh) -> np.ndarray:
 
 
 def test_the_texture_is_the_picture(tmp_path: Path) -> None:
-    """Each vertex reads its own colour at its texture coordinates, in the middle of a texel: no filter changes it."""
+    """Each vertex reads its own colour, as JPEG keeps it, in the middle of a texel; all else is the decimated mesh's."""
     write_textured_glb(tmp_path / "scene.glb", SCENE)
     document, blob = chunks(tmp_path / "scene.glb")
-    mesh = scene_mesh(SCENE, objects=False)
+    mesh = joined_meshes([decimate(layer).mesh for layer in SCENE.layers])
     one, material, moved = primitive(document)
     assert material["extensions"] == {"KHR_materials_unlit": {}} and "KHR_materials_unlit" in document["extensionsUsed"]
     texture = document["textures"][material["pbrMetallicRoughness"]["baseColorTexture"]["index"]]
     view = document["bufferViews"][document["images"][texture["source"]]["bufferView"]]
-    png = blob[view.get("byteOffset", 0) :][: view["byteLength"]]
-    picture = np.asarray(Image.open(io.BytesIO(png)).convert("RGB"))
+    jpeg = blob[view.get("byteOffset", 0) :][: view["byteLength"]]
+    picture = np.asarray(Image.open(io.BytesIO(jpeg)).convert("RGB"))
     at = values(document, blob, one["attributes"]["TEXCOORD_0"]).astype(np.float64) * picture.shape[1::-1]
     assert np.abs(at % 1 - 0.5).max() < 0.01
-    np.testing.assert_array_equal(picture[at[:, 1].astype(int), at[:, 0].astype(int)], mesh.color)
+    off = np.abs(picture[at[:, 1].astype(int), at[:, 0].astype(int)].astype(int) - mesh.color)
+    assert off.mean() < 3 and off.max() <= 40
     assert "COLOR_0" not in one["attributes"]
     assert material["pbrMetallicRoughness"].get("baseColorFactor", [1, 1, 1, 1]) == [1, 1, 1, 1]
     np.testing.assert_allclose(values(document, blob, one["attributes"]["POSITION"]) + moved, on_axes(mesh), atol=1e-5)
@@ -122,11 +124,11 @@ def test_colours_of_vertices_are_linear_light(tmp_path: Path) -> None:
 
 
 def test_open3d_reads_the_texture(tmp_path: Path) -> None:
-    """Somebody else's reader: the same positions and, at each triangle's corners, the colours of the mesh."""
+    """Somebody else's reader: the same positions and, at each triangle's corners, the colours of the mesh as JPEG keeps them."""
     o3d = pytest.importorskip("open3d")
     write_textured_glb(tmp_path / "scene.glb", SCENE)
     read = o3d.io.read_triangle_mesh(str(tmp_path / "scene.glb"))
-    mesh = scene_mesh(SCENE, objects=False)
+    mesh = joined_meshes([decimate(layer).mesh for layer in SCENE.layers])
     assert len(read.triangles) == len(mesh.triangles) and len(read.textures) >= 1
     picture = np.asarray(read.textures[0])
     corners = np.asarray(read.triangles).ravel()
@@ -141,5 +143,8 @@ def test_open3d_reads_the_texture(tmp_path: Path) -> None:
     wanted = [by_place.get(tuple(p)) for p in places]
     counted = [k for k, one in enumerate(wanted) if one is not None]
     assert len(counted) > 0.9 * len(wanted)
-    right = max(np.mean([shown[k] == wanted[k] for k in counted]) for shown in (up, down))
-    assert right > 0.99
+    off = min(
+        np.abs(np.subtract([shown[k] for k in counted], [wanted[k] for k in counted], dtype=int)).mean()
+        for shown in (up, down)
+    )
+    assert off < 3

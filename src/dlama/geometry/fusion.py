@@ -12,9 +12,9 @@ from dlama.errors import ShapeError
 from dlama.geometry.cloud import PointCloud, concatenated
 from dlama.geometry.drawing.layers import mesh_grid
 from dlama.geometry.kernels.depth_edges import DOWN, RIGHT
-from dlama.geometry.mesh import Mesh
+from dlama.geometry.mesh import Mesh, joined_meshes
 from dlama.geometry.projection import inverse_depth, lift, rays
-from dlama.geometry.rgbd import BoolArray, Float32Array
+from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.geometry.scene import FILLED_BEFORE, Scene, contribution
 from dlama.geometry.view import HoleType, Origin, View
 
@@ -67,45 +67,42 @@ def scene_cloud(scene: Scene, objects: bool = True) -> PointCloud:
 def scene_mesh(scene: Scene, objects: bool = True) -> Mesh:
     """The scene's surfaces as one triangle mesh, cut where rendering cuts it. Far pixels have no vertices."""
     layers = (*scene.layers, *scene.removals) if objects else scene.layers
-    parts = [layer_mesh(layer) for layer in layers]
-    starts = np.cumsum([0] + [len(part.vertices) for part in parts])
-    return Mesh(
-        np.concatenate([part.vertices for part in parts]),
-        np.concatenate([part.triangles + start for part, start in zip(parts, starts)]).astype(np.int32),
-        np.concatenate([part.color for part in parts]),
-        np.concatenate([part.origin for part in parts]),
-        np.concatenate([part.confidence for part in parts]),
+    return joined_meshes([layer_mesh(layer) for layer in layers])
+
+
+HALVES = ("abc", "bdc", "abd", "adc")
+"""The triangles that a square of the grid can be cut into; corners: a b above, c d below."""
+
+
+def cell_halves(depth: Float32Array, joined: UInt8Array) -> tuple[BoolArray, ...]:
+    """(H - 1) x (W - 1) for each of HALVES: whether a square of four pixels has that triangle.
+
+    A square whose sides are all joined has two of them, cut along the diagonal of the smaller step; else a triangle is where two
+    sides that meet are joined.
+    """
+    right, down = (joined & RIGHT) > 0, (joined & DOWN) > 0
+    top, left = right[:-1, :-1], down[:-1, :-1]
+    bottom, side = right[1:, :-1], down[:-1, 1:]
+    w = inverse_depth(depth)
+    along_bc = np.abs(w[:-1, 1:] - w[1:, :-1]) <= np.abs(w[:-1, :-1] - w[1:, 1:])
+    full = top & left & bottom & side
+    return (
+        (full & along_bc) | (~full & top & left),
+        (full & along_bc) | (~full & bottom & side),
+        (full & ~along_bc) | (~full & top & side),
+        (full & ~along_bc) | (~full & left & bottom),
     )
-
-
-def mesh_pixels(layer: View) -> BoolArray:
-    """H x W, True at the pixels that are vertices of the layer's mesh, which are numbered row by row."""
-    return _surface(mesh_grid(layer)[0])
-
-
-def _surface(depth: Float32Array) -> BoolArray:
-    return (depth > 0) & (depth < np.inf)
 
 
 def layer_mesh(layer: View) -> Mesh:
     """One layer's joined quads; vertices are its valid, non-flying pixels."""
     depth, joined = mesh_grid(layer)
-    chosen = _surface(depth)
+    chosen = (depth > 0) & (depth < np.inf)
     number = np.cumsum(chosen).reshape(chosen.shape) - 1
-    right, down = (joined & RIGHT) > 0, (joined & DOWN) > 0
-    top, left = right[:-1, :-1], down[:-1, :-1]
-    bottom, side = right[1:, :-1], down[:-1, 1:]
-    a, b, c, d = number[:-1, :-1], number[:-1, 1:], number[1:, :-1], number[1:, 1:]
-    w = inverse_depth(depth)
-    along_bc = np.abs(w[:-1, 1:] - w[1:, :-1]) <= np.abs(w[:-1, :-1] - w[1:, 1:])
-    full = top & left & bottom & side
-    corners = [
-        ((full & along_bc) | (~full & top & left), a, b, c),
-        ((full & along_bc) | (~full & bottom & side), b, d, c),
-        ((full & ~along_bc) | (~full & top & side), a, b, d),
-        ((full & ~along_bc) | (~full & left & bottom), a, d, c),
-    ]
-    triangles = np.concatenate([np.stack([p[ok], q[ok], r[ok]], 1) for ok, p, q, r in corners]).astype(np.int32)
+    corner = {"a": number[:-1, :-1], "b": number[:-1, 1:], "c": number[1:, :-1], "d": number[1:, 1:]}
+    triangles = np.concatenate(
+        [np.stack([corner[name][half] for name in names], 1) for names, half in zip(HALVES, cell_halves(depth, joined))]
+    ).astype(np.int32)
     in_camera = rays(layer.camera)[chosen] * depth[chosen][:, None]
     pose = layer.camera.world_from_cam
     return Mesh(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -44,3 +45,15 @@ class Mesh:
     def __repr__(self) -> str:
         triangles = counted(len(self.triangles), "triangle")
         return f"Mesh({len(self.vertices)} vertices, {triangles}, {extent_in_words(self.vertices)})"
+
+
+def joined_meshes(parts: Sequence[Mesh]) -> Mesh:
+    """One mesh of several, at least one."""
+    starts = np.cumsum([0] + [len(part.vertices) for part in parts])
+    return Mesh(
+        np.concatenate([part.vertices for part in parts]),
+        np.concatenate([part.triangles + start for part, start in zip(parts, starts)]).astype(np.int32),
+        np.concatenate([part.color for part in parts]),
+        np.concatenate([part.origin for part in parts]),
+        np.concatenate([part.confidence for part in parts]),
+    )

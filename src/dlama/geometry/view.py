@@ -1,6 +1,6 @@
 """View: what is known of the scene from one camera, pixel by pixel, and what is not.
 
-The codes below are fixed (docs/conventions.md); every output format carries them.
+The codes below are fixed (docs/concepts/conventions.md); every output format carries them.
 """
 
 from __future__ import annotations

@@ -27,7 +27,7 @@ export async function readGlb(blob) {
     return { accessor, offset: start + (view.byteOffset ?? 0) + (accessor.byteOffset ?? 0), length: view.byteLength, stride: view.byteStride ?? 0 };
   };
   const image = json.images && json.bufferViews[json.images[0].bufferView];
-  const texture = image && await createImageBitmap(new Blob([new Uint8Array(data, start + (image.byteOffset ?? 0), image.byteLength)], { type: "image/png" }));
+  const texture = image && await createImageBitmap(new Blob([new Uint8Array(data, start + (image.byteOffset ?? 0), image.byteLength)], { type: json.images[0].mimeType }));
   const attributes = {};
   for (const [name, key] of [["POSITION", "position"], ["TEXCOORD_0", "uv"], ["_ORIGIN", "origin"], ["_CONFIDENCE", "confidence"]]) {
     if (primitive.attributes[name] !== undefined) attributes[key] = taken(primitive.attributes[name]);

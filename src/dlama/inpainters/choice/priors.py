@@ -1,6 +1,6 @@
 """The judge's verdict in; the same with what is known of fillers beforehand, and against invented detail, out.
 
-The judge never learns which filler made a guess. Two rules that it cannot see, settled on street s03 and s05 (docs/choice.md).
+The judge never learns which filler made a guess. Two rules that it cannot see, settled on street s03 and s05.
 """
 
 from __future__ import annotations

@@ -1,0 +1,194 @@
+"""A layer of a scene in; its surface in few triangles out, each within a tolerance of every pixel that it covers."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dlama.geometry.camera import Float64Array
+from dlama.geometry.drawing.layers import mesh_grid
+from dlama.geometry.fusion import HALVES, cell_halves
+from dlama.geometry.kernels import decimating as kernels
+from dlama.geometry.kernels.depth_edges import DOWN, RIGHT
+from dlama.geometry.kernels.jit import in_bands
+from dlama.geometry.mesh import Mesh
+from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
+from dlama.geometry.view import View
+
+LARGEST = 64
+"""px of the largest triangles' legs, a power of 2: larger ones would save little."""
+SQUARE = ((-0.5, -0.5), (0.5, -0.5), (-0.5, 0.5), (0.5, 0.5))
+"""The corners of a pixel, from its centre."""
+
+Corners = NDArray[np.int32]
+"""N x 3 x 2: row and column of the pixels that are a triangle's corners."""
+
+
+class DecimatedMesh(NamedTuple):
+    """The surface of a layer, and where in its picture the vertices lie."""
+
+    mesh: Mesh
+    pixels: Float64Array
+    """N x 2: x and y (px; the first pixel's centre is at 0.5) of the colour that each vertex has."""
+    surface: BoolArray
+    """H x W: the pixels of the layer that are shown."""
+
+
+def decimate(layer: View) -> DecimatedMesh:
+    """The surface of a layer, with large triangles where it is flat.
+
+    Vertices are pixels of the layer, at their own place in space. The loss: at each pixel that a triangle covers its depth
+    differs by 1 mm or 0.1 % of the depth at most, whichever is more, and the place in the picture that its texture shows by half
+    a pixel at most. Confidence is linear between vertices. Outlines are kept: no triangle covers pixels at both sides of a depth
+    edge, nor pixels of two origins unless it is as small as a pixel. Pixels that have no triangle in the grid, as those of
+    a wire one pixel wide, become squares of their own size. Flying pixels, which rendering leaves out, and far ones have none.
+    """
+    layer = layer.read()
+    depth, joined = mesh_grid(layer)
+    surface = (depth > 0) & (depth < np.inf)
+    box = box_of(surface)
+    depth, joined, origin = np.where(surface[box], depth[box], np.float32(0)), joined[box], layer.origin[box]
+    halves = cell_halves(depth, joined)
+    corners = np.concatenate(triangles(depth, flat_cells(joined, origin), halves))
+    lone_rows, lone_columns = np.nonzero(surface[box] & ~covered(halves, depth.shape))
+    used = np.zeros(depth.shape, bool)
+    used[corners[..., 0], corners[..., 1]] = True
+    number = np.cumsum(used, dtype=np.int32).reshape(used.shape) - 1
+    rows, columns = np.nonzero(used)
+    first = len(rows) + 4 * np.arange(len(lone_rows), dtype=np.int32)[:, None]
+    squares = np.concatenate([first + corner for corner in np.array([[0, 1, 2], [1, 3, 2]], np.int32)])
+    rows = np.append(rows, np.repeat(lone_rows, 4)) + box[0].start
+    columns = np.append(columns, np.repeat(lone_columns, 4)) + box[1].start
+    pixels = np.stack([columns, rows], 1) + 0.5
+    places = pixels.copy()
+    places[len(places) - len(squares) * 2 :] += np.tile(SQUARE, (len(lone_rows), 1))
+    numbers = np.concatenate([number[corners[..., 0], corners[..., 1]], squares])
+    planes = (plane[rows, columns] for plane in (layer.color, layer.origin, layer.confidence))
+    mesh = Mesh(in_world(layer, places, layer.depth[rows, columns]), numbers, *planes)
+    return DecimatedMesh(mesh, pixels, surface)
+
+
+def box_of(where: BoolArray) -> tuple[slice, slice]:
+    """The smallest box of rows and columns round the True pixels; an empty one where there are none."""
+    spans = [np.flatnonzero(where.any(axis)) for axis in (1, 0)]
+    rows, columns = (slice(int(span[0]), int(span[-1]) + 1) if len(span) else slice(0, 0) for span in spans)
+    return rows, columns
+
+
+def in_world(layer: View, places: Float64Array, depth: Float32Array) -> Float64Array:
+    """N x 3 world points at places in the picture (N x 2, px) and depths (N, metres)."""
+    camera = layer.camera
+    rays = np.ones((len(places), 3))
+    rays[:, :2] = (places - (camera.cx, camera.cy)) / (camera.fx, camera.fy)
+    return np.asarray(
+        rays * depth[:, None] @ camera.world_from_cam[:3, :3].T + camera.world_from_cam[:3, 3], np.float64
+    )
+
+
+def flat_cells(joined: UInt8Array, origin: UInt8Array) -> BoolArray:
+    """(H - 1) x (W - 1): the squares of four pixels of one surface and one origin, which larger triangles may cover."""
+    right = ((joined[:, :-1] & RIGHT) > 0) & (origin[:, :-1] == origin[:, 1:])
+    down = ((joined[:-1] & DOWN) > 0) & (origin[:-1] == origin[1:])
+    return np.asarray(right[:-1] & right[1:] & down[:, :-1] & down[:, 1:])
+
+
+def covered(halves: tuple[BoolArray, ...], hw: tuple[int, ...]) -> BoolArray:
+    """H x W, True at pixels that are corners of a triangle of the grid."""
+    found = np.zeros(hw, bool)
+    corner = {"a": found[:-1, :-1], "b": found[:-1, 1:], "c": found[1:, :-1], "d": found[1:, 1:]}
+    for names, half in zip(HALVES, halves):
+        for name in names:
+            corner[name][...] |= half
+    return found
+
+
+def triangles(depth: Float32Array, flat: BoolArray, halves: tuple[BoolArray, ...]) -> list[Corners]:
+    """The triangles of a grid of depth, corners clockwise in the picture, in parts; halves: those of the smallest squares."""
+    last = np.array(depth.shape) - 1
+    if last.min() < 1:
+        return [np.zeros((0, 3, 2), np.int32)]
+    halved = tree(depth, flat)
+    sizes = [LARGEST >> level for level in range(LARGEST.bit_length() - 1)]
+    found = [part for size in sizes for part in (*at_diagonals(halved, size), *at_sides(halved, size))]
+    upper, lower = (each[: last[0], : last[1]] for each in diagonal_halves(halved, 1))
+    for names, half in zip(HALVES, halves):
+        offsets = [divmod("abcd".index(name), 2) for name in names]
+        found.append(of_squares(half & upper & lower, 1, *offsets))
+    found += of_diagonals(upper & ~lower, lower & ~upper, 1)
+    return [clockwise(np.minimum(part, last)) for part in found]
+
+
+def tree(depth: Float32Array, flat: BoolArray) -> UInt8Array:
+    """Which middles of longest sides halve triangles, on a lattice of whole squares of LARGEST (see `kernels.decimating`)."""
+    rows, columns = (-(-(side - 1) // LARGEST) for side in depth.shape)
+    halved = np.zeros((rows * LARGEST + 1, columns * LARGEST + 1), np.uint8)
+    cells = flat.view(np.uint8)
+    in_bands(kernels.halve_smallest, len(depth), depth, cells, halved)
+    size = 2
+    while size <= LARGEST:
+        half = size // 2
+        in_bands(kernels.halve_at_sides, (len(halved) - 1) // half + 1, depth, cells, half, halved)
+        in_bands(kernels.halve_at_centres, (len(halved) - 1) // size, depth, cells, size, halved)
+        size *= 2
+    return halved
+
+
+def at_diagonals(halved: UInt8Array, size: int) -> list[Corners]:
+    """The triangles that are left at the diagonals of squares of that size."""
+    whole = halved[size // 2 :: size, size // 2 :: size] == 0
+    if size == LARGEST:
+        return of_diagonals(whole, whole, size)
+    upper, lower = diagonal_halves(halved, size)
+    return of_diagonals(whole & upper, whole & lower, size)
+
+
+def diagonal_halves(halved: UInt8Array, size: int) -> tuple[BoolArray, BoolArray]:
+    """Of each square: whether the larger triangles were halved, so that it has one above, and one below, its diagonal."""
+    corner = halved[::size, ::size] > 0
+    down = falls(len(corner) - 1, corner.shape[1] - 1)
+    return (
+        np.where(down, corner[:-1, 1:], corner[:-1, :-1]),
+        np.where(down, corner[1:, :-1], corner[1:, 1:]),
+    )
+
+
+def falls(rows: int, columns: int) -> BoolArray:
+    """Of each square: whether its diagonal falls to the right."""
+    return np.asarray((np.arange(rows)[:, None] + np.arange(columns)) % 2 == 0)
+
+
+def of_diagonals(upper: BoolArray, lower: BoolArray, size: int) -> list[Corners]:
+    """The triangles above and below the diagonals of the chosen squares."""
+    down = falls(*upper.shape)
+    return [
+        of_squares(upper & down, size, (0, 0), (0, 1), (1, 1)),
+        of_squares(lower & down, size, (0, 0), (1, 1), (1, 0)),
+        of_squares(upper & ~down, size, (0, 0), (0, 1), (1, 0)),
+        of_squares(lower & ~down, size, (0, 1), (1, 1), (1, 0)),
+    ]
+
+
+def at_sides(halved: UInt8Array, size: int) -> list[Corners]:
+    """The triangles that are left between the centres and the sides of squares of that size."""
+    half = size // 2
+    centre, upright, level = halved[half::size, half::size] > 0, halved[half::size, ::size], halved[::size, half::size]
+    return [
+        of_squares(centre & (level[:-1] == 0), size, (0, 0), (0, 1), (0.5, 0.5)),
+        of_squares(centre & (level[1:] == 0), size, (1, 1), (1, 0), (0.5, 0.5)),
+        of_squares(centre & (upright[:, :-1] == 0), size, (1, 0), (0, 0), (0.5, 0.5)),
+        of_squares(centre & (upright[:, 1:] == 0), size, (0, 1), (1, 1), (0.5, 0.5)),
+    ]
+
+
+def of_squares(chosen: BoolArray, size: int, *offsets: tuple[float, float]) -> Corners:
+    """One triangle in each chosen square of that size; offsets: of the corners, in squares."""
+    steps = np.rint(np.multiply(offsets, size)).astype(np.int32)
+    return (np.argwhere(chosen).astype(np.int32) * np.int32(size))[:, None] + steps
+
+
+def clockwise(corners: Corners) -> Corners:
+    """Without triangles that have no area. (Those at the picture's last row and column may have been folded.)"""
+    (y0, x0), (y1, x1), (y2, x2) = corners.transpose(1, 2, 0)
+    return corners[(x1 - x0) * (y2 - y0) > (x2 - x0) * (y1 - y0)]

@@ -1,0 +1,148 @@
+"""Kernels of decimation: which triangles of a bintree over the pixel grid have to be halved to keep depth and picture.
+
+The tree: squares of `size` pixels, each cut along a diagonal into two right triangles; a triangle is halved at the middle of its
+longest side, again and again, until its legs are one pixel long. Diagonals lead to the centre of the next larger square, so the
+two triangles at a longest side are halved together, and no crack opens (Evans, Kirkpatrick, Townsend: Right-Triangulated
+Irregular Networks, 2001). `halved` is 1 at the middles where that is done, on a lattice that may reach beyond the picture: places
+beyond stand for the nearest pixel of the last row or column, so that triangles there have no area.
+
+`flat` (H - 1) x (W - 1): 1 where the four pixels round a square are one surface; a triangle larger than a pixel covers no other.
+"""
+
+from __future__ import annotations
+
+import math
+
+from dlama.geometry.kernels.jit import Array, Flag, Real, Whole, kernel, piece
+
+DEPTH_METRES = 1e-3
+DEPTH_SHARE = 1e-3
+"""Most that depth may be off: this share of it, and at least so many metres."""
+PIXELS = 0.5
+"""Most that a place of the texture may be away from its pixel: textures are interpolated in space, not in the picture."""
+TINY = 1e-9
+
+
+@piece
+def ends(x0: Whole, y0: Whole, x1: Whole, y1: Whole, y: Whole, low: Real, high: Real) -> tuple[Real, Real]:
+    """The span [low, high] of a row, widened by where an edge crosses it."""
+    if y0 == y1 or y < min(y0, y1) or y > max(y0, y1):
+        return low, high
+    x = x0 + (x1 - x0) * (y - y0) / (y1 - y0)
+    return min(low, x), max(high, x)
+
+
+@piece
+def fits(depth: Array, flat: Array, x0: Whole, y0: Whole, x1: Whole, y1: Whole, x2: Whole, y2: Whole) -> Flag:
+    """True if a triangle between three pixels lies on one surface and within the tolerances at each pixel that it covers."""
+    area = (x1 - x0) * (y2 - y0) - (x2 - x0) * (y1 - y0)
+    if area == 0:
+        return True
+    z0, z1, z2 = float(depth[y0, x0]), float(depth[y1, x1]), float(depth[y2, x2])
+    if not (z0 > 0 and z1 > 0 and z2 > 0):
+        return False
+    # inverse depth, and it times the pixel's offset from the first corner, are affine in the picture
+    w0, w1, w2 = 1 / z0, 1 / z1, 1 / z2
+    down1, down2, right1, right2 = y1 - y0, y2 - y0, x1 - x0, x2 - x0
+    wx, wy = ((w1 - w0) * down2 - (w2 - w0) * down1) / area, ((w2 - w0) * right1 - (w1 - w0) * right2) / area
+    ux, uy = (w1 * right1 * down2 - w2 * right2 * down1) / area, (w2 - w1) * right1 * right2 / area
+    vx, vy = (w1 - w2) * down1 * down2 / area, (w2 * down2 * right1 - w1 * down1 * right2) / area
+    before_low, before_high = math.inf, -math.inf
+    top, bottom = min(y0, y1, y2), max(y0, y1, y2)
+    for y in range(top, bottom + 1):
+        low, high = ends(x0, y0, x1, y1, y, math.inf, -math.inf)
+        low, high = ends(x1, y1, x2, y2, y, low, high)
+        low, high = ends(x2, y2, x0, y0, y, low, high)
+        if y > top:
+            first = int(math.floor(min(low, before_low) + TINY))
+            for x in range(first, int(math.ceil(max(high, before_high) - TINY))):
+                if flat[y - 1, x] == 0:
+                    return False
+        before_low, before_high = low, high
+        begin, wrong = int(math.ceil(low - TINY)), 0
+        down, right = float(y - y0), float(begin - x0)
+        w, u, v = w0 + wx * right + wy * down, ux * right + uy * down, vx * right + vy * down
+        for step in range(int(math.floor(high + TINY)) + 1 - begin):
+            z, here = float(depth[y, begin + step]), w + wx * step
+            off_x, off_y = u + ux * step - (right + step) * here, v + vx * step - down * here
+            far_off = off_x * off_x + off_y * off_y > PIXELS * PIXELS * here * here
+            wrong += far_off | (abs(1 - here * z) > max(DEPTH_METRES, DEPTH_SHARE * z) * here)
+        if wrong > 0:
+            return False
+    return True
+
+
+@piece
+def fits_clamped(depth: Array, flat: Array, x0: Whole, y0: Whole, x1: Whole, y1: Whole, x2: Whole, y2: Whole) -> Flag:
+    """`fits`, of corners on the lattice."""
+    right, bottom = depth.shape[1] - 1, depth.shape[0] - 1
+    return fits(
+        depth, flat,
+        min(x0, right), min(y0, bottom), min(x1, right), min(y1, bottom), min(x2, right), min(y2, bottom),
+    )  # fmt: skip
+
+
+@kernel
+def halve_smallest(first: Whole, last: Whole, depth: Array, flat: Array, halved: Array) -> None:
+    """`halve_at_sides` of half 1 in the inside of the picture, where most of the work is: what `fits` says, in a few steps."""
+    for row in range(max(first, 1), min(last, depth.shape[0] - 1)):
+        for column in range(1 + row % 2, depth.shape[1] - 1, 2):
+            down, right = row % 2, 1 - row % 2
+            z, one, other = (
+                float(depth[row, column]),
+                float(depth[row - down, column - right]),
+                float(depth[row + down, column + right]),
+            )
+            around = flat[row, column] & flat[row - 1, column] & flat[row, column - 1] & flat[row - 1, column - 1]
+            harmonic = 2 * one * other
+            wrong = abs(harmonic - z * (one + other)) > max(DEPTH_METRES, DEPTH_SHARE * z) * (one + other)
+            halved[row, column] = 1 if (around == 0) | wrong else 0
+
+
+@kernel
+def halve_at_sides(first: Whole, last: Whole, depth: Array, flat: Array, half: Whole, halved: Array) -> None:
+    """Middles of the sides of the squares of size 2 * half, in rows of `half` pixels: 1 where the triangles there are halved.
+
+    They are where a smaller one at this middle is, or where one of the two, which lead to the centres of squares, does not fit.
+    """
+    tall, wide = halved.shape
+    quarter = half // 2
+    for row in range(first, last):
+        y = row * half
+        for x in range(half * (1 - row % 2), wide, 2 * half):
+            if half == 1 and 0 < x < depth.shape[1] - 1 and 0 < y < depth.shape[0] - 1:
+                continue  # halve_smallest did it
+            found = False
+            if quarter > 0:
+                for corner in range(4):
+                    sub_y, sub_x = y + quarter * (2 * (corner // 2) - 1), x + quarter * (2 * (corner % 2) - 1)
+                    if 0 <= sub_y < tall and 0 <= sub_x < wide and halved[sub_y, sub_x] != 0:
+                        found = True
+            along_y, along_x = half * (row % 2), half * (1 - row % 2)
+            for way in range(-1, 2, 2):
+                apex_y, apex_x = y + way * along_x, x + way * along_y
+                if not found and 0 <= apex_y < tall and 0 <= apex_x < wide:
+                    found = not fits_clamped(
+                        depth, flat, x - along_x, y - along_y, x + along_x, y + along_y, apex_x, apex_y
+                    )
+            halved[y, x] = 1 if found else 0
+
+
+@kernel
+def halve_at_centres(first: Whole, last: Whole, depth: Array, flat: Array, size: Whole, halved: Array) -> None:
+    """Centres of squares: 1 where the two triangles of one are halved: one at a side is, or one of the two does not fit."""
+    half = size // 2
+    for row in range(first, last):
+        y = row * size
+        for column in range((halved.shape[1] - 1) // size):
+            x = column * size
+            found = (
+                halved[y, x + half] + halved[y + size, x + half] + halved[y + half, x] + halved[y + half, x + size] > 0
+            )
+            falls = (row + column) % 2 == 0
+            left_y, right_y = (y, y + size) if falls else (y + size, y)
+            for way in range(2):
+                if not found:
+                    apex_x, apex_y = (x, right_y) if way == 0 else (x + size, left_y)
+                    found = not fits_clamped(depth, flat, x, left_y, x + size, right_y, apex_x, apex_y)
+            halved[y + half, x + half] = 1 if found else 0

@@ -1,0 +1,178 @@
+"""Decimation (oracles: where the ray of each pixel meets its triangle; areas in the picture; a closed-form world's surfaces)."""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+
+import numpy as np
+import pytest
+
+from dlama.geometry.camera import Camera
+from dlama.geometry.decimation import DecimatedMesh, decimate
+from dlama.geometry.drawing.layers import mesh_grid
+from dlama.geometry.fusion import layer_mesh
+from dlama.geometry.kernels.depth_edges import DOWN, RIGHT
+from dlama.geometry.mesh import Mesh
+from dlama.geometry.projection import project
+from dlama.geometry.rgbd import RGBD
+from dlama.geometry.view import HoleType, Origin, View
+from dlama.worlds.dataset import world as generated
+from worlds import Box, Plane, Sphere, World, moved
+
+AWAY = moved(Camera.from_fov(1, 1, 60), (5, 20, -3), (10, -20, 3)).world_from_cam
+ROOM = World((Plane((0, 1.2, 0), (0, -1, 0)), Plane((0, 0, 6), (0.3, 0, -1)), Box((-0.6, -0.4, 2), (0.2, 0.5, 2.6))))
+HOLLOW = World((*ROOM.shapes, Sphere((0.8, 0.2, 3), 0.6)))
+
+
+def seen(world: World, width: int, height: int) -> View:
+    """A world (given in camera axes) before a camera that stands askew."""
+    camera = Camera.from_fov(width, height, 60, AWAY)
+    home = world.rgbd(camera.at(np.eye(4)))
+    return View.from_rgbd(RGBD(home.color, home.depth, camera))
+
+
+def rough(seed: int, hw: tuple[int, int]) -> View:
+    """Slopes, steps, noise, holes, sky and origins at random."""
+    rng = np.random.default_rng(seed)
+    y, x = np.indices(hw)
+    w = 0.3 + rng.uniform(-1, 1, 2) @ np.stack([x.ravel(), y.ravel()]) * 0.1 / max(hw)
+    depth = (1 / w.reshape(hw)).astype(np.float32)
+    depth[rng.integers(hw[0]) :, rng.integers(hw[1]) :] *= 0.7
+    noisy = slice(rng.integers(hw[0]), None), slice(rng.integers(hw[1]), None)
+    depth[noisy] += rng.normal(0, 0.002, depth[noisy].shape).astype(np.float32)
+    depth[rng.random(hw) < 0.002] *= 0.5
+    depth[: rng.integers(hw[0] + 1), : rng.integers(hw[1] + 1)] = np.inf
+    view = View.from_rgbd(RGBD(rng.integers(0, 256, (*hw, 3)).astype(np.uint8), depth, Camera.from_fov(*hw[::-1], 50)))
+    origin = np.where(x + y < rng.integers(sum(hw)), view.origin, np.uint8(Origin.DEPTH_FILLED))
+    return dataclasses.replace(view, origin=origin).without(rng.random(hw) < 0.003, HoleType.SENSOR)
+
+
+def in_picture(mesh: Mesh, camera: Camera) -> np.ndarray:
+    """M x 3 x 2: corners of the triangles, px."""
+    return project(mesh.vertices, camera)[0][mesh.triangles]
+
+
+def areas(mesh: Mesh, camera: Camera) -> np.ndarray:
+    """M, px^2, positive where corners run clockwise."""
+    one, two, three = in_picture(mesh, camera).transpose(1, 2, 0)
+    return ((two - one)[0] * (three - one)[1] - (two - one)[1] * (three - one)[0]) / 2
+
+
+def inside_of(corners: np.ndarray, hw: tuple[int, int]) -> np.ndarray:
+    """N x 2 rows and columns of the pixels whose centres lie in a triangle or on its rim."""
+    low, high = np.ceil(corners.min(0) - 0.5 - 1e-6).astype(int), np.floor(corners.max(0) - 0.5 + 1e-6).astype(int)
+    x, y = (part.ravel() for part in np.meshgrid(*(np.arange(a, b + 1) for a, b in zip(low, high))))
+    inside = np.ones(len(x), bool)
+    for one, two in itertools.pairwise((*corners, corners[0])):
+        along = two - one
+        inside &= along[0] * (y + 0.5 - one[1]) - along[1] * (x + 0.5 - one[0]) >= -1e-4
+    return np.stack([y, x], 1)[inside]
+
+
+def check(view: View, found: DecimatedMesh) -> None:
+    """All that `decimate` promises."""
+    mesh, camera = found.mesh, view.camera
+    depth, joined = mesh_grid(view)
+    in_camera = (mesh.vertices - camera.world_from_cam[:3, 3]) @ camera.world_from_cam[:3, :3]
+    shown = np.zeros(camera.hw, bool)
+    every = in_picture(mesh, camera)
+    for corners, numbers in zip(every, mesh.triangles):
+        cells = inside_of(corners, camera.hw)
+        rows, columns = cells.T
+        shown[rows, columns] = True
+        rays = np.stack(
+            [(columns + 0.5 - camera.cx) / camera.fx, (rows + 0.5 - camera.cy) / camera.fy, np.ones(len(rows))], 1
+        )
+        shares = np.linalg.solve(in_camera[numbers].T, rays.T)  # of the corners, of a point on the ray
+        met = 1 / shares.sum(0)
+        expected = depth[rows, columns].astype(np.float64)
+        assert (np.abs(met - expected) <= np.maximum(0.001, 0.001 * expected) * 1.0001 + 1e-6).all()
+        texture = found.pixels[numbers].T @ (shares * met)
+        assert (np.hypot(*(texture - (columns + 0.5, rows + 0.5))) <= 0.5 + 1e-4).all() or len(cells) == 1
+        members = {(int(row), int(column)) for row, column in cells}
+        for row, column in members:
+            if len(members) > 3:
+                assert (row, column + 1) not in members or joined[row, column] & RIGHT
+                assert (row + 1, column) not in members or joined[row, column] & DOWN
+        if len(members) > 3:
+            assert len(np.unique(view.origin[rows, columns])) == 1
+    surface = (depth > 0) & (depth < np.inf)
+    np.testing.assert_array_equal(found.surface, surface)
+    np.testing.assert_array_equal(shown, surface)
+    whole, parts = areas(layer_mesh(view), camera), areas(mesh, camera)
+    assert (parts > 0).all()
+    lone = np.abs((every[:, 0] % 1) - 0.5).max(1) > 0.25  # corners of squares lie between pixels
+    np.testing.assert_allclose(parts[~lone].sum(), whole.sum(), rtol=1e-6)
+    rows, columns = (found.pixels[:, [1, 0]] - 0.5).astype(int).T
+    np.testing.assert_array_equal(mesh.color, view.color[rows, columns])
+    np.testing.assert_array_equal(mesh.origin, view.origin[rows, columns])
+    np.testing.assert_array_equal(mesh.confidence, view.confidence[rows, columns])
+
+
+@pytest.mark.parametrize("size", [(200, 150), (65, 65), (67, 131), (2, 2), (2, 70)])
+@pytest.mark.parametrize("world", [ROOM, HOLLOW])
+def test_planes_steps_and_a_ball(world: World, size: tuple[int, int]) -> None:
+    """Every pixel is met within the tolerance, by triangles that tile what the whole grid's tile and span no edge."""
+    view = seen(world, *size)
+    check(view, decimate(view))
+
+
+def test_the_check_can_fail() -> None:
+    """Of a surface 1 % farther away, and of one with a triangle left out."""
+    view = seen(ROOM, 65, 65)
+    found = decimate(view)
+    shifted = dataclasses.replace(view, depth=view.depth * np.float32(1.01))
+    lacking = dataclasses.replace(found.mesh, triangles=found.mesh.triangles[1:])
+    for wrong in (decimate(shifted), found._replace(mesh=lacking)):
+        with pytest.raises(AssertionError):
+            check(view, wrong)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_rough_ground(seed: int) -> None:
+    """The same of random depth; sizes at random."""
+    rng = np.random.default_rng(seed)
+    view = rough(seed, (int(rng.integers(2, 140)), int(rng.integers(2, 140))))
+    check(view, decimate(view))
+
+
+def test_a_world_of_the_package() -> None:
+    """The same of a generated scene with curved and thin objects, as its ray caster sees it."""
+    world = generated(3)
+    view = View.from_rgbd(world.frame(world.camera(10, 150)))
+    check(view, decimate(view))
+
+
+def test_no_triangle_has_pixels_of_two_surfaces() -> None:
+    """Oracle: which surface each ray of the world hits."""
+    view = seen(ROOM, 200, 150)
+    label = ROOM.trace(view.camera.at(np.eye(4)))[1]
+    found = decimate(view)
+    for corners in in_picture(found.mesh, view.camera):
+        rows, columns = inside_of(corners, view.camera.hw).T
+        assert not {1, 2} <= set(label[rows, columns])  # the box stands before the wall
+
+
+def test_flat_is_few() -> None:
+    """A wall that faces the camera: two triangles for 64 x 64 pixels; a floor up to its horizon: a fortieth of the grid's."""
+    wall = seen(World((Plane((0, 0, 4), (0, 0, -1)),)), 513, 257)
+    assert len(decimate(wall).mesh.triangles) == 8 * 4 * 2
+    floor = seen(World((Plane((0, 1.5, 0), (0, -1, 0.05)),)), 512, 512)
+    assert len(decimate(floor).mesh.triangles) < len(layer_mesh(floor).triangles) / 40
+
+
+@pytest.mark.parametrize("hw", [(1, 1), (1, 9), (9, 1)])
+def test_a_line_of_pixels_is_squares(hw: tuple[int, int]) -> None:
+    """No triangle fits between them: each pixel becomes a square of its own size."""
+    view = View.from_rgbd(RGBD(np.zeros((*hw, 3), np.uint8), np.ones(hw, np.float32), Camera.from_fov(*hw[::-1], 50)))
+    found = decimate(view)
+    np.testing.assert_allclose(areas(found.mesh, view.camera), 0.5)
+    assert len(found.mesh.triangles) == 2 * hw[0] * hw[1]
+
+
+def test_without_surface_it_is_empty() -> None:
+    """Sky alone."""
+    camera = Camera.from_fov(8, 6, 50)
+    sky = View.from_rgbd(RGBD(np.zeros((6, 8, 3), np.uint8), np.full((6, 8), np.inf, np.float32), camera))
+    assert len(decimate(sky).mesh.vertices) == len(decimate(sky).mesh.triangles) == 0
