@@ -44,12 +44,12 @@ def checked_results(only: Sequence[str] | None) -> tuple[str, ...]:
     """Names of what is to be written; None: all. InputError: an unknown name."""
     for name in only or ():
         if name not in RESULTS:
-            raise InputError(f"only names {name!r}; of {', '.join(RESULTS)} some are wanted")
+            raise InputError(f"only names {name!r}; of {', '.join(RESULTS)} some are expected")
     return tuple(RESULTS if only is None else only)
 
 
 def write_whole(folder: Path, whole: Scene, cameras: Mapping[str, Camera], wanted: Sequence[str]) -> dict[str, Any]:
-    """What of RESULTS is wanted of the scene as a whole; for meta.json: what was left out of it. Raises OutputError.
+    """What of RESULTS is expected of the scene as a whole; for meta.json: what was left out of it. Raises OutputError.
 
     Points and mesh have every surface once, without removed objects.
     """

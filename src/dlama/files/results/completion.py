@@ -136,9 +136,9 @@ def checked_results(only: Sequence[str] | None) -> tuple[str, ...]:
     """
     default = tuple(name for name in RESULTS if name not in ON_REQUEST)
     names = default if only is None else (only,) if isinstance(only, str) else tuple(only)
-    for name in names:
-        if name not in RESULTS:
-            raise InputError(f"only is {name!r}; names of {', '.join(RESULTS)} are wanted")
+    unknown = [repr(name) for name in names if name not in RESULTS]
+    if unknown:
+        raise InputError(f"only is {', '.join(unknown)}; names of {', '.join(RESULTS)} are wanted")
     if not names:
         raise InputError(f"only is empty; names of {', '.join(RESULTS)} are wanted")
     return names
