@@ -71,6 +71,7 @@ def test_worlds_say_what_to_do_next(tmp_path: Path, capsys: pytest.CaptureFixtur
     assert (tmp_path / "out" / "report.html").is_file()
 
 
+@pytest.mark.slow
 def test_evaluate_end_to_end(small_worlds: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Oracles: the header, regions and modalities; every recipe with every filler; a second run does nothing."""
     words = (

@@ -197,6 +197,7 @@ def test_sources_too_large_to_shuffle():
     assert len(set(drawn)) == 50 and max(drawn) > 1 << 38
 
 
+@pytest.mark.slow
 def test_workers_give_the_same_batches():
     """Oracle: the batches made without workers."""
     settings = toy()
