@@ -60,6 +60,11 @@ def test_two_odd_frames_are_both_named() -> None:
     assert [(each.check, each.what[0]) for each in odd(frames)] == [("depth-scale", "0"), ("focal-length", "5")]
 
 
+def test_two_pictures_of_another_gamma_beside_each_other_are_both_named() -> None:
+    frames = spoilt(spoilt(orbit(3), 2, "gamma 1/2.2"), 3, "gamma 1/2.2")
+    assert [(each.check, each.what[0]) for each in odd(frames)] == [("picture-gamma", "2"), ("picture-gamma", "3")]
+
+
 def test_of_three_frames_the_odd_one_is_told_apart() -> None:
     (finding,) = odd(spoilt(orbit(3)[:3], 1, "depth over 5"))
     assert finding.what.startswith("1: depth is 5 times too small")
