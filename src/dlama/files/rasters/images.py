@@ -303,5 +303,11 @@ def _what_else(file: Path) -> str:
     if found is not None:
         return f", but {found}: save it as PNG"
     suffix = file.suffix.lower()
-    which = "a scene" if suffix == ".npz" else "the scene.npz of the result" if suffix in (".ply", ".glb") else ""
+    which = (
+        "a scene"
+        if suffix == ".npz"
+        else "the scene.npz of the result (--also scene)"
+        if suffix in (".ply", ".glb")
+        else ""
+    )
     return f"; {which} goes into view, sequence, video and show" if which else ""
