@@ -100,6 +100,11 @@ def late_imports(function: Function) -> int:
     return sum(isinstance(node, (ast.Import, ast.ImportFrom)) for node in ast.walk(function))
 
 
+def words(files: dict[str, str], folder: str) -> int:
+    """Of the Markdown pages below a folder."""
+    return sum(len(text.split()) for path, text in files.items() if path.startswith(folder) and path.endswith(".md"))
+
+
 def measure(files: dict[str, str]) -> dict[str, int]:
     """Each figure by its name."""
     source = {path: text for path, text in files.items() if path.startswith("src/") and path.endswith(".py")}
@@ -118,7 +123,8 @@ def measure(files: dict[str, str]) -> dict[str, int]:
         f"functions of complexity > {COMPLEX}": sum(complexity(function) > COMPLEX for function in functions),
         f"functions with > {MANY_PARAMETERS} parameters": sum(parameters(one) > MANY_PARAMETERS for one in functions),
         "imports inside functions": sum(late_imports(function) for function in functions),
-        "words of Markdown": sum(len(text.split()) for path, text in files.items() if path.endswith(".md")),
+        "words of Markdown": words(files, ""),
+        "words of the site, by hand": words(files, "docs/"),
         "constants": sum(names.values()),
     }
     by_room = {f"constants of {one}": names[one] for one in sorted(names) if names[one]}

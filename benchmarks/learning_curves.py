@@ -1,6 +1,6 @@
 """Run directories of `dlama train` -> one figure of what they learnt, on samples that were never trained on.
 
-python benchmarks/learning_curves.py RUN ... -o docs/learning.svg
+python benchmarks/learning_curves.py RUN ... -o learning.svg
 """
 
 from __future__ import annotations

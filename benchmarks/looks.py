@@ -2,6 +2,7 @@
 
     python benchmarks/looks.py ../shared -o now                  # one PNG a case, and its numbers
     python benchmarks/looks.py --beside before now -o sheet.jpg  # before | after | truth of two such folders
+    python benchmarks/looks.py --sheet now -o docs/images/gallery.jpg  # known | completed | truth of one such folder, all of it
 
 The cases are chosen by kind, not by result: a Kinect's room at about 10, 20, 30 and 40 degrees, the same room from 10 and 15
 degrees beside frames of a sequence, things in it that are clicked and taken out with their shadow (last: the frame itself), a
@@ -137,11 +138,29 @@ def beside(before: Path, after: Path, sheet: Path, wanted: list[str]) -> None:
         old, new = cv2.imread(str(before / file.name)), cv2.imread(str(file))
         width = new.shape[1] // 3
         row = np.hstack([new[:, :width], old[:, width : 2 * width], new[:, width:]])
-        row = cv2.resize(row, (4 * CELL, round(CELL * row.shape[0] / width)), interpolation=cv2.INTER_AREA)
-        cv2.putText(row, file.stem, (6, 16), cv2.FONT_HERSHEY_SIMPLEX, 0.45, (0, 0, 255), 1, cv2.LINE_AA)
-        rows.append(row)
+        rows.append(labelled(row, 4, file.stem))
     if not rows:
         sys.exit(f"{before} and {after} share no pictures")
+    write_sheet(rows, sheet)
+
+
+def of_one(folder: Path, sheet: Path, wanted: list[str]) -> None:
+    """One row a case: known | completed | truth; two cases a row."""
+    files = [file for file in sorted(folder.glob("*.png")) if not wanted or any(part in file.stem for part in wanted)]
+    if not files:
+        sys.exit(f"{folder} holds no pictures of these names")
+    write_sheet([labelled(cv2.imread(str(file)), 3, file.stem) for file in files], sheet)
+
+
+def labelled(row: UInt8Array, cells: int, name: str) -> UInt8Array:
+    """So many pictures at the sheet's size, the name of their case in the first."""
+    height = round(cells * CELL * row.shape[0] / row.shape[1])
+    small = cv2.resize(row, (cells * CELL, height), interpolation=cv2.INTER_AREA)
+    return cv2.putText(small, name, (6, 16), cv2.FONT_HERSHEY_SIMPLEX, 0.45, (0, 0, 255), 1, cv2.LINE_AA)
+
+
+def write_sheet(rows: list[UInt8Array], sheet: Path) -> None:
+    """Two cases a row; a JPEG is kept small."""
     while len(rows) % 2:
         rows.append(np.zeros_like(rows[-1]))
     tallest = max(row.shape[0] for row in rows)
@@ -154,15 +173,18 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("shared", nargs="?", type=Path, help="folder with data/ and street/")
     parser.add_argument("--beside", nargs=2, type=Path, metavar=("BEFORE", "AFTER"))
+    parser.add_argument("--sheet", type=Path, metavar="FOLDER")
     parser.add_argument("--only", nargs="*", default=[], help="parts of names of cases")
     parser.add_argument("-o", "--output", type=Path, required=True)
     args = parser.parse_args()
     if args.beside:
         beside(*args.beside, args.output, args.only)
+    elif args.sheet:
+        of_one(args.sheet, args.output, args.only)
     elif args.shared:
         make(args.shared, args.output, args.only)
     else:
-        parser.error("give the folder with data/ and street/, or --beside")
+        parser.error("give the folder with data/ and street/, --beside or --sheet")
 
 
 if __name__ == "__main__":

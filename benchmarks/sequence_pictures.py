@@ -1,6 +1,6 @@
-"""Three pairs of pictures of what many frames give, each beside the truth: docs/evaluation/sequence.jpg.
+"""Three pairs of pictures of what many frames give, each beside the truth: docs/images/sequence.jpg.
 
-python benchmarks/sequence_pictures.py kitchen_sequence -o docs/evaluation/sequence.jpg
+python benchmarks/sequence_pictures.py kitchen_sequence -o docs/images/sequence.jpg
 
 Rows: a held-out frame, nearest-wins of four others, dlama of the same four; another one, TSDF + Telea, dlama; a generated world
 without a thing, the thing removed from one frame, and from five with one mask.

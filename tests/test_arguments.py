@@ -156,7 +156,7 @@ def a_function(
         ({"inputs": [("depth", "depth.png")]}, "^inputs is of type list; a dict is wanted$"),
         ({"inputs": {"depth": 3}}, r"^inputs\['depth'\] is of type int; a path is wanted$"),
         ({"inputs": {3: "depth.png"}}, "^the key 3 of inputs is of type int; a string is wanted$"),
-        ({"seconds": {"read": "1"}}, r"^seconds\['read'\] is of type str; a number is wanted$"),
+        ({"seconds": {"read": "1"}}, r"^seconds\['read'\] is '1'; a number is wanted$"),
         ({"filler": 3}, "^filler is of type int; a string or a function is wanted$"),
         ({"hw": (3,)}, r"^hw is \(3,\); 2 numbers are wanted$"),
         ({"hw": DEPTH}, r"^hw is of type ndarray with shape \(24, 32\); 2 numbers are wanted$"),

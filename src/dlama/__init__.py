@@ -27,6 +27,7 @@ if TYPE_CHECKING:  # what type checkers and editors read; a test holds it equal 
     from dlama.errors import DlamaError as DlamaError
     from dlama.errors import FileError as FileError
     from dlama.errors import InputError as InputError
+    from dlama.errors import InputTypeError as InputTypeError
     from dlama.errors import MaskError as MaskError
     from dlama.errors import MissingExtraError as MissingExtraError
     from dlama.errors import OutputError as OutputError
@@ -88,6 +89,7 @@ MODULES = {
     "HoleType": "geometry.view",
     "Inpainter": "inpainters.filling",
     "InputError": "errors",
+    "InputTypeError": "errors",
     "JobResult": "jobs.result",
     "Law": "geometry.visibility",
     "MaskError": "errors",

@@ -1,7 +1,7 @@
-"""A public function and its arguments in; InputError out where one of them is not of the type that the signature says.
+"""A public function and its arguments in; a TypeError out where one of them is not of the type that the signature says.
 
 The signature is the rule: what a parameter is annotated with is what it is checked against. Three kinds are left to the function
-itself, whose message says more: numbers (their range and unit), arrays (their shape and dtype), the names of a closed set.
+itself, whose message says more: the range of numbers, arrays (`as_array`, their shape and dtype), the names of a closed set.
 """
 
 from __future__ import annotations
@@ -19,17 +19,17 @@ from typing import Any, Literal, TypeVar, Union, get_args, get_origin, get_type_
 
 import numpy as np
 
-from dlama.errors import InputError
+from dlama.errors import InputError, InputTypeError
 
 ROWS = (Sequence, tuple, list)
 """Annotations that a list, a tuple or a set fits: what has a length and can be gone through."""
-UNCHECKED = (int, float, np.ndarray, object, Any)
+UNCHECKED = (np.ndarray, object, Any)
 """Types of what the functions check themselves."""
 WORDS: dict[Any, str] = {
     **dict.fromkeys((Sequence, tuple, list, Iterable), "a list"),
     str: "a string",
+    **dict.fromkeys((int, float), "a number"),
     bool: "True or False",
-    Real: "a number",
     Callable: "a function",
     Mapping: "a dict",
     Literal: "a name",
@@ -47,7 +47,7 @@ WHERE_FROM = {
 
 
 def check_arguments(function: Callable[..., Any], given: Mapping[str, object]) -> None:
-    """The first line of a public function: InputError where one of its arguments (`locals()`) is not of its parameter's type.
+    """The first line of a public function: InputTypeError where one of its arguments (`locals()`) is not of its parameter's type.
 
     The message names the parameter, or its element (`inputs['depth']`, `cameras[1]`), the type that came and what is wanted.
     """
@@ -64,22 +64,38 @@ def _annotations(function: Callable[..., Any]) -> dict[str, Any]:
 
 
 def check(value: object, annotation: Any, name: str) -> None:
-    """Raise InputError, which calls the value `name`, where it is not of the annotated type."""
+    """Raise InputTypeError, which calls the value `name`, where it is not of the annotated type."""
     complaint = _complaint(value, annotation, name)
     if complaint:
-        raise InputError(complaint)
+        raise InputTypeError(complaint)
+
+
+def as_array(value: object, name: str, wanted: str = "an array") -> np.ndarray:
+    """An array, a PIL picture, a tensor of torch (in the processor's memory) or whatever else numpy knows, as an array.
+
+    InputTypeError, which calls the value `name`, for anything else; `wanted`: what is expected, in words.
+    """
+    try:
+        if any(hasattr(type(value), way) for way in ("__array__", "__array_interface__")):
+            return np.asarray(value)
+        reason = ""
+    except Exception as error:  # what the object raises: a tensor on a graphics card, one with gradients
+        reason = f" ({error})"
+    raise InputTypeError(f"{name} is of type {type(value).__name__}{reason}; {wanted} is expected")
 
 
 def check_number(value: object, name: str, what: str = "a number") -> None:
-    """Raise InputError, which calls the value `name`, unless it is a number (or None); `what`: what is wanted, in words."""
+    """Raise InputTypeError, which calls the value `name`, unless it is a number (or None); `what`: what is wanted, in words."""
     if value is not None and not isinstance(value, Real):
-        raise InputError(f"{name} is {value!r}; {what} is wanted")
+        raise InputTypeError(f"{name} is {value!r}; {what} is wanted")
 
 
 def check_count(value: object, name: str) -> None:
     """Raise InputError, which calls the value `name`, unless it is a whole number of 1 or more (or None)."""
     if value is not None and not (isinstance(value, Integral) and int(value) >= 1):
-        raise InputError(f"{name} is {value!r}; 1 or more is wanted, a whole number")
+        raise (InputError if isinstance(value, Real) else InputTypeError)(
+            f"{name} is {value!r}; 1 or more is wanted, a whole number"
+        )
 
 
 def is_finite(value: object) -> bool:
@@ -150,7 +166,7 @@ def _complaint_of_numbers(value: object, annotation: Any, name: str) -> str:
 
 
 def _not_a(value: object, wanted: Sequence[Any], name: str) -> str:
-    came = "None" if value is None else f"of type {type(value).__name__}"
+    came = repr(value) if value is None or set(wanted) <= {int, float} else f"of type {type(value).__name__}"
     where_from = next((WHERE_FROM[one.__name__] for one in wanted if getattr(one, "__name__", "") in WHERE_FROM), "")
     return f"{name} is {came}; {in_words(wanted)} is wanted{where_from}"
 
@@ -165,6 +181,8 @@ def _is_a(value: object, kind: Any, inner: tuple[Any, ...]) -> bool:
             and isinstance(value, Iterable)
             and not isinstance(value, (bytes, Mapping, np.ndarray))
         )
+    if kind in (int, float):
+        return isinstance(value, Real)
     if kind is bool:
         return value is None or isinstance(value, (bool, np.bool_, Integral))
     if kind is Literal:
@@ -178,8 +196,7 @@ def _elements(value: Any, kind: Any, inner: tuple[Any, ...], name: str) -> Itera
     """What a list or dict holds: each value, its annotation, and its name in messages."""
     if kind is Mapping:
         yield from ((key, inner[0], f"the key {key!r} of {name}") for key in value)
-        of_values = Real if inner[1] is float else inner[1]
-        yield from ((element, of_values, f"{name}[{key!r}]") for key, element in value.items())
+        yield from ((element, inner[1], f"{name}[{key!r}]") for key, element in value.items())
     elif kind in ROWS and inner and not isinstance(value, str):
         yield from ((element, inner[0], f"{name}[{i}]") for i, element in enumerate(value))
 

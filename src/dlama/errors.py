@@ -3,6 +3,7 @@
 DlamaError
 ├── InputError          what the user gave cannot be used (the command line ends with exit code 2)
 │   ├── FileError       a file is missing, unreadable, truncated or of the wrong kind
+│   ├── InputTypeError  a parameter is of another type than its function takes (a TypeError, too)
 │   ├── ShapeError      sizes or dtypes that do not fit together
 │   ├── DepthError      depth that cannot be metres: empty, negative, wrong scale
 │   ├── CameraError     intrinsics or a pose that no camera has
@@ -41,6 +42,10 @@ def _again(kind: type[DlamaError], args: tuple[Any, ...], attributes: dict[str, 
 
 class InputError(DlamaError, ValueError):
     """What the user gave cannot be used; the message names the field or file, what came and what was wanted."""
+
+
+class InputTypeError(InputError, TypeError):
+    """A parameter is of another type than its function takes; the message begins with its name."""
 
 
 class FileError(InputError):

@@ -58,3 +58,10 @@ def test_masks_of_many_frames_grow_alike(shift: int, grown: int) -> None:
     done = dlama.complete(frames, [CAMERA], mask={0: mask}, filler="telea")
     assert done.meta["recipe"]["dilate"] == grown
     assert mask_growth(dlama.scene(frames)).px == grown
+
+
+def test_masks_of_large_pictures_grow_in_proportion() -> None:
+    """Closed form: a soft outline of 3 px at 1024 px is one of 12 px at 4096."""
+    camera = Camera.from_fov(4096, 64, 60)
+    large = RGBD(np.zeros((64, 4096, 3), np.uint8), np.ones((64, 4096), np.float32), camera)
+    assert mask_growth(dlama.scene([large])).px == 12

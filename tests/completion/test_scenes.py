@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from PIL import Image
 from small_street import CAMERA, MASK, completed, counts, fillers, recipes, street
 
 from dlama.completion.pipeline import complete
@@ -266,18 +267,47 @@ def test_target_cameras() -> None:
 @pytest.mark.parametrize(
     ("given", "message"),
     [
-        ({"yaw": "10"}, "yaw is '10'; a finite angle in degrees is wanted"),
-        ({"pivot": "far"}, "pivot is 'far'; a distance"),
-        ({"pivot": "2"}, "pivot is '2'; a distance"),
+        ({"yaw": "10"}, "yaw is '10'; a number is wanted"),
+        ({"pivot": "far"}, "pivot is 'far'; a number"),
+        ({"pivot": "2"}, "pivot is '2'; a number"),
         ({"camera": "cam.json"}, "camera is of type str; a Camera is wanted"),
-        ({"min_confidence": "1"}, "min_confidence is '1'; a probability"),
+        ({"min_confidence": "1"}, "min_confidence is '1'; a number"),
         ({"filler": 3}, "filler is of type int; a string or a function is wanted"),
     ],
 )
 def test_parameters_of_another_type_are_refused(given: dict[str, Any], message: str) -> None:
-    """Message: names the parameter, what came and what is wanted; no bare TypeError."""
-    with pytest.raises(InputError, match=message):
+    """Message: names the parameter, what came and what is wanted, as a TypeError that is an InputError, too."""
+    with pytest.raises(TypeError, match=message) as raised:
         view(street(), **given)
+    assert isinstance(raised.value, InputError)
+
+
+def test_pil_pictures_and_tensors_are_arrays() -> None:
+    """Law: what has `__array__` gives the same bits as the array that it gives; what gives none is named."""
+
+    class Tensor:
+        """As torch's: not an array, and gives one."""
+
+        def __init__(self, values: np.ndarray) -> None:
+            self.values = values
+
+        def __array__(self, dtype: Any = None, copy: bool | None = None) -> np.ndarray:
+            if self.values.dtype == np.float64:
+                raise RuntimeError("of a graphics card")
+            return self.values if dtype is None else self.values.astype(dtype)
+
+    frame = street(sensor_holes=False)
+    plain = remove(frame, MASK, filler="telea").view
+    for color in (Image.fromarray(frame.color), Tensor(frame.color)):
+        rgbd = RGBD(color, Tensor(frame.depth), CAMERA)  # type: ignore[arg-type]
+        for mask in (Image.fromarray(MASK), Tensor(MASK), {0: Tensor(MASK)}):
+            found = remove(rgbd, mask, filler="telea").view  # type: ignore[arg-type]
+            np.testing.assert_array_equal(found.color, plain.color)
+            np.testing.assert_array_equal(found.depth, plain.depth)
+    with pytest.raises(
+        TypeError, match=r"depth is of type Tensor \(of a graphics card\); an array of metres is expected"
+    ):
+        RGBD(frame.color, Tensor(np.ones(CAMERA.hw)), CAMERA)  # type: ignore[arg-type]
 
 
 def test_cameras_are_cameras() -> None:

@@ -156,7 +156,7 @@ def test_strides_sources_and_overlap(tmp_path: Path) -> None:
 def test_a_tenth_of_a_pair_must_overlap(
     share: float, listed: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Closed form: docs/evaluation.md says at least 10 %."""
+    """Closed form: docs/reference/formats.md says at least 10 %."""
     root = scene(tmp_path)
     frames = numbered_frames("s", root, lens_for(root, root, LENS, (), ""), posed_frame)
     monkeypatch.setattr(Overlaps, "share", lambda *_: share)

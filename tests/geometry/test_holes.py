@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dlama.errors import InputError, MaskError
+from dlama.errors import InputError, InputTypeError, MaskError
 from dlama.geometry.camera import Camera
 from dlama.geometry.holes import (
+    box_mean,
     checked_mask,
     closed,
     dilated,
     disc,
     eroded,
+    gaussian_mean,
     grown,
     hole_shares,
     nearest_known,
@@ -169,8 +173,8 @@ def test_values_spread_outside_are_the_nearest_known() -> None:
 
 
 def test_a_mask_that_is_no_array_is_refused() -> None:
-    """Law: MaskError, as for an array of another type."""
-    with pytest.raises(MaskError, match=r"mask is of type list; a bool array H x W is wanted"):
+    """Message: a TypeError, which is an InputError, too."""
+    with pytest.raises(InputTypeError, match=r"mask is of type list; a bool array H x W is expected"):
         checked_mask([[True, False]], (1, 2))  # type: ignore[arg-type]
 
 
@@ -197,3 +201,13 @@ def test_touching_regions() -> None:
     other[1, 1] = True
     found = touching(where, other)
     assert found.sum() == 5 and not found[7:9, 7:9].any()
+
+
+@pytest.mark.parametrize("mean", [lambda *planes: box_mean(*planes, 5), lambda *planes: gaussian_mean(*planes, 2.0)])
+def test_means_are_of_what_counts(mean: Callable[..., np.ndarray]) -> None:
+    """Closed form: of one value everywhere that counts it is the mean, whatever lies where nothing counts; far off 0."""
+    weight = np.zeros((40, 30), np.float32)
+    weight[:20] = 1
+    found = mean(np.where(weight > 0, 7, np.float32(1e6)).astype(np.float32), weight)
+    np.testing.assert_allclose(found[:21], 7, rtol=1e-5)
+    assert found.dtype == np.float32 and not found[39].any()

@@ -223,3 +223,55 @@ def test_the_list_of_names_is_light() -> None:
     code = "import sys, dlama.inpainters; print({'numpy', 'cv2', 'numba', 'onnxruntime'} & set(sys.modules))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=600)
     assert done.stdout.strip() == "set()"
+
+
+def large_view_with_small_hole() -> tuple[View, Law]:
+    """1200 x 900 px of a floor, a wall and the sky, of which a ball was removed; what was measured is its law."""
+    world = World((Plane((0, 1, 0), (0, 1, 0)), Box((-9, -0.5, 6), (9, 1, 7)), Sphere((0.6, 0.6, 3), 0.2)))
+    frame = world.rgbd(Camera.from_fov(1200, 900, 70))
+    source = View.from_rgbd(frame)
+    removed = frame.depth < 3.1
+    removed[:, : removed.shape[1] // 2] = False
+    removed[650:] = False
+    return source.without(removed, HoleType.OBJECT), Law.of(Scene((source,)))
+
+
+def test_a_filler_sees_no_more_of_a_large_view_than_its_hole_needs() -> None:
+    """Law: known pixels keep every bit, the hole is filled as in the part alone, and no law is broken. Closed form: the part is
+    the hole's box and 256 px round it."""
+    view, law = large_view_with_small_hole()
+    seen: list[View] = []
+
+    def filler(part: View, its_law: Law, seed: int) -> Fill:
+        seen.append(part)
+        return find_filler("telea")(part, its_law, seed)
+
+    filled, report = inpaint(view, filler, law)
+    rows, columns = (np.flatnonzero(view.hole.any(axis)) for axis in (1, 0))
+    top, left = rows[0] - 256, columns[0] - 256
+    part = seen[0]
+    assert part.camera.hw == (min(900, rows[-1] + 257) - top, min(1200, columns[-1] + 257) - left)
+    assert part.hole.size < 0.6 * view.hole.size and report.law_violations == 0
+    assert not violations(filled, law).any() and report.hole_pixels == view.hole.sum()
+    known = ~view.hole
+    for name in ("color", "depth", "origin", "confidence", "hole_type"):
+        np.testing.assert_array_equal(getattr(filled, name)[known], getattr(view, name)[known], err_msg=name)
+    alone, _ = inpaint(part, find_filler("telea"), NOTHING)
+    box = np.s_[top : top + part.camera.height, left : left + part.camera.width]
+    np.testing.assert_array_equal(filled.color[box], alone.color)
+    assert (filled.origin[view.hole] == Origin.FILLED).all()
+
+
+def test_the_law_of_a_part_is_that_of_the_whole() -> None:
+    """Law: a depth breaks it in the part where it breaks it in the whole picture, seen from the source and from aside."""
+    view, law = large_view_with_small_hole()
+    aside = (moved(view.camera, (0, 5, 0), (0.3, 0, 0)), np.full((900, 1200), 2.5, np.float32))
+    law = Law((*law.measured, aside), law.sky)
+    depth = np.broadcast_to(np.linspace(0.5, 7, 1200, dtype=np.float32), view.hole.shape).copy()
+    rows, columns = slice(300, 700), slice(500, 1100)
+    inside = law.cropped(view, rows, columns)
+    part = view.cropped(rows, columns)
+    whole = law.violations(view.camera, depth, np.ones_like(view.hole))[rows, columns]
+    cut = inside.violations(part.camera, depth[rows, columns], np.ones(part.camera.hw, bool))
+    assert 0.05 < whole.mean() < 0.95
+    assert (whole != cut).mean() < 1e-4  # a pixel centre on the border of two, by rounding

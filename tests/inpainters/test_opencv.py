@@ -1,4 +1,4 @@
-"""OpenCV's two fillers on depth: closed forms that hold to 16-bit steps of inverse depth; the paper's 8-bit steps."""
+"""OpenCV's filler on depth: closed forms that hold to 16-bit steps of inverse depth; the paper's 8-bit steps."""
 
 from __future__ import annotations
 
@@ -9,11 +9,10 @@ from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.view import HoleType, View
 from dlama.geometry.visibility import Law
-from dlama.inpainters.filling import Inpainter, inpaint
-from dlama.inpainters.opencv import depth_of_levels, navier_stokes, telea
+from dlama.inpainters.filling import inpaint
+from dlama.inpainters.opencv import depth_of_levels, telea
 from worlds import Plane, World
 
-both = pytest.mark.parametrize("filler", [telea, navier_stokes], ids=["telea", "navier-stokes"])
 NOTHING = Law(())
 
 
@@ -32,52 +31,48 @@ def block(height: int = 40, width: int = 60) -> np.ndarray:
 
 
 STEPS = 3
-"""16-bit (colour: 8-bit) steps by which OpenCV's Telea drifts on a constant plane this size; Navier-Stokes does not."""
+"""16-bit (colour: 8-bit) steps by which OpenCV's Telea drifts on a constant plane this size."""
 
 
-@both
 @pytest.mark.parametrize("metres", [0.05, 1.37, 499.0])
 @pytest.mark.parametrize("nearest", [1.0, 0.4])
-def test_a_constant_plane_goes_on_at_its_depth(filler: Inpainter, metres: float, nearest: float) -> None:
+def test_a_constant_plane_goes_on_at_its_depth(metres: float, nearest: float) -> None:
     """Closed form: within a few 16-bit steps, whose full scale is the nearest pixel (here the plane itself, or a pixel at
     0.4 times its depth in a corner, which plays no part in the hole). Colour likewise, in steps of 8 bits."""
     depth = np.full((40, 60), metres)
     depth[0, 0] *= nearest
-    filled, _ = inpaint(with_hole(depth, block()), filler, NOTHING)
+    filled, _ = inpaint(with_hole(depth, block()), telea, NOTHING)
     step = 1 / (metres * nearest) / 65535
     assert abs(1 / filled.depth[block()].astype(float) - 1 / metres).max() < (STEPS + 0.5) * step
     assert abs(filled.color.astype(int) - (200, 30, 90)).max() <= STEPS
 
 
-@both
-def test_a_slanted_plane_is_bridged(filler: Inpainter) -> None:
+def test_a_slanted_plane_is_bridged() -> None:
     """Closed form: across a hole 4 px wide depth is off by less than the plane changes across it."""
     depth = World((Plane((0, 0, 3), (0.4, 0.1, 1)),)).trace(Camera.from_fov(60, 40, 60))[0]
     hole = np.zeros(depth.shape, bool)
     hole[:, 28:32] = True
-    filled, _ = inpaint(with_hole(depth, hole), filler, NOTHING)
+    filled, _ = inpaint(with_hole(depth, hole), telea, NOTHING)
     change = abs(depth[:, 32] - depth[:, 27])
     assert (abs(filled.depth - depth).max(1) < change)[5:-5].all()
 
 
-@both
-def test_filled_depth_stays_between_what_is_known(filler: Inpainter) -> None:
+def test_filled_depth_stays_between_what_is_known() -> None:
     """Law: diffusion makes nothing nearer than the nearest known pixel, and no NaN; with sky about, far is allowed."""
     rng = np.random.default_rng(0)
     depth = rng.uniform(1, 4, (40, 60))
     depth[:14] = np.inf
-    filled, _ = inpaint(with_hole(depth, block()), filler, NOTHING)
+    filled, _ = inpaint(with_hole(depth, block()), telea, NOTHING)
     assert (filled.depth >= depth.min() * (1 - 1e-4)).all()
 
 
-@both
-def test_sky_goes_on_as_sky(filler: Inpainter) -> None:
+def test_sky_goes_on_as_sky() -> None:
     """Closed form: inverse depth 0 all round stays 0, which is far."""
     depth = np.full((40, 60), np.inf)
     depth[35:] = 2
     hole = np.zeros(depth.shape, bool)
     hole[5:15, 20:40] = True
-    filled, _ = inpaint(with_hole(depth, hole), filler, NOTHING)
+    filled, _ = inpaint(with_hole(depth, hole), telea, NOTHING)
     assert filled.far[hole].all()
 
 

@@ -248,7 +248,7 @@ FillerName = Annotated[
     option(
         "NAME",
         AUTO,
-        help="What fills the holes: layered continues planes and sky from behind, telea and navier-stokes diffuse; "
+        help="What fills the holes: layered continues planes and sky from behind, telea diffuses; "
         "migan runs a network that comes with the package, patchmatch copies patches of the picture to where that one "
         "guesses them, layered-patches does so over layered; auto is layered, layered-patches where an object is removed "
         "or a depth camera took the picture, patchmatch where depth is estimated; choice lets another one judge the "
@@ -276,7 +276,7 @@ class Method:
     clip: Annotated[float | None, option("METRES", "the recipe's")] = None
     """Put everything at or beyond this depth, sky too, at this depth (paper: 10)."""
     depth_by: Annotated[Literal["surfaces", "filler"] | None, option("surfaces|filler", "the recipe's")] = None
-    """Depth beside telea, navier-stokes, lama, migan, patchmatch: surfaces continued behind the hole, or the filler's own."""
+    """Depth beside telea, lama, migan, patchmatch: surfaces continued behind the hole, or the filler's own."""
     seed: Seed = 0
     """Fillers draw their random numbers from this; the same seed gives the same pixels."""
     min_confidence: Annotated[float, option("P", "0")] = 0.0

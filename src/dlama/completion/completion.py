@@ -39,9 +39,9 @@ class Completion:
     source: View
     """The source view as given."""
     meta: dict[str, Any]
-    """Recipe, filler, hole shares, law moves and violations, seconds per stage; JSON-ready (docs/conventions.md)."""
+    """Recipe, filler, hole shares, law moves and violations, seconds per stage; JSON-ready (docs/reference/formats.md)."""
     choices: tuple[UInt8Array | None, ...] = field(default=(), kw_only=True)
-    """For each view H x W: 1 + the number of the guess (in meta["notes"]["guesses"]) that counts most in a filled pixel, 0 =
+    """For each view H x W: 1 + the number of the guess (`notes.guesses` of meta) that counts most in a filled pixel, 0 =
     known; None for fillers that do not choose. Empty where nobody keeps them."""
 
     def __repr__(self) -> str:

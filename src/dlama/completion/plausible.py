@@ -37,7 +37,7 @@ def warn_of_scale(rgbd: RGBD | View) -> None:
 
 def warn_of_mask(mask: BoolArray | Mapping[int, BoolArray]) -> None:
     """A mask, or one of several frames, that removes most of the picture."""
-    for one in mask.values() if isinstance(mask, Mapping) else (mask,):
+    for one in map(np.asarray, mask.values() if isinstance(mask, Mapping) else (mask,)):
         if looks_inverted(one):
             _warn(
                 f"the mask removes {100 * float(one.mean()):.0f} % of the picture: if it marks what stays, it is inverted "

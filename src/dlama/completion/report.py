@@ -51,7 +51,7 @@ class Record:
 
 
 def meta_data(plan: Plan, source: View, warped: Sequence[View], record: Record) -> dict[str, Any]:
-    """The meta data of a completion, JSON-ready (docs/conventions.md lists the fields). warped: the views before filling."""
+    """The meta data of a completion, JSON-ready (fields: docs/reference/formats.md). warped: the views before filling."""
     moved = any(not view.camera.same_view_as(source.camera) for view in warped)
     notes: dict[str, Any] = {}
     for one in record.fills:

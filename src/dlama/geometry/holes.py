@@ -6,8 +6,9 @@ import dataclasses
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
+from dlama.arguments import as_array
 from dlama.errors import InputError, MaskError
 from dlama.geometry.kernels.along_colors import nearest_by_color
 from dlama.geometry.rgbd import BoolArray, Float32Array
@@ -128,10 +129,21 @@ def with_nearest(values: np.ndarray, known: BoolArray) -> np.ndarray:
     return values.reshape(-1, *values.shape[2:])[nearest_known(known)[1]]
 
 
-def checked_mask(mask: np.ndarray, hw: tuple[int, int]) -> BoolArray:
-    """The mask, if it is a bool picture of the right size that removes something and leaves something; else MaskError."""
-    if not isinstance(mask, np.ndarray):
-        raise MaskError(f"mask is of type {type(mask).__name__}; a bool array H x W is wanted, True = remove")
+def box_mean(values: Float32Array, weight: Float32Array, side: int, least: float = 1e-6) -> Float32Array:
+    """H x W: mean of the values in squares of `side` px, by weight (H x W, 0 .. 1); about 0 where less than `least` counts."""
+    total, share = (cv2.blur(each, (side, side)) for each in (values * weight, weight))
+    return np.asarray(total / np.maximum(share, least), np.float32)
+
+
+def gaussian_mean(values: Float32Array, weight: Float32Array, sigma: float, least: float = 1e-3) -> Float32Array:
+    """As `box_mean`, under a Gaussian of `sigma` px."""
+    total, share = (cv2.GaussianBlur(each, (0, 0), sigma) for each in (values * weight, weight))
+    return np.asarray(total / np.maximum(share, least), np.float32)
+
+
+def checked_mask(mask: ArrayLike, hw: tuple[int, int]) -> BoolArray:
+    """The mask as an array. MaskError unless it is a bool picture of that size that removes something and leaves something."""
+    mask = as_array(mask, "mask", "a bool array H x W")
     if mask.dtype != np.bool_ or mask.ndim != 2:
         raise MaskError(f"mask is {mask.dtype} with shape {mask.shape}; bool H x W is wanted, True = remove")
     if mask.shape != hw:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from dlama.arguments import check
+from dlama.arguments import as_array, check
 from dlama.errors import DepthError, ShapeError
 from dlama.geometry.camera import Camera
 from dlama.geometry.figures.false_color import depth_picture
@@ -28,7 +28,8 @@ class RGBD:
     """A colour picture with metric depth.
 
     Every depth pixel is in one of three states: *valid* (finite, > 0), *far* (+inf: sky, or beyond the stated limit)
-    or *missing* (0; NaN is taken as 0). Raises ShapeError or DepthError.
+    or *missing* (0; NaN is taken as 0). PIL pictures and tensors of torch are taken as arrays, here as everywhere.
+    Raises ShapeError or DepthError.
     """
 
     color: UInt8Array
@@ -41,7 +42,7 @@ class RGBD:
     """How the depth was estimated from the picture (model, scale, field of view), JSON-ready; None: it was measured."""
 
     def __post_init__(self) -> None:
-        color, depth = checked_color(self.color), np.asarray(self.depth)
+        color, depth = checked_color(self.color), as_array(self.depth, "depth", "an array of metres")
         if depth.shape != color.shape[:2]:
             raise ShapeError(
                 f"depth is {depth.shape[1]}x{depth.shape[0]} and the picture {color.shape[1]}x{color.shape[0]}; "
@@ -99,7 +100,7 @@ class RGBD:
 
 def checked_color(color: ArrayLike, name: str = "colour") -> UInt8Array:
     """The picture as an array; ShapeError, which calls it `name`, unless it is uint8 H x W x 3 with a pixel or more."""
-    array = np.asarray(color)
+    array = as_array(color, name, "a picture")
     if array.dtype != np.uint8 or array.ndim != 3 or array.shape[2] != 3 or not array.size:
         raise ShapeError(f"{name} is {array.dtype} {array.shape}; uint8 H x W x 3 is wanted")
     return array
@@ -173,9 +174,7 @@ def checked_fields(
     for name, (shape, dtype) in fields.items():
         array = getattr(noun, name)
         if not isinstance(array, np.ndarray):
-            raise ShapeError(
-                f"{called}.{name} is of type {type(array).__name__}; an array of {np.dtype(dtype)} is wanted"
-            )
+            array = as_array(array, f"{called}.{name}", f"an array of {np.dtype(dtype)}")
         if array.shape != shape or array.dtype != dtype:
             raise ShapeError(
                 f"{called}.{name} is {array.dtype} {array.shape}; {np.dtype(dtype)} {shape} is wanted{wanted}"

@@ -1,6 +1,6 @@
 """View: what is known of the scene from one camera, pixel by pixel, and what is not.
 
-The codes below are fixed (docs/conventions.md); every output format carries them.
+The codes below are fixed (docs/concepts/conventions.md); every output format carries them.
 """
 
 from __future__ import annotations
@@ -231,6 +231,13 @@ class View:
         """The view with other planes by name, which were just made and nobody else holds: they are taken over, not copied."""
         taken = {name: plane if plane is None else freeze(plane) for name, plane in planes.items()}
         return dataclasses.replace(self, **taken)  # type: ignore[arg-type]
+
+    def cropped(self, rows: slice, columns: slice) -> View:
+        """The part of the view in these rows and columns (both ends given), as a smaller camera sees it."""
+        camera = self.camera.cropped(columns.start, rows.start, columns.stop - columns.start, rows.stop - rows.start)
+        planes = {one.name: getattr(self, one.name) for one in dataclasses.fields(View)[1:]}
+        parts = {n: None if of is None else freeze(np.ascontiguousarray(of[rows, columns])) for n, of in planes.items()}
+        return View(camera, **parts)  # type: ignore[arg-type]
 
     def left_open(self, where: BoolArray) -> View:
         """The same view with what was filled in the pixels of `where` (H x W bool) unknown again, depth 0.

@@ -101,6 +101,15 @@ class Law:
                     misplaced |= bool(placed.beside.any())
         return replace(self, measured=tuple(measured), misplaced_edges=misplaced)
 
+    def cropped(self, view: View, rows: slice, columns: slice) -> Law:
+        """The law for a part of a view (`View.cropped`): what was measured from the view's own camera is cropped as well."""
+        part = view.camera.cropped(columns.start, rows.start, columns.stop - columns.start, rows.stop - rows.start)
+        measured = tuple(
+            (part, np.ascontiguousarray(known[rows, columns])) if camera.same_view_as(view.camera) else (camera, known)
+            for camera, known in self.measured
+        )
+        return replace(self, measured=measured)
+
     @property
     def has_far(self) -> bool:
         """True if a source camera measured far pixels (sky)."""

@@ -91,7 +91,6 @@ FILLERS: dict[str, FillerRecord] = {
         "dlama.inpainters.patchmatch.over_layers:layered_patches_filler", True, "migan/migan-512.onnx"
     ),
     "telea": FillerRecord("dlama.inpainters.opencv:telea"),
-    "navier-stokes": FillerRecord("dlama.inpainters.opencv:navier_stokes"),
     "lama": FillerRecord(
         "dlama.inpainters.networks.lama:lama_filler", needs_model=True, source="`dlama models pull big-lama` gets one"
     ),

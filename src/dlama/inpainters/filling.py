@@ -6,6 +6,7 @@ origin and confidence mark what was filled.
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
@@ -38,6 +39,12 @@ class Fill:
     errors: Float32Array | None = None
     """H x W x 2, what the filler itself expects to be off by, as `View.errors`; None: the confidence network says it."""
 
+
+CONTEXT, CONTEXT_SHARE, CONTEXT_PX = 0.4, 0.08, 256
+"""How much of a view a filler sees round its holes: so many times the longer side of their box, at least that share of the view's
+longer side, and at least so many pixels."""
+WORTH_CROPPING = 0.6
+"""Share of the view up to which that part alone is filled."""
 
 Inpainter = Callable[[View, Law, int], Fill]
 """A filler: (view with holes, visibility law, seed) -> Fill. Deterministic for one seed."""
@@ -92,7 +99,8 @@ def inpaint(view: View, inpainter: Inpainter, law: Law, seed: int = 0) -> tuple[
     """Fill all holes of a view; the view comes back without holes, with a report.
 
     Holes with measured colour (origin DEPTH_FILLED: sensor holes of a source view) get depth only. A view in which nothing
-    at all is known comes back as it is, with the note `nothing_visible`.
+    at all is known comes back as it is, with the note `nothing_visible`. Where its holes lie in a small part of a large view, the
+    filler sees that part with CONTEXT round it: the work is proportional to the hole.
     Raises InputError: the filler returns no Fill, or one of another size.
     """
     check_arguments(inpaint, locals())
@@ -102,6 +110,46 @@ def inpaint(view: View, inpainter: Inpainter, law: Law, seed: int = 0) -> tuple[
     if not (view.valid | view.far).any():
         return view, FillReport(0, 0, 0, {"nothing_visible": True})
     law = law.near(view.camera)
+    rows, columns = box_with_context(hole)
+    if (rows.stop - rows.start) * (columns.stop - columns.start) > WORTH_CROPPING * hole.size:
+        return _filled(view, inpainter, law, seed)
+    part, report = _filled(view.cropped(rows, columns), inpainter, law.cropped(view, rows, columns), seed)
+    choice = report.choice
+    if choice is not None:
+        whole = np.zeros(hole.shape, np.uint8)
+        whole[rows, columns] = choice
+        choice = whole
+    return with_part(view, part, rows, columns), dataclasses.replace(report, choice=choice)
+
+
+def box_with_context(hole: BoolArray) -> tuple[slice, slice]:
+    """Rows and columns of the box round a hole (H x W, not empty) that a filler sees."""
+    ends = [np.flatnonzero(hole.any(axis))[[0, -1]] for axis in (1, 0)]
+    longest = max(int(last - first) + 1 for first, last in ends)
+    margin = max(CONTEXT_PX, round(CONTEXT * longest), round(CONTEXT_SHARE * max(hole.shape)))
+    rows, columns = (
+        slice(max(0, int(first) - margin), min(size, int(last) + 1 + margin))
+        for (first, last), size in zip(ends, hole.shape)
+    )
+    return rows, columns
+
+
+def with_part(view: View, part: View, rows: slice, columns: slice) -> View:
+    """The view with a part of it (`View.cropped`) in its place."""
+    planes = {}
+    for one in dataclasses.fields(View)[1:]:
+        whole, inside = getattr(view, one.name), getattr(part, one.name)
+        if inside is not None:
+            planes[one.name] = (
+                np.zeros((*view.hole.shape, *inside.shape[2:]), inside.dtype) if whole is None else whole.copy()
+            )
+            planes[one.name][rows, columns] = inside
+    return view.with_planes(**planes)
+
+
+def _filled(view: View, inpainter: Inpainter, law: Law, seed: int) -> tuple[View, FillReport]:
+    """`inpaint`, the filler seeing all of the view."""
+    hole = view.hole
     fill = checked_fill(inpainter(view, law, seed), view)
     depth, moved = lawful_depth(view, fill.depth, hole, law)
     color = np.where(view.color_hole[..., None], fill.color, view.color)

@@ -1,12 +1,10 @@
-"""Telea and Navier-Stokes by OpenCV: a view with holes in; colour and depth, filled separately from all sides of the hole, out.
+"""Telea by OpenCV: a view with holes in; colour and depth, filled separately from all sides of the hole, out.
 
 Depth goes through as inverse depth (0 = far) in 16 bit: OpenCV 5's Telea on float32 returns wrong values even on a constant
 plane, on uint16 it is right.
 """
 
 from __future__ import annotations
-
-import functools
 
 import cv2
 import numpy as np
@@ -21,18 +19,17 @@ RADIUS = 3
 """Neighbourhood of cv2.inpaint in pixels."""
 
 
-def diffuse(view: View, law: Law, seed: int, *, method: str) -> Fill:
+def diffuse(view: View, law: Law, seed: int) -> Fill:
     """Fill colour (8 bit) and inverse depth (16 bit, full scale = the nearest pixel) by cv2.inpaint."""
     w = inverse_depth(np.where(view.hole, np.float32(0), view.depth))
     scale = float(w.max()) / 65535 or 1.0
-    levels = paint(np.round(w / scale).astype(np.uint16), view.hole, method=method)
-    return Fill(paint(view.color, view.hole, method=method), depth_of_levels(levels, scale))
+    levels = paint(np.round(w / scale).astype(np.uint16), view.hole)
+    return Fill(paint(view.color, view.hole), depth_of_levels(levels, scale))
 
 
-def paint(picture: np.ndarray, hole: BoolArray, seed: int = 0, *, method: str) -> np.ndarray:
+def paint(picture: np.ndarray, hole: BoolArray, seed: int = 0) -> np.ndarray:
     """A picture (uint8 H x W x 3, or uint16 H x W) with the hole filled by cv2.inpaint, which draws nothing from the seed."""
-    flag = {"telea": cv2.INPAINT_TELEA, "navier-stokes": cv2.INPAINT_NS}[method]
-    return np.asarray(cv2.inpaint(picture, hole.astype(np.uint8), RADIUS, flag), picture.dtype)
+    return np.asarray(cv2.inpaint(picture, hole.astype(np.uint8), RADIUS, cv2.INPAINT_TELEA), picture.dtype)
 
 
 def depth_of_levels(levels: np.ndarray, scale: float) -> Float32Array:
@@ -42,10 +39,4 @@ def depth_of_levels(levels: np.ndarray, scale: float) -> Float32Array:
     return out
 
 
-def painter(method: str) -> Painter:
-    """The filler of that name, for views and for pictures."""
-    return Painter(functools.partial(diffuse, method=method), functools.partial(paint, method=method))
-
-
-telea = painter("telea")
-navier_stokes = painter("navier-stokes")
+telea = Painter(diffuse, paint)

@@ -35,10 +35,10 @@ def telea_spread(values: np.ndarray, known: BoolArray) -> Float32Array:
     if not known.any():
         return np.asarray(values, np.float32)
     if values.shape[2] == 3:
-        return paint(np.round(np.clip(values, 0, 255)).astype(np.uint8), ~known, method="telea").astype(np.float32)
+        return paint(np.round(np.clip(values, 0, 255)).astype(np.uint8), ~known).astype(np.float32)
     scale = float(values[known].max()) / 65535 or 1.0
     levels: np.ndarray = np.round(np.clip(values[..., 0] / scale, 0, 65535)).astype(np.uint16)
-    return (paint(levels, ~known, method="telea") * np.float32(scale))[..., None]
+    return (paint(levels, ~known) * np.float32(scale))[..., None]
 
 
 def pull_push(values: np.ndarray, known: BoolArray) -> Float32Array:

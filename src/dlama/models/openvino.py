@@ -1,6 +1,7 @@
 """An ONNX file in -> a session with the few methods of onnxruntime's that a network file calls, run by OpenVINO, out.
 
-On x86 processors it runs a LaMa faster than ONNX Runtime (docs/models.md has the table); the MI-GAN pipeline it refuses.
+On x86 processors it runs a LaMa faster than ONNX Runtime (measured by `benchmarks/lama_network.py`); it refuses the MI-GAN
+pipeline.
 """
 
 from __future__ import annotations

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import pkgutil
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -13,6 +12,9 @@ from dlama.arguments import check_arguments
 from dlama.errors import InputError, MaskError
 from dlama.geometry.rgbd import RGBD, BoolArray, UInt8Array, checked_color, read_only
 from dlama.perception.masks.prompt import Box, Point, Prompt
+from dlama.perception.masks.rgbd import rgbd_masker
+from dlama.perception.masks.salient import salient_masker
+from dlama.perception.masks.segment_anything import segment_anything_masker
 from dlama.perception.shadows.find import find_shadow
 
 MaskModel = str | Path | tuple[str | Path, str | Path]
@@ -26,10 +28,10 @@ Pointed = Callable[[Prompt], tuple[dict[str, BoolArray], tuple[str, ...]]]
 
 @dataclass(frozen=True)
 class MaskerRecord:
-    """Where a masker's code stands, and what it needs."""
+    """A masker, and what it needs."""
 
-    entry_point: str
-    """`module:name` of a function (picture, mask_model) -> Pointed: what is done once for a picture, then for each prompt."""
+    open: Callable[[Any, Any], Pointed]
+    """(picture, mask_model) -> what is pointed at: what is done once for a picture, then for each prompt."""
     needs_depth: bool = False
     """Whether the picture must be an RGBD."""
     needs_prompt: bool = True
@@ -80,9 +82,7 @@ class MaskSession:
 
     @cached_property
     def _pointed(self) -> Pointed:
-        found: Any = pkgutil.resolve_name(MASKERS[self.masker].entry_point)
-        pointed: Pointed = found(self.picture, self.mask_model)
-        return pointed
+        return MASKERS[self.masker].open(self.picture, self.mask_model)
 
     def find(
         self,
@@ -184,10 +184,8 @@ def find_mask(
 CANDIDATES = ("part", "thing", "group")
 
 MASKERS: dict[str, MaskerRecord] = {
-    "rgbd": MaskerRecord("dlama.perception.masks.rgbd:rgbd_masker", needs_depth=True),
-    "salient": MaskerRecord("dlama.perception.masks.salient:salient_masker", needs_prompt=False),
-    "segment-anything": MaskerRecord(
-        "dlama.perception.masks.segment_anything:segment_anything_masker", takes_model=True
-    ),
+    "rgbd": MaskerRecord(rgbd_masker, needs_depth=True),
+    "salient": MaskerRecord(salient_masker, needs_prompt=False),
+    "segment-anything": MaskerRecord(segment_anything_masker, takes_model=True),
 }
 """Name -> record; the default comes first."""

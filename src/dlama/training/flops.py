@@ -31,7 +31,7 @@ GPU_FLOP = 990e12
 """Per second: dense bf16 of an H100-class GPU, as its data sheet has it; no network reaches it."""
 GPU_SHARE = (0.10, 0.20)
 """Reached share of it, ASSUMED: small convolutions, batch norms and transforms keep a GPU waiting for its memory. On a CPU the
-same steps reach 21 % to 37 % of a matrix product (docs/training.md)."""
+same steps reach 21 % to 37 % of a matrix product (`python benchmarks/training.py`)."""
 CORES = 15
 """Cores that make samples beside a GPU: 16 less the one that trains."""
 MEASURED_SIZE = 256

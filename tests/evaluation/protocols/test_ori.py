@@ -145,7 +145,7 @@ def test_another_protocols_truth_is_refused() -> None:
 
 
 def test_the_ring_is_16_pixels_wide() -> None:
-    """Closed form: docs/evaluation.md says 16 px; the three regions share the picture."""
+    """Closed form: docs/reference/formats.md says 16 px; the three regions share the picture."""
     regions = reference_of(TRUTH, ProtocolSettings()).regions
     np.testing.assert_array_equal(regions["ring"], dilated(SQUARE_IN_SOURCE, 16) & ~SQUARE_IN_SOURCE)
     np.testing.assert_array_equal(regions["outside"], ~dilated(SQUARE_IN_SOURCE, 16))

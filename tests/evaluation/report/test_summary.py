@@ -143,7 +143,7 @@ def test_variants_come_last_and_are_named() -> None:
     found = summarise([row("a", 10, 1, method=f"{name}/telea") for name in names])
     assert found.methods == ("dlama/telea", "paper/telea", "dlama+object,dilate=0/telea")
     assert variant_of("dlama+mask+3/telea") == ("dlama/telea", "mask+3")
-    assert variant_of("dlama/navier-stokes") == ("dlama/navier-stokes", "")
+    assert variant_of("dlama/layered-patches") == ("dlama/layered-patches", "")
     table = variants(found, "vpi", "toy", PAPER_SHAPE, "Variants")
     assert table and [tuple(cell.text for cell in line) for line in table.rows] == [
         ("dlama/telea", "as named", "1.00"),

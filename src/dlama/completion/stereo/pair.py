@@ -121,21 +121,20 @@ def default_far(rig: StereoRig) -> float:
     return rig.left.fx * rig.baseline_m / FAR_PX
 
 
-def check_pair(left: UInt8Array, right: UInt8Array, rig: StereoRig, far: float | None) -> None:
-    """Raise ShapeError where a picture has not the rig's size, InputError where `far` is no distance."""
+def checked_pair(
+    left: UInt8Array, right: UInt8Array, rig: StereoRig, far: float | None
+) -> tuple[UInt8Array, UInt8Array]:
+    """Both pictures as arrays. Raises ShapeError where one has not the rig's size, InputError where `far` is no distance."""
     if far is not None and not (isinstance(far, Real) and far > 0):
         raise InputError(f"far is {far!r} m; more than 0 is expected")
-    for name, picture in (("left", left), ("right", right)):
-        if not isinstance(picture, np.ndarray):
-            raise InputError(
-                f"{name} is of type {type(picture).__name__}; a picture is wanted, uint8 H x W x 3 (`read_color` reads one)"
-            )
-        checked_color(picture, name)
+    pictures = checked_color(left, "left"), checked_color(right, "right")
+    for name, picture in zip(("left", "right"), pictures):
         if picture.shape[:2] != rig.left.hw:
             raise ShapeError(
                 f"the {name} picture is {picture.shape[1]}x{picture.shape[0]} and the calibration "
                 f"{rig.left.width}x{rig.left.height}; both must have the same size"
             )
+    return pictures
 
 
 def masks_of_pair(
@@ -144,7 +143,7 @@ def masks_of_pair(
     """The masks of both pictures; the right one is carried over by disparity where it is not given. Raises MaskError."""
     if mask is None:
         return None
-    checked_mask(mask, rig.left.hw)
+    mask = checked_mask(mask, rig.left.hw)
     carried = carry_mask(mask, left_disparity) if mask_right is None else checked_mask(mask_right, rig.right.hw)
     return mask, carried
 

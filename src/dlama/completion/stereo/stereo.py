@@ -43,7 +43,7 @@ from dlama.completion.stereo.exchange import (
 from dlama.completion.stereo.pair import (
     CompletedPair,
     MatchedPair,
-    check_pair,
+    checked_pair,
     default_far,
     depth_in_metres,
     masks_of_pair,
@@ -116,7 +116,7 @@ def stereo(
             cannot be used (MaskError).
     """
     check_arguments(stereo, locals())
-    check_pair(left, right, rig, far)
+    left, right = checked_pair(left, right, rig, far)
     if mask is None and mask_right is not None:
         raise InputError("mask_right was given without mask; the mask of the left view is wanted too")
     checked_seed(seed)

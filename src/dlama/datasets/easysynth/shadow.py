@@ -5,8 +5,8 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from dlama.geometry.holes import dilated
-from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
+from dlama.geometry.holes import box_mean, dilated
+from dlama.geometry.rgbd import BoolArray, UInt8Array
 
 EDGE_PX = 3
 """Round the mask colour is a mix of object and background (anti-aliasing, JPEG ringing), neither object nor shadow."""
@@ -39,7 +39,8 @@ def cast_shadow(color: UInt8Array, without: UInt8Array, mask: BoolArray) -> Bool
     before, after = (np.asarray(cv2.cvtColor(each, cv2.COLOR_RGB2GRAY), np.float32) for each in (color, without))
     if np.abs(np.median((after - before)[~near])) > SAME_EXPOSURE_LEVELS:
         return None
-    lost, light = _mean_outside(after - before, near), _mean_outside(after, near)
+    outside = (~near).astype(np.float32)  # the object's own change must not bleed out
+    lost, light = (box_mean(each, outside, SMOOTHING_PX) for each in (after - before, after))
     dark = ~near & (lost >= DARKER_LEVELS) & (lost >= DARKER_SHARE * light)
     _, labels, stats, _ = cv2.connectedComponentsWithStats(dark.astype(np.uint8), connectivity=8)
     large = stats[:, cv2.CC_STAT_AREA] >= SMALLEST_SHARE * mask.size
@@ -48,14 +49,6 @@ def cast_shadow(color: UInt8Array, without: UInt8Array, mask: BoolArray) -> Bool
     touching[np.unique(labels[_neighbourhood(mask)])] = True
     shadow = (large & touching)[labels]
     return shadow if shadow.any() else None
-
-
-def _mean_outside(values: Float32Array, near: BoolArray) -> Float32Array:
-    """Box mean over the pixels outside `near` only: the object's own change must not bleed out."""
-    outside = (~near).astype(np.float32)
-    size = (SMOOTHING_PX, SMOOTHING_PX)
-    total, count = cv2.blur(values * outside, size), cv2.blur(outside, size)
-    return np.asarray(total / np.maximum(count, 1e-6), np.float32)
 
 
 def _neighbourhood(mask: BoolArray) -> tuple[slice, slice]:

@@ -1,8 +1,8 @@
 """Completed views of a sequence in; a data set in nerfstudio's layout out, which trainers of splats and our own reader read.
 
 images/NAME.png, depth/NAME.png (16-bit millimetres, 0 = missing, 65535 = far), hole/NAME.png (255 = colour and depth were
-filled), origin/NAME.png (codes, docs/conventions.md), source/NAME.png (16 bit: 1 + the number of the frame a pixel comes from,
-0 = none) and transforms.json, whose `source_frames` names those numbers.
+filled), origin/NAME.png (codes, docs/concepts/conventions.md), source/NAME.png (16 bit: 1 + the number of the frame a pixel
+comes from, 0 = none) and transforms.json, whose `source_frames` names those numbers.
 """
 
 from __future__ import annotations

@@ -5,7 +5,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from dlama.geometry.holes import dilated, eroded
+from dlama.geometry.holes import box_mean, dilated, eroded
 from dlama.geometry.rgbd import BoolArray, UInt8Array
 from dlama.perception.masks.prompt import Box
 
@@ -65,7 +65,6 @@ def darkened(color: UInt8Array, without: UInt8Array, mask: BoolArray) -> BoolArr
     color, without: H x W x 3, the picture with and without the thing.
     """
     outside = away_from(mask).astype(np.float32)
-    count = np.maximum(cv2.blur(outside, (3, 3)), 1e-6)
     luma = [cv2.cvtColor(each, cv2.COLOR_RGB2GRAY).astype(np.float32) for each in (color, without)]
-    shown, true = (cv2.blur(each * outside, (3, 3)) / count for each in luma)
+    shown, true = (box_mean(each, outside, 3) for each in luma)
     return np.asarray((true - shown >= np.maximum(DARKER * true, DARKER_LEVELS)) & (outside > 0))

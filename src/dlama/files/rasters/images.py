@@ -306,8 +306,8 @@ def _what_else(file: Path) -> str:
     which = (
         "a scene"
         if suffix == ".npz"
-        else "the scene.npz of the result (--also scene)"
+        else "the scene.npz of the result"
         if suffix in (".ply", ".glb")
         else ""
     )
-    return f"; {which} goes into view, sequence, video and show" if which else ""
+    return f"; {which} goes into view, sequence, video and show (--also scene writes it)" if which else ""

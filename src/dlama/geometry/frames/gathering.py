@@ -9,7 +9,7 @@ from functools import partial
 import numpy as np
 
 from dlama.arguments import check_arguments
-from dlama.errors import InputError, ShapeError
+from dlama.errors import InputError, InputTypeError, ShapeError
 from dlama.geometry.camera import Float64Array
 from dlama.geometry.frames.agreement import ENOUGH, Overlap, fitted_gains, fitted_noise, judged, overlaps
 from dlama.geometry.frames.coarse import coarse_depth
@@ -64,7 +64,7 @@ def view_of(frame: FrameSource, name: str, cache: PixelCache) -> View:
     if isinstance(frame, RGBD):
         return _with_depth(View.from_rgbd(frame), name)
     if not callable(frame):
-        raise InputError(
+        raise InputTypeError(
             f"{name} is of type {type(frame).__name__}; an RGBD (a picture with depth) is wanted, or what reads one"
         )
     first = View.from_rgbd(frame())

@@ -29,7 +29,9 @@ from dlama.geometry.scene import Scene
 from dlama.geometry.view import HoleType, View
 
 GROWTH_PX, HALO_PX = 3, 3
-"""By which a mask grows, and by how much more in a depth camera's picture: compression and blur spread an object's colours."""
+"""By which a mask grows in a picture of up to GROWTH_WIDTH px, and by how much more in a depth camera's: compression and
+blur spread an object's colours. In larger pictures both are larger in proportion."""
+GROWTH_WIDTH = 1024
 RIM_PX = 3
 """A mask's rim that is not carried: masks reach a little over the object."""
 EDGE_PX = 2
@@ -65,13 +67,15 @@ class Removal(NamedTuple):
 
 
 def mask_growth(scene: Scene, dilate: int | None = None) -> Growth:
-    """`dilate` px where it is given; else GROWTH_PX, and HALO_PX more where a depth camera took the pictures."""
+    """`dilate` px where it is given; else GROWTH_PX, and HALO_PX more where a depth camera took the pictures, in proportion to
+    pictures that are larger than GROWTH_WIDTH."""
     if dilate is not None:
         if not isinstance(dilate, Integral) or dilate < 0:
             raise InputError(f"dilate is {dilate!r} px; a whole number, 0 or more, is expected")
         return Growth(int(dilate), "as given")
     profile = DepthProfile.of(scene)
-    return Growth(GROWTH_PX + HALO_PX * profile.from_depth_camera, profile.reason)
+    larger = max(1.0, max(max(frame.camera.wh) for frame in scene.frames) / GROWTH_WIDTH)
+    return Growth(round(larger * (GROWTH_PX + HALO_PX * profile.from_depth_camera)), profile.reason)
 
 
 def remove_object(scene: Scene, mask: BoolArray | Mapping[int, BoolArray], dilate: int | None = None) -> Removal:

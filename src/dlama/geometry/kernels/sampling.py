@@ -2,7 +2,7 @@
 
 Cubic B-spline interpolation inside a surface, bilinear beside its edges, so that nothing bleeds across them. Bilinear
 everywhere blurs: on street frames turned by 10 degrees, LPIPS over what both cameras see is a third lower so
-(docs/evaluation.md).
+(`python benchmarks/headroom.py`).
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """The judge's verdict in; the same with what is known of fillers beforehand, and against invented detail, out.
 
-The judge never learns which filler made a guess. Two rules that it cannot see, settled on street s03 and s05 (docs/choice.md).
+The judge never learns which filler made a guess. Two rules that it cannot see, settled on street s03 and s05.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from collections.abc import Sequence
 import cv2
 import numpy as np
 
+from dlama.geometry.holes import gaussian_mean
 from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.inpainters.choice.judge import STRIDE, Verdict
 from dlama.inpainters.choice.planes import CONTEXT, JudgePlanes
@@ -61,13 +62,9 @@ def invented(planes: JudgePlanes) -> Float32Array:
 
 def detail_of(grey: Float32Array, known: BoolArray) -> Float32Array:
     """H x W magnitudes of what a blur of the known pixels takes away; beside a hole no guess has a say in it."""
-    weight = known.astype(np.float32)
-    blurred, share = (cv2.GaussianBlur(a, (0, 0), FINE) for a in (grey * weight, weight))
-    return np.abs(grey - blurred / np.maximum(share, np.float32(1e-3))).astype(np.float32)
+    return np.abs(grey - gaussian_mean(grey, known.astype(np.float32), FINE))
 
 
 def known_mean(values: Float32Array, known: BoolArray) -> Float32Array:
     """H x W: mean of the known values round each pixel; 0 where none are near."""
-    sigma, weight = AROUND * float(np.hypot(*known.shape)), known.astype(np.float32)
-    share = np.maximum(cv2.GaussianBlur(weight, (0, 0), sigma), 1e-3)
-    return np.asarray(cv2.GaussianBlur(values * weight, (0, 0), sigma) / share, np.float32)
+    return gaussian_mean(values, known.astype(np.float32), AROUND * float(np.hypot(*known.shape)))

@@ -43,7 +43,7 @@ INNER_PX = (8, 4, 0)
 def depth_first(inpainter: Inpainter) -> Inpainter:
     """A filler that continues depth as `layered` does and lets the given one paint; one that is no Painter comes back as it is.
 
-    A network's own depth out of view was measured against this and mixed with it (docs/evaluation.md): it is right more often at
+    A network's own depth out of view was measured against this and mixed with it: it is right more often at
     +-60 degrees and wrong more often before. Colours are hedged there as those of `layered` are.
     """
 

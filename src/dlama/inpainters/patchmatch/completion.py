@@ -39,6 +39,8 @@ SHARP, NARROW = 8.0, 1.4
 """The same in the last round: the best patches alone count, near their middle, as means of many are blurred."""
 BAND = 512
 """Patches per task."""
+LARGEST_MATCHED = 3_000_000
+"""Pixels of a picture up to which patches are matched; a larger one is painted from where the level below found them."""
 DRAWN = 65536
 """Random numbers drawn a level."""
 
@@ -89,7 +91,8 @@ def complete_picture(
             search.go_on_from(coarser)
         rounds = int(np.clip(effort.updates // len(search.targets), 1, effort.rounds))
         for turn in range(rounds):
-            search.match(turn, effort.matchings)
+            if coarser is None or levels[i].hole.size <= LARGEST_MATCHED:
+                search.match(turn, effort.matchings)
             search.vote(last=i == 0 and turn == rounds - 1)
         coarser = search
     out[hole] = np.clip(np.round(search.values[hole][:, :3]), 0, 255)

@@ -26,6 +26,7 @@ from dlama.inpainters.layered.remaining_shadows import shadow_beside
 from dlama.inpainters.layered.surfaces import Surfaces
 from dlama.inpainters.networks.migan import migan_filler
 from dlama.inpainters.patchmatch.completion import QUICK, complete_picture
+from dlama.inpainters.patchmatch.guess import rough_guess
 
 INNER = (HoleType.OBJECT, HoleType.DISOCCLUDED)
 """Holes that the network guesses."""
@@ -46,7 +47,7 @@ def layered_patches_filler(model: str | Path) -> Inpainter:
             color = painted(view, surfaces, depth, law, seed)
         if hole.any():
             label, hidden = kept_from_patches(view, surfaces, depth, law, hole)
-            guess = network.paint(color, inner | hidden, seed) if inner.any() else color
+            guess = rough_guess(network.paint, color, inner | hidden, seed) if inner.any() else color
             done = complete_picture(color, hole | hidden, guess, seed, label=label, effort=QUICK)
             color = np.where(hidden[..., None], color, done)
         color = blended_out_of_view(view, surfaces, depth, color, law)

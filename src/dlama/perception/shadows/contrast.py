@@ -9,7 +9,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from dlama.geometry.holes import dilated
+from dlama.geometry.holes import box_mean, dilated
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array
 
 FINE = 20
@@ -40,6 +40,4 @@ def stands_out(rgbd: RGBD, shadow: BoolArray, usable: BoolArray) -> bool:
 def fine_pattern(level: Float32Array, usable: BoolArray) -> Float32Array:
     """H x W: a level less its mean over the part of a window, of a FINE-th of the picture, that shows the surface."""
     side = 2 * (max(level.shape) // FINE // 2) + 1
-    there = usable.astype(np.float32)
-    total, count = (cv2.blur(each, (side, side)) for each in (level * there, there))
-    return np.asarray(level - total / np.maximum(count, 1e-6), np.float32)
+    return level - box_mean(level, usable.astype(np.float32), side)

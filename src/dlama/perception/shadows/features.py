@@ -10,7 +10,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from dlama.geometry.holes import dilated, nearest_known
+from dlama.geometry.holes import box_mean, dilated, nearest_known
 from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.perception.shadows.planes import FAR, LOG_RANGE, THROWN
 
@@ -139,13 +139,13 @@ def pixel_features(
     deep = float(np.median(dark[inside])) if inside.any() else 0.0
     around = float(np.median(dark[ring])) if ring.sum() >= FEWEST_PX else 0.0
     scale = max(deep, LEAST_DEEP)
-    smooth = [masked_mean(dark, there, window) for window in WINDOWS]
-    spread = np.sqrt(np.maximum(masked_mean(dark * dark, there, WINDOWS[1]) - smooth[1] ** 2, 0))
+    smooth = [box_mean(dark, there, window, 1e-3) for window in WINDOWS]
+    spread = np.sqrt(np.maximum(box_mean(dark * dark, there, WINDOWS[1], 1e-3) - smooth[1] ** 2, 0))
     apart, nearest = nearest_of(thing)
     tall = max(float(np.sqrt(thing.sum())), 4.0)
     right, away = (FAR * np.arctanh(np.clip(planes[n], -0.999, 0.999)) for n in (7, 8))
     ratio = planes[:3] - (planes[:3, ring].mean(1) if ring.sum() >= FEWEST_PX else np.zeros(3))[:, None, None]
-    flat = [dark, *smooth, spread, masked_mean(there, np.ones_like(there), WINDOWS[1])]
+    flat = [dark, *smooth, spread, box_mean(there, np.ones_like(there), WINDOWS[1])]
     flat += [np.clip(each / scale, -1.5, 2.5) for each in (dark, smooth[0], smooth[1])]
     flat += [np.clip((out - within) / REACH, -1, 1), np.exp(-out / 5), np.clip((out - within) / tall, -1, 2)]
     flat += [ratio[0] - ratio[1], ratio[2] - ratio[1], ratio[1]]
@@ -207,9 +207,3 @@ def way_to(values: Float32Array, there: Float32Array, target: tuple[Float32Array
         total += cv2.remap(values * there, x, y, cv2.INTER_NEAREST)
         count += cv2.remap(there, x, y, cv2.INTER_NEAREST)
     return np.asarray(total / count, np.float32)
-
-
-def masked_mean(values: Float32Array, where: Float32Array, window: int) -> Float32Array:
-    """h x w: mean over windows, of what counts."""
-    size = (window, window)
-    return np.asarray(cv2.blur(values * where, size) / np.maximum(cv2.blur(where, size), 1e-3), np.float32)

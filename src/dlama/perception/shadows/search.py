@@ -14,6 +14,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from dlama.geometry.holes import gaussian_mean
 from dlama.geometry.kernels.jit import in_bands
 from dlama.geometry.rgbd import RGBD, BoolArray, UInt8Array
 from dlama.perception.kernels.shadows import DIRECTIONS_A_TASK, throw_shapes
@@ -119,9 +120,7 @@ def divergence_of(color: UInt8Array, seen: BoolArray, scale: Scale) -> tuple[NDA
     """H x W divergence of the clipped gradient of log luma between pixels that are seen, and the gradient's RMS."""
     blur, steepest = scale
     level = np.log(cv2.cvtColor(color, cv2.COLOR_RGB2GRAY).astype(np.float32) + 4)
-    there = seen.astype(np.float32)
-    share = cv2.GaussianBlur(there, (0, 0), blur)
-    smooth = cv2.GaussianBlur(level * there, (0, 0), blur) / np.maximum(share, 1e-3)
+    smooth = gaussian_mean(level, seen.astype(np.float32), blur)
     inner = cv2.erode(seen.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
     out, squares = np.zeros(seen.shape), []
     for axis in (0, 1):

@@ -1,0 +1,27 @@
+"""A painter, and a picture with a hole, in; its rough guess of the picture, for patches to begin with, out."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from dlama.geometry.rgbd import BoolArray, UInt8Array
+from dlama.inpainters.filling import Paint
+
+GUESS_SIDE = 768
+"""Longer side in pixels of the picture that the painter sees: detail comes from patches."""
+
+
+def rough_guess(paint: Paint, picture: UInt8Array, hole: BoolArray, seed: int) -> UInt8Array:
+    """H x W x 3: the picture (H x W x 3 RGB) with its hole (H x W) as painted at GUESS_SIDE pixels at most."""
+    height, width = hole.shape
+    by = GUESS_SIDE / max(height, width)
+    if by >= 1:
+        return paint(picture, hole, seed)
+    size = max(1, round(width * by)), max(1, round(height * by))
+    known = (~hole).astype(np.float32)
+    share = cv2.resize(known, size, interpolation=cv2.INTER_AREA)
+    sums = cv2.resize(picture * known[..., None], size, interpolation=cv2.INTER_AREA)
+    small = np.clip(np.round(sums / np.maximum(share, np.float32(1e-6))[..., None]), 0, 255).astype(np.uint8)
+    painted = cv2.resize(paint(small, share < 0.5, seed), (width, height), interpolation=cv2.INTER_CUBIC)
+    return np.where(hole[..., None], painted, picture)
