@@ -79,7 +79,7 @@ class Generator(nn.Module):
                 height, width = x.shape[-2:]
                 x = x + rest[0][..., :height, :width]  # noise belongs to 512 x 512; smaller pictures take its corner
             elif kind not in ("Cast", "Identity"):
-                raise ValueError(f"operator {kind} at {output}; convolutions, leaky ReLUs and sums are wanted")
+                raise ValueError(f"operator {kind} at {output}; convolutions, leaky ReLUs and sums are expected")
             values[output] = x
         return cast(Tensor, values[self.exit])
 

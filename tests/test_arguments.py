@@ -149,23 +149,23 @@ def a_function(
 @pytest.mark.parametrize(
     ("given", "message"),
     [
-        ({"camera": "cam.json"}, r"^camera is of type str; a Camera is wanted \(`read_camera` reads one\)$"),
-        ({"camera": None}, "^camera is None; a Camera is wanted"),
-        ({"cameras": CAMERA}, "^cameras is of type Camera; a list of Cameras is wanted$"),
-        ({"cameras": [CAMERA, "cam.json"]}, r"^cameras\[1\] is of type str; a Camera is wanted"),
-        ({"inputs": [("depth", "depth.png")]}, "^inputs is of type list; a dict is wanted$"),
-        ({"inputs": {"depth": 3}}, r"^inputs\['depth'\] is of type int; a path is wanted$"),
-        ({"inputs": {3: "depth.png"}}, "^the key 3 of inputs is of type int; a string is wanted$"),
-        ({"seconds": {"read": "1"}}, r"^seconds\['read'\] is '1'; a number is wanted$"),
-        ({"filler": 3}, "^filler is of type int; a string or a function is wanted$"),
-        ({"hw": (3,)}, r"^hw is \(3,\); 2 numbers are wanted$"),
-        ({"hw": DEPTH}, r"^hw is of type ndarray with shape \(24, 32\); 2 numbers are wanted$"),
-        ({"clicks": [(1, 2, 3)]}, r"^clicks is \[\(1, 2, 3\)\]; a list of tuples of 2 numbers is wanted$"),
-        ({"clicks": [(1, "2")]}, "^clicks is .*; a list of tuples of 2 numbers is wanted$"),
-        ({"clicks": (1, 2)}, r"^clicks is \(1, 2\); a list of tuples of 2 numbers is wanted$"),
-        ({"only": 3}, "^only is of type int; a list of strings is wanted$"),
-        ({"sharpen": "no"}, "^sharpen is of type str; True or False is wanted$"),
-        ({"mode": 3}, "^mode is of type int; a name is wanted$"),
+        ({"camera": "cam.json"}, r"^camera is of type str; a Camera is expected \(`read_camera` reads one\)$"),
+        ({"camera": None}, "^camera is None; a Camera is expected"),
+        ({"cameras": CAMERA}, "^cameras is of type Camera; a list of Cameras is expected$"),
+        ({"cameras": [CAMERA, "cam.json"]}, r"^cameras\[1\] is of type str; a Camera is expected"),
+        ({"inputs": [("depth", "depth.png")]}, "^inputs is of type list; a dict is expected$"),
+        ({"inputs": {"depth": 3}}, r"^inputs\['depth'\] is of type int; a path is expected$"),
+        ({"inputs": {3: "depth.png"}}, "^the key 3 of inputs is of type int; a string is expected$"),
+        ({"seconds": {"read": "1"}}, r"^seconds\['read'\] is '1'; a number is expected$"),
+        ({"filler": 3}, "^filler is of type int; a string or a function is expected$"),
+        ({"hw": (3,)}, r"^hw is \(3,\); 2 numbers are expected$"),
+        ({"hw": DEPTH}, r"^hw is of type ndarray with shape \(24, 32\); 2 numbers are expected$"),
+        ({"clicks": [(1, 2, 3)]}, r"^clicks is \[\(1, 2, 3\)\]; a list of tuples of 2 numbers is expected$"),
+        ({"clicks": [(1, "2")]}, "^clicks is .*; a list of tuples of 2 numbers is expected$"),
+        ({"clicks": (1, 2)}, r"^clicks is \(1, 2\); a list of tuples of 2 numbers is expected$"),
+        ({"only": 3}, "^only is of type int; a list of strings is expected$"),
+        ({"sharpen": "no"}, "^sharpen is of type str; True or False is expected$"),
+        ({"mode": 3}, "^mode is of type int; a name is expected$"),
     ],
 )
 def test_the_message_names_the_parameter_what_came_and_what_is_wanted(given: dict[str, object], message: str) -> None:
@@ -186,17 +186,17 @@ def test_what_fits_passes() -> None:
 
 
 def test_numbers_and_counts() -> None:
-    with pytest.raises(InputError, match="far is '2'; a number is wanted"):
+    with pytest.raises(InputError, match="far is '2'; a number is expected"):
         check_number("2", "far")
     for bad in (0, 1.0, "2", np.nan):
-        with pytest.raises(InputError, match=r"workers is .*; 1 or more is wanted, a whole number"):
+        with pytest.raises(InputError, match=r"workers is .*; 1 or more is expected, a whole number"):
             check_count(bad, "workers")
 
 
 def test_a_filler_that_returns_no_fill_is_told_so() -> None:
     """Law: the message is about the filler; before, a bare AttributeError came from inside."""
-    with pytest.raises(InputError, match="what the filler returned is None; a Fill is wanted"):
+    with pytest.raises(InputError, match="what the filler returned is None; a Fill is expected"):
         dlama.view(RGBD, yaw=10, filler=lambda view, law, seed: None)  # type: ignore[arg-type, return-value]
     small = dlama.Fill(COLOR[:3, :3], DEPTH[:3, :3])
-    with pytest.raises(InputError, match=r"the filler's color has shape \(3, 3, 3\); \(24, 32, 3\) is wanted"):
+    with pytest.raises(InputError, match=r"the filler's color has shape \(3, 3, 3\); \(24, 32, 3\) is expected"):
         dlama.inpaint(VIEW, lambda view, law, seed: small, dlama.Law(()))

@@ -11,11 +11,13 @@ from dlama.errors import LONGEST, DlamaError, FileError, InputError, MissingExtr
 
 
 def test_a_message_with_a_very_long_value_is_shortened() -> None:
-    """Its beginning (file and field) and its end (what is wanted) stay; a usual one stays whole."""
+    """Its beginning (file and field) and its end (what is expected) stay; a usual one stays whole."""
     for kind in (FileError, OutputError):
-        assert str(kind("a.json: fx is 7; more is wanted")) == "a.json: fx is 7; more is wanted"
-        shown = str(kind(f"a.json: fx is {'9' * 5000}; more is wanted"))
-        assert shown.startswith("a.json: fx is 999") and shown.endswith("999; more is wanted") and len(shown) <= LONGEST
+        assert str(kind("a.json: fx is 7; more is expected")) == "a.json: fx is 7; more is expected"
+        shown = str(kind(f"a.json: fx is {'9' * 5000}; more is expected"))
+        assert (
+            shown.startswith("a.json: fx is 999") and shown.endswith("999; more is expected") and len(shown) <= LONGEST
+        )
 
 
 @pytest.mark.parametrize(

@@ -49,7 +49,7 @@ WHERE_FROM = {
 def check_arguments(function: Callable[..., Any], given: Mapping[str, object]) -> None:
     """The first line of a public function: InputTypeError where one of its arguments (`locals()`) is not of its parameter's type.
 
-    The message names the parameter, or its element (`inputs['depth']`, `cameras[1]`), the type that came and what is wanted.
+    The message names the parameter, or its element (`inputs['depth']`, `cameras[1]`), the type that came and what is expected.
     """
     for name, annotation in _annotations(function).items():
         if name in given:
@@ -85,16 +85,16 @@ def as_array(value: object, name: str, wanted: str = "an array") -> np.ndarray:
 
 
 def check_number(value: object, name: str, what: str = "a number") -> None:
-    """Raise InputTypeError, which calls the value `name`, unless it is a number (or None); `what`: what is wanted, in words."""
+    """Raise InputTypeError, which calls the value `name`, unless it is a number (or None); `what`: what is expected, in words."""
     if value is not None and not isinstance(value, Real):
-        raise InputTypeError(f"{name} is {value!r}; {what} is wanted")
+        raise InputTypeError(f"{name} is {value!r}; {what} is expected")
 
 
 def check_count(value: object, name: str) -> None:
     """Raise InputError, which calls the value `name`, unless it is a whole number of 1 or more (or None)."""
     if value is not None and not (isinstance(value, Integral) and int(value) >= 1):
         raise (InputError if isinstance(value, Real) else InputTypeError)(
-            f"{name} is {value!r}; 1 or more is wanted, a whole number"
+            f"{name} is {value!r}; 1 or more is expected, a whole number"
         )
 
 
@@ -162,13 +162,13 @@ def _complaint_of_numbers(value: object, annotation: Any, name: str) -> str:
         f"{counts[-1] or 'some'} numbers are" if len(counts) == 1 else f"a list of tuples of {counts[-1]} numbers is"
     )
     came = repr(value) if np.size(found) < 20 else f"of type {type(value).__name__} with shape {found.shape}"
-    return f"{name} is {came}; {wanted} wanted"
+    return f"{name} is {came}; {wanted} expected"
 
 
 def _not_a(value: object, wanted: Sequence[Any], name: str) -> str:
     came = repr(value) if value is None or set(wanted) <= {int, float} else f"of type {type(value).__name__}"
     where_from = next((WHERE_FROM[one.__name__] for one in wanted if getattr(one, "__name__", "") in WHERE_FROM), "")
-    return f"{name} is {came}; {in_words(wanted)} is wanted{where_from}"
+    return f"{name} is {came}; {in_words(wanted)} is expected{where_from}"
 
 
 def _is_a(value: object, kind: Any, inner: tuple[Any, ...]) -> bool:

@@ -82,7 +82,7 @@ def test_bad_files(frame: Path, capsys: pytest.CaptureFixture[str], what: str, w
     ],
 )
 def test_bad_options(frame: Path, capsys: pytest.CaptureFixture[str], options: list[str], words: list[str]) -> None:
-    """Each gets exit code 2 and one line that names what came and what is wanted."""
+    """Each gets exit code 2 and one line that names what came and what is expected."""
     line = refused(capsys, frame, "view", "image.png", "depth.png", "--yaw", 5, *options)
     assert [word for word in words if word not in line] == [], line
 

@@ -83,10 +83,10 @@ def test_a_dry_run_runs_nothing(jobs: str, capsys: pytest.CaptureFixture[str]) -
         (["batch", "-o", "out"], "0 lists, --images None and --data None; one list of jobs"),
         (["batch", "jobs.csv", "--images", "*.png", "-o", "out"], r"1 lists, --images \*.png"),
         (["batch", "nothing.csv", "-o", "out"], "nothing.csv: cannot be read: no such file or directory"),
-        (["batch", "jobs.csv", "-o", "out", "--workers", "0"], "--workers is 0; 1 or more is wanted"),
+        (["batch", "jobs.csv", "-o", "out", "--workers", "0"], "--workers is 0; 1 or more is expected"),
         (["batch", "jobs.csv", "-o", "out", "--gpus-per-worker", "1"], r"--gpus-per-worker is 1.0 without --?ray"),
         (["batch", "jobs.csv", "-o", "out", "--depths", "x"], "depths and masks go with"),
-        (["batch", "report"], "batch report is given 0 folders; one is wanted"),
+        (["batch", "report"], "batch report is given 0 folders; one is expected"),
         (["batch", "report", "nowhere"], "nowhere: holds no results of `dlama batch`"),
     ],
 )

@@ -192,7 +192,7 @@ def test_a_list_that_is_given_twice_is_refused(capsys: pytest.CaptureFixture[str
     with pytest.raises(SystemExit) as ended:
         main(["sequence", "room", "-o", "out", "--mask", "0=a.png", "--mask", "1=b.png"])
     assert ended.value.code == 2
-    assert "--mask is given twice; all its values behind one --mask are wanted" in capsys.readouterr().err
+    assert "--mask is given twice; all its values behind one --mask are expected" in capsys.readouterr().err
 
 
 def test_version(capsys: pytest.CaptureFixture[str]) -> None:

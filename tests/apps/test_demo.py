@@ -28,6 +28,7 @@ def pixels(path: Path) -> np.ndarray:
         return np.array(picture)
 
 
+@pytest.mark.slow
 def test_all_jobs_and_a_joint_sheet(demo: Path) -> None:
     """Beside them what they read, and nothing else."""
     assert sorted(path.name for path in demo.iterdir()) == [
@@ -46,6 +47,7 @@ def test_all_jobs_and_a_joint_sheet(demo: Path) -> None:
     assert all(path.read_bytes() == (ASSETS / path.name).read_bytes() for path in (demo / "inputs").iterdir())
 
 
+@pytest.mark.slow
 def test_removal_comes_near_the_answer(demo: Path) -> None:
     """Inside the mask: nearer to the street without the barrel than the picture with it (oracle: the rendered answer)."""
     mask = pixels(ASSETS / "mask.png") == 255
@@ -58,6 +60,7 @@ def test_removal_comes_near_the_answer(demo: Path) -> None:
     assert np.median(off) < 0.02
 
 
+@pytest.mark.slow
 def test_a_click_on_the_photo_alone_takes_barrel_and_shadow(demo: Path) -> None:
     """What is taken holds nine tenths of the drawn mask of barrel and shadow, and is mostly that."""
     drawn = pixels(ASSETS / "mask.png") == 255
@@ -67,6 +70,7 @@ def test_a_click_on_the_photo_alone_takes_barrel_and_shadow(demo: Path) -> None:
     assert meta["depth"] == "estimated" and meta["object_mask"]["clicks"] == [[256.0, 345.0]]
 
 
+@pytest.mark.slow
 def test_stereo_depth_is_the_rendered_depth(demo: Path) -> None:
     """Left disparity against fx * baseline / depth, away from the barrel (oracle: the renderer)."""
     truth = read_depth(ASSETS / "depth_without.png")
@@ -76,6 +80,7 @@ def test_stereo_depth_is_the_rendered_depth(demo: Path) -> None:
     assert np.median(np.abs(disparity - 256 * 0.12 / np.where(near, truth, 1))[near]) < 0.25
 
 
+@pytest.mark.slow
 def test_stereo_files(demo: Path) -> None:
     """Both views, both disparities, and how well they agree."""
     names = {path.relative_to(demo / "stereo").as_posix() for path in (demo / "stereo").rglob("*.p*")}
@@ -85,6 +90,7 @@ def test_stereo_files(demo: Path) -> None:
     assert set(meta["inputs"]) == {"left", "right", "calib", "mask"}
 
 
+@pytest.mark.slow
 def test_a_user_can_go_on_from_the_inputs(demo: Path, tmp_path: Path) -> None:
     """The demo's own removal with the files it wrote (oracle: its pixels)."""
     files = [str(demo / "inputs" / name) for name in ("street.jpg", "depth.png", "mask.png")]
@@ -92,6 +98,7 @@ def test_a_user_can_go_on_from_the_inputs(demo: Path, tmp_path: Path) -> None:
     assert (pixels(tmp_path / "out" / "image.png") == pixels(demo / "remove" / "image.png")).all()
 
 
+@pytest.mark.slow
 def test_inputs_are_named_with_their_hashes(demo: Path) -> None:
     """The demo says what it read, as any job does."""
     assert set(json.loads((demo / "remove" / "meta.json").read_text())["inputs"]) == {

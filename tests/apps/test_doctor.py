@@ -39,8 +39,8 @@ def test_json_has_the_findings(capsys: pytest.CaptureFixture[str]) -> None:
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        ([*STREET[:2], "--depth-range", "0"], "--depth-range is 0.0; a number > 0 is wanted"),
-        ([*STREET[:2], "--depth-scale", "-1"], "--depth-scale is -1.0; a number > 0 is wanted"),
+        ([*STREET[:2], "--depth-range", "0"], "--depth-range is 0.0; a number > 0 is expected"),
+        ([*STREET[:2], "--depth-scale", "-1"], "--depth-scale is -1.0; a number > 0 is expected"),
         (
             [*STREET[:2], "--depth-scale", "1", "--depth-range", "1"],
             "--depth-scale and --depth-range contradict each other",

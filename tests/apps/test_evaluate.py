@@ -71,6 +71,7 @@ def test_worlds_say_what_to_do_next(tmp_path: Path, capsys: pytest.CaptureFixtur
     assert (tmp_path / "out" / "report.html").is_file()
 
 
+@pytest.mark.slow
 def test_evaluate_end_to_end(small_worlds: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Oracles: the header, regions and modalities; every recipe with every filler; a second run does nothing."""
     words = (
@@ -161,13 +162,13 @@ def test_ctrl_c_says_that_nothing_is_lost(
 def test_bad_words_are_refused_before_anything_runs(
     small_worlds: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Each names the option and what is wanted; nothing is written."""
+    """Each names the option and what is expected; nothing is written."""
     out, place = str(tmp_path / "out"), str(small_worlds)
     wanted = {
-        ("--fillers", "lama"): "filler 'lama' runs a network: --model lama=FILE is wanted",
+        ("--fillers", "lama"): "filler 'lama' runs a network: --model lama=FILE is expected",
         ("--fillers", "best"): "--fillers is 'best'; one of none, layered",
         ("--recipes", "best"): "--recipes is 'best'; one of dlama, paper",
-        ("--model", "lama"): "--model is 'lama'; FILLER=FILE is wanted",
+        ("--model", "lama"): "--model is 'lama'; FILLER=FILE is expected",
         ("--model", "telea=a.onnx"): "FILLER one of layered-patches, lama, migan, patchmatch, choice, joint",
         ("--model", "lama=a.onnx"): "lama is not among --fillers",
         ("--fillers", "lama", "--model", "lama=no.onnx"): "no.onnx: no such file",

@@ -155,7 +155,7 @@ def test_each_parameter_becomes_its_flag(verb: str, name: str, flag: str) -> Non
     flags = flags_of(VERBS[verb])
     if verb != "models":
         assert re.search(rf"{flag}\b(?!-)", page_of(verb))
-    assert with_flags(f"{name} is 3; more is wanted", flags) == f"{flag} is 3; more is wanted"
+    assert with_flags(f"{name} is 3; more is expected", flags) == f"{flag} is 3; more is expected"
     assert with_flags(f"a.png: no depth: give {name}", flags) == f"a.png: no depth: give {flag}"
     assert with_flags(f"wanted: {name}=3 or `{name}`", flags) == f"wanted: {flag} 3 or {flag}"
 
@@ -188,7 +188,7 @@ def test_words_that_are_no_parameters_stay() -> None:
     [
         ("clicks holds 3,4, which lies on the sky", "--click holds 3,4, which lies on the sky"),
         ("clicks and not_clicks both hold pixel 3,4", "--click and --not both hold pixel 3,4"),
-        ("fewer clicks are wanted", "fewer clicks are wanted"),
+        ("fewer clicks are expected", "fewer clicks are expected"),
     ],
 )
 def test_lists_of_the_library_are_options_that_are_given_again(line: str, shown: str) -> None:
@@ -197,7 +197,7 @@ def test_lists_of_the_library_are_options_that_are_given_again(line: str, shown:
 
 def test_fields_of_files_stay_and_settings_of_the_loop_are_options() -> None:
     """The camera's file has no --fx; `dlama train --devices` sets loop.devices."""
-    field = "cam.json: camera fx is 1e+300 px; at most 1e+07 px is wanted"
+    field = "cam.json: camera fx is 1e+300 px; at most 1e+07 px is expected"
     assert with_flags(field, flags_of(VERBS["view"])) == field
     flags = flags_of(VERBS["train"])
     assert with_flags("loop.devices is 9999; 2 are here", flags) == "--devices is 9999; 2 are here"

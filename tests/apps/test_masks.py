@@ -29,8 +29,8 @@ def test_a_click_writes_mask_and_overlay(tmp_path: Path, capsys: pytest.CaptureF
 @pytest.mark.parametrize(
     ("words", "line"),
     [
-        (["--click", "30"], "--click is '30'; X,Y in pixels is wanted"),
-        (["--box", "1,2,3"], "--box is '1,2,3'; X,Y,W,H in pixels is wanted"),
+        (["--click", "30"], "--click is '30'; X,Y in pixels is expected"),
+        (["--box", "1,2,3"], "--box is '1,2,3'; X,Y,W,H in pixels is expected"),
         (["--click", "300,2"], "lies outside the picture"),
         ([], "nothing says which thing is meant: give --click X,Y on it, --box X,Y,W,H round it"),
         (["--not", "3,3"], "--click and --box are both missing"),
@@ -91,7 +91,7 @@ def test_what_to_know_of_a_mask_is_in_the_last_line(tmp_path: Path, capsys: pyte
 def test_remove_wants_one_way_of_saying_what(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     folder = small_frame(tmp_path)
     both = refused(capsys, folder, "remove", "image.png", "depth.png", "mask.png", "--click", "30,25", "--fov", "60")
-    assert "one of them is wanted" in both
+    assert "one of them is expected" in both
     assert "nothing says what is to be removed" in refused(capsys, folder, "remove", "image.png", "--fov", "60")
 
 

@@ -77,7 +77,7 @@ def test_wrong_words_are_refused_with_a_closed_standard_output(tmp_path: Path, w
 
 
 STOPPED = """
-import signal, sys, time
+import signal, sys
 signal.signal(signal.SIGINT, signal.default_int_handler)  # nohup and shells' background jobs ignore both, as do their children
 signal.signal(signal.SIGHUP, signal.SIG_DFL)
 from dlama.apps.terminal.output import errors_as_lines
@@ -85,7 +85,7 @@ from dlama.files.atomic_write import new_directory
 with errors_as_lines(), new_directory("out") as folder:
     (folder / "half.txt").write_text("half")
     print("ready", flush=True)
-    time.sleep(600)
+    signal.pause()
 """
 
 
@@ -124,7 +124,7 @@ def test_threads_asked_for_must_be_a_number(tmp_path: Path, value: str) -> None:
     done = shell("worlds --count 1 --size 8", tmp_path, NUMBA_NUM_THREADS=value)
     assert done.returncode == 2
     assert done.stderr == (
-        f"error: the environment variable NUMBA_NUM_THREADS is {value!r}; a whole number, 1 or more, is wanted\n"
+        f"error: the environment variable NUMBA_NUM_THREADS is {value!r}; a whole number, 1 or more, is expected\n"
     )
 
 

@@ -59,6 +59,7 @@ def piped(folder: Path, *words: str, **environment: str) -> tuple[str, str]:
     return done.stdout, done.stderr
 
 
+@pytest.mark.slow
 def test_a_pipe_sees_one_line_and_the_first_run_one_more(tmp_path: Path) -> None:
     """No bar, no colours: one summary line on standard output. While kernels are compiled one line on standard error says so;
     once they are kept it stays empty (oracle: an empty folder for numba's cache, then the same one). With --quiet too, when one

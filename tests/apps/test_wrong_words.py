@@ -1,4 +1,4 @@
-"""Words that no verb takes (law: one line that names the flag, what came and what is wanted; exit code 2; nothing is read)."""
+"""Words that no verb takes (law: one line that names the flag, what came and what is expected; exit code 2; nothing is read)."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ from dlama.apps.terminal.flags import flags_of, with_flags
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        ("view a.png --yaw ten", "--yaw is 'ten'; a number is wanted"),
-        ("view a.png --yaw=-1,5", "--yaw is '-1,5'; a number is wanted"),
-        ("view a.png --pitch -10deg", "--pitch is '-10deg'; a number is wanted"),
-        ("view a.png --depth_scale mm", "--depth-scale is 'mm'; a number is wanted"),
-        ("view a.png --pivot here", "--pivot is 'here'; a number or auto is wanted"),
-        ("view a.png --seed 1.5", "--seed is '1.5'; a whole number is wanted"),
-        ("view a.png --mode mesh", "--mode is 'mesh'; surface or points is wanted"),
-        ("view a.png --resize-depth linear", "--resize-depth is 'linear'; nearest is wanted"),
-        ("remove a.png --mask-polarity white", "--mask-polarity is 'white'; fill or known is wanted"),
-        ("evaluate data --yaws 10 ten", "--yaws is 'ten'; a number is wanted"),
-        ("evaluate data --protocol vpi all", "--protocol is 'all'; vpi, ori, sii, mask or sequence is wanted"),
-        ("serve --port abc", "--port is 'abc'; a whole number is wanted"),
-        ("serve --max-pages 0", "--max-pages is 0; more than 0 is wanted"),
-        ("serve --max-megapixels nan", "--max-megapixels is nan; more than 0 is wanted"),
+        ("view a.png --yaw ten", "--yaw is 'ten'; a number is expected"),
+        ("view a.png --yaw=-1,5", "--yaw is '-1,5'; a number is expected"),
+        ("view a.png --pitch -10deg", "--pitch is '-10deg'; a number is expected"),
+        ("view a.png --depth_scale mm", "--depth-scale is 'mm'; a number is expected"),
+        ("view a.png --pivot here", "--pivot is 'here'; a number or auto is expected"),
+        ("view a.png --seed 1.5", "--seed is '1.5'; a whole number is expected"),
+        ("view a.png --mode mesh", "--mode is 'mesh'; surface or points is expected"),
+        ("view a.png --resize-depth linear", "--resize-depth is 'linear'; nearest is expected"),
+        ("remove a.png --mask-polarity white", "--mask-polarity is 'white'; fill or known is expected"),
+        ("evaluate data --yaws 10 ten", "--yaws is 'ten'; a number is expected"),
+        ("evaluate data --protocol vpi all", "--protocol is 'all'; vpi, ori, sii, mask or sequence is expected"),
+        ("serve --port abc", "--port is 'abc'; a whole number is expected"),
+        ("serve --max-pages 0", "--max-pages is 0; more than 0 is expected"),
+        ("serve --max-megapixels nan", "--max-megapixels is nan; more than 0 is expected"),
         ("viwe a.png", "'viwe' is no verb of dlama; did you mean view? One of view, remove, "),
         ("photo.png", "'photo.png' is no verb of dlama; One of view, remove, "),
         ("batch --images *.png -o out", "give --verb VERB, one of view, remove, depth"),

@@ -55,9 +55,9 @@ def test_no_camera_is_refused_where_there_is_nothing_to_do() -> None:
 @pytest.mark.parametrize("verb", [view, lambda color, **move: remove(color, np.eye(8, dtype=bool), **move)])
 def test_a_picture_without_depth_is_refused_with_advice(verb: Callable[..., object]) -> None:
     """Law: the first thing that people try, an array of colours, gets the names of what makes an RGBD of it."""
-    with pytest.raises(InputError, match=r"rgbd is of type ndarray; an RGBD.* wanted.*read_rgbd.*estimate_depth"):
+    with pytest.raises(InputError, match=r"rgbd is of type ndarray; an RGBD.* expected.*read_rgbd.*estimate_depth"):
         verb(np.zeros((8, 8, 3), np.uint8), yaw=5)
     with pytest.raises(
-        InputError, match=r"rgbd is of type ndarray; an RGBD, a Scene or a list of RGBDs or functions is wanted"
+        InputError, match=r"rgbd is of type ndarray; an RGBD, a Scene or a list of RGBDs or functions is expected"
     ):
         complete(np.zeros((8, 8, 3), np.uint8), [Camera.from_fov(8, 8, 60)])  # type: ignore[arg-type]

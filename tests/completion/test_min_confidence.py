@@ -50,7 +50,7 @@ def test_clouds_and_meshes_lose_it_too(completions: tuple[dlama.Completion, dlam
 
 
 def test_meta_says_it_and_bad_values_are_refused(completions: tuple[dlama.Completion, dlama.Completion]) -> None:
-    """Count: the share of the view; a probability is wanted; 0 changes nothing."""
+    """Count: the share of the view; a probability is expected; 0 changes nothing."""
     whole, sure = completions
     assert sure.meta["min_confidence"] == LEAST and "min_confidence" not in whole.meta
     assert sure.meta["left_open_share"] == [round(float(sure.view.hole.mean()), 6)]

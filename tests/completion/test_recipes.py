@@ -61,9 +61,9 @@ def test_changes_replace_and_none_does_not() -> None:
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"mode": "voxels"}, "mode is 'voxels'; one of surface, points is wanted"),
+        ({"mode": "voxels"}, "mode is 'voxels'; one of surface, points is expected"),
         ({"dilate": -1}, "dilate is -1 px; 0 or more"),
-        ({"dilate": 1.5}, "dilate is 1.5 px; 0 or more is wanted, a whole number"),
+        ({"dilate": 1.5}, "dilate is 1.5 px; 0 or more is expected, a whole number"),
         ({"dilate_holes": -2}, "dilate_holes is -2 px; 0 or more"),
         ({"clip": 0.0}, "clip is 0.0 m; more than 0"),
         ({"clip": float("nan")}, "clip is nan m; more than 0"),
@@ -82,7 +82,7 @@ def test_contradictions_are_refused(changes: dict, message: str) -> None:
 
 def test_unknown_names_list_the_known_ones() -> None:
     """Message: an unknown recipe lists the recipes."""
-    with pytest.raises(InputError, match="recipe is 'lama'; one of dlama, paper is wanted"):
+    with pytest.raises(InputError, match="recipe is 'lama'; one of dlama, paper is expected"):
         find_recipe("lama")
 
 

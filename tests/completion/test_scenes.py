@@ -267,16 +267,16 @@ def test_target_cameras() -> None:
 @pytest.mark.parametrize(
     ("given", "message"),
     [
-        ({"yaw": "10"}, "yaw is '10'; a number is wanted"),
+        ({"yaw": "10"}, "yaw is '10'; a number is expected"),
         ({"pivot": "far"}, "pivot is 'far'; a number"),
         ({"pivot": "2"}, "pivot is '2'; a number"),
-        ({"camera": "cam.json"}, "camera is of type str; a Camera is wanted"),
+        ({"camera": "cam.json"}, "camera is of type str; a Camera is expected"),
         ({"min_confidence": "1"}, "min_confidence is '1'; a number"),
-        ({"filler": 3}, "filler is of type int; a string or a function is wanted"),
+        ({"filler": 3}, "filler is of type int; a string or a function is expected"),
     ],
 )
 def test_parameters_of_another_type_are_refused(given: dict[str, Any], message: str) -> None:
-    """Message: names the parameter, what came and what is wanted, as a TypeError that is an InputError, too."""
+    """Message: names the parameter, what came and what is expected, as a TypeError that is an InputError, too."""
     with pytest.raises(TypeError, match=message) as raised:
         view(street(), **given)
     assert isinstance(raised.value, InputError)
@@ -311,20 +311,20 @@ def test_pil_pictures_and_tensors_are_arrays() -> None:
 
 
 def test_cameras_are_cameras() -> None:
-    """Message: the class that is wanted, and what gives one."""
+    """Message: the class that is expected, and what gives one."""
     frame = street()
     for call in (
         lambda: render(frame, "cam.json"),
         lambda: orbit("cam.json", 3.0),
         lambda: RGBD(frame.color, frame.depth, "c"),
     ):
-        with pytest.raises(InputError, match="camera is of type str; a Camera is wanted"):
+        with pytest.raises(InputError, match="camera is of type str; a Camera is expected"):
             call()
     with pytest.raises(
-        InputError, match="source is of type ndarray; an RGBD, a View, a Scene or a PointCloud is wanted"
+        InputError, match="source is of type ndarray; an RGBD, a View, a Scene or a PointCloud is expected"
     ):
         render(frame.color, CAMERA)  # type: ignore[arg-type]
-    with pytest.raises(InputError, match="cameras is of type Camera; a list of Cameras is wanted"):
+    with pytest.raises(InputError, match="cameras is of type Camera; a list of Cameras is expected"):
         complete(frame, CAMERA)  # type: ignore[arg-type]
     with pytest.raises(InputError, match=r"cameras\[1\] is of type str; a Camera"):
         complete(frame, [CAMERA, "cam.json"])  # type: ignore[list-item]

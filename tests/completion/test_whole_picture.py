@@ -63,6 +63,7 @@ def test_any_picture_seen_from_its_own_camera_is_itself(frame: RGBD, yaw: float,
     check_same(view(frame, yaw=yaw, pitch=pitch, filler=refuse), frame)
 
 
+@settings(deadline=None)
 @given(st.integers(-179, 179), st.integers(-89, 89))
 def test_whole_turns_more_are_the_same_camera(yaw: int, pitch: int) -> None:
     """Law, to the last bit."""

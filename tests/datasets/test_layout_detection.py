@@ -83,10 +83,10 @@ def test_options_that_say_nothing_are_refused(tmp_path: Path, arguments: dict[st
 
 
 def test_no_such_folder(tmp_path: Path) -> None:
-    with pytest.raises(FileError, match=r"nix: no such folder; the folder of a data set is wanted"):
+    with pytest.raises(FileError, match=r"nix: no such folder; the folder of a data set is expected"):
         open_dataset(tmp_path / "nix")
     (tmp_path / "street.jpg").touch()
-    with pytest.raises(FileError, match=r"street\.jpg: is a file; the folder of a data set is wanted"):
+    with pytest.raises(FileError, match=r"street\.jpg: is a file; the folder of a data set is expected"):
         open_dataset(tmp_path / "street.jpg")
 
 

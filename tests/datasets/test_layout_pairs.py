@@ -96,13 +96,13 @@ def test_the_pixel_centre_may_be_told(tmp_path: Path) -> None:
     ("changes", "message"),
     [
         ({"K": [[1, 0], [0, 1]]}, r"pairs\.json: K is .*a 3x3 matrix"),
-        ({"width": "wide"}, r'pairs\.json: width is "wide"; a finite number is wanted'),
+        ({"width": "wide"}, r'pairs\.json: width is "wide"; a finite number is expected'),
         ({"depth_scale": 0}, r"pairs\.json: depth_scale is 0; metres per unit > 0"),
-        ({"frames": []}, r"pairs\.json: frames is \[\]; an object with named fields is wanted"),
+        ({"frames": []}, r"pairs\.json: frames is \[\]; an object with named fields is expected"),
         ({"frames": {"f0": {}}}, r"pairs\.json: frames\.f0: field 'world_from_cam' is missing"),
-        ({"pairs": []}, r"pairs\.json: pairs is \[\]; a list of \{a, b\} is wanted"),
+        ({"pairs": []}, r"pairs\.json: pairs is \[\]; a list of \{a, b\} is expected"),
         ({"pairs": [7]}, r"pairs\.json: pairs\[0\] is 7; an object"),
-        ({"pairs": [{"a": "f0"}]}, r"pairs\.json: pairs\[0\]: b is null; a text is wanted"),
+        ({"pairs": [{"a": "f0"}]}, r"pairs\.json: pairs\[0\]: b is null; a text is expected"),
         ({"pairs": [{"a": "f0", "b": "f9"}]}, r"pairs\.json: pairs\[0\]: b is 'f9', which is not among the frames"),
     ],
 )

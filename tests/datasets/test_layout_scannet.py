@@ -68,7 +68,7 @@ def test_the_colour_camera_may_be_given(tmp_path: Path) -> None:
 def test_a_nan_pose_is_no_lost_pose(tmp_path: Path) -> None:
     root = written(tmp_path)
     (root / "pose/10.txt").write_text("1 0 0 nan\n0 1 0 0\n0 0 1 0\n0 0 0 1\n")
-    with pytest.raises(FileError, match=r"10\.txt:1:7: 'nan' stands where a number is wanted"):
+    with pytest.raises(FileError, match=r"10\.txt:1:7: 'nan' stands where a number is expected"):
         open_dataset(root)
 
 

@@ -128,7 +128,7 @@ def test_bad_folders(tmp_path: Path) -> None:
     with pytest.raises(ShapeError, match=r"disp0\.pfm: is 4x3 and the left picture 96x72"):
         read(root)
     (root / "disp0.pfm").unlink()
-    with pytest.raises(FileError, match=r"has no true disparity; disp0\.pfm or disp0GT\.pfm is wanted"):
+    with pytest.raises(FileError, match=r"has no true disparity; disp0\.pfm or disp0GT\.pfm is expected"):
         open_dataset(root)
     (root / "calib.txt").unlink()
     with pytest.raises(FileError, match=r"calib\.txt: no such file; a stereo folder needs it beside im0\.png"):

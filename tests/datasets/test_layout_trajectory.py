@@ -81,13 +81,13 @@ def test_the_log_says_which_frame(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("line", "text", "message"),
     [
-        (6, "1 1\n", r"trajectory\.log:6:4: the line has 2 values; 3 are wanted"),
-        (6, "7 1 2\n", r"trajectory\.log:6:1: the frame's place is 7; 0 to 3 is wanted"),
+        (6, "1 1\n", r"trajectory\.log:6:4: the line has 2 values; 3 are expected"),
+        (6, "7 1 2\n", r"trajectory\.log:6:1: the frame's place is 7; 0 to 3 is expected"),
         (6, "0.5 1 2\n", r"trajectory\.log:6:1: the frame's place is 0\.5"),
         (6, "0 0 1\n", r"trajectory\.log:6:1: frame 0 comes a second time"),
-        (7, "1 0 0 ?\n", r"trajectory\.log:7:7: '\?' stands where a finite number is wanted"),
+        (7, "1 0 0 ?\n", r"trajectory\.log:7:7: '\?' stands where a finite number is expected"),
         (7, "2 0 0 0\n", r"trajectory\.log:7:1: .*not a rigid motion"),
-        (7, "", r"trajectory\.log: holds 19 lines; 5 for each pose are wanted"),
+        (7, "", r"trajectory\.log: holds 19 lines; 5 for each pose are expected"),
     ],
 )
 def test_bad_lines_are_named(tmp_path: Path, line: int, text: str, message: str) -> None:
@@ -112,7 +112,7 @@ def test_missing_parts(tmp_path: Path) -> None:
     with pytest.raises(CameraError, match=r"has no camera_intrinsic\.json or .*PrimeSense is 525 525 319\.5 239\.5"):
         open_dataset(root)
     (root / "depth/9.png").unlink()
-    with pytest.raises(FileError, match=r"image/ holds 4 pictures and depth/ 3; as many are wanted"):
+    with pytest.raises(FileError, match=r"image/ holds 4 pictures and depth/ 3; as many are expected"):
         open_dataset(root, camera=LENS)
     (root / "image").rename(root / "pictures")
     with pytest.raises(FileError, match=r"has no folder image, rgb, color with the colour pictures"):

@@ -106,10 +106,14 @@ def test_a_unit_quaternion_turns_as_its_axis_says() -> None:
     [
         ("groundtruth.txt", "1305031102.2 0 0 x 0 0 0 1", r"groundtruth\.txt:6:18: 'x' stands where a finite number"),
         ("groundtruth.txt", "1305031102.2 0 0 nan 0 0 0 1", r"groundtruth\.txt:6:18: 'nan' stands where"),
-        ("groundtruth.txt", "1305031102.2 0 0 0 0 0 1", r"groundtruth\.txt:6:25: the line has 7 values; 8 are wanted"),
+        (
+            "groundtruth.txt",
+            "1305031102.2 0 0 0 0 0 1",
+            r"groundtruth\.txt:6:25: the line has 7 values; 8 are expected",
+        ),
         ("groundtruth.txt", f"{TIMES[0]:.6f} 0 0 0 0 0 0 2", r"groundtruth\.txt:6:25: the quaternion has length 2; "),
-        ("rgb.txt", "1305031102.2", r"rgb\.txt:6:13: the line has 1 values; 2 are wanted \(time and file name\)"),
-        ("depth.txt", "1305031103.0 a.png b", r"depth\.txt:6:20: the line has 3 values; 2 are wanted"),
+        ("rgb.txt", "1305031102.2", r"rgb\.txt:6:13: the line has 1 values; 2 are expected \(time and file name\)"),
+        ("depth.txt", "1305031103.0 a.png b", r"depth\.txt:6:20: the line has 3 values; 2 are expected"),
         ("rgb.txt", f"{TIMES[0]:.6f} rgb/a.png", r"rgb\.txt:6:1: the time 1305031102\.175304 stands in line 2 too"),
     ],
 )

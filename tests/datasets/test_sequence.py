@@ -217,7 +217,7 @@ def test_bad_words_are_refused_before_anything_is_written(room: Path, tmp_path: 
     bad: list[tuple[dict[str, Any], str]] = [
         ({"masks": {"nobody": mask}}, "mask is for frame nobody, which is not there"),
         ({"views": "circle"}, "views is 'circle'; frames, orbit, spiral, dolly or a JSON file"),
-        ({"frames": "1-3"}, "frames is '1-3'; FIRST:END:STEP is wanted"),
+        ({"frames": "1-3"}, "frames is '1-3'; FIRST:END:STEP is expected"),
         ({"frames": "9:"}, "frames is 9:, and there are 4; nothing is left"),
         ({"scene": "cellar"}, "scene 'cellar' is not in this data set"),
         ({"layout": "tum2"}, "layout 'tum2' is not known"),

@@ -7,9 +7,12 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 SCRIPT = Path(__file__).parents[2] / "benchmarks" / "cross_check.py"
 
 
+@pytest.mark.slow
 def test_the_papers_recipe_to_the_letter(data_dir: Path) -> None:
     """Oracle: somebody else's code. Mask ratio, SSIM, LPIPS and MSE of colour and depth at ±10 degrees, four scenes."""
     asked = [str(data_dir / "street"), "--yaws", "10", "--ways", "to the letter"]

@@ -31,9 +31,9 @@ def test_what_is_no_object(text: str, complaint: str) -> None:
 
 def test_fields_of_another_kind() -> None:
     fields = FileFields("a.json", {"name": 3, "list": [], "part": 4})
-    with pytest.raises(FileError, match=r"a\.json: name is 3; a text is wanted"):
+    with pytest.raises(FileError, match=r"a\.json: name is 3; a text is expected"):
         fields.text("name")
-    with pytest.raises(FileError, match=r"a\.json: list is \[\]; a list of numbers is wanted"):
+    with pytest.raises(FileError, match=r"a\.json: list is \[\]; a list of numbers is expected"):
         fields.entries("list", "numbers")
-    with pytest.raises(FileError, match=r"a\.json: part is 4; an object with named fields is wanted"):
+    with pytest.raises(FileError, match=r"a\.json: part is 4; an object with named fields is expected"):
         fields.part("part", fields.values["part"])

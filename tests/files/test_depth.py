@@ -185,7 +185,7 @@ def test_float_tiff(tmp_path: Path) -> None:
         (np.full((3, 4), 1520, np.float32), "1520 m.*millimetres read as metres: depth_scale=1000"),
         (np.full((3, 4), 3, np.uint16), "0.003 m.*metres read as millimetres: depth_scale=1$"),
         (np.full((3, 4), 0.002, np.float32), "depth_scale=0.001"),
-        (np.full((3, 4), 9e5, np.float32), "millimetres read as metres|0.05 to 500 m is wanted"),
+        (np.full((3, 4), 9e5, np.float32), "millimetres read as metres|0.05 to 500 m is expected"),
         (np.full((3, 4), 200, np.uint8), "8-bit numbers, too coarse"),
     ],
 )

@@ -27,14 +27,14 @@ def inverse_codes(depth: Float32Array) -> np.ndarray:
 
 
 def test_inverse_depth_is_warned_of(tmp_path: Path) -> None:
-    """A floor, a wall and a house: true depth without a word, its inverse with one that says what is wanted."""
+    """A floor, a wall and a house: true depth without a word, its inverse with one that says what is expected."""
     depth = STREET.rgbd(Camera.from_fov(256, 192, 80)).depth
     cv2.imwrite(str(tmp_path / "depth.png"), (depth * 1000).astype(np.uint16))
     cv2.imwrite(str(tmp_path / "inverse.png"), inverse_codes(depth))
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         read_depth(tmp_path / "depth.png")
-    with pytest.warns(UserWarning, match=r"inverse\.png: looks like inverse depth.*metric depth is wanted"):
+    with pytest.warns(UserWarning, match=r"inverse\.png: looks like inverse depth.*metric depth is expected"):
         read_depth(tmp_path / "inverse.png")
 
 

@@ -46,7 +46,9 @@ def test_webp_is_read_and_an_animated_one_refused(tmp_path: Path) -> None:
     picture.save(tmp_path / "b.webp", lossless=True, exif=turned)
     assert np.array_equal(read_color(tmp_path / "b.webp"), np.rot90(COLOR, -1))
     picture.save(tmp_path / "c.webp", save_all=True, append_images=[Image.fromarray(255 - COLOR)])
-    with pytest.raises(FileError, match=r"c\.webp: holds more than one frame; a file with a single picture is wanted"):
+    with pytest.raises(
+        FileError, match=r"c\.webp: holds more than one frame; a file with a single picture is expected"
+    ):
         read_color(tmp_path / "c.webp")
     whole = (tmp_path / "a.webp").read_bytes()
     (tmp_path / "d.webp").write_bytes(whole[: len(whole) // 2])

@@ -24,8 +24,8 @@ def test_names_may_hold_commas_in_any_encoding_of_unreal(tmp_path: Path, encodin
 @pytest.mark.parametrize(
     ("text", "complaint"),
     [
-        ("sky,70,130\n", r"classes.csv:1:1: the line is 'sky,70,130'; name,R,G,B is wanted"),
-        ("a,0,0,0\nsky,70, 256,1\n", r"classes.csv:2:9: G is '256'; a whole number 0..255 is wanted"),
+        ("sky,70,130\n", r"classes.csv:1:1: the line is 'sky,70,130'; name,R,G,B is expected"),
+        ("a,0,0,0\nsky,70, 256,1\n", r"classes.csv:2:9: G is '256'; a whole number 0..255 is expected"),
         ("sky,0,0,0\nsky,1,1,1\n", r"classes.csv:2:1: class 'sky' is there for the second time"),
     ],
 )

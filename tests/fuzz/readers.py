@@ -239,7 +239,7 @@ def tables() -> list[Reader]:
         Reader("pose.txt", pose, read_pose),
         Reader("log.log", b"0 0 1\n" + pose + b"\n1 1 2\n" + pose, lambda path: read_log(path, 2)),
         Reader("transforms.json", json.dumps(transforms).encode(), read_beside("transforms.json", pictures, frames_of),
-               refused="two or more of one scene are wanted"),
+               refused="two or more of one scene are expected"),
         Reader("pairs.json", json.dumps(pairs).encode(), read_beside("pairs.json", pictures, frames_of)),
         *(Reader(f"tum.{name}", tum[name], read_beside(name, {k: v for k, v in tum.items() if k != name}, frames_of),
                  refused="no two of its")

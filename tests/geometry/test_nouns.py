@@ -56,7 +56,7 @@ def test_three_states_of_depth() -> None:
 @pytest.mark.parametrize("kind", ["bool", "object", "str", "complex"])
 def test_depth_that_is_no_number_is_refused(kind: str) -> None:
     """A mask handed in as depth would be a wall at 1 m."""
-    with pytest.raises(DepthError, match=r"depth is \S+; metres as numbers are wanted"):
+    with pytest.raises(DepthError, match=r"depth is \S+; metres as numbers are expected"):
         RGBD(COLOR, np.ones((2, 3), kind), CAMERA)
 
 

@@ -162,7 +162,7 @@ def test_what_is_no_mode_is_refused() -> None:
     frame = RGBD(np.zeros((2, 2, 3), np.uint8), np.ones((2, 2), np.float32), Camera.from_fov(2, 2, 60))
     with pytest.raises(InputError, match=r"'mesh'; one of surface, points"):
         render(frame, frame.camera, "mesh")  # type: ignore[arg-type]
-    with pytest.raises(InputError, match="mode 'points' is wanted"):
+    with pytest.raises(InputError, match="mode 'points' is expected"):
         render(lift(frame), frame.camera, "surface")
 
 

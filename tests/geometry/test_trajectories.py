@@ -123,7 +123,7 @@ def test_wishes_that_are_no_numbers_are_refused() -> None:
 def test_wishes_of_another_type_are_refused(wrong: object) -> None:
     """Message: names the parameter and what came; no bare TypeError."""
     for name in ("yaw", "pitch", "pivot"):
-        with pytest.raises(InputError, match=rf"^{name} is {re.escape(repr(wrong))}; .* is wanted"):
+        with pytest.raises(InputError, match=rf"^{name} is {re.escape(repr(wrong))}; .* is expected"):
             orbit(ANYWHERE, **{"yaw": 1.0, name: wrong})  # type: ignore[arg-type]
-    with pytest.raises(InputError, match=rf"^dolly is {re.escape(repr(wrong))}; .* is wanted"):
+    with pytest.raises(InputError, match=rf"^dolly is {re.escape(repr(wrong))}; .* is expected"):
         dolly(ANYWHERE, wrong)  # type: ignore[arg-type]

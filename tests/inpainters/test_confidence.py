@@ -71,6 +71,7 @@ def test_features_know_no_scale() -> None:
     np.testing.assert_allclose(small, large, atol=2e-3)
 
 
+@pytest.mark.slow
 def test_it_tells_right_from_wrong() -> None:
     """Truth: of a world that was not trained on, pixels it is sure of are right far more often than those it doubts."""
     made = world(900_001, kind="room")

@@ -54,7 +54,7 @@ def test_results_are_those_of_the_verbs(tmp_path: Path) -> None:
     assert set(mine) == set(wanted)
     assert [name for name in wanted if mine[name] != wanted[name] and not name.endswith("meta.json")] == []
     assert results["missing"].error == f"{tmp_path / 'nothing.png'}: no such file"
-    assert results["words"].error == f"{tmp_path / 'jobs.csv'}: line 5: yaw is 'five'; a number is wanted"
+    assert results["words"].error == f"{tmp_path / 'jobs.csv'}: line 5: yaw is 'five'; a number is expected"
     assert "nothing says where the new camera stands" in results["still"].error
     rows_written = table(tmp_path / "out")
     assert list(rows_written) == [row["id"] for row in rows]
@@ -193,7 +193,7 @@ def test_a_killed_driver_loses_nothing(tmp_path: Path) -> None:
     driver.kill()
     driver.communicate()
     results: list[dlama.JobResult] = []
-    for _ in range(100):  # the lock goes when the last process that holds the file has ended
+    for _ in range(6000):  # the lock goes when the last process that holds the file has ended
         try:
             results = run(tmp_path, rows)
             break

@@ -51,9 +51,9 @@ def test_parquet(tmp_path: Path) -> None:
     ("name", "text", "message"),
     [
         ("a.csv", "verb,image\n", "line 1: there is no column id; the columns are verb, image"),
-        ("a.csv", "", "line 1: there is no column id; the columns are none"),
+        ("a.csv", "", "line 1: is empty; columns are expected"),
         ("a.csv", "id,id\n", "line 1 has column 'id' twice"),
-        ("a.csv", "id,verb\na\n", "line 2: has 1 values; 2 are wanted"),
+        ("a.csv", "id,verb\na\n", "line 2: has 1 values; 2 are expected"),
         ("a.jsonl", "{nonsense\n", "line 1:1:2: is no JSON"),
         ("a.jsonl", '{"id": "a", "id": "b"}\n', "line 1: field 'id' is given twice"),
         ("a.jsonl", "[" * 100_000, "line 1: is no JSON"),

@@ -111,7 +111,9 @@ def test_a_cluster_that_is_not_there_is_told_at_once() -> None:
     with socket.create_server(("127.0.0.1", 0)) as server:
         free = server.getsockname()[1]
     for address in (f"127.0.0.1:{free}", "127.0.0.1:port"):
-        with pytest.raises(InputError, match=rf"ray={address}: no such cluster .*; local, auto or HOST:PORT is wanted"):
+        with pytest.raises(
+            InputError, match=rf"ray={address}: no such cluster .*; local, auto or HOST:PORT is expected"
+        ):
             _connect(NoRay(), address)
 
 

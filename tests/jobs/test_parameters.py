@@ -94,12 +94,12 @@ def test_values_as_typed_and_from_json(name: str, typed: Any, value: Any) -> Non
 @pytest.mark.parametrize(
     ("given", "message"),
     [
-        ({"yaw": "five"}, "yaw is 'five'; a number is wanted"),
-        ({"yaw": "nan"}, "yaw is 'nan'; a number is wanted"),
-        ({"yaw": True}, "yaw is True; a number is wanted"),
-        ({"yaw": 1, "seed": 1.5}, "seed is 1.5; a whole number is wanted"),
-        ({"yaw": 1, "sharpen": "maybe"}, "sharpen is 'maybe'; true or false is wanted"),
-        ({"yaw": 1, "mode": "lines"}, "mode is 'lines'; one of surface, points is wanted"),
+        ({"yaw": "five"}, "yaw is 'five'; a number is expected"),
+        ({"yaw": "nan"}, "yaw is 'nan'; a number is expected"),
+        ({"yaw": True}, "yaw is True; a number is expected"),
+        ({"yaw": 1, "seed": 1.5}, "seed is 1.5; a whole number is expected"),
+        ({"yaw": 1, "sharpen": "maybe"}, "sharpen is 'maybe'; true or false is expected"),
+        ({"yaw": 1, "mode": "lines"}, "mode is 'lines'; one of surface, points is expected"),
         ({"yaw": 1, "mask": "m.png"}, "mask says nothing to view"),
         ({"yaw": 1, "to": "t.json"}, "to=TARGET.json and `yaw` contradict each other"),
         ({}, "nothing says where the new camera stands"),
@@ -118,5 +118,5 @@ def test_points_and_boxes() -> None:
     for click, box in (("1,2 3,4.5", "1,2,3,4"), ([[1, 2], [3, 4.5]], [1, 2, 3, 4])):
         found = checked("remove", {"image": "a.png", "click": click, "box": box})
         assert found["click"] == [[1, 2], [3, 4.5]] and found["box"] == [1, 2, 3, 4]
-    with pytest.raises(InputError, match="box is '1,2,3'; X,Y,W,H in pixels is wanted"):
+    with pytest.raises(InputError, match="box is '1,2,3'; X,Y,W,H in pixels is expected"):
         checked("remove", {"image": "a.png", "box": "1,2,3"})

@@ -20,7 +20,7 @@ class Sizes:
 
     def __post_init__(self) -> None:
         if self.side < 1:
-            raise InputError("contract: side of 1 or more is wanted")
+            raise InputError("contract: side of 1 or more is expected")
 
 
 def test_a_contract_comes_back_as_it_was_written() -> None:

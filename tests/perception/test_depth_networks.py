@@ -175,9 +175,9 @@ def test_files_with_another_contract_get_one_line(tmp_path: Path) -> None:
         (plain, r"plain\.onnx: carries no contract .*depth_model=NAME=plain\.onnx, NAME of tcmonodepth"),
         (
             f"tcmonodepth={weighted_sum(tmp_path / 'small.onnx', (1, 3, 100, 100))}",
-            "3 x 100 x 100.*1 x 3 x 192 x 320 is wanted",
+            "3 x 100 x 100.*1 x 3 x 192 x 320 is expected",
         ),
-        (f"moge-small={plain}", "a float picture of 1 x 3 x .* and a number of tokens is wanted"),
+        (f"moge-small={plain}", "a float picture of 1 x 3 x .* and a number of tokens is expected"),
         (f"tcmonodepth={weighted_sum(tmp_path / 'nan.onnx', bias=float('nan'))}", "values that are not finite"),
         (tmp_path / "none.onnx", "no such model file"),
         ("tcmonodepth=none.onnx", r"none\.onnx: no such model file"),
@@ -186,10 +186,10 @@ def test_files_with_another_contract_get_one_line(tmp_path: Path) -> None:
             estimate_depth(COLOR, Camera.from_fov(64, 48, 60), depth_model=model)
     names = ("points", "mask", "height")
     other = point_network(tmp_path / "p.onnx", np.ones((48, 64, 3)), np.ones((48, 64)), 1, names)
-    with pytest.raises(FileError, match=r"gives points, mask, height; metric_scale\|scale is wanted"):
+    with pytest.raises(FileError, match=r"gives points, mask, height; metric_scale\|scale is expected"):
         find_estimator(f"moge-small={other}")[1](COLOR)
     pair = point_network(tmp_path / "q.onnx", np.ones((48, 64, 2)), np.ones((48, 64)), 1, ("points", "mask", "scale"))
-    with pytest.raises(FileError, match="gave an output of 1 x 48 x 64 x 2; 1 x h x w x 3 is wanted"):
+    with pytest.raises(FileError, match="gave an output of 1 x 48 x 64 x 2; 1 x h x w x 3 is expected"):
         find_estimator(f"moge-small={pair}")[1](COLOR)
 
 

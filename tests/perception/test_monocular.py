@@ -152,7 +152,7 @@ def test_smaller_maps_are_enlarged_in_inverse_depth() -> None:
         ({"metres_at": [(70, 5, 2.0)]}, InputError, "metres_at 70,5=2: lies outside the 64x48 picture; x of 0 to 63"),
         ({"metres_at": [(7, 5, -2.0)]}, InputError, "metres_at 7,5=-2: -2 m is no distance"),
         ({"metres_at": [(7, 5, 2.0)], "camera_height": 1.5}, InputError, "metres_at and camera_height contradict"),
-        ({"camera_height": "1.5"}, InputError, "camera_height is '1.5' m; a number above 0"),
+        ({"camera_height": "1.5"}, InputError, "camera_height is '1.5'; a number is expected"),
         ({"camera_height": 0.0}, InputError, "camera_height is 0 m; a number above 0"),
         ({"camera_height": 1.5}, InputError, "no ground is seen.*give metres_at"),
         ({"metres_at": [(2, 2, 1.0), (31, 24, 9.0)]}, InputError, "metres_at contradicts the picture"),
@@ -175,14 +175,14 @@ def test_bad_pictures_and_predictions_get_one_line() -> None:
     flat = np.full((48, 64, 3), 128, np.uint8)
     with pytest.raises(DepthError, match="nearly one colour all over"):
         quiet(flat)
-    with pytest.raises(ShapeError, match="uint8 H x W x 3 is wanted"):
+    with pytest.raises(ShapeError, match="uint8 H x W x 3 is expected"):
         quiet(flat[..., 0])
     zeros = np.zeros((48, 64), np.float32)
     for prediction, told in (
         (lambda _: DepthPrediction(zeros, "inverse depth"), "sees no depth in this picture"),
         (lambda _: DepthPrediction(zeros, "depth", True), "values that are not positive"),
         (lambda _: DepthPrediction(zeros * np.nan), "not numbers"),
-        (lambda _: DepthPrediction(zeros[0]), "shape .64,.; h x w is wanted"),
+        (lambda _: DepthPrediction(zeros[0]), "shape .64,.; h x w is expected"),
         (lambda _: DepthPrediction(np.full((48, 64), 1e-9, np.float32), "inverse depth", True), "nothing but sky"),
     ):
         with pytest.raises(DepthError, match=told):
@@ -213,6 +213,9 @@ def test_names_are_those_of_the_catalogue() -> None:
 )
 @pytest.mark.parametrize("use", [estimate_depth, lambda picture: dlama.find_mask(picture, masker="salient")])
 def test_what_is_no_picture_is_refused(use: Callable[[Any], object], picture: Any) -> None:
-    """Law: one message for whatever takes a picture without depth."""
-    with pytest.raises(ShapeError, match=r"(colour|picture) is \w+ \(.*\); uint8 H x W x 3 is wanted"):
+    """Law: one message for whatever takes a picture without depth; what is no array at all is of a wrong type."""
+    of_shape, of_type = r"is \w+ \(.*\); uint8 H x W x 3 is expected", "is of type .*; a picture is expected"
+    with pytest.raises(
+        InputError, match=f"(colour|picture) {of_shape if isinstance(picture, np.ndarray) else of_type}"
+    ):
         use(picture)

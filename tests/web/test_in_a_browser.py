@@ -249,7 +249,7 @@ def test_bad_files_are_told_beside_their_field(pages: Pages, frame: Path, tmp_pa
     (tmp_path / "calib.json").write_text('{"K": 3}')
     page.set_input_files("#files", [frame / "image.png", tmp_path / "calib.json"])
     playwright.expect(page.locator('[data-error="right"]')).to_contain_text(
-        "the right picture of the stereo pair is wanted"
+        "the right picture of the stereo pair is expected"
     )
     page.set_input_files("#file-right", frame / "image.png")
     playwright.expect(page.locator('[data-error="calib"]')).to_contain_text("calib.json: field 'K' is not known")

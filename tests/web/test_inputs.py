@@ -43,7 +43,7 @@ def test_names_lose_folders_and_odd_signs(given: str, kept: str) -> None:
 )
 def test_other_endings_are_refused(name: str, role: str) -> None:
     """The message says which are taken."""
-    with pytest.raises(PageError, match="is wanted"):
+    with pytest.raises(PageError, match="is expected"):
         file_name(name, role, {})
 
 
@@ -133,7 +133,7 @@ def test_kinds_of_errors_have_fields() -> None:
     """By hand."""
     assert field_of(CameraError("left_K is wrong"), {}) == "camera"
     assert field_of(DepthError("nothing"), {}) == "depth"
-    assert field_of(InputError("seed is -1; more is wanted"), {}) == "method"
+    assert field_of(InputError("seed is -1; more is expected"), {}) == "method"
     assert field_of(InputError("clicks holds 3,4, which lies on a wall"), {}) == "marks"
     assert field_of(InputError("something"), {}) == ""
 

@@ -110,7 +110,7 @@ def test_one_at_a_time_and_who_waits_can_be_cancelled() -> None:
 def test_errors_of_a_run_are_told_once(visit: Visit, frame: Path) -> None:
     """As the library says them; then the page can begin another."""
     open_frame(visit, frame)
-    visit.run = Run(lambda: (_ for _ in ()).throw(InputError("pivot is 3; more is wanted")), 1)
+    visit.run = Run(lambda: (_ for _ in ()).throw(InputError("pivot is 3; more is expected")), 1)
     visit.run.start()
     visit.run.join()
     with pytest.raises(InputError, match="pivot is 3"):

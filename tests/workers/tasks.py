@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
-import time
+import threading
 from pathlib import Path
 from typing import Any
 
@@ -27,7 +27,6 @@ def deadly(task: tuple[str, Any]) -> Any:
         return "lived"
     if what == "memory":
         raise MemoryError
-    if what == "sleep":
-        time.sleep(value)
-        return value
+    if what == "wait":
+        threading.Event().wait()  # until it is killed
     os._exit(value)

@@ -12,9 +12,9 @@ from dlama.workers import memory
 @pytest.mark.parametrize(
     "jobs, cores, free, message",
     [
-        (0, 8, None, "jobs is 0; 1 or more is wanted"),
-        (9999, 8, None, "jobs is 9999; this computer has 8 processor cores, so at most 8 is wanted"),
-        (64, 64, 4e9, "as many processes take at least 19.2 GB of memory, 4.0 GB are free, so at most 13 is wanted"),
+        (0, 8, None, "jobs is 0; 1 or more is expected"),
+        (9999, 8, None, "jobs is 9999; this computer has 8 processor cores, so at most 8 is expected"),
+        (64, 64, 4e9, "as many processes take at least 19.2 GB of memory, 4.0 GB are free, so at most 13 is expected"),
     ],
 )
 def test_more_processes_than_the_computer_holds_are_refused(

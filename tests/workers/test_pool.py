@@ -57,7 +57,7 @@ def test_an_idle_process_that_is_killed_is_replaced() -> None:
 def test_waiting_ends_in_time_and_closing_ends_what_runs() -> None:
     """Nothing ends within a moment; no process is left when the pool is closed."""
     with Pool(deadly, 1) as pool:
-        pool.submit(("sleep", 1000))
+        pool.submit(("wait", None))
         assert pool.free == 0 and pool.wait(0.01) == []
         (process,) = (worker.process for worker in pool._workers)
     assert not process.is_alive()

@@ -138,7 +138,7 @@ def test_pictures_that_memory_cannot_hold_are_refused(tmp_path: Path) -> None:
 
 
 def test_bad_numbers_are_refused() -> None:
-    """Messages name what came and what is wanted."""
+    """Messages name what came and what is expected."""
     with pytest.raises(InputError, match="count is 0"):
         worlds(0)
     with pytest.raises(InputError, match="yaws are"):

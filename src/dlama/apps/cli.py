@@ -250,7 +250,7 @@ def main(args: Sequence[str] | None = None) -> None:
             if words and not words[0].startswith("-"):
                 meant = difflib.get_close_matches(words[0], VERBS, 1)
                 hint = f"did you mean {meant[0]}? " if meant else ""
-                raise InputError(f"{words[0]!r} is no verb of dlama; {hint}One of {', '.join(VERBS)} is wanted")
+                raise InputError(f"{words[0]!r} is no verb of dlama; {hint}One of {', '.join(VERBS)} is expected")
             tyro.extras.subcommand_cli_from_dict(
                 VERBS, prog="dlama", description=DESCRIPTION, args=words, config=CONFIG
             )
@@ -265,7 +265,7 @@ def run_verb(name: str, words: Sequence[str]) -> None:
     with errors_as_lines(lambda message: with_flags(message, flags_of(verb))):
         twice = repeated_list(verb, words)
         if twice is not None:
-            raise InputError(f"{twice} is given twice; all its values behind one {twice} are wanted")
+            raise InputError(f"{twice} is given twice; all its values behind one {twice} are expected")
         wrong = wrong_value(verb, words)
         if wrong is not None:
             raise InputError(wrong)

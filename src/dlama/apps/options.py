@@ -193,7 +193,7 @@ def split_depth_and_mask(files: Sequence[Path], pointed: bool = False) -> tuple[
             "nothing says what is to be removed: give a mask file, --click X,Y on the thing, or --box X,Y,W,H"
         )
     if not 1 <= len(files) <= 2:
-        raise InputError(f"{len(files)} files follow the picture; a mask, or depth and a mask are wanted")
+        raise InputError(f"{len(files)} files follow the picture; a mask, or depth and a mask are expected")
     return (files[0] if len(files) == 2 else None), files[-1]
 
 

@@ -26,7 +26,7 @@ def check_memory(cameras: Sequence[Camera], free: int | None = None) -> None:
     largest = max(cameras, key=lambda camera: camera.width * camera.height)
     size = f"the camera is {largest.width}x{largest.height} pixels"
     if max(largest.wh) > LONGEST_SIDE:
-        raise InputError(f"{size}; sides of at most {LONGEST_SIDE} are wanted")
+        raise InputError(f"{size}; sides of at most {LONGEST_SIDE} are expected")
     needed = BYTES_PER_PIXEL * max(sizes) + BYTES_KEPT * sum(sizes)
     free = available_bytes() if free is None else free
     if free is not None and needed > free:

@@ -37,7 +37,7 @@ def target_camera(
     """
     if camera is not None:
         if yaw or pitch or dolly:
-            raise InputError("a target camera and an orbit or dolly were both given; one of them is wanted")
+            raise InputError("a target camera and an orbit or dolly were both given; one of them is expected")
         return camera
     source = rgbd.frames[len(rgbd.frames) // 2] if isinstance(rgbd, Scene) else rgbd
     distance = median_pivot(source.depth) if isinstance(pivot, str) and pivot == "auto" else pivot

@@ -128,7 +128,7 @@ def detect(root: Path) -> str:
 def check_limit(limit: int | None) -> None:
     """Raises InputError for a number of cases below 1."""
     if limit is not None and limit < 1:
-        raise InputError(f"limit is {limit}; a whole number >= 1 is wanted")
+        raise InputError(f"limit is {limit}; a whole number >= 1 is expected")
 
 
 def refuse_unused(name: str, known: frozenset[str], options: Mapping[str, object]) -> None:

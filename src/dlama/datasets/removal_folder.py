@@ -65,12 +65,12 @@ def removal_folder(root: Path, *, scenes: Sequence[str] | None = None) -> Datase
 def _files(folder: Path) -> RemovalFiles:
     for name in NEEDED:
         if not (folder / name).is_file():
-            raise FileError(f"{folder / name}: no such file; {', '.join(NEEDED)} are wanted")
+            raise FileError(f"{folder / name}: no such file; {', '.join(NEEDED)} are expected")
     fields = read_json_fields(folder / "camera.json")
     lens, units = json_lens(fields), units_per_metre(fields, "depth_scale")
     varies = fields.values.get("exposure_varies", False)
     if not isinstance(varies, bool):
-        raise FileError(f"{fields.path}: exposure_varies is {varies!r}; true or false is wanted")
+        raise FileError(f"{fields.path}: exposure_varies is {varies!r}; true or false is expected")
     source, without = (
         FrameFiles(folder / f"{each}.color.png", folder / f"{each}.depth.png", lens, np.eye(4), units)
         for each in ("with", "without")
@@ -97,6 +97,6 @@ def load_removal(files: RemovalFiles) -> RemovalTruth:
 def _of_size(path: Path, mask: BoolArray, hw: tuple[int, int]) -> BoolArray:
     if mask.shape != hw:
         raise ShapeError(
-            f"{path}: is {mask.shape[1]}x{mask.shape[0]} and the picture {hw[1]}x{hw[0]}; one size is wanted"
+            f"{path}: is {mask.shape[1]}x{mask.shape[0]} and the picture {hw[1]}x{hw[0]}; one size is expected"
         )
     return mask

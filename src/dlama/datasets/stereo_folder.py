@@ -74,7 +74,7 @@ def _files(folder: Path) -> StereoFiles:
         raise FileError(f"{calib}: no such file; a stereo folder needs it beside {left}")
     truth = _first(folder, _LEFT_DISPARITY[left])
     if truth is None:
-        raise FileError(f"{folder}: has no true disparity; {' or '.join(_LEFT_DISPARITY[left])} is wanted")
+        raise FileError(f"{folder}: has no true disparity; {' or '.join(_LEFT_DISPARITY[left])} is expected")
     return StereoFiles(folder / left, folder / right, calib, truth, _first(folder, _RIGHT_DISPARITY[left]))
 
 
@@ -116,7 +116,7 @@ def _rig(fields: FileFields, hw: tuple[int, int]) -> tuple[StereoRig, bool]:
         intrinsics, center = fields.intrinsics("K"), fields.pixel_center(0.0)
         baseline, doffs = fields.number("baseline_m"), fields.number("doffs") if "doffs" in fields else 0.0
     if not (baseline > 0 and math.isfinite(baseline)):
-        raise CameraError(f"{fields.path}: baseline_m is {baseline:g}; a distance > 0 is wanted")
+        raise CameraError(f"{fields.path}: baseline_m is {baseline:g}; a distance > 0 is expected")
     across = np.eye(4)
     across[0, 3] = baseline
     fx, fy, cx, cy = intrinsics

@@ -41,7 +41,7 @@ class Row:
         """Raise FileError unless the line has just so many words."""
         if len(self.words) != count:
             raise FileError(
-                f"{self.at(min(len(self.words), count))}: the line has {len(self.words)} values; {count} are wanted ({what})"
+                f"{self.at(min(len(self.words), count))}: the line has {len(self.words)} values; {count} are expected ({what})"
             )
 
     def number(self, index: int, *, finite: bool = True) -> float:
@@ -52,7 +52,7 @@ class Row:
             value = np.nan
         if not np.isfinite(value) and (finite or np.isnan(value)):
             kind = "finite number" if finite else "number"
-            raise FileError(f"{self.at(index)}: '{self.words[index][:40]}' stands where a {kind} is wanted")
+            raise FileError(f"{self.at(index)}: '{self.words[index][:40]}' stands where a {kind} is expected")
         return value
 
     def numbers(self, what: str, count: int, *, finite: bool = True) -> list[float]:
@@ -86,7 +86,7 @@ def read_matrix(path: Path, shape: tuple[int, int], *, finite: bool = True) -> F
     """A text file that holds one matrix and nothing else; raises FileError."""
     rows = read_rows(path)
     if len(rows) != shape[0]:
-        raise FileError(f"{path}: holds {len(rows)} lines of numbers; a {shape[0]}x{shape[1]} matrix is wanted")
+        raise FileError(f"{path}: holds {len(rows)} lines of numbers; a {shape[0]}x{shape[1]} matrix is expected")
     return matrix_of(rows, shape, finite=finite)
 
 
@@ -125,7 +125,7 @@ def scene_folders(
         name = "_".join(folder.relative_to(root).parts) or root.resolve().name
         if name in by_name:
             raise FileError(
-                f"{folder}: is called {name} as a scene, and so is {by_name[name]}; folders of other names are wanted"
+                f"{folder}: is called {name} as a scene, and so is {by_name[name]}; folders of other names are expected"
             )
         by_name[name] = folder
     check_scenes(sorted(by_name, key=natural_order), scenes)
@@ -137,7 +137,7 @@ def check_folder(root: Path) -> None:
     """Raise FileError where the folder of a data set is not there, or is no folder."""
     if not root.is_dir():
         what = "is a file" if root.exists() else "no such folder"
-        raise FileError(f"{root}: {what}; the folder of a data set is wanted")
+        raise FileError(f"{root}: {what}; the folder of a data set is expected")
 
 
 def folders_in(folder: Path) -> list[Path]:

@@ -55,7 +55,7 @@ def read_camera(path: PathLike, *, hw: tuple[int, int] | None = None) -> Camera:
 def _camera_of(fields: FileFields, hw: tuple[int, int] | None) -> Camera:
     names = ("fx", "fy", "cx", "cy")
     if "K" in fields and any(name in fields for name in names):
-        raise CameraError(f"{fields.path}: K and fx, fy, cx, cy are both given; one of them is wanted")
+        raise CameraError(f"{fields.path}: K and fx, fy, cx, cy are both given; one of them is expected")
     intrinsics = fields.intrinsics("K") if "K" in fields else [fields.number(name) for name in names]
     pose = fields.matrix("world_from_cam", (4, 4)) if "world_from_cam" in fields else None
     return checked_camera(fields.path, fields.size(hw, needed=True), intrinsics, fields.pixel_center(0.5), pose)
@@ -70,7 +70,7 @@ def read_cameras(path: PathLike) -> dict[str, Camera]:
     file = existing(path)
     listed = json_value(file, json_text(file))
     if not isinstance(listed, list) or not listed:
-        raise FileError(f"{file}: holds no list; a list of cameras, each with width, height, fx, ..., is wanted")
+        raise FileError(f"{file}: holds no list; a list of cameras, each with width, height, fx, ..., is expected")
     whole, cameras = FileFields(file, {}), dict[str, Camera]()
     for number, values in enumerate(listed):
         fields = whole.part(f"camera {number}", values)
@@ -81,7 +81,7 @@ def read_cameras(path: PathLike) -> dict[str, Camera]:
             )
         name = fields.text("name") if "name" in fields else f"{number:04d}"
         if name in cameras or Path(name).name != name:
-            raise FileError(f"{fields.path}: name is {name!r}; a file's name that no other camera has is wanted")
+            raise FileError(f"{fields.path}: name is {name!r}; a file's name that no other camera has is expected")
         cameras[name] = _camera_of(fields, None)
     return cameras
 
@@ -174,7 +174,7 @@ def camera_for(
     given = [name for name, value in numbers.items() if value is not None]
     for name, value in {**numbers, "fov": fov}.items():
         if value is not None and not isinstance(value, Real):
-            raise CameraError(f"{name} is {value!r}; a number is wanted")
+            raise CameraError(f"{name} is {value!r}; a number is expected")
     _check_one_source(camera, given, fov)
     if camera is not None:
         if isinstance(camera, Camera):
@@ -235,7 +235,7 @@ def _left_and_right(fields: FileFields, left_K: str, right_K: str) -> tuple[Intr
             )
         return left, right
     if doffs is None:
-        raise CameraError(f"{fields.path}: has neither {right_K} nor doffs; one of them is wanted")
+        raise CameraError(f"{fields.path}: has neither {right_K} nor doffs; one of them is expected")
     return left, (left[0], left[1], left[2] + doffs, left[3])
 
 

@@ -39,7 +39,7 @@ class FileFields:
         value = self._field(name)
         number = as_float(value)
         if number is None or not math.isfinite(number):
-            raise CameraError(f"{self.path}: {name} is {_shown(value)}; a finite number is wanted")
+            raise CameraError(f"{self.path}: {name} is {_shown(value)}; a finite number is expected")
         return number
 
     def count(self, name: str) -> int:
@@ -47,14 +47,14 @@ class FileFields:
         value = self.number(name)
         if value != int(value) or not 1 <= value <= LONGEST_SIDE:
             raise CameraError(
-                f"{self.path}: {name} is {value:g}; a whole number of pixels, 1 to {LONGEST_SIDE}, is wanted"
+                f"{self.path}: {name} is {value:g}; a whole number of pixels, 1 to {LONGEST_SIDE}, is expected"
             )
         return int(value)
 
     def matrix(self, name: str, shape: tuple[int, int]) -> Float64Array:
         """A matrix of finite numbers; raises CameraError."""
         value = self._field(name)
-        wanted = f"a {shape[0]}x{shape[1]} matrix of finite numbers is wanted"
+        wanted = f"a {shape[0]}x{shape[1]} matrix of finite numbers is expected"
         try:
             matrix = np.array(value, np.float64)
         except (TypeError, ValueError, OverflowError) as error:
@@ -67,14 +67,14 @@ class FileFields:
         """fx, fy, cx, cy of a matrix fx 0 cx / 0 fy cy / 0 0 1; raises CameraError for any other."""
         fx, fy, cx, cy = intrinsics_of(self.matrix(name, (3, 3)), f"{self.path}: {name}")
         if fx <= 0 or fy <= 0:
-            raise CameraError(f"{self.path}: {name} is singular or negative (f = {fx:g}, {fy:g}); f > 0 is wanted")
+            raise CameraError(f"{self.path}: {name} is singular or negative (f = {fx:g}, {fy:g}); f > 0 is expected")
         return fx, fy, cx, cy
 
     def pixel_center(self, default: float) -> float:
         """0.5 or 0.0; raises CameraError."""
         value = self.number("pixel_center") if "pixel_center" in self else default
         if value not in (0.0, 0.5):
-            raise CameraError(f"{self.path}: pixel_center is {value:g}; 0.5 or 0.0 is wanted")
+            raise CameraError(f"{self.path}: pixel_center is {value:g}; 0.5 or 0.0 is expected")
         return value
 
     def size(self, hw: tuple[int, int] | None, needed: bool = False) -> tuple[int, int]:
@@ -96,21 +96,21 @@ class FileFields:
         """A text that is not empty; raises FileError."""
         value = self.values.get(name)
         if not isinstance(value, str) or not value:
-            raise FileError(f"{self.path}: {name} is {_shown(value)[:40]}; a text is wanted")
+            raise FileError(f"{self.path}: {name} is {_shown(value)[:40]}; a text is expected")
         return value
 
     def entries(self, name: str, of: str) -> list[object]:
         """A list with something in it, `of` says of what; raises FileError."""
         values = self.values.get(name)
         if not isinstance(values, list) or not values:
-            raise FileError(f"{self.path}: {name} is {_shown(values)[:40]}; a list of {of} is wanted")
+            raise FileError(f"{self.path}: {name} is {_shown(values)[:40]}; a list of {of} is expected")
         return values
 
     def part(self, name: str, values: object) -> FileFields:
         """`values` as the fields of an object within this one, whose errors call it `name`; raises FileError."""
         where = f"{self.path}: {name}"
         if not isinstance(values, dict):
-            raise FileError(f"{where} is {_shown(values)[:40]}; an object with named fields is wanted")
+            raise FileError(f"{where} is {_shown(values)[:40]}; an object with named fields is expected")
         return FileFields(where, values)
 
     def _field(self, name: str) -> Any:
@@ -138,7 +138,8 @@ def read_json_fields(path: PathLike, known: Sequence[str] | None = None) -> File
     fields = json_fields(file, json_text(file))
     unknown = [name for name in fields.values if known is not None and name not in known]
     if unknown:
-        raise CameraError(f"{file}: field '{unknown[0]}' is not known; known are {', '.join(known or ())}")
+        called = ", ".join(f"'{name}'" for name in unknown)
+        raise CameraError(f"{file}: field {called} is not known; known are {', '.join(known or ())}")
     return fields
 
 
@@ -154,7 +155,7 @@ def json_fields(path: PathLike, text: str) -> FileFields:
     """The fields of a JSON object as text; raises FileError that names `path`, line and column."""
     values = json_value(path, text)
     if not isinstance(values, dict):
-        raise FileError(f"{path}:1:1: holds a JSON {type(values).__name__}; an object with named fields is wanted")
+        raise FileError(f"{path}:1:1: holds a JSON {type(values).__name__}; an object with named fields is expected")
     return FileFields(path, values)
 
 

@@ -136,7 +136,7 @@ def _resized(
     if how is None:
         raise ShapeError(f"{sizes}; both must have the same size, or give resize_depth=nearest")
     if how != "nearest":
-        raise ShapeError(f"resize_depth is {how!r}; 'nearest' is wanted")
+        raise ShapeError(f"resize_depth is {how!r}; 'nearest' is expected")
     proportions = metres.shape[1] / metres.shape[0] * hw[0] / hw[1]
     if abs(proportions - 1) > SAME_PROPORTIONS:
         raise ShapeError(

@@ -25,7 +25,7 @@ def read_classes(path: PathLike) -> dict[str, RGB]:
             continue
         name, *cells = line.rsplit(",", 3)  # a name may hold commas
         if len(cells) != 3:
-            raise FileError(f"{path}:{number}:1: the line is '{line[:80]}'; name,R,G,B is wanted")
+            raise FileError(f"{path}:{number}:1: the line is '{line[:80]}'; name,R,G,B is expected")
         column, color = len(name) + 2, []
         for channel, cell in zip("RGB", cells):
             color.append(
@@ -47,7 +47,7 @@ def class_color(wanted: str, classes_csv: PathLike | None, picture: PathLike) ->
     parts = wanted.split(",")
     if len(parts) == 3 and all(part.strip().lstrip("+-").isdecimal() for part in parts):
         if not all(CHANNEL.fullmatch(part.strip()) and int(part) <= 255 for part in parts):
-            raise MaskError(f"mask_class is {wanted[:40]}; R,G,B of 0 to 255 each is wanted")
+            raise MaskError(f"mask_class is {wanted[:40]}; R,G,B of 0 to 255 each is expected")
         return int(parts[0]), int(parts[1]), int(parts[2])
     table = _table_beside(picture) if classes_csv is None else classes_csv
     classes = read_classes(table)
@@ -93,5 +93,5 @@ def _table_beside(picture: PathLike) -> Path:
 
 def _channel(where: str, text: str) -> int:
     if not CHANNEL.fullmatch(text) or int(text) > 255:
-        raise FileError(f"{where} is '{text[:40]}'; a whole number 0..255 is wanted")
+        raise FileError(f"{where} is '{text[:40]}'; a whole number 0..255 is expected")
     return int(text)

@@ -40,7 +40,7 @@ FARTHEST_M = 1e9
 def _check_size(width: int, height: int) -> None:
     for name, value in (("width", width), ("height", height)):
         if not is_finite(value) or value % 1:
-            raise CameraError(f"camera {name} is {shown(value)}; a whole number of pixels is wanted")
+            raise CameraError(f"camera {name} is {shown(value)}; a whole number of pixels is expected")
     if width < 1 or height < 1:
         raise CameraError(f"camera size is {width}x{height}; width and height must be at least 1")
 
@@ -73,22 +73,24 @@ class Camera:
         for name in ("fx", "fy", "cx", "cy"):
             value = getattr(self, name)
             if not is_finite(value):
-                raise CameraError(f"camera {name} is {shown(value)}; a finite number of pixels is wanted")
+                raise CameraError(f"camera {name} is {shown(value)}; a finite number of pixels is expected")
             if abs(value) > LARGEST_PX:
-                raise CameraError(f"camera {name} is {value:g} px; at most {LARGEST_PX:g} px is wanted")
+                raise CameraError(f"camera {name} is {value:g} px; at most {LARGEST_PX:g} px is expected")
         for name in ("fx", "fy"):
             value = getattr(self, name)
             if value <= 0:
-                raise CameraError(f"camera {name} is {value}; K is singular or negative, a focal length > 0 is wanted")
+                raise CameraError(
+                    f"camera {name} is {value}; K is singular or negative, a focal length > 0 is expected"
+                )
             if value < SMALLEST_FOCAL_PX:
-                raise CameraError(f"camera {name} is {value:g} px; at least {SMALLEST_FOCAL_PX:g} px is wanted")
+                raise CameraError(f"camera {name} is {value:g} px; at least {SMALLEST_FOCAL_PX:g} px is expected")
         object.__setattr__(self, "world_from_cam", checked_pose(self.world_from_cam))
 
     @classmethod
     def from_fov(cls, width: int, height: int, fov_deg: float, world_from_cam: ArrayLike | None = None) -> Camera:
         """Camera with square pixels, centred, from its horizontal field of view in degrees (0 < fov < 180)."""
         if not is_finite(fov_deg) or not 0 < fov_deg < 180:
-            raise CameraError(f"fov is {shown(fov_deg)} degrees; a field of view between 0 and 180 is wanted")
+            raise CameraError(f"fov is {shown(fov_deg)} degrees; a field of view between 0 and 180 is expected")
         _check_size(width, height)
         focal = 0.5 * width / math.tan(math.radians(fov_deg) / 2)
         pose = np.eye(4) if world_from_cam is None else checked_pose(world_from_cam)
@@ -161,7 +163,7 @@ class Camera:
         """
         for name, value in (("x", x), ("y", y)):
             if not is_finite(value):
-                raise CameraError(f"{name} is {shown(value)}; a number of pixels is wanted")
+                raise CameraError(f"{name} is {shown(value)}; a number of pixels is expected")
         return dataclasses.replace(self, width=width, height=height, cx=self.cx - x, cy=self.cy - y)
 
     def resized(self, width: int, height: int) -> Camera:
@@ -188,7 +190,7 @@ class Camera:
 def check_pixel_center(value: object) -> None:
     """Raise CameraError unless it is 0.5 or 0.0, the two places where files put the first pixel's centre."""
     if not isinstance(value, Real) or value not in (0.0, 0.5):
-        raise CameraError(f"pixel_center is {shown(value)}; 0.5 or 0.0 is wanted")
+        raise CameraError(f"pixel_center is {shown(value)}; 0.5 or 0.0 is expected")
 
 
 @dataclass(frozen=True, eq=False)
@@ -209,7 +211,7 @@ class StereoRig:
         check(right, Camera, "right")
         if left.hw != right.hw:
             raise CameraError(
-                f"the left camera is {left.width}x{left.height}, the right {right.width}x{right.height}; one size is wanted"
+                f"the left camera is {left.width}x{left.height}, the right {right.width}x{right.height}; one size is expected"
             )
         for name in ("fx", "fy", "cy"):
             mine, theirs = getattr(left, name), getattr(right, name)
@@ -218,7 +220,7 @@ class StereoRig:
         across = self._offset
         if not across[0] > 0 or abs(across[1]) > 1e-3 * across[0] or abs(across[2]) > 1e-3 * across[0]:
             raise CameraError(
-                f"the right camera lies at {across.round(6).tolist()} m of the left; (baseline > 0, 0, 0) is wanted"
+                f"the right camera lies at {across.round(6).tolist()} m of the left; (baseline > 0, 0, 0) is expected"
             )
 
     @property
@@ -250,13 +252,13 @@ def intrinsics_of(K: ArrayLike, called: str = "K") -> tuple[float, float, float,
     matrix = _matrix(K, called, (3, 3))
     (fx, skew, cx), (zero, fy, cy), last = matrix.tolist()
     if not np.abs([skew, zero, last[0], last[1], last[2] - 1]).max() <= K_TOLERANCE:
-        raise CameraError(f"{called} is {matrix.tolist()}; fx 0 cx / 0 fy cy / 0 0 1 is wanted (no skew)")
+        raise CameraError(f"{called} is {matrix.tolist()}; fx 0 cx / 0 fy cy / 0 0 1 is expected (no skew)")
     return fx, fy, cx, cy
 
 
 def _matrix(values: ArrayLike, called: str, shape: tuple[int, int]) -> Float64Array:
     """A float64 copy. CameraError, which calls it `called`: no numbers, or of another shape."""
-    wanted = f"a {shape[0]}x{shape[1]} matrix is wanted"
+    wanted = f"a {shape[0]}x{shape[1]} matrix is expected"
     try:
         matrix = np.array(values, np.float64)
     except (TypeError, ValueError, OverflowError) as error:
@@ -281,18 +283,18 @@ def checked_pose(pose: ArrayLike) -> Float64Array:
     """
     matrix = _matrix(pose, "world_from_cam", (4, 4))
     if not np.isfinite(matrix).all():
-        raise CameraError("world_from_cam holds NaN or infinity; a finite rigid motion is wanted")
+        raise CameraError("world_from_cam holds NaN or infinity; a finite rigid motion is expected")
     if np.abs(matrix[:3, 3]).max() > FARTHEST_M * (1 + 1e-9):  # a product of poses is rounded
         raise CameraError(
-            f"world_from_cam moves by {np.abs(matrix[:3, 3]).max():g} m; at most {FARTHEST_M:g} m is wanted"
+            f"world_from_cam moves by {np.abs(matrix[:3, 3]).max():g} m; at most {FARTHEST_M:g} m is expected"
         )
     if not np.allclose(matrix[3], (0, 0, 0, 1), atol=1e-9):
-        raise CameraError(f"world_from_cam ends with the row {matrix[3].tolist()}; 0 0 0 1 is wanted")
+        raise CameraError(f"world_from_cam ends with the row {matrix[3].tolist()}; 0 0 0 1 is expected")
     rotation = matrix[:3, :3]
     error = float(np.abs(rotation.T @ rotation - np.eye(3)).max())
     if error > ROTATION_TOLERANCE or np.linalg.det(rotation) < 0:
         kind = "a mirroring" if np.linalg.det(rotation) < 0 else f"off by {error:.3g} from orthonormal"
-        raise CameraError(f"world_from_cam is not a rigid motion: its 3x3 part is {kind}; a rotation is wanted")
+        raise CameraError(f"world_from_cam is not a rigid motion: its 3x3 part is {kind}; a rotation is expected")
     if error > 1e-12:
         u, _, vt = np.linalg.svd(rotation)
         matrix[:3, :3] = u @ vt

@@ -35,7 +35,7 @@ def fuse(scene: Scene, view: View, known: BoolArray | None = None) -> Scene:
     check_arguments(fuse, locals())
     if known is not None and (np.shape(known) != view.camera.hw or np.asarray(known).dtype != np.bool_):
         given = np.asarray(known)
-        raise ShapeError(f"known is {given.dtype} {given.shape}; bool {view.camera.hw}, as the view is, is wanted")
+        raise ShapeError(f"known is {given.dtype} {given.shape}; bool {view.camera.hw}, as the view is, is expected")
     depth_only = (view.origin == Origin.DEPTH_FILLED) & (view.hole_type == HoleType.SENSOR)
     for layer in scene.layers:
         if layer.camera.same_view_as(view.camera):

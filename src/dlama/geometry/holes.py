@@ -23,7 +23,7 @@ STEP, DEAREST, ROUNDS = 8.0, 60.0, 2
 def disc(radius: int) -> np.ndarray:
     """Kernel of dilation and erosion: all pixels within `radius` of the centre, (2 radius + 1) square, uint8."""
     if radius < 0:
-        raise InputError(f"dilation is {radius} px; 0 or more is wanted")
+        raise InputError(f"dilation is {radius} px; 0 or more is expected")
     reach = np.arange(-radius, radius + 1)
     return (reach[:, None] ** 2 + reach**2 <= (radius + 0.5) ** 2).astype(np.uint8)
 
@@ -145,7 +145,7 @@ def checked_mask(mask: ArrayLike, hw: tuple[int, int]) -> BoolArray:
     """The mask as an array. MaskError unless it is a bool picture of that size that removes something and leaves something."""
     mask = as_array(mask, "mask", "a bool array H x W")
     if mask.dtype != np.bool_ or mask.ndim != 2:
-        raise MaskError(f"mask is {mask.dtype} with shape {mask.shape}; bool H x W is wanted, True = remove")
+        raise MaskError(f"mask is {mask.dtype} with shape {mask.shape}; bool H x W is expected, True = remove")
     if mask.shape != hw:
         raise MaskError(
             f"mask is {mask.shape[1]}x{mask.shape[0]} and the picture {hw[1]}x{hw[0]}; both must have the same size"

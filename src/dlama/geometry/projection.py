@@ -53,7 +53,7 @@ def disparity_from_depth(depth: ArrayLike, *, fx: float, baseline_m: float, doff
     _check_rig(fx, baseline_m, doffs)
     metres = np.asarray(depth, np.float32).astype(np.float64)
     if (metres < 0).any():
-        raise DepthError(f"depth holds negative values (smallest {np.nanmin(metres):.6g}); metres >= 0 are wanted")
+        raise DepthError(f"depth holds negative values (smallest {np.nanmin(metres):.6g}); metres >= 0 are expected")
     known = metres > 0
     disparity = np.zeros(metres.shape, np.float32)
     with np.errstate(over="ignore"):
@@ -64,11 +64,11 @@ def disparity_from_depth(depth: ArrayLike, *, fx: float, baseline_m: float, doff
 
 def _check_rig(fx: float, baseline_m: float, doffs: float) -> None:
     if not (math.isfinite(fx) and fx > 0):
-        raise CameraError(f"stereo fx is {fx}; a focal length > 0 in pixels is wanted")
+        raise CameraError(f"stereo fx is {fx}; a focal length > 0 in pixels is expected")
     if not (math.isfinite(baseline_m) and baseline_m > 0):
-        raise CameraError(f"stereo baseline_m is {baseline_m}; a distance > 0 in metres is wanted")
+        raise CameraError(f"stereo baseline_m is {baseline_m}; a distance > 0 in metres is expected")
     if not math.isfinite(doffs):
-        raise CameraError(f"stereo doffs is {doffs}; a finite number of pixels is wanted")
+        raise CameraError(f"stereo doffs is {doffs}; a finite number of pixels is expected")
 
 
 def inverse_depth(depth: Float32Array) -> Float32Array:
@@ -134,7 +134,7 @@ def project(points: Float64Array, camera: Camera) -> tuple[Float64Array, Float64
     """
     points = np.asarray(points, np.float64)
     if points.ndim != 2 or points.shape[1] != 3:
-        raise ShapeError(f"points have shape {points.shape}; N x 3 is wanted")
+        raise ShapeError(f"points have shape {points.shape}; N x 3 is expected")
     pose = camera.world_from_cam
     # R^T (p - t), not R^T p - R^T t: far from the world's origin the difference keeps its digits.
     in_camera = (points - pose[:3, 3]) @ pose[:3, :3]

@@ -65,7 +65,7 @@ def render(
     """
     check_arguments(render, locals())
     if mode not in MODES:
-        raise InputError(f"mode is {mode!r}; one of {', '.join(MODES)} is wanted")
+        raise InputError(f"mode is {mode!r}; one of {', '.join(MODES)} is expected")
     if isinstance(source, PointCloud):
         return render_cloud(source, camera, mode)
     scene = as_scene(source)
@@ -155,7 +155,7 @@ def closed_grid(layer: View, removals: tuple[View, ...]) -> tuple[Float32Array, 
 def render_cloud(cloud: PointCloud, camera: Camera, mode: Mode) -> View:
     """A bare cloud by nearest-pixel projection; its uncovered pixels are OUT_OF_VIEW (a cloud does not know more)."""
     if mode != "points":
-        raise InputError("a bare point cloud has no pixel grid to triangulate; mode 'points' is wanted")
+        raise InputError("a bare point cloud has no pixel grid to triangulate; mode 'points' is expected")
     canvas = Canvas.empty(camera)
     pixels, z = project(cloud.points, camera)
     inside = (z > NEAR) & (pixels >= 0).all(1) & (pixels[:, 0] < camera.width) & (pixels[:, 1] < camera.height)

@@ -48,7 +48,7 @@ class RGBD:
                 f"depth is {depth.shape[1]}x{depth.shape[0]} and the picture {color.shape[1]}x{color.shape[0]}; "
                 "both must have the same size"
                 if depth.ndim == 2
-                else f"depth has shape {depth.shape}; H x W is wanted"
+                else f"depth has shape {depth.shape}; H x W is expected"
             )
         check(self.camera, Camera, "camera")
         if self.camera.hw != depth.shape:
@@ -57,14 +57,14 @@ class RGBD:
                 f"{depth.shape[1]}x{depth.shape[0]}; both must have the same size"
             )
         if depth.dtype.kind not in "fiu":
-            raise DepthError(f"depth is {depth.dtype}; metres as numbers are wanted")
+            raise DepthError(f"depth is {depth.dtype}; metres as numbers are expected")
         depth = np.asarray(depth, np.float32)
         least = depth.min()
         if np.isnan(least):
             depth = freeze(np.where(np.isnan(depth), np.float32(0), depth))
             least = depth.min()
         if least < 0:
-            raise DepthError(f"depth holds negative values (smallest {least:.6g}); metres >= 0 are wanted")
+            raise DepthError(f"depth holds negative values (smallest {least:.6g}); metres >= 0 are expected")
         object.__setattr__(self, "color", read_only(color))
         object.__setattr__(self, "depth", read_only(depth))
 
@@ -102,7 +102,7 @@ def checked_color(color: ArrayLike, name: str = "colour") -> UInt8Array:
     """The picture as an array; ShapeError, which calls it `name`, unless it is uint8 H x W x 3 with a pixel or more."""
     array = as_array(color, name, "a picture")
     if array.dtype != np.uint8 or array.ndim != 3 or array.shape[2] != 3 or not array.size:
-        raise ShapeError(f"{name} is {array.dtype} {array.shape}; uint8 H x W x 3 is wanted")
+        raise ShapeError(f"{name} is {array.dtype} {array.shape}; uint8 H x W x 3 is expected")
     return array
 
 
@@ -177,7 +177,7 @@ def checked_fields(
             array = as_array(array, f"{called}.{name}", f"an array of {np.dtype(dtype)}")
         if array.shape != shape or array.dtype != dtype:
             raise ShapeError(
-                f"{called}.{name} is {array.dtype} {array.shape}; {np.dtype(dtype)} {shape} is wanted{wanted}"
+                f"{called}.{name} is {array.dtype} {array.shape}; {np.dtype(dtype)} {shape} is expected{wanted}"
             )
         object.__setattr__(noun, name, read_only(array))
 

@@ -61,7 +61,7 @@ def find_filler(filler: str | Inpainter, model: str | Path | None = None) -> Inp
         if model is not None:
             raise InputError(f"model is {model} and the filler a function; a model goes with a filler's name")
         if not callable(filler):
-            raise InputError(f"filler is {filler!r}; one of {', '.join(FILLER_NAMES)} is wanted, or a function")
+            raise InputError(f"filler is {filler!r}; one of {', '.join(FILLER_NAMES)} is expected, or a function")
         return filler
     file = model_file(filler, model)
     found: Any = pkgutil.resolve_name(FILLERS[filler].entry_point)
@@ -74,10 +74,10 @@ def model_file(filler: str, model: str | Path | None = None) -> Path | None:
     InputError: an unknown name, or a model missing or given to a filler that takes none.
     """
     if filler not in FILLERS:
-        raise InputError(f"filler is {filler!r}; one of {', '.join(FILLER_NAMES)} is wanted")
+        raise InputError(f"filler is {filler!r}; one of {', '.join(FILLER_NAMES)} is expected")
     record = FILLERS[filler]
     if not record.needs_model and model is not None:
-        raise InputError(f"model is {model} and filler {filler!r} runs no network; no model is wanted")
+        raise InputError(f"model is {model} and filler {filler!r} runs no network; no model is expected")
     if record.needs_model and model is None and record.shipped is None:
         raise InputError(f"model is missing: filler {filler!r} runs a network file ({record.source})")
     if model is not None:

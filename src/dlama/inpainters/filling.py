@@ -91,7 +91,7 @@ def checked_fill(fill: Fill, view: View) -> Fill:
     for name, shape in wanted.items():
         array = getattr(fill, name)
         if np.shape(array) != shape and not (array is None and name in ("errors", "choice")):
-            raise ShapeError(f"the filler's {name} has shape {np.shape(array)}; {shape} is wanted for this view")
+            raise ShapeError(f"the filler's {name} has shape {np.shape(array)}; {shape} is expected for this view")
     return fill
 
 

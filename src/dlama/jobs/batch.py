@@ -73,8 +73,7 @@ def batch(
     """
     check_arguments(batch, locals())
     source = JobList(jobs, verb, checked_defaults(verb, defaults))
-    check_count(stop_after_failures, "stop_after_failures")
-    check_count(pack, "pack")
+    _check_counts(stop_after_failures=stop_after_failures, pack=pack, workers=workers, threads=threads)
     check_number(gpus_per_worker, "gpus_per_worker", "a share of a GPU, 0 or more,")
     checked_name(out)
     output = Output(str(out) if is_address(str(out)) else str(Path(local(str(out))).absolute()))
@@ -118,7 +117,7 @@ class JobList:
 def checked_defaults(verb: str | None, defaults: Mapping[str, Any]) -> dict[str, Any]:
     """Those that are given (not None), files as whole paths. InputError: an unknown verb, or a parameter that no verb has."""
     if verb is not None and verb not in VERBS:
-        raise InputError(f"verb is {verb!r}; one of {', '.join(VERBS)} is wanted")
+        raise InputError(f"verb is {verb!r}; one of {', '.join(VERBS)} is expected")
     for name in defaults:
         if name not in KNOWN:
             raise InputError(f"{name} is no parameter of a verb; known are {', '.join(KNOWN)}")
@@ -130,6 +129,18 @@ def checked_defaults(verb: str | None, defaults: Mapping[str, Any]) -> dict[str,
     }
 
 
+def _check_counts(**counts: int | None) -> None:
+    """InputError, which names all that are wrong."""
+    wrong = []
+    for name, count in counts.items():
+        try:
+            check_count(count, name)
+        except InputError as error:
+            wrong.append(str(error))
+    if wrong:
+        raise InputError("; ".join(wrong))
+
+
 def starter(workers: int | None, threads: int | None, ray: str | None, gpus_per_worker: float) -> Callable[[], Workers]:
     """What starts the workers. InputError: numbers that cannot be. MissingExtraError: Ray is not installed."""
     if ray is None:
@@ -137,10 +148,8 @@ def starter(workers: int | None, threads: int | None, ray: str | None, gpus_per_
             raise InputError(f"gpus_per_worker is {gpus_per_worker} without ray; it is for clusters")
         chosen = workers_for(workers, threads)
         return lambda: Pool(work, *chosen)
-    check_count(workers, "workers")
-    check_count(threads, "threads")
     if gpus_per_worker < 0:
-        raise InputError(f"gpus_per_worker is {gpus_per_worker}; 0 or more is wanted")
+        raise InputError(f"gpus_per_worker is {gpus_per_worker}; 0 or more is expected")
     if find_spec("ray") is None:
         raise MissingExtraError(f"ray={ray}", "ray", "batch")
     from dlama.jobs.on_ray import RayWorkers
@@ -154,7 +163,7 @@ def workers_for(workers: int | None, threads: int | None) -> tuple[int, int]:
     if workers is not None:
         check_processes(workers, "workers")
     if threads is not None and not (isinstance(threads, Integral) and 1 <= threads <= max(cores, 2)):
-        raise InputError(f"threads is {threads!r}; 1 to {cores}, as many as this computer has cores, is wanted")
+        raise InputError(f"threads is {threads!r}; 1 to {cores}, as many as this computer has cores, is expected")
     fitting = cores if free is None else max(1, min(cores, int(free / PROCESS_BYTES)))
     count = workers or max(1, fitting // (threads or 1))
     return count, threads or max(1, cores // count)

@@ -22,6 +22,7 @@ def check_options(given: Mapping[str, Any], image: Path | None = None, removes: 
     from dlama.completion.recipes import checked_confidence, checked_seed, find_recipe
     from dlama.files.rasters.depth import check_depth_options
     from dlama.files.results.completion import checked_results
+    from dlama.geometry.trajectories import PIVOT_M
 
     def one(name: str, default: Any = None) -> Any:
         return given[name] if given.get(name) is not None else default
@@ -35,7 +36,8 @@ def check_options(given: Mapping[str, Any], image: Path | None = None, removes: 
         lambda: checked_confidence(one("min_confidence", 0.0)),
         lambda: one("filler", AUTO) == AUTO or callable(given["filler"]) or model_file(given["filler"], one("model")),
         lambda: check_depth_options(one("depth_scale"), one("depth_range"), one("far")),
-        lambda: _check_move(given),
+        *(lambda name=name: _check_move({name: given.get(name)}) for name in ("yaw", "pitch", "dolly")),
+        lambda: _check_move({"pivot": given.get("pivot", PIVOT_M)}),
         lambda: _check_pointing(given, image),
         lambda: _check_scale(given, image),
     ]

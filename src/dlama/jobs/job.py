@@ -68,7 +68,7 @@ def job_of(row: Mapping[str, Any], defaults: Mapping[str, Any], base: str, where
     called = str(given.pop("verb", verb or ""))
     try:
         if not called:
-            raise InputError(f"verb is missing; one of {', '.join(VERBS)} is wanted, in the list or as verb=NAME")
+            raise InputError(f"verb is missing; one of {', '.join(VERBS)} is expected, in the list or as verb=NAME")
         own = dict.fromkeys(VERBS.get(called, ()))
         values = checked(called, {key: value for key, value in defaults.items() if key in own} | given)
     except InputError as error:
@@ -92,7 +92,7 @@ def checked_id(name: str, where: str) -> str:
     if any(part in ("", ".", "..") or part != part.strip() for part in parts) or re.search(
         r'[\\:*?"<>|\x00-\x1f\ud800-\udfff]', name
     ):
-        raise InputError(f"{where}: id is {name!r}; a name that can be a folder is wanted, such as kitchen/0001")
+        raise InputError(f"{where}: id is {name!r}; a name that can be a folder is expected, such as kitchen/0001")
     if parts[0] in RESERVED or parts[0].startswith("."):
         raise InputError(f"{where}: id is {name!r}; {', '.join(RESERVED)} and hidden names are taken")
     return name
@@ -109,7 +109,10 @@ def resolved(path: str, base: str, always: bool = True) -> str:
 def check_columns(names: list[str], where: str) -> None:
     """InputError for a table without `id`, or with a column that no verb knows."""
     if "id" not in names:
-        raise InputError(f"{where}: there is no column id; the columns are {', '.join(names) or 'none'}")
+        columns = (
+            f"there is no column id; the columns are {', '.join(names)}" if names else "is empty; columns are expected"
+        )
+        raise InputError(f"{where}: {columns}")
     unknown = [name for name in names if name not in COLUMNS + KNOWN and not name.startswith("_")]
     if unknown:
         raise InputError(

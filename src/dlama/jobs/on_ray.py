@@ -87,7 +87,7 @@ class RayWorkers:
             self.close()
             raise InputError(
                 f"ray={address} has no room for a worker: {self.ray.cluster_resources()}; fewer threads or a smaller "
-                "gpus_per_worker is wanted"
+                "gpus_per_worker is expected"
             )
         self.count = workers or room
         self._workers: list[_Worker] = []
@@ -205,7 +205,7 @@ def _connect(ray: Any, address: str) -> bool:
         if address == "local":
             raise DlamaError(f"ray=local: no cluster could be started here ({first_line(error)})") from error
         raise InputError(
-            f"ray={address}: no such cluster ({first_line(error)}); local, auto or HOST:PORT is wanted"
+            f"ray={address}: no such cluster ({first_line(error)}); local, auto or HOST:PORT is expected"
         ) from error
     return True
 

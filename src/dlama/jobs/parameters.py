@@ -23,7 +23,7 @@ def text(name: str, value: Any) -> str:
     """Any text; of a path its text."""
     found = os.fspath(value) if isinstance(value, os.PathLike) else value
     if not isinstance(found, str) or "\0" in found:
-        raise InputError(f"{name} is {value!r}; a text is wanted")
+        raise InputError(f"{name} is {value!r}; a text is expected")
     return found
 
 
@@ -36,7 +36,7 @@ def number(name: str, value: Any) -> float:
         if not math.isfinite(found):
             raise ValueError
     except (TypeError, ValueError, OverflowError):
-        raise InputError(f"{name} is {value!r}; a number is wanted") from None
+        raise InputError(f"{name} is {value!r}; a number is expected") from None
     return found
 
 
@@ -44,7 +44,7 @@ def whole(name: str, value: Any) -> int:
     """A whole number."""
     found = number(name, value)
     if found != int(found):
-        raise InputError(f"{name} is {value!r}; a whole number is wanted")
+        raise InputError(f"{name} is {value!r}; a whole number is expected")
     return int(found)
 
 
@@ -52,7 +52,7 @@ def switch(name: str, value: Any) -> bool:
     """True or false, also in words."""
     word = str(value).lower()
     if word not in YES + NO:
-        raise InputError(f"{name} is {value!r}; true or false is wanted")
+        raise InputError(f"{name} is {value!r}; true or false is expected")
     return word in YES
 
 
@@ -61,7 +61,7 @@ def one_of(*names: str) -> Parse:
 
     def parse(name: str, value: Any) -> str:
         if not isinstance(value, str) or value not in names:
-            raise InputError(f"{name} is {value!r}; one of {', '.join(names)} is wanted")
+            raise InputError(f"{name} is {value!r}; one of {', '.join(names)} is expected")
         return str(value)
 
     return parse
@@ -80,7 +80,7 @@ def numbers(name: str, value: Any, count: int, wanted: str) -> list[float]:
     except (TypeError, ValueError, OverflowError):
         found = []
     if len(found) != count:
-        raise InputError(f"{name} is {value!r}; {wanted} in pixels is wanted")
+        raise InputError(f"{name} is {value!r}; {wanted} in pixels is expected")
     return found
 
 
@@ -105,7 +105,7 @@ def known_depths(typed: Sequence[str]) -> tuple[tuple[float, float, float], ...]
             x, y, metres = map(float, parts.groups())
         except ValueError:
             raise InputError(
-                f"metres_at is {word!r}; X,Y=D is wanted: a pixel and its depth in metres, such as 320,400=2.5"
+                f"metres_at is {word!r}; X,Y=D is expected: a pixel and its depth in metres, such as 320,400=2.5"
             ) from None
         found.append((x, y, metres))
     return tuple(found)
@@ -131,7 +131,7 @@ def _several(name: str, value: Any, wanted: str, count: int | None = None) -> Se
     except TypeError:
         found = None
     if found is None or (count is not None and len(found) != count):
-        raise InputError(f"{name} is {value!r}; {wanted} is wanted, or a list")
+        raise InputError(f"{name} is {value!r}; {wanted} is expected, or a list")
     return found
 
 
@@ -215,7 +215,7 @@ def checked(verb: str, given: Mapping[str, Any], loaded: bool = False) -> dict[s
     loaded: its inputs come from a data set, so none need be named.
     """
     if verb not in VERBS:
-        raise InputError(f"verb is {verb!r}; one of {', '.join(VERBS)} is wanted")
+        raise InputError(f"verb is {verb!r}; one of {', '.join(VERBS)} is expected")
     known = VERBS[verb]
     for name in given:
         if name not in known:

@@ -101,7 +101,7 @@ def _done(task: Task) -> JobResult:
     if job.error:
         raise InputError(job.error)
     if job.verb not in PERFORM:
-        raise InputError(f"verb is {job.verb!r}; one of {', '.join(PERFORM)} is wanted")
+        raise InputError(f"verb is {job.verb!r}; one of {', '.join(PERFORM)} is expected")
     stamps = {role: stamp(path) for role, path in job.files.items()}  # before they are read: a change meanwhile is seen
     with task.output.staging() as folder, fetched(job.files) as files:
         this = JobInputs(addresses={role: path for role, path in job.files.items() if is_address(path)})

@@ -26,7 +26,7 @@ def is_pointed(given: Mapping[str, Any]) -> bool:
 
 def mask_and_pointing(mask: object) -> InputError:
     """The error where a mask file was given beside clicks or a box."""
-    return InputError(f"a mask file ({mask}) and clicks or a box were both given; one of them is wanted")
+    return InputError(f"a mask file ({mask}) and clicks or a box were both given; one of them is expected")
 
 
 def mask_settings(

@@ -23,7 +23,7 @@ from dlama.workers.pool import TRIES, Ended
 Progress = Callable[[JobResult | None, int, int | None], object]
 """Called with what has just ended (None: at the start), and how many of how many are done; None: it is not known."""
 WINDOW = 8
-"""Results a worker that may wait for an earlier one, where they are wanted in order."""
+"""Results a worker that may wait for an earlier one, where they are expected in order."""
 AT_ONCE = 64
 """Rows that are looked at before results are handed out."""
 UNWRITTEN = 4
@@ -114,7 +114,7 @@ class _Run:
     """Tasks whose process died."""
     packer: Packer | None = None
     ready: list[tuple[int, JobResult]] = field(default_factory=list)
-    """Results not yet handed out, a heap by number where they are wanted in order."""
+    """Results not yet handed out, a heap by number where they are expected in order."""
 
     def results(self) -> Iterator[JobResult]:
         """All of them."""

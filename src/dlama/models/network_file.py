@@ -64,9 +64,9 @@ class NetworkFile:
         if not self.path.is_file():
             raise FileError(f"{self.path}: no such model file")
         if self.provider is not None and self.provider not in (*PROVIDERS, OPENVINO):
-            raise InputError(f"provider is {self.provider!r}; one of {', '.join([*PROVIDERS, OPENVINO])} is wanted")
+            raise InputError(f"provider is {self.provider!r}; one of {', '.join([*PROVIDERS, OPENVINO])} is expected")
         if self.threads < 1:
-            raise InputError(f"threads is {self.threads}; 1 or more is wanted")
+            raise InputError(f"threads is {self.threads}; 1 or more is expected")
 
     @cached_property
     def session(self) -> Any:
@@ -156,6 +156,8 @@ def file_stamp(path: Path) -> tuple[int, int]:
     if not path.is_file():
         raise FileError(f"{path}: no such model file")
     stat = path.stat()
+    if stat.st_size == 0:
+        raise FileError(f"{path}: is empty (0 bytes)")
     return stat.st_mtime_ns, stat.st_size
 
 

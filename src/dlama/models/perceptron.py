@@ -91,6 +91,7 @@ def checked_field(arrays: Mapping[str, np.ndarray], path: Path, name: str, shape
     if not fits or found.dtype.kind != "f" or not np.isfinite(found).all():
         wanted = " x ".join("any" if want is None else str(want) for want in shape)
         raise FileError(
-            f"{path}: field `{name}` is {found.dtype} of shape {found.shape}; {wanted} finite floats are wanted; reinstall dlama"
+            f"{path}: field `{name}` is {found.dtype} of shape {found.shape}; {wanted} finite floats are expected; "
+            "reinstall dlama"
         )
     return found.astype(np.float32)

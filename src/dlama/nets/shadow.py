@@ -51,7 +51,7 @@ class ShadowNet(nn.Module):
         """As the class says."""
         if any(side % SHADOW_MULTIPLE for side in planes.shape[2:]):
             raise ShapeError(
-                f"planes are {tuple(planes.shape)}; height and width are wanted as multiples of {SHADOW_MULTIPLE}"
+                f"planes are {tuple(planes.shape)}; height and width are expected as multiples of {SHADOW_MULTIPLE}"
             )
         one = self.down1(planes)
         two = self.block2(self.down2(one))

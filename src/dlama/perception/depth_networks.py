@@ -54,13 +54,13 @@ class DepthContract:
 
     def __post_init__(self) -> None:
         if self.gives not in KINDS:
-            raise InputError(f"contract: gives is {self.gives!r}; one of {', '.join(KINDS)} is wanted")
+            raise InputError(f"contract: gives is {self.gives!r}; one of {', '.join(KINDS)} is expected")
         if self.layout not in ("CHW", "HWC"):
-            raise InputError(f"contract: layout is {self.layout!r}; CHW or HWC is wanted")
+            raise InputError(f"contract: layout is {self.layout!r}; CHW or HWC is expected")
         if len(self.mean) != 3 or len(self.std) != 3 or min(self.std) <= 0 or self.scale <= 0:
-            raise InputError("contract: mean and std of three colours, std and scale above 0 are wanted")
+            raise InputError("contract: mean and std of three colours, std and scale above 0 are expected")
         if min(self.size or (self.side, self.multiple)) < 1:
-            raise InputError("contract: size, side and multiple of 1 or more are wanted")
+            raise InputError("contract: size, side and multiple of 1 or more are expected")
 
     def input_size(self, hw: tuple[int, int]) -> tuple[int, int]:
         """Height and width at which a picture of that size is shown."""
@@ -100,11 +100,11 @@ class DepthPrediction:
 
     def __post_init__(self) -> None:
         if self.gives not in KINDS:
-            raise InputError(f"prediction gives {self.gives!r}; one of {', '.join(KINDS)} is wanted")
+            raise InputError(f"prediction gives {self.gives!r}; one of {', '.join(KINDS)} is expected")
         wanted = 3 if self.gives == "points" else 2
         if self.values.ndim != wanted or (wanted == 3 and self.values.shape[2] != 3):
             shape = "h x w x 3" if wanted == 3 else "h x w"
-            raise DepthError(f"the estimated {self.gives} has shape {self.values.shape}; {shape} is wanted")
+            raise DepthError(f"the estimated {self.gives} has shape {self.values.shape}; {shape} is expected")
         if np.isnan(self.values).any():
             raise DepthError(f"the estimated {self.gives} holds values that are not numbers")
 
@@ -117,7 +117,7 @@ def run(network: NetworkFile, contract: DepthContract, color: UInt8Array) -> Dep
     found = [next((named[name] for name in names.split("|") if name in named), None) for names in contract.outputs]
     if any(one is None for one in found):
         missing = [names for names, one in zip(contract.outputs, found) if one is None]
-        raise FileError(f"{network.path}: gives {', '.join(named)}; {' and '.join(missing)} is wanted")
+        raise FileError(f"{network.path}: gives {', '.join(named)}; {' and '.join(missing)} is expected")
     values = squeezed(network, contract, found[0] if found and found[0] is not None else outputs[0], contract.gives)
     far = None
     if len(found) > 1 and found[1] is not None:
@@ -141,7 +141,7 @@ def checked_feed(network: NetworkFile, contract: DepthContract, shown: Float32Ar
     if len(inputs) != wanted or kind != "tensor(float)" or not fits:
         sizes = " x ".join(map(str, shown.shape))
         more = "" if wanted == 1 else " and a number of tokens"
-        raise FileError(f"{network.path}: takes {described(inputs)}; a float picture of {sizes}{more} is wanted")
+        raise FileError(f"{network.path}: takes {described(inputs)}; a float picture of {sizes}{more} is expected")
     return {name: shown} | {other: np.array(contract.tokens, np.int64) for other, _ in others}
 
 
@@ -163,7 +163,9 @@ def squeezed(network: NetworkFile, contract: DepthContract, out: np.ndarray, giv
         values = values.reshape(values.shape[-2:]) if fits else values
     if not fits:
         wanted = "1 x h x w x 3" if gives == "points" else "1 x h x w"
-        raise FileError(f"{network.path}: gave an output of {' x '.join(map(str, np.shape(out)))}; {wanted} is wanted")
+        raise FileError(
+            f"{network.path}: gave an output of {' x '.join(map(str, np.shape(out)))}; {wanted} is expected"
+        )
     return values
 
 

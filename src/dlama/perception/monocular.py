@@ -165,7 +165,7 @@ def find_estimator(depth_model: str | Path | Estimator) -> tuple[str, Estimator]
         return text, _of_file(locate(text) if record.shipped is None else ASSETS / record.shipped, record.contract)
     if not isinstance(depth_model, Path) and Path(text).suffix.lower() != ".onnx" and not Path(text).is_file():
         raise InputError(
-            f"depth_model is {text!r}; one of {', '.join(ESTIMATORS)}, an ONNX file, or NAME=FILE is wanted"
+            f"depth_model is {text!r}; one of {', '.join(ESTIMATORS)}, an ONNX file, or NAME=FILE is expected"
         )
     path = user_path(text)
     network = opened(path)
@@ -255,7 +255,7 @@ def at_picture_size(
         values = np.maximum(values, np.float32(0))
     elif not (values > 0).all():
         raise DepthError(
-            f"the estimated depth holds values that are not positive (smallest {values.min():.4g}); metres > 0 are wanted"
+            f"the estimated depth holds values that are not positive (smallest {values.min():.4g}); metres > 0 are expected"
         )
     if float(values.max()) == 0:
         raise DepthError("the network sees no depth in this picture; give depth")

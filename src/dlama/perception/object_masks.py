@@ -78,7 +78,7 @@ class MaskSession:
         self.picture = picture if isinstance(picture, RGBD) else checked_color(picture, "picture")
         self.masker, self.mask_model = check_names(masker, mask_model), mask_model
         if MASKERS[self.masker].needs_depth and not isinstance(picture, RGBD):
-            raise InputError(f"masker {self.masker!r} needs depth and the picture has none; an RGBD is wanted")
+            raise InputError(f"masker {self.masker!r} needs depth and the picture has none; an RGBD is expected")
 
     @cached_property
     def _pointed(self) -> Pointed:
@@ -105,11 +105,11 @@ class MaskSession:
         if MASKERS[self.masker].needs_prompt and not prompt.clicks and prompt.box is None:
             raise InputError("clicks and `box` are both missing; give clicks on the thing, or a `box` round it")
         if with_shadow and not isinstance(picture, RGBD):
-            raise InputError("with_shadow needs depth and the picture has none; an RGBD is wanted")
+            raise InputError("with_shadow needs depth and the picture has none; an RGBD is expected")
         masks, notes = self._pointed(prompt)
         masks = {each: read_only(mask) for each, mask in masks.items() if mask.any()}
         if not masks:
-            raise MaskError("nothing of the thing is left; fewer not_clicks are wanted")
+            raise MaskError("nothing of the thing is left; fewer not_clicks are expected")
         chosen = candidate if candidate in masks else next(iter(masks))
         if masks[chosen].mean() > MOST:
             notes = (*notes, TOO_MUCH)
@@ -141,7 +141,7 @@ def completed(
     if not with_shadow:
         return ObjectMask(mask, masks, chosen, masker, notes=tuple(notes))
     if not isinstance(picture, RGBD):
-        raise InputError("with_shadow needs depth and the picture has none; an RGBD is wanted")
+        raise InputError("with_shadow needs depth and the picture has none; an RGBD is expected")
     shadow = find_shadow(picture, mask)
     said = () if shadow.any() else ("no shadow found",)
     return ObjectMask(read_only(mask | shadow), masks, chosen, masker, read_only(shadow), (*notes, *said))

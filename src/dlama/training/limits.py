@@ -69,7 +69,7 @@ def check_devices(settings: TrainSettings) -> None:
     """Raise InputError for more GPUs or, on a CPU, more processes than this computer has."""
     asked, (there, what) = settings.loop.devices, _devices(settings)
     if asked > there:
-        raise InputError(f"loop.devices is {asked}; this computer has {there} {what}, so at most {there} is wanted")
+        raise InputError(f"loop.devices is {asked}; this computer has {there} {what}, so at most {there} is expected")
 
 
 def check_memory(settings: TrainSettings) -> None:

@@ -164,7 +164,7 @@ def settings_of(name_or_file: str | Path) -> TrainSettings:
 def _dataclass_of(kind: type, value: Any, at: str) -> Any:
     """An instance of a settings class from a JSON object; at: the path of the object, with a dot, for messages."""
     if not isinstance(value, dict):
-        raise InputError(f"{at.rstrip('.') or 'the file'} is {value!r}; a table is wanted")
+        raise InputError(f"{at.rstrip('.') or 'the file'} is {value!r}; a table is expected")
     hints = typing.get_type_hints(kind)
     unknown = [name for name in value if name not in hints]
     if unknown:
@@ -188,5 +188,5 @@ def _value(kind: Any, value: Any, at: str) -> Any:
     if kind is float and type(value) is int:
         return float(value)
     if type(value) is not kind:
-        raise InputError(f"{at} is {value!r}; {kind.__name__} is wanted")
+        raise InputError(f"{at} is {value!r}; {kind.__name__} is expected")
     return value

@@ -131,7 +131,7 @@ class LossSettings:
         for each in fields(self):
             value = getattr(self, each.name)
             if isinstance(value, (int, float)) and not 0 <= value < float("inf"):
-                raise InputError(f"loss.{each.name} is {value}; 0 or more is wanted")
+                raise InputError(f"loss.{each.name} is {value}; 0 or more is expected")
         _at_least("loss", self, 1, "penalty_every", "trunk_width")
         if self.trunk in ("random", "lpips") and self.trunk_weights:
             raise InputError(
@@ -171,10 +171,10 @@ class OptimiserSettings:
         one_of("optimiser.decay", self.decay, ("none", "cosine"))
         for name in ("generator_rate", "discriminator_rate"):
             if not 0 < getattr(self, name) < 1:
-                raise InputError(f"optimiser.{name} is {getattr(self, name)}; a number between 0 and 1 is wanted")
+                raise InputError(f"optimiser.{name} is {getattr(self, name)}; a number between 0 and 1 is expected")
         for name in ("beta1", "beta2", "average"):
             if not 0 <= getattr(self, name) < 1:
-                raise InputError(f"optimiser.{name} is {getattr(self, name)}; 0 or more and below 1 is wanted")
+                raise InputError(f"optimiser.{name} is {getattr(self, name)}; 0 or more and below 1 is expected")
         _at_least("optimiser", self, 0, "warm_up", "clip")
 
 
@@ -201,11 +201,11 @@ class DataSettings:
         for kind, share in self.mixture.items():
             one_of("data.mixture", kind, SAMPLES)
             if not 0 < share < float("inf"):
-                raise InputError(f"data.mixture gives {kind!r} the share {share}; more than 0 is wanted")
+                raise InputError(f"data.mixture gives {kind!r} the share {share}; more than 0 is expected")
         if not 0 < self.cases <= 1:
-            raise InputError(f"data.cases is {self.cases}; more than 0 and 1 at most is wanted")
+            raise InputError(f"data.cases is {self.cases}; more than 0 and 1 at most is expected")
         if not self.mixture:
-            raise InputError("data.mixture is empty; one kind of sample or more is wanted")
+            raise InputError("data.mixture is empty; one kind of sample or more is expected")
 
 
 @dataclass(frozen=True)
@@ -270,9 +270,9 @@ class TrainSettings:
         net = self.network.generator
         if self.data.size % net.multiple or self.data.size < net.minimum:
             wanted = f"a multiple of {net.multiple}, {net.minimum} or more"
-            raise InputError(f"data.size is {self.data.size}; {wanted} is wanted by {net.downsamplings} halvings")
+            raise InputError(f"data.size is {self.data.size}; {wanted} is expected by {net.downsamplings} halvings")
         if not self.name or not all(letter.isalnum() or letter in "-_." for letter in self.name):
-            raise InputError(f"name is {self.name!r}; letters, digits, '-', '_' and '.' are wanted")
+            raise InputError(f"name is {self.name!r}; letters, digits, '-', '_' and '.' are expected")
         unfit = [kind for kind in sorted(self.data.mixture) if self.network.views not in SAMPLES[kind].views]
         if unfit:
             raise InputError(f"data.mixture has {unfit}, which planes {self.network.planes!r} do not learn from")
@@ -281,7 +281,7 @@ class TrainSettings:
 def one_of(name: str, value: Any, known: Any) -> None:
     """InputError unless the value is one of the known ones."""
     if value not in known:
-        raise InputError(f"{name} is {value!r}; one of {', '.join(map(str, known))} is wanted")
+        raise InputError(f"{name} is {value!r}; one of {', '.join(map(str, known))} is expected")
 
 
 def _at_least(group: str, settings: Any, least: int, *names: str) -> None:
@@ -289,4 +289,4 @@ def _at_least(group: str, settings: Any, least: int, *names: str) -> None:
     for name in names:
         value = getattr(settings, name)
         if not value >= least:
-            raise InputError(f"{group}.{name} is {value}; {least} or more is wanted")
+            raise InputError(f"{group}.{name} is {value}; {least} or more is expected")

@@ -100,7 +100,7 @@ def example(visit: Visit, fields: Fields) -> dict[str, Any]:
     """Take one of the examples that ship; `name`."""
     name = str(fields.get("name"))
     if name not in EXAMPLES:
-        raise PageError(f"name is {name[:20]!r}; one of {', '.join(EXAMPLES)} is wanted")
+        raise PageError(f"name is {name[:20]!r}; one of {', '.join(EXAMPLES)} is expected")
     start_over(visit, {})
     _, files, beside = EXAMPLES[name]
     for role, file in files.items():

@@ -55,7 +55,7 @@ def read_request(fields: Mapping[str, Any]) -> CompletionRequest:
         values[name] = number(name, given, "move")
         if not (0 if name == "pivot" else -most) <= values[name] <= most:
             raise PageError(
-                f"{name} is {values[name]:g}; {0 if name == 'pivot' else -most:g} to {most:g} is wanted", "move"
+                f"{name} is {values[name]:g}; {0 if name == 'pivot' else -most:g} to {most:g} is expected", "move"
             )
     return CompletionRequest(**values, method=read_method(fields))
 
@@ -66,20 +66,20 @@ def read_method(fields: Mapping[str, Any]) -> dict[str, Any]:
     for name, known in (("filler", PAGE_FILLERS), ("recipe", RECIPES)):
         given = fields.get(name) or known[0]
         if given not in known:
-            raise PageError(f"{name} is {str(given)[:40]!r}; one of {', '.join(known)} is wanted", "method")
+            raise PageError(f"{name} is {str(given)[:40]!r}; one of {', '.join(known)} is expected", "method")
         if given != known[0]:
             method[name] = given
     for name, default, most in (("dilate", None, 200), ("seed", 0, 2**31)):
         if fields.get(name) not in (None, ""):
             whole = round(number(name, fields[name], "method"))
             if not 0 <= whole <= most:
-                raise PageError(f"{name} is {whole}; 0 to {most} is wanted", "method")
+                raise PageError(f"{name} is {whole}; 0 to {most} is expected", "method")
             if whole != default:
                 method[name] = whole
     if fields.get("min_confidence") not in (None, "", 0):
         sure = number("min_confidence", fields["min_confidence"], "method")
         if not 0 <= sure <= 1:
-            raise PageError(f"min_confidence is {sure:g}; 0 to 1 is wanted", "method")
+            raise PageError(f"min_confidence is {sure:g}; 0 to 1 is expected", "method")
         if sure:
             method["min_confidence"] = sure
     return method

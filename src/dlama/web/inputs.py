@@ -71,9 +71,9 @@ def file_name(name: str, role: str, taken: Mapping[str, Upload]) -> tuple[str, s
     clean = re.sub(r"[^\w.()+ -]", "_", last).strip(". -") or role
     suffix = Path(clean).suffix.lower()
     if role not in ROLES:
-        raise PageError(f"{role[:20]!r} is no file that this page takes; one of {', '.join(ROLES)} is wanted")
+        raise PageError(f"{role[:20]!r} is no file that this page takes; one of {', '.join(ROLES)} is expected")
     if suffix not in ROLES[role]:
-        raise PageError(f"{clean}: ends in {suffix or 'nothing'}; one of {' '.join(ROLES[role])} is wanted", role)
+        raise PageError(f"{clean}: ends in {suffix or 'nothing'}; one of {' '.join(ROLES[role])} is expected", role)
     clean = clean[: -len(suffix)][: LONGEST_NAME - len(suffix)] + clean[-len(suffix) :]
     while clean in {upload.name for other, upload in taken.items() if other != role}:
         clean = f"{role}-{clean}"
@@ -91,7 +91,7 @@ def read_options(fields: Mapping[str, Any]) -> dict[str, Any]:
             text = str(fields[name])
             if not re.fullmatch(pattern, text):
                 raise PageError(
-                    f"{name} is {text[:40]!r}; {'a name' if name != 'resize_depth' else pattern} is wanted", "scale"
+                    f"{name} is {text[:40]!r}; {'a name' if name != 'resize_depth' else pattern} is expected", "scale"
                 )
             options[name] = text
     known = str(fields.get("metres_at") or "").split()
@@ -109,7 +109,7 @@ def known_depth(text: str) -> tuple[float, float, float]:
         x, y, metres = map(float, parts.groups())
     except ValueError:
         raise PageError(
-            f"metres_at is {text[:40]!r}; X,Y=D is wanted: a pixel and its depth in metres, such as 320,400=2.5",
+            f"metres_at is {text[:40]!r}; X,Y=D is expected: a pixel and its depth in metres, such as 320,400=2.5",
             "known",
         ) from None
     return x, y, metres
@@ -123,7 +123,7 @@ def number(name: str, value: Any, where: str | None = None) -> float:
         found = math.nan
     if not math.isfinite(found):
         field_name = where or ("camera" if name in NUMBERS[:6] else "known" if name == "camera_height" else "scale")
-        raise PageError(f"{name} is {str(value)[:40]!r}; a number is wanted", field_name)
+        raise PageError(f"{name} is {str(value)[:40]!r}; a number is expected", field_name)
     return found
 
 
@@ -142,7 +142,7 @@ def check_size(upload: Upload, most_pixels: int, role: str) -> None:
 def read_source(files: Mapping[str, Upload], fields: Mapping[str, Any]) -> Source:
     """What the files of a visit hold. InputError."""
     if "picture" not in files:
-        raise PageError("a picture is wanted", "picture")
+        raise PageError("a picture is expected", "picture")
     return read_pair(files, fields) if "right" in files or "calib" in files else read_picture(files, fields)
 
 
@@ -173,7 +173,7 @@ def read_pair(files: Mapping[str, Upload], fields: Mapping[str, Any]) -> Source:
     """A rectified stereo pair, matched once so that its left picture has depth to click on."""
     for role, what in (("right", "the right picture"), ("calib", "the calibration, calib.txt or JSON,")):
         if role not in files:
-            raise PageError(f"{what} of the stereo pair is wanted", role)
+            raise PageError(f"{what} of the stereo pair is expected", role)
     left, right = dlama.read_color(files["picture"].path), dlama.read_color(files["right"].path)
     rig = dlama.read_stereo_calib(files["calib"].path, hw=(left.shape[0], left.shape[1]))
     done = dlama.stereo(left, right, rig)

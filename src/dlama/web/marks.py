@@ -85,7 +85,7 @@ def read_marks(fields: Mapping[str, Any]) -> Marks:
             raise PageError("a mark is a click, not, box, add or erase", "marks")
     grow = round(number("grow", fields.get("grow") or 0, "marks"))
     if abs(grow) > MOST_GROWTH:
-        raise PageError(f"grow is {grow} px; {-MOST_GROWTH} to {MOST_GROWTH} is wanted", "marks")
+        raise PageError(f"grow is {grow} px; {-MOST_GROWTH} to {MOST_GROWTH} is expected", "marks")
     reading = str(fields.get("candidate") or "thing")[:20]
     shadow = fields.get("with_shadow") is True
     return Marks(tuple(clicks), tuple(not_clicks), box, tuple(strokes), shadow, reading, grow)  # type: ignore[arg-type]
@@ -100,7 +100,7 @@ def point(value: Any) -> tuple[float, float]:
 def numbers(value: Any, count: int) -> tuple[float, ...]:
     """So many finite numbers. PageError."""
     if not isinstance(value, list) or len(value) != count:
-        raise PageError(f"{count} numbers are wanted for a mark", "marks")
+        raise PageError(f"{count} numbers are expected for a mark", "marks")
     return tuple(round(number("mark", each, "marks"), 1) for each in value)
 
 

@@ -85,7 +85,7 @@ def result_picture(done: dlama.Completion, kind: str, right: bool = False) -> UI
     """One of KINDS as H x W x 3. PageError."""
     view, before = result_views(done, right)
     if kind not in KINDS:
-        raise PageError(f"kind is {kind[:20]!r}; one of {', '.join(KINDS)} is wanted")
+        raise PageError(f"kind is {kind[:20]!r}; one of {', '.join(KINDS)} is expected")
     lo, hi = limits(done)
     if kind == "image":
         return hatched(view.color, view.color_hole)

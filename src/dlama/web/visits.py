@@ -77,7 +77,7 @@ class Visit:
     def needed_source(self) -> Source:
         """What was read. PageError."""
         if self.source is None:
-            raise PageError("a picture is wanted first", "picture")
+            raise PageError("a picture is expected first", "picture")
         return self.source
 
     def needed_result(self) -> Result:

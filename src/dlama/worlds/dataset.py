@@ -66,7 +66,7 @@ def _check_whole(name: str, value: int, least: int, most: int | None = None) -> 
 
 def _check_kind(kind: str | None) -> None:
     if kind is not None and kind not in KINDS:
-        raise InputError(f"kind is '{kind}'; {' or '.join(KINDS)} is wanted")
+        raise InputError(f"kind is '{kind}'; {' or '.join(KINDS)} is expected")
 
 
 @lru_cache(maxsize=4)
@@ -86,7 +86,7 @@ def _built(
 def _pictures(folder: Path) -> tuple[Path, ...]:
     """All pictures below a folder, in the order of their names."""
     if not folder.is_dir():
-        raise FileError(f"{folder}: is no folder; a folder of pictures is wanted for textures")
+        raise FileError(f"{folder}: is no folder; a folder of pictures is expected for textures")
     next(folder.iterdir(), None)  # PermissionError where nothing can be listed; rglob would find nothing there
     found = tuple(sorted(each for each in folder.rglob("*") if each.suffix.lower() in PICTURES))
     if not found:
@@ -138,7 +138,9 @@ def worlds(
     """
     every = world_settings(count, seed, size, kind, shadows, antialias, textures)
     if not all(is_finite(yaw) and 0 < yaw < 180 for yaw in yaws):
-        raise InputError(f"yaws are {tuple(yaws)}; degrees between 0 and 180 are wanted, each is used with both signs")
+        raise InputError(
+            f"yaws are {tuple(yaws)}; degrees between 0 and 180 are expected, each is used with both signs"
+        )
     orbit = yaw_order(tuple(yaws))
     frames, cases = [], []
     for each in every:
@@ -262,7 +264,7 @@ def generated(name: str) -> Dataset:
     _, *numbers = name.split(":")
     if len(numbers) > 2 or not all(number.isdecimal() for number in numbers) or numbers[:1] == ["0"]:
         raise InputError(
-            f"'{name}' is no name of generated worlds; worlds, worlds:COUNT or worlds:COUNT:SEED is wanted"
+            f"'{name}' is no name of generated worlds; worlds, worlds:COUNT or worlds:COUNT:SEED is expected"
         )
     count = int(numbers[0]) if numbers else DEFAULT_COUNT
     return worlds(count, seed=int(numbers[1]) if len(numbers) > 1 else 0)

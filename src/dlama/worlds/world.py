@@ -91,9 +91,9 @@ class World:
     def __post_init__(self) -> None:
         texels = sum((SIDE >> n) ** 2 for n in range(LEVELS))
         if self.shapes.ndim != 2 or self.shapes.shape[1] != COLUMNS:
-            raise InputError(f"world.shapes is {self.shapes.shape}; N x {COLUMNS} is wanted")
+            raise InputError(f"world.shapes is {self.shapes.shape}; N x {COLUMNS} is expected")
         if self.textures.ndim != 3 or self.textures.shape[1:] != (texels, 4) or len(self.textures) < 2:
-            raise InputError(f"world.textures is {self.textures.shape}; at least 2 layers x {texels} x 4 are wanted")
+            raise InputError(f"world.textures is {self.textures.shape}; at least 2 layers x {texels} x 4 are expected")
         grid, starts, items = shadow_cells(self.shapes, np.array(self.light.to_light))
         sky, light = self.sky, self.light
         numbers = [*light.to_light, *light.sun, *light.ambient_sky, *light.ambient_ground, *sky.horizon, *sky.zenith]

@@ -153,13 +153,13 @@ def test_a_mask_may_be_found_in_the_matched_depth(monkeypatch: pytest.MonkeyPatc
     ("given", "message"),
     [
         ({"left": "left.png"}, "left is of type str; a picture is expected"),
-        ({"rig": "calib.txt"}, "rig is of type str; a StereoRig is wanted"),
+        ({"rig": "calib.txt"}, "rig is of type str; a StereoRig is expected"),
         ({"far": "10"}, "far is '10'; a number"),
         ({"max_disparity": "64"}, "max_disparity is '64'; a number"),
     ],
 )
 def test_options_of_another_type_are_refused(given: dict[str, Any], message: str) -> None:
-    """Message: names the parameter, what came and what is wanted; a TypeError."""
+    """Message: names the parameter, what came and what is expected; a TypeError."""
     texture = np.random.default_rng(0).integers(0, 256, (40, 70, 3)).astype(np.uint8)
     pictures = {"left": texture[:, :60], "right": texture[:, 4:64]}
     with pytest.raises(TypeError, match=message):

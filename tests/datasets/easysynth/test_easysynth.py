@@ -200,7 +200,7 @@ def test_png_depth_must_say_its_encoding(sequence: Path) -> None:
         path.unlink()
     with pytest.raises(DepthError, match=r"gamma-encoded.*gamma=srgb .*gamma=linear"):
         easysynth(sequence, depth_range=10)
-    with pytest.raises(InputError, match=r"gamma is True; 'srgb' or 'linear' is wanted"):
+    with pytest.raises(InputError, match=r"gamma is True; 'srgb' or 'linear' is expected"):
         easysynth(sequence, depth_range=10, gamma=True)  # type: ignore[arg-type]
     for gamma, share in (("srgb", 0.502886), ("linear", 188 / 255)):
         depth = easysynth(sequence, depth_range=10, gamma=gamma).frames[0].load().depth

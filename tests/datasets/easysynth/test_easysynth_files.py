@@ -28,12 +28,12 @@ def replaced(line: int, old: str, new: str) -> Callable[[Path], None]:
 
 POSES = "CameraComponent/CameraPoses.csv"
 BAD = [
-    (POSES, replaced(3, "1,", "1,abc"), r"CameraPoses.csv:3:3: tx is 'abc.*'; a number is wanted"),
+    (POSES, replaced(3, "1,", "1,abc"), r"CameraPoses.csv:3:3: tx is 'abc.*'; a number is expected"),
     (POSES, replaced(2, "0,0.000000000,", "0, nan,"), r":2:4: tx is 'nan'; a finite number"),
     (POSES, replaced(4, "2,", "1,"), r":4:1: id is 1 for the second time"),
     (POSES, replaced(4, "2,", "-2,"), r":4:1: id is '-2'; a whole number >= 0"),
     (POSES, replaced(2, ",1.000000000,", ",0.5,"), r":2:39: qx begins a quaternion of length 0.5"),
-    (POSES, replaced(2, ",1.000000000", ""), r":2:\d+: the line has 8 values; 9 are wanted \(id,tx"),
+    (POSES, replaced(2, ",1.000000000", ""), r":2:\d+: the line has 8 values; 9 are expected \(id,tx"),
     (POSES, replaced(1, "id,tx", "nr,tx"), r":1:1: the header is 'nr,tx.*EasySynth 1.2"),
     (POSES, lambda path: path.write_text("id,tx,ty,tz,qx,qy,qz,qw,t\n"), r":2:1: there is no pose"),
     (POSES, lambda path: path.write_bytes(b"id,tx\n\xff\xfa"), r":2:1: is no utf-8-sig text"),

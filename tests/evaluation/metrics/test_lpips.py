@@ -137,9 +137,9 @@ def test_features_are_remembered_by_content() -> None:
 def test_wrong_pictures_are_refused() -> None:
     """Too small, of other sizes, no uint8: what came and what was wanted."""
     small, large = np.zeros((30, 64, 3), np.uint8), np.zeros((64, 64, 3), np.uint8)
-    with pytest.raises(ShapeError, match="64x30; 31x31 or more is wanted"):
+    with pytest.raises(ShapeError, match="64x30; 31x31 or more is expected"):
         MEASURE.region(small, small)
-    with pytest.raises(ShapeError, match="one size is wanted"):
+    with pytest.raises(ShapeError, match="one size is expected"):
         MEASURE.region(small, large)
     with pytest.raises(ShapeError, match="float64"):
         MEASURE.features(large / 255)

@@ -84,5 +84,5 @@ def test_wrong_shapes_are_refused() -> None:
     """What came and what was wanted."""
     with pytest.raises(ShapeError, match=r"mine is \(1, 1\) and the truth \(1, 2\)"):
         disparity_errors(row(1), row(1, 1))
-    with pytest.raises(ShapeError, match="one size is wanted"):
+    with pytest.raises(ShapeError, match="one size is expected"):
         left_right_difference(*np.zeros((2, 1, 3, 3), np.uint8), row(1, 1))

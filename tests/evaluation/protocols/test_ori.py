@@ -140,7 +140,7 @@ def test_no_fill_is_black() -> None:
 
 def test_another_protocols_truth_is_refused() -> None:
     """Law: the message names what came and what was wanted."""
-    with pytest.raises(InputError, match="ViewTruth; a RemovalTruth is wanted"):
+    with pytest.raises(InputError, match="ViewTruth; a RemovalTruth is expected"):
         PROTOCOLS["ori"](ViewTruth(TRUTH.source, TRUTH.without), Method("paper", NO_FILL), PLAIN)
 
 

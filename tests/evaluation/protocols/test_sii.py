@@ -133,7 +133,7 @@ def test_no_fill_is_black() -> None:
 def test_refused() -> None:
     """Law: another protocol's truth, and masks without their answers, are named."""
     other = RemovalTruth(frame(SOURCE, None), frame(SOURCE, None), SQUARE_IN_SOURCE)
-    with pytest.raises(InputError, match="RemovalTruth; a StereoTruth is wanted"):
+    with pytest.raises(InputError, match="RemovalTruth; a StereoTruth is expected"):
         PROTOCOLS["sii"](other, Method("paper", NO_FILL), QUICK)
     with pytest.raises(InputError, match="both true frames"):
         scored(pair(mask_left=SQUARE_IN_SOURCE), NO_FILL)

@@ -138,7 +138,7 @@ def test_small_regions_have_no_rows(constant_filler: str) -> None:
 def test_another_protocols_truth_is_refused() -> None:
     """Law: the message names what came and what was wanted."""
     other = RemovalTruth(TRUTH.source, TRUTH.source, SQUARE_IN_SOURCE)
-    with pytest.raises(InputError, match="RemovalTruth; a ViewTruth is wanted"):
+    with pytest.raises(InputError, match="RemovalTruth; a ViewTruth is expected"):
         PROTOCOLS["vpi"](other, Method("paper", NO_FILL), QUICK)
 
 

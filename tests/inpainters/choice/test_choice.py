@@ -116,7 +116,7 @@ def test_depth_alone_is_chosen_where_colours_are_known():
 
 def test_unknown_guesses_are_refused():
     """Oracle: the message lists the known ones."""
-    with pytest.raises(InputError, match="guess is 'magic'; one of layered, migan, telea, pull-push is wanted"):
+    with pytest.raises(InputError, match="guess is 'magic'; one of layered, migan, telea, pull-push is expected"):
         makers_of(("layered", "magic"))
     with pytest.raises(InputError, match="each once"):
         makers_of(("telea", "telea"))

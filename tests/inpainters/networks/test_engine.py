@@ -130,7 +130,7 @@ def test_bad_files_are_refused(tmp_path: Path) -> None:
     for name, path, told in (
         ("lama", tmp_path / "text.onnx", "text.onnx: cannot be opened .*dlama models convert"),
         ("joint", three, "three.onnx: takes 4 planes .*'lama' runs it"),
-        ("migan", three, "three.onnx: is a network 'lama' by its contract; MI-GAN is wanted"),
+        ("migan", three, "three.onnx: is a network 'lama' by its contract; MI-GAN is expected"),
         ("joint", lying, "lying.onnx: the graph has 4 planes"),
         ("lama", nan, "nan.onnx: the network gave values that are not finite"),
     ):

@@ -171,6 +171,7 @@ def test_a_trained_and_exported_network_of_two_masks_runs(tmp_path: Path, left: 
     np.testing.assert_array_equal(painted[~holes[mine]], pictures[mine][~holes[mine]])
 
 
+@pytest.mark.slow
 def test_a_pair_without_its_object(tmp_path: Path) -> None:
     """Closed form through the whole job: what neither camera sees in the left hole is the left colour, what is still open in the
     right the right one, and what the left one shows there is the left one's. Measured pixels stay."""

@@ -73,7 +73,7 @@ def truth(migan_pipeline: Path, example: tuple[np.ndarray, np.ndarray]) -> np.nd
 def test_folding_changes_nothing(
     migan_pipeline: Path, example: tuple[np.ndarray, np.ndarray], truth: np.ndarray, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """In single precision the picture is the published one, to rounding (2 grey levels are wanted)."""
+    """In single precision the picture is the published one, to rounding (2 grey levels are expected)."""
     monkeypatch.setattr(migan_export, "HALF_FROM", 1 << 60)
     model = migan_export.generator_bytes(migan_export.read_weights(migan_pipeline), "x", {})
     picture, hole = example
@@ -102,10 +102,10 @@ def test_other_files_are_refused(tmp_path: Path) -> None:
     with pytest.raises(FileError, match=r"text\.onnx: cannot be read as ONNX"):
         migan_export.export_migan(tmp_path / "text.onnx", tmp_path / "out.onnx", {})
     onnx.save(onnx.helper.make_model(onnx.helper.make_graph([], "empty", [], [])), str(tmp_path / "empty.onnx"))
-    with pytest.raises(FileError, match=r"empty\.onnx: has no tensor .*the published MI-GAN pipeline is wanted"):
+    with pytest.raises(FileError, match=r"empty\.onnx: has no tensor .*the published MI-GAN pipeline is expected"):
         migan_export.export_migan(tmp_path / "empty.onnx", tmp_path / "out.onnx", {})
     added = onnx.helper.make_node("Add", ["x", "onnx::Add_7"], ["y"], name="/model/some/Add")
     onnx.save(onnx.helper.make_model(onnx.helper.make_graph([added], "other", [], [])), str(tmp_path / "other.onnx"))
-    with pytest.raises(FileError, match=r"other\.onnx: has no tensor .*the published MI-GAN pipeline is wanted"):
+    with pytest.raises(FileError, match=r"other\.onnx: has no tensor .*the published MI-GAN pipeline is expected"):
         migan_export.export_migan(tmp_path / "other.onnx", tmp_path / "out.onnx", {})
     assert not (tmp_path / "out.onnx").exists()

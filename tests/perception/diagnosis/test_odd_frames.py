@@ -140,6 +140,7 @@ def test_a_scale_wrong_in_all_of_a_data_set(factor: float, tmp_path: Path) -> No
     assert f"multiply translations by {factor:g}, or divide depth by it" in found[0].mend
 
 
+@pytest.mark.slow
 @needs_data
 @pytest.mark.parametrize("name", ["dining_vpi", "kitchen_sequence", "kitchen_vpi", "shelf_sequence", "table_vpi"])
 def test_real_frames(name: str) -> None:

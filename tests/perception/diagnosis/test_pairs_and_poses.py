@@ -108,6 +108,7 @@ def test_one_frame_says_nothing() -> None:
     assert pose_faults(hand_held(3)[:1], "scene") == []
 
 
+@pytest.mark.slow
 @needs_data
 def test_a_real_sequence() -> None:
     folder = Path(os.environ["DLAMA_DATA"]) / "data" / "kitchen_sequence"

@@ -148,7 +148,7 @@ def test_pairs_that_are_none_are_refused() -> None:
         disparity_pair(picture, picture[:, :5])
     with pytest.raises(ShapeError, match=r"right picture is float64"):
         disparity_pair(picture, picture.astype(float))
-    with pytest.raises(InputError, match="max_disparity is 3 px; more than 5 px is wanted"):
+    with pytest.raises(InputError, match="max_disparity is 3 px; more than 5 px is expected"):
         disparity_pair(picture, picture, min_disparity=5, max_disparity=3)
     with pytest.raises(ShapeError, match=r"right disparity"):
         consistency(picture, picture, np.zeros((4, 6), np.float32), np.zeros((4, 5), np.float32))

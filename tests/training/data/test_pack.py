@@ -246,7 +246,7 @@ def test_mixtures_draw_by_share() -> None:
 
 
 def test_what_source_for_refuses(photos: Path, posed: Path, tmp_path: Path) -> None:
-    """Kinds without their files, files without a kind, folders with nothing in them: each says what is wanted."""
+    """Kinds without their files, files without a kind, folders with nothing in them: each says what is expected."""
     (tmp_path / "empty").mkdir()
     for chosen, data, words in (
         (settings("rgb", photo=1), [], "needs photos"),

@@ -103,6 +103,7 @@ def relative(a, b) -> float:
     return float((a - b).abs().max() / b.abs().max().clamp(min=1e-12))
 
 
+@pytest.mark.slow
 def test_two_processes_are_one_with_the_doubled_batch(runs, tmp_path):
     """Oracle: one process. Batch norms keep their statistics, or each process would see another mean.
 
@@ -126,6 +127,7 @@ def test_two_processes_are_one_with_the_doubled_batch(runs, tmp_path):
     assert rows[1]["held_out_color_l1"] == pytest.approx(read_metrics(run)[1]["held_out_color_l1"], rel=1e-3)
 
 
+@pytest.mark.slow
 def test_a_full_disk_of_the_first_process_is_every_process_s(runs) -> None:
     """The checkpoint of step 1 fails and the next batch is bad: both processes return to the same state and end alike (oracle: a
     run on a disk that is never full has the same weights)."""
@@ -135,6 +137,7 @@ def test_a_full_disk_of_the_first_process_is_every_process_s(runs) -> None:
     assert full["restored"] == roomy["restored"] == 1
 
 
+@pytest.mark.slow
 def test_where_the_last_checkpoint_fails_both_processes_end(runs) -> None:
     """And none waits for the other (oracle: the exit code and message)."""
     done = runs[1]

@@ -144,6 +144,7 @@ def test_the_checkpoint_is_a_lama_checkpoint(tiny_run):
     )
 
 
+@pytest.mark.slow
 def test_a_tiny_network_overfits_four_samples_and_beats_telea(tmp_path):
     """Oracle: OpenCV's Telea on the same four holes, in colour and in depth."""
     chosen = toy(size=64, steps=150, batch=4, validate_every=150, log_every=50)

@@ -106,10 +106,10 @@ def test_rows_after_the_checkpoint_are_done_again(tmp_path):
     """Oracle: law; a run that was killed between two checkpoints has rows that never happened."""
     run = train(toy(steps=2), tmp_path / "run").run
     with (run / "metrics.csv").open("a") as stream:
-        stream.write("3,12,99" + "\n")
+        stream.write("3,12,1e9" + "\n")
     train(toy(steps=4), run, resume=True)
     rows = read_metrics(run)
-    assert [row["step"] for row in rows] == [1, 2, 3, 4] and rows[2]["seconds"] < 99
+    assert [row["step"] for row in rows] == [1, 2, 3, 4] and rows[2]["seconds"] < 1e9
     assert "held_out_color_l1" in rows[3] and "held_out_color_l1" not in rows[2]
 
 
@@ -197,6 +197,7 @@ def test_sources_too_large_to_shuffle():
     assert len(set(drawn)) == 50 and max(drawn) > 1 << 38
 
 
+@pytest.mark.slow
 def test_workers_give_the_same_batches():
     """Oracle: the batches made without workers."""
     settings = toy()

@@ -59,7 +59,9 @@ def wrong_value(verb: Callable[..., Any], words: Sequence[str]) -> str | None:
         for given in [value] if equals else itertools.islice(behind, None if several else 1):
             if not any(_fits(given, kind) for kind in kinds):
                 names = [WANTED[kind] if kind in WANTED else str(kind) for kind in kinds if kind is not type(None)]
-                return f"{flag} is {given!r}; {', '.join(names[:-1])}{' or ' if names[1:] else ''}{names[-1]} is wanted"
+                return (
+                    f"{flag} is {given!r}; {', '.join(names[:-1])}{' or ' if names[1:] else ''}{names[-1]} is expected"
+                )
     return None
 
 

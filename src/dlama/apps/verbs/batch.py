@@ -138,7 +138,7 @@ def batch(
                 result.add(line)
             return
         if output is None:
-            raise InputError("output is missing; a directory for the results is wanted: -o DIR")
+            raise InputError("output is missing; a directory for the results is expected: -o DIR")
         check_folder_apart(output, {"folder of frames": which.data, "list of jobs": local_list(words)})
         totals = Totals()
         options = {name: value for name, value in dataclasses.asdict(running).items() if name != "dry_run"}
@@ -161,7 +161,7 @@ def write_page(words: Sequence[str], report: Report) -> None:
     from dlama.jobs.report.write import write_report
 
     if len(words) != 1:
-        raise InputError(f"batch report is given {len(words)} folders; one is wanted: dlama batch report OUT")
+        raise InputError(f"batch report is given {len(words)} folders; one is expected: dlama batch report OUT")
     with reported("batch report", report) as result:
         page = write_report(words[0])
         result.add(page, report=page)
@@ -183,7 +183,7 @@ def source(words: Sequence[str], which: Which, defaults: dict[str, Any]) -> Any:
     if len(words) + (which.images is not None) + (which.data is not None) != 1:
         raise InputError(
             f"{len(words)} lists, images={which.images} and data={which.data}; one list of jobs, "
-            "images=PATTERN or data=DATASET is wanted"
+            "images=PATTERN or data=DATASET is expected"
         )
     if which.images is None and (which.depths or which.masks):
         raise InputError("depths and masks go with images=PATTERN")

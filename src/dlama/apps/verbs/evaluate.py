@@ -137,13 +137,13 @@ class Methods:
 
         for name in self.recipes:
             if name not in RECIPES:
-                raise InputError(f"recipes is {name!r}; one of {', '.join(RECIPES)} is wanted")
+                raise InputError(f"recipes is {name!r}; one of {', '.join(RECIPES)} is expected")
         models = self.models()
         for filler in self.fillers:
             if filler not in (NO_FILL, *FILLERS):
-                raise InputError(f"fillers is {filler!r}; one of {', '.join((NO_FILL, *FILLERS))} is wanted")
+                raise InputError(f"fillers is {filler!r}; one of {', '.join((NO_FILL, *FILLERS))} is expected")
             if filler in NETWORK_FILLERS and FILLERS[filler].shipped is None and filler not in models:
-                raise InputError(f"filler {filler!r} runs a network: --model {filler}=FILE is wanted")
+                raise InputError(f"filler {filler!r} runs a network: --model {filler}=FILE is expected")
         fillers, recipes = dict.fromkeys(self.fillers), dict.fromkeys(self.recipes)
         return [Method(name, filler, models.get(filler), seed=self.seed) for name in recipes for filler in fillers]
 
@@ -154,7 +154,7 @@ class Methods:
             filler, equals, file = word.partition("=")
             if not equals or not file or filler not in NETWORK_FILLERS:
                 raise InputError(
-                    f"--model is {word!r}; FILLER=FILE is wanted, FILLER one of {', '.join(NETWORK_FILLERS)}"
+                    f"--model is {word!r}; FILLER=FILE is expected, FILLER one of {', '.join(NETWORK_FILLERS)}"
                 )
             if filler not in self.fillers:
                 raise InputError(f"--model {word} has no use: {filler} is not among --fillers {' '.join(self.fillers)}")

@@ -47,7 +47,7 @@ def serve(
     """
     for name, value in (("max_megabytes", max_megabytes), ("max_megapixels", max_megapixels), ("max_pages", max_pages)):
         if not value > 0:
-            raise InputError(f"{name} is {value:g}; more than 0 is wanted")
+            raise InputError(f"{name} is {value:g}; more than 0 is expected")
     from dlama.web.answers import Limits
     from dlama.web.server import is_loopback, serving
 

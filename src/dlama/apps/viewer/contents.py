@@ -61,12 +61,12 @@ def contents_of(path: Path) -> Contents:
         return of_scene(results) if results.is_file() else of_dataset(path)
     if not path.exists():
         raise FileError(
-            f"{path}: no such file or folder; a scene.npz, a .ply, a folder of results or a data set is wanted"
+            f"{path}: no such file or folder; a scene.npz, a .ply, a folder of results or a data set is expected"
         )
     kinds: dict[str, Callable[[Path], Contents]] = {".npz": of_scene, ".ply": of_ply}
     if path.suffix.lower() not in kinds:
         kind = f"a {path.suffix} file" if path.suffix else "a file without an ending"
-        raise InputError(f"{path}: is {kind}; a scene.npz, a .ply or a folder is wanted")
+        raise InputError(f"{path}: is {kind}; a scene.npz, a .ply or a folder is expected")
     return kinds[path.suffix.lower()](path)
 
 

@@ -37,9 +37,9 @@ SECONDS_PER_CAMERA = 1.5
 def serve(contents: Contents, host: str, port: int, most_points: int, open_browser: bool) -> str:
     """Show the contents until Ctrl-C; the address they were at. Raises InputError, MissingExtraError."""
     if most_points < 1:
-        raise InputError(f"max_points is {most_points}; a whole number >= 1 is wanted")
+        raise InputError(f"max_points is {most_points}; a whole number >= 1 is expected")
     if not 0 < port < 65536:
-        raise InputError(f"port is {port}; a number from 1 to 65535 is wanted")
+        raise InputError(f"port is {port}; a number from 1 to 65535 is expected")
     viewer = Viewer(contents, host, port, most_points)
     try:
         print(printable(f"{viewer.line}\n{viewer.address} (Ctrl-C ends it)"), flush=True)

@@ -83,7 +83,7 @@ def of_given(disparity: Float32Array, hw: tuple[int, int]) -> tuple[Float32Array
     """A left disparity (H x W px; 0, NaN, inf = unknown) and what it says of the right view. Raises ShapeError, InputError."""
     given = np.asarray(disparity)
     if given.ndim != 2 or given.dtype.kind not in "fiu":
-        raise ShapeError(f"disparity is {given.dtype} {given.shape}; px as numbers, H x W, are wanted")
+        raise ShapeError(f"disparity is {given.dtype} {given.shape}; px as numbers, H x W, are expected")
     if given.shape != hw:
         raise ShapeError(
             f"disparity is {given.shape[1]}x{given.shape[0]} and the pictures {hw[1]}x{hw[0]}; both must have the same size"

@@ -118,7 +118,7 @@ def stereo(
     check_arguments(stereo, locals())
     left, right = checked_pair(left, right, rig, far)
     if mask is None and mask_right is not None:
-        raise InputError("mask_right was given without mask; the mask of the left view is wanted too")
+        raise InputError("mask_right was given without mask; the mask of the left view is expected too")
     checked_seed(seed)
     checked_confidence(min_confidence)
     check_memory((rig.left, rig.right))
@@ -127,12 +127,12 @@ def stereo(
     inpainter = None if filler == AUTO else find_filler(filler, model)
     if isinstance(inpainter, PairFiller) and chosen.depth_by != "surfaces":
         raise InputError(
-            f"depth_by is {chosen.depth_by!r} and the filler 'pair', which fills no depth; surfaces is wanted"
+            f"depth_by is {chosen.depth_by!r} and the filler 'pair', which fills no depth; surfaces is expected"
         )
     one_by_one = mask is not None and not chosen.source_first
     if disparity is not None and one_by_one:
         raise InputError(
-            f"disparity is given and the recipe {chosen.name!r} matches the filled pictures anew; a matcher is wanted"
+            f"disparity is given and the recipe {chosen.name!r} matches the filled pictures anew; a matcher is expected"
         )
     matches = find_matches(left, right, disparity=disparity, matcher=matcher, max_disparity=max_disparity)
     if far is not None:
@@ -166,7 +166,7 @@ def chosen_right_view(asked: RightView | None, recipe: Recipe, removing: bool) -
     if asked is None:
         return "given" if removing or recipe.source_first else "synthesised"
     if asked not in RIGHT_VIEWS:
-        raise InputError(f"right_view is {asked!r}; one of {', '.join(RIGHT_VIEWS)} is wanted")
+        raise InputError(f"right_view is {asked!r}; one of {', '.join(RIGHT_VIEWS)} is expected")
     if removing and asked == "synthesised":
         raise InputError("right_view is 'synthesised' and a mask is given; with a mask both pictures are completed")
     return asked

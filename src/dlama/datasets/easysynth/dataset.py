@@ -215,7 +215,7 @@ def _same_poses(sequence: RenderedSequence, without: RenderedSequence, camera: s
         if difference > SAME_POSE:
             raise FileError(
                 f"{without.folder / camera / POSES}: the pose of frame {identity} differs by {difference:.3g} from that in "
-                f"{sequence.folder.name}; the same cameras are wanted with and without the object"
+                f"{sequence.folder.name}; the same cameras are expected with and without the object"
             )
         truths[identity] = files
     return truths

@@ -29,7 +29,7 @@ class Options:
 
     def __post_init__(self) -> None:
         if self.gamma not in ("srgb", "linear", None):
-            raise InputError(f"gamma is {self.gamma!r}; 'srgb' or 'linear' is wanted")
+            raise InputError(f"gamma is {self.gamma!r}; 'srgb' or 'linear' is expected")
 
 
 @dataclass(frozen=True, eq=False)

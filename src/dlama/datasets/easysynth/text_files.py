@@ -94,7 +94,7 @@ def read_poses(path: Path) -> dict[int, Pose]:
     if header not in (UNREAL_HEADER, METRIC_HEADER):
         raise FileError(
             f"{path}:1:1: the header is '{lines[0][:80]}'; '{','.join(UNREAL_HEADER)}' (EasySynth 1.2 and later) or "
-            f"'{','.join(METRIC_HEADER)}' (1.0, 1.1) is wanted"
+            f"'{','.join(METRIC_HEADER)}' (1.0, 1.1) is expected"
         )
     read: Callable[[Path, _Row], Pose] = _unreal_pose if header == UNREAL_HEADER else _metric_pose
     poses: dict[int, Pose] = {}
@@ -107,7 +107,7 @@ def read_poses(path: Path) -> dict[int, Pose]:
             raise row.error("id", f"is {identity} for the second time; every frame has one line")
         poses[identity] = read(path, row)
     if not poses:
-        raise FileError(f"{path}:2:1: there is no pose; a line per frame is wanted")
+        raise FileError(f"{path}:2:1: there is no pose; a line per frame is expected")
     return poses
 
 
@@ -118,7 +118,7 @@ def read_rig(path: Path) -> dict[str, RigCamera]:
     """
     cameras = json_fields(path, unreal_text(path)).values.get("cameras")
     if not isinstance(cameras, dict) or not cameras:
-        raise FileError(f"{path}: field 'cameras' with a camera by name is wanted")
+        raise FileError(f"{path}: field 'cameras' with a camera by name is expected")
     return {name: _rig_camera(path, name, values) for name, values in cameras.items()}
 
 
@@ -144,7 +144,7 @@ class _Row:
         if len(cells) != len(header):
             raise FileError(
                 f"{path}:{number}:{begins + len(line)}: the line has {len(cells)} values; "
-                f"{len(header)} are wanted ({','.join(header)})"
+                f"{len(header)} are expected ({','.join(header)})"
             )
         self._at, self._cells, self._columns = f"{path}:{number}", {}, {}
         for name, cell in zip(header, cells):
@@ -161,9 +161,9 @@ class _Row:
         try:
             value = float(self._cells[name])
         except ValueError:
-            raise self.error(name, f"is '{self._cells[name][:40]}'; a number is wanted") from None
+            raise self.error(name, f"is '{self._cells[name][:40]}'; a number is expected") from None
         if not math.isfinite(value):
-            raise self.error(name, f"is '{self._cells[name][:40]}'; a finite number is wanted")
+            raise self.error(name, f"is '{self._cells[name][:40]}'; a finite number is expected")
         return value
 
     def numbers(self, *names: str) -> list[float]:
@@ -174,7 +174,7 @@ class _Row:
         """A whole number >= 0."""
         text = self._cells[name]
         if not (text.isascii() and text.isdecimal()):
-            raise self.error(name, f"is '{text[:40]}'; a whole number >= 0 is wanted")
+            raise self.error(name, f"is '{text[:40]}'; a whole number >= 0 is expected")
         return int(text)
 
 
@@ -191,7 +191,7 @@ def _metric_pose(path: Path, row: _Row) -> Pose:
     fx, fy, cx, cy = row.numbers("fx", "fy", "cx", "cy")
     for name, value in (("fx", fx), ("fy", fy), ("cx", cx), ("cy", cy)):
         if value <= 0:
-            raise row.error(name, f"is {value:g}; a number of pixels > 0 is wanted")
+            raise row.error(name, f"is {value:g}; a number of pixels > 0 is expected")
     return Pose(pose, Sensor(fx, fy, cx, cy, 2 * cx, 2 * cy, path))  # cx, cy are written as half the picture
 
 
@@ -199,26 +199,26 @@ def _quaternion(row: _Row) -> list[float]:
     quaternion = row.numbers("qx", "qy", "qz", "qw")
     length = math.hypot(*quaternion)
     if abs(length - 1) > QUATERNION_TOLERANCE:
-        raise row.error("qx", f"begins a quaternion of length {length:.6g}; length 1 is wanted")
+        raise row.error("qx", f"begins a quaternion of length {length:.6g}; length 1 is expected")
     return quaternion
 
 
 def _rig_camera(path: Path, name: str, values: Any) -> RigCamera:
     where = f"{path}: cameras.{name}"
     if not isinstance(values, Mapping):
-        raise FileError(f"{where} is no object; intrinsics, rotation, translation and sensor_size are wanted")
+        raise FileError(f"{where} is no object; intrinsics, rotation, translation and sensor_size are expected")
     fields = FileFields(f"{path}: cameras.{name}", {key: [value] for key, value in values.items()})
     fx, skew, cx, *rest = fields.matrix("intrinsics", (1, 9))[0]
     below, fy, cy, left, under, last = rest
     if skew or below or left or under or last not in (0, 1) or fx <= 0 or fy <= 0:
         raise CameraError(
-            f"{where}.intrinsics is {values['intrinsics']}; fx 0 cx 0 fy cy 0 0 0 (or 1 at the end) is wanted, fx, fy > 0"
+            f"{where}.intrinsics is {values['intrinsics']}; fx 0 cx 0 fy cy 0 0 0 (or 1 at the end) is expected, fx, fy > 0"
         )
     quaternion = fields.matrix("rotation", (1, 4))[0]
     if abs(np.linalg.norm(quaternion) - 1) > QUATERNION_TOLERANCE:
-        raise CameraError(f"{where}.rotation is {values['rotation']}; a quaternion x y z w of length 1 is wanted")
+        raise CameraError(f"{where}.rotation is {values['rotation']}; a quaternion x y z w of length 1 is expected")
     width, height = fields.matrix("sensor_size", (1, 2))[0]
     if width <= 0 or height <= 0:
-        raise CameraError(f"{where}.sensor_size is {values['sensor_size']}; width and height > 0 are wanted")
+        raise CameraError(f"{where}.sensor_size is {values['sensor_size']}; width and height > 0 are expected")
     sensor = Sensor(float(fx), float(fy), float(cx), float(cy), float(width), float(height), path)
     return RigCamera(sensor, opencv_pose(fields.matrix("translation", (1, 3))[0], quaternion))

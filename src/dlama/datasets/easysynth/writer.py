@@ -62,13 +62,13 @@ class _Style:
 
     def __post_init__(self) -> None:
         if not (self.depth_range > 0 and np.isfinite(self.depth_range)):
-            raise InputError(f"depth_range is {self.depth_range}; metres > 0 are wanted")
+            raise InputError(f"depth_range is {self.depth_range}; metres > 0 are expected")
         if not 0 < len(self.classes) <= 256 or len(set(self.classes.values())) < len(self.classes):
             raise InputError(
-                f"classes are {dict(self.classes)}; 1 to 256 names with a colour each, all different, are wanted"
+                f"classes are {dict(self.classes)}; 1 to 256 names with a colour each, all different, are expected"
             )
         if self.color not in ("png", "jpeg"):
-            raise InputError(f"color is '{self.color}'; 'png' (lossless) or 'jpeg' is wanted")
+            raise InputError(f"color is '{self.color}'; 'png' (lossless) or 'jpeg' is expected")
 
 
 def write_sequence(
@@ -137,7 +137,9 @@ def _write_mono(folder: Path, name: str, frames: Iterable[SequenceFrame], style:
 
 def _write_stereo(folder: Path, name: str, frames: StereoSequence, style: _Style) -> None:
     if len(frames.left) != len(frames.right):
-        raise InputError(f"{name} has {len(frames.left)} frames left and {len(frames.right)} right; as many are wanted")
+        raise InputError(
+            f"{name} has {len(frames.left)} frames left and {len(frames.right)} right; as many are expected"
+        )
     pairs = [StereoRig(one.rgbd.camera, other.rgbd.camera) for one, other in zip(frames.left, frames.right)]
     if pairs and max(abs(rig.baseline_m - pairs[0].baseline_m) for rig in pairs) > 1e-6:
         raise CameraError(f"{name}: the baseline changes within the sequence; a rig has one")
@@ -165,14 +167,14 @@ def _write_pictures(place: Path, name: str, frames: Iterable[SequenceFrame], sty
         _write_normalised_exr(place / DEPTH / f"{stem}.exr", depth, style.depth_range)
         cameras.append(frame.rgbd.camera)
     if not cameras:
-        raise InputError(f"{name} has no frames; at least one is wanted")
+        raise InputError(f"{name} has no frames; at least one is expected")
     return cameras
 
 
 def _check(frame: SequenceFrame, before: list[Camera], name: str, classes: int) -> None:
     semantic, camera = frame.semantic, frame.rgbd.camera
     if semantic.dtype != np.uint8 or semantic.shape != camera.hw:
-        raise ShapeError(f"{name}: semantic is {semantic.dtype} {semantic.shape}; uint8 {camera.hw} is wanted")
+        raise ShapeError(f"{name}: semantic is {semantic.dtype} {semantic.shape}; uint8 {camera.hw} is expected")
     if int(semantic.max()) >= classes:
         raise InputError(f"{name}: semantic holds class {int(semantic.max())}, there are {classes} classes")
     if before and not camera.same_lens_as(before[0]):

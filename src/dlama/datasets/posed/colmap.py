@@ -56,7 +56,7 @@ def _frames(scene: str, folder: Path) -> list[PosedFrame]:
     if not frames:
         raise FileError(
             f"{folder}: none of the model's {len(images)} images has a depth map; depth/NAME.png (millimetres) or "
-            f"{DENSE}/NAME{DENSE_KINDS[0]} is wanted"
+            f"{DENSE}/NAME{DENSE_KINDS[0]} is expected"
         )
     if len(frames) < len(images):
         LOG.warning(

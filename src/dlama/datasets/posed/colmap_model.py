@@ -62,7 +62,7 @@ def _text_cameras(path: Path) -> dict[int, ColmapCamera]:
     for row in read_rows(path):
         if len(row.words) < 4:
             raise FileError(
-                f"{row.at(0)}: the line has {len(row.words)} values; ID MODEL WIDTH HEIGHT PARAMS are wanted"
+                f"{row.at(0)}: the line has {len(row.words)} values; ID MODEL WIDTH HEIGHT PARAMS are expected"
             )
         numbers = [row.number(place) for place in range(4, len(row.words))]
         size = int(row.number(3)), int(row.number(2))
@@ -72,15 +72,17 @@ def _text_cameras(path: Path) -> dict[int, ColmapCamera]:
 
 def _pinhole(where: str, model: str, numbers: list[float]) -> Intrinsics:
     if model not in PARAMETERS:
-        raise CameraError(f"{where}: camera model {model}; one of {', '.join(PARAMETERS)} is wanted, undistort first")
+        raise CameraError(f"{where}: camera model {model}; one of {', '.join(PARAMETERS)} is expected, undistort first")
     if len(numbers) != PARAMETERS[model]:
         raise CameraError(
-            f"{where}: camera model {model} has {len(numbers)} parameters; {PARAMETERS[model]} are wanted"
+            f"{where}: camera model {model} has {len(numbers)} parameters; {PARAMETERS[model]} are expected"
         )
     two = model in ("PINHOLE", "OPENCV")
     fx, fy, cx, cy = numbers[:4] if two else (numbers[0], *numbers[:3])
     if any(abs(number) > NO_DISTORTION for number in numbers[4 if two else 3 :]):
-        raise CameraError(f"{where}: the camera is distorted; a pinhole camera is wanted, run colmap image_undistorter")
+        raise CameraError(
+            f"{where}: the camera is distorted; a pinhole camera is expected, run colmap image_undistorter"
+        )
     return fx, fy, cx, cy
 
 
@@ -120,7 +122,7 @@ class _Bytes:
 
     def __init__(self, path: Path) -> None:
         if not path.is_file():
-            raise FileError(f"{path}: no such file; cameras and images, .txt or .bin, are wanted")
+            raise FileError(f"{path}: no such file; cameras and images, .txt or .bin, are expected")
         self.path, self.data, self.at = path, path.read_bytes(), 0
 
     def take(self, kinds: str) -> tuple[float, ...]:
@@ -153,7 +155,7 @@ def _binary_cameras(path: Path) -> dict[int, ColmapCamera]:
         model = MODELS.get(kind, f"number {kind}")
         if model not in PARAMETERS:
             raise CameraError(
-                f"{path}: camera model {model}; one of {', '.join(PARAMETERS)} is wanted, undistort first"
+                f"{path}: camera model {model}; one of {', '.join(PARAMETERS)} is expected, undistort first"
             )
         numbers = list(data.take("d" * PARAMETERS[model]))
         cameras[number] = ColmapCamera(_pinhole(str(path), model, numbers), (height, width))

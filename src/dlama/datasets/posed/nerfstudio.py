@@ -52,7 +52,7 @@ def _frames(scene: str, folder: Path) -> list[PosedFrame]:
         if "depth_file_path" in frame:
             frames.append(_frame(scene, folder, frame, fields, units))
     if not frames:
-        raise FileError(f"{fields.path}: no frame has a depth_file_path; posed frames with depth are wanted")
+        raise FileError(f"{fields.path}: no frame has a depth_file_path; posed frames with depth are expected")
     if len(frames) < len(listed):
         LOG.warning(
             "%s: %d of %d frames have no depth and are left out", folder, len(listed) - len(frames), len(listed)
@@ -73,19 +73,19 @@ def lens_of(fields: FileFields) -> Lens:
     model = fields.values.get("camera_model", "OPENCV")
     if model not in PINHOLES:
         raise CameraError(
-            f"{fields.path}: camera_model is {model}; one of {', '.join(PINHOLES)} is wanted, undistort first"
+            f"{fields.path}: camera_model is {model}; one of {', '.join(PINHOLES)} is expected, undistort first"
         )
     fx, fy, cx, cy = (fields.number(name) for name in ("fl_x", "fl_y", "cx", "cy"))
     for name in ("k4", "k5", "k6"):
         if name in fields and fields.number(name) != 0:
             raise CameraError(
-                f"{fields.path}: {name} is not 0; a pinhole camera is wanted, undistort the pictures first"
+                f"{fields.path}: {name} is not 0; a pinhole camera is expected, undistort the pictures first"
             )
     height, width = fields.count("h"), fields.count("w")
     moved = _distortion_px((fx, fy, cx, cy), (height, width), fields)
     if moved > SHOWS_PX:
         raise CameraError(
-            f"{fields.path}: k1 ... p2 move the picture's corners by {moved:.1f} px; a pinhole camera is wanted, undistort "
+            f"{fields.path}: k1 ... p2 move the picture's corners by {moved:.1f} px; a pinhole camera is expected, undistort "
             "the pictures first"
         )
     return Lens(str(fields.path), (fx, fy, cx, cy), 0.5, (height, width))

@@ -125,7 +125,7 @@ def load_registered(files: FrameFiles) -> RGBD:
     color = read_color_of_camera(files.color)
     if color.shape[:2] != camera.hw:
         raise ShapeError(
-            f"{files.color}: is {color.shape[1]}x{color.shape[0]}; 640x480 is wanted, or a camera that says otherwise"
+            f"{files.color}: is {color.shape[1]}x{color.shape[0]}; 640x480 is expected, or a camera that says otherwise"
         )
     return RGBD(color, depth, camera)
 

@@ -140,7 +140,7 @@ def units_per_metre(fields: FileFields, name: str, default: float | None = None)
     """1 / a field that holds metres per unit of depth; raises CameraError (no number), FileError (not > 0)."""
     scale = fields.number(name) if default is None or name in fields else default
     if scale <= 0:
-        raise FileError(f"{fields.path}: {name} is {scale:g}; metres per unit > 0 are wanted")
+        raise FileError(f"{fields.path}: {name} is {scale:g}; metres per unit > 0 are expected")
     return 1 / scale
 
 
@@ -153,7 +153,7 @@ def _of_open3d(fields: FileFields) -> Lens:
     listed = fields.values["intrinsic_matrix"]
     if not isinstance(listed, list) or len(listed) != 9:
         raise CameraError(
-            f"{fields.path}: intrinsic_matrix is {str(listed)[:60]}; 9 numbers, column by column, are wanted"
+            f"{fields.path}: intrinsic_matrix is {str(listed)[:60]}; 9 numbers, column by column, are expected"
         )
     columns = [listed[start : start + 3] for start in (0, 3, 6)]
     K = [list(row) for row in zip(*columns)]
@@ -182,7 +182,7 @@ def _camera(files: FrameFiles, color_hw: tuple[int, ...], depth_hw: tuple[int, .
     if color_hw[0] < depth_hw[0] or color_hw[1] < depth_hw[1] or abs(proportions - 1) > SAME_PROPORTIONS:
         raise ShapeError(
             f"{files.color}: is {color_hw[1]}x{color_hw[0]} and {files.depth} {depth_hw[1]}x{depth_hw[0]}; colour of the "
-            "same size, or bigger with the same proportions, is wanted"
+            "same size, or bigger with the same proportions, is expected"
         )
     hw = color_hw[0], color_hw[1]
     camera = checked_camera(lens.source, hw, lens.intrinsics, lens.pixel_center, files.world_from_cam)

@@ -34,7 +34,7 @@ def scene_file(path: Path, *, limit: int | None = None) -> Dataset:
     found = read_scene(path)
     if found.removals:
         raise InputError(
-            f"{path}: is a scene without what was removed from it; one of frames as they were taken is wanted"
+            f"{path}: is a scene without what was removed from it; one of frames as they were taken is expected"
         )
     if any(Origin.ESTIMATED in layer.origins for layer in found.frames):
         warnings.warn(f"{path}: its depth is estimated from pictures; it is no truth", UserWarning, stacklevel=2)

@@ -50,7 +50,7 @@ def _frames(scene: str, folder: Path, lens: Lens) -> list[PosedFrame]:
     color, depth = files_in(colors, (".jpg", ".jpeg", ".png")), files_in(folder / "depth", (".png",))
     if len(color) != len(depth):
         raise FileError(
-            f"{folder}: {colors.name}/ holds {len(color)} pictures and depth/ {len(depth)}; as many are wanted"
+            f"{folder}: {colors.name}/ holds {len(color)} pictures and depth/ {len(depth)}; as many are expected"
         )
     log = next(folder / name for name in LOGS if (folder / name).is_file())
     return [
@@ -63,13 +63,13 @@ def read_log(path: Path, pictures: int) -> dict[int, Float64Array]:
     """World-from-camera poses by the frame's place; raises FileError and CameraError with line and column."""
     rows = read_rows(path)
     if not rows or len(rows) % LINES:
-        raise FileError(f"{path}: holds {len(rows)} lines; {LINES} for each pose are wanted")
+        raise FileError(f"{path}: holds {len(rows)} lines; {LINES} for each pose are expected")
     poses: dict[int, Float64Array] = {}
     for start in range(0, len(rows), LINES):
         head, matrix = rows[start], rows[start + 1 : start + LINES]
         place = head.numbers("the frame's place and two more whole numbers", 3)[0]
         if place != int(place) or not 0 <= place < pictures:
-            raise FileError(f"{head.at(0)}: the frame's place is {head.words[0]}; 0 to {pictures - 1} is wanted")
+            raise FileError(f"{head.at(0)}: the frame's place is {head.words[0]}; 0 to {pictures - 1} is expected")
         if place in poses:
             raise FileError(f"{head.at(0)}: frame {head.words[0]} comes a second time")
         poses[int(place)] = pose_at(matrix[0].at(0), matrix_of(matrix, (4, 4)))

@@ -105,7 +105,9 @@ def _pose(row: Row) -> Float64Array:
     turn = np.array(shift_and_turn[3:])
     length = float(np.linalg.norm(turn))
     if abs(length - 1) > QUATERNION_TOLERANCE:
-        raise FileError(f"{row.at(4)}: the quaternion has length {length:.6g}; a unit quaternion qx qy qz qw is wanted")
+        raise FileError(
+            f"{row.at(4)}: the quaternion has length {length:.6g}; a unit quaternion qx qy qz qw is expected"
+        )
     pose = np.eye(4)
     pose[:3, :3] = rotation_of(turn)
     pose[:3, 3] = shift_and_turn[:3]

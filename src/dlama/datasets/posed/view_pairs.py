@@ -73,7 +73,7 @@ def posed_dataset(layout: str, root: Path, frames: Iterable[PosedFrame], limit: 
     """A data set of posed frames (scene after scene) with the cases of `view_pairs`; raises FileError if none is found, and
     where two frames of a scene have one name.
 
-    limit: so many cases at most; 0: no pairs are looked for, the frames alone are wanted.
+    limit: so many cases at most; 0: no pairs are looked for, the frames alone are expected.
     """
     frames = tuple(frames)
     cases: list[Case] = []
@@ -88,7 +88,7 @@ def posed_dataset(layout: str, root: Path, frames: Iterable[PosedFrame], limit: 
             cases += view_pairs(own, dataset=name, limit=left)
     if len(frames) < 2:
         raise NoPairsError(
-            f"{root}: holds {counted(len(frames), 'frame')}; two or more of one scene are wanted", frames
+            f"{root}: holds {counted(len(frames), 'frame')}; two or more of one scene are expected", frames
         )
     if not cases:
         raise NoPairsError(
@@ -105,7 +105,7 @@ def _check_names(root: Path, frames: Iterable[PosedFrame]) -> None:
     for frame in frames:
         if (frame.scene, frame.name) in seen:
             raise FileError(
-                f"{root}: two frames have pictures called {frame.name} (scene {frame.scene}); different names are wanted"
+                f"{root}: two frames have pictures called {frame.name} (scene {frame.scene}); different names are expected"
             )
         seen.add((frame.scene, frame.name))
 
@@ -131,7 +131,7 @@ def view_pairs(
         return ()
     for name, value in (("every", every), ("stride", stride), ("limit", limit)):
         if value is not None and value < 1:
-            raise InputError(f"pairs of posed frames: {name} is {value}; a whole number >= 1 is wanted")
+            raise InputError(f"pairs of posed frames: {name} is {value}; a whole number >= 1 is expected")
     step = every if every is not None else math.ceil(len(frames) / SOURCES)
     overlaps = Overlaps(frames)
     rotations = np.stack([frame.world_from_cam[:3, :3] for frame in frames])

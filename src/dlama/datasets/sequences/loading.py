@@ -104,9 +104,9 @@ def masks_by_number(masks: Mapping[str, BoolArray], names: Sequence[str]) -> dic
         else:
             few = ", ".join(names[:3]) + (f", ... {names[-1]}" if len(names) > 3 else "")
             raise InputError(
-                f"mask is for frame {name}, which is not there; a name ({few}) or a place, 0 to {len(names) - 1}, is wanted"
+                f"mask is for frame {name}, which is not there; a name ({few}) or a place, 0 to {len(names) - 1}, is expected"
             )
         if number in found:
-            raise InputError(f"mask: frame {names[number]} has two; one mask a frame is wanted")
+            raise InputError(f"mask: frame {names[number]} has two; one mask a frame is expected")
         found[number] = mask
     return found

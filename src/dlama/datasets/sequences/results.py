@@ -51,7 +51,7 @@ def checked_results(only: Sequence[str] | None, also: Sequence[str] = ()) -> tup
 
 
 def write_whole(folder: Path, whole: Scene, cameras: Mapping[str, Camera], wanted: Sequence[str]) -> dict[str, Any]:
-    """What of RESULTS is wanted of the scene as a whole; for meta.json: what was left out of it. Raises OutputError.
+    """What of RESULTS is expected of the scene as a whole; for meta.json: what was left out of it. Raises OutputError.
 
     Points and mesh have every surface once, without removed objects.
     """

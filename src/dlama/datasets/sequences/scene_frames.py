@@ -81,7 +81,7 @@ def sliced(frames: Sequence[T], which: str | None) -> tuple[T, ...]:
     if which is None:
         return tuple(frames)
     if not re.fullmatch(r"-?\d*:-?\d*(:\d+)?", which) or which.endswith(":0"):
-        raise InputError(f"frames is {which!r}; FIRST:END:STEP is wanted, places from 0, such as 0:480:10 or ::5")
+        raise InputError(f"frames is {which!r}; FIRST:END:STEP is expected, places from 0, such as 0:480:10 or ::5")
     parts = [int(part) if part else None for part in which.split(":")]
     found = tuple(frames[slice(*parts)])
     if not found:

@@ -168,7 +168,7 @@ def about_frames(names: Sequence[str], kept: Sequence[str], given: Scene, damage
 def written(
     target: Path, scene: Scene, cameras: Mapping[str, Camera], names: Sequence[str], wanted: Sequence[str]
 ) -> dict[str, Any]:
-    """What is made of all views, written: transforms.json and those of RESULTS that are wanted; for meta.json: what was left out.
+    """What is made of all views, written: transforms.json and those of RESULTS in `wanted`; for meta.json: what was left out.
 
     cameras: of the views, by name; names: of the frames. Raises OutputError.
     """

@@ -35,7 +35,7 @@ def cloud_scores(
     """
     for name, points in (("estimate", estimate), ("truth", truth)):
         if points.ndim != 2 or points.shape[1] != 3 or not np.isfinite(points).all():
-            raise ShapeError(f"cloud: the {name} is {points.shape}; N x 3 finite numbers are wanted")
+            raise ShapeError(f"cloud: the {name} is {points.shape}; N x 3 finite numbers are expected")
     there, back = nearest_distances(estimate, truth), nearest_distances(truth, estimate)
     scores = {
         "accuracy": _mean(there),

@@ -40,7 +40,7 @@ def depth_errors(
     """
     for name, array in (("mine", mine), ("the region", region)):
         if array is not None and array.shape != truth.shape:
-            raise ShapeError(f"depth: {name} is {array.shape} and the truth {truth.shape}; the same is wanted")
+            raise ShapeError(f"depth: {name} is {array.shape} and the truth {truth.shape}; the same is expected")
     chosen = slice(None) if region is None else region
     there, guess = (np.nan_to_num(d[chosen].astype(np.float64).ravel(), posinf=np.inf) for d in (truth, mine))
     known = there > 0

@@ -32,7 +32,7 @@ def disparity_errors(mine: Float32Array, truth: Float32Array, region: BoolArray 
     """
     for name, array in (("mine", mine), ("the region", region)):
         if array is not None and array.shape != truth.shape:
-            raise ShapeError(f"disparity: {name} is {array.shape} and the truth {truth.shape}; the same is wanted")
+            raise ShapeError(f"disparity: {name} is {array.shape} and the truth {truth.shape}; the same is expected")
     counted = _there(truth) if region is None else _there(truth) & region
     guess, there = mine[counted].astype(np.float64), truth[counted].astype(np.float64)
     given = _there(guess)
@@ -64,7 +64,7 @@ def left_right_difference(
     """
     hw = disparity.shape
     if left.shape != right.shape or left.shape[:2] != hw or (region is not None and region.shape != hw):
-        raise ShapeError(f"left is {left.shape}, right {right.shape}, disparity {hw}; one size is wanted")
+        raise ShapeError(f"left is {left.shape}, right {right.shape}, disparity {hw}; one size is expected")
     counted = seen_in_right(disparity)
     rows, columns = np.nonzero(counted if region is None else counted & region)
     at = columns - disparity[rows, columns].astype(np.float64)

@@ -85,7 +85,7 @@ class Lpips:
         """
         if mine.shape != truth.shape or (region is not None and region.shape != truth.shape[:2]):
             came = "" if region is None else f", region {region.shape}"
-            raise ShapeError(f"LPIPS: mine is {mine.shape}, truth {truth.shape}{came}; one size is wanted")
+            raise ShapeError(f"LPIPS: mine is {mine.shape}, truth {truth.shape}{came}; one size is expected")
         if region is None:
             return self.distance(self.features(truth), self.features(mine))
         _refuse_others(truth)
@@ -108,11 +108,11 @@ def _session(threads: int) -> Any:
 
 def _refuse_others(picture: UInt8Array) -> None:
     if picture.dtype != np.uint8 or picture.ndim not in (2, 3) or (picture.ndim == 3 and picture.shape[2] != 3):
-        raise ShapeError(f"LPIPS: the picture is {picture.dtype} {picture.shape}; uint8 H x W x 3 or H x W is wanted")
+        raise ShapeError(f"LPIPS: the picture is {picture.dtype} {picture.shape}; uint8 H x W x 3 or H x W is expected")
     if min(picture.shape[:2]) < SMALLEST_SIDE:
         raise ShapeError(
             f"LPIPS: the picture is {picture.shape[1]}x{picture.shape[0]}; "
-            f"{SMALLEST_SIDE}x{SMALLEST_SIDE} or more is wanted"
+            f"{SMALLEST_SIDE}x{SMALLEST_SIDE} or more is expected"
         )
 
 

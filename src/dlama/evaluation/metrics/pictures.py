@@ -123,7 +123,7 @@ def region_mean(values: Float64Array, region: BoolArray | None = None) -> float:
     if region is None:
         return float(values.mean())
     if region.shape != values.shape or region.dtype != np.bool_:
-        raise ShapeError(f"the region is {region.dtype} {region.shape}; bool {values.shape} is wanted")
+        raise ShapeError(f"the region is {region.dtype} {region.shape}; bool {values.shape} is expected")
     return mean_or_nan(values[region])
 
 
@@ -203,4 +203,4 @@ def _structural_similarity(truth: UInt8Array, mine: UInt8Array, settings: Metric
 
 def _refuse_differences(truth: UInt8Array, mine: UInt8Array) -> None:
     if truth.shape != mine.shape or truth.ndim not in (2, 3) or (truth.ndim == 3 and truth.shape[2] != 3):
-        raise ShapeError(f"truth is {truth.shape} and mine {mine.shape}; twice H x W or H x W x 3 is wanted")
+        raise ShapeError(f"truth is {truth.shape} and mine {mine.shape}; twice H x W or H x W x 3 is expected")

@@ -86,7 +86,7 @@ def source_visibility(
         ShapeError: the mask is not of the source's size.
     """
     if object_mask is not None and object_mask.shape != source.camera.hw:
-        raise ShapeError(f"the object mask is {object_mask.shape}; {source.camera.hw} of the source is wanted")
+        raise ShapeError(f"the object mask is {object_mask.shape}; {source.camera.hw} of the source is expected")
     x, y, w, inside = projected(source, target)
     column, row = (clipped_index(np.floor(at), size) for at, size in zip((x, y), source.camera.wh))
     there = np.where(source.missing, np.nan, inverse_depth(source.depth)).astype(np.float64)

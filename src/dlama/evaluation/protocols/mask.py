@@ -47,7 +47,7 @@ def score(truth: Truth, method: Method, settings: ProtocolSettings) -> list[Scor
         InputError: not a RemovalTruth, an empty mask, or what the completion raises.
     """
     if not isinstance(truth, RemovalTruth) or not truth.mask.any():
-        raise InputError(f"mask: the case holds a {type(truth).__name__}; a RemovalTruth with a mask is wanted")
+        raise InputError(f"mask: the case holds a {type(truth).__name__}; a RemovalTruth with a mask is expected")
     masks, seconds = found_masks(truth)
     measures = [
         Measure(name, "mask", metric, value)

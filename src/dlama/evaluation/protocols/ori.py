@@ -38,7 +38,7 @@ def score(truth: Truth, method: Method, settings: ProtocolSettings) -> list[Scor
         InputError: not a RemovalTruth, or what the completion raises.
     """
     if not isinstance(truth, RemovalTruth):
-        raise InputError(f"ori: the case holds a {type(truth).__name__}; a RemovalTruth is wanted")
+        raise InputError(f"ori: the case holds a {type(truth).__name__}; a RemovalTruth is expected")
     scored = [score_mask(truth, method, settings, 0)]
     for change in settings.mask_changes:
         mask = changed_mask(truth.mask, change)

@@ -39,7 +39,7 @@ def rows_of(dataset: Dataset, limit: int | None, settings: ProtocolSettings, pro
     named = dict.fromkeys(one.scene for one in dataset.frames)
     scenes = {name: in_order([one for one in dataset.frames if one.scene == name]) for name in named}
     if not any(len(frames) > apart_in(frames) for frames in scenes.values()):
-        raise InputError(f"{dataset.name}: no scene of it has {APART + 1} posed frames; so many or more are wanted")
+        raise InputError(f"{dataset.name}: no scene of it has {APART + 1} posed frames; so many or more are expected")
     parts = [(name, place) for name, frames in scenes.items() for place in held_out(len(frames), limit)]
     removals = [name for name in scenes if any(case.scene == name for case in dataset.of("ori"))]
     read = {name: ReadFrames(align_frames([frame.load for frame in frames])) for name, frames in scenes.items()}

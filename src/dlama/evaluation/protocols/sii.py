@@ -43,7 +43,7 @@ def score(truth: Truth, method: Method, settings: ProtocolSettings) -> list[Scor
         InputError: not a StereoTruth, masks without true frames, or what the completion raises.
     """
     if not isinstance(truth, StereoTruth):
-        raise InputError(f"sii: the case holds a {type(truth).__name__}; a StereoTruth is wanted")
+        raise InputError(f"sii: the case holds a {type(truth).__name__}; a StereoTruth is expected")
     if truth.mask_left is not None:
         return [score_removal(truth, method, settings)]
     source = RGBD(truth.left, depth_of(truth.disparity_left, truth.rig), truth.rig.left)

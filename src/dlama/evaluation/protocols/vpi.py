@@ -29,7 +29,7 @@ def score(truth: Truth, method: Method, settings: ProtocolSettings) -> list[Scor
         InputError: not a ViewTruth, or what the completion raises.
     """
     if not isinstance(truth, ViewTruth):
-        raise InputError(f"vpi: the case holds a {type(truth).__name__}; a ViewTruth is wanted")
+        raise InputError(f"vpi: the case holds a {type(truth).__name__}; a ViewTruth is expected")
     scored = [score_plain(truth, method, settings)]
     if truth.object_mask is not None and truth.target_without is not None and truth.object_mask.any():
         scored += [score_without(truth, method, settings, dilate) for dilate in settings.object_dilations]

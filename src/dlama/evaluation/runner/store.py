@@ -159,7 +159,7 @@ def read_rows(path: Path) -> list[Row]:
     except (OSError, UnicodeDecodeError) as error:
         raise FileError(f"{path}: cannot be read as a table: {error}") from error
     if not lines or tuple(lines[0]) != Row._fields:
-        raise FileError(f"{path}: line 1 is {','.join(lines[0]) if lines else 'missing'}; {HEADER} is wanted")
+        raise FileError(f"{path}: line 1 is {','.join(lines[0]) if lines else 'missing'}; {HEADER} is expected")
     return [_row(path, number, line) for number, line in enumerate(lines[1:], 2)]
 
 

@@ -156,12 +156,12 @@ def _one_channel(path: PathLike, values: np.ndarray, what: str) -> np.ndarray:
         return values
     if values.dtype == np.uint8:
         raise DepthError(
-            f"{path}: is an 8-bit colour picture; {what} in one channel of 16-bit or float numbers is wanted "
+            f"{path}: is an 8-bit colour picture; {what} in one channel of 16-bit or float numbers is expected "
             "(are the picture and the depth given in the wrong order?)"
         )
     colours = values[..., :3] if values.shape[2] >= 3 else values[..., :1]
     if (colours != colours[..., :1]).any():
-        raise DepthError(f"{path}: has three channels that differ; {what} in one channel is wanted")
+        raise DepthError(f"{path}: has three channels that differ; {what} in one channel is expected")
     return np.ascontiguousarray(colours[..., 0])
 
 
@@ -199,7 +199,7 @@ def _check_not_all_far(path: PathLike, depth: Float32Array, option: str) -> None
             f"{path}: every depth lies beyond {FAR_METRES:g} m with {option} (the nearest at {valid.min():.4g} m); "
             "is it the number of units that make a metre, 1000 for millimetres?"
             if option.startswith("depth_scale")
-            else f"{path}: every depth lies beyond {FAR_METRES:g} m with {option}; metres are wanted"
+            else f"{path}: every depth lies beyond {FAR_METRES:g} m with {option}; metres are expected"
         )
 
 
@@ -222,7 +222,7 @@ def _scale_advice(median: float, scale: float, depth_range: float | None) -> str
         return f"it looks like millimetres read as metres: depth_scale={scale * 1000:g}"
     if PLAUSIBLE_M[0] <= median * 1000 <= PLAUSIBLE_M[1]:
         return f"it looks like metres read as millimetres: depth_scale={scale / 1000:g}"
-    return f"{PLAUSIBLE_M[0]:g} to {PLAUSIBLE_M[1]:g} m is wanted; depth_scale says how many units make a metre"
+    return f"{PLAUSIBLE_M[0]:g} to {PLAUSIBLE_M[1]:g} m is expected; depth_scale says how many units make a metre"
 
 
 def _check_not_negative(path: PathLike, values: np.ndarray, what: str) -> None:
@@ -230,7 +230,7 @@ def _check_not_negative(path: PathLike, values: np.ndarray, what: str) -> None:
     if negative.any():
         raise DepthError(
             f"{path}: {int(negative.sum())} of {values.size} {what} values are negative (smallest {values.min():.6g}); "
-            "values >= 0 are wanted, 0 = missing"
+            "values >= 0 are expected, 0 = missing"
         )
 
 
@@ -244,7 +244,7 @@ def check_depth_options(depth_scale: float | None, depth_range: float | None, fa
 def _check_positive(**options: float | None) -> None:
     for name, value in options.items():
         if value is not None and not (is_finite(value) and value > 0):
-            raise DepthError(f"{name} is {value!r}; a number > 0 is wanted")
+            raise DepthError(f"{name} is {value!r}; a number > 0 is expected")
 
 
 def _valid(depth: np.ndarray) -> np.ndarray:

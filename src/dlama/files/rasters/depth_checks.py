@@ -32,7 +32,7 @@ def warn_of_inverse(path: PathLike, depth: Float32Array) -> None:
     if votes >= max(FEWEST_VOTES, FEWEST * depth.size) and straight >= SHARE:
         warnings.warn(
             f"{path}: looks like inverse depth or disparity ({100 * straight:.0f} % of {votes} slanted places run straight, "
-            "where depth bends): metric depth is wanted, such as depth = scale / value",
+            "where depth bends): metric depth is expected, such as depth = scale / value",
             UserWarning,
             stacklevel=4,
         )

@@ -38,12 +38,12 @@ def read_pfm(path: PathLike) -> Float32Array:
     with file.open("rb") as stream:
         head = PFM_HEADER.match(stream.read(PFM_HEADER_BYTES))
     if head is None:
-        raise FileError(f"{file}: is no PFM picture (header 'Pf', width, height, scale is wanted)")
+        raise FileError(f"{file}: is no PFM picture (header 'Pf', width, height, scale is expected)")
     kind, width, height, scale = head[1], int(head[2]), int(head[3]), float(head[4])
     if kind == b"PF":
-        raise FileError(f"{file}: is a colour PFM (PF); one channel (Pf) is wanted")
+        raise FileError(f"{file}: is a colour PFM (PF); one channel (Pf) is expected")
     if width < 1 or height < 1 or scale == 0 or not math.isfinite(scale):
-        raise FileError(f"{file}: says {width}x{height}, scale {scale}; positive sizes and a scale are wanted")
+        raise FileError(f"{file}: says {width}x{height}, scale {scale}; positive sizes and a scale are expected")
     check_pixels(file, width, height)
     held, wanted = file.stat().st_size - head.end(), 4 * width * height
     if held != wanted:
@@ -55,7 +55,7 @@ def read_pfm(path: PathLike) -> Float32Array:
 def write_pfm(path: PathLike, values: Float32Array) -> None:
     """Write float H x W as a little-endian one-channel PFM (bottom-up rows, scale -1). Raises OutputError."""
     if values.ndim != 2:
-        raise ShapeError(f"{path}: values have shape {values.shape}; H x W is wanted")
+        raise ShapeError(f"{path}: values have shape {values.shape}; H x W is expected")
     head = f"Pf\n{values.shape[1]} {values.shape[0]}\n-1.0\n".encode()
     with new_file(path) as draft:
         draft.write_bytes(head + np.ascontiguousarray(values[::-1], "<f4").tobytes())
@@ -73,7 +73,7 @@ def read_array(path: PathLike, key: str) -> np.ndarray:
             parts = {part.filename.removesuffix(".npy"): part for part in archive.infolist()}
             if key not in parts and len(parts) != 1:
                 raise FileError(
-                    f"{file}: holds {', '.join(parts)[:200] or 'nothing'}; an array called '{key}' is wanted"
+                    f"{file}: holds {', '.join(parts)[:200] or 'nothing'}; an array called '{key}' is expected"
                 )
             part = parts[key if key in parts else next(iter(parts))]
             with archive.open(part) as stream:
@@ -92,12 +92,12 @@ def read_npy(stream: IO[bytes], held: int) -> np.ndarray:
     """
     version = np.lib.format.read_magic(stream)
     if version not in ((1, 0), (2, 0)):
-        raise FileError(f"is an NPY of version {version}; 1.0 or 2.0 is wanted")
+        raise FileError(f"is an NPY of version {version}; 1.0 or 2.0 is expected")
     read_header = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
     shape, by_columns, dtype = read_header(stream)
     count = math.prod(shape)
     if dtype.hasobject:
-        raise FileError("holds Python objects; numbers are wanted")
+        raise FileError("holds Python objects; numbers are expected")
     if min((0, *shape)) < 0 or count > 4 * LARGEST_PIXELS:
         raise FileError(f"says it holds an array of shape {shape}; at most {4 * LARGEST_PIXELS} numbers are read")
     wanted = count * dtype.itemsize
@@ -105,18 +105,18 @@ def read_npy(stream: IO[bytes], held: int) -> np.ndarray:
         raise FileError(f"is damaged or truncated ({held} bytes, an array {shape} of {dtype} wants {wanted})")
     data = stream.read(wanted)
     if len(data) != wanted:
-        raise FileError(f"is damaged or truncated ({len(data)} bytes of numbers, {wanted} are wanted)")
+        raise FileError(f"is damaged or truncated ({len(data)} bytes of numbers, {wanted} are expected)")
     array = np.frombuffer(data, dtype, count)
     return array.reshape(shape[::-1]).T if by_columns else array.reshape(shape)
 
 
 def _plane(file: Path, array: np.ndarray) -> np.ndarray:
     if array.dtype.kind not in "uif":
-        raise FileError(f"{file}: holds {array.dtype} values; numbers are wanted")
+        raise FileError(f"{file}: holds {array.dtype} values; numbers are expected")
     if array.ndim == 3 and 1 in (array.shape[0], array.shape[2]):
         array = array[0] if array.shape[0] == 1 else array[..., 0]
     if array.ndim != 2 or array.size == 0:
-        raise FileError(f"{file}: holds an array of shape {array.shape}; H x W is wanted")
+        raise FileError(f"{file}: holds an array of shape {array.shape}; H x W is expected")
     check_pixels(file, array.shape[1], array.shape[0])
     return np.ascontiguousarray(array.astype(array.dtype.newbyteorder("="), copy=False))
 
@@ -204,7 +204,7 @@ def _check_grey(file: Path, channels: dict[str, np.ndarray], chosen: str) -> Non
     """R stands for depth only where G and B say the same (EasySynth writes all three)."""
     for other in {"R": "GB", "r": "gb"}.get(chosen, ""):
         if other in channels and not np.array_equal(channels[chosen], channels[other], equal_nan=True):
-            raise FileError(f"{file}: is a colour picture (R and {other} differ); depth in one channel is wanted")
+            raise FileError(f"{file}: is a colour picture (R and {other} differ); depth in one channel is expected")
 
 
 def check_exr_is_whole(file: Path) -> None:

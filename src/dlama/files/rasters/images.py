@@ -71,7 +71,7 @@ def existing(path: PathLike) -> Path:
     except (OSError, ValueError) as error:  # a name too long, with NUL, behind a closed folder, in a circle of links
         raise FileError(f"{shown_name(path)}: cannot be read ({getattr(error, 'strerror', '') or error})") from error
     if kind:
-        raise FileError(f"{file}: is a directory, a file is wanted")
+        raise FileError(f"{file}: is a directory, a file is expected")
     if size == 0:
         raise FileError(f"{file}: is empty (0 bytes)")
     return file
@@ -105,7 +105,7 @@ def read_stored(path: PathLike) -> Stored:
         with _opened(file, data) as picture:
             if picture.format in SEVERAL and getattr(picture, "n_frames", 1) > 1:
                 raise FileError(
-                    f"{file}: holds more than one {SEVERAL[picture.format]}; a file with a single picture is wanted"
+                    f"{file}: holds more than one {SEVERAL[picture.format]}; a file with a single picture is expected"
                 )
             exif_orientation, focal = _exif(picture)
             orientation = exif_orientation if picture.format != "TIFF" else tiff_orientation
@@ -303,11 +303,5 @@ def _what_else(file: Path) -> str:
     if found is not None:
         return f", but {found}: save it as PNG"
     suffix = file.suffix.lower()
-    which = (
-        "a scene"
-        if suffix == ".npz"
-        else "the scene.npz of the result"
-        if suffix in (".ply", ".glb")
-        else ""
-    )
+    which = "a scene" if suffix == ".npz" else "the scene.npz of the result" if suffix in (".ply", ".glb") else ""
     return f"; {which} goes into view, sequence, video and show (--also scene writes it)" if which else ""

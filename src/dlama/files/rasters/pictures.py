@@ -56,7 +56,7 @@ def eight_bit_rgb(values: np.ndarray, path: PathLike) -> UInt8Array:
     if values.dtype == np.uint16:
         values = (values >> 8).astype(np.uint8)
     if values.dtype != np.uint8:
-        raise FileError(f"{path}: holds {values.dtype} numbers; a picture with 8 or 16 bits per channel is wanted")
+        raise FileError(f"{path}: holds {values.dtype} numbers; a picture with 8 or 16 bits per channel is expected")
     if values.ndim == 3 and values.shape[2] < 3:  # grey and alpha
         values = values[..., 0]
     if values.ndim == 2:
@@ -88,7 +88,9 @@ def read_mask(
     """
     check_arguments(read_mask, locals())
     if mask_polarity not in ("fill", "known"):
-        raise MaskError(f"mask_polarity is {mask_polarity!r}; 'fill' (255 = remove) or 'known' (255 = keep) is wanted")
+        raise MaskError(
+            f"mask_polarity is {mask_polarity!r}; 'fill' (255 = remove) or 'known' (255 = keep) is expected"
+        )
     if mask_class is not None:
         mask = _class_mask(path, mask_class, classes_csv)
         largest = 255
@@ -124,7 +126,7 @@ def write_color(path: PathLike, color: UInt8Array) -> None:
 def write_mask(path: PathLike, mask: BoolArray) -> None:
     """Write bool H x W as 8-bit grey, True = 255. Raises OutputError."""
     if mask.dtype != np.bool_ or mask.ndim != 2:
-        raise ShapeError(f"{path}: the mask is {mask.dtype} {mask.shape}; bool H x W is wanted")
+        raise ShapeError(f"{path}: the mask is {mask.dtype} {mask.shape}; bool H x W is expected")
     save_picture(path, Image.fromarray(mask.astype(np.uint8) * np.uint8(255)))
 
 
@@ -134,7 +136,7 @@ def write_codes(path: PathLike, codes: UInt8Array, palette: Sequence[tuple[int, 
     `palette[code]` is RGB. Raises ShapeError when a code has no colour, OutputError.
     """
     if codes.dtype != np.uint8 or codes.ndim != 2:
-        raise ShapeError(f"{path}: codes are {codes.dtype} {codes.shape}; uint8 H x W is wanted")
+        raise ShapeError(f"{path}: codes are {codes.dtype} {codes.shape}; uint8 H x W is expected")
     if codes.size and int(codes.max()) >= len(palette):
         raise ShapeError(f"{path}: code {int(codes.max())} has no colour, the palette has {len(palette)}")
     picture = Image.fromarray(np.ascontiguousarray(codes))  # grey; a palette turns it into codes
@@ -145,7 +147,7 @@ def write_codes(path: PathLike, codes: UInt8Array, palette: Sequence[tuple[int, 
 def write_grey(path: PathLike, values: Float32Array) -> None:
     """Write float H x W in 0..1 as 8-bit grey (1 = 255, rounded, clipped; NaN = 0). Raises OutputError."""
     if values.ndim != 2:
-        raise ShapeError(f"{path}: values have shape {values.shape}; H x W is wanted")
+        raise ShapeError(f"{path}: values have shape {values.shape}; H x W is expected")
     levels = np.rint(np.clip(np.nan_to_num(values), 0, 1) * 255).astype(np.uint8)
     save_picture(path, Image.fromarray(levels))
 
@@ -164,7 +166,7 @@ def _grey(path: PathLike) -> UInt8Array:
     if values.dtype == np.uint16:
         values = (values >> 8).astype(np.uint8)
     if values.dtype != np.uint8:
-        raise MaskError(f"{path}: holds {values.dtype} numbers; an 8-bit mask with 255 = remove is wanted")
+        raise MaskError(f"{path}: holds {values.dtype} numbers; an 8-bit mask with 255 = remove is expected")
     if values.ndim == 2:
         return values
     if values.shape[2] in (2, 4):
@@ -176,7 +178,7 @@ def _grey(path: PathLike) -> UInt8Array:
     spread = int((values.max(axis=2).astype(np.int16) - values.min(axis=2)).max())
     if spread > HIGHEST_BLACK:
         raise MaskError(
-            f"{path}: is a colour picture, a black and white mask is wanted; for a semantic picture name the class: "
+            f"{path}: is a colour picture, a black and white mask is expected; for a semantic picture name the class: "
             "mask_class=NAME or mask_class=R,G,B"
         )
     return values[..., 0]
@@ -193,7 +195,7 @@ def _white(path: PathLike, grey: UInt8Array, soft_mask: bool) -> BoolArray:
         hint = " (it holds 16-bit numbers, as depth does: is it the depth, and the mask not given?)" if deep else ""
         raise MaskError(
             f"{path}: {between.size} of {grey.size} pixels are neither black nor white (values {shown}); "
-            f"0 and 255 are wanted, or soft_mask, which takes values above 127 as white{hint}"
+            f"0 and 255 are expected, or soft_mask, which takes values above 127 as white{hint}"
         )
     return grey >= LOWEST_WHITE
 

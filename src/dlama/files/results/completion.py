@@ -142,9 +142,9 @@ def checked_results(only: Sequence[str] | None, also: Sequence[str] = ()) -> tup
         () if names is None else (names,) if isinstance(names, str) else tuple(names) for names in (only, also)
     )
     for option, names in (("only", chosen), ("also", more)):
-        for name in names:
-            if name not in RESULTS:
-                raise InputError(f"{option} is {name!r}; names of {', '.join(RESULTS)} are expected")
+        unknown = [repr(name) for name in names if name not in RESULTS]
+        if unknown:
+            raise InputError(f"{option} is {', '.join(unknown)}; names of {', '.join(RESULTS)} are expected")
     if only is not None and not chosen:
         raise InputError(f"only is empty; names of {', '.join(RESULTS)} are expected")
     return tuple(dict.fromkeys((*(BY_DEFAULT if only is None else chosen), *more)))

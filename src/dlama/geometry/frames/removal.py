@@ -147,18 +147,20 @@ def carry_masks(scene: Scene, masks: Mapping[int, BoolArray]) -> list[BoolArray]
     found = []
     for place, layer in enumerate(scene.layers):
         mask = masks.get(place, np.zeros(layer.camera.hw, bool))
-        for one in objects:
-            if place not in one.masks:
-                mask = mask | _carried_to(scene.original(layer), frames, one)
+        left = [one for one in objects if place not in one.masks]
+        original = scene.original(layer) if left else layer
+        for one in left:
+            mask = mask | _carried_to(original, frames, one)
         found.append(mask)
     return found
 
 
 def removed_from(scene: Scene, frame: View) -> BoolArray:
-    """H x W, where one more frame shows what was removed from the scene."""
+    """H x W, where one more frame shows what was removed from the scene: from those layers that matter for its camera."""
     masks = {}
-    for place, layer in enumerate(scene.layers):
-        of_layer = [one.hole_type == HoleType.OBJECT for one in scene.removals if one.camera.same_view_as(layer.camera)]
+    for place in choose_frames(scene.layers, frame.camera):
+        camera = scene.layers[place].camera
+        of_layer = [one.hole_type == HoleType.OBJECT for one in scene.removals if one.camera.same_view_as(camera)]
         if of_layer:
             masks[place] = np.logical_or.reduce(of_layer)
     frames = {place: scene.original(scene.layers[place]) for place in masks}

@@ -31,7 +31,9 @@ THREADS_VARIABLE = "NUMBA_NUM_THREADS"
 if (
     not (asked := os.environ.get(THREADS_VARIABLE, "1")).strip().isdecimal() or int(asked) < 1
 ):  # numba would end in a traceback
-    raise InputError(f"the environment variable {THREADS_VARIABLE} is {asked!r}; a whole number, 1 or more, is wanted")
+    raise InputError(
+        f"the environment variable {THREADS_VARIABLE} is {asked!r}; a whole number, 1 or more, is expected"
+    )
 
 from numba import config, njit  # noqa: E402
 from numba.core.event import Event, Listener, register  # noqa: E402

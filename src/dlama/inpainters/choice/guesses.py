@@ -147,7 +147,7 @@ def makers_of(names: Sequence[str]) -> tuple[GuessMaker, ...]:
     """The makers of these names. InputError: none, one named twice, or an unknown name (the known ones are listed)."""
     for name in names:
         if name not in GUESSES:
-            raise InputError(f"guess is {name!r}; one of {', '.join(GUESSES)} is wanted")
+            raise InputError(f"guess is {name!r}; one of {', '.join(GUESSES)} is expected")
     if not names or len(set(names)) < len(names):
-        raise InputError(f"guesses are {', '.join(names) or 'none'}; one or more are wanted, each once")
+        raise InputError(f"guesses are {', '.join(names) or 'none'}; one or more are expected, each once")
     return tuple(GUESSES[name] for name in names)

@@ -77,7 +77,7 @@ def _opened(path: Path, stamp: tuple[int, int], provider: str | None, threads: i
     about = json.loads(network.metadata[CONTRACT_KEY])
     if about.get("version") != VERSION or [about.get("context"), about.get("guess")] != [list(CONTEXT), list(GUESS)]:
         raise FileError(
-            f"{path}: judges planes of another version of dlama; {list(CONTEXT)} and {list(GUESS)} are wanted"
+            f"{path}: judges planes of another version of dlama; {list(CONTEXT)} and {list(GUESS)} are expected"
         )
     return network
 

@@ -80,19 +80,19 @@ class Contract:
         if self.masks > 1 and len(known) != len(PAIR):
             raise InputError(f"contract: a left and a right mask with {len(known)} planes; a pair has {len(PAIR)}")
         if self.mask not in ("1 = fill", "0 = fill"):
-            raise InputError(f"contract: mask is {self.mask!r}; '1 = fill' or '0 = fill' is wanted")
+            raise InputError(f"contract: mask is {self.mask!r}; '1 = fill' or '0 = fill' is expected")
         if self.hole != "zero":
-            raise InputError(f"contract: hole is {self.hole!r}; 'zero' is wanted")
+            raise InputError(f"contract: hole is {self.hole!r}; 'zero' is expected")
         for name in ("in_range", "out_range"):
             pair = getattr(self, name)
             if pair is not None and not (len(pair) == 2 and pair[0] < pair[1]):
-                raise InputError(f"contract: {name} is {pair}; two rising numbers are wanted")
+                raise InputError(f"contract: {name} is {pair}; two rising numbers are expected")
             if pair is not None and not max(map(abs, pair)) <= LARGEST_VALUE:
-                raise InputError(f"contract: {name} is {pair}; numbers up to {LARGEST_VALUE:g} are wanted")
+                raise InputError(f"contract: {name} is {pair}; numbers up to {LARGEST_VALUE:g} are expected")
         for name in ("multiple", "minimum", "side"):
             pixels = getattr(self, name)
             if pixels is not None and not 1 <= pixels <= LARGEST_SIDE:
-                raise InputError(f"contract: {name} is {pixels} px; 1 to {LARGEST_SIDE} is wanted")
+                raise InputError(f"contract: {name} is {pixels} px; 1 to {LARGEST_SIDE} is expected")
 
     @property
     def masks(self) -> int:
@@ -212,7 +212,7 @@ def from_metadata(metadata: Mapping[str, str], file: str) -> Contract | None:
             raise FileError(f"{file}: its contract has {len(text)} characters; at most {LONGEST_TEXT} are read")
         words = json.loads(text)
         if not isinstance(words, dict):
-            raise FileError(f"{file}: its contract is a {type(words).__name__}; a table is wanted")
+            raise FileError(f"{file}: its contract is a {type(words).__name__}; a table is expected")
         missing = [name for name in FIELDS if name not in words]
         if missing:
             raise FileError(f"{file}: its contract lacks {', '.join(missing)}")
@@ -240,14 +240,14 @@ def from_metadata(metadata: Mapping[str, str], file: str) -> Contract | None:
 def _names(words: Mapping[str, Any], field: str) -> tuple[str, ...]:
     names = words[field]
     if not isinstance(names, list) or len(names) > MOST_PLANES or not all(isinstance(name, str) for name in names):
-        raise InputError(f"contract: {field} is {str(names)[:60]}; a list of at most {MOST_PLANES} names is wanted")
+        raise InputError(f"contract: {field} is {str(names)[:60]}; a list of at most {MOST_PLANES} names is expected")
     return tuple(names)
 
 
 def _pixels(words: Mapping[str, Any], field: str) -> int:
     value = words[field]
     if type(value) is not int or abs(value) >= 2**63:
-        raise InputError(f"contract: {field} is {str(value)[:60]}; a whole number of pixels is wanted")
+        raise InputError(f"contract: {field} is {str(value)[:60]}; a whole number of pixels is expected")
     return value
 
 

@@ -41,7 +41,7 @@ class Engine(NetworkFile):
             )
         ends = list(self.inputs.values())
         if len(ends) != 1 or ends[0][0] != "tensor(float)" or len(ends[0][1]) != 4:
-            raise FileError(f"{self.path}: inputs are {self.inputs}; one float tensor B x C x H x W is wanted")
+            raise FileError(f"{self.path}: inputs are {self.inputs}; one float tensor B x C x H x W is expected")
         for names, shape in ((found.in_planes, ends[0][1]), (found.out_planes, next(iter(self.outputs.values()))[1])):
             if len(shape) == 4 and isinstance(shape[1], int) and shape[1] != len(names):
                 raise FileError(f"{self.path}: the graph has {shape[1]} planes where its contract has {list(names)}")
@@ -65,7 +65,7 @@ class Engine(NetworkFile):
         stacked = about.network_input(planes, hole.reshape(-1, *hole.shape[-2:]))
         out = self.run({next(iter(self.inputs)): stacked})
         if out.shape != planes.shape:
-            raise FileError(f"{self.path}: gave {out.shape} for {stacked.shape}; {planes.shape} is wanted")
+            raise FileError(f"{self.path}: gave {out.shape} for {stacked.shape}; {planes.shape} is expected")
         if not np.isfinite(out).all():
             raise FileError(f"{self.path}: the network gave values that are not finite")
         return about.unit_output(out)

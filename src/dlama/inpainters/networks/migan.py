@@ -63,7 +63,9 @@ def is_pipeline(network: Engine) -> bool:
     if len(found) != 1:
         raise FileError(f"{network.path}: inputs are {found}; the MI-GAN pipeline has {PIPELINE_INPUTS}")
     if network.contract.network != "migan":
-        raise FileError(f"{network.path}: is a network {network.contract.network!r} by its contract; MI-GAN is wanted")
+        raise FileError(
+            f"{network.path}: is a network {network.contract.network!r} by its contract; MI-GAN is expected"
+        )
     return False
 
 

@@ -19,7 +19,7 @@ TEXTURE_PX = 5
 SMALLEST_SIDE = 40
 """Pixels: no level is smaller than half of it."""
 DEEPEST = 8.0
-"""Pixels from the rim to the middle of the hole in the coarsest picture that is wanted: deeper, the guess is believed too much,
+"""Pixels from the rim to the middle of the hole in the coarsest picture that is expected: deeper, the guess is believed too much,
 and less deep its structure is lost."""
 FEWEST_SOURCES = 50
 

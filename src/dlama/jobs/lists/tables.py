@@ -20,7 +20,7 @@ def rows(path: str) -> Iterator[Row]:
     """The rows of a list. FileError: no such file, or not what its name says; InputError: a column that no verb knows."""
     suffix = path.rpartition(".")[2].lower()
     if suffix not in READERS:
-        raise FileError(f"{path}: is no job list; a name that ends in .{', .'.join(READERS)} is wanted")
+        raise FileError(f"{path}: is no job list; a name that ends in .{', .'.join(READERS)} is expected")
     yield from READERS[suffix](path)
 
 
@@ -42,7 +42,7 @@ def _csv_rows(path: str) -> Iterator[Row]:
 
 def _csv_row(where: str, header: list[str], line: list[str]) -> Row:
     if len(line) != len(header):
-        raise FileError(f"{where}: has {len(line)} values; {len(header)} are wanted, one a column")
+        raise FileError(f"{where}: has {len(line)} values; {len(header)} are expected, one a column")
     return where, dict(zip(header, (value.strip() for value in line)))
 
 

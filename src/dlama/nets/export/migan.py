@@ -109,7 +109,7 @@ def generator_bytes(weights: Weights, source: str, metadata: Mapping[str, str]) 
     try:
         filled = _synthesis(g, weights, *_encoder(g, weights, _first(g, weights, "planes")))
     except KeyError as error:
-        raise FileError(f"{source}: has no tensor {error}; the published MI-GAN pipeline is wanted") from error
+        raise FileError(f"{source}: has no tensor {error}; the published MI-GAN pipeline is expected") from error
     g.add_named("filled", "Identity", filled)
     _store_half(g)
     ends = [("planes", [1, 4, "height", "width"]), ("filled", [1, 3, "height", "width"])]

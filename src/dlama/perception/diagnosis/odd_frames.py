@@ -55,6 +55,8 @@ def neighbours(frames: Sequence[SmallFrame]) -> list[list[int]]:
 def oddity(frame: SmallFrame, others: Sequence[SmallFrame], name: str) -> Finding | None:
     """What is odd of a frame against two or more others; None where nothing is."""
     as_read = fits(frame, others)
+    if most_agree(1 / np.maximum(as_read, 0.01)) < LEAST_LEAD:  # no fit is above 1, so that no factor could lead
+        return odd_curve(frame, others, name)
     scale = depth_factor(frame, others)
     trials = {("depth", scale): fits(multiply(frame, depth=scale), others)}
     trials |= {("focal", factor): fits(multiply(frame, focal=factor), others) for factor in map(float, FACTORS)}

@@ -40,20 +40,20 @@ class Prompt:
                 if not (0 <= x < width and 0 <= y < height):
                     raise InputError(
                         f"{name} holds {x:g},{y:g}, which lies outside the picture; x in 0..{width - 1} and "
-                        f"y in 0..{height - 1} are wanted"
+                        f"y in 0..{height - 1} are expected"
                     )
         both = set(self.pixels(self.clicks)) & set(self.pixels(self.not_clicks))
         if both:
             row, column = min(both)
-            raise InputError(f"clicks and not_clicks both hold pixel {column},{row}; one of them is wanted")
+            raise InputError(f"clicks and not_clicks both hold pixel {column},{row}; one of them is expected")
         if self.box is not None:
             x, y, wide, high = checked_numbers("box", self.box, 4, "(x, y, width, height)")
             if wide < 1 or high < 1:
-                raise InputError(f"box is {wide:g} x {high:g} pixels; a width and a height of 1 or more are wanted")
+                raise InputError(f"box is {wide:g} x {high:g} pixels; a width and a height of 1 or more are expected")
             if x >= width or y >= height or x + wide <= 0 or y + high <= 0:
                 raise InputError(
                     f"box is {x:g},{y:g},{wide:g},{high:g}, which lies outside the picture of {width}x{height}; "
-                    "x,y,width,height of a part of it are wanted"
+                    "x,y,width,height of a part of it are expected"
                 )
 
     @staticmethod
@@ -84,5 +84,5 @@ def checked_numbers(name: str, values: Sequence[float], count: int, wanted: str)
     except (TypeError, ValueError):
         numbers = ()
     if len(numbers) != count or not all(math.isfinite(number) for number in numbers):
-        raise InputError(f"{name} holds {values!r}; {count} numbers {wanted} are wanted")
+        raise InputError(f"{name} holds {values!r}; {count} numbers {wanted} are expected")
     return numbers

@@ -109,7 +109,7 @@ def separable(rgbd: RGBD, found: Planes, prompt: Prompt) -> tuple[list[Pixel], l
     """
     clicks = Prompt.pixels(prompt.clicks)
     if not rgbd.valid.any():
-        raise MaskError("depth is missing or far everywhere, so no thing stands apart; depth with values is wanted")
+        raise MaskError("depth is missing or far everywhere, so no thing stands apart; depth with values is expected")
     flat = [pixel for pixel in clicks if rgbd.far[pixel] or is_ground(found, *pixel)]
     seeds = [pixel for pixel in clicks if pixel not in flat]
     if not seeds:
@@ -221,7 +221,9 @@ def boxed(rgbd: RGBD, found: Planes, prompt: Prompt, beside: int) -> dict[str, B
     held = np.bincount(label[(pieces.free & inside).ravel()], minlength=label.size)
     whole = (held >= IN_BOX * np.maximum(sizes, 1)) & (held > 0)
     if not held.any():
-        raise MaskError("box holds nothing that stands apart in depth; a box round a thing is wanted, or clicks on it")
+        raise MaskError(
+            "box holds nothing that stands apart in depth; a box round a thing is expected, or clicks on it"
+        )
     usable = np.where(whole, held, 0) if held[whole].max(initial=0) >= 0.1 * held.max() else held
     main = int(usable.argmax())
     kept = pieces.free & inside & (whole[pieces.label] | (pieces.label == main))

@@ -68,7 +68,7 @@ def rough_depth(rgbd: RGBD) -> RoughDepth:
     """The ground is the plane that holds most of the picture's lower half and rises towards the camera."""
     w, valid = inverse_depth(rgbd.depth), rgbd.valid
     if not valid.any():
-        raise MaskError("depth is missing or far everywhere, so no thing stands apart; depth with values is wanted")
+        raise MaskError("depth is missing or far everywhere, so no thing stands apart; depth with values is expected")
     middle = float(np.median(w[valid]))
     lower = np.zeros(w.shape, np.bool_)
     lower[len(w) // 2 :] = True
@@ -118,7 +118,9 @@ def rough_candidates(rough: RoughDepth, prompt: Prompt) -> dict[str, BoolArray]:
             refuse_background(mask, prompt)
             refuse_ground(rough, mask, prompt)
     if not mask.any():
-        raise MaskError("box holds nothing that stands apart in colour; a box round a thing is wanted, or clicks on it")
+        raise MaskError(
+            "box holds nothing that stands apart in colour; a box round a thing is expected, or clicks on it"
+        )
     return {"thing": mask}
 
 

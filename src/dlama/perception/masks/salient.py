@@ -46,7 +46,7 @@ def saliency(color: UInt8Array) -> Float32Array:
     """H x W, 0..1: how much each pixel of a picture (H x W x 3, RGB) stands out. MaskError: nothing does."""
     if contrast(color) < LEAST_CONTRAST:
         raise MaskError(
-            "the picture has nearly one colour all over: nothing stands out in it; another picture is wanted"
+            "the picture has nearly one colour all over: nothing stands out in it; another picture is expected"
         )
     small = cv2.resize(color, (SIDE, SIDE), interpolation=cv2.INTER_AREA).astype(np.float32)
     planes = (small / max(float(small.max()), 1e-6) - MEAN) / DEVIATION
@@ -69,7 +69,7 @@ def salient_candidates(level: Float32Array, prompt: Prompt) -> tuple[dict[str, B
     mask = (level > 0.5) & prompt.inside
     if not mask.any():
         raise MaskError(
-            "box holds nothing that stands out in the picture; another box, or clicks on the thing, are wanted"
+            "box holds nothing that stands out in the picture; another box, or clicks on the thing, are expected"
         )
     _, labels = cv2.connectedComponents(mask.astype(np.uint8), connectivity=8)
     for column, row in prompt.clicks:

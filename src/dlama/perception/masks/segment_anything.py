@@ -53,11 +53,11 @@ class PairContract:
 
     def __post_init__(self) -> None:
         if self.layout not in ("BCHW", "HWC"):
-            raise InputError(f"contract: layout is {self.layout!r}; BCHW or HWC is wanted")
+            raise InputError(f"contract: layout is {self.layout!r}; BCHW or HWC is expected")
         if len(self.mean) != 3 or len(self.std) != 3 or min(self.std) <= 0 or self.scale <= 0:
-            raise InputError("contract: mean and std of three colours, std and scale above 0 are wanted")
+            raise InputError("contract: mean and std of three colours, std and scale above 0 are expected")
         if (self.side is None and self.padded) or (self.side is not None and self.side < 1):
-            raise InputError("contract: side of 1 or more, or none and no padding, are wanted")
+            raise InputError("contract: side of 1 or more, or none and no padding, are expected")
 
     def shown_hw(self, hw: tuple[int, int]) -> tuple[int, int]:
         """Height and width at which a picture of that size is shown."""
@@ -100,12 +100,13 @@ class EmbeddedPicture:
             found = ", ".join(f"{name} {' x '.join(map(str, value.shape))}" for name, value in named.items())
             height, width = self.hw
             raise FileError(
-                f"{self.decoder.path}: gave {found}; masks (or output_masks) of {height} x {width} and iou_predictions are wanted"
+                f"{self.decoder.path}: gave {found}; masks (or output_masks) of {height} x {width} "
+                "and iou_predictions are expected"
             )
         flat = masks.reshape(-1, *self.hw).astype(np.float32), np.asarray(scores, np.float32).ravel()
         if not 0 < len(flat[0]) == len(flat[1]):
             raise FileError(
-                f"{self.decoder.path}: gave {len(flat[0])} masks and {len(flat[1])} scores; as many are wanted"
+                f"{self.decoder.path}: gave {len(flat[0])} masks and {len(flat[1])} scores; as many are expected"
             )
         return flat
 
@@ -131,7 +132,7 @@ class EmbeddedPicture:
             feed[name] = np.ascontiguousarray(value, DTYPES.get(kind, np.float32))
         if not {*POINTS} & {*feed} or not {*LABELS} & {*feed} or "image_embeddings" not in feed:
             raise FileError(
-                f"{self.decoder.path}: takes {', '.join(feed)}; image_embeddings, point_coords and point_labels are wanted"
+                f"{self.decoder.path}: takes {', '.join(feed)}; image_embeddings, point_coords and point_labels are expected"
             )
         return feed
 
@@ -157,7 +158,7 @@ def segment_anything_masker(
     tensor = contract.tensor(color)
     inputs = list(encoder.inputs.items())
     if len(inputs) != 1 or len(inputs[0][1][1]) != tensor.ndim or inputs[0][1][0] != "tensor(float)":
-        raise FileError(f"{encoder.path}: takes {encoder.inputs}; one float picture, {contract.layout}, is wanted")
+        raise FileError(f"{encoder.path}: takes {encoder.inputs}; one float picture, {contract.layout}, is expected")
     embedding = encoder.run({inputs[0][0]: tensor})
     seen = EmbeddedPicture(decoder, contract, embedding, (color.shape[0], color.shape[1]))
     return lambda prompt: candidates_of(*seen.answer(prompt), prompt)
@@ -176,7 +177,7 @@ def candidates_of(
         count = len(prompt.clicks) + len(prompt.not_clicks) + 2 * (prompt.box is not None)
         best = 0 if count > 1 else 1 + int(np.argmax(scores[1:]))
     if not found[best].any():
-        raise MaskError("the network sees nothing there; other clicks, or a box round the thing, are wanted")
+        raise MaskError("the network sees nothing there; other clicks, or a box round the thing, are expected")
     out = {"thing": found[best]}
     others = sorted(
         (mask for mask in found if mask.any() and overlap(mask, found[best]) < ALIKE), key=lambda m: m.sum()
@@ -201,7 +202,7 @@ def find_pair(mask_model: object) -> tuple[NetworkFile, NetworkFile, PairContrac
     wanted = f"one of {', '.join(PAIRS)} (pulled before), ENCODER.onnx,DECODER.onnx, or NAME=ENCODER.onnx,DECODER.onnx"
     if mask_model is None:
         raise InputError(
-            f"masker 'segment-anything' runs a pair of networks and mask_model names none; {wanted} is wanted"
+            f"masker 'segment-anything' runs a pair of networks and mask_model names none; {wanted} is expected"
         )
     if isinstance(mask_model, tuple):
         files, contract = [Path(one) for one in mask_model], None
@@ -214,7 +215,7 @@ def find_pair(mask_model: object) -> tuple[NetworkFile, NetworkFile, PairContrac
             contract = PAIRS[name] if equals and name in PAIRS else None
             files = [Path(one) for one in (after if contract else text).split(",")]
     if len(files) != 2:
-        raise InputError(f"mask_model is {mask_model!r}; {wanted} is wanted")
+        raise InputError(f"mask_model is {mask_model!r}; {wanted} is expected")
     encoder, decoder = (NetworkFile(user_path(file)) for file in files)
     contract = contract or contract_of_file(encoder)
     if contract is None:

@@ -87,7 +87,7 @@ def carry_mask(mask_left: BoolArray, left_disparity: Float32Array) -> BoolArray:
     known = mask_left & np.isfinite(disparity)
     if not known.any():
         raise MaskError(
-            "no disparity is known inside the mask, so it cannot be carried over; a mask of the right view is wanted"
+            "no disparity is known inside the mask, so it cannot be carried over; a mask of the right view is expected"
         )
     shift = with_nearest(disparity, known)
     columns, inside = nearest_columns(shift, 1)

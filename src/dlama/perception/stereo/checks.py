@@ -62,7 +62,7 @@ def matched_corners(left: UInt8Array, right: UInt8Array) -> Corners:
 def refuse_identical(left: UInt8Array, right: UInt8Array) -> None:
     """Raise InputError where both pictures are one and the same."""
     if left.shape == right.shape and np.array_equal(left, right) and left.size and left.min() != left.max():
-        raise InputError("the left and the right picture are identical; two pictures of a rectified pair are wanted")
+        raise InputError("the left and the right picture are identical; two pictures of a rectified pair are expected")
 
 
 def doubts(left: UInt8Array, right: UInt8Array, left_disparity: Float32Array) -> str | None:

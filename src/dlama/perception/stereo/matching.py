@@ -80,7 +80,7 @@ def disparity_pair(
     else:
         _check_reach(left.shape[1], min_disparity, max_disparity)
     if not (is_finite(min_disparity) and is_finite(max_disparity) and min_disparity < max_disparity):
-        raise InputError(f"max_disparity is {shown(max_disparity)} px; more than {shown(min_disparity)} px is wanted")
+        raise InputError(f"max_disparity is {shown(max_disparity)} px; more than {shown(min_disparity)} px is expected")
     limits = min_disparity, max_disparity
     whole = _searched(left, right, limits, WHOLE, _scale_of_whole(left.shape, max_disparity - min_disparity))
     fine = _searched(left, right, limits, FINE, 2 if left.shape[1] <= DOUBLED_UP_TO_PX else 1)
@@ -94,7 +94,9 @@ def _check_reach(width: int, min_disparity: float, max_disparity: float) -> None
     scale = 2 if width <= DOUBLED_UP_TO_PX else 1
     most, asked = min(width, LARGEST_STEP // scale), max(-min_disparity, max_disparity)
     if asked > most:
-        raise InputError(f"max_disparity is {shown(asked)} px; at most {most} px is wanted in pictures {width} px wide")
+        raise InputError(
+            f"max_disparity is {shown(asked)} px; at most {most} px is expected in pictures {width} px wide"
+        )
 
 
 def _scale_of_whole(shape: tuple[int, ...], span: float) -> float:
@@ -144,7 +146,7 @@ def check_pictures(left: UInt8Array, right: UInt8Array) -> None:
     """Raise ShapeError unless both pictures are uint8 H x W x 3 of one size."""
     for name, picture in (("left", left), ("right", right)):
         if picture.dtype != np.uint8 or picture.ndim != 3 or picture.shape[2] != 3:
-            raise ShapeError(f"{name} picture is {picture.dtype} {picture.shape}; uint8 H x W x 3 is wanted")
+            raise ShapeError(f"{name} picture is {picture.dtype} {picture.shape}; uint8 H x W x 3 is expected")
     if left.shape != right.shape:
         raise ShapeError(
             f"left picture is {left.shape[1]}x{left.shape[0]} and the right {right.shape[1]}x{right.shape[0]}; "

@@ -45,12 +45,12 @@ class StereoContract:
 
     def __post_init__(self) -> None:
         if len(self.mean) != 3 or len(self.std) != 3 or min(self.std) <= 0 or self.scale <= 0:
-            raise InputError("contract: mean and std of three colours, std and scale above 0 are wanted")
+            raise InputError("contract: mean and std of three colours, std and scale above 0 are expected")
         if min(self.size or (self.multiple,)) < 1:
-            raise InputError("contract: size and multiple of 1 or more are wanted")
+            raise InputError("contract: size and multiple of 1 or more are expected")
         if self.sign not in (1, -1) or not self.output_scale > 0:
             raise InputError(
-                f"contract: sign is {self.sign} and output_scale {self.output_scale}; 1 or -1, and above 0 are wanted"
+                f"contract: sign is {self.sign} and output_scale {self.output_scale}; 1 or -1, and above 0 are expected"
             )
 
     def tensor(self, color: UInt8Array) -> Float32Array:
@@ -103,7 +103,7 @@ class NetworkMatcher:
         names = list(self.file.inputs)
         if len(names) != 2:
             raise FileError(
-                f"{self.file.path}: takes {len(names)} inputs ({', '.join(names)}); left and right are wanted"
+                f"{self.file.path}: takes {len(names)} inputs ({', '.join(names)}); left and right are expected"
             )
         feed = {name: self.contract.tensor(np.ascontiguousarray(one)) for name, one in zip(names, (base, other))}
         outputs = dict(zip(self.file.outputs, self.file.run_all(feed)))
@@ -114,7 +114,8 @@ class NetworkMatcher:
         out = np.asarray(outputs[wanted], np.float32)
         if out.ndim not in (2, 3, 4) or out.shape[-2:] != shown or not np.isfinite(out).all():
             raise FileError(
-                f"{self.file.path}: gave {' x '.join(map(str, out.shape))}; finite numbers of {shown[0]} x {shown[1]} are wanted"
+                f"{self.file.path}: gave {' x '.join(map(str, out.shape))}; "
+                f"finite numbers of {shown[0]} x {shown[1]} are expected"
             )
         return self.contract.disparity(out.reshape(-1, *shown)[0], base.shape[:2])
 
@@ -132,7 +133,7 @@ def contract_of(file: NetworkFile) -> StereoContract:
         text = beside.read_text(encoding="utf-8")
     if text is None:
         raise FileError(
-            f"{file.path}: says nothing about what it takes and gives; {beside.name} beside it is wanted, such as "
+            f"{file.path}: says nothing about what it takes and gives; {beside.name} beside it is expected, such as "
             '{"network": "stereo matching", "scale": 1, "multiple": 32, "sign": -1} for RAFT-Stereo'
         )
     return read_contract(StereoContract, text, NETWORK, file.path, strict=True)

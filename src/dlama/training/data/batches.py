@@ -64,10 +64,10 @@ def check_sample(sample: Sample, network: NetworkSettings, size: int) -> None:
             raise ShapeError(f"sample: no {key!r}; it has {', '.join(sample)}")
         array, wanted = sample[key], (planes, size, size)
         if array.shape != wanted or array.dtype != np.float32:
-            raise ShapeError(f"sample: {key} is {array.dtype} {array.shape}; float32 {wanted} is wanted")
+            raise ShapeError(f"sample: {key} is {array.dtype} {array.shape}; float32 {wanted} is expected")
         low, high = float(array.min()), float(array.max())
         if not (low >= 0 and (high <= 1 or key == "limit")):
-            raise ShapeError(f"sample: {key} is between {low} and {high}; 0 to 1 is wanted")
+            raise ShapeError(f"sample: {key} is between {low} and {high}; 0 to 1 is expected")
     mask = sample["mask"]
     if not ((mask == 0) | (mask == 1)).all() or not 0 < mask.mean() < 1:
         raise ShapeError("sample: mask must be 0 or 1, and neither empty nor full")

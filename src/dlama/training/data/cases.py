@@ -90,7 +90,7 @@ def split_cases(cases: Sequence[TrainingCase], split: str) -> tuple[TrainingCase
         if not any(case.kind == kind for case in rest):
             raise InputError(
                 f"all {len(own)} {KIND_NAMES[kind]} of {own[0].scene} share frames or scenes with the held-out ones; "
-                "more scenes are wanted"
+                "more scenes are expected"
             )
     return rest
 

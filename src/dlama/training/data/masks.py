@@ -53,7 +53,7 @@ SETS: dict[str, MaskSet] = {
 def random_mask(rng: np.random.Generator, hw: tuple[int, int], kind: str = "wide") -> BoolArray:
     """H x W, True = hole: strokes or boxes of one set; SMALLEST to LARGEST of the picture. InputError on an unknown set."""
     if kind not in SETS:
-        raise InputError(f"mask set is {kind!r}; one of {', '.join(SETS)} is wanted")
+        raise InputError(f"mask set is {kind!r}; one of {', '.join(SETS)} is expected")
     chosen = SETS[kind]
     for _ in range(MOST_DRAWS):
         mask = strokes(rng, hw, chosen) if rng.random() < chosen.strokes else boxes(rng, hw, chosen)

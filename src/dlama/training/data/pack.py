@@ -86,9 +86,9 @@ def pack(data: Sequence[Path], output: Path, megabytes: float = 45.0, size: int 
     if not data:
         raise InputError("nothing to pack: give folders of pictures or of data sets")
     if size < 16:
-        raise InputError(f"size is {size} px; 16 or more is wanted")
+        raise InputError(f"size is {size} px; 16 or more is expected")
     if not megabytes > 0:
-        raise InputError(f"megabytes is {megabytes}; more than 0 is wanted")
+        raise InputError(f"megabytes is {megabytes}; more than 0 is expected")
     found, rng = find_training_data(data), np.random.default_rng(checked_seed(seed))
     check_pack(len(found.photos) + len(found.cases), megabytes, size, output)
     contents = PackContents(megabytes * 1e6 - END_BYTES - 2 * len(INDEX) - PART_BYTES - 200)
@@ -97,7 +97,7 @@ def pack(data: Sequence[Path], output: Path, megabytes: float = 45.0, size: int 
     contents.fill(CASES, (_case_entry(case, n, size) for n, case in enumerate(cases)), reserve)
     contents.fill(PHOTOS, (_photo_entry(photo, n, size) for n, photo in enumerate(photos)), 0.0)
     if not contents.parts:
-        raise InputError(f"{megabytes:g} MB hold not one picture; more is wanted")
+        raise InputError(f"{megabytes:g} MB hold not one picture; more is expected")
     index = {"format": FORMAT, "version": VERSION, "size": size, **contents.listed}
     written = _write(output, json.dumps(index).encode(), contents.parts)
     return [f"{output}: {written / 1e6:.2f} MB, sides of {size} px", *_summary(contents, len(photos), cases)]

@@ -87,7 +87,7 @@ def _of_size(role: str, read: ReadRole, hw: tuple[int, ...]) -> np.ndarray:
     """The picture of a role, which must be of that shape; ShapeError."""
     picture = read(role)
     if picture.shape != hw:
-        raise ShapeError(f"{role} has shape {picture.shape}; {hw} is wanted")
+        raise ShapeError(f"{role} has shape {picture.shape}; {hw} is expected")
     return picture
 
 
@@ -237,7 +237,7 @@ def load_photo(path: Path, name: str, place: tuple[int, int]) -> UInt8Array:
     """H x W x 3 RGB; FileError."""
     picture = _decoded(path, name, place)
     if picture.ndim != 3:
-        raise FileError(f"{path}: {name} is grey; colours are wanted")
+        raise FileError(f"{path}: {name} is grey; colours are expected")
     return np.ascontiguousarray(picture[..., ::-1])
 
 

@@ -36,7 +36,7 @@ class Photo:
 def folder_photos(folder: Path) -> tuple[Photo, ...]:
     """All PNG, JPEG, WebP, TIFF and HEIC pictures in a folder and below, by path. FileError where there are none."""
     if not folder.is_dir():
-        raise FileError(f"{folder}: no such folder; a folder of pictures is wanted")
+        raise FileError(f"{folder}: no such folder; a folder of pictures is expected")
     with system_errors(FileError):
         next(folder.iterdir(), None)  # PermissionError where nothing can be listed; rglob would find nothing there
     paths = sorted(path for path in folder.rglob("*") if path.suffix.lower() in SUFFIXES and path.is_file())
@@ -68,7 +68,7 @@ def held_out_names(names: set[str], what: str) -> set[str]:
     what: plural noun for the message of InputError, which is raised where there are less than two names.
     """
     if len(names) < 2:
-        raise InputError(f"{len(names)} different {what}: two or more are wanted, so that one can be held out")
+        raise InputError(f"{len(names)} different {what}: two or more are expected, so that one can be held out")
     order = sorted(names, key=_hash)
     chosen = {name for name in order if _hash(name) % HELD_OUT_ONE_IN == 0}
     return chosen if 0 < len(chosen) < len(names) else {order[0]}

@@ -129,7 +129,7 @@ def find_training_data(data: Sequence[Path]) -> TrainingData:
 def _in_folder(path: Path) -> tuple[Sequence[Photo], Sequence[TrainingCase]]:
     """The cases of a dataset of a known layout, or else the pictures of the folder."""
     if not path.is_dir():
-        raise FileError(f"{path}: no such file or folder; pictures, a data set or a pack is wanted")
+        raise FileError(f"{path}: no such file or folder; pictures, a data set or a pack is expected")
     try:
         layout = detect(path)
     except SeveralLayoutsError:

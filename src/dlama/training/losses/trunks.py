@@ -177,5 +177,5 @@ def _tensors(path: Path) -> Mapping[str, Tensor]:
     except Exception as error:  # torch and safetensors share no error
         raise FileError(f"{path}: cannot be read as weights ({first_line(error)})") from error
     if not isinstance(state, Mapping) or not all(isinstance(value, Tensor) for value in state.values()):
-        raise FileError(f"{path}: holds a {type(state).__name__}; a table of tensors is wanted")
+        raise FileError(f"{path}: holds a {type(state).__name__}; a table of tensors is expected")
     return state

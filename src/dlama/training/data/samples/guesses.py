@@ -23,7 +23,7 @@ class GuessSamples:
         if not network.kind.guesses:
             raise InputError(f"data.mixture has 'guesses', which trains planes 'choice'; they are {network.planes!r}")
         if size > SIDE:
-            raise InputError(f"data.size is {size} and crops with guesses have {SIDE}; {SIDE} at most is wanted")
+            raise InputError(f"data.size is {size} and crops with guesses have {SIDE}; {SIDE} at most is expected")
         self.paths = tuple(path for folder in folders for path in sorted((folder / split).glob("*.npz")))
         self.count, self.size = network.kind.guesses, size
         if not self.paths:
@@ -31,7 +31,7 @@ class GuessSamples:
         for folder in folders:
             names = (folder / split / INDEX).read_text("utf-8").split()
             if len(names) != self.count:
-                raise FileError(f"{folder / split / INDEX}: names {len(names)} guesses; {self.count} are wanted")
+                raise FileError(f"{folder / split / INDEX}: names {len(names)} guesses; {self.count} are expected")
 
     def __len__(self) -> int:
         return len(self.paths)
@@ -41,7 +41,7 @@ class GuessSamples:
         made = planes_of_crop(read_crop(self.paths[index]), rng.permutation(self.count), random_light(rng))
         if not 0 < made["mask"].mean() < 1:
             raise FileError(
-                f"{self.paths[index]}: its hole is {'full' if made['mask'].any() else 'empty'}; neither is wanted"
+                f"{self.paths[index]}: its hole is {'full' if made['mask'].any() else 'empty'}; neither is expected"
             )
         box = self.square(made["mask"][0], rng)
         made = {name: planes[:, box[0], box[1]] for name, planes in made.items()}

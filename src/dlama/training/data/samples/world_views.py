@@ -164,5 +164,5 @@ def _some_photos(rng: np.random.Generator, count: int) -> list[int]:
 def _texture(photo: Photo, rng: np.random.Generator) -> UInt8Array:
     picture = photo.load()
     if min(picture.shape[:2]) < 16:
-        raise InputError(f"photo {photo.name} is {picture.shape[1]}x{picture.shape[0]}; 16 pixels or more are wanted")
+        raise InputError(f"photo {photo.name} is {picture.shape[1]}x{picture.shape[0]}; 16 pixels or more are expected")
     return square_crop(picture, TEXTURE_PX, rng)
