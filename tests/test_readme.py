@@ -35,7 +35,7 @@ def test_python_lines_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> No
     space: dict[str, object] = {}
     exec(compile(code, "README.md", "exec"), space)
     assert (tmp_path / "out" / "meta.json").is_file()
-    assert (tmp_path / "out" / "background.ply").is_file()
+    assert (tmp_path / "out" / "scene.glb").is_file()
     (comment,) = re.findall(r"# or (.*)", code)
     assert [eval(word, space) is None for word in re.findall(r"done[.\w]+", comment)] == [False] * 5
 

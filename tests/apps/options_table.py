@@ -171,7 +171,10 @@ def method(verbs: str) -> dict[str, Reach]:
 
 
 OUTPUT = Reach("-o elsewhere", "write.directory", Path("elsewhere"), ("-o out",))
-ONLY = Reach("--only image,depth", "write.only", ("image", "depth"))
+FILES_WRITTEN = {
+    "only": Reach("--only image,depth", "write.only", ("image", "depth")),
+    "also": Reach("--also scene,points", "write.also", ("scene", "points")),
+}
 
 
 def instead(words: str, where: str, value: Any, old: str) -> Reach:
@@ -227,6 +230,7 @@ SEQUENCE = {
     "masks": Reach("--masks folder", "mask_files.folder", Path("folder")),
     "views": Reach("--views orbit", "sequence.views", "orbit"),
     "only": Reach("--only scene,video", "sequence.only", ("scene", "video")),
+    "also": Reach("--also scene", "sequence.also", ("scene",)),
     "align": Reach("--align", "sequence.align", True),
     "frames": Reach("--frames 0:9:3", "sequence.frames", "0:9:3"),
     "layout": Reach("--layout tum", "sequence.layout", "tum"),
@@ -325,6 +329,7 @@ def default(words: str, name: str, value: Any) -> Reach:
 BATCH = {
     **{name: default(reach.words, name, AS_TYPED.get(name, reach.value)) for name, reach in OF_JOBS.items()},
     "only": default("--only image,depth", "only", "image,depth"),
+    "also": default("--also scene", "also", "scene"),
     "calib": default("--calib c.json", "calib", Path("c.json")),
     "right_view": default("--right-view given", "right_view", "given"),
     "disparity_scale": default("--disparity-scale 4", "disparity_scale", 4.0),
@@ -367,11 +372,11 @@ CONVERT = {
 }
 TABLE: dict[str, dict[str, Reach]] = {
     "view": {
-        **PICTURE, **move("view"), **LENS, **READING, **ESTIMATING, **method("view"), **REPORT, "output": OUTPUT, "only": ONLY,
+        **PICTURE, **move("view"), **LENS, **READING, **ESTIMATING, **method("view"), **REPORT, "output": OUTPUT, **FILES_WRITTEN,
     },
     "remove": {
         **REMOVED, **move("remove"), **LENS, **READING, **ESTIMATING, **MASKING, **pointed("mask.png"),
-        **method("remove"), **REPORT, "output": OUTPUT, "only": ONLY,
+        **method("remove"), **REPORT, "output": OUTPUT, **FILES_WRITTEN,
     },
     "depth": {
         "image": instead("a.png", "read_rgbd.image", Path("a.png"), "image.png"), "far": READING["far"], **ESTIMATING, **REPORT,
@@ -382,9 +387,9 @@ TABLE: dict[str, dict[str, Reach]] = {
         **PICTURE, **LENS, **READING, **ESTIMATING, **pointed("--click 9,9"), **REPORT,
         "output": Reach("-o found.png", "write_found.output", Path("found.png"), ("-o mask.png",)),
     },
-    "stereo": {**PAIR, **MASKING, **pointed("--mask mask.png"), **method("stereo"), **REPORT, "output": OUTPUT, "only": ONLY},
+    "stereo": {**PAIR, **MASKING, **pointed("--mask mask.png"), **method("stereo"), **REPORT, "output": OUTPUT, **FILES_WRITTEN},
     "demo": {
-        **method("view+remove+stereo"), **REPORT, "only": ONLY,
+        **method("view+remove+stereo"), **REPORT, **FILES_WRITTEN,
         "output": Reach("-o elsewhere", "write_contact_sheet.path", lambda path: "elsewhere" in Path(path).parent.name),
     },
     "sequence": {

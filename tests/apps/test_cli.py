@@ -16,8 +16,7 @@ from dlama.apps.cli import main
 from dlama.files.rasters.depth import write_depth_exr
 
 RESULT_FILES = {
-    "image.png", "depth.png", "depth.exr", "hole.png", "hole_type.png", "origin.png", "confidence.png",
-    "scene.npz", "scene.ply", "scene.glb", "preview.png", "meta.json",
+    "image.png", "depth.png", "depth.exr", "origin.png", "confidence.png", "scene.glb", "preview.png", "meta.json",
 }  # fmt: skip
 
 
@@ -54,8 +53,8 @@ def test_help_says_the_signs(capsys: pytest.CaptureFixture[str]) -> None:
 
 def test_view_writes_every_file(frame: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Oracle: a list of files; hole.png is where hole_type.png is not 0; one summary line."""
-    out = run(frame, "view", "image.png", "depth.png", "--fov", 60, "--yaw", 12, *FAST)
-    assert {path.name for path in out.iterdir()} == RESULT_FILES
+    out = run(frame, "view", "image.png", "depth.png", "--fov", 60, "--yaw", 12, "--also", "hole", *FAST)
+    assert {path.name for path in out.iterdir()} == RESULT_FILES | {"hole.png", "hole_type.png"}
     hole = pixels(out / "hole.png")
     kinds = pixels(out / "hole_type.png")
     assert set(np.unique(hole)) == {0, 255}
@@ -67,7 +66,7 @@ def test_view_writes_every_file(frame: Path, capsys: pytest.CaptureFixture[str])
 
 def test_meta_tells_what_was_done(frame: Path) -> None:
     """Oracles: hashlib on the inputs, the codes' counts in hole_type.png, the camera's closed form."""
-    out = run(frame, "view", "image.png", "depth.png", "--fov", 60, "--yaw", 12, "--seed", 3, *FAST)
+    out = run(frame, "view", "image.png", "depth.png", "--fov", 60, "--yaw", 12, "--seed", 3, "--also", "hole", *FAST)
     meta = json.loads((out / "meta.json").read_text())
     for role in ("image", "depth"):
         assert meta["inputs"][role]["sha256"] == hashlib.sha256((frame / f"{role}.png").read_bytes()).hexdigest()
@@ -97,8 +96,10 @@ def test_remove_writes_both_clouds(frame: Path) -> None:
     """c- lacks the object, c+ has it (oracle: the world's box lies nearer than 2.5 m, the wall does not)."""
     from dlama.files.scenes.clouds import read_ply
 
-    out = run(frame, "remove", "image.png", "depth.png", "mask.png", "--fov", 60, "--dilate", 1, *FAST)
-    assert {path.name for path in out.iterdir()} == RESULT_FILES | {"background.ply", "completed.ply"}
+    out = run(
+        frame, "remove", "image.png", "depth.png", "mask.png", "--fov", 60, "--dilate", 1, "--also", "points", *FAST
+    )
+    assert {path.name for path in out.iterdir()} == RESULT_FILES | {"scene.ply", "background.ply", "completed.ply"}
     assert read_ply(out / "background.ply").points[:, 2].min() > 2.5
     assert read_ply(out / "completed.ply").points[:, 2].min() == pytest.approx(2.0, abs=1e-3)
     meta = json.loads((out / "meta.json").read_text())
@@ -107,7 +108,7 @@ def test_remove_writes_both_clouds(frame: Path) -> None:
 
 def test_pixels_outside_the_hole_are_measured_ones(frame: Path) -> None:
     """At the source camera everything outside hole.png is the input, bit for bit (oracle: the input)."""
-    out = run(frame, "remove", "image.png", "depth.png", "mask.png", "--fov", 60, *FAST)
+    out = run(frame, "remove", "image.png", "depth.png", "mask.png", "--fov", 60, "--also", "hole", *FAST)
     known = pixels(out / "hole.png") == 0
     for name in ("image.png", "depth.png"):
         assert (pixels(out / name)[known] == pixels(frame / name)[known]).all()

@@ -18,7 +18,7 @@ from dlama.files.rasters.depth import read_depth, read_disparity
 def demo(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """`dlama demo`, run once."""
     folder = tmp_path_factory.mktemp("demo") / "out"
-    main(["demo", "-o", str(folder)])
+    main(["demo", "--also", "hole,disparity,points", "-o", str(folder)])
     return folder
 
 
@@ -126,6 +126,6 @@ def test_mask_class_of_a_semantic_picture(tmp_path: Path) -> None:
     """--mask-class R,G,B takes that class (oracle: its pixel count)."""
     files = [str(ASSETS / name) for name in ("street.jpg", "depth.png", "semantic.png")]
     options = ["--fov", "90", "--mask-class", "255,0,0", "--dilate", "0", "--filler", "telea"]
-    main(["remove", *files, *options, "-o", str(tmp_path / "out")])
+    main(["remove", *files, *options, "--also", "hole", "-o", str(tmp_path / "out")])
     barrel = (pixels(ASSETS / "semantic.png") == (255, 0, 0)).all(-1)
     assert ((pixels(tmp_path / "out" / "hole.png") == 255) == barrel).all()

@@ -55,7 +55,7 @@ def room(tmp_path: Path) -> Path:
 
 def test_what_is_written_is_read_back(room: Path, tmp_path: Path) -> None:
     """Round trip: the output is a data set of our own reader; measured pixels are bit for bit, depth to half a millimetre."""
-    meta = dlama.sequence(room, tmp_path / "out")
+    meta = dlama.sequence(room, tmp_path / "out", also=["scene", "points"])
     frames = open_frames(tmp_path / "out")
     assert [each.name for each in frames] == list(CAMERAS) == meta["frames"]["names"]
     for each in frames:
@@ -149,7 +149,7 @@ def test_views_of_a_path_and_of_a_file(room: Path, tmp_path: Path) -> None:
 
 def test_a_scene_file_goes_on(room: Path, tmp_path: Path) -> None:
     """scene.npz in the place of the data set: nothing is filled anew at a camera that is done."""
-    dlama.sequence(room, tmp_path / "out")
+    dlama.sequence(room, tmp_path / "out", also=["scene"])
     found = dlama.read_scene(tmp_path / "out" / "scene.npz")
     assert found.numbers == (0, 1, 2, 3) and len(found.gains) == 4
     meta = dlama.sequence(tmp_path / "out" / "scene.npz", tmp_path / "next", views={"x": LENS})
@@ -183,7 +183,7 @@ def test_one_frame_is_a_sequence(room: Path, tmp_path: Path) -> None:
     assert np.median(np.abs(done.depth - truth)[mask] / truth[mask]) < 0.02
     assert not {"scene.npz", "scene.ply", "scene.glb", "sparse"} & {path.name for path in (tmp_path / "out").iterdir()}
     with pytest.raises(
-        InputError, match="only names 'pictures'; of scene, points, mesh, colmap, video some are expected"
+        InputError, match="only is 'pictures'; names of scene, points, mesh, colmap, video are expected"
     ):
         dlama.sequence(room, tmp_path / "none", only=["pictures"])
 

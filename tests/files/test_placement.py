@@ -353,7 +353,7 @@ def test_results_go_to_names_that_are_no_text(tmp_path: Path) -> None:
     """Every kind of file of a result is written to and read from a folder whose name is no UTF-8 (oracle: the arrays)."""
     folder = Path(os.fsdecode(os.fsencode(tmp_path) + b"/out\xff"))
     rgbd = WORLD.rgbd(CAMERA)
-    dlama.write(dlama.view(rgbd, CAMERA, filler="telea"), folder)
+    dlama.write(dlama.view(rgbd, CAMERA, filler="telea"), folder, also=["points", "scene", "hole"])
     back = dlama.read_rgbd(folder / "image.png", folder / "depth.exr", fov=60)
     assert np.array_equal(back.color, rgbd.color) and np.array_equal(back.depth, rgbd.depth)
     assert np.array_equal(dlama.read_scene(folder / "scene.npz").layers[0].depth, rgbd.depth)

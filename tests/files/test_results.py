@@ -15,7 +15,7 @@ from dlama.completion.pipeline import complete
 from dlama.completion.verbs import remove
 from dlama.errors import InputError, OutputError
 from dlama.files.rasters.depth import read_depth
-from dlama.files.results.completion import ON_REQUEST, RESULTS, write
+from dlama.files.results.completion import BY_DEFAULT, RESULTS, write
 from dlama.files.scenes import textured_mesh
 from dlama.files.scenes.scene_npz import read_npz
 from dlama.geometry.camera import Camera
@@ -25,6 +25,8 @@ from dlama.geometry.view import HoleType, Origin
 from worlds import Box, Plane, World
 
 CAMERA = Camera.from_fov(56, 40, 60)
+EVERY = tuple(name for name in RESULTS if name not in ("disparity", "choice", "mask"))
+"""What a removal by a filler that does not choose has; a mask is written where it is given."""
 WORLD = World((Plane((0, 0, 4), (0, 0, 1)), Box((-0.5, -0.4, 2.0), (0.4, 0.5, 2.4))))
 
 
@@ -43,8 +45,8 @@ def removal() -> Completion:
 
 @pytest.fixture(scope="module")
 def folder(removal: Completion, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Where it was written."""
-    return write(removal, tmp_path_factory.mktemp("results") / "a" / "b")
+    """Where all of it was written."""
+    return write(removal, tmp_path_factory.mktemp("results") / "a" / "b", only=EVERY)
 
 
 def test_pictures_are_the_view(removal: Completion, folder: Path) -> None:
@@ -138,13 +140,15 @@ def test_meta_is_json_that_anybody_reads(folder: Path) -> None:
     json.loads((folder / "meta.json").read_text(), parse_constant=refuse)
 
 
-@pytest.mark.parametrize("only", [("image", "depth"), ("points",), ("preview", "mesh"), "image"])
+@pytest.mark.parametrize("also", [(), ("scene",), "image"])
+@pytest.mark.parametrize("only", [("image", "depth"), ("points",), ("preview", "mesh"), "image", None])
 def test_only_what_is_asked_for_is_written(
-    removal: Completion, folder: Path, tmp_path: Path, only: tuple[str, ...] | str
+    removal: Completion, folder: Path, tmp_path: Path, only: tuple[str, ...] | str | None, also: tuple[str, ...] | str
 ) -> None:
     """Oracle: the whole directory. The named files are there, bit for bit the same, meta.json too, and nothing else."""
-    write(removal, tmp_path, only=only)
-    names = (only,) if isinstance(only, str) else only
+    write(removal, tmp_path, only=only, also=also)
+    names = {*((only,) if isinstance(only, str) else BY_DEFAULT if only is None else only)}
+    names |= {also} if isinstance(also, str) else {*also}
     wanted = {file for name in names for file in RESULTS[name]}
     assert {path.name for path in tmp_path.iterdir()} == wanted | {"meta.json"}
     for file in wanted:
@@ -153,9 +157,8 @@ def test_only_what_is_asked_for_is_written(
 
 
 def test_the_names_of_results_cover_every_file(folder: Path) -> None:
-    """Law: each written file belongs to exactly one name; only a pair has disparities, and some are written on request alone."""
-    left_out = ("disparity", *ON_REQUEST)
-    files = [file for name, group in RESULTS.items() if name not in left_out for file in group]
+    """Law: each written file belongs to exactly one name."""
+    files = [file for name in EVERY for file in RESULTS[name]]
     assert sorted([*files, "meta.json"]) == sorted(path.name for path in folder.iterdir())
 
 
@@ -165,6 +168,14 @@ def test_unknown_results_list_the_known(removal: Completion, tmp_path: Path, onl
     with pytest.raises(InputError, match=", ".join(RESULTS)):
         write(removal, tmp_path / "out", only=only)
     assert not (tmp_path / "out").exists()
+
+
+def test_also_refuses_what_it_does_not_know(removal: Completion, tmp_path: Path) -> None:
+    """Messages name the option."""
+    with pytest.raises(InputError, match="also is 'scenes'; names of image"):
+        write(removal, tmp_path / "out", also=["scenes"])
+    with pytest.raises(InputError, match="also names mask"):
+        write(removal, tmp_path / "out", also="mask")
 
 
 def test_no_result_replaces_an_input(removal: Completion, tmp_path: Path) -> None:

@@ -66,6 +66,12 @@ def test_the_same_scene_is_the_same_file(tmp_path: Path) -> None:
     assert (tmp_path / "a.npz").read_bytes() == (tmp_path / "b.npz").read_bytes()
 
 
+def test_a_missing_file_says_how_it_is_written(tmp_path: Path) -> None:
+    """The option is named."""
+    with pytest.raises(FileError, match=r"scene\.npz: no such file; .*--also scene"):
+        read_npz(tmp_path / "scene.npz")
+
+
 def test_bad_files(tmp_path: Path) -> None:
     write_npz(tmp_path / "a.npz", view_of(0), Scene((view_of(1),)))
     data = (tmp_path / "a.npz").read_bytes()

@@ -83,6 +83,7 @@ def test_defaults_of_the_command_line_are_parameters() -> None:
         ("sharpen", "no", False), ("sharpen", True, True), ("resize_depth", "nearest", "nearest"),
         ("metres_at", "3,4=2 5,6=7.5", ((3.0, 4.0, 2.0), (5.0, 6.0, 7.5))), ("metres_at", [[3, 4, 2]], ((3.0, 4.0, 2.0),)),
         ("only", "image, depth", ("image", "depth")), ("only", ["image"], ("image",)),
+        ("also", "scene,points", ("scene", "points")),
     ],
 )  # fmt: skip
 def test_values_as_typed_and_from_json(name: str, typed: Any, value: Any) -> None:

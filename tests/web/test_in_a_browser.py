@@ -163,7 +163,7 @@ def test_the_whole_way(pages: Pages, frame: Path, tmp_path: Path) -> None:
     choose(page, "scene-color", "1")
     assert (pixels(page, "#scene") != turned).any(2).mean() > 0.05
     with page.expect_download() as download:
-        page.get_by_role("button", name="Everything as zip").click()
+        page.get_by_role("button", name="Results as zip").click()
     download.value.save_as(tmp_path / "home.zip")
     with zipfile.ZipFile(tmp_path / "home.zip") as archive:
         assert archive.testzip() is None and "out/scene.glb" in archive.namelist()

@@ -103,14 +103,16 @@ def test_the_same_of_a_stereo_pair(visit: Visit, tmp_path: Path, monkeypatch: py
 
 
 def test_single_files_are_those_of_the_zip(frame: Path, visit: Visit) -> None:
-    """Oracle: the zip; a name that the result has not is refused, also one that leads elsewhere."""
+    """Oracle: the zip, and what it leaves out; a name that the result has not is refused, also one that leads elsewhere."""
     open_frame(visit, frame)
     result = completed(visit, yaw=4)
     packed = unpacked(result, visit)
-    assert result.done.meta and set(take_home.how(result)["files"]) == {
+    more = {"hole.png", "hole_type.png", "scene.ply", "scene.npz"}
+    assert result.done.meta and set(take_home.how(result)["files"]) == more | {
         name.removeprefix("out/") for name in packed if name.startswith("out/")
     }
-    for name in ("image.png", "scene.ply", "depth.exr"):
+    assert take_home.single(result, "scene.ply", visit.folder)[:3] == b"ply"
+    for name in ("image.png", "scene.glb", "depth.exr"):
         assert take_home.single(result, name, visit.folder) == packed[f"out/{name}"]
     for name in ("../picture.png", "/etc/passwd", "background.ply", ""):
         with pytest.raises(InputError, match="is no file of this result"):

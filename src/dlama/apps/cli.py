@@ -26,10 +26,10 @@ from dlama.apps.options import (
     Method,
     Metres,
     Move,
-    Only,
     Output,
     Reading,
     Report,
+    Results,
     option,
     split_depth_and_mask,
 )
@@ -68,8 +68,8 @@ def view(
     reading: Reading,
     estimating: Estimating,
     method: Method,
+    results: Results,
     report: Report,
-    only: Only = None,
 ) -> None:
     """The scene from another viewpoint, with what was hidden filled in.
 
@@ -83,7 +83,7 @@ def view(
         picture = None if image.suffix.lower() == ".npz" else image
         this.check(
             output,
-            only,
+            results,
             {"image": image, "depth": depth},
             picture,
             target,
@@ -96,7 +96,7 @@ def view(
             if picture is None
             else this.rgbd(image, depth, lens, reading, estimating)
         )
-        this.write(dlama.view(given, **target, **how), output, only)
+        this.write(dlama.view(given, **target, **how), output, results)
 
 
 def remove(
@@ -112,8 +112,8 @@ def remove(
     masking: Masking,
     pointing: Pointing,
     method: Method,
+    results: Results,
     report: Report,
-    only: Only = None,
 ) -> None:
     """The scene without an object: what it hid is restored, seen from the same place or from elsewhere.
 
@@ -127,11 +127,11 @@ def remove(
         target, how = move.settings(), method.settings()
         depth, mask = split_depth_and_mask(depth_and_mask, pointing.given)
         options = target, reading.settings(), estimating.settings(), pointing.settings(), how
-        this.check(output, only, {"image": image, "depth": depth, "mask": mask}, image, *options, removes=True)
+        this.check(output, results, {"image": image, "depth": depth, "mask": mask}, image, *options, removes=True)
         of_file = this.optional_mask(mask, masking, image)  # before depth is estimated, which takes longer
         rgbd = this.rgbd(image, depth, lens, reading, estimating)
         object_mask = this.pointed(rgbd, pointing, image) if of_file is None else of_file
-        this.write(dlama.remove(rgbd, object_mask, **target, **how), output, only)
+        this.write(dlama.remove(rgbd, object_mask, **target, **how), output, results)
 
 
 def stereo(
@@ -143,6 +143,7 @@ def stereo(
     masking: Masking,
     pointing: Pointing,
     method: Method,
+    results: Results,
     report: Report,
     mask: Annotated[Path | None, option("MASK")] = None,
     mask_right: Annotated[Path | None, option("MASK", "--mask carried over by disparity")] = None,
@@ -152,7 +153,6 @@ def stereo(
     matcher: Annotated[Path | None, option("FILE.onnx", "semi-global matching")] = None,
     max_disparity: Annotated[float | None, option("PX", "found")] = None,
     far: Metres = None,
-    only: Only = None,
 ) -> None:
     """Depth from a rectified stereo pair, and with --mask or --click both pictures without an object, so that they agree.
 
@@ -174,7 +174,7 @@ def stereo(
         files = {"left": left, "right": right, "mask": mask, "mask_right": mask_right, "disparity": disparity}
         how = method.settings()
         removes = mask is not None or pointing.given
-        this.check(output, only, files, left, pointing.settings(), {"far": far}, how, removes=removes)
+        this.check(output, results, files, left, pointing.settings(), {"far": far}, how, removes=removes)
         pair = this.pair(left, right, calib)
         known = this.optional_disparity(disparity, disparity_scale)
         masks = (
@@ -188,10 +188,10 @@ def stereo(
             "far": far,
             **how,
         }
-        this.write(dlama.stereo(*pair, disparity=known, mask=masks[0], mask_right=masks[1], **options), output, only)
+        this.write(dlama.stereo(*pair, disparity=known, mask=masks[0], mask_right=masks[1], **options), output, results)
 
 
-def demo(method: Method, report: Report, output: DEMO_FOLDER = Path("dlama-demo"), only: Only = None) -> None:
+def demo(method: Method, results: Results, report: Report, output: DEMO_FOLDER = Path("dlama-demo")) -> None:
     """All jobs on the street scene that comes with dlama: another view, an object removed, a stereo pair, a photo without depth.
 
     Args:
@@ -201,8 +201,8 @@ def demo(method: Method, report: Report, output: DEMO_FOLDER = Path("dlama-demo"
     from dlama.apps.verbs.demo import demo
 
     with reported("demo", report) as result, stages_bar("demo", 4 * STAGES, report):
-        Command().check(output, only, {}, None, method.settings())
-        demo(output, method, result, only)
+        Command().check(output, results, {}, None, method.settings())
+        demo(output, method, result, results)
 
 
 def version() -> None:

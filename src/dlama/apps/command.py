@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from dlama.apps.options import Estimating, Lens, Masking, Only, Reading, Report, names_in
+from dlama.apps.options import Estimating, Lens, Masking, Reading, Report, Results
 from dlama.apps.places import Inputs, check_folder_apart
 from dlama.apps.pointing import told_of_mask
 from dlama.apps.terminal.output import Result, reported, stages_bar
@@ -41,7 +41,7 @@ class Command(JobInputs):
     def check(
         self,
         output: Path,
-        only: Only,
+        results: Results,
         read: Inputs,
         image: Path | None,
         *options: Mapping[str, Any],
@@ -53,7 +53,7 @@ class Command(JobInputs):
         """
         check_folder_apart(output, read)
         given = {name: value for group in options for name, value in group.items()}
-        check_options({**given, "only": names_in(only)}, image, removes)
+        check_options(given | results.settings(), image, removes)
 
     def rgbd(
         self, image: Path, depth: Path | None, lens: Lens, reading: Reading, estimating: Estimating = NO_ESTIMATE
@@ -116,10 +116,10 @@ class Command(JobInputs):
         """A mask, where one is given."""
         return None if path is None else self.mask(path, masking, picture, role)
 
-    def write(self, done: dlama.Completion, output: Path, only: Only = None, shown: Path | None = None) -> None:
-        """The result, or what --only names, to its directory; the line about it names that, or what is `shown` instead."""
+    def write(self, done: dlama.Completion, output: Path, results: Results, shown: Path | None = None) -> None:
+        """The result to its directory; the line about it names that, or what is `shown` instead."""
         place = shown or output
-        files = self.write_completion(done, output, names_in(only))
+        files = self.write_completion(done, output, **results.settings())
         line = summary_line(done.meta, place, self.seconds)
         self.result.add(line, **summary_values(done.meta, place, files))
 

@@ -57,22 +57,37 @@ RESULTS = (
     "choice",
     "mask",
 )
-"""Names of what is written; the last two only where they are named."""
-Only = Annotated[
-    str | None,
-    option(
-        "NAME,...",
-        "all but choice, mask",
-        help=f"What is written beside meta.json: {', '.join(RESULTS)} (disparity of pairs, mask of a removed object).",
-    ),
-]
+"""Names of what can be written."""
+BY_DEFAULT = ("image", "depth", "origin", "confidence", "mesh", "preview")
+"""Those that are written where none is named."""
 Seed = Annotated[int, option("N", "0")]
 Output = Annotated[Path, option("DIR", None, aliases=["-o"])]
 
 
-def names_in(only: str | None) -> tuple[str, ...] | None:
-    """The names that --only lists, separated by commas; None: all."""
-    return None if only is None else tuple(name.strip() for name in only.split(",") if name.strip())
+def names_in(listed: str | None) -> tuple[str, ...] | None:
+    """The names in a list with commas; None: none is given."""
+    return None if listed is None else tuple(name.strip() for name in listed.split(",") if name.strip())
+
+
+@dataclass(frozen=True)
+class Results:
+    """Which files are written."""
+
+    only: Annotated[
+        str | None,
+        option(
+            "NAME,...",
+            ",".join(BY_DEFAULT),
+            help=f"What is written next to meta.json, of {', '.join(RESULTS)} (disparity of pairs, mask of a removed object).",
+        ),
+    ] = None
+    also: Annotated[str | None, option("NAME,...")] = None
+    """More of these names: scene (scene.npz, which view, video and show go on with), points, hole ..."""
+
+    def settings(self) -> dict[str, tuple[str, ...]]:
+        """As keyword arguments of `write`: those that are given."""
+        given = {"only": names_in(self.only), "also": names_in(self.also)}
+        return {name: names for name, names in given.items() if names is not None}
 
 
 @dataclass(frozen=True)

@@ -31,7 +31,7 @@ def check_options(given: Mapping[str, Any], image: Path | None = None, removes: 
     checks: list[Callable[[], Any]] = [
         *(lambda name=name, value=value: find_recipe("dlama", **{name: value}) for name, value in changes.items()),
         lambda: find_recipe(one("recipe", "dlama")),
-        lambda: _check_results(checked_results(given.get("only")), removes),
+        lambda: _check_results(checked_results(given.get("only"), given.get("also") or ()), removes),
         lambda: checked_seed(one("seed", 0)),
         lambda: checked_confidence(one("min_confidence", 0.0)),
         lambda: one("filler", AUTO) == AUTO or callable(given["filler"]) or model_file(given["filler"], one("model")),
@@ -53,7 +53,7 @@ def check_options(given: Mapping[str, Any], image: Path | None = None, removes: 
 
 def _check_results(names: tuple[str, ...], removes: bool) -> None:
     if "mask" in names and not removes:
-        raise InputError("only names mask, and no object is removed whose mask could be written")
+        raise InputError("mask is to be written, and no object is removed whose mask it would be")
 
 
 def _check_move(given: Mapping[str, Any]) -> None:

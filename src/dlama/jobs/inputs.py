@@ -123,8 +123,10 @@ class JobInputs:
             pictures = read_color(left), read_color(right)
             return *pictures, read_stereo_calib(calib, hw=pictures[0].shape[:2])
 
-    def write_completion(self, done: Completion, output: Path, only: Sequence[str] | None = None) -> list[str]:
-        """The result, or what `only` names, to its directory; the names of its files."""
+    def write_completion(
+        self, done: Completion, output: Path, only: Sequence[str] | None = None, also: Sequence[str] = ()
+    ) -> list[str]:
+        """What `only` and `also` name of the result to its directory; the names of its files."""
         from dlama.files.results.completion import file_names, write
 
         if self.object_mask:
@@ -135,10 +137,11 @@ class JobInputs:
             done,
             output,
             only=only,
+            also=also,
             inputs=self.inputs,
             intrinsics_from=self.intrinsics_from,
             seconds=seconds,
             mask=self.removed,
             **addresses,
         )
-        return file_names(done, only)
+        return file_names(done, only, also)

@@ -185,12 +185,13 @@ PAIR: dict[str, Parse] = {
     "max_disparity": number,
     "far": number,
 }
+RESULTS: dict[str, Parse] = {"only": results, "also": results}
 PICTURE: dict[str, Parse] = {"image": text, "depth": text, **MOVE, **LENS, **READING, **ESTIMATING, **METHOD}
 
 VERBS: dict[str, dict[str, Parse]] = {
-    "view": {**PICTURE, "only": results},
-    "remove": {**PICTURE, "mask": text, **MASKING, **POINTING, "only": results},
-    "stereo": {**PAIR, **MASKING, **POINTING, **METHOD, "only": results},
+    "view": {**PICTURE, **RESULTS},
+    "remove": {**PICTURE, "mask": text, **MASKING, **POINTING, **RESULTS},
+    "stereo": {**PAIR, **MASKING, **POINTING, **METHOD, **RESULTS},
     "depth": {"image": text, "far": number, **LENS, **ESTIMATING},
 }
 """Verb -> its parameters."""

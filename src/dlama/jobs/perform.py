@@ -30,6 +30,7 @@ from dlama.jobs.parameters import (
     NETWORKS,
     POINTING,
     READING,
+    RESULTS,
 )
 from dlama.jobs.pointing import is_pointed, mask_and_pointing, mask_settings
 from dlama.jobs.result import JobResult
@@ -123,7 +124,7 @@ def _view(this: JobInputs, job: Job, p: Mapping[str, Any], output: Path) -> None
     from dlama.completion.verbs import view
 
     rgbd = job.load() if job.load else _picture(this, p)
-    this.write_completion(view(rgbd, **_target(p), **_method(p)), output, p.get("only"))
+    this.write_completion(view(rgbd, **_target(p), **_method(p)), output, **_taken(p, RESULTS))
 
 
 def _remove(this: JobInputs, job: Job, p: Mapping[str, Any], output: Path) -> None:
@@ -139,7 +140,7 @@ def _remove(this: JobInputs, job: Job, p: Mapping[str, Any], output: Path) -> No
         mask = this.read_mask_file(Path(p["mask"]), _taken(p, MASKING), _path(p, "image"))
     else:
         raise InputError("nothing says what is to be removed: give mask=FILE, click, box or salient")
-    this.write_completion(remove(rgbd, mask, **_target(p), **_method(p)), output, p.get("only"))
+    this.write_completion(remove(rgbd, mask, **_target(p), **_method(p)), output, **_taken(p, RESULTS))
 
 
 def _stereo(this: JobInputs, job: Job, p: Mapping[str, Any], output: Path) -> None:
@@ -161,7 +162,7 @@ def _stereo(this: JobInputs, job: Job, p: Mapping[str, Any], output: Path) -> No
     if _is_pointed(p):
         masks[0] = lambda rgbd: _pointed(this, p, rgbd, Path(p.get("left", "")))
     done = stereo(left, right, rig, disparity=known, mask=masks[0], mask_right=masks[1], **options, **_method(p))
-    this.write_completion(done, output, p.get("only"))
+    this.write_completion(done, output, **_taken(p, RESULTS))
 
 
 def _depth(this: JobInputs, job: Job, p: Mapping[str, Any], output: Path) -> None:

@@ -27,7 +27,9 @@ from dlama.web.visits import Result
 OUT = "out"
 MASK = "mask.png"
 ON_PAGE_POINTS = 600_000
-PACKED = (".json", ".txt", ".ply", ".glb", ".pfm")
+EVERY = tuple(name for name in RESULTS if name != "mask")
+"""What can be taken home as single files; the zip has those that the command line writes."""
+PACKED = (".json", ".txt")
 """Endings that a zip makes smaller."""
 
 
@@ -147,7 +149,7 @@ def how(result: Result) -> dict[str, Any]:
         "command": shlex.join(command(result)),
         "python": python_lines(result),
         "mask_file": MASK if needs_mask_file(result) else "",
-        "files": file_names(result.done),
+        "files": file_names(result.done, EVERY),
     }
 
 
@@ -172,7 +174,7 @@ def written(result: Result, folder: Path, only: tuple[str, ...] | None = None) -
 
 
 def zipped(result: Result, parent: Path) -> bytes:
-    """Every file of the command line, the mask where it reads one, and commands.txt with how to do it again."""
+    """The files of the command line, the mask where it reads one, and commands.txt with how to do it again."""
     stream = io.BytesIO()
     with tempfile.TemporaryDirectory(dir=parent) as name:
         out = written(result, Path(name))
@@ -188,7 +190,7 @@ def zipped(result: Result, parent: Path) -> bytes:
 
 def single(result: Result, file: str, parent: Path) -> bytes:
     """One file of the result. PageError for a name that it has not."""
-    if file not in file_names(result.done):
+    if file not in file_names(result.done, EVERY):
         raise PageError(f"{file[:40]!r} is no file of this result")
     group = next((name for name, files in RESULTS.items() if file.rpartition("/")[2] in files), "preview")
     with tempfile.TemporaryDirectory(dir=parent) as name:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from tyro.conf import Positional
 
 import dlama
-from dlama.apps.options import Estimating, Lens, Masking, Method, Move, Only, Reading, Report, option
+from dlama.apps.options import Estimating, Lens, Masking, Method, Move, Reading, Report, Results, option
 from dlama.apps.places import check_folder_apart
 from dlama.apps.pointing import Pointing
 from dlama.apps.terminal.output import print_line, reported
@@ -117,8 +117,8 @@ def batch(
     pointing: Pointing,
     pair: Pair,
     method: Method,
+    results: Results,
     report: Report,
-    only: Only = None,
 ) -> None:
     """Many jobs at once: a list of them, or a folder of pictures; what is done is kept, what fails is one row.
 
@@ -131,7 +131,7 @@ def batch(
         write_page(words[1:], report)
         return
     with reported("batch", report) as result:
-        defaults = given(move, lens, reading, estimating, masking, pointing, pair, method) | {"only": only}
+        defaults = given(move, lens, reading, estimating, masking, pointing, pair, method, results)
         jobs = source(words, which, defaults)
         if running.dry_run:
             for line in planned_lines(jobs, which.verb, defaults):

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import dlama
 from dlama.apps.command import Command
-from dlama.apps.options import Lens, Masking, Method, Only, Reading
+from dlama.apps.options import Lens, Masking, Method, Reading, Results
 from dlama.apps.pointing import Pointing
 from dlama.apps.terminal.output import Result
 from dlama.files.atomic_write import new_directory
@@ -80,7 +80,7 @@ def demo_video(path: Path, done: dlama.Completion) -> None:
     write_video(path, [*pictures, *pictures[-2:0:-1]], VIDEO_FPS)
 
 
-def demo(output: Path, method: Method, result: Result, only: Only = None) -> None:
+def demo(output: Path, method: Method, result: Result, results: Results) -> None:
     """Each job's results to a folder of `output`, what they read to inputs/, preview.png of all, and video.webp.
 
     `result` takes a line for each. Raises OutputError; then nothing is left behind.
@@ -90,7 +90,7 @@ def demo(output: Path, method: Method, result: Result, only: Only = None) -> Non
         for name, (title, complete) in JOBS.items():
             this = Command()
             done = complete(this, method)
-            this.write(done, folder / name, only, shown=output / name)
+            this.write(done, folder / name, results, shown=output / name)
             result.add(this.result.lines[0], **{name: this.result.values})
             panels += demo_panels(title, done)
             completions.append(done)

@@ -7,7 +7,7 @@ import time
 from tyro.conf import Positional
 
 from dlama.apps.command import command
-from dlama.apps.options import Estimating, Image, Lens, Metres, Output, Reading, Report
+from dlama.apps.options import Estimating, Image, Lens, Metres, Output, Reading, Report, Results
 from dlama.apps.terminal.flags import flags_of, with_flags
 from dlama.geometry.rgbd import depth_range_in_words
 
@@ -32,7 +32,7 @@ def depth(
     from dlama.perception.depth_scale import RULES
 
     with command("depth", report) as this:
-        this.check(output, None, {"image": image}, image, {"far": far}, estimating.settings())
+        this.check(output, Results(), {"image": image}, image, {"far": far}, estimating.settings())
         rgbd = this.rgbd(image, None, lens, Reading(far=far), estimating)
         write_depth(rgbd, output, inputs=this.inputs, seconds={"read": round(this.read_seconds, 4)})
         about = dict(rgbd.estimate or {})

@@ -88,20 +88,22 @@ def sequence(
     recipe: Annotated[str, option("|".join(RECIPES), "dlama")] = "dlama",
     dilate: Radius = None,
     views: Annotated[str, option("frames|orbit|spiral|dolly|CAMERAS.json", "frames")] = "frames",
-    only: Annotated[str | None, option("NAME,...", "all")] = None,
+    only: Annotated[str | None, option("NAME,...", "mesh,colmap,video")] = None,
+    also: Annotated[str | None, option("NAME,...")] = None,
 ) -> None:
     """Many posed frames of one scene, completed: what one frame lacks another one shows, and only the rest is filled, once.
 
     Args:
         dataset: The folder of posed frames with depth, in any layout that `dlama evaluate` reads; or a scene.npz.
-        output: Directory for the results, a data set in nerfstudio's layout, and scene.ply, scene.glb; a killed run goes on.
+        output: Directory for the results, a data set in nerfstudio's layout, and scene.glb; a killed run goes on.
         mask: A thing to remove from all frames, in one or several of them: a frame's name or its place from 0, and its mask.
         masks: The same: a folder of masks with the names of their frames.
         recipe: dlama, or paper as published (a scene.npz cannot be clipped as it wants).
         dilate: Grow the masks by this many pixels before the thing leaves (3; 6 in pictures of a depth camera).
         views: Which cameras are completed: the frames' own, a path from the middle frame, or those of a file (a list of cameras
             as --to of dlama view takes one, each with an optional name).
-        only: What is written beside the views: scene, points, mesh, colmap, video (.mp4 with the extra video, else .webp).
+        only: What is written next to the views, of scene, points, mesh, colmap, video (.mp4 with the extra video, else .webp).
+        also: More of these names: scene (scene.npz, which view, video and show go on with), points.
     """
     started = time.perf_counter()
     with reported("sequence", report) as result:
@@ -109,7 +111,7 @@ def sequence(
         found = read_masks(mask_files(mask, masks), masking)
         with shown_progress("sequence", report) as progress:
             options = {"masks": found, "recipe": recipe, "dilate": dilate, "views": views, **vars(source)}
-            options["only"] = names_in(only)
+            options |= {"only": names_in(only), "also": names_in(also) or ()}
             meta = dlama.sequence(dataset, output, progress=progress, **options, **filler.settings())
         result.add(summary_line(meta, output, time.perf_counter() - started), **summary_values(meta, output))
 

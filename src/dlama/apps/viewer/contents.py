@@ -11,7 +11,7 @@ import numpy as np
 from dlama.datasets.layouts import open_dataset
 from dlama.errors import FileError, InputError
 from dlama.files.scenes.clouds import read_ply
-from dlama.files.scenes.scene_npz import read_npz
+from dlama.files.scenes.scene_npz import HOW_WRITTEN, read_npz
 from dlama.geometry.camera import Camera
 from dlama.geometry.cloud import PointCloud, concatenated
 from dlama.geometry.figures.false_color import ORIGIN_PALETTE
@@ -56,6 +56,8 @@ def contents_of(path: Path) -> Contents:
     """What a scene.npz, a .ply, a folder of results or the folder of a data set holds. Raises InputError, FileError."""
     if path.is_dir():
         results = path / "scene.npz"
+        if not results.is_file() and (path / "meta.json").is_file() and (path / "image.png").is_file():
+            raise FileError(f"{path}: holds no scene.npz; {HOW_WRITTEN}")
         return of_scene(results) if results.is_file() else of_dataset(path)
     if not path.exists():
         raise FileError(

@@ -29,7 +29,8 @@ from dlama.geometry.view import HoleType, View
 
 LOG = logging.getLogger("dlama")
 RESULTS = ("scene", "points", "mesh", "colmap", "video")
-"""What is written beside the views: scene.npz, scene.ply, scene.glb, sparse/0, and video.mp4 or video.webp."""
+"""What can be written next to the views: scene.npz, scene.ply, scene.glb, sparse/0, and video.mp4 or video.webp."""
+BY_DEFAULT = ("mesh", "colmap", "video")
 MOST_POINTS, MOST_MESHED = 10_000_000, 4_000_000
 """Points of scene.ply, of more every second, third, ...; points of the frames in scene.glb, those first that add most."""
 COLMAP_POINTS = 200_000
@@ -40,12 +41,13 @@ MOST_ANIMATED, ANIMATED_WIDTH = 240, 480
 """Pictures of a WebP, which is held in memory whole, and their width; MP4 has all, as they are."""
 
 
-def checked_results(only: Sequence[str] | None) -> tuple[str, ...]:
-    """Names of what is to be written; None: all. InputError: an unknown name."""
-    for name in only or ():
-        if name not in RESULTS:
-            raise InputError(f"only names {name!r}; of {', '.join(RESULTS)} some are expected")
-    return tuple(RESULTS if only is None else only)
+def checked_results(only: Sequence[str] | None, also: Sequence[str] = ()) -> tuple[str, ...]:
+    """Names of what is to be written: `only` (None: BY_DEFAULT) and `also`. InputError: an unknown name."""
+    for option, names in (("only", only or ()), ("also", also)):
+        for name in names:
+            if name not in RESULTS:
+                raise InputError(f"{option} is {name!r}; names of {', '.join(RESULTS)} are expected")
+    return tuple(dict.fromkeys((*(BY_DEFAULT if only is None else only), *also)))
 
 
 def write_whole(folder: Path, whole: Scene, cameras: Mapping[str, Camera], wanted: Sequence[str]) -> dict[str, Any]:

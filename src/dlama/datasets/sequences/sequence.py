@@ -85,15 +85,17 @@ def sequence(
     dilate: int | None = None,
     seed: int = 0,
     only: Sequence[str] | None = None,
+    also: Sequence[str] = (),
     align: bool = False,
     progress: Progress | None = None,
 ) -> dict[str, Any]:
     """Complete a data set of posed frames: what one frame lacks comes from the others, only the rest is filled, once.
 
     Writes a data set in nerfstudio's layout: transforms.json, images/, depth/ (mm), hole/ (255 = filled), origin/, source/ (the
-    frame each pixel comes from); scene.npz, scene.ply, scene.glb, meta.json, sparse/0 (a COLMAP model as text), and a video of
-    the views. A run that was killed goes on frame by frame. A frame that cannot be read, comes twice or contradicts all others
-    is warned of and left out. Pixels are read when they are needed: memory hardly grows with the number of frames.
+    frame each pixel comes from); scene.glb, meta.json, sparse/0 (a COLMAP model as text), and a video of the views; scene.npz
+    and scene.ply where they are asked for. A run that was killed goes on frame by frame. A frame that cannot be read, comes
+    twice or contradicts all others is warned of and left out. Pixels are read when they are needed: memory hardly grows with
+    the number of frames.
 
     Args:
         dataset: The folder of posed frames, in any layout that `dlama evaluate` reads; or a scene.npz.
@@ -104,7 +106,8 @@ def sequence(
             JSON file with a list of cameras; or cameras by name.
         layout, scene, camera, depth_range: Of the data set, as in `dlama evaluate`; `scene` of several.
         filler, model, recipe, dilate, seed: As in `complete`.
-        only: What of scene, points, mesh, colmap and video is written beside the views; None: all.
+        only: What of scene, points, mesh, colmap and video is written next to the views; None: mesh, colmap and video.
+        also: More of them. "scene" is the file that `dlama view` and `dlama video` go on with.
         align: Poses are made to agree with the pictures first, where they do not; the results then have the new poses.
         progress: Told after each view.
     Returns:
@@ -113,7 +116,7 @@ def sequence(
         InputError: what `scene` and `complete` refuse, a mask for a frame that is not there; FileError, OutputError.
     """
     check_arguments(sequence, locals())
-    started, target, wanted = time.perf_counter(), Path(output), checked_results(only)
+    started, target, wanted = time.perf_counter(), Path(output), checked_results(only, also)
     clip = find_recipe(recipe).clip
     names, given, damaged = read_scene_of(dataset, frames, layout, scene, camera, depth_range, clip, align)
     kept = [names[number] for number in given.numbers]

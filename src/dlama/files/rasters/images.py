@@ -304,4 +304,4 @@ def _what_else(file: Path) -> str:
         return f", but {found}: save it as PNG"
     suffix = file.suffix.lower()
     which = "a scene" if suffix == ".npz" else "the scene.npz of the result" if suffix in (".ply", ".glb") else ""
-    return f"; {which} goes into view, sequence, video and show" if which else ""
+    return f"; {which} goes into view, sequence, video and show (--also scene writes it)" if which else ""

@@ -43,8 +43,8 @@ RESULTS: dict[str, tuple[str, ...]] = {
     "mask": ("mask.png",),
 }
 """What `write` can be asked for by name -> its files, where the completion has them; meta.json is always written."""
-ON_REQUEST = ("choice", "mask")
-"""Those that are written only where they are named."""
+BY_DEFAULT = ("image", "depth", "origin", "confidence", "mesh", "preview")
+"""What is written where nothing is named: what a person opens, and what training reads."""
 
 
 @system_errors(OutputError)
@@ -53,6 +53,7 @@ def write(
     directory: PathLike,
     *,
     only: Sequence[str] | None = None,
+    also: Sequence[str] = (),
     inputs: Mapping[str, PathLike] | None = None,
     intrinsics_from: str = "given in Python",
     seconds: Mapping[str, float] | None = None,
@@ -67,8 +68,9 @@ def write(
     Args:
         completion: What `view`, `remove`, `stereo` or `complete` gave.
         directory: Files of the same names in it are replaced, all others stay.
-        only: Of "image", "depth", "hole", "origin", "confidence", "disparity" (of pairs), "points", "mesh", "scene", "preview",
-            "choice" and "mask"; None: all but the last two. meta.json is always written.
+        only: Which of "image", "depth", "hole", "origin", "confidence", "disparity" (of pairs), "points", "mesh", "scene",
+            "preview", "choice" and "mask"; None: image, depth, origin, confidence, mesh and preview. meta.json is always written.
+        also: More of them. "scene" is the file that `read_scene` and `dlama view` go on with.
         inputs: Role -> file; path and SHA-256 of each go into meta.json.
         intrinsics_from: In words, where the source camera's intrinsics come from.
         seconds: Stages before the completion, such as reading, for meta.json.
@@ -76,14 +78,16 @@ def write(
         mask: H x W of the removed object, True = removed; what "mask" writes as mask.png.
 
     Raises:
-        InputError: a name in `only` that is not known, or "mask" without one.
+        InputError: a name in `only` or `also` that is not known, or "mask" without one.
         OutputError: the directory cannot be written, or a result would replace one of `inputs`.
         FileError: an input cannot be read.
     """
     check_arguments(write, locals())
-    names = checked_results(only)
+    names = checked_results(only, also)
     if "mask" in names and mask is None:
-        raise InputError("only names mask, and no object was removed whose mask could be written")
+        raise InputError(
+            f"{'also' if 'mask' in also else 'only'} names mask, and no object was removed whose mask it would be"
+        )
     target, started = Path(directory), time.perf_counter()
     check_inputs_stay(target, file_names(completion, names), inputs or {})
     meta = {**described(completion, intrinsics_from), "inputs": hashed(inputs or {}, input_addresses or {})}
@@ -108,9 +112,9 @@ def write(
     return target
 
 
-def file_names(completion: Completion, only: Sequence[str] | None = None) -> list[str]:
+def file_names(completion: Completion, only: Sequence[str] | None = None, also: Sequence[str] = ()) -> list[str]:
     """The files that `write` makes of a completion, relative to its directory, sorted. Raises InputError as `write` does."""
-    wanted = {file for name in checked_results(only) for file in RESULTS[name]}
+    wanted = {file for name in checked_results(only, also) for file in RESULTS[name]}
     files = [*scene_writers(Path(), completion), "preview.png", "mask.png"]
     files += ["background.ply"] if completion.scene.removals else []
     for place, view in places(completion).items():
@@ -129,19 +133,21 @@ def check_inputs_stay(directory: Path, files: Sequence[str], inputs: Mapping[str
                 )
 
 
-def checked_results(only: Sequence[str] | None) -> tuple[str, ...]:
-    """The names of what is to be written: for None all of RESULTS but those ON_REQUEST.
+def checked_results(only: Sequence[str] | None, also: Sequence[str] = ()) -> tuple[str, ...]:
+    """The names of what is to be written: those of `only` (None: BY_DEFAULT), and those of `also`.
 
     Raises InputError: an unknown name, or none at all.
     """
-    default = tuple(name for name in RESULTS if name not in ON_REQUEST)
-    names = default if only is None else (only,) if isinstance(only, str) else tuple(only)
-    unknown = [repr(name) for name in names if name not in RESULTS]
-    if unknown:
-        raise InputError(f"only is {', '.join(unknown)}; names of {', '.join(RESULTS)} are wanted")
-    if not names:
-        raise InputError(f"only is empty; names of {', '.join(RESULTS)} are wanted")
-    return names
+    chosen, more = (
+        () if names is None else (names,) if isinstance(names, str) else tuple(names) for names in (only, also)
+    )
+    for option, names in (("only", chosen), ("also", more)):
+        unknown = [repr(name) for name in names if name not in RESULTS]
+        if unknown:
+            raise InputError(f"{option} is {', '.join(unknown)}; names of {', '.join(RESULTS)} are expected")
+    if only is not None and not chosen:
+        raise InputError(f"only is empty; names of {', '.join(RESULTS)} are expected")
+    return tuple(dict.fromkeys((*(BY_DEFAULT if only is None else chosen), *more)))
 
 
 def places(completion: Completion) -> dict[str, View]:

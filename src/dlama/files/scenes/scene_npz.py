@@ -20,7 +20,7 @@ from dlama.arguments import check_arguments
 from dlama.errors import DlamaError, FileError, system_errors
 from dlama.files.atomic_write import PathLike, new_file
 from dlama.files.rasters.float_files import read_npy
-from dlama.files.rasters.images import existing
+from dlama.files.rasters.images import existing, shown_name
 from dlama.geometry.camera import Camera
 from dlama.geometry.frames.stored import CACHE_BYTES, PixelCache, StoredView
 from dlama.geometry.scene import Scene
@@ -32,6 +32,7 @@ FRAMES = ("numbers", "gains", "noise")
 """Of the scene's frames, its first layers."""
 ERRORS = ("depth_error", "color_error")
 """Planes of `View.errors`, where there are any: metres, levels."""
+HOW_WRITTEN = "a result has a scene.npz where it was asked for: --also scene (in Python, also: scene)"
 ZIP_LEVEL = 1
 """As small as 6 within a few percent on depth, and five times as fast."""
 
@@ -70,6 +71,8 @@ def read_npz(path: PathLike, cache: PixelCache | None = None) -> tuple[View, Sce
     """What `write_npz` wrote. All of it is read and checked; layers that together exceed CACHE_BYTES, and all with a `cache`, are
     read again when they are needed, so that the file has to stay. Raises FileError.
     """
+    if not Path(path).exists():
+        raise FileError(f"{shown_name(path)}: no such file; {HOW_WRITTEN}")
     file = existing(path)
     try:
         with zipfile.ZipFile(file) as archive:

@@ -10,9 +10,9 @@ from typing import Any
 
 from dlama.errors import InputError
 from dlama.jobs.job import Job
-from dlama.jobs.parameters import METHOD, MOVE, POINTING, checked
+from dlama.jobs.parameters import METHOD, MOVE, POINTING, RESULTS, checked
 
-TAKEN = (*MOVE, *METHOD, *POINTING, "only", "right_view", "matcher", "max_disparity")
+TAKEN = (*MOVE, *METHOD, *POINTING, *RESULTS, "right_view", "matcher", "max_disparity")
 """Parameters that jobs of a data set may have; files, cameras and units are the data set's own."""
 
 
