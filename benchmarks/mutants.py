@@ -459,6 +459,7 @@ MUTANTS: tuple[Mutant, ...] = (
         ),
         ("too small is called too large", "'small' if factor > 1 else 'large'", "'large' if factor > 1 else 'small'"),
         ("too short is called too long", "'short' if factor > 1 else 'long'", "'long' if factor > 1 else 'short'"),
+        ("one neighbour shows a curve", "away = min(max(each", "away = max(max(each"),
         ("exposure counts as a curve", "np.log(each + 2), (85, 15)", "each + 2, (85, 15)"),
         (
             "a curve is undone the wrong way",
@@ -508,7 +509,7 @@ MUTANTS: tuple[Mutant, ...] = (
     ),
     *faults(
         "geometry/trajectories.py",
-        "tests/completion/test_whole_picture.py",
+        "tests/completion/test_whole_picture.py tests/geometry/test_trajectories.py",
         ("a whole turn is nearly none", "math.radians(math.remainder(degrees, 360))", "math.radians(degrees)"),
         ("half a turn is none", "math.remainder(degrees, 360)", "math.remainder(degrees, 180)"),
     ),

@@ -84,8 +84,9 @@ def odd_curve(frame: SmallFrame, others: Sequence[SmallFrame], name: str) -> Fin
     if len(exponents) < 2:
         return None
     exponent = float(np.exp(np.median(np.log(exponents))))
-    away = [max(each, 1 / each) if (each > 1) == (exponent > 1) else 1.0 for each in exponents]
-    if max(exponent, 1 / exponent) < LEAST_CURVE or most_agree(np.array(away)) < np.sqrt(LEAST_CURVE):
+    # all must agree: two kinds of camera in one scene may differ by as much
+    away = min(max(each, 1 / each) if (each > 1) == (exponent > 1) else 1.0 for each in exponents)
+    if max(exponent, 1 / exponent) < LEAST_CURVE or away < np.sqrt(LEAST_CURVE):
         return None
     curve = "a gamma of 1/2.2 applied once more" if exponent < 1 else "its gamma taken off (linear values)"
     what = f"{name}: the picture looks as if it had {curve}: its colours are its neighbours' to the power of {exponent:.2g}"
