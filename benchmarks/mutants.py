@@ -436,5 +436,106 @@ MUTANTS: tuple[Mutant, ...] = (
         "tests/web/test_server.py",
         ("a full disk breaks the connection", "except (ConnectionError, TimeoutError):", "except OSError:"),
     ),
+    *faults(
+        "perception/diagnosis/odd_frames.py",
+        "tests/perception/diagnosis/test_odd_frames.py",
+        ("two frames accuse each other", "if len(frames) < 3:", "if len(frames) < 2:"),
+        ("all frames may be odd", "return odd if 2 * len(odd) < len(frames) else []", "return odd"),
+        (
+            "one neighbour decides",
+            "return float(np.sort(values)[(len(values) - 1) // 2])",
+            "return float(np.max(values))",
+        ),
+        (
+            "all neighbours must agree",
+            "return float(np.sort(values)[(len(values) - 1) // 2])",
+            "return float(np.min(values))",
+        ),
+        ("depth is multiplied the wrong way", "np.median(np.log(z / depth))", "np.median(np.log(depth / z))"),
+        (
+            "the focal length leaves points where they were",
+            "frame.points * (depth / focal, depth / focal, depth)",
+            "frame.points * depth",
+        ),
+        ("too small is called too large", "'small' if factor > 1 else 'large'", "'large' if factor > 1 else 'small'"),
+        ("too short is called too long", "'short' if factor > 1 else 'long'", "'long' if factor > 1 else 'short'"),
+        ("one neighbour shows a curve", "away = min(max(each", "away = max(max(each"),
+        ("exposure counts as a curve", "np.log(each + 2), (85, 15)", "each + 2, (85, 15)"),
+        (
+            "a curve is undone the wrong way",
+            "undo = 2.2 if exponent < 1 else 1 / 2.2",
+            "undo = 2.2 if exponent > 1 else 1 / 2.2",
+        ),
+        ("farthest frames are neighbours", 'np.argsort(row, kind="stable")', 'np.argsort(-row, kind="stable")'),
+        ("factors near one are named", "LEAST_CHANGE = 1.1", "LEAST_CHANGE = 1.0"),
+        (
+            "frames that fit well are tried no more",
+            "np.maximum(as_read, 0.01)) < LEAST_LEAD:  #",
+            "np.maximum(as_read, 0.01)) < 100:  #",
+        ),
+    ),
+    *faults(
+        "perception/diagnosis/landing.py",
+        "tests/perception/diagnosis/test_odd_frames.py tests/perception/diagnosis/test_pairs_and_poses.py",
+        ("points behind a camera land", "inside = (z > 0) & (pixels >= 0)", "inside = (pixels >= 0)"),
+        (
+            "far depth counts as known",
+            "known = (depth > 0) & np.isfinite(depth)\n    grey",
+            "known = depth > 0\n    grey",
+        ),
+        (
+            "colours do not count",
+            "return self.share * max(float(np.corrcoef(self.first, self.second)[0, 1]), 0.0)",
+            "return self.share",
+        ),
+        ("any depth is landed on", "lands = np.abs(depth - z) < LANDS_WITHIN * z", "lands = z > 0"),
+        ("the small picture has the whole one's lens", ".resized(w, h)\n", "\n"),
+    ),
+    *faults(
+        "datasets/dataset_diagnosis.py",
+        "tests/perception/diagnosis/test_odd_frames.py tests/perception/diagnosis/test_pairs_and_poses.py",
+        ("one cause is told twice", 'if not (odd_scale and each.check == "depth-scale")', ""),
+        (
+            "notes stand beside the odd frame",
+            "odd_frames(list(small.values()), list(small)) or found",
+            "[*odd_frames(list(small.values()), list(small)), *found]",
+        ),
+        (
+            "poses of another convention make frames odd",
+            'if all(each.severity != "fault" for each in found):',
+            "if True:",
+        ),
+        ("frames in a row alone are compared", "(*spread(frames), *chosen)", "chosen"),
+    ),
+    *faults(
+        "geometry/trajectories.py",
+        "tests/completion/test_whole_picture.py tests/geometry/test_trajectories.py",
+        ("a whole turn is nearly none", "math.radians(math.remainder(degrees, 360))", "math.radians(degrees)"),
+        ("half a turn is none", "math.remainder(degrees, 360)", "math.remainder(degrees, 180)"),
+    ),
+    *faults(
+        "files/results/completion.py",
+        "tests/apps/test_wrong_words.py",
+        (
+            "one unknown name of several is told",
+            "unknown = [repr(name) for name in names if name not in RESULTS]",
+            "unknown = [repr(name) for name in names if name not in RESULTS][:1]",
+        ),
+    ),
+    *faults(
+        "jobs/early.py",
+        "tests/apps/test_wrong_words.py",
+        ("the pitch is not looked at", 'for name in ("yaw", "pitch", "dolly")),', 'for name in ("yaw", "dolly")),'),
+    ),
+    *faults(
+        "jobs/batch.py",
+        "tests/apps/test_wrong_words.py",
+        ("one wrong count of several is told", 'raise InputError("; ".join(wrong))', "raise InputError(wrong[0])"),
+    ),
+    *faults(
+        "models/network_file.py",
+        "tests/models/test_network_file.py",
+        ("an empty network file is opened", "if stat.st_size == 0:", "if False:"),
+    ),
 )
 """All of them."""

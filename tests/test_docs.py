@@ -51,6 +51,7 @@ def inputs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::UserWarning")
 @pytest.mark.parametrize("page", RUN, ids=lambda path: path.stem)
 def test_blocks_of_a_guide_run(page: Path, inputs: Path) -> None:

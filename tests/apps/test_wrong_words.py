@@ -30,6 +30,12 @@ from dlama.apps.terminal.flags import flags_of, with_flags
         ("serve --max-megapixels nan", "--max-megapixels is nan; more than 0 is expected"),
         ("viwe a.png", "'viwe' is no verb of dlama; did you mean view? One of view, remove, "),
         ("photo.png", "'photo.png' is no verb of dlama; One of view, remove, "),
+        (
+            "view a.png b.png --yaw nan --pitch inf -o out",
+            "--yaw is nan; a finite angle in degrees is expected; --pitch is inf",
+        ),
+        ("view a.png b.png --yaw 1 --only foo,depth,bar -o out", "--only is 'foo', 'bar'; names of image, depth, "),
+        ("batch a.csv --workers 0 --threads 0 -o out", "a whole number; --threads is 0; 1 or more is expected"),
         ("batch --images *.png -o out", "give --verb VERB, one of view, remove, depth"),
     ],
 )

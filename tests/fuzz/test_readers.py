@@ -14,6 +14,7 @@ HERE = Path(__file__).parent
 FILES = HERE.parents[1] / "src" / "dlama"
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
 def test_damaged_files_get_the_packages_own_errors() -> None:
     """Every reader, in a process under limits of memory and processor time; failures tell the edits."""

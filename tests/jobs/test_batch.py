@@ -62,6 +62,7 @@ def test_results_are_those_of_the_verbs(tmp_path: Path) -> None:
     assert rows_written["missing"]["error_kind"] == "FileError"
 
 
+@pytest.mark.slow
 def test_what_is_done_is_kept_and_what_changed_is_done_again(tmp_path: Path) -> None:
     """Oracle: which rows say that they were kept, after each change; a touched file of the same bytes is no change."""
     small_frame(tmp_path)
@@ -94,6 +95,7 @@ def test_results_come_in_order_where_asked(tmp_path: Path) -> None:
     assert [row.id for row in results] == [row["id"] for row in rows]
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(os.name == "nt", reason="no signals")
 def test_a_job_that_kills_its_worker_twice_is_one_failed_row(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Killed once: done at the second try; twice, or out of memory: failed; everything else is done."""

@@ -42,6 +42,7 @@ def bucket(monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
     running.stop()
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")  # of moto's and botocore's own
 @pytest.mark.parametrize("pack", [None, 2])
 def test_list_inputs_and_results_on_a_server(bucket: str, tmp_path: Path, pack: int | None) -> None:

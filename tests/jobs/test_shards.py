@@ -42,6 +42,7 @@ def keys(folder: Path) -> dict[str, list[str]]:
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")  # files that webdataset leaves open
 def test_webdataset_reads_what_was_written(tmp_path: Path) -> None:
     """Every sample once, its files byte for byte those of the run without shards; an id's dots stay out of the ending."""
@@ -65,6 +66,7 @@ def test_webdataset_reads_what_was_written(tmp_path: Path) -> None:
     assert {row["folder"] for row in written.values()} == {f"shards/00000{n}.tar" for n in range(3)}
 
 
+@pytest.mark.slow
 def test_a_rerun_keeps_shards_and_what_is_done_again_leaves_its_old_one(tmp_path: Path) -> None:
     """Oracle: the keys of all shards: each id once, also after a change and after a shard was lost."""
     rows = view_rows(6)

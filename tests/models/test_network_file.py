@@ -43,6 +43,9 @@ def test_bad_files_and_settings_are_refused(tmp_path: Path) -> None:
     """Law: one line that names the file, or the parameter."""
     good = constant(tmp_path / "c.onnx", 3, 0.1, 0.2, 0.3)
     (tmp_path / "text.onnx").write_text("no network")
+    (tmp_path / "empty.onnx").touch()
+    with pytest.raises(FileError, match=r"empty\.onnx: is empty \(0 bytes\)"):
+        file_stamp(tmp_path / "empty.onnx")
     with pytest.raises(FileError, match=r"none\.onnx: no such model file"):
         NetworkFile(tmp_path / "none.onnx")
     with pytest.raises(FileError, match=r"none\.onnx: no such model file"):

@@ -86,6 +86,7 @@ def test_command_and_python_lines_write_the_same_bytes(
         same_files(mine, files_below(place / "out"), meta=kind == "command")
 
 
+@pytest.mark.slow
 def test_the_same_of_a_stereo_pair(visit: Visit, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The example that ships, with a painted mask, by its command."""
     api.example(visit, {"name": "pair"})

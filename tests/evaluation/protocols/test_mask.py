@@ -19,6 +19,7 @@ QUICK = ProtocolSettings(lpips=False, mask_changes=(), ring_px=8)
 TRUTH = RemovalTruth(frame(SOURCE, SQUARE_IN_SOURCE), frame(SOURCE, None), SQUARE_IN_SOURCE)
 
 
+@pytest.mark.slow
 def test_the_square_is_found_and_removed(constant_filler: str) -> None:
     """IoU and border F of 1 by every click and by the box; the region of the true mask is off by what the filler wrote."""
     (plain,) = PROTOCOLS["mask"](TRUTH, Method("paper", constant_filler), QUICK)

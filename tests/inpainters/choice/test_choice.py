@@ -47,6 +47,7 @@ def test_every_size_is_filled_lawfully(size):
     assert not filled.hole.any() and (filled.depth > 0).all() and report.law_violations == 0
 
 
+@pytest.mark.slow
 def test_the_guesses_that_ship_all_run():
     """Oracle: the closed list; known pixels of every guess are the view's; the notes name them and their shares add up to 1."""
     view, law = moved_view()

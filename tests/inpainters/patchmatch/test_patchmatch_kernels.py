@@ -42,6 +42,7 @@ def twin() -> tuple[np.ndarray, np.ndarray]:
     return SOURCES[costs.argmin(1)], costs.min(1)
 
 
+@pytest.mark.slow
 def test_all_compared_is_the_least_of_a_literal_twin() -> None:
     """Twin: every source compared with every target, at the border too."""
     found, least = np.zeros_like(TARGETS), np.zeros(len(TARGETS), np.float32)

@@ -13,7 +13,7 @@ import pytest
 from PIL import Image
 
 import dlama
-from corruptions import FRAMES, with_depth, with_focal
+from corruptions import FRAMES, with_curve, with_depth, with_focal
 from dlama.datasets.layouts import open_dataset
 from dlama.datasets.posed.nerfstudio_writer import write_transforms
 from dlama.files.rasters.depth import write_depth_png
@@ -58,6 +58,13 @@ def test_the_odd_frame_is_named_with_what_mends_it(name: str, seed: int, number:
 def test_two_odd_frames_are_both_named() -> None:
     frames = spoilt(spoilt(orbit(3), 0, "depth times 5"), 5, "focal length times 1.2")
     assert [(each.check, each.what[0]) for each in odd(frames)] == [("depth-scale", "0"), ("focal-length", "5")]
+
+
+def test_two_cameras_of_different_contrast_are_no_fault() -> None:
+    """Oracle: half of the frames went through a milder curve, so that each has a neighbour of its own kind."""
+    half = with_curve(0.68)
+    frames = orbit(3)[:4]
+    assert odd([half(frames[0]), half(frames[1]), frames[2], frames[3]]) == []
 
 
 def test_of_three_frames_the_odd_one_is_told_apart() -> None:

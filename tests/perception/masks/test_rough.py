@@ -58,6 +58,7 @@ def test_a_click_finds_the_box_in_rough_depth(kind: str) -> None:
     assert f"found in {kind} depth" in found.notes[0]
 
 
+@pytest.mark.slow
 def test_a_box_and_corrections_are_heeded() -> None:
     """The drawn box bounds the mask; a pixel beside the thing is none of it, a further click is."""
     color, depth, box = scene()

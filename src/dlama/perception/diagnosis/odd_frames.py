@@ -84,6 +84,7 @@ def odd_curve(frame: SmallFrame, others: Sequence[SmallFrame], name: str) -> Fin
     if len(exponents) < 2:
         return None
     exponent = float(np.exp(np.median(np.log(exponents))))
+    # all must agree: two kinds of camera in one scene may differ by as much
     away = min(max(each, 1 / each) if (each > 1) == (exponent > 1) else 1.0 for each in exponents)
     if max(exponent, 1 / exponent) < LEAST_CURVE or away < np.sqrt(LEAST_CURVE):
         return None

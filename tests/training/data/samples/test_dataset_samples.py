@@ -57,6 +57,7 @@ def levels(planes: np.ndarray) -> np.ndarray:
     return np.rint(planes * 255).astype(np.uint8).transpose(1, 2, 0)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("whole")
 def test_removals_show_what_the_files_show(folder: Path) -> None:
     """Oracle: the data set's own cases. The hole is the mask grown by 1 to 4 px; in it the truth is the frame without the

@@ -236,6 +236,7 @@ def digest() -> str:
     return bytes_.hexdigest()
 
 
+@pytest.mark.slow
 def test_same_bytes_in_another_process() -> None:
     """With another hash seed and another number of threads."""
     code = "import sys; sys.path[:0] = sys.argv[1:]; import test_world_samples as t; print(t.digest())"
