@@ -6,8 +6,8 @@ and the same with the prefixes `layer0_ layer1_ ...` of the scene's frames and f
 where a view comes from many frames; `numbers gains noise` of the frames, the first layers.
 
 Of layers and removals `rgb` is stored as differences of rows (uint8, modulo 256), and `depth` as differences of rows and columns
-of the bits of its float32 numbers (modulo 2^32), their four bytes apart: uint8 4 x H x W. Both come back bit for bit, in half to a
-quarter of the size. Files that hold them as they are can be read, too.
+of the bits of its float32 numbers (modulo 2^32), their four bytes apart: uint8 4 x H x W. Both come back bit for bit, a quarter
+to half as large. Files that hold them as they are can be read, too.
 """
 
 from __future__ import annotations
