@@ -10,7 +10,7 @@ import pytest
 
 from dlama.errors import FileError
 from dlama.files.rasters.depth import read_depth
-from dlama.files.scenes.scene_npz import read_npz, write_npz
+from dlama.files.scenes.scene_npz import _arrays, depth_differences, depth_of_differences, read_npz, write_npz
 from dlama.geometry.camera import Camera
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import HoleType, View
@@ -51,12 +51,30 @@ def test_there_and_back(tmp_path: Path, hw: tuple[int, int]) -> None:
         assert_same(mine, theirs)
 
 
+@pytest.mark.parametrize("hw", [(5, 7), (1, 1), (1, 9), (40, 30)])
+def test_depth_comes_back_bit_for_bit(hw: tuple[int, int]) -> None:
+    """Any bits at all: infinity, NaN with its payload, -0, subnormal numbers."""
+    bits = np.random.default_rng(0).integers(0, 2**32, hw, dtype=np.uint32)
+    bits.flat[:3] = np.array([np.inf, -0.0, np.nan], np.float32).view(np.uint32)[: bits.size]
+    back = depth_of_differences(depth_differences(bits.view(np.float32)))
+    assert back.dtype == np.float32 and np.array_equal(back.view(np.uint32), bits)
+
+
+def test_layers_as_they_are_are_read(tmp_path: Path) -> None:
+    """A file whose layers hold colour and depth as they are, written by numpy."""
+    arrays = {prefix + name: array for prefix in ("", "layer0_") for name, array in _arrays("", view_of(0)).items()}
+    np.savez(tmp_path / "plain.npz", **arrays)
+    assert_same(read_npz(tmp_path / "plain.npz")[1].layers[0], view_of(0))
+
+
 def test_numpy_alone_reads_it(tmp_path: Path) -> None:
     view = view_of(0)
     write_npz(tmp_path / "scene.npz", view, Scene((view_of(1),)))
     with np.load(tmp_path / "scene.npz") as arrays:
         assert {"rgb", "depth", "valid", "K", "world_from_cam", "origin", "confidence"} <= set(arrays.files)
-        assert np.array_equal(arrays["valid"], view.valid) and np.array_equal(arrays["layer0_rgb"], view_of(1).color)
+        assert np.array_equal(arrays["valid"], view.valid) and np.array_equal(
+            np.cumsum(arrays["layer0_rgb"], 0, dtype=np.uint8), view_of(1).color
+        )
     assert np.array_equal(read_depth(tmp_path / "scene.npz"), view.depth)
 
 

@@ -147,8 +147,8 @@ def read_exr(path: PathLike, channel: str | None = None) -> Float32Array:
 
 
 def write_exr(path: PathLike, channels: Mapping[str, np.ndarray]) -> None:
-    """Write channels (each float32 or half H x W) as an OpenEXR file, ZIP-compressed. Raises OutputError."""
-    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+    """Write channels (each float32 or half H x W) as an OpenEXR file, compressed without loss (PIZ). Raises OutputError."""
+    header = {"compression": OpenEXR.PIZ_COMPRESSION, "type": OpenEXR.scanlineimage}
     with new_file(path) as draft:
         try:
             planes = {name: np.ascontiguousarray(values) for name, values in channels.items()}

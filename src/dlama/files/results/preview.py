@@ -9,7 +9,7 @@ import numpy as np
 
 from dlama.completion.completion import Completion, StereoCompletion
 from dlama.files.atomic_write import PathLike
-from dlama.files.results.contact_sheet import Panel, write_contact_sheet
+from dlama.files.results.contact_sheet import PANEL_WIDTH, Panel, write_contact_sheet
 from dlama.files.results.legends import hole_legend, percent
 from dlama.geometry.figures.false_color import HOLE_PALETTE, RGB, depth_limits, depth_picture, hole_picture
 from dlama.geometry.rgbd import UInt8Array
@@ -69,7 +69,7 @@ def panels(completion: Completion) -> list[Panel]:
     return [
         source_panel(completion),
         *color_panels("", before, view),
-        (depth_name(completion), depth_picture(source.depth, source.hole, lo, hi)),
+        (depth_name(completion), depth_picture(thinned(source.depth), thinned(source.hole), lo, hi)),
         *depth_panels("", before, view, completion),
     ]
 
@@ -98,9 +98,9 @@ def demo_legend(completions: Sequence[Completion]) -> list[tuple[str, RGB]]:
 def source_panel(completion: Completion) -> Panel:
     """The source picture; what is to be removed is tinted and outlined."""
     if not completion.scene.removals:
-        return "source", completion.source.color
-    taken = completion.scene.layers[0].hole_type == HoleType.OBJECT
-    return "source, marked: to be removed", tinted(completion.source.color, taken)
+        return "source", reduced(completion.source.color)
+    removed = thinned(completion.scene.layers[0].hole_type) == HoleType.OBJECT
+    return "source, marked: to be removed", tinted(reduced(completion.source.color), removed)
 
 
 def tinted(color: UInt8Array, where: np.ndarray) -> UInt8Array:
@@ -114,9 +114,9 @@ def tinted(color: UInt8Array, where: np.ndarray) -> UInt8Array:
 def color_panels(name: str, before: View, view: View) -> tuple[Panel, Panel]:
     """What is known and why the rest is not; completed."""
     start = f"{name}: " if name else ""
-    return (f"{start}known, holes by type", hole_picture(before.color, before.hole_type)), (
+    return (f"{start}known, holes by type", hole_picture(reduced(before.color), thinned(before.hole_type))), (
         f"{start}completed",
-        view.color,
+        reduced(view.color),
     )
 
 
@@ -125,12 +125,34 @@ def depth_panels(name: str, before: View, view: View, completion: Completion) ->
     start = f"{name}: " if name else ""
     lo, hi = limits(completion)
     scale = f"{lo:.2g} to {hi:.2g} m"
-    return (f"{start}depth known", depth_picture(before.depth, before.hole, lo, hi)), (
+    return (f"{start}depth known", depth_picture(thinned(before.depth), thinned(before.hole), lo, hi)), (
         f"{start}depth completed, {scale}",
-        depth_picture(view.depth, view.hole, lo, hi),
+        depth_picture(thinned(view.depth), thinned(view.hole), lo, hi),
     )
 
 
 def limits(completion: Completion) -> tuple[float, float]:
     """The nearest and the farthest depth of all panels' colours."""
-    return depth_limits(completion.source.depth, *(view.depth for view in completion.views))
+    return depth_limits(thinned(completion.source.depth), *(thinned(view.depth) for view in completion.views))
+
+
+def step_of(picture: np.ndarray) -> int:
+    """How many pixels of a picture become one before it is drawn: panels show it smaller still."""
+    return max(1, min(picture.shape[:2]) // (2 * PANEL_WIDTH))
+
+
+def thinned(values: np.ndarray) -> np.ndarray:
+    """The middle one of each `step_of` squared values of H x W depths or codes."""
+    step = step_of(values)
+    rows, columns = (side // step * step for side in values.shape)
+    return values[step // 2 : rows : step, step // 2 : columns : step]
+
+
+def reduced(color: UInt8Array) -> UInt8Array:
+    """Colours (H x W x 3) of the pixels that `thinned` gives, each the mean of those that it stands for."""
+    step = step_of(color)
+    if step == 1:
+        return color
+    rows, columns = (side // step for side in color.shape[:2])
+    whole = np.ascontiguousarray(color[: rows * step, : columns * step])
+    return np.asarray(cv2.resize(whole, (columns, rows), interpolation=cv2.INTER_AREA), np.uint8)
