@@ -46,7 +46,7 @@ def test_what_cannot_be_a_video_leaves_nothing(tmp_path: Path, monkeypatch: pyte
         write_video(tmp_path / "a.gif", PICTURES, 0)
     with pytest.raises(InputError, match="a video of no pictures"):
         write_video(tmp_path / "a.gif", [])
-    with pytest.raises(ShapeError, match="one size is wanted"):
+    with pytest.raises(ShapeError, match="one size is expected"):
         write_video(tmp_path / "a.gif", [PICTURES[0], PICTURES[0][1:]])
     original = builtins.__import__
 

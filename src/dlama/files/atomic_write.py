@@ -104,7 +104,7 @@ def _draft_directory(target: Path, made: list[Path]) -> Path:
     if target.is_symlink():  # what is left of a name when its links are followed
         raise OSError(errno.ELOOP, os.strerror(errno.ELOOP))
     if target.exists() and not target.is_dir():
-        raise NotADirectoryError("it is a file, a directory is wanted")
+        raise NotADirectoryError("it is a file, a directory is expected")
     for folder in [*reversed(target.parent.parents), target.parent]:
         if not folder.exists():
             folder.mkdir()
@@ -199,11 +199,11 @@ def _refuse_conflicts(draft: Path, target: Path) -> None:
     for entry in draft.iterdir():
         place = target / entry.name
         if entry.is_dir() and place.exists() and not place.is_dir():
-            raise NotADirectoryError(f"{place.name} in it is a file, a directory is wanted")
+            raise NotADirectoryError(f"{place.name} in it is a file, a directory is expected")
         if entry.is_dir() and place.is_dir():
             _refuse_conflicts(entry, place)
         elif not entry.is_dir() and _is_folder(place):
-            raise IsADirectoryError(f"{place.name} in it is a directory, a file is wanted")
+            raise IsADirectoryError(f"{place.name} in it is a directory, a file is expected")
 
 
 def _movable(draft: Path, target: Path) -> bool:

@@ -214,7 +214,7 @@ def test_a_plane_that_is_nowhere_seen_takes_what_lies_at_its_depth():
 def test_arrays_of_another_picture_are_refused():
     """Law: one line that names the field, what came and what was wanted."""
     color, hole, w, label, camera = random_scene(np.random.default_rng(3), (8, 9))
-    with pytest.raises(ShapeError, match=r"label has shape \(8, 8\); \(8, 9\) is wanted"):
+    with pytest.raises(ShapeError, match=r"label has shape \(8, 8\); \(8, 9\) is expected"):
         synthesize(color, hole, w, label[:, :8], camera)
     with pytest.raises(ShapeError, match="uint8 and bool"):
         synthesize(color, hole.astype(np.uint8), w, label, camera)

@@ -37,7 +37,7 @@ def write_contact_sheet(
     Raises ShapeError (no panel, or one that is no picture), OutputError.
     """
     if not panels:
-        raise ShapeError(f"{path}: a contact sheet of no panels; at least one is wanted")
+        raise ShapeError(f"{path}: a contact sheet of no panels; at least one is expected")
     pictures = [scaled(caption, array) for caption, array in panels]
     captions = [wrapped(caption, PANEL_WIDTH, font(CAPTION_SIZE)) for caption, _ in panels]
     columns = columns_for(len(panels))

@@ -23,7 +23,7 @@ def check_video(path: PathLike) -> None:
     """Raise before anything is computed: InputError for a name of another kind, MissingExtraError without what writes it."""
     suffix = Path(path).suffix.lower()
     if suffix not in (*VIDEOS, *ANIMATIONS):
-        raise InputError(f"output is {path}; a name that ends in {', '.join((*VIDEOS, *ANIMATIONS))} is wanted")
+        raise InputError(f"output is {path}; a name that ends in {', '.join((*VIDEOS, *ANIMATIONS))} is expected")
     if suffix in VIDEOS:
         _av()
 
@@ -37,7 +37,7 @@ def write_video(path: PathLike, pictures: Iterable[UInt8Array], fps: float = 24.
     """
     check_video(path)
     if not 0 < fps <= 240:
-        raise InputError(f"fps is {fps}; more than 0 and at most 240 pictures a second are wanted")
+        raise InputError(f"fps is {fps}; more than 0 and at most 240 pictures a second are expected")
     frames = _of_one_size(pictures)
     with new_file(path) as draft:
         if Path(path).suffix.lower() in VIDEOS:
@@ -50,10 +50,10 @@ def _of_one_size(pictures: Iterable[UInt8Array]) -> Iterator[UInt8Array]:
     for picture in pictures:
         first = picture.shape if first is None else first
         if picture.shape != first:
-            raise ShapeError(f"a picture of a video is {picture.shape} and the first one {first}; one size is wanted")
+            raise ShapeError(f"a picture of a video is {picture.shape} and the first one {first}; one size is expected")
         yield picture
     if first is None:
-        raise InputError("a video of no pictures was asked for; one or more are wanted")
+        raise InputError("a video of no pictures was asked for; one or more are expected")
 
 
 def _encoded(path: Path, pictures: Iterator[UInt8Array], fps: float) -> int:

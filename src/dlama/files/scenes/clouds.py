@@ -67,7 +67,7 @@ def read_ply(path: PathLike) -> PointCloud:
         points = np.stack([_property(file, vertex, axis) for axis in "xyz"], axis=1).astype(np.float64)
     color = np.stack([_property(file, vertex, name) for name in COLORS], axis=1)
     if color.dtype != np.uint8:
-        raise FileError(f"{file}: red green blue are {color.dtype}; uchar (0..255) is wanted")
+        raise FileError(f"{file}: red green blue are {color.dtype}; uchar (0..255) is expected")
     if not np.isfinite(points).all():
         raise FileError(f"{file}: {int((~np.isfinite(points)).any(axis=1).sum())} points are not finite")
     names = vertex.dtype.names
@@ -102,5 +102,5 @@ def _property(file: PathLike, vertex: Any, name: str) -> np.ndarray:
         raise FileError(f"{file}: vertices have no '{name}'; they have {known}")
     values = np.asarray(vertex[name])
     if values.dtype.kind not in "iuf":
-        raise FileError(f"{file}: '{name}' of the vertices is a list; a number is wanted")
+        raise FileError(f"{file}: '{name}' of the vertices is a list; a number is expected")
     return values

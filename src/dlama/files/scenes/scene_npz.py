@@ -112,7 +112,7 @@ def read_npz(path: PathLike, cache: PixelCache | None = None) -> tuple[View, Sce
             whole = _arrays_of(archive, "")
             return _view("", whole), _scene(layers, objects, whole)
     except KeyError as error:
-        raise FileError(f"{file}: has no array called {error}; a scene.npz of dlama is wanted") from error
+        raise FileError(f"{file}: has no array called {error}; a scene.npz of dlama is expected") from error
     except DlamaError as error:
         raise FileError(f"{file}: {error}") from error
     except Exception as error:  # BadZipFile, zlib.error, EOFError, ValueError, ...

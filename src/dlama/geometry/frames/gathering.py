@@ -52,9 +52,9 @@ def scene(
     check_arguments(scene, locals())
     called = [f"frame {number}" for number in range(len(frames))] if names is None else list(names)
     if not frames:
-        raise InputError("frames is empty; one posed RGB-D frame or more is wanted")
+        raise InputError("frames is empty; one posed RGB-D frame or more is expected")
     if len(called) != len(frames):
-        raise InputError(f"names has {len(called)} names for {len(frames)} frames; as many are wanted")
+        raise InputError(f"names has {len(called)} names for {len(frames)} frames; as many are expected")
     cache = PixelCache()
     return gathered([view_of(frame, name, cache) for frame, name in zip(frames, called)], called)
 
@@ -65,7 +65,7 @@ def view_of(frame: FrameSource, name: str, cache: PixelCache) -> View:
         return _with_depth(View.from_rgbd(frame), name)
     if not callable(frame):
         raise InputTypeError(
-            f"{name} is of type {type(frame).__name__}; an RGBD (a picture with depth) is wanted, or what reads one"
+            f"{name} is of type {type(frame).__name__}; an RGBD (a picture with depth) is expected, or what reads one"
         )
     first = View.from_rgbd(frame())
     view = StoredView.of(first.camera, partial(_source_view, frame), cache, first)
@@ -91,7 +91,7 @@ def gathered(views: Sequence[View], called: Sequence[str]) -> Scene:
         if view.camera.hw != first.hw:
             raise ShapeError(
                 f"{name} is {view.camera.width}x{view.camera.height} and {called[0]} {first.width}x{first.height}; frames of "
-                "one size are wanted"
+                "one size are expected"
             )
     if len(views) == 1:
         return Scene((views[0],))

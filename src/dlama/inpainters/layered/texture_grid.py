@@ -111,7 +111,7 @@ class HoleRegion:
 def trusted_labels(hole: BoolArray, inverse_depth: Float32Array, label: Int32Array) -> Int32Array:
     """H x W: the label of every pixel that may be copied, UNTRUSTED elsewhere.
 
-    Two pixels' distance from holes and nearer surfaces are wanted; less where that leaves too little (FEW, SHARE_LEFT).
+    Two pixels' distance from holes and nearer surfaces are expected; less where that leaves too little (FEW, SHARE_LEFT).
     """
     trusted = np.where(trusted_sources(hole, inverse_depth, label, 2), label, UNTRUSTED).astype(np.int32)
     wanted = labels_in(label[hole])

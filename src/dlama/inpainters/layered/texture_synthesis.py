@@ -102,9 +102,9 @@ def _check(color: UInt8Array, hole: BoolArray, inverse_depth: Float32Array, labe
     arrays: tuple[np.ndarray, ...] = (color, hole, inverse_depth, label)
     for name, array in zip(wanted, arrays):
         if array.shape != wanted[name]:
-            raise ShapeError(f"{name} has shape {array.shape}; {wanted[name]} is wanted for this camera")
+            raise ShapeError(f"{name} has shape {array.shape}; {wanted[name]} is expected for this camera")
     if color.dtype != np.uint8 or hole.dtype != np.bool_:
-        raise ShapeError(f"color is {color.dtype} and hole {hole.dtype}; uint8 and bool are wanted")
+        raise ShapeError(f"color is {color.dtype} and hole {hole.dtype}; uint8 and bool are expected")
 
 
 def hole_regions(grid: TextureGrid) -> Iterator[HoleRegion]:
