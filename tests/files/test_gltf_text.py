@@ -125,7 +125,7 @@ def test_colours_of_vertices_are_linear_light(tmp_path: Path) -> None:
 
 def test_open3d_reads_the_texture(tmp_path: Path) -> None:
     """Somebody else's reader: the same positions and, at each triangle's corners, the colours of the mesh as JPEG keeps them."""
-    o3d = pytest.importorskip("open3d")
+    o3d = pytest.importorskip("open3d", exc_type=ImportError)  # it needs libraries that small machines lack
     write_textured_glb(tmp_path / "scene.glb", SCENE)
     read = o3d.io.read_triangle_mesh(str(tmp_path / "scene.glb"))
     mesh = joined_meshes([decimate(layer).mesh for layer in SCENE.layers])

@@ -91,3 +91,16 @@ def test_a_damaged_file_is_named(tmp_path: Path) -> None:
     (tmp_path / "weights.npz").write_bytes(b"PK\x03\x04 no archive")
     with pytest.raises(FileError, match=r"weights\.npz: cannot be read as a file of weights"):
         confidence_network(tmp_path / "weights.npz")
+
+
+def test_estimated_depth_is_trusted_less() -> None:
+    """Closed form: its feature is 1 where depth is estimated, 0 where it is measured; all others are the same. Law: of two views
+    that differ in that alone, the estimated one's fills are less likely right."""
+    view, color, depth = holed()
+    rgbd = RGBD(view.color, np.where(view.hole, 0, view.depth), view.camera, estimate={"estimator": "mine"})
+    estimated = dataclasses.replace(view, origin=np.where(view.hole, view.origin, View.from_rgbd(rgbd).origin))
+    features = [fill_features(one, color, depth) for one in (view, estimated)]
+    np.testing.assert_array_equal(features[0][:, :-1], features[1][:, :-1])
+    assert (features[0][:, -1] == 0).all() and (features[1][:, -1] == 1).all()
+    measured, guessed = (fill_confidence(one, color, depth)[view.hole] for one in (view, estimated))
+    assert (guessed < measured).all()

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from safetensors import safe_open
 
 from dlama.errors import FileError, OutputError
 from dlama.nets.safetensors_file import read_safetensors, widen_bfloat16, write_safetensors
@@ -30,6 +31,17 @@ def test_round_trip(tmp_path):
         assert arrays[name].dtype == array.dtype
         np.testing.assert_array_equal(arrays[name], array)
     assert [path.name for path in tmp_path.iterdir()] == ["w.safetensors"]
+
+
+def test_the_same_content_gives_the_same_bytes(tmp_path):
+    """Law: whatever order the metadata comes in; somebody else's reader finds all of it."""
+    tensors, about = {"weight": np.arange(6.0).reshape(2, 3)}, {f"key {n}": "ä" * n for n in range(12)}
+    write_safetensors(tmp_path / "one", tensors, about)
+    write_safetensors(tmp_path / "two", tensors, dict(reversed(about.items())))
+    assert (tmp_path / "one").read_bytes() == (tmp_path / "two").read_bytes()
+    with safe_open(tmp_path / "one", "np") as file:
+        assert file.metadata() == about
+        np.testing.assert_array_equal(file.get_tensor("weight"), tensors["weight"])
 
 
 def test_bfloat16_is_the_upper_half_of_float32():

@@ -20,7 +20,7 @@ import numpy as np
 from dlama.geometry.holes import nearest_known
 from dlama.geometry.projection import inverse_depth
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
-from dlama.geometry.view import HoleType, View
+from dlama.geometry.view import HoleType, Origin, View
 from dlama.models.perceptron import Perceptron, read_arrays
 
 DEPTH_WITHIN = 0.05
@@ -31,7 +31,7 @@ FINE, BROAD = 0.005, 0.02
 """Sigma, as a share of the diagonal, of the surroundings in which contrast is measured."""
 TYPES = (HoleType.DISOCCLUDED, HoleType.OUT_OF_VIEW, HoleType.SENSOR, HoleType.OBJECT)
 """Hole types that the network tells apart from the rest (cracks and flying pixels)."""
-FEATURES, OUTPUTS = 27, 4
+FEATURES, OUTPUTS = 28, 4
 REACH = 3.0
 """Standard deviations of the training data beyond which a feature says no more."""
 PIECE = 1 << 15
@@ -152,6 +152,7 @@ def each_feature(view: View, color: UInt8Array, depth: Float32Array) -> Iterator
     yield np.float32(noise_of(known_grey, ~hole))
     yield np.float32(noise_of(log_w, view.valid, 1000))
     yield np.float32((view.hole_type == HoleType.SENSOR).mean())
+    yield np.float32((view.origin == Origin.ESTIMATED).any())
 
 
 def noise_of(values: Float32Array, known: BoolArray, scale: float = 1) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -41,9 +42,21 @@ def read_safetensors(path: Path) -> tuple[dict[str, np.ndarray], dict[str, str],
 
 
 def write_safetensors(path: Path, tensors: Mapping[str, np.ndarray], metadata: Mapping[str, str] | None = None) -> None:
-    """Write float and integer arrays as they are. OutputError, and no half file is left, where the folder takes none."""
+    """Write float and integer arrays as they are; the same arrays and metadata give the same bytes. OutputError, and no half file
+    is left, where the folder takes none."""
     contiguous = {name: np.asarray(array, order="C") for name, array in tensors.items()}
-    write_whole(path, save(contiguous, dict(metadata) if metadata else None))
+    write_whole(path, _with_sorted_metadata(save(contiguous, dict(metadata) if metadata else None)))
+
+
+def _with_sorted_metadata(data: bytes) -> bytes:
+    """The file with its metadata sorted by name: the package writes it in an order that differs from run to run."""
+    length = int.from_bytes(data[:8], "little")
+    header = json.loads(data[8 : 8 + length])
+    if "__metadata__" in header:
+        header["__metadata__"] = dict(sorted(header["__metadata__"].items()))
+    text = json.dumps(header, separators=(",", ":"), ensure_ascii=False).encode()
+    text += b" " * (-len(text) % 8)
+    return len(text).to_bytes(8, "little") + text + data[8 + length :]
 
 
 def _array(path: Path, name: str, dtype: str, shape: list[int], data: bytearray) -> np.ndarray:
