@@ -62,7 +62,8 @@ def depth_picture(
     levels = np.rint(np.clip((inverse - (far or 0.0)) / span, 0, 1) * 255).astype(np.uint8)
     picture = np.array(cv2.applyColorMap(levels, cv2.COLORMAP_TURBO)[..., ::-1], np.uint8)
     picture[known & ~valid] = SKY
-    picture[~known] = hatch(depth.shape)[~known]
+    if not known.all():
+        picture[~known] = hatch(depth.shape)[~known]
     return picture
 
 
