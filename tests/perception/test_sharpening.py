@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 
 from dlama.perception.kernels.edge_median import MOST, joint_median
-from dlama.perception.sharpening import on_ramp, sharpened
+from dlama.perception.sharpening import LARGEST, on_ramp, sharpened
 
 RNG = np.random.default_rng(4)
 
@@ -90,3 +90,15 @@ def test_ramps_are_seen_and_slopes_are_not() -> None:
     assert ramp[:, 53:67].all() and not ramp[:, :45].any() and not ramp[:, 75:].any()
     assert not on_ramp(rows * (1 + 0.02 * columns), 0.005, 1.3, 27)[:, 5:-5].any()
     assert not on_ramp(rows * np.exp(0.005 * np.clip(columns, 50, 70)), 0.01, 1.3, 27).any()
+
+
+def test_edges_of_a_large_picture_lie_where_its_colours_change() -> None:
+    """Closed form: a step over 160 px of a picture twice LARGEST wide becomes one at the picture's edge, within 2 px."""
+    width, edge = 2 * LARGEST, 2 * LARGEST // 2 + 7
+    ramp = np.clip((np.arange(width) - edge) / 80, -1, 1)
+    values = np.ascontiguousarray(np.broadcast_to(0.4 + 0.2 * ramp, (256, width)), np.float32)
+    color = np.where(np.arange(width)[:, None] < edge, np.uint8(60), np.uint8(190)) * np.ones((256, 1, 3), np.uint8)
+    found = sharpened(values, color)
+    apart = np.abs(np.arange(width) - edge) > 2
+    np.testing.assert_allclose(found[:, apart & (np.arange(width) < edge)], 0.2, atol=0.01)
+    np.testing.assert_allclose(found[:, apart & (np.arange(width) >= edge)], 0.6, atol=0.01)

@@ -16,6 +16,10 @@ from dlama.geometry.kernels.jit import in_bands
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.perception.kernels.edge_median import MOST, joint_median
 
+LARGEST = 2048
+"""Longer side of the picture, in pixels, in which edges are moved; in a larger one each pixel then takes, of the values that were
+found round it, that whose colour is most like its own."""
+
 
 @dataclass(frozen=True)
 class Sharpening:
@@ -43,6 +47,8 @@ def sharpened(
     values: H x W inverse depth, or depth where not `inverse` (ramps are seen in inverse depth, in which planes are straight; the
     median is the same of both); color: H x W x 3, RGB.
     """
+    if max(values.shape) > LARGEST:
+        return _sharpened_smaller(values, color, inverse, how)
     size = max(values.shape) / 512
     near = values if inverse else np.divide(1, values, out=np.zeros_like(values), where=values > 0)
     ramp = on_ramp(near, how.steep / size, how.bend, round(1.5 * how.radius * size))
@@ -57,6 +63,32 @@ def sharpened(
     marks = np.ascontiguousarray(values), blurred, ~ramp, smooth
     sigmas = float(how.color_sigma), float(how.space_sigma * size)
     in_bands(joint_median, len(values), *marks, radius, step, *sigmas, room, out)
+    return out
+
+
+def _sharpened_smaller(values: Float32Array, color: UInt8Array, inverse: bool, how: Sharpening) -> Float32Array:
+    """`sharpened` in a picture of LARGEST px, brought to the size of the given one."""
+    (height, width), by = values.shape, max(values.shape) / LARGEST
+    hw = max(1, round(height / by)), max(1, round(width / by))
+    rows, columns = (
+        np.minimum((np.arange(n) + 0.5) * whole / n, whole - 1).astype(int) for n, whole in zip(hw, values.shape)
+    )
+    small = np.ascontiguousarray(values[np.ix_(rows, columns)])
+    small_color = np.asarray(cv2.resize(color, hw[::-1], interpolation=cv2.INTER_AREA), np.uint8)
+    found = sharpened(small, small_color, inverse, how)
+    changed = cv2.dilate((found != small).astype(np.uint8), np.ones((3, 3), np.uint8))
+    y, x = np.nonzero(cv2.resize(changed, (width, height), interpolation=cv2.INTER_NEAREST))
+    row, column = (((at + 0.5) * n / whole).astype(int) for at, n, whole in zip((y, x), hw, values.shape))
+    own = color[y, x].astype(np.int16)
+    best, out_there = np.full(len(y), np.iinfo(np.int32).max), values[y, x]
+    for down in (0, -1, 1):
+        for right in (0, -1, 1):
+            place = np.clip(row + down, 0, hw[0] - 1), np.clip(column + right, 0, hw[1] - 1)
+            off = np.square(own - small_color[place]).sum(1, dtype=np.int32)
+            better = off < best
+            best[better], out_there[better] = off[better], found[place][better]
+    out = values.copy()
+    out[y, x] = out_there
     return out
 
 

@@ -9,7 +9,7 @@ from dlama import find_mask
 from dlama.evaluation.metrics.masks import innermost, iou
 from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import RGBD
-from dlama.perception.masks.borders import edges_are_sharp
+from dlama.perception.masks.borders import MOST_PX, decided_by_color, edges_are_sharp
 from dlama.perception.masks.supports import Planes
 from worlds import Box, Plane, World
 
@@ -37,3 +37,17 @@ def test_a_carpet_is_no_foot_of_what_stands_on_it() -> None:
     shown = made.trace(camera)[1] == 3
     found = find_mask(made.rgbd(camera), clicks=[innermost(shown)]).mask
     assert iou(found, shown) > 0.98
+
+
+def test_a_large_outline_is_decided_in_a_smaller_picture() -> None:
+    """Closed form: a disc of one colour on another, 20 px too large in the mask; the rim is found within 2 px."""
+    y, x = np.ogrid[:1400, :1400]
+    away = np.hypot(y - 700, x - 700)
+    rng = np.random.default_rng(0)
+    color = np.where((away < 500)[..., None], np.uint8(200), np.uint8(60)) + rng.integers(
+        0, 20, (1400, 1400, 3), np.uint8
+    )
+    frame = RGBD(color, np.ones((1400, 1400), np.float32), Camera.from_fov(1400, 1400, 60))
+    assert frame.depth.size > MOST_PX
+    found = decided_by_color(frame, away < 520, (away > 470) & (away < 540))
+    assert found[away < 498].all() and not found[away > 502].any()

@@ -30,6 +30,8 @@ BAND_PX = 3
 """Reach in px of the band in which the picture decides, where depth is noisy, blurred or missing."""
 HOLE_PX = 12
 """How far into missing depth a mask may grow."""
+MOST_PX = 1_000_000
+"""Pixels round an object from which GrabCut learns its colours; it takes seconds for ten times as many."""
 
 
 def with_foot(found: Planes, support: BoolArray, thing: BoolArray) -> BoolArray:
@@ -126,7 +128,8 @@ def lost_foot(found: Planes, thing: BoolArray, support: BoolArray, most: float =
 
 
 def decided_by_color(rgbd: RGBD, thing: BoolArray, band: BoolArray, rounds: int = 2) -> BoolArray:
-    """The mask with the pixels of `band` decided by GrabCut; all others stay. Colours are learnt in the surroundings only."""
+    """The mask with the pixels of `band` decided by GrabCut; all others stay. Colours are learnt in the surroundings only, and
+    where those have more than MOST_PX, from a smaller picture of them."""
     rows, columns = np.nonzero(thing | band)
     reach = 12 + max(np.ptp(rows), np.ptp(columns)) // 4
     box = (
@@ -139,9 +142,17 @@ def decided_by_color(rgbd: RGBD, thing: BoolArray, band: BoolArray, rounds: int 
     if (state == cv2.GC_BGD).sum() < 20 or (state == cv2.GC_FGD).sum() < 20:
         return thing
     cv2.setRNGSeed(0)
-    picture = np.ascontiguousarray(rgbd.color[box])
+    picture, wh = np.ascontiguousarray(rgbd.color[box]), state.shape[::-1]
+    by = np.sqrt(MOST_PX / state.size)
+    if by < 1:
+        smaller = max(1, round(by * wh[0])), max(1, round(by * wh[1]))
+        picture = np.asarray(cv2.resize(picture, smaller, interpolation=cv2.INTER_AREA), np.uint8)
+        state = np.asarray(cv2.resize(state, smaller, interpolation=cv2.INTER_NEAREST), np.uint8)
     models = np.zeros((1, 65)), np.zeros((1, 65))
     cv2.grabCut(picture, state, (0, 0, 1, 1), *models, rounds, cv2.GC_INIT_WITH_MASK)
+    inside = ((state == cv2.GC_FGD) | (state == cv2.GC_PR_FGD)).astype(np.float32)
+    if by < 1:
+        inside = np.asarray(cv2.resize(inside, wh, interpolation=cv2.INTER_LINEAR), np.float32)
     out = thing.copy()
-    out[box] = np.where(open_, (state == cv2.GC_FGD) | (state == cv2.GC_PR_FGD), prior)
+    out[box] = np.where(open_, inside > 0.5, prior)
     return out
