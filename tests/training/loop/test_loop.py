@@ -90,7 +90,7 @@ def test_tinys_network_fills_a_view_from_the_command_line(tiny_run, tmp_path):
     rgbd = scene.rgbd(Camera.from_fov(64, 64, 60))
     write_color(tmp_path / "image.png", rgbd.color)
     write_depth_png(tmp_path / "depth.png", rgbd.depth)
-    words = ["--fov", "60", "--yaw", "15", "--filler", "joint", "--model", str(tiny_run.network)]
+    words = ["--fov", "60", "--yaw", "15", "--filler", "joint", "--model", str(tiny_run.network), "--also", "hole"]
     main(["view", str(tmp_path / "image.png"), str(tmp_path / "depth.png"), *words, "-o", str(tmp_path / "out")])
     written = {name: np.array(Image.open(tmp_path / "out" / f"{name}.png")) for name in ("image", "origin", "hole")}
     hole = written["hole"] > 0
