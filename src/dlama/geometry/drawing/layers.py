@@ -200,8 +200,9 @@ def draw_as_points(grid: Grid, canvas: Canvas) -> None:
     in_bands(raster.draw_points, parts, grid.depth, grid.matrix, grid.offset, NEAR, *room, wbuf, index, band=1)
     pixels = layer.color.reshape(-1, 3), layer.origin.ravel(), layer.confidence.ravel()
     in_bands(shading.shade_points, hw[0], wbuf, index, *pixels, *canvas.buffers())
-    drawn = wbuf[0] > 0
-    canvas.put_errors(layer, drawn, *np.divmod(index[0][drawn], layer.camera.width))
+    if canvas.errors is not None:
+        drawn = wbuf[0] > 0
+        canvas.put_errors(layer, drawn, *np.divmod(index[0][drawn], layer.camera.width))
 
 
 def draw_as_surface(grid: Grid, joined: UInt8Array, camera: Camera, canvas: Canvas) -> None:
