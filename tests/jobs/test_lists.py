@@ -54,6 +54,8 @@ def test_parquet(tmp_path: Path) -> None:
         ("a.csv", "", "line 1: is empty; columns are expected"),
         ("a.csv", "id,id\n", "line 1 has column 'id' twice"),
         ("a.csv", "id,verb\na\n", "line 2: has 1 values; 2 are expected"),
+        ("a.csv", "id,verb\n", "a.csv: lists no job; one row or more is expected"),
+        ("a.jsonl", "\n\n", "a.jsonl: lists no job; one row or more is expected"),
         ("a.jsonl", "{nonsense\n", "line 1:1:2: is no JSON"),
         ("a.jsonl", '{"id": "a", "id": "b"}\n', "line 1: field 'id' is given twice"),
         ("a.jsonl", "[" * 100_000, "line 1: is no JSON"),

@@ -17,11 +17,16 @@ BATCH_ROWS = 4096
 
 
 def rows(path: str) -> Iterator[Row]:
-    """The rows of a list. FileError: no such file, or not what its name says; InputError: a column that no verb knows."""
+    """The rows of a list. FileError: no such file, not what its name says, or no row; InputError: a column that no verb knows."""
     suffix = path.rpartition(".")[2].lower()
     if suffix not in READERS:
         raise FileError(f"{path}: is no job list; a name that ends in .{', .'.join(READERS)} is expected")
-    yield from READERS[suffix](path)
+    empty = True
+    for row in READERS[suffix](path):
+        empty = False
+        yield row
+    if empty:
+        raise FileError(f"{path}: lists no job; one row or more is expected")
 
 
 def _csv_rows(path: str) -> Iterator[Row]:
