@@ -477,11 +477,10 @@ MUTANTS: tuple[Mutant, ...] = (
     *faults(
         "perception/diagnosis/landing.py",
         "tests/perception/diagnosis/test_odd_frames.py tests/perception/diagnosis/test_pairs_and_poses.py",
-        ("points behind a camera land", "inside = (z > 0) & (pixels >= 0)", "inside = (pixels >= 0)"),
         (
             "far depth counts as known",
-            "known = (depth > 0) & np.isfinite(depth)\n    grey",
-            "known = depth > 0\n    grey",
+            "known = inside & (depth > 0) & np.isfinite(depth)",
+            "known = inside & (depth > 0)",
         ),
         (
             "colours do not count",
@@ -490,6 +489,11 @@ MUTANTS: tuple[Mutant, ...] = (
         ),
         ("any depth is landed on", "lands = np.abs(depth - z) < LANDS_WITHIN * z", "lands = z > 0"),
         ("the small picture has the whole one's lens", ".resized(w, h)\n", "\n"),
+    ),
+    *faults(
+        "geometry/projection.py",
+        "tests/geometry/test_projection.py",
+        ("points left of the picture land", "inside = (pixels >= 0)", "inside = (pixels >= -9)"),
     ),
     *faults(
         "datasets/dataset_diagnosis.py",
@@ -518,8 +522,8 @@ MUTANTS: tuple[Mutant, ...] = (
         "tests/apps/test_wrong_words.py",
         (
             "one unknown name of several is told",
-            "unknown = [repr(name) for name in names if name not in RESULTS]",
-            "unknown = [repr(name) for name in names if name not in RESULTS][:1]",
+            "unknown = [repr(name) for name in names if name not in known]",
+            "unknown = [repr(name) for name in names if name not in known][:1]",
         ),
     ),
     *faults(

@@ -16,6 +16,7 @@ from dlama.geometry.projection import (
     disparity_from_depth,
     inverse_depth,
     lift,
+    pixels_of,
     project,
     rays,
 )
@@ -199,3 +200,15 @@ def test_inverse_depth_and_back() -> None:
     np.testing.assert_array_equal(w, [[0, 0.25, 2, 0]])
     np.testing.assert_array_equal(depth_from_inverse(w), [[np.inf, 4, 0.5, np.inf]])
     assert w.dtype == depth_from_inverse(w).dtype == np.float32
+
+
+def test_pixels_of_points_are_those_they_lie_on() -> None:
+    """Closed form: a lens of 10 px, its centre at (4, 3): the middle, the last pixel; just beyond it, behind the camera; just
+    before the first one, and the first one."""
+    camera = Camera(8, 6, 10, 10, 4, 3)
+    points = np.array([[0, 0, 2], [0.79, 0.59, 2], [0.81, 0, 2], [0, 0, -2], [-0.81, 0, 2], [-0.79, -0.59, 2]])
+    row, column, z, inside = pixels_of(points.reshape(3, 2, 3), camera)
+    np.testing.assert_array_equal(inside, [[True, True], [False, False], [False, True]])
+    np.testing.assert_array_equal(row, [[3, 5], [0, 0], [0, 0]])
+    np.testing.assert_array_equal(column, [[4, 7], [0, 0], [0, 0]])
+    np.testing.assert_allclose(z, [[2, 2], [2, -2], [2, 2]])

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from dlama.geometry.camera import Float64Array
 from dlama.geometry.drawing.layers import mesh_grid
 from dlama.geometry.fusion import HALVES, cell_halves
+from dlama.geometry.holes import box_around
 from dlama.geometry.kernels import decimating as kernels
 from dlama.geometry.kernels.depth_edges import DOWN, RIGHT
 from dlama.geometry.kernels.jit import in_bands
@@ -72,9 +73,7 @@ def decimate(layer: View) -> DecimatedMesh:
 
 def box_of(where: BoolArray) -> tuple[slice, slice]:
     """The smallest box of rows and columns round the True pixels; an empty one where there are none."""
-    spans = [np.flatnonzero(where.any(axis)) for axis in (1, 0)]
-    rows, columns = (slice(int(span[0]), int(span[-1]) + 1) if len(span) else slice(0, 0) for span in spans)
-    return rows, columns
+    return box_around(where, 0) if where.any() else (slice(0, 0), slice(0, 0))
 
 
 def in_world(layer: View, places: Float64Array, depth: Float32Array) -> Float64Array:

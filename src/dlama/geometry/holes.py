@@ -111,12 +111,21 @@ def nearest_along_colors(
 
 
 def box_around(mask: BoolArray, margin: int) -> tuple[slice, slice]:
-    """Rows and columns of the box round a mask (H x W, not empty), so many pixels larger on each side."""
-    rows, columns = np.flatnonzero(mask.any(1)), np.flatnonzero(mask.any(0))
-    return (
-        slice(max(int(rows[0]) - margin, 0), int(rows[-1]) + margin + 1),
-        slice(max(int(columns[0]) - margin, 0), int(columns[-1]) + margin + 1),
-    )
+    """Rows and columns of the box round a mask (H x W, not empty), so many pixels larger on each side, within the picture."""
+    rows, columns = (np.flatnonzero(mask.any(axis)) for axis in (1, 0))
+    box = slice(int(rows[0]), int(rows[-1]) + 1), slice(int(columns[0]), int(columns[-1]) + 1)
+    return larger_box(box, margin, mask.shape)
+
+
+def larger_box(box: tuple[slice, slice], margin: int, hw: tuple[int, ...]) -> tuple[slice, slice]:
+    """Rows and columns of a box, so many pixels larger on each side, within a picture of that height and width."""
+    rows, columns = (slice(max(side.start - margin, 0), min(side.stop + margin, n)) for side, n in zip(box, hw))
+    return rows, columns
+
+
+def sides_of(box: tuple[slice, slice]) -> tuple[int, int]:
+    """Height and width of a box in pixels."""
+    return box[0].stop - box[0].start, box[1].stop - box[1].start
 
 
 def with_nearest(values: np.ndarray, known: BoolArray) -> np.ndarray:
@@ -139,6 +148,14 @@ def gaussian_mean(values: Float32Array, weight: Float32Array, sigma: float, leas
     """As `box_mean`, under a Gaussian of `sigma` px."""
     total, share = (cv2.GaussianBlur(each, (0, 0), sigma) for each in (values * weight, weight))
     return np.asarray(total / np.maximum(share, least), np.float32)
+
+
+def shrink_known(values: np.ndarray, known: BoolArray, wh: tuple[int, int]) -> tuple[Float32Array, Float32Array]:
+    """(h x w x C means of the known values, h x w share that is known) of H x W x C values in a smaller size (width, height)."""
+    share = np.asarray(cv2.resize(known.astype(np.float32), wh, interpolation=cv2.INTER_AREA), np.float32)
+    sums = cv2.resize(values * np.float32(known[..., None]), wh, interpolation=cv2.INTER_AREA)
+    sums = sums.reshape(*share.shape, -1)
+    return np.asarray(sums / np.maximum(share, np.float32(1e-6))[..., None], np.float32), share
 
 
 def checked_mask(mask: ArrayLike, hw: tuple[int, int]) -> BoolArray:

@@ -8,13 +8,13 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from dlama.arguments import check_arguments
 from dlama.errors import CameraError, DepthError, ShapeError
 from dlama.geometry.camera import Camera, Float64Array
 from dlama.geometry.cloud import PointCloud
-from dlama.geometry.rgbd import RGBD, Float32Array
+from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array
 from dlama.geometry.view import View
 
 SMALLEST_DISPARITY = np.float32(1e-6)
@@ -143,3 +143,17 @@ def project(points: Float64Array, camera: Camera) -> tuple[Float64Array, Float64
         pixels = in_camera[:, :2] / z[:, None] * (camera.fx, camera.fy) + (camera.cx, camera.cy)
     pixels[~(z > 0)] = np.nan
     return pixels, z
+
+
+def pixels_of(
+    points: Float64Array, camera: Camera
+) -> tuple[NDArray[np.intp], NDArray[np.intp], Float64Array, BoolArray]:
+    """Row, column and depth in metres of world points (... x 3), and whether each is in the camera's picture.
+
+    Rows and columns of points that are not, or that do not lie in front of the camera, are 0.
+    """
+    pixels, z = project(points.reshape(-1, 3), camera)
+    inside = (pixels >= 0).all(1) & (pixels < camera.wh).all(1)  # NaN, behind the camera, is neither
+    column, row = np.where(inside[:, None], pixels, 0).astype(np.intp).T
+    shape = points.shape[:-1]
+    return row.reshape(shape), column.reshape(shape), z.reshape(shape), inside.reshape(shape)

@@ -15,6 +15,7 @@ import numpy as np
 
 from dlama.arguments import check, check_arguments
 from dlama.errors import ShapeError
+from dlama.geometry.holes import box_around, larger_box, sides_of
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.geometry.view import Origin, View
 from dlama.geometry.visibility import Law, lawful_depth
@@ -110,8 +111,8 @@ def inpaint(view: View, inpainter: Inpainter, law: Law, seed: int = 0) -> tuple[
     if not (view.valid | view.far).any():
         return view, FillReport(0, 0, 0, {"nothing_visible": True})
     law = law.near(view.camera)
-    rows, columns = box_with_context(hole)
-    if (rows.stop - rows.start) * (columns.stop - columns.start) > WORTH_CROPPING * hole.size:
+    rows, columns = box = box_with_context(hole)
+    if np.prod(sides_of(box)) > WORTH_CROPPING * hole.size:
         return _filled(view, inpainter, law, seed)
     part, report = _filled(view.cropped(rows, columns), inpainter, law.cropped(view, rows, columns), seed)
     choice = report.choice
@@ -124,14 +125,9 @@ def inpaint(view: View, inpainter: Inpainter, law: Law, seed: int = 0) -> tuple[
 
 def box_with_context(hole: BoolArray) -> tuple[slice, slice]:
     """Rows and columns of the box round a hole (H x W, not empty) that a filler sees."""
-    ends = [np.flatnonzero(hole.any(axis))[[0, -1]] for axis in (1, 0)]
-    longest = max(int(last - first) + 1 for first, last in ends)
-    margin = max(CONTEXT_PX, round(CONTEXT * longest), round(CONTEXT_SHARE * max(hole.shape)))
-    rows, columns = (
-        slice(max(0, int(first) - margin), min(size, int(last) + 1 + margin))
-        for (first, last), size in zip(ends, hole.shape)
-    )
-    return rows, columns
+    tight = box_around(hole, 0)
+    margin = max(CONTEXT_PX, round(CONTEXT * max(sides_of(tight))), round(CONTEXT_SHARE * max(hole.shape)))
+    return larger_box(tight, margin, hole.shape)
 
 
 def with_part(view: View, part: View, rows: slice, columns: slice) -> View:

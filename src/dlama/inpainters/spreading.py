@@ -7,6 +7,7 @@ from collections.abc import Callable
 import cv2
 import numpy as np
 
+from dlama.geometry.holes import shrink_known
 from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.inpainters.opencv import paint
 
@@ -22,10 +23,8 @@ def spread_small(values: np.ndarray, known: BoolArray, spread: Spread) -> Float3
     height, width = known.shape
     by = min(1.0, LARGEST / max(height, width))
     size = max(1, round(width * by)), max(1, round(height * by))
-    share = cv2.resize(known.astype(np.float32), size, interpolation=cv2.INTER_AREA)[..., None]
-    small = cv2.resize(values * np.float32(known[..., None]), size, interpolation=cv2.INTER_AREA)
-    small = small.reshape(*share.shape[:2], -1)
-    filled = spread((small / np.maximum(share, 1e-6)).astype(np.float32), share[..., 0] >= 0.5)
+    small, share = shrink_known(values, known, size)
+    filled = spread(small, share >= 0.5)
     back = cv2.resize(filled.astype(values.dtype), (width, height), interpolation=cv2.INTER_LINEAR)
     return np.asarray(back, np.float32).reshape(height, width, -1)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from dlama.geometry.holes import box_mean, dilated
+from dlama.geometry.holes import box_around, box_mean, dilated, larger_box, sides_of
 from dlama.geometry.rgbd import BoolArray, UInt8Array
 
 EDGE_PX = 3
@@ -53,8 +53,5 @@ def cast_shadow(color: UInt8Array, without: UInt8Array, mask: BoolArray) -> Bool
 
 def _neighbourhood(mask: BoolArray) -> tuple[slice, slice]:
     """The mask's box, grown by NEIGHBOURHOOD times its diagonal, within the picture."""
-    rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
-    reach = int(NEIGHBOURHOOD * np.hypot(np.ptp(rows) + 1, np.ptp(columns) + 1))
-    return slice(max(rows[0] - reach, 0), rows[-1] + reach + 1), slice(
-        max(columns[0] - reach, 0), columns[-1] + reach + 1
-    )
+    tight = box_around(mask, 0)
+    return larger_box(tight, int(NEIGHBOURHOOD * np.hypot(*sides_of(tight))), mask.shape)

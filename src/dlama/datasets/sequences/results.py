@@ -13,8 +13,8 @@ import cv2
 import numpy as np
 
 from dlama.datasets.posed.colmap_model import write_model
-from dlama.errors import InputError
 from dlama.files.rasters.pictures import read_color
+from dlama.files.results.completion import chosen_names
 from dlama.files.results.video import write_video
 from dlama.files.scenes.clouds import write_ply
 from dlama.files.scenes.scene_npz import write_npz
@@ -43,11 +43,7 @@ MOST_ANIMATED, ANIMATED_WIDTH = 240, 480
 
 def checked_results(only: Sequence[str] | None, also: Sequence[str] = ()) -> tuple[str, ...]:
     """Names of what is to be written: `only` (None: BY_DEFAULT) and `also`. InputError: an unknown name."""
-    for option, names in (("only", only or ()), ("also", also)):
-        for name in names:
-            if name not in RESULTS:
-                raise InputError(f"{option} is {name!r}; names of {', '.join(RESULTS)} are expected")
-    return tuple(dict.fromkeys((*(BY_DEFAULT if only is None else only), *also)))
+    return chosen_names(only, also, RESULTS, BY_DEFAULT)
 
 
 def write_whole(folder: Path, whole: Scene, cameras: Mapping[str, Camera], wanted: Sequence[str]) -> dict[str, Any]:

@@ -26,7 +26,7 @@ from dlama.evaluation.protocols.scores import Gain, Reference, artifact_measures
 from dlama.geometry.camera import Float64Array
 from dlama.geometry.cloud import PointCloud
 from dlama.geometry.holes import dilated, eroded
-from dlama.geometry.projection import lift, project
+from dlama.geometry.projection import lift, pixels_of
 from dlama.geometry.rgbd import RGBD, BoolArray
 from dlama.geometry.view import HoleType, Origin, View
 
@@ -132,9 +132,5 @@ def filled_points(cloud: PointCloud, frame: RGBD, inside: BoolArray) -> Float64A
     """The filled points of a cloud that fall into a region of a frame: N x 3, metres in the world."""
     filled = (cloud.origin == Origin.FILLED) | (cloud.origin == Origin.DEPTH_FILLED)
     points = np.asarray(cloud.points[filled])
-    pixels, z = project(points, frame.camera)
-    with np.errstate(invalid="ignore"):
-        lands = (z > 0) & (pixels >= 0).all(1) & (pixels < frame.camera.wh).all(1)
-    chosen = np.flatnonzero(lands)
-    column, row = pixels[chosen].astype(np.int64).T
-    return points[chosen[inside[row, column]]]
+    row, column, _, lands = pixels_of(points, frame.camera)
+    return points[lands & inside[row, column]]

@@ -138,16 +138,24 @@ def checked_results(only: Sequence[str] | None, also: Sequence[str] = ()) -> tup
 
     Raises InputError: an unknown name, or none at all.
     """
+    chosen = chosen_names(only, also, tuple(RESULTS), BY_DEFAULT)
+    if only is not None and not only:
+        raise InputError(f"only is empty; names of {', '.join(RESULTS)} are expected")
+    return chosen
+
+
+def chosen_names(
+    only: Sequence[str] | None, also: Sequence[str], known: Sequence[str], default: Sequence[str]
+) -> tuple[str, ...]:
+    """The names of `only` (None: the default) and of `also`, each once; a string is one name. InputError: unknown ones."""
     chosen, more = (
         () if names is None else (names,) if isinstance(names, str) else tuple(names) for names in (only, also)
     )
     for option, names in (("only", chosen), ("also", more)):
-        unknown = [repr(name) for name in names if name not in RESULTS]
+        unknown = [repr(name) for name in names if name not in known]
         if unknown:
-            raise InputError(f"{option} is {', '.join(unknown)}; names of {', '.join(RESULTS)} are expected")
-    if only is not None and not chosen:
-        raise InputError(f"only is empty; names of {', '.join(RESULTS)} are expected")
-    return tuple(dict.fromkeys((*(BY_DEFAULT if only is None else chosen), *more)))
+            raise InputError(f"{option} is {', '.join(unknown)}; names of {', '.join(known)} are expected")
+    return tuple(dict.fromkeys((*(default if only is None else chosen), *more)))
 
 
 def places(completion: Completion) -> dict[str, View]:

@@ -129,9 +129,13 @@ class Canvas:
             paste(other.errors, wins, self.errors)
 
     def put_errors(self, layer: View, where: BoolArray, rows: np.ndarray, columns: np.ndarray) -> None:
-        """The expected errors of a layer's pixels (rows, columns: N) in the pixels of `where` (H x W bool, N True)."""
-        if self.errors is not None and layer.errors is not None:
-            self.errors[where] = layer.errors[rows, columns]
+        """The expected errors of a layer's pixels (rows, columns: N) in the pixels of `where` (H x W, N True); both have some."""
+        assert self.errors is not None and layer.errors is not None
+        self.errors[where] = layer.errors[rows, columns]
+
+    def shares_errors(self, layer: View) -> bool:
+        """Whether the canvas and the layer both have expected errors."""
+        return self.errors is not None and layer.errors is not None
 
 
 @dataclass(frozen=True, eq=False)
@@ -200,7 +204,7 @@ def draw_as_points(grid: Grid, canvas: Canvas) -> None:
     in_bands(raster.draw_points, parts, grid.depth, grid.matrix, grid.offset, NEAR, *room, wbuf, index, band=1)
     pixels = layer.color.reshape(-1, 3), layer.origin.ravel(), layer.confidence.ravel()
     in_bands(shading.shade_points, hw[0], wbuf, index, *pixels, *canvas.buffers())
-    if canvas.errors is not None:
+    if canvas.shares_errors(layer):
         drawn = wbuf[0] > 0
         canvas.put_errors(layer, drawn, *np.divmod(index[0][drawn], layer.camera.width))
 
@@ -218,7 +222,7 @@ def draw_as_surface(grid: Grid, joined: UInt8Array, camera: Camera, canvas: Canv
     in_bands(shading.shade_surface, rows, *found, layer.origin, layer.confidence, *canvas.buffers())
     if grid.fine:
         in_bands(shading.average_shrunk, rows, *found, canvas.color)
-    if canvas.errors is not None:
+    if canvas.shares_errors(layer):
         nearest = (where[wbuf > 0] + np.float32(0.5)).astype(np.intp)
         canvas.put_errors(layer, wbuf > 0, nearest[:, 1], nearest[:, 0])
 
@@ -258,7 +262,7 @@ def draw_far(grid: Grid, camera: Camera, canvas: Canvas) -> None:
     sky = far, box, far_blocks(far, grid.fine)
     empty = canvas.depth == 0
     in_bands(shading.shade_far, camera.height, matrix, *sky, *pixels, *canvas.buffers())
-    if canvas.errors is not None:
+    if canvas.shares_errors(layer):
         drawn = empty & np.isposinf(canvas.depth)
         row, column = np.nonzero(drawn)
         x, y, ahead = matrix @ np.stack([column + 0.5, row + 0.5, np.ones(len(row))])

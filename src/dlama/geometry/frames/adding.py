@@ -8,9 +8,10 @@ import numpy as np
 
 from dlama.geometry.frames.agreement import AGREES
 from dlama.geometry.frames.gathering import FrameSource, gathered, view_of
-from dlama.geometry.frames.removal import mask_growth, pixels_of, points_of, removed_from, removed_part
+from dlama.geometry.frames.removal import mask_growth, points_of, removed_from, removed_part
 from dlama.geometry.frames.stored import PixelCache, StoredView
 from dlama.geometry.holes import dilated
+from dlama.geometry.projection import pixels_of
 from dlama.geometry.rgbd import BoolArray
 from dlama.geometry.scene import Scene, contribution
 from dlama.geometry.view import HoleType, Origin, View

@@ -5,7 +5,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from dlama.geometry.holes import dilated
+from dlama.geometry.holes import box_around, dilated
 from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.geometry.view import View
 
@@ -25,10 +25,9 @@ def in_front(frame: View, candidates: BoolArray) -> BoolArray:
     Planes are linear in inverse depth, so the background is harmonic in it.
     """
     out = np.zeros_like(candidates)
-    rows, columns = np.nonzero(candidates)
-    if not len(rows):
+    if not candidates.any():
         return out
-    part = tuple(slice(max(0, one.min() - AROUND_PX), one.max() + AROUND_PX + 1) for one in (rows, columns))
+    part = box_around(candidates, AROUND_PX)
     inverse = np.divide(1, frame.depth, out=np.zeros_like(frame.depth), where=frame.valid)[part]
     known = (frame.valid | frame.far)[part] & ~dilated(candidates[part], 1)
     out[part] = candidates[part] & (inverse > (1 + IN_FRONT) * harmonic(inverse, known))

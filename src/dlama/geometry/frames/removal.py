@@ -16,13 +16,12 @@ import cv2
 import numpy as np
 
 from dlama.errors import InputError, MaskError
-from dlama.geometry.camera import Camera
 from dlama.geometry.drawing.picture_edges import DepthProfile
 from dlama.geometry.frames.agreement import AGREES
 from dlama.geometry.frames.choosing import choose_frames
 from dlama.geometry.frames.foreground import grown_over, in_front
 from dlama.geometry.holes import checked_mask, closed, dilated, eroded, opened, square
-from dlama.geometry.projection import project, rays
+from dlama.geometry.projection import pixels_of, rays
 from dlama.geometry.rendering import render
 from dlama.geometry.rgbd import BoolArray
 from dlama.geometry.scene import Scene
@@ -262,16 +261,6 @@ def against(points: np.ndarray, masked: View, mask: BoolArray) -> tuple[BoolArra
     there = np.where(masked.hole, 0, masked.depth)[row, column]
     shown = inside & (np.abs(there - z) <= AGREES * z) & ~mask[row, column]
     return shown, inside & dilated(mask, RIM_PX)[row, column], inside
-
-
-def pixels_of(points: np.ndarray, camera: Camera) -> tuple[np.ndarray, np.ndarray, np.ndarray, BoolArray]:
-    """Row, column and depth in metres of world points (H x W x 3), and which are in the camera's view; H x W each."""
-    pixels, z = project(points.reshape(-1, 3), camera)
-    width, height = camera.wh
-    inside = (z > 0) & (pixels >= 0).all(1) & (pixels[:, 0] < width) & (pixels[:, 1] < height)
-    column, row = np.where(inside[:, None], pixels, 0).astype(np.intp).T
-    hw = points.shape[:2]
-    return row.reshape(hw), column.reshape(hw), z.reshape(hw), inside.reshape(hw)
 
 
 def gaps_closed(found: BoolArray, allowed: BoolArray) -> BoolArray:

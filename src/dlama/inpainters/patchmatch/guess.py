@@ -5,6 +5,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
+from dlama.geometry.holes import shrink_known
 from dlama.geometry.rgbd import BoolArray, UInt8Array
 from dlama.inpainters.filling import Paint
 
@@ -19,9 +20,7 @@ def rough_guess(paint: Paint, picture: UInt8Array, hole: BoolArray, seed: int) -
     if by >= 1:
         return paint(picture, hole, seed)
     size = max(1, round(width * by)), max(1, round(height * by))
-    known = (~hole).astype(np.float32)
-    share = cv2.resize(known, size, interpolation=cv2.INTER_AREA)
-    sums = cv2.resize(picture * known[..., None], size, interpolation=cv2.INTER_AREA)
-    small = np.clip(np.round(sums / np.maximum(share, np.float32(1e-6))[..., None]), 0, 255).astype(np.uint8)
+    means, share = shrink_known(picture, ~hole, size)
+    small = np.clip(np.round(means), 0, 255).astype(np.uint8)
     painted = cv2.resize(paint(small, share < 0.5, seed), (width, height), interpolation=cv2.INTER_CUBIC)
     return np.where(hole[..., None], painted, picture)

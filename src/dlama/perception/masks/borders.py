@@ -5,7 +5,17 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from dlama.geometry.holes import dilated, disc, eroded, nearest_known, opened, touching
+from dlama.geometry.holes import (
+    box_around,
+    dilated,
+    disc,
+    eroded,
+    larger_box,
+    nearest_known,
+    opened,
+    sides_of,
+    touching,
+)
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array
 from dlama.perception.masks.supports import Planes, height_above
 from dlama.perception.planes import tolerance
@@ -130,12 +140,8 @@ def lost_foot(found: Planes, thing: BoolArray, support: BoolArray, most: float =
 def decided_by_color(rgbd: RGBD, thing: BoolArray, band: BoolArray, rounds: int = 2) -> BoolArray:
     """The mask with the pixels of `band` decided by GrabCut; all others stay. Colours are learnt in the surroundings only, and
     where those have more than MOST_PX, from a smaller picture of them."""
-    rows, columns = np.nonzero(thing | band)
-    reach = 12 + max(np.ptp(rows), np.ptp(columns)) // 4
-    box = (
-        slice(max(rows.min() - reach, 0), rows.max() + reach + 1),
-        slice(max(columns.min() - reach, 0), columns.max() + reach + 1),
-    )
+    tight = box_around(thing | band, 0)
+    box = larger_box(tight, 12 + (max(sides_of(tight)) - 1) // 4, thing.shape)
     prior, open_ = thing[box], band[box]
     state = np.where(prior, cv2.GC_FGD, cv2.GC_BGD).astype(np.uint8)
     state[open_] = np.where(prior, cv2.GC_PR_FGD, cv2.GC_PR_BGD)[open_]

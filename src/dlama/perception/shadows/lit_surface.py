@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from dlama.geometry.holes import dilated
+from dlama.geometry.holes import box_around, dilated, larger_box, sides_of
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array
 from dlama.perception.shadows.ground import EDGE_PX
 
@@ -109,8 +109,7 @@ def quadratic(u: np.ndarray, v: np.ndarray) -> NDArray[np.float64]:
 
 def around(mask: BoolArray) -> BoolArray:
     """H x W, True in the box of the mask grown by AROUND of its diagonal."""
-    rows, columns = np.flatnonzero(mask.any(1)), np.flatnonzero(mask.any(0))
-    reach = int(AROUND * np.hypot(np.ptp(rows) + 1, np.ptp(columns) + 1))
+    tight = box_around(mask, 0)
     out = np.zeros(mask.shape, np.bool_)
-    out[max(rows[0] - reach, 0) : rows[-1] + reach + 1, max(columns[0] - reach, 0) : columns[-1] + reach + 1] = True
+    out[larger_box(tight, int(AROUND * np.hypot(*sides_of(tight))), mask.shape)] = True
     return out

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from dlama.geometry.holes import dilated
+from dlama.geometry.holes import box_around, dilated, sides_of
 from dlama.geometry.rendering import render
 from dlama.geometry.rgbd import RGBD, BoolArray
 from dlama.geometry.scene import Scene
@@ -144,10 +144,9 @@ def frame_without(views: WorldViews, number: int, removed: int, where: BoolArray
     frame = views.frame(number)
     if not where.any():  # only the other picture of the pair shows it
         return frame
-    rows, columns = np.flatnonzero(where.any(1)), np.flatnonzero(where.any(0))
-    box = np.s_[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
-    height, width = where[box].shape
-    part = frame.camera.cropped(int(columns[0]), int(rows[0]), width, height)
+    rows, columns = box = box_around(where, 0)
+    height, width = sides_of(box)
+    part = frame.camera.cropped(columns.start, rows.start, width, height)
     cast = views.world.raycast(part, through=np.where(where[box], removed, -1).astype(np.int32))
     color, depth = frame.color.copy(), frame.depth.copy()
     np.copyto(color[box], cast.color, where=where[box][..., None])
