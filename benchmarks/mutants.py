@@ -493,7 +493,7 @@ MUTANTS: tuple[Mutant, ...] = (
     *faults(
         "geometry/projection.py",
         "tests/geometry/test_projection.py",
-        ("points left of the picture land", "inside = (pixels >= 0)", "inside = (pixels >= -9)"),
+        ("points left of the picture land", "(pixels >= 0).all(1) & (pixels <", "(pixels >= -9).all(1) & (pixels <"),
     ),
     *faults(
         "datasets/dataset_diagnosis.py",

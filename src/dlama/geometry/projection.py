@@ -153,7 +153,7 @@ def pixels_of(
     Rows and columns of points that are not, or that do not lie in front of the camera, are 0.
     """
     pixels, z = project(points.reshape(-1, 3), camera)
-    inside = (pixels >= 0).all(1) & (pixels < camera.wh).all(1)  # NaN, behind the camera, is neither
+    inside = np.asarray((pixels >= 0).all(1) & (pixels < camera.wh).all(1))  # NaN, behind the camera, is neither
     column, row = np.where(inside[:, None], pixels, 0).astype(np.intp).T
     shape = points.shape[:-1]
     return row.reshape(shape), column.reshape(shape), z.reshape(shape), inside.reshape(shape)
