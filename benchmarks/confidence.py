@@ -30,7 +30,7 @@ from dlama.geometry.rgbd import RGBD
 from dlama.geometry.view import View
 from dlama.inpainters import confidence as room
 from dlama.inpainters import filling
-from dlama.training.data.augment import with_faults
+from dlama.training.data.augment import add_depth_faults
 from dlama.training.data.samples.world_views import WorldSet
 from dlama.worlds.dataset import worlds
 from world_cases import world_case
@@ -123,7 +123,7 @@ def filled_rows(
     truth: Truth, filler: str, faults: bool, rng: np.random.Generator, recorded_by_camera: bool = False
 ) -> Rows | None:
     """Every view that is filled for a truth."""
-    source = with_faults(truth.source, rng, sensor_holes=True) if faults else truth.source
+    source = add_depth_faults(truth.source, rng, sensor_holes=True) if faults else truth.source
     if recorded_by_camera:
         source = as_recorded(source, rng)
     if isinstance(truth, RemovalTruth):

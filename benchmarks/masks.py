@@ -24,7 +24,7 @@ from dlama.evaluation.metrics.masks import border_f, innermost, iou
 from dlama.evaluation.protocols.mask import found_masks, found_or_nothing
 from dlama.geometry.rgbd import RGBD, BoolArray
 from dlama.perception.object_masks import MaskSession
-from dlama.training.data.sensors import photographed, structured_light
+from dlama.training.data.sensors import add_photo_noise, structured_light
 from dlama.worlds.dataset import open_dataset_or_worlds
 
 SEED = 7
@@ -45,7 +45,7 @@ def by_a_depth_camera(truth: RemovalTruth, shifted: bool, seed: int) -> RGBD:
         size = source.camera.wh
         depth = cv2.warpAffine(source.depth, by, size, flags=cv2.INTER_NEAREST, borderMode=cv2.BORDER_REPLICATE)
         measured = dataclasses.replace(source, depth=depth)
-    return dataclasses.replace(structured_light(measured, rng), color=photographed(source.color, rng))
+    return dataclasses.replace(structured_light(measured, rng), color=add_photo_noise(source.color, rng))
 
 
 def one_click(rgbd: RGBD, true: BoolArray) -> dict[str, tuple[float, float]]:

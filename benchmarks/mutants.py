@@ -283,7 +283,7 @@ MUTANTS: tuple[Mutant, ...] = (
         ("R1 every n-th step is not n times as strong", "gradient_penalty * every if", "gradient_penalty if"),
         ("R1 in every step", "if self.step % every == 0 else 0.0", ""),
         ("the guard's state goes on learning", "return copy.deepcopy(dict(state))", "return dict(state)"),
-        ("the guard forgets the optimisers", "optimiser.load_state_dict(_copied(state))", "pass"),
+        ("the guard forgets the optimisers", "optimiser.load_state_dict(_copy_state(state))", "pass"),
     ),
     *faults(
         "training/loop/module.py",

@@ -13,7 +13,7 @@ from dlama.geometry.rgbd import RGBD
 from dlama.perception.monocular import estimate_depth
 from dlama.training.data.samples.world_views import WorldSet, WorldViews
 from dlama.training.data.samples.worlds import frame_without
-from dlama.training.data.sensors import photographed, stereo_matcher, structured_light
+from dlama.training.data.sensors import add_photo_noise, stereo_matcher, structured_light
 
 SHARES, FARTHEST_M = (0.005, 0.12), 6.0
 """Of the picture, that the removed object of a world covers, and its largest distance (median depth): no houses."""
@@ -69,7 +69,7 @@ def as_seen(frame: RGBD, sensor: str, rng: np.random.Generator) -> RGBD:
     """The frame as a sensor of that name gives it."""
     if sensor == "exact":
         return frame
-    frame = dataclasses.replace(frame, color=photographed(frame.color, rng))
+    frame = dataclasses.replace(frame, color=add_photo_noise(frame.color, rng))
     if sensor == "estimated":
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")

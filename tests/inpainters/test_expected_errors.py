@@ -21,7 +21,7 @@ from dlama.geometry.view import HoleType, Origin, View
 from dlama.geometry.visibility import Law
 from dlama.inpainters.confidence import FEATURES, OUTPUTS, SUREST, ConfidenceNetwork
 from dlama.inpainters.filling import Fill, inpaint
-from dlama.training.data.augment import flying, noisy, quantised
+from dlama.training.data.augment import add_depth_noise, add_flying_pixels, quantise_depth
 from dlama.worlds.dataset import world
 
 HELD_OUT = (900_011, 900_012, 900_015, 900_018)
@@ -40,7 +40,7 @@ def recorded(frame: RGBD, seed: int) -> RGBD:
     """As a sensor has it: flying pixels, noise and steps of depth, noise of colours."""
     rng = np.random.default_rng(seed)
     color = frame.color + rng.normal(0, 3, frame.color.shape)
-    faulty = quantised(noisy(flying(frame.depth, rng), rng), rng)
+    faulty = quantise_depth(add_depth_noise(add_flying_pixels(frame.depth, rng), rng), rng)
     return dataclasses.replace(frame, color=np.clip(np.rint(color), 0, 255).astype(np.uint8), depth=faulty)
 
 

@@ -19,9 +19,9 @@ from dlama.geometry.view import View  # noqa: E402
 from dlama.geometry.visibility import Law  # noqa: E402
 from dlama.inpainters.choice.judge import open_judge  # noqa: E402
 from dlama.training.data.batches import check_sample  # noqa: E402
-from dlama.training.data.guess_crops import INDEX, SIDE, Asked, GuessCrop, crops_of, read_crop  # noqa: E402
+from dlama.training.data.guess_crops import INDEX, SIDE, FillTask, GuessCrop, crops_of, read_crop  # noqa: E402
 from dlama.training.data.samples.guesses import GuessSamples  # noqa: E402
-from dlama.training.data.sensors import photographed, stereo_matcher, structured_light  # noqa: E402
+from dlama.training.data.sensors import add_photo_noise, stereo_matcher, structured_light  # noqa: E402
 from dlama.training.loop.train import train  # noqa: E402
 from dlama.training.losses.choice import depth_choice, error_likelihood, relative_error  # noqa: E402
 from dlama.training.losses.lpips import LpipsLoss  # noqa: E402
@@ -61,7 +61,7 @@ def test_a_crop_of_a_view_has_its_guesses_and_the_truth():
     camera = Camera.from_fov(SIDE, SIDE, 70)
     frame, target = WORLD.rgbd(camera), WORLD.rgbd(orbit(camera, 12))
     view = render(frame, target.camera)
-    asked = Asked(view, Law.of(Scene((View.from_rgbd(frame),))), target)
+    asked = FillTask(view, Law.of(Scene((View.from_rgbd(frame),))), target)
     crop = next(crops_of(asked, np.random.default_rng(0)))
     known = crop.context[-2] == 0
     for color in (*crop.color, crop.true_color):
@@ -160,4 +160,4 @@ def test_sensors_measure_what_is_there(sensor):
 def test_a_photographed_picture_is_nearly_the_same():
     """Closed form: grey stays grey within the noise."""
     grey = np.full((64, 64, 3), 128, np.uint8)
-    assert abs(photographed(grey, np.random.default_rng(1)).astype(int) - 128).mean() < 8
+    assert abs(add_photo_noise(grey, np.random.default_rng(1)).astype(int) - 128).mean() < 8

@@ -195,8 +195,8 @@ def test_estimates_say_so_and_are_their_formula():
     assert found.slow == pytest.approx(0.1 * 990e12 / step_flop(settings)) and found.fast == pytest.approx(
         2 * found.slow
     )
-    assert found.made == 15 * 17 and found.reached == (255, 255)
-    assert Estimate(1e12, 99.0, 198.0, 150.0).reached == (99, 150)
+    assert found.made == 15 * 17 and found.samples_per_second == (255, 255)
+    assert Estimate(1e12, 99.0, 198.0, 150.0).samples_per_second == (99, 150)
     for name in ("small-rgbd", "small-stereo", "big-rgbd"):
         assert "ESTIMATE, not measured" in PRESETS[name].samples_per_second
     large = estimate(replace(settings, data=replace(settings.data, size=512)))

@@ -33,7 +33,7 @@ GPU_SHARE = (0.10, 0.20)
 """Reached share of it, ASSUMED: small convolutions, batch norms and transforms keep a GPU waiting for its memory. On a CPU the
 same steps reach 21 % to 37 % of a matrix product (`python benchmarks/training.py`)."""
 CORES = 15
-"""Cores that make samples beside a GPU: 16 less the one that trains."""
+"""Cores that make samples for a GPU: 16 less the one that trains."""
 MEASURED_SIZE = 256
 """Pixels of the sides of samples that `SampleKind.per_core` was measured at; other sizes are scaled by their pixels."""
 TRUNK_STRIDES = (1, 2, 2, 1, 1, 1, 1)
@@ -155,12 +155,12 @@ class Estimate:
     """Samples/s that CORES processes make."""
 
     @property
-    def reached(self) -> tuple[float, float]:
+    def samples_per_second(self) -> tuple[float, float]:
         """Lower and upper bound: the slower of training and sample making."""
         return min(self.slow, self.made), min(self.fast, self.made)
 
     def __str__(self) -> str:
-        low, high = self.reached
+        low, high = self.samples_per_second
         span = f"{low:.0f}" if round(low) == round(high) else f"{low:.0f} to {high:.0f}"
         limit = "by making samples" if self.made <= self.slow else "by arithmetic"
         return (
@@ -171,7 +171,7 @@ class Estimate:
 
 
 def estimate(settings: TrainSettings) -> Estimate:
-    """Of one GPU with CORES cores beside it and the random trunk. InputError for kinds of samples that were not timed."""
+    """Of one GPU with CORES cores and the random trunk. InputError for kinds of samples that were not timed."""
     flop, untimed = (
         step_flop(settings),
         [kind for kind in sorted(settings.data.mixture) if SAMPLES[kind].per_core is None],

@@ -18,7 +18,7 @@ def logistic_weights(features: NDArray[np.float64], right: NDArray[np.float64], 
     costs = ridge * np.r_[np.ones(features.shape[1]), 1e-6]
     weights = np.zeros(design.shape[1])
     for _ in range(NEWTON_STEPS):
-        said = 1 / (1 + np.exp(-design @ weights))
-        curve = (design * (said * (1 - said))[:, None]).T @ design + np.diag(costs)
-        weights -= np.linalg.solve(curve, design.T @ (said - right) + costs * weights)
+        predicted = 1 / (1 + np.exp(-design @ weights))
+        curve = (design * (predicted * (1 - predicted))[:, None]).T @ design + np.diag(costs)
+        weights -= np.linalg.solve(curve, design.T @ (predicted - right) + costs * weights)
     return weights

@@ -34,7 +34,7 @@ class Preset:
     """One line for people."""
     settings: TrainSettings
     samples_per_second: str
-    """Training speed, where and how it was measured; or an estimate, which says so and how it was reckoned."""
+    """Training speed, where and how it was measured; or an estimate, marked as one, and how it was made."""
 
 
 MINI = "3 per core in fp32, 5 in bf16 (CPU time of one EPYC core with AVX-512 bf16; a core for making samples comes on top)"
@@ -110,7 +110,7 @@ def _choice() -> TrainSettings:
     )  # fmt: skip
 
 
-def _on_a_gpu(purpose: str, settings: TrainSettings) -> Preset:
+def _gpu_preset(purpose: str, settings: TrainSettings) -> Preset:
     """With an estimated speed: these were not timed on a GPU."""
     return Preset(purpose, settings, str(estimate(settings)))
 
@@ -120,9 +120,9 @@ PRESETS: dict[str, Preset] = {
     "mini-rgbd": Preset("colour and depth, on a CPU", _mini("rgbd", "world"), MINI),
     "mini-stereo": Preset("both pictures of a pair, on a CPU", _mini("stereo", "stereo"), MINI),
     "choice": Preset("the judge of filler `choice`, on a CPU", _choice(), "4 on one EPYC core"),
-    "small-rgbd": _on_a_gpu("colour and depth, on one GPU", _small("rgbd", "world")),
-    "small-stereo": _on_a_gpu("both pictures of a pair, on one GPU", _small("stereo", "stereo")),
-    "big-rgbd": _on_a_gpu("colour and depth in big-lama's shape; start from its weights", _big()),
+    "small-rgbd": _gpu_preset("colour and depth, on one GPU", _small("rgbd", "world")),
+    "small-stereo": _gpu_preset("both pictures of a pair, on one GPU", _small("stereo", "stereo")),
+    "big-rgbd": _gpu_preset("colour and depth in big-lama's shape; start from its weights", _big()),
 }
 """By name, in the order of their size."""
 

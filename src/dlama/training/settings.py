@@ -38,7 +38,7 @@ class NetworkSettings:
     discriminator_layers: int = 4
     """Its layers with stride 2."""
     start: str | None = None
-    """A LaMa checkpoint or safetensors file to go on from: planes it lacks are added with zero weights, so that at step
+    """A LaMa checkpoint or safetensors file to start from: planes it lacks are added with zero weights, so that at step
     0 colour is filled as before. Width, blocks and the rest must be its own. Of choice: the ONNX file of a judge."""
     judge_sees_depth: bool = True
     """Of choice: whether depth is among what it judges by."""
@@ -192,7 +192,7 @@ class DataSettings:
     held_out: int = 16
     """Number of fixed validation samples, of worlds or files that are never trained on."""
     workers: int | None = None
-    """Processes that make samples; None: one per core less one, 0: none beside the training itself."""
+    """Processes that make samples; None: one per core less one, 0: none but the training itself."""
 
     def __post_init__(self) -> None:
         _at_least("data", self, 1, "size", "held_out")
@@ -269,8 +269,8 @@ class TrainSettings:
     def __post_init__(self) -> None:
         net = self.network.generator
         if self.data.size % net.multiple or self.data.size < net.minimum:
-            wanted = f"a multiple of {net.multiple}, {net.minimum} or more"
-            raise InputError(f"data.size is {self.data.size}; {wanted} is expected by {net.downsamplings} halvings")
+            expected = f"a multiple of {net.multiple}, {net.minimum} or more"
+            raise InputError(f"data.size is {self.data.size}; {expected} is expected by {net.downsamplings} halvings")
         if not self.name or not all(letter.isalnum() or letter in "-_." for letter in self.name):
             raise InputError(f"name is {self.name!r}; letters, digits, '-', '_' and '.' are expected")
         unfit = [kind for kind in sorted(self.data.mixture) if self.network.views not in SAMPLES[kind].views]

@@ -15,7 +15,7 @@ from dlama.datasets.frames import ViewTruth
 from dlama.errors import FileError, InputError, OutputError
 from dlama.training.data.batches import check_sample
 from dlama.training.data.cases import TrainingCase, split_cases
-from dlama.training.data.crops import resized
+from dlama.training.data.crops import resize_frame
 from dlama.training.data.pack import pack
 from dlama.training.data.pack_format import read_pack
 from dlama.training.data.samples.dataset import DatasetViews
@@ -92,7 +92,7 @@ def test_photos_and_pairs_come_back(photos: Path, posed: Path, tmp_path: Path) -
         was, now = named[pair.name + pair.scene].load(), pair.load()
         assert pair.frames == named[pair.name + pair.scene].frames and pair.kind == "frame"
         for end in ("source", "target"):
-            small = resized(getattr(was, end), 64 / 72)
+            small = resize_frame(getattr(was, end), 64 / 72)
             back = getattr(now, end)
             assert np.array_equal(back.camera.world_from_cam, small.camera.world_from_cam)
             assert back.camera.same_lens_as(small.camera)
@@ -202,7 +202,7 @@ def test_photos_under_holes_of_real_depth(photos: Path, posed: Path) -> None:
 def test_scaling_keeps_points_in_place() -> None:
     """A point in the world falls on the same share of the picture before and after (oracle: the camera model)."""
     rgbd = truth()[1]
-    small = resized(rgbd, 0.5)
+    small = resize_frame(rgbd, 0.5)
     assert small.camera.hw == (36, 48) and small.depth.shape == (36, 48)
     before = rgbd.camera.K @ (0.3, -0.2, 2.0)
     after = small.camera.K @ (0.3, -0.2, 2.0)

@@ -9,7 +9,7 @@ import numpy as np
 
 from dlama.geometry.projection import rays
 from dlama.perception.shadows.planes import MULTIPLE, PLANES
-from dlama.training.data.shadow_crops import LOW_M, ShadowCrops, shadow_crop, with_paving, write_shadow_crops
+from dlama.training.data.shadow_crops import LOW_M, ShadowCrops, add_paving, shadow_crop, write_shadow_crops
 from dlama.worlds.dataset import world
 from dlama.worlds.raycast.shape_rows import GROUND_GROUP, LAYER
 
@@ -40,7 +40,7 @@ def test_new_paving_changes_the_colours_of_the_ground_alone() -> None:
     too, is as before."""
     before = dataclasses.replace(world(50_003), antialias=False)
     camera = before.camera(size=96)
-    laid = with_paving(before, np.random.default_rng(0))
+    laid = add_paving(before, np.random.default_rng(0))
     old, new = before.raycast(camera), laid.raycast(camera)
     np.testing.assert_array_equal(new.depth, old.depth)
     np.testing.assert_array_equal(new.group, old.group)

@@ -18,7 +18,7 @@ from toy_runs import no_tensorboard, toy  # noqa: E402
 from dlama.errors import FileError, OutputError  # noqa: E402
 from dlama.training.loop import callbacks, run_files  # noqa: E402
 from dlama.training.loop.checkpointing import read_checkpoint, write_checkpoint  # noqa: E402
-from dlama.training.loop.run_files import LAST, METRICS, SETTINGS, owned, read_metrics  # noqa: E402
+from dlama.training.loop.run_files import LAST, METRICS, SETTINGS, lock_run, read_metrics  # noqa: E402
 from dlama.training.loop.train import train  # noqa: E402
 
 no_tensorboard()
@@ -123,7 +123,7 @@ def test_two_processes_do_not_train_in_one_directory(killed: Path) -> None:
         with pytest.raises(OutputError, match="another process trains there"):
             train(toy(steps=1), killed, resume=True)
         other.kill()
-    with owned(killed):
+    with lock_run(killed):
         pass
 
 

@@ -294,7 +294,7 @@ def test_fine_tuning_starts_where_lama_ended(tmp_path):
     with torch.no_grad():
         got = initial_generator(network).eval()(picture)[:, :3]
         torch.testing.assert_close(got, lama(picture[:, [0, 1, 2, 4]]), rtol=0, atol=1e-6)
-    with pytest.raises(InputError, match="the settings say"):
+    with pytest.raises(InputError, match="is expected by the settings"):
         initial_generator(replace(network, blocks=2))
 
 

@@ -77,10 +77,10 @@ def test_resumed_is_bit_exact(planes, tmp_path, monkeypatch):
     whole = train(settings, tmp_path / "whole")
 
     class Stop(callbacks.StopRequest):
-        def asked(self, trainer):
+        def is_requested(self, trainer):
             if trainer.lightning_module.step == 3:
                 os.kill(os.getpid(), signal.SIGTERM)
-            return super().asked(trainer)
+            return super().is_requested(trainer)
 
     with monkeypatch.context() as patch:
         patch.setattr("dlama.training.loop.callbacks.StopRequest", Stop)

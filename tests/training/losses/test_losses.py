@@ -16,7 +16,7 @@ from toy_runs import Exploit  # noqa: E402
 from dlama.errors import FileError, ShapeError  # noqa: E402
 from dlama.nets.discriminator import Discriminator, DiscriminatorSettings  # noqa: E402
 from dlama.nets.safetensors_file import read_safetensors  # noqa: E402
-from dlama.training.data.batches import check_sample, composited, hole_planes, pictures  # noqa: E402
+from dlama.training.data.batches import check_sample, composite, hole_planes, pictures  # noqa: E402
 from dlama.training.data.samples.toy_scenes import ToyScenes  # noqa: E402
 from dlama.training.kinds import PLANES  # noqa: E402
 from dlama.training.loop.validation import hole_metrics, metric_names, ssim_map, telea  # noqa: E402
@@ -357,7 +357,7 @@ def test_metrics_of_the_truth_and_of_telea():
     assert perfect["color_ssim"] == pytest.approx(1) and perfect["color_psnr"] == pytest.approx(100)
     grey = hole_metrics(torch.full_like(batch["target"], 0.5), batch, network)
     diffused = telea(batch)
-    torch.testing.assert_close(composited(diffused, batch), diffused, rtol=0, atol=0.5 / 255 + 1e-6)
+    torch.testing.assert_close(composite(diffused, batch), diffused, rtol=0, atol=0.5 / 255 + 1e-6)
     assert 0 < hole_metrics(diffused, batch, network)["color_l1"] < grey["color_l1"]
 
 

@@ -19,7 +19,7 @@ NOISE = (0.0005, 0.01)
 """Standard deviation of inverse depth, relative, smooth over NOISE_GRAIN pixels: stereo and Kinect at 0.5 to 5 m."""
 NOISE_GRAIN = 3
 LEVELS = (200, 4000)
-"""Steps of inverse depth that a sensor tells apart, up to the nearest pixel: disparities of 1/8 px and coarser."""
+"""Steps of inverse depth that a sensor resolves, up to the nearest pixel: disparities of 1/8 px and coarser."""
 FLYING = (0.1, 0.9)
 """Share of the pixels at edges whose depth is a mix of both sides."""
 EDGE = 0.1
@@ -32,21 +32,21 @@ GAIN, GAMMA, TINT, CONTRAST = 0.25, 0.3, 0.06, 0.15
 """Half the range of a picture's brightness, gamma (log2), of one channel's gain, and of contrast."""
 
 
-def with_faults(rgbd: RGBD, rng: np.random.Generator, sensor_holes: bool = False) -> RGBD:
+def add_depth_faults(rgbd: RGBD, rng: np.random.Generator, sensor_holes: bool = False) -> RGBD:
     """The frame with flying pixels, noise and quantisation of depth, each with probability 1/2; with `sensor_holes` also some
     missing depth (0)."""
     if rng.random() < CLEAN:
-        return rgbd if not sensor_holes else dataclasses.replace(rgbd, depth=with_holes(rgbd.depth, rng))
+        return rgbd if not sensor_holes else dataclasses.replace(rgbd, depth=add_depth_holes(rgbd.depth, rng))
     depth = rgbd.depth
-    for fault in (flying, noisy, quantised):
+    for fault in (add_flying_pixels, add_depth_noise, quantise_depth):
         if rng.random() < 0.5:
             depth = fault(depth, rng)
     if sensor_holes:
-        depth = with_holes(depth, rng)
+        depth = add_depth_holes(depth, rng)
     return dataclasses.replace(rgbd, depth=depth)
 
 
-def noisy(depth: Float32Array, rng: np.random.Generator) -> Float32Array:
+def add_depth_noise(depth: Float32Array, rng: np.random.Generator) -> Float32Array:
     """Depth (H x W m) with smooth noise, relative to inverse depth; far and missing stay."""
     strength = float(np.exp(rng.uniform(*np.log(NOISE))))
     white = rng.standard_normal(depth.shape, np.float32)
@@ -55,7 +55,7 @@ def noisy(depth: Float32Array, rng: np.random.Generator) -> Float32Array:
     return (depth / np.maximum(factor, 0.5)).astype(np.float32)
 
 
-def quantised(depth: Float32Array, rng: np.random.Generator) -> Float32Array:
+def quantise_depth(depth: Float32Array, rng: np.random.Generator) -> Float32Array:
     """Depth (H x W m) whose inverse has equal steps, like a disparity sensor's; what is below half a step becomes far."""
     near = depth[(depth > 0) & (depth < np.inf)]
     if not near.size:
@@ -69,8 +69,8 @@ def quantised(depth: Float32Array, rng: np.random.Generator) -> Float32Array:
     return out
 
 
-def flying(depth: Float32Array, rng: np.random.Generator) -> Float32Array:
-    """Depth (H x W m) with flying pixels: some pixels beside an edge have a depth between both sides."""
+def add_flying_pixels(depth: Float32Array, rng: np.random.Generator) -> Float32Array:
+    """Depth (H x W m) with flying pixels: some pixels next to an edge have a depth between both sides."""
     finite = np.where(np.isfinite(depth), depth, 0).astype(np.float32)
     valid = finite > 0
     kernel = np.ones((3, 3), np.uint8)
@@ -81,7 +81,7 @@ def flying(depth: Float32Array, rng: np.random.Generator) -> Float32Array:
     return np.where(edge, nearest + share * (farthest - nearest), depth).astype(np.float32)
 
 
-def with_holes(depth: Float32Array, rng: np.random.Generator) -> Float32Array:
+def add_depth_holes(depth: Float32Array, rng: np.random.Generator) -> Float32Array:
     """Depth (H x W m) that is missing (0) in 1 to MOST_SENSOR_HOLES random ellipses."""
     missing = np.zeros(depth.shape, np.uint8)
     width = depth.shape[1]
@@ -92,17 +92,17 @@ def with_holes(depth: Float32Array, rng: np.random.Generator) -> Float32Array:
     return np.where(missing > 0, np.float32(0), depth)
 
 
-def mirrored(sample: dict[str, np.ndarray], rng: np.random.Generator, views: int) -> dict[str, np.ndarray]:
+def mirror_at_random(sample: dict[str, np.ndarray], rng: np.random.Generator, views: int) -> dict[str, np.ndarray]:
     """The sample, mirrored with probability 1/2; the two views of a mirrored pair change places, or left would be right."""
     if rng.random() < 0.5:
         return sample
     flipped = {key: planes[..., ::-1] for key, planes in sample.items()}
     if views == 2:
-        flipped = {key: _views_exchanged(planes) for key, planes in flipped.items()}
+        flipped = {key: _swap_views(planes) for key, planes in flipped.items()}
     return {key: np.ascontiguousarray(planes) for key, planes in flipped.items()}
 
 
-def relit(sample: dict[str, np.ndarray], rng: np.random.Generator, colors: int) -> dict[str, np.ndarray]:
+def change_light(sample: dict[str, np.ndarray], rng: np.random.Generator, colors: int) -> dict[str, np.ndarray]:
     """The sample with another brightness, contrast, gamma and tint of its `colors` colour planes, in input and target alike; the
     hole stays 0."""
     table = random_light(rng)
@@ -126,7 +126,7 @@ def random_light(rng: np.random.Generator) -> Float32Array:
     return np.clip((levels - 0.5) * contrast + 0.5, 0, 1).astype(np.float32)
 
 
-def _views_exchanged(planes: np.ndarray) -> np.ndarray:
+def _swap_views(planes: np.ndarray) -> np.ndarray:
     """Left and right exchanged: of the 6 colour planes and of the one or two mask planes behind them."""
     color, masks = (planes[:6], planes[6:]) if len(planes) >= 6 else (planes[:0], planes)
     return np.concatenate([color[3:], color[:3], masks[::-1]])

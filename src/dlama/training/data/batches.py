@@ -42,11 +42,11 @@ class Batch(TypedDict, total=False):
 
 def keys_of(network: NetworkSettings) -> dict[str, int]:
     """Key of Batch -> number of planes, for samples of such a network."""
-    wanted = {"input": network.kind.inputs, "target": network.kind.outputs, "mask": network.masks}
+    expected = {"input": network.kind.inputs, "target": network.kind.outputs, "mask": network.masks}
     if network.kind.guesses:
         shared, own = network.judge.context_planes, network.judge.guess_planes
-        wanted |= {"context": shared - network.kind.inputs, "guesses": own * network.kind.guesses}
-    return wanted | ({"known_depth": 1, "limit": 1} if network.has_depth else {})
+        expected |= {"context": shared - network.kind.inputs, "guesses": own * network.kind.guesses}
+    return expected | ({"known_depth": 1, "limit": 1} if network.has_depth else {})
 
 
 def network_input(batch: Batch) -> Tensor:
@@ -62,9 +62,9 @@ def check_sample(sample: Sample, network: NetworkSettings, size: int) -> None:
     for key, planes in keys_of(network).items():
         if key not in sample:
             raise ShapeError(f"sample: no {key!r}; it has {', '.join(sample)}")
-        array, wanted = sample[key], (planes, size, size)
-        if array.shape != wanted or array.dtype != np.float32:
-            raise ShapeError(f"sample: {key} is {array.dtype} {array.shape}; float32 {wanted} is expected")
+        array, expected = sample[key], (planes, size, size)
+        if array.shape != expected or array.dtype != np.float32:
+            raise ShapeError(f"sample: {key} is {array.dtype} {array.shape}; float32 {expected} is expected")
         low, high = float(array.min()), float(array.max())
         if not (low >= 0 and (high <= 1 or key == "limit")):
             raise ShapeError(f"sample: {key} is between {low} and {high}; 0 to 1 is expected")
@@ -86,7 +86,7 @@ def any_hole(mask: Tensor) -> Tensor:
     return mask.amax(1, keepdim=True)
 
 
-def composited(output: Tensor, batch: Batch) -> Tensor:
+def composite(output: Tensor, batch: Batch) -> Tensor:
     """The output (B x P x H x W) in the hole, the truth elsewhere."""
     hole = hole_planes(batch["mask"], output.shape[1])
     return torch.lerp(batch["target"], output, hole)

@@ -29,19 +29,19 @@ class Crop:
     def rgbd(self, rgbd: RGBD) -> RGBD:
         """The crop of a frame, with the camera of the crop."""
         part, camera = self._part, rgbd.camera.cropped(self.left, self.top, self.side, self.side)
-        return resized(RGBD(rgbd.color[part], rgbd.depth[part], camera), self.size / self.side)
+        return resize_frame(RGBD(rgbd.color[part], rgbd.depth[part], camera), self.size / self.side)
 
     def color(self, color: UInt8Array) -> UInt8Array:
         """H x W x 3 -> size x size x 3."""
-        return resized_color(color[self._part], (self.size, self.size))
+        return resize_color(color[self._part], (self.size, self.size))
 
     def mask(self, mask: BoolArray) -> BoolArray:
         """H x W -> size x size."""
-        return resized_mask(mask[self._part], (self.size, self.size))
+        return resize_mask(mask[self._part], (self.size, self.size))
 
     def disparity(self, disparity: Float32Array) -> Float32Array:
         """H x W px, 0 = unknown -> size x size, in pixels of the sample."""
-        return resized_disparity(disparity[self._part], (self.size, self.size))
+        return resize_disparity(disparity[self._part], (self.size, self.size))
 
     @property
     def _part(self) -> tuple[slice, slice]:
@@ -64,38 +64,38 @@ def random_crop(hw: tuple[int, int], size: int, rng: np.random.Generator, around
     return Crop(top, left, side, size)
 
 
-def resized(rgbd: RGBD, factor: float) -> RGBD:
+def resize_frame(rgbd: RGBD, factor: float) -> RGBD:
     """A frame with `factor` times as many pixels a side (rounded)."""
-    hw = scaled(rgbd.camera.hw, factor)
-    depth = rgbd.depth[nearest(rgbd.camera.hw, hw)]
-    return RGBD(resized_color(rgbd.color, hw), depth, rgbd.camera.resized(hw[1], hw[0]))
+    hw = scale_size(rgbd.camera.hw, factor)
+    depth = rgbd.depth[nearest_indices(rgbd.camera.hw, hw)]
+    return RGBD(resize_color(rgbd.color, hw), depth, rgbd.camera.resized(hw[1], hw[0]))
 
 
-def scaled(hw: tuple[int, int], factor: float) -> tuple[int, int]:
+def scale_size(hw: tuple[int, int], factor: float) -> tuple[int, int]:
     """Height and width times a factor, rounded, 1 or more."""
     return max(1, round(hw[0] * factor)), max(1, round(hw[1] * factor))
 
 
-def resized_color(color: UInt8Array, hw: tuple[int, int]) -> UInt8Array:
+def resize_color(color: UInt8Array, hw: tuple[int, int]) -> UInt8Array:
     """H x W x 3 at another height and width: area means, or linear where it grows."""
     how = cv2.INTER_AREA if hw[0] < color.shape[0] else cv2.INTER_LINEAR
     return np.asarray(cv2.resize(color, hw[::-1], interpolation=how), np.uint8)
 
 
-def resized_mask(mask: BoolArray, hw: tuple[int, int]) -> BoolArray:
+def resize_mask(mask: BoolArray, hw: tuple[int, int]) -> BoolArray:
     """H x W bool at another height and width, True wherever any of it was."""
     if hw[0] >= mask.shape[0]:
-        return mask[nearest((mask.shape[0], mask.shape[1]), hw)]
+        return mask[nearest_indices((mask.shape[0], mask.shape[1]), hw)]
     return np.asarray(cv2.resize(mask.astype(np.float32), hw[::-1], interpolation=cv2.INTER_AREA) > 1e-6)
 
 
-def resized_disparity(disparity: Float32Array, hw: tuple[int, int]) -> Float32Array:
+def resize_disparity(disparity: Float32Array, hw: tuple[int, int]) -> Float32Array:
     """H x W px at another height and width, in pixels of that width."""
     before = (disparity.shape[0], disparity.shape[1])
-    return (disparity[nearest(before, hw)] * np.float32(hw[1] / before[1])).astype(np.float32)
+    return (disparity[nearest_indices(before, hw)] * np.float32(hw[1] / before[1])).astype(np.float32)
 
 
-def nearest(before: tuple[int, int], after: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
+def nearest_indices(before: tuple[int, int], after: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
     """Indices of the pixels in which the centres of the resized picture's pixels lie."""
     rows = ((np.arange(after[0]) + 0.5) * (before[0] / after[0])).astype(np.intp)
     columns = ((np.arange(after[1]) + 0.5) * (before[1] / after[1])).astype(np.intp)

@@ -30,12 +30,12 @@ from dlama.inpainters.choice.planes import context_planes, depth_scale, nearness
 from dlama.inpainters.filling import Fill
 from dlama.inpainters.layered.filler import layered
 from dlama.perception.monocular import estimate_depth
-from dlama.training.data.augment import with_faults
+from dlama.training.data.augment import add_depth_faults
 from dlama.training.data.photos import Photo, square_crop
 from dlama.training.data.samples.views import hole_size_fits
 from dlama.training.data.samples.world_views import WorldSet, WorldViews
 from dlama.training.data.samples.worlds import frame_without, removable_object
-from dlama.training.data.sensors import photographed, stereo_matcher, structured_light
+from dlama.training.data.sensors import add_photo_noise, stereo_matcher, structured_light
 
 SIDE = 256
 """Height and width of a crop in pixels."""
@@ -71,7 +71,7 @@ class GuessCrop:
 
 
 @dataclass(frozen=True, eq=False)
-class Asked:
+class FillTask:
     """What a filler was asked to fill, and the truth."""
 
     view: View
@@ -118,52 +118,52 @@ def crops(photos: Sequence[Photo], seed: int, split: str) -> Iterator[GuessCrop]
         worlds = WorldSet(split, size, tuple(photos))
         views = worlds.views_of_world(int(rng.integers(100_000)))
         for _ in range(EXAMPLES_PER_WORLD):
-            for asked in examples(views, size, photos, rng):
+            for asked in random_tasks(views, size, photos, rng):
                 yield from crops_of(asked, rng)
 
 
-def examples(views: WorldViews, size: int, photos: Sequence[Photo], rng: np.random.Generator) -> list[Asked]:
+def random_tasks(views: WorldViews, size: int, photos: Sequence[Photo], rng: np.random.Generator) -> list[FillTask]:
     """What the filler is asked for one example: of a photo, or of a world with an object removed or another camera."""
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             if photos and rng.random() < PHOTO_SHARE:
-                return photo_example(photos[int(rng.integers(len(photos)))], size, rng)
-            return world_example(views, rng)
+                return photo_tasks(photos[int(rng.integers(len(photos)))], size, rng)
+            return world_tasks(views, rng)
     except DlamaError:  # a picture of nothing, a mask that covers all
         return []
 
 
-def world_example(views: WorldViews, rng: np.random.Generator) -> list[Asked]:
+def world_tasks(views: WorldViews, rng: np.random.Generator) -> list[FillTask]:
     """A frame of a world as some sensor saw it, completed."""
     number, target = views.pairs[int(rng.integers(len(views.pairs)))] if views.pairs else (0, 0)
     frame = views.frame(number)
     removed = removable_object(views, number, rng) if rng.random() < REMOVAL_SHARE else None
-    source = measured(frame, rng)
+    source = simulate_sensor(frame, rng)
     if removed is None:
-        return asked_by_pipeline(source, views.cameras[target], None, (frame, views.frame(target)))
+        return pipeline_tasks(source, views.cameras[target], None, (frame, views.frame(target)))
     mask = views.raycast(number).group == removed
     around = cv2.dilate(mask.astype(np.uint8), np.ones((13, 13), np.uint8)) > 0
     truth = frame_without(views, number, removed, around)
-    return asked_by_pipeline(source, frame.camera, mask, (truth,))
+    return pipeline_tasks(source, frame.camera, mask, (truth,))
 
 
-def measured(frame: RGBD, rng: np.random.Generator) -> RGBD:
+def simulate_sensor(frame: RGBD, rng: np.random.Generator) -> RGBD:
     """The frame as it is, with light faults, or as a structured-light camera or a matcher saw it."""
     if rng.random() < 0.5:
-        frame = dataclasses.replace(frame, color=photographed(frame.color, rng))
+        frame = dataclasses.replace(frame, color=add_photo_noise(frame.color, rng))
     how = rng.random()
     if how < 0.5:
-        return with_faults(frame, rng)
+        return add_depth_faults(frame, rng)
     return structured_light(frame, rng) if how < 0.75 else stereo_matcher(frame, rng)
 
 
-def asked_by_pipeline(source: RGBD, camera: Camera, mask: BoolArray | None, truths: Sequence[RGBD]) -> list[Asked]:
+def pipeline_tasks(source: RGBD, camera: Camera, mask: BoolArray | None, truths: Sequence[RGBD]) -> list[FillTask]:
     """The views that `complete` has filled, those whose truth is given."""
-    found: list[Asked] = []
+    found: list[FillTask] = []
 
     def look(view: View, law: Law, seed: int) -> Fill:
-        found.extend(Asked(view, law, truth) for truth in truths if truth.camera.same_view_as(view.camera))
+        found.extend(FillTask(view, law, truth) for truth in truths if truth.camera.same_view_as(view.camera))
         if view.camera.same_view_as(source.camera):
             return layered(view, law, seed)  # the camera may move from here
         return Fill(view.color, np.ones(view.hole.shape, np.float32))
@@ -172,7 +172,7 @@ def asked_by_pipeline(source: RGBD, camera: Camera, mask: BoolArray | None, trut
     return found
 
 
-def photo_example(photo: Photo, size: int, rng: np.random.Generator) -> list[Asked]:
+def photo_tasks(photo: Photo, size: int, rng: np.random.Generator) -> list[FillTask]:
     """A photo as seen from another camera and back: holes are what that camera does not see, by estimated depth."""
     stored = photo.load()
     size = max(SIDE, min(size, *stored.shape[:2]))  # not enlarged: blurred truth would teach blur
@@ -185,10 +185,10 @@ def photo_example(photo: Photo, size: int, rng: np.random.Generator) -> list[Ask
     back = render(seen, frame.camera)
     color = np.where(back.hole[..., None], np.uint8(0), picture)
     view = dataclasses.replace(back, color=color)
-    return [Asked(view, Law(()), RGBD(picture, frame.depth, frame.camera), depth_true=False)]
+    return [FillTask(view, Law(()), RGBD(picture, frame.depth, frame.camera), depth_true=False)]
 
 
-def crops_of(asked: Asked, rng: np.random.Generator) -> Iterator[GuessCrop]:
+def crops_of(asked: FillTask, rng: np.random.Generator) -> Iterator[GuessCrop]:
     """Up to CROPS_PER_VIEW squares of a view, none where its hole is of no fitting size."""
     view = asked.view
     if not (hole_size_fits(view.hole) and view.valid.any()):
@@ -199,7 +199,7 @@ def crops_of(asked: Asked, rng: np.random.Generator) -> Iterator[GuessCrop]:
     if places:
         whole = planes_of(asked)
         for top, left in places:
-            yield _cut(whole, top, left)
+            yield _cut_square(whole, top, left)
 
 
 def _place(hole: BoolArray, rng: np.random.Generator) -> tuple[int, int] | None:
@@ -217,7 +217,7 @@ def _place(hole: BoolArray, rng: np.random.Generator) -> tuple[int, int] | None:
     return None
 
 
-def planes_of(asked: Asked) -> GuessCrop:
+def planes_of(asked: FillTask) -> GuessCrop:
     """The whole view as one crop."""
     view, truth = asked.view, asked.truth
     guesses = make_guesses(view, asked.law, 0, tuple(GUESSES.values()))
@@ -235,6 +235,6 @@ def planes_of(asked: Asked) -> GuessCrop:
     )
 
 
-def _cut(whole: GuessCrop, top: int, left: int) -> GuessCrop:
+def _cut_square(whole: GuessCrop, top: int, left: int) -> GuessCrop:
     box = np.s_[..., top : top + SIDE, left : left + SIDE]
     return GuessCrop(**{one.name: np.ascontiguousarray(getattr(whole, one.name)[box]) for one in fields(whole)})

@@ -52,7 +52,7 @@ class NumberedSamples(Dataset[dict[str, np.ndarray]]):
             group = int(np.random.default_rng([self.seed, SHUFFLE, drawn]).integers(groups))
         else:
             epoch, place = divmod(drawn, groups // in_turn * in_turn)
-            group = int(_shuffled(groups, self.seed, epoch)[place])
+            group = int(_shuffle(groups, self.seed, epoch)[place])
         return group * size + offset
 
 
@@ -106,7 +106,7 @@ def worker_count(settings: TrainSettings) -> int:
 
 
 @functools.lru_cache(maxsize=2)
-def _shuffled(size: int, seed: int, epoch: int) -> np.ndarray:
+def _shuffle(size: int, seed: int, epoch: int) -> np.ndarray:
     return np.random.default_rng([seed, SHUFFLE, epoch]).permutation(size)
 
 

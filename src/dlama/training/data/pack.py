@@ -21,7 +21,7 @@ from dlama.errors import FileError, InputError, system_errors
 from dlama.files.atomic_write import new_file
 from dlama.geometry.rgbd import UInt8Array
 from dlama.training.data.cases import KIND_NAMES, TrainingCase
-from dlama.training.data.crops import resized_color
+from dlama.training.data.crops import resize_color
 from dlama.training.data.pack_format import CASES, FORMAT, INDEX, PHOTOS, VERSION, encode_case, webp
 from dlama.training.data.photos import Photo
 from dlama.training.data.sources import find_training_data
@@ -93,7 +93,7 @@ def pack(data: Sequence[Path], output: Path, megabytes: float = 45.0, size: int 
     check_pack(len(found.photos) + len(found.cases), megabytes, size, output)
     contents = PackContents(megabytes * 1e6 - END_BYTES - 2 * len(INDEX) - PART_BYTES - 200)
     reserve = contents.bytes_left * (1 - CASE_SHARE) if found.photos else 0.0
-    cases, photos = _shuffled(found.cases, rng), _shuffled(found.photos, rng)
+    cases, photos = _shuffle(found.cases, rng), _shuffle(found.photos, rng)
     contents.fill(CASES, (_case_entry(case, n, size) for n, case in enumerate(cases)), reserve)
     contents.fill(PHOTOS, (_photo_entry(photo, n, size) for n, photo in enumerate(photos)), 0.0)
     if not contents.parts:
@@ -114,7 +114,7 @@ def _summary(contents: PackContents, photos: int, cases: Sequence[TrainingCase])
 
 def _photo_entry(photo: Photo, number: int, size: int) -> Entry:
     name = f"photos/{number:06d}.webp"
-    return {"name": photo.name, "file": name}, [(name, webp(shrunk_photo(photo.load(), size)))]
+    return {"name": photo.name, "file": name}, [(name, webp(shrink_photo(photo.load(), size)))]
 
 
 def _case_entry(case: TrainingCase, number: int, size: int) -> Entry:
@@ -128,7 +128,7 @@ def _suffix(data: bytes) -> str:
     return "png" if data.startswith(b"\x89PNG") else "webp"
 
 
-def shrunk_photo(picture: UInt8Array, size: int) -> UInt8Array:
+def shrink_photo(picture: UInt8Array, size: int) -> UInt8Array:
     """H x W x 3 with its smaller side brought down to `size` px and its longer one cut to LONGEST times that."""
     least = min(picture.shape[:2])
     longest = int(LONGEST * least)
@@ -136,10 +136,10 @@ def shrunk_photo(picture: UInt8Array, size: int) -> UInt8Array:
     part = picture[top : top + longest, left : left + longest]
     if least <= size:
         return np.ascontiguousarray(part)
-    return resized_color(part, (round(part.shape[0] * size / least), round(part.shape[1] * size / least)))
+    return resize_color(part, (round(part.shape[0] * size / least), round(part.shape[1] * size / least)))
 
 
-def _shuffled(items: Sequence[Any], rng: np.random.Generator) -> list[Any]:
+def _shuffle(items: Sequence[Any], rng: np.random.Generator) -> list[Any]:
     return [items[i] for i in rng.permutation(len(items))]
 
 

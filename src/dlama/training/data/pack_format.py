@@ -24,7 +24,7 @@ from dlama.files.rasters.images import LARGEST_PIXELS
 from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
 from dlama.training.data.cases import KIND_NAMES, StereoPair, TrainingCase
-from dlama.training.data.crops import resized, resized_color, resized_disparity, resized_mask, scaled
+from dlama.training.data.crops import resize_color, resize_disparity, resize_frame, resize_mask, scale_size
 from dlama.training.data.photos import Photo
 
 FORMAT, VERSION, INDEX = "dlama pack", 2, "index.json"
@@ -68,22 +68,22 @@ def _decode_frame(about: Mapping[str, Any], roles: frozenset[str], read: ReadRol
 
 def _encode_removal(truth: RemovalTruth, size: int) -> tuple[About, Parts]:
     about, parts = _frames({"source": truth.source, "without": truth.without}, truth.exposure_varies, size)
-    hw = scaled(truth.source.camera.hw, _factor(truth.source.camera.hw, size))
-    parts["mask"] = _mask_png(resized_mask(truth.mask, hw))
+    hw = scale_size(truth.source.camera.hw, _factor(truth.source.camera.hw, size))
+    parts["mask"] = _mask_png(resize_mask(truth.mask, hw))
     if truth.compare is not None:
-        parts["compare"] = _mask_png(~resized_mask(~truth.compare, hw))
+        parts["compare"] = _mask_png(~resize_mask(~truth.compare, hw))
     return about, parts
 
 
 def _decode_removal(about: Mapping[str, Any], roles: frozenset[str], read: ReadRole) -> RemovalTruth:
     source, without = (_frame(about, end, read) for end in ("source", "without"))
     hw = source.camera.hw
-    compare = _of_size("compare", read, hw) > 0 if "compare" in roles else None
-    mask = _of_size("mask", read, hw) > 0
+    compare = _read_picture("compare", read, hw) > 0 if "compare" in roles else None
+    mask = _read_picture("mask", read, hw) > 0
     return RemovalTruth(source, without, mask, compare, exposure_varies=bool(about["exposure_varies"]))
 
 
-def _of_size(role: str, read: ReadRole, hw: tuple[int, ...]) -> np.ndarray:
+def _read_picture(role: str, read: ReadRole, hw: tuple[int, ...]) -> np.ndarray:
     """The picture of a role, which must be of that shape; ShapeError."""
     picture = read(role)
     if picture.shape != hw:
@@ -93,27 +93,27 @@ def _of_size(role: str, read: ReadRole, hw: tuple[int, ...]) -> np.ndarray:
 
 def _encode_stereo(pair: StereoPair, size: int) -> tuple[About, Parts]:
     before = pair.left.shape[0], pair.left.shape[1]
-    hw = scaled(before, _factor(before, size))
-    parts = {"left.color": webp(resized_color(pair.left, hw)), "right.color": webp(resized_color(pair.right, hw))}
-    disparity = resized_disparity(pair.disparity, hw)
+    hw = scale_size(before, _factor(before, size))
+    parts = {"left.color": webp(resize_color(pair.left, hw)), "right.color": webp(resize_color(pair.right, hw))}
+    disparity = resize_disparity(pair.disparity, hw)
     known_disparity = np.where(np.isfinite(disparity), disparity, np.float32(0))
     parts["disparity"] = _png(_codes(known_disparity, DISPARITY_STEPS))
     for number, side in enumerate(("left", "right")):
         if pair.masks is not None and pair.without is not None:
-            parts[f"{side}.without"] = webp(resized_color(pair.without[number], hw))
-            parts[f"{side}.mask"] = _mask_png(resized_mask(pair.masks[number], hw))
+            parts[f"{side}.without"] = webp(resize_color(pair.without[number], hw))
+            parts[f"{side}.mask"] = _mask_png(resize_mask(pair.masks[number], hw))
     return {}, parts
 
 
 def _decode_stereo(about: Mapping[str, Any], roles: frozenset[str], read: ReadRole) -> StereoPair:
     left = read("left.color")
     hw = left.shape[:2]
-    right = _of_size("right.color", read, (*hw, 3))
-    disparity = (_of_size("disparity", read, hw) / DISPARITY_STEPS).astype(np.float32)
+    right = _read_picture("right.color", read, (*hw, 3))
+    disparity = (_read_picture("disparity", read, hw) / DISPARITY_STEPS).astype(np.float32)
     if "left.mask" not in roles:
         return StereoPair(left, right, disparity)
-    masks = _of_size("left.mask", read, hw) > 0, _of_size("right.mask", read, hw) > 0
-    without = _of_size("left.without", read, (*hw, 3)), _of_size("right.without", read, (*hw, 3))
+    masks = _read_picture("left.mask", read, hw) > 0, _read_picture("right.mask", read, hw) > 0
+    without = _read_picture("left.without", read, (*hw, 3)), _read_picture("right.without", read, (*hw, 3))
     return StereoPair(left, right, disparity, masks, without)
 
 
@@ -132,7 +132,7 @@ _DECODERS: dict[str, Callable[[Mapping[str, Any], frozenset[str], ReadRole], Any
 def _frames(ends: Mapping[str, RGBD], exposure_varies: bool, size: int) -> tuple[About, Parts]:
     cameras, parts = {}, {}
     for end, rgbd in ends.items():
-        small = resized(rgbd, _factor(rgbd.camera.hw, size))
+        small = resize_frame(rgbd, _factor(rgbd.camera.hw, size))
         parts[f"{end}.color"], parts[f"{end}.depth"] = webp(small.color), depth_png(small.depth)
         cameras[end] = _camera_entry(small.camera)
     return {"exposure_varies": exposure_varies, "cameras": cameras}, parts
@@ -212,7 +212,7 @@ def read_pack(path: Path) -> tuple[tuple[Photo, ...], tuple[TrainingCase, ...]]:
             for each in index[PHOTOS]
         )
         entries = index[CASES] if index["version"] > 1 else [_first_version(each) for each in index["pairs"]]
-        return photos, tuple(_packed_case(path, each, at) for each in entries)
+        return photos, tuple(_case_of_entry(path, each, at) for each in entries)
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise FileError(f"{path}: its {INDEX} is incomplete: {error} is missing or of the wrong kind") from error
 
@@ -225,7 +225,7 @@ def _first_version(pair: dict[str, Any]) -> dict[str, Any]:
     return {**pair, "kind": "frame", "cameras": cameras, "parts": parts}
 
 
-def _packed_case(path: Path, entry: dict[str, Any], at: Places) -> TrainingCase:
+def _case_of_entry(path: Path, entry: dict[str, Any], at: Places) -> TrainingCase:
     if entry["kind"] not in KIND_NAMES:
         raise FileError(f"{path}: its {INDEX} has a case of kind {entry['kind']!r}; {', '.join(KIND_NAMES)} are known")
     places = {part: at[part] for part in entry["parts"].values()}
@@ -235,7 +235,7 @@ def _packed_case(path: Path, entry: dict[str, Any], at: Places) -> TrainingCase:
 
 def load_photo(path: Path, name: str, place: tuple[int, int]) -> UInt8Array:
     """H x W x 3 RGB; FileError."""
-    picture = _decoded(path, name, place)
+    picture = _decode_part(path, name, place)
     if picture.ndim != 3:
         raise FileError(f"{path}: {name} is grey; colours are expected")
     return np.ascontiguousarray(picture[..., ::-1])
@@ -247,7 +247,7 @@ def load_case(path: Path, entry: dict[str, Any], places: Places) -> Any:
 
     def read(role: str) -> np.ndarray:
         name = parts[role]
-        picture = _decoded(path, name, places[name])
+        picture = _decode_part(path, name, places[name])
         return np.ascontiguousarray(picture[..., ::-1]) if picture.ndim == 3 else picture
 
     try:
@@ -258,7 +258,7 @@ def load_case(path: Path, entry: dict[str, Any], places: Places) -> Any:
         raise FileError(f"{path}: {entry['scene']} {entry['name']}: {error}") from error
 
 
-def _decoded(path: Path, name: str, place: tuple[int, int]) -> np.ndarray:
+def _decode_part(path: Path, name: str, place: tuple[int, int]) -> np.ndarray:
     """The picture of one part, as OpenCV reads it. Parts are not compressed, so they are read without a directory."""
     start, length = place
     try:
@@ -269,7 +269,7 @@ def _decoded(path: Path, name: str, place: tuple[int, int]) -> np.ndarray:
             data = stream.read(length)
     except OSError as error:
         raise FileError(f"{path}: cannot be read: {error.strerror or error}") from error
-    width, height = _claimed_wh(data)
+    width, height = _header_wh(data)
     if width * height > LARGEST_PIXELS:
         raise FileError(f"{path}: {name} says it has {width}x{height} pixels; at most {LARGEST_PIXELS} are read")
     try:
@@ -283,7 +283,7 @@ def _decoded(path: Path, name: str, place: tuple[int, int]) -> np.ndarray:
     return np.asarray(picture)
 
 
-def _claimed_wh(data: bytes) -> tuple[int, int]:
+def _header_wh(data: bytes) -> tuple[int, int]:
     """Width and height that the header of a PNG or WebP says (RFC 2083, RFC 9649); 0 for anything else."""
     if data[:8] == b"\x89PNG\r\n\x1a\n":
         return int.from_bytes(data[16:20], "big"), int.from_bytes(data[20:24], "big")

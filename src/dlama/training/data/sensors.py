@@ -1,7 +1,7 @@
 """A clean RGB-D frame in -> the frame as a structured-light camera or a stereo matcher would measure it, out.
 
-Coarser than `augment.with_faults`: depth is missing beside edges and where it is too far, lies beside its colours, is fatter than
-the things it belongs to. Strengths are drawn from ranges that cover the first Kinect and semi-global matching.
+Coarser than `augment.add_depth_faults`: depth is missing next to edges and beyond the range, is shifted against the colours, and
+objects are dilated. Strengths are drawn from ranges that cover the first Kinect and semi-global matching.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import numpy as np
 
 from dlama.geometry.projection import depth_from_inverse, inverse_depth
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
-from dlama.training.data.augment import with_holes
+from dlama.training.data.augment import add_depth_holes
 
 EDGE = 0.06
 """Relative step of inverse depth between neighbours that is an edge."""
@@ -22,24 +22,24 @@ STRUCTURED_NOISE, STRUCTURED_STEP = (0.001, 0.015), (0.001, 0.012)
 MATCHER_NOISE, MATCHER_GRAIN = (0.002, 0.02), (3.0, 9.0)
 """Of a matcher: noise likewise, smooth over so many pixels (sigma)."""
 SHADOW, FATTENING, MISALIGNED = (2, 9), (1, 4), 2.0
-"""Pixels: depth missing beside an edge, foreground grown, largest shift of depth against colour."""
+"""Pixels: depth missing next to an edge, foreground dilated, largest shift of depth against colour."""
 OUT_OF_REACH = 0.35
 """Probability that what is far (the last twentieth to fifth of the depths, and the sky) has no depth."""
 
 
 def structured_light(rgbd: RGBD, rng: np.random.Generator) -> RGBD:
-    """Noise and steps of inverse depth, shadows beside edges, holes, a reach that ends, depth shifted against colour."""
+    """Noise and steps of inverse depth, shadows next to edges, holes, a limited range, depth shifted against colour."""
     w = inverse_depth(rgbd.depth)
     far, middle = rgbd.far, _median(w)
-    w = _shifted(w, rng)
-    w = _noisy(w, middle * _drawn(rng, STRUCTURED_NOISE), rng.uniform(0.5, 1.5), rng)
-    step = np.float32(middle * _drawn(rng, STRUCTURED_STEP))
+    w = _shift(w, rng)
+    w = _add_noise(w, middle * _draw_log_uniform(rng, STRUCTURED_NOISE), rng.uniform(0.5, 1.5), rng)
+    step = np.float32(middle * _draw_log_uniform(rng, STRUCTURED_STEP))
     w = np.where(w > 0, np.maximum(np.rint(w / step), 1) * step, 0).astype(np.float32)
     depth = np.where(far, np.inf, depth_from_inverse(w)).astype(np.float32)
-    depth[_beside_edges(w, int(rng.integers(*SHADOW)), bool(rng.random() < 0.5))] = 0
+    depth[_occlusion_band(w, int(rng.integers(*SHADOW)), bool(rng.random() < 0.5))] = 0
     if rng.random() < OUT_OF_REACH:
         depth[far | (w < np.quantile(w, rng.uniform(0.05, 0.2)))] = 0
-    return _replaced(rgbd, with_holes(depth, rng))
+    return _replace_depth(rgbd, add_depth_holes(depth, rng))
 
 
 def stereo_matcher(rgbd: RGBD, rng: np.random.Generator) -> RGBD:
@@ -48,14 +48,14 @@ def stereo_matcher(rgbd: RGBD, rng: np.random.Generator) -> RGBD:
     far, middle = rgbd.far, _median(w)
     reach = 2 * int(rng.integers(*FATTENING)) + 1
     w = np.asarray(cv2.dilate(w, np.ones((reach, reach), np.uint8)), np.float32)
-    w = _noisy(w, middle * _drawn(rng, MATCHER_NOISE), rng.uniform(*MATCHER_GRAIN), rng)
+    w = _add_noise(w, middle * _draw_log_uniform(rng, MATCHER_NOISE), rng.uniform(*MATCHER_GRAIN), rng)
     depth = np.where(far & (w < 0.05 * middle), np.inf, depth_from_inverse(w)).astype(np.float32)
     strip = int(rng.uniform(0, 0.1) * depth.shape[1])
     depth[:, :strip] = 0
-    return _replaced(rgbd, depth)
+    return _replace_depth(rgbd, depth)
 
 
-def photographed(color: UInt8Array, rng: np.random.Generator) -> UInt8Array:
+def add_photo_noise(color: UInt8Array, rng: np.random.Generator) -> UInt8Array:
     """Colours (H x W x 3) with the noise and the JPEG blocks of a small camera."""
     noise = rng.normal(0, rng.uniform(0, 5), color.shape).astype(np.float32)
     noisy = np.clip(color + noise, 0, 255).astype(np.uint8)
@@ -63,7 +63,7 @@ def photographed(color: UInt8Array, rng: np.random.Generator) -> UInt8Array:
     return np.asarray(cv2.imdecode(code, cv2.IMREAD_COLOR), np.uint8)
 
 
-def _replaced(rgbd: RGBD, depth: Float32Array) -> RGBD:
+def _replace_depth(rgbd: RGBD, depth: Float32Array) -> RGBD:
     """The frame with that depth; as it was where hardly any depth would be left."""
     enough = ((depth > 0) & np.isfinite(depth)).mean() > 0.2
     return dataclasses.replace(rgbd, depth=depth) if enough else rgbd
@@ -73,19 +73,19 @@ def _median(w: Float32Array) -> float:
     return float(np.median(w[w > 0])) if (w > 0).any() else 1.0
 
 
-def _drawn(rng: np.random.Generator, span: tuple[float, float]) -> float:
+def _draw_log_uniform(rng: np.random.Generator, span: tuple[float, float]) -> float:
     """Log-uniform."""
     return float(np.exp(rng.uniform(*np.log(span))))
 
 
-def _noisy(w: Float32Array, sigma: float, grain: float, rng: np.random.Generator) -> Float32Array:
+def _add_noise(w: Float32Array, sigma: float, grain: float, rng: np.random.Generator) -> Float32Array:
     """Inverse depth with noise of standard deviation sigma (1/m), smooth over `grain` pixels; what is far stays far."""
     smooth = cv2.GaussianBlur(rng.standard_normal(w.shape, np.float32), (0, 0), grain)
     noise = smooth * np.float32(sigma / max(float(smooth.std()), 1e-6))
     return np.where(w > 0, np.maximum(w + noise, 0.02 * np.maximum(w, 1e-6)), 0).astype(np.float32)
 
 
-def _shifted(w: Float32Array, rng: np.random.Generator) -> Float32Array:
+def _shift(w: Float32Array, rng: np.random.Generator) -> Float32Array:
     """Moved by up to MISALIGNED pixels."""
     move = np.array([[1, 0, rng.uniform(-1, 1) * MISALIGNED], [0, 1, rng.uniform(-0.5, 0.5) * MISALIGNED]], np.float32)
     size = w.shape[1], w.shape[0]
@@ -93,7 +93,7 @@ def _shifted(w: Float32Array, rng: np.random.Generator) -> Float32Array:
     return np.asarray(moved, np.float32)
 
 
-def _beside_edges(w: Float32Array, reach: int, left: bool) -> BoolArray:
+def _occlusion_band(w: Float32Array, reach: int, left: bool) -> BoolArray:
     """H x W, True within `reach` pixels behind the left (or right) side of what stands before something."""
     step = np.zeros(w.shape, np.uint8)
     before, after = w[:, :-1], w[:, 1:]

@@ -1,8 +1,8 @@
 """Seeds of procedural worlds in; crops of planes with the true shadow out, for `benchmarks/shadow_classifier.py`.
 
-A thing of a world is chosen, its picture taken with and without it under one of three lights: the world's own sun or lamp, a
-light of many directions whose penumbra grows with height, or none that throws the thing's shadow. Sensor noise, JPEG, exposure,
-masks that are a pixel off and bent depth are added afterwards. The ground of some worlds is laid anew with blocks between joints:
+An object of a world is chosen, its picture taken with and without it under one of three lights: the world's own sun or lamp, a
+light of many directions whose penumbra grows with height, or none that casts the object's shadow. Sensor noise, JPEG, exposure,
+masks that are a pixel off and bent depth are added afterwards. The ground of some worlds is replaced by blocks between joints:
 cobbles, slabs, tiles and boards, whose own tones differ as much as a shadow's from the lit ground.
 """
 
@@ -23,8 +23,8 @@ from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
 from dlama.perception.masks.supports import planes_of
 from dlama.perception.shadows.ground import EDGE_PX, ground_of
 from dlama.perception.shadows.planes import shadow_planes
-from dlama.training.data.augment import with_faults
-from dlama.training.data.sensors import photographed, stereo_matcher, structured_light
+from dlama.training.data.augment import add_depth_faults
+from dlama.training.data.sensors import add_photo_noise, stereo_matcher, structured_light
 from dlama.worlds.dataset import Textures, world
 from dlama.worlds.layouts.random_scene import direction_to_light
 from dlama.worlds.materials.textures import CLOUDY, FINE, GRAIN, ROUGH, color, courses
@@ -36,10 +36,10 @@ from dlama.worlds.world import World
 AS_IT_IS = 0.35
 """Share of crops of a world's own object, in its own light, by its own camera."""
 NATIVE, SOFT = 0.4, 0.46
-"""Of the others, share in a sun or lamp and in a soft light; the rest is without a shadow of the thing."""
+"""Of the others, share in a sun or lamp and in a soft light; the rest is without a shadow of the object."""
 SIZES = (288, 336, 384)
 FEWEST_PX, LARGEST_SHARE = 0.0015, 0.2
-"""Of the picture: a thing that is chosen."""
+"""Of the picture: the size of a chosen object."""
 WIDE_M, LOW_M, TILE_M = 1.0, 0.4, (0.8, 5.0)
 """What is paved is so wide and lies within LOW_M of the ground's height; the pattern comes again after TILE_M."""
 FIFTH = 5
@@ -51,7 +51,7 @@ def shadow_crop(
     seed: int, textures: Textures = None, *, paved: bool = False
 ) -> tuple[Float32Array, Float32Array] | None:
     """Planes (`shadow_planes`) and h x w: the share of each pixel that is shadow, -1 where it does not count (off the surface,
-    outside the picture). None: nothing in that world stands on a surface. paved: `with_paving`."""
+    outside the picture). None: nothing in that world stands on a surface. paved: `add_paving`."""
     case = shadow_case(seed, textures, paved=paved)
     if case is None:
         return None
@@ -70,26 +70,26 @@ def shadow_crop(
 def shadow_case(
     seed: int, textures: Textures = None, *, paved: bool = False
 ) -> tuple[RGBD, BoolArray, BoolArray] | None:
-    """A frame as it is measured, the mask of a thing, and its true shadow (H x W). None: no thing is in sight."""
+    """A frame as it is measured, the mask of an object, and its true shadow (H x W). None: no object is in sight."""
     rng = np.random.default_rng((seed, 12))
     made = world(seed, textures=textures)
     if paved:
-        made = with_paving(made, np.random.default_rng((seed, 13)))
+        made = add_paving(made, np.random.default_rng((seed, 13)))
     as_it_is = bool(rng.random() < AS_IT_IS)
     if not as_it_is and rng.random() < 0.6:
         to_light = direction_to_light(float(rng.uniform(0, 360)), float(rng.uniform(18, 75)))
         made = dataclasses.replace(made, light=dataclasses.replace(made.light, to_light=to_light))
-    camera = made.camera() if as_it_is else seen_from(made, rng)
-    chosen = made.object_index if as_it_is else thing_of(made, camera, rng)
+    camera = made.camera() if as_it_is else random_camera(made, rng)
+    chosen = made.object_index if as_it_is else choose_object(made, camera, rng)
     if chosen is None:
         return None
     made = dataclasses.replace(made, object_index=chosen)
     source, without, mask = lit_pair(made, camera, rng, 0.0 if as_it_is else float(rng.random()))
     true = darkened(source.color, without, mask)
-    return *as_measured(source, mask, rng), true
+    return *simulate_measurement(source, mask, rng), true
 
 
-def with_paving(made: World, rng: np.random.Generator) -> World:
+def add_paving(made: World, rng: np.random.Generator) -> World:
     """The world with a new ground, floor and pavements: blocks of one material between joints."""
     shapes = made.shapes.copy()
     top = shapes[:, k.CENTRE + 1] - shapes[:, k.HALF + 1]  # y points down
@@ -117,7 +117,7 @@ def paving_blocks(rng: np.random.Generator) -> UInt8Array:
     return courses(rng, rows, columns, joint, base, mortar, bond=bond, spread=spread, wobble=wobble, grain=grain)
 
 
-def seen_from(made: World, rng: np.random.Generator) -> Camera:
+def random_camera(made: World, rng: np.random.Generator) -> Camera:
     """A camera of the orbit, at another height and pitch."""
     size = int(rng.choice(SIZES))
     camera = made.camera(float(rng.uniform(-60, 60)), size, float(rng.uniform(50, 95)))
@@ -129,8 +129,8 @@ def seen_from(made: World, rng: np.random.Generator) -> Camera:
     return camera.at(pose)
 
 
-def thing_of(made: World, camera: Camera, rng: np.random.Generator) -> int | None:
-    """The group of a thing in sight: mostly the object of interest, else any other of a fair size."""
+def choose_object(made: World, camera: Camera, rng: np.random.Generator) -> int | None:
+    """The group of an object in sight: mostly the object of interest, else any other of a fair size."""
     group = made.raycast(camera).group
     numbers, counts = np.unique(group[group > 0], return_counts=True)
     fair = numbers[(counts > FEWEST_PX * group.size) & (counts < LARGEST_SHARE * group.size)]
@@ -142,14 +142,14 @@ def thing_of(made: World, camera: Camera, rng: np.random.Generator) -> int | Non
 
 
 def lit_pair(made: World, camera: Camera, rng: np.random.Generator, kind: float) -> tuple[RGBD, UInt8Array, BoolArray]:
-    """The picture with the thing, the colours without it, and its mask. kind: 0..1, which light."""
+    """The picture with the object, the colours without it, and its mask. kind: 0..1, which light."""
     if kind < NATIVE:
         with_it, without = made.raycast(camera), made.raycast(camera, object=False)
         color, plain = with_it.color, without.color
     elif kind < NATIVE + SOFT:
         unlit = dataclasses.replace(made, light=dataclasses.replace(made.light, shadows=False))
         with_it, without = unlit.raycast(camera), unlit.raycast(camera, object=False)
-        color, plain = softly_lit(made, camera, with_it.color, without.color, rng)
+        color, plain = soften_shadow(made, camera, with_it.color, without.color, rng)
     else:
         shapes = made.shapes.copy()
         shapes[shapes[:, GROUP] == made.object_index, CASTS] = 0
@@ -157,12 +157,12 @@ def lit_pair(made: World, camera: Camera, rng: np.random.Generator, kind: float)
         bare = dataclasses.replace(made, shapes=shapes, light=dataclasses.replace(made.light, shadows=shows))
         with_it, without = bare.raycast(camera), bare.raycast(camera, object=False)
         color, plain = with_it.color, without.color
-    levels = exposure(rng)
+    levels = random_tone_curve(rng)
     noisy = levels[color]
     return RGBD(noisy, with_it.depth, camera), levels[plain], with_it.group == made.object_index
 
 
-def softly_lit(
+def soften_shadow(
     made: World, camera: Camera, color: UInt8Array, plain: UInt8Array, rng: np.random.Generator
 ) -> tuple[UInt8Array, UInt8Array]:
     """Both pictures darkened where part of a wide light is hidden, by a drawn depth and tint."""
@@ -197,15 +197,15 @@ def softly_lit(
     return out[0], out[1]
 
 
-def exposure(rng: np.random.Generator) -> UInt8Array:
+def random_tone_curve(rng: np.random.Generator) -> UInt8Array:
     """256 levels: gain, gamma."""
     power, gain = 2.0 ** rng.uniform(-0.4, 0.4), rng.uniform(0.65, 1.25)
     return np.clip(255 * gain * np.linspace(0, 1, 256) ** power, 0, 255).astype(np.uint8)
 
 
-def as_measured(rgbd: RGBD, mask: BoolArray, rng: np.random.Generator) -> tuple[RGBD, BoolArray]:
+def simulate_measurement(rgbd: RGBD, mask: BoolArray, rng: np.random.Generator) -> tuple[RGBD, BoolArray]:
     """The frame with a camera's noise and a sensor's depth, in a part of cases; the mask a pixel off."""
-    color = photographed(rgbd.color, rng) if rng.random() < 0.5 else rgbd.color
+    color = add_photo_noise(rgbd.color, rng) if rng.random() < 0.5 else rgbd.color
     rgbd = dataclasses.replace(rgbd, color=color)
     kind = rng.random()
     if kind < 0.12:
@@ -213,16 +213,16 @@ def as_measured(rgbd: RGBD, mask: BoolArray, rng: np.random.Generator) -> tuple[
     elif kind < 0.2:
         rgbd = stereo_matcher(rgbd, rng)
     elif kind < 0.35:
-        rgbd = with_faults(rgbd, rng)
+        rgbd = add_depth_faults(rgbd, rng)
     elif kind < 0.45:
-        rgbd = bent(rgbd, mask, rng)
+        rgbd = bend_depth(rgbd, mask, rng)
     if rng.random() < 0.25:
         mask = np.asarray(dilated(mask, 1) if rng.random() < 0.6 else eroded(mask, 1))
     return rgbd, mask
 
 
-def bent(rgbd: RGBD, mask: BoolArray, rng: np.random.Generator) -> RGBD:
-    """Depth as a network estimates it: bent, the thing leaning against the ground."""
+def bend_depth(rgbd: RGBD, mask: BoolArray, rng: np.random.Generator) -> RGBD:
+    """Depth as a network estimates it: bent, the object tilted against the ground."""
     height, width = mask.shape
     waves = cv2.resize(rng.standard_normal((4, 4)).astype(np.float32), (width, height), interpolation=cv2.INTER_CUBIC)
     w = np.where(rgbd.valid, 1 / np.maximum(rgbd.depth, 1e-3), 1e-3) * (1 + 0.04 * waves)
@@ -233,7 +233,7 @@ def bent(rgbd: RGBD, mask: BoolArray, rng: np.random.Generator) -> RGBD:
 
 def write_shadow_crops(folder: Path, count: int, seed: int, textures: Path | None, *, paved: bool = False) -> int:
     """`count` crops of the seeds from `seed` on as NAME.npz (`planes`, `target`, half precision); how many there are. Half of the
-    worlds have photos as textures, where there are any; what is there already stays. paved: `with_paving`."""
+    worlds have photos as textures, where there are any; what is there already stays. paved: `add_paving`."""
     folder.mkdir(parents=True, exist_ok=True)
     for number in range(seed, seed + count):
         file = folder / f"{number}.npz"

@@ -140,7 +140,7 @@ def _in_folder(path: Path) -> tuple[Sequence[Photo], Sequence[TrainingCase]]:
     if not cases:
         raise InputError(
             f"{path}: has no two frames of one scene with depth and poses ({LAYOUTS[layout].looked_for}), no frame with and "
-            "without a thing and no stereo pair; for its pictures alone, name the folder that holds nothing else"
+            "without an object and no stereo pair; for its pictures alone, name the folder that holds nothing else"
         )
     return (), cases
 
@@ -162,7 +162,7 @@ def _check_use(kinds: set[str], data: Sequence[Path], found: TrainingData) -> No
             )
     if found.crops and any(SAMPLES[kind].crops for kind in kinds):
         return
-    if data and not (found.photos and _use_photos(kinds)) and not _used_cases(found, kinds):
+    if data and not (found.photos and _use_photos(kinds)) and not _cases_of_kinds(found, kinds):
         raise InputError(f"data.mixture is {', '.join(sorted(kinds))}, which has no use for `data`: {named}")
 
 
@@ -170,16 +170,16 @@ def _use_photos(kinds: set[str]) -> bool:
     return any(SAMPLES[kind].photos != "unused" for kind in kinds)
 
 
-def _used_cases(found: TrainingData, kinds: set[str]) -> tuple[TrainingCase, ...]:
+def _cases_of_kinds(found: TrainingData, kinds: set[str]) -> tuple[TrainingCase, ...]:
     """The cases that samples of these kinds are made of."""
-    wanted = {SAMPLES[kind].cases for kind in kinds}
-    return tuple(case for case in found.cases if case.kind in wanted)
+    kinds_of_cases = {SAMPLES[kind].cases for kind in kinds}
+    return tuple(case for case in found.cases if case.kind in kinds_of_cases)
 
 
 def _split(found: TrainingData, kinds: set[str], split: Split) -> TrainingData:
     """The photos and cases of one split that these kinds use."""
     photos = split_photos(found.photos, split) if found.photos and _use_photos(kinds) else ()
-    used = _used_cases(found, kinds)
+    used = _cases_of_kinds(found, kinds)
     return TrainingData(photos, split_cases(used, split) if used else (), found.crops)
 
 
@@ -206,12 +206,20 @@ def _worlds(settings: TrainSettings, found: TrainingData, split: Split) -> Sampl
 
 def _removals(settings: TrainSettings, found: TrainingData, split: Split) -> SampleSource:
     worlds, cases = WorldRemovals(_world_set(settings, found, split), settings.network), found.of("removal")
-    return _shared(settings, DatasetRemovals(cases, settings.network, settings.data.size), worlds) if cases else worlds
+    return (
+        _mix_cases_and_worlds(settings, DatasetRemovals(cases, settings.network, settings.data.size), worlds)
+        if cases
+        else worlds
+    )
 
 
 def _pairs(settings: TrainSettings, found: TrainingData, split: Split) -> SampleSource:
     worlds, cases = WorldPairs(_world_set(settings, found, split), settings.network), found.of("stereo")
-    return _shared(settings, DatasetPairs(cases, settings.network, settings.data.size), worlds) if cases else worlds
+    return (
+        _mix_cases_and_worlds(settings, DatasetPairs(cases, settings.network, settings.data.size), worlds)
+        if cases
+        else worlds
+    )
 
 
 def _views(settings: TrainSettings, found: TrainingData, split: Split) -> SampleSource:
@@ -226,7 +234,7 @@ def _world_set(settings: TrainSettings, found: TrainingData, split: Split) -> Wo
     return WorldSet(split, settings.data.size, found.photos)
 
 
-def _shared(settings: TrainSettings, cases: SampleSource, worlds: SampleSource) -> SampleSource:
+def _mix_cases_and_worlds(settings: TrainSettings, cases: SampleSource, worlds: SampleSource) -> SampleSource:
     """One kind whose samples come from dataset cases and from worlds, by the share `data.cases`."""
     share = settings.data.cases
     return Mixture({"cases": (cases, share), "worlds": (worlds, 1 - share)}) if share < 1 else cases

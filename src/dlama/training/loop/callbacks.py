@@ -50,11 +50,11 @@ class Stopwatch:
         """Seconds trained so far, over all parts of the run."""
         return self.seconds_before + time.monotonic() - self._started
 
-    def batch_arrived(self) -> None:
+    def end_wait(self) -> None:
         """The wait for a batch is over."""
         self._waited += time.monotonic() - self._batch_ended
 
-    def batch_ended(self) -> None:
+    def begin_wait(self) -> None:
         """The wait for the next batch begins."""
         self._batch_ended = time.monotonic()
 
@@ -91,7 +91,7 @@ class StopRequest:
             signal.signal(number, handler)
         self._old_handlers = {}
 
-    def asked(self, trainer: pl.Trainer) -> bool:
+    def is_requested(self, trainer: pl.Trainer) -> bool:
         """Whether any process was asked to stop."""
         reasons = [self._signal, int(time.monotonic() >= self.deadline)]
         if trainer.world_size > 1:
@@ -144,7 +144,7 @@ class RunCallback(pl.Callback):
             except (OSError, DlamaError) as error:
                 failed = str(error)
             LOG.info("%s", module.perceptual.note if module.perceptual else "no perceptual term")
-        failed = of_first_process(trainer, failed)
+        failed = broadcast_message(trainer, failed)
         if failed is not None:
             raise OutputError(failed)
         self.stop.listen()
@@ -152,7 +152,7 @@ class RunCallback(pl.Callback):
 
     def on_train_batch_start(self, trainer: pl.Trainer, module: pl.LightningModule, batch: Any, batch_idx: int) -> None:
         """The first batch of a resumed run gets the random numbers that it would have had."""
-        self.stopwatch.batch_arrived()
+        self.stopwatch.end_wait()
         if self.random_states is not None:
             set_random_state(self.random_states[trainer.global_rank])
             self.random_states = None
@@ -171,10 +171,10 @@ class RunCallback(pl.Callback):
             self._write_row(module, scores)
         if step % loop.checkpoint_every == 0:
             self._write_checkpoint(trainer, module, required=False)
-        if self.stop.asked(trainer):
+        if self.stop.is_requested(trainer):
             trainer.should_stop = True
         set_random_state(kept)  # what is written must not change the steps after it
-        self.stopwatch.batch_ended()
+        self.stopwatch.begin_wait()
 
     def on_train_end(self, trainer: pl.Trainer, module: pl.LightningModule) -> None:
         """The last row and sheet, unless a signal asked to stop, and the last checkpoint, which must succeed."""
@@ -209,7 +209,7 @@ class RunCallback(pl.Callback):
         try:
             write_sheet(self.files.sheet_path(module.step), output, self.held_out, self.settings.network)
         except OSError as error:
-            LOG.warning("step %d: %s; the run goes on", module.step, error)
+            LOG.warning("step %d: %s; the run continues", module.step, error)
 
     def _write_row(self, module: TrainingModule, scores: dict[str, float]) -> None:
         if self.files is None:
@@ -229,7 +229,7 @@ class RunCallback(pl.Callback):
         try:
             self.files.row(progress | terms | {f"held_out_{name}": value for name, value in scores.items()})
         except OSError as error:
-            LOG.warning("step %d: %s; the run goes on", module.step, error)
+            LOG.warning("step %d: %s; the run continues", module.step, error)
         shown = " ".join(f"{name} {value:.4f}" for name, value in (scores or terms).items())
         LOG.info("step %d, %.0f s, %.2f samples/s: %s", module.step, seconds, rate, shown)
 
@@ -245,21 +245,21 @@ class RunCallback(pl.Callback):
                 write_checkpoint(self.run / LAST, checkpoint_of(module, self.stopwatch.seconds, states))
             except OutputError as error:
                 failed = str(error)
-        failed = of_first_process(trainer, failed)
+        failed = broadcast_message(trainer, failed)
         if failed is not None and required:
             raise OutputError(failed)
         module.guard.keep(module)  # in all processes, written or not: what they return to must be the same
         if failed is not None:
-            LOG.warning("step %d: %s; the run goes on", module.step, failed)
+            LOG.warning("step %d: %s; the run continues", module.step, failed)
             return
         self._checkpoint_step = module.step
 
 
-def of_first_process(trainer: pl.Trainer, said: str | None) -> str | None:
-    """What the first process says, in all of them: so that they go on, or end, together."""
+def broadcast_message(trainer: pl.Trainer, message: str | None) -> str | None:
+    """The first process's message, in all processes: they continue, or end, together."""
     if trainer.world_size == 1:
-        return said
-    shared = [said]
+        return message
+    shared = [message]
     torch.distributed.broadcast_object_list(shared, src=0)
     return shared[0]
 

@@ -48,13 +48,13 @@ def checkpoint_of(module: TrainingModule, seconds: float, random_states: list[di
 
 
 def write_checkpoint(path: Path, checkpoint: dict[str, Any]) -> None:
-    """Write beside `path`, flush to the disk, and rename: a crash or a full disk leaves the old file whole. OutputError."""
+    """Write next to `path`, flush to the disk, and rename: a crash or a full disk leaves the old file whole. OutputError."""
     try:
         with new_file(path) as draft, draft.open("wb") as stream:
             torch.save(checkpoint, stream)
     except (OSError, RuntimeError) as error:  # torch's writer turns a full disk into a RuntimeError
-        said = first_line(error).removeprefix(f"{path}: cannot be written: ")
-        raise OutputError(f"{path}: cannot be written ({said}); what was there is whole") from error
+        reason = first_line(error).removeprefix(f"{path}: cannot be written: ")
+        raise OutputError(f"{path}: cannot be written ({reason}); what was there is whole") from error
 
 
 def read_checkpoint(path: Path) -> dict[str, Any]:

@@ -23,7 +23,7 @@ from dlama.training.data.batches import Batch, network_input
 from dlama.training.loop.random_state import seed_everything
 from dlama.training.losses.lpips import LpipsLoss
 from dlama.training.losses.perceptual import PerceptualLoss, perceptual_loss
-from dlama.training.losses.pixels import precise
+from dlama.training.losses.pixels import widen_half
 from dlama.training.losses.terms import LossInputs, Terms, discriminator_terms, generator_terms
 from dlama.training.settings import NetworkSettings, TrainSettings
 
@@ -138,7 +138,7 @@ class TrainingModule(pl.LightningModule):
     def _descend(self, optimiser: torch.optim.Optimizer, network: nn.Module, terms: Terms) -> Tensor:
         """Compute the gradients of the sum of terms and clip them; their norm before clipping, the same on all devices."""
         optimiser.zero_grad(set_to_none=True)
-        self.manual_backward(torch.stack([precise(term) for term in terms.values()]).sum())
+        self.manual_backward(torch.stack([widen_half(term) for term in terms.values()]).sum())
         return nn.utils.clip_grad_norm_(network.parameters(), self.settings.optimiser.clip or math.inf)
 
     def _take_step(self, which: int) -> None:
@@ -198,7 +198,7 @@ def initial_generator(network: NetworkSettings) -> Generator | GuessMixer:
         weights.settings, in_channels=network.generator.in_channels, out_channels=network.generator.out_channels
     )
     if found != network.generator:
-        raise InputError(f"{network.start}: is {weights.settings}; the settings say {network.generator}")
+        raise InputError(f"{network.start}: is {weights.settings}; {network.generator} is expected by the settings")
     state = widen(weights.state, network.generator.in_channels, network.generator.out_channels)
     return generator_from_state(state).train()
 
@@ -241,8 +241,8 @@ class Guard:
     def keep(self, module: TrainingModule) -> None:
         """Copy the module's present state, on the device where it lies."""
         self._state = {
-            "networks": {name: _copied(network.state_dict()) for name, network in module.networks.items()},
-            "optimisers": [_copied(optimiser.state_dict()) for optimiser in module.raw_optimisers],
+            "networks": {name: _copy_state(network.state_dict()) for name, network in module.networks.items()},
+            "optimisers": [_copy_state(optimiser.state_dict()) for optimiser in module.raw_optimisers],
         }
         self.step = module.step
 
@@ -252,8 +252,8 @@ class Guard:
         for name, network in module.networks.items():
             network.load_state_dict(self._state["networks"][name])
         for optimiser, state in zip(module.raw_optimisers, self._state["optimisers"]):
-            optimiser.load_state_dict(_copied(state))  # Adam would go on writing into the kept tensors
+            optimiser.load_state_dict(_copy_state(state))  # Adam would keep writing into the kept tensors
 
 
-def _copied(state: dict[str, Any]) -> dict[str, Any]:
+def _copy_state(state: dict[str, Any]) -> dict[str, Any]:
     return copy.deepcopy(dict(state))

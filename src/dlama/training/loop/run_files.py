@@ -37,7 +37,7 @@ def prepare(run: Path, settings: TrainSettings, resume: bool) -> None:
     """Make the directory, or check that the run in it can be resumed with these settings.
 
     Raises:
-        OutputError: there is a run already (`holds_run`) and `resume` was not said, or the directory cannot be made.
+        OutputError: there is a run already (`holds_run`) and `resume` was not given, or the directory cannot be made.
         InputError: `resume`, and the settings are not those of the run.
         FileError: `resume`, and there is no run.
     """
@@ -71,7 +71,7 @@ def holds_run(run: Path) -> bool:
 
 
 @contextmanager
-def owned(run: Path) -> Iterator[None]:
+def lock_run(run: Path) -> Iterator[None]:
     """While this is open no other process can train in the directory. OutputError where one does."""
     if fcntl is None:
         yield
@@ -104,7 +104,7 @@ def write_settings(run: Path, settings: TrainSettings) -> None:
 
 
 @contextmanager
-def logged(run: Path) -> Iterator[None]:
+def log_to_file(run: Path) -> Iterator[None]:
     """While it is open, what the training logs is also written to the run's log.txt."""
     try:
         handler: logging.Handler = logging.FileHandler(run / LOG_FILE, encoding="utf-8")
@@ -159,7 +159,7 @@ class RunFiles:
             for name, value in values.items():
                 if self.tensorboard is not None and name != "step":
                     self.tensorboard.add_scalar(name, value, values["step"])
-        except Exception as error:  # its thread raises again whatever it met while writing
+        except Exception as error:  # its thread raises again any error it met while writing
             LOG.warning("no more TensorBoard files are written: %s", error)
             self.tensorboard = None
 

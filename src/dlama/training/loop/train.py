@@ -27,7 +27,7 @@ from dlama.training.loop.callbacks import ALL_STEPS, TIME_IS_UP, RunCallback
 from dlama.training.loop.checkpointing import read_checkpoint, restore
 from dlama.training.loop.export import TrainingRecord, export, model_card
 from dlama.training.loop.module import TrainingModule
-from dlama.training.loop.run_files import LAST, holds_run, logged, owned, prepare, write_settings
+from dlama.training.loop.run_files import LAST, holds_run, lock_run, log_to_file, prepare, write_settings
 from dlama.training.loop.validation import hole_metrics, scores_of, telea
 from dlama.training.settings import TrainSettings
 
@@ -76,7 +76,7 @@ def train(
         run: directory; made where it is missing, must not hold a run unless `resume`.
         data: folders of pictures, datasets or packs that samples are made of; none: procedural worlds.
         max_minutes: stop after so long, with a checkpoint and an export; default: no limit.
-        resume: go on from `last.ckpt`; the numbers are those of a run that was never stopped.
+        resume: continue from `last.ckpt`; the numbers are those of a run that was never stopped.
         source: samples to train on, in place of those of `data`.
         held_out: samples of validation, in place of those of `data`.
     Raises:
@@ -92,8 +92,8 @@ def train(
     deadline = math.inf if max_minutes is None else began + 60 * max_minutes
     with ExitStack() as stack:
         if first:
-            stack.enter_context(owned(run))
-            stack.enter_context(logged(run))
+            stack.enter_context(lock_run(run))
+            stack.enter_context(log_to_file(run))
         return _train(settings, run, data, deadline, resume, first, source, held_out)
 
 

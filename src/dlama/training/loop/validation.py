@@ -15,7 +15,7 @@ from torch import Tensor, nn
 from torch.nn.functional import avg_pool2d, pad
 
 from dlama.files.atomic_write import new_file
-from dlama.training.data.batches import Batch, composited, hole_planes, network_input
+from dlama.training.data.batches import Batch, composite, hole_planes, network_input
 from dlama.training.losses.pixels import TOLERANCE
 from dlama.training.settings import NetworkSettings, TrainSettings
 
@@ -54,19 +54,19 @@ def hole_metrics(output: Tensor, batch: Batch, network: NetworkSettings) -> dict
     color_l1; color_psnr (dB, of the hole's mean squared error); color_ssim (uniform 7 x 7 windows); for networks with depth
     depth_l1 where the truth is known, and law_broken: share of the hole that is nearer than the visibility law allows.
     """
-    filled, colors = composited(output.float(), batch), 3 * network.views
+    filled, colors = composite(output.float(), batch), 3 * network.views
     mine, true, hole = filled[:, :colors], batch["target"][:, :colors], hole_planes(batch["mask"], colors)
-    squared = _in(hole, (mine - true).square())
+    squared = _weighted_mean(hole, (mine - true).square())
     found = {
-        "color_l1": _in(hole, (mine - true).abs()),
+        "color_l1": _weighted_mean(hole, (mine - true).abs()),
         "color_psnr": -10 * squared.clamp(min=1e-10).log10(),
-        "color_ssim": _in(hole, ssim_map(mine, true)),
+        "color_ssim": _weighted_mean(hole, ssim_map(mine, true)),
     }
     if network.has_depth:
         depth, truth = filled[:, -1:], batch["target"][:, -1:]
-        found["depth_l1"] = _in(batch["mask"] * batch["known_depth"], (depth - truth).abs())
+        found["depth_l1"] = _weighted_mean(batch["mask"] * batch["known_depth"], (depth - truth).abs())
         nearer = (depth > batch["limit"] * (1 + TOLERANCE)).float()
-        found["law_broken"] = _in(batch["mask"], nearer)
+        found["law_broken"] = _weighted_mean(batch["mask"], nearer)
     return {name: float(values.mean()) for name, values in found.items()}
 
 
@@ -104,7 +104,7 @@ def telea(batch: Batch) -> Tensor:
     return torch.from_numpy(filled).to(batch["target"].device)
 
 
-def _in(weight: Tensor, values: Tensor) -> Tensor:
+def _weighted_mean(weight: Tensor, values: Tensor) -> Tensor:
     """B x P x H x W -> B means over the weighted pixels."""
     return (values * weight).flatten(1).sum(1) / weight.flatten(1).sum(1).clamp(min=1)
 
@@ -123,7 +123,7 @@ def write_sheet(path: Path, output: Tensor, batch: Batch, network: NetworkSettin
 def sheet_of(output: Tensor, batch: Batch, network: NetworkSettings) -> np.ndarray:
     """The picture that `write_sheet` writes, uint8 H x W x 3 RGB."""
     planes = output.shape[1]
-    filled = composited(output.float(), batch).cpu().numpy()
+    filled = composite(output.float(), batch).cpu().numpy()
     truth, hole = batch["target"].cpu().numpy(), hole_planes(batch["mask"], planes).cpu().numpy() > 0
     firsts = [3 * view for view in range(network.views)] + ([planes - 1] if network.has_depth else [])
     rows = []
@@ -145,11 +145,11 @@ def _panels(truth: np.ndarray, filled: np.ndarray, hole: np.ndarray, first: int,
     for picture in (truth, filled, truth):
         part = picture[first:] if first == planes - 1 else picture[first : first + 3]
         levels = np.round(np.clip(part, 0, 1) * 255).astype(np.uint8).transpose(1, 2, 0)
-        shown.append(np.array(_colored(levels) if levels.shape[2] == 1 else levels))
+        shown.append(np.array(_color_levels(levels) if levels.shape[2] == 1 else levels))
     shown[0][hole] = HOLE
     return [np.pad(panel, ((0, GAP), (0, GAP), (0, 0))) for panel in shown]
 
 
-def _colored(levels: np.ndarray) -> np.ndarray:
+def _color_levels(levels: np.ndarray) -> np.ndarray:
     """H x W x 1 levels as H x W x 3 colours: near is red, far is blue."""
     return np.asarray(cv2.applyColorMap(levels, cv2.COLORMAP_TURBO))[..., ::-1]

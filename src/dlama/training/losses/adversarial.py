@@ -11,7 +11,7 @@ import torch
 from torch import Tensor
 from torch.nn.functional import interpolate, mse_loss, softplus
 
-from dlama.training.losses.pixels import precise
+from dlama.training.losses.pixels import widen_half
 
 
 def discriminator_loss(real: Tensor, fake: Tensor, mask: Tensor) -> Tensor:
@@ -40,9 +40,9 @@ def gradient_penalty(real_scores: Tensor, real: Tensor) -> Tensor:
         real: B x P x H x W, requires_grad.
     """
     (gradient,) = torch.autograd.grad(real_scores.sum(), real, create_graph=True)
-    return precise(gradient).square().flatten(1).sum(1).mean()
+    return widen_half(gradient).square().flatten(1).sum(1).mean()
 
 
 def feature_matching(fake: Sequence[Tensor], real: Sequence[Tensor]) -> Tensor:
     """Mean over layers of mean squared differences of the discriminator's activations; `real` gets no gradient."""
-    return torch.stack([mse_loss(precise(one), precise(other.detach())) for one, other in zip(fake, real)]).mean()
+    return torch.stack([mse_loss(widen_half(one), widen_half(other.detach())) for one, other in zip(fake, real)]).mean()

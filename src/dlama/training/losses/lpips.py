@@ -10,7 +10,7 @@ from torch import Tensor, nn
 
 from dlama.errors import MissingExtraError
 from dlama.nets.export.lpips import CONVOLUTIONS, EPSILON, SCALE, SHIFT
-from dlama.training.losses.pixels import precise
+from dlama.training.losses.pixels import widen_half
 
 FILE = Path(__file__).parents[2] / "assets" / "lpips" / "alex.onnx"
 
@@ -35,8 +35,8 @@ class LpipsLoss(nn.Module):
     def forward(self, output: Tensor, truth: Tensor) -> Tensor:
         """Mean over the batch; `truth` gets no gradient."""
         with torch.no_grad():
-            true = self.taps(precise(truth))
-        found = self.taps(precise(output))
+            true = self.taps(widen_half(truth))
+        found = self.taps(widen_half(output))
         return torch.stack([(a - b).square().sum(1).mean() for a, b in zip(found, true)]).sum()
 
     def taps(self, picture: Tensor) -> list[Tensor]:

@@ -13,7 +13,7 @@ from torch.nn.functional import mse_loss
 from dlama.errors import FileError
 from dlama.models.cache import user_path
 from dlama.training.losses.lpips import LpipsLoss
-from dlama.training.losses.pixels import precise
+from dlama.training.losses.pixels import widen_half
 from dlama.training.losses.trunks import IMAGENET_MEAN, IMAGENET_STD, LPIPS_TRUNKS, random_trunk, read_trunk
 from dlama.training.settings import LossSettings
 
@@ -46,7 +46,7 @@ class PerceptualLoss(nn.Module):
         with torch.no_grad():
             true = self.trunk((truth - self.mean) / self.std)
         found = self.trunk((output - self.mean) / self.std)
-        layers = torch.stack([mse_loss(precise(one), precise(other)) for one, other in zip(found, true)])
+        layers = torch.stack([mse_loss(widen_half(one), widen_half(other)) for one, other in zip(found, true)])
         return (layers * self.scales).mean()
 
     @torch.no_grad()

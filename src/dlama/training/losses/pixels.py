@@ -1,8 +1,8 @@
 """Planes of output and truth, B x P x H x W in 0..1, in -> the loss terms that need no network, out; float32 or better.
 
 Depth is normalised inverse depth (0 = infinity). Its terms are means over the pixels of one sample that count, then over the
-batch, so that the two halves of a batch give the mean of the whole. A plane in the world is affine in inverse depth, whatever
-the camera: so gradients and normals are compared there.
+batch, so that the two halves of a batch give the mean of the whole. A plane in the world is affine in inverse depth, for every
+camera: so gradients and normals are compared there.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ TOLERANCE = 1e-3
 """Relative tolerance of the visibility law, that of `geometry.kernels.visibility.tolerance` beyond 1 m."""
 
 
-def precise(x: Tensor) -> Tensor:
+def widen_half(x: Tensor) -> Tensor:
     """Half precision widened to float32; float32 and float64 as they are. Differences and sums are not taken in bfloat16."""
     return x.float() if x.dtype in (torch.bfloat16, torch.float16) else x
 
@@ -45,7 +45,7 @@ def gradient_matching(output: Tensor, truth: Tensor, known: Tensor, scales: int 
         if min(difference.shape[-2:]) < 2:
             break
         for axis in (-1, -2):
-            total = total + _mean(difference.diff(dim=axis).abs(), _both(known, axis))
+            total = total + _mean(difference.diff(dim=axis).abs(), _both_known(known, axis))
     return total / scales
 
 
@@ -54,7 +54,7 @@ def normal_consistency(output: Tensor, truth: Tensor, known: Tensor) -> Tensor:
     (along, down), (true_along, true_down) = _slopes(output), _slopes(truth)
     dot = along * true_along + down * true_down + 1
     lengths = (along.square() + down.square() + 1) * (true_along.square() + true_down.square() + 1)
-    counted = _both(known, -1)[..., :-1, :] * _both(known, -2)[..., :, :-1]
+    counted = _both_known(known, -1)[..., :-1, :] * _both_known(known, -2)[..., :, :-1]
     return _mean(1 - dot / lengths.sqrt(), counted)
 
 
@@ -73,7 +73,7 @@ def _mean(values: Tensor, weight: Tensor) -> Tensor:
     return ((values * weight).flatten(1).sum(1) / counts.clamp(min=1)).mean()
 
 
-def _both(known: Tensor, axis: int) -> Tensor:
+def _both_known(known: Tensor, axis: int) -> Tensor:
     """1 where a pixel and its next neighbour along the axis both count."""
     size = known.shape[axis]
     return known.narrow(axis, 0, size - 1) * known.narrow(axis, 1, size - 1)

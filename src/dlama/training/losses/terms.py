@@ -16,7 +16,7 @@ from torch import Tensor
 from dlama.nets.discriminator import Discriminator
 from dlama.training.data.batches import Batch, any_hole, hole_planes, pictures
 from dlama.training.losses import adversarial, choice, pixels
-from dlama.training.losses.pixels import precise
+from dlama.training.losses.pixels import widen_half
 from dlama.training.settings import LossSettings, NetworkSettings
 
 Terms = dict[str, Tensor]
@@ -40,7 +40,7 @@ class LossInputs:
     @functools.cached_property
     def precise_output(self) -> Tensor:
         """The output in float32 or better."""
-        return precise(self.output)
+        return widen_half(self.output)
 
     @functools.cached_property
     def color(self) -> tuple[Tensor, Tensor, Tensor]:
@@ -124,7 +124,7 @@ GENERATOR_TERMS: dict[str, Term] = {
     "depth_choice": Term(_depth_choice, of_choice=True, in_float32=True),
     "expected_error": Term(_expected_error, of_choice=True, in_float32=True),
     "perceptual": Term(_perceptual),
-    "adversarial": Term(lambda x: adversarial.generator_loss(precise(x.discriminated[0]))),
+    "adversarial": Term(lambda x: adversarial.generator_loss(widen_half(x.discriminated[0]))),
     "feature_matching": Term(lambda x: adversarial.feature_matching(x.discriminated[1], x.discriminated[2])),
 }
 """In the order they are computed and added. A new term is an entry here and its weight in `LossSettings`."""
@@ -178,7 +178,7 @@ def discriminator_terms(
     real_scores, _ = discriminator(real)
     fake_scores, _ = discriminator(discriminator_input(output.detach(), batch))
     hole = any_hole(batch["mask"])
-    terms = {"discriminator": adversarial.discriminator_loss(precise(real_scores), precise(fake_scores), hole)}
+    terms = {"discriminator": adversarial.discriminator_loss(widen_half(real_scores), widen_half(fake_scores), hole)}
     if strength:
         terms["gradient_penalty"] = strength * adversarial.gradient_penalty(real_scores, real)
     return terms

@@ -152,9 +152,9 @@ def read_trunk(kind: str, path: Path) -> tuple[str, nn.Module]:
     )
     name = found if kind == "auto" else kind
     trunk = TRUNKS[name]()
-    wanted = {key: tensor for key, tensor in trunk.state_dict().items() if not key.endswith("num_batches_tracked")}
-    wrong = [key for key in {**wanted, **state} if key not in wanted or key not in state]
-    wrong += [key for key in wanted if key in state and state[key].shape != wanted[key].shape]
+    expected = {key: tensor for key, tensor in trunk.state_dict().items() if not key.endswith("num_batches_tracked")}
+    wrong = [key for key in {**expected, **state} if key not in expected or key not in state]
+    wrong += [key for key in expected if key in state and state[key].shape != expected[key].shape]
     if wrong:
         raise FileError(f"{path}: no trunk {name!r}: {len(wrong)} tensors are missing, not part of it or of another shape: "
                         f"{', '.join(wrong[:3])}")  # fmt: skip

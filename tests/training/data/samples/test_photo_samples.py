@@ -14,7 +14,7 @@ from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import RGBD
 from dlama.training.data.batches import check_sample
 from dlama.training.data.photos import Photo, folder_photos, read_photo, split_photos, square_crop
-from dlama.training.data.samples.photos import PhotoSamples, WarpedPhotoSamples, hole_of_world, there_and_back
+from dlama.training.data.samples.photos import PhotoSamples, WarpedPhotoSamples, hole_of_world, unseen_by_camera
 from dlama.training.data.sources import find_training_data
 from dlama.training.settings import NetworkSettings
 
@@ -68,7 +68,7 @@ def test_there_and_back_loses_what_a_near_wall_hides() -> None:
     color = np.zeros((*camera.hw, 3), np.uint8)
     pose = np.eye(4)
     pose[0, 3] = 0.2
-    lost = there_and_back(RGBD(color, depth, camera), camera.at(pose))[10:40]
+    lost = unseen_by_camera(RGBD(color, depth, camera), camera.at(pose))[10:40]
     gap, cut = 60 * 0.2 * (1 / 1.5 - 1 / 4), 60 * 0.2 / 4
     assert abs(lost[:, cut.__ceil__() + 2 : 40].sum(1).mean() - gap) <= 2
     assert abs(lost[:, :8].sum(1).mean() - cut) <= 1 and not lost[:, 41:].any()

@@ -46,7 +46,7 @@ def settings(planes: str, **mixture: float) -> TrainSettings:
 def clean() -> list[ViewExample]:
     """Questions of two pairs of cameras in each of two worlds, a room and a street, without faults of a sensor."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(world_samples, "with_faults", lambda rgbd, rng, sensor_holes=False: rgbd)
+        patch.setattr(world_samples, "add_depth_faults", lambda rgbd, rng, sensor_holes=False: rgbd)
         patch.setattr(world_samples, "SENSOR_SHARE", 0.0)
         source = WorldSamples(WorldSet("train", 128), RGBD_NET)
         return [source.example(index, np.random.default_rng(index)) for index in CLEAN]
@@ -252,7 +252,7 @@ def test_law_of_a_masked_frame_keeps_the_object() -> None:
     frame = WorldSet("train", SIZE).views(0).frame(0)
     taken = np.zeros(frame.camera.hw, bool)
     taken[20:30, 20:30] = True
-    thing, none = world_samples.masked_example(frame, taken, frame), world_samples.masked_example(frame, taken)
+    thing, none = world_samples.mask_example(frame, taken, frame), world_samples.mask_example(frame, taken)
     assert (thing.law.measured[0][1][taken] > 0).all() and not none.law.measured[0][1][taken].any()
     assert np.array_equal(
         thing.law.measured[0][1][taken], Law.of(Scene((View.from_rgbd(frame),))).measured[0][1][taken]

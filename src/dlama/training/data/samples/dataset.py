@@ -24,13 +24,13 @@ from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
 from dlama.geometry.visibility import Law
 from dlama.perception.stereo.agreement import carry_mask
-from dlama.training.data.augment import mirrored, relit
+from dlama.training.data.augment import change_light, mirror_at_random
 from dlama.training.data.cases import StereoPair, TrainingCase
-from dlama.training.data.crops import Crop, random_crop, resized
+from dlama.training.data.crops import Crop, random_crop, resize_frame
 from dlama.training.data.masks import random_mask
-from dlama.training.data.samples.photos import there_and_back
+from dlama.training.data.samples.photos import unseen_by_camera
 from dlama.training.data.samples.views import ViewExample, hole_size_fits, pair_sample
-from dlama.training.data.samples.worlds import MOST_DILATION, augmented_sample, masked_example
+from dlama.training.data.samples.worlds import MOST_DILATION, augment_sample, mask_example
 from dlama.training.settings import NetworkSettings
 
 MOST_DRAWS = 4
@@ -50,25 +50,25 @@ class DatasetViews:
 
     def sample(self, index: int, rng: np.random.Generator) -> dict[str, np.ndarray]:
         """One sample: a random crop of the target frame, in either direction of the pair."""
-        return augmented_sample(self.example(index, rng), self.network, rng)
+        return augment_sample(self.example(index, rng), self.network, rng)
 
     def example(self, index: int, rng: np.random.Generator) -> ViewExample:
         """The view before it is mirrored or relit."""
         pair = self.cases[index].load()
         source, target = (pair.source, pair.target) if rng.random() < 0.5 else (pair.target, pair.source)
         target = random_crop(target.camera.hw, self.size, rng).rgbd(target)
-        source = resized(source, target.camera.fx / source.camera.fx)
+        source = resize_frame(source, target.camera.fx / source.camera.fx)
         view = render(source, target.camera, types=False)
         if hole_size_fits(view.hole):
-            truth = at_exposure_of(view, target) if pair.exposure_varies else target
+            truth = match_exposure(view, target) if pair.exposure_varies else target
             return ViewExample(view, truth, Law.of(Scene((View.from_rgbd(source),))))
-        return masked_example(target, random_mask(rng, target.camera.hw))
+        return mask_example(target, random_mask(rng, target.camera.hw))
 
     def hole(self, rng: np.random.Generator, size: int) -> BoolArray:
         """size x size, True = what one frame of a random pair shows and the other does not; for kind `warped-photo`."""
         pair = self.cases[int(rng.integers(len(self.cases)))].load()
         source, target = (random_crop(each.camera.hw, size, rng).rgbd(each) for each in (pair.source, pair.target))
-        return there_and_back(source, target.camera)
+        return unseen_by_camera(source, target.camera)
 
 
 class DatasetRemovals:
@@ -82,21 +82,21 @@ class DatasetRemovals:
 
     def sample(self, index: int, rng: np.random.Generator) -> dict[str, np.ndarray]:
         """One sample: a random crop that shows the object."""
-        return augmented_sample(self.example(index, rng), self.network, rng)
+        return augment_sample(self.example(index, rng), self.network, rng)
 
     def example(self, index: int, rng: np.random.Generator) -> ViewExample:
         """The view before it is mirrored or relit. There is no hole where the two frames show different backgrounds."""
         case: RemovalTruth = self.cases[index].load()
         for _ in range(MOST_DRAWS):
             crop = random_crop(case.source.camera.hw, self.size, rng, case.mask)
-            hole = dilated_alike([crop.mask(case.mask)], rng)[0]
+            hole = dilate_equally([crop.mask(case.mask)], rng)[0]
             if case.compare is not None:
                 hole &= ~crop.mask(~case.compare)
             if hole_size_fits(hole):
-                source, without = crop.rgbd(case.source), crop.rgbd(without_at_source_exposure(case))
-                return masked_example(source, hole, pasted(source, without, hole))
+                source, without = crop.rgbd(case.source), crop.rgbd(match_source_exposure(case))
+                return mask_example(source, hole, paste_in_hole(source, without, hole))
         source = crop.rgbd(case.source)
-        return masked_example(source, random_mask(rng, source.camera.hw))
+        return mask_example(source, random_mask(rng, source.camera.hw))
 
 
 class DatasetPairs:
@@ -110,7 +110,7 @@ class DatasetPairs:
 
     def sample(self, index: int, rng: np.random.Generator) -> dict[str, np.ndarray]:
         """One pair: the same random crop of both pictures."""
-        return mirrored(relit(self.pair(index, rng), rng, 6), rng, 2)
+        return mirror_at_random(change_light(self.pair(index, rng), rng, 6), rng, 2)
 
     def pair(self, index: int, rng: np.random.Generator) -> dict[str, np.ndarray]:
         """The pair before it is mirrored or relit: with the object's masks as holes; where there is no object, with a random mask
@@ -120,23 +120,23 @@ class DatasetPairs:
         if case.masks is not None and case.without is not None:
             for _ in range(MOST_DRAWS):
                 crop = random_crop(hw, self.size, rng, case.masks[0] | case.masks[1])
-                holes = dilated_alike([crop.mask(mask) for mask in case.masks], rng)
+                holes = dilate_equally([crop.mask(mask) for mask in case.masks], rng)
                 if hole_size_fits(holes[0] | holes[1]):
-                    shown, without = _both(crop, (case.left, case.right)), _both(crop, case.without)
+                    shown, without = _crop_both(crop, (case.left, case.right)), _crop_both(crop, case.without)
                     true = [np.where(hole[..., None], gone, one) for hole, gone, one in zip(holes, without, shown)]
                     return pair_sample(shown, true, holes, self.network)
         crop = random_crop(hw, self.size, rng)
-        shown = _both(crop, (case.left, case.right))
+        shown = _crop_both(crop, (case.left, case.right))
         return pair_sample(shown, shown, random_masks(crop, case, rng), self.network)
 
 
-def dilated_alike(masks: Sequence[BoolArray], rng: np.random.Generator) -> list[BoolArray]:
+def dilate_equally(masks: Sequence[BoolArray], rng: np.random.Generator) -> list[BoolArray]:
     """Masks (H x W) dilated by one random radius of 1 to MOST_DILATION pixels, as before an object leaves the cloud."""
     radius = int(rng.integers(1, MOST_DILATION + 1))
     return [dilated(mask, radius) for mask in masks]
 
 
-def pasted(source: RGBD, without: RGBD, hole: BoolArray) -> RGBD:
+def paste_in_hole(source: RGBD, without: RGBD, hole: BoolArray) -> RGBD:
     """The frame `source`, and in the hole (H x W) the frame `without`."""
     color = np.where(hole[..., None], without.color, source.color)
     return RGBD(color, np.where(hole, without.depth, source.depth), source.camera)
@@ -151,7 +151,7 @@ def random_masks(crop: Crop, case: StereoPair, rng: np.random.Generator) -> list
         return [mask, mask]
 
 
-def without_at_source_exposure(case: RemovalTruth) -> RGBD:
+def match_source_exposure(case: RemovalTruth) -> RGBD:
     """The frame without the object, at the exposure of the frame with it, by the pixels that both show."""
     if not case.exposure_varies:
         return case.without
@@ -162,7 +162,7 @@ def without_at_source_exposure(case: RemovalTruth) -> RGBD:
     return replace(case.without, color=with_gain(case.without.color, gain))
 
 
-def at_exposure_of(view: View, truth: RGBD) -> RGBD:
+def match_exposure(view: View, truth: RGBD) -> RGBD:
     """The truth at the exposure of the view, by the pixels where both have the same depth, off the edge of the hole."""
     w, true = inverse_depth(view.depth), inverse_depth(truth.depth)
     same = eroded(~view.hole, 1) & (true > 0) & (np.abs(w - true) <= DEPTH_AGREES * true)
@@ -170,5 +170,5 @@ def at_exposure_of(view: View, truth: RGBD) -> RGBD:
     return RGBD(with_gain(truth.color, gain), truth.depth, truth.camera)
 
 
-def _both(crop: Crop, pictures: tuple[UInt8Array, UInt8Array]) -> list[UInt8Array]:
+def _crop_both(crop: Crop, pictures: tuple[UInt8Array, UInt8Array]) -> list[UInt8Array]:
     return [crop.color(picture) for picture in pictures]

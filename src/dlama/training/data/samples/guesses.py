@@ -63,10 +63,10 @@ def planes_of_crop(crop: GuessCrop, order: np.ndarray, light: np.ndarray) -> dic
     context = crop.context / np.float32(255)
     hole = (crop.context[-1:] > 0).astype(np.float32)
     known, *depths = crop.depth / np.float32(LEVELS)
-    color = np.stack([lit(one, light) for one in crop.color[order]])
+    color = np.stack([change_light(one, light) for one in crop.color[order]])
     guesses = np.concatenate([color, np.stack(depths)[order][:, None]], 1)
-    seen = np.concatenate([lit(crop.context[:3], light), known[None]]) * (1 - hole)
-    target = np.concatenate([lit(crop.true_color, light), (crop.true_depth / np.float32(LEVELS))[None]])
+    seen = np.concatenate([change_light(crop.context[:3], light), known[None]]) * (1 - hole)
+    target = np.concatenate([change_light(crop.true_color, light), (crop.true_depth / np.float32(LEVELS))[None]])
     return {
         "input": np.concatenate([seen, hole]).astype(np.float32),
         "context": context[4:-1],
@@ -78,6 +78,6 @@ def planes_of_crop(crop: GuessCrop, order: np.ndarray, light: np.ndarray) -> dic
     }
 
 
-def lit(color: np.ndarray, light: np.ndarray) -> np.ndarray:
+def change_light(color: np.ndarray, light: np.ndarray) -> np.ndarray:
     """3 x H x W uint8 through 3 x 256."""
     return np.stack([table[levels] for table, levels in zip(light, color)])

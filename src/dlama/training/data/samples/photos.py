@@ -16,7 +16,7 @@ from dlama.geometry.camera import Camera
 from dlama.geometry.rendering import render
 from dlama.geometry.rgbd import RGBD, BoolArray
 from dlama.inpainters.networks.view_tensors import color_planes
-from dlama.training.data.augment import mirrored, relit
+from dlama.training.data.augment import change_light, mirror_at_random
 from dlama.training.data.masks import random_mask
 from dlama.training.data.photos import Photo, square_crop
 from dlama.training.data.samples.views import hole_size_fits
@@ -54,7 +54,7 @@ class PhotoSamples:
         target = color_planes(square_crop(self.photos[index].load(), self.size, rng))
         mask = self.hole(rng)[None].astype(np.float32)
         made = {"input": np.concatenate([target * (1 - mask), mask]), "target": target, "mask": mask}
-        return mirrored(relit(made, rng, 3), rng, 1)
+        return mirror_at_random(change_light(made, rng, 3), rng, 1)
 
     def hole(self, rng: np.random.Generator) -> BoolArray:
         """size x size, True = hole."""
@@ -88,11 +88,11 @@ def hole_of_world(rng: np.random.Generator, size: int, split: str) -> BoolArray:
 def _holes_of_world(split: str, number: int, size: int) -> np.ndarray:
     """The holes between all pairs of cameras of one world, packed as bits: made together, since the world costs most."""
     world = WorldSet(split, size).views_of_world(number)
-    holes = [there_and_back(world.frame(i), world.cameras[j]) for i, j in world.pairs]
+    holes = [unseen_by_camera(world.frame(i), world.cameras[j]) for i, j in world.pairs]
     return np.packbits(np.array(holes).reshape(len(holes), -1), axis=1)
 
 
-def there_and_back(rgbd: RGBD, camera: Camera) -> BoolArray:
+def unseen_by_camera(rgbd: RGBD, camera: Camera) -> BoolArray:
     """H x W, True at the pixels of a frame that another camera does not see: the frame is rendered into it, and back."""
     there = render(rgbd, camera, types=False)
     return render(there, rgbd.camera, types=False).hole

@@ -48,10 +48,10 @@ def _scene(rng: np.random.Generator, size: int) -> tuple[np.ndarray, np.ndarray,
         high, wide = rng.integers(size // 8, size // 2, 2)
         near, gap = np.float32(rng.uniform(0.6, 1)), int(rng.integers(2, max(3, size // 8)))
         here = np.s_[top : top + high, left : left + wide]
-        beside = np.s_[top : top + high, max(left - gap, 0) : left]
+        strip = np.s_[top : top + high, max(left - gap, 0) : left]
         color[:, here[0], here[1]] = _texture(rng, u, v)[:, here[0], here[1]]
         depth[here], hole[here], limit[here] = near, False, np.inf
-        hole[beside], limit[beside] = True, near
+        hole[strip], limit[strip] = True, near
     if not hole.any():  # every rectangle began at the left border
         hole[size // 4 : size // 2, size // 4 : size // 2] = True
     limit[~hole] = np.inf

@@ -114,31 +114,31 @@ class WorldSet:
 def _world_views(worlds: WorldSet, number: int, paired: bool = False) -> WorldViews:
     seed, size, photos = FIRST_SEED[worlds.split] + number, worlds.size, worlds.photos
     rng = np.random.default_rng([seed, VIEWS])
-    made = world(seed, textures=[_texture(photos[i], rng) for i in _some_photos(rng, len(photos))])
+    made = world(seed, textures=[_texture(photos[i], rng) for i in _draw_photos(rng, len(photos))])
     fov = float(rng.uniform(*FOV_DEG))
     yaws = _yaws(rng)
     if paired:
         cameras = _rigs(rng, [made.camera(yaw, size, fov) for yaw in yaws[: VIEWS // 2]])
         return WorldViews(made, cameras, tuple((n, n + 1) for n in range(0, len(cameras), 2)))
-    cameras = _moved(rng, [made.camera(yaw, size, fov) for yaw in yaws])
+    cameras = _random_move(rng, [made.camera(yaw, size, fov) for yaw in yaws])
     pairs = [(i, j) for i in range(VIEWS) for j in range(VIEWS) if i != j and abs(yaws[i] - yaws[j]) <= LARGEST_YAW]
     rng.shuffle(pairs)
     return WorldViews(made, cameras, tuple((int(i), int(j)) for i, j in pairs))
 
 
 def _yaws(rng: np.random.Generator) -> list[float]:
-    """Yaws of the cameras in degrees; the last camera has the first one's, and is moved by `_moved`."""
+    """Yaws of the cameras in degrees; the last camera has the first one's, and is moved by `_random_move`."""
     first = float(rng.uniform(-LARGEST_YAW, LARGEST_YAW))
     turned = [float(rng.uniform(-LARGEST_YAW, LARGEST_YAW)) for _ in range(VIEWS - 2)]
     turned = [yaw if abs(yaw - first) > SMALLEST_TURN else first + SMALLEST_TURN for yaw in turned]
     return [first, *turned, first]
 
 
-def _moved(rng: np.random.Generator, cameras: list[Camera]) -> tuple[Camera, ...]:
+def _random_move(rng: np.random.Generator, cameras: list[Camera]) -> tuple[Camera, ...]:
     """The last camera moved sideways as in a stereo pair, forwards or back, or turned and pitched a little."""
     last, sign = cameras[-1], float(rng.choice((-1, 1)))
     moved = (
-        beside(last, sign * float(rng.uniform(*SHIFT_M))),
+        move_sideways(last, sign * float(rng.uniform(*SHIFT_M))),
         dolly(last, float(rng.uniform(*DOLLY_M))),
         orbit(last, sign * float(rng.uniform(SMALLEST_TURN, 15)), float(rng.uniform(*PITCH_DEG))),
     )
@@ -147,17 +147,17 @@ def _moved(rng: np.random.Generator, cameras: list[Camera]) -> tuple[Camera, ...
 
 def _rigs(rng: np.random.Generator, cameras: list[Camera]) -> tuple[Camera, ...]:
     """Left and right cameras: each camera, and one to its right."""
-    return tuple(each for left in cameras for each in (left, beside(left, float(rng.uniform(*SHIFT_M)))))
+    return tuple(each for left in cameras for each in (left, move_sideways(left, float(rng.uniform(*SHIFT_M)))))
 
 
-def beside(camera: Camera, metres: float) -> Camera:
+def move_sideways(camera: Camera, metres: float) -> Camera:
     """The camera moved to its right (negative: left)."""
     pose = camera.world_from_cam.copy()
     pose[:3, 3] += metres * pose[:3, 0]
     return camera.at(pose)
 
 
-def _some_photos(rng: np.random.Generator, count: int) -> list[int]:
+def _draw_photos(rng: np.random.Generator, count: int) -> list[int]:
     return [int(i) for i in rng.choice(count, min(TEXTURES, count), replace=False)] if count else []
 
 

@@ -15,7 +15,7 @@ from dlama.geometry.rgbd import RGBD, BoolArray
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import HoleType, View
 from dlama.geometry.visibility import Law
-from dlama.training.data.augment import mirrored, relit, with_faults
+from dlama.training.data.augment import add_depth_faults, change_light, mirror_at_random
 from dlama.training.data.masks import random_mask
 from dlama.training.data.samples.views import ViewExample, hole_size_fits, pair_sample, view_sample
 from dlama.training.data.samples.world_views import WorldSet, WorldViews
@@ -41,7 +41,7 @@ class WorldSamples:
 
     def sample(self, index: int, rng: np.random.Generator) -> dict[str, np.ndarray]:
         """One sample; sensor faults, light and mirroring are drawn from `rng`."""
-        return augmented_sample(self.example(index, rng), self.network, rng)
+        return augment_sample(self.example(index, rng), self.network, rng)
 
     def example(self, index: int, rng: np.random.Generator) -> ViewExample:
         """The view before it is mirrored or relit."""
@@ -50,11 +50,11 @@ class WorldSamples:
             return sensor_hole_example(views.frame(views.pairs[index % len(views.pairs)][0]), rng)
         for number in range(len(views.pairs)):
             source, target = views.pairs[(index + number) % len(views.pairs)]
-            rgbd = with_faults(views.frame(source), rng)
+            rgbd = add_depth_faults(views.frame(source), rng)
             view = render(rgbd, views.cameras[target], types=False)
             if hole_size_fits(view.hole):
                 return ViewExample(view, views.frame(target), Law.of(Scene((View.from_rgbd(rgbd),))))
-        return masked_example(views.frame(0), random_mask(rng, views.cameras[0].hw))
+        return mask_example(views.frame(0), random_mask(rng, views.cameras[0].hw))
 
 
 class WorldRemovals(WorldSamples):
@@ -66,10 +66,10 @@ class WorldRemovals(WorldSamples):
         number = index % len(views.cameras)
         frame, removed = views.frame(number), removable_object(views, number, rng)
         if removed is None:
-            return masked_example(frame, random_mask(rng, frame.camera.hw))
+            return mask_example(frame, random_mask(rng, frame.camera.hw))
         hole = dilated(views.raycast(number).group == removed, int(rng.integers(1, MOST_DILATION + 1)))
         truth = frame_without(views, number, removed, hole)
-        return masked_example(with_faults(frame, rng), hole, truth)
+        return mask_example(add_depth_faults(frame, rng), hole, truth)
 
 
 class WorldPairs:
@@ -84,7 +84,7 @@ class WorldPairs:
 
     def sample(self, index: int, rng: np.random.Generator) -> dict[str, np.ndarray]:
         """One pair; see `batches.Batch`."""
-        return mirrored(relit(self.pair(index, rng), rng, 6), rng, 2)
+        return mirror_at_random(change_light(self.pair(index, rng), rng, 6), rng, 2)
 
     def pair(self, index: int, rng: np.random.Generator) -> dict[str, np.ndarray]:
         """The pair before it is mirrored or relit."""
@@ -102,18 +102,18 @@ class WorldPairs:
         return pair_sample(shown, true, holes, self.network)
 
 
-def augmented_sample(example: ViewExample, network: NetworkSettings, rng: np.random.Generator) -> dict[str, np.ndarray]:
+def augment_sample(example: ViewExample, network: NetworkSettings, rng: np.random.Generator) -> dict[str, np.ndarray]:
     """The sample of an example, with random mirroring and light."""
-    return mirrored(relit(view_sample(example, network), rng, 3), rng, 1)
+    return mirror_at_random(change_light(view_sample(example, network), rng, 3), rng, 1)
 
 
 def sensor_hole_example(frame: RGBD, rng: np.random.Generator) -> ViewExample:
     """A frame with missing depth, at its own camera."""
-    view = View.from_rgbd(with_faults(frame, rng, sensor_holes=True))
+    view = View.from_rgbd(add_depth_faults(frame, rng, sensor_holes=True))
     return ViewExample(view, frame, Law.of(Scene((view,))))
 
 
-def masked_example(source: RGBD, removed: BoolArray, truth: RGBD | None = None) -> ViewExample:
+def mask_example(source: RGBD, removed: BoolArray, truth: RGBD | None = None) -> ViewExample:
     """A frame without the pixels of `removed` (H x W bool), at its own camera.
 
     truth: the frame without the object; the depth of the removed object then still limits what is filled (visibility law).
