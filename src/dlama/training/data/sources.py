@@ -172,8 +172,8 @@ def _use_photos(kinds: set[str]) -> bool:
 
 def _cases_of_kinds(found: TrainingData, kinds: set[str]) -> tuple[TrainingCase, ...]:
     """The cases that samples of these kinds are made of."""
-    kinds_of_cases = {SAMPLES[kind].cases for kind in kinds}
-    return tuple(case for case in found.cases if case.kind in kinds_of_cases)
+    case_kinds = {SAMPLES[kind].cases for kind in kinds}
+    return tuple(case for case in found.cases if case.kind in case_kinds)
 
 
 def _split(found: TrainingData, kinds: set[str], split: Split) -> TrainingData:
