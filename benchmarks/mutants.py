@@ -393,6 +393,10 @@ MUTANTS: tuple[Mutant, ...] = (
         "files/rasters/images.py",
         "tests/files/test_pictures.py tests/files/test_orientation.py",
         ("checksums are not looked at", "                _check_sums(file, data)", "                pass"),
+    ),
+    *faults(
+        "files/rasters/turned_pairs.py",
+        "tests/files/test_orientation.py",
         ("a turn of one of two pictures is not seen", "if turned[0] == turned[1]:", "if True:"),
     ),
     *faults(

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Any
+from typing import Any, ClassVar
 
 LONGEST = 1200
 """Characters of a message."""
@@ -24,6 +24,9 @@ LONGEST = 1200
 
 class DlamaError(Exception):
     """Root of everything dlama raises on purpose. A message that shows a very long value is shortened in its middle."""
+
+    guide: ClassVar[str] = ""
+    """The page that explains this kind of error, which the command line names; "": none does."""
 
     def __str__(self) -> str:
         text = super().__str__()
@@ -59,13 +62,19 @@ class ShapeError(InputError):
 class DepthError(InputError):
     """Depth that cannot be metres: all empty, negative, or on the wrong scale."""
 
+    guide = "docs/concepts/conventions.md"
+
 
 class CameraError(InputError):
     """Intrinsics that no camera has, or a pose that is not a rigid motion."""
 
+    guide = "docs/concepts/conventions.md"
+
 
 class MaskError(InputError):
     """A mask that is empty, full, grey where it must not be, or of the wrong size."""
+
+    guide = "docs/guides/remove.md"
 
 
 class OutputError(DlamaError, OSError):

@@ -9,6 +9,8 @@ from running import refused
 
 from dlama.apps.cli import VERBS, main
 from dlama.apps.terminal.flags import flags_of, with_flags
+from dlama.apps.terminal.output import errors_as_lines
+from dlama.errors import CameraError, DlamaError, InputError, MaskError
 
 
 @pytest.mark.parametrize(
@@ -34,6 +36,7 @@ from dlama.apps.terminal.flags import flags_of, with_flags
             "view a.png b.png --yaw nan --pitch inf -o out",
             "--yaw is nan; a finite angle in degrees is expected; --pitch is inf",
         ),
+        ("view a.png b.png --yaw nan --fov 500 -o out", "--fov is 500 degrees; a field of view between 0 and 180"),
         ("view a.png b.png --yaw 1 --only foo,depth,bar -o out", "--only is 'foo', 'bar'; names of image, depth, "),
         ("batch a.csv --workers 0 --threads 0 -o out", "a whole number; --threads is 0; 1 or more is expected"),
         ("batch --images *.png -o out", "give --verb VERB, one of view, remove, depth"),
@@ -74,3 +77,26 @@ def test_a_bad_mask_is_told_before_depth_is_estimated(frame: Path, capsys: pytes
 def test_fields_of_files_are_no_flags(message: str) -> None:
     """Law: what stands in a file is called as there; the first had been `field '--fx'`."""
     assert with_flags(message, flags_of(VERBS["batch"])) == message
+
+
+@pytest.mark.parametrize(("error", "guide"), [(CameraError, "concepts/conventions"), (MaskError, "guides/remove")])
+def test_an_error_names_the_guide_that_explains_it(
+    capsys: pytest.CaptureFixture[str], error: type[DlamaError], guide: str
+) -> None:
+    """Law: on the same line, and the page is there; an error that no page explains (InputError) has no such end."""
+    for kind, end in ((error, f"wrong (see docs/{guide}.md)\n"), (InputError, "wrong\n")):
+        with pytest.raises(SystemExit), errors_as_lines():
+            raise kind("wrong")
+        assert capsys.readouterr().err == f"error: {end}"
+    assert (Path(__file__).parents[2] / error.guide).is_file()
+
+
+def test_without_arguments_the_usual_commands_are_shown(capsys: pytest.CaptureFixture[str]) -> None:
+    """Law: each begins with a verb that there is, and takes the options that stand there; exit code 0."""
+    main([])
+    lines = capsys.readouterr().out.splitlines()
+    shown = [line.strip().partition("  ")[0].split() for line in lines if line.startswith("  ")]
+    assert [words[:2] for words in shown] == [["dlama", verb] for verb in ("view", "remove", "stereo", "serve")]
+    for words in shown:
+        flags = flags_of(VERBS[words[1]]).values()
+        assert all(word in flags for word in words if word.startswith("--"))

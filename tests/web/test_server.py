@@ -271,3 +271,29 @@ def test_a_full_disk_is_said_and_leaves_nothing(
     assert told == {"error": "the server cannot keep that: no space left on device", "field": ""}
     assert [path for path in server.visits.root.rglob("*") if path.is_file()] == [] and capfd.readouterr().err == ""
     page.upload("picture", data, "image.png")
+
+
+ARENAS_OF_THREADS = """
+import ctypes, sys, threading
+from dlama.web.server import share_arenas
+libc = ctypes.CDLL(None)
+libc.malloc.restype, libc.fopen.restype = ctypes.c_void_p, ctypes.c_void_p
+share_arenas()
+together = threading.Barrier(12)
+def allocate():
+    libc.malloc(1000)
+    together.wait()
+threads = [threading.Thread(target=allocate) for _ in range(12)]
+for one in threads: one.start()
+for one in threads: one.join()
+stream = ctypes.c_void_p(libc.fopen(sys.argv[1].encode(), b"w"))
+libc.malloc_info(0, stream)
+libc.fclose(stream)
+"""
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="glibc alone has arenas that can be counted")
+def test_threads_share_two_arenas(tmp_path: Path) -> None:
+    """Oracle: glibc's own malloc_info, after twelve threads at once took memory; without the limit it lists one for each."""
+    subprocess.run([sys.executable, "-c", ARENAS_OF_THREADS, str(tmp_path / "arenas.xml")], check=True)
+    assert (tmp_path / "arenas.xml").read_text("ascii").count("<heap nr=") <= 2

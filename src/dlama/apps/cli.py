@@ -54,6 +54,16 @@ DESCRIPTION = (
     "Completes what a camera could not see: the scene from another viewpoint, without an object, or as a stereo pair, "
     "filled in colour and in depth. `dlama demo` shows all of it; `dlama VERB --help` explains each; `dlama --version`."
 )
+FIRST_WORDS = """\
+dlama completes what a camera could not see. The most usual commands:
+
+  dlama view photo.jpg depth.png --fov 65 --yaw 20 -o moved         from another viewpoint
+  dlama remove photo.jpg --fov 65 --click 320,400 -o removed        without the object at that pixel
+  dlama stereo left.png right.png --calib calib.txt -o pair         depth of a stereo pair
+  dlama serve                                                       the page in the browser: all of it by mouse
+
+`dlama demo` runs them on a scene that comes with dlama. `dlama --help` lists all verbs, `dlama VERB --help` explains one."""
+"""What `dlama` prints without arguments."""
 DEMO_FOLDER = Annotated[Path, option("DIR", "dlama-demo", aliases=["-o"])]
 
 
@@ -87,6 +97,7 @@ def view(
             {"image": image, "depth": depth},
             picture,
             target,
+            lens.settings(),
             reading.settings(),
             estimating.settings(),
             how,
@@ -126,7 +137,7 @@ def remove(
     with command("remove", report) as this:
         target, how = move.settings(), method.settings()
         depth, mask = split_depth_and_mask(depth_and_mask, pointing.given)
-        options = target, reading.settings(), estimating.settings(), pointing.settings(), how
+        options = target, lens.settings(), reading.settings(), estimating.settings(), pointing.settings(), how
         this.check(output, results, {"image": image, "depth": depth, "mask": mask}, image, *options, removes=True)
         of_file = this.optional_mask(mask, masking, image)  # before depth is estimated, which takes longer
         rgbd = this.rgbd(image, depth, lens, reading, estimating)
@@ -243,7 +254,10 @@ def main(args: Sequence[str] | None = None) -> None:
     if words[:1] == ["--version"]:
         with errors_as_lines():
             print(f"dlama {dlama.__version__}")
-    elif words and words[0] in VERBS:
+    elif not words:
+        with errors_as_lines():
+            print(FIRST_WORDS)
+    elif words[0] in VERBS:
         run_verb(words[0], words[1:])
     else:
         with errors_as_lines():

@@ -22,8 +22,9 @@ from dlama.files.rasters.depth import (
     eight_bit_advice,
     stored_numbers,
 )
-from dlama.files.rasters.images import SUFFIXES, as_shown, orientation_of, read_stored, turned_apart
+from dlama.files.rasters.images import SUFFIXES, as_shown, orientation_of, read_stored
 from dlama.files.rasters.pictures import eight_bit_rgb, read_color, read_mask
+from dlama.files.rasters.turned_pairs import turned_apart
 from dlama.files.rgbd import SAME_PROPORTIONS, nearest_pixels
 from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import BoolArray, UInt8Array, percent

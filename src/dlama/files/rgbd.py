@@ -14,8 +14,9 @@ from dlama.errors import FileError, InputError, ShapeError, system_errors
 from dlama.files.atomic_write import PathLike
 from dlama.files.cameras import camera_for
 from dlama.files.rasters.depth import check_depth_options, read_depth
-from dlama.files.rasters.images import read_stored, turned_apart, warn_of_turn
+from dlama.files.rasters.images import read_stored
 from dlama.files.rasters.pictures import read_color
+from dlama.files.rasters.turned_pairs import refuse_turned, warn_of_turn
 from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import RGBD, Float32Array, far_beyond
 from dlama.perception.monocular import DEFAULT, Estimator, estimate_depth
@@ -97,11 +98,7 @@ def read_rgbd(
     color = read_color(image)
     hw = color.shape[:2]
     metres = read_depth(depth, depth_scale=depth_scale, depth_range=depth_range, channel=channel, far=far)
-    if metres.shape != hw and metres.shape == hw[::-1] and (found := turned_apart(image, depth)):
-        raise ShapeError(
-            f"{found}: depth is {metres.shape[1]}x{metres.shape[0]} and the picture {hw[1]}x{hw[0]}; turn the one "
-            "without it the same way, or clear the tag (exiftool -Orientation= FILE)"
-        )
+    refuse_turned(image, depth, hw, (metres.shape[0], metres.shape[1]))
     warn_of_turn(image, depth)
     if metres.shape != hw:
         metres = _resized(image, depth, metres, hw, resize_depth)

@@ -22,6 +22,7 @@ def check_options(given: Mapping[str, Any], image: Path | None = None, removes: 
     from dlama.completion.recipes import checked_confidence, checked_seed, find_recipe
     from dlama.files.rasters.depth import check_depth_options
     from dlama.files.results.completion import checked_results
+    from dlama.geometry.camera import Camera
     from dlama.geometry.trajectories import PIVOT_M
 
     def one(name: str, default: Any = None) -> Any:
@@ -36,6 +37,7 @@ def check_options(given: Mapping[str, Any], image: Path | None = None, removes: 
         lambda: checked_confidence(one("min_confidence", 0.0)),
         lambda: one("filler", AUTO) == AUTO or callable(given["filler"]) or model_file(given["filler"], one("model")),
         lambda: check_depth_options(one("depth_scale"), one("depth_range"), one("far")),
+        lambda: one("fov") is None or Camera.from_fov(2, 2, given["fov"]),
         *(lambda name=name: _check_move({name: given.get(name)}) for name in ("yaw", "pitch", "dolly")),
         lambda: _check_move({"pivot": given.get("pivot", PIVOT_M)}),
         lambda: _check_pointing(given, image),

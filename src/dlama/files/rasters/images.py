@@ -134,26 +134,6 @@ def orientation_of(path: PathLike) -> int:
     return _header(existing(path))[1] if Path(path).suffix.lower() in SUFFIXES else 1
 
 
-def turned_apart(one: PathLike, other: PathLike) -> str:
-    """How the EXIF orientations of two pictures of the same pixels differ, in words; "": they do not. Raises FileError."""
-    turned = orientation_of(one), orientation_of(other)
-    if turned[0] == turned[1]:
-        return ""
-    which, another, tag = (one, other, turned[0]) if turned[0] != 1 else (other, one, turned[1])
-    found = f"{which} is shown turned by its EXIF orientation {tag}, {another} "
-    return found + ("has none" if 1 in turned else f"by {turned[1]}")
-
-
-def warn_of_turn(one: PathLike, other: PathLike) -> None:
-    """Warn (UserWarning) where the EXIF orientations of two pictures of the same pixels differ. Raises FileError."""
-    if found := turned_apart(one, other):
-        warnings.warn(
-            f"{found}; if both were made of the same stored pixels, clear the tag (exiftool -Orientation= FILE)",
-            UserWarning,
-            stacklevel=3,
-        )
-
-
 def _header(file: Path) -> tuple[tuple[int, int], int]:
     """(height, width) as stored, and the orientation."""
     try:
@@ -204,7 +184,8 @@ def _check_sums(file: Path, data: bytes) -> None:
         if end + 4 <= len(data) and zlib.crc32(bytes_of[at + 4 : end]) != int.from_bytes(
             bytes_of[end : end + 4], "big"
         ):
-            raise FileError(f"{file}: is damaged (wrong checksum of the {data[at + 4 : at + 8]!r} chunk at byte {at})")
+            kind = data[at + 4 : at + 8].decode("latin-1")
+            raise FileError(f"{file}: is damaged (wrong checksum of the {kind} chunk at byte {at})")
         at = end + 4
 
 

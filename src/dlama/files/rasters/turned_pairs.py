@@ -1,0 +1,38 @@
+"""Two picture files of the same pixels in; whether they are turned alike when they are shown (EXIF), out."""
+
+from __future__ import annotations
+
+import warnings
+
+from dlama.errors import ShapeError
+from dlama.files.atomic_write import PathLike
+from dlama.files.rasters.images import orientation_of
+
+
+def turned_apart(one: PathLike, other: PathLike) -> str:
+    """How the EXIF orientations of two pictures of the same pixels differ, in words; "": they do not. Raises FileError."""
+    turned = orientation_of(one), orientation_of(other)
+    if turned[0] == turned[1]:
+        return ""
+    which, another, tag = (one, other, turned[0]) if turned[0] != 1 else (other, one, turned[1])
+    found = f"{which} is shown turned by its EXIF orientation {tag}, {another} "
+    return found + ("has none" if 1 in turned else f"by {turned[1]}")
+
+
+def refuse_turned(picture: PathLike, other: PathLike, hw: tuple[int, int], other_hw: tuple[int, int]) -> None:
+    """ShapeError where two pictures of the same pixels have exchanged sides, and the orientation of one of them explains it."""
+    if hw != other_hw == hw[::-1] and (found := turned_apart(picture, other)):
+        raise ShapeError(
+            f"{found}: {other} is {other_hw[1]}x{other_hw[0]} and {picture} {hw[1]}x{hw[0]}; turn the one without it "
+            "the same way, or clear the tag (exiftool -Orientation= FILE)"
+        )
+
+
+def warn_of_turn(one: PathLike, other: PathLike) -> None:
+    """Warn (UserWarning) where the EXIF orientations of two pictures of the same pixels differ. Raises FileError."""
+    if found := turned_apart(one, other):
+        warnings.warn(
+            f"{found}; if both were made of the same stored pixels, clear the tag (exiftool -Orientation= FILE)",
+            UserWarning,
+            stacklevel=3,
+        )
