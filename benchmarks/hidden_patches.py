@@ -20,7 +20,7 @@ import numpy as np
 import dlama
 from dlama.evaluation.metrics.lpips import Lpips
 from dlama.files.rasters.pictures import write_color
-from dlama.geometry.holes import dilated
+from dlama.geometry.holes import dilate_mask
 from dlama.geometry.rgbd import RGBD, BoolArray
 from dlama.perception.masks.supports import planes_of
 
@@ -60,7 +60,11 @@ def hidden(rgbd: RGBD, shapes: list[BoolArray], rng: np.random.Generator) -> Ite
         mask = np.zeros(label.shape, np.bool_)
         mask[y : y + height, x : x + width] = shape
         most = int(np.bincount(label[mask].clip(0)).argmax())
-        if most and (label[mask] == most).mean() > WITHIN and (label[dilated(mask, GROWN_PX)] == most).mean() > ROUND:
+        if (
+            most
+            and (label[mask] == most).mean() > WITHIN
+            and (label[dilate_mask(mask, GROWN_PX)] == most).mean() > ROUND
+        ):
             yield mask
             found += 1
             if found == A_FRAME:
@@ -83,7 +87,7 @@ def main() -> None:
             number += 1
             if number % given.every:
                 continue
-            region = dilated(mask, GROWN_PX)
+            region = dilate_mask(mask, GROWN_PX)
             x, y, width, height = cv2.boundingRect(region.astype(np.uint8))
             top, left = max(0, y - MARGIN_PX), max(0, x - MARGIN_PX)
             box = np.s_[top : y + height + MARGIN_PX, left : x + width + MARGIN_PX]

@@ -24,7 +24,7 @@ import numpy as np
 
 import dlama
 from dlama.datasets.layouts import open_dataset
-from dlama.geometry.holes import with_nearest
+from dlama.geometry.holes import fill_with_nearest
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array
 from dlama.training.data.sensors import stereo_matcher, structured_light
 from dlama.worlds.dataset import world
@@ -94,7 +94,7 @@ def by_opencv(method: int) -> Callable[[RGBD], Float32Array]:
 
 METHODS: dict[str, Callable[[RGBD], Float32Array]] = {
     "dlama": by_dlama,
-    "nearest known pixel": lambda frame: with_nearest(frame.depth, ~frame.missing),
+    "nearest known pixel": lambda frame: fill_with_nearest(frame.depth, ~frame.missing),
     "OpenCV Telea": by_opencv(cv2.INPAINT_TELEA),
     "OpenCV Navier-Stokes": by_opencv(cv2.INPAINT_NS),
 }

@@ -360,7 +360,7 @@ MUTANTS: tuple[Mutant, ...] = (
         ("depth forgets doffs", "baseline_m=rig.baseline_m, doffs=rig.doffs)", "baseline_m=rig.baseline_m)"),
         ("bleeding is measured from disparity 0", "as_near = disparity + doffs >=", "as_near = disparity >="),
         ("the left mask is not carried over", "carry_mask(mask, left_disparity) if", "mask if"),
-        ("the right mask is not used", "if mask_right is None else checked", "if True else checked"),
+        ("the right mask is not used", "if mask_right is None else check_mask", "if True else check_mask"),
     ),
     *faults(
         "completion/stereo/stereo.py",

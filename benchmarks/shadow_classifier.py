@@ -23,7 +23,7 @@ import torch
 from torch import nn
 from torch.nn.functional import binary_cross_entropy_with_logits
 
-from dlama.geometry.holes import touching
+from dlama.geometry.holes import regions_touching
 from dlama.models.network_file import NetworkFile
 from dlama.perception.shadows.classifier import CLIP, PARTS, SHADOW, Classifier, Likely, likely_shadows
 from dlama.perception.shadows.features import candidate_features, color_shares, insides, pixel_features
@@ -136,7 +136,7 @@ def perceptron(features: np.ndarray, true: np.ndarray, weight: np.ndarray, seed:
 
 def rates(likely: Likely, target: np.ndarray) -> tuple[float, float]:
     """Recall and precision of the region that a shape leads to."""
-    found, true = touching(likely.probability > SHADOW, likely.shape) & (target >= 0), target > 0.5
+    found, true = regions_touching(likely.probability > SHADOW, likely.shape) & (target >= 0), target > 0.5
     both = float((found & true).sum())
     return both / max(float(true.sum()), 1.0), both / max(float(found.sum()), 1.0)
 

@@ -22,7 +22,7 @@ from dlama.completion.verbs import remove
 from dlama.datasets.frames import RemovalTruth
 from dlama.evaluation.metrics.masks import away_from, darkened
 from dlama.evaluation.protocols.mask import SMALLEST_SHADOW_PX
-from dlama.geometry.holes import dilated
+from dlama.geometry.holes import dilate_mask
 from dlama.perception.masks.supports import planes_of
 from dlama.perception.shadows.find import find_shadow
 from dlama.perception.shadows.ground import EDGE_PX, ground_of, standing, thing_points
@@ -46,7 +46,7 @@ def rows_of(truths: Iterator[RemovalTruth], scale: Scale) -> tuple[np.ndarray, n
         ground = ground_of(truth.source, truth.mask, planes_of(truth.source))
         if ground is None:
             continue
-        usable = ground.surface & ~dilated(truth.mask, EDGE_PX)
+        usable = ground.surface & ~dilate_mask(truth.mask, EDGE_PX)
         thing = standing(*thing_points(truth.source, truth.mask, ground), ground)
         thrown = thrown_shape(truth.source, usable, thing, scale)
         if thrown is None:

@@ -8,7 +8,7 @@ import warnings
 import numpy as np
 
 from dlama.datasets.frames import RemovalTruth, Truth, ViewTruth
-from dlama.geometry.holes import dilated
+from dlama.geometry.holes import dilate_mask
 from dlama.geometry.rgbd import RGBD
 from dlama.perception.monocular import estimate_depth
 from dlama.training.data.samples.world_views import WorldSet, WorldViews
@@ -43,7 +43,7 @@ def world_case(number: int, kind: str, sensor: str, worlds: WorldSet | None = No
     if kind == "view":
         return ViewTruth(frame, views.frame(target))
     mask = views.raycast(source).group == removed
-    return RemovalTruth(frame, frame_without(views, source, removed, dilated(mask, 12)), mask)
+    return RemovalTruth(frame, frame_without(views, source, removed, dilate_mask(mask, 12)), mask)
 
 
 def cluttered_object(views: WorldViews, camera: int) -> int | None:
@@ -59,7 +59,7 @@ def cluttered_object(views: WorldViews, camera: int) -> int | None:
 
     def neighbours(number: int) -> float:
         mask = group == number
-        ring = dilated(mask, 12) & ~mask
+        ring = dilate_mask(mask, 12) & ~mask
         return len(np.unique(group[ring])) + float(np.isin(group[ring], groups).mean())
 
     return int(max(fitting, key=neighbours))

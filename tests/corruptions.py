@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from dlama.geometry.camera import Float64Array, inverse_pose
+from dlama.geometry.camera import Float64Array, invert_pose
 from dlama.geometry.rgbd import RGBD, BoolArray
 from dlama.perception.diagnosis.finding import Observed
 from dlama.perception.diagnosis.poses import BODY, GL, LEFT_HANDED, Undo, quaternion_reordered
@@ -157,8 +157,8 @@ def scaled(factor: float) -> Undo:
 POSES: dict[str, tuple[Undo, str]] = {
     "opengl": (lambda p: p @ GL, "pose-axes"),
     "robot": (lambda p: p @ BODY, "pose-axes"),
-    "world to camera": (inverse_pose, "pose-direction"),
-    "world to camera, read as opengl": (lambda p: inverse_pose(p) @ GL, "pose-direction"),
+    "world to camera": (invert_pose, "pose-direction"),
+    "world to camera, read as opengl": (lambda p: invert_pose(p) @ GL, "pose-direction"),
     "left-handed": (lambda p: LEFT_HANDED @ p @ LEFT_HANDED, "pose-handedness"),
     "transposed": (transposed, "pose-rotation"),
     "quaternion w first": (lambda p: quaternion_reordered(p, (3, 0, 1, 2)), "quaternion-order"),

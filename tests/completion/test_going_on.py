@@ -15,7 +15,7 @@ from dlama.completion.verbs import remove
 from dlama.errors import InputError
 from dlama.files.scenes.scene_npz import write_npz
 from dlama.geometry.camera import StereoRig
-from dlama.geometry.holes import grown
+from dlama.geometry.holes import dilate_view_holes
 from dlama.geometry.trajectories import orbit
 from dlama.geometry.view import HoleType, Origin, View
 from dlama.geometry.visibility import Law
@@ -93,7 +93,7 @@ def test_growing_holes_keeps_frame_and_errors() -> None:
     view = View.from_rgbd(street())
     numbers = np.full(view.hole.shape, 3, np.uint16)
     view = dataclasses.replace(view, frame=numbers, errors=np.ones((*view.hole.shape, 2), np.float32))
-    larger = grown(view, 2)
+    larger = dilate_view_holes(view, 2)
     given_up = larger.hole & ~view.hole
     assert given_up.any() and larger.frame is not None and larger.errors is not None
     np.testing.assert_array_equal(larger.frame, np.where(given_up, 0, 3))

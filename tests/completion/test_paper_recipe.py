@@ -9,7 +9,7 @@ from small_street import CAMERA, MASK, completed, fillers, street
 
 from dlama.completion.recipes import RECIPES
 from dlama.completion.verbs import remove, target_camera
-from dlama.geometry.holes import dilated
+from dlama.geometry.holes import dilate_mask
 from dlama.geometry.rendering import render
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.scene import Scene
@@ -28,7 +28,7 @@ def test_the_paper_draws_points_and_clips_at_ten_metres() -> None:
         np.testing.assert_array_equal(getattr(done.warped[0], name), getattr(by_hand, name))
     assert not done.view.far.any()
     own = completed("paper", "telea", True, 0.0)
-    np.testing.assert_array_equal(own.warped[0].hole & ~frame.missing, dilated(MASK, 3) & ~frame.missing)
+    np.testing.assert_array_equal(own.warped[0].hole & ~frame.missing, dilate_mask(MASK, 3) & ~frame.missing)
 
 
 @fillers
@@ -63,6 +63,6 @@ def test_without_its_law_the_papers_depth_stands_as_the_filler_gave_it() -> None
     steps = loose.view.depth[loose.warped[0].hole] / (10 / 255)
     assert abs(steps - np.round(steps)).max() < 1e-3 and loose.meta["law_moves"] == 0
     held = completed("paper", "telea", True, -14.0)
-    law = Law.of(Scene((held.source.without(dilated(MASK, 3), HoleType.OBJECT),)))
+    law = Law.of(Scene((held.source.without(dilate_mask(MASK, 3), HoleType.OBJECT),)))
     broken = [law.violations(one.view.camera, one.view.depth, one.warped[0].hole).sum() for one in (loose, held)]
     assert broken[0] > 20 and broken[1] == 0

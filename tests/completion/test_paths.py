@@ -10,7 +10,7 @@ from small_street import CAMERA, street
 
 import dlama
 from dlama.errors import InputError
-from dlama.geometry.trajectories import PATHS, between, named_path, orbit
+from dlama.geometry.trajectories import PATHS, interpolate_cameras, named_path, orbit
 from worlds import moved
 
 
@@ -58,11 +58,11 @@ def test_paths_by_name_begin_at_the_camera_and_close() -> None:
 def test_between_cameras() -> None:
     """Closed form: half-way of a turn and a shift; the ends themselves."""
     other = moved(CAMERA, (0, 30, 0), (1, 0, 0))
-    path = between([CAMERA, other], 3)
+    path = interpolate_cameras([CAMERA, other], 3)
     np.testing.assert_allclose(path[0].world_from_cam, CAMERA.world_from_cam, atol=1e-12)
     np.testing.assert_allclose(path[2].world_from_cam, other.world_from_cam, atol=1e-12)
     np.testing.assert_allclose(
         path[1].world_from_cam[:3, :3], moved(CAMERA, (0, 15, 0)).world_from_cam[:3, :3], atol=1e-12
     )
     np.testing.assert_allclose(path[1].world_from_cam[:3, 3], (0.5, 0, 0), atol=1e-12)
-    assert len(between([CAMERA], 2)) == 2
+    assert len(interpolate_cameras([CAMERA], 2)) == 2

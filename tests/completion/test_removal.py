@@ -10,7 +10,7 @@ from dlama.completion.pipeline import complete
 from dlama.completion.recipes import RECIPES
 from dlama.completion.verbs import remove
 from dlama.errors import MaskError
-from dlama.geometry.holes import dilated
+from dlama.geometry.holes import dilate_mask
 from dlama.geometry.projection import lift
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import HoleType, Origin
@@ -23,7 +23,7 @@ from reference import law as twin
 def test_the_background_lies_behind_what_was_removed(recipe: str, filler: str) -> None:
     """Law: at every pixel of the grown mask depth is not before the object's, and what was a hole says OBJECT."""
     done, frame = completed(recipe, filler, True, 0.0), street()
-    taken = dilated(MASK, 3)
+    taken = dilate_mask(MASK, 3)
     np.testing.assert_array_equal(done.warped[0].hole_type[taken], HoleType.OBJECT)
     np.testing.assert_array_equal(done.view.filled & ~frame.missing, taken & ~frame.missing)
     object_depth = np.minimum(frame.depth, RECIPES[recipe].clip or np.inf)
@@ -38,7 +38,7 @@ def test_clouds_with_and_without_the_object(recipe: str, filler: str) -> None:
     """Closed form (eq. 10, 11): c+ holds every measured point and the finite filled ones; c- all but the grown object's."""
     done = completed(recipe, filler, True, 0.0)
     plus, minus = done.completed, done.background
-    taken, valid = dilated(MASK, 3), done.source.valid
+    taken, valid = dilate_mask(MASK, 3), done.source.valid
     assert counts(plus.origin)[Origin.MEASURED] == valid.sum()
     assert counts(minus.origin)[Origin.MEASURED] == (valid & ~taken).sum()
     for kind in (Origin.FILLED, Origin.DEPTH_FILLED):

@@ -15,7 +15,7 @@ from dlama.completion.recipes import RECIPES
 from dlama.completion.verbs import remove, target_camera, view
 from dlama.errors import DepthError, InputError, MaskError
 from dlama.geometry.camera import Camera
-from dlama.geometry.holes import dilated
+from dlama.geometry.holes import dilate_mask
 from dlama.geometry.rendering import render
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.scene import Scene
@@ -143,7 +143,7 @@ def test_a_pixel_that_lacks_depth_only_is_not_unknown() -> None:
     own = completed("dlama", "telea", False, 0.0)
     assert own.meta["hole_share"] == [0.0]
     assert own.meta["depth_only_share"] == [pytest.approx(frame.missing.mean(), abs=1e-6)]
-    removed, taken = completed("dlama", "telea", True, 0.0), dilated(MASK, 3)
+    removed, taken = completed("dlama", "telea", True, 0.0), dilate_mask(MASK, 3)
     assert removed.meta["hole_share"] == [pytest.approx(taken.mean(), abs=1e-6)]
     assert removed.meta["depth_only_share"] == [pytest.approx((frame.missing & ~taken).mean(), abs=1e-6)]
 
@@ -224,7 +224,7 @@ def test_settings_change_what_they_say() -> None:
     """Closed form: dilate_holes grows the warped hole by so many px, dilate the mask, clip cuts, mode draws points."""
     plain = completed("dlama", "telea", False, 14.0).warped[0]
     wider = view(street(), yaw=14.0, filler="telea", dilate_holes=2)
-    np.testing.assert_array_equal(wider.warped[0].hole, dilated(plain.hole, 2))
+    np.testing.assert_array_equal(wider.warped[0].hole, dilate_mask(plain.hole, 2))
     assert not wider.warped[0].depth[wider.warped[0].hole].any()
     exact = remove(street(), MASK, filler="telea", dilate=0)
     np.testing.assert_array_equal(exact.view.filled, MASK)

@@ -23,7 +23,7 @@ from dlama.files.scenes.textured_mesh import write_textured_glb
 from dlama.geometry.camera import Camera
 from dlama.geometry.decimation import decimate
 from dlama.geometry.fusion import scene_mesh
-from dlama.geometry.mesh import Mesh, joined_meshes
+from dlama.geometry.mesh import Mesh, join_meshes
 from worlds import Box, Plane, World
 
 CAMERA = Camera.from_fov(64, 48, 60)
@@ -87,7 +87,7 @@ def test_the_texture_is_the_picture(tmp_path: Path) -> None:
     """Each vertex reads its own colour, as JPEG keeps it, in the middle of a texel; all else is the decimated mesh's."""
     write_textured_glb(tmp_path / "scene.glb", SCENE)
     document, blob = chunks(tmp_path / "scene.glb")
-    mesh = joined_meshes([decimate(layer).mesh for layer in SCENE.layers])
+    mesh = join_meshes([decimate(layer).mesh for layer in SCENE.layers])
     one, material, moved = primitive(document)
     assert material["extensions"] == {"KHR_materials_unlit": {}} and "KHR_materials_unlit" in document["extensionsUsed"]
     texture = document["textures"][material["pbrMetallicRoughness"]["baseColorTexture"]["index"]]
@@ -128,7 +128,7 @@ def test_open3d_reads_the_texture(tmp_path: Path) -> None:
     o3d = pytest.importorskip("open3d", exc_type=ImportError)  # it needs libraries that small machines lack
     write_textured_glb(tmp_path / "scene.glb", SCENE)
     read = o3d.io.read_triangle_mesh(str(tmp_path / "scene.glb"))
-    mesh = joined_meshes([decimate(layer).mesh for layer in SCENE.layers])
+    mesh = join_meshes([decimate(layer).mesh for layer in SCENE.layers])
     assert len(read.triangles) == len(mesh.triangles) and len(read.textures) >= 1
     picture = np.asarray(read.textures[0])
     corners = np.asarray(read.triangles).ravel()

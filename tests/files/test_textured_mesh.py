@@ -16,7 +16,7 @@ from dlama.files.scenes import textured_mesh
 from dlama.files.scenes.textured_mesh import atlas, write_textured_glb
 from dlama.geometry.camera import Camera
 from dlama.geometry.decimation import decimate
-from dlama.geometry.mesh import Mesh, joined_meshes
+from dlama.geometry.mesh import Mesh, join_meshes
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
@@ -29,7 +29,7 @@ SCENE = remove(WORLD.rgbd(CAMERA), WORLD.trace(CAMERA)[1] == 1, yaw=15, filler="
 
 def decimated(layers: Sequence[View]) -> Mesh:
     """What is expected in the file."""
-    return joined_meshes([decimate(layer).mesh for layer in layers])
+    return join_meshes([decimate(layer).mesh for layer in layers])
 
 
 def assert_colors_near(found: np.ndarray, expected: np.ndarray) -> None:

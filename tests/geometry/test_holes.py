@@ -13,19 +13,19 @@ from dlama.errors import InputError, InputTypeError, MaskError
 from dlama.geometry.camera import Camera
 from dlama.geometry.holes import (
     box_mean,
-    checked_mask,
-    closed,
-    dilated,
+    check_mask,
+    dilate_mask,
+    dilate_view_holes,
     disc,
-    eroded,
+    erode_mask,
+    fill_with_nearest,
     gaussian_mean,
-    grown,
     hole_shares,
+    morphological_close,
+    morphological_open,
     nearest_known,
-    opened,
+    regions_touching,
     square,
-    touching,
-    with_nearest,
 )
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.view import HoleType, Origin, View
@@ -66,9 +66,9 @@ def test_a_negative_radius_is_refused() -> None:
 def test_dilation_and_erosion_by_brute_force(seed: int, radius: int) -> None:
     """Brute force; erosion is dilation of what is outside, and beyond the picture counts as mask."""
     mask = random_mask(seed)
-    np.testing.assert_array_equal(dilated(mask, radius), grown_by_hand(mask, radius))
-    np.testing.assert_array_equal(eroded(~mask, radius), ~grown_by_hand(mask, radius))
-    for out in (dilated(mask, radius), eroded(mask, radius)):
+    np.testing.assert_array_equal(dilate_mask(mask, radius), grown_by_hand(mask, radius))
+    np.testing.assert_array_equal(erode_mask(~mask, radius), ~grown_by_hand(mask, radius))
+    for out in (dilate_mask(mask, radius), erode_mask(mask, radius)):
         assert out.dtype == np.bool_ and out is not mask
 
 
@@ -86,13 +86,13 @@ def test_dilation_and_erosion_by_brute_force(seed: int, radius: int) -> None:
 def test_masks_that_are_refused(mask: np.ndarray, message: str) -> None:
     """Message: empty, full, of the wrong size, grey, coloured: each says what came."""
     with pytest.raises(MaskError, match=message):
-        checked_mask(mask, (4, 6))
+        check_mask(mask, (4, 6))
 
 
 def test_a_good_mask_comes_back_itself() -> None:
     """Law: one pixel to remove and one to keep is enough."""
     mask = np.eye(4, 6, dtype=bool)
-    assert checked_mask(mask, (4, 6)) is mask
+    assert check_mask(mask, (4, 6)) is mask
 
 
 def a_view(hole_type: np.ndarray) -> View:
@@ -121,7 +121,7 @@ def test_grown_holes_take_the_type_of_the_nearest(seed: int, radius: int) -> Non
     rng = np.random.default_rng(seed)
     types = np.where(random_mask(seed), rng.integers(1, len(HoleType), (14, 17)), 0).astype(np.uint8)
     view = a_view(types)
-    out = grown(view, radius)
+    out = dilate_view_holes(view, radius)
     np.testing.assert_array_equal(out.hole, grown_by_hand(view.hole, radius))
     given_up = out.hole & ~view.hole
     for name in ("color", "depth", "origin", "confidence"):
@@ -139,8 +139,8 @@ def test_nothing_grows_by_nothing() -> None:
     """Law: no hole, or radius 0, gives the view back itself."""
     whole = a_view(np.zeros((5, 6), np.uint8))
     holed = a_view(np.eye(5, 6, dtype=np.uint8))
-    assert grown(whole, 3) is whole
-    assert grown(holed, 0) is holed
+    assert dilate_view_holes(whole, 3) is whole
+    assert dilate_view_holes(holed, 0) is holed
     assert (holed.origin[~holed.hole] == Origin.MEASURED).all()
 
 
@@ -167,15 +167,15 @@ def test_values_spread_outside_are_the_nearest_known() -> None:
     """Closed form on a row; with nothing known, or nothing unknown, they stay as they are."""
     values = np.arange(6.0)[None, :, None]
     known = np.array([[False, False, True, True, False, False]])
-    np.testing.assert_array_equal(with_nearest(values, known)[0, :, 0], [2, 2, 2, 3, 3, 3])
-    assert with_nearest(values, ~known & known) is values
-    assert with_nearest(values, known | True) is values
+    np.testing.assert_array_equal(fill_with_nearest(values, known)[0, :, 0], [2, 2, 2, 3, 3, 3])
+    assert fill_with_nearest(values, ~known & known) is values
+    assert fill_with_nearest(values, known | True) is values
 
 
 def test_a_mask_that_is_no_array_is_refused() -> None:
     """Message: a TypeError, which is an InputError, too."""
     with pytest.raises(InputTypeError, match=r"mask is of type list; a bool array H x W is expected"):
-        checked_mask([[True, False]], (1, 2))  # type: ignore[arg-type]
+        check_mask([[True, False]], (1, 2))  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("kernel", [square(3), square(4), disc(2)])
@@ -188,9 +188,9 @@ def test_opened_and_closed_by_places_of_the_kernel(kernel: np.ndarray) -> None:
         for column in range(mask.shape[1] - len(kernel) + 1):
             if mask[row + rows, column + columns].all():
                 covered[row + rows, column + columns] = True
-    np.testing.assert_array_equal(opened(mask, kernel), covered)
+    np.testing.assert_array_equal(morphological_open(mask, kernel), covered)
     inside = np.s_[5:-5, 5:-5]
-    np.testing.assert_array_equal(closed(~mask, kernel)[inside], ~covered[inside])
+    np.testing.assert_array_equal(morphological_close(~mask, kernel)[inside], ~covered[inside])
 
 
 def test_touching_regions() -> None:
@@ -199,7 +199,7 @@ def test_touching_regions() -> None:
     where[1:3, 1:3] = where[3, 3] = where[7:9, 7:9] = True
     other = np.zeros_like(where)
     other[1, 1] = True
-    found = touching(where, other)
+    found = regions_touching(where, other)
     assert found.sum() == 5 and not found[7:9, 7:9].any()
 
 

@@ -10,7 +10,7 @@ import pytest
 
 from dlama.errors import DepthError, InputError, ShapeError
 from dlama.geometry.camera import Camera
-from dlama.geometry.cloud import PointCloud, concatenated
+from dlama.geometry.cloud import PointCloud, concatenate
 from dlama.geometry.mesh import Mesh
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.scene import Scene
@@ -187,9 +187,9 @@ def test_cloud_refuses_a_field_of_wrong_length_or_dtype(name: str) -> None:
 
 def test_concatenated_keeps_order_and_takes_nothing() -> None:
     """Closed form: points one after the other; no clouds give an empty one."""
-    both = concatenated([cloud_of(2), cloud_of(0), cloud_of(1, start=100)])
+    both = concatenate([cloud_of(2), cloud_of(0), cloud_of(1, start=100)])
     np.testing.assert_array_equal(both.points[:, 0], [0, 3, 100])
-    assert len(both) == 3 and len(concatenated([])) == 0
+    assert len(both) == 3 and len(concatenate([])) == 0
 
 
 def test_a_scene_without_frames_is_refused() -> None:
@@ -212,7 +212,7 @@ def test_points_and_triangles_say_what_they_are_in_one_line() -> None:
     """Closed form: points (0 1 2), (3 4 5), (6 7 8) fill a box of 6 m a side."""
     cloud = cloud_of(3)
     assert repr(cloud) == "PointCloud(3 points, 6 x 6 x 6 m)"
-    assert repr(concatenated([])) == "PointCloud(0 points, empty)"
+    assert repr(concatenate([])) == "PointCloud(0 points, empty)"
     triangle = np.array([[0, 1, 2]], np.int32)
     mesh = Mesh(cloud.points, triangle, cloud.color, cloud.origin, cloud.confidence)
     assert repr(mesh) == "Mesh(3 vertices, 1 triangle, 6 x 6 x 6 m)"

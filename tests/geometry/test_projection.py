@@ -16,8 +16,8 @@ from dlama.geometry.projection import (
     disparity_from_depth,
     inverse_depth,
     lift,
-    pixels_of,
     project,
+    project_to_pixels,
     rays,
 )
 from dlama.geometry.rgbd import RGBD
@@ -207,7 +207,7 @@ def test_pixels_of_points_are_those_they_lie_on() -> None:
     before the first one, and the first one."""
     camera = Camera(8, 6, 10, 10, 4, 3)
     points = np.array([[0, 0, 2], [0.79, 0.59, 2], [0.81, 0, 2], [0, 0, -2], [-0.81, 0, 2], [-0.79, -0.59, 2]])
-    row, column, z, inside = pixels_of(points.reshape(3, 2, 3), camera)
+    row, column, z, inside = project_to_pixels(points.reshape(3, 2, 3), camera)
     np.testing.assert_array_equal(inside, [[True, True], [False, False], [False, True]])
     np.testing.assert_array_equal(row, [[3, 5], [0, 0], [0, 0]])
     np.testing.assert_array_equal(column, [[4, 7], [0, 0], [0, 0]])

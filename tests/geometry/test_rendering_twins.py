@@ -12,12 +12,12 @@ from dlama.geometry.drawing import layers
 from dlama.geometry.drawing.layers import (
     NEAR,
     edge_ratio,
-    flying,
+    find_flying_pixels,
     mesh_grid,
-    transformed,
+    transform_depth,
 )
 from dlama.geometry.projection import inverse_depth, px_from_px
-from dlama.geometry.rendering import closed_grid, render
+from dlama.geometry.rendering import close_grid, render
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import HoleType, Origin, View
@@ -93,7 +93,7 @@ def test_joints_and_flying_pixels(seed: int, least: float, monkeypatch: pytest.M
     frame, _, _ = pair(seed)
     view = View.from_rgbd(frame)
     w = inverse_depth(frame.depth)
-    np.testing.assert_array_equal(flying(view), edges.flying(w, edge_ratio(frame.camera), least))
+    np.testing.assert_array_equal(find_flying_pixels(view), edges.flying(w, edge_ratio(frame.camera), least))
     depth, joined = mesh_grid(view)
     twin_depth, right, down = mesh_of(frame, least)
     np.testing.assert_array_equal(depth, twin_depth)
@@ -120,7 +120,7 @@ def test_slopes_are_joined(seed: int) -> None:
 def test_transformed(seed: int) -> None:
     """Twin: lifted to the world and projected in float64; the kernel's float32 keeps 1e-5 of it. w = 1 / z in front, else 0."""
     frame, target, _ = pair(seed)
-    x, y, w = transformed(frame.depth, *px_from_px(target, frame.camera))
+    x, y, w = transform_depth(frame.depth, *px_from_px(target, frame.camera))
     told = pixels_of(target, points_of(frame.camera, np.where(frame.valid, frame.depth, 1.0).astype(np.float64)))
     ahead = frame.valid & (told[2] > NEAR)
     np.testing.assert_array_equal(w > 0, ahead)
@@ -251,7 +251,7 @@ def test_hole_types(seed: int, mode: str) -> None:
 def types_of(scene: Scene, target: Camera, hole: np.ndarray, crack_rank: int) -> tuple[np.ndarray, np.ndarray]:
     """Hole types from the twin of the sheet, and where rounding decides."""
     layer = scene.layers[0]
-    depth, own = closed_grid(layer, scene.removals)
+    depth, own = close_grid(layer, scene.removals)
     x, y, z = pixels_of(target, points_of(layer.camera, depth.astype(np.float64)))
     mesh_depth, right, down = mesh_of(RGBD(layer.color, layer.depth, layer.camera))
     flying_rank, loose, strict = np.zeros((3, *hole.shape), np.uint8)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dlama.geometry.rotations import quaternion_of, rotation_deg, rotation_of, slerp
+from dlama.geometry.rotations import quaternion_from_rotation, rotation_deg, rotation_from_quaternion, slerp
 
 
 def about(axis: list[float], degrees: float) -> np.ndarray:
@@ -18,32 +18,32 @@ def about(axis: list[float], degrees: float) -> np.ndarray:
 def test_angles_are_exact_at_both_ends(degrees: float) -> None:
     """The angle of a turn about any axis, where arccos alone would be off by 1e-6 degrees."""
     axes = ([1.0, 0, 0], [0, 1.0, 0], [0.3, -0.8, 0.52])
-    start = rotation_of(about([0.2, 0.5, -0.4], 37))
-    turned = np.stack([start @ rotation_of(about(axis, degrees)) for axis in axes])
+    start = rotation_from_quaternion(about([0.2, 0.5, -0.4], 37))
+    turned = np.stack([start @ rotation_from_quaternion(about(axis, degrees)) for axis in axes])
     np.testing.assert_allclose(rotation_deg(turned, start), degrees, atol=1e-9)
 
 
 @pytest.mark.parametrize("degrees", [0.0, 33.0, 180.0, 200.0])
 def test_quaternions_there_and_back(degrees: float) -> None:
-    rotation = rotation_of(about([0.3, -0.8, 0.52], degrees))
+    rotation = rotation_from_quaternion(about([0.3, -0.8, 0.52], degrees))
     np.testing.assert_allclose(rotation @ rotation.T, np.eye(3), atol=1e-15)
-    quaternion = quaternion_of(rotation)
+    quaternion = quaternion_from_rotation(rotation)
     assert quaternion[3] >= 0 and np.linalg.norm(quaternion) == pytest.approx(1)
-    np.testing.assert_allclose(rotation_of(quaternion), rotation, atol=1e-12)
-    np.testing.assert_allclose(rotation_of(3 * quaternion), rotation, atol=1e-12)
+    np.testing.assert_allclose(rotation_from_quaternion(quaternion), rotation, atol=1e-12)
+    np.testing.assert_allclose(rotation_from_quaternion(3 * quaternion), rotation, atol=1e-12)
 
 
 @pytest.mark.parametrize("degrees", [0.0, 1e-7, 20.0, 179.0, -120.0])
 def test_between_two_rotations(degrees: float) -> None:
     """Closed form: a share of the turn about one axis is a turn by that share of its angle; its ends are the two."""
-    start, axis = rotation_of(about([0.2, 0.5, -0.4], 37)), [0.3, -0.8, 0.52]
-    end = start @ rotation_of(about(axis, degrees))
+    start, axis = rotation_from_quaternion(about([0.2, 0.5, -0.4], 37)), [0.3, -0.8, 0.52]
+    end = start @ rotation_from_quaternion(about(axis, degrees))
     for share in (0.0, 0.25, 0.7, 1.0):
-        wanted = start @ rotation_of(about(axis, share * degrees))
+        wanted = start @ rotation_from_quaternion(about(axis, share * degrees))
         np.testing.assert_allclose(slerp(start, end, share), wanted, atol=1e-12)
 
 
 def test_a_quarter_turn() -> None:
     """Closed form: about z it is (0, 0, sin 45, cos 45)."""
-    found = quaternion_of(np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]]))
+    found = quaternion_from_rotation(np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]]))
     np.testing.assert_allclose(found, (0, 0, 0.5**0.5, 0.5**0.5), atol=1e-12)

@@ -135,4 +135,4 @@ class StereoCompletion(Completion):
 def sure_enough(view: View, min_confidence: float) -> View:
     """The view with what was filled and is less sure than that left open."""
     filled = np.isin(view.origin, (Origin.FILLED, Origin.DEPTH_FILLED)) & ~view.hole
-    return view.left_open(filled & (view.confidence < min_confidence))
+    return view.reopen(filled & (view.confidence < min_confidence))

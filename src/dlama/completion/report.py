@@ -15,7 +15,7 @@ import numpy as np
 from dlama.completion.start import NO_DILATION, Dilation, Plan
 from dlama.geometry.drawing.picture_edges import DepthProfile
 from dlama.geometry.holes import hole_shares
-from dlama.geometry.rendering import flying
+from dlama.geometry.rendering import find_flying_pixels
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import Origin, View
@@ -71,7 +71,7 @@ def meta_data(plan: Plan, source: View, warped: Sequence[View], record: Record) 
             "hole_pixels_before": [hole.pixels for hole in record.holes],
             "hole_known_pixels_given_up": [hole.known_pixels_given_up for hole in record.holes],
         },
-        "flying_pixels_rejected": int(flying(source).sum()) if moved else 0,
+        "flying_pixels_rejected": int(find_flying_pixels(source).sum()) if moved else 0,
         "filled_pixels": sum(one.hole_pixels for one in record.fills),
         "law_moves": sum(one.law_moves for one in record.fills),
         "law_violations": sum(one.law_violations for one in record.fills),

@@ -19,7 +19,7 @@ from dlama.errors import InputError
 from dlama.geometry.drawing.picture_edges import DepthProfile
 from dlama.geometry.frames.gathering import FrameSource, scene
 from dlama.geometry.frames.removal import remove_object
-from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, clipped
+from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, clip_depth
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
 from dlama.geometry.visibility import Law
@@ -85,7 +85,7 @@ class FillerChoice:
 def scene_of(given: RGBD | Scene | Sequence[FrameSource], clip: float | None = None) -> Scene:
     """The scene that a completion starts from, clipped at `clip` metres. InputError: a scene cannot be clipped any more."""
     if isinstance(given, RGBD):
-        return Scene((View.from_rgbd(clipped(given, clip)),))
+        return Scene((View.from_rgbd(clip_depth(given, clip)),))
     if not isinstance(given, Scene):
         return scene([clipped_frame(frame, clip) for frame in given])
     if clip is not None:
@@ -97,11 +97,11 @@ def clipped_frame(frame: FrameSource, clip: float | None) -> FrameSource:
     """The frame, or what reads it, clipped."""
     if clip is None:
         return frame
-    return clipped(frame, clip) if isinstance(frame, RGBD) else partial(_read_clipped, frame, clip)
+    return clip_depth(frame, clip) if isinstance(frame, RGBD) else partial(_read_clipped, frame, clip)
 
 
 def _read_clipped(read: Callable[[], RGBD], clip: float | None) -> RGBD:
-    return clipped(read(), clip)
+    return clip_depth(read(), clip)
 
 
 def choose_filler(

@@ -20,11 +20,11 @@ from dlama.completion.start import NO_DILATION, Dilation, Plan
 from dlama.geometry.camera import Camera
 from dlama.geometry.frames.choosing import choose_frames
 from dlama.geometry.fusion import fuse
-from dlama.geometry.holes import grown
+from dlama.geometry.holes import dilate_view_holes
 from dlama.geometry.rendering import render
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import HoleType, Origin, View
-from dlama.geometry.visibility import Law, lawful_depth
+from dlama.geometry.visibility import Law, project_depth
 from dlama.inpainters.confidence import SUREST
 from dlama.inpainters.filling import FillReport, inpaint
 
@@ -98,7 +98,7 @@ def measured_view(plan: Plan, scene: Scene, camera: Camera) -> View:
 def warp(plan: Plan, scene: Scene, camera: Camera) -> tuple[View, Dilation]:
     """The same with the hole grown as the recipe says."""
     view = measured_view(plan, scene, camera)
-    larger = grown(view, plan.recipe.dilate_holes)
+    larger = dilate_view_holes(view, plan.recipe.dilate_holes)
     return larger, Dilation(int(view.hole.sum()), int((larger.hole & ~view.hole).sum()))
 
 
@@ -116,7 +116,7 @@ def close_holes(law: Law, view: View, earlier: View, *, measured: bool = False) 
     projected onto the law once more. measured: what `earlier` shows of measurements stays marked as such (REPROJECTED).
     """
     closed = view.hole & ~earlier.hole
-    depth, moved = lawful_depth(view, np.where(closed, earlier.depth, view.depth), closed, law)
+    depth, moved = project_depth(view, np.where(closed, earlier.depth, view.depth), closed, law)
     of_color = closed & view.color_hole
     again = np.isin(earlier.origin, SEEN_AGAIN) & (not measured)
     origin = np.where(again, np.uint8(Origin.FILLED), earlier.origin)
@@ -179,4 +179,4 @@ def complete_view(
 
 def beside_edges(plan: Plan, scene: Scene, camera: Camera) -> Plan:
     """The plan with the law for a camera that holds edges where the pictures have them (`Law.with_placed_edges`)."""
-    return dataclasses.replace(plan, law=plan.law.near(camera).with_placed_edges(scene))
+    return dataclasses.replace(plan, law=plan.law.near(camera).with_aligned_edges(scene))

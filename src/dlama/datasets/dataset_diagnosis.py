@@ -15,7 +15,7 @@ from dlama.datasets.posed.scene_file import LAYOUT as SCENE
 from dlama.datasets.posed.scene_file import is_scene_file
 from dlama.datasets.posed.view_pairs import NoPairsError
 from dlama.errors import InputError
-from dlama.geometry.rgbd import RGBD, BoolArray, counted, depth_range_in_words
+from dlama.geometry.rgbd import RGBD, BoolArray, describe_depth_range, format_count
 from dlama.perception.diagnosis.finding import Finding, Observed
 from dlama.perception.diagnosis.landing import SmallFrame, shrink
 from dlama.perception.diagnosis.lens import lens
@@ -46,11 +46,15 @@ def diagnose_dataset(root: Path, layout: str | None = None, camera: CameraOption
         return [Finding("reading", "fault", 1.0, str(error))]
     found = list({finding.line: finding for finding in found}.values())
     verdict = "read as" if any(finding.severity == "fault" for finding in found) else "nothing wrong:"
-    parts = [f"layout {dataset.layout}", counted(len(dataset.frames), "frame"), counted(len(dataset.cases), "case")]
+    parts = [
+        f"layout {dataset.layout}",
+        format_count(len(dataset.frames), "frame"),
+        format_count(len(dataset.cases), "case"),
+    ]
     if shown:
         size = shown[0].camera
         parts += [f"{size.width}x{size.height}", f"{size.fov_deg:.3g} degrees wide"]
-        parts.append(f"depth {depth_range_in_words(shown[0].depth)}")
+        parts.append(f"depth {describe_depth_range(shown[0].depth)}")
     return [*found, Finding("understood", "fine", 1.0, f"{root.name}: {verdict} {', '.join(parts)}")]
 
 

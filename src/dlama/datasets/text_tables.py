@@ -11,7 +11,7 @@ import numpy as np
 
 from dlama.errors import CameraError, FileError, InputError
 from dlama.files.rasters.images import existing
-from dlama.geometry.camera import Float64Array, checked_pose
+from dlama.geometry.camera import Float64Array, check_pose
 
 WORD = re.compile(r"\S+")
 LEVELS = 3
@@ -93,7 +93,7 @@ def read_matrix(path: Path, shape: tuple[int, int], *, finite: bool = True) -> F
 def pose_at(where: str, world_from_cam: Float64Array) -> Float64Array:
     """A checked pose (re-orthonormalised within 1e-3); raises CameraError that begins with `where`."""
     try:
-        return checked_pose(world_from_cam)
+        return check_pose(world_from_cam)
     except CameraError as error:
         raise CameraError(f"{where}: {error}") from error
 

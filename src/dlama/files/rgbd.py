@@ -18,7 +18,7 @@ from dlama.files.rasters.images import read_stored
 from dlama.files.rasters.pictures import read_color
 from dlama.files.rasters.turned_pairs import refuse_turned, warn_of_turn
 from dlama.geometry.camera import Camera
-from dlama.geometry.rgbd import RGBD, Float32Array, far_beyond
+from dlama.geometry.rgbd import RGBD, Float32Array, mark_far
 from dlama.perception.monocular import DEFAULT, Estimator, estimate_depth
 
 SAME_PROPORTIONS = 0.02
@@ -121,7 +121,7 @@ def estimated_rgbd(
     about = dict(rgbd.estimate or {})
     if source:
         about["field_of_view"] = {**about["field_of_view"], "from": source}
-    depth = rgbd.depth if far is None else far_beyond(rgbd.depth, far, f"{image}: estimated: ")
+    depth = rgbd.depth if far is None else mark_far(rgbd.depth, far, f"{image}: estimated: ")
     return dataclasses.replace(rgbd, depth=depth, estimate=about)
 
 

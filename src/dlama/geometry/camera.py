@@ -84,7 +84,7 @@ class Camera:
                 )
             if value < SMALLEST_FOCAL_PX:
                 raise CameraError(f"camera {name} is {value:g} px; at least {SMALLEST_FOCAL_PX:g} px is expected")
-        object.__setattr__(self, "world_from_cam", checked_pose(self.world_from_cam))
+        object.__setattr__(self, "world_from_cam", check_pose(self.world_from_cam))
 
     @classmethod
     def from_fov(cls, width: int, height: int, fov_deg: float, world_from_cam: ArrayLike | None = None) -> Camera:
@@ -93,7 +93,7 @@ class Camera:
             raise CameraError(f"fov is {shown(fov_deg)} degrees; a field of view between 0 and 180 is expected")
         _check_size(width, height)
         focal = 0.5 * width / math.tan(math.radians(fov_deg) / 2)
-        pose = np.eye(4) if world_from_cam is None else checked_pose(world_from_cam)
+        pose = np.eye(4) if world_from_cam is None else check_pose(world_from_cam)
         return cls(width, height, focal, focal, width / 2, height / 2, pose)
 
     @classmethod
@@ -120,7 +120,7 @@ class Camera:
         check_pixel_center(pixel_center)
         fx, fy, cx, cy = intrinsics_of(K)
         border = 0.5 - pixel_center
-        pose = np.eye(4) if world_from_cam is None else checked_pose(world_from_cam)
+        pose = np.eye(4) if world_from_cam is None else check_pose(world_from_cam)
         return cls(width, height, fx, fy, cx + border, cy + border, pose)
 
     @property
@@ -141,7 +141,7 @@ class Camera:
     @property
     def cam_from_world(self) -> Float64Array:
         """4x4 rigid motion, world to camera, metres."""
-        return inverse_pose(self.world_from_cam)
+        return invert_pose(self.world_from_cam)
 
     @property
     def fov_deg(self) -> float:
@@ -154,7 +154,7 @@ class Camera:
 
     def at(self, world_from_cam: ArrayLike) -> Camera:
         """The same camera at another pose."""
-        return dataclasses.replace(self, world_from_cam=checked_pose(world_from_cam))
+        return dataclasses.replace(self, world_from_cam=check_pose(world_from_cam))
 
     def cropped(self, x: int, y: int, width: int, height: int) -> Camera:
         """The camera of a part of the picture: `width` x `height` pixels, the upper left one being column x, row y.
@@ -268,7 +268,7 @@ def _matrix(values: ArrayLike, called: str, shape: tuple[int, int]) -> Float64Ar
     return matrix
 
 
-def inverse_pose(b_from_a: Float64Array) -> Float64Array:
+def invert_pose(b_from_a: Float64Array) -> Float64Array:
     """Inverse of a 4x4 rigid motion: R^T and -R^T t, so that there and back is exact to rounding."""
     a_from_b = np.eye(4)
     a_from_b[:3, :3] = b_from_a[:3, :3].T
@@ -276,7 +276,7 @@ def inverse_pose(b_from_a: Float64Array) -> Float64Array:
     return a_from_b
 
 
-def checked_pose(pose: ArrayLike) -> Float64Array:
+def check_pose(pose: ArrayLike) -> Float64Array:
     """A read-only float64 copy of a 4x4 rigid motion; raises CameraError when it is none.
 
     The rotation is replaced by the nearest exact one, so that published poses rounded to a few digits compose cleanly.

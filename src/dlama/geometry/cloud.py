@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from dlama.geometry.camera import Float64Array
-from dlama.geometry.figures.points import turning_points
-from dlama.geometry.rgbd import Float32Array, UInt8Array, checked_fields, counted, row_count
+from dlama.geometry.figures.points import point_viewer
+from dlama.geometry.rgbd import Float32Array, UInt8Array, check_fields, format_count, row_count
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,25 +33,25 @@ class PointCloud:
             "origin": ((count,), np.uint8),
             "confidence": ((count,), np.float32),
         }
-        checked_fields(self, "cloud", fields)
+        check_fields(self, "cloud", fields)
 
     def __len__(self) -> int:
         return len(self.points)
 
     def __repr__(self) -> str:
-        points = counted(len(self), "point")
-        return f"PointCloud({points}, {extent_in_words(self.points)})"
+        points = format_count(len(self), "point")
+        return f"PointCloud({points}, {describe_extent(self.points)})"
 
     def _repr_html_(self) -> str:
-        return turning_points(repr(self), self.points, self.color, self.origin, self.confidence)
+        return point_viewer(repr(self), self.points, self.color, self.origin, self.confidence)
 
 
-def extent_in_words(points: Float64Array) -> str:
+def describe_extent(points: Float64Array) -> str:
     """Size of the box that holds N x 3 points (metres, along x, y and z), for people: `4 x 2.5 x 10 m`, `empty`."""
     return " x ".join(f"{size:.3g}" for size in np.ptp(points, axis=0)) + " m" if len(points) else "empty"
 
 
-def concatenated(clouds: Sequence[PointCloud]) -> PointCloud:
+def concatenate(clouds: Sequence[PointCloud]) -> PointCloud:
     """One cloud of all points, in order; no clouds give an empty one."""
     if not clouds:
         return PointCloud(np.zeros((0, 3)), np.zeros((0, 3), np.uint8), np.zeros(0, np.uint8), np.zeros(0, np.float32))

@@ -49,11 +49,11 @@ def decimate(layer: View) -> DecimatedMesh:
     layer = layer.read()
     depth, joined = mesh_grid(layer)
     surface = (depth > 0) & (depth < np.inf)
-    box = box_of(surface)
+    box = bounding_box(surface)
     depth, joined, origin = np.where(surface[box], depth[box], np.float32(0)), joined[box], layer.origin[box]
     halves = cell_halves(depth, joined)
     corners = np.concatenate(triangles(depth, flat_cells(joined, origin), halves))
-    lone_rows, lone_columns = np.nonzero(surface[box] & ~covered(halves, depth.shape))
+    lone_rows, lone_columns = np.nonzero(surface[box] & ~covered_pixels(halves, depth.shape))
     used = np.zeros(depth.shape, bool)
     used[corners[..., 0], corners[..., 1]] = True
     number = np.cumsum(used, dtype=np.int32).reshape(used.shape) - 1
@@ -67,16 +67,16 @@ def decimate(layer: View) -> DecimatedMesh:
     places[len(places) - len(squares) * 2 :] += np.tile(SQUARE, (len(lone_rows), 1))
     numbers = np.concatenate([number[corners[..., 0], corners[..., 1]], squares])
     planes = (plane[rows, columns] for plane in (layer.color, layer.origin, layer.confidence))
-    mesh = Mesh(in_world(layer, places, layer.depth[rows, columns]), numbers, *planes)
+    mesh = Mesh(unproject(layer, places, layer.depth[rows, columns]), numbers, *planes)
     return DecimatedMesh(mesh, pixels, surface)
 
 
-def box_of(where: BoolArray) -> tuple[slice, slice]:
+def bounding_box(where: BoolArray) -> tuple[slice, slice]:
     """The smallest box of rows and columns round the True pixels; an empty one where there are none."""
     return box_around(where, 0) if where.any() else (slice(0, 0), slice(0, 0))
 
 
-def in_world(layer: View, places: Float64Array, depth: Float32Array) -> Float64Array:
+def unproject(layer: View, places: Float64Array, depth: Float32Array) -> Float64Array:
     """N x 3 world points at places in the picture (N x 2, px) and depths (N, metres)."""
     camera = layer.camera
     rays = np.ones((len(places), 3))
@@ -93,7 +93,7 @@ def flat_cells(joined: UInt8Array, origin: UInt8Array) -> BoolArray:
     return np.asarray(right[:-1] & right[1:] & down[:, :-1] & down[:, 1:])
 
 
-def covered(halves: tuple[BoolArray, ...], hw: tuple[int, ...]) -> BoolArray:
+def covered_pixels(halves: tuple[BoolArray, ...], hw: tuple[int, ...]) -> BoolArray:
     """H x W, True at pixels that are corners of a triangle of the grid."""
     found = np.zeros(hw, bool)
     corner = {"a": found[:-1, :-1], "b": found[:-1, 1:], "c": found[1:, :-1], "d": found[1:, 1:]}
@@ -108,18 +108,20 @@ def triangles(depth: Float32Array, flat: BoolArray, halves: tuple[BoolArray, ...
     last = np.array(depth.shape) - 1
     if last.min() < 1:
         return [np.zeros((0, 3, 2), np.int32)]
-    halved = tree(depth, flat)
+    halved = halving_tree(depth, flat)
     sizes = [LARGEST >> level for level in range(LARGEST.bit_length() - 1)]
-    found = [part for size in sizes for part in (*at_diagonals(halved, size), *at_sides(halved, size))]
+    found = [
+        part for size in sizes for part in (*triangles_at_diagonals(halved, size), *triangles_at_sides(halved, size))
+    ]
     upper, lower = (each[: last[0], : last[1]] for each in diagonal_halves(halved, 1))
     for names, half in zip(HALVES, halves):
         offsets = [divmod("abcd".index(name), 2) for name in names]
-        found.append(of_squares(half & upper & lower, 1, *offsets))
-    found += of_diagonals(upper & ~lower, lower & ~upper, 1)
-    return [clockwise(np.minimum(part, last)) for part in found]
+        found.append(place_triangles(half & upper & lower, 1, *offsets))
+    found += split_squares(upper & ~lower, lower & ~upper, 1)
+    return [drop_degenerate(np.minimum(part, last)) for part in found]
 
 
-def tree(depth: Float32Array, flat: BoolArray) -> UInt8Array:
+def halving_tree(depth: Float32Array, flat: BoolArray) -> UInt8Array:
     """Which middles of longest sides halve triangles, on a lattice of whole squares of LARGEST (see `kernels.decimating`)."""
     rows, columns = (-(-(side - 1) // LARGEST) for side in depth.shape)
     halved = np.zeros((rows * LARGEST + 1, columns * LARGEST + 1), np.uint8)
@@ -134,60 +136,60 @@ def tree(depth: Float32Array, flat: BoolArray) -> UInt8Array:
     return halved
 
 
-def at_diagonals(halved: UInt8Array, size: int) -> list[Corners]:
+def triangles_at_diagonals(halved: UInt8Array, size: int) -> list[Corners]:
     """The triangles that are left at the diagonals of squares of that size."""
     whole = halved[size // 2 :: size, size // 2 :: size] == 0
     if size == LARGEST:
-        return of_diagonals(whole, whole, size)
+        return split_squares(whole, whole, size)
     upper, lower = diagonal_halves(halved, size)
-    return of_diagonals(whole & upper, whole & lower, size)
+    return split_squares(whole & upper, whole & lower, size)
 
 
 def diagonal_halves(halved: UInt8Array, size: int) -> tuple[BoolArray, BoolArray]:
     """Of each square: whether the larger triangles were halved, so that it has one above, and one below, its diagonal."""
     corner = halved[::size, ::size] > 0
-    down = falls(len(corner) - 1, corner.shape[1] - 1)
+    down = diagonal_falls(len(corner) - 1, corner.shape[1] - 1)
     return (
         np.where(down, corner[:-1, 1:], corner[:-1, :-1]),
         np.where(down, corner[1:, :-1], corner[1:, 1:]),
     )
 
 
-def falls(rows: int, columns: int) -> BoolArray:
+def diagonal_falls(rows: int, columns: int) -> BoolArray:
     """Of each square: whether its diagonal falls to the right."""
     return np.asarray((np.arange(rows)[:, None] + np.arange(columns)) % 2 == 0)
 
 
-def of_diagonals(upper: BoolArray, lower: BoolArray, size: int) -> list[Corners]:
+def split_squares(upper: BoolArray, lower: BoolArray, size: int) -> list[Corners]:
     """The triangles above and below the diagonals of the chosen squares."""
-    down = falls(*upper.shape)
+    down = diagonal_falls(*upper.shape)
     return [
-        of_squares(upper & down, size, (0, 0), (0, 1), (1, 1)),
-        of_squares(lower & down, size, (0, 0), (1, 1), (1, 0)),
-        of_squares(upper & ~down, size, (0, 0), (0, 1), (1, 0)),
-        of_squares(lower & ~down, size, (0, 1), (1, 1), (1, 0)),
+        place_triangles(upper & down, size, (0, 0), (0, 1), (1, 1)),
+        place_triangles(lower & down, size, (0, 0), (1, 1), (1, 0)),
+        place_triangles(upper & ~down, size, (0, 0), (0, 1), (1, 0)),
+        place_triangles(lower & ~down, size, (0, 1), (1, 1), (1, 0)),
     ]
 
 
-def at_sides(halved: UInt8Array, size: int) -> list[Corners]:
+def triangles_at_sides(halved: UInt8Array, size: int) -> list[Corners]:
     """The triangles that are left between the centres and the sides of squares of that size."""
     half = size // 2
     centre, upright, level = halved[half::size, half::size] > 0, halved[half::size, ::size], halved[::size, half::size]
     return [
-        of_squares(centre & (level[:-1] == 0), size, (0, 0), (0, 1), (0.5, 0.5)),
-        of_squares(centre & (level[1:] == 0), size, (1, 1), (1, 0), (0.5, 0.5)),
-        of_squares(centre & (upright[:, :-1] == 0), size, (1, 0), (0, 0), (0.5, 0.5)),
-        of_squares(centre & (upright[:, 1:] == 0), size, (0, 1), (1, 1), (0.5, 0.5)),
+        place_triangles(centre & (level[:-1] == 0), size, (0, 0), (0, 1), (0.5, 0.5)),
+        place_triangles(centre & (level[1:] == 0), size, (1, 1), (1, 0), (0.5, 0.5)),
+        place_triangles(centre & (upright[:, :-1] == 0), size, (1, 0), (0, 0), (0.5, 0.5)),
+        place_triangles(centre & (upright[:, 1:] == 0), size, (0, 1), (1, 1), (0.5, 0.5)),
     ]
 
 
-def of_squares(chosen: BoolArray, size: int, *offsets: tuple[float, float]) -> Corners:
+def place_triangles(chosen: BoolArray, size: int, *offsets: tuple[float, float]) -> Corners:
     """One triangle in each chosen square of that size; offsets: of the corners, in squares."""
     steps = np.rint(np.multiply(offsets, size)).astype(np.int32)
     return (np.argwhere(chosen).astype(np.int32) * np.int32(size))[:, None] + steps
 
 
-def clockwise(corners: Corners) -> Corners:
+def drop_degenerate(corners: Corners) -> Corners:
     """Without triangles that have no area. (Those at the picture's last row and column may have been folded.)"""
     (y0, x0), (y1, x1), (y2, x2) = corners.transpose(1, 2, 0)
     return corners[(x1 - x0) * (y2 - y0) > (x2 - x0) * (y1 - y0)]

@@ -9,10 +9,10 @@ import numpy as np
 
 from dlama.arguments import check_arguments
 from dlama.errors import ShapeError
-from dlama.geometry.cloud import PointCloud, concatenated
+from dlama.geometry.cloud import PointCloud, concatenate
 from dlama.geometry.drawing.layers import mesh_grid
 from dlama.geometry.kernels.depth_edges import DOWN, RIGHT
-from dlama.geometry.mesh import Mesh, joined_meshes
+from dlama.geometry.mesh import Mesh, join_meshes
 from dlama.geometry.projection import inverse_depth, lift, rays
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.geometry.scene import FILLED_BEFORE, Scene, contribution
@@ -41,10 +41,10 @@ def fuse(scene: Scene, view: View, known: BoolArray | None = None) -> Scene:
         if layer.camera.same_view_as(view.camera):
             depth_only = depth_only & ~layer.valid & ~layer.far
     added = (view.filled & (view.hole_type != HoleType.NONE)) | depth_only
-    return with_layer(scene, view, added if known is None else added & ~known)
+    return add_layer(scene, view, added if known is None else added & ~known)
 
 
-def with_layer(scene: Scene, view: View, added: BoolArray) -> Scene:
+def add_layer(scene: Scene, view: View, added: BoolArray) -> Scene:
     """The scene with the pixels `added` (H x W bool) of a view, and OVERLAP pixels round them, as one more layer; none gives the
     scene back."""
     if not added.any():
@@ -61,13 +61,13 @@ def with_layer(scene: Scene, view: View, added: BoolArray) -> Scene:
 def scene_cloud(scene: Scene, objects: bool = True) -> PointCloud:
     """c+ (eq. 10: everything and what was filled) or, without the removed objects, c- (eq. 11)."""
     layers = (*scene.layers, *scene.removals) if objects else scene.layers
-    return concatenated([lift(layer.without(~contribution(layer), HoleType.NONE)) for layer in layers])
+    return concatenate([lift(layer.without(~contribution(layer), HoleType.NONE)) for layer in layers])
 
 
 def scene_mesh(scene: Scene, objects: bool = True) -> Mesh:
     """The scene's surfaces as one triangle mesh, cut where rendering cuts it. Far pixels have no vertices."""
     layers = (*scene.layers, *scene.removals) if objects else scene.layers
-    return joined_meshes([layer_mesh(layer) for layer in layers])
+    return join_meshes([layer_mesh(layer) for layer in layers])
 
 
 HALVES = ("abc", "bdc", "abd", "adc")

@@ -28,14 +28,14 @@ def disc(radius: int) -> np.ndarray:
     return (reach[:, None] ** 2 + reach**2 <= (radius + 0.5) ** 2).astype(np.uint8)
 
 
-def dilated(mask: BoolArray, radius: int) -> BoolArray:
+def dilate_mask(mask: BoolArray, radius: int) -> BoolArray:
     """The mask grown by `radius` pixels (disc); a radius from LARGE takes no longer than a small one."""
     if radius >= LARGE:
-        return _within(mask, radius)
+        return _dilate_by_distance(mask, radius)
     return mask.copy() if radius == 0 else cv2.dilate(mask.astype(np.uint8), disc(radius)) > 0
 
 
-def _within(mask: BoolArray, radius: int) -> BoolArray:
+def _dilate_by_distance(mask: BoolArray, radius: int) -> BoolArray:
     """H x W, True within `radius` px of the mask, by distances: the same pixels as `disc` up to 1000 px, to a pixel beyond."""
     if not mask.any():
         return mask.copy()
@@ -43,29 +43,29 @@ def _within(mask: BoolArray, radius: int) -> BoolArray:
     return np.rint(distance**2) <= min(radius, sum(mask.shape)) ** 2 + min(radius, sum(mask.shape))
 
 
-def eroded(mask: BoolArray, radius: int) -> BoolArray:
+def erode_mask(mask: BoolArray, radius: int) -> BoolArray:
     """The mask shrunk by `radius` pixels (disc); beyond the picture counts as mask."""
     if radius >= LARGE:
-        return ~_within(~mask, radius)
+        return ~_dilate_by_distance(~mask, radius)
     return mask.copy() if radius == 0 else cv2.erode(mask.astype(np.uint8), disc(radius)) > 0
 
 
 def square(side: int) -> np.ndarray:
-    """Kernel of `opened` and `closed`: side x side pixels, uint8."""
+    """Kernel of `morphological_open` and `morphological_close`: side x side pixels, uint8."""
     return np.ones((side, side), np.uint8)
 
 
-def opened(mask: BoolArray, kernel: np.ndarray) -> BoolArray:
+def morphological_open(mask: BoolArray, kernel: np.ndarray) -> BoolArray:
     """The mask (H x W) without the parts that the kernel (`square`, `disc`) does not fit into: thin ones and small ones."""
     return cv2.morphologyEx(mask.astype(np.uint8), cv2.MORPH_OPEN, kernel) > 0
 
 
-def closed(mask: BoolArray, kernel: np.ndarray) -> BoolArray:
+def morphological_close(mask: BoolArray, kernel: np.ndarray) -> BoolArray:
     """The mask (H x W) with its gaps that the kernel (`square`, `disc`) does not fit into."""
     return cv2.morphologyEx(mask.astype(np.uint8), cv2.MORPH_CLOSE, kernel) > 0
 
 
-def touching(where: BoolArray, other: BoolArray) -> BoolArray:
+def regions_touching(where: BoolArray, other: BoolArray) -> BoolArray:
     """The 8-connected regions of `where` (H x W) that share a pixel with `other` (H x W)."""
     _, labels = cv2.connectedComponents(where.astype(np.uint8), connectivity=8)
     numbers = np.unique(labels[where & other])
@@ -128,7 +128,7 @@ def sides_of(box: tuple[slice, slice]) -> tuple[int, int]:
     return box[0].stop - box[0].start, box[1].stop - box[1].start
 
 
-def with_nearest(values: np.ndarray, known: BoolArray) -> np.ndarray:
+def fill_with_nearest(values: np.ndarray, known: BoolArray) -> np.ndarray:
     """The values (H x W or H x W x C), those outside `known` (H x W bool) replaced by the nearest known pixel's.
 
     The values themselves come back where all is known, or nothing.
@@ -158,7 +158,7 @@ def shrink_known(values: np.ndarray, known: BoolArray, wh: tuple[int, int]) -> t
     return np.asarray(sums / np.maximum(share, np.float32(1e-6))[..., None], np.float32), share
 
 
-def checked_mask(mask: ArrayLike, hw: tuple[int, int]) -> BoolArray:
+def check_mask(mask: ArrayLike, hw: tuple[int, int]) -> BoolArray:
     """The mask as an array. MaskError unless it is a bool picture of that size that removes something and leaves something."""
     mask = as_array(mask, "mask", "a bool array H x W")
     if mask.dtype != np.bool_ or mask.ndim != 2:
@@ -180,11 +180,11 @@ def hole_shares(view: View) -> dict[str, float]:
     return {kind.name.lower(): float(counts[kind]) / view.hole_type.size for kind in HoleType if kind}
 
 
-def grown(view: View, radius: int) -> View:
+def dilate_view_holes(view: View, radius: int) -> View:
     """The view with its holes dilated by `radius` px; a pixel given up takes the type of the nearest hole pixel."""
-    given_up = dilated(view.hole, radius) & ~view.hole
+    given_up = dilate_mask(view.hole, radius) & ~view.hole
     if not given_up.any():
         return view
     larger = view.without(given_up, HoleType.DISOCCLUDED)
-    types = np.where(given_up, with_nearest(view.hole_type, view.hole), view.hole_type)
+    types = np.where(given_up, fill_with_nearest(view.hole_type, view.hole), view.hole_type)
     return dataclasses.replace(larger, hole_type=types)

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from dlama.errors import ShapeError
 from dlama.geometry.camera import Float64Array
-from dlama.geometry.cloud import extent_in_words
-from dlama.geometry.rgbd import Float32Array, UInt8Array, checked_fields, counted, row_count
+from dlama.geometry.cloud import describe_extent
+from dlama.geometry.rgbd import Float32Array, UInt8Array, check_fields, format_count, row_count
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,16 +38,16 @@ class Mesh:
             "origin": ((count,), np.uint8),
             "confidence": ((count,), np.float32),
         }
-        checked_fields(self, "mesh", fields)
+        check_fields(self, "mesh", fields)
         if faces and not 0 <= int(self.triangles.min()) <= int(self.triangles.max()) < count:
             raise ShapeError(f"mesh.triangles name vertices outside 0..{count - 1}")
 
     def __repr__(self) -> str:
-        triangles = counted(len(self.triangles), "triangle")
-        return f"Mesh({len(self.vertices)} vertices, {triangles}, {extent_in_words(self.vertices)})"
+        triangles = format_count(len(self.triangles), "triangle")
+        return f"Mesh({len(self.vertices)} vertices, {triangles}, {describe_extent(self.vertices)})"
 
 
-def joined_meshes(parts: Sequence[Mesh]) -> Mesh:
+def join_meshes(parts: Sequence[Mesh]) -> Mesh:
     """One mesh of several, at least one."""
     starts = np.cumsum([0] + [len(part.vertices) for part in parts])
     return Mesh(

@@ -145,7 +145,7 @@ def project(points: Float64Array, camera: Camera) -> tuple[Float64Array, Float64
     return pixels, z
 
 
-def pixels_of(
+def project_to_pixels(
     points: Float64Array, camera: Camera
 ) -> tuple[NDArray[np.intp], NDArray[np.intp], Float64Array, BoolArray]:
     """Row, column and depth in metres of world points (... x 3), and whether each is in the camera's picture.

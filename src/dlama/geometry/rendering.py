@@ -13,14 +13,14 @@ from dlama.arguments import check_arguments
 from dlama.errors import InputError
 from dlama.geometry.camera import Camera
 from dlama.geometry.cloud import PointCloud
-from dlama.geometry.drawing.gaps import closable, close_gaps
+from dlama.geometry.drawing.gaps import can_close_gaps, close_gaps
 from dlama.geometry.drawing.layers import MODES as MODES
-from dlama.geometry.drawing.layers import NEAR, Canvas, Grid, draw, draw_far, spans, transformed
+from dlama.geometry.drawing.layers import NEAR, Canvas, Grid, draw, draw_far, quad_row_spans, transform_depth
 from dlama.geometry.drawing.layers import Mode as Mode
-from dlama.geometry.drawing.layers import flying as flying
+from dlama.geometry.drawing.layers import find_flying_pixels as find_flying_pixels
 from dlama.geometry.frames.extent import may_show
 from dlama.geometry.frames.merging import merge_frames
-from dlama.geometry.holes import with_nearest
+from dlama.geometry.holes import fill_with_nearest
 from dlama.geometry.kernels import hole_types as hole_kernels
 from dlama.geometry.kernels.jit import in_bands
 from dlama.geometry.projection import project
@@ -68,10 +68,10 @@ def render(
         raise InputError(f"mode is {mode!r}; one of {', '.join(MODES)} is expected")
     if isinstance(source, PointCloud):
         return render_cloud(source, camera, mode)
-    scene = as_scene(source)
+    scene = to_scene(source)
     fine = fine and mode == "surface"
     merged = merge_frames(scene, camera, mode, fine) if len(scene.frames) > 1 else None
-    fills = scene.fills if mode == "surface" else without_overlap(scene.fills)
+    fills = scene.fills if mode == "surface" else drop_overlap(scene.fills)
     layers = fills if merged is not None else (*scene.frames, *fills)
     if merged is not None:
         layers = tuple(layer for layer in layers if may_show(layer, camera))
@@ -90,7 +90,7 @@ def render(
                 draw_far(grid, camera, canvas)
     for grid in grids:
         draw_far(grid, camera, canvas)
-    if close and mode == "surface" and closable(scene):
+    if close and mode == "surface" and can_close_gaps(scene):
         close_gaps(canvas)
     hole = canvas.depth == 0
     if merged is not None:
@@ -102,12 +102,12 @@ def render(
     return View(camera, color, depth, freeze(hole), freeze(kinds), origin, confidence, frame, errors)
 
 
-def without_overlap(fills: tuple[View, ...]) -> tuple[View, ...]:
+def drop_overlap(fills: tuple[View, ...]) -> tuple[View, ...]:
     """Fills with only what they add to the scene: overlaps join surfaces, points would be doubled."""
     return tuple(fill.without(~(contribution(fill) | fill.far), HoleType.NONE) for fill in fills)
 
 
-def as_scene(source: RGBD | View | Scene) -> Scene:
+def to_scene(source: RGBD | View | Scene) -> Scene:
     """Anything that renders, as a scene."""
     if isinstance(source, RGBD):
         source = View.from_rgbd(source)
@@ -125,16 +125,16 @@ def hole_types(grids: list[Grid], removals: tuple[View, ...], camera: Camera, ho
         if grid.own_camera:
             np.maximum(ranks, RANK_OF_TYPE[layer.hole_type], out=ranks, where=hole)
         elif from_source(layer.origin).any():
-            depth, grid_rank = closed_grid(layer, removals)
-            x, y, w = transformed(depth, grid.matrix, grid.offset)
+            depth, grid_rank = close_grid(layer, removals)
+            x, y, w = transform_depth(depth, grid.matrix, grid.offset)
             crack_rank = hole_kernels.CRACK_RANK if grid.joined is None else hole_kernels.DISOCCLUDED_RANK
             marks = grid_rank, crack_rank, hole, count, ranks
-            in_bands(hole_kernels.mark_closed_mesh, len(hole), x, y, w, spans(y, w), grid.mesh, *marks)
+            in_bands(hole_kernels.mark_closed_mesh, len(hole), x, y, w, quad_row_spans(y, w), grid.mesh, *marks)
             hole_kernels.mark_points(x, y, w, grid.flying, hole_kernels.FLYING_RANK, hole, ranks)
     return np.asarray(TYPE_OF_RANK.take(ranks) * hole, np.uint8)
 
 
-def closed_grid(layer: View, removals: tuple[View, ...]) -> tuple[Float32Array, UInt8Array]:
+def close_grid(layer: View, removals: tuple[View, ...]) -> tuple[Float32Array, UInt8Array]:
     """Depth of a layer with every gap closed, and the rank of the hole type of what was closed.
 
     Removed objects get their own depth back, sensor holes the depth of the nearest pixel, far pixels a large one.
@@ -149,7 +149,7 @@ def closed_grid(layer: View, removals: tuple[View, ...]) -> tuple[Float32Array, 
     finite = (depth > 0) & (depth < np.inf)
     horizon = 100 * float(depth[finite].max()) if finite.any() else 1e4
     depth = np.minimum(depth, np.float32(horizon))
-    return with_nearest(depth, depth > 0), rank
+    return fill_with_nearest(depth, depth > 0), rank
 
 
 def render_cloud(cloud: PointCloud, camera: Camera, mode: Mode) -> View:

@@ -42,7 +42,7 @@ class RGBD:
     """How the depth was estimated from the picture (model, scale, field of view), JSON-ready; None: it was measured."""
 
     def __post_init__(self) -> None:
-        color, depth = checked_color(self.color), as_array(self.depth, "depth", "an array of metres")
+        color, depth = check_color(self.color), as_array(self.depth, "depth", "an array of metres")
         if depth.shape != color.shape[:2]:
             raise ShapeError(
                 f"depth is {depth.shape[1]}x{depth.shape[0]} and the picture {color.shape[1]}x{color.shape[0]}; "
@@ -65,13 +65,13 @@ class RGBD:
             least = depth.min()
         if least < 0:
             raise DepthError(f"depth holds negative values (smallest {least:.6g}); metres >= 0 are expected")
-        object.__setattr__(self, "color", read_only(color))
-        object.__setattr__(self, "depth", read_only(depth))
+        object.__setattr__(self, "color", make_read_only(color))
+        object.__setattr__(self, "depth", make_read_only(depth))
 
     def __repr__(self) -> str:
         width, height = self.camera.wh
         missing = percent(self.missing)
-        return f"RGBD({width}x{height}, {depth_range_in_words(self.depth)}, {missing} missing)"
+        return f"RGBD({width}x{height}, {describe_depth_range(self.depth)}, {missing} missing)"
 
     def _repr_html_(self) -> str:
         return figure(repr(self), self._panels())
@@ -80,7 +80,7 @@ class RGBD:
         return strip(self._panels())
 
     def _panels(self) -> list[Panel]:
-        return [("picture", self.color), (f"depth, {depth_range_in_words(self.depth)}", depth_picture(self.depth))]
+        return [("picture", self.color), (f"depth, {describe_depth_range(self.depth)}", depth_picture(self.depth))]
 
     @property
     def valid(self) -> BoolArray:
@@ -98,7 +98,7 @@ class RGBD:
         return self.depth == 0
 
 
-def checked_color(color: ArrayLike, name: str = "colour") -> UInt8Array:
+def check_color(color: ArrayLike, name: str = "colour") -> UInt8Array:
     """The picture as an array; ShapeError, which calls it `name`, unless it is uint8 H x W x 3 with a pixel or more."""
     array = as_array(color, name, "a picture")
     if array.dtype != np.uint8 or array.ndim != 3 or array.shape[2] != 3 or not array.size:
@@ -112,23 +112,23 @@ def percent(where: BoolArray) -> str:
     return f"{share:.0f} %" if share >= 1 else f"{share:.1g} %"
 
 
-def counted(count: int, noun: str) -> str:
+def format_count(count: int, noun: str) -> str:
     """A number of things, for people: `1 layer`, `2 layers`; `noun` takes an s."""
     return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
 
 
-def depth_range_in_words(depth: Float32Array) -> str:
+def describe_depth_range(depth: Float32Array) -> str:
     """Smallest and largest valid depth (H x W metres, 0 = missing, +inf = far), for people: `1.4 to 14 m`, `no depth`."""
     valid = depth[(depth > 0) & (depth < np.inf)]
     return f"{valid.min():.3g} to {valid.max():.3g} m" if valid.size else "no depth"
 
 
-def read_only(array: np.ndarray) -> np.ndarray:
+def make_read_only(array: np.ndarray) -> np.ndarray:
     """The array, C-contiguous, such that nobody can write to it: itself where that holds already, else a copy.
 
     A caller may write to the buffer it gave (one for all frames of a video): a frozen noun must not change with it.
     """
-    if array.flags.c_contiguous and _frozen(array):
+    if array.flags.c_contiguous and _is_frozen(array):
         return array
     copy = np.array(array, order="C")
     copy.flags.writeable = False
@@ -136,7 +136,7 @@ def read_only(array: np.ndarray) -> np.ndarray:
 
 
 def freeze(array: np.ndarray) -> np.ndarray:
-    """An array that was just made and that nobody else holds, made read-only: `read_only` then need not copy it."""
+    """An array that was just made and that nobody else holds, made read-only: `make_read_only` then need not copy it."""
     array.flags.writeable = False
     return array
 
@@ -157,7 +157,7 @@ def paste(array: np.ndarray, where: BoolArray, onto: np.ndarray) -> None:
     cv2.copyTo(array, where.view(np.uint8), onto)
 
 
-def _frozen(array: np.ndarray) -> bool:
+def _is_frozen(array: np.ndarray) -> bool:
     """Whether neither the array nor what it is a view of can be written to."""
     base: object = array
     while isinstance(base, np.ndarray):
@@ -167,9 +167,7 @@ def _frozen(array: np.ndarray) -> bool:
     return base is None or isinstance(base, bytes)
 
 
-def checked_fields(
-    noun: object, called: str, fields: dict[str, tuple[tuple[int, ...], type]], wanted: str = ""
-) -> None:
+def check_fields(noun: object, called: str, fields: dict[str, tuple[tuple[int, ...], type]], wanted: str = "") -> None:
     """Freeze a noun's array fields, each of which must have its shape and dtype; else ShapeError (`wanted`: for what)."""
     for name, (shape, dtype) in fields.items():
         array = getattr(noun, name)
@@ -179,15 +177,15 @@ def checked_fields(
             raise ShapeError(
                 f"{called}.{name} is {array.dtype} {array.shape}; {np.dtype(dtype)} {shape} is expected{wanted}"
             )
-        object.__setattr__(noun, name, read_only(array))
+        object.__setattr__(noun, name, make_read_only(array))
 
 
 def row_count(array: np.ndarray) -> int:
-    """Rows of a noun's array; 0 of what is none, which `checked_fields` then refuses."""
+    """Rows of a noun's array; 0 of what is none, which `check_fields` then refuses."""
     return len(array) if isinstance(array, np.ndarray) and array.ndim else 0
 
 
-def far_beyond(depth: Float32Array, far: float, source: str = "") -> Float32Array:
+def mark_far(depth: Float32Array, far: float, source: str = "") -> Float32Array:
     """The depth (H x W metres) with all at or beyond `far` metres as +inf.
 
     Raises DepthError, which begins with `source`: nothing is nearer.
@@ -195,12 +193,12 @@ def far_beyond(depth: Float32Array, far: float, source: str = "") -> Float32Arra
     found = np.where(depth >= far, np.float32(np.inf), depth)
     if not ((found > 0) & (found < np.inf)).any():
         raise DepthError(
-            f"{source}no depth is nearer than `far`, {far:g} m; the scene has {depth_range_in_words(depth)}"
+            f"{source}no depth is nearer than `far`, {far:g} m; the scene has {describe_depth_range(depth)}"
         )
     return found
 
 
-def clipped(rgbd: RGBD, clip: float | None) -> RGBD:
+def clip_depth(rgbd: RGBD, clip: float | None) -> RGBD:
     """The picture with everything at or beyond `clip` metres, sky too, at `clip`; as it is where `clip` is None."""
     if clip is None:
         return rgbd

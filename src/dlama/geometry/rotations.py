@@ -11,7 +11,7 @@ QUATERNION_TOLERANCE = 1e-3
 """By how much the length of a quaternion in a file may differ from 1 (six digits are written)."""
 
 
-def rotation_of(quaternion_xyzw: ArrayLike) -> Float64Array:
+def rotation_from_quaternion(quaternion_xyzw: ArrayLike) -> Float64Array:
     """3x3 rotation of a quaternion x, y, z, w of any length > 0: R = I + 2 w [v]x + 2 [v]x [v]x."""
     q = np.asarray(quaternion_xyzw, np.float64)
     x, y, z, w = q / np.linalg.norm(q)
@@ -19,7 +19,7 @@ def rotation_of(quaternion_xyzw: ArrayLike) -> Float64Array:
     return np.eye(3) + 2 * w * cross + 2 * cross @ cross
 
 
-def quaternion_of(rotation: Float64Array) -> Float64Array:
+def quaternion_from_rotation(rotation: Float64Array) -> Float64Array:
     """Unit quaternion x, y, z, w of a 3x3 rotation, w >= 0.
 
     The eigenvector for the largest eigenvalue of a symmetric 4x4 matrix (Bar-Itzhack 2000): good at every angle.
@@ -39,14 +39,14 @@ def quaternion_of(rotation: Float64Array) -> Float64Array:
 
 def slerp(start: Float64Array, end: Float64Array, share: float) -> Float64Array:
     """The 3x3 rotation that lies between two, at a constant angular speed, the short way round (Shoemake 1985)."""
-    one, other = quaternion_of(start), quaternion_of(end)
+    one, other = quaternion_from_rotation(start), quaternion_from_rotation(end)
     cosine = float(one @ other)
     if cosine < 0:  # the same rotation, the short way round
         other, cosine = -other, -cosine
     angle = np.arccos(min(cosine, 1.0))
     if share == 0 or angle < 1e-9:
         return start
-    return rotation_of((np.sin((1 - share) * angle) * one + np.sin(share * angle) * other) / np.sin(angle))
+    return rotation_from_quaternion((np.sin((1 - share) * angle) * one + np.sin(share * angle) * other) / np.sin(angle))
 
 
 def rotation_deg(rotations: Float64Array, other: Float64Array) -> Float64Array:

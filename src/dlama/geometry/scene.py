@@ -13,10 +13,10 @@ import numpy as np
 
 from dlama.arguments import check
 from dlama.errors import InputError, ShapeError
-from dlama.geometry.cloud import concatenated
-from dlama.geometry.figures.points import turning_points
+from dlama.geometry.cloud import concatenate
+from dlama.geometry.figures.points import point_viewer
 from dlama.geometry.projection import lift
-from dlama.geometry.rgbd import RGBD, BoolArray, counted
+from dlama.geometry.rgbd import RGBD, BoolArray, format_count
 from dlama.geometry.view import HoleType, Origin, View
 
 FILLED_BEFORE = (Origin.FILLED, Origin.DEPTH_FILLED)
@@ -58,7 +58,7 @@ class Scene:
             object.__setattr__(self, name, tuple(getattr(self, name) or default))
             if len(getattr(self, name)) != count:
                 raise ShapeError(
-                    f"{name} has {len(getattr(self, name))} entries for {counted(count, 'frame')}; as many are expected"
+                    f"{name} has {len(getattr(self, name))} entries for {format_count(count, 'frame')}; as many are expected"
                 )
 
     @property
@@ -119,9 +119,9 @@ class Scene:
 
     def __repr__(self) -> str:
         parts = (
-            counted(len(self.frames), "frame"),
-            counted(len(self.removals), "removal"),
-            counted(len(self.fills), "fill"),
+            format_count(len(self.frames), "frame"),
+            format_count(len(self.removals), "removal"),
+            format_count(len(self.fills), "fill"),
         )
         return f"Scene({', '.join(parts)}, first frame {self.frames[0]!r})"
 
@@ -129,9 +129,9 @@ class Scene:
         return self.frames[0]._repr_png_()
 
     def _repr_html_(self) -> str:
-        cloud = concatenated([lift(layer) for layer in self.layers])
+        cloud = concatenate([lift(layer) for layer in self.layers])
         cam_from_world = self.frames[0].camera.cam_from_world
-        return turning_points(repr(self), cloud.points, cloud.color, cloud.origin, cloud.confidence, cam_from_world)
+        return point_viewer(repr(self), cloud.points, cloud.color, cloud.origin, cloud.confidence, cam_from_world)
 
 
 def contribution(layer: View) -> BoolArray:

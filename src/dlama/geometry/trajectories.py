@@ -86,7 +86,7 @@ def named_path(name: str, camera: Camera, count: int, pivot: float = PIVOT_M) ->
     return PATHS[name](camera, count, pivot)
 
 
-def between(cameras: Sequence[Camera], count: int) -> list[Camera]:
+def interpolate_cameras(cameras: Sequence[Camera], count: int) -> list[Camera]:
     """`count` cameras evenly on the way from the first to the last, through all of them: positions on straight lines, rotations
     along the shortest turn; the lens is the first one's."""
     places = np.linspace(0, len(cameras) - 1, count) if count > 1 else np.zeros(1)

@@ -14,7 +14,7 @@ import numpy as np
 
 from dlama.arguments import check
 from dlama.geometry.camera import Camera
-from dlama.geometry.figures.false_color import depth_picture, hatched, origin_picture
+from dlama.geometry.figures.false_color import depth_picture, hatch_holes, origin_picture
 from dlama.geometry.figures.html import Panel, figure, strip
 from dlama.geometry.rgbd import (
     RGBD,
@@ -22,8 +22,8 @@ from dlama.geometry.rgbd import (
     Float32Array,
     UInt8Array,
     UInt16Array,
-    checked_fields,
-    depth_range_in_words,
+    check_fields,
+    describe_depth_range,
     freeze,
     percent,
     select,
@@ -117,7 +117,7 @@ class View:
             fields["frame"] = (hw, np.uint16)
         if self.errors is not None:
             fields["errors"] = ((*hw, 2), np.float32)
-        checked_fields(self, "view", fields, " for this camera")
+        check_fields(self, "view", fields, " for this camera")
 
     @classmethod
     def from_rgbd(cls, rgbd: RGBD) -> View:
@@ -138,7 +138,7 @@ class View:
     def __repr__(self) -> str:
         width, height = self.camera.wh
         hole = f"{percent(self.hole)} hole, {percent(self.filled)} filled"
-        return f"View({width}x{height}, {depth_range_in_words(self.depth)}, {hole})"
+        return f"View({width}x{height}, {describe_depth_range(self.depth)}, {hole})"
 
     def _repr_html_(self) -> str:
         return figure(repr(self), self._panels())
@@ -148,8 +148,8 @@ class View:
 
     def _panels(self) -> list[Panel]:
         return [
-            ("picture, holes hatched", hatched(self.color, self.color_hole)),
-            (f"depth, {depth_range_in_words(self.depth)}", depth_picture(self.depth, self.hole)),
+            ("picture, holes hatched", hatch_holes(self.color, self.color_hole)),
+            (f"depth, {describe_depth_range(self.depth)}", depth_picture(self.depth, self.hole)),
             ("origin: measured white, reprojected blue, filled orange", origin_picture(self.origin)),
         ]
 
@@ -219,7 +219,7 @@ class View:
         return self.errors is not None
 
     @cached_property
-    def was_left_open(self) -> bool:
+    def has_open_holes(self) -> bool:
         """True if a pixel of it is a hole that has a type."""
         return bool((self.hole & (self.hole_type != HoleType.NONE)).any())
 
@@ -239,7 +239,7 @@ class View:
         parts = {n: None if of is None else freeze(np.ascontiguousarray(of[rows, columns])) for n, of in planes.items()}
         return View(camera, **parts)  # type: ignore[arg-type]
 
-    def left_open(self, where: BoolArray) -> View:
+    def reopen(self, where: BoolArray) -> View:
         """The same view with what was filled in the pixels of `where` (H x W bool) unknown again, depth 0.
 
         Measured colours stay, with their origin; `hole_type` still says why the pixels had been empty.

@@ -13,7 +13,7 @@ import numpy as np
 
 from dlama.arguments import check
 from dlama.geometry.camera import Camera
-from dlama.geometry.drawing.picture_edges import placed_edges
+from dlama.geometry.drawing.picture_edges import align_edges
 from dlama.geometry.frames.choosing import MOST_FRAMES, choose_frames
 from dlama.geometry.frames.coarse import coarse_camera, coarse_depth
 from dlama.geometry.kernels import visibility as kernels
@@ -42,7 +42,7 @@ class Law:
     sky: Sky | None = None
     """The colours of the far pixels that were measured, for views that show few of them; None: there were none."""
     misplaced_edges: bool = False
-    """True where depth edges of what was measured lie beside those of its picture (`with_placed_edges`), as a sensor's do."""
+    """True where depth edges of what was measured lie beside those of its picture (`with_aligned_edges`), as a sensor's do."""
     scene: Scene | None = None
     """Of so many frames that their depth is not held: the scene, and `near` gives the law for a camera."""
 
@@ -65,7 +65,7 @@ class Law:
         taken = [one for one in whole.removals if any(one.camera.same_view_as(each.camera) for each in frames)]
         one = Law._of(Scene(tuple(frames), tuple(taken), noise=whole.noise))
         coarse = [
-            (coarse_camera(each.camera), within_noise(coarse_depth(each), whole.noise))
+            (coarse_camera(each.camera), subtract_noise(coarse_depth(each), whole.noise))
             for each in (whole.frames[place] for place in places[MOST_FRAMES:])
         ]
         return Law((*one.measured, *coarse), one.sky)
@@ -85,18 +85,18 @@ class Law:
             else:
                 measured.append((layer.camera, depth))
         if any(scene.noise):
-            measured = [(camera, within_noise(depth, scene.noise)) for camera, depth in measured]
+            measured = [(camera, subtract_noise(depth, scene.noise)) for camera, depth in measured]
         frames = ((layer.camera, layer.color, layer.far & from_source(layer.origin)) for layer in scene.layers)
         return cls(tuple(measured), Sky.of(frames))
 
-    def with_placed_edges(self, scene: Scene) -> Law:
-        """The law with the scene's frames as they are drawn (`placed_edges`): beside misplaced edges depth that was filled counts
+    def with_aligned_edges(self, scene: Scene) -> Law:
+        """The law with the scene's frames as they are drawn (`align_edges`): beside misplaced edges depth that was filled counts
         as measured, and an edge lies where the picture has it, if that forbids more. Of very many frames: of the law `near`."""
         measured, misplaced = list(self.measured), self.misplaced_edges
         for layer in scene.frames:
             for number, (camera, known) in enumerate(measured):
                 if camera.same_view_as(layer.camera):
-                    placed = placed_edges(layer.read())
+                    placed = align_edges(layer.read())
                     measured[number] = camera, np.where(placed.beside, np.maximum(known, placed.depth), known)
                     misplaced |= bool(placed.beside.any())
         return replace(self, measured=tuple(measured), misplaced_edges=misplaced)
@@ -145,7 +145,7 @@ class Law:
         return out, moved
 
 
-def within_noise(depth: Float32Array, noise: tuple[float, float]) -> Float32Array:
+def subtract_noise(depth: Float32Array, noise: tuple[float, float]) -> Float32Array:
     """Measured depth (H x W metres, 0 = none, inf = far) less three standard deviations of `Scene.noise`, poses included: edges
     may be off sideways too, so of each pixel's neighbourhood the nearest counts. As it is where there is no noise.
     """
@@ -159,7 +159,7 @@ def within_noise(depth: Float32Array, noise: tuple[float, float]) -> Float32Arra
     return np.where(depth > 0, np.maximum(nearest, np.float32(1e-3)), np.float32(0))
 
 
-def lawful_depth(view: View, depth: Float32Array, where: BoolArray, law: Law) -> tuple[Float32Array, int]:
+def project_depth(view: View, depth: Float32Array, where: BoolArray, law: Law) -> tuple[Float32Array, int]:
     """What is proposed as depth of a view's pixels, projected onto the law: before anything proposed is composited.
 
     Args:

@@ -18,7 +18,7 @@ from dlama.errors import ShapeError
 from dlama.geometry.holes import box_around, larger_box, sides_of
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.geometry.view import Origin, View
-from dlama.geometry.visibility import Law, lawful_depth
+from dlama.geometry.visibility import Law, project_depth
 from dlama.inpainters.confidence import judge_fill
 
 
@@ -147,7 +147,7 @@ def _filled(view: View, inpainter: Inpainter, law: Law, seed: int) -> tuple[View
     """`inpaint`, the filler seeing all of the view."""
     hole = view.hole
     fill = checked_fill(inpainter(view, law, seed), view)
-    depth, moved = lawful_depth(view, fill.depth, hole, law)
+    depth, moved = project_depth(view, fill.depth, hole, law)
     color = np.where(view.color_hole[..., None], fill.color, view.color)
     filled_origin = np.where(view.color_hole, np.uint8(Origin.FILLED), np.uint8(Origin.DEPTH_FILLED))
     confidence, errors = judge_fill(view, color, depth)

@@ -21,7 +21,7 @@ import numpy as np
 from dlama.arguments import check, check_arguments
 from dlama.errors import DepthError, FileError, InputError, ShapeError, system_errors
 from dlama.geometry.camera import Camera
-from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array, checked_color
+from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array, check_color
 from dlama.models.cache import locate, user_path
 from dlama.models.network_file import NetworkFile, cores, default_provider, file_stamp
 from dlama.models.records import CATALOGUE
@@ -145,7 +145,7 @@ def rounded(depth: Float32Array) -> Float32Array:
 
 def checked_picture(color: UInt8Array) -> UInt8Array:
     """The picture as an array; ShapeError for what is none, DepthError for one without any contrast."""
-    color = checked_color(color)
+    color = check_color(color)
     if contrast(color) < LEAST_CONTRAST:
         raise DepthError(
             "the picture has nearly one colour all over: there is nothing to estimate depth from; give depth"

@@ -10,7 +10,7 @@ from typing import Any
 
 from dlama.arguments import check_arguments
 from dlama.errors import InputError, MaskError
-from dlama.geometry.rgbd import RGBD, BoolArray, UInt8Array, checked_color, read_only
+from dlama.geometry.rgbd import RGBD, BoolArray, UInt8Array, check_color, make_read_only
 from dlama.perception.masks.prompt import Box, Point, Prompt
 from dlama.perception.masks.rgbd import rgbd_masker
 from dlama.perception.masks.salient import salient_masker
@@ -75,7 +75,7 @@ class MaskSession:
     ) -> None:
         """Parameters and errors as `find_mask`; nothing is computed yet."""
         check_arguments(MaskSession.__init__, locals())
-        self.picture = picture if isinstance(picture, RGBD) else checked_color(picture, "picture")
+        self.picture = picture if isinstance(picture, RGBD) else check_color(picture, "picture")
         self.masker, self.mask_model = check_names(masker, mask_model), mask_model
         if MASKERS[self.masker].needs_depth and not isinstance(picture, RGBD):
             raise InputError(f"masker {self.masker!r} needs depth and the picture has none; an RGBD is expected")
@@ -107,7 +107,7 @@ class MaskSession:
         if with_shadow and not isinstance(picture, RGBD):
             raise InputError("with_shadow needs depth and the picture has none; an RGBD is expected")
         masks, notes = self._pointed(prompt)
-        masks = {each: read_only(mask) for each, mask in masks.items() if mask.any()}
+        masks = {each: make_read_only(mask) for each, mask in masks.items() if mask.any()}
         if not masks:
             raise MaskError("nothing of the thing is left; fewer not_clicks are expected")
         chosen = candidate if candidate in masks else next(iter(masks))
@@ -144,7 +144,7 @@ def completed(
         raise InputError("with_shadow needs depth and the picture has none; an RGBD is expected")
     shadow = find_shadow(picture, mask)
     said = () if shadow.any() else ("no shadow found",)
-    return ObjectMask(read_only(mask | shadow), masks, chosen, masker, read_only(shadow), (*notes, *said))
+    return ObjectMask(make_read_only(mask | shadow), masks, chosen, masker, make_read_only(shadow), (*notes, *said))
 
 
 def find_mask(

@@ -17,7 +17,7 @@ import dlama
 from dlama.files.cameras import camera_for
 from dlama.files.rasters.images import SUFFIXES, picture_hw
 from dlama.files.rgbd import nearest_pixels
-from dlama.geometry.rgbd import RGBD, UInt8Array, depth_range_in_words, percent
+from dlama.geometry.rgbd import RGBD, UInt8Array, describe_depth_range, percent
 from dlama.perception.depth_scale import RULES
 from dlama.web.failures import PageError, in_words_of_the_page
 
@@ -191,11 +191,11 @@ def facts_of(rgbd: RGBD, options: Mapping[str, Any], lens_from: str, files: Mapp
     facts = {
         "picture": f"{width} x {height} pixels",
         "camera": f"{rgbd.camera.fov_deg:.1f}° wide, fx {rgbd.camera.fx:.1f} px, {said_of(lens_from)}",
-        "depth": f"{depth_range_in_words(rgbd.depth)}, {percent(rgbd.missing)} missing, {percent(rgbd.far)} sky",
+        "depth": f"{describe_depth_range(rgbd.depth)}, {percent(rgbd.missing)} missing, {percent(rgbd.far)} sky",
     }
     if rgbd.estimate is not None:
         about = dict(rgbd.estimate)
-        facts["depth"] = f"estimated by {about['estimator']}: {depth_range_in_words(rgbd.depth)}"
+        facts["depth"] = f"estimated by {about['estimator']}: {describe_depth_range(rgbd.depth)}"
         facts["known"] = in_words_of_the_page(RULES[about["scale"]["rule"]])
     elif "depth" in files:
         facts["scale"] = scale_in_words(files["depth"].path.suffix, options)

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 
 import dlama
-from dlama.geometry.holes import dilated, eroded
+from dlama.geometry.holes import dilate_mask, erode_mask
 from dlama.geometry.rgbd import BoolArray
 from dlama.web.failures import PageError
 from dlama.web.inputs import number
@@ -130,7 +130,7 @@ def mask_of(hw: tuple[int, int], marks: Marks, found: dlama.ObjectMask | None) -
     for stroke in marks.strokes:
         paint(mask, stroke)
     painted = mask > 0
-    return dilated(painted, marks.grow) if marks.grow >= 0 else eroded(painted, -marks.grow)
+    return dilate_mask(painted, marks.grow) if marks.grow >= 0 else erode_mask(painted, -marks.grow)
 
 
 def paint(mask: np.ndarray, stroke: Stroke) -> None:

@@ -16,7 +16,7 @@ from dlama.geometry.figures.false_color import (
     ORIGIN_PALETTE,
     depth_limits,
     depth_picture,
-    hatched,
+    hatch_holes,
     hole_picture,
     origin_picture,
 )
@@ -88,11 +88,11 @@ def result_picture(done: dlama.Completion, kind: str, right: bool = False) -> UI
         raise PageError(f"kind is {kind[:20]!r}; one of {', '.join(KINDS)} is expected")
     lo, hi = limits(done)
     if kind == "image":
-        return hatched(view.color, view.color_hole)
+        return hatch_holes(view.color, view.color_hole)
     if kind == "source":
         return done.source.color
     if kind == "known":
-        return hatched(before.color, before.color_hole)
+        return hatch_holes(before.color, before.color_hole)
     if kind == "hole_type":
         return hole_picture(view.color, view.hole_type)
     if kind == "origin":

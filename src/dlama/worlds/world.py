@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from dlama.errors import InputError
 from dlama.geometry.camera import Camera, Float64Array, StereoRig
-from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array, read_only
+from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array, make_read_only
 from dlama.geometry.trajectories import orbit
 from dlama.worlds.raycast.bounding_boxes import boxes_by_depth, shadow_cells
 from dlama.worlds.raycast.shape_rows import BLOCKED, COLUMNS, GROUP, LEVELS, LIT, OBJECT_GROUP, SIDE
@@ -100,7 +100,7 @@ class World:
         numbers += [*sky.cloud, sky.cover, sky.softness, sky.scale, *sky.offset, sky.haze, light.shadows, *grid]
         object.__setattr__(self, "_lighting", (np.array(numbers, np.float64), starts, items))
         for name in ("shapes", "textures"):
-            object.__setattr__(self, name, read_only(getattr(self, name)))
+            object.__setattr__(self, name, make_read_only(getattr(self, name)))
 
     def camera(self, yaw: float = 0.0, size: int = SIZE, fov: float = FOV_DEG) -> Camera:
         """The first camera (yaw 0) or one of its orbit about the point 2.5 m ahead; yaw and fov in degrees, size in pixels."""

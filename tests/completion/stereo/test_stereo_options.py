@@ -13,7 +13,7 @@ from dlama.completion.stereo.pair import MatchedPair, default_far, depth_in_metr
 from dlama.completion.stereo.stereo import stereo
 from dlama.errors import DepthError, InputError
 from dlama.geometry.camera import Camera, StereoRig
-from dlama.geometry.holes import dilated
+from dlama.geometry.holes import dilate_mask
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.view import HoleType
 from worlds import moved
@@ -128,7 +128,7 @@ def test_the_object_leaves_the_right_view_where_its_mask_is(given: bool, monkeyp
     done = completed(monkeypatch, mask=THING, mask_right=own)
     wanted = own if own is not None else square((15, 25), (26, 36))
     for before, mask in zip(done.warped, (THING, wanted)):
-        np.testing.assert_array_equal(before.hole_type == HoleType.OBJECT, dilated(mask, 1))
+        np.testing.assert_array_equal(before.hole_type == HoleType.OBJECT, dilate_mask(mask, 1))
 
 
 def test_a_mask_may_be_found_in_the_matched_depth(monkeypatch: pytest.MonkeyPatch) -> None:

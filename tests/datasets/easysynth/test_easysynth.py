@@ -17,7 +17,7 @@ from dlama.datasets.easysynth.writer import write_scene
 from dlama.datasets.frames import RemovalTruth, StereoTruth, ViewTruth
 from dlama.datasets.posed.posed_frames import PosedFrame
 from dlama.errors import CameraError, DepthError, FileError, InputError, MaskError
-from dlama.geometry.rotations import quaternion_of, rotation_of
+from dlama.geometry.rotations import quaternion_from_rotation, rotation_from_quaternion
 from dlama.geometry.trajectories import dolly, orbit
 from rendered_walls import CAMERA, CLASSES, edit_json, frame
 from worlds import moved, rotation
@@ -124,7 +124,7 @@ def test_poses_there_and_back(turn: tuple[float, float, float]) -> None:
     np.testing.assert_allclose(opencv_pose(translation, quaternion), pose, atol=1e-12)
     assert quaternion[3] >= 0 and np.linalg.norm(quaternion) == pytest.approx(1)
     turned = rotation(np.radians(turn))
-    np.testing.assert_allclose(rotation_of(quaternion_of(turned)), turned, atol=1e-12)
+    np.testing.assert_allclose(rotation_from_quaternion(quaternion_from_rotation(turned)), turned, atol=1e-12)
 
 
 def test_the_metric_dialect_means_the_same(sequence: Path) -> None:

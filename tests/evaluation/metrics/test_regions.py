@@ -20,7 +20,7 @@ from square_world import (
 from dlama.errors import ShapeError
 from dlama.evaluation.metrics.regions import removal_regions, source_visibility, stereo_regions
 from dlama.geometry.camera import Camera
-from dlama.geometry.holes import dilated
+from dlama.geometry.holes import dilate_mask
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.trajectories import orbit
 from worlds import Box, Plane, Sphere, World, moved
@@ -62,7 +62,7 @@ def test_traced_worlds(yaw: float) -> None:
     found = source_visibility(STREET.rgbd(camera), STREET.rgbd(target))
     finite = np.isfinite(STREET.trace(target)[0])
     wanted = STREET.seen_by(camera, target)
-    border = dilated(wanted, 2) & dilated(~wanted, 2)
+    border = dilate_mask(wanted, 2) & dilate_mask(~wanted, 2)
     np.testing.assert_array_equal(found.seen[finite & ~border], wanted[finite & ~border])
     np.testing.assert_array_equal(found.unseen[finite & ~border], ~wanted[finite & ~border])
     assert (found.seen != wanted)[finite].mean() < 0.02

@@ -22,15 +22,15 @@ from dlama.errors import InputError
 from dlama.evaluation.protocols import PROTOCOLS
 from dlama.evaluation.protocols.methods import NO_FILL, Method, ProtocolSettings, Scored
 from dlama.evaluation.protocols.ori import reference_of, untouched
-from dlama.geometry.holes import dilated
+from dlama.geometry.holes import dilate_mask
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.view import View
 
 __all__ = ["constant_filler"]
 PLAIN = ProtocolSettings(lpips=False, mask_changes=(), ring_px=8)
 TRUTH = RemovalTruth(frame(SOURCE, SQUARE_IN_SOURCE), frame(SOURCE, None), SQUARE_IN_SOURCE)
-BAND = dilated(SQUARE_IN_SOURCE, 3) & ~SQUARE_IN_SOURCE
-RING = dilated(SQUARE_IN_SOURCE, 8) & ~SQUARE_IN_SOURCE
+BAND = dilate_mask(SQUARE_IN_SOURCE, 3) & ~SQUARE_IN_SOURCE
+RING = dilate_mask(SQUARE_IN_SOURCE, 8) & ~SQUARE_IN_SOURCE
 
 
 def scored(filler: str, truth: RemovalTruth = TRUTH, settings: ProtocolSettings = PLAIN, **changes) -> list[Scored]:
@@ -81,8 +81,8 @@ def test_changed_masks(constant_filler: str) -> None:
     rim = 1 - (20 * 20) / (32 * 32)
     assert found["mask-6"]["mask", "rgb", "mse"] == pytest.approx(rim * 100**2 + (1 - rim) * 3600)
     assert found["mask-6"]["ring", "rgb", "mse"] == 0 == found[""]["ring", "rgb", "mse"]
-    opened = dilated(SQUARE_IN_SOURCE, 6) & ~SQUARE_IN_SOURCE
-    ring = dilated(SQUARE_IN_SOURCE, 16) & ~SQUARE_IN_SOURCE
+    opened = dilate_mask(SQUARE_IN_SOURCE, 6) & ~SQUARE_IN_SOURCE
+    ring = dilate_mask(SQUARE_IN_SOURCE, 16) & ~SQUARE_IN_SOURCE
     assert found["mask+6"]["ring", "rgb", "mse"] == pytest.approx(3600 * opened.sum() / ring.sum())
     assert [run.panel is not None for run in runs] == [True, False, False]
 
@@ -147,5 +147,5 @@ def test_another_protocols_truth_is_refused() -> None:
 def test_the_ring_is_16_pixels_wide() -> None:
     """Closed form: docs/reference/formats.md says 16 px; the three regions share the picture."""
     regions = reference_of(TRUTH, ProtocolSettings()).regions
-    np.testing.assert_array_equal(regions["ring"], dilated(SQUARE_IN_SOURCE, 16) & ~SQUARE_IN_SOURCE)
-    np.testing.assert_array_equal(regions["outside"], ~dilated(SQUARE_IN_SOURCE, 16))
+    np.testing.assert_array_equal(regions["ring"], dilate_mask(SQUARE_IN_SOURCE, 16) & ~SQUARE_IN_SOURCE)
+    np.testing.assert_array_equal(regions["outside"], ~dilate_mask(SQUARE_IN_SOURCE, 16))

@@ -13,7 +13,7 @@ import dlama
 from dlama.geometry import visibility
 from dlama.geometry.camera import Camera
 from dlama.geometry.drawing.map_grid import MapGrid
-from dlama.geometry.drawing.picture_edges import edge_uncertainty, other_surfaces, placed_edges
+from dlama.geometry.drawing.picture_edges import align_edges, edge_uncertainty, find_other_surfaces
 from dlama.geometry.frames import gathering
 from dlama.geometry.frames.stored import PixelCache
 from dlama.geometry.rgbd import RGBD
@@ -55,14 +55,14 @@ def test_how_far_edges_are_off_is_measured(off: int) -> None:
 def test_edges_in_their_place_are_left_alone() -> None:
     """The very same depth, and nothing is beside an edge: nothing changes for clean data."""
     view = View.from_rgbd(frame(EDGE))
-    placed = placed_edges(view)
+    placed = align_edges(view)
     assert placed.depth is view.depth and not placed.mixed.any() and not placed.beside.any()
 
 
 @pytest.mark.parametrize("edge", [EDGE - 3, EDGE + 2, torn()], ids=["table too small", "too large", "torn"])
 def test_pixels_go_to_the_surface_they_look_like(edge: np.ndarray | int) -> None:
     """Oracle: the scene itself, whose edge is where the picture has it; planes are continued, not copied."""
-    found = placed_edges(View.from_rgbd(frame(edge)))
+    found = align_edges(View.from_rgbd(frame(edge)))
     kept = ~found.mixed
     np.testing.assert_allclose(found.depth[kept], depth_of(EDGE)[kept], rtol=2e-3)
     assert found.mixed.mean() < 0.01
@@ -87,7 +87,7 @@ def test_things_thinner_than_the_reach_stay() -> None:
     source = frame(EDGE + 3)
     color, depth = source.color.copy(), source.depth.copy()
     color[:, 120:123], depth[:, 120:123] = (240, 240, 240), 1.2
-    found = placed_edges(View.from_rgbd(RGBD(color, depth, CAMERA)))
+    found = align_edges(View.from_rgbd(RGBD(color, depth, CAMERA)))
     assert found.beside[:, 120:123].all()
     np.testing.assert_array_equal(found.depth[:, 120:123], depth[:, 120:123])
 
@@ -99,7 +99,7 @@ def test_nothing_moves_where_colours_tell_nothing(reach: tuple[int, int]) -> Non
     grey = np.full((*w.shape, 3), 128, np.float32)
     band = np.zeros(w.shape, np.bool_)
     band[:, EDGE - reach[0] : EDGE + reach[1]] = True
-    assert not other_surfaces(w, w > 0, band, grey, 0.02).any()
+    assert not find_other_surfaces(w, w > 0, band, grey, 0.02).any()
 
 
 def test_an_edge_further_off_than_most_is_moved_too() -> None:
@@ -108,7 +108,7 @@ def test_an_edge_further_off_than_most_is_moved_too() -> None:
     edge[60:75] = EDGE + 6
     view = View.from_rgbd(frame(edge))
     assert edge_uncertainty(view) == 3
-    found = placed_edges(view)
+    found = align_edges(view)
     np.testing.assert_allclose(found.depth[~found.mixed], depth_of(EDGE)[~found.mixed], rtol=2e-3)
 
 
@@ -124,14 +124,14 @@ def test_depth_filled_beside_a_misplaced_edge_counts_for_the_law() -> None:
     where[:, EDGE + 1 : EDGE + 3] = True
     table = np.full(depth.shape, 1.1, np.float32)
     assert not law.violations(CAMERA, table, where).any()
-    assert law.with_placed_edges(filled).violations(CAMERA, table, where)[where].mean() > 0.9
+    assert law.with_aligned_edges(filled).violations(CAMERA, table, where)[where].mean() > 0.9
 
 
 def test_the_law_knows_whether_edges_are_misplaced() -> None:
     """A frame whose depth edge lies 3 px beside the picture's, and one whose edges coincide."""
     for source, misplaced in ((frame(torn()), True), (frame(EDGE), False)):
         scene = Scene((View.from_rgbd(source),))
-        assert Law.of(scene).with_placed_edges(scene).misplaced_edges is misplaced
+        assert Law.of(scene).with_aligned_edges(scene).misplaced_edges is misplaced
 
 
 @pytest.mark.parametrize("read_anew", [False, True], ids=["in memory", "read anew"])
@@ -183,7 +183,7 @@ def test_an_enlarged_depth_map_is_measured_in_its_own_pixels(size: tuple[int, in
 
 def test_misplaced_edges_of_an_enlarged_map_are_placed() -> None:
     """Oracle: the scene itself, enlarged; but for the coarse pixels next to the edge."""
-    found = placed_edges(View.from_rgbd(enlarged(slanted(EDGE + 3), 480, 432)))
+    found = align_edges(View.from_rgbd(enlarged(slanted(EDGE + 3), 480, 432)))
     true = enlarged(slanted(EDGE), 480, 432).depth
     kept = ~found.mixed
     np.testing.assert_allclose(found.depth[kept], true[kept], rtol=5e-3)

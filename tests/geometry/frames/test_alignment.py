@@ -10,8 +10,8 @@ import cv2
 import numpy as np
 import pytest
 
-from dlama.geometry.frames.alignment import align_frames, all_matches, features_of, placed
-from dlama.geometry.frames.pose_system import _solved, offsets
+from dlama.geometry.frames.alignment import align_frames, detect_features, match_all, with_pose
+from dlama.geometry.frames.pose_system import _solve, measure_offset
 from dlama.geometry.rgbd import RGBD
 from dlama.worlds.dataset import world
 
@@ -34,15 +34,15 @@ def drifted(exact: list[RGBD]) -> list[RGBD]:
         pose[:3, :3] = cv2.Rodrigues(np.radians(rng.normal(0, 0.8, 3)))[0] @ pose[:3, :3]
         pose[:3, 3] += rng.normal(0, 0.02, 3)
         poses.append(pose)
-    return [placed(frame, pose) for frame, pose in zip(exact, poses)]
+    return [with_pose(frame, pose) for frame, pose in zip(exact, poses)]
 
 
 def apart(frames: Sequence[RGBD], exact: Sequence[RGBD]) -> float:
     """Median, over pairs, of the pixels between where one frame's points are seen and where they should be."""
-    found = [features_of(frame) for frame in exact]
-    matches = all_matches(found)
+    found = [detect_features(frame) for frame in exact]
+    matches = match_all(found)
     assert matches is not None
-    return offsets(matches, [frame.camera for frame in frames])
+    return measure_offset(matches, [frame.camera for frame in frames])
 
 
 def test_exact_poses_stay(exact: list[RGBD]) -> None:
@@ -89,4 +89,4 @@ def test_solver_against_a_dense_one() -> None:
         dense[6 * i : 6 * i + 6, 6 * j : 6 * j + 6] = block
         dense[6 * j : 6 * j + 6, 6 * i : 6 * i + 6] = block.T
     wanted = np.linalg.solve(dense, right.ravel())
-    np.testing.assert_allclose(_solved(diagonal, blocks, one, other, right).ravel(), wanted, atol=1e-4)
+    np.testing.assert_allclose(_solve(diagonal, blocks, one, other, right).ravel(), wanted, atol=1e-4)

@@ -7,7 +7,7 @@ import pytest
 
 import dlama
 from dlama.geometry.camera import Camera
-from dlama.geometry.frames.foreground import grown_over, harmonic, in_front
+from dlama.geometry.frames.foreground import find_foreground, grow_region, interpolate_harmonic
 from dlama.geometry.frames.removal import carry_masks
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.view import View
@@ -43,7 +43,9 @@ def test_the_background_goes_on_behind() -> None:
     plane = (0.2 + 0.01 * y).astype(np.float32)
     known = np.ones((40, 40), bool)
     known[15:25, 12:30] = False
-    np.testing.assert_allclose(harmonic(np.where(known, plane, 0).astype(np.float32), known), plane, rtol=0.01)
+    np.testing.assert_allclose(
+        interpolate_harmonic(np.where(known, plane, 0).astype(np.float32), known), plane, rtol=0.01
+    )
 
 
 def test_a_post_stands_in_front_and_the_ground_does_not() -> None:
@@ -51,8 +53,8 @@ def test_a_post_stands_in_front_and_the_ground_does_not() -> None:
     rgbd, post = plane_with_a_post()
     candidates = np.zeros_like(post)
     candidates[8:42, 24:37] = True
-    np.testing.assert_array_equal(in_front(View.from_rgbd(rgbd), candidates), post)
-    assert not in_front(View.from_rgbd(rgbd), np.zeros_like(post)).any()
+    np.testing.assert_array_equal(find_foreground(View.from_rgbd(rgbd), candidates), post)
+    assert not find_foreground(View.from_rgbd(rgbd), np.zeros_like(post)).any()
 
 
 def test_growth_stops_at_another_depth() -> None:
@@ -62,4 +64,4 @@ def test_growth_stops_at_another_depth() -> None:
     seeds[20, 30] = True
     far_away = np.zeros_like(post)
     far_away[20:30, 34:38] = True
-    np.testing.assert_array_equal(grown_over(seeds, post | far_away, rgbd.depth), post)
+    np.testing.assert_array_equal(grow_region(seeds, post | far_away, rgbd.depth), post)

@@ -10,7 +10,7 @@ import pytest
 from dlama.geometry.camera import Camera
 from dlama.geometry.frames.choosing import MOST_FRAMES, choose_frames
 from dlama.geometry.frames.gathering import scene
-from dlama.geometry.frames.merging import merge_frames, nearest_around
+from dlama.geometry.frames.merging import merge_frames, nearest_depth_around
 from dlama.geometry.rendering import render
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.scene import Scene
@@ -64,7 +64,7 @@ def test_depth_agrees_with_the_slow_twin() -> None:
     """Every pixel of a noisy scene (oracle: the twin, fed with each frame's own drawing)."""
     many = as_scene(frames(0.01), (0.012, 0.0))
     drawn = [render(Scene((layer,)), BETWEEN, types=False) for layer in many.layers]
-    around = [nearest_around(layer) for layer in many.layers]
+    around = [nearest_depth_around(layer) for layer in many.layers]
     found = merge_frames(many, BETWEEN, "surface", True).canvas.depth
     for row in range(0, 48, 3):
         for column in range(64):

@@ -19,7 +19,7 @@ from dlama.geometry.frames import gathering
 from dlama.geometry.frames.choosing import MOST_FRAMES
 from dlama.geometry.frames.coarse import BLOCK, coarse_camera, coarse_depth
 from dlama.geometry.frames.extent import may_show
-from dlama.geometry.frames.stored import PixelCache, StoredView, bytes_of
+from dlama.geometry.frames.stored import PixelCache, StoredView, count_bytes
 from dlama.geometry.rendering import render
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.scene import Scene
@@ -31,7 +31,7 @@ LENS = Camera.from_fov(48, 36, 70)
 WORLD = World((Plane((0, 0, 4), (0.1, 0, -1)), Plane((0, 1.2, 0), (0, -1, 0)), Box((-1.2, -0.6, 2.8), (-1.0, 2, 3.0))))
 PLACES = np.linspace(-1.5, 1.5, 60)
 CAMERAS = [moved(LENS, (0, -8 * x, 0), (x, 0.02 * (n % 3), 0)) for n, x in enumerate(PLACES)]
-ONE = bytes_of(View.from_rgbd(WORLD.rgbd(CAMERAS[0])))
+ONE = count_bytes(View.from_rgbd(WORLD.rgbd(CAMERAS[0])))
 LIMIT = 12 * ONE
 TARGET = moved(LENS, (0, 1, 0), (0.03, 0.02, 0.05))
 

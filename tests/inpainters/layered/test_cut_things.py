@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dlama.geometry.holes import dilated
+from dlama.geometry.holes import dilate_mask
 from dlama.inpainters.layered.cut_things import Chord, CutThings, cut_things, foliage
 from dlama.perception.planes import SMOOTH
 
@@ -24,7 +24,7 @@ def cut(thing: np.ndarray, w: np.ndarray | None = None) -> CutThings:
     """Of a thing (h x w) before a wall, all but for what lies beyond the BORDER known."""
     w = np.where(thing, THING, WALL).astype(np.float32) if w is None else w
     label = np.where(thing, SMOOTH, 1).astype(np.int32)
-    return cut_things(w, label, UNSEEN, dilated(UNSEEN, 2))
+    return cut_things(w, label, UNSEEN, dilate_mask(UNSEEN, 2))
 
 
 @pytest.mark.parametrize("inside", [-10, -6, 0, 8])

@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 
 from dlama.geometry.camera import Camera
-from dlama.geometry.holes import dilated
+from dlama.geometry.holes import dilate_mask
 from dlama.geometry.projection import inverse_depth
 from dlama.geometry.rendering import render
 from dlama.geometry.rgbd import RGBD
@@ -102,7 +102,7 @@ def test_ground_that_comes_towards_the_camera_hides_nothing() -> None:
     box = np.zeros_like(hole)
     box[85:95, 100:110] = True
     found = occluders(view, surfaces, filled, NOTHING)
-    assert found[box].all() and not found[~dilated(box, MIXED_PX)].any()
+    assert found[box].all() and not found[~dilate_mask(box, MIXED_PX)].any()
 
 
 def test_a_thing_that_stands_before_the_hole_is_an_occluder_as_a_whole() -> None:
@@ -115,7 +115,7 @@ def test_a_thing_that_stands_before_the_hole_is_an_occluder_as_a_whole() -> None
     view = View.from_rgbd(frame).without(hole, HoleType.DISOCCLUDED)
     surfaces, filled = flat(view, 3)
     found = occluders(view, surfaces, filled, NOTHING)
-    assert found[box].all() and not found[~dilated(box, MIXED_PX)].any()
+    assert found[box].all() and not found[~dilate_mask(box, MIXED_PX)].any()
     one_plane = Surfaces(
         surfaces.inverse_depth,
         np.where(box | hole, 1, -1).astype(np.int32),

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dlama.geometry.camera import Camera
-from dlama.geometry.holes import dilated
+from dlama.geometry.holes import dilate_mask
 from dlama.geometry.rendering import render
 from dlama.geometry.scene import Scene
 from dlama.geometry.sky import Sky
@@ -91,7 +91,7 @@ def hidden_background(world: World, before: View) -> np.ndarray:
     """Disoccluded pixels that truly show something else than the last shape, not beside that shape: at its silhouette a
     pixel may be either, because the source's pixels are as wide."""
     number = world.trace(before.camera)[1]
-    thing = dilated(number == len(world.shapes) - 1, 1)
+    thing = dilate_mask(number == len(world.shapes) - 1, 1)
     return before.hole & (before.hole_type == HoleType.DISOCCLUDED) & ~thing
 
 

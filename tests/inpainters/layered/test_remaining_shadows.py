@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from dlama.geometry.camera import Camera
-from dlama.geometry.holes import dilated
+from dlama.geometry.holes import dilate_mask
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.view import HoleType, View
 from dlama.inpainters.layered.remaining_shadows import shadow_beside
@@ -39,7 +39,7 @@ def test_a_shadow_beside_the_thing_is_found() -> None:
     view, dark = ground_without_thing(BESIDE)
     label = np.ones(CAMERA.hw, np.int32)
     found = shadow_beside(view, label)
-    assert found[dark].mean() > 0.85 and not (found & ~dilated(dark, 3)).any() and not (found & view.hole).any()
+    assert found[dark].mean() > 0.85 and not (found & ~dilate_mask(dark, 3)).any() and not (found & view.hole).any()
     assert not shadow_beside(ground_without_thing()[0], label).any()
     assert not shadow_beside(ground_without_thing(np.s_[100:110, 20:60])[0], label).any()
 

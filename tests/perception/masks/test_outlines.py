@@ -9,7 +9,7 @@ import pytest
 from dlama import find_mask
 from dlama.evaluation.metrics.masks import border_f, innermost, iou
 from dlama.geometry.camera import Camera
-from dlama.geometry.drawing.picture_edges import edges_beside
+from dlama.geometry.drawing.picture_edges import edge_misalignment
 from dlama.geometry.kernels.relaxing import relax
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array
 from dlama.perception.kernels.outlines import color_odds
@@ -43,7 +43,7 @@ def test_a_mask_follows_the_picture_where_depth_is_shifted(by: tuple[int, int]) 
 
 def test_depth_that_lies_on_the_picture_is_taken_as_it_is() -> None:
     rgbd, true = shifted((0, 0))
-    assert edges_beside(rgbd.color, rgbd.depth, rgbd.valid, rgbd.far) == 0
+    assert edge_misalignment(rgbd.color, rgbd.depth, rgbd.valid, rgbd.far) == 0
     assert iou(find_mask(rgbd, clicks=[innermost(true)]).mask, true) > 0.98
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from dlama import find_mask
 from dlama.geometry.camera import Camera
-from dlama.geometry.holes import eroded
+from dlama.geometry.holes import erode_mask
 from dlama.geometry.projection import rays
 from dlama.geometry.rgbd import RGBD, BoolArray
 from dlama.perception.shadows.find import find_shadow
@@ -113,5 +113,5 @@ def test_another_thing_in_the_shadow_is_never_covered() -> None:
     color = np.where((shown == 3)[..., None], np.uint8(70), rgbd.color)
     found = find_shadow(RGBD(color, world.rgbd(CAMERA).depth, CAMERA), mask)
     assert found.any() and (shown == 3).sum() > 100
-    assert not (found & eroded(shown != 0, 1)).any()
+    assert not (found & erode_mask(shown != 0, 1)).any()
     assert (found & shadow & (shown == 0)).sum() > 0.75 * found.sum()

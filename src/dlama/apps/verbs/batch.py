@@ -20,7 +20,7 @@ from dlama.apps.pointing import Pointing
 from dlama.apps.terminal.output import print_line, reported
 from dlama.apps.terminal.progress import bar_or_lines
 from dlama.errors import InputError
-from dlama.geometry.rgbd import counted
+from dlama.geometry.rgbd import format_count
 from dlama.jobs.lists.data_sets import DatasetJobs
 from dlama.jobs.lists.folders import Pictures
 from dlama.jobs.result import Totals
@@ -212,7 +212,7 @@ def planned_lines(jobs: Any, verb: str | None, defaults: dict[str, Any]) -> Iter
         elif error is not None and len(later) < SHOWN_JOBS:
             later.append(f"  {job.id}: {job.verb or '?'} {error}")
     kinds = ", ".join(f"{count} {name or 'without a verb'}" for name, count in counts.items())
-    yield f"{counted(sum(counts.values()), 'job')} ({kinds}), {wrong} of them cannot be run; the first ones:"
+    yield f"{format_count(sum(counts.values()), 'job')} ({kinds}), {wrong} of them cannot be run; the first ones:"
     yield from shown
     if later:
         yield "the first of the others that cannot be run:"

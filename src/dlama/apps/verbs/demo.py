@@ -15,7 +15,7 @@ from dlama.files.atomic_write import new_directory
 from dlama.files.results.contact_sheet import write_contact_sheet
 from dlama.files.results.preview import demo_legend, demo_panels
 from dlama.files.results.video import write_video
-from dlama.geometry.trajectories import between
+from dlama.geometry.trajectories import interpolate_cameras
 
 ASSETS = dlama.example()
 """Picture, depth, mask, camera and stereo pair; its README names their sources."""
@@ -74,7 +74,7 @@ JOBS = {
 
 def demo_video(path: Path, done: dlama.Completion) -> None:
     """The way from the source camera to the view's and back, small, as an animated WebP. Raises OutputError."""
-    cameras = between([done.source.camera, done.view.camera], VIDEO_PICTURES)
+    cameras = interpolate_cameras([done.source.camera, done.view.camera], VIDEO_PICTURES)
     small = [one.resized(VIDEO_PX, round(VIDEO_PX * one.height / one.width)) for one in cameras]
     pictures = [view.color for view in dlama.render_path(done.scene, small)]
     write_video(path, [*pictures, *pictures[-2:0:-1]], VIDEO_FPS)

@@ -9,7 +9,7 @@ from tyro.conf import Positional
 from dlama.apps.command import command
 from dlama.apps.options import Estimating, Image, Lens, Metres, Output, Reading, Report, Results
 from dlama.apps.terminal.flags import flags_of, with_flags
-from dlama.geometry.rgbd import depth_range_in_words
+from dlama.geometry.rgbd import describe_depth_range
 
 
 def depth(
@@ -37,6 +37,6 @@ def depth(
         write_depth(rgbd, output, inputs=this.inputs, seconds={"read": round(this.read_seconds, 4)})
         about = dict(rgbd.estimate or {})
         scale = with_flags(RULES[about["scale"]["rule"]], flags_of(depth))
-        line = f"{output}: {depth_range_in_words(rgbd.depth)}, by {about['estimator']}, {scale}"
+        line = f"{output}: {describe_depth_range(rgbd.depth)}, by {about['estimator']}, {scale}"
         values = {"output": str(output), "files": list(FILES), "depth_estimate": about}
         this.result.add(f"{line}, {time.perf_counter() - this.started:.1f} s", **values)

@@ -21,7 +21,7 @@ from dlama.apps.terminal.output import print_line, reported
 from dlama.apps.terminal.progress import bar_or_lines
 from dlama.apps.verbs.evaluate_sequence import evaluate_sequence
 from dlama.errors import InputError, MissingExtraError
-from dlama.geometry.rgbd import counted
+from dlama.geometry.rgbd import format_count
 from dlama.inpainters import FILLERS
 
 if TYPE_CHECKING:
@@ -232,7 +232,7 @@ def summary_line(done: Results, output: Path) -> str:
     kept = f"{done.reused} from an earlier run" if done.reused else ""
     stale = f"{done.stale} done again, as settings, data or dlama had changed" if done.stale else ""
     how = ", ".join(filter(None, (kept, stale)))
-    counts = counted(len(done.stored), "result") + (f" ({how})" if how else "")
+    counts = format_count(len(done.stored), "result") + (f" ({how})" if how else "")
     failed = f", {len(done.failures)} failed ({output / 'errors.json'})" if done.failures else ""
     return f"{output / 'report.html'}: {counts}{failed}"
 

@@ -32,7 +32,7 @@ from dlama.apps.places import check_folder_apart
 from dlama.apps.terminal.output import reported
 from dlama.apps.terminal.progress import bar_or_lines
 from dlama.errors import InputError
-from dlama.geometry.rgbd import counted
+from dlama.geometry.rgbd import format_count
 from dlama.inpainters import AUTO
 from dlama.workers.progress import line_every, progress_line
 
@@ -153,7 +153,7 @@ def summary_line(meta: dict[str, Any], output: Path, seconds: float) -> str:
     earlier = f", {meta['views_from_earlier_run']} from an earlier run" if meta["views_from_earlier_run"] else ""
     alone = f", {depth:.1%} in depth alone" if depth >= SHOWN else ""
     how = f"{mean:.1%} filled{alone}{earlier}, filler {meta['filler']}, {seconds:.1f} s"
-    return f"{output}: {counted(len(shares), 'view')} of {counted(count, 'frame')}{out}, {how}"
+    return f"{output}: {format_count(len(shares), 'view')} of {format_count(count, 'frame')}{out}, {how}"
 
 
 def summary_values(meta: dict[str, Any], output: Path) -> dict[str, Any]:

@@ -14,7 +14,7 @@ from dlama.apps.options import Report, option
 from dlama.apps.places import check_file_apart
 from dlama.apps.terminal.output import counting_bar, reported
 from dlama.apps.verbs.sequence import Filler, Source
-from dlama.geometry.rgbd import counted
+from dlama.geometry.rgbd import format_count
 
 if TYPE_CHECKING:
     from dlama.geometry.rgbd import UInt8Array
@@ -65,5 +65,5 @@ def video(
                 yield view.color
 
         count = write_video(output, pictures(), fps)
-        line = f"{output}: {counted(count, 'picture')}, {count / fps:.1f} s at {fps:g} a second, filler {chosen}"
+        line = f"{output}: {format_count(count, 'picture')}, {count / fps:.1f} s at {fps:g} a second, filler {chosen}"
         result.add(f"{line}, {time.perf_counter() - started:.1f} s", output=str(output), pictures=count, filler=chosen)

@@ -9,8 +9,8 @@ import numpy as np
 
 from dlama.apps.viewer.contents import Contents
 from dlama.geometry.camera import Camera, Float64Array
-from dlama.geometry.cloud import concatenated
-from dlama.geometry.rotations import quaternion_of, rotation_of, slerp
+from dlama.geometry.cloud import concatenate
+from dlama.geometry.rotations import quaternion_from_rotation, rotation_from_quaternion, slerp
 
 SAVED_WIDTH = 1280
 """Pixels of a saved picture."""
@@ -44,7 +44,7 @@ def camera_of(client: Any) -> Camera:
     height = max(1, round(SAVED_WIDTH / seen.aspect))
     focal = height / 2 / np.tan(seen.fov / 2)
     pose = np.eye(4)
-    pose[:3, :3] = rotation_of(np.roll(seen.wxyz, -1))
+    pose[:3, :3] = rotation_from_quaternion(np.roll(seen.wxyz, -1))
     pose[:3, 3] = seen.position
     return Camera(SAVED_WIDTH, height, focal, focal, SAVED_WIDTH / 2, height / 2, pose)
 
@@ -62,7 +62,7 @@ def go_to(client: Any, camera: Camera, look_ahead: float) -> None:
 
 def overview(contents: Contents) -> Camera:
     """A camera that looks along z at all points of a cloud without cameras."""
-    points = concatenated(list(contents.clouds.values())).points
+    points = concatenate(list(contents.clouds.values())).points
     low, high = np.percentile(points, (2, 98), axis=0)
     pose = np.eye(4)
     pose[:3, 3] = (low + high) / 2 - (0, 0, float(np.max(high - low)) + 1e-3)
@@ -71,4 +71,4 @@ def overview(contents: Contents) -> Camera:
 
 def wxyz(camera: Camera) -> np.ndarray:
     """The turn of a camera as viser takes it."""
-    return np.roll(quaternion_of(camera.world_from_cam[:3, :3]), 1)
+    return np.roll(quaternion_from_rotation(camera.world_from_cam[:3, :3]), 1)

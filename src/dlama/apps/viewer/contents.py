@@ -13,7 +13,7 @@ from dlama.errors import FileError, InputError
 from dlama.files.scenes.clouds import read_ply
 from dlama.files.scenes.scene_npz import HOW_WRITTEN, read_npz
 from dlama.geometry.camera import Camera
-from dlama.geometry.cloud import PointCloud, concatenated
+from dlama.geometry.cloud import PointCloud, concatenate
 from dlama.geometry.figures.false_color import ORIGIN_PALETTE
 from dlama.geometry.projection import lift
 from dlama.geometry.rgbd import BoolArray, UInt8Array
@@ -74,8 +74,8 @@ def of_scene(file: Path) -> Contents:
     """The layers of a scene: measured, filled, and what was taken out; their cameras."""
     _, scene = read_npz(file)
     parts = [points_of(layer, contribution(layer)) for layer in scene.layers]
-    known, filled = (concatenated([part[number] for part in parts]) for number in (0, 1))
-    removed = concatenated([lift(each) for each in scene.removals])
+    known, filled = (concatenate([part[number] for part in parts]) for number in (0, 1))
+    removed = concatenate([lift(each) for each in scene.removals])
     clouds = {"measured": known, "filled": filled, "removed object": removed}
     frames = tuple(
         Frame(f"{number}", layer.camera, layer.color)
@@ -114,7 +114,7 @@ def of_dataset(folder: Path) -> Contents:
         rgbd = each.load()
         frames.append(Frame(each.name, rgbd.camera, rgbd.color))
         clouds.append(lift(rgbd))
-    return Contents(str(folder), nonempty({"measured": concatenated(clouds)}, folder), tuple(frames), notes=notes)
+    return Contents(str(folder), nonempty({"measured": concatenate(clouds)}, folder), tuple(frames), notes=notes)
 
 
 def nonempty(clouds: dict[str, PointCloud], path: Path) -> dict[str, PointCloud]:

@@ -18,10 +18,10 @@ from dlama.apps.viewer.contents import Contents, chosen, colors, sampled
 from dlama.errors import InputError, MissingExtraError
 from dlama.files.cameras import camera_as_json
 from dlama.geometry.camera import Camera
-from dlama.geometry.cloud import concatenated
+from dlama.geometry.cloud import concatenate
 from dlama.geometry.fusion import scene_mesh
 from dlama.geometry.rendering import render
-from dlama.geometry.rgbd import UInt8Array, counted
+from dlama.geometry.rgbd import UInt8Array, format_count
 from dlama.geometry.trajectories import FARTHEST_M, dolly, orbit
 
 COLORS = {"Picture": "picture", "Origin": "origin", "Confidence": "confidence"}
@@ -91,7 +91,10 @@ class Viewer:
         drawn = sum(map(len, self.clouds.values()))
         points = f"{whole} points" if drawn == whole else f"{drawn} of {whole} points, drawn by lot"
         return "; ".join(
-            [f"{self.contents.title}: {points}, {counted(len(self.contents.frames), 'camera')}", *self.contents.notes]
+            [
+                f"{self.contents.title}: {points}, {format_count(len(self.contents.frames), 'camera')}",
+                *self.contents.notes,
+            ]
         )
 
     def stop(self) -> None:
@@ -189,7 +192,7 @@ class Viewer:
 
     def distances(self, camera: Camera) -> np.ndarray:
         """From a camera to a sample of the points, metres."""
-        cloud = concatenated(list(sampled(self.clouds, 5000).values()))
+        cloud = concatenate(list(sampled(self.clouds, 5000).values()))
         return np.linalg.norm(cloud.points - camera.world_from_cam[:3, 3], axis=1)
 
     def add_to_path(self, event: Any) -> None:
@@ -248,7 +251,7 @@ def rendered(contents: Contents, camera: Camera) -> UInt8Array:
     """H x W x 3: the scene as a surface, or where there is none its points, from a camera."""
     if contents.scene is not None:
         return render(contents.scene, camera).color
-    return render(concatenated(list(contents.clouds.values())), camera, mode="points").color
+    return render(concatenate(list(contents.clouds.values())), camera, mode="points").color
 
 
 def told(client: Any, title: str, body: str) -> None:
@@ -258,7 +261,7 @@ def told(client: Any, title: str, body: str) -> None:
 
 def typical_spacing(contents: Contents) -> float:
     """Metres between neighbouring points: a pixel at the median distance, else a share of the cloud's extent."""
-    points = concatenated(list(contents.clouds.values())).points
+    points = concatenate(list(contents.clouds.values())).points
     if contents.frames:
         camera = contents.frames[0].camera
         return float(np.median(np.linalg.norm(points - camera.world_from_cam[:3, 3], axis=1))) / camera.fx

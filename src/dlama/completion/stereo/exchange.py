@@ -12,14 +12,14 @@ import numpy as np
 
 from dlama.completion.stereo.pair import MatchedPair
 from dlama.geometry.camera import Float64Array
-from dlama.geometry.fusion import with_layer
-from dlama.geometry.holes import opened, square
+from dlama.geometry.fusion import add_layer
+from dlama.geometry.holes import morphological_open, square
 from dlama.geometry.projection import depth_from_inverse
 from dlama.geometry.rendering import Mode, render
 from dlama.geometry.rgbd import UInt8Array
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import HoleType, Origin, View
-from dlama.geometry.visibility import Law, lawful_depth
+from dlama.geometry.visibility import Law, project_depth
 from dlama.inpainters.confidence import judge_fill
 from dlama.inpainters.layered.surfaces import continue_surfaces
 from dlama.perception.stereo.matching import nearest_columns
@@ -71,7 +71,7 @@ def with_continued_depth(view: View, law: Law, seed: int) -> View:
         return view
     proposed = depth_from_inverse(continue_surfaces(view, law, seed).inverse_depth)
     view = dataclasses.replace(view, depth=np.where(view.valid, proposed, view.depth))
-    depth, _ = lawful_depth(view, np.where(depth_only, proposed, view.depth), depth_only, law)
+    depth, _ = project_depth(view, np.where(depth_only, proposed, view.depth), depth_only, law)
     confidence, errors = judge_fill(view, view.color, depth)
     return dataclasses.replace(
         view,
@@ -101,7 +101,7 @@ def with_seen_alone(scene: Scene, view: View, law: Law, mode: Mode) -> Scene:
     seen = ~view.hole & ((view.origin == Origin.MEASURED) | (view.origin == Origin.DEPTH_FILLED))
     alone = seen & render(scene, view.camera, mode, types=False, close=False).hole
     alone &= ~law.violations(view.camera, view.depth, alone)
-    return with_layer(scene, view, opened(alone, square(NARROWEST)))
+    return add_layer(scene, view, morphological_open(alone, square(NARROWEST)))
 
 
 def lent_share(view: View, before: View) -> float:

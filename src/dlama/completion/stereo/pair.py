@@ -17,9 +17,9 @@ from dlama.completion.start import NO_DILATION, Dilation, Plan, scene_of
 from dlama.errors import InputError, ShapeError
 from dlama.geometry.camera import StereoRig
 from dlama.geometry.frames.removal import remove_object
-from dlama.geometry.holes import checked_mask
+from dlama.geometry.holes import check_mask
 from dlama.geometry.projection import depth_from_disparity, disparity_from_depth
-from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array, checked_color
+from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array, check_color
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
 from dlama.perception.stereo.agreement import carry_mask, consistency
@@ -127,7 +127,7 @@ def checked_pair(
     """Both pictures as arrays. Raises ShapeError where one has not the rig's size, InputError where `far` is no distance."""
     if far is not None and not (isinstance(far, Real) and far > 0):
         raise InputError(f"far is {far!r} m; more than 0 is expected")
-    pictures = checked_color(left, "left"), checked_color(right, "right")
+    pictures = check_color(left, "left"), check_color(right, "right")
     for name, picture in zip(("left", "right"), pictures):
         if picture.shape[:2] != rig.left.hw:
             raise ShapeError(
@@ -143,8 +143,8 @@ def masks_of_pair(
     """The masks of both pictures; the right one is carried over by disparity where it is not given. Raises MaskError."""
     if mask is None:
         return None
-    mask = checked_mask(mask, rig.left.hw)
-    carried = carry_mask(mask, left_disparity) if mask_right is None else checked_mask(mask_right, rig.right.hw)
+    mask = check_mask(mask, rig.left.hw)
+    carried = carry_mask(mask, left_disparity) if mask_right is None else check_mask(mask_right, rig.right.hw)
     return mask, carried
 
 

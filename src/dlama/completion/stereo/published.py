@@ -10,8 +10,8 @@ from dlama.completion.report import Clock, Record
 from dlama.completion.start import Plan, filler_of_recipe, law_of
 from dlama.completion.steps import fill
 from dlama.completion.stereo.pair import CompletedPair, MatchedPair, without_object
-from dlama.geometry.holes import dilated
-from dlama.geometry.rgbd import RGBD, clipped
+from dlama.geometry.holes import dilate_mask
+from dlama.geometry.rgbd import RGBD, clip_depth
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import HoleType, Origin, View
 from dlama.inpainters.filling import FillReport
@@ -30,7 +30,7 @@ def complete_pair_one_by_one(pair: MatchedPair, draft: Plan, clock: Clock) -> Co
     for source, mask in zip(map(View.from_rgbd, flat), pair.masks):
         alone = Scene((source,))
         plans.append(dataclasses.replace(draft, inpainter=inpainter, given=alone, law=law_of(alone, recipe)))
-        before.append(source.without(dilated(mask, recipe.dilate or 0), HoleType.OBJECT))
+        before.append(source.without(dilate_mask(mask, recipe.dilate or 0), HoleType.OBJECT))
         with clock("fill"):
             view, report = fill(plans[-1], before[-1])
         filled.append(view)
@@ -39,7 +39,7 @@ def complete_pair_one_by_one(pair: MatchedPair, draft: Plan, clock: Clock) -> Co
         disparities = pair.match(filled[0].color, filled[1].color)
     again = dataclasses.replace(pair, colors=(filled[0].color, filled[1].color), disparities=disparities)
     left, right = (
-        with_origin_of(View.from_rgbd(clipped(one, recipe.clip)), view)
+        with_origin_of(View.from_rgbd(clip_depth(one, recipe.clip)), view)
         for one, view in zip((again.left, again.right), filled)
     )
     record = Record(fills, clock.seconds, grown_mask)

@@ -54,9 +54,9 @@ from dlama.errors import InputError
 from dlama.geometry.camera import StereoRig
 from dlama.geometry.frames.removal import mask_growth
 from dlama.geometry.fusion import fuse
-from dlama.geometry.holes import dilated
+from dlama.geometry.holes import dilate_mask
 from dlama.geometry.rendering import Mode, render
-from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array, clipped, far_beyond
+from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array, clip_depth, mark_far
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import HoleType, Origin, View
 from dlama.geometry.visibility import Law
@@ -136,7 +136,7 @@ def stereo(
         )
     matches = find_matches(left, right, disparity=disparity, matcher=matcher, max_disparity=max_disparity)
     if far is not None:
-        far_beyond(depth_in_metres(matches.disparities[0], rig, np.inf), far)
+        mark_far(depth_in_metres(matches.disparities[0], rig, np.inf), far)
     pair = MatchedPair(
         rig, default_far(rig) if far is None else far, (left, right), matches.disparities, None, matches.match
     )
@@ -257,15 +257,15 @@ def left_before_filling(source: RGBD, scene: Scene) -> View:
 
 def right_as_given(pair: MatchedPair, recipe: Recipe) -> View:
     """The right picture with its depth; with the object open, where one is removed."""
-    view = View.from_rgbd(clipped(pair.right, recipe.clip))
-    return view if pair.masks is None else view.without(dilated(pair.masks[1], recipe.dilate or 0), HoleType.OBJECT)
+    view = View.from_rgbd(clip_depth(pair.right, recipe.clip))
+    return view if pair.masks is None else view.without(dilate_mask(pair.masks[1], recipe.dilate or 0), HoleType.OBJECT)
 
 
 def left_filler(filler: Inpainter, pair: MatchedPair, recipe: Recipe) -> Inpainter:
     """The filler of the left view; one for pairs sees the right picture too, without the object."""
     if isinstance(filler, PairFiller):
         unknown = (
-            np.zeros(pair.rig.right.hw, bool) if pair.masks is None else dilated(pair.masks[1], recipe.dilate or 0)
+            np.zeros(pair.rig.right.hw, bool) if pair.masks is None else dilate_mask(pair.masks[1], recipe.dilate or 0)
         )
         filler = filler.painter(pair.colors[1], unknown, left=True)
     return filler_of_recipe(filler, recipe)

@@ -30,7 +30,7 @@ from dlama.datasets.posed.posed_frames import PosedFrame
 from dlama.datasets.text_tables import check_folder
 from dlama.errors import CameraError, FileError
 from dlama.files.semantic_classes import CLASSES_FILE, RGB, class_color
-from dlama.geometry.camera import Float64Array, inverse_pose
+from dlama.geometry.camera import Float64Array, invert_pose
 from dlama.geometry.rotations import rotation_deg
 
 LAYOUT = "easysynth"
@@ -94,7 +94,7 @@ def orbit_yaw(source: Float64Array, target: Float64Array) -> float | None:
 
     It is one where both optical axes meet in a point before both cameras, at the same distance from them (within PIVOT_MISS).
     """
-    step = inverse_pose(source) @ target
+    step = invert_pose(source) @ target
     angle, offset, axis = _turned_deg(source, target), step[:3, 3], step[:3, 2]
     if angle < SAME_ORIENTATION_DEG:
         return None

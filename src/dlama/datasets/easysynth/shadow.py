@@ -5,7 +5,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from dlama.geometry.holes import box_around, box_mean, dilated, larger_box, sides_of
+from dlama.geometry.holes import box_around, box_mean, dilate_mask, larger_box, sides_of
 from dlama.geometry.rgbd import BoolArray, UInt8Array
 
 EDGE_PX = 3
@@ -33,7 +33,7 @@ def cast_shadow(color: UInt8Array, without: UInt8Array, mask: BoolArray) -> Bool
     """
     if not mask.any() or mask.all():
         return None
-    near = dilated(mask, EDGE_PX)
+    near = dilate_mask(mask, EDGE_PX)
     if near.all():
         return None
     before, after = (np.asarray(cv2.cvtColor(each, cv2.COLOR_RGB2GRAY), np.float32) for each in (color, without))

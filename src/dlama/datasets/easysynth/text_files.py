@@ -19,7 +19,7 @@ from dlama.errors import CameraError, FileError
 from dlama.files.checked_fields import FileFields, json_fields
 from dlama.files.semantic_classes import unreal_text
 from dlama.geometry.camera import Camera, Float64Array
-from dlama.geometry.rotations import QUATERNION_TOLERANCE, quaternion_of, rotation_of
+from dlama.geometry.rotations import QUATERNION_TOLERANCE, quaternion_from_rotation, rotation_from_quaternion
 
 OPENCV_FROM_UNREAL = np.array([[0.0, 1, 0], [0, 0, -1], [1, 0, 0]])
 """x = Y, y = -Z, z = X."""
@@ -125,7 +125,7 @@ def read_rig(path: Path) -> dict[str, RigCamera]:
 def opencv_pose(translation_cm: ArrayLike, quaternion_xyzw: ArrayLike) -> Float64Array:
     """4x4 camera to world in OpenCV axes and metres, from Unreal's translation and quaternion."""
     pose = np.eye(4)
-    pose[:3, :3] = OPENCV_FROM_UNREAL @ rotation_of(quaternion_xyzw) @ OPENCV_FROM_UNREAL.T
+    pose[:3, :3] = OPENCV_FROM_UNREAL @ rotation_from_quaternion(quaternion_xyzw) @ OPENCV_FROM_UNREAL.T
     pose[:3, 3] = OPENCV_FROM_UNREAL @ np.asarray(translation_cm, np.float64) / CENTIMETRES
     return pose
 
@@ -133,7 +133,7 @@ def opencv_pose(translation_cm: ArrayLike, quaternion_xyzw: ArrayLike) -> Float6
 def unreal_pose(world_from_cam: Float64Array) -> tuple[Float64Array, Float64Array]:
     """Unreal's translation (cm) and quaternion (xyzw) of a 4x4 pose in OpenCV axes and metres."""
     rotation = OPENCV_FROM_UNREAL.T @ world_from_cam[:3, :3] @ OPENCV_FROM_UNREAL
-    return OPENCV_FROM_UNREAL.T @ world_from_cam[:3, 3] * CENTIMETRES, quaternion_of(rotation)
+    return OPENCV_FROM_UNREAL.T @ world_from_cam[:3, 3] * CENTIMETRES, quaternion_from_rotation(rotation)
 
 
 class _Row:
@@ -186,7 +186,7 @@ def _unreal_pose(path: Path, row: _Row) -> Pose:
 
 def _metric_pose(path: Path, row: _Row) -> Pose:
     pose = np.eye(4)
-    pose[:3, :3] = rotation_of(_quaternion(row))
+    pose[:3, :3] = rotation_from_quaternion(_quaternion(row))
     pose[:3, 3] = row.numbers("tx", "ty", "tz")
     fx, fy, cx, cy = row.numbers("fx", "fy", "cx", "cy")
     for name, value in (("fx", fx), ("fy", fy), ("cx", cx), ("cy", cy)):

@@ -18,9 +18,9 @@ from dlama.datasets.text_tables import pose_at, read_rows
 from dlama.errors import CameraError, FileError
 from dlama.files.atomic_write import new_file
 from dlama.files.checked_fields import Intrinsics
-from dlama.geometry.camera import Camera, Float64Array, inverse_pose
+from dlama.geometry.camera import Camera, Float64Array, invert_pose
 from dlama.geometry.cloud import PointCloud
-from dlama.geometry.rotations import quaternion_of, rotation_of
+from dlama.geometry.rotations import quaternion_from_rotation, rotation_from_quaternion
 
 MODELS = {0: "SIMPLE_PINHOLE", 1: "PINHOLE", 2: "SIMPLE_RADIAL", 3: "RADIAL", 4: "OPENCV"}
 PARAMETERS = {"SIMPLE_PINHOLE": 3, "PINHOLE": 4, "SIMPLE_RADIAL": 4, "RADIAL": 5, "OPENCV": 8}
@@ -112,9 +112,9 @@ def _image(
     if not norm > 0:
         raise CameraError(f"{where}: image {name} has no rotation (quaternion 0)")
     cam_from_world = np.eye(4)
-    cam_from_world[:3, :3] = rotation_of(xyzw / norm)
+    cam_from_world[:3, :3] = rotation_from_quaternion(xyzw / norm)
     cam_from_world[:3, 3] = shift
-    return ColmapImage(name, cameras[camera], pose_at(where, inverse_pose(cam_from_world)))
+    return ColmapImage(name, cameras[camera], pose_at(where, invert_pose(cam_from_world)))
 
 
 class _Bytes:
@@ -180,7 +180,9 @@ def write_model(folder: Path, cameras: Mapping[str, Camera], cloud: PointCloud) 
         lens = " ".join(repr(float(one)) for one in (camera.fx, camera.fy, camera.cx, camera.cy))
         lines.append(f"{number} PINHOLE {camera.width} {camera.height} {lens}")
         pose = camera.cam_from_world
-        numbers = " ".join(repr(float(one)) for one in (*np.roll(quaternion_of(pose[:3, :3]), 1), *pose[:3, 3]))
+        numbers = " ".join(
+            repr(float(one)) for one in (*np.roll(quaternion_from_rotation(pose[:3, :3]), 1), *pose[:3, 3])
+        )
         images += [f"{number} {numbers} {number} {name}", ""]
     points = (
         f"{number} {x:.6f} {y:.6f} {z:.6f} {r} {g} {b} {error:.3f}"

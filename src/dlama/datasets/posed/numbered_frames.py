@@ -31,7 +31,7 @@ from dlama.datasets.text_tables import files_in, read_pose
 from dlama.errors import FileError, ShapeError
 from dlama.files.cameras import checked_camera
 from dlama.files.rasters.pictures import read_color_of_camera
-from dlama.geometry.camera import Camera, inverse_pose
+from dlama.geometry.camera import Camera, invert_pose
 from dlama.geometry.projection import project, rays
 from dlama.geometry.rgbd import RGBD, Float32Array
 
@@ -114,7 +114,7 @@ def numbered_frames(
 
 
 def _registered_frame(scene: str, name: str, files: FrameFiles) -> PosedFrame:
-    pose = files.world_from_cam @ inverse_pose(COLOR_FROM_DEPTH)
+    pose = files.world_from_cam @ invert_pose(COLOR_FROM_DEPTH)
     load, depth = partial(load_registered, files), partial(load_registered_depth, files)
     return PosedFrame(scene, name, load, world_from_cam=pose, load_depth=depth)
 
@@ -133,7 +133,7 @@ def load_registered(files: FrameFiles) -> RGBD:
 def load_registered_depth(files: FrameFiles) -> tuple[Float32Array, Camera]:
     """The depth moved into the colour camera, and that camera at its pose."""
     depth, depth_camera = load_depth(files)
-    pose = files.world_from_cam @ inverse_pose(COLOR_FROM_DEPTH)
+    pose = files.world_from_cam @ invert_pose(COLOR_FROM_DEPTH)
     color_camera = checked_camera(
         COLOR_LENS.source, depth_camera.hw, COLOR_LENS.intrinsics, COLOR_LENS.pixel_center, pose
     )

@@ -20,7 +20,7 @@ from dlama.datasets.posed.view_pairs import LOG, read_posed
 from dlama.datasets.text_tables import Row, pose_at, read_rows
 from dlama.errors import FileError
 from dlama.geometry.camera import Float64Array
-from dlama.geometry.rotations import QUATERNION_TOLERANCE, rotation_of
+from dlama.geometry.rotations import QUATERNION_TOLERANCE, rotation_from_quaternion
 
 LISTINGS = ("rgb.txt", "depth.txt", "groundtruth.txt")
 NEAREST_S = 0.02
@@ -109,6 +109,6 @@ def _pose(row: Row) -> Float64Array:
             f"{row.at(4)}: the quaternion has length {length:.6g}; a unit quaternion qx qy qz qw is expected"
         )
     pose = np.eye(4)
-    pose[:3, :3] = rotation_of(turn)
+    pose[:3, :3] = rotation_from_quaternion(turn)
     pose[:3, 3] = shift_and_turn[:3]
     return pose_at(row.at(1), pose)

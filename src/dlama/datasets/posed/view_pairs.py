@@ -17,7 +17,7 @@ from dlama.datasets.text_tables import scene_folders
 from dlama.errors import FileError, InputError
 from dlama.geometry.camera import Camera, Float64Array
 from dlama.geometry.projection import project, rays
-from dlama.geometry.rgbd import RGBD, Float32Array, counted
+from dlama.geometry.rgbd import RGBD, Float32Array, format_count
 from dlama.geometry.rotations import rotation_deg
 
 LOG = logging.getLogger("dlama")
@@ -88,7 +88,7 @@ def posed_dataset(layout: str, root: Path, frames: Iterable[PosedFrame], limit: 
             cases += view_pairs(own, dataset=name, limit=left)
     if len(frames) < 2:
         raise NoPairsError(
-            f"{root}: holds {counted(len(frames), 'frame')}; two or more of one scene are expected", frames
+            f"{root}: holds {format_count(len(frames), 'frame')}; two or more of one scene are expected", frames
         )
     if not cases:
         raise NoPairsError(

@@ -11,7 +11,7 @@ from dlama.errors import InputError
 from dlama.files.cameras import read_cameras
 from dlama.geometry.camera import Camera
 from dlama.geometry.scene import Scene
-from dlama.geometry.trajectories import PATHS, between, median_pivot, named_path
+from dlama.geometry.trajectories import PATHS, interpolate_cameras, median_pivot, named_path
 
 VIEWS_OF_PATH = 24
 """Cameras of a path by name, where nothing says how many."""
@@ -49,7 +49,7 @@ def path_for(path: str, scene: Scene, seconds: float, fps: float, width: int | N
     if path in PATHS:
         cameras = _named(path, scene, count)
     elif path.lower().endswith(".json"):
-        cameras = between(list(read_cameras(path).values()), count)
+        cameras = interpolate_cameras(list(read_cameras(path).values()), count)
     else:
         raise InputError(f"path is {path!r}; {', '.join(PATHS)} or a JSON file with a list of cameras is expected")
     if width is None:

@@ -17,8 +17,8 @@ from dlama.datasets.sequences.scene_frames import open_frames, sliced
 from dlama.errors import DlamaError, FileError, InputError, first_line
 from dlama.files.atomic_write import PathLike
 from dlama.files.scenes.scene_npz import read_scene
-from dlama.geometry.frames.alignment import Features, alignment, features_of, placed
-from dlama.geometry.frames.gathering import gathered, view_of
+from dlama.geometry.frames.alignment import Features, detect_features, estimate_poses, with_pose
+from dlama.geometry.frames.gathering import gather_views, open_view
 from dlama.geometry.frames.stored import PixelCache
 from dlama.geometry.rgbd import BoolArray
 from dlama.geometry.scene import Scene
@@ -56,7 +56,7 @@ def read_scene_of(
         raise FileError(
             f"{dataset}: not one of its {len(chosen)} frames can be read; the first: {next(iter(damaged.values()))}"
         )
-    return list(views), gathered(list(views.values()), list(views)), damaged
+    return list(views), gather_views(list(views.values()), list(views)), damaged
 
 
 def aligned(frames: Sequence[Frame]) -> list[Frame]:
@@ -64,14 +64,14 @@ def aligned(frames: Sequence[Frame]) -> list[Frame]:
     features = dict[int, Features]()
     for place, frame in enumerate(frames):
         with suppress(DlamaError):
-            features[place] = features_of(frame.load())
-    found = alignment(list(features.values()))
+            features[place] = detect_features(frame.load())
+    found = estimate_poses(list(features.values()))
     if found.poses is None:
         return list(frames)
     LOG.info("align frames: %.1f px apart before, %.1f px after", found.before_px, found.after_px)
     poses = dict(zip(features, found.poses))
     return [
-        replace(frame, load=placed(frame.load, poses[place])) if place in poses else frame
+        replace(frame, load=with_pose(frame.load, poses[place])) if place in poses else frame
         for place, frame in enumerate(frames)
     ]
 
@@ -86,7 +86,7 @@ def read_views(
     views, damaged = dict[str, View](), dict[str, str]()
     for frame in frames:
         try:
-            views[frame.name] = view_of(clipped_frame(frame.load, clip), frame.name, cache)
+            views[frame.name] = open_view(clipped_frame(frame.load, clip), frame.name, cache)
         except DlamaError as error:
             damaged[frame.name] = first_line(error)
             warnings.warn(f"frame {frame.name} is left out: {first_line(error)}", UserWarning, stacklevel=3)

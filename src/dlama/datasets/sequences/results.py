@@ -20,8 +20,8 @@ from dlama.files.scenes.clouds import write_ply
 from dlama.files.scenes.scene_npz import write_npz
 from dlama.files.scenes.textured_mesh import write_textured_glb
 from dlama.geometry.camera import Camera
-from dlama.geometry.cloud import PointCloud, concatenated
-from dlama.geometry.frames.thinning import thinned
+from dlama.geometry.cloud import PointCloud, concatenate
+from dlama.geometry.frames.thinning import thin_scene
 from dlama.geometry.projection import lift
 from dlama.geometry.rgbd import UInt8Array
 from dlama.geometry.scene import Scene, contribution
@@ -56,7 +56,7 @@ def write_whole(folder: Path, whole: Scene, cameras: Mapping[str, Camera], wante
         LOG.info("write scene")
         write_npz(folder / "scene.npz", whole.frames[0], whole)
     if {"points", "mesh", "colmap"} & set(wanted):
-        once = thinned(whole)
+        once = thin_scene(whole)
         counts = [int(contribution(layer.read()).sum()) for layer in once.layers]
         if {"points", "colmap"} & set(wanted):
             cloud = cloud_of(once, max(1, math.ceil(sum(counts) / MOST_POINTS)))
@@ -77,7 +77,7 @@ def write_whole(folder: Path, whole: Scene, cameras: Mapping[str, Camera], wante
 
 def cloud_of(scene: Scene, step: int) -> PointCloud:
     """The points that each layer adds, of each every `step`-th."""
-    return concatenated(
+    return concatenate(
         [
             some_of(lift(View.without(layer.read(), ~contribution(layer), HoleType.NONE)), step=step)
             for layer in scene.layers

@@ -5,7 +5,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from dlama.geometry.holes import box_mean, dilated, eroded
+from dlama.geometry.holes import box_mean, dilate_mask, erode_mask
 from dlama.geometry.rgbd import BoolArray, UInt8Array
 from dlama.perception.masks.prompt import Box
 
@@ -26,11 +26,11 @@ def iou(found: BoolArray, true: BoolArray) -> float:
 
 def border_f(found: BoolArray, true: BoolArray) -> float:
     """Harmonic mean of the shares of each border that lie within BORDER_PX of the other (Martin et al. 2004), 0..1."""
-    one, other = (mask & ~eroded(mask, 1) for mask in (found, true))
+    one, other = (mask & ~erode_mask(mask, 1) for mask in (found, true))
     if not one.any() or not other.any():
         return 0.0
-    precise = (one & dilated(other, BORDER_PX)).sum() / one.sum()
-    complete = (other & dilated(one, BORDER_PX)).sum() / other.sum()
+    precise = (one & dilate_mask(other, BORDER_PX)).sum() / one.sum()
+    complete = (other & dilate_mask(one, BORDER_PX)).sum() / other.sum()
     return float(2 * precise * complete / max(precise + complete, 1e-9))
 
 
@@ -56,7 +56,7 @@ def box_of(mask: BoolArray, larger: float) -> Box:
 
 def away_from(mask: BoolArray) -> BoolArray:
     """H x W, False under a thing and within EDGE_PX of it, where a mask with its shadow holds the contact line."""
-    return ~dilated(mask, EDGE_PX)
+    return ~dilate_mask(mask, EDGE_PX)
 
 
 def darkened(color: UInt8Array, without: UInt8Array, mask: BoolArray) -> BoolArray:

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from dlama.errors import ShapeError
 from dlama.geometry.camera import Float64Array
-from dlama.geometry.holes import dilated
+from dlama.geometry.holes import dilate_mask
 from dlama.geometry.projection import inverse_depth, px_from_px
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
 
@@ -159,7 +159,7 @@ def removal_regions(mask: BoolArray, shadow: BoolArray | None, ring_px: int) -> 
         shadow: H x W, True = its shadow, which may overlap the mask; the region does not.
         ring_px: radius of the disc by which the mask is dilated.
     """
-    grown = dilated(mask, ring_px)
+    grown = dilate_mask(mask, ring_px)
     found = {"mask": mask, "ring": grown & ~mask, "outside": ~grown}
     return found | {"shadow": shadow & ~mask} if shadow is not None else found
 

@@ -25,8 +25,8 @@ from dlama.evaluation.protocols.reliability import reliability_measures
 from dlama.evaluation.protocols.scores import Gain, Reference, artifact_measures, picture_panel
 from dlama.geometry.camera import Float64Array
 from dlama.geometry.cloud import PointCloud
-from dlama.geometry.holes import dilated, eroded
-from dlama.geometry.projection import lift, pixels_of
+from dlama.geometry.holes import dilate_mask, erode_mask
+from dlama.geometry.projection import lift, project_to_pixels
 from dlama.geometry.rgbd import RGBD, BoolArray
 from dlama.geometry.view import HoleType, Origin, View
 
@@ -61,7 +61,7 @@ def score_mask(truth: RemovalTruth, method: Method, settings: ProtocolSettings, 
 
 def changed_mask(mask: BoolArray, change: int) -> BoolArray:
     """The mask dilated, or eroded below 0, by so many px (disc)."""
-    return dilated(mask, change) if change >= 0 else eroded(mask, -change)
+    return dilate_mask(mask, change) if change >= 0 else erode_mask(mask, -change)
 
 
 def removal_measures(run: MethodRun, reference: Reference, truth: RemovalTruth) -> list[Measure]:
@@ -132,5 +132,5 @@ def filled_points(cloud: PointCloud, frame: RGBD, inside: BoolArray) -> Float64A
     """The filled points of a cloud that fall into a region of a frame: N x 3, metres in the world."""
     filled = (cloud.origin == Origin.FILLED) | (cloud.origin == Origin.DEPTH_FILLED)
     points = np.asarray(cloud.points[filled])
-    row, column, _, lands = pixels_of(points, frame.camera)
+    row, column, _, lands = project_to_pixels(points, frame.camera)
     return points[lands & inside[row, column]]

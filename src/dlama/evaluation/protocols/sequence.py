@@ -22,7 +22,7 @@ from dlama.evaluation.metrics.regions import source_visibility
 from dlama.evaluation.protocols.methods import Measure, ProtocolSettings
 from dlama.evaluation.protocols.scores import Reference
 from dlama.geometry.camera import Camera
-from dlama.geometry.cloud import concatenated
+from dlama.geometry.cloud import concatenate
 from dlama.geometry.projection import lift
 from dlama.geometry.rendering import render
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
@@ -69,7 +69,7 @@ def ours(sources: Sequence[RGBD], camera: Camera) -> Made:
 
 def nearest_wins(sources: Sequence[RGBD], camera: Camera) -> Made:
     """All points of all frames, the nearest one to the camera in each pixel, and Telea's filling of colour and depth."""
-    view = render(concatenated([lift(each) for each in sources]), camera, "points")
+    view = render(concatenate([lift(each) for each in sources]), camera, "points")
     return with_telea(view.color, view.depth, view.hole)
 
 

@@ -24,7 +24,7 @@ from dlama.evaluation.runner.run import Results
 from dlama.evaluation.runner.store import result_rows, timing_rows, write_rows
 from dlama.evaluation.runner.worker import Outcome
 from dlama.files.atomic_write import new_file
-from dlama.geometry.rgbd import counted
+from dlama.geometry.rgbd import format_count
 
 FILES = ("results.csv", "timings.csv", "summary.json", "summary.md", "report.html")
 PACKAGES = ("numpy", "numba", "opencv-python-headless", "onnxruntime", "scikit-image", "scipy", "matplotlib")
@@ -59,7 +59,7 @@ def about(dataset: Dataset, run: Results, settings: ProtocolSettings, seed: int,
     cases = {(one.protocol, one.scene, one.frame) for one in run.stored}
     scenes = list(dict.fromkeys(one.scene for one in run.stored))
     methods = {(one.recipe, one.filler) for one in run.stored}
-    lead = f"{counted(len(cases), 'case')} of {counted(len(scenes), 'scene')}, {counted(len(methods), 'method')}."
+    lead = f"{format_count(len(cases), 'case')} of {format_count(len(scenes), 'scene')}, {format_count(len(methods), 'method')}."
     failed = f" {len(run.failures)} failed and count nowhere." if run.failures else ""
     warned = sorted({line for one in run.stored for line in one.warnings})
     return {

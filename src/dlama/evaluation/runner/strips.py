@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 
 from dlama.evaluation.protocols.methods import Panel
-from dlama.geometry.figures.false_color import depth_limits, depth_picture, hatched
+from dlama.geometry.figures.false_color import depth_limits, depth_picture, hatch_holes
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 
 COLUMNS = ("input", "warped", "filled", "truth", "error")
@@ -32,7 +32,7 @@ def strip(panel: Panel) -> UInt8Array:
         depth_picture(panel.depth_truth, None, *limits),
         heat(depth_error(panel)),
     ]
-    colors = [panel.source, hatched(panel.warped, panel.hole), panel.filled, panel.truth, heat(color_error(panel))]
+    colors = [panel.source, hatch_holes(panel.warped, panel.hole), panel.filled, panel.truth, heat(color_error(panel))]
     return stacked([[small(cell) for cell in row] for row in (colors, depths)])
 
 
@@ -55,7 +55,7 @@ def heat(error: Float32Array) -> UInt8Array:
     """uint8 H x W x 3: 0 black to 1 bright yellow; NaN hatched."""
     unknown: BoolArray = np.isnan(error)
     levels = np.rint(np.nan_to_num(error) * 255).astype(np.uint8)
-    return hatched(np.array(cv2.applyColorMap(levels, cv2.COLORMAP_INFERNO)[..., ::-1], np.uint8), unknown)
+    return hatch_holes(np.array(cv2.applyColorMap(levels, cv2.COLORMAP_INFERNO)[..., ::-1], np.uint8), unknown)
 
 
 def small(picture: UInt8Array, side: int = CELL) -> UInt8Array:

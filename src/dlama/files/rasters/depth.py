@@ -16,7 +16,7 @@ from dlama.files.rasters.depth_checks import warn_of_inverse
 from dlama.files.rasters.float_files import read_array, read_exr, read_pfm, write_exr, write_pfm
 from dlama.files.rasters.images import SUFFIXES, existing, read_stored
 from dlama.files.rasters.pictures import save_picture
-from dlama.geometry.rgbd import PLAUSIBLE_M, Float32Array, far_beyond
+from dlama.geometry.rgbd import PLAUSIBLE_M, Float32Array, mark_far
 
 __all__ = [
     "depth_from_mm", "mm_from_depth", "read_depth", "read_disparity", "read_pfm", "stored_numbers", "write_depth_exr",
@@ -65,7 +65,7 @@ def read_depth(
     _check_plausible(path, depth, scale, depth_range)
     if depth_range is None:
         warn_of_inverse(path, depth)
-    return depth if far is None else far_beyond(depth, far, f"{path}: ")
+    return depth if far is None else mark_far(depth, far, f"{path}: ")
 
 
 @system_errors(FileError)

@@ -17,7 +17,7 @@ from dlama.errors import FileError, MaskError, ShapeError, system_errors
 from dlama.files.atomic_write import PathLike, new_file
 from dlama.files.rasters.images import read_stored
 from dlama.files.semantic_classes import class_color
-from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array, checked_color
+from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array, check_color
 
 LOWEST_WHITE = 247
 HIGHEST_BLACK = 8
@@ -116,7 +116,7 @@ def read_region(path: PathLike) -> BoolArray:
 
 def write_color(path: PathLike, color: UInt8Array) -> None:
     """Write uint8 H x W x 3 RGB; the kind of file follows the name (PNG, TIFF, JPEG). Raises OutputError."""
-    color = checked_color(color, f"{path}: colour")
+    color = check_color(color, f"{path}: colour")
     jpeg = Path(path).suffix.lower() in (".jpg", ".jpeg")
     save_picture(
         path, Image.fromarray(np.ascontiguousarray(color)), **({"quality": 95, "subsampling": 0} if jpeg else {})

@@ -12,7 +12,7 @@ from dlama.errors import ShapeError
 from dlama.files.atomic_write import PathLike
 from dlama.files.rasters.pictures import save_picture
 from dlama.geometry.figures.false_color import RGB
-from dlama.geometry.rgbd import UInt8Array, checked_color
+from dlama.geometry.rgbd import UInt8Array, check_color
 
 Panel = tuple[str, UInt8Array]
 """Caption, and uint8 H x W x 3."""
@@ -76,7 +76,7 @@ def columns_for(count: int) -> int:
 
 def scaled(caption: str, array: UInt8Array) -> Image.Image:
     """A panel that fits PANEL_WIDTH x 1.5 PANEL_WIDTH: large ones averaged down, tiny ones in whole-number blocks."""
-    picture = Image.fromarray(np.ascontiguousarray(checked_color(array, f"panel '{caption}'")))
+    picture = Image.fromarray(np.ascontiguousarray(check_color(array, f"panel '{caption}'")))
     factor = min(PANEL_WIDTH / picture.width, 1.5 * PANEL_WIDTH / picture.height)
     if factor >= 2:
         factor = math.floor(factor)

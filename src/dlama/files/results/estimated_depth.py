@@ -18,7 +18,7 @@ from dlama.files.results.meta_json import as_json, hashed, legends, versions
 from dlama.files.scenes.clouds import write_ply
 from dlama.geometry.figures.false_color import SKY, depth_limits, depth_picture
 from dlama.geometry.projection import lift
-from dlama.geometry.rgbd import RGBD, depth_range_in_words
+from dlama.geometry.rgbd import RGBD, describe_depth_range
 
 FILES = ("camera.json", "cloud.ply", "depth.exr", "depth.png", "meta.json", "preview.png")
 """What is written."""
@@ -72,7 +72,7 @@ def write_depth_preview(path: PathLike, rgbd: RGBD) -> None:
     """The picture beside its depth in colour, near red, far blue. Raises OutputError."""
     lo, hi = depth_limits(rgbd.depth)
     estimate = rgbd.estimate or {}
-    title = f"Depth, {depth_range_in_words(rgbd.depth)}"
+    title = f"Depth, {describe_depth_range(rgbd.depth)}"
     if estimate:
         title += f", estimated by {estimate['estimator']}, scale: {estimate['scale']['rule'].replace('_', ' ')}"
     depth = depth_picture(rgbd.depth, None, lo, hi)

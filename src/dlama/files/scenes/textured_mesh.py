@@ -16,9 +16,9 @@ from pygltflib import BufferView, Image, Sampler, Texture, TextureInfo
 from dlama.files.atomic_write import PathLike, new_file
 from dlama.files.scenes.meshes import ARRAY_BUFFER, FLOAT, mesh_document
 from dlama.geometry.camera import Float64Array
-from dlama.geometry.decimation import box_of, decimate
-from dlama.geometry.holes import with_nearest
-from dlama.geometry.mesh import joined_meshes
+from dlama.geometry.decimation import bounding_box, decimate
+from dlama.geometry.holes import fill_with_nearest
+from dlama.geometry.mesh import join_meshes
 from dlama.geometry.rgbd import BoolArray, UInt8Array
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
@@ -39,7 +39,7 @@ def write_textured_glb(path: PathLike, scene: Scene, objects: bool = False) -> N
     """
     layers = (*scene.layers, *scene.removals) if objects else scene.layers
     parts = [decimate(layer) for layer in layers]
-    document, blob = mesh_document(joined_meshes([part.mesh for part in parts]), colors=False)
+    document, blob = mesh_document(join_meshes([part.mesh for part in parts]), colors=False)
     if document.meshes:
         texture, places = atlas(layers, [part.surface for part in parts])
         pixels = np.concatenate([part.pixels + place for part, place in zip(parts, places)])
@@ -68,8 +68,8 @@ def atlas(layers: Sequence[View], surfaces: Sequence[BoolArray]) -> tuple[UInt8A
     parts, places, shifts = [], [], []
     left = top = width = 0
     for layer, chosen in zip(layers, surfaces):
-        box = box_of(chosen)
-        part = with_nearest(layer.color[box], chosen[box]) if chosen.any() else layer.color[box]
+        box = bounding_box(chosen)
+        part = fill_with_nearest(layer.color[box], chosen[box]) if chosen.any() else layer.color[box]
         if top and top + part.shape[0] > TALLEST:
             left, top, width = left + width, 0, 0
         parts.append(part)

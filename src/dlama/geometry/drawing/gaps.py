@@ -54,9 +54,9 @@ class Ends(NamedTuple):
         return Ends(self.before[which], self.after[which], self.length[which], self.share[which])
 
 
-def closable(scene: Scene) -> bool:
+def can_close_gaps(scene: Scene) -> bool:
     """True if a scene was filled, and nothing that was filled has been left open again for want of confidence."""
-    return bool(scene.fills) and not any(fill.was_left_open for fill in scene.fills)
+    return bool(scene.fills) and not any(fill.has_open_holes for fill in scene.fills)
 
 
 def close_gaps(canvas: Canvas) -> None:

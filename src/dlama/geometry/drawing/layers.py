@@ -9,8 +9,8 @@ from typing import Literal
 import numpy as np
 
 from dlama.geometry.camera import Camera, Float64Array
+from dlama.geometry.drawing.picture_edges import align_edges
 from dlama.geometry.drawing.picture_edges import edge_ratio as edge_ratio
-from dlama.geometry.drawing.picture_edges import placed_edges
 from dlama.geometry.kernels import depth_edges as edges
 from dlama.geometry.kernels import rasterize as raster
 from dlama.geometry.kernels import shading
@@ -54,15 +54,15 @@ def step_by_noise(w: Float32Array, ratio: float) -> float:
     return NOISE_STEPS * noise if NOISY * noise > ratio * float(np.median(level)) else 0.0
 
 
-def flying(view: View) -> BoolArray:
+def find_flying_pixels(view: View) -> BoolArray:
     """H x W, True at flying pixels: depth strictly between two surfaces that are neighbours there, joined to neither."""
-    return without_flying(view)[1]
+    return remove_flying_pixels(view)[1]
 
 
-def without_flying(layer: View) -> tuple[Float32Array, BoolArray, Float32Array]:
+def remove_flying_pixels(layer: View) -> tuple[Float32Array, BoolArray, Float32Array]:
     """Depth without holes and flying pixels (0), its edges where the picture has them, which pixels fly, and inverse depth as
     `edges` wants it (with a margin)."""
-    placed, mixed, _ = placed_edges(layer)
+    placed, mixed, _ = align_edges(layer)
     unknown = layer.hole | mixed
     w = edges.inverse_with_margin(placed, unknown)
     depth, fly = np.empty_like(placed), np.empty_like(layer.hole)
@@ -74,8 +74,8 @@ def without_flying(layer: View) -> tuple[Float32Array, BoolArray, Float32Array]:
     return depth, fly, w
 
 
-def joined_neighbours(w: Float32Array, camera: Camera) -> UInt8Array:
-    """H x W bits RIGHT (1), DOWN (2): is a pixel joined to its right, its lower neighbour? w: as of `without_flying`."""
+def join_neighbours(w: Float32Array, camera: Camera) -> UInt8Array:
+    """H x W bits RIGHT (1), DOWN (2): is a pixel joined to its right, its lower neighbour? w: as of `remove_flying_pixels`."""
     joined = np.empty(camera.hw, np.uint8)
     ratio = edge_ratio(camera)
     in_bands(edges.join, len(joined), w, ratio, step_by_noise(w, ratio), joined)
@@ -150,7 +150,7 @@ class Grid:
     flying: BoolArray
     """H x W, True at flying pixels."""
     joined: UInt8Array | None
-    """Which neighbours are one surface, `joined_neighbours`; None: draw points."""
+    """Which neighbours are one surface, `join_neighbours`; None: draw points."""
     matrix: Float64Array
     """3x3, and `offset`: from layer pixels to target pixels, see `px_from_px`."""
     offset: Float64Array
@@ -162,8 +162,8 @@ class Grid:
     def of(cls, layer: View, camera: Camera, mode: Mode, fine: bool) -> Grid:
         """The layer without flying pixels, its neighbours joined into surfaces (mode "surface"), ready for `camera`."""
         layer = layer.read()
-        depth, fly, w = without_flying(layer)
-        joined = joined_neighbours(w, layer.camera) if mode == "surface" else None
+        depth, fly, w = remove_flying_pixels(layer)
+        joined = join_neighbours(w, layer.camera) if mode == "surface" else None
         own_camera = layer.camera.same_view_as(camera)
         return cls(layer, own_camera, depth, fly, joined, *px_from_px(camera, layer.camera), fine)
 
@@ -180,8 +180,8 @@ class Grid:
 
 def mesh_grid(layer: View) -> tuple[Float32Array, UInt8Array]:
     """Depth without flying pixels, and which neighbours are joined into one surface."""
-    depth, _, w = without_flying(layer)
-    return depth, joined_neighbours(w, layer.camera)
+    depth, _, w = remove_flying_pixels(layer)
+    return depth, join_neighbours(w, layer.camera)
 
 
 def draw(grid: Grid, camera: Camera, canvas: Canvas) -> Canvas:
@@ -212,9 +212,9 @@ def draw_as_points(grid: Grid, canvas: Canvas) -> None:
 def draw_as_surface(grid: Grid, joined: UInt8Array, camera: Camera, canvas: Canvas) -> None:
     """The layer's mesh, and footprints at its rim."""
     layer, rows = grid.layer, camera.height
-    x, y, w = transformed(grid.depth, grid.matrix, grid.offset)
+    x, y, w = transform_depth(grid.depth, grid.matrix, grid.offset)
     wbuf, where = np.zeros(camera.hw, np.float32), np.empty((*camera.hw, 2), np.float32)
-    in_bands(raster.draw_surface, rows, x, y, w, joined, spans(y, w), wbuf, where)
+    in_bands(raster.draw_surface, rows, x, y, w, joined, quad_row_spans(y, w), wbuf, where)
     zoom = camera.fx / layer.camera.fx
     draw_rim(x, y, w, joined, rim(joined, grid.depth), grid.depth, zoom, wbuf.copy(), wbuf, where)
     smooth = smooth_quads(joined) if grid.fine else np.zeros_like(joined)
@@ -270,14 +270,14 @@ def draw_far(grid: Grid, camera: Camera, canvas: Canvas) -> None:
         canvas.put_errors(layer, drawn, rows, columns)
 
 
-def transformed(depth: Float32Array, matrix: Float64Array, offset: Float64Array) -> tuple[Float32Array, ...]:
+def transform_depth(depth: Float32Array, matrix: Float64Array, offset: Float64Array) -> tuple[Float32Array, ...]:
     """Target x, y (pixels) and inverse z (1/m, 0 = not in front) of every source pixel, float32 H x W each."""
     x, y, w = (np.empty_like(depth) for _ in range(3))
     in_bands(raster.transform, len(depth), depth, matrix, offset, NEAR, x, y, w)
     return x, y, w
 
 
-def spans(y: Float32Array, w: Float32Array) -> Float32Array:
+def quad_row_spans(y: Float32Array, w: Float32Array) -> Float32Array:
     """H x N x 2: smallest and largest target row of each row of quads, N chunks of columns (see `raster.quad_spans`)."""
     out = np.empty((*y.shape[:1], -(-y.shape[1] // raster.CHUNK), 2), np.float32)
     in_bands(raster.quad_spans, len(y), y, w, out)

@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 
 from dlama.geometry.camera import Camera
 from dlama.geometry.drawing.map_grid import MapGrid
-from dlama.geometry.holes import nearest_along_colors, with_nearest
+from dlama.geometry.holes import fill_with_nearest, nearest_along_colors
 from dlama.geometry.kernels.jit import in_bands
-from dlama.geometry.kernels.picture_edges import ROOM, fitted, mixed
+from dlama.geometry.kernels.picture_edges import ROOM, find_mixed, fit_planes
 from dlama.geometry.projection import inverse_depth
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.geometry.scene import Scene
@@ -78,7 +78,7 @@ class DepthProfile(NamedTuple):
         return f"depth edges lie {place}"
 
 
-class PlacedEdges(NamedTuple):
+class AlignedDepth(NamedTuple):
     """A view's depth with its edges where the picture has them."""
 
     depth: Float32Array
@@ -91,46 +91,46 @@ class PlacedEdges(NamedTuple):
 
 PROFILES: WeakKeyDictionary[Scene, DepthProfile] = WeakKeyDictionary()
 """What was found of scenes, as long as they live."""
-PLACED: WeakKeyDictionary[View, PlacedEdges] = WeakKeyDictionary()
+ALIGNED: WeakKeyDictionary[View, AlignedDepth] = WeakKeyDictionary()
 """What was found, as long as the views live: each is drawn several times."""
 
 
-def placed_edges(view: View) -> PlacedEdges:
+def align_edges(view: View) -> AlignedDepth:
     """Depth with its edges where the picture has them: the depth itself where they are, or where nothing tells."""
-    placed = PLACED.get(view)
+    placed = ALIGNED.get(view)
     if placed is None:
-        placed = PLACED[view] = _placed(view)
+        placed = ALIGNED[view] = _align_edges(view)
     return placed
 
 
-def _placed(view: View) -> PlacedEdges:
+def _align_edges(view: View) -> AlignedDepth:
     reach = edge_uncertainty(view)
     if not reach:
         none = np.zeros_like(view.hole)
-        return PlacedEdges(view.depth, none, none)
+        return AlignedDepth(view.depth, none, none)
     grid = MapGrid.of(view.depth)
     depth, known = grid.of_map(view.depth), grid.of_map(view.valid)
     ratio = edge_ratio(view.camera, grid.columns.pixel)
-    placed = place_edges(grid.picture(view.color), depth, known, round(reach / grid.largest), ratio)
+    placed = move_edges(grid.picture(view.color), depth, known, round(reach / grid.largest), ratio)
     if not grid.enlarged:
         return placed
     moved = grid.enlarge(placed.depth != depth) & view.valid
     depth = np.where(moved, grid.enlarge(placed.depth), view.depth)
-    return PlacedEdges(depth, grid.enlarge(placed.mixed), grid.enlarge(placed.beside) & view.valid)
+    return AlignedDepth(depth, grid.enlarge(placed.mixed), grid.enlarge(placed.beside) & view.valid)
 
 
-def place_edges(color: UInt8Array, depth: Float32Array, known: BoolArray, reach: int, ratio: float) -> PlacedEdges:
+def move_edges(color: UInt8Array, depth: Float32Array, known: BoolArray, reach: int, ratio: float) -> AlignedDepth:
     """Depth (H x W metres, where `known`) with edges that lie up to `reach` px off where the picture has them."""
     w = inverse_depth(np.where(known, depth, np.float32(0)))
-    whole = with_nearest(w, known)
+    whole = fill_with_nearest(w, known)
     band, wide = near_jumps(whole, reach), near_jumps(whole, min(reach + WIDER, LOOKED_AT))
     levels = color.astype(np.float32)
     out, room = np.empty_like(w), np.empty((len(w), ROOM), np.float32)
-    target = other_surfaces(w, known, wide & known, levels, ratio)
-    in_bands(fitted, len(w), w, wide, target, levels, ratio, 2 * (reach + WIDER), UNLIKE, room, out)
-    rim, neither = near_jumps(with_nearest(out, known), RIM), np.empty_like(known)
+    target = find_other_surfaces(w, known, wide & known, levels, ratio)
+    in_bands(fit_planes, len(w), w, wide, target, levels, ratio, 2 * (reach + WIDER), UNLIKE, room, out)
+    rim, neither = near_jumps(fill_with_nearest(out, known), RIM), np.empty_like(known)
     in_bands(
-        mixed,
+        find_mixed,
         len(w),
         out,
         rim,
@@ -144,10 +144,10 @@ def place_edges(color: UInt8Array, depth: Float32Array, known: BoolArray, reach:
         neither,
     )
     depth = np.where(out != w, 1 / np.maximum(out, np.float32(1e-6)), depth)
-    return PlacedEdges(depth.astype(np.float32), neither, band & known)
+    return AlignedDepth(depth.astype(np.float32), neither, band & known)
 
 
-def other_surfaces(
+def find_other_surfaces(
     w: Float32Array, known: BoolArray, band: BoolArray, color: Float32Array, ratio: float
 ) -> Float32Array:
     """H x W inverse depth of the surface that pixels of the band belong to by their colours, where it is not their own; else 0.
@@ -191,25 +191,25 @@ def jumps(w: Float32Array) -> BoolArray:
 def edge_uncertainty(view: View) -> int:
     """Pixels by which measured depth edges lie beside the picture's: those of REACHED of them; 0 where half of them do not."""
     measured = view.valid & (view.origin == Origin.MEASURED)
-    return edges_beside(view.color, view.depth, measured, view.far)
+    return edge_misalignment(view.color, view.depth, measured, view.far)
 
 
-def edges_beside(color: UInt8Array, depth: Float32Array, measured: BoolArray, far: BoolArray) -> int:
+def edge_misalignment(color: UInt8Array, depth: Float32Array, measured: BoolArray, far: BoolArray) -> int:
     """As `edge_uncertainty`, of depth (H x W metres) where it is measured or far.
 
     Where the depth map was enlarged to the size of the picture they are looked for at its own size; by less than CLEARLY of its
     own pixels they are off for its coarseness alone: 0.
     """
     grid = MapGrid.of(depth)
-    off = edges_beside_in_map(*(grid.picture(color), *(grid.of_map(one) for one in (depth, measured, far))))
+    off = map_edge_misalignment(*(grid.picture(color), *(grid.of_map(one) for one in (depth, measured, far))))
     return off if not grid.enlarged else round(off * grid.largest) * (off >= CLEARLY)
 
 
-def edges_beside_in_map(color: UInt8Array, depth: Float32Array, measured: BoolArray, far: BoolArray) -> int:
-    """As `edges_beside`, of a depth map at its own size."""
+def map_edge_misalignment(color: UInt8Array, depth: Float32Array, measured: BoolArray, far: BoolArray) -> int:
+    """As `edge_misalignment`, of a depth map at its own size."""
     if measured.sum() < LEAST_EDGES:
         return 0
-    w = with_nearest(inverse_depth(np.where(measured, depth, np.float32(0))), measured | far)
+    w = fill_with_nearest(inverse_depth(np.where(measured, depth, np.float32(0))), measured | far)
     off = np.concatenate([edge_offsets(w, color), edge_offsets(w.T, color.transpose(1, 0, 2))])
     if len(off) < LEAST_EDGES or np.median(off) == 0:
         return 0

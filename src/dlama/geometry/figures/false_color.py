@@ -63,7 +63,7 @@ def depth_picture(
     picture = np.array(cv2.applyColorMap(levels, cv2.COLORMAP_TURBO)[..., ::-1], np.uint8)
     picture[known & ~valid] = SKY
     if not known.all():
-        picture[~known] = hatch(depth.shape)[~known]
+        picture[~known] = hatch_pattern(depth.shape)[~known]
     return picture
 
 
@@ -87,12 +87,12 @@ def origin_picture(origin: UInt8Array) -> UInt8Array:
     return np.array(ORIGIN_PALETTE, np.uint8)[origin]
 
 
-def hatched(color: UInt8Array, hole: BoolArray) -> UInt8Array:
+def hatch_holes(color: UInt8Array, hole: BoolArray) -> UInt8Array:
     """uint8 H x W x 3: the colour where it is known, holes (H x W, True) hatched."""
-    return np.where(hole[..., None], hatch(hole.shape), color)
+    return np.where(hole[..., None], hatch_pattern(hole.shape), color)
 
 
-def hatch(hw: tuple[int, ...]) -> UInt8Array:
+def hatch_pattern(hw: tuple[int, ...]) -> UInt8Array:
     """uint8 H x W x 3: quiet diagonal stripes, which no camera takes for a surface."""
     rows, columns = np.ogrid[: hw[0], : hw[1]]
     stripe = (rows + columns) % HATCH_PERIOD < HATCH_PERIOD // 2

@@ -23,7 +23,7 @@ def figure(title: str, panels: Sequence[Panel]) -> str:
     """HTML that shows a title and captioned pictures side by side; it loads nothing and suits light and dark pages."""
     cells = "".join(
         '<figure style="margin:0"><img style="display:block;max-width:100%" '
-        f'alt="{html.escape(caption, quote=True)}" src="data:image/jpeg;base64,{_base64(_encoded(picture, ".jpg"))}">'
+        f'alt="{html.escape(caption, quote=True)}" src="data:image/jpeg;base64,{_to_data_url(_encode(picture, ".jpg"))}">'
         f'<figcaption style="font-size:smaller;opacity:.75">{html.escape(caption)}</figcaption></figure>'
         for caption, picture in panels
     )
@@ -35,7 +35,7 @@ def figure(title: str, panels: Sequence[Panel]) -> str:
 
 def strip(panels: Sequence[Panel]) -> bytes:
     """A PNG file of the same pictures side by side, without their captions."""
-    pictures = [_small(picture) for _, picture in panels]
+    pictures = [_shrink(picture) for _, picture in panels]
     height = max(picture.shape[0] for picture in pictures)
     width = sum(picture.shape[1] for picture in pictures) + GAP * (len(pictures) - 1)
     sheet = np.full((height, width, 3), 255, np.uint8)
@@ -43,10 +43,10 @@ def strip(panels: Sequence[Panel]) -> bytes:
     for picture in pictures:
         sheet[: picture.shape[0], left : left + picture.shape[1]] = picture
         left += picture.shape[1] + GAP
-    return _encoded(sheet, ".png", small=False)
+    return _encode(sheet, ".png", small=False)
 
 
-def _small(picture: NDArray[np.uint8]) -> NDArray[np.uint8]:
+def _shrink(picture: NDArray[np.uint8]) -> NDArray[np.uint8]:
     """The picture with no side over LARGEST_SIDE."""
     import cv2  # here, so that the nouns cost no more than numpy
 
@@ -58,15 +58,15 @@ def _small(picture: NDArray[np.uint8]) -> NDArray[np.uint8]:
     return np.asarray(cv2.resize(picture, size, interpolation=cv2.INTER_AREA), np.uint8)
 
 
-def _encoded(picture: NDArray[np.uint8], suffix: str, small: bool = True) -> bytes:
+def _encode(picture: NDArray[np.uint8], suffix: str, small: bool = True) -> bytes:
     """The bytes of a JPEG or PNG file of an RGB picture."""
     import cv2
 
-    shown = _small(picture) if small else picture
+    shown = _shrink(picture) if small else picture
     options = [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY] if suffix == ".jpg" else []
     return bytes(cv2.imencode(suffix, np.ascontiguousarray(shown[..., ::-1]), options)[1])
 
 
-def _base64(content: bytes) -> str:
+def _to_data_url(content: bytes) -> str:
     """Bytes as a data address holds them."""
     return base64.b64encode(content).decode("ascii")

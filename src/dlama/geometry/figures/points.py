@@ -22,7 +22,7 @@ HEIGHT = 420
 """Pixels of the frame."""
 
 
-def turning_points(
+def point_viewer(
     title: str,
     points: NDArray[np.float64],
     color: NDArray[np.uint8],

@@ -7,11 +7,11 @@ import dataclasses
 import numpy as np
 
 from dlama.geometry.frames.agreement import AGREES
-from dlama.geometry.frames.gathering import FrameSource, gathered, view_of
-from dlama.geometry.frames.removal import mask_growth, points_of, removed_from, removed_part
+from dlama.geometry.frames.gathering import FrameSource, gather_views, open_view
+from dlama.geometry.frames.removal import find_removed, mask_growth, part_under_mask, world_points
 from dlama.geometry.frames.stored import PixelCache, StoredView
-from dlama.geometry.holes import dilated
-from dlama.geometry.projection import pixels_of
+from dlama.geometry.holes import dilate_mask
+from dlama.geometry.projection import project_to_pixels
 from dlama.geometry.rgbd import BoolArray
 from dlama.geometry.scene import Scene, contribution
 from dlama.geometry.view import HoleType, Origin, View
@@ -22,17 +22,17 @@ def add_frame(scene: Scene, frame: FrameSource) -> Scene:
     caches = [one.cache for one in scene.frames if isinstance(one, StoredView)]
     numbers = (*scene.numbers, max(scene.numbers) + 1)
     names = [f"frame {number}" for number in numbers]
-    view = view_of(frame, names[-1], caches[0] if caches else PixelCache())
-    measured = gathered([*scene.unfilled.frames, view], names)
+    view = open_view(frame, names[-1], caches[0] if caches else PixelCache())
+    measured = gather_views([*scene.unfilled.frames, view], names)
     if len(scene.frames) not in measured.numbers:
         return scene
-    objects = removed_from(scene, view)
+    objects = find_removed(scene, view)
     kept, removals = view, scene.removals
     if objects.any():
-        larger = dilated(objects, mask_growth(scene).px)
-        kept, removals = view.without(larger, HoleType.OBJECT), (*removals, removed_part(view, objects, larger))
-    frames = (*(without_seen_depth(one, view) for one in scene.frames), kept)
-    fills = (without_seen(one, view) for one in scene.fills)
+        larger = dilate_mask(objects, mask_growth(scene).px)
+        kept, removals = view.without(larger, HoleType.OBJECT), (*removals, part_under_mask(view, objects, larger))
+    frames = (*(drop_seen_depth(one, view) for one in scene.frames), kept)
+    fills = (drop_seen_fill(one, view) for one in scene.fills)
     return dataclasses.replace(
         measured,
         frames=tuple(frames[place] for place in measured.numbers),
@@ -42,22 +42,22 @@ def add_frame(scene: Scene, frame: FrameSource) -> Scene:
     )
 
 
-def without_seen(fill: View, frame: View) -> View:
+def drop_seen_fill(fill: View, frame: View) -> View:
     """A fill without what was filled where the frame measured."""
-    seen = shown_by(frame, fill) & np.isin(fill.origin, (Origin.FILLED, Origin.DEPTH_FILLED))
+    seen = is_seen_by(frame, fill) & np.isin(fill.origin, (Origin.FILLED, Origin.DEPTH_FILLED))
     return fill.without(seen, HoleType.NONE) if seen.any() else fill
 
 
-def without_seen_depth(one: View, frame: View) -> View:
+def drop_seen_depth(one: View, frame: View) -> View:
     """A frame whose sensor holes are open again where their filled depth lies where another frame measured."""
     if not one.has_filled_depth:
         return one
-    seen = shown_by(frame, one) & (one.origin == Origin.DEPTH_FILLED)
-    return one.left_open(seen) if seen.any() else one
+    seen = is_seen_by(frame, one) & (one.origin == Origin.DEPTH_FILLED)
+    return one.reopen(seen) if seen.any() else one
 
 
-def shown_by(frame: View, layer: View) -> BoolArray:
+def is_seen_by(frame: View, layer: View) -> BoolArray:
     """H x W, True at the points of a layer that lie on what a frame measured, or in front of it."""
-    row, column, z, inside = pixels_of(points_of(layer), frame.camera)
+    row, column, z, inside = project_to_pixels(world_points(layer), frame.camera)
     there = np.where(frame.hole, 0, frame.depth)[row, column]
     return layer.valid & inside & (z <= there * (1 + AGREES))

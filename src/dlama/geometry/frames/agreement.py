@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 
 from dlama.geometry.camera import Float64Array
-from dlama.geometry.frames.choosing import samples_of
+from dlama.geometry.frames.choosing import sample_view
 from dlama.geometry.projection import project
 from dlama.geometry.rgbd import Float32Array
 from dlama.geometry.view import View
@@ -45,7 +45,7 @@ class Overlap:
     ratio: Float64Array
     """N x 3: logarithm of the other's colour by this one's, of samples that neither clips."""
 
-    def thinned(self, every: int) -> Overlap:
+    def thin(self, every: int) -> Overlap:
         """With every so many of the samples; those that agree or were looked through stay counted."""
         if every == 1:
             return self
@@ -54,22 +54,22 @@ class Overlap:
         )
 
 
-class Judged:
+class ComparableView:
     """What a frame is held against others by: its samples and their colours, small enough for all frames at once."""
 
     def __init__(self, view: View) -> None:
-        self.camera, self.samples = view.camera, samples_of(view)
-        self.colors = blurred(view)[self.samples.rows, self.samples.columns]
+        self.camera, self.samples = view.camera, sample_view(view)
+        self.colors = blur(view)[self.samples.rows, self.samples.columns]
 
 
-_judged: WeakKeyDictionary[View, Judged] = WeakKeyDictionary()
+_comparable: WeakKeyDictionary[View, ComparableView] = WeakKeyDictionary()
 
 
-def judged(view: View) -> Judged:
+def make_comparable(view: View) -> ComparableView:
     """A view made ready to be held against others, once."""
-    if view not in _judged:
-        _judged[view] = Judged(view)
-    return _judged[view]
+    if view not in _comparable:
+        _comparable[view] = ComparableView(view)
+    return _comparable[view]
 
 
 class Pictures:
@@ -77,17 +77,17 @@ class Pictures:
 
     def __init__(self, view: View) -> None:
         view = view.read()
-        self.camera, self.blurred = view.camera, blurred(view)
+        self.camera, self.blurred = view.camera, blur(view)
         depth = np.where(view.hole | np.isinf(view.depth), np.float32(0), view.depth)
         self.inverse = np.divide(1, depth, out=np.zeros_like(depth), where=depth > 0)
 
 
-def blurred(view: View) -> Float32Array:
+def blur(view: View) -> Float32Array:
     """H x W x 3, mean colours round each pixel."""
     return cv2.blur(view.color, (BLUR_PX, BLUR_PX)).astype(np.float32)
 
 
-def pairs_of(count: int) -> list[tuple[int, int]]:
+def frame_pairs(count: int) -> list[tuple[int, int]]:
     """Which frames are held against which (i, j), i != j, both ways."""
     if count <= ALL_PAIRS:
         return [(i, j) for i in range(count) for j in range(count) if i != j]
@@ -96,11 +96,11 @@ def pairs_of(count: int) -> list[tuple[int, int]]:
     return [*one_way, *((j, i) for i, j in one_way)]
 
 
-def overlaps(views: Sequence[View]) -> dict[tuple[int, int], Overlap]:
-    """What each pair of frames (`pairs_of`) says: (i, j) -> the samples of i seen by j. Each frame's pixels are read twice."""
-    pairs = pairs_of(len(views))
+def measure_overlaps(views: Sequence[View]) -> dict[tuple[int, int], Overlap]:
+    """What each pair of frames (`frame_pairs`) says: (i, j) -> the samples of i seen by j. Each frame's pixels are read twice."""
+    pairs = frame_pairs(len(views))
     every = max(1, len(pairs) // MOST_PAIRS)
-    ready = [judged(view) for view in views]
+    ready = [make_comparable(view) for view in views]
     seen_by: dict[int, list[int]] = {}
     for i, j in pairs:
         seen_by.setdefault(j, []).append(i)
@@ -108,16 +108,16 @@ def overlaps(views: Sequence[View]) -> dict[tuple[int, int], Overlap]:
     for j, places in sorted(seen_by.items()):
         pictures = Pictures(views[j])
         for i in places:
-            found[i, j] = overlap(ready[i], pictures).thinned(every)
+            found[i, j] = measure_overlap(ready[i], pictures).thin(every)
     return {pair: found[pair] for pair in pairs}
 
 
-def overlap(one: Judged, other: Pictures) -> Overlap:
+def measure_overlap(one: ComparableView, other: Pictures) -> Overlap:
     """The samples of `one` seen by `other`."""
     pixels, z = project(one.samples.points, other.camera)
     inside = (z > 0) & (pixels >= 0.5).all(1) & (pixels < np.array(other.camera.wh) - 0.5).all(1)
     pixels, z = pixels[inside], z[inside]
-    w = inverse_at(other.inverse, pixels)
+    w = sample_inverse_depth(other.inverse, pixels)
     known = w > 0
     pixels, z, w = pixels[known], z[known], w[known]
     agree = np.abs(z * w - 1) <= AGREES
@@ -133,7 +133,7 @@ def overlap(one: Judged, other: Pictures) -> Overlap:
     )
 
 
-def inverse_at(inverse: Float32Array, pixels: Float64Array) -> Float64Array:
+def sample_inverse_depth(inverse: Float32Array, pixels: Float64Array) -> Float64Array:
     """Inverse depth at pixel coordinates (N x 2, at least half a pixel inside), read linearly; 0 where that is no one surface."""
     left, top = np.floor(pixels - 0.5).astype(np.intp).T
     right, bottom = np.minimum(left + 1, inverse.shape[1] - 1), np.minimum(top + 1, inverse.shape[0] - 1)
@@ -144,7 +144,7 @@ def inverse_at(inverse: Float32Array, pixels: Float64Array) -> Float64Array:
     return np.where(one_surface, (weights * corners).sum(0), 0.0)
 
 
-def fitted_noise(found: Sequence[Overlap]) -> tuple[float, float]:
+def fit_noise(found: Sequence[Overlap]) -> tuple[float, float]:
     """a and b of the standard deviation hypot(a, b z^2) of one frame's depth z, from differences of two frames' depths."""
     depth = np.concatenate([each.depth for each in found])
     error = np.abs(np.concatenate([each.error for each in found]))
@@ -162,13 +162,13 @@ def fitted_noise(found: Sequence[Overlap]) -> tuple[float, float]:
     return float(np.sqrt(a)), float(np.sqrt(b))
 
 
-def fitted_gains(count: int, found: dict[tuple[int, int], Overlap]) -> Float64Array:
+def fit_gains(count: int, found: dict[tuple[int, int], Overlap]) -> Float64Array:
     """count x 3: what each frame's channels are multiplied by so that all are equally bright; their geometric mean is 1.
 
     Least squares over the median ratio of each pair that shares enough samples. 1 where nothing says anything.
     """
     if count > ALL_PAIRS:
-        return _gains_of_many(count, found)
+        return _fit_many_gains(count, found)
     rows, wanted, weights = [], [], []
     for (i, j), each in found.items():
         if len(each.ratio) >= ENOUGH:
@@ -189,7 +189,7 @@ def fitted_gains(count: int, found: dict[tuple[int, int], Overlap]) -> Float64Ar
     return np.exp(logs - logs.mean(0))
 
 
-def _gains_of_many(count: int, found: dict[tuple[int, int], Overlap]) -> Float64Array:
+def _fit_many_gains(count: int, found: dict[tuple[int, int], Overlap]) -> Float64Array:
     """The same by normal equations, which take count x count numbers however many pairs there are."""
     system, right = 1e-6 * np.eye(count), np.zeros((count, 3))
     for (i, j), each in found.items():

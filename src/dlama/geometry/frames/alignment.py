@@ -17,7 +17,7 @@ import numpy as np
 
 from dlama.arguments import check_arguments
 from dlama.geometry.camera import Camera, Float64Array
-from dlama.geometry.frames.pose_system import Matches, adjusted, offsets
+from dlama.geometry.frames.pose_system import Matches, adjust_poses, measure_offset
 from dlama.geometry.rgbd import RGBD, Float32Array
 
 Source = TypeVar("Source", RGBD, Callable[[], RGBD])
@@ -76,40 +76,42 @@ def align_frames(frames: Sequence[Source]) -> list[Source]:
             here.
     """
     check_arguments(align_frames, locals())
-    found = alignment([features_of(frame if isinstance(frame, RGBD) else frame()) for frame in frames])
+    found = estimate_poses([detect_features(frame if isinstance(frame, RGBD) else frame()) for frame in frames])
     if found.poses is None:
         return list(frames)
-    return [placed(frame, pose) for frame, pose in zip(frames, found.poses)]
+    return [with_pose(frame, pose) for frame, pose in zip(frames, found.poses)]
 
 
-def alignment(found: Sequence[Features]) -> Alignment:
+def estimate_poses(found: Sequence[Features]) -> Alignment:
     """Poses under which the features of frames agree, unless the given ones fit, or nothing better is found."""
-    matches = all_matches(found)
+    matches = match_all(found)
     if matches is None:
         return Alignment(None, np.nan, np.nan)
     cameras = [each.camera for each in found]
-    before = offsets(matches, cameras)
+    before = measure_offset(matches, cameras)
     if before <= FITS_PX:
         return Alignment(None, before, before)
-    poses = adjusted(matches, cameras)
-    after = offsets(matches, [dataclasses.replace(camera, world_from_cam=pose) for camera, pose in zip(cameras, poses)])
+    poses = adjust_poses(matches, cameras)
+    after = measure_offset(
+        matches, [dataclasses.replace(camera, world_from_cam=pose) for camera, pose in zip(cameras, poses)]
+    )
     return Alignment(tuple(poses), before, after) if after <= BETTER * before else Alignment(None, before, before)
 
 
-def placed(frame: Source, pose: Float64Array) -> Source:
+def with_pose(frame: Source, pose: Float64Array) -> Source:
     """The frame with another pose (world_from_cam)."""
     if not isinstance(frame, RGBD):
-        return partial(read_and_placed, frame, pose)
+        return partial(read_with_pose, frame, pose)
     return dataclasses.replace(frame, camera=dataclasses.replace(frame.camera, world_from_cam=pose))
 
 
-def read_and_placed(read: Callable[[], RGBD], pose: Float64Array) -> RGBD:
+def read_with_pose(read: Callable[[], RGBD], pose: Float64Array) -> RGBD:
     """The frame that `read` gives, with another pose."""
     frame = read()
     return dataclasses.replace(frame, camera=dataclasses.replace(frame.camera, world_from_cam=pose))
 
 
-def features_of(frame: RGBD) -> Features:
+def detect_features(frame: RGBD) -> Features:
     """The clearest features of a frame, with its depth there."""
     shrunk = min(1.0, WIDEST / max(frame.camera.wh))
     width, height = (max(1, round(shrunk * side)) for side in frame.camera.wh)
@@ -132,21 +134,21 @@ def features_of(frame: RGBD) -> Features:
     )
 
 
-def all_matches(found: Sequence[Features]) -> Matches | None:
+def match_all(found: Sequence[Features]) -> Matches | None:
     """The matches of all pairs of frames, both ways; None where there are none."""
     parts = []
     for i in range(len(found)):
         for j in (i + step for step in STEPS if i + step < len(found)):
-            here, there = matched(found[i], found[j])
+            here, there = match_features(found[i], found[j])
             if len(here) >= ENOUGH:
-                parts.append(pair_matches(i, j, found[i], found[j], here, there))
+                parts.append(match_pair(i, j, found[i], found[j], here, there))
                 back = found[j].depth[there] > 0
                 if back.sum() >= ENOUGH:
-                    parts.append(pair_matches(j, i, found[j], found[i], there[back], here[back]))
+                    parts.append(match_pair(j, i, found[j], found[i], there[back], here[back]))
     return Matches.concatenated(parts) if parts else None
 
 
-def pair_matches(i: int, j: int, one: Features, other: Features, here: np.ndarray, there: np.ndarray) -> Matches:
+def match_pair(i: int, j: int, one: Features, other: Features, here: np.ndarray, there: np.ndarray) -> Matches:
     """The matches of a pair: features `here` of one frame and `there` of the other, by number."""
     camera, depth = one.camera, one.depth[here]
     x, y = one.pixels[here].T
@@ -155,10 +157,10 @@ def pair_matches(i: int, j: int, one: Features, other: Features, here: np.ndarra
     return Matches(*places, points, other.pixels[there], other.depth[there], np.zeros(1, np.intp))
 
 
-def matched(one: Features, other: Features) -> tuple[np.ndarray, np.ndarray]:
+def match_features(one: Features, other: Features) -> tuple[np.ndarray, np.ndarray]:
     """Numbers of the features of two frames that show one point: `one` has its depth, `other` shows it where that says."""
     nothing = np.zeros(0, np.intp), np.zeros(0, np.intp)
-    at = in_other(one, other)
+    at = project_features(one, other)
     ahead = np.flatnonzero(np.isfinite(at[:, 0]))
     if not len(ahead) or not len(other.pixels):
         return nothing
@@ -175,7 +177,7 @@ def matched(one: Features, other: Features) -> tuple[np.ndarray, np.ndarray]:
     return ahead[good], best[good]
 
 
-def in_other(one: Features, other: Features) -> Float64Array:
+def project_features(one: Features, other: Features) -> Float64Array:
     """N x 2, where the other frame shows one's features under the given poses; NaN without depth, or out of view by far."""
     camera, to = one.camera, other.camera
     rays = np.stack([(one.pixels[:, 0] - camera.cx) / camera.fx, (one.pixels[:, 1] - camera.cy) / camera.fy], 1)

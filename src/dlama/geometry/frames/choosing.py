@@ -12,7 +12,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from dlama.geometry.camera import Camera, Float64Array
-from dlama.geometry.frames.extent import boxes_of, in_view
+from dlama.geometry.frames.extent import bounding_boxes, in_view
 from dlama.geometry.projection import project
 from dlama.geometry.view import View
 
@@ -52,14 +52,14 @@ class Samples:
         )
         pose = camera.world_from_cam
         self.points: Float64Array = local @ pose[:3, :3].T + pose[:3, 3]
-        self.box = boxes_of([self.points])[0]
+        self.box = bounding_boxes([self.points])[0]
         """8 x 3, the corners of the box that holds them; NaN where there are none."""
 
 
 _samples: WeakKeyDictionary[View, Samples] = WeakKeyDictionary()
 
 
-def samples_of(view: View) -> Samples:
+def sample_view(view: View) -> Samples:
     """The samples of a view, taken once."""
     if view not in _samples:
         _samples[view] = Samples(view)
@@ -75,9 +75,11 @@ def choose_frames(frames: Sequence[View], camera: Camera, most: int = MOST_FRAME
     own = [place for place, frame in enumerate(frames) if frame.camera.same_view_as(camera)][:1]
     if len(frames) == 1:
         return [0]
-    samples = [samples_of(frame) for frame in frames]
+    samples = [sample_view(frame) for frame in frames]
     visible = [int(place) for place in np.flatnonzero(in_view(np.stack([one.box for one in samples]), camera))]
-    quality, nearest = _seen([frames[place] for place in visible], [samples[place] for place in visible], camera)
+    quality, nearest = _score_visibility(
+        [frames[place] for place in visible], [samples[place] for place in visible], camera
+    )
     cells = quality * (nearest * OCCLUDED <= nearest.min(0, initial=np.inf))
     counts = np.zeros(cells.shape[1], np.intp)
     for place in own:
@@ -95,7 +97,9 @@ def choose_frames(frames: Sequence[View], camera: Camera, most: int = MOST_FRAME
     return chosen or [0]
 
 
-def _seen(frames: Sequence[View], sampled: Sequence[Samples], camera: Camera) -> tuple[Float64Array, Float64Array]:
+def _score_visibility(
+    frames: Sequence[View], sampled: Sequence[Samples], camera: Camera
+) -> tuple[Float64Array, Float64Array]:
     """N x cells: how well each frame shows a cell of the camera's picture (0..1), and its nearest depth there (inf = none)."""
     rows, columns = SAMPLES
     quality = np.zeros((len(frames), rows * columns))

@@ -23,12 +23,12 @@ def may_show(view: View, camera: Camera) -> bool:
         whole = view.read()
         points = lift(whole).points
         ends = np.stack([points.min(0), points.max(0)]) if len(points) else np.zeros((2, 0))
-        _corners[view] = None if whole.far.any() else corners_of(ends)
+        _corners[view] = None if whole.far.any() else box_corners(ends)
     corners = _corners[view]
     return corners is None or (len(corners) > 0 and bool(in_view(corners[None], camera)[0]))
 
 
-def corners_of(ends: Float64Array) -> Float64Array:
+def box_corners(ends: Float64Array) -> Float64Array:
     """8 x 3, the corners of the box between two points (2 x 3); 0 x 3 of none."""
     if ends.shape[1] == 0:
         return np.zeros((0, 3))
@@ -52,7 +52,7 @@ def in_view(corners: Float64Array, camera: Camera) -> BoolArray:
         return np.asarray(np.all([(side >= 0).any(1) for side in sides], axis=0))
 
 
-def boxes_of(parts: Sequence[Float64Array]) -> Float64Array:
+def bounding_boxes(parts: Sequence[Float64Array]) -> Float64Array:
     """N x 8 x 3, the boxes that hold N sets of points (M x 3 each); NaN for no points, which are in no view."""
     empty = np.full((8, 3), np.nan)
-    return np.stack([corners_of(np.stack([p.min(0), p.max(0)])) if len(p) else empty for p in parts])
+    return np.stack([box_corners(np.stack([p.min(0), p.max(0)])) if len(p) else empty for p in parts])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from dlama.geometry.holes import box_around, dilated
+from dlama.geometry.holes import box_around, dilate_mask
 from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.geometry.view import View
 
@@ -19,7 +19,7 @@ NEXT_PX, NEXT = 2, 0.05
 """Pixels and relative depth between two parts of one object."""
 
 
-def in_front(frame: View, candidates: BoolArray) -> BoolArray:
+def find_foreground(frame: View, candidates: BoolArray) -> BoolArray:
     """The candidates (H x W) that lie nearer than the background, which goes on from the other pixels around them.
 
     Planes are linear in inverse depth, so the background is harmonic in it.
@@ -29,14 +29,14 @@ def in_front(frame: View, candidates: BoolArray) -> BoolArray:
         return out
     part = box_around(candidates, AROUND_PX)
     inverse = np.divide(1, frame.depth, out=np.zeros_like(frame.depth), where=frame.valid)[part]
-    known = (frame.valid | frame.far)[part] & ~dilated(candidates[part], 1)
-    out[part] = candidates[part] & (inverse > (1 + IN_FRONT) * harmonic(inverse, known))
+    known = (frame.valid | frame.far)[part] & ~dilate_mask(candidates[part], 1)
+    out[part] = candidates[part] & (inverse > (1 + IN_FRONT) * interpolate_harmonic(inverse, known))
     return out
 
 
-def harmonic(values: Float32Array, known: BoolArray) -> Float32Array:
+def interpolate_harmonic(values: Float32Array, known: BoolArray) -> Float32Array:
     """H x W, the values where they are known, between them the smoothest that joins them."""
-    found = from_coarse(values, known)
+    found = fill_from_coarse(values, known)
     for _ in range(ROUNDS):
         edged = cv2.copyMakeBorder(found, 1, 1, 1, 1, cv2.BORDER_REPLICATE)
         around = edged[:-2, 1:-1] + edged[2:, 1:-1] + edged[1:-1, :-2] + edged[1:-1, 2:]
@@ -44,7 +44,7 @@ def harmonic(values: Float32Array, known: BoolArray) -> Float32Array:
     return found
 
 
-def from_coarse(values: Float32Array, known: BoolArray) -> Float32Array:
+def fill_from_coarse(values: Float32Array, known: BoolArray) -> Float32Array:
     """The values where they are known, elsewhere means of the known ones, of the smallest neighbourhood that has any."""
     if known.all() or min(values.shape) <= 2:
         mean = values[known].mean() if known.any() else 0.0
@@ -53,11 +53,11 @@ def from_coarse(values: Float32Array, known: BoolArray) -> Float32Array:
     size = (width + 1) // 2, (height + 1) // 2
     total = cv2.resize(np.where(known, values, np.float32(0)), size, interpolation=cv2.INTER_AREA)
     share = cv2.resize(known.astype(np.float32), size, interpolation=cv2.INTER_AREA)
-    coarse = from_coarse(np.divide(total, share, out=np.zeros_like(total), where=share > 0), share > 0)
+    coarse = fill_from_coarse(np.divide(total, share, out=np.zeros_like(total), where=share > 0), share > 0)
     return np.where(known, values, cv2.resize(coarse, (width, height), interpolation=cv2.INTER_LINEAR))
 
 
-def grown_over(seeds: BoolArray, allowed: BoolArray, depth: Float32Array) -> BoolArray:
+def grow_region(seeds: BoolArray, allowed: BoolArray, depth: Float32Array) -> BoolArray:
     """The seeds and all allowed pixels that are one object with them: from each to the next a few pixels and little depth."""
     found, kernel = seeds.copy(), np.ones((2 * NEXT_PX + 1,) * 2, np.uint8)
     while True:

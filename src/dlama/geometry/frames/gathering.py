@@ -11,7 +11,7 @@ import numpy as np
 from dlama.arguments import check_arguments
 from dlama.errors import InputError, InputTypeError, ShapeError
 from dlama.geometry.camera import Float64Array
-from dlama.geometry.frames.agreement import ENOUGH, Overlap, fitted_gains, fitted_noise, judged, overlaps
+from dlama.geometry.frames.agreement import ENOUGH, Overlap, fit_gains, fit_noise, make_comparable, measure_overlaps
 from dlama.geometry.frames.coarse import coarse_depth
 from dlama.geometry.frames.stored import PixelCache, StoredView
 from dlama.geometry.rgbd import RGBD
@@ -56,21 +56,21 @@ def scene(
     if len(called) != len(frames):
         raise InputError(f"names has {len(called)} names for {len(frames)} frames; as many are expected")
     cache = PixelCache()
-    return gathered([view_of(frame, name, cache) for frame, name in zip(frames, called)], called)
+    return gather_views([open_view(frame, name, cache) for frame, name in zip(frames, called)], called)
 
 
-def view_of(frame: FrameSource, name: str, cache: PixelCache) -> View:
+def open_view(frame: FrameSource, name: str, cache: PixelCache) -> View:
     """The source view of a frame, held in the cache where it can be read again. InputError: no depth."""
     if isinstance(frame, RGBD):
-        return _with_depth(View.from_rgbd(frame), name)
+        return _require_depth(View.from_rgbd(frame), name)
     if not callable(frame):
         raise InputTypeError(
             f"{name} is of type {type(frame).__name__}; an RGBD (a picture with depth) is expected, or what reads one"
         )
     first = View.from_rgbd(frame())
     view = StoredView.of(first.camera, partial(_source_view, frame), cache, first)
-    _with_depth(view, name)
-    judged(view), coarse_depth(view), view.has_holes, view.has_errors, view.has_filled_depth
+    _require_depth(view, name)
+    make_comparable(view), coarse_depth(view), view.has_holes, view.has_errors, view.has_filled_depth
     return view
 
 
@@ -78,13 +78,13 @@ def _source_view(frame: Callable[[], RGBD]) -> View:
     return View.from_rgbd(frame())
 
 
-def _with_depth(view: View, name: str) -> View:
+def _require_depth(view: View, name: str) -> View:
     if not view.shows_source:
         raise InputError(f"{name} has no depth at all; leave it out")
     return view
 
 
-def gathered(views: Sequence[View], called: Sequence[str]) -> Scene:
+def gather_views(views: Sequence[View], called: Sequence[str]) -> Scene:
     """The scene of the frames' source views; `called`: their names. As `scene`."""
     for view, name in zip(views, called):
         first = views[0].camera
@@ -95,32 +95,32 @@ def gathered(views: Sequence[View], called: Sequence[str]) -> Scene:
             )
     if len(views) == 1:
         return Scene((views[0],))
-    kept = _without_duplicates(views, called)
+    kept = _drop_duplicates(views, called)
     if len(kept) == 1:
         return Scene((views[kept[0]],), numbers=(kept[0],))
-    pairs = overlaps([views[place] for place in kept])
+    pairs = measure_overlaps([views[place] for place in kept])
     found = {(kept[i], kept[j]): each for (i, j), each in pairs.items()}
-    kept = _without_outliers(kept, found, called)
+    kept = _drop_outliers(kept, found, called)
     row = {place: number for number, place in enumerate(kept)}
     left = {(row[i], row[j]): each for (i, j), each in found.items() if i in row and j in row}
-    gains = fitted_gains(len(kept), left)
+    gains = fit_gains(len(kept), left)
     if (np.abs(gains - 1) < SAME_GAIN).all():
         gains = np.ones_like(gains)
     return Scene(
         tuple(views[place] for place in kept),
         numbers=tuple(kept),
         gains=tuple((float(r), float(g), float(b)) for r, g, b in gains),
-        noise=fitted_noise(list(left.values())),
+        noise=fit_noise(list(left.values())),
     )
 
 
-def _without_duplicates(views: Sequence[View], called: Sequence[str]) -> list[int]:
+def _drop_duplicates(views: Sequence[View], called: Sequence[str]) -> list[int]:
     """Places of the frames, each picture once."""
     poses = np.stack([view.camera.world_from_cam for view in views])
     kept: list[int] = []
     for place, view in enumerate(views):
         near = np.abs(poses[kept] - poses[place]).max((1, 2), initial=0) <= SAME_POSE
-        twin = next((kept[row] for row in np.flatnonzero(near) if _same(views[kept[row]], view)), None)
+        twin = next((kept[row] for row in np.flatnonzero(near) if _is_same(views[kept[row]], view)), None)
         if twin is None:
             kept.append(place)
         else:
@@ -128,11 +128,11 @@ def _without_duplicates(views: Sequence[View], called: Sequence[str]) -> list[in
     return kept
 
 
-def _same(one: View, other: View) -> bool:
+def _is_same(one: View, other: View) -> bool:
     return one.camera.same_view_as(other.camera) and np.array_equal(one.color, other.color)
 
 
-def _without_outliers(kept: list[int], found: dict[tuple[int, int], Overlap], called: Sequence[str]) -> list[int]:
+def _drop_outliers(kept: list[int], found: dict[tuple[int, int], Overlap], called: Sequence[str]) -> list[int]:
     """The frames that some other one confirms; those that contradict all others, or meet none, are named."""
     if not any(each.agree >= ENOUGH for each in found.values()):
         raise InputError(
@@ -140,7 +140,7 @@ def _without_outliers(kept: list[int], found: dict[tuple[int, int], Overlap], ca
             "scene as the depth?"
         )
     while len(kept) > 2:
-        shares = _agreement(kept, found)
+        shares = _share_agreeing(kept, found)
         worst = int(np.nanargmin(shares)) if not np.isnan(shares).all() else 0
         if not shares[worst] < OUTLIER * np.nanmedian(shares):
             break
@@ -151,13 +151,13 @@ def _without_outliers(kept: list[int], found: dict[tuple[int, int], Overlap], ca
             stacklevel=4,
         )
         kept = [place for place in kept if place != kept[worst]]
-    for place, share in zip(kept, _agreement(kept, found)):
+    for place, share in zip(kept, _share_agreeing(kept, found)):
         if np.isnan(share):
             warnings.warn(f"{called[place]} shows nothing that another frame shows", UserWarning, stacklevel=4)
     return kept
 
 
-def _agreement(kept: Sequence[int], found: dict[tuple[int, int], Overlap]) -> Float64Array:
+def _share_agreeing(kept: Sequence[int], found: dict[tuple[int, int], Overlap]) -> Float64Array:
     """Of each frame: share of points on the other's surface, among those on it or looked through, both ways; NaN: none."""
     row = {place: number for number, place in enumerate(kept)}
     agree, through = np.zeros(len(kept)), np.zeros(len(kept))

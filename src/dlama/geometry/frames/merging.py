@@ -16,7 +16,7 @@ import numpy as np
 from dlama.geometry.camera import Camera, Float64Array
 from dlama.geometry.drawing.layers import Canvas, Grid, Mode, draw, draw_far
 from dlama.geometry.frames.choosing import MOST_FRAMES, choose_frames
-from dlama.geometry.holes import opened, square
+from dlama.geometry.holes import morphological_open, square
 from dlama.geometry.kernels import merging as kernels
 from dlama.geometry.kernels.depth_edges import DOWN, RIGHT
 from dlama.geometry.kernels.jit import in_bands
@@ -49,23 +49,23 @@ def merge_frames(scene: Scene, camera: Camera, mode: Mode, fine: bool, most: int
     places = choose_frames(scene.frames, camera, most)
     frames = [scene.frames[place] for place in places]
     grids = [Grid.of(frame, camera, mode, fine) for frame in frames]
-    drawn = [_drawn(grid, camera) for grid in grids]
+    drawn = [_draw_grid(grid, camera) for grid in grids]
     gains = np.array([scene.gains[place] for place in places])
     own = frames[0] if grids[0].own_camera else None
-    canvas, best = _merged(drawn, grids, camera, gains / gains[0] if own is not None else gains, scene.noise)
+    canvas, best = _merge_canvases(drawn, grids, camera, gains / gains[0] if own is not None else gains, scene.noise)
     number = np.array([0, *(scene.numbers[place] + 1 for place in places)], np.uint16)
     if own is not None:
         _keep_own(canvas, best, own)
     return Merged(canvas, number[best], grids)
 
 
-def _drawn(grid: Grid, camera: Camera) -> Canvas:
+def _draw_grid(grid: Grid, camera: Camera) -> Canvas:
     canvas = draw(grid, camera, Canvas.empty(camera))
     draw_far(grid, camera, canvas)
     return canvas
 
 
-def _merged(
+def _merge_canvases(
     drawn: Sequence[Canvas], grids: Sequence[Grid], camera: Camera, gains: Float64Array, noise: tuple[float, float]
 ) -> tuple[Canvas, UInt16Array]:
     """One canvas of several, and 1 + the place of the frame each pixel comes from."""
@@ -79,7 +79,7 @@ def _merged(
     ]
     in_bands(
         kernels.merge, camera.height, depth, color, rank,
-        np.stack([nearest_around(grid.layer) for grid in grids]), np.stack([margin(grid) for grid in grids]),
+        np.stack([nearest_depth_around(grid.layer) for grid in grids]), np.stack([confidence_margin(grid) for grid in grids]),
         np.stack([matrix for matrix, _ in ways]), np.stack([offset for _, offset in ways]), np.array(centers),
         np.array([camera.fx, camera.fy, camera.cx, camera.cy]), gains, np.array(noise),
         out.color, out.depth, best, np.zeros(camera.hw, np.bool_),
@@ -92,7 +92,7 @@ def _merged(
     return out, best
 
 
-def nearest_around(view: View) -> Float32Array:
+def nearest_depth_around(view: View) -> Float32Array:
     """H x W, the nearest depth measured within LOOKED_THROUGH_PX of a pixel where there is one itself; 0 elsewhere, inf = far."""
     measured = ~view.hole & (view.depth > 0) & from_source(view.origin)
     side = 2 * LOOKED_THROUGH_PX + 1
@@ -100,7 +100,7 @@ def nearest_around(view: View) -> Float32Array:
     return np.where(measured, nearest, np.float32(0))
 
 
-def margin(grid: Grid) -> Float32Array:
+def confidence_margin(grid: Grid) -> Float32Array:
     """H x W, pixels from the picture's border, from the next pixel without depth and from the next depth edge."""
     known = grid.depth > 0
     inside = known & ~grid.flying
@@ -116,7 +116,7 @@ def _keep_own(canvas: Canvas, best: UInt16Array, own: View) -> None:
     known = own.valid | own.far
     colored = own.hole & (own.origin == Origin.DEPTH_FILLED)
     others = ~known & (canvas.depth > 0) & (best > 0)
-    _drop(canvas, best, slivers(others & ~colored))
+    _drop(canvas, best, find_slivers(others & ~colored))
     others &= best > 0
     canvas.origin[others & (canvas.origin != Origin.DEPTH_FILLED)] = Origin.ELSEWHERE
     _copy(canvas.color, own.color, known | colored)
@@ -126,9 +126,9 @@ def _keep_own(canvas: Canvas, best: UInt16Array, own: View) -> None:
     best[known] = 1
 
 
-def slivers(where: BoolArray) -> BoolArray:
+def find_slivers(where: BoolArray) -> BoolArray:
     """The parts of a region that are narrower than NARROWEST px: what shines through between misaligned edges."""
-    return where & ~opened(where, square(NARROWEST))
+    return where & ~morphological_open(where, square(NARROWEST))
 
 
 def _drop(canvas: Canvas, best: UInt16Array, where: BoolArray) -> None:

@@ -48,22 +48,22 @@ class Matches:
         return cls(one, other, points, pixels, depth, starts)
 
 
-def offsets(matches: Matches, cameras: Sequence[Camera]) -> float:
+def measure_offset(matches: Matches, cameras: Sequence[Camera]) -> float:
     """Of half the pairs the median point lies within so many pixels of where the other frame shows it."""
     lens = np.array([[camera.fx, camera.fy, camera.cx, camera.cy] for camera in cameras])
     poses = np.stack([camera.world_from_cam for camera in cameras])
-    apart = np.linalg.norm(_seen(matches, poses, lens)[2], axis=1)
+    apart = np.linalg.norm(_reproject(matches, poses, lens)[2], axis=1)
     return float(np.median([np.median(part) for part in np.split(apart, matches.starts[1:])]))
 
 
-def adjusted(matches: Matches, cameras: Sequence[Camera]) -> list[Float64Array]:
+def adjust_poses(matches: Matches, cameras: Sequence[Camera]) -> list[Float64Array]:
     """The poses (world_from_cam) that fit the matches best."""
     lens = np.array([[camera.fx, camera.fy, camera.cx, camera.cy] for camera in cameras])
     given = np.stack([camera.world_from_cam for camera in cameras])
     poses, scale = given.copy(), FIRST_PX
     for _ in range(ROUNDS):
-        diagonal, blocks, right = _system(matches, poses, given, lens, scale)
-        step = _solved(diagonal, blocks, matches.one[matches.starts], matches.other[matches.starts], -right)
+        diagonal, blocks, right = _normal_equations(matches, poses, given, lens, scale)
+        step = _solve(diagonal, blocks, matches.one[matches.starts], matches.other[matches.starts], -right)
         for pose, (turn, shift) in zip(poses, step.reshape(-1, 2, 3)):
             pose[:3, :3] = cv2.Rodrigues(turn)[0] @ pose[:3, :3]
             pose[:3, 3] += shift
@@ -71,7 +71,9 @@ def adjusted(matches: Matches, cameras: Sequence[Camera]) -> list[Float64Array]:
     return list(poses)
 
 
-def _seen(matches: Matches, poses: Float64Array, lens: Float64Array) -> tuple[Float64Array, Float64Array, Float64Array]:
+def _reproject(
+    matches: Matches, poses: Float64Array, lens: Float64Array
+) -> tuple[Float64Array, Float64Array, Float64Array]:
     """N x 3 points in the world and in the other frame's axes, and N x 2 by how many pixels they miss."""
     one, other = poses[matches.one], poses[matches.other]
     world = np.einsum("nab,nb->na", one[:, :3, :3], matches.points) + one[:, :3, 3]
@@ -80,14 +82,14 @@ def _seen(matches: Matches, poses: Float64Array, lens: Float64Array) -> tuple[Fl
     return world, local, local[:, :2] / np.maximum(local[:, 2:], 1e-3) * its[:, :2] + its[:, 2:] - matches.pixels
 
 
-def _system(
+def _normal_equations(
     matches: Matches, poses: Float64Array, given: Float64Array, lens: Float64Array, scale: float
 ) -> tuple[Float64Array, Float64Array, Float64Array]:
     """The normal equations: K x 6 x 6 of each frame, P x 6 x 6 of each pair, and K x 6 gradients.
 
     A frame's unknowns: a rotation about its own centre, and a shift, both in the world's axes.
     """
-    world, local, miss = _seen(matches, poses, lens)
+    world, local, miss = _reproject(matches, poses, lens)
     z = np.maximum(local[:, 2], 1e-3)
     focal = lens[matches.other][:, :2]
     by_local = np.zeros((len(z), 3, 3))
@@ -103,9 +105,9 @@ def _system(
     diagonal, right = _prior(poses, given)
     one, other = matches.one[matches.starts], matches.other[matches.starts]
     for place, part in ((one, mine), (other, others)):
-        np.add.at(diagonal, place, _summed(matches, part * weight[..., None], part))
+        np.add.at(diagonal, place, _sum_products(matches, part * weight[..., None], part))
         np.add.at(right, place, np.add.reduceat(np.einsum("nka,nk->na", part, weight * error), matches.starts))
-    return diagonal, _summed(matches, mine * weight[..., None], others), right
+    return diagonal, _sum_products(matches, mine * weight[..., None], others), right
 
 
 def _weights(matches: Matches, miss: Float64Array, deep: Float64Array, scale: float) -> Float64Array:
@@ -125,7 +127,7 @@ def _prior(poses: Float64Array, given: Float64Array) -> tuple[Float64Array, Floa
     return np.broadcast_to(np.diag(sure), (len(poses), 6, 6)).copy(), sure * off
 
 
-def _summed(matches: Matches, left: Float64Array, right: Float64Array) -> Float64Array:
+def _sum_products(matches: Matches, left: Float64Array, right: Float64Array) -> Float64Array:
     """P x 6 x 6, of each pair the sum of products of N x 3 x 6."""
     return np.asarray(np.add.reduceat(np.einsum("nka,nkb->nab", left, right), matches.starts))
 
@@ -137,7 +139,7 @@ def _cross(vectors: Float64Array) -> Float64Array:
     return np.stack([o, -z, y, z, o, -x, -y, x, o], 1).reshape(-1, 3, 3)
 
 
-def _solved(
+def _solve(
     diagonal: Float64Array, blocks: Float64Array, one: np.ndarray, other: np.ndarray, right: Float64Array
 ) -> Float64Array:
     """K x 6: conjugate gradients, preconditioned by each frame's own block; its cost grows with the number of pairs."""

@@ -19,9 +19,9 @@ from dlama.errors import InputError, MaskError
 from dlama.geometry.drawing.picture_edges import DepthProfile
 from dlama.geometry.frames.agreement import AGREES
 from dlama.geometry.frames.choosing import choose_frames
-from dlama.geometry.frames.foreground import grown_over, in_front
-from dlama.geometry.holes import checked_mask, closed, dilated, eroded, opened, square
-from dlama.geometry.projection import pixels_of, rays
+from dlama.geometry.frames.foreground import find_foreground, grow_region
+from dlama.geometry.holes import check_mask, dilate_mask, erode_mask, morphological_close, morphological_open, square
+from dlama.geometry.projection import project_to_pixels, rays
 from dlama.geometry.rendering import render
 from dlama.geometry.rgbd import BoolArray
 from dlama.geometry.scene import Scene
@@ -85,12 +85,12 @@ def remove_object(scene: Scene, mask: BoolArray | Mapping[int, BoolArray], dilat
     layers, removed, before, given_up = [], [], 0, 0
     count = len(scene.frames)
     for place, (layer, one) in enumerate(zip(measured.layers, carry_masks(measured, masks))):
-        larger = dilated(one, growth.px)
+        larger = dilate_mask(one, growth.px)
         if (larger | (layer.hole_type == HoleType.OBJECT)).all():
             raise MaskError(f"dilate is {growth.px} px: the mask grown by that is full and leaves nothing to fill from")
         before, given_up = before + int(one.sum()), given_up + int(larger.sum()) - int(one.sum())
         if larger.any():
-            removed.append(removed_part(layer, one, larger))
+            removed.append(part_under_mask(layer, one, larger))
             layer = layer.without(larger, HoleType.OBJECT if place < count else HoleType.NONE)
         layers.append(layer)
     without = dataclasses.replace(
@@ -102,7 +102,7 @@ def remove_object(scene: Scene, mask: BoolArray | Mapping[int, BoolArray], dilat
     return Removal(without, growth, before, given_up)
 
 
-def removed_part(layer: View, mask: BoolArray, larger: BoolArray) -> View:
+def part_under_mask(layer: View, mask: BoolArray, larger: BoolArray) -> View:
     """What is removed from a layer: the pixels under its grown mask (`larger`); the hole type OBJECT is the mask itself."""
     part = layer.without(~larger, HoleType.NONE)
     return part.with_planes(hole_type=np.where(mask, np.uint8(HoleType.OBJECT), part.hole_type))
@@ -117,7 +117,7 @@ def masks_by_place(scene: Scene, mask: BoolArray | Mapping[int, BoolArray]) -> d
     if not mask:
         raise InputError("mask is empty; {number of the frame: mask} is expected")
     places = {scene.place_of(number): one for number, one in mask.items()}
-    return {place: checked_mask(one, scene.frames[place].camera.hw) for place, one in places.items()}
+    return {place: check_mask(one, scene.frames[place].camera.hw) for place, one in places.items()}
 
 
 class MaskedObject(NamedTuple):
@@ -149,12 +149,12 @@ def carry_masks(scene: Scene, masks: Mapping[int, BoolArray]) -> list[BoolArray]
         left = [one for one in objects if place not in one.masks]
         original = scene.original(layer) if left else layer
         for one in left:
-            mask = mask | _carried_to(original, frames, one)
+            mask = mask | _carry_to(original, frames, one)
         found.append(mask)
     return found
 
 
-def removed_from(scene: Scene, frame: View) -> BoolArray:
+def find_removed(scene: Scene, frame: View) -> BoolArray:
     """H x W, where one more frame shows what was removed from the scene: from those layers that matter for its camera."""
     masks = {}
     for place in choose_frames(scene.layers, frame.camera):
@@ -163,7 +163,7 @@ def removed_from(scene: Scene, frame: View) -> BoolArray:
         if of_layer:
             masks[place] = np.logical_or.reduce(of_layer)
     frames = {place: scene.original(scene.layers[place]) for place in masks}
-    found = [_carried_to(frame, frames, one) for one in separate_objects(frames, masks)]
+    found = [_carry_to(frame, frames, one) for one in separate_objects(frames, masks)]
     return np.logical_or.reduce([np.zeros(frame.hole.shape, bool), *found])
 
 
@@ -171,7 +171,7 @@ def separate_objects(frames: Mapping[int, View], masks: Mapping[int, BoolArray])
     """The masked objects that have depth (place of a frame -> frame, mask): connected parts of masks whose boxes meet are one."""
     objects: list[MaskedObject] = []
     for place, mask in masks.items():
-        count, labels = cv2.connectedComponents(dilated(mask, RIM_PX).astype(np.uint8))
+        count, labels = cv2.connectedComponents(dilate_mask(mask, RIM_PX).astype(np.uint8))
         for label in range(1, count):
             one = masked_object(frames, {place: mask & (labels == label)})
             while one is not None and (near := next((each for each in objects if boxes_meet(each.box, one.box)), None)):
@@ -184,8 +184,8 @@ def separate_objects(frames: Mapping[int, View], masks: Mapping[int, BoolArray])
 
 def masked_object(frames: Mapping[int, View], masks: dict[int, BoolArray]) -> MaskedObject | None:
     """The object under masks of frames (place -> H x W); None where they show no depth."""
-    shown = Scene(tuple(inner(frames[place], mask) for place, mask in masks.items()), numbers=tuple(masks))
-    box = box_of(shown)
+    shown = Scene(tuple(mask_interior(frames[place], mask) for place, mask in masks.items()), numbers=tuple(masks))
+    box = bounding_box(shown)
     return None if box is None else MaskedObject(masks, shown, box)
 
 
@@ -194,23 +194,23 @@ def boxes_meet(one: tuple[np.ndarray, np.ndarray], other: tuple[np.ndarray, np.n
     return bool((one[0] <= other[1]).all() and (other[0] <= one[1]).all())
 
 
-def inner(frame: View, mask: BoolArray) -> View:
+def mask_interior(frame: View, mask: BoolArray) -> View:
     """What the mask shows of a frame, without the rim of its wide parts: what is thin is rim altogether."""
-    wide = opened(mask, square(2 * RIM_PX + 1))
-    core = (eroded(mask, RIM_PX) | (mask & ~wide)) & frame.valid
+    wide = morphological_open(mask, square(2 * RIM_PX + 1))
+    core = (erode_mask(mask, RIM_PX) | (mask & ~wide)) & frame.valid
     return frame.without(~(core if core.any() else mask), HoleType.NONE)
 
 
-def points_of(view: View) -> np.ndarray:
+def world_points(view: View) -> np.ndarray:
     """H x W x 3, where each pixel's point lies in the world; pixels without depth at the camera."""
     depth = np.where(view.valid, view.depth, 0)
     pose = view.camera.world_from_cam
     return (rays(view.camera) * depth[..., None]) @ pose[:3, :3].T + pose[:3, 3]
 
 
-def box_of(masked: Scene) -> tuple[np.ndarray, np.ndarray] | None:
+def bounding_box(masked: Scene) -> tuple[np.ndarray, np.ndarray] | None:
     """Lower and upper corner, in the world, of the box that holds the object; None where the masks show no depth."""
-    points = [points_of(layer)[layer.valid] for layer in masked.frames]
+    points = [world_points(layer)[layer.valid] for layer in masked.frames]
     if not sum(map(len, points)):
         return None
     low, high = np.percentile(np.concatenate(points), OUTLIERS, axis=0)
@@ -224,10 +224,10 @@ def box_of(masked: Scene) -> tuple[np.ndarray, np.ndarray] | None:
     return low - grow, high + grow
 
 
-def _carried_to(frame: View, frames: Mapping[int, View], masked: MaskedObject) -> BoolArray:
+def _carry_to(frame: View, frames: Mapping[int, View], masked: MaskedObject) -> BoolArray:
     """Where a frame that has no mask shows the object; frames: by place, those that have masks."""
     nothing = np.zeros(frame.hole.shape, bool)
-    points = points_of(frame)
+    points = world_points(frame)
     candidates = frame.valid & ((points >= masked.box[0]) & (points <= masked.box[1])).all(-1)
     seen = render(masked.shown, frame.camera, types=False)
     agrees = np.abs(seen.depth - frame.depth) <= AGREES * frame.depth
@@ -238,7 +238,7 @@ def _carried_to(frame: View, frames: Mapping[int, View], masked: MaskedObject) -
     )  # all points of an object lie behind its mask, in every masked frame that shows them
     for number, (place, mask) in enumerate(masked.masks.items()):
         if number in near:
-            beside, within, in_view = against(points, frames[place], mask)
+            beside, within, in_view = compare_with_mask(points, frames[place], mask)
             candidates &= ~beside & (within | ~in_view)
             seeds &= ~beside
             behind |= within
@@ -246,28 +246,28 @@ def _carried_to(frame: View, frames: Mapping[int, View], masked: MaskedObject) -
     if not seeds.any():
         return nothing
     size = max(int(seeds.sum()), *(int(mask.sum()) for mask in masked.masks.values()))
-    candidates &= dilated(seeds, max(2 * RIM_PX, round(REACH * float(np.sqrt(size)))))
+    candidates &= dilate_mask(seeds, max(2 * RIM_PX, round(REACH * float(np.sqrt(size)))))
     seeds &= candidates
-    found = grown_over(seeds, in_front(frame, candidates) | seeds, frame.depth)
-    return with_missing(
-        gaps_closed(found, candidates | frame.hole) | (dilated(found, EDGE_PX) & candidates), frame, seen.valid
+    found = grow_region(seeds, find_foreground(frame, candidates) | seeds, frame.depth)
+    return add_missing_depth(
+        close_small_gaps(found, candidates | frame.hole) | (dilate_mask(found, EDGE_PX) & candidates), frame, seen.valid
     )
 
 
-def against(points: np.ndarray, masked: View, mask: BoolArray) -> tuple[BoolArray, BoolArray, BoolArray]:
+def compare_with_mask(points: np.ndarray, masked: View, mask: BoolArray) -> tuple[BoolArray, BoolArray, BoolArray]:
     """Points (H x W x 3) held against a masked frame, H x W each: those that it shows outside its mask, those on a line of sight
     of its mask (grown by RIM_PX), and those in its view."""
-    row, column, z, inside = pixels_of(points, masked.camera)
+    row, column, z, inside = project_to_pixels(points, masked.camera)
     there = np.where(masked.hole, 0, masked.depth)[row, column]
     shown = inside & (np.abs(there - z) <= AGREES * z) & ~mask[row, column]
-    return shown, inside & dilated(mask, RIM_PX)[row, column], inside
+    return shown, inside & dilate_mask(mask, RIM_PX)[row, column], inside
 
 
-def gaps_closed(found: BoolArray, allowed: BoolArray) -> BoolArray:
+def close_small_gaps(found: BoolArray, allowed: BoolArray) -> BoolArray:
     """H x W, with small gaps closed where that is allowed."""
-    return found | (closed(found, square(3)) & allowed)
+    return found | (morphological_close(found, square(3)) & allowed)
 
 
-def with_missing(found: BoolArray, frame: View, shown: BoolArray) -> BoolArray:
+def add_missing_depth(found: BoolArray, frame: View, shown: BoolArray) -> BoolArray:
     """With the frame's pixels without depth where the object, as the masked frames know it, lies (H x W `shown`)."""
-    return found | (frame.hole & shown & dilated(found, 2 * RIM_PX))
+    return found | (frame.hole & shown & dilate_mask(found, 2 * RIM_PX))

@@ -53,16 +53,16 @@ class PixelCache:
         return loaded
 
     def _keep(self, number: int, view: View) -> None:
-        size = bytes_of(view)
+        size = count_bytes(view)
         if number in self._kept or size > self.limit:
             return
         self._kept[number] = view
         self.bytes += size
         while self.bytes > self.limit:
-            self.bytes -= bytes_of(self._kept.popitem(last=False)[1])
+            self.bytes -= count_bytes(self._kept.popitem(last=False)[1])
 
 
-def bytes_of(view: View) -> int:
+def count_bytes(view: View) -> int:
     """Bytes of a view's planes."""
     planes = (view.color, view.depth, view.hole, view.hole_type, view.origin, view.confidence, view.frame, view.errors)
     return sum(plane.nbytes for plane in planes if plane is not None)
@@ -157,9 +157,9 @@ class StoredView(View):
 
 def without_bits(view: View, bits: UInt8Array, hole_type: HoleType) -> View:
     """`View.without`, of a region as `numpy.packbits` packs it."""
-    return View.without(view.read(), unpacked(bits, view.camera), hole_type)
+    return View.without(view.read(), unpack_bits(bits, view.camera), hole_type)
 
 
-def unpacked(bits: UInt8Array, camera: Camera) -> BoolArray:
+def unpack_bits(bits: UInt8Array, camera: Camera) -> BoolArray:
     """H x W of the camera, as `numpy.packbits` packed it."""
     return np.unpackbits(bits, count=camera.width * camera.height).reshape(camera.hw).astype(bool)

@@ -9,9 +9,9 @@ import cv2
 import numpy as np
 
 from dlama.geometry.frames.choosing import choose_frames
-from dlama.geometry.frames.merging import nearest_around
-from dlama.geometry.frames.stored import StoredView, unpacked
-from dlama.geometry.holes import opened, square
+from dlama.geometry.frames.merging import nearest_depth_around
+from dlama.geometry.frames.stored import StoredView, unpack_bits
+from dlama.geometry.holes import morphological_open, square
 from dlama.geometry.projection import project, rays
 from dlama.geometry.rgbd import BoolArray, UInt8Array
 from dlama.geometry.scene import Scene
@@ -23,7 +23,7 @@ FLOOR, SIGMAS = 0.01, 3.0
 """Relative depth within which two frames show one surface, and so many standard deviations of the noise."""
 
 
-def thinned(scene: Scene) -> Scene:
+def thin_scene(scene: Scene) -> Scene:
     """The frames with only those points that no earlier frame has and that no other looked through; what was filled stays.
 
     Colours are in the scene's common brightness. A scene of one picture comes back as it is.
@@ -34,14 +34,14 @@ def thinned(scene: Scene) -> Scene:
     for place, frame in enumerate(scene.frames):
         added = new_points(scene, place)
         if added.any() or not place:
-            make = partial(with_new_points, frame, np.packbits(added), scene.gains[place])
+            make = partial(keep_new_points, frame, np.packbits(added), scene.gains[place])
             layers.append(StoredView.of(frame.camera, make, frame.cache) if isinstance(frame, StoredView) else make())
     return Scene(tuple(layers), scene.removals, scene.fills)
 
 
-def with_new_points(frame: View, bits: UInt8Array, gain: tuple[float, float, float]) -> View:
+def keep_new_points(frame: View, bits: UInt8Array, gain: tuple[float, float, float]) -> View:
     """A frame in the scene's brightness with the pixels `bits` (H x W bool, as `numpy.packbits` packs it) and a rim of one."""
-    added = unpacked(bits, frame.camera)
+    added = unpack_bits(bits, frame.camera)
     ring = cv2.dilate(added.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
     layer = frame.read().without(~ring, HoleType.NONE)
     origin = np.where(added | layer.hole, layer.origin, np.uint8(Origin.REPROJECTED))
@@ -60,12 +60,12 @@ def new_points(scene: Scene, place: int) -> BoolArray:
     points = (rays(frame.camera)[rows, columns] * depth[:, None]) @ pose[:3, :3].T + pose[:3, 3]
     drop = np.zeros(len(points), bool)
     for other in held:
-        drop |= _dropped(points, scene, scene.frames[other], other < place)
+        drop |= _is_redundant(points, scene, scene.frames[other], other < place)
     added[rows, columns] = ~drop
-    return opened(added, square(3))
+    return morphological_open(added, square(3))
 
 
-def _dropped(points: np.ndarray, scene: Scene, other: View, earlier: bool) -> BoolArray:
+def _is_redundant(points: np.ndarray, scene: Scene, other: View, earlier: bool) -> BoolArray:
     """N, True at points that another frame looked through, or, where it comes earlier, has itself."""
     other = other.read()
     pixels, z = project(points, other.camera)
@@ -73,7 +73,7 @@ def _dropped(points: np.ndarray, scene: Scene, other: View, earlier: bool) -> Bo
     inside = (z > 0) & (pixels >= 0).all(1) & (pixels[:, 0] < width) & (pixels[:, 1] < height)
     x, y = np.where(inside[:, None], pixels, 0).astype(np.intp).T
     there = np.where(other.hole, 0, other.depth)[y, x]
-    near = nearest_around(other)[y, x]
+    near = nearest_depth_around(other)[y, x]
     limit = np.maximum(FLOOR * z, SIGMAS * np.hypot(scene.noise[0], scene.noise[1] * z**2))
     through = inside & (near > 0) & (z < near - 2 * limit)
     if not earlier:

@@ -25,7 +25,7 @@ def rim(joined: UInt8Array, depth: Float32Array) -> NDArray[np.int64]:
 
 
 @piece
-def lean(x: Float32Array, y: Float32Array, w: Float32Array, joined: UInt8Array, row: Whole, column: Whole) -> Real:
+def steepness(x: Float32Array, y: Float32Array, w: Float32Array, joined: UInt8Array, row: Whole, column: Whole) -> Real:
     """How steep the surface round a vertex is (relative step in w to a joined neighbour), -1 if it is seen from behind."""
     height, width = joined.shape
     steepest, facing = 0.0, 0.0
@@ -77,7 +77,7 @@ def draw_rim(
         half = min(16.0, 0.5 * zoom * depth[row, column] * inverse)
         if not (inverse > 0 and -half - 1 < px < columns + half + 1 and -half - 1 < py < rows + half + 1):
             continue
-        steepest = lean(x, y, w, joined, row, column)
+        steepest = steepness(x, y, w, joined, row, column)
         if steepest < 0:
             continue
         if half <= 0.5:

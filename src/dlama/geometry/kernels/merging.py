@@ -35,7 +35,7 @@ def tolerance(depth: Real, noise: Float64Array) -> Real:
 
 
 @inlined
-def looked_through(
+def sees_through(
     row: Whole, column: Whole, depth: Real, frame: Whole, matrix: Float64Array, offset: Float64Array,
     near: Float32Array, noise: Float64Array,
 ) -> Real:  # fmt: skip
@@ -183,7 +183,7 @@ def merge(
                         for k in range(depth.shape[0]):
                             z = shows(depth, rank, k, row, column, wanted)
                             if not nearest <= z <= limit:
-                                against -= looked_through(row, column, mean, k, matrix, offset, near, noise)
+                                against -= sees_through(row, column, mean, k, matrix, offset, near, noise)
                         if against <= 0:
                             rejected[row, column] = True
                             behind = limit

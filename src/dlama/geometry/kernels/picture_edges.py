@@ -10,7 +10,7 @@ ROOM = 10
 
 
 @piece
-def likeness(color: Float32Array, row: Whole, column: Whole, y: Whole, x: Whole, width: Real) -> Real:
+def color_similarity(color: Float32Array, row: Whole, column: Whole, y: Whole, x: Whole, width: Real) -> Real:
     """1 for one and the same colour, 0 from `width` (levels, root of the sum over the channels) on."""
     red = color[y, x, 0] - color[row, column, 0]
     green = color[y, x, 1] - color[row, column, 1]
@@ -31,7 +31,7 @@ def fit(room: Float32Array, row: Whole, otherwise: Real) -> Real:
 
 
 @kernel
-def fitted(
+def fit_planes(
     first: Whole,
     last: Whole,
     w: Float32Array,
@@ -64,7 +64,7 @@ def fitted(
                     there = w[y, x]
                     if there <= 0 or abs(there - best) > ratio * (2.0 + radius) * best:
                         continue
-                    weight = likeness(color, row, column, y, x, width) * (1.0 if not band[y, x] else 0.1)
+                    weight = color_similarity(color, row, column, y, x, width) * (1.0 if not band[y, x] else 0.1)
                     right, down = float(x - column), float(y - row)
                     room[row, 0] += weight
                     room[row, 1] += weight * right
@@ -80,7 +80,7 @@ def fitted(
 
 
 @kernel
-def mixed(
+def find_mixed(
     first: Whole,
     last: Whole,
     w: Float32Array,

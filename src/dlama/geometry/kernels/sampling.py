@@ -50,7 +50,7 @@ def smooth_quads(joined: UInt8Array) -> UInt8Array:
     smooth = np.zeros(joined.shape, np.uint8)
     if min(joined.shape) > 1:
         whole = whole_quads(joined).view(np.uint8)
-        smooth[:-1, :-1] = eroded(whole, WINDOW - 1, WINDOW // 2 - 1)
+        smooth[:-1, :-1] = erode(whole, WINDOW - 1, WINDOW // 2 - 1)
     return smooth
 
 
@@ -58,11 +58,11 @@ def far_blocks(far: BoolArray, fine: bool) -> UInt8Array:
     """H x W, 1 where the 2 x 2 pixels whose upper left one this is are far, 2 where the WINDOW x WINDOW round them are (if
     fine), 0 else."""
     code = far.view(np.uint8)
-    blocks = eroded(code, 2, 0)
-    return blocks + eroded(code, WINDOW, WINDOW // 2 - 1) if fine else blocks
+    blocks = erode(code, 2, 0)
+    return blocks + erode(code, WINDOW, WINDOW // 2 - 1) if fine else blocks
 
 
-def eroded(mask: UInt8Array, size: int, before: int) -> UInt8Array:
+def erode(mask: UInt8Array, size: int, before: int) -> UInt8Array:
     """1 where the size x size pixels, `before` of them above and left of this one, are all 1 and inside the picture."""
     around = np.ones((size, size), np.uint8)
     kept = cv2.erode(mask, around, anchor=(before, before), borderType=cv2.BORDER_CONSTANT, borderValue=0)

@@ -24,7 +24,7 @@ MOST = np.float32(4)
 
 
 @piece
-def passed_on(origin: Whole) -> Whole:
+def reprojected_origin(origin: Whole) -> Whole:
     """The origin of a pixel seen in another view: measured becomes reprojected, everything else stays what it is."""
     return REPROJECTED if origin == MEASURED else origin
 
@@ -59,7 +59,7 @@ def shade_surface(
             out_depth[ty, tx] = 1.0 / w
             su, sv = where[ty, tx, 0], where[ty, tx, 1]
             nearest_row, nearest_column = np.int64(sv + HALF), np.int64(su + HALF)
-            out_origin[ty, tx] = passed_on(origin[nearest_row, nearest_column])
+            out_origin[ty, tx] = reprojected_origin(origin[nearest_row, nearest_column])
             out_confidence[ty, tx] = confidence[nearest_row, nearest_column]
             red, green, blue = surface_color(su, sv, joined, smooth, color, knots)
             out_color[ty, tx, 0], out_color[ty, tx, 1], out_color[ty, tx, 2] = level(red), level(green), level(blue)
@@ -170,7 +170,7 @@ def shade_points(
                 out_color[ty, tx, 0] = color[source, 0]
                 out_color[ty, tx, 1] = color[source, 1]
                 out_color[ty, tx, 2] = color[source, 2]
-                out_origin[ty, tx] = passed_on(origin[source])
+                out_origin[ty, tx] = reprojected_origin(origin[source])
                 out_confidence[ty, tx] = confidence[source]
 
 
@@ -220,7 +220,7 @@ def shade_far(
             if not far[row, column]:
                 continue
             out_depth[ty, tx] = np.inf
-            out_origin[ty, tx] = passed_on(origin[row, column])
+            out_origin[ty, tx] = reprojected_origin(origin[row, column])
             out_confidence[ty, tx] = confidence[row, column]
             left, upper = math.floor(su - 0.5), math.floor(sv - 0.5)
             fu, fv = su - 0.5 - left, sv - 0.5 - upper

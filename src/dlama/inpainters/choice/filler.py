@@ -14,7 +14,7 @@ import numpy as np
 from dlama.geometry.projection import depth_from_inverse, inverse_depth
 from dlama.geometry.rgbd import BoolArray
 from dlama.geometry.view import View
-from dlama.geometry.visibility import Law, lawful_depth
+from dlama.geometry.visibility import Law, project_depth
 from dlama.inpainters import ASSETS
 from dlama.inpainters.choice.guesses import GUESSES, Guess, GuessMaker, guess_of_filler, make_guesses, makers_of
 from dlama.inpainters.choice.judge import Verdict, is_judge, judged, open_judge
@@ -80,7 +80,7 @@ def chosen_fill(view: View, law: Law, guesses: tuple[Guess, ...], judge: Network
         color = np.where(view.color_hole[..., None], mixture, view.color)
     w = np.stack([one.inverse_depth for one in guesses])
     taken = chosen_depth(verdict.depth, list(w), view.hole, hw)
-    depth, moved = lawful_depth(view, depth_from_inverse(np.take_along_axis(w, taken[None], 0)[0]), view.hole, law)
+    depth, moved = project_depth(view, depth_from_inverse(np.take_along_axis(w, taken[None], 0)[0]), view.hole, law)
     if len(guesses) > 1:  # a single guess comes back as it is
         color = hedged(view, color, view.color_hole, inverse_depth(np.where(view.hole, depth, view.depth)))
     about = notes(view, guesses, verdict, hw, taken, judge)

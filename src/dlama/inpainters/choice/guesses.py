@@ -15,7 +15,7 @@ from dlama.errors import InputError
 from dlama.geometry.projection import depth_from_inverse, inverse_depth
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.geometry.view import View
-from dlama.geometry.visibility import Law, lawful_depth
+from dlama.geometry.visibility import Law, project_depth
 from dlama.inpainters import ASSETS, FILLERS
 from dlama.inpainters.filling import Inpainter, Painter
 from dlama.inpainters.layered.depth_first import occluders
@@ -59,7 +59,7 @@ class PreparedView:
         """A guess of colours (H x W x 3) and metres (H x W), of which the holes are used."""
         view = self.view
         if depth is not self.depth:
-            depth, _ = lawful_depth(view, depth, view.hole, self.law)
+            depth, _ = project_depth(view, depth, view.hole, self.law)
         w = inverse_depth(np.where(view.hole, depth, view.depth))
         return Guess(name, np.where(view.color_hole[..., None], color, view.color), w)
 

@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from dlama.geometry.holes import dilated, nearest_known
+from dlama.geometry.holes import dilate_mask, nearest_known
 from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.perception.planes import SMOOTH
 
@@ -133,7 +133,7 @@ def foliage(w: Float32Array, known: BoolArray) -> BoolArray:
 
 def cut_parts(w: Float32Array, leaves: BoolArray, cut: BoolArray) -> Iterator[tuple[BoolArray, Chord]]:
     """Each thing that is cut: h x w, its known cells as far from the chord as that is long; its chord. Arguments: h x w."""
-    part = cv2.connectedComponents(dilated(cut, TOGETHER).astype(np.uint8), connectivity=8)[1]
+    part = cv2.connectedComponents(dilate_mask(cut, TOGETHER).astype(np.uint8), connectivity=8)[1]
     own = np.where(leaves, part.ravel()[nearest_known(cut)[1]], 0)
     for number in np.unique(part[cut]):
         left = own == number

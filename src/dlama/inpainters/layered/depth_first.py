@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from dlama.geometry.holes import dilated, eroded, nearest_known, opened, square, touching
+from dlama.geometry.holes import dilate_mask, erode_mask, morphological_open, nearest_known, regions_touching, square
 from dlama.geometry.projection import inverse_depth
 from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.geometry.view import HoleType, Origin, View
@@ -87,7 +87,7 @@ def occluders(view: View, surfaces: Surfaces, depth: Float32Array, law: Law) -> 
     edge = cv2.dilate(w, np.ones((3, 3), np.uint8)) > STEP * w
     thing = view.valid & ~edge & ~np.isin(surfaces.label, goes_on) & (distance <= WHOLE * max(w.shape))
     thing &= w > inverse_depth(depth).ravel()[nearest]
-    return (beside | (dilated(touching(thing & ~background, beside), MIXED_PX) & view.valid)) & ~background
+    return (beside | (dilate_mask(regions_touching(thing & ~background, beside), MIXED_PX) & view.valid)) & ~background
 
 
 def behind_removed(view: View, law: Law) -> BoolArray:
@@ -101,7 +101,7 @@ def behind_removed(view: View, law: Law) -> BoolArray:
             removed = np.where((view.hole_type == HoleType.OBJECT) & np.isfinite(measured), measured, np.float32(0))
     if not removed.any():
         return np.zeros(view.hole.shape, np.bool_)
-    inner = next(inner for px in INNER_PX if (inner := eroded(removed > 0, px)).any())
+    inner = next(inner for px in INNER_PX if (inner := erode_mask(removed > 0, px)).any())
     nearest = nearest_known(inner)[1]
     return view.far | (view.valid & (view.depth > BEHIND * removed.ravel()[nearest]))
 
@@ -113,8 +113,8 @@ def seams(label: NDArray[np.int32], hole: BoolArray) -> BoolArray:
     out = np.zeros(hole.shape, np.bool_)
     for number in np.unique(label[hole & (label > 0)]):
         part = hole & (label == number)
-        out |= part & ~opened(part, kernel)
-    return out & opened(hole, kernel)
+        out |= part & ~morphological_open(part, kernel)
+    return out & morphological_open(hole, kernel)
 
 
 def standing_before(

@@ -7,7 +7,7 @@ import numpy as np
 from dlama.geometry.projection import depth_from_inverse, inverse_depth
 from dlama.geometry.rgbd import Float32Array, UInt8Array
 from dlama.geometry.view import HoleType, View
-from dlama.geometry.visibility import Law, lawful_depth
+from dlama.geometry.visibility import Law, project_depth
 from dlama.inpainters.filling import Fill
 from dlama.inpainters.layered.hedging import hedged
 from dlama.inpainters.layered.remaining_shadows import shadow_beside
@@ -60,5 +60,5 @@ def with_leaves(color: UInt8Array, view: View, surfaces: Surfaces) -> UInt8Array
 def surfaces_behind(view: View, law: Law, seed: int) -> tuple[Surfaces, Float32Array, int]:
     """The surfaces continued into the holes, their depth put behind what was measured, and how many pixels that moved."""
     surfaces = continue_surfaces(view, law, seed)
-    depth, moved = lawful_depth(view, depth_from_inverse(surfaces.inverse_depth), view.hole, law)
+    depth, moved = project_depth(view, depth_from_inverse(surfaces.inverse_depth), view.hole, law)
     return surfaces, depth, moved

@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from dlama.geometry.holes import closed, eroded, nearest_known, opened, square
+from dlama.geometry.holes import erode_mask, morphological_close, morphological_open, nearest_known, square
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.geometry.view import HoleType, View
 from dlama.inpainters.layered.cut_things import GAPS, CutThings, as_far
@@ -65,11 +65,11 @@ class Crown:
 
     def copied(self, rng: np.random.Generator) -> NDArray[np.int32]:
         """h x w: the known pixel (flat) of the leaf that a hole pixel is copied from, negative where it is none."""
-        within = closed(self.leaf, self.square(GAPS))
+        within = morphological_close(self.leaf, self.square(GAPS))
         nearest = np.where(self.behind, GAP, nearest_known(self.pure_leaves())[1])
         known = np.where(within, nearest, np.where(self.behind, GAP, OUTSIDE))
-        out = np.where(self.hidden & closed(self.leaf, self.square(GAPS / 2)), known, OUTSIDE)
-        own = self.unseen & closed(self.goes_on | within, self.square(2))
+        out = np.where(self.hidden & morphological_close(self.leaf, self.square(GAPS / 2)), known, OUTSIDE)
+        own = self.unseen & morphological_close(self.goes_on | within, self.square(2))
         state = np.where(own, UNDECIDED, known).astype(np.int32)
         if self.quilt(state, (within | self.behind) & ~own, rng):
             inside = self.depth_inside(own | within) > self.rim(state, own)
@@ -82,7 +82,7 @@ class Crown:
 
     def pure_leaves(self) -> BoolArray:
         """h x w: known leaves with none but leaves beside them; all if those are too few."""
-        inner = eroded(self.leaf, 1)
+        inner = erode_mask(self.leaf, 1)
         return inner if inner.sum() > max(FEW, SHARE_LEFT * self.leaf.sum()) else self.leaf
 
     def quilt(self, state: NDArray[np.int32], known: BoolArray, rng: np.random.Generator) -> bool:
@@ -159,7 +159,7 @@ def crown(view: View, w: Float32Array, things: CutThings, number: int, box: tupl
     own = (cv2.resize(things.number, view.camera.wh, interpolation=cv2.INTER_NEAREST) == number)[box]
     hole, kind, w = view.hole[box], view.hole_type[box], w[box]
     known = ~hole & as_far(w, depth)
-    leaf = closed(own, square(round(GAPS * cell) | 1)) & known & ~solid(w, known, round(SOLID * cell) | 1)
+    leaf = morphological_close(own, square(round(GAPS * cell) | 1)) & known & ~solid(w, known, round(SOLID * cell) | 1)
     unseen, hidden = (hole & (kind == each) for each in (HoleType.OUT_OF_VIEW, HoleType.DISOCCLUDED))
     circle = things.circle[number] * cell - (box[0].start, box[1].start, 0)
     behind = ~hole & ~leaf & (w < depth)
@@ -169,7 +169,7 @@ def crown(view: View, w: Float32Array, things: CutThings, number: int, box: tupl
 def solid(w: Float32Array, known: BoolArray, side: int) -> BoolArray:
     """h x w, True in squares of `side` pixels without steps of depth. w: h x w inverse depth of the `known` pixels (h x w)."""
     least, most = cv2.erode(np.where(known, w, 0), square(3)), cv2.dilate(w, square(3))
-    return opened(known & (most < FLAT**2 * least), square(side))
+    return morphological_open(known & (most < FLAT**2 * least), square(side))
 
 
 def leafy(hw: tuple[int, ...], size: float) -> Float32Array:

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dlama.geometry.camera import Camera
-from dlama.geometry.holes import dilated
+from dlama.geometry.holes import dilate_mask
 from dlama.geometry.projection import rays
 from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.inpainters.layered.kernels.lines import seen_on_lines
@@ -157,7 +157,7 @@ def ending_cost(
 
 def next_to(unseen: BoolArray) -> BoolArray:
     """h x w, True in cells up to BESIDE cells from `unseen` ones."""
-    return dilated(unseen, BESIDE)
+    return dilate_mask(unseen, BESIDE)
 
 
 def looks_past(first: Float32Array, length: Float32Array, floating: bool = False) -> BoolArray:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dlama.geometry.camera import Camera
-from dlama.geometry.holes import closed, dilated, opened, square
+from dlama.geometry.holes import dilate_mask, morphological_close, morphological_open, square
 from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.inpainters.layered.out_of_view import (
     CUT_CELLS,
@@ -59,13 +59,13 @@ def along_edges(
     by_edges, points = lines.by_edges.copy(), [lines.along.copy(), lines.across.copy()]
     beside = next_to(unseen) & ~hole
     for k in np.flatnonzero(level):
-        there = closed(~hole & (label == k + 1), square(WIDE))
+        there = morphological_close(~hole & (label == k + 1), square(WIDE))
         cut = there & beside
         beyond = ~hole & (SAME * w < candidates[k + 2])
         if cut.sum() < CUT_CELLS or beyond.sum() < SEEN_PAST * there.sum():
             continue
         # where the picture's border cuts a plane it has no outline
-        outline = there & ~next_to(unseen) & dilated(beyond | opened(hole & ~unseen, square(WIDE)), 1)
+        outline = there & ~next_to(unseen) & dilate_mask(beyond | morphological_open(hole & ~unseen, square(WIDE)), 1)
         found = edge_directions(there, outline, normal[k], camera)
         if found is None:
             continue

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from dlama.geometry.holes import opened, square
+from dlama.geometry.holes import morphological_open, square
 from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.geometry.view import HoleType, View
 from dlama.perception.shadows.lit_surface import quadratic, robust_fit
@@ -71,7 +71,7 @@ def shadow_on(surface: BoolArray, level: Float32Array, distance: Float32Array, r
         return np.zeros_like(surface)
     dark = lit_surface(level, near | beyond) - level
     core = max(DARKER, CLEARLY * float(np.quantile(dark[beyond], USUAL)))
-    darker = opened(near & (dark > max(FAINTEST, core / 2)), square(3))
+    darker = morphological_open(near & (dark > max(FAINTEST, core / 2)), square(3))
     number = cv2.connectedComponents(darker.astype(np.uint8), connectivity=4)[1]
     beside = np.unique(number[near & (distance <= 2) & (dark > core)])
     return np.isin(number, beside[beside > 0])

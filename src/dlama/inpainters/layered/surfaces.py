@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from dlama.geometry.holes import nearest_known, with_nearest
+from dlama.geometry.holes import fill_with_nearest, nearest_known
 from dlama.geometry.projection import inverse_depth
 from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.geometry.view import View
@@ -88,9 +88,9 @@ def upsampled(
 
     w, label: H x W, of the known pixels; planes: K x 3.
     """
-    spread = with_nearest(costs, coarse.hole)
+    spread = fill_with_nearest(costs, coarse.hole)
     no_plane = coarse.candidates[0]
-    smooth = enlarged(with_nearest(no_plane, coarse.hole & (no_plane > 0)), view.camera.wh)
+    smooth = enlarged(fill_with_nearest(no_plane, coarse.hole & (no_plane > 0)), view.camera.wh)
     best = np.full(w.shape, np.inf, np.float32)
     chosen = np.full(w.shape, SMOOTH, np.int32)
     for number in range(costs.shape[2]):

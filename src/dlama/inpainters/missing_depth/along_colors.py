@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from dlama.geometry.holes import dilated, nearest_along_colors, with_nearest
+from dlama.geometry.holes import dilate_mask, fill_with_nearest, nearest_along_colors
 from dlama.geometry.kernels.jit import in_bands
 from dlama.geometry.kernels.relaxing import relax
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
@@ -65,7 +65,7 @@ def along_colors(
     k-th plane) of known pixels; planes: K x 3; hole: H x W, True where depth is unknown: `missing`, and where colours are, too.
     noisy: as a matcher's, whose depth bleeds: what lies on no plane counts as DETACHED px farther off.
     """
-    seen = with_nearest(color, missing | ~hole).astype(np.float32)
+    seen = fill_with_nearest(color, missing | ~hole).astype(np.float32)
     smooth_color = np.asarray(cv2.GaussianBlur(seen, (0, 0), BLUR), np.float32)
     start = (label == SMOOTH) * np.float32(DETACHED) if noisy else 0.0
     source = nearest_along_colors(smooth_color, ~hole, missing, w, longest=FARTHEST, start=start)
@@ -84,7 +84,7 @@ def relaxed(w: Float32Array, loose: BoolArray, color: Float32Array) -> Float32Ar
     color: H x W x 3.
     """
     across, down, level = np.empty_like(w), np.empty_like(w), w.copy()
-    in_bands(conductances, len(w), across, down, dilated(loose, 1), w, color, SOFT, POWER, JUMP)
+    in_bands(conductances, len(w), across, down, dilate_mask(loose, 1), w, color, SOFT, POWER, JUMP)
     keep = np.full_like(w, KEEP)
     for _ in range(SWEEPS):
         if relax(across, down, loose, keep, w, OVER, level) < SETTLED:

@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 
 from dlama.errors import FileError
-from dlama.geometry.holes import dilated
+from dlama.geometry.holes import dilate_mask
 from dlama.geometry.projection import inverse_depth
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.geometry.view import View
@@ -82,7 +82,7 @@ def by_pipeline(start: UInt8Array, wide: BoolArray, network: Engine) -> UInt8Arr
     """H x W x 3: `start` (H x W x 3, filled everywhere) with the holes `wide` (H x W) as the pipeline fills them."""
 
     def run(planes: Float32Array, open_: BoolArray) -> Float32Array:
-        keep = np.where(dilated(open_, GROW), np.uint8(0), np.uint8(255))
+        keep = np.where(dilate_mask(open_, GROW), np.uint8(0), np.uint8(255))
         out = network.run({"image": planes.astype(np.uint8), "mask": keep[None, None]})
         return out.astype(np.float32)
 

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 
 from dlama.geometry.camera import Camera, Float64Array
-from dlama.geometry.projection import pixels_of, rays
+from dlama.geometry.projection import project_to_pixels, rays
 from dlama.geometry.rgbd import RGBD, Float32Array
 
 WIDTH = 240
@@ -81,7 +81,7 @@ def carry(one: SmallFrame, other: SmallFrame) -> tuple[Float64Array, Float64Arra
     """Depth and grey level of the points of one frame that come to lie on a pixel of the other with depth: (theirs, the one
     measured there) of each."""
     pose = one.camera.world_from_cam
-    rows, columns, z, inside = pixels_of(one.points @ pose[:3, :3].T + pose[:3, 3], other.camera)
+    rows, columns, z, inside = project_to_pixels(one.points @ pose[:3, :3].T + pose[:3, 3], other.camera)
     depth, grey = (plane[rows, columns].astype(np.float64) for plane in (other.depth, other.grey))
     known = inside & (depth > 0) & np.isfinite(depth)
     return z[known], depth[known], one.brightness[known], grey[known]

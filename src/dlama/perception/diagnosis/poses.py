@@ -13,9 +13,9 @@ from typing import NamedTuple
 import numpy as np
 
 from dlama.errors import CameraError
-from dlama.geometry.camera import Float64Array, inverse_pose
+from dlama.geometry.camera import Float64Array, invert_pose
 from dlama.geometry.rgbd import RGBD
-from dlama.geometry.rotations import quaternion_of, rotation_of
+from dlama.geometry.rotations import quaternion_from_rotation, rotation_from_quaternion
 from dlama.perception.diagnosis.finding import Finding, certainty
 from dlama.perception.diagnosis.landing import Landed, SmallFrame, land, shrink
 
@@ -46,9 +46,9 @@ class Convention(NamedTuple):
 
 def quaternion_reordered(pose: Float64Array, order: tuple[int, int, int, int]) -> Float64Array:
     """The pose whose quaternion has its numbers in another order (x y z w of the one read, at these places)."""
-    read = quaternion_of(pose[:3, :3])
+    read = quaternion_from_rotation(pose[:3, :3])
     out = pose.copy()
-    out[:3, :3] = rotation_of([read[place] for place in order])
+    out[:3, :3] = rotation_from_quaternion([read[place] for place in order])
     return out
 
 
@@ -74,19 +74,19 @@ MIRROR = "multiply each from both sides by diag(1, -1, 1, 1)"
 BODY_AXES = f"{AXES} (x forward, y left, z up, as robots have them)"
 CONVENTIONS: dict[str, Convention] = {
     "opengl": Convention("pose-axes", f"{AXES} (y and z the other way round)", FLIP, lambda p: p @ GL),
-    "inverse": Convention("pose-direction", INVERSE, "invert them", inverse_pose),
+    "inverse": Convention("pose-direction", INVERSE, "invert them", invert_pose),
     "inverse opengl": Convention(
-        "pose-direction", f"{INVERSE}, and {AXES}", f"invert them, then {FLIP}", lambda p: inverse_pose(p) @ GL
+        "pose-direction", f"{INVERSE}, and {AXES}", f"invert them, then {FLIP}", lambda p: invert_pose(p) @ GL
     ),
-    "opengl inverse": Convention("pose-direction", INVERSE, "invert them", lambda p: inverse_pose(p @ GL)),
-    "opengl inverse opengl": Convention("pose-direction", INVERSE, "invert them", lambda p: inverse_pose(p @ GL) @ GL),
+    "opengl inverse": Convention("pose-direction", INVERSE, "invert them", lambda p: invert_pose(p @ GL)),
+    "opengl inverse opengl": Convention("pose-direction", INVERSE, "invert them", lambda p: invert_pose(p @ GL) @ GL),
     "left-handed": Convention(
         "pose-handedness", "are left-handed (y up)", MIRROR, lambda p: LEFT_HANDED @ p @ LEFT_HANDED
     ),
     "left-handed opengl": Convention(
         "pose-handedness", "are left-handed (y up)", MIRROR, lambda p: LEFT_HANDED @ p @ GL @ LEFT_HANDED
     ),
-    "body": Convention("pose-axes", BODY_AXES, "turn the axes to x right, y down, z forward", lambda p: p @ inverse_pose(BODY)),
+    "body": Convention("pose-axes", BODY_AXES, "turn the axes to x right, y down, z forward", lambda p: p @ invert_pose(BODY)),
     "transposed": Convention("pose-rotation", "have their rotations transposed", "transpose the 3x3 part", _transposed),
     "wxyz": Convention(
         "quaternion-order", "have quaternions in the order w x y z", "write them as x y z w",

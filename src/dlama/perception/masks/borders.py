@@ -7,14 +7,14 @@ import numpy as np
 
 from dlama.geometry.holes import (
     box_around,
-    dilated,
+    dilate_mask,
     disc,
-    eroded,
+    erode_mask,
     larger_box,
+    morphological_open,
     nearest_known,
-    opened,
+    regions_touching,
     sides_of,
-    touching,
 )
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array
 from dlama.perception.masks.supports import Planes, height_above
@@ -46,15 +46,15 @@ MOST_PX = 1_000_000
 
 def with_foot(found: Planes, support: BoolArray, thing: BoolArray) -> BoolArray:
     """The thing and the pixels of a supporting plane that hang together with it and rise a little over the plane."""
-    near = dilated(thing, FOOT_PX) & support & as_near(found, thing)
+    near = dilate_mask(thing, FOOT_PX) & support & as_near(found, thing)
     if not near.any():
         return thing
     step = height_above(found, support)
-    around = dilated(thing, 4 * FOOT_PX) & support
+    around = dilate_mask(thing, 4 * FOOT_PX) & support
     unevenness = 1.4826 * float(np.median(np.abs(step[around])))
     least = max(FOOT_STEP, FOOT_NOISE * unevenness)
     rises = near & over_layers(step, support & (step > least), near, least)
-    return touching(thing | rises, thing)
+    return regions_touching(thing | rises, thing)
 
 
 def as_near(found: Planes, thing: BoolArray) -> BoolArray:
@@ -104,12 +104,12 @@ def to_picture_edges(rgbd: RGBD, found: Planes, thing: BoolArray) -> BoolArray:
     Open is missing depth beside the thing, and, where depth is noisy or blurred at edges, a band of BAND_PX. Thin parts, which
     the band would cover whole, keep what depth says.
     """
-    missing = rgbd.missing & dilated(thing, HOLE_PX)
+    missing = rgbd.missing & dilate_mask(thing, HOLE_PX)
     band = missing
     if not edges_are_sharp(rgbd, found, thing):
-        thin = thing & ~dilated(opened(thing, disc(BAND_PX)), 1)
-        band = missing | (dilated(thing, BAND_PX) & ~eroded(thing, BAND_PX) & ~thin)
-    band &= ~eroded(thing, BAND_PX)
+        thin = thing & ~dilate_mask(morphological_open(thing, disc(BAND_PX)), 1)
+        band = missing | (dilate_mask(thing, BAND_PX) & ~erode_mask(thing, BAND_PX) & ~thin)
+    band &= ~erode_mask(thing, BAND_PX)
     if not band.any() or not (thing & ~band).any():
         return thing
     return decided_by_color(rgbd, thing, band)
@@ -122,7 +122,7 @@ def lost_foot(found: Planes, thing: BoolArray, support: BoolArray, most: float =
     (as far as that, if it is more than FOOT_PX).
     """
     out = np.zeros_like(thing)
-    under = support & dilated(thing, 3)
+    under = support & dilate_mask(thing, 3)
     drawn = thing.astype(np.uint8)
     for number in np.unique(found.label[under]):
         slope = found.planes[number - 1][:2]

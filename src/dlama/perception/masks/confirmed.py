@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dlama.errors import MaskError
-from dlama.geometry.holes import box_around, dilated, disc, eroded, nearest_known, opened, square
+from dlama.geometry.holes import box_around, dilate_mask, disc, erode_mask, morphological_open, nearest_known, square
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
 from dlama.perception.masks.borders import FOOT_PX, HOLE_PX, lost_foot
 from dlama.perception.masks.outlines import Doubt
@@ -99,11 +99,11 @@ def doubts(
     near = dataclasses.replace(found, w=found.w[box], label=found.label[box])
     part, missing, under = mask[box], rgbd.missing[box], support[box]
     unknown = np.zeros(mask.shape, np.bool_)
-    unknown[box] = (missing & dilated(part, HOLE_PX)) | lost_foot(near, part, under)
+    unknown[box] = (missing & dilate_mask(part, HOLE_PX)) | lost_foot(near, part, under)
     if sure is None or sure.shown is None:
         return Doubt(beside, unknown)
-    far = lost_foot(near, opened(part, disc(THIN_PX)), under, 2 * FOOT_PX)
-    unknown[box] |= sure.shown.part[box] & ((missing & dilated(part, 2 * HOLE_PX)) | far)
+    far = lost_foot(near, morphological_open(part, disc(THIN_PX)), under, 2 * FOOT_PX)
+    unknown[box] |= sure.shown.part[box] & ((missing & dilate_mask(part, 2 * HOLE_PX)) | far)
     return Doubt(beside, unknown, sure.shown.level, sure.shown.part)
 
 
@@ -121,7 +121,9 @@ def about_click(color: UInt8Array, prompt: Prompt) -> StandsOut | None:
 
 def even_region(color: UInt8Array, pixel: Pixel) -> BoolArray | None:
     """H x W, what hangs together with a pixel by its colour, if that has the shape of a thing: a dark screen, a door."""
-    _, labels = cv2.connectedComponents(opened(color_region(color, pixel), square(EVEN_PX)).astype(np.uint8))
+    _, labels = cv2.connectedComponents(
+        morphological_open(color_region(color, pixel), square(EVEN_PX)).astype(np.uint8)
+    )
     region = filled_outline(labels == labels[pixel]) if labels[pixel] else np.zeros(labels.shape, np.bool_)
     return region if EVEN[0] <= region.mean() <= EVEN[1] and filled_share(region) >= CONVEX else None
 
@@ -159,10 +161,10 @@ def of_surfaces(
     plane[number] = np.maximum(found.label, 0)
     of_plane = np.array([1.0, *(found.share(n, shown.part) for n in range(len(found.planes)))])
     added = ~was & close & (share >= BELONGS) & (of_plane[plane] >= BELONGS)
-    solid = np.bincount(number[opened(thing, disc(THIN_PX))], minlength=count) >= 0.5 * sizes
+    solid = np.bincount(number[morphological_open(thing, disc(THIN_PX))], minlength=count) >= 0.5 * sizes
     other = (share <= OTHER) & solid
     chosen = ((was & ~other) | added)[number] & rgbd.valid
-    return chosen, overlap(chosen, shown.part & ~(rgbd.missing & dilated(thing, 2 * HOLE_PX)))
+    return chosen, overlap(chosen, shown.part & ~(rgbd.missing & dilate_mask(thing, 2 * HOLE_PX)))
 
 
 def surfaces_of(found: Planes, pieces: Pieces) -> NDArray[np.int32]:
@@ -186,7 +188,7 @@ def along_outline(rgbd: RGBD, thing: BoolArray) -> float:
         count = cv2.boxFilter(where.astype(np.float32), -1, window, normalize=False)
         total = cv2.boxFilter(np.where(where, rgbd.depth, np.float32(0)), -1, window, normalize=False)
         means.append(np.where(count > APART, total / np.maximum(count, 1), np.nan))
-    steps = (means[1] / means[0])[thing & ~eroded(thing, 1)]
+    steps = (means[1] / means[0])[thing & ~erode_mask(thing, 1)]
     known = steps[np.isfinite(steps)]
     return float(np.median(np.abs(known - 1))) if known.size else 0.0
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from dlama.geometry.holes import box_around, dilated, disc, eroded, opened
+from dlama.geometry.holes import box_around, dilate_mask, disc, erode_mask, morphological_open
 from dlama.geometry.kernels.jit import in_bands
 from dlama.geometry.kernels.relaxing import relax
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
@@ -96,11 +96,11 @@ def cropped(lab: Float32Array, thing: BoolArray, doubt: Doubt) -> BoolArray:
     move = best_move(lab, thing, doubt.reach)
     thing, unknown = (moved(each, move) for each in (thing, doubt.unknown))
     thin = thin_parts(thing, wide)
-    inside = (eroded(thing, wide) & ~unknown) | (eroded(thing, THIN_PX) & thin)
-    about = dilated(thing, wide) | dilated(unknown & ~thing, MORE_PX)
+    inside = (erode_mask(thing, wide) & ~unknown) | (erode_mask(thing, THIN_PX) & thin)
+    about = dilate_mask(thing, wide) | dilate_mask(unknown & ~thing, MORE_PX)
     if doubt.agreed is not None:
         about |= doubt.agreed & doubt.unknown
-    seen_through = eroded(~thing, THIN_PX) & thin_parts(~thing, wide) & ~unknown
+    seen_through = erode_mask(~thing, THIN_PX) & thin_parts(~thing, wide) & ~unknown
     outside = ~(about | inside) | seen_through
     open_ = ~inside & ~outside
     if not inside.any() or not open_.any() or not outside.any():
@@ -109,9 +109,9 @@ def cropped(lab: Float32Array, thing: BoolArray, doubt: Doubt) -> BoolArray:
     odds += np.where(unknown, 0, np.where(thin, DEPTH_ODDS, depth_odds(thing, wide)))
     if doubt.level is not None and doubt.agreed is not None:
         shown = np.clip(np.log((doubt.level + 0.01) / (1.01 - doubt.level)), -MOST_ODDS, MOST_ODDS)
-        its_outline = dilated(doubt.agreed & ~eroded(doubt.agreed, 1), NEAR * wide)
+        its_outline = dilate_mask(doubt.agreed & ~erode_mask(doubt.agreed, 1), NEAR * wide)
         shown *= np.where(unknown, SHOWN_ALONE, np.where(its_outline, SHOWN, 0))
-        odds += np.where(dilated(thin, wide), np.maximum(shown, 0), shown)
+        odds += np.where(dilate_mask(thin, wide), np.maximum(shown, 0), shown)
     return tidied(walked(lab, open_, odds, inside) > 0.5, inside | thin)
 
 
@@ -124,7 +124,7 @@ def by_color(lab: Float32Array, open_: BoolArray, ours: BoolArray, theirs: BoolA
 
 def thin_parts(thing: BoolArray, wide: int) -> BoolArray:
     """H x W, True on parts of a mask that are narrower than twice `wide`."""
-    return thing & ~dilated(opened(thing, disc(wide)), 1)
+    return thing & ~dilate_mask(morphological_open(thing, disc(wide)), 1)
 
 
 def without_fringe(thing: BoolArray, wide: int) -> BoolArray:
@@ -170,7 +170,7 @@ def best_move(lab: Float32Array, thing: BoolArray, reach: int) -> tuple[int, int
     down[1:-1] = np.sqrt(((lab[2:] - lab[:-2]) ** 2).sum(2))
     shape = cv2.GaussianBlur(thing.astype(np.float32), (0, 0), 1.5)
     rise_down, rise_across = np.gradient(shape)
-    rows, columns = np.nonzero(thing & ~eroded(thing, 1))
+    rows, columns = np.nonzero(thing & ~erode_mask(thing, 1))
     norm = np.hypot(rise_down, rise_across)[rows, columns] + 1e-6
     normal = np.abs(rise_down[rows, columns]) / norm, np.abs(rise_across[rows, columns]) / norm
     bound = max(float(np.quantile(np.maximum(across, down), STRONGEST)), LEAST_STEP)

@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 
 from dlama.errors import MaskError
-from dlama.geometry.holes import dilated, disc, eroded, opened
+from dlama.geometry.holes import dilate_mask, disc, erode_mask, morphological_open
 from dlama.geometry.rgbd import RGBD, BoolArray, UInt8Array
 from dlama.perception.masks.borders import decided_by_color
 from dlama.perception.masks.confirmed import rim_share
@@ -185,8 +185,8 @@ def refined(rgbd: RGBD, mask: BoolArray, window_hw: tuple[int, ...]) -> BoolArra
     reach = round(max(window_hw) / SIDE)
     if reach < 2:
         return mask
-    core = opened(mask, disc(2 * reach))
-    band = dilated(core, reach) & ~eroded(core, reach) & ~(mask & ~dilated(core, 1))
+    core = morphological_open(mask, disc(2 * reach))
+    band = dilate_mask(core, reach) & ~erode_mask(core, reach) & ~(mask & ~dilate_mask(core, 1))
     return decided_by_color(rgbd, mask, band) if band.any() and (mask & ~band).any() else mask
 
 

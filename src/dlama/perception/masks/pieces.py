@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from dlama.geometry.holes import dilated, nearest_known
+from dlama.geometry.holes import dilate_mask, nearest_known
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.perception.masks.prompt import Pixel
 
@@ -115,7 +115,7 @@ def belonging(pieces: Pieces, thing: BoolArray, gap: float, size: float, sizes: 
     reach = max(TOUCHING_PX, round(CRACK_SHARE * max(thing.shape)))
     distance, nearest = nearest_known(thing)
     yield from enclosed(pieces, thing, gap, sizes, nearest)
-    pixels = np.flatnonzero(dilated(thing, reach) & pieces.free & ~thing)
+    pixels = np.flatnonzero(dilate_mask(thing, reach) & pieces.free & ~thing)
     away, depth = distance.ravel()[pixels], pieces.depth.ravel()
     here, there = depth[pixels], depth[nearest.ravel()[pixels]]
     step, nearer = np.abs(here - there), np.minimum(here, there)

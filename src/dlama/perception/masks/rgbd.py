@@ -12,7 +12,7 @@ from collections.abc import Callable
 import numpy as np
 
 from dlama.errors import MaskError
-from dlama.geometry.drawing.picture_edges import CLEARLY, edges_beside
+from dlama.geometry.drawing.picture_edges import CLEARLY, edge_misalignment
 from dlama.geometry.holes import nearest_known
 from dlama.geometry.projection import inverse_depth
 from dlama.geometry.rgbd import RGBD, BoolArray
@@ -59,7 +59,7 @@ def rgbd_masker(rgbd: RGBD, model: None) -> Callable[[Prompt], tuple[dict[str, B
         rough = rough_depth(rgbd)
         return lambda prompt: (rough_candidates(rough, prompt), (NOISY,))
     found = planes_of(rgbd)
-    beside = edges_beside(rgbd.color, rgbd.depth, rgbd.valid, rgbd.far)
+    beside = edge_misalignment(rgbd.color, rgbd.depth, rgbd.valid, rgbd.far)
     return lambda prompt: rgbd_candidates(rgbd, found, prompt, beside if beside >= CLEARLY else 0)
 
 

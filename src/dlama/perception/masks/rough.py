@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 
 from dlama.errors import MaskError
-from dlama.geometry.holes import box_around, closed, opened, square
+from dlama.geometry.holes import box_around, morphological_close, morphological_open, square
 from dlama.geometry.projection import inverse_depth
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
 from dlama.perception.masks.prompt import Prompt
@@ -86,7 +86,7 @@ def rough_depth(rgbd: RGBD) -> RoughDepth:
     rise[:step], rise[-step:] = rise[step], rise[-step - 1]  # the picture's rim is as steep as what lies beside it
     away = np.abs(chosen - w) / np.maximum(w, 1e-6)
     ground = (away < ON_GROUND) & (rise > SLOPE_ON * slope) | (away < ABOUT_GROUND) & (rise > SLOPE_ABOUT * slope)
-    return RoughDepth(rgbd.color, w, opened(ground, square(9)), chosen, rgbd.far)
+    return RoughDepth(rgbd.color, w, morphological_open(ground, square(9)), chosen, rgbd.far)
 
 
 def rough_candidates(rough: RoughDepth, prompt: Prompt) -> dict[str, BoolArray]:
@@ -210,7 +210,7 @@ def cut(color: UInt8Array, state: UInt8Array) -> BoolArray:
 
 def hanging_together(mask: BoolArray, prompt: Prompt) -> BoolArray:
     """The pieces of the mask that hold a click, gaps of a pixel closed; nothing at clicks beside the thing."""
-    _, labels = cv2.connectedComponents(closed(mask, square(3)).astype(np.uint8), connectivity=8)
+    _, labels = cv2.connectedComponents(morphological_close(mask, square(3)).astype(np.uint8), connectivity=8)
     numbers = {int(labels[pixel]) for pixel in Prompt.pixels(prompt.clicks)} - {0}
     out = np.isin(labels, list(numbers))
     for pixel in Prompt.pixels(prompt.not_clicks):

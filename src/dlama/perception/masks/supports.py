@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from dlama.geometry.holes import dilated
+from dlama.geometry.holes import dilate_mask
 from dlama.geometry.projection import inverse_depth
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array
 from dlama.perception.planes import find_planes, label_known, noise_level
@@ -73,7 +73,7 @@ def behind_share(
     w: Float32Array, known: BoolArray, on_plane: BoolArray, plane: NDArray[np.float64], noise: float
 ) -> float:
     """Share (0..1) of the pixels along a plane's border that lie behind it: of the ground none, of a box's face most."""
-    rows, columns = np.nonzero(known & ~on_plane & dilated(on_plane, BORDER_PX))
+    rows, columns = np.nonzero(known & ~on_plane & dilate_mask(on_plane, BORDER_PX))
     if not len(rows):
         return 0.0
     value = plane[0] * (columns + 0.5) + plane[1] * (rows + 0.5) + plane[2]

@@ -14,7 +14,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from dlama.geometry.holes import dilated, touching
+from dlama.geometry.holes import dilate_mask, regions_touching
 from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.models.network_file import NetworkFile
 from dlama.models.perceptron import Perceptron, read_arrays
@@ -95,7 +95,7 @@ def likely_shadows(planes: Float32Array, parts: dict[str, Classifier], file: Net
         said[where] = parts["pixel"](rows)
         last = verdict_features(planes, shapes[number], said, float(sure[number]), features[number], sure)
         mean = np.asarray((said + marked) / 2, np.float32)
-        tones = tone_steps(planes, touching(mean > SHADOW, shapes[number]))
+        tones = tone_steps(planes, regions_touching(mean > SHADOW, shapes[number]))
         last = np.r_[last, agreement(marked, said > SHADOW, surface), 0, tones]
         out.append(Likely(shapes[number], mean, last))
     if region.sum() >= SMALLEST_MARKED:
@@ -109,7 +109,7 @@ def likely_shadows(planes: Float32Array, parts: dict[str, Classifier], file: Net
 def agreement(marked: Float32Array, region: BoolArray, where: BoolArray) -> Float32Array:
     """What the network's probabilities (h x w) say of a region on the surface: their means in it, round it and where they are
     high, the intersection of both over their union, and how much the network marks in all."""
-    ring = dilated(region, 6) & ~dilated(region, 1) & where
+    ring = dilate_mask(region, 6) & ~dilate_mask(region, 1) & where
     high = marked > SHADOW
     both = float((high & region).sum()) / max(float((high | region).sum()), 1.0)
     means = [float(marked[each].mean()) if each.any() else 0.0 for each in (region, ring, high)]
@@ -127,7 +127,7 @@ def verdict_features(
     """What speaks for the region that a shape leads to: how sure its pixels are and those elsewhere, the step at its border, and
     the shape's own features."""
     where, dark = planes[4] > 0.5, planes[9]
-    region = touching(said > SHADOW, shape)
+    region = regions_touching(said > SHADOW, shape)
     out = cv2.distanceTransform((~region).astype(np.uint8), cv2.DIST_L2, 3)
     ring, rest = (out > 2) & (out < 8) & where, (out >= 8) & where
     enough = region.sum() >= FEWEST_PX <= ring.sum()

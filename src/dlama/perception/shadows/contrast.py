@@ -9,7 +9,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from dlama.geometry.holes import box_mean, dilated
+from dlama.geometry.holes import box_mean, dilate_mask
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array
 
 FINE = 20
@@ -28,7 +28,7 @@ def stands_out(rgbd: RGBD, shadow: BoolArray, usable: BoolArray) -> bool:
     little of it is seen."""
     inside = shadow & usable
     reach = RING_PX + round(RING_SHARE * float(np.sqrt(shadow.sum())))
-    ring = dilated(shadow, reach) & ~dilated(shadow, GAP_PX) & usable
+    ring = dilate_mask(shadow, reach) & ~dilate_mask(shadow, GAP_PX) & usable
     if min(inside.sum(), ring.sum()) < FEWEST_PX:
         return True
     level = np.log(cv2.cvtColor(rgbd.color, cv2.COLOR_RGB2GRAY).astype(np.float32) + 4)

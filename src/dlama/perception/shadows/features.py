@@ -10,7 +10,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from dlama.geometry.holes import box_mean, dilated, nearest_known
+from dlama.geometry.holes import box_mean, dilate_mask, nearest_known
 from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.perception.shadows.planes import FAR, LOG_RANGE, THROWN
 
@@ -104,7 +104,7 @@ def tone_steps(planes: Float32Array, region: BoolArray) -> Float32Array:
     if inside.sum() < FEWEST_PX:
         return np.zeros(TONE_STEPS, np.float32)
     level = cv2.blur(planes[:3].mean(0) * LOG_RANGE, (2, 2))
-    ring = dilated(region, TONES_PX) & ~dilated(region, 3) & where
+    ring = dilate_mask(region, TONES_PX) & ~dilate_mask(region, 3) & where
     ring = ring if ring.sum() >= ENOUGH_PX else where
     inner = cv2.erode(inside.astype(np.uint8), np.ones((5, 5), np.uint8)) > 0
     inner = inner if inner.sum() >= ENOUGH_PX else inside

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from dlama.geometry.holes import dilated, touching
+from dlama.geometry.holes import dilate_mask, regions_touching
 from dlama.geometry.rgbd import RGBD, BoolArray
 from dlama.perception.masks.supports import Planes, planes_of
 from dlama.perception.shadows.classifier import SHADOW, shadow_probability
@@ -46,9 +46,9 @@ def find_shadow(rgbd: RGBD, mask: BoolArray, found: Planes | None = None) -> Boo
         return none
     probability, shape = (crop.large(each.astype(np.float32), mask.shape) for each in answer[:2])
     certain = answer[2]
-    usable = ground.surface & ~dilated(mask, EDGE_PX)
+    usable = ground.surface & ~dilate_mask(mask, EDGE_PX)
     thrown = (shape > 0.5) & usable
-    shadow = touching((probability > SHADOW) & usable, thrown | dilated(mask, NEAR_PX))
+    shadow = regions_touching((probability > SHADOW) & usable, thrown | dilate_mask(mask, NEAR_PX))
     further = grown(rgbd, mask, ground, usable, thrown) & ~shadow
     if further.any() and probability[further].mean() > PLAUSIBLE:
         shadow |= further
@@ -59,5 +59,5 @@ def find_shadow(rgbd: RGBD, mask: BoolArray, found: Planes | None = None) -> Boo
         return none
     if certain < TRUSTED and not stands_out(rgbd, shadow, usable):
         return none
-    contact = dilated(shadow, EDGE_PX + 2) & dilated(mask, EDGE_PX + 1)
+    contact = dilate_mask(shadow, EDGE_PX + 2) & dilate_mask(mask, EDGE_PX + 1)
     return np.asarray((shadow | contact) & ground.surface & ~mask)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from dlama.geometry.holes import dilated
+from dlama.geometry.holes import dilate_mask
 from dlama.geometry.projection import rays
 from dlama.geometry.rgbd import RGBD, BoolArray
 from dlama.perception.masks.supports import Planes
@@ -72,7 +72,7 @@ def ground_of(rgbd: RGBD, mask: BoolArray, found: Planes) -> Ground | None:
         return None
     lower = np.zeros(mask.shape, np.bool_)
     lower[int(rows[0] + 0.6 * (rows[-1] - rows[0])) :] = True
-    ring = dilated(mask, 6) & ~mask & lower
+    ring = dilate_mask(mask, 6) & ~mask & lower
     counts = np.bincount(found.label[ring & (found.label > 0)], minlength=len(found.planes) + 1)
     number = int(counts.argmax())
     if number < 1 or counts[number] < 10:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from dlama.geometry.holes import dilated, opened, square, touching
+from dlama.geometry.holes import dilate_mask, morphological_open, regions_touching, square
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array
 from dlama.perception.shadows.ground import Ground
 from dlama.perception.shadows.lit_surface import around, darkness, sky_lost
@@ -37,8 +37,8 @@ def grown(rgbd: RGBD, mask: BoolArray, ground: Ground, usable: BoolArray, shape:
     if deep > PLAIN * unevenness(dark, usable):
         shadow = shape
         for _ in range(ROUNDS):
-            near = usable & dilated(shadow, growth_px(shape))
-            larger = shadow | opened(touching(near & (dark > deep / 2), shape), square(3))
+            near = usable & dilate_mask(shadow, growth_px(shape))
+            larger = shadow | morphological_open(regions_touching(near & (dark > deep / 2), shape), square(3))
             if larger.sum() < MORE * shadow.sum():
                 break
             shadow = larger
@@ -54,7 +54,7 @@ def under_the_sky(
     occlusion: H x W, `ambient_occlusion`. Where a hard shadow explains what is dark near the thing, little is left for the sky;
     on patterns a tenth is not told.
     """
-    outside = ground.surface & ~dilated(shadow, RIM_PX)
+    outside = ground.surface & ~dilate_mask(shadow, RIM_PX)
     told = darkness(rgbd, mask, outside, occlusion)
     if told is None:
         return np.zeros_like(shadow)
@@ -62,7 +62,7 @@ def under_the_sky(
     if not rest.size or np.abs(rest).mean() > EVEN:
         return np.zeros_like(shadow)
     darker = usable & (told.share * sky_lost(occlusion) > DARKER)
-    return touching(darker, shadow | dilated(mask, RIM_PX))
+    return regions_touching(darker, shadow | dilate_mask(mask, RIM_PX))
 
 
 def growth_px(shape: BoolArray) -> int:
@@ -84,6 +84,6 @@ def fading(dark: Float32Array, usable: BoolArray, shadow: BoolArray, deep: float
     if unevenness(dark, usable) > SOFT_EVEN:
         return np.zeros_like(shadow)
     less = usable & (dark > DARKER) & (dark < FADED * deep)
-    both = touching(opened(less, square(5)) | shadow, shadow)
-    beyond = both & ~dilated(shadow, SOFT_WINDOW_PX // 2 + 1)  # a hard border, averaged, fades over half the window
+    both = regions_touching(morphological_open(less, square(5)) | shadow, shadow)
+    beyond = both & ~dilate_mask(shadow, SOFT_WINDOW_PX // 2 + 1)  # a hard border, averaged, fades over half the window
     return both if beyond.sum() > 0.5 * shadow.sum() else np.zeros_like(shadow)

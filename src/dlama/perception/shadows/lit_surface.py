@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from dlama.geometry.holes import box_around, dilated, larger_box, sides_of
+from dlama.geometry.holes import box_around, dilate_mask, larger_box, sides_of
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array
 from dlama.perception.shadows.ground import EDGE_PX
 
@@ -53,10 +53,10 @@ def darkness(
     counts less each round (Tukey's weights, the darker side cut sooner).
     """
     near = around(mask)
-    usable = surface & near & ~dilated(mask, EDGE_PX)
+    usable = surface & near & ~dilate_mask(mask, EDGE_PX)
     if usable.sum() < FEWEST_PX:
         return None
-    smooth = smooth_level(rgbd, surface & ~dilated(mask, EDGE_PX), window)
+    smooth = smooth_level(rgbd, surface & ~dilate_mask(mask, EDGE_PX), window)
     hidden = np.zeros(mask.shape) if occlusion is None else sky_lost(occlusion)
     v, u = np.nonzero(usable)
     keep = slice(None, None, max(1, len(v) // POINTS))

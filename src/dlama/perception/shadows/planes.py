@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from dlama.geometry.holes import dilated
+from dlama.geometry.holes import dilate_mask
 from dlama.geometry.projection import rays
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array
 from dlama.perception.shadows.crop import Crop, crop_round
@@ -39,7 +39,7 @@ def shadow_planes(rgbd: RGBD, mask: BoolArray, ground: Ground) -> tuple[Float32A
     thing = standing(points, rise, ground)
     occlusion = ambient_occlusion(thing, rgbd.camera, crop)
     dark = darkness(rgbd, mask, ground.surface, occlusion)
-    usable = ground.surface & ~dilated(mask, EDGE_PX)
+    usable = ground.surface & ~dilate_mask(mask, EDGE_PX)
     wide, high = crop.size
     out = np.zeros((len(PLANES), -(-high // MULTIPLE) * MULTIPLE, -(-wide // MULTIPLE) * MULTIPLE), np.float32)
     view = out[:, :high, :wide]

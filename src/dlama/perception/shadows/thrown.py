@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from dlama.geometry.holes import closed, dilated, square
+from dlama.geometry.holes import dilate_mask, morphological_close, square
 from dlama.geometry.projection import rays
 from dlama.geometry.rgbd import RGBD, BoolArray
 from dlama.perception.shadows.ground import Ground, Standing, standing
@@ -119,11 +119,11 @@ def reach_of(shape: BoolArray) -> int:
 
 def ring_of(shape: BoolArray, usable: BoolArray) -> BoolArray:
     """The surface round a thrown shape, as far from it as it may be off."""
-    return np.asarray(usable & dilated(shape, reach_of(shape) + 4) & ~dilated(shape, 4))
+    return np.asarray(usable & dilate_mask(shape, reach_of(shape) + 4) & ~dilate_mask(shape, 4))
 
 
 def shape_thrown(thing: Standing, over: NDArray[np.float64], rgbd: RGBD, usable: BoolArray) -> BoolArray:
     """H x W: the shape thrown by a light (metres over the surface for each metre of height), gaps closed, on `usable`."""
     shape = np.zeros(usable.shape, np.bool_)
     shape.ravel()[pixels_of(thing.foot + thing.rise[:, None] * over, rgbd)] = True
-    return np.asarray(usable & closed(shape, square(9)))
+    return np.asarray(usable & morphological_close(shape, square(9)))

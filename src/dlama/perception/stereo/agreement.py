@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 
 from dlama.errors import MaskError, ShapeError
-from dlama.geometry.holes import with_nearest
+from dlama.geometry.holes import fill_with_nearest
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.perception.stereo.matching import TOLERANCE_PX, check_pictures, nearest_columns
 
@@ -89,7 +89,7 @@ def carry_mask(mask_left: BoolArray, left_disparity: Float32Array) -> BoolArray:
         raise MaskError(
             "no disparity is known inside the mask, so it cannot be carried over; a mask of the right view is expected"
         )
-    shift = with_nearest(disparity, known)
+    shift = fill_with_nearest(disparity, known)
     columns, inside = nearest_columns(shift, 1)
     moved = mask_left & inside
     carried[np.nonzero(moved)[0], columns[moved]] = 1

@@ -18,7 +18,7 @@ import numpy as np
 from dlama.evaluation.metrics.masks import darkened
 from dlama.files.atomic_write import new_file
 from dlama.geometry.camera import Camera
-from dlama.geometry.holes import dilated, eroded
+from dlama.geometry.holes import dilate_mask, erode_mask
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
 from dlama.perception.masks.supports import planes_of
 from dlama.perception.shadows.ground import EDGE_PX, ground_of
@@ -62,7 +62,7 @@ def shadow_crop(
     planes, crop, _ = shadow_planes(source, mask, ground)
     target = np.full(planes.shape[1:], -1, np.float32)
     wide, high = crop.size
-    counts = crop.small(ground.surface & ~dilated(mask, EDGE_PX)) > 0.5
+    counts = crop.small(ground.surface & ~dilate_mask(mask, EDGE_PX)) > 0.5
     target[:high, :wide] = np.where(counts, crop.small(true), -1)
     return planes, target
 
@@ -217,7 +217,7 @@ def simulate_measurement(rgbd: RGBD, mask: BoolArray, rng: np.random.Generator) 
     elif kind < 0.45:
         rgbd = bend_depth(rgbd, mask, rng)
     if rng.random() < 0.25:
-        mask = np.asarray(dilated(mask, 1) if rng.random() < 0.6 else eroded(mask, 1))
+        mask = np.asarray(dilate_mask(mask, 1) if rng.random() < 0.6 else erode_mask(mask, 1))
     return rgbd, mask
 
 

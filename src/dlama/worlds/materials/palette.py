@@ -10,7 +10,7 @@ import numpy as np
 from numpy.random import Generator
 
 from dlama.files.rasters.pictures import read_color
-from dlama.geometry.rgbd import UInt8Array, checked_color
+from dlama.geometry.rgbd import UInt8Array, check_color
 from dlama.worlds.materials import panels, textures
 from dlama.worlds.materials.textures import Range
 from dlama.worlds.raycast.shape_rows import FIT, MIRROR, WRAP
@@ -120,4 +120,4 @@ def read_photo(photo: Photo) -> UInt8Array:
     """The picture; raises FileError where the file is none, ShapeError where the array is none."""
     if isinstance(photo, Path):
         return read_color(photo)
-    return checked_color(photo, "a texture")
+    return check_color(photo, "a texture")

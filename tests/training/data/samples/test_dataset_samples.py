@@ -15,7 +15,7 @@ from dlama.datasets.frames import RemovalTruth
 from dlama.datasets.layouts import open_dataset
 from dlama.errors import FileError, InputError
 from dlama.geometry.camera import Camera
-from dlama.geometry.holes import dilated
+from dlama.geometry.holes import dilate_mask
 from dlama.geometry.rgbd import RGBD
 from dlama.training.data import crops
 from dlama.training.data.batches import check_sample
@@ -71,7 +71,7 @@ def test_removals_show_what_the_files_show(folder: Path) -> None:
         assert isinstance(truth, RemovalTruth)
         example = source.example(index, np.random.default_rng(index))
         hole = example.view.hole
-        if not any(np.array_equal(hole, dilated(truth.mask, radius)) for radius in (1, 2, 3, 4)):
+        if not any(np.array_equal(hole, dilate_mask(truth.mask, radius)) for radius in (1, 2, 3, 4)):
             continue  # too small a thing: a random mask instead
         shown += 1
         made = view_sample(example, source.network)
@@ -96,7 +96,7 @@ def test_pairs_show_what_the_files_show(folder: Path, planes: str) -> None:
     for index, case in enumerate(source.cases):
         truth = cases[case.scene].load()
         made = source.pair(index, np.random.default_rng(index))
-        grown = [np.stack([dilated(mask, r) for mask in (truth.mask_left, truth.mask_right)]) for r in (1, 2, 3, 4)]
+        grown = [np.stack([dilate_mask(mask, r) for mask in (truth.mask_left, truth.mask_right)]) for r in (1, 2, 3, 4)]
         found = [holes for holes in grown if np.array_equal(made["mask"] > 0, holes if "two" in planes else
                                                             holes.any(0, keepdims=True))]  # fmt: skip
         assert len(found) == 1

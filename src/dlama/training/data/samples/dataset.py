@@ -16,7 +16,7 @@ import numpy as np
 from dlama.datasets.frames import RemovalTruth
 from dlama.errors import MaskError
 from dlama.evaluation.metrics.pictures import channel_gain, with_gain
-from dlama.geometry.holes import dilated, eroded
+from dlama.geometry.holes import dilate_mask, erode_mask
 from dlama.geometry.projection import inverse_depth
 from dlama.geometry.rendering import render
 from dlama.geometry.rgbd import RGBD, BoolArray, UInt8Array
@@ -133,7 +133,7 @@ class DatasetPairs:
 def dilate_equally(masks: Sequence[BoolArray], rng: np.random.Generator) -> list[BoolArray]:
     """Masks (H x W) dilated by one random radius of 1 to MOST_DILATION pixels, as before an object leaves the cloud."""
     radius = int(rng.integers(1, MOST_DILATION + 1))
-    return [dilated(mask, radius) for mask in masks]
+    return [dilate_mask(mask, radius) for mask in masks]
 
 
 def paste_in_hole(source: RGBD, without: RGBD, hole: BoolArray) -> RGBD:
@@ -155,7 +155,7 @@ def match_source_exposure(case: RemovalTruth) -> RGBD:
     """The frame without the object, at the exposure of the frame with it, by the pixels that both show."""
     if not case.exposure_varies:
         return case.without
-    both = ~dilated(case.mask, MOST_DILATION)
+    both = ~dilate_mask(case.mask, MOST_DILATION)
     if case.compare is not None:
         both &= case.compare
     gain = channel_gain(case.without.color, case.source.color, both)
@@ -165,7 +165,7 @@ def match_source_exposure(case: RemovalTruth) -> RGBD:
 def match_exposure(view: View, truth: RGBD) -> RGBD:
     """The truth at the exposure of the view, by the pixels where both have the same depth, off the edge of the hole."""
     w, true = inverse_depth(view.depth), inverse_depth(truth.depth)
-    same = eroded(~view.hole, 1) & (true > 0) & (np.abs(w - true) <= DEPTH_AGREES * true)
+    same = erode_mask(~view.hole, 1) & (true > 0) & (np.abs(w - true) <= DEPTH_AGREES * true)
     gain = channel_gain(truth.color, view.color, same)
     return RGBD(with_gain(truth.color, gain), truth.depth, truth.camera)
 

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dlama.geometry.holes import with_nearest
+from dlama.geometry.holes import fill_with_nearest
 from dlama.geometry.projection import inverse_depth
 from dlama.geometry.rgbd import RGBD, BoolArray, UInt8Array
 from dlama.geometry.view import View
@@ -62,7 +62,7 @@ def view_sample(example: ViewExample, network: NetworkSettings) -> dict[str, np.
         depth = DepthPlane.of(view, robust_scale)
         true = inverse_depth(example.truth.depth)
         # real pictures of the discriminator have no gaps: unknown depth is that of the nearest known pixel
-        plane = with_nearest(np.minimum(true / np.float32(depth.scale), np.float32(1)), example.truth.depth > 0)
+        plane = fill_with_nearest(np.minimum(true / np.float32(depth.scale), np.float32(1)), example.truth.depth > 0)
         known, target = np.concatenate([known, depth.values[None]]), np.concatenate([target, plane[None]])
         known_depth = example.truth.depth > 0 if not keep_view else np.where(hole, example.truth.depth > 0, True)
         limit = law_limit(example.law, view.camera, true, hole) / np.float32(depth.scale)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from dlama.geometry.holes import box_around, dilated, sides_of
+from dlama.geometry.holes import box_around, dilate_mask, sides_of
 from dlama.geometry.rendering import render
 from dlama.geometry.rgbd import RGBD, BoolArray
 from dlama.geometry.scene import Scene
@@ -67,7 +67,7 @@ class WorldRemovals(WorldSamples):
         frame, removed = views.frame(number), removable_object(views, number, rng)
         if removed is None:
             return mask_example(frame, random_mask(rng, frame.camera.hw))
-        hole = dilated(views.raycast(number).group == removed, int(rng.integers(1, MOST_DILATION + 1)))
+        hole = dilate_mask(views.raycast(number).group == removed, int(rng.integers(1, MOST_DILATION + 1)))
         truth = frame_without(views, number, removed, hole)
         return mask_example(add_depth_faults(frame, rng), hole, truth)
 
@@ -95,7 +95,7 @@ class WorldPairs:
         random = random_mask(rng, views.cameras[0].hw) if removed is None else None
         for number in ends:
             frame = views.frame(number)
-            hole = random if random is not None else dilated(views.raycast(number).group == removed, radius)
+            hole = random if random is not None else dilate_mask(views.raycast(number).group == removed, radius)
             shown.append(frame.color)
             true.append(frame_without(views, number, removed, hole).color if removed is not None else frame.color)
             holes.append(hole)
