@@ -54,6 +54,19 @@ def test_a_frame_in_its_own_camera_is_itself(frame: RGBD, mode: Mode) -> None:
     np.testing.assert_array_equal(view.confidence, ~frame.missing)
 
 
+def test_a_frame_in_its_own_camera_shares_its_arrays() -> None:
+    """Law: nothing is drawn and nothing copied where nothing can change; what a caller left in holes is not shown."""
+    depth = np.full((9, 12), 2, np.float32)
+    depth[3:6, 4:9] = 0
+    color = np.random.default_rng(0).integers(0, 256, (9, 12, 3), np.uint8)
+    source = View.from_rgbd(RGBD(color, depth, Camera.from_fov(12, 9, 60)))
+    seen = render(source, source.camera)
+    assert np.shares_memory(seen.color, source.color) and np.shares_memory(seen.depth, source.depth)
+    assert (seen.hole_type == source.hole_type).all()
+    left = dataclasses.replace(source, confidence=np.full(depth.shape, 0.5, np.float32))
+    assert not render(left, source.camera).confidence[3:6, 4:9].any()
+
+
 @modes
 def test_own_camera_keeps_the_colour_of_sensor_holes(mode: Mode) -> None:
     """Law: every pixel comes back, also a missing pixel's colour, marked as View.from_rgbd marks it."""

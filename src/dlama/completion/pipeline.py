@@ -24,7 +24,7 @@ from dlama.geometry.rendering import Mode
 from dlama.geometry.rgbd import RGBD, BoolArray, UInt8Array
 from dlama.geometry.scene import Scene
 from dlama.inpainters import AUTO
-from dlama.inpainters.filling import Inpainter
+from dlama.inpainters.filling import FillReport, Inpainter
 
 
 def complete(
@@ -80,26 +80,30 @@ def complete(
     warn_of_scale(source)
     plan, scene, grown_mask = plan_for(start, chosen, mask, filler=filler, model=model, seed=seed)
     clock = Clock()
-    on_the_way: list[CompletedView] = []
     completed: list[CompletedView] = []
+    fills: list[FillReport] = []
+    choices: list[tuple[Camera, UInt8Array]] = []
     for step in (*frame_steps(plan, scene, cameras), *(Step(camera) for camera in cameras)):
         found, scene = complete_step(plan, scene, step, clock)
-        (completed if step.place is None else on_the_way).append(found)
+        fills += found.reports
+        if found.reports[1].choice is not None:
+            choices.append((found.view.camera, found.reports[1].choice))
+        if step.place is None:
+            completed.append(found)
+        del found  # of a frame the scene holds what was filled
     views, warped = tuple(one.view for one in completed), tuple(one.before for one in completed)
     if mask is None:
         warn_of_unknown(source, warped)
-    fills = [report for one in (*on_the_way, *completed) for report in one.reports]
     record = Record(fills, clock.seconds, grown_mask, [one.grown for one in completed])
     meta = about_depth(rgbd, start) | meta_data(plan, source, warped, record) | expected_errors(views)
-    choices = tuple(choice_of(one, [*on_the_way, *completed]) for one in completed)
-    return Completion(views, warped, scene, source, meta, choices=choices).with_min_confidence(min_confidence)
+    chosen_guesses = tuple(choice_of(one, choices) for one in completed)
+    return Completion(views, warped, scene, source, meta, choices=chosen_guesses).with_min_confidence(min_confidence)
 
 
-def choice_of(completed: CompletedView, everything: Sequence[CompletedView]) -> UInt8Array | None:
+def choice_of(completed: CompletedView, choices: Sequence[tuple[Camera, UInt8Array]]) -> UInt8Array | None:
     """H x W: the number of the guess that counts most in each pixel (`Fill.choice`), of a filler that chooses; else None.
 
     Where nothing was left to fill, that of the view of the same camera that was filled before.
     """
-    same = (one for one in everything if one.view.camera.same_view_as(completed.view.camera))
-    found = (one.reports[1].choice for one in (completed, *same))
-    return next((choice for choice in found if choice is not None), None)
+    same = (choice for camera, choice in choices if camera.same_view_as(completed.view.camera))
+    return completed.reports[1].choice if completed.reports[1].choice is not None else next(same, None)

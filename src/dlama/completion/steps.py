@@ -20,13 +20,13 @@ from dlama.completion.start import NO_DILATION, Dilation, Plan
 from dlama.geometry.camera import Camera
 from dlama.geometry.frames.choosing import choose_frames
 from dlama.geometry.fusion import fuse
-from dlama.geometry.holes import dilate_view_holes
+from dlama.geometry.holes import box_around, dilate_view_holes
 from dlama.geometry.rendering import render
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import HoleType, Origin, View
 from dlama.geometry.visibility import Law, project_depth
 from dlama.inpainters.confidence import SUREST
-from dlama.inpainters.filling import FillReport, inpaint
+from dlama.inpainters.filling import FillReport, inpaint, with_part
 
 LOG = logging.getLogger("dlama")
 NOTHING_FILLED = FillReport(0, 0, 0, {})
@@ -106,7 +106,14 @@ def show_earlier_fill(plan: Plan, scene: Scene, before: View) -> tuple[View, Fil
     """The view with its holes closed where `scene` was filled for a frame or for earlier cameras, and what that did."""
     if scene is plan.given or not before.hole.any():
         return before, NOTHING_FILLED
-    return close_holes(plan.law, before, render(scene, before.camera, plan.recipe.mode, types=False, close=False))
+    if len(scene.frames) > 1 or not all(layer.camera.same_view_as(before.camera) for layer in scene.layers):
+        return close_holes(plan.law, before, render(scene, before.camera, plan.recipe.mode, types=False, close=False))
+    rows, columns = box_around(before.hole, 0)  # nothing moves: all else would be drawn in vain
+    part = before.cropped(rows, columns)
+    frames, fills = (tuple(one.read().cropped(rows, columns) for one in of) for of in (scene.frames, scene.fills))
+    earlier = render(Scene(frames, fills=fills), part.camera, plan.recipe.mode, types=False, close=False)
+    closed, report = close_holes(plan.law.cropped(before, rows, columns), part, earlier)
+    return with_part(before, closed, rows, columns), report
 
 
 def close_holes(law: Law, view: View, earlier: View, *, measured: bool = False) -> tuple[View, FillReport]:

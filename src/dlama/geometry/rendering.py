@@ -6,6 +6,8 @@ depth discontinuities, so that surfaces have no cracks and nothing shines throug
 
 from __future__ import annotations
 
+import dataclasses
+
 import cv2
 import numpy as np
 
@@ -20,7 +22,7 @@ from dlama.geometry.drawing.layers import Mode as Mode
 from dlama.geometry.drawing.layers import find_flying_pixels as find_flying_pixels
 from dlama.geometry.frames.extent import may_show
 from dlama.geometry.frames.merging import merge_frames
-from dlama.geometry.holes import fill_with_nearest
+from dlama.geometry.holes import box_around, fill_with_nearest
 from dlama.geometry.kernels import hole_types as hole_kernels
 from dlama.geometry.kernels.jit import in_bands
 from dlama.geometry.projection import project
@@ -69,6 +71,8 @@ def render(
     if isinstance(source, PointCloud):
         return render_cloud(source, camera, mode)
     scene = to_scene(source)
+    if not scene.fills and (own := share_own_view(scene, camera, types)) is not None:
+        return own
     fine = fine and mode == "surface"
     merged = merge_frames(scene, camera, mode, fine) if len(scene.frames) > 1 else None
     fills = scene.fills if mode == "surface" else drop_overlap(scene.fills)
@@ -100,6 +104,28 @@ def render(
     errors = None if canvas.errors is None else freeze(canvas.errors)
     color, depth, origin, confidence = (freeze(plane) for plane in canvas.buffers())
     return View(camera, color, depth, freeze(hole), freeze(kinds), origin, confidence, frame, errors)
+
+
+def share_own_view(scene: Scene, camera: Camera, types: bool) -> View | None:
+    """The one frame of a scene as its own camera sees it, its arrays shared; None: it has to be drawn.
+
+    A frame with something in its holes (a caller's) is drawn, without that.
+    """
+    if len(scene.frames) > 1 or not scene.frames[0].camera.same_view_as(camera):
+        return None
+    layer = scene.frames[0].read()
+    hole = layer.hole
+    if not np.array_equal(layer.depth > 0, ~hole):
+        return None
+    if hole.any():
+        box = box_around(hole, 0)
+        inside, nothing = hole[box], layer.color_hole[box]
+        if layer.confidence[box][inside].any() or layer.origin[box][nothing].any() or layer.color[box][nothing].any():
+            return None
+        if layer.errors is not None and layer.errors[box][inside].any():
+            return None
+    kinds = TYPE_OF_RANK[RANK_OF_TYPE].take(layer.hole_type) * hole if types else hole * np.uint8(HoleType.OUT_OF_VIEW)
+    return dataclasses.replace(layer, camera=camera, hole_type=freeze(kinds), frame=None)
 
 
 def drop_overlap(fills: tuple[View, ...]) -> tuple[View, ...]:

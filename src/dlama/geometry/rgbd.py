@@ -142,12 +142,19 @@ def freeze(array: np.ndarray) -> np.ndarray:
 
 
 def select(array: np.ndarray, where: BoolArray) -> np.ndarray:
-    """The values (H x W or H x W x C) in the pixels of `where` (H x W bool), 0 in all others; read-only, nobody else holds it."""
+    """The values (H x W or H x W x C) in the pixels of `where` (H x W bool), 0 in all others; read-only, nobody else holds it.
+
+    Only the box round `where` is written: the system gives no memory to the rest of a large array of zeros.
+    """
     if array.dtype == np.bool_:
         return freeze(array & where)
-    import cv2  # late: nouns load numpy alone
-
-    return freeze(np.asarray(cv2.copyTo(array, where.view(np.uint8))))
+    out = np.zeros(array.shape, array.dtype)
+    rows = np.flatnonzero(where.any(1))
+    if rows.size:
+        columns = np.flatnonzero(where.any(0))
+        box = slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)
+        paste(array[box], where[box], out[box])
+    return freeze(out)
 
 
 def paste(array: np.ndarray, where: BoolArray, onto: np.ndarray) -> None:

@@ -19,7 +19,7 @@ from dlama.geometry.frames.coarse import coarse_camera, coarse_depth
 from dlama.geometry.kernels import visibility as kernels
 from dlama.geometry.kernels.jit import in_bands
 from dlama.geometry.projection import px_from_px
-from dlama.geometry.rgbd import BoolArray, Float32Array
+from dlama.geometry.rgbd import BoolArray, Float32Array, paste
 from dlama.geometry.scene import Scene
 from dlama.geometry.sky import Sky
 from dlama.geometry.view import View, from_source
@@ -78,9 +78,9 @@ class Law:
                 continue
             layer = layer.read()
             depth = np.where(from_source(layer.origin), layer.depth, np.float32(0))
-            for number, (camera, known) in enumerate(measured):
+            for camera, known in measured:
                 if camera.same_view_as(layer.camera):
-                    measured[number] = camera, np.where(known > 0, known, depth)
+                    paste(depth, known == 0, known)
                     break
             else:
                 measured.append((layer.camera, depth))
@@ -97,8 +97,9 @@ class Law:
             for number, (camera, known) in enumerate(measured):
                 if camera.same_view_as(layer.camera):
                     placed = align_edges(layer.read())
-                    measured[number] = camera, np.where(placed.beside, np.maximum(known, placed.depth), known)
-                    misplaced |= bool(placed.beside.any())
+                    if placed.beside.any():
+                        measured[number] = camera, np.where(placed.beside, np.maximum(known, placed.depth), known)
+                        misplaced = True
         return replace(self, measured=tuple(measured), misplaced_edges=misplaced)
 
     def cropped(self, view: View, rows: slice, columns: slice) -> Law:

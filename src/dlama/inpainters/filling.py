@@ -135,11 +135,11 @@ def with_part(view: View, part: View, rows: slice, columns: slice) -> View:
     planes = {}
     for one in dataclasses.fields(View)[1:]:
         whole, inside = getattr(view, one.name), getattr(part, one.name)
-        if inside is not None:
-            planes[one.name] = (
-                np.zeros((*view.hole.shape, *inside.shape[2:]), inside.dtype) if whole is None else whole.copy()
-            )
-            planes[one.name][rows, columns] = inside
+        if inside is None or (whole is not None and np.array_equal(whole[rows, columns], inside)):
+            continue
+        shape = (*view.hole.shape, *inside.shape[2:])
+        planes[one.name] = np.zeros(shape, inside.dtype) if whole is None else whole.copy()
+        planes[one.name][rows, columns] = inside
     return view.with_planes(**planes)
 
 

@@ -145,12 +145,7 @@ class Grid:
     layer: View
     own_camera: bool
     """The camera is the layer's own: pixels are copied, nothing is rejected."""
-    depth: Float32Array
-    """Depth without holes and flying pixels (0)."""
-    flying: BoolArray
-    """H x W, True at flying pixels."""
-    joined: UInt8Array | None
-    """Which neighbours are one surface, `join_neighbours`; None: draw points."""
+    mode: Mode
     matrix: Float64Array
     """3x3, and `offset`: from layer pixels to target pixels, see `px_from_px`."""
     offset: Float64Array
@@ -160,12 +155,29 @@ class Grid:
 
     @classmethod
     def of(cls, layer: View, camera: Camera, mode: Mode, fine: bool) -> Grid:
-        """The layer without flying pixels, its neighbours joined into surfaces (mode "surface"), ready for `camera`."""
+        """The layer, ready for `camera`; flying pixels and joined neighbours are looked for where they are first needed."""
         layer = layer.read()
-        depth, fly, w = remove_flying_pixels(layer)
-        joined = join_neighbours(w, layer.camera) if mode == "surface" else None
-        own_camera = layer.camera.same_view_as(camera)
-        return cls(layer, own_camera, depth, fly, joined, *px_from_px(camera, layer.camera), fine)
+        return cls(layer, layer.camera.same_view_as(camera), mode, *px_from_px(camera, layer.camera), fine)
+
+    @cached_property
+    def _surface(self) -> tuple[Float32Array, BoolArray, UInt8Array | None]:
+        depth, fly, w = remove_flying_pixels(self.layer)
+        return depth, fly, join_neighbours(w, self.layer.camera) if self.mode == "surface" else None
+
+    @property
+    def depth(self) -> Float32Array:
+        """Depth without holes and flying pixels (0)."""
+        return self._surface[0]
+
+    @property
+    def flying(self) -> BoolArray:
+        """H x W, True at flying pixels."""
+        return self._surface[1]
+
+    @property
+    def joined(self) -> UInt8Array | None:
+        """Which neighbours are one surface, `join_neighbours`; None: draw points."""
+        return self._surface[2]
 
     @cached_property
     def knots(self) -> Float32Array:

@@ -106,7 +106,7 @@ def align_edges(view: View) -> AlignedDepth:
 def _align_edges(view: View) -> AlignedDepth:
     reach = edge_uncertainty(view)
     if not reach:
-        none = np.zeros_like(view.hole)
+        none = np.zeros(view.hole.shape, np.bool_)
         return AlignedDepth(view.depth, none, none)
     grid = MapGrid.of(view.depth)
     depth, known = grid.of_map(view.depth), grid.of_map(view.valid)
@@ -200,6 +200,8 @@ def edge_misalignment(color: UInt8Array, depth: Float32Array, measured: BoolArra
     Where the depth map was enlarged to the size of the picture they are looked for at its own size; by less than CLEARLY of its
     own pixels they are off for its coarseness alone: 0.
     """
+    if measured.sum() < LEAST_EDGES:
+        return 0
     grid = MapGrid.of(depth)
     off = map_edge_misalignment(*(grid.picture(color), *(grid.of_map(one) for one in (depth, measured, far))))
     return off if not grid.enlarged else round(off * grid.largest) * (off >= CLEARLY)
