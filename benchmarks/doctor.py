@@ -25,10 +25,10 @@ from dlama.geometry.camera import Camera
 from dlama.geometry.projection import depth_from_disparity
 from dlama.perception.diagnosis.finding import Observed
 from dlama.perception.diagnosis.landing import SmallFrame, shrink
-from dlama.perception.diagnosis.odd_frames import odd_frames
-from dlama.perception.diagnosis.poses import pose_faults
-from dlama.perception.diagnosis.rgbd_checks import findings_of
-from dlama.perception.diagnosis.stereo_pair import pair_findings
+from dlama.perception.diagnosis.odd_frames import find_odd_frames
+from dlama.perception.diagnosis.poses import check_poses
+from dlama.perception.diagnosis.rgbd_checks import run_checks
+from dlama.perception.diagnosis.stereo_pair import check_pair
 from dlama.worlds.layouts.random_scene import build
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
@@ -119,7 +119,7 @@ def pair_table(pairs: list[tuple[np.ndarray, np.ndarray, float]]) -> None:
             ),
         }
         for name, both in spoilt.items():
-            faults = [each.check for each in pair_findings(*both, doffs) if each.severity == "fault"]
+            faults = [each.check for each in check_pair(*both, doffs) if each.severity == "fault"]
             told[name]["+".join(faults) or "nothing"] += 1
     print(f"\nstereo pairs: {len(pairs)}")
     for name, counts in told.items():
@@ -148,10 +148,10 @@ def pose_table(rows: list[tuple[str, list[dlama.RGBD]]]) -> None:
     told: dict[str, Counter[str]] = defaultdict(Counter)
     for source, frames in rows:
         told["good, false alarms"][f"{source} tried"] += 1
-        told["good, false alarms"][source] += any(each.severity == "fault" for each in pose_faults(frames, ""))
+        told["good, false alarms"][source] += any(each.severity == "fault" for each in check_poses(frames, ""))
         for name, (spoil, wanted) in POSES.items():
             told[name][f"{source} tried"] += 1
-            told[name][source] += wanted in [each.check for each in pose_faults(moved(frames, spoil), "")]
+            told[name][source] += wanted in [each.check for each in check_poses(moved(frames, spoil), "")]
     print("\nposes, named / tried")
     for name, counts in told.items():
         print(
@@ -184,11 +184,11 @@ def odd_table(rows: Iterator[tuple[str, list[SmallFrame], list[dlama.RGBD]]]) ->
     for source, small, frames in rows:
         names = [str(number) for number in range(len(small))]
         told["good, frames named"][f"{source} tried"] += len(small)
-        told["good, frames named"][source] += len(odd_frames(small, names))
+        told["good, frames named"][source] += len(find_odd_frames(small, names))
         for name, (spoil, wanted, _) in FRAMES.items():
             for number in range(0, len(small), max(1, len(small) // 4)):
                 spoilt = [*small[:number], shrink(spoil(frames[number])), *small[number + 1 :]]
-                found = [(each.check, each.what.partition(":")[0]) for each in odd_frames(spoilt, names)]
+                found = [(each.check, each.what.partition(":")[0]) for each in find_odd_frames(spoilt, names)]
                 told[name][f"{source} tried"] += 1
                 told[name][source] += found == [(wanted, str(number))]
                 told[name][f"{source} others"] += any(other != str(number) for _, other in found)
@@ -227,7 +227,7 @@ def pictures(count: int, folder: Path | None, every: int) -> None:
         inputs += [*data(folder / "data"), *street(folder / "street")]
     for number, (source, seen) in enumerate(inputs):
         good[source] += 1
-        told = [finding.line for finding in findings_of(seen) if finding.severity == "fault"]
+        told = [finding.line for finding in run_checks(seen) if finding.severity == "fault"]
         alarms[source] += bool(told)
         for line in told:
             print(f"false alarm, {source} {number}: {line}", flush=True)
@@ -236,7 +236,7 @@ def pictures(count: int, folder: Path | None, every: int) -> None:
         for name, (spoil, wanted) in SPOILT.items():
             if "mask" in name and seen.mask is None:
                 continue
-            named = [finding.check for finding in findings_of(spoil(seen)) if finding.severity == "fault"]
+            named = [finding.check for finding in run_checks(spoil(seen)) if finding.severity == "fault"]
             found = spoilt[name, source]
             found["tried"] += 1
             found["named"] += bool(set(named) & set(wanted))

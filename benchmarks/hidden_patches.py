@@ -22,7 +22,7 @@ from dlama.evaluation.metrics.lpips import Lpips
 from dlama.files.rasters.pictures import write_color
 from dlama.geometry.holes import dilate_mask
 from dlama.geometry.rgbd import RGBD, BoolArray
-from dlama.perception.masks.supports import planes_of
+from dlama.perception.masks.supports import find_planes_of_picture
 
 CLICKS = (
     (90, 473, 208), (400, 229, 205), (400, 321, 293), (220, 282, 367), (280, 342, 402), (330, 392, 240), (250, 229, 330),
@@ -51,7 +51,7 @@ def shapes_of_things(folder: Path) -> list[BoolArray]:
 
 def hidden(rgbd: RGBD, shapes: list[BoolArray], rng: np.random.Generator) -> Iterator[BoolArray]:
     """Up to A_FRAME masks, H x W, on one plane each."""
-    label, found = planes_of(rgbd).label, 0
+    label, found = find_planes_of_picture(rgbd).label, 0
     for _ in range(TRIES):
         shape = shapes[int(rng.integers(1, len(shapes))) if rng.random() < 0.85 else 0]
         shape = shape[:, ::-1] if rng.random() < 0.5 else shape

@@ -359,7 +359,7 @@ MUTANTS: tuple[Mutant, ...] = (
         ("stereo has no far limit", "np.where(depth >= far, np.float32(np.inf), depth)", "depth"),
         ("depth forgets doffs", "baseline_m=rig.baseline_m, doffs=rig.doffs)", "baseline_m=rig.baseline_m)"),
         ("bleeding is measured from disparity 0", "as_near = disparity + doffs >=", "as_near = disparity >="),
-        ("the left mask is not carried over", "carry_mask(mask, left_disparity) if", "mask if"),
+        ("the left mask is not carried over", "transfer_mask(mask, left_disparity) if", "mask if"),
         ("the right mask is not used", "if mask_right is None else check_mask", "if True else check_mask"),
     ),
     *faults(
@@ -505,8 +505,8 @@ MUTANTS: tuple[Mutant, ...] = (
         ("one cause is told twice", 'if not (odd_scale and each.check == "depth-scale")', ""),
         (
             "notes stand beside the odd frame",
-            "odd_frames(list(small.values()), list(small)) or found",
-            "[*odd_frames(list(small.values()), list(small)), *found]",
+            "find_odd_frames(list(small.values()), list(small)) or found",
+            "[*find_odd_frames(list(small.values()), list(small)), *found]",
         ),
         (
             "poses of another convention make frames odd",

@@ -25,8 +25,8 @@ from torch.nn.functional import binary_cross_entropy_with_logits
 
 from dlama.geometry.holes import regions_touching
 from dlama.models.network_file import NetworkFile
-from dlama.perception.shadows.classifier import CLIP, PARTS, SHADOW, Classifier, Likely, likely_shadows
-from dlama.perception.shadows.features import candidate_features, color_shares, insides, pixel_features
+from dlama.perception.shadows.classifier import CLIP, PARTS, SHADOW, Classifier, LikelyShadows, find_likely_shadows
+from dlama.perception.shadows.features import candidate_features, cast_interiors, color_shares, pixel_features
 from dlama.perception.shadows.network import NETWORK
 from dlama.training.data.shadow_crops import ShadowCrops, write_shadow_crops
 from dlama.training.logistic import logistic_weights
@@ -52,12 +52,12 @@ def logistic(features: np.ndarray, right: np.ndarray) -> Classifier:
 
 def right_shapes(planes: np.ndarray, target: np.ndarray) -> np.ndarray:
     true = target > 0.5
-    shapes = [shape & (target >= 0) for shape in insides(planes)]
+    shapes = [shape & (target >= 0) for shape in cast_interiors(planes)]
     return np.array([true.sum() >= FEWEST_PX and (one & true).sum() > 0.5 * max(one.sum(), 1) for one in shapes])
 
 
 def candidates_of(planes: np.ndarray) -> np.ndarray:
-    return candidate_features(planes, insides(planes), color_shares(planes))
+    return candidate_features(planes, cast_interiors(planes), color_shares(planes))
 
 
 def fit_candidates(crops: Sequence[Crop]) -> Classifier:
@@ -96,7 +96,7 @@ def fit_pixels(crops: Sequence[Crop], candidates: Classifier, seed: int) -> Clas
     for planes, target in crops:
         if (target > 0.5).sum() < FEWEST_PX:
             continue
-        shapes, right = insides(planes), np.flatnonzero(right_shapes(planes, target))
+        shapes, right = cast_interiors(planes), np.flatnonzero(right_shapes(planes, target))
         shares = color_shares(planes)
         sure = candidates(np.nan_to_num(candidate_features(planes, shapes, shares)))
         used = [(shapes[number], max(float(sure[number]), 0.4)) for number in right]
@@ -134,14 +134,14 @@ def perceptron(features: np.ndarray, true: np.ndarray, weight: np.ndarray, seed:
     return Classifier(mean, spread, layers)
 
 
-def rates(likely: Likely, target: np.ndarray) -> tuple[float, float]:
+def rates(likely: LikelyShadows, target: np.ndarray) -> tuple[float, float]:
     """Recall and precision of the region that a shape leads to."""
     found, true = regions_touching(likely.probability > SHADOW, likely.shape) & (target >= 0), target > 0.5
     both = float((found & true).sum())
     return both / max(float(true.sum()), 1.0), both / max(float(found.sum()), 1.0)
 
 
-def good(likely: Likely, target: np.ndarray) -> bool:
+def good(likely: LikelyShadows, target: np.ndarray) -> bool:
     recall, precision = rates(likely, target)
     return bool((target > 0.5).sum() >= FEWEST_PX and 2 * recall * precision > GOOD * (recall + precision))
 
@@ -151,7 +151,7 @@ def fitted(crops: ShadowCrops, network: NetworkFile, seed: int) -> dict[str, Cla
     others, own = crops.fifths()
     parts = {"candidate": fit_candidates(others)}
     parts["pixel"] = fit_pixels(others, parts["candidate"], seed)
-    found = [(likely, target) for planes, target in own for likely in likely_shadows(planes, parts, network)]
+    found = [(likely, target) for planes, target in own for likely in find_likely_shadows(planes, parts, network)]
     right = np.array([good(likely, target) for likely, target in found], np.float64)
     print(f"verdict: {len(right)} answers, {right.mean():.2f} right", flush=True)
     parts["verdict"] = logistic(np.array([likely.features for likely, _ in found]), right)
@@ -163,7 +163,7 @@ def report(crops: Sequence[Crop], parts: dict[str, Classifier], network: Network
     rows = []
     for planes, target in crops:
         best, sure = None, 0.0
-        for likely in likely_shadows(planes, parts, network):
+        for likely in find_likely_shadows(planes, parts, network):
             said = float(parts["verdict"](likely.features[None])[0])
             best, sure = (likely, said) if said > sure else (best, sure)
         true = (target > 0.5).sum() >= FEWEST_PX

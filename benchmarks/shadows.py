@@ -23,11 +23,11 @@ from dlama.datasets.frames import RemovalTruth
 from dlama.evaluation.metrics.masks import away_from, darkened
 from dlama.evaluation.protocols.mask import SMALLEST_SHADOW_PX
 from dlama.geometry.holes import dilate_mask
-from dlama.perception.masks.supports import planes_of
+from dlama.perception.masks.supports import find_planes_of_picture
 from dlama.perception.shadows.find import find_shadow
-from dlama.perception.shadows.ground import EDGE_PX, ground_of, standing, thing_points
+from dlama.perception.shadows.ground import EDGE_PX, find_ground, measure_object, object_points
 from dlama.perception.shadows.search import Scale
-from dlama.perception.shadows.thrown import WEIGHTS, thrown_shape
+from dlama.perception.shadows.thrown import WEIGHTS, find_cast_shape
 from dlama.training.logistic import logistic_weights
 from dlama.worlds.dataset import open_dataset_or_worlds, worlds
 
@@ -43,12 +43,12 @@ def rows_of(truths: Iterator[RemovalTruth], scale: Scale) -> tuple[np.ndarray, n
     """N x features, and N: whether the thrown shape is right."""
     features, right = [], []
     for truth in truths:
-        ground = ground_of(truth.source, truth.mask, planes_of(truth.source))
+        ground = find_ground(truth.source, truth.mask, find_planes_of_picture(truth.source))
         if ground is None:
             continue
         usable = ground.surface & ~dilate_mask(truth.mask, EDGE_PX)
-        thing = standing(*thing_points(truth.source, truth.mask, ground), ground)
-        thrown = thrown_shape(truth.source, usable, thing, scale)
+        thing = measure_object(*object_points(truth.source, truth.mask, ground), ground)
+        thrown = find_cast_shape(truth.source, usable, thing, scale)
         if thrown is None:
             continue
         true, shape = true_shadow(truth), thrown[1]

@@ -13,7 +13,7 @@ import numpy as np
 from dlama.geometry.camera import Float64Array, invert_pose
 from dlama.geometry.rgbd import RGBD, BoolArray
 from dlama.perception.diagnosis.finding import Observed
-from dlama.perception.diagnosis.poses import BODY, GL, LEFT_HANDED, Undo, quaternion_reordered
+from dlama.perception.diagnosis.poses import BODY, GL, LEFT_HANDED, Undo, reorder_quaternion
 
 FULL = 65535
 Spoil = Callable[[Observed], Observed]
@@ -161,8 +161,8 @@ POSES: dict[str, tuple[Undo, str]] = {
     "world to camera, read as opengl": (lambda p: invert_pose(p) @ GL, "pose-direction"),
     "left-handed": (lambda p: LEFT_HANDED @ p @ LEFT_HANDED, "pose-handedness"),
     "transposed": (transposed, "pose-rotation"),
-    "quaternion w first": (lambda p: quaternion_reordered(p, (3, 0, 1, 2)), "quaternion-order"),
-    "quaternion w last": (lambda p: quaternion_reordered(p, (1, 2, 3, 0)), "quaternion-order"),
+    "quaternion w first": (lambda p: reorder_quaternion(p, (3, 0, 1, 2)), "quaternion-order"),
+    "quaternion w last": (lambda p: reorder_quaternion(p, (1, 2, 3, 0)), "quaternion-order"),
     "millimetres": (scaled(1000.0), "pose-scale"),
     "centimetres": (scaled(100.0), "pose-scale"),
     "depth of TUM": (scaled(5.0), "pose-scale"),

@@ -137,7 +137,7 @@ def _spy_on_jobs(spy: Callable[..., None]) -> None:
     spy("dlama.files.results.completion.file_names", [])
     found = SimpleNamespace(mask="mask", masker="rgbd", chosen="thing", notes=(), about={})
     spy("dlama.perception.object_masks.find_mask", found)
-    spy("dlama.perception.object_masks.completed", found)
+    spy("dlama.perception.object_masks.complete_mask", found)
     spy("dlama.files.semantic_classes.semantic_picture", Path("semantic.png"))
     spy("dlama.apps.verbs.masks.write_found", [])
     spy("dlama.apps.verbs.masks.found_line", "")

@@ -14,7 +14,7 @@ from onnx import TensorProto, helper, numpy_helper
 from dlama.errors import FileError, InputError
 from dlama.geometry.camera import Camera
 from dlama.models.network_file import NetworkFile
-from dlama.perception.depth_networks import DepthContract, contract_of_file, run
+from dlama.perception.depth_networks import DepthContract, predict, read_file_contract
 from dlama.perception.monocular import ESTIMATORS, estimate_depth, find_estimator
 from tiny_networks import constant
 
@@ -71,7 +71,7 @@ def test_the_picture_is_normalised_as_the_contract_says(tmp_path: Path) -> None:
         hw = contract.size or (518, 56 * contract.multiple)
         color = np.random.default_rng(1).integers(0, 256, (*hw, 3), np.uint8)
         network = NetworkFile(weighted_sum(tmp_path / "n.onnx", (1, 3, *(contract.size or ("h", "w"))), bias=3))
-        found = run(network, contract, color)
+        found = predict(network, contract, color)
         wanted = shown(color, np.array(contract.mean), np.array(contract.std), contract.scale) + 3
         np.testing.assert_allclose(found.values, wanted, rtol=1e-4, atol=1e-4, err_msg=name)
         assert (found.gives, found.metric) == (contract.gives, contract.metric)
@@ -93,7 +93,7 @@ def test_both_ranks_and_both_layouts(tmp_path: Path) -> None:
     """Closed form: 1 x h x w is taken like 1 x 1 x h x w; a network that wants H x W x 3 is shown that."""
     contract = DepthContract("inverse depth", size=(48, 64))
     three, four = (
-        run(NetworkFile(weighted_sum(tmp_path / f"{rank}.onnx", rank=rank)), contract, COLOR) for rank in (3, 4)
+        predict(NetworkFile(weighted_sum(tmp_path / f"{rank}.onnx", rank=rank)), contract, COLOR) for rank in (3, 4)
     )
     np.testing.assert_array_equal(three.values, four.values)
     nodes = [
@@ -102,7 +102,7 @@ def test_both_ranks_and_both_layouts(tmp_path: Path) -> None:
     ]
     constants = {"weight": WEIGHTS[:, None], "axis": np.array([3], np.int64)}
     path = saved(tmp_path / "l.onnx", nodes, [value("picture", 1, "h", "w", 3)], [value("map", 1, "a", "b")], constants)
-    last = run(NetworkFile(path), DepthContract("inverse depth", size=(48, 64), layout="HWC"), COLOR)
+    last = predict(NetworkFile(path), DepthContract("inverse depth", size=(48, 64), layout="HWC"), COLOR)
     np.testing.assert_allclose(last.values, four.values, rtol=1e-5)
 
 
@@ -160,8 +160,8 @@ def test_points_come_with_sky_scale_and_field_of_view(tmp_path: Path, last: str)
 def test_a_file_tells_its_contract(tmp_path: Path) -> None:
     """Round trip through the file's metadata."""
     contract = DepthContract("depth", metric=True, mean=(0.5, 0.4, 0.3), side=392, outputs=("map|depth",))
-    assert contract_of_file(NetworkFile(weighted_sum(tmp_path / "c.onnx", about=contract.metadata()))) == contract
-    assert contract_of_file(NetworkFile(weighted_sum(tmp_path / "n.onnx"))) is None
+    assert read_file_contract(NetworkFile(weighted_sum(tmp_path / "c.onnx", about=contract.metadata()))) == contract
+    assert read_file_contract(NetworkFile(weighted_sum(tmp_path / "n.onnx"))) is None
 
 
 def test_files_with_another_contract_get_one_line(tmp_path: Path) -> None:

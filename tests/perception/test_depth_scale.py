@@ -8,7 +8,7 @@ import pytest
 from dlama.errors import InputError
 from dlama.geometry.camera import Camera
 from dlama.geometry.projection import rays
-from dlama.perception.depth_scale import Scale, scale_of
+from dlama.perception.depth_scale import Scale, estimate_scale
 
 CAMERA = Camera.from_fov(96, 72, 80)
 ROWS, COLUMNS = np.mgrid[:72, :96]
@@ -24,7 +24,7 @@ def test_factor_and_shift_of_relative_inverse_depth_come_back() -> None:
     """Closed form: 1 / z = factor * value + shift, from two pixels on, and from many with errors that cancel."""
     values = ((1 / Z - 0.02) / 0.7).astype(np.float32)
     for places in ([(5, 5), (90, 60)], [(5, 5), (90, 60), (50, 30), (10, 65)]):
-        scale = scale_of(values, True, False, CAMERA, known(*places))
+        scale = estimate_scale(values, True, False, CAMERA, known(*places))
         assert (scale.factor, scale.shift) == (pytest.approx(0.7, rel=0.02), pytest.approx(0.02, abs=2e-3))
         np.testing.assert_allclose(scale.metres(values, None), Z, rtol=0.02)
         assert scale.rule == "metres_at" and len(scale.about["points"]) == len(places)
@@ -35,7 +35,7 @@ def test_one_known_distance_gives_the_factor(inverse: bool, metric: bool) -> Non
     """Closed form: all that is known up to a factor; metric depth is corrected, too. Two equal distances say no more than one."""
     values = (0.4 / Z if inverse else Z / 0.4).astype(np.float32)
     for places in ([(50, 30)], [(50, 30), (51, 30)]):
-        scale = scale_of(values, inverse, metric, CAMERA, known(*places))
+        scale = estimate_scale(values, inverse, metric, CAMERA, known(*places))
         assert scale.shift == 0
         np.testing.assert_allclose(scale.metres(values, None), Z, rtol=0.01)
 
@@ -50,7 +50,7 @@ def test_the_height_of_the_camera_gives_the_factor(inverse: bool, tilt: float) -
     truth = np.minimum(ground, 9 / rays(CAMERA)[..., 2]).astype(np.float32)
     noisy = truth * np.random.default_rng(2).normal(1, 0.01, truth.shape)
     values = (0.3 / noisy if inverse else noisy / 0.3).astype(np.float32)
-    scale = scale_of(values, inverse, False, CAMERA, camera_height=1.6)
+    scale = estimate_scale(values, inverse, False, CAMERA, camera_height=1.6)
     np.testing.assert_allclose(np.median(scale.metres(values, None) / truth), 1, atol=0.03)
     assert scale.about["ground_tilt_deg"] == pytest.approx(tilt, abs=2)
 
@@ -59,7 +59,7 @@ def test_a_wall_is_no_ground() -> None:
     """Law: a plane that stands upright gives no height."""
     wall = np.full((72, 96), 4, np.float32)
     with pytest.raises(InputError, match=r"no ground is seen.*give metres_at"):
-        scale_of(wall, False, False, CAMERA, camera_height=1.6)
+        estimate_scale(wall, False, False, CAMERA, camera_height=1.6)
 
 
 def test_beyond_a_kilometre_is_far() -> None:
@@ -72,4 +72,4 @@ def test_beyond_a_kilometre_is_far() -> None:
 
 def test_metric_values_are_not_touched() -> None:
     """Law: bit for bit."""
-    np.testing.assert_array_equal(scale_of(Z, False, True, CAMERA).metres(Z, None), Z)
+    np.testing.assert_array_equal(estimate_scale(Z, False, True, CAMERA).metres(Z, None), Z)

@@ -18,7 +18,15 @@ from dlama.geometry.rgbd import RGBD, UInt8Array
 from dlama.geometry.view import Origin
 from dlama.models.records import CATALOGUE
 from dlama.perception.depth_networks import DepthPrediction
-from dlama.perception.monocular import ASSETS, DEFAULT, ESTIMATORS, Estimator, estimate_depth, find_estimator, rounded
+from dlama.perception.monocular import (
+    ASSETS,
+    DEFAULT,
+    ESTIMATORS,
+    Estimator,
+    estimate_depth,
+    find_estimator,
+    round_depth,
+)
 from worlds import Box, Plane, World
 
 CAMERA = Camera.from_fov(64, 48, 60)
@@ -225,7 +233,7 @@ def test_rounding_keeps_depth_and_far() -> None:
     """Off by less than 1 part in 100,000; missing and far stay, and rounding again changes nothing."""
     depth = np.random.default_rng(0).uniform(0.1, 100, (20, 30)).astype(np.float32)
     depth[0, :3] = 0, np.inf, 1
-    found = rounded(depth)
-    assert found.dtype == np.float32 and np.array_equal(found, rounded(found))
+    found = round_depth(depth)
+    assert found.dtype == np.float32 and np.array_equal(found, round_depth(found))
     np.testing.assert_allclose(found, depth, rtol=1e-5)
     assert len(np.unique(found.view(np.uint32) & 127)) == 1

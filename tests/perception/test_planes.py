@@ -17,7 +17,7 @@ from dlama.perception.planes import (
     SKY,
     SMOOTH,
     TOLERANCE,
-    denoised,
+    denoise,
     find_planes,
     fit_plane,
     label_known,
@@ -244,11 +244,11 @@ def test_noise_is_taken_off_planes_and_nothing_else() -> None:
     off = np.array([0, 0.01, -0.02, 0.04] * 3, np.float32).reshape(3, 4)
     label = np.ones((3, 4), np.int32)
     label[2] = SMOOTH
-    got = denoised(flat + off, label, plane, 0.002)
+    got = denoise(flat + off, label, plane, 0.002)
     kept = np.where(label == SMOOTH, off, np.array([0, 0, -0.01, 0.03], np.float32))
     np.testing.assert_allclose(got, flat + kept, atol=1e-6)
     assert OUTLIER_FACTOR * NOISE_FACTOR * 0.002 == 0.01
-    np.testing.assert_array_equal(denoised(flat + off, label, plane, 0.0), flat + off)
+    np.testing.assert_array_equal(denoise(flat + off, label, plane, 0.0), flat + off)
 
 
 def test_plane_values_are_affine_at_pixel_centres() -> None:

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 
 from dlama.perception.kernels.edge_median import MOST, joint_median
-from dlama.perception.sharpening import LARGEST, on_ramp, sharpened
+from dlama.perception.sharpening import LARGEST, on_ramp, sharpen_depth
 
 RNG = np.random.default_rng(4)
 
@@ -23,7 +23,7 @@ def blurred_box(size: int = 256) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 def test_a_blurred_step_becomes_a_step_at_the_picture_s_edge() -> None:
     """Oracle: the step itself: of the pixels that the blur put between both depths nearly all are back, and on the right side."""
     color, truth, blurred = blurred_box()
-    found = sharpened(blurred, color)
+    found = sharpen_depth(blurred, color)
     wrong = [(abs(one - truth) > 0.05).mean() for one in (blurred, found)]
     assert wrong[1] < 0.2 * wrong[0]
 
@@ -31,7 +31,7 @@ def test_a_blurred_step_becomes_a_step_at_the_picture_s_edge() -> None:
 def test_no_depth_is_invented() -> None:
     """Law: every value stood in the map before; what is far from edges stays."""
     color, _, blurred = blurred_box(128)
-    found = sharpened(blurred, color)
+    found = sharpen_depth(blurred, color)
     assert np.isin(found, blurred).all() and (found != blurred).any()
     np.testing.assert_array_equal(found[:10], blurred[:10])
 
@@ -40,16 +40,16 @@ def test_slopes_and_flat_maps_stay() -> None:
     """Law: without a step there is nothing to move, whatever the picture shows; far pixels are no harm."""
     color = RNG.integers(0, 256, (128, 128, 3), np.uint8)
     slope = np.linspace(0.4, 0.9, 128, dtype=np.float32)[:, None] * np.ones((1, 128), np.float32)
-    np.testing.assert_array_equal(sharpened(slope, color), slope)
+    np.testing.assert_array_equal(sharpen_depth(slope, color), slope)
     sky = slope.copy()
     sky[:20] = np.inf
-    assert np.isposinf(sharpened(sky, color)).sum() > 0
+    assert np.isposinf(sharpen_depth(sky, color)).sum() > 0
 
 
 def test_depth_and_inverse_depth_are_sharpened_alike() -> None:
     """Law: a median is the same of any falling function, and the same pixels vote."""
     color, _, blurred = blurred_box(128)
-    both = sharpened(blurred, color), 1 / sharpened(1 / blurred, color, inverse=False)
+    both = sharpen_depth(blurred, color), 1 / sharpen_depth(1 / blurred, color, inverse=False)
     np.testing.assert_allclose(both[0], both[1], rtol=1e-5)
 
 
@@ -98,7 +98,7 @@ def test_edges_of_a_large_picture_lie_where_its_colours_change() -> None:
     ramp = np.clip((np.arange(width) - edge) / 80, -1, 1)
     values = np.ascontiguousarray(np.broadcast_to(0.4 + 0.2 * ramp, (256, width)), np.float32)
     color = np.where(np.arange(width)[:, None] < edge, np.uint8(60), np.uint8(190)) * np.ones((256, 1, 3), np.uint8)
-    found = sharpened(values, color)
+    found = sharpen_depth(values, color)
     apart = np.abs(np.arange(width) - edge) > 2
     np.testing.assert_allclose(found[:, apart & (np.arange(width) < edge)], 0.2, atol=0.01)
     np.testing.assert_allclose(found[:, apart & (np.arange(width) >= edge)], 0.6, atol=0.01)

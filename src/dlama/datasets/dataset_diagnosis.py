@@ -18,11 +18,11 @@ from dlama.errors import InputError
 from dlama.geometry.rgbd import RGBD, BoolArray, describe_depth_range, format_count
 from dlama.perception.diagnosis.finding import Finding, Observed
 from dlama.perception.diagnosis.landing import SmallFrame, shrink
-from dlama.perception.diagnosis.lens import lens
-from dlama.perception.diagnosis.odd_frames import odd_frames
-from dlama.perception.diagnosis.poses import pose_faults
-from dlama.perception.diagnosis.rgbd_checks import findings_of
-from dlama.perception.diagnosis.stereo_pair import pair_findings
+from dlama.perception.diagnosis.lens import check_lens
+from dlama.perception.diagnosis.odd_frames import find_odd_frames
+from dlama.perception.diagnosis.poses import check_poses
+from dlama.perception.diagnosis.rgbd_checks import run_checks
+from dlama.perception.diagnosis.stereo_pair import check_pair
 
 SCENES, FRAMES, CASES = 3, 6, 3
 """At most so many scenes, frames in a row of each, and stereo or removal cases are looked at."""
@@ -70,10 +70,10 @@ def _of_scene(frames: Sequence[Frame]) -> tuple[list[Finding], RGBD]:
             row[frame.name] = read
     in_a_row = [row[frame.name] for frame in chosen]
     first, name = in_a_row[0], f"{scene}/{chosen[0].name}"
-    found = pose_faults(in_a_row, scene)
+    found = check_poses(in_a_row, scene)
     if all(each.severity != "fault" for each in found):
         # one odd frame also makes frames in a row fit badly, or changes their brightness
-        found = odd_frames(list(small.values()), list(small)) or found
+        found = find_odd_frames(list(small.values()), list(small)) or found
     odd_scale = any(each.check == "depth-scale" and each.what.startswith(f"{name}:") for each in found)
     of_first = [each for each in _of_picture(first, name) if not (odd_scale and each.check == "depth-scale")]
     return [*of_first, *found], first
@@ -106,7 +106,7 @@ def _opened(root: Path, layout: str | None, camera: CameraOption) -> tuple[Datas
 
 def _of_picture(frame: RGBD, name: str, mask: BoolArray | None = None) -> list[Finding]:
     seen = Observed(frame.color, frame.depth.astype(np.float64), 1.0, frame.camera, mask, (name, name, f"{name}, mask"))
-    found = lens(frame.camera) + findings_of(seen)
+    found = check_lens(frame.camera) + run_checks(seen)
     return [replace(each, mend="check the unit of depth") if each.check == "depth-scale" else each for each in found]
 
 
@@ -115,7 +115,7 @@ def _of_cases(dataset: Dataset) -> Iterator[list[Finding]]:
     for case in (*dataset.of("sii")[:CASES], *dataset.of("ori")[:CASES]):
         truth = case.load()
         if isinstance(truth, StereoTruth):
-            said = pair_findings(truth.left, truth.right, truth.rig.doffs)
+            said = check_pair(truth.left, truth.right, truth.rig.doffs)
             yield [replace(each, what=f"{case.scene}: {each.what}") for each in said]
         elif isinstance(truth, RemovalTruth):
             yield _of_picture(truth.source, f"{case.scene}/{case.frame}", truth.mask)

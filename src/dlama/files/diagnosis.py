@@ -28,12 +28,12 @@ from dlama.files.rasters.turned_pairs import turned_apart
 from dlama.files.rgbd import SAME_PROPORTIONS, nearest_pixels
 from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import BoolArray, UInt8Array, percent
-from dlama.perception.diagnosis.depth_scale import extent_of
+from dlama.perception.diagnosis.depth_scale import measure_extent
 from dlama.perception.diagnosis.finding import Finding, Observed
-from dlama.perception.diagnosis.lens import lens, options_of_lens
-from dlama.perception.diagnosis.registration import fit_of_edges
-from dlama.perception.diagnosis.rgbd_checks import findings_of
-from dlama.perception.diagnosis.stereo_pair import pair_findings
+from dlama.perception.diagnosis.lens import check_lens, check_lens_options
+from dlama.perception.diagnosis.registration import correlate_edges
+from dlama.perception.diagnosis.rgbd_checks import run_checks
+from dlama.perception.diagnosis.stereo_pair import check_pair
 
 GUESSED_FOV = 65.0
 """Degrees, where nothing says how wide the camera sees: a phone's."""
@@ -77,7 +77,7 @@ def diagnose_rgbd(
         found += said
         seen = replace(seen, mask=hole, names=(*seen.names[:2], Path(mask).name))
     skip = ("depth unit",) if any(finding.check == "eight-bit-depth" for finding in found) else ()
-    found += findings_of(seen, skip)
+    found += run_checks(seen, skip)
     return [*found, understood(seen, found)]
 
 
@@ -92,7 +92,7 @@ def diagnose_pair(left: PathLike, right: PathLike, calib: PathLike) -> list[Find
     if pictures[0].shape != pictures[1].shape:
         sizes = " and ".join(f"{each.shape[1]}x{each.shape[0]}" for each in pictures)
         return [Finding("size", "fault", 1.0, f"{names}: are {sizes}", "rectify them to one size")]
-    said = lens(rig.left) + pair_findings(*pictures, rig.doffs)
+    said = check_lens(rig.left) + check_pair(*pictures, rig.doffs)
     found = [replace(each, what=f"{names}: {each.what}") for each in said]
     verdict = "read as" if any(each.severity == "fault" for each in found) else "nothing wrong:"
     what = (
@@ -110,7 +110,7 @@ def understood(seen: Observed, found: list[Finding]) -> Finding:
     if metres.size:
         parts.append(f"depth {metres.min():.3g} to {metres.max():.3g} m (half within {np.median(metres):.3g} m)")
     parts += [f"{percent(seen.values == 0)} missing", f"{percent(np.isposinf(seen.values))} far"]
-    extent = extent_of(seen)
+    extent = measure_extent(seen)
     if extent is not None and extent.floor is not None and not found:
         parts.append(f"ground {extent.floor:.3g} m below the camera")
     names = f"{image}, {depth}"
@@ -162,7 +162,7 @@ def _oriented(
     if turns[0] == turns[1]:
         return [], color, values
     stored = as_shown(color, UNTURNED[turns[0]]), as_shown(values, UNTURNED[turns[1]])
-    shown_fit, stored_fit = fit_of_edges(color, values), fit_of_edges(*stored)
+    shown_fit, stored_fit = correlate_edges(color, values), correlate_edges(*stored)
     if shown_fit >= stored_fit:
         return [], color, values
     path = Path(image if turns[0] != 1 else depth)
@@ -191,7 +191,7 @@ def _resized(
 def _camera(image: PathLike, hw: tuple[int, ...], options: Mapping[str, Any]) -> tuple[list[Finding], Camera]:
     """The camera that was probably meant, and what is wrong with what was given."""
     size = int(hw[0]), int(hw[1])
-    found, meant = options_of_lens(options, size[1])
+    found, meant = check_lens_options(options, size[1])
     given = {**options, **meant}
     focal = read_stored(image).focal_35mm if Path(image).suffix.lower() in SUFFIXES else None
     exif = None if focal is None else 2 * math.degrees(
@@ -199,14 +199,14 @@ def _camera(image: PathLike, hw: tuple[int, ...], options: Mapping[str, Any]) ->
     )  # fmt: skip
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # the principal point: `lens` looks at it
+            warnings.simplefilter("ignore")  # the principal point: `check_lens` looks at it
             camera, _ = camera_for(size, image=image, **given)
     except CameraError as error:
         guessed = Camera.from_fov(size[1], size[0], GUESSED_FOV)
         return [*found, Finding("camera", "fault", 1.0, str(error))], guessed
     except InputError as error:
         return [*found, Finding("reading", "fault", 1.0, str(error))], Camera.from_fov(size[1], size[0], GUESSED_FOV)
-    return found + lens(camera, exif), camera
+    return found + check_lens(camera, exif), camera
 
 
 def _mask(

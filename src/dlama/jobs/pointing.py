@@ -71,4 +71,4 @@ def find_pointed(
 
     mask = read_mask(semantic_picture(image), mask_class=object_class)
     with_shadow = settings["with_shadow"]
-    return object_masks.completed(picture, {"thing": mask}, "thing", f"class {object_class}", with_shadow)
+    return object_masks.complete_mask(picture, {"thing": mask}, "thing", f"class {object_class}", with_shadow)

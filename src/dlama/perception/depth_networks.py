@@ -1,6 +1,6 @@
 """A picture and a depth network in; what the network says of it (depth, inverse depth or points) out.
 
-How a network wants its picture and what its numbers mean is data, a DepthContract; `run` is the one piece of code that reads it.
+How a network expects its picture and what its numbers mean is data, a DepthContract; only `predict` reads it.
 """
 
 from __future__ import annotations
@@ -109,19 +109,21 @@ class DepthPrediction:
             raise DepthError(f"the estimated {self.gives} holds values that are not numbers")
 
 
-def run(network: NetworkFile, contract: DepthContract, color: UInt8Array) -> DepthPrediction:
+def predict(network: NetworkFile, contract: DepthContract, color: UInt8Array) -> DepthPrediction:
     """What the network says of a picture (H x W x 3, RGB). FileError where the file does not keep its contract."""
     shown = contract.tensor(color)
-    outputs = network.run_all(checked_feed(network, contract, shown))
+    outputs = network.run_all(make_feed(network, contract, shown))
     named = dict(zip(network.outputs, outputs))
     found = [next((named[name] for name in names.split("|") if name in named), None) for names in contract.outputs]
     if any(one is None for one in found):
         missing = [names for names, one in zip(contract.outputs, found) if one is None]
         raise FileError(f"{network.path}: gives {', '.join(named)}; {' and '.join(missing)} is expected")
-    values = squeezed(network, contract, found[0] if found and found[0] is not None else outputs[0], contract.gives)
+    values = squeeze_output(
+        network, contract, found[0] if found and found[0] is not None else outputs[0], contract.gives
+    )
     far = None
     if len(found) > 1 and found[1] is not None:
-        far = squeezed(network, contract, found[1], "depth") <= 0.5
+        far = squeeze_output(network, contract, found[1], "depth") <= 0.5
     if len(found) > 2 and found[2] is not None:
         values = values * np.float32(np.asarray(found[2]).ravel()[0])
     if not np.isfinite(values[~far] if far is not None else values).all():
@@ -130,7 +132,7 @@ def run(network: NetworkFile, contract: DepthContract, color: UInt8Array) -> Dep
     return DepthPrediction(values, contract.gives, contract.metric, far, network.notes)
 
 
-def checked_feed(network: NetworkFile, contract: DepthContract, shown: Float32Array) -> dict[str, np.ndarray]:
+def make_feed(network: NetworkFile, contract: DepthContract, shown: Float32Array) -> dict[str, np.ndarray]:
     """The inputs by name; FileError where the graph takes others."""
     inputs = network.inputs
     wanted = 1 if contract.tokens is None else 2
@@ -141,18 +143,20 @@ def checked_feed(network: NetworkFile, contract: DepthContract, shown: Float32Ar
     if len(inputs) != wanted or kind != "tensor(float)" or not fits:
         sizes = " x ".join(map(str, shown.shape))
         more = "" if wanted == 1 else " and a number of tokens"
-        raise FileError(f"{network.path}: takes {described(inputs)}; a float picture of {sizes}{more} is expected")
+        raise FileError(
+            f"{network.path}: takes {describe_tensors(inputs)}; a float picture of {sizes}{more} is expected"
+        )
     return {name: shown} | {other: np.array(contract.tokens, np.int64) for other, _ in others}
 
 
-def described(ends: Mapping[str, tuple[str, list[Any]]]) -> str:
+def describe_tensors(ends: Mapping[str, tuple[str, list[Any]]]) -> str:
     """Inputs of a graph in words."""
     return ", ".join(
         f"{name} ({kind} {' x '.join(map(str, shape)) or 'scalar'})" for name, (kind, shape) in ends.items()
     )
 
 
-def squeezed(network: NetworkFile, contract: DepthContract, out: np.ndarray, gives: Gives) -> Float32Array:
+def squeeze_output(network: NetworkFile, contract: DepthContract, out: np.ndarray, gives: Gives) -> Float32Array:
     """An output without its batch and channel axes: h x w, of points h x w x 3. FileError for any other shape."""
     values = np.asarray(out, np.float32)
     if gives == "points":
@@ -169,7 +173,7 @@ def squeezed(network: NetworkFile, contract: DepthContract, out: np.ndarray, giv
     return values
 
 
-def contract_of_file(network: NetworkFile) -> DepthContract | None:
+def read_file_contract(network: NetworkFile) -> DepthContract | None:
     """The contract that stands in a file's metadata; None where there is none. FileError where it is another network's."""
     text = network.metadata.get(CONTRACT_KEY)
     return None if text is None else read_contract(DepthContract, text, NETWORK, network.path)

@@ -72,7 +72,7 @@ class Scale:
         return {"rule": self.rule, "form": form, **numbers, **self.about}
 
 
-def scale_of(
+def estimate_scale(
     values: Float32Array,
     inverse: bool,
     metric: bool,
@@ -91,9 +91,9 @@ def scale_of(
     if not usable.any():
         raise DepthError("no pixel has an estimated depth; give depth")
     if len(metres_at):
-        return scale_at_points(values, inverse, inverse and not metric, metres_at)
+        return fit_scale_to_points(values, inverse, inverse and not metric, metres_at)
     if camera_height is not None:
-        return scale_of_ground(values, inverse, camera, camera_height)
+        return fit_scale_to_ground(values, inverse, camera, camera_height)
     if metric:
         return Scale(inverse)
     median = float(np.median(values[usable]))
@@ -119,11 +119,11 @@ def check_known(
             raise InputError(f"{at}: {metres:g} m is no distance; a number above 0 is expected")
 
 
-def scale_at_points(
+def fit_scale_to_points(
     values: Float32Array, inverse: bool, shifted: bool, metres_at: Sequence[tuple[float, float, float]]
 ) -> Scale:
     """Least squares over known pixels, each relative to its own distance: factor, and shift where two are told apart."""
-    found = np.array([value_at(values, x, y, metres) for x, y, metres in metres_at])
+    found = np.array([median_value_at(values, x, y, metres) for x, y, metres in metres_at])
     metres = np.array([point[2] for point in metres_at], np.float64)
     wanted = 1 / metres if inverse else metres
     shifted = shifted and found.max() > SPREAD * found.min()
@@ -143,7 +143,7 @@ def scale_at_points(
     return Scale(inverse, factor, shift, "metres_at", {"points": points, "shift_fitted": bool(shifted)})
 
 
-def value_at(values: Float32Array, x: float, y: float, metres: float) -> float:
+def median_value_at(values: Float32Array, x: float, y: float, metres: float) -> float:
     """The value at a pixel, a median over its neighbours. InputError: it is far."""
     row, column = int(y), int(x)
     patch = values[max(0, row - PATCH) : row + PATCH + 1, max(0, column - PATCH) : column + PATCH + 1]
@@ -153,7 +153,7 @@ def value_at(values: Float32Array, x: float, y: float, metres: float) -> float:
     return float(np.median(patch))
 
 
-def scale_of_ground(values: Float32Array, inverse: bool, camera: Camera, camera_height: float) -> Scale:
+def fit_scale_to_ground(values: Float32Array, inverse: bool, camera: Camera, camera_height: float) -> Scale:
     """The factor that puts the camera so high (m) above the largest plane that looks like ground. InputError where none does."""
     w = values if inverse else np.divide(1, values, out=np.zeros_like(values), where=(values > 0) & np.isfinite(values))
     plane = ground_plane(w, camera)

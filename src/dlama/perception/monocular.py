@@ -25,10 +25,10 @@ from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array, check
 from dlama.models.cache import locate, user_path
 from dlama.models.network_file import NetworkFile, cores, default_provider, file_stamp
 from dlama.models.records import CATALOGUE
-from dlama.perception.depth_networks import IMAGENET, DepthContract, DepthPrediction, contract_of_file, run
-from dlama.perception.depth_scale import check_known, scale_of
+from dlama.perception.depth_networks import IMAGENET, DepthContract, DepthPrediction, predict, read_file_contract
+from dlama.perception.depth_scale import check_known, estimate_scale
 from dlama.perception.point_maps import depth_of_points
-from dlama.perception.sharpening import sharpened
+from dlama.perception.sharpening import sharpen_depth
 
 ASSETS = Path(__file__).parents[1] / "assets"
 DEFAULT = "tcmonodepth"
@@ -104,16 +104,16 @@ def estimate_depth(
         FileError: a network file that is missing, or does not keep its contract.
     """
     check_arguments(estimate_depth, locals())
-    color = checked_picture(color)
+    color = check_picture(color)
     check_known(metres_at, camera_height, color.shape[:2])
     name, estimator = find_estimator(depth_model)
     prediction = estimator(color)
     check(prediction, DepthPrediction, f"what the function {name} returned")
-    camera, fov_notes, shift = camera_of(color, camera, prediction)
-    values, inverse, far = at_picture_size(prediction, camera, shift)
-    moved = sharpened(values, color, inverse) if sharpen else values
-    scale = scale_of(moved, inverse, prediction.metric, camera, metres_at, camera_height)
-    depth = rounded(scale.metres(moved, far))
+    camera, fov_notes, shift = resolve_camera(color, camera, prediction)
+    values, inverse, far = resize_prediction(prediction, camera, shift)
+    moved = sharpen_depth(values, color, inverse) if sharpen else values
+    scale = estimate_scale(moved, inverse, prediction.metric, camera, metres_at, camera_height)
+    depth = round_depth(scale.metres(moved, far))
     if not ((depth > 0) & np.isfinite(depth)).any():
         raise DepthError(f"the network {name} sees nothing but sky in this picture; give depth")
     if scale.rule == "assumed":
@@ -132,10 +132,10 @@ def estimate_depth(
         "sharpened": sharpen,
         "sharpened_pixels": int((moved != values).sum()),
     }
-    return DepthEstimate(RGBD(color, depth, camera, meta), rounded(scale.metres(values, far)))
+    return DepthEstimate(RGBD(color, depth, camera, meta), round_depth(scale.metres(values, far)))
 
 
-def rounded(depth: Float32Array) -> Float32Array:
+def round_depth(depth: Float32Array) -> Float32Array:
     """Depth (H x W metres) to 1 part in 100,000, a hundredth of what an estimate can tell: files of it are half as large."""
     finite = np.isfinite(depth)
     bits = np.where(finite, depth, 0).astype(np.float32).view(np.uint32)
@@ -143,7 +143,7 @@ def rounded(depth: Float32Array) -> Float32Array:
     return np.where(finite, kept, depth)
 
 
-def checked_picture(color: UInt8Array) -> UInt8Array:
+def check_picture(color: UInt8Array) -> UInt8Array:
     """The picture as an array; ShapeError for what is none, DepthError for one without any contrast."""
     color = check_color(color)
     if contrast(color) < LEAST_CONTRAST:
@@ -167,28 +167,30 @@ def find_estimator(depth_model: str | Path | Estimator) -> tuple[str, Estimator]
     text = str(depth_model)
     before, equals, after = text.partition("=")
     if equals and before in ESTIMATORS:
-        return before, _of_file(Path(after), ESTIMATORS[before].contract)
+        return before, _file_estimator(Path(after), ESTIMATORS[before].contract)
     if text in ESTIMATORS and not Path(text).is_file():
         record = ESTIMATORS[text]
-        return text, _of_file(locate(text) if record.shipped is None else ASSETS / record.shipped, record.contract)
+        return text, _file_estimator(
+            locate(text) if record.shipped is None else ASSETS / record.shipped, record.contract
+        )
     if not isinstance(depth_model, Path) and Path(text).suffix.lower() != ".onnx" and not Path(text).is_file():
         raise InputError(
             f"depth_model is {text!r}; one of {', '.join(ESTIMATORS)}, an ONNX file, or NAME=FILE is expected"
         )
     path = user_path(text)
-    network = opened(path)
-    contract = contract_of_file(network) or _contract_of_bytes(network)
+    network = open_network(path)
+    contract = read_file_contract(network) or _contract_of_bytes(network)
     if contract is None:
         raise InputError(
             f"{path}: carries no contract and is none of the catalogue's files; say whose contract it keeps: "
             f"depth_model=NAME={path.name}, NAME of {', '.join(ESTIMATORS)}"
         )
-    return path.name, _of_file(path, contract)
+    return path.name, _file_estimator(path, contract)
 
 
-def _of_file(path: Path, contract: DepthContract) -> Estimator:
-    network = opened(user_path(path))
-    return lambda color: run(network, contract, color)
+def _file_estimator(path: Path, contract: DepthContract) -> Estimator:
+    network = open_network(user_path(path))
+    return lambda color: predict(network, contract, color)
 
 
 def _contract_of_bytes(network: NetworkFile) -> DepthContract | None:
@@ -198,17 +200,17 @@ def _contract_of_bytes(network: NetworkFile) -> DepthContract | None:
     return None if found is None else found.contract
 
 
-def opened(path: Path) -> NetworkFile:
+def open_network(path: Path) -> NetworkFile:
     """The network of a file; the last one stays open."""
-    return _opened(path, file_stamp(path), default_provider(), cores())
+    return _open_network(path, file_stamp(path), default_provider(), cores())
 
 
 @functools.lru_cache(maxsize=1)
-def _opened(path: Path, stamp: tuple[int, int], provider: str | None, threads: int) -> NetworkFile:
+def _open_network(path: Path, stamp: tuple[int, int], provider: str | None, threads: int) -> NetworkFile:
     return NetworkFile(path, provider, threads)
 
 
-def camera_of(
+def resolve_camera(
     color: UInt8Array, camera: Camera | None, prediction: DepthPrediction
 ) -> tuple[Camera, dict[str, Any], float]:
     """The camera of the picture, for meta.json where it comes from, and the shift of z that its points take."""
@@ -241,7 +243,7 @@ def horizontal_fov(camera: Camera) -> float:
     return math.degrees(2 * math.atan(0.5 * camera.width / camera.fx))
 
 
-def at_picture_size(
+def resize_prediction(
     prediction: DepthPrediction, camera: Camera, shift: float
 ) -> tuple[Float32Array, bool, BoolArray | None]:
     """(values, whether they are inverse depth, where they say sky), H x W; between its pixels inverse depth is interpolated."""

@@ -113,7 +113,7 @@ class MaskSession:
         chosen = candidate if candidate in masks else next(iter(masks))
         if masks[chosen].mean() > MOST:
             notes = (*notes, TOO_MUCH)
-        return completed(picture, masks, chosen, self.masker, with_shadow, notes)
+        return complete_mask(picture, masks, chosen, self.masker, with_shadow, notes)
 
 
 def check_names(masker: str | None, mask_model: MaskModel | None, candidate: str = "thing") -> str:
@@ -128,7 +128,7 @@ def check_names(masker: str | None, mask_model: MaskModel | None, candidate: str
     return masker
 
 
-def completed(
+def complete_mask(
     picture: RGBD | UInt8Array,
     masks: Mapping[str, BoolArray],
     chosen: str,

@@ -139,7 +139,7 @@ def plane_values_at(
     return np.asarray(of_label[:, 0] * (columns + 0.5) + of_label[:, 1] * (rows + 0.5) + of_label[:, 2], np.float64)
 
 
-def denoised(w: Float32Array, label: NDArray[np.int32], planes: NDArray[np.float64], noise: float) -> Float32Array:
+def denoise(w: Float32Array, label: NDArray[np.int32], planes: NDArray[np.float64], noise: float) -> Float32Array:
     """H x W inverse depth with the noise on planes taken off; of a residual larger than noise can be, what is larger stays."""
     if not noise or not len(planes):
         return w

@@ -39,7 +39,7 @@ class Sharpening:
     """px round a ramp whose depth is looked for anew too."""
 
 
-def sharpened(
+def sharpen_depth(
     values: Float32Array, color: UInt8Array, inverse: bool = True, how: Sharpening = Sharpening()
 ) -> Float32Array:
     """H x W, each value one that the map has nearby: on ramps the weighted median of what lies beside them in the same colour.
@@ -48,7 +48,7 @@ def sharpened(
     median is the same of both); color: H x W x 3, RGB.
     """
     if max(values.shape) > LARGEST:
-        return _sharpened_smaller(values, color, inverse, how)
+        return _sharpen_small(values, color, inverse, how)
     size = max(values.shape) / 512
     near = values if inverse else np.divide(1, values, out=np.zeros_like(values), where=values > 0)
     ramp = on_ramp(near, how.steep / size, how.bend, round(1.5 * how.radius * size))
@@ -66,8 +66,8 @@ def sharpened(
     return out
 
 
-def _sharpened_smaller(values: Float32Array, color: UInt8Array, inverse: bool, how: Sharpening) -> Float32Array:
-    """`sharpened` in a picture of LARGEST px, brought to the size of the given one."""
+def _sharpen_small(values: Float32Array, color: UInt8Array, inverse: bool, how: Sharpening) -> Float32Array:
+    """`sharpen_depth` in a picture of LARGEST px, brought to the size of the given one."""
     (height, width), by = values.shape, max(values.shape) / LARGEST
     hw = max(1, round(height / by)), max(1, round(width / by))
     rows, columns = (
@@ -75,7 +75,7 @@ def _sharpened_smaller(values: Float32Array, color: UInt8Array, inverse: bool, h
     )
     small = np.ascontiguousarray(values[np.ix_(rows, columns)])
     small_color = np.asarray(cv2.resize(color, hw[::-1], interpolation=cv2.INTER_AREA), np.uint8)
-    found = sharpened(small, small_color, inverse, how)
+    found = sharpen_depth(small, small_color, inverse, how)
     changed = cv2.dilate((found != small).astype(np.uint8), np.ones((3, 3), np.uint8))
     y, x = np.nonzero(cv2.resize(changed, (width, height), interpolation=cv2.INTER_NEAREST))
     row, column = (((at + 0.5) * n / whole).astype(int) for at, n, whole in zip((y, x), hw, values.shape))

@@ -19,7 +19,7 @@ from dlama.datasets.posed.nerfstudio_writer import write_transforms
 from dlama.files.rasters.depth import write_depth_png
 from dlama.perception.diagnosis.finding import Finding
 from dlama.perception.diagnosis.landing import shrink
-from dlama.perception.diagnosis.odd_frames import multiply, odd_frames
+from dlama.perception.diagnosis.odd_frames import find_odd_frames, rescale_frame
 from dlama.worlds.layouts.random_scene import build
 
 needs_data = pytest.mark.skipif("DLAMA_DATA" not in os.environ, reason="needs DLAMA_DATA")
@@ -37,7 +37,7 @@ def spoilt(frames: Sequence[dlama.RGBD], number: int, name: str) -> list[dlama.R
 
 
 def odd(frames: Sequence[dlama.RGBD]) -> list[Finding]:
-    return odd_frames([shrink(frame) for frame in frames], [str(number) for number in range(len(frames))])
+    return find_odd_frames([shrink(frame) for frame in frames], [str(number) for number in range(len(frames))])
 
 
 @pytest.mark.parametrize("seed", range(3, 9))
@@ -99,7 +99,7 @@ def test_frames_that_are_all_wrong_alike_are_not_odd() -> None:
 def test_multiplied_twice_is_the_frame_again() -> None:
     """Oracle: there and back."""
     frame = shrink(orbit(3)[0])
-    back = multiply(multiply(frame, depth=4.0, focal=1.25), depth=0.25, focal=0.8)
+    back = rescale_frame(rescale_frame(frame, depth=4.0, focal=1.25), depth=0.25, focal=0.8)
     assert np.allclose(back.points, frame.points) and np.array_equal(back.depth, frame.depth)
 
 

@@ -14,8 +14,8 @@ import dlama
 from corruptions import POSES, moved
 from dlama.datasets.dataset_diagnosis import diagnose_dataset
 from dlama.datasets.layouts import open_dataset
-from dlama.perception.diagnosis.poses import pose_faults, quaternion_reordered
-from dlama.perception.diagnosis.stereo_pair import pair_findings
+from dlama.perception.diagnosis.poses import check_poses, reorder_quaternion
+from dlama.perception.diagnosis.stereo_pair import check_pair
 from dlama.worlds.layouts.random_scene import build
 from dlama.worlds.world import World
 
@@ -34,7 +34,7 @@ def pair(seed: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def checks(left: np.ndarray, right: np.ndarray, doffs: float = 0.0) -> list[str]:
-    return [each.check for each in pair_findings(left, right, doffs) if each.severity == "fault"]
+    return [each.check for each in check_pair(left, right, doffs) if each.severity == "fault"]
 
 
 @pytest.mark.parametrize("seed", [3, 12, 31])
@@ -42,7 +42,7 @@ def test_pairs(seed: int) -> None:
     left, right = pair(seed)
     turn = cv2.getRotationMatrix2D((160, 160), 1.5, 1)
     turned = cv2.warpAffine(right, turn, (320, 320), borderMode=cv2.BORDER_REFLECT)
-    assert pair_findings(left, right) == []
+    assert check_pair(left, right) == []
     assert checks(right, left) == ["swapped-pair"]
     assert checks(left, left) == ["identical-pair"]
     assert checks(left, pair(seed + 100)[1]) == ["unrelated-pair"]
@@ -52,13 +52,13 @@ def test_pairs(seed: int) -> None:
 def test_rows_that_are_off_are_counted() -> None:
     """Oracle: the right picture was rolled down by 5 px."""
     left, right = pair(3)
-    (finding,) = pair_findings(left, np.roll(right, 5, 0))
+    (finding,) = check_pair(left, np.roll(right, 5, 0))
     assert finding.mend.startswith("move the right picture up by 5.0 px")
 
 
 def test_exposure_of_a_pair_is_a_note() -> None:
     left, right = pair(3)
-    (finding,) = pair_findings(left, (right * 0.6).astype(np.uint8))
+    (finding,) = check_pair(left, (right * 0.6).astype(np.uint8))
     assert (finding.check, finding.severity) == ("exposure", "note")
 
 
@@ -77,23 +77,23 @@ def hand_held(seed: int) -> tuple[dlama.RGBD, ...]:
 
 @pytest.mark.parametrize("seed", [3, 12])
 def test_good_poses(seed: int) -> None:
-    assert pose_faults(hand_held(seed), "scene") == []
+    assert check_poses(hand_held(seed), "scene") == []
 
 
 @pytest.mark.parametrize("seed", [3, 12])
 @pytest.mark.parametrize("name", POSES)
 def test_conventions(name: str, seed: int) -> None:
     spoil, wanted = POSES[name]
-    assert [each.check for each in pose_faults(moved(hand_held(seed), spoil), "scene")] == [wanted]
+    assert [each.check for each in check_poses(moved(hand_held(seed), spoil), "scene")] == [wanted]
 
 
 def test_quaternions_in_another_order() -> None:
     """Oracle: a quarter turn about z, (0, 0, s, s), is one about x with z put first; in its own order it comes back."""
     pose = np.eye(4)
     pose[:3, :3] = [[0, -1, 0], [1, 0, 0], [0, 0, 1]]
-    turned = quaternion_reordered(pose, (2, 0, 1, 3))
+    turned = reorder_quaternion(pose, (2, 0, 1, 3))
     assert np.allclose(turned[:3, :3], [[1, 0, 0], [0, 0, -1], [0, 1, 0]])
-    assert np.allclose(quaternion_reordered(pose, (0, 1, 2, 3)), pose)
+    assert np.allclose(reorder_quaternion(pose, (0, 1, 2, 3)), pose)
 
 
 def test_exposure_between_frames_is_a_note() -> None:
@@ -101,11 +101,11 @@ def test_exposure_between_frames_is_a_note() -> None:
         dlama.RGBD((each.color * (1.0, 0.6)[number % 2]).astype(np.uint8), each.depth, each.camera)
         for number, each in enumerate(hand_held(3))
     ]
-    assert [(each.check, each.severity) for each in pose_faults(frames, "scene")] == [("exposure", "note")]
+    assert [(each.check, each.severity) for each in check_poses(frames, "scene")] == [("exposure", "note")]
 
 
 def test_one_frame_says_nothing() -> None:
-    assert pose_faults(hand_held(3)[:1], "scene") == []
+    assert check_poses(hand_held(3)[:1], "scene") == []
 
 
 @pytest.mark.slow
@@ -116,7 +116,7 @@ def test_a_real_sequence() -> None:
     assert finding.check == "understood" and "layout nerfstudio, 49 frames" in finding.what
     frames = [frame.load() for frame in open_dataset(folder).frames[20:24]]
     for spoil, wanted in POSES.values():
-        assert [each.check for each in pose_faults(moved(frames, spoil), "kitchen")] == [wanted]
+        assert [each.check for each in check_poses(moved(frames, spoil), "kitchen")] == [wanted]
 
 
 @needs_data
@@ -158,7 +158,7 @@ def test_poses_far_from_the_origin_are_checked() -> None:
         pose = frame.camera.world_from_cam.copy()
         pose[:3, 3] += 4e5, 0, 5.5e6
         frames.append(dlama.RGBD(frame.color, frame.depth, frame.camera.at(pose)))
-    assert pose_faults(frames, "utm") == []
+    assert check_poses(frames, "utm") == []
 
 
 @pytest.mark.parametrize("hw", [(1, 1), (4, 300), (62, 200)])

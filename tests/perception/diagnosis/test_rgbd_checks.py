@@ -14,13 +14,13 @@ import pytest
 import dlama
 from corruptions import SPOILT, observed
 from dlama.geometry.camera import Camera
-from dlama.perception.diagnosis.depth_code import coded_depth
-from dlama.perception.diagnosis.depth_scale import extent_of
-from dlama.perception.diagnosis.finding import Finding, Observed, certainty, in_words
-from dlama.perception.diagnosis.lens import lens, options_of_lens
+from dlama.perception.diagnosis.depth_code import check_depth_code
+from dlama.perception.diagnosis.depth_scale import measure_extent
+from dlama.perception.diagnosis.finding import Finding, Observed, certainty, describe_probability
+from dlama.perception.diagnosis.lens import check_lens, check_lens_options
 from dlama.perception.diagnosis.masks import looks_inverted
-from dlama.perception.diagnosis.registration import mask_off
-from dlama.perception.diagnosis.rgbd_checks import findings_of
+from dlama.perception.diagnosis.registration import check_mask_registration
+from dlama.perception.diagnosis.rgbd_checks import run_checks
 from dlama.worlds.layouts.random_scene import build
 
 SEEDS = (3, 12)
@@ -37,12 +37,12 @@ def world(seed: int) -> Observed:
 
 
 def faults(seen: Observed) -> set[str]:
-    return {finding.check for finding in findings_of(seen) if finding.severity == "fault"}
+    return {finding.check for finding in run_checks(seen) if finding.severity == "fault"}
 
 
 @pytest.mark.parametrize("seed", SEEDS)
 def test_nothing_is_wrong_with_worlds(seed: int) -> None:
-    assert findings_of(world(seed)) == []
+    assert run_checks(world(seed)) == []
 
 
 @pytest.mark.parametrize("seed", SEEDS)
@@ -54,10 +54,10 @@ def test_what_was_spoilt_is_named(name: str, seed: int) -> None:
 
 def test_ground_and_unit_are_found() -> None:
     """Oracle: the height at which the world put its camera, and the unit that depth was written in."""
-    extent = extent_of(world(3))
+    extent = measure_extent(world(3))
     assert extent is not None and extent.floor is not None and EYE[0] - 0.02 < extent.floor < EYE[1] + 0.02
     spoil, _ = SPOILT["1/5000 m read as mm"]
-    (finding,) = findings_of(spoil(world(3)))
+    (finding,) = run_checks(spoil(world(3)))
     assert "1/5000 m" in finding.what and finding.mend == "give depth_scale=5000"
 
 
@@ -66,7 +66,7 @@ def test_the_shift_is_given(right: int, down: int) -> None:
     """Oracle: by how much depth was rolled, to within a pixel."""
     seen = world(3)
     rolled = np.roll(seen.values, (down, right), (0, 1))
-    (finding,) = findings_of(Observed(seen.color, rolled, seen.units, seen.camera, whole=True))
+    (finding,) = run_checks(Observed(seen.color, rolled, seen.units, seen.camera, whole=True))
     assert finding.check == "shifted-depth"
     found = {word: int(number) for number, word in __import__("re").findall(r"(\d+) px too far (\w+)", finding.what)}
     assert abs(found.get("right", 0) - found.get("left", 0) - right) <= 1
@@ -76,8 +76,8 @@ def test_the_shift_is_given(right: int, down: int) -> None:
 def test_a_depth_map_of_few_pixels_says_nothing() -> None:
     seen = world(3)
     few = np.where(np.arange(seen.values.size).reshape(seen.values.shape) % 997 == 0, seen.values, 0)
-    assert findings_of(Observed(seen.color, few, seen.units, seen.camera, whole=True)) == []
-    assert findings_of(Observed(seen.color, 0 * few, seen.units, seen.camera, whole=True)) == []
+    assert run_checks(Observed(seen.color, few, seen.units, seen.camera, whole=True)) == []
+    assert run_checks(Observed(seen.color, 0 * few, seen.units, seen.camera, whole=True)) == []
 
 
 MASK_SEEDS = (6, 15, 18)
@@ -93,8 +93,8 @@ FLIPPED = {
 def test_a_mirrored_mask_is_named(how: str, seed: int) -> None:
     """Oracle: how the mask was flipped."""
     seen = world(seed)
-    assert seen.mask is not None and mask_off(seen) == []
-    (finding,) = mask_off(replace(seen, mask=np.ascontiguousarray(FLIPPED[how](seen.mask))))
+    assert seen.mask is not None and check_mask_registration(seen) == []
+    (finding,) = check_mask_registration(replace(seen, mask=np.ascontiguousarray(FLIPPED[how](seen.mask))))
     assert (finding.check, finding.severity) == ("mirrored-mask", "fault") and how in finding.what
 
 
@@ -104,7 +104,7 @@ def test_a_shifted_mask_is_named_with_its_shift(right: int, down: int, seed: int
     """Oracle: by how much the mask was moved, to within two pixels."""
     seen = world(seed)
     assert seen.mask is not None
-    (finding,) = mask_off(replace(seen, mask=np.roll(seen.mask, (down, right), (0, 1))))
+    (finding,) = check_mask_registration(replace(seen, mask=np.roll(seen.mask, (down, right), (0, 1))))
     assert (finding.check, finding.severity) == ("shifted-mask", "fault")
     found = {word: int(number) for number, word in re.findall(r"(\d+) px too far (\w+)", finding.what)}
     assert abs(found.get("right", 0) - found.get("left", 0) - right) <= 2
@@ -112,7 +112,7 @@ def test_a_shifted_mask_is_named_with_its_shift(right: int, down: int, seed: int
 
 
 def test_a_picture_without_a_mask_says_nothing_of_masks() -> None:
-    assert mask_off(replace(world(3), mask=None)) == []
+    assert check_mask_registration(replace(world(3), mask=None)) == []
 
 
 def test_masks_of_half_the_picture() -> None:
@@ -130,7 +130,7 @@ def test_masks_of_half_the_picture() -> None:
 )
 def test_options_that_are_meant_otherwise(given: dict[str, float | None], check: str, mend: str) -> None:
     """Oracle: 1.57 rad = 89.95 degrees; 0.8 widths of 640 px = 512 px."""
-    (finding,), _ = options_of_lens(given, 640)
+    (finding,), _ = check_lens_options(given, 640)
     assert (finding.check, finding.mend) == (check, mend)
 
 
@@ -146,7 +146,7 @@ def test_options_that_are_meant_otherwise(given: dict[str, float | None], check:
     ],
 )
 def test_cameras_that_are_hardly_so(camera: Camera, check: str) -> None:
-    assert [finding.check for finding in lens(camera)] == [check]
+    assert [finding.check for finding in check_lens(camera)] == [check]
 
 
 def test_usual_cameras_pass() -> None:
@@ -155,13 +155,13 @@ def test_usual_cameras_pass() -> None:
         Camera(741, 500, 995, 995, 311, 255),
         Camera.from_fov(512, 512, 90),
     ):
-        assert lens(camera) == []
-    assert [each.check for each in lens(Camera.from_fov(640, 480, 65), 28.0)] == ["field-of-view"]
-    assert lens(Camera.from_fov(640, 480, 65), 66.0) == []
+        assert check_lens(camera) == []
+    assert [each.check for each in check_lens(Camera.from_fov(640, 480, 65), 28.0)] == ["field-of-view"]
+    assert check_lens(Camera.from_fov(640, 480, 65), 66.0) == []
 
 
 def test_how_sure_in_words() -> None:
-    assert [in_words(sure) for sure in (0.95, 0.8, 0.6)] == ["sure", "likely", "perhaps"]
+    assert [describe_probability(sure) for sure in (0.95, 0.8, 0.6)] == ["sure", "likely", "perhaps"]
     assert certainty(0, 1) == 0.5 and certainty(1, 1) == 0.75 and certainty(50, 1) == 0.99
     assert Finding("x", "fault", 0.95, "a", "b").line == "a: b (sure)"
     assert Finding("x", "fault", 0.95, "are they swapped?", "swap them").line == "are they swapped? swap them (sure)"
@@ -175,8 +175,8 @@ def test_the_bend_of_a_kinects_depth_is_told_though_its_noise_is_as_large() -> N
     files = zip(sorted((folder / "images").iterdir()), sorted((folder / "depth").iterdir()), strict=True)
     for color, depth in list(files)[::12]:
         seen = observed(dlama.read_rgbd(color, depth, camera=Camera(640, 480, 526, 526, 320, 237)))
-        assert coded_depth(seen) == []
-        (finding,) = coded_depth(SPOILT["radial"][0](seen))
+        assert check_depth_code(seen) == []
+        (finding,) = check_depth_code(SPOILT["radial"][0](seen))
         assert finding.check == "radial-depth"
 
 
@@ -193,7 +193,7 @@ def test_real_and_rendered_pictures(name: str | None) -> None:
     )
     for number, rgbd in enumerate(frames):
         if name is None:
-            assert findings_of(observed(rgbd)) == []
+            assert run_checks(observed(rgbd)) == []
         elif name not in ("inverted mask", *(("normalised",) if number else ("1/256 m read as mm",))):
             assert faults(SPOILT[name][0](observed(rgbd))) & set(SPOILT[name][1])
 
@@ -205,7 +205,7 @@ def test_strips_and_tiny_pictures_are_no_error(wh: tuple[int, int]) -> None:
     values, color = rng.uniform(1, 3, (height, width)), rng.integers(0, 255, (height, width, 3), np.uint8)
     mask = rng.random((height, width)) < 0.3
     seen = Observed(color, values, 1.0, Camera.from_fov(width, height, 60), mask)
-    assert all(isinstance(finding, Finding) for finding in findings_of(seen))
+    assert all(isinstance(finding, Finding) for finding in run_checks(seen))
 
 
 def test_a_shift_is_found_in_a_strip() -> None:
@@ -214,5 +214,5 @@ def test_a_shift_is_found_in_a_strip() -> None:
     rows = slice(120, 145)
     rolled = np.roll(seen.values, 14, 1)[rows]
     camera = seen.camera.cropped(0, 120, 256, 25)
-    found = findings_of(Observed(seen.color[rows], rolled, seen.units, camera, whole=True))
+    found = run_checks(Observed(seen.color[rows], rolled, seen.units, camera, whole=True))
     assert "shifted-depth" in [each.check for each in found]

@@ -7,7 +7,13 @@ import pytest
 
 from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import RGBD, BoolArray
-from dlama.perception.masks.confirmed import StandsOut, along_outline, even_region, of_surfaces, surfaces_of
+from dlama.perception.masks.confirmed import (
+    SalientObject,
+    depth_step_at_outline,
+    number_surfaces,
+    select_surfaces,
+    uniform_region,
+)
 from dlama.perception.masks.pieces import Pieces, color_bins
 from dlama.perception.masks.supports import Planes
 
@@ -48,8 +54,8 @@ def test_a_seat_belongs_and_a_table_does_not(scene: tuple[RGBD, Planes, Pieces])
     """Depth took the seat for a support and the table with the chair; the picture shows the chair, its gap, and no leg."""
     rgbd, found, pieces = scene
     part = area(slice(10, 75), slice(30, 60))
-    shown = StandsOut(part.astype(np.float32), part, 0.0)
-    chosen, agreed = of_surfaces(rgbd, found, pieces, BACK | LEG | BOARD, shown)
+    shown = SalientObject(part.astype(np.float32), part, 0.0)
+    chosen, agreed = select_surfaces(rgbd, found, pieces, BACK | LEG | BOARD, shown)
     assert (chosen == CHAIR).all()
     assert agreed == pytest.approx((BACK | SEATED).sum() / (CHAIR | part).sum())
 
@@ -57,7 +63,7 @@ def test_a_seat_belongs_and_a_table_does_not(scene: tuple[RGBD, Planes, Pieces])
 def test_surfaces_are_parts_of_planes_that_hang_together(scene: tuple[RGBD, Planes, Pieces]) -> None:
     """The wall in the gap and the wall outside are two; what lies on no plane goes by its piece."""
     _, found, pieces = scene
-    number = surfaces_of(found, pieces)
+    number = number_surfaces(found, pieces)
     assert number[30, 45] not in (number[0, 0], number[15, 35])
     assert len({int(number[pixel]) for pixel in [(0, 0), (30, 45), (60, 45), (80, 80), (15, 35)]}) == 5
 
@@ -65,8 +71,8 @@ def test_surfaces_are_parts_of_planes_that_hang_together(scene: tuple[RGBD, Plan
 def test_depth_along_an_outline(scene: tuple[RGBD, Planes, Pieces]) -> None:
     """Against the wall the step is 2 m of 2 m; a part of one surface has none."""
     rgbd = scene[0]
-    assert along_outline(rgbd, BACK) == pytest.approx(1.0, abs=0.01)
-    assert along_outline(rgbd, area(slice(60, 80), slice(70, 90))) < 1e-6
+    assert depth_step_at_outline(rgbd, BACK) == pytest.approx(1.0, abs=0.01)
+    assert depth_step_at_outline(rgbd, area(slice(60, 80), slice(70, 90))) < 1e-6
 
 
 def dark(where: BoolArray) -> np.ndarray:
@@ -76,11 +82,13 @@ def dark(where: BoolArray) -> np.ndarray:
 
 def test_a_screen_of_one_colour_is_a_thing() -> None:
     screen = area(slice(20, 50), slice(20, 50))
-    found = even_region(dark(screen), (30, 30))
+    found = uniform_region(dark(screen), (30, 30))
     assert found is not None
     assert (found == screen).mean() > 0.98
 
 
 def test_a_crooked_region_of_one_colour_is_none() -> None:
     """An L fills .6 of its convex hull."""
-    assert even_region(dark(area(slice(20, 34), slice(20, 75)) | area(slice(20, 80), slice(20, 34))), (26, 26)) is None
+    assert (
+        uniform_region(dark(area(slice(20, 34), slice(20, 75)) | area(slice(20, 80), slice(20, 34))), (26, 26)) is None
+    )

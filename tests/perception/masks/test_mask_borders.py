@@ -9,7 +9,7 @@ from dlama import find_mask
 from dlama.evaluation.metrics.masks import innermost, iou
 from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import RGBD
-from dlama.perception.masks.borders import MOST_PX, decided_by_color, edges_are_sharp
+from dlama.perception.masks.borders import MOST_PX, decide_by_color, edges_are_sharp
 from dlama.perception.masks.supports import Planes
 from worlds import Box, Plane, World
 
@@ -49,5 +49,5 @@ def test_a_large_outline_is_decided_in_a_smaller_picture() -> None:
     )
     frame = RGBD(color, np.ones((1400, 1400), np.float32), Camera.from_fov(1400, 1400, 60))
     assert frame.depth.size > MOST_PX
-    found = decided_by_color(frame, away < 520, (away > 470) & (away < 540))
+    found = decide_by_color(frame, away < 520, (away > 470) & (away < 540))
     assert found[away < 498].all() and not found[away > 502].any()

@@ -13,7 +13,7 @@ from dlama.geometry.drawing.picture_edges import edge_misalignment
 from dlama.geometry.kernels.relaxing import relax
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array
 from dlama.perception.kernels.outlines import color_odds
-from dlama.perception.masks.outlines import CLINGS, PULL, Doubt, best_move, by_color, on_picture, walked
+from dlama.perception.masks.outlines import CLINGS, PULL, Doubt, best_move, color_log_odds, random_walk, refine_outline
 from worlds import Box, Plane, World
 
 CAMERA = Camera.from_fov(320, 240, 70)
@@ -64,7 +64,7 @@ def test_a_foot_that_depth_lost_is_found_by_its_colour() -> None:
     true[10:70, 25:55] = True
     unknown[61:73, 25:55] = True
     color = np.where(true[..., None], BLUE, BROWN).astype(np.uint8)
-    mask = on_picture(color, true & ~unknown, Doubt(1, unknown))
+    mask = refine_outline(color, true & ~unknown, Doubt(1, unknown))
     assert iou(mask, true) > 0.97
 
 
@@ -76,7 +76,7 @@ def test_a_random_walk_is_what_its_equations_say() -> None:
     open_ = rng.random(hw) < 0.7
     inside = ~open_ & (rng.random(hw) < 0.5)
     odds = rng.normal(0, 2, hw).astype(np.float32)
-    assert np.abs(walked(lab, open_, odds, inside) - dense_walk(lab, open_, odds, inside)).max() < 0.01
+    assert np.abs(random_walk(lab, open_, odds, inside) - dense_walk(lab, open_, odds, inside)).max() < 0.01
 
 
 def dense_walk(lab: Float32Array, open_: BoolArray, odds: Float32Array, inside: BoolArray) -> np.ndarray:
@@ -134,7 +134,7 @@ def test_too_few_samples_say_nothing() -> None:
     lab = np.zeros((9, 9, 3), np.float32)
     open_ = np.zeros((9, 9), np.bool_)
     open_[4, 4] = True
-    assert by_color(lab, open_, np.zeros_like(open_), ~open_, 4)[4, 4] == 0
+    assert color_log_odds(lab, open_, np.zeros_like(open_), ~open_, 4)[4, 4] == 0
 
 
 def test_a_sweep_changes_open_pixels_alone() -> None:

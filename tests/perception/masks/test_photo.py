@@ -10,7 +10,7 @@ from dlama import RGBD, Camera, MaskError, MaskSession, find_mask
 from dlama.evaluation.metrics.masks import box_of, iou
 from dlama.geometry.rgbd import BoolArray, UInt8Array
 from dlama.perception.masks import photo
-from dlama.perception.masks.photo import named, rim_share, window_round
+from dlama.perception.masks.photo import name_masks, rim_share, window_around
 from dlama.perception.masks.prompt import Prompt
 from dlama.perception.masks.rough import rough_candidates, rough_depth
 
@@ -71,16 +71,16 @@ def test_what_fills_little_of_a_box_is_not_the_thing(monkeypatch: pytest.MonkeyP
     picture = without_the_thing()
     prompt = Prompt(picture.depth.shape, box=box)
     masker = photo.PhotoMasker(picture, rough_depth(picture))
-    assert masker.filling(prompt.box_slices) is None
+    assert masker.salient_in_box(prompt.box_slices) is None
     np.testing.assert_array_equal(masker.candidates(prompt)["thing"], rough_candidates(masker.rough, prompt)["thing"])
 
 
 def test_how_much_of_a_box_is_filled() -> None:
     """Closed form: boxes of 10 x 6 and 8 x 3 pixels, one in the other; and nothing at all."""
     box, mask = (slice(2, 12), slice(4, 10)), np.zeros((20, 20), np.bool_)
-    assert photo.filled(box, mask) == 0
+    assert photo.fill_enclosed(box, mask) == 0
     mask[3, 5] = mask[10, 7] = mask[0, 0] = True
-    assert photo.filled(box, mask) == pytest.approx(8 * 3 / 60)
+    assert photo.fill_enclosed(box, mask) == pytest.approx(8 * 3 / 60)
 
 
 def test_clicks_beside_the_thing_are_none_of_it() -> None:
@@ -120,7 +120,7 @@ def test_a_thing_that_the_windows_cut_off_is_found_whole(monkeypatch: pytest.Mon
 def test_a_window_holds_its_click_and_lies_in_the_picture(pixel: tuple[int, int]) -> None:
     """Closed form: as large as asked for, or as the picture."""
     for side, height in ((60, 60), (130, 100)):
-        rows, columns = window_round(pixel, side, (100, 160))
+        rows, columns = window_around(pixel, side, (100, 160))
         assert (rows.stop - rows.start, columns.stop - columns.start) == (height, side)
         assert 0 <= rows.start <= pixel[0] < rows.stop <= 100 and 0 <= columns.start <= pixel[1] < columns.stop <= 160
 
@@ -138,5 +138,5 @@ def test_other_readings_are_named_by_size() -> None:
     small, thing, large, same = (np.zeros((10, 10), np.bool_) for _ in range(4))
     small[:2], thing[:5], large[:], same[:5] = True, True, True, True
     same[0, 0] = False
-    assert set(named(thing, [small, large, same])) == {"thing", "part", "group"}
-    assert set(named(thing, [same])) == {"thing"}
+    assert set(name_masks(thing, [small, large, same])) == {"thing", "part", "group"}
+    assert set(name_masks(thing, [same])) == {"thing"}

@@ -18,7 +18,7 @@ from dlama import FileError, InputError, MaskSession, find_mask
 from dlama.models import records
 from dlama.perception.masks import segment_anything
 from dlama.perception.masks.prompt import Prompt
-from dlama.perception.masks.segment_anything import PAIRS, EmbeddedPicture, PairContract, candidates_of
+from dlama.perception.masks.segment_anything import PAIRS, EmbeddedPicture, PairContract, name_candidates
 
 RADII = (3.0, 6.0, 9.0)
 SCORES = (0.5, 0.9, 0.7)
@@ -173,8 +173,8 @@ def test_of_four_masks_the_first_is_for_several_points() -> None:
     """As the authors' own choice of a mask does it: one click takes the best of the last three, a box or two clicks the first."""
     masks = np.stack([np.where(disc(30, 20, radius), 1.0, -1.0) for radius in (5, 3, 6, 9)]).astype(np.float32)
     scores = np.float32([0.99, 0.5, 0.9, 0.7])
-    one, _ = candidates_of(masks, scores, Prompt(HW, ((30, 20),)))
-    two, _ = candidates_of(masks, scores, Prompt(HW, ((30, 20),), ((1, 1),)))
+    one, _ = name_candidates(masks, scores, Prompt(HW, ((30, 20),)))
+    two, _ = name_candidates(masks, scores, Prompt(HW, ((30, 20),), ((1, 1),)))
     np.testing.assert_array_equal(one["thing"], disc(30, 20, 6))
     np.testing.assert_array_equal(two["thing"], disc(30, 20, 5))
 

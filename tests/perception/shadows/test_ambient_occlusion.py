@@ -8,11 +8,11 @@ import pytest
 from dlama.geometry.camera import Camera
 from dlama.geometry.projection import rays
 from dlama.geometry.rgbd import RGBD, BoolArray
-from dlama.perception.masks.supports import planes_of
-from dlama.perception.shadows.crop import crop_round
-from dlama.perception.shadows.ground import Ground, axes, ground_of, standing, thing_points
-from dlama.perception.shadows.growing import under_the_sky
-from dlama.perception.shadows.lit_surface import darkness
+from dlama.perception.masks.supports import find_planes_of_picture
+from dlama.perception.shadows.crop import crop_around
+from dlama.perception.shadows.ground import Ground, find_ground, measure_object, object_points, surface_axes
+from dlama.perception.shadows.growing import grow_ambient_shadow
+from dlama.perception.shadows.lit_surface import measure_darkness
 from dlama.perception.shadows.occlusion import ambient_occlusion, sky_directions
 from worlds import Box, Plane, World
 
@@ -25,15 +25,15 @@ def seen(thing: Box) -> tuple[RGBD, BoolArray, Ground, np.ndarray]:
     world = World((GROUND, BACK, thing))
     rgbd, shown = world.rgbd(CAMERA), world.trace(CAMERA)[1]
     mask = shown == 2
-    ground = ground_of(rgbd, mask, planes_of(rgbd))
+    ground = find_ground(rgbd, mask, find_planes_of_picture(rgbd))
     assert ground is not None
     return rgbd, mask, ground, rays(CAMERA) * rgbd.depth[..., None]
 
 
 def hidden_from(rgbd: RGBD, mask: BoolArray, ground: Ground) -> np.ndarray:
     """H x W: how much of the sky the thing under the mask hides."""
-    thing = standing(*thing_points(rgbd, mask, ground), ground)
-    return ambient_occlusion(thing, rgbd.camera, crop_round(mask))
+    thing = measure_object(*object_points(rgbd, mask, ground), ground)
+    return ambient_occlusion(thing, rgbd.camera, crop_around(mask))
 
 
 def test_before_a_wide_wall() -> None:
@@ -66,7 +66,7 @@ def test_directions_carry_the_cosine_law() -> None:
     cosine = 1 / np.sqrt(1 + (over**2).sum(1))
     assert np.abs(over @ up).max() < 1e-9
     assert cosine.mean() == pytest.approx(2 / 3, abs=0.01) and (cosine**2).mean() == pytest.approx(1 / 2, abs=0.01)
-    across, behind = axes(up)
+    across, behind = surface_axes(up)
     assert np.abs((over * cosine[:, None]).mean(0) @ np.stack([across, behind], 1)).max() < 0.03
 
 
@@ -79,7 +79,7 @@ def test_the_lit_surface_of_an_overcast_day() -> None:
     )
     gray = np.repeat(np.clip(level, 0, 255).astype(np.uint8)[..., None], 3, 2)
     made = RGBD(gray, rgbd.depth, CAMERA)
-    told, blind = (darkness(made, mask, ground.surface, each) for each in (hidden, np.zeros_like(hidden)))
+    told, blind = (measure_darkness(made, mask, ground.surface, each) for each in (hidden, np.zeros_like(hidden)))
     assert told is not None and blind is not None and not blind.ambient.any()
     dark = ground.surface & (hidden > 0.2) & (hidden < 0.9)
     true = -0.4 * np.log(1 - hidden[dark])
@@ -92,7 +92,7 @@ def test_no_more_light_is_lost_than_there_is() -> None:
     rgbd, mask, ground, _ = seen(Box((-0.8, 0.2, 2.6), (0.8, 1.0, 3.2)))
     hidden = hidden_from(rgbd, mask, ground)
     level = np.repeat((200 * (1 - np.minimum(hidden, 0.95)) ** 1.2).astype(np.uint8)[..., None], 3, 2)
-    told = darkness(RGBD(level, rgbd.depth, CAMERA), mask, ground.surface, hidden)
+    told = measure_darkness(RGBD(level, rgbd.depth, CAMERA), mask, ground.surface, hidden)
     assert told is not None
     assert (told.ambient <= -np.log(1 - np.minimum(hidden, 0.95)) / 2.2 + 1e-6).all() and told.ambient.max() > 0.3
 
@@ -102,7 +102,7 @@ def test_a_thing_that_brightens_keeps_nothing_from_the_surface() -> None:
     rgbd, mask, ground, _ = seen(Box((-0.8, 0.2, 2.6), (0.8, 1.0, 3.2)))
     hidden = hidden_from(rgbd, mask, ground)
     gray = np.repeat(np.clip(100 * (1 + hidden), 0, 255).astype(np.uint8)[..., None], 3, 2)
-    told = darkness(RGBD(gray, rgbd.depth, CAMERA), mask, ground.surface, hidden)
+    told = measure_darkness(RGBD(gray, rgbd.depth, CAMERA), mask, ground.surface, hidden)
     assert told is not None and not told.ambient.any()
 
 
@@ -116,7 +116,7 @@ def test_the_rim_of_a_soft_shadow(contrast: int) -> None:
     level = ((150 + tiles) * np.where(ground.surface, (1 - hidden) ** 0.4, 1)).astype(np.uint8)
     made = RGBD(np.repeat(level[..., None], 3, 2), rgbd.depth, CAMERA)
     core, true = ground.surface & (hidden > 0.6), ground.surface & (hidden > 1 - np.exp(-0.1 / 0.4))
-    found = under_the_sky(made, mask, ground, ground.surface, core, hidden)
+    found = grow_ambient_shadow(made, mask, ground, ground.surface, core, hidden)
     assert core.any()
     if contrast:
         assert not found.any()

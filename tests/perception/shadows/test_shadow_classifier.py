@@ -16,12 +16,12 @@ from dlama.perception.shadows.classifier import (
     classifiers,
     shadow_probability,
 )
-from dlama.perception.shadows.crop import crop_round
+from dlama.perception.shadows.crop import crop_around
 from dlama.perception.shadows.features import (
     CANDIDATE_FEATURES,
     candidate_features,
+    cast_interiors,
     color_shares,
-    insides,
     pixel_features,
     tone_steps,
 )
@@ -45,7 +45,7 @@ def test_the_file_that_ships_fits_the_features() -> None:
     assert tuple(parts) == tuple(PARTS) and MODEL.stat().st_size < 100_000
     planes = with_shape()
     shares = color_shares(planes)
-    candidates = candidate_features(planes, insides(planes), shares)
+    candidates = candidate_features(planes, cast_interiors(planes), shares)
     assert candidates.shape == (len(PLANES[THROWN:]) + 2, CANDIDATE_FEATURES)
     rows, where = pixel_features(planes, planes[THROWN] > 0, 0.5, shares)
     assert len(rows) == where.sum() == (planes[4] > 0.5).sum()
@@ -80,7 +80,7 @@ def test_a_crop_and_back() -> None:
     """Round trip: a square of a picture lies where it was, up to a pixel at its border, and nothing outside the crop is known."""
     mask = np.zeros((400, 600), np.bool_)
     mask[150:250, 300:340] = True
-    crop = crop_round(mask)
+    crop = crop_around(mask)
     square = np.zeros(mask.shape, np.float32)
     square[200:300, 350:420] = 1
     back = crop.large(np.asarray(crop.small(square), np.float32), mask.shape)

@@ -7,7 +7,7 @@ import pytest
 
 from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import RGBD
-from dlama.perception.shadows.contrast import fine_pattern, stands_out
+from dlama.perception.shadows.contrast import fine_pattern, has_contrast
 
 SIDE = 160
 SHADOW = np.zeros((SIDE, SIDE), np.bool_)
@@ -27,7 +27,7 @@ def ground(pattern: float, step: float) -> RGBD:
 @pytest.mark.parametrize("step, expected", [(0.13, False), (0.2, True)])
 def test_a_step_against_a_pattern(step: float, expected: bool) -> None:
     """Oracle: -p, 0 and p, as often each, have the standard deviation p sqrt(2/3): .163 of .2."""
-    assert stands_out(ground(0.2, step), SHADOW, EVERYWHERE) is expected
+    assert has_contrast(ground(0.2, step), SHADOW, EVERYWHERE) is expected
 
 
 def test_a_fine_pattern_has_no_slow_part() -> None:
@@ -40,4 +40,4 @@ def test_a_fine_pattern_has_no_slow_part() -> None:
 
 
 def test_too_little_to_say_anything() -> None:
-    assert stands_out(ground(0.2, 0.0), SHADOW, np.zeros_like(SHADOW))
+    assert has_contrast(ground(0.2, 0.0), SHADOW, np.zeros_like(SHADOW))

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from dlama.perception.kernels.shadows import DIRECTIONS_A_TASK, throw_shapes
+from dlama.perception.kernels.shadows import DIRECTIONS_A_TASK, cast_shapes
 from dlama.perception.shadows.search import SHARP, divergence_of
 
 
@@ -18,7 +18,7 @@ def test_thrown_shapes_against_a_twin() -> None:
     over = rng.normal(0, 0.5, (DIRECTIONS_A_TASK + 5, 3))
     values, seen, lens = rng.normal(0, 1, (30, 40)), rng.random((30, 40)) < 0.8, np.array([20.0, 20.0, 20.0, 12.0])
     out, stamps = np.zeros((len(over), 3)), np.zeros((2, 30, 40), np.int32)
-    throw_shapes(0, len(over), foot, rise, over, lens, values, seen, stamps, out)
+    cast_shapes(0, len(over), foot, rise, over, lens, values, seen, stamps, out)
     for k, direction in enumerate(over):
         shape = set()
         for x, y, z in foot + rise[:, None] * direction:

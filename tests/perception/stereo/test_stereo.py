@@ -11,7 +11,7 @@ import pytest
 
 from dlama.errors import InputError, MaskError, ShapeError
 from dlama.perception.stereo import matching as stereo_matching
-from dlama.perception.stereo.agreement import carry_mask, consistency
+from dlama.perception.stereo.agreement import consistency, transfer_mask
 from dlama.perception.stereo.matching import disparity_pair
 
 HEIGHT, WIDTH = 90, 160
@@ -182,7 +182,7 @@ def test_carried_mask_of_a_square() -> None:
     disparity[40, :] = np.nan
     wanted = np.zeros_like(mask)
     wanted[25:65, 60 - 21 : 110 - 21] = True
-    np.testing.assert_array_equal(carry_mask(mask, disparity), wanted)
+    np.testing.assert_array_equal(transfer_mask(mask, disparity), wanted)
 
 
 def test_carried_mask_has_no_cracks_on_a_slant() -> None:
@@ -190,7 +190,7 @@ def test_carried_mask_has_no_cracks_on_a_slant() -> None:
     mask = np.zeros((20, 60), bool)
     mask[5:15, 20:50] = True
     disparity = np.broadcast_to(20 - 0.4 * np.arange(60, dtype=np.float32), mask.shape)
-    carried = carry_mask(mask, disparity)
+    carried = transfer_mask(mask, disparity)
     columns = np.nonzero(carried[10])[0]
     assert (columns[0], columns[-1]) == (8, 49) and carried[5:15, 8:50].all() and carried.sum() == 10 * 42
 
@@ -199,13 +199,13 @@ def test_masks_that_cannot_be_carried() -> None:
     """Oracle: an empty mask stays empty, one that leaves the picture too; no disparity or another size is an error."""
     mask = np.zeros((4, 6), bool)
     disparity = np.full((4, 6), 5, np.float32)
-    assert not carry_mask(mask, disparity).any()
+    assert not transfer_mask(mask, disparity).any()
     mask[1:3, 1:4] = True
-    assert not carry_mask(mask, disparity).any()
+    assert not transfer_mask(mask, disparity).any()
     with pytest.raises(MaskError, match="no disparity is known inside the mask"):
-        carry_mask(mask, np.zeros((4, 6), np.float32))
+        transfer_mask(mask, np.zeros((4, 6), np.float32))
     with pytest.raises(MaskError, match=r"\(4, 6\).*\(4, 5\)"):
-        carry_mask(mask, disparity[:, :5])
+        transfer_mask(mask, disparity[:, :5])
 
 
 def read_rgb(path: Path) -> Array:

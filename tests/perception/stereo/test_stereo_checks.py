@@ -10,7 +10,7 @@ import pytest
 
 import dlama
 from dlama.errors import InputError
-from dlama.perception.stereo.checks import doubts, matched_corners, refuse_identical
+from dlama.perception.stereo.checks import find_pair_fault, match_corners, refuse_identical
 
 Array = np.ndarray
 KNOWN = np.ones((512, 512), np.float32)
@@ -30,8 +30,8 @@ def turned(picture: Array, degrees: float) -> Array:
 def test_a_good_pair_raises_no_doubt() -> None:
     """Law: rows match and things are farther left in the right picture."""
     left, right = demo()
-    assert doubts(left, right, KNOWN) is None
-    offsets = matched_corners(left, right).offsets
+    assert find_pair_fault(left, right, KNOWN) is None
+    offsets = match_corners(left, right).offsets
     assert len(offsets) > 300 and np.median(abs(offsets[:, 1])) < 0.3 and (offsets[:, 0] > 0).mean() > 0.9
 
 
@@ -40,20 +40,20 @@ def test_middlebury_raises_no_doubt(data_dir: Path, name: str) -> None:
     """Law: published rectified pairs."""
     folder = data_dir / "data" / (name if name == "motorcycle" else f"stereo/{name}")
     left, right = dlama.read_color(folder / "left.png"), dlama.read_color(folder / "right.png")
-    assert doubts(left, right, np.ones(left.shape[:2], np.float32)) is None
+    assert find_pair_fault(left, right, np.ones(left.shape[:2], np.float32)) is None
 
 
 def test_swapped_pictures() -> None:
     """Oracle: the corruption."""
     left, right = demo()
-    assert "swapped" in str(doubts(right, left, KNOWN))
+    assert "swapped" in str(find_pair_fault(right, left, KNOWN))
 
 
 @pytest.mark.parametrize("corrupt", [lambda p: np.roll(p, 3, 0), lambda p: turned(p, 1), lambda p: turned(p, -0.7)])
 def test_rows_that_do_not_match(corrupt) -> None:
     """Oracle: the corruption; a shift of 3 px and turns of about a degree."""
     left, right = demo()
-    assert "rectified" in str(doubts(left, corrupt(right), KNOWN))
+    assert "rectified" in str(find_pair_fault(left, corrupt(right), KNOWN))
 
 
 def test_pictures_of_different_scenes() -> None:
@@ -61,15 +61,15 @@ def test_pictures_of_different_scenes() -> None:
     left, right = demo()
     noise = np.random.default_rng(0).integers(0, 256, (64, 64, 3), np.uint8).repeat(8, 0).repeat(8, 1)
     for other in (right[::-1].copy(), noise):
-        assert "same scene" in str(doubts(left, other, KNOWN))
+        assert "same scene" in str(find_pair_fault(left, other, KNOWN))
 
 
 def test_plain_pictures_are_judged_by_their_matches() -> None:
     """Law: without corners nothing is said of them, but that hardly anything was matched."""
     plain = np.full((60, 80, 3), 100, np.uint8)
     known = np.zeros((60, 80), np.float32)
-    assert "only 0%" in str(doubts(plain, plain, known))
-    assert doubts(plain, plain, known + 1) is None
+    assert "only 0%" in str(find_pair_fault(plain, plain, known))
+    assert find_pair_fault(plain, plain, known + 1) is None
 
 
 def test_identical_pictures_are_refused() -> None:

@@ -11,7 +11,7 @@ import pytest
 from onnx import TensorProto, helper, numpy_helper
 
 from dlama.errors import FileError, InputError
-from dlama.perception.stereo.matching import carried_disparity
+from dlama.perception.stereo.matching import transfer_disparity
 from dlama.perception.stereo.networks import NetworkMatcher, StereoContract
 
 SHIFT = 6
@@ -102,6 +102,6 @@ def test_the_right_disparity_of_a_given_left_one() -> None:
     left = np.full((10, 60), 4, np.float32)
     left[2:8, 30:40] = 12
     left[:, 5] = 0
-    right = carried_disparity(left)
+    right = transfer_disparity(left)
     assert (right[2:8, 18:28] == 12).all() and (right[0, 2:56] == 4).all()
     assert (right[2:8, 28:36] == 0).all() and (right[:, 56:] == 0).all()

@@ -12,8 +12,8 @@ import numpy as np
 from dlama.errors import InputError, ShapeError
 from dlama.geometry.rgbd import Float32Array, UInt8Array
 from dlama.perception.monocular import LEAST_CONTRAST, contrast
-from dlama.perception.stereo.checks import doubts, refuse_identical
-from dlama.perception.stereo.matching import Matcher, carried_disparity, disparity_pair
+from dlama.perception.stereo.checks import find_pair_fault, refuse_identical
+from dlama.perception.stereo.matching import Matcher, disparity_pair, transfer_disparity
 from dlama.perception.stereo.networks import NetworkMatcher
 
 
@@ -58,7 +58,7 @@ def find_matches(
         found = match(left, right)
     else:
         found, notes = of_given(disparity, left.shape[:2]), {"matcher": "none: the disparity was given"}
-    doubt = doubts(left, right, found[0])
+    doubt = find_pair_fault(left, right, found[0])
     if doubt is not None:
         warnings.warn(doubt, UserWarning, stacklevel=3)
         notes = {**notes, "doubt": doubt}
@@ -91,4 +91,4 @@ def of_given(disparity: Float32Array, hw: tuple[int, int]) -> tuple[Float32Array
     left = np.where(np.isfinite(given), given, 0).astype(np.float32)
     if not left.any():
         raise InputError("disparity has no known pixel")
-    return left, carried_disparity(left)
+    return left, transfer_disparity(left)

@@ -22,7 +22,7 @@ from dlama.geometry.projection import depth_from_disparity, disparity_from_depth
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array, check_color
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
-from dlama.perception.stereo.agreement import carry_mask, consistency
+from dlama.perception.stereo.agreement import consistency, transfer_mask
 from dlama.perception.stereo.matching import Matcher, disparity_pair
 
 FAR_PX = 0.5
@@ -144,7 +144,7 @@ def masks_of_pair(
     if mask is None:
         return None
     mask = check_mask(mask, rig.left.hw)
-    carried = carry_mask(mask, left_disparity) if mask_right is None else check_mask(mask_right, rig.right.hw)
+    carried = transfer_mask(mask, left_disparity) if mask_right is None else check_mask(mask_right, rig.right.hw)
     return mask, carried
 
 

@@ -25,7 +25,7 @@ from dlama.inpainters.layered.kernels.quilt import GAP
 from dlama.inpainters.layered.out_of_view import FOLLOWED
 from dlama.inpainters.layered.surface_labels import GRID, CoarseView
 from dlama.inpainters.missing_depth.along_colors import DepthByColor, along_colors
-from dlama.perception.planes import SMOOTH, denoised, find_planes, label_known, noise_level, plane_values_at
+from dlama.perception.planes import SMOOTH, denoise, find_planes, label_known, noise_level, plane_values_at
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +48,7 @@ def continue_surfaces(view: View, law: Law, seed: int = 0) -> Surfaces:
     noise = noise_level(w, view.valid)
     planes = find_planes(w, view.valid, seed, noise)
     label = label_known(w, view.valid, view.far, planes, noise)
-    w = denoised(w, label, planes, noise)
+    w = denoise(w, label, planes, noise)
     missing = view.hole & ~view.color_hole
     by_color = None
     if missing.any():

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dlama.geometry.camera import Camera
-from dlama.perception.diagnosis.depth_scale import depth_unit
+from dlama.perception.diagnosis.depth_scale import check_depth_unit
 from dlama.perception.diagnosis.finding import Finding, Observed, certainty
 
 Floats = NDArray[np.float64]
@@ -75,16 +75,16 @@ MENDS = {
 NORMALISED = "save metres: value * (farthest - nearest) / largest value + nearest"
 
 
-def coded_depth(seen: Observed) -> list[Finding]:
+def check_depth_code(seen: Observed) -> list[Finding]:
     """Says how depth is coded where it is not plain depth; nothing where too little of the picture is planar."""
-    fits = fits_of_codes(seen)
+    fits = fit_codes(seen)
     if fits is None:
         return []
     best = min(fits, key=lambda name: float(fits[name].mean()))
     gain, t = advantage(fits["linear"], fits[best])
     if best == "linear" or t < DOUBTED[0] or gain < DOUBTED[1]:
         return []
-    least_t, least_gain = DOUBTED if best in NEVER_PLAIN or depth_unit(seen) else (LEAST_T, LEAST_GAIN)
+    least_t, least_gain = DOUBTED if best in NEVER_PLAIN or check_depth_unit(seen) else (LEAST_T, LEAST_GAIN)
     if t < least_t or gain < least_gain:
         return []
     check = CHECKS.get(best, "normalised-depth")
@@ -99,7 +99,7 @@ def advantage(plain: Floats, other: Floats) -> tuple[float, float]:
     return float(gain.mean()), float(gain.mean() / error)
 
 
-def fits_of_codes(seen: Observed) -> dict[str, Floats] | None:
+def fit_codes(seen: Observed) -> dict[str, Floats] | None:
     """Logarithm of the relative residuals of each planar part under each code; None where there are too few parts."""
     parts = square_parts(seen.values, seen.camera)
     if len(parts.values) < FEWEST_PARTS:

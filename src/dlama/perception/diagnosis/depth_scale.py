@@ -50,9 +50,9 @@ class Extent(NamedTuple):
     """Its height above the camera."""
 
 
-def depth_unit(seen: Observed) -> list[Finding]:
+def check_depth_unit(seen: Observed) -> list[Finding]:
     """Says which of the usual units depth is in, where that in which it is read makes no likely scene."""
-    extent = extent_of(seen)
+    extent = measure_extent(seen)
     if extent is None:
         return []
     usual = WHOLE_UNITS if seen.whole else FLOAT_UNITS
@@ -70,7 +70,7 @@ def depth_unit(seen: Observed) -> list[Finding]:
     return [Finding("depth-scale", "fault", certainty(margin, 2.0), what, f"give depth_scale={best:g}")]
 
 
-def extent_of(seen: Observed) -> Extent | None:
+def measure_extent(seen: Observed) -> Extent | None:
     """Distances in metres as read; None where fewer than 50 pixels have depth."""
     valid = seen.valid
     if valid.sum() < 50:

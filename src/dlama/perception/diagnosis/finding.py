@@ -36,10 +36,10 @@ class Finding:
     def line(self) -> str:
         """All of it in one line."""
         mend = f"{'' if self.what.endswith('?') else ':'} {self.mend}" if self.mend else ""
-        return f"{self.what}{mend}{'' if self.severity == 'fine' else f' ({in_words(self.sure)})'}"
+        return f"{self.what}{mend}{'' if self.severity == 'fine' else f' ({describe_probability(self.sure)})'}"
 
 
-def in_words(sure: float) -> str:
+def describe_probability(sure: float) -> str:
     """How sure, for people."""
     return "sure" if sure >= SURE else "likely" if sure >= LIKELY else "perhaps"
 

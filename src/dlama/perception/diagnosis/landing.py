@@ -70,14 +70,14 @@ def shrink(frame: RGBD) -> SmallFrame:
     return SmallFrame(points, means.ravel()[chosen].astype(np.float64), depth, means, camera)
 
 
-def land(one: SmallFrame, other: SmallFrame) -> Landed:
+def find_landing_points(one: SmallFrame, other: SmallFrame) -> Landed:
     """Points of one frame that land in the other."""
-    z, depth, first, second = carry(one, other)
+    z, depth, first, second = reproject(one, other)
     lands = np.abs(depth - z) < LANDS_WITHIN * z
     return Landed(float(lands.sum() / max(len(one.points), 1)), first[lands], second[lands])
 
 
-def carry(one: SmallFrame, other: SmallFrame) -> tuple[Float64Array, Float64Array, Float64Array, Float64Array]:
+def reproject(one: SmallFrame, other: SmallFrame) -> tuple[Float64Array, Float64Array, Float64Array, Float64Array]:
     """Depth and grey level of the points of one frame that come to lie on a pixel of the other with depth: (theirs, the one
     measured there) of each."""
     pose = one.camera.world_from_cam

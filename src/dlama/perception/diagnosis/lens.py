@@ -25,7 +25,7 @@ def looks_like_radians(fov: float) -> bool:
     return RADIANS[0] < fov < RADIANS[1]
 
 
-def options_of_lens(given: Mapping[str, float | None], width: int) -> tuple[list[Finding], dict[str, float]]:
+def check_lens_options(given: Mapping[str, float | None], width: int) -> tuple[list[Finding], dict[str, float]]:
     """What is wrong with the options fov and fx, and the values that were probably meant in their place."""
     fov, fx = given.get("fov"), given.get("fx")
     if fov is not None and looks_like_radians(fov):
@@ -38,7 +38,7 @@ def options_of_lens(given: Mapping[str, float | None], width: int) -> tuple[list
     return [], {}
 
 
-def lens(camera: Camera, exif_fov: float | None = None) -> list[Finding]:
+def check_lens(camera: Camera, exif_fov: float | None = None) -> list[Finding]:
     """Findings on field of view, principal point and pixel shape; `exif_fov`: degrees, where the picture's tags say it."""
     other = _of_another_size(camera) or _swapped(camera)
     if other:

@@ -20,7 +20,7 @@ def looks_inverted(mask: BoolArray) -> bool:
     return bool(mask.mean() > MOSTLY and border.mean() > BORDER)
 
 
-def mask_coverage(seen: Observed) -> list[Finding]:
+def check_mask_coverage(seen: Observed) -> list[Finding]:
     """Says if the mask has the wrong polarity, or hardly any pixels."""
     if seen.mask is None:
         return []

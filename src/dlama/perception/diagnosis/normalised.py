@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from dlama.perception.diagnosis.depth_scale import FLOOR, MIDDLE, extent_of
+from dlama.perception.diagnosis.depth_scale import FLOOR, MIDDLE, measure_extent
 from dlama.perception.diagnosis.finding import Finding, Observed
 
 FULL = 65535
@@ -14,7 +14,7 @@ LOWEST = 0.008
 """The nearest values lie below this share of the largest: no camera sees so near and so far."""
 
 
-def stretched(seen: Observed) -> list[Finding]:
+def check_value_range(seen: Observed) -> list[Finding]:
     """Says if values fill 0..65535 or 0..1 exactly, as normalising leaves them."""
     known = seen.values[seen.values > 0]
     if not known.size:
@@ -26,7 +26,7 @@ def stretched(seen: Observed) -> list[Finding]:
         return []
     if seen.whole and (at_top.mean() > RARE or rest.min() > LOWEST * largest or rest.max() < 0.8 * largest):
         return []
-    extent = extent_of(seen)
+    extent = measure_extent(seen)
     if extent is None:
         return []
     read, typical = (extent.middle, MIDDLE[0]) if extent.floor is None else (extent.floor, FLOOR[0])

@@ -13,7 +13,7 @@ import numpy as np
 
 from dlama.geometry.camera import Float64Array
 from dlama.perception.diagnosis.finding import Finding, certainty
-from dlama.perception.diagnosis.landing import FEWEST, Landed, SmallFrame, carry, land
+from dlama.perception.diagnosis.landing import FEWEST, Landed, SmallFrame, find_landing_points, reproject
 
 NEIGHBOURS = 4
 """Frames that each one is compared with; most of them must agree."""
@@ -29,12 +29,12 @@ LEAST_CURVE = 1.4
 """Ratio of contrasts (in logarithms) from which a gamma is named. Without one at most 1.23 in the same frames."""
 
 
-def odd_frames(frames: Sequence[SmallFrame], names: Sequence[str]) -> list[Finding]:
+def find_odd_frames(frames: Sequence[SmallFrame], names: Sequence[str]) -> list[Finding]:
     """A finding for each odd frame; none where most are (the fault is elsewhere then), or where there are fewer than three."""
     if len(frames) < 3:
         return []
     found = [
-        oddity(frame, [frames[other] for other in nearest], name)
+        find_oddity(frame, [frames[other] for other in nearest], name)
         for frame, nearest, name in zip(frames, neighbours(frames), names)
     ]
     odd = [finding for finding in found if finding is not None]
@@ -52,20 +52,20 @@ def neighbours(frames: Sequence[SmallFrame]) -> list[list[int]]:
     return [list(np.argsort(row, kind="stable")[: min(NEIGHBOURS, len(frames) - 1)]) for row in away]
 
 
-def oddity(frame: SmallFrame, others: Sequence[SmallFrame], name: str) -> Finding | None:
+def find_oddity(frame: SmallFrame, others: Sequence[SmallFrame], name: str) -> Finding | None:
     """What is odd of a frame against two or more others; None where nothing is."""
     as_read = fits(frame, others)
-    if most_agree(1 / np.maximum(as_read, 0.01)) < LEAST_LEAD:  # no fit is above 1, so that no factor could lead
-        return odd_curve(frame, others, name)
+    if lower_median(1 / np.maximum(as_read, 0.01)) < LEAST_LEAD:  # no fit is above 1, so that no factor could lead
+        return check_tone_curve(frame, others, name)
     scale = depth_factor(frame, others)
-    trials = {("depth", scale): fits(multiply(frame, depth=scale), others)}
-    trials |= {("focal", factor): fits(multiply(frame, focal=factor), others) for factor in map(float, FACTORS)}
-    best = max(trials, key=lambda key: most_agree(trials[key]))
-    (what, factor), fit = best, most_agree(trials[best])
-    lead = most_agree(trials[best] / np.maximum(as_read, 0.01))
+    trials = {("depth", scale): fits(rescale_frame(frame, depth=scale), others)}
+    trials |= {("focal", factor): fits(rescale_frame(frame, focal=factor), others) for factor in map(float, FACTORS)}
+    best = max(trials, key=lambda key: lower_median(trials[key]))
+    (what, factor), fit = best, lower_median(trials[best])
+    lead = lower_median(trials[best] / np.maximum(as_read, 0.01))
     if max(factor, 1 / factor) < LEAST_CHANGE or fit < LEAST_FIT or lead < LEAST_LEAD:
-        return odd_curve(frame, others, name)
-    shows = f"so {fit:.0%} of its points fit the neighbouring frames, {most_agree(as_read):.0%} as read"
+        return check_tone_curve(frame, others, name)
+    shows = f"so {fit:.0%} of its points fit the neighbouring frames, {lower_median(as_read):.0%} as read"
     sure = certainty(lead - 1, 0.3)
     if what == "depth":
         times = f"{max(factor, 1 / factor):.3g} times too {'small' if factor > 1 else 'large'}"
@@ -78,9 +78,11 @@ def oddity(frame: SmallFrame, others: Sequence[SmallFrame], name: str) -> Findin
     )  # fmt: skip
 
 
-def odd_curve(frame: SmallFrame, others: Sequence[SmallFrame], name: str) -> Finding | None:
+def check_tone_curve(frame: SmallFrame, others: Sequence[SmallFrame], name: str) -> Finding | None:
     """Says if the picture has a gamma more or less than its neighbours; exposure and white balance do not change contrast."""
-    exponents = [contrast(landed) for landed in (land(frame, other) for other in others) if landed.fit > LEAST_FIT]
+    exponents = [
+        contrast(landed) for landed in (find_landing_points(frame, other) for other in others) if landed.fit > LEAST_FIT
+    ]
     if len(exponents) < 2:
         return None
     exponent = float(np.exp(np.median(np.log(exponents))))
@@ -105,15 +107,17 @@ def contrast(landed: Landed) -> float:
 
 def fits(frame: SmallFrame, others: Sequence[SmallFrame]) -> Float64Array:
     """How well the frame and each of the others land in each other."""
-    return np.array([(land(frame, other).fit + land(other, frame).fit) / 2 for other in others])
+    return np.array(
+        [(find_landing_points(frame, other).fit + find_landing_points(other, frame).fit) / 2 for other in others]
+    )
 
 
-def most_agree(values: Float64Array) -> float:
+def lower_median(values: Float64Array) -> float:
     """The lower median: what more than half of the neighbours reach."""
     return float(np.sort(values)[(len(values) - 1) // 2])
 
 
-def multiply(frame: SmallFrame, depth: float = 1.0, focal: float = 1.0) -> SmallFrame:
+def rescale_frame(frame: SmallFrame, depth: float = 1.0, focal: float = 1.0) -> SmallFrame:
     """The frame with its depth, or its focal length, multiplied."""
     camera = dataclasses.replace(frame.camera, fx=frame.camera.fx * focal, fy=frame.camera.fy * focal)
     points = frame.points * (depth / focal, depth / focal, depth)
@@ -124,7 +128,7 @@ def depth_factor(frame: SmallFrame, others: Sequence[SmallFrame]) -> float:
     """What depth is to be multiplied by, from where points of the others project to: that does not depend on its depth."""
     ratios = []
     for other in others:
-        z, depth, _, _ = carry(other, frame)
+        z, depth, _, _ = reproject(other, frame)
         if len(z) >= FEWEST:
             ratios.append(np.median(np.log(z / depth)))
     return float(np.exp(np.clip(np.median(ratios), -20, 20))) if ratios else 1.0

@@ -17,7 +17,7 @@ from dlama.geometry.camera import Float64Array, invert_pose
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.rotations import quaternion_from_rotation, rotation_from_quaternion
 from dlama.perception.diagnosis.finding import Finding, certainty
-from dlama.perception.diagnosis.landing import Landed, SmallFrame, land, shrink
+from dlama.perception.diagnosis.landing import Landed, SmallFrame, find_landing_points, shrink
 
 LEAST_LEAD = 1.3
 """Another convention must fit better by this factor,"""
@@ -44,7 +44,7 @@ class Convention(NamedTuple):
     """The pose as read to what it should be."""
 
 
-def quaternion_reordered(pose: Float64Array, order: tuple[int, int, int, int]) -> Float64Array:
+def reorder_quaternion(pose: Float64Array, order: tuple[int, int, int, int]) -> Float64Array:
     """The pose whose quaternion has its numbers in another order (x y z w of the one read, at these places)."""
     read = quaternion_from_rotation(pose[:3, :3])
     out = pose.copy()
@@ -52,7 +52,7 @@ def quaternion_reordered(pose: Float64Array, order: tuple[int, int, int, int]) -
     return out
 
 
-def _transposed(pose: Float64Array) -> Float64Array:
+def _transpose(pose: Float64Array) -> Float64Array:
     out = pose.copy()
     out[:3, :3] = pose[:3, :3].T
     return out
@@ -87,14 +87,14 @@ CONVENTIONS: dict[str, Convention] = {
         "pose-handedness", "are left-handed (y up)", MIRROR, lambda p: LEFT_HANDED @ p @ GL @ LEFT_HANDED
     ),
     "body": Convention("pose-axes", BODY_AXES, "turn the axes to x right, y down, z forward", lambda p: p @ invert_pose(BODY)),
-    "transposed": Convention("pose-rotation", "have their rotations transposed", "transpose the 3x3 part", _transposed),
+    "transposed": Convention("pose-rotation", "have their rotations transposed", "transpose the 3x3 part", _transpose),
     "wxyz": Convention(
         "quaternion-order", "have quaternions in the order w x y z", "write them as x y z w",
-        lambda p: quaternion_reordered(p, (1, 2, 3, 0)),
+        lambda p: reorder_quaternion(p, (1, 2, 3, 0)),
     ),
     "xyzw": Convention(
         "quaternion-order", "have quaternions in the order x y z w", "write them as w x y z",
-        lambda p: quaternion_reordered(p, (3, 0, 1, 2)),
+        lambda p: reorder_quaternion(p, (3, 0, 1, 2)),
     ),
     **{f"scale {factor:g}": Convention(
         "pose-scale", f"move {max(factor, 1 / factor):g} times too {'little' if factor > 1 else 'far'} for the depth",
@@ -104,12 +104,12 @@ CONVENTIONS: dict[str, Convention] = {
 """The usual mistakes."""
 
 
-def pose_faults(frames: Sequence[RGBD], name: str) -> list[Finding]:
+def check_poses(frames: Sequence[RGBD], name: str) -> list[Finding]:
     """Findings on frames in a row (each overlapping the next), called `name` in messages."""
     small = [shrink(frame) for frame in frames]
     if len(small) < 2:
         return []
-    as_read = [land(*pair) for pair in pairwise(small)]
+    as_read = [find_landing_points(*pair) for pair in pairwise(small)]
     fit = float(np.mean([each.fit for each in as_read]))
     fits = {key: mean_fit(small, way.undo) for key, way in CONVENTIONS.items()}
     best = max(fits, key=lambda key: fits[key])
@@ -145,7 +145,7 @@ def mean_fit(frames: Sequence[SmallFrame], undo: Undo) -> float:
         ]
     except CameraError:  # far from the world's origin already, and scaled: no camera stands there
         return 0.0
-    return float(np.mean([land(*pair).fit for pair in pairwise(moved)]))
+    return float(np.mean([find_landing_points(*pair).fit for pair in pairwise(moved)]))
 
 
 def _landed(share: float) -> str:

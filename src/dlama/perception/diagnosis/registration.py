@@ -44,21 +44,23 @@ class Peak(NamedTuple):
     """(right, down) in px that the second map lies too far."""
 
 
-def misregistered(seen: Observed) -> list[Finding]:
+def check_registration(seen: Observed) -> list[Finding]:
     """Says if depth is mirrored, turned or shifted against the picture."""
     step = max(1, round(max(seen.values.shape) / WIDTH))
     depth = depth_edges(seen.values, seen.units, step)
     image, name = picture_edges(seen.color, step), f"{seen.names[1]}: depth"
-    return _off(image, depth, step, name, "mirrored-depth", "shifted-depth", "register depth to the picture")
+    return _find_misregistration(
+        image, depth, step, name, "mirrored-depth", "shifted-depth", "register depth to the picture"
+    )
 
 
-def mask_off(seen: Observed) -> list[Finding]:
+def check_mask_registration(seen: Observed) -> list[Finding]:
     """Says if the mask is mirrored or turned against the picture."""
     if seen.mask is None:
         return []
     step = max(1, round(max(seen.values.shape) / WIDTH))
     outline = mask_edges(seen.mask, step)
-    return _off(
+    return _find_misregistration(
         picture_edges(seen.color, step),
         outline,
         step,
@@ -69,17 +71,19 @@ def mask_off(seen: Observed) -> list[Finding]:
     )
 
 
-def fit_of_edges(color: UInt8Array, values: NDArray[np.float64]) -> float:
+def correlate_edges(color: UInt8Array, values: NDArray[np.float64]) -> float:
     """How well edges of picture and depth lie on each other: standard deviations of the correlation over shifts; 0 where
     their sizes differ."""
     if color.shape[:2] != values.shape:
         return 0.0
     step = max(1, round(max(values.shape) / WIDTH))
-    return peak_of(picture_edges(color, step), depth_edges(values, 1.0, step)).here
+    return find_peak(picture_edges(color, step), depth_edges(values, 1.0, step)).here
 
 
-def _off(image: Floats, other: Floats, step: int, what: str, mirror: str, shifted: str, mend: str) -> list[Finding]:
-    peaks = {name: peak_of(image, flip(other)) for name, flip in FLIPS.items()}
+def _find_misregistration(
+    image: Floats, other: Floats, step: int, what: str, mirror: str, shifted: str, mend: str
+) -> list[Finding]:
+    peaks = {name: find_peak(image, flip(other)) for name, flip in FLIPS.items()}
     plain, best = peaks["as it is"], max(peaks, key=lambda name: peaks[name].here)
     lead = peaks[best].here / max(plain.z, 1.0)
     if best != "as it is" and peaks[best].here > LEAST_Z and lead > LEAST_LEAD:
@@ -96,7 +100,7 @@ def _off(image: Floats, other: Floats, step: int, what: str, mirror: str, shifte
     return []
 
 
-def peak_of(image: Floats, other: Floats) -> Peak:
+def find_peak(image: Floats, other: Floats) -> Peak:
     """The correlation of two maps of edges (2 x H x W) over all shifts within REACH, by Fourier transform, borders padded.
 
     Edges across rows and across columns are compared on their own: long parallel edges then hide no others.
@@ -107,7 +111,7 @@ def peak_of(image: Floats, other: Floats) -> Peak:
     hw = [cv2.getOptimalDFTSize(max(n + reach, 2 * reach + 1)) for n in image.shape[1:]]
     total = np.zeros((2 * reach + 1, 2 * reach + 1))
     for one, two in zip(image, other):
-        first, second = (np.fft.rfft2(_flat(edges), hw) for edges in (one, two))
+        first, second = (np.fft.rfft2(_subtract_local_mean(edges), hw) for edges in (one, two))
         field = np.roll(np.fft.irfft2(first * np.conj(second), hw), (reach, reach), (0, 1))
         around = field[: 2 * reach + 1, : 2 * reach + 1]
         total += (around - np.median(around)) / (around.std() + 1e-12)
@@ -117,14 +121,14 @@ def peak_of(image: Floats, other: Floats) -> Peak:
     return Peak(float(total.max()), float(here), (int(reach - right), int(reach - down)))
 
 
-def _flat(edges: Floats) -> Floats:
+def _subtract_local_mean(edges: Floats) -> Floats:
     """Without the mean around: broad differences of brightness or of how many edges there are say nothing of position."""
     return np.asarray(edges - cv2.blur(edges, (31, 31)), np.float32)
 
 
 def picture_edges(color: UInt8Array, step: int) -> Floats:
     """2 x H x W: how much colours change along rows and columns, 0..1, relative to what changes around; shrunk by `step`."""
-    small = cv2.GaussianBlur(_shrunk(color.astype(np.float32), step), (0, 0), 0.8)
+    small = cv2.GaussianBlur(_shrink(color.astype(np.float32), step), (0, 0), 0.8)
     along = [np.abs(cv2.Sobel(small, cv2.CV_32F, *by)).max(axis=2) for by in ((1, 0), (0, 1))]
     around = 3 * cv2.blur(np.hypot(*along), (25, 25)) + 8
     return np.stack([np.minimum(change / around, 1) for change in along]).astype(np.float32)
@@ -139,22 +143,26 @@ def depth_edges(values: NDArray[np.float64], units: float, step: int) -> Floats:
         a, b, c = (np.roll(w, by, axis) for by in (1, 0, -1))
         there = np.roll(known, 1, axis) & known & np.roll(known, -1, axis)
         bend = np.abs(a - 2 * b + c) / np.maximum(np.maximum(np.maximum(a, b), c), 1e-6)
-        found.append(_shrunk(_inside(np.where(there, np.clip(bend / JUMP - 0.5, 0, 1), 0).astype(np.float32)), step))
+        found.append(
+            _shrink(_clear_border(np.where(there, np.clip(bend / JUMP - 0.5, 0, 1), 0).astype(np.float32)), step)
+        )
     return np.stack(found)
 
 
 def mask_edges(mask: BoolArray, step: int) -> Floats:
     """2 x H x W: the outline of a mask, without the picture's border."""
     small = cv2.GaussianBlur(mask.astype(np.float32), (0, 0), 0.8)
-    return np.stack([_shrunk(_inside(np.abs(cv2.Sobel(small, cv2.CV_32F, *by))), step) for by in ((1, 0), (0, 1))])
+    return np.stack(
+        [_shrink(_clear_border(np.abs(cv2.Sobel(small, cv2.CV_32F, *by))), step) for by in ((1, 0), (0, 1))]
+    )
 
 
-def _inside(edges: Floats) -> Floats:
+def _clear_border(edges: Floats) -> Floats:
     """Without the picture's border."""
     edges[:2], edges[-2:], edges[:, :2], edges[:, -2:] = 0, 0, 0, 0
     return edges
 
 
-def _shrunk(picture: Floats, step: int) -> Floats:
+def _shrink(picture: Floats, step: int) -> Floats:
     size = max(1, picture.shape[1] // step), max(1, picture.shape[0] // step)
     return np.asarray(cv2.resize(picture, size, interpolation=cv2.INTER_AREA), np.float32)

@@ -4,20 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from dlama.perception.diagnosis.depth_code import coded_depth
-from dlama.perception.diagnosis.depth_scale import depth_unit
+from dlama.perception.diagnosis.depth_code import check_depth_code
+from dlama.perception.diagnosis.depth_scale import check_depth_unit
 from dlama.perception.diagnosis.finding import Finding, Observed
-from dlama.perception.diagnosis.masks import mask_coverage
-from dlama.perception.diagnosis.normalised import stretched
-from dlama.perception.diagnosis.registration import mask_off, misregistered
+from dlama.perception.diagnosis.masks import check_mask_coverage
+from dlama.perception.diagnosis.normalised import check_value_range
+from dlama.perception.diagnosis.registration import check_mask_registration, check_registration
 
 CHECKS: dict[str, Callable[[Observed], list[Finding]]] = {
-    "registration": misregistered,
-    "depth code": coded_depth,
-    "normalised depth": stretched,
-    "depth unit": depth_unit,
-    "mask coverage": mask_coverage,
-    "mask registration": mask_off,
+    "registration": check_registration,
+    "depth code": check_depth_code,
+    "normalised depth": check_value_range,
+    "depth unit": check_depth_unit,
+    "mask coverage": check_mask_coverage,
+    "mask registration": check_mask_registration,
 }
 """Checks of a picture with depth and a mask, in the order in which findings are told."""
 BEFORE: dict[str, tuple[str, ...]] = {
@@ -27,7 +27,7 @@ BEFORE: dict[str, tuple[str, ...]] = {
 """A check says nothing where one of these found something: there is no unit in what is no depth."""
 
 
-def findings_of(seen: Observed, skip: tuple[str, ...] = ()) -> list[Finding]:
+def run_checks(seen: Observed, skip: tuple[str, ...] = ()) -> list[Finding]:
     """All that the checks but those of `skip` find."""
     found: dict[str, list[Finding]] = {}
     for name, check in CHECKS.items():

@@ -6,7 +6,7 @@ import numpy as np
 
 from dlama.geometry.rgbd import UInt8Array
 from dlama.perception.diagnosis.finding import Finding
-from dlama.perception.stereo.checks import SAME_ROW, Corners, doubt_of_corners, matched_corners
+from dlama.perception.stereo.checks import SAME_ROW, Corners, diagnose_corners, match_corners
 
 SAME_LEVELS = 1.0
 """Mean difference of colours (of 255) up to which two pictures are the same."""
@@ -19,13 +19,13 @@ MENDS = {
 }
 
 
-def pair_findings(left: UInt8Array, right: UInt8Array, doffs: float = 0.0) -> list[Finding]:
+def check_pair(left: UInt8Array, right: UInt8Array, doffs: float = 0.0) -> list[Finding]:
     """Findings on a pair (uint8 H x W x 3 each, of one size); `doffs` as `StereoRig.doffs`, px."""
     if np.abs(left.astype(np.int16) - right).mean() < SAME_LEVELS:
         what = "left and right are the same picture"
         return [Finding("identical-pair", "fault", 0.98, what, "give the two different pictures of the pair")]
-    corners = matched_corners(left, right)
-    doubt = doubt_of_corners(corners, left.shape[0], doffs)
+    corners = match_corners(left, right)
+    doubt = diagnose_corners(corners, left.shape[0], doffs)
     if doubt is None:
         return _exposure(left, right)
     kind, what = doubt
@@ -35,12 +35,12 @@ def pair_findings(left: UInt8Array, right: UInt8Array, doffs: float = 0.0) -> li
             "fault",
             0.92,
             what,
-            _moved(corners, left.shape[0]) if kind == "unrectified" else MENDS[kind],
+            _describe_shift(corners, left.shape[0]) if kind == "unrectified" else MENDS[kind],
         )
     ]
 
 
-def _moved(corners: Corners, height: int) -> str:
+def _describe_shift(corners: Corners, height: int) -> str:
     """How to mend a pair that is not rectified: by how much the right picture is to be moved, where that is all."""
     down = corners.offsets[:, 1]
     down = down[np.abs(down) <= SAME_ROW * height]

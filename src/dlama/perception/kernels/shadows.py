@@ -15,7 +15,7 @@ DIRECTIONS_A_TASK = 16
 
 
 @kernel
-def throw_shapes(
+def cast_shapes(
     first: Whole,
     last: Whole,
     foot: Float64Array,

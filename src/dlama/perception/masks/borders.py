@@ -44,26 +44,26 @@ MOST_PX = 1_000_000
 """Pixels round an object from which GrabCut learns its colours; it takes seconds for ten times as many."""
 
 
-def with_foot(found: Planes, support: BoolArray, thing: BoolArray) -> BoolArray:
+def add_ground_contact(found: Planes, support: BoolArray, thing: BoolArray) -> BoolArray:
     """The thing and the pixels of a supporting plane that hang together with it and rise a little over the plane."""
-    near = dilate_mask(thing, FOOT_PX) & support & as_near(found, thing)
+    near = dilate_mask(thing, FOOT_PX) & support & at_same_depth(found, thing)
     if not near.any():
         return thing
     step = height_above(found, support)
     around = dilate_mask(thing, 4 * FOOT_PX) & support
     unevenness = 1.4826 * float(np.median(np.abs(step[around])))
     least = max(FOOT_STEP, FOOT_NOISE * unevenness)
-    rises = near & over_layers(step, support & (step > least), near, least)
+    rises = near & above_thin_layers(step, support & (step > least), near, least)
     return regions_touching(thing | rises, thing)
 
 
-def as_near(found: Planes, thing: BoolArray) -> BoolArray:
+def at_same_depth(found: Planes, thing: BoolArray) -> BoolArray:
     """H x W, True where inverse depth differs from that of the nearest pixel of the thing by no more than FOOT_GAP."""
     here, there = found.w, found.w.ravel()[nearest_known(thing & (found.w > 0))[1]]
     return np.asarray(np.abs(here - there) <= FOOT_GAP * np.maximum(here, there))
 
 
-def over_layers(step: Float32Array, rising: BoolArray, near: BoolArray, least: float) -> BoolArray:
+def above_thin_layers(step: Float32Array, rising: BoolArray, near: BoolArray, least: float) -> BoolArray:
     """H x W, True where pixels rise over the plane, and over a thin layer on it (a carpet) that goes on beyond `near`.
 
     step: H x W relative height. rising: H x W, where that is over `least`. near: H x W, where a foot may be.
@@ -98,7 +98,7 @@ def edges_are_sharp(rgbd: RGBD, found: Planes, thing: BoolArray) -> bool:
     return bool(both.size and np.median(both) > SHARP)
 
 
-def to_picture_edges(rgbd: RGBD, found: Planes, thing: BoolArray) -> BoolArray:
+def snap_to_picture_edges(rgbd: RGBD, found: Planes, thing: BoolArray) -> BoolArray:
     """The mask with its border moved to the edges of the picture (GrabCut in a band) where depth leaves it open.
 
     Open is missing depth beside the thing, and, where depth is noisy or blurred at edges, a band of BAND_PX. Thin parts, which
@@ -112,10 +112,10 @@ def to_picture_edges(rgbd: RGBD, found: Planes, thing: BoolArray) -> BoolArray:
     band &= ~erode_mask(thing, BAND_PX)
     if not band.any() or not (thing & ~band).any():
         return thing
-    return decided_by_color(rgbd, thing, band)
+    return decide_by_color(rgbd, thing, band)
 
 
-def lost_foot(found: Planes, thing: BoolArray, support: BoolArray, most: float = FOOT_PX) -> BoolArray:
+def find_lost_contact(found: Planes, thing: BoolArray, support: BoolArray, most: float = FOOT_PX) -> BoolArray:
     """H x W, True where what the thing stands on may be its foot, which rises over it by less than planes may err by.
 
     That is as far along the plane, towards the camera, as inverse depth needs to grow by so much, and no farther than `most` px
@@ -134,10 +134,10 @@ def lost_foot(found: Planes, thing: BoolArray, support: BoolArray, most: float =
         for step in np.arange(1, length + 1):
             by = np.array([[1, 0, slope[0] / steep * step], [0, 1, slope[1] / steep * step]], np.float32)
             out |= cv2.warpAffine(drawn, by, thing.shape[::-1], flags=cv2.INTER_NEAREST) > 0
-    return out & ~thing & (as_near(found, thing) | (found.w <= 0))
+    return out & ~thing & (at_same_depth(found, thing) | (found.w <= 0))
 
 
-def decided_by_color(rgbd: RGBD, thing: BoolArray, band: BoolArray, rounds: int = 2) -> BoolArray:
+def decide_by_color(rgbd: RGBD, thing: BoolArray, band: BoolArray, rounds: int = 2) -> BoolArray:
     """The mask with the pixels of `band` decided by GrabCut; all others stay. Colours are learnt in the surroundings only, and
     where those have more than MOST_PX, from a smaller picture of them."""
     tight = box_around(thing | band, 0)

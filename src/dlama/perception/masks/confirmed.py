@@ -18,9 +18,9 @@ from numpy.typing import NDArray
 from dlama.errors import MaskError
 from dlama.geometry.holes import box_around, dilate_mask, disc, erode_mask, morphological_open, nearest_known, square
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
-from dlama.perception.masks.borders import FOOT_PX, HOLE_PX, lost_foot
+from dlama.perception.masks.borders import FOOT_PX, HOLE_PX, find_lost_contact
 from dlama.perception.masks.outlines import Doubt
-from dlama.perception.masks.pieces import THING_GAP, Pieces, filled_outline
+from dlama.perception.masks.pieces import THING_GAP, Pieces, fill_outline
 from dlama.perception.masks.prompt import Pixel, Prompt
 from dlama.perception.masks.rough import color_region
 from dlama.perception.masks.salient import saliency
@@ -50,7 +50,7 @@ and of its convex hull."""
 
 
 @dataclass(frozen=True, eq=False)
-class StandsOut:
+class SalientObject:
     """What stands out in a window at the clicks."""
 
     level: Float32Array
@@ -62,33 +62,33 @@ class StandsOut:
 
 
 @dataclass(frozen=True, eq=False)
-class Confirmed:
+class CorrectedMask:
     """What depth and the picture say together."""
 
     thing: BoolArray
     """H x W."""
-    shown: StandsOut | None
+    shown: SalientObject | None
     """What stands out, where both show one thing."""
 
 
-def confirmed(rgbd: RGBD, found: Planes, pieces: Pieces, thing: BoolArray, prompt: Prompt) -> Confirmed:
+def correct_by_saliency(rgbd: RGBD, found: Planes, pieces: Pieces, thing: BoolArray, prompt: Prompt) -> CorrectedMask:
     """What depth found (H x W), put right by what stands out round it; as it is where that shows something else."""
-    shown = standing_out(rgbd.color, window_about(thing), prompt)
-    best, agreed = (thing, 0.0) if shown is None else of_surfaces(rgbd, found, pieces, thing, shown)
+    shown = find_salient(rgbd.color, square_around_mask(thing), prompt)
+    best, agreed = (thing, 0.0) if shown is None else select_surfaces(rgbd, found, pieces, thing, shown)
     if agreed >= ONE_THING:
-        return Confirmed(best, shown)
-    if shown is None or along_outline(rgbd, thing) < FLAT:
-        alone = about_click(rgbd.color, prompt)
+        return CorrectedMask(best, shown)
+    if shown is None or depth_step_at_outline(rgbd, thing) < FLAT:
+        alone = find_salient_at_click(rgbd.color, prompt)
         if alone is not None:
-            return Confirmed(alone.part, alone)
-        even = even_region(rgbd.color, Prompt.pixels(prompt.clicks)[0])
+            return CorrectedMask(alone.part, alone)
+        even = uniform_region(rgbd.color, Prompt.pixels(prompt.clicks)[0])
         if even is not None and shown is None and filled_share(thing) < CONVEX:
-            return Confirmed(even, None)
-    return Confirmed(thing, None)
+            return CorrectedMask(even, None)
+    return CorrectedMask(thing, None)
 
 
-def doubts(
-    rgbd: RGBD, found: Planes, support: BoolArray, mask: BoolArray, beside: int, sure: Confirmed | None
+def find_uncertain_pixels(
+    rgbd: RGBD, found: Planes, support: BoolArray, mask: BoolArray, beside: int, sure: CorrectedMask | None
 ) -> Doubt:
     """What depth leaves open about a mask (H x W): pixels without depth near it, and its foot; more of both where it stands out.
 
@@ -99,32 +99,32 @@ def doubts(
     near = dataclasses.replace(found, w=found.w[box], label=found.label[box])
     part, missing, under = mask[box], rgbd.missing[box], support[box]
     unknown = np.zeros(mask.shape, np.bool_)
-    unknown[box] = (missing & dilate_mask(part, HOLE_PX)) | lost_foot(near, part, under)
+    unknown[box] = (missing & dilate_mask(part, HOLE_PX)) | find_lost_contact(near, part, under)
     if sure is None or sure.shown is None:
         return Doubt(beside, unknown)
-    far = lost_foot(near, morphological_open(part, disc(THIN_PX)), under, 2 * FOOT_PX)
+    far = find_lost_contact(near, morphological_open(part, disc(THIN_PX)), under, 2 * FOOT_PX)
     unknown[box] |= sure.shown.part[box] & ((missing & dilate_mask(part, 2 * HOLE_PX)) | far)
     return Doubt(beside, unknown, sure.shown.level, sure.shown.part)
 
 
-def about_click(color: UInt8Array, prompt: Prompt) -> StandsOut | None:
+def find_salient_at_click(color: UInt8Array, prompt: Prompt) -> SalientObject | None:
     """What surely stands out in a window about the first click and is not cut off by it."""
     height, width = color.shape[:2]
     for share in CLICK_WINDOWS:
         side = round(share * float(np.sqrt(height * width)))
-        window = square_about(Prompt.pixels(prompt.clicks)[0], side, (height, width))
-        alone = standing_out(color, window, prompt)
+        window = square_around_pixel(Prompt.pixels(prompt.clicks)[0], side, (height, width))
+        alone = find_salient(color, window, prompt)
         if alone is not None and alone.cut <= CUT_OFF and float(alone.level[alone.part].mean()) >= SURE:
             return alone
     return None
 
 
-def even_region(color: UInt8Array, pixel: Pixel) -> BoolArray | None:
+def uniform_region(color: UInt8Array, pixel: Pixel) -> BoolArray | None:
     """H x W, what hangs together with a pixel by its colour, if that has the shape of a thing: a dark screen, a door."""
     _, labels = cv2.connectedComponents(
         morphological_open(color_region(color, pixel), square(EVEN_PX)).astype(np.uint8)
     )
-    region = filled_outline(labels == labels[pixel]) if labels[pixel] else np.zeros(labels.shape, np.bool_)
+    region = fill_outline(labels == labels[pixel]) if labels[pixel] else np.zeros(labels.shape, np.bool_)
     return region if EVEN[0] <= region.mean() <= EVEN[1] and filled_share(region) >= CONVEX else None
 
 
@@ -139,15 +139,15 @@ def overlap(one: BoolArray, other: BoolArray) -> float:
     return float((one & other).sum() / max((one | other).sum(), 1))
 
 
-def of_surfaces(
-    rgbd: RGBD, found: Planes, pieces: Pieces, thing: BoolArray, shown: StandsOut
+def select_surfaces(
+    rgbd: RGBD, found: Planes, pieces: Pieces, thing: BoolArray, shown: SalientObject
 ) -> tuple[BoolArray, float]:
     """H x W: the surfaces that belong to what stands out, and how well they agree with it, 0..1, but for missing depth near by.
 
     A surface that depth left out must be as near as the thing beside it, and a plane's must hold most of the plane: what is seen
     through a chair's back is no part of it.
     """
-    number = surfaces_of(found, pieces)
+    number = number_surfaces(found, pieces)
     count = int(number.max()) + 1
     sizes, held, had = (
         np.bincount(number[where].ravel(), minlength=count)
@@ -167,7 +167,7 @@ def of_surfaces(
     return chosen, overlap(chosen, shown.part & ~(rgbd.missing & dilate_mask(thing, 2 * HOLE_PX)))
 
 
-def surfaces_of(found: Planes, pieces: Pieces) -> NDArray[np.int32]:
+def number_surfaces(found: Planes, pieces: Pieces) -> NDArray[np.int32]:
     """H x W: pixels of one surface have one number: parts of planes that hang together, and pieces on no plane."""
     out, first = np.zeros(pieces.depth.shape, np.int32), 1
     for plane in range(1, len(found.planes) + 1):
@@ -180,7 +180,7 @@ def surfaces_of(found: Planes, pieces: Pieces) -> NDArray[np.int32]:
     return np.asarray(out, np.int32)
 
 
-def along_outline(rgbd: RGBD, thing: BoolArray) -> float:
+def depth_step_at_outline(rgbd: RGBD, thing: BoolArray) -> float:
     """Median relative step of depth across the outline of a mask (H x W), of means over APART px; 0 where none is known."""
     window = (2 * APART + 1, 2 * APART + 1)
     means = []
@@ -193,22 +193,22 @@ def along_outline(rgbd: RGBD, thing: BoolArray) -> float:
     return float(np.median(np.abs(known - 1))) if known.size else 0.0
 
 
-def window_about(thing: BoolArray) -> tuple[slice, slice]:
+def square_around_mask(thing: BoolArray) -> tuple[slice, slice]:
     """The square about a mask (H x W)."""
     rows, columns = np.flatnonzero(thing.any(1)), np.flatnonzero(thing.any(0))
     side = max(SMALLEST_WINDOW, round(WINDOW * max(int(np.ptp(rows)), int(np.ptp(columns)))))
     middle = int(rows[0] + rows[-1]) // 2, int(columns[0] + columns[-1]) // 2
-    return square_about(middle, side, thing.shape)
+    return square_around_pixel(middle, side, thing.shape)
 
 
-def square_about(pixel: Pixel, side: int, hw: tuple[int, ...]) -> tuple[slice, slice]:
+def square_around_pixel(pixel: Pixel, side: int, hw: tuple[int, ...]) -> tuple[slice, slice]:
     """Rows and columns of the square about a pixel, as far as it lies in the picture."""
     first = [max(at - side // 2, 0) for at in pixel]
     last = [min(at + side // 2 + 1, length) for at, length in zip(pixel, hw)]
     return slice(first[0], last[0]), slice(first[1], last[1])
 
 
-def standing_out(color: UInt8Array, window: tuple[slice, slice], prompt: Prompt) -> StandsOut | None:
+def find_salient(color: UInt8Array, window: tuple[slice, slice], prompt: Prompt) -> SalientObject | None:
     """What stands out in a window at the clicks; None where nothing does, or a click beside the thing stands out with it."""
     try:
         within = saliency(np.ascontiguousarray(color[window]))
@@ -228,7 +228,7 @@ def standing_out(color: UInt8Array, window: tuple[slice, slice], prompt: Prompt)
     part = np.isin(labels, list(chosen))
     if any(part[pixel] for pixel in Prompt.pixels(prompt.not_clicks)):
         return None
-    return StandsOut(level, part, rim_share(part, window))
+    return SalientObject(level, part, rim_share(part, window))
 
 
 def rim_share(mask: BoolArray, window: tuple[slice, slice]) -> float:

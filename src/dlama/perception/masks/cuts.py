@@ -50,7 +50,7 @@ def distances(costs: tuple[Float32Array, Float32Array], seeds: BoolArray, within
     return near
 
 
-def nearer_to(rgbd: RGBD, wanted: BoolArray, unwanted: BoolArray, within: BoolArray) -> BoolArray:
+def closer_to_object(rgbd: RGBD, wanted: BoolArray, unwanted: BoolArray, within: BoolArray) -> BoolArray:
     """H x W, True on pixels of `within` that the cheapest path reaches from `wanted` sooner than from `unwanted`."""
     rows, columns = np.nonzero(within | wanted | unwanted)
     box = slice(max(rows.min() - 1, 0), rows.max() + 2), slice(max(columns.min() - 1, 0), columns.max() + 2)

@@ -18,7 +18,7 @@ from dlama.geometry.kernels.jit import in_bands
 from dlama.geometry.kernels.relaxing import relax
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.perception.kernels.outlines import color_odds
-from dlama.perception.masks.pieces import filled_outline
+from dlama.perception.masks.pieces import fill_outline
 
 MORE_PX = 2
 """Beyond the distance at which depth edges lie from the picture's: pixels that colours decide on."""
@@ -78,23 +78,23 @@ class Doubt:
         return Doubt(self.reach, self.unknown[box], level, None if self.agreed is None else self.agreed[box])
 
 
-def on_picture(color: UInt8Array, thing: BoolArray, doubt: Doubt) -> BoolArray:
+def refine_outline(color: UInt8Array, thing: BoolArray, doubt: Doubt) -> BoolArray:
     """The mask (H x W) with its outline on the picture's edges. color: H x W x 3."""
     about = thing if doubt.agreed is None else thing | doubt.agreed
     box = box_around(about, FOOT_MARGIN + 2 * doubt.reach + SAMPLED_PX + 4)
     smooth = cv2.GaussianBlur(np.ascontiguousarray(color[box]), (0, 0), 0.7)
     lab = cv2.cvtColor(smooth.astype(np.float32) / np.float32(255), cv2.COLOR_RGB2LAB)
     out = thing.copy()
-    out[box] = cropped(np.asarray(lab, np.float32), thing[box], doubt.within(box))
+    out[box] = refine_crop(np.asarray(lab, np.float32), thing[box], doubt.within(box))
     return out
 
 
-def cropped(lab: Float32Array, thing: BoolArray, doubt: Doubt) -> BoolArray:
-    """`on_picture` of a part of the picture; lab: H x W x 3 CIELAB."""
+def refine_crop(lab: Float32Array, thing: BoolArray, doubt: Doubt) -> BoolArray:
+    """`refine_outline` of a part of the picture; lab: H x W x 3 CIELAB."""
     wide = doubt.reach + MORE_PX
-    thing = without_fringe(thing, wide)
+    thing = remove_fringe(thing, wide)
     move = best_move(lab, thing, doubt.reach)
-    thing, unknown = (moved(each, move) for each in (thing, doubt.unknown))
+    thing, unknown = (translate(each, move) for each in (thing, doubt.unknown))
     thin = thin_parts(thing, wide)
     inside = (erode_mask(thing, wide) & ~unknown) | (erode_mask(thing, THIN_PX) & thin)
     about = dilate_mask(thing, wide) | dilate_mask(unknown & ~thing, MORE_PX)
@@ -105,17 +105,17 @@ def cropped(lab: Float32Array, thing: BoolArray, doubt: Doubt) -> BoolArray:
     open_ = ~inside & ~outside
     if not inside.any() or not open_.any() or not outside.any():
         return thing
-    odds = by_color(lab, open_, inside | thin, outside, wide + SAMPLED_PX)
-    odds += np.where(unknown, 0, np.where(thin, DEPTH_ODDS, depth_odds(thing, wide)))
+    odds = color_log_odds(lab, open_, inside | thin, outside, wide + SAMPLED_PX)
+    odds += np.where(unknown, 0, np.where(thin, DEPTH_ODDS, depth_log_odds(thing, wide)))
     if doubt.level is not None and doubt.agreed is not None:
         shown = np.clip(np.log((doubt.level + 0.01) / (1.01 - doubt.level)), -MOST_ODDS, MOST_ODDS)
         its_outline = dilate_mask(doubt.agreed & ~erode_mask(doubt.agreed, 1), NEAR * wide)
         shown *= np.where(unknown, SHOWN_ALONE, np.where(its_outline, SHOWN, 0))
         odds += np.where(dilate_mask(thin, wide), np.maximum(shown, 0), shown)
-    return tidied(walked(lab, open_, odds, inside) > 0.5, inside | thin)
+    return clean_mask(random_walk(lab, open_, odds, inside) > 0.5, inside | thin)
 
 
-def by_color(lab: Float32Array, open_: BoolArray, ours: BoolArray, theirs: BoolArray, reach: int) -> Float32Array:
+def color_log_odds(lab: Float32Array, open_: BoolArray, ours: BoolArray, theirs: BoolArray, reach: int) -> Float32Array:
     """H x W log odds, within MOST_ODDS, that open pixels have the colours of ours about them, not theirs; 0 elsewhere."""
     odds = np.zeros(open_.shape, np.float32)
     in_bands(color_odds, len(lab), lab, open_, ours, theirs, reach, SPREAD, FLOOR, LEAST_SAMPLES, odds)
@@ -127,23 +127,23 @@ def thin_parts(thing: BoolArray, wide: int) -> BoolArray:
     return thing & ~dilate_mask(morphological_open(thing, disc(wide)), 1)
 
 
-def without_fringe(thing: BoolArray, wide: int) -> BoolArray:
+def remove_fringe(thing: BoolArray, wide: int) -> BoolArray:
     """The mask (H x W) without thin parts of few pixels, which noise leaves along an outline; as it is if it has no others."""
     _, labels, stats, _ = cv2.connectedComponentsWithStats(
-        thin_parts(filled_outline(thing), wide).astype(np.uint8), connectivity=8
+        thin_parts(fill_outline(thing), wide).astype(np.uint8), connectivity=8
     )
     small = np.flatnonzero(stats[:, cv2.CC_STAT_AREA] < FRINGE * wide**2)
     kept = thing & ~np.isin(labels, small[small > 0])
     return np.asarray(kept if kept.any() else thing)
 
 
-def depth_odds(thing: BoolArray, wide: int) -> Float32Array:
+def depth_log_odds(thing: BoolArray, wide: int) -> Float32Array:
     """H x W log odds: how far within or beyond the outline of depth a pixel lies."""
     ours, theirs = (cv2.distanceTransform(each.astype(np.uint8), cv2.DIST_L2, 5) for each in (thing, ~thing))
     return np.asarray(np.clip((ours - theirs) / wide, -1, 1) * DEPTH_ODDS, np.float32)
 
 
-def walked(lab: Float32Array, open_: BoolArray, odds: Float32Array, inside: BoolArray) -> Float32Array:
+def random_walk(lab: Float32Array, open_: BoolArray, odds: Float32Array, inside: BoolArray) -> Float32Array:
     """H x W, 0..1: how likely a random walker from each open pixel ends on the thing. Others: 1 inside, else 0."""
     holds = []
     steps = [(np.diff(lab, axis=axis) ** 2).sum(2) for axis in (1, 0)]
@@ -187,13 +187,13 @@ def best_move(lab: Float32Array, thing: BoolArray, reach: int) -> tuple[int, int
     return chosen if best > (1 + GAIN) * least else (0, 0)
 
 
-def moved(mask: BoolArray, by: tuple[int, int]) -> BoolArray:
+def translate(mask: BoolArray, by: tuple[int, int]) -> BoolArray:
     """A mask (H x W) moved by rows and columns."""
     shift = np.array([[1, 0, by[1]], [0, 1, by[0]]], np.float32)
     return np.asarray(cv2.warpAffine(mask.astype(np.uint8), shift, mask.shape[::-1], flags=cv2.INTER_NEAREST) > 0)
 
 
-def tidied(mask: BoolArray, inside: BoolArray) -> BoolArray:
+def clean_mask(mask: BoolArray, inside: BoolArray) -> BoolArray:
     """The parts of a mask (H x W) that hold something of `inside`, holes of a few pixels closed."""
     _, labels = cv2.connectedComponents(mask.astype(np.uint8), connectivity=8)
     mask = mask & np.isin(labels, np.unique(labels[inside & mask]))

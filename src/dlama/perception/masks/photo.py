@@ -16,17 +16,17 @@ import numpy as np
 from dlama.errors import MaskError
 from dlama.geometry.holes import dilate_mask, disc, erode_mask, morphological_open
 from dlama.geometry.rgbd import RGBD, BoolArray, UInt8Array
-from dlama.perception.masks.borders import decided_by_color
+from dlama.perception.masks.borders import decide_by_color
 from dlama.perception.masks.confirmed import rim_share
 from dlama.perception.masks.prompt import Pixel, Prompt
 from dlama.perception.masks.rough import (
     RoughDepth,
-    cut,
-    hanging_together,
+    keep_clicked_parts,
     refuse_background,
     rough_candidates,
+    run_grabcut,
 )
-from dlama.perception.masks.rough import seeded as with_seeds
+from dlama.perception.masks.rough import mark_clicks as with_seeds
 from dlama.perception.masks.salient import SIDE, saliency
 
 WINDOWS = (0.75, 0.5)
@@ -71,7 +71,7 @@ class PhotoMasker:
     def candidates(self, prompt: Prompt) -> dict[str, BoolArray]:
         """H x W masks: thing; part, group where a click has a smaller or a larger reading. Errors as `rough_candidates`."""
         if prompt.box is not None:
-            return self.boxed(prompt)
+            return self.segment_box(prompt)
         clicks, away = Prompt.pixels(prompt.clicks), Prompt.pixels(prompt.not_clicks)
         mask, others = np.zeros(prompt.hw, np.bool_), list[BoolArray]()
         for pixel in clicks:
@@ -84,29 +84,29 @@ class PhotoMasker:
             if len(clicks) == 1 and not away:
                 others = [one.mask for one in readings[1:] if one.cut <= CUT_OFF]
         if any(mask[pixel] for pixel in away):
-            mask = without(self.rgbd.color, mask, prompt)
+            mask = exclude_clicks(self.rgbd.color, mask, prompt)
         refuse_background(mask, prompt)
-        return named(mask, others)
+        return name_masks(mask, others)
 
-    def boxed(self, prompt: Prompt) -> dict[str, BoolArray]:
+    def segment_box(self, prompt: Prompt) -> dict[str, BoolArray]:
         """What stands out in the box where it fills that, beside what its colours cut out; clicks leave it to the colours."""
-        filling = None if prompt.clicks or prompt.not_clicks else self.filling(prompt.box_slices)
+        filling = None if prompt.clicks or prompt.not_clicks else self.salient_in_box(prompt.box_slices)
         if filling is None:
             return rough_candidates(self.rough, prompt)
         try:
             others = list(rough_candidates(self.rough, prompt).values())
         except MaskError:
             others = []
-        return named(filling, others)
+        return name_masks(filling, others)
 
-    def filling(self, box: Window) -> BoolArray | None:
+    def salient_in_box(self, box: Window) -> BoolArray | None:
         """H x W: what stands out in a box by the mean of the windows round it; None where that does not fill FILLS of the box."""
         hw = self.rough.w.shape
         sides = [side.indices(length)[:2] for side, length in zip(box, hw)]
         longest = max(stop - start for start, stop in sides)
         row, column = ((start + stop) // 2 for start, stop in sides)
         windows = [
-            window_round((row, column), max(SMALLEST_WINDOW, round(share * longest)), hw) for share in BOX_WINDOWS
+            window_around((row, column), max(SMALLEST_WINDOW, round(share * longest)), hw) for share in BOX_WINDOWS
         ]
         total = np.zeros(hw, np.float32)
         try:
@@ -117,15 +117,15 @@ class PhotoMasker:
         mask, inside = total > len(windows) / 2, np.zeros(hw, np.bool_)
         if not mask[box].any():
             return None
-        inside[box] = refined(self.rgbd, mask, (longest,))[box]
-        return inside if filled(box, inside) >= FILLS else None
+        inside[box] = refine_border(self.rgbd, mask, (longest,))[box]
+        return inside if fill_enclosed(box, inside) >= FILLS else None
 
     def readings(self, pixel: Pixel) -> list[Reading]:
         """What a click at (row, column) may mean; nothing where nothing stands out there."""
         if pixel not in self.known:
             hw = self.rough.w.shape
             sides = [round(share * float(np.sqrt(hw[0] * hw[1]))) for share in WINDOWS]
-            found = self.in_windows(pixel, [window_round(pixel, side, hw) for side in sides])
+            found = self.in_windows(pixel, [window_around(pixel, side, hw) for side in sides])
             if not found or max(found, key=lambda one: one.sure).cut > CUT_OFF:
                 whole = self.in_windows(pixel, [(slice(0, hw[0]), slice(0, hw[1]))])
                 found += [dataclasses.replace(one, sure=one.sure - len(WINDOWS) * SURER) for one in whole]
@@ -157,17 +157,17 @@ class PhotoMasker:
         mask = np.zeros(self.rough.w.shape, np.bool_)
         mask[window] = part
         cut_off = rim_share(mask, window)
-        return Reading(refined(self.rgbd, mask, part.shape), cut_off, float(level[near].max()) - cut_off)
+        return Reading(refine_border(self.rgbd, mask, part.shape), cut_off, float(level[near].max()) - cut_off)
 
 
-def window_round(pixel: Pixel, side: int, hw: tuple[int, ...]) -> Window:
+def window_around(pixel: Pixel, side: int, hw: tuple[int, ...]) -> Window:
     """Rows and columns of the square about a pixel, moved into the picture, no larger than that."""
     lengths = [min(side, length) for length in hw]
     starts = [int(np.clip(at - n / 2, 0, length - n)) for at, n, length in zip(pixel, lengths, hw)]
     return slice(starts[0], starts[0] + lengths[0]), slice(starts[1], starts[1] + lengths[1])
 
 
-def filled(box: Window, mask: BoolArray) -> float:
+def fill_enclosed(box: Window, mask: BoolArray) -> float:
     """Intersection over union of a box (rows, columns) and the box round a mask (H x W) within it."""
     part = mask[box]
     rows, columns = np.flatnonzero(part.any(1)), np.flatnonzero(part.any(0))
@@ -180,25 +180,25 @@ def agreement(reading: Reading, clicks: list[Pixel], away: list[Pixel]) -> float
     return reading.sure + holds - wrong
 
 
-def refined(rgbd: RGBD, mask: BoolArray, window_hw: tuple[int, ...]) -> BoolArray:
+def refine_border(rgbd: RGBD, mask: BoolArray, window_hw: tuple[int, ...]) -> BoolArray:
     """The mask with its border cut along colours where a pixel of the network is several of the picture's; thin parts stay."""
     reach = round(max(window_hw) / SIDE)
     if reach < 2:
         return mask
     core = morphological_open(mask, disc(2 * reach))
     band = dilate_mask(core, reach) & ~erode_mask(core, reach) & ~(mask & ~dilate_mask(core, 1))
-    return decided_by_color(rgbd, mask, band) if band.any() and (mask & ~band).any() else mask
+    return decide_by_color(rgbd, mask, band) if band.any() and (mask & ~band).any() else mask
 
 
-def without(color: UInt8Array, mask: BoolArray, prompt: Prompt) -> BoolArray:
+def exclude_clicks(color: UInt8Array, mask: BoolArray, prompt: Prompt) -> BoolArray:
     """The mask cut anew along the picture's colours, without what clicks beside the thing mean."""
     state = np.full(mask.shape, cv2.GC_BGD, np.uint8)
     state[mask] = cv2.GC_PR_FGD
-    found = cut(color, with_seeds(state, prompt))
-    return hanging_together(found, prompt) if prompt.clicks else found
+    found = run_grabcut(color, with_seeds(state, prompt))
+    return keep_clicked_parts(found, prompt) if prompt.clicks else found
 
 
-def named(mask: BoolArray, others: list[BoolArray]) -> dict[str, BoolArray]:
+def name_masks(mask: BoolArray, others: list[BoolArray]) -> dict[str, BoolArray]:
     """The mask as `thing`, and other readings that differ from it: a smaller one as `part`, a larger one as `group`."""
     out = {"thing": mask}
     for other in others:

@@ -91,7 +91,7 @@ def color_bins(color: UInt8Array) -> NDArray[np.int32]:
     return np.asarray((lab[..., 0] * 10 // 256 * 16 + lab[..., 1] // 16) * 16 + lab[..., 2] // 16, np.int32)
 
 
-def merged(pieces: Pieces, start: BoolArray, gap: float, barred: set[int]) -> BoolArray:
+def merge_pieces(pieces: Pieces, start: BoolArray, gap: float, barred: set[int]) -> BoolArray:
     """`start` and all pieces that belong to it, and those that belong to these, and so on. gap 0: `start` alone.
 
     gap: share of depth by which pieces that touch in the picture may differ. barred: numbers of pieces that do not belong to it.
@@ -100,21 +100,23 @@ def merged(pieces: Pieces, start: BoolArray, gap: float, barred: set[int]) -> Bo
     sizes = np.bincount(pieces.label[pieces.free], minlength=thing.size)
     while gap:
         most = max(LARGER * thing.sum(), LARGE_SHARE * thing.size)
-        chosen = [n for n in belonging(pieces, thing, gap, size, sizes) if n not in barred and sizes[n] <= most]
+        chosen = [n for n in find_belonging(pieces, thing, gap, size, sizes) if n not in barred and sizes[n] <= most]
         if not chosen:
             break
         thing |= pieces.free & np.isin(pieces.label, chosen)
     return thing
 
 
-def belonging(pieces: Pieces, thing: BoolArray, gap: float, size: float, sizes: NDArray[np.int64]) -> Iterator[int]:
+def find_belonging(
+    pieces: Pieces, thing: BoolArray, gap: float, size: float, sizes: NDArray[np.int64]
+) -> Iterator[int]:
     """Numbers of the pieces that are one thing with `thing` (H x W): they touch it, stand close behind it, or beside a crack.
 
     size: metres of what was clicked. sizes: pixels of each piece.
     """
     reach = max(TOUCHING_PX, round(CRACK_SHARE * max(thing.shape)))
     distance, nearest = nearest_known(thing)
-    yield from enclosed(pieces, thing, gap, sizes, nearest)
+    yield from find_enclosed(pieces, thing, gap, sizes, nearest)
     pixels = np.flatnonzero(dilate_mask(thing, reach) & pieces.free & ~thing)
     away, depth = distance.ravel()[pixels], pieces.depth.ravel()
     here, there = depth[pixels], depth[nearest.ravel()[pixels]]
@@ -137,17 +139,22 @@ def belonging(pieces: Pieces, thing: BoolArray, gap: float, size: float, sizes: 
             (close > 1 and common >= SOME_COLOR)
             or (behind.sum() > 1 and common >= SAME_COLOR and sizes[number] <= SMALLER * thing.sum())
             or (common >= CRACK_COLOR and crack.sum() >= CRACK_LENGTH * longer_side(piece))
-            or (common >= CRACK_COLOR and not border.any() and stacked(thing, piece) and behind_by(step[of_it], size))
+            or (
+                common >= CRACK_COLOR
+                and not border.any()
+                and is_stacked(thing, piece)
+                and is_within_gap(step[of_it], size)
+            )
         ):
             yield number
 
 
-def behind_by(step: Float32Array, size: float) -> bool:
+def is_within_gap(step: Float32Array, size: float) -> bool:
     """Whether the least of some steps in depth, m, is within what is one thing's."""
     return bool(step.min() <= BEHIND_SIZE * size)
 
 
-def stacked(one: BoolArray, other: BoolArray) -> bool:
+def is_stacked(one: BoolArray, other: BoolArray) -> bool:
     """Whether one of two regions (H x W) ends where the other begins, below or above it."""
     rows = [np.flatnonzero(where.any(1)) for where in (one, other)]
     columns = [where.any(0) for where in (one, other)]
@@ -156,14 +163,14 @@ def stacked(one: BoolArray, other: BoolArray) -> bool:
     return bool(upper[-1] < lower[0] and (columns[0] & columns[1]).sum() >= OVER * narrower)
 
 
-def enclosed(
+def find_enclosed(
     pieces: Pieces, thing: BoolArray, gap: float, sizes: NDArray[np.int64], nearest: NDArray[np.int64]
 ) -> list[int]:
     """Numbers of the small pieces that lie wholly within the outline of `thing` (H x W) and are as near.
 
     sizes: pixels of each piece. nearest: H x W, which pixel of the thing is nearest, counted row by row.
     """
-    pixels = np.flatnonzero(filled_outline(thing) & pieces.free & ~thing)
+    pixels = np.flatnonzero(fill_outline(thing) & pieces.free & ~thing)
     labels, depth = pieces.label.ravel()[pixels], pieces.depth.ravel()
     here, there = depth[pixels], depth[nearest.ravel()[pixels]]
     near = labels[np.abs(here - there) <= gap * np.minimum(here, there)]
@@ -171,7 +178,7 @@ def enclosed(
     return [int(n) for n in numbers[(counts == sizes[numbers]) & (counts < SMALL_SHARE * thing.sum())]]
 
 
-def filled_outline(where: BoolArray) -> BoolArray:
+def fill_outline(where: BoolArray) -> BoolArray:
     """A region (H x W) with its holes."""
     outlines, _ = cv2.findContours(where.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
     return np.asarray(cv2.drawContours(np.zeros(where.shape, np.uint8), outlines, -1, 1, cv2.FILLED) > 0)

@@ -36,7 +36,7 @@ class Prompt:
         height, width = self.hw
         for name, points in (("clicks", self.clicks), ("not_clicks", self.not_clicks)):
             for point in points:
-                x, y = checked_numbers(name, point, 2, "(x, y)")
+                x, y = check_numbers(name, point, 2, "(x, y)")
                 if not (0 <= x < width and 0 <= y < height):
                     raise InputError(
                         f"{name} holds {x:g},{y:g}, which lies outside the picture; x in 0..{width - 1} and "
@@ -47,7 +47,7 @@ class Prompt:
             row, column = min(both)
             raise InputError(f"clicks and not_clicks both hold pixel {column},{row}; one of them is expected")
         if self.box is not None:
-            x, y, wide, high = checked_numbers("box", self.box, 4, "(x, y, width, height)")
+            x, y, wide, high = check_numbers("box", self.box, 4, "(x, y, width, height)")
             if wide < 1 or high < 1:
                 raise InputError(f"box is {wide:g} x {high:g} pixels; a width and a height of 1 or more are expected")
             if x >= width or y >= height or x + wide <= 0 or y + high <= 0:
@@ -77,7 +77,7 @@ class Prompt:
         return out
 
 
-def checked_numbers(name: str, values: Sequence[float], count: int, wanted: str) -> tuple[float, ...]:
+def check_numbers(name: str, values: Sequence[float], count: int, wanted: str) -> tuple[float, ...]:
     """`count` finite numbers; else InputError."""
     try:
         numbers = tuple(float(value) for value in values)

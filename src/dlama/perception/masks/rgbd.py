@@ -1,7 +1,8 @@
 """A picture with depth and clicks or a box in; the mask of the thing meant out.
 
-Supporting surfaces are taken away, and what hangs together with the click stays. Where depth edges lie beside the picture's, as
-a camera's do, what stands out in the picture has a say, too (`confirmed`), and the outline follows the picture (`outlines`).
+Supporting surfaces are removed; the connected region around the click stays. Where depth edges are misaligned with the
+picture, as a depth camera's are, a salient-object network corrects the mask (`correct_by_saliency`), and the outline follows
+the picture (`outlines`).
 """
 
 from __future__ import annotations
@@ -17,15 +18,15 @@ from dlama.geometry.holes import nearest_known
 from dlama.geometry.projection import inverse_depth
 from dlama.geometry.rgbd import RGBD, BoolArray
 from dlama.perception.kernels.regions import join_regions
-from dlama.perception.masks.borders import to_picture_edges, with_foot
-from dlama.perception.masks.confirmed import Confirmed, confirmed, doubts
-from dlama.perception.masks.cuts import nearer_to
-from dlama.perception.masks.outlines import on_picture
+from dlama.perception.masks.borders import add_ground_contact, snap_to_picture_edges
+from dlama.perception.masks.confirmed import CorrectedMask, correct_by_saliency, find_uncertain_pixels
+from dlama.perception.masks.cuts import closer_to_object
+from dlama.perception.masks.outlines import refine_outline
 from dlama.perception.masks.photo import PhotoMasker
-from dlama.perception.masks.pieces import GROUP_GAP, THING_GAP, Pieces, color_bins, merged
+from dlama.perception.masks.pieces import GROUP_GAP, THING_GAP, Pieces, color_bins, merge_pieces
 from dlama.perception.masks.prompt import Pixel, Prompt
 from dlama.perception.masks.rough import rough_candidates, rough_depth
-from dlama.perception.masks.supports import Planes, is_ground, planes_of, supports_for
+from dlama.perception.masks.supports import Planes, find_planes_of_picture, find_supports, is_ground
 from dlama.perception.planes import noise_level
 
 REACH_PX = 2
@@ -58,7 +59,7 @@ def rgbd_masker(rgbd: RGBD, model: None) -> Callable[[Prompt], tuple[dict[str, B
     if is_noisy(rgbd):
         rough = rough_depth(rgbd)
         return lambda prompt: (rough_candidates(rough, prompt), (NOISY,))
-    found = planes_of(rgbd)
+    found = find_planes_of_picture(rgbd)
     beside = edge_misalignment(rgbd.color, rgbd.depth, rgbd.valid, rgbd.far)
     return lambda prompt: rgbd_candidates(rgbd, found, prompt, beside if beside >= CLEARLY else 0)
 
@@ -80,29 +81,29 @@ def rgbd_candidates(
     Raises MaskError where nothing that stands apart is meant: the sky, the ground, missing depth.
     """
     if not prompt.clicks:
-        return boxed(rgbd, found, prompt, beside), ()
-    seeds, flat, support = separable(rgbd, found, prompt)
+        return segment_box(rgbd, found, prompt, beside), ()
+    seeds, flat, support = split_clicks(rgbd, found, prompt)
     pieces = find_pieces(rgbd, support, found.noise)
-    seeds = [snapped(pieces, seed) for seed in seeds]
+    seeds = [snap_to_piece(pieces, seed) for seed in seeds]
     away = [pixel for pixel in Prompt.pixels(prompt.not_clicks) if pieces.free[pixel]]
     own = sum((pieces.at(seed) for seed in seeds), np.zeros(rgbd.depth.shape, np.bool_))
-    most = BARRED * merged(pieces, own, THING_GAP, set()).sum() if away else 0
+    most = BARRED * merge_pieces(pieces, own, THING_GAP, set()).sum() if away else 0
     barred = {int(pieces.label[p]) for p in away if not own[p] and pieces.at(p).sum() < most}
     gaps = (("thing", THING_GAP), ("part", 0.0), ("group", GROUP_GAP))
-    whole = {name: merged(pieces, own, gap, barred) & prompt.inside for name, gap in gaps}
-    raw = {name: with_foot(found, pieces.support, mask) for name, mask in whole.items()}
+    whole = {name: merge_pieces(pieces, own, gap, barred) & prompt.inside for name, gap in gaps}
+    raw = {name: add_ground_contact(found, pieces.support, mask) for name, mask in whole.items()}
     clicked = seeds + flat
     if not beside:
-        return distinct({name: finished(rgbd, found, pieces, raw[name], prompt, clicked) for name in raw}), ()
-    raw = distinct(raw)
-    sure = confirmed(rgbd, found, pieces, raw["thing"], prompt)
-    masks = {"thing": finished(rgbd, found, pieces, sure.thing & prompt.inside, prompt, clicked, beside, sure)}
+        return drop_duplicates({name: finish_mask(rgbd, found, pieces, raw[name], prompt, clicked) for name in raw}), ()
+    raw = drop_duplicates(raw)
+    sure = correct_by_saliency(rgbd, found, pieces, raw["thing"], prompt)
+    masks = {"thing": finish_mask(rgbd, found, pieces, sure.thing & prompt.inside, prompt, clicked, beside, sure)}
     for name in [each for each in raw if each != "thing"]:
-        masks[name] = finished(rgbd, found, pieces, raw[name], prompt, clicked, beside)
-    return distinct(masks), ()
+        masks[name] = finish_mask(rgbd, found, pieces, raw[name], prompt, clicked, beside)
+    return drop_duplicates(masks), ()
 
 
-def separable(rgbd: RGBD, found: Planes, prompt: Prompt) -> tuple[list[Pixel], list[Pixel], BoolArray]:
+def split_clicks(rgbd: RGBD, found: Planes, prompt: Prompt) -> tuple[list[Pixel], list[Pixel], BoolArray]:
     """The clicks on things, those on a supporting plane, which only add to a thing, and H x W where such planes are.
 
     The first click on a thing says which planes support it. MaskError where no click is on a thing.
@@ -113,12 +114,12 @@ def separable(rgbd: RGBD, found: Planes, prompt: Prompt) -> tuple[list[Pixel], l
     flat = [pixel for pixel in clicks if rgbd.far[pixel] or is_ground(found, *pixel)]
     seeds = [pixel for pixel in clicks if pixel not in flat]
     if not seeds:
-        near = rgbd.valid & ~supports_for(found, [])
+        near = rgbd.valid & ~find_supports(found, [])
         seeds = [pixel for pixel in flat if has_near(near, pixel)]
         flat = [pixel for pixel in flat if pixel not in seeds]
-        support = supports_for(found, [])
+        support = find_supports(found, [])
     else:
-        support = supports_for(found, seeds[:1])
+        support = find_supports(found, seeds[:1])
         flat += [pixel for pixel in seeds[1:] if support[pixel]]
         seeds = [pixel for pixel in seeds if pixel not in flat]
     if not seeds:
@@ -153,7 +154,7 @@ def find_pieces(rgbd: RGBD, support: BoolArray, noise: float) -> Pieces:
     return Pieces(rgbd.depth, free, parent.reshape(free.shape), support, color_bins(rgbd.color), focal)
 
 
-def snapped(pieces: Pieces, seed: Pixel) -> Pixel:
+def snap_to_piece(pieces: Pieces, seed: Pixel) -> Pixel:
     """The pixel itself if a piece is there, else the nearest of one; raises MaskError where none is near."""
     if pieces.free[seed]:
         return seed
@@ -167,7 +168,7 @@ def snapped(pieces: Pieces, seed: Pixel) -> Pixel:
     return row, column
 
 
-def finished(
+def finish_mask(
     rgbd: RGBD,
     found: Planes,
     pieces: Pieces,
@@ -175,7 +176,7 @@ def finished(
     prompt: Prompt,
     clicks: list[Pixel],
     beside: int = 0,
-    sure: Confirmed | None = None,
+    sure: CorrectedMask | None = None,
 ) -> BoolArray:
     """The mask with its border on the picture's edges, without what is nearer to a click beside it."""
     wanted, unwanted = (np.zeros(mask.shape, np.bool_) for _ in range(2))
@@ -184,17 +185,17 @@ def finished(
     for pixel in Prompt.pixels(prompt.not_clicks):
         unwanted[pixel] = True
     if beside and mask.any():
-        mask = on_picture(rgbd.color, mask, doubts(rgbd, found, pieces.support, mask, beside, sure))
+        mask = refine_outline(rgbd.color, mask, find_uncertain_pixels(rgbd, found, pieces.support, mask, beside, sure))
     else:
-        mask = to_picture_edges(rgbd, found, mask)
+        mask = snap_to_picture_edges(rgbd, found, mask)
     for pixel in zip(*np.nonzero(unwanted & mask)):
-        mask = mask & ~patch(rgbd, ~mask, (int(pixel[0]), int(pixel[1])), wanted)
+        mask = mask & ~pixels_of_negative_click(rgbd, ~mask, (int(pixel[0]), int(pixel[1])), wanted)
     for pixel in zip(*np.nonzero(wanted & ~mask)):
-        mask = mask | patch(rgbd, mask, (int(pixel[0]), int(pixel[1])), unwanted)
+        mask = mask | pixels_of_negative_click(rgbd, mask, (int(pixel[0]), int(pixel[1])), unwanted)
     return (mask | wanted) & ~unwanted
 
 
-def patch(rgbd: RGBD, mask: BoolArray, pixel: Pixel, against: BoolArray) -> BoolArray:
+def pixels_of_negative_click(rgbd: RGBD, mask: BoolArray, pixel: Pixel, against: BoolArray) -> BoolArray:
     """What belongs to a click beside the mask: the pixels outside it that are nearer to the click than to their surroundings.
 
     How far it may reach follows from how far from the mask the click is: a correction changes what is about it, no more.
@@ -209,13 +210,13 @@ def patch(rgbd: RGBD, mask: BoolArray, pixel: Pixel, against: BoolArray) -> Bool
     seed[pixel] = True
     window[rows, columns] = apart <= reach
     rim[rows, columns] = (apart <= reach) & (apart > reach - 2)
-    return nearer_to(rgbd, seed, (against | rim) & window & ~mask & ~seed, window & ~mask)
+    return closer_to_object(rgbd, seed, (against | rim) & window & ~mask & ~seed, window & ~mask)
 
 
-def boxed(rgbd: RGBD, found: Planes, prompt: Prompt, beside: int) -> dict[str, BoolArray]:
+def segment_box(rgbd: RGBD, found: Planes, prompt: Prompt, beside: int) -> dict[str, BoolArray]:
     """The thing in a box: the pieces that the box holds almost whole, as far as they touch the largest of them."""
     inside = prompt.inside
-    pieces = find_pieces(rgbd, supports_for(found, [], inside), found.noise)
+    pieces = find_pieces(rgbd, find_supports(found, [], inside), found.noise)
     label = np.where(pieces.free, pieces.label, 0).ravel()
     sizes = np.bincount(label[pieces.free.ravel()], minlength=label.size)
     held = np.bincount(label[(pieces.free & inside).ravel()], minlength=label.size)
@@ -232,12 +233,12 @@ def boxed(rgbd: RGBD, found: Planes, prompt: Prompt, beside: int) -> dict[str, B
     barred = {int(pieces.label[p]) for p in Prompt.pixels(prompt.not_clicks) if pieces.free[p]} - {main}
     masks = {}
     for name, gap in (("thing", GROUP_GAP), ("part", 0.0)):
-        mask = with_foot(found, pieces.support, merged(cropped, start, gap, barred) & inside)
-        masks[name] = finished(rgbd, found, cropped, mask, prompt, [], beside)
-    return distinct(masks)
+        mask = add_ground_contact(found, pieces.support, merge_pieces(cropped, start, gap, barred) & inside)
+        masks[name] = finish_mask(rgbd, found, cropped, mask, prompt, [], beside)
+    return drop_duplicates(masks)
 
 
-def distinct(masks: dict[str, BoolArray]) -> dict[str, BoolArray]:
+def drop_duplicates(masks: dict[str, BoolArray]) -> dict[str, BoolArray]:
     """Those that differ from the ones before by 1 % of their pixels or more; `thing` comes first."""
     out: dict[str, BoolArray] = {}
     for name, mask in masks.items():

@@ -102,12 +102,12 @@ def rough_candidates(rough: RoughDepth, prompt: Prompt) -> dict[str, BoolArray]:
     for pixel in Prompt.pixels(prompt.clicks):
         guess = first_guess(rough, pixel)
         if prompt.box is None:
-            inside = window_of(rough, guess, pixel)
+            inside = find_window(rough, guess, pixel)
             state[inside] = np.where(state[inside] == cv2.GC_BGD, cv2.GC_PR_BGD, state[inside])
         state[guess & prompt.inside] = cv2.GC_PR_FGD
-    mask = cut(rough.color, seeded(state, prompt))
+    mask = run_grabcut(rough.color, mark_clicks(state, prompt))
     if prompt.clicks:
-        mask = hanging_together(mask, prompt)
+        mask = keep_clicked_parts(mask, prompt)
         if mask.sum() < NOTHING * len(prompt.clicks) * SEED_PX**2:
             row, column = Prompt.pixels(prompt.clicks)[0]
             raise MaskError(
@@ -124,7 +124,7 @@ def rough_candidates(rough: RoughDepth, prompt: Prompt) -> dict[str, BoolArray]:
     return {"thing": mask}
 
 
-def seeded(state: UInt8Array, prompt: Prompt) -> UInt8Array:
+def mark_clicks(state: UInt8Array, prompt: Prompt) -> UInt8Array:
     """GrabCut's codes (H x W, changed) with the clicks in them."""
     for points, kind in ((prompt.clicks, cv2.GC_FGD), (prompt.not_clicks, cv2.GC_BGD)):
         for row, column in Prompt.pixels(points):
@@ -176,7 +176,7 @@ def color_region(color: UInt8Array, pixel: tuple[int, int]) -> BoolArray:
     return np.asarray(found[1:-1, 1:-1] > 0)
 
 
-def window_of(rough: RoughDepth, guess: BoolArray, pixel: tuple[int, int]) -> tuple[slice, slice]:
+def find_window(rough: RoughDepth, guess: BoolArray, pixel: tuple[int, int]) -> tuple[slice, slice]:
     """Rows and columns in which the thing lies: of the guess, down to where the ground is as near as the click, and a margin."""
     rows, columns = np.flatnonzero(guess.any(1)), np.flatnonzero(guess.any(0))
     height = guess.shape[0]
@@ -192,7 +192,7 @@ def window_of(rough: RoughDepth, guess: BoolArray, pixel: tuple[int, int]) -> tu
     )
 
 
-def cut(color: UInt8Array, state: UInt8Array) -> BoolArray:
+def run_grabcut(color: UInt8Array, state: UInt8Array) -> BoolArray:
     """H x W, True on the thing by GrabCut from its codes (state, uint8 H x W); colours are learnt in the surroundings only."""
     asked = state != cv2.GC_BGD
     sides = [int(np.ptp(np.flatnonzero(asked.any(axis)))) for axis in (1, 0)]
@@ -208,7 +208,7 @@ def cut(color: UInt8Array, state: UInt8Array) -> BoolArray:
     return out
 
 
-def hanging_together(mask: BoolArray, prompt: Prompt) -> BoolArray:
+def keep_clicked_parts(mask: BoolArray, prompt: Prompt) -> BoolArray:
     """The pieces of the mask that hold a click, gaps of a pixel closed; nothing at clicks beside the thing."""
     _, labels = cv2.connectedComponents(morphological_close(mask, square(3)).astype(np.uint8), connectivity=8)
     numbers = {int(labels[pixel]) for pixel in Prompt.pixels(prompt.clicks)} - {0}

@@ -91,7 +91,7 @@ class EmbeddedPicture:
     hw: tuple[int, int]
     """Of the picture."""
 
-    def answer(self, prompt: Prompt) -> tuple[Float32Array, Float32Array]:
+    def decode(self, prompt: Prompt) -> tuple[Float32Array, Float32Array]:
         """Masks as the decoder sees them, M x H x W, above 0 on the thing, and their M scores. FileError: a foreign decoder."""
         named = dict(zip(self.decoder.outputs, self.decoder.run_all(self.feed(prompt))))
         masks = next((named[name] for name in ("masks", "output_masks") if name in named), None)
@@ -161,10 +161,10 @@ def segment_anything_masker(
         raise FileError(f"{encoder.path}: takes {encoder.inputs}; one float picture, {contract.layout}, is expected")
     embedding = encoder.run({inputs[0][0]: tensor})
     seen = EmbeddedPicture(decoder, contract, embedding, (color.shape[0], color.shape[1]))
-    return lambda prompt: candidates_of(*seen.answer(prompt), prompt)
+    return lambda prompt: name_candidates(*seen.decode(prompt), prompt)
 
 
-def candidates_of(
+def name_candidates(
     masks: Float32Array, scores: Float32Array, prompt: Prompt
 ) -> tuple[dict[str, BoolArray], tuple[str, ...]]:
     """The mask with the best score as `thing`, the next smaller one as `part`, the next larger one as `group`; and notes.
@@ -217,7 +217,7 @@ def find_pair(mask_model: object) -> tuple[NetworkFile, NetworkFile, PairContrac
     if len(files) != 2:
         raise InputError(f"mask_model is {mask_model!r}; {wanted} is expected")
     encoder, decoder = (NetworkFile(user_path(file)) for file in files)
-    contract = contract or contract_of_file(encoder)
+    contract = contract or read_file_contract(encoder)
     if contract is None:
         raise InputError(
             f"{encoder.path}: carries no contract; say whose it keeps: mask_model=NAME={files[0].name},{files[1].name}, "
@@ -226,7 +226,7 @@ def find_pair(mask_model: object) -> tuple[NetworkFile, NetworkFile, PairContrac
     return encoder, decoder, contract
 
 
-def contract_of_file(encoder: NetworkFile) -> PairContract | None:
+def read_file_contract(encoder: NetworkFile) -> PairContract | None:
     """The contract in an encoder's metadata; None where there is none. FileError where it is another network's."""
     text = encoder.metadata.get(CONTRACT_KEY)
     return None if text is None else read_contract(PairContract, text, NETWORK, encoder.path)

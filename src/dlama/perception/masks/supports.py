@@ -57,7 +57,7 @@ class Planes:
         return float(there.mean()) if where is None else float(where[there].mean()) if there.any() else 0.0
 
 
-def planes_of(rgbd: RGBD, seed: int = 0) -> Planes:
+def find_planes_of_picture(rgbd: RGBD, seed: int = 0) -> Planes:
     """The planes of a picture, most supported first; none where depth is all missing or far."""
     w, valid, known = inverse_depth(rgbd.depth), rgbd.valid, ~rgbd.missing
     noise = noise_level(w, valid) if valid.any() else 0.0
@@ -81,19 +81,19 @@ def behind_share(
     return float(np.mean((BEHIND * here < value) & (here + NOISY * noise < value)))
 
 
-def supports_for(found: Planes, seeds: list[tuple[int, int]], box: BoolArray | None = None) -> BoolArray:
+def find_supports(found: Planes, seeds: list[tuple[int, int]], box: BoolArray | None = None) -> BoolArray:
     """H x W, True on the planes that the thing at `seeds` (row, column), or in a box, stands on or before."""
     chosen = [
         found.share(n) >= SMALLEST_SUPPORT
         and not any(found.label[seed] == n + 1 for seed in seeds)
-        and (found.behind[n] <= SURE_BEHIND or (found.behind[n] <= MOST_BEHIND and stands_before(found, n, seeds)))
+        and (found.behind[n] <= SURE_BEHIND or (found.behind[n] <= MOST_BEHIND and is_in_front(found, n, seeds)))
         and (box is None or found.share(n, box) <= INSIDE_BOX)
         for n in range(len(found.planes))
     ]
     return np.asarray(np.array([False, *chosen])[np.maximum(found.label, 0)])
 
 
-def stands_before(found: Planes, number: int, seeds: list[tuple[int, int]]) -> bool:
+def is_in_front(found: Planes, number: int, seeds: list[tuple[int, int]]) -> bool:
     """Whether all seeds (row, column) lie before the plane `number`, by more than noise."""
     values = [(found.w[seed], found.value_at(number, *seed)) for seed in seeds]
     return all(here > BEFORE * plane and here > plane + NOISY * found.noise for here, plane in values)

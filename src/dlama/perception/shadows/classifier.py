@@ -21,8 +21,8 @@ from dlama.models.perceptron import Perceptron, read_arrays
 from dlama.perception.shadows.features import (
     FEWEST_PX,
     candidate_features,
+    cast_interiors,
     color_shares,
-    insides,
     pixel_features,
     tone_steps,
 )
@@ -65,7 +65,7 @@ def classifiers(path: Path = MODEL) -> dict[str, Classifier]:
 
 
 @dataclass(frozen=True, eq=False)
-class Likely:
+class LikelyShadows:
     """What a thrown shape leads to, or what the network marks."""
 
     shape: BoolArray
@@ -76,12 +76,14 @@ class Likely:
     """What speaks for it in the end: `verdict_features`, `agreement`, whether the network marks it, and `tone_steps`."""
 
 
-def likely_shadows(planes: Float32Array, parts: dict[str, Classifier], file: NetworkFile | None = None) -> list[Likely]:
+def find_likely_shadows(
+    planes: Float32Array, parts: dict[str, Classifier], file: NetworkFile | None = None
+) -> list[LikelyShadows]:
     """The likeliest shapes followed to where their shadow ends, and what the network (`file`, or the one that ships) marks."""
     shares = color_shares(planes)
     marked = network_probability(planes, shares, file)
     region, surface = marked > SHADOW, planes[4] > 0.5
-    shapes = insides(planes)
+    shapes = cast_interiors(planes)
     every = candidate_features(planes, [*shapes, region], shares)
     features, own = every[:-1], every[-1]
     there = np.isfinite(features).all(1)
@@ -97,12 +99,12 @@ def likely_shadows(planes: Float32Array, parts: dict[str, Classifier], file: Net
         mean = np.asarray((said + marked) / 2, np.float32)
         tones = tone_steps(planes, regions_touching(mean > SHADOW, shapes[number]))
         last = np.r_[last, agreement(marked, said > SHADOW, surface), 0, tones]
-        out.append(Likely(shapes[number], mean, last))
+        out.append(LikelyShadows(shapes[number], mean, last))
     if region.sum() >= SMALLEST_MARKED:
         certain = float(parts["candidate"](own[None])[0])
         last = verdict_features(planes, region, marked, certain, own, sure)
         tones = tone_steps(planes, region)
-        out.append(Likely(region, marked, np.r_[last, agreement(marked, region, surface), 1, tones]))
+        out.append(LikelyShadows(region, marked, np.r_[last, agreement(marked, region, surface), 1, tones]))
     return out
 
 
@@ -157,7 +159,7 @@ def shadow_probability(planes: Float32Array, path: Path = MODEL) -> tuple[Float3
     """h x w: probability of each pixel, and where the shape was thrown; and how certain that is. None where nothing leads to a
     certain shadow."""
     parts = classifiers(path)
-    found = likely_shadows(planes, parts)
+    found = find_likely_shadows(planes, parts)
     if not found:
         return None
     sure = parts["verdict"](np.stack([one.features for one in found]))

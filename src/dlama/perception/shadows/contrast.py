@@ -22,7 +22,7 @@ STEPS = 1.0
 """Standard deviations of the pattern that a shadow's step is at least."""
 
 
-def stands_out(rgbd: RGBD, shadow: BoolArray, usable: BoolArray) -> bool:
+def has_contrast(rgbd: RGBD, shadow: BoolArray, usable: BoolArray) -> bool:
     """Whether the ground round a shadow (H x W) is lighter, in the median or in the mean, by more than its fine pattern's
     standard deviation, in the shadow or round it, whichever is less. usable: H x W, where the surface is seen. True where too
     little of it is seen."""

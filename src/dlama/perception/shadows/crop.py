@@ -51,7 +51,7 @@ class Crop:
         return out
 
 
-def crop_round(mask: BoolArray) -> Crop:
+def crop_around(mask: BoolArray) -> Crop:
     """The crop that a thing's shadow is looked for in."""
     rows, columns = np.flatnonzero(mask.any(1)), np.flatnonzero(mask.any(0))
     height, width = mask.shape

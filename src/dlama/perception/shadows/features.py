@@ -39,14 +39,14 @@ ColorShares = tuple[np.ndarray, list[np.ndarray]]
 """N logarithms of how common the colour of each of N pixels of the surface is there, and how common it were if it was LIGHTER."""
 
 
-def insides(planes: Float32Array) -> list[BoolArray]:
+def cast_interiors(planes: Float32Array) -> list[BoolArray]:
     """The thrown shapes of the crop, where the thing hides much of the sky, and the surface round its foot; where it is seen."""
     where = planes[4] > 0.5
     thrown = [np.asarray((plane > 0.5 * plane.max()) & (plane > 0) & where) for plane in planes[THROWN:]]
-    return [*thrown, np.asarray((planes[10] > OCCLUDED) & where), round_foot(planes) & where]
+    return [*thrown, np.asarray((planes[10] > OCCLUDED) & where), near_ground_contact(planes) & where]
 
 
-def round_foot(planes: Float32Array) -> BoolArray:
+def near_ground_contact(planes: Float32Array) -> BoolArray:
     """h x w, True within CONTACT of the thing's size of its lowest part."""
     thing = planes[3] > 0.5
     low = thing & (planes[6] < LOW / 2)
@@ -58,11 +58,11 @@ def round_foot(planes: Float32Array) -> BoolArray:
 
 
 def candidate_features(planes: Float32Array, shapes: list[BoolArray], shares: ColorShares) -> Float32Array:
-    """K x features of the K thrown shapes; rows of nan where there is none. shapes: `insides`, and
+    """K x features of the K thrown shapes; rows of nan where there is none. shapes: `cast_interiors`, and
     maybe a region more; shares: `color_shares`."""
     where, thing, dark = planes[4] > 0.5, planes[3] > 0.5, planes[9]
     apart = cv2.distanceTransform((~thing).astype(np.uint8), cv2.DIST_L2, 5)
-    common, raised = (plane_of(each, where) for each in (shares[0], np.max(shares[1], 0)))
+    common, raised = (to_plane(each, where) for each in (shares[0], np.max(shares[1], 0)))
     sure = [*(float(plane.max()) for plane in planes[THROWN:]), 0.0, 0.0, 0.0]
     rows = []
     for number, inside in enumerate(shapes):
@@ -119,7 +119,7 @@ def overlap(one: BoolArray, other: BoolArray) -> float:
     return float((one & other).sum()) / max(float(min(one.sum(), other.sum())), 1.0)
 
 
-def plane_of(values: np.ndarray, where: BoolArray) -> Float32Array:
+def to_plane(values: np.ndarray, where: BoolArray) -> Float32Array:
     out = np.zeros(where.shape, np.float32)
     out[where] = values
     return out
@@ -141,7 +141,7 @@ def pixel_features(
     scale = max(deep, LEAST_DEEP)
     smooth = [box_mean(dark, there, window, 1e-3) for window in WINDOWS]
     spread = np.sqrt(np.maximum(box_mean(dark * dark, there, WINDOWS[1], 1e-3) - smooth[1] ** 2, 0))
-    apart, nearest = nearest_of(thing)
+    apart, nearest = nearest_object_pixel(thing)
     tall = max(float(np.sqrt(thing.sum())), 4.0)
     right, away = (FAR * np.arctanh(np.clip(planes[n], -0.999, 0.999)) for n in (7, 8))
     ratio = planes[:3] - (planes[:3, ring].mean(1) if ring.sum() >= FEWEST_PX else np.zeros(3))[:, None, None]
@@ -150,7 +150,9 @@ def pixel_features(
     flat += [np.clip((out - within) / REACH, -1, 1), np.exp(-out / 5), np.clip((out - within) / tall, -1, 2)]
     flat += [ratio[0] - ratio[1], ratio[2] - ratio[1], ratio[1]]
     flat += [np.log(np.hypot(right, away) + 0.1), np.clip(away, -4, 4), np.log(apart + 1), np.minimum(apart / tall, 3)]
-    flat += [np.clip(way_to(smooth[0], there, target) / scale, -1, 2) for target in (nearest, foot_of(thing))]
+    flat += [
+        np.clip(mean_towards(smooth[0], there, target) / scale, -1, 2) for target in (nearest, ground_contact(thing))
+    ]
     flat += [planes[10], planes[11], np.clip(planes[11] / scale, 0, 2.5)]
     columns = [np.asarray(plane, np.float32)[where] for plane in flat]
     common, raised = shares
@@ -175,7 +177,7 @@ def color_shares(planes: Float32Array) -> ColorShares:
     return share[tuple(place.T)], raised
 
 
-def nearest_of(thing: BoolArray) -> tuple[Float32Array, tuple[Float32Array, Float32Array]]:
+def nearest_object_pixel(thing: BoolArray) -> tuple[Float32Array, tuple[Float32Array, Float32Array]]:
     """Distance to the thing, and column and row of its nearest pixel, each h x w."""
     if not thing.any():
         far = np.full(thing.shape, 64, np.float32)
@@ -185,7 +187,7 @@ def nearest_of(thing: BoolArray) -> tuple[Float32Array, tuple[Float32Array, Floa
     return apart, (columns.astype(np.float32), rows.astype(np.float32))
 
 
-def foot_of(thing: BoolArray) -> tuple[Float32Array, Float32Array]:
+def ground_contact(thing: BoolArray) -> tuple[Float32Array, Float32Array]:
     """Column and row of the middle of the thing's lower end, as planes."""
     rows, columns = np.nonzero(thing)
     if not len(rows):
@@ -197,7 +199,7 @@ def foot_of(thing: BoolArray) -> tuple[Float32Array, Float32Array]:
     )
 
 
-def way_to(values: Float32Array, there: Float32Array, target: tuple[Float32Array, Float32Array]) -> Float32Array:
+def mean_towards(values: Float32Array, there: Float32Array, target: tuple[Float32Array, Float32Array]) -> Float32Array:
     """h x w: mean of `values` where the surface is seen, on the way from each pixel to its target."""
     rows, columns = (each.astype(np.float32) for each in np.mgrid[: values.shape[0], : values.shape[1]])
     total, count = np.zeros_like(values), np.full(values.shape, 1e-3, np.float32)

@@ -11,11 +11,11 @@ import numpy as np
 
 from dlama.geometry.holes import dilate_mask, regions_touching
 from dlama.geometry.rgbd import RGBD, BoolArray
-from dlama.perception.masks.supports import Planes, planes_of
+from dlama.perception.masks.supports import Planes, find_planes_of_picture
 from dlama.perception.shadows.classifier import SHADOW, shadow_probability
-from dlama.perception.shadows.contrast import stands_out
-from dlama.perception.shadows.ground import EDGE_PX, ground_of
-from dlama.perception.shadows.growing import grown, under_the_sky
+from dlama.perception.shadows.contrast import has_contrast
+from dlama.perception.shadows.ground import EDGE_PX, find_ground
+from dlama.perception.shadows.growing import grow_ambient_shadow, grow_shadow
 from dlama.perception.shadows.planes import shadow_planes
 from dlama.perception.shadows.thrown import SMALLEST_PX
 
@@ -37,7 +37,7 @@ def find_shadow(rgbd: RGBD, mask: BoolArray, found: Planes | None = None) -> Boo
     found: the planes of the picture, where they are known already.
     """
     none = np.zeros(mask.shape, np.bool_)
-    ground = ground_of(rgbd, mask, found or planes_of(rgbd))
+    ground = find_ground(rgbd, mask, found or find_planes_of_picture(rgbd))
     if ground is None:
         return none
     planes, crop, occlusion = shadow_planes(rgbd, mask, ground)
@@ -49,15 +49,15 @@ def find_shadow(rgbd: RGBD, mask: BoolArray, found: Planes | None = None) -> Boo
     usable = ground.surface & ~dilate_mask(mask, EDGE_PX)
     thrown = (shape > 0.5) & usable
     shadow = regions_touching((probability > SHADOW) & usable, thrown | dilate_mask(mask, NEAR_PX))
-    further = grown(rgbd, mask, ground, usable, thrown) & ~shadow
+    further = grow_shadow(rgbd, mask, ground, usable, thrown) & ~shadow
     if further.any() and probability[further].mean() > PLAUSIBLE:
         shadow |= further
-    soft = under_the_sky(rgbd, mask, ground, usable, shadow, occlusion) & ~shadow
+    soft = grow_ambient_shadow(rgbd, mask, ground, usable, shadow, occlusion) & ~shadow
     if soft.any() and probability[soft].mean() > FAINT:
         shadow |= soft
     if not SMALLEST_PX <= shadow.sum() <= LARGEST * mask.sum():
         return none
-    if certain < TRUSTED and not stands_out(rgbd, shadow, usable):
+    if certain < TRUSTED and not has_contrast(rgbd, shadow, usable):
         return none
     contact = dilate_mask(shadow, EDGE_PX + 2) & dilate_mask(mask, EDGE_PX + 1)
     return np.asarray((shadow | contact) & ground.surface & ~mask)

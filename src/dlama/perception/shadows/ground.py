@@ -32,7 +32,7 @@ class Ground:
 
 
 @dataclass(frozen=True, eq=False)
-class Standing:
+class StandingObject:
     """A thing's points over the surface that it stands on."""
 
     foot: NDArray[np.float64]
@@ -43,29 +43,29 @@ class Standing:
     """The surface's normal, towards the camera."""
 
 
-def standing(points: NDArray[np.float64], rise: NDArray[np.float64], ground: Ground) -> Standing:
+def measure_object(points: NDArray[np.float64], rise: NDArray[np.float64], ground: Ground) -> StandingObject:
     """The thing of which these are the points (N x 3, camera axes) and their heights over the surface (N, m)."""
     up = -ground.normal / np.linalg.norm(ground.normal)
-    return Standing(points - rise[:, None] * up, rise, up)
+    return StandingObject(points - rise[:, None] * up, rise, up)
 
 
-def axes(up: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def surface_axes(up: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Two unit vectors along the surface whose normal is `up`: across the view, and away from the camera."""
     across = np.cross(up, [0.0, 0.0, 1.0])
     across /= max(float(np.linalg.norm(across)), 1e-9)
     return across, np.cross(across, up)
 
 
-def over_surface(up: NDArray[np.float64], slopes: np.ndarray, angles: np.ndarray) -> NDArray[np.float64]:
+def light_offsets(up: NDArray[np.float64], slopes: np.ndarray, angles: np.ndarray) -> NDArray[np.float64]:
     """K x 3: how light throws a point, in metres over the surface for each metre of height, camera axes.
 
-    slopes: K, how far; angles: K, where to, in radians from the first of the `axes` of the surface towards the second.
+    slopes: K, how far; angles: K, where to, in radians from the first of the `surface_axes` of the surface towards the second.
     """
-    across, behind = axes(up)
+    across, behind = surface_axes(up)
     return np.asarray(slopes[:, None] * (np.outer(np.cos(angles), across) + np.outer(np.sin(angles), behind)))
 
 
-def ground_of(rgbd: RGBD, mask: BoolArray, found: Planes) -> Ground | None:
+def find_ground(rgbd: RGBD, mask: BoolArray, found: Planes) -> Ground | None:
     """The plane that holds most of what is seen just below and beside the lower part of the thing; None where there is none."""
     rows = np.flatnonzero(mask.any(1))
     if not len(rows) or not len(found.planes):
@@ -87,7 +87,7 @@ def ground_of(rgbd: RGBD, mask: BoolArray, found: Planes) -> Ground | None:
     return Ground(normal, np.asarray(surface & rgbd.valid & ~mask))
 
 
-def thing_points(rgbd: RGBD, mask: BoolArray, ground: Ground) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def object_points(rgbd: RGBD, mask: BoolArray, ground: Ground) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """N x 3 points of the thing in camera axes, and their heights over the surface in metres.
 
     Where depth is estimated, which leans things against the ground, the thing stands upright at the depth of its foot.

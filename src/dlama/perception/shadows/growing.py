@@ -11,7 +11,7 @@ import numpy as np
 from dlama.geometry.holes import dilate_mask, morphological_open, regions_touching, square
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array
 from dlama.perception.shadows.ground import Ground
-from dlama.perception.shadows.lit_surface import around, darkness, sky_lost
+from dlama.perception.shadows.lit_surface import around, measure_darkness, sky_lost
 
 DARKER = 0.1
 """Natural logarithm by which a shadow is darker at least; a tenth."""
@@ -26,9 +26,9 @@ ROUNDS, MORE = 8, 1.01
 """Of growing, and the factor by which a shadow grows in a round, at least."""
 
 
-def grown(rgbd: RGBD, mask: BoolArray, ground: Ground, usable: BoolArray, shape: BoolArray) -> BoolArray:
+def grow_shadow(rgbd: RGBD, mask: BoolArray, ground: Ground, usable: BoolArray, shape: BoolArray) -> BoolArray:
     """H x W: `shape` with what touches it and is darker than half of its darkness, and what fades from that."""
-    told = darkness(rgbd, mask, ground.surface, None)
+    told = measure_darkness(rgbd, mask, ground.surface, None)
     if told is None or not shape.any():
         return np.zeros_like(shape)
     dark = told.dark
@@ -42,11 +42,11 @@ def grown(rgbd: RGBD, mask: BoolArray, ground: Ground, usable: BoolArray, shape:
             if larger.sum() < MORE * shadow.sum():
                 break
             shadow = larger
-    softly = darkness(rgbd, mask, ground.surface, None, SOFT_WINDOW_PX)
-    return shadow if softly is None else shadow | fading(softly.dark, usable, shape | shadow, deep)
+    softly = measure_darkness(rgbd, mask, ground.surface, None, SOFT_WINDOW_PX)
+    return shadow if softly is None else shadow | extend_penumbra(softly.dark, usable, shape | shadow, deep)
 
 
-def under_the_sky(
+def grow_ambient_shadow(
     rgbd: RGBD, mask: BoolArray, ground: Ground, usable: BoolArray, shadow: BoolArray, occlusion: Float32Array
 ) -> BoolArray:
     """H x W: the surface that is darker because the thing hides the sky from it, as is told by what lies outside `shadow`.
@@ -55,7 +55,7 @@ def under_the_sky(
     on patterns a tenth is not told.
     """
     outside = ground.surface & ~dilate_mask(shadow, RIM_PX)
-    told = darkness(rgbd, mask, outside, occlusion)
+    told = measure_darkness(rgbd, mask, outside, occlusion)
     if told is None:
         return np.zeros_like(shadow)
     rest = (told.dark - told.ambient)[outside & usable & around(mask)]
@@ -76,7 +76,7 @@ def unevenness(dark: Float32Array, usable: BoolArray) -> float:
     return 1.4826 * float(np.median(np.abs(values))) if values.size > 50 else 0.0
 
 
-def fading(dark: Float32Array, usable: BoolArray, shadow: BoolArray, deep: float) -> BoolArray:
+def extend_penumbra(dark: Float32Array, usable: BoolArray, shadow: BoolArray, deep: float) -> BoolArray:
     """What goes on from a shadow, less dark, down to DARKER: where the surface is plain enough for that to be told.
 
     dark: H x W, of the surface, averaged over SOFT_WINDOW_PX.

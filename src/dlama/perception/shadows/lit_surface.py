@@ -44,7 +44,7 @@ class Darkness:
     """Of the light that comes from the sky, as an exponent: levels fall by the share of the sky that is seen to this power."""
 
 
-def darkness(
+def measure_darkness(
     rgbd: RGBD, mask: BoolArray, surface: BoolArray, occlusion: Float32Array | None, window: int = WINDOW_PX
 ) -> Darkness | None:
     """How dark the surface is round the thing under `mask`; None: too little of it is seen.

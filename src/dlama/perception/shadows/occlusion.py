@@ -15,7 +15,7 @@ from dlama.geometry.camera import Camera
 from dlama.geometry.holes import square
 from dlama.geometry.rgbd import Float32Array
 from dlama.perception.shadows.crop import Crop
-from dlama.perception.shadows.ground import Standing, axes, over_surface
+from dlama.perception.shadows.ground import StandingObject, light_offsets, surface_axes
 
 DIRECTIONS = 64
 """That carry the same share of the sky's light."""
@@ -31,11 +31,11 @@ BLUR_PX = 1.5
 """Of the map, which smooths the steps between directions."""
 
 
-def ambient_occlusion(thing: Standing, camera: Camera, crop: Crop) -> Float32Array:
+def ambient_occlusion(thing: StandingObject, camera: Camera, crop: Crop) -> Float32Array:
     """H x W of the camera, 0 (sees the whole sky) to 1, on the plane that a thing stands on; 0 outside the crop round it."""
     wide, high = (-(-side // COARSE) for side in crop.size)
     total = np.zeros((high, wide), np.float32)
-    thing, scale = thickened(thing), crop.scale / COARSE
+    thing, scale = thicken(thing), crop.scale / COARSE
     for over in sky_directions(thing.up):
         points = thing.foot + thing.rise[:, None] * over
         front = points[points[:, 2] > 1e-3]
@@ -49,20 +49,20 @@ def ambient_occlusion(thing: Standing, camera: Camera, crop: Crop) -> Float32Arr
     return crop.placed(np.asarray(smooth, np.float32), camera.hw)
 
 
-def thickened(thing: Standing) -> Standing:
+def thicken(thing: StandingObject) -> StandingObject:
     """The thing with copies of its points behind those that are seen, along the surface, over half of its width."""
     if not len(thing.foot):
         return thing
     keep = slice(None, None, max(1, len(thing.foot) // POINTS))
-    across, behind = axes(thing.up)
+    across, behind = surface_axes(thing.up)
     place = thing.foot @ across
     width = float(np.quantile(place, 0.98) - np.quantile(place, 0.02))
     layers = [thing.foot[keep] + back * behind for back in np.linspace(0, THICK * width, LAYERS)]
-    return Standing(np.concatenate(layers), np.tile(thing.rise[keep], LAYERS), thing.up)
+    return StandingObject(np.concatenate(layers), np.tile(thing.rise[keep], LAYERS), thing.up)
 
 
 def sky_directions(up: NDArray[np.float64]) -> NDArray[np.float64]:
     """DIRECTIONS x 3: metres over the surface for each metre of height, in camera axes; as dense as the cosine to `up`."""
     number = np.arange(DIRECTIONS)
     sine2, turn = (number + 0.5) / DIRECTIONS, GOLDEN * number
-    return over_surface(up, np.sqrt(sine2 / (1 - sine2)), turn)
+    return light_offsets(up, np.sqrt(sine2 / (1 - sine2)), turn)

@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 from dlama.geometry.holes import dilate_mask
 from dlama.geometry.projection import rays
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array
-from dlama.perception.shadows.crop import Crop, crop_round
-from dlama.perception.shadows.ground import EDGE_PX, Ground, standing, thing_points
-from dlama.perception.shadows.lit_surface import darkness
+from dlama.perception.shadows.crop import Crop, crop_around
+from dlama.perception.shadows.ground import EDGE_PX, Ground, measure_object, object_points
+from dlama.perception.shadows.lit_surface import measure_darkness
 from dlama.perception.shadows.occlusion import ambient_occlusion
-from dlama.perception.shadows.thrown import thrown_shapes
+from dlama.perception.shadows.thrown import find_cast_shapes
 
 MULTIPLE = 32
 """The sides of the planes are multiples of this many pixels; the crop's longer side has `crop.SIDE`."""
@@ -34,11 +34,11 @@ LOG_RANGE, FAR = 2.0, 4.0
 def shadow_planes(rgbd: RGBD, mask: BoolArray, ground: Ground) -> tuple[Float32Array, Crop, Float32Array]:
     """PLANES x h x w, sides multiples of MULTIPLE and at most `crop.SIDE`; where in the picture that is; and H x W, how much of
     the sky the thing hides."""
-    crop = crop_round(mask)
-    points, rise = thing_points(rgbd, mask, ground)
-    thing = standing(points, rise, ground)
+    crop = crop_around(mask)
+    points, rise = object_points(rgbd, mask, ground)
+    thing = measure_object(points, rise, ground)
     occlusion = ambient_occlusion(thing, rgbd.camera, crop)
-    dark = darkness(rgbd, mask, ground.surface, occlusion)
+    dark = measure_darkness(rgbd, mask, ground.surface, occlusion)
     usable = ground.surface & ~dilate_mask(mask, EDGE_PX)
     wide, high = crop.size
     out = np.zeros((len(PLANES), -(-high // MULTIPLE) * MULTIPLE, -(-wide // MULTIPLE) * MULTIPLE), np.float32)
@@ -54,7 +54,7 @@ def shadow_planes(rgbd: RGBD, mask: BoolArray, ground: Ground) -> tuple[Float32A
         view[9] = np.clip(crop.small(dark.dark), -1.5, 1.5)
         view[11] = np.clip(crop.small(dark.ambient), 0, 1.5)
     view[10] = crop.small(occlusion)
-    for plane, shape in zip(view[THROWN:], thrown_shapes(rgbd, ground, usable, thing, tall)):
+    for plane, shape in zip(view[THROWN:], find_cast_shapes(rgbd, ground, usable, thing, tall)):
         if shape is not None:
             plane[:] = shape[0] * crop.small(shape[1])
     return out, crop, occlusion

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from dlama.geometry.holes import gaussian_mean
 from dlama.geometry.kernels.jit import in_bands
 from dlama.geometry.rgbd import RGBD, BoolArray, UInt8Array
-from dlama.perception.kernels.shadows import DIRECTIONS_A_TASK, throw_shapes
-from dlama.perception.shadows.ground import Standing, over_surface
+from dlama.perception.kernels.shadows import DIRECTIONS_A_TASK, cast_shapes
+from dlama.perception.shadows.ground import StandingObject, light_offsets
 
 SLOPES = np.array((0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.72, 0.86, 1.0, 1.2, 1.45, 1.75, 2.1, 2.6, 3.2))
 """Lengths of a shadow over the height of what casts it, that are tried."""
@@ -47,7 +47,7 @@ OTHER = 0.6
 
 
 @dataclass(frozen=True, eq=False)
-class Thrown:
+class CastShape:
     """The direction of light that explains most, and how well."""
 
     over: NDArray[np.float64]
@@ -62,7 +62,7 @@ class Thrown:
     """Mean gradient of the logarithm outwards, a pixel."""
 
 
-def best_direction(thing: Standing, rgbd: RGBD, seen: BoolArray, scale: Scale) -> Thrown | None:
+def best_direction(thing: StandingObject, rgbd: RGBD, seen: BoolArray, scale: Scale) -> CastShape | None:
     """The direction whose thrown shape stands out most; None where no shape falls on what is seen.
 
     seen: H x W, True where the surface is seen. scale: SHARP or SOFT.
@@ -81,13 +81,13 @@ def best_direction(thing: Standing, rgbd: RGBD, seen: BoolArray, scale: Scale) -
     every = search.over(slopes, turns)
     others = np.where(np.linalg.norm(every - over, axis=1) > OTHER * np.linalg.norm(over), coarse, 0)
     second = int(others.argmax())
-    return Thrown(over, float(fine[best]), max(float(others[second]), 0.0), every[second], float(steps[best]))
+    return CastShape(over, float(fine[best]), max(float(others[second]), 0.0), every[second], float(steps[best]))
 
 
 class Search:
     """What is the same for every direction: the picture made smaller and its divergence, the thing's points, and what is up."""
 
-    def __init__(self, thing: Standing, rgbd: RGBD, seen: BoolArray, scale: Scale) -> None:
+    def __init__(self, thing: StandingObject, rgbd: RGBD, seen: BoolArray, scale: Scale) -> None:
         camera = rgbd.camera
         step = max(1, round(max(seen.shape) / SIDE_PX))
         height, width = seen.shape[0] // step, seen.shape[1] // step
@@ -101,7 +101,7 @@ class Search:
 
     def over(self, slopes: NDArray[np.float64], turns: NDArray[np.float64]) -> NDArray[np.float64]:
         """K x 3: metres over the surface for each metre of height, in camera axes."""
-        return over_surface(self.up, slopes, -2 * np.pi * turns / TURNS)
+        return light_offsets(self.up, slopes, -2 * np.pi * turns / TURNS)
 
     def strengths(
         self, slopes: NDArray[np.float64], turns: NDArray[np.float64]
@@ -110,7 +110,7 @@ class Search:
         out = np.zeros((len(slopes), 3))
         stamps = np.zeros((-(-len(slopes) // DIRECTIONS_A_TASK), *self.seen.shape), np.int32)
         args = self.foot, self.rise, self.over(slopes, turns), self.lens, self.divergence, self.seen, stamps, out
-        in_bands(throw_shapes, len(slopes), *args, band=DIRECTIONS_A_TASK)
+        in_bands(cast_shapes, len(slopes), *args, band=DIRECTIONS_A_TASK)
         flux, pixels, border = out.T
         strength = flux / (self.spread * np.sqrt(np.maximum(border, SHORTEST_PX))) / (1 + (slopes / LONG) ** 2)
         return np.where(pixels < FEWEST_PX, 0, strength), flux / np.maximum(border, 1)

@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 from dlama.geometry.holes import dilate_mask, morphological_close, square
 from dlama.geometry.projection import rays
 from dlama.geometry.rgbd import RGBD, BoolArray
-from dlama.perception.shadows.ground import Ground, Standing, standing
-from dlama.perception.shadows.search import SHARP, SOFT, Scale, Thrown, best_direction, pixels_of
+from dlama.perception.shadows.ground import Ground, StandingObject, measure_object
+from dlama.perception.shadows.search import SHARP, SOFT, CastShape, Scale, best_direction, pixels_of
 
 FEATURES = "strength over next best", "strength", "step", "even and clear", "contrast", "off in colour", "over pattern"
-"""What speaks for a thrown shape being a shadow: `features_of`."""
+"""What speaks for a thrown shape being a shadow: `shape_features`."""
 WEIGHTS = {
     SHARP: (3.027, 1.401, 0.903, 3.322, 0.765, -1.893, 0.079, -1.249),
     SOFT: (2.148, 0.585, -1.594, 1.615, 3.260, 0.527, 0.250, -4.860),
@@ -33,8 +33,8 @@ STRONG = 20.0
 """Strength of a shape thrown in common that counts as certain."""
 
 
-def thrown_shapes(
-    rgbd: RGBD, ground: Ground, usable: BoolArray, thing: Standing, tall: float
+def find_cast_shapes(
+    rgbd: RGBD, ground: Ground, usable: BoolArray, thing: StandingObject, tall: float
 ) -> list[tuple[float, BoolArray] | None]:
     """How sure it is and H x W: the best shape at each scale, the second best at the fine one, and the one thrown by the light
     that explains all that stands on the surface together. usable: H x W, True where the surface is seen; tall: metres."""
@@ -43,35 +43,35 @@ def thrown_shapes(
     out: list[tuple[float, BoolArray] | None] = []
     second = None
     for scale in (SHARP, SOFT):
-        made = thrown_shape(rgbd, usable, thing, scale)
+        made = find_cast_shape(rgbd, usable, thing, scale)
         if made is None:
             out.append(None)
             continue
         found, shape, features = made
-        sure = LEAST_SURE + (1 - LEAST_SURE) * certainty(features, WEIGHTS[scale])
+        sure = LEAST_SURE + (1 - LEAST_SURE) * cast_shadow_probability(features, WEIGHTS[scale])
         out.append((sure, shape))
         if scale == SHARP and found.next_best > 0:
             share = found.next_best / max(found.strength, 1e-6)
-            second = sure * share, shape_thrown(thing, found.next_over, rgbd, usable)
-    return [*out, second, in_common(rgbd, ground, usable, thing, tall)]
+            second = sure * share, cast_shape(thing, found.next_over, rgbd, usable)
+    return [*out, second, find_common_light(rgbd, ground, usable, thing, tall)]
 
 
-def thrown_shape(
-    rgbd: RGBD, usable: BoolArray, thing: Standing, scale: Scale
-) -> tuple[Thrown, BoolArray, NDArray[np.float64]] | None:
+def find_cast_shape(
+    rgbd: RGBD, usable: BoolArray, thing: StandingObject, scale: Scale
+) -> tuple[CastShape, BoolArray, NDArray[np.float64]] | None:
     """The light that explains most, the shape that it throws (H x W) and what speaks for it: FEATURES. None: there is none."""
     found = best_direction(thing, rgbd, usable, scale)
     if found is None:
         return None
-    shape = shape_thrown(thing, found.over, rgbd, usable)
-    ring = ring_of(shape, usable)
+    shape = cast_shape(thing, found.over, rgbd, usable)
+    ring = surrounding_ring(shape, usable)
     if shape.sum() < SMALLEST_PX or ring.sum() < SMALLEST_PX:
         return None
-    return found, shape, np.array([*features_of(rgbd, shape, ring, found)])
+    return found, shape, np.array([*shape_features(rgbd, shape, ring, found)])
 
 
-def in_common(
-    rgbd: RGBD, ground: Ground, usable: BoolArray, thing: Standing, tall: float
+def find_common_light(
+    rgbd: RGBD, ground: Ground, usable: BoolArray, thing: StandingObject, tall: float
 ) -> tuple[float, BoolArray] | None:
     """The thing's shape thrown by the light that explains the shadows of all that stands on the surface."""
     there = rgbd.valid & ~ground.surface
@@ -81,14 +81,14 @@ def in_common(
     keep = keep[:: max(1, len(keep) // COMMON_POINTS)]
     if len(keep) < SMALLEST_PX:
         return None
-    others = standing(every[keep], height[keep], ground)
+    others = measure_object(every[keep], height[keep], ground)
     found = best_direction(others, rgbd, usable, SHARP)
     if found is None:
         return None
-    return float(np.tanh(found.strength / STRONG)), shape_thrown(thing, found.over, rgbd, usable)
+    return float(np.tanh(found.strength / STRONG)), cast_shape(thing, found.over, rgbd, usable)
 
 
-def features_of(rgbd: RGBD, shape: BoolArray, ring: BoolArray, found: Thrown) -> tuple[float, ...]:
+def shape_features(rgbd: RGBD, shape: BoolArray, ring: BoolArray, found: CastShape) -> tuple[float, ...]:
     """What speaks for a thrown shape being a shadow, in the order of FEATURES. ring: H x W, True on the surface round it."""
     level = np.log(rgbd.color.astype(np.float32) + 4)
     inside, outside = level[shape], level[ring]
@@ -106,23 +106,23 @@ def features_of(rgbd: RGBD, shape: BoolArray, ring: BoolArray, found: Thrown) ->
     )
 
 
-def certainty(features: NDArray[np.float64], weights: tuple[float, ...]) -> float:
+def cast_shadow_probability(features: NDArray[np.float64], weights: tuple[float, ...]) -> float:
     """Probability (0..1) that a thrown shape is the thing's shadow: a logistic regression, fitted on worlds
     (`benchmarks/shadows.py`)."""
     return float(1 / (1 + np.exp(-(features @ np.array(weights[:-1]) + weights[-1]))))
 
 
-def reach_of(shape: BoolArray) -> int:
+def error_radius(shape: BoolArray) -> int:
     """Pixels by which a thrown shape may be off: a tenth of its size."""
     return 4 + round(0.1 * float(np.sqrt(shape.sum())))
 
 
-def ring_of(shape: BoolArray, usable: BoolArray) -> BoolArray:
+def surrounding_ring(shape: BoolArray, usable: BoolArray) -> BoolArray:
     """The surface round a thrown shape, as far from it as it may be off."""
-    return np.asarray(usable & dilate_mask(shape, reach_of(shape) + 4) & ~dilate_mask(shape, 4))
+    return np.asarray(usable & dilate_mask(shape, error_radius(shape) + 4) & ~dilate_mask(shape, 4))
 
 
-def shape_thrown(thing: Standing, over: NDArray[np.float64], rgbd: RGBD, usable: BoolArray) -> BoolArray:
+def cast_shape(thing: StandingObject, over: NDArray[np.float64], rgbd: RGBD, usable: BoolArray) -> BoolArray:
     """H x W: the shape thrown by a light (metres over the surface for each metre of height), gaps closed, on `usable`."""
     shape = np.zeros(usable.shape, np.bool_)
     shape.ravel()[pixels_of(thing.foot + thing.rise[:, None] * over, rgbd)] = True

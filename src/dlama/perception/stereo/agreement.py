@@ -68,7 +68,7 @@ def _nan_where_unknown(disparity: Float32Array) -> Float32Array:
     return np.where(np.isfinite(disparity) & (disparity != 0), disparity, np.float32(np.nan)).astype(np.float32)
 
 
-def carry_mask(mask_left: BoolArray, left_disparity: Float32Array) -> BoolArray:
+def transfer_mask(mask_left: BoolArray, left_disparity: Float32Array) -> BoolArray:
     """The mask of an object in the right view, from its mask in the left one (both H x W bool, True = object).
 
     Every masked pixel moves by its disparity (0, NaN, inf = unknown: the nearest known one inside the mask is taken),

@@ -40,7 +40,7 @@ class Corners:
     """Corners in the picture that has fewer."""
 
 
-def matched_corners(left: UInt8Array, right: UInt8Array) -> Corners:
+def match_corners(left: UInt8Array, right: UInt8Array) -> Corners:
     """Distinct ORB corners (Rublee et al. 2011) of two pictures (H x W x 3, RGB) that are each other's best match."""
     finder = cv2.ORB.create(FEATURES)
     # too small for any, or for OpenCV at all
@@ -65,12 +65,12 @@ def refuse_identical(left: UInt8Array, right: UInt8Array) -> None:
         raise InputError("the left and the right picture are identical; two pictures of a rectified pair are expected")
 
 
-def doubts(left: UInt8Array, right: UInt8Array, left_disparity: Float32Array) -> str | None:
+def find_pair_fault(left: UInt8Array, right: UInt8Array, left_disparity: Float32Array) -> str | None:
     """The likely cause why two pictures (H x W x 3) are no rectified pair, in one line; None: nothing speaks against it.
 
     left_disparity: H x W px as matched, 0 = unknown.
     """
-    doubt = doubt_of_corners(matched_corners(left, right), left.shape[0])
+    doubt = diagnose_corners(match_corners(left, right), left.shape[0])
     if doubt is not None:
         return doubt[1]
     known = float((left_disparity != 0).mean())
@@ -79,7 +79,7 @@ def doubts(left: UInt8Array, right: UInt8Array, left_disparity: Float32Array) ->
     return None
 
 
-def doubt_of_corners(corners: Corners, height: int, doffs: float = 0.0) -> tuple[str, str] | None:
+def diagnose_corners(corners: Corners, height: int, doffs: float = 0.0) -> tuple[str, str] | None:
     """What corners of pictures `height` px high say: "unrelated", "unrectified" or "swapped", and a line about it; None: nothing.
 
     doffs: px, what a point at infinity has in place of disparity 0, negated (`StereoRig.doffs`).

@@ -82,10 +82,10 @@ def disparity_pair(
     if not (is_finite(min_disparity) and is_finite(max_disparity) and min_disparity < max_disparity):
         raise InputError(f"max_disparity is {shown(max_disparity)} px; more than {shown(min_disparity)} px is expected")
     limits = min_disparity, max_disparity
-    whole = _searched(left, right, limits, WHOLE, _scale_of_whole(left.shape, max_disparity - min_disparity))
-    fine = _searched(left, right, limits, FINE, 2 if left.shape[1] <= DOUBLED_UP_TO_PX else 1)
-    at_left = _without_noise(_joined(whole[0], fine[0], whole[1], 1))
-    at_right = _without_noise(_joined(whole[1], fine[1], whole[0], -1))
+    whole = _search(left, right, limits, WHOLE, _scale_of_whole(left.shape, max_disparity - min_disparity))
+    fine = _search(left, right, limits, FINE, 2 if left.shape[1] <= DOUBLED_UP_TO_PX else 1)
+    at_left = _denoise(_join(whole[0], fine[0], whole[1], 1))
+    at_right = _denoise(_join(whole[1], fine[1], whole[0], -1))
     return _zero_where_unknown(at_left), _zero_where_unknown(at_right)
 
 
@@ -107,23 +107,23 @@ def _scale_of_whole(shape: tuple[int, ...], span: float) -> float:
     return scale
 
 
-def _searched(
+def _search(
     left: UInt8Array, right: UInt8Array, limits: tuple[float, float], search: Search, scale: float
 ) -> tuple[Float32Array, Float32Array]:
     """Disparities of both views at the pictures' own size, in their pixels; NaN = unknown. Below 1 `scale` shrinks height too."""
     down = min(scale, 1.0)
-    small = [_resized(picture, scale, down) for picture in (left, right)]
-    found = _matched_both_ways(
+    small = [_resize(picture, scale, down) for picture in (left, right)]
+    found = _match_both_ways(
         small[0], small[1], limits[0] * scale, limits[1] * scale, TOLERANCE_PX * max(scale, 1), search
     )
     if scale >= 1:
-        return _at_original_width(found[0], int(scale)), _at_original_width(found[1], int(scale))
+        return _restore_width(found[0], int(scale)), _restore_width(found[1], int(scale))
     size = left.shape[1], left.shape[0]
     large = [cv2.resize(one, size, interpolation=cv2.INTER_NEAREST) / np.float32(scale) for one in found]
     return large[0], large[1]
 
 
-def _joined(whole: Float32Array, fine: Float32Array, other: Float32Array, sign: int) -> Float32Array:
+def _join(whole: Float32Array, fine: Float32Array, other: Float32Array, sign: int) -> Float32Array:
     """One view's disparity from both searches; other: the other view's, from the first. NaN = unknown, in and out."""
     agreed = np.where(np.abs(fine - whole) <= TOLERANCE_PX, fine, whole)
     columns, inside = nearest_columns(np.nan_to_num(fine), sign)
@@ -131,7 +131,7 @@ def _joined(whole: Float32Array, fine: Float32Array, other: Float32Array, sign: 
     return np.where(np.isnan(whole) & inside & ~hidden, fine, agreed)
 
 
-def _without_noise(disparity: Float32Array) -> Float32Array:
+def _denoise(disparity: Float32Array) -> Float32Array:
     """Disparities (NaN = unknown) averaged over their neighbours that are nearly alike; steps between surfaces stay."""
     known = np.isfinite(disparity)
     if not known.any():
@@ -157,16 +157,16 @@ def check_pictures(left: UInt8Array, right: UInt8Array) -> None:
 def _estimated_maximum(left: UInt8Array, right: UInt8Array, min_disparity: float) -> float:
     """The largest disparity that a small copy of the pair shows (up to half the width), with a margin; full pixels."""
     scale = min(1.0, PROBE_WIDTH_PX / left.shape[1])
-    small_left, small_right = _resized(left, scale, scale), _resized(right, scale, scale)
+    small_left, small_right = _resize(left, scale, scale), _resize(right, scale, scale)
     lowest = min_disparity * scale
-    found, _ = _matched_both_ways(small_left, small_right, lowest, lowest + small_left.shape[1] / 2, TOLERANCE_PX, FINE)
+    found, _ = _match_both_ways(small_left, small_right, lowest, lowest + small_left.shape[1] / 2, TOLERANCE_PX, FINE)
     known = found[np.isfinite(found)]
     # 0.2 % of stray matches may survive the checks; a thing smaller than that is found if it is in the margin.
     highest = float(np.percentile(known, 99.8)) / scale if len(known) else min_disparity
     return min_disparity + 1.1 * (highest - min_disparity) + 8
 
 
-def _resized(picture: UInt8Array, across: float, down: float = 1.0) -> UInt8Array:
+def _resize(picture: UInt8Array, across: float, down: float = 1.0) -> UInt8Array:
 
     if across == down == 1:
         return picture
@@ -175,19 +175,19 @@ def _resized(picture: UInt8Array, across: float, down: float = 1.0) -> UInt8Arra
     return np.asarray(cv2.resize(picture, size, interpolation=interpolation), np.uint8)
 
 
-def _matched_both_ways(
+def _match_both_ways(
     left: UInt8Array, right: UInt8Array, lowest: float, highest: float, tolerance: float, search: Search
 ) -> tuple[Float32Array, Float32Array]:
     """Both views matched, checked against each other, speckles removed; NaN = unknown."""
     # Mirrored left and right, the right view is a left one: the same matcher serves both.
-    at_left = _matched(left, right, lowest, highest, search)
-    at_right = _matched(right[:, ::-1], left[:, ::-1], lowest, highest, search)[:, ::-1]
-    checked_left = np.where(_consistent(at_left, at_right, 1, tolerance), at_left, np.nan)
-    checked_right = np.where(_consistent(at_right, at_left, -1, tolerance), at_right, np.nan)
-    return _without_speckles(checked_left), _without_speckles(checked_right)
+    at_left = _match(left, right, lowest, highest, search)
+    at_right = _match(right[:, ::-1], left[:, ::-1], lowest, highest, search)[:, ::-1]
+    checked_left = np.where(_check_consistency(at_left, at_right, 1, tolerance), at_left, np.nan)
+    checked_right = np.where(_check_consistency(at_right, at_left, -1, tolerance), at_right, np.nan)
+    return _remove_speckles(checked_left), _remove_speckles(checked_right)
 
 
-def _matched(base: UInt8Array, other: UInt8Array, lowest: float, highest: float, search: Search) -> Float32Array:
+def _match(base: UInt8Array, other: UInt8Array, lowest: float, highest: float, search: Search) -> Float32Array:
     """Semi-global matching of `base` against `other`: H x W float32 px, NaN where nothing in the range matches."""
 
     first = math.floor(lowest) - MARGIN_PX
@@ -213,7 +213,7 @@ def _matched(base: UInt8Array, other: UInt8Array, lowest: float, highest: float,
     return np.where(unknown, np.float32(np.nan), np.clip(disparity, lowest, highest)).astype(np.float32)
 
 
-def _consistent(disparity: Float32Array, other: Float32Array, sign: int, tolerance: float) -> BoolArray:
+def _check_consistency(disparity: Float32Array, other: Float32Array, sign: int, tolerance: float) -> BoolArray:
     """True where a pixel's match lies in the other view and points back within `tolerance`; sign 1: left to right."""
     known = np.isfinite(disparity)
     columns, inside = nearest_columns(np.where(known, disparity, 0), sign)
@@ -231,7 +231,7 @@ def nearest_columns(disparity: Float32Array, sign: int) -> tuple[np.ndarray, Boo
     return np.clip(columns, 0, width - 1), (columns >= 0) & (columns < width)
 
 
-def _without_speckles(disparity: Float32Array) -> Float32Array:
+def _remove_speckles(disparity: Float32Array) -> Float32Array:
     """NaN for patches of fewer than 1/4000 of the picture (10..200 px) that differ from their neighbourhood."""
 
     smallest = min(200, max(10, disparity.size // 4000))
@@ -243,12 +243,12 @@ def _without_speckles(disparity: Float32Array) -> Float32Array:
 
 def zero_where_inconsistent(at_left: Float32Array, at_right: Float32Array) -> tuple[Float32Array, Float32Array]:
     """Both disparities (H x W px, NaN = unknown) with 0 where they do not point to each other within 1 px, or are speckles."""
-    ours = np.where(_consistent(at_left, at_right, 1, TOLERANCE_PX), at_left, np.float32(np.nan))
-    theirs = np.where(_consistent(at_right, at_left, -1, TOLERANCE_PX), at_right, np.float32(np.nan))
-    return _zero_where_unknown(_without_speckles(ours)), _zero_where_unknown(_without_speckles(theirs))
+    ours = np.where(_check_consistency(at_left, at_right, 1, TOLERANCE_PX), at_left, np.float32(np.nan))
+    theirs = np.where(_check_consistency(at_right, at_left, -1, TOLERANCE_PX), at_right, np.float32(np.nan))
+    return _zero_where_unknown(_remove_speckles(ours)), _zero_where_unknown(_remove_speckles(theirs))
 
 
-def carried_disparity(at_left: Float32Array) -> Float32Array:
+def transfer_disparity(at_left: Float32Array) -> Float32Array:
     """The right view's disparity (H x W px, 0 = unknown) from the left one's: of what lands on one pixel the nearest is kept.
 
     Cracks of one column are closed by the farther of their neighbours; what only the right camera sees stays unknown.
@@ -266,7 +266,7 @@ def carried_disparity(at_left: Float32Array) -> Float32Array:
     return np.where(found > lowest, found, np.float32(0))
 
 
-def _at_original_width(disparity: Float32Array, scale: int) -> Float32Array:
+def _restore_width(disparity: Float32Array, scale: int) -> Float32Array:
     """Back to the picture's width: the mean of the two halves of each pixel; unknown where they lie on two surfaces."""
     if scale == 1:
         return disparity

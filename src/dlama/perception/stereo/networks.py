@@ -87,18 +87,18 @@ class NetworkMatcher:
     def open(cls, path: str | Path) -> NetworkMatcher:
         """The matcher of a network file. FileError: no such file, no contract, or one that cannot be read."""
         file = NetworkFile(Path(path))
-        return cls(file, contract_of(file))
+        return cls(file, read_contract_of(file))
 
     def __call__(self, left: UInt8Array, right: UInt8Array) -> tuple[Float32Array, Float32Array]:
         """The disparity of each picture (H x W px, 0 = unknown): each is matched against the other, and what both agree on is
         kept. FileError where the file does not keep its contract."""
         check_pictures(left, right)
-        at_left = self.matched(left, right)
+        at_left = self.match(left, right)
         # mirrored left and right, the right view is a left one
-        at_right = np.ascontiguousarray(self.matched(right[:, ::-1], left[:, ::-1])[:, ::-1])
+        at_right = np.ascontiguousarray(self.match(right[:, ::-1], left[:, ::-1])[:, ::-1])
         return zero_where_inconsistent(at_left, at_right)
 
-    def matched(self, base: UInt8Array, other: UInt8Array) -> Float32Array:
+    def match(self, base: UInt8Array, other: UInt8Array) -> Float32Array:
         """H x W px of `base` against `other`, as the network says."""
         names = list(self.file.inputs)
         if len(names) != 2:
@@ -125,7 +125,7 @@ class NetworkMatcher:
         return self.file.notes
 
 
-def contract_of(file: NetworkFile) -> StereoContract:
+def read_contract_of(file: NetworkFile) -> StereoContract:
     """The contract in a file's metadata, or in the JSON file beside it. FileError: none, or one that cannot be read."""
     beside = file.path.with_suffix(".json")
     text = file.metadata.get(CONTRACT_KEY)

@@ -20,8 +20,8 @@ from dlama.files.atomic_write import new_file
 from dlama.geometry.camera import Camera
 from dlama.geometry.holes import dilate_mask, erode_mask
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
-from dlama.perception.masks.supports import planes_of
-from dlama.perception.shadows.ground import EDGE_PX, ground_of
+from dlama.perception.masks.supports import find_planes_of_picture
+from dlama.perception.shadows.ground import EDGE_PX, find_ground
 from dlama.perception.shadows.planes import shadow_planes
 from dlama.training.data.augment import add_depth_faults
 from dlama.training.data.sensors import add_photo_noise, stereo_matcher, structured_light
@@ -56,7 +56,7 @@ def shadow_crop(
     if case is None:
         return None
     source, mask, true = case
-    ground = ground_of(source, mask, planes_of(source)) if mask.any() else None
+    ground = find_ground(source, mask, find_planes_of_picture(source)) if mask.any() else None
     if ground is None:
         return None
     planes, crop, _ = shadow_planes(source, mask, ground)

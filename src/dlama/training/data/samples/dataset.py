@@ -23,7 +23,7 @@ from dlama.geometry.rgbd import RGBD, BoolArray, UInt8Array
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import View
 from dlama.geometry.visibility import Law
-from dlama.perception.stereo.agreement import carry_mask
+from dlama.perception.stereo.agreement import transfer_mask
 from dlama.training.data.augment import change_light, mirror_at_random
 from dlama.training.data.cases import StereoPair, TrainingCase
 from dlama.training.data.crops import Crop, random_crop, resize_frame
@@ -146,7 +146,7 @@ def random_masks(crop: Crop, case: StereoPair, rng: np.random.Generator) -> list
     """A random mask of the left picture's crop, and the same surface in the right one's by the pair's disparity."""
     mask = random_mask(rng, (crop.size, crop.size))
     try:
-        return [mask, carry_mask(mask, crop.disparity(case.disparity))]
+        return [mask, transfer_mask(mask, crop.disparity(case.disparity))]
     except MaskError:  # no disparity is known anywhere in it
         return [mask, mask]
 
