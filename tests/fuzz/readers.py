@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import io
 import json
 import os
@@ -29,6 +30,7 @@ from dlama.evaluation.report.panels import choose, read_strip
 from dlama.evaluation.runner.store import Stored, StoredRun, read_stored, result_rows, timing_rows, write_stored
 from dlama.evaluation.runner.strips import jpeg, strip
 from dlama.files.cameras import read_camera, read_cameras, read_stereo_calib
+from dlama.files.photos.depth import read_photo_depth
 from dlama.files.rasters.colmap_depth import read_colmap_depth
 from dlama.files.rasters.depth import read_depth, read_disparity, write_depth_exr, write_disparity_pfm
 from dlama.files.rasters.images import picture_hw
@@ -268,6 +270,7 @@ def arrays() -> list[Reader]:
         Reader("palette.png", picture("PNG", mask), read_color, summed),
         Reader("deep.png", deep, read_color, summed),
         Reader("color.jpg", picture("JPEG", COLOR), read_color),
+        Reader("gdepth.jpg", photo_with_depth(), read_photo_depth),
         Reader("color.tif", picture("TIFF", COLOR), read_color),
         Reader("packed.tif", picture("TIFF", COLOR, compression="tiff_lzw"), read_color),
         Reader("depth.png", picture("PNG", codes), read_depth, summed),
@@ -286,6 +289,16 @@ def arrays() -> list[Reader]:
         Reader("binary.ply", made(lambda path: write_ply(path, cloud), ".ply"), read_ply),
         Reader("ascii.ply", ply, read_ply),
     ]  # fmt: skip
+
+
+def photo_with_depth() -> bytes:
+    """A JPEG with GDepth in its XMP."""
+    data, photo = base64.b64encode(picture("PNG", COLOR[..., 0])).decode(), picture("JPEG", COLOR)
+    fields = f'GDepth:Format="RangeLinear" GDepth:Near="1" GDepth:Far="9" GDepth:Data="{data}"'
+    spaces = 'xmlns:x="adobe:ns:meta/" xmlns:GDepth="http://ns.google.com/photos/1.0/depthmap/"'
+    xmp = f"<x:xmpmeta {spaces}><a {fields}/></x:xmpmeta>"
+    content = b"http://ns.adobe.com/xap/1.0/\0" + xmp.encode()
+    return photo[:2] + b"\xff\xe1" + struct.pack(">H", len(content) + 2) + content + photo[2:]
 
 
 def networks() -> list[Reader]:

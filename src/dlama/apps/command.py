@@ -146,8 +146,12 @@ def summary_line(meta: dict[str, Any], place: object, seconds: float) -> str:
         why += f", {depth_only:.1%} lacked only depth"
     if meta["nothing_visible"]:
         why = "; nothing of the scene is visible from there, so nothing could be filled"
+    from dlama.perception.depth_scale import describe_depth_source
+
     ran = meta.get("notes", {}).get("guesses")
     how = f", filler {meta['filler']}" + (f" ({', '.join(ran)})" if ran else "")
+    if estimate := meta.get("depth_estimate"):
+        how += f", depth {describe_depth_source(estimate)}"
     if pointed := meta.get("object_mask"):
         how += told_of_mask(pointed["candidate"], pointed["candidates"], pointed["notes"])
     return f"{place}: {unknown:.1%} was unknown{why}{how}, {seconds:.1f} s"

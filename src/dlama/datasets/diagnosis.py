@@ -11,7 +11,7 @@ from dlama.datasets.dataset_diagnosis import diagnose_dataset
 from dlama.datasets.posed.scene_file import is_scene_file
 from dlama.errors import FileError, InputError, system_errors
 from dlama.files.atomic_write import PathLike
-from dlama.files.diagnosis import DepthOptions, diagnose_pair, diagnose_rgbd
+from dlama.files.diagnosis import DepthOptions, diagnose_pair, diagnose_photo, diagnose_rgbd
 from dlama.geometry.camera import Camera
 from dlama.perception.diagnosis.finding import Finding
 
@@ -47,7 +47,7 @@ def diagnose(
 
     Args:
         first: A picture; or, with `calib`, the left one of a stereo pair; or the folder of a data set, or a scene.npz.
-        second: The picture's depth, or the right picture.
+        second: The picture's depth, or the right picture; without it, the depth that a photo's file carries is looked at.
         mask: What is to be removed from the picture.
         calib: The calibration of a stereo pair.
         layout: How the data set lies on disk, as in `dlama evaluate`; default: recognised. It also takes `camera`.
@@ -59,7 +59,7 @@ def diagnose(
         cannot be read is a finding, too.
 
     Raises:
-        InputError: no depth and no right picture is given, or one that says nothing to these inputs.
+        InputError: no right picture is given, or an option that says nothing to these inputs.
     """
     check_arguments(diagnose, locals())
     intrinsics = {"fx": fx, "fy": fy, "cx": cx, "cy": cy, "fov": fov, "pixel_center": pixel_center}
@@ -73,10 +73,11 @@ def diagnose(
         return tuple(diagnose_dataset(Path(first), layout, camera))
     if second is None and not Path(first).exists():
         raise InputError(f"{Path(first)}: no such file or folder")
+    if second is None and calib is not None:
+        raise InputError(f"{Path(first)}: a left picture needs its right one")
     if second is None:
-        raise InputError(
-            f"{Path(first)}: is no folder of a data set; a picture needs its depth, a left picture its right one"
-        )
+        _refuse(first, {"mask": mask, "layout": layout, **vars(reading), **masking})
+        return tuple(diagnose_photo(first, {"camera": camera, **intrinsics}))
     if calib is not None:
         _refuse(first, {"mask": mask, "layout": layout, "camera": camera, **of_picture})
         return tuple(diagnose_pair(first, second, calib))

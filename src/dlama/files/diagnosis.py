@@ -14,6 +14,7 @@ import numpy as np
 from dlama.errors import CameraError, InputError
 from dlama.files.atomic_write import PathLike
 from dlama.files.cameras import FILM_DIAGONAL_MM, camera_for, read_stereo_calib
+from dlama.files.photos.depth import read_photo_depth
 from dlama.files.rasters.depth import (
     FAR_CODE,
     FAR_METRES,
@@ -25,9 +26,10 @@ from dlama.files.rasters.depth import (
 from dlama.files.rasters.images import SUFFIXES, as_shown, orientation_of, read_stored
 from dlama.files.rasters.pictures import eight_bit_rgb, read_color, read_mask
 from dlama.files.rasters.turned_pairs import turned_apart
-from dlama.files.rgbd import SAME_PROPORTIONS, nearest_pixels
+from dlama.files.rgbd import SAME_PROPORTIONS, nearest_pixels, read_rgbd
 from dlama.geometry.camera import Camera
-from dlama.geometry.rgbd import BoolArray, UInt8Array, percent
+from dlama.geometry.rgbd import BoolArray, UInt8Array, describe_depth_range, percent
+from dlama.perception.depth_scale import describe_depth_source
 from dlama.perception.diagnosis.depth_scale import measure_extent
 from dlama.perception.diagnosis.finding import Finding, Observed
 from dlama.perception.diagnosis.lens import check_lens, check_lens_options
@@ -79,6 +81,34 @@ def diagnose_rgbd(
     skip = ("depth unit",) if any(finding.check == "eight-bit-depth" for finding in found) else ()
     found += run_checks(seen, skip)
     return [*found, understood(seen, found)]
+
+
+def diagnose_photo(image: PathLike, lens_options: Mapping[str, Any]) -> list[Finding]:
+    """Findings on the depth that a photo's file carries; the last one says what was understood. Never raises InputError."""
+    name = Path(image).name
+    try:
+        with warnings.catch_warnings(record=True) as said:
+            warnings.simplefilter("always", UserWarning)
+            own = read_photo_depth(image)
+            if own is None:
+                read_stored(image)
+                what = f"{name}: carries no depth: it is estimated, unless a depth file is given"
+                return [
+                    Finding("photo-depth", "note", 1.0, what),
+                    Finding("understood", "fine", 1.0, f"{name}: a picture"),
+                ]
+            rgbd = read_rgbd(image, **lens_options)
+    except InputError as error:
+        return [Finding("photo-depth", "fault", 1.0, str(error))]
+    found = check_lens(rgbd.camera)
+    found += [Finding("photo-depth", "note", 1.0, " ".join(str(one.message).split())) for one in said]
+    about = own.about
+    parts = [f"{rgbd.camera.width}x{rgbd.camera.height}", f"{rgbd.camera.fov_deg:.3g} degrees wide"]
+    parts.append(f"depth {describe_depth_source(about)}, {about['size'][0]}x{about['size'][1]}")
+    parts += [f"accuracy {about['accuracy']}"] if "accuracy" in about else []
+    parts.append(describe_depth_range(rgbd.depth))
+    verdict = "read as" if any(each.severity == "fault" for each in found) else "nothing wrong:"
+    return [*found, Finding("understood", "fine", 1.0, f"{name}: {verdict} {', '.join(parts)}")]
 
 
 def diagnose_pair(left: PathLike, right: PathLike, calib: PathLike) -> list[Finding]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal
@@ -10,17 +11,25 @@ from typing import Any, Literal
 import numpy as np
 
 from dlama.arguments import check_arguments
-from dlama.errors import FileError, InputError, ShapeError, system_errors
+from dlama.errors import DepthError, FileError, InputError, ShapeError, system_errors
 from dlama.files.atomic_write import PathLike
 from dlama.files.cameras import camera_for
+from dlama.files.photos.depth import PhotoDepth, read_photo_depth
 from dlama.files.rasters.depth import check_depth_options, read_depth
 from dlama.files.rasters.images import read_stored
 from dlama.files.rasters.pictures import read_color
 from dlama.files.rasters.turned_pairs import refuse_turned, warn_of_turn
 from dlama.geometry.camera import Camera
-from dlama.geometry.rgbd import RGBD, Float32Array, mark_far
+from dlama.geometry.projection import rays
+from dlama.geometry.rgbd import RGBD, Float32Array, UInt8Array, mark_far
+from dlama.perception.depth_networks import DepthPrediction
 from dlama.perception.monocular import DEFAULT, Estimator, estimate_depth
 
+OWN_DEPTH = "the photo's own depth"
+"""Stands as the estimator of depth that a photo's file carries."""
+CALIBRATION = "the photo's calibration"
+MUCH_AT_LIMIT = 0.05
+"""Share of a photo's depth at its far limit from which that is warned of."""
 SAME_PROPORTIONS = 0.02
 """Relative difference of width / height up to which depth of another size is of the same field of view."""
 
@@ -51,8 +60,9 @@ def read_rgbd(
 
     Args:
         image: PNG, JPEG, WebP, TIFF or HEIC; comes back as uint8 H x W x 3 RGB.
-        depth: 16-bit PNG or TIFF, EXR, PFM, NPY or NPZ; comes back as float32 H x W metres, 0 = missing, +inf = far. None: it
-            is estimated, which the result's `estimate` says.
+        depth: 16-bit PNG or TIFF, EXR, PFM, NPY or NPZ; comes back as float32 H x W metres, 0 = missing, +inf = far. None: what
+            the photo's file carries (`dlama.files.photos`), unless a depth_model is given, else it is estimated; the result's
+            `estimate` says which.
         camera: A Camera, or its file; else fx, fy, cx, cy, fov and pixel_center as in `camera_for`, or the picture's EXIF.
         depth_scale, depth_range, channel: As in `read_depth`, of a depth file.
         far: What lies at or beyond so many metres is far (sky).
@@ -83,7 +93,7 @@ def read_rgbd(
         for name, value in of_file.items():
             if value is not None:
                 raise InputError(f"{name} is given without a depth file; it says how one is read")
-        return estimated_rgbd(image, lens, depth_model or DEFAULT, far, options)
+        return estimated_rgbd(image, lens, depth_model, far, options)
     of_estimate = {
         "metres_at": len(metres_at) > 0,
         "camera_height": camera_height is not None,
@@ -108,21 +118,78 @@ def read_rgbd(
 def estimated_rgbd(
     image: PathLike,
     lens: Mapping[str, Any],
-    depth_model: str | Path | Estimator,
+    depth_model: str | Path | Estimator | None,
     far: float | None,
     options: Mapping[str, Any],
 ) -> RGBD:
-    """A picture file with estimated depth; lens: the options of `camera_for`; options: the others of `estimate_depth`."""
+    """A picture file with the depth that it carries, or with estimated depth where it has none or a depth_model is given.
+
+    lens: the options of `camera_for`; options: the others of `estimate_depth`.
+    """
     color = read_color(image)
+    own = find_photo_depth(image) if depth_model is None else None
     given = any(value is not None for name, value in lens.items() if name != "pixel_center")
     known = given or read_stored(image).focal_35mm is not None
-    camera, source = camera_for(color.shape[:2], image=image, **lens) if known else (None, "")
-    rgbd = estimate_depth(color, camera, depth_model=depth_model, **options).rgbd
+    calibrated = own.camera if own is not None and not given else None
+    camera, source = calibrated, CALIBRATION if calibrated else ""
+    if camera is None and known:
+        camera, source = camera_for(color.shape[:2], image=image, **lens)
+    if own is not None:
+        rgbd = _with_own_depth(image, color, camera, own, options)
+    else:
+        rgbd = estimate_depth(color, camera, depth_model=depth_model or DEFAULT, **options).rgbd
     about = dict(rgbd.estimate or {})
     if source:
         about["field_of_view"] = {**about["field_of_view"], "from": source}
     depth = rgbd.depth if far is None else mark_far(rgbd.depth, far, f"{image}: estimated: ")
     return dataclasses.replace(rgbd, depth=depth, estimate=about)
+
+
+def find_photo_depth(image: PathLike) -> PhotoDepth | None:
+    """The depth in a photo's file; None, with a warning, where it cannot be used."""
+    try:
+        return read_photo_depth(image)
+    except DepthError as error:
+        warnings.warn(f"{error}; depth is estimated instead", UserWarning, stacklevel=3)
+        return None
+
+
+def _with_own_depth(
+    image: PathLike, color: UInt8Array, camera: Camera | None, own: PhotoDepth, options: Mapping[str, Any]
+) -> RGBD:
+    """The picture with the depth of its file at the picture's size, edges moved to the picture's as those of estimates are.
+
+    Metres are the file's, unless something in metres is known: then a factor is fitted, and to relative depth a shift too.
+    """
+    is_known = len(options.get("metres_at", ())) > 0 or options.get("camera_height") is not None
+    values = own.values
+    if own.along_ray and camera is not None:
+        values = values * np.linalg.norm(rays(camera.resized(values.shape[1], values.shape[0])), axis=2).astype(
+            np.float32
+        )
+    metric = own.metric if not is_known else own.absolute
+    prediction = DepthPrediction(np.maximum(values, np.float32(0)), "inverse depth", metric, notes=dict(own.about))
+    rgbd = estimate_depth(color, camera, depth_model=lambda _: prediction, **options).rgbd
+    about = {**(rgbd.estimate or {}), "estimator": OWN_DEPTH}
+    if about["scale"]["rule"] == "metric model":
+        about["scale"] = {**about["scale"], "rule": "photo"}
+        if not own.absolute:
+            warnings.warn(
+                f"{image}: its depth is relative ({own.about['source']}): its metres are the phone's guess, "
+                "give metres_at or camera_height",
+                UserWarning,
+                stacklevel=4,
+            )
+    limit = own.about.get("at_far_limit_share", 0.0)
+    if limit > MUCH_AT_LIMIT:
+        farthest = float(rgbd.depth[np.isfinite(rgbd.depth)].max())
+        warnings.warn(
+            f"{image}: {limit:.0%} of its depth lie at the farthest that it can say, {farthest:.3g} m, and may be farther; "
+            f"far={0.99 * farthest:.3g} takes them as far",
+            UserWarning,
+            stacklevel=4,
+        )
+    return dataclasses.replace(rgbd, estimate=about)
 
 
 def _resized(

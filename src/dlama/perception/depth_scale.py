@@ -31,6 +31,7 @@ LEVEL = math.cos(math.radians(40))
 """Least cosine between the ground's normal and the camera's y axis."""
 RULES = {
     "metric model": "scale as the network says",
+    "photo": "scale as the photo says",
     "metres_at": "scale from metres_at",
     "camera_height": "scale from camera_height",
     "assumed": "scale assumed",
@@ -38,6 +39,12 @@ RULES = {
 """`Scale.rule` -> where the scale comes from, in words, parameters by their names."""
 GROUND_NOISE = 0.02
 """Of estimated inverse depth on planes, relative to the median; RANSAC takes planes for what they are within 2.5 of it."""
+
+
+def describe_depth_source(estimate: Mapping[str, Any]) -> str:
+    """In words, of an RGBD's `estimate`: the network, or the photo that carries its depth."""
+    own = estimate.get("source")
+    return f"of the photo ({own})" if own else f"estimated by {estimate['estimator']}"
 
 
 @dataclass(frozen=True)

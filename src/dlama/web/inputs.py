@@ -18,7 +18,7 @@ from dlama.files.cameras import camera_for
 from dlama.files.rasters.images import SUFFIXES, picture_hw
 from dlama.files.rgbd import nearest_pixels
 from dlama.geometry.rgbd import RGBD, UInt8Array, describe_depth_range, percent
-from dlama.perception.depth_scale import RULES
+from dlama.perception.depth_scale import RULES, describe_depth_source
 from dlama.web.failures import PageError, in_words_of_the_page
 
 ROLES: dict[str, tuple[str, ...]] = {
@@ -195,7 +195,7 @@ def facts_of(rgbd: RGBD, options: Mapping[str, Any], lens_from: str, files: Mapp
     }
     if rgbd.estimate is not None:
         about = dict(rgbd.estimate)
-        facts["depth"] = f"estimated by {about['estimator']}: {describe_depth_range(rgbd.depth)}"
+        facts["depth"] = f"{describe_depth_source(about)}: {describe_depth_range(rgbd.depth)}"
         facts["known"] = in_words_of_the_page(RULES[about["scale"]["rule"]])
     elif "depth" in files:
         facts["scale"] = scale_in_words(files["depth"].path.suffix, options)

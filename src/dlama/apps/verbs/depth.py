@@ -1,4 +1,4 @@
-"""`dlama depth`: a picture in; its depth, estimated by a network, as files out."""
+"""`dlama depth`: a picture in; its depth, its own or estimated by a network, as files out."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def depth(
     report: Report,
     far: Metres = None,
 ) -> None:
-    """The depth of a single picture, estimated by a network: depth files, a coloured preview, the camera and the points.
+    """The depth of a single picture, the photo's own or estimated by a network: depth files, a preview, camera and points.
 
     Args:
         image: The colour picture: PNG, JPEG, WebP, TIFF or HEIC.
@@ -29,7 +29,7 @@ def depth(
         far: Depth at or beyond this is far (sky).
     """
     from dlama.files.results.estimated_depth import FILES, write_depth
-    from dlama.perception.depth_scale import RULES
+    from dlama.perception.depth_scale import RULES, describe_depth_source
 
     with command("depth", report) as this:
         this.check(output, Results(), {"image": image}, image, {"far": far}, estimating.settings())
@@ -37,6 +37,6 @@ def depth(
         write_depth(rgbd, output, inputs=this.inputs, seconds={"read": round(this.read_seconds, 4)})
         about = dict(rgbd.estimate or {})
         scale = with_flags(RULES[about["scale"]["rule"]], flags_of(depth))
-        line = f"{output}: {describe_depth_range(rgbd.depth)}, by {about['estimator']}, {scale}"
+        line = f"{output}: {describe_depth_range(rgbd.depth)}, {describe_depth_source(about)}, {scale}"
         values = {"output": str(output), "files": list(FILES), "depth_estimate": about}
         this.result.add(f"{line}, {time.perf_counter() - this.started:.1f} s", **values)

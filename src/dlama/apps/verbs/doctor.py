@@ -34,7 +34,7 @@ def doctor(
 
     Args:
         first: The colour picture; with --calib the left one of a stereo pair; or the folder of a data set, or a scene.npz.
-        second: The picture's depth, or the right picture.
+        second: The picture's depth, or the right picture; without it, the depth that a photo's file carries is looked at.
         mask: What is to be removed: black and white, 255 = remove.
         calib: The inputs are a stereo pair, and this its calibration.
         layout: How the data set lies on disk, as for dlama evaluate.

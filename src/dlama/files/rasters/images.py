@@ -20,7 +20,7 @@ from PIL import Image
 from dlama.errors import DlamaError, FileError, MissingExtraError, system_errors
 from dlama.files.atomic_write import PathLike
 
-SUFFIXES = (".png", ".jpg", ".jpeg", ".webp", ".tif", ".tiff", ".heic", ".heif")
+SUFFIXES = (".png", ".jpg", ".jpeg", ".mpo", ".webp", ".tif", ".tiff", ".heic", ".heif")
 EXIF_ORIENTATION = 0x0112
 EXIF_FOLDER = 0x8769
 EXIF_FOCAL_35MM = 0xA405

@@ -19,6 +19,7 @@ from dlama.files.scenes.clouds import write_ply
 from dlama.geometry.figures.false_color import SKY, depth_limits, depth_picture
 from dlama.geometry.projection import lift
 from dlama.geometry.rgbd import RGBD, describe_depth_range
+from dlama.perception.depth_scale import describe_depth_source
 
 FILES = ("camera.json", "cloud.ply", "depth.exr", "depth.png", "meta.json", "preview.png")
 """What is written."""
@@ -74,7 +75,7 @@ def write_depth_preview(path: PathLike, rgbd: RGBD) -> None:
     estimate = rgbd.estimate or {}
     title = f"Depth, {describe_depth_range(rgbd.depth)}"
     if estimate:
-        title += f", estimated by {estimate['estimator']}, scale: {estimate['scale']['rule'].replace('_', ' ')}"
+        title += f", {describe_depth_source(estimate)}, scale: {estimate['scale']['rule'].replace('_', ' ')}"
     depth = depth_picture(rgbd.depth, None, lo, hi)
     sky = [("far (sky)", SKY)] if rgbd.far.any() else []
     panels = [("picture", rgbd.color), (f"depth, {lo:.2g} m (red) to {hi:.2g} m (blue)", depth)]

@@ -1,0 +1,180 @@
+"""The bytes of a photo in; its XMP properties and the further pictures in the file out.
+
+XMP in JPEG: XMP specification part 3 (ISO 16684-1), 1.1.3: an APP1 segment, and what does not fit it in extension segments. In
+HEIC a packet is stored in one piece, so it is looked for. Further pictures of a JPEG: CIPA DC-007 (Multi-Picture Format).
+"""
+
+from __future__ import annotations
+
+import re
+import struct
+from collections.abc import Iterator
+from dataclasses import dataclass
+from xml.etree import ElementTree
+
+JPEG_BEGINS = b"\xff\xd8\xff"
+STANDARD, EXTENSION = b"http://ns.adobe.com/xap/1.0/\0", b"http://ns.adobe.com/xmp/extension/\0"
+GUID_AND_SIZES = 40
+"""Bytes before the text of an extension segment: GUID (32), whole length and place (4 each)."""
+MULTI_PICTURE = b"MPF\0"
+PICTURES_TAG, BASELINE_TAG = 0xB002, 0xB206
+"""MP Entry; baseline length of a stereo pair, m."""
+ENTRY = 16
+"""Bytes of an MP Entry: attribute, size, offset (4 each), two numbers of dependent pictures (2 each)."""
+STEREO = 0x020002
+"""Type code of a picture of a stereo pair ("disparity")."""
+PACKET = re.compile(rb"<x:xmpmeta.*?</x:xmpmeta>", re.DOTALL)
+RDF = "{http://www.w3.org/1999/02/22-rdf-syntax-ns#}"
+
+
+@dataclass(frozen=True)
+class Xmp:
+    """The properties of XMP packets, by `{namespace}name`, wherever in the structure they stand."""
+
+    found: dict[str, list[str]]
+
+    def text(self, name: str) -> str | None:
+        """The first value of a property; None where there is none."""
+        return next(iter(self.found.get(name, ())), None)
+
+    def number(self, name: str) -> float | None:
+        """The first value as a number; None where there is none, or it is no number."""
+        try:
+            return float(self.found[name][0])
+        except (KeyError, ValueError, IndexError):
+            return None
+
+    def numbers(self, name: str) -> list[float]:
+        """The values of a list property as numbers; empty where one is no number."""
+        try:
+            return [float(value) for value in self.found.get(name, ())]
+        except ValueError:
+            return []
+
+
+@dataclass(frozen=True)
+class Item:
+    """A further picture of a Multi-Picture file."""
+
+    kind: int
+    """Type code of CIPA DC-007: STEREO, ..."""
+    data: bytes
+
+
+def find_xmp(data: bytes) -> list[Xmp]:
+    """The XMP packets of a JPEG, the extension as one of them, or of a HEIC file; damaged ones are left out."""
+    packets = list(_jpeg_packets(data)) if data.startswith(JPEG_BEGINS) else PACKET.findall(data)
+    parsed = (parse_xmp(packet) for packet in packets)
+    return [packet for packet in parsed if packet is not None]
+
+
+def parse_xmp(packet: bytes) -> Xmp | None:
+    """One packet; None where it is damaged, or declares entities, which XMP has no use for."""
+    root = _root_of(packet)
+    return None if root is None else Xmp(_properties(root))
+
+
+def list_container_items(data: bytes) -> list[dict[str, str]]:
+    """The entries of `Container:Directory` (Google's container), in order: Mime, Length, DataURI, Semantic, ... as they stand."""
+    packets = list(_jpeg_packets(data)) if data.startswith(JPEG_BEGINS) else PACKET.findall(data)
+    for root in filter(None, map(_root_of, packets)):
+        for element in root.iter():
+            if element.tag.endswith("}Directory") and "container" in element.tag:
+                lists = (_properties(each) for each in element.iter(f"{RDF}li"))
+                return [{name.partition("}")[2]: values[0] for name, values in one.items() if values} for one in lists]
+    return []
+
+
+def list_further_pictures(data: bytes) -> list[Item]:
+    """The pictures after the first of a Multi-Picture JPEG; empty for other files. struct.error: its index is damaged."""
+    for start, marker, segment in _segments(data):
+        if marker == 0xE2 and segment.startswith(MULTI_PICTURE):
+            base = start + len(MULTI_PICTURE)  # offsets count from the byte order mark
+            _, entries = _tags(data, base).get(PICTURES_TAG, ("", b""))
+            order = _order(data, base)
+            listed = [
+                struct.unpack_from(order + "III", entries, at) for at in range(0, len(entries) - ENTRY + 1, ENTRY)
+            ]
+            places = [(kind & 0xFFFFFF, base + offset, size) for kind, size, offset in listed if offset]
+            return [Item(kind, data[at : at + size]) for kind, at, size in places]
+    return []
+
+
+def find_baseline(data: bytes) -> float | None:
+    """Metres between the cameras of a stereo pair, as one of its two pictures says; None where it does not."""
+    for start, marker, segment in _segments(data):
+        if marker == 0xE2 and segment.startswith(MULTI_PICTURE):
+            base = start + len(MULTI_PICTURE)
+            order, value = _tags(data, base).get(BASELINE_TAG, ("", b""))
+            top, bottom = struct.unpack(order + "II", value) if len(value) == 8 else (0, 0)
+            return top / bottom if 0 < bottom < 0xFFFFFFFF and 0 < top < 0xFFFFFFFF else None
+    return None
+
+
+def _order(data: bytes, base: int) -> str:
+    return ">" if data[base : base + 2] == b"MM" else "<"
+
+
+def _tags(data: bytes, base: int) -> dict[int, tuple[str, bytes]]:
+    """Tag -> byte order and bytes of its value, of the IFDs in a row at a TIFF header."""
+    order, found = _order(data, base), dict[int, tuple[str, bytes]]()
+    (at,) = struct.unpack_from(order + "I", data, base + 4)
+    sizes = {1: 1, 2: 1, 3: 2, 4: 4, 5: 8, 7: 1, 9: 4, 10: 8}
+    for _ in range(4):
+        (count,) = struct.unpack_from(order + "H", data, base + at)
+        for entry in range(base + at + 2, base + at + 2 + 12 * count, 12):
+            tag, kind, number = struct.unpack_from(order + "HHI", data, entry)
+            size = sizes.get(kind, 1) * number
+            place = entry + 8 if size <= 4 else base + struct.unpack_from(order + "I", data, entry + 8)[0]
+            found.setdefault(tag, (order, data[place : place + size]))
+        (at,) = struct.unpack_from(order + "I", data, base + at + 2 + 12 * count)
+        if not at:
+            break
+    return found
+
+
+def _segments(data: bytes) -> Iterator[tuple[int, int, bytes]]:
+    """Where the content begins, marker and content of the segments of a JPEG before its pixels."""
+    at = 2
+    while at + 4 <= len(data) and data[at] == 0xFF and data[at + 1] not in (0xDA, 0xD9):
+        size = int.from_bytes(data[at + 2 : at + 4], "big")
+        yield at + 4, data[at + 1], data[at + 4 : at + 2 + size]
+        at += 2 + size
+
+
+def _jpeg_packets(data: bytes) -> Iterator[bytes]:
+    chunks: dict[bytes, dict[int, bytes]] = {}
+    for _, marker, segment in _segments(data):
+        if marker == 0xE1 and segment.startswith(STANDARD):
+            yield segment[len(STANDARD) :]
+        elif marker == 0xE1 and segment.startswith(EXTENSION):
+            head = segment[len(EXTENSION) : len(EXTENSION) + GUID_AND_SIZES]
+            place = int.from_bytes(head[36:40], "big")
+            chunks.setdefault(head[:32], {})[place] = segment[len(EXTENSION) + GUID_AND_SIZES :]
+    for parts in chunks.values():
+        yield b"".join(parts[place] for place in sorted(parts))
+
+
+def _root_of(packet: bytes) -> ElementTree.Element | None:
+    begin, end = packet.find(b"<x:xmpmeta"), packet.rfind(b">")
+    if b"<!" in packet or begin < 0:
+        return None
+    try:
+        return ElementTree.fromstring(packet[begin : packet.find(b"</x:xmpmeta>", begin) + 12 or end + 1])
+    except ElementTree.ParseError:
+        return None
+
+
+def _properties(root: ElementTree.Element) -> dict[str, list[str]]:
+    """`{namespace}name` -> values: attributes, texts of elements, and the entries of rdf:Seq, rdf:Bag and rdf:Alt in them."""
+    found: dict[str, list[str]] = {}
+    for element in root.iter():
+        for name, value in element.attrib.items():
+            found.setdefault(name, []).append(value.strip())
+        if element.text and element.text.strip() and not element.tag.startswith(RDF):
+            found.setdefault(element.tag, []).append(element.text.strip())
+        for kind in ("Seq", "Bag", "Alt"):
+            for entry in element.findall(f"{RDF}{kind}/{RDF}li"):
+                if entry.text and entry.text.strip():
+                    found.setdefault(element.tag, []).append(entry.text.strip())
+    return found

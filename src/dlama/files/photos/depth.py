@@ -1,0 +1,294 @@
+"""A photo in; the depth that its file carries, turned as viewers show it, and what the file says of it, out; None without any.
+
+HEIC: the depth image (ISO/IEC 23008-12, 6.9.6) with Apple's XMP (`ns.apple.com/pixeldatainfo/1.0`, `ns.apple.com/depthData/1.0`):
+disparity in 1/m, depth in m, as of AVDepthData. JPEG: Apple's depth as a further picture (CIPA DC-007) with the same XMP;
+Android's Dynamic Depth 1.0 (developer.android.com/static/training/camera2/Dynamic-depth-v1.0.pdf); the older GDepth
+(developers.google.com/depthmap-metadata); the second view of a stereo photo (MPO), matched.
+"""
+
+from __future__ import annotations
+
+import base64
+import io
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from PIL import Image
+
+from dlama.errors import DepthError, DlamaError, MissingExtraError
+from dlama.files.atomic_write import PathLike
+from dlama.files.photos.containers import (
+    JPEG_BEGINS,
+    STEREO,
+    Item,
+    Xmp,
+    find_baseline,
+    find_xmp,
+    list_container_items,
+    list_further_pictures,
+)
+from dlama.files.rasters.images import HEIC, as_shown, check_pixels, existing, orientation_of, picture_hw, read_stored
+from dlama.files.rasters.pictures import eight_bit_rgb
+from dlama.geometry.camera import Camera
+from dlama.geometry.holes import fill_with_nearest
+from dlama.geometry.rgbd import Float32Array, UInt8Array
+from dlama.perception.stereo.matching import disparity_pair
+
+APDI, DEPTH_DATA = "{http://ns.apple.com/pixeldatainfo/1.0/}", "{http://ns.apple.com/depthData/1.0/}"
+GDEPTH = "{http://ns.google.com/photos/1.0/depthmap/}"
+DYNAMIC = "{http://ns.google.com/photos/dd/1.0/depthmap/}"
+SAME_PROPORTIONS = 0.03
+"""Relative difference of width / height up to which depth shows what the picture shows (Apple's have 768x576 for 4032x3024)."""
+METRE_UNITS = {"m": 1.0, "meters": 1.0, "metres": 1.0, "mm": 1e-3}
+HEIF_KINDS = {0: "inverse depth", 1: "disparity", 2: "depth", 3: "disparity"}
+"""depth_representation_type (ITU-T H.265, table F.5): the numbers are linear in this; it has no unit."""
+MATCHED_WIDTH = 1024
+"""Pixels to which the pictures of a stereo photo are shrunk before they are matched."""
+CONVERGING = 0.05
+"""Share of the width by which disparities of a stereo photo may be negative: its cameras may converge."""
+LEAST_LEVEL = 1 / 255
+"""Of depth without a unit, below which it counts as this: its inverse would not end."""
+LEAST_MATCHED = 0.1
+"""Share of a stereo photo that must match."""
+
+
+@dataclass(frozen=True, eq=False)
+class PhotoDepth:
+    """Depth as a photo carries it."""
+
+    values: Float32Array
+    """h x w inverse depth at its own size, turned as the picture is shown; larger is nearer, 0 and less is far."""
+    metric: bool
+    """Whether that is in 1/m by the file; else it is known up to a factor and a shift."""
+    camera: Camera | None = None
+    """The picture's camera, where the file has a calibration."""
+    along_ray: bool = False
+    """Whether depth counts along the ray of each pixel and not along the optical axis."""
+    about: dict[str, Any] = field(default_factory=dict)
+    """For meta.json: `source`, `size`, `accuracy`, `at_far_limit_share`, ..."""
+
+    @property
+    def absolute(self) -> bool:
+        """Whether the file's metres are meant to be true ones; a phone's "relative" ones serve to blur a background."""
+        return self.metric and self.about.get("accuracy") != "relative"
+
+
+def read_photo_depth(path: PathLike) -> PhotoDepth | None:
+    """The depth in a photo's file; None where there is none, or the file is no photo.
+
+    Raises FileError, and DepthError where there is depth that cannot be used, with the reason.
+    """
+    file = existing(path)
+    data = file.read_bytes()
+    heic = HEIC.match(data[:12]) is not None
+    if not (heic or data.startswith(JPEG_BEGINS)):
+        return None
+    try:
+        found = _of_google(file, data) or (_of_heic(file, data) if heic else _of_further_picture(file, data))
+    except DlamaError:
+        raise
+    except Exception as error:  # decoders raise OSError, EOFError, SyntaxError, struct.error, ... on damaged files
+        raise DepthError(f"{file}: the depth in it is damaged ({str(error) or type(error).__name__})") from error
+    if found is not None:
+        (height, width), shape = picture_hw(file), found.values.shape
+        if abs(shape[1] / shape[0] * height / width - 1) > SAME_PROPORTIONS:
+            raise DepthError(
+                f"{file}: the depth in it is {shape[1]}x{shape[0]} and the picture {width}x{height}; they do not show the same"
+            )
+    return found
+
+
+def _of_heic(file: Path, data: bytes) -> PhotoDepth | None:
+    try:
+        import pillow_heif
+    except ImportError as error:
+        raise MissingExtraError(f"{file}: a HEIC picture", "pillow-heif", "heic") from error
+    opened = pillow_heif.open_heif(io.BytesIO(data), convert_hdr_to_8bit=False)
+    images = opened.info.get("depth_images") or []
+    if not images:
+        return None
+    check_pixels(file, *images[0].size)
+    codes, said = np.asarray(images[0].to_pillow()), images[0].info.get("metadata") or {}
+    orientation = int(opened.info.get("original_orientation") or 1)
+    if orientation >= 5 and (codes.shape[0] > codes.shape[1]) != (opened.size[1] > opened.size[0]):
+        codes = as_shown(codes, orientation)  # of a writer that turns the picture alone
+    packet = _apple_packet(find_xmp(data))
+    if packet is not None:
+        return _of_apple(file, codes, packet, orientation, "HEIC, Apple")
+    kind = HEIF_KINDS.get(said.get("representation_type", -1)) if said else None
+    if kind is None:
+        raise DepthError(f"{file}: the depth image in it says nothing of what its numbers mean")
+    about = {"source": f"HEIC, {kind}", **_size(codes)}
+    return PhotoDepth(_inverse(_levels(codes), kind != "depth"), False, about=about)
+
+
+def _of_further_picture(file: Path, data: bytes) -> PhotoDepth | None:
+    """A JPEG whose depth, or whose other view, follows it in the same file."""
+    items, orientation = list_further_pictures(data), orientation_of(file)
+    for item in items:
+        packet = _apple_packet(find_xmp(item.data))
+        if packet is not None:
+            codes = as_shown(_decoded(file, item.data), orientation)
+            return _of_apple(file, codes, packet, orientation, "JPEG, Apple")
+    kinds = (STEREO, 0) if file.suffix.lower() == ".mpo" else (STEREO,)  # some writers leave the type out
+    pair = [item for item in items if item.kind in kinds]
+    return _of_stereo(file, pair[0], orientation) if pair else None
+
+
+def _apple_packet(packets: list[Xmp]) -> Xmp | None:
+    """The packet of a depth or disparity picture; mattes are called depth too, with a subtype."""
+    for packet in packets:
+        kind = packet.text(f"{APDI}AuxiliaryImageType")
+        if kind in ("disparity", "depth") and packet.text(f"{APDI}AuxiliaryImageSubType") is None:
+            return packet
+    return None
+
+
+def _of_apple(file: Path, codes: np.ndarray, packet: Xmp, orientation: int, source: str) -> PhotoDepth:
+    ends = [packet.number(f"{APDI}{name}") for name in ("IntMinValue", "IntMaxValue", "FloatMinValue", "FloatMaxValue")]
+    kind = packet.text(f"{APDI}AuxiliaryImageType") or ""
+    about: dict[str, Any] = {"source": f"{source} {kind}", **_size(codes)}
+    for name in ("Accuracy", "Quality", "Filtered"):
+        if (value := packet.text(f"{DEPTH_DATA}{name}")) is not None:
+            about[name.lower()] = value
+    low, high = ends[2], ends[3]
+    if low is None or high is None or high <= low:
+        values = _inverse(_levels(codes), kind == "disparity")
+        return PhotoDepth(values, False, _apple_camera(file, packet, orientation), about=about)
+    first, last = ends[0] or 0.0, ends[1] or float(_most(codes))
+    values = (low + (codes - first) * ((high - low) / (last - first))).astype(np.float32)
+    far = codes <= first if kind == "disparity" else codes >= last
+    about |= {"range": [low, high], "unit": "1/m" if kind == "disparity" else "m", **_far_limit(far)}
+    values = _inverse(values, kind == "disparity")
+    return PhotoDepth(values, True, _apple_camera(file, packet, orientation), about=about)
+
+
+def _apple_camera(file: Path, packet: Xmp, orientation: int) -> Camera | None:
+    """The matrix lists its columns; it is for the stored pixels of a reference size. None where the picture was cropped since."""
+    K = packet.numbers(f"{DEPTH_DATA}IntrinsicMatrix")
+    width = packet.number(f"{DEPTH_DATA}IntrinsicMatrixReferenceWidth")
+    height = packet.number(f"{DEPTH_DATA}IntrinsicMatrixReferenceHeight")
+    if len(K) != 9 or not width or not height:
+        return None
+    fx, fy, cx, cy = K[0], K[4], K[6], K[7]
+    if orientation >= 5:
+        fx, fy, cx, cy, width, height = fy, fx, cy, cx, height, width
+    if orientation in (3, 4, 7, 8):
+        cy = height - cy
+    if orientation in (2, 3, 6, 7):
+        cx = width - cx
+    high, wide = picture_hw(file)
+    if abs(width / height * high / wide - 1) > SAME_PROPORTIONS:
+        return None
+    return Camera(round(width), round(height), fx, fy, cx, cy).resized(wide, high)
+
+
+def _of_google(file: Path, data: bytes) -> PhotoDepth | None:
+    packets = find_xmp(data)
+    found: dict[str, list[str]] = {}
+    for packet in packets:
+        for name, values in packet.found.items():
+            found.setdefault(name, []).extend(values)
+    merged = Xmp(found)
+    if (text := merged.text(f"{GDEPTH}Data")) is not None:
+        return _of_range(file, base64.b64decode(text), merged, GDEPTH, "GDepth")
+    address = merged.text(f"{DYNAMIC}DepthURI")
+    if address is None or merged.text(f"{DYNAMIC}ItemSemantic") == "Segmentation":
+        return None
+    items = list_container_items(data)
+    place = next((place for place, item in enumerate(items) if item.get("DataURI") == address), None)
+    if not place:
+        raise DepthError(f"{file}: the depth in it is called {address}, which its container does not list")
+    sizes = [int(item.get("Length", 0)) for item in items]
+    start = len(data) - sum(sizes[place:])  # all but the first follow each other, up to the file's end
+    if start <= 0 or sizes[place] <= 0:
+        raise DepthError(f"{file}: the depth in it is cut off")
+    return _of_range(file, data[start : start + sizes[place]], merged, DYNAMIC, "Dynamic Depth")
+
+
+def _of_range(file: Path, picture: bytes, packet: Xmp, space: str, source: str) -> PhotoDepth:
+    """RangeLinear: depth from near (0) to far (1); RangeInverse: 1 / depth from 1 / near (0) to 1 / far (1)."""
+    codes = as_shown(_decoded(file, picture), orientation_of(file))
+    how = packet.text(f"{space}Format") or "RangeInverse"
+    near, far = packet.number(f"{space}Near"), packet.number(f"{space}Far")
+    if how not in ("RangeInverse", "RangeLinear"):
+        raise DepthError(f"{file}: the depth in it is of format {how!r}; RangeInverse or RangeLinear is expected")
+    if near is None or far is None or not 0 < near < far:
+        raise DepthError(f"{file}: the depth in it reaches from {near} to {far}; 0 < near < far is expected")
+    inverse, part = how == "RangeInverse", _levels(codes)
+    ends = (1 / near, 1 / far) if inverse else (near, far)
+    values = (ends[0] + part * (ends[1] - ends[0])).astype(np.float32)
+    unit = packet.text(f"{space}Units") or ("m" if space == GDEPTH else "None")
+    metre = METRE_UNITS.get(unit.lower())
+    values = _inverse(values, inverse) / np.float32(metre or 1)
+    about = {"source": f"{source}, {how}", **_size(codes), "range": [near, far], "unit": unit, **_far_limit(part >= 1)}
+    ray = (packet.text(f"{space}MeasureType") or "").endswith("Ray")
+    return PhotoDepth(values, metre is not None, None, ray, about)
+
+
+def _of_stereo(file: Path, other: Item, orientation: int) -> PhotoDepth:
+    """Inverse depth of the left picture of a stereo photo (the first), by matching; metres where the file says the baseline."""
+    left, right = _small(eight_bit_rgb(read_stored(file).values, file)), _small(_shown_color(file, other, orientation))
+    if left.shape != right.shape:
+        raise DepthError(f"{file}: its two pictures are of different sizes")
+    disparity, _ = disparity_pair(left, right, min_disparity=-round(CONVERGING * left.shape[1]))
+    known = disparity != 0
+    if known.mean() < LEAST_MATCHED:
+        raise DepthError(f"{file}: its two pictures do not match; is it a stereo photo?")
+    filled = fill_with_nearest(disparity, known)
+    about: dict[str, Any] = {
+        "source": "stereo photo (MPO), matched",
+        **_size(filled),
+        "matched_share": round(float(known.mean()), 4),
+    }
+    baseline, film = find_baseline(other.data), read_stored(file).focal_35mm
+    if baseline and film and float(np.percentile(filled[known], 1)) > 0:
+        focal = film / np.hypot(36, 24) * np.hypot(*left.shape[:2])
+        about |= {"baseline_m": baseline, "accuracy": "relative"}
+        return PhotoDepth((filled / np.float32(focal * baseline)).astype(np.float32), True, about=about)
+    lowest = float(np.percentile(filled[known], 1))
+    return PhotoDepth(np.maximum(filled - np.float32(lowest - 1), np.float32(0)), False, about=about)
+
+
+def _small(color: UInt8Array) -> UInt8Array:
+    width = min(MATCHED_WIDTH, color.shape[1])
+    height = round(color.shape[0] * width / color.shape[1])
+    return np.asarray(Image.fromarray(color).resize((width, height), Image.Resampling.BOX))
+
+
+def _shown_color(file: Path, item: Item, orientation: int) -> UInt8Array:
+    with Image.open(io.BytesIO(item.data), formats=("JPEG",)) as picture:
+        check_pixels(file, *picture.size)
+        return as_shown(np.asarray(picture.convert("RGB")), orientation)
+
+
+def _decoded(file: Path, data: bytes) -> np.ndarray:
+    """The codes of a depth picture, h x w."""
+    with Image.open(io.BytesIO(data), formats=("PNG", "JPEG")) as picture:
+        check_pixels(file, *picture.size)
+        codes = np.asarray(picture.convert("L") if picture.mode in ("P", "LA", "RGB", "RGBA", "YCbCr") else picture)
+    return codes.astype(np.uint16) if codes.dtype == np.int32 else codes
+
+
+def _most(codes: np.ndarray) -> int:
+    return 65535 if codes.dtype == np.uint16 else 255
+
+
+def _levels(codes: np.ndarray) -> Float32Array:
+    """Codes as 0..1."""
+    return codes.astype(np.float32) / np.float32(_most(codes))
+
+
+def _inverse(values: Float32Array, inverse: bool) -> Float32Array:
+    return values if inverse else (1 / np.maximum(values, np.float32(LEAST_LEVEL))).astype(np.float32)
+
+
+def _size(codes: np.ndarray) -> dict[str, Any]:
+    return {"size": [codes.shape[1], codes.shape[0]]}
+
+
+def _far_limit(far: np.ndarray) -> dict[str, float]:
+    """The share of pixels at the far end of the range, which may lie beyond it."""
+    return {"at_far_limit_share": round(float(far.mean()), 4)}
