@@ -19,8 +19,8 @@ import numpy as np
 from dlama.evaluation.metrics.lpips import Lpips
 from dlama.geometry.rgbd import BoolArray, UInt8Array
 from dlama.inpainters.choice.filler import JUDGE
-from dlama.inpainters.choice.judge import judged, open_judge
-from dlama.inpainters.choice.mixing import chosen_depth, mixed_color
+from dlama.inpainters.choice.judge import open_judge, run_judge
+from dlama.inpainters.choice.mixing import choose_depth, mix_colors
 from dlama.inpainters.choice.planes import JudgePlanes
 from dlama.inpainters.choice.priors import with_priors
 from dlama.training.data.guess_crops import INDEX, LEVELS, GuessCrop, read_crop, write_crops
@@ -50,10 +50,10 @@ def answers(crop: GuessCrop, names: list[str], judge: Path) -> dict[str, tuple[n
     colors = [np.ascontiguousarray(one.transpose(1, 2, 0)) for one in crop.color]
     found: dict[str, tuple[np.ndarray, np.ndarray]] = dict(zip(names, zip(colors, depths)))
     found["mean"] = np.asarray(np.round(np.mean(colors, 0)), np.uint8), np.asarray(np.mean(depths, 0))
-    hw, alone = planes.context.shape[1:], judged(open_judge(judge), planes)
+    hw, alone = planes.context.shape[1:], run_judge(open_judge(judge), planes)
     for name, verdict in (("judge alone", alone), ("with its rules", with_priors(alone, names, planes))):
-        color = mixed_color(colors, planes.guesses[:, :3], verdict.base, verdict.detail, hw)
-        taken = chosen_depth(verdict.depth, depths, crop.context[-1] > 0, hw)
+        color = mix_colors(colors, planes.guesses[:, :3], verdict.base, verdict.detail, hw)
+        taken = choose_depth(verdict.depth, depths, crop.context[-1] > 0, hw)
         found[name] = color, np.take_along_axis(np.stack(depths), taken[None], 0)[0]
     return found
 

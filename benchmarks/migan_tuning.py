@@ -30,7 +30,7 @@ from choice import color_errors
 from dlama.evaluation.metrics.lpips import Lpips
 from dlama.geometry.rgbd import BoolArray, UInt8Array
 from dlama.inpainters import ASSETS
-from dlama.inpainters.networks.migan import NETWORK_SIDE, cracks
+from dlama.inpainters.networks.migan import NETWORK_SIDE, find_cracks
 from dlama.training.data.guess_crops import INDEX, LEVELS, GuessCrop, read_crop
 from dlama.training.losses.lpips import LpipsLoss
 
@@ -129,7 +129,7 @@ def example(crop: GuessCrop, names: Sequence[str]) -> Example:
     """Cracks are closed by diffusion first, as filler `migan` does."""
     at, open_ = names.index("layered"), color_hole(crop)
     start = np.where(open_, crop.color[names.index("telea")], crop.true_color) / np.float32(255)
-    hole = (open_ & ~cracks(open_))[None].astype(np.float32)
+    hole = (open_ & ~find_cracks(open_))[None].astype(np.float32)
     depths = crop.depth[[1 + at, 0]] / np.float32(LEVELS)
     further = np.concatenate([crop.color[at] / np.float32(255), depths, crop.context[4:7] / np.float32(255)])
     planes = np.concatenate([start * (1 - hole), hole])

@@ -207,8 +207,8 @@ MUTANTS: tuple[Mutant, ...] = (
         ("what stands before a plane ends it", "if known > SAME * value:", "if known > 1e9 * value:"),
     ),
     *faults(
-        "inpainters/layered/hedging.py",
-        "tests/inpainters/layered/test_hedging.py",
+        "inpainters/layered/low_frequency.py",
+        "tests/inpainters/layered/test_low_frequency.py",
         ("surfaces are blended with each other", "own = number == surface", "own = number > -9"),
     ),
     *faults(
@@ -312,7 +312,7 @@ MUTANTS: tuple[Mutant, ...] = (
         "tests/inpainters/missing_depth",
         ("planes are not continued", "np.where(believed, on_plane + residual * fading, own)", "own"),
         ("nothing is relaxed from no plane", "for _ in range(SWEEPS)", "for _ in range(0)"),
-        ("the sky is relaxed, too", "relaxed(out, reached & (labels == SMOOTH)", "relaxed(out, reached"),
+        ("the sky is relaxed, too", "relax_depth(out, reached & (labels == SMOOTH)", "relax_depth(out, reached"),
     ),
     *faults(
         "geometry/kernels/along_colors.py",

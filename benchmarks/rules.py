@@ -41,40 +41,40 @@ def _replace(place: str, name: str, value: Any) -> None:
 
 def _foliage() -> None:
     _replace(
-        "inpainters.layered.surfaces", "copied_leaves", lambda view, w, things, seed=0: np.full(w.shape, -1, np.int32)
+        "inpainters.layered.surfaces", "copy_leaves", lambda view, w, things, seed=0: np.full(w.shape, -1, np.int32)
     )
     _no_cut_crowns()
 
 
 def _no_cut_crowns() -> None:
-    from dlama.inpainters.layered import cut_things as room
+    from dlama.inpainters.layered import cut_objects as room
 
     def plain(w: Any, label: Any, hole: Any, beside: Any) -> Any:
         loose = ~hole & (label == room.SMOOTH)
-        beyond = room.distance_to_loose(loose)
+        beyond = room.distance_to_unlabelled(loose)
         nothing = np.zeros(loose.shape, np.int32)
-        return room.CutThings(beyond, nothing, np.zeros(1, np.float32), np.zeros((1, 3), np.float32))
+        return room.CutObjects(beyond, nothing, np.zeros(1, np.float32), np.zeros((1, 3), np.float32))
 
-    _replace("inpainters.layered.surface_labels", "cut_things", plain)
+    _replace("inpainters.layered.surface_labels", "find_cut_objects", plain)
 
 
-def _hedging() -> None:
+def _low_frequency() -> None:
     for place in ("inpainters.layered.filler", "inpainters.layered.depth_first", "inpainters.choice.filler"):
         with contextlib.suppress(ImportError, AssertionError):
-            _replace(place, "hedged", lambda view, color, *rest, **more: color)
+            _replace(place, "blend_with_low_frequency", lambda view, color, *rest, **more: color)
 
 
 def _remaining_shadows() -> None:
     for place in ("inpainters.layered.filler", "inpainters.layered.depth_first", "inpainters.patchmatch.over_layers"):
-        _replace(place, "shadow_beside", lambda view, label: np.zeros_like(view.hole))
+        _replace(place, "find_remaining_shadow", lambda view, label: np.zeros_like(view.hole))
 
 
 def _rims() -> None:
-    _replace("inpainters.layered.filler", "led_in", lambda color, *rest: color)
+    _replace("inpainters.layered.filler", "blend_at_rim", lambda color, *rest: color)
 
 
 def _plane_edges() -> None:
-    _replace("inpainters.layered.surface_labels", "along_edges", lambda lines, *rest: lines)
+    _replace("inpainters.layered.surface_labels", "align_lines_to_edges", lambda lines, *rest: lines)
 
 
 def _gaps() -> None:
@@ -99,7 +99,7 @@ def _of_coarse(method: str, value: Callable[[Any], Any]) -> Callable[[], None]:
 
 
 def _seen_both_ways() -> None:
-    _replace("inpainters.layered.surface_labels", "seen_both_ways", lambda *rest: np.float32(0))
+    _replace("inpainters.layered.surface_labels", "penalise_between", lambda *rest: np.float32(0))
 
 
 def _ending_cost() -> None:
@@ -115,7 +115,7 @@ def _whole_occluders() -> None:
 
 
 def _occluders() -> None:
-    _replace("inpainters.layered.depth_first", "standing_before", lambda view, *rest: np.zeros_like(view.hole))
+    _replace("inpainters.layered.depth_first", "is_in_front", lambda view, *rest: np.zeros_like(view.hole))
 
 
 def _chords() -> None:
@@ -139,7 +139,7 @@ def _depth_camera() -> None:
 
 RULES: dict[str, Callable[[], None]] = {
     "foliage": _foliage,
-    "hedging": _hedging,
+    "low-frequency": _low_frequency,
     "remaining-shadows": _remaining_shadows,
     "rims": _rims,
     "plane-edges": _plane_edges,

@@ -1,6 +1,6 @@
 """Shadows of things: the certainty of a thrown shape fitted on procedural worlds, and what is found held against the truth.
 
-    python benchmarks/shadows.py train [--worlds 120] [--seed 40000]   prints WEIGHTS of src/dlama/perception/shadows/thrown.py
+    python benchmarks/shadows.py train [--worlds 120] [--seed 40000]   prints WEIGHTS of src/dlama/perception/shadows/cast.py
     python benchmarks/shadows.py measure [worlds:16:3000 ../shared/street ...] [--every 2] [--removal]
 
 `train` throws each thing's shape by the light that explains most, calls it right where more than half of it lies in the true
@@ -24,10 +24,10 @@ from dlama.evaluation.metrics.masks import away_from, darkened
 from dlama.evaluation.protocols.mask import SMALLEST_SHADOW_PX
 from dlama.geometry.holes import dilate_mask
 from dlama.perception.masks.supports import find_planes_of_picture
+from dlama.perception.shadows.cast import WEIGHTS, find_cast_shape
 from dlama.perception.shadows.find import find_shadow
 from dlama.perception.shadows.ground import EDGE_PX, find_ground, measure_object, object_points
 from dlama.perception.shadows.search import Scale
-from dlama.perception.shadows.thrown import WEIGHTS, find_cast_shape
 from dlama.training.logistic import logistic_weights
 from dlama.worlds.dataset import open_dataset_or_worlds, worlds
 

@@ -26,7 +26,7 @@ from dlama.geometry.visibility import Law
 from dlama.inpainters import AUTO, auto_filler, find_filler
 from dlama.inpainters.filling import Inpainter
 from dlama.inpainters.grey_depth import with_grey_depth
-from dlama.inpainters.layered.depth_first import depth_first
+from dlama.inpainters.layered.depth_first import paint_over_depth
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,7 +131,7 @@ def refuse_model_of_auto(filler: str | Inpainter, model: str | Path | None) -> N
 def filler_of_recipe(filler: Inpainter, recipe: Recipe) -> Inpainter:
     """The filler with the recipe's way of filling depth: by surfaces, in 8-bit steps, or its own."""
     if recipe.depth_by == "surfaces":
-        return depth_first(filler)
+        return paint_over_depth(filler)
     return with_grey_depth(filler, recipe.clip) if recipe.eight_bit_depth and recipe.clip is not None else filler
 
 

@@ -26,7 +26,7 @@ from dlama.geometry.scene import Scene
 from dlama.geometry.view import HoleType, Origin, View
 from dlama.geometry.visibility import Law, project_depth
 from dlama.inpainters.confidence import SUREST
-from dlama.inpainters.filling import FillReport, inpaint, with_part
+from dlama.inpainters.filling import FillReport, inpaint, paste_part
 
 LOG = logging.getLogger("dlama")
 NOTHING_FILLED = FillReport(0, 0, 0, {})
@@ -113,7 +113,7 @@ def show_earlier_fill(plan: Plan, scene: Scene, before: View) -> tuple[View, Fil
     frames, fills = (tuple(one.read().cropped(rows, columns) for one in of) for of in (scene.frames, scene.fills))
     earlier = render(Scene(frames, fills=fills), part.camera, plan.recipe.mode, types=False, close=False)
     closed, report = close_holes(plan.law.cropped(before, rows, columns), part, earlier)
-    return with_part(before, closed, rows, columns), report
+    return paste_part(before, closed, rows, columns), report
 
 
 def close_holes(law: Law, view: View, earlier: View, *, measured: bool = False) -> tuple[View, FillReport]:

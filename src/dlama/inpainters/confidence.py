@@ -79,7 +79,7 @@ def judge_fill(view: View, color: UInt8Array, depth: Float32Array) -> tuple[Floa
     confidence = view.confidence.copy()
     errors = np.zeros((*view.hole.shape, 2), np.float32) if view.errors is None else view.errors.copy()
     if view.hole.any():
-        probabilities, expected = in_pieces(confidence_network(), feature_rows(view, color, depth))
+        probabilities, expected = run_in_batches(confidence_network(), feature_rows(view, color, depth))
         both, depth_alone = probabilities.T
         painted = view.color_hole[view.hole]
         confidence[view.hole] = np.where(painted, both, np.maximum(both, depth_alone))
@@ -87,7 +87,7 @@ def judge_fill(view: View, color: UInt8Array, depth: Float32Array) -> tuple[Floa
     return confidence, errors
 
 
-def in_pieces(network: ConfidenceNetwork, rows: Float32Array) -> tuple[Float32Array, Float32Array]:
+def run_in_batches(network: ConfidenceNetwork, rows: Float32Array) -> tuple[Float32Array, Float32Array]:
     """What the network says of FEATURES x N `rows`, a piece at a time: what it computes on the way is twice as large as they."""
     probabilities, expected = np.empty((2, rows.shape[1], 2), np.float32)
     for start in range(0, rows.shape[1], PIECE):
@@ -132,7 +132,7 @@ def each_feature(view: View, color: UInt8Array, depth: Float32Array) -> Iterator
     yield w[hole] == 0
     yield known_w.ravel()[rim] == 0
     del w, known_w, here
-    known_grey, grey = mean_of_channels(view.color), mean_of_channels(color)
+    known_grey, grey = channel_mean(view.color), channel_mean(color)
     mean, contrast = (of.ravel()[rim] for of in local_contrast(known_grey, ~hole, BROAD * diagonal))
     yield np.log1p(contrast)
     yield np.log1p(local_contrast(known_grey, ~hole, FINE * diagonal)[1].ravel()[rim])
@@ -147,27 +147,27 @@ def each_feature(view: View, color: UInt8Array, depth: Float32Array) -> Iterator
     yield np.log1p(np.abs(painted - nearest_grey))
     yield np.log1p(np.abs(nearest_grey - mean))
     yield np.abs(there - level)
-    yield blurred((~hole).astype(np.float32), BROAD * diagonal)[hole]
+    yield blur((~hole).astype(np.float32), BROAD * diagonal)[hole]
     yield np.log1p(100 * local_contrast(log_w, view.valid, FINE * diagonal)[1].ravel()[rim])
-    yield np.float32(noise_of(known_grey, ~hole))
-    yield np.float32(noise_of(log_w, view.valid, 1000))
+    yield np.float32(estimate_noise(known_grey, ~hole))
+    yield np.float32(estimate_noise(log_w, view.valid, 1000))
     yield np.float32((view.hole_type == HoleType.SENSOR).mean())
     yield np.float32((view.origin == Origin.ESTIMATED).any())
 
 
-def noise_of(values: Float32Array, known: BoolArray, scale: float = 1) -> float:
+def estimate_noise(values: Float32Array, known: BoolArray, scale: float = 1) -> float:
     """Median step between neighbours of known pixels and the mean of theirs (four), as log(1 + scale * step)."""
     inside = cv2.erode(known.view(np.uint8), np.ones((3, 3), np.uint8)) > 0
     steps = np.abs(cv2.Laplacian(values, cv2.CV_32F))[inside][::4] / 4
     return float(np.log1p(scale * np.median(steps))) if steps.size else 0.0
 
 
-def mean_of_channels(color: UInt8Array) -> Float32Array:
+def channel_mean(color: UInt8Array) -> Float32Array:
     """H x W float32 mean of H x W x 3 uint8."""
     return np.asarray(cv2.transform(color.astype(np.float32), np.full((1, 3), 1 / 3, np.float32)), np.float32)
 
 
-def blurred(values: Float32Array, sigma: float) -> Float32Array:
+def blur(values: Float32Array, sigma: float) -> Float32Array:
     """H x W under a Gaussian of `sigma` pixels; computed at a coarser size where it is broad."""
     by = max(1, int(sigma // 2))
     size = max(1, values.shape[1] // by), max(1, values.shape[0] // by)

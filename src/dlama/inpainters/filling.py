@@ -84,7 +84,7 @@ class FillReport:
     """As of Fill."""
 
 
-def checked_fill(fill: Fill, view: View) -> Fill:
+def check_fill(fill: Fill, view: View) -> Fill:
     """The fill, if it is one for this view; else InputError (no Fill) or ShapeError: the filler has a fault."""
     check(fill, Fill, "what the filler returned")
     hw = view.camera.hw
@@ -113,14 +113,14 @@ def inpaint(view: View, inpainter: Inpainter, law: Law, seed: int = 0) -> tuple[
     law = law.near(view.camera)
     rows, columns = box = box_with_context(hole)
     if np.prod(sides_of(box)) > WORTH_CROPPING * hole.size:
-        return _filled(view, inpainter, law, seed)
-    part, report = _filled(view.cropped(rows, columns), inpainter, law.cropped(view, rows, columns), seed)
+        return _fill_whole(view, inpainter, law, seed)
+    part, report = _fill_whole(view.cropped(rows, columns), inpainter, law.cropped(view, rows, columns), seed)
     choice = report.choice
     if choice is not None:
         whole = np.zeros(hole.shape, np.uint8)
         whole[rows, columns] = choice
         choice = whole
-    return with_part(view, part, rows, columns), dataclasses.replace(report, choice=choice)
+    return paste_part(view, part, rows, columns), dataclasses.replace(report, choice=choice)
 
 
 def box_with_context(hole: BoolArray) -> tuple[slice, slice]:
@@ -130,7 +130,7 @@ def box_with_context(hole: BoolArray) -> tuple[slice, slice]:
     return larger_box(tight, margin, hole.shape)
 
 
-def with_part(view: View, part: View, rows: slice, columns: slice) -> View:
+def paste_part(view: View, part: View, rows: slice, columns: slice) -> View:
     """The view with a part of it (`View.cropped`) in its place."""
     planes = {}
     for one in dataclasses.fields(View)[1:]:
@@ -143,10 +143,10 @@ def with_part(view: View, part: View, rows: slice, columns: slice) -> View:
     return view.with_planes(**planes)
 
 
-def _filled(view: View, inpainter: Inpainter, law: Law, seed: int) -> tuple[View, FillReport]:
+def _fill_whole(view: View, inpainter: Inpainter, law: Law, seed: int) -> tuple[View, FillReport]:
     """`inpaint`, the filler seeing all of the view."""
     hole = view.hole
-    fill = checked_fill(inpainter(view, law, seed), view)
+    fill = check_fill(inpainter(view, law, seed), view)
     depth, moved = project_depth(view, fill.depth, hole, law)
     color = np.where(view.color_hole[..., None], fill.color, view.color)
     filled_origin = np.where(view.color_hole, np.uint8(Origin.FILLED), np.uint8(Origin.DEPTH_FILLED))

@@ -45,25 +45,25 @@ def pull_push(values: np.ndarray, known: BoolArray) -> Float32Array:
     weight = known.astype(np.float32)
     levels: list[tuple[np.ndarray, np.ndarray]] = [(values * weight[..., None], weight)]
     while max(levels[-1][1].shape) > 2:
-        levels.append((_halved(levels[-1][0]), cv2.pyrDown(levels[-1][1])))
+        levels.append((_halve(levels[-1][0]), cv2.pyrDown(levels[-1][1])))
     sums, weight = levels[-1]
     mean = sums / np.maximum(weight, 1e-6)[..., None]
     for sums, weight in reversed(levels[1:-1]):
         share = np.minimum(weight, 1)[..., None]
-        mean = sums / np.maximum(weight, 1e-6)[..., None] * share + _doubled(mean, weight.shape) * (1 - share)
+        mean = sums / np.maximum(weight, 1e-6)[..., None] * share + _double(mean, weight.shape) * (1 - share)
     if len(levels) > 1:
-        mean = _doubled(mean, known.shape)
+        mean = _double(mean, known.shape)
     out = np.asarray(mean, np.float32)
     np.copyto(out, values, where=known[..., None])
     return out
 
 
-def _halved(values: np.ndarray) -> np.ndarray:
+def _halve(values: np.ndarray) -> np.ndarray:
     """H x W x C at half the size, under a Gaussian."""
     small = cv2.pyrDown(values)
     return small.reshape(*small.shape[:2], -1)
 
 
-def _doubled(values: np.ndarray, hw: tuple[int, ...]) -> np.ndarray:
+def _double(values: np.ndarray, hw: tuple[int, ...]) -> np.ndarray:
     """H x W x C at twice the size, about: hw."""
     return cv2.pyrUp(values, dstsize=(hw[1], hw[0])).reshape(*hw, -1)

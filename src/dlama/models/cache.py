@@ -32,17 +32,15 @@ def directory() -> Path:
     return user_path(named) if named else Path(platformdirs.user_cache_dir("dlama", appauthor=False)) / "models"
 
 
-def place(wanted: Record) -> Path:
+def target_path(wanted: Record) -> Path:
     """Where that model's file lies, or would."""
     return directory() / wanted.file
 
 
-def by_hand(wanted: Record) -> str:
+def describe_manual_install(wanted: Record) -> str:
     """What to do where the network does not help, as one sentence."""
     part = f", unpack it and put {wanted.member} from it at" if wanted.member else " and put it at"
-    return (
-        f"By hand: download {' or '.join(wanted.urls)}{part} {place(wanted)}, then `dlama models verify {wanted.name}`"
-    )
+    return f"By hand: download {' or '.join(wanted.urls)}{part} {target_path(wanted)}, then `dlama models verify {wanted.name}`"
 
 
 @system_errors(FileError)
@@ -56,16 +54,16 @@ def locate(name: str) -> Path:
         FileError: the file is not there, or it has another size.
     """
     wanted = record(name)
-    path = place(wanted)
+    path = target_path(wanted)
     if not path.is_file():
         raise FileError(
-            f"{path}: the model {name} is not there; get it with `dlama models pull {name}`. {by_hand(wanted)}"
+            f"{path}: the model {name} is not there; get it with `dlama models pull {name}`. {describe_manual_install(wanted)}"
         )
     size = expected_size(wanted)
     if size is not None and path.stat().st_size != size:
         raise FileError(
             f"{path}: {path.stat().st_size} bytes, the model {name} has {size}; "
-            f"replace it with `dlama models pull {name}`. {by_hand(wanted)}"
+            f"replace it with `dlama models pull {name}`. {describe_manual_install(wanted)}"
         )
     return path
 

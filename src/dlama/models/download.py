@@ -70,7 +70,7 @@ def download(url: str, part: Path, size: int | None, progress: Progress | None, 
         OutputError: the disk cannot be written.
     """
     try:
-        return _downloaded(url, part, size, progress, timeout)
+        return _download_parts(url, part, size, progress, timeout)
     except BaseException as error:
         kept = isinstance(error, (_BrokeOff, Offline)) or not isinstance(error, Unusable)
         if not (kept and _resumable_bytes(url, part)):  # only what a later pull goes on from stays
@@ -79,7 +79,7 @@ def download(url: str, part: Path, size: int | None, progress: Progress | None, 
         raise
 
 
-def _downloaded(url: str, part: Path, size: int | None, progress: Progress | None, timeout: float) -> bool:
+def _download_parts(url: str, part: Path, size: int | None, progress: Progress | None, timeout: float) -> bool:
     """As `download`, which removes what is left of a failure."""
     resumed, before = False, -1
     for _ in range(TRIES):

@@ -48,7 +48,7 @@ class Perceptron:
         """
 
         def field(name: str, *shape: int | None) -> Float32Array:
-            return checked_field(arrays, path, prefix + name, shape)
+            return check_field(arrays, path, prefix + name, shape)
 
         mean = field("mean", inputs)
         spread, width, found = field("spread", len(mean)), len(mean), []
@@ -82,7 +82,7 @@ def read_arrays(path: Path) -> dict[str, np.ndarray]:
         raise FileError(f"{path}: cannot be read as a file of weights ({error}); reinstall dlama") from error
 
 
-def checked_field(arrays: Mapping[str, np.ndarray], path: Path, name: str, shape: Sequence[int | None]) -> Float32Array:
+def check_field(arrays: Mapping[str, np.ndarray], path: Path, name: str, shape: Sequence[int | None]) -> Float32Array:
     """One field of a file, if it is finite floats of that shape (None: any size); else FileError."""
     if name not in arrays:
         raise FileError(f"{path}: has no field `{name}`; reinstall dlama")

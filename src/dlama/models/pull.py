@@ -12,7 +12,7 @@ import zlib
 from pathlib import Path
 
 from dlama.errors import FileError, OutputError
-from dlama.models.cache import PINS, by_hand, expected_sha256, expected_size, pin, place
+from dlama.models.cache import PINS, describe_manual_install, expected_sha256, expected_size, pin, target_path
 from dlama.models.download import Moved, Offline, Progress, Unusable, download
 from dlama.models.records import Record
 from dlama.models.verify import mismatch, size_and_sha256, verify
@@ -31,7 +31,7 @@ def pull(wanted: Record, progress: Progress | None = None, timeout: float = 30.0
         FileError: no mirror gave the right file; says what each did and the way by hand.
         OutputError: the cache directory cannot be written.
     """
-    target = place(wanted)
+    target = target_path(wanted)
     if target.is_file() and verify(wanted).state in ("verified", "pinned"):
         return target
     try:
@@ -60,7 +60,7 @@ def _from_mirror(url: str, wanted: Record, target: Path, progress: Progress | No
         if not resumed:
             raise Unusable(complaint)
     try:
-        return _install(_unpacked(part, wanted, target) if wanted.member else part, wanted, target)
+        return _install(_unpack(part, wanted, target) if wanted.member else part, wanted, target)
     finally:
         part.unlink(missing_ok=True)
 
@@ -82,7 +82,7 @@ def _install(part: Path, wanted: Record, target: Path) -> Path:
     return target
 
 
-def _unpacked(archive: Path, wanted: Record, target: Path) -> Path:
+def _unpack(archive: Path, wanted: Record, target: Path) -> Path:
     """The one entry of the ZIP that is kept, beside the target; its checksum is compared by the reader."""
     part = target.with_name(target.name + ".part")
     try:
@@ -103,11 +103,11 @@ def _unpacked(archive: Path, wanted: Record, target: Path) -> Path:
 
 def _failure_message(wanted: Record, failures: list[tuple[str, Unusable]]) -> str:
     if not failures:
-        return f"{wanted.name}: nobody serves this file. {by_hand(wanted)}"
+        return f"{wanted.name}: nobody serves this file. {describe_manual_install(wanted)}"
     if all(isinstance(error, Offline) for _, error in failures):
         begin = f"{wanted.name}: no connection; is this machine online?"
     elif all(isinstance(error, Moved) for _, error in failures):
         begin = f"{wanted.name}: the file has moved away from every known address"
     else:
         begin = f"{wanted.name}: no mirror gave the right file"
-    return f"{begin} [{'; '.join(f'{url}: {error}' for url, error in failures)}]. {by_hand(wanted)}"
+    return f"{begin} [{'; '.join(f'{url}: {error}' for url, error in failures)}]. {describe_manual_install(wanted)}"

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Literal
 
 from dlama.errors import FileError, system_errors
-from dlama.models.cache import by_hand, expected_sha256, expected_size, pin, place
+from dlama.models.cache import describe_manual_install, expected_sha256, expected_size, pin, target_path
 from dlama.models.records import Record
 
 PIECE = 1 << 20
@@ -34,14 +34,18 @@ def verify(wanted: Record) -> Verdict:
         FileError: the file cannot be read.
         OutputError: the hash cannot be written down.
     """
-    path = place(wanted)
+    path = target_path(wanted)
     if not path.is_file():
-        return Verdict(path, "missing", f"not there; `dlama models pull {wanted.name}`. {by_hand(wanted)}")
+        return Verdict(
+            path, "missing", f"not there; `dlama models pull {wanted.name}`. {describe_manual_install(wanted)}"
+        )
     size, digest = size_and_sha256(path)
     complaint = mismatch(size, digest, expected_size(wanted), expected_sha256(wanted))
     if complaint:
         return Verdict(
-            path, "wrong", f"{complaint}; remove it and `dlama models pull {wanted.name}`. {by_hand(wanted)}"
+            path,
+            "wrong",
+            f"{complaint}; remove it and `dlama models pull {wanted.name}`. {describe_manual_install(wanted)}",
         )
     if expected_sha256(wanted) is not None:
         return Verdict(path, "verified", f"sha256 {digest}")

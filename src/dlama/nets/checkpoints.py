@@ -54,14 +54,14 @@ def read_generator(path: Path | str, activation: str | None = None) -> Generator
     """
     file = _open(Path(path))
     prefix = _prefix(file)
-    shapes = _without_prefix(file.shapes, prefix)
+    shapes = _strip_prefix(file.shapes, prefix)
     chosen = activation or file.metadata.get("activation", "sigmoid")
     try:
-        settings = settings_from_state(_with_counters(shapes), chosen)
+        settings = settings_from_state(_add_counters(shapes), chosen)
     except ShapeError as error:
         raise FileError(f"{path}: {_where(prefix)}{error}") from error
-    state, notes = _checked_state(file, prefix, generator_shapes(settings))
-    left = (*_unread(file, prefix), *notes)
+    state, notes = _check_state(file, prefix, generator_shapes(settings))
+    left = (*_describe_unread(file, prefix), *notes)
     return GeneratorWeights(settings, state, file.path, file.kind, left)
 
 
@@ -114,11 +114,11 @@ def _prefix(file: _File) -> str:
     return found[0]
 
 
-def _without_prefix(shapes: Shapes, prefix: str) -> dict[str, tuple[int, ...]]:
+def _strip_prefix(shapes: Shapes, prefix: str) -> dict[str, tuple[int, ...]]:
     return {name[len(prefix) :]: shape for name, shape in shapes.items() if name.startswith(prefix)}
 
 
-def _checked_state(file: _File, prefix: str, wanted: Shapes) -> tuple[dict[str, np.ndarray], tuple[str, ...]]:
+def _check_state(file: _File, prefix: str, wanted: Shapes) -> tuple[dict[str, np.ndarray], tuple[str, ...]]:
     """Arrays in the published order, float32 and finite; and what had to be done for that."""
     present = [name for name in wanted if prefix + name in file.shapes]
     loaded = file.load([prefix + name for name in present])
@@ -134,13 +134,13 @@ def _checked_state(file: _File, prefix: str, wanted: Shapes) -> tuple[dict[str, 
             raise FileError(f"{file.path}: {prefix}{name} holds {code}, wanted floating point numbers")
         if code != "F32":
             converted[code] = converted.get(code, 0) + 1
-        state[name] = _finite(file.path, prefix + name, array)
+        state[name] = _require_finite(file.path, prefix + name, array)
     notes = [f"{number} tensors of {code} were converted to float32" for code, number in converted.items()]
     absent = len(wanted) - len(present)
     return state, (*notes, *([f"{absent} batch-norm counters are absent and were set to 0"] if absent else []))
 
 
-def _finite(path: Path, name: str, array: np.ndarray) -> np.ndarray:
+def _require_finite(path: Path, name: str, array: np.ndarray) -> np.ndarray:
     with np.errstate(over="ignore"):
         array = np.ascontiguousarray(array, np.float32)
     if not np.isfinite(array).all():
@@ -150,7 +150,7 @@ def _finite(path: Path, name: str, array: np.ndarray) -> np.ndarray:
     return array
 
 
-def _unread(file: _File, prefix: str) -> tuple[str, ...]:
+def _describe_unread(file: _File, prefix: str) -> tuple[str, ...]:
     """One line about the rest of the file, by the first word of its names."""
     groups: dict[str, int] = {}
     for name in file.shapes:
@@ -160,7 +160,7 @@ def _unread(file: _File, prefix: str) -> tuple[str, ...]:
     return (f"left in the file: {_first_of(parts, 8)}",) if parts else ()
 
 
-def _with_counters(shapes: Shapes) -> dict[str, tuple[int, ...]]:
+def _add_counters(shapes: Shapes) -> dict[str, tuple[int, ...]]:
     """Counters that some writers strip are taken as present; they are the only names that may be absent."""
     norms = [name[: -len(".running_var")] for name in shapes if name.endswith(".running_var")]
     return {norm + COUNTER: () for norm in norms} | dict(shapes)

@@ -42,7 +42,7 @@ class Join(nn.Module):
 
     def forward(self, own: Tensor, shared: Tensor) -> Tensor:
         """B x K x own x h x w and B x shared x h x w -> B x K x out x h x w."""
-        return each(self.own, own) + self.shared(shared)[:, None]
+        return apply_to_each(self.own, own) + self.shared(shared)[:, None]
 
 
 class Trunk(nn.Module):
@@ -64,8 +64,8 @@ class Trunk(nn.Module):
         fine = self.enter(x)
         middle = self.block1(self.down1(fine.relu()))
         coarse = self.block3(self.block2(self.down2(middle.relu())))
-        middle = self.blend1(middle + doubled(self.up1(coarse.relu())))
-        return self.blend2(fine + doubled(self.up2(middle.relu())))
+        middle = self.blend1(middle + upsample_twice(self.up1(coarse.relu())))
+        return self.blend2(fine + upsample_twice(self.up2(middle.relu())))
 
 
 class Judge(nn.Module):
@@ -96,31 +96,31 @@ class Judge(nn.Module):
             context[:, 3], guesses[:, :, 3] = 0, 0
         apart = guesses - guesses.mean(1, keepdim=True)
         seen = self.of_context(context)
-        h = each(self.of_guess, torch.cat([guesses, 4 * apart], 2)) + seen[:, None]
-        h = each(self.block1, h)
-        h = self.join1(h.relu(), pooled(h))
-        trunk = self.trunk(torch.cat([seen, pooled(h)], 1).relu())
-        h = each(self.block2, self.join2(h.relu(), trunk.relu()))
-        shared = pooled(h)
+        h = apply_to_each(self.of_guess, torch.cat([guesses, 4 * apart], 2)) + seen[:, None]
+        h = apply_to_each(self.block1, h)
+        h = self.join1(h.relu(), pool_guesses(h))
+        trunk = self.trunk(torch.cat([seen, pool_guesses(h)], 1).relu())
+        h = apply_to_each(self.block2, self.join2(h.relu(), trunk.relu()))
+        shared = pool_guesses(h)
         h = self.join3(h.relu(), shared)
-        logits = each(self.head, h.relu())
+        logits = apply_to_each(self.head, h.relu())
         errors = self.errors(torch.cat([trunk, shared], 1).relu()).clamp(LEAST_LOG, MOST_LOG)
         agreeing = torch.cat([logits[:, :, :2], logits[:, :, 1:2] + logits[:, :, 2:]], 2)
         return agreeing, errors
 
 
-def each(layer: nn.Module, x: Tensor) -> Tensor:
+def apply_to_each(layer: nn.Module, x: Tensor) -> Tensor:
     """A layer on each guess: B x K x C x H x W in and out."""
     out = layer(x.flatten(0, 1))
     return out.unflatten(0, x.shape[:2])
 
 
-def pooled(h: Tensor) -> Tensor:
+def pool_guesses(h: Tensor) -> Tensor:
     """B x K x C x h x w -> B x 2C x h x w: mean and maximum over guesses."""
     return torch.cat([h.mean(1), h.amax(1)], 1)
 
 
-def doubled(x: Tensor) -> Tensor:
+def upsample_twice(x: Tensor) -> Tensor:
     """Twice the height and width, bilinear."""
     return interpolate(x, scale_factor=2, mode="bilinear", align_corners=False)
 
@@ -153,12 +153,12 @@ class GuessMixer(nn.Module):
         kept = self._kept(planes.device) if self.training else torch.arange(self.guesses)
         logits, errors = self.judge(context, guesses[:, kept])
         weights = smooth_weights(logits[:, :, 1:])
-        color = mixed_color(guesses[:, kept, :3], logits[:, :, 0].softmax(1), weights[:, :, 0])
+        color = mix_colors(guesses[:, kept, :3], logits[:, :, 0].softmax(1), weights[:, :, 0])
         chosen = weights[:, :, 1] if self.training else one_hot(weights[:, :, 1])
         depth = (chosen * guesses[:, kept, 3]).sum(1, keepdim=True)
         all_weights = torch.zeros_like(guesses[:, :, 0])
         all_weights[:, kept] = weights[:, :, 1].to(all_weights.dtype)
-        return torch.cat([color, depth, enlarged(errors), all_weights], 1)
+        return torch.cat([color, depth, enlarge(errors), all_weights], 1)
 
     def _kept(self, device: torch.device) -> Tensor:
         """Numbers of the guesses that this batch has: all of them half the time."""
@@ -175,14 +175,14 @@ def split_planes(planes: Tensor, settings: JudgeSettings) -> tuple[Tensor, Tenso
     return context, planes[:, shared:].unflatten(1, (-1, settings.guess_planes))
 
 
-def enlarged(x: Tensor) -> Tensor:
+def enlarge(x: Tensor) -> Tensor:
     """JUDGE_STRIDE times the height and width, bilinear."""
     return interpolate(x, scale_factor=JUDGE_STRIDE, mode="bilinear", align_corners=False)
 
 
 def smooth_weights(logits: Tensor) -> Tensor:
     """B x K x L x h x w logits -> B x K x L x 4h x 4w weights that add up to 1 over guesses."""
-    return enlarged(logits.flatten(1, 2)).unflatten(1, logits.shape[1:3]).softmax(1)
+    return enlarge(logits.flatten(1, 2)).unflatten(1, logits.shape[1:3]).softmax(1)
 
 
 def one_hot(weights: Tensor) -> Tensor:
@@ -190,16 +190,16 @@ def one_hot(weights: Tensor) -> Tensor:
     return torch.zeros_like(weights).scatter_(1, weights.argmax(1, keepdim=True), 1.0)
 
 
-def mixed_color(colors: Tensor, base: Tensor, detail: Tensor) -> Tensor:
+def mix_colors(colors: Tensor, base: Tensor, detail: Tensor) -> Tensor:
     """Colours B x K x 3 x H x W, weights of bases B x K x h x w and of details B x K x H x W -> B x 3 x H x W in 0..1."""
     with torch.no_grad():
-        bases = bases_of(colors)
-        details = colors - enlarged(bases.flatten(0, 1)).unflatten(0, colors.shape[:2])
-    mixture = enlarged((base[:, :, None] * bases).sum(1)) + (detail[:, :, None] * details).sum(1)
+        bases = shrink_to_bases(colors)
+        details = colors - enlarge(bases.flatten(0, 1)).unflatten(0, colors.shape[:2])
+    mixture = enlarge((base[:, :, None] * bases).sum(1)) + (detail[:, :, None] * details).sum(1)
     return mixture.clamp(0, 1)
 
 
-def bases_of(colors: Tensor) -> Tensor:
+def shrink_to_bases(colors: Tensor) -> Tensor:
     """B x K x 3 x H x W -> B x K x 3 x h x w: means of squares of pixels under BASE_KERNEL, borders replicated."""
     small = avg_pool2d(colors.flatten(0, 1), JUDGE_STRIDE)
     kernel, reach = colors.new_tensor(BASE_KERNEL), len(BASE_KERNEL) // 2

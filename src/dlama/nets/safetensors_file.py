@@ -45,10 +45,10 @@ def write_safetensors(path: Path, tensors: Mapping[str, np.ndarray], metadata: M
     """Write float and integer arrays as they are; the same arrays and metadata give the same bytes. OutputError, and no half file
     is left, where the folder takes none."""
     contiguous = {name: np.asarray(array, order="C") for name, array in tensors.items()}
-    write_whole(path, _with_sorted_metadata(save(contiguous, dict(metadata) if metadata else None)))
+    write_whole(path, _sort_metadata(save(contiguous, dict(metadata) if metadata else None)))
 
 
-def _with_sorted_metadata(data: bytes) -> bytes:
+def _sort_metadata(data: bytes) -> bytes:
     """The file with its metadata sorted by name: the package writes it in an order that differs from run to run."""
     length = int.from_bytes(data[:8], "little")
     header = json.loads(data[8 : 8 + length])

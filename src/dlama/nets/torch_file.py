@@ -55,7 +55,7 @@ class TorchFile:
             if f"{self.root}byteorder" in names and self._entry(self._archive, "byteorder").strip() != b"little":
                 raise FileError(f"{path}: written on a big-endian machine, wanted little-endian numbers")
             tree, self.placeholders = self._unpickle()
-        self.tensors, self.others, inner = _named(path, tree)
+        self.tensors, self.others, inner = _name_tensors(path, tree)
         if scripted:
             self.others = ()  # flags that every module of such an archive has
         self.kind = "torchscript" if scripted else "lightning" if inner else "torch"
@@ -118,7 +118,7 @@ class TorchFile:
             raise FileError(f"{self.path}: its pickle cannot be read ({reason})") from error
 
 
-def _named(path: Path, tree: Any) -> tuple[dict[str, StoredTensor], tuple[str, ...], bool]:
+def _name_tensors(path: Path, tree: Any) -> tuple[dict[str, StoredTensor], tuple[str, ...], bool]:
     """Tensors by dotted name; of a Lightning checkpoint only those under `state_dict`, the rest is only named."""
     top = _children(tree)
     if not top:

@@ -15,7 +15,7 @@ from dlama.geometry.scene import Scene
 from dlama.geometry.view import HoleType, View
 from dlama.geometry.visibility import Law
 from dlama.inpainters import find_filler
-from dlama.inpainters.choice.filler import JUDGE, choice_of, chosen_fill
+from dlama.inpainters.choice.filler import JUDGE, fill_by_choice, make_choice_filler
 from dlama.inpainters.choice.guesses import GUESSES, Guess, guess_of_filler, make_guesses, makers_of
 from dlama.inpainters.choice.judge import open_judge
 from dlama.inpainters.filling import Fill, inpaint
@@ -38,8 +38,8 @@ def moved_view(width: int = 96, height: int = 72) -> tuple[View, Law]:
 def test_every_size_is_filled_lawfully(size):
     """Law: known pixels bit for bit, every hole filled, the visibility law kept, the same bits again."""
     view, law = moved_view(*size)
-    filled, report = inpaint(view, choice_of(open_judge(JUDGE), guesses=CHEAP), law)
-    again, _ = inpaint(view, choice_of(open_judge(JUDGE), guesses=CHEAP), law)
+    filled, report = inpaint(view, make_choice_filler(open_judge(JUDGE), guesses=CHEAP), law)
+    again, _ = inpaint(view, make_choice_filler(open_judge(JUDGE), guesses=CHEAP), law)
     known = ~view.hole
     for field in ("color", "depth", "origin", "confidence"):
         np.testing.assert_array_equal(getattr(filled, field)[known], getattr(view, field)[known])
@@ -56,7 +56,7 @@ def test_the_guesses_that_ship_all_run():
     for one in made:
         np.testing.assert_array_equal(one.color[~view.color_hole], view.color[~view.color_hole])
         assert (one.inverse_depth >= 0).all() and np.isfinite(one.inverse_depth).all()
-    notes = chosen_fill(view, law, made, open_judge(JUDGE)).notes
+    notes = fill_by_choice(view, law, made, open_judge(JUDGE)).notes
     assert notes["guesses"] == list(GUESSES)
     for part in ("color", "detail", "depth"):
         assert sum(share[part] for share in notes["guess_shares"].values()) == pytest.approx(1, abs=1e-3)
@@ -66,7 +66,7 @@ def test_order_of_guesses_changes_nothing():
     """Law of sets: colours within a level, depth bit for bit."""
     view, law = moved_view()
     made = make_guesses(view, law, 0, makers_of(("layered", "telea", "pull-push")))
-    one, other = (chosen_fill(view, law, guesses, open_judge(JUDGE)) for guesses in (made, made[::-1]))
+    one, other = (fill_by_choice(view, law, guesses, open_judge(JUDGE)) for guesses in (made, made[::-1]))
     assert np.abs(one.color.astype(int) - other.color).max() <= 1
     np.testing.assert_array_equal(one.depth, other.depth)
 
@@ -75,7 +75,7 @@ def test_a_single_guess_is_the_fill():
     """Law: K = 1 gives that guess back."""
     view, law = moved_view()
     (made,) = make_guesses(view, law, 0, makers_of(("layered",)))
-    fill = chosen_fill(view, law, (made,), open_judge(JUDGE))
+    fill = fill_by_choice(view, law, (made,), open_judge(JUDGE))
     np.testing.assert_array_equal(fill.color, made.color)
     with np.errstate(divide="ignore"):
         np.testing.assert_allclose(fill.depth[view.hole], 1 / made.inverse_depth[view.hole], rtol=1e-6)
@@ -85,7 +85,7 @@ def test_where_all_guesses_agree_the_answer_is_theirs():
     """Closed form: equal guesses, whatever the weights; out of view they are hedged besides."""
     view, law = moved_view()
     (made,) = make_guesses(view, law, 0, makers_of(("telea",)))
-    fill = chosen_fill(view, law, (made, Guess("twin", made.color, made.inverse_depth)), open_judge(JUDGE))
+    fill = fill_by_choice(view, law, (made, Guess("twin", made.color, made.inverse_depth)), open_judge(JUDGE))
     plain = view.hole_type != HoleType.OUT_OF_VIEW
     assert np.abs(fill.color.astype(int) - made.color)[plain].max() <= 1
 
@@ -109,7 +109,7 @@ def test_depth_alone_is_chosen_where_colours_are_known():
     depth[10:20, 10:30] = 0
     color = np.random.default_rng(0).integers(0, 256, (40, 50, 3), np.uint8)
     view = View.from_rgbd(RGBD(color, depth, Camera.from_fov(50, 40, 60)))
-    filled, _ = inpaint(view, choice_of(open_judge(JUDGE)), Law(()))
+    filled, _ = inpaint(view, make_choice_filler(open_judge(JUDGE)), Law(()))
     np.testing.assert_array_equal(filled.color, color)
     np.testing.assert_allclose(filled.depth, 3, rtol=0.01)
     assert (filled.hole_type == HoleType.SENSOR).sum() == 200
@@ -130,5 +130,5 @@ def test_both_recipes_take_it():
     filler = find_filler("choice")
     assert filler_of_recipe(filler, RECIPES["dlama"]) is filler
     view, law = moved_view()
-    fill = filler_of_recipe(choice_of(open_judge(JUDGE), guesses=CHEAP), RECIPES["paper"])(view, law, 0)
+    fill = filler_of_recipe(make_choice_filler(open_judge(JUDGE), guesses=CHEAP), RECIPES["paper"])(view, law, 0)
     assert len(np.unique(fill.depth)) <= 255

@@ -10,8 +10,8 @@ import onnx
 import pytest
 
 from dlama.errors import FileError, ShapeError
-from dlama.inpainters.choice.judge import MARGIN, hole_box, judge_metadata, judged, open_judge
-from dlama.inpainters.choice.mixing import chosen_depth, enlarged_maps, mixed_color, softmax
+from dlama.inpainters.choice.judge import MARGIN, hole_box, judge_metadata, open_judge, run_judge
+from dlama.inpainters.choice.mixing import choose_depth, enlarge_maps, mix_colors, softmax
 from dlama.inpainters.choice.planes import CONTEXT, GUESS, JudgePlanes
 from dlama.models.network_file import NetworkFile
 from dlama.nets.architecture import JudgeSettings, judge_shapes
@@ -54,7 +54,7 @@ def random_planes(count: int, height: int, width: int, seed: int = 0) -> JudgePl
 def test_the_file_gives_what_torch_gives(count, height, width, use_depth, tmp_path):
     """Oracle: the twin in torch, for any number of guesses and any size."""
     judge, planes = random_judge(use_depth=use_depth), random_planes(count, height, width)
-    found = judged(file_of(judge, tmp_path), planes)
+    found = run_judge(file_of(judge, tmp_path), planes)
     with torch.no_grad():
         logits, errors = judge(torch.from_numpy(planes.context)[None], torch.from_numpy(planes.guesses)[None])
     assert np.ptp(logits.numpy()) > 0.1
@@ -68,8 +68,8 @@ def test_the_mixture_is_that_of_training(tmp_path):
     judge, planes = random_judge(), random_planes(3, 32, 48)
     colors = [np.round(one[:3].transpose(1, 2, 0) * 255).astype(np.uint8) for one in planes.guesses]
     planes.guesses[:, :3] = np.stack(colors).transpose(0, 3, 1, 2) / np.float32(255)
-    verdict = judged(file_of(judge, tmp_path), planes)
-    mine = mixed_color(colors, planes.guesses[:, :3], verdict.base, verdict.detail, (32, 48))
+    verdict = run_judge(file_of(judge, tmp_path), planes)
+    mine = mix_colors(colors, planes.guesses[:, :3], verdict.base, verdict.detail, (32, 48))
     mixer = GuessMixer(judge.settings, 3).eval()
     mixer.judge = judge
     context = planes.context
@@ -77,15 +77,15 @@ def test_the_mixture_is_that_of_training(tmp_path):
     with torch.no_grad():
         theirs = mixer(torch.from_numpy(flat)[None])[0].numpy()
     np.testing.assert_allclose(mine / 255, theirs[:3].transpose(1, 2, 0), atol=0.51 / 255 + 1e-4)
-    weights = softmax(enlarged_maps(verdict.depth))
+    weights = softmax(enlarge_maps(verdict.depth))
     np.testing.assert_allclose(weights, theirs[6:], atol=1e-4)
 
 
 def test_the_order_of_guesses_does_not_matter(tmp_path):
     """Law of sets: the verdict on each guess goes with it, the errors stay."""
     network, planes, order = file_of(random_judge(), tmp_path), random_planes(4, 32, 32), [2, 0, 3, 1]
-    one = judged(network, planes)
-    other = judged(network, JudgePlanes(planes.context, planes.guesses[order]))
+    one = run_judge(network, planes)
+    other = run_judge(network, JudgePlanes(planes.context, planes.guesses[order]))
     for name in ("base", "detail", "depth"):
         np.testing.assert_allclose(getattr(other, name), getattr(one, name)[order], atol=1e-5)
     np.testing.assert_allclose(other.depth_error, one.depth_error, atol=1e-5)
@@ -95,11 +95,11 @@ def test_a_single_guess_comes_back(tmp_path):
     """Law: weights add up to 1, so one guess is the answer, bit for bit."""
     planes = random_planes(1, 32, 48)
     color = np.round(planes.guesses[0, :3].transpose(1, 2, 0) * 255).astype(np.uint8)
-    verdict = judged(file_of(random_judge(), tmp_path), planes)
-    mixed = mixed_color([color], planes.guesses[:, :3], verdict.base, verdict.detail, (32, 48))
+    verdict = run_judge(file_of(random_judge(), tmp_path), planes)
+    mixed = mix_colors([color], planes.guesses[:, :3], verdict.base, verdict.detail, (32, 48))
     np.testing.assert_array_equal(mixed, color)
     hole = np.ones((32, 48), bool)
-    assert not chosen_depth(verdict.depth, [planes.guesses[0, 3]], hole, (32, 48)).any()
+    assert not choose_depth(verdict.depth, [planes.guesses[0, 3]], hole, (32, 48)).any()
 
 
 def test_equal_depths_vote_together():
@@ -107,8 +107,8 @@ def test_equal_depths_vote_together():
     same, other = np.ones((16, 16), np.float32), np.zeros((16, 16), np.float32)
     logits = np.log(np.float32([0.4, 0.3, 0.3]))[:, None, None] * np.ones((3, 4, 4), np.float32)
     hole = np.ones((16, 16), bool)
-    assert (chosen_depth(logits, [other, same, same.copy()], hole, (16, 16)) == 1).all()
-    assert (chosen_depth(logits, [other, same, same + 1], hole, (16, 16)) == 0).all()
+    assert (choose_depth(logits, [other, same, same.copy()], hole, (16, 16)) == 1).all()
+    assert (choose_depth(logits, [other, same, same + 1], hole, (16, 16)) == 0).all()
 
 
 def test_another_depth_is_taken_only_where_it_is_sure():
@@ -119,7 +119,7 @@ def test_another_depth_is_taken_only_where_it_is_sure():
     hole, depths = np.ones((64, 192), bool), [np.zeros((64, 192), np.float32), np.ones((64, 192), np.float32)]
     weights[0, 8:, 16:] = 0.95
     weights[1, 8:, 16:] = 0.05
-    found = chosen_depth(np.log(weights), depths, hole, (64, 192))
+    found = choose_depth(np.log(weights), depths, hole, (64, 192))
     assert (found[:, :40] == 1).all() and (found[:, 90:] == 0).all()
 
 
@@ -147,8 +147,8 @@ def test_the_judge_sees_the_hole_and_what_is_round_it(tmp_path):
     rows, columns = hole_box(planes.context[-1] > 0)
     assert (rows, columns) == (slice(0, 128), slice((250 - MARGIN) // 16 * 16, 368))
     file = file_of(random_judge(), tmp_path)
-    found = judged(file, planes)
-    crop = judged(file, JudgePlanes(planes.context[:, rows, columns], planes.guesses[:, :, rows, columns]))
+    found = run_judge(file, planes)
+    crop = run_judge(file, JudgePlanes(planes.context[:, rows, columns], planes.guesses[:, :, rows, columns]))
     place = np.s_[..., :32, columns.start // 4 : 92]
     for name, whole in vars(found).items():
         np.testing.assert_allclose(whole[place], vars(crop)[name], atol=1e-5)

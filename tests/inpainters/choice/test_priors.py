@@ -6,7 +6,7 @@ import numpy as np
 
 from dlama.inpainters.choice.judge import STRIDE, Verdict
 from dlama.inpainters.choice.planes import CONTEXT, JudgePlanes
-from dlama.inpainters.choice.priors import DEPTH_PRIORS, PRIORS, invented, with_priors
+from dlama.inpainters.choice.priors import DEPTH_PRIORS, PRIORS, measure_invented_detail, with_priors
 
 SIDE = 64
 
@@ -23,18 +23,18 @@ def planes(out_of_view: bool) -> JudgePlanes:
 
 def test_stripes_in_a_plain_picture_are_invented():
     """Closed form: nothing for what is as plain as its surroundings; stripes of 0.2 about their mean are log(51 +- 10) or so."""
-    found = invented(planes(out_of_view=False))
+    found = measure_invented_detail(planes(out_of_view=False))
     assert found.shape == (2, SIDE // STRIDE, SIDE // STRIDE)
     np.testing.assert_array_equal(found[0], 0)
     assert np.log(41) < found[1, 8, 8] < np.log(61) and found[1, 0, 0] < 0.01
-    np.testing.assert_array_equal(invented(planes(out_of_view=True))[:, 6:10, 6:10], 0)
+    np.testing.assert_array_equal(measure_invented_detail(planes(out_of_view=True))[:, 6:10, 6:10], 0)
 
 
 def test_which_guess_is_first_says_nothing_about_what_is_known():
     """Law of sets: guesses the other way round, bit for bit; what one paints beside the hole is not what is known there."""
     seen = planes(out_of_view=False)
     turned = JudgePlanes(seen.context, seen.guesses[::-1].copy())
-    np.testing.assert_array_equal(invented(turned), invented(seen)[::-1])
+    np.testing.assert_array_equal(measure_invented_detail(turned), measure_invented_detail(seen)[::-1])
 
 
 def test_a_prior_goes_with_the_name():

@@ -11,10 +11,10 @@ from dlama.geometry.view import HoleType, View
 from dlama.geometry.visibility import Law
 from dlama.inpainters import find_filler
 from dlama.inpainters.filling import Inpainter, inpaint
-from dlama.inpainters.layered.cut_things import CutThings
-from dlama.inpainters.layered.depth_first import depth_first
+from dlama.inpainters.layered.cut_objects import CutObjects
+from dlama.inpainters.layered.depth_first import paint_over_depth
 from dlama.inpainters.layered.filler import layered
-from dlama.inpainters.layered.foliage import copied_leaves, leafy, solid
+from dlama.inpainters.layered.foliage import copy_leaves, leafy, solid
 from dlama.inpainters.layered.kernels.quilt import GAP, OUTSIDE, RIM, RIM_BUMPS, UNDECIDED, quilt
 from reference.quilting import quilted
 
@@ -35,7 +35,7 @@ def bush_before_a_wall(seed: int = 0) -> tuple[View, np.ndarray]:
     return View.from_rgbd(frame).without(COLUMNS >= BORDER, HoleType.OUT_OF_VIEW), bush
 
 
-@pytest.mark.parametrize("filler", [layered, depth_first(find_filler("telea"))], ids=["layered", "telea"])
+@pytest.mark.parametrize("filler", [layered, paint_over_depth(find_filler("telea"))], ids=["layered", "telea"])
 def test_a_bush_goes_on_with_its_own_leaves_whoever_paints(filler: Inpainter) -> None:
     """Truth: out of view the bush is as green, uneven and dense, at the depths of its leaves; beside it the wall goes on."""
     view, bush = bush_before_a_wall()
@@ -50,10 +50,10 @@ def test_a_bush_goes_on_with_its_own_leaves_whoever_paints(filler: Inpainter) ->
     assert done.color[unseen & ~outer].mean() > 150
 
 
-def things_of(number: np.ndarray, circle: tuple[float, float, float], w: float = 0.33) -> CutThings:
+def things_of(number: np.ndarray, circle: tuple[float, float, float], w: float = 0.33) -> CutObjects:
     """One thing, whose cells are pixels."""
     two = np.array([0, w], np.float32), np.array([(0, 0, 0), circle], np.float32)
-    return CutThings(np.zeros(number.shape, np.float32), number.astype(np.int32), *two)
+    return CutObjects(np.zeros(number.shape, np.float32), number.astype(np.int32), *two)
 
 
 def test_leaves_are_copied_from_leaves() -> None:
@@ -63,11 +63,11 @@ def test_leaves_are_copied_from_leaves() -> None:
     w = np.where(view.hole, 0, 1 / np.where(view.hole, 1, view.depth)).astype(np.float32)
     number = np.hypot(ROWS - 80, COLUMNS - BORDER) <= 50
     things = things_of(number & (view.hole | bush), (80, BORDER, 50))
-    leaves = copied_leaves(view, w, things, seed=1)
+    leaves = copy_leaves(view, w, things, seed=1)
     assert (leaves[number & view.hole] >= 0).mean() > 0.5
     assert not (leaves >= 0)[~view.hole | (np.hypot(ROWS - 80, COLUMNS - BORDER) > 55)].any()
     assert (bush & ~view.hole).ravel()[leaves[leaves >= 0]].all()
-    np.testing.assert_array_equal(leaves, copied_leaves(view, w, things, seed=1))
+    np.testing.assert_array_equal(leaves, copy_leaves(view, w, things, seed=1))
 
 
 def test_too_narrow_a_strip_shows_no_leaves() -> None:
@@ -76,7 +76,7 @@ def test_too_narrow_a_strip_shows_no_leaves() -> None:
     narrow = view.without(COLUMNS < BORDER - 3, HoleType.SENSOR)
     w = np.where(narrow.hole, 0, 1 / np.where(narrow.hole, 1, narrow.depth)).astype(np.float32)
     number = (np.hypot(ROWS - 80, COLUMNS - BORDER) <= 50) & (narrow.hole_type != HoleType.SENSOR)
-    assert (copied_leaves(narrow, w, things_of(number, (80, BORDER, 50))) < 0).all()
+    assert (copy_leaves(narrow, w, things_of(number, (80, BORDER, 50))) < 0).all()
 
 
 def test_what_has_no_steps_is_no_leaf() -> None:

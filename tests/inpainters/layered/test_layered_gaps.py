@@ -9,7 +9,7 @@ from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.view import HoleType, View
 from dlama.geometry.visibility import Law
-from dlama.inpainters.layered.filler import surfaces_behind
+from dlama.inpainters.layered.filler import continue_lawfully
 from dlama.inpainters.layered.gaps import DEEPEST, surface_behind
 from dlama.perception.planes import SKY, SMOOTH
 from worlds import moved
@@ -30,7 +30,7 @@ def two_houses(bottom: float) -> tuple[np.ndarray, np.ndarray]:
     view = View.from_rgbd(RGBD(np.zeros((*CAMERA.hw, 3), np.uint8), depth, CAMERA)).without(GAP, HoleType.DISOCCLUDED)
     aside = moved(CAMERA, turn=(0, 90, 0))
     measured = (CAMERA, np.where(GAP, np.float32(bottom), depth)), (aside, np.full(aside.hw, np.inf, np.float32))
-    surfaces, filled, _ = surfaces_behind(view, Law(measured, np.zeros(3, np.uint8)), seed=0)
+    surfaces, filled, _ = continue_lawfully(view, Law(measured, np.zeros(3, np.uint8)), seed=0)
     return surfaces.label[GAP], filled[GAP]
 
 

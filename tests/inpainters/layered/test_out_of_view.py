@@ -25,9 +25,9 @@ from dlama.inpainters.layered.out_of_view import (
     PlaneLines,
     above_horizon,
     ending_cost,
-    looks_past,
-    seen_both_ways,
-    seen_going_on,
+    follow_lines,
+    has_ended,
+    penalise_between,
     vanishing_points,
 )
 from worlds import Box, Plane, Shape, World, moved
@@ -109,10 +109,10 @@ def test_a_wall_seen_on_both_sides_goes_on_between() -> None:
     candidates = np.stack([np.full(w.shape, value, np.float32) for value in (0.25, 0, 0.25)])
     known = hole, hole, w, label
     lines = PlaneLines.of(Camera.from_fov(60, 40, 60), candidates, hole, label)
-    on = seen_both_ways(lines, candidates, *known, np.ones(1, bool))
+    on = penalise_between(lines, candidates, *known, np.ones(1, bool))
     assert (on[2, 12:28, 22:28] == BETWEEN).all() and not on[2, 1:8, 22:28].any() and not on[2, 36:, 52:].any()
     assert not on[:2].any() and not on[2][~hole].any()
-    assert not seen_both_ways(lines, candidates, *known, np.zeros(1, bool)).any()
+    assert not penalise_between(lines, candidates, *known, np.zeros(1, bool)).any()
 
 
 def test_cost_of_a_wall_that_goes_on_and_of_one_that_has_ended() -> None:
@@ -124,7 +124,7 @@ def test_cost_of_a_wall_that_goes_on_and_of_one_that_has_ended() -> None:
     hole[:, :24] = True
     candidates = np.stack([np.full(w.shape, value, np.float32) for value in (0.25, 0, 0.25)])
     lines = PlaneLines.of(Camera.from_fov(60, 40, 60), candidates, hole, label)
-    on, cost = seen_going_on(lines, candidates, hole, hole, w, label, np.ones(1, bool))
+    on, cost = follow_lines(lines, candidates, hole, hole, w, label, np.ones(1, bool))
     away = 24 - np.arange(4, 20)
     for row in (26, 34):
         np.testing.assert_allclose(on[2, row, 4:20], 1, atol=1e-3)
@@ -141,9 +141,9 @@ def test_nothing_hangs_in_the_air() -> None:
     first, length = np.full((30, 3), 5, np.float32), np.zeros((30, 3), np.float32)
     length[10:14, 0] = length[10:, 1] = length[4:14, 2] = 9
     first[:4, 2] = -1
-    ended = looks_past(first, length)
+    ended = has_ended(first, length)
     assert ended[:, 0].all() and ended[:10, 1].all() and not ended[10:, 1].any() and ended[4:, 2].all()
-    floating = looks_past(first, length, floating=True)
+    floating = has_ended(first, length, floating=True)
     np.testing.assert_array_equal(floating, (first > 0) & (length == 0))
 
 
@@ -173,7 +173,7 @@ def test_nothing_is_said_in_view() -> None:
         candidates = np.full((count, *hole.shape), 0.25, np.float32)
         known = ~hole, np.full(hole.shape, 0.25, np.float32), np.ones(hole.shape, np.int32)
         lines = PlaneLines.of(Camera.from_fov(30, 20, 60), candidates, hole, known[2])
-        for part in seen_going_on(lines, candidates, hole, *known, np.ones(count - 2, bool)):
+        for part in follow_lines(lines, candidates, hole, *known, np.ones(count - 2, bool)):
             assert part.shape == candidates.shape and not part.any()
 
 

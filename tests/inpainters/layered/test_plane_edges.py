@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from dlama.geometry.camera import Camera
 from dlama.inpainters.layered.out_of_view import PlaneLines
-from dlama.inpainters.layered.plane_edges import along_edges, straight_across
+from dlama.inpainters.layered.plane_edges import align_lines_to_edges, straight_across
 
 CAMERA = Camera.from_fov(200, 120, 60)
 TURN = np.radians(20)
@@ -28,7 +28,7 @@ def scene(tabletop: bool = True, round_one: bool = False) -> tuple[PlaneLines, P
     candidates = np.stack([np.zeros_like(w), np.zeros_like(w), on_table, on_floor]).astype(np.float32)
     hole = columns >= 150
     lines = PlaneLines.of(CAMERA, candidates, hole, label)
-    return lines, along_edges(lines, CAMERA, candidates, hole, hole, w, label)
+    return lines, align_lines_to_edges(lines, CAMERA, candidates, hole, hole, w, label)
 
 
 def inside(x: NDArray[np.float64], y: NDArray[np.float64], round_one: bool) -> NDArray[np.bool_]:

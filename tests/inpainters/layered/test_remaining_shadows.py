@@ -8,7 +8,7 @@ from dlama.geometry.camera import Camera
 from dlama.geometry.holes import dilate_mask
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.view import HoleType, View
-from dlama.inpainters.layered.remaining_shadows import shadow_beside
+from dlama.inpainters.layered.remaining_shadows import find_remaining_shadow
 from worlds import Plane, World
 
 CAMERA = Camera.from_fov(160, 120, 60)
@@ -38,20 +38,20 @@ def test_a_shadow_beside_the_thing_is_found() -> None:
     lies apart from the thing."""
     view, dark = ground_without_thing(BESIDE)
     label = np.ones(CAMERA.hw, np.int32)
-    found = shadow_beside(view, label)
+    found = find_remaining_shadow(view, label)
     assert found[dark].mean() > 0.85 and not (found & ~dilate_mask(dark, 3)).any() and not (found & view.hole).any()
-    assert not shadow_beside(ground_without_thing()[0], label).any()
-    assert not shadow_beside(ground_without_thing(np.s_[100:110, 20:60])[0], label).any()
+    assert not find_remaining_shadow(ground_without_thing()[0], label).any()
+    assert not find_remaining_shadow(ground_without_thing(np.s_[100:110, 20:60])[0], label).any()
 
 
 def test_a_pattern_is_no_shadow() -> None:
     """Law: what is as dark farther off as beside the thing is a pattern of the ground."""
     tiles = [np.s_[row : row + 12, column : column + 16] for row in (52, 80, 104) for column in range(4, 160, 40)]
-    assert not shadow_beside(ground_without_thing(*tiles, BESIDE)[0], np.ones(CAMERA.hw, np.int32)).any()
+    assert not find_remaining_shadow(ground_without_thing(*tiles, BESIDE)[0], np.ones(CAMERA.hw, np.int32)).any()
 
 
 def test_holes_of_other_kinds_have_no_shadow() -> None:
     """Law: what hides part of a view from elsewhere was not taken out."""
     view, _ = ground_without_thing(BESIDE)
     other = view.without(view.hole, HoleType.DISOCCLUDED)
-    assert not shadow_beside(other, np.ones(CAMERA.hw, np.int32)).any()
+    assert not find_remaining_shadow(other, np.ones(CAMERA.hw, np.int32)).any()

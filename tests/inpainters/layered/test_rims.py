@@ -10,8 +10,8 @@ from dlama.geometry.rgbd import RGBD
 from dlama.geometry.view import HoleType, View
 from dlama.geometry.visibility import Law
 from dlama.inpainters.layered import filler
-from dlama.inpainters.layered.kernels.rims import beside
-from dlama.inpainters.layered.rims import led_in
+from dlama.inpainters.layered.kernels.rims import mean_known_nearby
+from dlama.inpainters.layered.rims import blend_at_rim
 
 HW = 24, 30
 
@@ -36,7 +36,7 @@ def test_the_kernel_agrees_with_its_slow_twin() -> None:
     w = rng.uniform(0.3, 0.35, HW).astype(np.float32)
     where = rng.random(HW) < 0.4
     known = np.where(where, -2, label).astype(np.int32)
-    got, found = beside(color, where, known, label, w, 3, 0.08)
+    got, found = mean_known_nearby(color, where, known, label, w, 3, 0.08)
     wanted, there = beside_slowly(color, where, known, label, w, 3, 0.08)
     np.testing.assert_array_equal(found, there)
     np.testing.assert_allclose(got, wanted, rtol=1e-5)
@@ -57,7 +57,7 @@ def test_a_ledge_goes_on_through_a_narrow_hole(width: int) -> None:
     """Oracle: the wall without the hole; what was painted is grey all over. Known pixels stay bit for bit."""
     truth, hole, painted = ledge(width)
     flat = np.full(HW, 0.2, np.float32), np.ones(HW, np.int32), np.zeros(HW, bool)
-    out = led_in(painted, hole, hole, *flat)
+    out = blend_at_rim(painted, hole, hole, *flat)
     np.testing.assert_array_equal(out[~hole], painted[~hole])
     before, after = (((a.astype(float) - truth)[hole] ** 2).mean() for a in (painted, out))
     assert after < before / 2
@@ -68,10 +68,10 @@ def test_other_surfaces_and_what_is_spoiled_or_out_of_view_lend_nothing() -> Non
     _, hole, painted = ledge(6)
     w, label, nothing = np.full(HW, 0.2, np.float32), np.ones(HW, np.int32), np.zeros(HW, bool)
     for result in (
-        led_in(painted, hole, hole, w, np.where(hole, 2, label).astype(np.int32), nothing),
-        led_in(painted, hole, hole, np.where(hole, np.float32(0.1), w), label, nothing),
-        led_in(painted, hole, hole, w, label, ~hole),
-        led_in(painted, hole, nothing, w, label, nothing),
+        blend_at_rim(painted, hole, hole, w, np.where(hole, 2, label).astype(np.int32), nothing),
+        blend_at_rim(painted, hole, hole, np.where(hole, np.float32(0.1), w), label, nothing),
+        blend_at_rim(painted, hole, hole, w, label, ~hole),
+        blend_at_rim(painted, hole, nothing, w, label, nothing),
     ):
         np.testing.assert_array_equal(result, painted)
 
@@ -84,6 +84,6 @@ def test_beside_a_removed_thing_nothing_is_led_in(kind: HoleType, monkeypatch: p
         hole, kind
     )
     asked = []
-    monkeypatch.setattr(filler, "led_in", lambda color, hole, where, *_: asked.append(where) or color)
+    monkeypatch.setattr(filler, "blend_at_rim", lambda color, hole, where, *_: asked.append(where) or color)
     filler.layered(view, Law(()))
     np.testing.assert_array_equal(asked[0], hole & (kind == HoleType.DISOCCLUDED))

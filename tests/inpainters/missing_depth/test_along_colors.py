@@ -13,7 +13,7 @@ from dlama.geometry.camera import Camera
 from dlama.geometry.kernels.along_colors import nearest_by_color
 from dlama.geometry.kernels.relaxing import relax
 from dlama.geometry.rgbd import RGBD
-from dlama.inpainters.missing_depth.along_colors import along_colors
+from dlama.inpainters.missing_depth.along_colors import fill_along_colors
 from dlama.inpainters.missing_depth.kernels import conductances
 from dlama.perception.planes import SKY, SMOOTH
 
@@ -110,7 +110,7 @@ def test_only_missing_depth_is_reached_and_the_sky_stays_far() -> None:
     missing[25:35, 60:65] = True
     unknown &= ~missing
     hole = missing | unknown
-    got = along_colors(color, missing, np.where(hole, 0, w), np.where(hole, SMOOTH, label), np.zeros((0, 3)), hole)
+    got = fill_along_colors(color, missing, np.where(hole, 0, w), np.where(hole, SMOOTH, label), np.zeros((0, 3)), hole)
     enclosed = missing.copy()
     enclosed[:, :50] = False
     np.testing.assert_array_equal(got.reached, missing & ~enclosed)
@@ -124,7 +124,7 @@ def test_what_has_no_depth_as_a_whole_is_spanned() -> None:
     missing = np.zeros(w.shape, np.bool_)
     missing[:, 20:30] = True
     color, label = np.full((*w.shape, 3), 40, np.uint8), np.full(w.shape, SMOOTH, np.int32)
-    got = along_colors(color, missing, np.where(missing, 0, w), label, np.zeros((0, 3)), missing).inverse_depth
+    got = fill_along_colors(color, missing, np.where(missing, 0, w), label, np.zeros((0, 3)), missing).inverse_depth
     steps = np.diff(got[:, 19:31], axis=1)
     assert (steps > -1e-4).all() and steps.max() < 0.15 / 3
 
@@ -138,8 +138,8 @@ def test_bled_depth_of_a_matcher_does_not_spread() -> None:
     missing[:, 30:40] = True
     color, plane = np.full((*w.shape, 3), 90, np.uint8), np.array([[0, 0, 0.2]])
     given = np.where(missing, 0, w), np.where(missing, SMOOTH, label), plane, missing
-    assert np.allclose(along_colors(color, missing, *given, noisy=True).inverse_depth[missing], 0.2)
-    assert (along_colors(color, missing, *given).inverse_depth[missing] > 0.25).any()
+    assert np.allclose(fill_along_colors(color, missing, *given, noisy=True).inverse_depth[missing], 0.2)
+    assert (fill_along_colors(color, missing, *given).inverse_depth[missing] > 0.25).any()
 
 
 @pytest.mark.parametrize("where", ["strip at the border", "patch over an edge"])

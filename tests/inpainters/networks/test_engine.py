@@ -23,11 +23,11 @@ from dlama.inpainters.networks.engine import Engine, OpenEngines, open_engine
 from dlama.inpainters.networks.lama import lama_filler
 from dlama.inpainters.networks.migan import (
     PIPELINE_INPUTS,
-    cracks,
     fill_depth,
     fill_picture,
+    find_cracks,
     is_pipeline,
-    smooth_within_steps,
+    smooth_quantised,
 )
 from dlama.models.network_file import PROVIDERS
 from tiny_networks import constant, contract, contract_of_planes, echo_mask, written
@@ -211,7 +211,7 @@ def test_cracks_are_thin() -> None:
     """Closed form: lines one and two pixels wide are cracks, a 3 x 3 square is none, nor a strip at the border."""
     hole = np.zeros((30, 30), bool)
     hole[3], hole[10:12, 5:20], hole[20:23, 20:23], hole[15:25, 0] = True, True, True, True
-    found = cracks(hole)
+    found = find_cracks(hole)
     assert found[3].all() and found[10:12, 5:20].all()
     assert not found[20:23, 20:23].any()
     assert not (found & ~hole).any()
@@ -221,10 +221,10 @@ def test_steps_become_slopes_within_half_a_step() -> None:
     """Closed form: a staircase of levels comes back closer to its ramp; a high edge stays where it was; 0 stays 0."""
     ramp = np.tile(np.linspace(10, 20, 100, dtype=np.float32), (20, 1))
     levels = np.round(ramp)
-    smooth = smooth_within_steps(levels)
+    smooth = smooth_quantised(levels)
     assert abs(smooth - ramp)[:, 10:-10].mean() < 0.5 * abs(levels - ramp).mean()
     edge = np.where(np.arange(100) < 50, np.float32(0), np.float32(200)) * np.ones((20, 1), np.float32)
-    assert abs(smooth_within_steps(edge) - edge).max() <= 0.5 and (smooth_within_steps(edge)[:, :50] == 0).all()
+    assert abs(smooth_quantised(edge) - edge).max() <= 0.5 and (smooth_quantised(edge)[:, :50] == 0).all()
 
 
 class Pipeline:

@@ -3,7 +3,7 @@
 import numpy as np
 
 from dlama.geometry.rgbd import BoolArray, UInt8Array
-from dlama.inpainters.patchmatch.guess import GUESS_SIDE, rough_guess
+from dlama.inpainters.patchmatch.guess import GUESS_SIDE, guess_coarsely
 
 
 def test_a_painter_sees_a_large_picture_small_and_without_the_hole() -> None:
@@ -19,7 +19,7 @@ def test_a_painter_sees_a_large_picture_small_and_without_the_hole() -> None:
         assert (small[~of] == 90).all() and 0.9 < of.sum() * 4 / hole.sum() < 1.1
         return np.where(of[..., None], np.uint8(40), small)
 
-    out = rough_guess(paint, picture, hole, 3)
+    out = guess_coarsely(paint, picture, hole, 3)
     np.testing.assert_array_equal(out[~hole], picture[~hole])
     assert (out[210:290, 410:590] == 40).all()
 
@@ -27,4 +27,4 @@ def test_a_painter_sees_a_large_picture_small_and_without_the_hole() -> None:
 def test_a_small_picture_is_painted_as_it_is() -> None:
     """Closed form."""
     picture, hole = np.zeros((20, 30, 3), np.uint8), np.zeros((20, 30), bool)
-    assert rough_guess(lambda given, of, seed: given + np.uint8(seed), picture, hole, 7).max() == 7
+    assert guess_coarsely(lambda given, of, seed: given + np.uint8(seed), picture, hole, 7).max() == 7

@@ -18,7 +18,7 @@ from dlama.geometry.visibility import Law
 from dlama.inpainters import AUTO, FILLER_NAMES, FILLERS, find_filler
 from dlama.inpainters.filling import Painter, inpaint
 from dlama.inpainters.patchmatch.completion import QUICK, complete_picture, nearest_source
-from dlama.inpainters.patchmatch.pyramid import described, halved, pyramid
+from dlama.inpainters.patchmatch.pyramid import build_pyramid, describe_pixels, halve
 
 ROWS, COLUMNS = np.indices((96, 128))
 HOLE = (np.abs(ROWS - 50) < 14) & (np.abs(COLUMNS - 60) < 17)
@@ -104,11 +104,11 @@ def test_coarser_pictures_are_means_of_what_is_known() -> None:
     """Closed form: a flat picture stays flat beside a hole; the coarsest hole is narrow; the guess fills it."""
     values, weight = np.full((9, 12, 2), 7, np.float32), np.ones((9, 12), np.float32)
     weight[2:5, 3:8] = 0
-    small, known = halved(values, weight)
+    small, known = halve(values, weight)
     assert small.shape == (5, 6, 2) and known.shape == (5, 6)
     np.testing.assert_allclose(small[known > 0.5], 7, rtol=1e-5)
     picture = np.full((96, 128, 3), 50, np.uint8)
-    levels = pyramid(picture, HOLE, np.full_like(picture, 90), ROWS.astype(np.int32))
+    levels = build_pyramid(picture, HOLE, np.full_like(picture, 90), ROWS.astype(np.int32))
     assert len(levels) > 1 and levels[0].values.shape[:2] == HOLE.shape
     for level in levels:
         assert (level.values[~level.hole][:, :3] < 52).all() and level.values[level.hole][:, :3].max() > 80
@@ -119,7 +119,7 @@ def test_coarser_pictures_are_means_of_what_is_known() -> None:
 def test_texture_is_the_mean_change_between_known_neighbours() -> None:
     """Closed form: a ramp of 4 levels a column changes by 4 across and by 0 along."""
     ramp = np.repeat(4 * np.indices((20, 30))[1][..., None], 3, 2).astype(np.uint8)
-    texture = described(ramp, np.ones((20, 30), np.bool_))[5:-5, 5:-5, 3:]
+    texture = describe_pixels(ramp, np.ones((20, 30), np.bool_))[5:-5, 5:-5, 3:]
     np.testing.assert_allclose(texture, np.broadcast_to([8.0, 0.0], texture.shape), atol=1e-4)
 
 

@@ -16,7 +16,7 @@ from dlama.apps.options import Report, option
 from dlama.apps.places import check_file_apart
 from dlama.apps.terminal.output import reported
 from dlama.errors import FileError, OutputError
-from dlama.models.cache import directory, expected_sha256, place
+from dlama.models.cache import directory, expected_sha256, target_path
 from dlama.models.records import CATALOGUE, Record, record
 from dlama.models.verify import size_and_sha256, verify
 
@@ -36,7 +36,7 @@ class ListModels(Report):
             entries = [
                 {
                     "name": one.name,
-                    "here": place(one).is_file(),
+                    "here": target_path(one).is_file(),
                     "bytes": one.bytes,
                     "licence": one.licence,
                     "what": one.what,
@@ -73,7 +73,7 @@ class Info(Report):
             entry = record(self.name)
             known = self.about(entry)
             shown = "\n".join(f"{key:9} {value}" for key, value in known.items() if value)
-            result.add(shown, **known, urls=list(entry.urls), here=place(entry).is_file())
+            result.add(shown, **known, urls=list(entry.urls), here=target_path(entry).is_file())
 
     def about(self, entry: Record) -> dict[str, str | None]:
         """What each line says."""
@@ -88,7 +88,7 @@ class Info(Report):
             "contract": entry.contract,
             "note": entry.note,
             "caution": None if entry.seen else "dlama's authors never had this file in hand",
-            "file": f"{place(entry)} ({_here(entry)})",
+            "file": f"{target_path(entry)} ({_here(entry)})",
         }
 
 
@@ -146,7 +146,9 @@ class Verify(Report):
     def run(self) -> None:
         """Print a line each; what is wrong ends with an error."""
         with reported("models verify", self) as result:
-            chosen = [record(self.name)] if self.name else [one for one in CATALOGUE.values() if place(one).is_file()]
+            chosen = (
+                [record(self.name)] if self.name else [one for one in CATALOGUE.values() if target_path(one).is_file()]
+            )
             verdicts = [verify(entry) for entry in chosen]
             bad = [verdict for verdict in verdicts if verdict.state in ("wrong", "missing")]
             good = [f"{one.path}: {one.state}, {one.detail}" for one in verdicts if one not in bad]
@@ -177,7 +179,7 @@ def models(
 
 
 def _here(entry: Record) -> str:
-    return "yes" if place(entry).is_file() else "no"
+    return "yes" if target_path(entry).is_file() else "no"
 
 
 def _megabytes(size: int | None) -> str:

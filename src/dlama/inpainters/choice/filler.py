@@ -17,12 +17,12 @@ from dlama.geometry.view import View
 from dlama.geometry.visibility import Law, project_depth
 from dlama.inpainters import ASSETS
 from dlama.inpainters.choice.guesses import GUESSES, Guess, GuessMaker, guess_of_filler, make_guesses, makers_of
-from dlama.inpainters.choice.judge import Verdict, is_judge, judged, open_judge
-from dlama.inpainters.choice.mixing import chosen_depth, enlarged_maps, mixed_color, softmax, to_size
+from dlama.inpainters.choice.judge import Verdict, is_judge, open_judge, run_judge
+from dlama.inpainters.choice.mixing import choose_depth, crop_and_resize, enlarge_maps, mix_colors, softmax
 from dlama.inpainters.choice.planes import JudgePlanes
 from dlama.inpainters.choice.priors import with_priors
 from dlama.inpainters.filling import Fill, Inpainter
-from dlama.inpainters.layered.hedging import hedged
+from dlama.inpainters.layered.low_frequency import blend_with_low_frequency
 from dlama.inpainters.networks.contract import from_metadata
 from dlama.inpainters.networks.engine import open_engine
 from dlama.inpainters.networks.joint import joint_filler
@@ -42,9 +42,9 @@ def choice_filler(model: str | Path) -> Inpainter:
     """
     path = user_path(model)
     if path == JUDGE or is_judge(NetworkFile(path).metadata):
-        return choice_of(open_judge(path))
+        return make_choice_filler(open_judge(path))
     name = path.stem
-    return choice_of(open_judge(JUDGE), {name: guess_of_filler(name, network_filler(path))})
+    return make_choice_filler(open_judge(JUDGE), {name: guess_of_filler(name, network_filler(path))})
 
 
 def network_filler(path: Path) -> Inpainter:
@@ -56,7 +56,7 @@ def network_filler(path: Path) -> Inpainter:
     return joint_filler(path) if "depth" in contract.out_planes else lama_filler(path)
 
 
-def choice_of(
+def make_choice_filler(
     judge: NetworkFile, more: dict[str, GuessMaker] | None = None, guesses: tuple[str, ...] = tuple(GUESSES)
 ) -> Inpainter:
     """The filler of a judge, with guesses by name and more guesses. InputError: an unknown guess."""
@@ -64,34 +64,36 @@ def choice_of(
 
     def choice(view: View, law: Law, seed: int) -> Fill:
         made = make_guesses(view, law, seed, makers)
-        return chosen_fill(view, law, made, judge)
+        return fill_by_choice(view, law, made, judge)
 
     return choice
 
 
-def chosen_fill(view: View, law: Law, guesses: tuple[Guess, ...], judge: NetworkFile) -> Fill:
+def fill_by_choice(view: View, law: Law, guesses: tuple[Guess, ...], judge: NetworkFile) -> Fill:
     """What the judge makes of the guesses of a view."""
     planes = JudgePlanes.of(view, [one.color for one in guesses], [one.inverse_depth for one in guesses])
     hw, padded = planes.context.shape[1:], planes.padded()
-    verdict = with_priors(judged(judge, padded), [one.name for one in guesses], padded)
+    verdict = with_priors(run_judge(judge, padded), [one.name for one in guesses], padded)
     color = view.color
     if view.color_hole.any():
-        mixture = mixed_color([one.color for one in guesses], padded.guesses[:, :3], verdict.base, verdict.detail, hw)
+        mixture = mix_colors([one.color for one in guesses], padded.guesses[:, :3], verdict.base, verdict.detail, hw)
         color = np.where(view.color_hole[..., None], mixture, view.color)
     w = np.stack([one.inverse_depth for one in guesses])
-    taken = chosen_depth(verdict.depth, list(w), view.hole, hw)
+    taken = choose_depth(verdict.depth, list(w), view.hole, hw)
     depth, moved = project_depth(view, depth_from_inverse(np.take_along_axis(w, taken[None], 0)[0]), view.hole, law)
     if len(guesses) > 1:  # a single guess comes back as it is
-        color = hedged(view, color, view.color_hole, inverse_depth(np.where(view.hole, depth, view.depth)))
+        color = blend_with_low_frequency(
+            view, color, view.color_hole, inverse_depth(np.where(view.hole, depth, view.depth))
+        )
     about = notes(view, guesses, verdict, hw, taken, judge)
-    first = to_numbers(verdict, hw, view.hole.shape)
+    first = number_by_weight(verdict, hw, view.hole.shape)
     return Fill(color, depth, moved, about, np.where(view.color_hole, first, (1 + taken) * view.hole).astype(np.uint8))
 
 
-def to_numbers(verdict: Verdict, hw: tuple[int, int], view_hw: tuple[int, int]) -> np.ndarray:
+def number_by_weight(verdict: Verdict, hw: tuple[int, int], view_hw: tuple[int, int]) -> np.ndarray:
     """H x W: 1 + the number of the guess with the largest weight in colour."""
-    weights = softmax(enlarged_maps(verdict.base)) + softmax(enlarged_maps(verdict.detail))
-    return 1 + np.stack([to_size(one, hw, view_hw) for one in weights]).argmax(0)
+    weights = softmax(enlarge_maps(verdict.base)) + softmax(enlarge_maps(verdict.detail))
+    return 1 + np.stack([crop_and_resize(one, hw, view_hw) for one in weights]).argmax(0)
 
 
 def notes(
@@ -101,7 +103,7 @@ def notes(
     where = view.color_hole
 
     def shares(logits: np.ndarray) -> list[float]:
-        maps = (to_size(one, hw, where.shape) for one in softmax(enlarged_maps(logits)))
+        maps = (crop_and_resize(one, hw, where.shape) for one in softmax(enlarge_maps(logits)))
         return [_mean(one, where) for one in maps]
 
     depth = [_mean(taken == number, view.hole) for number in range(len(guesses))]

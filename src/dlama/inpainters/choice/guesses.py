@@ -18,8 +18,8 @@ from dlama.geometry.view import View
 from dlama.geometry.visibility import Law, project_depth
 from dlama.inpainters import ASSETS, FILLERS
 from dlama.inpainters.filling import Inpainter, Painter
-from dlama.inpainters.layered.depth_first import occluders
-from dlama.inpainters.layered.filler import painted, surfaces_behind
+from dlama.inpainters.layered.depth_first import find_occluders
+from dlama.inpainters.layered.filler import continue_lawfully, paint_surfaces
 from dlama.inpainters.layered.surfaces import Surfaces
 from dlama.inpainters.networks.migan import migan_filler
 from dlama.inpainters.networks.view_tensors import FAR_SHARE
@@ -52,8 +52,8 @@ class PreparedView:
 
     @classmethod
     def of(cls, view: View, law: Law, seed: int) -> PreparedView:
-        surfaces, depth, _ = surfaces_behind(view, law, seed)
-        return cls(view, law, seed, surfaces, depth, occluders(view, surfaces, depth, law))
+        surfaces, depth, _ = continue_lawfully(view, law, seed)
+        return cls(view, law, seed, surfaces, depth, find_occluders(view, surfaces, depth, law))
 
     def guess(self, name: str, color: UInt8Array, depth: Float32Array) -> Guess:
         """A guess of colours (H x W x 3) and metres (H x W), of which the holes are used."""
@@ -76,7 +76,7 @@ def make_guesses(view: View, law: Law, seed: int, makers: Sequence[GuessMaker]) 
 
 def layered_guess(prepared: PreparedView) -> Guess:
     """Surfaces painted with their own texture."""
-    color = painted(prepared.view, prepared.surfaces, prepared.depth, prepared.law, prepared.seed)
+    color = paint_surfaces(prepared.view, prepared.surfaces, prepared.depth, prepared.law, prepared.seed)
     return prepared.guess("layered", color, prepared.depth)
 
 

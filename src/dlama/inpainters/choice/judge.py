@@ -66,11 +66,11 @@ def is_judge(metadata: Mapping[str, str]) -> bool:
 
 def open_judge(path: Path) -> NetworkFile:
     """The judge of a file, kept open. FileError where it is none, or one of other planes."""
-    return _opened(path, file_stamp(path), default_provider(), cores())
+    return _open_judge(path, file_stamp(path), default_provider(), cores())
 
 
 @lru_cache(maxsize=2)
-def _opened(path: Path, stamp: tuple[int, int], provider: str | None, threads: int) -> NetworkFile:
+def _open_judge(path: Path, stamp: tuple[int, int], provider: str | None, threads: int) -> NetworkFile:
     network = NetworkFile(path, provider, threads)
     if not is_judge(network.metadata):
         raise FileError(f"{path}: is no judge of guesses by its contract ({CONTRACT_KEY})")
@@ -82,7 +82,7 @@ def _opened(path: Path, stamp: tuple[int, int], provider: str | None, threads: i
     return network
 
 
-def judged(network: NetworkFile, planes: JudgePlanes) -> Verdict:
+def run_judge(network: NetworkFile, planes: JudgePlanes) -> Verdict:
     """The judge's verdict on padded planes (`JudgePlanes.padded`). It sees the hole and MARGIN pixels round it; elsewhere, where
     all guesses are what is known, logits and errors are 0."""
     rows, columns = hole_box(planes.context[-1] > 0)

@@ -25,7 +25,7 @@ SURE = 0.97
 worse than that of continued surfaces alone: 2 % on street and 8 % on kitchen_vpi in mean error."""
 
 
-def mixed_color(
+def mix_colors(
     colors: Sequence[UInt8Array], seen: Float32Array, base: Float32Array, detail: Float32Array, seen_hw: tuple[int, int]
 ) -> UInt8Array:
     """H x W x 3 colours.
@@ -36,16 +36,18 @@ def mixed_color(
         base, detail: the verdict's logits.
         seen_hw: height and width of what the judge saw, without padding.
     """
-    bases = [base_of(one.transpose(1, 2, 0)) for one in seen]
+    bases = [shrink_to_base(one.transpose(1, 2, 0)) for one in seen]
     weights = softmax(base)
     hw = colors[0].shape[:2]
-    mixture = to_view(sum(w[..., None] * one for w, one in zip(weights, bases)), seen_hw, hw)
-    for weight, color, one in zip(softmax(enlarged_maps(detail)), colors, bases):
-        mixture += to_size(weight, seen_hw, hw)[..., None] * (color / np.float32(255) - to_view(one, seen_hw, hw))
+    mixture = resize_to_view(sum(w[..., None] * one for w, one in zip(weights, bases)), seen_hw, hw)
+    for weight, color, one in zip(softmax(enlarge_maps(detail)), colors, bases):
+        mixture += crop_and_resize(weight, seen_hw, hw)[..., None] * (
+            color / np.float32(255) - resize_to_view(one, seen_hw, hw)
+        )
     return np.round(np.clip(mixture, 0, 1) * 255).astype(np.uint8)
 
 
-def base_of(picture: Float32Array) -> Float32Array:
+def shrink_to_base(picture: Float32Array) -> Float32Array:
     """h x w x 3 -> h/4 x w/4 x 3: means of STRIDE x STRIDE pixels under BASE_KERNEL."""
     size = picture.shape[1] // STRIDE, picture.shape[0] // STRIDE
     small = cv2.resize(np.ascontiguousarray(picture), size, interpolation=cv2.INTER_AREA)
@@ -53,7 +55,7 @@ def base_of(picture: Float32Array) -> Float32Array:
     return np.asarray(cv2.sepFilter2D(small, cv2.CV_32F, kernel, kernel, borderType=cv2.BORDER_REPLICATE), np.float32)
 
 
-def chosen_depth(
+def choose_depth(
     depth: Float32Array, inverse_depths: Sequence[Float32Array], hole: BoolArray, seen_hw: tuple[int, int]
 ) -> NDArray[np.intp]:
     """H x W numbers of the guesses whose depth is taken; depth: the verdict's logits, hole: H x W.
@@ -62,7 +64,7 @@ def chosen_depth(
     """
     if not hole.any():
         return np.zeros(hole.shape, np.intp)
-    votes = [to_size(one, seen_hw, hole.shape) for one in softmax(enlarged_maps(depth))]
+    votes = [crop_and_resize(one, seen_hw, hole.shape) for one in softmax(enlarge_maps(depth))]
     first = [
         next(j for j, other in enumerate(inverse_depths) if other is one or np.array_equal(other, one))
         for one in inverse_depths
@@ -76,19 +78,19 @@ def chosen_depth(
     return np.where(together.max(0) > SURE, together.argmax(0), most)
 
 
-def enlarged_maps(maps: Float32Array) -> Float32Array:
+def enlarge_maps(maps: Float32Array) -> Float32Array:
     """K x h/4 x w/4 -> K x h x w, bilinear."""
     size = STRIDE * maps.shape[2], STRIDE * maps.shape[1]
     return np.stack([cv2.resize(one, size, interpolation=cv2.INTER_LINEAR) for one in maps])
 
 
-def to_view(small: Float32Array, seen_hw: tuple[int, int], hw: tuple[int, int]) -> Float32Array:
+def resize_to_view(small: Float32Array, seen_hw: tuple[int, int], hw: tuple[int, int]) -> Float32Array:
     """A map at a STRIDE-th of the padded planes (h/4 x w/4 x 3) in the view's size, H x W x 3."""
     size = STRIDE * small.shape[1], STRIDE * small.shape[0]
-    return to_size(np.asarray(cv2.resize(small, size, interpolation=cv2.INTER_LINEAR)), seen_hw, hw)
+    return crop_and_resize(np.asarray(cv2.resize(small, size, interpolation=cv2.INTER_LINEAR)), seen_hw, hw)
 
 
-def to_size(seen: Float32Array, seen_hw: tuple[int, int], hw: tuple[int, int]) -> Float32Array:
+def crop_and_resize(seen: Float32Array, seen_hw: tuple[int, int], hw: tuple[int, int]) -> Float32Array:
     """A map in the size of the padded planes (h x w or h x w x 3) in the view's size."""
     inner = seen[: seen_hw[0], : seen_hw[1]]
     if seen_hw == tuple(hw):

@@ -22,7 +22,7 @@ invention."""
 DEPTH_PRIORS = {"layered": 20.0}
 """The same for depth: continued surfaces win wherever they are among the guesses. Squared error on street s06 and s08 was 8 %
 higher without it and 6 % higher at 4."""
-INVENTED = 3.0
+INVENTED_PENALTY = 3.0
 """What a guess loses in its logits of colour for each factor e by which it has more detail than is known round the hole. Only
 inside the source's picture: out of view, things unlike the known ones are to be expected."""
 FINE, ROUND = 3.0, 4.0
@@ -39,19 +39,19 @@ def with_priors(verdict: Verdict, names: Sequence[str], planes: JudgePlanes) -> 
         np.array([known.get(name, 0.0) for name in names], np.float32)[:, None, None]
         for known in (PRIORS, DEPTH_PRIORS)
     )
-    change = prior - np.float32(INVENTED) * invented(planes)
+    change = prior - np.float32(INVENTED_PENALTY) * measure_invented_detail(planes)
     depth = verdict.depth + depth_prior
     return dataclasses.replace(verdict, base=verdict.base + change, detail=verdict.detail + change, depth=depth)
 
 
-def invented(planes: JudgePlanes) -> Float32Array:
+def measure_invented_detail(planes: JudgePlanes) -> Float32Array:
     """K x h x w (STRIDE times smaller than the planes): logarithm of how many times more detail a guess has than the known pixels
     round about, 0 at least; 0 out of the source's view."""
     known = planes.context[CONTEXT.index("hole")] == 0
     inside = 1 - planes.context[CONTEXT.index("out of view")]
     greys = [one[:3].mean(0) for one in planes.guesses]
-    details = [detail_of(one, np.ones_like(known)) for one in greys]
-    there = known_mean(detail_of(greys[0], known), known)
+    details = [local_detail(one, np.ones_like(known)) for one in greys]
+    there = known_mean(local_detail(greys[0], known), known)
     size = known.shape[1] // STRIDE, known.shape[0] // STRIDE
     found = []
     for detail in details:
@@ -60,7 +60,7 @@ def invented(planes: JudgePlanes) -> Float32Array:
     return np.stack(found).astype(np.float32)
 
 
-def detail_of(grey: Float32Array, known: BoolArray) -> Float32Array:
+def local_detail(grey: Float32Array, known: BoolArray) -> Float32Array:
     """H x W magnitudes of what a blur of the known pixels takes away; beside a hole no guess has a say in it."""
     return np.abs(grey - gaussian_mean(grey, known.astype(np.float32), FINE))
 

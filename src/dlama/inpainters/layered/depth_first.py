@@ -12,9 +12,9 @@ from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.geometry.view import HoleType, Origin, View
 from dlama.geometry.visibility import Law
 from dlama.inpainters.filling import Fill, Inpainter, Painter
-from dlama.inpainters.layered.filler import surfaces_behind, with_leaves
-from dlama.inpainters.layered.hedging import hedged
-from dlama.inpainters.layered.remaining_shadows import shadow_beside
+from dlama.inpainters.layered.filler import continue_lawfully, paint_leaves
+from dlama.inpainters.layered.low_frequency import blend_with_low_frequency
+from dlama.inpainters.layered.remaining_shadows import find_remaining_shadow
 from dlama.inpainters.layered.surfaces import Surfaces
 from dlama.perception.planes import plane_values_at
 
@@ -40,7 +40,7 @@ INNER_PX = (8, 4, 0)
 """Pixels of the removed object's outline whose depth does not count, the first that leave some of it: masks are grown."""
 
 
-def depth_first(inpainter: Inpainter) -> Inpainter:
+def paint_over_depth(inpainter: Inpainter) -> Inpainter:
     """A filler that continues depth as `layered` does and lets the given one paint; one that is no Painter comes back as it is.
 
     A network's own depth out of view was measured against this and mixed with it: it is right more often at
@@ -51,19 +51,21 @@ def depth_first(inpainter: Inpainter) -> Inpainter:
         return inpainter
 
     def fill(view: View, law: Law, seed: int) -> Fill:
-        surfaces, depth, moved = surfaces_behind(view, law, seed)
+        surfaces, depth, moved = continue_lawfully(view, law, seed)
         notes = inpainter.notes() | {"depth_as": "surfaces continued", "planes": len(surfaces.planes)}
         if not view.color_hole.any():
             return Fill(view.color, depth, moved, notes)
-        shadow = shadow_beside(view, surfaces.label)
-        color = inpainter.paint(view.color, view.color_hole | shadow | occluders(view, surfaces, depth, law), seed)
+        shadow = find_remaining_shadow(view, surfaces.label)
+        color = inpainter.paint(view.color, view.color_hole | shadow | find_occluders(view, surfaces, depth, law), seed)
         w = inverse_depth(np.where(view.hole, depth, view.depth))
-        return Fill(with_leaves(hedged(view, color, view.color_hole, w), view, surfaces), depth, moved, notes)
+        return Fill(
+            paint_leaves(blend_with_low_frequency(view, color, view.color_hole, w), view, surfaces), depth, moved, notes
+        )
 
     return fill
 
 
-def occluders(view: View, surfaces: Surfaces, depth: Float32Array, law: Law) -> BoolArray:
+def find_occluders(view: View, surfaces: Surfaces, depth: Float32Array, law: Law) -> BoolArray:
     """H x W, True in known pixels near a hole that are nearer than the surface filled into it: their colours do not belong there.
 
     surfaces: as continued; depth: H x W metres, filled. First what stands next to the hole, then the rest of that object. What
@@ -71,8 +73,8 @@ def occluders(view: View, surfaces: Surfaces, depth: Float32Array, law: Law) -> 
     """
     distance, nearest = nearest_known(view.color_hole & ~seams(surfaces.label, view.color_hole))
     near = (distance <= BAND) & view.valid
-    beside = standing_before(view, surfaces, depth, near, nearest)
-    background = (view.hole_type.ravel()[nearest] == HoleType.OBJECT) & behind_removed(view, law)
+    beside = is_in_front(view, surfaces, depth, near, nearest)
+    background = (view.hole_type.ravel()[nearest] == HoleType.OBJECT) & find_background(view, law)
     beside &= ~background
     hidden = view.color_hole & (view.hole_type != HoleType.OUT_OF_VIEW)
     guessed = (view.origin == Origin.ESTIMATED).any()  # by estimated depth nobody knows where a thing ends
@@ -90,7 +92,7 @@ def occluders(view: View, surfaces: Surfaces, depth: Float32Array, law: Law) -> 
     return (beside | (dilate_mask(regions_touching(thing & ~background, beside), MIXED_PX) & view.valid)) & ~background
 
 
-def behind_removed(view: View, law: Law) -> BoolArray:
+def find_background(view: View, law: Law) -> BoolArray:
     """H x W, True in known pixels that lie behind the nearest part of a removed object: near ones too are its background.
 
     The object's depth is what the law holds for this camera; all False where that is not known.
@@ -117,7 +119,7 @@ def seams(label: NDArray[np.int32], hole: BoolArray) -> BoolArray:
     return out & morphological_open(hole, kernel)
 
 
-def standing_before(
+def is_in_front(
     view: View, surfaces: Surfaces, depth: Float32Array, where: BoolArray, nearest: NDArray[np.intp]
 ) -> BoolArray:
     """H x W, True in pixels of `where` (H x W, known) that stand before the surface of the hole pixel `nearest` (H x W, flat).

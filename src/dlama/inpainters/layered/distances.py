@@ -36,7 +36,7 @@ def distance_from(there: BoolArray, chords: tuple[float, float] = (CHORD, CHORD)
     height, width = there.shape
     wh = max(1, round(width * across)), max(1, round(height * along))
     larger = cv2.resize((~there).astype(np.uint8), wh, interpolation=cv2.INTER_NEAREST)
-    return enlarged(np.asarray(cv2.distanceTransform(larger, cv2.DIST_L2, 5), np.float32), (width, height))
+    return enlarge(np.asarray(cv2.distanceTransform(larger, cv2.DIST_L2, 5), np.float32), (width, height))
 
 
 def angle_to_far(camera: Camera, law: Law) -> Float32Array:
@@ -54,7 +54,7 @@ def angle_to_far(camera: Camera, law: Law) -> Float32Array:
     return np.arccos(np.clip(nearest, -1, 1)).astype(np.float32)
 
 
-def enlarged(values: Float32Array, wh: tuple[int, int]) -> Float32Array:
+def enlarge(values: Float32Array, wh: tuple[int, int]) -> Float32Array:
     """A coarse picture bilinearly enlarged to the view."""
     return np.asarray(
         cv2.resize(np.ascontiguousarray(values, np.float32), wh, interpolation=cv2.INTER_LINEAR), np.float32

@@ -9,45 +9,45 @@ from dlama.geometry.rgbd import Float32Array, UInt8Array
 from dlama.geometry.view import HoleType, View
 from dlama.geometry.visibility import Law, project_depth
 from dlama.inpainters.filling import Fill
-from dlama.inpainters.layered.hedging import hedged
-from dlama.inpainters.layered.remaining_shadows import shadow_beside
-from dlama.inpainters.layered.rims import led_in
+from dlama.inpainters.layered.low_frequency import blend_with_low_frequency
+from dlama.inpainters.layered.remaining_shadows import find_remaining_shadow
+from dlama.inpainters.layered.rims import blend_at_rim
 from dlama.inpainters.layered.surfaces import Surfaces, continue_surfaces
 from dlama.inpainters.layered.texture_synthesis import synthesize
 from dlama.perception.planes import SKY, SMOOTH
 
-NOT_LED_IN = (HoleType.OUT_OF_VIEW, HoleType.OBJECT)
+BLENDED = (HoleType.OUT_OF_VIEW, HoleType.OBJECT)
 """Holes into which nothing is led from their rims: beside a removed thing lie scraps of it and of its shadow."""
 
 
 def layered(view: View, law: Law, seed: int = 0) -> Fill:
     """Continue planes, sky and smooth surfaces into the holes, move them behind what was measured, then paint them."""
-    surfaces, depth, moved = surfaces_behind(view, law, seed)
-    color = blended_out_of_view(view, surfaces, depth, painted(view, surfaces, depth, law, seed), law)
+    surfaces, depth, moved = continue_lawfully(view, law, seed)
+    color = blend_out_of_view(view, surfaces, depth, paint_surfaces(view, surfaces, depth, law, seed), law)
     return Fill(color, depth, moved, {"planes": len(surfaces.planes)})
 
 
-def blended_out_of_view(view: View, surfaces: Surfaces, depth: Float32Array, color: UInt8Array, law: Law) -> UInt8Array:
+def blend_out_of_view(view: View, surfaces: Surfaces, depth: Float32Array, color: UInt8Array, law: Law) -> UInt8Array:
     """H x W x 3: painted colours (H x W x 3), each surface out of view blended with a smooth guess; depth: H x W m, filled."""
     w = np.where(view.hole, inverse_depth(depth), surfaces.inverse_depth)
-    return hedged(view, color, view.color_hole & (surfaces.leaves < 0), w, surfaces.label, law.sky)
+    return blend_with_low_frequency(view, color, view.color_hole & (surfaces.leaves < 0), w, surfaces.label, law.sky)
 
 
-def painted(view: View, surfaces: Surfaces, depth: Float32Array, law: Law, seed: int) -> UInt8Array:
+def paint_surfaces(view: View, surfaces: Surfaces, depth: Float32Array, law: Law, seed: int) -> UInt8Array:
     """H x W x 3: the view's colours, and in its colour holes each surface with texture of its own; depth: H x W m, filled."""
     if not view.color_hole.any():
         return view.color
     w = np.where(view.hole, inverse_depth(depth), surfaces.inverse_depth)
     label = np.where(np.abs(w - surfaces.inverse_depth) > 0.05 * w, np.int32(SMOOTH), surfaces.label)
     label = np.where(view.hole & (w == 0), np.int32(SKY), label).astype(np.int32)
-    shadow = shadow_beside(view, label)
-    leafy = with_leaves(view.color, view, surfaces)
+    shadow = find_remaining_shadow(view, label)
+    leafy = paint_leaves(view.color, view, surfaces)
     open_ = view.color_hole & (surfaces.leaves < 0)
     color = synthesize(leafy, open_, w, label, view.camera, seed=seed, sky=law.sky, spoiled=shadow)
-    return led_in(color, view.color_hole, open_ & ~np.isin(view.hole_type, NOT_LED_IN), w, label, shadow)
+    return blend_at_rim(color, view.color_hole, open_ & ~np.isin(view.hole_type, BLENDED), w, label, shadow)
 
 
-def with_leaves(color: UInt8Array, view: View, surfaces: Surfaces) -> UInt8Array:
+def paint_leaves(color: UInt8Array, view: View, surfaces: Surfaces) -> UInt8Array:
     """H x W x 3 colours with those of the leaves where foliage goes on in the view's colour holes."""
     leafy = view.color_hole & (surfaces.leaves >= 0)
     if not leafy.any():
@@ -57,7 +57,7 @@ def with_leaves(color: UInt8Array, view: View, surfaces: Surfaces) -> UInt8Array
     return out
 
 
-def surfaces_behind(view: View, law: Law, seed: int) -> tuple[Surfaces, Float32Array, int]:
+def continue_lawfully(view: View, law: Law, seed: int) -> tuple[Surfaces, Float32Array, int]:
     """The surfaces continued into the holes, their depth put behind what was measured, and how many pixels that moved."""
     surfaces = continue_surfaces(view, law, seed)
     depth, moved = project_depth(view, depth_from_inverse(surfaces.inverse_depth), view.hole, law)

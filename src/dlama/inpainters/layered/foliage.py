@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from dlama.geometry.holes import erode_mask, morphological_close, morphological_open, nearest_known, square
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.geometry.view import HoleType, View
-from dlama.inpainters.layered.cut_things import GAPS, CutThings, as_far
+from dlama.inpainters.layered.cut_objects import GAPS, CutObjects, at_same_depth
 from dlama.inpainters.layered.kernels.quilt import GAP, OUTSIDE, UNDECIDED, quilt
 
 AROUND = 1.4
@@ -63,7 +63,7 @@ class Crown:
     cell: float
     """Pixels a side of the cells on which it was found."""
 
-    def copied(self, rng: np.random.Generator) -> NDArray[np.int32]:
+    def copy_from(self, rng: np.random.Generator) -> NDArray[np.int32]:
         """h x w: the known pixel (flat) of the leaf that a hole pixel is copied from, negative where it is none."""
         within = morphological_close(self.leaf, self.square(GAPS))
         nearest = np.where(self.behind, GAP, nearest_known(self.pure_leaves())[1])
@@ -132,7 +132,7 @@ class Crown:
         return np.asarray(RAGGED * self.circle[2] * rim, np.float32)
 
 
-def copied_leaves(view: View, w: Float32Array, things: CutThings, seed: int = 0) -> NDArray[np.int32]:
+def copy_leaves(view: View, w: Float32Array, things: CutObjects, seed: int = 0) -> NDArray[np.int32]:
     """H x W: the known pixel (flat) of the leaf that a hole pixel is copied from, negative where it is none.
 
     w: H x W inverse depth of the known pixels; things: on a grid of cells.
@@ -145,20 +145,20 @@ def copied_leaves(view: View, w: Float32Array, things: CutThings, seed: int = 0)
         if number == 0 or (last - first).min() < SMALLEST:
             continue
         box = slice(first[0], last[0]), slice(first[1], last[1])
-        leaves = crown(view, w, things, number, box).copied(rng)
+        leaves = crown(view, w, things, number, box).copy_from(rng)
         rows, columns = np.divmod(leaves, leaves.shape[1])
         flat = (rows + first[0]) * w.shape[1] + columns + first[1]
         np.copyto(out[box], flat.astype(np.int32), where=leaves >= 0)
     return out
 
 
-def crown(view: View, w: Float32Array, things: CutThings, number: int, box: tuple[slice, slice]) -> Crown:
-    """The crown of a number within a box of the view. The rest as of `copied_leaves`."""
+def crown(view: View, w: Float32Array, things: CutObjects, number: int, box: tuple[slice, slice]) -> Crown:
+    """The crown of a number within a box of the view. The rest as of `copy_leaves`."""
     cell = max(w.shape) / max(things.number.shape)
     depth = things.inverse_depth[number]
     own = (cv2.resize(things.number, view.camera.wh, interpolation=cv2.INTER_NEAREST) == number)[box]
     hole, kind, w = view.hole[box], view.hole_type[box], w[box]
-    known = ~hole & as_far(w, depth)
+    known = ~hole & at_same_depth(w, depth)
     leaf = morphological_close(own, square(round(GAPS * cell) | 1)) & known & ~solid(w, known, round(SOLID * cell) | 1)
     unseen, hidden = (hole & (kind == each) for each in (HoleType.OUT_OF_VIEW, HoleType.DISOCCLUDED))
     circle = things.circle[number] * cell - (box[0].start, box[1].start, 0)

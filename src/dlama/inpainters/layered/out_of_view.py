@@ -75,7 +75,7 @@ class PlaneLines(NamedTuple):
         return cls(planes, *points, away, np.zeros(len(planes), np.bool_))
 
 
-def seen_going_on(
+def follow_lines(
     lines: PlaneLines,
     candidates: Float32Array,
     hole: BoolArray,
@@ -100,12 +100,12 @@ def seen_going_on(
     hidden = np.zeros_like(few[0])
     for k in 2 + np.flatnonzero(followed):
         value = few[0][k]
-        ends = looks_past(first[k - 2], length[k - 2], floating=lines.by_edges[k - 2])
+        ends = has_ended(first[k - 2], length[k - 2], floating=lines.by_edges[k - 2])
         there = (length[k - 2] > 0) & ~ends
         farther = np.maximum(first[k - 2], 1) / np.maximum(length[k - 2], 1)
         few_on[k] = there
         few_cost[k] = np.where(there, GOES_ON * np.log1p(farther), PAST * ends)
-        others = enlarged_like(other_first[k - 2], ends), enlarged_like(other_length[k - 2], ends)
+        others = enlarge_like(other_first[k - 2], ends), enlarge_like(other_length[k - 2], ends)
         nothing = ~there & ~ends & (first[k - 2] < 0)
         across_it = GOES_ACROSS * np.log1p(np.maximum(others[0], 1) / np.maximum(others[1], 1))
         few_cost[k] += nothing * np.where(others[1] > 0, across_it, PAST * (others[0] < 0))
@@ -113,11 +113,11 @@ def seen_going_on(
         np.maximum(hidden, hides * (IN_FRONT * few[0] < value), out=hidden)
     for number, (a, b) in enumerate(zip(few_on, few_cost + hidden)):
         for out, values in ((on, a), (cost, b)):
-            out[number] = spread_over(values, few[1], hole.shape) * unseen
+            out[number] = interpolate_strided(values, few[1], hole.shape) * unseen
     return on, cost
 
 
-def seen_both_ways(
+def penalise_between(
     lines: PlaneLines,
     candidates: Float32Array,
     hole: BoolArray,
@@ -127,7 +127,7 @@ def seen_both_ways(
     followed: BoolArray,
 ) -> Float32Array:
     """L x h x w, BETWEEN in `hidden` cells (h x w, of the hole, in view) where a plane is seen along its horizontals both ways:
-    it goes on between; 0 elsewhere. The rest as of `seen_going_on`."""
+    it goes on between; 0 elsewhere. The rest as of `follow_lines`."""
     on = np.zeros(candidates.shape, np.float32)
     if not hidden.any() or not followed.any():
         return on
@@ -160,7 +160,7 @@ def next_to(unseen: BoolArray) -> BoolArray:
     return dilate_mask(unseen, BESIDE)
 
 
-def looks_past(first: Float32Array, length: Float32Array, floating: bool = False) -> BoolArray:
+def has_ended(first: Float32Array, length: Float32Array, floating: bool = False) -> BoolArray:
     """h x w, True where a plane has ended: its line looks past it, or, if it is not `floating`, hangs between those that do
     (FLOATING) or the rim.
 
@@ -178,7 +178,7 @@ def looks_past(first: Float32Array, length: Float32Array, floating: bool = False
     return np.asarray(past | (closed & (length > 0)))
 
 
-def spread_over(values: Float32Array, where: BoolArray, hw: tuple[int, int]) -> Float32Array:
+def interpolate_strided(values: Float32Array, where: BoolArray, hw: tuple[int, int]) -> Float32Array:
     """Values of every STRIDE-th cell (h' x w'), known in `where`, interpolated to h x w cells."""
     height, width = (STRIDE * size for size in values.shape)
     weight = where.astype(np.float32)
@@ -186,7 +186,7 @@ def spread_over(values: Float32Array, where: BoolArray, hw: tuple[int, int]) -> 
     return np.asarray((sums / np.maximum(total, 1e-6))[: hw[0], : hw[1]], np.float32)
 
 
-def enlarged_like(values: Float32Array, other: np.ndarray) -> Float32Array:
+def enlarge_like(values: Float32Array, other: np.ndarray) -> Float32Array:
     """Cells of a coarser grid repeated to the shape of a finer one."""
     by = STRIDE_ACROSS // STRIDE
     return np.asarray(np.repeat(np.repeat(values, by, 0), by, 1)[: other.shape[0], : other.shape[1]], np.float32)
@@ -207,7 +207,7 @@ def normals(planes: NDArray[np.float64], camera: Camera) -> NDArray[np.float64]:
     return np.asarray(n / np.maximum(np.linalg.norm(n, axis=1, keepdims=True), LEAST_LENGTH), np.float64)
 
 
-def upwards(normal: NDArray[np.float64], cells: NDArray[np.int64]) -> NDArray[np.float64]:
+def estimate_up(normal: NDArray[np.float64], cells: NDArray[np.int64]) -> NDArray[np.float64]:
     """Up in camera axes: the normal (K x 3) of the level plane with most cells (K), else the camera's own."""
     level = np.flatnonzero((np.abs(normal[:, 1]) > LEVEL) & (cells > 0))
     if not len(level):
@@ -224,7 +224,7 @@ def vanishing_points(
     A level plane has those of the largest upright one, or lines from left to right; cells: K, how many are known of each.
     """
     normal = normals(planes, camera)
-    up = upwards(normal, cells)
+    up = estimate_up(normal, cells)
     direction = np.cross(normal, up)
     upright = np.linalg.norm(direction, axis=1) > UPRIGHT
     main = direction[upright][cells[upright].argmax()] if upright.any() else np.cross(up, [0.0, 0.0, 1.0])
@@ -242,5 +242,5 @@ def cells_of_planes(label: NDArray[np.int32], hole: BoolArray, count: int) -> ND
 
 def above_horizon(camera: Camera, candidates: Float32Array, cells: NDArray[np.int64]) -> BoolArray:
     """h x w, True in cells of the grid's camera that look upwards; candidates: K x h x w of the planes, cells: K."""
-    up = upwards(normals(plane_coefficients(candidates), camera), cells)
+    up = estimate_up(normals(plane_coefficients(candidates), camera), cells)
     return np.asarray(rays(camera) @ up > 0)

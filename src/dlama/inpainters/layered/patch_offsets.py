@@ -51,7 +51,7 @@ class CopiedDetail:
     """Base grid x 3: weight 0..1 of the fine band, of the middle band and of the copied colour as it stands."""
 
 
-def copied_detail(grid: TextureGrid, region: HoleRegion, bases: Bases, rng: np.random.Generator) -> CopiedDetail:
+def copy_detail(grid: TextureGrid, region: HoleRegion, bases: Bases, rng: np.random.Generator) -> CopiedDetail:
     """Offsets and weights for one region; none are chosen (base colour alone) where nothing can be copied."""
     shape = bases[0].shape[:2]
     nothing = CopiedDetail(
@@ -65,8 +65,8 @@ def copied_detail(grid: TextureGrid, region: HoleRegion, bases: Bases, rng: np.r
     # Copied sky ends in hard edges: measured. What is far and no sky (depth that ends at 10 m) has texture.
     if region.label == 0 and search.contrast() < FAR_CONTRAST:
         return nothing
-    offsets = search.chosen_offsets(rng)
-    return search.assigned(offsets) if len(offsets) else nothing
+    offsets = search.choose_offsets(rng)
+    return search.assign_offsets(offsets) if len(offsets) else nothing
 
 
 def _plane_axes(grid: TextureGrid, region: HoleRegion, rng: np.random.Generator) -> Array:
@@ -169,10 +169,10 @@ class _OffsetSearch:
         grid = self.grid
         return grid.cell_size, grid.cell_inverse_depth, self.own, self.region.label, self.axes
 
-    def chosen_offsets(self, rng: np.random.Generator) -> Array:
+    def choose_offsets(self, rng: np.random.Generator) -> Array:
         """The few offsets that together bring every hole cell a good source (greedy cover)."""
-        found = self._repeating() if self._worth_searching() else np.zeros((0, 2))
-        offsets = np.ascontiguousarray(np.concatenate([found, self._leading_to_known(rng)]))
+        found = self._find_repeating() if self._is_worth_searching() else np.zeros((0, 2))
+        offsets = np.ascontiguousarray(np.concatenate([found, self._sample_to_known(rng)]))
         some = np.ascontiguousarray(self.centres[rng.permutation(len(self.centres))[:600]])
         scale = kernels.change_of_scale(offsets, some, *self._sources())
         worth = np.maximum(0.3 + self.score(offsets)[:, None] - 0.25 * scale, 0.01) * (scale >= 0)
@@ -186,10 +186,10 @@ class _OffsetSearch:
             best = np.maximum(best, worth[i])
         return np.ascontiguousarray(offsets[chosen])
 
-    def _worth_searching(self) -> bool:
+    def _is_worth_searching(self) -> bool:
         return len(self.region.pixels) >= SEARCHED * self.grid.hole.size
 
-    def _repeating(self) -> Array:
+    def _find_repeating(self) -> Array:
         """Offsets under which the known texture repeats: a fine search near, a coarse one far, multiples; then refined."""
         short, far = self._peaks(20, 1, 3, 24), self._peaks(36, 5, 2, 60)
         lattice = [short[:4] * m for m in (2, 3, 4, 6, 8)]
@@ -213,7 +213,7 @@ class _OffsetSearch:
         order = np.argsort(-score[top], kind="stable")[:many]
         return offsets[top][order]
 
-    def _leading_to_known(self, rng: np.random.Generator, many: int = 64) -> Array:
+    def _sample_to_known(self, rng: np.random.Generator, many: int = 64) -> Array:
         """Offsets from random hole cells to random known cells, so that every cell can be reached."""
         start = self.centres[rng.integers(0, len(self.centres), many)]
         end = self.known[rng.integers(0, len(self.known), many)]
@@ -223,11 +223,11 @@ class _OffsetSearch:
         move = z[:, None] * np.stack([end[:, 0], end[:, 1], one], 1) - np.stack([start[:, 0], start[:, 1], one], 1)
         return (move / w[:, None]) @ np.linalg.pinv(self.axes)
 
-    def assigned(self, offsets: Array) -> CopiedDetail:
+    def assign_offsets(self, offsets: Array) -> CopiedDetail:
         """One offset per hole cell: good correlation, little change of scale, typical texture, cheap seams."""
         whole, fine, middle, color = (np.maximum(self.score(offsets, band), 0) for band in range(4))
         scale = kernels.change_of_scale(offsets, self.centres, *self._sources())
-        copied = self._copied_color(offsets)
+        copied = self._copy_color(offsets)
         typical = float(np.sqrt((self.bands[0][self.bands[0].any(-1)] ** 2).sum(-1).mean())) + 1e-3
         odd = np.clip(np.linalg.norm(copied, axis=-1) / typical - 1.5, 0, 3) * (1 - whole)
         cost = np.where(scale.T >= 0, (1 - whole) + 0.25 * scale.T + 0.3 * odd, 1e6).astype(np.float32)
@@ -272,7 +272,7 @@ class _OffsetSearch:
         z = np.where(z > 1e-3, z, 1) * self.grid.cell_size
         return ((u + w * move[:, 0]) / z - 0.5).astype(np.float32), ((v + w * move[:, 1]) / z - 0.5).astype(np.float32)
 
-    def _copied_color(self, offsets: Array) -> Float32Array:
+    def _copy_color(self, offsets: Array) -> Float32Array:
         """Cells x offsets x 3: the detail that each offset would copy to each hole cell."""
         w = self.centres[:, 2:]
         move = offsets @ self.axes

@@ -17,9 +17,9 @@ from dlama.inpainters.layered.out_of_view import (
     LEVEL,
     PlaneLines,
     cells_of_planes,
+    estimate_up,
     next_to,
     normals,
-    upwards,
 )
 
 SMOOTHING = 2.0
@@ -40,7 +40,7 @@ TURNS = 90
 """Directions that are tried, over a right angle."""
 
 
-def along_edges(
+def align_lines_to_edges(
     lines: PlaneLines,
     camera: Camera,
     candidates: Float32Array,
@@ -55,7 +55,7 @@ def along_edges(
     h x w; w, label: h x w, of the known cells.
     """
     normal = normals(lines.planes, camera)
-    level = np.abs(normal @ upwards(normal, cells_of_planes(label, hole, len(normal)))) > LEVEL
+    level = np.abs(normal @ estimate_up(normal, cells_of_planes(label, hole, len(normal)))) > LEVEL
     by_edges, points = lines.by_edges.copy(), [lines.along.copy(), lines.across.copy()]
     beside = next_to(unseen) & ~hole
     for k in np.flatnonzero(level):

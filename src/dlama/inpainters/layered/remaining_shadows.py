@@ -30,7 +30,7 @@ LEAST_CELLS = 60
 """Fewer cells of a surface farther off say nothing about its pattern."""
 
 
-def shadow_beside(view: View, label: NDArray[np.int32]) -> BoolArray:
+def find_remaining_shadow(view: View, label: NDArray[np.int32]) -> BoolArray:
     """H x W, True where a plane beside what was taken out is darker than its lit surface, and than it is anywhere farther off.
 
     label: H x W, the surface of each pixel.
@@ -41,7 +41,7 @@ def shadow_beside(view: View, label: NDArray[np.int32]) -> BoolArray:
     height, width = thing.shape
     step = max(1.0, max(height, width) / GRID)
     wh = max(1, round(width / step)), max(1, round(height / step))
-    distance = cv2.distanceTransform((~shrunk(thing, wh, 0.25)).astype(np.uint8), cv2.DIST_L2, 5)
+    distance = cv2.distanceTransform((~shrink_mask(thing, wh, 0.25)).astype(np.uint8), cv2.DIST_L2, 5)
     reach = REACH * np.sqrt((distance == 0).sum()) + 2
     luma = np.log(cv2.cvtColor(view.color, cv2.COLOR_RGB2GRAY).astype(np.float32) + 4)
     out = np.zeros(wh[::-1], np.bool_)
@@ -53,23 +53,23 @@ def shadow_beside(view: View, label: NDArray[np.int32]) -> BoolArray:
         if number < 1 or not (surface & ring).any():
             continue
         level = cv2.resize(luma * on, wh, interpolation=cv2.INTER_AREA) / np.maximum(share, 1e-3)
-        out |= shadow_on(surface, np.asarray(level, np.float32), np.asarray(distance, np.float32), reach)
+        out |= find_shadow_on(surface, np.asarray(level, np.float32), np.asarray(distance, np.float32), reach)
     out = cv2.dilate(out.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
     full = cv2.resize(out.astype(np.uint8), (width, height), interpolation=cv2.INTER_NEAREST) > 0
     return np.asarray(full & ~view.hole)
 
 
-def shrunk(mask: BoolArray, wh: tuple[int, int], least: float) -> BoolArray:
+def shrink_mask(mask: BoolArray, wh: tuple[int, int], least: float) -> BoolArray:
     return np.asarray(cv2.resize(mask.astype(np.float32), wh, interpolation=cv2.INTER_AREA) > least)
 
 
-def shadow_on(surface: BoolArray, level: Float32Array, distance: Float32Array, reach: float) -> BoolArray:
+def find_shadow_on(surface: BoolArray, level: Float32Array, distance: Float32Array, reach: float) -> BoolArray:
     """h x w, the shadow on one surface (h x w bool). level: h x w logarithm of its brightness; distance: cells to the thing."""
     beyond = surface & (distance > reach) & (distance <= 3 * reach)
     near = surface & (distance <= reach)
     if beyond.sum() < LEAST_CELLS or not near.any():
         return np.zeros_like(surface)
-    dark = lit_surface(level, near | beyond) - level
+    dark = fit_lit_surface(level, near | beyond) - level
     core = max(DARKER, CLEARLY * float(np.quantile(dark[beyond], USUAL)))
     darker = morphological_open(near & (dark > max(FAINTEST, core / 2)), square(3))
     number = cv2.connectedComponents(darker.astype(np.uint8), connectivity=4)[1]
@@ -77,7 +77,7 @@ def shadow_on(surface: BoolArray, level: Float32Array, distance: Float32Array, r
     return np.isin(number, beside[beside > 0])
 
 
-def lit_surface(level: Float32Array, where: BoolArray) -> Float32Array:
+def fit_lit_surface(level: Float32Array, where: BoolArray) -> Float32Array:
     """h x w: a quadratic over pixels in `where`, fitted to `level` by `robust_fit`; elsewhere `level` itself."""
     rows, columns = np.nonzero(where)
     height, width = where.shape

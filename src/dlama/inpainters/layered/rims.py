@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.inpainters.layered.kernels.cells import trusted_sources
-from dlama.inpainters.layered.kernels.rims import beside
+from dlama.inpainters.layered.kernels.rims import mean_known_nearby
 from dlama.inpainters.layered.texture_grid import UNTRUSTED
 from dlama.perception.planes import SKY
 
@@ -28,7 +28,7 @@ APART = 0.08
 """Relative inverse depth up to which pixels of one label are one surface: what has no plane is many things."""
 
 
-def led_in(
+def blend_at_rim(
     color: UInt8Array, hole: BoolArray, where: BoolArray, w: Float32Array, label: NDArray[np.int32], spoiled: BoolArray
 ) -> UInt8Array:
     """H x W x 3 colours, those of `where` blended with their own surface's known ones beside the hole.
@@ -44,7 +44,7 @@ def led_in(
     own = trusted_sources(hole, w, label, 1) & ~spoiled
     known = np.where(own, label, np.int32(UNTRUSTED)).astype(np.int32)
     depth = np.where(label == SKY, np.float32(1), w).astype(np.float32)
-    near, found = beside(np.ascontiguousarray(color), at_rim, known, label, depth, REACH, APART)
+    near, found = mean_known_nearby(np.ascontiguousarray(color), at_rim, known, label, depth, REACH, APART)
     out = color.copy()
     step = share[found, None] * (near[found] - color[found])
     out[found] = np.clip(np.round(color[found] + step), 0, 255)

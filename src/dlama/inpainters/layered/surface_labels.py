@@ -17,12 +17,12 @@ from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.geometry.view import HoleType, View
 from dlama.geometry.visibility import Law
-from dlama.inpainters.layered.cut_things import CutThings, cut_things, foliage
+from dlama.inpainters.layered.cut_objects import CutObjects, find_cut_objects, foliage
 from dlama.inpainters.layered.distances import (
     CHORD,
     angle_to_far,
     distance_from,
-    enlarged,
+    enlarge,
     mean_chords,
 )
 from dlama.inpainters.layered.gaps import surface_behind
@@ -33,11 +33,11 @@ from dlama.inpainters.layered.out_of_view import (
     above_horizon,
     cells_of_planes,
     ending_cost,
+    follow_lines,
     next_to,
-    seen_both_ways,
-    seen_going_on,
+    penalise_between,
 )
-from dlama.inpainters.layered.plane_edges import along_edges
+from dlama.inpainters.layered.plane_edges import align_lines_to_edges
 from dlama.perception.planes import SMOOTH, plane_values
 
 GRID = 256
@@ -87,7 +87,7 @@ class CoarseView:
     """h x w, of the known cells."""
     candidates: Float32Array
     """L x h x w inverse depth (1/m) that each label would give: no plane, sky, planes."""
-    things: CutThings
+    things: CutObjects
     """Where what lies on no plane goes on out of view."""
     followed_from: float = FOLLOWED
     """Share of the known cells that a plane must hold to be followed along lines out of view."""
@@ -116,7 +116,7 @@ class CoarseView:
         in_view = hole & cells_with_holes(view.hole & (view.hole_type != HoleType.OUT_OF_VIEW), camera.wh)
         unseen = hole & ~in_view
         on_planes = plane_values(planes, camera.hw, step)
-        things = cut_things(w[pick], label[pick], hole, next_to(unseen))
+        things = find_cut_objects(w[pick], label[pick], hole, next_to(unseen))
         candidates = np.concatenate([smooth[None], np.zeros_like(smooth)[None], on_planes])
         known = w[pick], label[pick], candidates.astype(np.float32)
         return cls(camera, hole, in_view, *known, things, followed_from, solid)
@@ -127,14 +127,14 @@ class CoarseView:
         followed = self.followed()
         known = self.hole, unseen, self.inverse_depth, self.label
         lines = PlaneLines.of(self.camera, self.candidates, self.hole, self.label)
-        lines = along_edges(lines, self.camera, self.candidates, *known)
+        lines = align_lines_to_edges(lines, self.camera, self.candidates, *known)
         followed |= lines.by_edges
-        on, penalty = seen_going_on(lines, self.candidates, *known, followed)
+        on, penalty = follow_lines(lines, self.candidates, *known, followed)
         penalty += ending_cost(self.hole, unseen, self.label, followed, self.things.beyond, REACH * GRID)
         penalty[0] += SMOOTH_PENALTY
         penalty[1:] += ORDER_COST * self.out_of_order()
         hidden = self.hole_in_view.copy()
-        on += seen_both_ways(lines, self.candidates, self.hole, hidden, self.inverse_depth, self.label, followed)
+        on += penalise_between(lines, self.candidates, self.hole, hidden, self.inverse_depth, self.label, followed)
         distance = self.distance_to_known(law)
         allowed = self.allowed(law)
         hidden &= distance[1] - distance.min(0) >= REACH * GRID  # no sky near
@@ -217,7 +217,7 @@ class CoarseView:
                 out[number] = np.where(self.hole_in_view, within, plain)
         if law.has_far:
             angle = angle_to_far(with_larger_pixels(self.camera, 4), law)  # smooth: a quarter of the cells is enough
-            out[1] = np.minimum(out[1], self.camera.fx * enlarged(angle, self.camera.wh))
+            out[1] = np.minimum(out[1], self.camera.fx * enlarge(angle, self.camera.wh))
             cells = cells_of_planes(self.label, self.hole, len(self.candidates) - 2)
             open_air = self.hole & ~self.hole_in_view & above_horizon(self.camera, self.candidates[2:], cells)
             out[1] = np.where(open_air, np.minimum(out[1], out.min(0) + REACH * GRID), out[1])

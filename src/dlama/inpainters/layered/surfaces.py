@@ -19,12 +19,12 @@ from dlama.geometry.projection import inverse_depth
 from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.geometry.view import View
 from dlama.geometry.visibility import Law
-from dlama.inpainters.layered.distances import enlarged
-from dlama.inpainters.layered.foliage import copied_leaves
+from dlama.inpainters.layered.distances import enlarge
+from dlama.inpainters.layered.foliage import copy_leaves
 from dlama.inpainters.layered.kernels.quilt import GAP
 from dlama.inpainters.layered.out_of_view import FOLLOWED
 from dlama.inpainters.layered.surface_labels import GRID, CoarseView
-from dlama.inpainters.missing_depth.along_colors import DepthByColor, along_colors
+from dlama.inpainters.missing_depth.along_colors import DepthByColor, fill_along_colors
 from dlama.perception.planes import SMOOTH, denoise, find_planes, label_known, noise_level, plane_values_at
 
 
@@ -52,17 +52,17 @@ def continue_surfaces(view: View, law: Law, seed: int = 0) -> Surfaces:
     missing = view.hole & ~view.color_hole
     by_color = None
     if missing.any():
-        by_color = along_colors(view.color, missing, w, label, planes, view.hole, noisy=noise > 0)
+        by_color = fill_along_colors(view.color, missing, w, label, planes, view.hole, noisy=noise > 0)
     if by_color is not None and (by_color.reached | ~view.hole).all():
         return Surfaces(by_color.inverse_depth, by_color.label, planes, np.full(w.shape, GAP, np.int32))
     step = max(1.0, max(w.shape) / GRID)
     followed_from = np.inf if noise else FOLLOWED
     coarse = CoarseView.of(view, w, label, planes, step, followed_from, law.misplaced_edges)
-    found = upsampled(view, w, label, planes, coarse, coarse.label_costs(law), seed)
-    return found if by_color is None else with_depth_by_color(found, by_color)
+    found = upsample_labels(view, w, label, planes, coarse, coarse.label_costs(law), seed)
+    return found if by_color is None else set_missing_depth(found, by_color)
 
 
-def with_depth_by_color(found: Surfaces, by_color: DepthByColor) -> Surfaces:
+def set_missing_depth(found: Surfaces, by_color: DepthByColor) -> Surfaces:
     """The surfaces, those of pixels that lack depth alone as their colours say. What is found for other holes looks past such
     pixels at what was measured."""
     there = by_color.reached
@@ -74,7 +74,7 @@ def with_depth_by_color(found: Surfaces, by_color: DepthByColor) -> Surfaces:
     )
 
 
-def upsampled(
+def upsample_labels(
     view: View,
     w: Float32Array,
     label: NDArray[np.int32],
@@ -90,11 +90,11 @@ def upsampled(
     """
     spread = fill_with_nearest(costs, coarse.hole)
     no_plane = coarse.candidates[0]
-    smooth = enlarged(fill_with_nearest(no_plane, coarse.hole & (no_plane > 0)), view.camera.wh)
+    smooth = enlarge(fill_with_nearest(no_plane, coarse.hole & (no_plane > 0)), view.camera.wh)
     best = np.full(w.shape, np.inf, np.float32)
     chosen = np.full(w.shape, SMOOTH, np.int32)
     for number in range(costs.shape[2]):
-        cost = enlarged(spread[..., number], view.camera.wh)
+        cost = enlarge(spread[..., number], view.camera.wh)
         better = cost < best
         best[better] = cost[better]
         chosen[better] = number - 1
@@ -105,7 +105,7 @@ def upsampled(
     out, filled = w.copy(), label.copy()
     out[rows, columns] = np.where(labels == SMOOTH, smooth[rows, columns], np.where(labels > 0, on_plane, 0))
     filled[rows, columns] = labels
-    leaves = copied_leaves(view, w, coarse.things, seed)
+    leaves = copy_leaves(view, w, coarse.things, seed)
     leaf = (leaves >= 0) & (w.ravel()[np.maximum(leaves, 0)] > out)
     out[leaf], filled[leaf] = w.ravel()[leaves[leaf]], SMOOTH
     return Surfaces(out, filled, planes, np.where(leaf, leaves, GAP).astype(np.int32))

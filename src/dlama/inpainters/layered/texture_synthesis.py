@@ -19,7 +19,7 @@ from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.geometry.sky import Sky
 from dlama.inpainters.layered.kernels import base_color as base_kernels
 from dlama.inpainters.layered.kernels.patch_offsets import paint
-from dlama.inpainters.layered.patch_offsets import Bases, copied_detail
+from dlama.inpainters.layered.patch_offsets import Bases, copy_detail
 from dlama.inpainters.layered.texture_grid import UNTRUSTED, HoleRegion, Int32Array, TextureGrid, labels_in
 
 GREY = 128
@@ -72,13 +72,13 @@ def synthesize(
     if under is None:
         out[open_air] = SKY_COLOR
     else:
-        out[open_air] = enlarged_colors(under, grid)[open_air]
+        out[open_air] = enlarge_colors(under, grid)[open_air]
     rng = np.random.default_rng(seed)
     for region in hole_regions(grid):
         if not region.sources.any():
             continue
         bases = base_colors(grid, region, under)
-        detail = copied_detail(grid.for_copying(region.label), region, bases, rng)
+        detail = copy_detail(grid.for_copying(region.label), region, bases, rng)
         paint(
             out,
             grid.color,
@@ -116,13 +116,13 @@ def hole_regions(grid: TextureGrid) -> Iterator[HoleRegion]:
         sources, here = grid.cell_label == label, labels == label
         if sources.sum() >= LEAST_CELLS or label == 0:
             rest &= ~here
-            away = apart(grid, holes[here], sources)
+            away = beyond_gap(grid, holes[here], sources)
             yield HoleRegion(label, holes[here], sources & ~away, away)
     if rest.any():
         yield HoleRegion(-1, holes[rest], grid.cell_label != UNTRUSTED, np.zeros(grid.cell_label.shape, np.bool_))
 
 
-def apart(grid: TextureGrid, pixels: NDArray[np.int64], sources: BoolArray) -> BoolArray:
+def beyond_gap(grid: TextureGrid, pixels: NDArray[np.int64], sources: BoolArray) -> BoolArray:
     """rows x cols, True in cells of `sources` that a gap of more than GAP cells parts from the hole `pixels` (flat).
 
     Two things may lie on one plane by chance, or by noise: a box beside a bin lends it no texture. None where too few are left.
@@ -136,7 +136,7 @@ def apart(grid: TextureGrid, pixels: NDArray[np.int64], sources: BoolArray) -> B
     return away if (sources & ~away).sum() >= LEAST_CELLS else np.zeros_like(away)
 
 
-def enlarged_colors(colors: Float32Array, grid: TextureGrid) -> UInt8Array:
+def enlarge_colors(colors: Float32Array, grid: TextureGrid) -> UInt8Array:
     """H x W x 3: colours of the base grid, interpolated."""
     (rows, cols), size, (height, width) = colors.shape[:2], grid.base_cell_size, grid.hole.shape
     large = cv2.resize(colors, (cols * size, rows * size), interpolation=cv2.INTER_LINEAR)
@@ -207,13 +207,15 @@ def surface_bases(grid: TextureGrid, region: HoleRegion, under: Float32Array | N
     fields = []
     for sigma in (2.0, 7.0):
         blurred, share = (cv2.GaussianBlur(a, (0, 0), sigma, borderType=cv2.BORDER_CONSTANT) for a in (sums, weights))
-        fields.append(_continued(np.asarray(blurred, np.float32), np.asarray(share, np.float32), usable, cells))
+        fields.append(_extrapolate(np.asarray(blurred, np.float32), np.asarray(share, np.float32), usable, cells))
     if under is not None:
         fields = [field + under for field in fields]
     return fields[0], fields[1]
 
 
-def _continued(sums: Float32Array, weights: Float32Array, usable: BoolArray, cells: NDArray[np.int64]) -> Float32Array:
+def _extrapolate(
+    sums: Float32Array, weights: Float32Array, usable: BoolArray, cells: NDArray[np.int64]
+) -> Float32Array:
     """Weighted sums to values everywhere: pull to one cell, push back, then relax the unknown cells."""
     weights[weights < 1e-3] = 0
     sums[weights == 0] = 0

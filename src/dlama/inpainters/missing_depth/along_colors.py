@@ -49,7 +49,7 @@ class DepthByColor(NamedTuple):
     """H x W, True where depth alone was missing and a way leads from a known pixel."""
 
 
-def along_colors(
+def fill_along_colors(
     color: UInt8Array,
     missing: BoolArray,
     w: Float32Array,
@@ -73,12 +73,12 @@ def along_colors(
     known = source[reached]
     out, labels = w.copy(), label.copy()
     labels[reached] = label.ravel()[known]
-    out[reached] = continued(w, label.ravel()[known], planes, np.nonzero(reached), known)
-    out = relaxed(out, reached & (labels == SMOOTH), smooth_color)
+    out[reached] = extend_surfaces(w, label.ravel()[known], planes, np.nonzero(reached), known)
+    out = relax_depth(out, reached & (labels == SMOOTH), smooth_color)
     return DepthByColor(out, labels, reached)
 
 
-def relaxed(w: Float32Array, loose: BoolArray, color: Float32Array) -> Float32Array:
+def relax_depth(w: Float32Array, loose: BoolArray, color: Float32Array) -> Float32Array:
     """Inverse depth (H x W, 1/m) whose `loose` pixels (H x W) are drawn to their neighbours, less across edges of the picture.
 
     color: H x W x 3.
@@ -92,7 +92,7 @@ def relaxed(w: Float32Array, loose: BoolArray, color: Float32Array) -> Float32Ar
     return level
 
 
-def continued(
+def extend_surfaces(
     w: Float32Array,
     labels: NDArray[np.int32],
     planes: NDArray[np.float64],

@@ -71,14 +71,14 @@ def is_pipeline(network: Engine) -> bool:
 
 def fill_picture(known: UInt8Array, diffused: UInt8Array, hole: BoolArray, network: Engine) -> UInt8Array:
     """H x W x 3: cracks as diffused, wider holes by the network, known pixels as they are."""
-    wide = hole & ~cracks(hole)
+    wide = hole & ~find_cracks(hole)
     start = np.where(hole[..., None], diffused, known)
     if is_pipeline(network):
-        return by_pipeline(start, wide, network)
+        return run_pipeline(start, wide, network)
     return color_from_planes(network.fill(color_planes(start)[None], wide)[0])
 
 
-def by_pipeline(start: UInt8Array, wide: BoolArray, network: Engine) -> UInt8Array:
+def run_pipeline(start: UInt8Array, wide: BoolArray, network: Engine) -> UInt8Array:
     """H x W x 3: `start` (H x W x 3, filled everywhere) with the holes `wide` (H x W) as the pipeline fills them."""
 
     def run(planes: Float32Array, open_: BoolArray) -> Float32Array:
@@ -97,19 +97,19 @@ def fill_depth(view: View, diffused: Float32Array, network: Engine) -> Float32Ar
     start = np.where(view.hole, inverse_depth(diffused) / np.float32(plane.scale), plane.values)
     grey = np.repeat(np.round(np.clip(start, 0, 1) * 255).astype(np.uint8)[..., None], 3, 2)
     levels = fill_picture(grey, grey, view.hole, network).astype(np.float32).mean(2)
-    values = np.where(view.hole & ~cracks(view.hole), smooth_within_steps(levels) / 255, start)
+    values = np.where(view.hole & ~find_cracks(view.hole), smooth_quantised(levels) / 255, start)
     if not view.far.any():  # level 0 is then no sky, only farther than a step can tell
         values = np.maximum(values, np.float32(0.25 / 255))
     return plane.metres(values.astype(np.float32))
 
 
-def smooth_within_steps(levels: Float32Array) -> Float32Array:
+def smooth_quantised(levels: Float32Array) -> Float32Array:
     """Levels smoothed within half a step, so that slopes are slopes again and edges stay; level 0 stays 0 (far)."""
     smooth = np.asarray(cv2.GaussianBlur(levels, (0, 0), SMOOTHING), np.float32)
     return np.where(levels > 0, np.clip(smooth, levels - 0.5, levels + 0.5), np.float32(0))
 
 
-def cracks(hole: BoolArray) -> BoolArray:
+def find_cracks(hole: BoolArray) -> BoolArray:
     """H x W, True in hole pixels that are on no CRACK_SIDE x CRACK_SIDE square of hole (beyond the border counts as hole)."""
     square = np.ones((CRACK_SIDE, CRACK_SIDE), np.uint8)
     inner = cv2.erode(hole.astype(np.uint8), square, borderValue=1)

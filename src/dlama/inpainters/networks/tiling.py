@@ -56,7 +56,7 @@ def fill_crops(planes: Float32Array, hole: BoolArray, network: Network, layout: 
         if len(tiles) == 1:
             filled = padded_call(planes[part], hole[part], network, layout)
         else:
-            filled = blended_tiles(planes, hole, box, tiles, network, layout)
+            filled = blend_tiles(planes, hole, box, tiles, network, layout)
         out[part] = np.where(group[top:bottom, left:right], filled, out[part])
     return out
 
@@ -100,9 +100,9 @@ def crops(hole: BoolArray, layout: Layout) -> Iterator[tuple[Box, BoolArray]]:
     if not hole.any():
         return
     number, cells = cell_groups(hole)
-    owner, boxes = merged(boxes_with_context(hole, number, cells, layout), layout)
+    owner, boxes = merge_boxes(boxes_with_context(hole, number, cells, layout), layout)
     whole = np.array([[0, hole.shape[0], 0, hole.shape[1]]])
-    if cost(boxes, layout).sum() >= cost(whole, layout).sum() and hole.size <= layout.budget:
+    if pixel_cost(boxes, layout).sum() >= pixel_cost(whole, layout).sum() and hole.size <= layout.budget:
         yield (0, hole.shape[0], 0, hole.shape[1]), hole
         return
     for k in range(len(boxes)):
@@ -129,10 +129,10 @@ def boxes_with_context(hole: BoolArray, number: np.ndarray, count: int, layout: 
     for column, value, extreme in ((0, rows, np.minimum), (2, columns, np.minimum)):
         extreme.at(box[:, column], group, value)
         np.maximum.at(box[:, column + 1], group, value + 1)
-    return np.array([with_context(tuple(one), hole.shape, layout) for one in box.tolist()])
+    return np.array([add_context(tuple(one), hole.shape, layout) for one in box.tolist()])
 
 
-def with_context(box: Box, hw: tuple[int, ...], layout: Layout) -> Box:
+def add_context(box: Box, hw: tuple[int, ...], layout: Layout) -> Box:
     """A box with context on each side, inside the picture, of a size the network takes where there is room."""
     top, bottom, left, right = box
     by = max(CONTEXT, round(CONTEXT_SHARE * ((bottom - top) * (right - left)) ** 0.5))
@@ -145,12 +145,12 @@ def with_context(box: Box, hw: tuple[int, ...], layout: Layout) -> Box:
     return ends[0], ends[1], ends[2], ends[3]
 
 
-def cost(boxes: np.ndarray, layout: Layout) -> np.ndarray:
+def pixel_cost(boxes: np.ndarray, layout: Layout) -> np.ndarray:
     """Pixels that each box (N x 4) costs."""
     return np.maximum((boxes[:, 1] - boxes[:, 0]) * (boxes[:, 3] - boxes[:, 2]), layout.call_cost)
 
 
-def merged(boxes: np.ndarray, layout: Layout) -> tuple[np.ndarray, np.ndarray]:
+def merge_boxes(boxes: np.ndarray, layout: Layout) -> tuple[np.ndarray, np.ndarray]:
     """Boxes merged two by two while one call costs no more than two: (which merged box each went to, merged boxes)."""
     boxes = boxes.copy()
     owner, alive = np.arange(len(boxes)), np.ones(len(boxes), bool)
@@ -159,7 +159,9 @@ def merged(boxes: np.ndarray, layout: Layout) -> tuple[np.ndarray, np.ndarray]:
         both = np.concatenate([np.minimum(boxes[k], boxes)[:, ::2], np.maximum(boxes[k], boxes)[:, 1::2]], 1)[
             :, [0, 2, 1, 3]
         ]
-        gain = np.where(alive, cost(boxes, layout) + cost(boxes[k : k + 1], layout) - cost(both, layout), -1)
+        gain = np.where(
+            alive, pixel_cost(boxes, layout) + pixel_cost(boxes[k : k + 1], layout) - pixel_cost(both, layout), -1
+        )
         gain[k] = -1
         best = int(gain.argmax())
         if not alive[k] or gain[best] < 0:
@@ -198,7 +200,7 @@ def tile_starts(length: int, size: int) -> list[int]:
     return [round(k * (length - size) / (count - 1)) for k in range(count)]
 
 
-def blended_tiles(
+def blend_tiles(
     planes: Float32Array, hole: BoolArray, box: Box, tiles: list[Box], network: Network, layout: Layout
 ) -> Float32Array:
     """The box's planes, each pixel the mean of its tiles weighted by distance from their borders.

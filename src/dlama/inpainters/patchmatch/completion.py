@@ -21,11 +21,11 @@ from dlama.geometry.holes import nearest_known
 from dlama.geometry.kernels.jit import in_bands
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.inpainters.patchmatch import kernels
-from dlama.inpainters.patchmatch.pyramid import Level, dilated_by_patch, pyramid
+from dlama.inpainters.patchmatch.pyramid import Level, build_pyramid, dilated_by_patch
 
 LEAN_DOWN, LEAN_ACROSS = 10000.0, 2500.0
 """Squared grey levels that a patch from as far off as the picture's longer side costs more, below or above, and beside."""
-USED_AGAIN = 30.0
+REUSE_PENALTY = 30.0
 """Squared grey levels for each time that a source is used beyond once."""
 OTHER_SURFACE = 1000.0
 """Squared grey levels that a patch whose middle lies on another surface costs more, where surfaces are given."""
@@ -78,17 +78,17 @@ def complete_picture(
     """
     out = np.where(hole[..., None], guess, picture)
     label = np.zeros(hole.shape, np.int32) if label is None else label.astype(np.int32)
-    levels = pyramid(picture, hole, guess, label) if hole.any() else []
+    levels = build_pyramid(picture, hole, guess, label) if hole.any() else []
     if not levels or not levels[0].sources.any():
         return out
     rng = np.random.default_rng(seed)
     coarser: Search | None = None
     for i in reversed(range(len(levels))):
-        search = Search.of(levels[i], rng, lean_of(max(hole.shape) / 2**i))
+        search = Search.of(levels[i], rng, penalty_weights(max(hole.shape) / 2**i))
         if coarser is None:
             search.compare_all(rng, effort.pairs)
         else:
-            search.go_on_from(coarser)
+            search.start_from(coarser)
         rounds = int(np.clip(effort.updates // len(search.targets), 1, effort.rounds))
         for turn in range(rounds):
             if coarser is None or levels[i].hole.size <= LARGEST_MATCHED:
@@ -99,9 +99,9 @@ def complete_picture(
     return out
 
 
-def lean_of(side: float) -> Float32Array:
+def penalty_weights(side: float) -> Float32Array:
     """What distance, use and another surface cost, as `kernels.penalty` reads it; side: the level's longer side in pixels."""
-    return np.array([LEAN_DOWN / side**2, LEAN_ACROSS / side**2, USED_AGAIN, OTHER_SURFACE], np.float32)
+    return np.array([LEAN_DOWN / side**2, LEAN_ACROSS / side**2, REUSE_PENALTY, OTHER_SURFACE], np.float32)
 
 
 @dataclass
@@ -156,7 +156,7 @@ class Search:
             kernels.search_rows, self.values, self.targets, sources, self.lean, used, self.label, self.found, self.cost
         )
 
-    def go_on_from(self, coarser: Search) -> None:
+    def start_from(self, coarser: Search) -> None:
         """Begin with what the coarser level (half the size) found, and with its colours."""
         parent = self.targets // 2
         above = coarser.number[parent[:, 0], parent[:, 1]]

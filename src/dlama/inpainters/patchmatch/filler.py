@@ -15,7 +15,7 @@ from dlama.inpainters.filling import Fill, Painter
 from dlama.inpainters.networks.migan import migan_filler
 from dlama.inpainters.opencv import telea
 from dlama.inpainters.patchmatch.completion import complete_picture
-from dlama.inpainters.patchmatch.guess import rough_guess
+from dlama.inpainters.patchmatch.guess import guess_coarsely
 
 
 def patchmatch_filler(model: str | Path) -> Painter:
@@ -26,7 +26,7 @@ def patchmatch_filler(model: str | Path) -> Painter:
         return Fill(paint(view.color, view.color_hole, seed), telea(view, law, seed).depth, notes=notes())
 
     def paint(picture: UInt8Array, hole: BoolArray, seed: int) -> UInt8Array:
-        return complete_picture(picture, hole, rough_guess(network.paint, picture, hole, seed), seed)
+        return complete_picture(picture, hole, guess_coarsely(network.paint, picture, hole, seed), seed)
 
     def notes() -> dict[str, Any]:
         return {"guess": network.notes()}

@@ -13,7 +13,7 @@ GUESS_SIDE = 768
 """Longer side in pixels of the picture that the painter sees: detail comes from patches."""
 
 
-def rough_guess(paint: Paint, picture: UInt8Array, hole: BoolArray, seed: int) -> UInt8Array:
+def guess_coarsely(paint: Paint, picture: UInt8Array, hole: BoolArray, seed: int) -> UInt8Array:
     """H x W x 3: the picture (H x W x 3 RGB) with its hole (H x W) as painted at GUESS_SIDE pixels at most."""
     height, width = hole.shape
     by = GUESS_SIDE / max(height, width)

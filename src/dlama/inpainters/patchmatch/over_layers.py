@@ -20,13 +20,13 @@ from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.geometry.view import HoleType, View
 from dlama.geometry.visibility import Law
 from dlama.inpainters.filling import Fill, Inpainter
-from dlama.inpainters.layered.depth_first import occluders
-from dlama.inpainters.layered.filler import blended_out_of_view, painted, surfaces_behind
-from dlama.inpainters.layered.remaining_shadows import shadow_beside
+from dlama.inpainters.layered.depth_first import find_occluders
+from dlama.inpainters.layered.filler import blend_out_of_view, continue_lawfully, paint_surfaces
+from dlama.inpainters.layered.remaining_shadows import find_remaining_shadow
 from dlama.inpainters.layered.surfaces import Surfaces
 from dlama.inpainters.networks.migan import migan_filler
 from dlama.inpainters.patchmatch.completion import QUICK, complete_picture
-from dlama.inpainters.patchmatch.guess import rough_guess
+from dlama.inpainters.patchmatch.guess import guess_coarsely
 
 INNER = (HoleType.OBJECT, HoleType.DISOCCLUDED)
 """Holes that the network guesses."""
@@ -39,24 +39,24 @@ def layered_patches_filler(model: str | Path) -> Inpainter:
     network = migan_filler(model)
 
     def fill(view: View, law: Law, seed: int) -> Fill:
-        surfaces, depth, moved = surfaces_behind(view, law, seed)
+        surfaces, depth, moved = continue_lawfully(view, law, seed)
         hole = view.color_hole & np.isin(view.hole_type, REPAINTED if law.misplaced_edges else (HoleType.OBJECT,))
         inner = hole & np.isin(view.hole_type, INNER)
         color = view.color
         if (view.color_hole & ~inner).any():
-            color = painted(view, surfaces, depth, law, seed)
+            color = paint_surfaces(view, surfaces, depth, law, seed)
         if hole.any():
-            label, hidden = kept_from_patches(view, surfaces, depth, law, hole)
-            guess = rough_guess(network.paint, color, inner | hidden, seed) if inner.any() else color
+            label, hidden = exclude_from_patches(view, surfaces, depth, law, hole)
+            guess = guess_coarsely(network.paint, color, inner | hidden, seed) if inner.any() else color
             done = complete_picture(color, hole | hidden, guess, seed, label=label, effort=QUICK)
             color = np.where(hidden[..., None], color, done)
-        color = blended_out_of_view(view, surfaces, depth, color, law)
+        color = blend_out_of_view(view, surfaces, depth, color, law)
         return Fill(color, depth, moved, {"planes": len(surfaces.planes), "guess": network.notes()})
 
     return fill
 
 
-def kept_from_patches(
+def exclude_from_patches(
     view: View, surfaces: Surfaces, depth: Float32Array, law: Law, hole: BoolArray
 ) -> tuple[NDArray[np.int32] | None, BoolArray]:
     """(H x W surface that patches of a pixel should come from, or None for any; H x W known pixels that show none of it).
@@ -66,5 +66,5 @@ def kept_from_patches(
     removed = hole & (view.hole_type == HoleType.OBJECT)
     if not removed.any():
         return surfaces.label, np.zeros_like(hole)
-    before = occluders(view, surfaces, depth, law) & removed.ravel()[nearest_known(hole)[1]]
-    return None, before | shadow_beside(view, surfaces.label)
+    before = find_occluders(view, surfaces, depth, law) & removed.ravel()[nearest_known(hole)[1]]
+    return None, before | find_remaining_shadow(view, surfaces.label)

@@ -38,17 +38,17 @@ class Level:
     """H x W, the surface of each pixel."""
 
 
-def pyramid(picture: UInt8Array, hole: BoolArray, guess: UInt8Array, label: NDArray[np.int32]) -> list[Level]:
+def build_pyramid(picture: UInt8Array, hole: BoolArray, guess: UInt8Array, label: NDArray[np.int32]) -> list[Level]:
     """Levels from the picture itself to the coarsest, each half of the one before.
 
     picture, guess: H x W x 3 RGB; hole: H x W. The last level is the first in which the hole is as narrow as DEEPEST, or the last
     in which enough whole patches are known.
     """
-    values, filled = described(picture, ~hole), described(guess, np.ones_like(hole))
+    values, filled = describe_pixels(picture, ~hole), describe_pixels(guess, np.ones_like(hole))
     levels = [Level(np.where(hole[..., None], filled, values), hole, whole_patches(hole), label)]
-    while deepest(hole) > DEEPEST and min(hole.shape) >= SMALLEST_SIDE:
-        values, known = halved(values, (~hole).astype(np.float32))
-        filled, _ = halved(filled, np.ones(hole.shape, np.float32))
+    while hole_depth(hole) > DEEPEST and min(hole.shape) >= SMALLEST_SIDE:
+        values, known = halve(values, (~hole).astype(np.float32))
+        filled, _ = halve(filled, np.ones(hole.shape, np.float32))
         hole = known < 0.5
         sources = whole_patches(hole)
         if sources.sum() < FEWEST_SOURCES or not hole.any():
@@ -58,7 +58,7 @@ def pyramid(picture: UInt8Array, hole: BoolArray, guess: UInt8Array, label: NDAr
     return levels
 
 
-def described(picture: UInt8Array, known: BoolArray) -> Float32Array:
+def describe_pixels(picture: UInt8Array, known: BoolArray) -> Float32Array:
     """H x W x 5: colours (0 .. 255), and TEXTURE times the mean change of brightness between known neighbours."""
     color = picture.astype(np.float32)
     grey, there = color.mean(2), known.astype(np.float32)
@@ -71,7 +71,7 @@ def described(picture: UInt8Array, known: BoolArray) -> Float32Array:
     return np.concatenate([color, np.stack(texture, 2)], 2).astype(np.float32)
 
 
-def halved(values: Float32Array, weight: Float32Array) -> tuple[Float32Array, Float32Array]:
+def halve(values: Float32Array, weight: Float32Array) -> tuple[Float32Array, Float32Array]:
     """Values (H x W x C) and their weight (H x W, 0 .. 1) at half the size, rounded up; values are means of what counts."""
     (height, width), odd = weight.shape, [size % 2 for size in weight.shape]
     rim = ((0, odd[0]), (0, odd[1]))
@@ -100,7 +100,7 @@ def dilated_by_patch(hole: BoolArray) -> BoolArray:
     return np.asarray(cv2.dilate(hole.astype(np.uint8), square(2 * HALF + 1)) > 0)
 
 
-def deepest(hole: BoolArray) -> float:
+def hole_depth(hole: BoolArray) -> float:
     """Pixels from known ones to the hole's innermost pixel; beyond the border nothing is known."""
     wider = cv2.copyMakeBorder(hole.astype(np.uint8), 1, 1, 1, 1, cv2.BORDER_REPLICATE)
     return float(cv2.distanceTransform(wider, cv2.DIST_L2, 3).max())

@@ -51,10 +51,10 @@ def onnx_bytes(settings: GeneratorSettings, state: Mapping[str, np.ndarray], met
 
 
 def _generator(g: Graph, s: GeneratorSettings, state: Mapping[str, np.ndarray], x: str) -> str:
-    x = g.add("Relu", g.conv(g.reflect(x, 3), *_folded(state, STEM, "model.1.bn_l")))
+    x = g.add("Relu", g.conv(g.reflect(x, 3), *_fold(state, STEM, "model.1.bn_l")))
     for level in range(s.downsamplings - 1):
         prefix = f"model.{2 + level}"
-        weight, bias = _folded(state, f"{prefix}.ffc.convl2l.weight", f"{prefix}.bn_l")
+        weight, bias = _fold(state, f"{prefix}.ffc.convl2l.weight", f"{prefix}.bn_l")
         x = g.add("Relu", g.conv(g.reflect(x, 1), weight, bias, stride=2))
     local, wide = _split(g, s, state, x)
     transform = plane_transform(g, wide, s.global_channels // 2)
@@ -75,7 +75,7 @@ def _generator(g: Graph, s: GeneratorSettings, state: Mapping[str, np.ndarray], 
 def _split(g: Graph, s: GeneratorSettings, state: Mapping[str, np.ndarray], x: str) -> tuple[str, str]:
     """The last down-sampling: one convolution makes both branches."""
     prefix = f"model.{1 + s.downsamplings}"
-    parts = [_folded(state, f"{prefix}.ffc.convl2{to}.weight", f"{prefix}.bn_{to}") for to in "lg"]
+    parts = [_fold(state, f"{prefix}.ffc.convl2{to}.weight", f"{prefix}.bn_{to}") for to in "lg"]
     weight, bias = (np.concatenate(pair) for pair in zip(*parts))
     both = g.add("Relu", g.conv(g.reflect(x, 1), weight, bias, stride=2))
     local, wide = g.add("Split", both, g.ints(s.local_channels, s.global_channels), outputs=2, axis=1)
@@ -87,17 +87,17 @@ def _ffc(
 ) -> tuple[str, str]:
     """One FFC layer with its norms folded: what leaves the local branch for both is one convolution."""
     local, wide = pair
-    from_local = [_folded(state, f"{at}.ffc.convl2{to}.weight", f"{at}.bn_{to}") for to in "lg"]
+    from_local = [_fold(state, f"{at}.ffc.convl2{to}.weight", f"{at}.bn_{to}") for to in "lg"]
     weight, bias = (np.concatenate(parts) for parts in zip(*from_local))
     both = g.conv(g.reflect(local, 1), weight, bias)
     to_local, to_global = g.add("Split", both, g.ints(s.local_channels, s.global_channels), outputs=2, axis=1)
-    g2l, _ = _folded(state, f"{at}.ffc.convg2l.weight", f"{at}.bn_l")
+    g2l, _ = _fold(state, f"{at}.ffc.convg2l.weight", f"{at}.bn_l")
     to_local = g.add("Add", to_local, g.conv(g.reflect(wide, 1), g2l))
     spectral = f"{at}.ffc.convg2g"
-    x = g.add("Relu", g.conv(wide, *_folded(state, f"{spectral}.conv1.0.weight", f"{spectral}.conv1.1")))
-    mixed = g.conv(t.forward(g, x), *_folded(state, f"{spectral}.fu.conv_layer.weight", f"{spectral}.fu.bn"))
+    x = g.add("Relu", g.conv(wide, *_fold(state, f"{spectral}.conv1.0.weight", f"{spectral}.conv1.1")))
+    mixed = g.conv(t.forward(g, x), *_fold(state, f"{spectral}.fu.conv_layer.weight", f"{spectral}.fu.bn"))
     x = g.add("Add", x, t.inverse(g, g.add("Relu", mixed)))
-    g2g, _ = _folded(state, f"{spectral}.conv2.weight", f"{at}.bn_g")
+    g2g, _ = _fold(state, f"{spectral}.conv2.weight", f"{at}.bn_g")
     to_global = g.add("Add", to_global, g.conv(x, g2g))
     return g.add("Relu", to_local), g.add("Relu", to_global)
 
@@ -135,7 +135,7 @@ def _head(g: Graph, weight: np.ndarray, bias: np.ndarray, x: str) -> str:
     return str(g.add("DepthToSpace", x, blocksize=2))
 
 
-def _folded(state: Mapping[str, np.ndarray], weight: str, norm: str) -> tuple[np.ndarray, np.ndarray]:
+def _fold(state: Mapping[str, np.ndarray], weight: str, norm: str) -> tuple[np.ndarray, np.ndarray]:
     """Weight and bias of a convolution without bias and the batch norm after it (or after a sum it is part of)."""
     scale, shift = _affine(state, norm)
     return (state[weight] * scale[:, None, None, None]).astype(np.float32), shift.astype(np.float32)

@@ -85,10 +85,10 @@ class _Writer:
         both = g.add("Concat", guesses, g.add("Mul", apart, g.constant(APART)), axis=1)
         seen = self.conv("of_context", context, stride=JUDGE_STRIDE)
         h = self.residual("block1", g.add("Add", self.conv("of_guess", both, stride=JUDGE_STRIDE), seen))
-        h = self.join("join1", g.add("Relu", h), self.pooled(h))
-        trunk = self.trunk(g.add("Relu", g.add("Concat", seen, self.pooled(h), axis=1)))
+        h = self.join("join1", g.add("Relu", h), self.pool_guesses(h))
+        trunk = self.trunk(g.add("Relu", g.add("Concat", seen, self.pool_guesses(h), axis=1)))
         h = self.residual("block2", self.join("join2", g.add("Relu", h), g.add("Relu", trunk)))
-        shared = self.pooled(h)
+        shared = self.pool_guesses(h)
         h = self.join("join3", g.add("Relu", h), shared)
         raw = self.conv("head", g.add("Relu", h))
         base, detail, depth = g.add("Split", raw, g.ints(*[1] * JUDGE_HEADS), outputs=3, axis=1)
@@ -104,9 +104,9 @@ class _Writer:
         middle = self.residual("trunk.block1", self.conv("trunk.down1", g.add("Relu", fine), stride=2))
         coarse = self.conv("trunk.down2", g.add("Relu", middle), stride=2)
         coarse = self.residual("trunk.block3", self.residual("trunk.block2", coarse, 2), 4)
-        up = self.doubled(self.conv("trunk.up1", g.add("Relu", coarse)))
+        up = self.upsample_twice(self.conv("trunk.up1", g.add("Relu", coarse)))
         middle = self.residual("trunk.blend1", g.add("Add", middle, up))
-        up = self.doubled(self.conv("trunk.up2", g.add("Relu", middle)))
+        up = self.upsample_twice(self.conv("trunk.up2", g.add("Relu", middle)))
         return self.residual("trunk.blend2", g.add("Add", fine, up))
 
     def residual(self, name: str, x: str, dilation: int = 1) -> str:
@@ -118,12 +118,12 @@ class _Writer:
         """`nets.judge.Join`: K x own x h x w and 1 x shared x h x w -> K x out x h x w."""
         return str(self.g.add("Add", self.conv(f"{name}.own", own), self.conv(f"{name}.shared", shared)))
 
-    def pooled(self, h: str) -> str:
+    def pool_guesses(self, h: str) -> str:
         """K x C x h x w -> 1 x 2C x h x w."""
         pools = [self.g.add(kind, h, axes=[0], keepdims=1) for kind in ("ReduceMean", "ReduceMax")]
         return str(self.g.add("Concat", *pools, axis=1))
 
-    def doubled(self, x: str) -> str:
+    def upsample_twice(self, x: str) -> str:
         """Twice the height and width, bilinear."""
         scales = self.g.constant([1, 1, 2, 2])
         how: dict[str, Any] = {"mode": "linear", "coordinate_transformation_mode": "half_pixel"}

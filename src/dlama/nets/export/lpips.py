@@ -55,7 +55,7 @@ def export_lpips(trunk: Path, heads: Path, target: Path) -> Path:
         MissingExtraError: onnx is not installed.
     """
     sources = {f"dlama.sha256 {file.name}": hashlib.sha256(file.read_bytes()).hexdigest() for file in (trunk, heads)}
-    tensors = {**_checked(trunk, _trunk_shapes()), **_checked(heads, _head_shapes())}
+    tensors = {**_check(trunk, _trunk_shapes()), **_check(heads, _head_shapes())}
     data = _model(tensors, {**ABOUT, **sources}).SerializeToString(deterministic=True)
     return write_whole(target, data)
 
@@ -69,7 +69,7 @@ def _head_shapes() -> dict[str, tuple[int, ...]]:
     return {f"lin{tap}.weight": (1, out, 1, 1) for tap, (_, _, out, *_) in enumerate(CONVOLUTIONS)}
 
 
-def _checked(path: Path, shapes: Mapping[str, tuple[int, ...]]) -> dict[str, np.ndarray]:
+def _check(path: Path, shapes: Mapping[str, tuple[int, ...]]) -> dict[str, np.ndarray]:
     tensors = read_safetensors(path)[0]
     for name, shape in shapes.items():
         came = tensors[name].shape if name in tensors else "nothing"
@@ -88,10 +88,10 @@ def _model(tensors: Mapping[str, np.ndarray], about: Mapping[str, str]) -> Any:
     x = g.add("Sub", "picture", g.constant(np.reshape(SHIFT, (1, 3, 1, 1))))
     x = g.add("Div", x, g.constant(np.reshape(SCALE, (1, 3, 1, 1))))
     for tap, (number, _, _, kernel, stride, pad, pooled) in enumerate(CONVOLUTIONS):
-        weight, bias = (_stored_small(g, tensors[f"features.{number}.{part}"]) for part in ("weight", "bias"))
+        weight, bias = (_store_small(g, tensors[f"features.{number}.{part}"]) for part in ("weight", "bias"))
         layout: dict[str, Any] = {"kernel_shape": [kernel] * 2, "strides": [stride] * 2, "pads": [pad] * 4}
         x = g.add("Relu", g.add("Conv", x, weight, bias, **layout))
-        _weighted_tap(g, x, tensors[f"lin{tap}.weight"], f"tap{tap}")
+        _add_weighted_tap(g, x, tensors[f"lin{tap}.weight"], f"tap{tap}")
         x = g.add("MaxPool", x, kernel_shape=[3, 3], strides=[2, 2]) if pooled else x
     helper, kind = onnx.helper, onnx.TensorProto.FLOAT
     constants = [onnx.numpy_helper.from_array(array, name) for name, array in g.constants.items()]
@@ -108,12 +108,12 @@ def _model(tensors: Mapping[str, np.ndarray], about: Mapping[str, str]) -> Any:
     return model
 
 
-def _stored_small(g: Graph, array: np.ndarray) -> str:
+def _store_small(g: Graph, array: np.ndarray) -> str:
     """A float16 constant, cast to float32 (1 = TensorProto.FLOAT) where it is used."""
     return str(g.add("Cast", g.constant(array, np.float16), to=1))
 
 
-def _weighted_tap(g: Graph, x: str, head: np.ndarray, name: str) -> None:
+def _add_weighted_tap(g: Graph, x: str, head: np.ndarray, name: str) -> None:
     """x / (|x| + eps) over channels, times the square root of the head: an output of the graph."""
     length = g.add("ReduceL2", x, axes=[1], keepdims=1)
     unit = g.add("Div", x, g.add("Add", length, g.constant(EPSILON)))

@@ -123,7 +123,7 @@ def _first(g: Graph, weights: Weights, planes: str) -> str:
     of_mask, of_color = weight[:, :1], weight[:, 1:]
     total = of_color.sum(1, keepdims=True)
     mixed = np.concatenate([2 * of_color, total - of_mask], 1)
-    return _active(g, _conv(g, planes, mixed, bias + (0.5 * of_mask - total).ravel()))
+    return _activate(g, _conv(g, planes, mixed, bias + (0.5 * of_mask - total).ravel()))
 
 
 def _encoder(g: Graph, weights: Weights, x: str) -> tuple[str, dict[int, str]]:
@@ -136,7 +136,7 @@ def _encoder(g: Graph, weights: Weights, x: str) -> tuple[str, dict[int, str]]:
         if side > SIDES[-1]:
             blur = weights[f"{at}.conv2.downsample.filter.weight"]
             x = g.conv(x, blur, stride=2, pads=[1] * 4, group=len(blur))
-        x = _active(g, _conv(g, x, weights[f"{at}.conv2.conv2.weight"]))
+        x = _activate(g, _conv(g, x, weights[f"{at}.conv2.conv2.weight"]))
     return x, skips
 
 
@@ -147,31 +147,31 @@ def _synthesis(g: Graph, weights: Weights, x: str, skips: Mapping[int, str]) -> 
         at = f"synthesis.b{side}"
         x = _conv(g, _depthwise(g, weights, f"{at}.conv1", x), weights[f"{at}.conv1.conv2.weight"])
         if side > SIDES[-1]:
-            x = _doubled(g, weights[f"{at}.conv1.upsample.filter.weight"], x)
-            x = _with_noise(g, weights, f"{at}.conv1", x)
-        x = g.add("Add", _active(g, x), skips[side])
+            x = _upsample_twice(g, weights[f"{at}.conv1.upsample.filter.weight"], x)
+            x = _add_noise(g, weights, f"{at}.conv1", x)
+        x = g.add("Add", _activate(g, x), skips[side])
         x = _conv(g, _depthwise(g, weights, f"{at}.conv2", x), weights[f"{at}.conv2.conv2.weight"])
         if side > SIDES[-1]:
-            x = _with_noise(g, weights, f"{at}.conv2", x)
-        x = _active(g, x)
+            x = _add_noise(g, weights, f"{at}.conv2", x)
+        x = _activate(g, x)
         here = 0.5 if side == SIDE else 0.0  # -1..1 to 0..1: half of every level, and the offset once
         weight, bias = weights[f"{at}.torgb.weight"], weights[f"{at}.torgb.bias"]
         of_level = g.conv(x, 0.5 * weight, 0.5 * bias + here)
         if colors:
-            of_level = g.add("Add", _doubled(g, weights[f"{at}.upsample.filter.weight"], colors), of_level)
+            of_level = g.add("Add", _upsample_twice(g, weights[f"{at}.upsample.filter.weight"], colors), of_level)
         colors = of_level
     return colors
 
 
 def _separable(g: Graph, weights: Weights, at: str, x: str) -> str:
     """Depthwise 3 x 3, activation, 1 x 1, activation."""
-    return _active(g, _conv(g, _depthwise(g, weights, at, x), weights[f"{at}.conv2.weight"]))
+    return _activate(g, _conv(g, _depthwise(g, weights, at, x), weights[f"{at}.conv2.weight"]))
 
 
 def _depthwise(g: Graph, weights: Weights, at: str, x: str) -> str:
     """Depthwise 3 x 3 and activation."""
     weight = weights[f"{at}.conv1.weight"]
-    return _active(g, _conv(g, x, weight, weights[f"{at}.conv1.bias"], group=len(weight), pads=[1] * 4))
+    return _activate(g, _conv(g, x, weight, weights[f"{at}.conv1.bias"], group=len(weight), pads=[1] * 4))
 
 
 def _conv(g: Graph, x: str, weight: np.ndarray, bias: np.ndarray | None = None, **attributes: Any) -> str:
@@ -179,18 +179,18 @@ def _conv(g: Graph, x: str, weight: np.ndarray, bias: np.ndarray | None = None, 
     return g.conv(x, weight * GAIN, None if bias is None else bias * GAIN, **attributes)
 
 
-def _active(g: Graph, x: str) -> str:
+def _activate(g: Graph, x: str) -> str:
     return str(g.add("LeakyRelu", x, alpha=SLOPE))
 
 
-def _with_noise(g: Graph, weights: Weights, layer: str, x: str) -> str:
+def _add_noise(g: Graph, weights: Weights, layer: str, x: str) -> str:
     """The layer's constant noise added, before its activation; of a smaller input its upper left part."""
     size = g.add("Slice", g.add("Shape", x), g.ints(2), g.ints(4))
     noise = g.constant(np.reshape(weights.noise[layer] * GAIN, weights.noise[layer].shape[-2:]))
     return str(g.add("Add", x, g.add("Slice", noise, g.ints(0, 0), size, g.ints(0, 1))))
 
 
-def _doubled(g: Graph, blur: np.ndarray, x: str) -> str:
+def _upsample_twice(g: Graph, blur: np.ndarray, x: str) -> str:
     """Twice the height and width: zeros between the samples, then a 4 x 4 filter (C x 1 x 4 x 4, correlated)."""
     turned = blur[:, :, ::-1, ::-1]  # a transposed convolution spreads where a convolution gathers
     weight = g.constant(turned)

@@ -178,11 +178,11 @@ def _conjugate_weight(g: Graph, columns: str, width: str) -> str:
 
 def _complex_matrix(g: Graph, rows: tuple[tuple[str, str], tuple[str, str]], height: str, stack: int, pair: int) -> str:
     """2H x 2H of four H x H parts; 1 interleaves (rows on `stack`, columns on `pair`), 0 keeps part beside part."""
-    across = [_joined_flat(g, parts, 1 + pair, height, (1, 2)) for parts in rows]
-    return _joined_flat(g, (across[0], across[1]), stack, height, (2, 2))
+    across = [_join_flat(g, parts, 1 + pair, height, (1, 2)) for parts in rows]
+    return _join_flat(g, (across[0], across[1]), stack, height, (2, 2))
 
 
-def _joined_flat(g: Graph, parts: tuple[str, str], axis: int, height: str, times: tuple[int, int]) -> str:
+def _join_flat(g: Graph, parts: tuple[str, str], axis: int, height: str, times: tuple[int, int]) -> str:
     """Two matrices joined along a new axis, which is then flattened away."""
     both = g.add("Concat", *(g.add("Unsqueeze", part, g.ints(axis)) for part in parts), axis=axis)
     return str(g.add("Reshape", both, g.add("Mul", g.add("Concat", height, height, axis=0), g.ints(*times))))

@@ -17,7 +17,6 @@ from dlama.errors import MaskError
 from dlama.geometry.holes import dilate_mask, disc, erode_mask, morphological_open
 from dlama.geometry.rgbd import RGBD, BoolArray, UInt8Array
 from dlama.perception.masks.borders import decide_by_color
-from dlama.perception.masks.confirmed import rim_share
 from dlama.perception.masks.prompt import Pixel, Prompt
 from dlama.perception.masks.rough import (
     RoughDepth,
@@ -27,6 +26,7 @@ from dlama.perception.masks.rough import (
     run_grabcut,
 )
 from dlama.perception.masks.rough import mark_clicks as with_seeds
+from dlama.perception.masks.saliency_correction import rim_share
 from dlama.perception.masks.salient import SIDE, saliency
 
 WINDOWS = (0.75, 0.5)

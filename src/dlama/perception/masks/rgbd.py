@@ -19,13 +19,13 @@ from dlama.geometry.projection import inverse_depth
 from dlama.geometry.rgbd import RGBD, BoolArray
 from dlama.perception.kernels.regions import join_regions
 from dlama.perception.masks.borders import add_ground_contact, snap_to_picture_edges
-from dlama.perception.masks.confirmed import CorrectedMask, correct_by_saliency, find_uncertain_pixels
 from dlama.perception.masks.cuts import closer_to_object
 from dlama.perception.masks.outlines import refine_outline
 from dlama.perception.masks.photo import PhotoMasker
 from dlama.perception.masks.pieces import GROUP_GAP, THING_GAP, Pieces, color_bins, merge_pieces
 from dlama.perception.masks.prompt import Pixel, Prompt
 from dlama.perception.masks.rough import rough_candidates, rough_depth
+from dlama.perception.masks.saliency_correction import CorrectedMask, correct_by_saliency, find_uncertain_pixels
 from dlama.perception.masks.supports import Planes, find_planes_of_picture, find_supports, is_ground
 from dlama.perception.planes import noise_level
 

@@ -12,12 +12,12 @@ import numpy as np
 from dlama.geometry.holes import dilate_mask, regions_touching
 from dlama.geometry.rgbd import RGBD, BoolArray
 from dlama.perception.masks.supports import Planes, find_planes_of_picture
+from dlama.perception.shadows.cast import SMALLEST_PX
 from dlama.perception.shadows.classifier import SHADOW, shadow_probability
 from dlama.perception.shadows.contrast import has_contrast
 from dlama.perception.shadows.ground import EDGE_PX, find_ground
 from dlama.perception.shadows.growing import grow_ambient_shadow, grow_shadow
 from dlama.perception.shadows.planes import shadow_planes
-from dlama.perception.shadows.thrown import SMALLEST_PX
 
 NEAR_PX = 5
 """A shadow touches the shape that was thrown, or comes so near the thing."""

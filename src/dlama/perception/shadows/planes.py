@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 from dlama.geometry.holes import dilate_mask
 from dlama.geometry.projection import rays
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array
+from dlama.perception.shadows.cast import find_cast_shapes
 from dlama.perception.shadows.crop import Crop, crop_around
 from dlama.perception.shadows.ground import EDGE_PX, Ground, measure_object, object_points
 from dlama.perception.shadows.lit_surface import measure_darkness
 from dlama.perception.shadows.occlusion import ambient_occlusion
-from dlama.perception.shadows.thrown import find_cast_shapes
 
 MULTIPLE = 32
 """The sides of the planes are multiples of this many pixels; the crop's longer side has `crop.SIDE`."""

@@ -121,7 +121,7 @@ def blend(grid: Array, across: Beside, along: Beside, k: Whole) -> Real:
     return top + ay * (low - top)
 
 
-def sampled(grid: Float32Array, x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
+def sample(grid: Float32Array, x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
     """N x 3 values of a grid at cell coordinates, bilinear, as the kernels see them."""
     rows, cols = grid.shape[:2]
     fx, fy = np.clip(x - 0.5, 0, cols - 1), np.clip(y - 0.5, 0, rows - 1)

@@ -12,14 +12,14 @@ from numpy.typing import NDArray
 from dlama.geometry.camera import Float64Array
 from dlama.geometry.kernels.jit import Flag, Real, Whole, in_bands, kernel, piece
 from dlama.geometry.rgbd import Float32Array, UInt8Array
-from dlama.inpainters.layered.kernels.cells import NEARER, between, blend, sampled
+from dlama.inpainters.layered.kernels.cells import NEARER, between, blend, sample
 
 FARTHER = np.float32(0.9)
 """And this much farther."""
 
 
 @piece
-def moved(u: Real, v: Real, w: Real, s1: Real, s2: Real, axes: Float64Array) -> tuple[Real, Real, Real]:
+def displace(u: Real, v: Real, w: Real, s1: Real, s2: Real, axes: Float64Array) -> tuple[Real, Real, Real]:
     """(u', v', z'): where a shift takes a pixel, and by how much its distance grows (z' <= 0: behind the camera)."""
     z = 1 + w * (s1 * axes[0, 2] + s2 * axes[1, 2])
     x = u + w * (s1 * axes[0, 0] + s2 * axes[1, 0])
@@ -62,7 +62,7 @@ def correlate_rows(
         ab, aa, bb, n = 0.0, 1e-3, 1e-3, 0
         for p in range(len(points)):
             w = points[p, 2]
-            x, y, z = moved(points[p, 0], points[p, 1], w, shifts[i, 0], shifts[i, 1], axes)
+            x, y, z = displace(points[p, 0], points[p, 1], w, shifts[i, 0], shifts[i, 1], axes)
             if z <= 1e-3 or not is_source(x, y, w / z, factor, depths, sources, kind):
                 continue
             n += 1
@@ -92,7 +92,7 @@ def correlate(
     points: N x 3 (u, v, inverse depth), full-resolution pixels. Shrunk towards 0 for few samples.
     """
     out = np.zeros(len(shifts), np.float32)
-    here = sampled(detail, points[:, 0] / factor, points[:, 1] / factor)
+    here = sample(detail, points[:, 0] / factor, points[:, 1] / factor)
     in_bands(
         correlate_rows,
         len(shifts),
@@ -129,7 +129,7 @@ def scale_rows(
     for i in range(first, last):
         for p in range(len(cells)):
             w = cells[p, 2]
-            x, y, z = moved(cells[p, 0], cells[p, 1], w, shifts[i, 0], shifts[i, 1], axes)
+            x, y, z = displace(cells[p, 0], cells[p, 1], w, shifts[i, 0], shifts[i, 1], axes)
             if z > 1e-3 and is_source(x, y, w / z, factor, depths, sources, kind):
                 octaves = np.log2(z)
                 out[i, p] = abs(octaves) + (0.3 * (octaves if octaves > 0 else 0.0))
@@ -248,7 +248,7 @@ def paint_pixels(
             if share <= 0 or cx < 0 or cy < 0 or cx >= cols or cy >= rows or pick[cy, cx] < 0:
                 continue
             i = pick[cy, cx]
-            su, sv, z = moved(u, v, w, shifts[i, 0], shifts[i, 1], axes)
+            su, sv, z = displace(u, v, w, shifts[i, 0], shifts[i, 1], axes)
             if z <= 1e-3 or not is_source(su, sv, w / z, np.int64(1), inverse_depth, source, kind):
                 continue
             total += share

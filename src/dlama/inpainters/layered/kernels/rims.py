@@ -10,7 +10,7 @@ from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 
 
 @kernel
-def beside_rows(
+def mean_known_rows(
     first: Whole,
     last: Whole,
     color: UInt8Array,
@@ -23,7 +23,7 @@ def beside_rows(
     out: Float32Array,
     found: BoolArray,
 ) -> None:
-    """Rows of `beside`."""
+    """Rows of `mean_known_nearby`."""
     height, width = where.shape
     for y in range(first, last):
         for x in range(width):
@@ -47,7 +47,7 @@ def beside_rows(
                 found[y, x] = True
 
 
-def beside(
+def mean_known_nearby(
     color: UInt8Array,
     where: BoolArray,
     known: NDArray[np.int32],
@@ -63,5 +63,5 @@ def beside(
     H x W label and inverse depth of all; apart: relative inverse depth up to which two pixels of one label are one surface.
     """
     out, found = np.zeros(color.shape, np.float32), np.zeros(where.shape, np.bool_)
-    in_bands(beside_rows, len(where), color, where, known, label, w, reach, float(apart), out, found)
+    in_bands(mean_known_rows, len(where), color, where, known, label, w, reach, float(apart), out, found)
     return out, found

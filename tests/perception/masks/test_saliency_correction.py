@@ -7,14 +7,14 @@ import pytest
 
 from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import RGBD, BoolArray
-from dlama.perception.masks.confirmed import (
+from dlama.perception.masks.pieces import Pieces, color_bins
+from dlama.perception.masks.saliency_correction import (
     SalientObject,
     depth_step_at_outline,
     number_surfaces,
     select_surfaces,
     uniform_region,
 )
-from dlama.perception.masks.pieces import Pieces, color_bins
 from dlama.perception.masks.supports import Planes
 
 HW = (100, 120)

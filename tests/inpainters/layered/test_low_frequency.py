@@ -10,13 +10,13 @@ from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.sky import Sky
 from dlama.geometry.view import HoleType, View
-from dlama.inpainters.layered.hedging import (
+from dlama.inpainters.layered.low_frequency import (
     CLEAR,
     LARGEST_SHARE,
     REACH,
     SHARE_APART,
     SHARE_OF_SKY,
-    hedged,
+    blend_with_low_frequency,
     smooth_guess,
 )
 
@@ -45,7 +45,7 @@ def test_a_guess_leans_on_the_known_colour_by_distance(nearness: float) -> None:
     full at half the median inverse depth and less, nothing at the median."""
     view = view_of()
     w = np.where(view.hole, np.float32(0.25 * nearness), np.float32(0.25))
-    out = hedged(view, painted(view), view.hole, w)
+    out = blend_with_low_frequency(view, painted(view), view.hole, w)
     distance = cv2.distanceTransform(view.hole.astype(np.uint8), cv2.DIST_L2, 5)[view.hole]
     share = LARGEST_SHARE * (1 - np.exp(-distance / (REACH * 60))) * np.clip(2 * (1 - nearness), 0, 1)
     wanted = PAINTED * (1 - share[:, None]) + KNOWN * share[:, None]
@@ -59,7 +59,9 @@ def test_near_planes_are_sure_to_go_on() -> None:
     view = view_of()
     for w in (0.25, 0.5):
         color = painted(view)
-        np.testing.assert_array_equal(hedged(view, color, view.hole, np.full(HW, w, np.float32)), color)
+        np.testing.assert_array_equal(
+            blend_with_low_frequency(view, color, view.hole, np.full(HW, w, np.float32)), color
+        )
 
 
 def test_fine_detail_stays_where_colours_are_hedged() -> None:
@@ -67,7 +69,7 @@ def test_fine_detail_stays_where_colours_are_hedged() -> None:
     view = view_of()
     stripes = painted(view)
     stripes[::2, 40:], stripes[1::2, 40:] = 100, 140
-    out = hedged(view, stripes, view.hole, np.zeros(HW, np.float32)).astype(int)
+    out = blend_with_low_frequency(view, stripes, view.hole, np.zeros(HW, np.float32)).astype(int)
     contrast = (out[1::2] - out[::2])[2:-2, 50:]
     assert np.abs(contrast - 40).max() <= 2 + DRIFT
 
@@ -79,7 +81,7 @@ def test_surfaces_keep_their_borders_and_their_contrast() -> None:
     color, label = painted(view), np.ones(HW, np.int32)
     color[:20, 40:], label[:20] = 230, 2
     color[20:, 40:50], color[20:, 50:] = 60, 90
-    out = hedged(view, color, view.hole, np.zeros(HW, np.float32), label).astype(int)
+    out = blend_with_low_frequency(view, color, view.hole, np.zeros(HW, np.float32), label).astype(int)
     moved = (out - color)[:, 50:]
     assert (np.abs(np.diff(moved[:20, :, 0], axis=0)) <= 2).all() and (
         np.abs(np.diff(moved[20:, :, 0], axis=0)) <= 2
@@ -94,14 +96,15 @@ def test_the_sky_stays_sky() -> None:
     sky that knows where up is, as much at the horizon, and by as much less as it is high of CLEAR."""
     view, color, far = view_of(), painted(view_of()), np.zeros(HW, np.float32)
     sky, wall = (
-        hedged(view, color, view.hole, far, np.full(HW, label, np.int32)).astype(float) - color for label in (0, 1)
+        blend_with_low_frequency(view, color, view.hole, far, np.full(HW, label, np.int32)).astype(float) - color
+        for label in (0, 1)
     )
     there = np.abs(wall[:, 50:]) > 15
     assert there.any()
     np.testing.assert_allclose((sky[:, 50:] / wall[:, 50:])[there], SHARE_OF_SKY / SHARE_APART, atol=0.06)
     frame = view.camera, view.color, ~view.hole
     known = Sky.of([frame])
-    high = hedged(view, color, view.hole, far, np.zeros(HW, np.int32), known).astype(float) - color
+    high = blend_with_low_frequency(view, color, view.hole, far, np.zeros(HW, np.int32), known).astype(float) - color
     rows, columns = np.indices(HW).astype(float) + 0.5
     share = np.clip(1 - np.abs(known.heights(view.camera, columns, rows)) / CLEAR, 0, 1)[..., None]
     np.testing.assert_allclose(high, sky * share, atol=1.5)
@@ -112,9 +115,9 @@ def test_only_what_is_out_of_view_is_a_guess(kind: HoleType) -> None:
     """Holes of other types keep their painted colours; so do pixels whose colour was not painted."""
     view, far = view_of(kind), np.zeros(HW, np.float32)
     color = painted(view)
-    np.testing.assert_array_equal(hedged(view, color, view.hole, far), color)
+    np.testing.assert_array_equal(blend_with_low_frequency(view, color, view.hole, far), color)
     beyond = view_of()
-    np.testing.assert_array_equal(hedged(beyond, color, np.zeros(HW, bool), far), color)
+    np.testing.assert_array_equal(blend_with_low_frequency(beyond, color, np.zeros(HW, bool), far), color)
 
 
 def test_nothing_known_leaves_the_colours() -> None:
@@ -122,7 +125,9 @@ def test_nothing_known_leaves_the_colours() -> None:
     view = view_of()
     all_hole = view.without(~view.hole, HoleType.OUT_OF_VIEW)
     color = np.tile(PAINTED, (*HW, 1))
-    np.testing.assert_array_equal(hedged(all_hole, color, all_hole.hole, np.zeros(HW, np.float32)), color)
+    np.testing.assert_array_equal(
+        blend_with_low_frequency(all_hole, color, all_hole.hole, np.zeros(HW, np.float32)), color
+    )
 
 
 def test_smooth_guesses_of_one_colour_are_that_colour() -> None:

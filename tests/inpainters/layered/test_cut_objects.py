@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dlama.geometry.holes import dilate_mask
-from dlama.inpainters.layered.cut_things import Chord, CutThings, cut_things, foliage
+from dlama.inpainters.layered.cut_objects import Chord, CutObjects, find_cut_objects, foliage
 from dlama.perception.planes import SMOOTH
 
 HW, BORDER = (120, 160), 110
@@ -20,11 +20,11 @@ GAPS = np.random.default_rng(0).random(HW) < 0.2
 """Between leaves."""
 
 
-def cut(thing: np.ndarray, w: np.ndarray | None = None) -> CutThings:
+def cut(thing: np.ndarray, w: np.ndarray | None = None) -> CutObjects:
     """Of a thing (h x w) before a wall, all but for what lies beyond the BORDER known."""
     w = np.where(thing, THING, WALL).astype(np.float32) if w is None else w
     label = np.where(thing, SMOOTH, 1).astype(np.int32)
-    return cut_things(w, label, UNSEEN, dilate_mask(UNSEEN, 2))
+    return find_cut_objects(w, label, UNSEEN, dilate_mask(UNSEEN, 2))
 
 
 @pytest.mark.parametrize("inside", [-10, -6, 0, 8])

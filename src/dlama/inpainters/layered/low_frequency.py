@@ -36,7 +36,7 @@ GRID = 128
 """Longer side of the grid on which that is blurred."""
 
 
-def hedged(
+def blend_with_low_frequency(
     view: View,
     color: UInt8Array,
     hole: BoolArray,
@@ -56,22 +56,22 @@ def hedged(
         return color
     distance = cv2.distanceTransform(view.hole.astype(np.uint8), cv2.DIST_L2, 5)[out_of_view]
     middle = max(float(np.median(known)), 1e-6)
-    largest = LARGEST_SHARE if label is None else shares_apart(view, out_of_view, label, sky)
+    largest = LARGEST_SHARE if label is None else blend_shares(view, out_of_view, label, sky)
     unsure = 1 - np.exp(-distance / (REACH * max(w.shape)))
     share = largest * unsure * np.clip(2 * (1 - w[out_of_view] / middle), 0, 1)
     out = color.copy()
     guess = smooth_guess(view, out_of_view)
     if label is None:
-        step = guess - blurred(color, out_of_view)
+        step = guess - blur_among(color, out_of_view)
     else:
-        step = blurred_apart(guess - color[out_of_view], out_of_view, label)
+        step = blur_per_label(guess - color[out_of_view], out_of_view, label)
     blend = color[out_of_view] + share[:, None] * step
     out[out_of_view] = np.clip(np.round(blend), 0, 255)
     return out
 
 
-def shares_apart(view: View, where: BoolArray, label: NDArray[np.int32], sky: Sky | None) -> Float32Array:
-    """N, the largest share of the smooth guess at the N pixels of `where` (H x W). label, sky: as of `hedged`."""
+def blend_shares(view: View, where: BoolArray, label: NDArray[np.int32], sky: Sky | None) -> Float32Array:
+    """N, the largest share of the smooth guess at the N pixels of `where` (H x W). label, sky: see `blend_with_low_frequency`."""
     out = np.full(int(where.sum()), SHARE_APART, np.float32)
     far = label[where] == SKY
     out[far] = SHARE_OF_SKY
@@ -82,14 +82,14 @@ def shares_apart(view: View, where: BoolArray, label: NDArray[np.int32], sky: Sk
     return out
 
 
-def blurred(color: UInt8Array, where: BoolArray) -> Float32Array:
+def blur_among(color: UInt8Array, where: BoolArray) -> Float32Array:
     """N x 3: the colours of the N pixels of `where` (H x W), blurred among themselves over DETAIL_PX."""
     there = where.astype(np.float32)
     sums, weight = (cv2.GaussianBlur(a, (0, 0), DETAIL_PX) for a in (color * there[..., None], there))
     return np.asarray(sums[where] / weight[where, None], np.float32)
 
 
-def blurred_apart(values: Float32Array, where: BoolArray, label: NDArray[np.int32]) -> Float32Array:
+def blur_per_label(values: Float32Array, where: BoolArray, label: NDArray[np.int32]) -> Float32Array:
     """N x 3: values of the N pixels of `where` (H x W), blurred among those of one label (H x W) over WIDE, on a coarse grid."""
     step = max(1.0, max(where.shape) / GRID)
     height, width = (int(np.ceil(size / step)) for size in where.shape)
@@ -103,11 +103,11 @@ def blurred_apart(values: Float32Array, where: BoolArray, label: NDArray[np.int3
         sums = [np.bincount(cell[own], part, height * width).reshape(height, width) for part in weights]
         wide = cv2.GaussianBlur(np.stack(sums, 2).astype(np.float32), (0, 0), WIDE * max(height, width))
         mean = wide[..., 1:] / np.maximum(wide[..., :1], np.float32(1e-6))
-        out[own] = sampled(np.asarray(mean, np.float32), x[own][:, None], y[own][:, None])
+        out[own] = sample_bilinear(np.asarray(mean, np.float32), x[own][:, None], y[own][:, None])
     return out
 
 
-def sampled(picture: Float32Array, x: Float32Array, y: Float32Array) -> Float32Array:
+def sample_bilinear(picture: Float32Array, x: Float32Array, y: Float32Array) -> Float32Array:
     """N x 3: a small picture read bilinearly at N x 1 columns and rows (first cell: 0)."""
     height, width = picture.shape[:2]
     x, y = np.clip(x, 0, width - 1), np.clip(y, 0, height - 1)

@@ -26,7 +26,7 @@ STEP, AROUND, DENSE = 1.03, 15, 0.08
 apart. A window across one straight outline has 0.03."""
 TOGETHER = 6
 """Cells round each cell of a cut within which the next one belongs to it: between leaves and twigs."""
-ONE_THING = 1.6
+ONE_OBJECT = 1.6
 """Ratio of inverse depths up to which what is cut is one thing."""
 THIN = 8
 """Cells: a thing that is seen no farther from the cut than this may run along the border, uncut."""
@@ -40,7 +40,7 @@ SHARES = (ANGLES - np.sin(ANGLES) * np.cos(ANGLES)) / (4 * np.sin(ANGLES) ** 2)
 """Its area over the square of the chord."""
 
 
-class CutThings(NamedTuple):
+class CutObjects(NamedTuple):
     """Where things go on out of view, on a grid of cells."""
 
     beyond: Float32Array
@@ -83,18 +83,18 @@ class Chord(NamedTuple):
         return self.middle - np.sign(heights.mean()) * radius * np.cos(angle) * outwards, float(radius)
 
 
-def cut_things(w: Float32Array, label: NDArray[np.int32], hole: BoolArray, beside: BoolArray) -> CutThings:
+def find_cut_objects(w: Float32Array, label: NDArray[np.int32], hole: BoolArray, beside: BoolArray) -> CutObjects:
     """Where they go on.
 
     w, label, hole: h x w inverse depth and label of the known cells; beside: h x w, cells next to what is out of view.
     """
     loose = ~hole & (label == SMOOTH)
     number, depths, circles = np.zeros(loose.shape, np.int32), [0.0], [(0.0, 0.0, 0.0)]
-    beyond = distance_to_loose(loose)
+    beyond = distance_to_unlabelled(loose)
     leaves = loose & foliage(w, ~hole & (w > 0)) if (loose & beside).any() else np.zeros_like(loose)
     cut = leaves & beside
     if not cut.any():
-        return CutThings(beyond, number, np.zeros(1, np.float32), np.zeros((1, 3), np.float32))
+        return CutObjects(beyond, number, np.zeros(1, np.float32), np.zeros((1, 3), np.float32))
     rows, columns = np.indices(loose.shape, np.float32)
     for here, chord in cut_parts(w, leaves, cut):
         circle = chord.circle(here)
@@ -106,10 +106,10 @@ def cut_things(w: Float32Array, label: NDArray[np.int32], hole: BoolArray, besid
         circles.append((row, column, radius))
         number[here | (goes_on & ~loose & (depths[-1] > np.array(depths)[number]))] = len(depths) - 1
     beyond[hole & (number.ravel()[nearest_known(loose)[1]] > 0)] = np.inf
-    return CutThings(beyond, number, np.array(depths, np.float32), np.array(circles, np.float32))
+    return CutObjects(beyond, number, np.array(depths, np.float32), np.array(circles, np.float32))
 
 
-def distance_to_loose(loose: BoolArray) -> Float32Array:
+def distance_to_unlabelled(loose: BoolArray) -> Float32Array:
     """h x w cells to the nearest of `loose` (h x w), less what each thing goes on for (REACHES); 1000 if none is."""
     if not loose.any():
         return np.full(loose.shape, 1e3, np.float32)
@@ -139,12 +139,12 @@ def cut_parts(w: Float32Array, leaves: BoolArray, cut: BoolArray) -> Iterator[tu
         left = own == number
         while (left & cut).any():
             typical = np.quantile(w[left & cut], 0.5, method="lower")
-            here = left & as_far(w, typical)
+            here = left & at_same_depth(w, typical)
             left &= ~here
             chord = Chord.of(here & cut)
             yield here & (nearest_known(here & cut)[0] <= chord.length), chord
 
 
-def as_far(w: Float32Array, typical: float | Float32Array) -> BoolArray:
+def at_same_depth(w: Float32Array, typical: float | Float32Array) -> BoolArray:
     """True where inverse depths are those of one thing of a `typical` inverse depth, up to ONE_THING."""
-    return np.asarray((w < ONE_THING * typical) & (w * ONE_THING > typical))
+    return np.asarray((w < ONE_OBJECT * typical) & (w * ONE_OBJECT > typical))
