@@ -15,6 +15,8 @@ if TYPE_CHECKING:  # what type checkers and editors read; a test holds it equal 
     from dlama.completion.completion import Completion as Completion
     from dlama.completion.completion import StereoCompletion as StereoCompletion
     from dlama.completion.paths import render_path as render_path
+    from dlama.completion.photo3d import Photo3D as Photo3D
+    from dlama.completion.photo3d import photo3d as photo3d
     from dlama.completion.pipeline import complete as complete
     from dlama.completion.recipes import Recipe as Recipe
     from dlama.completion.stereo.stereo import stereo as stereo
@@ -46,6 +48,7 @@ if TYPE_CHECKING:  # what type checkers and editors read; a test holds it equal 
     from dlama.geometry.frames.alignment import align_frames as align_frames
     from dlama.geometry.frames.gathering import scene as scene
     from dlama.geometry.fusion import fuse as fuse
+    from dlama.geometry.head_box import HeadBox as HeadBox
     from dlama.geometry.mesh import Mesh as Mesh
     from dlama.geometry.projection import lift as lift
     from dlama.geometry.rendering import render as render
@@ -86,6 +89,7 @@ MODULES = {
     "Fill": "inpainters.filling",
     "FillReport": "inpainters.filling",
     "Finding": "perception.diagnosis.finding",
+    "HeadBox": "geometry.head_box",
     "HoleType": "geometry.view",
     "Inpainter": "inpainters.filling",
     "InputError": "errors",
@@ -99,6 +103,7 @@ MODULES = {
     "ObjectMask": "perception.object_masks",
     "Origin": "geometry.view",
     "OutputError": "errors",
+    "Photo3D": "completion.photo3d",
     "PointCloud": "geometry.cloud",
     "RGBD": "geometry.rgbd",
     "Recipe": "completion.recipes",
@@ -119,6 +124,7 @@ MODULES = {
     "inpaint": "inpainters.filling",
     "lift": "geometry.projection",
     "orbit": "geometry.trajectories",
+    "photo3d": "completion.photo3d",
     "read_camera": "files.cameras",
     "read_color": "files.rasters.pictures",
     "read_mask": "files.rasters.pictures",

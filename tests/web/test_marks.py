@@ -144,16 +144,3 @@ def test_a_pixel_tells_what_it_holds(visit: Visit, frame: Path) -> None:
     assert told["depth"] == pytest.approx(float(view.depth[20, 40]), abs=1e-4)
     with pytest.raises(PageError, match="outside"):
         results.pixel(visit, {"x": 64, "y": 0})
-
-
-def test_thinned_scenes_keep_their_place(visit: Visit, frame: Path) -> None:
-    """Oracle: each point of the thinned scene is one of the whole scene's."""
-    open_frame(visit, frame)
-    scene = completed(visit, yaw=10).done.scene
-    less, step = pictures.thinned(scene, 1000)
-    assert step in (3, 5)
-    for one, whole in zip(less.layers, scene.layers):
-        kept, all_of_it = dlama.lift(one).points, dlama.lift(whole).points
-        assert len(kept) and len(kept) < len(all_of_it)
-        nearest = [np.abs(all_of_it - point).sum(1).min() for point in kept[::17]]
-        assert max(nearest) < 1e-5

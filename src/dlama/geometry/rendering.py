@@ -87,7 +87,8 @@ def render(
     for number, grid in enumerate(grids):
         if number or merged is not None:
             measured = bool(from_source(grid.layer.origin).any())
-            canvas.put(draw(grid, camera, Canvas.empty(camera, with_errors)), tolerance=0.005, over_measured=measured)
+            drawn = draw(grid, camera, Canvas.empty(camera, with_errors))
+            canvas.put(drawn, tolerance=0.005, over_measured=measured, at_home=merged is None and grids[0].own_camera)
         else:
             draw(grid, camera, canvas)
             if grid.own_camera:

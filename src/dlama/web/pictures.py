@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from typing import Any
 
@@ -22,7 +21,7 @@ from dlama.geometry.figures.false_color import (
 )
 from dlama.geometry.projection import lift
 from dlama.geometry.rendering import render
-from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
+from dlama.geometry.rgbd import RGBD, BoolArray, UInt8Array
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import HoleType, Origin, View
 from dlama.web.completion_request import CompletionRequest
@@ -184,29 +183,3 @@ def source_depth(rgbd: RGBD) -> tuple[UInt8Array, dict[str, Any]]:
     """The depth that was read, in colours, and their scale."""
     lo, hi = depth_limits(rgbd.depth)
     return depth_picture(rgbd.depth, None, lo, hi), depth_ramp(lo, hi)
-
-
-def thinned(scene: Scene, most: int) -> tuple[Scene, int]:
-    """The scene with every n-th pixel of every n-th row of its layers (n odd), so that it has at most about `most` points; n."""
-    pixels = sum(layer.hole.size - int(layer.hole.sum()) for layer in scene.layers)
-    step = 1
-    while pixels / step**2 > most:
-        step += 2
-    return (scene, 1) if step == 1 else (Scene(tuple(_every(layer, step) for layer in scene.layers)), step)
-
-
-def _every(view: View, step: int) -> View:
-    """Each pixel kept stands for the step x step pixels round it."""
-
-    def cut(values: np.ndarray) -> np.ndarray:
-        return np.ascontiguousarray(values[step // 2 :: step, step // 2 :: step])
-
-    camera, depth = view.camera, cut(view.depth)
-    small_camera = dataclasses.replace(
-        camera, width=depth.shape[1], height=depth.shape[0],
-        fx=camera.fx / step, fy=camera.fy / step, cx=camera.cx / step, cy=camera.cy / step,
-    )  # fmt: skip
-    fields: dict[str, Float32Array | UInt8Array | BoolArray] = {
-        name: cut(getattr(view, name)) for name in ("color", "hole", "hole_type", "origin", "confidence")
-    }
-    return View(camera=small_camera, depth=depth, **fields)  # type: ignore[arg-type]

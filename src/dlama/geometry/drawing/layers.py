@@ -113,14 +113,17 @@ class Canvas:
         """Colour, depth, origin and confidence, in the order in which kernels take them."""
         return self.color, self.depth, self.origin, self.confidence
 
-    def put(self, other: Canvas, tolerance: float, over_measured: bool) -> None:
+    def put(self, other: Canvas, tolerance: float, over_measured: bool, at_home: bool = False) -> None:
         """Draw another canvas over this one where this is empty or clearly behind (relative tolerance).
 
-        over_measured: False keeps measured pixels in their own camera (nothing filled covers them).
+        over_measured: False keeps measured pixels in their own camera (nothing filled covers them); at_home: it is the camera of
+        the first layer, whose sensor holes have measured colours, which stay too.
         """
         wins = (other.depth > 0) & ((self.depth == 0) | (other.depth < self.depth * (1 - tolerance)))
         if not over_measured:
             wins &= ~from_source(self.origin)
+            if at_home:
+                wins &= (self.origin != Origin.DEPTH_FILLED) | (self.depth == 0)
         paste(other.color, wins, self.color)
         paste(other.depth, wins, self.depth)
         paste(other.origin, wins, self.origin)

@@ -1,0 +1,220 @@
+"""A picture with depth, or a scene, in; the scene completed for all cameras of a head box out: it turns without holes."""
+
+from __future__ import annotations
+
+import dataclasses
+import logging
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dlama.arguments import check_arguments
+from dlama.completion.memory import check_memory
+from dlama.completion.plausible import warn_of_scale
+from dlama.completion.recipes import checked_seed, find_recipe
+from dlama.completion.report import Clock, Record, about_depth, meta_data
+from dlama.completion.start import Plan, plan_for, scene_of
+from dlama.completion.steps import CompletedView, Step, complete_step, frame_steps
+from dlama.geometry.camera import Camera
+from dlama.geometry.drawing.layers import Canvas, Grid, draw, draw_far
+from dlama.geometry.edge_layers import continue_under_edges
+from dlama.geometry.frames.choosing import choose_frames
+from dlama.geometry.fusion import with_layer
+from dlama.geometry.head_box import HeadBox
+from dlama.geometry.holes import box_around, opened, square
+from dlama.geometry.projection import px_from_px
+from dlama.geometry.rendering import render
+from dlama.geometry.rgbd import RGBD, BoolArray
+from dlama.geometry.scene import Scene
+from dlama.geometry.subsampling import step_for, subsampled_scene
+from dlama.geometry.view import Origin, View
+from dlama.inpainters import AUTO
+from dlama.inpainters.filling import Inpainter
+
+LOG = logging.getLogger("dlama")
+HIDDEN_PIXELS = 500_000
+"""Of a larger picture what is hidden is filled at a whole fraction of its size that has at most so many pixels."""
+CLOSED = 3
+"""px of the smallest square that counts as unknown: what is narrower rendering closes."""
+AROUND = 48
+"""px round what is unknown that a camera is cut to: what the filler continues."""
+UNDER_EDGES = 0.025
+"""Share of the width by which surfaces continue under depth edges, where nothing else was filled."""
+ENOUGH, MOST_CAMERAS = 2e-4, 14
+"""Share of any view of the grid that may stay open; cameras that are filled at most."""
+
+
+@dataclass(frozen=True, eq=False)
+class Photo3D:
+    """A scene that can be looked at from every camera of its box."""
+
+    scene: Scene
+    """The source as it was given, and behind it what was filled."""
+    box: HeadBox
+    """Where it may be looked at from."""
+    meta: dict[str, Any]
+    """As of a completion, and `photo3d`: the box, the cameras it was filled for, what stayed open; JSON-ready."""
+
+    def __repr__(self) -> str:
+        width, height = self.box.camera.wh
+        reach = f"{self.box.angle:.3g} degrees and {self.box.distance:.0%} of {self.box.pivot:.3g} m"
+        return f"Photo3D({width}x{height}, to be looked at within {reach}, {len(self.scene.fills)} fills)"
+
+
+def photo3d(
+    rgbd: RGBD | Scene,
+    *,
+    angle: float | None = None,
+    distance: float | None = None,
+    filler: str | Inpainter = AUTO,
+    model: str | Path | None = None,
+    seed: int = 0,
+) -> Photo3D:
+    """Complete a scene for all cameras of a head box round the source camera, each hole once.
+
+    The cameras that are filled are chosen greedily from a grid: next comes the one that sees most that is still unknown. Of a
+    picture of more than HIDDEN_PIXELS what is hidden is filled at a fraction of its size; what was measured stays as it is.
+
+    Args:
+        rgbd: A picture with metric depth; or a scene: of a completion (an object may have been removed), of `scene` or
+            `read_scene`; of several frames the middle one is the source.
+        angle: Degrees to which the camera may turn about the pivot (the median depth), to each side, up and down; None: so that
+            the median parallax from end to end is 4 % of the picture's width.
+        distance: How far it may go forward and back, as a share of the pivot's distance; None: half of its way to the side.
+        filler, model, seed: As in `complete`.
+    Raises:
+        InputError: an unknown name, an angle or a distance that is none; DepthError: nothing has a depth.
+    """
+    check_arguments(photo3d, locals())
+    start = scene_of(rgbd)
+    check_memory([one.camera for one in start.frames])
+    source = start.frames[len(start.frames) // 2].read()
+    warn_of_scale(source)
+    step = step_for(Scene((source,)), HIDDEN_PIXELS)
+    clock = Clock()
+    with clock("prepare"):
+        plan, small, _ = plan_for(
+            subsampled_scene(start, step), find_recipe("dlama"), filler=filler, model=model, seed=checked_seed(seed)
+        )
+        given = len(small.fills)
+        middle = small.frames[len(small.frames) // 2].camera
+        box = HeadBox.of(source, angle, distance)
+        steps: list[CompletedView] = []
+    for number in frame_steps(plan, small, [middle]):
+        found, small = complete_step(plan, small, number, clock)
+        steps.append(found)
+    with clock("look"):
+        grid_box = dataclasses.replace(box, camera=middle)
+        unknown = Unknown.of(small, grid_box)
+    seen: list[Camera] = []
+    while unknown.share > ENOUGH and len(seen) < MOST_CAMERAS:
+        camera = unknown.next_camera() if seen else grid_box.wide()
+        before = len(small.fills)
+        found, small = complete_step(plan, small, Step(camera), clock)
+        steps.append(found)
+        seen.append(camera)
+        with clock("look"):
+            unknown.look(small.fills[before:])
+        LOG.info("filled for camera %d, %.2f %% still unknown", len(seen), 100 * unknown.share)
+    with clock("edges"):
+        small = with_edge_layers(small, [middle, grid_box.wide()])
+    scene = small if step == 1 else with_fills(start, small, small.fills[given:], step)
+    meta = about_depth(rgbd, start) | told(plan, source, steps, clock)
+    return Photo3D(scene, box, meta | {"photo3d": told_of_box(box, seen, step, unknown)})
+
+
+def told(plan: Plan, source: View, steps: list[CompletedView], clock: Clock) -> dict[str, Any]:
+    """The meta data of all that was filled."""
+    record = Record(
+        [report for one in steps for report in one.reports], clock.seconds, holes=[one.grown for one in steps]
+    )
+    return meta_data(plan, source, [one.before for one in steps], record)
+
+
+def told_of_box(box: HeadBox, seen: list[Camera], step: int, unknown: Unknown) -> dict[str, Any]:
+    """`photo3d` of the meta data."""
+    return {
+        "pivot_m": round(box.pivot, 5),
+        "angle_deg": round(box.angle, 4),
+        "distance": round(box.distance, 5),
+        "filled_cameras": [camera.world_from_cam.tolist() for camera in seen],
+        "hidden_step": step,
+        "open_share": round(unknown.share, 6),
+    }
+
+
+class Unknown:
+    """What is still unknown from each camera of a box's grid."""
+
+    def __init__(self, cameras: list[Camera], holes: list[BoolArray]) -> None:
+        self.cameras, self.holes = cameras, holes
+
+    @classmethod
+    def of(cls, scene: Scene, box: HeadBox) -> Unknown:
+        """Of a scene, in whose frames everything has a depth."""
+        cameras = box.grid()
+        unknown = cls(cameras, [np.ones(camera.hw, bool) for camera in cameras])
+        frames = [scene.frames[place] for place in choose_frames(scene.frames, box.camera)]
+        unknown.look((*frames, *scene.fills))
+        return unknown
+
+    @property
+    def share(self) -> float:
+        """Of the view that has most of it, 0..1."""
+        return max((float(hole.mean()) for hole in self.holes), default=0.0)
+
+    def next_camera(self) -> Camera:
+        """The camera that sees most of it, cut to what is round it."""
+        number = int(np.argmax([hole.sum() for hole in self.holes]))
+        rows, columns = box_around(self.holes[number], AROUND)
+        return self.cameras[number].cropped(
+            columns.start, rows.start, columns.stop - columns.start, rows.stop - rows.start
+        )
+
+    def look(self, layers: tuple[View, ...]) -> None:
+        """Take off what the layers show."""
+        for layer in layers:
+            grid = Grid.of(layer, self.cameras[0], "surface", False)
+            for number, hole in enumerate(self.holes):
+                if hole.any():
+                    self.holes[number] = hole & ~covered(grid, self.cameras[number])
+        self.holes = [opened(hole, square(CLOSED)) for hole in self.holes]
+
+
+def covered(grid: Grid, camera: Camera) -> BoolArray:
+    """H x W: where a camera's picture shows the layer of a grid."""
+    matrix, offset = px_from_px(camera, grid.layer.camera)
+    moved = dataclasses.replace(grid, own_camera=False, matrix=matrix, offset=offset)
+    canvas = draw(moved, camera, Canvas.empty(camera))
+    draw_far(moved, camera, canvas)
+    return canvas.depth > 0
+
+
+def with_edge_layers(scene: Scene, cameras: list[Camera]) -> Scene:
+    """The scene with what it shows of each camera continued under its depth edges."""
+    for camera in cameras:
+        seen = render(scene, camera, types=False)
+        scene = with_layer(scene, *continue_under_edges(seen, max(2, round(UNDER_EDGES * camera.width))))
+    return scene
+
+
+def with_fills(start: Scene, small: Scene, fills: tuple[View, ...], step: int) -> Scene:
+    """The scene as given with what was filled in the smaller one; sensor holes get the depth of the smaller frame's pixel."""
+    frames = []
+    for frame, other in zip(start.frames, small.frames):
+        hole = frame.hole & (frame.origin == Origin.DEPTH_FILLED)
+        if hole.any():
+            rows, columns = (
+                np.minimum(np.arange(side) // step, least - 1) for side, least in zip(frame.camera.hw, other.camera.hw)
+            )
+            nearest = np.ix_(rows, columns)
+            filled = hole & ~other.hole[nearest]
+            frame = frame.with_planes(
+                depth=np.where(filled, other.depth[nearest], frame.depth),
+                hole=frame.hole & ~filled,
+                confidence=np.where(filled, other.confidence[nearest], frame.confidence),
+            )
+        frames.append(frame)
+    return dataclasses.replace(start, frames=tuple(frames), fills=(*start.fills, *fills))

@@ -1,0 +1,105 @@
+"""A source view in; the head box of a 3-D photo out: all cameras near the source that the photo may be looked at from."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from dlama.arguments import is_finite
+from dlama.errors import DepthError, InputError
+from dlama.geometry.camera import Camera
+from dlama.geometry.projection import inverse_depth, project
+from dlama.geometry.trajectories import dolly, orbit
+from dlama.geometry.view import View
+
+PARALLAX = 0.04
+"""Share of the picture's width by which the median pixel moves between the left and the right end of the box."""
+LEAST_ANGLE, LARGEST_ANGLE = 1.0, 12.0
+"""Degrees of the default box: a flat scene would ask for ever more, and beyond little of what is seen was measured."""
+TO_NEAREST, NEAREST = 0.3, 0.02
+"""Share of the way to the nearest surface (this quantile of the depth) that the default box may go forward."""
+FORWARD = 0.5
+"""The default reach forward and back, in that to the side."""
+WIDEST = 0.2
+"""Share of its size by which the picture of the wide camera grows at each side, at most."""
+SIDES = (-1.0, 0.0, 1.0)
+
+
+@dataclass(frozen=True)
+class HeadBox:
+    """All cameras within `angle` degrees of yaw and pitch about the pivot, and `distance` forward and back.
+
+    Raises InputError: an angle outside 0..45, a distance outside 0..0.9, a pivot that is not positive.
+    """
+
+    camera: Camera
+    """The source camera, in the middle of the box."""
+    pivot: float
+    """Metres ahead on the optical axis: what the cameras look at."""
+    angle: float
+    """Degrees to either side, up and down."""
+    distance: float
+    """Share of the pivot's distance, forward and back."""
+
+    def __post_init__(self) -> None:
+        for name, most in (("angle", 45.0), ("distance", 0.9)):
+            if not is_finite(getattr(self, name)) or not 0 <= getattr(self, name) <= most:
+                raise InputError(f"{name} is {getattr(self, name)!r}; a number from 0 to {most:g} is expected")
+        if not is_finite(self.pivot) or self.pivot <= 0:
+            raise InputError(f"pivot is {self.pivot!r}; a distance > 0 in metres is expected")
+
+    @classmethod
+    def of(cls, view: View, angle: float | None = None, distance: float | None = None) -> HeadBox:
+        """The box about a view, its pivot at the median depth.
+
+        angle: degrees; None: so that the median parallax between its left and right end is PARALLAX of the width.
+        distance: share of the pivot's distance; None: half of what `angle` moves to the side.
+        DepthError: no depth is valid.
+        """
+        seen = view.valid | view.far
+        w = inverse_depth(view.depth)[seen]
+        near = w[w > 0]
+        if not near.size:
+            raise DepthError("no pixel of the picture has a depth, so there is nothing to turn about")
+        pivot = 1 / float(np.median(near))
+        nearest = 1 / float(np.quantile(near, 1 - NEAREST))
+        spread = max(float(np.median(np.abs(w - 1 / pivot))), 1e-9)
+        if angle is None:
+            aside = PARALLAX / 2 * view.camera.width / (view.camera.fx * spread)
+            found = math.degrees(math.atan(aside / pivot))
+            angle = min(max(found, LEAST_ANGLE), LARGEST_ANGLE)
+        if distance is None:
+            distance = min(FORWARD * math.tan(math.radians(min(angle, 45.0))), TO_NEAREST * nearest / pivot)
+        return cls(view.camera, pivot, float(angle), float(distance))
+
+    def at(self, across: float, up: float, forward: float) -> Camera:
+        """The camera at a place of the box, -1..1 along each of its axes; 0, 0, 0 is the source camera."""
+        turned = orbit(self.camera, across * self.angle, up * self.angle, self.pivot)
+        return dolly(turned, forward * self.distance * self.pivot)
+
+    def grid(self) -> list[Camera]:
+        """The corners and the middles of edges and sides: 26 cameras, or 8 of a box without depth."""
+        depth = SIDES if self.distance > 0 else (0.0,)
+        places = [place for place in itertools.product(SIDES, SIDES, depth) if any(place)]
+        return [self.at(*place) for place in places] if self.angle > 0 or self.distance > 0 else []
+
+    def wide(self) -> Camera:
+        """The camera at the back of the box with a picture so much larger that it holds what the others see at its pivot."""
+        back = self.at(0, 0, -1)
+        width, height = self.camera.wh
+        corners = np.array([[x, y, 1.0] for x in (0, width) for y in (0, height)]) @ np.linalg.inv(self.camera.K).T
+        margin = np.zeros(2)
+        for camera in self.grid():
+            for metres in (0.5 * self.pivot, self.pivot, 100 * self.pivot):
+                points = metres * corners @ camera.world_from_cam[:3, :3].T + camera.world_from_cam[:3, 3]
+                pixels, _ = project(points, back)
+                margin = np.maximum(margin, np.maximum(-pixels, pixels - (width, height)).max(0))
+        x, y = (min(math.ceil(pad), int(WIDEST * side)) for pad, side in zip(margin, (width, height)))
+        return back.cropped(-x, -y, width + 2 * x, height + 2 * y)
+
+    def sample(self, count: int, seed: int = 0) -> list[Camera]:
+        """Cameras drawn evenly from the whole box."""
+        return [self.at(*place) for place in np.random.default_rng(seed).uniform(-1, 1, (count, 3)).tolist()]

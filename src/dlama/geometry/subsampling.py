@@ -1,0 +1,85 @@
+"""A layer of a scene in; the same with one pixel in place of step x step of them out."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import cv2
+import numpy as np
+
+from dlama.geometry.camera import Camera
+from dlama.geometry.rgbd import UInt8Array, freeze
+from dlama.geometry.scene import Scene
+from dlama.geometry.view import Origin, View
+
+
+def step_for(scene: Scene, most: int) -> int:
+    """By how much the layers of a scene are subsampled so that they have about `most` pixels together at most, without holes."""
+    pixels, step = sum(layer.hole.size - int(layer.hole.sum()) for layer in scene.layers), 1
+    while pixels / step**2 > most:
+        step += 1
+    return step
+
+
+def subsampled_scene(scene: Scene, step: int) -> Scene:
+    """The scene with every layer and removal subsampled; those of which nothing is left are left out."""
+    if step == 1:
+        return scene
+    return dataclasses.replace(
+        scene,
+        frames=tuple(subsampled(one, step) for one in scene.frames),
+        removals=tuple(subsampled(one, step) for one in scene.removals if min(one.camera.hw) >= step),
+        fills=tuple(subsampled(one, step) for one in scene.fills if min(one.camera.hw) >= step),
+    )
+
+
+def subsampled(view: View, step: int) -> View:
+    """Each pixel that is kept stands for step x step of them: it has the mean of their known colours, and the depth, origin and
+    confidence of the middle one. Rows and columns that make up no whole pixel are left out. Step 1 gives the view back."""
+    if step == 1:
+        return view
+    view = view.read()
+    rows, columns = (side // step * step for side in view.camera.hw)
+
+    def middle(plane: np.ndarray) -> Any:
+        return freeze(np.ascontiguousarray(plane[step // 2 : rows : step, step // 2 : columns : step]))
+
+    depth, hole, origin = (middle(plane) for plane in (view.depth, view.hole, view.origin))
+    color = mean_colors(view.color[:rows, :columns], ~view.color_hole[:rows, :columns], step)
+    color[hole & (origin != Origin.DEPTH_FILLED)] = 0
+    return View(
+        camera_subsampled(view.camera, step, (rows // step, columns // step)),
+        freeze(color),
+        depth,
+        hole,
+        middle(view.hole_type),
+        origin,
+        middle(view.confidence),
+        None if view.frame is None else middle(view.frame),
+        None if view.errors is None else middle(view.errors),
+    )
+
+
+def camera_subsampled(camera: Camera, step: int, hw: tuple[int, int]) -> Camera:
+    """The camera whose pixel centres are those of the middle pixels (`step // 2` in each step x step)."""
+    shift = step // 2 + 0.5
+    return dataclasses.replace(
+        camera,
+        width=hw[1],
+        height=hw[0],
+        fx=camera.fx / step,
+        fy=camera.fy / step,
+        cx=(camera.cx - shift) / step + 0.5,
+        cy=(camera.cy - shift) / step + 0.5,
+    )
+
+
+def mean_colors(color: UInt8Array, known: np.ndarray, step: int) -> UInt8Array:
+    """h x w x 3: the mean colour of the known pixels of each step x step; where there is none, 0."""
+    size = color.shape[1] // step, color.shape[0] // step
+    if known.all():
+        return np.asarray(cv2.resize(color, size, interpolation=cv2.INTER_AREA), np.uint8)
+    weight = cv2.resize(known.astype(np.float32), size, interpolation=cv2.INTER_AREA)
+    mean = cv2.resize(color.astype(np.float32) * known[..., None], size, interpolation=cv2.INTER_AREA)
+    return np.rint(mean / np.maximum(weight, np.float32(1e-6))[..., None]).astype(np.uint8)

@@ -1,0 +1,54 @@
+"""Layers under depth edges (oracles: a box before a wall, what a render opens, the definition)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dlama.geometry.camera import Camera
+from dlama.geometry.edge_layers import continue_under_edges
+from dlama.geometry.fusion import with_layer
+from dlama.geometry.rendering import render
+from dlama.geometry.rgbd import RGBD
+from dlama.geometry.scene import Scene
+from dlama.geometry.trajectories import orbit
+from dlama.geometry.view import View
+
+CAMERA = Camera.from_fov(64, 48, 60)
+BOX = slice(16, 32), slice(20, 44)
+
+
+def box_before_a_wall() -> View:
+    """A green box at 2 m, a red wall at 4 m."""
+    color, depth = np.zeros((48, 64, 3), np.uint8), np.full((48, 64), 4, np.float32)
+    color[..., 0], depth[BOX] = 200, 2
+    color[BOX] = (0, 200, 0)
+    return View.from_rgbd(RGBD(color, depth, CAMERA))
+
+
+def test_the_wall_goes_on_under_the_box() -> None:
+    """As far as it is told, a little behind 4 m, in red; nowhere else."""
+    layer, added = continue_under_edges(box_before_a_wall(), 3)
+    expected = np.zeros((48, 64), bool)
+    expected[BOX] = True
+    expected[19:29, 23:41] = False
+    assert (added == expected).all()
+    assert (layer.color[added] == (200, 0, 0)).all() and (np.abs(layer.depth[added] - 4 / 0.98) < 1e-3).all()
+
+
+def test_it_closes_what_a_small_turn_opens() -> None:
+    """A turn that opens 1 px beside the box leaves nothing open there; at home every pixel stays."""
+    frame = box_before_a_wall()
+    scene = Scene((frame,))
+    closed = with_layer(scene, *continue_under_edges(frame, 3))
+    turned = orbit(CAMERA, 1.5, 0, 3.0)
+    inner = slice(8, 40), slice(8, 56)
+    assert render(scene, turned).hole[inner].any() and not render(closed, turned).hole[inner].any()
+    assert (render(closed, CAMERA).color == frame.color).all() and (render(closed, CAMERA).depth == frame.depth).all()
+
+
+def test_nothing_to_continue() -> None:
+    """A wall alone, and a view of nothing, come back without a pixel."""
+    wall = View.from_rgbd(RGBD(np.zeros((8, 8, 3), np.uint8), np.ones((8, 8), np.float32), Camera.from_fov(8, 8, 60)))
+    assert not continue_under_edges(wall, 3)[1].any()
+    empty = View.from_rgbd(RGBD(np.zeros((8, 8, 3), np.uint8), np.zeros((8, 8), np.float32), Camera.from_fov(8, 8, 60)))
+    assert not continue_under_edges(empty, 3)[1].any()

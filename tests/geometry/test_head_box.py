@@ -1,0 +1,51 @@
+"""The head box (oracles: parallax by its closed form, where points land, the definition of the grid)."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from dlama.geometry.camera import Camera
+from dlama.geometry.head_box import PARALLAX, HeadBox
+from dlama.geometry.projection import lift, project
+from dlama.geometry.rgbd import RGBD
+from dlama.geometry.view import View
+
+CAMERA = Camera.from_fov(120, 80, 60)
+
+
+def slope() -> View:
+    """Depth that is affine in inverse depth: 2 m at the left, 6 m at the right, through a narrow lens."""
+    w = np.linspace(1 / 2, 1 / 6, 120, dtype=np.float32)
+    return View.from_rgbd(RGBD(np.zeros((80, 120, 3), np.uint8), np.tile(1 / w, (80, 1)), Camera.from_fov(120, 80, 15)))
+
+
+def test_the_median_parallax_is_4_percent() -> None:
+    """Points seen from both ends of the box are apart by 4 % of the width in the median (to what the turn adds)."""
+    box = HeadBox.of(slope())
+    points = lift(slope()).points
+    left, right = (project(points, box.at(side, 0, 0))[0] for side in (-1, 1))
+    assert np.median(np.abs(left - right)[:, 0]) == pytest.approx(PARALLAX * 120, rel=0.05)
+    assert box.pivot == pytest.approx(3, rel=0.02)
+
+
+def test_every_camera_looks_at_the_pivot() -> None:
+    """The pivot is in the middle of all pictures, and all but the source's are in the grid."""
+    box = HeadBox(CAMERA, 3.0, 10.0, 0.1)
+    pivot = CAMERA.world_from_cam[:3, 3] + 3 * CAMERA.world_from_cam[:3, 2]
+    for camera in (*box.grid(), *box.sample(5)):
+        assert project(pivot[None], camera)[0][0] == pytest.approx((60, 40))
+    assert len(box.grid()) == 26 and len(HeadBox(CAMERA, 3.0, 10.0, 0.0).grid()) == 8
+    assert HeadBox(CAMERA, 3.0, 0.0, 0.0).grid() == []
+    assert box.at(0, 0, 0).same_view_as(CAMERA)
+
+
+def test_the_wide_camera_holds_what_the_others_see() -> None:
+    """Corners of all pictures at the pivot's distance lie in it."""
+    box = HeadBox(CAMERA, 3.0, 4.0, 0.05)
+    wide = box.wide()
+    corners = np.array([[x, y, 1.0] for x in (0, 120) for y in (0, 80)]) @ np.linalg.inv(CAMERA.K).T
+    for camera in box.grid():
+        points = 3 * corners @ camera.world_from_cam[:3, :3].T + camera.world_from_cam[:3, 3]
+        pixels, _ = project(points, wide)
+        assert (pixels >= -1e-6).all() and (pixels <= np.array(wide.wh) + 1e-6).all()
