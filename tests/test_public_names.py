@@ -18,15 +18,15 @@ import dlama
 
 NAMES = {
     "JobResult", "batch",
-    "Camera", "Completion", "DepthEstimate", "DepthPrediction", "Fill", "FillReport", "Finding", "HeadBox", "HoleType", "Inpainter",
-    "Law",
+    "Camera", "Completion", "DepthEstimate", "DepthPrediction", "Fill", "FillReport", "Finding", "HeadBox", "HoleType",
+    "Inpainter", "Law",
     "MaskSession", "Mesh", "ObjectMask", "Origin", "Photo3D", "PointCloud", "RGBD", "Recipe", "Scene", "Sky", "StereoCompletion",
     "StereoConsistency", "StereoRig", "View",
     "CameraError", "DepthError", "DlamaError", "FileError", "InputError", "InputTypeError", "MaskError", "MissingExtraError",
     "OutputError", "ShapeError",
     "align_frames",
-    "complete", "diagnose", "estimate_depth", "example", "find_mask", "fuse", "inpaint", "lift", "orbit", "photo3d", "read_camera",
-    "read_color", "read_mask", "read_rgbd", "read_stereo_calib", "remove", "read_scene",
+    "complete", "diagnose", "estimate_depth", "example", "find_mask", "fuse", "inpaint", "lift", "orbit", "photo3d",
+    "read_camera", "read_color", "read_mask", "read_rgbd", "read_stereo_calib", "remove", "read_scene",
     "render", "render_path", "scene", "sequence", "stereo", "view", "write",
     "write_depth",
 }  # fmt: skip

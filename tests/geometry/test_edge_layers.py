@@ -6,7 +6,7 @@ import numpy as np
 
 from dlama.geometry.camera import Camera
 from dlama.geometry.edge_layers import continue_under_edges
-from dlama.geometry.fusion import with_layer
+from dlama.geometry.fusion import add_layer
 from dlama.geometry.rendering import render
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.scene import Scene
@@ -39,7 +39,7 @@ def test_it_closes_what_a_small_turn_opens() -> None:
     """A turn that opens 1 px beside the box leaves nothing open there; at home every pixel stays."""
     frame = box_before_a_wall()
     scene = Scene((frame,))
-    closed = with_layer(scene, *continue_under_edges(frame, 3))
+    closed = add_layer(scene, *continue_under_edges(frame, 3))
     turned = orbit(CAMERA, 1.5, 0, 3.0)
     inner = slice(8, 40), slice(8, 56)
     assert render(scene, turned).hole[inner].any() and not render(closed, turned).hole[inner].any()

@@ -9,7 +9,7 @@ from dlama.geometry.camera import Camera
 from dlama.geometry.projection import lift
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.scene import Scene
-from dlama.geometry.subsampling import step_for, subsampled, subsampled_scene
+from dlama.geometry.subsampling import step_for, subsample, subsample_scene
 from dlama.geometry.view import HoleType, View
 
 
@@ -23,7 +23,7 @@ def frame() -> View:
 @pytest.mark.parametrize("step", [2, 3, 5])
 def test_points_stay_where_they_are(step: int) -> None:
     """Every point of the smaller layer is one of the larger."""
-    small = subsampled(frame(), step)
+    small = subsample(frame(), step)
     rows, columns = np.mgrid[step // 2 : 31 // step * step : step, step // 2 : 44 // step * step : step]
     large = lift(frame()).points.reshape(31, 44, 3)[rows, columns]
     assert np.allclose(lift(small).points, large.reshape(-1, 3), atol=1e-6)
@@ -34,7 +34,7 @@ def test_colors_are_means_of_what_is_known() -> None:
     view = frame()
     hole = np.zeros((31, 44), bool)
     hole[0:2, 0] = True
-    small = subsampled(view.without(hole, HoleType.DISOCCLUDED), 2)
+    small = subsample(view.without(hole, HoleType.DISOCCLUDED), 2)
     assert np.abs(small.color[0, 0] - view.color[0:2, 1].mean(0)).max() <= 1
     assert np.abs(small.color[3, 4] - view.color[6:8, 8:10].mean((0, 1))).max() <= 1
 
@@ -43,4 +43,4 @@ def test_the_step_follows_the_size() -> None:
     """31 x 44 = 1364 pixels: 400 of them need step 2, all of them none."""
     scene = Scene((frame(),))
     assert (step_for(scene, 2000), step_for(scene, 400)) == (1, 2)
-    assert subsampled_scene(scene, 1) is scene and subsampled_scene(scene, 2).frames[0].camera.wh == (22, 15)
+    assert subsample_scene(scene, 1) is scene and subsample_scene(scene, 2).frames[0].camera.wh == (22, 15)

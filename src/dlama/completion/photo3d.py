@@ -21,14 +21,14 @@ from dlama.geometry.camera import Camera
 from dlama.geometry.drawing.layers import Canvas, Grid, draw, draw_far
 from dlama.geometry.edge_layers import continue_under_edges
 from dlama.geometry.frames.choosing import choose_frames
-from dlama.geometry.fusion import with_layer
+from dlama.geometry.fusion import add_layer
 from dlama.geometry.head_box import HeadBox
-from dlama.geometry.holes import box_around, opened, square
+from dlama.geometry.holes import box_around, morphological_open, square
 from dlama.geometry.projection import px_from_px
 from dlama.geometry.rendering import render
 from dlama.geometry.rgbd import RGBD, BoolArray
 from dlama.geometry.scene import Scene
-from dlama.geometry.subsampling import step_for, subsampled_scene
+from dlama.geometry.subsampling import step_for, subsample_scene
 from dlama.geometry.view import Origin, View
 from dlama.inpainters import AUTO
 from dlama.inpainters.filling import Inpainter
@@ -96,7 +96,7 @@ def photo3d(
     clock = Clock()
     with clock("prepare"):
         plan, small, _ = plan_for(
-            subsampled_scene(start, step), find_recipe("dlama"), filler=filler, model=model, seed=checked_seed(seed)
+            subsample_scene(start, step), find_recipe("dlama"), filler=filler, model=model, seed=checked_seed(seed)
         )
         given = len(small.fills)
         middle = small.frames[len(small.frames) // 2].camera
@@ -119,13 +119,13 @@ def photo3d(
             unknown.look(small.fills[before:])
         LOG.info("filled for camera %d, %.2f %% still unknown", len(seen), 100 * unknown.share)
     with clock("edges"):
-        small = with_edge_layers(small, [middle, grid_box.wide()])
-    scene = small if step == 1 else with_fills(start, small, small.fills[given:], step)
-    meta = about_depth(rgbd, start) | told(plan, source, steps, clock)
-    return Photo3D(scene, box, meta | {"photo3d": told_of_box(box, seen, step, unknown)})
+        small = add_edge_layers(small, [middle, grid_box.wide()])
+    scene = small if step == 1 else add_fills(start, small, small.fills[given:], step)
+    meta = about_depth(rgbd, start) | collect_meta(plan, source, steps, clock)
+    return Photo3D(scene, box, meta | {"photo3d": describe_box(box, seen, step, unknown)})
 
 
-def told(plan: Plan, source: View, steps: list[CompletedView], clock: Clock) -> dict[str, Any]:
+def collect_meta(plan: Plan, source: View, steps: list[CompletedView], clock: Clock) -> dict[str, Any]:
     """The meta data of all that was filled."""
     record = Record(
         [report for one in steps for report in one.reports], clock.seconds, holes=[one.grown for one in steps]
@@ -133,7 +133,7 @@ def told(plan: Plan, source: View, steps: list[CompletedView], clock: Clock) -> 
     return meta_data(plan, source, [one.before for one in steps], record)
 
 
-def told_of_box(box: HeadBox, seen: list[Camera], step: int, unknown: Unknown) -> dict[str, Any]:
+def describe_box(box: HeadBox, seen: list[Camera], step: int, unknown: Unknown) -> dict[str, Any]:
     """`photo3d` of the meta data."""
     return {
         "pivot_m": round(box.pivot, 5),
@@ -179,11 +179,11 @@ class Unknown:
             grid = Grid.of(layer, self.cameras[0], "surface", False)
             for number, hole in enumerate(self.holes):
                 if hole.any():
-                    self.holes[number] = hole & ~covered(grid, self.cameras[number])
-        self.holes = [opened(hole, square(CLOSED)) for hole in self.holes]
+                    self.holes[number] = hole & ~find_covered(grid, self.cameras[number])
+        self.holes = [morphological_open(hole, square(CLOSED)) for hole in self.holes]
 
 
-def covered(grid: Grid, camera: Camera) -> BoolArray:
+def find_covered(grid: Grid, camera: Camera) -> BoolArray:
     """H x W: where a camera's picture shows the layer of a grid."""
     matrix, offset = px_from_px(camera, grid.layer.camera)
     moved = dataclasses.replace(grid, own_camera=False, matrix=matrix, offset=offset)
@@ -192,15 +192,15 @@ def covered(grid: Grid, camera: Camera) -> BoolArray:
     return canvas.depth > 0
 
 
-def with_edge_layers(scene: Scene, cameras: list[Camera]) -> Scene:
+def add_edge_layers(scene: Scene, cameras: list[Camera]) -> Scene:
     """The scene with what it shows of each camera continued under its depth edges."""
     for camera in cameras:
         seen = render(scene, camera, types=False)
-        scene = with_layer(scene, *continue_under_edges(seen, max(2, round(UNDER_EDGES * camera.width))))
+        scene = add_layer(scene, *continue_under_edges(seen, max(2, round(UNDER_EDGES * camera.width))))
     return scene
 
 
-def with_fills(start: Scene, small: Scene, fills: tuple[View, ...], step: int) -> Scene:
+def add_fills(start: Scene, small: Scene, fills: tuple[View, ...], step: int) -> Scene:
     """The scene as given with what was filled in the smaller one; sensor holes get the depth of the smaller frame's pixel."""
     frames = []
     for frame, other in zip(start.frames, small.frames):

@@ -32,7 +32,7 @@ def continue_under_edges(view: View, reach: int) -> tuple[View, BoolArray]:
         return view, np.zeros(depth.shape, bool)
     nearest = nearest_known(depth > 0)[1]
     w = inverse_depth(depth.ravel()[nearest])
-    behind, source = seeds(w, joined, nearest)
+    behind, source = find_seeds(w, joined, nearest)
     for _ in range(reach - 1):
         behind, source = spread(behind, source, w)
     added = np.isfinite(behind)
@@ -49,7 +49,7 @@ def continue_under_edges(view: View, reach: int) -> tuple[View, BoolArray]:
     return layer, added
 
 
-def neighbours(plane: np.ndarray, step: tuple[int, int], outside: float) -> np.ndarray:
+def shift_plane(plane: np.ndarray, step: tuple[int, int], outside: float) -> np.ndarray:
     """H x W: of each pixel the value of the one a step (rows, columns) away; beyond the border `outside`."""
     out = np.full_like(plane, outside)
     to, of = (
@@ -59,17 +59,17 @@ def neighbours(plane: np.ndarray, step: tuple[int, int], outside: float) -> np.n
     return out
 
 
-def seeds(w: Float32Array, joined: np.ndarray, source: NDArray[np.intp]) -> tuple[Float32Array, NDArray[np.intp]]:
+def find_seeds(w: Float32Array, joined: np.ndarray, source: NDArray[np.intp]) -> tuple[Float32Array, NDArray[np.intp]]:
     """H x W: inverse depth (1/m) of what continues under the pixels on the near side of a depth edge, elsewhere +inf; and which
     pixel (flat index) it continues. source: of each pixel of `w` the one that it was read from."""
     behind = np.full(w.shape, np.inf, np.float32)
     for (down, right), bit in (((0, 1), RIGHT), ((1, 0), DOWN)):
         apart = (joined & bit) == 0
-        for step, cut in (((down, right), apart), ((-down, -right), neighbours(apart, (-down, -right), False))):
-            other = neighbours(w, step, np.inf)
+        for step, cut in (((down, right), apart), ((-down, -right), shift_plane(apart, (-down, -right), False))):
+            other = shift_plane(w, step, np.inf)
             better = cut & (other < w * BEHIND) & (other < behind)
             behind = np.where(better, other, behind)
-            source = np.where(better, neighbours(source, step, 0), source)
+            source = np.where(better, shift_plane(source, step, 0), source)
     return behind, source
 
 
@@ -77,8 +77,8 @@ def spread(behind: Float32Array, source: NDArray[np.intp], w: Float32Array) -> t
     """The same one pixel further, where it stays behind what is seen (w)."""
     found, from_where = behind, source
     for step in STEPS:
-        other = neighbours(behind, step, np.inf)
+        other = shift_plane(behind, step, np.inf)
         better = (other < w * BEHIND) & (other < found)
         found = np.where(better, other, found)
-        from_where = np.where(better, neighbours(source, step, 0), from_where)
+        from_where = np.where(better, shift_plane(source, step, 0), from_where)
     return found, from_where

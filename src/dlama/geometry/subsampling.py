@@ -22,19 +22,19 @@ def step_for(scene: Scene, most: int) -> int:
     return step
 
 
-def subsampled_scene(scene: Scene, step: int) -> Scene:
+def subsample_scene(scene: Scene, step: int) -> Scene:
     """The scene with every layer and removal subsampled; those of which nothing is left are left out."""
     if step == 1:
         return scene
     return dataclasses.replace(
         scene,
-        frames=tuple(subsampled(one, step) for one in scene.frames),
-        removals=tuple(subsampled(one, step) for one in scene.removals if min(one.camera.hw) >= step),
-        fills=tuple(subsampled(one, step) for one in scene.fills if min(one.camera.hw) >= step),
+        frames=tuple(subsample(one, step) for one in scene.frames),
+        removals=tuple(subsample(one, step) for one in scene.removals if min(one.camera.hw) >= step),
+        fills=tuple(subsample(one, step) for one in scene.fills if min(one.camera.hw) >= step),
     )
 
 
-def subsampled(view: View, step: int) -> View:
+def subsample(view: View, step: int) -> View:
     """Each pixel that is kept stands for step x step of them: it has the mean of their known colours, and the depth, origin and
     confidence of the middle one. Rows and columns that make up no whole pixel are left out. Step 1 gives the view back."""
     if step == 1:
@@ -49,7 +49,7 @@ def subsampled(view: View, step: int) -> View:
     color = mean_colors(view.color[:rows, :columns], ~view.color_hole[:rows, :columns], step)
     color[hole & (origin != Origin.DEPTH_FILLED)] = 0
     return View(
-        camera_subsampled(view.camera, step, (rows // step, columns // step)),
+        subsample_camera(view.camera, step, (rows // step, columns // step)),
         freeze(color),
         depth,
         hole,
@@ -61,7 +61,7 @@ def subsampled(view: View, step: int) -> View:
     )
 
 
-def camera_subsampled(camera: Camera, step: int, hw: tuple[int, int]) -> Camera:
+def subsample_camera(camera: Camera, step: int, hw: tuple[int, int]) -> Camera:
     """The camera whose pixel centres are those of the middle pixels (`step // 2` in each step x step)."""
     shift = step // 2 + 0.5
     return dataclasses.replace(

@@ -16,7 +16,7 @@ from dlama.files.rasters.pictures import write_mask
 from dlama.files.results.completion import RESULTS, file_names
 from dlama.files.results.meta_json import as_json
 from dlama.files.scenes.textured_mesh import write_textured_glb
-from dlama.geometry.subsampling import step_for, subsampled_scene
+from dlama.geometry.subsampling import step_for, subsample_scene
 from dlama.geometry.trajectories import PIVOT_M
 from dlama.web.completion_request import CompletionRequest
 from dlama.web.failures import PageError, shown
@@ -200,7 +200,7 @@ def single(result: Result, file: str, parent: Path) -> bytes:
 def glb_for_page(result: Result, parent: Path) -> tuple[bytes, int]:
     """The scene without what was removed as GLB, subsampled so that a browser turns it smoothly, and the step of that."""
     step = step_for(result.done.scene, ON_PAGE_POINTS)
-    scene = subsampled_scene(result.done.scene, step)
+    scene = subsample_scene(result.done.scene, step)
     with tempfile.TemporaryDirectory(dir=parent) as name:
         path = Path(name) / "scene.glb"
         write_textured_glb(path, scene)
