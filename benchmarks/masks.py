@@ -20,8 +20,8 @@ import cv2
 import numpy as np
 
 from dlama.datasets.frames import RemovalTruth
-from dlama.evaluation.metrics.masks import border_f, innermost, iou
-from dlama.evaluation.protocols.mask import found_masks, found_or_nothing
+from dlama.evaluation.metrics.masks import border_f, innermost_pixel, iou
+from dlama.evaluation.protocols.mask import find_masks, find_or_empty
 from dlama.geometry.rgbd import RGBD, BoolArray
 from dlama.perception.object_masks import MaskSession
 from dlama.training.data.sensors import add_photo_noise, structured_light
@@ -32,7 +32,7 @@ SEED = 7
 
 def measured(truth: RemovalTruth) -> dict[str, tuple[float, float]]:
     """IoU and border F by what was given."""
-    masks, _ = found_masks(truth)
+    masks, _ = find_masks(truth)
     return {name: (iou(mask, truth.mask), border_f(mask, truth.mask)) for name, mask in masks.items()}
 
 
@@ -50,7 +50,7 @@ def by_a_depth_camera(truth: RemovalTruth, shifted: bool, seed: int) -> RGBD:
 
 def one_click(rgbd: RGBD, true: BoolArray) -> dict[str, tuple[float, float]]:
     """IoU and border F of one click at the true mask's innermost pixel."""
-    mask = found_or_nothing(MaskSession(rgbd), true, clicks=[innermost(true)])
+    mask = find_or_empty(MaskSession(rgbd), true, clicks=[innermost_pixel(true)])
     return {"click": (iou(mask, true), border_f(mask, true))}
 
 

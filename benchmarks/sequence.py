@@ -21,12 +21,12 @@ from dlama.datasets.sequences.scene_frames import open_frames
 from dlama.evaluation.protocols.methods import ProtocolSettings
 from dlama.evaluation.protocols.sequence import (
     METHODS,
-    Made,
+    SynthesisedView,
+    fill_with_telea,
     score_sequence,
     table,
-    with_telea,
 )
-from dlama.evaluation.protocols.sequence_run import apart_in, in_order
+from dlama.evaluation.protocols.sequence_run import sort_along_orbit, source_distance
 from dlama.geometry.camera import Camera
 from dlama.geometry.frames.alignment import align_frames
 from dlama.geometry.rgbd import RGBD
@@ -39,7 +39,7 @@ TRIES, PATIENCE_S = 5, 60
 """How often the TSDF is begun, and how long it may take."""
 
 
-def tsdf(sources: Sequence[RGBD], camera: Camera) -> Made:
+def tsdf(sources: Sequence[RGBD], camera: Camera) -> SynthesisedView:
     """Open3D's VoxelBlockGrid of all frames (TSDF), ray cast from the camera, and Telea's filling."""
     import open3d as o3d
 
@@ -59,7 +59,7 @@ def tsdf(sources: Sequence[RGBD], camera: Camera) -> Made:
         grid.hashmap().key_tensor(), lens, pose, *camera.wh, ["depth", "color"], 1.0, 0.1, far, weight, TRUNCATION
     )
     shown = found["depth"].numpy()[..., 0]
-    return with_telea(
+    return fill_with_telea(
         found["color"].numpy().round().clip(0, 255).astype(np.uint8), shown.astype(np.float32), shown <= 0
     )
 
@@ -87,7 +87,7 @@ class InItsOwnProcess:
     def __init__(self) -> None:
         self._pool = get_context("spawn").Pool(1)
 
-    def __call__(self, sources: Sequence[RGBD], camera: Camera) -> Made:
+    def __call__(self, sources: Sequence[RGBD], camera: Camera) -> SynthesisedView:
         for _ in range(TRIES):
             try:
                 made, seconds = self._pool.apply_async(timed_tsdf, (sources, camera)).get(PATIENCE_S)
@@ -98,7 +98,7 @@ class InItsOwnProcess:
         raise SystemExit(f"Open3D did not answer within {PATIENCE_S} s, {TRIES} times; --without-tsdf leaves it out")
 
 
-def timed_tsdf(sources: Sequence[RGBD], camera: Camera) -> tuple[Made, float]:
+def timed_tsdf(sources: Sequence[RGBD], camera: Camera) -> tuple[SynthesisedView, float]:
     """The same, and its seconds of processor time."""
     started = time.process_time()
     made = tsdf(sources, camera)
@@ -111,7 +111,7 @@ def scenes_of(dataset: str) -> dict[str, list[Frame]]:
         return {Path(dataset).name: list(open_frames(dataset))}
     frames = open_dataset_or_worlds(dataset).frames
     names = dict.fromkeys(one.scene for one in frames)
-    return {name: in_order([one for one in frames if one.scene == name]) for name in names}
+    return {name: sort_along_orbit([one for one in frames if one.scene == name]) for name in names}
 
 
 def main() -> None:
@@ -132,7 +132,7 @@ def main() -> None:
         loaded = [each.load() for each in listed]
         frames = [resized(each, options.width) for each in (loaded if options.given_poses else align_frames(loaded))]
         names = [f"{name}/{each.name}" for each in listed]
-        apart = apart_in(listed)
+        apart = source_distance(listed)
         rows += score_sequence(frames, options.held, names, ProtocolSettings(), methods, options.counts, apart=apart)
     parts = [
         f"**{region}**\n\n{table(rows, region)}"

@@ -18,7 +18,7 @@ import numpy as np
 import dlama
 from dlama.datasets.sequences.scene_frames import open_frames
 from dlama.evaluation.metrics.pictures import channel_gain, with_gain
-from dlama.evaluation.protocols.sequence import SequenceMethod, nearest_wins, ours, sources_of
+from dlama.evaluation.protocols.sequence import SequenceMethod, run_dlama, run_z_buffer, sources_of
 from dlama.geometry.rgbd import RGBD, UInt8Array
 from dlama.worlds.dataset import world
 from sequence import InItsOwnProcess, resized
@@ -33,7 +33,7 @@ def held_out(frames: Sequence[RGBD], place: int, other: SequenceMethod) -> list[
     truth = frames[place]
     sources = [frames[one] for one in sources_of(place, SOURCES, len(frames))]
     cells = [truth.color]
-    for method in (other, ours):
+    for method in (other, run_dlama):
         made = method(sources, truth.camera)
         cells.append(with_gain(made.color, channel_gain(made.color, truth.color, ~made.hole)))
     return cells
@@ -63,7 +63,7 @@ def main() -> None:
     loaded = dlama.align_frames([each.load() for each in open_frames(options.dataset)])
     frames = [resized(each, WIDTH) for each in loaded]
     rows = [
-        held_out(frames, options.held[0], nearest_wins),
+        held_out(frames, options.held[0], run_z_buffer),
         held_out(frames, options.held[1], InItsOwnProcess()),
         removed(options.seed),
     ]

@@ -20,7 +20,7 @@ import numpy as np
 
 from dlama.completion.verbs import remove
 from dlama.datasets.frames import RemovalTruth
-from dlama.evaluation.metrics.masks import away_from, darkened
+from dlama.evaluation.metrics.masks import darkened_by_shadow, outside_contact_band
 from dlama.evaluation.protocols.mask import SMALLEST_SHADOW_PX
 from dlama.geometry.holes import dilate_mask
 from dlama.perception.masks.supports import find_planes_of_picture
@@ -36,7 +36,7 @@ RIDGE = 1.0
 
 
 def true_shadow(truth: RemovalTruth) -> np.ndarray:
-    return darkened(truth.source.color, truth.without.color, truth.mask)
+    return darkened_by_shadow(truth.source.color, truth.without.color, truth.mask)
 
 
 def rows_of(truths: Iterator[RemovalTruth], scale: Scale) -> tuple[np.ndarray, np.ndarray]:
@@ -114,7 +114,7 @@ def measure(names: Sequence[str], every: int, removal: bool) -> None:
             truth = case.load()
             assert isinstance(truth, RemovalTruth)
             true, found = true_shadow(truth), find_shadow(truth.source, truth.mask)
-            compared = found & away_from(truth.mask)
+            compared = found & outside_contact_band(truth.mask)
             group = name if generated else case.scene
             if true.sum() < SMALLEST_SHADOW_PX:
                 alarms[group].append(100 * float(compared.mean()))

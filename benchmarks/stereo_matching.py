@@ -21,7 +21,7 @@ import numpy as np
 
 from dlama.datasets.frames import StereoTruth
 from dlama.datasets.layouts import open_dataset
-from dlama.evaluation.metrics.disparity import seen_in_right
+from dlama.evaluation.metrics.disparity import visible_in_right
 from dlama.geometry.rgbd import Float32Array, UInt8Array
 from dlama.perception.stereo.matching import disparity_pair
 
@@ -88,7 +88,7 @@ def scores(found: Float32Array, truth: StereoTruth) -> list[float]:
     # the sky of a rendered pair has no disparity, and every camera sees it
     sky = truth.mask_left is not None and truth.disparity_left == 0
     true = np.where(sky, np.float32(1e-3), np.where(np.isfinite(truth.disparity_left), truth.disparity_left, 0))
-    seen = seen_in_right(true)
+    seen = visible_in_right(true)
     known = found[seen] != 0
     error = np.where(known, np.abs(found[seen] - true[seen]), np.inf)
     near = true[seen] >= FAR_PX

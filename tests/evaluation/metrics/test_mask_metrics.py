@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dlama.evaluation.metrics.masks import border_f, box_of, darkened, innermost, iou, largest_region
+from dlama.evaluation.metrics.masks import border_f, box_of, darkened_by_shadow, innermost_pixel, iou, largest_region
 
 
 def square(top: int, left: int, side: int = 20) -> np.ndarray:
@@ -31,10 +31,10 @@ def test_borders_agree_within_two_pixels() -> None:
 
 def test_where_to_click() -> None:
     """The innermost pixel of a square is its middle, of two the larger one's; at the picture's rim it is off the rim."""
-    assert all(abs(one - 20) <= 1 for one in innermost(square(11, 11, 19)))
+    assert all(abs(one - 20) <= 1 for one in innermost_pixel(square(11, 11, 19)))
     both = square(5, 5, 9) | square(30, 30, 21)
     np.testing.assert_array_equal(largest_region(both), square(30, 30, 21))
-    x, y = innermost(square(0, 0, 21))
+    x, y = innermost_pixel(square(0, 0, 21))
     assert 9 <= x <= 11 and 9 <= y <= 11
 
 
@@ -51,5 +51,5 @@ def test_darkened_pixels() -> None:
     color[square(10, 10)] = 80
     color[square(35, 35)] = 94
     mask = square(0, 0, 9)
-    found = darkened(color, without, mask)
+    found = darkened_by_shadow(color, without, mask)
     assert found[12:28, 12:28].all() and not found[33:].any() and not found[:10].any()

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from dlama.errors import ShapeError
-from dlama.evaluation.metrics.disparity import disparity_errors, left_right_difference, seen_in_right
+from dlama.evaluation.metrics.disparity import disparity_errors, left_right_difference, visible_in_right
 from reference.metrics_twin import left_right
 
 
@@ -53,7 +53,7 @@ def test_a_true_pair_is_consistent_where_both_see() -> None:
     hidden = np.zeros(disparity.shape, np.bool_)
     hidden[:, :3] = True
     hidden[3:9, 10:15] = True
-    np.testing.assert_array_equal(seen_in_right(disparity), ~hidden)
+    np.testing.assert_array_equal(visible_in_right(disparity), ~hidden)
 
 
 def test_a_known_difference_is_measured() -> None:
@@ -76,7 +76,7 @@ def test_any_disparity_agrees_with_the_twin(colour: bool) -> None:
     disparity = rng.uniform(-2, 12, (9, 30)).astype(np.float32)
     disparity[:, 20] = np.inf
     disparity[disparity < 0] = 0
-    assert 0.2 < seen_in_right(disparity).mean() < 0.7
+    assert 0.2 < visible_in_right(disparity).mean() < 0.7
     assert left_right_difference(left, right, disparity) == pytest.approx(left_right(left, right, disparity))
 
 

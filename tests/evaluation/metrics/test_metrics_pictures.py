@@ -137,7 +137,7 @@ def test_wrong_shapes_are_refused() -> None:
     """What came and what was wanted."""
     with pytest.raises(ShapeError, match=r"truth is \(20, 31, 3\) and mine \(20, 30, 3\)"):
         mse_map(TRUTH, MINE[:, :30])
-    with pytest.raises(ShapeError, match="31x6; SSIM wants 7 pixels or more"):
+    with pytest.raises(ShapeError, match="31x6; SSIM needs 7 pixels or more"):
         ssim_map(TRUTH[:6], MINE[:6])
 
 

@@ -106,7 +106,7 @@ def test_carried_colors() -> None:
     """Closed form: a source picture carried over is the target's where it is seen, and 0 elsewhere."""
     source, target = frame(SOURCE, SQUARE_IN_SOURCE), frame(TARGET, SQUARE_IN_TARGET)
     found = source_visibility(source, target)
-    np.testing.assert_array_equal(found.carried(source.color), target.color * found.seen[..., None])
+    np.testing.assert_array_equal(found.warp_color(source.color), target.color * found.seen[..., None])
 
 
 def test_stereo_regions_by_hand() -> None:

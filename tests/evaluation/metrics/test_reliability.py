@@ -10,16 +10,16 @@ from dlama.evaluation.metrics.reliability import BINS, STEPS, by_distance, calib
 
 def test_bins_by_hand() -> None:
     """Six pixels: two at 0.05 (one right), three at 0.95 (two right), one at exactly 1 (right)."""
-    said = np.array([0.05, 0.05, 0.95, 0.95, 0.95, 1.0])
-    bins = calibration(said, np.array([True, False, True, True, False, True]))
+    predicted = np.array([0.05, 0.05, 0.95, 0.95, 0.95, 1.0])
+    bins = calibration(predicted, np.array([True, False, True, True, False, True]))
     assert bins.share[0] == pytest.approx(2 / 6) and bins.share[BINS - 1] == pytest.approx(4 / 6)
-    assert bins.said[0] == pytest.approx(0.1 / 6) and bins.right[0] == pytest.approx(1 / 6)
+    assert bins.predicted[0] == pytest.approx(0.1 / 6) and bins.right[0] == pytest.approx(1 / 6)
     assert bins.error == pytest.approx(abs(0.1 - 1) / 6 + abs(0.95 * 3 + 1 - 3) / 6)
     assert bins.share.sum() == pytest.approx(1) and bins.share[1 : BINS - 1].sum() == 0
 
 
 def test_what_is_right_as_often_as_it_says_is_calibrated() -> None:
-    """Law: drawn with its own probability, the error is that of drawing; said twice as sure, it is the difference."""
+    """Law: drawn with its own probability, the error is that of drawing; predicted twice as sure, it is the difference."""
     rng = np.random.default_rng(0)
     p = rng.random(200_000)
     assert calibration(p, rng.random(len(p)) < p).error < 0.01

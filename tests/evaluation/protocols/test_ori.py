@@ -21,7 +21,7 @@ from dlama.datasets.frames import RemovalTruth, ViewTruth
 from dlama.errors import InputError
 from dlama.evaluation.protocols import PROTOCOLS
 from dlama.evaluation.protocols.methods import NO_FILL, Method, ProtocolSettings, Scored
-from dlama.evaluation.protocols.ori import reference_of, untouched
+from dlama.evaluation.protocols.ori import change_outside, reference_of
 from dlama.geometry.holes import dilate_mask
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.view import View
@@ -125,10 +125,10 @@ def test_what_was_touched_is_counted() -> None:
     depth[0, :2], depth[5, 5] = 3, 5
     changed = View(SOURCE, color, depth, np.zeros((SIZE, SIZE), bool), view.hole_type, view.origin, view.confidence)
     outside = ~SQUARE_IN_SOURCE
-    found = values(untouched(changed, source, outside, 10.0))
+    found = values(change_outside(changed, source, outside, 10.0))
     assert found["outside", "rgb", "changed_pixels"] == 3 and found["outside", "depth", "changed_pixels"] == 1
     assert found["outside", "rgb", "mse_source"] == pytest.approx(300 / outside.sum())
-    assert set(values(untouched(view, source, outside, 10.0)).values()) == {0.0}
+    assert set(values(change_outside(view, source, outside, 10.0)).values()) == {0.0}
 
 
 def test_no_fill_is_black() -> None:

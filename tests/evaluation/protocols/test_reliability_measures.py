@@ -39,27 +39,29 @@ def test_right_said_and_errors_by_hand(scored: tuple[MethodRun, ViewTruth, dict[
     """Oracle: the definition, pixel by pixel, from the completed view and the true frame."""
     run, truth, found = scored
     view, hole = run.view(), run.completion.warped[-1].hole
-    right, said, levels = [], [], []
+    right, predicted, levels = [], [], []
     for row, column in np.argwhere(hole & (truth.target.depth > 0)):
         z, true_z = float(view.depth[row, column]), float(truth.target.depth[row, column])
         near = (z == true_z) if np.isinf(true_z) or np.isinf(z) else abs(z - true_z) <= 0.05 * true_z
         off = np.abs(view.color[row, column].astype(float) - truth.target.color[row, column]).mean()
         right.append(near and off <= 25)
-        said.append(float(view.confidence[row, column]))
+        predicted.append(float(view.confidence[row, column]))
         levels.append(off)
     assert found["right"] == pytest.approx(np.mean(right), abs=1e-6)
-    assert found["said"] == pytest.approx(np.mean(said), abs=1e-5)
+    assert found["predicted"] == pytest.approx(np.mean(predicted), abs=1e-5)
     assert found["actual_color"] == pytest.approx(np.mean(levels), abs=1e-3)
     assert found["expected_color"] == pytest.approx(view.color_error[hole & (truth.target.depth > 0)].mean(), rel=1e-4)
 
 
 def test_bins_add_up_to_the_calibration_error(scored: tuple[MethodRun, ViewTruth, dict[str, float]]) -> None:
-    """Closed form: shares add to 1, sums to what is said and right, differences to the ECE."""
+    """Closed form: shares add to 1, sums to what is predicted and right, differences to the ECE."""
     found = scored[2]
-    share, said, right = ([found[f"bin_{k}_{name}"] for k in range(BINS)] for name in ("share", "said", "right"))
-    assert sum(share) == pytest.approx(1) and sum(said) == pytest.approx(found["said"], abs=1e-5)
+    share, predicted, right = (
+        [found[f"bin_{k}_{name}"] for k in range(BINS)] for name in ("share", "predicted", "right")
+    )
+    assert sum(share) == pytest.approx(1) and sum(predicted) == pytest.approx(found["predicted"], abs=1e-5)
     assert sum(right) == pytest.approx(found["right"])
-    assert sum(abs(a - b) for a, b in zip(said, right)) == pytest.approx(found["ece"])
+    assert sum(abs(a - b) for a, b in zip(predicted, right)) == pytest.approx(found["ece"])
 
 
 def test_confidence_orders_better_than_chance(scored: tuple[MethodRun, ViewTruth, dict[str, float]]) -> None:
@@ -77,7 +79,7 @@ def test_the_baseline_says_nothing(scored: tuple[MethodRun, ViewTruth, dict[str,
 
 
 def summary_of(measures: dict[str, float]) -> Summary:
-    """Two frames: the measures, and the same with everything said to be wrong."""
+    """Two frames: the measures, and the same with everything predicted to be wrong."""
     rows = []
     for frame, factor in (("a", 1.0), ("b", 0.0)):
         for name, value in measures.items():

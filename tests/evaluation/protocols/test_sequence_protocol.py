@@ -9,14 +9,14 @@ import pytest
 
 from dlama.evaluation.protocols.methods import ProtocolSettings
 from dlama.evaluation.protocols.sequence import (
-    Made,
-    nearest_wins,
-    ours,
+    SynthesisedView,
+    fill_with_telea,
+    run_dlama,
+    run_z_buffer,
     score_sequence,
-    seen_by,
     sources_of,
     table,
-    with_telea,
+    visibility_by_count,
 )
 from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import RGBD
@@ -35,7 +35,7 @@ def test_sources_come_from_both_sides_and_not_from_beside() -> None:
 
 def test_regions_count_the_frames_that_see() -> None:
     """Of two sources: every pixel of known depth is in one of the three, and behind the box fewer see than elsewhere."""
-    found = seen_by([FRAMES[1], FRAMES[5]], FRAMES[3], 0.02)
+    found = visibility_by_count([FRAMES[1], FRAMES[5]], FRAMES[3], 0.02)
     parts = [found[f"seen by {name}"] for name in ("one", "several", "none")]
     assert (sum(part.astype(int) for part in parts) == 1).all()
     assert found["seen by one"].any() and found["seen by several"].mean() > 0.4
@@ -44,9 +44,9 @@ def test_regions_count_the_frames_that_see() -> None:
 def test_a_method_that_knows_the_truth_is_perfect() -> None:
     """Closed form: SSIM 1, no error, whatever its exposure."""
 
-    def truth(sources: Sequence[RGBD], camera: Camera) -> Made:
+    def truth(sources: Sequence[RGBD], camera: Camera) -> SynthesisedView:
         rgbd = WORLD.rgbd(camera)
-        return Made((rgbd.color * 0.8).astype(np.uint8), rgbd.depth, np.zeros(camera.hw, bool))
+        return SynthesisedView((rgbd.color * 0.8).astype(np.uint8), rgbd.depth, np.zeros(camera.hw, bool))
 
     rows = list(score_sequence(FRAMES, [3], [str(n) for n in range(7)], SETTINGS, {"truth": truth}, (1, 2)))
     whole = {row.measure.metric: row.measure.value for row in rows if row.measure.region == "whole"}
@@ -57,7 +57,7 @@ def test_a_method_that_knows_the_truth_is_perfect() -> None:
 def test_ours_beats_nearest_wins_and_the_table_says_so() -> None:
     """More frames leave fewer holes; depth is better where several see."""
     rows = list(
-        score_sequence(FRAMES, [3], [str(n) for n in range(7)], SETTINGS, {"a": ours, "b": nearest_wins}, (1, 4))
+        score_sequence(FRAMES, [3], [str(n) for n in range(7)], SETTINGS, {"a": run_dlama, "b": run_z_buffer}, (1, 4))
     )
 
     def value(method: str, frames: int, metric: str) -> float:
@@ -78,7 +78,7 @@ def test_telea_fills_holes_alone() -> None:
     rgbd = FRAMES[0]
     hole = np.zeros(LENS.hw, bool)
     hole[10:20, 10:20] = True
-    made = with_telea(rgbd.color * ~hole[..., None], np.where(hole, 0, rgbd.depth).astype(np.float32), hole)
+    made = fill_with_telea(rgbd.color * ~hole[..., None], np.where(hole, 0, rgbd.depth).astype(np.float32), hole)
     np.testing.assert_array_equal(made.color[~hole], rgbd.color[~hole])
     np.testing.assert_array_equal(made.depth[~hole], rgbd.depth[~hole])
     assert made.depth[hole].min() > 0.5 and made.depth[hole] == pytest.approx(rgbd.depth[hole], rel=0.6)

@@ -11,7 +11,7 @@ from dlama.datasets.frames import Case, Dataset, Frame, RemovalTruth
 from dlama.errors import InputError
 from dlama.evaluation.protocols.methods import ProtocolSettings
 from dlama.evaluation.protocols.sequence_removal import removal_table, score_removal
-from dlama.evaluation.protocols.sequence_run import apart_in, held_out, in_order, rows_of
+from dlama.evaluation.protocols.sequence_run import held_out_places, rows_of, sort_along_orbit, source_distance
 from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import RGBD
 from worlds import Box, Plane, Sphere, World, moved
@@ -42,9 +42,11 @@ DATASET = Dataset("made", "made", None, FRAMES, CASES)
 
 def test_which_frames_are_held_out() -> None:
     """By hand: along the orbit, evenly, neighbours as sources where there are few frames."""
-    assert [one.yaw for one in in_order(FRAMES)] == [-10, 0, 10, 20]
-    assert held_out(10, 2) == [2, 7] and held_out(3, 9) == [0, 1, 2] and len(held_out(100, None)) == 5
-    assert apart_in(FRAMES) == 1 and apart_in(FRAMES * 10) == 2
+    assert [one.yaw for one in sort_along_orbit(FRAMES)] == [-10, 0, 10, 20]
+    assert (
+        held_out_places(10, 2) == [2, 7] and held_out_places(3, 9) == [0, 1, 2] and len(held_out_places(100, None)) == 5
+    )
+    assert source_distance(FRAMES) == 1 and source_distance(FRAMES * 10) == 2
 
 
 def test_rows_of_a_data_set() -> None:

@@ -33,7 +33,7 @@ from dlama.evaluation.report.templates import PARTS
 from dlama.evaluation.report.write import FILES, settings_hash, write_report
 from dlama.evaluation.runner.run import Results, run
 from dlama.evaluation.runner.store import result_rows
-from dlama.evaluation.runner.strips import CELL, GAP, cells, color_error, depth_error, heat, small, strip
+from dlama.evaluation.runner.strips import CELL, GAP, color_error, cut_strip, depth_error, heat_map, shrink, strip
 
 SETTINGS = ProtocolSettings()
 VOID = {"meta", "link", "img", "input", "br", "hr", "path", "use", "rect", "wbr"}
@@ -319,7 +319,7 @@ def test_errors_in_panels_by_hand() -> None:
     shown = dataclasses.replace(plain, filled=filled.astype(np.uint8), depth_filled=depth, depth_truth=truth)
     assert color_error(shown)[0, :3] == pytest.approx([1, 0.5, 0])
     assert depth_error(shown)[0, :5] == pytest.approx([0.4, 1, 1, 1, 0]) and np.isnan(depth_error(shown)[0, 5])
-    black, bright = heat(np.array([[0, 1]], np.float32))[0]
+    black, bright = heat_map(np.array([[0, 1]], np.float32))[0]
     assert black.max() < 10 and bright.min() > 150
 
 
@@ -330,15 +330,15 @@ def test_a_strip_is_two_rows_of_five() -> None:
     assert sheet.shape == (2 * 24 + GAP, 5 * 24 + 4 * GAP, 3)
     assert (sheet[:24, :24] == panel.source).all() and (sheet[:24, 3 * (24 + GAP) :][:, :24] == panel.truth).all()
     assert (sheet[24 : 24 + GAP] == 0).all()
-    assert small(np.zeros((300, 600, 3), np.uint8)).shape == (CELL // 2, CELL, 3)
+    assert shrink(np.zeros((300, 600, 3), np.uint8)).shape == (CELL // 2, CELL, 3)
 
 
 def test_a_strip_is_cut_into_its_pictures() -> None:
     """Round trip: ten pictures of one size, in the order of the columns, colours first."""
     panel = made_up.panel(made_up.truth(0, 24), 50)
-    found = cells(strip(panel))
+    found = cut_strip(strip(panel))
     assert [one.shape for one in found] == [(24, 24, 3)] * 10
     np.testing.assert_array_equal(found[0], panel.source)
     np.testing.assert_array_equal(found[3], panel.truth)
-    np.testing.assert_array_equal(found[4], heat(color_error(panel)))
-    np.testing.assert_array_equal(found[9], heat(depth_error(panel)))
+    np.testing.assert_array_equal(found[4], heat_map(color_error(panel)))
+    np.testing.assert_array_equal(found[9], heat_map(depth_error(panel)))

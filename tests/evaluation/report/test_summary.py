@@ -14,10 +14,10 @@ from dlama.evaluation.report.columns import (
     PAPER_DEPTH,
     PAPER_MASK_RATIO,
     PAPER_SHAPE,
-    better,
+    better_direction,
+    column_title,
+    format_value,
     paper_value,
-    shown,
-    titled,
 )
 from dlama.evaluation.report.paired_comparison import paired_comparison
 from dlama.evaluation.report.sections import sections
@@ -35,7 +35,7 @@ from dlama.evaluation.report.summary import (
 from dlama.evaluation.report.tables import (
     by_method,
     markdown,
-    paper_shaped,
+    paper_table,
     per_yaw,
     runtimes,
     side_by_side,
@@ -267,7 +267,7 @@ def test_one_yaw_has_one_table_of_all_methods() -> None:
 
 def test_the_paper_shape() -> None:
     """By hand: a row a yaw with the seven columns of tables 1 and 2, the paper's own below."""
-    table = paper_shaped(summarise(paper_rows()), "vpi", "toy", "dlama/telea")
+    table = paper_table(summarise(paper_rows()), "vpi", "toy", "dlama/telea")
     assert table and table.head[:3] == ("yaw", "mask %", "colour SSIM") and len(table.head) == 8
     lines = markdown(table).splitlines()
     assert lines[4].startswith(
@@ -301,7 +301,7 @@ def test_the_papers_numbers_are_its_own(data_dir: Path) -> None:
 def test_names_and_sides() -> None:
     """Which side is good, as the metrics' definitions say."""
     for metric in ("ssim", "psnr", "delta1.05", "fscore_0.02", "precision_0.05", "recall_0.10", "coverage"):
-        assert better(metric) == 1, metric
+        assert better_direction(metric) == 1, metric
     for metric in (
         "lpips",
         "mse",
@@ -314,10 +314,15 @@ def test_names_and_sides() -> None:
         "law_broken",
         "edge_offset",
     ):
-        assert better(metric) == -1, metric
-    assert better("mask_ratio") == better("share") == 0
+        assert better_direction(metric) == -1, metric
+    assert better_direction("mask_ratio") == better_direction("share") == 0
     assert (
-        titled("whole", "depth_m", "mae") == "depth MAE, m" and titled("whole", "depth", "mae") == "depth (8 bit) MAE"
+        column_title("whole", "depth_m", "mae") == "depth MAE, m"
+        and column_title("whole", "depth", "mae") == "depth (8 bit) MAE"
     )
-    assert shown(math.inf, "psnr") == "∞" and shown(0.12345, "ssim") == "0.1235" and shown(12.345, "mse") == "12.35"
+    assert (
+        format_value(math.inf, "psnr") == "∞"
+        and format_value(0.12345, "ssim") == "0.1235"
+        and format_value(12.345, "mse") == "12.35"
+    )
     assert sorted(["all", "-10", "±20", "±10", "+10"], key=yaw_order) == ["±10", "+10", "-10", "±20", "all"]

@@ -21,7 +21,7 @@ from dlama.evaluation.runner.cache_key import (
     cache_key,
     case_hash,
     code_hash,
-    deciding_files,
+    hashed_files,
     method_hash,
     short_hash,
 )
@@ -57,19 +57,19 @@ def test_all_code_that_measures_is_hashed() -> None:
     """Oracle: the imports of the worker and the protocols. A file that moves, or is imported anew, cannot slip out."""
     measuring = {name for name in reached(*MEASURING) if "/" in name}  # not errors.py and the shop window
     assert len(measuring) > 50 and "geometry/rendering.py" in measuring
-    assert measuring - set(deciding_files()) == {STORE}
+    assert measuring - set(hashed_files()) == {STORE}
 
 
 def test_this_guard_can_fail() -> None:
     """The report imports what only shows, and is seen to."""
-    assert "evaluation/report/summary.py" in reached("evaluation/report/write.py") - set(deciding_files())
+    assert "evaluation/report/summary.py" in reached("evaluation/report/write.py") - set(hashed_files())
 
 
 def test_what_only_shows_is_not_hashed() -> None:
     """Every name in SHOWING exists; nothing of the report decides; every other file of the rooms does."""
     for name in SHOWING:
         assert (SOURCE / name).exists(), name
-    names = deciding_files()
+    names = hashed_files()
     assert not [name for name in names if name.startswith("evaluation/report/")]
     assert {"evaluation/runner/worker.py", "evaluation/runner/strips.py", "evaluation/runner/cache_key.py"} <= set(
         names

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dlama import find_mask
-from dlama.evaluation.metrics.masks import innermost, iou
+from dlama.evaluation.metrics.masks import innermost_pixel, iou
 from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import RGBD
 from dlama.perception.masks.borders import MOST_PX, decide_by_color, edges_are_sharp
@@ -35,7 +35,7 @@ def test_a_carpet_is_no_foot_of_what_stands_on_it() -> None:
     carpet, box = Box((-1.5, 0.99, 2.0), (0.5, 1.0, 3.6)), Box((-0.3, 0.2, 2.6), (0.1, 0.99, 2.9))
     made = World((Plane((0, 1, 0), (0, -1, 0)), Plane((0, 0, 6), (0, 0, -1)), carpet, box))
     shown = made.trace(camera)[1] == 3
-    found = find_mask(made.rgbd(camera), clicks=[innermost(shown)]).mask
+    found = find_mask(made.rgbd(camera), clicks=[innermost_pixel(shown)]).mask
     assert iou(found, shown) > 0.98
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from dlama import find_mask
-from dlama.evaluation.metrics.masks import border_f, innermost, iou
+from dlama.evaluation.metrics.masks import border_f, innermost_pixel, iou
 from dlama.geometry.camera import Camera
 from dlama.geometry.drawing.picture_edges import edge_misalignment
 from dlama.geometry.kernels.relaxing import relax
@@ -36,7 +36,7 @@ def shifted(by: tuple[int, int]) -> tuple[RGBD, BoolArray]:
 def test_a_mask_follows_the_picture_where_depth_is_shifted(by: tuple[int, int]) -> None:
     """The truth is where the picture has the thing; the mask of shifted depth alone is off by the shift."""
     rgbd, true = shifted(by)
-    mask = find_mask(rgbd, clicks=[innermost(true)]).mask
+    mask = find_mask(rgbd, clicks=[innermost_pixel(true)]).mask
     assert iou(mask, true) > 0.96
     assert border_f(mask, true) > 0.97
 
@@ -44,7 +44,7 @@ def test_a_mask_follows_the_picture_where_depth_is_shifted(by: tuple[int, int]) 
 def test_depth_that_lies_on_the_picture_is_taken_as_it_is() -> None:
     rgbd, true = shifted((0, 0))
     assert edge_misalignment(rgbd.color, rgbd.depth, rgbd.valid, rgbd.far) == 0
-    assert iou(find_mask(rgbd, clicks=[innermost(true)]).mask, true) > 0.98
+    assert iou(find_mask(rgbd, clicks=[innermost_pixel(true)]).mask, true) > 0.98
 
 
 @pytest.mark.parametrize("by", [(3, -2), (-4, 4), (0, 0)])

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dlama import find_mask
-from dlama.evaluation.metrics.masks import innermost, iou
+from dlama.evaluation.metrics.masks import innermost_pixel, iou
 from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import RGBD, BoolArray
 from dlama.worlds.dataset import world
@@ -34,7 +34,7 @@ def painted(world: World, colors: dict[int, tuple[int, int, int]]) -> tuple[RGBD
 def test_the_leaves_of_a_screen_are_one_thing() -> None:
     """A crack does not part what has one colour; `part` is the leaf alone."""
     rgbd, shown = painted(World((GROUND, WALL, *LEAVES)), {2: BROWN, 3: BROWN})
-    found = find_mask(rgbd, clicks=[innermost(shown == 2)])
+    found = find_mask(rgbd, clicks=[innermost_pixel(shown == 2)])
     assert iou(found.mask, (shown == 2) | (shown == 3)) > 0.97
     assert iou(found.candidates["part"], shown == 2) > 0.97
 
@@ -42,15 +42,15 @@ def test_the_leaves_of_a_screen_are_one_thing() -> None:
 def test_two_things_beside_each_other_stay_two() -> None:
     """The same two boxes in two colours, and in one colour a hand's breadth apart."""
     rgbd, shown = painted(World((GROUND, WALL, *LEAVES)), {2: BROWN, 3: GREEN})
-    assert iou(find_mask(rgbd, clicks=[innermost(shown == 2)]).mask, shown == 2) > 0.97
+    assert iou(find_mask(rgbd, clicks=[innermost_pixel(shown == 2)]).mask, shown == 2) > 0.97
     apart = World((GROUND, WALL, LEAVES[0], Box((0.2, -0.4, 2.6), (1.1, 1.0, 2.65))))
     rgbd, shown = painted(apart, {2: BROWN, 3: BROWN})
-    assert iou(find_mask(rgbd, clicks=[innermost(shown == 2)]).mask, shown == 2) > 0.97
+    assert iou(find_mask(rgbd, clicks=[innermost_pixel(shown == 2)]).mask, shown == 2) > 0.97
 
 
 def test_what_stands_before_a_thing_of_another_colour_is_not_that_thing() -> None:
     rgbd, shown = painted(World((GROUND, WALL, STOOL, *BED)), {2: GREEN, 3: BROWN, 4: BROWN})
-    assert iou(find_mask(rgbd, clicks=[innermost(shown == 2)]).mask, shown == 2) > 0.97
+    assert iou(find_mask(rgbd, clicks=[innermost_pixel(shown == 2)]).mask, shown == 2) > 0.97
 
 
 @pytest.mark.parametrize(("seed", "size"), [(3001, 512), (3009, 256)], ids=["folding-screen", "stool-before-bed"])
@@ -59,7 +59,7 @@ def test_things_of_generated_worlds(seed: int, size: int) -> None:
     made = world(seed)
     seen = made.raycast(made.camera(0, size))
     true = seen.group == made.object_index
-    found = find_mask(RGBD(seen.color, seen.depth, made.camera(0, size)), clicks=[innermost(true)]).mask
+    found = find_mask(RGBD(seen.color, seen.depth, made.camera(0, size)), clicks=[innermost_pixel(true)]).mask
     assert iou(found, true) > 0.9
 
 

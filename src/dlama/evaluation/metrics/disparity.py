@@ -33,9 +33,9 @@ def disparity_errors(mine: Float32Array, truth: Float32Array, region: BoolArray 
     for name, array in (("mine", mine), ("the region", region)):
         if array is not None and array.shape != truth.shape:
             raise ShapeError(f"disparity: {name} is {array.shape} and the truth {truth.shape}; the same is expected")
-    counted = _there(truth) if region is None else _there(truth) & region
+    counted = _is_known(truth) if region is None else _is_known(truth) & region
     guess, there = mine[counted].astype(np.float64), truth[counted].astype(np.float64)
-    given = _there(guess)
+    given = _is_known(guess)
     error = np.full(len(there), np.inf)
     error[given] = np.abs(guess[given] - there[given])
     return {
@@ -65,7 +65,7 @@ def left_right_difference(
     hw = disparity.shape
     if left.shape != right.shape or left.shape[:2] != hw or (region is not None and region.shape != hw):
         raise ShapeError(f"left is {left.shape}, right {right.shape}, disparity {hw}; one size is expected")
-    counted = seen_in_right(disparity)
+    counted = visible_in_right(disparity)
     rows, columns = np.nonzero(counted if region is None else counted & region)
     at = columns - disparity[rows, columns].astype(np.float64)
     first = np.floor(at).astype(np.int64)
@@ -75,10 +75,10 @@ def left_right_difference(
     return mean_or_nan(np.abs(left[rows, columns] - warped).ravel())
 
 
-def seen_in_right(disparity: Float32Array) -> BoolArray:
+def visible_in_right(disparity: Float32Array) -> BoolArray:
     """H x W, True where a left pixel has disparity, falls inside the right picture, and nothing nearer lies over it."""
     height, width = disparity.shape
-    rows, columns = np.nonzero(_there(disparity))
+    rows, columns = np.nonzero(_is_known(disparity))
     shift = disparity[rows, columns].astype(np.float64)
     at = columns - shift
     inside = (at >= 0) & (at <= width - 1)
@@ -93,5 +93,5 @@ def seen_in_right(disparity: Float32Array) -> BoolArray:
     return seen
 
 
-def _there(disparity: Float32Array | Float64Array) -> BoolArray:
+def _is_known(disparity: Float32Array | Float64Array) -> BoolArray:
     return np.isfinite(disparity) & (disparity > 0)

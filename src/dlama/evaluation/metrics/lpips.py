@@ -70,7 +70,7 @@ class Lpips:
         As the published code's `spatial=True` does it. Its mean is near `distance`, not equal: enlarging weighs the
         border otherwise.
         """
-        return np.sum([_enlarged(tap, hw) for tap in _tap_maps(a, b)], axis=0)
+        return np.sum([_upsample(tap, hw) for tap in _tap_maps(a, b)], axis=0)
 
     def region(self, mine: UInt8Array, truth: UInt8Array, region: BoolArray | None = None) -> float:
         """LPIPS of the whole (None), or over a region: the mean there of the map, the truth pasted outside.
@@ -131,15 +131,15 @@ def _tap_maps(a: Features, b: Features) -> list[Float64Array]:
     return [np.einsum("chw,chw->hw", d, d).astype(np.float64) for d in (first - second for first, second in zip(a, b))]
 
 
-def _enlarged(values: Float64Array, hw: tuple[int, int]) -> Float64Array:
+def _upsample(values: Float64Array, hw: tuple[int, int]) -> Float64Array:
     """Bilinear, pixel centres at +0.5, the border repeated (torch's align_corners=False)."""
-    (top, bottom, down), (left, right, across) = (_between(n, m) for n, m in zip(values.shape, hw))
+    (top, bottom, down), (left, right, across) = (_interpolation_weights(n, m) for n, m in zip(values.shape, hw))
     rows = values[top] * (1 - down)[:, None] + values[bottom] * down[:, None]
     return rows[:, left] * (1 - across) + rows[:, right] * across
 
 
-def _between(size: int, wanted: int) -> tuple[NDArray[np.int64], NDArray[np.int64], Float64Array]:
-    """For each of `wanted` places the two of `size` places it lies between, and the weight of the second."""
-    at = np.clip((np.arange(wanted) + 0.5) * (size / wanted) - 0.5, 0, size - 1)
+def _interpolation_weights(size: int, new_size: int) -> tuple[NDArray[np.int64], NDArray[np.int64], Float64Array]:
+    """For each of `new_size` places the two of `size` places it lies between, and the weight of the second."""
+    at = np.clip((np.arange(new_size) + 0.5) * (size / new_size) - 0.5, 0, size - 1)
     first = np.floor(at).astype(np.int64)
     return first, np.minimum(first + 1, size - 1), at - first

@@ -1,4 +1,4 @@
-"""Two masks in; how well they agree out. Where to click next, and which pixels a thing's shadow darkens, by the truth."""
+"""Two masks in; how well they agree out. Where to click next, and which pixels an object's shadow darkens, by the truth."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ DARKER = 0.1
 DARKER_LEVELS = 3.0
 """and levels of 0..255: less is compression."""
 EDGE_PX = 2
-"""Round the thing colours are mixes of it and what lies behind it."""
+"""Around the object colours are mixes of it and the background."""
 
 
 def iou(found: BoolArray, true: BoolArray) -> float:
@@ -34,7 +34,7 @@ def border_f(found: BoolArray, true: BoolArray) -> float:
     return float(2 * precise * complete / max(precise + complete, 1e-9))
 
 
-def innermost(where: BoolArray) -> tuple[int, int]:
+def innermost_pixel(where: BoolArray) -> tuple[int, int]:
     """x, y of the pixel farthest from where `where` (H x W, not empty) ends; the picture's rim ends it too."""
     distance = cv2.distanceTransform(np.pad(where.astype(np.uint8), 1), cv2.DIST_L2, 5)[1:-1, 1:-1]
     row, column = np.unravel_index(int(distance.argmax()), distance.shape)
@@ -54,17 +54,17 @@ def box_of(mask: BoolArray, larger: float) -> Box:
     return columns[0] - larger / 2 * wide, rows[0] - larger / 2 * high, (1 + larger) * wide, (1 + larger) * high
 
 
-def away_from(mask: BoolArray) -> BoolArray:
-    """H x W, False under a thing and within EDGE_PX of it, where a mask with its shadow holds the contact line."""
+def outside_contact_band(mask: BoolArray) -> BoolArray:
+    """H x W, False on an object and within EDGE_PX of it, where a mask with its shadow holds the contact line."""
     return ~dilate_mask(mask, EDGE_PX)
 
 
-def darkened(color: UInt8Array, without: UInt8Array, mask: BoolArray) -> BoolArray:
-    """H x W, True where a thing takes away a tenth of the luma or more, outside its mask; means of 3 x 3 px are compared.
+def darkened_by_shadow(color: UInt8Array, without: UInt8Array, mask: BoolArray) -> BoolArray:
+    """H x W, True where an object reduces the luma by a tenth or more, outside its mask; means of 3 x 3 px are compared.
 
-    color, without: H x W x 3, the picture with and without the thing.
+    color, without: H x W x 3, the picture with and without the object.
     """
-    outside = away_from(mask).astype(np.float32)
+    outside = outside_contact_band(mask).astype(np.float32)
     luma = [cv2.cvtColor(each, cv2.COLOR_RGB2GRAY).astype(np.float32) for each in (color, without)]
     shown, true = (box_mean(each, outside, 3) for each in luma)
     return np.asarray((true - shown >= np.maximum(DARKER * true, DARKER_LEVELS)) & (outside > 0))

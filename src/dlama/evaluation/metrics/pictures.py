@@ -1,6 +1,6 @@
 """Two pictures of one place in -> SSIM and squared-error maps, means over regions, and the gain between exposures out.
 
-SSIM is scikit-image's (Wang et al. 2004). Every setting of every metric stands in `MetricSettings`; its hash stands beside
+SSIM is scikit-image's (Wang et al. 2004). Every setting of every metric stands in `MetricSettings`; its hash stands next to
 every table. Pictures are uint8, H x W x 3 or H x W (depth as `depth_8bit` makes it), both of the same shape; sums run
 in float64, so the same input gives the same numbers on every run.
 """
@@ -180,7 +180,7 @@ def _structural_similarity(truth: UInt8Array, mine: UInt8Array, settings: Metric
     _refuse_differences(truth, mine)
     if min(truth.shape[:2]) < settings.ssim_window:
         raise ShapeError(
-            f"pictures are {truth.shape[1]}x{truth.shape[0]}; SSIM wants {settings.ssim_window} pixels or more a side"
+            f"pictures are {truth.shape[1]}x{truth.shape[0]}; SSIM needs {settings.ssim_window} pixels or more a side"
         )
     try:
         from skimage.metrics import structural_similarity

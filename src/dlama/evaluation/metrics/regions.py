@@ -5,7 +5,7 @@ Target pixels of a new view are sorted by what the *source camera* sees of them,
 - `seen`: nothing the source measured lies in front of it. One of the four source pixels round its projection, or their
   bilinear mean, has its depth (within `SEEN_TOLERANCE`, relative, so that neither grazing ground nor rounding at a depth
   edge makes a seen pixel unseen), or the source pixel it falls into measured something farther.
-- `out-of-view`: it projects beside the source picture, or behind the source camera.
+- `out-of-view`: it projects outside the source picture, or behind the source camera.
 - `object`: it is hidden by the object of the source's object mask.
 - `disoccluded`: it is hidden by anything else.
 - `unseen`: the three above together.
@@ -68,7 +68,7 @@ class SourceVisibility:
         }
         return found | {"object": self.hidden_by_object} if with_object else found
 
-    def carried(self, color: UInt8Array) -> UInt8Array:
+    def warp_color(self, color: UInt8Array) -> UInt8Array:
         """H x W x 3: a source picture carried into the target by the true depth, nearest pixel; 0 where not seen."""
         return color[self.row, self.column] * self.seen[..., None]
 
@@ -87,8 +87,8 @@ def source_visibility(
     """
     if object_mask is not None and object_mask.shape != source.camera.hw:
         raise ShapeError(f"the object mask is {object_mask.shape}; {source.camera.hw} of the source is expected")
-    x, y, w, inside = projected(source, target)
-    column, row = (clipped_index(np.floor(at), size) for at, size in zip((x, y), source.camera.wh))
+    x, y, w, inside = project_target(source, target)
+    column, row = (clip_index(np.floor(at), size) for at, size in zip((x, y), source.camera.wh))
     there = np.where(source.missing, np.nan, inverse_depth(source.depth)).astype(np.float64)
     with np.errstate(invalid="ignore"):
         matches = matches_neighbour(there, x, y, w, tolerance)
@@ -101,7 +101,7 @@ def source_visibility(
     return SourceVisibility(seen, hidden & ~by_object, given & ~inside, by_object, column, row)
 
 
-def projected(source: RGBD, target: RGBD) -> tuple[Float64Array, Float64Array, Float64Array, BoolArray]:
+def project_target(source: RGBD, target: RGBD) -> tuple[Float64Array, Float64Array, Float64Array, BoolArray]:
     """Where every target pixel falls in the source picture. Target pixels without depth are projected as if far.
 
     Returns:
@@ -139,14 +139,14 @@ def matches_neighbour(
     matches = np.zeros(w.shape, np.bool_)
     for dy, weight_y in ((0, 1 - down), (1, down)):
         for dx, weight_x in ((0, 1 - across), (1, across)):
-            found = there[clipped_index(top + dy, height), clipped_index(left + dx, width)]
+            found = there[clip_index(top + dy, height), clip_index(left + dx, width)]
             weight = weight_x * weight_y
             matches |= (weight > SMALLEST_WEIGHT) & (np.abs(found - w) <= tolerance * np.maximum(found, w))
             mean += weight * found
     return matches | (np.abs(mean - w) <= tolerance * np.maximum(mean, w))
 
 
-def clipped_index(at: Float64Array, size: int) -> IndexArray:
+def clip_index(at: Float64Array, size: int) -> IndexArray:
     """Whole-numbered coordinates as indices 0..size - 1; those beyond an end are the end's."""
     return np.clip(at, 0, size - 1).astype(np.int64)
 
@@ -178,9 +178,9 @@ def stereo_regions(disparity_left: Float32Array, disparity_right: Float32Array |
         disparity_left, disparity_right: H x W px each.
     """
     if disparity_right is None:
-        disoccluded, outside, known = carried_gaps(disparity_left)
+        disoccluded, outside, known = gaps_from_left(disparity_left)
     else:
-        disoccluded, outside, known = looked_up(disparity_left, disparity_right)
+        disoccluded, outside, known = gaps_from_both(disparity_left, disparity_right)
     return {
         "seen": known & ~disoccluded & ~outside,
         "unseen": disoccluded | outside,
@@ -189,15 +189,15 @@ def stereo_regions(disparity_left: Float32Array, disparity_right: Float32Array |
     }
 
 
-def looked_up(left: Float32Array, right: Float32Array) -> tuple[BoolArray, BoolArray, BoolArray]:
+def gaps_from_both(left: Float32Array, right: Float32Array) -> tuple[BoolArray, BoolArray, BoolArray]:
     """From both disparities (H x W px): right pixels that are disoccluded, out of view, and of which anything is known."""
     width = left.shape[1]
     has = is_known(right)
     at = np.arange(width) + 0.5 + np.where(has, right, 0)
     outside = has & (at >= width)
     columns = np.floor(at - 0.5), np.floor(at), np.ceil(at - 0.5)
-    beside = [np.take_along_axis(left, clipped_index(column, width), 1) for column in columns]
-    readings = np.stack([np.where(is_known(one), one, np.nan) for one in beside])
+    neighbours = [np.take_along_axis(left, clip_index(column, width), 1) for column in columns]
+    readings = np.stack([np.where(is_known(one), one, np.nan) for one in neighbours])
     with np.errstate(invalid="ignore"):
         matches = (np.abs(readings - right) <= SAME_DISPARITY_PX).any(0)
         nearer = readings[1] > right + SAME_DISPARITY_PX
@@ -205,17 +205,17 @@ def looked_up(left: Float32Array, right: Float32Array) -> tuple[BoolArray, BoolA
     return hidden, outside, has & (outside | matches | ~np.isnan(readings[1]))
 
 
-def carried_gaps(left: Float32Array) -> tuple[BoolArray, BoolArray, BoolArray]:
-    """As `looked_up`, from the left disparity alone (H x W px)."""
+def gaps_from_left(left: Float32Array) -> tuple[BoolArray, BoolArray, BoolArray]:
+    """As `gaps_from_both`, from the left disparity alone (H x W px)."""
     hidden, outside, known = (np.zeros(left.shape, np.bool_) for _ in range(3))
     for row, disparity in enumerate(left):
         columns = np.flatnonzero(is_known(disparity))
         if len(columns):
-            carry_row(columns, disparity[columns].astype(np.float64), hidden[row], outside[row], known[row])
+            warp_row(columns, disparity[columns].astype(np.float64), hidden[row], outside[row], known[row])
     return hidden, outside, known
 
 
-def carry_row(
+def warp_row(
     columns: IndexArray, disparity: Float64Array, hidden: BoolArray, outside: BoolArray, known: BoolArray
 ) -> None:
     """Carry one row of left pixels into the right picture's row.

@@ -1,7 +1,7 @@
 """Probabilities of being right, expected errors and the truth in; how far they can be relied on out. Pure.
 
-Calibration: of what is said to be right with probability p, a share p is (Guo et al. 2017). Sparsification: when the least sure
-pixels are taken away, the mean error of the rest should fall as fast as when the worst are (Ilg et al. 2018).
+Calibration: of pixels predicted to be right with probability p, a share p is (Guo et al. 2017). Sparsification: when the least
+confident pixels are removed, the mean error of the rest should fall as fast as when the worst are (Ilg et al. 2018).
 """
 
 from __future__ import annotations
@@ -18,39 +18,39 @@ from dlama.geometry.rgbd import BoolArray
 BINS = 10
 """Of equal width, 0..1."""
 STEPS = np.linspace(0, 0.99, 100)
-"""Shares that are taken away."""
+"""Shares that are removed."""
 
 
 class Bins(NamedTuple):
-    """BINS numbers each, as shares of all pixels: how many there are, the sum of what is said of them, and how many are right."""
+    """BINS numbers each, as shares of all pixels: how many there are, the sum of their predictions, and how many are right."""
 
     share: Float64Array
-    said: Float64Array
+    predicted: Float64Array
     right: Float64Array
 
     @property
     def error(self) -> float:
-        """Expected calibration error: what is said and what is right, apart, over all bins."""
-        return float(np.abs(self.said - self.right).sum())
+        """Expected calibration error: the differences of predicted and right, summed over all bins."""
+        return float(np.abs(self.predicted - self.right).sum())
 
 
-def calibration(said: NDArray[np.floating], right: BoolArray) -> Bins:
+def calibration(predicted: NDArray[np.floating], right: BoolArray) -> Bins:
     """Bins of N probabilities and of whether each was right."""
-    number = np.minimum((said * BINS).astype(int), BINS - 1)
-    sums = [np.bincount(number, weights=part, minlength=BINS) for part in (np.ones(len(said)), said, right)]
-    return Bins(*(one.astype(np.float64) / len(said) for one in sums))
+    number = np.minimum((predicted * BINS).astype(int), BINS - 1)
+    sums = [np.bincount(number, weights=part, minlength=BINS) for part in (np.ones(len(predicted)), predicted, right)]
+    return Bins(*(one.astype(np.float64) / len(predicted) for one in sums))
 
 
-def sparsification_area(sure: NDArray[np.floating], error: NDArray[np.floating]) -> float:
-    """Area between two curves, in mean errors: the mean error of what is left when the least sure (N numbers) of N errors are
-    taken away, and when the largest are. 0: the order is perfect."""
+def sparsification_area(confidence: NDArray[np.floating], error: NDArray[np.floating]) -> float:
+    """Area between two curves, in mean errors: the mean error of what is left when the least confident (N numbers) of N errors
+    are removed, and when the largest are. 0: the order is perfect."""
 
     def curve(by: NDArray[np.floating]) -> Float64Array:
-        kept = error[np.argsort(by, kind="stable")].astype(np.float64)  # least sure first
+        kept = error[np.argsort(by, kind="stable")].astype(np.float64)  # least confident first
         left = np.cumsum(kept[::-1])[::-1] / np.arange(len(kept), 0, -1)
         return np.asarray(left[(STEPS * len(kept)).astype(int)] / max(float(error.mean()), 1e-9))
 
-    return float((curve(sure) - curve(-error)).mean())
+    return float((curve(confidence) - curve(-error)).mean())
 
 
 def by_distance(hole: BoolArray, color_hole: BoolArray) -> Float64Array:

@@ -1,14 +1,15 @@
-"""MASK, a thing pointed at: a frame with it and its true mask in; how well masks are found, and its removal with them, out.
+"""MASK, an object pointed at: a frame with it and its true mask in; how well masks are found, and its removal with them, out.
 
 One click at the true mask's innermost pixel, then up to three corrections, each at the innermost pixel of the largest wrong
-region; the box of the true mask, 5 % larger; one click where depth is estimated from the picture. Beside them OpenCV's GrabCut
+region; the box of the true mask, 5 % larger; one click where depth is estimated from the picture. Compared with OpenCV's GrabCut
 alone, with the same box, and with a box of a quarter of the picture round the first click. Each is a region with `iou` and
 `border_f` of modality `mask`.
 
-The method removes the thing with the mask of one click; variant `clicks-2` with that of one click and one correction, `true-mask`
-with the true one, `with-shadow` with its shadow too. Errors are taken in ORI's regions, `mask` being the true one. Region
-`shadow`, modality `mask`: which pixels that the thing darkens by a tenth or more (`darkened`) are found with the true mask;
-`false_alarm`: % of the picture found where there is none. The contact line, within 2 px of the thing, is compared with nothing.
+The method removes the object with the mask of one click; variant `clicks-2` with that of one click and one correction,
+`true-mask` with the true one, `with-shadow` with its shadow too. Errors are taken in ORI's regions, `mask` being the true one.
+Region `shadow`, modality `mask`: which pixels that the object darkens by a tenth or more (`darkened_by_shadow`) are found with
+the true mask; `false_alarm`: % of the picture found where there is none. The contact line, within 2 px of the object, is not
+scored.
 """
 
 from __future__ import annotations
@@ -22,7 +23,15 @@ import numpy as np
 
 from dlama.datasets.frames import RemovalTruth, Truth
 from dlama.errors import InputError, MaskError
-from dlama.evaluation.metrics.masks import away_from, border_f, box_of, darkened, innermost, iou, largest_region
+from dlama.evaluation.metrics.masks import (
+    border_f,
+    box_of,
+    darkened_by_shadow,
+    innermost_pixel,
+    iou,
+    largest_region,
+    outside_contact_band,
+)
 from dlama.evaluation.protocols.methods import Measure, Method, ProtocolSettings, Scored, run_method
 from dlama.evaluation.protocols.ori import reference_of
 from dlama.evaluation.protocols.scores import picture_panel
@@ -48,27 +57,27 @@ def score(truth: Truth, method: Method, settings: ProtocolSettings) -> list[Scor
     """
     if not isinstance(truth, RemovalTruth) or not truth.mask.any():
         raise InputError(f"mask: the case holds a {type(truth).__name__}; a RemovalTruth with a mask is expected")
-    masks, seconds = found_masks(truth)
+    masks, seconds = find_masks(truth)
     measures = [
         Measure(name, "mask", metric, value)
         for name, mask in masks.items()
         for metric, value in (("iou", iou(mask, truth.mask)), ("border_f", border_f(mask, truth.mask)))
     ]
     measures += [*shadow_measures(truth), Measure("click", "time", "seconds", seconds)]
-    found, shadow = masks["click"], shadow_found(truth)
+    found, shadow = masks["click"], detect_shadow(truth)
     removals = {"": found, CLICKS[1]: masks[CLICKS[1]], "true-mask": truth.mask, "with-shadow": found | shadow}
     if not settings.mask_changes:
         removals = {"": found}
     scored = []
     for variant, mask in removals.items():
-        scored.append(removed(truth, method, settings, mask, variant, measures if not variant else []))
+        scored.append(score_removal_with(truth, method, settings, mask, variant, measures if not variant else []))
     return scored
 
 
-def removed(
+def score_removal_with(
     truth: RemovalTruth, method: Method, settings: ProtocolSettings, mask: BoolArray, variant: str, more: list[Measure]
 ) -> Scored:
-    """The thing taken out by a mask (nothing is taken out where that is empty or full), measured in the true regions."""
+    """The object removed by a mask (nothing is removed where that is empty or full), measured in the true regions."""
     usable = mask if mask.any() and not mask.all() else None
     run = run_method(method, truth.source, truth.source.camera, usable)
     reference, view = reference_of(truth, settings), run.view()
@@ -85,42 +94,42 @@ def removed(
 
 
 @lru_cache(maxsize=1)
-def found_masks(truth: RemovalTruth) -> tuple[dict[str, BoolArray], float]:
+def find_masks(truth: RemovalTruth) -> tuple[dict[str, BoolArray], float]:
     """The masks by region, and processor seconds of the first click; made once for all methods of a case."""
     color, true = truth.source.color, truth.mask
     session = MaskSession(truth.source)
     started = time.process_time()
-    first = found_or_nothing(session, true, clicks=[innermost(true)])
+    first = find_or_empty(session, true, clicks=[innermost_pixel(true)])
     seconds = time.process_time() - started
-    masks = dict(zip(CLICKS, corrected(session, true, first)))
-    masks["box"] = found_or_nothing(session, true, box=box_of(true, BOX_LARGER))
+    masks = dict(zip(CLICKS, correct_mask(session, true, first)))
+    masks["box"] = find_or_empty(session, true, box=box_of(true, BOX_LARGER))
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of a scale that is assumed: it does not matter here
         photo = MaskSession(estimate_depth(color, truth.source.camera).rgbd)
-    masks["click-estimated-depth"] = found_or_nothing(photo, true, clicks=[innermost(true)])
-    masks["box-estimated-depth"] = found_or_nothing(photo, true, box=box_of(true, BOX_LARGER))
-    (x, y), (height, width) = innermost(true), true.shape
+    masks["click-estimated-depth"] = find_or_empty(photo, true, clicks=[innermost_pixel(true)])
+    masks["box-estimated-depth"] = find_or_empty(photo, true, box=box_of(true, BOX_LARGER))
+    (x, y), (height, width) = innermost_pixel(true), true.shape
     masks["grabcut-box"] = grabcut(color, box_of(true, BOX_LARGER))
     masks["grabcut-click"] = grabcut(color, (x - width / 4, y - height / 4, width / 2, height / 2))
     return masks, seconds
 
 
-def corrected(session: MaskSession, true: BoolArray, first: BoolArray) -> list[BoolArray]:
+def correct_mask(session: MaskSession, true: BoolArray, first: BoolArray) -> list[BoolArray]:
     """The masks after one click (`first`), and after each correction."""
-    clicks: list[Point] = [innermost(true)]
+    clicks: list[Point] = [innermost_pixel(true)]
     away: list[Point] = []
     masks = [first]
     while len(masks) < len(CLICKS):
         wrong = masks[-1] ^ true
         if not wrong.any():
             return masks + [masks[-1]] * (len(CLICKS) - len(masks))
-        x, y = innermost(largest_region(wrong))
+        x, y = innermost_pixel(largest_region(wrong))
         (clicks if true[y, x] else away).append((x, y))
-        masks.append(found_or_nothing(session, true, clicks=clicks, not_clicks=away))
+        masks.append(find_or_empty(session, true, clicks=clicks, not_clicks=away))
     return masks
 
 
-def found_or_nothing(
+def find_or_empty(
     session: MaskSession,
     true: BoolArray,
     clicks: list[Point] | None = None,
@@ -149,15 +158,15 @@ def grabcut(color: UInt8Array, box: Box) -> BoolArray:
 
 
 @lru_cache(maxsize=1)
-def shadow_found(truth: RemovalTruth) -> BoolArray:
-    """The shadow of the thing under the true mask, as `with_shadow` finds it."""
+def detect_shadow(truth: RemovalTruth) -> BoolArray:
+    """The shadow of the object under the true mask, as `with_shadow` finds it."""
     return find_shadow(truth.source, truth.mask)
 
 
 def shadow_measures(truth: RemovalTruth) -> list[Measure]:
     """Recall and precision in pixels; where there is no shadow the share of the picture that is taken for one, in percent."""
-    found = shadow_found(truth) & away_from(truth.mask)
-    true = darkened(truth.source.color, truth.without.color, truth.mask)
+    found = detect_shadow(truth) & outside_contact_band(truth.mask)
+    true = darkened_by_shadow(truth.source.color, truth.without.color, truth.mask)
     if truth.compare is not None:
         found, true = found & truth.compare, true & truth.compare
     if true.sum() < SMALLEST_SHADOW_PX:

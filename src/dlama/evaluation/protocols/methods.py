@@ -50,14 +50,14 @@ class Method:
         """False for the baseline that leaves holes black and without depth."""
         return self.filler != NO_FILL
 
-    def changed_recipe(self, **changes: Any) -> Recipe:
+    def recipe_with(self, **changes: Any) -> Recipe:
         """The recipe with the method's own changes, and with these over them. Raises InputError."""
         return dataclasses.replace(find_recipe(self.recipe), **{**self.changes, **changes})
 
 
 @dataclass(frozen=True)
 class ProtocolSettings:
-    """How much of a protocol is run, and what decides about its numbers beside the metrics' own settings."""
+    """How much of a protocol is run, and what decides about its numbers besides the metrics' own settings."""
 
     object_dilations: tuple[int, ...] = (0, 3, 9)
     """VPI, the paper's second experiment: the object mask's dilations in px, one run each; empty: it is left out."""
@@ -141,7 +141,7 @@ class MethodRun:
     @property
     def clip_m(self) -> float | None:
         """Metres at which the recipe cuts depth; None: nowhere."""
-        return self.method.changed_recipe().clip
+        return self.method.recipe_with().clip
 
     def timing(self) -> Measure:
         """Wall-clock seconds of the completion."""
@@ -168,13 +168,13 @@ def run_method(
         mask: H x W of the source, True = the object to remove; None: nothing is removed.
         changes: fields of the recipe, over the method's own.
     Raises:
-        InputError, FileError and whatever else `complete` raises.
+        InputError, FileError and all else that `complete` raises.
     """
     how: dict[str, Any] = {"filler": method.filler, "model": method.model}
     if not method.fills:
         how, changes = {"filler": no_fill}, {**changes, "source_first": False}
     started = time.perf_counter()
-    done = complete(source, [camera], mask=mask, recipe=method.changed_recipe(**changes), seed=method.seed, **how)
+    done = complete(source, [camera], mask=mask, recipe=method.recipe_with(**changes), seed=method.seed, **how)
     return MethodRun(method, done, time.perf_counter() - started)
 
 

@@ -1,6 +1,6 @@
 """ORI, an object removed: a frame with it, its mask, the frame without it and a method in; scores out.
 
-Regions: `mask` (as given, whatever a recipe dilates), `ring` (`ring_px` round it: a recipe's dilation ends here), `outside`
+Regions: `mask` (as given, before a recipe dilates it), `ring` (`ring_px` round it: a recipe's dilation ends here), `outside`
 (beyond the ring: nothing may change, `changed_pixels` counts against the source), `shadow` (the object's, never
 removed by the mask). Where the data set says which pixels are comparable, errors against the truth count only there.
 The restored background is also scored as a cloud: c-'s filled points against the truth's points, both inside the mask.
@@ -41,7 +41,7 @@ def score(truth: Truth, method: Method, settings: ProtocolSettings) -> list[Scor
         raise InputError(f"ori: the case holds a {type(truth).__name__}; a RemovalTruth is expected")
     scored = [score_mask(truth, method, settings, 0)]
     for change in settings.mask_changes:
-        mask = changed_mask(truth.mask, change)
+        mask = grow_or_shrink(truth.mask, change)
         if change and mask.any() and not mask.all():
             scored.append(score_mask(truth, method, settings, change))
     return scored
@@ -50,7 +50,7 @@ def score(truth: Truth, method: Method, settings: ProtocolSettings) -> list[Scor
 def score_mask(truth: RemovalTruth, method: Method, settings: ProtocolSettings, change: int) -> Scored:
     """One run, with the mask changed by so many px."""
     reference = reference_of(truth, settings)
-    mask = changed_mask(truth.mask, change)
+    mask = grow_or_shrink(truth.mask, change)
     run = run_method(method, truth.source, truth.source.camera, mask)
     measures = removal_measures(run, reference, truth) + reference.shares()
     if change:
@@ -59,7 +59,7 @@ def score_mask(truth: RemovalTruth, method: Method, settings: ProtocolSettings, 
     return Scored(tuple(measures), panel=shown, meta=run.completion.meta)
 
 
-def changed_mask(mask: BoolArray, change: int) -> BoolArray:
+def grow_or_shrink(mask: BoolArray, change: int) -> BoolArray:
     """The mask dilated, or eroded below 0, by so many px (disc)."""
     return dilate_mask(mask, change) if change >= 0 else erode_mask(mask, -change)
 
@@ -73,10 +73,12 @@ def removal_measures(run: MethodRun, reference: Reference, truth: RemovalTruth) 
         *reference.color_measures(view.color),
         *reference.depth_measures(view.depth),
         *reference.metre_measures(view.depth, run.without_depth()),
-        *untouched(view, truth.source, reference.regions["outside"], reference.settings.clip_m),
+        *change_outside(view, truth.source, reference.regions["outside"], reference.settings.clip_m),
         *cloud_measures(run, truth.without, inside),
         *reliability_measures(run, reference),
-        *artifact_measures(run, view, reference.exposed(view.color), inside, "mask", truth.without, truth.source),
+        *artifact_measures(
+            run, view, reference.match_exposure(view.color), inside, "mask", truth.without, truth.source
+        ),
         run.timing(),
     ]
 
@@ -105,7 +107,7 @@ def removal_gain(truth: RemovalTruth, outside: BoolArray) -> Gain:
     return channel_gain(truth.source.color, truth.without.color, both)
 
 
-def untouched(view: View, source: RGBD, outside: BoolArray, clip_m: float) -> list[Measure]:
+def change_outside(view: View, source: RGBD, outside: BoolArray, clip_m: float) -> list[Measure]:
     """What changed beyond the ring, against the source: colour, and 8-bit depth where the source has depth."""
     changed = (view.color != source.color).any(2)
     mine, given = depth_8bit(view.depth, clip_m), depth_8bit(source.depth, clip_m)

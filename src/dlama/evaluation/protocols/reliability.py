@@ -17,7 +17,7 @@ from dlama.inpainters.confidence import COLOR_WITHIN, DEPTH_WITHIN
 REGION, MODALITY = "filled", "confidence"
 
 
-def depth_off(z: Float32Array, true_z: Float32Array) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
+def depth_deviation(z: Float32Array, true_z: Float32Array) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
     """By how much N depths are off: metres (inf where one of both is far), and as a share of the truth, 0..1 (0: both far)."""
     same_far, finite = np.isinf(z) & np.isinf(true_z), np.isfinite(z) & np.isfinite(true_z)
     off = np.where(finite, np.abs(np.where(finite, z, 1) - np.where(finite, true_z, 1)), np.inf)
@@ -27,9 +27,9 @@ def depth_off(z: Float32Array, true_z: Float32Array) -> tuple[NDArray[np.floatin
 def reliability_measures(run: MethodRun, reference: Reference, number: int = -1) -> list[Measure]:
     """Of one view of a run; nothing of the baseline that fills nothing, where depth is not known, and of hardly any pixels.
 
-    right, said: share that is right, and mean confidence; ece; ause_depth, ause_color (ordered by expected error), each also
+    right, predicted: share that is right, and mean confidence; ece; ause_depth, ause_color (ordered by expected error), each also
     by distance from the rim and at random; expected and actual errors of depth (m, at most the depth itself) and colour (levels);
-    bin_K_share, bin_K_said, bin_K_right: the reliability curve, as shares of all filled pixels.
+    bin_K_share, bin_K_predicted, bin_K_right: the reliability curve, as shares of all filled pixels.
     """
     if not run.method.fills or reference.depth is None:
         return []
@@ -40,19 +40,22 @@ def reliability_measures(run: MethodRun, reference: Reference, number: int = -1)
     clip = np.float32(np.inf if run.clip_m is None else run.clip_m)
     z, true_z = view.depth[where], np.minimum(reference.depth, clip)[where]
     painted = warped.color_hole[where]
-    levels = np.abs(reference.exposed(view.color)[where].astype(np.float32) - reference.color[where]).mean(1) * painted
-    off, relative = depth_off(z, true_z)
+    levels = (
+        np.abs(reference.match_exposure(view.color)[where].astype(np.float32) - reference.color[where]).mean(1)
+        * painted
+    )
+    off, relative = depth_deviation(z, true_z)
     right = (relative <= DEPTH_WITHIN) & (levels <= COLOR_WITHIN)
-    said = view.confidence[where]
-    bins = calibration(said, right)
-    found = {"right": float(right.mean()), "said": float(said.mean()), "ece": bins.error}
+    predicted = view.confidence[where]
+    bins = calibration(predicted, right)
+    found = {"right": float(right.mean()), "predicted": float(predicted.mean()), "ece": bins.error}
     distance = by_distance(warped.hole, warped.color_hole)[where]
-    random = np.random.default_rng(run.method.seed).random(len(said))
-    for order, name in ((said, ""), (distance, "_distance"), (random, "_random")):
+    random = np.random.default_rng(run.method.seed).random(len(predicted))
+    for order, name in ((predicted, ""), (distance, "_distance"), (random, "_random")):
         found[f"ause_depth{name}"] = sparsification_area(order, relative)
     if painted.any():
-        sure = -view.color_error[where]
-        for order, name in ((sure, ""), (distance, "_distance"), (random, "_random")):
+        confidence = -view.color_error[where]
+        for order, name in ((confidence, ""), (distance, "_distance"), (random, "_random")):
             found[f"ause_color{name}"] = sparsification_area(order[painted], levels[painted])
         found |= {
             "expected_color": float(view.color_error[where][painted].mean()),

@@ -43,7 +43,7 @@ class Reference:
     suffix: str = ""
     """Added to every region's name (`-right`)."""
 
-    def exposed(self, color: UInt8Array) -> UInt8Array:
+    def match_exposure(self, color: UInt8Array) -> UInt8Array:
         """A method's colours in the truth's exposure."""
         return color if self.gain == (1.0, 1.0, 1.0) else with_gain(color, self.gain)
 
@@ -60,7 +60,7 @@ class Reference:
 
     def color_measures(self, color: UInt8Array) -> list[Measure]:
         """ssim, lpips, mse and psnr of every region, of colours as the method gave them."""
-        return self._picture_measures("rgb", self.color, self.exposed(color), self.comparable)
+        return self._picture_measures("rgb", self.color, self.match_exposure(color), self.comparable)
 
     def depth_measures(self, depth: Float32Array) -> list[Measure]:
         """ssim, lpips and mse of the 8-bit depth picture that the paper shows; missing is black."""
@@ -127,8 +127,8 @@ def picture_panel(run: MethodRun, reference: Reference, source: RGBD, truth: RGB
     warped, view = run.completion.warped[number], run.view(number)
     return Panel(
         source=source.color,
-        warped=reference.exposed(warped.color),
-        filled=reference.exposed(view.color),
+        warped=reference.match_exposure(warped.color),
+        filled=reference.match_exposure(view.color),
         truth=truth.color,
         hole=warped.hole,
         depth_source=source.depth,

@@ -4,7 +4,7 @@ A held-out frame is the truth; its sources are the frames nearest to it in the s
 neighbours left out. Its pixels are sorted by how many of the sources see them, from the true depths: one, several or none.
 Colours are compared after one gain a channel, fitted for each method where a source sees: the frames differ in exposure.
 Poses are aligned first, that of the truth too and for all methods alike (`sequence_run`): where it is off by some pixels, SSIM
-rewards whatever is blurred.
+rewards blur.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ SHOWN = ("ssim", "lpips", "mse", "mae")
 
 
 @dataclass(frozen=True, eq=False)
-class Made:
+class SynthesisedView:
     """What a method makes of the sources at a camera."""
 
     color: UInt8Array
@@ -48,7 +48,7 @@ class Made:
     """Of processor time, where another process made it."""
 
 
-SequenceMethod = Callable[[Sequence[RGBD], Camera], Made]
+SequenceMethod = Callable[[Sequence[RGBD], Camera], SynthesisedView]
 
 
 @dataclass(frozen=True)
@@ -61,19 +61,19 @@ class Row:
     measure: Measure
 
 
-def ours(sources: Sequence[RGBD], camera: Camera) -> Made:
+def run_dlama(sources: Sequence[RGBD], camera: Camera) -> SynthesisedView:
     """dlama, as it stands."""
     done = complete(list(sources), [camera])
-    return Made(done.view.color, done.view.depth, done.warped[0].color_hole)
+    return SynthesisedView(done.view.color, done.view.depth, done.warped[0].color_hole)
 
 
-def nearest_wins(sources: Sequence[RGBD], camera: Camera) -> Made:
+def run_z_buffer(sources: Sequence[RGBD], camera: Camera) -> SynthesisedView:
     """All points of all frames, the nearest one to the camera in each pixel, and Telea's filling of colour and depth."""
     view = render(concatenate([lift(each) for each in sources]), camera, "points")
-    return with_telea(view.color, view.depth, view.hole)
+    return fill_with_telea(view.color, view.depth, view.hole)
 
 
-def with_telea(color: UInt8Array, depth: Float32Array, hole: BoolArray) -> Made:
+def fill_with_telea(color: UInt8Array, depth: Float32Array, hole: BoolArray) -> SynthesisedView:
     """Holes filled by Telea's inpainting: colours, and depth as a picture of 16-bit millimetres cut into 8 bits of its range."""
     mask = hole.astype(np.uint8)
     filled = np.asarray(cv2.inpaint(np.ascontiguousarray(color), mask, 3, cv2.INPAINT_TELEA), np.uint8)
@@ -81,10 +81,10 @@ def with_telea(color: UInt8Array, depth: Float32Array, hole: BoolArray) -> Made:
     top = float(depth[known].max()) if known.any() else 1.0
     levels = np.clip(np.where(known, depth, 0) / top * 255, 0, 255).astype(np.uint8)
     guessed = np.asarray(cv2.inpaint(levels, mask, 3, cv2.INPAINT_TELEA), np.float32) / 255 * top
-    return Made(filled, np.where(hole, guessed, depth).astype(np.float32), hole)
+    return SynthesisedView(filled, np.where(hole, guessed, depth).astype(np.float32), hole)
 
 
-METHODS: Mapping[str, SequenceMethod] = {"dlama": ours, "nearest wins": nearest_wins}
+METHODS: Mapping[str, SequenceMethod] = {"dlama": run_dlama, "nearest wins": run_z_buffer}
 
 
 def sources_of(place: int, count: int, frames: int, apart: int = APART) -> list[int]:
@@ -109,7 +109,7 @@ def score_sequence(
             sources = [frames[one] for one in sources_of(place, count, len(frames), apart)]
             if len(sources) < count:
                 continue
-            regions = seen_by(sources, truth, settings.seen_tolerance)
+            regions = visibility_by_count(sources, truth, settings.seen_tolerance)
             for method, make in methods.items():
                 started = time.process_time()
                 made = make(sources, truth.camera)
@@ -119,12 +119,12 @@ def score_sequence(
                 yield Row(names[place], count, method, Measure("whole", "time", "seconds", seconds))
 
 
-def seen_by(sources: Sequence[RGBD], truth: RGBD, tolerance: float) -> dict[str, BoolArray]:
+def visibility_by_count(sources: Sequence[RGBD], truth: RGBD, tolerance: float) -> dict[str, BoolArray]:
     """H x W of the truth each: pixels that one, several or none of the sources see, and `seen` by any; of known depth only."""
     seen = [source_visibility(source, truth, None, tolerance) for source in sources]
     count = sum(each.seen.astype(np.int64) for each in seen)
-    told = np.any([each.seen | each.unseen for each in seen], axis=0)
-    none = told & (count == 0)
+    known = np.any([each.seen | each.unseen for each in seen], axis=0)
+    none = known & (count == 0)
     return {
         "seen by one": count == 1,
         "seen by several": count > 1,
@@ -133,7 +133,9 @@ def seen_by(sources: Sequence[RGBD], truth: RGBD, tolerance: float) -> dict[str,
     }
 
 
-def measures_of(made: Made, truth: RGBD, regions: Mapping[str, BoolArray], settings: ProtocolSettings) -> list[Measure]:
+def measures_of(
+    made: SynthesisedView, truth: RGBD, regions: Mapping[str, BoolArray], settings: ProtocolSettings
+) -> list[Measure]:
     """The numbers of one view."""
     usable = regions["seen"] & ~made.hole
     gain = channel_gain(made.color, truth.color, usable) if usable.any() else (1.0, 1.0, 1.0)

@@ -1,6 +1,6 @@
-"""Removal from several frames of a scene: views with and without a thing in; error behind it, by number of frames, out.
+"""Removal from several frames of a scene: views with and without an object in; error behind it, by number of frames, out.
 
-The thing is masked in the first frame alone, whose mask is carried to the others, or in every frame. What was filled and is seen
+The object is masked in the first frame alone, whose mask is carried to the others, or in every frame. What was filled and is seen
 again in another frame is held against what that frame shows there: they should be the same points.
 """
 
@@ -23,9 +23,9 @@ from dlama.geometry.rendering import render
 from dlama.geometry.view import Origin, View
 
 REGION = "hidden"
-"""What the thing covers in the first frame."""
+"""What the object covers in the first frame."""
 MASKS = {"one mask": False, "all masks": True}
-"""Method -> whether the thing is masked in every frame."""
+"""Method -> whether the object is masked in every frame."""
 SAME_SURFACE = 0.05
 """Relative depth up to which two frames show one filled point; beyond, something hides it in one of them."""
 COLUMNS = ("filled %", "colour, levels", "MSE", "LPIPS", "depth MAE (m)", "AbsRel", "colours agree", "depths agree (%)")
@@ -54,7 +54,7 @@ def score_removal(
 
 
 def _errors(view: View, truth: RemovalTruth, settings: ProtocolSettings) -> Iterator[Measure]:
-    """Of what the thing hid in the first frame."""
+    """Of what the object hid in the first frame."""
     region = truth.mask if truth.compare is None else truth.mask & truth.compare
     yield Measure(REGION, "rgb", "filled", 100 * float(view.filled[region].mean()))
     yield Measure(REGION, "rgb", "levels", float(np.abs(view.color.astype(float) - truth.without.color)[region].mean()))

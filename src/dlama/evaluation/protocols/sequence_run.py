@@ -17,7 +17,7 @@ HELD_OUT = 5
 DENSE, APART = 30, 2
 """From so many frames on, a held-out frame's sources are so many places away and more; of fewer its neighbours are sources."""
 Progress = Callable[[int, int, str], None]
-"""Told before each part: how many are done, of how many, and what comes next."""
+"""Called before each part: how many are done, of how many, and what comes next."""
 
 
 class ReadFrames(Sequence[RGBD]):
@@ -37,17 +37,17 @@ class ReadFrames(Sequence[RGBD]):
 def rows_of(dataset: Dataset, limit: int | None, settings: ProtocolSettings, progress: Progress) -> Iterator[Row]:
     """Scene after scene: held-out frames made of others, then removals, where there are any. InputError: too few frames."""
     named = dict.fromkeys(one.scene for one in dataset.frames)
-    scenes = {name: in_order([one for one in dataset.frames if one.scene == name]) for name in named}
-    if not any(len(frames) > apart_in(frames) for frames in scenes.values()):
+    scenes = {name: sort_along_orbit([one for one in dataset.frames if one.scene == name]) for name in named}
+    if not any(len(frames) > source_distance(frames) for frames in scenes.values()):
         raise InputError(f"{dataset.name}: no scene of it has {APART + 1} posed frames; so many or more are expected")
-    parts = [(name, place) for name, frames in scenes.items() for place in held_out(len(frames), limit)]
+    parts = [(name, place) for name, frames in scenes.items() for place in held_out_places(len(frames), limit)]
     removals = [name for name in scenes if any(case.scene == name for case in dataset.of("ori"))]
     read = {name: ReadFrames(align_frames([frame.load for frame in frames])) for name, frames in scenes.items()}
     for done, (name, place) in enumerate(parts):
         frames = scenes[name]
         names = [f"{name}/{frame.name}" if len(scenes) > 1 else frame.name for frame in frames]
         progress(done, len(parts) + len(removals), names[place])
-        yield from score_sequence(read[name], [place], names, settings, METHODS, COUNTS, apart=apart_in(frames))
+        yield from score_sequence(read[name], [place], names, settings, METHODS, COUNTS, apart=source_distance(frames))
     for done, name in enumerate(removals, len(parts)):
         progress(done, len(parts) + len(removals), f"{name}, removal")
         cases = sorted((case for case in dataset.of("ori") if case.scene == name), key=lambda case: abs(case.yaw or 0))
@@ -55,19 +55,19 @@ def rows_of(dataset: Dataset, limit: int | None, settings: ProtocolSettings, pro
         yield from score_removal(views, name, settings)
 
 
-def in_order(frames: Sequence[Frame]) -> list[Frame]:
+def sort_along_orbit(frames: Sequence[Frame]) -> list[Frame]:
     """The frames of a scene along its orbit, where it has one, else as listed."""
     if all(frame.yaw is not None for frame in frames):
         return sorted({frame.yaw: frame for frame in frames}.values(), key=lambda frame: frame.yaw or 0)
     return list(frames)
 
 
-def held_out(count: int, limit: int | None) -> list[int]:
+def held_out_places(count: int, limit: int | None) -> list[int]:
     """Places of the frames that are held out, evenly over so many."""
-    wanted = min(limit or HELD_OUT, count)
-    return sorted({round((number + 0.5) * count / wanted - 0.5) for number in range(wanted)})
+    most = min(limit or HELD_OUT, count)
+    return sorted({round((number + 0.5) * count / most - 0.5) for number in range(most)})
 
 
-def apart_in(frames: Sequence[Frame]) -> int:
+def source_distance(frames: Sequence[Frame]) -> int:
     """Places between a held-out frame and its nearest sources."""
     return APART if len(frames) >= DENSE else 1

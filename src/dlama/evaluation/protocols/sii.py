@@ -65,7 +65,7 @@ def run_stereo(truth: StereoTruth, method: Method) -> MethodRun:
         mask=truth.mask_left,
         mask_right=truth.mask_right,
         right_view="given" if truth.mask_left is not None else "synthesised",
-        recipe=method.changed_recipe(),
+        recipe=method.recipe_with(),
         seed=method.seed,
         **how,
     )
@@ -93,7 +93,9 @@ def score_removal(truth: StereoTruth, method: Method, settings: ProtocolSettings
             measures += cloud_measures(run, truth.without_left, truth.mask_left)
             measures += reliability_measures(run, left, 0)
         measures += pair_measures(run, truth, truth.mask_left)
-        measures += artifact_measures(run, view, left.exposed(view.color), truth.mask_left, "mask", truth.without_left)
+        measures += artifact_measures(
+            run, view, left.match_exposure(view.color), truth.mask_left, "mask", truth.without_left
+        )
     source = RGBD(truth.left, depth_of(truth.disparity_left, truth.rig), truth.rig.left)
     shown = picture_panel(run, left, source, truth.without_left, 0)
     return Scored(tuple(measures), panel=shown, meta=run.completion.meta)

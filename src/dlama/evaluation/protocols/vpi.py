@@ -66,7 +66,7 @@ def view_measures(run: MethodRun, reference: Reference, truth: ViewTruth, target
         *leak_measures(run, target, reference.regions["seen"]),
         *reliability_measures(run, reference),
         *artifact_measures(
-            run, view, reference.exposed(view.color), reference.regions["unseen"], "unseen", target, truth.source
+            run, view, reference.match_exposure(view.color), reference.regions["unseen"], "unseen", target, truth.source
         ),
         run.timing(),
     ]
@@ -90,5 +90,5 @@ def reference_of(truth: ViewTruth, target: RGBD, settings: ProtocolSettings, wit
     found = source_visibility(truth.source, target, truth.object_mask if with_object else None, settings.seen_tolerance)
     gain = (1.0, 1.0, 1.0)
     if truth.exposure_varies:
-        gain = channel_gain(found.carried(truth.source.color), target.color, found.seen)
+        gain = channel_gain(found.warp_color(truth.source.color), target.color, found.seen)
     return Reference(target.color, target.depth, found.regions(with_object), settings, gain=gain)

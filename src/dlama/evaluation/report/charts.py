@@ -11,7 +11,15 @@ from html import escape
 from typing import Any
 
 from dlama.errors import MissingExtraError
-from dlama.evaluation.report.columns import MASK_RATIO, PAPER, PAPER_MASK_RATIO, Which, better, paper_value, titled
+from dlama.evaluation.report.columns import (
+    MASK_RATIO,
+    PAPER,
+    PAPER_MASK_RATIO,
+    Which,
+    better_direction,
+    column_title,
+    paper_value,
+)
 from dlama.evaluation.report.summary import ALL, Key, Summary
 
 INK = "#0a0b0c"
@@ -150,8 +158,8 @@ def _paper_curve(axes: Any, yaws: Sequence[str], which: Which) -> None:
 
 def _paper_values(yaws: Sequence[str], which: Which) -> list[tuple[float, float]]:
     """(degrees, the paper's number) where it has one."""
-    beside = [PAPER_MASK_RATIO.get(yaw) if which == MASK_RATIO else paper_value(yaw, *which) for yaw in yaws]
-    return [(_degrees(yaw), value) for yaw, value in zip(yaws, beside) if value is not None]
+    published = [PAPER_MASK_RATIO.get(yaw) if which == MASK_RATIO else paper_value(yaw, *which) for yaw in yaws]
+    return [(_degrees(yaw), value) for yaw, value in zip(yaws, published) if value is not None]
 
 
 def _legend(methods: Sequence[str], with_paper: bool, place: tuple[str, ...]) -> tuple[tuple[str, str], ...]:
@@ -181,8 +189,8 @@ def _style(methods: Sequence[str], method: str) -> dict[str, Any]:
 
 def _heading(which: Which) -> str:
     """The metric, and an arrow to its good side."""
-    name = f"{'mask ratio, %' if which == MASK_RATIO else titled(*which)}"
-    return f"{name}{ {1: ' ↑', -1: ' ↓', 0: ''}[better(which[2])] }"
+    name = f"{'mask ratio, %' if which == MASK_RATIO else column_title(*which)}"
+    return f"{name}{ {1: ' ↑', -1: ' ↓', 0: ''}[better_direction(which[2])] }"
 
 
 def _degrees(yaw: str) -> float:

@@ -99,7 +99,7 @@ PAPER_DEPTH = {
 """Table 2."""
 
 
-def better(metric: str) -> int:
+def better_direction(metric: str) -> int:
     """+1: more is better, -1: less is, 0: it only describes."""
     if metric.endswith("_truth"):  # what the truth itself has, to hold the methods against
         return 0
@@ -108,14 +108,14 @@ def better(metric: str) -> int:
     return -1 if any(word in metric for word in LOWER) else 0
 
 
-def titled(region: str, modality: str, metric: str) -> str:
+def column_title(region: str, modality: str, metric: str) -> str:
     """`colour SSIM`, `depth MAE, m`."""
     name = METRICS.get(metric, metric.replace("delta", "δ<").replace("fscore_", "F-score at "))
     unit = ", m" if modality in ("depth_m", "cloud") and metric in METRES else ""
     return f"{MODALITIES.get(modality, modality)} {name}{unit}"
 
 
-def shown(value: float, metric: str) -> str:
+def format_value(value: float, metric: str) -> str:
     """A value with the digits that tables show."""
     if not math.isfinite(value):
         return "∞" if value > 0 else "-∞"

@@ -50,16 +50,16 @@ def page(
             depth_full=f"{100 * DEPTH_FULL:g} %",
             every=every,
             failures=failures,
-            settings=[(name, text) for name, text in flattened(about) if name != "lead"],
+            settings=[(name, text) for name, text in flatten(about) if name != "lead"],
         )
     )
 
 
-def flattened(about: Mapping[str, Any], before: str = "") -> Iterator[tuple[str, str]]:
+def flatten(about: Mapping[str, Any], before: str = "") -> Iterator[tuple[str, str]]:
     """(`versions numpy`, `2.1`): nested mappings as lines."""
     for name, value in about.items():
         if isinstance(value, Mapping):
-            yield from flattened(value, f"{before}{name} ")
+            yield from flatten(value, f"{before}{name} ")
         else:
             text = ", ".join(map(str, value)) if isinstance(value, (list, tuple)) else str(value)
             yield f"{before}{name}".replace("_", " "), text

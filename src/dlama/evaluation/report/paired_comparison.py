@@ -9,7 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from dlama.evaluation.protocols.methods import NO_FILL
-from dlama.evaluation.report.columns import PAPER_SHAPE, Which, better, titled
+from dlama.evaluation.report.columns import PAPER_SHAPE, Which, better_direction, column_title
 from dlama.evaluation.report.summary import ALL, draws, intervals, yaw_labels, yaw_order
 from dlama.evaluation.report.tables import EMPTY, Cell, Table
 from dlama.evaluation.runner.store import Row
@@ -46,7 +46,7 @@ def paired_comparison(
         (Cell(filler), Cell(yaw), *(_cell(pairs.get((filler, yaw, which)), which[2], seed) for which in seen))
         for filler, yaw in ordered
     ]
-    head = ("filler", "yaw", *(titled(*which) for which in seen))
+    head = ("filler", "yaw", *(column_title(*which) for which in seen))
     where = "" if tuple(chosen) == PAPER_SHAPE else f", {chosen[0][0]}"
     title = f"{OURS} against {THEIRS}, same filler{where}"
     return Table(title, head, tuple(lines), NOTE, with_intervals=True) if lines else None
@@ -67,7 +67,7 @@ def _pairs(rows: Sequence[Row]) -> dict[tuple[str, str, Which], Pairs]:
 
 def _cell(pairs: Pairs | None, metric: str, seed: int) -> Cell:
     """The change of the mean in %. Both recipes get the same resamples of scenes, so their common spread cancels."""
-    side = better(metric)
+    side = better_direction(metric)
     if not pairs or side == 0:
         return EMPTY
     every = [pair for scene in pairs.values() for pair in scene]

@@ -13,7 +13,7 @@ from dlama.errors import FileError
 from dlama.evaluation.report.columns import Which
 from dlama.evaluation.report.summary import ALL, yaw_labels
 from dlama.evaluation.runner.store import Stored, StoredRun, result_rows
-from dlama.evaluation.runner.strips import cells, jpeg, small
+from dlama.evaluation.runner.strips import cut_strip, jpeg, shrink
 from dlama.files.rasters.pictures import read_color
 from dlama.geometry.rgbd import UInt8Array
 
@@ -100,13 +100,13 @@ def read_strip(path: Path) -> UInt8Array | None:
         picture = read_color(path)
     except FileError:
         return None
-    return picture if all(cell.size for cell in cells(picture)) else None
+    return picture if all(cell.size for cell in cut_strip(picture)) else None
 
 
 def _urls(strip: UInt8Array, side: int, quality: int) -> Iterator[str]:
     """The pictures of a strip, each at most so many px a side, as data: URLs."""
-    for cell in cells(strip):
-        yield f"data:image/jpeg;base64,{base64.b64encode(jpeg(small(cell, side), quality)).decode()}"
+    for cell in cut_strip(strip):
+        yield f"data:image/jpeg;base64,{base64.b64encode(jpeg(shrink(cell, side), quality)).decode()}"
 
 
 def _score(run: StoredRun) -> tuple[Which, float] | None:

@@ -15,13 +15,13 @@ from dlama.evaluation.report.tables import EMPTY, Cell, Table
 RELIABILITY_TEXT = (
     "How far the confidence of filled pixels can be relied on. Right: depth within 5 % and colour within 25 levels. "
     "ECE: expected calibration error, ten bins over all frames. AUSE: area between the sparsification curve and an oracle's, in "
-    "mean errors (0: what is least sure is what is most wrong), of depth by confidence, of colour by its expected error; beside "
-    "it that of the distance from the rim of the hole, and of a random order. Expected errors beside the actual ones, of depth "
+    "mean errors (0: the least confident pixels are the most wrong), of depth by confidence, of colour by its expected error; "
+    "compared with the distance from the rim of the hole and a random order. Expected errors next to the actual ones, of depth "
     "at most the depth itself."
 )
 COLUMNS = {
     "right": "right",
-    "said": "said",
+    "predicted": "predicted",
     "ece": "ECE",
     "ause_depth": "AUSE depth",
     "ause_depth_distance": "by distance",
@@ -75,18 +75,18 @@ def reliability_tables(summary: Summary, protocol: str, dataset: str, methods: S
     )
 
 
-def _bin(share: float, said: float, right: float) -> Cell:
+def _bin(share: float, predicted: float, right: float) -> Cell:
     return EMPTY if share <= 0 else Cell(f"{right / share:.2f} ({share:.0%})", right / share)
 
 
 def reliability_figure(summary: Summary, protocol: str, dataset: str, methods: Sequence[str]) -> Figure | None:
-    """Said against right, bin by bin, a line a method beside the diagonal."""
+    """Predicted against right, bin by bin, a line a method, and the diagonal."""
     lines = {}
     for method in methods:
         bins = bins_of(summary, protocol, dataset, method)
         if bins is not None:
             some = bins.share >= 0.005
-            lines[method] = list(zip(bins.said[some] / bins.share[some], bins.right[some] / bins.share[some]))
+            lines[method] = list(zip(bins.predicted[some] / bins.share[some], bins.right[some] / bins.share[some]))
     if not lines:
         return None
     return against_diagonal(lines, ("confidence", "share that is right"), "Reliability", (protocol, dataset))
@@ -101,7 +101,7 @@ def reliability_lines(summary: Summary) -> list[str]:
                 found = values_of(summary, protocol, dataset, method)
                 if not found or "+" in method:
                     continue
-                parts = [f"right {found['right']:.1%}, said {found['said']:.1%}, ECE {found['ece']:.3f}"]
+                parts = [f"right {found['right']:.1%}, predicted {found['predicted']:.1%}, ECE {found['ece']:.3f}"]
                 for name, word in (("depth", "depth"), ("color", "colour")):
                     if f"ause_{name}" in found:
                         own, formula, random = (found[f"ause_{name}{end}"] for end in ("", "_distance", "_random"))

@@ -15,7 +15,7 @@ from dlama.evaluation.report.summary import ALL, Summary
 from dlama.evaluation.report.tables import (
     Table,
     by_method,
-    paper_shaped,
+    paper_table,
     per_yaw,
     runtimes,
     side_by_side,
@@ -37,8 +37,8 @@ EXPLAINED = {
     "compared with the true frame without the object.",
     "sii": "SII, stereoscopic image inpainting: an object is removed from both views of a rectified stereo pair or, where "
     "there are no masks, the right view is made from the left; the result is compared with the true pair.",
-    "mask": "MASK, a thing pointed at: its mask is found by clicks (one, then up to three corrections) and by a box, "
-    "compared with the true mask and with GrabCut alone, and used to remove the thing.",
+    "mask": "MASK, an object pointed at: its mask is found by clicks (one, then up to three corrections) and by a box, "
+    "compared with the true mask and with GrabCut alone, and used to remove the object.",
 }
 """A sentence each for readers who do not know the paper's abbreviations."""
 HIDDEN = ("unseen", "disoccluded", "out-of-view", "object", "mask", "mask-right")
@@ -73,7 +73,7 @@ INTEREST = tuple(
 CURVES: tuple[tuple[str, str], ...] = (
     ("rgb", "ssim"), ("rgb", "lpips"), ("rgb", "psnr"), ("depth", "lpips"), ("depth", "mse"), ("depth_m", "mae"),
 )  # fmt: skip
-BESIDE: tuple[Which, ...] = (("whole", "rgb", "psnr"), ("whole", "depth_m", "mae"), MASK_RATIO)
+MORE_WHOLE: tuple[Which, ...] = (("whole", "rgb", "psnr"), ("whole", "depth_m", "mae"), MASK_RATIO)
 PER_YAW_HIDDEN: tuple[Which, ...] = (
     ("unseen", "rgb", "lpips"),
     ("unseen", "rgb", "psnr"),
@@ -145,9 +145,9 @@ def _protocol_sections(place: _Place) -> Iterator[Section]:
         yield Section(f"{protocol}-unseen", f"{name}: unseen", text, place.hidden_figures(), place.hidden_tables())
     else:
         yield Section(f"{protocol}-regions", name, _REGION_TEXT, place.region_figures(), place.removal_tables())
-    reliable = reliability_tables(place.summary, protocol, place.dataset, place.drawn)
+    reliable = reliability_tables(place.summary, protocol, place.dataset, place.methods_in_figures)
     if reliable:
-        figure = reliability_figure(place.summary, protocol, place.dataset, place.drawn)
+        figure = reliability_figure(place.summary, protocol, place.dataset, place.methods_in_figures)
         title = f"{name}: confidence"
         yield Section(f"{protocol}-confidence", title, RELIABILITY_TEXT, (figure,) if figure else (), reliable)
     more = place.more_tables()
@@ -195,24 +195,24 @@ class _Place:
         return [one for one in self.summary.methods if one in own and not variant_of(one)[1]]
 
     @property
-    def drawn(self) -> list[str]:
+    def methods_in_figures(self) -> list[str]:
         """Those in figures: black holes are so far off that all others would coincide; they stand in the tables only."""
         return [one for one in self.methods if not one.endswith(f"/{NO_FILL}")] or self.methods
 
     @property
-    def every(self) -> list[Which]:
+    def all_measures(self) -> list[Which]:
         """What was measured of the methods as named."""
         keys = self.summary.of(protocol=self.protocol, dataset=self.dataset, yaw="all")
         return list(dict.fromkeys((key.region, key.modality, key.metric) for key in keys))
 
     def whole_text(self) -> str:
-        """With the source of the paper's numbers, where they stand beside ours."""
-        beside = f" The paper's numbers: {PAPER_SOURCE}" if any(yaw in PAPER_MASK_RATIO for yaw in self.yaws) else ""
-        return _WHOLE_TEXT + beside
+        """With the source of the paper's numbers, where they are compared with ours."""
+        source = f" The paper's numbers: {PAPER_SOURCE}" if any(yaw in PAPER_MASK_RATIO for yaw in self.yaws) else ""
+        return _WHOLE_TEXT + source
 
     def whole_figures(self) -> tuple[Figure, ...]:
         """The paper's six numbers and mask ratio, and two in other units."""
-        return self._drawn((*PAPER_SHAPE, *BESIDE), "Whole pictures")
+        return self._drawn((*PAPER_SHAPE, *MORE_WHOLE), "Whole pictures")
 
     def hidden_figures(self) -> tuple[Figure, ...]:
         """The unseen pixels."""
@@ -220,35 +220,39 @@ class _Place:
 
     def region_figures(self) -> tuple[Figure, ...]:
         """The hidden region's metrics, a dot a method."""
-        hidden = [region for region in HIDDEN if any(which[0] == region for which in self.every)][:1]
+        hidden = [region for region in HIDDEN if any(which[0] == region for which in self.all_measures)][:1]
         chosen = self._interesting(hidden or ["whole"])[:12]
         return self._drawn(chosen, f"Region {(hidden or ['whole'])[0]}")
 
     def whole_tables(self) -> tuple[Table, ...]:
         """One a metric with the methods side by side, then one a method in the paper's shape; of one yaw, one of all."""
         place = self.summary, self.protocol, self.dataset
-        against = self._against(PAPER_SHAPE)
+        against = self._paired_table(PAPER_SHAPE)
         if self.has_one_yaw:
             both, signs = ([yaw for yaw in self.yaws if (yaw[0] in "+-") == own] for own in (False, True))
-            by_sign = _minor(_there([by_method(*place, self.methods, signs)]), "each sign by itself")
-            return (*_there([against, by_method(*place, self.methods, both)]), *by_sign)
-        beside = [per_yaw(*place, which, self.methods) for which in PAPER_SHAPE]
+            by_sign = _mark_minor(_drop_missing([by_method(*place, self.methods, signs)]), "each sign by itself")
+            return (*_drop_missing([against, by_method(*place, self.methods, both)]), *by_sign)
+        yaw_tables = [per_yaw(*place, which, self.methods) for which in PAPER_SHAPE]
         single = [per_yaw(*place, which, self.methods, signs=True) for which in PAPER_SHAPE]
-        own = [paper_shaped(*place, method) for method in self.methods]
-        return (*_there([against, *beside]), *_there(own), *_minor(_there(single), "each sign by itself"))
+        own = [paper_table(*place, method) for method in self.methods]
+        return (
+            *_drop_missing([against, *yaw_tables]),
+            *_drop_missing(own),
+            *_mark_minor(_drop_missing(single), "each sign by itself"),
+        )
 
     def hidden_tables(self) -> tuple[Table, ...]:
         """By yaw where there are several, and all regions over all yaws."""
         place = self.summary, self.protocol, self.dataset
-        against = self._against(PER_YAW_HIDDEN)
+        against = self._paired_table(PER_YAW_HIDDEN)
         by_yaw = [] if self.has_one_yaw else [per_yaw(*place, which, self.methods) for which in PER_YAW_HIDDEN]
-        return (*_there([against, *by_yaw]), *self.region_tables())
+        return (*_drop_missing([against, *by_yaw]), *self.region_tables())
 
     def removal_tables(self) -> tuple[Table, ...]:
         """The recipes against each other in the mask, then all regions."""
-        found = {which[0] for which in self.every}
+        found = {which[0] for which in self.all_measures}
         chosen = REMOVAL if "mask" in found else tuple(("unseen", *which[1:]) for which in REMOVAL)
-        return (*_there([self._against(chosen)]), *self.region_tables())
+        return (*_drop_missing([self._paired_table(chosen)]), *self.region_tables())
 
     def region_tables(self) -> tuple[Table, ...]:
         """Regions that were hidden, and those that were not; all yaws together."""
@@ -257,41 +261,43 @@ class _Place:
         chosen = {
             title: [which for which in self._interesting(of) if which[1] != "mask"] for title, of in titles.items()
         }
-        return _there([self._side_by_side(found, title) for title, found in {"Masks": masks, **chosen}.items()])
+        return _drop_missing([self._side_by_side(found, title) for title, found in {"Masks": masks, **chosen}.items()])
 
     def more_tables(self) -> tuple[Table, ...]:
         """What is neither of a common metric nor of the method as named."""
         shown = {*self._interesting(HIDDEN), *self._interesting(KNOWN), *self._interesting(POINTED)}
-        rest = [which for which in self.every if which not in shown and which[1] != CONFIDENCE]
+        rest = [which for which in self.all_measures if which not in shown and which[1] != CONFIDENCE]
         main = VARIANT_METRICS
         different = variants(
             self.summary, self.protocol, self.dataset, main, "Variants: another mask, another dilation"
         )
-        folded = _minor(_there([self._side_by_side(rest, "All other measures")]), "")
-        return (*_there([different]), *folded)
+        folded = _mark_minor(_drop_missing([self._side_by_side(rest, "All other measures")]), "")
+        return (*_drop_missing([different]), *folded)
 
     def _interesting(self, regions: Sequence[str]) -> list[Which]:
-        every = set(self.every)
+        every = set(self.all_measures)
         return [(region, *which) for region in regions for which in INTEREST if (region, *which) in every]
 
     def _side_by_side(self, chosen: Sequence[Which], title: str) -> Table | None:
         return side_by_side(self.summary, self.protocol, self.dataset, chosen, self.methods, title)
 
-    def _against(self, chosen: Sequence[Which]) -> Table | None:
+    def _paired_table(self, chosen: Sequence[Which]) -> Table | None:
         return paired_comparison(self.rows, self.protocol, self.dataset, chosen, self.seed)
 
     def _drawn(self, chosen: Sequence[Which], title: str) -> tuple[Figure, ...]:
         """Curves over yaw where there are two yaws or more, else a dot a method."""
         place = self.summary, self.protocol, self.dataset
-        over_yaw = None if self.protocol != "vpi" else curves(*place, chosen, self.drawn, f"{title} over yaw")
-        figure = over_yaw or dots(*place, chosen, self.drawn, f"{title}, mean over frames")
+        over_yaw = (
+            None if self.protocol != "vpi" else curves(*place, chosen, self.methods_in_figures, f"{title} over yaw")
+        )
+        figure = over_yaw or dots(*place, chosen, self.methods_in_figures, f"{title}, mean over frames")
         return (figure,) if figure else ()
 
 
-def _there(tables: Sequence[Table | None]) -> tuple[Table, ...]:
+def _drop_missing(tables: Sequence[Table | None]) -> tuple[Table, ...]:
     return tuple(table for table in tables if table is not None)
 
 
-def _minor(tables: Sequence[Table], how: str) -> tuple[Table, ...]:
+def _mark_minor(tables: Sequence[Table], how: str) -> tuple[Table, ...]:
     ending = f", {how}" if how else ""
     return tuple(replace(one, title=f"{one.title}{ending}", minor=True) for one in tables)

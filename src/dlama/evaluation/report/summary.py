@@ -62,15 +62,15 @@ class Summary:
     methods: tuple[str, ...]
     """In the order in which they were asked for; variants after the methods."""
     about: dict[str, Any] = field(default_factory=dict)
-    """Settings, hash, versions, command, counts: what stands beside the tables."""
+    """Settings, hash, versions, command, counts: what stands next to the tables."""
 
-    def of(self, **wanted: str) -> dict[Key, Mean]:
+    def of(self, **chosen: str) -> dict[Key, Mean]:
         """The means whose key has those fields."""
-        return {key: one for key, one in self.means.items() if all(getattr(key, k) == v for k, v in wanted.items())}
+        return {key: one for key, one in self.means.items() if all(getattr(key, k) == v for k, v in chosen.items())}
 
-    def values(self, field_name: str, **wanted: str) -> list[str]:
+    def values(self, field_name: str, **chosen: str) -> list[str]:
         """The different values of one field among those, in order of appearance; yaws from small to large."""
-        found = list(dict.fromkeys(getattr(key, field_name) for key in self.of(**wanted)))
+        found = list(dict.fromkeys(getattr(key, field_name) for key in self.of(**chosen)))
         return sorted(found, key=yaw_order) if field_name == "yaw" else found
 
 

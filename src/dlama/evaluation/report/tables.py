@@ -1,4 +1,4 @@
-"""A Summary in; tables in the paper's shape and beside it out, as cells that markdown and HTML are written from."""
+"""A Summary in; tables, some of the paper's shape, out, as cells that markdown and HTML are written from."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from dlama.evaluation.report.columns import (
     PAPER,
     PAPER_MASK_RATIO,
     PAPER_SHAPE,
-    better,
+    better_direction,
+    column_title,
+    format_value,
     paper_value,
-    shown,
-    titled,
 )
 from dlama.evaluation.report.summary import ALL, Key, Mean, Summary
 from dlama.evaluation.runner.store import Row
@@ -46,7 +46,7 @@ class Table:
     minor: bool = False
     """Folded away at first."""
     with_intervals: bool = False
-    """In markdown, too, the intervals stand beside the means."""
+    """In markdown, too, the intervals stand next to the means."""
 
     @property
     def word_columns(self) -> list[bool]:
@@ -65,32 +65,32 @@ def by_method(
     rows: list[tuple[Cell, ...]] = []
     for yaw in yaws:
         cells = [
-            _marked([_cell(summary, Key(protocol, dataset, yaw, one, *which)) for one in methods], which[2], methods)
+            _mark_best([_cell(summary, Key(protocol, dataset, yaw, one, *which)) for one in methods], which[2], methods)
             for which in columns
         ]
         rows += [(Cell(yaw), Cell(method), *own) for method, *own in zip(methods, *cells)]
-        beside = [PAPER_MASK_RATIO.get(yaw), *(paper_value(yaw, *which) for which in PAPER_SHAPE)]
-        if beside[0] is not None:
-            others = (_other(value, which[2]) for value, which in zip(beside, columns))
+        published = [PAPER_MASK_RATIO.get(yaw), *(paper_value(yaw, *which) for which in PAPER_SHAPE)]
+        if published[0] is not None:
+            others = (_paper_cell(value, which[2]) for value, which in zip(published, columns))
             rows.append((Cell(yaw, other=True), Cell(PAPER, other=True), *others))
-    head = ("yaw", "method", "mask %", *(titled(*which) for which in PAPER_SHAPE))
+    head = ("yaw", "method", "mask %", *(column_title(*which) for which in PAPER_SHAPE))
     return Table("Whole pictures", head, tuple(rows), with_intervals=True) if rows else None
 
 
-def paper_shaped(summary: Summary, protocol: str, dataset: str, method: str) -> Table | None:
+def paper_table(summary: Summary, protocol: str, dataset: str, method: str) -> Table | None:
     """The paper's tables 1 and 2 of one method: a row a yaw; mask ratio, then SSIM, LPIPS and MSE of colour and depth."""
     rows = []
     for yaw in _yaws(summary, protocol, dataset):
         place = (protocol, dataset, yaw, method)
         keys = [Key(*place, *MASK_RATIO), *(Key(*place, *which) for which in PAPER_SHAPE)]
         rows.append((Cell(yaw), *(_cell(summary, key) for key in keys)))
-        beside = [PAPER_MASK_RATIO.get(yaw), *(paper_value(yaw, *which) for which in PAPER_SHAPE)]
-        if beside[0] is not None:
-            cells = [_other(value, which[2]) for value, which in zip(beside[1:], PAPER_SHAPE)]
-            rows.append((Cell(f"{yaw} {PAPER}", other=True), _other(beside[0], "mask_ratio"), *cells))
+        published = [PAPER_MASK_RATIO.get(yaw), *(paper_value(yaw, *which) for which in PAPER_SHAPE)]
+        if published[0] is not None:
+            cells = [_paper_cell(value, which[2]) for value, which in zip(published[1:], PAPER_SHAPE)]
+            rows.append((Cell(f"{yaw} {PAPER}", other=True), _paper_cell(published[0], "mask_ratio"), *cells))
     if not rows:
         return None
-    head = ("yaw", "mask %", *(titled(*which) for which in PAPER_SHAPE))
+    head = ("yaw", "mask %", *(column_title(*which) for which in PAPER_SHAPE))
     return Table(method, head, tuple(rows), with_intervals=True)
 
 
@@ -105,17 +105,17 @@ def per_yaw(
     """One metric of one region: a row a yaw (with `signs` each sign by itself, too), a column a method; best bold."""
     rows = []
     for yaw in _yaws(summary, protocol, dataset, signs):
-        cells = _marked(
+        cells = _mark_best(
             [_cell(summary, Key(protocol, dataset, yaw, one, *which)) for one in methods], which[2], methods
         )
         if any(cell is not EMPTY for cell in cells):
-            rows.append((Cell(yaw), *cells, _other(paper_value(yaw, *which), which[2])))
+            rows.append((Cell(yaw), *cells, _paper_cell(paper_value(yaw, *which), which[2])))
     if not rows:
         return None
     head = ("yaw", *methods, PAPER)
     if all(row[-1] is EMPTY for row in rows):
         head, rows = head[:-1], [row[:-1] for row in rows]
-    return Table(f"{titled(*which)}, {which[0]}", head, tuple(rows))
+    return Table(f"{column_title(*which)}, {which[0]}", head, tuple(rows))
 
 
 def side_by_side(
@@ -130,18 +130,18 @@ def side_by_side(
     """Many metrics over all frames (or those of a yaw): a row a region and metric, a column a method; best bold."""
     rows = []
     for which in chosen:
-        cells = _marked(
+        cells = _mark_best(
             [_cell(summary, Key(protocol, dataset, yaw, one, *which)) for one in methods], which[2], methods
         )
         if any(cell is not EMPTY for cell in cells):
-            rows.append((Cell(which[0]), Cell(titled(*which)), *cells))
+            rows.append((Cell(which[0]), Cell(column_title(*which)), *cells))
     return Table(title, ("region", "metric", *methods), tuple(rows), with_intervals=True) if rows else None
 
 
 def variants(
     summary: Summary, protocol: str, dataset: str, chosen: Sequence[tuple[str, str, str]], title: str
 ) -> Table | None:
-    """Runs that differ from the methods as named, beside these: a row a method and variant, a column a metric."""
+    """Runs that differ from the methods as named, next to these: a row a method and variant, a column a metric."""
     names = [one for one in summary.methods if summary.of(protocol=protocol, dataset=dataset, method=one)]
     if not any(variant_of(name)[1] for name in names):
         return None
@@ -153,7 +153,7 @@ def variants(
         for name in (one for one in names if variant_of(one)[0] == base):
             cells = [_cell(summary, Key(protocol, dataset, ALL, name, *which)) for which in seen]
             rows.append((Cell(base), Cell(variant_of(name)[1] or "as named"), *cells))
-    head = ("method", "variant", *(f"{which[0]} {titled(*which)}" for which in seen))
+    head = ("method", "variant", *(f"{which[0]} {column_title(*which)}" for which in seen))
     return Table(title, head, tuple(rows))
 
 
@@ -178,10 +178,10 @@ def runtimes(timings: Sequence[Row], methods: Sequence[str]) -> Table | None:
     return Table("Runtime and memory per frame", head, tuple(rows)) if rows else None
 
 
-def every_mean(summary: Summary) -> Table:
+def table_of_means(summary: Summary) -> Table:
     """All means over all frames, to sort and search."""
     cells = [
-        (Cell(key.protocol), *map(Cell, (key.method, key.region, key.modality, key.metric)), _shown(key, one))
+        (Cell(key.protocol), *map(Cell, (key.method, key.region, key.modality, key.metric)), _mean_cell(key, one))
         for key, one in summary.of(yaw=ALL).items()
     ]
     return Table(
@@ -228,28 +228,30 @@ def _yaws(summary: Summary, protocol: str, dataset: str, signs: bool = False) ->
 
 def _cell(summary: Summary, key: Key) -> Cell:
     one = summary.means.get(key)
-    return EMPTY if one is None else _shown(key, one)
+    return EMPTY if one is None else _mean_cell(key, one)
 
 
-def _shown(key: Key, one: Mean) -> Cell:
+def _mean_cell(key: Key, one: Mean) -> Cell:
     between = (
-        "" if one.low is None or one.high is None else f"{shown(one.low, key.metric)} to {shown(one.high, key.metric)}"
+        ""
+        if one.low is None or one.high is None
+        else f"{format_value(one.low, key.metric)} to {format_value(one.high, key.metric)}"
     )
-    return Cell(shown(one.value, key.metric), one.value, interval=between)
+    return Cell(format_value(one.value, key.metric), one.value, interval=between)
 
 
-def _other(value: float | None, metric: str) -> Cell:
-    return EMPTY if value is None else Cell(shown(value, metric), value, other=True)
+def _paper_cell(value: float | None, metric: str) -> Cell:
+    return EMPTY if value is None else Cell(format_value(value, metric), value, other=True)
 
 
-def _marked(cells: list[Cell], metric: str, methods: Sequence[str]) -> list[Cell]:
+def _mark_best(cells: list[Cell], metric: str, methods: Sequence[str]) -> list[Cell]:
     """The cells of one metric with the best marked, and all that read the same; none where no side is good or all are alike.
 
     The baseline that fills nothing is never marked: its depth is measured only where it has any.
     """
     fills = [not one.endswith(f"/{NO_FILL}") for one in methods]
     known = [cell for cell, does in zip(cells, fills) if does and cell.value is not None]
-    side = better(metric)
+    side = better_direction(metric)
     if side == 0 or len({cell.text for cell in known}) < 2:
         return cells
     best = max(known, key=lambda cell: side * (cell.value or 0.0)).text

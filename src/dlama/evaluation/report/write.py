@@ -14,11 +14,11 @@ from dlama.datasets.frames import Dataset
 from dlama.errors import OutputError
 from dlama.evaluation.metrics.pictures import SETTINGS as METRIC_SETTINGS
 from dlama.evaluation.protocols.methods import ProtocolSettings
-from dlama.evaluation.report.page import flattened, page
+from dlama.evaluation.report.page import flatten, page
 from dlama.evaluation.report.panels import as_data_urls, choose
 from dlama.evaluation.report.sections import EXPLAINED, PROTOCOLS, Section, protocols_of, sections
 from dlama.evaluation.report.summary import RESAMPLES, Summary, summarise, write_summary
-from dlama.evaluation.report.tables import every_mean, markdown
+from dlama.evaluation.report.tables import markdown, table_of_means
 from dlama.evaluation.runner.cache_key import code_hash, short_hash
 from dlama.evaluation.runner.run import Results
 from dlama.evaluation.runner.store import result_rows, timing_rows, write_rows
@@ -33,7 +33,7 @@ PACKAGES = ("numpy", "numba", "opencv-python-headless", "onnxruntime", "scikit-i
 def write_report(
     folder: Path, dataset: Dataset, run: Results, settings: ProtocolSettings, *, seed: int = 0, command: str = ""
 ) -> Summary:
-    """Write all of it beside the stored results. The same results give the same bytes, except where runtimes are shown.
+    """Write all of it next to the stored results. The same results give the same bytes, except where runtimes are shown.
 
     Raises:
         OutputError: the folder cannot be written.
@@ -42,7 +42,7 @@ def write_report(
     rows, timings = result_rows(run.stored), timing_rows(run.stored)
     write_rows(folder / "results.csv", rows)
     write_rows(folder / "timings.csv", timings)
-    summary = summarise(rows, seed=seed, about=about(dataset, run, settings, seed, command))
+    summary = summarise(rows, seed=seed, about=report_meta(dataset, run, settings, seed, command))
     write_summary(folder / "summary.json", summary)
     parts = sections(summary, rows, timings, seed)
     explained = {PROTOCOLS[name]: EXPLAINED[name] for name in protocols_of(summary)}
@@ -50,11 +50,13 @@ def write_report(
     _write(folder / "summary.md", "\n".join(summary_lines(dataset, summary, explained, parts, failed)))
     panels = as_data_urls(folder / "panels", choose(run.stored))
     title = f"dlama evaluated on {dataset.name}"
-    _write(folder / "report.html", page(title, summary.about, explained, parts, panels, every_mean(summary), failed))
+    _write(
+        folder / "report.html", page(title, summary.about, explained, parts, panels, table_of_means(summary), failed)
+    )
     return summary
 
 
-def about(dataset: Dataset, run: Results, settings: ProtocolSettings, seed: int, command: str) -> dict[str, Any]:
+def report_meta(dataset: Dataset, run: Results, settings: ProtocolSettings, seed: int, command: str) -> dict[str, Any]:
     """What the numbers rest on."""
     cases = {(one.protocol, one.scene, one.frame) for one in run.stored}
     scenes = list(dict.fromkeys(one.scene for one in run.stored))
@@ -116,7 +118,7 @@ def summary_lines(
             text = f"{markdown(table)}\nSettings `{facts['settings_hash']}`.\n"
             yield f"<details><summary>{table.title}</summary>\n\n{text}\n</details>\n" if table.minor else text
     yield from ("## Settings and versions", "")
-    yield from (f"- {name}: `{text}`" for name, text in flattened(facts) if name != "lead")
+    yield from (f"- {name}: `{text}`" for name, text in flatten(facts) if name != "lead")
     yield ""
 
 

@@ -56,10 +56,10 @@ WEIGHTS = ("assets/confidence/confidence.npz",)
 def cache_key(case: str, method: str, settings: ProtocolSettings, protocol: Callable[..., Any]) -> str:
     """The key of one result: 16 hexadecimal digits of its case's and method's hashes, all settings, dlama's own code, and what it
     computes with."""
-    return short_hash([code_hash(), computing(), case, method, METRIC_SETTINGS, settings, protocol])
+    return short_hash([code_hash(), compute_versions(), case, method, METRIC_SETTINGS, settings, protocol])
 
 
-def computing() -> dict[str, Any]:
+def compute_versions() -> dict[str, Any]:
     """What results are computed with: versions of packages, who runs networks, weights that come with dlama."""
     weights = {name: _file_sha256(SOURCE / name) for name in WEIGHTS if (SOURCE / name).is_file()}
     return {"versions": versions(), "provider": default_provider(), "weights": weights}
@@ -76,8 +76,8 @@ def versions() -> dict[str, str]:
 
 
 def short_hash(value: Any) -> str:
-    """16 hexadecimal digits of the sha256 of what `described` says of a value."""
-    text = json.dumps(described(value), sort_keys=True, ensure_ascii=True)
+    """16 hexadecimal digits of the sha256 of what `describe` says of a value."""
+    text = json.dumps(describe(value), sort_keys=True, ensure_ascii=True)
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
@@ -97,18 +97,18 @@ def method_hash(method: Method) -> str:
 def code_hash() -> str:
     """Of dlama's own code that decides about numbers and panels: another version of it makes results stale."""
     digest = hashlib.sha256()
-    for name in deciding_files():
+    for name in hashed_files():
         digest.update(name.encode() + b"\0" + (SOURCE / name).read_bytes())
     return digest.hexdigest()[:16]
 
 
-def deciding_files() -> list[str]:
+def hashed_files() -> list[str]:
     """The files that `code_hash` reads, as paths below src/dlama: all of ROOMS but SHOWING."""
     files = (file.relative_to(SOURCE).as_posix() for room in ROOMS for file in (SOURCE / room).rglob("*.py"))
     return sorted(name for name in files if not name.startswith(SHOWING))
 
 
-def described(value: Any) -> Any:
+def describe(value: Any) -> Any:
     """A value as JSON can hold it; equal values give equal text. Files count by name, size and time of change."""
     if value is None or isinstance(value, (bool, int, str)):
         return value
@@ -117,32 +117,32 @@ def described(value: Any) -> Any:
     if isinstance(value, enum.Enum):
         return [type(value).__qualname__, value.name]
     if isinstance(value, Path):
-        return _described_file(value)
+        return _describe_file(value)
     if isinstance(value, np.ndarray):
         return [str(value.dtype), list(value.shape), hashlib.sha256(np.ascontiguousarray(value).tobytes()).hexdigest()]
     if isinstance(value, np.generic):
-        return described(value.item())
-    return _described_compound(value)
+        return describe(value.item())
+    return _describe_compound(value)
 
 
-def _described_compound(value: Any) -> Any:
+def _describe_compound(value: Any) -> Any:
     if isinstance(value, Mapping):
-        return {str(key): described(one) for key, one in value.items()}
+        return {str(key): describe(one) for key, one in value.items()}
     if isinstance(value, (list, tuple)):
-        return [described(one) for one in value]
+        return [describe(one) for one in value]
     if isinstance(value, (set, frozenset)):
-        return sorted(json.dumps(described(one), sort_keys=True) for one in value)
+        return sorted(json.dumps(describe(one), sort_keys=True) for one in value)
     if isinstance(value, functools.partial):
-        return ["call", described(value.func), described(value.args), described(value.keywords)]
+        return ["call", describe(value.func), describe(value.args), describe(value.keywords)]
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
-        fields = {field.name: described(getattr(value, field.name)) for field in dataclasses.fields(value)}
+        fields = {field.name: describe(getattr(value, field.name)) for field in dataclasses.fields(value)}
         return [type(value).__qualname__, fields]
     if hasattr(value, "__qualname__"):  # a function or a class
         return f"{value.__module__}.{value.__qualname__}"
     return hashlib.sha256(pickle.dumps(value)).hexdigest()
 
 
-def _described_file(path: Path) -> Any:
+def _describe_file(path: Path) -> Any:
     """A folder counts by its name only: the files that are read from it stand in the case themselves."""
     try:
         found = path.stat()

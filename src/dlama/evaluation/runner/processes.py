@@ -1,4 +1,4 @@
-"""Tasks and a number of processes in; the outcomes of every task out, as they end, whatever happens to single processes."""
+"""Tasks and a number of processes in; the outcomes of every task out, as they end, even where single processes die."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from dlama.files.drafts import remove_abandoned
 from dlama.workers.pool import run_all
 
 
-def outcomes(tasks: Sequence[Task], jobs: int) -> Iterator[Outcome]:
+def run_tasks(tasks: Sequence[Task], jobs: int) -> Iterator[Outcome]:
     """Of every task. When a process dies, the case it had runs again; one that ends its process again fails."""
     if jobs == 1 or len(tasks) <= 1:
         for task in tasks:
@@ -17,7 +17,7 @@ def outcomes(tasks: Sequence[Task], jobs: int) -> Iterator[Outcome]:
         return
     try:
         for ended in run_all(work_all, tasks, min(jobs, len(tasks))):
-            yield from _lost(ended.task) if ended.died else ended.answer
+            yield from _fail_task(ended.task) if ended.died else ended.answer
     except BaseException:  # Ctrl-C: files are written whole or not at all, so nobody has to be waited for
         for folder in {task.folder for task in tasks}:
             for name in ("cases", "panels"):
@@ -25,6 +25,6 @@ def outcomes(tasks: Sequence[Task], jobs: int) -> Iterator[Outcome]:
         raise
 
 
-def _lost(task: Task) -> Iterator[Outcome]:
+def _fail_task(task: Task) -> Iterator[Outcome]:
     line = "a process died twice while it ran this case (out of memory?); fewer --jobs may help"
     yield from (Outcome(task.case, method, line) for method, _ in task.methods)

@@ -13,7 +13,7 @@ from dlama.datasets.frames import Case, Protocol
 from dlama.errors import InputError, OutputError
 from dlama.evaluation.protocols.methods import Method, ProtocolSettings
 from dlama.evaluation.runner.cache_key import cache_key, case_hash, method_hash
-from dlama.evaluation.runner.processes import outcomes
+from dlama.evaluation.runner.processes import run_tasks
 from dlama.evaluation.runner.store import Stored, read_stored, stem
 from dlama.evaluation.runner.strips import is_whole_jpeg
 from dlama.evaluation.runner.worker import Outcome, ProtocolFunction, Task
@@ -60,12 +60,12 @@ def run(
     """
     _check(cases, methods, jobs)
     _make(folder)
-    tasks, reused, stale = _planned(cases, methods, protocols, settings, folder)
+    tasks, reused, stale = _plan(cases, methods, protocols, settings, folder)
     report = progress or (lambda *_: None)
     total, done = len(cases) * len(methods), reused
     report(None, done, total)
     failures: list[Outcome] = []
-    for outcome in outcomes(tasks, jobs):
+    for outcome in run_tasks(tasks, jobs):
         done += 1
         failures += [outcome] if outcome.error else []
         report(outcome, done, total)
@@ -116,7 +116,7 @@ def _make(folder: Path) -> None:
         raise OutputError(f"{folder}: cannot be written: {error.strerror or error}") from error
 
 
-def _planned(
+def _plan(
     cases: Sequence[Case],
     methods: Sequence[Method],
     protocols: Mapping[Protocol, ProtocolFunction],

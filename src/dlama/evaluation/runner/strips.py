@@ -30,10 +30,16 @@ def strip(panel: Panel) -> UInt8Array:
         depth_picture(panel.depth_warped, panel.hole, *limits),
         depth_picture(panel.depth_filled, None, *limits),
         depth_picture(panel.depth_truth, None, *limits),
-        heat(depth_error(panel)),
+        heat_map(depth_error(panel)),
     ]
-    colors = [panel.source, hatch_holes(panel.warped, panel.hole), panel.filled, panel.truth, heat(color_error(panel))]
-    return stacked([[small(cell) for cell in row] for row in (colors, depths)])
+    colors = [
+        panel.source,
+        hatch_holes(panel.warped, panel.hole),
+        panel.filled,
+        panel.truth,
+        heat_map(color_error(panel)),
+    ]
+    return stack([[shrink(cell) for cell in row] for row in (colors, depths)])
 
 
 def color_error(panel: Panel) -> Float32Array:
@@ -51,14 +57,14 @@ def depth_error(panel: Panel) -> Float32Array:
     return np.where(truth > 0, np.minimum(gap, 1), np.nan).astype(np.float32)
 
 
-def heat(error: Float32Array) -> UInt8Array:
+def heat_map(error: Float32Array) -> UInt8Array:
     """uint8 H x W x 3: 0 black to 1 bright yellow; NaN hatched."""
     unknown: BoolArray = np.isnan(error)
     levels = np.rint(np.nan_to_num(error) * 255).astype(np.uint8)
     return hatch_holes(np.array(cv2.applyColorMap(levels, cv2.COLORMAP_INFERNO)[..., ::-1], np.uint8), unknown)
 
 
-def small(picture: UInt8Array, side: int = CELL) -> UInt8Array:
+def shrink(picture: UInt8Array, side: int = CELL) -> UInt8Array:
     """The picture, shrunk so that its larger side is at most so many px."""
     scale = side / max(picture.shape[:2])
     if scale >= 1:
@@ -67,7 +73,7 @@ def small(picture: UInt8Array, side: int = CELL) -> UInt8Array:
     return np.asarray(cv2.resize(picture, size, interpolation=cv2.INTER_AREA), np.uint8)
 
 
-def stacked(rows: list[list[UInt8Array]]) -> UInt8Array:
+def stack(rows: list[list[UInt8Array]]) -> UInt8Array:
     """Rows of pictures on one black sheet, every cell of the size of the largest, so that columns have equal widths."""
     height = max(cell.shape[0] for row in rows for cell in row)
     width = max(cell.shape[1] for row in rows for cell in row)
@@ -79,7 +85,7 @@ def stacked(rows: list[list[UInt8Array]]) -> UInt8Array:
     return sheet
 
 
-def cells(sheet: UInt8Array) -> list[UInt8Array]:
+def cut_strip(sheet: UInt8Array) -> list[UInt8Array]:
     """The pictures of a strip again, row by row: what `strip` stacked."""
     height, width = (sheet.shape[0] - GAP) // 2, (sheet.shape[1] - GAP * (len(COLUMNS) - 1)) // len(COLUMNS)
     places = [(down * (height + GAP), across * (width + GAP)) for down in range(2) for across in range(len(COLUMNS))]

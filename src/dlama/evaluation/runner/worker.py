@@ -50,7 +50,7 @@ def work(task: Task) -> Iterator[Outcome]:
     """Run and store every method of a task, one after the other; a failure is reported and does not stop the rest."""
     try:
         truth = task.case.load()
-    except Exception as error:  # whatever a bad frame raises
+    except Exception as error:  # any error of a bad frame
         yield from (_failure(task.case, method, error) for method, _ in task.methods)
         return
     for method, key in task.methods:

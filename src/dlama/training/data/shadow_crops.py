@@ -15,7 +15,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from dlama.evaluation.metrics.masks import darkened
+from dlama.evaluation.metrics.masks import darkened_by_shadow
 from dlama.files.atomic_write import new_file
 from dlama.geometry.camera import Camera
 from dlama.geometry.holes import dilate_mask, erode_mask
@@ -85,7 +85,7 @@ def shadow_case(
         return None
     made = dataclasses.replace(made, object_index=chosen)
     source, without, mask = lit_pair(made, camera, rng, 0.0 if as_it_is else float(rng.random()))
-    true = darkened(source.color, without, mask)
+    true = darkened_by_shadow(source.color, without, mask)
     return *simulate_measurement(source, mask, rng), true
 
 
