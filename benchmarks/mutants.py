@@ -238,8 +238,8 @@ MUTANTS: tuple[Mutant, ...] = (
         ("LPIPS of a region sees what lies outside", "np.where(inside, mine, truth)", "mine"),
         (
             "LPIPS' map half a cell off",
-            "(np.arange(wanted) + 0.5) * (size / wanted) - 0.5",
-            "np.arange(wanted) * (size / wanted)",
+            "(np.arange(new_size) + 0.5) * (size / new_size) - 0.5",
+            "np.arange(new_size) * (size / new_size)",
         ),
     ),
     *faults(

@@ -61,10 +61,10 @@ def test_the_contact_line_is_neither_right_nor_wrong(monkeypatch: pytest.MonkeyP
     color[strip] = 50
     dark = dataclasses.replace(TRUTH, source=dataclasses.replace(TRUTH.source, color=color))
     contact, lower = rectangle((48, 50), (16, 48)), rectangle((52, 60), (30, 40))
-    monkeypatch.setattr(mask, "shadow_found", lambda truth: contact | lower)
+    monkeypatch.setattr(mask, "detect_shadow", lambda truth: contact | lower)
     found = {one.metric: one.value for one in shadow_measures(dark)}
     assert found == {"recall": 8 * 10 / (10 * 22 - 4), "precision": 1}
-    monkeypatch.setattr(mask, "shadow_found", lambda truth: contact)
+    monkeypatch.setattr(mask, "detect_shadow", lambda truth: contact)
     assert [(one.metric, one.value) for one in shadow_measures(TRUTH)] == [("false_alarm", 0)]
 
 

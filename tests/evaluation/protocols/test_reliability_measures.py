@@ -97,7 +97,7 @@ def test_the_report_pools_all_frames(scored: tuple[MethodRun, ViewTruth, dict[st
     assert bins is not None
     np.testing.assert_allclose(bins.right, [found[f"bin_{k}_right"] / 2 for k in range(BINS)])
     values = values_of(summary, "vpi", "made", "dlama/telea")
-    assert values["ece"] == pytest.approx(sum(abs(found[f"bin_{k}_said"] - bins.right[k]) for k in range(BINS)))
+    assert values["ece"] == pytest.approx(sum(abs(found[f"bin_{k}_predicted"] - bins.right[k]) for k in range(BINS)))
     table, curve = reliability_tables(summary, "vpi", "made", ["dlama/telea"])
     assert len(table.rows) == len(curve.rows) == 1 and len(curve.head) == 1 + BINS
     assert table.rows[0][3].text == f"{values['ece']:.3f}"
