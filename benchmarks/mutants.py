@@ -39,7 +39,7 @@ MUTANTS: tuple[Mutant, ...] = (
         OPTIONS,
         ("--pitch is dropped", '"pitch": self.pitch or 0.0', '"pitch": 0.0'),
         ("--dolly is dropped", '"dolly": self.dolly or 0.0', '"dolly": 0.0'),
-        ("--depth-by is dropped", '"depth_by": self.depth_by', '"depth_by": None'),
+        ("options of the library are dropped", 'vars(self) | {"model"', '{"model"'),
     ),
     *faults(
         "apps/cli.py",
@@ -406,11 +406,17 @@ MUTANTS: tuple[Mutant, ...] = (
         ("control characters are printed", '("Cc", "Cf", "Zl", "Zp")', '("Cf", "Zl", "Zp")'),
     ),
     *faults(
+        "completion/options.py",
+        "tests/completion/test_options.py",
+        ("only the first wrong option is named", "for error in wrong)))", "for error in wrong[:1])))"),
+        ("contradictions are found late", "_ = self.settings", "_ = self.recipe"),
+        ("unknown options pass", "if name not in names:", "if not names:"),
+    ),
+    *faults(
         "jobs/early.py",
         "tests/apps/test_places.py",
-        ("the seed is not checked early", 'checked_seed(one("seed", 0))', "None"),
+        ("options of the library are not checked early", "lambda: options_of(options)", "lambda: None"),
         ("points are not held against the picture early", 'Prompt(hw, on, beside, given.get("box"))', "pass"),
-        ("only the first wrong option is named", "for error in wrong)))", "for error in wrong[:1])))"),
         ("a mask may be asked for where there is none", "and not removes:", "and False:"),
     ),
     *faults(
@@ -529,6 +535,13 @@ MUTANTS: tuple[Mutant, ...] = (
             "unknown = [repr(name) for name in names if name not in known]",
             "unknown = [repr(name) for name in names if name not in known][:1]",
         ),
+    ),
+    *faults(
+        "completion/options.py",
+        "tests/completion/test_options.py",
+        ("only the first wrong option is named", "for error in wrong)))", "for error in wrong[:1])))"),
+        ("contradictions are found late", "_ = self.settings", "_ = self.recipe"),
+        ("unknown options pass", "if name not in names:", "if not names:"),
     ),
     *faults(
         "jobs/early.py",

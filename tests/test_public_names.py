@@ -15,12 +15,14 @@ from typing import Any
 import pytest
 
 import dlama
+from dlama.completion.options import option_types
 
 NAMES = {
     "JobResult", "batch",
     "Camera", "Completion", "DepthEstimate", "DepthPrediction", "Fill", "FillReport", "Finding", "HeadBox", "HoleType",
     "Inpainter", "Law",
-    "MaskSession", "Mesh", "ObjectMask", "Origin", "Photo3D", "PointCloud", "RGBD", "Recipe", "Scene", "Sky", "StereoCompletion",
+    "MaskSession", "Mesh", "ObjectMask", "Options", "Origin", "Photo3D", "PointCloud", "RGBD", "Recipe", "Scene", "Sky",
+    "StereoCompletion",
     "StereoConsistency", "StereoRig", "View",
     "CameraError", "DepthError", "DlamaError", "FileError", "InputError", "InputTypeError", "MaskError", "MissingExtraError",
     "OutputError", "ShapeError",
@@ -90,8 +92,11 @@ def types_in(hint: Any) -> Iterable[type]:
 
 def hints_of(thing: Any) -> dict[str, Any]:
     """Type hints of a function's parameters and result, or of a class's fields, public properties and methods."""
+    if thing is dlama.Options:
+        return option_types()
     if inspect.isfunction(thing):
-        return typing.get_type_hints(thing)
+        hints = typing.get_type_hints(thing)
+        return hints | (option_types() if hints.pop("options", None) else {})
     if not inspect.isclass(thing):
         return {"alias": thing}
     found: dict[str, Any] = dict(typing.get_type_hints(thing)) if dataclasses.is_dataclass(thing) else {}

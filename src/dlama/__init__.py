@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:  # what type checkers and editors read; a test holds it equal to MODULES
     from dlama.completion.completion import Completion as Completion
     from dlama.completion.completion import StereoCompletion as StereoCompletion
+    from dlama.completion.options import Options as Options
     from dlama.completion.paths import render_path as render_path
     from dlama.completion.photo3d import Photo3D as Photo3D
     from dlama.completion.photo3d import photo3d as photo3d
@@ -101,6 +102,7 @@ MODULES = {
     "Mesh": "geometry.mesh",
     "MissingExtraError": "errors",
     "ObjectMask": "perception.object_masks",
+    "Options": "completion.options",
     "Origin": "geometry.view",
     "OutputError": "errors",
     "Photo3D": "completion.photo3d",

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import dlama
-from dlama.completion.recipes import RECIPES, Recipe, checked_seed, find_recipe
+from dlama.completion.recipes import RECIPES, Recipe, check_seed, find_recipe
 from dlama.errors import InputError
 from dlama.evaluation.protocols.methods import Method
 
@@ -101,9 +101,9 @@ def test_the_options_of_a_recipe_are_typed(verb: Callable[..., object]) -> None:
 
 def test_seeds_are_bounded_wherever_they_are_given() -> None:
     """As NumPy's generators and numba's take them; an evaluation's method refuses them before any case is run."""
-    assert checked_seed(0) == 0 and checked_seed(2**32 - 1) == 2**32 - 1
-    assert checked_seed(np.int64(7)) == 7  # type: ignore[arg-type]
+    assert check_seed(0) == 0 and check_seed(2**32 - 1) == 2**32 - 1
+    assert check_seed(np.int64(7)) == 7  # type: ignore[arg-type]
     for seed in (-1, 2**32, 1.5):
-        for make in (checked_seed, lambda seed: Method("dlama", "telea", seed=seed)):
+        for make in (check_seed, lambda seed: Method("dlama", "telea", seed=seed)):
             with pytest.raises(InputError, match=f"seed is {seed}"):
                 make(seed)

@@ -6,25 +6,22 @@ Nothing here imports what computes, so that --help is quick; a test holds the na
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
 
 from tyro.conf import arg
 
 from dlama.apps import model_files
+from dlama.completion.options import typed_options
 from dlama.errors import InputError
 from dlama.geometry.trajectories import PIVOT_M
-from dlama.inpainters import AUTO
 from dlama.jobs.parameters import check_move, check_one_target, known_depths
 from dlama.jobs.pointing import mask_and_pointing
 
 if TYPE_CHECKING:
     from dlama.geometry.camera import Camera
-
-RECIPES = ("dlama", "paper")
-"""Names of the recipes, the default first."""
 
 
 def option(metavar: str, default: str | None = "none", **others: Any) -> Any:
@@ -38,7 +35,6 @@ def option(metavar: str, default: str | None = "none", **others: Any) -> Any:
 
 Degrees = Annotated[float | None, option("DEG", "0")]
 Metres = Annotated[float | None, option("METRES")]
-Radius = Annotated[int | None, option("PX", "the recipe's")]
 CameraFile = Annotated[Path | None, option("FILE.json")]
 Image = Annotated[Path, option("IMAGE", None)]
 Depth = Annotated[Path | None, option("[DEPTH]", "estimated from the picture")]
@@ -243,52 +239,52 @@ class Masking:
         return dataclasses.asdict(self)
 
 
-FillerName = Annotated[
-    str,
-    option(
-        "NAME",
-        AUTO,
-        help="What fills the holes: layered continues planes and sky from behind, telea diffuses; "
-        "migan runs a network that comes with the package, patchmatch copies patches of the picture to where that one "
-        "guesses them, layered-patches does so over layered; auto is layered, layered-patches where an object is removed "
-        "or a depth camera took the picture, patchmatch where depth is estimated; choice lets another one judge the "
-        "guesses of four (with --model FILE of a fifth); lama, joint and pair (stereo only) run that of --model.",
-    ),
-]
-"""One of FILLER_NAMES, which the library checks."""
+T = TypeVar("T")
 
 
-@dataclass(frozen=True)
-class Method:
-    """How the scene is completed."""
+def options_as_fields(*names: str) -> Callable[[type[T]], type[T]]:
+    """Decorator: the class as a dataclass with these options of the library (all, if none is named) as its fields."""
 
-    filler: FillerName = AUTO
-    model: Annotated[str | None, option("FILE|NAME")] = None
-    """Network of a filler that runs one: an ONNX or LaMa file, or a name of `dlama models list`."""
-    recipe: Annotated[str, option("|".join(RECIPES), "dlama")] = "dlama"
-    """dlama: surfaces, metric depth; paper: as published (points, 10 m clip, 8-bit depth, 3 px dilation)."""
-    mode: Annotated[Literal["surface", "points"] | None, option("surface|points", "the recipe's")] = None
-    """Draw the pixel grid as a surface cut at depth edges, or project each pixel to the nearest one."""
-    dilate: Radius = None
-    """Grow the mask by this many pixels before the object leaves (both recipes: 3; dlama: 6 in a depth camera's picture)."""
-    dilate_holes: Radius = None
-    """Grow the holes of the new view by this many pixels (both recipes: 0)."""
-    clip: Annotated[float | None, option("METRES", "the recipe's")] = None
-    """Put everything at or beyond this depth, sky too, at this depth (paper: 10)."""
-    depth_by: Annotated[Literal["surfaces", "filler"] | None, option("surfaces|filler", "the recipe's")] = None
-    """Depth beside telea, lama, migan, patchmatch: surfaces continued behind the hole, or the filler's own."""
-    seed: Seed = 0
-    """Fillers draw their random numbers from this; the same seed gives the same pixels."""
-    min_confidence: Annotated[float, option("P", "0")] = 0.0
-    """Leave open what is filled and right with a smaller probability (0 to 1), in pictures, clouds and meshes."""
+    def decorate(cls: type[T]) -> type[T]:
+        found, annotations = typed_options(), {}
+        for name in names or found:
+            typed, default, text = found[name]
+            kind: Any = Literal[typed.kind] if isinstance(typed.kind, tuple) else typed.kind
+            kind = kind | None if default is None else kind
+            annotations[name] = Annotated[kind, option(typed.metavar, typed.default, help=text)]
+            setattr(cls, name, default)
+        cls.__annotations__ = annotations
+        return dataclass(frozen=True)(cls)
+
+    return decorate
+
+
+class LibraryOptions:
+    """Options of the library, as they are typed."""
+
+    if TYPE_CHECKING:
+        filler: str
+        model: str | None
 
     def settings(self) -> dict[str, Any]:
         """As keyword arguments of the verbs in Python."""
-        changes: dict[str, Any] = {"mode": self.mode, "dilate": self.dilate, "dilate_holes": self.dilate_holes}
-        changes |= {"clip": self.clip, "depth_by": self.depth_by}
-        changes |= {"seed": self.seed, "min_confidence": self.min_confidence}
-        return {"filler": self.filler, "model": self.network(), "recipe": self.recipe, **changes}
+        return vars(self) | {"model": self.network()}
 
     def network(self) -> Path | None:
         """The ONNX file of --model; a checkpoint is converted once, into the cache."""
         return None if self.model is None else model_files.model_for(self.model)
+
+
+@options_as_fields()
+class Method(LibraryOptions):
+    """How the scene is completed."""
+
+
+@options_as_fields("filler", "model", "recipe", "dilate", "seed")
+class SequenceMethod(LibraryOptions):
+    """How a sequence is completed."""
+
+
+@options_as_fields("filler", "model", "seed")
+class Filler(LibraryOptions):
+    """What fills what no frame saw."""

@@ -8,7 +8,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from dlama.completion.recipes import checked_confidence
+from dlama.completion.recipes import check_confidence
 from dlama.errors import InputError
 from dlama.geometry.cloud import PointCloud
 from dlama.geometry.figures.false_color import depth_limits, depth_picture, hole_picture
@@ -93,7 +93,7 @@ class Completion:
         min_confidence: 0..1; 0 leaves nothing open. What was measured always stays. meta says how much was left open.
         Raises InputError.
         """
-        if checked_confidence(min_confidence) == 0:
+        if check_confidence(min_confidence) == 0:
             return self
         views = tuple(sure_enough(view, min_confidence) for view in self.views)
         frames, fills = (

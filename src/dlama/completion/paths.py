@@ -6,8 +6,8 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from dlama.arguments import check_arguments
+from dlama.completion.options import Options
 from dlama.completion.pipeline import complete
-from dlama.completion.recipes import find_recipe
 from dlama.completion.start import choose_filler, plan_for
 from dlama.completion.steps import beside_edges, fill
 from dlama.errors import InputError
@@ -56,7 +56,7 @@ def _views(scene: Scene, cameras: list[Camera], filler: Inpainter, seed: int) ->
     keys = min(KEYS, max(2, len(cameras) // CAMERAS_PER_KEY))
     places = sorted({round(number * (len(cameras) - 1) / (keys - 1)) for number in range(keys)})
     whole = complete(scene, [cameras[place] for place in places], filler=filler, seed=seed).scene
-    plan, _, _ = plan_for(whole, find_recipe("dlama"), filler=filler, seed=seed)
+    plan, _, _ = plan_for(whole, Options(filler=filler, seed=seed))
     for camera in cameras:
         open_view = render(whole, camera)
         view, _ = fill(beside_edges(plan, whole, camera), open_view)

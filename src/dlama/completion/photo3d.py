@@ -12,8 +12,8 @@ import numpy as np
 
 from dlama.arguments import check_arguments
 from dlama.completion.memory import check_memory
+from dlama.completion.options import Options
 from dlama.completion.plausible import warn_of_scale
-from dlama.completion.recipes import checked_seed, find_recipe
 from dlama.completion.report import Clock, Record, about_depth, meta_data
 from dlama.completion.start import Plan, plan_for, scene_of
 from dlama.completion.steps import CompletedView, Step, complete_step, frame_steps
@@ -95,9 +95,8 @@ def photo3d(
     step = step_for(Scene((source,)), HIDDEN_PIXELS)
     clock = Clock()
     with clock("prepare"):
-        plan, small, _ = plan_for(
-            subsample_scene(start, step), find_recipe("dlama"), filler=filler, model=model, seed=checked_seed(seed)
-        )
+        options = Options(filler=filler, model=model, seed=seed)
+        plan, small, _ = plan_for(subsample_scene(start, step), options)
         given = len(small.fills)
         middle = small.frames[len(small.frames) // 2].camera
         box = HeadBox.of(source, angle, distance)

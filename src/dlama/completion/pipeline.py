@@ -6,13 +6,12 @@ reposition (eq. 1) -> render, mask (eq. 2-4) -> fill (sec. 3.3) -> fuse (eq. 10,
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 
 from dlama.arguments import check_arguments
 from dlama.completion.completion import Completion
 from dlama.completion.memory import check_memory
+from dlama.completion.options import OptionKeywords, Unpack, options_of, take_options
 from dlama.completion.plausible import warn_of_scale, warn_of_unknown
-from dlama.completion.recipes import DepthBy, Recipe, checked_confidence, find_recipe
 from dlama.completion.report import Clock, Record, about_depth, expected_errors, meta_data
 from dlama.completion.start import plan_for, scene_of
 from dlama.completion.steps import CompletedView, Step, complete_step, frame_steps
@@ -20,28 +19,18 @@ from dlama.errors import InputError
 from dlama.geometry.camera import Camera
 from dlama.geometry.frames.gathering import FrameSource
 from dlama.geometry.frames.stored import StoredView
-from dlama.geometry.rendering import Mode
 from dlama.geometry.rgbd import RGBD, BoolArray, UInt8Array
 from dlama.geometry.scene import Scene
-from dlama.inpainters import AUTO
-from dlama.inpainters.filling import FillReport, Inpainter
+from dlama.inpainters.filling import FillReport
 
 
+@take_options
 def complete(
     rgbd: RGBD | Scene | Sequence[FrameSource],
     cameras: Sequence[Camera],
     *,
     mask: BoolArray | Mapping[int, BoolArray] | None = None,
-    filler: str | Inpainter = AUTO,
-    model: str | Path | None = None,
-    recipe: str | Recipe = "dlama",
-    mode: Mode | None = None,
-    dilate: int | None = None,
-    dilate_holes: int | None = None,
-    clip: float | None = None,
-    depth_by: DepthBy | None = None,
-    seed: int = 0,
-    min_confidence: float = 0.0,
+    **options: Unpack[OptionKeywords],
 ) -> Completion:
     """Complete the scene of one RGB-D picture, or of many frames, from several cameras, one after the other, into one Scene.
 
@@ -52,33 +41,20 @@ def complete(
             completion, which is gone on from, or of `read_scene`.
         cameras: Where to look from, in the world of the picture's camera.
         mask: H x W bool, True = remove, or number of a frame -> its mask: as of `Scene.without`, which it stands for.
-        filler: What fills the holes: a name, or a function (view, law, seed) -> Fill. "auto": `layered`;
-            `layered-patches` where a depth camera measured the depth or an object is removed, `patchmatch` where a network
-            estimated it. meta.json says which, and why.
-        model: The network file of a filler that runs one, which is named.
-        recipe: `dlama`, `paper` or a Recipe. The next five replace single settings of it; None leaves them.
-        mode: "surface" (the pixel grid as triangles, cut at depth edges) or "points" (each pixel to the nearest one).
-        dilate: px by which the mask grows. None: the recipe's; of `dlama` 3, and 3 more where depth edges lie beside those of
-            the picture, as a depth camera's do: compression and blur spread colours. meta.json says how many, and why.
-        dilate_holes: px by which the holes of the new views grow.
-        clip: metres; everything at or beyond, sky too, is put there.
-        depth_by: "surfaces" or "filler": what fills depth beside a filler of pictures.
-        seed: Fillers draw their random numbers from it; the same seed gives the same bits.
-        min_confidence: 0..1; what is filled and less sure stays open at the end, in views and scene.
+        options: How the scene is completed (`Options`). meta says what `auto` and `dilate` chose, and why.
 
     Raises:
         InputError: no camera, an unknown name, options in contradiction, too large views, a mask of no use (MaskError).
     """
     check_arguments(complete, locals())
-    chosen = find_recipe(recipe, mode=mode, dilate=dilate, dilate_holes=dilate_holes, clip=clip, depth_by=depth_by)
-    checked_confidence(min_confidence)
+    chosen = options_of(options)
     if not cameras and mask is None:
         raise InputError("cameras is empty; one camera or more is expected (rgbd.camera is the picture's own)")
-    start = scene_of(rgbd, chosen.clip)
+    start = scene_of(rgbd, chosen.settings.clip)
     source = start.frames[0]
     check_memory((*(one.camera for one in start.frames if not isinstance(one, StoredView)), *cameras))
     warn_of_scale(source)
-    plan, scene, grown_mask = plan_for(start, chosen, mask, filler=filler, model=model, seed=seed)
+    plan, scene, grown_mask = plan_for(start, chosen, mask)
     clock = Clock()
     completed: list[CompletedView] = []
     fills: list[FillReport] = []
@@ -97,7 +73,8 @@ def complete(
     record = Record(fills, clock.seconds, grown_mask, [one.grown for one in completed])
     meta = about_depth(rgbd, start) | meta_data(plan, source, warped, record) | expected_errors(views)
     chosen_guesses = tuple(choice_of(one, choices) for one in completed)
-    return Completion(views, warped, scene, source, meta, choices=chosen_guesses).with_min_confidence(min_confidence)
+    completion = Completion(views, warped, scene, source, meta, choices=chosen_guesses)
+    return completion.with_min_confidence(chosen.min_confidence)
 
 
 def choice_of(completed: CompletedView, choices: Sequence[tuple[Camera, UInt8Array]]) -> UInt8Array | None:

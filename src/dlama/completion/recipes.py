@@ -81,14 +81,14 @@ RECIPES: dict[str, Recipe] = {
 }
 
 
-def checked_seed(seed: int) -> int:
+def check_seed(seed: int) -> int:
     """The seed, if it is 0 to 2**32 - 1, as NumPy's generators take it; else InputError."""
     if not isinstance(seed, Integral) or not 0 <= seed < SEEDS:
         raise InputError(f"seed is {seed!r}; a whole number from 0 to {SEEDS - 1} is expected")
     return seed
 
 
-def checked_confidence(min_confidence: float) -> float:
+def check_confidence(min_confidence: float) -> float:
     """The least confidence, if it is a probability; else InputError."""
     if not is_finite(min_confidence) or not 0 <= min_confidence <= 1:
         raise InputError(f"min_confidence is {min_confidence!r}; a probability from 0 to 1 is expected")

@@ -13,8 +13,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from dlama.completion.options import Options
 from dlama.completion.plausible import warn_of_mask
-from dlama.completion.recipes import Recipe, checked_seed
+from dlama.completion.recipes import Recipe
 from dlama.errors import InputError
 from dlama.geometry.drawing.picture_edges import DepthProfile
 from dlama.geometry.frames.gathering import FrameSource, scene
@@ -150,20 +151,15 @@ def law_of(given: Scene, recipe: Recipe, object_depth: Float32Array | None = Non
 
 def plan_for(
     start: Scene,
-    recipe: Recipe,
+    options: Options,
     mask: BoolArray | Mapping[int, BoolArray] | None = None,
-    *,
-    filler: str | Inpainter = AUTO,
-    model: str | Path | None = None,
-    seed: int = 0,
 ) -> tuple[Plan, Scene, Dilation]:
     """How a scene is completed, the scene that it goes on from, without what is masked, and how the masks grew.
 
     Raises InputError, MaskError, as `complete`.
     """
-    checked_seed(seed)
-    choice = choose_filler(start, filler, model, removes=mask is not None)
-    inpainter, decisions, dilation = find_filler(choice.filler, model), choice.decision, NO_DILATION
+    recipe, choice = options.settings, choose_filler(start, options.filler, options.model, removes=mask is not None)
+    inpainter, decisions, dilation = find_filler(choice.filler, options.model), choice.decision, NO_DILATION
     if mask is not None:
         removal = remove_object(start, mask, recipe.dilate)
         warn_of_mask(mask)
@@ -172,5 +168,5 @@ def plan_for(
         dilation = Dilation(removal.pixels, removal.known_pixels_given_up)
     given = start.unfilled
     filler_with_depth = filler_of_recipe(inpainter, recipe)
-    plan = Plan(recipe, filler_with_depth, seed, given, law_of(given, recipe), choice.name, decisions)
+    plan = Plan(recipe, filler_with_depth, options.seed, given, law_of(given, recipe), choice.name, decisions)
     return plan, start, dilation

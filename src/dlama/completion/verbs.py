@@ -3,22 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Literal
 
 from dlama.arguments import check_arguments
 from dlama.completion.completion import Completion
+from dlama.completion.options import OptionKeywords, Unpack, take_options
 from dlama.completion.pipeline import complete
-from dlama.completion.recipes import DepthBy, Recipe, find_recipe
 from dlama.errors import InputError
 from dlama.geometry.camera import Camera
-from dlama.geometry.rendering import Mode
 from dlama.geometry.rgbd import RGBD, BoolArray
 from dlama.geometry.scene import Scene
 from dlama.geometry.trajectories import PIVOT_M, median_pivot, orbit
 from dlama.geometry.trajectories import dolly as dollied
-from dlama.inpainters import AUTO
-from dlama.inpainters.filling import Inpainter
 
 
 def target_camera(
@@ -44,6 +40,7 @@ def target_camera(
     return dollied(orbit(source.camera, yaw, pitch, distance), dolly)
 
 
+@take_options
 def view(
     rgbd: RGBD | Scene,
     camera: Camera | None = None,
@@ -52,16 +49,7 @@ def view(
     pitch: float = 0.0,
     pivot: float | Literal["auto"] = PIVOT_M,
     dolly: float = 0.0,
-    filler: str | Inpainter = AUTO,
-    model: str | Path | None = None,
-    recipe: str | Recipe = "dlama",
-    mode: Mode | None = None,
-    dilate: int | None = None,
-    dilate_holes: int | None = None,
-    clip: float | None = None,
-    depth_by: DepthBy | None = None,
-    seed: int = 0,
-    min_confidence: float = 0.0,
+    **options: Unpack[OptionKeywords],
 ) -> Completion:
     """The scene from another viewpoint, holes filled in colour and depth.
 
@@ -72,17 +60,17 @@ def view(
         pitch: Degrees; positive: the camera moves up and looks down.
         pivot: Metres ahead on the optical axis that the orbit turns about; "auto": the median depth.
         dolly: Metres forward, after the orbit.
-        filler, model, recipe, mode, dilate, dilate_holes, clip, depth_by, seed, min_confidence: As in `complete`.
+        options: How the scene is completed (`Options`).
 
     Raises:
         InputError: a camera and an orbit, an unknown name, options that contradict each other.
     """
     check_arguments(view, locals())
     target = target_camera(rgbd, camera, yaw=yaw, pitch=pitch, pivot=pivot, dolly=dolly)
-    chosen = find_recipe(recipe, mode=mode, dilate=dilate, dilate_holes=dilate_holes, clip=clip, depth_by=depth_by)
-    return complete(rgbd, [target], filler=filler, model=model, recipe=chosen, seed=seed, min_confidence=min_confidence)
+    return complete(rgbd, [target], **options)
 
 
+@take_options
 def remove(
     rgbd: RGBD | Scene,
     mask: BoolArray | Mapping[int, BoolArray],
@@ -92,16 +80,7 @@ def remove(
     pitch: float = 0.0,
     pivot: float | Literal["auto"] = PIVOT_M,
     dolly: float = 0.0,
-    filler: str | Inpainter = AUTO,
-    model: str | Path | None = None,
-    recipe: str | Recipe = "dlama",
-    mode: Mode | None = None,
-    dilate: int | None = None,
-    dilate_holes: int | None = None,
-    clip: float | None = None,
-    depth_by: DepthBy | None = None,
-    seed: int = 0,
-    min_confidence: float = 0.0,
+    **options: Unpack[OptionKeywords],
 ) -> Completion:
     """The scene without the object under `mask`, from the source camera or from elsewhere.
 
@@ -111,18 +90,4 @@ def remove(
     """
     check_arguments(remove, locals())
     target = target_camera(rgbd, camera, yaw=yaw, pitch=pitch, pivot=pivot, dolly=dolly)
-    return complete(
-        rgbd,
-        [target],
-        mask=mask,
-        filler=filler,
-        model=model,
-        recipe=recipe,
-        mode=mode,
-        dilate=dilate,
-        dilate_holes=dilate_holes,
-        clip=clip,
-        depth_by=depth_by,
-        seed=seed,
-        min_confidence=min_confidence,
-    )
+    return complete(rgbd, [target], mask=mask, **options)

@@ -9,8 +9,10 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
+from dlama.completion.options import options_of, raise_all
 from dlama.errors import FileError, InputError
 from dlama.inpainters import AUTO, model_file
+from dlama.jobs.parameters import METHOD
 
 
 def check_options(given: Mapping[str, Any], image: Path | None = None, removes: bool = True) -> None:
@@ -19,7 +21,6 @@ def check_options(given: Mapping[str, Any], image: Path | None = None, removes: 
     given: by name, as `jobs.parameters` has them; points as `mask_settings` gives them. image: the picture that is pointed at.
     removes: whether the job removes an object, whose mask can be written.
     """
-    from dlama.completion.recipes import checked_confidence, checked_seed, find_recipe
     from dlama.files.rasters.depth import check_depth_options
     from dlama.files.results.completion import checked_results
     from dlama.geometry.camera import Camera
@@ -28,13 +29,10 @@ def check_options(given: Mapping[str, Any], image: Path | None = None, removes: 
     def one(name: str, default: Any = None) -> Any:
         return given[name] if given.get(name) is not None else default
 
-    changes = {name: given[name] for name in ("mode", "dilate", "dilate_holes", "clip", "depth_by") if name in given}
+    options = {name: given[name] for name in METHOD if given.get(name) is not None}
     checks: list[Callable[[], Any]] = [
-        *(lambda name=name, value=value: find_recipe("dlama", **{name: value}) for name, value in changes.items()),
-        lambda: find_recipe(one("recipe", "dlama")),
+        lambda: options_of(options),
         lambda: _check_results(checked_results(given.get("only"), given.get("also") or ()), removes),
-        lambda: checked_seed(one("seed", 0)),
-        lambda: checked_confidence(one("min_confidence", 0.0)),
         lambda: one("filler", AUTO) == AUTO or callable(given["filler"]) or model_file(given["filler"], one("model")),
         lambda: check_depth_options(one("depth_scale"), one("depth_range"), one("far")),
         lambda: one("fov") is None or Camera.from_fov(2, 2, given["fov"]),
@@ -43,14 +41,7 @@ def check_options(given: Mapping[str, Any], image: Path | None = None, removes: 
         lambda: _check_pointing(given, image),
         lambda: _check_scale(given, image),
     ]
-    wrong = []
-    for check in checks:
-        try:
-            check()
-        except InputError as error:
-            wrong.append(error)
-    if wrong:
-        raise type(wrong[0])("; ".join(dict.fromkeys(str(error) for error in wrong)))
+    raise_all(checks)
 
 
 def _check_results(names: tuple[str, ...], removes: bool) -> None:

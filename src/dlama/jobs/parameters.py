@@ -11,6 +11,7 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
+from dlama.completion.options import typed_options
 from dlama.errors import InputError
 from dlama.inpainters import FILLER_NAMES
 
@@ -165,18 +166,11 @@ POINTING: dict[str, Parse] = {
     "candidate": text,
     "with_shadow": switch,
 }
+KINDS: dict[Any, Parse] = {str: text, int: whole, float: number}
 METHOD: dict[str, Parse] = {
-    "filler": one_of(*FILLER_NAMES),
-    "model": text,
-    "recipe": text,
-    "mode": one_of("surface", "points"),
-    "dilate": whole,
-    "dilate_holes": whole,
-    "clip": number,
-    "depth_by": one_of("surfaces", "filler"),
-    "seed": whole,
-    "min_confidence": number,
-}
+    name: one_of(*typed.kind) if isinstance(typed.kind, tuple) else KINDS[typed.kind]
+    for name, (typed, _, _) in typed_options().items()
+} | {"filler": one_of(*FILLER_NAMES)}
 PAIR: dict[str, Parse] = {
     **dict.fromkeys(("left", "right", "calib", "mask", "mask_right", "disparity"), text),
     "right_view": one_of("given", "synthesised"),

@@ -11,10 +11,11 @@ from collections.abc import Callable
 from typing import Any
 
 import dlama
+from dlama.completion.options import RECIPE_NAMES
 from dlama.errors import DlamaError
 from dlama.web import pictures, results
 from dlama.web.answers import Blob, Fields, Limits, pixel_of
-from dlama.web.completion_request import PAGE_FILLERS, RECIPES, read_request
+from dlama.web.completion_request import PAGE_FILLERS, read_request
 from dlama.web.failures import PageError, in_words_of_the_page, shown
 from dlama.web.inputs import ROLES, Upload, check_size, file_name, read_source
 from dlama.web.marks import find, mask_of, others, pointing, read_marks
@@ -36,7 +37,7 @@ def settings(limits: Limits) -> dict[str, Any]:
         "limits": {"bytes": limits.bytes, "pixels": int(limits.megapixels * 1e6)},
         "roles": {role: list(endings) for role, endings in ROLES.items()},
         "fillers": list(PAGE_FILLERS),
-        "recipes": list(RECIPES),
+        "recipes": list(RECIPE_NAMES),
         "examples": {name: title for name, (title, _, _) in EXAMPLES.items()},
     }
 

@@ -6,17 +6,22 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from dlama.completion.options import RECIPE_NAMES, Options, options_of
 from dlama.completion.verbs import target_camera
+from dlama.errors import InputError
 from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import RGBD
 from dlama.geometry.trajectories import PIVOT_M
 from dlama.inpainters import AUTO, FILLERS
+from dlama.jobs.parameters import METHOD
 from dlama.web.failures import PageError
 from dlama.web.inputs import number
 
-RECIPES = ("dlama", "paper")
 PAGE_FILLERS = (AUTO, *(name for name, record in FILLERS.items() if not record.needs_model or record.shipped))
 """Fillers that run without a file of the user's."""
+PAGE_OPTIONS = ("filler", "recipe", "dilate", "seed", "min_confidence")
+"""Options of the library that the page has."""
+MOST_DILATION = 200
 LIMITS = {"yaw": 180.0, "pitch": 89.0, "dolly": 1000.0, "pivot": 10_000.0}
 
 
@@ -30,7 +35,7 @@ class CompletionRequest:
     pivot: float | str = PIVOT_M
     """Metres, or "auto"."""
     method: Mapping[str, Any] = field(default_factory=dict)
-    """Keyword arguments of the verbs that differ from their defaults: filler, recipe, dilate, seed, min_confidence."""
+    """Options (PAGE_OPTIONS) that differ from their defaults."""
 
     @property
     def move(self) -> dict[str, Any]:
@@ -61,25 +66,16 @@ def read_request(fields: Mapping[str, Any]) -> CompletionRequest:
 
 
 def read_method(fields: Mapping[str, Any]) -> dict[str, Any]:
-    """How the scene is to be completed, as far as it differs from the defaults. PageError."""
-    method: dict[str, Any] = {}
-    for name, known in (("filler", PAGE_FILLERS), ("recipe", RECIPES)):
-        given = fields.get(name) or known[0]
-        if given not in known:
-            raise PageError(f"{name} is {str(given)[:40]!r}; one of {', '.join(known)} is expected", "method")
-        if given != known[0]:
-            method[name] = given
-    for name, default, most in (("dilate", None, 200), ("seed", 0, 2**31)):
-        if fields.get(name) not in (None, ""):
-            whole = round(number(name, fields[name], "method"))
-            if not 0 <= whole <= most:
-                raise PageError(f"{name} is {whole}; 0 to {most} is expected", "method")
-            if whole != default:
-                method[name] = whole
-    if fields.get("min_confidence") not in (None, "", 0):
-        sure = number("min_confidence", fields["min_confidence"], "method")
-        if not 0 <= sure <= 1:
-            raise PageError(f"min_confidence is {sure:g}; 0 to 1 is expected", "method")
-        if sure:
-            method["min_confidence"] = sure
-    return method
+    """The options that differ from their defaults. PageError."""
+    given = {name: fields[name] for name in PAGE_OPTIONS if fields.get(name) not in (None, "")}
+    try:
+        found = {name: METHOD[name](name, value) for name, value in given.items()}
+        options = options_of(found)
+    except InputError as error:
+        raise PageError(str(error), "method") from None
+    for name, known in (("filler", PAGE_FILLERS), ("recipe", RECIPE_NAMES)):
+        if getattr(options, name) not in known:
+            raise PageError(f"{name} is {found[name]!r}; one of {', '.join(known)} is expected", "method")
+    if (options.dilate or 0) > MOST_DILATION:
+        raise PageError(f"dilate is {options.dilate}; 0 to {MOST_DILATION} is expected", "method")
+    return {name: value for name, value in found.items() if value != getattr(Options, name, None)}

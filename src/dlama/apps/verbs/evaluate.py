@@ -15,11 +15,12 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
 from tyro.conf import Positional
 
 from dlama.apps import model_files
-from dlama.apps.options import RECIPES, CameraFile, Metres, Output, Report, Seed, option
+from dlama.apps.options import CameraFile, Metres, Output, Report, Seed, option
 from dlama.apps.places import check_folder_apart
 from dlama.apps.terminal.output import print_line, reported
 from dlama.apps.terminal.progress import bar_or_lines
 from dlama.apps.verbs.evaluate_sequence import evaluate_sequence
+from dlama.completion.options import RECIPE_NAMES
 from dlama.errors import InputError, MissingExtraError
 from dlama.geometry.rgbd import format_count
 from dlama.inpainters import FILLERS
@@ -116,7 +117,7 @@ class Cases:
 class Methods:
     """Which methods are measured on them: every recipe with every filler."""
 
-    recipes: Annotated[tuple[str, ...], option(f"{'|'.join(RECIPES)} ...", "dlama paper")] = ("dlama", "paper")
+    recipes: Annotated[tuple[str, ...], option(f"{'|'.join(RECIPE_NAMES)} ...", "dlama paper")] = ("dlama", "paper")
     """Whole methods, ours and the paper's as published."""
     fillers: Annotated[tuple[str, ...], option("FILLER ...", "layered telea none")] = (
         "layered",
@@ -136,8 +137,8 @@ class Methods:
         from dlama.evaluation.protocols.methods import Method
 
         for name in self.recipes:
-            if name not in RECIPES:
-                raise InputError(f"recipes is {name!r}; one of {', '.join(RECIPES)} is expected")
+            if name not in RECIPE_NAMES:
+                raise InputError(f"recipes is {name!r}; one of {', '.join(RECIPE_NAMES)} is expected")
         models = self.models()
         for filler in self.fillers:
             if filler not in (NO_FILL, *FILLERS):

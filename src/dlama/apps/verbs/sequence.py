@@ -13,18 +13,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 from tyro.conf import Positional
 
 import dlama
-from dlama.apps import model_files
 from dlama.apps.command import SHOWN
 from dlama.apps.options import (
-    RECIPES,
     CameraFile,
-    FillerName,
     Masking,
     Metres,
     Output,
-    Radius,
     Report,
-    Seed,
+    SequenceMethod,
     names_in,
     option,
 )
@@ -33,7 +29,6 @@ from dlama.apps.terminal.output import reported
 from dlama.apps.terminal.progress import bar_or_lines
 from dlama.errors import InputError
 from dlama.geometry.rgbd import format_count
-from dlama.inpainters import AUTO
 from dlama.workers.progress import line_every, progress_line
 
 if TYPE_CHECKING:
@@ -58,22 +53,6 @@ class Source:
     """Make the poses agree with the pictures first, where they are off by a pixel or more, as hand-held ones are."""
 
 
-@dataclass(frozen=True)
-class Filler:
-    """What fills what no frame saw."""
-
-    filler: FillerName = AUTO
-    model: Annotated[str | None, option("FILE|NAME")] = None
-    """Network of a filler that runs one, as for dlama view."""
-    seed: Seed = 0
-    """Fillers draw their random numbers from this."""
-
-    def settings(self) -> dict[str, Any]:
-        """As keyword arguments of the library."""
-        network = None if self.model is None else model_files.model_for(self.model)
-        return {"filler": self.filler, "model": network, "seed": self.seed}
-
-
 def sequence(
     dataset: Positional[Annotated[Path, option("DATASET|SCENE.npz", None)]],
     /,
@@ -81,12 +60,10 @@ def sequence(
     output: Output,
     source: Source,
     masking: Masking,
-    filler: Filler,
+    method: SequenceMethod,
     report: Report,
     mask: Annotated[tuple[str, ...], option("FRAME=FILE ...")] = (),
     masks: Annotated[Path | None, option("FOLDER")] = None,
-    recipe: Annotated[str, option("|".join(RECIPES), "dlama")] = "dlama",
-    dilate: Radius = None,
     views: Annotated[str, option("frames|orbit|spiral|dolly|CAMERAS.json", "frames")] = "frames",
     only: Annotated[str | None, option("NAME,...", "mesh,colmap,video")] = None,
     also: Annotated[str | None, option("NAME,...")] = None,
@@ -98,8 +75,6 @@ def sequence(
         output: Directory for the results, a data set in nerfstudio's layout, and scene.glb; a killed run goes on.
         mask: A thing to remove from all frames, in one or several of them: a frame's name or its place from 0, and its mask.
         masks: The same: a folder of masks with the names of their frames.
-        recipe: dlama, or paper as published (a scene.npz cannot be clipped as it wants).
-        dilate: Grow the masks by this many pixels before the thing leaves (3; 6 in pictures of a depth camera).
         views: Which cameras are completed: the frames' own, a path from the middle frame, or those of a file (a list of cameras
             as --to of dlama view takes one, each with an optional name).
         only: What is written next to the views, of scene, points, mesh, colmap, video (.mp4 with the extra video, else .webp).
@@ -110,9 +85,9 @@ def sequence(
         check_folder_apart(output, {"data set": dataset, "folder of masks": masks})
         found = read_masks(mask_files(mask, masks), masking)
         with shown_progress("sequence", report) as progress:
-            options = {"masks": found, "recipe": recipe, "dilate": dilate, "views": views, **vars(source)}
+            options = {"masks": found, "views": views, **vars(source)}
             options |= {"only": names_in(only), "also": names_in(also) or ()}
-            meta = dlama.sequence(dataset, output, progress=progress, **options, **filler.settings())
+            meta = dlama.sequence(dataset, output, progress=progress, **options, **method.settings())
         result.add(summary_line(meta, output, time.perf_counter() - started), **summary_values(meta, output))
 
 

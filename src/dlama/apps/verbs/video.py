@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Annotated
 from tyro.conf import Positional
 
 import dlama
-from dlama.apps.options import Report, option
+from dlama.apps.options import Filler, Report, option
 from dlama.apps.places import check_file_apart
 from dlama.apps.terminal.output import counting_bar, reported
-from dlama.apps.verbs.sequence import Filler, Source
+from dlama.apps.verbs.sequence import Source
 from dlama.geometry.rgbd import format_count
 
 if TYPE_CHECKING:

@@ -19,8 +19,9 @@ import numpy as np
 from dlama.arguments import check_arguments
 from dlama.completion.completion import StereoCompletion
 from dlama.completion.memory import check_memory
+from dlama.completion.options import OptionKeywords, Unpack, options_of, take_options
 from dlama.completion.plausible import warn_of_scale
-from dlama.completion.recipes import DepthBy, Recipe, checked_confidence, checked_seed, find_recipe
+from dlama.completion.recipes import Recipe
 from dlama.completion.report import Clock, Record
 from dlama.completion.start import (
     Plan,
@@ -55,7 +56,7 @@ from dlama.geometry.camera import StereoRig
 from dlama.geometry.frames.removal import mask_growth
 from dlama.geometry.fusion import fuse
 from dlama.geometry.holes import dilate_mask
-from dlama.geometry.rendering import Mode, render
+from dlama.geometry.rendering import render
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array, clip_depth, mark_far
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import HoleType, Origin, View
@@ -70,6 +71,7 @@ RightView = Literal["given", "synthesised"]
 RIGHT_VIEWS: tuple[RightView, ...] = ("given", "synthesised")
 
 
+@take_options
 def stereo(
     left: UInt8Array,
     right: UInt8Array,
@@ -82,16 +84,7 @@ def stereo(
     matcher: str | Path | Matcher | None = None,
     max_disparity: float | None = None,
     far: float | None = None,
-    filler: str | Inpainter = AUTO,
-    model: str | Path | None = None,
-    recipe: str | Recipe = "dlama",
-    mode: Mode | None = None,
-    dilate: int | None = None,
-    dilate_holes: int | None = None,
-    clip: float | None = None,
-    depth_by: DepthBy | None = None,
-    seed: int = 0,
-    min_confidence: float = 0.0,
+    **options: Unpack[OptionKeywords],
 ) -> StereoCompletion:
     """Depth from a rectified pair; with `mask` the object is removed from both views.
 
@@ -109,7 +102,7 @@ def stereo(
         max_disparity: px, the largest disparity looked for; default: found.
         far: metres; what is measured at or beyond it is far (sky); default: what half a pixel of disparity cannot tell
             from infinity.
-        filler, model, recipe, mode, dilate, dilate_holes, clip, depth_by, seed, min_confidence: As in `complete`.
+        options: How the views are completed (`Options`).
 
     Raises:
         InputError: options that contradict each other, pictures of another size than the rig's (ShapeError), a mask that
@@ -119,12 +112,11 @@ def stereo(
     left, right = checked_pair(left, right, rig, far)
     if mask is None and mask_right is not None:
         raise InputError("mask_right was given without mask; the mask of the left view is expected too")
-    checked_seed(seed)
-    checked_confidence(min_confidence)
+    given = options_of(options)
+    chosen = given.settings
     check_memory((rig.left, rig.right))
-    chosen = find_recipe(recipe, mode=mode, dilate=dilate, dilate_holes=dilate_holes, clip=clip, depth_by=depth_by)
-    refuse_model_of_auto(filler, model)
-    inpainter = None if filler == AUTO else find_filler(filler, model)
+    refuse_model_of_auto(given.filler, given.model)
+    inpainter = None if given.filler == AUTO else find_filler(given.filler, given.model)
     if isinstance(inpainter, PairFiller) and chosen.depth_by != "surfaces":
         raise InputError(
             f"depth_by is {chosen.depth_by!r} and the filler 'pair', which fills no depth; surfaces is expected"
@@ -145,12 +137,12 @@ def stereo(
     masks = masks_of_pair(found, mask_right, matches.disparities[0], rig)
     pair = dataclasses.replace(pair, masks=masks)
     start = scene_of(pair.left)
-    choice = choose_filler(start, filler)
+    choice = choose_filler(start, given.filler)
     decisions = choice.decision
     if masks is not None:
         growth = mask_growth(start, chosen.dilate)
         chosen, decisions = dataclasses.replace(chosen, dilate=growth.px), decisions | {"mask_growth": growth._asdict()}
-    draft = Plan(chosen, inpainter or find_filler(choice.filler), seed, start, Law(()), choice.name, decisions)
+    draft = Plan(chosen, inpainter or find_filler(choice.filler), given.seed, start, Law(()), choice.name, decisions)
     complete_pair = complete_pair_together
     if chosen_right_view(right_view, chosen, masks is not None) == "synthesised":
         complete_pair = synthesise_right
@@ -158,7 +150,7 @@ def stereo(
         complete_pair = complete_pair_one_by_one
     done = complete_pair(pair, draft, Clock())
     completion = dataclasses.replace(done, about={**matches.notes, **done.about}).as_completion(rig)
-    return completion.with_min_confidence(min_confidence)
+    return completion.with_min_confidence(given.min_confidence)
 
 
 def chosen_right_view(asked: RightView | None, recipe: Recipe, removing: bool) -> RightView:

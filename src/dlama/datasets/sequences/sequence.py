@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 from dlama import __version__
 from dlama.arguments import check_arguments
 from dlama.completion.memory import check_memory
-from dlama.completion.recipes import find_recipe
+from dlama.completion.options import Options
 from dlama.completion.report import share
 from dlama.completion.start import Plan, plan_for
 from dlama.completion.steps import Step, complete_step, frame_steps
@@ -117,14 +117,14 @@ def sequence(
     """
     check_arguments(sequence, locals())
     started, target, wanted = time.perf_counter(), Path(output), checked_results(only, also)
-    clip = find_recipe(recipe).clip
+    options = Options(filler=filler, model=model, recipe=recipe, dilate=dilate, seed=seed)
+    clip = options.settings.clip
     names, given, damaged = read_scene_of(dataset, frames, layout, scene, camera, depth_range, clip, align)
     kept = [names[number] for number in given.numbers]
     cameras = cameras_for(views, given)
     check_memory([given.frames[0].camera] * (2 * MOST_FRAMES))
     numbered = masks_by_number(masks or {}, names)
-    chosen = find_recipe(recipe, dilate=dilate)
-    plan, start, _ = plan_for(given, chosen, numbered or None, filler=filler, model=model, seed=seed)
+    plan, start, _ = plan_for(given, options, numbered or None)
     steps = steps_for(plan, start, kept, cameras)
     settings = {"filler": plan.filler, "model": str(model), "recipe": recipe, "dilate": dilate, "seed": seed}
     views_by_name = {"views": [(name, shown) for name, _, shown in steps]}

@@ -13,7 +13,7 @@ import numpy as np
 
 from dlama.completion.completion import Completion
 from dlama.completion.pipeline import complete
-from dlama.completion.recipes import Recipe, checked_seed, find_recipe
+from dlama.completion.recipes import Recipe, check_seed, find_recipe
 from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
 from dlama.geometry.view import View
@@ -38,7 +38,7 @@ class Method:
     """0 to 2**32 - 1; else InputError."""
 
     def __post_init__(self) -> None:
-        checked_seed(self.seed)
+        check_seed(self.seed)
 
     @property
     def label(self) -> str:

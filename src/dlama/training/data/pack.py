@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from dlama.completion.recipes import checked_seed
+from dlama.completion.recipes import check_seed
 from dlama.errors import FileError, InputError, system_errors
 from dlama.files.atomic_write import new_file
 from dlama.geometry.rgbd import UInt8Array
@@ -89,7 +89,7 @@ def pack(data: Sequence[Path], output: Path, megabytes: float = 45.0, size: int 
         raise InputError(f"size is {size} px; 16 or more is expected")
     if not megabytes > 0:
         raise InputError(f"megabytes is {megabytes}; more than 0 is expected")
-    found, rng = find_training_data(data), np.random.default_rng(checked_seed(seed))
+    found, rng = find_training_data(data), np.random.default_rng(check_seed(seed))
     check_pack(len(found.photos) + len(found.cases), megabytes, size, output)
     contents = PackContents(megabytes * 1e6 - END_BYTES - 2 * len(INDEX) - PART_BYTES - 200)
     reserve = contents.bytes_left * (1 - CASE_SHARE) if found.photos else 0.0

@@ -1,0 +1,74 @@
+"""One definition of the options (oracles: the fields of `Options`; the signatures, flags, columns and fields made from them)."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable
+from dataclasses import fields
+from typing import get_type_hints
+
+import pytest
+
+import dlama
+from dlama.apps.options import Method
+from dlama.apps.terminal.flags import flags_of
+from dlama.completion.options import OptionKeywords, Options, options_of, typed_options
+from dlama.completion.recipes import RECIPES
+from dlama.errors import InputError, InputTypeError
+from dlama.geometry.rendering import MODES
+from dlama.jobs.parameters import METHOD
+from dlama.web.completion_request import PAGE_OPTIONS
+
+NAMES = [one.name for one in fields(Options)]
+
+
+def test_keywords_flags_columns_and_the_page_have_the_fields_of_options() -> None:
+    assert OptionKeywords.__annotations__.keys() == Options.__annotations__.keys() == set(NAMES)
+    for name, annotation in Options.__annotations__.items():
+        assert annotation == OptionKeywords.__annotations__[name].__forward_arg__
+    assert list(typed_options()) == list(flags_of(Method)) == list(METHOD) == NAMES
+    assert {name: getattr(Method(), name) for name in NAMES} == {one.name: one.default for one in fields(Options)}
+    assert set(PAGE_OPTIONS) <= set(NAMES)
+
+
+def test_help_shows_what_the_docstrings_of_the_fields_say() -> None:
+    """Oracle: the source text of two fields."""
+    texts = {name: text for name, (_, _, text) in typed_options().items()}
+    assert texts["seed"].startswith("Fillers draw their random numbers from this")
+    assert texts["dilate_holes"] == "Grow the holes of the new view by this many pixels (both recipes: 0)."
+    assert get_type_hints(Method, include_extras=True)["seed"].__metadata__[0].help == texts["seed"]
+
+
+def test_the_closed_words_are_those_of_the_library() -> None:
+    typed = {name: kind for name, ((kind, _, _), _, _) in typed_options().items()}
+    assert typed["mode"] == MODES
+    for word in typed["depth_by"]:
+        assert Options(depth_by=word).settings.depth_by == word
+    assert typed_options()["recipe"][0].metavar == "|".join(RECIPES)
+
+
+@pytest.mark.parametrize("verb", [dlama.view, dlama.remove, dlama.stereo, dlama.complete])
+def test_verbs_show_each_option_as_a_keyword(verb: Callable[..., object]) -> None:
+    parameters = inspect.signature(verb).parameters
+    shown = {name: one.default for name, one in parameters.items() if name in NAMES}
+    assert shown == {one.name: one.default for one in fields(Options)}
+    assert all(one.kind is not one.VAR_KEYWORD for one in parameters.values())
+
+
+def test_every_wrong_option_is_named_once() -> None:
+    with pytest.raises(InputError) as caught:
+        Options(seed=-1, min_confidence=2.0, mode="mesh", dilate=-3)  # type: ignore[arg-type]
+    parts = str(caught.value).split("; ")
+    assert sum(part.startswith(("mode is", "dilate is", "seed is", "min_confidence is")) for part in parts) == 4
+    assert str(caught.value).count("seed") == 1
+
+
+def test_contradictions_and_unknown_names() -> None:
+    """The paper's depth is 8-bit, which needs a clip depth and the filler's own depth."""
+    with pytest.raises(InputError, match="depth_by 'filler' is expected"):
+        Options(recipe="paper", depth_by="surfaces")
+    assert Options(recipe="paper", clip=5.0).settings.clip == 5.0
+    with pytest.raises(InputTypeError, match="fillr is no parameter; the options are filler, model"):
+        options_of({"fillr": "telea"})
+    with pytest.raises(InputTypeError, match="seed is"):
+        options_of({"seed": "0"})
