@@ -303,7 +303,7 @@ MUTANTS: tuple[Mutant, ...] = (
     *faults(
         "inpainters/patchmatch/kernels.py",
         "tests/inpainters/patchmatch/test_patchmatch_kernels.py",
-        ("distance costs nothing", "lean[0] * down * down", "0.0 * down * down"),
+        ("distance costs nothing", "weights[0] * down * down", "0.0 * down * down"),
         ("patches are not handed on", "int(now[neighbour, 0]) - down", "int(now[neighbour, 0])"),
         ("trust in a target is dropped", "* np.float64(trust[t])", "* 1.0"),
     ),
@@ -344,8 +344,8 @@ MUTANTS: tuple[Mutant, ...] = (
         "tests/inpainters/patchmatch/test_patchmatch.py",
         (
             "patches of another surface cost the same",
-            "lean[1] * across * across + lean[2] * again + other",
-            "lean[1] * across * across + lean[2] * again",
+            "weights[1] * across * across + weights[2] * again + other",
+            "weights[1] * across * across + weights[2] * again",
         ),
     ),
     *faults(

@@ -33,7 +33,7 @@ def test_json_has_the_findings(capsys: pytest.CaptureFixture[str]) -> None:
         main(["doctor", *STREET[:2], "--fov", "1.57", "--json"])
     told = json.loads(capsys.readouterr().out)
     assert [each["check"] for each in told["findings"]] == ["fov-radians", "understood"]
-    assert set(told["findings"][0]) == {"check", "severity", "sure", "what", "mend"}
+    assert set(told["findings"][0]) == {"check", "severity", "confidence", "what", "mend"}
 
 
 @pytest.mark.parametrize(

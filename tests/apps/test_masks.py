@@ -84,8 +84,8 @@ def test_what_to_know_of_a_mask_is_in_the_last_line(tmp_path: Path, capsys: pyte
     found = capsys.readouterr().out
     for line in (removed, found):
         assert line.count("; no shadow found, ") == 1 and "of it shadow" not in line
-    assert told_of_mask("thing", ["part", "thing", "group"], ["look"]) == "; --candidate part or group differs; look"
-    assert told_of_mask("thing", ["thing"], []) == ""
+    assert told_of_mask("object", ["part", "object", "group"], ["look"]) == "; --candidate part or group differs; look"
+    assert told_of_mask("object", ["object"], []) == ""
 
 
 def test_remove_wants_one_way_of_saying_what(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -135,7 +135,7 @@ def _spy_on_jobs(spy: Callable[..., None]) -> None:
     spy("dlama.stereo", lambda mask, **_: (mask("left") if callable(mask) else None, done)[1])
     spy("dlama.files.results.completion.write")
     spy("dlama.files.results.completion.file_names", [])
-    found = SimpleNamespace(mask="mask", masker="rgbd", chosen="thing", notes=(), about={})
+    found = SimpleNamespace(mask="mask", masker="rgbd", chosen="object", notes=(), about={})
     spy("dlama.perception.object_masks.find_mask", found)
     spy("dlama.perception.object_masks.complete_mask", found)
     spy("dlama.files.semantic_classes.semantic_picture", Path("semantic.png"))

@@ -107,7 +107,7 @@ def test_files_that_cannot_be_read_are_findings(tmp_path: Path) -> None:
     (tmp_path / "bad.png").write_bytes(b"nothing")
     for paths in ((image, tmp_path / "none.png"), (tmp_path / "bad.png", depth)):
         found = dlama.diagnose(*paths, fov=75)
-        assert checks(found) == ["reading"] and found[0].sure == 1
+        assert checks(found) == ["reading"] and found[0].confidence == 1
     assert checks(dlama.diagnose(image, depth, camera=tmp_path / "no.json")) == ["reading", "understood"]
     assert checks(dlama.diagnose(image, depth)) == ["camera", "understood"]
     with pytest.raises(dlama.InputError, match="needs its depth"):

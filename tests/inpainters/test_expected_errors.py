@@ -19,7 +19,7 @@ from dlama.geometry.rgbd import RGBD
 from dlama.geometry.trajectories import orbit
 from dlama.geometry.view import HoleType, Origin, View
 from dlama.geometry.visibility import Law
-from dlama.inpainters.confidence import FEATURES, OUTPUTS, SUREST, ConfidenceNetwork
+from dlama.inpainters.confidence import FEATURES, LARGEST_CONFIDENCE, OUTPUTS, ConfidenceNetwork
 from dlama.inpainters.filling import Fill, inpaint
 from dlama.training.data.augment import add_depth_noise, add_flying_pixels, quantise_depth
 from dlama.worlds.dataset import world
@@ -142,13 +142,13 @@ def test_they_are_kept_through_fusion_rendering_and_files(tmp_path: Path) -> Non
 
 def test_a_later_camera_takes_them_over() -> None:
     """Law: what an earlier camera filled keeps its expected error in the next view; only what was measured (and is
-    shown again, of SUREST confidence) has none."""
+    shown again, of LARGEST_CONFIDENCE confidence) has none."""
     made = world(HELD_OUT[0])
     cameras = [made.camera(yaw, 128) for yaw in (0, 20, 28)]
     done = complete(made.frame(cameras[0]), cameras[1:], filler="telea")
     for view in done.views:
         assert view.errors is not None
-        filled_here = view.filled & (view.confidence < SUREST)
+        filled_here = view.filled & (view.confidence < LARGEST_CONFIDENCE)
         assert filled_here.sum() > 0.8 * view.filled.sum() and (view.color_error[filled_here] > 0).all()
         assert not view.color_error[~view.filled].any()
 

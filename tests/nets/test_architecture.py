@@ -39,9 +39,9 @@ def test_settings_come_back_from_shapes(settings):
     [
         (lambda s: s.pop("model.5.conv2.ffc.convg2l.weight"), r"1 missing: model\.5\.conv2\.ffc\.convg2l\.weight"),
         (lambda s: s.update({"model.5.gate.weight": (1,)}), r"1 not part of it: model\.5\.gate\.weight"),
-        (lambda s: s.update({"model.5.conv1.bn_g.bias": (47,)}), r"model\.5\.conv1\.bn_g\.bias is 47, wanted 48"),
+        (lambda s: s.update({"model.5.conv1.bn_g.bias": (47,)}), r"model\.5\.conv1\.bn_g\.bias is 47, expected 48"),
         (lambda s: s.pop("model.1.ffc.convl2l.weight"), r"no tensor 'model\.1\.ffc\.convl2l\.weight'; the first of"),
-        (lambda s: s.update({"model.17.weight": (3,)}), r"model\.17\.weight: shape 3, wanted 4 dimensions"),
+        (lambda s: s.update({"model.17.weight": (3,)}), r"model\.17\.weight: shape 3, expected 4 dimensions"),
     ],
 )
 def test_the_first_name_that_differs_is_named(change, message):

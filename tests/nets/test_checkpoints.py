@@ -168,7 +168,7 @@ def test_whole_numbers_are_no_weights(tmp_path, random_state):
     state = random_state(SMALL)
     name = "model.4.bn_g.bias"
     write_safetensors(tmp_path / "w.safetensors", state | {name: state[name].astype(np.int32)})
-    with pytest.raises(FileError, match=r"model\.4\.bn_g\.bias holds I32, wanted floating point"):
+    with pytest.raises(FileError, match=r"model\.4\.bn_g\.bias holds I32, expected floating point"):
         read_generator(tmp_path / "w.safetensors")
 
 

@@ -48,7 +48,7 @@ class Pointing:
             "NAME-encoder and NAME-decoder), or two ONNX files.",
         ),
     ] = None
-    candidate: Annotated[str, option("part|thing|group", "thing")] = "thing"
+    candidate: Annotated[str, option("part|object|group", "object")] = "object"
     """Which reading of an ambiguous click; `dlama mask` says which there are."""
     with_shadow: Annotated[bool, option("", "off")] = False
     """Take the shadow too that the thing casts on the surface it stands on, where there is a plain one."""

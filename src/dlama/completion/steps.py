@@ -25,7 +25,7 @@ from dlama.geometry.rendering import render
 from dlama.geometry.scene import Scene
 from dlama.geometry.view import HoleType, Origin, View
 from dlama.geometry.visibility import Law, project_depth
-from dlama.inpainters.confidence import SUREST
+from dlama.inpainters.confidence import LARGEST_CONFIDENCE
 from dlama.inpainters.filling import FillReport, inpaint, paste_part
 
 LOG = logging.getLogger("dlama")
@@ -132,7 +132,9 @@ def close_holes(law: Law, view: View, earlier: View, *, measured: bool = False) 
         depth=depth,
         hole=view.hole & ~closed,
         origin=np.where(of_color, origin, view.origin),
-        confidence=np.where(closed, np.where(again, np.float32(SUREST), earlier.confidence), view.confidence),
+        confidence=np.where(
+            closed, np.where(again, np.float32(LARGEST_CONFIDENCE), earlier.confidence), view.confidence
+        ),
         errors=view.errors_with(earlier, closed),
     )
     if view.frame is not None and earlier.frame is not None:

@@ -258,13 +258,13 @@ def intrinsics_of(K: ArrayLike, called: str = "K") -> tuple[float, float, float,
 
 def _matrix(values: ArrayLike, called: str, shape: tuple[int, int]) -> Float64Array:
     """A float64 copy. CameraError, which calls it `called`: no numbers, or of another shape."""
-    wanted = f"a {shape[0]}x{shape[1]} matrix is expected"
+    expected = f"a {shape[0]}x{shape[1]} matrix is expected"
     try:
         matrix = np.array(values, np.float64)
     except (TypeError, ValueError, OverflowError) as error:
-        raise CameraError(f"{called} is of type {type(values).__name__} and holds no numbers; {wanted}") from error
+        raise CameraError(f"{called} is of type {type(values).__name__} and holds no numbers; {expected}") from error
     if matrix.shape != shape:
-        raise CameraError(f"{called} has shape {matrix.shape}; {wanted}")
+        raise CameraError(f"{called} has shape {matrix.shape}; {expected}")
     return matrix
 
 

@@ -60,7 +60,8 @@ def render(
         types: Say of each hole why it is one; False leaves them all OUT_OF_VIEW, which is faster.
         fine: Read a surface's colours between source pixels by cubic B-spline, averaged where the source is drawn smaller; False
             reads them bilinearly, which blurs, in two thirds of the time.
-        close: In a scene that was filled, close gaps of up to 2 px and sky that goes on (origin FILLED; `close_gaps`), unless it
+        close: In a scene that was filled, close gaps of up to 2 px and sky that continues (origin FILLED; `close_gaps`),
+        unless it
             was thinned by confidence; False leaves them open.
     Raises:
         InputError: an unknown mode, or a surface of a PointCloud.

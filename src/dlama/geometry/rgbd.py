@@ -113,7 +113,7 @@ def percent(where: BoolArray) -> str:
 
 
 def format_count(count: int, noun: str) -> str:
-    """A number of things, for people: `1 layer`, `2 layers`; `noun` takes an s."""
+    """A number of objects, for people: `1 layer`, `2 layers`; `noun` takes an s."""
     return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
 
 
@@ -174,15 +174,15 @@ def _is_frozen(array: np.ndarray) -> bool:
     return base is None or isinstance(base, bytes)
 
 
-def check_fields(noun: object, called: str, fields: dict[str, tuple[tuple[int, ...], type]], wanted: str = "") -> None:
-    """Freeze a noun's array fields, each of which must have its shape and dtype; else ShapeError (`wanted`: for what)."""
+def check_fields(noun: object, called: str, fields: dict[str, tuple[tuple[int, ...], type]], purpose: str = "") -> None:
+    """Freeze a noun's array fields, each of which must have its shape and dtype; else ShapeError (`purpose`: for what)."""
     for name, (shape, dtype) in fields.items():
         array = getattr(noun, name)
         if not isinstance(array, np.ndarray):
             array = as_array(array, f"{called}.{name}", f"an array of {np.dtype(dtype)}")
         if array.shape != shape or array.dtype != dtype:
             raise ShapeError(
-                f"{called}.{name} is {array.dtype} {array.shape}; {np.dtype(dtype)} {shape} is expected{wanted}"
+                f"{called}.{name} is {array.dtype} {array.shape}; {np.dtype(dtype)} {shape} is expected{purpose}"
             )
         object.__setattr__(noun, name, make_read_only(array))
 

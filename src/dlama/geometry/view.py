@@ -124,7 +124,7 @@ class View:
         """The source view: all measured (or with estimated depth), sensor holes (no depth, known colour) marked as such."""
         check(rgbd, RGBD, "rgbd")
         missing = rgbd.missing
-        known, sure = (Origin.MEASURED, 1.0) if rgbd.estimate is None else (Origin.ESTIMATED, ESTIMATED_CONFIDENCE)
+        known, certainty = (Origin.MEASURED, 1.0) if rgbd.estimate is None else (Origin.ESTIMATED, ESTIMATED_CONFIDENCE)
         return cls(
             camera=rgbd.camera,
             color=rgbd.color,
@@ -132,7 +132,7 @@ class View:
             hole=freeze(missing),
             hole_type=freeze(missing * np.uint8(HoleType.SENSOR)),
             origin=freeze(np.where(missing, np.uint8(Origin.DEPTH_FILLED), np.uint8(known))),
-            confidence=freeze((~missing) * np.float32(sure)),
+            confidence=freeze((~missing) * np.float32(certainty)),
         )
 
     def __repr__(self) -> str:

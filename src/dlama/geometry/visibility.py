@@ -42,7 +42,7 @@ class Law:
     sky: Sky | None = None
     """The colours of the far pixels that were measured, for views that show few of them; None: there were none."""
     misplaced_edges: bool = False
-    """True where depth edges of what was measured lie beside those of its picture (`with_aligned_edges`), as a sensor's do."""
+    """True where depth edges of what was measured lie next to those of its picture (`with_aligned_edges`), as a sensor's do."""
     scene: Scene | None = None
     """Of so many frames that their depth is not held: the scene, and `near` gives the law for a camera."""
 
@@ -90,15 +90,15 @@ class Law:
         return cls(tuple(measured), Sky.of(frames))
 
     def with_aligned_edges(self, scene: Scene) -> Law:
-        """The law with the scene's frames as they are drawn (`align_edges`): beside misplaced edges depth that was filled counts
+        """The law with the scene's frames as they are drawn (`align_edges`): next to misplaced edges depth that was filled counts
         as measured, and an edge lies where the picture has it, if that forbids more. Of very many frames: of the law `near`."""
         measured, misplaced = list(self.measured), self.misplaced_edges
         for layer in scene.frames:
             for number, (camera, known) in enumerate(measured):
                 if camera.same_view_as(layer.camera):
                     placed = align_edges(layer.read())
-                    if placed.beside.any():
-                        measured[number] = camera, np.where(placed.beside, np.maximum(known, placed.depth), known)
+                    if placed.misaligned.any():
+                        measured[number] = camera, np.where(placed.misaligned, np.maximum(known, placed.depth), known)
                         misplaced = True
         return replace(self, measured=tuple(measured), misplaced_edges=misplaced)
 

@@ -46,7 +46,7 @@ and where a network estimated it, whose planes are bent and torn: what is painte
 def auto_filler(*, estimated: bool = False, misplaced: bool = False, removed: bool = False) -> str:
     """The name that AUTO stands for.
 
-    estimated: the depth is that of a network. misplaced: its edges lie beside those of the picture, as a depth camera's do.
+    estimated: the depth is that of a network. misplaced: its edges lie next to those of the picture, as a depth camera's do.
     removed: an object is removed.
     """
     return ESTIMATED if estimated else CAMERA if misplaced or removed else EXACT

@@ -36,7 +36,7 @@ REACH = 3.0
 """Standard deviations of the training data beyond which a feature says no more."""
 PIECE = 1 << 15
 """Pixels that the network judges at a time."""
-SUREST = 0.99
+LARGEST_CONFIDENCE = 0.99
 """Largest probability of a filled pixel; 1 is what was measured."""
 WEIGHTS = Path(__file__).parents[1] / "assets" / "confidence" / "confidence.npz"
 
@@ -45,12 +45,12 @@ class ConfidenceNetwork(Perceptron):
     """FEATURES in, OUTPUTS out."""
 
     def __call__(self, features: Float32Array) -> tuple[Float32Array, Float32Array]:
-        """Of N x FEATURES: N x 2 probabilities (that depth and colour are right, that depth is; never surer than SUREST), and
-        N x 2 expected errors: of depth in filled depths (0..1), of colour in levels."""
+        """Of N x FEATURES: N x 2 probabilities (that depth and colour are right, that depth is; never surer than
+        LARGEST_CONFIDENCE), and N x 2 expected errors: of depth in filled depths (0..1), of colour in levels."""
         out = np.clip(self.outputs(features, REACH), -30, 30)
         p = 1 / (1 + np.exp(-out[:, :2]))
         errors = np.minimum(np.exp(out[:, 2:]), (1, 255 / COLOR_WITHIN)) * (1, COLOR_WITHIN)
-        return np.clip(p, 1 - SUREST, SUREST).astype(np.float32), errors.astype(np.float32)
+        return np.clip(p, 1 - LARGEST_CONFIDENCE, LARGEST_CONFIDENCE).astype(np.float32), errors.astype(np.float32)
 
 
 @functools.cache

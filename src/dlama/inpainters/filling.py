@@ -88,8 +88,8 @@ def check_fill(fill: Fill, view: View) -> Fill:
     """The fill, if it is one for this view; else InputError (no Fill) or ShapeError: the filler has a fault."""
     check(fill, Fill, "what the filler returned")
     hw = view.camera.hw
-    wanted = {"color": (*hw, 3), "depth": hw, "errors": (*hw, 2), "choice": hw}
-    for name, shape in wanted.items():
+    expected = {"color": (*hw, 3), "depth": hw, "errors": (*hw, 2), "choice": hw}
+    for name, shape in expected.items():
         array = getattr(fill, name)
         if np.shape(array) != shape and not (array is None and name in ("errors", "choice")):
             raise ShapeError(f"the filler's {name} has shape {np.shape(array)}; {shape} is expected for this view")

@@ -66,7 +66,7 @@ def _check_pointing(given: Mapping[str, Any], image: Path | None) -> None:
 
     if not {"clicks", "masker", "candidate"} & set(given):
         return
-    check_names(given.get("masker"), given.get("mask_model"), given.get("candidate", "thing"))
+    check_names(given.get("masker"), given.get("mask_model"), given.get("candidate", "object"))
     hw = _size(image)
     if hw is not None and (given.get("clicks") or given.get("not_clicks") or given.get("box")):
         on, beside = (tuple(map(tuple, given.get(name, ()))) for name in ("clicks", "not_clicks"))

@@ -37,7 +37,7 @@ def mask_settings(
     salient: bool = False,
     masker: str | None = None,
     mask_model: str | None = None,
-    candidate: str = "thing",
+    candidate: str = "object",
     with_shadow: bool = False,
 ) -> dict[str, Any]:
     """The options as keyword arguments of find_mask; raises InputError."""
@@ -71,4 +71,4 @@ def find_pointed(
 
     mask = read_mask(semantic_picture(image), mask_class=object_class)
     with_shadow = settings["with_shadow"]
-    return object_masks.complete_mask(picture, {"thing": mask}, "thing", f"class {object_class}", with_shadow)
+    return object_masks.complete_mask(picture, {"object": mask}, "object", f"class {object_class}", with_shadow)

@@ -32,15 +32,15 @@ def directory() -> Path:
     return user_path(named) if named else Path(platformdirs.user_cache_dir("dlama", appauthor=False)) / "models"
 
 
-def target_path(wanted: Record) -> Path:
+def target_path(model: Record) -> Path:
     """Where that model's file lies, or would."""
-    return directory() / wanted.file
+    return directory() / model.file
 
 
-def describe_manual_install(wanted: Record) -> str:
+def describe_manual_install(model: Record) -> str:
     """What to do where the network does not help, as one sentence."""
-    part = f", unpack it and put {wanted.member} from it at" if wanted.member else " and put it at"
-    return f"By hand: download {' or '.join(wanted.urls)}{part} {target_path(wanted)}, then `dlama models verify {wanted.name}`"
+    part = f", unpack it and put {model.member} from it at" if model.member else " and put it at"
+    return f"By hand: download {' or '.join(model.urls)}{part} {target_path(model)}, then `dlama models verify {model.name}`"
 
 
 @system_errors(FileError)
@@ -53,45 +53,45 @@ def locate(name: str) -> Path:
         InputError: no such name in the catalogue.
         FileError: the file is not there, or it has another size.
     """
-    wanted = record(name)
-    path = target_path(wanted)
+    model = record(name)
+    path = target_path(model)
     if not path.is_file():
         raise FileError(
-            f"{path}: the model {name} is not there; get it with `dlama models pull {name}`. {describe_manual_install(wanted)}"
+            f"{path}: the model {name} is not there; get it with `dlama models pull {name}`. {describe_manual_install(model)}"
         )
-    size = expected_size(wanted)
+    size = expected_size(model)
     if size is not None and path.stat().st_size != size:
         raise FileError(
             f"{path}: {path.stat().st_size} bytes, the model {name} has {size}; "
-            f"replace it with `dlama models pull {name}`. {describe_manual_install(wanted)}"
+            f"replace it with `dlama models pull {name}`. {describe_manual_install(model)}"
         )
     return path
 
 
-def expected_sha256(wanted: Record) -> str | None:
+def expected_sha256(model: Record) -> str | None:
     """Of the file as it lies on the disk: the record's, else the one pinned on first use, else None."""
-    if wanted.sha256 is not None and not wanted.member:
-        return wanted.sha256
-    pinned = _pinned(wanted, "sha256")
+    if model.sha256 is not None and not model.member:
+        return model.sha256
+    pinned = _pinned(model, "sha256")
     return pinned if isinstance(pinned, str) else None
 
 
-def expected_size(wanted: Record) -> int | None:
+def expected_size(model: Record) -> int | None:
     """Of the file as it lies on the disk, in bytes; None where nobody knows."""
-    if wanted.bytes is not None and not wanted.member:
-        return wanted.bytes
-    pinned = _pinned(wanted, "bytes")
+    if model.bytes is not None and not model.member:
+        return model.bytes
+    pinned = _pinned(model, "bytes")
     return pinned if isinstance(pinned, int) else None
 
 
-def pin(wanted: Record, sha256: str, size: int) -> None:
+def pin(model: Record, sha256: str, size: int) -> None:
     """Remember what a file was when it was first used; OutputError where that cannot be written down."""
     path = directory() / PINS
-    text = json.dumps(read_pins() | {wanted.file: {"sha256": sha256, "bytes": size}}, indent=1, sort_keys=True)
-    beside = path.with_name(PINS + ".part")
+    text = json.dumps(read_pins() | {model.file: {"sha256": sha256, "bytes": size}}, indent=1, sort_keys=True)
+    temporary = path.with_name(PINS + ".part")
     try:
-        beside.write_text(text + "\n", "utf-8")
-        beside.replace(path)
+        temporary.write_text(text + "\n", "utf-8")
+        temporary.replace(path)
     except OSError as error:
         raise OutputError(f"{path}: cannot be written ({error})") from error
 
@@ -106,9 +106,9 @@ def read_pins() -> dict[str, dict[str, object]]:
     except (OSError, ValueError, RecursionError) as error:
         raise FileError(f"{path}: cannot be read ({error}); remove it to pin every file anew") from error
     if not isinstance(pins, dict) or not all(isinstance(entry, dict) for entry in pins.values()):
-        raise FileError(f"{path}: wanted a table of file names; remove it to pin every file anew")
+        raise FileError(f"{path}: expected a table of file names; remove it to pin every file anew")
     return pins
 
 
-def _pinned(wanted: Record, key: str) -> object:
-    return read_pins().get(wanted.file, {}).get(key)
+def _pinned(model: Record, key: str) -> object:
+    return read_pins().get(model.file, {}).get(key)

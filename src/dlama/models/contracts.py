@@ -35,8 +35,8 @@ def read_contract(kind: type[AnyContract], text: str, network: str, file: Path, 
     try:
         words = json.loads(text)
         if words.get("network") != network:
-            wanted = repr(network) if strict else network
-            raise FileError(f"{file}: is a network {words.get('network')!r} by its contract; {wanted} is expected")
+            expected = repr(network) if strict else network
+            raise FileError(f"{file}: is a network {words.get('network')!r} by its contract; {expected} is expected")
         known = {one.name for one in fields(kind)}
         strange = sorted(set(words) - known - {"network", "version"})
         if strict and strange:

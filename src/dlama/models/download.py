@@ -1,4 +1,4 @@
-"""An address and a .part file in; the .part file, as long as the server said, out. It goes on where it had broken off.
+"""An address and a .part file in; the .part file, as long as the server said, out. It continues where it had broken off.
 
 Going on is asked for only from the address that the .part file came from, and only if the file there is still the same
 (If-Range); a server that knows nothing of ranges sends everything again.
@@ -61,8 +61,8 @@ def download(url: str, part: Path, size: int | None, progress: Progress | None, 
 
     Args:
         url: http or https.
-        part: what has arrived; what it came from is written beside it.
-        size: bytes wanted, None: unknown.
+        part: what has arrived; what it came from is written next to it.
+        size: bytes expected, None: unknown.
         progress: called with the bytes that have arrived and the bytes in all.
         timeout: seconds a server may be silent.
     Raises:
@@ -73,7 +73,7 @@ def download(url: str, part: Path, size: int | None, progress: Progress | None, 
         return _download_parts(url, part, size, progress, timeout)
     except BaseException as error:
         kept = isinstance(error, (_BrokeOff, Offline)) or not isinstance(error, Unusable)
-        if not (kept and _resumable_bytes(url, part)):  # only what a later pull goes on from stays
+        if not (kept and _resumable_bytes(url, part)):  # only what a later pull continues from stays
             part.unlink(missing_ok=True)
             _state_file(part).unlink(missing_ok=True)
         raise
@@ -115,9 +115,9 @@ def _fetch(url: str, part: Path, start_at: int, size: int | None, progress: Prog
             sink.truncate()
             done = _copy(response, sink, reply, size, progress)
     if reply.total is not None and done < reply.total:
-        raise _BrokeOff(f"broke off after {done} of {reply.total} bytes; pulling again goes on from there")
+        raise _BrokeOff(f"broke off after {done} of {reply.total} bytes; pulling again continues from there")
     if size is not None and done != size:
-        raise Unusable(f"cut short: {done} bytes came, wanted {size}")
+        raise Unusable(f"cut short: {done} bytes came, expected {size}")
 
 
 def _copy(response: Any, sink: IO[bytes], reply: _Reply, size: int | None, progress: Progress | None) -> int:
@@ -170,7 +170,7 @@ def _reply(url: str, response: Any, start_at: int, size: int | None) -> _Reply:
             raise Unusable(f"asked for the bytes from {start_at} on, it sends {headers.get('Content-Range', 'others')}")
         start, total = start_at, None if match[2] == "*" else int(match[2])
     if size is not None and total is not None and total != size:
-        raise Unusable(f"{'cut short' if total < size else 'too long'}: {total} bytes are announced, wanted {size}")
+        raise Unusable(f"{'cut short' if total < size else 'too long'}: {total} bytes are announced, expected {size}")
     return _Reply(start, total, validator)
 
 

@@ -89,9 +89,11 @@ class NetworkFile:
         options.intra_op_num_threads = self.threads
         options.log_severity_level = 3
         options.enable_mem_pattern = self.memory_pattern
-        return ort.InferenceSession(str(self.path), options, providers=self._wanted(ort.get_available_providers()))
+        return ort.InferenceSession(
+            str(self.path), options, providers=self._choose_providers(ort.get_available_providers())
+        )
 
-    def _wanted(self, installed: list[str]) -> list[str]:
+    def _choose_providers(self, installed: list[str]) -> list[str]:
         if self.provider is not None and PROVIDERS[self.provider] not in installed:
             raise InputError(
                 f"provider {self.provider!r} is not in this onnxruntime; it has "

@@ -89,9 +89,9 @@ def check_field(arrays: Mapping[str, np.ndarray], path: Path, name: str, shape: 
     found = arrays[name]
     fits = found.ndim == len(shape) and all(want in (None, has) for want, has in zip(shape, found.shape))
     if not fits or found.dtype.kind != "f" or not np.isfinite(found).all():
-        wanted = " x ".join("any" if want is None else str(want) for want in shape)
+        expected = " x ".join("any" if want is None else str(want) for want in shape)
         raise FileError(
-            f"{path}: field `{name}` is {found.dtype} of shape {found.shape}; {wanted} finite floats are expected; "
+            f"{path}: field `{name}` is {found.dtype} of shape {found.shape}; {expected} finite floats are expected; "
             "reinstall dlama"
         )
     return found.astype(np.float32)

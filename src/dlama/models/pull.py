@@ -1,6 +1,6 @@
 """A record in; its file, downloaded, checked and moved into place, out.
 
-What has arrived lies in a .part file beside the target, so that a pull that broke off goes on from there. The file
+What has arrived lies in a .part file next to the target, so that a pull that broke off continues from there. The file
 itself appears under its name only when it is whole and its hash is right.
 """
 
@@ -20,56 +20,56 @@ from dlama.models.verify import mismatch, size_and_sha256, verify
 LONGEST = 4 << 30
 
 
-def pull(wanted: Record, progress: Progress | None = None, timeout: float = 30.0) -> Path:
+def pull(model: Record, progress: Progress | None = None, timeout: float = 30.0) -> Path:
     """The model's file, from the first mirror that has it; a good one that is there already is left alone.
 
     Args:
-        wanted: which model.
+        expected: which model.
         progress: called with the bytes that have arrived and the bytes in all (None: unknown).
         timeout: seconds a server may be silent.
     Raises:
         FileError: no mirror gave the right file; says what each did and the way by hand.
         OutputError: the cache directory cannot be written.
     """
-    target = target_path(wanted)
-    if target.is_file() and verify(wanted).state in ("verified", "pinned"):
+    target = target_path(model)
+    if target.is_file() and verify(model).state in ("verified", "pinned"):
         return target
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise OutputError(f"{target.parent}: cannot be made ({error}); DLAMA_MODELS names another directory") from error
     failures: list[tuple[str, Unusable]] = []
-    for url in wanted.urls:
+    for url in model.urls:
         try:
-            return _from_mirror(url, wanted, target, progress, timeout)
+            return _from_mirror(url, model, target, progress, timeout)
         except Unusable as error:
             failures.append((url, error))
-    raise FileError(_failure_message(wanted, failures))
+    raise FileError(_failure_message(model, failures))
 
 
-def _from_mirror(url: str, wanted: Record, target: Path, progress: Progress | None, timeout: float) -> Path:
+def _from_mirror(url: str, model: Record, target: Path, progress: Progress | None, timeout: float) -> Path:
     """From one mirror; a wrong hash after a resumed download is given one more try from the start."""
-    part = target.with_name(target.name + (".zip.part" if wanted.member else ".part"))
+    part = target.with_name(target.name + (".zip.part" if model.member else ".part"))
     while True:
-        resumed = download(url, part, wanted.bytes, progress, timeout)
+        resumed = download(url, part, model.bytes, progress, timeout)
         size, digest = size_and_sha256(part)
-        complaint = mismatch(size, digest, wanted.bytes, wanted.sha256)
+        complaint = mismatch(size, digest, model.bytes, model.sha256)
         if not complaint:
             break
         part.unlink()
         if not resumed:
             raise Unusable(complaint)
     try:
-        return _install(_unpack(part, wanted, target) if wanted.member else part, wanted, target)
+        return _install(_unpack(part, model, target) if model.member else part, model, target)
     finally:
         part.unlink(missing_ok=True)
 
 
-def _install(part: Path, wanted: Record, target: Path) -> Path:
+def _install(part: Path, model: Record, target: Path) -> Path:
     """Compare with what was pinned, move into place, pin what was not."""
     size, digest = size_and_sha256(part)
-    known = expected_sha256(wanted)
-    complaint = mismatch(size, digest, expected_size(wanted), known)
+    known = expected_sha256(model)
+    complaint = mismatch(size, digest, expected_size(model), known)
     if complaint:
         part.unlink()
         raise Unusable(f"{complaint} (pinned when it was first used; remove its entry in {PINS} to take the new one)")
@@ -78,18 +78,18 @@ def _install(part: Path, wanted: Record, target: Path) -> Path:
     except OSError as error:
         raise OutputError(f"{target}: cannot be written ({error})") from error
     if known is None:
-        pin(wanted, digest, size)
+        pin(model, digest, size)
     return target
 
 
-def _unpack(archive: Path, wanted: Record, target: Path) -> Path:
-    """The one entry of the ZIP that is kept, beside the target; its checksum is compared by the reader."""
+def _unpack(archive: Path, model: Record, target: Path) -> Path:
+    """The one entry of the ZIP that is kept, next to the target; its checksum is compared by the reader."""
     part = target.with_name(target.name + ".part")
     try:
         with zipfile.ZipFile(archive) as opened:
-            found = [info for info in opened.infolist() if info.filename.endswith(str(wanted.member))]
+            found = [info for info in opened.infolist() if info.filename.endswith(str(model.member))]
             if len(found) != 1 or found[0].file_size > LONGEST:
-                raise Unusable(f"a ZIP with {len(found)} entries */{wanted.member}, wanted one of at most 4 GB")
+                raise Unusable(f"a ZIP with {len(found)} entries */{model.member}, expected one of at most 4 GB")
             with opened.open(found[0]) as source, part.open("wb") as sink:
                 shutil.copyfileobj(source, sink, 1 << 20)
     except (zipfile.BadZipFile, zlib.error, NotImplementedError, EOFError, RuntimeError) as error:
@@ -101,13 +101,13 @@ def _unpack(archive: Path, wanted: Record, target: Path) -> Path:
     return part
 
 
-def _failure_message(wanted: Record, failures: list[tuple[str, Unusable]]) -> str:
+def _failure_message(model: Record, failures: list[tuple[str, Unusable]]) -> str:
     if not failures:
-        return f"{wanted.name}: nobody serves this file. {describe_manual_install(wanted)}"
+        return f"{model.name}: nobody serves this file. {describe_manual_install(model)}"
     if all(isinstance(error, Offline) for _, error in failures):
-        begin = f"{wanted.name}: no connection; is this machine online?"
+        begin = f"{model.name}: no connection; is this machine online?"
     elif all(isinstance(error, Moved) for _, error in failures):
-        begin = f"{wanted.name}: the file has moved away from every known address"
+        begin = f"{model.name}: the file has moved away from every known address"
     else:
-        begin = f"{wanted.name}: no mirror gave the right file"
-    return f"{begin} [{'; '.join(f'{url}: {error}' for url, error in failures)}]. {describe_manual_install(wanted)}"
+        begin = f"{model.name}: no mirror gave the right file"
+    return f"{begin} [{'; '.join(f'{url}: {error}' for url, error in failures)}]. {describe_manual_install(model)}"

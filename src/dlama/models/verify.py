@@ -23,42 +23,42 @@ class Verdict:
     state: Literal["missing", "wrong", "verified", "pinned"]
     """pinned: its hash is published nowhere, so it was written down now and is compared from now on."""
     detail: str
-    """What came and what was wanted, in words."""
+    """What came and what was expected, in words."""
 
 
 @system_errors(FileError)
-def verify(wanted: Record) -> Verdict:
+def verify(model: Record) -> Verdict:
     """Compare size and sha256 with the record's, or with those pinned on first use; the first use pins.
 
     Raises:
         FileError: the file cannot be read.
         OutputError: the hash cannot be written down.
     """
-    path = target_path(wanted)
+    path = target_path(model)
     if not path.is_file():
         return Verdict(
-            path, "missing", f"not there; `dlama models pull {wanted.name}`. {describe_manual_install(wanted)}"
+            path, "missing", f"not there; `dlama models pull {model.name}`. {describe_manual_install(model)}"
         )
     size, digest = size_and_sha256(path)
-    complaint = mismatch(size, digest, expected_size(wanted), expected_sha256(wanted))
+    complaint = mismatch(size, digest, expected_size(model), expected_sha256(model))
     if complaint:
         return Verdict(
             path,
             "wrong",
-            f"{complaint}; remove it and `dlama models pull {wanted.name}`. {describe_manual_install(wanted)}",
+            f"{complaint}; remove it and `dlama models pull {model.name}`. {describe_manual_install(model)}",
         )
-    if expected_sha256(wanted) is not None:
+    if expected_sha256(model) is not None:
         return Verdict(path, "verified", f"sha256 {digest}")
-    pin(wanted, digest, size)
+    pin(model, digest, size)
     return Verdict(path, "pinned", f"sha256 {digest}, published nowhere: pinned now, compared from now on")
 
 
-def mismatch(size: int, digest: str, wanted_size: int | None, wanted_digest: str | None) -> str | None:
+def mismatch(size: int, digest: str, known_size: int | None, known_digest: str | None) -> str | None:
     """What is wrong with a file of that size (bytes) and sha256; None where nothing is."""
-    if wanted_size is not None and size != wanted_size:
-        return f"{'cut short' if size < wanted_size else 'too long'}: {size} bytes, wanted {wanted_size}"
-    if wanted_digest is not None and digest != wanted_digest:
-        return f"corrupted or replaced: sha256 is {digest}, wanted {wanted_digest}"
+    if known_size is not None and size != known_size:
+        return f"{'cut short' if size < known_size else 'too long'}: {size} bytes, expected {known_size}"
+    if known_digest is not None and digest != known_digest:
+        return f"corrupted or replaced: sha256 is {digest}, expected {known_digest}"
     return None
 
 

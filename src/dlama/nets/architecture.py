@@ -45,12 +45,12 @@ class GeneratorSettings:
     def __post_init__(self) -> None:
         for name in ("in_channels", "out_channels", "width", "downsamplings", "blocks"):
             if getattr(self, name) < 1:
-                raise ShapeError(f"generator: {name} is {getattr(self, name)}, wanted 1 or more")
+                raise ShapeError(f"generator: {name} is {getattr(self, name)}, expected 1 or more")
         if self.activation not in ACTIVATIONS:
-            raise ShapeError(f"generator: activation is {self.activation!r}, wanted one of {', '.join(ACTIVATIONS)}")
+            raise ShapeError(f"generator: activation is {self.activation!r}, expected one of {', '.join(ACTIVATIONS)}")
         if not 1 <= self.global_channels < self.bottleneck or self.global_channels % 2:
             raise ShapeError(
-                f"generator: {self.global_channels} of {self.bottleneck} channels are global, wanted an even part"
+                f"generator: {self.global_channels} of {self.bottleneck} channels are global, expected an even part"
             )
 
     @property
@@ -107,7 +107,7 @@ class DiscriminatorSettings:
     def __post_init__(self) -> None:
         for name in ("in_channels", "width", "layers"):
             if getattr(self, name) < 1:
-                raise ShapeError(f"discriminator: {name} is {getattr(self, name)}, wanted 1 or more")
+                raise ShapeError(f"discriminator: {name} is {getattr(self, name)}, expected 1 or more")
 
     def channels_at(self, layer: int) -> int:
         """Channels after layer `layer` (0 is the first)."""
@@ -159,14 +159,14 @@ def settings_from_state(shapes: Shapes, activation: str = "sigmoid") -> Generato
     return settings
 
 
-def refuse_differences(came: Shapes, wanted: Shapes, what: str, show: int = 3) -> None:
+def refuse_differences(came: Shapes, expected: Shapes, what: str, show: int = 3) -> None:
     """Raise ShapeError unless names and shapes agree exactly, naming the first of each kind that differ."""
-    missing = [name for name in wanted if name not in came]
-    extra = [name for name in came if name not in wanted]
+    missing = [name for name in expected if name not in came]
+    extra = [name for name in came if name not in expected]
     other = [
-        f"{name} is {_text(came[name])}, wanted {_text(wanted[name])}"
-        for name in wanted
-        if name in came and tuple(came[name]) != tuple(wanted[name])
+        f"{name} is {_text(came[name])}, expected {_text(expected[name])}"
+        for name in expected
+        if name in came and tuple(came[name]) != tuple(expected[name])
     ]
     parts = [
         f"{len(names)} {kind}: {', '.join(names[:show])}{', ...' if len(names) > show else ''}"
@@ -174,7 +174,7 @@ def refuse_differences(came: Shapes, wanted: Shapes, what: str, show: int = 3) -
         if names
     ]
     if parts:
-        raise ShapeError(f"the tensors do not make up a {what} ({len(wanted)} names): {'; '.join(parts)}")
+        raise ShapeError(f"the tensors do not make up a {what} ({len(expected)} names): {'; '.join(parts)}")
 
 
 def _generator_entries(s: GeneratorSettings) -> Iterator[tuple[str, tuple[int, ...]]]:
@@ -275,7 +275,7 @@ def _shape(shapes: Shapes, name: str, rank: int) -> tuple[int, ...]:
             f"no tensor {name!r}; the first of {len(shapes)} names: {', '.join(list(shapes)[:3]) or 'none'}"
         )
     if len(shapes[name]) != rank:
-        raise ShapeError(f"{name}: shape {_text(shapes[name])}, wanted {rank} dimensions")
+        raise ShapeError(f"{name}: shape {_text(shapes[name])}, expected {rank} dimensions")
     return tuple(shapes[name])
 
 

@@ -118,25 +118,25 @@ def _strip_prefix(shapes: Shapes, prefix: str) -> dict[str, tuple[int, ...]]:
     return {name[len(prefix) :]: shape for name, shape in shapes.items() if name.startswith(prefix)}
 
 
-def _check_state(file: _File, prefix: str, wanted: Shapes) -> tuple[dict[str, np.ndarray], tuple[str, ...]]:
+def _check_state(file: _File, prefix: str, expected: Shapes) -> tuple[dict[str, np.ndarray], tuple[str, ...]]:
     """Arrays in the published order, float32 and finite; and what had to be done for that."""
-    present = [name for name in wanted if prefix + name in file.shapes]
+    present = [name for name in expected if prefix + name in file.shapes]
     loaded = file.load([prefix + name for name in present])
     state: dict[str, np.ndarray] = {}
     converted: dict[str, int] = {}
-    for name in wanted:
+    for name in expected:
         if name.endswith(COUNTER):  # how many batches were seen: of no use to the network's output
             counted = loaded[prefix + name][0] if prefix + name in loaded else 0
             state[name] = np.asarray(counted, np.int64).reshape(())
             continue
         array, code = loaded[prefix + name]
         if array.dtype.kind != "f":
-            raise FileError(f"{file.path}: {prefix}{name} holds {code}, wanted floating point numbers")
+            raise FileError(f"{file.path}: {prefix}{name} holds {code}, expected floating point numbers")
         if code != "F32":
             converted[code] = converted.get(code, 0) + 1
         state[name] = _require_finite(file.path, prefix + name, array)
     notes = [f"{number} tensors of {code} were converted to float32" for code, number in converted.items()]
-    absent = len(wanted) - len(present)
+    absent = len(expected) - len(present)
     return state, (*notes, *([f"{absent} batch-norm counters are absent and were set to 0"] if absent else []))
 
 

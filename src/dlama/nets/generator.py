@@ -77,7 +77,7 @@ def generator_from_state(state: Mapping[str, np.ndarray], activation: str = "sig
 def refuse_size(settings: GeneratorSettings, shape: tuple[int, ...]) -> None:
     """Raise ShapeError unless that B x C x H x W is one the network takes."""
     if len(shape) != 4 or shape[1] != settings.in_channels:
-        raise ShapeError(f"generator: input is {shape}, wanted B x {settings.in_channels} x H x W")
+        raise ShapeError(f"generator: input is {shape}, expected B x {settings.in_channels} x H x W")
     if any(side % settings.multiple or side < settings.minimum for side in shape[2:]):
-        wanted = f"multiples of {settings.multiple}, {settings.minimum} or more"
-        raise ShapeError(f"generator: height and width are {shape[2]} and {shape[3]}, wanted {wanted}")
+        expected = f"multiples of {settings.multiple}, {settings.minimum} or more"
+        raise ShapeError(f"generator: height and width are {shape[2]} and {shape[3]}, expected {expected}")

@@ -127,12 +127,12 @@ def upsample_twice(x: Tensor) -> Tensor:
 
 def refuse_planes(settings: JudgeSettings, context: tuple[int, ...], guesses: tuple[int, ...]) -> None:
     """Raise ShapeError unless the judge takes planes of these shapes."""
-    wanted = f"B x {settings.context_planes} x H x W and B x K x {settings.guess_planes} x H x W"
+    expected = f"B x {settings.context_planes} x H x W and B x K x {settings.guess_planes} x H x W"
     fits = len(context) == 4 and len(guesses) == 5 and context[1] == settings.context_planes
     if not fits or guesses[2] != settings.guess_planes or context[2:] != guesses[3:] or guesses[1] < 1:
-        raise ShapeError(f"judge: planes are {context} and {guesses}, wanted {wanted}")
+        raise ShapeError(f"judge: planes are {context} and {guesses}, expected {expected}")
     if any(side % JUDGE_MULTIPLE for side in context[2:]):
-        raise ShapeError(f"judge: height and width are {context[2:]}, wanted multiples of {JUDGE_MULTIPLE}")
+        raise ShapeError(f"judge: height and width are {context[2:]}, expected multiples of {JUDGE_MULTIPLE}")
 
 
 class GuessMixer(nn.Module):

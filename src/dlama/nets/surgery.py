@@ -20,10 +20,10 @@ def widen(state: Mapping[str, np.ndarray], in_channels: int, out_channels: int) 
 
     Args:
         state: published name -> array, one whole generator.
-        in_channels: wanted input planes, the mask counted; not fewer than there are.
-        out_channels: wanted output planes; not fewer than there are.
+        in_channels: expected input planes, the mask counted; not fewer than there are.
+        out_channels: expected output planes; not fewer than there are.
     Raises:
-        ShapeError: fewer planes wanted than there are, or the state is no generator.
+        ShapeError: fewer planes expected than there are, or the state is no generator.
     """
     settings = settings_from_state({name: array.shape for name, array in state.items()})
     more_in, more_out = in_channels - settings.in_channels, out_channels - settings.out_channels

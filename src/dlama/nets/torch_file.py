@@ -53,7 +53,7 @@ class TorchFile:
             self.root = roots[0]
             scripted = f"{self.root}constants.pkl" in names
             if f"{self.root}byteorder" in names and self._entry(self._archive, "byteorder").strip() != b"little":
-                raise FileError(f"{path}: written on a big-endian machine, wanted little-endian numbers")
+                raise FileError(f"{path}: written on a big-endian machine, expected little-endian numbers")
             tree, self.placeholders = self._unpickle()
         self.tensors, self.others, inner = _name_tensors(path, tree)
         if scripted:
@@ -66,8 +66,8 @@ class TorchFile:
         Raises:
             FileError: a storage is missing, cut off, compressed, or smaller than the tensor's own strides need.
         """
-        wanted = list(names)
-        total = sum(math.prod(self.tensors[name].shape) * self._dtype(name).itemsize for name in wanted)
+        expected = list(names)
+        total = sum(math.prod(self.tensors[name].shape) * self._dtype(name).itemsize for name in expected)
         held = self.path.stat().st_size
         if total > LARGEST_SHARING * held:
             raise FileError(
@@ -76,12 +76,12 @@ class TorchFile:
         found: dict[str, tuple[np.ndarray, str]] = {}
         key, data = None, b""
         with zipfile.ZipFile(self.path) as archive:
-            for name in sorted(wanted, key=lambda name: self.tensors[name].key):  # each storage is read once
+            for name in sorted(expected, key=lambda name: self.tensors[name].key):  # each storage is read once
                 if key != self.tensors[name].key:
                     key = self.tensors[name].key
                     data = self._entry(archive, f"data/{key}")
                 found[name] = self._tensor(data, name, self.tensors[name])
-        return {name: found[name] for name in wanted}
+        return {name: found[name] for name in expected}
 
     def _dtype(self, name: str) -> np.dtype:
         return np.dtype(DTYPES[STORAGES[self.tensors[name].storage]])
@@ -122,7 +122,7 @@ def _name_tensors(path: Path, tree: Any) -> tuple[dict[str, StoredTensor], tuple
     """Tensors by dotted name; of a Lightning checkpoint only those under `state_dict`, the rest is only named."""
     top = _children(tree)
     if not top:
-        raise FileError(f"{path}: the archive holds a {type(tree).__name__}, wanted a table of tensors or a module")
+        raise FileError(f"{path}: the archive holds a {type(tree).__name__}, expected a table of tensors or a module")
     inner = dict(_children(top["state_dict"])) if "state_dict" in top else None
     try:
         found = dict(_walk(top if inner is None else inner))

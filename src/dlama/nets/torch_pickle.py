@@ -1,6 +1,6 @@
 """The pickle of a torch file in; its tables, and where its tensors lie, out. None of its code is run.
 
-The unpickler knows four things: ordered tables, the two tensor rebuilders, torch.Size and the storage types. Every other
+The unpickler knows four objects: ordered tables, the two tensor rebuilders, torch.Size and the storage types. Every other
 global, whatever it is called, becomes an inert placeholder that swallows its arguments. What a pickle may cost is bounded: its
 bytes, the kinds of keys of its tables (hashing tuples in tuples takes exponential time, and overflows the stack), the items it
 copies, the globals it names.

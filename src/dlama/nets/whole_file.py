@@ -9,14 +9,14 @@ from dlama.errors import OutputError
 
 
 def write_whole(target: Path, data: bytes) -> Path:
-    """Write the bytes beside the target and move them there; returns the target. OutputError, and nothing is left beside it."""
-    beside = target.with_name(target.name + ".part")
+    """Write the bytes next to the target and move them there; returns the target. OutputError, and nothing is left next to it."""
+    temporary = target.with_name(target.name + ".part")
     try:
-        beside.write_bytes(data)
-        beside.replace(target)
+        temporary.write_bytes(data)
+        temporary.replace(target)
     except OSError as error:
         raise OutputError(f"{target}: cannot be written ({error})") from error
     finally:
         with suppress(OSError):
-            beside.unlink(missing_ok=True)
+            temporary.unlink(missing_ok=True)
     return target

@@ -101,9 +101,9 @@ class DepthPrediction:
     def __post_init__(self) -> None:
         if self.gives not in KINDS:
             raise InputError(f"prediction gives {self.gives!r}; one of {', '.join(KINDS)} is expected")
-        wanted = 3 if self.gives == "points" else 2
-        if self.values.ndim != wanted or (wanted == 3 and self.values.shape[2] != 3):
-            shape = "h x w x 3" if wanted == 3 else "h x w"
+        expected = 3 if self.gives == "points" else 2
+        if self.values.ndim != expected or (expected == 3 and self.values.shape[2] != 3):
+            shape = "h x w x 3" if expected == 3 else "h x w"
             raise DepthError(f"the estimated {self.gives} has shape {self.values.shape}; {shape} is expected")
         if np.isnan(self.values).any():
             raise DepthError(f"the estimated {self.gives} holds values that are not numbers")
@@ -135,14 +135,14 @@ def predict(network: NetworkFile, contract: DepthContract, color: UInt8Array) ->
 def make_feed(network: NetworkFile, contract: DepthContract, shown: Float32Array) -> dict[str, np.ndarray]:
     """The inputs by name; FileError where the graph takes others."""
     inputs = network.inputs
-    wanted = 1 if contract.tokens is None else 2
+    expected = 1 if contract.tokens is None else 2
     (name, (kind, shape)), *others = inputs.items()
     fits = len(shape) == 4 and all(
         not isinstance(have, int) or have == given for have, given in zip(shape, shown.shape)
     )
-    if len(inputs) != wanted or kind != "tensor(float)" or not fits:
+    if len(inputs) != expected or kind != "tensor(float)" or not fits:
         sizes = " x ".join(map(str, shown.shape))
-        more = "" if wanted == 1 else " and a number of tokens"
+        more = "" if expected == 1 else " and a number of tokens"
         raise FileError(
             f"{network.path}: takes {describe_tensors(inputs)}; a float picture of {sizes}{more} is expected"
         )
@@ -166,9 +166,9 @@ def squeeze_output(network: NetworkFile, contract: DepthContract, out: np.ndarra
         fits = values.ndim in (2, 3, 4) and math.prod(values.shape[:-2]) == 1 and min(values.shape[-2:]) > 1
         values = values.reshape(values.shape[-2:]) if fits else values
     if not fits:
-        wanted = "1 x h x w x 3" if gives == "points" else "1 x h x w"
+        expected = "1 x h x w x 3" if gives == "points" else "1 x h x w"
         raise FileError(
-            f"{network.path}: gave an output of {' x '.join(map(str, np.shape(out)))}; {wanted} is expected"
+            f"{network.path}: gave an output of {' x '.join(map(str, np.shape(out)))}; {expected} is expected"
         )
     return values
 

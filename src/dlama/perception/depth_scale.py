@@ -132,10 +132,10 @@ def fit_scale_to_points(
     """Least squares over known pixels, each relative to its own distance: factor, and shift where two are told apart."""
     found = np.array([median_value_at(values, x, y, metres) for x, y, metres in metres_at])
     metres = np.array([point[2] for point in metres_at], np.float64)
-    wanted = 1 / metres if inverse else metres
+    target = 1 / metres if inverse else metres
     shifted = shifted and found.max() > SPREAD * found.min()
-    design = np.stack([found, np.ones_like(found)] if shifted else [found], 1) / wanted[:, None]
-    solved = np.linalg.lstsq(design, np.ones_like(wanted), rcond=None)[0]
+    design = np.stack([found, np.ones_like(found)] if shifted else [found], 1) / target[:, None]
+    solved = np.linalg.lstsq(design, np.ones_like(target), rcond=None)[0]
     factor, shift = float(solved[0]), float(solved[1]) if shifted else 0.0
     if factor <= 0:
         raise InputError(
@@ -144,8 +144,8 @@ def fit_scale_to_points(
     fitted = factor * found + shift
     fitted = 1 / np.maximum(fitted, 1 / FARTHEST_M) if inverse else fitted
     points = [
-        {"x": float(x), "y": float(y), "metres": float(wanted_m), "fitted_metres": round(float(got), 4)}
-        for (x, y, wanted_m), got in zip(metres_at, fitted)
+        {"x": float(x), "y": float(y), "metres": float(given_m), "fitted_metres": round(float(got), 4)}
+        for (x, y, given_m), got in zip(metres_at, fitted)
     ]
     return Scale(inverse, factor, shift, "metres_at", {"points": points, "shift_fitted": bool(shifted)})
 

@@ -1,4 +1,4 @@
-"""A picture and what a user points at (clicks, a box, nothing) in; the mask of the thing out. MASKERS is the closed list."""
+"""A picture and what a user points at (clicks, a box, nothing) in; the mask of the object out. MASKERS is the closed list."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ from dlama.perception.shadows.find import find_shadow
 MaskModel = str | Path | tuple[str | Path, str | Path]
 """A name of `dlama.perception.masks.segment_anything.PAIRS`, `NAME=ENCODER,DECODER`, or the two files of a pair."""
 MOST = 0.5
-"""Share of the picture: a thing that is larger is hardly what was meant."""
+"""Share of the picture: an object that is larger is hardly what was meant."""
 TOO_MUCH = "more than half of the picture: say what does not belong to it, or give a box"
 Pointed = Callable[[Prompt], tuple[dict[str, BoolArray], tuple[str, ...]]]
-"""What is pointed at -> H x W masks by name (part, thing, group; those that differ), and notes."""
+"""What is pointed at -> H x W masks by name (part, object, group; those that differ), and notes."""
 
 
 @dataclass(frozen=True)
@@ -35,25 +35,25 @@ class MaskerRecord:
     needs_depth: bool = False
     """Whether the picture must be an RGBD."""
     needs_prompt: bool = True
-    """Whether clicks or a box say which thing is meant."""
+    """Whether clicks or a box say which object is meant."""
     takes_model: bool = False
     """Whether it runs networks that mask_model names."""
 
 
 @dataclass(frozen=True, eq=False)
 class ObjectMask:
-    """A thing found in a picture."""
+    """An object found in a picture."""
 
     mask: BoolArray
-    """H x W, True on the thing."""
+    """H x W, True on the object."""
     candidates: Mapping[str, BoolArray]
-    """Other readings of the same clicks, by name: part, thing, group; those that differ, `mask` among them."""
+    """Other readings of the same clicks, by name: part, object, group; those that differ, `mask` among them."""
     chosen: str
     """Name of the candidate that `mask` is."""
     masker: str
     """Which of MASKERS found it."""
     shadow: BoolArray | None = None
-    """H x W, True in the shadow that the thing casts, a part of `mask`; None where it was not asked for."""
+    """H x W, True in the shadow that the object casts, a part of `mask`; None where it was not asked for."""
     notes: tuple[str, ...] = ()
     """What a user should know, in words."""
 
@@ -65,7 +65,7 @@ class ObjectMask:
 
 
 class MaskSession:
-    """A picture in which things are pointed at again and again.
+    """A picture in which objects are pointed at again and again.
 
     What does not depend on the clicks (the planes of its depth, a network's embedding) is computed at the first `find` and kept.
     """
@@ -90,33 +90,33 @@ class MaskSession:
         clicks: Sequence[Point] = (),
         not_clicks: Sequence[Point] = (),
         box: Box | None = None,
-        candidate: str = "thing",
+        candidate: str = "object",
         with_shadow: bool = False,
     ) -> ObjectMask:
-        """The mask of the thing that clicks or a box mean; parameters and errors as `find_mask`."""
+        """The mask of the object that clicks or a box mean; parameters and errors as `find_mask`."""
         check_arguments(MaskSession.find, locals())
         check_names(self.masker, self.mask_model, candidate)
         picture = self.picture
         hw = picture.depth.shape if isinstance(picture, RGBD) else picture.shape[:2]
-        on, beside = ([(x, y) for x, y in points] for points in (clicks, not_clicks))
+        on, edge_offset = ([(x, y) for x, y in points] for points in (clicks, not_clicks))
         prompt = Prompt(
-            (hw[0], hw[1]), tuple(on), tuple(beside), None if box is None else (box[0], box[1], box[2], box[3])
+            (hw[0], hw[1]), tuple(on), tuple(edge_offset), None if box is None else (box[0], box[1], box[2], box[3])
         )
         if MASKERS[self.masker].needs_prompt and not prompt.clicks and prompt.box is None:
-            raise InputError("clicks and `box` are both missing; give clicks on the thing, or a `box` round it")
+            raise InputError("clicks and `box` are both missing; give clicks on the object, or a `box` round it")
         if with_shadow and not isinstance(picture, RGBD):
             raise InputError("with_shadow needs depth and the picture has none; an RGBD is expected")
         masks, notes = self._pointed(prompt)
         masks = {each: make_read_only(mask) for each, mask in masks.items() if mask.any()}
         if not masks:
-            raise MaskError("nothing of the thing is left; fewer not_clicks are expected")
+            raise MaskError("nothing of the object is left; fewer not_clicks are expected")
         chosen = candidate if candidate in masks else next(iter(masks))
         if masks[chosen].mean() > MOST:
             notes = (*notes, TOO_MUCH)
         return complete_mask(picture, masks, chosen, self.masker, with_shadow, notes)
 
 
-def check_names(masker: str | None, mask_model: MaskModel | None, candidate: str = "thing") -> str:
+def check_names(masker: str | None, mask_model: MaskModel | None, candidate: str = "object") -> str:
     """The masker, by its name. InputError: an unknown masker or candidate, or networks for a masker that takes none."""
     masker = masker or "rgbd"
     if masker not in MASKERS:
@@ -136,15 +136,15 @@ def complete_mask(
     with_shadow: bool = False,
     notes: Sequence[str] = (),
 ) -> ObjectMask:
-    """The chosen one of the masks, with the shadow that the thing casts where it is asked for. InputError: that needs depth."""
+    """The chosen one of the masks, with the shadow that the object casts where it is asked for. InputError: that needs depth."""
     mask = masks[chosen]
     if not with_shadow:
         return ObjectMask(mask, masks, chosen, masker, notes=tuple(notes))
     if not isinstance(picture, RGBD):
         raise InputError("with_shadow needs depth and the picture has none; an RGBD is expected")
     shadow = find_shadow(picture, mask)
-    said = () if shadow.any() else ("no shadow found",)
-    return ObjectMask(make_read_only(mask | shadow), masks, chosen, masker, make_read_only(shadow), (*notes, *said))
+    missing = () if shadow.any() else ("no shadow found",)
+    return ObjectMask(make_read_only(mask | shadow), masks, chosen, masker, make_read_only(shadow), (*notes, *missing))
 
 
 def find_mask(
@@ -155,21 +155,21 @@ def find_mask(
     box: Box | None = None,
     masker: str | None = None,
     mask_model: MaskModel | None = None,
-    candidate: str = "thing",
+    candidate: str = "object",
     with_shadow: bool = False,
 ) -> ObjectMask:
-    """The mask of the thing that clicks or a box mean. `MaskSession` answers further clicks in the same picture faster.
+    """The mask of the object that clicks or a box mean. `MaskSession` answers further clicks in the same picture faster.
 
     Args:
         picture: A picture with depth, or H x W x 3 uint8 RGB for maskers that need no depth.
-        clicks: Pixels on the thing, (x, y), x right, y down.
-        not_clicks: Pixels beside it, to correct with.
-        box: x, y, width, height round the thing, in pixels.
+        clicks: Pixels on the object, (x, y), x right, y down.
+        not_clicks: Pixels next to it, to correct with.
+        box: x, y, width, height round the object, in pixels.
         masker: A name of MASKERS; None: rgbd.
         mask_model: The networks of the masker segment-anything: sam-vit-b, mobile-sam or efficient-sam (pulled before), the files
             (encoder, decoder) of a pair that carries its contract, or `NAME=ENCODER,DECODER`: with the contract of that name.
-        candidate: Which reading of an ambiguous click: part, thing or group; `thing` where it has no such.
-        with_shadow: Add the shadow that the thing casts on the surface it stands on; needs depth.
+        candidate: Which reading of an ambiguous click: part, object or group; `object` where it has no such.
+        with_shadow: Add the shadow that the object casts on the surface it stands on; needs depth.
 
     Raises:
         InputError: an unknown masker or candidate, nothing that says what is meant, a click or box outside the picture.
@@ -181,7 +181,7 @@ def find_mask(
     return session.find(clicks=clicks, not_clicks=not_clicks, box=box, candidate=candidate, with_shadow=with_shadow)
 
 
-CANDIDATES = ("part", "thing", "group")
+CANDIDATES = ("part", "object", "group")
 
 MASKERS: dict[str, MaskerRecord] = {
     "rgbd": MaskerRecord(rgbd_masker, needs_depth=True),

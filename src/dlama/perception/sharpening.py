@@ -34,7 +34,8 @@ class Sharpening:
     steep: float = 0.02
     """Relative change per px from which a pixel is on a ramp: it does not vote."""
     bend: float = 1.6
-    """Times the mean slope within 1.5 radii that it must have, too: a ramp is steeper than what lies beside it, ground is not."""
+    """Times the mean slope within 1.5 radii that it must have, too: a ramp is steeper than what lies next to it, ground is
+    not."""
     reach: float = 4.0
     """px round a ramp whose depth is looked for anew too."""
 
@@ -42,7 +43,7 @@ class Sharpening:
 def sharpen_depth(
     values: Float32Array, color: UInt8Array, inverse: bool = True, how: Sharpening = Sharpening()
 ) -> Float32Array:
-    """H x W, each value one that the map has nearby: on ramps the weighted median of what lies beside them in the same colour.
+    """H x W, each value one that the map has nearby: on ramps the weighted median of what lies next to them in the same colour.
 
     values: H x W inverse depth, or depth where not `inverse` (ramps are seen in inverse depth, in which planes are straight; the
     median is the same of both); color: H x W x 3, RGB.

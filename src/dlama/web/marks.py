@@ -40,7 +40,7 @@ class Marks:
     box: tuple[float, float, float, float] | None = None
     strokes: tuple[Stroke, ...] = ()
     with_shadow: bool = False
-    candidate: str = "thing"
+    candidate: str = "object"
     grow: int = 0
     """Pixels; negative: the mask shrinks."""
 
@@ -86,7 +86,7 @@ def read_marks(fields: Mapping[str, Any]) -> Marks:
     grow = round(number("grow", fields.get("grow") or 0, "marks"))
     if abs(grow) > MOST_GROWTH:
         raise PageError(f"grow is {grow} px; {-MOST_GROWTH} to {MOST_GROWTH} is expected", "marks")
-    reading = str(fields.get("candidate") or "thing")[:20]
+    reading = str(fields.get("candidate") or "object")[:20]
     shadow = fields.get("with_shadow") is True
     return Marks(tuple(clicks), tuple(not_clicks), box, tuple(strokes), shadow, reading, grow)  # type: ignore[arg-type]
 

@@ -89,7 +89,7 @@ def marks_words(marks: Marks) -> list[str]:
             words += [flag, *(",".join(map(said, one)) for one in points)]
     if marks.box:
         words.append(f"--box={','.join(map(said, marks.box))}")
-    if marks.candidate != "thing":
+    if marks.candidate != "object":
         words += ["--candidate", marks.candidate]
     return [*words, "--with-shadow"] if marks.with_shadow else words
 
@@ -133,7 +133,7 @@ def mask_lines(result: Result) -> list[str]:
     """How the mask comes about in Python."""
     if needs_mask_file(result) or result.marks is None:
         return [f"mask = dlama.read_mask({MASK!r})"]
-    empty: tuple[Any, ...] = ((), None, "thing", False)
+    empty: tuple[Any, ...] = ((), None, "object", False)
     words = keywords({name: value for name, value in pointing(result.marks).items() if value not in empty})
     return [f"mask = dlama.find_mask({', '.join(['rgbd', *words])}).mask"]
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dlama.geometry.camera import Camera
-from dlama.geometry.drawing.gaps import SKY, SURE_SEAM, SURE_SKY, WIDEST, close_gaps
+from dlama.geometry.drawing.gaps import SEAM_CONFIDENCE, SKY, SKY_CONFIDENCE, WIDEST, close_gaps
 from dlama.geometry.drawing.layers import Canvas
 from dlama.geometry.view import Origin
 
@@ -45,7 +45,7 @@ def test_a_seam_of_one_surface_is_closed_between_its_sides(width: int, turned: b
         along, np.broadcast_to(np.arange(20, 20 + width) * (20 if turned else 4), along.shape) % 256
     )
     closed = canvas.origin == Origin.FILLED
-    assert closed.sum() == width * HEIGHT and (canvas.confidence[closed] == np.float32(SURE_SEAM)).all()
+    assert closed.sum() == width * HEIGHT and (canvas.confidence[closed] == np.float32(SEAM_CONFIDENCE)).all()
     np.testing.assert_array_equal(canvas.color[~closed], before[~closed])
 
 
@@ -78,7 +78,7 @@ def test_sky_goes_on_along_its_row_for_a_while(side: str) -> None:
         assert np.isposinf(got).all() if length == most else (got == 0).all()
         assert (canvas.depth[0, start : start + length] == 0).all()
         if length == most:
-            assert (canvas.confidence[1:, start : start + length] == np.float32(SURE_SKY)).all()
+            assert (canvas.confidence[1:, start : start + length] == np.float32(SKY_CONFIDENCE)).all()
 
 
 def test_a_measured_colour_without_depth_stays() -> None:

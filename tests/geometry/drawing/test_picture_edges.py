@@ -56,7 +56,7 @@ def test_edges_in_their_place_are_left_alone() -> None:
     """The very same depth, and nothing is beside an edge: nothing changes for clean data."""
     view = View.from_rgbd(frame(EDGE))
     placed = align_edges(view)
-    assert placed.depth is view.depth and not placed.mixed.any() and not placed.beside.any()
+    assert placed.depth is view.depth and not placed.mixed.any() and not placed.misaligned.any()
 
 
 @pytest.mark.parametrize("edge", [EDGE - 3, EDGE + 2, torn()], ids=["table too small", "too large", "torn"])
@@ -88,7 +88,7 @@ def test_things_thinner_than_the_reach_stay() -> None:
     color, depth = source.color.copy(), source.depth.copy()
     color[:, 120:123], depth[:, 120:123] = (240, 240, 240), 1.2
     found = align_edges(View.from_rgbd(RGBD(color, depth, CAMERA)))
-    assert found.beside[:, 120:123].all()
+    assert found.misaligned[:, 120:123].all()
     np.testing.assert_array_equal(found.depth[:, 120:123], depth[:, 120:123])
 
 

@@ -17,9 +17,9 @@ from dlama.inpainters.layered.filler import layered
 from dlama.inpainters.layered.kernels.lines import seen_on_lines
 from dlama.inpainters.layered.out_of_view import (
     BETWEEN,
+    CONTINUED_COST,
     CROWN_COST,
     ENDING_COST,
-    GOES_ON,
     MOST_HIDDEN,
     PAST,
     PlaneLines,
@@ -116,7 +116,7 @@ def test_a_wall_seen_on_both_sides_goes_on_between() -> None:
 
 
 def test_cost_of_a_wall_that_goes_on_and_of_one_that_has_ended() -> None:
-    """Closed form: t cells from a wall seen over 36, below its top, it costs GOES_ON log(1 + t / 36), the sky behind it
+    """Closed form: t cells from a wall seen over 36, below its top, it costs CONTINUED_COST log(1 + t / 36), the sky behind it
     log(1 + 36 / t); at the height of the sky beside it, PAST, and the sky nothing."""
     w, label = np.full((40, 60), 0.25, np.float32), np.ones((40, 60), np.int32)
     w[:20], label[:20] = 0, 0
@@ -128,7 +128,7 @@ def test_cost_of_a_wall_that_goes_on_and_of_one_that_has_ended() -> None:
     away = 24 - np.arange(4, 20)
     for row in (26, 34):
         np.testing.assert_allclose(on[2, row, 4:20], 1, atol=1e-3)
-        np.testing.assert_allclose(cost[2, row, 4:20], GOES_ON * np.log1p(away / 36), atol=0.03)
+        np.testing.assert_allclose(cost[2, row, 4:20], CONTINUED_COST * np.log1p(away / 36), atol=0.03)
         np.testing.assert_allclose(cost[1, row, 4:20], np.minimum(np.log1p(36 / away), MOST_HIDDEN), atol=0.2)
     for row in (4, 12):
         np.testing.assert_allclose(cost[2, row, 4:20], PAST, atol=1e-3)

@@ -55,10 +55,10 @@ def test_parity_with_torch_at_every_size(random_state, settings):
     for height, width in SIZES:
         planes = rng.random((2, settings.in_channels, height, width), dtype=np.float32)
         with torch.inference_mode():
-            wanted = net(torch.from_numpy(planes)).numpy()
+            expected = net(torch.from_numpy(planes)).numpy()
         output = session.run(None, {"planes": planes})[0]
-        assert wanted.std() > 0.1
-        np.testing.assert_allclose(output, wanted, rtol=0, atol=1e-5)
+        assert expected.std() > 0.1
+        np.testing.assert_allclose(output, expected, rtol=0, atol=1e-5)
 
 
 @pytest.mark.parametrize(("height", "width"), [(2, 2), (3, 5), (5, 8), (16, 9), (63, 64), (130, 96), (257, 300)])
@@ -73,10 +73,10 @@ def test_the_transform_is_the_fourier_transform(height, width):
     model.graph.output.append(helper.make_tensor_value_info("back", kind, ["b", 3, "h", "w"]))
     x = np.random.default_rng(1).normal(size=(2, 3, height, width)).astype(np.float32)
     came, back = _session(model.SerializeToString()).run(None, {"x": x})
-    wanted = np.fft.rfft2(x.astype(np.float64), norm="ortho")
-    np.testing.assert_allclose(came[:, 0::2], wanted.real, rtol=0, atol=5e-6)
-    np.testing.assert_allclose(came[:, 1::2], wanted.imag, rtol=0, atol=5e-6)
-    positive = np.maximum(wanted.real, 0) + 1j * np.maximum(wanted.imag, 0)
+    expected = np.fft.rfft2(x.astype(np.float64), norm="ortho")
+    np.testing.assert_allclose(came[:, 0::2], expected.real, rtol=0, atol=5e-6)
+    np.testing.assert_allclose(came[:, 1::2], expected.imag, rtol=0, atol=5e-6)
+    positive = np.maximum(expected.real, 0) + 1j * np.maximum(expected.imag, 0)
     again = np.fft.irfft2(positive, s=(height, width), norm="ortho")
     np.testing.assert_allclose(back, again, rtol=0, atol=1e-6 * max(np.abs(again).max(), 1))
 
@@ -100,5 +100,5 @@ def test_what_cannot_be_exported_is_refused(tmp_path, vector_file, random_state)
     with pytest.raises(ShapeError, match="do not make up a generator"):
         onnx_bytes(GeneratorSettings(), weights.state, {})
     mask_only = GeneratorSettings(in_channels=1, width=8, blocks=1)
-    with pytest.raises(ShapeError, match="wanted a picture and the mask"):
+    with pytest.raises(ShapeError, match="expected a picture and the mask"):
         onnx_bytes(mask_only, random_state(mask_only), {})

@@ -72,7 +72,7 @@ def test_what_fills_little_of_a_box_is_not_the_thing(monkeypatch: pytest.MonkeyP
     prompt = Prompt(picture.depth.shape, box=box)
     masker = photo.PhotoMasker(picture, rough_depth(picture))
     assert masker.salient_in_box(prompt.box_slices) is None
-    np.testing.assert_array_equal(masker.candidates(prompt)["thing"], rough_candidates(masker.rough, prompt)["thing"])
+    np.testing.assert_array_equal(masker.candidates(prompt)["object"], rough_candidates(masker.rough, prompt)["object"])
 
 
 def test_how_much_of_a_box_is_filled() -> None:
@@ -138,5 +138,5 @@ def test_other_readings_are_named_by_size() -> None:
     small, thing, large, same = (np.zeros((10, 10), np.bool_) for _ in range(4))
     small[:2], thing[:5], large[:], same[:5] = True, True, True, True
     same[0, 0] = False
-    assert set(name_masks(thing, [small, large, same])) == {"thing", "part", "group"}
-    assert set(name_masks(thing, [same])) == {"thing"}
+    assert set(name_masks(thing, [small, large, same])) == {"object", "part", "group"}
+    assert set(name_masks(thing, [same])) == {"object"}

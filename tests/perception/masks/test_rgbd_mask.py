@@ -96,7 +96,7 @@ def test_noisy_depth_keeps_to_the_picture(scene: tuple[RGBD, np.ndarray]) -> Non
         ({}, InputError, "clicks and `box` are both missing"),
         ({"clicks": [(80, 118)]}, MaskError, "clicks holds 80,118, which lies on a plain surface"),
         ({"clicks": [(3, 5)], "masker": "magic"}, InputError, "one of rgbd, salient"),
-        ({"clicks": [(3, 5)], "candidate": "all"}, InputError, "one of part, thing, group"),
+        ({"clicks": [(3, 5)], "candidate": "all"}, InputError, "one of part, object, group"),
     ],
 )
 def test_bad_input_is_one_line(

@@ -120,8 +120,8 @@ def test_a_click_becomes_the_decoders_mask(tmp_path: Path, name: str) -> None:
     decoder = tiny_decoder(tmp_path / "decoder.onnx", batched=name == "efficient-sam")
     for model in ((encoder, decoder), f"{name}={encoder},{decoder}", f"{encoder},{decoder}"):
         found = find_mask(picture(), clicks=[(30, 20)], masker="segment-anything", mask_model=model)
-        assert (found.masker, found.chosen) == ("segment-anything", "thing")
-        for candidate, radius in zip(("part", "thing", "group"), RADII):
+        assert (found.masker, found.chosen) == ("segment-anything", "object")
+        for candidate, radius in zip(("part", "object", "group"), RADII):
             np.testing.assert_array_equal(found.candidates[candidate], disc(30, 20, radius))
     part = find_mask(picture(), clicks=[(30, 20)], masker="segment-anything", mask_model=model, candidate="part")
     np.testing.assert_array_equal(part.mask, disc(30, 20, RADII[0]))
@@ -175,8 +175,8 @@ def test_of_four_masks_the_first_is_for_several_points() -> None:
     scores = np.float32([0.99, 0.5, 0.9, 0.7])
     one, _ = name_candidates(masks, scores, Prompt(HW, ((30, 20),)))
     two, _ = name_candidates(masks, scores, Prompt(HW, ((30, 20),), ((1, 1),)))
-    np.testing.assert_array_equal(one["thing"], disc(30, 20, 6))
-    np.testing.assert_array_equal(two["thing"], disc(30, 20, 5))
+    np.testing.assert_array_equal(one["object"], disc(30, 20, 6))
+    np.testing.assert_array_equal(two["object"], disc(30, 20, 5))
 
 
 def test_what_cannot_run_is_one_line(tmp_path: Path) -> None:

@@ -174,7 +174,7 @@ function sendMarks() {
 async function findMask() {
   clearErrors("marks");
   await shownWhile(async () => {
-    const told = await server.ask("mark", { marks: marker.marks, with_shadow: $("shadow").checked, candidate: $("candidate").value || "thing", grow: Number($("grow").value) });
+    const told = await server.ask("mark", { marks: marker.marks, with_shadow: $("shadow").checked, candidate: $("candidate").value || "object", grow: Number($("grow").value) });
     marker.setMask(told.share > 0 ? await server.bitmap("mask") : null);
     const notes = told.notes.length ? `; ${told.notes.join("; ")}` : "";
     $("mask-fact").textContent = told.share > 0 ? `${percent(told.share)} of the picture${notes}` : "";

@@ -1,4 +1,4 @@
-"""A drawn picture in; the same with narrow gaps between its surfaces closed, and with sky going on, out.
+"""A drawn picture in; the same with narrow gaps between its surfaces closed, and with sky continuing, out.
 
 Layers that were filled for several cameras meet at the pixel borders of each of them. Seen from between, seams of a pixel or two
 open, and directions of the sky that none of the cameras held. Wider gaps stay open: nobody knows what is there.
@@ -20,10 +20,10 @@ from dlama.geometry.view import Origin
 WIDEST = 2
 """px along a row or a column: a gap up to this is a seam."""
 ONE_SURFACE = 0.03
-"""Relative step in inverse depth up to which both sides of a seam are one surface; beyond, the farther one goes on behind."""
+"""Relative step in inverse depth up to which both sides of a seam are one surface; beyond, the farther one continues behind."""
 SKY = 0.08
-"""Share of the picture's width up to which sky goes on along a row."""
-SURE_SEAM, SURE_SKY = 0.9, 0.5
+"""Share of the picture's width up to which sky continues along a row."""
+SEAM_CONFIDENCE, SKY_CONFIDENCE = 0.9, 0.5
 """Confidence of what is closed, in that of the less sure side."""
 
 
@@ -60,7 +60,7 @@ def can_close_gaps(scene: Scene) -> bool:
 
 
 def close_gaps(canvas: Canvas) -> None:
-    """Fill what is empty on the canvas and no more than WIDEST px wide or high, or beside sky in its row; origin FILLED.
+    """Fill what is empty on the canvas and no more than WIDEST px wide or high, or next to sky in its row; origin FILLED.
 
     What is drawn stays bit for bit.
     """
@@ -78,8 +78,12 @@ def close_gaps(canvas: Canvas) -> None:
     far = np.append(np.isposinf(canvas.depth.ravel()), False)  # -1: there is none
     by_sky = (far[along.before] | far[along.after]) & (along.length <= SKY * known.shape[1])
     sky = nothing & by_sky & ~in_row & ~in_column
-    for ends, where, sure in ((along, in_row, SURE_SEAM), (down, in_column, SURE_SEAM), (along, sky, SURE_SKY)):
-        join(canvas, inverse, empty[where], ends.chosen(where), sure)
+    for ends, where, factor in (
+        (along, in_row, SEAM_CONFIDENCE),
+        (down, in_column, SEAM_CONFIDENCE),
+        (along, sky, SKY_CONFIDENCE),
+    ):
+        join(canvas, inverse, empty[where], ends.chosen(where), factor)
 
 
 def seam_step(ends: Ends, inverse: Float32Array) -> Float32Array:
@@ -89,7 +93,7 @@ def seam_step(ends: Ends, inverse: Float32Array) -> Float32Array:
     return np.where(seam, np.abs(w - v) / np.maximum(np.maximum(w, v), np.float32(1e-12)), np.float32(np.inf))
 
 
-def join(canvas: Canvas, inverse: Float32Array, empty: NDArray[np.intp], ends: Ends, sure: float) -> None:
+def join(canvas: Canvas, inverse: Float32Array, empty: NDArray[np.intp], ends: Ends, factor: float) -> None:
     """Write the empty pixels (flat indices): between both ends where those are one surface, else as the farther end."""
     before = np.where(ends.before >= 0, ends.before, ends.after)
     after = np.where(ends.after >= 0, ends.after, ends.before)
@@ -101,7 +105,7 @@ def join(canvas: Canvas, inverse: Float32Array, empty: NDArray[np.intp], ends: E
     canvas.depth.reshape(-1)[empty] = depth_from_inverse(w * (1 - share) + v * share)
     canvas.origin.reshape(-1)[empty] = Origin.FILLED
     confidence = canvas.confidence.reshape(-1)
-    confidence[empty] = np.float32(sure) * np.minimum(confidence[before], confidence[after])
+    confidence[empty] = np.float32(factor) * np.minimum(confidence[before], confidence[after])
     if canvas.errors is not None:
         errors = canvas.errors.reshape(-1, 2)
         errors[empty] = np.maximum(errors[before], errors[after])

@@ -1,4 +1,4 @@
-"""A view whose depth edges lie beside those of its picture in; its depth with the edges where the picture has them out.
+"""A view whose depth edges lie next to those of its picture in; its depth with the edges where the picture has them out.
 
 A depth camera and a matcher place edges a few pixels off: pixels of a table get the depth of the cabinet behind it, and the
 other way round. In the view itself nothing shows it; from elsewhere they are a torn fringe on both. How far off is measured.
@@ -36,14 +36,15 @@ LEAST_EDGES = 40
 REACHED = 0.8
 """Share of the edges that lie within the reach in which pixels are moved."""
 CLEARLY = 2
-"""Pixels from which on depth edges clearly lie beside the picture's: a rendered picture's soft edges may do so by one."""
+"""Pixels from which on depth edges clearly lie next to the picture's: a rendered picture's soft edges may do so by one."""
 WIDER = 3
 """Pixels beyond that reach that are moved, too, if colours say so: a fifth of the edges are farther off."""
 FARTHEST, CONTRARY = 30.0, 2.0
 """A way longer than that changes nothing; what a pixel adds whose measured depth is another surface's."""
 RIM, MIXED, CONTRAST, SPREADS = 1, 0.3, 40.0, 2.0
-"""Pixels beside an edge (and its own two) that may be mixed of both sides; the other side's share from which they are; the levels
-(root of the sum over channels) that the sides differ by; standard deviations by which the mixture stands out of its own side."""
+"""Pixels next to an edge (and its own two) that may be mixed of both sides; the other side's share from which they are; the
+levels (root of the sum over channels) that the sides differ by; standard deviations by which the mixture stands out of its
+own side."""
 UNLIKE = 60.0
 """Levels (root of the sum over channels) from which two colours have nothing in common."""
 
@@ -54,11 +55,11 @@ class DepthProfile(NamedTuple):
     estimated: bool
     """A network estimated it from the picture."""
     edges_off_px: int
-    """By which its edges lie beside those of the picture (`edge_uncertainty`)."""
+    """By which its edges lie next to those of the picture (`edge_uncertainty`)."""
 
     @property
     def from_depth_camera(self) -> bool:
-        """Whether a depth camera measured it: that its edges clearly lie beside those of the picture says so."""
+        """Whether a depth camera measured it: that its edges clearly lie next to those of the picture says so."""
         return self.edges_off_px >= CLEARLY
 
     @classmethod
@@ -74,7 +75,7 @@ class DepthProfile(NamedTuple):
         """In words, for what is chosen by it."""
         if self.estimated:
             return "a network estimated the depth"
-        place = f"{self.edges_off_px} px beside the picture's" if self.edges_off_px else "on the picture's"
+        place = f"{self.edges_off_px} px off the picture's" if self.edges_off_px else "on the picture's"
         return f"depth edges lie {place}"
 
 
@@ -82,10 +83,10 @@ class AlignedDepth(NamedTuple):
     """A view's depth with its edges where the picture has them."""
 
     depth: Float32Array
-    """H x W metres: that of pixels beside misplaced edges is that of the surface whose colours they have."""
+    """H x W metres: that of pixels next to misplaced edges is that of the surface whose colours they have."""
     mixed: BoolArray
     """H x W, True behind an edge where a colour is mixed with that of what stands before it."""
-    beside: BoolArray
+    misaligned: BoolArray
     """H x W, True within the reach of misplaced edges; nowhere, where edges are where the picture has them."""
 
 
@@ -116,7 +117,7 @@ def _align_edges(view: View) -> AlignedDepth:
         return placed
     moved = grid.enlarge(placed.depth != depth) & view.valid
     depth = np.where(moved, grid.enlarge(placed.depth), view.depth)
-    return AlignedDepth(depth, grid.enlarge(placed.mixed), grid.enlarge(placed.beside) & view.valid)
+    return AlignedDepth(depth, grid.enlarge(placed.mixed), grid.enlarge(placed.misaligned) & view.valid)
 
 
 def move_edges(color: UInt8Array, depth: Float32Array, known: BoolArray, reach: int, ratio: float) -> AlignedDepth:
@@ -155,8 +156,8 @@ def find_other_surfaces(
     w: H x W 1/m, of pixels that are `known`; band: H x W, those whose depth may be wrong; color: H x W x 3; ratio: `edge_ratio`.
     """
     soft = np.asarray(cv2.medianBlur(color, 3), np.float32)  # grain is no edge
-    sure = known & ~band
-    source = nearest_along_colors(soft, sure, band, w, longest=FARTHEST, ratio=ratio, contrary=CONTRARY)
+    reliable = known & ~band
+    source = nearest_along_colors(soft, reliable, band, w, longest=FARTHEST, ratio=ratio, contrary=CONTRARY)
     rows, columns = np.nonzero(band & (source >= 0))
     there, across = np.divmod(source[rows, columns], w.shape[1])
     own, other = w[rows, columns], w[there, across]
@@ -189,7 +190,7 @@ def jumps(w: Float32Array) -> BoolArray:
 
 
 def edge_uncertainty(view: View) -> int:
-    """Pixels by which measured depth edges lie beside the picture's: those of REACHED of them; 0 where half of them do not."""
+    """Pixels by which measured depth edges lie next to the picture's: those of REACHED of them; 0 where half of them do not."""
     measured = view.valid & (view.origin == Origin.MEASURED)
     return edge_misalignment(view.color, view.depth, measured, view.far)
 

@@ -25,7 +25,7 @@ BLUR_PX = 5
 ENOUGH = 20
 """Samples that a pair of frames has to share."""
 ALL_PAIRS = 64
-"""Frames up to which each is held against every other; beyond, against those 1, 2, 4, 8, ... places on."""
+"""Frames up to which each is compared with every other; beyond, against those 1, 2, 4, 8, ... places on."""
 MOST_PAIRS = ALL_PAIRS**2
 """Pairs of which all samples are held; of more, every second, third, ... sample."""
 
@@ -55,7 +55,7 @@ class Overlap:
 
 
 class ComparableView:
-    """What a frame is held against others by: its samples and their colours, small enough for all frames at once."""
+    """What a frame is compared with others by: its samples and their colours, small enough for all frames at once."""
 
     def __init__(self, view: View) -> None:
         self.camera, self.samples = view.camera, sample_view(view)
@@ -66,7 +66,7 @@ _comparable: WeakKeyDictionary[View, ComparableView] = WeakKeyDictionary()
 
 
 def make_comparable(view: View) -> ComparableView:
-    """A view made ready to be held against others, once."""
+    """A view made ready to be compared with others, once."""
     if view not in _comparable:
         _comparable[view] = ComparableView(view)
     return _comparable[view]
@@ -88,7 +88,7 @@ def blur(view: View) -> Float32Array:
 
 
 def frame_pairs(count: int) -> list[tuple[int, int]]:
-    """Which frames are held against which (i, j), i != j, both ways."""
+    """Which frames are compared with which (i, j), i != j, both ways."""
     if count <= ALL_PAIRS:
         return [(i, j) for i in range(count) for j in range(count) if i != j]
     steps = [2**power for power in range(count.bit_length()) if 2**power < count]
@@ -169,13 +169,13 @@ def fit_gains(count: int, found: dict[tuple[int, int], Overlap]) -> Float64Array
     """
     if count > ALL_PAIRS:
         return _fit_many_gains(count, found)
-    rows, wanted, weights = [], [], []
+    rows, targets, weights = [], [], []
     for (i, j), each in found.items():
         if len(each.ratio) >= ENOUGH:
             row = np.zeros(count)
             row[i], row[j] = 1, -1
             rows.append(row)
-            wanted.append(np.median(each.ratio, axis=0))
+            targets.append(np.median(each.ratio, axis=0))
             weights.append(np.sqrt(len(each.ratio)))
     if not rows:
         return np.ones((count, 3))
@@ -183,7 +183,7 @@ def fit_gains(count: int, found: dict[tuple[int, int], Overlap]) -> Float64Array
     tie = 1e-3 * np.eye(count)  # what no pair ties to the others stays as it is
     system, right = (
         np.vstack([np.array(rows) * weight, tie]),
-        np.vstack([np.array(wanted) * weight, np.zeros((count, 3))]),
+        np.vstack([np.array(targets) * weight, np.zeros((count, 3))]),
     )
     logs = np.linalg.lstsq(system, right, rcond=None)[0]
     return np.exp(logs - logs.mean(0))
@@ -194,10 +194,10 @@ def _fit_many_gains(count: int, found: dict[tuple[int, int], Overlap]) -> Float6
     system, right = 1e-6 * np.eye(count), np.zeros((count, 3))
     for (i, j), each in found.items():
         if len(each.ratio) >= ENOUGH:
-            weight, wanted = len(each.ratio), np.median(each.ratio, axis=0)
+            weight, targets = len(each.ratio), np.median(each.ratio, axis=0)
             system[[i, j], [i, j]] += weight
             system[[i, j], [j, i]] -= weight
-            right[i] += weight * wanted
-            right[j] -= weight * wanted
+            right[i] += weight * targets
+            right[j] -= weight * targets
     logs = np.linalg.solve(system, right)
     return np.exp(logs - logs.mean(0))

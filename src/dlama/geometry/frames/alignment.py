@@ -28,7 +28,7 @@ WIDEST = 640
 REACH = 0.032
 """Of the picture's width: how far a feature may lie from where the given poses say."""
 STEPS = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32)
-"""Places in the sequence between two frames that are held against each other."""
+"""Places in the sequence between two frames that are compared with each other."""
 CLOSEST, CLEARER = 0.25, 0.64
 """Largest squared distance of two descriptors (in 0..2) of one feature, and of the next best match's the share it may be."""
 ENOUGH = 12
@@ -67,7 +67,7 @@ class Alignment:
 def align_frames(frames: Sequence[Source]) -> list[Source]:
     """The frames with poses that agree with their pictures; the same frames where they fit already, or show no features.
 
-    Poses of hand-held sequences are off by centimetres, and a picture's time is not its depth's: one thing then lies several
+    Poses of hand-held sequences are off by centimetres, and a picture's time is not its depth's: one object then lies several
     pixels apart in two frames. Poses move by as little as it takes (given ones count as known to 2 cm and half a degree);
     pixels and depths stay as they are, and so does the world on average.
 

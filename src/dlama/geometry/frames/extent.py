@@ -36,7 +36,7 @@ def box_corners(ends: Float64Array) -> Float64Array:
 
 
 def in_view(corners: Float64Array, camera: Camera) -> BoolArray:
-    """N, False for boxes (N x 8 x 3, corners in the world) that lie wholly beside the camera's field of view, or behind it."""
+    """N, False for boxes (N x 8 x 3, corners in the world) that lie wholly next to the camera's field of view, or behind it."""
     pose = camera.world_from_cam
     local = (corners - pose[:3, 3]) @ pose[:3, :3]
     x, y, z = np.moveaxis(local, -1, 0)

@@ -20,7 +20,7 @@ NEXT_PX, NEXT = 2, 0.05
 
 
 def find_foreground(frame: View, candidates: BoolArray) -> BoolArray:
-    """The candidates (H x W) that lie nearer than the background, which goes on from the other pixels around them.
+    """The candidates (H x W) that lie nearer than the background, which continues from the other pixels around them.
 
     Planes are linear in inverse depth, so the background is harmonic in it.
     """

@@ -28,7 +28,7 @@ from dlama.geometry.view import Origin, View, from_source
 LOOKED_THROUGH_PX = 2
 """A point counts as looked through only if a frame saw nothing near it within so many pixels: poses drift."""
 NARROWEST = 3
-"""px; what other frames show behind a removed thing and is narrower than this is left to be filled."""
+"""px; what other frames show behind a removed object and is narrower than this is left to be filled."""
 MEASURED, FILLED = 2, 1
 """What a depth is worth."""
 
@@ -70,9 +70,9 @@ def _merge_canvases(
 ) -> tuple[Canvas, UInt16Array]:
     """One canvas of several, and 1 + the place of the frame each pixel comes from."""
     out, best = Canvas.empty(camera), np.zeros(camera.hw, np.uint16)
-    color, depth, origin, sure = (np.stack(parts) for parts in zip(*(canvas.buffers() for canvas in drawn)))
-    lent = (origin == Origin.DEPTH_FILLED) | (origin == Origin.ELSEWHERE)  # colour of its own, depth not
-    rank = np.where(lent, np.uint8(FILLED), np.uint8(MEASURED))
+    color, depth, origin, confidences = (np.stack(parts) for parts in zip(*(canvas.buffers() for canvas in drawn)))
+    transferred = (origin == Origin.DEPTH_FILLED) | (origin == Origin.ELSEWHERE)  # colour of its own, depth not
+    rank = np.where(transferred, np.uint8(FILLED), np.uint8(MEASURED))
     ways = [px_from_px(grid.layer.camera, camera) for grid in grids]
     centers = [
         [*(camera.cam_from_world @ grid.layer.camera.world_from_cam)[:3, 3], grid.layer.camera.fx] for grid in grids
@@ -88,7 +88,7 @@ def _merge_canvases(
     known = best > 0
     np.copyto(out.origin, np.take_along_axis(origin, place, 0)[0], where=known)
     out.origin[out.origin == Origin.ELSEWHERE] = Origin.REPROJECTED
-    np.copyto(out.confidence, np.take_along_axis(sure, place, 0)[0], where=known)
+    np.copyto(out.confidence, np.take_along_axis(confidences, place, 0)[0], where=known)
     return out, best
 
 

@@ -121,10 +121,10 @@ def _weights(matches: Matches, miss: Float64Array, deep: Float64Array, scale: fl
 
 def _prior(poses: Float64Array, given: Float64Array) -> tuple[Float64Array, Float64Array]:
     """What the given poses say: K x 6 x 6, and K x 6 gradients."""
-    sure = np.array([*[1 / KNOWN_RAD**2] * 3, *[1 / KNOWN_M**2] * 3])
+    precision = np.array([*[1 / KNOWN_RAD**2] * 3, *[1 / KNOWN_M**2] * 3])
     turns = np.stack([cv2.Rodrigues(pose[:3, :3] @ old[:3, :3].T)[0].ravel() for pose, old in zip(poses, given)])
     off = np.concatenate([turns, poses[:, :3, 3] - given[:, :3, 3]], 1)
-    return np.broadcast_to(np.diag(sure), (len(poses), 6, 6)).copy(), sure * off
+    return np.broadcast_to(np.diag(precision), (len(poses), 6, 6)).copy(), precision * off
 
 
 def _sum_products(matches: Matches, left: Float64Array, right: Float64Array) -> Float64Array:

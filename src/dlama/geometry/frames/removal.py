@@ -238,9 +238,9 @@ def _carry_to(frame: View, frames: Mapping[int, View], masked: MaskedObject) -> 
     )  # all points of an object lie behind its mask, in every masked frame that shows them
     for number, (place, mask) in enumerate(masked.masks.items()):
         if number in near:
-            beside, within, in_view = compare_with_mask(points, frames[place], mask)
-            candidates &= ~beside & (within | ~in_view)
-            seeds &= ~beside
+            outside, within, in_view = compare_with_mask(points, frames[place], mask)
+            candidates &= ~outside & (within | ~in_view)
+            seeds &= ~outside
             behind |= within
     candidates &= behind
     if not seeds.any():
@@ -255,7 +255,7 @@ def _carry_to(frame: View, frames: Mapping[int, View], masked: MaskedObject) -> 
 
 
 def compare_with_mask(points: np.ndarray, masked: View, mask: BoolArray) -> tuple[BoolArray, BoolArray, BoolArray]:
-    """Points (H x W x 3) held against a masked frame, H x W each: those that it shows outside its mask, those on a line of sight
+    """Points (H x W x 3) compared with a masked frame, H x W each: those that it shows outside its mask, those on a line of sight
     of its mask (grown by RIM_PX), and those in its view."""
     row, column, z, inside = project_to_pixels(points, masked.camera)
     there = np.where(masked.hole, 0, masked.depth)[row, column]

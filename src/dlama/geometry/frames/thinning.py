@@ -18,7 +18,7 @@ from dlama.geometry.scene import Scene
 from dlama.geometry.view import HoleType, Origin, View
 
 MOST_HELD_AGAINST = 6
-"""Frames that each frame is held against."""
+"""Frames that each frame is compared with."""
 FLOOR, SIGMAS = 0.01, 3.0
 """Relative depth within which two frames show one surface, and so many standard deviations of the noise."""
 

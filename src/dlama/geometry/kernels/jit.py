@@ -70,7 +70,7 @@ Loop = TypeVar("Loop", bound=Callable[..., Any])
 def kernel(function: Loop) -> Loop:
     """Decorator of what is called from Python: compiled at its first call, then kept on disk.
 
-    numba keeps it in the first of these that can be written: NUMBA_CACHE_DIR, `__pycache__` beside the file, the user's cache.
+    numba keeps it in the first of these that can be written: NUMBA_CACHE_DIR, `__pycache__` next to the file, the user's cache.
     Warns once where none can; the kernel works all the same.
     """
     try:

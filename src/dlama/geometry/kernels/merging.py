@@ -22,7 +22,7 @@ SAFE_PX = 12.0
 """Pixels from a border or a depth edge from which a frame's colour counts fully."""
 LEAST = 1e-6
 CLIPPED, CLIPPED_SHARE = (215.0, 250.0), 0.05
-"""Levels between which a colour becomes too bright to be known, and how much it counts then beside others."""
+"""Levels between which a colour becomes too bright to be known, and how much it counts then next to others."""
 FARTHEST = 1e6
 """Metres at which what is far counts as lying where frames are weighed."""
 
@@ -74,19 +74,19 @@ def color_weight(
 
 
 @inlined
-def shows(depth: Float32Array, rank: UInt8Array, frame: Whole, row: Whole, column: Whole, wanted: Whole) -> Real:
-    """The depth a frame shows in a pixel, if that is worth as much as `wanted`; else 0."""
-    return np.float64(depth[frame, row, column]) if rank[frame, row, column] == wanted else 0.0
+def shows(depth: Float32Array, rank: UInt8Array, frame: Whole, row: Whole, column: Whole, level: Whole) -> Real:
+    """The depth a frame shows in a pixel, if that is worth as much as `level`; else 0."""
+    return np.float64(depth[frame, row, column]) if rank[frame, row, column] == level else 0.0
 
 
 @inlined
 def nearest_behind(
-    depth: Float32Array, rank: UInt8Array, row: Whole, column: Whole, wanted: Whole, behind: Real
+    depth: Float32Array, rank: UInt8Array, row: Whole, column: Whole, level: Whole, behind: Real
 ) -> Real:
     """The nearest depth beyond `behind` that a frame shows: inf where only far is left, 0 where nothing is."""
     found = 0.0
     for k in range(depth.shape[0]):
-        z = shows(depth, rank, k, row, column, wanted)
+        z = shows(depth, rank, k, row, column, level)
         if z > behind and (found == 0 or z < found):
             found = z
     return found
@@ -94,12 +94,12 @@ def nearest_behind(
 
 @inlined
 def mean_depth(
-    depth: Float32Array, rank: UInt8Array, row: Whole, column: Whole, wanted: Whole, nearest: Real, limit: Real
+    depth: Float32Array, rank: UInt8Array, row: Whole, column: Whole, level: Whole, nearest: Real, limit: Real
 ) -> tuple[Real, Whole]:
     """Mean depth of the surface between two depths, and how many frames show it; near measurements count more."""
     total, mean, support = 0.0, 0.0, 0
     for k in range(depth.shape[0]):
-        z = shows(depth, rank, k, row, column, wanted)
+        z = shows(depth, rank, k, row, column, level)
         if nearest <= z <= limit:
             weight = 1.0 / (z * z)
             total, mean, support = total + weight, mean + weight * z, support + 1
@@ -108,14 +108,14 @@ def mean_depth(
 
 @inlined
 def shade(
-    row: Whole, column: Whole, wanted: Whole, nearest: Real, limit: Real, mean: Real,
+    row: Whole, column: Whole, level: Whole, nearest: Real, limit: Real, mean: Real,
     depth: Float32Array, color: UInt8Array, rank: UInt8Array, margin: Float32Array, matrix: Float64Array, offset: Float64Array,
     center: Float64Array, lens: Float64Array, gain: Float64Array, out_color: UInt8Array, out_best: UInt16Array,
 ) -> None:  # fmt: skip
     """The colour of a surface: that of the frames that show it, each as far as it is suited, after its gain."""
     red, green, blue, total, most = 0.0, 0.0, 0.0, 0.0, 0.0
     for k in range(depth.shape[0]):
-        z = shows(depth, rank, k, row, column, wanted)
+        z = shows(depth, rank, k, row, column, level)
         if nearest <= z <= limit:
             w = color_weight(row, column, min(mean, FARTHEST), k, matrix, offset, margin, center, lens)
             r, g, b = (
@@ -170,18 +170,18 @@ def merge(
     """
     for row in range(first, last):
         for column in range(depth.shape[2]):
-            for wanted in (2, 1):
+            for level in (2, 1):
                 behind = 0.0
                 while out_best[row, column] == 0:
-                    nearest = nearest_behind(depth, rank, row, column, wanted, behind)
+                    nearest = nearest_behind(depth, rank, row, column, level, behind)
                     if nearest == 0:
                         break
                     limit, mean = nearest, nearest
                     if nearest < np.inf:
                         limit = nearest + tolerance(nearest, noise)
-                        mean, against = mean_depth(depth, rank, row, column, wanted, nearest, limit)
+                        mean, against = mean_depth(depth, rank, row, column, level, nearest, limit)
                         for k in range(depth.shape[0]):
-                            z = shows(depth, rank, k, row, column, wanted)
+                            z = shows(depth, rank, k, row, column, level)
                             if not nearest <= z <= limit:
                                 against -= sees_through(row, column, mean, k, matrix, offset, near, noise)
                         if against <= 0:
@@ -190,6 +190,6 @@ def merge(
                             continue
                     out_depth[row, column] = mean
                     shade(
-                        row, column, wanted, nearest, limit, mean, depth, color, rank, margin, matrix, offset, center, lens,
+                        row, column, level, nearest, limit, mean, depth, color, rank, margin, matrix, offset, center, lens,
                         gain, out_color, out_best,
                     )  # fmt: skip

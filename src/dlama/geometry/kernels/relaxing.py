@@ -12,14 +12,15 @@ def relax(
     down: Float32Array,
     open_: BoolArray,
     pull: Float32Array,
-    wanted: Float32Array,
+    target: Float32Array,
     over: float,
     level: Float32Array,
 ) -> float:
-    """One sweep of successive over-relaxation towards the least sum of c (difference of neighbours)^2 + pull (level - wanted)^2.
+    """One sweep of successive over-relaxation towards the least sum of c (difference of neighbours)^2 + pull (level -
+    expected)^2.
 
-    across, down: H x W, the c of a pixel and its right and its lower neighbour. pull, wanted: H x W, how strongly it is drawn to
-    which level. over: 1..2. level: H x W, changed where open. Returns the largest change.
+    across, down: H x W, the c of a pixel and its right and its lower neighbour. pull, expected: H x W, how strongly it is
+    drawn to which level. over: 1..2. level: H x W, changed where open. Returns the largest change.
     """
     rows, columns = level.shape
     most = 0.0
@@ -28,7 +29,7 @@ def relax(
             if not open_[row, column]:
                 continue
             weight = float(pull[row, column])
-            total = weight * wanted[row, column]
+            total = weight * target[row, column]
             if column > 0:
                 total += across[row, column - 1] * level[row, column - 1]
                 weight += across[row, column - 1]

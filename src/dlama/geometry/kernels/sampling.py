@@ -1,6 +1,6 @@
 """Reading a picture between its pixels: colours and a place in them in; the colour there out (numba pieces).
 
-Cubic B-spline interpolation inside a surface, bilinear beside its edges, so that nothing bleeds across them. Bilinear
+Cubic B-spline interpolation inside a surface, bilinear next to its edges, so that nothing bleeds across them. Bilinear
 everywhere blurs: on street frames turned by 10 degrees, LPIPS over what both cameras see is a third lower so
 (`python benchmarks/headroom.py`).
 """
@@ -144,7 +144,7 @@ def surface_color(
 ) -> tuple[Real, Real, Real]:
     """Colour at source column, row (0 = the first pixel's centre) of a mesh, never across its edges.
 
-    Beside an edge: bilinear, where a corner that is cut off (two sides unjoined) counts nothing; the nearest pixel where
+    Next to an edge: bilinear, where a corner that is cut off (two sides unjoined) counts nothing; the nearest pixel where
     none is joined.
     """
     height, width = joined.shape

@@ -1,6 +1,6 @@
 """The filler `choice`: a view with holes in; colours mixed and depth taken from the guesses that the judge trusts, out.
 
-Far things out of view are hedged as those of every other filler are: of 20 views of street and kitchen that lowers the squared
+Far objects out of view are hedged as those of every other filler are: of 20 views of street and kitchen that lowers the squared
 error of the judge's mixture by 22 % and 1 %, and costs 4 % and 0.5 % of LPIPS.
 """
 

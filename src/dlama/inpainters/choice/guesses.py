@@ -48,7 +48,7 @@ class PreparedView:
     depth: Float32Array
     """H x W metres, surfaces continued, lawful."""
     occluders: BoolArray
-    """H x W, known pixels whose colours do not belong into the holes beside them."""
+    """H x W, known pixels whose colours do not belong into the holes next to them."""
 
     @classmethod
     def of(cls, view: View, law: Law, seed: int) -> PreparedView:

@@ -24,7 +24,7 @@ DEPTH_PRIORS = {"layered": 20.0}
 higher without it and 6 % higher at 4."""
 INVENTED_PENALTY = 3.0
 """What a guess loses in its logits of colour for each factor e by which it has more detail than is known round the hole. Only
-inside the source's picture: out of view, things unlike the known ones are to be expected."""
+inside the source's picture: out of view, objects unlike the known ones are to be expected."""
 FINE, ROUND = 3.0, 4.0
 """Sigmas in pixels: a picture less its blur is its detail; the neighbourhood over which the detail of a guess is averaged."""
 AROUND = 0.05
@@ -61,7 +61,7 @@ def measure_invented_detail(planes: JudgePlanes) -> Float32Array:
 
 
 def local_detail(grey: Float32Array, known: BoolArray) -> Float32Array:
-    """H x W magnitudes of what a blur of the known pixels takes away; beside a hole no guess has a say in it."""
+    """H x W magnitudes of what a blur of the known pixels takes away; next to a hole no guess has a say in it."""
     return np.abs(grey - gaussian_mean(grey, known.astype(np.float32), FINE))
 
 

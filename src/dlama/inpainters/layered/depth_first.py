@@ -22,9 +22,9 @@ BAND = 24
 """Pixels round a hole in which an occluder is kept from the filler."""
 WHOLE = 0.25
 """Share of the picture's longer side up to which the rest of that occluder is kept from it too: a network that sees the stripes
-of a barrel continues them into the hole beside it."""
-GOES_ON, MOSTLY = 0.02, 0.5
-"""Share of what was hidden from which a surface counts as going on there: then it is no occluder as a whole. The second where
+of a barrel continues them into the hole next to it."""
+CONTINUES, MOSTLY = 0.02, 0.5
+"""Share of what was hidden from which a surface counts as continuing there: then it is no occluder as a whole. The second where
 most of it stands before the hole."""
 MIXED_PX = 3
 """Pixels round an occluder that may hold some of its colour."""
@@ -33,7 +33,7 @@ SEAM = 6
 STEP = 1.1
 """Ratio of neighbouring depths at which the occluder ends."""
 NEARER = 0.9
-"""A known pixel nearer than this share of the depth filled beside it is an occluder."""
+"""A known pixel nearer than this share of the depth filled next to it is an occluder."""
 BEHIND = 1.05
 """A known pixel farther than this many times the depth of the removed object next to it lies behind it."""
 INNER_PX = (8, 4, 0)
@@ -73,23 +73,25 @@ def find_occluders(view: View, surfaces: Surfaces, depth: Float32Array, law: Law
     """
     distance, nearest = nearest_known(view.color_hole & ~seams(surfaces.label, view.color_hole))
     near = (distance <= BAND) & view.valid
-    beside = is_in_front(view, surfaces, depth, near, nearest)
+    adjacent = is_in_front(view, surfaces, depth, near, nearest)
     background = (view.hole_type.ravel()[nearest] == HoleType.OBJECT) & find_background(view, law)
-    beside &= ~background
+    adjacent &= ~background
     hidden = view.color_hole & (view.hole_type != HoleType.OUT_OF_VIEW)
-    guessed = (view.origin == Origin.ESTIMATED).any()  # by estimated depth nobody knows where a thing ends
-    if guessed or not beside.any() or not hidden.any():
-        return beside
+    guessed = (view.origin == Origin.ESTIMATED).any()  # by estimated depth nobody knows where an object ends
+    if guessed or not adjacent.any() or not hidden.any():
+        return adjacent
     filled, there, before = (
-        np.bincount(surfaces.label[of].clip(0), minlength=len(surfaces.planes) + 1) for of in (hidden, near, beside)
+        np.bincount(surfaces.label[of].clip(0), minlength=len(surfaces.planes) + 1) for of in (hidden, near, adjacent)
     )
-    least = np.where(2 * before < there, GOES_ON, MOSTLY)[1:]
-    goes_on = 1 + np.flatnonzero(filled[1:] > least * hidden.sum())
+    least = np.where(2 * before < there, CONTINUES, MOSTLY)[1:]
+    continuing = 1 + np.flatnonzero(filled[1:] > least * hidden.sum())
     w = inverse_depth(np.where(view.hole, np.float32(np.inf), view.depth))
     edge = cv2.dilate(w, np.ones((3, 3), np.uint8)) > STEP * w
-    thing = view.valid & ~edge & ~np.isin(surfaces.label, goes_on) & (distance <= WHOLE * max(w.shape))
-    thing &= w > inverse_depth(depth).ravel()[nearest]
-    return (beside | (dilate_mask(regions_touching(thing & ~background, beside), MIXED_PX) & view.valid)) & ~background
+    candidates = view.valid & ~edge & ~np.isin(surfaces.label, continuing) & (distance <= WHOLE * max(w.shape))
+    candidates &= w > inverse_depth(depth).ravel()[nearest]
+    return (
+        adjacent | (dilate_mask(regions_touching(candidates & ~background, adjacent), MIXED_PX) & view.valid)
+    ) & ~background
 
 
 def find_background(view: View, law: Law) -> BoolArray:
@@ -109,7 +111,7 @@ def find_background(view: View, law: Law) -> BoolArray:
 
 
 def seams(label: NDArray[np.int32], hole: BoolArray) -> BoolArray:
-    """H x W, True where a plane goes on in the hole no wider than SEAM px while the hole is wider: the rim of an occluder that
+    """H x W, True where a plane continues in the hole no wider than SEAM px while the hole is wider: the rim of an occluder that
     the grid of cells drew too large. label, hole: H x W."""
     kernel = square(2 * SEAM + 1)
     out = np.zeros(hole.shape, np.bool_)
@@ -126,7 +128,7 @@ def is_in_front(
 
     That surface is continued to where the known pixel is: ground that comes towards the camera hides nothing. Not at the
     picture's old border: what lies beyond it is hidden by nothing. Nor at a hole that lacks depth alone: its colours are known.
-    Nor beside a removed object by estimated depth: behind things that is off by more than they stand apart, and without what
+    Nor next to a removed object by estimated depth: behind objects that is off by more than they stand apart, and without what
     surrounds it nothing is left to fill the hole with.
     """
     rows, columns = np.nonzero(where)

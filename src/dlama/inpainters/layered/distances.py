@@ -11,9 +11,10 @@ from dlama.geometry.rgbd import BoolArray, Float32Array
 from dlama.geometry.visibility import Law
 
 CHORD = 25.0
-"""Cells over which a surface was seen going on in a direction, on the mean, so that it is believed to go on as far as any."""
+"""Cells over which a surface was seen continuing in a direction, on the mean, so that it is believed to continue as far as
+any."""
 NARROWEST = 3.0
-"""Most times that distances count which lead out of a narrower one: a pillar goes on upwards and not sideways."""
+"""Most times that distances count which lead out of a narrower one: a pillar continues upwards and not sideways."""
 FAR_SAMPLES = 256
 """Far directions that stand for all of a source camera's."""
 

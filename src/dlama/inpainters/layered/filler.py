@@ -17,7 +17,7 @@ from dlama.inpainters.layered.texture_synthesis import synthesize
 from dlama.perception.planes import SKY, SMOOTH
 
 BLENDED = (HoleType.OUT_OF_VIEW, HoleType.OBJECT)
-"""Holes into which nothing is led from their rims: beside a removed thing lie scraps of it and of its shadow."""
+"""Holes into which nothing is led from their rims: next to a removed object lie scraps of it and of its shadow."""
 
 
 def layered(view: View, law: Law, seed: int = 0) -> Fill:
@@ -48,7 +48,7 @@ def paint_surfaces(view: View, surfaces: Surfaces, depth: Float32Array, law: Law
 
 
 def paint_leaves(color: UInt8Array, view: View, surfaces: Surfaces) -> UInt8Array:
-    """H x W x 3 colours with those of the leaves where foliage goes on in the view's colour holes."""
+    """H x W x 3 colours with those of the leaves where foliage continues in the view's colour holes."""
     leafy = view.color_hole & (surfaces.leaves >= 0)
     if not leafy.any():
         return color

@@ -1,6 +1,6 @@
-"""Foliage: known leaves and the circles as which cut crowns go on in; the leaf that each pixel there is copied from, out.
+"""Foliage: known leaves and the circles as which cut crowns continue in; the leaf that each pixel there is copied from, out.
 
-Blocks of the known crown are quilted where it goes on, leaves and the gaps between them: leaves are as large and as bright, and
+Blocks of the known crown are quilted where it continues, leaves and the gaps between them: leaves are as large and as bright, and
 the crown is as dense, as it is seen to be.
 """
 
@@ -56,8 +56,8 @@ class Crown:
     """h x w: holes out of view."""
     hidden: BoolArray
     """h x w: dis-occluded holes."""
-    goes_on: BoolArray
-    """h x w: where of what is out of view the crown goes on."""
+    unseen_crown: BoolArray
+    """h x w: where of what is out of view the crown continues."""
     circle: NDArray[np.float64]
     """Row, column and radius, in pixels."""
     cell: float
@@ -69,7 +69,7 @@ class Crown:
         nearest = np.where(self.behind, GAP, nearest_known(self.pure_leaves())[1])
         known = np.where(within, nearest, np.where(self.behind, GAP, OUTSIDE))
         out = np.where(self.hidden & morphological_close(self.leaf, self.square(GAPS / 2)), known, OUTSIDE)
-        own = self.unseen & morphological_close(self.goes_on | within, self.square(2))
+        own = self.unseen & morphological_close(self.unseen_crown | within, self.square(2))
         state = np.where(own, UNDECIDED, known).astype(np.int32)
         if self.quilt(state, (within | self.behind) & ~own, rng):
             inside = self.depth_inside(own | within) > self.rim(state, own)
@@ -81,7 +81,7 @@ class Crown:
         return square(round(cells * self.cell) | 1)
 
     def pure_leaves(self) -> BoolArray:
-        """h x w: known leaves with none but leaves beside them; all if those are too few."""
+        """h x w: known leaves with none but leaves next to them; all if those are too few."""
         inner = erode_mask(self.leaf, 1)
         return inner if inner.sum() > max(FEW, SHARE_LEFT * self.leaf.sum()) else self.leaf
 
@@ -125,43 +125,43 @@ class Crown:
         return np.asarray(cv2.distanceTransform(grown, cv2.DIST_L2, 5)[1:-1, 1:-1], np.float32)
 
     def rim(self, state: NDArray[np.int32], own: BoolArray) -> Float32Array:
-        """h x w pixels of the crown's rim that are taken off. state: h x w, decided; own: h x w, where the crown goes on."""
+        """h x w pixels of the crown's rim that are taken off. state: h x w, decided; own: h x w, where the crown continues."""
         light = self.color.reshape(-1, 3)[np.maximum(state, 0)].mean(-1)
         brighter = (light - light[own].mean()) / (light[own].std() + 1)
         rim = 1 + BY_LIGHT * (leafy(own.shape, self.cell) - brighter)
         return np.asarray(RAGGED * self.circle[2] * rim, np.float32)
 
 
-def copy_leaves(view: View, w: Float32Array, things: CutObjects, seed: int = 0) -> NDArray[np.int32]:
+def copy_leaves(view: View, w: Float32Array, cut: CutObjects, seed: int = 0) -> NDArray[np.int32]:
     """H x W: the known pixel (flat) of the leaf that a hole pixel is copied from, negative where it is none.
 
-    w: H x W inverse depth of the known pixels; things: on a grid of cells.
+    w: H x W inverse depth of the known pixels; objects: on a grid of cells.
     """
     out = np.full(w.shape, OUTSIDE, np.int32)
-    cell = max(w.shape) / max(things.number.shape)
+    cell = max(w.shape) / max(cut.number.shape)
     rng = np.random.default_rng(seed)
-    for number, circle in enumerate((things.circle * cell).astype(np.float64)):
+    for number, circle in enumerate((cut.circle * cell).astype(np.float64)):
         first, last = (np.clip(circle[:2] + by * AROUND * circle[2], 0, w.shape).astype(np.int64) for by in (-1, 1))
         if number == 0 or (last - first).min() < SMALLEST:
             continue
         box = slice(first[0], last[0]), slice(first[1], last[1])
-        leaves = crown(view, w, things, number, box).copy_from(rng)
+        leaves = crown(view, w, cut, number, box).copy_from(rng)
         rows, columns = np.divmod(leaves, leaves.shape[1])
         flat = (rows + first[0]) * w.shape[1] + columns + first[1]
         np.copyto(out[box], flat.astype(np.int32), where=leaves >= 0)
     return out
 
 
-def crown(view: View, w: Float32Array, things: CutObjects, number: int, box: tuple[slice, slice]) -> Crown:
+def crown(view: View, w: Float32Array, cut: CutObjects, number: int, box: tuple[slice, slice]) -> Crown:
     """The crown of a number within a box of the view. The rest as of `copy_leaves`."""
-    cell = max(w.shape) / max(things.number.shape)
-    depth = things.inverse_depth[number]
-    own = (cv2.resize(things.number, view.camera.wh, interpolation=cv2.INTER_NEAREST) == number)[box]
+    cell = max(w.shape) / max(cut.number.shape)
+    depth = cut.inverse_depth[number]
+    own = (cv2.resize(cut.number, view.camera.wh, interpolation=cv2.INTER_NEAREST) == number)[box]
     hole, kind, w = view.hole[box], view.hole_type[box], w[box]
     known = ~hole & at_same_depth(w, depth)
     leaf = morphological_close(own, square(round(GAPS * cell) | 1)) & known & ~solid(w, known, round(SOLID * cell) | 1)
     unseen, hidden = (hole & (kind == each) for each in (HoleType.OUT_OF_VIEW, HoleType.DISOCCLUDED))
-    circle = things.circle[number] * cell - (box[0].start, box[1].start, 0)
+    circle = cut.circle[number] * cell - (box[0].start, box[1].start, 0)
     behind = ~hole & ~leaf & (w < depth)
     return Crown(np.ascontiguousarray(view.color[box]), leaf, behind, unseen, hidden, own & unseen, circle, cell)
 

@@ -1,6 +1,6 @@
 """Hedging: painted colours in; the same with less contrast where nobody can know what is there, out.
 
-Outside the source's view, far things are a guess: does the wall end, does the sky begin? With the distance from what was seen
+Outside the source's view, far objects are a guess: does the wall end, does the sky begin? With the distance from what was seen
 what is coarse in the painted colours is blended with a smooth guess; fine detail stays. Near planes (ground, table) are sure to
 continue and stay as painted. Where surfaces are known, each is blended for itself and as a whole: its borders stay sharp and its
 windows dark, for a guess that mixes a wall with the sky is fog.
@@ -23,7 +23,7 @@ LARGEST_SHARE = 0.7
 REACH = 0.04
 """Share of the picture's longer side over which painted colours become unsure (1 - 1/e of the way to LARGEST_SHARE)."""
 DETAIL_PX = 3.0
-"""Sigma of the blur that leaves what is blended; finer detail stays as painted: paving goes on."""
+"""Sigma of the blur that leaves what is blended; finer detail stays as painted: paving continues."""
 SHARE_APART = 0.6
 """Largest share where each surface is blended for itself."""
 SHARE_OF_SKY, CLEAR = 0.4, 0.75

@@ -1,8 +1,9 @@
-"""Out of view: known surfaces on a coarse grid in; where each is seen going on along its lines, what it costs elsewhere, out.
+"""Out of view: known surfaces on a coarse grid in; where each is seen continuing along its lines, what it costs elsewhere, out.
 
-A wall that the border cuts goes on along its horizontals as high as it is seen, and about as far: of what is seen over T cells
-and goes on unseen, the share T / (T + t) goes on for t more. It hides what is behind it. Where a line looks past the wall, at the
-sky above it or at what stands behind its end, it has ended; what no line of its plane meets was never seen going there.
+A wall that the border cuts continues along its horizontals as high as it is seen, and about as far: of what is seen over T cells
+and continues unseen, the share T / (T + t) continues for t more. It hides what is behind it. Where a line looks past the
+wall, at the sky above it or at what stands behind its end, it has ended; what no line of its plane meets was never seen going
+there.
 """
 
 from __future__ import annotations
@@ -28,15 +29,15 @@ FOLLOWED = 0.01
 .02 LPIPS of street s03 is 2 % higher (s05 as it is), and on worlds depth out of view is off by up to 40 % more."""
 STRIDE, STRIDE_ACROSS = 2, 4
 """Cells between the cells whose lines are looked at: along the horizontals, and across."""
-GOES_ON = 0.5
-"""Cost, per log(1 + t / T), of a plane that goes on t cells along its horizontals of which it is seen over T."""
+CONTINUED_COST = 0.5
+"""Cost, per log(1 + t / T), of a plane that continues t cells along its horizontals of which it is seen over T."""
 GOES_ACROSS = 1.0
 """The same across them, where nothing is seen along: an eave is seen narrow."""
 MOST_HIDDEN = 3.0
 """Largest cost of what such a plane hides: log(1 + T / t)."""
 BETWEEN = 0.5
-"""How far what is seen both ways counts as near. At 1 dis-occlusions of s06 err 5 % less, of s08 34 % more, for a thing's own far
-side may be there (0.5: -2 and 0 %; ten worlds: street -3 %, depth of rooms -7 %)."""
+"""How far what is seen both ways counts as near. At 1 dis-occlusions of s06 err 5 % less, of s08 34 % more, for an object's
+own far side may be there (0.5: -2 and 0 %; ten worlds: street -3 %, depth of rooms -7 %)."""
 PAST = 2.0
 """Cost of a plane where its line looks past it, and where no line meets it."""
 FLOATING = 41
@@ -46,8 +47,8 @@ IN_FRONT = 1.05
 ENDING_COST = 1.0
 """Largest cost of a surface out of view that should have ended. It grows twice as fast as any distance counts."""
 CROWN_COST = 3.0
-"""Cost of what has no plane beside foliage that the border cuts: that goes on as its circle."""
-BESIDE, CUT_CELLS = 2, 3
+"""Cost of what has no plane next to foliage that the border cuts: that continues as its circle."""
+NEAR_CELLS, CUT_CELLS = 2, 3
 """Cells from what is out of view within which so many known cells of a plane make it one that the border cuts."""
 LEAST_LENGTH = 1e-12
 
@@ -104,7 +105,7 @@ def follow_lines(
         there = (length[k - 2] > 0) & ~ends
         farther = np.maximum(first[k - 2], 1) / np.maximum(length[k - 2], 1)
         few_on[k] = there
-        few_cost[k] = np.where(there, GOES_ON * np.log1p(farther), PAST * ends)
+        few_cost[k] = np.where(there, CONTINUED_COST * np.log1p(farther), PAST * ends)
         others = enlarge_like(other_first[k - 2], ends), enlarge_like(other_length[k - 2], ends)
         nothing = ~there & ~ends & (first[k - 2] < 0)
         across_it = GOES_ACROSS * np.log1p(np.maximum(others[0], 1) / np.maximum(others[1], 1))
@@ -127,7 +128,7 @@ def penalise_between(
     followed: BoolArray,
 ) -> Float32Array:
     """L x h x w, BETWEEN in `hidden` cells (h x w, of the hole, in view) where a plane is seen along its horizontals both ways:
-    it goes on between; 0 elsewhere. The rest as of `follow_lines`."""
+    it continues between; 0 elsewhere. The rest as of `follow_lines`."""
     on = np.zeros(candidates.shape, np.float32)
     if not hidden.any() or not followed.any():
         return on
@@ -140,16 +141,16 @@ def ending_cost(
     hole: BoolArray, unseen: BoolArray, label: NDArray[np.int32], followed: BoolArray, beyond: Float32Array, jump: float
 ) -> Float32Array:
     """L x h x w cost in `unseen` cells of what should have ended: planes that are not followed (K) and end within the picture,
-    and what has no plane (a tree that the border cuts) `beyond` where it goes on.
+    and what has no plane (a tree that the border cuts) `beyond` where it continues.
 
     hole, unseen: h x w; label: h x w; beyond: h x w cells, of `cut_things`; jump: cells of distance that cost 1.
     """
     out = np.zeros((2 + len(followed), *hole.shape), np.float32)
     if not unseen.any():
         return out
-    beside = next_to(unseen)
+    adjacent = next_to(unseen)
     for number in 2 + np.flatnonzero(~followed):
-        if (beside & ~hole & (label == number - 1)).sum() < CUT_CELLS:
+        if (adjacent & ~hole & (label == number - 1)).sum() < CUT_CELLS:
             out[number] = ENDING_COST * unseen
     out[0] = np.where(np.isinf(beyond), CROWN_COST, np.minimum(2 * beyond / jump, ENDING_COST)) * unseen
     return out
@@ -157,7 +158,7 @@ def ending_cost(
 
 def next_to(unseen: BoolArray) -> BoolArray:
     """h x w, True in cells up to BESIDE cells from `unseen` ones."""
-    return dilate_mask(unseen, BESIDE)
+    return dilate_mask(unseen, NEAR_CELLS)
 
 
 def has_ended(first: Float32Array, length: Float32Array, floating: bool = False) -> BoolArray:

@@ -1,6 +1,6 @@
 """Edges of level planes: known cells in; planes whose lines run along their own straight edges, out.
 
-A wall goes on along its horizontals. A table top has no such direction of its own but its edges, and those go on straight.
+A wall continues along its horizontals. A table top has no such direction of its own but its edges, and those continue straight.
 """
 
 from __future__ import annotations
@@ -29,11 +29,11 @@ SAME = 1.06
 SEEN_PAST = 0.05
 """Such cells, as a share of the plane's own, from which it is seen to end: nothing lies beyond the ground."""
 WIDE = 5
-"""Side, in cells, of the square that a hole beside a plane must hold to be what the plane hid; a smaller one is the sensor's."""
+"""Side, in cells, of the square that a hole next to a plane must hold to be what the plane hid; a smaller one is the sensor's."""
 LEAST_CELLS = 30
 """Fewer cells of an outline say nothing."""
 AGREEING = np.radians(4.0)
-"""Angle by which the outline at a cell may run beside a direction (sigma)."""
+"""Angle by which the outline at a cell may run next to a direction (sigma)."""
 LEAST_AGREEING = 0.4
 """Share of the outline that must run in the two directions found. Table tops have .48 to .73, seats and scraps below .35."""
 TURNS = 90
@@ -57,10 +57,10 @@ def align_lines_to_edges(
     normal = normals(lines.planes, camera)
     level = np.abs(normal @ estimate_up(normal, cells_of_planes(label, hole, len(normal)))) > LEVEL
     by_edges, points = lines.by_edges.copy(), [lines.along.copy(), lines.across.copy()]
-    beside = next_to(unseen) & ~hole
+    adjacent = next_to(unseen) & ~hole
     for k in np.flatnonzero(level):
         there = morphological_close(~hole & (label == k + 1), square(WIDE))
-        cut = there & beside
+        cut = there & adjacent
         beyond = ~hole & (SAME * w < candidates[k + 2])
         if cut.sum() < CUT_CELLS or beyond.sum() < SEEN_PAST * there.sum():
             continue

@@ -1,6 +1,6 @@
-"""Shadows that stay: a view with a thing taken out in; what of its surroundings still shows it, its shadow, out.
+"""Shadows that stay: a view with an object removed in; what of its surroundings still shows it, its shadow, out.
 
-Those pixels were measured and stay as they are, but no hole may be painted with them: that would paint what was taken out.
+Those pixels were measured and stay as they are, but no hole may be painted with them: that would paint what was removed.
 """
 
 from __future__ import annotations
@@ -25,23 +25,23 @@ USUAL = 0.98
 CLEARLY = 1.25
 """A shadow's core is darker than that pattern by this factor."""
 REACH = 1.0
-"""A shadow is looked for within this many times the root of the thing's area."""
+"""A shadow is looked for within this many times the root of the object's area."""
 LEAST_CELLS = 60
 """Fewer cells of a surface farther off say nothing about its pattern."""
 
 
 def find_remaining_shadow(view: View, label: NDArray[np.int32]) -> BoolArray:
-    """H x W, True where a plane beside what was taken out is darker than its lit surface, and than it is anywhere farther off.
+    """H x W, True where a plane next to what was removed is darker than its lit surface, and than it is anywhere farther off.
 
     label: H x W, the surface of each pixel.
     """
-    thing = view.hole & (view.hole_type == HoleType.OBJECT)
-    if not thing.any() or view.hole.all():
-        return np.zeros_like(thing)
-    height, width = thing.shape
+    own = view.hole & (view.hole_type == HoleType.OBJECT)
+    if not own.any() or view.hole.all():
+        return np.zeros_like(own)
+    height, width = own.shape
     step = max(1.0, max(height, width) / GRID)
     wh = max(1, round(width / step)), max(1, round(height / step))
-    distance = cv2.distanceTransform((~shrink_mask(thing, wh, 0.25)).astype(np.uint8), cv2.DIST_L2, 5)
+    distance = cv2.distanceTransform((~shrink_mask(own, wh, 0.25)).astype(np.uint8), cv2.DIST_L2, 5)
     reach = REACH * np.sqrt((distance == 0).sum()) + 2
     luma = np.log(cv2.cvtColor(view.color, cv2.COLOR_RGB2GRAY).astype(np.float32) + 4)
     out = np.zeros(wh[::-1], np.bool_)
@@ -64,7 +64,7 @@ def shrink_mask(mask: BoolArray, wh: tuple[int, int], least: float) -> BoolArray
 
 
 def find_shadow_on(surface: BoolArray, level: Float32Array, distance: Float32Array, reach: float) -> BoolArray:
-    """h x w, the shadow on one surface (h x w bool). level: h x w logarithm of its brightness; distance: cells to the thing."""
+    """h x w, the shadow on one surface (h x w bool). level: h x w logarithm of its brightness; distance: cells to the object."""
     beyond = surface & (distance > reach) & (distance <= 3 * reach)
     near = surface & (distance <= reach)
     if beyond.sum() < LEAST_CELLS or not near.any():
@@ -73,8 +73,8 @@ def find_shadow_on(surface: BoolArray, level: Float32Array, distance: Float32Arr
     core = max(DARKER, CLEARLY * float(np.quantile(dark[beyond], USUAL)))
     darker = morphological_open(near & (dark > max(FAINTEST, core / 2)), square(3))
     number = cv2.connectedComponents(darker.astype(np.uint8), connectivity=4)[1]
-    beside = np.unique(number[near & (distance <= 2) & (dark > core)])
-    return np.isin(number, beside[beside > 0])
+    adjacent = np.unique(number[near & (distance <= 2) & (dark > core)])
+    return np.isin(number, adjacent[adjacent > 0])
 
 
 def fit_lit_surface(level: Float32Array, where: BoolArray) -> Float32Array:

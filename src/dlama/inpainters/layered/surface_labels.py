@@ -87,8 +87,8 @@ class CoarseView:
     """h x w, of the known cells."""
     candidates: Float32Array
     """L x h x w inverse depth (1/m) that each label would give: no plane, sky, planes."""
-    things: CutObjects
-    """Where what lies on no plane goes on out of view."""
+    cut: CutObjects
+    """Where what lies on no plane continues out of view."""
     followed_from: float = FOLLOWED
     """Share of the known cells that a plane must hold to be followed along lines out of view."""
     solid: bool = False
@@ -116,10 +116,10 @@ class CoarseView:
         in_view = hole & cells_with_holes(view.hole & (view.hole_type != HoleType.OUT_OF_VIEW), camera.wh)
         unseen = hole & ~in_view
         on_planes = plane_values(planes, camera.hw, step)
-        things = find_cut_objects(w[pick], label[pick], hole, next_to(unseen))
+        cut = find_cut_objects(w[pick], label[pick], hole, next_to(unseen))
         candidates = np.concatenate([smooth[None], np.zeros_like(smooth)[None], on_planes])
         known = w[pick], label[pick], candidates.astype(np.float32)
-        return cls(camera, hole, in_view, *known, things, followed_from, solid)
+        return cls(camera, hole, in_view, *known, cut, followed_from, solid)
 
     def label_costs(self, law: Law) -> Float32Array:
         """h x w x L cost of each label after belief propagation (lower is better)."""
@@ -130,7 +130,7 @@ class CoarseView:
         lines = align_lines_to_edges(lines, self.camera, self.candidates, *known)
         followed |= lines.by_edges
         on, penalty = follow_lines(lines, self.candidates, *known, followed)
-        penalty += ending_cost(self.hole, unseen, self.label, followed, self.things.beyond, REACH * GRID)
+        penalty += ending_cost(self.hole, unseen, self.label, followed, self.cut.beyond, REACH * GRID)
         penalty[0] += SMOOTH_PENALTY
         penalty[1:] += ORDER_COST * self.out_of_order()
         hidden = self.hole_in_view.copy()
@@ -175,8 +175,9 @@ class CoarseView:
     def out_of_order(self) -> BoolArray:
         """(L - 1) x h x w, True where sky or a plane would stand behind a plane that it is nowhere seen behind.
 
-        A wall that meets the ground shows only above it, though its plane goes on below; that of a box goes on above the box, and
-        the wall behind is seen there all the same. Which of the two it is, the known pixels say. Out of view they say nothing.
+        A wall that meets the ground shows only above it, though its plane continues below; that of a box continues above the
+        box, and the wall behind is seen there all the same. Which of the two it is, the known pixels say. Out of view they
+        say nothing.
         """
         out = np.zeros((len(self.candidates) - 1, *self.hole.shape), np.bool_)
         for back in range(len(out)):
@@ -201,8 +202,8 @@ class CoarseView:
     def distance_to_known(self, law: Law) -> Float32Array:
         """L x h x w, cells to the nearest known cell of each label (a large number if there is none).
 
-        In view, cells count more in directions in which a surface is nowhere seen going on: a pillar beside the hole ends there.
-        For the sky also the angle to where a source camera saw
+        In view, cells count more in directions in which a surface is nowhere seen continuing: a pillar next to the hole ends
+        there. For the sky also the angle to where a source camera saw
         it, which may be outside this view; out of view and above the horizon it counts at most one full jump more than what is
         nearest.
         """

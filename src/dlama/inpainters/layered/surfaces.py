@@ -39,7 +39,7 @@ class Surfaces:
     planes: NDArray[np.float64]
     """K x 3, w = a u + b v + c in pixels of the view."""
     leaves: NDArray[np.int32]
-    """H x W; the known pixel (flat) of the leaf that a hole pixel is copied from, where foliage goes on; negative elsewhere."""
+    """H x W; the known pixel (flat) of the leaf that a hole pixel is copied from, where foliage continues; negative elsewhere."""
 
 
 def continue_surfaces(view: View, law: Law, seed: int = 0) -> Surfaces:
@@ -84,7 +84,7 @@ def upsample_labels(
     seed: int = 0,
 ) -> Surfaces:
     """Costs of the labels (h x w x L) interpolated to every hole pixel; each takes the label of least cost and its inverse depth.
-    Where foliage goes on, it stands before that.
+    Where foliage continues, it stands before that.
 
     w, label: H x W, of the known pixels; planes: K x 3.
     """
@@ -105,7 +105,7 @@ def upsample_labels(
     out, filled = w.copy(), label.copy()
     out[rows, columns] = np.where(labels == SMOOTH, smooth[rows, columns], np.where(labels > 0, on_plane, 0))
     filled[rows, columns] = labels
-    leaves = copy_leaves(view, w, coarse.things, seed)
+    leaves = copy_leaves(view, w, coarse.cut, seed)
     leaf = (leaves >= 0) & (w.ravel()[np.maximum(leaves, 0)] > out)
     out[leaf], filled[leaf] = w.ravel()[leaves[leaf]], SMOOTH
     return Surfaces(out, filled, planes, np.where(leaf, leaves, GAP).astype(np.int32))

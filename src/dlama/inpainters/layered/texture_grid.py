@@ -13,7 +13,7 @@ from dlama.inpainters.layered.kernels.cells import shrink, trusted_sources
 
 Int32Array = NDArray[np.int32]
 UNTRUSTED = -2
-"""Label of what must not be copied: holes, and pixels beside a nearer surface, whose colour may be mixed."""
+"""Label of what must not be copied: holes, and pixels next to a nearer surface, whose colour may be mixed."""
 FEW, SHARE_LEFT = 100, 0.25
 """Pixels and share of a surface up to which what is left of it is too little, and more of it is trusted, nearer to what may be
 mixed into it: leaves have no other."""
@@ -93,7 +93,7 @@ class HoleRegion:
     sources: BoolArray
     """rows x cols cells, True where a cell is known and belongs to the surface."""
     apart: BoolArray
-    """rows x cols cells, True where other things happen to lie on the same plane."""
+    """rows x cols cells, True where other objects happen to lie on the same plane."""
 
     def trusted(self, grid: TextureGrid) -> Int32Array:
         """H x W: the label of pixels that the region may copy, else UNTRUSTED."""
@@ -114,11 +114,11 @@ def trusted_labels(hole: BoolArray, inverse_depth: Float32Array, label: Int32Arr
     Two pixels' distance from holes and nearer surfaces are expected; less where that leaves too little (FEW, SHARE_LEFT).
     """
     trusted = np.where(trusted_sources(hole, inverse_depth, label, 2), label, UNTRUSTED).astype(np.int32)
-    wanted = labels_in(label[hole])
+    needed = labels_in(label[hole])
     known = np.bincount(label[~hole] - UNTRUSTED, minlength=label.max() - UNTRUSTED + 1)
     for reach in (1, 0):
         left = np.bincount(trusted.ravel() - UNTRUSTED, minlength=len(known))
-        missing = np.setdiff1d(wanted, np.flatnonzero(left > np.maximum(FEW, SHARE_LEFT * known)) + UNTRUSTED)
+        missing = np.setdiff1d(needed, np.flatnonzero(left > np.maximum(FEW, SHARE_LEFT * known)) + UNTRUSTED)
         if len(missing):
             near = np.isin(label, missing) & trusted_sources(hole, inverse_depth, label, reach)
             trusted[near] = label[near]

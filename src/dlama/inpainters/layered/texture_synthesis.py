@@ -1,7 +1,7 @@
 """Texture synthesis: a picture with inverse depth and surface labels everywhere in; the hole's colours, from the background, out.
 
 Every hole pixel is a smooth *base*, interpolated along its own surface, plus, on planes, *detail* copied from the same
-plane by a 3D translation within it, so that bricks and planks go on in perspective. The weight of the detail is measured:
+plane by a 3D translation within it, so that bricks and planks continue in perspective. The weight of the detail is measured:
 the correlation of the known texture with itself under that translation, which is its least-squares gain (see `patch_offsets`).
 """
 
@@ -29,9 +29,9 @@ SKY_COLOR = (120, 145, 175)
 LEAST_CELLS = 12
 """Planes with fewer known cells are painted with all that has no plane."""
 GAP = 8
-"""Cells by which parts of a surface may lie apart and still be one thing."""
+"""Cells by which parts of a surface may lie apart and still be one object."""
 SCREEN = 0.002
-"""Weight of a surface's mean colour in each cell of its base, beside the 4 of the neighbours (screened Laplace equation)."""
+"""Weight of a surface's mean colour in each cell of its base, next to the 4 of the neighbours (screened Laplace equation)."""
 DEPTH_SCREEN = 0.002
 """The same for what has no plane, towards the mean of everything there and behind: a small rim must not colour it all."""
 
@@ -98,11 +98,11 @@ def synthesize(
 
 def _check(color: UInt8Array, hole: BoolArray, inverse_depth: Float32Array, label: Int32Array, camera: Camera) -> None:
     """Refuse arrays that do not belong to one picture."""
-    wanted = {"color": (*camera.hw, 3), "hole": camera.hw, "inverse_depth": camera.hw, "label": camera.hw}
+    expected = {"color": (*camera.hw, 3), "hole": camera.hw, "inverse_depth": camera.hw, "label": camera.hw}
     arrays: tuple[np.ndarray, ...] = (color, hole, inverse_depth, label)
-    for name, array in zip(wanted, arrays):
-        if array.shape != wanted[name]:
-            raise ShapeError(f"{name} has shape {array.shape}; {wanted[name]} is expected for this camera")
+    for name, array in zip(expected, arrays):
+        if array.shape != expected[name]:
+            raise ShapeError(f"{name} has shape {array.shape}; {expected[name]} is expected for this camera")
     if color.dtype != np.uint8 or hole.dtype != np.bool_:
         raise ShapeError(f"color is {color.dtype} and hole {hole.dtype}; uint8 and bool are expected")
 
@@ -125,7 +125,7 @@ def hole_regions(grid: TextureGrid) -> Iterator[HoleRegion]:
 def beyond_gap(grid: TextureGrid, pixels: NDArray[np.int64], sources: BoolArray) -> BoolArray:
     """rows x cols, True in cells of `sources` that a gap of more than GAP cells parts from the hole `pixels` (flat).
 
-    Two things may lie on one plane by chance, or by noise: a box beside a bin lends it no texture. None where too few are left.
+    Two objects may lie on one plane by chance, or by noise: a box next to a bin lends it no texture. None where too few are left.
     """
     rows, cols = np.divmod(pixels, grid.hole.shape[1])
     here = np.zeros(sources.shape, np.bool_)

@@ -1,6 +1,6 @@
 """Known surfaces and the colours of the whole picture in; inverse depth and label of pixels that lack depth alone out.
 
-A depth camera sees nothing at the rim of its picture, beside near things, on glass and on what is black, where the colours are
+A depth camera sees nothing at the rim of its picture, next to near objects, on glass and on what is black, where the colours are
 all there. Every such pixel belongs to the known pixel that is nearest by a way along which colours stay as they are, and goes
 on as that one's plane; what lies on no plane runs smoothly between what is known, but not across edges of the picture.
 """

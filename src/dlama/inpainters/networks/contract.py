@@ -74,7 +74,7 @@ class Contract:
         known, masks = self.in_planes[: len(self.out_planes)], self.in_planes[len(self.out_planes) :]
         if masks not in MASKS.values() or known != self.out_planes or not known:
             raise InputError(
-                f"contract: planes in {list(self.in_planes)} and out {list(self.out_planes)}; wanted the same planes "
+                f"contract: planes in {list(self.in_planes)} and out {list(self.out_planes)}; expected the same planes "
                 "in and out, and a mask last in ('mask', or of a pair 'left mask' and 'right mask')"
             )
         if self.masks > 1 and len(known) != len(PAIR):
@@ -166,8 +166,8 @@ def generator_contract(settings: Generator) -> Contract:
     masks = settings.in_channels - settings.out_channels
     if masks not in MASKS:
         raise InputError(
-            f"contract: {settings.in_channels} planes in and {settings.out_channels} out; wanted the same planes in and out, and "
-            "one mask (or of a pair two) in"
+            f"contract: {settings.in_channels} planes in and {settings.out_channels} out; the same planes in and out are "
+            "expected, and one mask (or of a pair two) in"
         )
     return Contract(
         (*names, *MASKS[masks]),
@@ -256,8 +256,8 @@ def require_planes(contract: Contract, planes: int, file: str, filler: str) -> N
     if len(contract.out_planes) != planes:
         other = {3: "lama", 4: "joint", 6: "pair"}.get(len(contract.out_planes))
         hint = f"; the filler {other!r} runs it" if other else ""
-        wanted = f"{planes + 1} or {planes + 2}" if planes == len(PAIR) else planes + 1
+        expected = f"{planes + 1} or {planes + 2}" if planes == len(PAIR) else planes + 1
         raise InputError(
             f"{file}: takes {len(contract.in_planes)} planes and gives {len(contract.out_planes)}; "
-            f"the filler {filler!r} wants {wanted} in and {planes} out{hint}"
+            f"the filler {filler!r} wants {expected} in and {planes} out{hint}"
         )

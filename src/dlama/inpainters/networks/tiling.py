@@ -91,8 +91,8 @@ def resized_call(planes: Float32Array, hole: BoolArray, network: Network, layout
 
 def padded_size(size: int, layout: Layout) -> int:
     """The smallest size the network takes that is at least `size`."""
-    wanted = -(-max(size, layout.minimum) // layout.multiple) * layout.multiple
-    return wanted if layout.side is None else min(wanted, layout.side)
+    expected = -(-max(size, layout.minimum) // layout.multiple) * layout.multiple
+    return expected if layout.side is None else min(expected, layout.side)
 
 
 def crops(hole: BoolArray, layout: Layout) -> Iterator[tuple[Box, BoolArray]]:
@@ -205,7 +205,7 @@ def blend_tiles(
 ) -> Float32Array:
     """The box's planes, each pixel the mean of its tiles weighted by distance from their borders.
 
-    Tiles with most known go first; one in which nothing is known goes on from what those before it filled.
+    Tiles with most known go first; one in which nothing is known continues from what those before it filled.
     """
     top, bottom, left, right = box
     total = np.zeros((*planes.shape[:2], bottom - top, right - left), np.float32)

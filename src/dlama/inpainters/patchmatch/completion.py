@@ -23,8 +23,8 @@ from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.inpainters.patchmatch import kernels
 from dlama.inpainters.patchmatch.pyramid import Level, build_pyramid, dilated_by_patch
 
-LEAN_DOWN, LEAN_ACROSS = 10000.0, 2500.0
-"""Squared grey levels that a patch from as far off as the picture's longer side costs more, below or above, and beside."""
+DISTANCE_DOWN, DISTANCE_ACROSS = 10000.0, 2500.0
+"""Squared grey levels that a patch from as far off as the picture's longer side costs more, below or above, and next to."""
 REUSE_PENALTY = 30.0
 """Squared grey levels for each time that a source is used beyond once."""
 OTHER_SURFACE = 1000.0
@@ -101,12 +101,12 @@ def complete_picture(
 
 def penalty_weights(side: float) -> Float32Array:
     """What distance, use and another surface cost, as `kernels.penalty` reads it; side: the level's longer side in pixels."""
-    return np.array([LEAN_DOWN / side**2, LEAN_ACROSS / side**2, REUSE_PENALTY, OTHER_SURFACE], np.float32)
+    return np.array([DISTANCE_DOWN / side**2, DISTANCE_ACROSS / side**2, REUSE_PENALTY, OTHER_SURFACE], np.float32)
 
 
 @dataclass
 class Search:
-    """The patches of one level that touch the hole, and the known patch that each is like; changes as it goes on."""
+    """The patches of one level that touch the hole, and the known patch that each is like; changes as it continues."""
 
     values: Float32Array
     """H x W x 5, as of Level; the hole's change."""
@@ -122,7 +122,7 @@ class Search:
     """H x W, of each target, else -1."""
     trust: Float32Array
     """N: how much a target's patch counts."""
-    lean: Float32Array
+    weights: Float32Array
     random: NDArray[np.float64]
     found: NDArray[np.int32]
     """N x 2, the middle of the known patch."""
@@ -130,7 +130,7 @@ class Search:
     """N: how far the two are apart."""
 
     @classmethod
-    def of(cls, level: Level, rng: np.random.Generator, lean: Float32Array) -> Search:
+    def of(cls, level: Level, rng: np.random.Generator, weights: Float32Array) -> Search:
         """The search before it begins."""
         touched = dilated_by_patch(level.hole)
         targets = np.argwhere(touched).astype(np.int32)
@@ -142,7 +142,17 @@ class Search:
         random = rng.uniform(-1, 1, (DRAWN, 2))
         found, cost = np.zeros_like(targets), np.full(len(targets), np.inf, np.float32)
         return cls(
-            level.values.copy(), level.sources, level.label, pixels, targets, number, trust, lean, random, found, cost
+            level.values.copy(),
+            level.sources,
+            level.label,
+            pixels,
+            targets,
+            number,
+            trust,
+            weights,
+            random,
+            found,
+            cost,
         )
 
     def compare_all(self, rng: np.random.Generator, pairs: int) -> None:
@@ -153,7 +163,15 @@ class Search:
             sources = sources[np.sort(rng.permutation(len(sources))[:most])]
         used = np.zeros(self.sources.shape, np.float32)
         self._run(
-            kernels.search_rows, self.values, self.targets, sources, self.lean, used, self.label, self.found, self.cost
+            kernels.search_rows,
+            self.values,
+            self.targets,
+            sources,
+            self.weights,
+            used,
+            self.label,
+            self.found,
+            self.cost,
         )
 
     def start_from(self, coarser: Search) -> None:
@@ -179,7 +197,7 @@ class Search:
                 self.targets,
                 self.number,
                 self.sources,
-                self.lean,
+                self.weights,
                 used,
                 self.label,
                 self.random,
@@ -206,7 +224,7 @@ class Search:
 
     def _weigh(self) -> None:
         self._run(
-            kernels.cost_rows, self.values, self.targets, self.found, self.lean, self._used(), self.label, self.cost
+            kernels.cost_rows, self.values, self.targets, self.found, self.weights, self._used(), self.label, self.cost
         )
 
     def _used(self) -> Float32Array:

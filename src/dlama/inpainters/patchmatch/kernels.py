@@ -11,7 +11,7 @@ from dlama.geometry.rgbd import BoolArray, Float32Array
 HALF = 3
 """Patches are squares of 2 HALF + 1 pixels."""
 NEIGHBOURS = 8
-"""Places whose patch is tried, moved along: four beside, four up to LEAP pixels off."""
+"""Places whose patch is tried, moved along: four next to, four up to LEAP pixels off."""
 LEAP = 6
 MOST_USED = 5.0
 """Times a source is used beyond which its penalty grows no further."""
@@ -49,16 +49,16 @@ def penalty(
     column: Whole,
     source_row: Whole,
     source_column: Whole,
-    lean: Float32Array,
+    weights: Float32Array,
     used: Float32Array,
     label: NDArray[np.int32],
 ) -> Real:
-    """What is added to the difference of a patch: for its distance (lean: per px^2, along rows and columns), for its use, and
+    """What is added to the difference of a patch: for its distance (weights: per px^2, along rows and columns), for its use, and
     where its middle lies on another surface (label: H x W)."""
     down, across = np.float64(source_row - row), np.float64(source_column - column)
     again = min(max(np.float64(used[source_row, source_column]) - 1.0, 0.0), MOST_USED)
-    other = lean[3] if label[row, column] != label[source_row, source_column] else 0.0
-    return lean[0] * down * down + lean[1] * across * across + lean[2] * again + other
+    other = weights[3] if label[row, column] != label[source_row, source_column] else 0.0
+    return weights[0] * down * down + weights[1] * across * across + weights[2] * again + other
 
 
 @kernel
@@ -68,7 +68,7 @@ def search_rows(
     values: Float32Array,
     targets: Places,
     sources: Places,
-    lean: Float32Array,
+    weights: Float32Array,
     used: Float32Array,
     label: NDArray[np.int32],
     found: Places,
@@ -80,7 +80,7 @@ def search_rows(
         least = np.inf
         for s in range(len(sources)):
             source_row, source_column = int(sources[s, 0]), int(sources[s, 1])
-            more = penalty(row, column, source_row, source_column, lean, used, label)
+            more = penalty(row, column, source_row, source_column, weights, used, label)
             if more >= least:
                 continue
             value = more + difference(values, row, column, source_row, source_column, least - more)
@@ -98,7 +98,7 @@ def match_rows(
     targets: Places,
     number: NDArray[np.int32],
     is_source: BoolArray,
-    lean: Float32Array,
+    weights: Float32Array,
     used: Float32Array,
     label: NDArray[np.int32],
     random: NDArray[np.float64],
@@ -145,7 +145,7 @@ def match_rows(
                 continue
             if not is_source[source_row, source_column]:
                 continue
-            more = penalty(row, column, source_row, source_column, lean, used, label)
+            more = penalty(row, column, source_row, source_column, weights, used, label)
             if more >= least:
                 continue
             value = more + difference(values, row, column, source_row, source_column, least - more)
@@ -161,7 +161,7 @@ def cost_rows(
     values: Float32Array,
     targets: Places,
     found: Places,
-    lean: Float32Array,
+    weights: Float32Array,
     used: Float32Array,
     label: NDArray[np.int32],
     cost: Float32Array,
@@ -170,7 +170,7 @@ def cost_rows(
     for t in range(first, last):
         row, column = int(targets[t, 0]), int(targets[t, 1])
         source_row, source_column = int(found[t, 0]), int(found[t, 1])
-        more = penalty(row, column, source_row, source_column, lean, used, label)
+        more = penalty(row, column, source_row, source_column, weights, used, label)
         cost[t] = more + difference(values, row, column, source_row, source_column, np.inf)
 
 

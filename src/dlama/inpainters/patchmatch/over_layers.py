@@ -4,8 +4,8 @@ For removed objects, and for all holes in pictures of a depth camera. Its planes
 them, so that texture copied within a plane leaves seams and scraps; the picture itself knows better. Where the source picture
 shows what surrounds a hole MI-GAN guesses what is there; beyond its border, where the network would begin another room, the
 continued surfaces do. What stands in front of a removed object is hidden from both: a table would extend to where the chair
-behind it was. So is the object's shadow that stays beside it. Next to other holes nothing is hidden, for it is most of what there
-is to paint with. Behind a removed object patches come from any surface.
+behind it was. So is the object's shadow that stays next to it. Next to other holes nothing is hidden, for it is most of what
+there is to paint with. Behind a removed object patches come from any surface.
 """
 
 from __future__ import annotations

@@ -13,7 +13,7 @@ from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.inpainters.patchmatch.kernels import HALF
 
 TEXTURE = 2.0
-"""Weight of the two channels of texture beside the three of colour: without them grass turns to cloth (Newson et al. 2014)."""
+"""Weight of the two channels of texture next to the three of colour: without them grass turns to cloth (Newson et al. 2014)."""
 TEXTURE_PX = 5
 """Side of the square over which texture is averaged."""
 SMALLEST_SIDE = 40

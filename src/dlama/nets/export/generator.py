@@ -22,7 +22,7 @@ EPSILON = 1e-5  # of torch's batch norms, which the published network leaves as 
 
 
 def export_onnx(weights: GeneratorWeights, path: Path | str, metadata: Mapping[str, str]) -> Path:
-    """Write the network as an ONNX file; written beside and moved, so that no half file is ever left.
+    """Write the network as an ONNX file; written next to and moved, so that no half file is ever left.
 
     Args:
         weights: from `checkpoints.read_generator`.
@@ -40,7 +40,7 @@ def export_onnx(weights: GeneratorWeights, path: Path | str, metadata: Mapping[s
 def onnx_bytes(settings: GeneratorSettings, state: Mapping[str, np.ndarray], metadata: Mapping[str, str]) -> bytes:
     """The ONNX model, serialized. ShapeError unless `state` (published name -> float32 array) is that generator's."""
     if settings.in_channels < 2:
-        raise ShapeError(f"export: the network takes {settings.in_channels} plane, wanted a picture and the mask")
+        raise ShapeError(f"export: the network takes {settings.in_channels} plane, expected a picture and the mask")
     refuse_differences({name: a.shape for name, a in state.items()}, generator_shapes(settings), "generator")
     g = Graph()
     output = _generator(g, settings, state, "planes")

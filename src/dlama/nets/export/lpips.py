@@ -47,7 +47,7 @@ ABOUT = {
 
 
 def export_lpips(trunk: Path, heads: Path, target: Path) -> Path:
-    """Write the ONNX file; beside and moved, so that no half file is ever left. Equal input gives equal bytes.
+    """Write the ONNX file; next to and moved, so that no half file is ever left. Equal input gives equal bytes.
 
     Raises:
         FileError: a tensor is missing or has another shape.
@@ -74,9 +74,9 @@ def _check(path: Path, shapes: Mapping[str, tuple[int, ...]]) -> dict[str, np.nd
     for name, shape in shapes.items():
         came = tensors[name].shape if name in tensors else "nothing"
         if came != shape:
-            raise FileError(f"{path}: {name} is {came}, wanted {shape}")
+            raise FileError(f"{path}: {name} is {came}, expected {shape}")
         if name.startswith("lin") and tensors[name].min() < 0:
-            raise FileError(f"{path}: {name} holds {tensors[name].min():.6g}, wanted weights >= 0")
+            raise FileError(f"{path}: {name} holds {tensors[name].min():.6g}, expected weights >= 0")
     return {name: tensors[name].astype(np.float32) for name in shapes}
 
 

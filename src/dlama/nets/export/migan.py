@@ -5,7 +5,7 @@ inside its graph and carries gains and clips around small convolutions. Here the
 
 * the gain sqrt(2) after each leaky ReLU goes into the convolution before it (the activation is positively homogeneous);
 * the clips at +-256 go: no activation comes near them;
-* the transformation of the input, mask - 0.5 beside (2 colour - 1) * mask, goes into the first 1 x 1 convolution, and
+* the transformation of the input, mask - 0.5 next to (2 colour - 1) * mask, goes into the first 1 x 1 convolution, and
   that of the output into the last ones, so that the network takes colours in 0..1, zero in the hole, and the mask, 1 = fill;
 * zero insertion, padding and a 4 x 4 filter become one transposed convolution.
 
@@ -62,7 +62,7 @@ class Weights:
 
 
 def export_migan(pipeline: Path, target: Path, metadata: Mapping[str, str]) -> Path:
-    """Write the generator of the pipeline file; beside and moved, so that no half file is ever left.
+    """Write the generator of the pipeline file; next to and moved, so that no half file is ever left.
 
     Equal input gives equal bytes.
 

@@ -177,7 +177,7 @@ def _conjugate_weight(g: Graph, columns: str, width: str) -> str:
 
 
 def _complex_matrix(g: Graph, rows: tuple[tuple[str, str], tuple[str, str]], height: str, stack: int, pair: int) -> str:
-    """2H x 2H of four H x H parts; 1 interleaves (rows on `stack`, columns on `pair`), 0 keeps part beside part."""
+    """2H x 2H of four H x H parts; 1 interleaves (rows on `stack`, columns on `pair`), 0 keeps part next to part."""
     across = [_join_flat(g, parts, 1 + pair, height, (1, 2)) for parts in rows]
     return _join_flat(g, (across[0], across[1]), stack, height, (2, 2))
 

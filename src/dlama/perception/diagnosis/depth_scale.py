@@ -1,7 +1,7 @@
 """Stored depth and a camera in; whether its unit fits a camera that people hold or drive out, and which unit does.
 
 A camera is carried 0.5 to 2.5 m above the floor, tables or street it sees, ceilings hang 2.2 to 3.5 m above floors, and the
-nearest things are about a metre away. Floors and ceilings are the largest planes that face up and down.
+nearest objects are about a metre away. Floors and ceilings are the largest planes that face up and down.
 """
 
 from __future__ import annotations

@@ -13,19 +13,19 @@ from dlama.geometry.rgbd import BoolArray, UInt8Array
 
 Severity = Literal["fault", "note", "fine"]
 """fault: results would be wrong; note: worth knowing; fine: what was understood."""
-SURE = 0.9
+CERTAIN = 0.9
 """From here on a finding is called sure."""
 LIKELY = 0.7
 
 
 @dataclass(frozen=True)
 class Finding:
-    """One thing that was found in the inputs."""
+    """One object that was found in the inputs."""
 
     check: str
     """Name of what is the case, e.g. "depth-scale", "mirrored"; "understood" for what was understood."""
     severity: Severity
-    sure: float
+    confidence: float
     """0..1: how sure it is."""
     what: str
     """What was found, and by what it shows."""
@@ -36,12 +36,12 @@ class Finding:
     def line(self) -> str:
         """All of it in one line."""
         mend = f"{'' if self.what.endswith('?') else ':'} {self.mend}" if self.mend else ""
-        return f"{self.what}{mend}{'' if self.severity == 'fine' else f' ({describe_probability(self.sure)})'}"
+        return f"{self.what}{mend}{'' if self.severity == 'fine' else f' ({describe_probability(self.confidence)})'}"
 
 
-def describe_probability(sure: float) -> str:
+def describe_probability(confidence: float) -> str:
     """How sure, for people."""
-    return "sure" if sure >= SURE else "likely" if sure >= LIKELY else "perhaps"
+    return "sure" if confidence >= CERTAIN else "likely" if confidence >= LIKELY else "perhaps"
 
 
 def certainty(evidence: float, half: float) -> float:

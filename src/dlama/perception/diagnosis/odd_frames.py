@@ -66,16 +66,24 @@ def find_oddity(frame: SmallFrame, others: Sequence[SmallFrame], name: str) -> F
     if max(factor, 1 / factor) < LEAST_CHANGE or fit < LEAST_FIT or lead < LEAST_LEAD:
         return check_tone_curve(frame, others, name)
     shows = f"so {fit:.0%} of its points fit the neighbouring frames, {lower_median(as_read):.0%} as read"
-    sure = certainty(lead - 1, 0.3)
+    confidence = certainty(lead - 1, 0.3)
     if what == "depth":
         times = f"{max(factor, 1 / factor):.3g} times too {'small' if factor > 1 else 'large'}"
         return Finding(
-            "depth-scale", "fault", sure, f"{name}: depth is {times}; {shows}", f"multiply its depth by {factor:.3g}"
+            "depth-scale",
+            "fault",
+            confidence,
+            f"{name}: depth is {times}; {shows}",
+            f"multiply its depth by {factor:.3g}",
         )
     times = f"{max(factor, 1 / factor):.2f} times too {'short' if factor > 1 else 'long'}"
     return Finding(
-        "focal-length", "fault", sure, f"{name}: its focal length is {times}; {shows}", f"multiply its fx and fy by {factor:.2f}"
-    )  # fmt: skip
+        "focal-length",
+        "fault",
+        confidence,
+        f"{name}: its focal length is {times}; {shows}",
+        f"multiply its fx and fy by {factor:.2f}",
+    )
 
 
 def check_tone_curve(frame: SmallFrame, others: Sequence[SmallFrame], name: str) -> Finding | None:
@@ -93,9 +101,9 @@ def check_tone_curve(frame: SmallFrame, others: Sequence[SmallFrame], name: str)
     curve = "a gamma of 1/2.2 applied once more" if exponent < 1 else "its gamma taken off (linear values)"
     what = f"{name}: the picture looks as if it had {curve}: its colours are its neighbours' to the power of {exponent:.2g}"
     undo = 2.2 if exponent < 1 else 1 / 2.2
-    sure = certainty(abs(np.log(exponent)) - np.log(LEAST_CURVE), 0.15)
+    confidence = certainty(abs(np.log(exponent)) - np.log(LEAST_CURVE), 0.15)
     return Finding(
-        "picture-gamma", "fault", sure, what, f"save it anew with each value (0..1) to the power of {undo:.2g}"
+        "picture-gamma", "fault", confidence, what, f"save it anew with each value (0..1) to the power of {undo:.2g}"
     )
 
 

@@ -1,4 +1,5 @@
-"""Numba kernels of outlines: colours and what is surely thing or surroundings in; how likely, and which, open pixels are, out."""
+"""Numba kernels of outlines: colours and what is surely object or surroundings in; how likely, and which, open pixels are,
+out."""
 
 from __future__ import annotations
 
@@ -22,7 +23,7 @@ def color_odds(
     least: Whole,
     odds: Float32Array,
 ) -> None:
-    """Log odds that open pixels have the thing's colours, by Parzen windows over the sure pixels about each.
+    """Log odds that open pixels have the object's colours, by Parzen windows over the sure pixels about each.
 
     lab: H x W x 3 CIELAB. open_, inside, outside: H x W bool. reach: pixels to either side that are looked at, every second one.
     spread: standard deviation of a colour, CIELAB units. floor: density of colours that neither side has. least: fewer samples

@@ -1,4 +1,4 @@
-"""Numba kernels of regions: depth and which pixels are free in; which hang together out. Loaded when masks are found."""
+"""Numba kernels of regions: depth and which pixels are free in; which are connected out. Loaded when masks are found."""
 
 from __future__ import annotations
 

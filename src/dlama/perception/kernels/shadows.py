@@ -1,4 +1,4 @@
-"""Numba kernel of shadows: a thing's points and directions of light in; what each thrown shape holds of a map out."""
+"""Numba kernel of shadows: an object's points and directions of light in; what each thrown shape holds of a map out."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ DIRECTIONS_A_TASK = 16
 def cast_shapes(
     first: Whole,
     last: Whole,
-    foot: Float64Array,
+    base: Float64Array,
     rise: Float64Array,
     over: Float64Array,
     lens: Float64Array,
@@ -31,7 +31,7 @@ def cast_shapes(
 
     Each point covers 2 x 2 pixels; only pixels of `seen` count.
 
-    foot: N x 3 points on the surface in camera axes; rise: N heights, m. over: K x 3, metres over the surface for each metre
+    base: N x 3 points on the surface in camera axes; rise: N heights, m. over: K x 3, metres over the surface for each metre
     of height. lens: fx, fy, cx, cy. values, seen: H x W. stamps: as many H x W planes of zeros as there are tasks of
     DIRECTIONS_A_TASK directions. out: K x 3.
     """
@@ -39,12 +39,12 @@ def cast_shapes(
     for k in range(first, last):
         stamp, mark = stamps[k // DIRECTIONS_A_TASK], k + 1
         top, bottom, left, right = height, -1, width, -1
-        for i in range(len(foot)):
-            z = foot[i, 2] + rise[i] * over[k, 2]
+        for i in range(len(base)):
+            z = base[i, 2] + rise[i] * over[k, 2]
             if z <= 1e-3:
                 continue
-            x = (foot[i, 0] + rise[i] * over[k, 0]) / z * lens[0] + lens[2]
-            y = (foot[i, 1] + rise[i] * over[k, 1]) / z * lens[1] + lens[3]
+            x = (base[i, 0] + rise[i] * over[k, 0]) / z * lens[0] + lens[2]
+            y = (base[i, 1] + rise[i] * over[k, 1]) / z * lens[1] + lens[3]
             if not (-1 <= x < width and -1 <= y < height):
                 continue
             column, row = int(math.floor(x)), int(math.floor(y))

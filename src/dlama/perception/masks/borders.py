@@ -20,18 +20,18 @@ from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array
 from dlama.perception.masks.supports import Planes, height_above
 from dlama.perception.planes import tolerance
 
-FOOT_PX = 12
-"""How far from the thing its foot may reach over the plane it stands on,"""
-FOOT_GAP = 0.08
-"""and by what share its depth may differ from the thing's there: a wall far behind is no foot."""
-FOOT_NOISE = 5.0
+CONTACT_PX = 12
+"""How far from the object its foot may reach over the plane it stands on,"""
+CONTACT_GAP = 0.08
+"""and by what share its depth may differ from the object's there: a wall far behind is no foot."""
+CONTACT_NOISE = 5.0
 """A foot rises over the plane by so many standard deviations of the plane's own unevenness,"""
-FOOT_STEP = 0.0012
+CONTACT_STEP = 0.0012
 """and by this relative step in inverse depth at least."""
 LEAST_UNDER = 10
-"""Pixels of a plane that a thing touches at least if it stands on it."""
+"""Pixels of a plane that an object touches at least if it stands on it."""
 LAYER = 0.5
-"""What rises has less than this share of its pixels near the thing if it is a layer of its own on the plane."""
+"""What rises has less than this share of its pixels near the object if it is a layer of its own on the plane."""
 SHARP = 0.7
 """Share of a depth step that a sharp edge makes within one pixel."""
 WIDE_PX = 4
@@ -44,27 +44,27 @@ MOST_PX = 1_000_000
 """Pixels round an object from which GrabCut learns its colours; it takes seconds for ten times as many."""
 
 
-def add_ground_contact(found: Planes, support: BoolArray, thing: BoolArray) -> BoolArray:
-    """The thing and the pixels of a supporting plane that hang together with it and rise a little over the plane."""
-    near = dilate_mask(thing, FOOT_PX) & support & at_same_depth(found, thing)
+def add_ground_contact(found: Planes, support: BoolArray, target: BoolArray) -> BoolArray:
+    """The object and the pixels of a supporting plane that are connected with it and rise a little over the plane."""
+    near = dilate_mask(target, CONTACT_PX) & support & at_same_depth(found, target)
     if not near.any():
-        return thing
+        return target
     step = height_above(found, support)
-    around = dilate_mask(thing, 4 * FOOT_PX) & support
+    around = dilate_mask(target, 4 * CONTACT_PX) & support
     unevenness = 1.4826 * float(np.median(np.abs(step[around])))
-    least = max(FOOT_STEP, FOOT_NOISE * unevenness)
+    least = max(CONTACT_STEP, CONTACT_NOISE * unevenness)
     rises = near & above_thin_layers(step, support & (step > least), near, least)
-    return regions_touching(thing | rises, thing)
+    return regions_touching(target | rises, target)
 
 
-def at_same_depth(found: Planes, thing: BoolArray) -> BoolArray:
-    """H x W, True where inverse depth differs from that of the nearest pixel of the thing by no more than FOOT_GAP."""
-    here, there = found.w, found.w.ravel()[nearest_known(thing & (found.w > 0))[1]]
-    return np.asarray(np.abs(here - there) <= FOOT_GAP * np.maximum(here, there))
+def at_same_depth(found: Planes, target: BoolArray) -> BoolArray:
+    """H x W, True where inverse depth differs from that of the nearest pixel of the object by no more than CONTACT_GAP."""
+    here, there = found.w, found.w.ravel()[nearest_known(target & (found.w > 0))[1]]
+    return np.asarray(np.abs(here - there) <= CONTACT_GAP * np.maximum(here, there))
 
 
 def above_thin_layers(step: Float32Array, rising: BoolArray, near: BoolArray, least: float) -> BoolArray:
-    """H x W, True where pixels rise over the plane, and over a thin layer on it (a carpet) that goes on beyond `near`.
+    """H x W, True where pixels rise over the plane, and over a thin layer on it (a carpet) that continues beyond `near`.
 
     step: H x W relative height. rising: H x W, where that is over `least`. near: H x W, where a foot may be.
     """
@@ -78,8 +78,8 @@ def above_thin_layers(step: Float32Array, rising: BoolArray, near: BoolArray, le
     return out
 
 
-def edges_are_sharp(rgbd: RGBD, found: Planes, thing: BoolArray) -> bool:
-    """True if depth alone says where the thing ends: no noise, and steps at its border within one pixel."""
+def edges_are_sharp(rgbd: RGBD, found: Planes, target: BoolArray) -> bool:
+    """True if depth alone says where the object ends: no noise, and steps at its border within one pixel."""
     if found.noise:
         return False
     w, known, steps = found.w, ~rgbd.missing, []
@@ -87,8 +87,8 @@ def edges_are_sharp(rgbd: RGBD, found: Planes, thing: BoolArray) -> bool:
         last = w.shape[axis] - 1
         place = np.arange(last)
         before, after = w.take(place, axis), w.take(place + 1, axis)
-        inside, beside = thing.take(place, axis), thing.take(place + 1, axis)
-        border = (inside != beside) & known.take(place, axis) & known.take(place + 1, axis)
+        inside, edge_offset = target.take(place, axis), target.take(place + 1, axis)
+        border = (inside != edge_offset) & known.take(place, axis) & known.take(place + 1, axis)
         one = np.abs(before - after)[border]
         ends = [w.take(np.clip(place + by, 0, last), axis)[border] for by in (-WIDE_PX, WIDE_PX)]
         wide = np.abs(ends[0] - ends[1])
@@ -98,55 +98,55 @@ def edges_are_sharp(rgbd: RGBD, found: Planes, thing: BoolArray) -> bool:
     return bool(both.size and np.median(both) > SHARP)
 
 
-def snap_to_picture_edges(rgbd: RGBD, found: Planes, thing: BoolArray) -> BoolArray:
+def snap_to_picture_edges(rgbd: RGBD, found: Planes, target: BoolArray) -> BoolArray:
     """The mask with its border moved to the edges of the picture (GrabCut in a band) where depth leaves it open.
 
-    Open is missing depth beside the thing, and, where depth is noisy or blurred at edges, a band of BAND_PX. Thin parts, which
+    Open is missing depth next to the object, and, where depth is noisy or blurred at edges, a band of BAND_PX. Thin parts, which
     the band would cover whole, keep what depth says.
     """
-    missing = rgbd.missing & dilate_mask(thing, HOLE_PX)
+    missing = rgbd.missing & dilate_mask(target, HOLE_PX)
     band = missing
-    if not edges_are_sharp(rgbd, found, thing):
-        thin = thing & ~dilate_mask(morphological_open(thing, disc(BAND_PX)), 1)
-        band = missing | (dilate_mask(thing, BAND_PX) & ~erode_mask(thing, BAND_PX) & ~thin)
-    band &= ~erode_mask(thing, BAND_PX)
-    if not band.any() or not (thing & ~band).any():
-        return thing
-    return decide_by_color(rgbd, thing, band)
+    if not edges_are_sharp(rgbd, found, target):
+        thin = target & ~dilate_mask(morphological_open(target, disc(BAND_PX)), 1)
+        band = missing | (dilate_mask(target, BAND_PX) & ~erode_mask(target, BAND_PX) & ~thin)
+    band &= ~erode_mask(target, BAND_PX)
+    if not band.any() or not (target & ~band).any():
+        return target
+    return decide_by_color(rgbd, target, band)
 
 
-def find_lost_contact(found: Planes, thing: BoolArray, support: BoolArray, most: float = FOOT_PX) -> BoolArray:
-    """H x W, True where what the thing stands on may be its foot, which rises over it by less than planes may err by.
+def find_lost_contact(found: Planes, target: BoolArray, support: BoolArray, most: float = CONTACT_PX) -> BoolArray:
+    """H x W, True where what the object stands on may be its foot, which rises over it by less than planes may err by.
 
     That is as far along the plane, towards the camera, as inverse depth needs to grow by so much, and no farther than `most` px
-    (as far as that, if it is more than FOOT_PX).
+    (as far as that, if it is more than CONTACT_PX).
     """
-    out = np.zeros_like(thing)
-    under = support & dilate_mask(thing, 3)
-    drawn = thing.astype(np.uint8)
+    out = np.zeros_like(target)
+    under = support & dilate_mask(target, 3)
+    drawn = target.astype(np.uint8)
     for number in np.unique(found.label[under]):
         slope = found.planes[number - 1][:2]
         steep, on_it = float(np.hypot(*slope)), under & (found.label == number)
         if steep <= 0 or on_it.sum() < LEAST_UNDER:
             continue
         middle = np.median(found.w[on_it], keepdims=True)
-        length = most if most > FOOT_PX else min(float(tolerance(middle, found.noise)[0]) / steep, most)
+        length = most if most > CONTACT_PX else min(float(tolerance(middle, found.noise)[0]) / steep, most)
         for step in np.arange(1, length + 1):
             by = np.array([[1, 0, slope[0] / steep * step], [0, 1, slope[1] / steep * step]], np.float32)
-            out |= cv2.warpAffine(drawn, by, thing.shape[::-1], flags=cv2.INTER_NEAREST) > 0
-    return out & ~thing & (at_same_depth(found, thing) | (found.w <= 0))
+            out |= cv2.warpAffine(drawn, by, target.shape[::-1], flags=cv2.INTER_NEAREST) > 0
+    return out & ~target & (at_same_depth(found, target) | (found.w <= 0))
 
 
-def decide_by_color(rgbd: RGBD, thing: BoolArray, band: BoolArray, rounds: int = 2) -> BoolArray:
+def decide_by_color(rgbd: RGBD, target: BoolArray, band: BoolArray, rounds: int = 2) -> BoolArray:
     """The mask with the pixels of `band` decided by GrabCut; all others stay. Colours are learnt in the surroundings only, and
     where those have more than MOST_PX, from a smaller picture of them."""
-    tight = box_around(thing | band, 0)
-    box = larger_box(tight, 12 + (max(sides_of(tight)) - 1) // 4, thing.shape)
-    prior, open_ = thing[box], band[box]
+    tight = box_around(target | band, 0)
+    box = larger_box(tight, 12 + (max(sides_of(tight)) - 1) // 4, target.shape)
+    prior, open_ = target[box], band[box]
     state = np.where(prior, cv2.GC_FGD, cv2.GC_BGD).astype(np.uint8)
     state[open_] = np.where(prior, cv2.GC_PR_FGD, cv2.GC_PR_BGD)[open_]
     if (state == cv2.GC_BGD).sum() < 20 or (state == cv2.GC_FGD).sum() < 20:
-        return thing
+        return target
     cv2.setRNGSeed(0)
     picture, wh = np.ascontiguousarray(rgbd.color[box]), state.shape[::-1]
     by = np.sqrt(MOST_PX / state.size)
@@ -159,6 +159,6 @@ def decide_by_color(rgbd: RGBD, thing: BoolArray, band: BoolArray, rounds: int =
     inside = ((state == cv2.GC_FGD) | (state == cv2.GC_PR_FGD)).astype(np.float32)
     if by < 1:
         inside = np.asarray(cv2.resize(inside, wh, interpolation=cv2.INTER_LINEAR), np.float32)
-    out = thing.copy()
+    out = target.copy()
     out[box] = np.where(open_, inside > 0.5, prior)
     return out

@@ -1,4 +1,4 @@
-"""Pixels on the thing and beside it in; the region between them cut where colour or depth steps out (shortest paths).
+"""Pixels on the object and next to it in; the region between them cut where colour or depth steps out (shortest paths).
 
 Each pixel goes to the seed from which the cheapest path leads to it (Bai & Sapiro 2007, geodesic matting).
 """
@@ -50,14 +50,14 @@ def distances(costs: tuple[Float32Array, Float32Array], seeds: BoolArray, within
     return near
 
 
-def closer_to_object(rgbd: RGBD, wanted: BoolArray, unwanted: BoolArray, within: BoolArray) -> BoolArray:
-    """H x W, True on pixels of `within` that the cheapest path reaches from `wanted` sooner than from `unwanted`."""
-    rows, columns = np.nonzero(within | wanted | unwanted)
+def closer_to_object(rgbd: RGBD, included: BoolArray, excluded: BoolArray, within: BoolArray) -> BoolArray:
+    """H x W, True on pixels of `within` that the cheapest path reaches from `included` sooner than from `excluded`."""
+    rows, columns = np.nonzero(within | included | excluded)
     box = slice(max(rows.min() - 1, 0), rows.max() + 2), slice(max(columns.min() - 1, 0), columns.max() + 2)
     costs = step_costs(rgbd)
     cropped = costs[0][box], costs[1][box]
-    area = (within | wanted | unwanted)[box]
-    here, there = (distances(cropped, seeds[box], area) for seeds in (wanted, unwanted))
+    area = (within | included | excluded)[box]
+    here, there = (distances(cropped, seeds[box], area) for seeds in (included, excluded))
     out = np.zeros(within.shape, np.bool_)
     out[box] = within[box] & (here < there)
     return out

@@ -1,8 +1,8 @@
-"""A mask of measured depth whose edges lie beside the picture's in; the mask with its outline on the picture's edges out.
+"""A mask of measured depth whose edges lie next to the picture's in; the mask with its outline on the picture's edges out.
 
-A depth camera places edges a few pixels off, and loses the foot of a thing in the noise of what it stands on. So the outline is
+A depth camera places edges a few pixels off, and loses the foot of an object in the noise of what it stands on. So the outline is
 first moved as a whole to where the picture steps most along it, and then pixels about it go to the side whose colours they
-have, thing or surroundings close by (Parzen windows); a random walker (Grady 2006) that cannot cross the picture's edges decides
+have, object or surroundings close by (Parzen windows); a random walker (Grady 2006) that cannot cross the picture's edges decides
 where colours do not.
 """
 
@@ -29,7 +29,7 @@ FRINGE = 3.0
 SAMPLED_PX = 14
 """Beyond the open pixels: how far about a pixel its colours are learnt."""
 SPREAD = 6.0
-"""CIELAB units by which colours of one thing differ: noise and compression."""
+"""CIELAB units by which colours of one object differ: noise and compression."""
 FLOOR = 0.01
 """Density of colours that neither side has."""
 LEAST_SAMPLES = 6
@@ -39,10 +39,10 @@ MOST_ODDS = 3.0
 DEPTH_ODDS = 1.0
 """Log odds that depth counts for at the end of its uncertainty."""
 SHOWN, SHOWN_ALONE = 0.5, 0.8
-"""How much what stands out in the picture counts, beside colours, and how much where depth does not say anything."""
+"""How much what stands out in the picture counts, next to colours, and how much where depth does not say anything."""
 NEAR = 2
 """It does so within this many times the distance that colours decide in, from the outline of what stands out."""
-FOOT_MARGIN = 12
+CONTACT_MARGIN = 12
 """Pixels by which a foot or missing depth may lie outside a mask."""
 PULL = 0.3
 """How strongly a pixel is drawn to what its colour says, over how strongly it holds on to an equal neighbour."""
@@ -64,13 +64,13 @@ class Doubt:
     """What depth leaves open about a mask."""
 
     reach: int
-    """px by which depth edges lie beside the picture's."""
+    """px by which depth edges lie next to the picture's."""
     unknown: BoolArray
     """H x W, pixels of which depth does not say whether they belong to it: they have none, or may be its foot."""
     level: Float32Array | None = None
-    """H x W, 0..1: how much each pixel stands out in the picture, if that shows the same thing; with it `agreed`."""
+    """H x W, 0..1: how much each pixel stands out in the picture, if that shows the same object; with it `agreed`."""
     agreed: BoolArray | None = None
-    """H x W: what stands out of that thing."""
+    """H x W: what stands out of that object."""
 
     def within(self, box: tuple[slice, slice]) -> Doubt:
         """That of a part of the picture."""
@@ -78,35 +78,35 @@ class Doubt:
         return Doubt(self.reach, self.unknown[box], level, None if self.agreed is None else self.agreed[box])
 
 
-def refine_outline(color: UInt8Array, thing: BoolArray, doubt: Doubt) -> BoolArray:
+def refine_outline(color: UInt8Array, target: BoolArray, doubt: Doubt) -> BoolArray:
     """The mask (H x W) with its outline on the picture's edges. color: H x W x 3."""
-    about = thing if doubt.agreed is None else thing | doubt.agreed
-    box = box_around(about, FOOT_MARGIN + 2 * doubt.reach + SAMPLED_PX + 4)
+    about = target if doubt.agreed is None else target | doubt.agreed
+    box = box_around(about, CONTACT_MARGIN + 2 * doubt.reach + SAMPLED_PX + 4)
     smooth = cv2.GaussianBlur(np.ascontiguousarray(color[box]), (0, 0), 0.7)
     lab = cv2.cvtColor(smooth.astype(np.float32) / np.float32(255), cv2.COLOR_RGB2LAB)
-    out = thing.copy()
-    out[box] = refine_crop(np.asarray(lab, np.float32), thing[box], doubt.within(box))
+    out = target.copy()
+    out[box] = refine_crop(np.asarray(lab, np.float32), target[box], doubt.within(box))
     return out
 
 
-def refine_crop(lab: Float32Array, thing: BoolArray, doubt: Doubt) -> BoolArray:
+def refine_crop(lab: Float32Array, target: BoolArray, doubt: Doubt) -> BoolArray:
     """`refine_outline` of a part of the picture; lab: H x W x 3 CIELAB."""
     wide = doubt.reach + MORE_PX
-    thing = remove_fringe(thing, wide)
-    move = best_move(lab, thing, doubt.reach)
-    thing, unknown = (translate(each, move) for each in (thing, doubt.unknown))
-    thin = thin_parts(thing, wide)
-    inside = (erode_mask(thing, wide) & ~unknown) | (erode_mask(thing, THIN_PX) & thin)
-    about = dilate_mask(thing, wide) | dilate_mask(unknown & ~thing, MORE_PX)
+    target = remove_fringe(target, wide)
+    move = best_move(lab, target, doubt.reach)
+    target, unknown = (translate(each, move) for each in (target, doubt.unknown))
+    thin = thin_parts(target, wide)
+    inside = (erode_mask(target, wide) & ~unknown) | (erode_mask(target, THIN_PX) & thin)
+    about = dilate_mask(target, wide) | dilate_mask(unknown & ~target, MORE_PX)
     if doubt.agreed is not None:
         about |= doubt.agreed & doubt.unknown
-    seen_through = erode_mask(~thing, THIN_PX) & thin_parts(~thing, wide) & ~unknown
+    seen_through = erode_mask(~target, THIN_PX) & thin_parts(~target, wide) & ~unknown
     outside = ~(about | inside) | seen_through
     open_ = ~inside & ~outside
     if not inside.any() or not open_.any() or not outside.any():
-        return thing
+        return target
     odds = color_log_odds(lab, open_, inside | thin, outside, wide + SAMPLED_PX)
-    odds += np.where(unknown, 0, np.where(thin, DEPTH_ODDS, depth_log_odds(thing, wide)))
+    odds += np.where(unknown, 0, np.where(thin, DEPTH_ODDS, depth_log_odds(target, wide)))
     if doubt.level is not None and doubt.agreed is not None:
         shown = np.clip(np.log((doubt.level + 0.01) / (1.01 - doubt.level)), -MOST_ODDS, MOST_ODDS)
         its_outline = dilate_mask(doubt.agreed & ~erode_mask(doubt.agreed, 1), NEAR * wide)
@@ -122,29 +122,29 @@ def color_log_odds(lab: Float32Array, open_: BoolArray, ours: BoolArray, theirs:
     return np.clip(odds, -MOST_ODDS, MOST_ODDS)
 
 
-def thin_parts(thing: BoolArray, wide: int) -> BoolArray:
+def thin_parts(target: BoolArray, wide: int) -> BoolArray:
     """H x W, True on parts of a mask that are narrower than twice `wide`."""
-    return thing & ~dilate_mask(morphological_open(thing, disc(wide)), 1)
+    return target & ~dilate_mask(morphological_open(target, disc(wide)), 1)
 
 
-def remove_fringe(thing: BoolArray, wide: int) -> BoolArray:
+def remove_fringe(target: BoolArray, wide: int) -> BoolArray:
     """The mask (H x W) without thin parts of few pixels, which noise leaves along an outline; as it is if it has no others."""
     _, labels, stats, _ = cv2.connectedComponentsWithStats(
-        thin_parts(fill_outline(thing), wide).astype(np.uint8), connectivity=8
+        thin_parts(fill_outline(target), wide).astype(np.uint8), connectivity=8
     )
     small = np.flatnonzero(stats[:, cv2.CC_STAT_AREA] < FRINGE * wide**2)
-    kept = thing & ~np.isin(labels, small[small > 0])
-    return np.asarray(kept if kept.any() else thing)
+    kept = target & ~np.isin(labels, small[small > 0])
+    return np.asarray(kept if kept.any() else target)
 
 
-def depth_log_odds(thing: BoolArray, wide: int) -> Float32Array:
+def depth_log_odds(target: BoolArray, wide: int) -> Float32Array:
     """H x W log odds: how far within or beyond the outline of depth a pixel lies."""
-    ours, theirs = (cv2.distanceTransform(each.astype(np.uint8), cv2.DIST_L2, 5) for each in (thing, ~thing))
+    ours, theirs = (cv2.distanceTransform(each.astype(np.uint8), cv2.DIST_L2, 5) for each in (target, ~target))
     return np.asarray(np.clip((ours - theirs) / wide, -1, 1) * DEPTH_ODDS, np.float32)
 
 
 def random_walk(lab: Float32Array, open_: BoolArray, odds: Float32Array, inside: BoolArray) -> Float32Array:
-    """H x W, 0..1: how likely a random walker from each open pixel ends on the thing. Others: 1 inside, else 0."""
+    """H x W, 0..1: how likely a random walker from each open pixel ends on the object. Others: 1 inside, else 0."""
     holds = []
     steps = [(np.diff(lab, axis=axis) ** 2).sum(2) for axis in (1, 0)]
     about = open_ | inside
@@ -155,22 +155,22 @@ def random_walk(lab: Float32Array, open_: BoolArray, odds: Float32Array, inside:
         (hold[:, :-1] if axis else hold[:-1])[...] = np.exp(-step / usual) + CLINGS
         holds.append(hold)
     pull = (PULL * np.abs(np.tanh(odds / 2))).astype(np.float32)
-    wanted = (1 / (1 + np.exp(-odds))).astype(np.float32)
-    level = np.where(open_, wanted, inside).astype(np.float32)
+    probability = (1 / (1 + np.exp(-odds))).astype(np.float32)
+    level = np.where(open_, probability, inside).astype(np.float32)
     for _ in range(SWEEPS):
-        if relax(holds[0], holds[1], open_, pull, wanted, OVER, level) < SETTLED:
+        if relax(holds[0], holds[1], open_, pull, probability, OVER, level) < SETTLED:
             break
     return level
 
 
-def best_move(lab: Float32Array, thing: BoolArray, reach: int) -> tuple[int, int]:
+def best_move(lab: Float32Array, target: BoolArray, reach: int) -> tuple[int, int]:
     """Rows and columns by which the outline must move to lie where the picture steps most; none unless clearly better."""
-    across, down = (np.zeros(thing.shape, np.float32) for _ in range(2))
+    across, down = (np.zeros(target.shape, np.float32) for _ in range(2))
     across[:, 1:-1] = np.sqrt(((lab[:, 2:] - lab[:, :-2]) ** 2).sum(2))
     down[1:-1] = np.sqrt(((lab[2:] - lab[:-2]) ** 2).sum(2))
-    shape = cv2.GaussianBlur(thing.astype(np.float32), (0, 0), 1.5)
+    shape = cv2.GaussianBlur(target.astype(np.float32), (0, 0), 1.5)
     rise_down, rise_across = np.gradient(shape)
-    rows, columns = np.nonzero(thing & ~erode_mask(thing, 1))
+    rows, columns = np.nonzero(target & ~erode_mask(target, 1))
     norm = np.hypot(rise_down, rise_across)[rows, columns] + 1e-6
     normal = np.abs(rise_down[rows, columns]) / norm, np.abs(rise_across[rows, columns]) / norm
     bound = max(float(np.quantile(np.maximum(across, down), STRONGEST)), LEAST_STEP)

@@ -1,6 +1,7 @@
-"""A picture whose depth is estimated and clicks or a box in; masks of the thing meant out. What stands out round the click leads.
+"""A picture whose depth is estimated and clicks or a box in; masks of the object meant out. What stands out round the click
+leads.
 
-The network of `salient` finds what stands out in a picture; in windows round a click that is mostly the thing clicked. It runs
+The network of `salient` finds what stands out in a picture; in windows round a click that is mostly the object clicked. It runs
 in two windows, and in the whole picture where those show nothing at the click or cut it off. Round a box it runs in three, and
 what stands out is taken where it fills the box. `rough` decides where nothing stands out, or something else than the box says.
 """
@@ -33,7 +34,7 @@ WINDOWS = (0.75, 0.5)
 """Sides of the windows round a click, over the root of the picture's area."""
 CLICK_PX = 3
 """A click means what stands out within so many pixels."""
-SURER = 0.05
+LEAST_GAIN = 0.05
 """The smaller window's mask is taken where it is surer by so much than the larger one's: the network is often sure of both."""
 DIFFERENT = 0.9
 """Intersection over union up to which two masks are two readings of a click."""
@@ -44,7 +45,7 @@ BOX_WINDOWS = (1.25, 1.6, 2.2)
 """Sides of the windows round a box, over its longer side; SMALLEST_WINDOW px at least."""
 SMALLEST_WINDOW = 48
 FILLS = 0.75
-"""Intersection over union of a box and that of what stands out in it, from which on that is the thing meant."""
+"""Intersection over union of a box and that of what stands out in it, from which on that is the object meant."""
 
 Window = tuple[slice, slice]
 
@@ -57,7 +58,7 @@ class Reading:
     """H x W."""
     cut: float
     """Share of the window's rim that the mask runs over."""
-    sure: float
+    confidence: float
     """How much stands out what is clicked, 0..1, less the share of the window's rim that the mask runs over."""
 
 
@@ -69,7 +70,7 @@ class PhotoMasker:
         self.known: dict[Pixel, list[Reading]] = {}
 
     def candidates(self, prompt: Prompt) -> dict[str, BoolArray]:
-        """H x W masks: thing; part, group where a click has a smaller or a larger reading. Errors as `rough_candidates`."""
+        """H x W masks: object; part, group where a click has a smaller or a larger reading. Errors as `rough_candidates`."""
         if prompt.box is not None:
             return self.segment_box(prompt)
         clicks, away = Prompt.pixels(prompt.clicks), Prompt.pixels(prompt.not_clicks)
@@ -89,7 +90,7 @@ class PhotoMasker:
         return name_masks(mask, others)
 
     def segment_box(self, prompt: Prompt) -> dict[str, BoolArray]:
-        """What stands out in the box where it fills that, beside what its colours cut out; clicks leave it to the colours."""
+        """What stands out in the box where it fills that, next to what its colours cut out; clicks leave it to the colours."""
         filling = None if prompt.clicks or prompt.not_clicks else self.salient_in_box(prompt.box_slices)
         if filling is None:
             return rough_candidates(self.rough, prompt)
@@ -126,19 +127,23 @@ class PhotoMasker:
             hw = self.rough.w.shape
             sides = [round(share * float(np.sqrt(hw[0] * hw[1]))) for share in WINDOWS]
             found = self.in_windows(pixel, [window_around(pixel, side, hw) for side in sides])
-            if not found or max(found, key=lambda one: one.sure).cut > CUT_OFF:
+            if not found or max(found, key=lambda one: one.confidence).cut > CUT_OFF:
                 whole = self.in_windows(pixel, [(slice(0, hw[0]), slice(0, hw[1]))])
-                found += [dataclasses.replace(one, sure=one.sure - len(WINDOWS) * SURER) for one in whole]
+                found += [
+                    dataclasses.replace(one, confidence=one.confidence - len(WINDOWS) * LEAST_GAIN) for one in whole
+                ]
             self.known[pixel] = found
         return self.known[pixel]
 
     def in_windows(self, pixel: Pixel, windows: list[Window]) -> list[Reading]:
-        """The readings of a click in windows; those of later windows must be surer by SURER each."""
+        """The readings of a click in windows; those of later windows must be more confident by LEAST_GAIN each."""
         found = [(number, self.reading(pixel, window)) for number, window in enumerate(windows)]
-        return [dataclasses.replace(one, sure=one.sure - number * SURER) for number, one in found if one]
+        return [
+            dataclasses.replace(one, confidence=one.confidence - number * LEAST_GAIN) for number, one in found if one
+        ]
 
     def reading(self, pixel: Pixel, window: Window) -> Reading | None:
-        """What stands out in a window at a pixel of it and hangs together; None where nothing does."""
+        """What stands out in a window at a pixel of it and is connected; None where nothing does."""
         try:
             level = saliency(np.ascontiguousarray(self.rgbd.color[window]))
         except MaskError:
@@ -175,9 +180,9 @@ def fill_enclosed(box: Window, mask: BoolArray) -> float:
 
 
 def agreement(reading: Reading, clicks: list[Pixel], away: list[Pixel]) -> float:
-    """How well a reading agrees with all clicks: those on the thing that it holds, less those beside it."""
+    """How well a reading agrees with all clicks: those on the object that it holds, less those next to it."""
     holds, wrong = (sum(bool(reading.mask[pixel]) for pixel in pixels) for pixels in (clicks, away))
-    return reading.sure + holds - wrong
+    return reading.confidence + holds - wrong
 
 
 def refine_border(rgbd: RGBD, mask: BoolArray, window_hw: tuple[int, ...]) -> BoolArray:
@@ -191,7 +196,7 @@ def refine_border(rgbd: RGBD, mask: BoolArray, window_hw: tuple[int, ...]) -> Bo
 
 
 def exclude_clicks(color: UInt8Array, mask: BoolArray, prompt: Prompt) -> BoolArray:
-    """The mask cut anew along the picture's colours, without what clicks beside the thing mean."""
+    """The mask cut anew along the picture's colours, without what clicks next to the object mean."""
     state = np.full(mask.shape, cv2.GC_BGD, np.uint8)
     state[mask] = cv2.GC_PR_FGD
     found = run_grabcut(color, with_seeds(state, prompt))
@@ -199,8 +204,8 @@ def exclude_clicks(color: UInt8Array, mask: BoolArray, prompt: Prompt) -> BoolAr
 
 
 def name_masks(mask: BoolArray, others: list[BoolArray]) -> dict[str, BoolArray]:
-    """The mask as `thing`, and other readings that differ from it: a smaller one as `part`, a larger one as `group`."""
-    out = {"thing": mask}
+    """The mask as `target`, and other readings that differ from it: a smaller one as `part`, a larger one as `group`."""
+    out = {"object": mask}
     for other in others:
         if (mask & other).sum() < DIFFERENT * (mask | other).sum():
             out.setdefault("part" if other.sum() < mask.sum() else "group", other)

@@ -1,4 +1,4 @@
-"""Pieces of a picture that hang together, and some of them, in; those that are one thing with them out."""
+"""Pieces of a picture that are connected, and some of them, in; those that are one object with them out."""
 
 from __future__ import annotations
 
@@ -13,29 +13,29 @@ from dlama.geometry.holes import dilate_mask, nearest_known
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.perception.masks.prompt import Pixel
 
-THING_GAP = 0.15
-"""Share of depth up to which pieces that touch in the picture are one thing: a lamp's shade hangs before its pole."""
+OBJECT_GAP = 0.15
+"""Share of depth up to which pieces that touch in the picture are one object: a lamp's shade hangs before its pole."""
 SIZE_GAP = 0.15
 """It may be this share of the size of what was clicked, too: the lid of a large bin lies far behind its front."""
 GROUP_GAP = 0.3
-"""The same for a group of things."""
+"""The same for a group of objects."""
 TOUCHING_PX = 3
 LARGER = 3.0
-"""A piece that is so many times larger than what was clicked, and covers LARGE_SHARE, is another thing."""
+"""A piece that is so many times larger than what was clicked, and covers LARGE_SHARE, is another object."""
 LARGE_SHARE = 0.05
 MOSTLY = 0.5
-"""Share of the border between two pieces of one thing where their depths are that near: before a bed stands a stool, which
+"""Share of the border between two pieces of one object where their depths are that near: before a bed stands a stool, which
 touches it at its foot alone."""
 SOME_COLOR = 0.15
 """Share of colours that two pieces have in common, from which on less of the border will do,"""
 SAME_COLOR = 0.25
-"""and from which on a smaller piece farther behind belongs to the thing (the hind leg of a chair),"""
+"""and from which on a smaller piece farther behind belongs to the object (the hind leg of a chair),"""
 SMALLER = 0.25
 """if it has no more than this share of its pixels,"""
 BEHIND_SIZE = 0.4
 """and is behind it by no more than this share of its size."""
 CRACK_COLOR = 0.5
-"""Colours in common of two pieces beside a crack: the leaves of a folding screen,"""
+"""Colours in common of two pieces next to a crack: the leaves of a folding screen,"""
 CRACK_SIZE = 0.05
 """which is no wider than this share of their size,"""
 CRACK_SHARE = 1 / 64
@@ -45,7 +45,7 @@ CRACK_LENGTH = 0.25
 OVER = 0.5
 """and this share of the narrower one's columns are the other's, too: the parts of a statue."""
 SMALL_SHARE = 0.05
-"""A piece that has less than this share of the thing's pixels may touch it anywhere (a spoke before the ground),"""
+"""A piece that has less than this share of the object's pixels may touch it anywhere (a spoke before the ground),"""
 """or lie within its outline, as near as its nearest pixel by the gap: dashes of a spoke that is thinner than a pixel."""
 LEAST_PX = 40
 """A piece with fewer pixels has no colours of its own."""
@@ -53,15 +53,15 @@ LEAST_PX = 40
 
 @dataclass(frozen=True, eq=False)
 class Pieces:
-    """The picture without its supporting surfaces, in pieces that hang together."""
+    """The picture without its supporting surfaces, in pieces that are connected."""
 
     depth: Float32Array
     free: BoolArray
-    """H x W, True where a thing may be: depth is valid, and no supporting plane."""
+    """H x W, True where an object may be: depth is valid, and no supporting plane."""
     label: NDArray[np.int32]
     """H x W: pixels of one piece have one number; of no meaning where not free."""
     support: BoolArray
-    """H x W, True on planes that things stand on or before."""
+    """H x W, True on planes that objects stand on or before."""
     bins: NDArray[np.int32]
     """H x W: coarse colour of each pixel, as `color_bins` gives it."""
     focal: float
@@ -96,28 +96,28 @@ def merge_pieces(pieces: Pieces, start: BoolArray, gap: float, barred: set[int])
 
     gap: share of depth by which pieces that touch in the picture may differ. barred: numbers of pieces that do not belong to it.
     """
-    thing, size = start.copy(), pieces.size_of(start)
-    sizes = np.bincount(pieces.label[pieces.free], minlength=thing.size)
+    target, size = start.copy(), pieces.size_of(start)
+    sizes = np.bincount(pieces.label[pieces.free], minlength=target.size)
     while gap:
-        most = max(LARGER * thing.sum(), LARGE_SHARE * thing.size)
-        chosen = [n for n in find_belonging(pieces, thing, gap, size, sizes) if n not in barred and sizes[n] <= most]
+        most = max(LARGER * target.sum(), LARGE_SHARE * target.size)
+        chosen = [n for n in find_belonging(pieces, target, gap, size, sizes) if n not in barred and sizes[n] <= most]
         if not chosen:
             break
-        thing |= pieces.free & np.isin(pieces.label, chosen)
-    return thing
+        target |= pieces.free & np.isin(pieces.label, chosen)
+    return target
 
 
 def find_belonging(
-    pieces: Pieces, thing: BoolArray, gap: float, size: float, sizes: NDArray[np.int64]
+    pieces: Pieces, target: BoolArray, gap: float, size: float, sizes: NDArray[np.int64]
 ) -> Iterator[int]:
-    """Numbers of the pieces that are one thing with `thing` (H x W): they touch it, stand close behind it, or beside a crack.
+    """Numbers of the pieces that are one object with `target` (H x W): they touch it, stand close behind it, or next to a crack.
 
     size: metres of what was clicked. sizes: pixels of each piece.
     """
-    reach = max(TOUCHING_PX, round(CRACK_SHARE * max(thing.shape)))
-    distance, nearest = nearest_known(thing)
-    yield from find_enclosed(pieces, thing, gap, sizes, nearest)
-    pixels = np.flatnonzero(dilate_mask(thing, reach) & pieces.free & ~thing)
+    reach = max(TOUCHING_PX, round(CRACK_SHARE * max(target.shape)))
+    distance, nearest = nearest_known(target)
+    yield from find_enclosed(pieces, target, gap, sizes, nearest)
+    pixels = np.flatnonzero(dilate_mask(target, reach) & pieces.free & ~target)
     away, depth = distance.ravel()[pixels], pieces.depth.ravel()
     here, there = depth[pixels], depth[nearest.ravel()[pixels]]
     step, nearer = np.abs(here - there), np.minimum(here, there)
@@ -126,23 +126,23 @@ def find_belonging(
         of_it = labels == number
         border = of_it & (away <= TOUCHING_PX + 0.5)
         close = int((step <= np.maximum(gap * nearer, SIZE_GAP * size))[border].sum())
-        if close > 1 and (sizes[number] < SMALL_SHARE * thing.sum() or close >= MOSTLY * border.sum()):
+        if close > 1 and (sizes[number] < SMALL_SHARE * target.sum() or close >= MOSTLY * border.sum()):
             yield number
             continue
         if sizes[number] < LEAST_PX:
             continue
         piece = pieces.free & (pieces.label == number)
-        common = pieces.common_color(thing, piece)
+        common = pieces.common_color(target, piece)
         behind = border & (step <= BEHIND_SIZE * size)
         crack = of_it & (np.hypot(step, away * nearer / pieces.focal) <= CRACK_SIZE * size)
         if (
             (close > 1 and common >= SOME_COLOR)
-            or (behind.sum() > 1 and common >= SAME_COLOR and sizes[number] <= SMALLER * thing.sum())
+            or (behind.sum() > 1 and common >= SAME_COLOR and sizes[number] <= SMALLER * target.sum())
             or (common >= CRACK_COLOR and crack.sum() >= CRACK_LENGTH * longer_side(piece))
             or (
                 common >= CRACK_COLOR
                 and not border.any()
-                and is_stacked(thing, piece)
+                and is_stacked(target, piece)
                 and is_within_gap(step[of_it], size)
             )
         ):
@@ -150,7 +150,7 @@ def find_belonging(
 
 
 def is_within_gap(step: Float32Array, size: float) -> bool:
-    """Whether the least of some steps in depth, m, is within what is one thing's."""
+    """Whether the least of some steps in depth, m, is within what is one object's."""
     return bool(step.min() <= BEHIND_SIZE * size)
 
 
@@ -164,18 +164,18 @@ def is_stacked(one: BoolArray, other: BoolArray) -> bool:
 
 
 def find_enclosed(
-    pieces: Pieces, thing: BoolArray, gap: float, sizes: NDArray[np.int64], nearest: NDArray[np.int64]
+    pieces: Pieces, target: BoolArray, gap: float, sizes: NDArray[np.int64], nearest: NDArray[np.int64]
 ) -> list[int]:
-    """Numbers of the small pieces that lie wholly within the outline of `thing` (H x W) and are as near.
+    """Numbers of the small pieces that lie wholly within the outline of `target` (H x W) and are as near.
 
-    sizes: pixels of each piece. nearest: H x W, which pixel of the thing is nearest, counted row by row.
+    sizes: pixels of each piece. nearest: H x W, which pixel of the object is nearest, counted row by row.
     """
-    pixels = np.flatnonzero(fill_outline(thing) & pieces.free & ~thing)
+    pixels = np.flatnonzero(fill_outline(target) & pieces.free & ~target)
     labels, depth = pieces.label.ravel()[pixels], pieces.depth.ravel()
     here, there = depth[pixels], depth[nearest.ravel()[pixels]]
     near = labels[np.abs(here - there) <= gap * np.minimum(here, there)]
     numbers, counts = np.unique(near, return_counts=True)
-    return [int(n) for n in numbers[(counts == sizes[numbers]) & (counts < SMALL_SHARE * thing.sum())]]
+    return [int(n) for n in numbers[(counts == sizes[numbers]) & (counts < SMALL_SHARE * target.sum())]]
 
 
 def fill_outline(where: BoolArray) -> BoolArray:

@@ -26,11 +26,11 @@ class Prompt:
     hw: tuple[int, int]
     """Height and width of the picture."""
     clicks: tuple[Point, ...] = ()
-    """On the thing."""
+    """On the object."""
     not_clicks: tuple[Point, ...] = ()
-    """Beside the thing."""
+    """Beside the object."""
     box: Box | None = None
-    """Round the thing."""
+    """Round the object."""
 
     def __post_init__(self) -> None:
         height, width = self.hw
@@ -77,12 +77,12 @@ class Prompt:
         return out
 
 
-def check_numbers(name: str, values: Sequence[float], count: int, wanted: str) -> tuple[float, ...]:
+def check_numbers(name: str, values: Sequence[float], count: int, kind: str) -> tuple[float, ...]:
     """`count` finite numbers; else InputError."""
     try:
         numbers = tuple(float(value) for value in values)
     except (TypeError, ValueError):
         numbers = ()
     if len(numbers) != count or not all(math.isfinite(number) for number in numbers):
-        raise InputError(f"{name} holds {values!r}; {count} numbers {wanted} are expected")
+        raise InputError(f"{name} holds {values!r}; {count} numbers {kind} are expected")
     return numbers

@@ -1,4 +1,4 @@
-"""A picture with depth and clicks or a box in; the mask of the thing meant out.
+"""A picture with depth and clicks or a box in; the mask of the object meant out.
 
 Supporting surfaces are removed; the connected region around the click stays. Where depth edges are misaligned with the
 picture, as a depth camera's are, a salient-object network corrects the mask (`correct_by_saliency`), and the outline follows
@@ -22,7 +22,7 @@ from dlama.perception.masks.borders import add_ground_contact, snap_to_picture_e
 from dlama.perception.masks.cuts import closer_to_object
 from dlama.perception.masks.outlines import refine_outline
 from dlama.perception.masks.photo import PhotoMasker
-from dlama.perception.masks.pieces import GROUP_GAP, THING_GAP, Pieces, color_bins, merge_pieces
+from dlama.perception.masks.pieces import GROUP_GAP, OBJECT_GAP, Pieces, color_bins, merge_pieces
 from dlama.perception.masks.prompt import Pixel, Prompt
 from dlama.perception.masks.rough import rough_candidates, rough_depth
 from dlama.perception.masks.saliency_correction import CorrectedMask, correct_by_saliency, find_uncertain_pixels
@@ -38,17 +38,17 @@ SLOPE = 4.0
 NOISE_STEP = 4.0
 """The same in standard deviations of the noise."""
 SNAP_PX = 6
-"""A click beside a thin thing means the nearest pixel of a thing within so many px."""
+"""A click next to a thin object means the nearest pixel of an object within so many px."""
 PATCH = 3.0
 """A correction reaches so many times as far as the click is from the border of the mask."""
 BARRED = 0.5
-"""A click beside the thing takes its whole piece away where that is less than this share of the thing; else what is near."""
+"""A click next to the object takes its whole piece away where that is less than this share of the object; else what is near."""
 ROUGH = "found in estimated depth, which is rough: look at the mask, or give depth"
 NOISY = "found in noisy depth: look at the mask"
 MOST_NOISE = 0.02
 """Standard deviation of inverse depth over its median, from which on the picture leads."""
 IN_BOX = 0.7
-"""Share of a piece that a box must hold if the piece is to be a part of the thing."""
+"""Share of a piece that a box must hold if the piece is to be a part of the object."""
 
 
 def rgbd_masker(rgbd: RGBD, model: None) -> Callable[[Prompt], tuple[dict[str, BoolArray], tuple[str, ...]]]:
@@ -60,12 +60,12 @@ def rgbd_masker(rgbd: RGBD, model: None) -> Callable[[Prompt], tuple[dict[str, B
         rough = rough_depth(rgbd)
         return lambda prompt: (rough_candidates(rough, prompt), (NOISY,))
     found = find_planes_of_picture(rgbd)
-    beside = edge_misalignment(rgbd.color, rgbd.depth, rgbd.valid, rgbd.far)
-    return lambda prompt: rgbd_candidates(rgbd, found, prompt, beside if beside >= CLEARLY else 0)
+    edge_offset = edge_misalignment(rgbd.color, rgbd.depth, rgbd.valid, rgbd.far)
+    return lambda prompt: rgbd_candidates(rgbd, found, prompt, edge_offset if edge_offset >= CLEARLY else 0)
 
 
 def is_noisy(rgbd: RGBD) -> bool:
-    """True where surfaces are so uneven, as stereo matching leaves them, that pieces do not hang together."""
+    """True where surfaces are so uneven, as stereo matching leaves them, that pieces do not are connected."""
     if not rgbd.valid.any():
         return False
     w = inverse_depth(rgbd.depth)
@@ -73,44 +73,48 @@ def is_noisy(rgbd: RGBD) -> bool:
 
 
 def rgbd_candidates(
-    rgbd: RGBD, found: Planes, prompt: Prompt, beside: int = 0
+    rgbd: RGBD, found: Planes, prompt: Prompt, edge_offset: int = 0
 ) -> tuple[dict[str, BoolArray], tuple[str, ...]]:
-    """H x W masks by name (part, thing, group; those that differ), and notes.
+    """H x W masks by name (part, object, group; those that differ), and notes.
 
-    beside: px by which depth edges lie beside those of the picture; 0: they do not.
+    edge_offset: px by which depth edges lie off those of the picture; 0: they do not.
     Raises MaskError where nothing that stands apart is meant: the sky, the ground, missing depth.
     """
     if not prompt.clicks:
-        return segment_box(rgbd, found, prompt, beside), ()
+        return segment_box(rgbd, found, prompt, edge_offset), ()
     seeds, flat, support = split_clicks(rgbd, found, prompt)
     pieces = find_pieces(rgbd, support, found.noise)
     seeds = [snap_to_piece(pieces, seed) for seed in seeds]
     away = [pixel for pixel in Prompt.pixels(prompt.not_clicks) if pieces.free[pixel]]
     own = sum((pieces.at(seed) for seed in seeds), np.zeros(rgbd.depth.shape, np.bool_))
-    most = BARRED * merge_pieces(pieces, own, THING_GAP, set()).sum() if away else 0
+    most = BARRED * merge_pieces(pieces, own, OBJECT_GAP, set()).sum() if away else 0
     barred = {int(pieces.label[p]) for p in away if not own[p] and pieces.at(p).sum() < most}
-    gaps = (("thing", THING_GAP), ("part", 0.0), ("group", GROUP_GAP))
+    gaps = (("object", OBJECT_GAP), ("part", 0.0), ("group", GROUP_GAP))
     whole = {name: merge_pieces(pieces, own, gap, barred) & prompt.inside for name, gap in gaps}
     raw = {name: add_ground_contact(found, pieces.support, mask) for name, mask in whole.items()}
     clicked = seeds + flat
-    if not beside:
+    if not edge_offset:
         return drop_duplicates({name: finish_mask(rgbd, found, pieces, raw[name], prompt, clicked) for name in raw}), ()
     raw = drop_duplicates(raw)
-    sure = correct_by_saliency(rgbd, found, pieces, raw["thing"], prompt)
-    masks = {"thing": finish_mask(rgbd, found, pieces, sure.thing & prompt.inside, prompt, clicked, beside, sure)}
-    for name in [each for each in raw if each != "thing"]:
-        masks[name] = finish_mask(rgbd, found, pieces, raw[name], prompt, clicked, beside)
+    corrected = correct_by_saliency(rgbd, found, pieces, raw["object"], prompt)
+    masks = {
+        "object": finish_mask(
+            rgbd, found, pieces, corrected.target & prompt.inside, prompt, clicked, edge_offset, corrected
+        )
+    }
+    for name in [each for each in raw if each != "object"]:
+        masks[name] = finish_mask(rgbd, found, pieces, raw[name], prompt, clicked, edge_offset)
     return drop_duplicates(masks), ()
 
 
 def split_clicks(rgbd: RGBD, found: Planes, prompt: Prompt) -> tuple[list[Pixel], list[Pixel], BoolArray]:
-    """The clicks on things, those on a supporting plane, which only add to a thing, and H x W where such planes are.
+    """The clicks on objects, those on a supporting plane, which only add to an object, and H x W where such planes are.
 
-    The first click on a thing says which planes support it. MaskError where no click is on a thing.
+    The first click on an object says which planes support it. MaskError where no click is on an object.
     """
     clicks = Prompt.pixels(prompt.clicks)
     if not rgbd.valid.any():
-        raise MaskError("depth is missing or far everywhere, so no thing stands apart; depth with values is expected")
+        raise MaskError("depth is missing or far everywhere, so no object stands apart; depth with values is expected")
     flat = [pixel for pixel in clicks if rgbd.far[pixel] or is_ground(found, *pixel)]
     seeds = [pixel for pixel in clicks if pixel not in flat]
     if not seeds:
@@ -127,7 +131,7 @@ def split_clicks(rgbd: RGBD, found: Planes, prompt: Prompt) -> tuple[list[Pixel]
         what = "the sky" if rgbd.far[flat[0]] else "a plain surface (ground, wall or table)"
         raise MaskError(
             f"clicks holds {column},{row}, which lies on {what}: nothing stands apart there; "
-            "click on a thing, or give a box round it"
+            "click on an object, or give a box round it"
         )
     return seeds, flat, support
 
@@ -162,7 +166,7 @@ def snap_to_piece(pieces: Pieces, seed: Pixel) -> Pixel:
     if not distance[seed] <= SNAP_PX * 1.5:
         raise MaskError(
             f"clicks holds {seed[1]},{seed[0]}, where depth shows nothing that stands apart; "
-            "click on a thing, or give a box round it"
+            "click on an object, or give a box round it"
         )
     row, column = divmod(int(nearest[seed]), pieces.free.shape[1])
     return row, column
@@ -175,28 +179,30 @@ def finish_mask(
     mask: BoolArray,
     prompt: Prompt,
     clicks: list[Pixel],
-    beside: int = 0,
-    sure: CorrectedMask | None = None,
+    edge_offset: int = 0,
+    corrected: CorrectedMask | None = None,
 ) -> BoolArray:
-    """The mask with its border on the picture's edges, without what is nearer to a click beside it."""
-    wanted, unwanted = (np.zeros(mask.shape, np.bool_) for _ in range(2))
+    """The mask with its border on the picture's edges, without what is nearer to a click next to it."""
+    included, excluded = (np.zeros(mask.shape, np.bool_) for _ in range(2))
     for pixel in clicks:
-        wanted[pixel] = True
+        included[pixel] = True
     for pixel in Prompt.pixels(prompt.not_clicks):
-        unwanted[pixel] = True
-    if beside and mask.any():
-        mask = refine_outline(rgbd.color, mask, find_uncertain_pixels(rgbd, found, pieces.support, mask, beside, sure))
+        excluded[pixel] = True
+    if edge_offset and mask.any():
+        mask = refine_outline(
+            rgbd.color, mask, find_uncertain_pixels(rgbd, found, pieces.support, mask, edge_offset, corrected)
+        )
     else:
         mask = snap_to_picture_edges(rgbd, found, mask)
-    for pixel in zip(*np.nonzero(unwanted & mask)):
-        mask = mask & ~pixels_of_negative_click(rgbd, ~mask, (int(pixel[0]), int(pixel[1])), wanted)
-    for pixel in zip(*np.nonzero(wanted & ~mask)):
-        mask = mask | pixels_of_negative_click(rgbd, mask, (int(pixel[0]), int(pixel[1])), unwanted)
-    return (mask | wanted) & ~unwanted
+    for pixel in zip(*np.nonzero(excluded & mask)):
+        mask = mask & ~pixels_of_negative_click(rgbd, ~mask, (int(pixel[0]), int(pixel[1])), included)
+    for pixel in zip(*np.nonzero(included & ~mask)):
+        mask = mask | pixels_of_negative_click(rgbd, mask, (int(pixel[0]), int(pixel[1])), excluded)
+    return (mask | included) & ~excluded
 
 
 def pixels_of_negative_click(rgbd: RGBD, mask: BoolArray, pixel: Pixel, against: BoolArray) -> BoolArray:
-    """What belongs to a click beside the mask: the pixels outside it that are nearer to the click than to their surroundings.
+    """What belongs to a click next to the mask: the pixels outside it that are nearer to the click than to their surroundings.
 
     How far it may reach follows from how far from the mask the click is: a correction changes what is about it, no more.
     """
@@ -213,8 +219,8 @@ def pixels_of_negative_click(rgbd: RGBD, mask: BoolArray, pixel: Pixel, against:
     return closer_to_object(rgbd, seed, (against | rim) & window & ~mask & ~seed, window & ~mask)
 
 
-def segment_box(rgbd: RGBD, found: Planes, prompt: Prompt, beside: int) -> dict[str, BoolArray]:
-    """The thing in a box: the pieces that the box holds almost whole, as far as they touch the largest of them."""
+def segment_box(rgbd: RGBD, found: Planes, prompt: Prompt, edge_offset: int) -> dict[str, BoolArray]:
+    """The object in a box: the pieces that the box holds almost whole, as far as they touch the largest of them."""
     inside = prompt.inside
     pieces = find_pieces(rgbd, find_supports(found, [], inside), found.noise)
     label = np.where(pieces.free, pieces.label, 0).ravel()
@@ -223,7 +229,7 @@ def segment_box(rgbd: RGBD, found: Planes, prompt: Prompt, beside: int) -> dict[
     whole = (held >= IN_BOX * np.maximum(sizes, 1)) & (held > 0)
     if not held.any():
         raise MaskError(
-            "box holds nothing that stands apart in depth; a box round a thing is expected, or clicks on it"
+            "box holds nothing that stands apart in depth; a box round an object is expected, or clicks on it"
         )
     usable = np.where(whole, held, 0) if held[whole].max(initial=0) >= 0.1 * held.max() else held
     main = int(usable.argmax())
@@ -232,14 +238,14 @@ def segment_box(rgbd: RGBD, found: Planes, prompt: Prompt, beside: int) -> dict[
     start = kept & (pieces.label == main)
     barred = {int(pieces.label[p]) for p in Prompt.pixels(prompt.not_clicks) if pieces.free[p]} - {main}
     masks = {}
-    for name, gap in (("thing", GROUP_GAP), ("part", 0.0)):
+    for name, gap in (("object", GROUP_GAP), ("part", 0.0)):
         mask = add_ground_contact(found, pieces.support, merge_pieces(cropped, start, gap, barred) & inside)
-        masks[name] = finish_mask(rgbd, found, cropped, mask, prompt, [], beside)
+        masks[name] = finish_mask(rgbd, found, cropped, mask, prompt, [], edge_offset)
     return drop_duplicates(masks)
 
 
 def drop_duplicates(masks: dict[str, BoolArray]) -> dict[str, BoolArray]:
-    """Those that differ from the ones before by 1 % of their pixels or more; `thing` comes first."""
+    """Those that differ from the ones before by 1 % of their pixels or more; `target` comes first."""
     out: dict[str, BoolArray] = {}
     for name, mask in masks.items():
         if all((mask ^ other).sum() > 0.01 * (mask | other).sum() for other in out.values()):

@@ -1,6 +1,6 @@
-"""A picture with estimated or noisy depth and clicks or a box in; the mask of the thing meant out. The picture leads.
+"""A picture with estimated or noisy depth and clicks or a box in; the mask of the object meant out. The picture leads.
 
-A network's depth is right in its large forms only: things are bumps without edges, and the ground bends; matched depth is
+A network's depth is right in its large forms only: objects are bumps without edges, and the ground bends; matched depth is
 uneven. So depth gives the window and the first guess (what is as near as the click and no ground), and GrabCut (Rother et al.
 2004) cuts along the picture's colours.
 """
@@ -28,9 +28,9 @@ ABOUT_GROUND = 0.35
 """and where it does so nearly as steeply as the plane (SLOPE_ABOUT): the estimated ground bends."""
 SLOPE_ON, SLOPE_ABOUT = 0.3, 0.6
 COLOR_STEP = 8.0
-"""CIELAB units (lightness: twice) up to which what hangs together with the click has its colour."""
+"""CIELAB units (lightness: twice) up to which what is connected with the click has its colour."""
 LARGEST_COLOR = 0.1
-"""Share of the picture from which such a region says nothing of the thing."""
+"""Share of the picture from which such a region says nothing of the object."""
 SEED_PX = 3
 """Radius of a click."""
 NOTHING = 8.0
@@ -40,11 +40,11 @@ SMALLEST_SIDE = 0.06
 MARGIN = 0.25
 """The window is so much larger than the first guess, on each side, over its longer side;"""
 SURROUNDINGS = 0.6
-"""and so far beyond it the colours of what is no thing are learnt."""
+"""and so far beyond it the colours of what is no object are learnt."""
 ROUNDS = 5
 """Of GrabCut."""
 BACKGROUND = 0.5
-"""Share of the picture and of its upper rim, from which on what a click finds is no thing."""
+"""Share of the picture and of its upper rim, from which on what a click finds is no object."""
 
 ALL_GROUND = 0.8
 """Share of a mask on the ground, from which on it is the ground itself where it runs along the picture's lower rim."""
@@ -68,7 +68,7 @@ def rough_depth(rgbd: RGBD) -> RoughDepth:
     """The ground is the plane that holds most of the picture's lower half and rises towards the camera."""
     w, valid = inverse_depth(rgbd.depth), rgbd.valid
     if not valid.any():
-        raise MaskError("depth is missing or far everywhere, so no thing stands apart; depth with values is expected")
+        raise MaskError("depth is missing or far everywhere, so no object stands apart; depth with values is expected")
     middle = float(np.median(w[valid]))
     lower = np.zeros(w.shape, np.bool_)
     lower[len(w) // 2 :] = True
@@ -83,14 +83,14 @@ def rough_depth(rgbd: RGBD) -> RoughDepth:
     step = max(1, min(max(3, len(w) // 64), (len(w) - 1) // 2))
     smooth, rise = cv2.blur(w, (2 * step + 1, 3)), np.zeros_like(w)
     rise[step:-step] = (smooth[2 * step :] - smooth[: -2 * step]) / (2 * step)
-    rise[:step], rise[-step:] = rise[step], rise[-step - 1]  # the picture's rim is as steep as what lies beside it
+    rise[:step], rise[-step:] = rise[step], rise[-step - 1]  # the picture's rim is as steep as what lies next to it
     away = np.abs(chosen - w) / np.maximum(w, 1e-6)
     ground = (away < ON_GROUND) & (rise > SLOPE_ON * slope) | (away < ABOUT_GROUND) & (rise > SLOPE_ABOUT * slope)
     return RoughDepth(rgbd.color, w, morphological_open(ground, square(9)), chosen, rgbd.far)
 
 
 def rough_candidates(rough: RoughDepth, prompt: Prompt) -> dict[str, BoolArray]:
-    """The H x W mask as `thing`. Raises MaskError where nothing is cut out, or the sky is clicked."""
+    """The H x W mask as `target`. Raises MaskError where nothing is cut out, or the sky is clicked."""
     if prompt.clicks and all(rough.far[pixel] for pixel in Prompt.pixels(prompt.clicks)):
         row, column = Prompt.pixels(prompt.clicks)[0]
         raise MaskError(
@@ -112,16 +112,16 @@ def rough_candidates(rough: RoughDepth, prompt: Prompt) -> dict[str, BoolArray]:
             row, column = Prompt.pixels(prompt.clicks)[0]
             raise MaskError(
                 f"clicks holds {column},{row}, where nothing stands apart in colour or rough depth; "
-                "click amid a thing, or give a box round it"
+                "click amid an object, or give a box round it"
             )
         if prompt.box is None:
             refuse_background(mask, prompt)
             refuse_ground(rough, mask, prompt)
     if not mask.any():
         raise MaskError(
-            "box holds nothing that stands apart in colour; a box round a thing is expected, or clicks on it"
+            "box holds nothing that stands apart in colour; a box round an object is expected, or clicks on it"
         )
-    return {"thing": mask}
+    return {"object": mask}
 
 
 def mark_clicks(state: UInt8Array, prompt: Prompt) -> UInt8Array:
@@ -137,8 +137,8 @@ def refuse_background(mask: BoolArray, prompt: Prompt) -> None:
     if mask.mean() > BACKGROUND and mask[0].mean() > BACKGROUND:
         row, column = Prompt.pixels(prompt.clicks)[0]
         raise MaskError(
-            f"clicks holds {column},{row}, where more than half of the picture and of its upper rim hang together: "
-            "that is background (sky, wall); click on a thing, or give a box round it"
+            f"clicks holds {column},{row}, where more than half of the picture and of its upper rim are connected: "
+            "that is background (sky, wall); click on an object, or give a box round it"
         )
 
 
@@ -148,12 +148,12 @@ def refuse_ground(rough: RoughDepth, mask: BoolArray, prompt: Prompt) -> None:
         row, column = Prompt.pixels(prompt.clicks)[0]
         raise MaskError(
             f"clicks holds {column},{row}, which lies on the ground: nothing stands apart there; "
-            "click on a thing, or give a box round it"
+            "click on an object, or give a box round it"
         )
 
 
 def first_guess(rough: RoughDepth, pixel: tuple[int, int]) -> BoolArray:
-    """H x W, True on what hangs together with a click at (row, column) and is as near, or of its colour."""
+    """H x W, True on what is connected with a click at (row, column) and is as near, or of its colour."""
     row, column = pixel
     around = slice(max(row - 2, 0), row + 3), slice(max(column - 2, 0), column + 3)
     here = float(np.median(rough.w[around]))
@@ -167,7 +167,7 @@ def first_guess(rough: RoughDepth, pixel: tuple[int, int]) -> BoolArray:
 
 
 def color_region(color: UInt8Array, pixel: tuple[int, int]) -> BoolArray:
-    """H x W, True on what hangs together with a pixel (row, column) and has its colour."""
+    """H x W, True on what is connected with a pixel (row, column) and has its colour."""
     lab = cv2.cvtColor(cv2.GaussianBlur(color, (0, 0), 1.0), cv2.COLOR_RGB2LAB)
     found = np.zeros((color.shape[0] + 2, color.shape[1] + 2), np.uint8)
     allowed = (2 * COLOR_STEP, COLOR_STEP, COLOR_STEP)
@@ -177,7 +177,7 @@ def color_region(color: UInt8Array, pixel: tuple[int, int]) -> BoolArray:
 
 
 def find_window(rough: RoughDepth, guess: BoolArray, pixel: tuple[int, int]) -> tuple[slice, slice]:
-    """Rows and columns in which the thing lies: of the guess, down to where the ground is as near as the click, and a margin."""
+    """Rows and columns in which the object lies: of the guess, down to where the ground is as near as the click, and a margin."""
     rows, columns = np.flatnonzero(guess.any(1)), np.flatnonzero(guess.any(0))
     height = guess.shape[0]
     last = int(rows[-1])
@@ -193,13 +193,13 @@ def find_window(rough: RoughDepth, guess: BoolArray, pixel: tuple[int, int]) -> 
 
 
 def run_grabcut(color: UInt8Array, state: UInt8Array) -> BoolArray:
-    """H x W, True on the thing by GrabCut from its codes (state, uint8 H x W); colours are learnt in the surroundings only."""
+    """H x W, True on the object by GrabCut from its codes (state, uint8 H x W); colours are learnt in the surroundings only."""
     asked = state != cv2.GC_BGD
     sides = [int(np.ptp(np.flatnonzero(asked.any(axis)))) for axis in (1, 0)]
     box = box_around(asked, int(SURROUNDINGS * max(sides)) + 10)
     codes, picture = np.ascontiguousarray(state[box]), np.ascontiguousarray(color[box])
-    sure = (codes == cv2.GC_BGD) | (codes == cv2.GC_PR_BGD)
-    if sure.sum() >= 20 and (~sure).sum() >= 20:
+    background = (codes == cv2.GC_BGD) | (codes == cv2.GC_PR_BGD)
+    if background.sum() >= 20 and (~background).sum() >= 20:
         cv2.setRNGSeed(0)
         models = np.zeros((1, 65)), np.zeros((1, 65))
         cv2.grabCut(picture, codes, (0, 0, 1, 1), *models, ROUNDS, cv2.GC_INIT_WITH_MASK)
@@ -209,7 +209,7 @@ def run_grabcut(color: UInt8Array, state: UInt8Array) -> BoolArray:
 
 
 def keep_clicked_parts(mask: BoolArray, prompt: Prompt) -> BoolArray:
-    """The pieces of the mask that hold a click, gaps of a pixel closed; nothing at clicks beside the thing."""
+    """The pieces of the mask that hold a click, gaps of a pixel closed; nothing at clicks next to the object."""
     _, labels = cv2.connectedComponents(morphological_close(mask, square(3)).astype(np.uint8), connectivity=8)
     numbers = {int(labels[pixel]) for pixel in Prompt.pixels(prompt.clicks)} - {0}
     out = np.isin(labels, list(numbers))

@@ -1,8 +1,8 @@
 """A mask of a depth camera's depth and the picture in; the mask put right by what stands out in the picture round it, out.
 
-The network of `salient` runs in a window about what depth found. Where both show one thing, each surface that mostly lies in
+The network of `salient` runs in a window about what depth found. Where both show one object, each surface that mostly lies in
 what stands out belongs to it (the seat of a chair, which depth alone takes for a support), and one that mostly does not is
-another thing (a table that touches the chair in the picture). Where depth hardly steps along the outline, as of a book that
+another object (a table that touches the chair in the picture). Where depth hardly steps along the outline, as of a book that
 leans on a wall, what stands out about the click is asked alone.
 """
 
@@ -18,9 +18,9 @@ from numpy.typing import NDArray
 from dlama.errors import MaskError
 from dlama.geometry.holes import box_around, dilate_mask, disc, erode_mask, morphological_open, nearest_known, square
 from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array, UInt8Array
-from dlama.perception.masks.borders import FOOT_PX, HOLE_PX, find_lost_contact
+from dlama.perception.masks.borders import CONTACT_PX, HOLE_PX, find_lost_contact
 from dlama.perception.masks.outlines import Doubt
-from dlama.perception.masks.pieces import THING_GAP, Pieces, fill_outline
+from dlama.perception.masks.pieces import OBJECT_GAP, Pieces, fill_outline
 from dlama.perception.masks.prompt import Pixel, Prompt
 from dlama.perception.masks.rough import color_region
 from dlama.perception.masks.salient import saliency
@@ -34,19 +34,19 @@ CLICK_WINDOWS = (0.5, 0.25)
 CLICK_PX = 3
 """A click means what stands out within so many pixels."""
 BELONGS, OTHER = 0.6, 0.35
-"""Share of a surface in what stands out, from which on it belongs to the thing, and up to which it does not."""
+"""Share of a surface in what stands out, from which on it belongs to the object, and up to which it does not."""
 THIN_PX = 6
 """if it is wider than twice this: thin legs do not stand out."""
-ONE_THING = 0.7
-"""Intersection over union of what stands out and of its surfaces, from which on both show one thing."""
+SAME_OBJECT = 0.7
+"""Intersection over union of what stands out and of its surfaces, from which on both show one object."""
 APART = 4
 FLAT = 0.025
-"""Median relative step of depth along an outline, below which depth does not say where the thing ends."""
-SURE, CUT_OFF = 0.9, 0.02
+"""Median relative step of depth along an outline, below which depth does not say where the object ends."""
+CONFIDENT, CUT_OFF = 0.9, 0.02
 """What stands out about a click alone is taken from this level on, and if it runs over no more than this share of its rim."""
 EVEN, EVEN_PX, CONVEX = (0.005, 0.12), 9, 0.8
-"""A region of one colour, without what is narrower than so many px, is a thing if it covers this share of the picture (from, to)
-and of its convex hull."""
+"""A region of one colour, without what is narrower than so many px, is an object if it covers this share of the picture
+(from, to) and of its convex hull."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,7 +56,7 @@ class SalientObject:
     level: Float32Array
     """H x W, 0..1; 0 outside the window."""
     part: BoolArray
-    """H x W, True where that is more than half and hangs together with a click."""
+    """H x W, True where that is more than half and is connected with a click."""
     cut: float
     """Share of the window's rim, where that is not the picture's, that the part runs over."""
 
@@ -65,46 +65,46 @@ class SalientObject:
 class CorrectedMask:
     """What depth and the picture say together."""
 
-    thing: BoolArray
+    target: BoolArray
     """H x W."""
     shown: SalientObject | None
-    """What stands out, where both show one thing."""
+    """What stands out, where both show one object."""
 
 
-def correct_by_saliency(rgbd: RGBD, found: Planes, pieces: Pieces, thing: BoolArray, prompt: Prompt) -> CorrectedMask:
+def correct_by_saliency(rgbd: RGBD, found: Planes, pieces: Pieces, target: BoolArray, prompt: Prompt) -> CorrectedMask:
     """What depth found (H x W), put right by what stands out round it; as it is where that shows something else."""
-    shown = find_salient(rgbd.color, square_around_mask(thing), prompt)
-    best, agreed = (thing, 0.0) if shown is None else select_surfaces(rgbd, found, pieces, thing, shown)
-    if agreed >= ONE_THING:
+    shown = find_salient(rgbd.color, square_around_mask(target), prompt)
+    best, agreed = (target, 0.0) if shown is None else select_surfaces(rgbd, found, pieces, target, shown)
+    if agreed >= SAME_OBJECT:
         return CorrectedMask(best, shown)
-    if shown is None or depth_step_at_outline(rgbd, thing) < FLAT:
+    if shown is None or depth_step_at_outline(rgbd, target) < FLAT:
         alone = find_salient_at_click(rgbd.color, prompt)
         if alone is not None:
             return CorrectedMask(alone.part, alone)
         even = uniform_region(rgbd.color, Prompt.pixels(prompt.clicks)[0])
-        if even is not None and shown is None and filled_share(thing) < CONVEX:
+        if even is not None and shown is None and filled_share(target) < CONVEX:
             return CorrectedMask(even, None)
-    return CorrectedMask(thing, None)
+    return CorrectedMask(target, None)
 
 
 def find_uncertain_pixels(
-    rgbd: RGBD, found: Planes, support: BoolArray, mask: BoolArray, beside: int, sure: CorrectedMask | None
+    rgbd: RGBD, found: Planes, support: BoolArray, mask: BoolArray, edge_offset: int, corrected: CorrectedMask | None
 ) -> Doubt:
     """What depth leaves open about a mask (H x W): pixels without depth near it, and its foot; more of both where it stands out.
 
-    support: H x W, True on planes that things stand on. beside: px by which depth edges lie beside the picture's. sure: what
-    stands out there; None: it was not asked.
+    support: H x W, True on planes that objects stand on. edge_offset: px by which depth edges lie off the picture's.
+    corrected: what stands out there; None: it was not asked.
     """
-    box = box_around(mask, 2 * max(FOOT_PX, HOLE_PX) + 2)
+    box = box_around(mask, 2 * max(CONTACT_PX, HOLE_PX) + 2)
     near = dataclasses.replace(found, w=found.w[box], label=found.label[box])
     part, missing, under = mask[box], rgbd.missing[box], support[box]
     unknown = np.zeros(mask.shape, np.bool_)
     unknown[box] = (missing & dilate_mask(part, HOLE_PX)) | find_lost_contact(near, part, under)
-    if sure is None or sure.shown is None:
-        return Doubt(beside, unknown)
-    far = find_lost_contact(near, morphological_open(part, disc(THIN_PX)), under, 2 * FOOT_PX)
-    unknown[box] |= sure.shown.part[box] & ((missing & dilate_mask(part, 2 * HOLE_PX)) | far)
-    return Doubt(beside, unknown, sure.shown.level, sure.shown.part)
+    if corrected is None or corrected.shown is None:
+        return Doubt(edge_offset, unknown)
+    far = find_lost_contact(near, morphological_open(part, disc(THIN_PX)), under, 2 * CONTACT_PX)
+    unknown[box] |= corrected.shown.part[box] & ((missing & dilate_mask(part, 2 * HOLE_PX)) | far)
+    return Doubt(edge_offset, unknown, corrected.shown.level, corrected.shown.part)
 
 
 def find_salient_at_click(color: UInt8Array, prompt: Prompt) -> SalientObject | None:
@@ -114,13 +114,13 @@ def find_salient_at_click(color: UInt8Array, prompt: Prompt) -> SalientObject | 
         side = round(share * float(np.sqrt(height * width)))
         window = square_around_pixel(Prompt.pixels(prompt.clicks)[0], side, (height, width))
         alone = find_salient(color, window, prompt)
-        if alone is not None and alone.cut <= CUT_OFF and float(alone.level[alone.part].mean()) >= SURE:
+        if alone is not None and alone.cut <= CUT_OFF and float(alone.level[alone.part].mean()) >= CONFIDENT:
             return alone
     return None
 
 
 def uniform_region(color: UInt8Array, pixel: Pixel) -> BoolArray | None:
-    """H x W, what hangs together with a pixel by its colour, if that has the shape of a thing: a dark screen, a door."""
+    """H x W, what is connected with a pixel by its colour, if that has the shape of an object: a dark screen, a door."""
     _, labels = cv2.connectedComponents(
         morphological_open(color_region(color, pixel), square(EVEN_PX)).astype(np.uint8)
     )
@@ -140,35 +140,35 @@ def overlap(one: BoolArray, other: BoolArray) -> float:
 
 
 def select_surfaces(
-    rgbd: RGBD, found: Planes, pieces: Pieces, thing: BoolArray, shown: SalientObject
+    rgbd: RGBD, found: Planes, pieces: Pieces, target: BoolArray, shown: SalientObject
 ) -> tuple[BoolArray, float]:
     """H x W: the surfaces that belong to what stands out, and how well they agree with it, 0..1, but for missing depth near by.
 
-    A surface that depth left out must be as near as the thing beside it, and a plane's must hold most of the plane: what is seen
-    through a chair's back is no part of it.
+    A surface that depth left out must be as near as the object next to it, and a plane's must hold most of the plane: what is
+    seen through a chair's back is no part of it.
     """
     number = number_surfaces(found, pieces)
     count = int(number.max()) + 1
     sizes, held, had = (
         np.bincount(number[where].ravel(), minlength=count)
-        for where in (rgbd.valid, rgbd.valid & shown.part, rgbd.valid & thing)
+        for where in (rgbd.valid, rgbd.valid & shown.part, rgbd.valid & target)
     )
     share, was = held / np.maximum(sizes, 1), had / np.maximum(sizes, 1) >= 0.5
-    here, there = rgbd.depth, rgbd.depth.ravel()[nearest_known(thing & rgbd.valid)[1]]
-    near = rgbd.valid & (np.abs(here - there) <= THING_GAP * np.minimum(here, there))
+    here, there = rgbd.depth, rgbd.depth.ravel()[nearest_known(target & rgbd.valid)[1]]
+    near = rgbd.valid & (np.abs(here - there) <= OBJECT_GAP * np.minimum(here, there))
     close = np.bincount(number[near], minlength=count) >= 0.5 * sizes
     plane = np.zeros(count, np.intp)
     plane[number] = np.maximum(found.label, 0)
     of_plane = np.array([1.0, *(found.share(n, shown.part) for n in range(len(found.planes)))])
     added = ~was & close & (share >= BELONGS) & (of_plane[plane] >= BELONGS)
-    solid = np.bincount(number[morphological_open(thing, disc(THIN_PX))], minlength=count) >= 0.5 * sizes
+    solid = np.bincount(number[morphological_open(target, disc(THIN_PX))], minlength=count) >= 0.5 * sizes
     other = (share <= OTHER) & solid
     chosen = ((was & ~other) | added)[number] & rgbd.valid
-    return chosen, overlap(chosen, shown.part & ~(rgbd.missing & dilate_mask(thing, 2 * HOLE_PX)))
+    return chosen, overlap(chosen, shown.part & ~(rgbd.missing & dilate_mask(target, 2 * HOLE_PX)))
 
 
 def number_surfaces(found: Planes, pieces: Pieces) -> NDArray[np.int32]:
-    """H x W: pixels of one surface have one number: parts of planes that hang together, and pieces on no plane."""
+    """H x W: pixels of one surface have one number: parts of planes that are connected, and pieces on no plane."""
     out, first = np.zeros(pieces.depth.shape, np.int32), 1
     for plane in range(1, len(found.planes) + 1):
         count, labels = cv2.connectedComponents((found.label == plane).astype(np.uint8), connectivity=4)
@@ -180,25 +180,25 @@ def number_surfaces(found: Planes, pieces: Pieces) -> NDArray[np.int32]:
     return np.asarray(out, np.int32)
 
 
-def depth_step_at_outline(rgbd: RGBD, thing: BoolArray) -> float:
+def depth_step_at_outline(rgbd: RGBD, target: BoolArray) -> float:
     """Median relative step of depth across the outline of a mask (H x W), of means over APART px; 0 where none is known."""
     window = (2 * APART + 1, 2 * APART + 1)
     means = []
-    for where in (rgbd.valid & thing, rgbd.valid & ~thing):
+    for where in (rgbd.valid & target, rgbd.valid & ~target):
         count = cv2.boxFilter(where.astype(np.float32), -1, window, normalize=False)
         total = cv2.boxFilter(np.where(where, rgbd.depth, np.float32(0)), -1, window, normalize=False)
         means.append(np.where(count > APART, total / np.maximum(count, 1), np.nan))
-    steps = (means[1] / means[0])[thing & ~erode_mask(thing, 1)]
+    steps = (means[1] / means[0])[target & ~erode_mask(target, 1)]
     known = steps[np.isfinite(steps)]
     return float(np.median(np.abs(known - 1))) if known.size else 0.0
 
 
-def square_around_mask(thing: BoolArray) -> tuple[slice, slice]:
+def square_around_mask(target: BoolArray) -> tuple[slice, slice]:
     """The square about a mask (H x W)."""
-    rows, columns = np.flatnonzero(thing.any(1)), np.flatnonzero(thing.any(0))
+    rows, columns = np.flatnonzero(target.any(1)), np.flatnonzero(target.any(0))
     side = max(SMALLEST_WINDOW, round(WINDOW * max(int(np.ptp(rows)), int(np.ptp(columns)))))
     middle = int(rows[0] + rows[-1]) // 2, int(columns[0] + columns[-1]) // 2
-    return square_around_pixel(middle, side, thing.shape)
+    return square_around_pixel(middle, side, target.shape)
 
 
 def square_around_pixel(pixel: Pixel, side: int, hw: tuple[int, ...]) -> tuple[slice, slice]:
@@ -209,7 +209,7 @@ def square_around_pixel(pixel: Pixel, side: int, hw: tuple[int, ...]) -> tuple[s
 
 
 def find_salient(color: UInt8Array, window: tuple[slice, slice], prompt: Prompt) -> SalientObject | None:
-    """What stands out in a window at the clicks; None where nothing does, or a click beside the thing stands out with it."""
+    """What stands out in a window at the clicks; None where nothing does, or a click next to the object stands out with it."""
     try:
         within = saliency(np.ascontiguousarray(color[window]))
     except MaskError:

@@ -1,7 +1,7 @@
 """A picture in; the mask of what stands out in it out, by U2-Net-p (Qin et al. 2020), which ships in the package. No prompt.
 
 The network's contract: input 1 x 3 x 320 x 320, RGB over the picture's largest value, ImageNet's mean and deviation; its first
-output is 1 x 1 x 320 x 320, high on the thing, stretched to 0..1.
+output is 1 x 1 x 320 x 320, high on the object, stretched to 0..1.
 """
 
 from __future__ import annotations
@@ -55,30 +55,30 @@ def saliency(color: UInt8Array) -> Float32Array:
     out = net.run({name: np.ascontiguousarray(planes.transpose(2, 0, 1)[None], np.float32)})[0, 0]
     low, high = float(out.min()), float(out.max())
     if high - low < FLAT:
-        raise MaskError("nothing stands out in the picture; click on a thing, or give a box round it")
+        raise MaskError("nothing stands out in the picture; click on an object, or give a box round it")
     height, width = color.shape[:2]
     level = cv2.resize((out - low) / (high - low), (width, height), interpolation=cv2.INTER_LINEAR)
     return np.asarray(level, np.float32)
 
 
 def salient_candidates(level: Float32Array, prompt: Prompt) -> tuple[dict[str, BoolArray], tuple[str, ...]]:
-    """The H x W mask of what stands out, as `thing`; within the box, and the pieces with a click, where there are any.
+    """The H x W mask of what stands out, as `target`; within the box, and the pieces with a click, where there are any.
 
     Pieces that hold a pixel of not_clicks are left out. MaskError: nothing stands out there.
     """
     mask = (level > 0.5) & prompt.inside
     if not mask.any():
         raise MaskError(
-            "box holds nothing that stands out in the picture; another box, or clicks on the thing, are expected"
+            "box holds nothing that stands out in the picture; another box, or clicks on the object, are expected"
         )
     _, labels = cv2.connectedComponents(mask.astype(np.uint8), connectivity=8)
     for column, row in prompt.clicks:
         if not labels[int(row), int(column)]:
             raise MaskError(
-                f"clicks holds {column:g},{row:g}, where nothing stands out in the picture; click on a thing that does, "
+                f"clicks holds {column:g},{row:g}, where nothing stands out in the picture; click on an object that does, "
                 "or choose another masker"
             )
     if prompt.clicks:
         mask &= np.isin(labels, [labels[pixel] for pixel in Prompt.pixels(prompt.clicks)])
     away = {int(labels[pixel]) for pixel in Prompt.pixels(prompt.not_clicks)} - {0}
-    return {"thing": np.asarray(mask & ~np.isin(labels, list(away)))}, ()
+    return {"object": np.asarray(mask & ~np.isin(labels, list(away)))}, ()

@@ -24,8 +24,8 @@ from dlama.perception.masks.prompt import Prompt
 
 NETWORK = "mask encoder"
 """What stands as `network` in the contract of an encoder file."""
-ON, BESIDE, CORNER, OPPOSITE, PADDING = 1, 0, 2, 3, -1
-"""Labels of points: on the thing, beside it, upper left and lower right corner of a box, no point at all."""
+ON, NEGATIVE, CORNER, OPPOSITE, PADDING = 1, 0, 2, 3, -1
+"""Labels of points: on the object, next to it, upper left and lower right corner of a box, no point at all."""
 POINTS = ("point_coords", "batched_point_coords")
 LABELS = ("point_labels", "batched_point_labels")
 DTYPES = {"tensor(float)": np.float32, "tensor(int64)": np.int64, "tensor(int32)": np.int32}
@@ -92,7 +92,7 @@ class EmbeddedPicture:
     """Of the picture."""
 
     def decode(self, prompt: Prompt) -> tuple[Float32Array, Float32Array]:
-        """Masks as the decoder sees them, M x H x W, above 0 on the thing, and their M scores. FileError: a foreign decoder."""
+        """Masks as the decoder sees them, M x H x W, above 0 on the object, and their M scores. FileError: a foreign decoder."""
         named = dict(zip(self.decoder.outputs, self.decoder.run_all(self.feed(prompt))))
         masks = next((named[name] for name in ("masks", "output_masks") if name in named), None)
         scores = named.get("iou_predictions")
@@ -138,7 +138,7 @@ class EmbeddedPicture:
 
     def points(self, prompt: Prompt) -> tuple[Float32Array, Float32Array]:
         """N x 2 points (x, y) in the pixels in which the encoder saw the picture, and their N labels."""
-        points = [(x, y, ON) for x, y in prompt.clicks] + [(x, y, BESIDE) for x, y in prompt.not_clicks]
+        points = [(x, y, ON) for x, y in prompt.clicks] + [(x, y, NEGATIVE) for x, y in prompt.not_clicks]
         if prompt.box is not None:
             x, y, wide, high = prompt.box
             points += [(x, y, CORNER), (x + wide, y + high, OPPOSITE)]
@@ -167,7 +167,7 @@ def segment_anything_masker(
 def name_candidates(
     masks: Float32Array, scores: Float32Array, prompt: Prompt
 ) -> tuple[dict[str, BoolArray], tuple[str, ...]]:
-    """The mask with the best score as `thing`, the next smaller one as `part`, the next larger one as `group`; and notes.
+    """The mask with the best score as `target`, the next smaller one as `part`, the next larger one as `group`; and notes.
 
     Raises MaskError where the best mask is empty.
     """
@@ -177,8 +177,8 @@ def name_candidates(
         count = len(prompt.clicks) + len(prompt.not_clicks) + 2 * (prompt.box is not None)
         best = 0 if count > 1 else 1 + int(np.argmax(scores[1:]))
     if not found[best].any():
-        raise MaskError("the network sees nothing there; other clicks, or a box round the thing, are expected")
-    out = {"thing": found[best]}
+        raise MaskError("the network sees nothing there; other clicks, or a box round the object, are expected")
+    out = {"object": found[best]}
     others = sorted(
         (mask for mask in found if mask.any() and overlap(mask, found[best]) < ALIKE), key=lambda m: m.sum()
     )
@@ -199,10 +199,12 @@ def overlap(one: BoolArray, other: BoolArray) -> float:
 def find_pair(mask_model: object) -> tuple[NetworkFile, NetworkFile, PairContract]:
     """Encoder, decoder and contract of a name of PAIRS, of `NAME=ENCODER,DECODER`, or of two files (or `ENCODER,DECODER`), the
     first with its contract. InputError, FileError."""
-    wanted = f"one of {', '.join(PAIRS)} (pulled before), ENCODER.onnx,DECODER.onnx, or NAME=ENCODER.onnx,DECODER.onnx"
+    expected = (
+        f"one of {', '.join(PAIRS)} (pulled before), ENCODER.onnx,DECODER.onnx, or NAME=ENCODER.onnx,DECODER.onnx"
+    )
     if mask_model is None:
         raise InputError(
-            f"masker 'segment-anything' runs a pair of networks and mask_model names none; {wanted} is expected"
+            f"masker 'segment-anything' runs a pair of networks and mask_model names none; {expected} is expected"
         )
     if isinstance(mask_model, tuple):
         files, contract = [Path(one) for one in mask_model], None
@@ -215,7 +217,7 @@ def find_pair(mask_model: object) -> tuple[NetworkFile, NetworkFile, PairContrac
             contract = PAIRS[name] if equals and name in PAIRS else None
             files = [Path(one) for one in (after if contract else text).split(",")]
     if len(files) != 2:
-        raise InputError(f"mask_model is {mask_model!r}; {wanted} is expected")
+        raise InputError(f"mask_model is {mask_model!r}; {expected} is expected")
     encoder, decoder = (NetworkFile(user_path(file)) for file in files)
     contract = contract or read_file_contract(encoder)
     if contract is None:

@@ -1,4 +1,4 @@
-"""Depth in; the supporting surfaces (ground, walls, tables) that things stand on or hang at out."""
+"""Depth in; the supporting surfaces (ground, walls, tables) that objects stand on or hang at out."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from dlama.perception.planes import find_planes, label_known, noise_level
 
 SMALLEST_SUPPORT = 0.03
 """Share of the picture that a supporting plane covers at least."""
-SURE_BEHIND = 0.1
+LITTLE_BEHIND = 0.1
 """A plane supports where no more than this share of its border has something behind it: the ground, a ceiling, a wall."""
 MOST_BEHIND = 0.3
-"""It may be a support up to this share, if the thing stands before it: a facade against the sky. More: the face of a thing."""
+"""It may be a support up to this share, if the object stands before it: a facade against the sky. More: the face of an object."""
 INSIDE_BOX = 0.6
-"""A plane that lies in the user's box with more than this share of its pixels belongs to the thing."""
+"""A plane that lies in the user's box with more than this share of its pixels belongs to the object."""
 BEFORE = 1.01
 """Inverse depth of a pixel over that of a plane, from which on it stands before the plane."""
 BEHIND = 1.015
-"""Inverse depth of a plane over that of a pixel beside it, from which on the pixel lies behind the plane."""
+"""Inverse depth of a plane over that of a pixel next to it, from which on the pixel lies behind the plane."""
 NOISY = 6.0
 """Both differ by so many standard deviations of the noise at least."""
 ESTIMATED_NOISE = 0.02
@@ -82,11 +82,11 @@ def behind_share(
 
 
 def find_supports(found: Planes, seeds: list[tuple[int, int]], box: BoolArray | None = None) -> BoolArray:
-    """H x W, True on the planes that the thing at `seeds` (row, column), or in a box, stands on or before."""
+    """H x W, True on the planes that the object at `seeds` (row, column), or in a box, stands on or before."""
     chosen = [
         found.share(n) >= SMALLEST_SUPPORT
         and not any(found.label[seed] == n + 1 for seed in seeds)
-        and (found.behind[n] <= SURE_BEHIND or (found.behind[n] <= MOST_BEHIND and is_in_front(found, n, seeds)))
+        and (found.behind[n] <= LITTLE_BEHIND or (found.behind[n] <= MOST_BEHIND and is_in_front(found, n, seeds)))
         and (box is None or found.share(n, box) <= INSIDE_BOX)
         for n in range(len(found.planes))
     ]
@@ -100,9 +100,9 @@ def is_in_front(found: Planes, number: int, seeds: list[tuple[int, int]]) -> boo
 
 
 def is_ground(found: Planes, row: int, column: int) -> bool:
-    """True where a pixel lies on a plane that surely supports others: no thing of its own."""
+    """True where a pixel lies on a plane that surely supports others: no object of its own."""
     number = int(found.label[row, column]) - 1
-    return number >= 0 and found.share(number) >= 4 * SMALLEST_SUPPORT and found.behind[number] <= SURE_BEHIND
+    return number >= 0 and found.share(number) >= 4 * SMALLEST_SUPPORT and found.behind[number] <= LITTLE_BEHIND
 
 
 def height_above(found: Planes, support: BoolArray) -> Float32Array:

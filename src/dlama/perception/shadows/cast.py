@@ -1,6 +1,6 @@
-"""A thing's points over the surface in; its shape thrown by the lights that explain most, and how sure each is, out.
+"""An object's points over the surface in; its shape thrown by the lights that explain most, and how sure each is, out.
 
-A shadow on a plane is the thing's own shape thrown along the light, darker than the lit surface by a nearly constant ratio.
+A shadow on a plane is the object's own shape thrown along the light, darker than the lit surface by a nearly constant ratio.
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ WEIGHTS = {
 }
 """Of FEATURES at each scale, and a constant; fitted on 120 worlds by `python benchmarks/shadows.py train`."""
 SMALLEST_PX = 25
-"""Fewer points of a thing, or fewer pixels of a shape or of the ring round it, say nothing."""
-LEAST_SURE = 0.15
+"""Fewer points of an object, or fewer pixels of a shape or of the ring round it, say nothing."""
+LEAST_PROBABILITY = 0.15
 """Value of a thrown shape of which nothing is certain; a certain one has 1."""
 TALLEST, LOWEST = 4.0, 0.04
-"""What stands lower or higher over the surface than these many times the thing's height is not thrown in common."""
+"""What stands lower or higher over the surface than these many times the object's height is not thrown in common."""
 COMMON_POINTS = 4000
 """Of all that stands on the surface, at most, for the search of their common light."""
 STRONG = 20.0
@@ -34,36 +34,36 @@ STRONG = 20.0
 
 
 def find_cast_shapes(
-    rgbd: RGBD, ground: Ground, usable: BoolArray, thing: StandingObject, tall: float
+    rgbd: RGBD, ground: Ground, usable: BoolArray, caster: StandingObject, tall: float
 ) -> list[tuple[float, BoolArray] | None]:
     """How sure it is and H x W: the best shape at each scale, the second best at the fine one, and the one thrown by the light
     that explains all that stands on the surface together. usable: H x W, True where the surface is seen; tall: metres."""
-    if len(thing.foot) < SMALLEST_PX:
+    if len(caster.base) < SMALLEST_PX:
         return [None] * 4
     out: list[tuple[float, BoolArray] | None] = []
     second = None
     for scale in (SHARP, SOFT):
-        made = find_cast_shape(rgbd, usable, thing, scale)
+        made = find_cast_shape(rgbd, usable, caster, scale)
         if made is None:
             out.append(None)
             continue
         found, shape, features = made
-        sure = LEAST_SURE + (1 - LEAST_SURE) * cast_shadow_probability(features, WEIGHTS[scale])
-        out.append((sure, shape))
+        probability = LEAST_PROBABILITY + (1 - LEAST_PROBABILITY) * cast_shadow_probability(features, WEIGHTS[scale])
+        out.append((probability, shape))
         if scale == SHARP and found.next_best > 0:
             share = found.next_best / max(found.strength, 1e-6)
-            second = sure * share, cast_shape(thing, found.next_over, rgbd, usable)
-    return [*out, second, find_common_light(rgbd, ground, usable, thing, tall)]
+            second = probability * share, cast_shape(caster, found.next_over, rgbd, usable)
+    return [*out, second, find_common_light(rgbd, ground, usable, caster, tall)]
 
 
 def find_cast_shape(
-    rgbd: RGBD, usable: BoolArray, thing: StandingObject, scale: Scale
+    rgbd: RGBD, usable: BoolArray, caster: StandingObject, scale: Scale
 ) -> tuple[CastShape, BoolArray, NDArray[np.float64]] | None:
     """The light that explains most, the shape that it throws (H x W) and what speaks for it: FEATURES. None: there is none."""
-    found = best_direction(thing, rgbd, usable, scale)
+    found = best_direction(caster, rgbd, usable, scale)
     if found is None:
         return None
-    shape = cast_shape(thing, found.over, rgbd, usable)
+    shape = cast_shape(caster, found.over, rgbd, usable)
     ring = surrounding_ring(shape, usable)
     if shape.sum() < SMALLEST_PX or ring.sum() < SMALLEST_PX:
         return None
@@ -71,9 +71,9 @@ def find_cast_shape(
 
 
 def find_common_light(
-    rgbd: RGBD, ground: Ground, usable: BoolArray, thing: StandingObject, tall: float
+    rgbd: RGBD, ground: Ground, usable: BoolArray, caster: StandingObject, tall: float
 ) -> tuple[float, BoolArray] | None:
-    """The thing's shape thrown by the light that explains the shadows of all that stands on the surface."""
+    """The object's shape thrown by the light that explains the shadows of all that stands on the surface."""
     there = rgbd.valid & ~ground.surface
     every = rays(rgbd.camera)[there] * rgbd.depth[there][:, None]
     height = (1 - every @ ground.normal) / float(np.linalg.norm(ground.normal))
@@ -85,7 +85,7 @@ def find_common_light(
     found = best_direction(others, rgbd, usable, SHARP)
     if found is None:
         return None
-    return float(np.tanh(found.strength / STRONG)), cast_shape(thing, found.over, rgbd, usable)
+    return float(np.tanh(found.strength / STRONG)), cast_shape(caster, found.over, rgbd, usable)
 
 
 def shape_features(rgbd: RGBD, shape: BoolArray, ring: BoolArray, found: CastShape) -> tuple[float, ...]:
@@ -107,7 +107,7 @@ def shape_features(rgbd: RGBD, shape: BoolArray, ring: BoolArray, found: CastSha
 
 
 def cast_shadow_probability(features: NDArray[np.float64], weights: tuple[float, ...]) -> float:
-    """Probability (0..1) that a thrown shape is the thing's shadow: a logistic regression, fitted on worlds
+    """Probability (0..1) that a thrown shape is the object's shadow: a logistic regression, fitted on worlds
     (`benchmarks/shadows.py`)."""
     return float(1 / (1 + np.exp(-(features @ np.array(weights[:-1]) + weights[-1]))))
 
@@ -122,8 +122,8 @@ def surrounding_ring(shape: BoolArray, usable: BoolArray) -> BoolArray:
     return np.asarray(usable & dilate_mask(shape, error_radius(shape) + 4) & ~dilate_mask(shape, 4))
 
 
-def cast_shape(thing: StandingObject, over: NDArray[np.float64], rgbd: RGBD, usable: BoolArray) -> BoolArray:
+def cast_shape(caster: StandingObject, over: NDArray[np.float64], rgbd: RGBD, usable: BoolArray) -> BoolArray:
     """H x W: the shape thrown by a light (metres over the surface for each metre of height), gaps closed, on `usable`."""
     shape = np.zeros(usable.shape, np.bool_)
-    shape.ravel()[pixels_of(thing.foot + thing.rise[:, None] * over, rgbd)] = True
+    shape.ravel()[pixels_of(caster.base + caster.rise[:, None] * over, rgbd)] = True
     return np.asarray(usable & morphological_close(shape, square(9)))

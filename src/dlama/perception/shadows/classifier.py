@@ -1,4 +1,4 @@
-"""Planes of a crop round a thing in; the probability that each pixel lies in its shadow out, or none where nothing is certain.
+"""Planes of a crop round an object in; the probability that each pixel lies in its shadow out, or none where nothing is certain.
 
 Four parts that ship (`assets/shadow`): the network that marks pixels (`network`), and three small classifiers, made by
 `benchmarks/shadow_classifier.py`: which thrown shape is right, which pixels belong to the shadow that was thrown there, and
@@ -36,7 +36,7 @@ TRIED = 2
 LIKELY = 0.04
 """of those at least so probable."""
 CERTAIN = 0.3
-"""Least probability that what is found is the thing's shadow."""
+"""Least probability that what is found is the object's shadow."""
 SHADOW = 0.5
 """Least probability of a pixel."""
 SMALLEST_MARKED = 25
@@ -87,22 +87,24 @@ def find_likely_shadows(
     every = candidate_features(planes, [*shapes, region], shares)
     features, own = every[:-1], every[-1]
     there = np.isfinite(features).all(1)
-    sure = np.where(there, parts["candidate"](np.nan_to_num(features)), 0)
+    certainty = np.where(there, parts["candidate"](np.nan_to_num(features)), 0)
     out = []
-    for number in np.argsort(-sure, kind="stable")[:TRIED]:
-        if sure[number] < LIKELY:
+    for number in np.argsort(-certainty, kind="stable")[:TRIED]:
+        if certainty[number] < LIKELY:
             break
-        rows, where = pixel_features(planes, shapes[number], float(sure[number]), shares)
-        said = np.zeros(where.shape, np.float32)
-        said[where] = parts["pixel"](rows)
-        last = verdict_features(planes, shapes[number], said, float(sure[number]), features[number], sure)
-        mean = np.asarray((said + marked) / 2, np.float32)
+        rows, where = pixel_features(planes, shapes[number], float(certainty[number]), shares)
+        marked_by_pixel = np.zeros(where.shape, np.float32)
+        marked_by_pixel[where] = parts["pixel"](rows)
+        last = verdict_features(
+            planes, shapes[number], marked_by_pixel, float(certainty[number]), features[number], certainty
+        )
+        mean = np.asarray((marked_by_pixel + marked) / 2, np.float32)
         tones = tone_steps(planes, regions_touching(mean > SHADOW, shapes[number]))
-        last = np.r_[last, agreement(marked, said > SHADOW, surface), 0, tones]
+        last = np.r_[last, agreement(marked, marked_by_pixel > SHADOW, surface), 0, tones]
         out.append(LikelyShadows(shapes[number], mean, last))
     if region.sum() >= SMALLEST_MARKED:
         certain = float(parts["candidate"](own[None])[0])
-        last = verdict_features(planes, region, marked, certain, own, sure)
+        last = verdict_features(planes, region, marked, certain, own, certainty)
         tones = tone_steps(planes, region)
         out.append(LikelyShadows(region, marked, np.r_[last, agreement(marked, region, surface), 1, tones]))
     return out
@@ -121,15 +123,15 @@ def agreement(marked: Float32Array, region: BoolArray, where: BoolArray) -> Floa
 def verdict_features(
     planes: Float32Array,
     shape: BoolArray,
-    said: Float32Array,
-    sure: float,
+    marked_by_pixel: Float32Array,
+    certainty: float,
     features: Float32Array,
-    all_sure: np.ndarray,
+    all_probabilities: np.ndarray,
 ) -> Float32Array:
     """What speaks for the region that a shape leads to: how sure its pixels are and those elsewhere, the step at its border, and
     the shape's own features."""
     where, dark = planes[4] > 0.5, planes[9]
-    region = regions_touching(said > SHADOW, shape)
+    region = regions_touching(marked_by_pixel > SHADOW, shape)
     out = cv2.distanceTransform((~region).astype(np.uint8), cv2.DIST_L2, 3)
     ring, rest = (out > 2) & (out < 8) & where, (out >= 8) & where
     enough = region.sum() >= FEWEST_PX <= ring.sum()
@@ -139,13 +141,13 @@ def verdict_features(
     around, spread = (float(np.median(dark[ring])), float(dark[ring].std())) if enough else (0.0, 0.0)
     middle = (deep + around) / 2
     own = [
-        float(np.log(sure + 1e-3) - np.log(1 - sure + 1e-3)),
-        float(np.sort(all_sure)[-2]) if len(all_sure) > 1 else 0.0,
-        float(said[shape].mean()) if shape.any() else 0.0,
-        float(said[region].mean()) if enough else 0.0,
-        float(said[ring].mean()) if enough else 0.0,
+        float(np.log(certainty + 1e-3) - np.log(1 - certainty + 1e-3)),
+        float(np.sort(all_probabilities)[-2]) if len(all_probabilities) > 1 else 0.0,
+        float(marked_by_pixel[shape].mean()) if shape.any() else 0.0,
+        float(marked_by_pixel[region].mean()) if enough else 0.0,
+        float(marked_by_pixel[ring].mean()) if enough else 0.0,
         float(np.log1p(region.sum()) - np.log1p(shape.sum())),
-        float((said[rest] > SHADOW).mean()) if rest.sum() > 50 else 0.0,
+        float((marked_by_pixel[rest] > SHADOW).mean()) if rest.sum() > 50 else 0.0,
         deep - around,
         min((deep - around) / max(spread, 0.05), 4.0),
         float((dark[inner] > middle).mean() + (dark[ring] < middle).mean()) - 1 if enough else 0.0,
@@ -162,6 +164,6 @@ def shadow_probability(planes: Float32Array, path: Path = MODEL) -> tuple[Float3
     found = find_likely_shadows(planes, parts)
     if not found:
         return None
-    sure = parts["verdict"](np.stack([one.features for one in found]))
-    best = found[int(sure.argmax())]
-    return (best.probability, best.shape, float(sure.max())) if sure.max() >= CERTAIN else None
+    certainty = parts["verdict"](np.stack([one.features for one in found]))
+    best = found[int(certainty.argmax())]
+    return (best.probability, best.shape, float(certainty.max())) if certainty.max() >= CERTAIN else None

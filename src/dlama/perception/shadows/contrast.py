@@ -15,7 +15,7 @@ from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array
 FINE = 20
 """What differs from its mean over this part of the picture's longer side is a fine pattern."""
 GAP_PX, RING_PX, RING_SHARE = 3, 12, 0.15
-"""A shadow is held against the surface round it, from GAP_PX on as far as RING_PX and this share of the shadow's size."""
+"""A shadow is compared with the surface round it, from GAP_PX on as far as RING_PX and this share of the shadow's size."""
 FEWEST_PX = 20
 """Fewer pixels of either say nothing."""
 STEPS = 1.0

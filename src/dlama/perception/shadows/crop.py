@@ -1,4 +1,4 @@
-"""A thing's mask in; the part of the picture that its shadow is looked for in, and back, out."""
+"""An object's mask in; the part of the picture that its shadow is looked for in, and back, out."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from dlama.geometry.rgbd import BoolArray, Float32Array
 SIDE = 320
 """Longer side of the crop in its own pixels."""
 ASIDE, BELOW, ABOVE = 1.6, 1.2, 0.5
-"""The crop reaches as far from the thing as these times its diagonal in the picture."""
+"""The crop reaches as far from the object as these times its diagonal in the picture."""
 LARGEST_SCALE = 2.0
 """Small crops are enlarged by no more than this."""
 
@@ -52,7 +52,7 @@ class Crop:
 
 
 def crop_around(mask: BoolArray) -> Crop:
-    """The crop that a thing's shadow is looked for in."""
+    """The crop that an object's shadow is looked for in."""
     rows, columns = np.flatnonzero(mask.any(1)), np.flatnonzero(mask.any(0))
     height, width = mask.shape
     diagonal = float(np.hypot(np.ptp(rows) + 1, np.ptp(columns) + 1)) + 8

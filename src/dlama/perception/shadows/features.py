@@ -1,8 +1,8 @@
-"""Planes of a crop round a thing in; what speaks for a thrown shape, and for a pixel of the surface, being its shadow, out.
+"""Planes of a crop round an object in; what speaks for a thrown shape, and for a pixel of the surface, being its shadow, out.
 
 Of a shape: how sure the search was, how far it agrees with the others, its darkness against its surroundings and against the
 surface elsewhere. Of a pixel: darkness at several scales against that of the shape, distances, how common its colour is on the
-surface and how common it would be were it lit, darkness on the way to the thing.
+surface and how common it would be were it lit, darkness on the way to the object.
 """
 
 from __future__ import annotations
@@ -21,18 +21,18 @@ COLORS, DARKEST, BRIGHTEST = 24, -2.5, 1.5
 LIGHTER = 0.12, 0.25, 0.45, 0.8
 """By how much the colour of a pixel is raised when its lit partner is looked for."""
 STEPS = 8
-"""Samples on the way to the thing."""
+"""Samples on the way to the object."""
 REACH = 20.0
 """Pixels of the crop: distances to a shape are told up to this."""
 FEWEST_PX = 6
 LOW, CONTACT = 0.15, 0.15
-"""What is lower than this share of the thing's height is its foot; shadows round it lie within this share of its size."""
+"""What is lower than this share of the object's height is its foot; shadows round it lie within this share of its size."""
 LEAST_DEEP = 0.05
 TONES, TONES_PX, ENOUGH_PX = (5, 10, 25, 50, 75, 90, 95), 12, 30
-"""Percentiles of the surface's level, the width of the ring that a region is held against, and how many pixels say enough."""
+"""Percentiles of the surface's level, the width of the ring that a region is compared with, and how many pixels say enough."""
 TONE_STEPS = len(TONES) + 2
 OCCLUDED = 0.3
-"""Where the thing hides so much of the sky is its shape on an overcast day."""
+"""Where the object hides so much of the sky is its shape on an overcast day."""
 
 
 ColorShares = tuple[np.ndarray, list[np.ndarray]]
@@ -40,30 +40,30 @@ ColorShares = tuple[np.ndarray, list[np.ndarray]]
 
 
 def cast_interiors(planes: Float32Array) -> list[BoolArray]:
-    """The thrown shapes of the crop, where the thing hides much of the sky, and the surface round its foot; where it is seen."""
+    """The thrown shapes of the crop, where the object hides much of the sky, and the surface round its foot; where it is seen."""
     where = planes[4] > 0.5
     thrown = [np.asarray((plane > 0.5 * plane.max()) & (plane > 0) & where) for plane in planes[THROWN:]]
     return [*thrown, np.asarray((planes[10] > OCCLUDED) & where), near_ground_contact(planes) & where]
 
 
 def near_ground_contact(planes: Float32Array) -> BoolArray:
-    """h x w, True within CONTACT of the thing's size of its lowest part."""
-    thing = planes[3] > 0.5
-    low = thing & (planes[6] < LOW / 2)
-    low = low if low.any() else thing
+    """h x w, True within CONTACT of the object's size of its lowest part."""
+    caster = planes[3] > 0.5
+    low = caster & (planes[6] < LOW / 2)
+    low = low if low.any() else caster
     if not low.any():
         return low
     apart = cv2.distanceTransform((~low).astype(np.uint8), cv2.DIST_L2, 5)
-    return np.asarray((apart < max(5.0, CONTACT * float(np.sqrt(thing.sum())))) & ~thing)
+    return np.asarray((apart < max(5.0, CONTACT * float(np.sqrt(caster.sum())))) & ~caster)
 
 
 def candidate_features(planes: Float32Array, shapes: list[BoolArray], shares: ColorShares) -> Float32Array:
     """K x features of the K thrown shapes; rows of nan where there is none. shapes: `cast_interiors`, and
     maybe a region more; shares: `color_shares`."""
-    where, thing, dark = planes[4] > 0.5, planes[3] > 0.5, planes[9]
-    apart = cv2.distanceTransform((~thing).astype(np.uint8), cv2.DIST_L2, 5)
+    where, caster, dark = planes[4] > 0.5, planes[3] > 0.5, planes[9]
+    apart = cv2.distanceTransform((~caster).astype(np.uint8), cv2.DIST_L2, 5)
     common, raised = (to_plane(each, where) for each in (shares[0], np.max(shares[1], 0)))
-    sure = [*(float(plane.max()) for plane in planes[THROWN:]), 0.0, 0.0, 0.0]
+    probability = [*(float(plane.max()) for plane in planes[THROWN:]), 0.0, 0.0, 0.0]
     rows = []
     for number, inside in enumerate(shapes):
         if inside.sum() < FEWEST_PX:
@@ -80,13 +80,13 @@ def candidate_features(planes: Float32Array, shapes: list[BoolArray], shares: Co
         spread = float(dark[ring].std())
         rows.append(
             [
-                sure[number], sure[3], *(float(number == kind) for kind in range(6)), max(agree[:4]), agree[3], sum(agree[:4]),
-                deep, deep - around, float((dark[inside] > middle).mean() + (dark[ring] < middle).mean()) - 1,
+                probability[number], probability[3], *(float(number == kind) for kind in range(6)), max(agree[:4]), agree[3],
+                sum(agree[:4]), deep, deep - around, float((dark[inside] > middle).mean() + (dark[ring] < middle).mean()) - 1,
                 min((deep - around) / max(spread, LEAST_DEEP), 4.0), spread,
                 min(float(np.abs(ratio - ratio[1]).max()) / max(float(abs(ratio[1])), 0.05), 3.0),
                 float((dark[rest] > middle).mean()) if rest.sum() > 50 else 0.5,
                 float(common[inside].mean() - common[ring].mean()), float((raised - common)[inside].mean()),
-                float(np.log(inside.sum() / max(float(thing.sum()), 1.0))), float(np.log(inside.sum())),
+                float(np.log(inside.sum() / max(float(caster.sum()), 1.0))), float(np.log(inside.sum())),
                 min(float(apart[inside].min()), 40.0) / 10, float(where.mean()), float(planes[11, inside].mean()),
             ]
         )  # fmt: skip
@@ -126,11 +126,11 @@ def to_plane(values: np.ndarray, where: BoolArray) -> Float32Array:
 
 
 def pixel_features(
-    planes: Float32Array, shape: BoolArray, sure: float, shares: ColorShares
+    planes: Float32Array, shape: BoolArray, probability: float, shares: ColorShares
 ) -> tuple[Float32Array, BoolArray]:
     """N x features, and h x w: the N pixels of the crop where the surface is seen. shape: h x w, where the shadow was thrown,
-    with `sure` its probability; shares: `color_shares`."""
-    where, thing = planes[4] > 0.5, planes[3] > 0.5
+    with `probability` its probability; shares: `color_shares`."""
+    where, caster = planes[4] > 0.5, planes[3] > 0.5
     there, dark = where.astype(np.float32), planes[9] * (planes[4] > 0.5)
     inside = shape & where
     out = cv2.distanceTransform((~inside).astype(np.uint8), cv2.DIST_L2, 3)
@@ -141,8 +141,8 @@ def pixel_features(
     scale = max(deep, LEAST_DEEP)
     smooth = [box_mean(dark, there, window, 1e-3) for window in WINDOWS]
     spread = np.sqrt(np.maximum(box_mean(dark * dark, there, WINDOWS[1], 1e-3) - smooth[1] ** 2, 0))
-    apart, nearest = nearest_object_pixel(thing)
-    tall = max(float(np.sqrt(thing.sum())), 4.0)
+    apart, nearest = nearest_object_pixel(caster)
+    tall = max(float(np.sqrt(caster.sum())), 4.0)
     right, away = (FAR * np.arctanh(np.clip(planes[n], -0.999, 0.999)) for n in (7, 8))
     ratio = planes[:3] - (planes[:3, ring].mean(1) if ring.sum() >= FEWEST_PX else np.zeros(3))[:, None, None]
     flat = [dark, *smooth, spread, box_mean(there, np.ones_like(there), WINDOWS[1])]
@@ -151,13 +151,13 @@ def pixel_features(
     flat += [ratio[0] - ratio[1], ratio[2] - ratio[1], ratio[1]]
     flat += [np.log(np.hypot(right, away) + 0.1), np.clip(away, -4, 4), np.log(apart + 1), np.minimum(apart / tall, 3)]
     flat += [
-        np.clip(mean_towards(smooth[0], there, target) / scale, -1, 2) for target in (nearest, ground_contact(thing))
+        np.clip(mean_towards(smooth[0], there, target) / scale, -1, 2) for target in (nearest, ground_contact(caster))
     ]
     flat += [planes[10], planes[11], np.clip(planes[11] / scale, 0, 2.5)]
     columns = [np.asarray(plane, np.float32)[where] for plane in flat]
     common, raised = shares
     columns += [common, *(each - common for each in raised)]
-    columns += [np.full(len(common), value, np.float32) for value in (sure, deep, deep - around)]
+    columns += [np.full(len(common), value, np.float32) for value in (probability, deep, deep - around)]
     return np.stack(columns, 1).astype(np.float32), where
 
 
@@ -177,25 +177,25 @@ def color_shares(planes: Float32Array) -> ColorShares:
     return share[tuple(place.T)], raised
 
 
-def nearest_object_pixel(thing: BoolArray) -> tuple[Float32Array, tuple[Float32Array, Float32Array]]:
-    """Distance to the thing, and column and row of its nearest pixel, each h x w."""
-    if not thing.any():
-        far = np.full(thing.shape, 64, np.float32)
+def nearest_object_pixel(caster: BoolArray) -> tuple[Float32Array, tuple[Float32Array, Float32Array]]:
+    """Distance to the object, and column and row of its nearest pixel, each h x w."""
+    if not caster.any():
+        far = np.full(caster.shape, 64, np.float32)
         return far, (np.zeros_like(far), np.zeros_like(far))
-    apart, nearest = nearest_known(thing)
-    rows, columns = np.divmod(nearest, thing.shape[1])
+    apart, nearest = nearest_known(caster)
+    rows, columns = np.divmod(nearest, caster.shape[1])
     return apart, (columns.astype(np.float32), rows.astype(np.float32))
 
 
-def ground_contact(thing: BoolArray) -> tuple[Float32Array, Float32Array]:
-    """Column and row of the middle of the thing's lower end, as planes."""
-    rows, columns = np.nonzero(thing)
+def ground_contact(caster: BoolArray) -> tuple[Float32Array, Float32Array]:
+    """Column and row of the middle of the object's lower end, as planes."""
+    rows, columns = np.nonzero(caster)
     if not len(rows):
-        return np.zeros(thing.shape, np.float32), np.zeros(thing.shape, np.float32)
+        return np.zeros(caster.shape, np.float32), np.zeros(caster.shape, np.float32)
     low = rows >= rows.max() - 0.1 * np.ptp(rows)
     return (
-        np.full(thing.shape, np.median(columns[low]), np.float32),
-        np.full(thing.shape, np.median(rows[low]), np.float32),
+        np.full(caster.shape, np.median(columns[low]), np.float32),
+        np.full(caster.shape, np.median(rows[low]), np.float32),
     )
 
 

@@ -1,8 +1,8 @@
-"""A picture with depth and the mask of a thing in; the shadow that the thing casts on the surface it stands on out.
+"""A picture with depth and the mask of an object in; the shadow that the object casts on the surface it stands on out.
 
 Shapes are thrown by the lights that explain most and by the sky; a network and three classifiers made on procedural worlds say
 which of them is right, which pixels are in the shadow, and whether there is one at all. Only the surface is ever covered, never
-another thing.
+another object.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from dlama.perception.shadows.growing import grow_ambient_shadow, grow_shadow
 from dlama.perception.shadows.planes import shadow_planes
 
 NEAR_PX = 5
-"""A shadow touches the shape that was thrown, or comes so near the thing."""
+"""A shadow touches the shape that was thrown, or comes so near the object."""
 PLAUSIBLE = 0.1
 """What darkness alone adds has this mean probability at least: elsewhere it is a rug or the pattern that is dark."""
 FAINT = 0.02
@@ -28,11 +28,11 @@ FAINT = 0.02
 TRUSTED = 0.8
 """From this certainty on a shadow need not stand out from the surface's pattern."""
 LARGEST = 4.0
-"""It covers no more pixels than this many times the thing."""
+"""It covers no more pixels than this many times the object."""
 
 
 def find_shadow(rgbd: RGBD, mask: BoolArray, found: Planes | None = None) -> BoolArray:
-    """H x W bool, True in the shadow of the thing under `mask`, which is no part of it; False everywhere where there is none.
+    """H x W bool, True in the shadow of the object under `mask`, which is no part of it; False everywhere where there is none.
 
     found: the planes of the picture, where they are known already.
     """

@@ -1,4 +1,4 @@
-"""A picture with depth and a thing's mask in; the plane it stands on, and the thing's points over it, out."""
+"""A picture with depth and an object's mask in; the plane it stands on, and the object's points over it, out."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from dlama.perception.masks.supports import Planes
 from dlama.perception.planes import plane_values
 
 EDGE_PX = 2
-"""Pixels round the thing that are mixes of it and its surroundings."""
+"""Pixels round the object that are mixes of it and its surroundings."""
 POINTS = 8000
-"""Pixels of the thing that are thrown for each direction of light."""
+"""Pixels of the object that are thrown for each direction of light."""
 BENT = 0.2
 """Share by which estimated inverse depth of the ground may differ from its plane."""
 
 
 @dataclass(frozen=True, eq=False)
 class Ground:
-    """The surface that a thing stands on."""
+    """The surface that an object stands on."""
 
     normal: NDArray[np.float64]
     """n of the plane n . p = 1 over points in camera axes, 1/m; the camera is on its side where n . p < 1."""
@@ -33,9 +33,9 @@ class Ground:
 
 @dataclass(frozen=True, eq=False)
 class StandingObject:
-    """A thing's points over the surface that it stands on."""
+    """An object's points over the surface that it stands on."""
 
-    foot: NDArray[np.float64]
+    base: NDArray[np.float64]
     """N x 3, dropped on the surface, camera axes."""
     rise: NDArray[np.float64]
     """N heights, m."""
@@ -44,7 +44,7 @@ class StandingObject:
 
 
 def measure_object(points: NDArray[np.float64], rise: NDArray[np.float64], ground: Ground) -> StandingObject:
-    """The thing of which these are the points (N x 3, camera axes) and their heights over the surface (N, m)."""
+    """The object of which these are the points (N x 3, camera axes) and their heights over the surface (N, m)."""
     up = -ground.normal / np.linalg.norm(ground.normal)
     return StandingObject(points - rise[:, None] * up, rise, up)
 
@@ -66,7 +66,7 @@ def light_offsets(up: NDArray[np.float64], slopes: np.ndarray, angles: np.ndarra
 
 
 def find_ground(rgbd: RGBD, mask: BoolArray, found: Planes) -> Ground | None:
-    """The plane that holds most of what is seen just below and beside the lower part of the thing; None where there is none."""
+    """The plane that holds most of what is seen just below and next to the lower part of the object; None where there is none."""
     rows = np.flatnonzero(mask.any(1))
     if not len(rows) or not len(found.planes):
         return None
@@ -88,16 +88,16 @@ def find_ground(rgbd: RGBD, mask: BoolArray, found: Planes) -> Ground | None:
 
 
 def object_points(rgbd: RGBD, mask: BoolArray, ground: Ground) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """N x 3 points of the thing in camera axes, and their heights over the surface in metres.
+    """N x 3 points of the object in camera axes, and their heights over the surface in metres.
 
-    Where depth is estimated, which leans things against the ground, the thing stands upright at the depth of its foot.
+    Where depth is estimated, which leans objects against the ground, the object stands upright at the depth of its foot.
     """
     rows, columns = np.nonzero(mask & rgbd.valid)
     keep = slice(None, None, max(1, len(rows) // POINTS))
     directions, depth = rays(rgbd.camera)[rows[keep], columns[keep]], rgbd.depth[rows[keep], columns[keep]]
     if rgbd.estimate is not None and len(rows):
-        foot = rays(rgbd.camera)[rows[-1], int(np.median(columns[rows > rows[-1] - 3]))]
-        depth = np.full_like(depth, 1 / max(float(foot @ ground.normal), 1e-6))
+        base = rays(rgbd.camera)[rows[-1], int(np.median(columns[rows > rows[-1] - 3]))]
+        depth = np.full_like(depth, 1 / max(float(base @ ground.normal), 1e-6))
     points = directions * depth[:, None]
     rise = (1 - points @ ground.normal) / np.linalg.norm(ground.normal)
     return points, np.maximum(rise, 0)

@@ -1,7 +1,7 @@
-"""A shape that was thrown, and the picture, in; the shadow that goes on from it where the surface is plain enough out.
+"""A shape that was thrown, and the picture, in; the shadow that continues from it where the surface is plain enough out.
 
-What the thing's hidden side casts touches the shape and is as dark; soft borders fade; on overcast days they fade as much as the
-thing hides of the sky. On patterns darkness alone tells none of this, and nothing is added.
+What the object's hidden side casts touches the shape and is as dark; soft borders fade; on overcast days they fade as much as the
+object hides of the sky. On patterns darkness alone tells none of this, and nothing is added.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ PLAIN = 4.0
 """A surface is plain where a shadow is darker by so many standard deviations of its lit part: it may be followed far."""
 SOFT_WINDOW_PX, SOFT_EVEN, FADED = 15, 0.035, 0.75
 """Shadows fade over a surface whose darkness over such windows has at most this standard deviation; less dark is less than this
-share of the shadow's own darkness: what is darker is another thing's."""
+share of the shadow's own darkness: what is darker is another object's."""
 EVEN, RIM_PX = 0.07, 4
 """The sky's share is told where it leaves no more than this unexplained (mean of the logarithm), outside a shadow's rim."""
 ROUNDS, MORE = 8, 1.01
@@ -28,10 +28,10 @@ ROUNDS, MORE = 8, 1.01
 
 def grow_shadow(rgbd: RGBD, mask: BoolArray, ground: Ground, usable: BoolArray, shape: BoolArray) -> BoolArray:
     """H x W: `shape` with what touches it and is darker than half of its darkness, and what fades from that."""
-    told = measure_darkness(rgbd, mask, ground.surface, None)
-    if told is None or not shape.any():
+    darkness = measure_darkness(rgbd, mask, ground.surface, None)
+    if darkness is None or not shape.any():
         return np.zeros_like(shape)
-    dark = told.dark
+    dark = darkness.dark
     deep = max(DARKER, float(np.median(dark[shape])))
     shadow = np.zeros_like(shape)
     if deep > PLAIN * unevenness(dark, usable):
@@ -49,19 +49,19 @@ def grow_shadow(rgbd: RGBD, mask: BoolArray, ground: Ground, usable: BoolArray, 
 def grow_ambient_shadow(
     rgbd: RGBD, mask: BoolArray, ground: Ground, usable: BoolArray, shadow: BoolArray, occlusion: Float32Array
 ) -> BoolArray:
-    """H x W: the surface that is darker because the thing hides the sky from it, as is told by what lies outside `shadow`.
+    """H x W: the surface that is darker because the object hides the sky from it, as is told by what lies outside `shadow`.
 
-    occlusion: H x W, `ambient_occlusion`. Where a hard shadow explains what is dark near the thing, little is left for the sky;
+    occlusion: H x W, `ambient_occlusion`. Where a hard shadow explains what is dark near the object, little is left for the sky;
     on patterns a tenth is not told.
     """
     outside = ground.surface & ~dilate_mask(shadow, RIM_PX)
-    told = measure_darkness(rgbd, mask, outside, occlusion)
-    if told is None:
+    darkness = measure_darkness(rgbd, mask, outside, occlusion)
+    if darkness is None:
         return np.zeros_like(shadow)
-    rest = (told.dark - told.ambient)[outside & usable & around(mask)]
+    rest = (darkness.dark - darkness.ambient)[outside & usable & around(mask)]
     if not rest.size or np.abs(rest).mean() > EVEN:
         return np.zeros_like(shadow)
-    darker = usable & (told.share * sky_lost(occlusion) > DARKER)
+    darker = usable & (darkness.share * sky_lost(occlusion) > DARKER)
     return regions_touching(darker, shadow | dilate_mask(mask, RIM_PX))
 
 
@@ -77,7 +77,7 @@ def unevenness(dark: Float32Array, usable: BoolArray) -> float:
 
 
 def extend_penumbra(dark: Float32Array, usable: BoolArray, shadow: BoolArray, deep: float) -> BoolArray:
-    """What goes on from a shadow, less dark, down to DARKER: where the surface is plain enough for that to be told.
+    """What continues from a shadow, less dark, down to DARKER: where the surface is plain enough for that to be told.
 
     dark: H x W, of the surface, averaged over SOFT_WINDOW_PX.
     """

@@ -1,7 +1,7 @@
-"""A picture, the surface a thing stands on and how much of the sky the thing hides from it in; how dark the surface is out.
+"""A picture, the surface an object stands on and how much of the sky the object hides from it in; how dark the surface is out.
 
-The surface, were it lit, is a quadratic over pixels. What the thing keeps from it of the light of the whole sky is fitted, too:
-where a wide thing stands on an overcast day, all that is seen round it is darker.
+The surface, were it lit, is a quadratic over pixels. What the object keeps from it of the light of the whole sky is fitted, too:
+where a wide object stands on an overcast day, all that is seen round it is darker.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ from dlama.perception.shadows.ground import EDGE_PX
 WINDOW_PX = 5
 """Darkness is averaged over so many pixels."""
 AROUND = 1.6
-"""The lit surface is looked at as far from the thing as this many times its diagonal in the picture."""
+"""The lit surface is looked at as far from the object as this many times its diagonal in the picture."""
 ROUNDS = 8
 """Of the robust fit of the lit surface."""
 FEWEST_PX = 200
-"""Of the surface round the thing: fewer say nothing."""
+"""Of the surface round the object: fewer say nothing."""
 POINTS = 20000
 """Pixels that the fit is made with, about."""
 MOST_HIDDEN = 0.95
@@ -39,7 +39,7 @@ class Darkness:
     dark: Float32Array
     """H x W: natural logarithm of the lit surface's luma over what is seen, averaged over windows; 0 off the surface."""
     ambient: Float32Array
-    """H x W: the part of it that the light of the sky explains, which the thing keeps from the surface; 0 or more."""
+    """H x W: the part of it that the light of the sky explains, which the object keeps from the surface; 0 or more."""
     share: float
     """Of the light that comes from the sky, as an exponent: levels fall by the share of the sky that is seen to this power."""
 
@@ -47,7 +47,7 @@ class Darkness:
 def measure_darkness(
     rgbd: RGBD, mask: BoolArray, surface: BoolArray, occlusion: Float32Array | None, window: int = WINDOW_PX
 ) -> Darkness | None:
-    """How dark the surface is round the thing under `mask`; None: too little of it is seen.
+    """How dark the surface is round the object under `mask`; None: too little of it is seen.
 
     occlusion: H x W, `ambient_occlusion`; None: the sky explains nothing. Both parts are fitted so that what is much darker
     counts less each round (Tukey's weights, the darker side cut sooner).
@@ -77,7 +77,7 @@ def measure_darkness(
 
 
 def sky_lost(occlusion: Float32Array) -> NDArray[np.float64]:
-    """H x W: natural logarithm of the whole sky's light over what the thing leaves of it."""
+    """H x W: natural logarithm of the whole sky's light over what the object leaves of it."""
     return np.asarray(-np.log(1 - np.minimum(occlusion, MOST_HIDDEN)), np.float64)
 
 

@@ -1,6 +1,6 @@
-"""Planes of a crop round a thing in; the probability of each pixel lying in its shadow out, by a small U-Net that ships.
+"""Planes of a crop round an object in; the probability of each pixel lying in its shadow out, by a small U-Net that ships.
 
-Beside the planes the network sees how common the colour of each pixel is on the surface, and how common it would be were it lit.
+Next to the planes the network sees how common the colour of each pixel is on the surface, and how common it would be were it lit.
 `benchmarks/shadow_network.py` trains it.
 """
 
@@ -44,7 +44,7 @@ def network_planes(planes: Float32Array, shares: ColorShares | None = None) -> F
 
 def darkness_by_hue(planes: Float32Array) -> Float32Array:
     """h x w: mean logarithm of level of all of the surface that has about the same ratios of red, green and blue, over that of
-    the pixel; a shadow is as far below its own material on a rug as on the floor beside it. 0 off the surface."""
+    the pixel; a shadow is as far below its own material on a rug as on the floor next to it. 0 off the surface."""
     where = planes[4] > 0.5
     color = np.stack([cv2.GaussianBlur(plane, (0, 0), HUE_BLUR_PX) for plane in planes[:3]])[:, where] * LOG_RANGE
     ratios = np.clip((np.stack([color[0] - color[1], color[2] - color[1]]) / HUE_RANGE + 1) / 2, 0, 0.9999)

@@ -1,8 +1,8 @@
-"""A thing's points over the surface it stands on in; how much of the sky it hides from each point of the surface out.
+"""An object's points over the surface it stands on in; how much of the sky it hides from each point of the surface out.
 
 Ambient occlusion: the light of an overcast sky comes from everywhere above, most of it steeply (the cosine law), and a point of
-the surface lacks the share of it that the thing stands before. The thing's points are thrown on the surface by directions that
-carry a like share of that light each; the side that is not seen is taken to lie half the thing's width behind the one that is.
+the surface lacks the share of it that the object stands before. The object's points are thrown on the surface by directions that
+carry a like share of that light each; the side that is not seen is taken to lie half the object's width behind the one that is.
 """
 
 from __future__ import annotations
@@ -22,22 +22,22 @@ DIRECTIONS = 64
 GOLDEN = 2.39996
 """Radians between one direction and the next, round the vertical."""
 POINTS = 2000
-"""Of the thing, at most, at each of LAYERS of its thickness."""
+"""Of the object, at most, at each of LAYERS of its thickness."""
 THICK, LAYERS = 0.5, 5
-"""A thing is taken to be so thick, in its widths."""
+"""An object is taken to be so thick, in its widths."""
 COARSE = 2
 """Pixels of the crop (`crop.SIDE`) in one of the map."""
 BLUR_PX = 1.5
 """Of the map, which smooths the steps between directions."""
 
 
-def ambient_occlusion(thing: StandingObject, camera: Camera, crop: Crop) -> Float32Array:
-    """H x W of the camera, 0 (sees the whole sky) to 1, on the plane that a thing stands on; 0 outside the crop round it."""
+def ambient_occlusion(caster: StandingObject, camera: Camera, crop: Crop) -> Float32Array:
+    """H x W of the camera, 0 (sees the whole sky) to 1, on the plane that an object stands on; 0 outside the crop round it."""
     wide, high = (-(-side // COARSE) for side in crop.size)
     total = np.zeros((high, wide), np.float32)
-    thing, scale = thicken(thing), crop.scale / COARSE
-    for over in sky_directions(thing.up):
-        points = thing.foot + thing.rise[:, None] * over
+    caster, scale = thicken(caster), crop.scale / COARSE
+    for over in sky_directions(caster.up):
+        points = caster.base + caster.rise[:, None] * over
         front = points[points[:, 2] > 1e-3]
         u = (front[:, 0] / front[:, 2] * camera.fx + camera.cx - crop.columns.start) * scale
         v = (front[:, 1] / front[:, 2] * camera.fy + camera.cy - crop.rows.start) * scale
@@ -49,16 +49,16 @@ def ambient_occlusion(thing: StandingObject, camera: Camera, crop: Crop) -> Floa
     return crop.placed(np.asarray(smooth, np.float32), camera.hw)
 
 
-def thicken(thing: StandingObject) -> StandingObject:
-    """The thing with copies of its points behind those that are seen, along the surface, over half of its width."""
-    if not len(thing.foot):
-        return thing
-    keep = slice(None, None, max(1, len(thing.foot) // POINTS))
-    across, behind = surface_axes(thing.up)
-    place = thing.foot @ across
+def thicken(caster: StandingObject) -> StandingObject:
+    """The object with copies of its points behind those that are seen, along the surface, over half of its width."""
+    if not len(caster.base):
+        return caster
+    keep = slice(None, None, max(1, len(caster.base) // POINTS))
+    across, behind = surface_axes(caster.up)
+    place = caster.base @ across
     width = float(np.quantile(place, 0.98) - np.quantile(place, 0.02))
-    layers = [thing.foot[keep] + back * behind for back in np.linspace(0, THICK * width, LAYERS)]
-    return StandingObject(np.concatenate(layers), np.tile(thing.rise[keep], LAYERS), thing.up)
+    layers = [caster.base[keep] + back * behind for back in np.linspace(0, THICK * width, LAYERS)]
+    return StandingObject(np.concatenate(layers), np.tile(caster.rise[keep], LAYERS), caster.up)
 
 
 def sky_directions(up: NDArray[np.float64]) -> NDArray[np.float64]:

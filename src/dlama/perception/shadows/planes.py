@@ -1,8 +1,8 @@
-"""A picture, a thing's mask and the surface it stands on in; the planes of a crop round it that its shadow is judged by out.
+"""A picture, an object's mask and the surface it stands on in; the planes of a crop round it that its shadow is judged by out.
 
-Log colour against the lit surface, where thing and surface are, height and place over the surface in heights of the thing, the
-darkness map, how much of the sky the thing hides and the darkness that this explains, and the thing's shape thrown by the lights
-that explain most.
+Log colour against the lit surface, where object and surface are, height and place over the surface in heights of the object, the
+darkness map, how much of the sky the object hides and the darkness that this explains, and the object's shape thrown by the
+lights that explain most.
 """
 
 from __future__ import annotations
@@ -28,16 +28,16 @@ PLANES = (
 THROWN = PLANES.index("sharp")
 """From this plane on they are shapes that were thrown."""
 LOG_RANGE, FAR = 2.0, 4.0
-"""Logarithms of colour, and heights of the thing, that are 1 in a plane (the latter through tanh)."""
+"""Logarithms of colour, and heights of the object, that are 1 in a plane (the latter through tanh)."""
 
 
 def shadow_planes(rgbd: RGBD, mask: BoolArray, ground: Ground) -> tuple[Float32Array, Crop, Float32Array]:
     """PLANES x h x w, sides multiples of MULTIPLE and at most `crop.SIDE`; where in the picture that is; and H x W, how much of
-    the sky the thing hides."""
+    the sky the object hides."""
     crop = crop_around(mask)
     points, rise = object_points(rgbd, mask, ground)
-    thing = measure_object(points, rise, ground)
-    occlusion = ambient_occlusion(thing, rgbd.camera, crop)
+    caster = measure_object(points, rise, ground)
+    occlusion = ambient_occlusion(caster, rgbd.camera, crop)
     dark = measure_darkness(rgbd, mask, ground.surface, occlusion)
     usable = ground.surface & ~dilate_mask(mask, EDGE_PX)
     wide, high = crop.size
@@ -54,7 +54,7 @@ def shadow_planes(rgbd: RGBD, mask: BoolArray, ground: Ground) -> tuple[Float32A
         view[9] = np.clip(crop.small(dark.dark), -1.5, 1.5)
         view[11] = np.clip(crop.small(dark.ambient), 0, 1.5)
     view[10] = crop.small(occlusion)
-    for plane, shape in zip(view[THROWN:], find_cast_shapes(rgbd, ground, usable, thing, tall)):
+    for plane, shape in zip(view[THROWN:], find_cast_shapes(rgbd, ground, usable, caster, tall)):
         if shape is not None:
             plane[:] = shape[0] * crop.small(shape[1])
     return out, crop, occlusion
@@ -63,7 +63,7 @@ def shadow_planes(rgbd: RGBD, mask: BoolArray, ground: Ground) -> tuple[Float32A
 def places(
     rgbd: RGBD, ground: Ground, crop: Crop, points: NDArray[np.float64], rise: NDArray[np.float64], tall: float
 ) -> Float32Array:
-    """3 x h x w: height over the surface, and place on it to the right of and behind the thing's foot, in its heights."""
+    """3 x h x w: height over the surface, and place on it to the right of and behind the object's foot, in its heights."""
     wide, high = crop.size
     hw = rgbd.depth.shape
     column = (crop.columns.start + (np.arange(wide) + 0.5) / crop.scale).astype(int).clip(0, hw[1] - 1)
@@ -78,8 +78,8 @@ def places(
     away = np.cross(right, up)
     away *= 1 if away[2] > 0 else -1
     low = points[rise < 0.3 * tall]
-    foot = np.median(low if len(low) else points, 0) if len(points) else np.array([0.0, 0.0, 1.0])
-    hit = direction / np.maximum(direction @ ground.normal, 1e-3 * length)[..., None] - foot
+    base = np.median(low if len(low) else points, 0) if len(points) else np.array([0.0, 0.0, 1.0])
+    hit = direction / np.maximum(direction @ ground.normal, 1e-3 * length)[..., None] - base
     return np.stack(
         [np.clip(over / tall, -0.5, 2) / 2, np.tanh(hit @ right / tall / FAR), np.tanh(hit @ away / tall / FAR)]
     )

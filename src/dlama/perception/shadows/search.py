@@ -1,6 +1,6 @@
-"""A thing's points over the plane it stands on, and the picture, in; the direction of light that explains a shadow best out.
+"""An object's points over the plane it stands on, and the picture, in; the direction of light that explains a shadow best out.
 
-For each direction the thing's shape is thrown on the plane. Along the border of a shadow the picture grows lighter outwards by
+For each direction the object's shape is thrown on the plane. Along the border of a shadow the picture grows lighter outwards by
 much the same step everywhere, whatever the surface's pattern: the flux of the gradient of log luma through the border of the
 thrown shape, which is the sum of the gradient's divergence inside it (Gauss), is compared with what a border of that length has
 by chance.
@@ -62,12 +62,12 @@ class CastShape:
     """Mean gradient of the logarithm outwards, a pixel."""
 
 
-def best_direction(thing: StandingObject, rgbd: RGBD, seen: BoolArray, scale: Scale) -> CastShape | None:
+def best_direction(caster: StandingObject, rgbd: RGBD, seen: BoolArray, scale: Scale) -> CastShape | None:
     """The direction whose thrown shape stands out most; None where no shape falls on what is seen.
 
     seen: H x W, True where the surface is seen. scale: SHARP or SOFT.
     """
-    search = Search(thing, rgbd, seen, scale)
+    search = Search(caster, rgbd, seen, scale)
     slopes, turns = (each.ravel() for each in np.meshgrid(SLOPES, np.arange(TURNS) * 1.0, indexing="ij"))
     coarse = search.strengths(slopes, turns)[0]
     top = np.argsort(-coarse, kind="stable")[:REFINED]
@@ -85,9 +85,9 @@ def best_direction(thing: StandingObject, rgbd: RGBD, seen: BoolArray, scale: Sc
 
 
 class Search:
-    """What is the same for every direction: the picture made smaller and its divergence, the thing's points, and what is up."""
+    """What is the same for every direction: the picture made smaller and its divergence, the object's points, and what is up."""
 
-    def __init__(self, thing: StandingObject, rgbd: RGBD, seen: BoolArray, scale: Scale) -> None:
+    def __init__(self, caster: StandingObject, rgbd: RGBD, seen: BoolArray, scale: Scale) -> None:
         camera = rgbd.camera
         step = max(1, round(max(seen.shape) / SIDE_PX))
         height, width = seen.shape[0] // step, seen.shape[1] // step
@@ -95,9 +95,9 @@ class Search:
         self.seen = np.ascontiguousarray(whole.all((1, 3)))
         small = cv2.resize(rgbd.color[: height * step, : width * step], (width, height), interpolation=cv2.INTER_AREA)
         self.divergence, self.spread = divergence_of(np.asarray(small, np.uint8), self.seen, scale)
-        self.foot, self.rise = np.ascontiguousarray(thing.foot), np.ascontiguousarray(thing.rise)
+        self.base, self.rise = np.ascontiguousarray(caster.base), np.ascontiguousarray(caster.rise)
         self.lens = np.array([camera.fx, camera.fy, camera.cx, camera.cy]) / step
-        self.up = thing.up
+        self.up = caster.up
 
     def over(self, slopes: NDArray[np.float64], turns: NDArray[np.float64]) -> NDArray[np.float64]:
         """K x 3: metres over the surface for each metre of height, in camera axes."""
@@ -109,7 +109,7 @@ class Search:
         """Of K directions: the strength of their thrown shapes, and the mean step at their borders."""
         out = np.zeros((len(slopes), 3))
         stamps = np.zeros((-(-len(slopes) // DIRECTIONS_A_TASK), *self.seen.shape), np.int32)
-        args = self.foot, self.rise, self.over(slopes, turns), self.lens, self.divergence, self.seen, stamps, out
+        args = self.base, self.rise, self.over(slopes, turns), self.lens, self.divergence, self.seen, stamps, out
         in_bands(cast_shapes, len(slopes), *args, band=DIRECTIONS_A_TASK)
         flux, pixels, border = out.T
         strength = flux / (self.spread * np.sqrt(np.maximum(border, SHORTEST_PX))) / (1 + (slopes / LONG) ** 2)

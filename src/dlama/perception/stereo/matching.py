@@ -161,7 +161,7 @@ def _estimated_maximum(left: UInt8Array, right: UInt8Array, min_disparity: float
     lowest = min_disparity * scale
     found, _ = _match_both_ways(small_left, small_right, lowest, lowest + small_left.shape[1] / 2, TOLERANCE_PX, FINE)
     known = found[np.isfinite(found)]
-    # 0.2 % of stray matches may survive the checks; a thing smaller than that is found if it is in the margin.
+    # 0.2 % of stray matches may survive the checks; an object smaller than that is found if it is in the margin.
     highest = float(np.percentile(known, 99.8)) / scale if len(known) else min_disparity
     return min_disparity + 1.1 * (highest - min_disparity) + 8
 
@@ -261,8 +261,8 @@ def transfer_disparity(at_left: Float32Array) -> Float32Array:
     np.maximum.at(found, (rows[inside], columns[inside]), at_left[inside])
     crack = np.zeros(found.shape, bool)
     crack[:, 1:-1] = (found[:, 1:-1] == lowest) & (found[:, :-2] > lowest) & (found[:, 2:] > lowest)
-    beside = np.minimum(np.roll(found, 1, 1), np.roll(found, -1, 1))
-    found = np.where(crack, beside, found)
+    neighbour = np.minimum(np.roll(found, 1, 1), np.roll(found, -1, 1))
+    found = np.where(crack, neighbour, found)
     return np.where(found > lowest, found, np.float32(0))
 
 

@@ -1,7 +1,7 @@
 """An ONNX network of stereo matching (RAFT-Stereo and its kin) in; a matcher, both pictures to both disparities, out.
 
 How a network wants its pictures and what its numbers mean is data, a StereoContract: in the file's metadata under
-`dlama.contract`, or in FILE.json beside FILE.onnx.
+`dlama.contract`, or in FILE.json next to FILE.onnx.
 """
 
 from __future__ import annotations
@@ -58,8 +58,8 @@ class StereoContract:
         if self.size is not None:
             shown = cv2.resize(color, self.size[::-1], interpolation=cv2.INTER_AREA)
         else:
-            below, beside = (-side % self.multiple for side in color.shape[:2])
-            shown = cv2.copyMakeBorder(color, 0, below, 0, beside, cv2.BORDER_REPLICATE)
+            below, sidecar = (-side % self.multiple for side in color.shape[:2])
+            shown = cv2.copyMakeBorder(color, 0, below, 0, sidecar, cv2.BORDER_REPLICATE)
         normal = (shown.astype(np.float32) * np.float32(self.scale) - np.asarray(self.mean)) / np.asarray(self.std)
         return np.ascontiguousarray(normal.transpose(2, 0, 1))[None].astype(np.float32)
 
@@ -107,11 +107,11 @@ class NetworkMatcher:
             )
         feed = {name: self.contract.tensor(np.ascontiguousarray(one)) for name, one in zip(names, (base, other))}
         outputs = dict(zip(self.file.outputs, self.file.run_all(feed)))
-        wanted = self.contract.output or list(outputs)[-1]
-        if wanted not in outputs:
-            raise FileError(f"{self.file.path}: gives {', '.join(outputs)}; its contract wants {wanted}")
+        expected = self.contract.output or list(outputs)[-1]
+        if expected not in outputs:
+            raise FileError(f"{self.file.path}: gives {', '.join(outputs)}; its contract wants {expected}")
         shown = next(iter(feed.values())).shape[2:]
-        out = np.asarray(outputs[wanted], np.float32)
+        out = np.asarray(outputs[expected], np.float32)
         if out.ndim not in (2, 3, 4) or out.shape[-2:] != shown or not np.isfinite(out).all():
             raise FileError(
                 f"{self.file.path}: gave {' x '.join(map(str, out.shape))}; "
@@ -126,14 +126,14 @@ class NetworkMatcher:
 
 
 def read_contract_of(file: NetworkFile) -> StereoContract:
-    """The contract in a file's metadata, or in the JSON file beside it. FileError: none, or one that cannot be read."""
-    beside = file.path.with_suffix(".json")
+    """The contract in a file's metadata, or in the JSON file next to it. FileError: none, or one that cannot be read."""
+    sidecar = file.path.with_suffix(".json")
     text = file.metadata.get(CONTRACT_KEY)
-    if text is None and beside.is_file():
-        text = beside.read_text(encoding="utf-8")
+    if text is None and sidecar.is_file():
+        text = sidecar.read_text(encoding="utf-8")
     if text is None:
         raise FileError(
-            f"{file.path}: says nothing about what it takes and gives; {beside.name} beside it is expected, such as "
+            f"{file.path}: says nothing about what it takes and gives; {sidecar.name} next to it is expected, such as "
             '{"network": "stereo matching", "scale": 1, "multiple": 32, "sign": -1} for RAFT-Stereo'
         )
     return read_contract(StereoContract, text, NETWORK, file.path, strict=True)

@@ -159,7 +159,7 @@ def spread(
 
 
 def skirt(base: Float32Array, depth: Float32Array, inside: BoolArray) -> Float32Array:
-    """A base for sampling inside only: cells beside it that are unknown or nearer take the mean of their inside neighbours.
+    """A base for sampling inside only: cells next to it that are unknown or nearer take the mean of their inside neighbours.
 
     depth: inverse depth, < 0 where unknown. Without this, bilinear sampling at the rim would mix the occluder in.
     """
@@ -171,7 +171,7 @@ def skirt(base: Float32Array, depth: Float32Array, inside: BoolArray) -> Float32
         count += near[window]
         total += colors[window]
         least = np.minimum(least, inner[window])
-    beside = ~inside & (count > 0) & ((depth < 0) | (depth > 1.1 * least))
+    adjacent = ~inside & (count > 0) & ((depth < 0) | (depth > 1.1 * least))
     out = base.copy()
-    out[beside] = total[beside] / count[beside, None]
+    out[adjacent] = total[adjacent] / count[adjacent, None]
     return out

@@ -8,12 +8,12 @@ from numpy.typing import NDArray
 from dlama.geometry.kernels.jit import Array, Real, Whole, in_bands, kernel, piece
 from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 
-Beside = tuple[Whole, Whole, Real]
-"""The two cells beside a coordinate, and how far it is to the second, 0 .. 1."""
+Neighbours = tuple[Whole, Whole, Real]
+"""The two cells next to a coordinate, and how far it is to the second, 0 .. 1."""
 NEARER = np.float32(1.04)
 """A source may be this much nearer than expected; beyond it counts as an occluder."""
 ROUGH = np.float32(1.2)
-"""Within non-planar things (leaves) depth varies; only a neighbour this much nearer is another thing."""
+"""Within non-planar objects (leaves) depth varies; only a neighbour this much nearer is another object."""
 
 
 @kernel
@@ -103,8 +103,8 @@ def shrink(
 
 
 @piece
-def between(x: Real, size: Whole) -> Beside:
-    """The two cells beside a coordinate (cell centres at +0.5, clamped to the edge), and how far it is to the second."""
+def between(x: Real, size: Whole) -> Neighbours:
+    """The two cells next to a coordinate (cell centres at +0.5, clamped to the edge), and how far it is to the second."""
     f = x - 0.5
     f = 0.0 if f < 0 else (size - 1.0 if f > size - 1.0 else f)
     x0 = np.int64(f)
@@ -112,7 +112,7 @@ def between(x: Real, size: Whole) -> Beside:
 
 
 @piece
-def blend(grid: Array, across: Beside, along: Beside, k: Whole) -> Real:
+def blend(grid: Array, across: Neighbours, along: Neighbours, k: Whole) -> Real:
     """Channel k of a grid, bilinear; across, along: columns and rows, from `between`."""
     x0, x1, ax = across
     y0, y1, ay = along

@@ -37,7 +37,7 @@ def along_line(
     height, width = w.shape
     y, x = np.float64(row), np.float64(column)
     jump = 1.0
-    first, start, on, behind, gone, said, steps = -1.0, -1.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    first, start, on, behind, gone, verdict, steps = -1.0, -1.0, 0.0, 0.0, 0.0, 0.0, 0.0
     while True:
         size = jump if jump > 1.0 else 1.0
         y += dr * size
@@ -52,7 +52,7 @@ def along_line(
             continue
         jump = 1.0
         known = np.float64(w[r, c])
-        if known > SAME * value:  # it stands before the plane, which may go on behind it
+        if known > SAME * value:  # it stands before the plane, which may continue behind it
             continue
         if known * SAME >= value and label[r, c] > 0 and label[r, c] != own:  # where two planes meet
             continue
@@ -66,13 +66,13 @@ def along_line(
                 first = steps
             on += 1.0
             gone = 0.0
-        if said == 0 and abs(on - behind) >= CLEAR:
-            said = 1.0 if on > behind else -1.0
-        if said < 0 or (said > 0 and gone >= ENDS):
+        if verdict == 0 and abs(on - behind) >= CLEAR:
+            verdict = 1.0 if on > behind else -1.0
+        if verdict < 0 or (verdict > 0 and gone >= ENDS):
             break
-    if said > 0:
+    if verdict > 0:
         return first, on
-    return (start, 0.0) if said < 0 else (-1.0, 0.0)
+    return (start, 0.0) if verdict < 0 else (-1.0, 0.0)
 
 
 @kernel

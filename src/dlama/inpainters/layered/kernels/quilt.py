@@ -1,4 +1,4 @@
-"""Quilting: known pixels of a thing and where it goes on in; from which known pixel each of those is copied, out (numba)."""
+"""Quilting: known pixels of an object and where it continues in; from which known pixel each of those is copied, out (numba)."""
 
 from __future__ import annotations
 
@@ -9,7 +9,8 @@ from dlama.geometry.kernels.jit import Real, Whole, kernel
 from dlama.geometry.rgbd import Float32Array, UInt8Array
 
 OUTSIDE, UNDECIDED, GAP = -3, -2, -1
-"""What a pixel is copied from: where that is never asked, where it is not known yet, and where what is behind the thing shows."""
+"""What a pixel is copied from: where that is never asked, where it is not known yet, and where what is behind the object
+shows."""
 RIM, RIM_BUMPS = 0.8, 0.2
 """Half sides from the middle of a block to which it reaches in the first round, and how far its rim goes in and out."""
 

@@ -99,7 +99,7 @@ def far_side(w: Float32Array, hole: BoolArray) -> Float32Array:
 
 @piece
 def rim_cost(value: Real, label: Whole, known: Real, known_label: Whole, rim: Float64Array) -> Real:
-    """Cost of filling `value` (inverse depth) with `label` next to a known pixel: going on is free, to be hidden by the
+    """Cost of filling `value` (inverse depth) with `label` next to a known pixel: continuing is free, to be hidden by the
     known pixel is cheap (less so for the sky), to stand before it is dear. rim: (meets, hidden, sky hidden, in front)."""
     if label == known_label and label >= 0:
         return 0.0
