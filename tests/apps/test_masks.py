@@ -23,7 +23,7 @@ def test_a_click_writes_mask_and_overlay(tmp_path: Path, capsys: pytest.CaptureF
     assert set(found.ravel().tolist()) == {0, 255}
     assert ((found > 0) ^ true).sum() < 0.05 * true.sum()
     assert pixels(folder / "found_overlay.png").shape == (48, 64, 3)
-    assert "found.png: thing by rgbd" in capsys.readouterr().out
+    assert "found.png: object by rgbd" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(

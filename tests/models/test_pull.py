@@ -86,7 +86,7 @@ def test_goes_on_where_it_broke_off(server: Server) -> None:
 def test_a_later_pull_goes_on(server: Server, cache_dir: Path) -> None:
     """Even after giving up: the .part file is kept, and used by the next pull."""
     url = server.add("/a", Site(BODY, stops_after=[100_000, 0]))
-    assert "broke off after 100000 of 1024000 bytes; pulling again goes on from there" in refused(a_record(url))
+    assert "broke off after 100000 of 1024000 bytes; pulling again continues from there" in refused(a_record(url))
     assert (cache_dir / "toy.pt.part").read_bytes() == BODY[:100_000]
     assert pull(a_record(url)).read_bytes() == BODY
     assert server.asked[-1][1] == "bytes=100000-"
@@ -142,12 +142,12 @@ def test_a_server_that_answers_another_range(server: Server) -> None:
         (Site(b"\n<!DOCTYPE html><html>", announced=-1), r"has moved away.*a web page came instead of the file"),
         (Site(status=403), r"access refused \(HTTP 403\)"),
         (Site(status=500), r"the server fails \(HTTP 500\)"),
-        (Site(WRONG), r"corrupted or replaced: sha256 is [0-9a-f]{64}, wanted [0-9a-f]{64}"),
-        (Site(BODY[:-9]), r"cut short: 1023991 bytes are announced, wanted 1024000"),
-        (Site(BODY + b"?"), r"too long: 1024001 bytes are announced, wanted 1024000"),
+        (Site(WRONG), r"corrupted or replaced: sha256 is [0-9a-f]{64}, expected [0-9a-f]{64}"),
+        (Site(BODY[:-9]), r"cut short: 1023991 bytes are announced, expected 1024000"),
+        (Site(BODY + b"?"), r"too long: 1024001 bytes are announced, expected 1024000"),
         (Site(BODY, announced=len(BODY) - 1), r"cut short: 1023999 bytes are announced"),
         (Site(BODY, announced=len(BODY) + 7), r"too long: 1024007 bytes are announced"),
-        (Site(BODY[:-9], announced=-1), r"cut short: 1023991 bytes came, wanted 1024000"),
+        (Site(BODY[:-9], announced=-1), r"cut short: 1023991 bytes came, expected 1024000"),
         (Site(BODY + b"?", announced=-1), r"too long: more than 1024000 bytes came"),
         (Site(BODY, chunked=True, stops_after=[500_000] * 4, etag=""), r"broke off; the server had not said how long"),
         (Site(BODY[:-9], announced=len(BODY), etag=""), r"broke off after 1023991 of 1024000 bytes"),
