@@ -63,7 +63,7 @@ def text_K(camera: Camera, size: int = 3) -> str:
     return text_matrix(K)
 
 
-def check_frames(dataset: Dataset, *, half_unit_m: float = 0.00051, far: bool = False) -> None:
+def check_frames(dataset: Dataset, *, half_unit_m: float = 0.00051, far: bool = False, range_m: float = np.inf) -> None:
     """Frames hold the true cameras, colours and depths, lie on the world's surfaces and are what their own cameras see; cases go
     between them.
 
@@ -79,7 +79,8 @@ def check_frames(dataset: Dataset, *, half_unit_m: float = 0.00051, far: bool = 
         assert np.abs(read.camera.world_from_cam - camera.world_from_cam).max() < 1e-6
         assert np.allclose(read.camera.K, camera.K, atol=1e-6)
         assert np.array_equal(read.color, true.color)
-        known = np.ones(camera.hw, bool)
+        known = true.depth <= range_m - half_unit_m
+        assert (read.depth[true.depth > range_m + half_unit_m] == 0).all()
         known[0, :2] = False
         assert np.abs(read.depth - true.depth)[known].max() <= half_unit_m
         assert read.depth[0, :2].tolist() == [0, np.inf if far else 0]

@@ -32,6 +32,11 @@ MARKS = {
     "redwood": ("trajectory.log", "depth/", "image/"),
     "colmap": ("sparse/0/cameras.txt", "sparse/0/images.txt", "images/"),
     "nerfstudio": ("transforms.json", "images/"),
+    "stray-scanner": ("rgb.mp4", "odometry.csv", "depth/", "confidence/"),
+    "polycam": ("keyframes/cameras/", "keyframes/depth/", "keyframes/images/"),
+    "record3d": ("metadata", "rgbd/"),
+    "arkitscenes": ("lowres_wide.traj", "lowres_depth/", "lowres_wide/"),
+    "scannetpp": ("iphone/pose_intrinsic_imu.json", "iphone/depth/"),
 }
 """Names that make a folder look like a layout; a folder ends with /."""
 

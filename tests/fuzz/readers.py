@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 import cv2
+import lzfse
 import numpy as np
 import tifffile
 from PIL import Image
@@ -24,6 +25,7 @@ from PIL import Image
 from dlama.datasets.easysynth.text_files import METRIC_HEADER, UNREAL_HEADER, read_poses, read_rig
 from dlama.datasets.layouts import open_dataset
 from dlama.datasets.posed.trajectory_log import read_log
+from dlama.datasets.sequences.scene_frames import open_frames
 from dlama.datasets.text_tables import read_pose
 from dlama.evaluation.protocols.methods import Measure, Panel
 from dlama.evaluation.report.panels import choose, read_strip
@@ -35,6 +37,8 @@ from dlama.files.rasters.colmap_depth import read_colmap_depth
 from dlama.files.rasters.depth import read_depth, read_disparity, write_depth_exr, write_disparity_pfm
 from dlama.files.rasters.images import picture_hw
 from dlama.files.rasters.pictures import read_color, read_mask, read_region
+from dlama.files.rasters.video_frames import read_video_frame
+from dlama.files.results.video import write_video
 from dlama.files.scenes.clouds import read_ply, write_ply
 from dlama.files.scenes.scene_npz import read_npz, read_scene, write_npz
 from dlama.files.semantic_classes import read_classes
@@ -271,6 +275,8 @@ def arrays() -> list[Reader]:
         Reader("deep.png", deep, read_color, summed),
         Reader("color.jpg", picture("JPEG", COLOR), read_color),
         Reader("gdepth.jpg", photo_with_depth(), read_photo_depth),
+        Reader("frames.mp4", made(lambda path: write_video(path, [COLOR[:8]] * 3), ".mp4"), second_video_frame),
+        Reader("scan.r3d", recording(), lambda path: open_frames(path)[0].load()),
         Reader("color.tif", picture("TIFF", COLOR), read_color),
         Reader("packed.tif", picture("TIFF", COLOR, compression="tiff_lzw"), read_color),
         Reader("depth.png", picture("PNG", codes), read_depth, summed),
@@ -289,6 +295,22 @@ def arrays() -> list[Reader]:
         Reader("binary.ply", made(lambda path: write_ply(path, cloud), ".ply"), read_ply),
         Reader("ascii.ply", ply, read_ply),
     ]  # fmt: skip
+
+
+def second_video_frame(path: Path) -> object:
+    """A picture of a video."""
+    return read_video_frame(path, 1)
+
+
+def recording() -> bytes:
+    """A recording of Record3D."""
+    meta = {"w": 12, "h": 9, "dw": 12, "dh": 9, "K": [9, 0, 0, 0, 9, 0, 6, 4, 1], "poses": [[0, 0, 0, 1, 0, 0, 0]]}
+    stream = io.BytesIO()
+    with zipfile.ZipFile(stream, "w") as archive:
+        archive.writestr("metadata", json.dumps(meta))
+        archive.writestr("rgbd/0.jpg", picture("JPEG", COLOR))
+        archive.writestr("rgbd/0.depth", lzfse.compress(DEPTH.astype("<f4").tobytes()))
+    return stream.getvalue()
 
 
 def photo_with_depth() -> bytes:

@@ -8,6 +8,7 @@ from typing import Any, Literal
 
 from dlama.arguments import check_arguments, check_number
 from dlama.datasets.dataset_diagnosis import diagnose_dataset
+from dlama.datasets.layouts import is_capture_file
 from dlama.datasets.posed.scene_file import is_scene_file
 from dlama.errors import FileError, InputError, system_errors
 from dlama.files.atomic_write import PathLike
@@ -68,7 +69,7 @@ def diagnose(
     reading = DepthOptions(depth_scale, depth_range, channel, far, resize_depth)
     masking = {"mask_polarity": mask_polarity, "soft_mask": soft_mask, "mask_class": mask_class}
     of_picture = intrinsics | vars(reading) | masking
-    if Path(first).is_dir() or (second is None and is_scene_file(Path(first))):
+    if Path(first).is_dir() or (second is None and (is_scene_file(Path(first)) or is_capture_file(Path(first)))):
         _refuse(first, {"second": second, "mask": mask, "calib": calib, **of_picture})
         return tuple(diagnose_dataset(Path(first), layout, camera))
     if second is None and not Path(first).exists():

@@ -6,6 +6,11 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from dlama.datasets.captures.arkitscenes import arkitscenes, looks_like_arkitscenes
+from dlama.datasets.captures.polycam import looks_like_polycam, polycam
+from dlama.datasets.captures.record3d import looks_like_record3d, record3d
+from dlama.datasets.captures.scannetpp import looks_like_scannetpp, scannetpp
+from dlama.datasets.captures.stray_scanner import looks_like_stray_scanner, stray_scanner
 from dlama.datasets.easysynth.dataset import easysynth, looks_like_easysynth
 from dlama.datasets.frames import Dataset, Gamma
 from dlama.datasets.pairs_json import looks_like_pairs, pairs_json
@@ -25,7 +30,7 @@ from dlama.datasets.posed.trajectory_log import looks_like_trajectory_log, traje
 from dlama.datasets.posed.tum import looks_like_tum, tum
 from dlama.datasets.removal_folder import looks_like_removal, removal_folder
 from dlama.datasets.stereo_folder import looks_like_stereo, stereo_folder
-from dlama.datasets.text_tables import LEVELS, check_folder, check_scenes, folders_in
+from dlama.datasets.text_tables import LEVELS, check_folder, check_scenes, files_in, folders_in
 from dlama.errors import FileError, InputError, system_errors
 
 
@@ -42,6 +47,12 @@ class Layout:
     options: frozenset[str] = frozenset()
     """Which of `depth_range`, `gamma`, `removal_object`, `camera`, `scenes`, `limit` it takes; the last two are applied
     afterwards where not."""
+    files: tuple[str, ...] = ()
+    """Endings of files that are such a data set by themselves."""
+
+    def fits(self, place: Path) -> bool:
+        """Whether a folder, or a file, is such a data set."""
+        return place.suffix.lower() in self.files if place.is_file() else self.looks_like(place)
 
 
 class SeveralLayoutsError(InputError):
@@ -71,8 +82,15 @@ LAYOUTS: dict[str, Layout] = {
     "redwood": Layout("trajectory.log and a folder depth", looks_like_trajectory_log, trajectory_log, _POSED_BARE),
     "colmap": Layout("images and cameras (.txt or .bin) in sparse/0 or sparse", looks_like_colmap, colmap, _POSED),
     "nerfstudio": Layout("transforms.json", looks_like_nerfstudio, nerfstudio, _POSED),
+    "stray-scanner": Layout("rgb.mp4, odometry.csv and depth", looks_like_stray_scanner, stray_scanner, _POSED),
+    "polycam": Layout("keyframes with depth and cameras", looks_like_polycam, polycam, _POSED),
+    "record3d": Layout("a .r3d file, or metadata and a folder rgbd", looks_like_record3d, record3d, _POSED, (".r3d",)),
+    "arkitscenes": Layout("lowres_wide.traj and a folder lowres_depth", looks_like_arkitscenes, arkitscenes, _POSED),
+    "scannetpp": Layout("pose_intrinsic_imu.json", looks_like_scannetpp, scannetpp, _POSED),
 }
 """Every layout by the name that `layout` takes."""
+RECORDINGS = tuple(suffix for layout in LAYOUTS.values() for suffix in layout.files)
+"""Endings of all files that are data sets by themselves."""
 
 
 @system_errors(FileError)
@@ -102,7 +120,7 @@ def open_dataset(
         return narrowed(scene_file(root, limit=limit), scenes, limit)
     if layout is not None and layout not in LAYOUTS:
         raise InputError(f"layout '{layout}' is not known; known are {', '.join(LAYOUTS)}")
-    check_folder(root)
+    check_place(root)
     name = layout if layout is not None else detect(root)
     chosen = LAYOUTS[name]
     refuse_unused(name, chosen.options, particular)
@@ -115,14 +133,26 @@ def detect(root: Path) -> str:
     """The name of the layout a folder has; raises InputError that lists what was looked for, SeveralLayoutsError what fits."""
     level = [root]
     for _ in range(LEVELS):
-        found = [name for name, each in LAYOUTS.items() if any(each.looks_like(folder) for folder in level)]
+        found = [name for name, each in LAYOUTS.items() if any(each.fits(place) for place in level)]
         if len(found) > 1:
             raise SeveralLayoutsError(f"{root}: may be {' or '.join(found)}; say which by layout=NAME")
         if found:
             return found[0]
-        level = [each for folder in level for each in folders_in(folder)]
+        inside = [place for place in level if place.is_dir()]
+        level = [each for folder in inside for each in (*folders_in(folder), *files_in(folder, RECORDINGS))]
     looked_for = "; ".join(f"{name}: {each.looked_for}" for name, each in LAYOUTS.items())
     raise InputError(f"{root}: is no data set of a known layout, nor are the folders below. Looked for {looked_for}")
+
+
+def is_capture_file(path: Path) -> bool:
+    """Whether a file is a data set by itself."""
+    return path.is_file() and path.suffix.lower() in RECORDINGS
+
+
+def check_place(root: Path) -> None:
+    """Raise FileError where there is neither a folder nor a file that is a data set."""
+    if not is_capture_file(root):
+        check_folder(root)
 
 
 def check_limit(limit: int | None) -> None:

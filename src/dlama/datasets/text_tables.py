@@ -12,6 +12,7 @@ import numpy as np
 from dlama.errors import CameraError, FileError, InputError
 from dlama.files.rasters.images import existing
 from dlama.geometry.camera import Float64Array, check_pose
+from dlama.geometry.rotations import QUATERNION_TOLERANCE, rotation_from_quaternion
 
 WORD = re.compile(r"\S+")
 LEVELS = 3
@@ -61,8 +62,11 @@ class Row:
         return [self.number(index, finite=finite) for index in range(count)]
 
 
-def read_rows(path: Path) -> list[Row]:
-    """The lines of a text file that say something: no blank lines, none that begins with #. Raises FileError."""
+def read_rows(path: Path, *, commas: bool = False) -> list[Row]:
+    """The lines of a text file that say something: no blank lines, none that begins with #. Raises FileError.
+
+    commas: these stand between words, too (CSV).
+    """
     file = existing(path)
     try:
         text = file.read_text(encoding="utf-8-sig")
@@ -71,7 +75,7 @@ def read_rows(path: Path) -> list[Row]:
     rows = []
     for number, line in enumerate(text.splitlines(), 1):
         if line.strip() and not line.lstrip().startswith("#"):
-            found = list(WORD.finditer(line))
+            found = list(WORD.finditer(line.replace(",", " ") if commas else line))
             rows.append(Row(file, number, tuple(m[0] for m in found), tuple(m.start() + 1 for m in found)))
     return rows
 
@@ -98,31 +102,64 @@ def pose_at(where: str, world_from_cam: Float64Array) -> Float64Array:
         raise CameraError(f"{where}: {error}") from error
 
 
+def pose_of(where: str, shift: Sequence[float], quaternion_xyzw: Sequence[float]) -> Float64Array:
+    """The 4x4 pose of a translation and a unit quaternion; raises FileError, CameraError, which begin with `where`."""
+    length = float(np.linalg.norm(quaternion_xyzw))
+    if not abs(length - 1) <= QUATERNION_TOLERANCE:
+        raise FileError(f"{where}: the quaternion has length {length:.6g}; a unit quaternion qx qy qz qw is expected")
+    pose = np.eye(4)
+    pose[:3, :3] = rotation_from_quaternion(quaternion_xyzw)
+    pose[:3, 3] = shift
+    return pose_at(where, pose)
+
+
+def nearest_in_time(times: Float64Array, time: float, within: float) -> int | None:
+    """The place of the nearest of ascending times, the earlier of two as near; None where it is farther away than `within`."""
+    after = int(np.searchsorted(times, time))
+    near = [place for place in (after - 1, after) if 0 <= place < len(times)]
+    best = min(near, key=lambda place: abs(times[place] - time), default=None)
+    # stamps are printed to a microsecond: what lies just on the border must not fall to rounding
+    return None if best is None or abs(times[best] - time) > within + 5e-7 else best
+
+
 def read_pose(path: Path) -> Float64Array:
     """A text file with one 4x4 camera-to-world matrix; raises FileError, CameraError."""
     return pose_at(f"{path}:1:1", read_matrix(path, (4, 4)))
 
 
 def scene_folders(
-    root: Path, holds_frames: Callable[[Path], bool], looked_for: str, scenes: Sequence[str] | None
+    root: Path,
+    holds_frames: Callable[[Path], bool],
+    looked_for: str,
+    scenes: Sequence[str] | None,
+    files: Iterable[str] = (),
 ) -> dict[str, Path]:
     """The folders that hold a scene, by its name: the root, or those up to two levels below; of them the wanted `scenes`.
+
+    files: endings of files that are looked at like folders.
 
     `chess/seq-01` becomes `chess_seq-01`. Raises FileError when there is none (`looked_for` says what was looked for) and when
     two have one name, InputError for a scene that is not there.
     """
-    check_folder(root)
+    if not holds_frames(root):
+        check_folder(root)
     level, found = [root], []
     for _ in range(LEVELS):
         found += [folder for folder in level if holds_frames(folder)]
-        level = [each for folder in level if folder not in found for each in folders_in(folder)]
+        inside = [folder for folder in level if folder not in found and folder.is_dir()]
+        level = [each for folder in inside for each in (*folders_in(folder), *files_in(folder, files))]
     if not found:
         raise FileError(
             f"{root}: holds no such data set, nor do the folders up to two levels below; looked for {looked_for}"
         )
     by_name: dict[str, Path] = {}
     for folder in found:
-        name = "_".join(folder.relative_to(root).parts) or root.resolve().name
+        parts = (
+            folder.relative_to(root).with_suffix("" if folder.is_file() else folder.suffix).parts
+            if folder != root
+            else ()
+        )
+        name = "_".join(parts) or (root.stem if root.is_file() else root.resolve().name)
         if name in by_name:
             raise FileError(
                 f"{folder}: is called {name} as a scene, and so is {by_name[name]}; folders of other names are expected"

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dlama.datasets.layouts import open_dataset
+from dlama.datasets.layouts import RECORDINGS, open_dataset
 from dlama.errors import FileError, InputError
 from dlama.files.scenes.clouds import read_ply
 from dlama.files.scenes.scene_npz import HOW_WRITTEN, read_npz
@@ -64,6 +64,7 @@ def contents_of(path: Path) -> Contents:
             f"{path}: no such file or folder; a scene.npz, a .ply, a folder of results or a data set is expected"
         )
     kinds: dict[str, Callable[[Path], Contents]] = {".npz": of_scene, ".ply": of_ply}
+    kinds |= dict.fromkeys(RECORDINGS, of_dataset)
     if path.suffix.lower() not in kinds:
         kind = f"a {path.suffix} file" if path.suffix else "a file without an ending"
         raise InputError(f"{path}: is {kind}; a scene.npz, a .ply or a folder is expected")

@@ -68,7 +68,7 @@ class PosedFrame(Frame):
     world_from_cam: Float64Array = field(kw_only=True)
     """4x4, camera to world, OpenCV axes, metres."""
     load_depth: Callable[[], tuple[Float32Array, Camera]] = field(kw_only=True)
-    """Reads the depth of `load` (H x W, metres) and its camera without the colour; picklable."""
+    """Reads the depth of `load` (H x W, metres), or a smaller one, and its camera without the colour; picklable."""
 
 
 def posed_frame(scene: str, name: str, files: FrameFiles) -> PosedFrame:
@@ -85,7 +85,7 @@ def load_rgbd(files: FrameFiles) -> RGBD:
     depth = _metres(files)
     color = read_color_of_camera(files.color)
     camera = _camera(files, color.shape[:2], depth.shape)
-    return RGBD(_shrunk(color, depth.shape), depth, camera)
+    return RGBD(shrink_color(color, depth.shape), depth, camera)
 
 
 def load_depth(files: FrameFiles) -> tuple[Float32Array, Camera]:
@@ -171,25 +171,36 @@ def _metres(files: FrameFiles) -> Float32Array:
 
 
 def _camera(files: FrameFiles, color_hw: tuple[int, ...], depth_hw: tuple[int, ...]) -> Camera:
-    """The camera at the depth's size; refuses sizes that cannot belong together."""
-    lens = files.lens
+    names = str(files.color), str(files.depth)
+    return camera_at_depth(files.lens, files.world_from_cam, names, color_hw, depth_hw)
+
+
+def camera_at_depth(
+    lens: Lens,
+    world_from_cam: Float64Array,
+    names: tuple[str, str],
+    color_hw: tuple[int, ...],
+    depth_hw: tuple[int, ...],
+) -> Camera:
+    """The camera at the depth's size; ShapeError, with the names of picture and depth, for sizes that cannot belong together."""
     if lens.hw is not None and lens.hw != tuple(color_hw):
         raise ShapeError(
-            f"{files.color}: is {color_hw[1]}x{color_hw[0]}, and {lens.source} is for {lens.hw[1]}x{lens.hw[0]}; "
+            f"{names[0]}: is {color_hw[1]}x{color_hw[0]}, and {lens.source} is for {lens.hw[1]}x{lens.hw[0]}; "
             "both must be the same"
         )
     proportions = color_hw[1] / color_hw[0] * depth_hw[0] / depth_hw[1]
     if color_hw[0] < depth_hw[0] or color_hw[1] < depth_hw[1] or abs(proportions - 1) > SAME_PROPORTIONS:
         raise ShapeError(
-            f"{files.color}: is {color_hw[1]}x{color_hw[0]} and {files.depth} {depth_hw[1]}x{depth_hw[0]}; colour of the "
+            f"{names[0]}: is {color_hw[1]}x{color_hw[0]} and {names[1]} {depth_hw[1]}x{depth_hw[0]}; colour of the "
             "same size, or bigger with the same proportions, is expected"
         )
     hw = color_hw[0], color_hw[1]
-    camera = checked_camera(lens.source, hw, lens.intrinsics, lens.pixel_center, files.world_from_cam)
+    camera = checked_camera(lens.source, hw, lens.intrinsics, lens.pixel_center, world_from_cam)
     return camera.resized(depth_hw[1], depth_hw[0])
 
 
-def _shrunk(color: UInt8Array, hw: tuple[int, ...]) -> UInt8Array:
+def shrink_color(color: UInt8Array, hw: tuple[int, ...]) -> UInt8Array:
+    """H x W x 3 at the size hw, by area means."""
     if color.shape[:2] == tuple(hw):
         return color
     return np.asarray(cv2.resize(color, (hw[1], hw[0]), interpolation=cv2.INTER_AREA), np.uint8)

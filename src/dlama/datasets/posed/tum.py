@@ -17,10 +17,9 @@ import numpy as np
 from dlama.datasets.frames import Dataset
 from dlama.datasets.posed.posed_frames import CameraOption, FrameFiles, Lens, PosedFrame, lens_for, posed_frame
 from dlama.datasets.posed.view_pairs import LOG, read_posed
-from dlama.datasets.text_tables import Row, pose_at, read_rows
+from dlama.datasets.text_tables import Row, nearest_in_time, pose_of, read_rows
 from dlama.errors import FileError
 from dlama.geometry.camera import Float64Array
-from dlama.geometry.rotations import QUATERNION_TOLERANCE, rotation_from_quaternion
 
 LISTINGS = ("rgb.txt", "depth.txt", "groundtruth.txt")
 NEAREST_S = 0.02
@@ -93,22 +92,10 @@ class Timeline:
 
     def nearest(self, time: float) -> Row | None:
         """The line nearest in time, the earlier of two as near; None if it is farther than NEAREST_S."""
-        after = int(np.searchsorted(self.times, time))
-        near = [i for i in (after - 1, after) if 0 <= i < len(self.times)]
-        best = min(near, key=lambda i: abs(self.times[i] - time), default=None)
-        # stamps are printed to a microsecond: what lies just on the border must not fall to rounding
-        return None if best is None or abs(self.times[best] - time) > NEAREST_S + 5e-7 else self.rows[best]
+        place = nearest_in_time(self.times, time, NEAREST_S)
+        return None if place is None else self.rows[place]
 
 
 def _pose(row: Row) -> Float64Array:
     _, *shift_and_turn = row.numbers("time tx ty tz qx qy qz qw", 8)
-    turn = np.array(shift_and_turn[3:])
-    length = float(np.linalg.norm(turn))
-    if abs(length - 1) > QUATERNION_TOLERANCE:
-        raise FileError(
-            f"{row.at(4)}: the quaternion has length {length:.6g}; a unit quaternion qx qy qz qw is expected"
-        )
-    pose = np.eye(4)
-    pose[:3, :3] = rotation_from_quaternion(turn)
-    pose[:3, 3] = shift_and_turn[:3]
-    return pose_at(row.at(1), pose)
+    return pose_of(row.at(4), shift_and_turn[:3], shift_and_turn[3:])

@@ -58,13 +58,15 @@ def read_posed(
     read_frames: Callable[[str, Path], list[PosedFrame]],
     scenes: Sequence[str] | None,
     limit: int | None,
+    files: Iterable[str] = (),
 ) -> Dataset:
     """What all layouts of posed frames have in common: find the scenes, list the frames of each, and the pairs between them.
 
-    `holds_frames` tells the folder of a scene, `looked_for` says by what; `read_frames(scene, folder)` lists its frames.
+    `holds_frames` tells the folder of a scene, or a file with one of the endings `files`, `looked_for` says by what;
+    `read_frames(scene, folder)` lists its frames.
     Raises FileError, InputError (a scene that is not there) and what `read_frames` raises.
     """
-    folders = scene_folders(root, holds_frames, looked_for, scenes)
+    folders = scene_folders(root, holds_frames, looked_for, scenes, files)
     frames = [frame for scene, folder in folders.items() for frame in read_frames(scene, folder)]
     return posed_dataset(layout, root, frames, limit)
 

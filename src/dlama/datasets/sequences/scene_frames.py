@@ -9,9 +9,8 @@ from typing import TypeVar
 
 from dlama.datasets.easysynth.listing import sequence_folders
 from dlama.datasets.frames import Frame
-from dlama.datasets.layouts import LAYOUTS, detect, refuse_unused
+from dlama.datasets.layouts import LAYOUTS, check_place, detect, refuse_unused
 from dlama.datasets.posed.posed_frames import CameraOption
-from dlama.datasets.text_tables import check_folder
 from dlama.errors import FileError, InputError, system_errors
 from dlama.files.atomic_write import PathLike
 
@@ -39,7 +38,7 @@ def open_frames(
         InputError: no posed frames, several scenes and none chosen; FileError, CameraError: a file, with line and column.
     """
     root = Path(path)
-    check_folder(root)
+    check_place(root)
     if layout is not None and layout not in LAYOUTS:
         raise InputError(f"layout '{layout}' is not known; known are {', '.join(LAYOUTS)}")
     name = detect(root) if layout is None else layout

@@ -1,0 +1,110 @@
+"""ARKitScenes recordings in (lowres_depth/, lowres_wide/ or vga_wide/, *_intrinsics/, lowres_wide.traj); posed frames, cases out.
+
+Files are called VIDEO_SECONDS. lowres_wide.traj: seconds, axis times angle (radians) and translation (m), world to camera, OpenCV
+axes; the pose nearest in time, at most 5 ms away, belongs to a depth picture. .pincam: width height fx fy cx cy. Depth in
+millimetres, confidence 0 to 2. Format: github.com/apple/ARKitScenes, DATA.md and threedod/.../tenFpsDataLoader.py.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import partial
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from dlama.datasets.captures.captured_frames import (
+    CaptureFiles,
+    captured_frame,
+    depth_of_png,
+    files_by_stem,
+    levels_of_png,
+    report_left_out,
+)
+from dlama.datasets.frames import Dataset
+from dlama.datasets.posed.posed_frames import Lens, PosedFrame
+from dlama.datasets.posed.view_pairs import read_posed
+from dlama.datasets.text_tables import natural_order, nearest_in_time, pose_at, read_rows
+from dlama.errors import FileError
+from dlama.files.rasters.pictures import read_color_of_camera
+from dlama.geometry.camera import Float64Array, invert_pose
+
+DEPTH, POSES = "lowres_depth", "lowres_wide.traj"
+PICTURES = ("vga_wide", "lowres_wide")
+"""The larger first."""
+NEAREST_S = 0.005
+"""Seconds by which a pose or a camera may differ from a picture (as in tenFpsDataLoader.py)."""
+
+
+def looks_like_arkitscenes(root: Path) -> bool:
+    """True where a folder holds the depth pictures and the poses."""
+    return (root / DEPTH).is_dir() and (root / POSES).is_file()
+
+
+def arkitscenes(root: Path, *, scenes: Sequence[str] | None = None, limit: int | None = None) -> Dataset:
+    """The recordings of a folder (itself one, or holding several). Raises FileError, CameraError."""
+    looked_for = f"{DEPTH}/ and {POSES}"
+    return read_posed("arkitscenes", root, looks_like_arkitscenes, looked_for, _frames, scenes, limit)
+
+
+def _frames(scene: str, folder: Path) -> list[PosedFrame]:
+    pictures = next((folder / name for name in PICTURES if (folder / name).is_dir()), None)
+    if pictures is None:
+        raise FileError(f"{folder}: has neither {' nor '.join(PICTURES)} with the colour pictures")
+    times, poses = _poses(folder / POSES)
+    colors, levels = (files_by_stem(place, (".png",)) for place in (pictures, folder / "confidence"))
+    depths = files_by_stem(folder / DEPTH, (".png",))
+    lenses = files_by_stem(folder / f"{pictures.name}_intrinsics", (".pincam",))
+    lens_names = sorted(lenses, key=_seconds)
+    lens_times = np.array([_seconds(name) for name in lens_names])
+    left_out = {"without a picture": 0, "without a pose": 0, "without a camera": 0}
+    frames = []
+    for name in sorted(depths, key=natural_order):
+        pose, lens = (nearest_in_time(each, _seconds(name), NEAREST_S) for each in (times, lens_times))
+        if name not in colors:
+            left_out["without a picture"] += 1
+        elif pose is None:
+            left_out["without a pose"] += 1
+        elif lens is None:
+            left_out["without a camera"] += 1
+        else:
+            files = CaptureFiles(
+                (str(colors[name]), str(depths[name])),
+                partial(read_color_of_camera, colors[name]),
+                partial(depth_of_png, depths[name]),
+                _lens(lenses[lens_names[lens]]),
+                poses[pose],
+                partial(levels_of_png, levels[name]) if name in levels else None,
+            )
+            frames.append(captured_frame(scene, name, files))
+    report_left_out(folder, frames, len(depths), left_out)
+    return frames
+
+
+def _seconds(name: str) -> float:
+    """1234.567 of 41069021_1234.567."""
+    try:
+        return float(name.rpartition("_")[2])
+    except ValueError as error:
+        raise FileError(f"{name}: VIDEO_SECONDS is expected as the name of a file") from error
+
+
+def _poses(path: Path) -> tuple[Float64Array, list[Float64Array]]:
+    found = {}
+    for row in read_rows(path):
+        time, *values = row.numbers("seconds, axis times angle, translation", 7)
+        world_to_cam = np.eye(4)
+        world_to_cam[:3, :3] = cv2.Rodrigues(np.array(values[:3]))[0]
+        world_to_cam[:3, 3] = values[3:]
+        found[time] = pose_at(row.at(1), invert_pose(world_to_cam))
+    times = sorted(found)
+    return np.array(times), [found[time] for time in times]
+
+
+def _lens(path: Path) -> Lens:
+    rows = read_rows(path)
+    if len(rows) != 1:
+        raise FileError(f"{path}: holds {len(rows)} lines; one with width height fx fy cx cy is expected")
+    width, height, fx, fy, cx, cy = rows[0].numbers("width height fx fy cx cy", 6)
+    return Lens(str(path), (fx, fy, cx, cy), 0.5, (round(height), round(width)))

@@ -1,0 +1,136 @@
+"""Readers of a picture, its depth and its confidence in; an RGBD, or the depth alone, out.
+
+A phone's depth is small (256 x 192) and its picture large: depth is enlarged to up to four times its size in inverse depth, its
+edges are moved to the picture's, and the picture is shrunk to the same size. Low confidence, and what lies beyond the range of
+the sensor, is missing depth.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+
+from dlama.datasets.posed.posed_frames import Lens, PosedFrame, camera_at_depth, shrink_color
+from dlama.datasets.posed.view_pairs import LOG
+from dlama.errors import FileError, ShapeError
+from dlama.files.rasters.depth import read_depth
+from dlama.files.rasters.images import read_stored
+from dlama.geometry.camera import Camera, Float64Array
+from dlama.geometry.holes import fill_with_nearest
+from dlama.geometry.projection import inverse_depth
+from dlama.geometry.rgbd import RGBD, Float32Array, UInt8Array
+from dlama.perception.sharpening import sharpen_depth
+
+MEDIUM = 1
+"""ARConfidenceLevel: 0 low, 1 medium, 2 high (developer.apple.com/documentation/arkit/arconfidencelevel)."""
+LIDAR_RANGE_M = 5.0
+"""Beyond, depth of an iPhone's LiDAR is a guess (github.com/PolyCam/polyform)."""
+MOST_ENLARGED = 4
+"""Times the depth's size to which it is enlarged at most."""
+
+
+@dataclass(frozen=True, eq=False)
+class CaptureFiles:
+    """One frame of a capture, not yet read. The functions are picklable (functools.partial of a module's function)."""
+
+    names: tuple[str, str]
+    """How messages call the picture and the depth."""
+    color: Callable[[], UInt8Array]
+    """H x W x 3 RGB."""
+    depth: Callable[[], Float32Array]
+    """h x w metres; 0, NaN and infinity are missing."""
+    lens: Lens
+    """Of the picture."""
+    world_from_cam: Float64Array
+    """4x4, camera to world, OpenCV axes, metres."""
+    confidence: Callable[[], UInt8Array] | None = None
+    """h x w; None: the app recorded none."""
+    least_confidence: int = MEDIUM
+    """Less is missing depth."""
+    range_m: float = LIDAR_RANGE_M
+    """Beyond is missing depth."""
+
+
+def captured_frame(scene: str, name: str, files: CaptureFiles) -> PosedFrame:
+    """A frame whose pixels are read when they are needed."""
+    load, depth = partial(load_capture, files), partial(load_capture_depth, files)
+    return PosedFrame(scene, name, load, world_from_cam=files.world_from_cam, load_depth=depth)
+
+
+def load_capture(files: CaptureFiles) -> RGBD:
+    """Picture and depth at one size. Raises FileError, DepthError, CameraError, ShapeError, MissingExtraError."""
+    depth, color = confident_depth(files), files.color()
+    camera = camera_at_depth(files.lens, files.world_from_cam, files.names, color.shape[:2], depth.shape)
+    wide = min(color.shape[1], MOST_ENLARGED * depth.shape[1])
+    if wide <= depth.shape[1]:
+        return RGBD(shrink_color(color, depth.shape), depth, camera)
+    hw = (max(1, round(color.shape[0] * wide / color.shape[1])), wide)
+    color = shrink_color(color, hw)
+    return RGBD(color, enlarge_depth(depth, color), camera.resized(hw[1], hw[0]))
+
+
+def load_capture_depth(files: CaptureFiles) -> tuple[Float32Array, Camera]:
+    """The depth as it was recorded, and its camera; the picture is not read where its size is known."""
+    depth = confident_depth(files)
+    hw = files.lens.hw or files.color().shape[:2]
+    return depth, camera_at_depth(files.lens, files.world_from_cam, files.names, hw, depth.shape)
+
+
+def confident_depth(files: CaptureFiles) -> Float32Array:
+    """h x w metres, 0 where it is missing, not confident or beyond the range."""
+    depth = np.nan_to_num(files.depth(), nan=0.0, posinf=0.0, neginf=0.0)
+    known = (depth > 0) & (depth <= files.range_m)
+    if files.confidence is not None:
+        confidence = files.confidence()
+        if confidence.shape != depth.shape:
+            raise ShapeError(
+                f"{files.names[1]}: is {depth.shape[1]}x{depth.shape[0]} and its confidence "
+                f"{'x'.join(map(str, confidence.shape[1::-1]))}; one size is expected"
+            )
+        known &= confidence >= files.least_confidence
+    return np.where(known, depth, np.float32(0)).astype(np.float32)
+
+
+def enlarge_depth(depth: Float32Array, color: UInt8Array) -> Float32Array:
+    """h x w metres (0 = missing) at the picture's size (H x W x 3), edges where the picture has them; missing stays missing."""
+    known, wh = depth > 0, (color.shape[1], color.shape[0])
+    if not known.any():
+        return np.zeros(color.shape[:2], np.float32)
+    w = fill_with_nearest(inverse_depth(depth), known)
+    large = sharpen_depth(np.asarray(cv2.resize(w, wh, interpolation=cv2.INTER_LINEAR), np.float32), color)
+    shown = cv2.resize(known.astype(np.uint8), wh, interpolation=cv2.INTER_NEAREST) > 0
+    return np.divide(1, large, out=np.zeros_like(large), where=shown & (large > 0))
+
+
+def depth_of_png(path: Path) -> Float32Array:
+    """16-bit millimetres as metres; 65535 is missing, as sensors mean it. FileError, DepthError."""
+    depth = read_depth(path)
+    return np.where(np.isfinite(depth), depth, np.float32(0))
+
+
+def levels_of_png(path: Path) -> UInt8Array:
+    """A picture of confidence levels, h x w. FileError."""
+    levels = read_stored(path).values
+    if levels.ndim != 2:
+        raise FileError(f"{path}: has {levels.shape[2]} channels; one of confidence levels is expected")
+    return np.asarray(levels, np.uint8)
+
+
+def files_by_stem(folder: Path, suffixes: Sequence[str]) -> dict[str, Path]:
+    """The name without its ending -> file, of a folder that may be missing."""
+    return {path.stem: path for path in folder.iterdir() if path.suffix.lower() in suffixes} if folder.is_dir() else {}
+
+
+def report_left_out(place: Path, kept: Sequence[Any], listed: int, why: Mapping[str, int]) -> None:
+    """A line on frames that were left out, and why; FileError where none is kept."""
+    reasons = ", ".join(f"{count} {reason}" for reason, count in why.items() if count)
+    if not kept:
+        raise FileError(f"{place}: none of its {listed} frames can be used" + (f" ({reasons})" if reasons else ""))
+    if reasons:
+        LOG.warning("%s: %d of %d frames are left out (%s)", place, listed - len(kept), listed, reasons)

@@ -1,0 +1,91 @@
+"""Polycam's raw export in (keyframes/: images, cameras, depth, confidence); posed frames and the cases between them out.
+
+Files of a frame have its time stamp as their name. cameras/T.json: fx, fy, cx, cy, width, height and t_00 ... t_23, camera to
+world in metres, ARKit's axes (x right, y up, z back). corrected_cameras and corrected_images, optimised and undistorted, are
+taken where both are there. depth/T.png in millimetres, confidence/T.png 0 low, 127 medium, 255 high. Format:
+github.com/PolyCam/polyform, README.md.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from dlama.datasets.captures.captured_frames import (
+    CaptureFiles,
+    captured_frame,
+    depth_of_png,
+    files_by_stem,
+    levels_of_png,
+    report_left_out,
+)
+from dlama.datasets.frames import Dataset
+from dlama.datasets.posed.nerfstudio import CV_FROM_GL
+from dlama.datasets.posed.posed_frames import Lens, PosedFrame
+from dlama.datasets.posed.view_pairs import read_posed
+from dlama.datasets.text_tables import natural_order, pose_at
+from dlama.files.checked_fields import read_json_fields
+from dlama.files.rasters.pictures import read_color_of_camera
+
+FOLDER = "keyframes"
+BOTH = (("corrected_cameras", "corrected_images"), ("cameras", "images"))
+"""Folders of cameras and pictures, the better ones first."""
+MEDIUM_CODE = 127
+
+
+def looks_like_polycam(root: Path) -> bool:
+    """True where a folder holds keyframes/ with depth and cameras, or is that folder."""
+    return any(
+        (root / inside / "depth").is_dir() and any((root / inside / cameras).is_dir() for cameras, _ in BOTH)
+        for inside in (FOLDER, "")
+    )
+
+
+def polycam(root: Path, *, scenes: Sequence[str] | None = None, limit: int | None = None) -> Dataset:
+    """The captures of a folder (itself one, or holding several). Raises FileError, CameraError."""
+    looked_for = "keyframes/ with depth/ and cameras/ or corrected_cameras/"
+    return read_posed("polycam", root, looks_like_polycam, looked_for, _frames, scenes, limit)
+
+
+def _frames(scene: str, folder: Path) -> list[PosedFrame]:
+    inside = folder / FOLDER if (folder / FOLDER).is_dir() else folder
+    cameras, pictures = next(
+        (
+            found
+            for names in BOTH
+            if all(found := [files_by_stem(inside / name, (".json", ".jpg", ".jpeg", ".png")) for name in names])
+        ),
+        ({}, {}),
+    )
+    depths, levels = (files_by_stem(inside / name, (".png",)) for name in ("depth", "confidence"))
+    frames, left_out = [], {"without a picture": 0, "without depth": 0}
+    for name in sorted(cameras, key=natural_order):
+        if name not in pictures:
+            left_out["without a picture"] += 1
+        elif name not in depths:
+            left_out["without depth"] += 1
+        else:
+            lens, pose = _camera(cameras[name])
+            files = CaptureFiles(
+                (str(pictures[name]), str(depths[name])),
+                partial(read_color_of_camera, pictures[name]),
+                partial(depth_of_png, depths[name]),
+                lens,
+                pose,
+                partial(levels_of_png, levels[name]) if name in levels else None,
+                MEDIUM_CODE,
+            )
+            frames.append(captured_frame(scene, name, files))
+    report_left_out(inside, frames, len(cameras), left_out)
+    return frames
+
+
+def _camera(path: Path) -> tuple[Lens, np.ndarray]:
+    fields = read_json_fields(path)
+    rows = [[fields.number(f"t_{row}{column}") for column in range(4)] for row in range(3)]
+    pose = pose_at(str(path), np.array([*rows, [0.0, 0.0, 0.0, 1.0]]) @ CV_FROM_GL)
+    fx, fy, cx, cy = (fields.number(name) for name in ("fx", "fy", "cx", "cy"))
+    return Lens(str(path), (fx, fy, cx, cy), 0.5, fields.size(None)), pose

@@ -1,0 +1,141 @@
+"""Record3D recordings in (a .r3d file, or the folder it was unpacked into); posed frames and the cases between them out.
+
+A .r3d file is a ZIP: `metadata` (JSON) and rgbd/N.jpg, N.depth, N.conf. metadata: w, h, dw, dh; K, column by column, for w x h;
+perFrameIntrinsicCoeffs [fx, fy, cx, cy]; poses [qx, qy, qz, qw, x, y, z], camera to world in metres, ARKit's axes. Depth is
+float32 metres and confidence uint8, 0 to 2, both dh x dw and packed by LZFSE (extra `captures`). Format: the reader of
+github.com/codekansas/usa, usa/tasks/datasets/r3d.py, and nerfstudio's record3d_utils.py; record3d.app publishes none.
+"""
+
+from __future__ import annotations
+
+import io
+import zipfile
+from collections.abc import Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from PIL import Image
+
+from dlama.datasets.captures.captured_frames import CaptureFiles, captured_frame, report_left_out
+from dlama.datasets.frames import Dataset
+from dlama.datasets.posed.nerfstudio import CV_FROM_GL
+from dlama.datasets.posed.posed_frames import Lens, PosedFrame
+from dlama.datasets.posed.view_pairs import read_posed
+from dlama.datasets.text_tables import pose_of
+from dlama.errors import DlamaError, FileError, MissingExtraError
+from dlama.files.checked_fields import FileFields, json_fields
+from dlama.files.rasters.images import check_pixels
+from dlama.geometry.rgbd import UInt8Array
+
+META, INSIDE, SUFFIX = "metadata", "rgbd", ".r3d"
+MOST_BYTES = 2**28
+"""Of one member of the file."""
+
+
+def looks_like_record3d(root: Path) -> bool:
+    """True for a .r3d file, and for a folder with metadata and rgbd/."""
+    if root.suffix.lower() == SUFFIX and root.is_file():
+        return True
+    return (root / META).is_file() and (root / INSIDE).is_dir()
+
+
+def record3d(root: Path, *, scenes: Sequence[str] | None = None, limit: int | None = None) -> Dataset:
+    """The recording of a file, or those of a folder. Raises FileError, CameraError."""
+    looked_for = f"a {SUFFIX} file, or {META} and {INSIDE}/"
+    return read_posed("record3d", root, looks_like_record3d, looked_for, _frames, scenes, limit, (SUFFIX,))
+
+
+def _frames(scene: str, place: Path) -> list[PosedFrame]:
+    fields = json_fields(f"{place}: {META}", read_member(place, META).decode("utf-8", "replace"))
+    poses, size = fields.entries("poses", "poses"), (fields.count("h"), fields.count("w"))
+    depth_hw = (fields.count("dh"), fields.count("dw"))
+    check_pixels(fields.path, *depth_hw)
+    present = _members(place)
+    frames, left_out = [], {"without a picture": 0, "without depth": 0}
+    for number, values in enumerate(poses):
+        color, depth, levels = (f"{INSIDE}/{number}.{kind}" for kind in ("jpg", "depth", "conf"))
+        if color not in present:
+            left_out["without a picture"] += 1
+        elif depth not in present:
+            left_out["without depth"] += 1
+        else:
+            numbers = FileFields(fields.path, {"pose": [values]}).matrix("pose", (1, 7))[0].tolist()
+            where = f"{fields.path}: poses[{number}]"
+            pose = pose_of(where, numbers[4:], numbers[:4]) @ CV_FROM_GL
+            files = CaptureFiles(
+                (f"{place}: {color}", f"{place}: {depth}"),
+                partial(color_of_member, place, color),
+                partial(array_of_member, place, depth, "<f4", depth_hw),
+                _lens(fields, number, size),
+                pose,
+                partial(array_of_member, place, levels, "u1", depth_hw) if levels in present else None,
+            )
+            frames.append(captured_frame(scene, f"{number:06d}", files))
+    report_left_out(place, frames, len(poses), left_out)
+    return frames
+
+
+def _lens(fields: FileFields, number: int, hw: tuple[int, int]) -> Lens:
+    each = fields.values.get("perFrameIntrinsicCoeffs")
+    if isinstance(each, list) and number < len(each):
+        row = FileFields(fields.path, {"perFrameIntrinsicCoeffs": [each[number]]})
+        fx, fy, cx, cy = row.matrix("perFrameIntrinsicCoeffs", (1, 4))[0].tolist()
+        return Lens(str(fields.path), (fx, fy, cx, cy), 0.5, hw)
+    columns = FileFields(fields.path, {"K": [fields.values.get("K")]}).matrix("K", (1, 9)).reshape(3, 3)
+    return Lens(str(fields.path), FileFields(fields.path, {"K": columns.T.tolist()}).intrinsics("K"), 0.5, hw)
+
+
+def color_of_member(place: Path, name: str) -> UInt8Array:
+    """H x W x 3 RGB of a JPEG in the file. FileError."""
+    try:
+        with Image.open(io.BytesIO(read_member(place, name)), formats=("JPEG", "PNG")) as picture:
+            check_pixels(f"{place}: {name}", *picture.size)
+            return np.asarray(picture.convert("RGB"))
+    except DlamaError:
+        raise
+    except Exception as error:
+        raise FileError(f"{place}: {name} is damaged ({str(error) or type(error).__name__})") from error
+
+
+def array_of_member(place: Path, name: str, kind: str, hw: tuple[int, int]) -> Any:
+    """h x w numbers that are packed by LZFSE. FileError, MissingExtraError."""
+    try:
+        import lzfse
+    except ImportError as error:
+        raise MissingExtraError(f"{place}: depth packed by LZFSE", "lzfse", "captures") from error
+    try:
+        data = lzfse.decompress(read_member(place, name))
+    except (lzfse.error, ValueError) as error:
+        raise FileError(f"{place}: {name} is damaged ({error})") from error
+    size = hw[0] * hw[1] * np.dtype(kind).itemsize
+    if len(data) != size:
+        raise FileError(f"{place}: {name} has {len(data)} bytes; {size} are expected ({hw[1]}x{hw[0]})")
+    found = np.frombuffer(data, kind).reshape(hw)
+    return found.astype(np.float32) if kind != "u1" else found
+
+
+def read_member(place: Path, name: str) -> bytes:
+    """The bytes of a member of the ZIP, or of a file in the folder. FileError."""
+    if place.is_dir():
+        try:
+            return (place / name).read_bytes()
+        except OSError as error:
+            raise FileError(f"{place / name}: cannot be read ({error.strerror})") from error
+    try:
+        with zipfile.ZipFile(place) as archive:
+            if archive.getinfo(name).file_size > MOST_BYTES:
+                raise FileError(f"{place}: {name} says that it has more than {MOST_BYTES >> 20} MiB")
+            return archive.read(name)
+    except KeyError as error:
+        raise FileError(f"{place}: has no {name}; a recording of Record3D is expected") from error
+    except (zipfile.BadZipFile, OSError, NotImplementedError, RuntimeError, EOFError) as error:
+        raise FileError(f"{place}: is no readable ZIP ({error})") from error
+
+
+def _members(place: Path) -> set[str]:
+    if place.is_dir():
+        return {f"{INSIDE}/{path.name}" for path in (place / INSIDE).iterdir()}
+    with zipfile.ZipFile(place) as archive:
+        return set(archive.namelist())

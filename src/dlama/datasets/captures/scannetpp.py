@@ -1,0 +1,157 @@
+"""ScanNet++ iPhone recordings in (pose_intrinsic_imu.json, rgb.mkv or rgb/, depth.bin or depth/); posed frames and cases out.
+
+The JSON has for each picture of the video, frame_000000 and on, `intrinsic` (3x3) and `aligned_pose` (4x4, camera to world,
+OpenCV axes, metres). depth.bin: 192 x 256, for each picture its size in bytes (4, little endian) and a block: 16-bit
+millimetres by LZ4, or float32 metres by zlib; in old releases one zlib stream of all. depth/frame_000000.png are 16-bit
+millimetres. No confidence is released. Format: github.com/scannetpp/scannetpp, iphone/prepare_iphone_data.py and
+iphone/arkit_pcl.py.
+"""
+
+from __future__ import annotations
+
+import functools
+import zlib
+from collections.abc import Callable, Sequence
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from dlama.datasets.captures.captured_frames import CaptureFiles, captured_frame, depth_of_png, report_left_out
+from dlama.datasets.frames import Dataset
+from dlama.datasets.posed.posed_frames import Lens, PosedFrame
+from dlama.datasets.posed.view_pairs import read_posed
+from dlama.datasets.text_tables import natural_order, pose_at
+from dlama.errors import FileError, MissingExtraError
+from dlama.files.checked_fields import read_json_fields
+from dlama.files.rasters.images import existing
+from dlama.files.rasters.pictures import read_color_of_camera
+from dlama.files.rasters.video_frames import count_video_frames, read_video_frame
+from dlama.geometry.rgbd import Float32Array, UInt8Array
+
+POSES, FOLDER = "pose_intrinsic_imu.json", "iphone"
+VIDEOS = ("rgb.mkv", "rgb.mp4")
+HW = (192, 256)
+"""Of the depth in depth.bin."""
+
+
+def looks_like_scannetpp(root: Path) -> bool:
+    """True where a folder holds the JSON, or iphone/ in it does."""
+    return any((root / inside / POSES).is_file() for inside in ("", FOLDER))
+
+
+def scannetpp(root: Path, *, scenes: Sequence[str] | None = None, limit: int | None = None) -> Dataset:
+    """The scenes of a folder (itself one, or holding several). Raises FileError, CameraError, MissingExtraError."""
+    looked_for = f"{POSES} in the folder or in {FOLDER}/"
+    return read_posed("scannetpp", root, looks_like_scannetpp, looked_for, _frames, scenes, limit)
+
+
+def _frames(scene: str, folder: Path) -> list[PosedFrame]:
+    inside = folder if (folder / POSES).is_file() else folder / FOLDER
+    listed = read_json_fields(inside / POSES)
+    color, depth = _pictures(inside), _depths(inside)
+    frames = []
+    left_out = {"without a pose": 0, "without a picture": 0, "without depth": 0}
+    for name in sorted(listed.values, key=natural_order):
+        number = name.rpartition("_")[2]
+        if not number.isdecimal():
+            raise FileError(f"{listed.path}: field '{name[:40]}' is no frame; names such as frame_000000 are expected")
+        fields = listed.part(name, listed.values[name])
+        matrix = np.asarray(fields.values.get("aligned_pose"), object)
+        tracked = matrix.shape == (4, 4) and all(isinstance(value, (int, float)) for value in matrix.flat)
+        tracked = tracked and bool(np.isfinite(matrix.astype(np.float64)).all())
+        picture, metres = color(int(number)), depth(int(number))
+        if not tracked:
+            left_out["without a pose"] += 1
+        elif picture is None:
+            left_out["without a picture"] += 1
+        elif metres is None:
+            left_out["without depth"] += 1
+        else:
+            pose = pose_at(f"{fields.path}: aligned_pose", fields.matrix("aligned_pose", (4, 4)))
+            lens = Lens(str(fields.path), fields.intrinsics("intrinsic"), 0.5)
+            files = CaptureFiles((f"{inside}, picture {name}", f"{inside}, depth {name}"), picture, metres, lens, pose)
+            frames.append(captured_frame(scene, name, files))
+    report_left_out(inside, frames, len(listed.values), left_out)
+    return frames
+
+
+def _pictures(folder: Path) -> Callable[[int], Callable[[], UInt8Array] | None]:
+    """Number of a frame -> how its picture is read."""
+    extracted = folder / "rgb"
+    if extracted.is_dir():
+        return lambda number: _picture_file(extracted, number)
+    video = next((folder / name for name in VIDEOS if (folder / name).is_file()), None)
+    if video is None:
+        raise FileError(f"{folder}: has neither rgb/ nor {' nor '.join(VIDEOS)} with the colour pictures")
+    count = count_video_frames(video)
+    return lambda number: partial(read_video_frame, video, number) if number < count else None
+
+
+def _picture_file(folder: Path, number: int) -> Callable[[], UInt8Array] | None:
+    path = next((path for kind in ("jpg", "png") if (path := folder / f"frame_{number:06d}.{kind}").is_file()), None)
+    return None if path is None else partial(read_color_of_camera, path)
+
+
+def _depths(folder: Path) -> Callable[[int], Callable[[], Float32Array] | None]:
+    """Number of a frame -> how its depth is read."""
+    if (folder / "depth").is_dir():
+        return lambda number: _depth_file(folder / "depth" / f"frame_{number:06d}.png")
+    path = existing(folder / "depth.bin")
+    count = len(_blocks(path, path.stat().st_mtime_ns))
+    return lambda number: partial(depth_of_bin, path, number) if number < count else None
+
+
+def _depth_file(path: Path) -> Callable[[], Float32Array] | None:
+    return partial(depth_of_png, path) if path.is_file() else None
+
+
+def depth_of_bin(path: Path, number: int) -> Float32Array:
+    """The depth of one frame, 192 x 256 metres. FileError, MissingExtraError."""
+    place, size = _blocks(path, path.stat().st_mtime_ns)[number]
+    if size < 0:  # one stream of all
+        return _whole(path, path.stat().st_mtime_ns)[number]
+    with path.open("rb") as stream:
+        stream.seek(place)
+        block = stream.read(size)
+    try:
+        return _array(path, zlib.decompress(block, wbits=-zlib.MAX_WBITS), np.float32)[0]
+    except zlib.error:
+        pass
+    try:
+        import lz4.block
+    except ImportError as error:
+        raise MissingExtraError(f"{path}: depth packed by LZ4", "lz4", "captures") from error
+    try:
+        codes = lz4.block.decompress(block, uncompressed_size=HW[0] * HW[1] * 2)
+    except lz4.block.LZ4BlockError as error:
+        raise FileError(f"{path}: the depth of frame {number} is damaged ({error})") from error
+    return _array(path, codes, np.uint16)[0].astype(np.float32) / np.float32(1000)
+
+
+@functools.lru_cache(maxsize=4)
+def _blocks(path: Path, changed: int) -> list[tuple[int, int]]:
+    """Place and size of each frame's block; sizes of -1 where all frames are one stream."""
+    total, at, found = path.stat().st_size, 0, list[tuple[int, int]]()
+    with path.open("rb") as stream:
+        while at + 4 <= total:
+            stream.seek(at)
+            size = int.from_bytes(stream.read(4), "little")
+            found.append((at + 4, size))
+            at += 4 + size
+    return found if at == total else [(0, -1)] * len(_whole(path, changed))
+
+
+@functools.lru_cache(maxsize=1)
+def _whole(path: Path, changed: int) -> Float32Array:
+    try:
+        return _array(path, zlib.decompress(path.read_bytes(), wbits=-zlib.MAX_WBITS), np.float32)
+    except zlib.error as error:
+        raise FileError(f"{path}: is neither a row of packed depth pictures nor one packed stream ({error})") from error
+
+
+def _array(path: Path, data: bytes, kind: type[np.generic]) -> np.ndarray:
+    size = HW[0] * HW[1] * np.dtype(kind).itemsize
+    if not data or len(data) % size:
+        raise FileError(f"{path}: a depth picture has {len(data)} bytes; {size} are expected ({HW[1]}x{HW[0]})")
+    return np.frombuffer(data, kind).reshape(-1, *HW)

@@ -1,0 +1,93 @@
+"""Stray Scanner recordings in (rgb.mp4, odometry.csv, camera_matrix.csv, depth/, confidence/); posed frames and cases out.
+
+odometry.csv: timestamp, frame, x, y, z, qx, qy, qz, qw, in newer versions fx, fy, cx, cy too; a line for each picture of the
+video. Poses are camera to world in metres; the app turns ARKit's axes into OpenCV's itself (OdometryEncoder.swift multiplies
+with a turn by 180 degrees about x). depth/000000.png in millimetres, confidence/000000.png 0 to 2. K is for the video's
+pictures. Format: github.com/strayrobots/scanner (format.md).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from dlama.datasets.captures.captured_frames import (
+    CaptureFiles,
+    captured_frame,
+    depth_of_png,
+    files_by_stem,
+    levels_of_png,
+    report_left_out,
+)
+from dlama.datasets.frames import Dataset
+from dlama.datasets.posed.posed_frames import Lens, PosedFrame
+from dlama.datasets.posed.view_pairs import read_posed
+from dlama.datasets.text_tables import matrix_of, pose_of, read_rows
+from dlama.errors import FileError
+from dlama.files.checked_fields import FileFields
+from dlama.files.rasters.video_frames import count_video_frames, read_video_frame
+
+VIDEO, ODOMETRY, MATRIX = "rgb.mp4", "odometry.csv", "camera_matrix.csv"
+BARE = ("x", "y", "z", "qx", "qy", "qz", "qw")
+"""Columns of early versions, which wrote no head line."""
+LENS_COLUMNS = ("fx", "fy", "cx", "cy")
+
+
+def looks_like_stray_scanner(root: Path) -> bool:
+    """True where a folder holds the video, the poses and depth/."""
+    return (root / VIDEO).is_file() and (root / ODOMETRY).is_file() and (root / "depth").is_dir()
+
+
+def stray_scanner(root: Path, *, scenes: Sequence[str] | None = None, limit: int | None = None) -> Dataset:
+    """The recordings of a folder (itself one, or holding several). Raises FileError, CameraError, MissingExtraError."""
+    looked_for = f"{VIDEO}, {ODOMETRY} and depth/"
+    return read_posed("stray-scanner", root, looks_like_stray_scanner, looked_for, _frames, scenes, limit)
+
+
+def _frames(scene: str, folder: Path) -> list[PosedFrame]:
+    rows = read_rows(folder / ODOMETRY, commas=True)
+    if not rows:
+        raise FileError(f"{folder / ODOMETRY}: holds no line")
+    named = "x" in rows[0].words
+    names, rows = (rows[0].words, rows[1:]) if named else (BARE, rows)
+    missing = [name for name in BARE if name not in names]
+    if missing:
+        raise FileError(f"{folder / ODOMETRY}:1: has no column {missing[0]}; {', '.join(BARE)} are expected")
+    shared = _matrix(folder) if not set(LENS_COLUMNS) <= set(names) else None
+    pictures = count_video_frames(folder / VIDEO)
+    depths, levels = (files_by_stem(folder / name, (".png",)) for name in ("depth", "confidence"))
+    frames, left_out = [], {"without a picture in the video": 0, "without depth": 0}
+    for place, row in enumerate(rows):
+        values = dict(zip(names, row.numbers(", ".join(names), len(names))))
+        name = f"{int(values.get('frame', place)):06d}"
+        if place >= pictures:
+            left_out["without a picture in the video"] += 1
+        elif name not in depths:
+            left_out["without depth"] += 1
+        else:
+            pose = pose_of(row.at(0), [values[each] for each in BARE[:3]], [values[each] for each in BARE[3:]])
+            fx, fy, cx, cy = (values.get(each, np.nan) for each in LENS_COLUMNS)
+            lens = shared or Lens(row.at(0), (fx, fy, cx, cy), 0.5)
+            files = CaptureFiles(
+                (f"{folder / VIDEO}, picture {place}", str(depths[name])),
+                partial(read_video_frame, folder / VIDEO, place),
+                partial(depth_of_png, depths[name]),
+                lens,
+                pose,
+                partial(levels_of_png, levels[name]) if name in levels else None,
+            )
+            frames.append(captured_frame(scene, name, files))
+    report_left_out(folder, frames, len(rows), left_out)
+    return frames
+
+
+def _matrix(folder: Path) -> Lens:
+    path = folder / MATRIX
+    rows = read_rows(path, commas=True)
+    if len(rows) != 3:
+        raise FileError(f"{path}: holds {len(rows)} lines of numbers; a 3x3 matrix is expected")
+    K = matrix_of(rows, (3, 3))
+    return Lens(str(path), FileFields(path, {"the matrix K": K.tolist()}).intrinsics("the matrix K"), 0.5)

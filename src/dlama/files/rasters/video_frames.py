@@ -1,0 +1,87 @@
+"""A video file in; how many pictures it holds, and one of them by its place, out. By PyAV (extra `video`).
+
+Pictures are found by their time stamps and not by the frame rate: phones record at a varying one.
+"""
+
+from __future__ import annotations
+
+import functools
+from pathlib import Path
+from threading import Lock
+from typing import Any
+
+import numpy as np
+
+from dlama.errors import DlamaError, FileError, MissingExtraError, system_errors
+from dlama.files.rasters.images import check_pixels, existing
+from dlama.geometry.rgbd import UInt8Array
+
+AHEAD = 60
+"""Pictures that are decoded on the way to a later one rather than sought."""
+
+
+@system_errors(FileError)
+def count_video_frames(path: Path) -> int:
+    """How many pictures the first video stream holds; they are not decoded. FileError, MissingExtraError."""
+    return len(_opened(path).stamps)
+
+
+@system_errors(FileError)
+def read_video_frame(path: Path, place: int) -> UInt8Array:
+    """The picture at a place from 0: uint8 H x W x 3 RGB, as stored (never turned). FileError, MissingExtraError."""
+    video = _opened(path)
+    if not 0 <= place < len(video.stamps):
+        raise FileError(f"{path}: holds {len(video.stamps)} pictures; there is none at place {place}")
+    try:
+        return video.picture(place)
+    except DlamaError:
+        raise
+    except Exception as error:  # of decoders
+        raise FileError(f"{path}: picture {place} is damaged ({str(error) or type(error).__name__})") from error
+
+
+class Video:
+    """An open video; one picture is decoded after the other as long as places ascend."""
+
+    def __init__(self, path: Path) -> None:
+        try:
+            import av
+        except ImportError as error:
+            raise MissingExtraError(f"{path}: a video", "av", "video") from error
+        self.path, self.lock, self.next = path, Lock(), 0
+        try:
+            self.container = av.open(str(path))
+            self.stream = self.container.streams.video[0]
+            found = (packet.pts for packet in self.container.demux(self.stream))
+            self.stamps = sorted({stamp for stamp in found if stamp is not None})
+        except Exception as error:
+            raise FileError(f"{path}: is no readable video ({str(error) or type(error).__name__})") from error
+        if not self.stamps:
+            raise FileError(f"{path}: holds no picture")
+        check_pixels(path, self.stream.width, self.stream.height)
+        self.stream.thread_type = "AUTO"
+        self.next = len(self.stamps)
+        self.decoded: Any = iter(())
+
+    def picture(self, place: int) -> UInt8Array:
+        """H x W x 3 RGB."""
+        with self.lock:
+            if not self.next <= place < self.next + AHEAD:
+                self.container.seek(self.stamps[place], stream=self.stream)
+                self.decoded = self.container.decode(self.stream)
+            for frame in self.decoded:
+                if frame.pts is not None and frame.pts >= self.stamps[place]:
+                    self.next = place + 1
+                    return np.asarray(frame.to_ndarray(format="rgb24"), np.uint8)
+            self.next = len(self.stamps)
+            raise FileError(f"{self.path}: ends before picture {place}")
+
+
+def _opened(path: Path) -> Video:
+    stat = existing(path).stat()
+    return _kept_open(Path(path), stat.st_mtime_ns, stat.st_size)
+
+
+@functools.lru_cache(maxsize=2)
+def _kept_open(path: Path, changed: int, size: int) -> Video:
+    return Video(path)
