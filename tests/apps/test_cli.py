@@ -86,7 +86,7 @@ def test_meta_tells_what_was_done(frame: Path) -> None:
 
 def test_positive_yaw_shows_the_right_side(frame: Path) -> None:
     """Oracle: the pose's closed form. The camera moves to +x, and its axis still meets the pivot 2.5 m ahead."""
-    out = run(frame, "view", "image.png", "depth.png", "--fov", 60, "--yaw", 20, *FAST)
+    out = run(frame, "view", "image.png", "depth.png", "--fov", 60, "--yaw", 20, "--pivot", 2.5, *FAST)
     pose = np.array(json.loads((out / "meta.json").read_text())["cameras"][0]["world_from_cam"])
     assert pose[0, 3] == pytest.approx(2.5 * np.sin(np.radians(20)))
     assert pose[:3, 3] + 2.5 * pose[:3, 2] == pytest.approx([0, 0, 2.5])

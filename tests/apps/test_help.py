@@ -111,7 +111,7 @@ def test_names_in_help_are_those_of_the_library() -> None:
     assert tuple(RESULTS) == options.RESULTS and options.BY_DEFAULT == BY_DEFAULT
     assert evaluate_verb.NO_FILL == NO_FILL
     assert get_args(evaluate_verb.Protocol) == get_args(Protocol)
-    assert inspect.signature(dlama.view).parameters["pivot"].default == options.PIVOT_M
+    assert inspect.signature(dlama.view).parameters["pivot"].default == options.Move().pivot
 
 
 def test_help_names_every_filler() -> None:

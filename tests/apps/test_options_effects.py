@@ -38,16 +38,16 @@ def known_depth(frame: Path, depth: str, *words: object) -> tuple[np.ndarray, np
 
 def test_pitch_lifts_the_camera(frame: Path) -> None:
     """Closed form: up is -y, and the axis still meets the pivot."""
-    pose = pose_of(frame, "--pitch", 20)
+    pose = pose_of(frame, "--pitch", 20, "--pivot", PIVOT_M)
     assert pose[1, 3] == pytest.approx(-PIVOT_M * np.sin(np.radians(20)))
     assert pose[:3, 3] + PIVOT_M * pose[:3, 2] == pytest.approx([0, 0, PIVOT_M])
 
 
 def test_pivot_is_where_the_axis_stays(frame: Path) -> None:
-    """Closed form of --pivot 4 and of the depth's median for `auto`."""
+    """Closed form of --pivot 4 and of the depth's median for `auto`, the default."""
     median = float(np.median(pixels(frame / "depth.png"))) / 1000
-    for word, distance in (("4", 4.0), ("auto", median)):
-        pose = pose_of(frame, "--yaw", 10, "--pivot", word)
+    for words, distance in ((["--pivot", "4"], 4.0), (["--pivot", "auto"], median), ([], median)):
+        pose = pose_of(frame, "--yaw", 10, *words)
         assert pose[:3, 3] + distance * pose[:3, 2] == pytest.approx([0, 0, distance], abs=1e-3)
 
 

@@ -9,7 +9,7 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
     "view": (
         "dlama view photo.jpg depth.png --fov 65 --yaw 20 -o out",
         "dlama view photo.jpg --yaw 8 --metres-at 320,400=2.5 --also scene -o out",
-        "dlama view photo.jpg depth.exr --camera cam.json --yaw -10 --pitch 5 --pivot auto -o out",
+        "dlama view photo.jpg depth.exr --camera cam.json --yaw -10 --pitch 5 -o out",
         "dlama view photo.jpg depth.png --camera cam.json --to target.json --only image,depth -o out",
     ),
     "remove": (

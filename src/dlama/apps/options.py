@@ -16,7 +16,6 @@ from tyro.conf import arg
 from dlama.apps import model_files
 from dlama.completion.options import typed_options
 from dlama.errors import InputError
-from dlama.geometry.trajectories import PIVOT_M
 from dlama.jobs.parameters import check_move, check_one_target, known_depths
 from dlama.jobs.pointing import mask_and_pointing
 
@@ -104,7 +103,7 @@ class Move:
     """Degrees about the vertical axis through the pivot. Positive: the camera moves to its right and turns left."""
     pitch: Degrees = None
     """Degrees about the horizontal axis through the pivot. Positive: the camera moves up and looks down."""
-    pivot: Annotated[float | Literal["auto"], option("METRES|auto", f"{PIVOT_M:g}")] = PIVOT_M
+    pivot: Annotated[float | Literal["auto"], option("METRES|auto", "auto")] = "auto"
     """What the orbit turns about: a point this far ahead on the optical axis; auto: at the scene's median depth."""
     dolly: Annotated[float | None, option("METRES", "0")] = None
     """Metres along the optical axis, after the orbit. Positive: forward; negative: back, which closes rounding cracks."""

@@ -58,8 +58,7 @@ def warn_of_unknown(rgbd: RGBD | View, warped: Sequence[View]) -> None:
     median = median_depth(rgbd)
     _warn(
         f"{100 * max(odd):.0f} % of the view is unknown, with a median depth of {median:.3g} m: if the scene is not that "
-        "near or far, its scale is wrong (see depth_scale: TUM 5000, KITTI 256, millimetres 1000); else move the camera less, "
-        "or with pivot=auto"
+        "near or far, its scale is wrong (see depth_scale: TUM 5000, KITTI 256, millimetres 1000); else move the camera less"
     )
 
 

@@ -13,8 +13,8 @@ from dlama.errors import InputError
 from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import RGBD, BoolArray
 from dlama.geometry.scene import Scene
-from dlama.geometry.trajectories import PIVOT_M, median_pivot, orbit
 from dlama.geometry.trajectories import dolly as dollied
+from dlama.geometry.trajectories import median_pivot, orbit
 
 
 def target_camera(
@@ -23,7 +23,7 @@ def target_camera(
     *,
     yaw: float = 0.0,
     pitch: float = 0.0,
-    pivot: float | Literal["auto"] = PIVOT_M,
+    pivot: float | Literal["auto"] = "auto",
     dolly: float = 0.0,
 ) -> Camera:
     """The camera to go to: `camera` itself; or the picture's, of a scene the middle frame's, orbited (degrees) about `pivot` (m)
@@ -47,7 +47,7 @@ def view(
     *,
     yaw: float = 0.0,
     pitch: float = 0.0,
-    pivot: float | Literal["auto"] = PIVOT_M,
+    pivot: float | Literal["auto"] = "auto",
     dolly: float = 0.0,
     **options: Unpack[OptionKeywords],
 ) -> Completion:
@@ -78,7 +78,7 @@ def remove(
     *,
     yaw: float = 0.0,
     pitch: float = 0.0,
-    pivot: float | Literal["auto"] = PIVOT_M,
+    pivot: float | Literal["auto"] = "auto",
     dolly: float = 0.0,
     **options: Unpack[OptionKeywords],
 ) -> Completion:

@@ -24,7 +24,6 @@ def check_options(given: Mapping[str, Any], image: Path | None = None, removes: 
     from dlama.files.rasters.depth import check_depth_options
     from dlama.files.results.completion import checked_results
     from dlama.geometry.camera import Camera
-    from dlama.geometry.trajectories import PIVOT_M
 
     def one(name: str, default: Any = None) -> Any:
         return given[name] if given.get(name) is not None else default
@@ -37,7 +36,7 @@ def check_options(given: Mapping[str, Any], image: Path | None = None, removes: 
         lambda: check_depth_options(one("depth_scale"), one("depth_range"), one("far")),
         lambda: one("fov") is None or Camera.from_fov(2, 2, given["fov"]),
         *(lambda name=name: _check_move({name: given.get(name)}) for name in ("yaw", "pitch", "dolly")),
-        lambda: _check_move({"pivot": given.get("pivot", PIVOT_M)}),
+        lambda: _check_move({"pivot": given.get("pivot", "auto")}),
         lambda: _check_pointing(given, image),
         lambda: _check_scale(given, image),
     ]
@@ -54,7 +53,7 @@ def _check_move(given: Mapping[str, Any]) -> None:
     from dlama.geometry.camera import Camera
     from dlama.geometry.trajectories import PIVOT_M, dolly, orbit
 
-    pivot = given.get("pivot", PIVOT_M)
+    pivot = given.get("pivot", "auto")
     yaw, pitch, ahead = (given.get(name) or 0.0 for name in ("yaw", "pitch", "dolly"))
     dolly(orbit(Camera.from_fov(2, 2, 60), yaw, pitch, PIVOT_M if pivot == "auto" else pivot), ahead)
 

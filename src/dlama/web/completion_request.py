@@ -11,7 +11,6 @@ from dlama.completion.verbs import target_camera
 from dlama.errors import InputError
 from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import RGBD
-from dlama.geometry.trajectories import PIVOT_M
 from dlama.inpainters import AUTO, FILLERS
 from dlama.jobs.parameters import METHOD
 from dlama.web.failures import PageError
@@ -32,7 +31,7 @@ class CompletionRequest:
     yaw: float = 0.0
     pitch: float = 0.0
     dolly: float = 0.0
-    pivot: float | str = PIVOT_M
+    pivot: float | str = "auto"
     """Metres, or "auto"."""
     method: Mapping[str, Any] = field(default_factory=dict)
     """Options (PAGE_OPTIONS) that differ from their defaults."""

@@ -17,7 +17,6 @@ from dlama.files.results.completion import RESULTS, file_names
 from dlama.files.results.meta_json import as_json
 from dlama.files.scenes.textured_mesh import write_textured_glb
 from dlama.geometry.subsampling import step_for, subsample_scene
-from dlama.geometry.trajectories import PIVOT_M
 from dlama.web.completion_request import CompletionRequest
 from dlama.web.failures import PageError, shown
 from dlama.web.inputs import Source
@@ -100,7 +99,7 @@ def move_words(request: CompletionRequest, needed: bool) -> list[str]:
     words = [f"--{name}={said(value)}" for name, value in moves.items() if value]
     if not words and needed:
         words = ["--yaw=0"]
-    return [*words, f"--pivot={said(request.pivot)}"] if words and request.pivot != PIVOT_M else words
+    return [*words, f"--pivot={said(request.pivot)}"] if words and request.pivot != "auto" else words
 
 
 def python_lines(result: Result) -> str:
@@ -120,7 +119,7 @@ def python_lines(result: Result) -> str:
         given = [repr(files[role]) for role in ("picture", "depth") if role in files]
         lines.append(f"rgbd = dlama.read_rgbd({', '.join([*given, *lens, *keywords(source.options)])})")
         move = keywords({name: value for name, value in result.request.move.items() if name == "pivot" or value})
-        move = [word for word in move if word != f"pivot={PIVOT_M!r}"]
+        move = [word for word in move if word != "pivot='auto'"]
         if result.mask is None:
             lines.append(f"done = dlama.view({', '.join(['rgbd', *move, *method])})")
         else:

@@ -241,7 +241,7 @@ for (const name of Object.keys(UNITS)) $(name).addEventListener("input", () => {
 $("auto-pivot").addEventListener("change", () => { showMove(); openTab("preview"); askPreview(); });
 $("reset-move").addEventListener("click", () => {
   for (const [name, value] of Object.entries({ yaw: 0, pitch: 0, dolly: 0, pivot: 2.5 })) $(name).value = value;
-  $("auto-pivot").checked = false;
+  $("auto-pivot").checked = true;
   showMove();
   askPreview();
 });
