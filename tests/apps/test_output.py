@@ -31,7 +31,7 @@ def test_quiet_prints_nothing(frame: Path, capsys: pytest.CaptureFixture[str]) -
 
 def test_warnings_name_flags(frame: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """As errors do: the library's depth_scale is --depth-scale (oracle: the verb's --help)."""
-    run(frame, "view", "image.png", "depth.png", "--fov", 60, "--yaw", 20, "--depth-scale", 5000, *FAST)
+    run(frame, "view", "image.png", "depth.png", "--fov", 60, "--yaw", 20, "--pivot", 2.5, "--depth-scale", 5000, *FAST)
     (told,) = [line for line in capsys.readouterr().err.splitlines() if line.startswith("warning: ")]
     assert "is unknown" in told and "--depth-scale" in told
     assert "depth_scale" not in told

@@ -44,7 +44,7 @@ def test_a_depth_scale_that_leaves_most_unknown(factor: float, yaw: float) -> No
     with pytest.warns(
         UserWarning, match=r"% of the view is unknown.*median depth of 0\.\d+ m.*depth_scale.*move the camera less"
     ):
-        view(scaled(factor), yaw=yaw, filler="telea")
+        view(scaled(factor), yaw=yaw, pivot=2.5, filler="telea")
 
 
 @pytest.mark.parametrize("yaw", [45, 60, 80])
@@ -52,7 +52,7 @@ def test_a_wide_turn_with_right_depth_gets_no_warning(yaw: float) -> None:
     """Most of the view is unknown, as the camera has turned away."""
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        done = view(GOOD, yaw=yaw, filler="telea")
+        done = view(GOOD, yaw=yaw, pivot=2.5, filler="telea")
     assert done.warped[0].color_hole.mean() > 0.5 or yaw < 60
 
 

@@ -13,7 +13,7 @@ from small_street import CAMERA, MASK, completed, counts, fillers, recipes, stre
 from dlama.completion.pipeline import complete
 from dlama.completion.recipes import RECIPES
 from dlama.completion.verbs import remove, target_camera, view
-from dlama.errors import DepthError, InputError, MaskError
+from dlama.errors import InputError, MaskError
 from dlama.geometry.camera import Camera
 from dlama.geometry.holes import dilate_mask
 from dlama.geometry.rendering import render
@@ -248,20 +248,21 @@ def test_a_filler_of_ones_own() -> None:
 
 
 def test_target_cameras() -> None:
-    """Closed form: orbit about 2.5 m, then dolly; `auto` takes the median depth; a camera and an orbit contradict."""
+    """Closed form: orbit about the pivot, then dolly; `auto` is the median depth; a camera and an orbit contradict."""
     frame = street()
-    camera = target_camera(frame, yaw=10, pitch=-5, dolly=0.3)
+    camera = target_camera(frame, yaw=10, pitch=-5, pivot=2.5, dolly=0.3)
     assert camera.same_view_as(dolly(orbit(CAMERA, 10, -5, 2.5), 0.3))
     median = float(np.median(frame.depth[frame.valid]))
-    assert target_camera(frame, yaw=10, pivot="auto").same_view_as(orbit(CAMERA, 10, 0, median))
+    assert target_camera(frame, yaw=10).same_view_as(orbit(CAMERA, 10, 0, median))
     assert target_camera(frame).same_view_as(CAMERA)
     assert target_camera(frame, camera) is camera
     for given in ({"yaw": 1.0}, {"pitch": 1.0}, {"dolly": 0.1}):
         with pytest.raises(InputError, match="both given"):
             target_camera(frame, camera, **given)
     nothing = RGBD(frame.color, np.zeros_like(frame.depth), CAMERA)
-    with pytest.raises(DepthError, match="no valid value"):
-        target_camera(nothing, yaw=10, pivot="auto")
+    assert target_camera(nothing, yaw=10).same_view_as(
+        orbit(CAMERA, 10, 0, 2.5)
+    )  # where nothing is near, any pivot will do
 
 
 @pytest.mark.parametrize(

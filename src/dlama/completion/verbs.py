@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Literal
 
+import numpy as np
+
 from dlama.arguments import check_arguments
 from dlama.completion.completion import Completion
 from dlama.completion.options import OptionKeywords, Unpack, take_options
@@ -13,8 +15,9 @@ from dlama.errors import InputError
 from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import RGBD, BoolArray
 from dlama.geometry.scene import Scene
+from dlama.geometry.trajectories import PIVOT_M, median_pivot, orbit
 from dlama.geometry.trajectories import dolly as dollied
-from dlama.geometry.trajectories import median_pivot, orbit
+from dlama.geometry.view import View
 
 
 def target_camera(
@@ -36,8 +39,13 @@ def target_camera(
             raise InputError("a target camera and an orbit or dolly were both given; one of them is expected")
         return camera
     source = rgbd.frames[len(rgbd.frames) // 2] if isinstance(rgbd, Scene) else rgbd
-    distance = median_pivot(source.depth) if isinstance(pivot, str) and pivot == "auto" else pivot
-    return dollied(orbit(source.camera, yaw, pitch, distance), dolly)
+    return dollied(orbit(source.camera, yaw, pitch, pivot_of(source) if pivot == "auto" else pivot), dolly)
+
+
+def pivot_of(picture: RGBD | View) -> float:
+    """Metres to the pivot "auto": the median depth; PIVOT_M where nothing is near, as sky looks the same about every pivot."""
+    near = (picture.depth > 0) & np.isfinite(picture.depth)
+    return median_pivot(picture.depth) if near.any() else PIVOT_M
 
 
 @take_options
