@@ -51,7 +51,7 @@ def test_each_resolves_and_explains_itself(name: str) -> None:
     assert name == "Inpainter" or (found.__doc__ or "").strip()
     if name not in OWN:
         assert found is getattr(importlib.import_module(f"dlama.{dlama.MODULES[name]}"), name)
-        if inspect.isclass(found) or inspect.isfunction(found):
+        if typing.get_origin(found) is None:
             assert found.__module__ == f"dlama.{dlama.MODULES[name]}"
 
 
@@ -83,7 +83,7 @@ def test_type_checkers_see_what_python_sees() -> None:
 
 def types_in(hint: Any) -> Iterable[type]:
     """The classes of dlama that a type hint names, at any depth."""
-    if inspect.isclass(hint) and hint.__module__.startswith("dlama."):
+    if typing.get_origin(hint) is None and inspect.isclass(hint) and hint.__module__.startswith("dlama."):
         yield hint
     inner = [one for arg in typing.get_args(hint) for one in (arg if isinstance(arg, list) else [arg])]
     for one in inner:
@@ -97,7 +97,7 @@ def hints_of(thing: Any) -> dict[str, Any]:
     if inspect.isfunction(thing):
         hints = typing.get_type_hints(thing)
         return hints | (option_types() if hints.pop("options", None) else {})
-    if not inspect.isclass(thing):
+    if typing.get_origin(thing) is not None or not inspect.isclass(thing):  # Python 3.10 calls list[int] a class
         return {"alias": thing}
     found: dict[str, Any] = dict(typing.get_type_hints(thing)) if dataclasses.is_dataclass(thing) else {}
     for name, member in vars(thing).items():

@@ -45,7 +45,7 @@ def test_a_dilation_over_the_whole_picture(frame: Path, capsys: pytest.CaptureFi
     assert "--dilate" in line and str(radius) in line
 
 
-@pytest.mark.parametrize("option", [["--dilate-holes", "1000000"]])
+@pytest.mark.parametrize("option", [["--dilate-holes", "1000"]])
 def test_a_dilation_of_holes_over_the_whole_picture(
     frame: Path, capsys: pytest.CaptureFixture[str], option: list[str]
 ) -> None:

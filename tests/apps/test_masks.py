@@ -32,7 +32,7 @@ def test_a_click_writes_mask_and_overlay(tmp_path: Path, capsys: pytest.CaptureF
         (["--click", "30"], "--click is '30'; X,Y in pixels is expected"),
         (["--box", "1,2,3"], "--box is '1,2,3'; X,Y,W,H in pixels is expected"),
         (["--click", "300,2"], "lies outside the picture"),
-        ([], "nothing says which thing is meant: give --click X,Y on it, --box X,Y,W,H round it"),
+        ([], "no object is pointed at: give --click X,Y on it, --box X,Y,W,H round it"),
         (["--not", "3,3"], "--click and --box are both missing"),
     ],
 )

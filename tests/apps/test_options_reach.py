@@ -127,7 +127,8 @@ def _spy_on_jobs(spy: Callable[..., None]) -> None:
     spy("dlama.files.cameras.read_camera", "target")
     spy("dlama.files.cameras.read_stereo_calib", "rig")
     spy("dlama.files.rasters.depth.read_disparity", lambda path, **_: Path(path).name)
-    spy("dlama.files.rasters.pictures.read_mask", lambda path, **_: MaskStub(Path(path).name))
+    spy("dlama.files.rasters.pictures.read_mask", lambda path, **_: Path(path).name)
+    spy("dlama.files.rasters.turned_pairs.check_mask_fits")
     spy("dlama.files.rasters.pictures.read_color", lambda path: SimpleNamespace(shape=(3, 4, 3), name=Path(path).name))
     spy("dlama.apps.model_files.model_for", lambda model: Path("cache", str(model)))
     for verb in ("view", "remove"):
@@ -177,12 +178,6 @@ def _spy_on_the_rest(spy: Callable[..., None]) -> None:
     spy("dlama.apps.verbs.model_verbs.convert", [])
     spy("dlama.apps.verbs.model_verbs.source_of", lambda model: Path(model))
     spy("dlama.apps.verbs.model_verbs.size_and_sha256", (3, "abc"))
-
-
-class MaskStub(str):
-    """A mask that is known by its file's name and has its picture's size."""
-
-    shape = (300, 400)
 
 
 @pytest.fixture

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import pytest
@@ -34,9 +35,18 @@ from dlama.errors import CameraError, DlamaError, InputError, MaskError
         ("photo.png", "'photo.png' is no verb of dlama; One of view, remove, "),
         (
             "view a.png b.png --yaw nan --pitch inf -o out",
-            "--yaw is nan; a finite angle in degrees is expected; --pitch is inf",
+            "--yaw is nan; a finite angle in degrees, at most 1e+06, is expected; --pitch is inf",
         ),
         ("view a.png b.png --yaw nan --fov 500 -o out", "--fov is 500 degrees; a field of view between 0 and 180"),
+        (
+            "view a.png b.png --yaw 1e308 -o out",
+            "--yaw is 1e+308; a finite angle in degrees, at most 1e+06, is expected",
+        ),
+        (
+            "view a.png b.png --yaw 1 --dilate-holes 99999 -o out",
+            "--dilate-holes is 99999 px; a whole number from 0 to",
+        ),
+        ("view a.png --yaw 1 --metres-at 3,4=2 3,4=3 -o out", "--metres-at 3,4: is 2 m and 3 m; one depth of a pixel"),
         ("view a.png b.png --yaw 1 --only foo,depth,bar -o out", "--only is 'foo', 'bar'; names of image, depth, "),
         ("batch a.csv --workers 0 --threads 0 -o out", "a whole number; --threads is 0; 1 or more is expected"),
         ("batch --images *.png -o out", "give --verb VERB, one of view, remove, depth"),
@@ -100,3 +110,21 @@ def test_without_arguments_the_usual_commands_are_shown(capsys: pytest.CaptureFi
     for words in shown:
         flags = flags_of(VERBS[words[1]]).values()
         assert all(word in flags for word in words if word.startswith("--"))
+
+
+@pytest.mark.parametrize("flag", ["-o", "--camera"])
+def test_an_empty_word_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], flag: str
+) -> None:
+    """Of an unset variable of a shell: `-o ""` wrote into the working directory."""
+    monkeypatch.chdir(tmp_path)
+    assert f"{flag} is empty; a value is expected" in refused(capsys, tmp_path, "view", "a.png", "--yaw", 1, flag, "")
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no named pipes here")
+def test_a_pipe_is_no_file(frame: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """It was called empty; reading it would wait for ever, and /dev/zero would never end."""
+    os.mkfifo(frame / "pipe.png")
+    for words in ((frame / "pipe.png", "depth.png", "--fov", 60), ("image.png", "depth.png", "--camera", "/dev/zero")):
+        told = refused(capsys, frame, "view", *words, "--yaw", 5)
+        assert "is a pipe or device, a file on disk is expected" in told

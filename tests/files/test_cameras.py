@@ -244,7 +244,7 @@ def test_shipped_calibration_reads() -> None:
 
 @pytest.mark.parametrize(
     ("text", "words"),
-    [("[" * 100_000, "is no JSON"), ('[{"width": 3,}]', r"cameras\.json:1:14: is no JSON"), ("3", "holds no list")],
+    [("[" * 100_000, "is no JSON"), ('[{"width": 3,}]', r"cameras\.json:1:1[34]: is no JSON"), ("3", "holds no list")],
 )
 def test_a_list_of_cameras_that_is_none(tmp_path: Path, text: str, words: str) -> None:
     """Law: FileError with line and column, lists in lists without end too."""

@@ -112,7 +112,7 @@ def test_a_token_is_asked_for(temporary: Path) -> None:
 
 def test_a_port_that_is_taken(server: Server) -> None:
     """One line says which."""
-    told = f"host and port are 127.0.0.1 and {server.port}: .*give another host or port"
+    told = f"host is 127.0.0.1, port is {server.port}: .*give another host or port"
     with pytest.raises(InputError, match=told), serving("127.0.0.1", server.port, None, Limits()):
         pass
 

@@ -277,6 +277,9 @@ def run_verb(name: str, words: Sequence[str]) -> None:
     examples = "\n".join(f"$ {line}" for line in EXAMPLES[name])
     described = f"{verb.__doc__.splitlines()[0]}\n\n{examples}"
     with errors_as_lines(lambda message: with_flags(message, flags_of(verb))):
+        if "" in words:
+            before = words[words.index("") - 1] if words.index("") else ""
+            raise InputError(f"{before if before.startswith('-') else 'an argument'} is empty; a value is expected")
         twice = repeated_list(verb, words)
         if twice is not None:
             raise InputError(f"{twice} is given twice; all its values behind one {twice} are expected")

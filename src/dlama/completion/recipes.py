@@ -13,6 +13,8 @@ from dlama.geometry.rendering import MODES, Mode
 
 DepthBy = Literal["surfaces", "filler"]
 """What fills depth beside a filler of pictures: surfaces continued behind the hole, or the filler itself."""
+WIDEST_PX = 1024
+"""By how much masks and holes are dilated at most."""
 
 
 @dataclass(frozen=True)
@@ -52,8 +54,8 @@ class Recipe:
         for name in ("eight_bit_depth", "law", "footprint", "source_first"):
             check(getattr(self, name), bool, name)
         for name, value in (("dilate", 0 if self.dilate is None else self.dilate), ("dilate_holes", self.dilate_holes)):
-            if not isinstance(value, Integral) or value < 0:
-                raise InputError(f"{name} is {value!r} px; 0 or more is expected, a whole number")
+            if not isinstance(value, Integral) or not 0 <= value <= WIDEST_PX:
+                raise InputError(f"{name} is {value!r} px; a whole number from 0 to {WIDEST_PX} is expected")
         if self.clip is not None and not (is_finite(self.clip) and self.clip > 0):
             raise InputError(f"clip is {self.clip!r} m; more than 0 is expected")
         if self.eight_bit_depth and self.clip is None:

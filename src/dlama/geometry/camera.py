@@ -252,7 +252,8 @@ def intrinsics_of(K: ArrayLike, called: str = "K") -> tuple[float, float, float,
     matrix = _matrix(K, called, (3, 3))
     (fx, skew, cx), (zero, fy, cy), last = matrix.tolist()
     if not np.abs([skew, zero, last[0], last[1], last[2] - 1]).max() <= K_TOLERANCE:
-        raise CameraError(f"{called} is {matrix.tolist()}; fx 0 cx / 0 fy cy / 0 0 1 is expected (no skew)")
+        rows = "rows (focal 0 centre), (0 focal centre), (0 0 1) are expected (no skew)"
+        raise CameraError(f"{called} is {matrix.tolist()}; {rows}")
     return fx, fy, cx, cy
 
 

@@ -15,6 +15,8 @@ from dlama.geometry.rotations import slerp
 
 PIVOT_M = 2.5
 """Default distance, metres ahead on the optical axis, of the point a camera orbits about (the paper's centroid, sec. 4)."""
+MOST_DEGREES = 1e6
+"""Angles beyond are mistakes: whole turns of such a number are hardly told from its digits."""
 
 
 def orbit(camera: Camera, yaw: float, pitch: float = 0.0, pivot: float = PIVOT_M) -> Camera:
@@ -28,8 +30,8 @@ def orbit(camera: Camera, yaw: float, pitch: float = 0.0, pivot: float = PIVOT_M
     """
     check_arguments(orbit, locals())
     for name, value in (("yaw", yaw), ("pitch", pitch)):
-        if not is_finite(value):
-            raise InputError(f"{name} is {value!r}; a finite angle in degrees is expected")
+        if not is_finite(value) or not abs(value) <= MOST_DEGREES:
+            raise InputError(f"{name} is {value!r}; a finite angle in degrees, at most {MOST_DEGREES:g}, is expected")
     if not is_finite(pivot) or not 0 <= pivot <= FARTHEST_M:
         raise InputError(f"pivot is {pivot!r}; a distance >= 0 in metres, ahead of the camera, is expected")
     center = np.array([0.0, 0.0, pivot])

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from dlama.errors import InputError, MaskError
+from dlama.errors import InputError
 from dlama.jobs.pointing import find_pointed
 
 if TYPE_CHECKING:
@@ -81,20 +81,14 @@ class JobInputs:
         self, path: Path, options: Mapping[str, Any], picture: Path | None, role: str = "mask"
     ) -> BoolArray:
         """A mask of a picture, True = remove; options as of `read_mask`."""
-        from dlama.files.rasters.images import picture_hw
         from dlama.files.rasters.pictures import read_mask
-        from dlama.files.rasters.turned_pairs import refuse_turned, warn_of_turn
+        from dlama.files.rasters.turned_pairs import check_mask_fits
 
         self.inputs[role] = path
         with self.reading(path):
             mask = read_mask(path, **options)
             if picture is not None and picture.is_file():
-                hw, own = picture_hw(picture), (mask.shape[0], mask.shape[1])
-                refuse_turned(picture, path, hw, own)
-                warn_of_turn(picture, path)
-                if own != hw:
-                    sizes = f"{path} is {own[1]}x{own[0]} and {picture} {hw[1]}x{hw[0]}"
-                    raise MaskError(f"{sizes}; both must have the same size")
+                check_mask_fits(mask, path, picture)
             self.removed = mask if role == "mask" else self.removed
             return mask
 

@@ -63,9 +63,7 @@ def find_pointed(
     if object_class is None:
         return object_masks.find_mask(picture, **settings)
     if settings["clicks"] or settings["not_clicks"] or settings["box"] or settings["masker"]:
-        raise InputError(
-            "object_class and other ways to say which thing is meant contradict each other; give one of them"
-        )
+        raise InputError("object_class and other ways to point at an object contradict each other; give one of them")
     from dlama.files.rasters.pictures import read_mask
     from dlama.files.semantic_classes import semantic_picture
 

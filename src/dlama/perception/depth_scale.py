@@ -124,6 +124,13 @@ def check_known(
             )
         if not (metres > 0 and math.isfinite(metres)):
             raise InputError(f"{at}: {metres:g} m is no distance; a number above 0 is expected")
+    depths: dict[tuple[int, int], float] = {}
+    for x, y, metres in metres_at:
+        before = depths.setdefault((int(x), int(y)), metres)
+        if before != metres:
+            raise InputError(
+                f"metres_at {x:g},{y:g}: is {before:g} m and {metres:g} m; one depth of a pixel is expected"
+            )
 
 
 def fit_scale_to_points(

@@ -107,7 +107,7 @@ def serving(host: str, port: int, token: str | None, limits: Limits) -> Iterator
             server = Server((host, port), visits, token, limits)
         except OSError as error:
             reason = (error.strerror or str(error)).lower()
-            raise InputError(f"host and port are {host} and {port}: {reason}; give another host or port") from error
+            raise InputError(f"host is {host}, port is {port}: {reason}; give another host or port") from error
         try:
             yield server
         finally:

@@ -49,7 +49,7 @@ def mask(
             check_file_apart(file, {"image": image, "depth": depth})
         if not pointing.given:
             raise InputError(
-                "nothing says which thing is meant: give --click X,Y on it, --box X,Y,W,H round it, --salient or --class NAME"
+                "no object is pointed at: give --click X,Y on it, --box X,Y,W,H round it, --salient or --class NAME"
             )
         check_options({**reading.settings(), **estimating.settings(), **pointing.settings()}, image)
         with warnings.catch_warnings():

@@ -65,6 +65,7 @@ def existing(path: PathLike) -> Path:
     file = Path(path)
     try:
         kind, size = file.is_dir(), file.stat().st_size
+        special = not (kind or file.is_file())
     except FileNotFoundError:
         fetched = "; addresses are for `dlama batch` alone" if ADDRESS.match(str(path)) else ""
         raise FileError(f"{shown_name(path)}: no such file{fetched}") from None
@@ -72,6 +73,8 @@ def existing(path: PathLike) -> Path:
         raise FileError(f"{shown_name(path)}: cannot be read ({getattr(error, 'strerror', '') or error})") from error
     if kind:
         raise FileError(f"{file}: is a directory, a file is expected")
+    if special:  # a named pipe would be waited for, /dev/zero never ends
+        raise FileError(f"{file}: is a pipe or device, a file on disk is expected")
     if size == 0:
         raise FileError(f"{file}: is empty (0 bytes)")
     return file

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import warnings
 
-from dlama.errors import ShapeError
+from dlama.errors import MaskError, ShapeError
 from dlama.files.atomic_write import PathLike
-from dlama.files.rasters.images import orientation_of
+from dlama.files.rasters.images import orientation_of, picture_hw
+from dlama.geometry.rgbd import BoolArray
 
 
 def turned_apart(one: PathLike, other: PathLike) -> str:
@@ -36,3 +37,12 @@ def warn_of_turn(one: PathLike, other: PathLike) -> None:
             UserWarning,
             stacklevel=3,
         )
+
+
+def check_mask_fits(mask: BoolArray, path: PathLike, picture: PathLike) -> None:
+    """ShapeError or MaskError, which name both files: a mask that has not the size of its picture. Warns as `warn_of_turn`."""
+    hw, own = picture_hw(picture), (mask.shape[0], mask.shape[1])
+    refuse_turned(picture, path, hw, own)
+    warn_of_turn(picture, path)
+    if own != hw:
+        raise MaskError(f"{path} is {own[1]}x{own[0]} and {picture} {hw[1]}x{hw[0]}; both must have the same size")
