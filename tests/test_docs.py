@@ -16,7 +16,12 @@ from dlama.apps.cli import main
 ROOT = Path(__file__).parent.parent
 DOCS = ROOT / "docs"
 PAGES = sorted(DOCS.rglob("*.md"))
-RUN = [DOCS / "index.md", *sorted((DOCS / "guides").glob("*.md")), DOCS / "concepts" / "confidence.md"]
+RUN = [
+    DOCS / "index.md",
+    DOCS / "coming_from.md",
+    *sorted((DOCS / "guides").glob("*.md")),
+    DOCS / "concepts" / "confidence.md",
+]
 """Pages whose blocks `sh` and `python` run, in their order; `console` is for what needs a network, a cluster or own files."""
 BLOCK = re.compile(r"^```(sh|python)\n(.*?)^```", re.DOTALL | re.MULTILINE)
 PICTURE = re.compile(r"!\[[^\]]+\]\([^)]+\)")

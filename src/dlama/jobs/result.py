@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal, TextIO
 
+from dlama.files.schema import SCHEMA
 from dlama.workers.progress import duration
 
 Status = Literal["done", "failed"]
@@ -56,6 +57,8 @@ class JobResult:
     """The tar shard that holds an earlier result, until this one is packed."""
     kept: bool = False
     """An earlier run had done it."""
+    schema: int = SCHEMA
+    """Version of these fields, as of meta.json and scene.npz."""
 
     def as_json(self) -> str:
         """One line."""

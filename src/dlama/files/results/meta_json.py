@@ -16,6 +16,7 @@ from dlama import __version__
 from dlama.completion.completion import Completion
 from dlama.files.atomic_write import PathLike
 from dlama.files.cameras import camera_as_json
+from dlama.files.schema import SCHEMA
 from dlama.geometry.figures.false_color import HOLE_PALETTE, ORIGIN_PALETTE
 from dlama.geometry.view import HoleType, Origin
 from dlama.models.verify import sha256_of
@@ -25,6 +26,7 @@ def described(completion: Completion, intrinsics_from: str) -> dict[str, Any]:
     """The head of meta.json: where the views stand, what their codes mean, which versions made them."""
     return {
         "dlama": __version__,
+        "schema": SCHEMA,
         "source_camera": {**camera_as_json(completion.source.camera), "intrinsics_from": intrinsics_from},
         "cameras": [camera_as_json(view.camera) for view in completion.views],
         **completion.meta,

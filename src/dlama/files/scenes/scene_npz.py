@@ -25,6 +25,7 @@ from dlama.errors import DlamaError, FileError, system_errors
 from dlama.files.atomic_write import PathLike, new_file
 from dlama.files.rasters.float_files import read_npy
 from dlama.files.rasters.images import existing, shown_name
+from dlama.files.schema import SCHEMA, check_schema
 from dlama.geometry.camera import Camera
 from dlama.geometry.frames.stored import CACHE_BYTES, PixelCache, StoredView
 from dlama.geometry.rgbd import Float32Array, UInt8Array
@@ -63,6 +64,7 @@ def _all_arrays(view: View, scene: Scene) -> Iterator[tuple[str, np.ndarray]]:
         for number, layer in enumerate(layers):
             yield from _differences(_arrays(f"{name}{number}_", layer)).items()
     yield from {name: np.array(getattr(scene, name)) for name in FRAMES}.items()
+    yield "schema", np.array(SCHEMA)
 
 
 def _differences(arrays: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
@@ -110,6 +112,7 @@ def read_npz(path: PathLike, cache: PixelCache | None = None) -> tuple[View, Sce
                 for name in ("layer", "object")
             )
             whole = _arrays_of(archive, "")
+            check_schema(whole.get("schema"))
             return _view("", whole), _scene(layers, objects, whole)
     except KeyError as error:
         raise FileError(f"{file}: has no array called {error}; a scene.npz of dlama is expected") from error
