@@ -36,8 +36,8 @@ CALLS = {
 }
 """Name -> a call with a path that may not be used in it: below a closed folder, or closed itself."""
 MODULES = (
-    "datasets.layouts files.rasters.pictures files.rasters.depth files.cameras files.atomic_write inpainters "
-    "worlds.dataset worlds.writer "
+    "datasets.layouts files.photos.containers files.rasters.pictures files.rasters.depth files.cameras files.atomic_write "
+    "inpainters worlds.dataset worlds.writer "
     "training.presets training.data.sources apps.model_files"
 )
 SCRIPT = """

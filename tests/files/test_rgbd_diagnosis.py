@@ -110,8 +110,7 @@ def test_files_that_cannot_be_read_are_findings(tmp_path: Path) -> None:
         assert checks(found) == ["reading"] and found[0].confidence == 1
     assert checks(dlama.diagnose(image, depth, camera=tmp_path / "no.json")) == ["reading", "understood"]
     assert checks(dlama.diagnose(image, depth)) == ["camera", "understood"]
-    with pytest.raises(dlama.InputError, match="needs its depth"):
-        dlama.diagnose(image)
+    assert checks(dlama.diagnose(image)) == ["photo-depth", "understood"]
 
 
 def test_negative_depth(tmp_path: Path) -> None:
