@@ -32,7 +32,7 @@ from dlama.jobs.manifest import Manifest
 from dlama.jobs.perform import Task
 from dlama.jobs.result import JobResult
 from dlama.jobs.run import Settings, run_jobs
-from dlama.jobs.storage import Output, stamp
+from dlama.jobs.storage import Output, file_stamp
 from dlama.workers.pool import Pool
 
 ONLY = "image,depth"
@@ -168,7 +168,7 @@ def memory(folder: Path, count: int) -> None:
     path = write_list(folder / "jobs.csv", count)
     jobs = iter(room.JobList(path))
     first = next(jobs)
-    inputs = {role: {"path": file, "sha256": "", "stamp": stamp(file)} for role, file in first.files.items()}
+    inputs = {role: {"path": file, "sha256": "", "stamp": file_stamp(file)} for role, file in first.files.items()}
     with Manifest(Output(str(folder / "out"))) as manifest:
         for job in room.JobList(path):
             row = JobResult(

@@ -372,12 +372,12 @@ MUTANTS: tuple[Mutant, ...] = (
         "tests/completion/stereo/test_both_eyes.py",
         (
             "the scene lacks the right picture's own pixels",
-            "scene = with_seen_alone(scene, lender, law, recipe.mode)",
+            "scene = add_seen_alone(scene, other, law, recipe.mode)",
             "pass",
         ),
     ),
     *faults(
-        "files/checked_fields.py",
+        "files/fields.py",
         "tests/files/test_cameras.py",
         ("a field of a JSON may stand twice", "if len(found) < len(pairs):", "if False:"),
         ("a field of a calib.txt may stand twice", "if len(dict(pairs)) < len(pairs):", "if False:"),
@@ -416,7 +416,7 @@ MUTANTS: tuple[Mutant, ...] = (
         "jobs/early.py",
         "tests/apps/test_places.py",
         ("options of the library are not checked early", "lambda: options_of(options)", "lambda: None"),
-        ("points are not held against the picture early", 'Prompt(hw, on, beside, given.get("box"))', "pass"),
+        ("points are not held against the picture early", 'Prompt(hw, on, not_on, given.get("box"))', "pass"),
         ("a mask may be asked for where there is none", "and not removes:", "and False:"),
     ),
     *faults(

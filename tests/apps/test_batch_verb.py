@@ -122,4 +122,4 @@ def test_progress_and_ctrl_c(jobs: str, capsys: pytest.CaptureFixture[str], monk
         main(["batch", jobs, "-o", "out"])
     assert stop.value.code == 130
     assert "progress: batch: 1 of 10 done (10 %), " in seen[0] and "1 DepthError failed" in seen[0]
-    assert "interrupted; what is done is kept, and the same command goes on from there" in capsys.readouterr().err
+    assert "interrupted; what is done is kept, and the same command resumes it" in capsys.readouterr().err

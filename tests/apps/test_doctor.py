@@ -45,9 +45,9 @@ def test_json_has_the_findings(capsys: pytest.CaptureFixture[str]) -> None:
             [*STREET[:2], "--depth-scale", "1", "--depth-range", "1"],
             "--depth-scale and --depth-range contradict each other",
         ),
-        ([*STREET[:2], "--layout", "tum"], "--layout is tum; it says nothing to these inputs"),
-        ([str(dlama.example()), "--fov", "90"], "--fov is 90.0; it says nothing to these inputs"),
-        ([str(dlama.example()), "--soft-mask"], "--soft-mask is True; it says nothing to these inputs"),
+        ([*STREET[:2], "--layout", "tum"], "--layout is tum; it does not apply to these inputs"),
+        ([str(dlama.example()), "--fov", "90"], "--fov is 90.0; it does not apply to these inputs"),
+        ([str(dlama.example()), "--soft-mask"], "--soft-mask is True; it does not apply to these inputs"),
     ],
 )
 def test_options_that_cannot_be_heeded_are_named(

@@ -92,7 +92,7 @@ def test_remove_wants_one_way_of_saying_what(tmp_path: Path, capsys: pytest.Capt
     folder = small_frame(tmp_path)
     both = refused(capsys, folder, "remove", "image.png", "depth.png", "mask.png", "--click", "30,25", "--fov", "60")
     assert "one of them is expected" in both
-    assert "nothing says what is to be removed" in refused(capsys, folder, "remove", "image.png", "--fov", "60")
+    assert "no object to remove is given" in refused(capsys, folder, "remove", "image.png", "--fov", "60")
 
 
 def easysynth_frame(tmp_path: Path) -> Path:

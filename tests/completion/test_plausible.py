@@ -7,7 +7,7 @@ import warnings
 import numpy as np
 import pytest
 
-from dlama.completion.plausible import share_turned_away
+from dlama.completion.plausible import share_out_of_view
 from dlama.completion.verbs import remove, view
 from dlama.files.cameras import camera_for
 from dlama.geometry.camera import Camera
@@ -62,7 +62,7 @@ def test_what_a_turn_alone_leaves_unknown(degrees: float) -> None:
     row = Camera(400, 1, 300, 300, 200, 0.5)
     angles = np.degrees(np.arctan((np.arange(0, 400, 4) + 0.5 - 200) / 300))
     beyond = np.abs(angles - degrees) > np.degrees(np.arctan(200 / 300))
-    assert share_turned_away(row, moved(row, (0, -degrees, 0))) == pytest.approx(beyond.mean(), abs=0.02)
+    assert share_out_of_view(row, moved(row, (0, -degrees, 0))) == pytest.approx(beyond.mean(), abs=0.02)
 
 
 def test_millimetres_as_metres() -> None:

@@ -76,9 +76,9 @@ def test_several_or_none(tmp_path: Path) -> None:
         ),
         (
             {"layout": "pairs", "depth_range": 10.0},
-            r"depth_range says nothing to a data set of layout pairs; it is for eas",
+            r"depth_range does not apply to a data set of layout pairs; it is for eas",
         ),
-        ({"layout": "stereo", "camera": LENS}, r"camera says nothing to .* stereo; it is for tum, 7-scenes, scannet"),
+        ({"layout": "stereo", "camera": LENS}, r"camera does not apply to .* stereo; it is for tum, 7-scenes, scannet"),
         ({"limit": 0}, r"limit is 0; a whole number >= 1"),
     ],
 )
@@ -216,7 +216,7 @@ def test_easysynths_own_options_reach_its_reader(tmp_path: Path, monkeypatch: py
     open_dataset(tmp_path, "easysynth")
     assert got == [{"gamma": "linear", "removal_object": "barrel"}, {}]
     for option, flag in (({"gamma": "srgb"}, "gamma"), ({"removal_object": "x"}, "removal_object")):
-        with pytest.raises(InputError, match=f"{flag} says nothing .* it is for easysynth"):
+        with pytest.raises(InputError, match=f"{flag} does not apply .* it is for easysynth"):
             open_dataset(tmp_path, "tum", **option)
 
 

@@ -14,7 +14,7 @@ import pytest
 from dlama.datasets.layouts import open_dataset
 from dlama.datasets.posed.nerfstudio import lens_of
 from dlama.errors import CameraError, FileError, InputError
-from dlama.files.checked_fields import FileFields
+from dlama.files.fields import FileFields
 from posed_folders import check_frames, truth, write_codes16, write_picture
 
 LENS_FIELDS: dict[str, Any] = {"fl_x": 90.5, "fl_y": 92.25, "cx": 46.25, "cy": 37.75, "w": 96, "h": 72}

@@ -68,9 +68,11 @@ def test_a_scene_of_one_picture_is_no_data_set_and_estimated_depth_no_truth(tmp_
 
 def test_what_says_nothing_to_a_scene_is_refused(file: Path, tmp_path: Path) -> None:
     """One line each."""
-    with pytest.raises(InputError, match="layout says nothing to a data set of layout scene"):
+    with pytest.raises(InputError, match="layout does not apply to a data set of layout scene"):
         open_dataset(file, "tum")
-    with pytest.raises(InputError, match=r"camera says nothing to a data set of layout scene; it is for tum, 7-scenes"):
+    with pytest.raises(
+        InputError, match=r"camera does not apply to a data set of layout scene; it is for tum, 7-scenes"
+    ):
         open_dataset(file, camera=LENS)
     with pytest.raises(FileError, match="no such folder"):
         open_dataset(tmp_path / "none.npz")

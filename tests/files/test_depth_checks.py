@@ -11,7 +11,7 @@ import pytest
 
 from dlama.errors import DlamaError
 from dlama.files.rasters.depth import read_depth
-from dlama.files.rasters.depth_checks import FEWEST, SHARE, straight_share
+from dlama.files.rasters.depth_checks import FEWEST, SHARE, straighter_share
 from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import Float32Array
 from dlama.worlds.dataset import world
@@ -43,7 +43,7 @@ def test_generated_worlds() -> None:
     depths = [world(seed).frame(world(seed).camera(size=160)).depth for seed in range(6)]
     said = []
     for depth in (*depths, *(inverse_codes(each).astype(np.float32) for each in depths)):
-        share, votes = straight_share(depth)
+        share, votes = straighter_share(depth)
         said.append(share >= SHARE and votes >= FEWEST * depth.size)
     assert not any(said[:6])
     assert sum(said[6:]) >= 4

@@ -92,9 +92,9 @@ def test_a_depth_image_that_says_nothing_is_not_used(tmp_path: Path) -> None:
     """Without SEI and XMP nobody knows what its numbers mean: estimated, with a line that says why."""
     pytest.importorskip("pillow_heif", reason="pillow-heif is not installed (extra heic)")
     path = heic_with_depth(tmp_path / "IMG.HEIC", COLOR, CODES, packet(""))
-    with pytest.raises(DepthError, match=r"IMG.HEIC: the depth image in it says nothing of what its numbers mean"):
+    with pytest.raises(DepthError, match=r"IMG.HEIC: the depth image in it has no word of what its numbers mean"):
         read_photo_depth(path)
-    with pytest.warns(UserWarning, match=r"says nothing .* mean; depth is estimated instead"):
+    with pytest.warns(UserWarning, match=r"has no word .* mean; depth is estimated instead"):
         assert (read_rgbd(path, fov=60, metres_at=KNOWN).estimate or {})["estimator"] == "tcmonodepth"
 
 

@@ -41,5 +41,5 @@ def test_a_class_that_is_not_there(tmp_path: Path) -> None:
     path.write_text(TABLE)
     with pytest.raises(MaskError, match=r"no class is called 'car'; known: sky, chair, old; or give R,G,B"):
         class_color("car", path, tmp_path / "picture.png")
-    with pytest.raises(MaskError, match=r"picture\.png: no SemanticClasses\.csv beside it"):
+    with pytest.raises(MaskError, match=r"picture\.png: no SemanticClasses\.csv next to it"):
         class_color("car", None, tmp_path / "picture.png")

@@ -55,7 +55,7 @@ def test_results_are_those_of_the_verbs(tmp_path: Path) -> None:
     assert [name for name in wanted if mine[name] != wanted[name] and not name.endswith("meta.json")] == []
     assert results["missing"].error == f"{tmp_path / 'nothing.png'}: no such file"
     assert results["words"].error == f"{tmp_path / 'jobs.csv'}: line 5: yaw is 'five'; a number is expected"
-    assert "nothing says where the new camera stands" in results["still"].error
+    assert "no camera move is given" in results["still"].error
     rows_written = table(tmp_path / "out")
     assert list(rows_written) == [row["id"] for row in rows]
     assert rows_written["a/1"]["hole_share"] == str(results["a/1"].hole_share) != ""
@@ -220,11 +220,11 @@ def test_rows_as_mappings_and_a_generator(tmp_path: Path, monkeypatch: pytest.Mo
 
 
 def test_a_run_that_can_write_nothing_ends(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Results that cannot be written, one after the other, end the run with the reason; later it goes on from there."""
+    """Results that cannot be written, one after the other, end the run with the reason; later it resumes."""
     small_frame(tmp_path)
 
-    from dlama.jobs.perform import Task, failed
-    from dlama.workers.pool import Ended
+    from dlama.jobs.perform import Task, failed_row
+    from dlama.workers.pool import TaskEnd
 
     def no_space(self: object, task: Task) -> None:
         self.tasks.append(task)  # type: ignore[attr-defined]
@@ -237,15 +237,15 @@ def test_a_run_that_can_write_nothing_ends(tmp_path: Path, monkeypatch: pytest.M
 
         submit = no_space
 
-        def wait(self) -> list[Ended]:
+        def wait(self) -> list[TaskEnd]:
             tasks, self.tasks = self.tasks, []
-            return [Ended(task, failed(task.job, OutputError("out: no space left on device"))) for task in tasks]
+            return [TaskEnd(task, failed_row(task.job, OutputError("out: no space left on device"))) for task in tasks]
 
         def close(self) -> None: ...
 
     with monkeypatch.context() as patched:
         patched.setattr(room, "Pool", Full)
-        with pytest.raises(OutputError, match=r"no space left on device.*the same command goes on from there"):
+        with pytest.raises(OutputError, match=r"no space left on device.*the same command resumes it"):
             run(tmp_path, view_rows(9))
     assert {row.status for row in run(tmp_path, view_rows(9))} == {"done"}
 

@@ -41,9 +41,9 @@ def test_each_frame_is_a_job(root: Path, tmp_path: Path) -> None:
     np.testing.assert_array_equal(dlama.read_color(tmp_path / "out" / jobs[0].id / "image.png"), done.view.color)
     with Manifest(output) as manifest:
         manifest.add(row)
-        assert manifest.kept(jobs[0]) is not None and manifest.kept(jobs[1]) is None
+        assert manifest.find_done(jobs[0]) is not None and manifest.find_done(jobs[1]) is None
         other = next(iter(DatasetJobs(root, "view", None, {"yaw": 11, **FAST})))
-        assert other.id == jobs[0].id and manifest.kept(other) is None
+        assert other.id == jobs[0].id and manifest.find_done(other) is None
 
 
 @pytest.mark.parametrize(("verb", "protocol"), [("remove", "ori"), ("stereo", "sii")])
@@ -59,8 +59,8 @@ def test_removals_and_pairs_are_jobs(root: Path, tmp_path: Path, verb: str, prot
 def test_what_a_data_set_has_itself_is_refused(root: Path) -> None:
     """Messages by hand."""
     for verb, options, message in (
-        ("view", {"yaw": 1, "fov": 60}, "fov says nothing to a data set"),
-        ("view", {}, "nothing says where the new camera stands"),
+        ("view", {"yaw": 1, "fov": 60}, "fov does not apply to a data set"),
+        ("view", {}, "no camera move is given"),
         (None, {}, "verb is ''; one of view"),
     ):
         with pytest.raises(InputError, match=message):

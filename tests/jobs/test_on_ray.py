@@ -74,7 +74,7 @@ def test_a_run_whose_only_node_dies_ends_and_is_resumed(tmp_path: Path) -> None:
         pytest.skip(f"Ray's own processes did not start: {died.stderr[-200:]}")
     assert died.returncode == 2, died.stderr[-2000:]
     (error,) = [line for line in died.stderr.splitlines() if line.startswith("error: ")]
-    assert "no node of the cluster can run a worker" in error and "the same command goes on from there" in error
+    assert "no node of the cluster can run a worker" in error and "the same command resumes it" in error
     before = [row["id"] for row in table(tmp_path / "out").values() if row["status"] == "done"]
     assert 4 <= len(before) < 20
     resumed = run(1000)
@@ -134,7 +134,7 @@ class Lost:
         return {"CPU": 1.0} if self.looks in self.back else {"node:head": 1.0}
 
 
-def test_a_cluster_without_nodes_ends_with_the_line_that_goes_on(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_cluster_without_nodes_ends_with_the_line_that_resumes(monkeypatch: pytest.MonkeyPatch) -> None:
     """After BACK_SECONDS without one; a node that comes back in between begins the time anew (oracle: the clock's own ticks)."""
     clock = iter(range(0, 10_000, 25))
     monkeypatch.setattr(on_ray.time, "monotonic", lambda: float(next(clock)))
@@ -142,9 +142,7 @@ def test_a_cluster_without_nodes_ends_with_the_line_that_goes_on(monkeypatch: py
         workers = object.__new__(on_ray.RayWorkers)
         workers.ray, workers.threads, workers.gpus = Lost(back), 1, 0.0  # type: ignore[assignment]
         if ends:
-            with pytest.raises(
-                DlamaError, match=r"none came back within 120 s; what is done is kept, .* goes on from there"
-            ):
+            with pytest.raises(DlamaError, match=r"none came back within 120 s; what is done is kept, .* resumes it"):
                 workers._wait_for_one(["a"])
         else:
             workers._wait_for_one(["a"])

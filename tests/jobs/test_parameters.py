@@ -14,9 +14,9 @@ import pytest
 
 from dlama.apps.cli import VERBS as COMMANDS
 from dlama.errors import InputError
-from dlama.jobs.batch import checked_defaults
+from dlama.jobs.batch import check_defaults
 from dlama.jobs.job import job_of
-from dlama.jobs.parameters import FILES, KNOWN, NEEDED, NETWORKS, VERBS, checked
+from dlama.jobs.parameters import FILES, KNOWN, NEEDED, NETWORKS, VERBS, check_parameters
 from dlama.jobs.perform import PERFORM
 
 
@@ -49,7 +49,7 @@ def test_a_path_in_a_row_is_a_file() -> None:
     """Rows in Python hold paths as well as texts; a file among the defaults is one of the working directory."""
     job = job_of({"id": "a", "verb": "depth", "image": Path("rgb", "a.png")}, {}, "/list", "job 1")
     assert job.error is None and job.files == {"image": str(Path("/list/rgb/a.png"))}
-    given = checked_defaults(None, {"camera": "cam.json", "depth_model": "moge-small", "to": Path("to.json"), "fov": 3})
+    given = check_defaults(None, {"camera": "cam.json", "depth_model": "moge-small", "to": Path("to.json"), "fov": 3})
     here = Path.cwd()
     wanted = {"camera": str(here / "cam.json"), "depth_model": "moge-small", "to": str(here / "to.json"), "fov": 3}
     assert given == wanted
@@ -88,7 +88,7 @@ def test_defaults_of_the_command_line_are_parameters() -> None:
 )  # fmt: skip
 def test_values_as_typed_and_from_json(name: str, typed: Any, value: Any) -> None:
     """By hand."""
-    assert checked("view", {"image": "a.png", "dolly": 1, name: typed})[name] == value
+    assert check_parameters("view", {"image": "a.png", "dolly": 1, name: typed})[name] == value
 
 
 @pytest.mark.parametrize(
@@ -100,23 +100,23 @@ def test_values_as_typed_and_from_json(name: str, typed: Any, value: Any) -> Non
         ({"yaw": 1, "seed": 1.5}, "seed is 1.5; a whole number is expected"),
         ({"yaw": 1, "sharpen": "maybe"}, "sharpen is 'maybe'; true or false is expected"),
         ({"yaw": 1, "mode": "lines"}, "mode is 'lines'; one of surface, points is expected"),
-        ({"yaw": 1, "mask": "m.png"}, "mask says nothing to view"),
+        ({"yaw": 1, "mask": "m.png"}, "mask does not apply to view"),
         ({"yaw": 1, "to": "t.json"}, "to=TARGET.json and `yaw` contradict each other"),
-        ({}, "nothing says where the new camera stands"),
+        ({}, "no camera move is given"),
     ],
 )
 def test_values_that_cannot_be(given: dict[str, Any], message: str) -> None:
     """Messages by hand."""
     with pytest.raises(InputError, match=message):
-        checked("view", {"image": "a.png", **given})
-    with pytest.raises(InputError, match="image is missing; view wants image"):
-        checked("view", {"yaw": 3})
+        check_parameters("view", {"image": "a.png", **given})
+    with pytest.raises(InputError, match="image is missing; view needs image"):
+        check_parameters("view", {"yaw": 3})
 
 
 def test_points_and_boxes() -> None:
     """By hand, as typed and from JSON."""
     for click, box in (("1,2 3,4.5", "1,2,3,4"), ([[1, 2], [3, 4.5]], [1, 2, 3, 4])):
-        found = checked("remove", {"image": "a.png", "click": click, "box": box})
+        found = check_parameters("remove", {"image": "a.png", "click": click, "box": box})
         assert found["click"] == [[1, 2], [3, 4.5]] and found["box"] == [1, 2, 3, 4]
     with pytest.raises(InputError, match="box is '1,2,3'; X,Y,W,H in pixels is expected"):
-        checked("remove", {"image": "a.png", "box": "1,2,3"})
+        check_parameters("remove", {"image": "a.png", "box": "1,2,3"})

@@ -17,8 +17,8 @@ from dlama.errors import FileError
 from dlama.jobs import batch as room
 from dlama.jobs.batch import batch
 from dlama.jobs.perform import work
-from dlama.jobs.storage import Output, fetched, folder_of, is_address, opened, stamp
-from dlama.workers.pool import Ended
+from dlama.jobs.storage import Output, fetch, file_stamp, folder_of, is_address, open_to_read
+from dlama.workers.pool import TaskEnd
 
 fsspec = pytest.importorskip("fsspec", reason="fsspec is not installed: extra `batch`")
 
@@ -40,10 +40,10 @@ class Here:
         """Kept until `wait`."""
         self.tasks.append(task)
 
-    def wait(self) -> list[Ended]:
+    def wait(self) -> list[TaskEnd]:
         """All at once."""
         tasks, self.tasks = self.tasks, []
-        return [Ended(task, work(task)) for task in tasks]
+        return [TaskEnd(task, work(task)) for task in tasks]
 
     def close(self) -> None:
         """Nothing to close."""
@@ -136,8 +136,8 @@ def test_addresses(tmp_path: Path) -> None:
     assert is_address("s3://a/b") and not is_address("/a/b") and not is_address("file:///a/b")
     assert folder_of("s3://a/b/jobs.csv") == "s3://a/b" and folder_of(str(tmp_path / "jobs.csv")) == str(tmp_path)
     (tmp_path / "a.txt").write_text("text")
-    with opened(f"file://{tmp_path}/a.txt") as stream:
+    with open_to_read(f"file://{tmp_path}/a.txt") as stream:
         assert stream.read() == "text"
-    assert stamp(str(tmp_path / "a.txt")) and stamp(str(tmp_path / "b.txt")) == ""
-    with pytest.raises(FileError, match="nonsense://a/b"), fetched({"image": "nonsense://a/b"}):
+    assert file_stamp(str(tmp_path / "a.txt")) and file_stamp(str(tmp_path / "b.txt")) == ""
+    with pytest.raises(FileError, match="nonsense://a/b"), fetch({"image": "nonsense://a/b"}):
         pass

@@ -18,7 +18,7 @@ LENS = Camera.from_fov(64, 48, 70)
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ({"path": "worlds", "camera": LENS}, r"camera says nothing to a data set of layout worlds"),
+        ({"path": "worlds", "camera": LENS}, r"camera does not apply to a data set of layout worlds"),
         ({"path": "worlds:3", "layout": "tum"}, r"'worlds:3' is generated and has no layout"),
         ({"path": "worlds:x"}, r"'worlds:x' is no name of generated worlds; worlds, worlds:COUNT"),
         ({"path": "worlds:0"}, r"'worlds:0' is no name of generated worlds"),

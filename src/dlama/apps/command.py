@@ -66,11 +66,11 @@ class Command(JobInputs):
         from dlama.files.scenes.scene_npz import read_scene
 
         if depth is not None:
-            raise InputError(f"{file}: is a scene, which has its depth; {depth} says nothing to it")
+            raise InputError(f"{file}: is a scene, which has its depth; {depth} does not apply to it")
         for one in options:
             for field_, value in vars(one).items():
                 if value != getattr(type(one)(), field_):
-                    raise InputError(f"{field_} says nothing to a scene ({file.name}); it is for pictures")
+                    raise InputError(f"{field_} does not apply to a scene ({file.name}); it is for pictures")
         self.inputs["scene"] = file
         with self.reading(file):
             return read_scene(file)

@@ -184,9 +184,7 @@ def split_depth_and_mask(files: Sequence[Path], pointed: bool = False) -> tuple[
             raise mask_and_pointing(files[1])
         return (files[0] if files else None), None
     if not files:
-        raise InputError(
-            "nothing says what is to be removed: give a mask file, --click X,Y on the thing, or --box X,Y,W,H"
-        )
+        raise InputError("no object to remove is given: give a mask file, --click X,Y on the thing, or --box X,Y,W,H")
     if not 1 <= len(files) <= 2:
         raise InputError(f"{len(files)} files follow the picture; a mask, or depth and a mask are expected")
     return (files[0] if len(files) == 2 else None), files[-1]

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from dlama.errors import OutputError
-from dlama.files.atomic_write import checked_name
+from dlama.files.atomic_write import check_name
 
 Inputs = Mapping[str, Path | str | None]
 """What a file or folder is to the verb (image, depth, data set) -> its path; None: not given."""
@@ -50,7 +50,7 @@ def check_place(output: Path) -> None:
     """Raise OutputError where no directory `output` can be made or written to, as far as that can be told beforehand."""
     wrong = ""
     try:
-        place = Path(os.path.realpath(checked_name(output)))
+        place = Path(os.path.realpath(check_name(output)))
         while not os.path.lexists(place) and place != place.parent:
             place = place.parent
         if place.is_symlink():

@@ -88,16 +88,16 @@ class Completion:
         return self.views[-1]
 
     def with_min_confidence(self: C, min_confidence: float) -> C:
-        """The same completion with every filled pixel and point that is less sure left open (unknown), in views and scene.
+        """The same completion with every filled pixel and point of less confidence left open (unknown), in views and scene.
 
         min_confidence: 0..1; 0 leaves nothing open. What was measured always stays. meta says how much was left open.
         Raises InputError.
         """
         if check_confidence(min_confidence) == 0:
             return self
-        views = tuple(sure_enough(view, min_confidence) for view in self.views)
+        views = tuple(above_confidence(view, min_confidence) for view in self.views)
         frames, fills = (
-            tuple(sure_enough(layer, min_confidence) for layer in layers)
+            tuple(above_confidence(layer, min_confidence) for layer in layers)
             for layers in (self.scene.frames, self.scene.fills)
         )
         opened = [float((new.hole & ~old.hole).mean()) for new, old in zip(views, self.views)]
@@ -132,7 +132,7 @@ class StereoCompletion(Completion):
     """How well the two completed views agree, over the whole picture."""
 
 
-def sure_enough(view: View, min_confidence: float) -> View:
-    """The view with what was filled and is less sure than that left open."""
+def above_confidence(view: View, min_confidence: float) -> View:
+    """The view with filled pixels below that confidence left open."""
     filled = np.isin(view.origin, (Origin.FILLED, Origin.DEPTH_FILLED)) & ~view.hole
     return view.reopen(filled & (view.confidence < min_confidence))

@@ -19,7 +19,7 @@ CGROUP = Path("/sys/fs/cgroup")
 
 
 def check_memory(cameras: Sequence[Camera], free: int | None = None) -> None:
-    """Raise InputError where completing these views would take more memory than is free (bytes; None: as the system says)."""
+    """Raise InputError where completing these views would take more memory than is free (bytes; None: as the system reports)."""
     sizes = [camera.width * camera.height for camera in cameras]
     if not sizes:
         return
@@ -37,7 +37,7 @@ def check_memory(cameras: Sequence[Camera], free: int | None = None) -> None:
 
 
 def available_bytes() -> int | None:
-    """Bytes of memory that a process can still take: of the machine, or of its container; None where the system does not say."""
+    """Bytes of memory that a process can still take: of the machine, or of its container; None: not known."""
     found = [each for each in (_of_machine(), _of_container()) if each is not None]
     return min(found) if found else None
 

@@ -9,7 +9,7 @@ from dlama.arguments import check_arguments
 from dlama.completion.options import Options
 from dlama.completion.pipeline import complete
 from dlama.completion.start import choose_filler, plan_for
-from dlama.completion.steps import beside_edges, fill
+from dlama.completion.steps import fill, with_edge_law
 from dlama.errors import InputError
 from dlama.geometry.camera import Camera
 from dlama.geometry.fusion import fuse
@@ -59,7 +59,7 @@ def _views(scene: Scene, cameras: list[Camera], filler: Inpainter, seed: int) ->
     plan, _, _ = plan_for(whole, Options(filler=filler, seed=seed))
     for camera in cameras:
         open_view = render(whole, camera)
-        view, _ = fill(beside_edges(plan, whole, camera), open_view)
+        view, _ = fill(with_edge_law(plan, whole, camera), open_view)
         if float(open_view.hole.mean()) > KEPT:
             whole = fuse(whole, view, known=~open_view.hole)
         yield view

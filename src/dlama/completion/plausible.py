@@ -51,7 +51,7 @@ def warn_of_unknown(rgbd: RGBD | View, warped: Sequence[View]) -> None:
     odd = [
         share
         for share, view in zip(shares, warped)
-        if MOST_UNKNOWN < share < 1 and share > share_turned_away(rgbd.camera, view.camera) + BEYOND_TURN
+        if MOST_UNKNOWN < share < 1 and share > share_out_of_view(rgbd.camera, view.camera) + BEYOND_TURN
     ]
     if not odd:  # of nothing at all meta.json speaks
         return
@@ -62,7 +62,7 @@ def warn_of_unknown(rgbd: RGBD | View, warped: Sequence[View]) -> None:
     )
 
 
-def share_turned_away(source: Camera, target: Camera) -> float:
+def share_out_of_view(source: Camera, target: Camera) -> float:
     """Share of the target's pixels (0..1) whose direction the source's picture does not hold: unknown by its turn alone."""
     columns, rows = np.meshgrid(np.arange(0, target.width, EVERY) + 0.5, np.arange(0, target.height, EVERY) + 0.5)
     x, y, ahead = px_from_px(source, target)[0] @ np.stack([columns.ravel(), rows.ravel(), np.ones(columns.size)])

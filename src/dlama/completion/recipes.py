@@ -25,7 +25,7 @@ class Recipe:
     """
 
     name: str
-    """`dlama` or `paper`; further changes are listed beside it in meta.json."""
+    """`dlama` or `paper`; further changes are listed next to it in meta.json."""
     mode: Mode = "surface"
     """How clouds are rendered: a cut triangle mesh, or nearest pixels."""
     dilate: int | None = None

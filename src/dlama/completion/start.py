@@ -88,20 +88,20 @@ def scene_of(given: RGBD | Scene | Sequence[FrameSource], clip: float | None = N
     if isinstance(given, RGBD):
         return Scene((View.from_rgbd(clip_depth(given, clip)),))
     if not isinstance(given, Scene):
-        return scene([clipped_frame(frame, clip) for frame in given])
+        return scene([clip_frame(frame, clip) for frame in given])
     if clip is not None:
         raise InputError(f"clip is {clip} m: a scene cannot be clipped; give its frames instead")
     return given
 
 
-def clipped_frame(frame: FrameSource, clip: float | None) -> FrameSource:
+def clip_frame(frame: FrameSource, clip: float | None) -> FrameSource:
     """The frame, or what reads it, clipped."""
     if clip is None:
         return frame
-    return clip_depth(frame, clip) if isinstance(frame, RGBD) else partial(_read_clipped, frame, clip)
+    return clip_depth(frame, clip) if isinstance(frame, RGBD) else partial(_read_and_clip, frame, clip)
 
 
-def _read_clipped(read: Callable[[], RGBD], clip: float | None) -> RGBD:
+def _read_and_clip(read: Callable[[], RGBD], clip: float | None) -> RGBD:
     return clip_depth(read(), clip)
 
 
@@ -154,7 +154,7 @@ def plan_for(
     options: Options,
     mask: BoolArray | Mapping[int, BoolArray] | None = None,
 ) -> tuple[Plan, Scene, Dilation]:
-    """How a scene is completed, the scene that it goes on from, without what is masked, and how the masks grew.
+    """How a scene is completed, the scene that it starts from, without what is masked, and how the masks grew.
 
     Raises InputError, MaskError, as `complete`.
     """

@@ -69,12 +69,12 @@ def frame_steps(plan: Plan, scene: Scene, cameras: Sequence[Camera]) -> list[Ste
     chosen = {place for camera in cameras for place in choose_frames(frames, camera)} if cameras else range(len(frames))
     places = sorted(place for place in chosen if frames[place].has_holes) if plan.recipe.source_first else []
     if len(places) > 1 and scene.removals:
-        unseen = {place: unseen_behind(plan, frames[place].camera) for place in places}
+        unseen = {place: count_unseen_behind(plan, frames[place].camera) for place in places}
         places.sort(key=lambda place: (-unseen[place], place))
     return [Step(frames[place].camera, place) for place in places]
 
 
-def unseen_behind(plan: Plan, camera: Camera) -> int:
+def count_unseen_behind(plan: Plan, camera: Camera) -> int:
     """Pixels of a frame behind a removed object that no other frame shows."""
     view = measured_view(plan, plan.given, camera)
     return int((view.hole & (view.hole_type == HoleType.OBJECT)).sum())
@@ -96,7 +96,7 @@ def measured_view(plan: Plan, scene: Scene, camera: Camera) -> View:
 
 
 def warp(plan: Plan, scene: Scene, camera: Camera) -> tuple[View, Dilation]:
-    """The same with the hole grown as the recipe says."""
+    """The same with the hole dilated as the recipe says."""
     view = measured_view(plan, scene, camera)
     larger = dilate_view_holes(view, plan.recipe.dilate_holes)
     return larger, Dilation(int(view.hole.sum()), int((larger.hole & ~view.hole).sum()))
@@ -180,12 +180,12 @@ def complete_view(
         before, grown_hole = warp(plan, scene, camera)
         known, taken_over = show_earlier_fill(plan, scene, before)
     with clock("fill"):
-        view, filled = fill(beside_edges(plan, scene, camera), known)
+        view, filled = fill(with_edge_law(plan, scene, camera), known)
     with clock("fuse"):
         larger = fuse_new(scene, before, known, view)
     return CompletedView(before, view, grown_hole, (taken_over, filled)), larger
 
 
-def beside_edges(plan: Plan, scene: Scene, camera: Camera) -> Plan:
+def with_edge_law(plan: Plan, scene: Scene, camera: Camera) -> Plan:
     """The plan with the law for a camera that holds edges where the pictures have them (`Law.with_placed_edges`)."""
     return dataclasses.replace(plan, law=plan.law.near(camera).with_aligned_edges(scene))

@@ -60,7 +60,7 @@ def diagnose(
         cannot be read is a finding, too.
 
     Raises:
-        InputError: no right picture is given, or an option that says nothing to these inputs.
+        InputError: no right picture is given, or an option that does not apply to these inputs.
     """
     check_arguments(diagnose, locals())
     intrinsics = {"fx": fx, "fy": fy, "cx": cx, "cy": cy, "fov": fov, "pixel_center": pixel_center}
@@ -90,4 +90,4 @@ def diagnose(
 def _refuse(first: PathLike, others: Mapping[str, Any]) -> None:
     for name, value in others.items():
         if value is not None and value != DEFAULTS.get(name):
-            raise InputError(f"{Path(first)}: {name} is {value}; it says nothing to these inputs")
+            raise InputError(f"{Path(first)}: {name} is {value}; it does not apply to these inputs")

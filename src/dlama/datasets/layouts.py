@@ -167,7 +167,7 @@ def refuse_unused(name: str, known: frozenset[str], options: Mapping[str, object
         if value is not None and option not in known:
             takers = [each for each, layout in LAYOUTS.items() if option in layout.options]
             for_others = f"; it is for {', '.join(takers)}" if takers else ""
-            raise InputError(f"{option} says nothing to a data set of layout {name}{for_others}")
+            raise InputError(f"{option} does not apply to a data set of layout {name}{for_others}")
 
 
 def narrowed(dataset: Dataset, scenes: Sequence[str] | None, limit: int | None) -> Dataset:

@@ -14,7 +14,7 @@ from dlama.datasets.posed.posed_frames import FrameFiles, Lens, PosedFrame, json
 from dlama.datasets.posed.view_pairs import pair_case
 from dlama.datasets.text_tables import pose_at, scene_folders
 from dlama.errors import FileError
-from dlama.files.checked_fields import FileFields, read_json_fields
+from dlama.files.fields import FileFields, read_json_fields
 
 NAME = "pairs.json"
 

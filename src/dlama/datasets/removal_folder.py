@@ -19,7 +19,7 @@ from dlama.datasets.frames import Case, Dataset, RemovalTruth
 from dlama.datasets.posed.posed_frames import FrameFiles, json_lens, load_rgbd, posed_frame, units_per_metre
 from dlama.datasets.text_tables import scene_folders
 from dlama.errors import FileError, ShapeError
-from dlama.files.checked_fields import read_json_fields
+from dlama.files.fields import read_json_fields
 from dlama.files.rasters.pictures import read_mask, read_region
 from dlama.geometry.rgbd import BoolArray
 

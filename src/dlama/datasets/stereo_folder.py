@@ -20,8 +20,8 @@ import numpy as np
 from dlama.datasets.frames import Case, Dataset, StereoTruth
 from dlama.datasets.text_tables import scene_folders
 from dlama.errors import CameraError, FileError, ShapeError
-from dlama.files.cameras import checked_camera, read_stereo_calib
-from dlama.files.checked_fields import FileFields, read_json_fields
+from dlama.files.cameras import make_camera, read_stereo_calib
+from dlama.files.fields import FileFields, read_json_fields
 from dlama.files.rasters.depth import read_disparity
 from dlama.files.rasters.pictures import read_color_of_camera
 from dlama.geometry.camera import StereoRig
@@ -120,8 +120,8 @@ def _rig(fields: FileFields, hw: tuple[int, int]) -> tuple[StereoRig, bool]:
     across = np.eye(4)
     across[0, 3] = baseline
     fx, fy, cx, cy = intrinsics
-    left = checked_camera(fields.path, size, intrinsics, center)
-    return StereoRig(left, checked_camera(fields.path, size, (fx, fy, cx + doffs, cy), center, across)), "K" in fields
+    left = make_camera(fields.path, size, intrinsics, center)
+    return StereoRig(left, make_camera(fields.path, size, (fx, fy, cx + doffs, cy), center, across)), "K" in fields
 
 
 def _same_size(path: Path, shape: tuple[int, ...], hw: tuple[int, int]) -> None:

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from dlama.errors import CameraError, FileError, InputError
-from dlama.files.rasters.images import existing
+from dlama.files.rasters.images import existing_file
 from dlama.geometry.camera import Float64Array, check_pose
 from dlama.geometry.rotations import QUATERNION_TOLERANCE, rotation_from_quaternion
 
@@ -67,7 +67,7 @@ def read_rows(path: Path, *, commas: bool = False) -> list[Row]:
 
     commas: these stand between words, too (CSV).
     """
-    file = existing(path)
+    file = existing_file(path)
     try:
         text = file.read_text(encoding="utf-8-sig")
     except UnicodeDecodeError as error:

@@ -1,14 +1,14 @@
 """A path in; a place to write to out, which becomes that path only when all went well.
 
-Whoever is interrupted, fails or runs out of disk leaves nothing behind: no half file, no half directory, no mixture of two
-runs. Whoever is killed leaves a hidden draft, which the next run that writes there removes (`drafts`). What has been placed is
+A run that is interrupted, fails or runs out of disk leaves nothing behind: no half file, no half directory, no mixture of two
+runs. A killed run leaves a hidden draft, which the next run that writes there removes (`drafts`). What has been placed is
 on the disk: a power cut does not empty it.
 
-How a directory is replaced: the new one is written beside it, the old one renamed aside (`.dlama-old-...`), the new one renamed
-to its place, then what the old one held besides (other people's files) is moved back, and the old one is removed. A run that is
+How a directory is replaced: the new one is written next to it, the old one renamed aside (`.dlama-old-...`), the new one renamed
+to its place, then what else the old one held (other people's files) is moved back, and the old one is removed. A run that is
 killed on the way is finished by the next one that writes there: the old directory returns to an empty place, else what is left
 of other people's files is moved. A directory that cannot be renamed (a mount point, a parent closed to us, the folder somebody
-works in) keeps its identity: files are moved into it one by one, and the next run goes on with that where one was killed.
+works in) keeps its identity: files are moved into it one by one, and the next run completes that where one was killed.
 """
 
 from __future__ import annotations
@@ -22,21 +22,21 @@ from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 from dlama.errors import OutputError
-from dlama.files.drafts import DRAFT, OLD, PLACING, abandoned, held, in_a_draft, name_of, remove, remove_abandoned
+from dlama.files.drafts import DRAFT, OLD, PLACING, find_abandoned, hold, in_a_draft, name_of, remove, remove_abandoned
 
 PathLike = str | os.PathLike[str]
-"""Whatever names a file."""
+"""A file's path."""
 NO_FLUSH = (errno.EINVAL, errno.ENOTSUP, errno.EBADF, errno.EROFS, errno.EACCES, errno.EPERM)
-"""What file systems say that cannot flush, which is no reason to fail."""
+"""Errors of file systems that cannot flush, which is no reason to fail."""
 
 
 @contextmanager
 def new_file(path: PathLike) -> Iterator[Path]:
-    """A temporary path beside `path` (same suffix) to write to; renamed to `path` on success, removed on failure.
+    """A temporary path next to `path` (same suffix) to write to; renamed to `path` on success, removed on failure.
 
     Folders on the way are not made. Raises OutputError when the place cannot be written.
     """
-    target = checked_name(path)
+    target = check_name(path)
     draft = target.with_name(name_of(DRAFT, target.name))
     nested = in_a_draft(target.absolute())
     try:
@@ -45,7 +45,7 @@ def new_file(path: PathLike) -> Iterator[Path]:
         if not nested:
             remove_abandoned(target.absolute().parent)
         draft.touch(exist_ok=False)
-        with held(draft):
+        with hold(draft):
             yield draft
             if not nested:
                 _flush(draft)
@@ -67,13 +67,13 @@ def new_directory(path: PathLike) -> Iterator[Path]:
     Files of the same names are replaced, all others stay. On failure everything goes, also folders that were made on the way.
     Raises OutputError when the place cannot be written, or a file and a folder have the same name.
     """
-    target = checked_name(path)
+    target = check_name(path)
     made: list[Path] = []
     with ExitStack() as owned:
         try:
             place = Path(os.path.realpath(target))  # a link keeps pointing to its directory
             draft = _draft_directory(place, made)
-            owned.enter_context(held(draft))
+            owned.enter_context(hold(draft))
         except OSError as error:
             _remove_made(made)
             raise OutputError(f"{target}: cannot be written: {_reason(error)}") from error
@@ -91,7 +91,7 @@ def new_directory(path: PathLike) -> Iterator[Path]:
             raise
 
 
-def checked_name(path: PathLike) -> Path:
+def check_name(path: PathLike) -> Path:
     """The path, if a file can be called so; else OutputError."""
     if "\0" in str(path):
         raise OutputError(f"{str(path).encode('unicode_escape').decode('ascii')}: cannot be written: no name holds NUL")
@@ -100,7 +100,7 @@ def checked_name(path: PathLike) -> Path:
 
 def _draft_directory(target: Path, made: list[Path]) -> Path:
     """An empty directory on the same disk as `target`; folders made on the way are added to `made`, outermost first."""
-    _finish_killed(target)
+    _finish_interrupted(target)
     if target.is_symlink():  # what is left of a name when its links are followed
         raise OSError(errno.ELOOP, os.strerror(errno.ELOOP))
     if target.exists() and not target.is_dir():
@@ -109,8 +109,8 @@ def _draft_directory(target: Path, made: list[Path]) -> Path:
         if not folder.exists():
             folder.mkdir()
             made.append(folder)
-    beside = not target.exists() or _can_be_renamed(target)
-    draft = (target.parent if beside else target) / name_of(DRAFT, target.name)
+    sibling = not target.exists() or _can_be_renamed(target)
+    draft = (target.parent if sibling else target) / name_of(DRAFT, target.name)
     draft.mkdir()  # not tempfile: the result gets the rights any new directory gets
     return draft
 
@@ -133,7 +133,7 @@ def _place(draft: Path, target: Path) -> None:
         draft.replace(target)
         return
     _refuse_conflicts(draft, target)
-    if draft.parent == target.parent and _movable(draft, target):
+    if draft.parent == target.parent and _is_movable(draft, target):
         with contextlib.suppress(OSError):  # as file systems in layers refuse to rename folders
             _swap(draft, target)
             return
@@ -142,23 +142,23 @@ def _place(draft: Path, target: Path) -> None:
 
 def _swap(draft: Path, target: Path) -> None:
     """Rename the old directory aside and the new one to its place, and move what the old one held besides."""
-    _like(target, draft)
+    _copy_rights(target, draft)
     old = target.with_name(name_of(OLD, target.name))
-    with held(target):
+    with hold(target):
         target.rename(old)
         try:
             draft.rename(target)
         except OSError:
             old.rename(target)
             raise
-        _adopt(old, target)
+        _move_what_is_missing(old, target)
 
 
 def _place_inside(draft: Path, target: Path) -> None:
-    """Move all of the draft into `target`, one by one. A run that is killed meanwhile is finished by `_finish_killed`."""
+    """Move all of the draft into `target`, one by one. A run that is killed meanwhile is finished by `_finish_interrupted`."""
     whole = target / name_of(PLACING, target.name)
     draft.rename(whole)
-    with held(whole):
+    with hold(whole):
         try:
             _move_into(whole, target)
         except OSError:
@@ -166,20 +166,20 @@ def _place_inside(draft: Path, target: Path) -> None:
             raise
 
 
-def _finish_killed(target: Path) -> None:
+def _finish_interrupted(target: Path) -> None:
     """What runs that were killed while they placed a directory left undone, and their drafts."""
-    for old in abandoned(target.parent, OLD, target.name):
+    for old in find_abandoned(target.parent, OLD, target.name):
         if target.exists():
-            _adopt(old, target)
+            _move_what_is_missing(old, target)
         else:
             old.rename(target)
-    for whole in abandoned(target, PLACING):
+    for whole in find_abandoned(target, PLACING):
         _move_into(whole, target)
     remove_abandoned(target.parent)
     remove_abandoned(target)
 
 
-def _adopt(old: Path, target: Path) -> None:
+def _move_what_is_missing(old: Path, target: Path) -> None:
     """Move what `old` holds and `target` does not into `target`, then remove `old`."""
     _move_missing(old, target)
     shutil.rmtree(old, ignore_errors=True)
@@ -206,12 +206,12 @@ def _refuse_conflicts(draft: Path, target: Path) -> None:
             raise IsADirectoryError(f"{place.name} in it is a directory, a file is expected")
 
 
-def _movable(draft: Path, target: Path) -> bool:
+def _is_movable(draft: Path, target: Path) -> bool:
     """Whether everything in `target` can be moved out of it: folders must be open to us, and no mount points."""
     for entry in target.iterdir():
         if _is_folder(entry) and (entry.is_mount() or not os.access(entry, os.W_OK | os.X_OK)):
             return False
-        if _is_folder(entry) and (draft / entry.name).is_dir() and not _movable(draft / entry.name, entry):
+        if _is_folder(entry) and (draft / entry.name).is_dir() and not _is_movable(draft / entry.name, entry):
             return False
     return True
 
@@ -231,7 +231,7 @@ def _is_folder(path: Path) -> bool:
     return path.is_dir() and not path.is_symlink()
 
 
-def _like(old: Path, new: Path) -> None:
+def _copy_rights(old: Path, new: Path) -> None:
     """Rights and owner of the old folder for the new one, as far as that is allowed."""
     with contextlib.suppress(OSError):
         shutil.copymode(old, new)

@@ -16,15 +16,15 @@ from numpy.typing import ArrayLike
 from dlama.arguments import check_arguments
 from dlama.errors import CameraError, FileError, system_errors
 from dlama.files.atomic_write import PathLike, new_file
-from dlama.files.checked_fields import FileFields, Intrinsics, json_text, json_value, read_calib_txt, read_json_fields
-from dlama.files.rasters.images import existing, read_stored
+from dlama.files.fields import FileFields, Intrinsics, json_text, json_value, read_calib_txt, read_json_fields
+from dlama.files.rasters.images import existing_file, read_stored
 from dlama.geometry.camera import Camera, StereoRig, check_pixel_center
 from dlama.perception.diagnosis.lens import looks_like_radians
 
 FILM_DIAGONAL_MM = math.hypot(36, 24)
 """35 mm film; "focal length in 35 mm film" compares diagonals (CIPA DCG-001)."""
 NO_INTRINSICS = (
-    "nothing says how wide the camera sees: give fov, its horizontal field of view in degrees (phone main camera about 65, "
+    "the field of view is not known: give fov, its horizontal field of view in degrees (phone main camera about 65, "
     "webcam 60, Kinect 57 to 63, EasySynth 90), or `camera`, a JSON file, or fx fy cx cy in pixels"
 )
 CAMERA_FIELDS = ("width", "height", "fx", "fy", "cx", "cy", "K", "pixel_center", "world_from_cam", "comment")
@@ -48,7 +48,7 @@ def read_camera(path: PathLike, *, hw: tuple[int, int] | None = None) -> Camera:
     check_arguments(read_camera, locals())
     if _is_calib_txt(path):
         fields = read_calib_txt(path)
-        return checked_camera(path, fields.size(hw), fields.intrinsics("cam0"), 0.0)
+        return make_camera(path, fields.size(hw), fields.intrinsics("cam0"), 0.0)
     return _camera_of(read_json_fields(path, CAMERA_FIELDS), hw)
 
 
@@ -58,7 +58,7 @@ def _camera_of(fields: FileFields, hw: tuple[int, int] | None) -> Camera:
         raise CameraError(f"{fields.path}: K and fx, fy, cx, cy are both given; one of them is expected")
     intrinsics = fields.intrinsics("K") if "K" in fields else [fields.number(name) for name in names]
     pose = fields.matrix("world_from_cam", (4, 4)) if "world_from_cam" in fields else None
-    return checked_camera(fields.path, fields.size(hw, needed=True), intrinsics, fields.pixel_center(0.5), pose)
+    return make_camera(fields.path, fields.size(hw, needed=True), intrinsics, fields.pixel_center(0.5), pose)
 
 
 @system_errors(FileError)
@@ -67,7 +67,7 @@ def read_cameras(path: PathLike) -> dict[str, Camera]:
 
     Raises FileError, CameraError, naming the camera and the field.
     """
-    file = existing(path)
+    file = existing_file(path)
     listed = json_value(file, json_text(file))
     if not isinstance(listed, list) or not listed:
         raise FileError(f"{file}: holds no list; a list of cameras, each with width, height, fx, ..., is expected")
@@ -124,7 +124,7 @@ def read_stereo_calib(path: PathLike, *, hw: tuple[int, int] | None = None) -> S
     pose[0, 3] = baseline
     size = fields.size(hw)
     try:
-        return StereoRig(checked_camera(path, size, left, center), checked_camera(path, size, right, center, pose))
+        return StereoRig(make_camera(path, size, left, center), make_camera(path, size, right, center, pose))
     except CameraError as error:
         if str(error).startswith(str(path)):
             raise
@@ -185,11 +185,11 @@ def camera_for(
     focal_x, focal_y, source = _focal_lengths(hw, fx, fy, fov, image)
     border = 0.5 - pixel_center  # cx and cy count as the options do, the middle counts from the picture's border
     center = (hw[1] / 2 - border if cx is None else cx, hw[0] / 2 - border if cy is None else cy)
-    made = checked_camera("camera options", hw, (focal_x, focal_y, *center), pixel_center, world_from_cam)
+    made = make_camera("camera options", hw, (focal_x, focal_y, *center), pixel_center, world_from_cam)
     return made, source
 
 
-def checked_camera(
+def make_camera(
     source: PathLike,
     hw: tuple[int, int],
     intrinsics: Sequence[float],
@@ -271,7 +271,7 @@ def _focal_lengths(
 
 
 def _exif_focal(image: PathLike | None) -> float | None:
-    """EXIF focal length in 35 mm terms; None without a picture, or where its file says nothing."""
+    """EXIF focal length in 35 mm terms; None without a picture, or where its file has none."""
     if image is None:
         return None
     try:

@@ -21,11 +21,11 @@ from dlama.files.rasters.depth import (
     MILLIMETRES,
     check_depth_options,
     eight_bit_advice,
-    stored_numbers,
+    read_stored_numbers,
 )
-from dlama.files.rasters.images import SUFFIXES, as_shown, orientation_of, read_stored
+from dlama.files.rasters.images import SUFFIXES, apply_orientation, orientation_of, read_stored
 from dlama.files.rasters.pictures import eight_bit_rgb, read_color, read_mask
-from dlama.files.rasters.turned_pairs import turned_apart
+from dlama.files.rasters.turned_pairs import orientation_difference
 from dlama.files.rgbd import SAME_PROPORTIONS, nearest_pixels, read_rgbd
 from dlama.geometry.camera import Camera
 from dlama.geometry.rgbd import BoolArray, UInt8Array, describe_depth_range, percent
@@ -38,7 +38,7 @@ from dlama.perception.diagnosis.rgbd_checks import run_checks
 from dlama.perception.diagnosis.stereo_pair import check_pair
 
 GUESSED_FOV = 65.0
-"""Degrees, where nothing says how wide the camera sees: a phone's."""
+"""Degrees, where the field of view is not known: a phone's."""
 UNTURNED = (0, 1, 2, 3, 4, 5, 8, 7, 6)
 """EXIF orientation -> the one that undoes it."""
 
@@ -66,28 +66,28 @@ def diagnose_rgbd(
     """Findings on a picture with depth, and a mask; the last one says what was understood. Never raises InputError."""
     try:
         color = eight_bit_rgb(read_stored(image).values, image)
-        found, seen = _observed(image, depth, color, depth_options)
+        found, seen = _observe(image, depth, color, depth_options)
     except InputError as error:
         return [Finding("reading", "fault", 1.0, str(error))]
-    said, camera = _camera(image, seen.color.shape[:2], lens_options)
-    found += said
+    noted, camera = _camera(image, seen.color.shape[:2], lens_options)
+    found += noted
     if seen.values.shape != seen.color.shape[:2]:
         return found
     seen = replace(seen, camera=camera)
     if mask is not None:
-        said, hole = _mask(mask, image, seen, mask_options)
-        found += said
+        noted, hole = _mask(mask, image, seen, mask_options)
+        found += noted
         seen = replace(seen, mask=hole, names=(*seen.names[:2], Path(mask).name))
     skip = ("depth unit",) if any(finding.check == "eight-bit-depth" for finding in found) else ()
     found += run_checks(seen, skip)
-    return [*found, understood(seen, found)]
+    return [*found, summarise_inputs(seen, found)]
 
 
 def diagnose_photo(image: PathLike, lens_options: Mapping[str, Any]) -> list[Finding]:
     """Findings on the depth that a photo's file carries; the last one says what was understood. Never raises InputError."""
     name = Path(image).name
     try:
-        with warnings.catch_warnings(record=True) as said:
+        with warnings.catch_warnings(record=True) as noted:
             warnings.simplefilter("always", UserWarning)
             own = read_photo_depth(image)
             if own is None:
@@ -101,7 +101,7 @@ def diagnose_photo(image: PathLike, lens_options: Mapping[str, Any]) -> list[Fin
     except InputError as error:
         return [Finding("photo-depth", "fault", 1.0, str(error))]
     found = check_lens(rgbd.camera)
-    found += [Finding("photo-depth", "note", 1.0, " ".join(str(one.message).split())) for one in said]
+    found += [Finding("photo-depth", "note", 1.0, " ".join(str(one.message).split())) for one in noted]
     about = own.about
     parts = [f"{rgbd.camera.width}x{rgbd.camera.height}", f"{rgbd.camera.fov_deg:.3g} degrees wide"]
     parts.append(f"depth {describe_depth_source(about)}, {about['size'][0]}x{about['size'][1]}")
@@ -122,8 +122,8 @@ def diagnose_pair(left: PathLike, right: PathLike, calib: PathLike) -> list[Find
     if pictures[0].shape != pictures[1].shape:
         sizes = " and ".join(f"{each.shape[1]}x{each.shape[0]}" for each in pictures)
         return [Finding("size", "fault", 1.0, f"{names}: are {sizes}", "rectify them to one size")]
-    said = check_lens(rig.left) + check_pair(*pictures, rig.doffs)
-    found = [replace(each, what=f"{names}: {each.what}") for each in said]
+    noted = check_lens(rig.left) + check_pair(*pictures, rig.doffs)
+    found = [replace(each, what=f"{names}: {each.what}") for each in noted]
     verdict = "read as" if any(each.severity == "fault" for each in found) else "nothing wrong:"
     what = (
         f"{names}: {verdict} {rig.left.width}x{rig.left.height}, {rig.left.fov_deg:.3g} degrees wide, "
@@ -132,7 +132,7 @@ def diagnose_pair(left: PathLike, right: PathLike, calib: PathLike) -> list[Find
     return [*found, Finding("understood", "fine", 1.0, what)]
 
 
-def understood(seen: Observed, found: list[Finding]) -> Finding:
+def summarise_inputs(seen: Observed, found: list[Finding]) -> Finding:
     """What was made of the inputs, in one line."""
     valid, (image, depth, mask) = seen.valid, seen.names
     metres = seen.values[valid] / seen.units
@@ -151,13 +151,13 @@ def understood(seen: Observed, found: list[Finding]) -> Finding:
     return Finding("understood", "fine", 1.0, f"{names}: {verdict} {', '.join(parts)}")
 
 
-def _observed(
+def _observe(
     image: PathLike, depth: PathLike, color: UInt8Array, options: DepthOptions
 ) -> tuple[list[Finding], Observed]:
     """The stored numbers and what is wrong with how they are stored; a camera is put in later."""
     check_depth_options(options.depth_scale, options.depth_range, options.far)
     name = Path(depth).name
-    numbers = stored_numbers(depth, "depth", options.channel, eight_bit=True)
+    numbers = read_stored_numbers(depth, "depth", options.channel, eight_bit=True)
     found, whole = [], numbers.dtype.kind != "f"
     if numbers.dtype.itemsize == 1:
         found.append(Finding("eight-bit-depth", "fault", 0.95, f"{name}: {eight_bit_advice('depth')}"))
@@ -175,23 +175,23 @@ def _observed(
     if options.far is not None:
         far |= values >= options.far * units
     values = np.where(far, np.inf, np.where(values > 0, values, 0))  # NaN compares as False
-    said, color, values = _oriented(image, depth, color, values)
-    found += said
+    noted, color, values = _orient(image, depth, color, values)
+    found += noted
     if values.shape != color.shape[:2]:
-        said, values = _resized(image, depth, color.shape[:2], values, options.resize_depth is not None)
-        found += said
+        noted, values = _resize(image, depth, color.shape[:2], values, options.resize_depth is not None)
+        found += noted
     camera = Camera.from_fov(values.shape[1], values.shape[0], GUESSED_FOV)
     return found, Observed(color, values, units, camera, names=(Path(image).name, name, "mask"), whole=whole)
 
 
-def _oriented(
+def _orient(
     image: PathLike, depth: PathLike, color: UInt8Array, values: np.ndarray
 ) -> tuple[list[Finding], UInt8Array, np.ndarray]:
     """Where only one of the two is turned by its tag: which way they fit, found by their edges."""
     turns = orientation_of(image), orientation_of(depth)
     if turns[0] == turns[1]:
         return [], color, values
-    stored = as_shown(color, UNTURNED[turns[0]]), as_shown(values, UNTURNED[turns[1]])
+    stored = apply_orientation(color, UNTURNED[turns[0]]), apply_orientation(values, UNTURNED[turns[1]])
     shown_fit, stored_fit = correlate_edges(color, values), correlate_edges(*stored)
     if shown_fit >= stored_fit:
         return [], color, values
@@ -204,7 +204,7 @@ def _oriented(
     return [Finding("orientation", "fault", 0.95, what, mend)], np.ascontiguousarray(stored[0]), stored[1]
 
 
-def _resized(
+def _resize(
     image: PathLike, depth: PathLike, hw: tuple[int, ...], values: np.ndarray, asked: bool
 ) -> tuple[list[Finding], np.ndarray]:
     """Depth of another size at the picture's, if they show the same field of view."""
@@ -250,6 +250,6 @@ def _mask(
         (height, width), (h, w) = mask.shape, seen.values.shape
         what = f"{Path(path).name}: the mask is {width}x{height} and {seen.names[0]} {w}x{h}"
         return [Finding("size", "fault", 1.0, what, "scale the mask to the picture's size")], None
-    if turned := turned_apart(image, path):
+    if turned := orientation_difference(image, path):
         return [Finding("orientation", "note", 0.5, turned, "clear the tag (exiftool -Orientation= FILE)")], mask
     return [], mask

@@ -18,7 +18,7 @@ from pathlib import Path
 
 try:
     import fcntl
-except ImportError:  # Windows: age alone tells
+except ImportError:  # Windows: age alone decides
     fcntl = None  # type: ignore[assignment]
 
 DRAFT, OLD, PLACING = ".dlama-draft-", ".dlama-old-", ".dlama-placing-"
@@ -37,10 +37,10 @@ _swept: set[str] = set()
 
 def name_of(prefix: str, name: str) -> str:
     """A new hidden name for `name`, with its suffix."""
-    return f"{prefix}{os.getpid()}@{HOST}-{os.urandom(4).hex()}-{_tail(name)}"
+    return f"{prefix}{os.getpid()}@{HOST}-{os.urandom(4).hex()}-{_short_name(name)}"
 
 
-def _tail(name: str) -> str:
+def _short_name(name: str) -> str:
     if len(os.fsencode(name)) <= LONGEST:
         return name
     suffix = Path(name).suffix
@@ -48,13 +48,13 @@ def _tail(name: str) -> str:
 
 
 @contextlib.contextmanager
-def held(path: Path) -> Iterator[None]:
+def hold(path: Path) -> Iterator[None]:
     """While this is open, `path` (a file or folder that is there, and may be renamed) belongs to this process."""
     key, handle = str(path), None
     _mine.add(key)
     try:
         if fcntl is not None:
-            with contextlib.suppress(OSError):  # a file system without locks: process and age tell
+            with contextlib.suppress(OSError):  # a file system without locks: process and age decide
                 handle = os.open(path, os.O_RDONLY)
                 fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
         yield
@@ -74,23 +74,23 @@ def remove_abandoned(folder: Path, *, again: bool = False) -> None:
     if str(folder) in _swept and not again:
         return
     _swept.add(str(folder))
-    for path in abandoned(folder, DRAFT):
+    for path in find_abandoned(folder, DRAFT):
         remove(path)
 
 
-def abandoned(folder: Path, prefix: str, name: str | None = None) -> list[Path]:
+def find_abandoned(folder: Path, prefix: str, name: str | None = None) -> list[Path]:
     """What ended processes left in `folder` under that prefix, sorted; `name`: only of that file or folder. Raises nothing."""
     try:
         with os.scandir(folder) as entries:
             names = sorted(entry.name for entry in entries if entry.name.startswith(prefix))
     except OSError:
         return []
-    end = "" if name is None else f"-{_tail(name)}"
+    end = "" if name is None else f"-{_short_name(name)}"
     return [folder / each for each in names if each.endswith(end) and is_abandoned(folder / each, prefix)]
 
 
 def is_abandoned(path: Path, prefix: str) -> bool:
-    """Whether the process that made `path` has ended. False where that cannot be told."""
+    """Whether the process that made `path` has ended. False where that cannot be known."""
     match = re.match(r"(\d+)@([A-Za-z0-9.]*)-[0-9a-f]{8}-", path.name[len(prefix) :])
     if match is None or str(path) in _mine or _is_locked(path):
         return False
@@ -132,7 +132,7 @@ def _is_running(pid: int) -> bool:
 
 
 def _is_zombie(pid: int) -> bool:
-    """Whether a process has ended and its parent has not asked for its exit code yet; False where /proc does not tell."""
+    """Whether a process has ended and its parent has not asked for its exit code yet; False without /proc."""
     try:
         return Path(f"/proc/{pid}/stat").read_text("utf-8", "replace").rpartition(")")[2].split()[:1] == ["Z"]
     except OSError:

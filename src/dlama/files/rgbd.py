@@ -93,7 +93,7 @@ def read_rgbd(
         for name, value in of_file.items():
             if value is not None:
                 raise InputError(f"{name} is given without a depth file; it says how one is read")
-        return estimated_rgbd(image, lens, depth_model, far, options)
+        return estimate_rgbd(image, lens, depth_model, far, options)
     of_estimate = {
         "metres_at": len(metres_at) > 0,
         "camera_height": camera_height is not None,
@@ -111,11 +111,11 @@ def read_rgbd(
     refuse_turned(image, depth, hw, (metres.shape[0], metres.shape[1]))
     warn_of_turn(image, depth)
     if metres.shape != hw:
-        metres = _resized(image, depth, metres, hw, resize_depth)
+        metres = _resize_depth(image, depth, metres, hw, resize_depth)
     return RGBD(color, metres, camera_for(hw, image=image, **lens)[0])
 
 
-def estimated_rgbd(
+def estimate_rgbd(
     image: PathLike,
     lens: Mapping[str, Any],
     depth_model: str | Path | Estimator | None,
@@ -135,7 +135,7 @@ def estimated_rgbd(
     if camera is None and known:
         camera, source = camera_for(color.shape[:2], image=image, **lens)
     if own is not None:
-        rgbd = _with_own_depth(image, color, camera, own, options)
+        rgbd = _use_photo_depth(image, color, camera, own, options)
     else:
         rgbd = estimate_depth(color, camera, depth_model=depth_model or DEFAULT, **options).rgbd
     about = dict(rgbd.estimate or {})
@@ -154,7 +154,7 @@ def find_photo_depth(image: PathLike) -> PhotoDepth | None:
         return None
 
 
-def _with_own_depth(
+def _use_photo_depth(
     image: PathLike, color: UInt8Array, camera: Camera | None, own: PhotoDepth, options: Mapping[str, Any]
 ) -> RGBD:
     """The picture with the depth of its file at the picture's size, edges moved to the picture's as those of estimates are.
@@ -192,7 +192,7 @@ def _with_own_depth(
     return dataclasses.replace(rgbd, estimate=about)
 
 
-def _resized(
+def _resize_depth(
     image: PathLike, depth: PathLike, metres: Float32Array, hw: tuple[int, int], how: str | None
 ) -> Float32Array:
     """Nearest pixel; depths are never mixed, a mean of two surfaces lies on neither."""

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from dlama.errors import FileError, MaskError
 from dlama.files.atomic_write import PathLike
-from dlama.files.rasters.images import existing
+from dlama.files.rasters.images import existing_file
 
 RGB = tuple[int, int, int]
 CLASSES_FILE = "SemanticClasses.csv"
@@ -38,26 +38,26 @@ def read_classes(path: PathLike) -> dict[str, RGB]:
     return classes
 
 
-def class_color(wanted: str, classes_csv: PathLike | None, picture: PathLike) -> RGB:
+def class_color(name: str, classes_csv: PathLike | None, picture: PathLike) -> RGB:
     """The colour of a class given as "R,G,B", or by its name in a SemanticClasses.csv.
 
-    Where `classes_csv` is None the table is looked for beside the semantic `picture` and up to three folders above.
+    Where `classes_csv` is None the table is looked for next to the semantic `picture` and up to three folders above.
     Raises MaskError (no table, or no such name: it lists the known), FileError (what the table holds).
     """
-    parts = wanted.split(",")
+    parts = name.split(",")
     if len(parts) == 3 and all(part.strip().lstrip("+-").isdecimal() for part in parts):
         if not all(CHANNEL.fullmatch(part.strip()) and int(part) <= 255 for part in parts):
-            raise MaskError(f"mask_class is {wanted[:40]}; R,G,B of 0 to 255 each is expected")
+            raise MaskError(f"mask_class is {name[:40]}; R,G,B of 0 to 255 each is expected")
         return int(parts[0]), int(parts[1]), int(parts[2])
-    table = _table_beside(picture) if classes_csv is None else classes_csv
+    table = _find_table(picture) if classes_csv is None else classes_csv
     classes = read_classes(table)
-    if wanted not in classes:
-        raise MaskError(f"{table}: no class is called '{wanted}'; known: {', '.join(classes)}; or give R,G,B")
-    return classes[wanted]
+    if name not in classes:
+        raise MaskError(f"{table}: no class is called '{name}'; known: {', '.join(classes)}; or give R,G,B")
+    return classes[name]
 
 
 def semantic_picture(picture: PathLike) -> Path:
-    """The semantic picture that belongs to a colour picture of EasySynth: SemanticImage/NAME.png beside ColorImage/NAME.jpeg.
+    """The semantic picture that belongs to a colour picture of EasySynth: SemanticImage/NAME.png next to ColorImage/NAME.jpeg.
 
     Raises FileError where there is none.
     """
@@ -73,7 +73,7 @@ def unreal_text(path: PathLike) -> str:
 
     Raises FileError.
     """
-    data = existing(path).read_bytes()
+    data = existing_file(path).read_bytes()
     encoding = "utf-16" if data[:2] in (b"\xff\xfe", b"\xfe\xff") else "utf-8-sig"
     try:
         return data.decode(encoding)
@@ -82,12 +82,12 @@ def unreal_text(path: PathLike) -> str:
         raise FileError(f"{path}:{line}:1: is no {encoding} text") from error
 
 
-def _table_beside(picture: PathLike) -> Path:
+def _find_table(picture: PathLike) -> Path:
     for folder in list(Path(picture).absolute().parents)[: FOLDERS_UP + 1]:
         if (folder / CLASSES_FILE).is_file():
             return folder / CLASSES_FILE
     raise MaskError(
-        f"{picture}: no {CLASSES_FILE} beside it or up to {FOLDERS_UP} folders above; give the class as R,G,B"
+        f"{picture}: no {CLASSES_FILE} next to it or up to {FOLDERS_UP} folders above; give the class as R,G,B"
     )
 
 

@@ -13,14 +13,14 @@ from typing import Any
 from dlama.arguments import check, check_arguments, check_count, check_number
 from dlama.completion.memory import available_bytes
 from dlama.errors import InputError, MissingExtraError
-from dlama.files.atomic_write import PathLike, checked_name
-from dlama.jobs.job import Job, job_of, resolved
+from dlama.files.atomic_write import PathLike, check_name
+from dlama.jobs.job import Job, job_of, resolve_path
 from dlama.jobs.lists.tables import rows as rows_of
 from dlama.jobs.parameters import FILES, KNOWN, NETWORKS, VERBS
 from dlama.jobs.perform import work
 from dlama.jobs.result import JobResult
 from dlama.jobs.run import Progress, Settings, Workers, run_jobs
-from dlama.jobs.storage import Output, folder_of, is_address, local
+from dlama.jobs.storage import Output, folder_of, is_address, local_path
 from dlama.models.network_file import processor_count
 from dlama.workers.memory import PROCESS_BYTES, check_processes
 from dlama.workers.pool import Pool
@@ -72,13 +72,13 @@ def batch(
         MissingExtraError: a cluster, an address or Parquet, and the package for it is not installed.
     """
     check_arguments(batch, locals())
-    source = JobList(jobs, verb, checked_defaults(verb, defaults))
+    source = JobList(jobs, verb, check_defaults(verb, defaults))
     _check_counts(stop_after_failures=stop_after_failures, pack=pack, workers=workers, threads=threads)
     check_number(gpus_per_worker, "gpus_per_worker", "a share of a GPU, 0 or more,")
-    checked_name(out)
-    output = Output(str(out) if is_address(str(out)) else str(Path(local(str(out))).absolute()))
+    check_name(out)
+    output = Output(str(out) if is_address(str(out)) else str(Path(local_path(str(out))).absolute()))
     settings = Settings(output, ordered, resume, stop_after_failures, pack, progress or (lambda *_: None))
-    return run_jobs(source, source.can_be_read_twice, settings, starter(workers, threads, ray, gpus_per_worker))
+    return run_jobs(source, source.can_be_read_twice, settings, worker_starter(workers, threads, ray, gpus_per_worker))
 
 
 @dataclass(frozen=True)
@@ -91,7 +91,7 @@ class JobList:
 
     @property
     def can_be_read_twice(self) -> bool:
-        """Files can, and whatever does not use itself up."""
+        """Files can, and every iterable that is not its own iterator."""
         return self._file is not None or iter(self.jobs) is not self.jobs  # type: ignore[arg-type]
 
     @property
@@ -114,7 +114,7 @@ class JobList:
                 yield job_of(one, self.defaults, str(Path.cwd()), f"job {number}", self.verb)
 
 
-def checked_defaults(verb: str | None, defaults: Mapping[str, Any]) -> dict[str, Any]:
+def check_defaults(verb: str | None, defaults: Mapping[str, Any]) -> dict[str, Any]:
     """Those that are given (not None), files as whole paths. InputError: an unknown verb, or a parameter that no verb has."""
     if verb is not None and verb not in VERBS:
         raise InputError(f"verb is {verb!r}; one of {', '.join(VERBS)} is expected")
@@ -123,7 +123,7 @@ def checked_defaults(verb: str | None, defaults: Mapping[str, Any]) -> dict[str,
             raise InputError(f"{name} is no parameter of a verb; known are {', '.join(KNOWN)}")
     here = str(Path.cwd())  # of which workers on other computers know nothing
     return {
-        name: resolved(os.fspath(value), here, name in FILES) if name in (*FILES, *NETWORKS) else value
+        name: resolve_path(os.fspath(value), here, name in FILES) if name in (*FILES, *NETWORKS) else value
         for name, value in defaults.items()
         if value is not None
     }
@@ -141,12 +141,14 @@ def _check_counts(**counts: int | None) -> None:
         raise InputError("; ".join(wrong))
 
 
-def starter(workers: int | None, threads: int | None, ray: str | None, gpus_per_worker: float) -> Callable[[], Workers]:
+def worker_starter(
+    workers: int | None, threads: int | None, ray: str | None, gpus_per_worker: float
+) -> Callable[[], Workers]:
     """What starts the workers. InputError: numbers that cannot be. MissingExtraError: Ray is not installed."""
     if ray is None:
         if gpus_per_worker:
             raise InputError(f"gpus_per_worker is {gpus_per_worker} without ray; it is for clusters")
-        chosen = workers_for(workers, threads)
+        chosen = count_workers(workers, threads)
         return lambda: Pool(work, *chosen)
     if gpus_per_worker < 0:
         raise InputError(f"gpus_per_worker is {gpus_per_worker}; 0 or more is expected")
@@ -157,7 +159,7 @@ def starter(workers: int | None, threads: int | None, ray: str | None, gpus_per_
     return lambda: RayWorkers(work, ray, workers, threads, gpus_per_worker)
 
 
-def workers_for(workers: int | None, threads: int | None) -> tuple[int, int]:
+def count_workers(workers: int | None, threads: int | None) -> tuple[int, int]:
     """Processes and threads of each. InputError: below 1, or more than this computer holds."""
     cores, free = processor_count(), available_bytes()
     if workers is not None:

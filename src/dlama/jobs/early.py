@@ -22,7 +22,7 @@ def check_options(given: Mapping[str, Any], image: Path | None = None, removes: 
     removes: whether the job removes an object, whose mask can be written.
     """
     from dlama.files.rasters.depth import check_depth_options
-    from dlama.files.results.completion import checked_results
+    from dlama.files.results.completion import check_results
     from dlama.geometry.camera import Camera
 
     def one(name: str, default: Any = None) -> Any:
@@ -31,7 +31,7 @@ def check_options(given: Mapping[str, Any], image: Path | None = None, removes: 
     options = {name: given[name] for name in METHOD if given.get(name) is not None}
     checks: list[Callable[[], Any]] = [
         lambda: options_of(options),
-        lambda: _check_results(checked_results(given.get("only"), given.get("also") or ()), removes),
+        lambda: _check_results(check_results(given.get("only"), given.get("also") or ()), removes),
         lambda: one("filler", AUTO) == AUTO or callable(given["filler"]) or model_file(given["filler"], one("model")),
         lambda: check_depth_options(one("depth_scale"), one("depth_range"), one("far")),
         lambda: one("fov") is None or Camera.from_fov(2, 2, given["fov"]),
@@ -68,8 +68,8 @@ def _check_pointing(given: Mapping[str, Any], image: Path | None) -> None:
     check_names(given.get("masker"), given.get("mask_model"), given.get("candidate", "object"))
     hw = _size(image)
     if hw is not None and (given.get("clicks") or given.get("not_clicks") or given.get("box")):
-        on, beside = (tuple(map(tuple, given.get(name, ()))) for name in ("clicks", "not_clicks"))
-        Prompt(hw, on, beside, given.get("box"))
+        on, not_on = (tuple(map(tuple, given.get(name, ()))) for name in ("clicks", "not_clicks"))
+        Prompt(hw, on, not_on, given.get("box"))
 
 
 def _check_scale(given: Mapping[str, Any], image: Path | None) -> None:

@@ -13,11 +13,11 @@ from typing import Any
 
 from dlama import __version__
 from dlama.errors import InputError, first_line
-from dlama.jobs.parameters import FILES, KNOWN, NETWORKS, VERBS, checked
+from dlama.jobs.parameters import FILES, KNOWN, NETWORKS, VERBS, check_parameters
 from dlama.models.verify import sha256_of
 
 RESERVED = ("manifest", "manifest.csv", "report.html", "shards", "staged")
-"""What lies in OUT beside the results."""
+"""What lies in OUT besides the results."""
 COLUMNS = ("id", "verb")
 
 
@@ -46,11 +46,11 @@ class Job:
 
     @property
     def options_hash(self) -> str:
-        """16 hexadecimal digits of all that decides about the result beside the bytes of its input files."""
+        """16 hexadecimal digits of all that decides about the result besides the bytes of its input files."""
         options = {name: value for name, value in self.parameters.items() if name not in FILES}
         options |= {name: _network_hash(options[name]) for name in NETWORKS if name in options}
-        said = [__version__, self.verb, sorted(self.files), sorted(options.items()), self.load_hash]
-        return hashlib.sha256(json.dumps(said).encode()).hexdigest()[:16]
+        parts = [__version__, self.verb, sorted(self.files), sorted(options.items()), self.load_hash]
+        return hashlib.sha256(json.dumps(parts).encode()).hexdigest()[:16]
 
 
 def job_of(row: Mapping[str, Any], defaults: Mapping[str, Any], base: str, where: str, verb: str | None = None) -> Job:
@@ -64,27 +64,27 @@ def job_of(row: Mapping[str, Any], defaults: Mapping[str, Any], base: str, where
         verb: of rows without one.
     """
     given = {name: value for name, value in row.items() if not _is_empty(value) and not str(name).startswith("_")}
-    name = checked_id(str(given.pop("id", "")), where)
+    name = check_id(str(given.pop("id", "")), where)
     called = str(given.pop("verb", verb or ""))
     try:
         if not called:
             raise InputError(f"verb is missing; one of {', '.join(VERBS)} is expected, in the list or as verb=NAME")
         own = dict.fromkeys(VERBS.get(called, ()))
-        values = checked(called, {key: value for key, value in defaults.items() if key in own} | given)
+        values = check_parameters(called, {key: value for key, value in defaults.items() if key in own} | given)
     except InputError as error:
         return Job(name, called, where=where, error=f"{where}: {first_line(error)}")
     for role in (*FILES, *NETWORKS):
         if role in values and role in given:
-            values[role] = resolved(values[role], base, role in FILES)
+            values[role] = resolve_path(values[role], base, role in FILES)
     return Job(name, called, values, where)
 
 
 def _is_empty(value: object) -> bool:
-    """Whether a cell of a list says nothing."""
+    """Whether a cell of a list is empty."""
     return value is None or (isinstance(value, str) and not value)
 
 
-def checked_id(name: str, where: str) -> str:
+def check_id(name: str, where: str) -> str:
     """An id that can name a folder below OUT; raises InputError."""
     if not name:
         raise InputError(f"{where}: id is missing; every job needs one of its own")
@@ -98,7 +98,7 @@ def checked_id(name: str, where: str) -> str:
     return name
 
 
-def resolved(path: str, base: str, always: bool = True) -> str:
+def resolve_path(path: str, base: str, always: bool = True) -> str:
     """A path of a list, from the list's folder; `always` False: only where there is such a file, as it may be a name."""
     if "://" in path or Path(path).is_absolute():
         return path

@@ -1,4 +1,4 @@
-"""Rows of results in; JSONL shards while a run goes on, manifest.csv at its end, and what earlier runs have done, out.
+"""Rows of results in; JSONL shards while a run lasts, manifest.csv at its end, and what earlier runs have done, out.
 
 The shards below OUT/manifest are the truth: one line a result, the last one of an id counts, a line that a killed run left
 unfinished is none. An index of ids on disk (SQLite, in a temporary file) keeps the memory the same for any number of jobs.
@@ -21,7 +21,7 @@ from dlama.errors import InputError, OutputError, system_errors
 from dlama.files.atomic_write import new_file
 from dlama.jobs.job import Job, folders_above
 from dlama.jobs.result import JobResult, csv_writer
-from dlama.jobs.storage import Output, file_system, is_address, stamp
+from dlama.jobs.storage import Output, file_stamp, file_system, is_address
 from dlama.models.verify import sha256_of
 
 try:
@@ -78,7 +78,7 @@ class Manifest:
         except sqlite3.IntegrityError:
             (first,) = self._index.execute("select number from jobs where id = ?", (name,)).fetchone()
             raise InputError(f"{where}: id {name!r} is that of job {first + 1} already; ids must differ") from None
-        above = [one for one in folders_above(name) if self._planned(one)]
+        above = [one for one in folders_above(name) if self._is_planned(one)]
         below = self._index.execute("select id from jobs where id > ? and id < ? limit 1", (f"{name}/", f"{name}0"))
         others = above or [one for (one,) in below]
         if others:
@@ -94,7 +94,7 @@ class Manifest:
         found = self._index.execute("select shard, place from rows where id = ?", (name,)).fetchone()
         return None if found is None else self._row(*found)
 
-    def kept(self, job: Job) -> JobResult | None:
+    def find_done(self, job: Job) -> JobResult | None:
         """The row of a job that is done, from the same inputs with the same options, and whose result is there; else None."""
         row = self.find(job.id)
         if row is None or row.status != "done" or row.options_hash != job.options_hash:
@@ -102,7 +102,7 @@ class Manifest:
         files = job.files
         if set(files) != set(row.inputs) or not self._is_there(row):
             return None
-        stamps = {role: stamp(path) for role, path in files.items()}
+        stamps = {role: file_stamp(path) for role, path in files.items()}
         if any(stamps[role] != row.inputs[role]["stamp"] or not stamps[role] for role in files):
             if any(not _same_bytes(path, row.inputs[role]["sha256"]) for role, path in files.items()):
                 return None
@@ -151,7 +151,7 @@ class Manifest:
                 csv_writer(stream).writerows(row.csv_row() for row in self.rows())
             return target
         self._send()
-        with opened_to_write(target) as stream:
+        with open_to_write(target) as stream:
             csv_writer(stream).writerows(row.csv_row() for row in self.rows())
         return target
 
@@ -175,7 +175,7 @@ class Manifest:
             if self.output.is_remote and self._writer is not None:
                 self._send()
 
-    def _planned(self, name: str) -> bool:
+    def _is_planned(self, name: str) -> bool:
         return self._index.execute("select 1 from jobs where id = ?", (name,)).fetchone() is not None
 
     @system_errors(OutputError)
@@ -244,13 +244,13 @@ class Manifest:
         """The shard under way, as a whole, to the object store."""
         if self._shards and self._writer is not None:
             target = self.output.of(f"{FOLDER}/{self._shards[-1].name}")
-            with opened_to_write(target, "wb") as stream, self._shards[-1].open("rb") as source:
+            with open_to_write(target, "wb") as stream, self._shards[-1].open("rb") as source:
                 shutil.copyfileobj(source, stream)
         self._sent = 0, time.monotonic()
 
 
 @contextlib.contextmanager
-def opened_to_write(address: str, mode: str = "w") -> Iterator[Any]:
+def open_to_write(address: str, mode: str = "w") -> Iterator[Any]:
     """An object of an object store, which appears as a whole when it is closed."""
     system, inside = file_system(address)
     system.makedirs(inside.rpartition("/")[0], exist_ok=True)

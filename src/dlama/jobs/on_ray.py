@@ -16,7 +16,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from dlama.errors import DlamaError, InputError, MissingExtraError, first_line
-from dlama.workers.pool import OUT_OF_MEMORY, Ended
+from dlama.workers.pool import OUT_OF_MEMORY, TaskEnd
 from dlama.workers.threads import limit_threads
 
 AHEAD = 3
@@ -104,17 +104,17 @@ class RayWorkers:
         worker = min((one for one in self._workers if one.node), key=lambda one: len(one.queue))
         worker.queue.append((worker.handle.run.remote(task), task))
 
-    def wait(self) -> list[Ended]:
+    def wait(self) -> list[TaskEnd]:
         """The tasks that ended; none, where an actor has become ready."""
         owners = {one.ready: one for one in self._workers if not one.node}
         owners |= {ref: one for one in self._workers for ref, _ in one.queue}
         self._wait_for_one(list(owners))
         done, _ = self.ray.wait(list(owners), num_returns=len(owners), timeout=0)
-        ends: list[Ended] = []
+        ends: list[TaskEnd] = []
         for ref in done:
             worker = owners[ref]
             if worker in self._workers:  # and has not died with an earlier one of its tasks
-                ends += self._heard(worker, ref)
+                ends += self._receive(worker, ref)
         return ends
 
     def close(self) -> None:
@@ -135,7 +135,7 @@ class RayWorkers:
             if time.monotonic() - lost_at >= BACK_SECONDS:
                 raise DlamaError(
                     f"ray: no node of the cluster can run a worker, and none came back within {BACK_SECONDS:g} s; "
-                    "what is done is kept, and the same command goes on from there"
+                    "what is done is kept, and the same command resumes it"
                 )
 
     def _room(self) -> int:
@@ -149,31 +149,31 @@ class RayWorkers:
         handle = made.remote(self.work, self.threads)
         self._workers.append(_Worker(handle, handle.node.remote()))
 
-    def _heard(self, worker: _Worker, ref: Any) -> list[Ended]:
+    def _receive(self, worker: _Worker, ref: Any) -> list[TaskEnd]:
         """One answer of an actor; where it has died, what became of all in its queue."""
         try:
             answer = self.ray.get(ref)
         except self.ray.exceptions.RayActorError as error:
-            return self._lost(worker, error)
+            return self._end_lost(worker, error)
         if ref is worker.ready:
             worker.node = answer
             return []
         task = next(task for one, task in worker.queue if one is ref)
         worker.queue = deque(pair for pair in worker.queue if pair[0] is not ref)
-        return [Ended(task, answer)]
+        return [TaskEnd(task, answer)]
 
-    def _lost(self, worker: _Worker, error: Exception) -> list[Ended]:
+    def _end_lost(self, worker: _Worker, error: Exception) -> list[TaskEnd]:
         """The task under way is to blame unless the whole node has died; those behind it never are."""
         self._workers.remove(worker)
         self._start()
         blameless = self._node_died(worker.node, str(error))
         how = "its node died" if blameless else first_line(error)
-        ends: list[Ended] = []
+        ends: list[TaskEnd] = []
         for ref, task in worker.queue:
             try:
-                ends.append(Ended(task, self.ray.get(ref, timeout=0)))  # it was answered before
+                ends.append(TaskEnd(task, self.ray.get(ref, timeout=0)))  # it was answered before
             except (self.ray.exceptions.RayActorError, self.ray.exceptions.GetTimeoutError):
-                ends.append(Ended(task, died=how, blameless=blameless))
+                ends.append(TaskEnd(task, died=how, blameless=blameless))
                 blameless = True
         return ends
 

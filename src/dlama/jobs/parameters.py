@@ -41,7 +41,7 @@ def number(name: str, value: Any) -> float:
     return found
 
 
-def whole(name: str, value: Any) -> int:
+def whole_number(name: str, value: Any) -> int:
     """A whole number."""
     found = number(name, value)
     if found != int(found):
@@ -73,21 +73,21 @@ def pivot(name: str, value: Any) -> float | str:
     return "auto" if isinstance(value, str) and value == "auto" else number(name, value)
 
 
-def numbers(name: str, value: Any, count: int, wanted: str) -> list[float]:
-    """So many numbers, separated by commas or as a list; raises InputError that says what is `wanted`."""
+def numbers(name: str, value: Any, count: int, expected: str) -> list[float]:
+    """So many numbers, separated by commas or as a list; raises InputError that says what is `expected`."""
     parts = value.split(",") if isinstance(value, str) else value
     try:
         found = [float(part) for part in parts]
     except (TypeError, ValueError, OverflowError):
         found = []
     if len(found) != count:
-        raise InputError(f"{name} is {value!r}; {wanted} in pixels is expected")
+        raise InputError(f"{name} is {value!r}; {expected} in pixels is expected")
     return found
 
 
 def points(name: str, value: Any) -> list[list[float]]:
     """`X,Y X,Y`, or a list of pairs."""
-    return [numbers(name, one, 2, "X,Y") for one in _several(name, value, "X,Y")]
+    return [numbers(name, one, 2, "X,Y") for one in _split_values(name, value, "X,Y")]
 
 
 def box(name: str, value: Any) -> list[float]:
@@ -114,25 +114,28 @@ def known_depths(typed: Sequence[str]) -> tuple[tuple[float, float, float], ...]
 
 def metres_at(name: str, value: Any) -> tuple[tuple[float, float, float], ...]:
     """`X,Y=D X,Y=D`, or a list of such texts or of threes."""
-    wanted = "X,Y=D"
-    words = [one if isinstance(one, str) else _several(name, one, wanted, 3) for one in _several(name, value, wanted)]
+    expected = "X,Y=D"
+    words = [
+        one if isinstance(one, str) else _split_values(name, one, expected, 3)
+        for one in _split_values(name, value, expected)
+    ]
     return known_depths([one if isinstance(one, str) else "{},{}={}".format(*one) for one in words])
 
 
 def results(name: str, value: Any) -> tuple[str, ...]:
     """`NAME,NAME`, or a list of names; `write` knows which there are."""
-    names = value.split(",") if isinstance(value, str) else _several(name, value, "NAME,NAME")
+    names = value.split(",") if isinstance(value, str) else _split_values(name, value, "NAME,NAME")
     return tuple(str(one).strip() for one in names if str(one).strip())
 
 
-def _several(name: str, value: Any, wanted: str, count: int | None = None) -> Sequence[Any]:
-    """A list (of `count`), or the words of a text; InputError, which says what is `wanted`, for what is neither."""
+def _split_values(name: str, value: Any, expected: str, count: int | None = None) -> Sequence[Any]:
+    """A list (of `count`), or the words of a text; InputError, which says what is `expected`, for what is neither."""
     try:
         found = value.split() if isinstance(value, str) else list(value)
     except TypeError:
         found = None
     if found is None or (count is not None and len(found) != count):
-        raise InputError(f"{name} is {value!r}; {wanted} is expected, or a list")
+        raise InputError(f"{name} is {value!r}; {expected} is expected, or a list")
     return found
 
 
@@ -166,7 +169,7 @@ POINTING: dict[str, Parse] = {
     "candidate": text,
     "with_shadow": switch,
 }
-KINDS: dict[Any, Parse] = {str: text, int: whole, float: number}
+KINDS: dict[Any, Parse] = {str: text, int: whole_number, float: number}
 METHOD: dict[str, Parse] = {
     name: one_of(*typed.kind) if isinstance(typed.kind, tuple) else KINDS[typed.kind]
     for name, (typed, _, _) in typed_options().items()
@@ -203,7 +206,7 @@ KNOWN = tuple(dict.fromkeys(name for names in VERBS.values() for name in names))
 """Every parameter of every verb."""
 
 
-def checked(verb: str, given: Mapping[str, Any], loaded: bool = False) -> dict[str, Any]:
+def check_parameters(verb: str, given: Mapping[str, Any], loaded: bool = False) -> dict[str, Any]:
     """The values of a job's parameters. InputError: an unknown verb or parameter, a value that cannot be, one that is missing.
 
     loaded: its inputs come from a data set, so none need be named.
@@ -213,10 +216,10 @@ def checked(verb: str, given: Mapping[str, Any], loaded: bool = False) -> dict[s
     known = VERBS[verb]
     for name in given:
         if name not in known:
-            raise InputError(f"{name} says nothing to {verb}; its parameters are {', '.join(known)}")
+            raise InputError(f"{name} does not apply to {verb}; its parameters are {', '.join(known)}")
     for name in NEEDED[verb]:
         if name not in given and not loaded:
-            raise InputError(f"{name} is missing; {verb} wants {', '.join(NEEDED[verb])}")
+            raise InputError(f"{name} is missing; {verb} needs {', '.join(NEEDED[verb])}")
     found = {name: known[name](name, value) for name, value in given.items()}
     orbit = {name: found.get(name) for name in ("yaw", "pitch", "dolly")}
     if verb == "view":
@@ -226,11 +229,10 @@ def checked(verb: str, given: Mapping[str, Any], loaded: bool = False) -> dict[s
 
 
 def check_move(**moves: Any) -> None:
-    """InputError where nothing says where the new camera stands."""
+    """InputError where no camera move is given."""
     if all(value is None for value in moves.values()):
         raise InputError(
-            "nothing says where the new camera stands: give yaw=DEG (positive: to the right), pitch=DEG, dolly=METRES "
-            "or to=TARGET.json"
+            "no camera move is given: give yaw=DEG (positive: to the right), pitch=DEG, dolly=METRES or to=TARGET.json"
         )
 
 

@@ -34,7 +34,7 @@ from dlama.jobs.parameters import (
 )
 from dlama.jobs.pointing import is_pointed, mask_and_pointing, mask_settings
 from dlama.jobs.result import JobResult
-from dlama.jobs.storage import MARKER, Output, fetched, is_address, stamp
+from dlama.jobs.storage import MARKER, Output, fetch, file_stamp, is_address
 from dlama.models.verify import sha256_of
 from dlama.workers.memory import peak_mib, reset_peak
 
@@ -58,22 +58,22 @@ class Task:
 
 
 def work(task: Task) -> JobResult:
-    """Run a job. Whatever a bad input raises becomes a failed row; MemoryError is raised, so that the process is replaced."""
+    """Run a job. Any error of a bad input becomes a failed row; MemoryError is raised, so that the process is replaced."""
     since_reset, started = reset_peak(), time.perf_counter()
     job = task.job
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("default")
         try:
-            row = _done(task)
+            row = _perform(task)
         except MemoryError:
             raise
         except Exception as error:
-            row = failed(job, error)
+            row = failed_row(job, error)
             row = replace(row, error=HALF_MADE.sub(lambda _: task.output.of(job.id), row.error))
     return replace(
         row,
         seconds=round(time.perf_counter() - started, 4),
-        peak_mib=_rounded(peak_mib(since_reset)),
+        peak_mib=_round(peak_mib(since_reset)),
         host=socket.gethostname(),
         attempts=task.attempt,
         finished=round(time.time(), 3),
@@ -82,28 +82,30 @@ def work(task: Task) -> JobResult:
     )
 
 
-def failed(job: Job, error: Exception) -> JobResult:
+def failed_row(job: Job, error: Exception) -> JobResult:
     """The row of a job that could not be run."""
     trace = "" if isinstance(error, DlamaError) else "".join(traceback.format_exception(error))
     kind = type(error).__name__
     return JobResult(job.id, "failed", job.verb, kind, " ".join(str(error).split()) or kind, trace=trace)
 
 
-def given_up(job: Job, how: str, attempts: int) -> JobResult:
+def died_row(job: Job, how: str, attempts: int) -> JobResult:
     """The row of a job whose process died, `how` in words, as often as it may."""
     line = f"its process ended {attempts} times while it ran ({how})"
     about = {"attempts": attempts, "finished": round(time.time(), 3), "host": socket.gethostname()}
     return JobResult(job.id, "failed", job.verb, "WorkerDied", line, **about)  # type: ignore[arg-type]
 
 
-def _done(task: Task) -> JobResult:
+def _perform(task: Task) -> JobResult:
     job = task.job
     if job.error:
         raise InputError(job.error)
     if job.verb not in PERFORM:
         raise InputError(f"verb is {job.verb!r}; one of {', '.join(PERFORM)} is expected")
-    stamps = {role: stamp(path) for role, path in job.files.items()}  # before they are read: a change meanwhile is seen
-    with task.output.staging() as folder, fetched(job.files) as files:
+    stamps = {
+        role: file_stamp(path) for role, path in job.files.items()
+    }  # before they are read: a change meanwhile is seen
+    with task.output.staging() as folder, fetch(job.files) as files:
         this = JobInputs(addresses={role: path for role, path in job.files.items() if is_address(path)})
         _check(job, files)
         PERFORM[job.verb](this, job, {**job.parameters, **files}, folder / RESULT)
@@ -115,16 +117,16 @@ def _done(task: Task) -> JobResult:
         }
         place = f"{task.prefix}{job.id}"
         task.output.put(folder / RESULT, place)
-    told: dict[str, Any] = {name: _mean(meta.get(name)) for name in ("hole_share", "depth_only_share")}
-    told |= {name: meta.get(name) for name in ("law_moves", "law_violations")}
-    return JobResult(job.id, "done", job.verb, folder=place, seconds_by_stage=meta["seconds"], inputs=inputs, **told)
+    figures: dict[str, Any] = {name: _mean(meta.get(name)) for name in ("hole_share", "depth_only_share")}
+    figures |= {name: meta.get(name) for name in ("law_moves", "law_violations")}
+    return JobResult(job.id, "done", job.verb, folder=place, seconds_by_stage=meta["seconds"], inputs=inputs, **figures)
 
 
 def _view(this: JobInputs, job: Job, p: Mapping[str, Any], output: Path) -> None:
     from dlama.completion.verbs import view
 
     rgbd = job.load() if job.load else _picture(this, p)
-    this.write_completion(view(rgbd, **_target(p), **_method(p)), output, **_taken(p, RESULTS))
+    this.write_completion(view(rgbd, **_target(p), **_method(p)), output, **_select(p, RESULTS))
 
 
 def _remove(this: JobInputs, job: Job, p: Mapping[str, Any], output: Path) -> None:
@@ -133,20 +135,20 @@ def _remove(this: JobInputs, job: Job, p: Mapping[str, Any], output: Path) -> No
     truth: Any = job.load() if job.load else None
     rgbd = _picture(this, p) if truth is None else getattr(truth, "source", truth)
     if _is_pointed(p):
-        mask = _pointed(this, p, rgbd, Path(p.get("image", "")))
+        mask = _find_pointed(this, p, rgbd, Path(p.get("image", "")))
     elif hasattr(truth, "mask"):
         this.removed = mask = truth.mask
     elif "mask" in p:
-        mask = this.read_mask_file(Path(p["mask"]), _taken(p, MASKING), _path(p, "image"))
+        mask = this.read_mask_file(Path(p["mask"]), _select(p, MASKING), _path(p, "image"))
     else:
-        raise InputError("nothing says what is to be removed: give mask=FILE, click, box or salient")
-    this.write_completion(remove(rgbd, mask, **_target(p), **_method(p)), output, **_taken(p, RESULTS))
+        raise InputError("no object to remove is given: give mask=FILE, click, box or salient")
+    this.write_completion(remove(rgbd, mask, **_target(p), **_method(p)), output, **_select(p, RESULTS))
 
 
 def _stereo(this: JobInputs, job: Job, p: Mapping[str, Any], output: Path) -> None:
     from dlama.completion.stereo.stereo import stereo
 
-    options: Any = _taken(p, ("right_view", "matcher", "max_disparity", "far"))
+    options: Any = _select(p, ("right_view", "matcher", "max_disparity", "far"))
     if job.load:
         truth = job.load()
         left, right, rig, known = truth.left, truth.right, truth.rig, None
@@ -156,13 +158,13 @@ def _stereo(this: JobInputs, job: Job, p: Mapping[str, Any], output: Path) -> No
         left, right, rig = this.pair(Path(p["left"]), Path(p["right"]), Path(p["calib"]))
         known = this.optional_disparity(_path(p, "disparity"), p.get("disparity_scale"))
         masks = [
-            None if role not in p else this.read_mask_file(Path(p[role]), _taken(p, MASKING), _path(p, side), role)
+            None if role not in p else this.read_mask_file(Path(p[role]), _select(p, MASKING), _path(p, side), role)
             for role, side in (("mask", "left"), ("mask_right", "right"))
         ]
     if _is_pointed(p):
-        masks[0] = lambda rgbd: _pointed(this, p, rgbd, Path(p.get("left", "")))
+        masks[0] = lambda rgbd: _find_pointed(this, p, rgbd, Path(p.get("left", "")))
     done = stereo(left, right, rig, disparity=known, mask=masks[0], mask_right=masks[1], **options, **_method(p))
-    this.write_completion(done, output, **_taken(p, RESULTS))
+    this.write_completion(done, output, **_select(p, RESULTS))
 
 
 def _depth(this: JobInputs, job: Job, p: Mapping[str, Any], output: Path) -> None:
@@ -184,7 +186,7 @@ PERFORM: dict[str, Callable[[JobInputs, Job, Mapping[str, Any], Path], None]] = 
 def _check(job: Job, files: Mapping[str, Any]) -> None:
     """InputError where an option cannot be, before anything is computed."""
     p = job.parameters
-    pointing = {name: value for name, value in _taken(p, POINTING).items() if name != "object_class"}
+    pointing = {name: value for name, value in _select(p, POINTING).items() if name != "object_class"}
     image = files.get("image", files.get("left"))
     removes = job.verb == "remove" or job.load is not None or "mask" in p or is_pointed(p)
     given = {**p, **(mask_settings(**pointing) if pointing else {})}
@@ -192,23 +194,23 @@ def _check(job: Job, files: Mapping[str, Any]) -> None:
 
 
 def _picture(this: JobInputs, p: Mapping[str, Any]) -> Any:
-    options = _taken(p, READING) | _taken(p, ESTIMATING)
-    return this.read_picture(Path(p["image"]), _path(p, "depth"), _taken(p, LENS), options)
+    options = _select(p, READING) | _select(p, ESTIMATING)
+    return this.read_picture(Path(p["image"]), _path(p, "depth"), _select(p, LENS), options)
 
 
 def _target(p: Mapping[str, Any]) -> dict[str, Any]:
     from dlama.files.cameras import read_camera
 
     target = _path(p, "to")
-    return {"camera": read_camera(target) if target else None, **_taken(p, ("yaw", "pitch", "pivot", "dolly"))}
+    return {"camera": read_camera(target) if target else None, **_select(p, ("yaw", "pitch", "pivot", "dolly"))}
 
 
 def _method(p: Mapping[str, Any]) -> dict[str, Any]:
-    return _taken(p, METHOD)
+    return _select(p, METHOD)
 
 
 def _is_pointed(p: Mapping[str, Any]) -> bool:
-    """Whether a thing is pointed at. InputError: and there is a mask file too."""
+    """Whether an object is pointed at. InputError: and there is a mask file too."""
     if not is_pointed(p):
         return False
     if "mask" in p:
@@ -216,13 +218,13 @@ def _is_pointed(p: Mapping[str, Any]) -> bool:
     return True
 
 
-def _pointed(this: JobInputs, p: Mapping[str, Any], rgbd: Any, image: Path) -> Any:
-    options = _taken(p, POINTING)
+def _find_pointed(this: JobInputs, p: Mapping[str, Any], rgbd: Any, image: Path) -> Any:
+    options = _select(p, POINTING)
     object_class = options.pop("object_class", None)
     return this.find_pointed(rgbd, image, mask_settings(**options), object_class)
 
 
-def _taken(p: Mapping[str, Any], names: Any) -> dict[str, Any]:
+def _select(p: Mapping[str, Any], names: Any) -> dict[str, Any]:
     """Those of these parameters that were given; network files as paths."""
     found = {name: p[name] for name in names if name in p}
     return {name: _network(value) if name in NETWORKS else value for name, value in found.items()}
@@ -240,5 +242,5 @@ def _mean(values: list[float] | None) -> float | None:
     return round(statistics.fmean(values), 6) if values else None
 
 
-def _rounded(value: float | None) -> float | None:
+def _round(value: float | None) -> float | None:
     return None if value is None else round(value, 1)

@@ -1,4 +1,4 @@
-"""What is pointed at in a picture, as options say it, in; the mask of the thing out.
+"""The options that point at an object in a picture, in; its mask out.
 
 The command line's options are read by this file too: what computes is imported where it is used.
 """
@@ -19,13 +19,13 @@ if TYPE_CHECKING:
 
 
 def is_pointed(given: Mapping[str, Any]) -> bool:
-    """Whether these options say which thing is meant."""
+    """Whether these options say which object is meant."""
     words = ("click", "not_click", "box", "salient", "object_class")
     return any(given.get(name) for name in words) or given.get("masker") == "salient"
 
 
 def mask_and_pointing(mask: object) -> InputError:
-    """The error where a mask file was given beside clicks or a box."""
+    """The error where a mask file was given with clicks or a box."""
     return InputError(f"a mask file ({mask}) and clicks or a box were both given; one of them is expected")
 
 
@@ -57,7 +57,7 @@ def mask_settings(
 def find_pointed(
     picture: RGBD | UInt8Array, image: Path, settings: Mapping[str, Any], object_class: str | None = None
 ) -> ObjectMask:
-    """The thing in a picture, read from `image`: by `settings` of find_mask, or of a semantic class. InputError and its kin."""
+    """The object in a picture, read from `image`: by `settings` of find_mask, or of a semantic class. InputError and its kin."""
     from dlama.perception import object_masks
 
     if object_class is None:

@@ -36,7 +36,7 @@ class JobResult:
     law_moves: int | None = None
     """Filled pixels that were moved behind what was measured."""
     law_violations: int | None = None
-    """Filled pixels that still hide what was measured; wanted: 0."""
+    """Filled pixels that still hide what was measured; expected: 0."""
     seconds: float = 0.0
     """Of the whole job, reading and writing too."""
     seconds_by_stage: Mapping[str, float] = field(default_factory=dict)

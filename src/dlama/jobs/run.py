@@ -14,11 +14,11 @@ from dlama.errors import OutputError
 from dlama.files.drafts import remove_abandoned
 from dlama.jobs.job import Job
 from dlama.jobs.manifest import Manifest
-from dlama.jobs.perform import Task, given_up, work
+from dlama.jobs.perform import Task, died_row, work
 from dlama.jobs.result import JobResult
-from dlama.jobs.storage import Output, local
+from dlama.jobs.storage import Output, local_path
 from dlama.jobs.tar_shards import STAGED, Packer
-from dlama.workers.pool import TRIES, Ended
+from dlama.workers.pool import TRIES, TaskEnd
 
 Progress = Callable[[JobResult | None, int, int | None], object]
 """Called with what has just ended (None: at the start), and how many of how many are done; None: it is not known."""
@@ -42,7 +42,7 @@ class Workers(Protocol):
     def submit(self, task: Task) -> None:
         """Hand in one."""
 
-    def wait(self) -> list[Ended]:
+    def wait(self) -> list[TaskEnd]:
         """What has ended; waits for at least one."""
 
     def close(self) -> None:
@@ -92,7 +92,7 @@ def run_jobs(
 def _remove_drafts(output: Output) -> None:
     """What processes that have ended left half-made."""
     if not output.is_remote:
-        remove_abandoned(Path(local(output.place)).absolute(), again=True)
+        remove_abandoned(Path(local_path(output.place)).absolute(), again=True)
 
 
 @dataclass
@@ -132,16 +132,16 @@ class _Run:
                     break
                 self.workers.submit(task)
                 self.under_way += 1
-            yield from self.handed()
+            yield from self.ready_results()
             can_begin = self.again or (more and not self.is_full())
             if (more or self.again or self.under_way) and not (can_begin and self.workers.free):
                 for ended in self.workers.wait():
                     self.under_way -= 1
                     self.end(ended)
-                yield from self.handed()
+                yield from self.ready_results()
         if self.packer is not None:
             self.packer.pack()
-        yield from self.handed()
+        yield from self.ready_results()
 
     def is_full(self) -> bool:
         """Whether too many results wait for an earlier one."""
@@ -159,7 +159,7 @@ class _Run:
             number, self.begun = self.begun, self.begun + 1
             if self.total is None:
                 self.manifest.plan(number, job.id, job.where)
-            kept = self.manifest.kept(job) if self.settings.resume and not job.error else None
+            kept = self.manifest.find_done(job) if self.settings.resume and not job.error else None
             if kept is not None:
                 self.add(number, kept)
             elif job.error:
@@ -170,7 +170,7 @@ class _Run:
                 break
         return None, True
 
-    def end(self, ended: Ended) -> None:
+    def end(self, ended: TaskEnd) -> None:
         """A task has ended, or its process has."""
         task: Task = ended.task
         if ended.died is None:
@@ -180,7 +180,7 @@ class _Run:
         elif task.attempt < TRIES:
             self.again.append(replace(task, attempt=task.attempt + 1))
         else:
-            self.add(task.number, given_up(task.job, ended.died, task.attempt))
+            self.add(task.number, died_row(task.job, ended.died, task.attempt))
 
     def add(self, number: int, row: JobResult) -> None:
         """Enter a result; OutputError where nothing can be written any more."""
@@ -199,10 +199,10 @@ class _Run:
         if self.unwritten >= UNWRITTEN:
             raise OutputError(
                 f"the last {UNWRITTEN} results could not be written ({row.error}); what is done is kept, and the same command "
-                "goes on from there"
+                "resumes it"
             )
 
-    def handed(self) -> Iterator[JobResult]:
+    def ready_results(self) -> Iterator[JobResult]:
         """The results that can be handed out now."""
         while self.ready and (not self.settings.ordered or self.ready[0][0] == self.handed_out):
             _, row = heapq.heappop(self.ready) if self.settings.ordered else self.ready.pop(0)

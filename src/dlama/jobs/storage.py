@@ -16,7 +16,7 @@ from pathlib import Path, PurePosixPath
 from typing import IO, Any
 
 from dlama.errors import FileError, MissingExtraError, OutputError, first_line
-from dlama.files.drafts import DRAFT, held, name_of, remove
+from dlama.files.drafts import DRAFT, hold, name_of, remove
 
 MARKER = "meta.json"
 """The file of a result that is written last where a folder cannot be placed as a whole: with it the result is there."""
@@ -27,23 +27,23 @@ def is_address(path: str) -> bool:
     return "://" in path and not path.startswith("file://")
 
 
-def local(path: str) -> str:
+def local_path(path: str) -> str:
     """A path without file://."""
     return path.removeprefix("file://")
 
 
 def folder_of(path: str) -> str:
     """What relative paths of a list start from."""
-    return path.rpartition("/")[0] if is_address(path) else str(Path(local(path)).absolute().parent)
+    return path.rpartition("/")[0] if is_address(path) else str(Path(local_path(path)).absolute().parent)
 
 
 @contextmanager
-def opened(path: str, mode: str = "r") -> Iterator[IO[Any]]:
+def open_to_read(path: str, mode: str = "r") -> Iterator[IO[Any]]:
     """A file to read; text is UTF-8, with or without a byte order mark. FileError where there is none."""
     text: dict[str, Any] = {} if "b" in mode else {"encoding": "utf-8-sig", "newline": ""}
     try:
         if not is_address(path):
-            with Path(local(path)).open(mode, **text) as stream:
+            with Path(local_path(path)).open(mode, **text) as stream:
                 yield stream
             return
         with _fsspec(path).open(path, mode, **text) as stream:
@@ -56,11 +56,11 @@ def opened(path: str, mode: str = "r") -> Iterator[IO[Any]]:
         raise FileError(f"{path}: cannot be read: {(error.strerror or first_line(error)).lower()}") from error
 
 
-def stamp(path: str) -> str:
+def file_stamp(path: str) -> str:
     """By what an unchanged file is known without reading it: size and time of change; empty: there is none."""
     try:
         if not is_address(path):
-            found = Path(local(path)).stat()
+            found = Path(local_path(path)).stat()
             return f"{found.st_size}-{found.st_mtime_ns}"
         system, inside = file_system(path)
         return str(system.ukey(inside))
@@ -69,13 +69,13 @@ def stamp(path: str) -> str:
 
 
 @contextmanager
-def fetched(files: Mapping[str, str]) -> Iterator[dict[str, Path]]:
+def fetch(files: Mapping[str, str]) -> Iterator[dict[str, Path]]:
     """Role -> a local file of each; addresses are copied to a folder that is removed at the end. FileError."""
     with contextlib.ExitStack() as stack:
         places: dict[str, Path] = {}
         for role, path in files.items():
             if not is_address(path):
-                places[role] = Path(local(path))
+                places[role] = Path(local_path(path))
                 continue
             folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="dlama-")))
             places[role] = folder / PurePosixPath(path).name
@@ -100,7 +100,7 @@ class Output:
 
     def of(self, name: str) -> str:
         """The path or address of what lies under a name there."""
-        return f"{self.place.rstrip('/')}/{name}" if self.is_remote else str(Path(local(self.place), name))
+        return f"{self.place.rstrip('/')}/{name}" if self.is_remote else str(Path(local_path(self.place), name))
 
     def has(self, name: str) -> bool:
         """Whether a whole result lies there."""
@@ -120,7 +120,7 @@ class Output:
             with tempfile.TemporaryDirectory(prefix="dlama-") as folder:
                 yield Path(folder)
             return
-        root = Path(local(self.place)).absolute()
+        root = Path(local_path(self.place)).absolute()
         draft = root / name_of(DRAFT, "job")
         try:
             root.mkdir(parents=True, exist_ok=True)
@@ -128,7 +128,7 @@ class Output:
         except OSError as error:
             raise OutputError(f"{root}: cannot be written: {(error.strerror or str(error)).lower()}") from error
         try:
-            with held(draft):
+            with hold(draft):
                 yield draft
         finally:
             remove(draft)

@@ -16,9 +16,9 @@ from pathlib import Path
 
 from dlama.errors import OutputError, first_line, system_errors
 from dlama.files.atomic_write import new_file
-from dlama.jobs.manifest import Manifest, opened_to_write
+from dlama.jobs.manifest import Manifest, open_to_write
 from dlama.jobs.result import JobResult
-from dlama.jobs.storage import Output, file_system, opened
+from dlama.jobs.storage import Output, file_system, open_to_read
 
 FOLDER, STAGED = "shards", "staged/"
 """Below OUT: the shards, and results that wait for theirs."""
@@ -67,7 +67,7 @@ class Packer:
     def _members(self, row: JobResult) -> Iterator[tuple[str, bytes]]:
         """The files of a result; in a shard the folders inside it are part of a file's ending (`right.image.png`)."""
         for name in self._names(row.folder):
-            with opened(self.output.of(f"{row.folder}/{name}"), "rb") as stream:
+            with open_to_read(self.output.of(f"{row.folder}/{name}"), "rb") as stream:
                 yield f"{key_of(row.id)}.{name.replace('/', '.')}", stream.read()
 
     def _names(self, folder: str) -> list[str]:
@@ -80,7 +80,7 @@ class Packer:
     def _write(self, name: str, members: Iterable[tuple[str, bytes]]) -> None:
         target = self.output.of(name)
         if self.output.is_remote:
-            with opened_to_write(target, "wb") as stream:
+            with open_to_write(target, "wb") as stream:
                 _tar(stream, members)
             return
         Path(target).parent.mkdir(exist_ok=True)
@@ -92,7 +92,7 @@ class Packer:
         if not self.output.exists(shard):  # somebody has taken it away
             return
         try:
-            with opened(self.output.of(shard), "rb") as stream, tarfile.open(fileobj=stream) as old:
+            with open_to_read(self.output.of(shard), "rb") as stream, tarfile.open(fileobj=stream) as old:
                 members = [(one.name, old.extractfile(one)) for one in old.getmembers()]
                 kept = [(name, file.read()) for name, file in members if file and _key_in(name) not in keys]
         except tarfile.TarError as error:

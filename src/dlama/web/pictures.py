@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 
 import dlama
-from dlama.files.results.completion import places
+from dlama.files.results.completion import views_by_folder
 from dlama.geometry.figures.false_color import (
     HOLE_PALETTE,
     ORIGIN_PALETTE,
@@ -69,7 +69,7 @@ class Preview:
 
 def result_views(done: dlama.Completion, right: bool) -> tuple[View, View]:
     """The completed view that is looked at, and the same before filling. PageError."""
-    stands = places(done)
+    stands = views_by_folder(done)
     if not right:
         chosen = stands[""]
     elif "right/" in stands:

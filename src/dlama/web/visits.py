@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import dlama
-from dlama.files.drafts import DRAFT, held, name_of, remove_abandoned
+from dlama.files.drafts import DRAFT, hold, name_of, remove_abandoned
 from dlama.geometry.rgbd import BoolArray
 from dlama.web.completion_request import CompletionRequest
 from dlama.web.failures import PageError
@@ -183,7 +183,7 @@ def open_visits(most: int) -> Iterator[Visits]:
     root.mkdir(mode=0o700)
     with ExitStack() as stack:
         stack.callback(shutil.rmtree, root, ignore_errors=True)
-        stack.enter_context(held(root))
+        stack.enter_context(hold(root))
         visits = Visits(root, most)
         stack.callback(visits.end_all)
         yield visits

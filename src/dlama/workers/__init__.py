@@ -1,4 +1,4 @@
-"""Tasks in; what became of each out, whatever happens to single processes: worker processes, their threads, memory, progress.
+"""Tasks in; what became of each out, even where single processes die: worker processes, their threads, memory, progress.
 
 Begin with `pool`; `dlama.evaluation.runner` and `dlama.jobs` run on these.
 """

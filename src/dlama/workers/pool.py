@@ -17,7 +17,7 @@ from multiprocessing.connection import Connection, wait
 from typing import Any
 
 from dlama.errors import DlamaError
-from dlama.workers.threads import become_worker, interrupts_held, threads_of_new_processes
+from dlama.workers.threads import become_worker, hold_interrupts, threads_of_new_processes
 
 OUT_OF_MEMORY = 101
 """Exit code of a worker whose task ran out of memory."""
@@ -32,7 +32,7 @@ class WorkerError(DlamaError, RuntimeError):
 
 
 @dataclass(frozen=True)
-class Ended:
+class TaskEnd:
     """What became of a task."""
 
     task: Any
@@ -85,9 +85,9 @@ class Pool:
             worker.task, worker.busy = task, True
             return
 
-    def wait(self, seconds: float | None = None) -> list[Ended]:
+    def wait(self, seconds: float | None = None) -> list[TaskEnd]:
         """The tasks that ended, at least one unless the time is over first. WorkerError where processes cannot start."""
-        ends: list[Ended] = []
+        ends: list[TaskEnd] = []
         while not ends:
             busy = [one for one in self._workers if one.busy]
             readable = wait([handle for one in busy for handle in (one.connection, one.process.sentinel)], seconds)
@@ -95,7 +95,7 @@ class Pool:
                 break
             for worker in busy:
                 if worker.connection in readable or worker.process.sentinel in readable:
-                    ends += self._heard(worker)
+                    ends += self._receive(worker)
         return ends
 
     def close(self) -> None:
@@ -109,14 +109,14 @@ class Pool:
         context = multiprocessing.get_context("spawn")
         ours, theirs = context.Pipe()
         process = context.Process(target=_serve, args=(theirs, self.work, self.threads), daemon=True)
-        with threads_of_new_processes(self.threads), interrupts_held():
+        with threads_of_new_processes(self.threads), hold_interrupts():
             process.start()
         theirs.close()
         worker = _Worker(process, ours)
         self._workers.append(worker)
         return worker
 
-    def _heard(self, worker: _Worker) -> Iterator[Ended]:
+    def _receive(self, worker: _Worker) -> Iterator[TaskEnd]:
         """What a busy worker has sent; its end, if it has died."""
         try:
             if worker.connection.poll():
@@ -125,19 +125,19 @@ class Pool:
                     worker.ready, self._failed_starts = True, 0
                     return
                 task, worker.task, worker.busy = worker.task, None, False
-                yield Ended(task, answer)
+                yield TaskEnd(task, answer)
                 return
         except (EOFError, ConnectionResetError):
             pass
         task = worker.task
         self._forget(worker)
         if worker.ready:
-            yield Ended(task, died=_death(worker.process.exitcode))
+            yield TaskEnd(task, died=describe_exit(worker.process.exitcode))
             return
         self._failed_starts += 1
         if self._failed_starts >= STARTS:
             raise WorkerError(
-                f"worker processes end while they start ({_death(worker.process.exitcode)}); a script that starts some "
+                f"worker processes end while they start ({describe_exit(worker.process.exitcode)}); a script that starts some "
                 'must do so under `if __name__ == "__main__":`'
             )
         self.submit(task)
@@ -148,7 +148,7 @@ class Pool:
         worker.connection.close()
 
 
-def run_all(work: Callable[[Any], Any], tasks: Iterable[Any], count: int, threads: int = 1) -> Iterator[Ended]:
+def run_all(work: Callable[[Any], Any], tasks: Iterable[Any], count: int, threads: int = 1) -> Iterator[TaskEnd]:
     """Every task on so many processes, as they end. One whose process dies runs again; TRIES deaths, and it is left as died."""
     known = list(tasks)  # so that no other task gets the identity of one of them
     waiting, deaths = deque(known), dict[int, int]()
@@ -182,7 +182,7 @@ def _serve(connection: Connection, work: Callable[[Any], Any], threads: int) -> 
             connection.send(answer)
 
 
-def _death(code: int | None) -> str:
+def describe_exit(code: int | None) -> str:
     """An exit code in words."""
     if code == OUT_OF_MEMORY:
         return "out of memory"

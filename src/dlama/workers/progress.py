@@ -12,7 +12,9 @@ LOG = logging.getLogger("dlama")
 
 
 @contextmanager
-def line_every(line: Callable[[float], str], write: Callable[[str], object], *, every: float = 60.0) -> Iterator[None]:
+def write_line_every(
+    line: Callable[[float], str], write: Callable[[str], object], *, every: float = 60.0
+) -> Iterator[None]:
     """While this is open, a thread of its own writes a line every so many seconds, however long a single task takes.
 
     Args:
@@ -60,7 +62,7 @@ def progress_line(title: str, *, kept: int, done: int, total: int | None, failed
     """`street: 12 of 240 done (5 %), 3.0 a minute, 1 h 16 min left`.
 
     Args:
-        kept: how many of `done` an earlier run had left; they say nothing about the rate.
+        kept: how many of `done` an earlier run had left; they do not count for the rate.
         total: None: not known.
         failed: how many, or that in words.
         seconds: since the start.

@@ -47,7 +47,7 @@ def threads_of_new_processes(threads: int = 1) -> Iterator[None]:
 
 
 @contextmanager
-def interrupts_held() -> Iterator[None]:
+def hold_interrupts() -> Iterator[None]:
     """Ctrl-C waits; processes started meanwhile never get one, which would end them with a traceback while they load."""
     if not hasattr(signal, "pthread_sigmask"):  # Windows
         yield

@@ -45,7 +45,7 @@ Textures = str | Path | Sequence[np.ndarray] | None
 def world(
     seed: int, *, kind: Kind | None = None, textures: Textures = None, shadows: bool = True, antialias: bool = True
 ) -> World:
-    """The world of a seed (>= 0): the same bytes in every process, whatever the number of threads.
+    """The world of a seed (>= 0): the same bytes in every process, for any number of threads.
 
     `textures`: a folder of pictures (searched through) or pictures (H x W x 3 uint8 RGB), a dozen of which, drawn by the
     seed, take the place of most procedural textures. `kind`: "street" or "room", drawn by the seed where None.
@@ -55,7 +55,7 @@ def world(
     _check_kind(kind)
     if textures is None or isinstance(textures, str | Path):
         return _from_seed(seed, kind, None if textures is None else Path(textures), shadows, antialias)
-    return _built(seed, kind, textures, shadows, antialias)
+    return _build_with_photos(seed, kind, textures, shadows, antialias)
 
 
 def _check_whole(name: str, value: int, least: int, most: int | None = None) -> None:
@@ -72,10 +72,10 @@ def _check_kind(kind: str | None) -> None:
 @lru_cache(maxsize=4)
 def _from_seed(seed: int, kind: Kind | None, folder: Path | None, shadows: bool, antialias: bool) -> World:
     """Four worlds are kept, because the cases of a world are mostly loaded one after another."""
-    return _built(seed, kind, _pictures(folder) if folder is not None else (), shadows, antialias)
+    return _build_with_photos(seed, kind, _pictures(folder) if folder is not None else (), shadows, antialias)
 
 
-def _built(
+def _build_with_photos(
     seed: int, kind: Kind | None, pictures: Sequence[np.ndarray | Path], shadows: bool, antialias: bool
 ) -> World:
     chosen = np.random.default_rng((seed, 1)).permutation(len(pictures))[:PHOTOS]
@@ -256,10 +256,10 @@ def open_dataset_or_worlds(
     refuse_unused(LAYOUT, frozenset(), options)
     if layout is not None:
         raise InputError(f"'{path}' is generated and has no layout; layout {layout} is for folders")
-    return narrowed(generated(str(path)), scenes, limit)
+    return narrowed(named_worlds(str(path)), scenes, limit)
 
 
-def generated(name: str) -> Dataset:
+def named_worlds(name: str) -> Dataset:
     """The worlds of a name: `worlds`, with a count and a seed behind colons. InputError where it is malformed."""
     _, *numbers = name.split(":")
     if len(numbers) > 2 or not all(number.isdecimal() for number in numbers) or numbers[:1] == ["0"]:

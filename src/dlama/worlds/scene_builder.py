@@ -36,14 +36,14 @@ class Material:
     cut: bool = False
     """Alpha below 128 is no surface."""
 
-    def tinted(self, *tint: float) -> Material:
+    def with_tint(self, *tint: float) -> Material:
         """The same in another tint: one factor for all or three."""
         r, g, b = tint if len(tint) == 3 else (tint[0],) * 3
         return replace(self, tint=(r * self.tint[0], g * self.tint[1], b * self.tint[2]))
 
 
 class SceneBuilder:
-    """Collects shapes and textures. `at` sets the place and `group` the thing to which the next shapes belong."""
+    """Collects shapes and textures. `at` sets the place and `group` the object to which the next shapes belong."""
 
     def __init__(self) -> None:
         self.rows: list[list[float]] = []
@@ -65,13 +65,13 @@ class SceneBuilder:
         """Shapes are placed from here: x right, z forward, `up` metres above, turned about the vertical, enlarged."""
         before = self._origin, self._turn, self._scale
         self._origin = self._origin + self._scale * (self._turn @ np.array((x, -up, z)))
-        self._turn, self._scale = self._turn @ turned((yaw, 0, 0)), self._scale * scale
+        self._turn, self._scale = self._turn @ rotation_of((yaw, 0, 0)), self._scale * scale
         yield
         self._origin, self._turn, self._scale = before
 
     @contextmanager
     def group(self, number: int | None = None, *, casts: bool = True) -> Iterator[int]:
-        """Shapes belong to one thing: a new one, or that of a number. `casts`: whether they cast shadows."""
+        """Shapes belong to one object: a new one, or that of a number. `casts`: whether they cast shadows."""
         before = self._group, self._casts
         if number is None:
             number, self.groups = self.groups, self.groups + 1
@@ -107,7 +107,7 @@ class SceneBuilder:
     def _add(self, kind: int, at: Triple, half: Triple, m: Material, turn: Triple) -> None:
         centre = self._origin + self._scale * (self._turn @ np.array((at[0], -at[1], at[2])))
         half = (self._scale * half[0], self._scale * half[1], self._scale * half[2])
-        world_from_local = self._turn @ turned(turn) if any(turn) else self._turn
+        world_from_local = self._turn @ rotation_of(turn) if any(turn) else self._turn
         across, down = (
             (0.0, 0.0) if m.mode == k.FIT else (at[0] / m.tile[0], -at[1] / m.tile[1])
         )  # pieces of a wall match
@@ -135,7 +135,7 @@ class SceneBuilder:
         return out
 
 
-def turned(turn: Triple) -> Float64Array:
+def rotation_of(turn: Triple) -> Float64Array:
     """Rotation by yaw (to the left seen from above, as an orbit's camera turns), pitch (nose up) and roll, degrees."""
     (cy, sy), (cp, sp), (cr, sr) = ((math.cos(math.radians(a)), math.sin(math.radians(a))) for a in turn)
     yaw = np.array([[cy, 0, -sy], [0, 1, 0], [sy, 0, cy]])

@@ -1,4 +1,4 @@
-"""World: shapes, textures, light and sky in; frames, masks, shadows and depth behind things out, exact at every pixel."""
+"""World: shapes, textures, light and sky in; frames, masks, shadows and depth behind objects out, exact at every pixel."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ class Raycast(NamedTuple):
     depth: Float32Array
     """H x W m, +inf = sky."""
     group: Int32Array
-    """H x W int32, the thing seen; -1 = sky."""
+    """H x W int32, the object seen; -1 = sky."""
     light: UInt8Array
     """H x W: UNLIT, LIT or BLOCKED."""
 
@@ -86,7 +86,7 @@ class World:
     object_index: int = OBJECT_GROUP
     """The group of the object of interest."""
     _lighting: tuple[Float64Array, Int32Array, Int32Array] = field(init=False, repr=False)
-    """Numbers of light and sky, and which shapes may stand before the light, as `raycast` wants them."""
+    """Numbers of light and sky, and which shapes may stand before the light, as `raycast` takes them."""
 
     def __post_init__(self) -> None:
         texels = sum((SIDE >> n) ** 2 for n in range(LEVELS))
@@ -109,7 +109,7 @@ class World:
         return orbit(Camera.from_fov(size, size, fov, pose), yaw)
 
     def rig(self, baseline: float = BASELINE_M, size: int = SIZE, fov: float = FOV_DEG) -> StereoRig:
-        """The first camera as the left one, and a right one `baseline` metres beside it."""
+        """The first camera as the left one, and a right one `baseline` metres from it."""
         left = self.camera(0.0, size, fov)
         pose = left.world_from_cam.copy()
         pose[:3, 3] += baseline * pose[:3, 0]
@@ -139,7 +139,7 @@ class World:
         return classes_of(group, self.object_index)
 
     def behind(self, camera: Camera) -> RGBD:
-        """The second layer: per pixel, what would be seen were the thing seen first not there (its shadow stays)."""
+        """The second layer: per pixel, what would be seen without the first object hit (its shadow stays)."""
         first = self.raycast(camera).group
         seen = self.raycast(camera, through=first)
         return RGBD(seen.color, seen.depth, camera)

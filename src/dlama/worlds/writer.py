@@ -41,7 +41,7 @@ def write_worlds(
 
     Each scene also gets poses.json (intrinsics, yaw and world_from_cam of every frame). `progress` is called with frames
     done and all frames. A scene is written whole or not at all, and one that an earlier run has written with the same settings
-    is kept: a run that was killed goes on where it was. Returns the scenes' folders. Raises InputError (memory cannot hold the
+    is kept: a run that was killed resumes where it was. Returns the scenes' folders. Raises InputError (memory cannot hold the
     pictures), OutputError (a scene's folder holds something else, or the place cannot be written).
     """
     done = itertools.count(1)
@@ -54,27 +54,27 @@ def write_worlds(
     if size > LONGEST_SIDE:
         raise InputError(f"size is {size}; at most {LONGEST_SIDE} pixels are expected")
     check_memory([Camera.from_fov(size, size, 60.0)])
-    return [_written(Path(folder), each, step) for each in every]
+    return [_write_or_keep(Path(folder), each, step) for each in every]
 
 
-def _written(root: Path, settings: WorldSettings, step: Callable[[], None]) -> Path:
+def _write_or_keep(root: Path, settings: WorldSettings, step: Callable[[], None]) -> Path:
     """The folder of a scene: as an earlier run with these settings left it, else written now."""
-    made_with = described(settings)
-    if found_settings(root / settings.scene) != made_with:
+    made_with = describe_settings(settings)
+    if read_settings(root / settings.scene) != made_with:
         return write_world(root, settings.scene, settings.world(), settings.size, YAWS, step, made_with)
     for _ in range(FRAMES):
         step()
     return root / settings.scene
 
 
-def described(settings: WorldSettings) -> dict[str, object]:
+def describe_settings(settings: WorldSettings) -> dict[str, object]:
     """What a scene is made with, as poses.json keeps it."""
     names = ("seed", "kind", "shadows", "antialias", "size")
     textures = str(settings.textures) if isinstance(settings.textures, Path) else None
     return {"dlama": __version__, **{name: getattr(settings, name) for name in names}, "textures": textures}
 
 
-def found_settings(folder: Path) -> dict[str, object] | None:
+def read_settings(folder: Path) -> dict[str, object] | None:
     """What the scene in a folder was made with; None where there is none, or it does not say."""
     try:
         found = json.loads((folder / POSES).read_text(encoding="utf-8"))
@@ -122,7 +122,7 @@ def write_world(
 
 
 def poses(scene: str, world: World, size: int, yaws: Sequence[float]) -> dict[str, object]:
-    """The cameras in plain OpenCV axes, beside EasySynth's own tables."""
+    """The cameras in plain OpenCV axes, next to EasySynth's own tables."""
     first, rig = world.camera(0.0, size), world.rig(size=size)
     sequences: dict[str, object] = {}
     for key in ("with", "without"):

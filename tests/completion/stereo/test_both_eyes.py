@@ -113,7 +113,7 @@ def test_what_the_other_camera_sees_behind_a_removed_thing_is_no_guess(brighter:
         assert not view.hole.any()
         neither = masks[number] & ~shown & WITHOUT.seen_by(other, camera)
         assert (view.origin[neither] == Origin.FILLED).mean() > 0.6
-    shares = done.meta["stereo"]["lent_share"]
+    shares = done.meta["stereo"]["transferred_share"]
     assert all(0.2 < share < 1 for share in shares) and done.meta["law_violations"] == 0
 
 

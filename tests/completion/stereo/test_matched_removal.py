@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from dlama.completion.stereo import disparities as pairs
-from dlama.completion.stereo.pair import AS_NEAR, OBJECT_REACH, nearest_of_object, without_bleeding
+from dlama.completion.stereo.pair import AS_NEAR, OBJECT_REACH, largest_object_disparity, remove_bleeding
 from dlama.completion.stereo.stereo import stereo
 from dlama.geometry.camera import Camera, StereoRig
 from worlds import Box, Plane, World
@@ -37,13 +37,13 @@ def test_the_nearest_of_an_object_is_its_largest_disparity_around() -> None:
     disparity = rng.uniform(1, 20, (40, 50)).astype(np.float32)
     mask = np.zeros(disparity.shape, bool)
     mask[12:20, 10:22] = rng.random((8, 12)) < 0.6
-    got = nearest_of_object(disparity, mask)
+    got = largest_object_disparity(disparity, mask)
     rows, columns = np.nonzero(mask)
     for row, column in np.ndindex(disparity.shape):
         apart = np.hypot(rows - row, columns - column)
         surely, maybe = (disparity[rows, columns][apart <= OBJECT_REACH + margin] for margin in (-1, 1))
         assert surely.max(initial=0) <= got[row, column] <= maybe.max(initial=0)
-    np.testing.assert_array_equal(nearest_of_object(disparity, ~mask & mask), 0)
+    np.testing.assert_array_equal(largest_object_disparity(disparity, ~mask & mask), 0)
 
 
 def test_disparity_that_bled_over_the_objects_edge_is_missing() -> None:
@@ -51,7 +51,7 @@ def test_disparity_that_bled_over_the_objects_edge_is_missing() -> None:
     disparity = np.tile(np.array([10, AS_NEAR * 10 + 0.1, AS_NEAR * 10 - 0.1, 2], np.float32), (40, 10))
     mask = np.zeros(disparity.shape, bool)
     mask[15:20, 12:16], disparity[15:20, 12:16] = True, 10
-    got = without_bleeding(disparity, nearest_of_object(disparity, mask), mask, 0.0)
+    got = remove_bleeding(disparity, largest_object_disparity(disparity, mask), mask, 0.0)
     np.testing.assert_array_equal(got[mask], 10)
     near = np.zeros_like(mask)
     near[17 - OBJECT_REACH + 3 : 17 + OBJECT_REACH - 2, 12:16] = True

@@ -36,5 +36,5 @@ def bar_or_lines(
         with counting_bar(title, report) as bar, minutes as told:
             yield bar, told
     except KeyboardInterrupt as error:
-        print_line("error", f"{ending(error)}; what is done is kept, and the same command goes on from there")
+        print_line("error", f"{ending(error)}; what is done is kept, and the same command resumes it")
         raise SystemExit(exit_code(error)) from None

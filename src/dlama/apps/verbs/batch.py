@@ -24,7 +24,7 @@ from dlama.geometry.rgbd import format_count
 from dlama.jobs.lists.data_sets import DatasetJobs
 from dlama.jobs.lists.folders import Pictures
 from dlama.jobs.result import Totals
-from dlama.workers.progress import line_every, progress_line
+from dlama.workers.progress import progress_line, write_line_every
 
 if TYPE_CHECKING:
     from dlama.jobs.batch import Progress
@@ -192,17 +192,17 @@ def source(words: Sequence[str], which: Which, defaults: dict[str, Any]) -> Any:
     if which.layout is not None:
         raise InputError("layout goes with data=DATASET")
     if which.images is not None and which.verb is None:
-        raise InputError("nothing says what is done with the pictures: give verb=VERB, one of view, remove, depth")
+        raise InputError("no verb for the pictures is given: give verb=VERB, one of view, remove, depth")
     return words[0] if words else Pictures(str(which.images), which.depths, which.masks)
 
 
 def planned_lines(jobs: Any, verb: str | None, defaults: dict[str, Any]) -> Iterator[str]:
     """What --dry-run says: how many jobs of each verb, how many cannot be run, the first ones, and what is wrong with others."""
-    from dlama.jobs.batch import JobList, checked_defaults
+    from dlama.jobs.batch import JobList, check_defaults
 
     counts: dict[str, int] = {}
     wrong, shown, later = 0, list[str](), list[str]()
-    for number, job in enumerate(JobList(jobs, verb, checked_defaults(verb, defaults))):
+    for number, job in enumerate(JobList(jobs, verb, check_defaults(verb, defaults))):
         counts[job.verb] = counts.get(job.verb, 0) + 1
         error = job.error or missing_file(job)
         wrong += error is not None
@@ -221,10 +221,10 @@ def planned_lines(jobs: Any, verb: str | None, defaults: dict[str, Any]) -> Iter
 
 def missing_file(job: Job) -> str | None:
     """Which input of a job, of those on this disk, is not there; None: none."""
-    from dlama.jobs.storage import is_address, local
+    from dlama.jobs.storage import is_address, local_path
 
     files = (path for path in job.files.values() if not is_address(path))
-    return next((f"{path}: no such file" for path in files if not Path(local(path)).exists()), None)
+    return next((f"{path}: no such file" for path in files if not Path(local_path(path)).exists()), None)
 
 
 def shown_value(value: Any) -> str:
@@ -242,7 +242,7 @@ def shown_progress(report: Report, totals: Any) -> Iterator[Progress]:
     def line(seconds: float) -> str:
         return progress_line("batch", kept=totals.kept, failed=totals.kinds_line(), seconds=seconds, **state)
 
-    with bar_or_lines("batch", report, functools.partial(line_every, line)) as (bar, _):
+    with bar_or_lines("batch", report, functools.partial(write_line_every, line)) as (bar, _):
 
         def progress(row: JobResult | None, done: int, total: int | None) -> None:
             state.update(done=done, total=total)

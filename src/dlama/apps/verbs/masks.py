@@ -64,12 +64,12 @@ def mask(
 def write_found(found: dlama.ObjectMask, picture: dlama.RGBD | UInt8Array, output: Path) -> list[Path]:
     """The mask, and beside it NAME_overlay.png: the thing tinted and outlined. OutputError."""
     from dlama.files.rasters.pictures import write_color, write_mask
-    from dlama.files.results.preview import tinted
+    from dlama.files.results.preview import tint
 
     overlay = overlay_of(output)
     write_mask(output, found.mask)
     color = picture.color if isinstance(picture, RGBD) else picture
-    write_color(overlay, tinted(color, found.mask))
+    write_color(overlay, tint(color, found.mask))
     return [output, overlay]
 
 

@@ -29,7 +29,7 @@ from dlama.apps.terminal.output import reported
 from dlama.apps.terminal.progress import bar_or_lines
 from dlama.errors import InputError
 from dlama.geometry.rgbd import format_count
-from dlama.workers.progress import line_every, progress_line
+from dlama.workers.progress import progress_line, write_line_every
 
 if TYPE_CHECKING:
     from dlama.geometry.rgbd import BoolArray
@@ -146,7 +146,7 @@ def shown_progress(title: str, report: Report) -> Iterator[Callable[[int, int, s
         total = counts["total"] or None
         return progress_line(title, kept=counts["kept"], done=counts["done"], total=total, failed=0, seconds=seconds)
 
-    with bar_or_lines(title, report, functools.partial(line_every, line)) as (bar, _):
+    with bar_or_lines(title, report, functools.partial(write_line_every, line)) as (bar, _):
 
         def progress(done: int, total: int, name: str, earlier: bool) -> None:
             counts.update(done=done, total=total, kept=counts["kept"] + earlier)

@@ -75,7 +75,7 @@ def train(
         print("\n".join(preset_lines()))
         return
     if output is None:
-        raise InputError("nothing says where the run goes: give -o DIR")
+        raise InputError("no directory of the run is given: give -o DIR")
     if max_minutes is not None and not max_minutes > 0:
         raise InputError(f"max_minutes is {max_minutes}; more than 0 is expected")
     check_folder_apart(

@@ -57,7 +57,7 @@ def find_matches(
                 )
         found = match(left, right)
     else:
-        found, notes = of_given(disparity, left.shape[:2]), {"matcher": "none: the disparity was given"}
+        found, notes = matches_of_disparity(disparity, left.shape[:2]), {"matcher": "none: the disparity was given"}
     doubt = find_pair_fault(left, right, found[0])
     if doubt is not None:
         warnings.warn(doubt, UserWarning, stacklevel=3)
@@ -79,7 +79,7 @@ def matcher_for(matcher: str | Path | Matcher | None, max_disparity: float | Non
     return match, {"matcher": "semi-global matching", "max_disparity": max_disparity}
 
 
-def of_given(disparity: Float32Array, hw: tuple[int, int]) -> tuple[Float32Array, Float32Array]:
+def matches_of_disparity(disparity: Float32Array, hw: tuple[int, int]) -> tuple[Float32Array, Float32Array]:
     """A left disparity (H x W px; 0, NaN, inf = unknown) and what it says of the right view. Raises ShapeError, InputError."""
     given = np.asarray(disparity)
     if given.ndim != 2 or given.dtype.kind not in "fiu":

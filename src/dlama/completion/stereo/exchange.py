@@ -1,6 +1,6 @@
 """Two pictures of a pair in; in each, and in their scene, what the other camera measured and it could not see, out.
 
-What is hidden behind a removed thing, or beside an occluder, from one camera is often in sight of the other. Such pixels have no
+What a removed object or an occluder hides from one camera is often visible to the other. Such pixels have no
 match, so their depth is that of the surface they continue; their colour is measured.
 """
 
@@ -25,7 +25,7 @@ from dlama.inpainters.layered.surfaces import continue_surfaces
 from dlama.perception.stereo.matching import nearest_columns
 
 UNCLIPPED = (8, 247)
-"""Levels between which a channel tells how much brighter one picture is than the other."""
+"""Levels between which a channel shows how much brighter one picture is than the other."""
 SAME_GAIN = 0.01
 """A gain nearer to 1 than this is none: rounding would cost more than it mends."""
 NARROWEST = 3
@@ -53,7 +53,7 @@ def color_gain(pair: MatchedPair) -> Float64Array:
     return np.where(np.abs(gains - 1) < SAME_GAIN, 1.0, gains)
 
 
-def with_gain(view: View, gain: Float64Array) -> View:
+def apply_gain(view: View, gain: Float64Array) -> View:
     """The view with its colour channels multiplied by `gain` (3)."""
     if (gain == 1).all():
         return view
@@ -61,7 +61,7 @@ def with_gain(view: View, gain: Float64Array) -> View:
     return dataclasses.replace(view, color=color)
 
 
-def with_continued_depth(view: View, law: Law, seed: int) -> View:
+def continue_depth(view: View, law: Law, seed: int) -> View:
     """The view with depth where only depth was unknown: of the surface that continues there. Other holes stay open.
 
     The depth of known pixels on planes is freed of noise.
@@ -82,21 +82,21 @@ def with_continued_depth(view: View, law: Law, seed: int) -> View:
     )
 
 
-def with_lent(view: View, lender: View, law: Law, mode: Mode) -> View:
-    """The view with its removed object's hole closed where `lender`, a view from elsewhere, shows what is behind.
+def transfer_hidden(view: View, other: View, law: Law, mode: Mode) -> View:
+    """The view with its removed object's hole closed where `other`, a view from elsewhere, shows what is behind.
 
     Left out is what would break the law: depth in front of what was measured is a wrong match.
     """
-    wanted = view.hole & (view.hole_type == HoleType.OBJECT)
-    if not wanted.any():
+    hidden = view.hole & (view.hole_type == HoleType.OBJECT)
+    if not hidden.any():
         return view
-    shown = render(lender, view.camera, mode, types=False)
-    lent = wanted & ~shown.hole
-    lent &= ~law.violations(view.camera, shown.depth, lent)
-    return view.with_pixels(shown, lent)
+    shown = render(other, view.camera, mode, types=False)
+    usable = hidden & ~shown.hole
+    usable &= ~law.violations(view.camera, shown.depth, usable)
+    return view.with_pixels(shown, usable)
 
 
-def with_seen_alone(scene: Scene, view: View, law: Law, mode: Mode) -> Scene:
+def add_seen_alone(scene: Scene, view: View, law: Law, mode: Mode) -> Scene:
     """The scene with what only this view saw of it as one more layer: surfaces that the scene already has are not doubled."""
     seen = ~view.hole & ((view.origin == Origin.MEASURED) | (view.origin == Origin.DEPTH_FILLED))
     alone = seen & render(scene, view.camera, mode, types=False, close=False).hole
@@ -104,8 +104,8 @@ def with_seen_alone(scene: Scene, view: View, law: Law, mode: Mode) -> Scene:
     return add_layer(scene, view, morphological_open(alone, square(NARROWEST)))
 
 
-def lent_share(view: View, before: View) -> float:
+def transferred_share(view: View, before: View) -> float:
     """Share of the colour hole of `before` (0..1) that the other camera measured in the completed `view`; 0 without a hole."""
     hole = before.color_hole
-    lent = (view.origin == Origin.REPROJECTED) | (view.origin == Origin.DEPTH_FILLED)
-    return round(float(lent[hole].mean()), 6) if hole.any() else 0.0
+    transferred = (view.origin == Origin.REPROJECTED) | (view.origin == Origin.DEPTH_FILLED)
+    return round(float(transferred[hole].mean()), 6) if hole.any() else 0.0

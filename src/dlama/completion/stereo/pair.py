@@ -32,7 +32,7 @@ OBJECT_REACH = 8
 """px round a pixel in which the removed object's nearest disparity is looked for."""
 
 AS_NEAR = 0.85
-"""Share of a removed object's disparity from which a pixel beside it counts as the object's."""
+"""Share of a removed object's disparity from which a pixel next to it counts as the object's."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +66,7 @@ class MatchedPair:
         """H x W metres, left: how near the removed object is, by its nearest pixel around; None: nothing is removed."""
         if self.masks is None:
             return None
-        nearest = nearest_of_object(self.disparities[0], self.masks[0])
+        nearest = largest_object_disparity(self.disparities[0], self.masks[0])
         return RGBD(self.colors[0], depth_in_metres(nearest, self.rig, self.far), self.rig.left).depth
 
     def without_bleeding(self) -> MatchedPair:
@@ -74,7 +74,7 @@ class MatchedPair:
         if self.masks is None:
             return self
         left, right = (
-            without_bleeding(one, nearest_of_object(one, mask), mask, self.rig.doffs)
+            remove_bleeding(one, largest_object_disparity(one, mask), mask, self.rig.doffs)
             for one, mask in zip(self.disparities, self.masks)
         )
         return dataclasses.replace(self, disparities=(left, right))
@@ -94,7 +94,7 @@ class CompletedPair:
     scene: Scene
     record: Record
     about: dict[str, Any] = field(default_factory=dict)
-    """What became of the right picture, for meta.json: `right`, and where it was given `gain` and `lent_share`."""
+    """What became of the right picture, for meta.json: `right`, and where it was given `gain` and `transferred_share`."""
 
     def as_completion(self, rig: StereoRig) -> StereoCompletion:
         """With the disparities of both views, how well they agree, and the meta data."""
@@ -117,11 +117,11 @@ def without_object(pair: MatchedPair, recipe: Recipe) -> tuple[Scene, Dilation]:
 
 
 def default_far(rig: StereoRig) -> float:
-    """Metres from which half a pixel of disparity cannot be told from infinity."""
+    """Metres from which half a pixel of disparity cannot be distinguished from infinity."""
     return rig.left.fx * rig.baseline_m / FAR_PX
 
 
-def checked_pair(
+def check_pair_inputs(
     left: UInt8Array, right: UInt8Array, rig: StereoRig, far: float | None
 ) -> tuple[UInt8Array, UInt8Array]:
     """Both pictures as arrays. Raises ShapeError where one has not the rig's size, InputError where `far` is no distance."""
@@ -154,23 +154,23 @@ def depth_in_metres(disparity: Float32Array, rig: StereoRig, far: float) -> Floa
     return np.where(depth >= far, np.float32(np.inf), depth)
 
 
-def nearest_of_object(disparity: Float32Array, mask: BoolArray) -> Float32Array:
+def largest_object_disparity(disparity: Float32Array, mask: BoolArray) -> Float32Array:
     """H x W px: the largest disparity of the object (mask, H x W bool) within OBJECT_REACH px; 0 where there is none.
 
     What is hidden lies behind the object; how far behind, the noise of the matched object must not decide.
     """
-    none = np.float32(-1e9)  # not 0: with doffs a thing may have a negative disparity
+    none = np.float32(-1e9)  # not 0: with doffs an object may have a negative disparity
     of_object = np.where(mask & (disparity != 0), disparity, none)
     kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * OBJECT_REACH + 1,) * 2)
     nearest = cv2.dilate(of_object, kernel)
     return np.where(nearest == none, np.float32(0), nearest)
 
 
-def without_bleeding(disparity: Float32Array, nearest: Float32Array, mask: BoolArray, doffs: float) -> Float32Array:
-    """H x W px: 0 (missing) beside the object (mask) where disparity is as near as the object, else as it was.
+def remove_bleeding(disparity: Float32Array, nearest: Float32Array, mask: BoolArray, doffs: float) -> Float32Array:
+    """H x W px: 0 (missing) next to the object (mask) where disparity is as near as the object, else as it was.
 
-    nearest: H x W px as `nearest_of_object` gives it. Matching lets a nearer thing bleed over its edge; ground on which the
-    object stands is taken for it too, and comes back with the surface it belongs to.
+    nearest: H x W px as `largest_object_disparity` gives it. Matching lets a nearer object bleed over its edge; the ground
+    under the object is taken for it too, and is restored with the surface it belongs to.
     """
     as_near = disparity + doffs >= np.float32(AS_NEAR) * (nearest + np.float32(doffs))
     return np.where(~mask & as_near & (nearest != 0), np.float32(0), disparity)

@@ -34,17 +34,17 @@ from dlama.completion.start import (
 from dlama.completion.steps import close_holes, complete_step, fill, frame_steps, fuse_new
 from dlama.completion.stereo.disparities import find_matches
 from dlama.completion.stereo.exchange import (
+    add_seen_alone,
+    apply_gain,
     color_gain,
-    lent_share,
-    with_continued_depth,
-    with_gain,
-    with_lent,
-    with_seen_alone,
+    continue_depth,
+    transfer_hidden,
+    transferred_share,
 )
 from dlama.completion.stereo.pair import (
     CompletedPair,
     MatchedPair,
-    checked_pair,
+    check_pair_inputs,
     default_far,
     depth_in_metres,
     masks_of_pair,
@@ -100,7 +100,7 @@ def stereo(
         matcher: what finds it: an ONNX network with a contract (`dlama.perception.stereo.networks`), or a function
             (left, right) -> both disparities; default: semi-global matching.
         max_disparity: px, the largest disparity looked for; default: found.
-        far: metres; what is measured at or beyond it is far (sky); default: what half a pixel of disparity cannot tell
+        far: metres; what is measured at or beyond it is far (sky); default: what half a pixel of disparity cannot distinguish
             from infinity.
         options: How the views are completed (`Options`).
 
@@ -109,7 +109,7 @@ def stereo(
             cannot be used (MaskError).
     """
     check_arguments(stereo, locals())
-    left, right = checked_pair(left, right, rig, far)
+    left, right = check_pair_inputs(left, right, rig, far)
     if mask is None and mask_right is not None:
         raise InputError("mask_right was given without mask; the mask of the left view is expected too")
     given = options_of(options)
@@ -144,7 +144,7 @@ def stereo(
         chosen, decisions = dataclasses.replace(chosen, dilate=growth.px), decisions | {"mask_growth": growth._asdict()}
     draft = Plan(chosen, inpainter or find_filler(choice.filler), given.seed, start, Law(()), choice.name, decisions)
     complete_pair = complete_pair_together
-    if chosen_right_view(right_view, chosen, masks is not None) == "synthesised":
+    if choose_right_view(right_view, chosen, masks is not None) == "synthesised":
         complete_pair = synthesise_right
     elif one_by_one:
         complete_pair = complete_pair_one_by_one
@@ -153,7 +153,7 @@ def stereo(
     return completion.with_min_confidence(given.min_confidence)
 
 
-def chosen_right_view(asked: RightView | None, recipe: Recipe, removing: bool) -> RightView:
+def choose_right_view(asked: RightView | None, recipe: Recipe, removing: bool) -> RightView:
     """What becomes of the right picture. Raises InputError: an unknown name, or synthesised with a mask."""
     if asked is None:
         return "given" if removing or recipe.source_first else "synthesised"
@@ -176,37 +176,37 @@ def complete_pair_together(pair: MatchedPair, draft: Plan, clock: Clock) -> Comp
     law = law_of(both, recipe, object_depth)
 
     with clock("exchange"):
-        lender = right_before if pair.masks is None else with_continued_depth(right_before, law, plan.seed)
-        lender = with_gain(lender, gain)
+        other = right_before if pair.masks is None else continue_depth(right_before, law, plan.seed)
+        other = apply_gain(other, gain)
         open_left = given.frames[0]
-        known_left = with_lent(open_left, lender, plan.law, recipe.mode)
+        known_left = transfer_hidden(open_left, other, plan.law, recipe.mode)
     with clock("fill"):
         left, left_fill = fill(plan, known_left)
     with clock("fuse"):
-        guessed_or_lent = open_left.color_hole
-        measured = left.without(guessed_or_lent, HoleType.OBJECT)
+        guessed_or_transferred = open_left.color_hole
+        measured = left.without(guessed_or_transferred, HoleType.OBJECT)
         scene = dataclasses.replace(given, frames=(measured,))
         if pair.masks is not None:
-            scene = with_seen_alone(scene, lender, law, recipe.mode)
+            scene = add_seen_alone(scene, other, law, recipe.mode)
         scene = fuse(scene, left)
 
     with clock("render"):
-        shown = with_gain(render(scene, pair.rig.right, recipe.mode, types=False, close=False), 1 / gain)
+        shown = apply_gain(render(scene, pair.rig.right, recipe.mode, types=False, close=False), 1 / gain)
     plan = dataclasses.replace(plan, law=law, inpainter=right_filler(filler, left, recipe))
     known, taken_over = close_holes(law, right_before, shown, measured=True)
     with clock("fill"):
         right, right_fill = fill(plan, known)
     with clock("fuse"):
         if pair.masks is None:
-            scene = with_seen_alone(scene, with_gain(right, gain), law, recipe.mode)
+            scene = add_seen_alone(scene, apply_gain(right, gain), law, recipe.mode)
         own_depth = right.origin == Origin.DEPTH_FILLED  # added above where the left picture does not have it
-        scene = fuse_new(scene, right_before, known, with_gain(right, gain).without(own_depth, HoleType.NONE))
+        scene = fuse_new(scene, right_before, known, apply_gain(right, gain).without(own_depth, HoleType.NONE))
     left_before = left_before_filling(clean.left, scene)
     record = Record([left_fill, taken_over, right_fill], clock.seconds, grown_mask)
     exchanged = {
         "right": "given",
         "gain": [round(float(value), 4) for value in gain],
-        "lent_share": [lent_share(left, left_before), lent_share(right, right_before)],
+        "transferred_share": [transferred_share(left, left_before), transferred_share(right, right_before)],
     }
     return CompletedPair(plan, clean.left, (left_before, right_before), (left, right), scene, record, exchanged)
 

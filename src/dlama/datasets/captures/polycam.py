@@ -27,7 +27,7 @@ from dlama.datasets.posed.nerfstudio import CV_FROM_GL
 from dlama.datasets.posed.posed_frames import Lens, PosedFrame
 from dlama.datasets.posed.view_pairs import read_posed
 from dlama.datasets.text_tables import natural_order, pose_at
-from dlama.files.checked_fields import read_json_fields
+from dlama.files.fields import read_json_fields
 from dlama.files.rasters.pictures import read_color_of_camera
 
 FOLDER = "keyframes"

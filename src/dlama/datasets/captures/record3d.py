@@ -25,7 +25,7 @@ from dlama.datasets.posed.posed_frames import Lens, PosedFrame
 from dlama.datasets.posed.view_pairs import read_posed
 from dlama.datasets.text_tables import pose_of
 from dlama.errors import DlamaError, FileError, MissingExtraError
-from dlama.files.checked_fields import FileFields, json_fields
+from dlama.files.fields import FileFields, json_fields
 from dlama.files.rasters.images import check_pixels
 from dlama.geometry.rgbd import UInt8Array
 

@@ -23,8 +23,8 @@ from dlama.datasets.posed.posed_frames import Lens, PosedFrame
 from dlama.datasets.posed.view_pairs import read_posed
 from dlama.datasets.text_tables import natural_order, pose_at
 from dlama.errors import FileError, MissingExtraError
-from dlama.files.checked_fields import read_json_fields
-from dlama.files.rasters.images import existing
+from dlama.files.fields import read_json_fields
+from dlama.files.rasters.images import existing_file
 from dlama.files.rasters.pictures import read_color_of_camera
 from dlama.files.rasters.video_frames import count_video_frames, read_video_frame
 from dlama.geometry.rgbd import Float32Array, UInt8Array
@@ -97,7 +97,7 @@ def _depths(folder: Path) -> Callable[[int], Callable[[], Float32Array] | None]:
     """Number of a frame -> how its depth is read."""
     if (folder / "depth").is_dir():
         return lambda number: _depth_file(folder / "depth" / f"frame_{number:06d}.png")
-    path = existing(folder / "depth.bin")
+    path = existing_file(folder / "depth.bin")
     count = len(_blocks(path, path.stat().st_mtime_ns))
     return lambda number: partial(depth_of_bin, path, number) if number < count else None
 

@@ -27,7 +27,7 @@ from dlama.datasets.posed.posed_frames import Lens, PosedFrame
 from dlama.datasets.posed.view_pairs import read_posed
 from dlama.datasets.text_tables import matrix_of, pose_of, read_rows
 from dlama.errors import FileError
-from dlama.files.checked_fields import FileFields
+from dlama.files.fields import FileFields
 from dlama.files.rasters.video_frames import count_video_frames, read_video_frame
 
 VIDEO, ODOMETRY, MATRIX = "rgb.mp4", "odometry.csv", "camera_matrix.csv"

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dlama.errors import CameraError, FileError
-from dlama.files.checked_fields import FileFields, json_fields
+from dlama.files.fields import FileFields, json_fields
 from dlama.files.semantic_classes import unreal_text
 from dlama.geometry.camera import Camera, Float64Array
 from dlama.geometry.rotations import QUATERNION_TOLERANCE, quaternion_from_rotation, rotation_from_quaternion

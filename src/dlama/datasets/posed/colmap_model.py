@@ -17,7 +17,7 @@ import numpy as np
 from dlama.datasets.text_tables import pose_at, read_rows
 from dlama.errors import CameraError, FileError
 from dlama.files.atomic_write import new_file
-from dlama.files.checked_fields import Intrinsics
+from dlama.files.fields import Intrinsics
 from dlama.geometry.camera import Camera, Float64Array, invert_pose
 from dlama.geometry.cloud import PointCloud
 from dlama.geometry.rotations import quaternion_from_rotation, rotation_from_quaternion

@@ -18,7 +18,7 @@ from dlama.datasets.posed.posed_frames import FrameFiles, Lens, PosedFrame, pose
 from dlama.datasets.posed.view_pairs import LOG, read_posed
 from dlama.datasets.text_tables import pose_at
 from dlama.errors import CameraError, FileError
-from dlama.files.checked_fields import FileFields, Intrinsics, read_json_fields
+from dlama.files.fields import FileFields, Intrinsics, read_json_fields
 from dlama.geometry.camera import Float64Array
 
 NAME = "transforms.json"

@@ -29,7 +29,7 @@ from dlama.datasets.posed.posed_frames import (
 from dlama.datasets.posed.view_pairs import read_posed
 from dlama.datasets.text_tables import files_in, read_pose
 from dlama.errors import FileError, ShapeError
-from dlama.files.cameras import checked_camera
+from dlama.files.cameras import make_camera
 from dlama.files.rasters.pictures import read_color_of_camera
 from dlama.geometry.camera import Camera, invert_pose
 from dlama.geometry.projection import project, rays
@@ -134,9 +134,7 @@ def load_registered_depth(files: FrameFiles) -> tuple[Float32Array, Camera]:
     """The depth moved into the colour camera, and that camera at its pose."""
     depth, depth_camera = load_depth(files)
     pose = files.world_from_cam @ invert_pose(COLOR_FROM_DEPTH)
-    color_camera = checked_camera(
-        COLOR_LENS.source, depth_camera.hw, COLOR_LENS.intrinsics, COLOR_LENS.pixel_center, pose
-    )
+    color_camera = make_camera(COLOR_LENS.source, depth_camera.hw, COLOR_LENS.intrinsics, COLOR_LENS.pixel_center, pose)
     return moved_depth(depth, depth_camera, color_camera), color_camera
 
 

@@ -17,8 +17,8 @@ from dlama.datasets.frames import Frame
 from dlama.datasets.text_tables import read_matrix
 from dlama.errors import CameraError, FileError, ShapeError
 from dlama.files.atomic_write import PathLike
-from dlama.files.cameras import checked_camera, read_camera
-from dlama.files.checked_fields import FileFields, Intrinsics, read_json_fields
+from dlama.files.cameras import make_camera, read_camera
+from dlama.files.fields import FileFields, Intrinsics, read_json_fields
 from dlama.files.rasters.colmap_depth import read_colmap_depth
 from dlama.files.rasters.depth import read_depth
 from dlama.files.rasters.images import picture_hw
@@ -195,7 +195,7 @@ def camera_at_depth(
             "same size, or bigger with the same proportions, is expected"
         )
     hw = color_hw[0], color_hw[1]
-    camera = checked_camera(lens.source, hw, lens.intrinsics, lens.pixel_center, world_from_cam)
+    camera = make_camera(lens.source, hw, lens.intrinsics, lens.pixel_center, world_from_cam)
     return camera.resized(depth_hw[1], depth_hw[0])
 
 

@@ -21,7 +21,7 @@ LOGS = ("trajectory.log", "scene/trajectory.log")
 """Where the poses lie; Open3D's reconstruction writes the second."""
 COLOR_FOLDERS = ("image", "rgb", "color")
 CAMERA_NAMES = ("camera_intrinsic.json", "intrinsic.json", "camera.json")
-ADVICE = "the log says nothing of intrinsics (Open3D's own default for PrimeSense is 525 525 319.5 239.5)"
+ADVICE = "the log has no intrinsics (Open3D's own default for PrimeSense is 525 525 319.5 239.5)"
 LINES = 5
 """Of a pose: a head and the rows of a matrix."""
 

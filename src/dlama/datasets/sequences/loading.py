@@ -10,7 +10,7 @@ from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
-from dlama.completion.start import clipped_frame
+from dlama.completion.start import clip_frame
 from dlama.datasets.frames import Frame
 from dlama.datasets.posed.posed_frames import CameraOption
 from dlama.datasets.sequences.scene_frames import open_frames, sliced
@@ -86,7 +86,7 @@ def read_views(
     views, damaged = dict[str, View](), dict[str, str]()
     for frame in frames:
         try:
-            views[frame.name] = open_view(clipped_frame(frame.load, clip), frame.name, cache)
+            views[frame.name] = open_view(clip_frame(frame.load, clip), frame.name, cache)
         except DlamaError as error:
             damaged[frame.name] = first_line(error)
             warnings.warn(f"frame {frame.name} is left out: {first_line(error)}", UserWarning, stacklevel=3)

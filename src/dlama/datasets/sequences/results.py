@@ -14,7 +14,7 @@ import numpy as np
 
 from dlama.datasets.posed.colmap_model import write_model
 from dlama.files.rasters.pictures import read_color
-from dlama.files.results.completion import chosen_names
+from dlama.files.results.completion import choose_names
 from dlama.files.results.video import write_video
 from dlama.files.scenes.clouds import write_ply
 from dlama.files.scenes.scene_npz import write_npz
@@ -43,7 +43,7 @@ MOST_ANIMATED, ANIMATED_WIDTH = 240, 480
 
 def checked_results(only: Sequence[str] | None, also: Sequence[str] = ()) -> tuple[str, ...]:
     """Names of what is to be written: `only` (None: BY_DEFAULT) and `also`. InputError: an unknown name."""
-    return chosen_names(only, also, RESULTS, BY_DEFAULT)
+    return choose_names(only, also, RESULTS, BY_DEFAULT)
 
 
 def write_whole(folder: Path, whole: Scene, cameras: Mapping[str, Camera], wanted: Sequence[str]) -> dict[str, Any]:

@@ -7,7 +7,7 @@ from contextlib import contextmanager
 
 from dlama.evaluation.runner.run import Progress
 from dlama.evaluation.runner.worker import Outcome
-from dlama.workers.progress import line_every, progress_line
+from dlama.workers.progress import progress_line, write_line_every
 
 
 @contextmanager
@@ -28,5 +28,5 @@ def progress_lines(title: str, write: Callable[[str], object], *, every: float =
         elif outcome.error:
             counts["failed"] += 1
 
-    with line_every(lambda seconds: progress_line(title, **counts, seconds=seconds), write, every=every):
+    with write_line_every(lambda seconds: progress_line(title, **counts, seconds=seconds), write, every=every):
         yield progress

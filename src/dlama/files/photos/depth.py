@@ -29,7 +29,15 @@ from dlama.files.photos.containers import (
     list_container_items,
     list_further_pictures,
 )
-from dlama.files.rasters.images import HEIC, as_shown, check_pixels, existing, orientation_of, picture_hw, read_stored
+from dlama.files.rasters.images import (
+    HEIC,
+    apply_orientation,
+    check_pixels,
+    existing_file,
+    orientation_of,
+    picture_hw,
+    read_stored,
+)
 from dlama.files.rasters.pictures import eight_bit_rgb
 from dlama.geometry.camera import Camera
 from dlama.geometry.holes import fill_with_nearest
@@ -80,7 +88,7 @@ def read_photo_depth(path: PathLike) -> PhotoDepth | None:
 
     Raises FileError, and DepthError where there is depth that cannot be used, with the reason.
     """
-    file = existing(path)
+    file = existing_file(path)
     data = file.read_bytes()
     heic = HEIC.match(data[:12]) is not None
     if not (heic or data.startswith(JPEG_BEGINS)):
@@ -110,16 +118,16 @@ def _of_heic(file: Path, data: bytes) -> PhotoDepth | None:
     if not images:
         return None
     check_pixels(file, *images[0].size)
-    codes, said = np.asarray(images[0].to_pillow()), images[0].info.get("metadata") or {}
+    codes, metadata = np.asarray(images[0].to_pillow()), images[0].info.get("metadata") or {}
     orientation = int(opened.info.get("original_orientation") or 1)
     if orientation >= 5 and (codes.shape[0] > codes.shape[1]) != (opened.size[1] > opened.size[0]):
-        codes = as_shown(codes, orientation)  # of a writer that turns the picture alone
+        codes = apply_orientation(codes, orientation)  # of a writer that turns the picture alone
     packet = _apple_packet(find_xmp(data))
     if packet is not None:
         return _of_apple(file, codes, packet, orientation, "HEIC, Apple")
-    kind = HEIF_KINDS.get(said.get("representation_type", -1)) if said else None
+    kind = HEIF_KINDS.get(metadata.get("representation_type", -1)) if metadata else None
     if kind is None:
-        raise DepthError(f"{file}: the depth image in it says nothing of what its numbers mean")
+        raise DepthError(f"{file}: the depth image in it has no word of what its numbers mean")
     about = {"source": f"HEIC, {kind}", **_size(codes)}
     return PhotoDepth(_inverse(_levels(codes), kind != "depth"), False, about=about)
 
@@ -130,7 +138,7 @@ def _of_further_picture(file: Path, data: bytes) -> PhotoDepth | None:
     for item in items:
         packet = _apple_packet(find_xmp(item.data))
         if packet is not None:
-            codes = as_shown(_decoded(file, item.data), orientation)
+            codes = apply_orientation(_decode(file, item.data), orientation)
             return _of_apple(file, codes, packet, orientation, "JPEG, Apple")
     kinds = (STEREO, 0) if file.suffix.lower() == ".mpo" else (STEREO,)  # some writers leave the type out
     pair = [item for item in items if item.kind in kinds]
@@ -157,7 +165,7 @@ def _of_apple(file: Path, codes: np.ndarray, packet: Xmp, orientation: int, sour
     if low is None or high is None or high <= low:
         values = _inverse(_levels(codes), kind == "disparity")
         return PhotoDepth(values, False, _apple_camera(file, packet, orientation), about=about)
-    first, last = ends[0] or 0.0, ends[1] or float(_most(codes))
+    first, last = ends[0] or 0.0, ends[1] or float(_largest_code(codes))
     values = (low + (codes - first) * ((high - low) / (last - first))).astype(np.float32)
     far = codes <= first if kind == "disparity" else codes >= last
     about |= {"range": [low, high], "unit": "1/m" if kind == "disparity" else "m", **_far_limit(far)}
@@ -210,7 +218,7 @@ def _of_google(file: Path, data: bytes) -> PhotoDepth | None:
 
 def _of_range(file: Path, picture: bytes, packet: Xmp, space: str, source: str) -> PhotoDepth:
     """RangeLinear: depth from near (0) to far (1); RangeInverse: 1 / depth from 1 / near (0) to 1 / far (1)."""
-    codes = as_shown(_decoded(file, picture), orientation_of(file))
+    codes = apply_orientation(_decode(file, picture), orientation_of(file))
     how = packet.text(f"{space}Format") or "RangeInverse"
     near, far = packet.number(f"{space}Near"), packet.number(f"{space}Far")
     if how not in ("RangeInverse", "RangeLinear"):
@@ -230,7 +238,7 @@ def _of_range(file: Path, picture: bytes, packet: Xmp, space: str, source: str) 
 
 def _of_stereo(file: Path, other: Item, orientation: int) -> PhotoDepth:
     """Inverse depth of the left picture of a stereo photo (the first), by matching; metres where the file says the baseline."""
-    left, right = _small(eight_bit_rgb(read_stored(file).values, file)), _small(_shown_color(file, other, orientation))
+    left, right = _shrink(eight_bit_rgb(read_stored(file).values, file)), _shrink(_read_color(file, other, orientation))
     if left.shape != right.shape:
         raise DepthError(f"{file}: its two pictures are of different sizes")
     disparity, _ = disparity_pair(left, right, min_disparity=-round(CONVERGING * left.shape[1]))
@@ -252,19 +260,19 @@ def _of_stereo(file: Path, other: Item, orientation: int) -> PhotoDepth:
     return PhotoDepth(np.maximum(filled - np.float32(lowest - 1), np.float32(0)), False, about=about)
 
 
-def _small(color: UInt8Array) -> UInt8Array:
+def _shrink(color: UInt8Array) -> UInt8Array:
     width = min(MATCHED_WIDTH, color.shape[1])
     height = round(color.shape[0] * width / color.shape[1])
     return np.asarray(Image.fromarray(color).resize((width, height), Image.Resampling.BOX))
 
 
-def _shown_color(file: Path, item: Item, orientation: int) -> UInt8Array:
+def _read_color(file: Path, item: Item, orientation: int) -> UInt8Array:
     with Image.open(io.BytesIO(item.data), formats=("JPEG",)) as picture:
         check_pixels(file, *picture.size)
-        return as_shown(np.asarray(picture.convert("RGB")), orientation)
+        return apply_orientation(np.asarray(picture.convert("RGB")), orientation)
 
 
-def _decoded(file: Path, data: bytes) -> np.ndarray:
+def _decode(file: Path, data: bytes) -> np.ndarray:
     """The codes of a depth picture, h x w."""
     with Image.open(io.BytesIO(data), formats=("PNG", "JPEG")) as picture:
         check_pixels(file, *picture.size)
@@ -272,13 +280,13 @@ def _decoded(file: Path, data: bytes) -> np.ndarray:
     return codes.astype(np.uint16) if codes.dtype == np.int32 else codes
 
 
-def _most(codes: np.ndarray) -> int:
+def _largest_code(codes: np.ndarray) -> int:
     return 65535 if codes.dtype == np.uint16 else 255
 
 
 def _levels(codes: np.ndarray) -> Float32Array:
     """Codes as 0..1."""
-    return codes.astype(np.float32) / np.float32(_most(codes))
+    return codes.astype(np.float32) / np.float32(_largest_code(codes))
 
 
 def _inverse(values: Float32Array, inverse: bool) -> Float32Array:

@@ -8,7 +8,7 @@ import numpy as np
 
 from dlama.errors import FileError, system_errors
 from dlama.files.atomic_write import PathLike
-from dlama.files.rasters.images import check_pixels, existing
+from dlama.files.rasters.images import check_pixels, existing_file
 from dlama.geometry.rgbd import Float32Array
 
 HEAD = re.compile(rb"(\d{1,9})&(\d{1,9})&(\d{1,9})&")
@@ -18,7 +18,7 @@ HEAD = re.compile(rb"(\d{1,9})&(\d{1,9})&(\d{1,9})&")
 @system_errors(FileError)
 def read_colmap_depth(path: PathLike) -> Float32Array:
     """Planar depth in the unit of the model; what is not positive is missing (0). Raises FileError."""
-    file = existing(path)
+    file = existing_file(path)
     data = file.read_bytes()
     head = HEAD.match(data)
     if head is None:

@@ -14,12 +14,12 @@ from dlama.errors import DepthError, FileError, system_errors
 from dlama.files.atomic_write import PathLike
 from dlama.files.rasters.depth_checks import warn_of_inverse
 from dlama.files.rasters.float_files import read_array, read_exr, read_pfm, write_exr, write_pfm
-from dlama.files.rasters.images import SUFFIXES, existing, read_stored
+from dlama.files.rasters.images import SUFFIXES, existing_file, read_stored
 from dlama.files.rasters.pictures import save_picture
 from dlama.geometry.rgbd import PLAUSIBLE_M, Float32Array, mark_far
 
 __all__ = [
-    "depth_from_mm", "mm_from_depth", "read_depth", "read_disparity", "read_pfm", "stored_numbers", "write_depth_exr",
+    "depth_from_mm", "mm_from_depth", "read_depth", "read_disparity", "read_pfm", "read_stored_numbers", "write_depth_exr",
     "write_depth_png", "write_disparity_pfm", "write_pfm",
 ]  # fmt: skip
 
@@ -49,7 +49,7 @@ def read_depth(
     Raises FileError, or DepthError: 8-bit, colour, negative, nothing valid, or a median outside 0.05..500 m.
     """
     check_depth_options(depth_scale, depth_range, far)
-    values = stored_numbers(path, "depth", channel)
+    values = read_stored_numbers(path, "depth", channel)
     _check_not_negative(path, values, "depth")
     if values.dtype.kind == "f":
         depth = _metres_from_floats(path, values, depth_scale, depth_range)
@@ -76,7 +76,7 @@ def read_disparity(path: PathLike, *, scale: float | None = None, channel: str |
     KITTI); 8-bit PNG: `scale` must be given. Raises FileError or DepthError.
     """
     _check_positive(disparity_scale=scale)
-    values = stored_numbers(path, "disparity", channel, eight_bit=scale is not None)
+    values = read_stored_numbers(path, "disparity", channel, eight_bit=scale is not None)
     if values.dtype.kind == "f":
         values = np.where(np.isfinite(values) | (values < 0), values, 0)
     elif scale is None:
@@ -138,10 +138,10 @@ def write_disparity_pfm(path: PathLike, disparity: Float32Array) -> None:
     write_pfm(path, np.where(known, disparity, np.inf).astype(np.float32))
 
 
-def stored_numbers(path: PathLike, what: str, channel: str | None, eight_bit: bool = False) -> np.ndarray:
+def read_stored_numbers(path: PathLike, what: str, channel: str | None, eight_bit: bool = False) -> np.ndarray:
     """The numbers of any depth or disparity file (`what`), H x W, as stored. Raises FileError; DepthError: colour, or 8 bits
     unless they are asked for."""
-    suffix = existing(path).suffix.lower()
+    suffix = existing_file(path).suffix.lower()
     if channel is not None and suffix != ".exr":
         raise FileError(f"{path}: has no named channels; `channel` is for EXR files")
     if suffix == ".exr":

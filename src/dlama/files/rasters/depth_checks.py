@@ -10,13 +10,13 @@ from dlama.files.atomic_write import PathLike
 from dlama.geometry.rgbd import Float32Array
 
 FEWEST_VOTES = 500
-"""Small pictures, of which one curved thing can be most, are not judged by fewer."""
+"""Small pictures, which one curved object can fill, are not judged by fewer."""
 STEP = 8
 """Pixels between the three samples of which two differences are taken."""
 SLOPE, EDGE = 0.1, 0.6
 """Relative difference of the outer two samples: at least this for a slanted surface, at most that within one surface."""
 FEWEST, SHARE = 0.005, 0.8
-"""Votes per pixel of the picture below which nothing is said, and the share of them that must agree: of 200 depth maps of a
+"""Votes per pixel of the picture below which nothing is reported, and the share of them that must agree: of 200 depth maps of a
 Kinect and of a renderer none is taken for inverse depth, and 152 of them are found when they are."""
 CLEARER = 0.5
 """How much straighter one reading must be than the other to be a vote."""
@@ -28,7 +28,7 @@ def warn_of_inverse(path: PathLike, depth: Float32Array) -> None:
     Of a plane inverse depth is linear in the picture and depth is not (it bends, the more the steeper): where the values
     themselves run straight over most slanted surfaces, they are inverse.
     """
-    straight, votes = straight_share(depth)
+    straight, votes = straighter_share(depth)
     if votes >= max(FEWEST_VOTES, FEWEST * depth.size) and straight >= SHARE:
         warnings.warn(
             f"{path}: looks like inverse depth or disparity ({100 * straight:.0f} % of {votes} slanted places run straight, "
@@ -38,7 +38,7 @@ def warn_of_inverse(path: PathLike, depth: Float32Array) -> None:
         )
 
 
-def straight_share(depth: Float32Array) -> tuple[float, int]:
+def straighter_share(depth: Float32Array) -> tuple[float, int]:
     """Share of the slanted places where the values run straighter than their inverses; and how many places voted."""
     inside = np.where((depth > 0) & (depth < np.inf), depth, np.nan).astype(np.float64)
     found = []

@@ -16,7 +16,7 @@ import OpenEXR
 
 from dlama.errors import FileError, ShapeError, first_line
 from dlama.files.atomic_write import PathLike, new_file
-from dlama.files.rasters.images import LARGEST_PIXELS, check_pixels, existing
+from dlama.files.rasters.images import LARGEST_PIXELS, check_pixels, existing_file
 from dlama.geometry.rgbd import Float32Array
 
 PFM_HEADER = re.compile(rb"(P[Ff])\s+(\d{1,18})\s+(\d{1,18})\s+([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)(?:\r\n|\s)")
@@ -34,7 +34,7 @@ def read_pfm(path: PathLike) -> Float32Array:
     Rows lie bottom-up in the file; the sign of its scale is the byte order, its size is not applied (writers use it for
     display only, as Middlebury does). Raises FileError.
     """
-    file = existing(path)
+    file = existing_file(path)
     with file.open("rb") as stream:
         head = PFM_HEADER.match(stream.read(PFM_HEADER_BYTES))
     if head is None:
@@ -45,9 +45,9 @@ def read_pfm(path: PathLike) -> Float32Array:
     if width < 1 or height < 1 or scale == 0 or not math.isfinite(scale):
         raise FileError(f"{file}: says {width}x{height}, scale {scale}; positive sizes and a scale are expected")
     check_pixels(file, width, height)
-    held, wanted = file.stat().st_size - head.end(), 4 * width * height
-    if held != wanted:
-        raise FileError(f"{file}: is damaged or truncated ({held} bytes of numbers, {width}x{height} wants {wanted})")
+    held, expected = file.stat().st_size - head.end(), 4 * width * height
+    if held != expected:
+        raise FileError(f"{file}: is damaged or truncated ({held} bytes of numbers, {width}x{height} needs {expected})")
     numbers = np.fromfile(file, "<f4" if scale < 0 else ">f4", offset=head.end(), count=width * height)
     return numbers.reshape(height, width)[::-1].astype(np.float32)
 
@@ -63,7 +63,7 @@ def write_pfm(path: PathLike, values: Float32Array) -> None:
 
 def read_array(path: PathLike, key: str) -> np.ndarray:
     """The H x W array of an NPY, or of an NPZ: the one called `key`, else the only one. Raises FileError."""
-    file = existing(path)
+    file = existing_file(path)
     try:
         with file.open("rb") as stream:
             if stream.read(2) != b"PK":
@@ -100,12 +100,12 @@ def read_npy(stream: IO[bytes], held: int) -> np.ndarray:
         raise FileError("holds Python objects; numbers are expected")
     if min((0, *shape)) < 0 or count > 4 * LARGEST_PIXELS:
         raise FileError(f"says it holds an array of shape {shape}; at most {4 * LARGEST_PIXELS} numbers are read")
-    wanted = count * dtype.itemsize
-    if wanted > held:
-        raise FileError(f"is damaged or truncated ({held} bytes, an array {shape} of {dtype} wants {wanted})")
-    data = stream.read(wanted)
-    if len(data) != wanted:
-        raise FileError(f"is damaged or truncated ({len(data)} bytes of numbers, {wanted} are expected)")
+    expected = count * dtype.itemsize
+    if expected > held:
+        raise FileError(f"is damaged or truncated ({held} bytes, an array {shape} of {dtype} needs {expected})")
+    data = stream.read(expected)
+    if len(data) != expected:
+        raise FileError(f"is damaged or truncated ({len(data)} bytes of numbers, {expected} are expected)")
     array = np.frombuffer(data, dtype, count)
     return array.reshape(shape[::-1]).T if by_columns else array.reshape(shape)
 
@@ -126,7 +126,7 @@ def read_exr(path: PathLike, channel: str | None = None) -> Float32Array:
 
     `channel` is the exact name; None looks for depth (CHANNEL_ORDER). Raises FileError.
     """
-    file = existing(path)
+    file = existing_file(path)
     check_exr_is_whole(file)
     try:
         with OpenEXR.File(_name_or_bytes(file), separate_channels=True) as exr:
@@ -175,13 +175,13 @@ def _check_windows(file: Path, header: dict[str, Any]) -> None:
         raise FileError(f"{file}: is cropped or has overscan (data {data}, display {display}); save it without")
 
 
-def _depth_channel(file: Path, channels: dict[str, np.ndarray], wanted: str | None) -> str:
+def _depth_channel(file: Path, channels: dict[str, np.ndarray], expected: str | None) -> str:
     """Which channel holds depth; refuses a colour picture."""
     known = ", ".join(sorted(channels))
-    if wanted is not None:
-        if wanted not in channels:
-            raise FileError(f"{file}: has no channel '{wanted}'; it has {known}")
-        return wanted
+    if expected is not None:
+        if expected not in channels:
+            raise FileError(f"{file}: has no channel '{expected}'; it has {known}")
+        return expected
     for rule in CHANNEL_ORDER:
         fits = [name for name in channels if _fits(name.lower(), rule)]
         if len(fits) > 1:
@@ -237,7 +237,7 @@ LINES_PER_CHUNK = {0: 1, 1: 1, 2: 1, 3: 16, 4: 32, 5: 16, 6: 32, 7: 32, 8: 32, 9
 def _chunk_table(data: bytes) -> tuple[int, int]:
     """(where the table of chunk offsets begins, how many there are) of a scan-line EXR."""
     at, found = 8, {}
-    while data[at] if at < len(data) else _ends_early():
+    while data[at] if at < len(data) else _refuse_short_header():
         name_end = data.index(b"\0", at)
         type_end = data.index(b"\0", name_end + 1)
         size = struct.unpack_from("<i", data, type_end + 1)[0]
@@ -248,5 +248,5 @@ def _chunk_table(data: bytes) -> tuple[int, int]:
     return at + 1, -(-(bottom - top + 1) // lines)
 
 
-def _ends_early() -> int:
+def _refuse_short_header() -> int:
     raise ValueError("the header ends early")

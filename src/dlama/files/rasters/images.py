@@ -49,7 +49,7 @@ SHOWN_NAME = 120
 
 
 @dataclass(frozen=True, eq=False)
-class Stored:
+class StoredPicture:
     """The numbers of a picture file, without any reinterpretation but palettes (looked up) and bilevel (0 and 255)."""
 
     values: np.ndarray
@@ -60,7 +60,7 @@ class Stored:
     """EXIF focal length in 35 mm film terms, mm; None where unknown."""
 
 
-def existing(path: PathLike) -> Path:
+def existing_file(path: PathLike) -> Path:
     """The path, if a readable file is there; raises FileError."""
     file = Path(path)
     try:
@@ -68,9 +68,11 @@ def existing(path: PathLike) -> Path:
         special = not (kind or file.is_file())
     except FileNotFoundError:
         fetched = "; addresses are for `dlama batch` alone" if ADDRESS.match(str(path)) else ""
-        raise FileError(f"{shown_name(path)}: no such file{fetched}") from None
+        raise FileError(f"{printable_name(path)}: no such file{fetched}") from None
     except (OSError, ValueError) as error:  # a name too long, with NUL, behind a closed folder, in a circle of links
-        raise FileError(f"{shown_name(path)}: cannot be read ({getattr(error, 'strerror', '') or error})") from error
+        raise FileError(
+            f"{printable_name(path)}: cannot be read ({getattr(error, 'strerror', '') or error})"
+        ) from error
     if kind:
         raise FileError(f"{file}: is a directory, a file is expected")
     if special:  # a named pipe would be waited for, /dev/zero never ends
@@ -80,7 +82,7 @@ def existing(path: PathLike) -> Path:
     return file
 
 
-def shown_name(path: PathLike) -> str:
+def printable_name(path: PathLike) -> str:
     """A path for a message: what cannot be printed escaped, the middle of a very long one left out."""
     text = str(path)
     text = text if text.isprintable() else text.encode("unicode_escape").decode("ascii")
@@ -97,15 +99,15 @@ def check_pixels(file: PathLike, width: int, height: int) -> None:
 
 
 @system_errors(FileError)
-def read_stored(path: PathLike) -> Stored:
+def read_stored(path: PathLike) -> StoredPicture:
     """The numbers of a PNG, JPEG, WebP, TIFF or HEIC file.
 
     Raises FileError: missing, damaged, too large or of another kind. MissingExtraError: HEIC, and pillow-heif is not installed.
     """
-    file = existing(path)
+    file = existing_file(path)
     try:
-        data, tiff_orientation = _as_stored(file.read_bytes())
-        with _opened(file, data) as picture:
+        data, tiff_orientation = _reset_orientation(file.read_bytes())
+        with _open(file, data) as picture:
             if picture.format in SEVERAL and getattr(picture, "n_frames", 1) > 1:
                 raise FileError(
                     f"{file}: holds more than one {SEVERAL[picture.format]}; a file with a single picture is expected"
@@ -115,12 +117,14 @@ def read_stored(path: PathLike) -> Stored:
             if picture.format == "PNG":
                 _check_sums(file, data)
             picture.load()
-            values, turned = _values(picture, file, data), _turned(picture)
-            return Stored(as_shown(values, orientation), orientation if turned == 1 else turned, focal)
+            values, turned = _values(picture, file, data), _decoder_orientation(picture)
+            return StoredPicture(apply_orientation(values, orientation), orientation if turned == 1 else turned, focal)
     except DlamaError:
         raise
     except Image.UnidentifiedImageError as error:
-        raise FileError(f"{file}: is no readable PNG, JPEG, WebP, TIFF or HEIC picture{_what_else(file)}") from error
+        raise FileError(
+            f"{file}: is no readable PNG, JPEG, WebP, TIFF or HEIC picture{_describe_file(file)}"
+        ) from error
     except Exception as error:  # decoders raise OSError, SyntaxError, ValueError, struct.error, ... on damaged files
         raise FileError(f"{file}: is damaged or truncated ({str(error) or type(error).__name__})") from error
 
@@ -128,13 +132,13 @@ def read_stored(path: PathLike) -> Stored:
 @system_errors(FileError)
 def picture_hw(path: PathLike) -> tuple[int, int]:
     """(height, width) of a picture file as viewers show it, from its header. Raises FileError."""
-    hw, orientation = _header(existing(path))
+    hw, orientation = _header(existing_file(path))
     return hw if orientation < 5 else (hw[1], hw[0])
 
 
 def orientation_of(path: PathLike) -> int:
     """How a picture file is turned to be shown, 1 to 8 as in EXIF; 1 for any other kind of file. Raises FileError."""
-    return _header(existing(path))[1] if Path(path).suffix.lower() in SUFFIXES else 1
+    return _header(existing_file(path))[1] if Path(path).suffix.lower() in SUFFIXES else 1
 
 
 def _header(file: Path) -> tuple[tuple[int, int], int]:
@@ -142,20 +146,22 @@ def _header(file: Path) -> tuple[tuple[int, int], int]:
     try:
         with file.open("rb") as stream:
             tiff = stream.read(4) in TIFF_HEADS | BIG_TIFF_HEADS
-        data, orientation = _as_stored(file.read_bytes()) if tiff else (b"", 1)
-        with _opened(file, data) as picture:
-            hw, turned = (picture.height, picture.width), _turned(picture)
+        data, orientation = _reset_orientation(file.read_bytes()) if tiff else (b"", 1)
+        with _open(file, data) as picture:
+            hw, turned = (picture.height, picture.width), _decoder_orientation(picture)
             if turned != 1:
                 return hw if turned < 5 else (hw[1], hw[0]), turned
             return hw, orientation if tiff else _exif(picture)[0]
     except DlamaError:
         raise
     except Exception as error:
-        raise FileError(f"{file}: is no readable PNG, JPEG, WebP, TIFF or HEIC picture{_what_else(file)}") from error
+        raise FileError(
+            f"{file}: is no readable PNG, JPEG, WebP, TIFF or HEIC picture{_describe_file(file)}"
+        ) from error
 
 
 @contextmanager
-def _opened(file: Path, data: bytes) -> Iterator[Image.Image]:
+def _open(file: Path, data: bytes) -> Iterator[Image.Image]:
     """The picture of a file (of `data`, where there are any) before its pixels are read; FileError where they are too many."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # Pillow's remarks on damaged tags and large pictures
@@ -192,13 +198,13 @@ def _check_sums(file: Path, data: bytes) -> None:
         at = end + 4
 
 
-def _turned(picture: Image.Image) -> int:
+def _decoder_orientation(picture: Image.Image) -> int:
     """The orientation that a decoder has made good already, 1 to 8: that of HEIC."""
     turned = picture.info.get("original_orientation") or 1
     return int(turned) if turned in range(2, 9) else 1
 
 
-def _as_stored(data: bytes) -> tuple[bytes, int]:
+def _reset_orientation(data: bytes) -> tuple[bytes, int]:
     """The bytes of a TIFF with its orientation set to 1, and what it was; other files as they are.
 
     Pillow turns TIFF by itself (and scrambles some, 13.0), OpenCV does not: here all kinds of files are turned alike.
@@ -221,7 +227,7 @@ def _as_stored(data: bytes) -> tuple[bytes, int]:
     return data, 1
 
 
-def as_shown(values: np.ndarray, orientation: int) -> np.ndarray:
+def apply_orientation(values: np.ndarray, orientation: int) -> np.ndarray:
     """Stored pixels as the tag says they are to be shown (EXIF 2.32, Orientation): 2 to 4 flips, 5 to 8 transposed as well."""
     if orientation == 1:
         return values
@@ -272,13 +278,13 @@ def _exif(picture: Image.Image) -> tuple[int, float | None]:
         tags = picture.getexif()
         orientation = tags.get(EXIF_ORIENTATION, 1)
         focal = tags.get_ifd(EXIF_FOLDER).get(EXIF_FOCAL_35MM) or tags.get(EXIF_FOCAL_35MM)
-    except Exception:  # unreadable tags say nothing; the pixels are whole
+    except Exception:  # unreadable tags are ignored; the pixels are whole
         return 1, None
     focal = float(focal) if isinstance(focal, (int, float)) and focal > 0 else None
     return orientation if orientation in range(2, 9) else 1, focal
 
 
-def _what_else(file: Path) -> str:
+def _describe_file(file: Path) -> str:
     """What a file is that was given as a picture, and what to do with it: of another kind of pictures, a scene.npz, or points or
     a mesh of a result."""
     with file.open("rb") as stream:

@@ -80,7 +80,7 @@ def read_mask(
         mask_polarity: "fill": white (255) is removed; "known": white stays.
         soft_mask: Take a grey mask, values above 127 as white; else values between are refused.
         mask_class: The picture is an EasySynth semantic one; take the pixels of this class: "R,G,B" or a name.
-        classes_csv: Where names stand; default: SemanticClasses.csv beside the picture or up to three folders above.
+        classes_csv: Where names stand; default: SemanticClasses.csv next to the picture or up to three folders above.
 
     Raises:
         FileError: the file is missing or damaged.
@@ -97,7 +97,7 @@ def read_mask(
     else:
         grey = _grey(path)
         largest = int(grey.max())
-        mask = _white(path, grey, soft_mask)
+        mask = _threshold(path, grey, soft_mask)
     if mask_polarity == "known":
         mask = ~mask
     if not mask.any():
@@ -111,7 +111,7 @@ def read_mask(
 @system_errors(FileError)
 def read_region(path: PathLike) -> BoolArray:
     """A black and white picture as bool H x W, True = white; unlike a mask it may be all white. FileError, MaskError (grey)."""
-    return _white(path, _grey(path), False)
+    return _threshold(path, _grey(path), False)
 
 
 def write_color(path: PathLike, color: UInt8Array) -> None:
@@ -184,7 +184,7 @@ def _grey(path: PathLike) -> UInt8Array:
     return values[..., 0]
 
 
-def _white(path: PathLike, grey: UInt8Array, soft_mask: bool) -> BoolArray:
+def _threshold(path: PathLike, grey: UInt8Array, soft_mask: bool) -> BoolArray:
     if soft_mask:
         return grey > 127
     between = grey[(grey > HIGHEST_BLACK) & (grey < LOWEST_WHITE)]
@@ -203,12 +203,12 @@ def _white(path: PathLike, grey: UInt8Array, soft_mask: bool) -> BoolArray:
 def _class_mask(path: PathLike, mask_class: str, classes_csv: PathLike | None) -> BoolArray:
     """Where a semantic picture shows exactly the colour of one class."""
     picture = read_color(path)
-    wanted = class_color(mask_class, classes_csv, path)
-    mask = (picture == np.array(wanted, np.uint8)).all(axis=2)
+    class_rgb = class_color(mask_class, classes_csv, path)
+    mask = (picture == np.array(class_rgb, np.uint8)).all(axis=2)
     if not mask.any():
         found = np.unique(picture.reshape(-1, 3), axis=0)
         shown = " ".join(",".join(map(str, color)) for color in found[:8]) + (" ..." if len(found) > 8 else "")
         raise MaskError(
-            f"{path}: no pixel shows class {mask_class} ({wanted[0]},{wanted[1]},{wanted[2]}); found: {shown}"
+            f"{path}: no pixel shows class {mask_class} ({class_rgb[0]},{class_rgb[1]},{class_rgb[2]}); found: {shown}"
         )
     return mask

@@ -10,7 +10,7 @@ from dlama.files.rasters.images import orientation_of, picture_hw
 from dlama.geometry.rgbd import BoolArray
 
 
-def turned_apart(one: PathLike, other: PathLike) -> str:
+def orientation_difference(one: PathLike, other: PathLike) -> str:
     """How the EXIF orientations of two pictures of the same pixels differ, in words; "": they do not. Raises FileError."""
     turned = orientation_of(one), orientation_of(other)
     if turned[0] == turned[1]:
@@ -22,7 +22,7 @@ def turned_apart(one: PathLike, other: PathLike) -> str:
 
 def refuse_turned(picture: PathLike, other: PathLike, hw: tuple[int, int], other_hw: tuple[int, int]) -> None:
     """ShapeError where two pictures of the same pixels have exchanged sides, and the orientation of one of them explains it."""
-    if hw != other_hw == hw[::-1] and (found := turned_apart(picture, other)):
+    if hw != other_hw == hw[::-1] and (found := orientation_difference(picture, other)):
         raise ShapeError(
             f"{found}: {other} is {other_hw[1]}x{other_hw[0]} and {picture} {hw[1]}x{hw[0]}; turn the one without it "
             "the same way, or clear the tag (exiftool -Orientation= FILE)"
@@ -31,7 +31,7 @@ def refuse_turned(picture: PathLike, other: PathLike, hw: tuple[int, int], other
 
 def warn_of_turn(one: PathLike, other: PathLike) -> None:
     """Warn (UserWarning) where the EXIF orientations of two pictures of the same pixels differ. Raises FileError."""
-    if found := turned_apart(one, other):
+    if found := orientation_difference(one, other):
         warnings.warn(
             f"{found}; if both were made of the same stored pixels, clear the tag (exiftool -Orientation= FILE)",
             UserWarning,

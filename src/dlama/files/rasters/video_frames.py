@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from dlama.errors import DlamaError, FileError, MissingExtraError, system_errors
-from dlama.files.rasters.images import check_pixels, existing
+from dlama.files.rasters.images import check_pixels, existing_file
 from dlama.geometry.rgbd import UInt8Array
 
 AHEAD = 60
@@ -78,7 +78,7 @@ class Video:
 
 
 def _opened(path: Path) -> Video:
-    stat = existing(path).stat()
+    stat = existing_file(path).stat()
     return _kept_open(Path(path), stat.st_mtime_ns, stat.st_size)
 
 

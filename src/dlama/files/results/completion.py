@@ -15,7 +15,7 @@ from dlama.completion.completion import Completion, StereoCompletion
 from dlama.errors import InputError, OutputError, system_errors
 from dlama.files.atomic_write import PathLike, new_directory
 from dlama.files.rasters import depth, pictures
-from dlama.files.results.meta_json import as_json, described, hashed
+from dlama.files.results.meta_json import as_json, describe_completion, hash_inputs
 from dlama.files.results.preview import write_preview
 from dlama.files.scenes import clouds, textured_mesh
 from dlama.files.scenes import scene_npz as scenes
@@ -70,7 +70,7 @@ def write(
         directory: Files of the same names in it are replaced, all others stay.
         only: Which of "image", "depth", "hole", "origin", "confidence", "disparity" (of pairs), "points", "mesh", "scene",
             "preview", "choice" and "mask"; None: image, depth, origin, confidence, mesh and preview. meta.json is always written.
-        also: More of them. "scene" is the file that `read_scene` and `dlama view` go on with.
+        also: More of them. "scene" is the file that `read_scene` and `dlama view` read.
         inputs: Role -> file; path and SHA-256 of each go into meta.json.
         intrinsics_from: In words, where the source camera's intrinsics come from.
         seconds: Stages before the completion, such as reading, for meta.json.
@@ -83,28 +83,31 @@ def write(
         FileError: an input cannot be read.
     """
     check_arguments(write, locals())
-    names = checked_results(only, also)
+    names = check_results(only, also)
     if "mask" in names and mask is None:
         raise InputError(
             f"{'also' if 'mask' in also else 'only'} names mask, and no object was removed whose mask it would be"
         )
     target, started = Path(directory), time.perf_counter()
     check_inputs_stay(target, file_names(completion, names), inputs or {})
-    meta = {**described(completion, intrinsics_from), "inputs": hashed(inputs or {}, input_addresses or {})}
+    meta = {
+        **describe_completion(completion, intrinsics_from),
+        "inputs": hash_inputs(inputs or {}, input_addresses or {}),
+    }
     with new_directory(target) as folder:
         writers = scene_writers(folder, completion)  # the longest first, so that both threads end together
-        for place, view in places(completion).items():
+        for place, view in views_by_folder(completion).items():
             writers |= view_writers(folder / place, view, place, choice_of(completion, view))
         writers["preview.png"] = lambda: write_preview(folder / "preview.png", completion)
         if mask is not None:
             writers["mask.png"] = lambda: pictures.write_mask(folder / "mask.png", mask)
-        wanted = {file for name in names for file in RESULTS[name]}
-        writers = {file: writer for file, writer in writers.items() if file.rpartition("/")[2] in wanted}
+        chosen = {file for name in names for file in RESULTS[name]}
+        writers = {file: writer for file, writer in writers.items() if file.rpartition("/")[2] in chosen}
         for file in writers:
             (folder / file).parent.mkdir(exist_ok=True)
-        results = run(writers)
+        results = run_writers(writers)
         if "depth" in names:
-            clipped = {place: results[f"{place}depth.png"] for place in places(completion)}
+            clipped = {place: results[f"{place}depth.png"] for place in views_by_folder(completion)}
             meta["depth_png_clipped_pixels"] = clipped if len(clipped) > 1 else clipped[""]
         took = {**(seconds or {}), **meta["seconds"], "write": time.perf_counter() - started}
         meta["seconds"] = {stage: round(value, 4) for stage, value in took.items()}
@@ -114,12 +117,12 @@ def write(
 
 def file_names(completion: Completion, only: Sequence[str] | None = None, also: Sequence[str] = ()) -> list[str]:
     """The files that `write` makes of a completion, relative to its directory, sorted. Raises InputError as `write` does."""
-    wanted = {file for name in checked_results(only, also) for file in RESULTS[name]}
+    chosen = {file for name in check_results(only, also) for file in RESULTS[name]}
     files = [*scene_writers(Path(), completion), "preview.png", "mask.png"]
     files += ["background.ply"] if completion.scene.removals else []
-    for place, view in places(completion).items():
+    for place, view in views_by_folder(completion).items():
         files += view_writers(Path(), view, place, choice_of(completion, view))
-    return sorted(["meta.json", *(file for file in files if file.rpartition("/")[2] in wanted)])
+    return sorted(["meta.json", *(file for file in files if file.rpartition("/")[2] in chosen)])
 
 
 def check_inputs_stay(directory: Path, files: Sequence[str], inputs: Mapping[str, PathLike]) -> None:
@@ -133,18 +136,18 @@ def check_inputs_stay(directory: Path, files: Sequence[str], inputs: Mapping[str
                 )
 
 
-def checked_results(only: Sequence[str] | None, also: Sequence[str] = ()) -> tuple[str, ...]:
+def check_results(only: Sequence[str] | None, also: Sequence[str] = ()) -> tuple[str, ...]:
     """The names of what is to be written: those of `only` (None: BY_DEFAULT), and those of `also`.
 
     Raises InputError: an unknown name, or none at all.
     """
-    chosen = chosen_names(only, also, tuple(RESULTS), BY_DEFAULT)
+    chosen = choose_names(only, also, tuple(RESULTS), BY_DEFAULT)
     if only is not None and not only:
         raise InputError(f"only is empty; names of {', '.join(RESULTS)} are expected")
     return chosen
 
 
-def chosen_names(
+def choose_names(
     only: Sequence[str] | None, also: Sequence[str], known: Sequence[str], default: Sequence[str]
 ) -> tuple[str, ...]:
     """The names of `only` (None: the default) and of `also`, each once; a string is one name. InputError: unknown ones."""
@@ -158,7 +161,7 @@ def chosen_names(
     return tuple(dict.fromkeys((*(default if only is None else chosen), *more)))
 
 
-def places(completion: Completion) -> dict[str, View]:
+def views_by_folder(completion: Completion) -> dict[str, View]:
     """Sub-folder ("" = the top) -> the completed view that is written there."""
     views = completion.views
     if isinstance(completion, StereoCompletion):
@@ -170,7 +173,7 @@ def places(completion: Completion) -> dict[str, View]:
 
 def main_view(completion: Completion) -> View:
     """The view at the top of the directory: the left one of a pair, else the last."""
-    return places(completion)[""]
+    return views_by_folder(completion)[""]
 
 
 def choice_of(completion: Completion, view: View) -> UInt8Array | None:
@@ -220,7 +223,7 @@ def scene_writers(folder: Path, completion: Completion) -> dict[str, Writer]:
     return writers
 
 
-def run(writers: Mapping[str, Writer]) -> dict[str, Any]:
+def run_writers(writers: Mapping[str, Writer]) -> dict[str, Any]:
     """What each of the writers returns, two at a time (encoders let go of the interpreter); the first error is raised."""
 
     def one(item: tuple[str, Writer]) -> tuple[str, Any]:

@@ -38,13 +38,13 @@ def write_contact_sheet(
     """
     if not panels:
         raise ShapeError(f"{path}: a contact sheet of no panels; at least one is expected")
-    pictures = [scaled(caption, array) for caption, array in panels]
-    captions = [wrapped(caption, PANEL_WIDTH, font(CAPTION_SIZE)) for caption, _ in panels]
+    pictures = [fit_panel(caption, array) for caption, array in panels]
+    captions = [wrap_text(caption, PANEL_WIDTH, font(CAPTION_SIZE)) for caption, _ in panels]
     columns = columns_for(len(panels))
     rows = [range(first, min(first + columns, len(panels))) for first in range(0, len(panels), columns)]
     cell = max(max(picture.width for picture in pictures), PANEL_WIDTH // 2 if columns > 1 else PANEL_WIDTH)
     width = columns * cell + (columns + 1) * GAP
-    heading = wrapped(title, width - 2 * GAP, font(TITLE_SIZE))
+    heading = wrap_text(title, width - 2 * GAP, font(TITLE_SIZE))
     entries = legend_rows(legend, width - 2 * GAP)
     row_heights = [
         max(line_height(CAPTION_SIZE) * len(captions[i]) for i in row)
@@ -53,8 +53,8 @@ def write_contact_sheet(
         for row in rows
     ]
     top = GAP + line_height(TITLE_SIZE) * len(heading) + GAP // 2
-    foot = len(entries) * line_height(LEGEND_SIZE) + (GAP if entries else 0)
-    sheet = Image.new("RGB", (width, top + sum(row_heights) + GAP * len(rows) + foot), PAPER)
+    bottom = len(entries) * line_height(LEGEND_SIZE) + (GAP if entries else 0)
+    sheet = Image.new("RGB", (width, top + sum(row_heights) + GAP * len(rows) + bottom), PAPER)
     draw = ImageDraw.Draw(sheet)
     draw_lines(draw, (GAP, GAP), heading, TITLE_SIZE, INK)
     for row, height in zip(rows, row_heights):
@@ -74,7 +74,7 @@ def columns_for(count: int) -> int:
     return math.ceil(count / rows)
 
 
-def scaled(caption: str, array: UInt8Array) -> Image.Image:
+def fit_panel(caption: str, array: UInt8Array) -> Image.Image:
     """A panel that fits PANEL_WIDTH x 1.5 PANEL_WIDTH: large ones averaged down, tiny ones in whole-number blocks."""
     picture = Image.fromarray(np.ascontiguousarray(check_color(array, f"panel '{caption}'")))
     factor = min(PANEL_WIDTH / picture.width, 1.5 * PANEL_WIDTH / picture.height)
@@ -96,7 +96,7 @@ def line_height(size: int) -> int:
     return round(size * LINE)
 
 
-def wrapped(text: str, width: float, face: ImageFont.FreeTypeFont | ImageFont.ImageFont) -> list[str]:
+def wrap_text(text: str, width: float, face: ImageFont.FreeTypeFont | ImageFont.ImageFont) -> list[str]:
     """The words of a text in lines that fit a width; a word that is too long alone is cut with three dots."""
     lines: list[str] = []
     for word in text.split():

@@ -14,7 +14,7 @@ from dlama.files.cameras import camera_as_json, write_camera
 from dlama.files.rasters.depth import write_depth_exr, write_depth_png
 from dlama.files.results.completion import check_inputs_stay
 from dlama.files.results.contact_sheet import write_contact_sheet
-from dlama.files.results.meta_json import as_json, hashed, legends, versions
+from dlama.files.results.meta_json import as_json, hash_inputs, legends, versions
 from dlama.files.scenes.clouds import write_ply
 from dlama.geometry.figures.false_color import SKY, depth_limits, depth_picture
 from dlama.geometry.projection import lift
@@ -54,7 +54,7 @@ def write_depth(
         "dlama": __version__,
         "camera": camera_as_json(rgbd.camera),
         **depth_source(rgbd),
-        "inputs": hashed(inputs or {}),
+        "inputs": hash_inputs(inputs or {}),
         "legends": {name: text for name, text in legends().items() if name in (*FILES, "origin.png")},
         "versions": versions(),
     }
@@ -70,7 +70,7 @@ def write_depth(
 
 
 def write_depth_preview(path: PathLike, rgbd: RGBD) -> None:
-    """The picture beside its depth in colour, near red, far blue. Raises OutputError."""
+    """The picture next to its depth in colour, near red, far blue. Raises OutputError."""
     lo, hi = depth_limits(rgbd.depth)
     estimate = rgbd.estimate or {}
     title = f"Depth, {describe_depth_range(rgbd.depth)}"

@@ -22,7 +22,7 @@ from dlama.geometry.view import HoleType, Origin
 from dlama.models.verify import sha256_of
 
 
-def described(completion: Completion, intrinsics_from: str) -> dict[str, Any]:
+def describe_completion(completion: Completion, intrinsics_from: str) -> dict[str, Any]:
     """The head of meta.json: where the views stand, what their codes mean, which versions made them."""
     return {
         "dlama": __version__,
@@ -58,7 +58,9 @@ def versions() -> dict[str, str]:
     return found
 
 
-def hashed(inputs: Mapping[str, PathLike], addresses: Mapping[str, str] | None = None) -> dict[str, dict[str, str]]:
+def hash_inputs(
+    inputs: Mapping[str, PathLike], addresses: Mapping[str, str] | None = None
+) -> dict[str, dict[str, str]]:
     """Role -> path (or its address) and SHA-256 of each input file. Raises FileError."""
     named = {role: (addresses or {}).get(role, str(path)) for role, path in inputs.items()}
     return {role: {"path": named[role], "sha256": sha256_of(Path(path))} for role, path in inputs.items()}
@@ -66,21 +68,21 @@ def hashed(inputs: Mapping[str, PathLike], addresses: Mapping[str, str] | None =
 
 def as_json(meta: Mapping[str, Any]) -> str:
     """Indented JSON with rows of numbers on one line each."""
-    text = json.dumps(json_ready(dict(meta)), indent=2, allow_nan=False)
+    text = json.dumps(to_json_types(dict(meta)), indent=2, allow_nan=False)
     rows = re.compile(r"\[\n\s+([^\[\]{}]*?)\n\s+\]")
     return rows.sub(lambda row: "[" + re.sub(r"\s*\n\s*", " ", row[1]) + "]", text) + "\n"
 
 
-def json_ready(value: Any) -> Any:
+def to_json_types(value: Any) -> Any:
     """NumPy numbers and arrays, and not-a-numbers, as JSON can hold them."""
     if isinstance(value, dict):
-        return {str(key): json_ready(one) for key, one in value.items()}
+        return {str(key): to_json_types(one) for key, one in value.items()}
     if isinstance(value, (list, tuple)):
-        return [json_ready(one) for one in value]
+        return [to_json_types(one) for one in value]
     if isinstance(value, np.ndarray):
-        return json_ready(value.tolist())
+        return to_json_types(value.tolist())
     if isinstance(value, np.generic):
-        return json_ready(value.item())
+        return to_json_types(value.item())
     if isinstance(value, float) and not np.isfinite(value):
         return None
     return value

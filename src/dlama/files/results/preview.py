@@ -32,10 +32,10 @@ def title(completion: Completion) -> str:
     meta = completion.meta
     unknown, depth_only = (float(np.mean(meta[name])) for name in ("hole_share", "depth_only_share"))
     lacking = f"{percent(unknown)} was unknown" + (f", {percent(depth_only)} lacked only depth" if depth_only else "")
-    return f"{job_done(completion)}: {lacking}, filled by '{meta['filler']}'"
+    return f"{job_name(completion)}: {lacking}, filled by '{meta['filler']}'"
 
 
-def job_done(completion: Completion) -> str:
+def job_name(completion: Completion) -> str:
     """What was done, as the completion shows."""
     removed = bool(completion.scene.removals)
     if isinstance(completion, StereoCompletion):
@@ -65,11 +65,11 @@ def panels(completion: Completion) -> list[Panel]:
         return [source_panel(completion), *(panel for both in several for panel in both)]
     before, view = completion.warped[0], completion.views[0]
     source = completion.source
-    lo, hi = limits(completion)
+    lo, hi = shared_depth_limits(completion)
     return [
         source_panel(completion),
         *color_panels("", before, view),
-        (depth_name(completion), depth_picture(thinned(source.depth), thinned(source.hole), lo, hi)),
+        (depth_name(completion), depth_picture(subsample(source.depth), subsample(source.hole), lo, hi)),
         *depth_panels("", before, view, completion),
     ]
 
@@ -98,12 +98,12 @@ def demo_legend(completions: Sequence[Completion]) -> list[tuple[str, RGB]]:
 def source_panel(completion: Completion) -> Panel:
     """The source picture; what is to be removed is tinted and outlined."""
     if not completion.scene.removals:
-        return "source", reduced(completion.source.color)
-    removed = thinned(completion.scene.layers[0].hole_type) == HoleType.OBJECT
-    return "source, marked: to be removed", tinted(reduced(completion.source.color), removed)
+        return "source", average_down(completion.source.color)
+    removed = subsample(completion.scene.layers[0].hole_type) == HoleType.OBJECT
+    return "source, marked: to be removed", tint(average_down(completion.source.color), removed)
 
 
-def tinted(color: UInt8Array, where: np.ndarray) -> UInt8Array:
+def tint(color: UInt8Array, where: np.ndarray) -> UInt8Array:
     """uint8 H x W x 3: half red where `where` (H x W bool) is True, red at its rim."""
     inner = cv2.erode(where.astype(np.uint8), np.ones((5, 5), np.uint8)) > 0
     tint = np.array(REMOVED, np.uint8)
@@ -114,43 +114,43 @@ def tinted(color: UInt8Array, where: np.ndarray) -> UInt8Array:
 def color_panels(name: str, before: View, view: View) -> tuple[Panel, Panel]:
     """What is known and why the rest is not; completed."""
     start = f"{name}: " if name else ""
-    return (f"{start}known, holes by type", hole_picture(reduced(before.color), thinned(before.hole_type))), (
+    return (f"{start}known, holes by type", hole_picture(average_down(before.color), subsample(before.hole_type))), (
         f"{start}completed",
-        reduced(view.color),
+        average_down(view.color),
     )
 
 
 def depth_panels(name: str, before: View, view: View, completion: Completion) -> tuple[Panel, Panel]:
     """Depth known; depth completed; in the same colours all over the sheet."""
     start = f"{name}: " if name else ""
-    lo, hi = limits(completion)
+    lo, hi = shared_depth_limits(completion)
     scale = f"{lo:.2g} to {hi:.2g} m"
-    return (f"{start}depth known", depth_picture(thinned(before.depth), thinned(before.hole), lo, hi)), (
+    return (f"{start}depth known", depth_picture(subsample(before.depth), subsample(before.hole), lo, hi)), (
         f"{start}depth completed, {scale}",
-        depth_picture(thinned(view.depth), thinned(view.hole), lo, hi),
+        depth_picture(subsample(view.depth), subsample(view.hole), lo, hi),
     )
 
 
-def limits(completion: Completion) -> tuple[float, float]:
+def shared_depth_limits(completion: Completion) -> tuple[float, float]:
     """The nearest and the farthest depth of all panels' colours."""
-    return depth_limits(thinned(completion.source.depth), *(thinned(view.depth) for view in completion.views))
+    return depth_limits(subsample(completion.source.depth), *(subsample(view.depth) for view in completion.views))
 
 
-def step_of(picture: np.ndarray) -> int:
+def preview_step(picture: np.ndarray) -> int:
     """How many pixels of a picture become one before it is drawn: panels show it smaller still."""
     return max(1, min(picture.shape[:2]) // (2 * PANEL_WIDTH))
 
 
-def thinned(values: np.ndarray) -> np.ndarray:
-    """The middle one of each `step_of` squared values of H x W depths or codes."""
-    step = step_of(values)
+def subsample(values: np.ndarray) -> np.ndarray:
+    """The middle one of each `preview_step` squared values of H x W depths or codes."""
+    step = preview_step(values)
     rows, columns = (side // step * step for side in values.shape)
     return values[step // 2 : rows : step, step // 2 : columns : step]
 
 
-def reduced(color: UInt8Array) -> UInt8Array:
-    """Colours (H x W x 3) of the pixels that `thinned` gives, each the mean of those that it stands for."""
-    step = step_of(color)
+def average_down(color: UInt8Array) -> UInt8Array:
+    """Colours (H x W x 3) of the pixels that `subsample` gives, each the mean of those that it stands for."""
+    step = preview_step(color)
     if step == 1:
         return color
     rows, columns = (side // step for side in color.shape[:2])

@@ -16,7 +16,7 @@ from dlama.geometry.rgbd import UInt8Array
 
 VIDEOS, ANIMATIONS = (".mp4", ".mov", ".mkv"), (".webp", ".gif")
 QUALITY = "18"
-"""Of H.264 (crf): hardly to be told from the pictures."""
+"""Of H.264 (crf): hardly distinguishable from the pictures."""
 
 
 def check_video(path: PathLike) -> None:
@@ -32,20 +32,20 @@ def check_video(path: PathLike) -> None:
 def write_video(path: PathLike, pictures: Iterable[UInt8Array], fps: float = 24.0) -> int:
     """Write pictures (H x W x 3, RGB, one size) as a video, by the name's ending; how many there were.
 
-    Odd sides lose a row or a column in videos, as H.264 wants even ones. Raises InputError, MissingExtraError, ShapeError (sizes
+    Odd sides lose a row or a column in videos, as H.264 needs even ones. Raises InputError, MissingExtraError, ShapeError (sizes
     that differ), OutputError; nothing half-written is left.
     """
     check_video(path)
     if not 0 < fps <= 240:
         raise InputError(f"fps is {fps}; more than 0 and at most 240 pictures a second are expected")
-    frames = _of_one_size(pictures)
+    frames = _check_sizes(pictures)
     with new_file(path) as draft:
         if Path(path).suffix.lower() in VIDEOS:
-            return _encoded(draft, frames, fps)
-        return _animated(draft, frames, fps)
+            return _encode_video(draft, frames, fps)
+        return _write_animation(draft, frames, fps)
 
 
-def _of_one_size(pictures: Iterable[UInt8Array]) -> Iterator[UInt8Array]:
+def _check_sizes(pictures: Iterable[UInt8Array]) -> Iterator[UInt8Array]:
     first = None
     for picture in pictures:
         first = picture.shape if first is None else first
@@ -56,7 +56,7 @@ def _of_one_size(pictures: Iterable[UInt8Array]) -> Iterator[UInt8Array]:
         raise InputError("a video of no pictures was asked for; one or more are expected")
 
 
-def _encoded(path: Path, pictures: Iterator[UInt8Array], fps: float) -> int:
+def _encode_video(path: Path, pictures: Iterator[UInt8Array], fps: float) -> int:
     av, count, stream = _av(), 0, None
     with av.open(str(path), "w", options={"movflags": "+faststart"}) as container:
         for picture in pictures:
@@ -72,7 +72,7 @@ def _encoded(path: Path, pictures: Iterator[UInt8Array], fps: float) -> int:
     return count
 
 
-def _animated(path: Path, pictures: Iterator[UInt8Array], fps: float) -> int:
+def _write_animation(path: Path, pictures: Iterator[UInt8Array], fps: float) -> int:
     frames = [Image.fromarray(picture) for picture in pictures]
     options: dict[str, Any] = {"quality": 80, "method": 4} if path.suffix.lower() == ".webp" else {}
     frames[0].save(path, save_all=True, append_images=frames[1:], duration=round(1000 / fps), loop=0, **options)

@@ -10,7 +10,7 @@ from plyfile import PlyData, PlyElement
 
 from dlama.errors import FileError
 from dlama.files.atomic_write import PathLike, new_file
-from dlama.files.rasters.images import existing
+from dlama.files.rasters.images import existing_file
 from dlama.files.scenes.meshes import write_glb as write_glb
 from dlama.geometry.cloud import PointCloud
 from dlama.geometry.view import Origin
@@ -52,7 +52,7 @@ def read_ply(path: PathLike) -> PointCloud:
 
     Files of other programs have no `origin` (taken as measured) and no `confidence` (taken as 1). Raises FileError.
     """
-    file = existing(path)
+    file = existing_file(path)
     try:
         _check_claims(file)
         data = PlyData.read(str(file))
@@ -63,7 +63,7 @@ def read_ply(path: PathLike) -> PointCloud:
         raise FileError(f"{file}: is damaged, truncated or no PLY file ({error})") from error
     if vertex is None:
         raise FileError(f"{file}: has no element 'vertex'")
-    with np.errstate(invalid="ignore", over="ignore"):  # signalling NaN of damaged files; told below
+    with np.errstate(invalid="ignore", over="ignore"):  # signalling NaN of damaged files; reported below
         points = np.stack([_property(file, vertex, axis) for axis in "xyz"], axis=1).astype(np.float64)
     color = np.stack([_property(file, vertex, name) for name in COLORS], axis=1)
     if color.dtype != np.uint8:
@@ -81,18 +81,18 @@ def _check_claims(file: Path) -> None:
     with file.open("rb") as stream:
         head = stream.read(LONGEST_HEADER).split(b"end_header")[0]
     ascii_text = b"format ascii" in head
-    wanted = count = 0
+    needed = count = 0
     for words in map(bytes.split, head.splitlines()):
         if words[:1] == [b"element"] and len(words) == 3:
             count = int(words[2][:20])
         elif words[:1] == [b"property"] and len(words) >= 3:
-            wanted += count * (
+            needed += count * (
                 2 if ascii_text else PLY_BYTES.get(words[2 if words[1] == b"list" else 1].decode("ascii"), 1)
             )
     held = file.stat().st_size - len(head)
-    if wanted > held:
+    if needed > held:
         raise FileError(
-            f"{file}: is damaged or truncated ({held} bytes behind its header, which says {wanted} or more)"
+            f"{file}: is damaged or truncated ({held} bytes behind its header, which says {needed} or more)"
         )
 
 

@@ -24,7 +24,7 @@ from dlama.arguments import check_arguments
 from dlama.errors import DlamaError, FileError, system_errors
 from dlama.files.atomic_write import PathLike, new_file
 from dlama.files.rasters.float_files import read_npy
-from dlama.files.rasters.images import existing, shown_name
+from dlama.files.rasters.images import existing_file, printable_name
 from dlama.files.schema import SCHEMA, check_schema
 from dlama.geometry.camera import Camera
 from dlama.geometry.frames.stored import CACHE_BYTES, PixelCache, StoredView
@@ -90,7 +90,7 @@ def depth_of_differences(stored: UInt8Array) -> Float32Array:
 
 
 def read_scene(path: PathLike) -> Scene:
-    """The scene in a scene.npz, as `write` and `dlama sequence` make it. It renders; `complete` goes on with it. FileError."""
+    """The scene in a scene.npz, as `write` and `dlama sequence` make it. It renders; `complete` continues from it. FileError."""
     check_arguments(read_scene, locals())
     return read_npz(path)[1]
 
@@ -101,8 +101,8 @@ def read_npz(path: PathLike, cache: PixelCache | None = None) -> tuple[View, Sce
     read again when they are needed, so that the file has to stay. Raises FileError.
     """
     if not Path(path).exists():
-        raise FileError(f"{shown_name(path)}: no such file; {HOW_WRITTEN}")
-    file = existing(path)
+        raise FileError(f"{printable_name(path)}: no such file; {HOW_WRITTEN}")
+    file = existing_file(path)
     try:
         with zipfile.ZipFile(file) as archive:
             total = _check_claims(archive, file)

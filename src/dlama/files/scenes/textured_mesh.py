@@ -1,7 +1,7 @@
 """A scene in; its surfaces as one textured GLB file out (binary glTF 2.0), which every viewer shows in the pictures' own colours.
 
 Colours of vertices are read in different ways: three.js and Blender take COLOR_0 as linear light, as glTF says; Open3D shows the
-numbers as they are, which is too dark; trimesh drops them beside a material. A base colour texture is sRGB to all of them.
+numbers as they are, which is too dark; trimesh drops them if there is a material. A base colour texture is sRGB to all of them.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from dlama.geometry.view import View
 
 LINEAR, CLAMP_TO_EDGE = 9729, 33071
 TALLEST = 8192
-"""Pixels of a texture's height before its parts go on in a further column (GPUs take 16384)."""
+"""Pixels of a texture's height before its parts continue in a further column (GPUs take 16384)."""
 JPEG = {"quality": 90, "subsampling": 0}
 
 

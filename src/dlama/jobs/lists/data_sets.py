@@ -10,7 +10,7 @@ from typing import Any
 
 from dlama.errors import InputError
 from dlama.jobs.job import Job
-from dlama.jobs.parameters import METHOD, MOVE, POINTING, RESULTS, checked
+from dlama.jobs.parameters import METHOD, MOVE, POINTING, RESULTS, check_parameters
 
 TAKEN = (*MOVE, *METHOD, *POINTING, *RESULTS, "right_view", "matcher", "max_disparity")
 """Parameters that jobs of a data set may have; files, cameras and units are the data set's own."""
@@ -34,9 +34,9 @@ class DatasetJobs:
         verb = self.verb or ""
         refused = [name for name, value in self.defaults.items() if name not in TAKEN and value is not None]
         if refused:
-            raise InputError(f"{refused[0]} says nothing to a data set, which has its own files, cameras and units")
+            raise InputError(f"{refused[0]} does not apply to a data set, which has its own files, cameras and units")
         given = {name: value for name, value in self.defaults.items() if value is not None}
-        parameters = checked(verb, given, loaded=True)
+        parameters = check_parameters(verb, given, loaded=True)
         dataset = open_dataset(self.root, self.layout)
         found: dict[str, Any] = {"stereo": dataset.of("sii")}
         pointed = any(name in parameters for name in POINTING)

@@ -25,19 +25,19 @@ class Pictures:
 
     def __iter__(self) -> Iterator[dict[str, Any]]:
         """A row's id is the picture's path below the fixed folders of the pattern, without suffix. InputError: no picture."""
-        root, empty = _fixed(self.images), True
+        root, empty = _fixed_folders(self.images), True
         for path in sorted(glob.glob(self.images, recursive=True)):  # noqa: PTH207  (keeps the pattern's own form of paths)
             if Path(path).is_dir():
                 continue
             empty = False
             row = {"id": Path(os.path.relpath(path, root)).with_suffix("").as_posix(), "image": path}
             patterns = {"depth": self.depths, "mask": self.masks}
-            yield row | {role: filled(pattern, path, role) for role, pattern in patterns.items() if pattern}
+            yield row | {role: fill_pattern(pattern, path, role) for role, pattern in patterns.items() if pattern}
         if empty:
             raise InputError(f"images is {self.images!r}; no picture is called so")
 
 
-def filled(pattern: str, image: str, role: str) -> str:
+def fill_pattern(pattern: str, image: str, role: str) -> str:
     """The pattern with what it says of a picture; raises InputError."""
     path = Path(image)
     try:
@@ -46,7 +46,7 @@ def filled(pattern: str, image: str, role: str) -> str:
         raise InputError(f"{role}s is {pattern!r}; {{stem}}, {{name}} and {{folder}} are what it may hold") from error
 
 
-def _fixed(pattern: str) -> str:
+def _fixed_folders(pattern: str) -> str:
     """The folders of a pattern before its first wild one."""
     parts = Path(pattern).parts[:-1]
     count = next((number for number, part in enumerate(parts) if glob.has_magic(part)), len(parts))

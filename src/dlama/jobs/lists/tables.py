@@ -7,9 +7,9 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from dlama.errors import FileError, InputError, MissingExtraError, first_line
-from dlama.files.checked_fields import json_value
+from dlama.files.fields import json_value
 from dlama.jobs.job import check_columns
-from dlama.jobs.storage import opened
+from dlama.jobs.storage import open_to_read
 
 Row = tuple[str, Mapping[str, Any]]
 """Where it stands (`jobs.csv: line 7`), and its values."""
@@ -30,7 +30,7 @@ def rows(path: str) -> Iterator[Row]:
 
 
 def _csv_rows(path: str) -> Iterator[Row]:
-    with opened(path) as stream:
+    with open_to_read(path) as stream:
         reader = csv.reader(stream)
         try:
             header = [name.strip() for name in next(reader, [])]
@@ -52,7 +52,7 @@ def _csv_row(where: str, header: list[str], line: list[str]) -> Row:
 
 
 def _json_rows(path: str) -> Iterator[Row]:
-    with opened(path) as stream:
+    with open_to_read(path) as stream:
         for number, line in enumerate(stream, 1):
             if not line.strip():
                 continue
@@ -70,7 +70,7 @@ def _parquet_rows(path: str) -> Iterator[Row]:
         from pyarrow.parquet import ParquetFile
     except ImportError as error:
         raise MissingExtraError(path, "pyarrow", "batch") from error
-    with opened(path, "rb") as stream:
+    with open_to_read(path, "rb") as stream:
         try:
             table = ParquetFile(stream)
             check_columns(list(table.schema_arrow.names), path)

@@ -16,10 +16,10 @@ from PIL import Image
 from dlama.errors import FileError
 from dlama.evaluation.report.templates import template
 from dlama.files.atomic_write import PathLike, new_file
-from dlama.jobs.manifest import FOLDER, Manifest, opened_to_write
+from dlama.jobs.manifest import FOLDER, Manifest, open_to_write
 from dlama.jobs.report.summary import Summary, summarise, throughput
 from dlama.jobs.result import JobResult
-from dlama.jobs.storage import Output, is_address, local, opened
+from dlama.jobs.storage import Output, is_address, local_path, open_to_read
 from dlama.jobs.tar_shards import key_of
 from dlama.workers.progress import duration
 
@@ -30,7 +30,7 @@ PICTURES = ("preview.png", "image.png")
 
 
 @dataclass(frozen=True)
-class Shown:
+class SheetPicture:
     """A picture of a contact sheet."""
 
     name: str
@@ -51,7 +51,7 @@ def write_report(out: PathLike) -> str:
     """
     place = str(out)
     output = Output(place)
-    if not output.is_remote and not Path(local(place), FOLDER).is_dir():
+    if not output.is_remote and not Path(local_path(place), FOLDER).is_dir():
         raise FileError(f"{place}: holds no results of `dlama batch`; there is no folder {FOLDER} in it")
     page = template("batch.html", "batch")
     with Manifest(output, read_only=True) as manifest:
@@ -59,7 +59,7 @@ def write_report(out: PathLike) -> str:
     text = page.render(**values(found, output))
     target = output.of("report.html")
     if output.is_remote:
-        with opened_to_write(target) as stream:
+        with open_to_write(target) as stream:
             stream.write(text)
         return target
     with new_file(target) as draft:
@@ -90,7 +90,7 @@ def values(found: Summary, output: Output) -> dict[str, Any]:
         ("Most law moves", "most filled pixels had to be moved", _sheet(found.worst("moves"), output)),
     ]
     return {
-        "title": f"Batch {Path(local(output.place)).name or output.place}",
+        "title": f"Batch {Path(local_path(output.place)).name or output.place}",
         "facts": [(name, text) for name, text in facts if text],
         "groups": found.groups_by_size(),
         "failed": found.failed,
@@ -118,14 +118,16 @@ def _bars(width: int, bars: list[tuple[int, int]]) -> list[dict[str, Any]]:
     ]
 
 
-def _sheet(rows: Iterable[JobResult], output: Output) -> list[Shown]:
+def _sheet(rows: Iterable[JobResult], output: Output) -> list[SheetPicture]:
     shown = []
     for row in rows:
         parts = [row.verb]
         parts += [] if row.hole_share is None else [f"{row.hole_share:.1%} unknown"]
         parts += [f"{row.law_moves} moved"] if row.law_moves else []
         shown.append(
-            Shown(row.id, ", ".join(parts), "" if is_address(output.place) else row.folder, _picture(row, output))
+            SheetPicture(
+                row.id, ", ".join(parts), "" if is_address(output.place) else row.folder, _picture(row, output)
+            )
         )
     return shown
 
@@ -149,9 +151,9 @@ def _picture(row: JobResult, output: Output) -> str:
 def _read(row: JobResult, name: str, output: Output) -> bytes:
     """A file of a result: of its folder, or of its tar shard. OSError, KeyError or FileError where there is none."""
     if not row.folder.endswith(".tar"):
-        with opened(output.of(f"{row.folder}/{name}"), "rb") as stream:
+        with open_to_read(output.of(f"{row.folder}/{name}"), "rb") as stream:
             return bytes(stream.read())
-    with opened(output.of(row.folder), "rb") as stream, tarfile.open(fileobj=stream) as shard:
+    with open_to_read(output.of(row.folder), "rb") as stream, tarfile.open(fileobj=stream) as shard:
         member = shard.extractfile(f"{key_of(row.id)}.{name}")
         return member.read() if member else b""
 

@@ -1,4 +1,4 @@
-"""Where things stand: rows of buildings and props in; free places out, and props set on them."""
+"""Where objects stand: rows of buildings and props in; free places out, and props set on them."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ CLEAR_M = 0.75
 
 
 class FloorPlan:
-    """A scene in the making and where things stand in it: nothing is set into another thing, or right before a camera."""
+    """A scene being built and where objects stand in it: nothing is placed inside another object, or right before a camera."""
 
     def __init__(self, builder: SceneBuilder, palette: Palette, rng: Generator) -> None:
         self.builder, self.palette, self.rng = builder, palette, rng
@@ -29,12 +29,12 @@ class FloorPlan:
         angles = np.radians(np.arange(-65, 66, 5))
         self._eyes = PIVOT_M * np.stack([np.sin(angles), 1 - np.cos(angles)], 1)
 
-    def front(self, x: float, z: float, yaw: float, left: float, right: float, walk: float = 0.0) -> None:
+    def building_row(self, x: float, z: float, yaw: float, left: float, right: float, walk: float = 0.0) -> None:
         """A row of buildings from `left` to `right` along the x axis of a place; `walk`: metres of pavement before it."""
         angle = math.radians(yaw)
         self._fronts.append((x, z, angle, left, right, walk))
 
-    def free(self, x: float, z: float, r: float) -> bool:
+    def is_free(self, x: float, z: float, r: float) -> bool:
         """True if a circle stands clear of the cameras, the object, the buildings and everything placed before."""
         if np.hypot(self._eyes[:, 0] - x, self._eyes[:, 1] - z).min() < r + CLEAR_M:
             return False
@@ -62,13 +62,13 @@ class FloorPlan:
         xs: tuple[float, float],
         zs: tuple[float, float],
     ) -> None:
-        """Puts up to `count` things of some kinds at random free places."""
+        """Puts up to `count` objects of some kinds at random free places."""
         rng = self.rng
         for _ in range(count):
             prop, r = props[names[int(rng.integers(len(names)))]]
             for _ in range(12):
                 x, z = float(rng.uniform(*xs)), float(rng.uniform(*zs))
-                if self.free(x, z, r):
+                if self.is_free(x, z, r):
                     self._circles.append((x, z, r))
                     yaw = float(rng.choice((0, 90, 180, 270)) + rng.normal(0, 12))
                     with self.builder.at(x, z, yaw, self.floor(x, z)), self.builder.group():

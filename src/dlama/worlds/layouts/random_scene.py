@@ -12,7 +12,7 @@ from dlama.worlds.layouts.floor_plan import FloorPlan
 from dlama.worlds.layouts.rooms import room
 from dlama.worlds.layouts.streets import street
 from dlama.worlds.materials.palette import Palette, Photo
-from dlama.worlds.materials.textures import CLOUDY, SOFT, noise, rgba, shaded
+from dlama.worlds.materials.textures import CLOUDY, SOFT, noise, rgba, shade
 from dlama.worlds.scene_builder import SceneBuilder
 from dlama.worlds.world import Kind, Light, Rgb, Sky, World
 
@@ -25,8 +25,8 @@ def build(seed: int, kind: Kind | None, photos: Sequence[Photo], *, shadows: boo
     is_street = rng.random() < 0.6
     is_street = kind == "street" if kind is not None else is_street
     builder = SceneBuilder()
-    builder.layer(rgba(shaded(WHITE, noise(rng, CLOUDY))))
-    builder.layer(rgba(shaded(WHITE, noise(rng, SOFT))))
+    builder.layer(rgba(shade(WHITE, noise(rng, CLOUDY))))
+    builder.layer(rgba(shade(WHITE, noise(rng, SOFT))))
     plan = FloorPlan(builder, Palette(builder, rng, photos), rng)
     (street if is_street else room)(plan)
     light, sky = (daylight(rng, shadows) if is_street else lamplight(rng, shadows)), random_sky(rng)

@@ -15,7 +15,7 @@ THICK_M = 0.25
 
 
 @contextmanager
-def along(plan: FloorPlan, x: float, z: float, yaw: float) -> Iterator[None]:
+def wall_place(plan: FloorPlan, x: float, z: float, yaw: float) -> Iterator[None]:
     """A wall's place: its inner face is z = 0; walls let the light in, or every room would be dark."""
     with plan.builder.at(x, z, yaw), plan.builder.group(casts=False):
         yield
@@ -47,7 +47,7 @@ def wall(plan: FloorPlan, length: float, height: float, material: Material, wind
             builder.box((x + side * (w / 2 + 0.1), up - 0.3, -0.1), (0.4, h + 0.5, 0.06), plan.palette("cloth"))
 
 
-def against(plan: FloorPlan, length: float, height: float) -> None:
+def furnish_wall(plan: FloorPlan, length: float, height: float) -> None:
     """Furniture, pictures and perhaps a door along a wall of which z = 0 is the face; nothing stands in anything."""
     builder, palette, rng = plan.builder, plan.palette, plan.rng
     x = -length / 2 + 0.35
@@ -76,7 +76,7 @@ def ceiling(plan: FloorPlan, left: float, right: float, far: float, height: floa
     builder, palette, rng = plan.builder, plan.palette, plan.rng
     middle, width = (left + right) / 2, right - left
     with builder.group(casts=False):
-        builder.panel((middle, height, far / 2 - 1), (width, far + 2), _bright(plan))
+        builder.panel((middle, height, far / 2 - 1), (width, far + 2), _ceiling_material(plan))
         if rng.random() < 0.35:
             beam = palette("wood")
             for n in range(int(far) + 1):
@@ -84,10 +84,10 @@ def ceiling(plan: FloorPlan, left: float, right: float, far: float, height: floa
         if rng.random() < 0.6:
             x, z = float(rng.uniform(-1, 1)), float(rng.uniform(3, far - 1))
             builder.tube((x, height - 0.6, z), 0.6, 0.01, palette.paint(value=(0.1, 0.2)))
-            builder.tube((x, height - 0.85, z), 0.25, 0.28, palette("cloth", "metal").tinted(1.2), 0.1)
+            builder.tube((x, height - 0.85, z), 0.25, 0.28, palette("cloth", "metal").with_tint(1.2), 0.1)
 
 
-def outside(plan: FloorPlan, far: float) -> None:
+def window_view(plan: FloorPlan, far: float) -> None:
     """What one sees through a window: ground some metres below, houses and the sky."""
     builder, rng = plan.builder, plan.rng
     with builder.group(casts=False), builder.at(0, 0, 0, -float(rng.choice((0.4, 3.0, 6.0)))):
@@ -98,7 +98,7 @@ def outside(plan: FloorPlan, far: float) -> None:
 
 
 def room(plan: FloorPlan) -> None:
-    """Four walls, a floor, furniture along the walls and things between, with the object of interest."""
+    """Four walls, a floor, furniture along the walls and objects between, with the object of interest."""
     builder, palette, rng = plan.builder, plan.palette, plan.rng
     spans = ((2.9, 4.3), (2.9, 4.3), (4.4, 7.5), (2.45, 3.1))
     left, right, far, height = (float(rng.uniform(*span)) for span in spans)
@@ -114,20 +114,20 @@ def room(plan: FloorPlan) -> None:
     skirting = palette.paint(saturation=(0, 0.3), value=(0.4, 0.95))
     for n, (x, z, yaw, length) in enumerate((*sides, (middle, near, 180, width))):
         window = rng.random() < (0.5, 0.4, 0.4, 0)[n]
-        with along(plan, x, z, yaw):
+        with wall_place(plan, x, z, yaw):
             wall(plan, length + 2 * THICK_M, height, other if n == 0 else paper, window)
             builder.box((0, 0, 0), (length, 0.1, 0.04), skirting)
-        plan.front(x, z, yaw, -length / 2, length / 2)
+        plan.building_row(x, z, yaw, -length / 2, length / 2)
         if n < 3 and not window:
             with builder.at(x, z, yaw), builder.at((0.0, 1.2, -1.2)[n], 0):
-                against(plan, length - (0.6, 3.2, 3.2)[n], height)
+                furnish_wall(plan, length - (0.6, 3.2, 3.2)[n], height)
         elif window and n == 0:
-            outside(plan, far)
+            window_view(plan, far)
     if rng.random() < 0.6:
         builder.box((float(rng.uniform(-0.8, 0.8)), 0, 3), (*_rug(plan), float(rng.uniform(1.2, 2))), palette("cloth"))
     for _ in range(int(rng.integers(0, 2))):
         x, z = float(rng.uniform(left + 0.4, right - 0.4)), float(rng.uniform(3.8, far - 0.6))
-        if plan.free(x, z, 0.3):
+        if plan.is_free(x, z, 0.3):
             with builder.group():
                 builder.tube((x, 0, z), height, 0.17, palette("plaster", "stones", "wood"))
     names = [*ROOM_PROPS, "table", "chair", "chair", "divider"]
@@ -139,7 +139,7 @@ def _rug(plan: FloorPlan) -> tuple[float, float]:
     return float(plan.rng.uniform(1.5, 2.6)), 0.012
 
 
-def _bright(plan: FloorPlan) -> Material:
+def _ceiling_material(plan: FloorPlan) -> Material:
     """What ceilings are made of: mostly white."""
     if plan.rng.random() < 0.2:
         return plan.palette("planks")

@@ -18,7 +18,7 @@ def ground(plan: FloorPlan, *kinds: str) -> None:
 
 def facade(plan: FloorPlan, x: float, z: float, yaw: float, left: float, right: float, walk: float) -> None:
     """A row of houses behind a pavement."""
-    plan.front(x, z, yaw, left, right, walk)
+    plan.building_row(x, z, yaw, left, right, walk)
     with plan.builder.at(x, z, yaw):
         row(plan.builder, plan.palette, plan.rng, left, right)
         if walk > 0:
@@ -27,7 +27,7 @@ def facade(plan: FloorPlan, x: float, z: float, yaw: float, left: float, right: 
 
 def markings(plan: FloorPlan, z: float) -> None:
     """Lines on the road, 3 mm thick: a dashed middle line, a zebra crossing or parking bays."""
-    builder, rng, paint = plan.builder, plan.rng, plan.palette("plain").tinted(0.9)
+    builder, rng, paint = plan.builder, plan.rng, plan.palette("plain").with_tint(0.9)
     kind = int(rng.integers(4))
     if kind == 0:
         for n in range(-6, 7):
@@ -38,7 +38,7 @@ def markings(plan: FloorPlan, z: float) -> None:
             builder.box((x + 0.75 * (n - 3), 0, z), (0.42, 0.003, 2.4), paint)
     elif kind == 2:
         for n in range(-4, 5):
-            builder.box((2.4 * n, 0, z), (0.1, 0.003, 3.6), paint.tinted(1.0, 0.85, 0.4))
+            builder.box((2.4 * n, 0, z), (0.1, 0.003, 3.6), paint.with_tint(1.0, 0.85, 0.4))
 
 
 def square(plan: FloorPlan) -> None:
@@ -86,7 +86,7 @@ def park(plan: FloorPlan) -> None:
         z = float(rng.uniform(5.5, 10))
         with builder.at(0, z, float(rng.uniform(-12, 12))), builder.group():
             yard_wall(builder, palette, rng, -14, 14)
-        plan.front(0, z, 0, -14, 14)
+        plan.building_row(0, z, 0, -14, 14)
     names = [
         "tree",
         "tree",
@@ -112,7 +112,7 @@ def yard(plan: FloorPlan) -> None:
     far, left, right = (float(rng.uniform(*span)) for span in ((5.5, 9), (4.2, 8), (4.2, 8)))
     facade(plan, 0, far, 0, -left - 0.5, right + 0.5, 0)
     for x, yaw, low, high in ((-left, 90, -7.0, far), (right, -90, -far, 7.0)):
-        plan.front(x, 0, yaw, low, high)
+        plan.building_row(x, 0, yaw, low, high)
         with builder.at(x, 0, yaw), builder.group():
             if rng.random() < 0.4:
                 row(builder, palette, rng, low, high)
@@ -153,12 +153,12 @@ def corner(plan: FloorPlan) -> None:
 
 
 def shed(plan: FloorPlan) -> None:
-    """One free-standing house on open ground, few things round it, much sky."""
+    """One free-standing house on open ground, few objects round it, much sky."""
     rng, builder = plan.rng, plan.builder
     ground(plan, "grass", "gravel", "asphalt")
     far, width = float(rng.uniform(6, 10)), float(rng.uniform(5, 9))
     x, yaw = float(rng.uniform(-2, 2)), float(rng.uniform(-25, 25))
-    plan.front(x, far, yaw, -width / 2, width / 2)
+    plan.building_row(x, far, yaw, -width / 2, width / 2)
     with builder.at(x, far, yaw), builder.group():
         house(builder, plan.palette, rng, width)
     for side in (-1, 1):

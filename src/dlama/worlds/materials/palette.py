@@ -36,21 +36,23 @@ class MaterialKind(NamedTuple):
     """Width of that photo on the surface; a photo that fills a face goes by `mode`."""
 
 
-def _plain(rng: Generator) -> UInt8Array:
-    return textures.rough(rng, (225, 225, 225), 0.1, 0.06)
+def _plain_texture(rng: Generator) -> UInt8Array:
+    return textures.rough_surface(rng, (225, 225, 225), 0.1, 0.06)
 
 
 def _plaster(rng: Generator) -> UInt8Array:
     base = textures.color(rng, (0.0, 0.17), (0.02, 0.4), (0.65, 0.92))
-    return textures.rough(rng, base, float(rng.uniform(0.04, 0.16)), float(rng.uniform(0.02, 0.12)))
+    return textures.rough_surface(rng, base, float(rng.uniform(0.04, 0.16)), float(rng.uniform(0.02, 0.12)))
 
 
 def _concrete(rng: Generator) -> UInt8Array:
-    return textures.rough(rng, textures.color(rng, (0.05, 0.6), (0, 0.08), (0.45, 0.7)), 0.2, 0.3, textures.ROUGH)
+    return textures.rough_surface(
+        rng, textures.color(rng, (0.05, 0.6), (0, 0.08), (0.45, 0.7)), 0.2, 0.3, textures.ROUGH
+    )
 
 
 MATERIAL_KINDS: dict[str, MaterialKind] = {
-    "plain": MaterialKind(_plain, 1, 1.5),
+    "plain": MaterialKind(_plain_texture, 1, 1.5),
     "bricks": MaterialKind(textures.bricks, 2, 2.0, stain=0.3, photo=0.7, metres=(2.5, 5)),
     "stones": MaterialKind(textures.stones, 1, 2.4, stain=0.3, photo=0.7, metres=(2.5, 5)),
     "plaster": MaterialKind(_plaster, 2, 2.2, stain=0.12, photo=0.7, metres=(2.5, 5)),
@@ -92,17 +94,17 @@ class Palette:
         """A material of one of these kinds, its brightness and hue varied a little."""
         rng = self._rng
         kind = kinds[int(rng.integers(len(kinds)))]
-        wanted, baked = MATERIAL_KINDS[kind], self._baked.setdefault(kind, [])
-        if len(baked) < wanted.variants and (not baked or rng.random() < 0.5):
-            baked.append(self._bake(wanted))
+        recipe, baked = MATERIAL_KINDS[kind], self._baked.setdefault(kind, [])
+        if len(baked) < recipe.variants and (not baked or rng.random() < 0.5):
+            baked.append(self._bake(recipe))
         material = baked[int(rng.integers(len(baked)))]
         tint = rng.normal(1, spread) * rng.normal(1, 0.3 * spread, 3)
-        return material.tinted(*(float(np.clip(part, 0.4, 1.5)) for part in tint))
+        return material.with_tint(*(float(np.clip(part, 0.4, 1.5)) for part in tint))
 
     def paint(self, hue: Range = (0, 1), saturation: Range = (0.1, 0.8), value: Range = (0.2, 0.9)) -> Material:
         """A painted surface of a random colour."""
         red, green, blue = textures.color(self._rng, hue, saturation, value)
-        return self("plain", spread=0).tinted((red / 225) ** 2, (green / 225) ** 2, (blue / 225) ** 2)
+        return self("plain", spread=0).with_tint((red / 225) ** 2, (green / 225) ** 2, (blue / 225) ** 2)
 
     def _bake(self, kind: MaterialKind) -> Material:
         rng = self._rng

@@ -21,7 +21,7 @@ from dlama.worlds.materials.textures import (
     metal,
     noise,
     rgba,
-    shaded,
+    shade,
     wood,
 )
 from dlama.worlds.raycast.shape_rows import SIDE
@@ -35,7 +35,7 @@ def box(canvas: UInt8Array, x: float, y: float, w: float, h: float, ink: Rgb) ->
     cv2.rectangle(canvas, low, high, (*ink, 255), -1)
 
 
-def painted(rng: Generator) -> Rgb:
+def paint_color(rng: Generator) -> Rgb:
     """A colour that frames and doors are painted in."""
     if rng.random() < 0.5:
         return color(rng, (0, 1), (0.0, 0.08), (0.75, 0.97))
@@ -46,7 +46,7 @@ def glass(rng: Generator) -> UInt8Array:
     """Dark panes that mirror a little sky and the house across the street."""
     ramp = np.linspace(1.3, 0.55, SIDE, dtype=np.float32)[:, None]
     base = color(rng, (0.52, 0.62), (0.1, 0.35), (0.2, 0.5))
-    picture = shaded(base, ramp * (0.75 + 0.5 * noise(rng, SOFT)))
+    picture = shade(base, ramp * (0.75 + 0.5 * noise(rng, SOFT)))
     skyline = (0.35 + 0.5 * noise(rng, SOFT)[0]) * SIDE
     picture[np.arange(SIDE)[:, None] > skyline] *= rng.uniform(0.5, 0.85)
     return rgba(picture)
@@ -55,7 +55,7 @@ def glass(rng: Generator) -> UInt8Array:
 def window(rng: Generator) -> UInt8Array:
     """A frame, panes, and at times curtains or a blind."""
     canvas = glass(rng)
-    frame, width = painted(rng), float(rng.uniform(0.035, 0.07))
+    frame, width = paint_color(rng), float(rng.uniform(0.035, 0.07))
     kind = rng.random()
     if kind < 0.35:
         drape, share = color(rng, (0, 1), (0.05, 0.5), (0.5, 0.9)), float(rng.uniform(0.12, 0.3))
@@ -80,8 +80,8 @@ def window(rng: Generator) -> UInt8Array:
 
 def door(rng: Generator) -> UInt8Array:
     """A panelled door with a handle, at times with glass above."""
-    base = painted(rng)
-    canvas = rgba(shaded(base, 0.85 + 0.25 * noise(rng, GRAIN).T))
+    base = paint_color(rng)
+    canvas = rgba(shade(base, 0.85 + 0.25 * noise(rng, GRAIN).T))
     dark: Rgb = (0.6 * base[0], 0.6 * base[1], 0.6 * base[2])
     rows = int(rng.integers(2, 5))
     for column in range(2):
@@ -96,14 +96,14 @@ def door(rng: Generator) -> UInt8Array:
 
 def shutter(rng: Generator) -> UInt8Array:
     """A garage door: horizontal slats."""
-    base = painted(rng)
+    base = paint_color(rng)
     slats = 0.7 + 0.3 * ((np.arange(SIDE) * int(rng.choice((10, 16, 24))) // 4 % 64) > 8).astype(np.float32)
-    return rgba(shaded(base, slats[:, None] * (0.85 + 0.3 * noise(rng, ROUGH))))
+    return rgba(shade(base, slats[:, None] * (0.85 + 0.3 * noise(rng, ROUGH))))
 
 
 def poster(rng: Generator) -> UInt8Array:
     """A print: a ground, some shapes, a headline and lines of text."""
-    canvas = rgba(shaded(color(rng, (0, 1), (0.05, 0.8), (0.35, 0.97)), 0.85 + 0.3 * noise(rng, SOFT)))
+    canvas = rgba(shade(color(rng, (0, 1), (0.05, 0.8), (0.35, 0.97)), 0.85 + 0.3 * noise(rng, SOFT)))
     for _ in range(int(rng.integers(3, 8))):
         ink = (*color(rng, (0, 1), (0.2, 0.9), (0.2, 1.0)), 255)
         x, y, r, q = (int(n) for n in rng.integers((0, 60, 10, 10), (SIDE, 200, 70, 70)))
@@ -147,7 +147,7 @@ def shop(rng: Generator) -> UInt8Array:
             box(canvas, x, shelf - h, w, h, color(rng, (0, 1), (0.2, 0.8), (0.25, 0.85)))
             x += w + float(rng.uniform(0.01, 0.08))
         box(canvas, 0.04, shelf, 0.92, 0.02, (90, 80, 70))
-    cv2.rectangle(canvas, (0, 0), (SIDE - 1, SIDE - 1), (*painted(rng), 255), 14)
+    cv2.rectangle(canvas, (0, 0), (SIDE - 1, SIDE - 1), (*paint_color(rng), 255), 14)
     return canvas
 
 
@@ -173,7 +173,7 @@ def crate(rng: Generator) -> UInt8Array:
         for x, y, w, h in ((0, 0, 1, 0.12), (0, 0.88, 1, 0.12), (0, 0, 0.12, 1), (0.88, 0, 0.12, 1)):
             box(canvas, x, y, w, h, (0.55 * canvas[9, 9, 0], 0.55 * canvas[9, 9, 1], 0.55 * canvas[9, 9, 2]))
         return canvas
-    canvas = rgba(shaded(color(rng, (0.07, 0.1), (0.3, 0.5), (0.55, 0.75)), 0.85 + 0.3 * noise(rng, CLOUDY)))
+    canvas = rgba(shade(color(rng, (0.07, 0.1), (0.3, 0.5), (0.55, 0.75)), 0.85 + 0.3 * noise(rng, CLOUDY)))
     box(canvas, 0.42, 0, 0.16, 1, (200, 180, 140))
     box(canvas, 0.08, 0.6, 0.24, 0.25, (235, 235, 230))
     letters(rng, canvas, 220, 0.9)

@@ -63,26 +63,26 @@ def rgba(picture: NDArray[np.floating], alpha: NDArray | None = None) -> UInt8Ar
     return np.asarray(out, np.uint8)
 
 
-def shaded(base: Rgb, value: Float32Array) -> Float32Array:
+def shade(base: Rgb, value: Float32Array) -> Float32Array:
     """One colour, brighter and darker by a field round 1."""
     value = np.ascontiguousarray(np.broadcast_to(value, (SIDE, SIDE)), np.float32)
     return np.asarray(cv2.merge([value * np.float32(part) for part in base]))
 
 
-def mixed(one: Float32Array, two: Float32Array, share: Float32Array) -> Float32Array:
+def mix(one: Float32Array, two: Float32Array, share: Float32Array) -> Float32Array:
     """H x W x 3: the second picture's share (H x W, 0..1) over the first."""
     return np.asarray(cv2.blendLinear(one, two, 1 - share, share))
 
 
-def rough(rng: Generator, base: Rgb, fine: float = 0.2, broad: float = 0.2, kind: int = FINE) -> UInt8Array:
+def rough_surface(rng: Generator, base: Rgb, fine: float = 0.2, broad: float = 0.2, kind: int = FINE) -> UInt8Array:
     """Plaster, concrete, asphalt, sand: one colour under fine and broad noise."""
     value = 1 + fine * (noise(rng, kind) - 0.5) * 2 + broad * (noise(rng, SOFT) - 0.5) * 2
-    return rgba(shaded(base, value))
+    return rgba(shade(base, value))
 
 
 def asphalt(rng: Generator) -> UInt8Array:
     """Dark grey with light stones, at times with a patch or a crack."""
-    picture = shaded(color(rng, (0.05, 0.7), (0, 0.08), (0.3, 0.5)), 0.75 + 0.5 * noise(rng, FINE))
+    picture = shade(color(rng, (0.05, 0.7), (0, 0.08), (0.3, 0.5)), 0.75 + 0.5 * noise(rng, FINE))
     picture *= (0.8 + 0.4 * noise(rng, CLOUDY))[..., None]
     crack = np.abs(noise(rng, SOFT) - 0.5) < 0.004 * rng.integers(0, 3)
     picture[crack] *= 0.5
@@ -94,7 +94,7 @@ def grass(rng: Generator) -> UInt8Array:
     green, dry = color(rng, (0.19, 0.29), (0.3, 0.55), (0.3, 0.5)), color(rng, (0.11, 0.16), (0.25, 0.45), (0.45, 0.6))
     share = np.clip(1.6 * noise(rng, ROUGH) - 0.5, 0, 1) * np.float32(rng.uniform(0.2, 0.9))
     blades = 0.45 + 1.1 * noise(rng, FINE)
-    return rgba(mixed(shaded(green, blades), shaded(dry, blades), share))
+    return rgba(mix(shade(green, blades), shade(dry, blades), share))
 
 
 def gravel(rng: Generator) -> UInt8Array:
@@ -102,7 +102,7 @@ def gravel(rng: Generator) -> UInt8Array:
     one, two = color(rng, (0.04, 0.14), (0.1, 0.4), (0.5, 0.8)), color(rng, (0.0, 0.6), (0.0, 0.15), (0.3, 0.7))
     share = (noise(rng, FINE) > 0.55).astype(np.float32)
     grain = 0.6 + 0.8 * noise(rng, FINE)
-    return rgba(mixed(shaded(one, grain), shaded(two, grain), share))
+    return rgba(mix(shade(one, grain), shade(two, grain), share))
 
 
 def courses(
@@ -140,7 +140,7 @@ def courses(
     share = np.clip((edge + joint) / 0.06 + 0.5, 0, 1).astype(np.float32)
     value = 0.72 + 0.56 * noise(rng, grain)
     picture = cv2.merge([(base[n] * pieces[..., n].ravel())[index] * value for n in range(3)])
-    return rgba(mixed(np.asarray(picture, np.float32), shaded(mortar, 0.8 + 0.4 * noise(rng, FINE)), share))
+    return rgba(mix(np.asarray(picture, np.float32), shade(mortar, 0.8 + 0.4 * noise(rng, FINE)), share))
 
 
 def bricks(rng: Generator) -> UInt8Array:
@@ -197,7 +197,7 @@ def planks(rng: Generator) -> UInt8Array:
 def wood(rng: Generator) -> UInt8Array:
     """Furniture: grain without joints."""
     base = color(rng, (0.04, 0.11), (0.2, 0.65), (0.25, 0.8))
-    return rgba(shaded(base, 0.65 + 0.5 * noise(rng, GRAIN) + 0.2 * noise(rng, SOFT)))
+    return rgba(shade(base, 0.65 + 0.5 * noise(rng, GRAIN) + 0.2 * noise(rng, SOFT)))
 
 
 def metal(rng: Generator) -> UInt8Array:
@@ -209,7 +209,7 @@ def metal(rng: Generator) -> UInt8Array:
             np.float32
         )
     rust = np.clip(5 * (noise(rng, CLOUDY) - np.float32(rng.uniform(0.6, 1.0))), 0, 1)
-    return rgba(mixed(shaded(base, value), shaded((120, 72, 42), 0.6 + 0.8 * noise(rng, FINE)), rust))
+    return rgba(mix(shade(base, value), shade((120, 72, 42), 0.6 + 0.8 * noise(rng, FINE)), rust))
 
 
 def cloth(rng: Generator) -> UInt8Array:
@@ -224,7 +224,7 @@ def cloth(rng: Generator) -> UInt8Array:
     ][int(rng.integers(4))]
     share = np.ascontiguousarray(pattern, np.float32)
     weave = 0.8 + 0.2 * noise(rng, FINE) + 0.2 * noise(rng, SOFT)
-    return rgba(mixed(shaded(one, weave), shaded(two, weave), share))
+    return rgba(mix(shade(one, weave), shade(two, weave), share))
 
 
 def leaves(rng: Generator, *, gaps: bool) -> UInt8Array:
@@ -257,4 +257,4 @@ def fence(rng: Generator) -> UInt8Array:
     else:
         solid = (((u + v) * 12) % 1 < 0.16) | (((u - v) * 12) % 1 < 0.16) | (v < 0.04) | (v > 0.96)
     base = [(50, 55, 58), color(rng, (0.04, 0.12), (0.1, 0.5), (0.4, 0.9)), (150, 155, 155)][kind]
-    return rgba(shaded(base, 0.75 + 0.5 * noise(rng, ROUGH)), np.where(solid, 255, 0))
+    return rgba(shade(base, 0.75 + 0.5 * noise(rng, ROUGH)), np.where(solid, 255, 0))

@@ -45,7 +45,7 @@ def house(builder: SceneBuilder, palette: Palette, rng: Generator, width: float,
     roof(builder, palette, rng, width, depth, height)
     if rng.random() < 0.5:
         builder.tube(
-            (0.48 * width * float(rng.choice((-1, 1))), 0, -0.06), height - 0.3, 0.06, palette("metal").tinted(0.6)
+            (0.48 * width * float(rng.choice((-1, 1))), 0, -0.06), height - 0.3, 0.06, palette("metal").with_tint(0.6)
         )
     return height
 
@@ -108,7 +108,7 @@ def porch(builder: SceneBuilder, palette: Palette, rng: Generator, x: float, tri
 def balcony(builder: SceneBuilder, palette: Palette, x: float, up: float) -> None:
     """A slab with a railing."""
     builder.box((x, up, -0.5), (2.2, 0.14, 1.0), palette("concrete"))
-    rail = palette("metal").tinted(0.4)
+    rail = palette("metal").with_tint(0.4)
     for n in range(9):
         builder.box((x - 1.05 + 0.2625 * n, up + 0.14, -0.97), (0.03, 0.85, 0.03), rail)
     builder.box((x, up + 0.98, -0.97), (2.2, 0.05, 0.06), rail)
@@ -117,7 +117,7 @@ def balcony(builder: SceneBuilder, palette: Palette, x: float, up: float) -> Non
 def roof(builder: SceneBuilder, palette: Palette, rng: Generator, width: float, depth: float, height: float) -> None:
     """A pitched roof with a chimney, or a flat one with a parapet."""
     if rng.random() < 0.55:
-        tile = palette("stones", "planks", "metal").tinted(*palette.paint((0.98, 1.1), (0.2, 0.6), (0.5, 0.85)).tint)
+        tile = palette("stones", "planks", "metal").with_tint(*palette.paint((0.98, 1.1), (0.2, 0.6), (0.5, 0.85)).tint)
         rise = float(rng.uniform(25, 42))
         builder.box((0, height + 0.2, 0.22 * depth), (width + 0.4, 0.14, 0.75 * depth), tile, (0, rise, 0))
         if rng.random() < 0.6:

@@ -1,4 +1,4 @@
-"""Things that stand in rooms: a builder at a place, a palette and a random generator in; shapes added to the builder out.
+"""Objects of rooms: a builder at a place, a palette and a random generator in; shapes added to the builder out.
 
 Furniture of `WALL_PROPS` has its back at z = 0 of the builder's current place and looks towards -z.
 """
@@ -20,7 +20,7 @@ def legs(builder: SceneBuilder, leg: Material, w: float, d: float, height: float
 
 
 def table(builder: SceneBuilder, palette: Palette, rng: Generator) -> None:
-    """A table, square or round, with a few things on it."""
+    """A table, square or round, with a few objects on it."""
     top, height = palette("wood"), float(rng.uniform(0.45, 0.78))
     w, d = float(rng.uniform(0.8, 1.5)), float(rng.uniform(0.6, 0.9))
     if rng.random() < 0.3:
@@ -28,7 +28,7 @@ def table(builder: SceneBuilder, palette: Palette, rng: Generator) -> None:
         builder.tube((0, height, 0), 0.04, 0.5, top)
     else:
         builder.box((0, height, 0), (w, 0.04, d), top)
-        legs(builder, top.tinted(0.8), w, d, height)
+        legs(builder, top.with_tint(0.8), w, d, height)
     for _ in range(int(rng.integers(1, 5))):
         with builder.at(
             float(rng.uniform(-0.28, 0.28)), float(rng.uniform(-0.2, 0.2)), float(rng.uniform(0, 90)), height + 0.04
@@ -82,17 +82,17 @@ def sofa(builder: SceneBuilder, palette: Palette, rng: Generator) -> None:
         builder.box((side * (w / 2 - 0.08), 0.1, -0.45), (0.18, 0.52, 0.88), cloth)
     for n in range(seats):
         x = 0.7 * (n - (seats - 1) / 2)
-        builder.ball((x, 0.46, -0.5), (0.34, 0.1, 0.34), cloth.tinted(1.1))
+        builder.ball((x, 0.46, -0.5), (0.34, 0.1, 0.34), cloth.with_tint(1.1))
         if rng.random() < 0.6:
             builder.ball((x, 0.66, -0.3), (0.22, 0.2, 0.1), palette("cloth"), (0, 15, float(rng.uniform(-30, 30))))
 
 
 def shelf(builder: SceneBuilder, palette: Palette, rng: Generator) -> None:
-    """An open shelf with books and things; its back at z = 0."""
+    """An open shelf with books and small objects; its back at z = 0."""
     board, w, height = palette("wood"), float(rng.uniform(0.7, 1.3)), float(rng.uniform(1.2, 2.1))
     for side in (-1, 1):
         builder.box((side * w / 2, 0, -0.15), (0.03, height, 0.3), board)
-    builder.box((0, 0, -0.01), (w, height, 0.02), board.tinted(0.6))
+    builder.box((0, 0, -0.01), (w, height, 0.02), board.with_tint(0.6))
     count = round(height / 0.36)
     for n in range(count + 1):
         builder.box((0, n * (height - 0.03) / count, -0.15), (w, 0.03, 0.3), board)
@@ -143,11 +143,11 @@ def screen(builder: SceneBuilder, palette: Palette, rng: Generator) -> None:
 
 
 def floor_lamp(builder: SceneBuilder, palette: Palette, rng: Generator) -> None:
-    """A lamp on a foot under a shade."""
-    iron, height = palette("metal").tinted(0.6), float(rng.uniform(1.1, 1.6))
+    """A lamp on a stand under a shade."""
+    iron, height = palette("metal").with_tint(0.6), float(rng.uniform(1.1, 1.6))
     builder.tube((0, 0, 0), 0.03, 0.16, iron)
     builder.tube((0, 0, 0), height, 0.018, iron)
-    builder.tube((0, height - 0.05, 0), 0.3, 0.24, palette("cloth").tinted(1.2), 0.14)
+    builder.tube((0, height - 0.05, 0), 0.3, 0.24, palette("cloth").with_tint(1.2), 0.14)
 
 
 def basket(builder: SceneBuilder, palette: Palette, rng: Generator) -> None:
@@ -169,9 +169,9 @@ def toy(builder: SceneBuilder, palette: Palette, rng: Generator) -> None:
     builder.ball((0, 0.3, 0), (0.22, 0.3, 0.2), fur)
     builder.ball((0, 0.7, 0), (0.17, 0.17, 0.16), fur)
     for side in (-1, 1):
-        builder.ball((0.13 * side, 0.86, 0), (0.06, 0.06, 0.04), fur.tinted(0.7))
+        builder.ball((0.13 * side, 0.86, 0), (0.06, 0.06, 0.04), fur.with_tint(0.7))
         builder.ball((0.22 * side, 0.36, -0.05), (0.07, 0.2, 0.07), fur, (0, 0, 30 * side))
-        builder.ball((0.13 * side, 0.07, -0.14), (0.09, 0.07, 0.2), fur.tinted(0.8))
+        builder.ball((0.13 * side, 0.07, -0.14), (0.09, 0.07, 0.2), fur.with_tint(0.8))
 
 
 def picture(builder: SceneBuilder, palette: Palette, rng: Generator) -> None:

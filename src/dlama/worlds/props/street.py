@@ -1,4 +1,4 @@
-"""Things that stand in streets: a builder at a place, a palette and a random generator in; shapes added to the builder out.
+"""Objects of streets: a builder at a place, a palette and a random generator in; shapes added to the builder out.
 
 Every prop stands on the ground at the builder's current place and fits into the circle that its table gives.
 """
@@ -25,7 +25,7 @@ STANDING = (0.0, -90.0, 0.0)
 def tree(builder: SceneBuilder, palette: Palette, rng: Generator) -> None:
     """A trunk and a crown of leafy balls, one sees the sky through."""
     height, radius = float(rng.uniform(1.5, 2.8)), float(rng.uniform(0.08, 0.2))
-    bark, leaf = palette("wood").tinted(0.35), palette("leaves")
+    bark, leaf = palette("wood").with_tint(0.35), palette("leaves")
     builder.tube((0, 0, 0), height + 0.8, radius, bark, 0.5 * radius)
     spread = float(rng.uniform(0.7, 1.2))
     for _ in range(int(rng.integers(5, 10))):
@@ -37,8 +37,8 @@ def tree(builder: SceneBuilder, palette: Palette, rng: Generator) -> None:
 def conifer(builder: SceneBuilder, palette: Palette, rng: Generator) -> None:
     """A trunk under cones of needles."""
     height = float(rng.uniform(2.2, 4.5))
-    builder.tube((0, 0, 0), 0.6, 0.1, palette("wood").tinted(0.35))
-    leaf = palette("hedge").tinted(0.7, 0.8, 0.75)
+    builder.tube((0, 0, 0), 0.6, 0.1, palette("wood").with_tint(0.35))
+    leaf = palette("hedge").with_tint(0.7, 0.8, 0.75)
     for n in range(4):
         low = 0.4 + 0.22 * n * height
         builder.tube((0, low, 0), 0.36 * height, (1 - 0.2 * n) * 0.24 * height, leaf, 0.02)
@@ -88,7 +88,7 @@ def lamp(builder: SceneBuilder, palette: Palette, rng: Generator) -> None:
 def road_sign(builder: SceneBuilder, palette: Palette, rng: Generator) -> None:
     """A post with a plate."""
     height = float(rng.uniform(1.9, 2.6))
-    builder.tube((0, 0, 0), height, 0.035, palette("metal", spread=0).tinted(0.6))
+    builder.tube((0, 0, 0), height, 0.035, palette("metal", spread=0).with_tint(0.6))
     if rng.random() < 0.5:
         builder.box((0, height - 0.65, -0.05), (0.6, 0.6, 0.02), palette("sign"))
     else:
@@ -103,7 +103,7 @@ def advert(builder: SceneBuilder, palette: Palette, rng: Generator) -> None:
     else:
         builder.box((0, 0.55, 0), (1.2, 1.6, 0.12), palette("poster"))
         for x in (-0.5, 0.5):
-            builder.tube((x, 0, 0), 0.6, 0.04, palette("metal").tinted(0.4))
+            builder.tube((x, 0, 0), 0.6, 0.04, palette("metal").with_tint(0.4))
 
 
 def bin_(builder: SceneBuilder, palette: Palette, rng: Generator) -> None:
@@ -114,7 +114,7 @@ def bin_(builder: SceneBuilder, palette: Palette, rng: Generator) -> None:
 
 
 def barrel(builder: SceneBuilder, palette: Palette, rng: Generator) -> None:
-    """A construction barrel on its foot, with a lamp."""
+    """A construction barrel on its base, with a lamp."""
     builder.tube((0, 0, 0), 0.07, 0.38, palette.paint((0, 1), (0, 0.2), (0.1, 0.2)))
     builder.tube((0, 0.07, 0), 0.95, 0.3, palette("bands"), 0.23)
     builder.ball((0, 1.12, 0), (0.1, 0.1, 0.06), palette.paint((0.05, 0.1), (0.8, 1), (0.8, 1)))
@@ -140,20 +140,20 @@ def postbox(builder: SceneBuilder, palette: Palette, rng: Generator) -> None:
     body = palette("machine")
     for x in (-0.2, 0.2):
         for z in (-0.18, 0.18):
-            builder.tube((x, 0, z), 0.25, 0.03, body.tinted(0.5))
+            builder.tube((x, 0, z), 0.25, 0.03, body.with_tint(0.5))
     builder.box((0, 0.22, 0), (0.5, 0.8, 0.46), body)
     builder.tube((0, 0.79, 0), 0.46, 0.25, body, turn=LYING)
 
 
 def bench(builder: SceneBuilder, palette: Palette, rng: Generator) -> None:
     """A bench: slats for the seat and the back, two feet."""
-    slat, foot = palette("wood"), palette("concrete", "metal").tinted(0.6)
+    slat, base = palette("wood"), palette("concrete", "metal").with_tint(0.6)
     for n in range(3):
         builder.box((0, 0.42, -0.16 + 0.16 * n), (1.5, 0.04, 0.12), slat)
         builder.box((0, 0.52 + 0.13 * n, 0.24 + 0.03 * n), (1.5, 0.09, 0.03), slat)
     for x in (-0.6, 0.6):
-        builder.box((x, 0, 0), (0.07, 0.42, 0.42), foot)
-        builder.box((x, 0.42, 0.27), (0.05, 0.45, 0.04), foot)
+        builder.box((x, 0, 0), (0.07, 0.42, 0.42), base)
+        builder.box((x, 0.42, 0.27), (0.05, 0.45, 0.04), base)
 
 
 def crates(builder: SceneBuilder, palette: Palette, rng: Generator) -> None:
@@ -200,7 +200,7 @@ def dumpster(builder: SceneBuilder, palette: Palette, rng: Generator) -> None:
     builder.box((0, 0.12, 0), (1.7, 0.9, 0.95), body)
     builder.box((0, 0.98, 0.02), (1.74, 0.06, 1.05), palette.paint(value=(0.1, 0.25)), (0, 7, 0))
     for x in (-0.7, 0.7):
-        builder.box((x, 0.6, -0.5), (0.2, 0.12, 0.12), body.tinted(0.6))
+        builder.box((x, 0.6, -0.5), (0.2, 0.12, 0.12), body.with_tint(0.6))
         builder.tube((x, 0.0, -0.36), 0.1, 0.08, palette.paint(value=(0.1, 0.2)), turn=ACROSS)
 
 
@@ -245,16 +245,16 @@ def car(builder: SceneBuilder, palette: Palette, rng: Generator) -> None:
     builder.box((0, 0.3, 0), (length, 0.55, 1.65), body)
     if van:
         builder.box((-0.2, 0.85, 0), (length - 0.7, 1.0, 1.6), body)
-        builder.box((0.62, 1.1, 0), (0.9, 0.5, 1.64), glass.tinted(0.4))
+        builder.box((0.62, 1.1, 0), (0.9, 0.5, 1.64), glass.with_tint(0.4))
     else:
-        builder.box((-0.15, 0.85, 0), (0.52 * length, 0.5, 1.45), glass.tinted(0.4))
+        builder.box((-0.15, 0.85, 0), (0.52 * length, 0.5, 1.45), glass.with_tint(0.4))
         builder.box((-0.15, 1.33, 0), (0.5 * length, 0.06, 1.42), body)
         for x in (-0.27, -0.02, 0.22):
             builder.box((x * length - 0.05, 0.85, 0), (0.08, 0.5, 1.47), body)
     for x in (-0.32, 0.32):
         for z in (-0.72, 0.72):
             builder.tube((x * length, 0.2, z), 0.24, 0.32, tyre, turn=LYING)
-            builder.tube((x * length, 0.19, z), 0.26, 0.17, palette("metal").tinted(0.9), turn=LYING)
+            builder.tube((x * length, 0.19, z), 0.26, 0.17, palette("metal").with_tint(0.9), turn=LYING)
     for z in (-0.6, 0.6):
         builder.box((length / 2, 0.55, z), (0.03, 0.14, 0.3), palette.paint((0.1, 0.16), (0, 0.2), (0.9, 1)))
         builder.box((-length / 2, 0.55, z), (0.03, 0.14, 0.3), palette.paint((0, 0.02), (0.7, 0.9), (0.5, 0.8)))

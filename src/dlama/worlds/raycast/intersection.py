@@ -86,7 +86,7 @@ def texture_place(
 
 
 @inlined
-def solid_at(shapes: Float64Array, i: Whole, texels: UInt8Array, face: Whole, x: Real, y: Real, z: Real) -> Flag:
+def is_solid(shapes: Float64Array, i: Whole, texels: UInt8Array, face: Whole, x: Real, y: Real, z: Real) -> Flag:
     """False where the texture's alpha cuts a hole into the surface (nearest texel of the finest level)."""
     if shapes[i, CUT] == 0:
         return True
@@ -120,7 +120,7 @@ def hit_box(
     if enter > leave or leave <= NEAR:
         return np.inf, 0
     t, face = (enter, first) if enter > NEAR else (leave, last)
-    if not solid_at(shapes, i, texels, face, ox + t * dx, oy + t * dy, oz + t * dz):
+    if not is_solid(shapes, i, texels, face, ox + t * dx, oy + t * dy, oz + t * dz):
         return np.inf, 0
     return t, face
 
@@ -150,7 +150,7 @@ def hit_round(
             if t <= NEAR or t >= best or (not ball and (abs(y) > hy or middle + k * y < 0)):
                 continue
             x, z = ox + t * dx, oz + t * dz
-            if solid_at(shapes, i, texels, 6, x, y, z):
+            if is_solid(shapes, i, texels, 6, x, y, z):
                 outside = c > 0 if ball else x * dx + z * dz - k * (middle + k * y) * dy < 0
                 best, face = t, 6 if outside and (side == 0 or not ball) else 9
     if not ball and dy != 0:
@@ -184,7 +184,7 @@ def hit(
     t = -oy / ly
     x, z = ox + t * lx, oz + t * lz
     face = 2 if ly > 0 else 3
-    if abs(x) > shapes[i, HALF] or abs(z) > shapes[i, HALF + 2] or not solid_at(shapes, i, texels, face, x, 0.0, z):
+    if abs(x) > shapes[i, HALF] or abs(z) > shapes[i, HALF + 2] or not is_solid(shapes, i, texels, face, x, 0.0, z):
         return np.inf, 0
     return t, face
 

@@ -38,7 +38,7 @@ from dlama.worlds.raycast.shape_rows import (
     UNLIT,
     WRAP,
 )
-from dlama.worlds.raycast.texture_lookup import filtered, sky
+from dlama.worlds.raycast.texture_lookup import filter_texture, sky
 
 STAINS_PER_M = 0.19
 """Repeats per metre of the grey noise that keeps a repeated texture from looking repeated."""
@@ -132,11 +132,11 @@ def surface(
     u, v, su, sv = texture_place(shapes, i, face, x, y, z)
     ua, va = su * (ax * ux + ay * uy + az * uz), sv * (ax * vx + ay * vy + az * vz)
     ub, vb = su * (bx * ux + by * uy + bz * uz), sv * (bx * vx + by * vy + bz * vz)
-    r, g, b = filtered(texels, np.int64(shapes[i, LAYER]), np.int64(shapes[i, MODE]), u, v, ua, va, ub, vb)
+    r, g, b = filter_texture(texels, np.int64(shapes[i, LAYER]), np.int64(shapes[i, MODE]), u, v, ua, va, ub, vb)
     stain = 1.0
     if shapes[i, STAIN] > 0:
         k, m = STAINS_PER_M / su, STAINS_PER_M / sv
-        grey, _, _ = filtered(texels, 0, WRAP, u * k, v * m, ua * k, va * m, ub * k, vb * m)
+        grey, _, _ = filter_texture(texels, 0, WRAP, u * k, v * m, ua * k, va * m, ub * k, vb * m)
         stain = 1 + shapes[i, STAIN] * (2 * grey - 1)
     return (
         r * r * shapes[i, TINT] * stain,

@@ -37,7 +37,7 @@ def texel(texels: UInt8Array, layer: Whole, level: Whole, u: Real, v: Real) -> t
 
 
 @inlined
-def filtered(
+def filter_texture(
     texels: UInt8Array, layer: Whole, mode: Whole, u: Real, v: Real, ax: Real, ay: Real, bx: Real, by: Real
 ) -> tuple[Real, Real, Real]:
     """Texture over the pixel's footprint, whose sides are (ax, ay) and (bx, by) repeats: up to four trilinear probes."""
@@ -74,7 +74,7 @@ def sky(texels: UInt8Array, light: Float64Array, dx: Real, dy: Real, dz: Real, p
         far = light[COVER + 2] / (up + 0.12)
         u, v = dx / n * far + light[COVER + 3], dz / n * far + light[COVER + 4]
         spread = pixel * far
-        value, _, _ = filtered(texels, 1, WRAP, u, v, spread, 0.0, 0.0, spread / (up + 0.12))
+        value, _, _ = filter_texture(texels, 1, WRAP, u, v, spread, 0.0, 0.0, spread / (up + 0.12))
         cloud = max(0.0, min(1.0, (value - light[COVER]) / light[COVER + 1]))
         cloud = cloud * cloud * (3 - 2 * cloud) * min(1.0, 5 * up)
     r = light[HORIZON] + share * (light[ZENITH] - light[HORIZON])

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from dlama.errors import CameraError, FileError
-from dlama.files.checked_fields import FileFields, json_fields, read_json_fields
+from dlama.files.fields import FileFields, json_fields, read_json_fields
 
 
 def test_json_objects(tmp_path: Path) -> None:

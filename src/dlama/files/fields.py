@@ -14,7 +14,7 @@ import numpy as np
 
 from dlama.errors import CameraError, FileError
 from dlama.files.atomic_write import PathLike
-from dlama.files.rasters.images import existing
+from dlama.files.rasters.images import existing_file
 from dlama.geometry.camera import Float64Array, intrinsics_of
 
 LONGEST_SIDE = 2**24
@@ -39,7 +39,7 @@ class FileFields:
         value = self._field(name)
         number = as_float(value)
         if number is None or not math.isfinite(number):
-            raise CameraError(f"{self.path}: {name} is {_shown(value)}; a finite number is expected")
+            raise CameraError(f"{self.path}: {name} is {_format_value(value)}; a finite number is expected")
         return number
 
     def count(self, name: str) -> int:
@@ -54,13 +54,13 @@ class FileFields:
     def matrix(self, name: str, shape: tuple[int, int]) -> Float64Array:
         """A matrix of finite numbers; raises CameraError."""
         value = self._field(name)
-        wanted = f"a {shape[0]}x{shape[1]} matrix of finite numbers is expected"
+        expected = f"a {shape[0]}x{shape[1]} matrix of finite numbers is expected"
         try:
             matrix = np.array(value, np.float64)
         except (TypeError, ValueError, OverflowError) as error:
-            raise CameraError(f"{self.path}: {name} is {_shown(value)}; {wanted}") from error
+            raise CameraError(f"{self.path}: {name} is {_format_value(value)}; {expected}") from error
         if matrix.shape != shape or not np.isfinite(matrix).all():
-            raise CameraError(f"{self.path}: {name} is {_shown(value)}; {wanted}")
+            raise CameraError(f"{self.path}: {name} is {_format_value(value)}; {expected}")
         return matrix
 
     def intrinsics(self, name: str) -> Intrinsics:
@@ -96,21 +96,21 @@ class FileFields:
         """A text that is not empty; raises FileError."""
         value = self.values.get(name)
         if not isinstance(value, str) or not value:
-            raise FileError(f"{self.path}: {name} is {_shown(value)[:40]}; a text is expected")
+            raise FileError(f"{self.path}: {name} is {_format_value(value)[:40]}; a text is expected")
         return value
 
     def entries(self, name: str, of: str) -> list[object]:
         """A list with something in it, `of` says of what; raises FileError."""
         values = self.values.get(name)
         if not isinstance(values, list) or not values:
-            raise FileError(f"{self.path}: {name} is {_shown(values)[:40]}; a list of {of} is expected")
+            raise FileError(f"{self.path}: {name} is {_format_value(values)[:40]}; a list of {of} is expected")
         return values
 
     def part(self, name: str, values: object) -> FileFields:
         """`values` as the fields of an object within this one, whose errors call it `name`; raises FileError."""
         where = f"{self.path}: {name}"
         if not isinstance(values, dict):
-            raise FileError(f"{where} is {_shown(values)[:40]}; an object with named fields is expected")
+            raise FileError(f"{where} is {_format_value(values)[:40]}; an object with named fields is expected")
         return FileFields(where, values)
 
     def _field(self, name: str) -> Any:
@@ -134,7 +134,7 @@ def read_json_fields(path: PathLike, known: Sequence[str] | None = None) -> File
 
     Raises FileError (no JSON: with line and column), CameraError (unknown field).
     """
-    file = existing(path)
+    file = existing_file(path)
     fields = json_fields(file, json_text(file))
     unknown = [name for name in fields.values if known is not None and name not in known]
     if unknown:
@@ -166,7 +166,7 @@ def json_value(path: PathLike, text: str) -> Any:
     def fields(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
         found = dict(pairs)
         if len(found) < len(pairs):
-            twice.append(_repeated(name for name, _ in pairs))
+            twice.append(_find_repeated(name for name, _ in pairs))
         return found
 
     try:
@@ -180,14 +180,14 @@ def json_value(path: PathLike, text: str) -> Any:
     return value
 
 
-def _repeated(names: Iterable[str]) -> str:
+def _find_repeated(names: Iterable[str]) -> str:
     """The name that is there more than once."""
     return Counter(names).most_common(1)[0][0]
 
 
 def read_calib_txt(path: PathLike) -> FileFields:
     """The fields of a Middlebury calib.txt: lines `name=number` or `name=[a b c; d e f; g h i]`. Raises FileError."""
-    file = existing(path)
+    file = existing_file(path)
     pairs: list[tuple[str, Any]] = []
     try:
         for line in file.read_text(encoding="utf-8-sig").splitlines():
@@ -200,7 +200,7 @@ def read_calib_txt(path: PathLike) -> FileFields:
         ) from error
     if len(dict(pairs)) < len(pairs):
         raise FileError(
-            f"{file}: field '{_repeated(name for name, _ in pairs)}' is given twice; each field is expected once"
+            f"{file}: field '{_find_repeated(name for name, _ in pairs)}' is given twice; each field is expected once"
         )
     return FileFields(file, dict(pairs))
 
@@ -211,7 +211,7 @@ def _calib_value(text: str) -> float | list[list[float]]:
     return float(text)
 
 
-def _shown(value: Any) -> str:
+def _format_value(value: Any) -> str:
     try:
         text = json.dumps(value) if not isinstance(value, float) else str(value)
     except (ValueError, RecursionError):  # a whole number of more than 4300 digits, lists in lists without end
