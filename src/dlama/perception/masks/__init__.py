@@ -1,5 +1,5 @@
-"""Object masks: a picture (with depth) and clicks or a box in; which pixels are the object meant out.
+"""Object masks: a picture, with or without depth, and clicks or a box in; the mask of the object out.
 
-Begin with `prompt` (what a user points at), then `rgbd` (depth; `confirmed` and `outlines` where a camera measured it).
-`dlama.perception.object_masks` chooses among them.
+Begin with `prompt` (the user's input), then `rgbd` (segmentation in depth; `saliency_correction` and `outlines` correct the
+masks of depth cameras). `dlama.perception.object_masks` chooses the method.
 """

@@ -1,4 +1,5 @@
-"""A mask found in depth in; the same with the foot that its plane took, and its border moved to the picture's edges, out."""
+"""A mask found in depth in; out comes the mask with its ground contact, which plane fitting removed, and a border on picture
+edges."""
 
 from __future__ import annotations
 
@@ -21,31 +22,31 @@ from dlama.perception.masks.supports import Planes, height_above
 from dlama.perception.planes import tolerance
 
 CONTACT_PX = 12
-"""How far from the object its foot may reach over the plane it stands on,"""
+"""How far from the object its ground contact may reach over the supporting plane."""
 CONTACT_GAP = 0.08
-"""and by what share its depth may differ from the object's there: a wall far behind is no foot."""
+"""Largest relative difference from the object's depth there: a wall far behind is no ground contact."""
 CONTACT_NOISE = 5.0
-"""A foot rises over the plane by so many standard deviations of the plane's own unevenness,"""
+"""Least height of a ground contact over the plane, in standard deviations of the plane's unevenness,"""
 CONTACT_STEP = 0.0012
-"""and by this relative step in inverse depth at least."""
+"""and as a relative step in inverse depth."""
 LEAST_UNDER = 10
-"""Pixels of a plane that an object touches at least if it stands on it."""
+"""Least number of pixels of a plane that touch an object standing on it."""
 LAYER = 0.5
-"""What rises has less than this share of its pixels near the object if it is a layer of its own on the plane."""
+"""Raised pixels are a layer on the plane (a carpet) if less than this share of them is near the object."""
 SHARP = 0.7
-"""Share of a depth step that a sharp edge makes within one pixel."""
+"""Least share of a depth step that lies within one pixel at a sharp edge."""
 WIDE_PX = 4
-"""Pixels to either side between which the whole step lies, sharp or not."""
+"""Pixels to either side of an edge that contain the whole step."""
 BAND_PX = 3
-"""Reach in px of the band in which the picture decides, where depth is noisy, blurred or missing."""
+"""Half width in px of the band in which colour decides, where depth is noisy, blurred or missing."""
 HOLE_PX = 12
-"""How far into missing depth a mask may grow."""
+"""Pixels by which a mask may grow into missing depth."""
 MOST_PX = 1_000_000
-"""Pixels round an object from which GrabCut learns its colours; it takes seconds for ten times as many."""
+"""Most pixels from which GrabCut learns colours; its time is proportional to them."""
 
 
 def add_ground_contact(found: Planes, support: BoolArray, target: BoolArray) -> BoolArray:
-    """The object and the pixels of a supporting plane that are connected with it and rise a little over the plane."""
+    """The object and its ground contact: connected pixels of the supporting plane that rise a little over it."""
     near = dilate_mask(target, CONTACT_PX) & support & at_same_depth(found, target)
     if not near.any():
         return target
@@ -64,9 +65,9 @@ def at_same_depth(found: Planes, target: BoolArray) -> BoolArray:
 
 
 def above_thin_layers(step: Float32Array, rising: BoolArray, near: BoolArray, least: float) -> BoolArray:
-    """H x W, True where pixels rise over the plane, and over a thin layer on it (a carpet) that continues beyond `near`.
+    """H x W, True where pixels rise over the plane and over any thin layer (a carpet) that extends beyond `near`.
 
-    step: H x W relative height. rising: H x W, where that is over `least`. near: H x W, where a foot may be.
+    step: H x W relative height. rising: H x W, height above `least`. near: H x W, possible ground contact.
     """
     count, layers = cv2.connectedComponents(rising.astype(np.uint8), connectivity=8)
     sizes, held = np.bincount(layers.ravel(), minlength=count), np.bincount(layers[near], minlength=count)
@@ -79,7 +80,7 @@ def above_thin_layers(step: Float32Array, rising: BoolArray, near: BoolArray, le
 
 
 def edges_are_sharp(rgbd: RGBD, found: Planes, target: BoolArray) -> bool:
-    """True if depth alone says where the object ends: no noise, and steps at its border within one pixel."""
+    """True if depth alone defines the object's border: no noise, and depth steps within one pixel."""
     if found.noise:
         return False
     w, known, steps = found.w, ~rgbd.missing, []
@@ -99,10 +100,10 @@ def edges_are_sharp(rgbd: RGBD, found: Planes, target: BoolArray) -> bool:
 
 
 def snap_to_picture_edges(rgbd: RGBD, found: Planes, target: BoolArray) -> BoolArray:
-    """The mask with its border moved to the edges of the picture (GrabCut in a band) where depth leaves it open.
+    """The mask with its border on the picture's edges (GrabCut in a band) where depth is ambiguous.
 
-    Open is missing depth next to the object, and, where depth is noisy or blurred at edges, a band of BAND_PX. Thin parts, which
-    the band would cover whole, keep what depth says.
+    Ambiguous are missing depth next to the object and, where depth is noisy or blurred, a band of BAND_PX. Parts thinner than
+    the band keep their depth border.
     """
     missing = rgbd.missing & dilate_mask(target, HOLE_PX)
     band = missing
@@ -116,10 +117,10 @@ def snap_to_picture_edges(rgbd: RGBD, found: Planes, target: BoolArray) -> BoolA
 
 
 def find_lost_contact(found: Planes, target: BoolArray, support: BoolArray, most: float = CONTACT_PX) -> BoolArray:
-    """H x W, True where what the object stands on may be its foot, which rises over it by less than planes may err by.
+    """H x W, True where the supporting plane may be ground contact, too low over the plane to tell from noise.
 
-    That is as far along the plane, towards the camera, as inverse depth needs to grow by so much, and no farther than `most` px
-    (as far as that, if it is more than CONTACT_PX).
+    It reaches along the plane, towards the camera, until inverse depth has grown by the noise tolerance, and at most `most` px
+    (exactly `most` if that exceeds CONTACT_PX).
     """
     out = np.zeros_like(target)
     under = support & dilate_mask(target, 3)
@@ -139,7 +140,7 @@ def find_lost_contact(found: Planes, target: BoolArray, support: BoolArray, most
 
 def decide_by_color(rgbd: RGBD, target: BoolArray, band: BoolArray, rounds: int = 2) -> BoolArray:
     """The mask with the pixels of `band` decided by GrabCut; all others stay. Colours are learnt in the surroundings only, and
-    where those have more than MOST_PX, from a smaller picture of them."""
+    above MOST_PX pixels from a smaller picture."""
     tight = box_around(target | band, 0)
     box = larger_box(tight, 12 + (max(sides_of(tight)) - 1) // 4, target.shape)
     prior, open_ = target[box], band[box]

@@ -1,6 +1,6 @@
-"""Pixels on the object and next to it in; the region between them cut where colour or depth steps out (shortest paths).
+"""Seeds on the object and on the background in; the region split between them along colour and depth edges out.
 
-Each pixel goes to the seed from which the cheapest path leads to it (Bai & Sapiro 2007, geodesic matting).
+Each pixel takes the label of the seed with the shortest geodesic distance (Bai & Sapiro 2007).
 """
 
 from __future__ import annotations
@@ -12,16 +12,16 @@ from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array
 from dlama.perception.kernels.regions import sweep_distances
 
 COLOR_STEP = 12.0
-"""CIELAB units that cost as much as ..."""
+"""CIELAB units with the path cost 1."""
 DEPTH_STEP = 0.02
-"""... this relative step in depth, and as ..."""
+"""Relative depth step with the path cost 1."""
 LENGTH_PX = 40.0
-"""... a path of so many pixels over one colour and depth."""
+"""Path length in px with the cost 1, over one colour and depth."""
 MOST_SWEEPS = 12
 
 
 def step_costs(rgbd: RGBD) -> tuple[Float32Array, Float32Array]:
-    """Cost of going from each pixel (H x W) to its right neighbour, and to its lower one."""
+    """Path cost from each pixel (H x W) to its right neighbour, and to its lower one."""
     smooth = cv2.GaussianBlur(rgbd.color, (0, 0), 0.7)
     lab = cv2.cvtColor(smooth.astype(np.float32) / np.float32(255), cv2.COLOR_RGB2LAB)
     depth = np.log(np.where(rgbd.valid, rgbd.depth, 1)).astype(np.float32)
@@ -39,7 +39,7 @@ def step_costs(rgbd: RGBD) -> tuple[Float32Array, Float32Array]:
 
 
 def distances(costs: tuple[Float32Array, Float32Array], seeds: BoolArray, within: BoolArray) -> Float32Array:
-    """H x W: cost of the cheapest path from the seeds, over pixels of `within`; inf where none leads."""
+    """H x W geodesic distance from the seeds over pixels of `within`; inf where no path leads."""
     across, down = (cost.copy() for cost in costs)
     across[:, :-1][~(within[:, :-1] & within[:, 1:])] = np.inf
     down[:-1][~(within[:-1] & within[1:])] = np.inf
@@ -51,7 +51,7 @@ def distances(costs: tuple[Float32Array, Float32Array], seeds: BoolArray, within
 
 
 def closer_to_object(rgbd: RGBD, included: BoolArray, excluded: BoolArray, within: BoolArray) -> BoolArray:
-    """H x W, True on pixels of `within` that the cheapest path reaches from `included` sooner than from `excluded`."""
+    """H x W, True on pixels of `within` that are geodesically closer to `included` than to `excluded`."""
     rows, columns = np.nonzero(within | included | excluded)
     box = slice(max(rows.min() - 1, 0), rows.max() + 2), slice(max(columns.min() - 1, 0), columns.max() + 2)
     costs = step_costs(rgbd)

@@ -1,9 +1,8 @@
-"""A mask of measured depth whose edges lie next to the picture's in; the mask with its outline on the picture's edges out.
+"""A mask of measured depth, misaligned with the picture, in; the mask with its outline on the picture's edges out.
 
-A depth camera places edges a few pixels off, and loses the foot of an object in the noise of what it stands on. So the outline is
-first moved as a whole to where the picture steps most along it, and then pixels about it go to the side whose colours they
-have, object or surroundings close by (Parzen windows); a random walker (Grady 2006) that cannot cross the picture's edges decides
-where colours do not.
+A depth camera misplaces edges by a few pixels and loses the ground contact in noise. First the whole outline is shifted to
+where the picture's gradient along it is largest. Then pixels near it are classified by the colours of object and surroundings
+(Parzen windows). A random walker (Grady 2006), which picture edges stop, decides where colours are alike.
 """
 
 from __future__ import annotations
@@ -21,59 +20,58 @@ from dlama.perception.kernels.outlines import color_odds
 from dlama.perception.masks.pieces import fill_outline
 
 MORE_PX = 2
-"""Beyond the distance at which depth edges lie from the picture's: pixels that colours decide on."""
+"""Pixels added to the misalignment of depth edges: the band that colours decide."""
 THIN_PX = 2
-"""The same in parts that are narrower than that."""
+"""The same in parts narrower than the misalignment."""
 FRINGE = 3.0
-"""Such parts are noise if they have fewer pixels than this many times the square of that distance."""
+"""Thin parts are noise if they have fewer pixels than this many times the squared misalignment."""
 SAMPLED_PX = 14
-"""Beyond the open pixels: how far about a pixel its colours are learnt."""
+"""Radius in px, beyond the undecided pixels, in which colours are learnt."""
 SPREAD = 6.0
-"""CIELAB units by which colours of one object differ: noise and compression."""
+"""Parzen bandwidth in CIELAB units: noise and compression."""
 FLOOR = 0.01
-"""Density of colours that neither side has."""
+"""Density of a colour that neither side has."""
 LEAST_SAMPLES = 6
-"""Fewer pixels of a side say nothing of its colours."""
+"""Least number of pixels from which a side's colours are learnt."""
 MOST_ODDS = 3.0
-"""Log odds that colours count for at most."""
+"""Largest log odds of colour."""
 DEPTH_ODDS = 1.0
-"""Log odds that depth counts for at the end of its uncertainty."""
+"""Log odds of depth at the limit of its misalignment."""
 SHOWN, SHOWN_ALONE = 0.5, 0.8
-"""How much what stands out in the picture counts, next to colours, and how much where depth does not say anything."""
+"""Weight of saliency next to colours, and its weight where depth is unknown."""
 NEAR = 2
-"""It does so within this many times the distance that colours decide in, from the outline of what stands out."""
+"""Saliency counts within this many band widths of the salient region's outline."""
 CONTACT_MARGIN = 12
-"""Pixels by which a foot or missing depth may lie outside a mask."""
+"""Pixels by which ground contact or missing depth may extend a mask."""
 PULL = 0.3
-"""How strongly a pixel is drawn to what its colour says, over how strongly it holds on to an equal neighbour."""
+"""Weight of a pixel's colour likelihood against its bond to an equal neighbour."""
 CLINGS = 1e-3
-"""How strongly pixels across the clearest edge hold on to each other."""
+"""Least bond between neighbours, across the clearest edge."""
 OVER, SWEEPS, SETTLED = 1.8, 200, 2e-3
 """Of successive over-relaxation."""
 GAIN, LESS = 0.15, 0.02
-"""Share by which the picture's step along an outline must be larger if that is to be moved, and by which it counts less for each
-pixel that the outline is moved."""
+"""Relative gain in gradient that justifies a shift of the outline, and penalty per pixel of shift."""
 STRONGEST, LEAST_STEP = 0.9, 10.0
-"""A step counts for no more than this quantile of all steps, or this many CIELAB units."""
+"""Gradients are clipped at this quantile, or at so many CIELAB units."""
 SMALLEST_HOLE = 12
 """Holes of a mask with fewer pixels are closed."""
 
 
 @dataclass(frozen=True, eq=False)
 class Doubt:
-    """What depth leaves open about a mask."""
+    """Where depth is ambiguous about a mask."""
 
     reach: int
-    """px by which depth edges lie next to the picture's."""
+    """Misalignment of depth edges with the picture, px."""
     unknown: BoolArray
-    """H x W, pixels of which depth does not say whether they belong to it: they have none, or may be its foot."""
+    """H x W, pixels that depth cannot classify: missing, or possible ground contact."""
     level: Float32Array | None = None
-    """H x W, 0..1: how much each pixel stands out in the picture, if that shows the same object; with it `agreed`."""
+    """H x W saliency in 0..1, if a salient region shows the same object; given together with `agreed`."""
     agreed: BoolArray | None = None
-    """H x W: what stands out of that object."""
+    """H x W, the salient part of that object."""
 
     def within(self, box: tuple[slice, slice]) -> Doubt:
-        """That of a part of the picture."""
+        """The same for a part of the picture."""
         level = None if self.level is None else self.level[box]
         return Doubt(self.reach, self.unknown[box], level, None if self.agreed is None else self.agreed[box])
 
@@ -116,19 +114,20 @@ def refine_crop(lab: Float32Array, target: BoolArray, doubt: Doubt) -> BoolArray
 
 
 def color_log_odds(lab: Float32Array, open_: BoolArray, ours: BoolArray, theirs: BoolArray, reach: int) -> Float32Array:
-    """H x W log odds, within MOST_ODDS, that open pixels have the colours of ours about them, not theirs; 0 elsewhere."""
+    """H x W log odds, clipped to MOST_ODDS, that undecided pixels have the colours of `ours` near them, not of `theirs`; 0
+    elsewhere."""
     odds = np.zeros(open_.shape, np.float32)
     in_bands(color_odds, len(lab), lab, open_, ours, theirs, reach, SPREAD, FLOOR, LEAST_SAMPLES, odds)
     return np.clip(odds, -MOST_ODDS, MOST_ODDS)
 
 
 def thin_parts(target: BoolArray, wide: int) -> BoolArray:
-    """H x W, True on parts of a mask that are narrower than twice `wide`."""
+    """H x W, True on parts of a mask narrower than twice `wide`."""
     return target & ~dilate_mask(morphological_open(target, disc(wide)), 1)
 
 
 def remove_fringe(target: BoolArray, wide: int) -> BoolArray:
-    """The mask (H x W) without thin parts of few pixels, which noise leaves along an outline; as it is if it has no others."""
+    """The mask (H x W) without small thin parts, which noise leaves along outlines; unchanged if nothing else is left."""
     _, labels, stats, _ = cv2.connectedComponentsWithStats(
         thin_parts(fill_outline(target), wide).astype(np.uint8), connectivity=8
     )
@@ -138,13 +137,13 @@ def remove_fringe(target: BoolArray, wide: int) -> BoolArray:
 
 
 def depth_log_odds(target: BoolArray, wide: int) -> Float32Array:
-    """H x W log odds: how far within or beyond the outline of depth a pixel lies."""
+    """H x W log odds of depth: signed distance from the outline found in depth."""
     ours, theirs = (cv2.distanceTransform(each.astype(np.uint8), cv2.DIST_L2, 5) for each in (target, ~target))
     return np.asarray(np.clip((ours - theirs) / wide, -1, 1) * DEPTH_ODDS, np.float32)
 
 
 def random_walk(lab: Float32Array, open_: BoolArray, odds: Float32Array, inside: BoolArray) -> Float32Array:
-    """H x W, 0..1: how likely a random walker from each open pixel ends on the object. Others: 1 inside, else 0."""
+    """H x W probability that a random walker from an undecided pixel ends on the object; 1 inside, 0 elsewhere."""
     holds = []
     steps = [(np.diff(lab, axis=axis) ** 2).sum(2) for axis in (1, 0)]
     about = open_ | inside
@@ -164,7 +163,7 @@ def random_walk(lab: Float32Array, open_: BoolArray, odds: Float32Array, inside:
 
 
 def best_move(lab: Float32Array, target: BoolArray, reach: int) -> tuple[int, int]:
-    """Rows and columns by which the outline must move to lie where the picture steps most; none unless clearly better."""
+    """Rows and columns that shift the outline to the largest gradient; (0, 0) unless clearly better."""
     across, down = (np.zeros(target.shape, np.float32) for _ in range(2))
     across[:, 1:-1] = np.sqrt(((lab[:, 2:] - lab[:, :-2]) ** 2).sum(2))
     down[1:-1] = np.sqrt(((lab[2:] - lab[:-2]) ** 2).sum(2))
@@ -194,7 +193,7 @@ def translate(mask: BoolArray, by: tuple[int, int]) -> BoolArray:
 
 
 def clean_mask(mask: BoolArray, inside: BoolArray) -> BoolArray:
-    """The parts of a mask (H x W) that hold something of `inside`, holes of a few pixels closed."""
+    """The parts of a mask (H x W) that overlap `inside`, with small holes closed."""
     _, labels = cv2.connectedComponents(mask.astype(np.uint8), connectivity=8)
     mask = mask & np.isin(labels, np.unique(labels[inside & mask]))
     _, labels, stats, _ = cv2.connectedComponentsWithStats((~mask).astype(np.uint8), connectivity=4)

@@ -1,9 +1,8 @@
-"""A picture whose depth is estimated and clicks or a box in; masks of the object meant out. What stands out round the click
-leads.
+"""A picture with estimated depth and clicks or a box in; masks of the object out. A salient-object network leads.
 
-The network of `salient` finds what stands out in a picture; in windows round a click that is mostly the object clicked. It runs
-in two windows, and in the whole picture where those show nothing at the click or cut it off. Round a box it runs in three, and
-what stands out is taken where it fills the box. `rough` decides where nothing stands out, or something else than the box says.
+The network of `salient` runs in two windows round a click, and in the whole picture where those find nothing or cut the object
+off. Round a box it runs in three windows, and its region is taken where it fills the box. `rough` decides where the network
+finds nothing, or something that disagrees with the box.
 """
 
 from __future__ import annotations
@@ -33,33 +32,33 @@ from dlama.perception.masks.salient import SIDE, saliency
 WINDOWS = (0.75, 0.5)
 """Sides of the windows round a click, over the root of the picture's area."""
 CLICK_PX = 3
-"""A click means what stands out within so many pixels."""
+"""Radius in px in which a click selects a salient region."""
 LEAST_GAIN = 0.05
-"""The smaller window's mask is taken where it is surer by so much than the larger one's: the network is often sure of both."""
+"""Gain in confidence that the mask of each smaller window needs: the network is often confident of both."""
 DIFFERENT = 0.9
-"""Intersection over union up to which two masks are two readings of a click."""
+"""Largest intersection over union of two masks that are different readings of a click."""
 CUT_OFF = 0.2
-"""Share of a window's rim that a mask runs over, from which on the whole picture is asked, too."""
+"""Share of a window's border that a mask crosses, from which the whole picture is used, too."""
 
 BOX_WINDOWS = (1.25, 1.6, 2.2)
 """Sides of the windows round a box, over its longer side; SMALLEST_WINDOW px at least."""
 SMALLEST_WINDOW = 48
 FILLS = 0.75
-"""Intersection over union of a box and that of what stands out in it, from which on that is the object meant."""
+"""Least intersection over union of a box and its salient region for that to be the object."""
 
 Window = tuple[slice, slice]
 
 
 @dataclass(frozen=True, eq=False)
 class Reading:
-    """What a click may mean."""
+    """A possible object under a click."""
 
     mask: BoolArray
     """H x W."""
     cut: float
-    """Share of the window's rim that the mask runs over."""
+    """Share of the window's border that the mask crosses."""
     confidence: float
-    """How much stands out what is clicked, 0..1, less the share of the window's rim that the mask runs over."""
+    """Saliency at the click, 0..1, less `cut`."""
 
 
 class PhotoMasker:
@@ -90,7 +89,7 @@ class PhotoMasker:
         return name_masks(mask, others)
 
     def segment_box(self, prompt: Prompt) -> dict[str, BoolArray]:
-        """What stands out in the box where it fills that, next to what its colours cut out; clicks leave it to the colours."""
+        """The salient region where it fills the box, else the region that colours cut out; with clicks only the latter."""
         filling = None if prompt.clicks or prompt.not_clicks else self.salient_in_box(prompt.box_slices)
         if filling is None:
             return rough_candidates(self.rough, prompt)
@@ -101,7 +100,7 @@ class PhotoMasker:
         return name_masks(filling, others)
 
     def salient_in_box(self, box: Window) -> BoolArray | None:
-        """H x W: what stands out in a box by the mean of the windows round it; None where that does not fill FILLS of the box."""
+        """H x W, the salient region of a box, mean over the windows round it; None where it does not fill FILLS of the box."""
         hw = self.rough.w.shape
         sides = [side.indices(length)[:2] for side, length in zip(box, hw)]
         longest = max(stop - start for start, stop in sides)
@@ -122,7 +121,7 @@ class PhotoMasker:
         return inside if fill_enclosed(box, inside) >= FILLS else None
 
     def readings(self, pixel: Pixel) -> list[Reading]:
-        """What a click at (row, column) may mean; nothing where nothing stands out there."""
+        """Possible objects under a click at (row, column); empty without a salient region there."""
         if pixel not in self.known:
             hw = self.rough.w.shape
             sides = [round(share * float(np.sqrt(hw[0] * hw[1]))) for share in WINDOWS]
@@ -143,7 +142,7 @@ class PhotoMasker:
         ]
 
     def reading(self, pixel: Pixel, window: Window) -> Reading | None:
-        """What stands out in a window at a pixel of it and is connected; None where nothing does."""
+        """The connected salient region at a pixel of a window; None where there is none."""
         try:
             level = saliency(np.ascontiguousarray(self.rgbd.color[window]))
         except MaskError:
@@ -166,7 +165,7 @@ class PhotoMasker:
 
 
 def window_around(pixel: Pixel, side: int, hw: tuple[int, ...]) -> Window:
-    """Rows and columns of the square about a pixel, moved into the picture, no larger than that."""
+    """Rows and columns of the square about a pixel, shifted and clipped to the picture."""
     lengths = [min(side, length) for length in hw]
     starts = [int(np.clip(at - n / 2, 0, length - n)) for at, n, length in zip(pixel, lengths, hw)]
     return slice(starts[0], starts[0] + lengths[0]), slice(starts[1], starts[1] + lengths[1])
@@ -180,13 +179,13 @@ def fill_enclosed(box: Window, mask: BoolArray) -> float:
 
 
 def agreement(reading: Reading, clicks: list[Pixel], away: list[Pixel]) -> float:
-    """How well a reading agrees with all clicks: those on the object that it holds, less those next to it."""
+    """How well a reading agrees with all clicks: positive ones that it contains, less negative ones."""
     holds, wrong = (sum(bool(reading.mask[pixel]) for pixel in pixels) for pixels in (clicks, away))
     return reading.confidence + holds - wrong
 
 
 def refine_border(rgbd: RGBD, mask: BoolArray, window_hw: tuple[int, ...]) -> BoolArray:
-    """The mask with its border cut along colours where a pixel of the network is several of the picture's; thin parts stay."""
+    """The mask with its border cut along colours, where one network pixel covers several picture pixels; thin parts stay."""
     reach = round(max(window_hw) / SIDE)
     if reach < 2:
         return mask
@@ -196,7 +195,7 @@ def refine_border(rgbd: RGBD, mask: BoolArray, window_hw: tuple[int, ...]) -> Bo
 
 
 def exclude_clicks(color: UInt8Array, mask: BoolArray, prompt: Prompt) -> BoolArray:
-    """The mask cut anew along the picture's colours, without what clicks next to the object mean."""
+    """The mask cut again along the picture's colours, without the regions of negative clicks."""
     state = np.full(mask.shape, cv2.GC_BGD, np.uint8)
     state[mask] = cv2.GC_PR_FGD
     found = run_grabcut(color, with_seeds(state, prompt))
@@ -204,7 +203,7 @@ def exclude_clicks(color: UInt8Array, mask: BoolArray, prompt: Prompt) -> BoolAr
 
 
 def name_masks(mask: BoolArray, others: list[BoolArray]) -> dict[str, BoolArray]:
-    """The mask as `target`, and other readings that differ from it: a smaller one as `part`, a larger one as `group`."""
+    """The mask as `object`, and other readings that differ from it: a smaller one as `part`, a larger one as `group`."""
     out = {"object": mask}
     for other in others:
         if (mask & other).sum() < DIFFERENT * (mask | other).sum():

@@ -1,4 +1,4 @@
-"""Pieces of a picture that are connected, and some of them, in; those that are one object with them out."""
+"""Connected pieces of a picture, and some of them, in; the pieces that form one object with them out."""
 
 from __future__ import annotations
 
@@ -14,70 +14,70 @@ from dlama.geometry.rgbd import BoolArray, Float32Array, UInt8Array
 from dlama.perception.masks.prompt import Pixel
 
 OBJECT_GAP = 0.15
-"""Share of depth up to which pieces that touch in the picture are one object: a lamp's shade hangs before its pole."""
+"""Largest relative depth difference of touching pieces of one object: a lamp's shade hangs before its pole."""
 SIZE_GAP = 0.15
-"""It may be this share of the size of what was clicked, too: the lid of a large bin lies far behind its front."""
+"""The difference may also be this share of the object's size: the lid of a large bin lies far behind its front."""
 GROUP_GAP = 0.3
 """The same for a group of objects."""
 TOUCHING_PX = 3
 LARGER = 3.0
-"""A piece that is so many times larger than what was clicked, and covers LARGE_SHARE, is another object."""
+"""A piece so many times larger than the clicked one, which also covers LARGE_SHARE, is another object."""
 LARGE_SHARE = 0.05
 MOSTLY = 0.5
-"""Share of the border between two pieces of one object where their depths are that near: before a bed stands a stool, which
-touches it at its foot alone."""
+"""Share of the common border with similar depths that joins two pieces. A stool before a bed touches it at its ground contact
+alone."""
 SOME_COLOR = 0.15
-"""Share of colours that two pieces have in common, from which on less of the border will do,"""
+"""Common colours of two pieces from which a smaller share of the border is enough,"""
 SAME_COLOR = 0.25
-"""and from which on a smaller piece farther behind belongs to the object (the hind leg of a chair),"""
+"""and from which a smaller piece farther behind belongs to the object (the hind leg of a chair),"""
 SMALLER = 0.25
-"""if it has no more than this share of its pixels,"""
+"""if it has at most this share of the object's pixels,"""
 BEHIND_SIZE = 0.4
-"""and is behind it by no more than this share of its size."""
+"""and lies behind it by at most this share of its size."""
 CRACK_COLOR = 0.5
-"""Colours in common of two pieces next to a crack: the leaves of a folding screen,"""
+"""Common colours of two pieces on both sides of a crack: the leaves of a folding screen."""
 CRACK_SIZE = 0.05
-"""which is no wider than this share of their size,"""
+"""Largest width of a crack, over the size of the pieces,"""
 CRACK_SHARE = 1 / 64
-"""and than this share of the picture's longer side,"""
+"""and over the picture's longer side,"""
 CRACK_LENGTH = 0.25
-"""and as long as this share of the piece's longer side. Or one stands over the other: nothing else holds what ends in the air,"""
+"""and its least length over the piece's longer side. Or one piece stands over the other: nothing else supports it,"""
 OVER = 0.5
-"""and this share of the narrower one's columns are the other's, too: the parts of a statue."""
+"""if this share of the narrower one's columns are common: the parts of a statue."""
 SMALL_SHARE = 0.05
-"""A piece that has less than this share of the object's pixels may touch it anywhere (a spoke before the ground),"""
-"""or lie within its outline, as near as its nearest pixel by the gap: dashes of a spoke that is thinner than a pixel."""
+"""A piece with less than this share of the object's pixels may touch it anywhere (a spoke before the ground),"""
+"""or lie within its outline at a similar depth: fragments of a spoke thinner than a pixel."""
 LEAST_PX = 40
 """A piece with fewer pixels has no colours of its own."""
 
 
 @dataclass(frozen=True, eq=False)
 class Pieces:
-    """The picture without its supporting surfaces, in pieces that are connected."""
+    """The picture without its supporting planes, in connected pieces."""
 
     depth: Float32Array
     free: BoolArray
-    """H x W, True where an object may be: depth is valid, and no supporting plane."""
+    """H x W, True where depth is valid and on no supporting plane."""
     label: NDArray[np.int32]
-    """H x W: pixels of one piece have one number; of no meaning where not free."""
+    """H x W number of each pixel's piece; undefined where not free."""
     support: BoolArray
-    """H x W, True on planes that objects stand on or before."""
+    """H x W, True on supporting planes."""
     bins: NDArray[np.int32]
-    """H x W: coarse colour of each pixel, as `color_bins` gives it."""
+    """H x W coarse colour, see `color_bins`."""
     focal: float
     """px."""
 
     def at(self, pixel: Pixel) -> BoolArray:
-        """H x W, True on the piece at a pixel; nowhere if none is there."""
+        """H x W, True on the piece at a pixel; all False where there is none."""
         return self.free & (self.label == self.label[pixel]) & bool(self.free[pixel])
 
     def size_of(self, where: BoolArray) -> float:
-        """Diagonal in metres of a region (H x W), as if it stood upright."""
+        """Diagonal in metres of a region (H x W), as if it were upright."""
         rows, columns = np.nonzero(where)
         return float(np.median(self.depth[where]) / self.focal * np.hypot(np.ptp(rows), np.ptp(columns)))
 
     def common_color(self, one: BoolArray, other: BoolArray) -> float:
-        """Share of colours (0..1) that two regions have in common: intersection of histograms (Swain & Ballard 1991)."""
+        """Common share (0..1) of the colours of two regions: intersection of histograms (Swain & Ballard 1991)."""
         shares = [np.bincount(self.bins[where], minlength=BINS) / max(int(where.sum()), 1) for where in (one, other)]
         return float(np.minimum(*shares).sum())
 
@@ -92,9 +92,9 @@ def color_bins(color: UInt8Array) -> NDArray[np.int32]:
 
 
 def merge_pieces(pieces: Pieces, start: BoolArray, gap: float, barred: set[int]) -> BoolArray:
-    """`start` and all pieces that belong to it, and those that belong to these, and so on. gap 0: `start` alone.
+    """`start` and, repeatedly, all pieces that belong to it. gap 0: `start` alone.
 
-    gap: share of depth by which pieces that touch in the picture may differ. barred: numbers of pieces that do not belong to it.
+    gap: largest relative depth difference of touching pieces. barred: numbers of pieces to leave out.
     """
     target, size = start.copy(), pieces.size_of(start)
     sizes = np.bincount(pieces.label[pieces.free], minlength=target.size)
@@ -110,9 +110,9 @@ def merge_pieces(pieces: Pieces, start: BoolArray, gap: float, barred: set[int])
 def find_belonging(
     pieces: Pieces, target: BoolArray, gap: float, size: float, sizes: NDArray[np.int64]
 ) -> Iterator[int]:
-    """Numbers of the pieces that are one object with `target` (H x W): they touch it, stand close behind it, or next to a crack.
+    """Numbers of the pieces that form one object with `target` (H x W): they touch it, lie close behind it, or across a crack.
 
-    size: metres of what was clicked. sizes: pixels of each piece.
+    size: metres, of the clicked piece. sizes: pixels of each piece.
     """
     reach = max(TOUCHING_PX, round(CRACK_SHARE * max(target.shape)))
     distance, nearest = nearest_known(target)
@@ -150,7 +150,7 @@ def find_belonging(
 
 
 def is_within_gap(step: Float32Array, size: float) -> bool:
-    """Whether the least of some steps in depth, m, is within what is one object's."""
+    """Whether the smallest of some depth steps (m) is small enough within one object."""
     return bool(step.min() <= BEHIND_SIZE * size)
 
 
@@ -166,9 +166,9 @@ def is_stacked(one: BoolArray, other: BoolArray) -> bool:
 def find_enclosed(
     pieces: Pieces, target: BoolArray, gap: float, sizes: NDArray[np.int64], nearest: NDArray[np.int64]
 ) -> list[int]:
-    """Numbers of the small pieces that lie wholly within the outline of `target` (H x W) and are as near.
+    """Numbers of the small pieces within the outline of `target` (H x W) at its depth.
 
-    sizes: pixels of each piece. nearest: H x W, which pixel of the object is nearest, counted row by row.
+    sizes: pixels of each piece. nearest: H x W flat index of the nearest pixel of the object.
     """
     pixels = np.flatnonzero(fill_outline(target) & pieces.free & ~target)
     labels, depth = pieces.label.ravel()[pixels], pieces.depth.ravel()
@@ -179,12 +179,12 @@ def find_enclosed(
 
 
 def fill_outline(where: BoolArray) -> BoolArray:
-    """A region (H x W) with its holes."""
+    """A region (H x W) with its holes filled."""
     outlines, _ = cv2.findContours(where.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
     return np.asarray(cv2.drawContours(np.zeros(where.shape, np.uint8), outlines, -1, 1, cv2.FILLED) > 0)
 
 
 def longer_side(where: BoolArray) -> int:
-    """Pixels of the longer side of the box round a region."""
+    """Longer side in px of the bounding box of a region."""
     rows, columns = np.nonzero(where)
     return int(max(np.ptp(rows), np.ptp(columns))) + 1

@@ -1,4 +1,4 @@
-"""Clicks and a box as a user gives them in; the same checked against the picture out."""
+"""Clicks and a box of a user in; the same, checked against the picture's size, out."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ Box = tuple[float, float, float, float]
 
 @dataclass(frozen=True)
 class Prompt:
-    """What a user points at in a picture of a certain size; raises InputError for what lies outside it."""
+    """Clicks and a box in a picture of a certain size; raises InputError for what lies outside it."""
 
     hw: tuple[int, int]
     """Height and width of the picture."""
     clicks: tuple[Point, ...] = ()
     """On the object."""
     not_clicks: tuple[Point, ...] = ()
-    """Beside the object."""
+    """On the background."""
     box: Box | None = None
     """Round the object."""
 

@@ -30,29 +30,29 @@ from dlama.perception.masks.supports import Planes, find_planes_of_picture, find
 from dlama.perception.planes import noise_level
 
 REACH_PX = 2
-"""Pixels this far apart may be one piece: a spoke drawn one pixel wide has gaps."""
+"""Largest distance in px within one piece: a spoke one pixel wide has gaps."""
 STEP = 0.01
-"""Share of its depth by which neighbouring pixels of one piece may differ,"""
+"""Largest relative depth difference of neighbouring pixels of one piece,"""
 SLOPE = 4.0
-"""and this much more for each metre that the two pixels are apart: a surface seen at 76 degrees."""
+"""and its growth per metre between the two pixels: a surface seen at 76 degrees."""
 NOISE_STEP = 4.0
-"""The same in standard deviations of the noise."""
+"""The same, in standard deviations of the noise."""
 SNAP_PX = 6
-"""A click next to a thin object means the nearest pixel of an object within so many px."""
+"""Radius in px in which a click finds the nearest piece: thin objects are hard to hit."""
 PATCH = 3.0
-"""A correction reaches so many times as far as the click is from the border of the mask."""
+"""Reach of a negative click, in multiples of its distance from the mask's border."""
 BARRED = 0.5
-"""A click next to the object takes its whole piece away where that is less than this share of the object; else what is near."""
+"""A negative click removes its whole piece if that is less than this share of the object, else its surroundings."""
 ROUGH = "found in estimated depth, which is rough: look at the mask, or give depth"
 NOISY = "found in noisy depth: look at the mask"
 MOST_NOISE = 0.02
-"""Standard deviation of inverse depth over its median, from which on the picture leads."""
+"""Relative noise of inverse depth from which the picture leads, not depth."""
 IN_BOX = 0.7
-"""Share of a piece that a box must hold if the piece is to be a part of the object."""
+"""Least share of a piece inside the box for it to belong to the object."""
 
 
 def rgbd_masker(rgbd: RGBD, model: None) -> Callable[[Prompt], tuple[dict[str, BoolArray], tuple[str, ...]]]:
-    """The masker of one picture: its planes are found once. Where its depth was estimated or is noisy the picture leads."""
+    """The masker of one picture; its planes are found once. With estimated or noisy depth the picture leads."""
     if rgbd.estimate is not None:
         photo = PhotoMasker(rgbd, rough_depth(rgbd))
         return lambda prompt: (photo.candidates(prompt), (ROUGH,))
@@ -65,7 +65,7 @@ def rgbd_masker(rgbd: RGBD, model: None) -> Callable[[Prompt], tuple[dict[str, B
 
 
 def is_noisy(rgbd: RGBD) -> bool:
-    """True where surfaces are so uneven, as stereo matching leaves them, that pieces do not are connected."""
+    """True where surfaces are so uneven, as in stereo matching, that pieces are not connected."""
     if not rgbd.valid.any():
         return False
     w = inverse_depth(rgbd.depth)
@@ -77,8 +77,8 @@ def rgbd_candidates(
 ) -> tuple[dict[str, BoolArray], tuple[str, ...]]:
     """H x W masks by name (part, object, group; those that differ), and notes.
 
-    edge_offset: px by which depth edges lie off those of the picture; 0: they do not.
-    Raises MaskError where nothing that stands apart is meant: the sky, the ground, missing depth.
+    edge_offset: misalignment of depth edges with the picture, px; 0: aligned. Raises MaskError where no object is found: on
+    sky, ground, missing depth.
     """
     if not prompt.clicks:
         return segment_box(rgbd, found, prompt, edge_offset), ()
@@ -108,9 +108,9 @@ def rgbd_candidates(
 
 
 def split_clicks(rgbd: RGBD, found: Planes, prompt: Prompt) -> tuple[list[Pixel], list[Pixel], BoolArray]:
-    """The clicks on objects, those on a supporting plane, which only add to an object, and H x W where such planes are.
+    """Clicks on objects; clicks on supporting planes, which only add to an object; and H x W, the supporting planes.
 
-    The first click on an object says which planes support it. MaskError where no click is on an object.
+    The first click on an object decides which planes support it. MaskError where no click is on an object.
     """
     clicks = Prompt.pixels(prompt.clicks)
     if not rgbd.valid.any():
@@ -144,7 +144,7 @@ def has_near(free: BoolArray, pixel: Pixel) -> bool:
 
 
 def find_pieces(rgbd: RGBD, support: BoolArray, noise: float) -> Pieces:
-    """What is left without the supporting planes, in pieces."""
+    """The connected pieces that remain without the supporting planes."""
     free = rgbd.valid & ~support
     reach = range(-REACH_PX, REACH_PX + 1)
     near = [(r, c) for r in range(REACH_PX + 1) for c in reach if (r, c) > (0, 0) and r * r + c * c <= REACH_PX**2 + 1]
@@ -159,7 +159,7 @@ def find_pieces(rgbd: RGBD, support: BoolArray, noise: float) -> Pieces:
 
 
 def snap_to_piece(pieces: Pieces, seed: Pixel) -> Pixel:
-    """The pixel itself if a piece is there, else the nearest of one; raises MaskError where none is near."""
+    """The pixel itself if it lies on a piece, else the nearest pixel of one; MaskError where none is near."""
     if pieces.free[seed]:
         return seed
     distance, nearest = nearest_known(pieces.free)
@@ -182,7 +182,7 @@ def finish_mask(
     edge_offset: int = 0,
     corrected: CorrectedMask | None = None,
 ) -> BoolArray:
-    """The mask with its border on the picture's edges, without what is nearer to a click next to it."""
+    """The mask with its border on the picture's edges, without the regions of negative clicks."""
     included, excluded = (np.zeros(mask.shape, np.bool_) for _ in range(2))
     for pixel in clicks:
         included[pixel] = True
@@ -202,9 +202,9 @@ def finish_mask(
 
 
 def pixels_of_negative_click(rgbd: RGBD, mask: BoolArray, pixel: Pixel, against: BoolArray) -> BoolArray:
-    """What belongs to a click next to the mask: the pixels outside it that are nearer to the click than to their surroundings.
+    """The region of a negative click: pixels geodesically closer to it than to their surroundings.
 
-    How far it may reach follows from how far from the mask the click is: a correction changes what is about it, no more.
+    Its reach grows with the click's distance from the mask: a correction is local.
     """
     away = float(nearest_known(mask)[0][pixel]) if mask.any() else 20.0
     reach = int(min(PATCH * away + 2, max(mask.shape) / 4))
@@ -220,7 +220,7 @@ def pixels_of_negative_click(rgbd: RGBD, mask: BoolArray, pixel: Pixel, against:
 
 
 def segment_box(rgbd: RGBD, found: Planes, prompt: Prompt, edge_offset: int) -> dict[str, BoolArray]:
-    """The object in a box: the pieces that the box holds almost whole, as far as they touch the largest of them."""
+    """The object in a box: pieces almost wholly inside it that connect to the largest of them."""
     inside = prompt.inside
     pieces = find_pieces(rgbd, find_supports(found, [], inside), found.noise)
     label = np.where(pieces.free, pieces.label, 0).ravel()
@@ -245,7 +245,7 @@ def segment_box(rgbd: RGBD, found: Planes, prompt: Prompt, edge_offset: int) -> 
 
 
 def drop_duplicates(masks: dict[str, BoolArray]) -> dict[str, BoolArray]:
-    """Those that differ from the ones before by 1 % of their pixels or more; `target` comes first."""
+    """Masks that differ from earlier ones by at least 1 % of their pixels; `object` comes first."""
     out: dict[str, BoolArray] = {}
     for name, mask in masks.items():
         if all((mask ^ other).sum() > 0.01 * (mask | other).sum() for other in out.values()):

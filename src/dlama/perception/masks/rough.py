@@ -1,8 +1,8 @@
-"""A picture with estimated or noisy depth and clicks or a box in; the mask of the object meant out. The picture leads.
+"""A picture with estimated or noisy depth and clicks or a box in; the mask of the object out. The picture leads.
 
-A network's depth is right in its large forms only: objects are bumps without edges, and the ground bends; matched depth is
-uneven. So depth gives the window and the first guess (what is as near as the click and no ground), and GrabCut (Rother et al.
-2004) cuts along the picture's colours.
+Estimated depth is right in its large forms only: objects have no edges, and the ground bends; matched depth is uneven. So depth
+gives the window and the first guess (as near as the click, and no ground). GrabCut (Rother et al. 2004) then cuts along
+colours.
 """
 
 from __future__ import annotations
@@ -21,51 +21,51 @@ from dlama.perception.masks.supports import ESTIMATED_NOISE
 from dlama.perception.planes import find_planes, plane_values
 
 AS_NEAR = 0.1
-"""Share by which inverse depth may differ from that at the click in the first guess."""
+"""Largest relative difference of inverse depth from the click's in the first guess."""
 ON_GROUND = 0.06
-"""Share by which inverse depth may differ from the ground's plane where it rises a little towards the camera (SLOPE_ON),"""
+"""Largest relative difference from the ground plane where depth rises a little towards the camera (SLOPE_ON),"""
 ABOUT_GROUND = 0.35
-"""and where it does so nearly as steeply as the plane (SLOPE_ABOUT): the estimated ground bends."""
+"""and where it rises nearly as steeply as the plane (SLOPE_ABOUT): estimated ground bends."""
 SLOPE_ON, SLOPE_ABOUT = 0.3, 0.6
 COLOR_STEP = 8.0
-"""CIELAB units (lightness: twice) up to which what is connected with the click has its colour."""
+"""Largest difference in CIELAB units (lightness: twice) of a connected region of the click's colour."""
 LARGEST_COLOR = 0.1
-"""Share of the picture from which such a region says nothing of the object."""
+"""Largest share of the picture of such a region; larger ones are ignored."""
 SEED_PX = 3
 """Radius of a click."""
 NOTHING = 8.0
-"""A mask of fewer pixels than this for each click, times the square of SEED_PX, is the clicks alone."""
+"""A mask with fewer pixels than this times the clicks times SEED_PX squared holds the clicks alone."""
 SMALLEST_SIDE = 0.06
-"""Of the window, over the picture's height."""
+"""Least side of the window, over the picture's height."""
 MARGIN = 0.25
-"""The window is so much larger than the first guess, on each side, over its longer side;"""
+"""Margin of the window on each side of the first guess, over its longer side."""
 SURROUNDINGS = 0.6
-"""and so far beyond it the colours of what is no object are learnt."""
+"""Margin beyond the window in which background colours are learnt."""
 ROUNDS = 5
 """Of GrabCut."""
 BACKGROUND = 0.5
-"""Share of the picture and of its upper rim, from which on what a click finds is no object."""
+"""Share of the picture and of its upper border from which a region is background."""
 
 ALL_GROUND = 0.8
-"""Share of a mask on the ground, from which on it is the ground itself where it runs along the picture's lower rim."""
+"""Share of ground in a mask from which it is the ground itself, if it runs along the picture's lower border."""
 
 
 @dataclass(frozen=True, eq=False)
 class RoughDepth:
-    """A picture, its inverse depth, and where that is the ground."""
+    """A picture, its inverse depth, and where the ground is."""
 
     color: UInt8Array
     w: Float32Array
     """H x W inverse depth, 0 where far."""
     ground: BoolArray
     ground_w: Float32Array | None
-    """H x W inverse depth of the ground's plane; None: no ground was found."""
+    """H x W inverse depth of the ground plane; None: no ground was found."""
     far: BoolArray
     """H x W, True on the sky."""
 
 
 def rough_depth(rgbd: RGBD) -> RoughDepth:
-    """The ground is the plane that holds most of the picture's lower half and rises towards the camera."""
+    """Depth made ready for GrabCut. The ground is the plane with most pixels of the lower half that rises towards the camera."""
     w, valid = inverse_depth(rgbd.depth), rgbd.valid
     if not valid.any():
         raise MaskError("depth is missing or far everywhere, so no object stands apart; depth with values is expected")
@@ -90,11 +90,11 @@ def rough_depth(rgbd: RGBD) -> RoughDepth:
 
 
 def rough_candidates(rough: RoughDepth, prompt: Prompt) -> dict[str, BoolArray]:
-    """The H x W mask as `target`. Raises MaskError where nothing is cut out, or the sky is clicked."""
+    """The H x W mask as `object`. MaskError where nothing is found, or the sky is clicked."""
     if prompt.clicks and all(rough.far[pixel] for pixel in Prompt.pixels(prompt.clicks)):
         row, column = Prompt.pixels(prompt.clicks)[0]
         raise MaskError(
-            f"clicks holds {column},{row}, which lies on the sky: nothing stands apart there; click on a thing"
+            f"clicks holds {column},{row}, which lies on the sky: nothing stands apart there; click on an object"
         )
     state = np.full(prompt.hw, cv2.GC_BGD, np.uint8)
     if prompt.box is not None:
@@ -125,7 +125,7 @@ def rough_candidates(rough: RoughDepth, prompt: Prompt) -> dict[str, BoolArray]:
 
 
 def mark_clicks(state: UInt8Array, prompt: Prompt) -> UInt8Array:
-    """GrabCut's codes (H x W, changed) with the clicks in them."""
+    """GrabCut's codes (H x W, changed in place) with the clicks marked."""
     for points, kind in ((prompt.clicks, cv2.GC_FGD), (prompt.not_clicks, cv2.GC_BGD)):
         for row, column in Prompt.pixels(points):
             cv2.circle(state, (column, row), SEED_PX, int(kind), -1)
@@ -133,7 +133,7 @@ def mark_clicks(state: UInt8Array, prompt: Prompt) -> UInt8Array:
 
 
 def refuse_background(mask: BoolArray, prompt: Prompt) -> None:
-    """MaskError where what the clicks find is half of the picture and of its upper rim."""
+    """MaskError where the region covers half of the picture and of its upper border."""
     if mask.mean() > BACKGROUND and mask[0].mean() > BACKGROUND:
         row, column = Prompt.pixels(prompt.clicks)[0]
         raise MaskError(
@@ -143,7 +143,7 @@ def refuse_background(mask: BoolArray, prompt: Prompt) -> None:
 
 
 def refuse_ground(rough: RoughDepth, mask: BoolArray, prompt: Prompt) -> None:
-    """MaskError where what the clicks find is ground, and runs along most of the picture's lower rim."""
+    """MaskError where the region is ground and runs along most of the picture's lower border."""
     if rough.ground[mask].mean() > ALL_GROUND and mask[-1].mean() > BACKGROUND:
         row, column = Prompt.pixels(prompt.clicks)[0]
         raise MaskError(
@@ -153,7 +153,7 @@ def refuse_ground(rough: RoughDepth, mask: BoolArray, prompt: Prompt) -> None:
 
 
 def first_guess(rough: RoughDepth, pixel: tuple[int, int]) -> BoolArray:
-    """H x W, True on what is connected with a click at (row, column) and is as near, or of its colour."""
+    """H x W, True on the region connected with a click at (row, column) that has its depth, or its colour."""
     row, column = pixel
     around = slice(max(row - 2, 0), row + 3), slice(max(column - 2, 0), column + 3)
     here = float(np.median(rough.w[around]))
@@ -167,7 +167,7 @@ def first_guess(rough: RoughDepth, pixel: tuple[int, int]) -> BoolArray:
 
 
 def color_region(color: UInt8Array, pixel: tuple[int, int]) -> BoolArray:
-    """H x W, True on what is connected with a pixel (row, column) and has its colour."""
+    """H x W, True on the region connected with a pixel (row, column) that has its colour."""
     lab = cv2.cvtColor(cv2.GaussianBlur(color, (0, 0), 1.0), cv2.COLOR_RGB2LAB)
     found = np.zeros((color.shape[0] + 2, color.shape[1] + 2), np.uint8)
     allowed = (2 * COLOR_STEP, COLOR_STEP, COLOR_STEP)
@@ -177,7 +177,7 @@ def color_region(color: UInt8Array, pixel: tuple[int, int]) -> BoolArray:
 
 
 def find_window(rough: RoughDepth, guess: BoolArray, pixel: tuple[int, int]) -> tuple[slice, slice]:
-    """Rows and columns in which the object lies: of the guess, down to where the ground is as near as the click, and a margin."""
+    """Rows and columns of the object's window: the guess, down to where the ground is as near as the click, and a margin."""
     rows, columns = np.flatnonzero(guess.any(1)), np.flatnonzero(guess.any(0))
     height = guess.shape[0]
     last = int(rows[-1])
@@ -193,7 +193,7 @@ def find_window(rough: RoughDepth, guess: BoolArray, pixel: tuple[int, int]) -> 
 
 
 def run_grabcut(color: UInt8Array, state: UInt8Array) -> BoolArray:
-    """H x W, True on the object by GrabCut from its codes (state, uint8 H x W); colours are learnt in the surroundings only."""
+    """H x W, True on the object, by GrabCut from its codes (state, uint8 H x W); colours are learnt in the surroundings only."""
     asked = state != cv2.GC_BGD
     sides = [int(np.ptp(np.flatnonzero(asked.any(axis)))) for axis in (1, 0)]
     box = box_around(asked, int(SURROUNDINGS * max(sides)) + 10)
@@ -209,7 +209,7 @@ def run_grabcut(color: UInt8Array, state: UInt8Array) -> BoolArray:
 
 
 def keep_clicked_parts(mask: BoolArray, prompt: Prompt) -> BoolArray:
-    """The pieces of the mask that hold a click, gaps of a pixel closed; nothing at clicks next to the object."""
+    """The pieces of the mask that contain a click, with gaps of a pixel closed; without negative clicks."""
     _, labels = cv2.connectedComponents(morphological_close(mask, square(3)).astype(np.uint8), connectivity=8)
     numbers = {int(labels[pixel]) for pixel in Prompt.pixels(prompt.clicks)} - {0}
     out = np.isin(labels, list(numbers))

@@ -1,9 +1,9 @@
-"""A mask of a depth camera's depth and the picture in; the mask put right by what stands out in the picture round it, out.
+"""A mask found in a depth camera's depth in; the mask corrected by a salient-object network out.
 
-The network of `salient` runs in a window about what depth found. Where both show one object, each surface that mostly lies in
-what stands out belongs to it (the seat of a chair, which depth alone takes for a support), and one that mostly does not is
-another object (a table that touches the chair in the picture). Where depth hardly steps along the outline, as of a book that
-leans on a wall, what stands out about the click is asked alone.
+The network of `salient` runs in a window about the mask. Where both show one object, each surface mostly inside the salient
+region belongs to it (the seat of a chair, which depth alone takes for a support). Surfaces mostly outside belong to another
+object (a table that touches the chair in the picture). Where depth hardly steps along the outline, as of a book against a wall,
+the salient region at the click decides alone.
 """
 
 from __future__ import annotations
@@ -27,52 +27,52 @@ from dlama.perception.masks.salient import saliency
 from dlama.perception.masks.supports import Planes
 
 WINDOW = 1.8
-"""Side of the window about what depth found, over its longer side; SMALLEST_WINDOW px at least."""
+"""Side of the window about the mask, over its longer side; SMALLEST_WINDOW px at least."""
 SMALLEST_WINDOW = 64
 CLICK_WINDOWS = (0.5, 0.25)
 """Sides of windows about a click alone, over the root of the picture's area."""
 CLICK_PX = 3
-"""A click means what stands out within so many pixels."""
+"""Radius in px in which a click selects a salient region."""
 BELONGS, OTHER = 0.6, 0.35
-"""Share of a surface in what stands out, from which on it belongs to the object, and up to which it does not."""
+"""Salient share of a surface from which it belongs to the object, and up to which it does not,"""
 THIN_PX = 6
-"""if it is wider than twice this: thin legs do not stand out."""
+"""if it is wider than twice this: thin legs are not salient."""
 SAME_OBJECT = 0.7
-"""Intersection over union of what stands out and of its surfaces, from which on both show one object."""
+"""Least intersection over union of the salient region and its surfaces for both to show one object."""
 APART = 4
 FLAT = 0.025
-"""Median relative step of depth along an outline, below which depth does not say where the object ends."""
+"""Median relative depth step along an outline below which depth does not define the object's border."""
 CONFIDENT, CUT_OFF = 0.9, 0.02
-"""What stands out about a click alone is taken from this level on, and if it runs over no more than this share of its rim."""
+"""Least saliency of a region at a click alone, and largest share of the window's border that it may cross."""
 EVEN, EVEN_PX, CONVEX = (0.005, 0.12), 9, 0.8
-"""A region of one colour, without what is narrower than so many px, is an object if it covers this share of the picture
-(from, to) and of its convex hull."""
+"""A region of one colour, without parts narrower than EVEN_PX, is an object if it covers this share of the picture (from, to)
+and of its convex hull."""
 
 
 @dataclass(frozen=True, eq=False)
 class SalientObject:
-    """What stands out in a window at the clicks."""
+    """The salient region of a window at the clicks."""
 
     level: Float32Array
     """H x W, 0..1; 0 outside the window."""
     part: BoolArray
-    """H x W, True where that is more than half and is connected with a click."""
+    """H x W, True where saliency exceeds one half and is connected with a click."""
     cut: float
-    """Share of the window's rim, where that is not the picture's, that the part runs over."""
+    """Share of the window's border, inside the picture, that the region crosses."""
 
 
 @dataclass(frozen=True, eq=False)
 class CorrectedMask:
-    """What depth and the picture say together."""
+    """A mask from depth and saliency."""
 
     target: BoolArray
     """H x W."""
     shown: SalientObject | None
-    """What stands out, where both show one object."""
+    """The salient region, where both show one object."""
 
 
 def correct_by_saliency(rgbd: RGBD, found: Planes, pieces: Pieces, target: BoolArray, prompt: Prompt) -> CorrectedMask:
-    """What depth found (H x W), put right by what stands out round it; as it is where that shows something else."""
+    """The mask of depth (H x W), corrected by the salient region; unchanged where that shows something else."""
     shown = find_salient(rgbd.color, square_around_mask(target), prompt)
     best, agreed = (target, 0.0) if shown is None else select_surfaces(rgbd, found, pieces, target, shown)
     if agreed >= SAME_OBJECT:
@@ -90,10 +90,11 @@ def correct_by_saliency(rgbd: RGBD, found: Planes, pieces: Pieces, target: BoolA
 def find_uncertain_pixels(
     rgbd: RGBD, found: Planes, support: BoolArray, mask: BoolArray, edge_offset: int, corrected: CorrectedMask | None
 ) -> Doubt:
-    """What depth leaves open about a mask (H x W): pixels without depth near it, and its foot; more of both where it stands out.
+    """Where depth is ambiguous about a mask (H x W): missing pixels near it and possible ground contact; more of both where
+    salient.
 
-    support: H x W, True on planes that objects stand on. edge_offset: px by which depth edges lie off the picture's.
-    corrected: what stands out there; None: it was not asked.
+    support: H x W, True on supporting planes. edge_offset: misalignment of depth edges with the picture, px. corrected: result
+    of `correct_by_saliency`; None: it did not run.
     """
     box = box_around(mask, 2 * max(CONTACT_PX, HOLE_PX) + 2)
     near = dataclasses.replace(found, w=found.w[box], label=found.label[box])
@@ -108,7 +109,7 @@ def find_uncertain_pixels(
 
 
 def find_salient_at_click(color: UInt8Array, prompt: Prompt) -> SalientObject | None:
-    """What surely stands out in a window about the first click and is not cut off by it."""
+    """A region of high saliency in a window about the first click that the window does not cut off."""
     height, width = color.shape[:2]
     for share in CLICK_WINDOWS:
         side = round(share * float(np.sqrt(height * width)))
@@ -120,7 +121,7 @@ def find_salient_at_click(color: UInt8Array, prompt: Prompt) -> SalientObject | 
 
 
 def uniform_region(color: UInt8Array, pixel: Pixel) -> BoolArray | None:
-    """H x W, what is connected with a pixel by its colour, if that has the shape of an object: a dark screen, a door."""
+    """H x W, the connected region of a pixel's colour, if it has the shape of an object: a dark screen, a door."""
     _, labels = cv2.connectedComponents(
         morphological_open(color_region(color, pixel), square(EVEN_PX)).astype(np.uint8)
     )
@@ -142,10 +143,10 @@ def overlap(one: BoolArray, other: BoolArray) -> float:
 def select_surfaces(
     rgbd: RGBD, found: Planes, pieces: Pieces, target: BoolArray, shown: SalientObject
 ) -> tuple[BoolArray, float]:
-    """H x W: the surfaces that belong to what stands out, and how well they agree with it, 0..1, but for missing depth near by.
+    """H x W, the surfaces that belong to the salient region; and their agreement with it, 0..1, without missing depth near by.
 
-    A surface that depth left out must be as near as the object next to it, and a plane's must hold most of the plane: what is
-    seen through a chair's back is no part of it.
+    A surface that depth left out must be as near as the object next to it. Of a plane most must be salient: what is seen
+    through a chair's back is no part of it.
     """
     number = number_surfaces(found, pieces)
     count = int(number.max()) + 1
@@ -168,7 +169,7 @@ def select_surfaces(
 
 
 def number_surfaces(found: Planes, pieces: Pieces) -> NDArray[np.int32]:
-    """H x W: pixels of one surface have one number: parts of planes that are connected, and pieces on no plane."""
+    """H x W number of each pixel's surface: connected parts of planes, and pieces on no plane."""
     out, first = np.zeros(pieces.depth.shape, np.int32), 1
     for plane in range(1, len(found.planes) + 1):
         count, labels = cv2.connectedComponents((found.label == plane).astype(np.uint8), connectivity=4)
@@ -209,7 +210,7 @@ def square_around_pixel(pixel: Pixel, side: int, hw: tuple[int, ...]) -> tuple[s
 
 
 def find_salient(color: UInt8Array, window: tuple[slice, slice], prompt: Prompt) -> SalientObject | None:
-    """What stands out in a window at the clicks; None where nothing does, or a click next to the object stands out with it."""
+    """The salient region of a window at the clicks; None where there is none, or where it contains a negative click."""
     try:
         within = saliency(np.ascontiguousarray(color[window]))
     except MaskError:
@@ -232,7 +233,7 @@ def find_salient(color: UInt8Array, window: tuple[slice, slice], prompt: Prompt)
 
 
 def rim_share(mask: BoolArray, window: tuple[slice, slice]) -> float:
-    """Pixels at which a mask runs over the window's rim, where that is not the picture's, over the window's longer side."""
+    """Border pixels of the window, inside the picture, that a mask crosses, over the window's longer side."""
     part, (rows, columns) = mask[window], window
     sides = (
         (rows.start > 0, part[0]),

@@ -1,7 +1,7 @@
-"""A picture in; the mask of what stands out in it out, by U2-Net-p (Qin et al. 2020), which ships in the package. No prompt.
+"""A picture in; the mask of its salient object out, by U2-Net-p (Qin et al. 2020), which ships in the package. No prompt.
 
-The network's contract: input 1 x 3 x 320 x 320, RGB over the picture's largest value, ImageNet's mean and deviation; its first
-output is 1 x 1 x 320 x 320, high on the object, stretched to 0..1.
+The network's contract: input 1 x 3 x 320 x 320, RGB over the picture's largest value, with ImageNet's mean and deviation. Its
+first output is 1 x 1 x 320 x 320, high on the object, stretched to 0..1.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ SIDE = 320
 MEAN = np.array([0.485, 0.456, 0.406], np.float32)
 DEVIATION = np.array([0.229, 0.224, 0.225], np.float32)
 FLAT = 0.05
-"""Least range of the output: below it nothing stands out."""
+"""Least range of the output: below it there is no salient object."""
 
 
 @functools.cache
@@ -43,7 +43,7 @@ def salient_masker(
 
 
 def saliency(color: UInt8Array) -> Float32Array:
-    """H x W, 0..1: how much each pixel of a picture (H x W x 3, RGB) stands out. MaskError: nothing does."""
+    """H x W saliency in 0..1 of a picture (H x W x 3, RGB). MaskError: no salient object."""
     if contrast(color) < LEAST_CONTRAST:
         raise MaskError(
             "the picture has nearly one colour all over: nothing stands out in it; another picture is expected"
@@ -62,9 +62,9 @@ def saliency(color: UInt8Array) -> Float32Array:
 
 
 def salient_candidates(level: Float32Array, prompt: Prompt) -> tuple[dict[str, BoolArray], tuple[str, ...]]:
-    """The H x W mask of what stands out, as `target`; within the box, and the pieces with a click, where there are any.
+    """The H x W mask of the salient object, as `object`; within the box, and the pieces with a click, where there are any.
 
-    Pieces that hold a pixel of not_clicks are left out. MaskError: nothing stands out there.
+    Pieces that contain a negative click are left out. MaskError: no salient object there.
     """
     mask = (level > 0.5) & prompt.inside
     if not mask.any():

@@ -1,7 +1,7 @@
-"""A picture and clicks or a box in; the masks that a network of the Segment Anything family sees there out. No depth is needed.
+"""A picture and clicks or a box in; masks by a network of the Segment Anything family out. No depth is needed.
 
-An encoder looks at the picture once and gives its embedding; a decoder answers each prompt from that. How an encoder wants the
-picture is data, a PairContract; what a decoder takes follows from the names of its inputs, which all published exports share.
+An encoder embeds the picture once; a decoder answers each prompt from the embedding. How an encoder expects the picture is
+data, a PairContract. What a decoder takes follows from the names of its inputs, which all published exports share.
 """
 
 from __future__ import annotations
@@ -25,20 +25,20 @@ from dlama.perception.masks.prompt import Prompt
 NETWORK = "mask encoder"
 """What stands as `network` in the contract of an encoder file."""
 ON, NEGATIVE, CORNER, OPPOSITE, PADDING = 1, 0, 2, 3, -1
-"""Labels of points: on the object, next to it, upper left and lower right corner of a box, no point at all."""
+"""Labels of points: on the object, on the background, upper left and lower right corner of a box, no point."""
 POINTS = ("point_coords", "batched_point_coords")
 LABELS = ("point_labels", "batched_point_labels")
 DTYPES = {"tensor(float)": np.float32, "tensor(int64)": np.int64, "tensor(int32)": np.int32}
 """Of a decoder's inputs."""
 SEVERAL = 4
-"""Masks of a decoder that gives all it has."""
+"""Number of masks of a decoder with several outputs."""
 ALIKE = 0.95
-"""Overlap (intersection over union) from which two masks of the decoder are one candidate."""
+"""Least intersection over union of two masks that are one candidate."""
 
 
 @dataclass(frozen=True)
 class PairContract:
-    """How the encoder of a pair wants its picture. InputError for contradictions."""
+    """How the encoder of a pair expects its picture. InputError for contradictions."""
 
     side: int | None = 1024
     """Pixels of the longer side at which the picture is shown, and in which points are given; None: as it is."""
@@ -83,7 +83,7 @@ class PairContract:
 
 @dataclass(frozen=True, eq=False)
 class EmbeddedPicture:
-    """A picture as an encoder saw it, and the decoder that answers prompts from that."""
+    """The embedding of a picture, and the decoder that answers prompts from it."""
 
     decoder: NetworkFile
     contract: PairContract
@@ -92,7 +92,7 @@ class EmbeddedPicture:
     """Of the picture."""
 
     def decode(self, prompt: Prompt) -> tuple[Float32Array, Float32Array]:
-        """Masks as the decoder sees them, M x H x W, above 0 on the object, and their M scores. FileError: a foreign decoder."""
+        """Masks at the decoder's size, M x H x W, above 0 on the object, and M scores. FileError: an unknown decoder."""
         named = dict(zip(self.decoder.outputs, self.decoder.run_all(self.feed(prompt))))
         masks = next((named[name] for name in ("masks", "output_masks") if name in named), None)
         scores = named.get("iou_predictions")
@@ -167,7 +167,7 @@ def segment_anything_masker(
 def name_candidates(
     masks: Float32Array, scores: Float32Array, prompt: Prompt
 ) -> tuple[dict[str, BoolArray], tuple[str, ...]]:
-    """The mask with the best score as `target`, the next smaller one as `part`, the next larger one as `group`; and notes.
+    """The mask with the best score as `object`, the next smaller one as `part`, the next larger one as `group`; and notes.
 
     Raises MaskError where the best mask is empty.
     """

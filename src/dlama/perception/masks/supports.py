@@ -1,4 +1,4 @@
-"""Depth in; the supporting surfaces (ground, walls, tables) that objects stand on or hang at out."""
+"""Depth in; the supporting planes (ground, walls, tables) on which objects stand or hang out."""
 
 from __future__ import annotations
 
@@ -13,27 +13,27 @@ from dlama.geometry.rgbd import RGBD, BoolArray, Float32Array
 from dlama.perception.planes import find_planes, label_known, noise_level
 
 SMALLEST_SUPPORT = 0.03
-"""Share of the picture that a supporting plane covers at least."""
+"""Least share of the picture of a supporting plane."""
 LITTLE_BEHIND = 0.1
-"""A plane supports where no more than this share of its border has something behind it: the ground, a ceiling, a wall."""
+"""Largest share of a plane's border with something behind it, for it to be a support: the ground, a ceiling, a wall."""
 MOST_BEHIND = 0.3
-"""It may be a support up to this share, if the object stands before it: a facade against the sky. More: the face of an object."""
+"""The same if the object stands before the plane: a facade against the sky. Above it the plane is the face of an object."""
 INSIDE_BOX = 0.6
-"""A plane that lies in the user's box with more than this share of its pixels belongs to the object."""
+"""Share of a plane's pixels in the user's box from which it belongs to the object."""
 BEFORE = 1.01
-"""Inverse depth of a pixel over that of a plane, from which on it stands before the plane."""
+"""Inverse depth of a pixel over a plane's from which it lies before the plane."""
 BEHIND = 1.015
-"""Inverse depth of a plane over that of a pixel next to it, from which on the pixel lies behind the plane."""
+"""Inverse depth of a plane over an adjacent pixel's from which that lies behind the plane."""
 NOISY = 6.0
-"""Both differ by so many standard deviations of the noise at least."""
+"""Least difference for both, in standard deviations of the noise."""
 ESTIMATED_NOISE = 0.02
-"""Error of estimated inverse depth over its median, from which its planes are told."""
+"""Relative error of estimated inverse depth with which its planes are fitted."""
 BORDER_PX = 2
 
 
 @dataclass(frozen=True, eq=False)
 class Planes:
-    """The planes of a picture and its pixels on them."""
+    """The planes of a picture and the label of each pixel."""
 
     w: Float32Array
     """H x W inverse depth, 1/m; 0 where far or missing."""
@@ -42,7 +42,7 @@ class Planes:
     label: NDArray[np.int32]
     """H x W: k >= 1 on the k-th plane, 0 far, -1 elsewhere."""
     behind: tuple[float, ...]
-    """Of each plane, the share of its border that has something behind it."""
+    """Share of each plane's border with something behind it."""
     noise: float
     """Standard deviation of inverse depth, 1/m; 0 where it is exact."""
 
@@ -52,13 +52,13 @@ class Planes:
         return float(a * (column + 0.5) + b * (row + 0.5) + c)
 
     def share(self, number: int, where: BoolArray | None = None) -> float:
-        """Share of the picture that the plane `number` covers; with `where`, the share of the plane's pixels in it."""
+        """Share of the picture on plane `number`; with `where`, the share of the plane's pixels in it."""
         there = self.label == number + 1
         return float(there.mean()) if where is None else float(where[there].mean()) if there.any() else 0.0
 
 
 def find_planes_of_picture(rgbd: RGBD, seed: int = 0) -> Planes:
-    """The planes of a picture, most supported first; none where depth is all missing or far."""
+    """The planes of a picture, by decreasing support; none where depth is all missing or far."""
     w, valid, known = inverse_depth(rgbd.depth), rgbd.valid, ~rgbd.missing
     noise = noise_level(w, valid) if valid.any() else 0.0
     if rgbd.estimate is not None and valid.any():
@@ -72,7 +72,7 @@ def find_planes_of_picture(rgbd: RGBD, seed: int = 0) -> Planes:
 def behind_share(
     w: Float32Array, known: BoolArray, on_plane: BoolArray, plane: NDArray[np.float64], noise: float
 ) -> float:
-    """Share (0..1) of the pixels along a plane's border that lie behind it: of the ground none, of a box's face most."""
+    """Share (0..1) of a plane's border pixels that lie behind it: of the ground none, of a box's face most."""
     rows, columns = np.nonzero(known & ~on_plane & dilate_mask(on_plane, BORDER_PX))
     if not len(rows):
         return 0.0
@@ -82,7 +82,7 @@ def behind_share(
 
 
 def find_supports(found: Planes, seeds: list[tuple[int, int]], box: BoolArray | None = None) -> BoolArray:
-    """H x W, True on the planes that the object at `seeds` (row, column), or in a box, stands on or before."""
+    """H x W, True on the planes that support the object at `seeds` (row, column) or in a box."""
     chosen = [
         found.share(n) >= SMALLEST_SUPPORT
         and not any(found.label[seed] == n + 1 for seed in seeds)
@@ -94,19 +94,19 @@ def find_supports(found: Planes, seeds: list[tuple[int, int]], box: BoolArray | 
 
 
 def is_in_front(found: Planes, number: int, seeds: list[tuple[int, int]]) -> bool:
-    """Whether all seeds (row, column) lie before the plane `number`, by more than noise."""
+    """Whether all seeds (row, column) lie before plane `number`, by more than noise."""
     values = [(found.w[seed], found.value_at(number, *seed)) for seed in seeds]
     return all(here > BEFORE * plane and here > plane + NOISY * found.noise for here, plane in values)
 
 
 def is_ground(found: Planes, row: int, column: int) -> bool:
-    """True where a pixel lies on a plane that surely supports others: no object of its own."""
+    """True where a pixel lies on a supporting plane, so on no object."""
     number = int(found.label[row, column]) - 1
     return number >= 0 and found.share(number) >= 4 * SMALLEST_SUPPORT and found.behind[number] <= LITTLE_BEHIND
 
 
 def height_above(found: Planes, support: BoolArray) -> Float32Array:
-    """H x W: relative step in inverse depth before the plane that a pixel of `support` lies on; 0 elsewhere."""
+    """H x W relative height, in inverse depth, over the plane of each pixel of `support`; 0 elsewhere."""
     rows, columns = np.nonzero(support)
     plane = found.planes[found.label[rows, columns] - 1]
     value = plane[:, 0] * (columns + 0.5) + plane[:, 1] * (rows + 0.5) + plane[:, 2]
